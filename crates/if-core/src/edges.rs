@@ -1,0 +1,215 @@
+//! Unique edges, what meets at them, and boundary loops.
+
+use crate::mesh::TriMesh;
+
+/// No triangle: the second side of a boundary edge.
+pub const NONE: u32 = u32::MAX;
+
+/// The unique edges of a mesh, in order of first appearance, with the triangles that meet there.
+#[derive(Clone, Debug, Default)]
+pub struct Edges {
+    /// The ends of each edge, smaller index first.
+    pub vertices: Vec<[u32; 2]>,
+    /// The first two triangles at each edge; [`NONE`] where there is no second one.
+    pub triangles: Vec<[u32; 2]>,
+    /// How many triangles meet at each edge: 1 on a boundary, 2 inside, more where non-manifold.
+    pub valence: Vec<u32>,
+    /// For each triangle the edges from its corner k to its corner k + 1.
+    pub of_triangle: Vec<[u32; 3]>,
+}
+
+impl Edges {
+    /// Collects the edges of `mesh`, in linear time but for one sort.
+    pub fn new(mesh: &TriMesh) -> Self {
+        let triangles = mesh.triangles();
+        // (smaller end, larger end, half-edge number), sorted: equal edges become neighbours.
+        let mut half: Vec<(u32, u32, u32)> = Vec::with_capacity(3 * triangles.len());
+        for (t, tri) in triangles.iter().enumerate() {
+            for k in 0..3 {
+                let (a, b) = (tri[k], tri[(k + 1) % 3]);
+                half.push((a.min(b), a.max(b), (3 * t + k) as u32));
+            }
+        }
+        half.sort_unstable();
+        // Number edges by their first half-edge, so that the order follows the triangles.
+        let mut first_of = vec![NONE; half.len()];
+        let mut run = 0;
+        while run < half.len() {
+            let mut end = run;
+            while end < half.len() && (half[end].0, half[end].1) == (half[run].0, half[run].1) {
+                first_of[half[end].2 as usize] = half[run].2;
+                end += 1;
+            }
+            run = end;
+        }
+        let mut edges = Self { of_triangle: vec![[NONE; 3]; triangles.len()], ..Self::default() };
+        let mut number = vec![NONE; half.len()];
+        for h in 0..half.len() {
+            let (t, k) = (h / 3, h % 3);
+            let first = first_of[h] as usize;
+            if first == h {
+                let (a, b) = (triangles[t][k], triangles[t][(k + 1) % 3]);
+                number[h] = edges.vertices.len() as u32;
+                edges.vertices.push([a.min(b), a.max(b)]);
+                edges.triangles.push([t as u32, NONE]);
+                edges.valence.push(1);
+            } else {
+                let e = number[first] as usize;
+                if edges.valence[e] == 1 {
+                    edges.triangles[e][1] = t as u32;
+                }
+                edges.valence[e] += 1;
+            }
+            edges.of_triangle[t][k] = number[first];
+        }
+        edges
+    }
+
+    /// Number of unique edges.
+    pub fn len(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.vertices.is_empty()
+    }
+
+    /// For each of `vertex_count` vertices, whether a boundary edge ends there.
+    pub fn boundary_vertices(&self, vertex_count: usize) -> Vec<bool> {
+        let mut on = vec![false; vertex_count];
+        for (e, &[a, b]) in self.vertices.iter().enumerate() {
+            if self.valence[e] == 1 {
+                on[a as usize] = true;
+                on[b as usize] = true;
+            }
+        }
+        on
+    }
+
+    /// Boundary loops, each as its vertices in the direction of the triangles' winding, the loop of
+    /// the smallest first half-edge first. Where several loops touch in one vertex (a bow-tie) they
+    /// are walked apart; a chain that cannot close (inconsistent winding) ends where it must.
+    pub fn boundary_loops(&self, mesh: &TriMesh) -> Vec<Vec<u32>> {
+        let mut next: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices().len()];
+        let mut starts = Vec::new();
+        for (t, tri) in mesh.triangles().iter().enumerate() {
+            for k in 0..3 {
+                if self.valence[self.of_triangle[t][k] as usize] == 1 {
+                    next[tri[k] as usize].push(tri[(k + 1) % 3]);
+                    starts.push(tri[k]);
+                }
+            }
+        }
+        for out in &mut next {
+            out.reverse(); // popped from the end: first come, first walked
+        }
+        let mut loops = Vec::new();
+        for start in starts {
+            let mut walk = vec![start];
+            let mut at = start;
+            while let Some(to) = next[at as usize].pop() {
+                if to == start {
+                    break;
+                }
+                walk.push(to);
+                at = to;
+            }
+            if walk.len() > 1 {
+                loops.push(walk);
+            }
+        }
+        loops
+    }
+}
+
+/// For each vertex, the triangles that use it: `list[start[v] .. start[v + 1]]`.
+#[derive(Clone, Debug, Default)]
+pub struct VertexTriangles {
+    start: Vec<u32>,
+    list: Vec<u32>,
+}
+
+impl VertexTriangles {
+    /// Collects the triangles round each vertex of `mesh`, in ascending order.
+    pub fn new(mesh: &TriMesh) -> Self {
+        let mut start = vec![0u32; mesh.vertices().len() + 1];
+        for tri in mesh.triangles() {
+            for &v in tri {
+                start[v as usize + 1] += 1;
+            }
+        }
+        for v in 1..start.len() {
+            start[v] += start[v - 1];
+        }
+        let mut fill = start.clone();
+        let mut list = vec![0u32; 3 * mesh.triangles().len()];
+        for (t, tri) in mesh.triangles().iter().enumerate() {
+            for &v in tri {
+                list[fill[v as usize] as usize] = t as u32;
+                fill[v as usize] += 1;
+            }
+        }
+        Self { start, list }
+    }
+
+    /// The triangles that use vertex `v`.
+    #[inline]
+    pub fn of(&self, v: usize) -> &[u32] {
+        &self.list[self.start[v] as usize..self.start[v + 1] as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Point;
+
+    fn grid(n: u32) -> TriMesh {
+        let mut v = Vec::new();
+        let mut t = Vec::new();
+        for y in 0..=n {
+            for x in 0..=n {
+                v.push(Point::new(x.into(), y.into(), 0.0));
+            }
+        }
+        for y in 0..n {
+            for x in 0..n {
+                let a = y * (n + 1) + x;
+                t.push([a, a + 1, a + n + 2]);
+                t.push([a, a + n + 2, a + n + 1]);
+            }
+        }
+        TriMesh::new(v, t).unwrap()
+    }
+
+    #[test]
+    fn a_grid_has_the_edges_of_euler_and_one_loop() {
+        let mesh = grid(4);
+        let edges = Edges::new(&mesh);
+        assert_eq!(mesh.vertices().len() - edges.len() + mesh.triangles().len(), 1);
+        let loops = edges.boundary_loops(&mesh);
+        assert_eq!(loops.len(), 1);
+        assert_eq!(loops[0].len(), 16);
+        assert_eq!(&loops[0][..3], &[0, 1, 2]);
+        assert_eq!(edges.boundary_vertices(25).iter().filter(|b| **b).count(), 16);
+    }
+
+    #[test]
+    fn two_triangles_that_touch_in_a_vertex_have_two_loops() {
+        let v = (0..5).map(|k| Point::new(f64::from(k), f64::from(k * k), 0.0)).collect();
+        let mesh = TriMesh::new(v, vec![[0, 1, 2], [2, 3, 4]]).unwrap();
+        let loops = Edges::new(&mesh).boundary_loops(&mesh);
+        assert_eq!(loops, vec![vec![0, 1, 2], vec![2, 3, 4]]);
+    }
+
+    #[test]
+    fn a_fin_is_counted_as_non_manifold() {
+        let v = (0..5).map(|k| Point::new(f64::from(k), 0.0, 0.0)).collect();
+        let mesh = TriMesh::new(v, vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]]).unwrap();
+        let edges = Edges::new(&mesh);
+        assert_eq!(edges.valence[edges.of_triangle[0][0] as usize], 3);
+        assert_eq!(VertexTriangles::new(&mesh).of(1), &[0, 1, 2]);
+        assert_eq!(VertexTriangles::new(&mesh).of(4), &[2]);
+    }
+}

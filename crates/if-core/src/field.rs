@@ -1,0 +1,89 @@
+//! Signed distance fields.
+
+use crate::aabb::Aabb;
+use crate::math::{Point, Real, Vector};
+use rayon::prelude::*;
+
+/// Value and gradient of a field at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FieldSample {
+    /// Distance, negative inside, in metres.
+    pub distance: Real,
+    /// ∇φ: of unit length for a true distance. Zero where the field has none.
+    pub gradient: Vector,
+}
+
+/// Points handed to one task of a batched call: large enough to hide the cost of forking.
+const CHUNK: usize = 256;
+
+/// A signed distance field φ, in metres: negative inside, positive outside.
+///
+/// The batched calls are provided; they run over fixed chunks in rayon's ambient pool and give the
+/// same bits for any number of threads. Implementors with a cheaper batch override them;
+/// `if_core::conformance` (feature `conformance`) checks that the two agree.
+pub trait SignedDistance: Sync {
+    /// φ(p).
+    fn distance(&self, p: &Point) -> Real;
+
+    /// φ(p) and ∇φ(p).
+    fn sample(&self, p: &Point) -> FieldSample;
+
+    /// φ at all `points`.
+    ///
+    /// # Panics
+    ///
+    /// If `out` is not as long as `points`.
+    fn distances(&self, points: &[Point], out: &mut [Real]) {
+        assert_eq!(points.len(), out.len(), "one output for each point");
+        if points.len() <= CHUNK {
+            points.iter().zip(out).for_each(|(p, o)| *o = self.distance(p));
+            return;
+        }
+        points.par_chunks(CHUNK).zip(out.par_chunks_mut(CHUNK)).for_each(|(ps, os)| {
+            ps.iter().zip(os).for_each(|(p, o)| *o = self.distance(p));
+        });
+    }
+
+    /// φ and ∇φ at all `points`.
+    ///
+    /// # Panics
+    ///
+    /// If `out` is not as long as `points`.
+    fn samples(&self, points: &[Point], out: &mut [FieldSample]) {
+        assert_eq!(points.len(), out.len(), "one output for each point");
+        if points.len() <= CHUNK {
+            points.iter().zip(out).for_each(|(p, o)| *o = self.sample(p));
+            return;
+        }
+        points.par_chunks(CHUNK).zip(out.par_chunks_mut(CHUNK)).for_each(|(ps, os)| {
+            ps.iter().zip(os).for_each(|(p, o)| *o = self.sample(p));
+        });
+    }
+
+    /// A box outside which the field is positive, so that callers may skip; `None` where unknown.
+    fn bounds(&self) -> Option<Aabb>;
+
+    /// A bound on |∇φ|: a point at distance φ may move φ / `lipschitz()` before its sign can change.
+    fn lipschitz(&self) -> Real;
+}
+
+impl<F: SignedDistance + ?Sized + Send> SignedDistance for &F {
+    fn distance(&self, p: &Point) -> Real {
+        (**self).distance(p)
+    }
+    fn sample(&self, p: &Point) -> FieldSample {
+        (**self).sample(p)
+    }
+    fn distances(&self, points: &[Point], out: &mut [Real]) {
+        (**self).distances(points, out);
+    }
+    fn samples(&self, points: &[Point], out: &mut [FieldSample]) {
+        (**self).samples(points, out);
+    }
+    fn bounds(&self) -> Option<Aabb> {
+        (**self).bounds()
+    }
+    fn lipschitz(&self) -> Real {
+        (**self).lipschitz()
+    }
+}

@@ -1,0 +1,12 @@
+//! The words that all crates of if-garments share: points, checked triangle meshes, signed distance
+//! fields and nearest points, analytic shapes with known answers, and exact predicates.
+//!
+//! Units are metres, seconds and kilograms. Distances are negative inside. Triangles wind
+//! counter-clockwise seen from outside.
+
+pub mod aabb;
+pub mod closest;
+pub mod edges;
+pub mod field;
+pub mod math;
+pub mod mesh;

@@ -1,0 +1,49 @@
+//! Scalars, points and vectors, and the few formulas on triangles that every crate needs.
+
+/// The scalar of geometry and solver.
+pub type Real = f64;
+/// A position, in metres.
+pub type Point = nalgebra::Point3<Real>;
+/// A direction or displacement, in metres.
+pub type Vector = nalgebra::Vector3<Real>;
+
+/// Twice the area of the triangle `(a, b, c)` times its unit normal: zero for a degenerate one.
+#[inline]
+pub fn area_vector(a: &Point, b: &Point, c: &Point) -> Vector {
+    (b - a).cross(&(c - a))
+}
+
+/// `v / |v|`, or the zero vector where `|v|` is zero or not finite.
+///
+/// Scales by the largest component first, so that neither `1e-300` nor `1e300` is lost.
+#[inline]
+pub fn unit_or_zero(v: &Vector) -> Vector {
+    let scale = v.amax();
+    if scale > 0.0 && scale.is_finite() {
+        let w = v / scale;
+        w / w.norm()
+    } else {
+        Vector::zeros()
+    }
+}
+
+/// The point `Σ bₖ pₖ` of a triangle for barycentric coordinates `b`.
+#[inline]
+pub fn barycentric_point(corners: [&Point; 3], b: [Real; 3]) -> Point {
+    Point::from(corners[0].coords * b[0] + corners[1].coords * b[1] + corners[2].coords * b[2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_unit_vector_survives_extreme_lengths() {
+        for s in [1e-300, 1e-9, 1.0, 1e9, 1e300] {
+            let u = unit_or_zero(&Vector::new(3.0 * s, 0.0, 4.0 * s));
+            approx::assert_relative_eq!(u, Vector::new(0.6, 0.0, 0.8), max_relative = 1e-15);
+        }
+        assert_eq!(unit_or_zero(&Vector::zeros()), Vector::zeros());
+        assert_eq!(unit_or_zero(&Vector::new(Real::INFINITY, 0.0, 0.0)), Vector::zeros());
+    }
+}

@@ -1,0 +1,247 @@
+//! Triangle meshes that are checked once, at construction.
+
+use crate::aabb::Aabb;
+use crate::math::{Point, Real, Vector, area_vector, unit_or_zero};
+
+/// Vertices and triangles. Every coordinate is finite, every index is in range, and the three
+/// corners of a triangle are three different vertices. Nothing else is promised: a mesh may be
+/// open, of several pieces, non-manifold, or hold triangles of zero area.
+///
+/// # Examples
+///
+/// ```
+/// use if_core::{math::Point, mesh::TriMesh};
+/// let corner = TriMesh::new(
+///     vec![Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(0.0, 1.0, 0.0)],
+///     vec![[0, 1, 2]],
+/// )?;
+/// assert_eq!(corner.area(), 0.5);
+/// # Ok::<(), if_core::mesh::MeshError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct TriMesh {
+    vertices: Vec<Point>,
+    triangles: Vec<[u32; 3]>,
+}
+
+/// Why vertices and triangles do not make a mesh.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshError {
+    /// A coordinate is NaN or infinite.
+    #[error("vertex {vertex}: coordinate {} is {value}; every coordinate must be finite", ["x", "y", "z"][*axis])]
+    NonFinite {
+        /// Index of the vertex.
+        vertex: usize,
+        /// 0, 1 or 2 for x, y or z.
+        axis: usize,
+        /// What stands there.
+        value: Real,
+    },
+    /// A triangle names a vertex that does not exist.
+    #[error("triangle {triangle}: corner {corner} names vertex {index}, but there are only {vertices} vertices (0 is the first)")]
+    IndexOutOfRange {
+        /// Index of the triangle.
+        triangle: usize,
+        /// 0, 1 or 2.
+        corner: usize,
+        /// The vertex it names.
+        index: u32,
+        /// How many there are.
+        vertices: usize,
+    },
+    /// A triangle uses one vertex twice.
+    #[error("triangle {triangle} uses vertex {vertex} twice; drop it, or give it three different corners")]
+    RepeatedVertex {
+        /// Index of the triangle.
+        triangle: usize,
+        /// The vertex that it uses twice.
+        vertex: u32,
+    },
+    /// More vertices than a 32-bit index can name.
+    #[error("{vertices} vertices are more than 32-bit indices can name")]
+    TooManyVertices {
+        /// How many there are.
+        vertices: usize,
+    },
+    /// New positions do not match the mesh they are for.
+    #[error("{got} positions for a mesh of {expected} vertices")]
+    VertexCount {
+        /// Vertices of the mesh.
+        expected: usize,
+        /// Positions given.
+        got: usize,
+    },
+}
+
+impl TriMesh {
+    /// Checks and takes `vertices` (metres) and `triangles` (indices, counter-clockwise seen from
+    /// outside).
+    ///
+    /// # Errors
+    ///
+    /// The first fault found, vertices before triangles.
+    pub fn new(vertices: Vec<Point>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshError> {
+        if vertices.len() > u32::MAX as usize {
+            return Err(MeshError::TooManyVertices { vertices: vertices.len() });
+        }
+        check_finite(&vertices)?;
+        for (triangle, t) in triangles.iter().enumerate() {
+            for corner in 0..3 {
+                if t[corner] as usize >= vertices.len() {
+                    return Err(MeshError::IndexOutOfRange { triangle, corner, index: t[corner], vertices: vertices.len() });
+                }
+            }
+            if t[0] == t[1] || t[0] == t[2] {
+                return Err(MeshError::RepeatedVertex { triangle, vertex: t[0] });
+            }
+            if t[1] == t[2] {
+                return Err(MeshError::RepeatedVertex { triangle, vertex: t[1] });
+            }
+        }
+        Ok(Self { vertices, triangles })
+    }
+
+    /// The same triangles with other positions.
+    ///
+    /// # Errors
+    ///
+    /// A wrong number of positions, or one that is not finite.
+    pub fn with_vertices(&self, vertices: Vec<Point>) -> Result<Self, MeshError> {
+        if vertices.len() != self.vertices.len() {
+            return Err(MeshError::VertexCount { expected: self.vertices.len(), got: vertices.len() });
+        }
+        check_finite(&vertices)?;
+        Ok(Self { vertices, triangles: self.triangles.clone() })
+    }
+
+    /// Positions, in metres.
+    #[inline]
+    pub fn vertices(&self) -> &[Point] {
+        &self.vertices
+    }
+
+    /// Corner indices of each triangle.
+    #[inline]
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// The corners of triangle `t`.
+    ///
+    /// # Panics
+    ///
+    /// If `t` is out of range.
+    #[inline]
+    pub fn corners(&self, t: usize) -> [&Point; 3] {
+        let [a, b, c] = self.triangles[t];
+        [&self.vertices[a as usize], &self.vertices[b as usize], &self.vertices[c as usize]]
+    }
+
+    /// The box round all vertices, used by a triangle or not.
+    pub fn aabb(&self) -> Aabb {
+        Aabb::from_points(&self.vertices)
+    }
+
+    /// Sum of the triangles' areas, in square metres.
+    pub fn area(&self) -> Real {
+        (0..self.triangles.len())
+            .map(|t| {
+                let [a, b, c] = self.corners(t);
+                0.5 * area_vector(a, b, c).norm()
+            })
+            .sum()
+    }
+
+    /// Signed volume by the divergence theorem, in cubic metres. Means something for closed meshes
+    /// only: positive where triangles wind counter-clockwise seen from outside.
+    pub fn signed_volume(&self) -> Real {
+        let o = self.vertices.first().copied().unwrap_or_else(Point::origin);
+        (0..self.triangles.len())
+            .map(|t| {
+                let [a, b, c] = self.corners(t);
+                (a - o).dot(&(b - o).cross(&(c - o))) / 6.0
+            })
+            .sum()
+    }
+
+    /// Unit normal of each triangle; zero for a degenerate one.
+    pub fn face_normals(&self) -> Vec<Vector> {
+        (0..self.triangles.len())
+            .map(|t| {
+                let [a, b, c] = self.corners(t);
+                unit_or_zero(&area_vector(a, b, c))
+            })
+            .collect()
+    }
+
+    /// Angle-weighted unit normal of each vertex; zero where no triangle gives one.
+    ///
+    /// # Source
+    ///
+    /// Bærentzen and Aanæs 2005: the weighting that makes the sign of the distance right.
+    pub fn vertex_normals(&self) -> Vec<Vector> {
+        let mut sums = vec![Vector::zeros(); self.vertices.len()];
+        for (t, n) in self.face_normals().iter().enumerate() {
+            let corners = self.corners(t);
+            for k in 0..3 {
+                let u = unit_or_zero(&(corners[(k + 1) % 3] - corners[k]));
+                let v = unit_or_zero(&(corners[(k + 2) % 3] - corners[k]));
+                sums[self.triangles[t][k] as usize] += n * u.dot(&v).clamp(-1.0, 1.0).acos();
+            }
+        }
+        sums.iter().map(unit_or_zero).collect()
+    }
+}
+
+fn check_finite(vertices: &[Point]) -> Result<(), MeshError> {
+    for (vertex, p) in vertices.iter().enumerate() {
+        for axis in 0..3 {
+            if !p[axis].is_finite() {
+                return Err(MeshError::NonFinite { vertex, axis, value: p[axis] });
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square() -> Vec<Point> {
+        vec![Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(1.0, 1.0, 0.0), Point::new(0.0, 1.0, 0.0)]
+    }
+
+    #[test]
+    fn faults_are_named_with_index_and_value() {
+        let mut bad = square();
+        bad[2].y = Real::NAN;
+        assert!(matches!(TriMesh::new(bad, vec![]), Err(MeshError::NonFinite { vertex: 2, axis: 1, .. })));
+        assert_eq!(
+            TriMesh::new(square(), vec![[0, 1, 2], [0, 2, 4]]),
+            Err(MeshError::IndexOutOfRange { triangle: 1, corner: 2, index: 4, vertices: 4 })
+        );
+        assert_eq!(TriMesh::new(square(), vec![[0, 3, 3]]), Err(MeshError::RepeatedVertex { triangle: 0, vertex: 3 }));
+        let mesh = TriMesh::new(square(), vec![[0, 1, 2]]).unwrap();
+        assert_eq!(mesh.with_vertices(vec![]), Err(MeshError::VertexCount { expected: 4, got: 0 }));
+        let text = TriMesh::new(square(), vec![[9, 1, 2]]).unwrap_err().to_string();
+        assert!(text.contains("triangle 0") && text.contains('9') && text.contains('4'), "{text}");
+    }
+
+    #[test]
+    fn normals_point_up_for_a_counter_clockwise_square() {
+        let mesh = TriMesh::new(square(), vec![[0, 1, 2], [0, 2, 3]]).unwrap();
+        assert_eq!(mesh.area(), 1.0);
+        for n in mesh.face_normals().iter().chain(&mesh.vertex_normals()) {
+            approx::assert_relative_eq!(*n, Vector::z(), epsilon = 1e-15);
+        }
+    }
+
+    #[test]
+    fn an_empty_mesh_and_a_zero_area_triangle_are_meshes() {
+        assert_eq!(TriMesh::new(vec![], vec![]).unwrap().area(), 0.0);
+        let line = TriMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
+        assert_eq!(line.vertex_normals(), vec![Vector::zeros(); 3]);
+    }
+}
