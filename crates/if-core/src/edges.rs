@@ -187,7 +187,7 @@ mod tests {
     fn a_grid_has_the_edges_of_euler_and_one_loop() {
         let mesh = grid(4);
         let edges = Edges::new(&mesh);
-        assert_eq!(mesh.vertices().len() - edges.len() + mesh.triangles().len(), 1);
+        assert_eq!(mesh.vertices().len() + mesh.triangles().len(), edges.len() + 1);
         let loops = edges.boundary_loops(&mesh);
         assert_eq!(loops.len(), 1);
         assert_eq!(loops[0].len(), 16);

@@ -6,7 +6,12 @@
 
 pub mod aabb;
 pub mod closest;
+#[cfg(feature = "conformance")]
+pub mod conformance;
 pub mod edges;
 pub mod field;
+pub mod intersect;
+pub mod masked;
 pub mod math;
 pub mod mesh;
+pub mod shapes;

@@ -1,1 +1,9 @@
-//! placeholder
+//! Layered outfits made intersection-free, and proven so: the façade of if-garments.
+
+pub mod baselines;
+pub mod mannequin;
+pub mod outfit;
+pub mod render;
+pub mod report;
+pub mod resolve;
+pub mod verify;

@@ -1,0 +1,1 @@
+//! Masked fields (Appendix C).

@@ -1,0 +1,1 @@
+//! Analytic fields and meshes with known answers.

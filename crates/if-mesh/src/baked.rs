@@ -1,0 +1,1 @@
+//! Narrow-band grid of a field.

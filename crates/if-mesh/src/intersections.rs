@@ -1,0 +1,1 @@
+//! Intersecting triangle pairs of meshes.

@@ -1,0 +1,1 @@
+//! Isosurface of a sampled field.

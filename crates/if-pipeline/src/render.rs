@@ -1,0 +1,1 @@
+//! Pictures of outfits by software rasterisation.
