@@ -1,1 +1,209 @@
-//! The body and its garments.
+//! What is to be made free of intersections: a closed body and the garments over it.
+
+use if_core::aabb::Aabb;
+use if_core::edges::Edges;
+use if_core::math::Real;
+use if_core::mesh::TriMesh;
+
+/// A named mesh: the body, or one garment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// What reports and errors call it.
+    pub name: String,
+    /// Its surface, in metres, wound counter-clockwise seen from outside.
+    pub mesh: TriMesh,
+    /// Whether the positions will be stored in single precision. They are then rounded before they
+    /// are verified, so that what was proven is what a reader of the file gets.
+    pub single_precision: bool,
+}
+
+impl Layer {
+    /// A layer whose positions stay in double precision.
+    pub fn new(name: impl Into<String>, mesh: TriMesh) -> Self {
+        Self { name: name.into(), mesh, single_precision: false }
+    }
+}
+
+/// A closed body and its garments, inner to outer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outfit {
+    /// The body: closed, wound outwards. It never moves.
+    pub body: Layer,
+    /// The garments, innermost first.
+    pub garments: Vec<Layer>,
+}
+
+/// Why a body and garments are no outfit.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OutfitError {
+    /// A layer has no triangles.
+    #[error("layer `{layer}` has no triangles; leave it out, or give its mesh")]
+    Empty {
+        /// Its name.
+        layer: String,
+    },
+    /// Two layers bear one name.
+    #[error("two layers are called `{layer}`; give each its own name")]
+    DuplicateName {
+        /// The name.
+        layer: String,
+    },
+    /// The body is not closed.
+    #[error(
+        "body `{layer}` has {open_edges} boundary edges (the first between vertices {first:?}); it must be closed: \
+         fill its holes first"
+    )]
+    OpenBody {
+        /// Its name.
+        layer: String,
+        /// How many edges have one triangle only.
+        open_edges: usize,
+        /// The ends of the first of them.
+        first: [u32; 2],
+    },
+    /// The body winds inwards.
+    #[error("body `{layer}` is inside out (signed volume {volume:.3e} m³); reverse the winding of its triangles")]
+    InsideOut {
+        /// Its name.
+        layer: String,
+        /// Its signed volume, in cubic metres.
+        volume: Real,
+    },
+    /// A garment does not come near the body.
+    #[error(
+        "garment `{layer}` lies {distance:.3} m from the body; align it first, or check the units \
+         (everything is in metres)"
+    )]
+    FarFromBody {
+        /// Its name.
+        layer: String,
+        /// Distance between the boxes of the two, in metres.
+        distance: Real,
+    },
+    /// The body's height suggests other units.
+    #[error("body `{layer}` is {height:.1} units high, likely {unit}; scale all layers by {scale} (everything is in metres)")]
+    Units {
+        /// Its name.
+        layer: String,
+        /// Largest side of its box.
+        height: Real,
+        /// What it likely is in.
+        unit: &'static str,
+        /// The factor to metres.
+        scale: Real,
+    },
+}
+
+impl Outfit {
+    /// Takes a body and garments, inner to outer.
+    ///
+    /// # Errors
+    ///
+    /// A layer without triangles, two of one name, a body that is open, inside out or not in metres
+    /// (taller than 20 units), a garment whose box is further from the body's than the body is tall.
+    pub fn new(body: Layer, garments: Vec<Layer>) -> Result<Self, OutfitError> {
+        let outfit = Self { body, garments };
+        outfit.check()?;
+        Ok(outfit)
+    }
+
+    /// The checks of [`Outfit::new`], for outfits that were changed since.
+    ///
+    /// # Errors
+    ///
+    /// As [`Outfit::new`].
+    pub fn check(&self) -> Result<(), OutfitError> {
+        let mut names = std::collections::BTreeSet::new();
+        for layer in self.layers() {
+            if layer.mesh.triangles().is_empty() {
+                return Err(OutfitError::Empty { layer: layer.name.clone() });
+            }
+            if !names.insert(&layer.name) {
+                return Err(OutfitError::DuplicateName { layer: layer.name.clone() });
+            }
+        }
+        let body = &self.body;
+        let name = || body.name.clone();
+        let aabb = body.mesh.aabb();
+        let height = aabb.size().max();
+        if let Some((unit, scale)) = suspicious_unit(height) {
+            return Err(OutfitError::Units { layer: name(), height, unit, scale });
+        }
+        let edges = Edges::new(&body.mesh);
+        let mut open = edges.valence.iter().enumerate().filter(|(_, v)| **v == 1).map(|(e, _)| edges.vertices[e]);
+        if let Some(first) = open.next() {
+            return Err(OutfitError::OpenBody { layer: name(), open_edges: 1 + open.count(), first });
+        }
+        let volume = body.mesh.signed_volume();
+        if volume <= 0.0 {
+            return Err(OutfitError::InsideOut { layer: name(), volume });
+        }
+        for garment in &self.garments {
+            let distance = box_distance(&aabb, &garment.mesh.aabb());
+            if distance > height {
+                return Err(OutfitError::FarFromBody { layer: garment.name.clone(), distance });
+            }
+        }
+        Ok(())
+    }
+
+    /// The body, then the garments, inner to outer.
+    pub fn layers(&self) -> impl Iterator<Item = &Layer> {
+        std::iter::once(&self.body).chain(&self.garments)
+    }
+}
+
+/// The unit that a person of this height (longest side of the box) is likely in, where not metres.
+fn suspicious_unit(height: Real) -> Option<(&'static str, Real)> {
+    match height {
+        h if h > 500.0 => Some(("millimetres", 1e-3)),
+        h if h > 40.0 => Some(("centimetres", 1e-2)),
+        h if h > 20.0 => Some(("inches", 0.0254)),
+        _ => None,
+    }
+}
+
+fn box_distance(a: &Aabb, b: &Aabb) -> Real {
+    (0..3).map(|k| (a.min[k] - b.max[k]).max(b.min[k] - a.max[k]).max(0.0).powi(2)).sum::<Real>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::math::Point;
+
+    fn tetrahedron(scale: Real, x: Real) -> TriMesh {
+        let v = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let v = v.map(|p| Point::new(p[0] * scale + x, p[1] * scale, p[2] * scale)).to_vec();
+        TriMesh::new(v, vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap()
+    }
+
+    fn garment(mesh: TriMesh) -> Vec<Layer> {
+        vec![Layer::new("shirt", mesh)]
+    }
+
+    #[test]
+    fn every_fault_has_its_own_error() {
+        let body = || Layer::new("body", tetrahedron(1.0, 0.0));
+        assert!(Outfit::new(body(), garment(tetrahedron(1.0, 0.1))).is_ok());
+        assert!(matches!(Outfit::new(body(), garment(TriMesh::default())), Err(OutfitError::Empty { .. })));
+        let twin = vec![Layer::new("body", tetrahedron(1.0, 0.0))];
+        assert!(matches!(Outfit::new(body(), twin), Err(OutfitError::DuplicateName { .. })));
+        assert!(matches!(Outfit::new(body(), garment(tetrahedron(1.0, 50.0))), Err(OutfitError::FarFromBody { .. })));
+        let mut open = body();
+        open.mesh = TriMesh::new(open.mesh.vertices().to_vec(), open.mesh.triangles()[..3].to_vec()).unwrap();
+        assert!(matches!(Outfit::new(open, vec![]), Err(OutfitError::OpenBody { open_edges: 3, .. })));
+        let mut inverted = body();
+        let t = inverted.mesh.triangles().iter().map(|t| [t[0], t[2], t[1]]).collect();
+        inverted.mesh = TriMesh::new(inverted.mesh.vertices().to_vec(), t).unwrap();
+        assert!(matches!(Outfit::new(inverted, vec![]), Err(OutfitError::InsideOut { .. })));
+    }
+
+    #[test]
+    fn a_body_1740_units_high_is_likely_in_millimetres() {
+        let error = Outfit::new(Layer::new("body", tetrahedron(1740.0, 0.0)), vec![]).unwrap_err();
+        let text = error.to_string();
+        assert!(text.contains("1740.0") && text.contains("millimetres") && text.contains("0.001"), "{text}");
+    }
+}

@@ -1,1 +1,142 @@
-//! Reports.
+//! What was found, what was done and what it cost. Lengths are in metres, strains are fractions.
+
+use if_core::math::Real;
+use serde::{Deserialize, Serialize};
+
+/// How an outer layer lies against one below it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Default)]
+pub struct PairCount {
+    /// Triangle pairs that pass through one another.
+    pub crossing: usize,
+    /// Triangle pairs that meet in single points or along an edge.
+    pub touching: usize,
+    /// Triangle pairs of one plane that overlap.
+    pub coplanar: usize,
+}
+
+impl PairCount {
+    /// All pairs that share a point.
+    pub fn total(&self) -> usize {
+        self.crossing + self.touching + self.coplanar
+    }
+}
+
+/// How one layer lies against one below it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PairReport {
+    /// The layer below.
+    pub inner: String,
+    /// The layer above.
+    pub outer: String,
+    /// Intersecting triangle pairs, by exact predicates.
+    pub pairs: PairCount,
+    /// Vertices of the outer layer on the wrong side of the inner one, by its closed field.
+    pub vertices_inside: usize,
+    /// Vertices of the outer layer.
+    pub vertices: usize,
+    /// Depth of the deepest of them, in metres.
+    pub deepest: Real,
+}
+
+/// The state of an outfit: every layer against every layer below it, and against itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default)]
+pub struct Verification {
+    /// One entry for each ordered pair of layers, outer layers in order.
+    pub pairs: Vec<PairReport>,
+    /// For each garment its own intersecting triangle pairs.
+    pub own_pairs: Vec<usize>,
+    /// Seconds that the check took.
+    pub seconds: Real,
+}
+
+impl Verification {
+    /// Intersecting triangle pairs between all layers and the body.
+    pub fn total_pairs(&self) -> usize {
+        self.pairs.iter().map(|p| p.pairs.total()).sum()
+    }
+
+    /// Vertices on the wrong side of a layer below, counted once for each such layer.
+    pub fn total_inside(&self) -> usize {
+        self.pairs.iter().map(|p| p.vertices_inside).sum()
+    }
+
+    /// No intersecting pair and no vertex on a wrong side.
+    pub fn is_clean(&self) -> bool {
+        self.total_pairs() == 0 && self.total_inside() == 0
+    }
+}
+
+/// Displacement of vertices, in metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Default)]
+pub struct Moved {
+    /// Mean over all vertices.
+    pub mean: Real,
+    /// 95th percentile.
+    pub p95: Real,
+    /// Largest.
+    pub max: Real,
+    /// Vertices that moved at all.
+    pub vertices: usize,
+}
+
+/// Relative change of edge lengths, as a fraction (0.01 is one percent).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Default)]
+pub struct Strain {
+    /// Root of the mean square.
+    pub rms: Real,
+    /// 99th percentile of the absolute value.
+    pub p99: Real,
+    /// Largest absolute value.
+    pub max: Real,
+}
+
+/// What a layer did not need, and so did not cost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default)]
+pub struct Skipped {
+    /// Lower layers whose boxes this layer does not meet.
+    pub layers: usize,
+    /// Vertices that no constraint reached.
+    pub vertices: usize,
+    /// Nearest-point queries saved by the Lipschitz bound.
+    pub queries: usize,
+    /// Sweeps saved by stopping early.
+    pub sweeps: usize,
+}
+
+/// What was done to one garment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LayerReport {
+    /// The garment.
+    pub name: String,
+    /// Displacement from the input.
+    pub moved: Moved,
+    /// Edge strain against the input.
+    pub strain: Strain,
+    /// Its own intersecting triangle pairs before and after.
+    pub own_pairs: [usize; 2],
+    /// Rounds of detection and settling.
+    pub rounds: usize,
+    /// Rounds of exact verification and repair after them.
+    pub repairs: usize,
+    /// Sweeps of the solver over all constraints.
+    pub sweeps: usize,
+    /// Nearest-point queries made.
+    pub queries: usize,
+    /// What was skipped.
+    pub skipped: Skipped,
+    /// Wall time, in seconds.
+    pub seconds: Real,
+}
+
+/// What [`crate::resolve::resolve`] found and did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default)]
+pub struct ResolveReport {
+    /// The outfit as it came.
+    pub before: Verification,
+    /// The outfit as it is returned.
+    pub after: Verification,
+    /// One entry a garment, inner to outer.
+    pub layers: Vec<LayerReport>,
+    /// Wall time, in seconds.
+    pub seconds: Real,
+}
