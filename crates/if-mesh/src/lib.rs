@@ -8,5 +8,7 @@ pub mod marching;
 pub mod measure;
 pub mod obj;
 pub mod ply;
+pub mod pseudo_normals;
 pub mod sdf;
 pub mod solid;
+pub mod voxels;

@@ -120,7 +120,7 @@ mod tests {
         // A tetrahedron with a sharp tip: beyond the tip, each face alone would err.
         let v =
             vec![Point::new(0.0, 0.0, 0.0), Point::new(1.0, 0.1, 0.0), Point::new(1.0, -0.1, 0.1), Point::new(1.0, -0.1, -0.1)];
-        let mesh = TriMesh::new(v, vec![[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]).unwrap();
+        let mesh = TriMesh::new(v, vec![[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]]).unwrap();
         assert!(mesh.signed_volume() > 0.0);
         let normals = PseudoNormals::new(&mesh, &Edges::new(&mesh));
         let bvh = Bvh::new(&mesh);
