@@ -39,6 +39,7 @@ use rayon::prelude::*;
 #[derive(Clone, Debug)]
 pub struct ClosedLayer {
     bvh: Bvh,
+    vertices: Vec<Point>,
     normals: PseudoNormals,
     /// None for a body: its pseudo-normals are enough.
     closure: Option<Closure>,
@@ -83,7 +84,7 @@ const CURTAIN: Real = 0.25;
 impl ClosedLayer {
     /// A closed mesh, such as a body. It is not checked for being closed.
     pub fn body(mesh: &TriMesh) -> Self {
-        Self { bvh: Bvh::new(mesh), normals: PseudoNormals::new(mesh, &Edges::new(mesh)), closure: None }
+        Self { bvh: Bvh::new(mesh), vertices: mesh.vertices().to_vec(), normals: PseudoNormals::new(mesh, &Edges::new(mesh)), closure: None }
     }
 
     /// A garment over `body` (a layer made by [`ClosedLayer::body`] from `body_mesh`).
@@ -111,7 +112,7 @@ impl ClosedLayer {
             let part = TriMesh::new(mesh.vertices().to_vec(), triangles).expect("a part of a mesh is a mesh");
             (Bvh::new(&part), keep)
         });
-        Self { bvh, normals, closure: Some(Closure { voxels, outside, interface }) }
+        Self { bvh, vertices: mesh.vertices().to_vec(), normals, closure: Some(Closure { voxels, outside, interface }) }
     }
 
     /// The index over the layer's triangles.
@@ -122,6 +123,16 @@ impl ClosedLayer {
     /// Pseudo-normals of the layer.
     pub fn normals(&self) -> &PseudoNormals {
         &self.normals
+    }
+
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// Position of vertex `v`.
+    pub fn vertex(&self, v: usize) -> Point {
+        self.vertices[v]
     }
 
     /// How many sides of triangles lie in pockets: both sides of a triangle inside.
@@ -150,7 +161,7 @@ impl ClosedLayer {
         };
         let voxel = closure.voxels.at(p);
         let near = match (self.bvh.closest(p, reach), voxel) {
-            (None, Voxel::Outside) => return None,
+            (None, Voxel::Outside | Voxel::Core | Voxel::Wall) => return None,
             (None, _) => self.bvh.closest(p, Real::INFINITY)?,
             (Some(near), _) => near,
         };
@@ -159,8 +170,10 @@ impl ClosedLayer {
         let inside = match voxel {
             Voxel::Inside | Voxel::Filled => true,
             Voxel::Outside => false,
+            // Inside the body, and beyond where this layer ends: no matter of this layer.
+            Voxel::Core if boundary => false,
             Voxel::Wall if boundary => self.beyond_boundary(p, &near, closure),
-            Voxel::Wall => !closure.outside[near.triangle as usize][usize::from(side < 0.0)],
+            Voxel::Wall | Voxel::Core => !closure.outside[near.triangle as usize][usize::from(side < 0.0)],
         };
         if !inside {
             if near.distance > reach {
@@ -197,7 +210,7 @@ impl ClosedLayer {
             match closure.voxels.at(&(p + away * (probe * closure.voxels.cell()))) {
                 Voxel::Outside => return false,
                 Voxel::Inside | Voxel::Filled => return true,
-                Voxel::Wall => {}
+                Voxel::Wall | Voxel::Core => {}
             }
         }
         false

@@ -14,6 +14,8 @@ pub enum Voxel {
     Wall,
     /// Inside by decree: [`Voxels::fill`] marked it, and the flood stops there.
     Filled,
+    /// Connected to the border of the block, but not to infinity: inside a body that the block cuts.
+    Core,
 }
 
 /// Voxels of equal size over a box. Outside the box everything is [`Voxel::Outside`].
@@ -126,10 +128,8 @@ impl Voxels {
                             }
                         }
                     }
-                    if source {
-                        for &v in &component {
-                            self.states[v as usize] = Voxel::Outside;
-                        }
+                    for &v in &component {
+                        self.states[v as usize] = if source { Voxel::Outside } else { Voxel::Core };
                     }
                 }
             }
@@ -152,9 +152,9 @@ impl Voxels {
         self.states[index]
     }
 
-    /// How many voxels are [outside, inside, walls, filled].
-    pub fn counts(&self) -> [usize; 4] {
-        let mut counts = [0; 4];
+    /// How many voxels are [outside, inside, walls, filled, core].
+    pub fn counts(&self) -> [usize; 5] {
+        let mut counts = [0; 5];
         for s in &self.states {
             counts[*s as usize] += 1;
         }
@@ -264,11 +264,11 @@ mod tests {
     }
 
     #[test]
-    fn a_border_that_is_no_source_stays_inside() {
+    fn a_border_that_is_no_source_is_core() {
         let mut v = Voxels::new(&unit(), 0.1);
         v.flood(|_| false);
-        let [outside, inside, walls, _] = v.counts();
-        assert!(outside == 0 && walls == 0 && inside > 1000);
+        let [outside, inside, walls, _, core] = v.counts();
+        assert!(outside == 0 && walls == 0 && inside == 0 && core > 1000);
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! Layered outfits made intersection-free, and proven so: the façade of if-garments.
 
 pub mod baselines;
+mod cloth;
+mod settle;
 pub mod mannequin;
 pub mod outfit;
 pub mod render;

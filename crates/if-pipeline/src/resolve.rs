@@ -3,6 +3,9 @@
 use crate::outfit::{Outfit, OutfitError};
 use crate::report::ResolveReport;
 use if_core::math::Real;
+use if_mesh::intersections::own_pairs;
+use if_mesh::solid::ClosedLayer;
+use std::time::Instant;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 
@@ -111,7 +114,30 @@ pub fn resolve(
     params: &ResolveParams,
     watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Resolved, ResolveError> {
-    let _ = (params, watch);
     outfit.check()?;
-    Ok(Resolved { outfit: outfit.clone(), report: ResolveReport::default() })
+    let start = Instant::now();
+    let before = crate::verify::verify(outfit)?;
+    let mut result = outfit.clone();
+    let mut report = ResolveReport { before, ..Default::default() };
+    let body_mesh = &outfit.body.mesh;
+    let mut below: Vec<(String, ClosedLayer)> = vec![(outfit.body.name.clone(), ClosedLayer::body(body_mesh))];
+    for (index, garment) in outfit.garments.iter().enumerate() {
+        let t = Instant::now();
+        let inner: Vec<(&str, &ClosedLayer)> = below.iter().map(|(n, c)| (n.as_str(), c)).collect();
+        let mut layer = crate::settle::settle(garment, &inner, params);
+        let mesh = garment.mesh.with_vertices(layer.1).expect("finite");
+        layer.0.seconds = t.elapsed().as_secs_f64();
+        let closed = ClosedLayer::garment(&mesh, &below[0].1, body_mesh);
+        let found = crate::verify::against(garment, &mesh, closed.bvh(), &inner);
+        report.after.pairs.extend(found.into_iter().map(|f| f.report));
+        let own = own_pairs(&mesh, closed.bvh()).len();
+        report.after.own_pairs.push(own);
+        layer.0.own_pairs = [report.before.own_pairs[index], own];
+        report.layers.push(layer.0);
+        result.garments[index].mesh = mesh;
+        below.push((garment.name.clone(), closed));
+    }
+    report.seconds = start.elapsed().as_secs_f64();
+    let _ = watch;
+    Ok(Resolved { outfit: result, report })
 }
