@@ -1,14 +1,20 @@
 //! Triangle meshes of garments: files, spatial index, exact intersections, signed distance fields of
 //! meshes, the closed clothed-body field, and measures.
 
+pub mod atomic;
 pub mod baked;
+pub mod file;
 pub mod index;
 pub mod intersections;
 pub mod marching;
 pub mod measure;
+mod normals;
 pub mod obj;
+pub mod outward;
 pub mod ply;
+pub mod polygons;
 pub mod pseudo_normals;
 pub mod sdf;
 pub mod solid;
+pub mod validate;
 pub mod voxels;

@@ -1,1 +1,234 @@
-//! PLY files.
+//! PLY files: text and binary, with everything in them that is not understood here.
+//!
+//! [`read`] takes what any program writes: the three formats, all names of types with `int64` and
+//! `uint64`, elements and properties in any order, unknown elements, lists of any kind, faces of any
+//! number of corners, line ends of Unix and Windows. It holds the result and one block of input, so
+//! its memory stays below four times the file wherever a number takes four bytes or more (a `0` and a space
+//! of a text file become eight bytes, whatever a reader does). No count in the header is believed: where
+//! the size of the file is known it is checked against it, else room is made as records arrive.
+//!
+//! [`write`] writes `binary_little_endian` in the order that meshio 5.3.5 needs: vertices first,
+//! coordinates first among their properties, then faces. Files without properties of faces and without lists are read
+//! by meshio in full; [`Keep::Portable`] drops those.
+//!
+//! The grammar of the header is read by `ply-rs-bw`. Its payload reader is not used: it takes thirty
+//! times as long, stores each record as a map, and cannot read `nan` or 64-bit integers. It is the foreign
+//! tool in the tests.
+
+mod ascii;
+mod binary;
+mod error;
+mod header;
+mod scalar;
+mod source;
+mod table;
+mod write;
+
+pub use error::{At, ReadError, WriteError};
+pub use scalar::{Column, ScalarType};
+pub use table::{Element, Property};
+pub use write::{CoordinateType, Keep, WriteParams, quantise, write};
+
+use crate::polygons::{FaceList, Polygons};
+use header::ElementLayout;
+use if_core::math::Point;
+use if_core::mesh::TriMesh;
+use ply_rs_bw::ply::Encoding;
+use source::Source;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+use table::Table;
+
+/// A mesh with all that its PLY file holds.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct PlyMesh {
+    /// Vertices in the file's order, and triangles.
+    pub mesh: TriMesh,
+    /// Width of x, y and z in the file. [`CoordinateType::Double`] where they are neither all
+    /// `float` nor all `double`: nothing is lost then.
+    pub coordinates: CoordinateType,
+    /// All properties of the vertices but x, y and z.
+    pub vertex_properties: Vec<Property>,
+    /// The faces as they stand in the file, where they are not the triangles of `mesh`: a face of n
+    /// corners is a fan of n − 2 triangles round its first corner.
+    pub polygons: Option<Polygons>,
+    /// Indices of faces that use a vertex twice. The triangles of their fans that do so are not in
+    /// `mesh`; the faces stay in `polygons` and are written again.
+    pub collapsed: Vec<u32>,
+    /// All properties of the faces but their vertices: one record for each face of the file.
+    pub face_properties: Vec<Property>,
+    /// All other elements.
+    pub other_elements: Vec<Element>,
+    /// Lines `comment`, without that word.
+    pub comments: Vec<String>,
+    /// Lines `obj_info`, without that word.
+    pub obj_info: Vec<String>,
+}
+
+impl PlyMesh {
+    /// A mesh with nothing beside, to be written with coordinates of four bytes.
+    pub fn new(mesh: TriMesh) -> Self {
+        Self { mesh, ..Self::default() }
+    }
+
+    /// The vertex property of this name.
+    pub fn vertex_property(&self, name: &str) -> Option<&Property> {
+        self.vertex_properties.iter().find(|p| p.name == name)
+    }
+}
+
+/// Reads a PLY file from any source, to its end.
+///
+/// # Errors
+///
+/// [`ReadError`], with the line of a text file or the byte of a binary one.
+///
+/// # Examples
+///
+/// ```
+/// let file = b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+///     element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+/// let ply = if_mesh::ply::read(&file[..])?;
+/// assert_eq!(ply.mesh.triangles(), [[0, 1, 2]]);
+/// # Ok::<(), if_mesh::ply::ReadError>(())
+/// ```
+pub fn read(reader: impl Read) -> Result<PlyMesh, ReadError> {
+    read_sized(reader, None)
+}
+
+/// Reads the PLY file at `path`. False counts are found before anything is read.
+///
+/// # Errors
+///
+/// As [`read`]; the message does not name the path ([`crate::file::MeshFile::read`] does).
+pub fn read_path(path: &Path) -> Result<PlyMesh, ReadError> {
+    let file = File::open(path)?;
+    let about = file.metadata()?;
+    let size = about.is_file().then_some(about.len()); // a pipe has no size
+    read_sized(file, size)
+}
+
+/// Reads from bytes in memory. False counts are found before anything is read.
+pub fn read_bytes(bytes: &[u8]) -> Result<PlyMesh, ReadError> {
+    read_sized(bytes, Some(bytes.len() as u64))
+}
+
+/// White space that may follow the last record.
+const MAX_TRAILING_SPACE: usize = 1 << 16;
+
+fn read_sized(reader: impl Read, size: Option<u64>) -> Result<PlyMesh, ReadError> {
+    let mut source = Source::new(reader);
+    let header = header::read(&mut source)?;
+    let ascii = header.encoding == Encoding::Ascii;
+    let left = size.map(|s| s.saturating_sub(source.offset()));
+    check_claims(&header.elements, ascii, left)?;
+    let vertices = header.elements.iter().find(|e| e.name == "vertex").ok_or(ReadError::NoVertices)?;
+    let axes = axes(vertices)?;
+    let indices = indices(&header.elements)?;
+
+    let mut ply = PlyMesh { comments: header.comments, obj_info: header.obj_info, ..PlyMesh::default() };
+    let (mut points, mut faces) = (Vec::new(), FaceList::default());
+    for layout in &header.elements {
+        let is_face = layout.name == "face";
+        let mut table = Table::new(layout, indices.filter(|_| is_face).map(|k| (k, vertices.count)), left);
+        match header.encoding {
+            Encoding::Ascii => ascii::read(&mut source, &mut table)?,
+            Encoding::BinaryLittleEndian => binary::read(&mut source, &mut table, false)?,
+            Encoding::BinaryBigEndian => binary::read(&mut source, &mut table, true)?,
+        }
+        let (mut properties, list) = table.finish();
+        match layout.name.as_str() {
+            "vertex" => {
+                (points, ply.coordinates) = positions(axes.map(|k| &properties[k].values));
+                let mut k = 0..;
+                properties.retain(|_| k.next().is_some_and(|k| !axes.contains(&k)));
+                ply.vertex_properties = properties;
+            }
+            "face" => {
+                faces = list.unwrap_or_default();
+                ply.face_properties = properties;
+            }
+            _ => ply.other_elements.push(Element { name: layout.name.clone(), count: layout.count as usize, properties }),
+        }
+    }
+    check_end(&mut source, ascii)?;
+    ply.mesh = TriMesh::new(points, faces.triangles)?;
+    (ply.polygons, ply.collapsed) = (faces.polygons, faces.collapsed);
+    Ok(ply)
+}
+
+/// Refuses counts that the bytes left cannot hold.
+fn check_claims(elements: &[ElementLayout], ascii: bool, left: Option<u64>) -> Result<(), ReadError> {
+    let Some(left) = left else { return Ok(()) };
+    let mut sum = 0u128;
+    for e in elements {
+        let needed = e.least_bytes(ascii);
+        sum += needed;
+        if sum > u128::from(left) {
+            let left = u128::from(left).saturating_sub(sum - needed) as u64;
+            return Err(ReadError::Claim { count: e.count, element: e.name.clone(), needed, left });
+        }
+    }
+    Ok(())
+}
+
+/// Which properties are x, y and z.
+fn axes(vertices: &ElementLayout) -> Result<[usize; 3], ReadError> {
+    let mut found = [0; 3];
+    for (k, axis) in ['x', 'y', 'z'].into_iter().enumerate() {
+        let named = |p: &header::PropertyLayout| p.length.is_none() && p.name.len() == 1 && p.name.starts_with(axis);
+        found[k] = vertices.properties.iter().position(named).ok_or(ReadError::NoCoordinate { axis })?;
+    }
+    Ok(found)
+}
+
+/// Which property of the element `face` holds the vertex indices.
+fn indices(elements: &[ElementLayout]) -> Result<Option<usize>, ReadError> {
+    let Some(face) = elements.iter().find(|e| e.name == "face") else {
+        let strips = elements.iter().any(|e| e.name == "tristrips" && e.count > 0);
+        return if strips { Err(ReadError::TriangleStrips) } else { Ok(None) };
+    };
+    let list = |name: &str| face.properties.iter().position(|p| p.name == name && p.length.is_some());
+    match list("vertex_indices").or_else(|| list("vertex_index")) {
+        Some(k) if !face.properties[k].scalar.is_integer() => {
+            let p = &face.properties[k];
+            Err(ReadError::IndexType { property: p.name.clone(), found: p.scalar })
+        }
+        None if face.count > 0 => Err(ReadError::NoIndices { count: face.count }),
+        found => Ok(found),
+    }
+}
+
+fn positions(columns: [&Column; 3]) -> (Vec<Point>, CoordinateType) {
+    fn join<T: Copy + Into<f64>>(x: &[T], y: &[T], z: &[T]) -> Vec<Point> {
+        x.iter().zip(y).zip(z).map(|((&x, &y), &z)| Point::new(x.into(), y.into(), z.into())).collect()
+    }
+    match columns {
+        [Column::F32(x), Column::F32(y), Column::F32(z)] => (join(x, y, z), CoordinateType::Float),
+        [Column::F64(x), Column::F64(y), Column::F64(z)] => (join(x, y, z), CoordinateType::Double),
+        mixed => {
+            let [x, y, z] = mixed.map(Column::to_f64);
+            (join(&x, &y, &z), CoordinateType::Double)
+        }
+    }
+}
+
+/// Refuses anything but white space after the last record.
+fn check_end<R: Read>(source: &mut Source<R>, ascii: bool) -> Result<(), ReadError> {
+    let (offset, line) = (source.offset(), source.line_number() + 1);
+    let rest = source.peek(MAX_TRAILING_SPACE)?;
+    if rest.len() >= MAX_TRAILING_SPACE || !rest.trim_ascii().is_empty() {
+        return Err(ReadError::Trailing { at: if ascii { At::Line(line) } else { At::Byte(offset) } });
+    }
+    Ok(())
+}
+
+/// Writes the file at `path`, whole or not at all ([`crate::atomic`]).
+///
+/// # Errors
+///
+/// As [`write`], and what the system says about the folder.
+pub fn write_path(ply: &PlyMesh, positions: &[Point], params: &WriteParams, path: &Path) -> Result<(), WriteError> {
+    crate::atomic::write(path, |file| write(ply, positions, params, file))
+}

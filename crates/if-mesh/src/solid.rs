@@ -41,6 +41,8 @@ pub struct ClosedLayer {
     bvh: Bvh,
     vertices: Vec<Point>,
     normals: PseudoNormals,
+    /// Voxels of a body, for rough answers only.
+    body: Option<Voxels>,
     /// None for a body: its pseudo-normals are enough.
     closure: Option<Closure>,
 }
@@ -84,7 +86,19 @@ const CURTAIN: Real = 0.25;
 impl ClosedLayer {
     /// A closed mesh, such as a body. It is not checked for being closed.
     pub fn body(mesh: &TriMesh) -> Self {
-        Self { bvh: Bvh::new(mesh), vertices: mesh.vertices().to_vec(), normals: PseudoNormals::new(mesh, &Edges::new(mesh)), closure: None }
+        let bvh = Bvh::new(mesh);
+        let mut voxels = Voxels::new(&bvh.aabb(), bvh.aabb().size().max() * CELL * 1.5);
+        for t in 0..mesh.triangles().len() {
+            voxels.add_wall(mesh.corners(t));
+        }
+        voxels.flood(|_| true);
+        Self {
+            bvh,
+            vertices: mesh.vertices().to_vec(),
+            normals: PseudoNormals::new(mesh, &Edges::new(mesh)),
+            body: Some(voxels),
+            closure: None,
+        }
     }
 
     /// A garment over `body` (a layer made by [`ClosedLayer::body`] from `body_mesh`).
@@ -112,7 +126,7 @@ impl ClosedLayer {
             let part = TriMesh::new(mesh.vertices().to_vec(), triangles).expect("a part of a mesh is a mesh");
             (Bvh::new(&part), keep)
         });
-        Self { bvh, vertices: mesh.vertices().to_vec(), normals, closure: Some(Closure { voxels, outside, interface }) }
+        Self { bvh, vertices: mesh.vertices().to_vec(), normals, body: None, closure: Some(Closure { voxels, outside, interface }) }
     }
 
     /// The index over the layer's triangles.
@@ -133,6 +147,46 @@ impl ClosedLayer {
     /// Position of vertex `v`.
     pub fn vertex(&self, v: usize) -> Point {
         self.vertices[v]
+    }
+
+    /// What the layer's voxels say of `p`: for a body [`Voxel::Inside`] where it is inside, for a garment
+    /// between it and the body.
+    pub fn voxel(&self, p: &Point) -> Voxel {
+        match (&self.closure, &self.body) {
+            (Some(c), _) => c.voxels.at(p),
+            (None, Some(v)) => v.at(p),
+            (None, None) => Voxel::Wall,
+        }
+    }
+
+    /// How far from `p`, a point inside, the way along unit vector `direction` leads out of the layer,
+    /// in metres; `None` if it is not out after `limit`.
+    pub fn way_out(&self, p: &Point, direction: &Vector, limit: Real) -> Option<Real> {
+        const CROSSINGS: usize = 4;
+        let mut gone = 0.0;
+        for _ in 0..CROSSINGS {
+            let from = p + direction * gone;
+            let hit = self.bvh.first_hit(&from, &(p + direction * limit), |_| true)?;
+            let step = hit.parameter * (limit - gone);
+            // Far enough past the triangle for a clear answer, near enough not to skip a gap.
+            gone += step + (1e-2 * limit).min(1e-3 * self.bvh.aabb().diagonal());
+            if gone > limit {
+                return None;
+            }
+            if self.sided(&(p + direction * gone), 0.0).is_none_or(|s| s.distance > 0.0) {
+                return Some(gone);
+            }
+        }
+        None
+    }
+
+    /// For each triangle +1 where its front is outside, −1 where its back is, 0 where neither: it lies
+    /// in a pocket and parts nothing.
+    pub fn orientations(&self) -> Vec<Real> {
+        match &self.closure {
+            None => vec![1.0; self.bvh.len()],
+            Some(c) => c.outside.iter().map(|o| Real::from(i8::from(o[0])) - Real::from(i8::from(o[1]))).collect(),
+        }
     }
 
     /// How many sides of triangles lie in pockets: both sides of a triangle inside.

@@ -1,7 +1,9 @@
 //! Layered outfits made intersection-free, and proven so: the façade of if-garments.
 
 pub mod baselines;
-mod cloth;
+mod contacts;
+mod own;
+mod retract;
 mod settle;
 pub mod mannequin;
 pub mod outfit;

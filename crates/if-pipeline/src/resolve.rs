@@ -124,7 +124,7 @@ pub fn resolve(
     for (index, garment) in outfit.garments.iter().enumerate() {
         let t = Instant::now();
         let inner: Vec<(&str, &ClosedLayer)> = below.iter().map(|(n, c)| (n.as_str(), c)).collect();
-        let mut layer = crate::settle::settle(garment, &inner, params);
+        let mut layer = { let tris: Vec<&[[u32; 3]]> = result.garments[..index].iter().map(|g| g.mesh.triangles()).collect(); crate::settle::settle(garment, &inner, &tris, params) };
         let mesh = garment.mesh.with_vertices(layer.1).expect("finite");
         layer.0.seconds = t.elapsed().as_secs_f64();
         let closed = ClosedLayer::garment(&mesh, &below[0].1, body_mesh);

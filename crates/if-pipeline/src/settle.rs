@@ -1,123 +1,185 @@
 //! lab
-use crate::cloth::{Cloth, Plane, planes};
+use crate::contacts::{Contacts, Obstacle, Sample};
+use crate::retract::RetractedLayer;
 use crate::outfit::Layer;
+use crate::own::OwnContacts;
 use crate::report::{LayerReport, Moved, Skipped, Strain};
 use crate::resolve::ResolveParams;
-use if_core::closest::ClosestPoint;
-use if_core::edges::Edges;
-use if_core::math::{Point, Real, barycentric_point};
-use if_core::mesh::TriMesh;
+use if_core::edges::{Edges, NONE};
+use if_core::intersect::segment_triangle;
+use if_core::math::{Point, Real};
 use if_mesh::index::Bvh;
-use if_mesh::intersections::{own_pairs, pairs};
+use if_mesh::intersections::pairs;
 use if_mesh::solid::ClosedLayer;
+use if_xpbd::attach::Attachments;
+use if_xpbd::constraint::Constraint;
+use if_xpbd::edge_set::EdgeSet;
+use if_xpbd::half_space::HalfSpaces;
+use if_xpbd::pair_contact::PairContacts;
+use if_xpbd::separation::Separations;
+use if_xpbd::stretch::Stretch;
+use if_xpbd::tie::Ties;
 use rayon::prelude::*;
-
-#[derive(Clone)]
-struct Sample { t: u32, v: [u32; 3], b: [Real; 3], extra: Real }
 
 fn env(k: &str, d: Real) -> Real { std::env::var(k).ok().and_then(|s| s.parse().ok()).unwrap_or(d) }
 
-pub(crate) fn settle(garment: &Layer, below: &[(&str, &ClosedLayer)], params: &ResolveParams) -> (LayerReport, Vec<Point>) {
+pub(crate) fn settle(garment: &Layer, below: &[(&str, &ClosedLayer)], tris: &[&[[u32; 3]]], params: &ResolveParams) -> (LayerReport, Vec<Point>) {
     let mesh = &garment.mesh;
     let x0 = mesh.vertices().to_vec();
     let mut x = x0.clone();
     let n = x.len();
     let edges = Edges::new(mesh);
-    let cloth = Cloth::new(mesh, env("BEND", 0.3));
     let mut tree = Bvh::new(mesh);
     let delta = params.clearance * env("CL", 1.0);
-    let margin = env("MARGIN", 2e-3);
-    let step = env("STEP", 4e-3);
     let long = env("LONG", 8e-3);
     let sweeps = env("SWEEPS", 10.0) as usize;
     let max_rounds = env("ROUNDS", 60.0) as usize;
-    let attach = env("ATT", 0.002);
     let w = vec![1.0; n];
-    let own0 = own_pairs(mesh, &tree);
-    let mut report = LayerReport { name: garment.name.clone(), moved: Moved::default(), strain: Strain::default(), own_pairs: [own0.len(); 2], rounds: 0, repairs: 0, sweeps: 0, queries: 0, skipped: Skipped::default(), seconds: 0.0 };
-    // samples
-    let mut samples: Vec<Sample> = Vec::new();
-    let mut owner = vec![u32::MAX; n];
-    for (t, tri) in mesh.triangles().iter().enumerate() { for v in tri { if owner[*v as usize] == u32::MAX { owner[*v as usize] = t as u32; } } }
-    for v in 0..n { if owner[v] != u32::MAX { samples.push(Sample { t: owner[v], v: [v as u32; 3], b: [1.0, 0.0, 0.0], extra: 0.0 }); } }
-    for (k, &[a, b]) in edges.vertices.iter().enumerate() {
-        if (x[a as usize] - x[b as usize]).norm() > long { samples.push(Sample { t: edges.triangles[k][0], v: [a, b, b], b: [0.5, 0.5, 0.0], extra: 0.0 }); }
+    let own = OwnContacts::new(mesh, &tree);
+    let mut report = LayerReport { name: garment.name.clone(), moved: Moved::default(), strain: Strain::default(), own_pairs: [own.given(); 2], rounds: 0, repairs: 0, sweeps: 0, queries: 0, skipped: Skipped::default(), seconds: 0.0 };
+    // depth
+    let deep: Vec<Real> = below.iter().skip(1).map(|(_, l)| x.par_iter().filter_map(|p| l.sided(p, 0.0)).map(|s| -s.distance).collect::<Vec<_>>().into_iter().fold(0.0, Real::max)).collect();
+    let deepest = deep.iter().copied().fold(0.0, Real::max);
+    let dr = env("DR", 2.5e-3);
+    let back = if deepest > 2e-3 && env("RETR", 1.0) > 0.0 { (1.2 * deepest + 3e-3).min(0.08) } else { 0.0 };
+    let mut stages: Vec<Real> = (0..(back / dr).ceil() as usize).map(|k| back - k as Real * dr).collect();
+    for _ in 0..env("EXTRA", 0.0) as usize { stages.push(0.0); }
+    stages.reverse();
+    let closed = || below.iter().enumerate().map(|(j, (_, l))| Obstacle::Closed(l, if j == 0 { vec![1.0; l.vertex_count()] } else { crate::retract::vertex_orientations(l.vertex_count(), tris[j - 1], &l.orientations()) })).collect::<Vec<_>>();
+    let obstacles = if back > 0.0 { below.iter().enumerate().map(|(j, (_, l))| if j == 0 { Obstacle::Closed(l, vec![1.0; l.vertex_count()]) } else { Obstacle::Retracted(RetractedLayer::new(l, tris[j - 1], below[0].1, back, 2.5 * dr + 1e-3)) }).collect() } else { closed() };
+    let mut contacts = Contacts::new(mesh, &edges, obstacles, long);
+    let mut retracted = back > 0.0;
+    let tt = std::time::Instant::now();
+    let outward = if_mesh::outward::Outward::new(&below.iter().map(|b| b.1).collect::<Vec<_>>(), &mesh.aabb().inflated(0.03), env("OCELL", 6e-3));
+    if std::env::var("D").is_ok() { println!("     outward {:.1} ms", tt.elapsed().as_secs_f64() * 1e3); }
+    if !retracted && env("OUTW", 1.0) > 0.0 { contacts.outward = Some(&outward); }
+    contacts.step = env("STEP", 4e-3);
+    contacts.margin = env("MARGIN", 2e-3);
+    let mut stretch = Stretch::new(EdgeSet::of_mesh(mesh), env("STR", 0.0));
+    let bend = {
+        let mut pairs = Vec::new();
+        let mut rest = Vec::new();
+        for (e, &[a, b]) in edges.vertices.iter().enumerate() {
+            let [t, u] = edges.triangles[e];
+            if u == NONE { continue; }
+            let opp = |t: u32| mesh.triangles()[t as usize].into_iter().find(|v| *v != a && *v != b);
+            if let (Some(c), Some(d)) = (opp(t), opp(u)) && c != d {
+                pairs.push([c, d]);
+                rest.push((x[c as usize] - x[d as usize]).norm());
+            }
+        }
+        EdgeSet::new(&pairs, &rest, n).expect("edges")
+    };
+    let mut bend = Stretch::new(bend, env("BEND", 4.67));
+    let mut attach = Attachments::new();
+    for v in 0..n { attach.push(v as u32, x0[v], env("ATT", 500.0)); }
+    let mut planes = HalfSpaces::new();
+    let mut ties = Ties::new();
+    let tier = env("TIER", 10e-3);
+    let prox = own.proximity(&x, mesh.triangles(), &tree, tier);
+    for &(v, t, b, d) in &prox { ties.push(v, mesh.triangles()[t as usize], b, env("TIEK", 0.7) * (1.0 - 0.7 * d / tier), &x); }
+    if std::env::var("D").is_ok() { println!("     ties {}", ties.len()); }
+    planes.max_push = env("PUSH", 2e-3);
+    let mut sep = Separations::new();
+    let mut parted = std::collections::BTreeSet::new();
+    let mut near = PairContacts::new();
+    near.max_push = env("PUSH", 2e-3);
+    let mut gap = vec![delta; n];
+    let mut outer = vec![false; n];
+    for &(v, t, b, _) in &prox {
+        let tri = mesh.triangles()[t as usize];
+        let q = if_core::math::barycentric_point(tri.map(|u| &x[u as usize]), b);
+        if let Some(o) = outward.direction(&x[v as usize]) && (x[v as usize] - q).dot(&o) > 0.0 { outer[v as usize] = true; }
     }
-    for (t, tri) in mesh.triangles().iter().enumerate() {
-        let c = mesh.corners(t);
-        if (0..3).any(|k| (c[k] - c[(k + 1) % 3]).norm() > long) { samples.push(Sample { t: t as u32, v: *tri, b: [1.0 / 3.0; 3], extra: 0.0 }); }
+    if env("STACK", 0.0) > 0.0 {
+        let mut extra = vec![0.0f64; n];
+        for _ in 0..4 {
+            for &(v, t, b, _) in &prox {
+                let tri = mesh.triangles()[t as usize];
+                let q = if_core::math::barycentric_point(tri.map(|u| &x[u as usize]), b);
+                let Some(o) = outward.direction(&x[v as usize]) else { continue };
+                let h = (x[v as usize] - q).dot(&o);
+                if h > 0.0 { extra[v as usize] = extra[v as usize].max((0..3).map(|k| b[k] * extra[tri[k] as usize]).sum::<Real>() + env("STACKK", 0.9) * h).min(15e-3); }
+            }
+        }
+        for v in 0..n { gap[v] += extra[v]; }
     }
-    let mut inflate = vec![0.0; mesh.triangles().len()];
-    let mut vin = vec![0.0f64; n];
     let debug = std::env::var("D").is_ok();
-    let mut done = false;
-    let mut settled_rounds = 0;
+    let tol = env("TOL", 3e-4);
     for round in 0..max_rounds {
         report.rounds = round + 1;
-        // detect
-        let detect = |s: &Sample, x: &[Point]| -> Vec<Plane> {
-            let p = barycentric_point([&x[s.v[0] as usize], &x[s.v[1] as usize], &x[s.v[2] as usize]], s.b);
-            let mut out = Vec::new();
-            let d = delta + s.extra + (0..3).map(|k| s.b[k] * vin[s.v[k] as usize]).sum::<Real>();
-            for (_, l) in below {
-                let reach = d + margin;
-                if l.is_far(&p, reach) { continue; }
-                if let Some(h) = l.sided(&p, reach) {
-                    let target = d.min(h.distance + step);
-                    out.push(Plane { v: s.v, b: s.b, n: h.normal, d: h.normal.dot(&h.point.coords) + target });
-                }
+        if retracted {
+            match stages.pop() {
+                Some(r) => contacts.stand_back(r, dr),
+                None => { retracted = false; let (q, s) = (contacts.queries, contacts.spared); contacts = Contacts::new(mesh, &edges, closed(), long); contacts.queries = q; if env("OUTW", 1.0) > 0.0 { contacts.outward = Some(&outward); } contacts.spared = s; contacts.step = env("STEP", 4e-3); contacts.margin = env("MARGIN", 2e-3); }
             }
-            out
-        };
-        let mut cons: Vec<Plane> = samples.par_iter().flat_map_iter(|s| detect(s, &x)).collect();
-        report.queries += samples.len() * below.len();
-        // vertices of lower layers against triangles
-        tree.refit(&x);
-        let obox = tree.aabb().inflated(margin + delta);
-        for (_, l) in below {
-            let found: Vec<Vec<Plane>> = (0..l.vertex_count()).into_par_iter().filter_map(|v| {
-                let p = l.vertex(v);
-                if !obox.contains(&p) { return None; }
-                let c = tree.closest(&p, delta + margin)?;
-                if c.barycentric.iter().any(|b| *b > 0.95) { return None; }
-                let s = Sample { t: c.triangle, v: mesh.triangles()[c.triangle as usize], b: c.barycentric, extra: 0.0 };
-                Some(detect(&s, &x))
-            }).collect();
-            cons.extend(found.into_iter().flatten());
         }
-        let xs = x.clone();
+        let t0 = std::time::Instant::now();
+        contacts.skip = if round < env("DEFER", 0.0) as usize { outer.clone() } else { vec![false; n] };
+        contacts.detect(&x, mesh.triangles(), &tree, &gap, &mut planes);
+        let t1 = std::time::Instant::now();
+        if !planes.is_empty() && env("OWNR", 8e-3) > 0.0 { own.detect(&x, mesh.triangles(), &tree, env("OWNR", 8e-3), 0.3e-3, &mut near); }
+        let t2 = std::time::Instant::now();
+        let mut wo = vec![1.0; n];
+        for v in planes.vertices() { for k in v { wo[*k as usize] = env("SHOCK", 0.05); } }
+        let start = x.clone();
         let mut worst = 0.0;
         for _ in 0..sweeps {
-            for v in 0..n { let d = x0[v] - x[v]; x[v] += d * attach; }
-            cloth.stretch(&mut x, &w);
-            cloth.own(&mut x, &w);
-            worst = planes(&cons, &mut x, &w);
+            attach.begin_substep(&start, &x, &w, 1.0);
+            attach.project(&mut x, &w, 1.0);
+            bend.begin_substep(&start, &x, &w, 1.0);
+            bend.project(&mut x, &w, 1.0);
+            stretch.begin_substep(&start, &x, &w, 1.0);
+            stretch.project(&mut x, &w, 1.0);
+            ties.project(&mut x, &wo, 1.0);
+            for _ in 0..(if near.is_empty() && sep.is_empty() { 1 } else { 2 }) {
+                worst = planes.project(&mut x, &w).max;
+                near.project(&mut x, &wo);
+                sep.project(&mut x, &w, 1.0);
+            }
             report.sweeps += 1;
         }
-        for _ in 0..3 { worst = planes(&cons, &mut x, &w); if worst < 1e-6 { break; } }
-        let moved = x.iter().zip(&xs).map(|(a, b)| (a - b).norm()).fold(0.0, Real::max);
+        for _ in 0..3 { worst = planes.project(&mut x, &w).max; near.project(&mut x, &wo); sep.project(&mut x, &w, 1.0); if worst < 1e-6 { break; } }
+        if debug && !retracted && worst > 1e-3 {
+            let mut v: Vec<(Real, usize)> = (0..planes.len()).map(|k| (planes.clearance(k, &x), k)).collect();
+            v.sort_by(|a, b| a.0.total_cmp(&b.0));
+            for (c, k) in v.iter().take(4) {
+                let (vs, bs, nn) = planes.contact(*k);
+                let p0 = Sample { vertices: vs, weights: bs }.at(&start);
+                let p1 = Sample { vertices: vs, weights: bs }.at(&x);
+                println!("       viol {:.2} n {:.2?} at ({:.3} {:.3} {:.3}) w {:.2?} v {:?} moved ({:.1} {:.1} {:.1}) d {:?}", c * 1e3, (nn.x, nn.y, nn.z), p0.x, p0.y, p0.z, bs, vs, (p1 - p0).x*1e3, (p1-p0).y*1e3, (p1-p0).z*1e3, below.iter().map(|(_, l)| l.sided(&p0, 0.02).map(|s| (s.distance * 1e4).round() / 10.0)).collect::<Vec<_>>());
+            }
+        }
+        let t3 = std::time::Instant::now();
+        let held = if near.is_empty() || env("FILTER", 1.0) == 0.0 { 0 } else { own.filter(mesh, &start, &mut x, &mut tree) };
+        let moved = x.iter().zip(&start).map(|(a, b)| (a - b).norm()).fold(0.0, Real::max);
+        contacts.moved(moved);
         tree.refit(&x);
-        let mut total = 0;
-        let mut byl = vec![];
-        if moved < env("TOL", 3e-4) || round % 5 == 4 { settled_rounds += 1;
+        let t4 = std::time::Instant::now();
+        if debug && (round % 5 == 4 || retracted) { println!("     {} round {round} cons {} own {} held {held} worst {:.3} moved {:.3} | {:.1} {:.1} {:.1} {:.1} ms", garment.name, planes.len(), near.len(), worst * 1e3, moved * 1e3, (t1-t0).as_secs_f64()*1e3, (t2-t1).as_secs_f64()*1e3, (t3-t2).as_secs_f64()*1e3, (t4-t3).as_secs_f64()*1e3); }
+        if (!retracted || stages.len() < 2 || debug) && (moved < tol || round % 5 == 4) {
+            let mut byl = vec![];
+            let mut total = 0;
             for (_, l) in below {
                 let ps = pairs(l.bvh(), &tree);
                 total += ps.len();
                 byl.push(ps.len());
                 for p in ps {
                     let tri = mesh.triangles()[p.b as usize];
-                    for v in tri { vin[v as usize] = (vin[v as usize].max(0.1e-3) * 1.05).min(0.03); }
-                    inflate[p.b as usize] += 1.0;
+                    if moved < 4.0 * tol || round > 20 { for v in tri { gap[v as usize] = (gap[v as usize] * 1.15).min(0.03); } }
+                    let _ = (segment_triangle, Sample { vertices: tri, weights: [0.0; 3] });
                 }
             }
-            let own = own_pairs(&mesh.with_vertices(x.clone()).unwrap(), &tree);
-            let inside: usize = below.iter().map(|(_, l)| x.iter().filter(|p| l.sided(p, 0.0).is_some_and(|s| s.distance < 0.0)).count()).sum();
-            if debug { println!("     {} round {round} cons {} worst {:.3} moved {:.3} pairs {:?} inside {inside} own {}", garment.name, cons.len(), worst * 1e3, moved * 1e3, byl, own.len()); }
-            if total == 0 && inside == 0 && moved < env("TOL", 3e-4) { done = true; }
+            let fresh = own.fresh(&mesh.with_vertices(x.clone()).expect("finite"), &tree);
+            for [a, b] in &fresh { if parted.insert([*a, *b]) { sep.push(mesh.triangles()[*a as usize], mesh.triangles()[*b as usize], env("SEPGAP", 0.1e-3), &x0); } }
+            let inside: usize = below.iter().map(|(_, l)| x.par_iter().filter(|p| l.sided(p, 0.0).is_some_and(|s| s.distance < 0.0)).count()).sum();
+            if debug { println!("     {} round {round} pairs {:?} inside {inside} own {}", garment.name, byl, if_mesh::intersections::own_pairs(&mesh.with_vertices(x.clone()).unwrap(), &tree).len()); }
+            if debug && round > 50 { for (name, l) in below { for (v, p) in x.iter().enumerate() { if let Some(s) = l.sided(p, 0.0) { if s.distance < 0.0 { println!("       inside {name} v {v} at ({:.3} {:.3} {:.3}) d {:.2} n ({:.2} {:.2} {:.2}) boundary {} voxel {:?} out {:?} neighbours d {:?}", p.x, p.y, p.z, s.distance * 1e3, s.normal.x, s.normal.y, s.normal.z, s.boundary, l.voxel(p), outward.direction(p).map(|d| [0,1,2].map(|k| (d[k] * 100.0).round() / 100.0)), edges.vertices.iter().filter(|e| e.contains(&(v as u32))).map(|e| { let o = if e[0] == v as u32 { e[1] } else { e[0] }; l.sided(&x[o as usize], 0.03).map(|s| (s.distance * 1e4).round() / 10.) }).collect::<Vec<_>>()); } } } } }
+            if total == 0 && inside == 0 && fresh.is_empty() && round > env("DEFER", 0.0) as usize * usize::from(outer.iter().any(|o| *o)) { break; }
         }
-        if done { break; }
     }
-    let _ = settled_rounds;
+    report.queries = contacts.queries;
+    report.skipped.queries = contacts.spared;
     finish(&mut report, &edges, &x0, &x);
     (report, x)
 }
@@ -135,5 +197,3 @@ fn finish(r: &mut LayerReport, edges: &Edges, x0: &[Point], x: &[Point]) {
     r.strain.p99 = pct(&mut s, 0.99);
     r.strain.max = *s.last().unwrap();
 }
-#[allow(unused)]
-fn unused(_: &TriMesh) {}

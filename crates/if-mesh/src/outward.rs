@@ -1,0 +1,126 @@
+//! The way out of closed layers, on the scale of centimetres.
+//!
+//! The nearest way out of a pleat or an armpit is through its wall. A coarse garment over it must go
+//! another way: up, where the whole is left. That direction is minus the gradient of the layers'
+//! occupancy, blurred: three box filters each way, a good approximation of a Gaussian.
+
+use crate::solid::ClosedLayer;
+use crate::voxels::Voxel;
+use if_core::aabb::Aabb;
+use if_core::math::{Point, Real, Vector, unit_or_zero};
+use rayon::prelude::*;
+
+/// Directions out of a union of closed layers, over a box.
+#[derive(Clone, Debug)]
+pub struct Outward {
+    origin: Point,
+    cell: Real,
+    dims: [usize; 3],
+    /// 0 outside, 1 inside, blurred.
+    occupancy: Vec<f32>,
+}
+
+/// Half width of a box filter, in cells. Three passes of 2 have a standard deviation of 2.4 cells.
+const RADIUS: usize = 2;
+/// Nodes of the grid at most; beyond it the cells are made larger.
+const MAX_NODES: Real = 16_777_216.0;
+/// A gradient below this share of the steepest possible one is no direction.
+const FLAT: Real = 0.02;
+
+impl Outward {
+    /// Directions out of `layers` in `region`, on cells of `cell` metres (more, for a huge region).
+    pub fn new(layers: &[&ClosedLayer], region: &Aabb, cell: Real) -> Self {
+        let size = region.size();
+        let border = 2.0 + 3.0 * RADIUS as Real;
+        let fits = |c: Real| (0..3).map(|k| size[k] / c + 2.0 * border).product::<Real>() <= MAX_NODES;
+        let mut cell = cell;
+        while !fits(cell) {
+            cell *= 1.25;
+        }
+        let dims = [0, 1, 2].map(|k| (size[k] / cell + 2.0 * border).ceil() as usize);
+        let origin = region.min - Vector::repeat(border * cell);
+        let [nx, ny, nz] = dims;
+        let mut occupancy = vec![0.0f32; nx * ny * nz];
+        occupancy.par_chunks_mut(nx * ny).enumerate().for_each(|(z, slab)| {
+            for y in 0..ny {
+                for x in 0..nx {
+                    let p = origin + Vector::new(x as Real, y as Real, z as Real) * cell;
+                    let inside = layers.iter().any(|l| !matches!(l.voxel(&p), Voxel::Outside | Voxel::Core));
+                    slab[y * nx + x] = f32::from(u8::from(inside));
+                }
+            }
+        });
+        let mut this = Self { origin, cell, dims, occupancy };
+        for _ in 0..3 {
+            this.blur();
+        }
+        this
+    }
+
+    fn blur(&mut self) {
+        let [nx, ny, _] = self.dims;
+        self.occupancy.par_chunks_mut(nx * ny).for_each(|slab| {
+            let mut line = Vec::new();
+            for y in 0..ny {
+                blur_line(slab, y * nx, 1, nx, &mut line);
+            }
+            for x in 0..nx {
+                blur_line(slab, x, nx, ny, &mut line);
+            }
+        });
+        // Along z: whole slabs are summed, each output slab by one task.
+        let plane = nx * ny;
+        let nz = self.dims[2];
+        let source = self.occupancy.clone();
+        self.occupancy.par_chunks_mut(plane).enumerate().for_each(|(z, slab)| {
+            let (from, to) = (z.saturating_sub(RADIUS), (z + RADIUS).min(nz - 1));
+            slab.copy_from_slice(&source[from * plane..(from + 1) * plane]);
+            for other in from + 1..=to {
+                slab.iter_mut().zip(&source[other * plane..(other + 1) * plane]).for_each(|(a, b)| *a += b);
+            }
+            let scale = 1.0 / (2 * RADIUS + 1) as f32;
+            slab.iter_mut().for_each(|a| *a *= scale);
+        });
+    }
+
+    /// Unit direction out at `p`; `None` far outside, deep inside and beyond the box, where it is flat.
+    pub fn direction(&self, p: &Point) -> Option<Vector> {
+        let rel = (p - self.origin) / self.cell;
+        let base = [0, 1, 2].map(|k| rel[k].floor());
+        if (0..3).any(|k| !(base[k] >= 0.0 && base[k] + 1.0 < self.dims[k] as Real)) {
+            return None;
+        }
+        let t = [0, 1, 2].map(|k| rel[k] - base[k]);
+        let at = |x: usize, y: usize, z: usize| {
+            let i = ((base[2] as usize + z) * self.dims[1] + base[1] as usize + y) * self.dims[0] + base[0] as usize + x;
+            Real::from(self.occupancy[i])
+        };
+        let mut g = Vector::zeros();
+        for k in 0..3 {
+            let (u, v) = ((k + 1) % 3, (k + 2) % 3);
+            for a in 0..2 {
+                for b in 0..2 {
+                    let mut c = [[0usize; 3]; 2];
+                    for (side, c) in c.iter_mut().enumerate() {
+                        c[k] = side;
+                        c[u] = a;
+                        c[v] = b;
+                    }
+                    let weight = (if a == 0 { 1.0 - t[u] } else { t[u] }) * (if b == 0 { 1.0 - t[v] } else { t[v] });
+                    g[k] += weight * (at(c[0][0], c[0][1], c[0][2]) - at(c[1][0], c[1][1], c[1][2]));
+                }
+            }
+        }
+        (g.norm() > FLAT).then(|| unit_or_zero(&g))
+    }
+}
+
+fn blur_line(data: &mut [f32], start: usize, stride: usize, n: usize, line: &mut Vec<f32>) {
+    line.clear();
+    line.extend((0..n).map(|k| data[start + k * stride]));
+    let scale = 1.0 / (2 * RADIUS + 1) as f32;
+    for k in 0..n {
+        let (from, to) = (k.saturating_sub(RADIUS), (k + RADIUS).min(n - 1));
+        data[start + k * stride] = line[from..=to].iter().sum::<f32>() * scale;
+    }
+}

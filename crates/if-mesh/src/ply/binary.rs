@@ -1,0 +1,156 @@
+//! Records of binary files: in blocks where all have the same size, else one by one.
+
+use super::error::{At, ReadError};
+use super::scalar::{Scalar, ScalarType};
+use super::source::Source;
+use super::table::Table;
+use std::io::Read;
+
+/// Reads all records of an element.
+pub(super) fn read<R: Read>(source: &mut Source<R>, table: &mut Table<'_>, big_endian: bool) -> Result<(), ReadError> {
+    if table.layout.properties.iter().all(|p| p.length.is_none()) {
+        return scalars(source, table, big_endian);
+    }
+    let triangle = TriangleRecord::of(table);
+    while table.done < table.layout.count {
+        if let Some(t) = &triangle
+            && t.run(source, table, big_endian)?
+        {
+            continue;
+        }
+        record(source, table, big_endian)?;
+    }
+    Ok(())
+}
+
+/// Records without lists.
+fn scalars<R: Read>(source: &mut Source<R>, table: &mut Table<'_>, big_endian: bool) -> Result<(), ReadError> {
+    let stride: usize = table.layout.properties.iter().map(|p| p.scalar.size()).sum();
+    while table.done < table.layout.count {
+        let left = table.layout.count - table.done;
+        let there = source.peek(stride)?;
+        let records = (there.len() / stride).min(usize::try_from(left).unwrap_or(usize::MAX));
+        if records == 0 {
+            let end = there.len() as u64;
+            return Err(table.truncated(At::Byte(source.offset() + end)));
+        }
+        let block = &there[..records * stride];
+        let mut offset = 0;
+        for slot in &mut table.slots {
+            slot.values.extend_strided(block, stride, offset, big_endian);
+            offset += slot.values.scalar_type().size();
+        }
+        source.consume(records * stride);
+        table.done += records as u64;
+    }
+    Ok(())
+}
+
+/// One record of any layout.
+fn record<R: Read>(source: &mut Source<R>, table: &mut Table<'_>, big_endian: bool) -> Result<(), ReadError> {
+    for k in 0..table.slots.len() {
+        let (length, scalar) = (table.layout.properties[k].length, table.layout.properties[k].scalar);
+        let mut values = 1;
+        if let Some(t) = length {
+            let at = At::Byte(source.offset());
+            let n = t.get_i64(exactly(source, t.size(), table)?, big_endian);
+            values = usize::try_from(n).map_err(|_| table.negative_length(at, k, n))?;
+            source.consume(t.size());
+        }
+        let at = At::Byte(source.offset());
+        let size = values.saturating_mul(scalar.size());
+        let bytes = exactly(source, size, table)?;
+        match &mut table.faces {
+            Some(faces) if faces.property == k => {
+                faces.push(bytes.chunks_exact(scalar.size()).map(|b| scalar.get_i64(b, big_endian)), at)?;
+            }
+            _ => {
+                table.slots[k].values.extend_packed(bytes, big_endian);
+                if length.is_some() {
+                    table.end_list(k)?;
+                }
+            }
+        }
+        source.consume(size);
+    }
+    table.done += 1;
+    Ok(())
+}
+
+fn exactly<'s, R: Read>(source: &'s mut Source<R>, n: usize, table: &Table<'_>) -> Result<&'s [u8], ReadError> {
+    let offset = source.offset();
+    let there = source.peek(n)?;
+    if there.len() < n {
+        return Err(table.truncated(At::Byte(offset + there.len() as u64)));
+    }
+    Ok(&there[..n])
+}
+
+/// A face of three corners, with any numbers before and after the list: what nearly all faces are.
+struct TriangleRecord {
+    stride: usize,
+    list: usize,
+    length: ScalarType,
+    signed: bool,
+    /// Byte of each number beside the list, with its property.
+    scalars: Vec<(usize, usize)>,
+}
+
+impl TriangleRecord {
+    /// `None` where the layout has other lists, or indices of other than 32 bits.
+    fn of(table: &Table<'_>) -> Option<Self> {
+        let list = table.faces.as_ref()?.property;
+        let mut found = Self { stride: 0, list: 0, length: ScalarType::U8, signed: false, scalars: Vec::new() };
+        for (k, p) in table.layout.properties.iter().enumerate() {
+            match p.length {
+                Some(length) if k == list && matches!(p.scalar, ScalarType::I32 | ScalarType::U32) => {
+                    (found.list, found.length, found.signed) = (found.stride, length, p.scalar == ScalarType::I32);
+                    found.stride += length.size() + 12;
+                }
+                Some(_) => return None,
+                None => {
+                    found.scalars.push((found.stride, k));
+                    found.stride += p.scalar.size();
+                }
+            }
+        }
+        Some(found)
+    }
+
+    /// Takes the triangles that are buffered, up to the first other or faulty face; `false` where there
+    /// is none, and [`record`] must look.
+    fn run<R: Read>(&self, source: &mut Source<R>, table: &mut Table<'_>, big_endian: bool) -> Result<bool, ReadError> {
+        let left = usize::try_from(table.layout.count - table.done).unwrap_or(usize::MAX);
+        let Some(faces) = &mut table.faces else { return Ok(false) };
+        if faces.list.polygons.is_some() {
+            return Ok(false);
+        }
+        // As u32 a negative index is at least 2³¹, and so beyond this limit.
+        let limit = faces.vertices.min(if self.signed { 1 << 31 } else { 1 << 32 });
+        let limit = u32::try_from(limit).unwrap_or(u32::MAX);
+        let there = source.peek(self.stride)?;
+        let block = &there[..(there.len() / self.stride).min(left) * self.stride];
+        let indices = self.list + self.length.size();
+        let before = faces.list.triangles.len();
+        for r in block.chunks_exact(self.stride) {
+            let length = match self.length {
+                ScalarType::U8 => i64::from(r[self.list]),
+                other => other.get_i64(&r[self.list..], big_endian),
+            };
+            let c = &r[indices..indices + 12];
+            let t = [u32::get(c, big_endian), u32::get(&c[4..], big_endian), u32::get(&c[8..], big_endian)];
+            let good = t[0] < limit && t[1] < limit && t[2] < limit && t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
+            if length != 3 || !good {
+                break;
+            }
+            faces.list.triangles.push(t);
+        }
+        let run = faces.list.triangles.len() - before;
+        for &(offset, k) in &self.scalars {
+            table.slots[k].values.extend_strided(&block[..run * self.stride], self.stride, offset, big_endian);
+        }
+        source.consume(run * self.stride);
+        table.done += run as u64;
+        Ok(run > 0)
+    }
+}

@@ -1,0 +1,223 @@
+//! The header of a PLY file: `ply-rs-bw` reads its grammar; names and sizes are checked here.
+
+use super::error::ReadError;
+use super::scalar::ScalarType;
+use super::source::Source;
+use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::ply::{DefaultElement, Encoding, PropertyType, ScalarType as Theirs};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Read;
+
+/// Bytes a header may have: some ten thousand lines. Without a limit a file that is no PLY file, or a
+/// device that never ends, would be read into memory in search of `end_header`.
+const MAX_HEADER: u64 = 1 << 20;
+
+pub(super) struct Header {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<ElementLayout>,
+    pub(super) comments: Vec<String>,
+    pub(super) obj_info: Vec<String>,
+}
+
+pub(super) struct ElementLayout {
+    pub(super) name: String,
+    pub(super) count: u64,
+    pub(super) properties: Vec<PropertyLayout>,
+}
+
+pub(super) struct PropertyLayout {
+    pub(super) name: String,
+    /// The type of the length where the property is a list.
+    pub(super) length: Option<ScalarType>,
+    pub(super) scalar: ScalarType,
+}
+
+impl ElementLayout {
+    /// The least bytes that all records together can have.
+    pub(super) fn least_bytes(&self, ascii: bool) -> u128 {
+        let record: usize = if ascii {
+            2 * self.properties.len() // a digit and a space or line end each
+        } else {
+            self.properties.iter().map(|p| p.length.unwrap_or(p.scalar).size()).sum()
+        };
+        u128::from(self.count) * record as u128 - u128::from(ascii && self.count > 0) // the last line may lack its end
+    }
+}
+
+/// Reads up to and including the line `end_header`.
+pub(super) fn read<R: Read>(source: &mut Source<R>) -> Result<Header, ReadError> {
+    let Some(first) = source.line(MAX_HEADER as usize)? else { return Err(ReadError::Empty) };
+    if first.trim_ascii_end() != b"ply" {
+        let found = first[..first.len().min(40)].to_vec();
+        return Err(ReadError::NotPly { found: String::from_utf8_lossy(&found).into_owned() });
+    }
+    let mut names = Names::default();
+    let mut text = String::from("ply\n");
+    let mut numbers = vec![0, 1]; // line of the file for each line of `text`, both counted from 1
+    loop {
+        let line = match source.line(MAX_HEADER as usize)? {
+            Some(line) => decode(line.trim_ascii()),
+            None => return Err(ReadError::HeaderEnd { bytes: source.offset(), lines: source.line_number() }),
+        };
+        if source.offset() > MAX_HEADER {
+            return Err(ReadError::HeaderEnd { bytes: MAX_HEADER, lines: source.line_number() });
+        }
+        if !line.is_empty() {
+            numbers.push(source.line_number());
+            text.push_str(&names.checked(&line, source.line_number())?);
+            text.push('\n');
+        }
+        if line == "end_header" {
+            break;
+        }
+    }
+    let parsed = Parser::<DefaultElement>::new().read_header(&mut Reader::new(text.as_bytes())).map_err(|e| match e.line() {
+        Some(k) if k < numbers.len() => {
+            ReadError::HeaderLine { line: numbers[k], text: text.lines().nth(k - 1).unwrap_or_default().to_owned() }
+        }
+        _ => ReadError::Format,
+    })?;
+    if (parsed.version.major, parsed.version.minor) != (1, 0) {
+        return Err(ReadError::Format);
+    }
+    let mut elements = Vec::with_capacity(parsed.elements.len());
+    for (e, (name, element)) in parsed.elements.into_iter().enumerate() {
+        if element.properties.is_empty() && element.count > 0 {
+            return Err(ReadError::NoProperties { element: name, count: element.count as u64 });
+        }
+        let mut properties = Vec::with_capacity(element.properties.len());
+        for (p, (property, def)) in element.properties.into_iter().enumerate() {
+            let of = |slot, t: &Theirs| names.wide.get(&(e, p, slot)).copied().unwrap_or_else(|| ours(t));
+            let (length, scalar) = match &def.data_type {
+                PropertyType::Scalar(t) => (None, of(1, t)),
+                PropertyType::List(n, t) => (Some(of(2, n)), of(3, t)),
+            };
+            if let Some(found) = length.filter(|n| !n.is_integer()) {
+                return Err(ReadError::ListLengthType { element: name, property, found });
+            }
+            properties.push(PropertyLayout { name: property, length, scalar });
+        }
+        elements.push(ElementLayout { name, count: element.count as u64, properties });
+    }
+    Ok(Header { encoding: parsed.encoding, elements, comments: parsed.comments, obj_info: parsed.obj_infos })
+}
+
+/// What `ply-rs-bw` does not look at: it drops the first of two elements of one name, and knows no
+/// 64-bit integers.
+#[derive(Default)]
+struct Names {
+    elements: BTreeSet<String>,
+    current: String,
+    properties: BTreeSet<String>,
+    /// (element, property, word of the line) of each 64-bit integer type.
+    wide: BTreeMap<(usize, usize, usize), ScalarType>,
+}
+
+impl Names {
+    /// The line for `ply-rs-bw`, with `double` in place of 64-bit integers.
+    fn checked(&mut self, line: &str, number: u64) -> Result<String, ReadError> {
+        let mut words: Vec<&str> = line.split_ascii_whitespace().collect();
+        let last = (*words.last().expect("callers skip empty lines")).to_owned();
+        match words[0] {
+            "element" if words.len() == 3 => {
+                self.properties.clear();
+                self.current = words[1].to_owned();
+                if !self.elements.insert(words[1].to_owned()) {
+                    return Err(ReadError::DuplicateElement { line: number, name: words[1].to_owned() });
+                }
+            }
+            "property" if words.len() >= 3 => {
+                let (element, property) = (self.elements.len().wrapping_sub(1), self.properties.len());
+                if !self.properties.insert(last.clone()) {
+                    return Err(ReadError::DuplicateProperty { line: number, element: self.current.clone(), name: last });
+                }
+                let slots = if words[1] == "list" { 2..words.len() - 1 } else { 1..2 };
+                for slot in slots {
+                    let t = match words[slot] {
+                        "int64" => ScalarType::I64,
+                        "uint64" => ScalarType::U64,
+                        _ => continue,
+                    };
+                    self.wide.insert((element, property, slot), t);
+                    words[slot] = "double";
+                }
+                return Ok(words.join(" "));
+            }
+            _ => {}
+        }
+        Ok(line.to_owned())
+    }
+}
+
+fn ours(t: &Theirs) -> ScalarType {
+    match t {
+        Theirs::Char => ScalarType::I8,
+        Theirs::UChar => ScalarType::U8,
+        Theirs::Short => ScalarType::I16,
+        Theirs::UShort => ScalarType::U16,
+        Theirs::Int => ScalarType::I32,
+        Theirs::UInt => ScalarType::U32,
+        Theirs::Float => ScalarType::F32,
+        Theirs::Double => ScalarType::F64,
+    }
+}
+
+/// UTF-8, or else Latin-1, which older scanners write into comments.
+fn decode(line: &[u8]) -> String {
+    match std::str::from_utf8(line) {
+        Ok(text) => text.to_owned(),
+        Err(_) => line.iter().map(|&b| char::from(b)).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn header(text: &str) -> Result<Header, ReadError> {
+        read(&mut Source::new(text.as_bytes()))
+    }
+
+    #[test]
+    fn all_names_of_types_are_known_and_line_ends_may_be_those_of_windows() {
+        let names = [
+            "char", "int8", "uchar", "uint8", "short", "int16", "ushort", "uint16", "int", "int32", "uint", "uint32", "int64",
+            "uint64", "float", "float32", "double", "float64",
+        ];
+        let mut text = String::from("ply\r\nformat binary_big_endian 1.0\r\nobj_info made by hand\r\n\r\nelement vertex 2\r\n");
+        for (k, n) in names.iter().enumerate() {
+            text += &format!("property {n} p{k}\r\n");
+        }
+        text += "comment later\r\nelement face 1\r\nproperty list int64 uint64 vertex_indices\r\nend_header\r\n";
+        let h = header(&text).unwrap();
+        assert_eq!(h.encoding, Encoding::BinaryBigEndian);
+        assert_eq!((h.comments[0].as_str(), h.obj_info[0].as_str()), ("later", "made by hand"));
+        let sizes: Vec<usize> = h.elements[0].properties.iter().map(|p| p.scalar.size()).collect();
+        assert_eq!(sizes, [1, 1, 1, 1, 2, 2, 2, 2, 4, 4, 4, 4, 8, 8, 4, 4, 8, 8]);
+        assert_eq!(h.elements[0].properties[12].scalar, ScalarType::I64);
+        let list = &h.elements[1].properties[0];
+        assert_eq!((list.length, list.scalar), (Some(ScalarType::I64), ScalarType::U64));
+    }
+
+    #[test]
+    fn the_line_of_the_file_is_named_although_empty_lines_are_skipped() {
+        let fault = header("ply\nformat ascii 1.0\n\n\nelement vertex -3\nend_header\n").err().unwrap();
+        assert!(matches!(fault, ReadError::HeaderLine { line: 5, .. }), "{fault}");
+        assert!(fault.to_string().contains("element vertex -3"), "{fault}");
+    }
+
+    #[test]
+    fn a_comment_in_another_encoding_is_no_fault() {
+        let text = b"ply\nformat ascii 1.0\ncomment M\xfcller\nend_header\n";
+        assert_eq!(read(&mut Source::new(&text[..])).unwrap().comments, ["Müller"]);
+    }
+
+    #[test]
+    fn many_properties_take_no_quadratic_time() {
+        let mut text = String::from("ply\nformat ascii 1.0\nelement vertex 0\n");
+        for k in 0..30_000 {
+            text += &format!("property int64 p{k}\n");
+        }
+        assert_eq!(header(&(text + "end_header\n")).unwrap().elements[0].properties.len(), 30_000);
+    }
+}

@@ -1,0 +1,140 @@
+//! A reader that hands out as many bytes as it is asked for, and holds little more.
+
+use std::io::{self, ErrorKind, Read};
+
+/// Bytes read at once: some thousand records, and still in the second-level cache when they are
+/// decoded.
+const BLOCK: usize = 1 << 18;
+
+/// A buffered reader that knows where it stands. Its buffer grows only to the size of the largest
+/// piece that was asked for *and* was there: a false count cannot make it grow.
+pub(super) struct Source<R> {
+    inner: R,
+    buffer: Vec<u8>,
+    start: usize,
+    end: usize,
+    offset: u64,
+    line: u64,
+}
+
+impl<R: Read> Source<R> {
+    pub(super) fn new(inner: R) -> Self {
+        Self { inner, buffer: vec![0; BLOCK], start: 0, end: 0, offset: 0, line: 0 }
+    }
+
+    /// Bytes consumed so far.
+    pub(super) fn offset(&self) -> u64 {
+        self.offset
+    }
+
+    /// Lines consumed so far by [`Source::line`].
+    pub(super) fn line_number(&self) -> u64 {
+        self.line
+    }
+
+    /// What is buffered: at least `n` bytes unless the input ends before.
+    pub(super) fn peek(&mut self, n: usize) -> io::Result<&[u8]> {
+        while self.end - self.start < n && self.fill()? {}
+        Ok(&self.buffer[self.start..self.end])
+    }
+
+    /// Steps over `n` bytes that [`Source::peek`] has shown.
+    pub(super) fn consume(&mut self, n: usize) {
+        debug_assert!(n <= self.end - self.start, "only what was seen can be consumed");
+        self.start += n;
+        self.offset += n as u64;
+    }
+
+    /// The next line without its end (`\n` or `\r\n`); `None` at the end of the input. A line of
+    /// more than `limit` bytes is cut there.
+    pub(super) fn line(&mut self, limit: usize) -> io::Result<Option<&[u8]>> {
+        let mut seen = 0;
+        let (length, next) = loop {
+            let rest = &self.buffer[self.start..self.end];
+            if let Some(k) = rest[seen..].iter().position(|b| *b == b'\n') {
+                break (seen + k, seen + k + 1);
+            }
+            seen = rest.len();
+            if seen > limit || !self.fill()? {
+                break (seen, seen);
+            }
+        };
+        if next == 0 {
+            return Ok(None);
+        }
+        let from = self.start;
+        self.consume(next);
+        self.line += 1;
+        let line = &self.buffer[from..from + length];
+        Ok(Some(line.strip_suffix(b"\r").unwrap_or(line)))
+    }
+
+    /// Reads more; `false` at the end of the input.
+    fn fill(&mut self) -> io::Result<bool> {
+        if self.start == self.end {
+            (self.start, self.end) = (0, 0);
+        }
+        if self.end == self.buffer.len() {
+            if self.start > 0 {
+                self.buffer.copy_within(self.start..self.end, 0);
+                (self.start, self.end) = (0, self.end - self.start);
+            } else {
+                self.buffer.resize(2 * self.buffer.len(), 0);
+            }
+        }
+        loop {
+            match self.inner.read(&mut self.buffer[self.end..]) {
+                Ok(n) => {
+                    self.end += n;
+                    return Ok(n > 0);
+                }
+                Err(e) if e.kind() == ErrorKind::Interrupted => {}
+                Err(e) => return Err(e),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A reader that gives at most three bytes at a time.
+    struct Drip<'a>(&'a [u8]);
+
+    impl Read for Drip<'_> {
+        fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+            let n = self.0.len().min(out.len()).min(3);
+            out[..n].copy_from_slice(&self.0[..n]);
+            self.0 = &self.0[n..];
+            Ok(n)
+        }
+    }
+
+    #[test]
+    fn lines_end_in_any_way_and_are_counted() {
+        let mut source = Source::new(Drip(b"one\r\ntwo\n\nlast"));
+        for expected in [&b"one"[..], b"two", b"", b"last"] {
+            assert_eq!(source.line(99).unwrap().unwrap(), expected);
+        }
+        assert!(source.line(99).unwrap().is_none());
+        assert_eq!((source.line_number(), source.offset()), (4, 14));
+    }
+
+    #[test]
+    fn a_piece_larger_than_the_buffer_is_handed_out_whole_and_a_missing_one_is_not_invented() {
+        let data: Vec<u8> = (0..BLOCK + 1000).map(|k| k as u8).collect();
+        let mut source = Source::new(&data[..]);
+        source.peek(10).unwrap();
+        source.consume(10);
+        assert_eq!(source.peek(BLOCK + 500).unwrap()[..BLOCK + 500], data[10..BLOCK + 510]);
+        assert_eq!(source.peek(usize::MAX).unwrap().len(), BLOCK + 990);
+        assert!(source.buffer.len() <= 4 * BLOCK);
+    }
+
+    #[test]
+    fn an_endless_line_is_cut() {
+        let mut source = Source::new(io::repeat(b'a'));
+        assert!(source.line(1000).unwrap().unwrap().len() <= BLOCK);
+    }
+}

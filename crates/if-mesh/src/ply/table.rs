@@ -1,0 +1,155 @@
+//! The records of an element, property by property.
+
+use super::error::{At, ReadError};
+use super::header::ElementLayout;
+use super::scalar::Column;
+use crate::polygons::FaceList;
+use std::ops::Range;
+
+/// One property of all records of an element.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Property {
+    /// Its name in the header.
+    pub name: String,
+    /// The value of each record, or the values of all lists one after the other.
+    pub values: Column,
+    /// Where the property is a list: the list of record `r` is `values[lists[r]..lists[r + 1]]`.
+    pub lists: Option<Vec<u32>>,
+}
+
+impl Property {
+    /// A property of one number for each record.
+    pub fn new(name: impl Into<String>, values: Column) -> Self {
+        Self { name: name.into(), values, lists: None }
+    }
+
+    /// Number of records.
+    pub fn records(&self) -> usize {
+        self.lists.as_ref().map_or(self.values.len(), |l| l.len().saturating_sub(1))
+    }
+
+    /// Where in `values` the values of `record` stand.
+    ///
+    /// # Panics
+    ///
+    /// If `record` is out of range.
+    pub fn range(&self, record: usize) -> Range<usize> {
+        self.lists.as_ref().map_or(record..record + 1, |l| l[record] as usize..l[record + 1] as usize)
+    }
+}
+
+/// An element that is neither `vertex` nor `face`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Element {
+    /// Its name in the header.
+    pub name: String,
+    /// Number of records.
+    pub count: usize,
+    /// Its properties, in the file's order.
+    pub properties: Vec<Property>,
+}
+
+/// An element as it is read.
+pub(super) struct Table<'a> {
+    pub(super) layout: &'a ElementLayout,
+    /// One for each property of the layout; that of the faces stays empty.
+    pub(super) slots: Vec<Property>,
+    /// The list of vertex indices, where this is the element `face`.
+    pub(super) faces: Option<Faces>,
+    /// Records read so far.
+    pub(super) done: u64,
+}
+
+/// The vertex indices of the faces.
+pub(super) struct Faces {
+    /// Which property they are.
+    pub(super) property: usize,
+    /// How many vertices there are.
+    pub(super) vertices: u64,
+    pub(super) list: FaceList,
+    scratch: Vec<u32>,
+}
+
+/// Records for which room is made before they are seen, where the size of the file is not known.
+const UNSEEN: u64 = 1 << 16;
+
+impl<'a> Table<'a> {
+    /// `faces` names the property with the vertex indices, and the number of vertices.
+    pub(super) fn new(layout: &'a ElementLayout, faces: Option<(usize, u64)>, left: Option<u64>) -> Self {
+        // With the size known, the count was checked against it.
+        let room = if left.is_some() { layout.count } else { layout.count.min(UNSEEN) };
+        let slots = layout.properties.iter().enumerate().map(|(k, p)| {
+            let lists = p.length.map(|_| {
+                let mut starts = Vec::with_capacity(room as usize + 1);
+                starts.push(0);
+                starts
+            });
+            let is_face = faces.is_some_and(|(property, _)| property == k);
+            let room = if p.length.is_some() { 0 } else { room as usize };
+            Property { name: p.name.clone(), values: p.scalar.column(room), lists: lists.filter(|_| !is_face) }
+        });
+        Self {
+            layout,
+            slots: slots.collect(),
+            faces: faces.map(|(property, vertices)| Faces {
+                property,
+                vertices,
+                // A triangle takes 4 bytes at least (its length and three indices), 8 as text.
+                list: FaceList {
+                    triangles: Vec::with_capacity(room.min(left.unwrap_or(u64::MAX) / 4) as usize),
+                    ..FaceList::default()
+                },
+                scratch: Vec::new(),
+            }),
+            done: 0,
+        }
+    }
+
+    /// Closes the list of this record in property `k`, whose values were appended.
+    pub(super) fn end_list(&mut self, k: usize) -> Result<(), ReadError> {
+        let slot = &mut self.slots[k];
+        let end = u32::try_from(slot.values.len()).map_err(|_| ReadError::TooLarge { element: self.layout.name.clone() })?;
+        slot.lists.as_mut().expect("only lists are closed").push(end);
+        Ok(())
+    }
+
+    pub(super) fn truncated(&self, at: At) -> ReadError {
+        ReadError::Truncated { at, element: self.layout.name.clone(), record: self.done, count: self.layout.count }
+    }
+
+    pub(super) fn negative_length(&self, at: At, k: usize, length: i64) -> ReadError {
+        let property = self.layout.properties[k].name.clone();
+        ReadError::ListLength { at, element: self.layout.name.clone(), record: self.done, property, length }
+    }
+
+    /// The properties without the vertex indices, and the faces.
+    pub(super) fn finish(self) -> (Vec<Property>, Option<FaceList>) {
+        let mut slots = self.slots;
+        let list = self.faces.map(|f| {
+            slots.remove(f.property);
+            f.list
+        });
+        (slots, list)
+    }
+}
+
+impl Faces {
+    /// Appends a face.
+    pub(super) fn push(&mut self, indices: impl Iterator<Item = i64>, at: At) -> Result<(), ReadError> {
+        let face = self.list.len() as u64;
+        self.scratch.clear();
+        for (corner, index) in indices.enumerate() {
+            if index < 0 || index as u64 >= self.vertices {
+                return Err(ReadError::Index { at, face, corner: corner as u64, index, vertices: self.vertices });
+            }
+            self.scratch.push(index as u32);
+        }
+        if self.scratch.len() < 3 {
+            return Err(ReadError::FaceTooShort { at, face, corners: self.scratch.len() as u64 });
+        }
+        if !self.list.push(&self.scratch) {
+            return Err(ReadError::TooLarge { element: "face".into() });
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,136 @@
+//! The faces of a file as they stand there, beside the triangles that the rest of the crate works on.
+
+/// Faces of three corners or more, as vertex indices, one after the other.
+#[derive(Clone, Debug, PartialEq, Eq, Default)]
+pub struct Polygons {
+    /// Corner k of face f is `corners[starts[f] + k]`. One entry more than there are faces.
+    starts: Vec<u32>,
+    corners: Vec<u32>,
+}
+
+impl Polygons {
+    /// Number of faces.
+    pub fn len(&self) -> usize {
+        self.starts.len().saturating_sub(1)
+    }
+
+    /// Whether there is no face.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The vertices of face `f`, in the file's order.
+    ///
+    /// # Panics
+    ///
+    /// If `f` is out of range.
+    pub fn face(&self, f: usize) -> &[u32] {
+        &self.corners[self.starts[f] as usize..self.starts[f + 1] as usize]
+    }
+
+    /// All faces in the file's order.
+    pub fn iter(&self) -> impl Iterator<Item = &[u32]> {
+        self.starts.windows(2).map(|w| &self.corners[w[0] as usize..w[1] as usize])
+    }
+
+    fn from_triangles(triangles: &[[u32; 3]]) -> Self {
+        Self { starts: (0..=triangles.len() as u32).map(|t| 3 * t).collect(), corners: triangles.as_flattened().to_vec() }
+    }
+
+    fn push(&mut self, face: &[u32]) {
+        self.corners.extend_from_slice(face);
+        self.starts.push(self.corners.len() as u32);
+    }
+}
+
+/// Faces as they are read: triangles, and the polygons too as soon as one face is not a triangle.
+///
+/// A face is cut into a fan round its first corner. A triangle of the fan that names a vertex twice
+/// is left out of the triangles (it has no area, and [`if_core::mesh::TriMesh`] refuses it) and stays
+/// in the polygons; the face is then listed in `collapsed`.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct FaceList {
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// `None` as long as the faces are the triangles.
+    pub(crate) polygons: Option<Polygons>,
+    /// Indices of faces that use a vertex twice.
+    pub(crate) collapsed: Vec<u32>,
+}
+
+/// Corners that 32-bit offsets can count.
+const MAX_CORNERS: usize = u32::MAX as usize;
+
+impl FaceList {
+    /// Number of faces so far.
+    pub(crate) fn len(&self) -> usize {
+        self.polygons.as_ref().map_or(self.triangles.len(), Polygons::len)
+    }
+
+    /// Appends a face of three corners or more; `false` where the corners are more than 32 bits can count.
+    pub(crate) fn push(&mut self, face: &[u32]) -> bool {
+        if let (None, &[a, b, c]) = (&self.polygons, face)
+            && a != b
+            && b != c
+            && c != a
+        {
+            self.triangles.push([a, b, c]);
+            return self.triangles.len() <= MAX_CORNERS / 3;
+        }
+        let index = self.len();
+        let polygons = self.polygons.get_or_insert_with(|| Polygons::from_triangles(&self.triangles));
+        if polygons.corners.len() + face.len() > MAX_CORNERS {
+            return false;
+        }
+        polygons.push(face);
+        let mut whole = true;
+        for pair in face[1..].windows(2) {
+            let t = [face[0], pair[0], pair[1]];
+            if t[0] != t[1] && t[1] != t[2] && t[2] != t[0] {
+                self.triangles.push(t);
+            } else {
+                whole = false;
+            }
+        }
+        if !whole {
+            self.collapsed.push(index as u32);
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_alone_need_no_polygons() {
+        let mut faces = FaceList::default();
+        assert!(faces.push(&[0, 1, 2]) && faces.push(&[2, 1, 3]));
+        assert_eq!(faces.triangles, [[0, 1, 2], [2, 1, 3]]);
+        assert!(faces.polygons.is_none() && faces.collapsed.is_empty());
+        assert_eq!(faces.len(), 2);
+    }
+
+    #[test]
+    fn the_first_polygon_brings_the_earlier_triangles_along() {
+        let mut faces = FaceList::default();
+        for f in [&[0, 1, 2][..], &[3, 4, 5, 6, 7], &[1, 2, 3]] {
+            assert!(faces.push(f));
+        }
+        assert_eq!(faces.triangles, [[0, 1, 2], [3, 4, 5], [3, 5, 6], [3, 6, 7], [1, 2, 3]]);
+        let polygons = faces.polygons.unwrap();
+        assert_eq!(polygons.iter().collect::<Vec<_>>(), [&[0, 1, 2][..], &[3, 4, 5, 6, 7], &[1, 2, 3]]);
+        assert_eq!(polygons.face(1).len(), 5);
+    }
+
+    #[test]
+    fn a_face_that_uses_a_vertex_twice_stays_a_face_but_gives_no_triangle() {
+        let mut faces = FaceList::default();
+        for f in [&[0, 1, 2][..], &[3, 3, 4], &[5, 6, 6, 7]] {
+            assert!(faces.push(f));
+        }
+        assert_eq!(faces.triangles, [[0, 1, 2], [5, 6, 7]]);
+        assert_eq!(faces.collapsed, [1, 2]);
+        assert_eq!(faces.polygons.unwrap().len(), 3);
+    }
+}

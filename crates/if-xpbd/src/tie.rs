@@ -1,0 +1,138 @@
+//! Ties between the sheets of a fold: a vertex keeps its place over a triangle.
+
+use crate::constraint::{Constraint, Residual};
+use if_core::math::{Point, Real, Vector};
+
+/// Vertices that move with a triangle, as the layers of a hem, a cuff or a lapel do.
+///
+/// A vertex v near the point q = Σ bᵢ xᵢ of a triangle keeps its offset o from it as a vector of the
+/// world: the two have one displacement. A visit takes the share k ∈ [0, 1] of the way there:
+///
+/// ```text
+/// C = x_v − Σ bᵢ xᵢ − o        Δx_v = −k w_v C / S,   Δxᵢ = k wᵢ bᵢ C / S,   S = w_v + Σ wᵢ bᵢ²
+/// ```
+///
+/// The constraint is linear, so it is stable whatever the shape of the triangle, and momentum stays. It
+/// resists rotation: it is meant for corrections that are small against the garment. (Offsets in the
+/// triangle's own frame follow rotations, but frames of slivers spin, and what is tied to them with
+/// them: measured on a suit jacket, edge strain rms 12 % instead of 1 %.)
+///
+/// # Source
+///
+/// Ours. Contacts cannot hold such sheets: they lie closer together than a correction moves them.
+#[derive(Clone, Debug, Default)]
+pub struct Ties {
+    vertices: Vec<[u32; 4]>,
+    barycentric: Vec<[Real; 3]>,
+    offsets: Vec<Vector>,
+    shares: Vec<Real>,
+}
+
+impl Ties {
+    /// No ties.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Number of ties.
+    pub fn len(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.vertices.is_empty()
+    }
+
+    /// Ties `vertex` to the point `barycentric` of `triangle`, as both lie in `positions`, with `share`
+    /// k.
+    pub fn push(&mut self, vertex: u32, triangle: [u32; 3], barycentric: [Real; 3], share: Real, positions: &[Point]) {
+        let corners = triangle.map(|v| positions[v as usize]);
+        let offset = positions[vertex as usize].coords - blend(&corners, barycentric);
+        self.vertices.push([vertex, triangle[0], triangle[1], triangle[2]]);
+        self.barycentric.push(barycentric);
+        self.offsets.push(offset);
+        self.shares.push(share);
+    }
+}
+
+impl Constraint for Ties {
+    fn begin_substep(&mut self, _previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {}
+
+    fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real], _h: Real) -> Residual {
+        let mut residual = Residual { count: self.len(), ..Residual::default() };
+        for k in 0..self.vertices.len() {
+            let [v, a, b, c] = self.vertices[k].map(|i| i as usize);
+            let corners = [positions[a], positions[b], positions[c]];
+            let bary = self.barycentric[k];
+            let off = positions[v].coords - blend(&corners, bary) - self.offsets[k];
+            let size2 = off.norm_squared();
+            residual.active += 1;
+            residual.sum_squares += size2;
+            residual.max = residual.max.max(size2.sqrt());
+            let w = [inverse_masses[v], inverse_masses[a], inverse_masses[b], inverse_masses[c]];
+            let sum = w[0] + w[1] * bary[0] * bary[0] + w[2] * bary[1] * bary[1] + w[3] * bary[2] * bary[2];
+            if sum > 0.0 {
+                let step = off * (self.shares[k] / sum);
+                positions[v] -= step * w[0];
+                positions[a] += step * (w[1] * bary[0]);
+                positions[b] += step * (w[2] * bary[1]);
+                positions[c] += step * (w[3] * bary[2]);
+            }
+        }
+        residual
+    }
+
+    fn is_idle(&self) -> bool {
+        self.is_empty()
+    }
+}
+
+fn blend(c: &[Point; 3], b: [Real; 3]) -> Vector {
+    c[0].coords * b[0] + c[1].coords * b[1] + c[2].coords * b[2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folded() -> Vec<Point> {
+        vec![Point::new(0.3, 0.3, 0.002), Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(0.0, 1.0, 0.0)]
+    }
+
+    #[test]
+    fn a_tied_vertex_is_at_rest_after_a_translation() {
+        let x = folded();
+        let mut ties = Ties::new();
+        ties.push(0, [1, 2, 3], [0.4, 0.3, 0.3], 1.0, &x);
+        let mut moved: Vec<Point> = x.iter().map(|p| p + Vector::new(5.0, -2.0, 1.0)).collect();
+        assert!(ties.project(&mut moved, &[1.0; 4], 1.0).max < 1e-14);
+    }
+
+    #[test]
+    fn a_vertex_pushed_through_comes_back_to_its_side_and_momentum_stays() {
+        let x = folded();
+        let mut ties = Ties::new();
+        ties.push(0, [1, 2, 3], [0.4, 0.3, 0.3], 0.5, &x);
+        let mut y = x.clone();
+        y[0].z = -0.01;
+        let before: Vector = y.iter().map(|p| p.coords).sum();
+        for _ in 0..40 {
+            ties.project(&mut y, &[1.0; 4], 1.0);
+        }
+        let after: Vector = y.iter().map(|p| p.coords).sum();
+        approx::assert_relative_eq!(before, after, epsilon = 1e-15);
+        let n = (y[2] - y[1]).cross(&(y[3] - y[1]));
+        assert!(n.dot(&(y[0] - y[1])) > 0.0);
+    }
+
+    #[test]
+    fn a_triangle_without_area_ties_as_any_other() {
+        let mut x = vec![Point::origin(); 4];
+        let mut ties = Ties::new();
+        ties.push(0, [1, 2, 3], [1.0, 0.0, 0.0], 1.0, &x);
+        x[0].x = 1.0;
+        ties.project(&mut x, &[1.0, 0.0, 0.0, 0.0], 1.0);
+        assert_eq!(x[0], Point::origin());
+    }
+}
