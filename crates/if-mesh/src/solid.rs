@@ -40,6 +40,7 @@ use rayon::prelude::*;
 pub struct ClosedLayer {
     bvh: Bvh,
     vertices: Vec<Point>,
+    triangles: Vec<[u32; 3]>,
     normals: PseudoNormals,
     /// Voxels of a body, for rough answers only.
     body: Option<Voxels>,
@@ -94,7 +95,7 @@ impl ClosedLayer {
         voxels.flood(|_| true);
         Self {
             bvh,
-            vertices: mesh.vertices().to_vec(),
+            vertices: mesh.vertices().to_vec(), triangles: mesh.triangles().to_vec(),
             normals: PseudoNormals::new(mesh, &Edges::new(mesh)),
             body: Some(voxels),
             closure: None,
@@ -126,7 +127,7 @@ impl ClosedLayer {
             let part = TriMesh::new(mesh.vertices().to_vec(), triangles).expect("a part of a mesh is a mesh");
             (Bvh::new(&part), keep)
         });
-        Self { bvh, vertices: mesh.vertices().to_vec(), normals, body: None, closure: Some(Closure { voxels, outside, interface }) }
+        Self { bvh, vertices: mesh.vertices().to_vec(), triangles: mesh.triangles().to_vec(), normals, body: None, closure: Some(Closure { voxels, outside, interface }) }
     }
 
     /// The index over the layer's triangles.
@@ -137,6 +138,11 @@ impl ClosedLayer {
     /// Pseudo-normals of the layer.
     pub fn normals(&self) -> &PseudoNormals {
         &self.normals
+    }
+
+    /// Corners of triangle `t`.
+    pub fn corners(&self, t: u32) -> [Point; 3] {
+        self.triangles[t as usize].map(|v| self.vertices[v as usize])
     }
 
     /// Number of vertices.

@@ -321,6 +321,36 @@ impl<'a> Contacts<'a> {
     }
 }
 
+/// The plane that parts triangle `t` from triangle `o` with the least motion of `t` towards `out`:
+/// its unit normal n and the level that n·x must reach at all corners of `t`.
+///
+/// The candidates are the separating axes of the two, turned towards `out`, and `out` itself.
+pub(crate) fn parting(t: &[Point; 3], o: &[Point; 3], out: &Vector) -> Option<(Vector, Real)> {
+    const TOWARDS: Real = 0.3;
+    let mut axes = vec![*out, area_vector(&t[0], &t[1], &t[2]), area_vector(&o[0], &o[1], &o[2])];
+    for i in 0..3 {
+        for j in 0..3 {
+            axes.push((t[(i + 1) % 3] - t[i]).cross(&(o[(j + 1) % 3] - o[j])));
+        }
+    }
+    let mut best: Option<(Real, Vector, Real)> = None;
+    for axis in axes {
+        let mut n = unit_or_zero(&axis);
+        if n.dot(out) < 0.0 {
+            n = -n;
+        }
+        if n.dot(out) < TOWARDS {
+            continue;
+        }
+        let level = o.iter().map(|p| n.dot(&p.coords)).fold(Real::NEG_INFINITY, Real::max);
+        let low = t.iter().map(|p| n.dot(&p.coords)).fold(Real::INFINITY, Real::min);
+        if best.is_none_or(|(depth, _, _)| level - low < depth) {
+            best = Some((level - low, n, level));
+        }
+    }
+    best.map(|(_, n, level)| (n, level))
+}
+
 /// Area-weighted unit normals of the vertices.
 fn vertex_normals(x: &[Point], triangles: &[[u32; 3]]) -> Vec<Vector> {
     let mut sums = vec![Vector::zeros(); x.len()];

@@ -80,6 +80,9 @@ pub(crate) fn settle(garment: &Layer, below: &[(&str, &ClosedLayer)], tris: &[&[
     for &(v, t, b, d) in &prox { ties.push(v, mesh.triangles()[t as usize], b, env("TIEK", 0.7) * (1.0 - 0.7 * d / tier), &x); }
     if std::env::var("D").is_ok() { println!("     ties {}", ties.len()); }
     planes.max_push = env("PUSH", 2e-3);
+    let mut extra_planes: Vec<(u32, if_core::math::Vector, Point)> = Vec::new();
+    let mut age = std::collections::BTreeMap::new();
+    let mut last_total = usize::MAX;
     let mut sep = Separations::new();
     let mut parted = std::collections::BTreeSet::new();
     let mut near = PairContacts::new();
@@ -117,6 +120,7 @@ pub(crate) fn settle(garment: &Layer, below: &[(&str, &ClosedLayer)], tris: &[&[
         let t0 = std::time::Instant::now();
         contacts.skip = if round < env("DEFER", 0.0) as usize { outer.clone() } else { vec![false; n] };
         contacts.detect(&x, mesh.triangles(), &tree, &gap, &mut planes);
+        for (v, normal, point) in &extra_planes { planes.push_vertex(*v, *normal, point, env("PAIRGAP", 0.15e-3)); }
         let t1 = std::time::Instant::now();
         if !planes.is_empty() && env("OWNR", 8e-3) > 0.0 { own.detect(&x, mesh.triangles(), &tree, env("OWNR", 8e-3), 0.3e-3, &mut near); }
         let t2 = std::time::Instant::now();
@@ -157,22 +161,37 @@ pub(crate) fn settle(garment: &Layer, below: &[(&str, &ClosedLayer)], tris: &[&[
         tree.refit(&x);
         let t4 = std::time::Instant::now();
         if debug && (round % 5 == 4 || retracted) { println!("     {} round {round} cons {} own {} held {held} worst {:.3} moved {:.3} | {:.1} {:.1} {:.1} {:.1} ms", garment.name, planes.len(), near.len(), worst * 1e3, moved * 1e3, (t1-t0).as_secs_f64()*1e3, (t2-t1).as_secs_f64()*1e3, (t3-t2).as_secs_f64()*1e3, (t4-t3).as_secs_f64()*1e3); }
-        if (!retracted || stages.len() < 2 || debug) && (moved < tol || round % 5 == 4) {
+        extra_planes.clear();
+        let check = moved < tol || round % 5 == 4 || (round > 8 && last_total < 500);
+        if check {
             let mut byl = vec![];
             let mut total = 0;
             for (_, l) in below {
                 let ps = pairs(l.bvh(), &tree);
                 total += ps.len();
                 byl.push(ps.len());
+                if env("PAIRP", 1.0) > 0.0 { for p in &ps {
+                    let tri = mesh.triangles()[p.b as usize];
+                    let t = tri.map(|v| x[v as usize]);
+                    let mid = Point::from((t[0].coords + t[1].coords + t[2].coords) / 3.0);
+                    let Some(out) = outward.direction(&mid).or_else(|| l.sided(&mid, 0.05).map(|s| s.normal)) else { continue };
+                    let o = l.corners(p.a);
+                    if let Some((n, level)) = crate::contacts::parting(&t, &o, &out) {
+                        for v in tri { extra_planes.push((v, n, Point::from(n * level))); }
+                    }
+                } }
                 for p in ps {
                     let tri = mesh.triangles()[p.b as usize];
-                    if moved < 4.0 * tol || round > 20 { for v in tri { gap[v as usize] = (gap[v as usize] * 1.15).min(0.03); } }
+                    let a = age.entry(p.b).or_insert(0u32);
+                    *a += 1;
+                    if *a > env("AGE", 4.0) as u32 { for v in tri { gap[v as usize] = (gap[v as usize] * env("INFL", 1.1)).min(0.03); } }
                     let _ = (segment_triangle, Sample { vertices: tri, weights: [0.0; 3] });
                 }
             }
             let fresh = own.fresh(&mesh.with_vertices(x.clone()).expect("finite"), &tree);
             for [a, b] in &fresh { if parted.insert([*a, *b]) { sep.push(mesh.triangles()[*a as usize], mesh.triangles()[*b as usize], env("SEPGAP", 0.1e-3), &x0); } }
             let inside: usize = below.iter().map(|(_, l)| x.par_iter().filter(|p| l.sided(p, 0.0).is_some_and(|s| s.distance < 0.0)).count()).sum();
+            last_total = total;
             if debug { println!("     {} round {round} pairs {:?} inside {inside} own {}", garment.name, byl, if_mesh::intersections::own_pairs(&mesh.with_vertices(x.clone()).unwrap(), &tree).len()); }
             if debug && round > 50 { for (name, l) in below { for (v, p) in x.iter().enumerate() { if let Some(s) = l.sided(p, 0.0) { if s.distance < 0.0 { println!("       inside {name} v {v} at ({:.3} {:.3} {:.3}) d {:.2} n ({:.2} {:.2} {:.2}) boundary {} voxel {:?} out {:?} neighbours d {:?}", p.x, p.y, p.z, s.distance * 1e3, s.normal.x, s.normal.y, s.normal.z, s.boundary, l.voxel(p), outward.direction(p).map(|d| [0,1,2].map(|k| (d[k] * 100.0).round() / 100.0)), edges.vertices.iter().filter(|e| e.contains(&(v as u32))).map(|e| { let o = if e[0] == v as u32 { e[1] } else { e[0] }; l.sided(&x[o as usize], 0.03).map(|s| (s.distance * 1e4).round() / 10.) }).collect::<Vec<_>>()); } } } } }
             if total == 0 && inside == 0 && fresh.is_empty() && round > env("DEFER", 0.0) as usize * usize::from(outer.iter().any(|o| *o)) { break; }
