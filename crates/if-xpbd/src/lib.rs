@@ -1,1 +1,11 @@
-//! placeholder
+//! Extended position-based dynamics for cloth: Algorithm 1 of IF-Garments, made robust.
+
+pub mod attach;
+pub mod bending;
+pub mod coloring;
+pub mod constraint;
+pub mod edge_set;
+pub mod half_space;
+pub mod pair_contact;
+pub mod params;
+pub mod stretch;

@@ -1,0 +1,168 @@
+//! Edges with rest lengths, checked once and laid out for sweeping: what stretch and strain limits
+//! share.
+
+use crate::coloring::color;
+use if_core::edges::Edges;
+use if_core::math::{Point, Real};
+use if_core::mesh::TriMesh;
+use std::ops::Range;
+
+/// Edges in the order of visiting, as a structure of arrays.
+#[derive(Clone, Debug, Default)]
+pub struct EdgeSet {
+    pub(crate) a: Vec<u32>,
+    pub(crate) b: Vec<u32>,
+    pub(crate) rest: Vec<Real>,
+    /// Number that each edge had when it was given.
+    pub(crate) given: Vec<u32>,
+    pub(crate) colors: Vec<Range<usize>>,
+    vertex_count: usize,
+}
+
+/// Why edges and rest lengths do not make constraints.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum EdgeSetError {
+    /// There is not one rest length for each edge.
+    #[error("{edges} edges but {rests} rest lengths; give one for each edge")]
+    Count {
+        /// Edges given.
+        edges: usize,
+        /// Rest lengths given.
+        rests: usize,
+    },
+    /// An end does not exist.
+    #[error("edge {edge} names vertex {vertex}, but there are only {vertices} vertices (0 is the first)")]
+    IndexOutOfRange {
+        /// Index of the edge.
+        edge: usize,
+        /// The vertex it names.
+        vertex: u32,
+        /// How many there are.
+        vertices: usize,
+    },
+    /// Both ends are one vertex.
+    #[error("edge {edge} joins vertex {vertex} to itself; drop it")]
+    SelfLoop {
+        /// Index of the edge.
+        edge: usize,
+        /// The vertex.
+        vertex: u32,
+    },
+    /// A rest length is negative, NaN or infinite.
+    #[error("edge {edge} has the rest length {value}; it must be finite and at least 0 (metres)")]
+    Rest {
+        /// Index of the edge.
+        edge: usize,
+        /// What stands there.
+        value: Real,
+    },
+}
+
+impl EdgeSet {
+    /// Checks, colours and sorts `edges` with their `rests` (metres) over `vertex_count` vertices.
+    ///
+    /// # Errors
+    ///
+    /// The first fault found.
+    pub fn new(edges: &[[u32; 2]], rests: &[Real], vertex_count: usize) -> Result<Self, EdgeSetError> {
+        if edges.len() != rests.len() {
+            return Err(EdgeSetError::Count { edges: edges.len(), rests: rests.len() });
+        }
+        for (edge, (&[a, b], &value)) in edges.iter().zip(rests).enumerate() {
+            for vertex in [a, b] {
+                if vertex as usize >= vertex_count {
+                    return Err(EdgeSetError::IndexOutOfRange { edge, vertex, vertices: vertex_count });
+                }
+            }
+            if a == b {
+                return Err(EdgeSetError::SelfLoop { edge, vertex: a });
+            }
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(EdgeSetError::Rest { edge, value });
+            }
+        }
+        let coloring = color(edges, vertex_count);
+        let pick = |k: &u32| edges[*k as usize];
+        Ok(Self {
+            a: coloring.order.iter().map(|k| pick(k)[0]).collect(),
+            b: coloring.order.iter().map(|k| pick(k)[1]).collect(),
+            rest: coloring.order.iter().map(|k| rests[*k as usize]).collect(),
+            colors: coloring.ranges().collect(),
+            given: coloring.order,
+            vertex_count,
+        })
+    }
+
+    /// The edges of `mesh`, at rest where the mesh now is.
+    pub fn of_mesh(mesh: &TriMesh) -> Self {
+        let edges = Edges::new(mesh).vertices;
+        let rests: Vec<Real> = edges.iter().map(|e| length(mesh.vertices(), e)).collect();
+        Self::new(&edges, &rests, mesh.vertices().len()).expect("a checked mesh has sound edges of finite length")
+    }
+
+    /// Number of edges.
+    pub fn len(&self) -> usize {
+        self.a.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.a.is_empty()
+    }
+
+    /// Number of particles that the edges' ends are counted among.
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_count
+    }
+
+    /// The edges in the order in which a sweep visits them: ends, and rest length in metres.
+    pub fn visited(&self) -> impl Iterator<Item = ([u32; 2], Real)> + '_ {
+        (0..self.len()).map(|k| ([self.a[k], self.b[k]], self.rest[k]))
+    }
+
+    /// Relative elongations `|pᵢ − pⱼ|/ℓ − 1` in the order in which the edges were given; 0 where ℓ = 0.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer positions than [`EdgeSet::vertex_count`].
+    pub fn strains(&self, positions: &[Point]) -> Vec<Real> {
+        let mut out = vec![0.0; self.len()];
+        for (k, (e, rest)) in self.visited().enumerate() {
+            if rest > 0.0 {
+                out[self.given[k] as usize] = length(positions, &e) / rest - 1.0;
+            }
+        }
+        out
+    }
+}
+
+fn length(positions: &[Point], e: &[u32; 2]) -> Real {
+    // Halved and doubled, so that two ends 1e308 apart do not give an infinite length.
+    2.0 * (positions[e[0] as usize].coords * 0.5 - positions[e[1] as usize].coords * 0.5).norm()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faults_are_named() {
+        use EdgeSetError::*;
+        assert!(matches!(EdgeSet::new(&[[0, 1]], &[], 2), Err(Count { edges: 1, rests: 0 })));
+        assert!(matches!(EdgeSet::new(&[[0, 2]], &[1.0], 2), Err(IndexOutOfRange { edge: 0, vertex: 2, vertices: 2 })));
+        assert!(matches!(EdgeSet::new(&[[0, 1], [1, 1]], &[1.0; 2], 2), Err(SelfLoop { edge: 1, vertex: 1 })));
+        for bad in [-1.0, Real::NAN, Real::INFINITY] {
+            assert!(matches!(EdgeSet::new(&[[0, 1]], &[bad], 2), Err(Rest { edge: 0, .. })));
+        }
+        assert!(EdgeSet::new(&[], &[], 0).unwrap().is_empty());
+    }
+
+    #[test]
+    fn strains_come_in_the_order_of_the_edges_given() {
+        let p = vec![Point::origin(), Point::new(2.0, 0.0, 0.0), Point::new(2.0, 3.0, 0.0)];
+        let set = EdgeSet::new(&[[1, 2], [0, 1], [0, 2]], &[2.0, 2.0, 0.0], 3).unwrap();
+        assert_eq!(set.strains(&p), vec![0.5, 0.0, 0.0]);
+        assert_eq!(set.colors.len(), 3);
+    }
+}

@@ -1,0 +1,218 @@
+//! The solver's parameters, with the corrected and the literal preset.
+
+use if_core::math::Real;
+use serde::{Deserialize, Serialize};
+
+/// What line 18 adds to `C`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum LambdaForm {
+    /// `C + β̃ λ`, as XPBD has it: any number of sweeps solves the same problem.
+    #[default]
+    Xpbd,
+    /// `C + β λ`, as line 18 prints it: more sweeps make a softer spring harder.
+    Printed,
+}
+
+/// Where in a substep contacts are visited.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum ContactOrder {
+    /// Once, before the elastic sweeps, as lines 6 to 22 are printed: leaves vertices inside again.
+    BeforeStretch,
+    /// After each elastic sweep, hence also last.
+    #[default]
+    AfterStretch,
+    /// Once before the first elastic sweep and after each.
+    Both,
+}
+
+/// What line 3 starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
+pub enum Motion {
+    /// v := 0 in each substep: the garment settles, and pushes leave no speed behind.
+    #[default]
+    QuasiStatic,
+    /// Velocities persist, and lose the fraction `1 − exp(−damping h)` in a substep; damping in 1/s.
+    Dynamic {
+        /// Damping rate, in 1/s; 0 as printed.
+        damping: Real,
+    },
+}
+
+/// Parameters of [`Solver`](crate::solver::Solver). `Default` is the corrected method,
+/// [`SolverParams::literal`] lines 1 to 26 as printed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SolverParams {
+    /// Δt of line 1, in seconds.
+    pub time_step: Real,
+    /// numSubSteps of line 1.
+    pub substeps: u32,
+    /// Time steps for each garment.
+    pub steps: u32,
+    /// Visits of the elastic groups in a substep; 0 visits none.
+    pub sweeps: u32,
+    /// β of line 5 for the stretch group, in m/N.
+    pub compliance: Real,
+    /// What line 18 adds to C.
+    pub lambda_form: LambdaForm,
+    /// Where contacts stand in a substep.
+    pub contact_order: ContactOrder,
+    /// What line 3 starts from.
+    pub motion: Motion,
+    /// Acceleration of gravity, in m/s². Line 3 prints none. Without effect in a quasi-static run
+    /// only where it is zero: there it acts as the displacement g h² of each substep.
+    pub gravity: [Real; 3],
+    /// A run stops once no vertex moved farther than this in a step, in metres; 0 never stops.
+    pub stop_below: Real,
+    /// Coulomb coefficient of friction of collisions.
+    pub friction: Real,
+    /// δ: distance kept from the field's zero set, in metres. Give collisions more where edges are
+    /// long: L²κ/8 for edges of length L across a curvature κ.
+    pub clearance: Real,
+    /// The farthest that one visit of a collision may push a vertex, in metres.
+    pub max_push: Real,
+    /// Whether the speed gained by being pushed out of a penetration is taken away after line 24.
+    pub remove_depenetration_velocity: bool,
+    /// Most often that a step which went wrong is taken back and tried with h/2.
+    pub retries: u32,
+    /// A step went wrong when its kinetic energy grew beyond this factor (counted from that of
+    /// 1 m/s at least); infinity allows all that is finite.
+    pub energy_jump: Real,
+}
+
+impl Default for SolverParams {
+    fn default() -> Self {
+        Self {
+            time_step: 0.01,
+            substeps: 10,
+            steps: 360,
+            sweeps: 1,
+            compliance: 1e-5,
+            lambda_form: LambdaForm::Xpbd,
+            contact_order: ContactOrder::AfterStretch,
+            motion: Motion::QuasiStatic,
+            gravity: [0.0; 3],
+            stop_below: 1e-6,
+            friction: 0.0,
+            clearance: 1e-3,
+            max_push: 0.01,
+            remove_depenetration_velocity: true,
+            retries: 3,
+            energy_jump: 1e6,
+        }
+    }
+}
+
+/// Which parameter cannot be worked with.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ParamsError {
+    /// A number is outside its range.
+    #[error("{name} is {value}; it must be {range}")]
+    OutOfRange {
+        /// The parameter.
+        name: &'static str,
+        /// Its value.
+        value: Real,
+        /// What is allowed.
+        range: &'static str,
+    },
+}
+
+impl SolverParams {
+    /// Algorithm 1 as printed: Δt = 0.01 s, 10 substeps, 360 steps, β = 10⁻⁵, contacts once and
+    /// before the stretch, `C + β λ`, no clearance, no limits, and velocities from the final `p`.
+    pub fn literal() -> Self {
+        Self {
+            lambda_form: LambdaForm::Printed,
+            contact_order: ContactOrder::BeforeStretch,
+            motion: Motion::Dynamic { damping: 0.0 },
+            stop_below: 0.0,
+            clearance: 0.0,
+            max_push: Real::INFINITY,
+            remove_depenetration_velocity: false,
+            retries: 0,
+            energy_jump: Real::INFINITY,
+            ..Self::default()
+        }
+    }
+
+    /// h of line 1, in seconds.
+    pub fn substep(&self) -> Real {
+        self.time_step / Real::from(self.substeps)
+    }
+
+    /// Checks every number.
+    ///
+    /// # Errors
+    ///
+    /// The first that is NaN or outside its range.
+    pub fn validate(&self) -> Result<(), ParamsError> {
+        let check = |name, value: Real, ok: bool, range| {
+            if ok { Ok(()) } else { Err(ParamsError::OutOfRange { name, value, range }) }
+        };
+        let positive = |x: Real| x > 0.0 && x.is_finite();
+        let not_negative = |x: Real| x >= 0.0 && x.is_finite();
+        check("time_step", self.time_step, positive(self.time_step), "positive and finite (seconds)")?;
+        check("substeps", self.substeps.into(), self.substeps > 0, "at least 1")?;
+        let h2 = self.substep() * self.substep();
+        check("time_step", self.time_step, positive(h2), "such that the square of a substep is a positive number")?;
+        check("compliance", self.compliance, self.compliance >= 0.0, "at least 0 (m/N; infinity for no stretch constraint)")?;
+        for g in self.gravity {
+            check("gravity", g, g.is_finite(), "finite (m/s²)")?;
+        }
+        check("stop_below", self.stop_below, not_negative(self.stop_below), "finite and at least 0 (metres)")?;
+        check("friction", self.friction, not_negative(self.friction), "finite and at least 0")?;
+        check("clearance", self.clearance, not_negative(self.clearance), "finite and at least 0 (metres)")?;
+        check("max_push", self.max_push, self.max_push > 0.0, "positive (metres; infinity for no limit)")?;
+        check("retries", self.retries.into(), self.retries <= 30, "at most 30 (each halves h)")?;
+        check("energy_jump", self.energy_jump, self.energy_jump > 1.0, "above 1 (infinity for no limit)")?;
+        if let Motion::Dynamic { damping } = self.motion {
+            check("damping", damping, not_negative(damping), "finite and at least 0 (1/s)")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_presets_are_valid_and_have_the_papers_numbers() {
+        for params in [SolverParams::default(), SolverParams::literal()] {
+            params.validate().unwrap();
+            assert_eq!((params.time_step, params.substeps, params.steps, params.compliance), (0.01, 10, 360, 1e-5));
+            assert_eq!(params.substep(), 0.001);
+        }
+    }
+
+    #[test]
+    fn a_number_that_cannot_be_worked_with_is_named() {
+        type Spoil = fn(&mut SolverParams);
+        let table: [(&str, Spoil); 13] = [
+            ("time_step", |p| p.time_step = Real::NAN),
+            ("time_step", |p| p.time_step = 0.0),
+            ("time_step", |p| p.time_step = 1e-200),
+            ("substeps", |p| p.substeps = 0),
+            ("compliance", |p| p.compliance = -1.0),
+            ("compliance", |p| p.compliance = Real::NAN),
+            ("gravity", |p| p.gravity[1] = Real::INFINITY),
+            ("stop_below", |p| p.stop_below = Real::NAN),
+            ("friction", |p| p.friction = -0.1),
+            ("clearance", |p| p.clearance = Real::INFINITY),
+            ("max_push", |p| p.max_push = 0.0),
+            ("energy_jump", |p| p.energy_jump = 1.0),
+            ("damping", |p| p.motion = Motion::Dynamic { damping: -1.0 }),
+        ];
+        for (expected, spoil) in table {
+            let mut params = SolverParams::default();
+            spoil(&mut params);
+            let ParamsError::OutOfRange { name, .. } = params.validate().unwrap_err();
+            assert_eq!(name, expected);
+        }
+        for fine in [0.0, 1e-12, 1e3, Real::INFINITY] {
+            SolverParams { compliance: fine, ..Default::default() }.validate().unwrap();
+        }
+    }
+}
