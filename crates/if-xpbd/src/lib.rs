@@ -8,4 +8,6 @@ pub mod edge_set;
 pub mod half_space;
 pub mod pair_contact;
 pub mod params;
+pub mod particles;
+pub mod strain_limit;
 pub mod stretch;
