@@ -1,6 +1,6 @@
 //! The command line.
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
 const EXIT_CODES: &str = "\
@@ -99,11 +99,37 @@ pub(crate) struct DemoArgs {
     /// Output folder.
     #[arg(short, long, value_name = "DIR", default_value = "out/demo")]
     pub(crate) out: PathBuf,
+    /// What the mannequin wears between shirt and jacket.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) variant: Variant,
+    /// How fine the meshes are.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) size: Size,
     #[command(flatten)]
     pub(crate) params: ParamArgs,
+    /// Print the report as JSON on stdout, and no tables.
+    #[arg(long)]
+    pub(crate) json: bool,
     /// Do not draw before.png and after.png.
     #[arg(long)]
     pub(crate) no_pictures: bool,
+}
+
+/// Scenes of the demo.
+#[derive(ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Variant {
+    #[default]
+    Skirt,
+    Trousers,
+}
+
+/// Sizes of the demo.
+#[derive(ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Size {
+    Coarse,
+    #[default]
+    Normal,
+    Fine,
 }
 
 /// A positive, finite factor.

@@ -1,9 +1,9 @@
 //! `ifg check`: looks at outfits and changes nothing.
 
+use crate::announce::{self, Style};
 use crate::args::{CheckArgs, ParamArgs};
 use crate::cancel;
 use crate::end::End;
-use crate::fix::failed;
 use crate::load;
 use crate::outfit_file::{OutfitSpec, SpecError, outfits};
 use crate::print::{print, print_json};
@@ -26,7 +26,7 @@ pub(crate) fn run(args: &CheckArgs) -> Result<End, Report> {
         let file = args.input.files[k].display().to_string();
         let end = match one(spec, (k, n), json) {
             Ok(end) => end,
-            Err(error) => failed(&file, error, json)?,
+            Err(error) => announce::failure(&file, &error, if json { Style::Json } else { Style::Tables })?,
         };
         worst = worst.max(end);
     }
@@ -39,20 +39,20 @@ fn one(spec: Result<OutfitSpec, SpecError>, (k, n): (usize, usize), json: bool) 
     let spec = spec?;
     let line = Line::new(&spec.name, k, n);
     line.say("reading");
-    load::contents(&spec)?;
     let loaded = load::load(&spec)?;
     line.say("verifying");
     let found = verify(&loaded.outfit).into_diagnostic()?;
     drop(line);
     let clean = found.is_clean();
+    let verdict = if clean { "clean" } else { "not clean" };
     if json {
-        print_json(&json!({"outfit": spec.name, "state": if clean { "clean" } else { "not clean" }, "report": found}))?;
+        print_json(&json!({"outfit": spec.name, "state": verdict, "notes": loaded.notes(), "report": found}))?;
     } else {
         let garments: Vec<String> = spec.garments.iter().map(|l| l.name.clone()).collect();
-        let mut text = format!("{}: {} over {}\n\n", spec.name, garments.join(" < "), spec.body.name);
+        let mut text = announce::title(&spec);
         text += &table::checked(&found, &garments, table::coloured());
+        text += &announce::notes(&loaded.notes());
         let (pairs, inside) = (table::count(found.total_pairs()), table::count(found.total_inside()));
-        let verdict = if clean { "clean" } else { "not clean" };
         let seconds = start.elapsed().as_secs_f64();
         text += &format!("{pairs} intersecting pairs, {inside} vertices inside: {verdict}, {seconds:.2} s\n");
         print(&text)?;

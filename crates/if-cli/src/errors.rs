@@ -15,6 +15,27 @@ pub(crate) fn install() {
     drop(installed); // Fails only where a hook stands already; then that one draws.
 }
 
+/// An error and its causes in one text. Some messages repeat those of their causes; drawn one below
+/// the other, as miette does, the same words would stand there twice.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct Told(String);
+
+impl Told {
+    pub(crate) fn new(error: &dyn std::error::Error) -> Self {
+        let mut text = error.to_string();
+        let mut cause = error.source();
+        while let Some(error) = cause {
+            let more = error.to_string();
+            if !text.contains(&more) {
+                text = format!("{text}: {more}");
+            }
+            cause = error.source();
+        }
+        Self(text)
+    }
+}
+
 /// Draws an error on stderr.
 pub(crate) fn show(report: &Report) {
     note(&format!("{report:?}"));

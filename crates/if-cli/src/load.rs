@@ -1,43 +1,40 @@
 //! Reads the files of an outfit, and writes garments back in the units they came in.
 
-use crate::hash::{self, Content};
-use crate::mesh_file::{MeshFile, MeshFileError};
+use crate::errors::Told;
 use crate::outfit_file::{LayerSpec, OutfitSpec};
 use if_core::math::Point;
-use if_core::mesh::{MeshError, TriMesh};
+use if_core::mesh::MeshError;
+use if_mesh::file::{Content, MeshFile, ReadError};
+use if_mesh::ply::CoordinateType;
 use if_pipeline::outfit::{Layer, Outfit, OutfitError};
 use miette::Diagnostic;
 use rayon::prelude::*;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// An outfit and the files it came from.
 pub(crate) struct Loaded {
     /// In metres.
     pub(crate) outfit: Outfit,
-    /// The garments' files, inner to outer.
-    files: Vec<MeshFile>,
+    /// The body's file, then the garments', inner to outer.
+    pub(crate) files: Vec<MeshFile>,
     scale: f64,
 }
 
 /// Why files make no outfit.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 pub(crate) enum LoadError {
-    #[error("cannot read `{}` ({layer})", path.display())]
-    #[diagnostic(code(ifg::input::read), help("look at the path; relative paths in an outfit file start at its folder"))]
-    Read { layer: String, path: PathBuf, source: io::Error },
-    #[error("`{}` ({layer}) is not a usable mesh", path.display())]
-    #[diagnostic(code(ifg::input::mesh), help("export it again as .ply or .obj"))]
-    Mesh { layer: String, path: PathBuf, source: MeshFileError },
+    #[error("cannot read layer `{layer}`")]
+    #[diagnostic(code(ifg::input::mesh), help("{}", advice))]
+    Mesh { layer: String, advice: &'static str, source: Told },
     #[error("`{}` ({layer}) cannot be scaled by {scale}", path.display())]
     #[diagnostic(code(ifg::input::scale), help("look at --scale, or `scale` in the outfit file"))]
     Scale { layer: String, path: PathBuf, scale: f64, source: MeshError },
     #[error("`{}` ({layer}) does not fit into an outfit", path.display())]
-    #[diagnostic(code(ifg::input::outfit), help("{}", advice(source)))]
+    #[diagnostic(code(ifg::input::outfit), help("{}", outfit_advice(source)))]
     Outfit { layer: String, path: PathBuf, source: OutfitError },
 }
 
-fn advice(error: &OutfitError) -> String {
+fn outfit_advice(error: &OutfitError) -> String {
     match error {
         OutfitError::Units { unit, scale, .. } => {
             format!("if the files are in {unit}, add --scale {scale}; outputs then keep {unit}")
@@ -50,35 +47,31 @@ fn advice(error: &OutfitError) -> String {
     }
 }
 
-/// Size and hash of every input file, the body first. Refuses what is not a file, such as a pipe,
-/// which might never end.
-pub(crate) fn contents(spec: &OutfitSpec) -> Result<Vec<Content>, LoadError> {
-    let one = |layer: &LayerSpec| {
-        let found = std::fs::metadata(&layer.path).and_then(|m| {
-            if m.is_file() { hash::content(&layer.path) } else { Err(io::Error::other("it is not a file")) }
-        });
-        found.map_err(|source| LoadError::Read { layer: layer.name.clone(), path: layer.path.clone(), source })
-    };
-    in_order(spec, one)
+fn reading_advice(error: &ReadError) -> &'static str {
+    match error {
+        ReadError::Extension { .. } => "give a .ply or .obj file",
+        ReadError::Io { .. } => "look at the path; relative paths in an outfit file start at its folder",
+        ReadError::NotAFile { .. } => "give the path of a file",
+        _ => "repair it at the place named, or export it again",
+    }
 }
 
 /// Reads all layers and checks that they make an outfit.
 pub(crate) fn load(spec: &OutfitSpec) -> Result<Loaded, LoadError> {
-    let mut files = in_order(spec, |layer| {
-        MeshFile::read(&layer.path).map_err(|source| LoadError::Mesh {
-            layer: layer.name.clone(),
-            path: layer.path.clone(),
-            source,
+    let layers: Vec<&LayerSpec> = spec.layers().collect();
+    let read = |layer: &&LayerSpec| {
+        MeshFile::read(&layer.path).map_err(|e| {
+            let (layer, advice, source) = (layer.name.clone(), reading_advice(&e), Told::new(&e));
+            LoadError::Mesh { layer, advice, source }
         })
-    })?;
-    let mut layers = std::iter::once(&spec.body)
-        .chain(&spec.garments)
-        .zip(&files)
-        .map(|(layer, file)| to_layer(layer, file, spec.scale))
-        .collect::<Result<Vec<_>, _>>()?;
-    let body = layers.remove(0);
-    files.remove(0);
-    let outfit = Outfit::new(body, layers).map_err(|source| {
+    };
+    // All are read before the first fault is looked for, so that it is the same on any number of threads.
+    let files: Vec<_> = layers.par_iter().map(read).collect();
+    let files = files.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let scaled = layers.iter().zip(&files).map(|(layer, file)| to_layer(layer, file, spec.scale));
+    let mut garments = scaled.collect::<Result<Vec<_>, _>>()?;
+    let body = garments.remove(0); // `layers` starts with the body.
+    let outfit = Outfit::new(body, garments).map_err(|source| {
         let layer = named(spec, &source);
         LoadError::Outfit { layer: layer.name.clone(), path: layer.path.clone(), source }
     })?;
@@ -86,38 +79,47 @@ pub(crate) fn load(spec: &OutfitSpec) -> Result<Loaded, LoadError> {
 }
 
 impl Loaded {
-    /// Whether garment `k` has the very positions of its file.
-    pub(crate) fn is_unchanged(&self, k: usize, outfit: &Outfit) -> bool {
-        let bits = |m: &TriMesh| m.vertices().iter().map(|p| p.coords.map(f64::to_bits)).collect::<Vec<_>>();
-        bits(&self.outfit.garments[k].mesh) == bits(&outfit.garments[k].mesh)
-    }
-
-    /// Writes garment `k` of `outfit` in the format and the units of its file.
-    pub(crate) fn write(&self, k: usize, outfit: &Outfit, path: &Path) -> Result<(), MeshFileError> {
-        self.files[k].write(path, &self.positions(k, outfit))
-    }
-
-    /// An outfit as a reader of the written files will see it, in metres.
-    pub(crate) fn as_written(&self, outfit: &Outfit) -> Result<Outfit, MeshError> {
-        let mut written = outfit.clone();
-        for (k, garment) in written.garments.iter_mut().enumerate() {
-            let (before, positions) = (&self.outfit.garments[k].mesh, self.positions(k, outfit));
-            let positions = self.files[k].positions_as_written(&positions);
-            garment.mesh = before.with_vertices(positions.iter().map(|p| p * self.scale).collect())?;
+    /// What a person should know about the files: harmless, but not as they might expect.
+    pub(crate) fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        for (layer, file) in self.outfit.layers().zip(&self.files) {
+            if let [first, ..] = file.collapsed_faces() {
+                let n = file.collapsed_faces().len();
+                notes.push(format!("`{}`: {n} faces use a vertex twice (the first is face {first}); they stay as they are", layer.name));
+            }
+            if file.shared_normals() > 0 {
+                let n = file.shared_normals();
+                notes.push(format!("`{}`: {n} normals are shared by several vertices; they stay as they are", layer.name));
+            }
         }
-        Ok(written)
+        notes
     }
 
-    /// The positions of garment `k` in the units of its file. Vertices that did not move have the
-    /// very bits of the file.
-    fn positions(&self, k: usize, outfit: &Outfit) -> Vec<Point> {
-        let (before, after) = (&self.outfit.garments[k].mesh, &outfit.garments[k].mesh);
-        let original = self.files[k].mesh().vertices();
-        let back = |i: usize| {
-            let (p, q) = (before.vertices()[i], after.vertices()[i]);
-            if p == q { original[i] } else { q / self.scale }
+    /// The file of garment `k`, counted from the innermost.
+    pub(crate) fn garment_file(&self, k: usize) -> &MeshFile {
+        &self.files[k + 1]
+    }
+
+    /// The positions of each garment of `outfit` as a reader of its file will get them, in the units
+    /// of the file. Vertices that did not move have the very bits of the file.
+    pub(crate) fn positions(&self, outfit: &Outfit) -> Vec<Vec<Point>> {
+        let one = |(k, garment): (usize, &Layer)| {
+            let (file, before) = (self.garment_file(k), self.outfit.garments[k].mesh.vertices());
+            let original = file.mesh().vertices().iter();
+            let moved = original.zip(before).zip(garment.mesh.vertices());
+            let back = moved.map(|((o, p), q)| if p == q { *o } else { q / self.scale });
+            file.positions_as_written(&back.collect::<Vec<_>>())
         };
-        (0..original.len()).map(back).collect()
+        outfit.garments.iter().enumerate().map(one).collect()
+    }
+
+    /// The outfit in metres that such positions make.
+    pub(crate) fn outfit_of(&self, positions: &[Vec<Point>]) -> Result<Outfit, MeshError> {
+        let mut outfit = self.outfit.clone();
+        for (garment, positions) in outfit.garments.iter_mut().zip(positions) {
+            garment.mesh = garment.mesh.with_vertices(positions.iter().map(|p| p * self.scale).collect())?;
+        }
+        Ok(outfit)
     }
 }
 
@@ -133,7 +135,9 @@ fn to_layer(layer: &LayerSpec, file: &MeshFile, scale: f64) -> Result<Layer, Loa
             source,
         })?
     };
-    Ok(Layer { name: layer.name.clone(), mesh, single_precision: false })
+    // Elsewhere the pipeline would round in metres what is written in other units.
+    let single_precision = scale == 1.0 && matches!(file.content(), Content::Ply(ply) if ply.coordinates == CoordinateType::Float);
+    Ok(Layer { name: layer.name.clone(), mesh, single_precision })
 }
 
 /// The layer that the error is about.
@@ -145,10 +149,4 @@ fn named<'a>(spec: &'a OutfitSpec, error: &OutfitError) -> &'a LayerSpec {
         }
         _ => &spec.body,
     }
-}
-
-/// Something for the body and each garment, in parallel; the first fault in the order of layers.
-fn in_order<T: Send, E: Send>(spec: &OutfitSpec, f: impl Fn(&LayerSpec) -> Result<T, E> + Sync + Send) -> Result<Vec<T>, E> {
-    let layers: Vec<&LayerSpec> = std::iter::once(&spec.body).chain(&spec.garments).collect();
-    layers.into_par_iter().map(f).collect::<Vec<_>>().into_iter().collect()
 }

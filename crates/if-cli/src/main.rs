@@ -1,5 +1,6 @@
 //! `ifg`: layered outfits made intersection-free, from the command line.
 
+mod announce;
 mod args;
 mod cancel;
 mod check;
@@ -8,14 +9,16 @@ mod end;
 mod errors;
 mod fix;
 mod hash;
+mod left;
 mod load;
-mod mesh_file;
 mod outfit_file;
+mod outputs;
 mod pictures;
 mod print;
 mod progress;
 mod receipt;
 mod resolve_outfit;
+mod scene;
 mod staging;
 mod table;
 
@@ -39,7 +42,7 @@ fn run(cli: &Cli) -> Result<End, Report> {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().into_diagnostic()?;
     cancel::listen();
     match &cli.command {
-        Command::Demo(_) => todo!(),
+        Command::Demo(args) => demo::run(args),
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
     }

@@ -19,6 +19,13 @@ pub(crate) struct OutfitSpec {
     pub(crate) scale: f64,
 }
 
+impl OutfitSpec {
+    /// The body, then the garments, inner to outer.
+    pub(crate) fn layers(&self) -> impl Iterator<Item = &LayerSpec> {
+        std::iter::once(&self.body).chain(&self.garments)
+    }
+}
+
 /// One mesh file.
 #[derive(Clone, Debug)]
 pub(crate) struct LayerSpec {
@@ -89,10 +96,7 @@ struct GarmentToml {
 /// The outfits that the arguments name: one for each outfit file, or one of body and garments.
 pub(crate) fn outfits(input: &InputArgs, params: &ParamArgs) -> Vec<Result<OutfitSpec, SpecError>> {
     let is_toml = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-    let with = |spec: OutfitSpec| {
-        let scale = input.scale.unwrap_or(spec.scale);
-        Ok(OutfitSpec { scale, params: override_params(&spec.params, params)?, ..spec })
-    };
+    let with = |spec| with_args(spec, input.scale, params);
     match &input.body {
         Some(body) => vec![from_meshes(body, &input.files, is_toml).and_then(with)],
         None => input
@@ -101,6 +105,11 @@ pub(crate) fn outfits(input: &InputArgs, params: &ParamArgs) -> Vec<Result<Outfi
             .map(|path| if is_toml(path) { read(path).and_then(with) } else { Err(SpecError::NoBody { path: path.clone() }) })
             .collect(),
     }
+}
+
+/// The outfit with what the command line says in place of what its file says.
+pub(crate) fn with_args(spec: OutfitSpec, scale: Option<f64>, params: &ParamArgs) -> Result<OutfitSpec, SpecError> {
+    Ok(OutfitSpec { scale: scale.unwrap_or(spec.scale), params: override_params(&spec.params, params)?, ..spec })
 }
 
 /// One outfit of meshes named on the command line.

@@ -3,14 +3,18 @@
 //! Two runs on the same input with the same parameters give the same bytes, but for `timings`.
 
 use crate::hash::{self, Content};
-use crate::outfit_file::OutfitSpec;
-use if_pipeline::report::ResolveReport;
+use crate::outfit_file::{LayerSpec, OutfitSpec};
+use crate::resolve_outfit::Done;
+use if_mesh::file::MeshFile;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
 /// The name of the file.
 pub(crate) const FILE: &str = "receipt.json";
+
+/// The state of an outfit without intersections.
+pub(crate) const CLEAN: &str = "clean";
 
 /// Everything that decides the result. Equal requests have equal results.
 #[derive(Clone, Debug, Serialize)]
@@ -58,13 +62,14 @@ pub(crate) struct Timings {
 }
 
 impl Request {
-    /// The request that an outfit and its inputs' contents (body first) make.
-    pub(crate) fn new(spec: &OutfitSpec, contents: Vec<Content>) -> Self {
-        let layers = std::iter::once(&spec.body).chain(&spec.garments);
-        let inputs = layers
-            .zip(contents)
-            .map(|(layer, content)| Input { layer: layer.name.clone(), file: layer.written.clone(), content })
-            .collect();
+    /// The request that an outfit with these files (the body's first) makes.
+    pub(crate) fn new(spec: &OutfitSpec, files: &[MeshFile]) -> Self {
+        let input = |(layer, file): (&LayerSpec, &MeshFile)| Input {
+            layer: layer.name.clone(),
+            file: layer.written.clone(),
+            content: hash::content(file.bytes()),
+        };
+        let inputs = spec.layers().zip(files).map(input).collect();
         Self { tool: tool(), params: json!(spec.params), scale: spec.scale, inputs }
     }
 
@@ -76,35 +81,35 @@ impl Request {
         let same = ["tool", "params", "scale", "inputs"].iter().all(|key| receipt.get(key) == request.get(key));
         let written = receipt["outputs"].as_array().map_or(&[][..], Vec::as_slice);
         let intact = |output: &Value| {
-            let found = output["file"].as_str().and_then(|file| hash::content(&out.join(file)).ok());
+            let found = output["file"].as_str().and_then(|file| hash::of_file(&out.join(file)).ok());
             found.is_some_and(|c| output["sha256"] == json!(c.sha256))
         };
         let all_there = outputs.iter().all(|name| written.iter().any(|o| o["file"] == json!(name)));
-        same && receipt["state"] == json!("clean") && all_there && written.iter().all(intact)
+        same && receipt["state"] == json!(CLEAN) && all_there && written.iter().all(intact)
     }
 }
 
 /// The text of a receipt.
 pub(crate) fn text(
     outfit: &str,
-    state: &str,
     request: &Request,
-    report: &ResolveReport,
-    outputs: &[Output],
+    done: &Done,
     timings: &Timings,
 ) -> Result<String, serde_json::Error> {
+    let report = &done.report;
     let mut measures = serde_json::to_value(report)?;
     drop_seconds(&mut measures);
     let layers: Map<String, Value> = report.layers.iter().map(|l| (l.name.clone(), json!(l.seconds))).collect();
     let receipt = json!({
         "receipt": 1,
         "outfit": outfit,
-        "state": state,
+        "state": done.state(),
         "tool": request.tool,
         "params": request.params,
         "scale": request.scale,
         "inputs": request.inputs,
-        "outputs": outputs,
+        "outputs": done.outputs,
+        "notes": done.notes,
         "report": measures,
         "timings": {
             "read": timings.read,
@@ -160,6 +165,7 @@ fn reread(value: &impl Serialize) -> Option<Value> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_pipeline::report::ResolveReport;
 
     #[test]
     fn a_receipt_holds_times_in_one_place_only() {
@@ -167,7 +173,8 @@ mod tests {
         let with = |seconds: f64| {
             let report = ResolveReport { seconds, ..Default::default() };
             let timings = Timings { read: seconds, ..Default::default() };
-            let text = text("o", "clean", &request, &report, &[], &timings).unwrap();
+            let done = Done { notes: vec![], report, outputs: vec![], left: None, seconds };
+            let text = text("o", &request, &done, &timings).unwrap();
             let mut value: Value = serde_json::from_str(&text).unwrap();
             value.as_object_mut().unwrap().remove("timings").unwrap();
             value

@@ -4,7 +4,7 @@
 //! is there. A run that ends early, for whatever reason, leaves what stood in the output folder.
 
 use crate::cancel;
-use crate::mesh_file::MeshFileError;
+use crate::errors::Told;
 use miette::Diagnostic;
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -25,11 +25,8 @@ pub(crate) enum OutputError {
     #[diagnostic(code(ifg::output::file), help("{}", advice(source)))]
     File { path: PathBuf, source: io::Error },
     #[error("cannot write `{}`", path.display())]
-    #[diagnostic(code(ifg::output::mesh), help("make room there, or give --out another folder"))]
-    Mesh { path: PathBuf, source: MeshFileError },
-    #[error("input `{}` changed while ifg was at work", path.display())]
-    #[diagnostic(code(ifg::output::input_changed), help("run again when nothing else writes to it"))]
-    InputChanged { path: PathBuf, source: io::Error },
+    #[diagnostic(code(ifg::output::mesh), help("the format of the input cannot hold the result; convert the input"))]
+    Mesh { path: PathBuf, source: Told },
     #[error("another ifg is writing into `{}`", path.display())]
     #[diagnostic(code(ifg::output::busy), help("wait for it, or give --out another folder"))]
     Busy { path: PathBuf },
