@@ -57,7 +57,7 @@ pub(crate) struct InputArgs {
 #[derive(Args, Debug, Clone, Default)]
 pub(crate) struct ParamArgs {
     /// Gap to keep between layers, with a unit: 0.5mm, 0.0005m; metres without one.
-    #[arg(long, value_name = "LENGTH", value_parser = length)]
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) clearance: Option<f64>,
     /// Any other parameter, as in [params] of an outfit file; may be given more than once.
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
@@ -154,6 +154,7 @@ fn length(text: &str) -> Result<f64, String> {
         _ => return Err(format!("unit `{unit}` is unknown; use m, cm, mm or um")),
     };
     match number.trim().parse::<f64>() {
+        Ok(value) if value < 0.0 => Err("a length cannot be negative".into()),
         Ok(value) if value.is_finite() => Ok(value / per_metre),
         _ => Err(format!("`{}` is not a number; give a length such as 0.5mm", number.trim())),
     }
@@ -184,7 +185,7 @@ mod tests {
         for text in ["0.5mm", "0.0005", "0.0005m", "0.05 cm", "5e-4", "5e-4m", "500um"] {
             assert_eq!(length(text), Ok(0.0005), "{text}");
         }
-        for text in ["", "mm", "0.5ft", "nan", "inf", "1 2mm", "0.5 mm mm"] {
+        for text in ["", "mm", "0.5ft", "nan", "inf", "1 2mm", "0.5 mm mm", "-1mm"] {
             assert!(length(text).is_err(), "{text}");
         }
     }

@@ -11,7 +11,7 @@ use crate::staging::{OutputError, Staging};
 use if_mesh::ply::{PlyMesh, WriteParams, write_path};
 use miette::{IntoDiagnostic, Report};
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// The folder below the output folder that holds the scene as it was before.
 const INPUT: &str = "input";
@@ -44,8 +44,8 @@ fn write_scene(args: &DemoArgs) -> Result<PathBuf, Report> {
         let _ = if k == 0 { writeln!(toml, "body = \"{file}\"") } else { writeln!(toml, "\n[[garment]]\nfile = \"{file}\"") };
         names.push(file);
     }
-    let fault = |path: &Path| { let path = path.to_path_buf(); |source| OutputError::File { path, source } };
-    std::fs::write(staging.path(OUTFIT), toml).map_err(fault(&folder.join(OUTFIT)))?;
+    let path = folder.join(OUTFIT);
+    std::fs::write(staging.path(OUTFIT), toml).map_err(|source| OutputError::File { path, source })?;
     names.push(OUTFIT.into());
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     staging.commit(&names)?;

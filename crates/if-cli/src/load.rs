@@ -85,7 +85,10 @@ impl Loaded {
         for (layer, file) in self.outfit.layers().zip(&self.files) {
             if let [first, ..] = file.collapsed_faces() {
                 let n = file.collapsed_faces().len();
-                notes.push(format!("`{}`: {n} faces use a vertex twice (the first is face {first}); they stay as they are", layer.name));
+                notes.push(format!(
+                    "`{}`: {n} faces use a vertex twice (the first is face {first}); they stay as they are",
+                    layer.name
+                ));
             }
             if file.shared_normals() > 0 {
                 let n = file.shared_normals();
@@ -136,7 +139,8 @@ fn to_layer(layer: &LayerSpec, file: &MeshFile, scale: f64) -> Result<Layer, Loa
         })?
     };
     // Elsewhere the pipeline would round in metres what is written in other units.
-    let single_precision = scale == 1.0 && matches!(file.content(), Content::Ply(ply) if ply.coordinates == CoordinateType::Float);
+    let single_precision =
+        scale == 1.0 && matches!(file.content(), Content::Ply(ply) if ply.coordinates == CoordinateType::Float);
     Ok(Layer { name: layer.name.clone(), mesh, single_precision })
 }
 

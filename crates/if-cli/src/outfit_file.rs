@@ -46,7 +46,10 @@ pub(crate) enum SpecError {
     #[diagnostic(code(ifg::outfit_file::read), help("give the path of an outfit file (.toml), or --body and garments"))]
     Read { path: PathBuf, source: std::io::Error },
     #[error("outfit file `{}`: {message}", path.display())]
-    #[diagnostic(code(ifg::outfit_file::syntax), help("the format stands in docs/outfit.md; `body` and one [[garment]] are needed"))]
+    #[diagnostic(
+        code(ifg::outfit_file::syntax),
+        help("the format stands in docs/outfit.md; `body` and one [[garment]] are needed")
+    )]
     Syntax {
         path: PathBuf,
         message: String,

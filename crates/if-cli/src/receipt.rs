@@ -90,12 +90,7 @@ impl Request {
 }
 
 /// The text of a receipt.
-pub(crate) fn text(
-    outfit: &str,
-    request: &Request,
-    done: &Done,
-    timings: &Timings,
-) -> Result<String, serde_json::Error> {
+pub(crate) fn text(outfit: &str, request: &Request, done: &Done, timings: &Timings) -> Result<String, serde_json::Error> {
     let report = &done.report;
     let mut measures = serde_json::to_value(report)?;
     drop_seconds(&mut measures);

@@ -151,7 +151,12 @@ fn resolve_and_prove(spec: &OutfitSpec, loaded: &Loaded, line: &Line) -> Result<
     Ok((!cancel::asked()).then_some((AsWritten { outfit, positions, report }, left)))
 }
 
-fn draw(before: &Outfit, after: &Outfit, (staging, out): (&Staging, &Path), outputs: &mut Vec<Output>) -> Result<(), OutputError> {
+fn draw(
+    before: &Outfit,
+    after: &Outfit,
+    (staging, out): (&Staging, &Path),
+    outputs: &mut Vec<Output>,
+) -> Result<(), OutputError> {
     for (name, outfit) in [(pictures::BEFORE, before), (pictures::AFTER, after)] {
         pictures::draw(outfit, &staging.path(name)).map_err(|source| OutputError::File { path: out.join(name), source })?;
         outputs.push(outputs::describe(name, staging, out)?);

@@ -34,7 +34,10 @@ pub(crate) enum OutputError {
     #[diagnostic(code(ifg::output::in_the_way), help("give --out another folder, or move it away"))]
     InTheWay { path: PathBuf },
     #[error("`{first}` and `{second}` would both be written to `{name}`")]
-    #[diagnostic(code(ifg::output::same_name), help("give the files different names: each is written under its own (case does not count)"))]
+    #[diagnostic(
+        code(ifg::output::same_name),
+        help("give the files different names: each is written under its own (case does not count)")
+    )]
     SameName { first: String, second: String, name: String },
     #[error("output `{}` is the input file `{written}` itself", path.display())]
     #[diagnostic(code(ifg::output::over_input), help("give --out another folder, or allow it with --in-place"))]
@@ -50,12 +53,8 @@ fn advice(error: &io::Error) -> &'static str {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
             "make room there, or give --out a folder on another disk"
         }
-        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
-            "give --out a folder that you may write to"
-        }
-        io::ErrorKind::NotADirectory | io::ErrorKind::AlreadyExists => {
-            "a part of the path is a file; give --out another folder"
-        }
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => "give --out a folder that you may write to",
+        io::ErrorKind::NotADirectory | io::ErrorKind::AlreadyExists => "a part of the path is a file; give --out another folder",
         _ => "give --out another folder, or look at the disk",
     }
 }

@@ -80,8 +80,17 @@ fn pairs_before_after(before: &Verification, after: &Verification, colour: bool)
 
 fn layers(layers: &[LayerReport], own_before: &[usize], colour: bool) -> Table {
     let header = [
-        "layer", "moved mm\nmean", "\np95", "\nmax", "strain %\nrms", "\np99", "\nmax", "own\npairs", "rounds\n+repairs",
-        "vertices\nskipped", "\nseconds",
+        "layer",
+        "moved\nmean",
+        "mm\np95",
+        "\nmax",
+        "strain\nrms",
+        "%\np99",
+        "\nmax",
+        "own\npairs",
+        "rounds\n+repairs",
+        "vertices\nskipped",
+        "\nseconds",
     ];
     let mut table = new_table(&header, 1, colour);
     let own = arrows(layers.iter().map(|l| (count(l.own_pairs[0]), count(l.own_pairs[1]))));
@@ -112,8 +121,7 @@ pub(crate) fn skipped(layers: &[LayerReport]) -> Option<String> {
         (sum(|l| l.skipped.queries), "nearest-point queries"),
         (sum(|l| l.skipped.sweeps), "sweeps"),
     ];
-    let parts: Vec<String> =
-        parts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{} {what}", count(*n))).collect();
+    let parts: Vec<String> = parts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{} {what}", count(*n))).collect();
     (!parts.is_empty()).then(|| format!("Skipped: {}.", parts.join(", ")))
 }
 
@@ -198,7 +206,12 @@ mod tests {
             skipped: Skipped { layers: 1, vertices: 12_345, queries: 9, sweeps: 0 },
             seconds: 12.345,
         };
-        ResolveReport { before: state(1), after: state(0), layers: vec![layer("suit_trousers"), layer("suit_jacket")], seconds: 1.0 }
+        ResolveReport {
+            before: state(1),
+            after: state(0),
+            layers: vec![layer("suit_trousers"), layer("suit_jacket")],
+            seconds: 1.0,
+        }
     }
 
     #[test]
@@ -207,10 +220,13 @@ mod tests {
         let text = resolved(&report, false) + &checked(&report.before, &["a".into(), "b".into()], false);
         println!("{text}");
         for line in text.lines() {
-            assert!(line.len() <= 100 && line.is_ascii() && !line.contains('\x1b'), "{line}");
+            assert!(line.chars().count() <= 100 && line.is_ascii() && !line.contains('\x1b'), "{line}");
         }
         assert!(text.contains("29,859 -> 0") && text.contains("123.40"), "{text}");
-        assert_eq!(skipped(&report.layers).as_deref(), Some("Skipped: 2 pairs of layers that do not meet, 18 nearest-point queries."));
+        assert_eq!(
+            skipped(&report.layers).as_deref(),
+            Some("Skipped: 2 pairs of layers that do not meet, 18 nearest-point queries.")
+        );
     }
 
     #[test]
