@@ -6,6 +6,7 @@ use if_core::math::Point;
 use if_core::mesh::MeshError;
 use if_mesh::file::{Content, MeshFile, ReadError};
 use if_mesh::ply::CoordinateType;
+use if_mesh::validate::faults;
 use if_pipeline::outfit::{Layer, Outfit, OutfitError};
 use miette::Diagnostic;
 use rayon::prelude::*;
@@ -79,23 +80,10 @@ pub(crate) fn load(spec: &OutfitSpec) -> Result<Loaded, LoadError> {
 }
 
 impl Loaded {
-    /// What a person should know about the files: harmless, but not as they might expect.
+    /// What a person should know about the meshes; none of it stops the work.
     pub(crate) fn notes(&self) -> Vec<String> {
-        let mut notes = Vec::new();
-        for (layer, file) in self.outfit.layers().zip(&self.files) {
-            if let [first, ..] = file.collapsed_faces() {
-                let n = file.collapsed_faces().len();
-                notes.push(format!(
-                    "`{}`: {n} faces use a vertex twice (the first is face {first}); they stay as they are",
-                    layer.name
-                ));
-            }
-            if file.shared_normals() > 0 {
-                let n = file.shared_normals();
-                notes.push(format!("`{}`: {n} normals are shared by several vertices; they stay as they are", layer.name));
-            }
-        }
-        notes
+        let layers: Vec<(&Layer, &MeshFile)> = self.outfit.layers().zip(&self.files).collect();
+        layers.into_par_iter().flat_map_iter(|(layer, file)| notes_on(layer, file)).collect()
     }
 
     /// The file of garment `k`, counted from the innermost.
@@ -124,6 +112,18 @@ impl Loaded {
         }
         Ok(outfit)
     }
+}
+
+fn notes_on(layer: &Layer, file: &MeshFile) -> Vec<String> {
+    let mut notes: Vec<String> = faults(&layer.mesh).iter().map(ToString::to_string).collect();
+    if let [first, ..] = file.collapsed_faces() {
+        let n = file.collapsed_faces().len();
+        notes.push(format!("{n} faces use a vertex twice (the first is face {first}); they are written as they are"));
+    }
+    if file.shared_normals() > 0 {
+        notes.push(format!("{} normals are shared by several vertices; they are written as they are", file.shared_normals()));
+    }
+    notes.iter().map(|note| format!("`{}`: {note}", layer.name)).collect()
 }
 
 fn to_layer(layer: &LayerSpec, file: &MeshFile, scale: f64) -> Result<Layer, LoadError> {

@@ -65,6 +65,23 @@ fn the_receipt_says_what_went_in_and_came_out() {
 }
 
 #[test]
+fn harmless_faults_are_noted_and_kept() {
+    let folder = Folder::new();
+    let content = String::from_utf8(folder.read("shirt.obj")).unwrap() + "v 0.3 0.1 0\nf 1 1 2\n";
+    folder.write("shirt.obj", content);
+    let check = folder.ifg("check outfit.toml").expect(1);
+    assert!(check.stdout.contains("Note: `top`: 1 vertices belong to no triangle"), "{}", check.stdout);
+    assert!(check.stdout.contains("Note: `top`: 1 faces use a vertex twice"), "{}", check.stdout);
+    folder.ifg("fix outfit.toml --out fixed").expect(0);
+    let (old, new) = (folder.read("shirt.obj"), folder.read("fixed/shirt.obj"));
+    let lines = |bytes: Vec<u8>, key: &str| String::from_utf8(bytes).unwrap().lines().filter(|l| l.starts_with(key)).count();
+    assert_eq!(lines(old.clone(), "v "), lines(new.clone(), "v "));
+    assert_eq!(lines(old, "f "), lines(new, "f "));
+    let receipt = String::from_utf8(folder.read("fixed/receipt.json")).unwrap();
+    assert!(receipt.contains("belong to no triangle"), "{receipt}");
+}
+
+#[test]
 fn what_needs_nothing_comes_back_byte_by_byte() {
     let folder = Folder::new();
     let run = folder.ifg("fix --body body.ply hoop.ply --out fixed").expect(0);
