@@ -1,7 +1,10 @@
 //! Extended position-based dynamics for cloth: Algorithm 1 of IF-Garments, made robust.
 
+pub mod air;
+pub mod algorithm1;
 pub mod attach;
 pub mod bending;
+pub mod collision;
 pub mod coloring;
 pub mod constraint;
 pub mod edge_set;
@@ -10,4 +13,5 @@ pub mod pair_contact;
 pub mod params;
 pub mod particles;
 pub mod strain_limit;
+pub mod solver;
 pub mod stretch;
