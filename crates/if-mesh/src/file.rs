@@ -75,10 +75,10 @@ pub enum ReadError {
     NotAFile { path: PathBuf },
     /// The PLY file is at fault.
     #[error("{}: {source}", path.display())]
-    Ply { path: PathBuf, source: ply::ReadError },
+    Ply { path: PathBuf, source: Box<ply::ReadError> },
     /// The OBJ file is at fault.
     #[error("{}: {source}", path.display())]
-    Obj { path: PathBuf, source: obj::ReadError },
+    Obj { path: PathBuf, source: Box<obj::ReadError> },
 }
 
 /// Why a file was not written. What stood there before still does.
@@ -94,10 +94,10 @@ pub enum WriteError {
     Io { path: PathBuf, source: io::Error },
     /// The PLY file cannot hold this.
     #[error("{}: {source}", path.display())]
-    Ply { path: PathBuf, source: ply::WriteError },
+    Ply { path: PathBuf, source: Box<ply::WriteError> },
     /// The OBJ file cannot hold this.
     #[error("{}: {source}", path.display())]
-    Obj { path: PathBuf, source: obj::WriteError },
+    Obj { path: PathBuf, source: Box<obj::WriteError> },
 }
 
 impl MeshFile {
@@ -116,11 +116,11 @@ impl MeshFile {
         let bytes = fs::read(path).map_err(|source| ReadError::Io { path: name(), source })?;
         Ok(match format {
             Format::Ply => {
-                let ply = ply::read_bytes(&bytes).map_err(|source| ReadError::Ply { path: name(), source })?;
+                let ply = ply::read_bytes(&bytes).map_err(|e| ReadError::Ply { path: name(), source: e.into() })?;
                 Self { bytes, content: Content::Ply(ply) }
             }
             Format::Obj => {
-                let obj = obj::read(&bytes[..]).map_err(|source| ReadError::Obj { path: name(), source })?;
+                let obj = obj::read(&bytes[..]).map_err(|e| ReadError::Obj { path: name(), source: e.into() })?;
                 Self { bytes: Vec::new(), content: Content::Obj(obj) }
             }
         })
@@ -200,13 +200,13 @@ impl MeshFile {
                 let params = WriteParams { coordinates: ply.coordinates, ..WriteParams::default() };
                 ply::write_path(ply, positions, &params, path).map_err(|source| match source {
                     ply::WriteError::Io(source) => WriteError::Io { path: name(), source },
-                    source => WriteError::Ply { path: name(), source },
+                    e => WriteError::Ply { path: name(), source: e.into() },
                 })
             }
             Content::Obj(obj) => crate::atomic::write(path, |file| obj::write(obj, positions, Normals::Follow, file)).map_err(
                 |source| match source {
                     obj::WriteError::Io(source) => WriteError::Io { path: name(), source },
-                    source => WriteError::Obj { path: name(), source },
+                    e => WriteError::Obj { path: name(), source: e.into() },
                 },
             ),
         }

@@ -1,5 +1,6 @@
 //! Malformed PLY files are refused with the place of the fault: no panic, no hang, no memory for
 //! records that are not there.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // also in what the tests share
 
 use if_mesh::ply::{self, PlyMesh};
 use proptest::prelude::*;

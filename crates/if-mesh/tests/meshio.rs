@@ -1,5 +1,6 @@
 //! Foreign tools in Python, where there are any: set `IFG_PYTHON` to a Python with numpy and meshio 5.3.5.
 //! `IFG_DATA` may name a folder whose `.ply` files all make the round trip too.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // also in what the tests share
 
 use if_core::math::{Point, Vector};
 use if_mesh::{measure, ply};

@@ -1,5 +1,6 @@
 //! OBJ files from outside: what is read is what a foreign reader reads, everything survives, and what
 //! is malformed is refused with its line.
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // also in what the tests share
 
 use if_core::math::Point;
 use if_mesh::obj::{self, Normals, ObjMesh};
