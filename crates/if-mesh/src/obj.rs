@@ -1,7 +1,7 @@
 //! OBJ files: read for their surface, and written again with nothing changed but the vertices that
 //! moved.
 //!
-//! [`read`] keeps the whole text. [`write`] copies it, and replaces the coordinates on `v` lines of
+//! [`read`] keeps the whole text. [`write()`] copies it, and replaces the coordinates on `v` lines of
 //! vertices that moved (and, see [`Normals`], the normals that turn with them) by the shortest decimals
 //! that are read back as the same `f64`. So UVs, groups, materials, smoothing groups, polygons, comments,
 //! colours behind the coordinates, line ends and the order of everything survive byte for byte.
@@ -84,7 +84,7 @@ impl ObjMesh {
     }
 
     /// Number of `vn` lines that several vertices use. They cannot turn with any one vertex, so
-    /// [`write`] keeps them as they stand: stale where vertices moved.
+    /// [`write()`] keeps them as they stand: stale where vertices moved.
     pub fn shared_normals(&self) -> usize {
         self.normals.iter().filter(|n| n.user == User::Several).count()
     }

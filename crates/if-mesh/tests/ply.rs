@@ -76,6 +76,14 @@ fn portable_files_hold_what_meshio_reads_and_nothing_else() {
 }
 
 #[test]
+fn signed_shorts_of_vertices_are_widened_for_meshio() {
+    let mut first = PlyMesh::new(sheet(1));
+    first.vertex_properties.push(Property::new("id", Column::I16(vec![-1, 2, i16::MIN, i16::MAX])));
+    let second = ply::read_bytes(&written(&first, &WriteParams::default())).unwrap();
+    assert_eq!(second.vertex_properties[0].values, Column::I32(vec![-1, 2, -32768, 32767]));
+}
+
+#[test]
 fn the_three_formats_give_the_same_mesh() {
     // The foreign writer writes each format, and our reader reads it.
     let mesh = sheet(5);

@@ -64,7 +64,7 @@ pub enum ReadError {
     Mesh(#[from] MeshError),
 }
 
-/// Why [`super::write`] has not written a mesh.
+/// Why [`super::write()`] has not written a mesh.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum WriteError {

@@ -110,7 +110,7 @@ pub enum ReadError {
     TooLarge { element: String },
 }
 
-/// Why [`super::write`] has not written a mesh.
+/// Why [`super::write()`] has not written a mesh.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages say what the fields are
