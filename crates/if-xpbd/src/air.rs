@@ -301,3 +301,138 @@ impl Constraint for Air<'_> {
         self.counters
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use if_core::closest::closest_on_triangle;
+    use if_core::math::barycentric_point;
+    use if_core::shapes::meshes::cloth;
+
+    /// The slow twin of an index: all triangles.
+    struct All(TriMesh);
+    impl ClosestPoint for All {
+        fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest> {
+            let mut best: Option<Closest> = None;
+            for t in 0..self.0.triangles().len() {
+                let c = self.0.corners(t);
+                let (barycentric, feature) = closest_on_triangle(p, c[0], c[1], c[2]);
+                let point = barycentric_point(c, barycentric);
+                let distance = (p - point).norm();
+                if distance <= best.map_or(max_distance, |b| b.distance) {
+                    best = Some(Closest { point, distance, triangle: t as u32, barycentric, feature });
+                }
+            }
+            best
+        }
+    }
+
+    /// A flat inner layer in z = 0, outwards +z.
+    fn floor() -> All {
+        All(cloth(0.2, 0.2, 4, 4))
+    }
+
+    fn settle(reading: AirReading, start: Point, to: Point) -> Point {
+        let all = floor();
+        let inner = InnerSurface::new(&all.0, &all);
+        let params = AirParams { reading, ..Default::default() };
+        let mut air = Air::new(&inner, &[start], &[1.0], params).unwrap();
+        let mut p = vec![to];
+        air.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
+        air.project(&mut p, &[1.0], 1e-3);
+        p[0]
+    }
+
+    #[test]
+    fn line_13_points_outwards_in_two_of_four_cases() {
+        // method.md §6: p̂ on the moving layer or the names swapped; starting inside or apart.
+        let n = Vector::z();
+        let foot = Point::new(0.1, 0.1, 0.0);
+        for (names_swapped, s0, outwards) in [(false, -0.004, true), (false, 0.004, false), (true, -0.004, false), (true, 0.004, true)] {
+            let moving = foot + n * s0;
+            let (p_hat, q_hat) = if names_swapped { (foot, moving) } else { (moving, foot) };
+            let push = -(p_hat - q_hat);
+            assert_eq!(push.dot(&n) > 0.0, outwards, "swapped {names_swapped}, s₀ {s0}");
+        }
+        // The group has p̂ on the moving layer. A pair that started apart and is inside now is
+        // pushed deeper by the printed form, which says so with a negative height.
+        let at = |z: Real| Point::new(0.11, 0.12, z);
+        assert_relative_eq!(settle(AirReading::Literal, at(-0.004), at(-0.004)).z, 0.0, epsilon = 1e-17);
+        assert_relative_eq!(settle(AirReading::Literal, at(0.004), at(-0.001)).z, -0.005, epsilon = 1e-17);
+    }
+
+    #[test]
+    fn each_reading_keeps_its_gap() {
+        let at = |z: Real| Point::new(0.11, 0.12, z);
+        // Reading, height at the start, height now, height after a visit.
+        for (reading, start, now, after) in [
+            (AirReading::FrozenHalfSpace, -0.004, -0.002, 0.0),
+            (AirReading::FrozenHalfSpace, -0.004, 0.002, 0.002),
+            (AirReading::FrozenHalfSpace, 0.004, -0.002, -0.002),
+            (AirReading::GapPreserving, 0.003, 0.001, 0.003),
+            (AirReading::GapPreserving, 0.020, 0.001, 0.005),
+            (AirReading::GapPreserving, -0.004, -0.004, 0.001),
+            (AirReading::Element, 0.020, 0.0005, 0.001),
+            (AirReading::Element, -0.004, -0.004, 0.001),
+            (AirReading::Element, 0.004, 0.002, 0.002),
+        ] {
+            let p = settle(reading, at(start), at(now));
+            assert_relative_eq!(p, at(after), epsilon = 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_vertex_that_slides_finds_its_foot_anew() {
+        // A floor that bends down at x = 0.1: its old plane would hold the vertex up.
+        let flat = cloth(0.2, 0.2, 4, 4);
+        let bent = flat.vertices().iter().map(|p| Point::new(p.x, p.y, -(p.x - 0.1).max(0.0))).collect();
+        let all = All(flat.with_vertices(bent).unwrap());
+        let inner = InnerSurface::new(&all.0, &all);
+        for reading in [AirReading::GapPreserving, AirReading::Element] {
+            for (slide, every, expected) in [(0.5, 0, true), (Real::INFINITY, 1, true), (Real::INFINITY, 0, false)] {
+                let params = AirParams { reading, repair_slide: slide, repair_every: every, ..Default::default() };
+                let mut air = Air::new(&inner, &[Point::new(0.03, 0.1, 0.001)], &[1.0], params).unwrap();
+                let slid = Point::new(0.16, 0.1, -0.04);
+                let mut p = vec![slid];
+                air.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
+                air.project(&mut p, &[1.0], 1e-3);
+                assert_eq!(p[0] == slid, expected, "{reading:?} {slide} {every}: {}", p[0]);
+            }
+        }
+    }
+
+    #[test]
+    fn only_vertices_in_the_mask_and_near_have_pairs() {
+        let all = floor();
+        let inner = InnerSurface::new(&all.0, &all);
+        let p = [Point::new(0.1, 0.1, 0.01), Point::new(0.1, 0.1, 0.04), Point::new(0.1, 0.1, -0.01)];
+        let air = Air::new(&inner, &p, &[1.0, 1.0, 0.0], AirParams::default()).unwrap();
+        assert_eq!((air.len(), air.counters().skipped_by_mask), (1, 1));
+        assert!(Air::new(&inner, &[], &[], AirParams::default()).unwrap().is_idle());
+        for bad in [
+            AirParams { max_distance: Real::NAN, ..Default::default() },
+            AirParams { min_gap: 0.01, ..Default::default() },
+            AirParams { min_gap: -1.0, ..Default::default() },
+            AirParams { repair_slide: 0.0, ..Default::default() },
+        ] {
+            assert!(bad.validate().is_err());
+        }
+    }
+
+    #[test]
+    fn normals_at_edges_and_vertices_lie_between_those_of_their_faces() {
+        let mesh = if_core::shapes::meshes::cuboid(Vector::repeat(1.0));
+        let all = All(mesh);
+        let inner = InnerSurface::new(&all.0, &all);
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        for (p, n) in [
+            (Point::new(2.0, 0.1, 0.2), Vector::x()),
+            (Point::new(2.0, 2.0, 0.2), Vector::new(half, half, 0.0)),
+            (Point::new(2.0, 2.0, 2.0), Vector::repeat(1.0 / 3.0f64.sqrt())),
+        ] {
+            let at = all.closest(&p, 10.0).unwrap();
+            assert_relative_eq!(inner.normal(&at), n, epsilon = 1e-12);
+        }
+    }
+}

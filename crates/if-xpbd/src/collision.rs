@@ -314,3 +314,160 @@ impl Constraint for SdfCollision<'_> {
         self.counters
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use if_core::shapes::ScaledGradient;
+    use if_core::shapes::meshes::cloth;
+    use if_core::shapes::{Cuboid, Plane, Sphere};
+
+    const BALL: Sphere = Sphere { center: Point::new(0.0, 0.0, 0.0), radius: 1.0 };
+
+    fn visit(field: &dyn SignedDistance, at: Point, clearance: Real, set: impl Fn(&mut SdfCollision<'_>)) -> (Point, Residual) {
+        let mut group = SdfCollision::new(field, &[1.0], &[clearance]).unwrap();
+        set(&mut group);
+        let mut p = vec![at];
+        group.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
+        let r = group.project(&mut p, &[1.0], 1e-3);
+        (p[0], r)
+    }
+
+    #[test]
+    fn one_visit_brings_a_vertex_to_its_clearance() {
+        let cube = Cuboid { center: Point::origin(), half: Vector::repeat(1.0) };
+        for (field, from, to) in [
+            (&BALL as &dyn SignedDistance, Point::new(0.6, 0.0, 0.0), Point::new(1.01, 0.0, 0.0)),
+            (&BALL, Point::new(0.0, -1.005, 0.0), Point::new(0.0, -1.01, 0.0)),
+            (&BALL, Point::new(0.0, 1.5, 0.0), Point::new(0.0, 1.5, 0.0)),
+            (&cube, Point::new(0.9, 0.1, -0.2), Point::new(1.01, 0.1, -0.2)),
+        ] {
+            let (p, _) = visit(field, from, 0.01, |_| ());
+            assert_relative_eq!(p, to, epsilon = 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_gradient_that_is_not_of_unit_length_is_divided_out() {
+        let plane = Plane { point: Point::origin(), normal: Vector::z() };
+        for scale in [0.1, 0.7, 1.3, 3.0] {
+            let field = ScaledGradient { field: plane, factor: scale };
+            let (p, _) = visit(&field, Point::new(0.0, 0.0, -0.2), 0.0, |_| ());
+            assert_relative_eq!(p.z, 0.0, epsilon = 1e-15);
+            // Line 8 as printed lands at z (1 − s²), and runs away from s² > 2 on.
+            let (p, _) = visit(&field, Point::new(0.0, 0.0, -0.2), 0.0, |g| g.push = Push::Literal);
+            assert_relative_eq!(p.z, -0.2 * (1.0 - scale * scale), epsilon = 1e-15);
+        }
+    }
+
+    #[test]
+    fn pushes_are_limited_and_weighted_by_the_mask() {
+        let (p, r) = visit(&BALL, Point::new(0.5, 0.0, 0.0), 0.0, |g| g.max_push = 0.02);
+        assert_relative_eq!(p.x, 0.52, epsilon = 1e-15);
+        assert_eq!((r.max, r.active), (0.5, 1));
+        let mut group = SdfCollision::new(&BALL, &[0.5, 0.0, 1.0], &[0.0; 3]).unwrap();
+        let mut p = vec![Point::new(0.5, 0.0, 0.0); 3];
+        group.project(&mut p, &[1.0, 1.0, 0.0], 1e-3);
+        assert_relative_eq!(p[0].x, 0.75, epsilon = 1e-15);
+        assert_eq!((p[1].x, p[2].x), (0.5, 0.5));
+        assert_eq!((group.len(), group.counters().queries, group.counters().skipped_by_mask), (2, 2, 1));
+    }
+
+    #[test]
+    fn samples_between_the_vertices_of_long_edges_come_out_too() {
+        // A square whose corners touch the ball and whose middle is inside.
+        let mesh = cloth(1.2, 1.2, 1, 1);
+        let sunk: Vec<Point> = mesh.vertices().iter().map(|p| Point::new(p.x - 0.6, p.y - 0.6, 0.7)).collect();
+        let mesh = mesh.with_vertices(sunk).unwrap();
+        let (masks, clearances) = ([1.0; 4], [0.0; 4]);
+        let mut group = SdfCollision::new(&BALL, &masks, &clearances).unwrap();
+        group.add_between(&mesh, 10.0, &masks, &clearances);
+        assert_eq!(group.len(), 4);
+        group.add_between(&mesh, 0.1, &masks, &clearances);
+        assert_eq!(group.len(), 4 + 5 + 2);
+        let mut p = mesh.vertices().to_vec();
+        for _ in 0..60 {
+            group.project(&mut p, &[1.0; 4], 1e-3);
+        }
+        for (v, b) in group.vertices.iter().zip(&group.weights) {
+            assert!(BALL.distance(&sample(&p, v, b)) > -1e-6);
+        }
+    }
+
+    #[test]
+    fn vertices_that_cannot_have_come_near_are_not_asked_for() {
+        let mut group = SdfCollision::new(&BALL, &[1.0; 2], &[0.01; 2]).unwrap();
+        let mut p = vec![Point::new(0.0, 0.6006, 0.8008), Point::new(0.9, 0.9, 0.9)];
+        for _ in 0..10 {
+            group.project(&mut p, &[1.0; 2], 1e-3);
+            p[1].x -= 0.01;
+        }
+        // The first stays at its clearance and is asked for each time, the second only at first.
+        let c = group.counters();
+        assert_eq!(c.queries + c.skipped_by_bound, 20);
+        assert!(c.skipped_by_bound >= 9, "{c:?}");
+        group.reset();
+        group.project(&mut p, &[1.0; 2], 1e-3);
+        assert_eq!(group.counters().queries, c.queries + 2);
+    }
+
+    #[test]
+    fn skipping_changes_no_bit() {
+        let mesh = cloth(1.5, 1.5, 12, 12);
+        let ones = vec![1.0; mesh.vertices().len()];
+        let clearances = vec![0.01; ones.len()];
+        let run = |forget: bool| {
+            let mut group = SdfCollision::new(&BALL, &ones, &clearances).unwrap();
+            let mut p: Vec<Point> = mesh.vertices().iter().map(|p| Point::new(p.x - 0.7, p.y - 0.8, 1.3)).collect();
+            for _ in 0..40 {
+                p.iter_mut().for_each(|p| p.z -= 0.01);
+                if forget {
+                    group.reset();
+                }
+                group.project(&mut p, &ones, 1e-3);
+            }
+            p
+        };
+        assert_eq!(run(false), run(true));
+    }
+
+    /// A field with a patch that answers NaN and one without a gradient.
+    struct Broken;
+    impl SignedDistance for Broken {
+        fn distance(&self, p: &Point) -> Real {
+            self.sample(p).distance
+        }
+        fn sample(&self, p: &Point) -> FieldSample {
+            let distance = if p.x > 0.0 { Real::NAN } else { -1.0 };
+            FieldSample { distance, gradient: Vector::zeros() }
+        }
+        fn bounds(&self) -> Option<if_core::aabb::Aabb> {
+            None
+        }
+        fn lipschitz(&self) -> Real {
+            1.0
+        }
+    }
+
+    #[test]
+    fn a_broken_field_moves_nothing_and_is_counted() {
+        let mut group = SdfCollision::new(&Broken, &[1.0; 2], &[0.0; 2]).unwrap();
+        let start = vec![Point::new(1.0, 0.0, 0.0), Point::new(-1.0, 0.0, 0.0)];
+        let mut p = start.clone();
+        group.project(&mut p, &[1.0; 2], 1e-3);
+        assert_eq!(p, start);
+        assert_eq!(group.counters().degenerate, 2);
+    }
+
+    #[test]
+    fn weights_and_clearances_that_are_none_are_refused() {
+        assert!(matches!(SdfCollision::new(&BALL, &[1.0], &[]), Err(CollisionError::Count { .. })));
+        for bad in [-0.1, 1.1, Real::NAN] {
+            assert!(matches!(SdfCollision::new(&BALL, &[bad], &[0.0]), Err(CollisionError::Mask { vertex: 0, .. })));
+        }
+        for bad in [-0.1, Real::INFINITY, Real::NAN] {
+            assert!(matches!(SdfCollision::new(&BALL, &[1.0], &[bad]), Err(CollisionError::Clearance { vertex: 0, .. })));
+        }
+    }
+}

@@ -305,3 +305,114 @@ fn fastest(particles: &Particles) -> Vec<u32> {
     all.truncate(NAMED);
     all
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attach::Attachments;
+    use if_core::math::Point;
+
+    /// Breaks particle 1 while h is above `fine_from`: to NaN, or to a speed of 1e9 m/s.
+    struct Trouble {
+        fine_from: Real,
+        speed: Real,
+        resets: u32,
+    }
+
+    impl Constraint for Trouble {
+        fn begin_substep(&mut self, _: &[Point], _: &[Point], _: &[Real], _: Real) {}
+        fn project(&mut self, positions: &mut [Point], _: &[Real], h: Real) -> Residual {
+            if h > self.fine_from {
+                positions[1].x += self.speed * h;
+            }
+            Residual::default()
+        }
+        fn reset(&mut self) {
+            self.resets += 1;
+        }
+    }
+
+    fn three() -> Particles {
+        Particles::uniform(vec![Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(2.0, 0.0, 0.0)], 1.0).unwrap()
+    }
+
+    #[test]
+    fn a_step_that_goes_wrong_is_taken_back_and_made_with_smaller_substeps() {
+        for speed in [Real::NAN, 1e9] {
+            let mut trouble = Trouble { fine_from: 3e-4, speed, resets: 0 };
+            let mut solver = Solver::new(SolverParams::default()).unwrap();
+            let mut p = three();
+            let report = solver.step(&mut p, &mut [&mut trouble]).unwrap();
+            assert_eq!((report.retries, report.substeps, trouble.resets), (2, 40, 2));
+            assert_eq!(p.positions, three().positions);
+        }
+    }
+
+    #[test]
+    fn trouble_that_stays_is_an_error_that_names_the_vertex_and_leaves_the_state() {
+        for speed in [Real::NAN, 1e9] {
+            let mut trouble = Trouble { fine_from: 0.0, speed, resets: 0 };
+            let mut p = three();
+            let error = Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut [&mut trouble]).unwrap_err();
+            match &error {
+                StepError::NonFinite { vertices, substeps, .. } => assert_eq!((vertices.as_slice(), *substeps), (&[1][..], 80)),
+                StepError::EnergyJump { vertices, .. } => assert_eq!(vertices[0], 1),
+                other => panic!("{other}"),
+            }
+            assert_eq!(p, three());
+        }
+        let mut p = three();
+        p.positions[2].y = Real::INFINITY;
+        let error = Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut []).unwrap_err();
+        assert_eq!(error, StepError::Input { vertices: vec![2] });
+        p.velocities.pop();
+        assert!(matches!(Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut []), Err(StepError::Count { .. })));
+    }
+
+    #[test]
+    fn a_run_stops_when_nothing_moves_or_when_it_is_told_to() {
+        let mut attach = Attachments::new();
+        attach.push(0, Point::new(0.0, 0.1, 0.0), 1e-6);
+        let mut solver = Solver::new(SolverParams::default()).unwrap();
+        let mut p = three();
+        let run = solver.run(&mut p, &mut [&mut attach, &mut Attachments::new()], |_, _| ControlFlow::Continue(())).unwrap();
+        assert_eq!(run.stop, Stop::Converged);
+        assert!(run.steps < 20 && run.substeps == 10 * u64::from(run.steps));
+        assert_eq!(run.last.unwrap().idle_groups, 1);
+        assert!((p.positions[0].y - 0.1).abs() < 1e-6);
+        let run = solver.run(&mut three(), &mut [&mut attach], |steps, _| {
+            if steps == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        let run = run.unwrap();
+        assert_eq!((run.steps, run.stop), (2, Stop::Cancelled));
+        let mut none = Solver::new(SolverParams { steps: 0, ..Default::default() }).unwrap();
+        let run = none.run(&mut three(), &mut [], |_, _| ControlFlow::Continue(())).unwrap();
+        assert_eq!((run.stop, run.last), (Stop::Exhausted, None));
+    }
+
+    #[test]
+    fn no_sweeps_move_nothing_and_no_particles_are_fine() {
+        let mut attach = Attachments::new();
+        attach.push(0, Point::new(0.0, 0.1, 0.0), 0.0);
+        let mut solver = Solver::new(SolverParams { sweeps: 0, ..Default::default() }).unwrap();
+        let mut p = three();
+        solver.step(&mut p, &mut [&mut attach]).unwrap();
+        assert_eq!(p.positions, three().positions);
+        assert_eq!(solver.step(&mut Particles::default(), &mut []).unwrap().moved, 0.0);
+    }
+
+    #[test]
+    fn a_pinned_particle_never_moves() {
+        let mut p = three().pinned([1]);
+        p.velocities[1] = Vector::new(5.0, 0.0, 0.0);
+        let params = SolverParams {
+            motion: Motion::Dynamic { damping: 0.0 },
+            gravity: [0.0, -9.81, 0.0],
+            energy_jump: Real::INFINITY,
+            ..Default::default()
+        };
+        Solver::new(params).unwrap().step(&mut p, &mut []).unwrap();
+        assert_eq!(p.positions[1], Point::new(1.0, 0.0, 0.0));
+        assert!(p.positions[0].y < 0.0);
+    }
+}

@@ -215,7 +215,7 @@ impl Constraint for Stretch {
     ///
     /// If the slices are shorter than the edges' vertex count.
     fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real], h: Real) -> Residual {
-        if self.is_idle() {
+        if self.is_idle() || !(self.compliance / (h * h)).is_finite() {
             return Residual::default();
         }
         let (scale, fresh) = (self.lambda_scale(h), self.fresh);
@@ -239,5 +239,137 @@ impl Constraint for Stretch {
 
     fn counters(&self) -> Counters {
         Counters { degenerate: self.degenerate, ..Counters::default() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::math::Vector;
+    use if_core::shapes::meshes::cloth;
+
+    const H: Real = 1e-3;
+
+    fn pair(rest: Real, compliance: Real) -> Stretch {
+        Stretch::new(EdgeSet::new(&[[0, 1]], &[rest], 2).unwrap(), compliance)
+    }
+
+    /// What is left of a spring that starts 0.01 m too long, after n sweeps of one substep.
+    fn left(form: LambdaForm, sweeps: u32) -> Real {
+        let mut p = vec![Point::origin(), Point::new(1.01, 0.0, 0.0)];
+        let mut group = pair(1.0, 1e-5);
+        group.form = form;
+        group.begin_substep(&[], &[], &[1.0; 2], H);
+        for _ in 0..sweeps {
+            group.project(&mut p, &[1.0; 2], H);
+        }
+        (p[1] - p[0]).norm() - 1.0
+    }
+
+    #[test]
+    fn more_sweeps_harden_the_printed_spring_and_not_the_xpbd_one() {
+        // method.md §5, line 18: four figures are given there to five decimals.
+        for (sweeps, printed) in [(1, 0.00833), (2, 0.00694), (5, 0.00402), (10, 0.00162)] {
+            assert!((left(LambdaForm::Printed, sweeps) - printed).abs() < 5e-6);
+            // β̃ = 10, two unit masses: 0.01 · 10/12.
+            assert!((left(LambdaForm::Xpbd, sweeps) - 0.01 / 1.2).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn momentum_stays_and_the_residual_falls() {
+        let mesh = cloth(0.3, 0.2, 6, 4);
+        let w: Vec<Real> = (0..35).map(|k| 0.5 + f64::from(k % 5)).collect();
+        let noise = |k: usize, s: Real| 0.005 * (k as Real * s).sin();
+        let start: Vec<Point> =
+            mesh.vertices().iter().enumerate().map(|(k, p)| p + Vector::new(noise(k, 1.3), noise(k, 7.7), noise(k, 3.1))).collect();
+        let mut p = start.clone();
+        let mut group = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-7);
+        group.begin_substep(&[], &[], &w, H);
+        let mut last = Real::INFINITY;
+        for _ in 0..100 {
+            let r = group.project(&mut p, &w, H);
+            assert!(r.rms() < last);
+            last = r.rms();
+            let linear: Vector = (0..p.len()).map(|k| (p[k] - start[k]) / w[k]).sum();
+            // Some thousand pushes, each rounded in the 17th decimal.
+            assert!(linear.norm() < 1e-14, "{linear}");
+        }
+        assert!(group.residual(&p, H).max < 1e-5);
+        assert!(group.multipliers().any(|l| l != 0.0));
+    }
+
+    #[test]
+    fn one_visit_turns_nothing() {
+        let before = [Point::new(0.1, 0.2, 0.3), Point::new(1.4, -0.3, 0.9)];
+        let (mut p, w) = (before.to_vec(), [2.0, 0.3]);
+        let mut group = pair(1.0, 1e-6);
+        group.begin_substep(&[], &[], &w, H);
+        group.project(&mut p, &w, H);
+        let turn: Vector = (0..2).map(|k| before[k].coords.cross(&((p[k] - before[k]) / w[k]))).sum();
+        assert!(p[0] != before[0] && turn.norm() < 1e-15);
+    }
+
+    #[test]
+    fn a_moved_and_turned_cloth_moves_and_turns_along() {
+        let mesh = cloth(0.3, 0.2, 6, 4);
+        let turn = nalgebra::Rotation3::from_euler_angles(0.4, 1.0, -2.0);
+        let away = Vector::new(1e3, -1e3, 1e3);
+        let start: Vec<Point> = mesh.vertices().iter().map(|p: &Point| Point::new(1.1 * p.x, 0.9 * p.y, 0.02 * (40.0 * p.x).sin())).collect();
+        let run = |mut p: Vec<Point>| {
+            let mut group = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-6);
+            group.begin_substep(&[], &[], &[1.0; 35], H);
+            for _ in 0..10 {
+                group.project(&mut p, &[1.0; 35], H);
+            }
+            p
+        };
+        let here = run(start.clone());
+        let there = run(start.iter().map(|p| turn * p + away).collect());
+        for (p, q) in here.iter().zip(&there) {
+            // Coordinates of 1e3 carry 1e-13, a few of which add up.
+            assert!((turn * p + away - q).norm() < 1e-11);
+        }
+    }
+
+    #[test]
+    fn lanes_and_single_edges_give_the_same() {
+        // A row of disjoint edges: one colour, all in lanes but the last three.
+        let n = 4 * LANES as u32 + 3;
+        let edges: Vec<[u32; 2]> = (0..n).map(|k| [2 * k, 2 * k + 1]).collect();
+        let start: Vec<Point> = (0..2 * n).map(|k| Point::new(f64::from(k), f64::from(k * k % 7), 0.1 * f64::from(k % 3))).collect();
+        let mut group = Stretch::new(EdgeSet::new(&edges, &vec![1.0; n as usize], start.len()).unwrap(), 1e-6);
+        let w: Vec<Real> = (0..2 * n).map(|k| f64::from(k % 4)).collect();
+        let mut p = start.clone();
+        for _ in 0..3 {
+            group.project(&mut p, &w, H);
+        }
+        for k in 0..n as usize {
+            let mut q = start[2 * k..2 * k + 2].to_vec();
+            let mut single = pair(1.0, 1e-6);
+            for _ in 0..3 {
+                single.project(&mut q, &w[2 * k..2 * k + 2], H);
+            }
+            assert_eq!(q, p[2 * k..2 * k + 2]);
+        }
+    }
+
+    #[test]
+    fn degenerate_edges_are_left_alone_and_counted() {
+        for compliance in [0.0, 1e-12, 1e3, Real::MAX, Real::INFINITY] {
+            for (w, moves) in [([0.0, 0.0], false), ([0.0, 1.0], true), ([1e-6, 1e6], true)] {
+                let mut p = vec![Point::new(1.0, 1.0, 1.0); 2];
+                let mut group = pair(0.5, compliance);
+                group.begin_substep(&p.clone(), &p.clone(), &w, H);
+                group.project(&mut p, &w, H);
+                assert_eq!(p, vec![Point::new(1.0, 1.0, 1.0); 2]);
+                assert_eq!(group.counters().degenerate, u64::from(!group.is_idle() && compliance < Real::MAX));
+                let mut q = vec![Point::origin(), Point::new(2.0, 0.0, 0.0)];
+                group.project(&mut q, &w, H);
+                assert!(q.iter().all(|x| x.iter().all(|c| c.is_finite())));
+                assert!(moves || q == vec![Point::origin(), Point::new(2.0, 0.0, 0.0)]);
+                assert!(w[0] > 0.0 || q[0] == Point::origin());
+            }
+        }
     }
 }
