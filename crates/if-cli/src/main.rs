@@ -1,2 +1,49 @@
-//! placeholder
-fn main() {}
+//! `ifg`: layered outfits made intersection-free, from the command line.
+
+mod announce;
+mod args;
+mod cancel;
+mod check;
+mod demo;
+mod end;
+mod errors;
+mod fix;
+mod hash;
+mod left;
+mod load;
+mod outfit_file;
+mod outputs;
+mod pictures;
+mod print;
+mod progress;
+mod receipt;
+mod resolve_outfit;
+mod scene;
+mod staging;
+mod table;
+
+use args::{Cli, Command};
+use clap::Parser;
+use end::End;
+use miette::{IntoDiagnostic, Report};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    errors::install();
+    let end = run(&Cli::parse()).unwrap_or_else(|error| {
+        errors::show(&error);
+        End::Unusable
+    });
+    end.into()
+}
+
+fn run(cli: &Cli) -> Result<End, Report> {
+    let threads = cli.threads.map_or(0, usize::from); // 0 is all cores
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().into_diagnostic()?;
+    cancel::listen();
+    match &cli.command {
+        Command::Demo(args) => demo::run(args),
+        Command::Fix(args) => fix::run(args),
+        Command::Check(args) => check::run(args),
+    }
+}

@@ -1,1 +1,320 @@
-//! Masked fields (Appendix C).
+//! Masked fields (Appendix C): a collision field that binds only near the garment it is for.
+
+use crate::aabb::Aabb;
+use crate::closest::ClosestPoint;
+use crate::field::{FieldSample, SignedDistance};
+use crate::math::{Point, Real, Vector};
+
+/// Where a field binds, and how strongly.
+pub trait Mask: Sync {
+    /// Weight in [0, 1] and its gradient in 1/m: 1 where the field binds in full, 0 where it does not.
+    fn weight(&self, p: &Point) -> (Real, Vector);
+
+    /// Length over which a field fades with the weight, in metres. See [`Masked`].
+    fn fade(&self) -> Real;
+
+    /// A box outside which the weight is 0; `None` where unknown.
+    fn bounds(&self) -> Option<Aabb>;
+}
+
+/// Why a mask is none.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MaskError {
+    /// A corner of the box is NaN.
+    #[error("the box of a mask reaches from {} to {}; its corners must be numbers", aabb.min, aabb.max)]
+    Box {
+        /// The box.
+        aabb: Aabb,
+    },
+    /// The radii of a ramp are out of order.
+    #[error("a ramp from {inner} m to {outer} m; needs 0 ≤ inner < outer, both finite")]
+    Ramp {
+        /// Up to here the weight is 1, in metres.
+        inner: Real,
+        /// From here on it is 0, in metres.
+        outer: Real,
+    },
+}
+
+/// The paper's mask: weight 1 in a closed axis-aligned box, 0 outside.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoxMask {
+    aabb: Aabb,
+}
+
+impl BoxMask {
+    /// The mask of the box round the inner garment. The empty box masks everything.
+    ///
+    /// # Errors
+    ///
+    /// A corner that is NaN.
+    pub fn new(aabb: Aabb) -> Result<Self, MaskError> {
+        if aabb.min.iter().chain(aabb.max.iter()).any(|x| x.is_nan()) {
+            return Err(MaskError::Box { aabb });
+        }
+        Ok(Self { aabb })
+    }
+}
+
+impl Mask for BoxMask {
+    fn weight(&self, p: &Point) -> (Real, Vector) {
+        (if self.aabb.contains(p) { 1.0 } else { 0.0 }, Vector::zeros())
+    }
+    fn fade(&self) -> Real {
+        0.0
+    }
+    fn bounds(&self) -> Option<Aabb> {
+        Some(self.aabb)
+    }
+}
+
+/// A mask by the distance d to a garment, so that hems and cuffs see no step:
+///
+/// ```text
+/// w = 1 − t² (3 − 2t),   t = clamp((d − inner) / (outer − inner), 0, 1)
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearMask<C> {
+    garment: C,
+    inner: Real,
+    outer: Real,
+}
+
+impl<C: ClosestPoint> NearMask<C> {
+    /// Weight 1 up to `inner` metres from the `garment`, 0 from `outer` metres on.
+    ///
+    /// # Errors
+    ///
+    /// Unless `0 ≤ inner < outer`, both finite.
+    pub fn new(garment: C, inner: Real, outer: Real) -> Result<Self, MaskError> {
+        if !(0.0 <= inner && inner < outer && outer.is_finite()) {
+            return Err(MaskError::Ramp { inner, outer });
+        }
+        Ok(Self { garment, inner, outer })
+    }
+}
+
+impl<C: ClosestPoint> Mask for NearMask<C> {
+    fn weight(&self, p: &Point) -> (Real, Vector) {
+        let Some(near) = self.garment.closest(p, self.outer) else { return (0.0, Vector::zeros()) };
+        if near.distance <= self.inner {
+            return (1.0, Vector::zeros());
+        }
+        let width = self.outer - self.inner;
+        let t = ((near.distance - self.inner) / width).min(1.0);
+        let slope = -6.0 * t * (1.0 - t) / width;
+        // The distance is above `inner`, hence above zero.
+        (1.0 - t * t * (3.0 - 2.0 * t), (p - near.point) * (slope / near.distance))
+    }
+    fn fade(&self) -> Real {
+        self.outer - self.inner
+    }
+    fn bounds(&self) -> Option<Aabb> {
+        None
+    }
+}
+
+/// A field that binds only where its mask says so.
+///
+/// ```text
+/// φₘ = φ + fade · (1/w − 1)
+/// ```
+///
+/// So weight 1 gives the field itself, bit for bit; as the weight falls the surface draws back, without
+/// a step in value or gradient; and where the weight is 0 the distance is +∞ and the gradient zero,
+/// which is *no constraint*: farther than any clearance, and with no direction to push in.
+///
+/// `lipschitz()` is +∞: a point outside the mask may enter it and meet a surface at once, so callers
+/// may not rest on an old value. Where the weight is 1 the bound of the field itself holds.
+///
+/// # Source
+///
+/// Appendix C of the supplement masks with the box, [`BoxMask`]. [`NearMask`] and the fading are ours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Masked<F, M> {
+    /// The field that is masked.
+    pub field: F,
+    /// Where it binds.
+    pub mask: M,
+}
+
+impl<F: SignedDistance, M: Mask> Masked<F, M> {
+    /// How strongly the field binds in `p`: 1 in full, 0 not at all.
+    pub fn weight(&self, p: &Point) -> Real {
+        self.mask.weight(p).0
+    }
+
+    fn faded(&self, sample: FieldSample, (w, slope): (Real, Vector)) -> FieldSample {
+        if w >= 1.0 {
+            return sample;
+        }
+        let fade = self.mask.fade();
+        let distance = sample.distance + fade * (1.0 / w - 1.0);
+        let gradient = sample.gradient - slope * (fade / (w * w));
+        // So close to the outer radius that the quotients overflow.
+        if distance.is_finite() && gradient.iter().all(|g| g.is_finite()) { FieldSample { distance, gradient } } else { UNBOUND }
+    }
+
+    /// Asks `call` for the points that the mask leaves, all at once: a network sees one batch.
+    fn batched<T: Clone>(&self, points: &[Point], unbound: T, call: impl Fn(&[Point], &[(Real, Vector)]) -> Vec<T>) -> Vec<T> {
+        use rayon::prelude::*;
+        let weights: Vec<(Real, Vector)> = points.par_iter().with_min_len(64).map(|p| self.mask.weight(p)).collect();
+        let bound: Vec<usize> = (0..points.len()).filter(|&k| weights[k].0 > 0.0).collect();
+        let mut all = vec![unbound; points.len()];
+        if bound.is_empty() {
+            return all;
+        }
+        let inside: Vec<Point> = bound.iter().map(|&k| points[k]).collect();
+        let weights: Vec<(Real, Vector)> = bound.iter().map(|&k| weights[k]).collect();
+        for (k, value) in bound.into_iter().zip(call(&inside, &weights)) {
+            all[k] = value;
+        }
+        all
+    }
+}
+
+/// No constraint.
+const UNBOUND: FieldSample = FieldSample { distance: Real::INFINITY, gradient: Vector::new(0.0, 0.0, 0.0) };
+
+impl<F: SignedDistance, M: Mask> SignedDistance for Masked<F, M> {
+    fn distance(&self, p: &Point) -> Real {
+        match self.mask.weight(p) {
+            (w, _) if w <= 0.0 => Real::INFINITY,
+            (w, _) if w >= 1.0 => self.field.distance(p),
+            weight => self.faded(self.field.sample(p), weight).distance,
+        }
+    }
+
+    fn sample(&self, p: &Point) -> FieldSample {
+        match self.mask.weight(p) {
+            (w, _) if w <= 0.0 => UNBOUND,
+            weight => self.faded(self.field.sample(p), weight),
+        }
+    }
+
+    fn distances(&self, points: &[Point], out: &mut [Real]) {
+        assert_eq!(points.len(), out.len(), "one output for each point");
+        out.copy_from_slice(&self.batched(points, Real::INFINITY, |inside, weights| {
+            if weights.iter().all(|w| w.0 >= 1.0) {
+                let mut values = vec![0.0; inside.len()];
+                self.field.distances(inside, &mut values);
+                return values;
+            }
+            let mut samples = vec![UNBOUND; inside.len()];
+            self.field.samples(inside, &mut samples);
+            samples.iter().zip(weights).map(|(s, w)| self.faded(*s, *w).distance).collect()
+        }));
+    }
+
+    fn samples(&self, points: &[Point], out: &mut [FieldSample]) {
+        assert_eq!(points.len(), out.len(), "one output for each point");
+        out.copy_from_slice(&self.batched(points, UNBOUND, |inside, weights| {
+            let mut samples = vec![UNBOUND; inside.len()];
+            self.field.samples(inside, &mut samples);
+            samples.iter().zip(weights).map(|(s, w)| self.faded(*s, *w)).collect()
+        }));
+    }
+
+    fn bounds(&self) -> Option<Aabb> {
+        match (self.field.bounds(), self.mask.bounds()) {
+            (Some(a), Some(b)) => Some(Aabb { min: a.min.sup(&b.min), max: a.max.inf(&b.max) }),
+            (a, b) => a.or(b),
+        }
+    }
+
+    fn lipschitz(&self) -> Real {
+        Real::INFINITY
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::closest::{Closest, Feature};
+    use crate::shapes::{Cylinder, Sphere};
+
+    /// The nearest point of a ball's surface, as a garment.
+    struct Ball(Sphere);
+    impl ClosestPoint for Ball {
+        fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest> {
+            let sample = self.0.sample(p);
+            let distance = sample.distance.abs();
+            let point = p - sample.gradient * sample.distance;
+            let place = Closest { point, distance, triangle: 0, barycentric: [1.0, 0.0, 0.0], feature: Feature::Vertex(0) };
+            (distance <= max_distance).then_some(place)
+        }
+    }
+
+    const BODY: Cylinder = Cylinder { center: Point::new(0.0, 0.0, 0.0), radius: 0.5, half_height: 1.0 };
+
+    fn near() -> Masked<Cylinder, NearMask<Ball>> {
+        let garment = Ball(Sphere { center: Point::origin(), radius: 0.6 });
+        Masked { field: BODY, mask: NearMask::new(garment, 0.05, 0.25).unwrap() }
+    }
+
+    fn boxed() -> Masked<Cylinder, BoxMask> {
+        let aabb = Aabb { min: Point::new(-1.0, -0.2, -1.0), max: Point::new(1.0, 0.2, 1.0) };
+        Masked { field: BODY, mask: BoxMask::new(aabb).unwrap() }
+    }
+
+    #[test]
+    fn inside_the_box_the_field_is_itself_and_outside_there_is_no_constraint() {
+        let field = boxed();
+        let (inside, outside) = (Point::new(0.1, 0.2, 0.3), Point::new(0.1, 0.2f64.next_up(), 0.3));
+        assert_eq!(field.sample(&inside), BODY.sample(&inside));
+        assert_eq!(field.sample(&outside), FieldSample { distance: Real::INFINITY, gradient: Vector::zeros() });
+        assert_eq!((field.weight(&inside), field.weight(&outside)), (1.0, 0.0));
+        assert_eq!(field.bounds().unwrap().max, Point::new(0.5, 0.2, 0.5));
+        let nothing = Masked { field: BODY, mask: BoxMask::new(Aabb::EMPTY).unwrap() };
+        assert_eq!(nothing.distance(&Point::origin()), Real::INFINITY);
+    }
+
+    #[test]
+    fn the_ramp_falls_from_one_to_zero_without_a_step() {
+        let field = near();
+        let at = |d: Real| Point::new(0.0, 0.0, 0.6 - d);
+        assert_eq!(field.weight(&at(0.04)), 1.0);
+        assert_eq!(field.sample(&at(0.04)), BODY.sample(&at(0.04)));
+        approx::assert_relative_eq!(field.weight(&at(0.15)), 0.5, epsilon = 1e-12);
+        assert_eq!(field.weight(&at(0.26)), 0.0);
+        let mut last = field.distance(&at(0.05));
+        for k in 1..2000 {
+            let next = field.distance(&at(0.05 + 0.19 * f64::from(k) / 2000.0));
+            let body = BODY.distance(&at(0.05 + 0.19 * f64::from(k) / 2000.0));
+            assert!(next >= body && next >= last - 1e-4, "the surface only draws back");
+            last = next;
+        }
+        assert!(last > 1.0, "and is gone at the outer radius");
+        // Value and slope start smoothly at the inner radius.
+        let h = 1e-6;
+        approx::assert_relative_eq!(field.distance(&at(0.05 + h)), BODY.distance(&at(0.05 + h)), epsilon = 1e-9);
+        approx::assert_relative_eq!(field.sample(&at(0.05 + h)).gradient, BODY.sample(&at(0.05)).gradient, epsilon = 1e-3);
+    }
+
+    #[test]
+    fn wrong_masks_are_refused() {
+        let garment = || Ball(Sphere { center: Point::origin(), radius: 1.0 });
+        for (inner, outer) in [(0.2, 0.1), (0.1, 0.1), (-0.1, 0.1), (0.0, Real::INFINITY), (Real::NAN, 1.0), (0.0, Real::NAN)] {
+            assert!(matches!(NearMask::new(garment(), inner, outer), Err(MaskError::Ramp { .. })), "{inner} {outer}");
+        }
+        let aabb = Aabb { min: Point::new(0.0, Real::NAN, 0.0), max: Point::new(1.0, 1.0, 1.0) };
+        assert!(BoxMask::new(aabb).unwrap_err().to_string().contains("NaN"));
+    }
+
+    #[cfg(feature = "conformance")]
+    #[test]
+    fn masked_fields_conform() {
+        use crate::conformance::{FieldTolerances, check_signed_distance};
+        let mut state = 5u64;
+        let mut next = move || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 * 2.4 - 1.2
+        };
+        let points: Vec<Point> = (0..800).map(|_| Point::new(next(), next(), next())).collect();
+        check_signed_distance(&boxed(), &points, &FieldTolerances::default()).unwrap();
+        // Towards the outer radius the field is arbitrarily steep.
+        let tolerances = FieldTolerances { kink: 1.0, kinks: 0.3, gradient: 1e-2, ..FieldTolerances::default() };
+        check_signed_distance(&near(), &points, &tolerances).unwrap();
+    }
+}

@@ -1,1 +1,272 @@
-//! Stub.
+//! Mesh files by their extension.
+
+use crate::obj::{self, Normals, ObjMesh};
+use crate::ply::{self, PlyMesh, WriteParams, quantise};
+use if_core::math::Point;
+use if_core::mesh::TriMesh;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+/// A mesh with the file it came from: what is written again has the same triangles, vertex order and attributes.
+///
+/// # Examples
+///
+/// ```
+/// use if_mesh::file::MeshFile;
+/// # let folder = tempfile::tempdir()?;
+/// # let (shirt, out) = (folder.path().join("shirt.obj"), folder.path().join("out.obj"));
+/// # std::fs::write(&shirt, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")?;
+/// let file = MeshFile::read(&shirt)?;
+/// let raised: Vec<_> = file.mesh().vertices().iter().map(|p| p + if_core::math::Vector::y() * 0.01).collect();
+/// // Prove what is to be proven about these:
+/// let raised = file.positions_as_written(&raised);
+/// file.write(&out, &raised)?;
+/// assert_eq!(MeshFile::read(&out)?.mesh().vertices(), raised);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct MeshFile {
+    /// The file, where `content` does not hold it already.
+    bytes: Vec<u8>,
+    content: Content,
+}
+
+/// What a file holds.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub enum Content {
+    /// A PLY file.
+    Ply(PlyMesh),
+    /// An OBJ file.
+    Obj(ObjMesh),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Ply,
+    Obj,
+}
+
+impl Format {
+    /// By the extension, in upper or lower case.
+    fn of(path: &Path) -> Option<Self> {
+        let extension = path.extension()?.to_str()?.to_ascii_lowercase();
+        match extension.as_str() {
+            "ply" => Some(Self::Ply),
+            "obj" => Some(Self::Obj),
+            _ => None,
+        }
+    }
+}
+
+/// Why a file gives no mesh.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages say what the fields are
+pub enum ReadError {
+    /// The extension names no format.
+    #[error("{}: the extension must be .ply or .obj", path.display())]
+    Extension { path: PathBuf },
+    /// The system does not give the file.
+    #[error("{}: {source}", path.display())]
+    Io { path: PathBuf, source: io::Error },
+    /// A folder, a pipe or a device.
+    #[error("{}: not a file", path.display())]
+    NotAFile { path: PathBuf },
+    /// The PLY file is at fault.
+    #[error("{}: {source}", path.display())]
+    Ply { path: PathBuf, source: Box<ply::ReadError> },
+    /// The OBJ file is at fault.
+    #[error("{}: {source}", path.display())]
+    Obj { path: PathBuf, source: Box<obj::ReadError> },
+}
+
+/// Why a file was not written. What stood there before still does.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages say what the fields are
+pub enum WriteError {
+    /// The extension names another format than the mesh came in, which cannot hold its attributes.
+    #[error("{}: the mesh came from {from} file, so the extension must be .{extension}", path.display())]
+    Extension { path: PathBuf, from: &'static str, extension: &'static str },
+    /// The system does not take the bytes.
+    #[error("{}: {source}", path.display())]
+    Io { path: PathBuf, source: io::Error },
+    /// The PLY file cannot hold this.
+    #[error("{}: {source}", path.display())]
+    Ply { path: PathBuf, source: Box<ply::WriteError> },
+    /// The OBJ file cannot hold this.
+    #[error("{}: {source}", path.display())]
+    Obj { path: PathBuf, source: Box<obj::WriteError> },
+}
+
+impl MeshFile {
+    /// Reads a `.ply` or `.obj` file.
+    ///
+    /// # Errors
+    ///
+    /// [`ReadError`]: the file, and the line, byte or element at fault.
+    pub fn read(path: &Path) -> Result<Self, ReadError> {
+        let name = || path.to_path_buf();
+        let format = Format::of(path).ok_or_else(|| ReadError::Extension { path: name() })?;
+        let about = fs::metadata(path).map_err(|source| ReadError::Io { path: name(), source })?;
+        if !about.is_file() {
+            return Err(ReadError::NotAFile { path: name() }); // a pipe might never end
+        }
+        let bytes = fs::read(path).map_err(|source| ReadError::Io { path: name(), source })?;
+        Ok(match format {
+            Format::Ply => {
+                let ply = ply::read_bytes(&bytes).map_err(|e| ReadError::Ply { path: name(), source: e.into() })?;
+                Self { bytes, content: Content::Ply(ply) }
+            }
+            Format::Obj => {
+                let obj = obj::read(&bytes[..]).map_err(|e| ReadError::Obj { path: name(), source: e.into() })?;
+                Self { bytes: Vec::new(), content: Content::Obj(obj) }
+            }
+        })
+    }
+
+    /// Vertices in the file's order and units, and triangles.
+    pub fn mesh(&self) -> &TriMesh {
+        match &self.content {
+            Content::Ply(ply) => &ply.mesh,
+            Content::Obj(obj) => obj.mesh(),
+        }
+    }
+
+    /// The attributes.
+    pub fn content(&self) -> &Content {
+        &self.content
+    }
+
+    /// The file as it was read, byte for byte: for hashes.
+    pub fn bytes(&self) -> &[u8] {
+        match &self.content {
+            Content::Ply(_) => &self.bytes,
+            Content::Obj(obj) => obj.text(),
+        }
+    }
+
+    /// Indices of the file's faces that use a vertex twice, and so give fewer triangles than they have
+    /// corners for. They are written again.
+    pub fn collapsed_faces(&self) -> &[u32] {
+        match &self.content {
+            Content::Ply(ply) => &ply.collapsed,
+            Content::Obj(obj) => obj.collapsed(),
+        }
+    }
+
+    /// Normals of the file that several vertices share. They stay as they stand when vertices move.
+    pub fn shared_normals(&self) -> usize {
+        match &self.content {
+            Content::Ply(_) => 0,
+            Content::Obj(obj) => obj.shared_normals(),
+        }
+    }
+
+    /// The positions as they will be read back: rounded to `f32` where the PLY file has coordinates of 4
+    /// bytes, else the same. Where nothing has moved, these are the positions of [`MeshFile::mesh`].
+    pub fn positions_as_written(&self, positions: &[Point]) -> Vec<Point> {
+        match &self.content {
+            Content::Ply(ply) => quantise(positions, ply.coordinates),
+            Content::Obj(_) => positions.to_vec(),
+        }
+    }
+
+    /// Writes the mesh with its vertices at `positions` and all its attributes, whole or not at all
+    /// ([`crate::atomic`]). Normals turn with the surface ([`Normals::Follow`]). Where nothing has moved, the file is
+    /// a copy of the one that was read; else PLY is written as binary, and of an OBJ file only the coordinates that moved change.
+    ///
+    /// # Errors
+    ///
+    /// [`WriteError`]: an extension of another format, positions that do not fit or are not finite, or what the
+    /// system says about the folder.
+    pub fn write(&self, path: &Path, positions: &[Point]) -> Result<(), WriteError> {
+        let name = || path.to_path_buf();
+        let (format, extension) = match &self.content {
+            Content::Ply(_) => (Format::Ply, "ply"),
+            Content::Obj(_) => (Format::Obj, "obj"),
+        };
+        if Format::of(path) != Some(format) {
+            let from = if format == Format::Ply { "a PLY" } else { "an OBJ" };
+            return Err(WriteError::Extension { path: name(), from, extension });
+        }
+        if positions == self.mesh().vertices() {
+            let copy = |file: &mut fs::File| io::Write::write_all(file, self.bytes());
+            return crate::atomic::write(path, copy).map_err(|source| WriteError::Io { path: name(), source });
+        }
+        match &self.content {
+            Content::Ply(ply) => {
+                let params = WriteParams { coordinates: ply.coordinates, ..WriteParams::default() };
+                ply::write_path(ply, positions, &params, path).map_err(|source| match source {
+                    ply::WriteError::Io(source) => WriteError::Io { path: name(), source },
+                    e => WriteError::Ply { path: name(), source: e.into() },
+                })
+            }
+            Content::Obj(obj) => crate::atomic::write(path, |file| obj::write(obj, positions, Normals::Follow, file)).map_err(
+                |source| match source {
+                    obj::WriteError::Io(source) => WriteError::Io { path: name(), source },
+                    e => WriteError::Obj { path: name(), source: e.into() },
+                },
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::math::Vector;
+
+    const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        property uchar label\nelement face 1\nproperty list uchar int vertex_index\nend_header\n0 0 0 7\n1 0 0 8\n0 0.1 0 9\n3 0 1 2\n";
+
+    #[test]
+    fn what_is_written_is_what_was_foretold_and_attributes_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, out) = (folder.path().join("a.PLY"), folder.path().join("b.ply"));
+        fs::write(&path, PLY).unwrap();
+        let file = MeshFile::read(&path).unwrap();
+        assert_eq!(file.positions_as_written(file.mesh().vertices()), file.mesh().vertices());
+        let moved: Vec<Point> = file.mesh().vertices().iter().map(|p| p + Vector::repeat(0.01)).collect();
+        let foretold = file.positions_as_written(&moved);
+        assert_ne!(foretold, moved);
+        file.write(&out, &moved).unwrap();
+        let again = MeshFile::read(&out).unwrap();
+        assert_eq!(again.mesh().vertices(), foretold);
+        let Content::Ply(ply) = again.content() else { panic!("a PLY file") };
+        assert_eq!(ply.vertex_property("label").unwrap().values, ply::Column::U8(vec![7, 8, 9]));
+    }
+
+    #[test]
+    fn what_has_not_moved_is_copied() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, out) = (folder.path().join("a.ply"), folder.path().join("b.ply"));
+        fs::write(&path, PLY).unwrap();
+        let file = MeshFile::read(&path).unwrap();
+        file.write(&out, file.mesh().vertices()).unwrap();
+        assert_eq!(fs::read(&out).unwrap(), PLY.as_bytes());
+        assert_eq!(file.bytes(), PLY.as_bytes());
+    }
+
+    #[test]
+    fn faults_name_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let inside = |name: &str| folder.path().join(name);
+        for (name, text) in [("a.stl", ""), ("noextension", ""), ("empty.ply", ""), ("empty.obj", ""), ("bad.obj", "v 1 2 x\n")] {
+            fs::write(inside(name), text).unwrap();
+            let fault = MeshFile::read(&inside(name)).unwrap_err().to_string();
+            assert!(fault.contains(name), "{fault}");
+        }
+        assert!(matches!(MeshFile::read(&inside("missing.ply")), Err(ReadError::Io { .. })));
+        fs::create_dir(inside("folder.ply")).unwrap();
+        assert!(matches!(MeshFile::read(&inside("folder.ply")), Err(ReadError::NotAFile { .. })));
+        fs::write(inside("a.ply"), PLY).unwrap();
+        let file = MeshFile::read(&inside("a.ply")).unwrap();
+        assert!(matches!(file.write(&inside("a.obj"), file.mesh().vertices()), Err(WriteError::Extension { .. })));
+        assert!(matches!(file.write(&inside("no/a.ply"), file.mesh().vertices()), Err(WriteError::Io { .. })));
+        let too_far = vec![Point::new(1e39, 0.0, 0.0); 3];
+        assert!(matches!(file.write(&inside("a.ply"), &too_far), Err(WriteError::Ply { .. })));
+        assert_eq!(fs::read(inside("a.ply")).unwrap(), PLY.as_bytes());
+    }
+}

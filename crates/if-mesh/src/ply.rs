@@ -2,14 +2,13 @@
 //!
 //! [`read`] takes what any program writes: the three formats, all names of types with `int64` and
 //! `uint64`, elements and properties in any order, unknown elements, lists of any kind, faces of any
-//! number of corners, line ends of Unix and Windows. It holds the result and one block of input, so
-//! its memory stays below four times the file wherever a number takes four bytes or more (a `0` and a space
+//! number of corners, line ends of Unix and Windows. It holds the result and one block of input: 1.4 times
+//! the file for the usual million triangles, and below four times wherever a number takes four bytes or more (a `0` and a space
 //! of a text file become eight bytes, whatever a reader does). No count in the header is believed: where
 //! the size of the file is known it is checked against it, else room is made as records arrive.
 //!
-//! [`write`] writes `binary_little_endian` in the order that meshio 5.3.5 needs: vertices first,
-//! coordinates first among their properties, then faces. Files without properties of faces and without lists are read
-//! by meshio in full; [`Keep::Portable`] drops those.
+//! [`write()`] writes `binary_little_endian` in the order that meshio 5.3.5 needs: vertices first,
+//! coordinates first among their properties, then faces. [`Keep`] says what of the rest is written.
 //!
 //! The grammar of the header is read by `ply-rs-bw`. Its payload reader is not used: it takes thirty
 //! times as long, stores each record as a map, and cannot read `nan` or 64-bit integers. It is the foreign
@@ -228,7 +227,7 @@ fn check_end<R: Read>(source: &mut Source<R>, ascii: bool) -> Result<(), ReadErr
 ///
 /// # Errors
 ///
-/// As [`write`], and what the system says about the folder.
+/// As [`write()`], and what the system says about the folder.
 pub fn write_path(ply: &PlyMesh, positions: &[Point], params: &WriteParams, path: &Path) -> Result<(), WriteError> {
     crate::atomic::write(path, |file| write(ply, positions, params, file))
 }

@@ -1,1 +1,310 @@
-//! Stub.
+//! What is wrong with a mesh that could be read: for errors and warnings about inputs.
+//!
+//! Three ways to ask: [`is_valid`], [`first_defect`], and [`faults`] for all there is to say.
+
+use if_core::edges::Edges;
+use if_core::math::{Point, Real, area_vector};
+use if_core::mesh::TriMesh;
+use serde::Serialize;
+use std::fmt;
+
+/// Something about a mesh that its owner should know.
+///
+/// The lists hold the first few indices only, the counts are of all.
+#[derive(Clone, Debug, PartialEq, Serialize, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages say what the fields are
+pub enum Fault {
+    /// No triangle at all.
+    #[error("there are no triangles ({vertices} vertices)")]
+    NoTriangles { vertices: usize },
+    /// Triangles without a normal.
+    #[error("{count} triangles have no area ({}); merge their vertices or drop them", list(triangles))]
+    ZeroArea { count: usize, triangles: Vec<u32> },
+    /// Edges of three or more triangles.
+    #[error("{count} edges belong to more than two triangles ({}); split the surface there", pairs(edges))]
+    NonManifold { count: usize, edges: Vec<[u32; 2]> },
+    /// Neighbours that wind in opposite directions.
+    #[error("at {count} edges ({}) two triangles wind against each other; make the normals consistent", pairs(edges))]
+    Winding { count: usize, edges: Vec<[u32; 2]> },
+    /// A closed surface whose normals point inwards.
+    #[error("the closed surface is inside out (volume {volume:.3e}); flip its triangles")]
+    InsideOut { volume: Real },
+    /// Vertices in one place: a seam that is not sewn, or an export that split vertices.
+    #[error("{count} vertices lie exactly on others ({}); if they are no open seam, merge them", list(vertices))]
+    Duplicates { count: usize, vertices: Vec<u32> },
+    /// Vertices of no triangle.
+    #[error("{count} vertices belong to no triangle ({}); they are kept and do not move", list(vertices))]
+    Unused { count: usize, vertices: Vec<u32> },
+    /// A size that no person has in metres.
+    #[error("{} units high: {unit}", thousands(*height))]
+    Units { height: Real, unit: Unit },
+}
+
+/// The unit that a height suggests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum Unit {
+    /// 100 to 250 high.
+    Centimetres,
+    /// 800 to 2,500 high.
+    Millimetres,
+    /// Much too large or too small, without another guess.
+    Unknown,
+}
+
+impl Unit {
+    /// What to multiply with to get metres.
+    pub fn scale(self) -> Option<Real> {
+        match self {
+            Self::Centimetres => Some(0.01),
+            Self::Millimetres => Some(0.001),
+            Self::Unknown => None,
+        }
+    }
+}
+
+impl fmt::Display for Unit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Centimetres => "likely centimetres; scale by 0.01",
+            Self::Millimetres => "likely millimetres; scale by 0.001",
+            Self::Unknown => "not metres; scale it to metres",
+        })
+    }
+}
+
+impl Fault {
+    /// Whether it breaks what the solver relies on: normals, sides, neighbours. The others are worth
+    /// a warning.
+    pub fn is_defect(&self) -> bool {
+        !matches!(self, Self::Duplicates { .. } | Self::Unused { .. } | Self::Units { .. })
+    }
+}
+
+/// Whether the mesh has no defect ([`Fault::is_defect`]).
+pub fn is_valid(mesh: &TriMesh) -> bool {
+    first_defect(mesh).is_ok()
+}
+
+/// The first defect as an error.
+///
+/// # Errors
+///
+/// The first of [`faults`] that is a defect.
+pub fn first_defect(mesh: &TriMesh) -> Result<(), Fault> {
+    faults(mesh).into_iter().find(Fault::is_defect).map_or(Ok(()), Err)
+}
+
+/// Indices that a fault lists.
+const LISTED: usize = 5;
+
+/// Height of a triangle over its longest edge, up to which it counts as having no area. Rounding
+/// makes 1e-13 of it for edges of 1 mm that lie 1 m from the origin, so at ten times less such triangles
+/// would be missed; at ten times more nothing real is flat yet (1e-10 mm on 10 mm).
+const FLAT: Real = 1e-12;
+
+/// |volume| over the area to the power 3/2 up to which a closed surface encloses nothing, as a folded
+/// sheet does. A ball has 0.094; a glove of 1 mm thickness and 20 cm length still has 1e-3.
+const NO_VOLUME: Real = 1e-9;
+
+/// All that is to be said about a mesh, defects and warnings, each kind once. Empty for a sound one.
+pub fn faults(mesh: &TriMesh) -> Vec<Fault> {
+    let vertices = mesh.vertices().len();
+    let mut found = Vec::new();
+    if mesh.triangles().is_empty() {
+        found.push(Fault::NoTriangles { vertices });
+        return found;
+    }
+    let edges = Edges::new(mesh);
+    let mut flat = Collected::default();
+    for t in 0..mesh.triangles().len() {
+        flat.push_if(is_flat(mesh.corners(t)), t as u32);
+    }
+    found.extend(flat.some().map(|(count, triangles)| Fault::ZeroArea { count, triangles }));
+
+    let mut fins = Collected::default();
+    let mut against = Collected::default();
+    for (e, &ends) in edges.vertices.iter().enumerate() {
+        fins.push_if(edges.valence[e] > 2, ends);
+        let [a, b] = edges.triangles[e];
+        against.push_if(edges.valence[e] == 2 && same_direction(mesh, ends, a, b), ends);
+    }
+    let closed = edges.valence.iter().all(|v| *v == 2) && against.count == 0;
+    found.extend(fins.some().map(|(count, edges)| Fault::NonManifold { count, edges }));
+    found.extend(against.some().map(|(count, edges)| Fault::Winding { count, edges }));
+    let volume = mesh.signed_volume();
+    if closed && volume < -NO_VOLUME * mesh.area().powf(1.5) {
+        found.push(Fault::InsideOut { volume });
+    }
+
+    let mut duplicates = Collected::default();
+    duplicated(mesh.vertices()).for_each(|v| duplicates.push_if(true, v));
+    found.extend(duplicates.some().map(|(count, vertices)| Fault::Duplicates { count, vertices }));
+    let mut used = vec![false; vertices];
+    mesh.triangles().as_flattened().iter().for_each(|&v| used[v as usize] = true);
+    let mut unused = Collected::default();
+    used.iter().enumerate().for_each(|(v, used)| unused.push_if(!used, v as u32));
+    found.extend(unused.some().map(|(count, vertices)| Fault::Unused { count, vertices }));
+    found.extend(suspicious_units(mesh));
+    found
+}
+
+/// [`Fault::Units`] where the longest side of the box suggests that the mesh, a body or a whole garment,
+/// is not in metres. Bodies in metres are 0.4 to 2.5 high; anything from a glove to a train passes.
+pub fn suspicious_units(mesh: &TriMesh) -> Option<Fault> {
+    let height = mesh.aabb().size().amax();
+    let unit = match height {
+        h if (100.0..=250.0).contains(&h) => Unit::Centimetres,
+        h if (800.0..=2500.0).contains(&h) => Unit::Millimetres,
+        h if h > 10.0 || (h > 0.0 && h < 0.02) => Unit::Unknown,
+        _ => return None,
+    };
+    Some(Fault::Units { height, unit })
+}
+
+fn is_flat([a, b, c]: [&Point; 3]) -> bool {
+    let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
+    area_vector(a, b, c).norm() <= FLAT * longest
+}
+
+/// Whether both triangles run through the edge in the same direction.
+fn same_direction(mesh: &TriMesh, ends: [u32; 2], a: u32, b: u32) -> bool {
+    let forward = |t: u32| {
+        let tri = mesh.triangles()[t as usize];
+        (0..3).any(|k| [tri[k], tri[(k + 1) % 3]] == ends)
+    };
+    forward(a) == forward(b)
+}
+
+/// Vertices that lie exactly where one of smaller index lies, ascending.
+fn duplicated(vertices: &[Point]) -> impl Iterator<Item = u32> {
+    let key = |v: u32| vertices[v as usize].coords.map(|x| (x + 0.0).to_bits()); // −0 becomes 0
+    let mut order: Vec<u32> = (0..vertices.len() as u32).collect();
+    order.sort_unstable_by_key(|&v| (<[u64; 3]>::from(key(v)), v));
+    let mut later: Vec<u32> = order.windows(2).filter(|w| key(w[0]) == key(w[1])).map(|w| w[1]).collect();
+    later.sort_unstable();
+    later.into_iter()
+}
+
+/// A count and the first few.
+struct Collected<T> {
+    count: usize,
+    first: Vec<T>,
+}
+
+impl<T> Default for Collected<T> {
+    fn default() -> Self {
+        Self { count: 0, first: Vec::new() }
+    }
+}
+
+impl<T> Collected<T> {
+    fn push_if(&mut self, condition: bool, item: T) {
+        if condition {
+            self.count += 1;
+            if self.first.len() < LISTED {
+                self.first.push(item);
+            }
+        }
+    }
+
+    fn some(self) -> Option<(usize, Vec<T>)> {
+        (self.count > 0).then_some((self.count, self.first))
+    }
+}
+
+fn list(indices: &[u32]) -> String {
+    let words: Vec<String> = indices.iter().map(u32::to_string).collect();
+    format!("{}{}", words.join(", "), if indices.len() == LISTED { ", …" } else { "" })
+}
+
+fn pairs(edges: &[[u32; 2]]) -> String {
+    let words: Vec<String> = edges.iter().map(|[a, b]| format!("{a}–{b}")).collect();
+    format!("{}{}", words.join(", "), if edges.len() == LISTED { ", …" } else { "" })
+}
+
+/// `1,740` for 1740.2, and three digits of small numbers.
+fn thousands(x: Real) -> String {
+    if x < 100.0 {
+        return format!("{x:.3}");
+    }
+    let digits = format!("{x:.0}");
+    let groups: Vec<&str> = digits.as_bytes().rchunks(3).rev().map(|g| std::str::from_utf8(g).unwrap_or("")).collect();
+    groups.join(",")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tetrahedron(scale: Real) -> TriMesh {
+        let v = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let v = v.map(|p| Point::from(p) * scale).to_vec();
+        TriMesh::new(v, vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap()
+    }
+
+    fn messages(mesh: &TriMesh) -> Vec<String> {
+        faults(mesh).iter().map(Fault::to_string).collect()
+    }
+
+    #[test]
+    fn a_sound_mesh_has_no_fault() {
+        assert!(faults(&tetrahedron(1.7)).is_empty() && is_valid(&tetrahedron(1.7)));
+    }
+
+    #[test]
+    fn a_closed_surface_that_is_inside_out_is_told_from_one_that_winds_both_ways() {
+        let good = tetrahedron(1.0);
+        let flipped = |which: &[usize]| {
+            let mut t = good.triangles().to_vec();
+            which.iter().for_each(|&k| t[k].swap(0, 1));
+            TriMesh::new(good.vertices().to_vec(), t).unwrap()
+        };
+        assert!(matches!(faults(&flipped(&[0, 1, 2, 3]))[..], [Fault::InsideOut { .. }]));
+        let fault = first_defect(&flipped(&[3])).unwrap_err();
+        assert!(matches!(fault, Fault::Winding { count: 3, .. }), "{fault}");
+        assert!(fault.to_string().contains("1–2"), "{fault}");
+    }
+
+    #[test]
+    fn fins_needles_doubles_and_strays_are_each_named_once() {
+        let mut v = tetrahedron(1.0).vertices().to_vec();
+        let mut t = tetrahedron(1.0).triangles().to_vec();
+        v.extend([Point::new(2.0, 2.0, 2.0), Point::new(-0.0, 0.0, 0.0), Point::new(0.5, 0.0, 0.0), Point::new(5.0, 5.0, 5.0)]);
+        t.extend([[0, 1, 4], [0, 1, 6]]);
+        let mesh = TriMesh::new(v, t).unwrap();
+        assert_eq!(
+            faults(&mesh),
+            [
+                Fault::ZeroArea { count: 1, triangles: vec![5] },
+                Fault::NonManifold { count: 1, edges: vec![[0, 1]] },
+                Fault::Duplicates { count: 1, vertices: vec![5] },
+                Fault::Unused { count: 2, vertices: vec![5, 7] },
+            ]
+        );
+        assert!(!is_valid(&mesh));
+    }
+
+    #[test]
+    fn a_body_in_other_units_is_noticed() {
+        assert_eq!(messages(&tetrahedron(1740.0)), ["1,740 units high: likely millimetres; scale by 0.001"]);
+        assert_eq!(messages(&tetrahedron(173.2)), ["173 units high: likely centimetres; scale by 0.01"]);
+        assert_eq!(messages(&tetrahedron(68.0)), ["68.000 units high: not metres; scale it to metres"]);
+        for metres in [0.25, 0.4, 1.0, 1.9, 2.5] {
+            assert!(is_valid(&tetrahedron(metres)) && messages(&tetrahedron(metres)).is_empty());
+        }
+        assert!(is_valid(&tetrahedron(1740.0)), "a warning, no defect");
+    }
+
+    #[test]
+    fn degenerate_meshes_are_described_and_never_panic() {
+        assert_eq!(messages(&TriMesh::default()), ["there are no triangles (0 vertices)"]);
+        let point = TriMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
+        assert!(matches!(faults(&point)[..], [Fault::ZeroArea { .. }, Fault::Duplicates { count: 2, .. }]));
+        // A sheet folded onto itself is closed and encloses nothing.
+        let v = tetrahedron(1.0).vertices()[..3].to_vec();
+        let folded = TriMesh::new(v, vec![[0, 1, 2], [0, 2, 1]]).unwrap();
+        assert!(faults(&folded).is_empty());
+        assert_eq!(thousands(1_234_567.8), "1,234,568");
+    }
+}

@@ -92,11 +92,6 @@ impl HalfSpaces {
         self.pushed.push(false);
     }
 
-    /// Vertices, weights and normal of contact `k`.
-    pub fn contact(&self, k: usize) -> ([u32; 3], [Real; 3], Vector) {
-        (self.vertices[k], self.weights[k], self.normals[k])
-    }
-
     /// The vertices of each contact's sample, in the order of pushing.
     pub fn vertices(&self) -> &[[u32; 3]] {
         &self.vertices

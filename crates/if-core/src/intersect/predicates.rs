@@ -100,7 +100,7 @@ pub(super) fn side_of_line(a: Point2, b: Point2, p: Point2) -> i8 {
 #[inline]
 fn in_exact_range(x: Real) -> bool {
     let m = x.abs();
-    m == 0.0 || (EXACT_RANGE[0] <= m && m <= EXACT_RANGE[1])
+    m == 0.0 || (EXACT_RANGE[0]..=EXACT_RANGE[1]).contains(&m)
 }
 
 #[inline]

@@ -110,7 +110,7 @@ pub enum ReadError {
     TooLarge { element: String },
 }
 
-/// Why [`super::write`] has not written a mesh.
+/// Why [`super::write()`] has not written a mesh.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages say what the fields are
@@ -122,7 +122,7 @@ pub enum WriteError {
     #[error(transparent)]
     Mesh(#[from] MeshError),
     /// A coordinate that is finite in `f64` and not in `f32`.
-    #[error("vertex {vertex}: coordinate {value} is too large for a 4-byte float; write `double` instead")]
+    #[error("vertex {vertex}: coordinate {value:?} is too large for a 4-byte float; write `double` instead")]
     TooLarge { vertex: usize, value: f64 },
     /// A property does not have one value or list for each record.
     #[error("property `{property}` of element `{element}` has {found} records, expected {expected}")]

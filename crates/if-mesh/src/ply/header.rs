@@ -36,11 +36,11 @@ impl ElementLayout {
     /// The least bytes that all records together can have.
     pub(super) fn least_bytes(&self, ascii: bool) -> u128 {
         let record: usize = if ascii {
-            2 * self.properties.len() // a digit and a space or line end each
+            self.properties.len() // a digit each: spaces do not count, so that the line at fault is found and named
         } else {
             self.properties.iter().map(|p| p.length.unwrap_or(p.scalar).size()).sum()
         };
-        u128::from(self.count) * record as u128 - u128::from(ascii && self.count > 0) // the last line may lack its end
+        u128::from(self.count) * record as u128
     }
 }
 

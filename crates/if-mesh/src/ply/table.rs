@@ -70,14 +70,14 @@ pub(super) struct Faces {
     scratch: Vec<u32>,
 }
 
-/// Records for which room is made before they are seen, where the size of the file is not known.
+/// Values for which room is made before they are seen, where the size of the file is not known.
 const UNSEEN: u64 = 1 << 16;
 
 impl<'a> Table<'a> {
     /// `faces` names the property with the vertex indices, and the number of vertices.
     pub(super) fn new(layout: &'a ElementLayout, faces: Option<(usize, u64)>, left: Option<u64>) -> Self {
         // With the size known, the count was checked against it.
-        let room = if left.is_some() { layout.count } else { layout.count.min(UNSEEN) };
+        let room = if left.is_some() { layout.count } else { layout.count.min(UNSEEN / layout.properties.len().max(1) as u64) };
         let slots = layout.properties.iter().enumerate().map(|(k, p)| {
             let lists = p.length.map(|_| {
                 let mut starts = Vec::with_capacity(room as usize + 1);

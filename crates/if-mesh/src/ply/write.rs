@@ -24,11 +24,12 @@ pub enum CoordinateType {
 /// What is written beside vertices and triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Keep {
-    /// Every property and element, with its type.
+    /// Every property and element, with its type; only numbers of vertices in `int16`, which meshio cannot read,
+    /// become `int32`. meshio reads the file unless it has lists beside the faces, properties of faces, or other elements.
     #[default]
     All,
-    /// What meshio 5.3.5 reads: one number for each vertex and property, 16-bit signed integers as
-    /// 32-bit ones, 64-bit integers as `double`; no properties of faces, no lists, no other elements.
+    /// What other programs read too: one number for each vertex and property, 64-bit integers as
+    /// `double`; no properties of faces, no lists, no other elements.
     Portable,
 }
 
@@ -46,7 +47,7 @@ pub struct WriteParams {
 /// The positions as they will be read back from a file with such coordinates. What must hold for
 /// the file, such as having no intersections, is to be proven for these.
 ///
-/// A coordinate beyond the range of `float` becomes infinite; [`write`] refuses it.
+/// A coordinate beyond the range of `float` becomes infinite; [`write()`] refuses it.
 pub fn quantise(positions: &[Point], coordinates: CoordinateType) -> Vec<Point> {
     match coordinates {
         CoordinateType::Float => positions.iter().map(|p| p.map(|x| Real::from(x as f32))).collect(),
@@ -140,10 +141,8 @@ fn vertex_properties<'a>(ply: &'a PlyMesh, positions: &[Point], params: &WritePa
         CoordinateType::Double => Column::F64(positions.iter().map(|p| p[axis]).collect()),
     };
     let mut properties: Vec<_> = (0..3).map(|axis| Cow::Owned(Property::new(["x", "y", "z"][axis], coordinate(axis)))).collect();
-    properties.extend(match params.keep {
-        Keep::All => borrowed(&ply.vertex_properties),
-        Keep::Portable => ply.vertex_properties.iter().filter(|p| p.lists.is_none()).map(portable).collect(),
-    });
+    let kept = ply.vertex_properties.iter().filter(|p| params.keep == Keep::All || p.lists.is_none());
+    properties.extend(kept.map(|p| readable(p, params.keep)));
     if params.normals == Normals::Follow {
         follow(&mut properties, &ply.mesh, positions);
     }
@@ -154,11 +153,13 @@ fn borrowed(properties: &[Property]) -> Vec<Cow<'_, Property>> {
     properties.iter().map(Cow::Borrowed).collect()
 }
 
-fn portable(p: &Property) -> Cow<'_, Property> {
+/// The property in types that meshio reads.
+fn readable(p: &Property, keep: Keep) -> Cow<'_, Property> {
     let values = match &p.values {
+        _ if p.lists.is_some() => return Cow::Borrowed(p),
         Column::I16(v) => Column::I32(v.iter().map(|&x| x.into()).collect()),
-        Column::I64(v) => Column::F64(v.iter().map(|&x| x as f64).collect()),
-        Column::U64(v) => Column::F64(v.iter().map(|&x| x as f64).collect()),
+        Column::I64(v) if keep == Keep::Portable => Column::F64(v.iter().map(|&x| x as f64).collect()),
+        Column::U64(v) if keep == Keep::Portable => Column::F64(v.iter().map(|&x| x as f64).collect()),
         _ => return Cow::Borrowed(p),
     };
     Cow::Owned(Property::new(p.name.clone(), values))

@@ -1,0 +1,122 @@
+//! Says how an outfit went: tables for people, one line of a batch, or JSON.
+
+use crate::end::End;
+use crate::errors::{self, ErrorJson};
+use crate::outfit_file::OutfitSpec;
+use crate::print::{print, print_json};
+use crate::receipt::{self, Output};
+use crate::resolve_outfit::{Done, Outcome};
+use crate::table;
+use miette::Report;
+use serde_json::json;
+use std::path::Path;
+
+/// How much to say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Style {
+    /// Tables.
+    Tables,
+    /// One line an outfit.
+    Line,
+    /// One line of JSON an outfit.
+    Json,
+}
+
+/// Says how one outfit went.
+pub(crate) fn outcome(spec: &OutfitSpec, out: &Path, outcome: Outcome, style: Style) -> Result<End, Report> {
+    if style == Style::Json {
+        print_outcome_json(&spec.name, out, &outcome)?;
+    }
+    let done = match outcome {
+        Outcome::Cancelled => {
+            errors::note(&format!("cancelled; `{}` was not written", spec.name));
+            return Ok(End::Cancelled);
+        }
+        Outcome::Finished => {
+            if style != Style::Json {
+                print(&format!("{}: finished before, skipped (--again does it again)\n", spec.name))?;
+            }
+            return Ok(End::Clean);
+        }
+        Outcome::Resolved(done) => done,
+    };
+    match style {
+        Style::Json => {}
+        Style::Line => print(&in_one_line(&spec.name, out, &done))?,
+        Style::Tables => print(&in_tables(spec, out, &done))?,
+    }
+    let end = done.end();
+    if let Some(left) = done.left {
+        errors::show(&left.into());
+    }
+    Ok(end)
+}
+
+/// Shows an error that concerns one outfit of possibly several.
+pub(crate) fn failure(file: &str, error: &Report, style: Style) -> Result<End, Report> {
+    if style == Style::Json {
+        print_json(&json!({"outfit": file, "state": "failed", "error": ErrorJson::new(error)}))?;
+    }
+    errors::show(error);
+    Ok(End::Unusable)
+}
+
+/// `o1: jeans < tshirt < cardigan over body`.
+pub(crate) fn title(spec: &OutfitSpec) -> String {
+    let garments: Vec<&str> = spec.garments.iter().map(|l| l.name.as_str()).collect();
+    format!("{}: {} over {}\n\n", spec.name, garments.join(" < "), spec.body.name)
+}
+
+/// One line for each note.
+pub(crate) fn notes(notes: &[String]) -> String {
+    notes.iter().map(|note| format!("Note: {note}\n")).collect()
+}
+
+fn in_tables(spec: &OutfitSpec, out: &Path, done: &Done) -> String {
+    let skipped = table::skipped(&done.report.layers).map_or(String::new(), |line| line + "\n");
+    let written = match done.outputs.as_slice() {
+        [] => "Nothing written.\n".into(),
+        outputs => {
+            let names: Vec<String> = outputs.iter().map(named).collect();
+            format!("Wrote {}: {}, {}\n", out.display(), names.join(", "), receipt::FILE)
+        }
+    };
+    [
+        title(spec),
+        table::resolved(&done.report, table::coloured()),
+        skipped,
+        notes(&done.notes),
+        format!("{}, {:.2} s\n", table::totals(&done.report.before, &done.report.after), done.seconds),
+        written,
+    ]
+    .concat()
+}
+
+fn named(output: &Output) -> String {
+    let note = if output.unchanged == Some(true) { " (unchanged)" } else { "" };
+    format!("{}{note}", output.file)
+}
+
+fn in_one_line(name: &str, out: &Path, done: &Done) -> String {
+    let moved = done.report.layers.iter().map(|l| l.moved.max).fold(0.0, f64::max);
+    let written = if done.outputs.is_empty() { "nothing written".into() } else { out.display().to_string() };
+    let totals = table::totals(&done.report.before, &done.report.after);
+    format!("{name}: {totals}, moved at most {:.1} mm, {:.2} s, {written}\n", moved * 1e3, done.seconds)
+}
+
+fn print_outcome_json(name: &str, out: &Path, outcome: &Outcome) -> Result<(), Report> {
+    let (state, done) = match outcome {
+        Outcome::Cancelled => ("cancelled", None),
+        Outcome::Finished => ("finished", None),
+        Outcome::Resolved(done) => (done.state(), Some(done)),
+    };
+    print_json(&json!({
+        "outfit": name,
+        "state": state,
+        "out": out.display().to_string(),
+        "written": done.map(|d| d.outputs.iter().map(|o| o.file.as_str()).collect::<Vec<_>>()),
+        "notes": done.map(|d| &d.notes),
+        "report": done.map(|d| &d.report),
+        "seconds": done.map(|d| d.seconds),
+    }))
+}

@@ -1,0 +1,53 @@
+//! `ifg demo`: the built-in scene, written as files and resolved like any other outfit.
+
+use crate::announce::{self, Style};
+use crate::args::DemoArgs;
+use crate::end::End;
+use crate::outfit_file;
+use crate::progress::Line;
+use crate::resolve_outfit::{self, Options};
+use crate::scene;
+use crate::staging::{OutputError, Staging};
+use if_mesh::ply::{PlyMesh, WriteParams, write_path};
+use miette::{IntoDiagnostic, Report};
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// The folder below the output folder that holds the scene as it was before.
+const INPUT: &str = "input";
+/// The scene's outfit file.
+const OUTFIT: &str = "demo.toml";
+
+/// Runs the command.
+pub(crate) fn run(args: &DemoArgs) -> Result<End, Report> {
+    let line = Line::new("demo", 0, 1);
+    line.say("making the scene");
+    let outfit = write_scene(args)?;
+    let spec = outfit_file::with_args(outfit_file::read(&outfit)?, None, &args.params)?;
+    let options = Options { pictures: !args.no_pictures, write_unproven: true, ..Default::default() };
+    let outcome = resolve_outfit::run(&spec, &args.out, options, &line)?;
+    drop(line);
+    announce::outcome(&spec, &args.out, outcome, if args.json { Style::Json } else { Style::Tables })
+}
+
+/// Writes the scene's meshes and its outfit file, and returns the path of the latter.
+fn write_scene(args: &DemoArgs) -> Result<PathBuf, Report> {
+    let folder = args.out.join(INPUT);
+    let staging = Staging::open(&folder)?;
+    let mut names = Vec::new();
+    let mut toml = String::from("# The built-in scene of ifg, before. `ifg fix` on this file gives what `ifg demo` gives.\n");
+    for (k, (name, mesh)) in scene::layers(args.variant, args.size).into_iter().enumerate() {
+        let file = format!("{name}.ply");
+        let ply = PlyMesh::new(mesh);
+        write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &staging.path(&file)).into_diagnostic()?;
+        // Writing to a string cannot fail.
+        let _ = if k == 0 { writeln!(toml, "body = \"{file}\"") } else { writeln!(toml, "\n[[garment]]\nfile = \"{file}\"") };
+        names.push(file);
+    }
+    let path = folder.join(OUTFIT);
+    std::fs::write(staging.path(OUTFIT), toml).map_err(|source| OutputError::File { path, source })?;
+    names.push(OUTFIT.into());
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    staging.commit(&names)?;
+    Ok(folder.join(OUTFIT))
+}

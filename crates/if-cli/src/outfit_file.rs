@@ -1,0 +1,212 @@
+//! What outfits are made of: from an outfit file (TOML, `docs/outfit.md`) or from the command line.
+
+use crate::args::{InputArgs, ParamArgs};
+use if_pipeline::resolve::ResolveParams;
+use miette::{Diagnostic, NamedSource, SourceSpan};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// One outfit as the user gave it. Nothing of it was read yet but the outfit file.
+#[derive(Clone, Debug)]
+pub(crate) struct OutfitSpec {
+    /// What reports call it: the stem of the outfit file.
+    pub(crate) name: String,
+    pub(crate) body: LayerSpec,
+    /// Inner to outer.
+    pub(crate) garments: Vec<LayerSpec>,
+    pub(crate) params: ResolveParams,
+    /// From the units of the files to metres.
+    pub(crate) scale: f64,
+}
+
+impl OutfitSpec {
+    /// The body, then the garments, inner to outer.
+    pub(crate) fn layers(&self) -> impl Iterator<Item = &LayerSpec> {
+        std::iter::once(&self.body).chain(&self.garments)
+    }
+}
+
+/// One mesh file.
+#[derive(Clone, Debug)]
+pub(crate) struct LayerSpec {
+    /// What reports call it: the stem of its file, if the outfit file says nothing else.
+    pub(crate) name: String,
+    /// Where it is.
+    pub(crate) path: PathBuf,
+    /// The path as the user wrote it.
+    pub(crate) written: String,
+    /// The name under which its result is written.
+    pub(crate) file_name: String,
+}
+
+/// Why the command line or an outfit file says no outfit.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+pub(crate) enum SpecError {
+    #[error("cannot read outfit file `{}`", path.display())]
+    #[diagnostic(code(ifg::outfit_file::read), help("give the path of an outfit file (.toml), or --body and garments"))]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("outfit file `{}`: {message}", path.display())]
+    #[diagnostic(
+        code(ifg::outfit_file::syntax),
+        help("the format stands in docs/outfit.md; `body` and one [[garment]] are needed")
+    )]
+    Syntax {
+        path: PathBuf,
+        message: String,
+        #[source_code]
+        text: NamedSource<String>,
+        #[label("here")]
+        at: Option<SourceSpan>,
+    },
+    #[error("outfit file `{}`: scale is {value}", path.display())]
+    #[diagnostic(code(ifg::outfit_file::scale), help("give a positive number, such as 0.001 for files in millimetres"))]
+    Scale { path: PathBuf, value: f64 },
+    #[error("outfit file `{}` has no garment", path.display())]
+    #[diagnostic(code(ifg::outfit_file::empty), help("add one [[garment]] with `file = \"…\"` for each, innermost first"))]
+    NoGarment { path: PathBuf },
+    #[error("`{}` is no outfit file, and there is no body", path.display())]
+    #[diagnostic(code(ifg::arguments::body), help("give the body with --body, or outfit files that end in .toml"))]
+    NoBody { path: PathBuf },
+    #[error("`{}` is an outfit file; it names its own body", path.display())]
+    #[diagnostic(code(ifg::arguments::body), help("leave out --body, or give garment meshes (.ply, .obj)"))]
+    TwoBodies { path: PathBuf },
+    #[error("`{}` names no file", path.display())]
+    #[diagnostic(code(ifg::arguments::file_name), help("give the path of a mesh file (.ply, .obj)"))]
+    NoFileName { path: PathBuf },
+    #[error("parameter `{key}`: {message}")]
+    #[diagnostic(code(ifg::arguments::parameter), help("parameters and their defaults stand in docs/outfit.md"))]
+    Parameter { key: String, message: String },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct OutfitToml {
+    body: PathBuf,
+    #[serde(default)]
+    garment: Vec<GarmentToml>,
+    #[serde(default)]
+    params: ResolveParams,
+    scale: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GarmentToml {
+    file: PathBuf,
+    name: Option<String>,
+}
+
+/// The outfits that the arguments name: one for each outfit file, or one of body and garments.
+pub(crate) fn outfits(input: &InputArgs, params: &ParamArgs) -> Vec<Result<OutfitSpec, SpecError>> {
+    let is_toml = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+    let with = |spec| with_args(spec, input.scale, params);
+    match &input.body {
+        Some(body) => vec![from_meshes(body, &input.files, is_toml).and_then(with)],
+        None => input
+            .files
+            .iter()
+            .map(|path| if is_toml(path) { read(path).and_then(with) } else { Err(SpecError::NoBody { path: path.clone() }) })
+            .collect(),
+    }
+}
+
+/// The outfit with what the command line says in place of what its file says.
+pub(crate) fn with_args(spec: OutfitSpec, scale: Option<f64>, params: &ParamArgs) -> Result<OutfitSpec, SpecError> {
+    Ok(OutfitSpec { scale: scale.unwrap_or(spec.scale), params: override_params(&spec.params, params)?, ..spec })
+}
+
+/// One outfit of meshes named on the command line.
+fn from_meshes(body: &Path, files: &[PathBuf], is_toml: impl Fn(&Path) -> bool) -> Result<OutfitSpec, SpecError> {
+    if let Some(path) = files.iter().find(|path| is_toml(path)) {
+        return Err(SpecError::TwoBodies { path: path.clone() });
+    }
+    let here = Path::new("");
+    Ok(OutfitSpec {
+        name: "outfit".into(),
+        body: layer(here, body, None)?,
+        garments: files.iter().map(|path| layer(here, path, None)).collect::<Result<_, _>>()?,
+        params: ResolveParams::default(),
+        scale: 1.0,
+    })
+}
+
+/// Reads one outfit file. Relative paths in it are relative to its folder.
+pub(crate) fn read(path: &Path) -> Result<OutfitSpec, SpecError> {
+    let text = std::fs::read_to_string(path).map_err(|source| SpecError::Read { path: path.into(), source })?;
+    let parsed: OutfitToml = toml::from_str(&text).map_err(|error| SpecError::Syntax {
+        path: path.into(),
+        message: error.message().to_owned(),
+        at: error.span().map(SourceSpan::from),
+        text: NamedSource::new(path.display().to_string(), text.clone()),
+    })?;
+    if parsed.garment.is_empty() {
+        return Err(SpecError::NoGarment { path: path.into() });
+    }
+    let scale = parsed.scale.unwrap_or(1.0);
+    if !(scale.is_finite() && scale > 0.0) {
+        return Err(SpecError::Scale { path: path.into(), value: scale });
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let garments = parsed.garment.into_iter().map(|g| layer(folder, &g.file, g.name));
+    Ok(OutfitSpec {
+        name: stem(path),
+        body: layer(folder, &parsed.body, None)?,
+        garments: garments.collect::<Result<_, _>>()?,
+        params: parsed.params,
+        scale,
+    })
+}
+
+fn layer(folder: &Path, file: &Path, name: Option<String>) -> Result<LayerSpec, SpecError> {
+    let file_name = file.file_name().ok_or_else(|| SpecError::NoFileName { path: file.into() })?;
+    Ok(LayerSpec {
+        name: name.unwrap_or_else(|| stem(file)),
+        path: folder.join(file),
+        written: file.display().to_string(),
+        file_name: file_name.to_string_lossy().into_owned(),
+    })
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// The parameters with those of the command line in place of their own.
+fn override_params(params: &ResolveParams, args: &ParamArgs) -> Result<ResolveParams, SpecError> {
+    let mut params = params.clone();
+    for (key, value) in &args.set {
+        params = set(&params, key, value).map_err(|message| SpecError::Parameter { key: key.clone(), message })?;
+    }
+    if let Some(clearance) = args.clearance {
+        params.clearance = clearance;
+    }
+    Ok(params)
+}
+
+/// The parameters with one of them replaced. Dots in the key step into groups.
+fn set(params: &ResolveParams, key: &str, value: &toml::Value) -> Result<ResolveParams, String> {
+    let mut all = serde_json::to_value(params).map_err(|e| e.to_string())?;
+    let mut slot = &mut all;
+    for part in key.split('.') {
+        let group = slot.as_object_mut().ok_or("there is no such parameter")?;
+        slot = group.entry(part).or_insert(serde_json::Value::Null);
+    }
+    *slot = serde_json::to_value(value).map_err(|e| e.to_string())?;
+    serde_json::from_value(all).map_err(|e| e.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_parameter_is_replaced_and_unknown_ones_are_named() {
+        let params = ResolveParams::default();
+        let changed = set(&params, "clearance", &toml::Value::Float(0.002)).unwrap();
+        assert_eq!(changed, ResolveParams { clearance: 0.002, ..params.clone() });
+        let message = set(&params, "clearence", &toml::Value::Float(0.002)).unwrap_err();
+        assert!(message.contains("clearence") && message.contains("`clearance`"), "{message}");
+        assert!(set(&params, "clearance.more", &toml::Value::Float(0.002)).is_err());
+        assert!(set(&params, "clearance", &toml::Value::Boolean(true)).is_err());
+    }
+}

@@ -1,0 +1,54 @@
+//! Progress on stderr, where that is a terminal.
+
+use if_pipeline::resolve::{Progress, Stage};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::fmt::Write;
+use std::time::Duration;
+
+/// One line that says what is being done. Nothing is drawn where stderr is no terminal.
+pub(crate) struct Line {
+    bar: ProgressBar,
+    /// Which outfit of how many, and its name.
+    outfit: String,
+}
+
+impl Line {
+    /// A line for outfit `index` of `outfits`, counted from 0.
+    pub(crate) fn new(outfit: &str, index: usize, outfits: usize) -> Self {
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+        let style = ProgressStyle::with_template("{spinner} {elapsed:>3} {wide_msg}");
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));
+        bar.enable_steady_tick(Duration::from_millis(100));
+        let outfit = if outfits > 1 { format!("[{}/{outfits}] {outfit}: ", index + 1) } else { String::new() };
+        Self { bar, outfit }
+    }
+
+    /// Says what is being done.
+    pub(crate) fn say(&self, what: &str) {
+        self.bar.set_message(format!("{}{what}", self.outfit));
+    }
+
+    /// Says how far the resolving is.
+    pub(crate) fn show(&self, progress: &Progress) {
+        let stage = match progress.stage {
+            Stage::Verify => "verify",
+            Stage::Settle => "settle",
+            Stage::Repair => "repair",
+            Stage::Done => "done",
+        };
+        let mut text = format!("{} ({}/{}) {stage}", progress.layer, progress.index + 1, progress.layers);
+        if matches!(progress.stage, Stage::Settle | Stage::Repair) {
+            let _ = write!(text, ", round {}", progress.round);
+        }
+        if let Some(pairs) = progress.pairs {
+            let _ = write!(text, ", {pairs} pairs left");
+        }
+        self.say(&text);
+    }
+}
+
+impl Drop for Line {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,0 +1,180 @@
+//! `receipt.json`: what went in, what was asked, what came out, by which versions.
+//!
+//! Two runs on the same input with the same parameters give the same bytes, but for `timings`.
+
+use crate::hash::{self, Content};
+use crate::outfit_file::{LayerSpec, OutfitSpec};
+use crate::resolve_outfit::Done;
+use if_mesh::file::MeshFile;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+use std::path::Path;
+
+/// The name of the file.
+pub(crate) const FILE: &str = "receipt.json";
+
+/// The state of an outfit without intersections.
+pub(crate) const CLEAN: &str = "clean";
+
+/// Everything that decides the result. Equal requests have equal results.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Request {
+    /// Versions.
+    pub(crate) tool: Value,
+    /// As the pipeline got them.
+    pub(crate) params: Value,
+    /// From the units of the files to metres.
+    pub(crate) scale: f64,
+    /// The body, then the garments, inner to outer.
+    pub(crate) inputs: Vec<Input>,
+}
+
+/// One input file.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Input {
+    /// The layer's name.
+    pub(crate) layer: String,
+    /// The path as the user wrote it.
+    pub(crate) file: String,
+    #[serde(flatten)]
+    pub(crate) content: Content,
+}
+
+/// One output file.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Output {
+    /// Its name in the output folder.
+    pub(crate) file: String,
+    #[serde(flatten)]
+    pub(crate) content: Content,
+    /// Whether it is the input file byte by byte; nothing for pictures.
+    pub(crate) unchanged: Option<bool>,
+}
+
+/// Seconds spent, in the order spent.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Timings {
+    pub(crate) read: f64,
+    pub(crate) resolve: f64,
+    pub(crate) write: f64,
+    pub(crate) pictures: f64,
+    pub(crate) total: f64,
+}
+
+impl Request {
+    /// The request that an outfit with these files (the body's first) makes.
+    pub(crate) fn new(spec: &OutfitSpec, files: &[MeshFile]) -> Self {
+        let input = |(layer, file): (&LayerSpec, &MeshFile)| Input {
+            layer: layer.name.clone(),
+            file: layer.written.clone(),
+            content: hash::content(file.bytes()),
+        };
+        let inputs = spec.layers().zip(files).map(input).collect();
+        Self { tool: tool(), params: json!(spec.params), scale: spec.scale, inputs }
+    }
+
+    /// Whether `out` holds a receipt of this very request that ended clean, with all of `outputs`
+    /// as it says.
+    pub(crate) fn is_finished(&self, out: &Path, outputs: &[String]) -> bool {
+        let Some(receipt) = read(&out.join(FILE)) else { return false };
+        let Some(request) = reread(self) else { return false };
+        let same = ["tool", "params", "scale", "inputs"].iter().all(|key| receipt.get(key) == request.get(key));
+        let written = receipt["outputs"].as_array().map_or(&[][..], Vec::as_slice);
+        let intact = |output: &Value| {
+            let found = output["file"].as_str().and_then(|file| hash::of_file(&out.join(file)).ok());
+            found.is_some_and(|c| output["sha256"] == json!(c.sha256))
+        };
+        let all_there = outputs.iter().all(|name| written.iter().any(|o| o["file"] == json!(name)));
+        same && receipt["state"] == json!(CLEAN) && all_there && written.iter().all(intact)
+    }
+}
+
+/// The text of a receipt.
+pub(crate) fn text(outfit: &str, request: &Request, done: &Done, timings: &Timings) -> Result<String, serde_json::Error> {
+    let report = &done.report;
+    let mut measures = serde_json::to_value(report)?;
+    drop_seconds(&mut measures);
+    let layers: Map<String, Value> = report.layers.iter().map(|l| (l.name.clone(), json!(l.seconds))).collect();
+    let receipt = json!({
+        "receipt": 1,
+        "outfit": outfit,
+        "state": done.state(),
+        "tool": request.tool,
+        "params": request.params,
+        "scale": request.scale,
+        "inputs": request.inputs,
+        "outputs": done.outputs,
+        "notes": done.notes,
+        "report": measures,
+        "timings": {
+            "read": timings.read,
+            "resolve": timings.resolve,
+            "verify_before": report.before.seconds,
+            "layers": layers,
+            "verify_after": report.after.seconds,
+            "write": timings.write,
+            "pictures": timings.pictures,
+            "total": timings.total,
+            "threads": rayon::current_num_threads(),
+        },
+    });
+    Ok(serde_json::to_string_pretty(&receipt)? + "\n")
+}
+
+/// Versions of everything that numbers depend on.
+fn tool() -> Value {
+    let crates: Map<String, Value> = env!("IFG_CRATES")
+        .split(',')
+        .filter_map(|c| c.split_once(' '))
+        .map(|(name, version)| (name.to_owned(), json!(version)))
+        .collect();
+    json!({
+        "ifg": env!("CARGO_PKG_VERSION"),
+        "target": env!("IFG_TARGET"),
+        "rustc": env!("IFG_RUSTC"),
+        "crates": crates,
+    })
+}
+
+/// Times differ between runs; they stand in `timings`.
+fn drop_seconds(value: &mut Value) {
+    match value {
+        Value::Object(map) => {
+            map.remove("seconds");
+            map.values_mut().for_each(drop_seconds);
+        }
+        Value::Array(items) => items.iter_mut().for_each(drop_seconds),
+        _ => {}
+    }
+}
+
+fn read(path: &Path) -> Option<Value> {
+    serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
+}
+
+/// A value as it comes back from a file: numbers may lose their last bit on the way.
+fn reread(value: &impl Serialize) -> Option<Value> {
+    serde_json::from_str(&serde_json::to_string(value).ok()?).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_pipeline::report::ResolveReport;
+
+    #[test]
+    fn a_receipt_holds_times_in_one_place_only() {
+        let request = Request { tool: tool(), params: json!({}), scale: 1.0, inputs: vec![] };
+        let with = |seconds: f64| {
+            let report = ResolveReport { seconds, ..Default::default() };
+            let timings = Timings { read: seconds, ..Default::default() };
+            let done = Done { notes: vec![], report, outputs: vec![], left: None, seconds };
+            let text = text("o", &request, &done, &timings).unwrap();
+            let mut value: Value = serde_json::from_str(&text).unwrap();
+            value.as_object_mut().unwrap().remove("timings").unwrap();
+            value
+        };
+        assert_eq!(with(1.0), with(2.0));
+        assert!(with(1.0)["tool"]["crates"]["if-pipeline"].is_string());
+    }
+}

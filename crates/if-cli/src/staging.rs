@@ -1,0 +1,161 @@
+//! An output folder whose files appear whole, and together, at the end.
+//!
+//! Everything is written into a hidden folder inside the output folder, and renamed when all of it
+//! is there. A run that ends early, for whatever reason, leaves what stood in the output folder.
+
+use crate::cancel;
+use crate::errors::Told;
+use miette::Diagnostic;
+use std::fs::{self, File, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// The hidden folder.
+const PARTIAL: &str = ".ifg-partial";
+/// A file in it that is locked by the run that writes there.
+const LOCK: &str = "lock";
+
+/// Why outputs cannot be written.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+pub(crate) enum OutputError {
+    #[error("cannot write into output folder `{}`", path.display())]
+    #[diagnostic(code(ifg::output::folder), help("{}", advice(source)))]
+    Folder { path: PathBuf, source: io::Error },
+    #[error("cannot write `{}`", path.display())]
+    #[diagnostic(code(ifg::output::file), help("{}", advice(source)))]
+    File { path: PathBuf, source: io::Error },
+    #[error("cannot write `{}`", path.display())]
+    #[diagnostic(code(ifg::output::mesh), help("the format of the input cannot hold the result; convert the input"))]
+    Mesh { path: PathBuf, source: Told },
+    #[error("another ifg is writing into `{}`", path.display())]
+    #[diagnostic(code(ifg::output::busy), help("wait for it, or give --out another folder"))]
+    Busy { path: PathBuf },
+    #[error("`{}` is in the way: it is not a file", path.display())]
+    #[diagnostic(code(ifg::output::in_the_way), help("give --out another folder, or move it away"))]
+    InTheWay { path: PathBuf },
+    #[error("`{first}` and `{second}` would both be written to `{name}`")]
+    #[diagnostic(
+        code(ifg::output::same_name),
+        help("give the files different names: each is written under its own (case does not count)")
+    )]
+    SameName { first: String, second: String, name: String },
+    #[error("output `{}` is the input file `{written}` itself", path.display())]
+    #[diagnostic(code(ifg::output::over_input), help("give --out another folder, or allow it with --in-place"))]
+    OverInput { path: PathBuf, written: String },
+    #[error("outfits are written to --out DIR when they come as meshes")]
+    #[diagnostic(code(ifg::output::none), help("add --out DIR"))]
+    NoFolder,
+}
+
+/// What to do about a failed write.
+fn advice(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
+            "make room there, or give --out a folder on another disk"
+        }
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => "give --out a folder that you may write to",
+        io::ErrorKind::NotADirectory | io::ErrorKind::AlreadyExists => "a part of the path is a file; give --out another folder",
+        _ => "give --out another folder, or look at the disk",
+    }
+}
+
+/// An output folder that is being filled. Dropped before [`Staging::commit`], it leaves no trace.
+pub(crate) struct Staging {
+    out: PathBuf,
+    partial: PathBuf,
+    /// Holds the lock for as long as it is open.
+    _lock: File,
+    /// Whether the output folder was made for this run.
+    new: bool,
+}
+
+impl Staging {
+    /// Makes the folder where it is missing, and takes the right to write there.
+    ///
+    /// What a killed run has left there is removed.
+    pub(crate) fn open(out: &Path) -> Result<Self, OutputError> {
+        let fault = |source| OutputError::Folder { path: out.into(), source };
+        let new = !out.exists();
+        fs::create_dir_all(out).map_err(fault)?;
+        let partial = out.join(PARTIAL);
+        match fs::create_dir(&partial) {
+            Err(e) if e.kind() != io::ErrorKind::AlreadyExists => return Err(fault(e)),
+            _ => {}
+        }
+        let lock = File::create(partial.join(LOCK)).map_err(fault)?;
+        match lock.try_lock() {
+            Err(TryLockError::WouldBlock) => return Err(OutputError::Busy { path: out.into() }),
+            Err(TryLockError::Error(e)) if e.kind() != io::ErrorKind::Unsupported => return Err(fault(e)),
+            _ => {}
+        }
+        for entry in fs::read_dir(&partial).map_err(fault)? {
+            let path = entry.map_err(fault)?.path();
+            if !path.ends_with(LOCK) {
+                fs::remove_file(path).map_err(fault)?;
+            }
+        }
+        cancel::guard(Some(&partial));
+        Ok(Self { out: out.into(), partial, _lock: lock, new })
+    }
+
+    /// Where to write the file that will be called `name`.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.partial.join(name)
+    }
+
+    /// Moves the files into place, in the order given.
+    pub(crate) fn commit(mut self, names: &[&str]) -> Result<(), OutputError> {
+        for name in names {
+            let path = self.out.join(name);
+            fs::rename(self.path(name), &path).map_err(|source| OutputError::File { path, source })?;
+        }
+        self.new = false;
+        Ok(())
+    }
+}
+
+impl Drop for Staging {
+    fn drop(&mut self) {
+        // Nothing can be done about a fault here, and the next run cleans up.
+        let _ = fs::remove_dir_all(&self.partial);
+        if self.new {
+            let _ = fs::remove_dir(&self.out);
+        }
+        cancel::guard(None);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::{read_dir, write};
+
+    #[test]
+    fn files_appear_together_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("a/b");
+        let staging = Staging::open(&out).unwrap();
+        write(staging.path("x"), "x").unwrap();
+        assert_eq!(read_dir(&out).unwrap().count(), 1);
+        drop(staging);
+        assert!(!out.exists());
+        let staging = Staging::open(&out).unwrap();
+        write(staging.path("x"), "x").unwrap();
+        write(staging.path("y"), "y").unwrap();
+        staging.commit(&["y", "x"]).unwrap();
+        assert_eq!(read_dir(&out).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_removed_and_a_running_one_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let partial = folder.path().join(PARTIAL);
+        fs::create_dir(&partial).unwrap();
+        write(partial.join("half"), "ha").unwrap();
+        let staging = Staging::open(folder.path()).unwrap();
+        assert!(!staging.path("half").exists());
+        assert!(matches!(Staging::open(folder.path()), Err(OutputError::Busy { .. })));
+        drop(staging);
+        assert!(Staging::open(folder.path()).is_ok());
+    }
+}

@@ -1,0 +1,238 @@
+//! Reports as plain text, at most 100 columns wide.
+
+use comfy_table::{Cell, CellAlignment, Color, Table, TableStyle};
+use comfy_table::{ContentLineStyle, LineStyle};
+use if_pipeline::report::{LayerReport, PairReport, ResolveReport, Verification};
+use std::fmt::Write;
+use std::io::IsTerminal;
+
+/// Whether stdout shows colours: it is a terminal, and `NO_COLOR` does not forbid it.
+pub(crate) fn coloured() -> bool {
+    let forbidden = std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty());
+    let dumb = std::env::var_os("TERM").is_some_and(|v| v == "dumb");
+    std::io::stdout().is_terminal() && !forbidden && !dumb
+}
+
+/// What `fix` and `demo` print: each pair of layers before and after, then what was done to each.
+pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
+    let (before, after) = (&report.before, &report.after);
+    let mut text = String::new();
+    section(&mut text, "Before -> after", &pairs_before_after(before, after, colour));
+    section(&mut text, "What was done", &layers(&report.layers, &before.own_pairs, colour));
+    text
+}
+
+/// What `check` prints.
+pub(crate) fn checked(found: &Verification, garments: &[String], colour: bool) -> String {
+    let mut table = new_table(&["outer", "inner", "pairs", "touching", "coplanar", "inside", "of", "deepest mm"], 2, colour);
+    for pair in &found.pairs {
+        let bad = |value: usize| judged(count(value), value == 0);
+        table.add_row(vec![
+            Cell::new(&pair.outer),
+            Cell::new(&pair.inner),
+            bad(pair.pairs.total()),
+            Cell::new(count(pair.pairs.touching)),
+            Cell::new(count(pair.pairs.coplanar)),
+            bad(pair.vertices_inside),
+            Cell::new(count(pair.vertices)),
+            Cell::new(millimetres(pair.deepest)),
+        ]);
+    }
+    let mut own = new_table(&["garment", "own pairs"], 1, colour);
+    for (name, pairs) in garments.iter().zip(&found.own_pairs) {
+        own.add_row(vec![Cell::new(name), Cell::new(count(*pairs))]);
+    }
+    let mut text = String::new();
+    section(&mut text, "Layers against those below them", &table);
+    section(&mut text, "Garments against themselves (not judged)", &own);
+    text
+}
+
+/// `711 -> 0 intersecting pairs, 318 -> 0 vertices inside`.
+pub(crate) fn totals(before: &Verification, after: &Verification) -> String {
+    format!(
+        "{} -> {} intersecting pairs, {} -> {} vertices inside",
+        count(before.total_pairs()),
+        count(after.total_pairs()),
+        count(before.total_inside()),
+        count(after.total_inside())
+    )
+}
+
+fn pairs_before_after(before: &Verification, after: &Verification, colour: bool) -> Table {
+    let mut table = new_table(&["outer", "inner", "pairs", "vertices inside", "deepest mm"], 2, colour);
+    // The two reports list the same ordered pairs of layers.
+    let rows: Vec<(&PairReport, &PairReport)> = before.pairs.iter().zip(&after.pairs).collect();
+    let pairs = arrows(rows.iter().map(|(b, a)| (count(b.pairs.total()), count(a.pairs.total()))));
+    let inside = arrows(rows.iter().map(|(b, a)| (count(b.vertices_inside), count(a.vertices_inside))));
+    let deepest = arrows(rows.iter().map(|(b, a)| (millimetres(b.deepest), millimetres(a.deepest))));
+    for (k, (_, a)) in rows.iter().enumerate() {
+        table.add_row(vec![
+            Cell::new(&a.outer),
+            Cell::new(&a.inner),
+            judged(pairs[k].clone(), a.pairs.total() == 0),
+            judged(inside[k].clone(), a.vertices_inside == 0),
+            Cell::new(&deepest[k]),
+        ]);
+    }
+    table
+}
+
+fn layers(layers: &[LayerReport], own_before: &[usize], colour: bool) -> Table {
+    let header = [
+        "layer",
+        "moved\nmean",
+        "mm\np95",
+        "\nmax",
+        "strain\nrms",
+        "%\np99",
+        "\nmax",
+        "own\npairs",
+        "rounds\n+repairs",
+        "vertices\nskipped",
+        "\nseconds",
+    ];
+    let mut table = new_table(&header, 1, colour);
+    let own = arrows(layers.iter().map(|l| (count(l.own_pairs[0]), count(l.own_pairs[1]))));
+    debug_assert!(own_before.is_empty() || own_before.len() == layers.len());
+    for (k, layer) in layers.iter().enumerate() {
+        table.add_row(vec![
+            Cell::new(&layer.name),
+            Cell::new(millimetres(layer.moved.mean)),
+            Cell::new(millimetres(layer.moved.p95)),
+            Cell::new(millimetres(layer.moved.max)),
+            Cell::new(percent(layer.strain.rms)),
+            Cell::new(percent(layer.strain.p99)),
+            Cell::new(percent(layer.strain.max)),
+            judged(own[k].clone(), layer.own_pairs[1] <= layer.own_pairs[0]),
+            Cell::new(format!("{}+{}", layer.rounds, layer.repairs)),
+            Cell::new(count(layer.skipped.vertices)),
+            Cell::new(format!("{:.2}", layer.seconds)),
+        ]);
+    }
+    table
+}
+
+/// What was not needed, in one line; nothing where all was.
+pub(crate) fn skipped(layers: &[LayerReport]) -> Option<String> {
+    let sum = |f: fn(&LayerReport) -> usize| layers.iter().map(f).sum::<usize>();
+    let parts = [
+        (sum(|l| l.skipped.layers), "pairs of layers that do not meet"),
+        (sum(|l| l.skipped.queries), "nearest-point queries"),
+        (sum(|l| l.skipped.sweeps), "sweeps"),
+    ];
+    let parts: Vec<String> = parts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{} {what}", count(*n))).collect();
+    (!parts.is_empty()).then(|| format!("Skipped: {}.", parts.join(", ")))
+}
+
+/// A table without lines but one under the header. The first `left` columns hold names.
+fn new_table(header: &[&str], left: usize, colour: bool) -> Table {
+    let mut table = Table::new();
+    let style = TableStyle::new().header_lines(ContentLineStyle::none()).header_separator(LineStyle::none().fill('-'));
+    table.load_style(style.content_lines(ContentLineStyle::none())).force_no_tty();
+    if colour {
+        table.enforce_styling();
+    }
+    table.set_header(header.iter().map(|title| Cell::new(title)));
+    for column in table.column_iter_mut().skip(left) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+fn section(text: &mut String, title: &str, table: &Table) {
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "{title}\n{}\n", table.trim_fmt());
+}
+
+fn judged(text: String, good: bool) -> Cell {
+    Cell::new(text).fg(if good { Color::Green } else { Color::Red })
+}
+
+/// `before -> after`, with the arrows of all rows in one column.
+fn arrows(rows: impl Iterator<Item = (String, String)>) -> Vec<String> {
+    let rows: Vec<_> = rows.collect();
+    let width = rows.iter().map(|(_, after)| after.len()).max().unwrap_or(0);
+    rows.iter().map(|(before, after)| format!("{before} -> {after:>width$}")).collect()
+}
+
+/// Digits in groups of three.
+pub(crate) fn count(value: usize) -> String {
+    let digits = value.to_string();
+    let mut text = String::new();
+    for (k, digit) in digits.chars().enumerate() {
+        if k > 0 && (digits.len() - k) % 3 == 0 {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+fn millimetres(metres: f64) -> String {
+    format!("{:.2}", metres * 1e3)
+}
+
+fn percent(fraction: f64) -> String {
+    format!("{:.2}", fraction * 1e2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_pipeline::report::{Moved, PairCount, Skipped, Strain};
+
+    fn pair(outer: &str, inner: &str, crossing: usize) -> PairReport {
+        let pairs = PairCount { crossing, ..Default::default() };
+        let (vertices_inside, deepest) = (crossing / 2, crossing as f64 * 1e-5);
+        PairReport { inner: inner.into(), outer: outer.into(), pairs, vertices_inside, vertices: 7703, deepest }
+    }
+
+    fn report() -> ResolveReport {
+        let state = |n: usize| Verification {
+            pairs: vec![pair("suit_trousers", "body_clean", 29_859 * n), pair("suit_jacket", "suit_trousers", 7 * n)],
+            own_pairs: vec![0, 21],
+            seconds: 0.0,
+        };
+        let layer = |name: &str| LayerReport {
+            name: name.into(),
+            moved: Moved { mean: 0.001234, p95: 0.0123, max: 0.1234, vertices: 5 },
+            strain: Strain { rms: 0.0123, p99: 0.0456, max: 0.4 },
+            own_pairs: [21, 21],
+            rounds: 40,
+            repairs: 12,
+            sweeps: 1000,
+            queries: 100_000,
+            skipped: Skipped { layers: 1, vertices: 12_345, queries: 9, sweeps: 0 },
+            seconds: 12.345,
+        };
+        ResolveReport {
+            before: state(1),
+            after: state(0),
+            layers: vec![layer("suit_trousers"), layer("suit_jacket")],
+            seconds: 1.0,
+        }
+    }
+
+    #[test]
+    fn tables_fit_100_columns_and_are_plain() {
+        let report = report();
+        let text = resolved(&report, false) + &checked(&report.before, &["a".into(), "b".into()], false);
+        println!("{text}");
+        for line in text.lines() {
+            assert!(line.chars().count() <= 100 && line.is_ascii() && !line.contains('\x1b'), "{line}");
+        }
+        assert!(text.contains("29,859 -> 0") && text.contains("123.40"), "{text}");
+        assert_eq!(
+            skipped(&report.layers).as_deref(),
+            Some("Skipped: 2 pairs of layers that do not meet, 18 nearest-point queries.")
+        );
+    }
+
+    #[test]
+    fn digits_stand_in_groups_of_three() {
+        for (value, text) in [(0, "0"), (999, "999"), (1000, "1,000"), (1_234_567, "1,234,567")] {
+            assert_eq!(count(value), text);
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Many outfits in one run: one folder each, finished ones are skipped, a fault stops only its own.
+
+use crate::folder::{Folder, Run};
+use serde_json::Value;
+
+fn batch() -> Folder {
+    let folder = Folder::new();
+    for name in ["a", "b"] {
+        folder.write(&format!("{name}.toml"), folder.read("outfit.toml"));
+    }
+    folder
+}
+
+fn states(run: &Run) -> Vec<String> {
+    let lines = run.stdout.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    lines.map(|json| json["state"].as_str().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn each_outfit_has_its_folder_and_finished_ones_are_skipped() {
+    let folder = batch();
+    let run = folder.ifg("fix a.toml b.toml --out done").expect(0);
+    assert!(run.stdout.contains("2 outfits: 2 clean"), "{}", run.stdout);
+    assert!(folder.path("done/a/receipt.json").exists() && folder.path("done/b/shirt.obj").exists());
+    let before = folder.files();
+    let run = folder.ifg("fix a.toml b.toml --out done").expect(0);
+    assert_eq!(run.stdout.matches("finished before, skipped").count(), 2, "{}", run.stdout);
+    assert!(folder.files() == before);
+    assert_eq!(states(&folder.ifg("fix a.toml b.toml --out done --json --again").expect(0)), ["clean", "clean"]);
+}
+
+#[test]
+fn what_has_changed_is_done_again() {
+    let folder = batch();
+    let run = |args: &str| states(&folder.ifg(&format!("fix a.toml b.toml --out done --json --no-pictures {args}")).expect(0));
+    assert_eq!(run(""), ["clean", "clean"]);
+    assert_eq!(run(""), ["finished", "finished"]);
+    // Other parameters.
+    assert_eq!(run("--clearance 1mm"), ["clean", "clean"]);
+    assert_eq!(run("--clearance 1mm"), ["finished", "finished"]);
+    // An output that was damaged, as after a fault of the disk.
+    folder.write("done/b/skirt.ply", "half");
+    assert_eq!(run("--clearance 1mm"), ["finished", "clean"]);
+    // Another input.
+    let shirt = String::from_utf8(folder.read("shirt.obj")).unwrap() + "# changed\n";
+    folder.write("shirt.obj", shirt);
+    assert_eq!(run("--clearance 1mm"), ["clean", "clean"]);
+}
+
+#[test]
+fn a_fault_stops_only_its_own_outfit() {
+    let folder = batch();
+    folder.write("broken.toml", "body = 'body.ply'\n[[garment]]\nfile = 'gone.ply'\n");
+    let run = folder.ifg("fix a.toml broken.toml b.toml --out done").expect(2);
+    assert!(run.stdout.contains("2 clean") && run.stdout.contains("1 unusable"), "{}", run.stdout);
+    assert!(run.stderr.contains("gone.ply"), "{}", run.stderr);
+    assert!(!folder.path("done/broken").exists());
+    let run = folder.ifg("check a.toml broken.toml --json").expect(2);
+    assert_eq!(states(&run), ["not clean", "failed"]);
+}
+
+/// Ctrl-C in the middle of a batch: what was finished stays, nothing is half-written, and the next
+/// run goes on from there.
+#[cfg(unix)]
+#[test]
+fn a_cancelled_batch_goes_on_where_it_stopped() {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
+    const OUTFITS: usize = 300;
+    let folder = Folder::new();
+    let mut args = String::from("fix --out done --no-pictures");
+    for k in 0..OUTFITS {
+        folder.write(&format!("o{k}.toml"), folder.read("outfit.toml"));
+        args += &format!(" o{k}.toml");
+    }
+    let mut child = folder.command(&args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let patience = Instant::now();
+    while !folder.path("done/o0/receipt.json").exists() {
+        assert!(patience.elapsed() < Duration::from_secs(30), "no outfit in 30 s");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let finished = (0..OUTFITS).filter(|k| folder.path(&format!("done/o{k}/receipt.json")).exists()).count();
+    assert!(0 < finished && finished < OUTFITS, "{finished}");
+    for (path, _) in folder.files() {
+        assert!(!path.ends_with(".ifg-partial"), "{}", path.display());
+    }
+    let folders = std::fs::read_dir(folder.path("done")).unwrap().count();
+    assert_eq!(folders, finished, "a folder without a receipt");
+    // Of the rest only a few, to be quick.
+    let some = format!("fix --out done --no-pictures --json o0.toml o{}.toml", OUTFITS - 1);
+    assert_eq!(states(&folder.ifg(&some).expect(0)), ["finished", "clean"]);
+}

@@ -1,0 +1,163 @@
+//! What the commands print and write, and how they end.
+
+use crate::folder::{Folder, moved, obj};
+use if_core::mesh::TriMesh;
+use if_mesh::file::MeshFile;
+
+#[test]
+fn check_is_0_for_clean_and_1_for_not_clean_and_changes_nothing() {
+    let folder = Folder::new();
+    let before = folder.files();
+    let clean = folder.ifg("check --body body.ply hoop.ply").expect(0);
+    assert!(clean.stdout.contains("0 intersecting pairs") && clean.stdout.contains(": clean"), "{}", clean.stdout);
+    let found = folder.ifg("check outfit.toml").expect(1);
+    assert!(found.stdout.contains("not clean") && found.stdout.contains("top"), "{}", found.stdout);
+    assert_eq!(folder.files(), before);
+}
+
+#[test]
+fn check_counts_as_json() {
+    let folder = Folder::new();
+    let json = folder.ifg("check outfit.toml --json").expect(1).json();
+    assert_eq!(json["state"], "not clean");
+    let pairs = json["report"]["pairs"].as_array().unwrap();
+    let names: Vec<_> = pairs.iter().map(|p| (p["inner"].as_str().unwrap(), p["outer"].as_str().unwrap())).collect();
+    assert_eq!(names, [("body", "skirt"), ("body", "top"), ("skirt", "top")]);
+    assert!(pairs[0]["pairs"]["crossing"].as_u64().unwrap() > 0);
+}
+
+#[test]
+fn fix_writes_what_check_then_finds_clean() {
+    let folder = Folder::new();
+    let run = folder.ifg("fix outfit.toml --out fixed").expect(0);
+    for word in ["outer", "pairs", "-> 0", "moved", "strain", "seconds", "Wrote fixed: skirt.ply, shirt.obj"] {
+        assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
+    }
+    assert!(run.stderr.is_empty(), "{}", run.stderr);
+    folder.ifg("check --body body.ply fixed/skirt.ply fixed/shirt.obj").expect(0);
+    for name in ["before.png", "after.png"] {
+        assert!(folder.read(&format!("fixed/{name}")).starts_with(b"\x89PNG"), "{name}");
+    }
+    assert!(!folder.path("fixed/body.ply").exists());
+    assert!(!folder.path("fixed/.ifg-partial").exists());
+    let (old, new) =
+        (MeshFile::read(&folder.path("skirt.ply")).unwrap(), MeshFile::read(&folder.path("fixed/skirt.ply")).unwrap());
+    assert_eq!(old.mesh().triangles(), new.mesh().triangles());
+    assert_ne!(old.mesh().vertices(), new.mesh().vertices());
+}
+
+#[test]
+fn the_receipt_says_what_went_in_and_came_out() {
+    let folder = Folder::new();
+    let json = folder.ifg("fix outfit.toml --out fixed --clearance 1mm --no-pictures --json").expect(0).json();
+    assert_eq!((&json["state"], &json["out"]), (&"clean".into(), &"fixed".into()));
+    assert!(json["report"]["before"]["pairs"].as_array().unwrap().len() == 3);
+    let receipt: serde_json::Value = serde_json::from_slice(&folder.read("fixed/receipt.json")).unwrap();
+    assert_eq!(receipt["params"]["clearance"], 0.001);
+    assert_eq!(receipt["inputs"][2]["layer"], "top");
+    assert_eq!(receipt["inputs"][2]["bytes"], folder.read("shirt.obj").len());
+    assert_eq!(receipt["outputs"][1]["file"], "shirt.obj");
+    assert_eq!(receipt["outputs"].as_array().unwrap().len(), 2);
+    assert_eq!(receipt["report"]["layers"][1]["name"], "top");
+    assert!(receipt["timings"]["layers"]["top"].is_number());
+    assert!(receipt["tool"]["target"].as_str().unwrap().contains('-'));
+    assert_eq!(receipt["inputs"][0]["sha256"].as_str().unwrap().len(), 64);
+}
+
+#[test]
+fn harmless_faults_are_noted_and_kept() {
+    let folder = Folder::new();
+    let content = String::from_utf8(folder.read("shirt.obj")).unwrap() + "v 0.3 0.1 0\nf 1 1 2\n";
+    folder.write("shirt.obj", content);
+    let check = folder.ifg("check outfit.toml").expect(1);
+    assert!(check.stdout.contains("Note: `top`: 1 vertices belong to no triangle"), "{}", check.stdout);
+    assert!(check.stdout.contains("Note: `top`: 1 faces use a vertex twice"), "{}", check.stdout);
+    folder.ifg("fix outfit.toml --out fixed").expect(0);
+    let (old, new) = (folder.read("shirt.obj"), folder.read("fixed/shirt.obj"));
+    let lines = |bytes: Vec<u8>, key: &str| String::from_utf8(bytes).unwrap().lines().filter(|l| l.starts_with(key)).count();
+    assert_eq!(lines(old.clone(), "v "), lines(new.clone(), "v "));
+    assert_eq!(lines(old, "f "), lines(new, "f "));
+    let receipt = String::from_utf8(folder.read("fixed/receipt.json")).unwrap();
+    assert!(receipt.contains("belong to no triangle"), "{receipt}");
+}
+
+#[test]
+fn what_needs_nothing_comes_back_byte_by_byte() {
+    let folder = Folder::new();
+    let run = folder.ifg("fix --body body.ply hoop.ply --out fixed").expect(0);
+    assert!(run.stdout.contains("hoop.ply (unchanged)"), "{}", run.stdout);
+    assert_eq!(folder.read("fixed/hoop.ply"), folder.read("hoop.ply"));
+}
+
+#[test]
+fn in_place_replaces_the_inputs_and_is_then_clean() {
+    let folder = Folder::new();
+    let body = folder.read("body.ply");
+    folder.ifg("fix outfit.toml --out . --in-place").expect(0);
+    folder.ifg("check outfit.toml").expect(0);
+    assert_eq!(folder.read("body.ply"), body);
+}
+
+#[test]
+fn millimetres_are_scaled_and_come_back_as_millimetres() {
+    let folder = Folder::new();
+    let scaled = |name: &str| {
+        let file = MeshFile::read(&folder.path(name)).unwrap();
+        obj(&moved(file.mesh(), |p| p * 1000.0))
+    };
+    folder.write("body_mm.obj", scaled("body.ply"));
+    folder.write("skirt_mm.obj", scaled("skirt.ply"));
+    folder.ifg("fix --body body_mm.obj skirt_mm.obj --out mm --scale 0.001").expect(0);
+    folder.ifg("check --body body_mm.obj mm/skirt_mm.obj --scale 0.001").expect(0);
+    let read = |name: &str| MeshFile::read(&folder.path(name)).unwrap().mesh().clone();
+    let (before, after): (TriMesh, TriMesh) = (read("skirt_mm.obj"), read("mm/skirt_mm.obj"));
+    let most = before.vertices().iter().zip(after.vertices()).map(|(p, q)| (p - q).norm()).fold(0.0, f64::max);
+    assert!(0.0 < most && most < 50.0, "{most} mm");
+}
+
+#[test]
+fn parameters_come_from_the_file_and_then_from_the_command_line() {
+    let folder = Folder::new();
+    let toml = String::from_utf8(folder.read("outfit.toml")).unwrap() + "[params]\nclearance = 0.002\n";
+    folder.write("loose.toml", toml);
+    let clearance = |args: &str| {
+        folder.ifg(&format!("fix loose.toml --out fixed --no-pictures {args}")).expect(0);
+        serde_json::from_slice::<serde_json::Value>(&folder.read("fixed/receipt.json")).unwrap()["params"]["clearance"].clone()
+    };
+    assert_eq!(clearance(""), 0.002);
+    assert_eq!(clearance("--set clearance=0.001"), 0.001);
+    assert_eq!(clearance("--clearance 0.7mm"), 0.0007);
+}
+
+#[test]
+fn the_demo_is_resolved_and_can_be_fixed_again_from_its_files() {
+    let folder = Folder::new();
+    let run = folder.ifg("demo --size coarse").expect(0);
+    assert!(run.stdout.contains("-> 0 intersecting pairs"), "{}", run.stdout);
+    folder.ifg("check out/demo/input/demo.toml").expect(1);
+    folder.ifg("fix out/demo/input/demo.toml --out again").expect(0);
+    for (path, bytes) in folder.files() {
+        let name = path.file_name().unwrap().to_str().unwrap();
+        if path.parent().unwrap().ends_with("again") && name != "receipt.json" {
+            assert_eq!(bytes, folder.read(&format!("out/demo/{name}")), "{name}");
+        }
+    }
+}
+
+#[test]
+fn help_documents_the_exit_codes() {
+    let run = Folder::new().ifg("--help").expect(0);
+    assert!(run.stdout.contains("Exit codes") && run.stdout.contains("130"), "{}", run.stdout);
+}
+
+#[test]
+fn without_a_terminal_there_are_no_colours_and_no_progress() {
+    let folder = Folder::new();
+    let run = folder.ifg("fix outfit.toml --out fixed").expect(0);
+    assert!(!run.stdout.contains('\x1b') && run.stderr.is_empty(), "{}{}", run.stdout, run.stderr);
+    for line in run.stdout.lines() {
+        assert!(line.chars().count() <= 100, "{line}");
+    }
+    let run = folder.ifg("check --body body.ply missing.ply").expect(2);
+    assert!(!run.stderr.contains('\x1b') && run.stderr.is_ascii(), "{}", run.stderr);
+}

@@ -1,0 +1,134 @@
+//! A folder of small meshes, and the binary run in it.
+
+use if_core::math::{Point, Real, Vector};
+use if_core::mesh::TriMesh;
+use if_core::shapes::meshes::{icosphere, tube};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+/// A temporary folder with a body, two garments that pass through it and one another, one that is
+/// clear of both, and an outfit file.
+pub(crate) struct Folder(TempDir);
+
+/// What the binary did.
+pub(crate) struct Run {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl From<Output> for Run {
+    fn from(output: Output) -> Self {
+        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("ifg writes UTF-8");
+        Self { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+    }
+}
+
+impl Run {
+    /// Fails unless the exit code is this one.
+    #[track_caller]
+    pub(crate) fn expect(self, code: i32) -> Self {
+        assert_eq!(self.code, Some(code), "{}\n{}", self.stdout, self.stderr);
+        self
+    }
+
+    /// Standard output as JSON.
+    #[track_caller]
+    pub(crate) fn json(&self) -> serde_json::Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|e| panic!("{e}: {}", self.stdout))
+    }
+}
+
+/// The body: a ball of radius 0.3 m.
+pub(crate) fn body() -> TriMesh {
+    icosphere(0.3, 3)
+}
+
+/// A tube round the ball's equator, which it meets where the radius is less than 0.3.
+pub(crate) fn belt(radius: Real, height: Real) -> TriMesh {
+    tube(radius, height, 32, 8, false)
+}
+
+pub(crate) fn moved(mesh: &TriMesh, f: impl Fn(&Point) -> Point) -> TriMesh {
+    mesh.with_vertices(mesh.vertices().iter().map(f).collect()).expect("finite positions")
+}
+
+/// A mesh as OBJ text.
+pub(crate) fn obj(mesh: &TriMesh) -> String {
+    let v = mesh.vertices().iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
+    let f = mesh.triangles().iter().map(|t| format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1));
+    v.chain(f).collect()
+}
+
+/// A mesh as PLY text with a label for each vertex.
+pub(crate) fn ply(mesh: &TriMesh) -> String {
+    let (n, m) = (mesh.vertices().len(), mesh.triangles().len());
+    let header = format!(
+        "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty float y\nproperty float z\n\
+         property uchar label\nelement face {m}\nproperty list uchar int vertex_indices\nend_header\n"
+    );
+    let v = mesh.vertices().iter().map(|p| format!("{} {} {} 7\n", p.x as f32, p.y as f32, p.z as f32));
+    let f = mesh.triangles().iter().map(|t| format!("3 {} {} {}\n", t[0], t[1], t[2]));
+    header + &v.chain(f).collect::<String>()
+}
+
+impl Folder {
+    pub(crate) fn new() -> Self {
+        let folder = Self(tempfile::tempdir().expect("a temporary folder"));
+        let lower = |mesh: TriMesh, y: Real| moved(&mesh, |p| p + Vector::y() * y);
+        folder.write("body.ply", ply(&body()));
+        folder.write("skirt.ply", ply(&lower(belt(0.295, 0.1), -0.1)));
+        folder.write("shirt.obj", obj(&lower(belt(0.296, 0.2), 0.0)));
+        folder.write("hoop.ply", ply(&belt(0.4, 0.1)));
+        folder.write(
+            "outfit.toml",
+            "body = \"body.ply\"\n[[garment]]\nfile = \"skirt.ply\"\n[[garment]]\nfile = \"shirt.obj\"\nname = \"top\"\n",
+        );
+        folder
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    pub(crate) fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        fs::write(self.path(name), content).expect("the temporary folder can be written");
+    }
+
+    pub(crate) fn read(&self, name: &str) -> Vec<u8> {
+        fs::read(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+    }
+
+    /// The binary with these arguments, which are split at blanks.
+    pub(crate) fn command(&self, args: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ifg"));
+        command.current_dir(self.0.path()).args(args.split_whitespace());
+        command
+    }
+
+    pub(crate) fn ifg(&self, args: &str) -> Run {
+        self.command(args).output().expect("ifg starts").into()
+    }
+
+    /// All files with their bytes, in order of their names.
+    pub(crate) fn files(&self) -> Vec<(PathBuf, Vec<u8>)> {
+        let mut files = Vec::new();
+        collect(self.0.path(), &mut files);
+        files.sort();
+        files
+    }
+}
+
+fn collect(folder: &Path, files: &mut Vec<(PathBuf, Vec<u8>)>) {
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            files.push((path.clone(), vec![]));
+            collect(&path, files);
+        } else {
+            files.push((path.clone(), fs::read(&path).expect("a file")));
+        }
+    }
+}

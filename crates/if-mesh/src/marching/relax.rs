@@ -1,0 +1,242 @@
+//! Better triangles on the same surface.
+
+use crate::marching::crossings::newton_step;
+use if_core::edges::{Edges, VertexTriangles};
+use if_core::field::{FieldSample, SignedDistance};
+use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
+use if_core::mesh::TriMesh;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// How [`relax`] moves vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RelaxParams {
+    /// Rounds of moving along the surface and back onto it.
+    pub rounds: usize,
+    /// Part of the way to the middle of the neighbours, from 0 to 1.
+    pub step: Real,
+}
+
+impl Default for RelaxParams {
+    /// Three rounds, after which no triangle of a marched sphere has an angle below 10°.
+    fn default() -> Self {
+        Self { rounds: 3, step: 0.7 }
+    }
+}
+
+/// Moves vertices along the surface towards the middle of their neighbours and then, by one Newton step,
+/// onto `φ = 0`: slivers become triangles.
+///
+/// Vertices of a border slide along it, and stay where it has a corner. No triangle turns away from the
+/// normals of its vertices: where one would, its corners stay for this round.
+pub fn relax<F: SignedDistance + ?Sized>(mesh: &TriMesh, field: &F, params: &RelaxParams) -> TriMesh {
+    let edges = Edges::new(mesh);
+    let fans = VertexTriangles::new(mesh);
+    let borders = border_neighbours(mesh, &edges);
+    let mut mesh = mesh.clone();
+    let mut samples = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; mesh.vertices().len()];
+    for _ in 0..params.rounds {
+        let normals = mesh.vertex_normals();
+        let mut moved: Vec<Point> = (0..mesh.vertices().len())
+            .into_par_iter()
+            .map(|v| {
+                let along = match borders[v] {
+                    Border::Inside => to_middle(&mesh, &fans, v, &normals[v]),
+                    Border::Between(a, b) => along_border(&mesh, v, a, b),
+                    Border::Fixed => Vector::zeros(),
+                };
+                mesh.vertices()[v] + along * params.step
+            })
+            .collect();
+        field.samples(&moved, &mut samples);
+        moved.par_iter_mut().enumerate().for_each(|(v, p)| {
+            if !matches!(borders[v], Border::Fixed) {
+                *p -= newton_step(&samples[v], 0.5 * reach(&mesh, &fans, v));
+            }
+        });
+        keep_orientation(&mesh, &normals, &mut moved);
+        mesh = mesh.with_vertices(moved).expect("steps are bounded by the lengths of edges, which are finite");
+    }
+    mesh
+}
+
+/// How a vertex lies to the borders.
+#[derive(Clone, Copy, PartialEq)]
+enum Border {
+    Inside,
+    /// Between these two on a border.
+    Between(u32, u32),
+    /// In a corner of a border, or where borders meet.
+    Fixed,
+}
+
+/// A border has a corner where it turns by more than this: its cosine. Hems of 20 edges turn by 18° at a vertex.
+const CORNER: Real = 0.7;
+
+fn border_neighbours(mesh: &TriMesh, edges: &Edges) -> Vec<Border> {
+    let mut out = vec![Border::Inside; mesh.vertices().len()];
+    let mut ends: Vec<(u32, u32)> = Vec::new();
+    for (e, &[a, b]) in edges.vertices.iter().enumerate() {
+        match edges.valence[e] {
+            1 => ends.extend([(a, b), (b, a)]),
+            2 => {}
+            _ => [a, b].iter().for_each(|v| out[*v as usize] = Border::Fixed),
+        }
+    }
+    ends.sort_unstable();
+    for run in ends.chunk_by(|a, b| a.0 == b.0) {
+        let v = run[0].0 as usize;
+        let p = mesh.vertices()[v];
+        out[v] = match (out[v], run) {
+            (Border::Inside, [(_, a), (_, b)]) => {
+                let towards = |w: u32| unit_or_zero(&(mesh.vertices()[w as usize] - p));
+                if -towards(*a).dot(&towards(*b)) > CORNER { Border::Between(*a, *b) } else { Border::Fixed }
+            }
+            _ => Border::Fixed,
+        };
+    }
+    out
+}
+
+/// From a vertex to the middle of its fan, weighted by area, along the surface.
+fn to_middle(mesh: &TriMesh, fans: &VertexTriangles, v: usize, normal: &Vector) -> Vector {
+    let p = mesh.vertices()[v];
+    let (mut sum, mut weight) = (Vector::zeros(), 0.0);
+    for t in fans.of(v) {
+        let [a, b, c] = mesh.corners(*t as usize);
+        let area = area_vector(a, b, c).norm();
+        sum += ((a - p) + (b - p) + (c - p)) * (area / 3.0);
+        weight += area;
+    }
+    if weight > 0.0 {
+        let d = sum / weight;
+        d - normal * normal.dot(&d)
+    } else {
+        Vector::zeros()
+    }
+}
+
+fn along_border(mesh: &TriMesh, v: usize, a: u32, b: u32) -> Vector {
+    let [a, b] = [a, b].map(|w| mesh.vertices()[w as usize] - mesh.vertices()[v]);
+    let tangent = unit_or_zero(&(b - a));
+    tangent * (0.5 * tangent.dot(&(a + b)))
+}
+
+/// Length of the longest edge at a vertex, in metres.
+fn reach(mesh: &TriMesh, fans: &VertexTriangles, v: usize) -> Real {
+    let p = mesh.vertices()[v];
+    fans.of(v).iter().flat_map(|t| mesh.corners(*t as usize)).fold(0.0, |r, q| r.max((q - p).norm()))
+}
+
+/// Puts back the corners of triangles that turned away from the normals of their vertices, until none is left
+/// that was better before. Ends, as a vertex is put back only once.
+fn keep_orientation(mesh: &TriMesh, normals: &[Vector], moved: &mut [Point]) {
+    /// Cosine between a triangle and the sum of its vertices' normals. Well-shaped triangles have 0.9 and more
+    /// also where the surface is strongly curved; below zero they are turned over.
+    const LEAST: Real = 0.5;
+    loop {
+        let bad: Vec<u32> = (0..mesh.triangles().len())
+            .into_par_iter()
+            .filter_map(|t| {
+                let tri = mesh.triangles()[t].map(|v| v as usize);
+                let axis = unit_or_zero(&tri.iter().map(|v| normals[*v]).sum());
+                let cosine = |p: [&Point; 3]| unit_or_zero(&area_vector(p[0], p[1], p[2])).dot(&axis);
+                let after = cosine(tri.map(|v| &moved[v]));
+                (after < LEAST && after < cosine(mesh.corners(t))).then_some(t as u32)
+            })
+            .collect();
+        if bad.is_empty() {
+            return;
+        }
+        for t in bad {
+            for v in mesh.triangles()[t as usize] {
+                moved[v as usize] = mesh.vertices()[v as usize];
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::marching::{MarchParams, clip, march};
+    use if_core::shapes::{Sphere, meshes};
+
+    /// Smallest angle of any triangle, in degrees.
+    fn smallest_angle(mesh: &TriMesh) -> Real {
+        (0..mesh.triangles().len())
+            .flat_map(|t| {
+                let p = mesh.corners(t);
+                (0..3).map(move |k| (p[(k + 1) % 3] - p[k]).angle(&(p[(k + 2) % 3] - p[k])))
+            })
+            .fold(Real::INFINITY, Real::min)
+            .to_degrees()
+    }
+
+    const BALL: Sphere = Sphere { center: Point::new(0.0, 0.0, 0.0), radius: 1.0 };
+
+    fn marched(cell: Real) -> TriMesh {
+        let region = BALL.bounds().unwrap();
+        march(&BALL, &region, &MarchParams { cell, phase: [0.3, 0.7, 0.1], ..MarchParams::default() }).unwrap().mesh
+    }
+
+    #[test]
+    fn slivers_of_a_marched_ball_become_triangles_on_the_ball() {
+        let before = marched(0.05);
+        let after = relax(&before, &BALL, &RelaxParams::default());
+        assert!(smallest_angle(&before) < 2.0 && smallest_angle(&after) > 10.0, "{}", smallest_angle(&after));
+        assert!(after.vertices().iter().all(|p| BALL.distance(p).abs() < 1e-4));
+        let t = after.face_normals();
+        assert!(t.iter().enumerate().all(|(t, n)| n.dot(&after.corners(t)[0].coords) > 0.9));
+    }
+
+    #[test]
+    fn a_border_slides_along_itself() {
+        let ball = marched(0.08);
+        let values: Vec<Real> = ball.vertices().iter().map(|p| p.y - 0.3).collect();
+        let bowl = clip(&ball, &values);
+        let after = relax(&bowl, &BALL, &RelaxParams { rounds: 8, ..RelaxParams::default() });
+        let edges = Edges::new(&after);
+        let on_border = edges.boundary_vertices(after.vertices().len());
+        let (mut shortest, mut longest) = (Real::INFINITY, 0.0f64);
+        for (e, [a, b]) in edges.vertices.iter().enumerate() {
+            if edges.valence[e] == 1 {
+                let length = (after.vertices()[*a as usize] - after.vertices()[*b as usize]).norm();
+                (shortest, longest) = (shortest.min(length), longest.max(length));
+            }
+        }
+        assert!(longest < 6.0 * shortest, "{shortest} {longest}");
+        for (v, p) in after.vertices().iter().enumerate().filter(|(v, _)| on_border[*v]) {
+            assert!((p.y - 0.3).abs() < 0.02, "vertex {v} {p}");
+        }
+    }
+
+    #[test]
+    fn corners_of_borders_and_degenerate_triangles_stay() {
+        struct Flat;
+        impl SignedDistance for Flat {
+            fn distance(&self, p: &Point) -> Real {
+                p.z
+            }
+            fn sample(&self, p: &Point) -> FieldSample {
+                FieldSample { distance: p.z, gradient: Vector::z() }
+            }
+            fn bounds(&self) -> Option<if_core::aabb::Aabb> {
+                None
+            }
+            fn lipschitz(&self) -> Real {
+                1.0
+            }
+        }
+        let sheet = meshes::cloth(1.0, 1.0, 4, 4);
+        let after = relax(&sheet, &Flat, &RelaxParams::default());
+        for corner in [0, 4, 20, 24] {
+            assert_eq!(after.vertices()[corner], sheet.vertices()[corner]);
+        }
+        approx::assert_relative_eq!(after.area(), 1.0, max_relative = 1e-12);
+        let point = TriMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
+        assert_eq!(relax(&point, &Flat, &RelaxParams::default()), point);
+        assert_eq!(relax(&TriMesh::default(), &Flat, &RelaxParams::default()), TriMesh::default());
+    }
+}

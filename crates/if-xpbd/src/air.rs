@@ -1,0 +1,438 @@
+//! The air constraint between two layers: lines 11 to 15 of Algorithm 1, in four readings.
+
+use crate::constraint::{Constraint, Counters, Residual, Stage};
+use if_core::closest::{Closest, ClosestPoint, Feature};
+use if_core::edges::{Edges, NONE};
+use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
+use if_core::mesh::TriMesh;
+use serde::{Deserialize, Serialize};
+
+/// How line 13, `p ← p − (p̂ − q̂)`, is read. With n the outward unit normal of the inner layer at
+/// the foot q, and s₀ = n·(p̂ − q̂) the signed gap of the pair at the start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum AirReading {
+    /// As printed, on all pairs, with p̂ on the moving layer: the constant −(p̂ − q̂) is added
+    /// whenever n·(p − q̂) < 0. Outwards only for pairs that start penetrating.
+    Literal,
+    /// F1. Line 13 is the exact projection of `C = n·(p − q̂)` at p = p̂: a half-space frozen at the
+    /// start, for the pairs that start penetrating.
+    FrozenHalfSpace,
+    /// F2. The gap is preserved: `C = n·(p − q) − g`, g = clamp(s₀, δ, δ_max), for all pairs.
+    #[default]
+    GapPreserving,
+    /// F3. An air element [Müller et al. 2015]: the tetrahedron of the vertex p over the inner
+    /// triangle (a, b, c) that holds its foot keeps the volume of a prism of height δ,
+    ///
+    /// ```text
+    /// C = (p − a)·((b − a) × (c − a)) / 6 − A δ / 3 ≥ 0       ∇ₚC = ((b − a) × (c − a)) / 6
+    /// ```
+    ///
+    /// The inner layer stands still, so only p moves. A plane of a triangle reaches beyond the
+    /// triangle: this reading needs re-pairing.
+    Element,
+}
+
+/// Parameters of [`Air`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AirParams {
+    /// How line 13 is read.
+    pub reading: AirReading,
+    /// Pairs farther apart than this at the start, in metres, are none.
+    pub max_distance: Real,
+    /// δ: the smallest gap, in metres.
+    pub min_gap: Real,
+    /// δ_max: the largest gap that is preserved, in metres.
+    pub max_gap: Real,
+    /// All vertices look for their feet anew after so many substeps; 0 never. F2 and F3 only.
+    pub repair_every: u32,
+    /// A vertex looks for its foot anew once it slid this far along the inner layer, in edge lengths
+    /// of the triangle that holds its foot. Infinity never. F2 and F3 only.
+    pub repair_slide: Real,
+}
+
+impl Default for AirParams {
+    /// Gap preserving, 1 to 5 mm, within 30 mm, re-paired after half an edge of sliding.
+    fn default() -> Self {
+        Self {
+            reading: AirReading::default(),
+            max_distance: 0.03,
+            min_gap: 1e-3,
+            max_gap: 5e-3,
+            repair_every: 0,
+            repair_slide: 0.5,
+        }
+    }
+}
+
+/// Why an air group cannot be made.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AirError {
+    /// A parameter is outside its range.
+    #[error("{name} is {value}; it must be {range}")]
+    OutOfRange {
+        /// The parameter.
+        name: &'static str,
+        /// Its value.
+        value: Real,
+        /// What is allowed.
+        range: &'static str,
+    },
+}
+
+impl AirParams {
+    /// Checks every number.
+    ///
+    /// # Errors
+    ///
+    /// The first that is NaN or outside its range.
+    pub fn validate(&self) -> Result<(), AirError> {
+        let check = |name, value, ok, range| if ok { Ok(()) } else { Err(AirError::OutOfRange { name, value, range }) };
+        check("max_distance", self.max_distance, self.max_distance > 0.0, "positive (metres)")?;
+        check("min_gap", self.min_gap, self.min_gap >= 0.0 && self.min_gap.is_finite(), "finite and at least 0 (metres)")?;
+        let ordered = self.max_gap >= self.min_gap && self.max_gap.is_finite();
+        check("max_gap", self.max_gap, ordered, "finite and at least min_gap (metres)")?;
+        check("repair_slide", self.repair_slide, self.repair_slide > 0.0, "positive (edge lengths)")
+    }
+}
+
+/// The layer below: a mesh at rest, its nearest points, and the normals of its faces, edges and vertices.
+pub struct InnerSurface<'a> {
+    mesh: &'a TriMesh,
+    closest: &'a dyn ClosestPoint,
+    edges: Edges,
+    faces: Vec<Vector>,
+    vertices: Vec<Vector>,
+}
+
+impl<'a> InnerSurface<'a> {
+    /// `closest` must answer for `mesh`.
+    pub fn new(mesh: &'a TriMesh, closest: &'a dyn ClosestPoint) -> Self {
+        Self { mesh, closest, edges: Edges::new(mesh), faces: mesh.face_normals(), vertices: mesh.vertex_normals() }
+    }
+
+    /// The outward unit normal at a nearest point: of the face, the mean of an edge's two faces, or
+    /// the angle-weighted one of a vertex [Bærentzen and Aanæs 2005]. Zero where there is none.
+    ///
+    /// # Panics
+    ///
+    /// If `at` is no nearest point of this mesh.
+    pub fn normal(&self, at: &Closest) -> Vector {
+        let t = at.triangle as usize;
+        match at.feature {
+            Feature::Face => self.faces[t],
+            Feature::Edge(k) => {
+                let [s, u] = self.edges.triangles[self.edges.of_triangle[t][k as usize] as usize];
+                let second = if u == NONE { Vector::zeros() } else { self.faces[u as usize] };
+                unit_or_zero(&(self.faces[s as usize] + second))
+            }
+            Feature::Vertex(k) => self.vertices[self.mesh.triangles()[t][k as usize] as usize],
+        }
+    }
+}
+
+/// Where a vertex has its foot, and the gap it keeps.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    vertex: u32,
+    weight: Real,
+    /// p̂ − q̂.
+    vector: Vector,
+    /// s₀.
+    gap: Real,
+    foot: Point,
+    normal: Vector,
+    triangle: u32,
+}
+
+/// The air constraints of a moving layer over a resting one.
+///
+/// # Source
+///
+/// Algorithm 1, lines 11 to 15: "p̂ and q̂ are the nearest points pair belonging to two adjacent
+/// layers and computed at the beginning of the simulation". What `C^air` is stands in the main
+/// paper, which we do not have: [`AirReading`] holds our readings, and `method.md` §6 what each does.
+pub struct Air<'a> {
+    inner: &'a InnerSurface<'a>,
+    params: AirParams,
+    pairs: Vec<Pair>,
+    substeps: u32,
+    counters: Counters,
+}
+
+impl<'a> Air<'a> {
+    /// Pairs each vertex of `positions` whose weight in `masks` is positive with its nearest point
+    /// of `inner`.
+    ///
+    /// # Errors
+    ///
+    /// Parameters outside their range.
+    pub fn new(inner: &'a InnerSurface<'a>, positions: &[Point], masks: &[Real], params: AirParams) -> Result<Self, AirError> {
+        params.validate()?;
+        let mut air = Self { inner, params, pairs: Vec::new(), substeps: 0, counters: Counters::default() };
+        for (v, (p, &weight)) in positions.iter().zip(masks).enumerate() {
+            if weight <= 0.0 {
+                air.counters.skipped_by_mask += 1;
+                continue;
+            }
+            air.counters.queries += 1;
+            let Some(at) = inner.closest.closest(p, params.max_distance) else { continue };
+            let normal = inner.normal(&at);
+            if normal == Vector::zeros() {
+                air.counters.degenerate += 1;
+                continue;
+            }
+            let vector = p - at.point;
+            air.pairs.push(Pair {
+                vertex: v as u32,
+                weight,
+                vector,
+                gap: normal.dot(&vector),
+                foot: at.point,
+                normal,
+                triangle: at.triangle,
+            });
+        }
+        Ok(air)
+    }
+
+    /// Number of pairs.
+    pub fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.pairs.is_empty()
+    }
+
+    fn repair(&mut self, positions: &[Point]) {
+        if !matches!(self.params.reading, AirReading::GapPreserving | AirReading::Element) {
+            return;
+        }
+        self.substeps += 1;
+        let all = self.params.repair_every > 0 && self.substeps.is_multiple_of(self.params.repair_every);
+        for pair in &mut self.pairs {
+            let p = positions[pair.vertex as usize];
+            if !all {
+                let d = p - pair.foot;
+                let slide2 = (d - pair.normal * pair.normal.dot(&d)).norm_squared();
+                let [a, b, c] = self.inner.mesh.corners(pair.triangle as usize);
+                let edge2 = (b - a).norm_squared().min((c - b).norm_squared()).min((a - c).norm_squared());
+                if slide2 <= self.params.repair_slide * self.params.repair_slide * edge2 {
+                    self.counters.skipped_by_bound += 1;
+                    continue;
+                }
+            }
+            self.counters.queries += 1;
+            if let Some(at) = self.inner.closest.closest(&p, self.params.max_distance) {
+                let normal = self.inner.normal(&at);
+                if normal != Vector::zeros() {
+                    (pair.foot, pair.normal, pair.triangle) = (at.point, normal, at.triangle);
+                }
+            }
+        }
+    }
+
+    /// The violation (≥ 0, metres) and the push of a vertex at `p`.
+    fn push(&self, pair: &Pair, p: &Point) -> Option<(Real, Vector)> {
+        let height = pair.normal.dot(&(p - pair.foot));
+        let half_space = |gap: Real| (gap - height, pair.normal * (gap - height));
+        Some(match self.params.reading {
+            AirReading::Literal => (-height, -pair.vector),
+            AirReading::FrozenHalfSpace => {
+                if pair.gap >= 0.0 {
+                    return None;
+                }
+                half_space(0.0)
+            }
+            AirReading::GapPreserving => half_space(pair.gap.clamp(self.params.min_gap, self.params.max_gap)),
+            AirReading::Element => {
+                let [a, b, c] = self.inner.mesh.corners(pair.triangle as usize);
+                let area = area_vector(a, b, c);
+                let size = area.norm();
+                if size <= 0.0 {
+                    return None;
+                }
+                // −C ∇C / |∇C|² with volumes over sixths: the factors cancel.
+                let lacks = self.params.min_gap - area.dot(&(p - a)) / size;
+                (lacks, area * (lacks / size))
+            }
+        })
+    }
+}
+
+impl Constraint for Air<'_> {
+    fn begin_substep(&mut self, _previous: &[Point], positions: &[Point], _inverse_masses: &[Real], _h: Real) {
+        self.repair(positions);
+    }
+
+    /// # Panics
+    ///
+    /// If there are fewer positions than there were when the pairs were made.
+    fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real], _h: Real) -> Residual {
+        let mut residual = Residual { count: self.len(), ..Residual::default() };
+        for pair in &self.pairs {
+            let v = pair.vertex as usize;
+            let Some((violation, push)) = self.push(pair, &positions[v]) else { continue };
+            if violation <= 0.0 {
+                continue;
+            }
+            residual.active += 1;
+            residual.max = residual.max.max(violation);
+            residual.sum_squares += violation * violation;
+            if inverse_masses[v] > 0.0 {
+                positions[v] += push * pair.weight;
+            }
+        }
+        residual
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Contact
+    }
+
+    fn is_idle(&self) -> bool {
+        self.is_empty()
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use if_core::closest::closest_on_triangle;
+    use if_core::math::barycentric_point;
+    use if_core::shapes::meshes::cloth;
+
+    /// The slow twin of an index: all triangles.
+    struct All(TriMesh);
+    impl ClosestPoint for All {
+        fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest> {
+            let mut best: Option<Closest> = None;
+            for t in 0..self.0.triangles().len() {
+                let c = self.0.corners(t);
+                let (barycentric, feature) = closest_on_triangle(p, c[0], c[1], c[2]);
+                let point = barycentric_point(c, barycentric);
+                let distance = (p - point).norm();
+                if distance <= best.map_or(max_distance, |b| b.distance) {
+                    best = Some(Closest { point, distance, triangle: t as u32, barycentric, feature });
+                }
+            }
+            best
+        }
+    }
+
+    /// A flat inner layer in z = 0, outwards +z.
+    fn floor() -> All {
+        All(cloth(0.2, 0.2, 4, 4))
+    }
+
+    fn settle(reading: AirReading, start: Point, to: Point) -> Point {
+        let all = floor();
+        let inner = InnerSurface::new(&all.0, &all);
+        let params = AirParams { reading, ..Default::default() };
+        let mut air = Air::new(&inner, &[start], &[1.0], params).unwrap();
+        let mut p = vec![to];
+        air.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
+        air.project(&mut p, &[1.0], 1e-3);
+        p[0]
+    }
+
+    #[test]
+    fn line_13_points_outwards_in_two_of_four_cases() {
+        // method.md §6: p̂ on the moving layer or the names swapped; starting inside or apart.
+        let n = Vector::z();
+        let foot = Point::new(0.1, 0.1, 0.0);
+        for (names_swapped, s0, outwards) in [(false, -0.004, true), (false, 0.004, false), (true, -0.004, false), (true, 0.004, true)] {
+            let moving = foot + n * s0;
+            let (p_hat, q_hat) = if names_swapped { (foot, moving) } else { (moving, foot) };
+            let push = -(p_hat - q_hat);
+            assert_eq!(push.dot(&n) > 0.0, outwards, "swapped {names_swapped}, s₀ {s0}");
+        }
+        // The group has p̂ on the moving layer. A pair that started apart and is inside now is
+        // pushed deeper by the printed form, which says so with a negative height.
+        let at = |z: Real| Point::new(0.11, 0.12, z);
+        assert_relative_eq!(settle(AirReading::Literal, at(-0.004), at(-0.004)).z, 0.0, epsilon = 1e-17);
+        assert_relative_eq!(settle(AirReading::Literal, at(0.004), at(-0.001)).z, -0.005, epsilon = 1e-17);
+    }
+
+    #[test]
+    fn each_reading_keeps_its_gap() {
+        let at = |z: Real| Point::new(0.11, 0.12, z);
+        // Reading, height at the start, height now, height after a visit.
+        for (reading, start, now, after) in [
+            (AirReading::FrozenHalfSpace, -0.004, -0.002, 0.0),
+            (AirReading::FrozenHalfSpace, -0.004, 0.002, 0.002),
+            (AirReading::FrozenHalfSpace, 0.004, -0.002, -0.002),
+            (AirReading::GapPreserving, 0.003, 0.001, 0.003),
+            (AirReading::GapPreserving, 0.020, 0.001, 0.005),
+            (AirReading::GapPreserving, -0.004, -0.004, 0.001),
+            (AirReading::Element, 0.020, 0.0005, 0.001),
+            (AirReading::Element, -0.004, -0.004, 0.001),
+            (AirReading::Element, 0.004, 0.002, 0.002),
+        ] {
+            let p = settle(reading, at(start), at(now));
+            assert_relative_eq!(p, at(after), epsilon = 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_vertex_that_slides_finds_its_foot_anew() {
+        // A floor that bends down at x = 0.1: its old plane would hold the vertex up.
+        let flat = cloth(0.2, 0.2, 4, 4);
+        let bent = flat.vertices().iter().map(|p| Point::new(p.x, p.y, -(p.x - 0.1).max(0.0))).collect();
+        let all = All(flat.with_vertices(bent).unwrap());
+        let inner = InnerSurface::new(&all.0, &all);
+        for reading in [AirReading::GapPreserving, AirReading::Element] {
+            for (slide, every, expected) in [(0.5, 0, true), (Real::INFINITY, 1, true), (Real::INFINITY, 0, false)] {
+                let params = AirParams { reading, repair_slide: slide, repair_every: every, ..Default::default() };
+                let mut air = Air::new(&inner, &[Point::new(0.03, 0.1, 0.001)], &[1.0], params).unwrap();
+                let slid = Point::new(0.16, 0.1, -0.04);
+                let mut p = vec![slid];
+                air.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
+                air.project(&mut p, &[1.0], 1e-3);
+                assert_eq!(p[0] == slid, expected, "{reading:?} {slide} {every}: {}", p[0]);
+            }
+        }
+    }
+
+    #[test]
+    fn only_vertices_in_the_mask_and_near_have_pairs() {
+        let all = floor();
+        let inner = InnerSurface::new(&all.0, &all);
+        let p = [Point::new(0.1, 0.1, 0.01), Point::new(0.1, 0.1, 0.04), Point::new(0.1, 0.1, -0.01)];
+        let air = Air::new(&inner, &p, &[1.0, 1.0, 0.0], AirParams::default()).unwrap();
+        assert_eq!((air.len(), air.counters().skipped_by_mask), (1, 1));
+        assert!(Air::new(&inner, &[], &[], AirParams::default()).unwrap().is_idle());
+        for bad in [
+            AirParams { max_distance: Real::NAN, ..Default::default() },
+            AirParams { min_gap: 0.01, ..Default::default() },
+            AirParams { min_gap: -1.0, ..Default::default() },
+            AirParams { repair_slide: 0.0, ..Default::default() },
+        ] {
+            assert!(bad.validate().is_err());
+        }
+    }
+
+    #[test]
+    fn normals_at_edges_and_vertices_lie_between_those_of_their_faces() {
+        let mesh = if_core::shapes::meshes::cuboid(Vector::repeat(1.0));
+        let all = All(mesh);
+        let inner = InnerSurface::new(&all.0, &all);
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        for (p, n) in [
+            (Point::new(2.0, 0.1, 0.2), Vector::x()),
+            (Point::new(2.0, 2.0, 0.2), Vector::new(half, half, 0.0)),
+            (Point::new(2.0, 2.0, 2.0), Vector::repeat(1.0 / 3.0f64.sqrt())),
+        ] {
+            let at = all.closest(&p, 10.0).unwrap();
+            assert_relative_eq!(inner.normal(&at), n, epsilon = 1e-12);
+        }
+    }
+}

@@ -1,0 +1,473 @@
+//! Collision of a garment with a signed distance field: lines 6 to 10 of Algorithm 1.
+
+use crate::constraint::{Constraint, Counters, Residual, Stage};
+use crate::half_space::friction;
+use if_core::edges::Edges;
+use if_core::field::{FieldSample, SignedDistance};
+use if_core::math::{Point, Real, Vector};
+use if_core::mesh::TriMesh;
+
+/// How a sample inside is brought out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Push {
+    /// `p −= (φ − δ) ∇φ / |∇φ|²` where φ < δ, limited, weighted by the mask, with friction.
+    #[default]
+    Corrected,
+    /// `p −= φ ∇φ` where φ < 0, as line 8 prints it.
+    Literal,
+}
+
+/// Keeps samples of a garment at a distance from a field's inside.
+///
+/// A sample is a vertex, or a point between up to three vertices where edges are long:
+///
+/// ```text
+/// C = φ(Σ bₖ pₖ) − δ ≥ 0       Δpₖ = −m C wₖ bₖ / (Σ wₖ bₖ²) ∇φ / |∇φ|²
+/// ```
+///
+/// with the mask's weight m in [0, 1]: a sample of weight 0 is never looked at (Appendix C).
+///
+/// A sample that was at distance φ, and has since moved by less than (φ − δ) / L for the field's
+/// Lipschitz bound L, cannot violate, and is not asked for again; nor is one outside the field's
+/// bounds. [`Constraint::counters`] tells how often that was so.
+///
+/// Where the gradient is zero, or the field answers NaN, nothing moves, and it is counted.
+///
+/// # Source
+///
+/// Algorithm 1, lines 6 to 10. Line 8 is exact only where |∇φ| = 1, and diverges where |∇φ|² > 2:
+/// [`Push::Corrected`] divides. Friction after [Macklin et al. 2014], section 6.1.
+pub struct SdfCollision<'a> {
+    field: &'a dyn SignedDistance,
+    vertices: Vec<[u32; 3]>,
+    weights: Vec<[Real; 3]>,
+    clearances: Vec<Real>,
+    masks: Vec<Real>,
+    masked_out: u64,
+    /// Where each sample stood when the field was last asked, and what it answered.
+    seen: Vec<(Point, Real)>,
+    anchors: Vec<Point>,
+    pushed: Vec<(u32, Vector)>,
+    asked: Vec<u32>,
+    points: Vec<Point>,
+    answers: Vec<FieldSample>,
+    counters: Counters,
+    /// How samples are brought out.
+    pub push: Push,
+    /// Coulomb coefficient of friction.
+    pub friction: Real,
+    /// The farthest that a sample may be pushed in one visit, in metres.
+    pub max_push: Real,
+}
+
+/// Why a collision group cannot be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CollisionError {
+    /// Mask weights and clearances differ in number.
+    #[error("{masks} mask weights but {clearances} clearances; give one of each for each vertex")]
+    Count {
+        /// Mask weights given.
+        masks: usize,
+        /// Clearances given.
+        clearances: usize,
+    },
+    /// A weight of the mask is not in [0, 1].
+    #[error("vertex {vertex} has the mask weight {value}; it must be in [0, 1]")]
+    Mask {
+        /// Index of the vertex.
+        vertex: usize,
+        /// Its weight.
+        value: Real,
+    },
+    /// A clearance is negative or not finite.
+    #[error("vertex {vertex} has the clearance {value}; it must be finite and at least 0 (metres)")]
+    Clearance {
+        /// Index of the vertex.
+        vertex: usize,
+        /// Its clearance.
+        value: Real,
+    },
+}
+
+impl<'a> SdfCollision<'a> {
+    /// Collision of each vertex with `field`, with a weight of the mask in [0, 1] and a clearance δ
+    /// in metres for each.
+    ///
+    /// # Errors
+    ///
+    /// The first weight or clearance that is not allowed.
+    pub fn new(field: &'a dyn SignedDistance, masks: &[Real], clearances: &[Real]) -> Result<Self, CollisionError> {
+        if masks.len() != clearances.len() {
+            return Err(CollisionError::Count { masks: masks.len(), clearances: clearances.len() });
+        }
+        for (vertex, (&m, &value)) in masks.iter().zip(clearances).enumerate() {
+            if !(0.0..=1.0).contains(&m) {
+                return Err(CollisionError::Mask { vertex, value: m });
+            }
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(CollisionError::Clearance { vertex, value });
+            }
+        }
+        let mut group = Self {
+            field,
+            vertices: Vec::new(),
+            weights: Vec::new(),
+            clearances: Vec::new(),
+            masks: Vec::new(),
+            masked_out: 0,
+            seen: Vec::new(),
+            anchors: Vec::new(),
+            pushed: Vec::new(),
+            asked: Vec::new(),
+            points: Vec::new(),
+            answers: Vec::new(),
+            counters: Counters::default(),
+            push: Push::Corrected,
+            friction: 0.0,
+            max_push: Real::INFINITY,
+        };
+        for v in 0..masks.len() {
+            group.add([v as u32; 3], [1.0, 0.0, 0.0], masks[v], clearances[v]);
+        }
+        Ok(group)
+    }
+
+    /// Adds the midpoints of edges longer than `longer_than` metres, and the centroids of the
+    /// triangles that have one, with the mean weight and clearance of their corners.
+    ///
+    /// # Panics
+    ///
+    /// If `masks` or `clearances` are shorter than the mesh's vertices.
+    pub fn add_between(&mut self, mesh: &TriMesh, longer_than: Real, masks: &[Real], clearances: &[Real]) {
+        let edges = Edges::new(mesh);
+        let long: Vec<bool> = edges.vertices.iter().map(|&[a, b]| {
+            (mesh.vertices()[a as usize] - mesh.vertices()[b as usize]).norm() > longer_than
+        }).collect();
+        for (e, &[a, b]) in edges.vertices.iter().enumerate() {
+            if long[e] {
+                let mean = |x: &[Real]| 0.5 * (x[a as usize] + x[b as usize]);
+                self.add([a, b, b], [0.5, 0.5, 0.0], mean(masks), mean(clearances));
+            }
+        }
+        const THIRD: Real = 1.0 / 3.0;
+        for (t, &corners) in mesh.triangles().iter().enumerate() {
+            if edges.of_triangle[t].iter().any(|e| long[*e as usize]) {
+                let mean = |x: &[Real]| corners.iter().map(|c| x[*c as usize]).sum::<Real>() * THIRD;
+                self.add(corners, [THIRD; 3], mean(masks), mean(clearances));
+            }
+        }
+    }
+
+    fn add(&mut self, vertices: [u32; 3], weights: [Real; 3], mask: Real, clearance: Real) {
+        if mask > 0.0 {
+            self.vertices.push(vertices);
+            self.weights.push(weights);
+            self.masks.push(mask);
+            self.clearances.push(clearance);
+            self.seen.push((Point::origin(), Real::NEG_INFINITY));
+        } else {
+            self.masked_out += 1;
+        }
+    }
+
+    /// Number of samples inside the mask.
+    pub fn len(&self) -> usize {
+        self.vertices.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.vertices.is_empty()
+    }
+
+    /// Asks the field at all samples that may be too near, into `asked`, `points` and `answers`.
+    fn ask(&mut self, positions: &[Point]) {
+        let (bounds, lipschitz) = (self.field.bounds(), self.field.lipschitz());
+        self.asked.clear();
+        self.points.clear();
+        self.counters.skipped_by_mask += self.masked_out;
+        for k in 0..self.vertices.len() {
+            let x = sample(positions, &self.vertices[k], &self.weights[k]);
+            let delta = self.clearances[k];
+            // Outside its bounds the field is positive; a distance field is over δ beyond δ from them.
+            if bounds.is_some_and(|b| b.distance_squared(&x) > delta * delta) {
+                self.counters.skipped_by_mask += 1;
+                continue;
+            }
+            let (at, distance) = self.seen[k];
+            // False where either is NaN.
+            if distance - delta > lipschitz * (x - at).norm() {
+                self.counters.skipped_by_bound += 1;
+                continue;
+            }
+            self.asked.push(k as u32);
+            self.points.push(x);
+        }
+        self.counters.queries += self.asked.len() as u64;
+        self.answers.resize(self.points.len(), FieldSample { distance: 0.0, gradient: Vector::zeros() });
+        self.field.samples(&self.points, &mut self.answers);
+    }
+}
+
+#[inline]
+fn sample(positions: &[Point], v: &[u32; 3], b: &[Real; 3]) -> Point {
+    if b[0] == 1.0 {
+        return positions[v[0] as usize];
+    }
+    Point::from(positions[v[0] as usize].coords * b[0] + positions[v[1] as usize].coords * b[1] + positions[v[2] as usize].coords * b[2])
+}
+
+impl Constraint for SdfCollision<'_> {
+    fn begin_substep(&mut self, previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {
+        self.pushed.clear();
+        self.anchors.clear();
+        if self.friction > 0.0 {
+            let anchors = self.vertices.iter().zip(&self.weights).map(|(v, b)| sample(previous, v, b));
+            self.anchors.extend(anchors);
+        }
+    }
+
+    /// # Panics
+    ///
+    /// If a sample's vertex is beyond the slices.
+    fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real], _h: Real) -> Residual {
+        self.ask(positions);
+        let mut residual = Residual { count: self.len(), ..Residual::default() };
+        for (q, &k) in self.asked.iter().enumerate() {
+            let k = k as usize;
+            let FieldSample { distance, gradient } = self.answers[q];
+            let slope2 = gradient.norm_squared();
+            if !(distance.is_finite() && slope2.is_finite()) {
+                self.counters.degenerate += 1;
+                continue;
+            }
+            self.seen[k] = (self.points[q], distance);
+            let (v, b) = (self.vertices[k], self.weights[k]);
+            // Samples share vertices: where this one has been moved by now, to first order.
+            let x = sample(positions, &v, &b);
+            let delta = if self.push == Push::Literal { 0.0 } else { self.clearances[k] };
+            let deficit = delta - (distance + gradient.dot(&(x - self.points[q])));
+            if deficit <= 0.0 {
+                continue;
+            }
+            residual.active += 1;
+            residual.max = residual.max.max(deficit);
+            residual.sum_squares += deficit * deficit;
+            let w = v.map(|i| inverse_masses[i as usize]);
+            let sum: Real = (0..3).map(|c| w[c] * b[c] * b[c]).sum();
+            if slope2 <= 0.0 {
+                self.counters.degenerate += 1;
+                continue;
+            }
+            if sum <= 0.0 {
+                continue;
+            }
+            let slope = slope2.sqrt();
+            let normal = gradient / slope;
+            let mut push = match self.push {
+                Push::Literal => gradient * deficit,
+                Push::Corrected => normal * (self.masks[k] * (deficit / slope).min(self.max_push)),
+            };
+            if self.friction > 0.0 && self.anchors.len() == self.len() {
+                let slid = x - self.anchors[k];
+                push -= friction(&(slid - normal * normal.dot(&slid)), self.friction * normal.dot(&push));
+            }
+            for c in 0..3 {
+                positions[v[c] as usize] += push * (w[c] * b[c] / sum);
+            }
+            self.pushed.push((k as u32, normal));
+        }
+        residual
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::Contact
+    }
+
+    fn correct_velocities(&self, velocities: &mut [Vector]) {
+        for (k, normal) in &self.pushed {
+            let (v, b) = (self.vertices[*k as usize], self.weights[*k as usize]);
+            for c in 0..3 {
+                if b[c] > 0.0 {
+                    let velocity = &mut velocities[v[c] as usize];
+                    let outwards = velocity.dot(normal);
+                    if outwards > 0.0 {
+                        *velocity -= normal * outwards;
+                    }
+                }
+            }
+        }
+    }
+
+    fn reset(&mut self) {
+        self.pushed.clear();
+        self.anchors.clear();
+        self.seen.fill((Point::origin(), Real::NEG_INFINITY));
+    }
+
+    fn is_idle(&self) -> bool {
+        self.is_empty()
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use if_core::shapes::ScaledGradient;
+    use if_core::shapes::meshes::cloth;
+    use if_core::shapes::{Cuboid, Plane, Sphere};
+
+    const BALL: Sphere = Sphere { center: Point::new(0.0, 0.0, 0.0), radius: 1.0 };
+
+    fn visit(field: &dyn SignedDistance, at: Point, clearance: Real, set: impl Fn(&mut SdfCollision<'_>)) -> (Point, Residual) {
+        let mut group = SdfCollision::new(field, &[1.0], &[clearance]).unwrap();
+        set(&mut group);
+        let mut p = vec![at];
+        group.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
+        let r = group.project(&mut p, &[1.0], 1e-3);
+        (p[0], r)
+    }
+
+    #[test]
+    fn one_visit_brings_a_vertex_to_its_clearance() {
+        let cube = Cuboid { center: Point::origin(), half: Vector::repeat(1.0) };
+        for (field, from, to) in [
+            (&BALL as &dyn SignedDistance, Point::new(0.6, 0.0, 0.0), Point::new(1.01, 0.0, 0.0)),
+            (&BALL, Point::new(0.0, -1.005, 0.0), Point::new(0.0, -1.01, 0.0)),
+            (&BALL, Point::new(0.0, 1.5, 0.0), Point::new(0.0, 1.5, 0.0)),
+            (&cube, Point::new(0.9, 0.1, -0.2), Point::new(1.01, 0.1, -0.2)),
+        ] {
+            let (p, _) = visit(field, from, 0.01, |_| ());
+            assert_relative_eq!(p, to, epsilon = 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_gradient_that_is_not_of_unit_length_is_divided_out() {
+        let plane = Plane { point: Point::origin(), normal: Vector::z() };
+        for scale in [0.1, 0.7, 1.3, 3.0] {
+            let field = ScaledGradient { field: plane, factor: scale };
+            let (p, _) = visit(&field, Point::new(0.0, 0.0, -0.2), 0.0, |_| ());
+            assert_relative_eq!(p.z, 0.0, epsilon = 1e-15);
+            // Line 8 as printed lands at z (1 − s²), and runs away from s² > 2 on.
+            let (p, _) = visit(&field, Point::new(0.0, 0.0, -0.2), 0.0, |g| g.push = Push::Literal);
+            assert_relative_eq!(p.z, -0.2 * (1.0 - scale * scale), epsilon = 1e-15);
+        }
+    }
+
+    #[test]
+    fn pushes_are_limited_and_weighted_by_the_mask() {
+        let (p, r) = visit(&BALL, Point::new(0.5, 0.0, 0.0), 0.0, |g| g.max_push = 0.02);
+        assert_relative_eq!(p.x, 0.52, epsilon = 1e-15);
+        assert_eq!((r.max, r.active), (0.5, 1));
+        let mut group = SdfCollision::new(&BALL, &[0.5, 0.0, 1.0], &[0.0; 3]).unwrap();
+        let mut p = vec![Point::new(0.5, 0.0, 0.0); 3];
+        group.project(&mut p, &[1.0, 1.0, 0.0], 1e-3);
+        assert_relative_eq!(p[0].x, 0.75, epsilon = 1e-15);
+        assert_eq!((p[1].x, p[2].x), (0.5, 0.5));
+        assert_eq!((group.len(), group.counters().queries, group.counters().skipped_by_mask), (2, 2, 1));
+    }
+
+    #[test]
+    fn samples_between_the_vertices_of_long_edges_come_out_too() {
+        // A square whose corners touch the ball and whose middle is inside.
+        let mesh = cloth(1.2, 1.2, 1, 1);
+        let sunk: Vec<Point> = mesh.vertices().iter().map(|p| Point::new(p.x - 0.6, p.y - 0.6, 0.7)).collect();
+        let mesh = mesh.with_vertices(sunk).unwrap();
+        let (masks, clearances) = ([1.0; 4], [0.0; 4]);
+        let mut group = SdfCollision::new(&BALL, &masks, &clearances).unwrap();
+        group.add_between(&mesh, 10.0, &masks, &clearances);
+        assert_eq!(group.len(), 4);
+        group.add_between(&mesh, 0.1, &masks, &clearances);
+        assert_eq!(group.len(), 4 + 5 + 2);
+        let mut p = mesh.vertices().to_vec();
+        for _ in 0..60 {
+            group.project(&mut p, &[1.0; 4], 1e-3);
+        }
+        for (v, b) in group.vertices.iter().zip(&group.weights) {
+            assert!(BALL.distance(&sample(&p, v, b)) > -1e-6);
+        }
+    }
+
+    #[test]
+    fn vertices_that_cannot_have_come_near_are_not_asked_for() {
+        let mut group = SdfCollision::new(&BALL, &[1.0; 2], &[0.01; 2]).unwrap();
+        let mut p = vec![Point::new(0.0, 0.6006, 0.8008), Point::new(0.9, 0.9, 0.9)];
+        for _ in 0..10 {
+            group.project(&mut p, &[1.0; 2], 1e-3);
+            p[1].x -= 0.01;
+        }
+        // The first stays at its clearance and is asked for each time, the second only at first.
+        let c = group.counters();
+        assert_eq!(c.queries + c.skipped_by_bound, 20);
+        assert!(c.skipped_by_bound >= 9, "{c:?}");
+        group.reset();
+        group.project(&mut p, &[1.0; 2], 1e-3);
+        assert_eq!(group.counters().queries, c.queries + 2);
+    }
+
+    #[test]
+    fn skipping_changes_no_bit() {
+        let mesh = cloth(1.5, 1.5, 12, 12);
+        let ones = vec![1.0; mesh.vertices().len()];
+        let clearances = vec![0.01; ones.len()];
+        let run = |forget: bool| {
+            let mut group = SdfCollision::new(&BALL, &ones, &clearances).unwrap();
+            let mut p: Vec<Point> = mesh.vertices().iter().map(|p| Point::new(p.x - 0.7, p.y - 0.8, 1.3)).collect();
+            for _ in 0..40 {
+                p.iter_mut().for_each(|p| p.z -= 0.01);
+                if forget {
+                    group.reset();
+                }
+                group.project(&mut p, &ones, 1e-3);
+            }
+            p
+        };
+        assert_eq!(run(false), run(true));
+    }
+
+    /// A field with a patch that answers NaN and one without a gradient.
+    struct Broken;
+    impl SignedDistance for Broken {
+        fn distance(&self, p: &Point) -> Real {
+            self.sample(p).distance
+        }
+        fn sample(&self, p: &Point) -> FieldSample {
+            let distance = if p.x > 0.0 { Real::NAN } else { -1.0 };
+            FieldSample { distance, gradient: Vector::zeros() }
+        }
+        fn bounds(&self) -> Option<if_core::aabb::Aabb> {
+            None
+        }
+        fn lipschitz(&self) -> Real {
+            1.0
+        }
+    }
+
+    #[test]
+    fn a_broken_field_moves_nothing_and_is_counted() {
+        let mut group = SdfCollision::new(&Broken, &[1.0; 2], &[0.0; 2]).unwrap();
+        let start = vec![Point::new(1.0, 0.0, 0.0), Point::new(-1.0, 0.0, 0.0)];
+        let mut p = start.clone();
+        group.project(&mut p, &[1.0; 2], 1e-3);
+        assert_eq!(p, start);
+        assert_eq!(group.counters().degenerate, 2);
+    }
+
+    #[test]
+    fn weights_and_clearances_that_are_none_are_refused() {
+        assert!(matches!(SdfCollision::new(&BALL, &[1.0], &[]), Err(CollisionError::Count { .. })));
+        for bad in [-0.1, 1.1, Real::NAN] {
+            assert!(matches!(SdfCollision::new(&BALL, &[bad], &[0.0]), Err(CollisionError::Mask { vertex: 0, .. })));
+        }
+        for bad in [-0.1, Real::INFINITY, Real::NAN] {
+            assert!(matches!(SdfCollision::new(&BALL, &[1.0], &[bad]), Err(CollisionError::Clearance { vertex: 0, .. })));
+        }
+    }
+}

@@ -1,0 +1,234 @@
+//! Stretch by a prefactored constant matrix: projective dynamics.
+
+use crate::constraint::{Constraint, Counters, Residual};
+use crate::edge_set::EdgeSet;
+use faer::linalg::solvers::Solve;
+use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
+use faer::sparse::{SparseColMat, Triplet};
+use faer::{Mat, Side};
+use if_core::math::{Point, Real, Vector};
+
+/// Edge springs solved by local–global iterations on a constant matrix, factored once for each h.
+///
+/// With stiffness k = 1/β, S an edge's difference `pᵢ − pⱼ`, and p̃ the positions at the visit:
+///
+/// ```text
+/// local:   d = ℓ S p / |S p|
+/// global:  (M/h² + k Σ SᵀS) p = M/h² p̃ + k Σ Sᵀ d
+/// ```
+///
+/// Its fixed point is that of implicit Euler, as of XPBD's sweeps. A visit starts from p̃ and does
+/// everything: give the solver one sweep. Pinned particles go to the right-hand side.
+///
+/// # Source
+///
+/// [Bouaziz et al. 2014]; [Liu et al. 2013] for mass and springs.
+pub struct GlobalStretch {
+    edges: EdgeSet,
+    compliance: Real,
+    factor: Option<Factor>,
+    failures: u64,
+    /// Most local–global iterations in a visit.
+    pub iterations: u32,
+    /// A visit ends once no vertex moves farther than this in an iteration, in metres.
+    pub tolerance: Real,
+}
+
+struct Factor {
+    h: Real,
+    inverse_masses: Vec<Real>,
+    /// Row of each particle; `None` where pinned.
+    rows: Vec<Option<usize>>,
+    llt: Llt<usize, Real>,
+}
+
+/// Why a compliance cannot be a stiffness.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("the compliance is {value}; a global solve needs it positive (m/N). For rigid edges use DirectStretch")]
+pub struct GlobalStretchError {
+    value: Real,
+}
+
+impl GlobalStretch {
+    /// Springs on `edges` with `compliance` β in m/N: 200 iterations at most, to 1e-9 m.
+    ///
+    /// # Errors
+    ///
+    /// A compliance that is not positive. Infinity is allowed, and makes the group idle.
+    pub fn new(edges: EdgeSet, compliance: Real) -> Result<Self, GlobalStretchError> {
+        if compliance > 0.0 && (1.0 / compliance).is_finite() {
+            Ok(Self { edges, compliance, factor: None, failures: 0, iterations: 200, tolerance: 1e-9 })
+        } else {
+            Err(GlobalStretchError { value: compliance })
+        }
+    }
+
+    fn make_factor(&self, inverse_masses: &[Real], h: Real) -> Option<Factor> {
+        let mut count = 0;
+        let rows: Vec<Option<usize>> = inverse_masses
+            .iter()
+            .map(|w| {
+                (*w > 0.0).then(|| {
+                    count += 1;
+                    count - 1
+                })
+            })
+            .collect();
+        let mut entries = Vec::new();
+        for (v, w) in inverse_masses.iter().enumerate() {
+            if let Some(row) = rows[v] {
+                entries.push(Triplet::new(row, row, 1.0 / (w * h * h)));
+            }
+        }
+        let k = 1.0 / self.compliance;
+        for ([a, b], _) in self.edges.visited() {
+            let (i, j) = (rows[a as usize], rows[b as usize]);
+            for row in [i, j].into_iter().flatten() {
+                entries.push(Triplet::new(row, row, k));
+            }
+            if let (Some(i), Some(j)) = (i, j) {
+                entries.push(Triplet::new(i.max(j), i.min(j), -k));
+            }
+        }
+        let matrix = SparseColMat::try_new_from_triplets(count, count, &entries).ok()?;
+        let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).ok()?;
+        let llt = Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower).ok()?;
+        Some(Factor { h, inverse_masses: inverse_masses.to_vec(), rows, llt })
+    }
+}
+
+impl Constraint for GlobalStretch {
+    fn begin_substep(&mut self, _previous: &[Point], _positions: &[Point], inverse_masses: &[Real], h: Real) {
+        if self.is_idle() {
+            return;
+        }
+        if self.factor.as_ref().is_none_or(|f| f.h != h || f.inverse_masses != inverse_masses) {
+            self.factor = self.make_factor(inverse_masses, h);
+            self.failures += u64::from(self.factor.is_none());
+        }
+    }
+
+    /// The residual is the elongation `| |S p| − ℓ |` at the start. Where the matrix cannot be factored,
+    /// or [`Constraint::begin_substep`] was not called, everything stays.
+    ///
+    /// # Panics
+    ///
+    /// If the slices are shorter than the edges' vertex count.
+    fn project(&mut self, positions: &mut [Point], _inverse_masses: &[Real], h: Real) -> Residual {
+        let mut residual = Residual::default();
+        if self.is_idle() {
+            return residual;
+        }
+        for ([a, b], rest) in self.edges.visited() {
+            residual.add((positions[a as usize] - positions[b as usize]).norm() - rest);
+        }
+        let Some(Factor { inverse_masses, rows, llt, .. }) = &self.factor else { return residual };
+        let n = rows.iter().flatten().count();
+        let mut inertia = Mat::zeros(n, 3);
+        for (v, row) in rows.iter().enumerate() {
+            if let Some(row) = *row {
+                for axis in 0..3 {
+                    inertia[(row, axis)] = positions[v][axis] / (inverse_masses[v] * h * h);
+                }
+            }
+        }
+        let k = 1.0 / self.compliance;
+        for _ in 0..self.iterations {
+            let mut right = inertia.clone();
+            for ([a, b], rest) in self.edges.visited() {
+                let (p, q) = (&positions[a as usize], &positions[b as usize]);
+                let d = p - q;
+                let length = d.norm();
+                let target = if length > 0.0 { d * (rest / length) } else { Vector::zeros() };
+                for (own, other, sign) in [(a, q, 1.0), (b, p, -1.0)] {
+                    let other_pinned = rows[if sign > 0.0 { b } else { a } as usize].is_none();
+                    if let Some(row) = rows[own as usize] {
+                        for axis in 0..3 {
+                            let held = if other_pinned { other[axis] } else { 0.0 };
+                            right[(row, axis)] += k * (sign * target[axis] + held);
+                        }
+                    }
+                }
+            }
+            llt.solve_in_place(&mut right);
+            let mut farthest: Real = 0.0;
+            for (v, row) in rows.iter().enumerate() {
+                if let Some(row) = *row {
+                    let p = Point::new(right[(row, 0)], right[(row, 1)], right[(row, 2)]);
+                    farthest = farthest.max((p - positions[v]).norm_squared());
+                    positions[v] = p;
+                }
+            }
+            if farthest <= self.tolerance * self.tolerance {
+                break;
+            }
+        }
+        residual
+    }
+
+    fn reset(&mut self) {
+        self.factor = None;
+    }
+
+    fn is_idle(&self) -> bool {
+        self.edges.is_empty() || self.compliance == Real::INFINITY
+    }
+
+    fn counters(&self) -> Counters {
+        Counters { degenerate: self.failures, ..Counters::default() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stretch::Stretch;
+    use if_core::shapes::meshes::cloth;
+
+    #[test]
+    fn a_stretched_noisy_cloth_reaches_the_state_of_the_sweeps() {
+        let mesh = cloth(0.08, 0.08, 8, 8);
+        let noise = |k: usize, s: Real| 2e-4 * (k as Real * s).sin();
+        let start: Vec<Point> = mesh.vertices().iter().enumerate().map(|(k, x)| {
+            Point::from(x.coords * 1.05) + Vector::new(noise(k, 12.9), noise(k, 78.2), noise(k, 37.7))
+        }).collect();
+        let w: Vec<Real> = (0..start.len()).map(|k| if k == 0 { 0.0 } else { 1.0 }).collect();
+        let (h, compliance) = (2e-3, 1e-5);
+        let mut global = GlobalStretch::new(EdgeSet::of_mesh(&mesh), compliance).unwrap();
+        global.iterations = 2000;
+        global.tolerance = 1e-13;
+        let mut p = start.clone();
+        global.begin_substep(&[], &[], &w, h);
+        global.project(&mut p, &w, h);
+        assert_eq!(p[0], start[0]);
+        // Implicit Euler: M/h² (p − p̃) + k Σ ∇C C = 0 at every free vertex.
+        let mut force = vec![Vector::zeros(); p.len()];
+        for ([a, b], rest) in global.edges.visited() {
+            let d = p[a as usize] - p[b as usize];
+            let f = d * ((d.norm() - rest) / (d.norm() * compliance));
+            force[a as usize] -= f;
+            force[b as usize] += f;
+        }
+        for v in 1..p.len() {
+            let wrong = (p[v] - start[v]) / (h * h) - force[v];
+            assert!(wrong.norm() < 1e-6 * force[v].norm().max(1.0), "vertex {v}: {wrong}");
+        }
+        let mut sweeps = Stretch::new(EdgeSet::of_mesh(&mesh), compliance);
+        let mut q = start.clone();
+        sweeps.begin_substep(&[], &[], &w, h);
+        for _ in 0..200 {
+            sweeps.project(&mut q, &w, h);
+        }
+        let moved = p.iter().zip(&start).map(|(a, b)| (a - b).norm()).fold(0.0, Real::max);
+        let apart = p.iter().zip(&q).map(|(a, b)| (a - b).norm()).fold(0.0, Real::max);
+        assert!(apart < 0.02 * moved, "{apart} m apart after {moved} m");
+    }
+
+    #[test]
+    fn a_compliance_without_a_stiffness_is_refused() {
+        for bad in [0.0, -1.0, Real::NAN, 1e-320] {
+            assert!(GlobalStretch::new(EdgeSet::default(), bad).is_err());
+        }
+        assert!(GlobalStretch::new(EdgeSet::default(), Real::INFINITY).unwrap().is_idle());
+    }
+}

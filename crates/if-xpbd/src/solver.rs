@@ -1,0 +1,418 @@
+//! The loop over steps and substeps: lines 1 to 3 and 23 to 26 of Algorithm 1.
+
+use crate::constraint::{Constraint, Counters, Residual, Stage};
+use crate::params::{ContactOrder, Motion, ParamsError, SolverParams};
+use crate::particles::Particles;
+use if_core::math::{Real, Vector};
+use std::ops::ControlFlow;
+
+/// Most vertices that an error names.
+const NAMED: usize = 16;
+
+/// Moves particles under groups of constraints.
+///
+/// ```text
+/// h ← Δt / numSubSteps                                     line 1
+/// for each substep                                         2, 25
+///   pᵢ ← p;  v ← v + h g (or h g: quasi-static);  p ← p + h v     3
+///   every group: λ ← 0, β̃ ← β / h²                         4, 5
+///   [contacts]                                             6 to 15, where they stand as printed
+///   for each sweep: elastic groups; [contacts]             16 to 22, and the correction
+///   v ← (p − pᵢ) / h;  contacts take back their push       23, 24
+/// ```
+///
+/// A step that ends in a state which is not finite, or whose kinetic energy jumps, is taken back
+/// and tried with h/2, at most [`retries`](SolverParams::retries) times. A step reads and writes on
+/// one thread in a fixed order (fields may answer on several): the bits do not depend on threads.
+#[derive(Clone, Debug)]
+pub struct Solver {
+    params: SolverParams,
+    backup: Particles,
+}
+
+/// What a step did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StepReport {
+    /// Substeps of the attempt that succeeded.
+    pub substeps: u32,
+    /// Attempts that were taken back.
+    pub retries: u32,
+    /// The farthest that a vertex moved in the step, in metres.
+    pub moved: Real,
+    /// Violation of the elastic groups at their last visit.
+    pub elastic: Residual,
+    /// Violation of the contact groups at their last visit.
+    pub contact: Residual,
+    /// Kinetic energy at the end, in joules; in a quasi-static run that of the last substep's motion.
+    pub kinetic_energy: Real,
+    /// Groups that had nothing to do.
+    pub idle_groups: usize,
+}
+
+/// Why a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// No vertex moved farther than [`stop_below`](SolverParams::stop_below) in a step.
+    Converged,
+    /// The callback asked for it.
+    Cancelled,
+    /// All steps are done.
+    Exhausted,
+}
+
+/// What a run did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunReport {
+    /// Steps made.
+    pub steps: u32,
+    /// Substeps made, without those that were taken back.
+    pub substeps: u64,
+    /// Attempts that were taken back.
+    pub retries: u32,
+    /// Why it ended.
+    pub stop: Stop,
+    /// The last step; `None` where there was none.
+    pub last: Option<StepReport>,
+    /// Work done and skipped by all groups.
+    pub counters: Counters,
+}
+
+/// Why a step could not be made. The particles are left as they were before it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StepError {
+    /// The state was not finite before anything was done.
+    #[error("particles {vertices:?} are not finite before the step; give finite positions and velocities")]
+    Input {
+        /// The first of them.
+        vertices: Vec<u32>,
+    },
+    /// Slices of different lengths.
+    #[error("{positions} positions, {velocities} velocities and {inverse_masses} inverse masses; give one of each a particle")]
+    Count {
+        /// Positions given.
+        positions: usize,
+        /// Velocities given.
+        velocities: usize,
+        /// Inverse masses given.
+        inverse_masses: usize,
+    },
+    /// The state stopped being finite, whatever the substep.
+    #[error("particles {vertices:?} are not finite after {substeps} substeps of {h} s; look at the constraints they have, or allow more retries")]
+    NonFinite {
+        /// The first of them.
+        vertices: Vec<u32>,
+        /// Substeps of the last attempt.
+        substeps: u32,
+        /// Their size, in seconds.
+        h: Real,
+    },
+    /// The kinetic energy jumped, whatever the substep.
+    #[error("the kinetic energy jumps to {energy} J (allowed: {allowed} J) with substeps of {h} s; the fastest particles are {vertices:?}; soften the constraints they have, or raise energy_jump")]
+    EnergyJump {
+        /// The fastest particles.
+        vertices: Vec<u32>,
+        /// Energy reached, in joules.
+        energy: Real,
+        /// Energy allowed, in joules.
+        allowed: Real,
+        /// Substep of the last attempt, in seconds.
+        h: Real,
+    },
+}
+
+impl Solver {
+    /// A solver with checked parameters.
+    ///
+    /// # Errors
+    ///
+    /// See [`SolverParams::validate`].
+    pub fn new(params: SolverParams) -> Result<Self, ParamsError> {
+        params.validate()?;
+        Ok(Self { params, backup: Particles::default() })
+    }
+
+    /// The parameters.
+    pub fn params(&self) -> &SolverParams {
+        &self.params
+    }
+
+    /// One time step Δt: all its substeps.
+    ///
+    /// # Errors
+    ///
+    /// A state that is not finite, or an energy jump, which smaller substeps did not cure.
+    ///
+    /// # Panics
+    ///
+    /// If a group names a particle that does not exist.
+    pub fn step(&mut self, particles: &mut Particles, groups: &mut [&mut dyn Constraint]) -> Result<StepReport, StepError> {
+        let n = particles.positions.len();
+        if particles.velocities.len() != n || particles.inverse_masses.len() != n {
+            let (velocities, inverse_masses) = (particles.velocities.len(), particles.inverse_masses.len());
+            return Err(StepError::Count { positions: n, velocities, inverse_masses });
+        }
+        let vertices = particles.non_finite(NAMED);
+        if !vertices.is_empty() {
+            return Err(StepError::Input { vertices });
+        }
+        self.backup.clone_from(particles);
+        let movable: Real = particles.inverse_masses.iter().filter(|w| **w > 0.0).map(|w| 1.0 / w).sum();
+        let allowed = self.params.energy_jump * particles.kinetic_energy().max(0.5 * movable);
+        let mut retries = 0;
+        loop {
+            let substeps = self.params.substeps.saturating_mul(1 << retries);
+            let fault = match self.attempt(particles, groups, substeps, allowed) {
+                Ok(mut report) => {
+                    report.retries = retries;
+                    return Ok(report);
+                }
+                Err(fault) => fault,
+            };
+            particles.clone_from(&self.backup);
+            groups.iter_mut().for_each(|g| g.reset());
+            if retries == self.params.retries {
+                return Err(fault);
+            }
+            retries += 1;
+            tracing::debug!(retries, %fault, "the step is taken back and tried with half the substep");
+        }
+    }
+
+    /// Steps until nothing moves any more, the steps are used up, or `on_step` (called with the
+    /// number of steps made) breaks.
+    ///
+    /// # Errors
+    ///
+    /// As [`Solver::step`].
+    ///
+    /// # Panics
+    ///
+    /// As [`Solver::step`].
+    pub fn run(
+        &mut self,
+        particles: &mut Particles,
+        groups: &mut [&mut dyn Constraint],
+        mut on_step: impl FnMut(u32, &StepReport) -> ControlFlow<()>,
+    ) -> Result<RunReport, StepError> {
+        let mut run =
+            RunReport { steps: 0, substeps: 0, retries: 0, stop: Stop::Exhausted, last: None, counters: Counters::default() };
+        while run.steps < self.params.steps {
+            let report = self.step(particles, groups)?;
+            run.steps += 1;
+            run.substeps += u64::from(report.substeps);
+            run.retries += report.retries;
+            let converged = report.moved < self.params.stop_below;
+            let cancelled = on_step(run.steps, &report).is_break();
+            run.last = Some(report);
+            if converged || cancelled {
+                run.stop = if converged { Stop::Converged } else { Stop::Cancelled };
+                break;
+            }
+        }
+        run.counters = groups.iter().fold(Counters::default(), |c, g| c.merged(g.counters()));
+        Ok(run)
+    }
+
+    fn attempt(
+        &self,
+        particles: &mut Particles,
+        groups: &mut [&mut dyn Constraint],
+        substeps: u32,
+        allowed: Real,
+    ) -> Result<StepReport, StepError> {
+        let h = self.params.time_step / Real::from(substeps);
+        let mut report = StepReport { substeps, ..StepReport::default() };
+        for _ in 0..substeps {
+            self.substep(particles, groups, h, &mut report);
+            let energy = particles.kinetic_energy();
+            // Also false for NaN.
+            if energy <= allowed && energy.is_finite() {
+                report.kinetic_energy = energy;
+                continue;
+            }
+            let vertices = particles.non_finite(NAMED);
+            if !vertices.is_empty() {
+                return Err(StepError::NonFinite { vertices, substeps, h });
+            }
+            if !(energy <= allowed) {
+                return Err(StepError::EnergyJump { vertices: fastest(particles), energy, allowed, h });
+            }
+        }
+        let vertices = particles.non_finite(NAMED);
+        if !vertices.is_empty() {
+            return Err(StepError::NonFinite { vertices, substeps, h });
+        }
+        if self.params.motion == Motion::QuasiStatic {
+            particles.velocities.fill(Vector::zeros());
+        }
+        report.idle_groups = groups.iter().filter(|g| g.is_idle()).count();
+        let moved = particles.positions.iter().zip(&self.backup.positions).map(|(p, q)| (p - q).norm_squared());
+        report.moved = moved.fold(0.0, Real::max).sqrt();
+        Ok(report)
+    }
+
+    fn substep(&self, particles: &mut Particles, groups: &mut [&mut dyn Constraint], h: Real, report: &mut StepReport) {
+        let params = &self.params;
+        let kick = Vector::from(params.gravity) * h;
+        let Particles { positions, velocities, inverse_masses, previous } = particles;
+        previous.clone_from(positions);
+        for k in 0..positions.len() {
+            // Line 3. A pinned particle stays, whatever speed it was given.
+            if inverse_masses[k] > 0.0 {
+                let v = if params.motion == Motion::QuasiStatic { kick } else { velocities[k] + kick };
+                positions[k] += v * h;
+            }
+        }
+        for group in groups.iter_mut().filter(|g| !g.is_idle()) {
+            group.begin_substep(previous, positions, inverse_masses, h);
+        }
+        let mut visit = |stage: Stage| {
+            let mut residual = Residual::default();
+            for group in groups.iter_mut().filter(|g| g.stage() == stage && !g.is_idle()) {
+                residual = residual.merged(group.project(positions, inverse_masses, h));
+            }
+            residual
+        };
+        if params.contact_order != ContactOrder::AfterStretch || params.sweeps == 0 {
+            report.contact = visit(Stage::Contact);
+        }
+        for _ in 0..params.sweeps {
+            report.elastic = visit(Stage::Elastic);
+            if params.contact_order != ContactOrder::BeforeStretch {
+                report.contact = visit(Stage::Contact);
+            }
+        }
+        // Line 24.
+        let keep = match params.motion {
+            Motion::Dynamic { damping } => (-damping * h).exp(),
+            Motion::QuasiStatic => 1.0,
+        };
+        for k in 0..positions.len() {
+            velocities[k] = if inverse_masses[k] > 0.0 { (positions[k] - previous[k]) * (keep / h) } else { Vector::zeros() };
+        }
+        if params.remove_depenetration_velocity && params.motion != Motion::QuasiStatic {
+            groups.iter().filter(|g| !g.is_idle()).for_each(|g| g.correct_velocities(velocities));
+        }
+    }
+}
+
+/// The particles with most speed, fastest first.
+fn fastest(particles: &Particles) -> Vec<u32> {
+    let mut all: Vec<u32> = (0..particles.len() as u32).collect();
+    let speed = |k: u32| particles.velocities[k as usize].norm_squared();
+    all.sort_by(|&a, &b| speed(b).total_cmp(&speed(a)).then(a.cmp(&b)));
+    all.truncate(NAMED);
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attach::Attachments;
+    use if_core::math::Point;
+
+    /// Breaks particle 1 while h is above `fine_from`: to NaN, or to a speed of 1e9 m/s.
+    struct Trouble {
+        fine_from: Real,
+        speed: Real,
+        resets: u32,
+    }
+
+    impl Constraint for Trouble {
+        fn begin_substep(&mut self, _: &[Point], _: &[Point], _: &[Real], _: Real) {}
+        fn project(&mut self, positions: &mut [Point], _: &[Real], h: Real) -> Residual {
+            if h > self.fine_from {
+                positions[1].x += self.speed * h;
+            }
+            Residual::default()
+        }
+        fn reset(&mut self) {
+            self.resets += 1;
+        }
+    }
+
+    fn three() -> Particles {
+        Particles::uniform(vec![Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(2.0, 0.0, 0.0)], 1.0).unwrap()
+    }
+
+    #[test]
+    fn a_step_that_goes_wrong_is_taken_back_and_made_with_smaller_substeps() {
+        for speed in [Real::NAN, 1e9] {
+            let mut trouble = Trouble { fine_from: 3e-4, speed, resets: 0 };
+            let mut solver = Solver::new(SolverParams::default()).unwrap();
+            let mut p = three();
+            let report = solver.step(&mut p, &mut [&mut trouble]).unwrap();
+            assert_eq!((report.retries, report.substeps, trouble.resets), (2, 40, 2));
+            assert_eq!(p.positions, three().positions);
+        }
+    }
+
+    #[test]
+    fn trouble_that_stays_is_an_error_that_names_the_vertex_and_leaves_the_state() {
+        for speed in [Real::NAN, 1e9] {
+            let mut trouble = Trouble { fine_from: 0.0, speed, resets: 0 };
+            let mut p = three();
+            let error = Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut [&mut trouble]).unwrap_err();
+            match &error {
+                StepError::NonFinite { vertices, substeps, .. } => assert_eq!((vertices.as_slice(), *substeps), (&[1][..], 80)),
+                StepError::EnergyJump { vertices, .. } => assert_eq!(vertices[0], 1),
+                other => panic!("{other}"),
+            }
+            assert_eq!(p, three());
+        }
+        let mut p = three();
+        p.positions[2].y = Real::INFINITY;
+        let error = Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut []).unwrap_err();
+        assert_eq!(error, StepError::Input { vertices: vec![2] });
+        p.velocities.pop();
+        assert!(matches!(Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut []), Err(StepError::Count { .. })));
+    }
+
+    #[test]
+    fn a_run_stops_when_nothing_moves_or_when_it_is_told_to() {
+        let mut attach = Attachments::new();
+        attach.push(0, Point::new(0.0, 0.1, 0.0), 1e-6);
+        let mut solver = Solver::new(SolverParams::default()).unwrap();
+        let mut p = three();
+        let run = solver.run(&mut p, &mut [&mut attach, &mut Attachments::new()], |_, _| ControlFlow::Continue(())).unwrap();
+        assert_eq!(run.stop, Stop::Converged);
+        assert!(run.steps < 20 && run.substeps == 10 * u64::from(run.steps));
+        assert_eq!(run.last.unwrap().idle_groups, 1);
+        assert!((p.positions[0].y - 0.1).abs() < 1e-6);
+        let run = solver.run(&mut three(), &mut [&mut attach], |steps, _| {
+            if steps == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        let run = run.unwrap();
+        assert_eq!((run.steps, run.stop), (2, Stop::Cancelled));
+        let mut none = Solver::new(SolverParams { steps: 0, ..Default::default() }).unwrap();
+        let run = none.run(&mut three(), &mut [], |_, _| ControlFlow::Continue(())).unwrap();
+        assert_eq!((run.stop, run.last), (Stop::Exhausted, None));
+    }
+
+    #[test]
+    fn no_sweeps_move_nothing_and_no_particles_are_fine() {
+        let mut attach = Attachments::new();
+        attach.push(0, Point::new(0.0, 0.1, 0.0), 0.0);
+        let mut solver = Solver::new(SolverParams { sweeps: 0, ..Default::default() }).unwrap();
+        let mut p = three();
+        solver.step(&mut p, &mut [&mut attach]).unwrap();
+        assert_eq!(p.positions, three().positions);
+        assert_eq!(solver.step(&mut Particles::default(), &mut []).unwrap().moved, 0.0);
+    }
+
+    #[test]
+    fn a_pinned_particle_never_moves() {
+        let mut p = three().pinned([1]);
+        p.velocities[1] = Vector::new(5.0, 0.0, 0.0);
+        let params = SolverParams {
+            motion: Motion::Dynamic { damping: 0.0 },
+            gravity: [0.0, -9.81, 0.0],
+            energy_jump: Real::INFINITY,
+            ..Default::default()
+        };
+        Solver::new(params).unwrap().step(&mut p, &mut []).unwrap();
+        assert_eq!(p.positions[1], Point::new(1.0, 0.0, 0.0));
+        assert!(p.positions[0].y < 0.0);
+    }
+}
