@@ -32,15 +32,20 @@ pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
     let names = names_of_equal_points(mesh);
     let tri = |t: u32| mesh.triangles()[t as usize].map(|v| names[v as usize]);
     let mut found = tree.overlapping_pairs(tree, |i, ta, j, tb| {
-        if i >= j {
+        let (na, nb) = (tri(i), tri(j));
+        if i >= j || repeats(na) || repeats(nb) {
             return None;
         }
-        let contact = triangles_sharing(ta.each_ref(), tri(i), tb.each_ref(), tri(j));
+        let contact = triangles_sharing(ta.each_ref(), na, tb.each_ref(), nb);
         (contact.is_some() && !is_degenerate(ta.each_ref()) && !is_degenerate(tb.each_ref()))
             .then_some(TrianglePair { a: i, b: j, contact })
     });
     found.sort_unstable();
     found
+}
+
+fn repeats(t: [u32; 3]) -> bool {
+    t[0] == t[1] || t[1] == t[2] || t[0] == t[2]
 }
 
 /// For each vertex the first vertex that lies at the same place.
@@ -115,6 +120,14 @@ mod tests {
             Point::new((1.0 - 0.05 * a) * a.cos() + 0.4 * x, (1.0 - 0.05 * a) * a.sin(), y)
         });
         assert!(!own_pairs(&curl, &Bvh::new(&curl)).is_empty());
+    }
+
+    #[test]
+    fn triangles_with_corners_at_one_place_are_left_out() {
+        let v = [[0, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 0], [1, 0, 0], [0, 0, 0]];
+        let v = v.map(|p| Point::new(p[0].into(), p[1].into(), p[2].into())).to_vec();
+        let mesh = TriMesh::new(v, vec![[0, 1, 2], [3, 4, 5], [0, 4, 5]]).unwrap();
+        assert!(own_pairs(&mesh, &Bvh::new(&mesh)).is_empty());
     }
 
     #[test]

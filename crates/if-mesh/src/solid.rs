@@ -41,6 +41,8 @@ pub struct ClosedLayer {
     bvh: Bvh,
     vertices: Vec<Point>,
     triangles: Vec<[u32; 3]>,
+    /// +1 where the fronts of a vertex's triangles are outside, −1 their backs, 0 neither or both.
+    vertex_orientations: Vec<Real>,
     normals: PseudoNormals,
     /// Voxels of a body, for rough answers only.
     body: Option<Voxels>,
@@ -95,7 +97,9 @@ impl ClosedLayer {
         voxels.flood(|_| true);
         Self {
             bvh,
-            vertices: mesh.vertices().to_vec(), triangles: mesh.triangles().to_vec(),
+            vertices: mesh.vertices().to_vec(),
+            triangles: mesh.triangles().to_vec(),
+            vertex_orientations: vec![1.0; mesh.vertices().len()],
             normals: PseudoNormals::new(mesh, &Edges::new(mesh)),
             body: Some(voxels),
             closure: None,
@@ -127,7 +131,7 @@ impl ClosedLayer {
             let part = TriMesh::new(mesh.vertices().to_vec(), triangles).expect("a part of a mesh is a mesh");
             (Bvh::new(&part), keep)
         });
-        Self { bvh, vertices: mesh.vertices().to_vec(), triangles: mesh.triangles().to_vec(), normals, body: None, closure: Some(Closure { voxels, outside, interface }) }
+        Self { bvh, vertices: mesh.vertices().to_vec(), triangles: mesh.triangles().to_vec(), vertex_orientations: vertex_orientations(mesh, &outside), normals, body: None, closure: Some(Closure { voxels, outside, interface }) }
     }
 
     /// The index over the layer's triangles.
@@ -165,34 +169,10 @@ impl ClosedLayer {
         }
     }
 
-    /// How far from `p`, a point inside, the way along unit vector `direction` leads out of the layer,
-    /// in metres; `None` if it is not out after `limit`.
-    pub fn way_out(&self, p: &Point, direction: &Vector, limit: Real) -> Option<Real> {
-        const CROSSINGS: usize = 4;
-        let mut gone = 0.0;
-        for _ in 0..CROSSINGS {
-            let from = p + direction * gone;
-            let hit = self.bvh.first_hit(&from, &(p + direction * limit), |_| true)?;
-            let step = hit.parameter * (limit - gone);
-            // Far enough past the triangle for a clear answer, near enough not to skip a gap.
-            gone += step + (1e-2 * limit).min(1e-3 * self.bvh.aabb().diagonal());
-            if gone > limit {
-                return None;
-            }
-            if self.sided(&(p + direction * gone), 0.0).is_none_or(|s| s.distance > 0.0) {
-                return Some(gone);
-            }
-        }
-        None
-    }
-
-    /// For each triangle +1 where its front is outside, −1 where its back is, 0 where neither: it lies
-    /// in a pocket and parts nothing.
-    pub fn orientations(&self) -> Vec<Real> {
-        match &self.closure {
-            None => vec![1.0; self.bvh.len()],
-            Some(c) => c.outside.iter().map(|o| Real::from(i8::from(o[0])) - Real::from(i8::from(o[1]))).collect(),
-        }
+    /// Unit direction out of the layer at vertex `v`; zero where the triangles round it do not agree, or
+    /// lie in a pocket.
+    pub fn vertex_normal(&self, v: usize) -> Vector {
+        self.normals.vertex(v as u32) * self.vertex_orientations[v]
     }
 
     /// How many sides of triangles lie in pockets: both sides of a triangle inside.
@@ -329,6 +309,19 @@ fn close_loop(voxels: &mut Voxels, mesh: &TriMesh, walk: &[u32], body: &Bvh, rea
             voxels.add_wall([&rim[k], b, a]);
         }
     }
+}
+
+/// For each vertex the side on whose being outside all its triangles agree.
+fn vertex_orientations(mesh: &TriMesh, outside: &[[bool; 2]]) -> Vec<Real> {
+    let mut agreed: Vec<Option<Real>> = vec![None; mesh.vertices().len()];
+    for (tri, [front, back]) in mesh.triangles().iter().zip(outside) {
+        let here = Real::from(u8::from(*front)) - Real::from(u8::from(*back));
+        for v in tri {
+            let slot = &mut agreed[*v as usize];
+            *slot = Some(slot.map_or(here, |before| if before == here { here } else { 0.0 }));
+        }
+    }
+    agreed.into_iter().map(|o| o.unwrap_or(0.0)).collect()
 }
 
 /// For each triangle whether its front and its back are outside.

@@ -23,6 +23,7 @@ fn table(v: &if_pipeline::report::Verification) {
     println!("   own {:?}  {:.0} ms", v.own_pairs, v.seconds * 1e3);
 }
 fn main() {
+    if std::env::var("D").is_ok() { tracing_subscriber::fmt().with_max_level(tracing::Level::DEBUG).without_time().init(); }
     let want: Vec<String> = std::env::args().skip(1).collect();
     let verbose = std::env::var("V").is_ok();
     for b in ["body_a", "body_b"] {
@@ -33,7 +34,8 @@ fn main() {
             let outfit = Outfit::new(Layer::new("body", load(&format!("{d}/body_clean.raw"))), w[1..].iter().map(|g| Layer::new(*g, load(&format!("{d}/{g}.raw")))).collect()).unwrap();
             println!("{line}");
             let t = std::time::Instant::now();
-            let params = Default::default();
+            let mut params = if_pipeline::resolve::ResolveParams::default();
+            if let Ok(p) = std::env::var("P") { let mut v = serde_json::to_value(&params).unwrap(); for kv in p.split(',') { let (k, x) = kv.split_once('=').unwrap(); assert!(v.get(k).is_some(), "{k}"); v[k] = serde_json::from_str(x).unwrap(); } params = serde_json::from_value(v).unwrap(); }
             let r = if_pipeline::resolve::resolve(&outfit, &params, &mut |_| std::ops::ControlFlow::Continue(()));
             let s = t.elapsed().as_secs_f64();
             let r = match r { Ok(r) => r, Err(if_pipeline::resolve::ResolveError::Remaining { result, .. }) => { println!("   REMAINING"); *result } Err(e) => { println!("   {e}"); continue } };

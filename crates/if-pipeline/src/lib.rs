@@ -2,12 +2,13 @@
 
 pub mod baselines;
 mod contacts;
-mod own;
-mod retract;
-mod settle;
 pub mod mannequin;
 pub mod outfit;
+mod own;
+mod parting;
+mod reach;
 pub mod render;
 pub mod report;
 pub mod resolve;
+mod settle;
 pub mod verify;

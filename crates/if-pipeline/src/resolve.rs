@@ -1,9 +1,12 @@
 //! Layer by layer, inner to outer: order, project, settle, verify exactly, repair, freeze.
 
 use crate::outfit::{Outfit, OutfitError};
-use crate::report::ResolveReport;
+use crate::report::{LayerReport, Moved, ResolveReport, Skipped, Strain};
+use crate::settle::settle;
+use crate::verify::{against, verify};
 use if_core::math::Real;
-use if_mesh::intersections::own_pairs;
+use if_mesh::intersections::{own_pairs, pairs};
+use if_mesh::measure::{displacement, strain};
 use if_mesh::solid::ClosedLayer;
 use std::time::Instant;
 use serde::{Deserialize, Serialize};
@@ -15,11 +18,61 @@ use std::ops::ControlFlow;
 pub struct ResolveParams {
     /// Gap to keep between a layer and those below it, in metres.
     pub clearance: Real,
+    /// Vertices up to this far along the surface from an intersection may move, in metres.
+    pub influence: Real,
+    /// The same while what is left is repaired.
+    pub repair_influence: Real,
+    /// A violated contact is mended by at most this much in a round, in metres.
+    pub step: Real,
+    /// Contacts are kept for samples up to this far beyond the clearance, in metres.
+    pub margin: Real,
+    /// The most that one visit of a contact pushes, in metres.
+    pub max_push: Real,
+    /// Edges longer than this are sampled in the middle, and their triangles too, in metres.
+    pub long_edge: Real,
+    /// Sheets of a garment that face each other within this distance move together, in metres.
+    pub fold: Real,
+    /// Cell of the grid that tells the way out on the scale of centimetres, in metres.
+    pub outward_cell: Real,
+    /// Sweeps of the solver in a round.
+    pub sweeps: usize,
+    /// Rounds before all but the neighbourhoods of what is left are held.
+    pub settle_rounds: usize,
+    /// Rounds at most.
+    pub rounds: usize,
+    /// A round that moves no vertex further than this has settled, in metres.
+    pub tolerance: Real,
+    /// Compliance of edges: 0 is inextensible; at a visit a share 2 / (2 + s) of the violation goes.
+    pub stretch_softness: Real,
+    /// Compliance of the distances across edges, which resist bending.
+    pub bending_softness: Real,
+    /// Compliance of the anchors to the input: at a visit a share 1 / (1 + s) of the way goes.
+    pub anchor_softness: Real,
+    /// Factor on the gap of vertices whose triangles intersect again and again.
+    pub inflation: Real,
 }
 
 impl Default for ResolveParams {
     fn default() -> Self {
-        Self { clearance: 0.5e-3 }
+        Self {
+            clearance: 0.5e-3,
+            influence: 0.12,
+            repair_influence: 0.04,
+            step: 4e-3,
+            margin: 2e-3,
+            max_push: 2e-3,
+            long_edge: 8e-3,
+            fold: 10e-3,
+            outward_cell: 6e-3,
+            sweeps: 10,
+            settle_rounds: 10,
+            rounds: 100,
+            tolerance: 3e-4,
+            stretch_softness: 0.0,
+            bending_softness: 4.7,
+            anchor_softness: 500.0,
+            inflation: 1.1,
+        }
     }
 }
 
@@ -116,28 +169,65 @@ pub fn resolve(
 ) -> Result<Resolved, ResolveError> {
     outfit.check()?;
     let start = Instant::now();
-    let before = crate::verify::verify(outfit)?;
-    let mut result = outfit.clone();
+    let before = verify(outfit)?;
     let mut report = ResolveReport { before, ..Default::default() };
-    let body_mesh = &outfit.body.mesh;
-    let mut below: Vec<(String, ClosedLayer)> = vec![(outfit.body.name.clone(), ClosedLayer::body(body_mesh))];
+    let mut result = outfit.clone();
+    let body = ClosedLayer::body(&outfit.body.mesh);
+    let mut below: Vec<(String, ClosedLayer)> = vec![(outfit.body.name.clone(), body)];
+    let layers = outfit.garments.len();
     for (index, garment) in outfit.garments.iter().enumerate() {
-        let t = Instant::now();
-        let inner: Vec<(&str, &ClosedLayer)> = below.iter().map(|(n, c)| (n.as_str(), c)).collect();
-        let mut layer = { let tris: Vec<&[[u32; 3]]> = result.garments[..index].iter().map(|g| g.mesh.triangles()).collect(); crate::settle::settle(garment, &inner, &tris, params) };
-        let mesh = garment.mesh.with_vertices(layer.1).expect("finite");
-        layer.0.seconds = t.elapsed().as_secs_f64();
-        let closed = ClosedLayer::garment(&mesh, &below[0].1, body_mesh);
-        let found = crate::verify::against(garment, &mesh, closed.bvh(), &inner);
-        report.after.pairs.extend(found.into_iter().map(|f| f.report));
+        let begun = Instant::now();
+        let mut tell = |stage, round, pairs| {
+            watch(&Progress { layer: &garment.name, index, layers, stage, round, pairs })
+        };
+        let cancelled = || ResolveError::Cancelled { layer: garment.name.clone() };
+        if tell(Stage::Verify, 0, None).is_break() {
+            return Err(cancelled());
+        }
+        let near: Vec<&ClosedLayer> = below.iter().map(|(_, c)| c).collect();
+        let mut inform = |round, repairing, pairs| tell(if repairing { Stage::Repair } else { Stage::Settle }, round, pairs);
+        let settled = settle(garment, &near, params, &mut inform).map_err(|()| cancelled())?;
+        let positions = settled.positions;
+        let mesh = garment.mesh.with_vertices(positions).expect("settled positions are finite");
+        let closed = ClosedLayer::garment(&mesh, &below[0].1, &outfit.body.mesh);
+        let names: Vec<(&str, &ClosedLayer)> = below.iter().map(|(n, c)| (n.as_str(), c)).collect();
+        report.after.pairs.extend(against(garment, &mesh, closed.bvh(), &names));
         let own = own_pairs(&mesh, closed.bvh()).len();
         report.after.own_pairs.push(own);
-        layer.0.own_pairs = [report.before.own_pairs[index], own];
-        report.layers.push(layer.0);
+        let (d, s) = (displacement(garment.mesh.vertices(), mesh.vertices()), strain(&garment.mesh, mesh.vertices()));
+        let moved_vertices = garment.mesh.vertices().iter().zip(mesh.vertices()).filter(|(a, b)| a != b).count();
+        report.layers.push(LayerReport {
+            name: garment.name.clone(),
+            moved: Moved { mean: d.mean_mm * 1e-3, p95: d.p95_mm * 1e-3, max: d.max_mm * 1e-3, vertices: moved_vertices },
+            strain: Strain { rms: s.rms_percent * 1e-2, p99: s.p99_percent * 1e-2, max: s.max_percent * 1e-2 },
+            own_pairs: [report.before.own_pairs[index], own],
+            rounds: settled.rounds,
+            repairs: settled.repairs,
+            sweeps: settled.sweeps,
+            queries: settled.queries,
+            skipped: Skipped { layers: 0, vertices: settled.held, queries: settled.spared, sweeps: (params.rounds - settled.rounds) * params.sweeps },
+            seconds: begun.elapsed().as_secs_f64(),
+        });
         result.garments[index].mesh = mesh;
         below.push((garment.name.clone(), closed));
+        if tell(Stage::Done, settled.rounds, None).is_break() {
+            return Err(cancelled());
+        }
     }
     report.seconds = start.elapsed().as_secs_f64();
-    let _ = watch;
-    Ok(Resolved { outfit: result, report })
+    let resolved = Resolved { outfit: result, report };
+    if resolved.report.after.is_clean() { Ok(resolved) } else { Err(remaining(resolved, &below)) }
+}
+
+/// The error that names the worst pair of layers.
+fn remaining(resolved: Resolved, closed: &[(String, ClosedLayer)]) -> ResolveError {
+    const NAMED: usize = 16;
+    let worst = resolved.report.after.pairs.iter().max_by_key(|p| (p.pairs.total(), p.vertices_inside));
+    let (inner, outer) = worst.map(|p| (p.inner.clone(), p.outer.clone())).unwrap_or_default();
+    let find = |name: &str| closed.iter().find(|(n, _)| n == name).map(|(_, c)| c.bvh());
+    let triangles = match (find(&inner), find(&outer)) {
+        (Some(a), Some(b)) => pairs(a, b).iter().take(NAMED).map(|p| [p.a, p.b]).collect(),
+        _ => Vec::new(),
+    };
+    ResolveError::Remaining { outer, inner, triangles, result: Box::new(resolved) }
 }

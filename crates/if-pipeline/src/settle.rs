@@ -1,218 +1,385 @@
-//! lab
-use crate::contacts::{Contacts, Obstacle, Sample};
-use crate::retract::RetractedLayer;
+//! One garment over the layers below it: contacts and cloth settle, exact verification says what is
+//! left, and that is repaired.
+//!
+//! ```text
+//! trouble ← vertices inside a layer below, or of triangles that intersect one
+//! if there is none: return the input, bit for bit
+//! hold every vertex that is further from trouble than `influence`
+//! repeat
+//!     find contacts with the layers below                          contacts.rs
+//!     repeat `sweeps` times, quasi-statically
+//!         anchors, bending, stretch (lines 16 to 22), ties of folds
+//!         contacts (lines 6 to 15), parting planes, own separations   contacts last
+//!     verify exactly: pairs with layers below, sides, new own pairs
+//!     pairs left:     part the triangles by planes; in vain so far: widen the gap of their vertices
+//!     own pairs new:  hold the two triangles on their sides from now on
+//!     after `settle_rounds`: hold all but the neighbourhood of what is left
+//! until nothing is left, or `rounds` are over
+//! ```
+
+use crate::contacts::{ContactParams, Contacts};
 use crate::outfit::Layer;
-use crate::own::OwnContacts;
-use crate::report::{LayerReport, Moved, Skipped, Strain};
+use crate::own::{GivenPairs, facing_sheets};
+use crate::parting::parting_plane;
+use crate::reach::Neighbours;
 use crate::resolve::ResolveParams;
 use if_core::edges::{Edges, NONE};
-use if_core::intersect::segment_triangle;
-use if_core::math::{Point, Real};
+use if_core::math::{Point, Real, Vector};
+use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::pairs;
+use if_mesh::intersections::{TrianglePair, pairs};
+use if_mesh::outward::Outward;
+use if_mesh::ply::{CoordinateType, quantise};
 use if_mesh::solid::ClosedLayer;
 use if_xpbd::attach::Attachments;
 use if_xpbd::constraint::Constraint;
 use if_xpbd::edge_set::EdgeSet;
 use if_xpbd::half_space::HalfSpaces;
-use if_xpbd::pair_contact::PairContacts;
 use if_xpbd::separation::Separations;
 use if_xpbd::stretch::Stretch;
 use if_xpbd::tie::Ties;
 use rayon::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
 
-fn env(k: &str, d: Real) -> Real { std::env::var(k).ok().and_then(|s| s.parse().ok()).unwrap_or(d) }
-
-pub(crate) fn settle(garment: &Layer, below: &[(&str, &ClosedLayer)], tris: &[&[[u32; 3]]], params: &ResolveParams) -> (LayerReport, Vec<Point>) {
-    let mesh = &garment.mesh;
-    let x0 = mesh.vertices().to_vec();
-    let mut x = x0.clone();
-    let n = x.len();
-    let edges = Edges::new(mesh);
-    let mut tree = Bvh::new(mesh);
-    let delta = params.clearance * env("CL", 1.0);
-    let long = env("LONG", 8e-3);
-    let sweeps = env("SWEEPS", 10.0) as usize;
-    let max_rounds = env("ROUNDS", 60.0) as usize;
-    let w = vec![1.0; n];
-    let own = OwnContacts::new(mesh, &tree);
-    let mut report = LayerReport { name: garment.name.clone(), moved: Moved::default(), strain: Strain::default(), own_pairs: [own.given(); 2], rounds: 0, repairs: 0, sweeps: 0, queries: 0, skipped: Skipped::default(), seconds: 0.0 };
-    // depth
-    let deep: Vec<Real> = below.iter().skip(1).map(|(_, l)| x.par_iter().filter_map(|p| l.sided(p, 0.0)).map(|s| -s.distance).collect::<Vec<_>>().into_iter().fold(0.0, Real::max)).collect();
-    let deepest = deep.iter().copied().fold(0.0, Real::max);
-    let dr = env("DR", 2.5e-3);
-    let back = if deepest > 2e-3 && env("RETR", 1.0) > 0.0 { (1.2 * deepest + 3e-3).min(0.08) } else { 0.0 };
-    let mut stages: Vec<Real> = (0..(back / dr).ceil() as usize).map(|k| back - k as Real * dr).collect();
-    for _ in 0..env("EXTRA", 0.0) as usize { stages.push(0.0); }
-    stages.reverse();
-    let closed = || below.iter().enumerate().map(|(j, (_, l))| Obstacle::Closed(l, if j == 0 { vec![1.0; l.vertex_count()] } else { crate::retract::vertex_orientations(l.vertex_count(), tris[j - 1], &l.orientations()) })).collect::<Vec<_>>();
-    let obstacles = if back > 0.0 { below.iter().enumerate().map(|(j, (_, l))| if j == 0 { Obstacle::Closed(l, vec![1.0; l.vertex_count()]) } else { Obstacle::Retracted(RetractedLayer::new(l, tris[j - 1], below[0].1, back, 2.5 * dr + 1e-3)) }).collect() } else { closed() };
-    let mut contacts = Contacts::new(mesh, &edges, obstacles, long);
-    let mut retracted = back > 0.0;
-    let tt = std::time::Instant::now();
-    let outward = if_mesh::outward::Outward::new(&below.iter().map(|b| b.1).collect::<Vec<_>>(), &mesh.aabb().inflated(0.03), env("OCELL", 6e-3));
-    if std::env::var("D").is_ok() { println!("     outward {:.1} ms", tt.elapsed().as_secs_f64() * 1e3); }
-    if !retracted && env("OUTW", 1.0) > 0.0 { contacts.outward = Some(&outward); }
-    contacts.step = env("STEP", 4e-3);
-    contacts.margin = env("MARGIN", 2e-3);
-    let mut stretch = Stretch::new(EdgeSet::of_mesh(mesh), env("STR", 0.0));
-    let bend = {
-        let mut pairs = Vec::new();
-        let mut rest = Vec::new();
-        for (e, &[a, b]) in edges.vertices.iter().enumerate() {
-            let [t, u] = edges.triangles[e];
-            if u == NONE { continue; }
-            let opp = |t: u32| mesh.triangles()[t as usize].into_iter().find(|v| *v != a && *v != b);
-            if let (Some(c), Some(d)) = (opp(t), opp(u)) && c != d {
-                pairs.push([c, d]);
-                rest.push((x[c as usize] - x[d as usize]).norm());
-            }
-        }
-        EdgeSet::new(&pairs, &rest, n).expect("edges")
-    };
-    let mut bend = Stretch::new(bend, env("BEND", 4.67));
-    let mut attach = Attachments::new();
-    for v in 0..n { attach.push(v as u32, x0[v], env("ATT", 500.0)); }
-    let mut planes = HalfSpaces::new();
-    let mut ties = Ties::new();
-    let tier = env("TIER", 10e-3);
-    let prox = own.proximity(&x, mesh.triangles(), &tree, tier);
-    for &(v, t, b, d) in &prox { ties.push(v, mesh.triangles()[t as usize], b, env("TIEK", 0.7) * (1.0 - 0.7 * d / tier), &x); }
-    if std::env::var("D").is_ok() { println!("     ties {}", ties.len()); }
-    planes.max_push = env("PUSH", 2e-3);
-    let mut extra_planes: Vec<(u32, if_core::math::Vector, Point)> = Vec::new();
-    let mut age = std::collections::BTreeMap::new();
-    let mut last_total = usize::MAX;
-    let mut sep = Separations::new();
-    let mut parted = std::collections::BTreeSet::new();
-    let mut near = PairContacts::new();
-    near.max_push = env("PUSH", 2e-3);
-    let mut gap = vec![delta; n];
-    let mut outer = vec![false; n];
-    for &(v, t, b, _) in &prox {
-        let tri = mesh.triangles()[t as usize];
-        let q = if_core::math::barycentric_point(tri.map(|u| &x[u as usize]), b);
-        if let Some(o) = outward.direction(&x[v as usize]) && (x[v as usize] - q).dot(&o) > 0.0 { outer[v as usize] = true; }
-    }
-    if env("STACK", 0.0) > 0.0 {
-        let mut extra = vec![0.0f64; n];
-        for _ in 0..4 {
-            for &(v, t, b, _) in &prox {
-                let tri = mesh.triangles()[t as usize];
-                let q = if_core::math::barycentric_point(tri.map(|u| &x[u as usize]), b);
-                let Some(o) = outward.direction(&x[v as usize]) else { continue };
-                let h = (x[v as usize] - q).dot(&o);
-                if h > 0.0 { extra[v as usize] = extra[v as usize].max((0..3).map(|k| b[k] * extra[tri[k] as usize]).sum::<Real>() + env("STACKK", 0.9) * h).min(15e-3); }
-            }
-        }
-        for v in 0..n { gap[v] += extra[v]; }
-    }
-    let debug = std::env::var("D").is_ok();
-    let tol = env("TOL", 3e-4);
-    for round in 0..max_rounds {
-        report.rounds = round + 1;
-        if retracted {
-            match stages.pop() {
-                Some(r) => contacts.stand_back(r, dr),
-                None => { retracted = false; let (q, s) = (contacts.queries, contacts.spared); contacts = Contacts::new(mesh, &edges, closed(), long); contacts.queries = q; if env("OUTW", 1.0) > 0.0 { contacts.outward = Some(&outward); } contacts.spared = s; contacts.step = env("STEP", 4e-3); contacts.margin = env("MARGIN", 2e-3); }
-            }
-        }
-        let t0 = std::time::Instant::now();
-        contacts.skip = if round < env("DEFER", 0.0) as usize { outer.clone() } else { vec![false; n] };
-        contacts.detect(&x, mesh.triangles(), &tree, &gap, &mut planes);
-        for (v, normal, point) in &extra_planes { planes.push_vertex(*v, *normal, point, env("PAIRGAP", 0.15e-3)); }
-        let t1 = std::time::Instant::now();
-        if !planes.is_empty() && env("OWNR", 8e-3) > 0.0 { own.detect(&x, mesh.triangles(), &tree, env("OWNR", 8e-3), 0.3e-3, &mut near); }
-        let t2 = std::time::Instant::now();
-        let mut wo = vec![1.0; n];
-        for v in planes.vertices() { for k in v { wo[*k as usize] = env("SHOCK", 0.05); } }
-        let start = x.clone();
-        let mut worst = 0.0;
-        for _ in 0..sweeps {
-            attach.begin_substep(&start, &x, &w, 1.0);
-            attach.project(&mut x, &w, 1.0);
-            bend.begin_substep(&start, &x, &w, 1.0);
-            bend.project(&mut x, &w, 1.0);
-            stretch.begin_substep(&start, &x, &w, 1.0);
-            stretch.project(&mut x, &w, 1.0);
-            ties.project(&mut x, &wo, 1.0);
-            for _ in 0..(if near.is_empty() && sep.is_empty() { 1 } else { 2 }) {
-                worst = planes.project(&mut x, &w).max;
-                near.project(&mut x, &wo);
-                sep.project(&mut x, &w, 1.0);
-            }
-            report.sweeps += 1;
-        }
-        for _ in 0..3 { worst = planes.project(&mut x, &w).max; near.project(&mut x, &wo); sep.project(&mut x, &w, 1.0); if worst < 1e-6 { break; } }
-        if debug && !retracted && worst > 1e-3 {
-            let mut v: Vec<(Real, usize)> = (0..planes.len()).map(|k| (planes.clearance(k, &x), k)).collect();
-            v.sort_by(|a, b| a.0.total_cmp(&b.0));
-            for (c, k) in v.iter().take(4) {
-                let (vs, bs, nn) = planes.contact(*k);
-                let p0 = Sample { vertices: vs, weights: bs }.at(&start);
-                let p1 = Sample { vertices: vs, weights: bs }.at(&x);
-                println!("       viol {:.2} n {:.2?} at ({:.3} {:.3} {:.3}) w {:.2?} v {:?} moved ({:.1} {:.1} {:.1}) d {:?}", c * 1e3, (nn.x, nn.y, nn.z), p0.x, p0.y, p0.z, bs, vs, (p1 - p0).x*1e3, (p1-p0).y*1e3, (p1-p0).z*1e3, below.iter().map(|(_, l)| l.sided(&p0, 0.02).map(|s| (s.distance * 1e4).round() / 10.0)).collect::<Vec<_>>());
-            }
-        }
-        let t3 = std::time::Instant::now();
-        let held = if near.is_empty() || env("FILTER", 1.0) == 0.0 { 0 } else { own.filter(mesh, &start, &mut x, &mut tree) };
-        let moved = x.iter().zip(&start).map(|(a, b)| (a - b).norm()).fold(0.0, Real::max);
-        contacts.moved(moved);
-        tree.refit(&x);
-        let t4 = std::time::Instant::now();
-        if debug && (round % 5 == 4 || retracted) { println!("     {} round {round} cons {} own {} held {held} worst {:.3} moved {:.3} | {:.1} {:.1} {:.1} {:.1} ms", garment.name, planes.len(), near.len(), worst * 1e3, moved * 1e3, (t1-t0).as_secs_f64()*1e3, (t2-t1).as_secs_f64()*1e3, (t3-t2).as_secs_f64()*1e3, (t4-t3).as_secs_f64()*1e3); }
-        extra_planes.clear();
-        let check = moved < tol || round % 5 == 4 || (round > 8 && last_total < 500);
-        if check {
-            let mut byl = vec![];
-            let mut total = 0;
-            for (_, l) in below {
-                let ps = pairs(l.bvh(), &tree);
-                total += ps.len();
-                byl.push(ps.len());
-                if env("PAIRP", 1.0) > 0.0 { for p in &ps {
-                    let tri = mesh.triangles()[p.b as usize];
-                    let t = tri.map(|v| x[v as usize]);
-                    let mid = Point::from((t[0].coords + t[1].coords + t[2].coords) / 3.0);
-                    let Some(out) = outward.direction(&mid).or_else(|| l.sided(&mid, 0.05).map(|s| s.normal)) else { continue };
-                    let o = l.corners(p.a);
-                    if let Some((n, level)) = crate::contacts::parting(&t, &o, &out) {
-                        for v in tri { extra_planes.push((v, n, Point::from(n * level))); }
-                    }
-                } }
-                for p in ps {
-                    let tri = mesh.triangles()[p.b as usize];
-                    let a = age.entry(p.b).or_insert(0u32);
-                    *a += 1;
-                    if *a > env("AGE", 4.0) as u32 { for v in tri { gap[v as usize] = (gap[v as usize] * env("INFL", 1.1)).min(0.03); } }
-                    let _ = (segment_triangle, Sample { vertices: tri, weights: [0.0; 3] });
-                }
-            }
-            let fresh = own.fresh(&mesh.with_vertices(x.clone()).expect("finite"), &tree);
-            for [a, b] in &fresh { if parted.insert([*a, *b]) { sep.push(mesh.triangles()[*a as usize], mesh.triangles()[*b as usize], env("SEPGAP", 0.1e-3), &x0); } }
-            let inside: usize = below.iter().map(|(_, l)| x.par_iter().filter(|p| l.sided(p, 0.0).is_some_and(|s| s.distance < 0.0)).count()).sum();
-            last_total = total;
-            if debug { println!("     {} round {round} pairs {:?} inside {inside} own {}", garment.name, byl, if_mesh::intersections::own_pairs(&mesh.with_vertices(x.clone()).unwrap(), &tree).len()); }
-            if debug && round > 50 { for (name, l) in below { for (v, p) in x.iter().enumerate() { if let Some(s) = l.sided(p, 0.0) { if s.distance < 0.0 { println!("       inside {name} v {v} at ({:.3} {:.3} {:.3}) d {:.2} n ({:.2} {:.2} {:.2}) boundary {} voxel {:?} out {:?} neighbours d {:?}", p.x, p.y, p.z, s.distance * 1e3, s.normal.x, s.normal.y, s.normal.z, s.boundary, l.voxel(p), outward.direction(p).map(|d| [0,1,2].map(|k| (d[k] * 100.0).round() / 100.0)), edges.vertices.iter().filter(|e| e.contains(&(v as u32))).map(|e| { let o = if e[0] == v as u32 { e[1] } else { e[0] }; l.sided(&x[o as usize], 0.03).map(|s| (s.distance * 1e4).round() / 10.) }).collect::<Vec<_>>()); } } } } }
-            if total == 0 && inside == 0 && fresh.is_empty() && round > env("DEFER", 0.0) as usize * usize::from(outer.iter().any(|o| *o)) { break; }
-        }
-    }
-    report.queries = contacts.queries;
-    report.skipped.queries = contacts.spared;
-    finish(&mut report, &edges, &x0, &x);
-    (report, x)
+/// What became of a garment.
+pub(crate) struct Settled {
+    /// Its positions; those of the input where nothing had to move.
+    pub(crate) positions: Vec<Point>,
+    pub(crate) rounds: usize,
+    pub(crate) repairs: usize,
+    pub(crate) sweeps: usize,
+    pub(crate) queries: usize,
+    pub(crate) spared: usize,
+    /// Vertices that were held throughout.
+    pub(crate) held: usize,
 }
 
-fn finish(r: &mut LayerReport, edges: &Edges, x0: &[Point], x: &[Point]) {
-    let pct = |v: &mut Vec<Real>, q: Real| { v.sort_by(Real::total_cmp); if v.is_empty() { 0.0 } else { let f = q * (v.len() - 1) as Real; let i = f as usize; v[i] + (v[(i + 1).min(v.len() - 1)] - v[i]) * (f - i as Real) } };
-    let mut d: Vec<Real> = x.iter().zip(x0).map(|(a, b)| (a - b).norm()).collect();
-    r.moved.vertices = d.iter().filter(|d| **d > 0.0).count();
-    r.moved.mean = d.iter().sum::<Real>() / d.len() as Real;
-    r.moved.p95 = pct(&mut d, 0.95);
-    r.moved.max = *d.last().unwrap();
-    let l = |x: &[Point], e: &[u32; 2]| (x[e[0] as usize] - x[e[1] as usize]).norm();
-    let mut s: Vec<Real> = edges.vertices.iter().map(|e| (l(x, e) / l(x0, e).max(1e-12) - 1.0).abs()).collect();
-    r.strain.rms = (s.iter().map(|s| s * s).sum::<Real>() / s.len() as Real).sqrt();
-    r.strain.p99 = pct(&mut s, 0.99);
-    r.strain.max = *s.last().unwrap();
+/// What exact verification found of the garment as it is.
+struct State {
+    /// Intersecting pairs: (layer below, triangle pair).
+    pairs: Vec<(usize, TrianglePair)>,
+    inside: Vec<u32>,
+    /// Own intersecting pairs that the input did not have.
+    fresh: Vec<[u32; 2]>,
+}
+
+impl State {
+    fn is_clean(&self) -> bool {
+        self.pairs.is_empty() && self.inside.is_empty() && self.fresh.is_empty()
+    }
+
+    fn weight(&self) -> usize {
+        self.pairs.len() + self.inside.len() + self.fresh.len()
+    }
+
+    fn trouble(&self, triangles: &[[u32; 3]]) -> BTreeSet<u32> {
+        let of_pairs = self.pairs.iter().flat_map(|(_, p)| triangles[p.b as usize]);
+        let of_own = self.fresh.iter().flatten().flat_map(|t| triangles[*t as usize]);
+        of_pairs.chain(of_own).chain(self.inside.iter().copied()).collect()
+    }
+}
+
+/// The time step of the quasi-static solver. Nothing moves on its own, so only β / h² matters, and
+/// with h = 1 s and unit masses compliances are numbers: a share k of the violation goes at a visit
+/// for β = 2 / k − 2 on an edge, β = 1 / k − 1 on an anchor.
+const H: Real = 1.0;
+/// A clearance grows to this much at most, in metres.
+const MAX_GAP: Real = 0.03;
+/// Visits of the contacts alone after the last sweep.
+const LAST_VISITS: usize = 3;
+/// How far triangles that intersect are parted beyond contact, in metres. Ten times less is lost
+/// when positions are rounded to single precision; ten times more is seen.
+const PART: Real = 0.15e-3;
+/// The same for triangles of one garment.
+const PART_OWN: Real = 0.1e-3;
+
+/// Brings `garment` outside the layers `below` (the body first).
+///
+/// # Errors
+///
+/// [`ControlFlow::Break`] as `Err(())`, when `watch` asked to stop. It is told the round, and the
+/// pairs left where they were counted.
+pub(crate) fn settle(
+    garment: &Layer,
+    below: &[&ClosedLayer],
+    params: &ResolveParams,
+    watch: &mut dyn FnMut(usize, bool, Option<usize>) -> ControlFlow<()>,
+) -> Result<Settled, ()> {
+    let mut tree = Bvh::new(&garment.mesh);
+    let given = GivenPairs::new(&garment.mesh, &tree);
+    let input = inspect(&garment.mesh, &tree, below, &given);
+    if input.is_clean() {
+        return Ok(Settled {
+            positions: garment.mesh.vertices().to_vec(),
+            rounds: 0,
+            repairs: 0,
+            sweeps: 0,
+            queries: 0,
+            spared: 0,
+            held: garment.mesh.vertices().len(),
+        });
+    }
+    let height = below[0].bvh().aabb().size().max();
+    let outward = Outward::new(below, &garment.mesh.aabb().inflated(0.02 * height), params.outward_cell);
+    let mut cloth = Cloth::new(garment, &tree, below, &outward, params);
+    cloth.free_near(&input.trouble(garment.mesh.triangles()), params.influence, below);
+    let mut best: Option<(usize, Vec<Point>)> = None;
+    let mut state = input;
+    let mut repairs = 0;
+    let mut rounds = 0;
+    for round in 0..params.rounds {
+        rounds = round + 1;
+        let repairing = round >= params.settle_rounds;
+        if watch(round, repairing, Some(state.pairs.len())).is_break() {
+            return Err(());
+        }
+        let moved = cloth.round(&tree);
+        tree.refit(&cloth.x);
+        let due = moved < params.tolerance || repairing || (round + 1) % CHECK_EVERY == 0;
+        if !due {
+            continue;
+        }
+        let mesh = garment.mesh.with_vertices(cloth.stored()).expect("the solver keeps positions finite");
+        tree.refit(mesh.vertices());
+        state = inspect(&mesh, &tree, below, &given);
+        tree.refit(&cloth.x);
+        tracing::debug!(
+            garment = garment.name,
+            round,
+            moved_mm = moved * 1e3,
+            pairs = state.pairs.len(),
+            inside = state.inside.len(),
+            own = state.fresh.len()
+        );
+        if best.as_ref().is_none_or(|(w, _)| state.weight() < *w) {
+            best = Some((state.weight(), mesh.vertices().to_vec()));
+        }
+        if state.is_clean() && (moved < params.tolerance || repairing) {
+            break;
+        }
+        cloth.aim(&state);
+        if repairing {
+            repairs += 1;
+            let wider = params.repair_influence * (1.0 + (round - params.settle_rounds) as Real / 10.0);
+            cloth.free_near(&state.trouble(garment.mesh.triangles()), wider, below);
+        } else {
+            cloth.free_near(&state.trouble(garment.mesh.triangles()), params.influence, below);
+        }
+    }
+    let positions = match best {
+        Some((_, x)) => x,
+        None => cloth.stored(),
+    };
+    Ok(Settled {
+        positions,
+        rounds,
+        repairs,
+        sweeps: cloth.sweeps,
+        queries: cloth.contacts.queries,
+        spared: cloth.contacts.spared,
+        held: cloth.ever_free.iter().filter(|f| !**f).count(),
+    })
+}
+
+/// While settling, exact verification looks every so many rounds.
+const CHECK_EVERY: usize = 5;
+
+fn inspect(mesh: &TriMesh, tree: &Bvh, below: &[&ClosedLayer], given: &GivenPairs) -> State {
+    let found = below.iter().enumerate().flat_map(|(j, l)| pairs(l.bvh(), tree).into_iter().map(move |p| (j, p))).collect();
+    let inside = (0..mesh.vertices().len() as u32)
+        .into_par_iter()
+        .with_min_len(256)
+        .filter(|v| below.iter().any(|l| l.sided(&mesh.vertices()[*v as usize], 0.0).is_some_and(|s| s.distance < 0.0)))
+        .collect();
+    State { pairs: found, inside, fresh: given.fresh(mesh, tree) }
+}
+
+/// The garment as the solver sees it.
+struct Cloth<'a> {
+    garment: &'a Layer,
+    below: &'a [&'a ClosedLayer],
+    outward: &'a Outward,
+    params: &'a ResolveParams,
+    x: Vec<Point>,
+    /// 1, or 0 where held.
+    inverse_masses: Vec<Real>,
+    ever_free: Vec<bool>,
+    gaps: Vec<Real>,
+    neighbours: Neighbours,
+    contacts: Contacts<'a>,
+    anchors: Attachments,
+    bending: Stretch,
+    stretch: Stretch,
+    ties: Ties,
+    planes: HalfSpaces,
+    /// Planes that part intersecting triangles: vertex, normal, point.
+    parting: Vec<(u32, Vector, Point)>,
+    own: Separations,
+    /// Own pairs that `own` holds apart.
+    parted: BTreeSet<[u32; 2]>,
+    /// For each triangle how often it was found intersecting.
+    found: BTreeMap<u32, u32>,
+    sweeps: usize,
+}
+
+impl<'a> Cloth<'a> {
+    fn new(
+        garment: &'a Layer,
+        tree: &Bvh,
+        below: &'a [&'a ClosedLayer],
+        outward: &'a Outward,
+        params: &'a ResolveParams,
+    ) -> Self {
+        let mesh = &garment.mesh;
+        let x = mesh.vertices().to_vec();
+        let n = x.len();
+        let edges = Edges::new(mesh);
+        let mut ties = Ties::new();
+        for f in facing_sheets(mesh, tree, params.fold) {
+            let share = 0.7 * (1.0 - 0.7 * f.distance / params.fold);
+            ties.push(f.vertex, mesh.triangles()[f.triangle as usize], f.barycentric, share, &x);
+        }
+        let mut anchors = Attachments::new();
+        (0..n).for_each(|v| anchors.push(v as u32, x[v], params.anchor_softness));
+        let mut planes = HalfSpaces::new();
+        planes.max_push = params.max_push;
+        let lengths =
+            ContactParams { step: params.step, margin: params.margin, reserve: RESERVE, long_edge: params.long_edge };
+        Self {
+            contacts: Contacts::new(mesh, &edges, below, outward, lengths),
+            neighbours: Neighbours::new(&edges, &x),
+            bending: Stretch::new(hinge_edges(mesh, &edges), params.bending_softness),
+            stretch: Stretch::new(EdgeSet::of_mesh(mesh), params.stretch_softness),
+            garment,
+            below,
+            outward,
+            params,
+            x,
+            inverse_masses: vec![0.0; n],
+            ever_free: vec![false; n],
+            gaps: vec![params.clearance; n],
+            anchors,
+            ties,
+            planes,
+            parting: Vec::new(),
+            own: Separations::new(),
+            parted: BTreeSet::new(),
+            found: BTreeMap::new(),
+            sweeps: 0,
+        }
+    }
+
+    /// Positions as they will be stored.
+    fn stored(&self) -> Vec<Point> {
+        if self.garment.single_precision { quantise(&self.x, CoordinateType::Float) } else { self.x.clone() }
+    }
+
+    /// Frees the vertices up to `influence` metres along the surface from `trouble`, and holds the
+    /// rest: the further away, the stiffer the anchors. A vertex outside the boxes of all layers below
+    /// is free only if it is in trouble itself.
+    fn free_near(&mut self, trouble: &BTreeSet<u32>, influence: Real, below: &[&ClosedLayer]) {
+        let distances = self.neighbours.distances(trouble.iter().copied(), influence);
+        let boxes: Vec<_> = below.iter().map(|l| l.bvh().aabb()).collect();
+        let input = self.garment.mesh.vertices();
+        for (v, d) in distances.iter().enumerate() {
+            let masked = boxes.iter().all(|b| !b.contains(&input[v]));
+            let free = *d == 0.0 || (d.is_finite() && !masked);
+            self.inverse_masses[v] = Real::from(u8::from(free));
+            self.ever_free[v] |= free;
+            let near = 1.0 - (d / influence).min(1.0);
+            self.anchors.compliances_mut()[v] = STIFFEST_ANCHOR + (self.params.anchor_softness - STIFFEST_ANCHOR) * near * near;
+        }
+    }
+
+    /// One round: contacts, and sweeps until they and the cloth agree. Returns the largest motion.
+    fn round(&mut self, tree: &Bvh) -> Real {
+        let Self { x, inverse_masses: w, planes, .. } = self;
+        self.contacts.detect(x, self.garment.mesh.triangles(), tree, &self.gaps, w, planes);
+        for (v, normal, point) in &self.parting {
+            planes.push_vertex(*v, *normal, point, PART);
+        }
+        let start = x.clone();
+        let visits = if self.own.is_empty() { 1 } else { 2 };
+        for _ in 0..self.params.sweeps {
+            self.anchors.begin_substep(&start, x, w, H);
+            self.anchors.project(x, w, H);
+            self.bending.begin_substep(&start, x, w, H);
+            self.bending.project(x, w, H);
+            self.stretch.begin_substep(&start, x, w, H);
+            self.stretch.project(x, w, H);
+            self.ties.project(x, w, H);
+            for _ in 0..visits {
+                planes.project(x, w);
+                self.own.project(x, w, H);
+            }
+            self.sweeps += 1;
+        }
+        for _ in 0..LAST_VISITS {
+            planes.project(x, w);
+            self.own.project(x, w, H);
+        }
+        let moved = x.iter().zip(&start).map(|(a, b)| (a - b).norm()).fold(0.0, Real::max);
+        self.contacts.moved(moved);
+        moved
+    }
+
+    /// Draws from what is left what the next rounds must do.
+    fn aim(&mut self, state: &State) {
+        let triangles = self.garment.mesh.triangles();
+        self.parting.clear();
+        for (j, pair) in &state.pairs {
+            let tri = triangles[pair.b as usize];
+            let t = tri.map(|v| self.x[v as usize]);
+            let middle = Point::from((t[0].coords + t[1].coords + t[2].coords) / 3.0);
+            let layer = self.below[*j];
+            let out = self.outward.direction(&middle).or_else(|| layer.sided(&middle, Real::INFINITY).map(|s| s.normal));
+            if let Some(out) = out {
+                let (normal, level) = parting_plane(&t, &layer.corners(pair.a), &out);
+                self.parting.extend(tri.map(|v| (v, normal, Point::from(normal * level))));
+            }
+            let found = self.found.entry(pair.b).or_insert(0);
+            *found += 1;
+            if *found > PATIENCE {
+                for v in tri {
+                    let gap = &mut self.gaps[v as usize];
+                    *gap = (*gap * self.params.inflation).min(MAX_GAP);
+                }
+            }
+        }
+        let rest = self.garment.mesh.vertices();
+        for pair in &state.fresh {
+            if self.parted.insert(*pair) {
+                self.own.push(triangles[pair[0] as usize], triangles[pair[1] as usize], PART_OWN, rest);
+            }
+        }
+    }
+}
+
+/// How much further than needed a query looks, in metres, to spare later ones.
+const RESERVE: Real = 0.012;
+/// A triangle that was found intersecting this often keeps a wider gap.
+const PATIENCE: u32 = 4;
+/// Softness of the anchor of a vertex next to a held one: it goes a quarter of the way back at a visit.
+const STIFFEST_ANCHOR: Real = 3.0;
+
+/// For each inner edge the two corners across it: kept at their distance, they keep the fold's angle.
+fn hinge_edges(mesh: &TriMesh, edges: &Edges) -> EdgeSet {
+    let x = mesh.vertices();
+    let mut across = Vec::new();
+    let mut rest = Vec::new();
+    for (e, &[a, b]) in edges.vertices.iter().enumerate() {
+        let [t, u] = edges.triangles[e];
+        if u == NONE {
+            continue;
+        }
+        let opposite = |t: u32| mesh.triangles()[t as usize].into_iter().find(|v| *v != a && *v != b);
+        if let (Some(c), Some(d)) = (opposite(t), opposite(u))
+            && c != d
+        {
+            across.push([c, d]);
+            rest.push((x[c as usize] - x[d as usize]).norm());
+        }
+    }
+    EdgeSet::new(&across, &rest, x.len()).expect("two different vertices of a mesh, and a finite length")
 }

@@ -6,7 +6,7 @@ use if_core::intersect::Contact;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::{TrianglePair, own_pairs, pairs};
+use if_mesh::intersections::{own_pairs, pairs};
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -27,7 +27,7 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
         let closed = ClosedLayer::garment(&garment.mesh, &below[0].1, &outfit.body.mesh);
         let inner: Vec<(&str, &ClosedLayer)> = below.iter().map(|(l, c)| (l.name.as_str(), c)).collect();
         let found = against(garment, &garment.mesh, closed.bvh(), &inner);
-        verification.pairs.extend(found.into_iter().map(|f| f.report));
+        verification.pairs.extend(found);
         verification.own_pairs.push(own_pairs(&garment.mesh, closed.bvh()).len());
         below.push((garment, closed));
     }
@@ -35,29 +35,19 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
     Ok(verification)
 }
 
-/// One layer against one below it: the counts, and the triangle pairs behind them.
-pub(crate) struct Found {
-    pub(crate) report: PairReport,
-    /// (triangle of the inner layer, triangle of the outer layer).
-    pub(crate) pairs: Vec<TrianglePair>,
-    /// Vertices of the outer layer on the wrong side.
-    pub(crate) inside: Vec<u32>,
-}
-
 /// `outer`, with the positions of `mesh`, against the layers `below`.
-pub(crate) fn against(outer: &Layer, mesh: &TriMesh, tree: &Bvh, below: &[(&str, &ClosedLayer)]) -> Vec<Found> {
+pub(crate) fn against(outer: &Layer, mesh: &TriMesh, tree: &Bvh, below: &[(&str, &ClosedLayer)]) -> Vec<PairReport> {
     below
         .iter()
         .map(|(name, inner)| {
             let found = pairs(inner.bvh(), tree);
             let count = |contact| found.iter().filter(|p| p.contact == contact).count();
-            let depths: Vec<(u32, Real)> = mesh
+            let depths: Vec<Real> = mesh
                 .vertices()
                 .par_iter()
-                .enumerate()
-                .filter_map(|(v, p)| inner.sided(p, 0.0).filter(|s| s.distance < 0.0).map(|s| (v as u32, -s.distance)))
+                .filter_map(|p| inner.sided(p, 0.0).filter(|s| s.distance < 0.0).map(|s| -s.distance))
                 .collect();
-            let report = PairReport {
+            PairReport {
                 inner: (*name).to_owned(),
                 outer: outer.name.clone(),
                 pairs: PairCount {
@@ -67,9 +57,8 @@ pub(crate) fn against(outer: &Layer, mesh: &TriMesh, tree: &Bvh, below: &[(&str,
                 },
                 vertices_inside: depths.len(),
                 vertices: mesh.vertices().len(),
-                deepest: depths.iter().map(|d| d.1).fold(0.0, Real::max),
-            };
-            Found { report, pairs: found, inside: depths.into_iter().map(|d| d.0).collect() }
+                deepest: depths.iter().copied().fold(0.0, Real::max),
+            }
         })
         .collect()
 }

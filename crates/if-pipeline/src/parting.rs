@@ -1,0 +1,65 @@
+//! Parting one triangle from another that it intersects, in a given direction.
+
+use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
+
+/// Cosine between an axis and the wanted direction below which the axis is not considered: 72°.
+const TOWARDS: Real = 0.3;
+
+/// The plane that parts triangle `t` from triangle `o` with the least motion of `t` towards unit
+/// vector `out`: its unit normal n, and the level that n·x must reach at all corners of `t`.
+///
+/// The candidates are the separating axes of the two that lie within 72° of `out`, and `out` itself.
+pub(crate) fn parting_plane(t: &[Point; 3], o: &[Point; 3], out: &Vector) -> (Vector, Real) {
+    let level = |n: &Vector| o.iter().map(|p| n.dot(&p.coords)).fold(Real::NEG_INFINITY, Real::max);
+    let depth = |n: &Vector| level(n) - t.iter().map(|p| n.dot(&p.coords)).fold(Real::INFINITY, Real::min);
+    let mut best = (*out, depth(out));
+    let mut consider = |axis: Vector| {
+        let mut n = unit_or_zero(&axis);
+        if n.dot(out) < 0.0 {
+            n = -n;
+        }
+        if n.dot(out) >= TOWARDS && depth(&n) < best.1 {
+            best = (n, depth(&n));
+        }
+    };
+    consider(area_vector(&t[0], &t[1], &t[2]));
+    consider(area_vector(&o[0], &o[1], &o[2]));
+    for i in 0..3 {
+        for j in 0..3 {
+            consider((t[(i + 1) % 3] - t[i]).cross(&(o[(j + 1) % 3] - o[j])));
+        }
+    }
+    (best.0, level(&best.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::intersect::{Contact, triangles};
+
+    #[test]
+    fn moved_up_to_the_plane_the_triangles_are_disjoint() {
+        let o = [Point::new(0.0, 0.0, 0.0), Point::new(1.0, 0.0, 0.1), Point::new(0.0, 1.0, -0.1)];
+        let mut state = 5u64;
+        let mut next = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 11) as Real / (1u64 << 53) as Real - 0.5
+        };
+        let mut met = 0;
+        for _ in 0..500 {
+            let t = [0; 3].map(|_| Point::new(0.3 + next(), 0.3 + next(), 0.6 * next()));
+            if triangles(t.each_ref(), o.each_ref()) == Contact::Disjoint {
+                continue;
+            }
+            met += 1;
+            let (n, level) = parting_plane(&t, &o, &Vector::z());
+            assert!(n.z > 0.29);
+            let low = t.iter().map(|p| n.dot(&p.coords)).fold(Real::INFINITY, Real::min);
+            let moved = t.map(|p| p + n * (level - low + 1e-9));
+            assert_eq!(triangles(moved.each_ref(), o.each_ref()), Contact::Disjoint);
+            let up = t.iter().map(|p| p.z).fold(Real::INFINITY, Real::min);
+            assert!(level - low <= o.iter().map(|p| p.z).fold(Real::NEG_INFINITY, Real::max) - up + 1e-12);
+        }
+        assert!(met > 50);
+    }
+}

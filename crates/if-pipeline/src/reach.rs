@@ -1,0 +1,94 @@
+//! How far along the surface every vertex is from a set of vertices.
+
+use if_core::edges::Edges;
+use if_core::math::{Point, Real};
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+/// The edges of a mesh as neighbours of each vertex, with their lengths.
+pub(crate) struct Neighbours {
+    start: Vec<u32>,
+    list: Vec<(u32, Real)>,
+}
+
+impl Neighbours {
+    pub(crate) fn new(edges: &Edges, x: &[Point]) -> Self {
+        let mut start = vec![0u32; x.len() + 1];
+        for v in edges.vertices.iter().flatten() {
+            start[*v as usize + 1] += 1;
+        }
+        for v in 1..start.len() {
+            start[v] += start[v - 1];
+        }
+        let mut fill = start.clone();
+        let mut list = vec![(0, 0.0); 2 * edges.len()];
+        for &[a, b] in &edges.vertices {
+            let length = (x[a as usize] - x[b as usize]).norm();
+            for (from, to) in [(a, b), (b, a)] {
+                list[fill[from as usize] as usize] = (to, length);
+                fill[from as usize] += 1;
+            }
+        }
+        Self { start, list }
+    }
+
+    /// Length of the shortest path along edges from any of `sources` to every vertex, in metres;
+    /// infinite where it is longer than `limit`.
+    pub(crate) fn distances(&self, sources: impl IntoIterator<Item = u32>, limit: Real) -> Vec<Real> {
+        let mut distance = vec![Real::INFINITY; self.start.len() - 1];
+        let mut queue = BinaryHeap::new();
+        for v in sources {
+            distance[v as usize] = 0.0;
+            queue.push(Entry(0.0, v));
+        }
+        while let Some(Entry(d, v)) = queue.pop() {
+            if d > distance[v as usize] {
+                continue;
+            }
+            for &(u, length) in &self.list[self.start[v as usize] as usize..self.start[v as usize + 1] as usize] {
+                let far = d + length;
+                if far <= limit && far < distance[u as usize] {
+                    distance[u as usize] = far;
+                    queue.push(Entry(far, u));
+                }
+            }
+        }
+        distance
+    }
+}
+
+/// The nearest first; among equally near ones, the smaller index.
+#[derive(PartialEq)]
+struct Entry(Real, u32);
+
+impl Eq for Entry {}
+
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.0.total_cmp(&self.0).then(other.1.cmp(&self.1))
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::mesh::TriMesh;
+
+    #[test]
+    fn distances_run_along_edges_and_stop_at_the_limit() {
+        let x: Vec<Point> = (0..6).map(|k| Point::new(f64::from(k / 2), f64::from(k % 2), 0.0)).collect();
+        let t = vec![[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]];
+        let mesh = TriMesh::new(x.clone(), t).unwrap();
+        let near = Neighbours::new(&Edges::new(&mesh), &x);
+        let d = near.distances([0], 1.9);
+        assert_eq!(&d[..4], &[0.0, 1.0, 1.0, 2.0f64.sqrt().min(2.0).max(2.0)].map(|v| if v > 1.9 { Real::INFINITY } else { v }));
+        assert_eq!(near.distances([0, 5], 10.0)[5], 0.0);
+        assert!(near.distances([], 10.0).iter().all(|d| d.is_infinite()));
+    }
+}
