@@ -32,7 +32,11 @@ fn sweep(c: &mut Criterion) {
     let w = vec![1.0; mesh.vertices().len()];
     // 1 % stretched, and each vertex up to 2 mm off.
     let noise = |k: usize, s: f64| 0.002 * (k as f64 * s).sin();
-    let start = mesh.vertices().iter().enumerate().map(|(k, p)| Point::new(1.01 * p.x + noise(k, 12.9), 1.01 * p.y + noise(k, 78.2), noise(k, 37.7)));
+    let start = mesh
+        .vertices()
+        .iter()
+        .enumerate()
+        .map(|(k, p)| Point::new(1.01 * p.x + noise(k, 12.9), 1.01 * p.y + noise(k, 78.2), noise(k, 37.7)));
     let start: Vec<Point> = start.collect();
 
     // Rigid: 200 sweeps must take most of it out.

@@ -1,10 +1,8 @@
 //! The air constraint between two layers: lines 11 to 15 of Algorithm 1, in four readings.
 
 use crate::constraint::{Constraint, Counters, Residual, Stage};
-use if_core::closest::{Closest, ClosestPoint, Feature};
-use if_core::edges::{Edges, NONE};
-use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
-use if_core::mesh::TriMesh;
+use crate::inner_surface::InnerSurface;
+use if_core::math::{Point, Real, Vector, area_vector};
 use serde::{Deserialize, Serialize};
 
 /// How line 13, `p ← p − (p̂ − q̂)`, is read. With n the outward unit normal of the inner layer at
@@ -97,41 +95,6 @@ impl AirParams {
     }
 }
 
-/// The layer below: a mesh at rest, its nearest points, and the normals of its faces, edges and vertices.
-pub struct InnerSurface<'a> {
-    mesh: &'a TriMesh,
-    closest: &'a dyn ClosestPoint,
-    edges: Edges,
-    faces: Vec<Vector>,
-    vertices: Vec<Vector>,
-}
-
-impl<'a> InnerSurface<'a> {
-    /// `closest` must answer for `mesh`.
-    pub fn new(mesh: &'a TriMesh, closest: &'a dyn ClosestPoint) -> Self {
-        Self { mesh, closest, edges: Edges::new(mesh), faces: mesh.face_normals(), vertices: mesh.vertex_normals() }
-    }
-
-    /// The outward unit normal at a nearest point: of the face, the mean of an edge's two faces, or
-    /// the angle-weighted one of a vertex [Bærentzen and Aanæs 2005]. Zero where there is none.
-    ///
-    /// # Panics
-    ///
-    /// If `at` is no nearest point of this mesh.
-    pub fn normal(&self, at: &Closest) -> Vector {
-        let t = at.triangle as usize;
-        match at.feature {
-            Feature::Face => self.faces[t],
-            Feature::Edge(k) => {
-                let [s, u] = self.edges.triangles[self.edges.of_triangle[t][k as usize] as usize];
-                let second = if u == NONE { Vector::zeros() } else { self.faces[u as usize] };
-                unit_or_zero(&(self.faces[s as usize] + second))
-            }
-            Feature::Vertex(k) => self.vertices[self.mesh.triangles()[t][k as usize] as usize],
-        }
-    }
-}
-
 /// Where a vertex has its foot, and the gap it keeps.
 #[derive(Clone, Copy, Debug)]
 struct Pair {
@@ -177,7 +140,7 @@ impl<'a> Air<'a> {
                 continue;
             }
             air.counters.queries += 1;
-            let Some(at) = inner.closest.closest(p, params.max_distance) else { continue };
+            let Some(at) = inner.closest(p, params.max_distance) else { continue };
             let normal = inner.normal(&at);
             if normal == Vector::zeros() {
                 air.counters.degenerate += 1;
@@ -218,7 +181,7 @@ impl<'a> Air<'a> {
             if !all {
                 let d = p - pair.foot;
                 let slide2 = (d - pair.normal * pair.normal.dot(&d)).norm_squared();
-                let [a, b, c] = self.inner.mesh.corners(pair.triangle as usize);
+                let [a, b, c] = self.inner.mesh().corners(pair.triangle as usize);
                 let edge2 = (b - a).norm_squared().min((c - b).norm_squared()).min((a - c).norm_squared());
                 if slide2 <= self.params.repair_slide * self.params.repair_slide * edge2 {
                     self.counters.skipped_by_bound += 1;
@@ -226,7 +189,7 @@ impl<'a> Air<'a> {
                 }
             }
             self.counters.queries += 1;
-            if let Some(at) = self.inner.closest.closest(&p, self.params.max_distance) {
+            if let Some(at) = self.inner.closest(&p, self.params.max_distance) {
                 let normal = self.inner.normal(&at);
                 if normal != Vector::zeros() {
                     (pair.foot, pair.normal, pair.triangle) = (at.point, normal, at.triangle);
@@ -249,7 +212,7 @@ impl<'a> Air<'a> {
             }
             AirReading::GapPreserving => half_space(pair.gap.clamp(self.params.min_gap, self.params.max_gap)),
             AirReading::Element => {
-                let [a, b, c] = self.inner.mesh.corners(pair.triangle as usize);
+                let [a, b, c] = self.inner.mesh().corners(pair.triangle as usize);
                 let area = area_vector(a, b, c);
                 let size = area.norm();
                 if size <= 0.0 {
@@ -305,28 +268,9 @@ impl Constraint for Air<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::inner_surface::tests::All;
     use approx::assert_relative_eq;
-    use if_core::closest::closest_on_triangle;
-    use if_core::math::barycentric_point;
     use if_core::shapes::meshes::cloth;
-
-    /// The slow twin of an index: all triangles.
-    struct All(TriMesh);
-    impl ClosestPoint for All {
-        fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest> {
-            let mut best: Option<Closest> = None;
-            for t in 0..self.0.triangles().len() {
-                let c = self.0.corners(t);
-                let (barycentric, feature) = closest_on_triangle(p, c[0], c[1], c[2]);
-                let point = barycentric_point(c, barycentric);
-                let distance = (p - point).norm();
-                if distance <= best.map_or(max_distance, |b| b.distance) {
-                    best = Some(Closest { point, distance, triangle: t as u32, barycentric, feature });
-                }
-            }
-            best
-        }
-    }
 
     /// A flat inner layer in z = 0, outwards +z.
     fn floor() -> All {
@@ -349,7 +293,9 @@ mod tests {
         // method.md §6: p̂ on the moving layer or the names swapped; starting inside or apart.
         let n = Vector::z();
         let foot = Point::new(0.1, 0.1, 0.0);
-        for (names_swapped, s0, outwards) in [(false, -0.004, true), (false, 0.004, false), (true, -0.004, false), (true, 0.004, true)] {
+        for (names_swapped, s0, outwards) in
+            [(false, -0.004, true), (false, 0.004, false), (true, -0.004, false), (true, 0.004, true)]
+        {
             let moving = foot + n * s0;
             let (p_hat, q_hat) = if names_swapped { (foot, moving) } else { (moving, foot) };
             let push = -(p_hat - q_hat);
@@ -417,22 +363,6 @@ mod tests {
             AirParams { repair_slide: 0.0, ..Default::default() },
         ] {
             assert!(bad.validate().is_err());
-        }
-    }
-
-    #[test]
-    fn normals_at_edges_and_vertices_lie_between_those_of_their_faces() {
-        let mesh = if_core::shapes::meshes::cuboid(Vector::repeat(1.0));
-        let all = All(mesh);
-        let inner = InnerSurface::new(&all.0, &all);
-        let half = std::f64::consts::FRAC_1_SQRT_2;
-        for (p, n) in [
-            (Point::new(2.0, 0.1, 0.2), Vector::x()),
-            (Point::new(2.0, 2.0, 0.2), Vector::new(half, half, 0.0)),
-            (Point::new(2.0, 2.0, 2.0), Vector::repeat(1.0 / 3.0f64.sqrt())),
-        ] {
-            let at = all.closest(&p, 10.0).unwrap();
-            assert_relative_eq!(inner.normal(&at), n, epsilon = 1e-12);
         }
     }
 }

@@ -1,12 +1,14 @@
 //! One garment over what is below it: stretch, collision and air, wired as Algorithm 1 has them.
 
-use crate::air::{Air, AirError, AirParams, InnerSurface};
+use crate::air::{Air, AirError, AirParams};
 use crate::collision::{CollisionError, Push, SdfCollision};
 use crate::constraint::Constraint;
 use crate::edge_set::EdgeSet;
+use crate::inner_surface::InnerSurface;
 use crate::params::{LambdaForm, ParamsError, SolverParams};
 use crate::particles::{Particles, ParticlesError};
-use crate::solver::{RunReport, Solver, StepError, StepReport};
+use crate::report::{RunReport, StepError, StepReport};
+use crate::solver::Solver;
 use crate::stretch::Stretch;
 use if_core::field::SignedDistance;
 use if_core::math::Point;

@@ -141,9 +141,11 @@ impl<'a> SdfCollision<'a> {
     /// If `masks` or `clearances` are shorter than the mesh's vertices.
     pub fn add_between(&mut self, mesh: &TriMesh, longer_than: Real, masks: &[Real], clearances: &[Real]) {
         let edges = Edges::new(mesh);
-        let long: Vec<bool> = edges.vertices.iter().map(|&[a, b]| {
-            (mesh.vertices()[a as usize] - mesh.vertices()[b as usize]).norm() > longer_than
-        }).collect();
+        let long: Vec<bool> = edges
+            .vertices
+            .iter()
+            .map(|&[a, b]| (mesh.vertices()[a as usize] - mesh.vertices()[b as usize]).norm() > longer_than)
+            .collect();
         for (e, &[a, b]) in edges.vertices.iter().enumerate() {
             if long[e] {
                 let mean = |x: &[Real]| 0.5 * (x[a as usize] + x[b as usize]);
@@ -215,7 +217,9 @@ fn sample(positions: &[Point], v: &[u32; 3], b: &[Real; 3]) -> Point {
     if b[0] == 1.0 {
         return positions[v[0] as usize];
     }
-    Point::from(positions[v[0] as usize].coords * b[0] + positions[v[1] as usize].coords * b[1] + positions[v[2] as usize].coords * b[2])
+    Point::from(
+        positions[v[0] as usize].coords * b[0] + positions[v[1] as usize].coords * b[1] + positions[v[2] as usize].coords * b[2],
+    )
 }
 
 impl Constraint for SdfCollision<'_> {

@@ -189,9 +189,12 @@ mod tests {
     fn a_stretched_noisy_cloth_reaches_the_state_of_the_sweeps() {
         let mesh = cloth(0.08, 0.08, 8, 8);
         let noise = |k: usize, s: Real| 2e-4 * (k as Real * s).sin();
-        let start: Vec<Point> = mesh.vertices().iter().enumerate().map(|(k, x)| {
-            Point::from(x.coords * 1.05) + Vector::new(noise(k, 12.9), noise(k, 78.2), noise(k, 37.7))
-        }).collect();
+        let start: Vec<Point> = mesh
+            .vertices()
+            .iter()
+            .enumerate()
+            .map(|(k, x)| Point::from(x.coords * 1.05) + Vector::new(noise(k, 12.9), noise(k, 78.2), noise(k, 37.7)))
+            .collect();
         let w: Vec<Real> = (0..start.len()).map(|k| if k == 0 { 0.0 } else { 1.0 }).collect();
         let (h, compliance) = (2e-3, 1e-5);
         let mut global = GlobalStretch::new(EdgeSet::of_mesh(&mesh), compliance).unwrap();

@@ -75,8 +75,8 @@ pub struct SolverParams {
     pub remove_depenetration_velocity: bool,
     /// Most often that a step which went wrong is taken back and tried with h/2.
     pub retries: u32,
-    /// A step went wrong when its kinetic energy grew beyond this factor (counted from that of
-    /// 1 m/s at least); infinity allows all that is finite.
+    /// A step of a dynamic run went wrong when its kinetic energy grew beyond this factor (counted
+    /// from that of 1 m/s at least); infinity allows all that is finite.
     pub energy_jump: Real,
 }
 
@@ -98,7 +98,7 @@ impl Default for SolverParams {
             max_push: 0.01,
             remove_depenetration_velocity: true,
             retries: 3,
-            energy_jump: 1e6,
+            energy_jump: 1e4,
         }
     }
 }

@@ -168,7 +168,13 @@ mod tests {
 
     #[test]
     fn the_masses_of_a_mesh_add_up_to_density_times_area() {
-        let v = vec![Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(1.0, 1.0, 0.0), Point::new(0.0, 1.0, 0.0), Point::origin()];
+        let v = vec![
+            Point::origin(),
+            Point::new(1.0, 0.0, 0.0),
+            Point::new(1.0, 1.0, 0.0),
+            Point::new(0.0, 1.0, 0.0),
+            Point::origin(),
+        ];
         let mesh = TriMesh::new(v, vec![[0, 1, 2], [0, 2, 3]]).unwrap();
         let particles = Particles::from_area_density(&mesh, 0.2).unwrap();
         let total: Real = particles.inverse_masses[..4].iter().map(|w| 1.0 / w).sum();

@@ -3,6 +3,7 @@
 use crate::constraint::{Constraint, Counters, Residual, Stage};
 use crate::params::{ContactOrder, Motion, ParamsError, SolverParams};
 use crate::particles::Particles;
+use crate::report::{RunReport, StepError, StepReport, Stop};
 use if_core::math::{Real, Vector};
 use std::ops::ControlFlow;
 
@@ -28,97 +29,6 @@ const NAMED: usize = 16;
 pub struct Solver {
     params: SolverParams,
     backup: Particles,
-}
-
-/// What a step did.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct StepReport {
-    /// Substeps of the attempt that succeeded.
-    pub substeps: u32,
-    /// Attempts that were taken back.
-    pub retries: u32,
-    /// The farthest that a vertex moved in the step, in metres.
-    pub moved: Real,
-    /// Violation of the elastic groups at their last visit.
-    pub elastic: Residual,
-    /// Violation of the contact groups at their last visit.
-    pub contact: Residual,
-    /// Kinetic energy at the end, in joules; in a quasi-static run that of the last substep's motion.
-    pub kinetic_energy: Real,
-    /// Groups that had nothing to do.
-    pub idle_groups: usize,
-}
-
-/// Why a run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stop {
-    /// No vertex moved farther than [`stop_below`](SolverParams::stop_below) in a step.
-    Converged,
-    /// The callback asked for it.
-    Cancelled,
-    /// All steps are done.
-    Exhausted,
-}
-
-/// What a run did.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RunReport {
-    /// Steps made.
-    pub steps: u32,
-    /// Substeps made, without those that were taken back.
-    pub substeps: u64,
-    /// Attempts that were taken back.
-    pub retries: u32,
-    /// Why it ended.
-    pub stop: Stop,
-    /// The last step; `None` where there was none.
-    pub last: Option<StepReport>,
-    /// Work done and skipped by all groups.
-    pub counters: Counters,
-}
-
-/// Why a step could not be made. The particles are left as they were before it.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum StepError {
-    /// The state was not finite before anything was done.
-    #[error("particles {vertices:?} are not finite before the step; give finite positions and velocities")]
-    Input {
-        /// The first of them.
-        vertices: Vec<u32>,
-    },
-    /// Slices of different lengths.
-    #[error("{positions} positions, {velocities} velocities and {inverse_masses} inverse masses; give one of each a particle")]
-    Count {
-        /// Positions given.
-        positions: usize,
-        /// Velocities given.
-        velocities: usize,
-        /// Inverse masses given.
-        inverse_masses: usize,
-    },
-    /// The state stopped being finite, whatever the substep.
-    #[error("particles {vertices:?} are not finite after {substeps} substeps of {h} s; look at the constraints they have, or allow more retries")]
-    NonFinite {
-        /// The first of them.
-        vertices: Vec<u32>,
-        /// Substeps of the last attempt.
-        substeps: u32,
-        /// Their size, in seconds.
-        h: Real,
-    },
-    /// The kinetic energy jumped, whatever the substep.
-    #[error("the kinetic energy jumps to {energy} J (allowed: {allowed} J) with substeps of {h} s; the fastest particles are {vertices:?}; soften the constraints they have, or raise energy_jump")]
-    EnergyJump {
-        /// The fastest particles.
-        vertices: Vec<u32>,
-        /// Energy reached, in joules.
-        energy: Real,
-        /// Energy allowed, in joules.
-        allowed: Real,
-        /// Substep of the last attempt, in seconds.
-        h: Real,
-    },
 }
 
 impl Solver {
@@ -157,8 +67,13 @@ impl Solver {
             return Err(StepError::Input { vertices });
         }
         self.backup.clone_from(particles);
-        let movable: Real = particles.inverse_masses.iter().filter(|w| **w > 0.0).map(|w| 1.0 / w).sum();
-        let allowed = self.params.energy_jump * particles.kinetic_energy().max(0.5 * movable);
+        // A quasi-static motion has no speed: its pushes over h would grow as h shrinks.
+        let allowed = if self.params.motion == Motion::QuasiStatic || self.params.energy_jump == Real::INFINITY {
+            Real::INFINITY
+        } else {
+            let movable: Real = particles.inverse_masses.iter().filter(|w| **w > 0.0).map(|w| 1.0 / w).sum();
+            self.params.energy_jump * particles.kinetic_energy().max(0.5 * movable)
+        };
         let mut retries = 0;
         loop {
             let substeps = self.params.substeps.saturating_mul(1 << retries);
@@ -226,18 +141,16 @@ impl Solver {
         for _ in 0..substeps {
             self.substep(particles, groups, h, &mut report);
             let energy = particles.kinetic_energy();
-            // Also false for NaN.
-            if energy <= allowed && energy.is_finite() {
-                report.kinetic_energy = energy;
-                continue;
+            if !energy.is_finite() {
+                let vertices = particles.non_finite(NAMED);
+                if !vertices.is_empty() {
+                    return Err(StepError::NonFinite { vertices, substeps, h });
+                }
             }
-            let vertices = particles.non_finite(NAMED);
-            if !vertices.is_empty() {
-                return Err(StepError::NonFinite { vertices, substeps, h });
-            }
-            if !(energy <= allowed) {
+            if energy > allowed {
                 return Err(StepError::EnergyJump { vertices: fastest(particles), energy, allowed, h });
             }
+            report.kinetic_energy = energy;
         }
         let vertices = particles.non_finite(NAMED);
         if !vertices.is_empty() {
@@ -336,11 +249,15 @@ mod tests {
         Particles::uniform(vec![Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(2.0, 0.0, 0.0)], 1.0).unwrap()
     }
 
+    fn dynamic() -> SolverParams {
+        SolverParams { motion: Motion::Dynamic { damping: 0.0 }, ..Default::default() }
+    }
+
     #[test]
     fn a_step_that_goes_wrong_is_taken_back_and_made_with_smaller_substeps() {
         for speed in [Real::NAN, 1e9] {
             let mut trouble = Trouble { fine_from: 3e-4, speed, resets: 0 };
-            let mut solver = Solver::new(SolverParams::default()).unwrap();
+            let mut solver = Solver::new(dynamic()).unwrap();
             let mut p = three();
             let report = solver.step(&mut p, &mut [&mut trouble]).unwrap();
             assert_eq!((report.retries, report.substeps, trouble.resets), (2, 40, 2));
@@ -353,7 +270,7 @@ mod tests {
         for speed in [Real::NAN, 1e9] {
             let mut trouble = Trouble { fine_from: 0.0, speed, resets: 0 };
             let mut p = three();
-            let error = Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut [&mut trouble]).unwrap_err();
+            let error = Solver::new(dynamic()).unwrap().step(&mut p, &mut [&mut trouble]).unwrap_err();
             match &error {
                 StepError::NonFinite { vertices, substeps, .. } => assert_eq!((vertices.as_slice(), *substeps), (&[1][..], 80)),
                 StepError::EnergyJump { vertices, .. } => assert_eq!(vertices[0], 1),
@@ -405,12 +322,7 @@ mod tests {
     fn a_pinned_particle_never_moves() {
         let mut p = three().pinned([1]);
         p.velocities[1] = Vector::new(5.0, 0.0, 0.0);
-        let params = SolverParams {
-            motion: Motion::Dynamic { damping: 0.0 },
-            gravity: [0.0, -9.81, 0.0],
-            energy_jump: Real::INFINITY,
-            ..Default::default()
-        };
+        let params = SolverParams { gravity: [0.0, -9.81, 0.0], ..dynamic() };
         Solver::new(params).unwrap().step(&mut p, &mut []).unwrap();
         assert_eq!(p.positions[1], Point::new(1.0, 0.0, 0.0));
         assert!(p.positions[0].y < 0.0);

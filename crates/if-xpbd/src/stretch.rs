@@ -49,14 +49,7 @@ impl Stretch {
     /// Constraints on `edges` with `compliance` β in m/N.
     pub fn new(edges: EdgeSet, compliance: Real) -> Self {
         let n = edges.len();
-        Self {
-            edges,
-            lambda: vec![0.0; n],
-            fresh: true,
-            degenerate: 0,
-            compliance,
-            form: LambdaForm::Xpbd,
-        }
+        Self { edges, lambda: vec![0.0; n], fresh: true, degenerate: 0, compliance, form: LambdaForm::Xpbd }
     }
 
     /// The edges, in the order of visiting.
@@ -102,12 +95,7 @@ struct Lanes<'a> {
 
 #[inline(always)]
 fn lanes<'a>(e: &'a EdgeSet, lambda: &'a mut [Real], r: Range<usize>) -> Lanes<'a> {
-    Lanes {
-        a: &e.a[r.clone()],
-        b: &e.b[r.clone()],
-        rest: &e.rest[r.clone()],
-        lambda: &mut lambda[r],
-    }
+    Lanes { a: &e.a[r.clone()], b: &e.b[r.clone()], rest: &e.rest[r.clone()], lambda: &mut lambda[r] }
 }
 
 /// What a sweep found: largest violations, sums of squares, edges without length.
@@ -281,8 +269,12 @@ mod tests {
         let mesh = cloth(0.3, 0.2, 6, 4);
         let w: Vec<Real> = (0..35).map(|k| 0.5 + f64::from(k % 5)).collect();
         let noise = |k: usize, s: Real| 0.005 * (k as Real * s).sin();
-        let start: Vec<Point> =
-            mesh.vertices().iter().enumerate().map(|(k, p)| p + Vector::new(noise(k, 1.3), noise(k, 7.7), noise(k, 3.1))).collect();
+        let start: Vec<Point> = mesh
+            .vertices()
+            .iter()
+            .enumerate()
+            .map(|(k, p)| p + Vector::new(noise(k, 1.3), noise(k, 7.7), noise(k, 3.1)))
+            .collect();
         let mut p = start.clone();
         let mut group = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-7);
         group.begin_substep(&[], &[], &w, H);
@@ -315,7 +307,8 @@ mod tests {
         let mesh = cloth(0.3, 0.2, 6, 4);
         let turn = nalgebra::Rotation3::from_euler_angles(0.4, 1.0, -2.0);
         let away = Vector::new(1e3, -1e3, 1e3);
-        let start: Vec<Point> = mesh.vertices().iter().map(|p: &Point| Point::new(1.1 * p.x, 0.9 * p.y, 0.02 * (40.0 * p.x).sin())).collect();
+        let start: Vec<Point> =
+            mesh.vertices().iter().map(|p: &Point| Point::new(1.1 * p.x, 0.9 * p.y, 0.02 * (40.0 * p.x).sin())).collect();
         let run = |mut p: Vec<Point>| {
             let mut group = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-6);
             group.begin_substep(&[], &[], &[1.0; 35], H);
@@ -337,7 +330,8 @@ mod tests {
         // A row of disjoint edges: one colour, all in lanes but the last three.
         let n = 4 * LANES as u32 + 3;
         let edges: Vec<[u32; 2]> = (0..n).map(|k| [2 * k, 2 * k + 1]).collect();
-        let start: Vec<Point> = (0..2 * n).map(|k| Point::new(f64::from(k), f64::from(k * k % 7), 0.1 * f64::from(k % 3))).collect();
+        let start: Vec<Point> =
+            (0..2 * n).map(|k| Point::new(f64::from(k), f64::from(k * k % 7), 0.1 * f64::from(k % 3))).collect();
         let mut group = Stretch::new(EdgeSet::new(&edges, &vec![1.0; n as usize], start.len()).unwrap(), 1e-6);
         let w: Vec<Real> = (0..2 * n).map(|k| f64::from(k % 4)).collect();
         let mut p = start.clone();

@@ -116,17 +116,16 @@ fn a_tighter_grid_has_a_smaller_error() {
 
 #[test]
 fn baked_fields_conform() {
-    for Case(name, source, _) in cases() {
-        for depth in [Real::INFINITY, 0.03] {
-            let baked = Baked::new(&*source, &BakeParams { cell: 0.02, depth, ..BakeParams::default() }).unwrap();
-            let region = source.bounds().unwrap().inflated(0.1);
-            let mut random = Random(1);
-            let points: Vec<Point> = (0..250).map(|_| random.point(&region)).collect();
-            // Faces of cells are slight kinks. At the border of the band the value may jump by the error.
-            let tolerances = FieldTolerances { rounding: 2.0 * baked.error_bound(), kinks: 0.2, ..FieldTolerances::default() };
-            if let Err(fault) = check_signed_distance(&baked, &points, &tolerances) {
-                panic!("{name}: {fault}");
-            }
+    for (k, Case(name, source, _)) in cases().into_iter().enumerate() {
+        let depth = [Real::INFINITY, 0.03][k % 2];
+        let baked = Baked::new(&*source, &BakeParams { cell: 0.02, depth, ..BakeParams::default() }).unwrap();
+        let region = source.bounds().unwrap().inflated(0.1);
+        let mut random = Random(1);
+        let points: Vec<Point> = (0..250).map(|_| random.point(&region)).collect();
+        // Faces of cells are slight kinks. At the border of the band the value may jump by the error.
+        let tolerances = FieldTolerances { rounding: 2.0 * baked.error_bound(), kinks: 0.2, ..FieldTolerances::default() };
+        if let Err(fault) = check_signed_distance(&baked, &points, &tolerances) {
+            panic!("{name}: {fault}");
         }
     }
 }
