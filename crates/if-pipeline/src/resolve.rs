@@ -44,6 +44,8 @@ pub struct ResolveParams {
     pub tolerance: Real,
     /// Compliance of edges: 0 is inextensible; at a visit a share 2 / (2 + s) of the violation goes.
     pub stretch_softness: Real,
+    /// Edges that changed their length by more than this share are brought back to it.
+    pub strain_limit: Real,
     /// Compliance of the distances across edges, which resist bending.
     pub bending_softness: Real,
     /// Compliance of the anchors to the input: at a visit a share 1 / (1 + s) of the way goes.
@@ -55,21 +57,22 @@ pub struct ResolveParams {
 impl Default for ResolveParams {
     fn default() -> Self {
         Self {
-            clearance: 0.5e-3,
+            clearance: 0.3e-3,
             influence: 0.12,
             repair_influence: 0.04,
-            step: 4e-3,
+            step: 2e-3,
             margin: 2e-3,
             max_push: 2e-3,
             long_edge: 8e-3,
-            fold: 10e-3,
+            fold: 6e-3,
             outward_cell: 6e-3,
-            sweeps: 10,
-            settle_rounds: 10,
+            sweeps: 15,
+            settle_rounds: 16,
             rounds: 100,
             tolerance: 3e-4,
-            stretch_softness: 0.0,
-            bending_softness: 4.7,
+            stretch_softness: 4.0,
+            strain_limit: 0.12,
+            bending_softness: 10.0,
             anchor_softness: 500.0,
             inflation: 1.1,
         }

@@ -36,6 +36,7 @@ use if_xpbd::constraint::Constraint;
 use if_xpbd::edge_set::EdgeSet;
 use if_xpbd::half_space::HalfSpaces;
 use if_xpbd::separation::Separations;
+use if_xpbd::strain_limit::StrainLimit;
 use if_xpbd::stretch::Stretch;
 use if_xpbd::tie::Ties;
 use rayon::prelude::*;
@@ -210,7 +211,8 @@ struct Cloth<'a> {
     contacts: Contacts<'a>,
     anchors: Attachments,
     bending: Stretch,
-    stretch: Stretch,
+    stretch: Vec<Stretch>,
+    limit: StrainLimit,
     ties: Ties,
     planes: HalfSpaces,
     /// Planes that part intersecting triangles: vertex, normal, point.
@@ -250,7 +252,9 @@ impl<'a> Cloth<'a> {
             contacts: Contacts::new(mesh, &edges, below, outward, lengths),
             neighbours: Neighbours::new(&edges, &x),
             bending: Stretch::new(hinge_edges(mesh, &edges), params.bending_softness),
-            stretch: Stretch::new(EdgeSet::of_mesh(mesh), params.stretch_softness),
+            stretch: stretch_groups(&edges, &x, params.stretch_softness),
+            limit: StrainLimit::new(EdgeSet::of_mesh(mesh), (1.0 - params.strain_limit).max(0.0), 1.0 + params.strain_limit)
+                .expect("a limit that was checked"),
             garment,
             below,
             outward,
@@ -306,9 +310,12 @@ impl<'a> Cloth<'a> {
             self.anchors.project(x, w, H);
             self.bending.begin_substep(&start, x, w, H);
             self.bending.project(x, w, H);
-            self.stretch.begin_substep(&start, x, w, H);
-            self.stretch.project(x, w, H);
+            for group in &mut self.stretch {
+                group.begin_substep(&start, x, w, H);
+                group.project(x, w, H);
+            }
             self.ties.project(x, w, H);
+            self.limit.project(x, w, H);
             for _ in 0..visits {
                 planes.project(x, w);
                 self.own.project(x, w, H);
@@ -362,6 +369,25 @@ const RESERVE: Real = 0.012;
 const PATIENCE: u32 = 4;
 /// Softness of the anchor of a vertex next to a held one: it goes a quarter of the way back at a visit.
 const STIFFEST_ANCHOR: Real = 3.0;
+
+/// The edges in groups of similar length, the shorter the stiffer: β ~ ℓ², so that what is spread
+/// evenly is strain, and not the change of length.
+fn stretch_groups(edges: &Edges, x: &[Point], softness: Real) -> Vec<Stretch> {
+    /// Bounds of the groups, relative to the mean length.
+    const BOUNDS: [Real; 5] = [0.25, 0.5, 0.8, 1.2, 1.8];
+    let length = |e: &[u32; 2]| (x[e[0] as usize] - x[e[1] as usize]).norm();
+    let mean = edges.vertices.iter().map(length).sum::<Real>() / edges.len().max(1) as Real;
+    let group_of = |l: Real| BOUNDS.iter().take_while(|b| l > **b * mean).count();
+    (0..=BOUNDS.len())
+        .filter_map(|g| {
+            let ends: Vec<[u32; 2]> = edges.vertices.iter().filter(|e| group_of(length(e)) == g).copied().collect();
+            let rests: Vec<Real> = ends.iter().map(length).collect();
+            let typical = rests.iter().sum::<Real>() / (rests.len().max(1) as Real * mean);
+            let set = EdgeSet::new(&ends, &rests, x.len()).expect("two different vertices of a mesh, and a finite length");
+            (!ends.is_empty()).then(|| Stretch::new(set, softness * typical * typical))
+        })
+        .collect()
+}
 
 /// For each inner edge the two corners across it: kept at their distance, they keep the fold's angle.
 fn hinge_edges(mesh: &TriMesh, edges: &Edges) -> EdgeSet {
