@@ -40,6 +40,18 @@ impl Sample {
     }
 }
 
+/// How a vertex is led out of a layer that it is inside of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Way {
+    /// Step by step, the nearest way unless that leads through the wall of a fold.
+    #[default]
+    Steps,
+    /// At once, the nearest way.
+    Nearest,
+    /// At once, the way out on the scale of centimetres.
+    Outward,
+}
+
 /// What a sample knows of one layer below.
 #[derive(Clone, Copy, Debug)]
 struct Memory {
@@ -93,6 +105,8 @@ pub(crate) struct Contacts<'a> {
     outward: &'a Outward,
     params: ContactParams,
     samples: Vec<Sample>,
+    /// Samples of single vertices, which come first.
+    single: usize,
     /// For each sample its memory of each layer.
     memory: Vec<Memory>,
     /// For each layer and vertex of it, the garment's path length before which it need not look.
@@ -120,6 +134,7 @@ impl<'a> Contacts<'a> {
         for v in (0..x.len() as u32).filter(|v| used[*v as usize]) {
             samples.push(Sample { vertices: [v; 3], weights: [1.0, 0.0, 0.0] });
         }
+        let single = samples.len();
         let is_long = |e: usize| {
             let [a, b] = edges.vertices[e];
             (x[a as usize] - x[b as usize]).norm() > params.long_edge
@@ -142,9 +157,22 @@ impl<'a> Contacts<'a> {
             outward,
             params,
             samples,
+            single,
             path: 0.0,
             queries: 0,
             spared: 0,
+        }
+    }
+
+    /// Makes the samples at `vertices` look again wherever they are: the side of a point can jump
+    /// where a layer is closed by voxels, which no Lipschitz bound foresees.
+    pub(crate) fn forget(&mut self, vertices: &[u32]) {
+        let layers = self.below.len();
+        for v in vertices {
+            // The samples of single vertices come first, in ascending order.
+            if let Ok(k) = self.samples[..self.single].binary_search_by_key(v, |s| s.vertices[0]) {
+                self.memory[k * layers..(k + 1) * layers].iter_mut().for_each(|m| m.free = -1.0);
+            }
         }
     }
 
@@ -154,7 +182,8 @@ impl<'a> Contacts<'a> {
     }
 
     /// Fills `out` with the contacts of the garment at `x`. `tree` holds the garment at `x`; `gaps`
-    /// are the clearances of its vertices, in metres; vertices of inverse mass zero are held.
+    /// are the clearances of its vertices, in metres, and `stubborn` the ways they are led out; vertices of
+    /// inverse mass zero are held.
     pub(crate) fn detect(
         &mut self,
         x: &[Point],
@@ -162,14 +191,22 @@ impl<'a> Contacts<'a> {
         tree: &Bvh,
         gaps: &[Real],
         inverse_masses: &[Real],
+        stubborn: &[Way],
         out: &mut HalfSpaces,
     ) {
         out.clear();
-        self.own_samples(x, gaps, inverse_masses, out);
+        self.own_samples(x, gaps, inverse_masses, stubborn, out);
         self.foreign_samples(x, triangles, tree, gaps, inverse_masses, out);
     }
 
-    fn own_samples(&mut self, x: &[Point], gaps: &[Real], inverse_masses: &[Real], out: &mut HalfSpaces) {
+    fn own_samples(
+        &mut self,
+        x: &[Point],
+        gaps: &[Real],
+        inverse_masses: &[Real],
+        stubborn: &[Way],
+        out: &mut HalfSpaces,
+    ) {
         let (below, outward, params) = (self.below, self.outward, self.params);
         let layers = below.len();
         let found: Vec<Found<(u32, Plane)>> = self
@@ -184,14 +221,14 @@ impl<'a> Contacts<'a> {
                         found.spared += layers;
                         continue;
                     }
-                    let (p, gap) = (s.at(x), s.gap(gaps));
+                    let (p, gap, way) = (s.at(x), s.gap(gaps), stubborn[s.vertices[0] as usize]);
                     for (layer, m) in below.iter().zip(&mut memory[k * layers..(k + 1) * layers]) {
                         if m.free > 0.0 && (p - m.seen_from).norm() < m.free {
                             found.spared += 1;
                             continue;
                         }
                         found.queries += 1;
-                        if let Some(plane) = look(&p, gap, layer, outward, &params, m) {
+                        if let Some(plane) = look(&p, gap, way, layer, outward, &params, m) {
                             found.contacts.push(((chunk * CHUNK + k) as u32, plane));
                         }
                     }
@@ -280,6 +317,7 @@ impl<'a> Contacts<'a> {
 fn look(
     p: &Point,
     gap: Real,
+    way: Way,
     layer: &ClosedLayer,
     outward: &Outward,
     params: &ContactParams,
@@ -296,12 +334,16 @@ fn look(
         m.free = s.distance - reach;
         return None;
     }
-    if s.distance < gap
-        && let Some(out) = outward.direction(p)
-        && s.normal.dot(&out) < SIDEWAYS
-    {
-        // The nearest way out leads sideways, through the wall of a fold or of an armpit.
-        return (s.distance < 0.0).then(|| Plane { normal: out, point: *p, gap: (gap - s.distance).min(params.step) });
+    let nearest = |gap| Some(Plane { normal: s.normal, point: s.point, gap });
+    if s.distance >= gap || way == Way::Nearest {
+        return nearest(gap);
     }
-    Some(Plane { normal: s.normal, point: s.point, gap: gap.min(s.distance + params.step) })
+    match outward.direction(p) {
+        Some(out) if way == Way::Outward => Some(Plane { normal: out, point: *p, gap: gap - s.distance }),
+        // The nearest way out leads sideways, through the wall of a fold or of an armpit.
+        Some(out) if s.normal.dot(&out) < SIDEWAYS => {
+            (s.distance < 0.0).then(|| Plane { normal: out, point: *p, gap: (gap - s.distance).min(params.step) })
+        }
+        _ => nearest(gap.min(s.distance + params.step)),
+    }
 }

@@ -40,6 +40,10 @@ pub struct ResolveParams {
     pub settle_rounds: usize,
     /// Rounds at most.
     pub rounds: usize,
+    /// Rounds that a clean garment may relax in, where an edge is strained more than `calm_strain`.
+    pub polish_rounds: usize,
+    /// Largest edge strain of a garment that needs no relaxing.
+    pub calm_strain: Real,
     /// A round that moves no vertex further than this has settled, in metres.
     pub tolerance: Real,
     /// Compliance of edges: 0 is inextensible; at a visit a share 2 / (2 + s) of the violation goes.
@@ -69,6 +73,8 @@ impl Default for ResolveParams {
             sweeps: 15,
             settle_rounds: 16,
             rounds: 100,
+            polish_rounds: 8,
+            calm_strain: 0.25,
             tolerance: 3e-4,
             stretch_softness: 4.0,
             strain_limit: 0.12,

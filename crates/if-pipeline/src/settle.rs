@@ -17,7 +17,7 @@
 //! until nothing is left, or `rounds` are over
 //! ```
 
-use crate::contacts::{ContactParams, Contacts};
+use crate::contacts::{ContactParams, Contacts, Way};
 use crate::outfit::Layer;
 use crate::own::{GivenPairs, facing_sheets};
 use crate::parting::parting_plane;
@@ -28,6 +28,7 @@ use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::{TrianglePair, pairs};
+use if_mesh::measure::strain;
 use if_mesh::outward::Outward;
 use if_mesh::ply::{CoordinateType, quantise};
 use if_mesh::solid::ClosedLayer;
@@ -124,8 +125,11 @@ pub(crate) fn settle(
     let height = below[0].bvh().aabb().size().max();
     let outward = Outward::new(below, &garment.mesh.aabb().inflated(0.02 * height), params.outward_cell);
     let mut cloth = Cloth::new(garment, &tree, below, &outward, params);
-    cloth.free_near(&input.trouble(garment.mesh.triangles()), params.influence, below);
-    let mut best: Option<(usize, Vec<Point>)> = None;
+    let mut trouble = input.trouble(garment.mesh.triangles());
+    cloth.free_near(&trouble, params.influence, below);
+    // The best state so far: least left, then least strained.
+    let mut best: Option<((usize, Real), Vec<Point>)> = None;
+    let mut polished = 0;
     let mut state = input;
     let mut repairs = 0;
     let mut rounds = 0;
@@ -153,20 +157,32 @@ pub(crate) fn settle(
             inside = state.inside.len(),
             own = state.fresh.len()
         );
-        if best.as_ref().is_none_or(|(w, _)| state.weight() < *w) {
-            best = Some((state.weight(), mesh.vertices().to_vec()));
+        if std::env::var("D").is_ok() && round > 28 && round < 60 { for v in &state.inside { let p = mesh.vertices()[*v as usize]; for l in below { if let Some(h) = l.sided(&p, 0.02) { eprintln!("   v {v} ({:.4} {:.4} {:.4}) d {:.2} q ({:.4} {:.4} {:.4}) n ({:.2} {:.2} {:.2}) tri {} bnd {} vox {:?} out {:?} way {:?} near-dist {:?}", p.x, p.y, p.z, h.distance * 1e3, h.point.x, h.point.y, h.point.z, h.normal.x, h.normal.y, h.normal.z, h.triangle, h.boundary, l.voxel(&p), outward.direction(&p).map(|d| [d.x, d.y, d.z].map(|c| (c * 100.0).round() / 100.0)), cloth.ways[*v as usize], { use if_core::closest::ClosestPoint; l.bvh().closest(&p, 1.0).map(|c| ((c.distance * 1e5).round() / 100.0, c.triangle)) }); } } } }
+        if std::env::var("D").is_ok() { eprintln!("{} {round} moved {:.2} pairs {} inside {} own {} | free {} planes {} sep {} gapmax {:.1} at {:?}", garment.name, moved * 1e3, state.pairs.len(), state.inside.len(), state.fresh.len(), cloth.inverse_masses.iter().filter(|w| **w > 0.0).count(), cloth.planes.len(), cloth.own.len(), cloth.gaps.iter().copied().fold(0.0, Real::max) * 1e3, state.trouble(garment.mesh.triangles()).iter().take(3).map(|v| { let p = mesh.vertices()[*v as usize]; ((p.x * 1e3) as i32, (p.y * 1e3) as i32, (p.z * 1e3) as i32) }).collect::<Vec<_>>()); }
+        let strained = strain(&garment.mesh, mesh.vertices());
+        let rank = (state.weight(), strained.rms_percent);
+        if best.as_ref().is_none_or(|(b, _)| rank < *b) {
+            best = Some((rank, mesh.vertices().to_vec()));
         }
-        if state.is_clean() && (moved < params.tolerance || repairing) {
-            break;
+        if best.as_ref().is_some_and(|(b, _)| b.0 == 0) {
+            // Clean. What the repair strained relaxes for some rounds more.
+            polished += 1;
+            let calm = strained.max_percent < 100.0 * params.calm_strain;
+            if state.is_clean() && (moved < params.tolerance || calm) || polished > params.polish_rounds {
+                break;
+            }
         }
         cloth.aim(&state);
+        let here = state.trouble(garment.mesh.triangles());
+        if !here.is_empty() {
+            trouble = here;
+        }
+        let mut influence = params.influence;
         if repairing {
             repairs += 1;
-            let wider = params.repair_influence * (1.0 + (round - params.settle_rounds) as Real / 10.0);
-            cloth.free_near(&state.trouble(garment.mesh.triangles()), wider, below);
-        } else {
-            cloth.free_near(&state.trouble(garment.mesh.triangles()), params.influence, below);
+            influence = params.repair_influence * (1.0 + (round - params.settle_rounds) as Real / 10.0);
         }
+        cloth.free_near(&trouble, influence, below);
     }
     let positions = match best {
         Some((_, x)) => x,
@@ -222,6 +238,9 @@ struct Cloth<'a> {
     parted: BTreeSet<[u32; 2]>,
     /// For each triangle how often it was found intersecting.
     found: BTreeMap<u32, u32>,
+    /// For each vertex how often it was found inside, and how it is led out.
+    stuck: Vec<u32>,
+    ways: Vec<Way>,
     sweeps: usize,
 }
 
@@ -270,6 +289,8 @@ impl<'a> Cloth<'a> {
             own: Separations::new(),
             parted: BTreeSet::new(),
             found: BTreeMap::new(),
+            stuck: vec![0; n],
+            ways: vec![Way::default(); n],
             sweeps: 0,
         }
     }
@@ -299,7 +320,7 @@ impl<'a> Cloth<'a> {
     /// One round: contacts, and sweeps until they and the cloth agree. Returns the largest motion.
     fn round(&mut self, tree: &Bvh) -> Real {
         let Self { x, inverse_masses: w, planes, .. } = self;
-        self.contacts.detect(x, self.garment.mesh.triangles(), tree, &self.gaps, w, planes);
+        self.contacts.detect(x, self.garment.mesh.triangles(), tree, &self.gaps, w, &self.ways, planes);
         for (v, normal, point) in &self.parting {
             planes.push_vertex(*v, *normal, point, PART);
         }
@@ -353,6 +374,17 @@ impl<'a> Cloth<'a> {
                     *gap = (*gap * self.params.inflation).min(MAX_GAP);
                 }
             }
+        }
+        self.contacts.forget(&state.inside);
+        self.ways.fill(Way::Steps);
+        for v in &state.inside {
+            let stuck = &mut self.stuck[*v as usize];
+            *stuck += 1;
+            self.ways[*v as usize] = match *stuck / PATIENCE % 3 {
+                0 => Way::Steps,
+                1 => Way::Nearest,
+                _ => Way::Outward,
+            };
         }
         let rest = self.garment.mesh.vertices();
         for pair in &state.fresh {
