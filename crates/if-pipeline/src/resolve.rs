@@ -24,6 +24,8 @@ pub struct ResolveParams {
     pub repair_influence: Real,
     /// A violated contact is mended by at most this much in a round, in metres.
     pub step: Real,
+    /// A corner of an intersecting triangle is asked to part by at most this much in a round, in metres.
+    pub part_step: Real,
     /// Contacts are kept for samples up to this far beyond the clearance, in metres.
     pub margin: Real,
     /// The most that one visit of a contact pushes, in metres.
@@ -65,6 +67,7 @@ impl Default for ResolveParams {
             influence: 0.12,
             repair_influence: 0.04,
             step: 2e-3,
+            part_step: 0.5e-3,
             margin: 2e-3,
             max_push: 2e-3,
             long_edge: 8e-3,

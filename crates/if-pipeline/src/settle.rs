@@ -127,6 +127,7 @@ pub(crate) fn settle(
     let mut cloth = Cloth::new(garment, &tree, below, &outward, params);
     let mut trouble = input.trouble(garment.mesh.triangles());
     cloth.free_near(&trouble, params.influence, below);
+    let mut local = BTreeSet::new();
     // The best state so far: least left, then least strained.
     let mut best: Option<((usize, Real), Vec<Point>)> = None;
     let mut polished = 0;
@@ -157,8 +158,6 @@ pub(crate) fn settle(
             inside = state.inside.len(),
             own = state.fresh.len()
         );
-        if std::env::var("D").is_ok() && round > 28 && round < 60 { for v in &state.inside { let p = mesh.vertices()[*v as usize]; for l in below { if let Some(h) = l.sided(&p, 0.02) { eprintln!("   v {v} ({:.4} {:.4} {:.4}) d {:.2} q ({:.4} {:.4} {:.4}) n ({:.2} {:.2} {:.2}) tri {} bnd {} vox {:?} out {:?} way {:?} near-dist {:?}", p.x, p.y, p.z, h.distance * 1e3, h.point.x, h.point.y, h.point.z, h.normal.x, h.normal.y, h.normal.z, h.triangle, h.boundary, l.voxel(&p), outward.direction(&p).map(|d| [d.x, d.y, d.z].map(|c| (c * 100.0).round() / 100.0)), cloth.ways[*v as usize], { use if_core::closest::ClosestPoint; l.bvh().closest(&p, 1.0).map(|c| ((c.distance * 1e5).round() / 100.0, c.triangle)) }); } } } }
-        if std::env::var("D").is_ok() { eprintln!("{} {round} moved {:.2} pairs {} inside {} own {} | free {} planes {} sep {} gapmax {:.1} at {:?}", garment.name, moved * 1e3, state.pairs.len(), state.inside.len(), state.fresh.len(), cloth.inverse_masses.iter().filter(|w| **w > 0.0).count(), cloth.planes.len(), cloth.own.len(), cloth.gaps.iter().copied().fold(0.0, Real::max) * 1e3, state.trouble(garment.mesh.triangles()).iter().take(3).map(|v| { let p = mesh.vertices()[*v as usize]; ((p.x * 1e3) as i32, (p.y * 1e3) as i32, (p.z * 1e3) as i32) }).collect::<Vec<_>>()); }
         let strained = strain(&garment.mesh, mesh.vertices());
         let rank = (state.weight(), strained.rms_percent);
         if best.as_ref().is_none_or(|(b, _)| rank < *b) {
@@ -174,15 +173,17 @@ pub(crate) fn settle(
         }
         cloth.aim(&state);
         let here = state.trouble(garment.mesh.triangles());
-        if !here.is_empty() {
-            trouble = here;
-        }
-        let mut influence = params.influence;
         if repairing {
             repairs += 1;
-            influence = params.repair_influence * (1.0 + (round - params.settle_rounds) as Real / 10.0);
+            if !here.is_empty() {
+                local = here;
+            }
+            let wider = params.repair_influence * (1.0 + (round - params.settle_rounds) as Real / 10.0);
+            cloth.hold_far_from(&local, wider);
+        } else {
+            trouble.extend(here);
+            cloth.free_near(&trouble, params.influence, below);
         }
-        cloth.free_near(&trouble, influence, below);
     }
     let positions = match best {
         Some((_, x)) => x,
@@ -317,12 +318,26 @@ impl<'a> Cloth<'a> {
         }
     }
 
+    /// Of the vertices that were ever free, frees those up to `influence` metres from `trouble` and holds
+    /// the rest where they are. Where there is no trouble, nothing changes.
+    fn hold_far_from(&mut self, trouble: &BTreeSet<u32>, influence: Real) {
+        if trouble.is_empty() {
+            return;
+        }
+        let distances = self.neighbours.distances(trouble.iter().copied(), influence);
+        for (v, d) in distances.iter().enumerate() {
+            let free = *d == 0.0 || (d.is_finite() && self.ever_free[v]);
+            self.inverse_masses[v] = Real::from(u8::from(free));
+            self.ever_free[v] |= free;
+        }
+    }
+
     /// One round: contacts, and sweeps until they and the cloth agree. Returns the largest motion.
     fn round(&mut self, tree: &Bvh) -> Real {
         let Self { x, inverse_masses: w, planes, .. } = self;
         self.contacts.detect(x, self.garment.mesh.triangles(), tree, &self.gaps, w, &self.ways, planes);
         for (v, normal, point) in &self.parting {
-            planes.push_vertex(*v, *normal, point, PART);
+            planes.push_vertex(*v, *normal, point, 0.0);
         }
         let start = x.clone();
         let visits = if self.own.is_empty() { 1 } else { 2 };
@@ -364,7 +379,10 @@ impl<'a> Cloth<'a> {
             let out = self.outward.direction(&middle).or_else(|| layer.sided(&middle, Real::INFINITY).map(|s| s.normal));
             if let Some(out) = out {
                 let (normal, level) = parting_plane(&t, &layer.corners(pair.a), &out);
-                self.parting.extend(tri.map(|v| (v, normal, Point::from(normal * level))));
+                for v in tri {
+                    let wanted = (level + PART).min(normal.dot(&self.x[v as usize].coords) + self.params.part_step);
+                    self.parting.push((v, normal, Point::from(normal * wanted)));
+                }
             }
             let found = self.found.entry(pair.b).or_insert(0);
             *found += 1;
