@@ -102,7 +102,7 @@ pub(crate) struct DemoArgs {
     /// T-shirt, skirt, jacket and coat; or trousers, T-shirt, jacket and coat.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) variant: Variant,
-    /// How fine the meshes are: each step has four times the triangles.
+    /// How fine the meshes are: coarse has half, fine four times the triangles of normal.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) size: Size,
     #[command(flatten)]

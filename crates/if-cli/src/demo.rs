@@ -55,14 +55,31 @@ fn write_scene(args: &DemoArgs) -> Result<PathBuf, Report> {
 
 /// The scene's meshes with their names: the body, then garments, inner to outer.
 fn scene(args: &DemoArgs) -> Vec<(String, TriMesh)> {
-    let resolution = match args.size {
-        Size::Coarse => 0.5,
-        Size::Normal => 1.0,
-        Size::Fine => 2.0,
-    };
-    let params = MannequinParams { resolution, ..Default::default() };
+    let params = params(args.size);
     match args.variant {
         Variant::Skirt => mannequin::layered(&params),
         Variant::Trousers => mannequin::layered_with_trousers(&params),
+    }
+}
+
+fn params(size: Size) -> MannequinParams {
+    let resolution = match size {
+        Size::Coarse => 0.7,
+        Size::Normal => 1.0,
+        Size::Fine => 2.0,
+    };
+    MannequinParams { resolution, ..Default::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::ValueEnum;
+
+    #[test]
+    fn the_mannequin_takes_every_size() {
+        for size in Size::value_variants() {
+            assert_eq!(params(*size).validate(), Ok(()), "{size:?}");
+        }
     }
 }
