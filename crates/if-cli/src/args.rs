@@ -99,10 +99,10 @@ pub(crate) struct DemoArgs {
     /// Output folder.
     #[arg(short, long, value_name = "DIR", default_value = "out/demo")]
     pub(crate) out: PathBuf,
-    /// What the mannequin wears between shirt and jacket.
+    /// T-shirt, skirt, jacket and coat; or trousers, T-shirt, jacket and coat.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) variant: Variant,
-    /// How fine the meshes are.
+    /// How fine the meshes are: coarse has half, fine four times the triangles of normal.
     #[arg(long, value_enum, default_value_t)]
     pub(crate) size: Size,
     #[command(flatten)]

@@ -1,14 +1,15 @@
 //! `ifg demo`: the built-in scene, written as files and resolved like any other outfit.
 
 use crate::announce::{self, Style};
-use crate::args::DemoArgs;
+use crate::args::{DemoArgs, Size, Variant};
 use crate::end::End;
 use crate::outfit_file;
 use crate::progress::Line;
 use crate::resolve_outfit::{self, Options};
-use crate::scene;
 use crate::staging::{OutputError, Staging};
+use if_core::mesh::TriMesh;
 use if_mesh::ply::{PlyMesh, WriteParams, write_path};
+use if_pipeline::mannequin::{self, MannequinParams};
 use miette::{IntoDiagnostic, Report};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -36,7 +37,7 @@ fn write_scene(args: &DemoArgs) -> Result<PathBuf, Report> {
     let staging = Staging::open(&folder)?;
     let mut names = Vec::new();
     let mut toml = String::from("# The built-in scene of ifg, before. `ifg fix` on this file gives what `ifg demo` gives.\n");
-    for (k, (name, mesh)) in scene::layers(args.variant, args.size).into_iter().enumerate() {
+    for (k, (name, mesh)) in scene(args).into_iter().enumerate() {
         let file = format!("{name}.ply");
         let ply = PlyMesh::new(mesh);
         write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &staging.path(&file)).into_diagnostic()?;
@@ -50,4 +51,35 @@ fn write_scene(args: &DemoArgs) -> Result<PathBuf, Report> {
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     staging.commit(&names)?;
     Ok(folder.join(OUTFIT))
+}
+
+/// The scene's meshes with their names: the body, then garments, inner to outer.
+fn scene(args: &DemoArgs) -> Vec<(String, TriMesh)> {
+    let params = params(args.size);
+    match args.variant {
+        Variant::Skirt => mannequin::layered(&params),
+        Variant::Trousers => mannequin::layered_with_trousers(&params),
+    }
+}
+
+fn params(size: Size) -> MannequinParams {
+    let resolution = match size {
+        Size::Coarse => 0.7,
+        Size::Normal => 1.0,
+        Size::Fine => 2.0,
+    };
+    MannequinParams { resolution, ..Default::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::ValueEnum;
+
+    #[test]
+    fn the_mannequin_takes_every_size() {
+        for size in Size::value_variants() {
+            assert_eq!(params(*size).validate(), Ok(()), "{size:?}");
+        }
+    }
 }

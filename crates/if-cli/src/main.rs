@@ -18,7 +18,6 @@ mod print;
 mod progress;
 mod receipt;
 mod resolve_outfit;
-mod scene;
 mod staging;
 mod table;
 

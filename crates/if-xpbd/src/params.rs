@@ -92,7 +92,7 @@ impl Default for SolverParams {
             contact_order: ContactOrder::AfterStretch,
             motion: Motion::QuasiStatic,
             gravity: [0.0; 3],
-            stop_below: 1e-6,
+            stop_below: 1e-5,
             friction: 0.0,
             clearance: 1e-3,
             max_push: 0.01,

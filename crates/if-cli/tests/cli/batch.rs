@@ -32,7 +32,7 @@ fn each_outfit_has_its_folder_and_finished_ones_are_skipped() {
 #[test]
 fn what_has_changed_is_done_again() {
     let folder = batch();
-    let run = |args: &str| states(&folder.ifg(&format!("fix a.toml b.toml --out done --json --no-pictures {args}")).expect(0));
+    let run = |args: &str| states(&folder.ifg(&format!("fix a.toml b.toml --out done --json {args}")).expect(0));
     assert_eq!(run(""), ["clean", "clean"]);
     assert_eq!(run(""), ["finished", "finished"]);
     // Other parameters.
@@ -89,6 +89,6 @@ fn a_cancelled_batch_goes_on_where_it_stopped() {
     let folders = std::fs::read_dir(folder.path("done")).unwrap().count();
     assert_eq!(folders, finished, "a folder without a receipt");
     // Of the rest only a few, to be quick.
-    let some = format!("fix --out done --no-pictures --json o0.toml o{}.toml", OUTFITS - 1);
+    let some = format!("fix --out done --json o0.toml o{}.toml", OUTFITS - 1);
     assert_eq!(states(&folder.ifg(&some).expect(0)), ["finished", "clean"]);
 }

@@ -29,7 +29,7 @@ fn check_counts_as_json() {
 #[test]
 fn fix_writes_what_check_then_finds_clean() {
     let folder = Folder::new();
-    let run = folder.ifg("fix outfit.toml --out fixed").expect(0);
+    let run = folder.ifg_drawing("fix outfit.toml --out fixed").expect(0);
     for word in ["outer", "pairs", "-> 0", "moved", "strain", "seconds", "Wrote fixed: skirt.ply, shirt.obj"] {
         assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
     }
@@ -49,7 +49,7 @@ fn fix_writes_what_check_then_finds_clean() {
 #[test]
 fn the_receipt_says_what_went_in_and_came_out() {
     let folder = Folder::new();
-    let json = folder.ifg("fix outfit.toml --out fixed --clearance 1mm --no-pictures --json").expect(0).json();
+    let json = folder.ifg("fix outfit.toml --out fixed --clearance 1mm --json").expect(0).json();
     assert_eq!((&json["state"], &json["out"]), (&"clean".into(), &"fixed".into()));
     assert!(json["report"]["before"]["pairs"].as_array().unwrap().len() == 3);
     let receipt: serde_json::Value = serde_json::from_slice(&folder.read("fixed/receipt.json")).unwrap();
@@ -121,7 +121,7 @@ fn parameters_come_from_the_file_and_then_from_the_command_line() {
     let toml = String::from_utf8(folder.read("outfit.toml")).unwrap() + "[params]\nclearance = 0.002\n";
     folder.write("loose.toml", toml);
     let clearance = |args: &str| {
-        folder.ifg(&format!("fix loose.toml --out fixed --no-pictures {args}")).expect(0);
+        folder.ifg(&format!("fix loose.toml --out fixed {args}")).expect(0);
         serde_json::from_slice::<serde_json::Value>(&folder.read("fixed/receipt.json")).unwrap()["params"]["clearance"].clone()
     };
     assert_eq!(clearance(""), 0.002);

@@ -1,6 +1,6 @@
 //! A folder of small meshes, and the binary run in it.
 
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::{icosphere, tube};
 use std::fs;
@@ -41,14 +41,19 @@ impl Run {
     }
 }
 
-/// The body: a ball of radius 0.3 m.
+/// The body: a ball drawn out to the proportions of a person, 1.8 m high and 0.3 m wide.
 pub(crate) fn body() -> TriMesh {
-    icosphere(0.3, 3)
+    moved(&icosphere(1.0, 2), drawn_out)
 }
 
-/// A tube round the ball's equator, which it meets where the radius is less than 0.3.
-pub(crate) fn belt(radius: Real, height: Real) -> TriMesh {
-    tube(radius, height, 32, 8, false)
+/// A tube about the body's middle, from `y = from` to `to`. Of `radius` 1 it touches the body at
+/// `y = 0`; a smaller one passes through it.
+pub(crate) fn belt(radius: Real, from: Real, to: Real) -> TriMesh {
+    moved(&tube(radius, 1.0, 24, 4, false), |p| drawn_out(&Point::new(p.x, (from + p.y * (to - from)) / 0.9, p.z)))
+}
+
+fn drawn_out(p: &Point) -> Point {
+    Point::new(0.15 * p.x, 0.9 * p.y, 0.1 * p.z)
 }
 
 pub(crate) fn moved(mesh: &TriMesh, f: impl Fn(&Point) -> Point) -> TriMesh {
@@ -77,11 +82,10 @@ pub(crate) fn ply(mesh: &TriMesh) -> String {
 impl Folder {
     pub(crate) fn new() -> Self {
         let folder = Self(tempfile::tempdir().expect("a temporary folder"));
-        let lower = |mesh: TriMesh, y: Real| moved(&mesh, |p| p + Vector::y() * y);
         folder.write("body.ply", ply(&body()));
-        folder.write("skirt.ply", ply(&lower(belt(0.295, 0.1), -0.1)));
-        folder.write("shirt.obj", obj(&lower(belt(0.296, 0.2), 0.0)));
-        folder.write("hoop.ply", ply(&belt(0.4, 0.1)));
+        folder.write("skirt.ply", ply(&belt(0.97, -0.3, 0.0)));
+        folder.write("shirt.obj", obj(&belt(0.98, -0.1, 0.3)));
+        folder.write("hoop.ply", ply(&belt(1.3, 0.0, 0.2)));
         folder.write(
             "outfit.toml",
             "body = \"body.ply\"\n[[garment]]\nfile = \"skirt.ply\"\n[[garment]]\nfile = \"shirt.obj\"\nname = \"top\"\n",
@@ -109,6 +113,13 @@ impl Folder {
     }
 
     pub(crate) fn ifg(&self, args: &str) -> Run {
+        // Pictures take longer than all the rest.
+        let pictures = if args.starts_with("fix") || args.starts_with("demo") { " --no-pictures" } else { "" };
+        self.ifg_drawing(&format!("{args}{pictures}"))
+    }
+
+    /// With pictures.
+    pub(crate) fn ifg_drawing(&self, args: &str) -> Run {
         self.command(args).output().expect("ifg starts").into()
     }
 

@@ -1,5 +1,7 @@
 //! The binary as a user meets it: exit codes, messages, files.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 mod bad_input;
 mod batch;
 mod commands;

@@ -1,0 +1,176 @@
+//! Algorithm 1 over the masked field of the clothed body (Appendix C).
+
+use if_core::aabb::Aabb;
+use if_core::field::{FieldSample, SignedDistance};
+use if_core::masked::{Mask, Masked};
+use if_core::math::{Point, Real, Vector};
+use if_core::mesh::TriMesh;
+use if_mesh::baked::{BakeError, BakeParams, Baked, Redistance};
+use if_mesh::solid::{ClosedLayer, ClothedField};
+use if_xpbd::air::AirParams;
+use if_xpbd::algorithm1::{Below, SettleError, settle};
+use if_xpbd::inner_surface::InnerSurface;
+use if_xpbd::params::SolverParams;
+use std::ops::ControlFlow;
+
+/// The paper's mask for several inner garments: weight 1 in any of their boxes, 0 outside all.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Boxes {
+    /// The boxes.
+    pub boxes: Vec<Aabb>,
+}
+
+impl Mask for Boxes {
+    fn weight(&self, p: &Point) -> (Real, Vector) {
+        (Real::from(u8::from(self.boxes.iter().any(|b| b.contains(p)))), Vector::zeros())
+    }
+    fn fade(&self) -> Real {
+        0.0
+    }
+    fn bounds(&self) -> Option<Aabb> {
+        Some(self.boxes.iter().fold(Aabb::EMPTY, |a, b| a.merged(b)))
+    }
+}
+
+/// Bakes the clothed body made of `below` for a garment that stays in `region`: Algorithm 1 asks it in every
+/// substep. `cell` is in metres.
+///
+/// What lies outside `region` is cut off: there the solid ends at the region's border.
+///
+/// # Errors
+///
+/// See [`BakeError`].
+pub fn bake(below: &[&ClosedLayer], region: Aabb, cell: Real) -> Result<Baked, BakeError> {
+    let field = ClothedField::new(below.to_vec());
+    let band = 2.0 * cell;
+    let cut = Cut { field, region };
+    Baked::new(&cut, &BakeParams { cell, band, region: Some(region), redistance: Redistance::Never, ..Default::default() })
+}
+
+/// A field's inside within a box. It jumps at the caps of openings, so it has no Lipschitz bound.
+struct Cut<'a> {
+    field: ClothedField<'a>,
+    region: Aabb,
+}
+
+impl SignedDistance for Cut<'_> {
+    fn distance(&self, p: &Point) -> Real {
+        self.sample(p).distance
+    }
+
+    fn sample(&self, p: &Point) -> FieldSample {
+        // Signed distance to the nearest side of the box: exact inside, a lower bound outside.
+        let (mut side, mut gradient) = (Real::NEG_INFINITY, Vector::zeros());
+        for k in 0..3 {
+            for (d, sign) in [(self.region.min[k] - p[k], -1.0), (p[k] - self.region.max[k], 1.0)] {
+                if d > side {
+                    side = d;
+                    gradient = Vector::zeros();
+                    gradient[k] = sign;
+                }
+            }
+        }
+        let of_box = FieldSample { distance: side, gradient };
+        if side > 0.0 {
+            return of_box;
+        }
+        let inner = self.field.sample(p);
+        if inner.distance >= side { inner } else { of_box }
+    }
+
+    fn bounds(&self) -> Option<Aabb> {
+        Some(self.region)
+    }
+
+    fn lipschitz(&self) -> Real {
+        Real::INFINITY
+    }
+}
+
+/// What Algorithm 1 settles a garment on.
+pub struct ClothedBody<'a, F> {
+    /// The field, baked: see [`bake`].
+    pub field: &'a F,
+    /// The boxes that mask it; `None` for the original, unmasked field.
+    pub mask: Option<Boxes>,
+    /// The next layer below and how line 13 is read; `None` for no air constraint.
+    pub air: Option<(&'a InnerSurface<'a>, AirParams)>,
+}
+
+/// Settles `garment` by Algorithm 1 with unit masses: [`SolverParams::literal`] for the lines as printed.
+///
+/// A vertex that starts outside the mask has neither a collision nor an air constraint; one that leaves it has no
+/// collision constraint while it is outside.
+///
+/// # Source
+///
+/// Supplement, Algorithm 1 and Appendix C.
+///
+/// # Errors
+///
+/// See [`SettleError`]: parameters outside their range, or positions that do not stay finite.
+pub fn run<F: SignedDistance + Send>(
+    garment: &TriMesh,
+    body: &ClothedBody<F>,
+    params: &SolverParams,
+) -> Result<Vec<Point>, SettleError> {
+    let go = |field: &dyn SignedDistance, mask: &[Real]| {
+        let below = Below { field, mask, air: body.air };
+        settle(garment, &below, params, |_, _| ControlFlow::Continue(())).map(|(x, _)| x)
+    };
+    match &body.mask {
+        None => go(body.field, &vec![1.0; garment.vertices().len()]),
+        Some(mask) => {
+            let weights: Vec<Real> = garment.vertices().iter().map(|p| mask.weight(p).0).collect();
+            go(&Masked { field: body.field, mask: mask.clone() }, &weights)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::baselines::scene::{RADIUS, ball, belt};
+    use if_core::shapes::Sphere;
+
+    const BALL: Sphere = Sphere { center: Point::new(0.0, 0.0, 0.0), radius: RADIUS };
+
+    #[test]
+    fn the_corrected_method_brings_the_belt_out_and_the_printed_one_leaves_it_inside() {
+        let belt = belt();
+        let body = ClothedBody { field: &BALL, mask: None, air: None };
+        let inside = |x: &[Point]| x.iter().filter(|p| BALL.distance(p) < 0.0).count();
+        let corrected = run(&belt, &body, &SolverParams::default()).unwrap();
+        assert_eq!(inside(&corrected), 0);
+        let printed = run(&belt, &body, &SolverParams { steps: 20, ..SolverParams::literal() }).unwrap();
+        assert!(inside(&printed) > 0);
+    }
+
+    #[test]
+    fn without_stretch_nothing_moves_outside_the_boxes() {
+        let belt = belt();
+        let upper = Aabb { min: Point::new(-1.0, 0.0, -1.0), max: Point::new(1.0, 1.0, 1.0) };
+        let body = ClothedBody { field: &BALL, mask: Some(Boxes { boxes: vec![upper, Aabb::EMPTY] }), air: None };
+        let collision_only = SolverParams { compliance: Real::INFINITY, ..SolverParams::default() };
+        let after = run(&belt, &body, &collision_only).unwrap();
+        for (p, q) in after.iter().zip(belt.vertices()) {
+            assert!(upper.contains(q) || p == q);
+        }
+        assert!(after != belt.vertices());
+    }
+
+    #[test]
+    fn a_baked_clothed_body_agrees_with_its_source_where_it_is_not_cut() {
+        let ball = ball();
+        let field = ClothedField::new(vec![&ball]);
+        let region = Aabb { min: Point::new(-0.25, -0.1, -0.25), max: Point::new(0.25, 0.1, 0.25) };
+        let baked = bake(&[&ball], region, 0.01).unwrap();
+        for k in 0..40 {
+            let (a, r) = (0.157 * Real::from(k), 0.17 + 0.0012 * Real::from(k));
+            let p = Point::new(r * a.cos(), 0.001 * Real::from(k), r * a.sin());
+            // Where the cut is nearer than the surface, inside, the value is the cut's.
+            let expected = field.distance(&p).max(p.y.abs() - 0.1).min(0.02);
+            assert!((baked.distance(&p) - expected).abs() < 1e-3, "{} for {expected}", baked.distance(&p));
+        }
+    }
+}
