@@ -37,8 +37,11 @@ pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
             return None;
         }
         let contact = triangles_sharing(ta.each_ref(), na, tb.each_ref(), nb);
-        (contact.is_some() && !is_degenerate(ta.each_ref()) && !is_degenerate(tb.each_ref()))
-            .then_some(TrianglePair { a: i, b: j, contact })
+        (contact.is_some() && !is_degenerate(ta.each_ref()) && !is_degenerate(tb.each_ref())).then_some(TrianglePair {
+            a: i,
+            b: j,
+            contact,
+        })
     });
     found.sort_unstable();
     found

@@ -131,7 +131,15 @@ impl ClosedLayer {
             let part = TriMesh::new(mesh.vertices().to_vec(), triangles).expect("a part of a mesh is a mesh");
             (Bvh::new(&part), keep)
         });
-        Self { bvh, vertices: mesh.vertices().to_vec(), triangles: mesh.triangles().to_vec(), vertex_orientations: vertex_orientations(mesh, &outside), normals, body: None, closure: Some(Closure { voxels, outside, interface }) }
+        Self {
+            bvh,
+            vertices: mesh.vertices().to_vec(),
+            triangles: mesh.triangles().to_vec(),
+            vertex_orientations: vertex_orientations(mesh, &outside),
+            normals,
+            body: None,
+            closure: Some(Closure { voxels, outside, interface }),
+        }
     }
 
     /// The index over the layer's triangles.

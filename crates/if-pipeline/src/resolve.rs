@@ -8,9 +8,9 @@ use if_core::math::Real;
 use if_mesh::intersections::{own_pairs, pairs};
 use if_mesh::measure::{displacement, strain};
 use if_mesh::solid::ClosedLayer;
-use std::time::Instant;
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
+use std::time::Instant;
 
 /// What [`resolve`] aims at, and how hard it tries.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,14 +76,54 @@ impl Default for ResolveParams {
             sweeps: 15,
             settle_rounds: 16,
             rounds: 100,
-            polish_rounds: 8,
+            polish_rounds: 12,
             calm_strain: 0.25,
             tolerance: 3e-4,
             stretch_softness: 4.0,
             strain_limit: 0.12,
             bending_softness: 10.0,
-            anchor_softness: 500.0,
+            anchor_softness: 200.0,
             inflation: 1.1,
+        }
+    }
+}
+
+impl ResolveParams {
+    /// Checks that every parameter is in its range.
+    ///
+    /// # Errors
+    ///
+    /// [`ResolveError::Parameter`] with the first that is not.
+    pub fn validate(&self) -> Result<(), ResolveError> {
+        const POSITIVE: &str = "it must be a positive number of metres";
+        const SOFTNESS: &str = "it must be a number, zero (rigid) or more";
+        const COUNT: &str = "it must be at least 1";
+        let positive = |v: Real| v > 0.0 && v.is_finite();
+        let soft = |v: Real| v >= 0.0 && v.is_finite();
+        let checks = [
+            ("clearance", self.clearance, positive(self.clearance) && self.clearance < 0.1, "it must be between 0 and 0.1 m"),
+            ("influence", self.influence, positive(self.influence), POSITIVE),
+            ("repair_influence", self.repair_influence, positive(self.repair_influence), POSITIVE),
+            ("step", self.step, positive(self.step), POSITIVE),
+            ("part_step", self.part_step, positive(self.part_step), POSITIVE),
+            ("margin", self.margin, positive(self.margin), POSITIVE),
+            ("max_push", self.max_push, positive(self.max_push), POSITIVE),
+            ("long_edge", self.long_edge, positive(self.long_edge), POSITIVE),
+            ("fold", self.fold, positive(self.fold), POSITIVE),
+            ("outward_cell", self.outward_cell, positive(self.outward_cell), POSITIVE),
+            ("tolerance", self.tolerance, positive(self.tolerance), POSITIVE),
+            ("sweeps", self.sweeps as Real, self.sweeps >= 1, COUNT),
+            ("rounds", self.rounds as Real, self.rounds >= 1, COUNT),
+            ("calm_strain", self.calm_strain, soft(self.calm_strain), "it must be a share, zero or more"),
+            ("strain_limit", self.strain_limit, soft(self.strain_limit), "it must be a share, zero or more"),
+            ("stretch_softness", self.stretch_softness, soft(self.stretch_softness), SOFTNESS),
+            ("bending_softness", self.bending_softness, soft(self.bending_softness), SOFTNESS),
+            ("anchor_softness", self.anchor_softness, soft(self.anchor_softness), SOFTNESS),
+            ("inflation", self.inflation, (1.0..=2.0).contains(&self.inflation), "it must lie between 1 and 2"),
+        ];
+        match checks.into_iter().find(|c| !c.2) {
+            Some((name, value, _, help)) => Err(ResolveError::Parameter { name, value, help }),
+            None => Ok(()),
         }
     }
 }
@@ -179,6 +219,7 @@ pub fn resolve(
     params: &ResolveParams,
     watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Resolved, ResolveError> {
+    params.validate()?;
     outfit.check()?;
     let start = Instant::now();
     let before = verify(outfit)?;
@@ -189,13 +230,13 @@ pub fn resolve(
     let layers = outfit.garments.len();
     for (index, garment) in outfit.garments.iter().enumerate() {
         let begun = Instant::now();
-        let mut tell = |stage, round, pairs| {
-            watch(&Progress { layer: &garment.name, index, layers, stage, round, pairs })
-        };
+        let mut tell = |stage, round, pairs| watch(&Progress { layer: &garment.name, index, layers, stage, round, pairs });
         let cancelled = || ResolveError::Cancelled { layer: garment.name.clone() };
         if tell(Stage::Verify, 0, None).is_break() {
             return Err(cancelled());
         }
+        let reach = garment.mesh.aabb().inflated(params.clearance + params.margin);
+        let apart = below.iter().filter(|(_, c)| !c.bvh().aabb().overlaps(&reach)).count();
         let near: Vec<&ClosedLayer> = below.iter().map(|(_, c)| c).collect();
         let mut inform = |round, repairing, pairs| tell(if repairing { Stage::Repair } else { Stage::Settle }, round, pairs);
         let settled = settle(garment, &near, params, &mut inform).map_err(|()| cancelled())?;
@@ -203,9 +244,11 @@ pub fn resolve(
         let mesh = garment.mesh.with_vertices(positions).expect("settled positions are finite");
         let closed = ClosedLayer::garment(&mesh, &below[0].1, &outfit.body.mesh);
         let names: Vec<(&str, &ClosedLayer)> = below.iter().map(|(n, c)| (n.as_str(), c)).collect();
+        let verifying = Instant::now();
         report.after.pairs.extend(against(garment, &mesh, closed.bvh(), &names));
         let own = own_pairs(&mesh, closed.bvh()).len();
         report.after.own_pairs.push(own);
+        report.after.seconds += verifying.elapsed().as_secs_f64();
         let (d, s) = (displacement(garment.mesh.vertices(), mesh.vertices()), strain(&garment.mesh, mesh.vertices()));
         let moved_vertices = garment.mesh.vertices().iter().zip(mesh.vertices()).filter(|(a, b)| a != b).count();
         report.layers.push(LayerReport {
@@ -217,7 +260,12 @@ pub fn resolve(
             repairs: settled.repairs,
             sweeps: settled.sweeps,
             queries: settled.queries,
-            skipped: Skipped { layers: 0, vertices: settled.held, queries: settled.spared, sweeps: (params.rounds - settled.rounds) * params.sweeps },
+            skipped: Skipped {
+                layers: apart,
+                vertices: settled.held,
+                queries: settled.spared,
+                sweeps: (params.rounds - settled.rounds) * params.sweeps,
+            },
             seconds: begun.elapsed().as_secs_f64(),
         });
         result.garments[index].mesh = mesh;

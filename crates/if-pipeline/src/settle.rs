@@ -177,6 +177,8 @@ pub(crate) fn settle(
             repairs += 1;
             if !here.is_empty() {
                 local = here;
+            } else {
+                local.extend(cloth.strained(0.5 * params.calm_strain));
             }
             let wider = params.repair_influence * (1.0 + (round - params.settle_rounds) as Real / 10.0);
             cloth.hold_far_from(&local, wider);
@@ -224,6 +226,9 @@ struct Cloth<'a> {
     inverse_masses: Vec<Real>,
     ever_free: Vec<bool>,
     gaps: Vec<Real>,
+    edges: Edges,
+    /// Edges so short that contacts cannot tell their ends apart: they only translate.
+    short: Vec<[u32; 2]>,
     neighbours: Neighbours,
     contacts: Contacts<'a>,
     anchors: Attachments,
@@ -266,8 +271,7 @@ impl<'a> Cloth<'a> {
         (0..n).for_each(|v| anchors.push(v as u32, x[v], params.anchor_softness));
         let mut planes = HalfSpaces::new();
         planes.max_push = params.max_push;
-        let lengths =
-            ContactParams { step: params.step, margin: params.margin, reserve: RESERVE, long_edge: params.long_edge };
+        let lengths = ContactParams { step: params.step, margin: params.margin, reserve: RESERVE, long_edge: params.long_edge };
         Self {
             contacts: Contacts::new(mesh, &edges, below, outward, lengths),
             neighbours: Neighbours::new(&edges, &x),
@@ -279,12 +283,14 @@ impl<'a> Cloth<'a> {
             below,
             outward,
             params,
+            short: short_edges(&edges, &x),
             x,
             inverse_masses: vec![0.0; n],
             ever_free: vec![false; n],
             gaps: vec![params.clearance; n],
             anchors,
             ties,
+            edges,
             planes,
             parting: Vec::new(),
             own: Separations::new(),
@@ -332,6 +338,14 @@ impl<'a> Cloth<'a> {
         }
     }
 
+    /// Ends of edges that changed their length by more than the share `limit`.
+    fn strained(&self, limit: Real) -> Vec<u32> {
+        let rest = self.garment.mesh.vertices();
+        let length = |x: &[Point], [a, b]: [u32; 2]| (x[a as usize] - x[b as usize]).norm();
+        let off = |e: &[u32; 2]| (length(&self.x, *e) - length(rest, *e)).abs() > limit * length(rest, *e);
+        self.edges.vertices.iter().filter(|e| off(e)).flatten().copied().collect()
+    }
+
     /// One round: contacts, and sweeps until they and the cloth agree. Returns the largest motion.
     fn round(&mut self, tree: &Bvh) -> Real {
         let Self { x, inverse_masses: w, planes, .. } = self;
@@ -361,6 +375,16 @@ impl<'a> Cloth<'a> {
         for _ in 0..LAST_VISITS {
             planes.project(x, w);
             self.own.project(x, w, H);
+        }
+        let rest = self.garment.mesh.vertices();
+        for &[a, b] in &self.short {
+            let (a, b) = (a as usize, b as usize);
+            let sum = w[a] + w[b];
+            if sum > 0.0 {
+                let off = (x[b] - x[a]) - (rest[b] - rest[a]);
+                x[a] += off * (w[a] / sum);
+                x[b] -= off * (w[b] / sum);
+            }
         }
         let moved = x.iter().zip(&start).map(|(a, b)| (a - b).norm()).fold(0.0, Real::max);
         self.contacts.moved(moved);
@@ -437,6 +461,16 @@ fn stretch_groups(edges: &Edges, x: &[Point], softness: Real) -> Vec<Stretch> {
             (!ends.is_empty()).then(|| Stretch::new(set, softness * typical * typical))
         })
         .collect()
+}
+
+/// Share of the mean length below which an edge counts as a point that was doubled. Ten times less
+/// leaves a 0.1 mm edge of the test data strained by 150 %; ten times more stiffens fine details.
+const SHORT: Real = 0.03;
+
+fn short_edges(edges: &Edges, x: &[Point]) -> Vec<[u32; 2]> {
+    let length = |e: &[u32; 2]| (x[e[0] as usize] - x[e[1] as usize]).norm();
+    let mean = edges.vertices.iter().map(length).sum::<Real>() / edges.len().max(1) as Real;
+    edges.vertices.iter().filter(|e| length(e) < SHORT * mean).copied().collect()
 }
 
 /// For each inner edge the two corners across it: kept at their distance, they keep the fold's angle.

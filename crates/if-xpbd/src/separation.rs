@@ -123,6 +123,7 @@ impl Constraint for Separations {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_core::intersect::{Contact, triangles_sharing};
 
     fn two(height: Real) -> Vec<Point> {
         let f = |z: Real| [Point::new(0.0, 0.0, z), Point::new(1.0, 0.0, z), Point::new(0.0, 1.0, z)];
@@ -155,12 +156,15 @@ mod tests {
         let mut group = Separations::new();
         assert!(group.push([0, 1, 2], [0, 3, 4], 0.01, &rest));
         let mut x = rest.clone();
-        x[3].x = 0.5;
-        x[3].y = 0.0;
+        x[3] = Point::new(0.5, 0.0, 0.1);
+        x[4] = Point::new(0.5, 0.0, -0.1);
+        let (s, t) = ([&x[0], &x[1], &x[2]], [&x[0], &x[3], &x[4]]);
+        assert!(triangles_sharing(s, [0, 1, 2], t, [0, 3, 4]).is_some());
         for _ in 0..50 {
             group.project(&mut x, &[1.0; 5], 1.0);
         }
-        assert!(x[3].x < x[1].x && x[3].x <= x[0].x + 1e-6);
+        let (s, t) = ([&x[0], &x[1], &x[2]], [&x[0], &x[3], &x[4]]);
+        assert_eq!(triangles_sharing(s, [0, 1, 2], t, [0, 3, 4]), Contact::Disjoint);
     }
 
     #[test]
