@@ -42,7 +42,7 @@ const METHODS: [&str; 9] = [
 ];
 const RESOLVE: usize = METHODS.len() - 1;
 /// Cells of the grid that Algorithm 1 collides with, in metres.
-const CELL: f64 = 0.006;
+const CELL: f64 = 0.008;
 /// How far the grid reaches beyond the garment, in metres.
 const AROUND: f64 = 0.03;
 
@@ -183,7 +183,8 @@ fn compare(name: &str, outfit: &Outfit, quick: bool) -> Result<Vec<Outcome>, Box
     Ok(outcomes)
 }
 
-/// Algorithm 1 over the baked clothed body, masked by the boxes of the garments below, or by the body's where there is none.
+/// Algorithm 1 over the baked clothed body, masked by the boxes of the layers below. The body's is among them: the data's
+/// garments go through the body itself, and the other methods must mend that too.
 fn algorithm1(
     garment: &TriMesh,
     below: &[&ClosedLayer],
@@ -192,8 +193,7 @@ fn algorithm1(
     let start = Instant::now();
     let baked = bake(below, garment.aabb().inflated(AROUND), CELL)?;
     let baking = start.elapsed().as_secs_f64();
-    let masking = if below.len() > 1 { &below[1..] } else { below };
-    let mask = Boxes { boxes: masking.iter().map(|l| l.bvh().aabb()).collect() };
+    let mask = Boxes { boxes: below.iter().map(|l| l.bvh().aabb()).collect() };
     let tree = Bvh::new(inner);
     let surface = InnerSurface::new(inner, &tree);
     let literal_air = AirParams { reading: AirReading::Literal, ..AirParams::default() };
