@@ -224,19 +224,23 @@ fn print_row(title: &str, rows: &[&Outcome]) {
     let (d, s) = (displacement(mesh.vertices(), &after), strain(&mesh, &after));
     let sum = |f: fn(&Outcome) -> usize| rows.iter().map(|o| f(o)).sum::<usize>();
     let seconds: f64 = rows.iter().map(|o| o.seconds).sum();
+    let [mean, p95, max] = [d.mean_mm, d.p95_mm, d.max_mm].map(short);
+    let [rms, p99, most] = [s.rms_percent, s.p99_percent, s.max_percent].map(short);
+    let (pairs, inside) = (sum(|o| o.pairs), sum(|o| o.inside));
+    let (own, now) = (sum(|o| o.own[0]), sum(|o| o.own[1]));
     println!(
-        "| {title} | {method} | {} | {} | {:.2} / {:.2} / {:.1} | {:.2} / {:.2} / {:.1} | {} → {} | {seconds:.2} |",
-        sum(|o| o.pairs),
-        sum(|o| o.inside),
-        d.mean_mm,
-        d.p95_mm,
-        d.max_mm,
-        s.rms_percent,
-        s.p99_percent,
-        s.max_percent,
-        sum(|o| o.own[0]),
-        sum(|o| o.own[1]),
+        "| {title} | {method} | {pairs} | {inside} | {mean} / {p95} / {max} | {rms} / {p99} / {most} | {own} → {now} | {seconds:.2} |"
     );
+}
+
+/// Three digits or so: some methods throw a garment kilometres away.
+fn short(value: f64) -> String {
+    match value {
+        v if v >= 1e4 => format!("{v:.0e}"),
+        v if v >= 100.0 => format!("{v:.0}"),
+        v if v >= 10.0 => format!("{v:.1}"),
+        v => format!("{v:.2}"),
+    }
 }
 
 /// All layers as one mesh, before and after.
