@@ -3,6 +3,7 @@
 
 mod scenes;
 
+use if_core::aabb::Aabb;
 use if_core::math::Point;
 use if_pipeline::mannequin::Garment;
 use if_pipeline::outfit::{Layer, Outfit};
@@ -76,7 +77,15 @@ fn vertices_outside_the_boxes_of_all_lower_layers_stay() {
     let result = assert_clean(&outfit, resolved(&outfit));
     let region = outfit.body.mesh.aabb();
     let (before, after) = (outfit.garments[0].mesh.vertices(), result.outfit.garments[0].mesh.vertices());
-    let outside: Vec<usize> = (0..before.len()).filter(|v| !region.contains(&before[*v])).collect();
+    // A vertex whose triangle reaches into the box is not clear: that triangle may intersect the ball.
+    let mut clear = vec![true; before.len()];
+    for t in outfit.garments[0].mesh.triangles() {
+        let corners = t.map(|v| &before[v as usize]);
+        if Aabb::from_points(corners).overlaps(&region) {
+            t.iter().for_each(|v| clear[*v as usize] = false);
+        }
+    }
+    let outside: Vec<usize> = (0..before.len()).filter(|v| clear[*v]).collect();
     assert!(outside.len() > 100);
     for v in outside {
         assert!((before[v] - after[v]).norm() <= 1e-4, "vertex {v} went {} m", (before[v] - after[v]).norm());
