@@ -8,6 +8,8 @@
 //! FOLDER is a data folder with the meshes of Fig. 3's scene, `../shared/data/body_a` where none is given. Where there is
 //! none, the built-in scene takes its place, with the jacket 30 mm too far back. The skirt and the T-shirt are made free of intersections first.
 
+#![allow(clippy::print_stdout)] // a program for the terminal
+
 use if_core::masked::Mask;
 use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;

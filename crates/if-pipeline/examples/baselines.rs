@@ -8,6 +8,8 @@
 //! `body_b` are taken. Every method gets the same problem: the layer as it came, over the layers below as `resolve`
 //! left them. `--outfit` takes the outfits whose name begins so; `--layers` prints a row for each layer and not only one for each outfit; `--quick` leaves Algorithm 1 out.
 
+#![allow(clippy::print_stdout)] // a program for the terminal
+
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_mesh::file::MeshFile;
@@ -183,13 +185,12 @@ fn compare(name: &str, outfit: &Outfit, quick: bool) -> Result<Vec<Outcome>, Box
     Ok(outcomes)
 }
 
+/// Method, seconds, and positions or why there are none.
+type Attempt = (usize, f64, Result<Vec<Point>, String>);
+
 /// Algorithm 1 over the baked clothed body, masked by the boxes of the layers below. The body's is among them: the data's
 /// garments go through the body itself, and the other methods must mend that too.
-fn algorithm1(
-    garment: &TriMesh,
-    below: &[&ClosedLayer],
-    inner: &TriMesh,
-) -> Result<Vec<(usize, f64, Result<Vec<Point>, String>)>, Box<dyn Error>> {
+fn algorithm1(garment: &TriMesh, below: &[&ClosedLayer], inner: &TriMesh) -> Result<Vec<Attempt>, Box<dyn Error>> {
     let start = Instant::now();
     let baked = bake(below, garment.aabb().inflated(AROUND), CELL)?;
     let baking = start.elapsed().as_secs_f64();
