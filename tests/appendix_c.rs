@@ -2,12 +2,13 @@
 //! it; masked by the boxes of those garments, they are not.
 
 use if_core::masked::Mask;
-use if_core::math::{Point, Real};
+use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::solid::{ClosedLayer, ClothedField};
 use if_pipeline::baselines::algorithm1::{Boxes, ClothedBody, run};
 use if_pipeline::mannequin::{Garment, MannequinParams, body, garment};
 use if_xpbd::params::SolverParams;
+use std::sync::LazyLock;
 
 /// Fig. 3 on the built-in mannequin: what is below the jacket, and the jacket.
 struct Scene {
@@ -17,14 +18,19 @@ struct Scene {
     jacket: TriMesh,
 }
 
+static SCENE: LazyLock<Scene> = LazyLock::new(Scene::new);
+
 impl Scene {
     fn new() -> Self {
-        let params = MannequinParams { resolution: 0.5, overlap: 1.0 };
+        let params = MannequinParams::default();
         let naked = body(&params);
         let closed = ClosedLayer::body(&naked);
         let inner = |g| ClosedLayer::garment(&garment(g, &params), &closed, &naked);
         let (skirt, tshirt) = (inner(Garment::Skirt), inner(Garment::Tshirt));
-        Self { skirt, tshirt, jacket: garment(Garment::Jacket, &params), body: closed }
+        let jacket = garment(Garment::Jacket, &params);
+        // Not aligned well: the sleeves cut through the arms.
+        let shifted = jacket.vertices().iter().map(|p| p + Vector::new(0.0, 0.0, -0.03)).collect();
+        Self { skirt, tshirt, jacket: jacket.with_vertices(shifted).unwrap(), body: closed }
     }
 
     fn field(&self) -> ClothedField<'_> {
@@ -55,8 +61,8 @@ fn most(moved: &[Real]) -> Real {
 
 #[test]
 fn the_masked_field_moves_no_vertex_outside_the_boxes_and_the_original_one_does() {
-    let scene = Scene::new();
-    for params in [SolverParams { steps: 1, ..SolverParams::literal() }, SolverParams { steps: 20, ..Default::default() }] {
+    let scene = &*SCENE;
+    for params in [SolverParams { steps: 1, ..SolverParams::literal() }, SolverParams { steps: 1, ..Default::default() }] {
         // Lines 6 to 10 alone: the field is the only thing that moves a vertex.
         let params = SolverParams { compliance: Real::INFINITY, ..params };
         let [outside, inside] = scene.moved(false, &params);
@@ -69,11 +75,16 @@ fn the_masked_field_moves_no_vertex_outside_the_boxes_and_the_original_one_does(
 }
 
 #[test]
-fn with_stretch_the_mask_still_spares_what_is_far_from_the_boxes() {
-    let scene = Scene::new();
-    let params = SolverParams { steps: 5, ..Default::default() };
+fn stretch_drags_some_of_the_sleeves_along_but_less_than_the_original_field_pushes_them() {
+    let scene = &*SCENE;
+    let params = SolverParams { steps: 2, ..Default::default() };
     let mean = |m: &[Real]| m.iter().sum::<Real>() / m.len() as Real;
     let [original, _] = scene.moved(false, &params);
     let [masked, _] = scene.moved(true, &params);
-    assert!(mean(&masked) < 0.2 * mean(&original), "{} against {} mm", 1e3 * mean(&masked), 1e3 * mean(&original));
+    assert!(
+        0.0 < mean(&masked) && mean(&masked) < 0.6 * mean(&original),
+        "{} against {} mm",
+        1e3 * mean(&masked),
+        1e3 * mean(&original)
+    );
 }

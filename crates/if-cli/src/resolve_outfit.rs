@@ -132,12 +132,10 @@ fn resolve_and_prove(spec: &OutfitSpec, loaded: &Loaded, line: &Line) -> Result<
         line.show(progress);
         if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let (Resolved { mut outfit, mut report }, left) = match resolve(&loaded.outfit, &spec.params, &mut watch) {
-        Ok(resolved) => (resolved, None),
+    let (Resolved { mut outfit, mut report }, triangles) = match resolve(&loaded.outfit, &spec.params, &mut watch) {
+        Ok(resolved) => (resolved, vec![]),
+        Err(ResolveError::Remaining { triangles, result, .. }) => (*result, triangles),
         Err(ResolveError::Cancelled { .. }) => return Ok(None),
-        Err(ResolveError::Remaining { outer, inner, triangles, result }) => {
-            (*result, Some(Left { outfit: spec.name.clone(), outer, inner, triangles }))
-        }
         Err(source) => return Err(Refused { outfit: spec.name.clone(), source }.into()),
     };
     let positions = loaded.positions(&outfit);
@@ -147,7 +145,7 @@ fn resolve_and_prove(spec: &OutfitSpec, loaded: &Loaded, line: &Line) -> Result<
         outfit = loaded.outfit_of(&positions).into_diagnostic()?;
         report.after = verify(&outfit).into_diagnostic()?;
     }
-    let left = left.or_else(|| Left::found(&spec.name, &report.after));
+    let left = Left::found(&spec.name, &report.after, triangles);
     Ok((!cancel::asked()).then_some((AsWritten { outfit, positions, report }, left)))
 }
 

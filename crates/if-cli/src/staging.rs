@@ -65,8 +65,8 @@ pub(crate) struct Staging {
     partial: PathBuf,
     /// Holds the lock for as long as it is open.
     _lock: File,
-    /// Whether the output folder was made for this run.
-    new: bool,
+    /// Folders that were made for this run, innermost first.
+    made: Vec<PathBuf>,
 }
 
 impl Staging {
@@ -75,7 +75,8 @@ impl Staging {
     /// What a killed run has left there is removed.
     pub(crate) fn open(out: &Path) -> Result<Self, OutputError> {
         let fault = |source| OutputError::Folder { path: out.into(), source };
-        let new = !out.exists();
+        let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+        let made = out.ancestors().take_while(missing).map(Path::to_path_buf).collect();
         fs::create_dir_all(out).map_err(fault)?;
         let partial = out.join(PARTIAL);
         match fs::create_dir(&partial) {
@@ -95,7 +96,7 @@ impl Staging {
             }
         }
         cancel::guard(Some(&partial));
-        Ok(Self { out: out.into(), partial, _lock: lock, new })
+        Ok(Self { out: out.into(), partial, _lock: lock, made })
     }
 
     /// Where to write the file that will be called `name`.
@@ -109,7 +110,7 @@ impl Staging {
             let path = self.out.join(name);
             fs::rename(self.path(name), &path).map_err(|source| OutputError::File { path, source })?;
         }
-        self.new = false;
+        self.made.clear();
         Ok(())
     }
 }
@@ -118,8 +119,8 @@ impl Drop for Staging {
     fn drop(&mut self) {
         // Nothing can be done about a fault here, and the next run cleans up.
         let _ = fs::remove_dir_all(&self.partial);
-        if self.new {
-            let _ = fs::remove_dir(&self.out);
+        for folder in &self.made {
+            let _ = fs::remove_dir(folder);
         }
         cancel::guard(None);
     }
@@ -138,7 +139,7 @@ mod tests {
         write(staging.path("x"), "x").unwrap();
         assert_eq!(read_dir(&out).unwrap().count(), 1);
         drop(staging);
-        assert!(!out.exists());
+        assert!(!folder.path().join("a").exists());
         let staging = Staging::open(&out).unwrap();
         write(staging.path("x"), "x").unwrap();
         write(staging.path("y"), "y").unwrap();

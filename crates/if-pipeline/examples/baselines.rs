@@ -8,6 +8,8 @@
 //! `body_b` are taken. Every method gets the same problem: the layer as it came, over the layers below as `resolve`
 //! left them. `--outfit` takes the outfits whose name begins so; `--layers` prints a row for each layer and not only one for each outfit; `--quick` leaves Algorithm 1 out.
 
+#![allow(clippy::print_stdout)] // a program for the terminal
+
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_mesh::file::MeshFile;
@@ -42,7 +44,7 @@ const METHODS: [&str; 9] = [
 ];
 const RESOLVE: usize = METHODS.len() - 1;
 /// Cells of the grid that Algorithm 1 collides with, in metres.
-const CELL: f64 = 0.006;
+const CELL: f64 = 0.008;
 /// How far the grid reaches beyond the garment, in metres.
 const AROUND: f64 = 0.03;
 
@@ -183,17 +185,16 @@ fn compare(name: &str, outfit: &Outfit, quick: bool) -> Result<Vec<Outcome>, Box
     Ok(outcomes)
 }
 
-/// Algorithm 1 over the baked clothed body, masked by the boxes of the garments below, or by the body's where there is none.
-fn algorithm1(
-    garment: &TriMesh,
-    below: &[&ClosedLayer],
-    inner: &TriMesh,
-) -> Result<Vec<(usize, f64, Result<Vec<Point>, String>)>, Box<dyn Error>> {
+/// Method, seconds, and positions or why there are none.
+type Attempt = (usize, f64, Result<Vec<Point>, String>);
+
+/// Algorithm 1 over the baked clothed body, masked by the boxes of the layers below. The body's is among them: the data's
+/// garments go through the body itself, and the other methods must mend that too.
+fn algorithm1(garment: &TriMesh, below: &[&ClosedLayer], inner: &TriMesh) -> Result<Vec<Attempt>, Box<dyn Error>> {
     let start = Instant::now();
     let baked = bake(below, garment.aabb().inflated(AROUND), CELL)?;
     let baking = start.elapsed().as_secs_f64();
-    let masking = if below.len() > 1 { &below[1..] } else { below };
-    let mask = Boxes { boxes: masking.iter().map(|l| l.bvh().aabb()).collect() };
+    let mask = Boxes { boxes: below.iter().map(|l| l.bvh().aabb()).collect() };
     let tree = Bvh::new(inner);
     let surface = InnerSurface::new(inner, &tree);
     let literal_air = AirParams { reading: AirReading::Literal, ..AirParams::default() };
@@ -224,19 +225,23 @@ fn print_row(title: &str, rows: &[&Outcome]) {
     let (d, s) = (displacement(mesh.vertices(), &after), strain(&mesh, &after));
     let sum = |f: fn(&Outcome) -> usize| rows.iter().map(|o| f(o)).sum::<usize>();
     let seconds: f64 = rows.iter().map(|o| o.seconds).sum();
+    let [mean, p95, max] = [d.mean_mm, d.p95_mm, d.max_mm].map(short);
+    let [rms, p99, most] = [s.rms_percent, s.p99_percent, s.max_percent].map(short);
+    let (pairs, inside) = (sum(|o| o.pairs), sum(|o| o.inside));
+    let (own, now) = (sum(|o| o.own[0]), sum(|o| o.own[1]));
     println!(
-        "| {title} | {method} | {} | {} | {:.2} / {:.2} / {:.1} | {:.2} / {:.2} / {:.1} | {} → {} | {seconds:.2} |",
-        sum(|o| o.pairs),
-        sum(|o| o.inside),
-        d.mean_mm,
-        d.p95_mm,
-        d.max_mm,
-        s.rms_percent,
-        s.p99_percent,
-        s.max_percent,
-        sum(|o| o.own[0]),
-        sum(|o| o.own[1]),
+        "| {title} | {method} | {pairs} | {inside} | {mean} / {p95} / {max} | {rms} / {p99} / {most} | {own} → {now} | {seconds:.2} |"
     );
+}
+
+/// Three digits or so: some methods throw a garment kilometres away.
+fn short(value: f64) -> String {
+    match value {
+        v if v >= 1e4 => format!("{v:.0e}"),
+        v if v >= 100.0 => format!("{v:.0}"),
+        v if v >= 10.0 => format!("{v:.1}"),
+        v => format!("{v:.2}"),
+    }
 }
 
 /// All layers as one mesh, before and after.

@@ -1,1 +1,322 @@
-//! The built-in scene.
+//! The project's own scene: a person in layered clothes, made of formulas alone.
+//!
+//! Lengths are in metres, y points up, the person faces +z and stands on y = 0.
+
+mod cloth;
+mod figure;
+mod shape;
+
+use if_core::field::SignedDistance;
+use if_core::math::Real;
+use if_core::mesh::TriMesh;
+use if_mesh::marching::{MarchParams, RelaxParams, clip, collapse, march, relax};
+use serde::{Deserialize, Serialize};
+
+/// How fine the meshes are, and how far the layers go through one another.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MannequinParams {
+    /// Divides the length of edges: with 2 the meshes have four times the triangles. From 0.7 to 8.
+    pub resolution: Real,
+    /// 0 hangs the layers cleanly over one another; with 1 each dips 1 to 2 cm into those below. From 0 to 1.
+    pub overlap: Real,
+}
+
+impl Default for MannequinParams {
+    /// Edges of 10 to 25 mm, and deep overlaps.
+    fn default() -> Self {
+        Self { resolution: 1.0, overlap: 1.0 }
+    }
+}
+
+/// A parameter out of its range.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("parameter `{name}` of the mannequin is {value}; it must lie between {least} and {most}")]
+pub struct MannequinError {
+    /// Its name.
+    pub name: &'static str,
+    /// Its value.
+    pub value: Real,
+    /// The smallest value possible.
+    pub least: Real,
+    /// The largest.
+    pub most: Real,
+}
+
+impl MannequinParams {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter that lies out of its range or is NaN.
+    pub fn validate(&self) -> Result<(), MannequinError> {
+        let ranges = [("resolution", self.resolution, 0.7, 8.0), ("overlap", self.overlap, 0.0, 1.0)];
+        for (name, value, least, most) in ranges {
+            if !(least..=most).contains(&value) {
+                return Err(MannequinError { name, value, least, most });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What the mannequin can wear.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Garment {
+    /// Long trousers. Worn below the T-shirt.
+    Trousers,
+    /// With short sleeves.
+    Tshirt,
+    /// Flared, to above the knees. Worn over the T-shirt.
+    Skirt,
+    /// Long sleeves, open in front.
+    Jacket,
+    /// Long sleeves, open in front, to the knees.
+    Coat,
+}
+
+impl Garment {
+    /// All of them, in the order in which they are worn, inner to outer.
+    pub const ALL: [Garment; 5] = [Garment::Trousers, Garment::Tshirt, Garment::Skirt, Garment::Jacket, Garment::Coat];
+
+    /// A short name in lower case.
+    pub fn name(self) -> &'static str {
+        match self {
+            Garment::Trousers => "trousers",
+            Garment::Tshirt => "tshirt",
+            Garment::Skirt => "skirt",
+            Garment::Jacket => "jacket",
+            Garment::Coat => "coat",
+        }
+    }
+}
+
+/// The naked mannequin: 1.70 m, arms 42° from the body. Closed, of one piece, without intersections.
+///
+/// # Panics
+///
+/// If `params` do not [validate](MannequinParams::validate).
+pub fn body(params: &MannequinParams) -> TriMesh {
+    let figure = figure::figure();
+    let cell = 0.0120 / checked(params).resolution;
+    surface(&figure, cell, [0.31, 0.55, 0.77], &[])
+}
+
+/// One garment: open, of one piece, facing outwards.
+///
+/// # Panics
+///
+/// If `params` do not [validate](MannequinParams::validate).
+pub fn garment(kind: Garment, params: &MannequinParams) -> TriMesh {
+    let pattern = cloth::pattern(kind, checked(params).overlap);
+    surface(&pattern.shape, pattern.cell / params.resolution, pattern.phase, &pattern.cuts)
+}
+
+/// The body, T-shirt, skirt, jacket and coat, with their names.
+///
+/// # Panics
+///
+/// If `params` do not [validate](MannequinParams::validate).
+pub fn layered(params: &MannequinParams) -> Vec<(String, TriMesh)> {
+    dressed(&[Garment::Tshirt, Garment::Skirt, Garment::Jacket, Garment::Coat], params)
+}
+
+/// The body, trousers, T-shirt, jacket and coat, with their names.
+///
+/// # Panics
+///
+/// If `params` do not [validate](MannequinParams::validate).
+pub fn layered_with_trousers(params: &MannequinParams) -> Vec<(String, TriMesh)> {
+    dressed(&[Garment::Trousers, Garment::Tshirt, Garment::Jacket, Garment::Coat], params)
+}
+
+fn dressed(garments: &[Garment], params: &MannequinParams) -> Vec<(String, TriMesh)> {
+    std::iter::once(("body".to_owned(), body(params)))
+        .chain(garments.iter().map(|kind| (kind.name().to_owned(), garment(*kind, params))))
+        .collect()
+}
+
+fn checked(params: &MannequinParams) -> &MannequinParams {
+    if let Err(error) = params.validate() {
+        panic!("{error}");
+    }
+    params
+}
+
+/// Marches a shape, cuts it open, and makes its triangles even.
+fn surface(shape: &shape::Shape, cell: Real, phase: [Real; 3], cuts: &[shape::Formula]) -> TriMesh {
+    let region = shape.bounds().expect("every shape here has bounds");
+    let marched = march(shape, &region, &MarchParams { cell, phase, newton: 1 }).expect("formulas are finite in finite boxes");
+    let mut mesh = marched.mesh;
+    for cut in cuts {
+        let values: Vec<Real> = mesh.vertices().iter().map(cut).collect();
+        mesh = clip(&mesh, &values);
+    }
+    for _ in 0..2 {
+        mesh = collapse(&mesh, 0.6 * cell);
+        mesh = relax(&mesh, shape, &RelaxParams { rounds: 2, ..RelaxParams::default() });
+    }
+    mesh
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::aabb::Aabb;
+    use if_core::edges::Edges;
+    use if_core::intersect::{triangles, triangles_sharing};
+    use if_mesh::index::Bvh;
+
+    /// Coarse enough for tests: half the triangles.
+    fn coarse(overlap: Real) -> MannequinParams {
+        MannequinParams { resolution: 0.7, overlap }
+    }
+
+    /// Pieces, joined over edges.
+    fn pieces(mesh: &TriMesh, edges: &Edges) -> usize {
+        let mut root: Vec<usize> = (0..mesh.vertices().len()).collect();
+        fn find(root: &mut [usize], mut v: usize) -> usize {
+            while root[v] != v {
+                root[v] = root[root[v]];
+                v = root[v];
+            }
+            v
+        }
+        for e in &edges.vertices {
+            let (a, b) = (find(&mut root, e[0] as usize), find(&mut root, e[1] as usize));
+            root[a] = b;
+        }
+        (0..root.len()).filter(|v| root[*v] == *v).count()
+    }
+
+    fn pairs(a: &TriMesh, b: &TriMesh) -> usize {
+        let bvh = Bvh::new(a);
+        let mut n = 0;
+        for t in 0..b.triangles().len() {
+            bvh.overlapping(&Aabb::from_points(b.corners(t)), |u| {
+                n += usize::from(triangles(a.corners(u as usize), b.corners(t)).is_some())
+            });
+        }
+        n
+    }
+
+    fn own_pairs(mesh: &TriMesh) -> usize {
+        let bvh = Bvh::new(mesh);
+        let mut n = 0;
+        for t in 0..mesh.triangles().len() {
+            bvh.overlapping(&Aabb::from_points(mesh.corners(t)), |u| {
+                let u = u as usize;
+                let contact = || triangles_sharing(mesh.corners(t), mesh.triangles()[t], mesh.corners(u), mesh.triangles()[u]);
+                n += usize::from(u > t && contact().is_some());
+            });
+        }
+        n
+    }
+
+    /// Shortest and longest edge, mean, share between 10 and 25 mm.
+    fn edge_lengths(mesh: &TriMesh) -> [Real; 4] {
+        let l: Vec<Real> = Edges::new(mesh)
+            .vertices
+            .iter()
+            .map(|e| (mesh.vertices()[e[0] as usize] - mesh.vertices()[e[1] as usize]).norm())
+            .collect();
+        let n = l.len() as Real;
+        let share = l.iter().filter(|l| (0.010..=0.025).contains(*l)).count() as Real / n;
+        [l.iter().copied().fold(1.0, Real::min), l.iter().copied().fold(0.0, Real::max), l.iter().sum::<Real>() / n, share]
+    }
+
+    /// Share of the vertices that lie in a shape, and the deepest of them in metres.
+    fn inside(mesh: &TriMesh, shape: &shape::Shape) -> (Real, Real) {
+        let depths: Vec<Real> = mesh.vertices().iter().map(|p| -shape.distance(p)).filter(|d| *d > 0.0).collect();
+        (depths.len() as Real / mesh.vertices().len() as Real, depths.iter().copied().fold(0.0, Real::max))
+    }
+
+    fn assert_sound(name: &str, mesh: &TriMesh, borders: usize, euler: i64) {
+        let edges = Edges::new(mesh);
+        assert!(edges.valence.iter().all(|v| *v <= 2), "{name}");
+        assert_eq!(edges.boundary_loops(mesh).len(), borders, "{name}");
+        assert_eq!(mesh.vertices().len() as i64 + mesh.triangles().len() as i64 - edges.len() as i64, euler, "{name}");
+        assert_eq!((pieces(mesh, &edges), own_pairs(mesh)), (1, 0), "{name}");
+    }
+
+    #[test]
+    fn the_body_is_closed_of_one_piece_and_as_high_as_it_says() {
+        let body = body(&coarse(1.0));
+        assert_sound("body", &body, 0, 2);
+        let aabb = body.aabb();
+        assert!(aabb.min.y.abs() < 0.004 && (1.69..1.73).contains(&aabb.max.y), "{aabb:?}");
+        assert!((0.045..0.075).contains(&body.signed_volume()), "{} m³", body.signed_volume());
+    }
+
+    #[test]
+    fn garments_are_of_one_piece_and_have_their_openings() {
+        // A tube with n borders has Euler characteristic 2 − n; what is open in front has one border less.
+        let openings =
+            [(Garment::Trousers, 3), (Garment::Tshirt, 4), (Garment::Skirt, 2), (Garment::Jacket, 3), (Garment::Coat, 3)];
+        for (kind, borders) in openings {
+            assert_sound(kind.name(), &garment(kind, &coarse(1.0)), borders, 2 - borders as i64);
+        }
+    }
+
+    #[test]
+    fn without_overlap_no_layers_meet() {
+        let params = coarse(0.0);
+        let kinds = Garment::ALL;
+        let layers: Vec<TriMesh> = std::iter::once(body(&params)).chain(kinds.iter().map(|k| garment(*k, &params))).collect();
+        for i in 0..layers.len() {
+            for j in i + 1..layers.len() {
+                // Skirts are not worn over trousers.
+                if (i, j) != (1, 3) {
+                    assert_eq!(pairs(&layers[i], &layers[j]), 0, "{i} {j}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn with_overlap_each_layer_dips_into_those_below() {
+        let params = coarse(1.0);
+        let mesh = |kind| garment(kind, &params);
+        let shape = |kind| cloth::pattern(kind, 1.0).shape;
+        let (tshirt, skirt, jacket, coat) =
+            (mesh(Garment::Tshirt), mesh(Garment::Skirt), mesh(Garment::Jacket), mesh(Garment::Coat));
+        let cases = [
+            ("tshirt, body", inside(&tshirt, &figure::figure()), 0.10..0.20, 0.005..0.010),
+            ("skirt, tshirt", inside(&skirt, &shape(Garment::Tshirt)), 0.01..0.20, 0.005..0.015),
+            ("jacket, tshirt", inside(&jacket, &shape(Garment::Tshirt)), 0.04..0.30, 0.008..0.016),
+            ("jacket, skirt", inside(&jacket, &shape(Garment::Skirt)), 0.02..0.30, 0.008..0.020),
+            ("coat, jacket", inside(&coat, &shape(Garment::Jacket)), 0.10..0.40, 0.014..0.024),
+        ];
+        for (name, (share, depth), _, _) in &cases {
+            println!("LIST {name}: {share:.3} {depth:.4}");
+        }
+        for (name, (share, depth), shares, depths) in cases {
+            println!("{name}: {share:.3} {depth:.4}");
+            assert!(shares.contains(&share) && depths.contains(&depth), "{name}: {share} of the vertices, {depth} m deep");
+        }
+    }
+
+    #[test]
+    fn triangles_are_even() {
+        for kind in Garment::ALL {
+            let [shortest, longest, mean, share] = edge_lengths(&garment(kind, &MannequinParams::default()));
+            println!("{kind:?} {shortest} {longest} {mean} {share}");
+            assert!(
+                shortest > 0.003 && longest < 0.040 && (0.014..0.020).contains(&mean),
+                "{kind:?} {shortest} {longest} {mean}"
+            );
+            assert!(share > 0.9, "{kind:?} {share}");
+        }
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_named() {
+        assert!(MannequinParams::default().validate().is_ok());
+        for resolution in [0.0, -1.0, 100.0, Real::NAN] {
+            let error = MannequinParams { resolution, ..MannequinParams::default() }.validate().unwrap_err();
+            assert!(error.to_string().contains("resolution"), "{error}");
+        }
+        assert!(MannequinParams { overlap: 1.5, ..MannequinParams::default() }.validate().is_err());
+    }
+}

@@ -94,7 +94,8 @@ fn keeps_topology(mesh: &TriMesh, edges: &Edges, fans: &VertexTriangles, on_bord
     };
     let (of_a, of_b) = (neighbours(a), neighbours(b));
     let common = of_a.iter().filter(|v| of_b.binary_search(v).is_ok()).count();
-    common == edges.valence[e] as usize && of_a.len() > 3 && of_b.len() > 3 && loop_is_long(edges, fans, e)
+    let has_room = |v: u32, n: usize| n > 3 || on_border[v as usize];
+    common == edges.valence[e] as usize && has_room(a, of_a.len()) && has_room(b, of_b.len()) && loop_is_long(edges, fans, e)
 }
 
 /// A border of three edges would close.

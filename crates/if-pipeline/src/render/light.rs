@@ -1,0 +1,104 @@
+//! Colours: of light, of surfaces, of pixels. Computed in linear light, stored in sRGB.
+
+use crate::render::raster::{LINE, NOTHING, Samples};
+use crate::render::scene::{Scene, Seen};
+
+/// Linear red of what is highlighted.
+const RED: [f32; 3] = [0.80, 0.010, 0.012];
+/// How deep below the surface what is highlighted shows through, in metres.
+const SHINES_THROUGH: f32 = 0.03;
+/// Directions to the lights in axes right, up, towards the eye, of unit length, and their strengths.
+const LIGHTS: [([f32; 3], f32); 2] = [([-0.45, 0.62, 0.643], 0.62), ([0.70, 0.10, 0.707], 0.20)];
+
+/// Linear light of an sRGB colour.
+pub(super) fn decode(color: [u8; 3]) -> [f32; 3] {
+    color.map(|c| {
+        let c = f32::from(c) / 255.0;
+        if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+    })
+}
+
+/// The sRGB value of linear light, clamped.
+pub(super) fn encode(c: f32) -> u8 {
+    let c = c.clamp(0.0, 1.0);
+    let c = if c <= 0.0031308 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
+    (255.0 * c + 0.5) as u8
+}
+
+/// Barycentric coordinates of a sample in a triangle; (1, 0, 0) in one seen edge-on.
+pub(super) fn at(layer: &Seen, t: usize, x: f32, y: f32) -> [f32; 3] {
+    let [a, b, c] = layer.triangles[t].map(|v| layer.points[v as usize]);
+    let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    if area == 0.0 {
+        return [1.0, 0.0, 0.0];
+    }
+    let wa = ((b[1] - c[1]) * (x - c[0]) + (c[0] - b[0]) * (y - c[1])) / area;
+    let wb = ((c[1] - a[1]) * (x - c[0]) + (a[0] - c[0]) * (y - c[1])) / area;
+    [wa, wb, 1.0 - wa - wb]
+}
+
+/// The interpolated normal, turned towards the eye, and whether the back is seen.
+pub(super) fn facing_normal(layer: &Seen, t: usize, w: &[f32; 3]) -> ([f32; 3], bool) {
+    let tri = layer.triangles[t];
+    let [a, b, c] = tri.map(|v| layer.points[v as usize]);
+    // y points down: seen from the front, corners run clockwise here.
+    let back = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0;
+    let sign = if back { -1.0 } else { 1.0 };
+    let mut n = [0, 1, 2].map(|k| sign * (0..3).map(|i| w[i] * layer.normals[tri[i] as usize][k]).sum::<f32>());
+    n[2] = n[2].max(0.0); // smooth normals may look away at silhouettes
+    let length = n.iter().map(|v| v * v).sum::<f32>().sqrt();
+    if length > 0.0 { (n.map(|v| v / length), back) } else { ([0.0, 0.0, 1.0], back) }
+}
+
+/// Linear light that a sample sees. `free` is the part of the sky that is not hidden.
+pub(super) fn sample(scene: &Scene, samples: &Samples, index: usize, free: f32) -> [f32; 3] {
+    let (x, y) = ((index % samples.width) as f32 + 0.5, (index / samples.width) as f32 + 0.5);
+    let id = samples.seen[index];
+    if id == NOTHING {
+        return background(scene, x, y, samples.seen.len() as f32 / samples.width as f32);
+    }
+    if id & LINE != 0 {
+        return scene.lines[(id & !LINE) as usize].color;
+    }
+    let (layer, t) = scene.triangle(id);
+    let (n, back) = facing_normal(layer, t, &at(layer, t, x, y));
+    if back && layer.solid {
+        // The cut through a solid: flat, with a fine hatch.
+        let hatch = if ((x + y) / 7.0).rem_euclid(2.0) < 0.4 { 0.62 } else { 0.78 };
+        return layer.color.map(|c| hatch * c);
+    }
+    let mut color = if back { layer.color.map(|c| 0.42 * c + 0.012) } else { layer.color };
+    if let Some(depth) = samples.highlight.get(index) {
+        let below = depth - samples.depth[index];
+        let share = match layer.highlighted[t] {
+            true => 0.92,
+            false if below < SHINES_THROUGH => 0.45 * (1.0 - below / SHINES_THROUGH) + 0.12,
+            false => 0.0,
+        };
+        (0..3).for_each(|k| color[k] += share * (RED[k] - color[k]));
+    }
+    let sky = 0.30 + 0.12 * n[1];
+    let direct: f32 = LIGHTS
+        .iter()
+        .map(|(d, strength)| {
+            // Cloth lights up a little beyond the terminator.
+            let c = (n[0] * d[0] + n[1] * d[1] + n[2] * d[2] + 0.15) / 1.15;
+            strength * c.max(0.0)
+        })
+        .sum();
+    let light = sky * free + direct * (0.35 + 0.65 * free);
+    let rim = 0.05 * (1.0 - n[2]).powi(3) * free;
+    color.map(|c| c * light * 1.12 + rim)
+}
+
+fn background(scene: &Scene, x: f32, y: f32, height: f32) -> [f32; 3] {
+    let s = y / height;
+    let base = [0.90 - 0.10 * s, 0.91 - 0.10 * s, 0.92 - 0.09 * s];
+    let shadow = &scene.shadow;
+    if shadow.radii[0] <= 0.0 || shadow.radii[1] <= 0.0 {
+        return base;
+    }
+    let (u, v) = ((x - shadow.center[0]) / shadow.radii[0], (y - shadow.center[1]) / shadow.radii[1]);
+    let dark = 0.38 * (-(u * u + v * v) * 1.6).exp();
+    base.map(|c| c * (1.0 - dark))
+}

@@ -1,0 +1,159 @@
+//! Which triangle each sample sees.
+
+use crate::render::scene::{Line, Scene};
+use rayon::prelude::*;
+
+/// No triangle.
+pub(super) const NOTHING: u32 = u32::MAX;
+/// Bit that marks the number of a line instead of a triangle.
+pub(super) const LINE: u32 = 1 << 31;
+/// Rows of samples that one task draws.
+const BAND: usize = 32;
+/// Half the width of lines, in samples.
+const LINE_WIDTH: f32 = 2.2;
+/// How far lines stand out before what they are drawn on, in metres.
+const LINE_LIFT: f32 = 0.004;
+
+/// What the samples of a picture see.
+pub(super) struct Samples {
+    /// Samples in a row.
+    pub(super) width: usize,
+    /// Nearest triangle, [`NOTHING`], or a line.
+    pub(super) seen: Vec<u32>,
+    /// How far away it is, in metres; infinite for nothing.
+    pub(super) depth: Vec<f32>,
+    /// How far away the nearest highlighted triangle is; empty where none is highlighted.
+    pub(super) highlight: Vec<f32>,
+}
+
+impl Samples {
+    pub(super) fn new(scene: &Scene, width: usize, height: usize) -> Self {
+        let bands = height.div_ceil(BAND);
+        let mut triangles: Vec<Vec<u32>> = vec![Vec::new(); bands];
+        let rows = |low: f32, high: f32| {
+            let (low, high) = (low.max(0.0) as usize, high.min(height as f32 - 1.0));
+            if high < low as f32 { 0..0 } else { low / BAND..high as usize / BAND + 1 }
+        };
+        for layer in &scene.layers {
+            for (t, tri) in layer.triangles.iter().enumerate() {
+                let y = tri.map(|v| layer.points[v as usize][1]);
+                for band in rows(y[0].min(y[1]).min(y[2]), y[0].max(y[1]).max(y[2])) {
+                    triangles[band].push(layer.first + t as u32);
+                }
+            }
+        }
+        let mut lines: Vec<Vec<u32>> = vec![Vec::new(); bands];
+        for (k, line) in scene.lines.iter().enumerate() {
+            let y = line.ends.map(|p| p[1]);
+            for band in rows(y[0].min(y[1]) - LINE_WIDTH, y[0].max(y[1]) + LINE_WIDTH) {
+                lines[band].push(k as u32);
+            }
+        }
+        let n = width * height;
+        let any = scene.layers.iter().any(|l| l.highlighted.contains(&true));
+        let mut this = Self {
+            width,
+            seen: vec![NOTHING; n],
+            depth: vec![f32::INFINITY; n],
+            highlight: vec![f32::INFINITY; if any { n } else { 0 }],
+        };
+        let chunk = (BAND * width).max(1);
+        let mut highlights: Vec<&mut [f32]> = this.highlight.chunks_mut(chunk).collect();
+        highlights.resize_with(bands, || &mut []);
+        this.seen.par_chunks_mut(chunk).zip(this.depth.par_chunks_mut(chunk)).zip(highlights).enumerate().for_each(
+            |(band, ((seen, depth), highlight))| {
+                let mut target = Band { first: band * BAND, width, seen, depth, highlight };
+                for &id in &triangles[band] {
+                    target.triangle(scene, id);
+                }
+                for &k in &lines[band] {
+                    target.line(&scene.lines[k as usize], k);
+                }
+            },
+        );
+        this
+    }
+}
+
+/// Some rows of the picture.
+struct Band<'a> {
+    first: usize,
+    width: usize,
+    seen: &'a mut [u32],
+    depth: &'a mut [f32],
+    highlight: &'a mut [f32],
+}
+
+impl Band<'_> {
+    /// The rows and columns of this band between the given corners.
+    fn window(&self, low: [f32; 2], high: [f32; 2]) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+        let rows = self.seen.len() / self.width.max(1);
+        let clamp = |v: f32, n: usize| v.clamp(0.0, n as f32) as usize;
+        let first = self.first as f32;
+        let y = clamp((low[1] - 0.5).ceil() - first, rows)..clamp((high[1] - 0.5).floor() + 1.0 - first, rows);
+        let x = clamp((low[0] - 0.5).ceil(), self.width)..clamp((high[0] - 0.5).floor() + 1.0, self.width);
+        (y, x)
+    }
+
+    fn triangle(&mut self, scene: &Scene, id: u32) {
+        let (layer, t) = scene.triangle(id);
+        let [a, b, c] = layer.triangles[t].map(|v| layer.points[v as usize]);
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        if area == 0.0 {
+            return;
+        }
+        let highlighted = layer.highlighted[t];
+        let low = [0, 1].map(|k| a[k].min(b[k]).min(c[k]));
+        let high = [0, 1].map(|k| a[k].max(b[k]).max(c[k]));
+        let (rows, columns) = self.window(low, high);
+        // Barycentric coordinates and depth are linear in x and y.
+        let slope = |p: &[f32; 3], q: &[f32; 3]| [(p[1] - q[1]) / area, (q[0] - p[0]) / area];
+        let (sa, sb) = (slope(&b, &c), slope(&c, &a));
+        for row in rows {
+            let y = (self.first + row) as f32 + 0.5;
+            for column in columns.clone() {
+                let x = column as f32 + 0.5;
+                let wa = sa[0] * (x - c[0]) + sa[1] * (y - c[1]);
+                let wb = sb[0] * (x - c[0]) + sb[1] * (y - c[1]);
+                let wc = 1.0 - wa - wb;
+                if wa < 0.0 || wb < 0.0 || wc < 0.0 {
+                    continue;
+                }
+                let z = wa * a[2] + wb * b[2] + wc * c[2];
+                if scene.cut.is_some_and(|n| n[0] * x + n[1] * y + n[2] * z > n[3]) {
+                    continue;
+                }
+                let at = row * self.width + column;
+                if z < self.depth[at] {
+                    self.depth[at] = z;
+                    self.seen[at] = id;
+                }
+                if highlighted && z < self.highlight[at] {
+                    self.highlight[at] = z;
+                }
+            }
+        }
+    }
+
+    fn line(&mut self, line: &Line, k: u32) {
+        let [a, b] = line.ends;
+        let low = [0, 1].map(|k| a[k].min(b[k]) - LINE_WIDTH);
+        let high = [0, 1].map(|k| a[k].max(b[k]) + LINE_WIDTH);
+        let (rows, columns) = self.window(low, high);
+        let d = [b[0] - a[0], b[1] - a[1]];
+        let length2 = d[0] * d[0] + d[1] * d[1];
+        for row in rows {
+            for column in columns.clone() {
+                let p = [column as f32 + 0.5 - a[0], (self.first + row) as f32 + 0.5 - a[1]];
+                let s = if length2 > 0.0 { ((p[0] * d[0] + p[1] * d[1]) / length2).clamp(0.0, 1.0) } else { 0.0 };
+                let (x, y) = (p[0] - s * d[0], p[1] - s * d[1]);
+                let z = a[2] + s * (b[2] - a[2]) - LINE_LIFT;
+                let at = row * self.width + column;
+                if x * x + y * y <= LINE_WIDTH * LINE_WIDTH && z < self.depth[at] {
+                    self.depth[at] = z;
+                    self.seen[at] = LINE | k;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,198 @@
+//! What `resolve` promises: no intersecting pair and no vertex on a wrong side, as little motion as it
+//! takes, or an error that says what is left.
+
+mod scenes;
+
+use if_core::aabb::Aabb;
+use if_core::math::Point;
+use if_pipeline::mannequin::Garment;
+use if_pipeline::outfit::{Layer, Outfit};
+use if_pipeline::resolve::{ResolveError, ResolveParams, Stage, resolve};
+use if_pipeline::verify::verify;
+use scenes::{assert_clean, assert_clean_or_left, ball_in_tube, flipped, mannequin, moved, resolved};
+use std::ops::ControlFlow;
+
+const LAYERED: [Garment; 4] = [Garment::Tshirt, Garment::Skirt, Garment::Jacket, Garment::Coat];
+
+#[test]
+fn the_built_in_scene_comes_out_clean_and_far_vertices_do_not_move() {
+    let outfit = mannequin(&LAYERED, 1.0);
+    let before = verify(&outfit).unwrap();
+    assert!(before.total_pairs() > 1000 && before.total_inside() > 100, "the scene is too easy: {before:?}");
+    let result = assert_clean(&outfit, resolved(&outfit));
+    for (garment, layer) in outfit.garments.iter().zip(&result.report.layers) {
+        let after = result.outfit.garments.iter().find(|g| g.name == garment.name).unwrap();
+        let moved = garment.mesh.vertices().iter().zip(after.mesh.vertices()).filter(|(a, b)| a != b).count();
+        assert_eq!(moved, layer.moved.vertices);
+        assert!(layer.moved.max < 0.15, "{}: a vertex went {} m", layer.name, layer.moved.max);
+    }
+}
+
+#[test]
+fn what_needs_nothing_is_returned_bit_for_bit() {
+    let outfit = mannequin(&LAYERED, 0.0);
+    assert!(verify(&outfit).unwrap().is_clean(), "the scene hangs cleanly");
+    let result = assert_clean(&outfit, resolved(&outfit));
+    assert_eq!(result.outfit, outfit);
+    assert!(result.report.layers.iter().all(|l| l.rounds == 0 && l.moved.vertices == 0));
+}
+
+#[test]
+fn clean_layers_below_and_above_a_dirty_one_keep_their_bits() {
+    let clean = mannequin(&[Garment::Tshirt, Garment::Jacket], 0.0);
+    // A dent in the skirt's place: the clean jacket hangs over a T-shirt whose hem alone is pushed in.
+    let mut outfit = clean.clone();
+    let low = clean.garments[0].mesh.aabb().min.y;
+    outfit.garments[0].mesh = moved(&clean.garments[0].mesh, |p| {
+        let dip = ((low + 0.04 - p.y) / 0.04).clamp(0.0, 1.0);
+        Point::new(p.x * (1.0 - 0.15 * dip), p.y, p.z * (1.0 - 0.15 * dip))
+    });
+    assert!(!verify(&outfit).unwrap().is_clean());
+    let result = assert_clean(&outfit, resolved(&outfit));
+    assert_ne!(result.outfit.garments[0], outfit.garments[0]);
+    // Against the T-shirt as it is now, is the jacket as it was clean? Then it must not have moved.
+    let mut lower_done = result.outfit.clone();
+    lower_done.garments[1] = outfit.garments[1].clone();
+    if verify(&lower_done).unwrap().is_clean() {
+        assert_eq!(result.outfit.garments[1], outfit.garments[1]);
+    }
+    // The other way round: the T-shirt is clean, the jacket is not.
+    let mut outfit = clean.clone();
+    outfit.garments[1] = mannequin(&[Garment::Jacket], 1.0).garments.remove(0);
+    let result = assert_clean(&outfit, resolved(&outfit));
+    assert_eq!(result.outfit.garments[0], outfit.garments[0]);
+    assert_ne!(result.outfit.garments[1], outfit.garments[1]);
+}
+
+#[test]
+fn vertices_outside_the_boxes_of_all_lower_layers_stay() {
+    // A disc with a hole too small for the ball, and a brim that reaches far beyond its box.
+    let mut outfit = ball_in_tube("brim", 0.29);
+    outfit.garments[0].mesh = moved(&outfit.garments[0].mesh, |p| {
+        let t = (p.y + 0.1) / 0.2;
+        let r = 0.28 + 0.4 * t;
+        Point::new(p.x / 0.29 * r, 0.02 * t, p.z / 0.29 * r)
+    });
+    assert!(!verify(&outfit).unwrap().is_clean());
+    let result = assert_clean(&outfit, resolved(&outfit));
+    let region = outfit.body.mesh.aabb();
+    let (before, after) = (outfit.garments[0].mesh.vertices(), result.outfit.garments[0].mesh.vertices());
+    // A vertex whose triangle reaches into the box is not clear: that triangle may intersect the ball.
+    let mut clear = vec![true; before.len()];
+    for t in outfit.garments[0].mesh.triangles() {
+        let corners = t.map(|v| &before[v as usize]);
+        if Aabb::from_points(corners).overlaps(&region) {
+            t.iter().for_each(|v| clear[*v as usize] = false);
+        }
+    }
+    let outside: Vec<usize> = (0..before.len()).filter(|v| clear[*v]).collect();
+    assert!(outside.len() > 100);
+    for v in outside {
+        assert!((before[v] - after[v]).norm() <= 1e-4, "vertex {v} went {} m", (before[v] - after[v]).norm());
+    }
+}
+
+#[test]
+fn positions_in_single_precision_are_proven_as_they_are_stored() {
+    let mut outfit = mannequin(&[Garment::Tshirt, Garment::Jacket], 1.0);
+    for layer in std::iter::once(&mut outfit.body).chain(&mut outfit.garments) {
+        layer.mesh = moved(&layer.mesh, |p| p.map(|x| f64::from(x as f32)));
+        layer.single_precision = true;
+    }
+    let result = assert_clean(&outfit, resolved(&outfit));
+    for garment in &result.outfit.garments {
+        assert!(garment.mesh.vertices().iter().flat_map(|p| p.iter()).all(|x| f64::from(*x as f32) == *x));
+    }
+}
+
+#[test]
+fn of_two_identical_layers_the_upper_one_gives_way() {
+    let mut outfit = mannequin(&[Garment::Tshirt], 0.0);
+    outfit.garments.push(Layer::new("twin", outfit.garments[0].mesh.clone()));
+    let before = verify(&outfit).unwrap();
+    assert!(before.pairs.iter().any(|p| p.pairs.coplanar >= outfit.garments[0].mesh.triangles().len()));
+    let result = assert_clean(&outfit, resolved(&outfit));
+    assert_eq!(result.outfit.garments[0], outfit.garments[0]);
+}
+
+#[test]
+fn layers_in_the_wrong_order_end_clean_or_with_what_is_left() {
+    let outfit = mannequin(&[Garment::Jacket, Garment::Tshirt], 0.0);
+    assert!(!verify(&outfit).unwrap().is_clean());
+    assert_clean_or_left(&outfit, resolved(&outfit));
+}
+
+#[test]
+fn a_garment_wholly_inside_the_body_comes_out() {
+    let outfit = ball_in_tube("band", 0.26);
+    let before = verify(&outfit).unwrap();
+    assert_eq!((before.total_pairs(), before.total_inside()), (0, outfit.garments[0].mesh.vertices().len()));
+    assert_clean(&outfit, resolved(&outfit));
+}
+
+#[test]
+fn a_garment_with_inverted_winding_comes_out_clean() {
+    let mut outfit = mannequin(&[Garment::Tshirt], 1.0);
+    let turned = flipped(&outfit.garments[0].mesh);
+    outfit.garments[0].mesh = turned;
+    assert_clean(&outfit, resolved(&outfit));
+}
+
+#[test]
+fn the_scene_at_half_and_at_twice_its_size_ends_clean_or_with_what_is_left() {
+    let outfit = mannequin(&[Garment::Tshirt, Garment::Jacket], 1.0);
+    for scale in [0.5, 2.0] {
+        let mut scaled = outfit.clone();
+        for layer in std::iter::once(&mut scaled.body).chain(&mut scaled.garments) {
+            layer.mesh = moved(&layer.mesh, |p| p * scale);
+        }
+        assert_clean_or_left(&scaled, resolved(&scaled));
+    }
+}
+
+#[test]
+fn a_naked_body_is_clean() {
+    let mut outfit = ball_in_tube("band", 0.4);
+    outfit.garments.clear();
+    assert_clean(&outfit, resolved(&outfit));
+}
+
+#[test]
+fn whoever_watches_can_cancel_at_any_time() {
+    let outfit = ball_in_tube("band", 0.295);
+    let mut stages = Vec::new();
+    let result = resolve(&outfit, &ResolveParams::default(), &mut |p| {
+        stages.push(p.stage);
+        ControlFlow::Continue(())
+    });
+    assert_clean(&outfit, result);
+    assert!(stages.contains(&Stage::Verify) && stages.contains(&Stage::Settle) && stages.last() == Some(&Stage::Done));
+    for stop in 0..stages.len() {
+        let mut calls = 0;
+        let result = resolve(&outfit, &ResolveParams::default(), &mut |_| {
+            calls += 1;
+            if calls > stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert_eq!(result.unwrap_err(), ResolveError::Cancelled { layer: "band".into() });
+        assert_eq!(calls, stop + 1, "nothing is told after the break");
+    }
+}
+
+#[test]
+fn no_rounds_at_all_leave_an_error_that_names_the_pairs() {
+    let outfit: Outfit = ball_in_tube("band", 0.295);
+    let params = ResolveParams { rounds: 0, ..ResolveParams::default() };
+    let result = resolve(&outfit, &params, &mut |_| ControlFlow::Continue(()));
+    match &result {
+        Err(ResolveError::Remaining { outer, inner, triangles, .. }) => {
+            assert_eq!((outer.as_str(), inner.as_str()), ("band", "ball"));
+            assert!(!triangles.is_empty());
+        }
+        // A typed refusal of the parameter is as good.
+        Err(ResolveError::Parameter { name, .. }) => assert_eq!(*name, "rounds"),
+        other => panic!("{other:?}"),
+    }
+    if !matches!(result, Err(ResolveError::Parameter { .. })) {
+        assert_clean_or_left(&outfit, result);
+    }
+}
