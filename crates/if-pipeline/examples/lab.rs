@@ -1,1 +1,0 @@
-/work/scratch/lab/lab.rs
