@@ -197,10 +197,11 @@ impl ClosedLayer {
     pub fn sided(&self, p: &Point, reach: Real) -> Option<Sided> {
         let Some(closure) = &self.closure else {
             // Beyond `reach` of a closed surface a point may still be deep inside it.
-            let near = self
-                .bvh
-                .closest(p, reach)
-                .or_else(|| (self.bvh.aabb().contains(p)).then(|| self.bvh.closest(p, Real::INFINITY)).flatten())?;
+            let near = match self.bvh.closest(p, reach) {
+                Some(near) => near,
+                None if self.voxel(p) == Voxel::Outside => return None,
+                None => self.bvh.closest(p, Real::INFINITY)?,
+            };
             let side = self.normals.side(p, &near);
             if side >= 0.0 && near.distance > reach {
                 return None;
@@ -208,8 +209,10 @@ impl ClosedLayer {
             return Some(self.answer(p, &near, side < 0.0, 1.0));
         };
         let voxel = closure.voxels.at(p);
-        let near = match (self.bvh.closest(p, reach), voxel) {
-            (None, Voxel::Outside | Voxel::Core | Voxel::Wall) => return None,
+        // In a wall's voxel the wall is near, unless it is a cap's or the body's.
+        let look = if voxel == Voxel::Wall { reach.max(2.0 * closure.voxels.cell()) } else { reach };
+        let near = match (self.bvh.closest(p, look), voxel) {
+            (None, Voxel::Outside | Voxel::Core) => return None,
             (None, _) => self.bvh.closest(p, Real::INFINITY)?,
             (Some(near), _) => near,
         };
@@ -516,6 +519,22 @@ mod tests {
         let s = layer.sided(&Point::new(0.0, 1.06, 0.118), 0.1).unwrap();
         assert!(s.normal.z > 0.9, "the way out of the pocket leads through the flap: {:?}", s.normal);
         assert!(layer.covered_triangles() > 0);
+    }
+
+    #[test]
+    fn a_vertex_just_inside_is_found_whatever_the_reach() {
+        let mesh = body();
+        let solid = ClosedLayer::body(&mesh);
+        let skirt = lathe(&[(0.32, 0.5), (0.25, 0.7), (0.18, 0.9), (0.12, 1.0)], 64);
+        let layer = ClosedLayer::garment(&skirt, &solid, &mesh);
+        for reach in [0.0, 1e-4, 0.01, 1.0] {
+            let inside = layer.sided(&Point::new(0.0, 0.6, 0.2840), reach);
+            assert!(inside.is_some_and(|s| s.distance < 0.0), "{reach}: {inside:?}");
+            let outside = layer.sided(&Point::new(0.0, 0.6, 0.2865), reach);
+            assert!(outside.is_none_or(|s| s.distance > 0.0), "{reach}: {outside:?}");
+            let in_body = solid.sided(&Point::new(0.0, 0.8, 0.0995), reach);
+            assert!(in_body.is_some_and(|s| s.distance < 0.0));
+        }
     }
 
     #[test]

@@ -3,8 +3,10 @@
 use crate::outfit::{Outfit, OutfitError};
 use crate::report::{LayerReport, Moved, ResolveReport, Skipped, Strain};
 use crate::settle::settle;
-use crate::verify::{against, verify};
+use crate::verify::{against, verify_layers};
+
 use if_core::math::Real;
+use if_mesh::index::Bvh;
 use if_mesh::intersections::{own_pairs, pairs};
 use if_mesh::measure::{displacement, strain};
 use if_mesh::solid::ClosedLayer;
@@ -222,11 +224,11 @@ pub fn resolve(
     params.validate()?;
     outfit.check()?;
     let start = Instant::now();
-    let before = verify(outfit)?;
+    let (before, closed) = verify_layers(outfit);
+    let mut closed = closed.into_iter();
     let mut report = ResolveReport { before, ..Default::default() };
     let mut result = outfit.clone();
-    let body = ClosedLayer::body(&outfit.body.mesh);
-    let mut below: Vec<(String, ClosedLayer)> = vec![(outfit.body.name.clone(), body)];
+    let mut below: Vec<(String, ClosedLayer)> = closed.next().map(|body| (outfit.body.name.clone(), body)).into_iter().collect();
     let layers = outfit.garments.len();
     for (index, garment) in outfit.garments.iter().enumerate() {
         let begun = Instant::now();
@@ -242,11 +244,11 @@ pub fn resolve(
         let settled = settle(garment, &near, params, &mut inform).map_err(|()| cancelled())?;
         let positions = settled.positions;
         let mesh = garment.mesh.with_vertices(positions).expect("settled positions are finite");
-        let closed = ClosedLayer::garment(&mesh, &below[0].1, &outfit.body.mesh);
+        let tree = Bvh::new(&mesh);
         let names: Vec<(&str, &ClosedLayer)> = below.iter().map(|(n, c)| (n.as_str(), c)).collect();
         let verifying = Instant::now();
-        report.after.pairs.extend(against(garment, &mesh, closed.bvh(), &names));
-        let own = own_pairs(&mesh, closed.bvh()).len();
+        report.after.pairs.extend(against(garment, &mesh, &tree, &names));
+        let own = own_pairs(&mesh, &tree).len();
         report.after.own_pairs.push(own);
         report.after.seconds += verifying.elapsed().as_secs_f64();
         let (d, s) = (displacement(garment.mesh.vertices(), mesh.vertices()), strain(&garment.mesh, mesh.vertices()));
@@ -268,25 +270,32 @@ pub fn resolve(
             },
             seconds: begun.elapsed().as_secs_f64(),
         });
+        let as_it_came = closed.next();
+        if index + 1 < layers {
+            let layer = match as_it_came {
+                Some(layer) if moved_vertices == 0 => layer,
+                _ => ClosedLayer::garment(&mesh, &below[0].1, &outfit.body.mesh),
+            };
+            below.push((garment.name.clone(), layer));
+        }
         result.garments[index].mesh = mesh;
-        below.push((garment.name.clone(), closed));
         if tell(Stage::Done, settled.rounds, None).is_break() {
             return Err(cancelled());
         }
     }
     report.seconds = start.elapsed().as_secs_f64();
     let resolved = Resolved { outfit: result, report };
-    if resolved.report.after.is_clean() { Ok(resolved) } else { Err(remaining(resolved, &below)) }
+    if resolved.report.after.is_clean() { Ok(resolved) } else { Err(remaining(resolved)) }
 }
 
 /// The error that names the worst pair of layers.
-fn remaining(resolved: Resolved, closed: &[(String, ClosedLayer)]) -> ResolveError {
+fn remaining(resolved: Resolved) -> ResolveError {
     const NAMED: usize = 16;
     let worst = resolved.report.after.pairs.iter().max_by_key(|p| (p.pairs.total(), p.vertices_inside));
     let (inner, outer) = worst.map(|p| (p.inner.clone(), p.outer.clone())).unwrap_or_default();
-    let find = |name: &str| closed.iter().find(|(n, _)| n == name).map(|(_, c)| c.bvh());
-    let triangles = match (find(&inner), find(&outer)) {
-        (Some(a), Some(b)) => pairs(a, b).iter().take(NAMED).map(|p| [p.a, p.b]).collect(),
+    let tree = |name: &str| resolved.outfit.layers().find(|l| l.name == name).map(|l| Bvh::new(&l.mesh));
+    let triangles = match (tree(&inner), tree(&outer)) {
+        (Some(a), Some(b)) => pairs(&a, &b).iter().take(NAMED).map(|p| [p.a, p.b]).collect(),
         _ => Vec::new(),
     };
     ResolveError::Remaining { outer, inner, triangles, result: Box::new(resolved) }

@@ -109,8 +109,8 @@ pub(crate) fn settle(
     watch: &mut dyn FnMut(usize, bool, Option<usize>) -> ControlFlow<()>,
 ) -> Result<Settled, ()> {
     let mut tree = Bvh::new(&garment.mesh);
-    let given = GivenPairs::new(&garment.mesh, &tree);
-    let input = inspect(&garment.mesh, &tree, below, &given);
+    let mut inspector = Inspector::new(&garment.mesh, &tree, below);
+    let input = inspector.inspect(&garment.mesh, &tree);
     if input.is_clean() {
         return Ok(Settled {
             positions: garment.mesh.vertices().to_vec(),
@@ -148,7 +148,7 @@ pub(crate) fn settle(
         }
         let mesh = garment.mesh.with_vertices(cloth.stored()).expect("the solver keeps positions finite");
         tree.refit(mesh.vertices());
-        state = inspect(&mesh, &tree, below, &given);
+        state = inspector.inspect(&mesh, &tree);
         tree.refit(&cloth.x);
         tracing::debug!(
             garment = garment.name,
@@ -205,14 +205,34 @@ pub(crate) fn settle(
 /// While settling, exact verification looks every so many rounds.
 const CHECK_EVERY: usize = 5;
 
-fn inspect(mesh: &TriMesh, tree: &Bvh, below: &[&ClosedLayer], given: &GivenPairs) -> State {
-    let found = below.iter().enumerate().flat_map(|(j, l)| pairs(l.bvh(), tree).into_iter().map(move |p| (j, p))).collect();
-    let inside = (0..mesh.vertices().len() as u32)
-        .into_par_iter()
-        .with_min_len(256)
-        .filter(|v| below.iter().any(|l| l.sided(&mesh.vertices()[*v as usize], 0.0).is_some_and(|s| s.distance < 0.0)))
-        .collect();
-    State { pairs: found, inside, fresh: given.fresh(mesh, tree) }
+/// Exact verification of one garment, again and again: the side of a vertex that has not moved is not
+/// asked for twice.
+struct Inspector<'a> {
+    below: &'a [&'a ClosedLayer],
+    given: GivenPairs,
+    seen: Vec<Point>,
+    inside: Vec<bool>,
+}
+
+impl<'a> Inspector<'a> {
+    fn new(mesh: &TriMesh, tree: &Bvh, below: &'a [&'a ClosedLayer]) -> Self {
+        let nowhere = Point::new(Real::NAN, Real::NAN, Real::NAN);
+        let n = mesh.vertices().len();
+        Self { below, given: GivenPairs::new(mesh, tree), seen: vec![nowhere; n], inside: vec![false; n] }
+    }
+
+    fn inspect(&mut self, mesh: &TriMesh, tree: &Bvh) -> State {
+        let below = self.below;
+        let found = below.iter().enumerate().flat_map(|(j, l)| pairs(l.bvh(), tree).into_iter().map(move |p| (j, p))).collect();
+        (mesh.vertices(), &mut self.seen, &mut self.inside).into_par_iter().with_min_len(128).for_each(|(p, seen, inside)| {
+            if p != seen {
+                *seen = *p;
+                *inside = below.iter().any(|l| l.sided(p, 0.0).is_some_and(|s| s.distance < 0.0));
+            }
+        });
+        let inside = (0..self.inside.len() as u32).filter(|v| self.inside[*v as usize]).collect();
+        State { pairs: found, inside, fresh: self.given.fresh(mesh, tree) }
+    }
 }
 
 /// The garment as the solver sees it.

@@ -19,20 +19,28 @@ use std::time::Instant;
 /// The outfit is not usable: see [`OutfitError`].
 pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
     outfit.check()?;
-    let body = ClosedLayer::body(&outfit.body.mesh);
-    let mut below = vec![(&outfit.body, body)];
-    let mut verification = Verification::default();
+    Ok(verify_layers(outfit).0)
+}
+
+/// The verification of a checked outfit, and its closed layers: the body, then all garments but the
+/// outermost, which nothing lies over.
+pub(crate) fn verify_layers(outfit: &Outfit) -> (Verification, Vec<ClosedLayer>) {
     let start = Instant::now();
-    for garment in &outfit.garments {
-        let closed = ClosedLayer::garment(&garment.mesh, &below[0].1, &outfit.body.mesh);
-        let inner: Vec<(&str, &ClosedLayer)> = below.iter().map(|(l, c)| (l.name.as_str(), c)).collect();
-        let found = against(garment, &garment.mesh, closed.bvh(), &inner);
-        verification.pairs.extend(found);
-        verification.own_pairs.push(own_pairs(&garment.mesh, closed.bvh()).len());
-        below.push((garment, closed));
+    let body_mesh = &outfit.body.mesh;
+    let mut closed = vec![ClosedLayer::body(body_mesh)];
+    let names: Vec<&str> = outfit.layers().map(|l| l.name.as_str()).collect();
+    let mut verification = Verification::default();
+    for (k, garment) in outfit.garments.iter().enumerate() {
+        let tree = Bvh::new(&garment.mesh);
+        let below: Vec<(&str, &ClosedLayer)> = names.iter().copied().zip(&closed).collect();
+        verification.pairs.extend(against(garment, &garment.mesh, &tree, &below));
+        verification.own_pairs.push(own_pairs(&garment.mesh, &tree).len());
+        if k + 1 < outfit.garments.len() {
+            closed.push(ClosedLayer::garment(&garment.mesh, &closed[0], body_mesh));
+        }
     }
     verification.seconds = start.elapsed().as_secs_f64();
-    Ok(verification)
+    (verification, closed)
 }
 
 /// `outer`, with the positions of `mesh`, against the layers `below`.
