@@ -142,7 +142,8 @@ impl Voxels {
         let mut index = 0;
         let mut stride = 1;
         for k in 0..3 {
-            let c = ((p[k] - self.origin[k]) / self.cell).floor();
+            // Truncation is the floor of what is not negative, without a call.
+            let c = (p[k] - self.origin[k]) / self.cell;
             if !(c >= 0.0 && c < self.dims[k] as Real) {
                 return Voxel::Outside;
             }
