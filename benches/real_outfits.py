@@ -1,0 +1,67 @@
+#!/usr/bin/env python3
+"""`ifg fix` on every outfit of the test data, judged by the independent referee.
+
+    benches/real_outfits.py --ifg target/release/ifg --data ../shared/data [--referee ../shared/tools/referee.py --python PY]
+                            [--out out/real] [--only o1 o3] [--threads 2] [-- extra arguments of ifg fix]
+
+Prints, for each outfit: wall time of the whole command, pairs and vertices inside before and after by our count, the
+referee's pairs after (and before), and for each layer what moved, strain and own pairs. Needs Python 3.9; the referee
+needs numpy, scipy, libigl and meshio in PY.
+"""
+import argparse, json, os, subprocess, sys, time
+
+
+def main():
+    argv, extra = sys.argv[1:], []
+    if "--" in argv:
+        argv, extra = argv[: argv.index("--")], argv[argv.index("--") + 1:]
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("--ifg", default="target/release/ifg")
+    p.add_argument("--data", default="../shared/data")
+    p.add_argument("--referee")
+    p.add_argument("--python", default=sys.executable)
+    p.add_argument("--out", default="out/real")
+    p.add_argument("--only", nargs="*")
+    a = p.parse_args(argv)
+    total, bad = 0.0, 0
+    for body in ("body_a", "body_b"):
+        folder = os.path.join(a.data, body)
+        for name, outfit in json.load(open(os.path.join(folder, "outfits.json"))).items():
+            if a.only and not any(name.startswith(o) for o in a.only):
+                continue
+            garments = [os.path.join(folder, "garments", g + ".ply") for g in outfit["layers_inner_to_outer"]]
+            skin = os.path.join(folder, "body_clean.ply")
+            out = os.path.join(a.out, name)
+            start = time.time()
+            run = subprocess.run([a.ifg, "fix", "--json", "--body", skin, *garments, "--out", out, *extra], capture_output=True, text=True)
+            seconds = time.time() - start
+            total += seconds
+            try:
+                report = json.loads(run.stdout)
+            except json.JSONDecodeError:
+                print(f"{name}: exit {run.returncode}\n{run.stderr}")
+                bad += 1
+                continue
+            report = report.get("report", report)
+            sums = lambda v: (sum(sum(q["pairs"].values()) for q in v["pairs"]), sum(q["vertices_inside"] for q in v["pairs"]))
+            before, after = sums(report["before"]), sums(report["after"])
+            line = f"{name:26} {seconds:6.2f} s  pairs {before[0]:6} -> {after[0]}  inside {before[1]:5} -> {after[1]}"
+            if a.referee and run.returncode == 0:
+                judge = os.path.join(out, "referee.json")
+                outputs = [os.path.join(out, os.path.basename(g)) for g in garments]
+                subprocess.run([a.python, a.referee, "--body", skin, "--after", *outputs, "--before", *garments, "--json", judge], capture_output=True)
+                found = json.load(open(judge))
+                inside = sum(r["vertices_inside"]["inside"] for r in found["pairs"])
+                line += f"  referee {sum(r['before'] for r in found['pairs'])} -> {found['total_pairs']}, its pseudo-normal side test {inside}"
+                bad += found["total_pairs"] != 0
+            bad += run.returncode != 0
+            print(line, flush=True)
+            for layer in report["layers"]:
+                m, s = layer["moved"], layer["strain"]
+                print(f"    {layer['name']:16} moved {m['mean']*1e3:6.2f} / {m['p95']*1e3:6.2f} / {m['max']*1e3:6.1f} mm   strain {s['rms']*1e2:5.2f} / {s['p99']*1e2:5.2f} / {s['max']*1e2:4.0f} %   own {layer['own_pairs'][0]} -> {layer['own_pairs'][1]}")
+    print(f"total {total:.1f} s, {bad} not clean")
+    sys.exit(1 if bad else 0)
+
+
+if __name__ == "__main__":
+    main()
