@@ -83,6 +83,9 @@ const CELL: Real = 1.0 / 420.0;
 const SHADOW: Real = 1.0 / 34.0;
 /// Looks along a normal for a free voxel at these multiples of a voxel.
 const PROBES: [Real; 5] = [0.8, 1.2, 1.7, 2.2, 2.8];
+/// A wall's voxel further than this many cells from the garment's triangles is a wall of something
+/// else: its diagonal is 1.73.
+const NOT_OURS: Real = 1.8;
 /// Curtains reach this far, as a share of the body's height; a loop further away keeps its cap only.
 const CURTAIN: Real = 0.25;
 
@@ -223,6 +226,9 @@ impl ClosedLayer {
             Voxel::Outside => false,
             // Inside the body, and beyond where this layer ends: no matter of this layer.
             Voxel::Core if boundary => false,
+            // A wall of the body or of a cap: this layer does not come near, so the side is that of the
+            // voxels round about.
+            Voxel::Wall if near.distance > NOT_OURS * closure.voxels.cell() => closure.voxels.around(p) == Voxel::Inside,
             Voxel::Wall if boundary => self.beyond_boundary(p, &near, closure),
             Voxel::Wall | Voxel::Core => !closure.outside[near.triangle as usize][usize::from(side < 0.0)],
         };

@@ -153,6 +153,21 @@ impl Voxels {
         self.states[index]
     }
 
+    /// What the 26 voxels round that of `p` say: [`Voxel::Outside`] where any is, else
+    /// [`Voxel::Inside`] where any is inside or filled, else [`Voxel::Wall`].
+    pub fn around(&self, p: &Point) -> Voxel {
+        let mut found = Voxel::Wall;
+        for k in 0..27 {
+            let step = Vector::new((k % 3) as Real - 1.0, (k / 3 % 3) as Real - 1.0, (k / 9) as Real - 1.0);
+            match self.at(&(p + step * self.cell)) {
+                Voxel::Outside => return Voxel::Outside,
+                Voxel::Inside | Voxel::Filled => found = Voxel::Inside,
+                Voxel::Wall | Voxel::Core => {}
+            }
+        }
+        found
+    }
+
     /// How many voxels are [outside, inside, walls, filled, core].
     pub fn counts(&self) -> [usize; 5] {
         let mut counts = [0; 5];
