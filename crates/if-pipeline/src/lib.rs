@@ -1,4 +1,31 @@
 //! Layered outfits made intersection-free, and proven so: the façade of if-garments.
+//!
+//! An [`outfit::Outfit`] is a closed body and its garments, inner to outer. [`resolve::resolve`]
+//! settles one garment after the other over all that lies below it, moves as little as it can, and
+//! returns the outfit only when exact predicates find no intersecting triangles between its layers;
+//! else it returns an error that names those left. [`verify::verify`] only looks. What was found
+//! and done is in [`report`].
+//!
+//! [`mannequin`] makes an outfit to try this on, [`render`] draws one, and [`baselines`] holds the
+//! simpler methods that `resolve` is measured against.
+//!
+//! # Examples
+//!
+//! A T-shirt that goes through the body, before and after:
+//!
+//! ```
+//! use if_pipeline::{mannequin, outfit::{Layer, Outfit}, resolve::{ResolveParams, resolve}, verify::verify};
+//! use std::ops::ControlFlow;
+//!
+//! let scene = mannequin::MannequinParams { resolution: 0.7, ..Default::default() };
+//! let tshirt = mannequin::garment(mannequin::Garment::Tshirt, &scene);
+//! let outfit = Outfit::new(Layer::new("body", mannequin::body(&scene)), vec![Layer::new("tshirt", tshirt)])?;
+//! assert!(!verify(&outfit)?.is_clean());
+//!
+//! let resolved = resolve(&outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(()))?;
+//! assert!(verify(&resolved.outfit)?.is_clean());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod baselines;
 mod contacts;
@@ -12,3 +39,8 @@ pub mod report;
 pub mod resolve;
 mod settle;
 pub mod verify;
+
+/// The example in the project's README is a test.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct Readme;
