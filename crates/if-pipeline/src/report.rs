@@ -140,3 +140,15 @@ pub struct ResolveReport {
     /// Wall time, in seconds.
     pub seconds: Real,
 }
+
+impl ResolveReport {
+    /// How many more own intersections the garments have than they came with.
+    pub fn new_own_pairs(&self) -> usize {
+        self.layers.iter().map(|l| l.own_pairs[1].saturating_sub(l.own_pairs[0])).sum()
+    }
+
+    /// Whether what is returned is clean, and no garment intersects itself more than it did.
+    pub fn is_proven(&self) -> bool {
+        self.after.is_clean() && self.new_own_pairs() == 0
+    }
+}

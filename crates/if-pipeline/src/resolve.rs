@@ -188,8 +188,9 @@ pub enum ResolveError {
     },
     /// Intersections are left.
     #[error(
-        "{} intersecting triangle pairs and {} vertices on a wrong side are left; the worst is `{}` over `{}`",
-        result.report.after.total_pairs(), result.report.after.total_inside(), outer, inner
+        "{} intersecting triangle pairs, {} vertices on a wrong side and {} new intersections of a garment with itself \
+         are left; the worst is `{}` over `{}`",
+        result.report.after.total_pairs(), result.report.after.total_inside(), result.report.new_own_pairs(), outer, inner
     )]
     Remaining {
         /// The layer above of the worst pair of layers.
@@ -285,7 +286,7 @@ pub fn resolve(
     }
     report.seconds = start.elapsed().as_secs_f64();
     let resolved = Resolved { outfit: result, report };
-    if resolved.report.after.is_clean() { Ok(resolved) } else { Err(remaining(resolved)) }
+    if resolved.report.is_proven() { Ok(resolved) } else { Err(remaining(resolved)) }
 }
 
 /// The error that names the worst pair of layers.
