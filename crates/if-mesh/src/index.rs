@@ -459,7 +459,7 @@ mod tests {
             let got = bvh.closest(&p, Real::INFINITY).unwrap();
             approx::assert_relative_eq!(got.distance, all, epsilon = 1e-14);
             approx::assert_relative_eq!((got.point - p).norm(), all, epsilon = 1e-14);
-            assert_eq!(bvh.closest(&p, all * 0.999).is_some(), false);
+            assert!(bvh.closest(&p, all * 0.999).is_none());
             assert!(bvh.closest(&p, all * 1.001 + 1e-12).is_some());
         }
     }
