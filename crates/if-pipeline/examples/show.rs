@@ -7,6 +7,8 @@
 //!
 //! Views: front, three-quarter, back, and the left half cut away. Intersecting triangles are red.
 
+#![allow(clippy::print_stdout)] // a program for the terminal
+
 use if_core::aabb::Aabb;
 use if_core::intersect::{Contact, triangles};
 use if_core::mesh::TriMesh;
