@@ -507,7 +507,8 @@ mod tests {
         let mesh = sheet(20);
         let bvh = Bvh::new(&mesh);
         let to = |p: &Point| parry3d_f64::math::Vector::new(p.x, p.y, p.z);
-        let theirs = parry3d_f64::shape::TriMesh::new(mesh.vertices().iter().map(to).collect(), mesh.triangles().to_vec()).unwrap();
+        let theirs =
+            parry3d_f64::shape::TriMesh::new(mesh.vertices().iter().map(to).collect(), mesh.triangles().to_vec()).unwrap();
         for p in points(300) {
             let d = theirs.distance_to_local_point(to(&p), false);
             approx::assert_relative_eq!(bvh.closest(&p, Real::INFINITY).unwrap().distance, d, epsilon = 1e-12);
@@ -540,7 +541,8 @@ mod tests {
             .collect();
         assert_eq!(got, all);
 
-        let other = mesh.with_vertices(mesh.vertices().iter().map(|p| Point::new(p.x + 0.03, p.y - 0.02, -p.z)).collect()).unwrap();
+        let other =
+            mesh.with_vertices(mesh.vertices().iter().map(|p| Point::new(p.x + 0.03, p.y - 0.02, -p.z)).collect()).unwrap();
         let other_bvh = Bvh::new(&other);
         let mut pairs = bvh.overlapping_pairs(&other_bvh, |a, _, b, _| Some((a, b)));
         pairs.sort_unstable();
