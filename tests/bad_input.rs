@@ -143,7 +143,6 @@ fn refusal(change: impl Fn(&mut ResolveParams)) -> Option<&'static str> {
 }
 
 #[test]
-#[ignore = "resolve does not check its parameters yet"]
 fn parameters_that_are_not_numbers_or_negative_are_refused_by_name() {
     type Set = fn(&mut ResolveParams, Real);
     let parameters: [(&str, Set); 13] = [
