@@ -1,0 +1,4 @@
+//! Neural fields on CPUs: the canonical signed distance field and the deformation of *IF-Garments*
+//! (supplement, Appendix E), fitted and evaluated by fused kernels, without a GPU.
+
+pub mod trainable;
