@@ -2,7 +2,9 @@
 //! meshes, the closed clothed-body field, and measures.
 
 pub mod atomic;
+pub mod attributes;
 pub mod baked;
+pub mod cleanup;
 pub mod file;
 pub mod index;
 pub mod intersections;
