@@ -3,15 +3,15 @@
 use std::time::{Duration, Instant};
 
 /// What a call takes.
-pub struct Timing {
+pub(crate) struct Timing {
     /// Least seconds of a call on the clock.
-    pub least: f64,
+    pub(crate) least: f64,
     /// Mean CPU seconds of a call, all threads together; not a number where `/proc` is missing.
-    pub cpu: f64,
+    pub(crate) cpu: f64,
 }
 
 /// Calls `work` once unmeasured and then for `time`.
-pub fn measure(time: Duration, mut work: impl FnMut()) -> Timing {
+pub(crate) fn measure(time: Duration, mut work: impl FnMut()) -> Timing {
     work();
     let (begin, cpu) = (Instant::now(), cpu_seconds());
     let (mut least, mut calls) = (f64::INFINITY, 0);
@@ -25,7 +25,7 @@ pub fn measure(time: Duration, mut work: impl FnMut()) -> Timing {
 }
 
 /// CPU seconds of this process, in ticks of a hundredth.
-pub fn cpu_seconds() -> f64 {
+pub(crate) fn cpu_seconds() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let after = stat.rsplit(')').next().unwrap_or_default();
     let ticks = |field: usize| -> Option<f64> { after.split_whitespace().nth(field).and_then(|text| text.parse().ok()) };
