@@ -3,9 +3,12 @@
 
 pub mod deformation;
 pub mod encoding;
+pub mod frozen;
 mod init;
+pub mod kernel;
 pub mod mlp;
 pub mod reference;
 pub mod reference_deformation;
 pub mod sdf;
+mod step;
 pub mod trainable;
