@@ -5,6 +5,7 @@
 mod checkpoint;
 pub(crate) mod distance_image;
 mod evidence;
+mod fair;
 mod observe;
 mod params;
 mod progress;

@@ -63,8 +63,7 @@ mod tests {
     #[test]
     fn a_ball_before_a_camera_shows_its_near_side_as_a_disc() {
         let ball = meshes::icosphere(0.5, 4);
-        let camera =
-            Camera::looking_at((64, 64), &Point::new(0.0, 0.0, 3.0), &Point::origin(), &Vector::y(), 0.5).unwrap();
+        let camera = Camera::looking_at((64, 64), &Point::new(0.0, 0.0, 3.0), &Point::origin(), &Vector::y(), 0.5).unwrap();
         let points: Vec<Point> = ball.vertices().iter().map(|p| camera.to_camera(p)).collect();
         let seen = nearest_triangles(&camera, &points, ball.triangles());
         let normals = ball.face_normals();
