@@ -14,7 +14,6 @@ mod params;
 mod progress;
 mod refine;
 mod report;
-mod seen;
 mod surface;
 
 pub use canonical::{carried_weights, largest_piece};

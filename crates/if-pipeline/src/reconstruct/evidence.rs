@@ -2,13 +2,13 @@
 
 use super::observe::Observation;
 use super::report::Pixels;
-use super::seen::{NOTHING, nearest_triangles};
 use crate::skin_weights::SkinWeights;
 use crate::skinning::{Affine, blends, pose_points};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_mesh::camera::Camera;
+use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
 use rayon::prelude::*;
 
 /// Cosine between a seen normal and the surface's below which they are not of one place. Between 0 and 0.4 the result
@@ -101,9 +101,11 @@ struct Figure<'a> {
 impl<'a> Figure<'a> {
     fn new(mesh: &'a TriMesh, edges: &'a Edges, skin: &SkinWeights, camera: &'a Camera, frame: &Observation) -> Self {
         let maps = blends(skin, &frame.transforms);
-        let points: Vec<Point> = pose_points(mesh.vertices(), &maps).iter().map(|p| camera.to_camera(p)).collect();
-        let seen = nearest_triangles(camera, &points, mesh.triangles());
-        Self { mesh, edges, camera, maps, points, seen }
+        let world = pose_points(mesh.vertices(), &maps);
+        let mut buffer = IdBuffer::default();
+        Rasteriser::default().look(mesh, &world, camera, &RasterParams::default(), &mut buffer);
+        let points = world.iter().map(|p| camera.to_camera(p)).collect();
+        Self { mesh, edges, camera, maps, points, seen: buffer.triangle }
     }
 
     fn glance(&self, frame: &Observation, vertex_normals: &[Vector], face_normals: &[Vector], reach: Real) -> Glance {

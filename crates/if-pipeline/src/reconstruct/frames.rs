@@ -50,7 +50,13 @@ pub enum FramesError {
 /// # Panics
 ///
 /// If there is not one record of weights, or not one offset, for each vertex.
-pub fn posed(mesh: &TriMesh, skin: &SkinWeights, skeleton: &Skeleton, pose: &Pose, offsets: &[Vector]) -> Result<Vec<Point>, PoseError> {
+pub fn posed(
+    mesh: &TriMesh,
+    skin: &SkinWeights,
+    skeleton: &Skeleton,
+    pose: &Pose,
+    offsets: &[Vector],
+) -> Result<Vec<Point>, PoseError> {
     let maps = blends(skin, &skeleton.transforms(pose)?);
     if offsets.is_empty() {
         return Ok(pose_points(mesh.vertices(), &maps));
