@@ -28,16 +28,22 @@
 //! ```
 
 pub mod baselines;
+pub mod capture;
 mod contacts;
 pub mod mannequin;
 pub mod outfit;
 mod own;
 mod parting;
 mod reach;
+pub mod reconstruct;
 pub mod render;
 pub mod report;
 pub mod resolve;
 mod settle;
+pub mod skeleton;
+pub mod skin_weights;
+pub mod skinning;
+pub mod template;
 pub mod verify;
 
 /// The example in the project's README is a test.
