@@ -81,7 +81,7 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
     let attributes = VertexAttributes::new(mesh.vertices().len(), std::mem::take(&mut ply.vertex_properties))
         .map_err(|source| CleanError::Attributes { path: args.file.clone(), source })?;
     let params = params(args, body.as_ref().map(MeshFile::mesh), ply.coordinates == CoordinateType::Float);
-    let say = &mut |step| {
+    let say = &mut |step: Step| {
         line.say(match step {
             Step::Manifold => "making it manifold",
             Step::Components => "removing isolated elements",

@@ -45,7 +45,7 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
         (m.split_vertices, "vertices split off bow-ties"),
         (m.unused_vertices, "unused vertices dropped"),
     ]);
-    steps.add_row(vec!["manifold", &manifold]);
+    steps.add_row([Cell::new("manifold"), Cell::new(manifold)]);
     let c = &report.components;
     let area = |parts: &[Component]| parts.iter().map(|p| p.area).sum::<f64>() * 1e4;
     let parts = match c.dropped.len() {
@@ -54,7 +54,7 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
             format!("{} dropped ({:.2} cm2), {} kept ({:.0} cm2)", count(n), area(&c.dropped), count(c.kept.len()), area(&c.kept))
         }
     };
-    steps.add_row(vec!["isolated elements", &parts]);
+    steps.add_row([Cell::new("isolated elements"), Cell::new(parts)]);
     let h = &report.holes;
     let added: usize = h.filled.iter().map(|f| f.triangles).sum();
     let filled = format!(
@@ -65,7 +65,7 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
         count(h.left.len()),
         count(h.openings.len())
     );
-    steps.add_row(vec!["holes", &filled]);
+    steps.add_row([Cell::new("holes"), Cell::new(filled)]);
     let s = &report.smoothing;
     let smoothed = told(&[
         (s.loops.iter().filter(|l| l.passes > 0).count(), "loops smoothed"),
@@ -74,9 +74,9 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
         (s.moved, "vertices moved"),
         (s.held_back, "held back"),
     ]);
-    steps.add_row(vec!["boundary".to_owned(), format!("{smoothed}; at most {} mm", millimetres(s.farthest))]);
+    steps.add_row([Cell::new("boundary"), Cell::new(format!("{smoothed}; at most {} mm", millimetres(s.farthest)))]);
     let size = format!("{} -> {} triangles", count(report.before.triangles), count(report.after.triangles));
-    steps.add_row(vec!["in all", &size]);
+    steps.add_row([Cell::new("in all"), Cell::new(size)]);
 
     let mut loops = new_table(&["loop", "edges", "length cm", "after", "at x, y, z m", "result"], 1, colour);
     let at = |c: [f64; 3]| format!("{:.2}, {:.2}, {:.2}", c[0], c[1], c[2]);
