@@ -1,4 +1,21 @@
 //! Neural fields on CPUs: the canonical signed distance field and the deformation of *IF-Garments*
 //! (supplement, Appendix E), fitted and evaluated by fused kernels, without a GPU.
 
+#[cfg(feature = "train")]
+pub mod accuracy;
+#[cfg(feature = "train")]
+pub mod adam;
+#[cfg(feature = "train")]
+pub mod cloud;
+pub mod field;
+#[cfg(feature = "train")]
+pub mod fit;
+pub mod frame;
+pub mod grid;
+#[cfg(feature = "train")]
+pub mod loss;
+#[cfg(feature = "train")]
+pub mod sampling;
+#[cfg(feature = "train")]
+pub mod schedule;
 pub mod trainable;
