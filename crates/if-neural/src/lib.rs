@@ -7,15 +7,22 @@ pub mod accuracy;
 pub mod adam;
 #[cfg(feature = "train")]
 pub mod cloud;
+pub mod deformation;
+pub mod encoding;
 pub mod field;
 #[cfg(feature = "train")]
 pub mod fit;
 pub mod frame;
 pub mod grid;
+mod init;
 #[cfg(feature = "train")]
 pub mod loss;
+pub mod mlp;
+pub mod reference;
+pub mod reference_deformation;
 #[cfg(feature = "train")]
 pub mod sampling;
 #[cfg(feature = "train")]
 pub mod schedule;
+pub mod sdf;
 pub mod trainable;
