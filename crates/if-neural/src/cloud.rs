@@ -30,7 +30,9 @@ pub enum CloudError {
         normals: usize,
     },
     /// A point or a normal is NaN, infinite or zero.
-    #[error("point {index} at {point} has the normal {normal}: the point must be finite and the normal other than zero; leave it out")]
+    #[error(
+        "point {index} at {point} has the normal {normal}: the point must be finite and the normal other than zero; leave it out"
+    )]
     NotOriented {
         /// Which.
         index: usize,
@@ -244,9 +246,7 @@ fn build(points: &[Point], order: &mut [u32], (from, to): (usize, usize), nodes:
     let size = Aabb::from_points(order.iter().map(|i| &points[*i as usize])).size();
     let axis = size.imax();
     let middle = order.len() / 2;
-    order.select_nth_unstable_by(middle, |a, b| {
-        points[*a as usize][axis].total_cmp(&points[*b as usize][axis]).then(a.cmp(b))
-    });
+    order.select_nth_unstable_by(middle, |a, b| points[*a as usize][axis].total_cmp(&points[*b as usize][axis]).then(a.cmp(b)));
     nodes[at].axis = axis as u8;
     nodes[at].split = points[order[middle] as usize][axis];
     let (first, second) = order.split_at_mut(middle);

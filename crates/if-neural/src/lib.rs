@@ -18,6 +18,7 @@ mod init;
 #[cfg(feature = "train")]
 pub mod loss;
 pub mod mlp;
+pub mod network;
 pub mod reference;
 pub mod reference_deformation;
 #[cfg(feature = "train")]
@@ -25,4 +26,6 @@ pub mod sampling;
 #[cfg(feature = "train")]
 pub mod schedule;
 pub mod sdf;
+#[cfg(feature = "train")]
+pub mod target;
 pub mod trainable;

@@ -82,7 +82,9 @@ pub enum SamplingError {
         sample: FieldSample,
     },
     /// No surface was found.
-    #[error("only {found} of {wanted} points on the surface were found in the box of the target: it has no zero set there, or next to none")]
+    #[error(
+        "only {found} of {wanted} points on the surface were found in the box of the target: it has no zero set there, or next to none"
+    )]
     NoSurface {
         /// Points found.
         found: usize,
@@ -128,6 +130,11 @@ impl SamplingParams {
             }
         }
         Ok(())
+    }
+
+    /// The width over which noise of `cloud` is averaged, in metres.
+    pub(crate) fn smoothing_of(&self, cloud: &OrientedPoints) -> Real {
+        self.smoothing.unwrap_or(1.5 * cloud.spacing())
     }
 
     fn frame(&self, aabb: &if_core::aabb::Aabb) -> Result<Frame, FrameError> {
@@ -196,7 +203,7 @@ impl TrainingSet {
     pub fn of_points(cloud: &OrientedPoints, params: &SamplingParams) -> Result<Self, SamplingError> {
         params.validate()?;
         let frame = params.frame(&cloud.aabb())?;
-        let smoothing = params.smoothing.unwrap_or(1.5 * cloud.spacing());
+        let smoothing = params.smoothing_of(cloud);
         let mut random = params.random(1);
         let near: Vec<Point> = (0..params.near)
             .map(|k| {

@@ -65,12 +65,9 @@ fn a_fit_that_was_interrupted_has_the_bits_of_one_that_was_not() {
 fn it_stops_at_an_accuracy_and_at_a_time() {
     let set = set();
     let mut field = grid();
-    let mut fit = Fit::new(FitParams {
-        accuracy: Some(0.01),
-        schedule: Schedule { rate: 0.02, ..Schedule::default() },
-        ..params(2000)
-    })
-    .unwrap();
+    let mut fit =
+        Fit::new(FitParams { accuracy: Some(0.01), schedule: Schedule { rate: 0.02, ..Schedule::default() }, ..params(2000) })
+            .unwrap();
     let report = fit.run(&mut field, &set, &mut |_| ControlFlow::Continue(())).unwrap();
     assert_eq!(report.ended, Ended::Accuracy);
     assert!(report.steps < 2000 && report.error.mean < 0.015, "{report:?}");

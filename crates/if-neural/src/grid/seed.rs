@@ -64,7 +64,8 @@ impl GridField {
     fn near_surface(&self, l: usize) -> Vec<usize> {
         let level = self.levels[l];
         let bricks = level.side.div_ceil(BRICK);
-        let middle = |b: [usize; 3]| b.map(|x| (x * BRICK) as f32 + 0.5 * (BRICK as f32 - 1.0)).map(|i| (i - 1.0) * level.cell - 1.0);
+        let middle =
+            |b: [usize; 3]| b.map(|x| (x * BRICK) as f32 + 0.5 * (BRICK as f32 - 1.0)).map(|i| (i - 1.0) * level.cell - 1.0);
         let split = |b: usize| [b % bricks, b / bricks % bricks, b / bricks / bricks];
         let middles: Vec<[f32; 3]> = (0..bricks.pow(3)).map(|b| middle(split(b))).collect();
         let mut values = vec![0.0; middles.len()];
