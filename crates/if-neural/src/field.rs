@@ -1,6 +1,9 @@
 //! A network as a signed distance field in metres.
 
 use crate::frame::Frame;
+use crate::frozen::FrozenMlp;
+use crate::grid::GridField;
+use crate::network::Network;
 use crate::trainable::{Sample32, TrainableField};
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
@@ -14,11 +17,53 @@ pub trait Samples32: Sync {
     ///
     /// If `out` is not as long as `points`.
     fn samples32(&self, points: &[[f32; 3]], out: &mut [Sample32]);
+
+    /// φ alone, the same bits.
+    ///
+    /// # Panics
+    ///
+    /// If `out` is not as long as `points`.
+    fn values32(&self, points: &[[f32; 3]], out: &mut [f32]) {
+        assert_eq!(points.len(), out.len(), "one output for each point");
+        let mut samples = vec![Sample32::default(); points.len()];
+        self.samples32(points, &mut samples);
+        out.iter_mut().zip(&samples).for_each(|(o, s)| *o = s.value);
+    }
 }
 
-impl<F: TrainableField> Samples32 for F {
+impl Samples32 for GridField {
     fn samples32(&self, points: &[[f32; 3]], out: &mut [Sample32]) {
         TrainableField::samples32(self, points, out);
+    }
+}
+
+impl Samples32 for FrozenMlp {
+    fn samples32(&self, points: &[[f32; 3]], out: &mut [Sample32]) {
+        self.samples(points, out);
+    }
+    fn values32(&self, points: &[[f32; 3]], out: &mut [f32]) {
+        self.values(points, out);
+    }
+}
+
+impl Samples32 for Network {
+    fn samples32(&self, points: &[[f32; 3]], out: &mut [Sample32]) {
+        TrainableField::samples32(self, points, out);
+    }
+    fn values32(&self, points: &[[f32; 3]], out: &mut [f32]) {
+        match self {
+            Network::Grid(grid) => grid.values32(points, out),
+            Network::Sdf(sdf) => sdf.frozen().values(points, out),
+        }
+    }
+}
+
+impl<N: Samples32> Samples32 for &N {
+    fn samples32(&self, points: &[[f32; 3]], out: &mut [Sample32]) {
+        (**self).samples32(points, out);
+    }
+    fn values32(&self, points: &[[f32; 3]], out: &mut [f32]) {
+        (**self).values32(points, out);
     }
 }
 
@@ -195,7 +240,9 @@ fn length(s: &Sample32) -> f64 {
 
 impl<N: Samples32> SignedDistance for NeuralField<N> {
     fn distance(&self, p: &Point) -> Real {
-        self.sample(p).distance
+        let mut out = [0.0];
+        self.network.values32(&[self.unit(p)], &mut out);
+        self.in_metres(p, &Sample32 { value: out[0], gradient: [0.0; 3] }).distance
     }
 
     fn sample(&self, p: &Point) -> FieldSample {
@@ -208,10 +255,10 @@ impl<N: Samples32> SignedDistance for NeuralField<N> {
         assert_eq!(points.len(), out.len(), "one output for each point");
         for (points, out) in points.chunks(BATCH).zip(out.chunks_mut(BATCH)) {
             let units: Vec<[f32; 3]> = points.iter().map(|p| self.unit(p)).collect();
-            let mut samples = vec![Sample32::default(); units.len()];
-            self.network.samples32(&units, &mut samples);
-            for ((p, s), o) in points.iter().zip(&samples).zip(out) {
-                *o = self.in_metres(p, s).distance;
+            let mut values = vec![0.0; units.len()];
+            self.network.values32(&units, &mut values);
+            for ((p, value), o) in points.iter().zip(values).zip(out) {
+                *o = self.in_metres(p, &Sample32 { value, gradient: [0.0; 3] }).distance;
             }
         }
     }
@@ -241,7 +288,7 @@ impl<N: Samples32> SignedDistance for NeuralField<N> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::{GridConfig, GridField};
+    use crate::grid::GridConfig;
     use if_core::conformance::{FieldTolerances, check_signed_distance};
 
     fn ball() -> NeuralField<GridField> {

@@ -41,7 +41,8 @@ impl Normal {
 ///
 /// # Accuracy
 ///
-/// With β = 100 the mean of |∇φ| is 0.87 to 1.01 and φ(0) is −0.15 to −0.18, not −radius.
+/// With β = 100 and radius 0.6, over four seeds: 512 wide the mean of |∇φ| in [−1, 1]³ is 0.91 to
+/// 1.03 and φ(0) −0.15 to −0.20, not −radius; 256 wide 0.85 to 1.16 and −0.24 to −0.33.
 pub(crate) fn geometric(config: &SdfConfig, layout: &Layout, seed: u64) -> Vec<f32> {
     let mut normal = Normal::seeded(seed);
     let mut theta = vec![0.0_f32; layout.parameters];

@@ -13,8 +13,10 @@ pub mod field;
 #[cfg(feature = "train")]
 pub mod fit;
 pub mod frame;
+pub mod frozen;
 pub mod grid;
 mod init;
+pub mod kernel;
 #[cfg(feature = "train")]
 pub mod loss;
 pub mod mlp;
@@ -26,6 +28,7 @@ pub mod sampling;
 #[cfg(feature = "train")]
 pub mod schedule;
 pub mod sdf;
+mod step;
 #[cfg(feature = "train")]
 pub mod target;
 pub mod trainable;
