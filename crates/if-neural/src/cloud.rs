@@ -1,5 +1,7 @@
 //! Oriented points, such as a scan's vertices and normals, and what they say about the distance.
 
+mod winding;
+
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 
@@ -66,6 +68,8 @@ pub struct OrientedPoints {
     nodes: Vec<Node>,
     aabb: Aabb,
     spacing: Real,
+    areas: Vec<Real>,
+    dipoles: Vec<winding::Dipole>,
 }
 
 /// A range of the points, split along an axis; leaves have no children.
@@ -135,8 +139,12 @@ impl OrientedPoints {
             nodes,
             aabb,
             spacing: 0.0,
+            areas: Vec::new(),
+            dipoles: Vec::new(),
         };
         cloud.spacing = cloud.median_spacing();
+        cloud.areas = winding::areas(&cloud);
+        cloud.dipoles = winding::dipoles(&cloud.nodes, &cloud.points, &cloud.normals, &cloud.areas);
         Ok(cloud)
     }
 
@@ -209,12 +217,14 @@ impl OrientedPoints {
     /// f = Σ wᵢ nᵢ·(p − pᵢ) / Σ wᵢ,   wᵢ = exp(−(|p − pᵢ|² − d²) / h²),   d = min |p − pᵢ|
     /// ```
     ///
-    /// Near the surface, where d < 2h, the distance is f, in which noise averages out; farther away it is
-    /// d with the sign of f, and in between a blend. `h` is the `smoothing`, in metres.
+    /// Where d < h the distance is f, in which noise averages out; beyond 2h it is d with the side of the
+    /// winding number, as beside a hole the nearest normals may say anything; in between a blend. `h` is the
+    /// `smoothing`, in metres. The trust is the agreement of the normals, |Σ wᵢ nᵢ| / Σ wᵢ, near the surface and
+    /// the distance of the winding number from one half, doubled, beyond.
     ///
     /// # Source
     ///
-    /// Kolluri 2005, *Provably good moving least squares*: the implicit function of oriented points.
+    /// Kolluri 2005, *Provably good moving least squares*: f. [`OrientedPoints::winding_number`]: the side.
     pub fn estimate(&self, p: &Point, smoothing: Real) -> Estimate {
         let mut found = [(0.0, 0); NEIGHBOURS];
         self.neighbours(p, &mut found);
@@ -230,9 +240,14 @@ impl OrientedPoints {
             normal += n * w;
         }
         // The nearest alone has weight 1.
-        let (f, trust) = (plane / sum, normal.norm() / sum);
+        let (f, agreement) = (plane / sum, normal.norm() / sum);
         let far = ((nearest - smoothing) / smoothing.max(Real::MIN_POSITIVE)).clamp(0.0, 1.0);
-        let distance = f * (1.0 - far) + nearest.copysign(f) * far;
+        let (mut distance, mut trust) = (f, agreement);
+        if far > 0.0 {
+            let inside = self.winding_number(p) - 0.5;
+            distance = f * (1.0 - far) - nearest.copysign(inside) * far;
+            trust = agreement * (1.0 - far) + (2.0 * inside.abs()).min(1.0) * far;
+        }
         Estimate { distance, normal: unit_or_zero(&normal), trust, nearest }
     }
 }

@@ -285,7 +285,7 @@ impl Fit {
                 break Ended::Diverged;
             };
             self.seconds = before + start.elapsed().as_secs_f64();
-            if self.step % self.params.check_every == 0 {
+            if self.step.is_multiple_of(self.params.check_every) {
                 error = check(field, set, &held_out);
                 self.seconds = before + start.elapsed().as_secs_f64();
                 if !self.judge(&error, field) {
@@ -378,7 +378,7 @@ impl Fit {
 }
 
 fn check(field: &(impl TrainableField + ?Sized), set: &TrainingSet, held_out: &HeldOut) -> FieldError {
-    held_out.error(&set.frame, &|points, out| field.samples32(points, out))
+    held_out.error(&set.frame, |points, out| field.samples32(points, out))
 }
 
 #[cfg(test)]

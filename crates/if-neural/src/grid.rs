@@ -1,5 +1,6 @@
 //! A second encoding: features on grids of several resolutions, with a small network on top.
 
+mod certificate;
 mod head;
 mod level;
 mod seed;
@@ -60,6 +61,14 @@ pub enum GridError {
         value: f64,
         /// What it has to be.
         needs: &'static str,
+    },
+    /// A parameter is NaN or infinite.
+    #[error("parameter {index} is {value}; all must be finite")]
+    NotFinite {
+        /// Which.
+        index: usize,
+        /// What stands there.
+        value: f32,
     },
     /// Parameters that do not belong to this configuration.
     #[error("{got} parameters, where this configuration has {expected}")]
@@ -184,7 +193,7 @@ impl GridField {
         // v stays 0: the network begins as the linear path.
         rest[..head.hidden].iter_mut().for_each(|b| *b = random.random_range(-0.5..0.5));
         let mut grid = Self { config, levels, head, params };
-        grid.seed(1, &mut |points, out| {
+        grid.seed(1, |points, out| {
             for (p, o) in points.iter().zip(out) {
                 *o = p.iter().map(|x| x * x).sum::<f32>().sqrt() - 0.5;
             }
@@ -204,6 +213,9 @@ impl GridField {
         if params.len() != expected {
             return Err(GridError::Length { got: params.len(), expected });
         }
+        if let Some(index) = params.iter().position(|p| !p.is_finite()) {
+            return Err(GridError::NotFinite { index, value: params[index] });
+        }
         Ok(Self { config, levels, head, params })
     }
 
@@ -212,12 +224,20 @@ impl GridField {
         &self.config
     }
 
-    /// Names, shapes and places of the parts of the parameters.
+    /// Names and shapes of the parts of the parameters, in their order.
     pub fn parts(&self) -> Vec<(String, Vec<usize>)> {
-        let (f, d, h) = (self.config.features as usize, self.head.linear.len(), self.head.hidden);
-        let tables = self.levels.iter().enumerate().map(|(l, level)| (format!("grid.{l}"), vec![level.entries, f]));
-        let head = [("hidden.weight", vec![h, d]), ("hidden.bias", vec![h]), ("out.weight", vec![1, h]), ("out.bias", vec![1])];
-        tables.chain(head.map(|(name, shape)| (name.to_owned(), shape))).collect()
+        parts(&self.config, &self.levels, &self.head)
+    }
+
+    /// The same for a grid that is not there yet.
+    ///
+    /// # Errors
+    ///
+    /// A configuration out of range.
+    pub fn parts_of(config: &GridConfig) -> Result<Vec<(String, Vec<usize>)>, GridError> {
+        config.validate()?;
+        let (levels, head) = config.layout();
+        Ok(parts(config, &levels, &head))
     }
 
     fn tables(&self) -> usize {
@@ -240,6 +260,13 @@ impl GridField {
             }
         }
     }
+}
+
+fn parts(config: &GridConfig, levels: &[Level], head: &Head) -> Vec<(String, Vec<usize>)> {
+    let (f, d, h) = (config.features as usize, head.linear.len(), head.hidden);
+    let tables = levels.iter().enumerate().map(|(l, level)| (format!("grid.{l}"), vec![level.entries, f]));
+    let head = [("hidden.weight", vec![h, d]), ("hidden.bias", vec![h]), ("out.weight", vec![1, h]), ("out.bias", vec![1])];
+    tables.chain(head.map(|(name, shape)| (name.to_owned(), shape))).collect()
 }
 
 /// φ and ∇φ of one block.

@@ -7,9 +7,12 @@ pub mod accuracy;
 pub mod adam;
 #[cfg(feature = "train")]
 pub mod cloud;
+#[cfg(feature = "train")]
+pub mod deform;
 pub mod deformation;
 pub mod encoding;
 pub mod field;
+pub mod files;
 #[cfg(feature = "train")]
 pub mod fit;
 pub mod frame;

@@ -57,7 +57,7 @@ impl Target<'_> {
         let set = self.training_set(params)?;
         if let Network::Grid(grid) = &mut network {
             let levels = grid.config().levels as usize;
-            grid.seed(levels, &mut |units, out| {
+            grid.seed(levels, |units, out| {
                 let points: Vec<Point> = units.iter().map(|u| set.frame.to_metres(u)).collect();
                 let mut distances = vec![0.0; points.len()];
                 match self {

@@ -137,14 +137,14 @@ fn one(
     apply(settings, &mut config, &mut sampling, &mut fit)?;
     let (set, mut network) = target.begin(&config, &sampling)?;
     let prepared = start.elapsed().as_secs_f64();
-    let seeded = set.held_out.error(&set.frame, &|p, o| network.samples32(p, o));
+    let seeded = set.held_out.error(&set.frame, |p, o| network.samples32(p, o));
     fit.seconds = Some((seconds - prepared).max(0.1));
     let report = Fit::new(fit)?.run(&mut network, &set, &mut |_| ControlFlow::Continue(()))?;
     let mut error = report.error;
     if let Some(truth) = truth {
         let field = MeshSdf::closed(truth)?;
         let judge = TrainingSet::of_field(&field, &SamplingParams { near: 64, far: 64, ..sampling })?;
-        error = judge.held_out.error(&set.frame, &|p, o| network.samples32(p, o));
+        error = judge.held_out.error(&set.frame, |p, o| network.samples32(p, o));
         let raw: Vec<Real> = mesh.vertices().iter().map(|p| field.distance(p).abs()).collect();
         let raw_mean = raw.iter().sum::<Real>() / raw.len() as Real;
         println!("(the scan's own vertices: mean {:.3} mm from the truth)", raw_mean * 1e3);

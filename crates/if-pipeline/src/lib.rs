@@ -29,6 +29,7 @@
 
 pub mod baselines;
 mod contacts;
+pub mod fitting;
 pub mod mannequin;
 pub mod outfit;
 mod own;

@@ -19,7 +19,7 @@ impl GridField {
     ///
     /// Values at the nodes are turned into spline coefficients by `c = r − Δ²r / 8` along each axis, which
     /// reproduces quadratics. Where rows share entries, the mean is taken.
-    pub fn seed(&mut self, levels: usize, target: &mut dyn FnMut(&[[f32; 3]], &mut [f32])) {
+    pub fn seed(&mut self, levels: usize, mut target: impl FnMut(&[[f32; 3]], &mut [f32])) {
         let features = self.config.features as usize;
         for l in 0..levels.min(self.levels.len()) {
             let level = self.levels[l];

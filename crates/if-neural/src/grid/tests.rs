@@ -169,7 +169,7 @@ fn a_seeded_grid_holds_its_target() {
     let config = GridConfig { coarsest: 8, finest: 32, levels: 3, ..GridConfig::default() };
     let mut grid = GridField::new(config).unwrap();
     let torus = |p: &[f32; 3]| ((p[0].hypot(p[2]) - 0.6).powi(2) + p[1] * p[1]).sqrt() - 0.2;
-    grid.seed(3, &mut |points, out| points.iter().zip(out).for_each(|(p, o)| *o = torus(p)));
+    grid.seed(3, |points, out| points.iter().zip(out).for_each(|(p, o)| *o = torus(p)));
     let on: Vec<[f32; 3]> = (0..500)
         .map(|i| {
             let (a, b) = (i as f32 * 0.7, i as f32 * 1.3);
@@ -205,4 +205,19 @@ fn absurd_sizes_are_refused_before_memory_is_taken() {
         GridField::with_parameters(GridConfig { hidden: 0, levels: 2, finest: 17, ..base }, vec![0.0; 3]).unwrap_err(),
         GridError::Length { got: 3, expected: 2 * (19usize.pow(3) + 20usize.pow(3)) + 1 }
     );
+}
+
+#[test]
+fn no_gradient_is_steeper_than_the_certificate() {
+    for (features, hidden, table) in [(1, 0, 1 << 20), (2, 5, 1 << 20), (4, 3, 300)] {
+        let grid = small(features, hidden, table);
+        let [rough, fine] = [3, 24].map(|blocks| grid.certified_slope(blocks));
+        assert!(fine <= rough);
+        let points: Vec<[f32; 3]> = points(20_000, 8).into_iter().map(|p| p.map(|x| x.clamp(-1.0, 1.0))).collect();
+        let mut out = vec![Sample32::default(); points.len()];
+        grid.samples32(&points, &mut out);
+        let steepest =
+            out.iter().map(|s| s.gradient.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt()).fold(0.0, f64::max);
+        assert!(steepest <= fine && fine < 6.0 * steepest, "{steepest} {fine} {rough}");
+    }
 }
