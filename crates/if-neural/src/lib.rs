@@ -10,6 +10,7 @@ pub mod cloud;
 #[cfg(feature = "train")]
 pub mod deform;
 pub mod deformation;
+mod deformation_tile;
 pub mod encoding;
 pub mod field;
 pub mod files;
