@@ -55,6 +55,11 @@ impl HeldOut {
         self.beside.len()
     }
 
+    /// Points beside the surface, in metres, and the target's distances there.
+    pub fn beside(&self) -> (&[Point], &[Real]) {
+        (&self.beside, &self.distances)
+    }
+
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.beside.is_empty()

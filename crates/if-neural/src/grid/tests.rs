@@ -202,7 +202,8 @@ fn absurd_sizes_are_refused_before_memory_is_taken() {
         assert!(matches!(GridField::new(config), Err(GridError::Parameter { name: n, .. }) if n == name), "{config:?}");
     }
     assert_eq!(
-        GridField::with_parameters(GridConfig { hidden: 0, levels: 2, finest: 17, ..base }, vec![0.0; 3]).unwrap_err(),
+        GridField::with_parameters(GridConfig { hidden: 0, levels: 2, finest: 17, features: 2, ..base }, vec![0.0; 3])
+            .unwrap_err(),
         GridError::Length { got: 3, expected: 2 * (19usize.pow(3) + 20usize.pow(3)) + 1 }
     );
 }
