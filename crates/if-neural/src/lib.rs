@@ -5,6 +5,8 @@
 pub mod accuracy;
 #[cfg(feature = "train")]
 pub mod adam;
+#[cfg(feature = "burn")]
+pub mod burn;
 #[cfg(feature = "train")]
 pub mod cloud;
 #[cfg(feature = "train")]
