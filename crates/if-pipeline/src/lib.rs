@@ -28,7 +28,9 @@
 //! ```
 
 pub mod baselines;
+mod cloth;
 mod contacts;
+mod inspector;
 pub mod mannequin;
 pub mod outfit;
 mod own;
@@ -38,7 +40,9 @@ pub mod render;
 pub mod report;
 pub mod resolve;
 mod settle;
+mod untangle;
 pub mod verify;
+mod weave;
 
 /// The example in the project's README is a test.
 #[cfg(doctest)]
