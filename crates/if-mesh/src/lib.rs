@@ -3,6 +3,8 @@
 
 pub mod atomic;
 pub mod baked;
+pub mod camera;
+pub mod cut;
 pub mod file;
 pub mod index;
 pub mod intersections;
@@ -12,9 +14,13 @@ mod normals;
 pub mod obj;
 pub mod outward;
 pub mod ply;
+pub mod point_tree;
 pub mod polygons;
 pub mod pseudo_normals;
+pub mod raster;
 pub mod sdf;
+pub mod smooth_labels;
 pub mod solid;
 pub mod validate;
+pub mod votes;
 pub mod voxels;

@@ -28,6 +28,7 @@
 //! ```
 
 pub mod baselines;
+pub mod capture;
 mod cloth;
 mod contacts;
 mod inspector;
@@ -36,10 +37,15 @@ pub mod outfit;
 mod own;
 mod parting;
 mod reach;
+pub mod reconstruct;
 pub mod render;
 pub mod report;
 pub mod resolve;
 mod settle;
+pub mod skeleton;
+pub mod skin_weights;
+pub mod skinning;
+pub mod template;
 mod untangle;
 pub mod verify;
 mod weave;
