@@ -29,7 +29,9 @@
 
 pub mod baselines;
 pub mod capture;
+mod cloth;
 mod contacts;
+mod inspector;
 pub mod mannequin;
 pub mod outfit;
 mod own;
@@ -44,7 +46,9 @@ pub mod skeleton;
 pub mod skin_weights;
 pub mod skinning;
 pub mod template;
+mod untangle;
 pub mod verify;
+mod weave;
 
 /// The example in the project's README is a test.
 #[cfg(doctest)]
