@@ -1,13 +1,13 @@
 //! The command line.
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use if_core::math::Point;
 use std::path::PathBuf;
 
 const EXIT_CODES: &str = "\
 Exit codes:
   0    clean: no intersecting triangle pairs and no vertex on a wrong side
-  1    not clean: `check` found intersections, or `fix` and `demo` could not remove all of them
+  1    not clean: `check` found intersections, `fix` and `demo` could not remove all of them, or
+       `fit` did not reach its --accuracy
   2    unusable: arguments, an input, or the output folder; the message names file and cause
   130  cancelled by Ctrl-C or SIGTERM; nothing half-written is left
 
@@ -34,8 +34,8 @@ pub(crate) enum Command {
     Fix(FixArgs),
     /// Look at outfits without changing anything; exit code 0 clean, 1 not clean.
     Check(CheckArgs),
-    /// Clean a garment that was cut out of a scan: isolated elements, holes, ragged boundary.
-    Clean(CleanArgs),
+    /// Fit a neural signed distance field to a mesh, and write it as a safetensors file.
+    Fit(FitArgs),
 }
 
 /// Which outfits.
@@ -62,7 +62,7 @@ pub(crate) struct ParamArgs {
     /// Gap to keep between layers, with a unit: 0.5mm, 0.0005m; metres without one.
     #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) clearance: Option<f64>,
-    /// Any other parameter, as in [params] of an outfit file; may be given more than once.
+    /// Any other parameter, as in the `params` table of an outfit file; may be given more than once.
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
     pub(crate) set: Vec<(String, toml::Value)>,
 }
@@ -74,7 +74,7 @@ pub(crate) struct FixArgs {
     #[command(flatten)]
     pub(crate) params: ParamArgs,
     /// Output folder. Several outfits go into one folder each below it, named after their files.
-    /// Default for outfit files: out/<name>; needed with --body.
+    /// Default for outfit files: `out/NAME`; needed with --body.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Allow outputs to replace the input files.
@@ -98,64 +98,6 @@ pub(crate) struct CheckArgs {
 }
 
 #[derive(Args, Debug, Clone)]
-pub(crate) struct CleanArgs {
-    /// The garment (.ply, .obj), in metres.
-    #[arg(value_name = "MESH")]
-    pub(crate) file: PathBuf,
-    /// The clean garment (.ply), with all properties of the vertices.
-    #[arg(short, long, value_name = "FILE")]
-    pub(crate) out: PathBuf,
-    #[command(flatten)]
-    pub(crate) open: Openness,
-    /// The clothed body that the garment was cut from: a loop that bounds a large part of the rest of it is
-    /// an opening.
-    #[arg(long, value_name = "MESH")]
-    pub(crate) body: Option<PathBuf>,
-    /// Put patches and smoothed boundaries onto the surface of --body, which must be closed.
-    #[arg(long)]
-    pub(crate) project: bool,
-    /// Drop parts with less than this share of the largest part's area, in percent.
-    #[arg(long, value_name = "PERCENT", default_value_t = 1.0)]
-    pub(crate) least_share: f64,
-    /// Keep at most so many parts, the largest.
-    #[arg(long, value_name = "N")]
-    pub(crate) parts: Option<usize>,
-    /// Leave holes open.
-    #[arg(long)]
-    pub(crate) no_fill: bool,
-    /// Leave the boundary as it is.
-    #[arg(long)]
-    pub(crate) no_smooth: bool,
-    /// Smooth the whole surface too, by so many passes of Laplacian smoothing.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(crate) surface_passes: usize,
-    /// Allow the output to replace the input.
-    #[arg(long)]
-    pub(crate) in_place: bool,
-    /// Print the report as JSON on stdout, and no table.
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// Do not draw FILE_before.png and FILE_after.png.
-    #[arg(long)]
-    pub(crate) no_pictures: bool,
-}
-
-/// How openings are told from holes; by their shape where nothing is said.
-#[derive(Args, Debug, Clone, Default)]
-#[group(multiple = false)]
-pub(crate) struct Openness {
-    /// The garment has so many openings: 4 for a top or a dress, 3 for trousers, 2 for a skirt.
-    #[arg(long, value_name = "N")]
-    pub(crate) openings: Option<usize>,
-    /// Loops from this length are openings, such as 20cm.
-    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
-    pub(crate) longer: Option<f64>,
-    /// The loop nearest to this point is an opening; once for each.
-    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
-    pub(crate) open_at: Vec<Point>,
-}
-
-#[derive(Args, Debug, Clone)]
 pub(crate) struct DemoArgs {
     /// Output folder.
     #[arg(short, long, value_name = "DIR", default_value = "out/demo")]
@@ -174,6 +116,53 @@ pub(crate) struct DemoArgs {
     /// Do not draw before.png and after.png.
     #[arg(long)]
     pub(crate) no_pictures: bool,
+}
+
+#[derive(Args, Debug, Clone)]
+pub(crate) struct FitArgs {
+    /// The mesh (.ply, .obj), in metres, wound outwards. Of an open mesh, such as a scan, the vertices are
+    /// fitted as points with normals: noise is averaged and holes are closed.
+    #[arg(value_name = "MESH")]
+    pub(crate) mesh: PathBuf,
+    /// Where to write the network (.safetensors).
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+    /// Time for the whole fit; 60 where neither steps nor an accuracy are given, 600 with an accuracy.
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    pub(crate) seconds: Option<f64>,
+    /// Stop as soon as the mean error near the surface is at most this: 0.5mm, 0.0005m; metres without unit.
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
+    pub(crate) accuracy: Option<f64>,
+    /// Stop after so many steps; the same steps give the same bits, on any number of threads.
+    #[arg(long, value_name = "N", conflicts_with = "seconds")]
+    pub(crate) steps: Option<u64>,
+    /// Which network.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) network: NetworkName,
+    /// Fit the vertices as points even where the mesh is closed.
+    #[arg(long)]
+    pub(crate) points: bool,
+    /// Factor from the units of the file to metres; the network is in metres.
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    pub(crate) scale: Option<f64>,
+    /// Seed of sampling and first values.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// Print the report as JSON on stdout, and no table.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Networks of `fit`.
+#[derive(ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum NetworkName {
+    /// Features on grids with a small network: the most accurate in a given time.
+    #[default]
+    Grid,
+    /// The network of Appendix E, 256 wide.
+    Fast,
+    /// The network of Appendix E, 512 wide.
+    Paper,
 }
 
 /// Scenes of the demo.
@@ -221,15 +210,6 @@ fn length(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Three coordinates in metres, with commas between them.
-fn point(text: &str) -> Result<Point, String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|x| x.trim().parse().ok()).collect();
-    match numbers[..] {
-        [x, y, z] if text.split(',').count() == 3 && [x, y, z].iter().all(|x| x.is_finite()) => Ok(Point::new(x, y, z)),
-        _ => Err("give three numbers, such as 0.1,1.2,-0.05".into()),
-    }
-}
-
 /// `key=value` with a TOML value; dots in the key step into groups.
 fn assignment(text: &str) -> Result<(String, toml::Value), String> {
     let (key, value) = text.split_once('=').ok_or("give KEY=VALUE, such as clearance=0.0005")?;
@@ -257,14 +237,6 @@ mod tests {
         }
         for text in ["", "mm", "0.5ft", "nan", "inf", "1 2mm", "0.5 mm mm", "-1mm"] {
             assert!(length(text).is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn points_have_three_coordinates() {
-        assert_eq!(point("0.1, -2,3e-1"), Ok(Point::new(0.1, -2.0, 0.3)));
-        for text in ["", "1,2", "1,2,3,4", "1,2,x", "1,2,nan"] {
-            assert!(point(text).is_err(), "{text}");
         }
     }
 

@@ -4,10 +4,10 @@ mod announce;
 mod args;
 mod cancel;
 mod check;
-mod clean;
 mod demo;
 mod end;
 mod errors;
+mod fit;
 mod fix;
 mod hash;
 mod left;
@@ -43,8 +43,8 @@ fn run(cli: &Cli) -> Result<End, Report> {
     cancel::listen();
     match &cli.command {
         Command::Demo(args) => demo::run(args),
+        Command::Fit(args) => fit::run(args),
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
-        Command::Clean(args) => clean::run(args),
     }
 }

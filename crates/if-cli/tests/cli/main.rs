@@ -4,7 +4,7 @@
 
 mod bad_input;
 mod batch;
-mod clean;
 mod commands;
+mod fit;
 mod folder;
 mod same_bytes;
