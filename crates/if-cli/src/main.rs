@@ -4,6 +4,7 @@ mod announce;
 mod args;
 mod cancel;
 mod check;
+mod clean;
 mod demo;
 mod end;
 mod errors;
@@ -46,5 +47,6 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Fit(args) => fit::run(args),
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
+        Command::Clean(args) => clean::run(args),
     }
 }

@@ -1,5 +1,6 @@
 //! Pictures of an outfit before and after.
 
+use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::pairs;
 use if_pipeline::outfit::Outfit;
@@ -27,6 +28,15 @@ pub(crate) fn draw(outfit: &Outfit, path: &Path) -> io::Result<()> {
         .enumerate()
         .map(|(k, (layer, red))| RenderLayer { mesh: &layer.mesh, color: color(k), highlight: red })
         .collect();
+    let image = side_by_side(&layers, &VIEWS, SIZE[0], SIZE[1]);
+    let mut file = BufWriter::new(File::create(path)?);
+    image.write_png(&mut file).map_err(io::Error::other)?;
+    file.flush()
+}
+
+/// Draws one garment from the same sides.
+pub(crate) fn draw_one(mesh: &TriMesh, path: &Path) -> io::Result<()> {
+    let layers = [RenderLayer { mesh, color: PALETTE[2], highlight: &[] }];
     let image = side_by_side(&layers, &VIEWS, SIZE[0], SIZE[1]);
     let mut file = BufWriter::new(File::create(path)?);
     image.write_png(&mut file).map_err(io::Error::other)?;
