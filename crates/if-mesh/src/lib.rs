@@ -3,6 +3,9 @@
 
 pub mod atomic;
 pub mod baked;
+#[cfg(feature = "decimate")]
+pub mod decimate;
+pub mod extract;
 pub mod file;
 pub mod index;
 pub mod intersections;
@@ -16,5 +19,8 @@ pub mod polygons;
 pub mod pseudo_normals;
 pub mod sdf;
 pub mod solid;
+pub mod subdivide;
+pub mod taubin;
 pub mod validate;
 pub mod voxels;
+pub mod winding;
