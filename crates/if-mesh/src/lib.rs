@@ -3,6 +3,7 @@
 
 pub mod atomic;
 pub mod baked;
+pub mod camera;
 #[cfg(feature = "decimate")]
 pub mod decimate;
 pub mod extract;

@@ -28,6 +28,7 @@
 //! ```
 
 pub mod baselines;
+pub mod capture;
 mod contacts;
 pub mod mannequin;
 pub mod outfit;
@@ -38,6 +39,9 @@ pub mod render;
 pub mod report;
 pub mod resolve;
 mod settle;
+pub mod skeleton;
+pub mod skin_weights;
+pub mod template;
 pub mod verify;
 
 /// The example in the project's README is a test.
