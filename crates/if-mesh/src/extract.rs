@@ -68,7 +68,8 @@ pub struct Extraction {
 /// Vertices lie on the surface of a smooth field to 1e-9 cells after one Newton step; triangle centres are off by
 /// h² κ / 18 (…): second order in the cell h. Sheets and tubes thinner than a cell may be lost, which the report tells
 /// where the field's values show it. Nothing is lost that the dense lattice shows, as long as `slope` bounds |∇φ|; where
-/// it does not, cells next to the surface that is found are taken back, and the report says how many.
+/// values show that it does not, a larger bound is taken, cells next to the surface that is found are taken back, and the
+/// report says so.
 ///
 /// # Errors
 ///
@@ -171,7 +172,7 @@ fn attempt<F: SignedDistance + ?Sized>(
 
     let refined = match params.sampling {
         Sampling::Sparse => refine(field, &lattice, bound, watch)?,
-        Sampling::Dense => dense(field, &lattice, watch)?,
+        Sampling::Dense => dense(field, &lattice, bound, watch)?,
     };
     (evaluations.refine, seconds.refine) = (count(watch), lap());
     let crossings = Crossings::of(&refined.nodes.rows);
@@ -186,15 +187,15 @@ fn attempt<F: SignedDistance + ?Sized>(
     let mesh = TriMesh::new(polished.points, triangles).expect("vertices stay within a cell of their edge, and cases name them");
 
     let mut warnings = Vec::new();
-    if refined.restored > 0 {
-        warnings.push(Warning::Slope { slope: bound.slope, cells: refined.restored });
+    if refined.restored > 0 || refined.slope > bound.slope {
+        warnings.push(Warning::Slope { given: bound.slope, used: refined.slope, cells: refined.restored });
     }
     let leaving = crossings.on_border();
     if leaving > 0 {
         warnings.push(Warning::LeavesRegion { edges: leaving });
     }
     let crossed = crossings.cells();
-    let hidden = unresolved(&lattice, bound, &refined, &crossed);
+    let hidden = unresolved(&lattice, bound.noise, &refined, &crossed);
     if hidden > 0 {
         warnings.push(Warning::Unresolved { cells: hidden });
     }
@@ -217,7 +218,7 @@ fn attempt<F: SignedDistance + ?Sized>(
         region: lattice.aabb(),
         cell,
         cells: lattice.cells,
-        slope: bound.slope,
+        slope: refined.slope,
         evaluations,
         skipped,
         error,

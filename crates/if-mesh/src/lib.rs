@@ -4,6 +4,7 @@
 pub mod atomic;
 pub mod baked;
 pub mod camera;
+pub mod cut;
 #[cfg(feature = "decimate")]
 pub mod decimate;
 pub mod extract;
@@ -18,10 +19,13 @@ pub mod outward;
 pub mod ply;
 pub mod polygons;
 pub mod pseudo_normals;
+pub mod raster;
 pub mod sdf;
+pub mod smooth_labels;
 pub mod solid;
 pub mod subdivide;
 pub mod taubin;
 pub mod validate;
+pub mod votes;
 pub mod voxels;
 pub mod winding;

@@ -6,7 +6,7 @@ mod fields;
 use fields::{BOX, Case, cases, flaws, region};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
-use if_mesh::extract::{ExtractParams, Resolution, Sampling, Warning, extract};
+use if_mesh::extract::{ExtractParams, Resolution, Sampling, Slope, Warning, extract};
 use if_mesh::measure::smallest_angles;
 
 fn params(case: &Case, cells: u32) -> ExtractParams {
@@ -105,7 +105,7 @@ fn near_sheets_and_lost_ones_are_told() {
     assert!(matches!(near[..], [Warning::NearSheets { pairs: 100.., gap }] if gap < 1.1 * h), "{near:?}");
     // A shell of 8 mm in cells of 37 mm is lost in most places.
     let lost = of(&fields::shell(), 64);
-    assert!(lost.iter().any(|w| matches!(w, Warning::Unresolved { cells: 1000.. })), "{lost:?}");
+    assert!(lost.iter().any(|w| matches!(w, Warning::Unresolved { cells: 100.. })), "{lost:?}");
     assert!(of(&fields::sphere(), 64).is_empty() && of(&fields::torus(), 64).is_empty());
 }
 
@@ -114,10 +114,13 @@ fn a_wrong_slope_is_mended_and_told() {
     let steep = if_core::shapes::ScaledGradient { field: fields::torus(), factor: 2.0 };
     let base = ExtractParams { region: Some(region()), resolution: Resolution::Cells(64), ..ExtractParams::default() };
     let honest = extract(&steep, &base).unwrap();
-    let lying = extract(&steep, &ExtractParams { slope: if_mesh::extract::Slope::Given(0.9), ..base }).unwrap();
-    assert!(matches!(lying.report.warnings[..], [Warning::Slope { cells: 1.., .. }]), "{:?}", lying.report.warnings);
-    assert_eq!(honest.mesh, lying.mesh);
-    let sampled = if_mesh::extract::Slope::Sampled { points: 256, factor: 1.5, seed: 1 };
+    for slope in [0.3, 0.9, 1.5] {
+        let lying = extract(&steep, &ExtractParams { slope: Slope::Given(slope), ..base }).unwrap();
+        let warned = &lying.report.warnings[..];
+        assert!(matches!(warned, [Warning::Slope { given, used, .. }] if *given == slope && *used > 1.9), "{slope}: {warned:?}");
+        assert_eq!(honest.mesh, lying.mesh);
+    }
+    let sampled = Slope::Sampled { points: 256, factor: 1.5, seed: 1 };
     let sampled = extract(&steep, &ExtractParams { slope: sampled, ..base }).unwrap();
     approx::assert_relative_eq!(sampled.report.slope, 3.0, max_relative = 1e-12);
     assert_eq!(honest.mesh, sampled.mesh);

@@ -52,6 +52,35 @@ impl Nodes {
         (word.known >> bit & 1 == 1).then(|| self.values[word.value(bit)])
     }
 
+    /// The steepest slope between neighbours along an axis that are known, but for `noise` in their values.
+    pub(super) fn steepest(&self, lattice: &Lattice, level: &Level, noise: Real) -> Real {
+        let last = self.rows.size.map(|s| s.saturating_sub(1));
+        (0..self.rows.size[2])
+            .into_par_iter()
+            .map(|z| {
+                let mut most: Real = 0.0;
+                for y in 0..self.rows.size[1] {
+                    for w in self.rows.row(y, z).0 {
+                        each_bit(w.known, |bit| {
+                            let node = [w.x * WORD + bit, y, z];
+                            let here = self.values[w.value(bit)];
+                            for axis in (0..3).filter(|k| node[*k] < last[*k]) {
+                                let mut up = node;
+                                up[axis] += 1;
+                                if let Some(there) = self.get(up) {
+                                    let cells = level.finest(lattice, up)[axis] - level.finest(lattice, node)[axis];
+                                    let length = Real::from(cells) * lattice.cell;
+                                    most = most.max(((there - here).abs() - 2.0 * noise) / length);
+                                }
+                            }
+                        });
+                    }
+                }
+                most
+            })
+            .reduce(|| 0.0, Real::max)
+    }
+
     /// Evaluates the field at the nodes `places` of a level, but for those that `known` knows.
     pub(super) fn evaluate<F: SignedDistance + ?Sized>(
         field: &F,

@@ -30,45 +30,79 @@ pub(super) struct Refined {
     pub(super) nodes: Nodes,
     /// Cells that were cleared although the surface passes through them, and were taken back.
     pub(super) restored: usize,
+    /// The bound on |∇φ| that was used in the end.
+    pub(super) slope: Real,
 }
 
-/// Halves boxes from one round the lattice down to cells, each level a batch.
+/// A field is called steeper than its bound from this factor on. Rounding makes 1e-10 of a cell's length; what is steeper
+/// by a thousandth can hide a thousandth of a cell at most.
+const STEEPER: Real = 1.001;
+/// The bound that follows is this much above what was seen.
+const MARGIN: Real = 1.25;
+
+/// Halves boxes down to cells, each level a batch.
 ///
-/// A node's value clears the ball of radius (|φ| − noise) / L round it. A box is dropped when the balls of the corners
-/// of the box above, and on the next level its own, cover it: nothing in it is evaluated any more. Corners are shared
-/// by all boxes and all levels.
+/// A node's value clears the ball of radius (|φ| − noise) / L round it. A box is dropped when balls round the corners of the
+/// box above cover it: nothing in it is evaluated any more. Corners are shared by all boxes and all levels.
 ///
-/// Where L is wrong this can drop a cell through which the surface passes. A cell is therefore taken back where one of
-/// its edges has ends of both signs, until there is none, so that the surface has no holes.
+/// Where L is wrong this can drop boxes through which the surface passes. Neighbouring nodes whose values differ by more than
+/// L allows show it: then all begins anew with a larger L. And a cell is taken back where one of its edges has ends of both
+/// signs, until there is none, so that the surface has no holes.
 pub(super) fn refine<F: SignedDistance + ?Sized>(
     field: &F,
     lattice: &Lattice,
     bound: &Bound,
     watch: &mut Watch,
 ) -> Result<Refined, ExtractError> {
-    let mut level = Level::root(lattice);
+    let mut bound = *bound;
+    loop {
+        match levels(field, lattice, &bound, watch)? {
+            Ok((cells, nodes)) => {
+                return complete(field, lattice, Refined { cells, nodes, restored: 0, slope: bound.slope }, watch);
+            }
+            // An infinite slope bounds everything, so that this ends.
+            Err(seen) => bound.slope = MARGIN * seen,
+        }
+    }
+}
+
+/// What is left on the last level; or the slope that was seen, where it is above the bound.
+fn levels<F: SignedDistance + ?Sized>(
+    field: &F,
+    lattice: &Lattice,
+    bound: &Bound,
+    watch: &mut Watch,
+) -> Result<Result<(Rows<Bits>, Nodes), Real>, ExtractError> {
+    let mut level = Level::first(lattice);
     let mut cells = Rows::full(level.boxes);
     let mut nodes = Nodes::evaluate(field, lattice, &level, &cells.corners(), |_| None, watch)?;
-    while level.step > 1 {
+    loop {
+        let seen = nodes.steepest(lattice, &level, bound.noise);
+        if seen > STEEPER * bound.slope {
+            return Ok(Err(seen));
+        }
+        if level.step == 1 {
+            return Ok(Ok((cells, nodes)));
+        }
         let finer = Level::new(lattice, level.step / 2);
         cells = children(lattice, &level, &finer, &cells, &nodes, bound);
         let known = |node| nodes.get(finer.in_coarser(&level, node)?);
         nodes = Nodes::evaluate(field, lattice, &finer, &cells.corners(), known, watch)?;
         level = finer;
     }
-    complete(field, lattice, Refined { cells, nodes, restored: 0 }, watch)
 }
 
 /// All cells: the slow twin.
 pub(super) fn dense<F: SignedDistance + ?Sized>(
     field: &F,
     lattice: &Lattice,
+    bound: &Bound,
     watch: &mut Watch,
 ) -> Result<Refined, ExtractError> {
     let level = Level::new(lattice, 1);
     let cells = Rows::full(level.boxes);
     let nodes = Nodes::evaluate(field, lattice, &level, &cells.corners(), |_| None, watch)?;
-    Ok(Refined { cells, nodes, restored: 0 })
+    Ok(Refined { cells, nodes, restored: 0, slope: bound.slope })
 }
 
 /// The children of `cells` that are not covered by balls round the corners of their parents.
@@ -169,15 +203,15 @@ fn complete<F: SignedDistance + ?Sized>(
         let cells = refined.cells.union(&missing);
         let before = &refined.nodes;
         let nodes = Nodes::evaluate(field, lattice, &level, &cells.corners(), |node| before.get(node), watch)?;
-        refined = Refined { cells, nodes, restored: refined.restored + count };
+        refined = Refined { cells, nodes, restored: refined.restored + count, ..refined };
     }
 }
 
 /// Cells without a change of sign, in themselves or in a cell that touches them, which the values at their corners do
 /// not clear: something smaller than a cell may hide there.
-pub(super) fn unresolved(lattice: &Lattice, bound: &Bound, refined: &Refined, crossed: &Rows<Bits>) -> usize {
+pub(super) fn unresolved(lattice: &Lattice, noise: Real, refined: &Refined, crossed: &Rows<Bits>) -> usize {
     let doubtful = refined.cells.minus(&crossed.dilated());
-    let reach = 1.0 / (bound.slope * lattice.cell);
+    let reach = 1.0 / (refined.slope * lattice.cell);
     (0..doubtful.size[2])
         .into_par_iter()
         .map(|z| {
@@ -186,7 +220,7 @@ pub(super) fn unresolved(lattice: &Lattice, bound: &Bound, refined: &Refined, cr
                 for word in doubtful.row(y, z).0 {
                     let corners = Corners::of(&refined.nodes, word.x, y, z);
                     each_bit(word.bits, |bit| {
-                        let radii = corners.values(&refined.nodes, bit).map(|v| (v.abs() - bound.noise) * reach);
+                        let radii = corners.values(&refined.nodes, bit).map(|v| (v.abs() - noise) * reach);
                         let unit = [0, 1, 2, 3, 4, 5, 6, 7].map(|c| [0, 1, 2].map(|k| Real::from(c >> k & 1u32)));
                         count += usize::from(!Balls::new(unit, radii).cover([0.0; 3], [1.0; 3], DEPTH + 1));
                     });

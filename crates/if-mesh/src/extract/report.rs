@@ -124,10 +124,12 @@ pub enum Warning {
     },
     /// The bound on the field's slope is wrong.
     Slope {
-        /// The bound.
-        slope: Real,
-        /// Cells that were cleared by it and hold a part of the surface. They were taken back; a part of the surface
-        /// that is not connected to the rest may be missing.
+        /// The bound given, or said by the field.
+        given: Real,
+        /// The bound that was used instead, as values of the field asked for it.
+        used: Real,
+        /// Cells that had been cleared all the same and hold a part of the surface. They were taken back; a part of the
+        /// surface that is not connected to the rest may be missing.
         cells: usize,
     },
     /// The smallest cell allowed does not reach the accuracy.
@@ -155,9 +157,10 @@ impl fmt::Display for Warning {
             Self::Unresolved { cells } => {
                 write!(f, "something thinner than a cell may be lost in {cells} cells; take smaller cells")
             }
-            Self::Slope { slope, cells } => {
-                write!(f, "the field is steeper than {slope}: {cells} cells had to be taken back; give a larger slope")
-            }
+            Self::Slope { given, used, cells } => write!(
+                f,
+                "the field is steeper than {given}, so {used:.3} was used and {cells} cells were taken back; give a larger slope"
+            ),
             Self::Inaccurate { requested, reached, cell } => write!(
                 f,
                 "the error is {:.4} mm where {:.4} mm was asked for; cells of {:.4} mm are the smallest allowed",
