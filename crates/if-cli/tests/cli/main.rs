@@ -5,5 +5,6 @@
 mod bad_input;
 mod batch;
 mod commands;
+mod extract;
 mod folder;
 mod same_bytes;
