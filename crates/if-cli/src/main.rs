@@ -7,6 +7,7 @@ mod check;
 mod demo;
 mod end;
 mod errors;
+mod extract;
 mod fit;
 mod fix;
 mod hash;
@@ -46,5 +47,6 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Fit(args) => fit::run(args),
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
+        Command::Extract(args) => extract::run(args),
     }
 }

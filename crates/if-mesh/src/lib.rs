@@ -2,9 +2,14 @@
 //! meshes, the closed clothed-body field, and measures.
 
 pub mod atomic;
+pub mod attributes;
 pub mod baked;
 pub mod camera;
+pub mod cleanup;
 pub mod cut;
+#[cfg(feature = "decimate")]
+pub mod decimate;
+pub mod extract;
 pub mod file;
 pub mod index;
 pub mod intersections;
@@ -21,6 +26,9 @@ pub mod raster;
 pub mod sdf;
 pub mod smooth_labels;
 pub mod solid;
+pub mod subdivide;
+pub mod taubin;
 pub mod validate;
 pub mod votes;
 pub mod voxels;
+pub mod winding;
