@@ -8,6 +8,7 @@ mod clean;
 mod demo;
 mod end;
 mod errors;
+mod extract;
 mod fit;
 mod fix;
 mod hash;
@@ -48,5 +49,6 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
         Command::Clean(args) => clean::run(args),
+        Command::Extract(args) => extract::run(args),
     }
 }
