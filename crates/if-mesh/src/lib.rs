@@ -2,9 +2,11 @@
 //! meshes, the closed clothed-body field, and measures.
 
 pub mod atomic;
+pub mod attributes;
 pub mod baked;
 pub mod camera;
 pub mod cut;
+pub mod expansion;
 pub mod file;
 pub mod index;
 pub mod intersections;

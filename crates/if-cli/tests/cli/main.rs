@@ -5,5 +5,6 @@
 mod bad_input;
 mod batch;
 mod commands;
+mod cut;
 mod folder;
 mod same_bytes;
