@@ -35,12 +35,14 @@ pub mod outfit;
 mod own;
 mod parting;
 mod reach;
+pub mod reconstruct;
 pub mod render;
 pub mod report;
 pub mod resolve;
 mod settle;
 pub mod skeleton;
 pub mod skin_weights;
+pub mod skinning;
 pub mod template;
 pub mod verify;
 
