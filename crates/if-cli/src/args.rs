@@ -63,7 +63,7 @@ pub(crate) struct CutArgs {
     #[arg(long = "name", value_name = "LABEL=NAME", value_parser = label_name)]
     pub(crate) names: Vec<(u8, String)>,
     /// How far labels are smoothed, with a unit; 0 cuts between the vertices as they are labelled.
-    #[arg(long, value_name = "LENGTH", value_parser = length, default_value = "10mm")]
+    #[arg(long, value_name = "LENGTH", value_parser = length, default_value = "30mm")]
     pub(crate) smooth: f64,
     /// Print the report as JSON on stdout, and no table.
     #[arg(long)]

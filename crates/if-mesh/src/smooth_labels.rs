@@ -29,9 +29,9 @@ pub struct SmoothLabelParams {
 }
 
 impl Default for SmoothLabelParams {
-    /// 20 mm: the least wrong vertices of the sequences in `docs/labels.md`.
+    /// 30 mm: the least wrong vertices over the scans and sequences of `docs/labels.md`.
     fn default() -> Self {
-        Self { length: 0.02, tolerance: 1e-6, max_steps: 5000 }
+        Self { length: 0.03, tolerance: 1e-6, max_steps: 5000 }
     }
 }
 

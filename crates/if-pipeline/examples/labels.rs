@@ -95,17 +95,17 @@ fn judge(scene: &str, margin: &str, mesh: &TriMesh, truth: &[u8], votes: &LabelV
     for rounds in ROUNDS {
         let start = Instant::now();
         let of = mean_filter(mesh, votes, rounds);
-        print("mean filter, rounds", rounds as Real, &of, 1e3 * start.elapsed().as_secs_f64());
+        print("mean filter (rounds)", rounds as Real, &of, 1e3 * start.elapsed().as_secs_f64());
     }
     for length in LENGTHS {
         let start = Instant::now();
         let scores = smooth_labels(mesh, votes, &SmoothLabelParams { length: 1e-3 * length, ..Default::default() })?;
-        print("smooth_labels, mm", length, &scores.winners(), 1e3 * start.elapsed().as_secs_f64());
+        print("smooth_labels (mm)", length, &scores.winners(), 1e3 * start.elapsed().as_secs_f64());
     }
     for border in BORDERS {
         let start = Instant::now();
         let found = expand_labels(mesh, votes, &ExpandParams { border: 1e-3 * border, ..Default::default() })?;
-        print("expand_labels, mm", border, &found.labels, 1e3 * start.elapsed().as_secs_f64());
+        print("expand_labels (mm)", border, &found.labels, 1e3 * start.elapsed().as_secs_f64());
     }
     // What a user gets is cut at once: borders and pieces are counted.
     let scores = smooth_labels(mesh, votes, &SmoothLabelParams::default())?;
