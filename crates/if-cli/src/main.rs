@@ -8,6 +8,7 @@ mod cut;
 mod demo;
 mod end;
 mod errors;
+mod fit;
 mod fix;
 mod hash;
 mod left;
@@ -44,6 +45,7 @@ fn run(cli: &Cli) -> Result<End, Report> {
     cancel::listen();
     match &cli.command {
         Command::Demo(args) => demo::run(args),
+        Command::Fit(args) => fit::run(args),
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
         Command::Cut(args) => cut::run(args),

@@ -126,7 +126,7 @@ pub(crate) fn skipped(layers: &[LayerReport]) -> Option<String> {
 }
 
 /// A table without lines but one under the header. The first `left` columns hold names.
-fn new_table(header: &[&str], left: usize, colour: bool) -> Table {
+pub(crate) fn new_table(header: &[&str], left: usize, colour: bool) -> Table {
     let mut table = Table::new();
     let style = TableStyle::new().header_lines(ContentLineStyle::none()).header_separator(LineStyle::none().fill('-'));
     table.load_style(style.content_lines(ContentLineStyle::none())).force_no_tty();

@@ -29,7 +29,10 @@
 
 pub mod baselines;
 pub mod capture;
+mod cloth;
 mod contacts;
+pub mod fitting;
+mod inspector;
 pub mod mannequin;
 pub mod outfit;
 mod own;
@@ -44,7 +47,9 @@ pub mod skeleton;
 pub mod skin_weights;
 pub mod skinning;
 pub mod template;
+mod untangle;
 pub mod verify;
+mod weave;
 
 /// The example in the project's README is a test.
 #[cfg(doctest)]

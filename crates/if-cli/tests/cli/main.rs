@@ -6,5 +6,6 @@ mod bad_input;
 mod batch;
 mod commands;
 mod cut;
+mod fit;
 mod folder;
 mod same_bytes;
