@@ -1,5 +1,6 @@
 //! The command line.
 
+use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use if_pipeline::mannequin::Garment;
 use std::path::PathBuf;
@@ -35,6 +36,8 @@ pub(crate) enum Command {
     Fix(FixArgs),
     /// Look at outfits without changing anything; exit code 0 clean, 1 not clean.
     Check(CheckArgs),
+    /// Extract the surface of a field as a mesh: remesh a closed mesh by its signed distance.
+    Extract(ExtractArgs),
     /// Fit a neural signed distance field to a mesh, and write it as a safetensors file.
     Fit(FitArgs),
     /// Cut a labelled mesh (.ply) into one mesh for each label, along smooth lines.
@@ -210,6 +213,44 @@ pub(crate) struct DemoArgs {
 }
 
 #[derive(Args, Debug, Clone)]
+pub(crate) struct ExtractArgs {
+    /// The field: a closed mesh (.ply, .obj), whose signed distance it is.
+    #[arg(value_name = "FIELD")]
+    pub(crate) field: PathBuf,
+    /// The mesh to write (.ply). Pictures come beside it, as .before.png and .after.png, slivers in red.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+    /// Side of the cells, with a unit: about the mean edge length that comes out.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, conflicts_with_all = ["cells", "accuracy"])]
+    pub(crate) cell: Option<f64>,
+    /// Cells along the longest side.
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=16384),
+          conflicts_with = "accuracy")]
+    pub(crate) cells: u32,
+    /// Choose the cells so that triangles are this near to the surface, with a unit.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
+    pub(crate) accuracy: Option<f64>,
+    /// The smallest cells that --accuracy may choose, with a unit.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, default_value = "1mm")]
+    pub(crate) finest: f64,
+    /// Rounds of relaxation, which make slivers into triangles; 0 is plain marching cubes.
+    #[arg(long, value_name = "ROUNDS", default_value_t = 3, value_parser = clap::value_parser!(u64).range(0..=100).map(|n| n as usize))]
+    pub(crate) relax: usize,
+    /// Number of the layer: each has a lattice of its own, so that layers do not touch in degenerate ways.
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    pub(crate) layer: usize,
+    /// Factor from the units of the field to metres; the output keeps the units of the field.
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    pub(crate) scale: Option<f64>,
+    /// Print the report as JSON on stdout, and no tables.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Do not draw pictures.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
+}
+
+#[derive(Args, Debug, Clone)]
 pub(crate) struct FitArgs {
     /// The mesh (.ply, .obj), in metres, wound outwards. Of an open mesh, such as a scan, the vertices are
     /// fitted as points with normals: noise is averaged and holes are closed.
@@ -308,6 +349,11 @@ fn label_name(text: &str) -> Result<(u8, String), String> {
         Ok(label @ 1..=254) => Ok((label, name.trim().to_owned())),
         _ => Err("a label is a whole number from 1 to 254".into()),
     }
+}
+
+/// A length above zero.
+fn above_zero(text: &str) -> Result<f64, String> {
+    length(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("a length above zero is needed".into()) })
 }
 
 /// `key=value` with a TOML value; dots in the key step into groups.

@@ -8,6 +8,7 @@ mod cut;
 mod demo;
 mod end;
 mod errors;
+mod extract;
 mod fit;
 mod fix;
 mod hash;
@@ -50,5 +51,6 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Check(args) => check::run(args),
         Command::Cut(args) => cut::run(args),
         Command::Capture(CaptureCommand::Synth(args)) => synth::run(args),
+        Command::Extract(args) => extract::run(args),
     }
 }

@@ -6,6 +6,7 @@ mod bad_input;
 mod batch;
 mod commands;
 mod cut;
+mod extract;
 mod fit;
 mod folder;
 mod same_bytes;
