@@ -5,6 +5,7 @@ mod args;
 mod cancel;
 mod check;
 mod clean;
+mod cut;
 mod demo;
 mod end;
 mod errors;
@@ -22,9 +23,10 @@ mod progress;
 mod receipt;
 mod resolve_outfit;
 mod staging;
+mod synth;
 mod table;
 
-use args::{Cli, Command};
+use args::{CaptureCommand, Cli, Command};
 use clap::Parser;
 use end::End;
 use miette::{IntoDiagnostic, Report};
@@ -49,6 +51,8 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
         Command::Clean(args) => clean::run(args),
+        Command::Cut(args) => cut::run(args),
+        Command::Capture(CaptureCommand::Synth(args)) => synth::run(args),
         Command::Extract(args) => extract::run(args),
     }
 }
