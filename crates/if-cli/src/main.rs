@@ -4,6 +4,7 @@ mod announce;
 mod args;
 mod cancel;
 mod check;
+mod cut;
 mod demo;
 mod end;
 mod errors;
@@ -21,9 +22,10 @@ mod progress;
 mod receipt;
 mod resolve_outfit;
 mod staging;
+mod synth;
 mod table;
 
-use args::{Cli, Command};
+use args::{CaptureCommand, Cli, Command};
 use clap::Parser;
 use end::End;
 use miette::{IntoDiagnostic, Report};
@@ -47,6 +49,8 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Fit(args) => fit::run(args),
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
+        Command::Cut(args) => cut::run(args),
+        Command::Capture(CaptureCommand::Synth(args)) => synth::run(args),
         Command::Extract(args) => extract::run(args),
     }
 }

@@ -9,6 +9,7 @@ pub mod cleanup;
 pub mod cut;
 #[cfg(feature = "decimate")]
 pub mod decimate;
+pub mod expansion;
 pub mod extract;
 pub mod file;
 pub mod index;

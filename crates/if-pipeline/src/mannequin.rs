@@ -4,6 +4,7 @@
 
 mod cloth;
 mod figure;
+pub mod rig;
 mod shape;
 
 use if_core::math::Real;
@@ -61,7 +62,7 @@ impl MannequinParams {
 }
 
 /// What the mannequin can wear.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Garment {
     /// Long trousers. Worn below the T-shirt.

@@ -5,6 +5,7 @@
 mod bad_input;
 mod batch;
 mod commands;
+mod cut;
 mod extract;
 mod fit;
 mod folder;
