@@ -1,5 +1,6 @@
 //! The command line.
 
+use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -33,6 +34,8 @@ pub(crate) enum Command {
     Fix(FixArgs),
     /// Look at outfits without changing anything; exit code 0 clean, 1 not clean.
     Check(CheckArgs),
+    /// Extract the surface of a field as a mesh: remesh a closed mesh by its signed distance.
+    Extract(ExtractArgs),
 }
 
 /// Which outfits.
@@ -115,6 +118,44 @@ pub(crate) struct DemoArgs {
     pub(crate) no_pictures: bool,
 }
 
+#[derive(Args, Debug, Clone)]
+pub(crate) struct ExtractArgs {
+    /// The field: a closed mesh (.ply, .obj), whose signed distance it is.
+    #[arg(value_name = "FIELD")]
+    pub(crate) field: PathBuf,
+    /// The mesh to write (.ply). Pictures come beside it, as .before.png and .after.png, slivers in red.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+    /// Side of the cells, with a unit: about the mean edge length that comes out.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, conflicts_with_all = ["cells", "accuracy"])]
+    pub(crate) cell: Option<f64>,
+    /// Cells along the longest side.
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=16384),
+          conflicts_with = "accuracy")]
+    pub(crate) cells: u32,
+    /// Choose the cells so that triangles are this near to the surface, with a unit.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
+    pub(crate) accuracy: Option<f64>,
+    /// The smallest cells that --accuracy may choose, with a unit.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, default_value = "1mm")]
+    pub(crate) finest: f64,
+    /// Rounds of relaxation, which make slivers into triangles; 0 is plain marching cubes.
+    #[arg(long, value_name = "ROUNDS", default_value_t = 3, value_parser = clap::value_parser!(u64).range(0..=100).map(|n| n as usize))]
+    pub(crate) relax: usize,
+    /// Number of the layer: each has a lattice of its own, so that layers do not touch in degenerate ways.
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    pub(crate) layer: usize,
+    /// Factor from the units of the field to metres; the output keeps the units of the field.
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    pub(crate) scale: Option<f64>,
+    /// Print the report as JSON on stdout, and no tables.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Do not draw pictures.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
+}
+
 /// Scenes of the demo.
 #[derive(ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Variant {
@@ -158,6 +199,11 @@ fn length(text: &str) -> Result<f64, String> {
         Ok(value) if value.is_finite() => Ok(value / per_metre),
         _ => Err(format!("`{}` is not a number; give a length such as 0.5mm", number.trim())),
     }
+}
+
+/// A length above zero.
+fn above_zero(text: &str) -> Result<f64, String> {
+    length(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("a length above zero is needed".into()) })
 }
 
 /// `key=value` with a TOML value; dots in the key step into groups.

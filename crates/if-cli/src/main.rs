@@ -7,6 +7,7 @@ mod check;
 mod demo;
 mod end;
 mod errors;
+mod extract;
 mod fix;
 mod hash;
 mod left;
@@ -44,5 +45,6 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Demo(args) => demo::run(args),
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
+        Command::Extract(args) => extract::run(args),
     }
 }

@@ -6,10 +6,10 @@ mod cloth;
 mod figure;
 mod shape;
 
-use if_core::field::SignedDistance;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
-use if_mesh::marching::{MarchParams, RelaxParams, clip, collapse, march, relax};
+use if_mesh::extract::{ExtractParams, Resolution, extract};
+use if_mesh::marching::{RelaxParams, clip, collapse, relax};
 use serde::{Deserialize, Serialize};
 
 /// How fine the meshes are, and how far the layers go through one another.
@@ -144,11 +144,10 @@ fn checked(params: &MannequinParams) -> &MannequinParams {
     params
 }
 
-/// Marches a shape, cuts it open, and makes its triangles even.
+/// Extracts a shape, cuts it open, and makes its triangles even.
 fn surface(shape: &shape::Shape, cell: Real, phase: [Real; 3], cuts: &[shape::Formula]) -> TriMesh {
-    let region = shape.bounds().expect("every shape here has bounds");
-    let marched = march(shape, &region, &MarchParams { cell, phase, newton: 1 }).expect("formulas are finite in finite boxes");
-    let mut mesh = marched.mesh;
+    let params = ExtractParams { resolution: Resolution::Cell(cell), phase, check: 0, ..ExtractParams::default() };
+    let mut mesh = extract(shape, &params).expect("every shape here has bounds, and formulas are finite in finite boxes").mesh;
     for cut in cuts {
         let values: Vec<Real> = mesh.vertices().iter().map(cut).collect();
         mesh = clip(&mesh, &values);
@@ -165,6 +164,7 @@ mod tests {
     use super::*;
     use if_core::aabb::Aabb;
     use if_core::edges::Edges;
+    use if_core::field::SignedDistance;
     use if_core::intersect::{triangles, triangles_sharing};
     use if_mesh::index::Bvh;
 
