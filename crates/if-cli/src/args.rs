@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::wardrobe::WardrobeArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -33,6 +34,8 @@ pub(crate) enum Command {
     Fix(FixArgs),
     /// Look at outfits without changing anything; exit code 0 clean, 1 not clean.
     Check(CheckArgs),
+    /// Keep bodies and garments in a folder, and combine them at will (docs/wardrobe.md).
+    Wardrobe(WardrobeArgs),
 }
 
 /// Which outfits.

@@ -20,6 +20,7 @@ mod receipt;
 mod resolve_outfit;
 mod staging;
 mod table;
+mod wardrobe;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -44,5 +45,6 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Demo(args) => demo::run(args),
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
+        Command::Wardrobe(args) => wardrobe::run(args),
     }
 }

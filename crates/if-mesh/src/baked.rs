@@ -4,6 +4,7 @@
 mod accuracy;
 mod bricks;
 mod build;
+mod file;
 mod params;
 mod redistance;
 
@@ -12,6 +13,7 @@ use bricks::{Bricks, Reading, SIDE};
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
+pub use file::BakedFileError;
 pub use params::{BakeError, BakeParams, Redistance};
 
 /// Errors at the probed points times this are the stated bound. On 36 grids of the shapes of the tests

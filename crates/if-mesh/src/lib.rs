@@ -12,6 +12,7 @@ mod normals;
 pub mod obj;
 pub mod outward;
 pub mod ply;
+pub mod point_tree;
 pub mod polygons;
 pub mod pseudo_normals;
 pub mod sdf;

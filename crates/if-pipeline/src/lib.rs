@@ -27,18 +27,28 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod align;
+pub mod asset;
 pub mod baselines;
 mod contacts;
+pub mod content;
 pub mod mannequin;
 pub mod outfit;
 mod own;
+pub mod page;
 mod parting;
 mod reach;
+pub mod preview;
 pub mod render;
 pub mod report;
 pub mod resolve;
 mod settle;
+pub mod skeleton;
+pub mod skin_weights;
+pub mod skinning;
 pub mod verify;
+pub mod wardrobe;
+pub mod whole_folder;
 
 /// The example in the project's README is a test.
 #[cfg(doctest)]
