@@ -3,6 +3,7 @@
 
 pub mod atomic;
 pub mod baked;
+pub mod camera;
 pub mod file;
 pub mod index;
 pub mod intersections;

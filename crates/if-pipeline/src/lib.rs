@@ -30,6 +30,7 @@
 pub mod align;
 pub mod asset;
 pub mod baselines;
+pub mod capture;
 mod contacts;
 pub mod content;
 pub mod mannequin;
@@ -45,7 +46,7 @@ pub mod resolve;
 mod settle;
 pub mod skeleton;
 pub mod skin_weights;
-pub mod skinning;
+pub mod template;
 pub mod verify;
 pub mod wardrobe;
 pub mod whole_folder;

@@ -1,0 +1,137 @@
+//! `meta.json`.
+
+use super::error::CaptureError;
+use super::picture::Kind;
+use crate::skeleton::{Pose, PoseError};
+use if_core::math::{Real, Vector};
+use if_mesh::camera::Camera;
+use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Its name in the folder of a capture.
+pub(super) const FILE: &str = "meta.json";
+
+/// The name of the pictures of a frame.
+pub(super) fn file_name(index: u32) -> String {
+    format!("{index:04}.png")
+}
+
+/// What is read; anything else in the file is left alone.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Meta {
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub(super) generator: String,
+    pub(super) width: usize,
+    pub(super) height: usize,
+    #[serde(rename = "K")]
+    pub(super) k: [[Real; 3]; 3],
+    #[serde(rename = "R")]
+    pub(super) r: [[Real; 3]; 3],
+    pub(super) t: [Real; 3],
+    #[serde(default)]
+    pub(super) convention: String,
+    pub(super) labels: Vec<String>,
+    pub(super) layers_inner_to_outer: Vec<String>,
+    pub(super) joints: Vec<String>,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(super) channels: BTreeMap<String, String>,
+    pub(super) frames: Vec<FrameMeta>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct FrameMeta {
+    pub(super) index: u32,
+    pub(super) root_t: [Real; 3],
+    pub(super) rot: Vec<[Real; 4]>,
+}
+
+/// Written into files, for people.
+pub(super) const CONVENTION: &str =
+    "x_cam = R x_world + t; OpenCV axes (x right, y down, z forward); metres; pixel centre (i + 0.5); rot (w, x, y, z)";
+
+/// A matrix from its rows.
+fn matrix(rows: &[[Real; 3]; 3]) -> Matrix3<Real> {
+    Matrix3::from_fn(|row, column| rows[row][column])
+}
+
+/// Its rows.
+pub(super) fn rows(m: &Matrix3<Real>) -> [[Real; 3]; 3] {
+    [0, 1, 2].map(|row| [0, 1, 2].map(|column| m[(row, column)]))
+}
+
+impl Meta {
+    pub(super) fn read(path: &Path) -> Result<Self, CaptureError> {
+        let bytes = std::fs::read(path).map_err(|source| CaptureError::Io { path: path.into(), source })?;
+        serde_json::from_slice(&bytes).map_err(|source| CaptureError::Json { path: path.into(), source })
+    }
+
+    /// The subfolder that is named for pictures of this kind.
+    pub(super) fn channel(&self, kind: Kind) -> Option<&str> {
+        self.channels.get(kind.folder()).map(String::as_str)
+    }
+
+    /// The camera and the frames, where everything is in order. `path` is for messages.
+    pub(super) fn checked(&self, path: &Path) -> Result<(Camera, Vec<(u32, Pose)>), CaptureError> {
+        let at = || path.to_path_buf();
+        check_names(path, &self.labels, &self.layers_inner_to_outer)?;
+        for name in self.channels.values() {
+            check_name(path, name)?;
+        }
+        let camera = Camera::new(self.width, self.height, matrix(&self.k), matrix(&self.r), self.t.into())
+            .map_err(|source| CaptureError::Camera { path: at(), source })?;
+        if self.frames.is_empty() {
+            return Err(CaptureError::NoFrames { path: at() });
+        }
+        let mut frames: Vec<(u32, Pose)> = Vec::with_capacity(self.frames.len());
+        for (frame, f) in self.frames.iter().enumerate() {
+            if let Some((previous, _)) = frames.last().filter(|(previous, _)| f.index <= *previous) {
+                return Err(CaptureError::FrameOrder { path: at(), frame, index: f.index, previous: *previous });
+            }
+            let fault = |source| CaptureError::Pose { path: at(), frame, source };
+            if f.rot.len() != self.joints.len() {
+                return Err(fault(PoseError::Count { got: f.rot.len(), expected: self.joints.len() }));
+            }
+            frames.push((f.index, Pose::from_quaternions(Vector::from(f.root_t), &f.rot).map_err(fault)?));
+        }
+        Ok((camera, frames))
+    }
+}
+
+/// Whether labels and layers name the same garments, each once.
+pub(super) fn check_names(path: &Path, labels: &[String], layers: &[String]) -> Result<(), CaptureError> {
+    let at = || path.to_path_buf();
+    if !(2..=255).contains(&labels.len()) {
+        return Err(CaptureError::LabelCount { path: at(), count: labels.len() });
+    }
+    for (index, name) in ["background", "skin"].iter().enumerate() {
+        if labels[index] != *name {
+            return Err(CaptureError::LabelName { path: at(), index, found: labels[index].clone() });
+        }
+    }
+    let garments = &labels[2..];
+    for index in 0..garments.len().max(layers.len()) {
+        let (label, layer) = (garments.get(index), layers.get(index));
+        if label != layer {
+            let name = |n: Option<&String>| n.map_or("missing".into(), Clone::clone);
+            return Err(CaptureError::LayerName { path: at(), index, label: name(label), layer: name(layer) });
+        }
+    }
+    for (second, name) in layers.iter().enumerate() {
+        check_name(path, name)?;
+        if let Some(first) = layers[..second].iter().position(|n| n == name) {
+            return Err(CaptureError::SameLayer { path: at(), first, second, name: name.clone() });
+        }
+    }
+    Ok(())
+}
+
+/// Names become names of files and folders.
+fn check_name(path: &Path, name: &str) -> Result<(), CaptureError> {
+    let fits = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | '.' | ' ');
+    if name.is_empty() || name.starts_with('.') || !name.chars().all(fits) {
+        return Err(CaptureError::BadName { path: path.into(), name: name.into() });
+    }
+    Ok(())
+}

@@ -1,0 +1,199 @@
+//! Writing a capture.
+
+use super::error::CaptureError;
+use super::meta::{self, CONVENTION, FrameMeta, Meta};
+use super::picture::{self, Kind, PictureError};
+use crate::skeleton::Pose;
+use if_mesh::camera::Camera;
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// Who is seen by what.
+#[derive(Clone, Debug)]
+pub struct Subject {
+    /// The one camera.
+    pub camera: Camera,
+    /// Names of the garments, inner to outer.
+    pub garments: Vec<String>,
+    /// Names of the joints that poses turn.
+    pub joints: Vec<String>,
+    /// The program that made the pictures, for people.
+    pub generator: String,
+}
+
+/// The pictures of a frame, each with one value for each pixel, rows from the top.
+#[derive(Clone, Copy, Debug)]
+pub struct FramePictures<'a> {
+    /// Whether a pixel shows the person.
+    pub mask: &'a [bool],
+    /// Label of each pixel.
+    pub labels: &'a [u8],
+    /// Unit normals in the frame of the camera, zero where there is none.
+    pub normals: &'a [[f32; 3]],
+    /// What a front end would have given, where `mask` is truth.
+    pub noisy_mask: Option<&'a [bool]>,
+    /// What a front end would have given, where `labels` is truth.
+    pub noisy_labels: Option<&'a [u8]>,
+}
+
+/// A capture that is being written: into a temporary folder beside the final one, which takes its name in
+/// [`CaptureWriter::finish`]. Dropped before, it leaves nothing.
+#[derive(Debug)]
+pub struct CaptureWriter {
+    target: PathBuf,
+    part: TempDir,
+    meta: Meta,
+    size: (usize, usize),
+    noisy: [bool; 2],
+}
+
+impl CaptureWriter {
+    /// Begins a capture that will be called `folder`.
+    ///
+    /// # Errors
+    ///
+    /// Names that do not fit, or a folder that is there already or cannot be written beside.
+    pub fn create(folder: &Path, subject: &Subject) -> Result<Self, CaptureError> {
+        let fault = |source| CaptureError::Io { path: folder.into(), source };
+        if folder.exists() {
+            return Err(CaptureError::InTheWay { path: folder.into() });
+        }
+        let labels: Vec<String> = ["background", "skin"].map(String::from).into_iter().chain(subject.garments.clone()).collect();
+        meta::check_names(folder, &labels, &subject.garments)?;
+        let parent = match folder.parent() {
+            Some(p) if !p.as_os_str().is_empty() => p,
+            _ => Path::new("."),
+        };
+        fs::create_dir_all(parent).map_err(fault)?;
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".ifg-").suffix(".part");
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            builder.permissions(fs::Permissions::from_mode(0o777)); // less the user's umask
+        }
+        let part = builder.tempdir_in(parent).map_err(fault)?;
+        for kind in Kind::ALL {
+            fs::create_dir(part.path().join(kind.folder())).map_err(fault)?;
+        }
+        let camera = &subject.camera;
+        let meta = Meta {
+            generator: subject.generator.clone(),
+            width: camera.width(),
+            height: camera.height(),
+            k: meta::rows(camera.intrinsics()),
+            r: meta::rows(camera.rotation()),
+            t: (*camera.translation()).into(),
+            convention: CONVENTION.into(),
+            labels,
+            layers_inner_to_outer: subject.garments.clone(),
+            joints: subject.joints.clone(),
+            channels: BTreeMap::new(),
+            frames: Vec::new(),
+        };
+        let size = (camera.width(), camera.height());
+        Ok(Self { target: folder.into(), part, meta, size, noisy: [false; 2] })
+    }
+
+    /// The temporary folder: what else is put there becomes part of the capture.
+    pub fn folder(&self) -> &Path {
+        self.part.path()
+    }
+
+    /// Writes the next frame.
+    ///
+    /// # Errors
+    ///
+    /// Pictures of another size, noisy ones in some frames only, a pose of another number of joints, a label without a
+    /// name, or what the system says.
+    pub fn push(&mut self, pose: &Pose, pictures: &FramePictures) -> Result<(), CaptureError> {
+        let frame = self.meta.frames.len();
+        let counts = [
+            ("mask", Some(pictures.mask.len())),
+            ("label image", Some(pictures.labels.len())),
+            ("normal image", Some(pictures.normals.len())),
+            ("noisy mask", pictures.noisy_mask.map(<[bool]>::len)),
+            ("noisy label image", pictures.noisy_labels.map(<[u8]>::len)),
+        ];
+        let expected = self.size.0 * self.size.1;
+        for (what, got) in counts {
+            if let Some(got) = got.filter(|n| *n != expected) {
+                return Err(CaptureError::PixelCount { frame, what, got, expected });
+            }
+        }
+        let noisy = [pictures.noisy_mask.is_some(), pictures.noisy_labels.is_some()];
+        if frame == 0 {
+            self.noisy = noisy;
+            for kind in [Kind::Mask, Kind::Label] {
+                if noisy[kind as usize] {
+                    let path = self.part.path().join(kind.noisy());
+                    fs::create_dir(&path).map_err(|source| CaptureError::Io { path, source })?;
+                }
+            }
+        } else if let Some(k) = (0..2).find(|k| noisy[*k] != self.noisy[*k]) {
+            return Err(CaptureError::NoisyPicture { frame, what: ["mask", "label image"][k] });
+        }
+        if pose.rotations.len() != self.meta.joints.len() {
+            let source = crate::skeleton::PoseError::Count { got: pose.rotations.len(), expected: self.meta.joints.len() };
+            return Err(CaptureError::Pose { path: self.target.clone(), frame, source });
+        }
+        for labels in [Some(pictures.labels), pictures.noisy_labels].into_iter().flatten() {
+            if let Some(at) = labels.iter().position(|l| usize::from(*l) >= self.meta.labels.len()) {
+                let (path, names) = (self.target.clone(), self.meta.labels.len());
+                return Err(CaptureError::Label {
+                    path,
+                    column: at % self.size.0,
+                    row: at / self.size.0,
+                    label: labels[at],
+                    names,
+                });
+            }
+        }
+        let size = self.size;
+        self.file(frame, Kind::Mask.folder(), |f| picture::write_mask(f, size, pictures.mask))?;
+        self.file(frame, Kind::Label.folder(), |f| picture::write_labels(f, size, pictures.labels))?;
+        self.file(frame, Kind::Normal.folder(), |f| picture::write_normals(f, size, pictures.normals))?;
+        if let Some(mask) = pictures.noisy_mask {
+            self.file(frame, Kind::Mask.noisy(), |f| picture::write_mask(f, size, mask))?;
+        }
+        if let Some(labels) = pictures.noisy_labels {
+            self.file(frame, Kind::Label.noisy(), |f| picture::write_labels(f, size, labels))?;
+        }
+        self.meta.frames.push(FrameMeta { index: frame as u32, root_t: pose.root_translation.into(), rot: pose.quaternions() });
+        Ok(())
+    }
+
+    /// Writes `meta.json` and gives the folder its name.
+    ///
+    /// # Errors
+    ///
+    /// A capture without frames, a folder that has appeared meanwhile, or what the system says.
+    pub fn finish(self) -> Result<(), CaptureError> {
+        let path = self.part.path().join(meta::FILE);
+        self.meta.checked(&path)?;
+        let text = serde_json::to_vec(&self.meta).map_err(|source| CaptureError::Json { path: path.clone(), source })?;
+        fs::write(&path, text).map_err(|source| CaptureError::Io { path, source })?;
+        if self.target.exists() {
+            return Err(CaptureError::InTheWay { path: self.target });
+        }
+        let fault = |source| CaptureError::Io { path: self.target.clone(), source };
+        fs::rename(self.part.path(), &self.target).map_err(fault)?;
+        // Nothing stands under the temporary name any more.
+        let _ = self.part.keep();
+        Ok(())
+    }
+
+    fn file(
+        &self,
+        frame: usize,
+        folder: &str,
+        write: impl FnOnce(BufWriter<File>) -> Result<(), PictureError>,
+    ) -> Result<(), CaptureError> {
+        let path = self.part.path().join(folder).join(meta::file_name(frame as u32));
+        let done = File::create(&path).map_err(PictureError::Io).and_then(|f| write(BufWriter::new(f)));
+        done.map_err(|source| CaptureError::Picture { frame, path, source })
+    }
+}
