@@ -1,0 +1,172 @@
+//! What a reconstruction has reached, in a file.
+
+use super::observe::Observation;
+use super::params::SurfaceParams;
+use super::report::Round;
+use crate::capture::Capture;
+use crate::template::TemplateBody;
+use if_core::math::{Point, Real};
+use sha2::{Digest, Sha256};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// What the file begins with.
+const MAGIC: &[u8; 16] = b"ifg surface v1\n\0";
+/// Numbers of a round in the file.
+const ROUND: usize = 5;
+
+/// Why a checkpoint cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CheckpointError {
+    /// The system does not give or take the file.
+    #[error("checkpoint {}: {source}", path.display())]
+    Io {
+        /// Which file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The file is not a checkpoint, or only a part of one.
+    #[error("{} is no whole checkpoint of a reconstruction; remove it to begin anew", path.display())]
+    Broken {
+        /// Which file.
+        path: PathBuf,
+    },
+}
+
+/// The state between two rounds.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Checkpoint {
+    pub(super) vertices: Vec<Point>,
+    pub(super) rounds: Vec<Round>,
+}
+
+/// What the state depends on.
+pub(super) fn key(capture: &Capture, template: &TemplateBody, params: &SurfaceParams, frames: &[Observation]) -> [u8; 32] {
+    let mut hash = Sha256::new();
+    let mut number = |x: Real| hash.update(x.to_le_bytes());
+    // All but the number of rounds: a longer run may go on where a shorter one ended.
+    let p = params;
+    let values = [
+        p.normals,
+        p.silhouettes,
+        p.bending,
+        p.normal_margin,
+        p.border_blur,
+        p.reach,
+        p.longest_step,
+        p.slide,
+        p.least_overlap,
+    ];
+    values.into_iter().for_each(&mut number);
+    let camera = capture.camera();
+    for m in [camera.intrinsics(), camera.rotation()] {
+        m.iter().for_each(|x| number(*x));
+    }
+    camera.translation().iter().for_each(|x| number(*x));
+    template.mesh.vertices().iter().flat_map(|p| p.iter()).for_each(|x| number(*x));
+    template.mesh.triangles().iter().flatten().for_each(|i| number(Real::from(*i)));
+    template.skin.joints().iter().flatten().for_each(|j| number(Real::from(*j)));
+    template.skin.weights().iter().flatten().for_each(|w| number(Real::from(*w)));
+    for frame in frames {
+        number(frame.frame as Real);
+        for t in &frame.transforms {
+            t.translation.vector.iter().chain(t.rotation.coords.iter()).for_each(|x| number(*x));
+        }
+        let pixels = camera.width() * camera.height();
+        (0..pixels).for_each(|i| number(f64::from(frame.outside.pixel(i))));
+        frame.normals.iter().flatten().for_each(|n| number(f64::from(*n)));
+    }
+    hash.finalize().into()
+}
+
+impl Checkpoint {
+    /// Writes the file, whole or not at all.
+    pub(super) fn write(&self, path: &Path, key: &[u8; 32]) -> Result<(), CheckpointError> {
+        let mut bytes = Vec::with_capacity(64 + 24 * self.vertices.len());
+        bytes.extend_from_slice(MAGIC);
+        bytes.extend_from_slice(key);
+        bytes.extend_from_slice(&(self.rounds.len() as u64).to_le_bytes());
+        bytes.extend_from_slice(&(self.vertices.len() as u64).to_le_bytes());
+        for r in &self.rounds {
+            let row: [Real; ROUND] =
+                [r.silhouette_mm, r.normal_degrees, r.step_mm, r.rim_vertices as Real, r.seen_triangles as Real];
+            row.iter().for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
+        }
+        self.vertices.iter().flat_map(|p| p.iter()).for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
+        let digest = Sha256::digest(&bytes);
+        bytes.extend_from_slice(&digest);
+        if_mesh::atomic::write::<io::Error>(path, |file| file.write_all(&bytes))
+            .map_err(|source| CheckpointError::Io { path: path.into(), source })
+    }
+
+    /// What the file holds; `None` where there is none, or it is of other input, or of more rounds than `most`.
+    pub(super) fn read(path: &Path, key: &[u8; 32], most: usize) -> Result<Option<Self>, CheckpointError> {
+        let bytes = match std::fs::read(path) {
+            Ok(bytes) => bytes,
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(source) => return Err(CheckpointError::Io { path: path.into(), source }),
+        };
+        let (known_key, state) = Self::parse(&bytes).ok_or_else(|| CheckpointError::Broken { path: path.into() })?;
+        Ok((known_key == *key && state.rounds.len() <= most).then_some(state))
+    }
+
+    fn parse(bytes: &[u8]) -> Option<([u8; 32], Self)> {
+        let (bytes, digest) = bytes.split_at_checked(bytes.len().checked_sub(32)?)?;
+        if Sha256::digest(bytes)[..] != *digest {
+            return None;
+        }
+        let rest = bytes.strip_prefix(MAGIC)?;
+        let (key, rest) = rest.split_at_checked(32)?;
+        let (counts, rest) = rest.split_at_checked(16)?;
+        let count = |k: usize| usize::try_from(u64::from_le_bytes(counts[8 * k..8 * k + 8].try_into().ok()?)).ok();
+        let (rounds, vertices) = (count(0)?, count(1)?);
+        let numbers: Vec<Real> = rest.chunks_exact(8).map(|c| Real::from_le_bytes(c.try_into().expect("eight bytes"))).collect();
+        if rest.len() % 8 != 0 || numbers.len() != rounds.checked_mul(ROUND)?.checked_add(vertices.checked_mul(3)?)? {
+            return None;
+        }
+        let (rows, points) = numbers.split_at(rounds * ROUND);
+        let round = |r: &[Real]| Round {
+            silhouette_mm: r[0],
+            normal_degrees: r[1],
+            step_mm: r[2],
+            rim_vertices: r[3] as usize,
+            seen_triangles: r[4] as usize,
+        };
+        let state = Self {
+            vertices: points.chunks_exact(3).map(|p| Point::new(p[0], p[1], p[2])).collect(),
+            rounds: rows.chunks_exact(ROUND).map(round).collect(),
+        };
+        Some((key.try_into().ok()?, state))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_written_state_is_read_bit_for_bit_and_a_broken_one_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("state");
+        let round = Round { silhouette_mm: 0.1 + 0.2, normal_degrees: 1e-300, step_mm: 3.0, rim_vertices: 7, seen_triangles: 9 };
+        let state = Checkpoint { vertices: vec![Point::new(0.1, -0.0, 1.0 / 3.0)], rounds: vec![round; 2] };
+        assert_eq!(Checkpoint::read(&path, &[1; 32], 9).unwrap(), None);
+        state.write(&path, &[1; 32]).unwrap();
+        let read = Checkpoint::read(&path, &[1; 32], 2).unwrap().unwrap();
+        assert_eq!(read, state);
+        assert!(read.vertices[0].y.is_sign_negative());
+        assert_eq!(Checkpoint::read(&path, &[2; 32], 9).unwrap(), None); // other input
+        assert_eq!(Checkpoint::read(&path, &[1; 32], 1).unwrap(), None); // too far
+        let whole = std::fs::read(&path).unwrap();
+        for bad in [&whole[..whole.len() - 1], &whole[..20], &[][..]] {
+            std::fs::write(&path, bad).unwrap();
+            assert!(matches!(Checkpoint::read(&path, &[1; 32], 9), Err(CheckpointError::Broken { .. })));
+        }
+        let mut flipped = whole;
+        flipped[80] ^= 1;
+        std::fs::write(&path, flipped).unwrap();
+        assert!(matches!(Checkpoint::read(&path, &[1; 32], 9), Err(CheckpointError::Broken { .. })));
+    }
+}

@@ -1,0 +1,218 @@
+//! What the frames say about the surface as it is now.
+
+use super::observe::Observation;
+use super::params::SurfaceParams;
+use super::report::Pixels;
+use super::seen::{NOTHING, nearest_triangles};
+use crate::skin_weights::SkinWeights;
+use crate::skinning::{Affine, blends, pose_points};
+use if_core::edges::Edges;
+use if_core::math::{Point, Real, Vector, unit_or_zero};
+use if_core::mesh::TriMesh;
+use if_mesh::camera::Camera;
+use rayon::prelude::*;
+
+/// Cosine between a seen normal and the surface's below which they are not of one place. Between 0 and 0.4 the result
+/// changes by less than 0.1 mm.
+const SAME_PLACE: Real = 0.2;
+/// Pixels within which a vertex must have both the figure and its surroundings to lie on the silhouette.
+const BESIDE: Real = 2.0;
+/// Cosine between a rim vertex's normal and the direction to the mask's border below which they are not of one border.
+const SAME_BORDER: Real = 0.5;
+/// Cosine between normal and line of sight at which a rim vertex no longer counts: it lies round the corner.
+const ROUND_THE_CORNER: Real = 0.5;
+/// Frames that are looked at together: bounds the memory of their evidence.
+const TOGETHER: usize = 16;
+
+/// What all frames together say.
+pub(super) struct Evidence {
+    /// For each triangle the weighted sum of its seen normals in canonical space, and of the weights.
+    pub(super) normals: Vec<(Vector, Real)>,
+    /// For each vertex the weighted sum of the ways along its normal to the masks' borders (metres), and of the weights.
+    pub(super) rim: Vec<(Real, Real)>,
+    /// What became of the pixels.
+    pub(super) pixels: Pixels,
+    /// For each frame, which part of the union its mask and the figure share.
+    pub(super) overlap: Vec<Real>,
+}
+
+/// What one frame says.
+struct Glance {
+    normals: Vec<(u32, Vector, Real)>,
+    rim: Vec<(u32, Real, Real)>,
+    pixels: Pixels,
+    overlap: Real,
+}
+
+/// Looks at the canonical surface `mesh` in all frames.
+pub(super) fn gather(
+    mesh: &TriMesh,
+    edges: &Edges,
+    skin: &SkinWeights,
+    camera: &Camera,
+    frames: &[Observation],
+    params: &SurfaceParams,
+) -> Evidence {
+    let vertex_normals = mesh.vertex_normals();
+    let face_normals = mesh.face_normals();
+    let mut all = Evidence {
+        normals: vec![(Vector::zeros(), 0.0); mesh.triangles().len()],
+        rim: vec![(0.0, 0.0); mesh.vertices().len()],
+        pixels: Pixels::default(),
+        overlap: Vec::with_capacity(frames.len()),
+    };
+    for group in frames.chunks(TOGETHER) {
+        let glances: Vec<Glance> = group
+            .par_iter()
+            .map(|frame| Figure::new(mesh, edges, skin, camera, frame).glance(frame, &vertex_normals, &face_normals, params))
+            .collect();
+        // Summed in the order of the frames: the same bits on any number of threads.
+        for glance in glances {
+            for (t, n, w) in glance.normals {
+                let sum = &mut all.normals[t as usize];
+                *sum = (sum.0 + n * w, sum.1 + w);
+            }
+            for (v, way, w) in glance.rim {
+                let sum = &mut all.rim[v as usize];
+                *sum = (sum.0 + way * w, sum.1 + w);
+            }
+            let (sum, one) = (&mut all.pixels, glance.pixels);
+            sum.person += one.person;
+            sum.no_normal += one.no_normal;
+            sum.off_surface += one.off_surface;
+            sum.contradicting += one.contradicting;
+            sum.used += one.used;
+            all.overlap.push(glance.overlap);
+        }
+    }
+    all
+}
+
+/// The surface in the pose of a frame.
+struct Figure<'a> {
+    mesh: &'a TriMesh,
+    edges: &'a Edges,
+    camera: &'a Camera,
+    maps: Vec<Affine>,
+    /// In the camera's frame.
+    points: Vec<Point>,
+    seen: Vec<u32>,
+}
+
+impl<'a> Figure<'a> {
+    fn new(mesh: &'a TriMesh, edges: &'a Edges, skin: &SkinWeights, camera: &'a Camera, frame: &Observation) -> Self {
+        let maps = blends(skin, &frame.transforms);
+        let points: Vec<Point> = pose_points(mesh.vertices(), &maps).iter().map(|p| camera.to_camera(p)).collect();
+        let seen = nearest_triangles(camera, &points, mesh.triangles());
+        Self { mesh, edges, camera, maps, points, seen }
+    }
+
+    fn glance(&self, frame: &Observation, vertex_normals: &[Vector], face_normals: &[Vector], params: &SurfaceParams) -> Glance {
+        let mut glance = Glance { normals: Vec::new(), rim: Vec::new(), pixels: Pixels::default(), overlap: 0.0 };
+        self.look_at_normals(frame, face_normals, &mut glance);
+        self.look_at_rim(frame, vertex_normals, params, &mut glance);
+        glance
+    }
+
+    fn look_at_normals(&self, frame: &Observation, face_normals: &[Vector], glance: &mut Glance) {
+        let width = self.camera.width();
+        let (mut both, mut either) = (0usize, 0usize);
+        let pixels = &mut glance.pixels;
+        for (i, &t) in self.seen.iter().enumerate() {
+            let person = frame.outside.pixel(i) < 0.0;
+            let figure = t != NOTHING;
+            both += usize::from(person && figure);
+            either += usize::from(person || figure);
+            pixels.person += usize::from(person);
+            let n = frame.normals[i];
+            if n == [0.0; 3] {
+                pixels.no_normal += usize::from(person);
+                continue;
+            }
+            if !figure {
+                pixels.off_surface += usize::from(person);
+                continue;
+            }
+            let n = Vector::new(n[0].into(), n[1].into(), n[2].into());
+            // Aᵀ n with the mean of the corners' maps: triangles are small against bones.
+            let corners = self.mesh.triangles()[t as usize];
+            let linear = corners.iter().fold(nalgebra::Matrix3::zeros(), |sum, v| sum + self.maps[*v as usize].linear);
+            let canonical = unit_or_zero(&(linear.transpose() * n));
+            let agreement = canonical.dot(&face_normals[t as usize]) - SAME_PLACE;
+            let center = nalgebra::Point2::new((i % width) as Real + 0.5, (i / width) as Real + 0.5);
+            let sight = self.camera.rotation().transpose() * self.camera.pixel_direction(&center);
+            let facing = -n.dot(&unit_or_zero(&sight));
+            if agreement <= 0.0 || facing <= 0.0 {
+                pixels.contradicting += usize::from(person);
+                continue;
+            }
+            pixels.used += usize::from(person);
+            glance.normals.push((t, canonical, facing * facing * agreement));
+        }
+        glance.overlap = if either == 0 { 0.0 } else { both as Real / either as Real };
+    }
+
+    /// Vertices where front meets back, and the figure its surroundings.
+    fn look_at_rim(&self, frame: &Observation, vertex_normals: &[Vector], params: &SurfaceParams, glance: &mut Glance) {
+        let (width, height) = (self.camera.width() as Real, self.camera.height() as Real);
+        let front: Vec<bool> = (0..self.mesh.triangles().len())
+            .map(|t| {
+                let [a, b, c] = self.mesh.triangles()[t].map(|v| self.points[v as usize]);
+                (b - a).cross(&(c - a)).dot(&a.coords) < 0.0
+            })
+            .collect();
+        let mut rim = vec![false; self.points.len()];
+        for (e, sides) in self.edges.triangles.iter().enumerate() {
+            if sides[1] != if_core::edges::NONE && front[sides[0] as usize] != front[sides[1] as usize] {
+                self.edges.vertices[e].iter().for_each(|v| rim[*v as usize] = true);
+            }
+        }
+        let k = self.camera.intrinsics();
+        let pixels_per_metre = 0.5 * (k[(0, 0)] + k[(1, 1)]); // at a depth of one metre
+        for v in (0..rim.len()).filter(|v| rim[*v]) {
+            let p = &self.points[v];
+            if p.z <= 0.0 {
+                continue;
+            }
+            let pixel = self.camera.to_pixel(p);
+            if !(0.0..width).contains(&pixel.x) || !(0.0..height).contains(&pixel.y) || !self.on_silhouette(pixel.x, pixel.y) {
+                continue;
+            }
+            let away = frame.outside.at(pixel.x, pixel.y);
+            let metres = away * p.z / pixels_per_metre;
+            if metres.abs() > params.reach {
+                continue;
+            }
+            let normal = self.camera.rotation() * self.maps[v].normal(&vertex_normals[v]);
+            let across = normal.xy().norm();
+            if across == 0.0 {
+                continue;
+            }
+            let [du, dv] = frame.outside.slope(pixel.x, pixel.y);
+            let along = (du * normal.x + dv * normal.y) / across;
+            let tilt = normal.dot(&unit_or_zero(&p.coords)) / ROUND_THE_CORNER;
+            let weight = along * (1.0 - tilt * tilt);
+            if along > SAME_BORDER && weight > 0.0 {
+                glance.rim.push((v as u32, -metres, weight));
+            }
+        }
+    }
+
+    /// Whether both a pixel of the figure and one beside it lie within [`BESIDE`] pixels.
+    fn on_silhouette(&self, u: Real, v: Real) -> bool {
+        let (width, height) = (self.camera.width() as i64, self.camera.height() as i64);
+        let (mut figure, mut beside) = (false, false);
+        for y in (v - BESIDE).floor() as i64..=(v + BESIDE).floor() as i64 {
+            for x in (u - BESIDE).floor() as i64..=(u + BESIDE).floor() as i64 {
+                if (x as Real + 0.5 - u).hypot(y as Real + 0.5 - v) > BESIDE {
+                    continue;
+                }
+                let inside = (0..width).contains(&x) && (0..height).contains(&y);
+                let seen = inside && self.seen[(y * width + x) as usize] != NOTHING;
+                figure |= seen;
+                beside |= !seen;
+            }
+        }
+        figure && beside
+    }
+}

@@ -1,0 +1,87 @@
+//! What a frame says, made ready.
+
+use super::distance_image::DistanceImage;
+use super::params::SurfaceParams;
+use super::report::Skipped;
+use crate::capture::{Capture, CaptureError};
+use crate::skeleton::{PoseError, Skeleton};
+use if_core::math::Vector;
+use if_mesh::camera::Camera;
+use nalgebra::Isometry3;
+
+/// Less of the picture than this is no person, but specks: 65 pixels of 256². Ten times more would lose a person who
+/// stands far away.
+const LEAST_PERSON: f64 = 1e-3;
+
+/// A frame that brings something.
+pub(super) struct Observation {
+    /// Its place in the capture.
+    pub(super) frame: usize,
+    /// Where the pose takes each joint.
+    pub(super) transforms: Vec<Isometry3<f64>>,
+    /// Signed distance from the border of the mask, in pixels, positive outside.
+    pub(super) outside: DistanceImage,
+    /// Unit normals in the world; zero where there is none, or too near to the border of the mask to be trusted.
+    pub(super) normals: Vec<[f32; 3]>,
+    /// Pixels of the mask.
+    pub(super) pixels: usize,
+    /// Those of them whose normals are used.
+    pub(super) with_normal: usize,
+}
+
+/// Reads a frame of a capture.
+pub(super) fn observe(
+    capture: &Capture,
+    skeleton: &Skeleton,
+    frame: usize,
+    params: &SurfaceParams,
+) -> Result<Result<Observation, Skipped>, ObserveError> {
+    let transforms = skeleton.transforms(capture.pose(frame)).map_err(|source| ObserveError::Pose { frame, source })?;
+    let mask = capture.mask(frame)?;
+    let pixels = mask.iter().filter(|m| **m).count();
+    if (pixels as f64) < LEAST_PERSON * mask.len() as f64 {
+        return Ok(Err(Skipped::NoPerson { frame, pixels }));
+    }
+    if pixels == mask.len() {
+        return Ok(Err(Skipped::NoBorder { frame }));
+    }
+    let camera = capture.camera();
+    Ok(Ok(prepared(camera, frame, transforms, &mask, capture.normals(frame)?, params)))
+}
+
+/// Why a frame cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum ObserveError {
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    #[error("frame {frame}: {source}")]
+    Pose { frame: usize, source: PoseError },
+}
+
+/// Makes pictures ready. `normals` are in the camera's frame.
+pub(super) fn prepared(
+    camera: &Camera,
+    frame: usize,
+    transforms: Vec<Isometry3<f64>>,
+    mask: &[bool],
+    mut normals: Vec<[f32; 3]>,
+    params: &SurfaceParams,
+) -> Observation {
+    let (width, height) = (camera.width(), camera.height());
+    let exact = DistanceImage::new(mask, width, height, 0.0);
+    let outside = DistanceImage::new(mask, width, height, params.border_blur);
+    let to_world = camera.rotation().transpose();
+    let mut with_normal = 0;
+    for (i, n) in normals.iter_mut().enumerate() {
+        let trusted = f64::from(exact.pixel(i)) < -params.normal_margin;
+        if !trusted || *n == [0.0; 3] {
+            *n = [0.0; 3];
+            continue;
+        }
+        let world = to_world * Vector::new(n[0].into(), n[1].into(), n[2].into());
+        *n = [world.x as f32, world.y as f32, world.z as f32];
+        with_normal += 1;
+    }
+    let pixels = mask.iter().filter(|m| **m).count();
+    Observation { frame, transforms, outside, normals, pixels, with_normal }
+}

@@ -1,0 +1,272 @@
+//! One step of the surface towards what was seen.
+
+use super::evidence::Evidence;
+use super::params::SurfaceParams;
+use super::report::Round;
+use faer::linalg::solvers::Solve;
+use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
+use faer::sparse::{SparseColMat, Triplet};
+use faer::{Mat, Side};
+use if_core::edges::Edges;
+use if_core::math::{Point, Real, Vector, unit_or_zero};
+use if_core::mesh::TriMesh;
+
+/// Weight of the seen normals from which on a triangle is known: three pixels seen head-on.
+const KNOWN: Real = 3.0;
+/// Part of the weight of a known normal with which an unseen triangle keeps its own.
+const UNSEEN: Real = 0.02;
+/// Weight of the silhouettes from which on a vertex's place is known: on the rim in three frames.
+const ON_RIM: Real = 3.0;
+/// Weight with which a vertex stays where it is: makes the system regular where nothing was seen. A hundred times more
+/// would slow the rounds down, a hundred times less leave unseen places adrift.
+const STAY: Real = 1e-4;
+/// Rounds of smoothing of the directions along which vertices move, so that neighbours do not run into one another.
+const DIRECTION_ROUNDS: usize = 3;
+
+/// Moves each vertex along its smoothed normal by the s that minimises
+///
+/// ```text
+/// a Σ wₜ (Nₜ · (x′ᵢ − x′ⱼ))²    over the edges ij of each triangle t with the normal Nₜ that was seen
+/// + b Σ wᵥ (sᵥ − δᵥ)²           δᵥ the mean way of a rim vertex to the masks' borders
+/// + c Σ (s − mean of its neighbours' s)² + 1e-4 Σ s²
+/// ```
+///
+/// with weights w of at most 1, by sparse Cholesky factorisation; then slides vertices along the surface towards the middle of
+/// their neighbours. `None` where the system cannot be factored, which finite input does not cause.
+pub(super) fn step(mesh: &TriMesh, edges: &Edges, evidence: &Evidence, params: &SurfaceParams) -> Option<(Vec<Point>, Round)> {
+    let x = mesh.vertices();
+    let n = x.len();
+    let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); n];
+    for [a, b] in &edges.vertices {
+        neighbours[*a as usize].push(*b);
+        neighbours[*b as usize].push(*a);
+    }
+    let directions = smoothed(&mesh.vertex_normals(), &neighbours);
+    let mut entries: Vec<Triplet<usize, usize, Real>> = Vec::with_capacity(60 * n);
+    let mut right = Mat::zeros(n, 1);
+    let mut round = Round::default();
+
+    // Normals.
+    let areas: Vec<Real> = (0..mesh.triangles().len())
+        .map(|t| {
+            let [a, b, c] = mesh.corners(t);
+            if_core::math::area_vector(a, b, c).norm()
+        })
+        .collect();
+    let mean_area = areas.iter().sum::<Real>() / areas.len().max(1) as Real;
+    let faces = mesh.face_normals();
+    let (mut angle, mut seen_area) = (0.0, 0.0);
+    for (t, tri) in mesh.triangles().iter().enumerate() {
+        let (sum, weight) = evidence.normals[t];
+        let mut target = unit_or_zero(&sum);
+        let mut confidence = (weight / KNOWN).min(1.0);
+        if target == Vector::zeros() || confidence < UNSEEN {
+            (target, confidence) = (faces[t], UNSEEN);
+        } else {
+            round.seen_triangles += 1;
+            angle += areas[t] * target.dot(&faces[t]).clamp(-1.0, 1.0).acos();
+            seen_area += areas[t];
+        }
+        if mean_area == 0.0 {
+            continue;
+        }
+        let w = params.normals * confidence * areas[t] / mean_area;
+        for k in 0..3 {
+            let (i, j) = (tri[k] as usize, tri[(k + 1) % 3] as usize);
+            let (at_i, at_j) = (-target.dot(&directions[i]), target.dot(&directions[j]));
+            let gap = -target.dot(&(x[j] - x[i]));
+            entries.push(Triplet::new(i, i, w * at_i * at_i));
+            entries.push(Triplet::new(j, j, w * at_j * at_j));
+            entries.push(Triplet::new(i.max(j), i.min(j), w * at_i * at_j));
+            right[(i, 0)] += w * at_i * gap;
+            right[(j, 0)] += w * at_j * gap;
+        }
+    }
+    round.normal_degrees = if seen_area > 0.0 { (angle / seen_area).to_degrees() } else { 0.0 };
+
+    // Silhouettes, and staying.
+    let (mut squares, mut rim_weight) = (0.0, 0.0);
+    for v in 0..n {
+        let (way, weight) = evidence.rim[v];
+        let mut diagonal = STAY;
+        if weight > 0.0 {
+            let delta = way / weight;
+            let w = params.silhouettes * (weight / ON_RIM).min(1.0);
+            diagonal += w;
+            right[(v, 0)] += w * delta;
+            squares += weight * delta * delta;
+            rim_weight += weight;
+            round.rim_vertices += 1;
+        }
+        entries.push(Triplet::new(v, v, diagonal));
+    }
+    round.silhouette_mm = if rim_weight > 0.0 { (squares / rim_weight).sqrt() * 1e3 } else { 0.0 };
+
+    // Bending of the step.
+    for v in 0..n {
+        if neighbours[v].is_empty() {
+            continue;
+        }
+        let share = -1.0 / neighbours[v].len() as Real;
+        let row: Vec<(usize, Real)> =
+            std::iter::once((v, 1.0)).chain(neighbours[v].iter().map(|u| (*u as usize, share))).collect();
+        for &(i, a) in &row {
+            let lower = row.iter().filter(|(j, _)| *j <= i);
+            entries.extend(lower.map(|&(j, b)| Triplet::new(i, j, params.bending * a * b)));
+        }
+    }
+
+    let matrix = SparseColMat::try_new_from_triplets(n, n, &entries).ok()?;
+    let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).ok()?;
+    let llt = Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower).ok()?;
+    llt.solve_in_place(right.as_mut());
+    let longest = params.longest_step;
+    let steps: Vec<Real> = (0..n).map(|v| right[(v, 0)].clamp(-longest, longest)).collect();
+    round.step_mm = (steps.iter().map(|s| s * s).sum::<Real>() / n.max(1) as Real).sqrt() * 1e3;
+    let moved: Vec<Point> = (0..n).map(|v| x[v] + directions[v] * steps[v]).collect();
+    if !moved.iter().flat_map(|p| p.iter()).all(|c| c.is_finite()) {
+        return None;
+    }
+    Some((slid(mesh, moved, &neighbours, params.slide), round))
+}
+
+fn smoothed(normals: &[Vector], neighbours: &[Vec<u32>]) -> Vec<Vector> {
+    let mut out = normals.to_vec();
+    for _ in 0..DIRECTION_ROUNDS {
+        out = (0..out.len())
+            .map(|v| {
+                let mean = neighbours[v].iter().fold(Vector::zeros(), |sum, u| sum + out[*u as usize]);
+                unit_or_zero(&(out[v] + mean / neighbours[v].len().max(1) as Real))
+            })
+            .collect();
+    }
+    out
+}
+
+/// Vertices moved by `share` of the way to the mean of their neighbours, as far as that lies along the surface.
+fn slid(mesh: &TriMesh, moved: Vec<Point>, neighbours: &[Vec<u32>], share: Real) -> Vec<Point> {
+    let Ok(mesh) = mesh.with_vertices(moved) else { return mesh.vertices().to_vec() };
+    let x = mesh.vertices();
+    let slide = |(v, n): (usize, &Vector)| {
+        if neighbours[v].is_empty() {
+            return x[v];
+        }
+        let sum = neighbours[v].iter().fold(Vector::zeros(), |sum, u| sum + x[*u as usize].coords);
+        let way = sum / neighbours[v].len() as Real - x[v].coords;
+        x[v] + (way - n * n.dot(&way)) * share
+    };
+    mesh.vertex_normals().iter().enumerate().map(slide).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::shapes::meshes;
+
+    fn nothing(mesh: &TriMesh) -> Evidence {
+        Evidence {
+            normals: vec![(Vector::zeros(), 0.0); mesh.triangles().len()],
+            rim: vec![(0.0, 0.0); mesh.vertices().len()],
+            pixels: Default::default(),
+            overlap: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn without_evidence_nothing_moves() {
+        let ball = meshes::icosphere(0.3, 3);
+        let params = SurfaceParams { slide: 0.0, ..Default::default() };
+        let (moved, round) = step(&ball, &Edges::new(&ball), &nothing(&ball), &params).unwrap();
+        for (p, q) in moved.iter().zip(ball.vertices()) {
+            approx::assert_relative_eq!(p, q, epsilon = 1e-12);
+        }
+        assert_eq!((round.rim_vertices, round.seen_triangles), (0, 0));
+    }
+
+    #[test]
+    fn silhouettes_move_the_surface_and_normals_carry_their_shape() {
+        // A ball, of which a rim is seen 2 cm farther out everywhere, and normals of the ball itself: it grows as a ball.
+        let ball = meshes::icosphere(0.3, 3);
+        let mut evidence = nothing(&ball);
+        for (v, p) in ball.vertices().iter().enumerate() {
+            if p.z.abs() < 0.05 {
+                evidence.rim[v] = (0.02 * 3.0, 3.0);
+            }
+        }
+        for (t, n) in ball.face_normals().iter().enumerate() {
+            evidence.normals[t] = (n * 3.0, 3.0);
+        }
+        let mut mesh = ball.clone();
+        let edges = Edges::new(&ball);
+        for k in 0..4 {
+            let params = SurfaceParams { slide: 0.0, ..Default::default() };
+            let (moved, round) = step(&mesh, &edges, &evidence, &params).unwrap();
+            mesh = mesh.with_vertices(moved).unwrap();
+            if k == 0 {
+                assert!((round.silhouette_mm - 20.0).abs() < 1e-9);
+                evidence.rim.iter_mut().filter(|r| r.1 > 0.0).for_each(|r| r.0 = 0.0);
+            }
+        }
+        for p in mesh.vertices() {
+            // The poles are carried outwards by the normals alone.
+            assert!((p.coords.norm() - 0.32).abs() < 0.006, "{p}: {}", p.coords.norm());
+        }
+    }
+
+    #[test]
+    fn the_step_has_no_slope_left() {
+        // The energy, written down plainly, has a vanishing slope at the step.
+        let mesh = meshes::icosphere(0.2, 2);
+        let edges = Edges::new(&mesh);
+        let mut evidence = nothing(&mesh);
+        for (t, n) in mesh.face_normals().iter().enumerate() {
+            let w = 1.0 + (t % 5) as Real;
+            evidence.normals[t] = (unit_or_zero(&(n + Vector::new(0.1, -0.05 * (t % 3) as Real, 0.02))) * w, w);
+        }
+        for v in (0..mesh.vertices().len()).step_by(4) {
+            evidence.rim[v] = (0.001 * (v % 7) as Real, 0.5 + (v % 4) as Real);
+        }
+        let params = SurfaceParams { slide: 0.0, ..Default::default() };
+        let (moved, _) = step(&mesh, &edges, &evidence, &params).unwrap();
+        let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices().len()];
+        for [a, b] in &edges.vertices {
+            neighbours[*a as usize].push(*b);
+            neighbours[*b as usize].push(*a);
+        }
+        let directions = smoothed(&mesh.vertex_normals(), &neighbours);
+        let s: Vec<Real> = (0..moved.len()).map(|v| (moved[v] - mesh.vertices()[v]).dot(&directions[v])).collect();
+        let area = |t: usize| {
+            let [a, b, c] = mesh.corners(t);
+            0.5 * if_core::math::area_vector(a, b, c).norm()
+        };
+        let mean_area = mesh.area() / mesh.triangles().len() as Real;
+        let energy = |s: &[Real]| {
+            let at = |v: u32| mesh.vertices()[v as usize] + directions[v as usize] * s[v as usize];
+            let mut sum = 0.0;
+            for (t, tri) in mesh.triangles().iter().enumerate() {
+                let (n, w) = (unit_or_zero(&evidence.normals[t].0), (evidence.normals[t].1 / 3.0).min(1.0));
+                for k in 0..3 {
+                    sum += w * area(t) / mean_area * n.dot(&(at(tri[(k + 1) % 3]) - at(tri[k]))).powi(2);
+                }
+            }
+            for v in 0..s.len() {
+                let (way, w) = evidence.rim[v];
+                if w > 0.0 {
+                    sum += (w / 3.0).min(1.0) * (s[v] - way / w).powi(2);
+                }
+                let mean: Real = neighbours[v].iter().map(|u| s[*u as usize]).sum::<Real>() / neighbours[v].len() as Real;
+                sum += 0.5 * (s[v] - mean).powi(2) + 1e-4 * s[v] * s[v];
+            }
+            sum
+        };
+        let h = 1e-5;
+        for v in (0..s.len()).step_by(9) {
+            let (mut up, mut down) = (s.clone(), s.clone());
+            up[v] += h;
+            down[v] -= h;
+            let slope = (energy(&up) - energy(&down)) / (2.0 * h);
+            // Against the slope at rest, which is of the order of 1e-2.
+            assert!(slope.abs() < 1e-8, "vertex {v}: {slope}");
+        }
+    }
+}

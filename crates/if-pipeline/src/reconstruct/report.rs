@@ -1,0 +1,73 @@
+//! What a reconstruction used, left out and reached.
+
+use if_core::math::Real;
+use serde::{Deserialize, Serialize};
+
+/// A frame that brings nothing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "because")]
+#[non_exhaustive]
+pub enum Skipped {
+    /// Its mask is empty but for specks.
+    NoPerson {
+        /// Its place in the capture.
+        frame: usize,
+        /// Pixels of the mask.
+        pixels: usize,
+    },
+    /// Its mask fills the picture.
+    NoBorder {
+        /// Its place in the capture.
+        frame: usize,
+    },
+    /// The posed template lies elsewhere: the pose or the mask is another's.
+    Elsewhere {
+        /// Its place in the capture.
+        frame: usize,
+        /// Which part of their union the mask and the template share.
+        overlap: Real,
+    },
+}
+
+/// What became of the pixels of all masks, in the last round.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Pixels {
+    /// All of the masks of the frames that were used.
+    pub person: usize,
+    /// Left out: without a normal, or too near to the border of the mask.
+    pub no_normal: usize,
+    /// Left out: the surface is not there yet.
+    pub off_surface: usize,
+    /// Left out: the normal points elsewhere than the surface's, as where another part of the body was seen.
+    pub contradicting: usize,
+    /// Used.
+    pub used: usize,
+}
+
+/// A round of looking and solving.
+#[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
+pub struct Round {
+    /// Root of the mean square distance of the surface's silhouettes from the masks' borders before the round, in millimetres.
+    pub silhouette_mm: Real,
+    /// Mean angle between the surface's normals and those seen before the round, in degrees.
+    pub normal_degrees: Real,
+    /// Root of the mean square step of the vertices, in millimetres.
+    pub step_mm: Real,
+    /// Vertices that lay on a silhouette in some frame.
+    pub rim_vertices: usize,
+    /// Triangles with a normal.
+    pub seen_triangles: usize,
+}
+
+/// How a surface was found.
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+pub struct SurfaceReport {
+    /// Frames of the capture.
+    pub frames: usize,
+    /// Those left out.
+    pub skipped: Vec<Skipped>,
+    /// What became of the pixels.
+    pub pixels: Pixels,
+    /// All rounds.
+    pub rounds: Vec<Round>,
+}

@@ -1,0 +1,186 @@
+//! The canonical surface of a capture.
+
+use super::checkpoint::{self, Checkpoint, CheckpointError};
+use super::evidence::{Evidence, gather};
+use super::observe::{ObserveError, Observation, observe};
+use super::params::{ParamError, SurfaceParams};
+use super::progress::{Clock, Progress, Stage};
+use super::refine;
+use super::report::{Skipped, SurfaceReport};
+use crate::capture::{Capture, CaptureError};
+use crate::skeleton::PoseError;
+use crate::template::TemplateBody;
+use if_core::edges::Edges;
+use if_core::math::Real;
+use if_core::mesh::{MeshError, TriMesh};
+use rayon::prelude::*;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// Why no surface was found.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SurfaceError {
+    /// A parameter is out of range.
+    #[error(transparent)]
+    Params(#[from] ParamError),
+    /// The capture is at fault.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// A pose does not fit the skeleton.
+    #[error("frame {frame}: {source}")]
+    Pose {
+        /// Its place in the capture.
+        frame: usize,
+        /// What is wrong with it.
+        source: PoseError,
+    },
+    /// The template has no triangles.
+    #[error("the template body has no triangles")]
+    NoTemplate,
+    /// No frame brings anything.
+    #[error("none of the {frames} frames can be used, the first because {first:?}; check masks, poses and camera")]
+    NothingSeen {
+        /// Frames of the capture.
+        frames: usize,
+        /// Why the first was skipped.
+        first: Option<Skipped>,
+    },
+    /// The equations of a round have no finite solution.
+    #[error("round {round} has no finite solution; normals or weights are out of any scale")]
+    Singular {
+        /// Which round, from 0.
+        round: usize,
+    },
+    /// The surface of a checkpoint is none of the template.
+    #[error("the checkpoint's surface does not fit the template: {0}")]
+    Mesh(#[from] MeshError),
+    /// The checkpoint cannot be read or written.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// `watch` asked to stop. What was reached is in the checkpoint.
+    #[error("cancelled after {rounds} rounds")]
+    Cancelled {
+        /// Rounds that were finished.
+        rounds: usize,
+    },
+}
+
+impl From<ObserveError> for SurfaceError {
+    fn from(error: ObserveError) -> Self {
+        match error {
+            ObserveError::Capture(source) => Self::Capture(source),
+            ObserveError::Pose { frame, source } => Self::Pose { frame, source },
+        }
+    }
+}
+
+/// The clothed person in canonical space, with the template's triangles and weights, and how it was found.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    /// The template's triangles at the places that were seen.
+    pub mesh: TriMesh,
+    /// What was used, left out and reached.
+    pub report: SurfaceReport,
+}
+
+/// Frames that are read together.
+const TOGETHER: usize = 8;
+
+/// Fits the template body's surface to the masks and normals of a capture.
+///
+/// ```text
+/// for each round
+///     pose the surface in each frame and rasterise it
+///     collect, in canonical space, the normals that each triangle was seen with,
+///         and the way of each silhouette vertex to the border of the mask
+///     move the vertices along their normals: one linear least-squares problem
+/// ```
+///
+/// `watch` is told of progress before each frame group and round, and stops the work with [`ControlFlow::Break`]. With a
+/// `checkpoint` path, the state is written there after each round, and taken up from there where the file is of the same
+/// capture, template and parameters: the result has the same bits as that of an uninterrupted run. The file is left
+/// there for the caller to remove.
+///
+/// # Source
+///
+/// Instead of the paper's φ and d by implicit differentiation: see `docs/reconstruction.md` for the reasons and the numbers.
+///
+/// # Errors
+///
+/// [`SurfaceError`].
+pub fn fit_surface(
+    capture: &Capture,
+    template: &TemplateBody,
+    params: &SurfaceParams,
+    checkpoint: Option<&Path>,
+    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Surface, SurfaceError> {
+    params.validate()?;
+    capture.check_skeleton(&template.skeleton)?;
+    if template.mesh.triangles().is_empty() {
+        return Err(SurfaceError::NoTemplate);
+    }
+    let mut clock = Clock::new();
+    let mut frames: Vec<Observation> = Vec::new();
+    let mut report = SurfaceReport { frames: capture.len(), ..Default::default() };
+    let numbers: Vec<usize> = (0..capture.len()).collect();
+    for group in numbers.chunks(TOGETHER) {
+        if watch(&clock.at(Stage::Read, group[0], capture.len(), None)).is_break() {
+            return Err(SurfaceError::Cancelled { rounds: 0 });
+        }
+        let read: Vec<_> = group.par_iter().map(|k| observe(capture, &template.skeleton, *k, params)).collect();
+        for frame in read {
+            match frame? {
+                Ok(frame) => frames.push(frame),
+                Err(skipped) => report.skipped.push(skipped),
+            }
+        }
+    }
+    let key = checkpoint.map(|_| checkpoint::key(capture, template, params, &frames));
+    let edges = Edges::new(&template.mesh);
+    let mut mesh = template.mesh.clone();
+    let look = |mesh: &TriMesh, frames: &[Observation]| gather(mesh, &edges, &template.skin, capture.camera(), frames, params);
+
+    // Frames in which the template lies elsewhere are left out, once.
+    let mut evidence = look(&mesh, &frames);
+    let overlap = std::mem::take(&mut evidence.overlap);
+    if overlap.iter().any(|o| *o < params.least_overlap) {
+        let elsewhere = frames.iter().zip(&overlap).filter(|(_, o)| **o < params.least_overlap);
+        report.skipped.extend(elsewhere.map(|(f, o)| Skipped::Elsewhere { frame: f.frame, overlap: *o }));
+        let mut keep = overlap.iter().map(|o| *o >= params.least_overlap);
+        frames.retain(|_| keep.next() == Some(true));
+        evidence = look(&mesh, &frames);
+    }
+    if frames.is_empty() {
+        return Err(SurfaceError::NothingSeen { frames: capture.len(), first: report.skipped.into_iter().next() });
+    }
+    if let (Some(path), Some(key)) = (checkpoint, &key)
+        && let Some(known) = Checkpoint::read(path, key, params.rounds)?
+    {
+        mesh = mesh.with_vertices(known.vertices)?;
+        report.rounds = known.rounds;
+        evidence = look(&mesh, &frames);
+    }
+
+    clock.restart();
+    while report.rounds.len() < params.rounds {
+        let round = report.rounds.len();
+        let loss = report.rounds.last().map(|r| r.silhouette_mm);
+        if watch(&clock.at(Stage::Surface, round, params.rounds, loss)).is_break() {
+            return Err(SurfaceError::Cancelled { rounds: round });
+        }
+        let (moved, done) = refine::step(&mesh, &edges, &evidence, params).ok_or(SurfaceError::Singular { round })?;
+        mesh = mesh.with_vertices(moved)?;
+        report.rounds.push(done);
+        if let (Some(path), Some(key)) = (checkpoint, &key) {
+            Checkpoint { vertices: mesh.vertices().to_vec(), rounds: report.rounds.clone() }.write(path, key)?;
+        }
+        evidence = look(&mesh, &frames);
+    }
+    let Evidence { pixels, .. } = evidence;
+    report.pixels = pixels;
+    let loss: Option<Real> = report.rounds.last().map(|r| r.silhouette_mm);
+    let _ = watch(&clock.at(Stage::Surface, params.rounds, params.rounds, loss));
+    Ok(Surface { mesh, report })
+}
