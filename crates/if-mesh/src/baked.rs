@@ -10,10 +10,10 @@ mod redistance;
 
 use accuracy::Errors;
 use bricks::{Bricks, Reading, SIDE};
+pub use file::BakedFileError;
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
-pub use file::BakedFileError;
 pub use params::{BakeError, BakeParams, Redistance};
 
 /// Errors at the probed points times this are the stated bound. On 36 grids of the shapes of the tests

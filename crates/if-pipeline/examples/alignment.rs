@@ -45,7 +45,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let back = map(to.shape(), from.shape())?;
     println!(
         "{} to {}: {:?}, residual {:.2} mm, {seconds:.2} s; back {:?}, {:.2} mm",
-        from.name, to.name, there.method(), there.residual() * 1e3, back.method(), back.residual() * 1e3
+        from.name,
+        to.name,
+        there.method(),
+        there.residual() * 1e3,
+        back.method(),
+        back.residual() * 1e3
     );
     if let (true, Some((a, skin)), Some((b, _))) = (flag("--register"), from.template.as_ref(), to.template.as_ref()) {
         // Where the vertices of one template are on the other is known.
@@ -60,7 +65,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     println!(
         "{:<18} {:>6} {:>21} {:>14} {:>8} {:>20} {:>22}",
-        "garment", "verts", "round trip mean/p95/max", "inside % own/to", "seconds", "strain % rms/p99/max", "twin mean/p95/surface/its strain"
+        "garment",
+        "verts",
+        "round trip mean/p95/max",
+        "inside % own/to",
+        "seconds",
+        "strain % rms/p99/max",
+        "twin mean/p95/surface/its strain"
     );
     for (name, info) in wardrobe.garments() {
         if wardrobe.body_like(name, &info.body)?.name != from.name {
@@ -84,9 +95,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!(
             "{name:<18} {:>6} {:>12.2}/{:.2}/{:.2} {:>9.1}/{:.1} {seconds:>8.3} {:>12.1}/{:.0}/{:.0} {twin:>22}",
             mesh.vertices().len(),
-            round.mean_mm, round.p95_mm, round.max_mm,
-            inside(mesh, &solid_from) * 1e2, inside(&moved, &solid_to) * 1e2,
-            s.rms_percent, s.p99_percent, s.max_percent,
+            round.mean_mm,
+            round.p95_mm,
+            round.max_mm,
+            inside(mesh, &solid_from) * 1e2,
+            inside(&moved, &solid_to) * 1e2,
+            s.rms_percent,
+            s.p99_percent,
+            s.max_percent,
         );
     }
     Ok(())

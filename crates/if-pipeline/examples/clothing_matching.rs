@@ -70,6 +70,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     // φ of the second body in the aligned T-shirt, for whoever asks for a field.
     let tshirt = dresser.aligned("tshirt", "large")?;
     let phi = carried_field(&large, &tshirt.mesh, &BakeParams::default())?;
-    println!("  φ of the T-shirt: {:.1} MiB, within {:.2} mm near the surface", phi.bytes() as f64 / 1048576.0, phi.error_bound_within(0.01) * 1e3);
+    println!(
+        "  φ of the T-shirt: {:.1} MiB, within {:.2} mm near the surface",
+        phi.bytes() as f64 / 1048576.0,
+        phi.error_bound_within(0.01) * 1e3
+    );
     Ok(())
 }

@@ -20,7 +20,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let params = SurfaceParams::default();
     let start = std::time::Instant::now();
     let surface = fit_surface(&capture, &template, &params, None, &mut |p| {
-        println!("{:5.1} s  {:?} {}/{} loss {:?} left {:?}", start.elapsed().as_secs_f64(), p.stage, p.step, p.steps, p.loss, p.seconds_left);
+        println!(
+            "{:5.1} s  {:?} {}/{} loss {:?} left {:?}",
+            start.elapsed().as_secs_f64(),
+            p.stage,
+            p.step,
+            p.steps,
+            p.loss,
+            p.seconds_left
+        );
         ControlFlow::Continue(())
     })?;
     println!("{:#?}", surface.report);

@@ -101,7 +101,8 @@ pub fn write(assets: &Writer, parts: &Parts) -> Result<AssetInfo, AssetError> {
         };
         let mut vertex_properties: Vec<Property> = parts.skin.map_or(Vec::new(), SkinWeights::to_properties);
         let comments = parts.provenance.licence.iter().map(|l| format!("licence {}", one_line(l))).collect();
-        let garment = PlyMesh { vertex_properties: std::mem::take(&mut vertex_properties), comments, ..PlyMesh::new(mesh.clone()) };
+        let garment =
+            PlyMesh { vertex_properties: std::mem::take(&mut vertex_properties), comments, ..PlyMesh::new(mesh.clone()) };
         let mut bytes = Vec::new();
         ply::write(&garment, mesh.vertices(), &WriteParams::default(), &mut bytes)
             .map_err(|source| AssetError::Ply { name: parts.name.into(), source: source.into() })?;
@@ -124,7 +125,8 @@ pub fn write(assets: &Writer, parts: &Parts) -> Result<AssetInfo, AssetError> {
             openings: info::openings(&mesh),
             provenance: parts.provenance.clone(),
         };
-        let mut text = serde_json::to_vec_pretty(&info).map_err(|e| AssetError::Json { path: folder.join(INFO), message: e.to_string() })?;
+        let mut text =
+            serde_json::to_vec_pretty(&info).map_err(|e| AssetError::Json { path: folder.join(INFO), message: e.to_string() })?;
         text.push(b'\n');
         store(INFO, &text)?;
         Ok(info)
@@ -190,7 +192,8 @@ impl Asset {
     pub fn baked(&self) -> Result<Option<Baked>, AssetError> {
         let Some(file) = &self.info.phi.baked else { return Ok(None) };
         let bytes = load(&self.folder, file)?;
-        let baked = Baked::from_bytes(&bytes).map_err(|source| AssetError::Baked { path: self.folder.join(&file.file), source })?;
+        let baked =
+            Baked::from_bytes(&bytes).map_err(|source| AssetError::Baked { path: self.folder.join(&file.file), source })?;
         Ok(Some(baked))
     }
 }

@@ -28,7 +28,8 @@ pub struct Affine {
 }
 
 impl Affine {
-    const ZERO: Self = Self { linear: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), offset: Vector::new(0.0, 0.0, 0.0) };
+    const ZERO: Self =
+        Self { linear: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), offset: Vector::new(0.0, 0.0, 0.0) };
 
     fn add(&mut self, weight: Real, transform: &Isometry3<Real>) {
         self.linear += transform.rotation.to_rotation_matrix().into_inner() * weight;
@@ -122,12 +123,10 @@ mod tests {
     /// Three joints in two poses, with numbers from `skin_mats` and `lbs` of the project's `render_sequence.py`:
     /// heads (0, 1, 0), (0.1, 1.5, 0), (0.4, 1.4, 0.1); parents −1, 0, 1.
     fn posed() -> (Skeleton, Pose) {
-        let joint = |name: &str, parent, head: [Real; 3]| Joint { name: name.into(), parent, head: head.into(), tail: head.into() };
-        let joints = vec![
-            joint("a", None, [0.0, 1.0, 0.0]),
-            joint("b", Some(0), [0.1, 1.5, 0.0]),
-            joint("c", Some(1), [0.4, 1.4, 0.1]),
-        ];
+        let joint =
+            |name: &str, parent, head: [Real; 3]| Joint { name: name.into(), parent, head: head.into(), tail: head.into() };
+        let joints =
+            vec![joint("a", None, [0.0, 1.0, 0.0]), joint("b", Some(0), [0.1, 1.5, 0.0]), joint("c", Some(1), [0.4, 1.4, 0.1])];
         let quaternions = [[0.8, 0.0, 0.6, 0.0], [0.5, 0.5, 0.5, -0.5], [0.6, 0.48, 0.0, 0.64]];
         let pose = Pose::from_quaternions(Vector::new(0.05, -0.1, 0.2), &quaternions).unwrap();
         (Skeleton::new(joints).unwrap(), pose)

@@ -34,12 +34,7 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
     let mut wardrobe = open(&args.root)?;
     let body = match &args.mesh {
         Some(mesh) => {
-            let new = NewBody {
-                name: &args.body,
-                mesh,
-                template: args.template.as_deref(),
-                skeleton: args.skeleton.as_deref(),
-            };
+            let new = NewBody { name: &args.body, mesh, template: args.template.as_deref(), skeleton: args.skeleton.as_deref() };
             let added = wardrobe.add_body(&new).map_err(|e| Fault::new(format!("cannot add body `{}`", args.body), &e))?;
             print(&format!("body {}\n", args.body))?;
             added

@@ -23,7 +23,10 @@ const PICTURE_HEIGHT: u32 = 400;
 /// A list that is of no use.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 #[error("cannot read the list `{}`", path.display())]
-#[diagnostic(code(ifg::wardrobe::list), help("write [[outfit]] with body = \"NAME\" and garments = [\"INNER\", \"OUTER\"] for each"))]
+#[diagnostic(
+    code(ifg::wardrobe::list),
+    help("write [[outfit]] with body = \"NAME\" and garments = [\"INNER\", \"OUTER\"] for each")
+)]
 struct ListError {
     path: PathBuf,
     source: Told,
@@ -71,7 +74,11 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
     };
     if !args.json {
         let memory = peak_memory().map_or(String::new(), |mib| format!(", at most {mib:.0} MiB"));
-        print(&format!("{summary}; {:.1} s{memory}\n{}\n", start.elapsed().as_secs_f64(), args.out.join("report.html").display()))?;
+        print(&format!(
+            "{summary}; {:.1} s{memory}\n{}\n",
+            start.elapsed().as_secs_f64(),
+            args.out.join("report.html").display()
+        ))?;
     }
     Ok(summary.entries.iter().map(|e| end_of(e.state)).max().unwrap_or(End::Clean))
 }

@@ -4,7 +4,7 @@ use super::args::ListArgs;
 use super::open;
 use crate::end::End;
 use crate::print::{print, print_json};
-use comfy_table::{Table, presets};
+use crate::table::{coloured, new_table};
 use miette::Report;
 use serde_json::json;
 
@@ -15,9 +15,8 @@ pub(super) fn run(args: &ListArgs) -> Result<End, Report> {
         let faults: Vec<_> = wardrobe.faults().iter().map(|(name, e)| json!({"name": name, "error": e.to_string()})).collect();
         print_json(&json!({"bodies": wardrobe.bodies(), "garments": wardrobe.garments(), "faults": faults}))?;
     } else {
-        let mut table = Table::new();
-        table.load_preset(presets::UTF8_HORIZONTAL_ONLY);
-        table.set_header(["garment", "worn as", "order", "made on", "triangles", "openings", "weights", "φ"]);
+        let head = ["garment", "worn as", "order", "made on", "triangles", "openings", "weights", "φ"];
+        let mut table = new_table(&head, 4, coloured());
         for (name, info) in wardrobe.garments() {
             let phi = [(&info.phi.network, "network"), (&info.phi.baked, "baked")];
             let phi: Vec<&str> = phi.iter().filter(|(file, _)| file.is_some()).map(|(_, word)| *word).collect();

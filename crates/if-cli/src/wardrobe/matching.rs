@@ -24,11 +24,7 @@ const PICTURE_HEIGHT: u32 = 640;
 /// Runs the command.
 pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
     let wardrobe = open(&args.root)?;
-    let params = MatchParams {
-        body: true,
-        unproven: args.write_unproven,
-        ..match_params(&args.params, PICTURE_HEIGHT)?
-    };
+    let params = MatchParams { body: true, unproven: args.write_unproven, ..match_params(&args.params, PICTURE_HEIGHT)? };
     let combination = Combination { body: args.body.clone(), garments: args.garments.clone() };
     let (parent, name) = parts(&args.out)?;
     let folder = |source| OutputError::Folder { path: parent.into(), source };
@@ -81,7 +77,15 @@ fn told(result: &MatchResult, out: &Path, before: bool) -> String {
         );
     }
     if let Some(report) = &result.report {
-        text += &table::resolved(report, table::coloured());
+        text += &format!("{}\n", table::pairs_before_after(&report.before, &report.after, table::coloured()));
+        for l in &report.layers {
+            let (moved, strain) = (l.moved.max * 1e3, l.strain.rms * 1e2);
+            text += &format!(
+                "  {}: moved {:.2} mm on average, {moved:.1} at most, strain {strain:.1} % rms\n",
+                l.name,
+                l.moved.mean * 1e3
+            );
+        }
         text += &format!("{}\n", table::totals(&report.before, &report.after));
     }
     let how = if before { "was there already" } else { "written" };

@@ -67,8 +67,7 @@ pub(super) fn register(source: &TriMesh, target: &TriMesh, start: Vec<Point>, _:
 pub(super) fn residual(points: impl Iterator<Item = Point>, target: &TriMesh) -> Real {
     let tree = Bvh::new(target);
     let points: Vec<Point> = points.collect();
-    let distances: Vec<Real> =
-        points.par_iter().map(|p| tree.closest(p, Real::INFINITY).map_or(0.0, |c| c.distance)).collect();
+    let distances: Vec<Real> = points.par_iter().map(|p| tree.closest(p, Real::INFINITY).map_or(0.0, |c| c.distance)).collect();
     distances.iter().sum::<Real>() / distances.len().max(1) as Real
 }
 
@@ -127,8 +126,7 @@ impl Graph {
     /// The values spread over the edges, `rounds` times half and half with the mean of the neighbours, and divided by what
     /// the count of values spreads to. Zero where none arrives.
     fn diffused(&self, values: &[Option<Vector>], rounds: usize) -> Vec<Vector> {
-        let mut now: Vec<[Real; 4]> =
-            values.iter().map(|v| v.map_or([0.0; 4], |v| [v.x, v.y, v.z, 1.0])).collect();
+        let mut now: Vec<[Real; 4]> = values.iter().map(|v| v.map_or([0.0; 4], |v| [v.x, v.y, v.z, 1.0])).collect();
         let mut next = now.clone();
         for _ in 0..rounds {
             next.par_iter_mut().enumerate().with_min_len(2048).for_each(|(v, out)| {

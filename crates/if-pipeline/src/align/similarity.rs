@@ -99,9 +99,8 @@ pub(super) fn start(from: &BodyShape, to: &BodyShape, similarity: &Similarity) -
     let bones: Vec<Similarity> = (0..a.len()).map(|k| bone(k).unwrap_or(*similarity)).collect();
     let blend = |(v, p): (usize, &Point)| {
         let record = skin.joints()[v].iter().zip(&skin.weights()[v]);
-        let moved: Vector = record
-            .map(|(j, w)| bones.get(usize::from(*j)).unwrap_or(similarity).point(p).coords * Real::from(*w))
-            .sum();
+        let moved: Vector =
+            record.map(|(j, w)| bones.get(usize::from(*j)).unwrap_or(similarity).point(p).coords * Real::from(*w)).sum();
         let total: Real = skin.weights()[v].iter().map(|w| Real::from(*w)).sum();
         if total > 0.5 { Point::from(moved / total) } else { similarity.point(p) }
     };

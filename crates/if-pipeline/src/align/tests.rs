@@ -58,6 +58,30 @@ fn garments_follow_a_body_of_the_same_topology_there_and_back() {
 }
 
 #[test]
+fn other_diagonals_are_the_same_topology_and_other_numbers_are_not() {
+    let mesh = body(&COARSE);
+    // A tenth of the triangles turns its edge with a neighbour.
+    let edges = Edges::new(&mesh);
+    let mut triangles = mesh.triangles().to_vec();
+    let mut turned = vec![false; triangles.len()];
+    for (e, [s, t]) in edges.triangles.iter().enumerate().step_by(30) {
+        let (s, t) = (*s as usize, *t as usize);
+        if turned[s] || turned[t] {
+            continue;
+        }
+        let [a, b] = edges.vertices[e];
+        let apex = |t: usize| *mesh.triangles()[t].iter().find(|v| **v != a && **v != b).unwrap();
+        (triangles[s], triangles[t]) = ([apex(s), apex(t), a], [apex(s), apex(t), b]);
+        (turned[s], turned[t]) = (true, true);
+    }
+    let other = TriMesh::new(mesh.vertices().to_vec(), triangles).unwrap();
+    assert!(other.triangles() != mesh.triangles() && share_topology(&mesh, &other));
+    let backwards = mesh.triangles().iter().map(|t| t.map(|v| mesh.vertices().len() as u32 - 1 - v)).collect();
+    assert!(!share_topology(&mesh, &TriMesh::new(mesh.vertices().to_vec(), backwards).unwrap()));
+    assert!(!share_topology(&TriMesh::default(), &TriMesh::default()));
+}
+
+#[test]
 fn a_body_of_another_topology_is_registered() {
     let from = body(&COARSE);
     let to = other(&body(&MannequinParams { resolution: 0.9, ..COARSE }));
@@ -142,7 +166,10 @@ fn a_posed_garment_comes_back_to_the_canonical_pose() {
         approx::assert_relative_eq!(a, b, epsilon = 1e-9);
     }
     assert!(matches!(unposed(&posed, &skin, &transforms[..1]), Err(AlignError::Joint { joint: 1, joints: 1 })));
-    let opposite = [Isometry3::from_parts(Translation3::identity(), UnitQuaternion::from_euler_angles(0.0, std::f64::consts::PI, 0.0)), Isometry3::identity()];
+    let opposite = [
+        Isometry3::from_parts(Translation3::identity(), UnitQuaternion::from_euler_angles(0.0, std::f64::consts::PI, 0.0)),
+        Isometry3::identity(),
+    ];
     let half = SkinWeights::new(vec![[0, 1, 0, 0]; n], vec![[0.5, 0.5, 0.0, 0.0]; n], 2).unwrap();
     assert!(matches!(unposed(&posed, &half, &opposite), Err(AlignError::Singular { .. }) | Ok(_)));
 }

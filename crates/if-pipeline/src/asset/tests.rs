@@ -1,7 +1,7 @@
 use super::*;
 use crate::mannequin::{Garment, MannequinParams, garment};
-use if_core::shapes::Sphere;
 use if_core::math::Point;
+use if_core::shapes::Sphere;
 use if_mesh::baked::BakeParams;
 
 fn shirt() -> TriMesh {

@@ -318,7 +318,8 @@ impl WeightGrid {
             (joints, weights)
         };
         let (joints, weights) = points.par_iter().with_min_len(256).map(four).unzip();
-        SkinWeights::new(joints, weights, self.joints).expect("the four largest weights are positive, and were divided by their sum")
+        SkinWeights::new(joints, weights, self.joints)
+            .expect("the four largest weights are positive, and were divided by their sum")
     }
 }
 

@@ -95,7 +95,11 @@ impl std::fmt::Display for BatchSummary {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { clean, remaining, failed, entries } = self;
         let share = 100.0 * *clean as f64 / entries.len().max(1) as f64;
-        write!(f, "{} combinations: {clean} clean ({share:.1} %), {remaining} with intersections left, {failed} failed", entries.len())
+        write!(
+            f,
+            "{} combinations: {clean} clean ({share:.1} %), {remaining} with intersections left, {failed} failed",
+            entries.len()
+        )
     }
 }
 
@@ -165,12 +169,8 @@ pub fn run(
     let entries = entries.into_inner().unwrap_or_else(PoisonError::into_inner);
     let Some(entries) = entries.into_iter().collect::<Option<Vec<Entry>>>() else { return Ok(None) };
     let count = |state| entries.iter().filter(|e| e.state == state).count();
-    let summary = BatchSummary {
-        clean: count(State::Clean),
-        remaining: count(State::Remaining),
-        failed: count(State::Failed),
-        entries,
-    };
+    let summary =
+        BatchSummary { clean: count(State::Clean), remaining: count(State::Remaining), failed: count(State::Failed), entries };
     write_summary(out, &summary)?;
     Ok(Some(summary))
 }
@@ -192,7 +192,8 @@ pub fn done(out: &Path, dresser: &Dresser, combinations: &[Combination], params:
 fn entry(result: &MatchResult, results: &Path) -> Entry {
     let folder = folder_name(&result.key).to_owned();
     let report = result.report.as_ref();
-    let largest = |of: fn(&crate::report::LayerReport) -> f64| report.map_or(0.0, |r| r.layers.iter().map(of).fold(0.0, f64::max));
+    let largest =
+        |of: fn(&crate::report::LayerReport) -> f64| report.map_or(0.0, |r| r.layers.iter().map(of).fold(0.0, f64::max));
     Entry {
         combination: result.combination.clone(),
         state: result.state,
@@ -234,7 +235,9 @@ fn write_summary(out: &Path, summary: &BatchSummary) -> Result<(), WardrobeError
     let mut json = serde_json::to_vec_pretty(summary).map_err(|e| WardrobeError::Json { message: e.to_string() })?;
     json.push(b'\n');
     write(SUMMARY, &json)?;
-    let mut csv = String::from("combination,state,error,pairs_before,pairs_after,inside_before,inside_after,moved_max_mm,strain_max_percent,seconds,folder\n");
+    let mut csv = String::from(
+        "combination,state,error,pairs_before,pairs_after,inside_before,inside_after,moved_max_mm,strain_max_percent,seconds,folder\n",
+    );
     for e in &summary.entries {
         let error = e.error.as_ref().map_or("", |f| f.kind.as_str());
         let seconds = e.seconds.map_or(String::new(), |s| format!("{s:.3}"));
@@ -242,7 +245,8 @@ fn write_summary(out: &Path, summary: &BatchSummary) -> Result<(), WardrobeError
         let ([p0, p1], [i0, i1]) = (e.pairs, e.inside);
         let (moved, strain) = (e.moved * 1e3, e.strain * 1e2);
         // Names have no commas. Writing to a string cannot fail.
-        let _ = writeln!(csv, "{},{state},{error},{p0},{p1},{i0},{i1},{moved:.2},{strain:.2},{seconds},{}", e.combination, e.folder);
+        let _ =
+            writeln!(csv, "{},{state},{error},{p0},{p1},{i0},{i1},{moved:.2},{strain:.2},{seconds},{}", e.combination, e.folder);
     }
     write(CSV, csv.as_bytes())?;
     let picture = |entry: &Entry| std::fs::read(out.join(RESULTS).join(&entry.folder).join("after.png")).ok();

@@ -90,7 +90,8 @@ pub(super) fn write(bodies: &Writer, new: &NewBody) -> Result<BodyInfo, Wardrobe
     let mesh = load(new.mesh)?;
     let template = new.template.map(load).transpose()?;
     let skeleton = new.skeleton.map(load).transpose()?;
-    let parsed = parse(new.name, (new.mesh, &mesh), new.template.zip(template.as_deref()), new.skeleton.zip(skeleton.as_deref()))?;
+    let parsed =
+        parse(new.name, (new.mesh, &mesh), new.template.zip(template.as_deref()), new.skeleton.zip(skeleton.as_deref()))?;
     // A body that no outfit could have is refused here, and not at every combination.
     crate::outfit::Outfit::new(crate::outfit::Layer::new(new.name, parsed.mesh), vec![])?;
     bodies.write(new.name, |folder| {
@@ -116,8 +117,8 @@ pub(super) fn write(bodies: &Writer, new: &NewBody) -> Result<BodyInfo, Wardrobe
 pub(super) fn read_info(folder: &Path) -> Result<BodyInfo, WardrobeError> {
     let path = folder.join(INFO);
     let text = fs::read(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
-    let info: BodyInfo = serde_json::from_slice(&text)
-        .map_err(|e| WardrobeError::BodyInfo { path: path.clone(), message: e.to_string() })?;
+    let info: BodyInfo =
+        serde_json::from_slice(&text).map_err(|e| WardrobeError::BodyInfo { path: path.clone(), message: e.to_string() })?;
     if info.body != FORMAT {
         let message = format!("the version of the body is {}, known is {FORMAT}; add the body again", info.body);
         return Err(WardrobeError::BodyInfo { path, message });

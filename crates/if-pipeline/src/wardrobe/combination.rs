@@ -90,12 +90,11 @@ pub fn random(wardrobe: &Wardrobe, params: &RandomParams) -> Result<Vec<Combinat
     let mut random = Random(params.seed);
     let mut seen = BTreeSet::new();
     let mut found: Vec<Combination> = Vec::new();
-    // About one in a hundred draws of four is wearable.
-    const PATIENCE: usize = 10_000;
-    for _ in 0..count.saturating_mul(PATIENCE) {
-        if found.len() == count || bodies.is_empty() {
-            break;
-        }
+    // About one draw of four garments in a hundred is wearable; after so many in vain there is nothing new to be found.
+    const PATIENCE: usize = 20_000;
+    let mut vain = 0;
+    while found.len() < count && vain < PATIENCE && !bodies.is_empty() {
+        vain += 1;
         let size = least + random.below(most - least + 1);
         if size > garments.len() {
             continue;
@@ -117,6 +116,7 @@ pub fn random(wardrobe: &Wardrobe, params: &RandomParams) -> Result<Vec<Combinat
         };
         if seen.insert(combination.clone()) {
             found.push(combination);
+            vain = 0;
         }
     }
     if found.len() < count {

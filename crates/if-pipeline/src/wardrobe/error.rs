@@ -74,7 +74,9 @@ pub enum WardrobeError {
     #[error("{message}")]
     Json { message: String },
     /// Too few combinations.
-    #[error("only {found} different combinations of {least} to {most} garments were found, {count} are wanted; ask for fewer, or for any order")]
+    #[error(
+        "only {found} different combinations of {least} to {most} garments were found, {count} are wanted; ask for fewer, or for any order"
+    )]
     TooFew { found: usize, count: usize, least: usize, most: usize },
     /// Numbers of garments that make no range.
     #[error("combinations of {least} to {most} garments; the first must be at least 1 and not above the second")]

@@ -11,7 +11,10 @@ pub(super) fn result(result: &MatchResult, timings: &Timings, pngs: &[Vec<u8>]) 
     match (&result.error, &result.report) {
         (None, Some(report)) => {
             let (pairs, inside) = (report.before.total_pairs(), report.before.total_inside());
-            page.verdict(true, &format!("Clean: {pairs} intersecting triangle pairs and {inside} vertices on a wrong side before, none after."))
+            page.verdict(
+                true,
+                &format!("Clean: {pairs} intersecting triangle pairs and {inside} vertices on a wrong side before, none after."),
+            )
         }
         (error, _) => page.verdict(false, error.as_ref().map_or("Not resolved.", |e| &e.message)),
     };
@@ -124,7 +127,10 @@ pub(super) fn batch(summary: &BatchSummary, picture: impl Fn(&Entry) -> Option<V
         }
     }
     let rows: Vec<Vec<String>> = summary.entries.iter().map(row).collect();
-    page.heading("All").table(&["combination", "state", "pairs before", "after", "moved, max", "strain, max", "seconds", "folder", "error"], &rows);
+    page.heading("All").table(
+        &["combination", "state", "pairs before", "after", "moved, max", "strain, max", "seconds", "folder", "error"],
+        &rows,
+    );
     page.html()
 }
 

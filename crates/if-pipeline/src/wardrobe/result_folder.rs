@@ -56,11 +56,7 @@ pub(super) fn fill(folder: &Path, matched: &mut Matched, params: &MatchParams) -
     fs::write(&path, page).map_err(|source| WardrobeError::Folder { path, source })
 }
 
-fn mesh_bytes(
-    folder: &Path,
-    layer: &Layer,
-    skin: Option<&crate::skin_weights::SkinWeights>,
-) -> Result<Vec<u8>, WardrobeError> {
+fn mesh_bytes(folder: &Path, layer: &Layer, skin: Option<&crate::skin_weights::SkinWeights>) -> Result<Vec<u8>, WardrobeError> {
     let vertex_properties = skin.map_or(Vec::new(), crate::skin_weights::SkinWeights::to_properties);
     let ply = PlyMesh { vertex_properties, ..PlyMesh::new(layer.mesh.clone()) };
     let mut bytes = Vec::new();
