@@ -4,6 +4,7 @@
 pub mod atomic;
 pub mod baked;
 pub mod camera;
+pub mod cut;
 pub mod file;
 pub mod index;
 pub mod intersections;
@@ -16,7 +17,10 @@ pub mod ply;
 pub mod point_tree;
 pub mod polygons;
 pub mod pseudo_normals;
+pub mod raster;
 pub mod sdf;
+pub mod smooth_labels;
 pub mod solid;
 pub mod validate;
+pub mod votes;
 pub mod voxels;

@@ -11,6 +11,7 @@ pub mod isa;
 pub(crate) mod packed;
 pub(crate) mod pool;
 pub(crate) mod product;
+pub(crate) mod sums;
 
 /// Most points of a tile. 96 rows of 256 features are 96 KiB: what a layer reads and writes stays
 /// in the second-level cache, and each panel of weights, fetched from the third, serves 8 groups of

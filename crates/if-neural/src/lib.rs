@@ -2,6 +2,7 @@
 //! (supplement, Appendix E), fitted and evaluated by fused kernels, without a GPU.
 
 pub mod deformation;
+mod deformation_tile;
 pub mod encoding;
 pub mod frozen;
 mod init;

@@ -21,17 +21,10 @@ use crate::kernel::activation::{Curve, Dot, Multiply, ScaleAdd, Softplus};
 use crate::kernel::aligned::Aligned;
 use crate::kernel::pool::Pool;
 use crate::kernel::product::{Outer, Pair, Product};
+use crate::kernel::sums::{Sums, add_up, group_of};
 use crate::kernel::{ROWS, TILE, stride};
 use crate::mlp::Layout;
 use crate::trainable::{PointLoss, Sample32};
-
-/// Least points of a group, whose sums are kept apart: at 256 wide, zeroing and adding up a group's
-/// 2 MiB of sums takes 3 % of the time of its 768 points, and 6 % with half as many.
-const GROUP: usize = 8 * TILE;
-
-/// Most groups, and so most threads of a step. Their sums are the memory that a step takes:
-/// 16 × 8 MiB at 512 wide.
-const GROUPS: usize = 16;
 
 /// Memory of the training step, kept from call to call.
 #[derive(Clone, Debug, Default)]
@@ -88,37 +81,6 @@ impl Tile {
     }
 }
 
-/// The sums of one group: ∂L/∂W and ∂L/∂b of each layer, and L.
-#[derive(Debug)]
-struct Sums {
-    weights: Vec<Aligned>,
-    biases: Vec<Vec<f32>>,
-    loss: f64,
-}
-
-impl Sums {
-    fn new(mlp: &FrozenMlp) -> Self {
-        let hidden = mlp.shape.hidden;
-        Sums {
-            weights: (mlp.packed.layers.iter().enumerate())
-                .map(|(l, layer)| {
-                    // Only the first row of the last layer is the distance's.
-                    let rows = if l == hidden { 1 } else { layer.rows.next_multiple_of(ROWS) };
-                    Aligned::zeroed(rows * stride(layer.columns))
-                })
-                .collect(),
-            biases: mlp.packed.layers.iter().map(|layer| vec![0.0; layer.rows]).collect(),
-            loss: 0.0,
-        }
-    }
-
-    fn clear(&mut self) {
-        self.weights.iter_mut().for_each(|sum| sum.as_mut_slice().fill(0.0));
-        self.biases.iter_mut().for_each(|sum| sum.fill(0.0));
-        self.loss = 0.0;
-    }
-}
-
 /// One step: see [`crate::trainable::TrainableField::loss_gradient`].
 ///
 /// The points are cut into groups by their number alone, each group is summed tile by tile, and
@@ -132,13 +94,12 @@ pub(crate) fn loss_gradient(
     loss: &(dyn Fn(usize, Sample32) -> PointLoss + Sync),
     gradient: &mut [f32],
 ) -> f64 {
-    let group = points.len().div_ceil(GROUPS).next_multiple_of(TILE).max(GROUP);
-    let count = points.len().div_ceil(group);
+    let group = group_of(points.len(), TILE);
+    let count = points.len().div_ceil(group).max(1);
     memory.sums.with(Vec::new, |sums| {
-        while sums.len() < count.max(1) {
-            sums.push(Sums::new(mlp));
-        }
-        let sums = &mut sums[..count.max(1)];
+        // Only the first row of the last layer is the distance's.
+        sums.resize_with(count.max(sums.len()), || Sums::new(&mlp.packed, 1));
+        let sums = &mut sums[..count];
         sums.par_iter_mut().enumerate().for_each(|(g, sums)| {
             sums.clear();
             let first = g * group;
@@ -153,46 +114,9 @@ pub(crate) fn loss_gradient(
                 },
             );
         });
-        let (first, rest) = sums.split_at_mut(1);
-        let first = &mut first[0];
-        add_up(first, rest);
-        // Each layer of the gradient is a slice of its own.
-        let mut slices = Vec::with_capacity(layout.layers.len());
-        let mut tail = gradient;
-        for at in &layout.layers {
-            let end = at.gain.as_ref().map_or(at.bias.end, |gain| gain.end);
-            let (head, rest) = tail.split_at_mut(end - at.weight.start);
-            slices.push(head);
-            tail = rest;
-        }
-        slices.par_iter_mut().enumerate().for_each(|(l, out)| {
-            let (at, layer) = (&layout.layers[l], &mlp.packed.layers[l]);
-            let (sum, bias) = (first.weights[l].as_slice(), &first.biases[l]);
-            let rows = if l == mlp.shape.hidden { 1 } else { layer.rows };
-            layer.unfold(at, theta, rows, sum, stride(layer.columns), bias, out);
-        });
-        first.loss
+        add_up(sums);
+        sums[0].unfold(&mlp.packed, layout, theta, gradient)
     })
-}
-
-/// Adds the sums of all groups to those of the first, in order.
-fn add_up(first: &mut Sums, rest: &[Sums]) {
-    for sums in rest {
-        first.loss += sums.loss;
-        for (sum, other) in first.biases.iter_mut().zip(&sums.biases) {
-            sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += other);
-        }
-    }
-    // 4096 floats: a chunk of every group's sums fits in the first-level cache.
-    const CHUNK: usize = 4096;
-    for (l, sum) in first.weights.iter_mut().enumerate() {
-        sum.as_mut_slice().par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, sum)| {
-            for other in rest {
-                let other = &other.weights[l].as_slice()[chunk * CHUNK..];
-                sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += other);
-            }
-        });
-    }
 }
 
 impl Tile {

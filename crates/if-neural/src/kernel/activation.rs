@@ -192,6 +192,37 @@ impl WithSimd for ScaleAdd<'_> {
     }
 }
 
+/// Closes rows where a ReLU is shut: `rows[b][n][k] ← 0` where `z[n][k] ≤ 0`, for the blocks b of
+/// `block` rows each, the first `points` rows of each. `z` empty stands for the first block.
+pub(crate) struct Relu<'a> {
+    pub(crate) z: &'a [f32],
+    pub(crate) rows: &'a mut [f32],
+    pub(crate) stride: usize,
+    pub(crate) block: usize,
+    pub(crate) points: usize,
+}
+
+impl WithSimd for Relu<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let zero = simd.splat_f32s(0.0);
+        let (z, _) = S::as_simd_f32s(self.z);
+        let (rows, _) = S::as_mut_simd_f32s(self.rows);
+        let (stride, step) = (self.stride / S::F32_LANES, self.block * self.stride / S::F32_LANES);
+        for at in 0..self.points * stride {
+            let z = if z.is_empty() { rows[at] } else { z[at] };
+            let open = simd.greater_than_f32s(z, zero);
+            let mut at = at;
+            while at < rows.len() {
+                rows[at] = simd.select_f32s(open, rows[at], zero);
+                at += step;
+            }
+        }
+    }
+}
+
 /// Σ_k a[k]·b[k], over the shorter of the two.
 pub(crate) struct Dot<'a> {
     pub(crate) a: &'a [f32],

@@ -1,0 +1,357 @@
+//! Votes made smooth over the surface, so that every vertex gets a label and hems become lines.
+//!
+//! For each label one field s over the surface that minimises
+//!
+//! ```text
+//! ∫ d (s − votes/d)² + ℓ² |∇s|²        d: all votes of a vertex
+//! (M D + ℓ² L) s = M votes             M: areas of vertices, L: Laplacian by cotangents, not below a floor
+//! ```
+//!
+//! The matrix is symmetric and positive, and an M-matrix: s lies between 0 and 1 and, as the rows of L sum to zero,
+//! the fields of all labels sum to 1. What no frame saw is filled in harmonically; a piece of the mesh of which nothing
+//! was seen at all stays at zero, undecided.
+
+use crate::votes::{LabelVotes, UNDECIDED, winner};
+use if_core::edges::Edges;
+use if_core::math::{Point, Real, area_vector};
+use if_core::mesh::TriMesh;
+use rayon::prelude::*;
+
+/// How smooth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SmoothLabelParams {
+    /// ℓ, in metres: how far one vote reaches. Where there are n votes everywhere it is ℓ/√n.
+    pub length: Real,
+    /// The solve ends where the residual is this share of the right-hand side.
+    pub tolerance: Real,
+    /// And fails after as many steps.
+    pub max_steps: usize,
+}
+
+impl Default for SmoothLabelParams {
+    /// 20 mm: the least wrong vertices of the sequences in `docs/labels.md`.
+    fn default() -> Self {
+        Self { length: 0.02, tolerance: 1e-6, max_steps: 5000 }
+    }
+}
+
+/// A field over the vertices for each label.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LabelScores {
+    /// Number of labels, [`UNDECIDED`] among them.
+    pub labels: usize,
+    /// `scores[v · labels + label]`, from 0 to 1; zero for [`UNDECIDED`].
+    pub scores: Vec<Real>,
+}
+
+impl LabelScores {
+    /// The scores of a vertex, one for each label.
+    ///
+    /// # Panics
+    ///
+    /// If `vertex` is out of range.
+    pub fn of(&self, vertex: usize) -> &[Real] {
+        &self.scores[vertex * self.labels..(vertex + 1) * self.labels]
+    }
+
+    /// Number of vertices.
+    pub fn vertices(&self) -> usize {
+        self.scores.len() / self.labels.max(1)
+    }
+
+    /// The label of each vertex: that of the highest score, the smaller one of equals; [`UNDECIDED`] without any.
+    pub fn winners(&self) -> Vec<u8> {
+        (0..self.vertices()).map(|v| winner(self.of(v))).collect()
+    }
+}
+
+/// Why votes cannot be made smooth.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SmoothLabelError {
+    /// Votes for another mesh.
+    #[error("there are votes for {got} vertices, but the mesh has {expected}")]
+    Vertices {
+        /// Vertices with votes.
+        got: usize,
+        /// Vertices of the mesh.
+        expected: usize,
+    },
+    /// A number of votes that is negative or not finite.
+    #[error("vertex {vertex} has {value} votes for label {label}; votes must be finite and not negative")]
+    Votes {
+        /// The vertex.
+        vertex: usize,
+        /// The label.
+        label: usize,
+        /// The votes.
+        value: Real,
+    },
+    /// A parameter out of range.
+    #[error("parameter `{name}` is {value}; it must be finite and not negative")]
+    Param {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: Real,
+    },
+    /// The solver did not get there.
+    #[error("label {label}: the residual is still {residual:.1e} after {steps} steps; allow more, or a larger tolerance")]
+    NotConverged {
+        /// The label.
+        label: usize,
+        /// Steps done.
+        steps: usize,
+        /// The residual, as a share of the right-hand side.
+        residual: Real,
+    },
+}
+
+/// Solves for the smooth fields.
+///
+/// # Errors
+///
+/// Votes that do not fit or are no numbers, and a solve that does not converge.
+pub fn smooth_labels(mesh: &TriMesh, votes: &LabelVotes, params: &SmoothLabelParams) -> Result<LabelScores, SmoothLabelError> {
+    let n = mesh.vertices().len();
+    if votes.vertices() != n {
+        return Err(SmoothLabelError::Vertices { got: votes.vertices(), expected: n });
+    }
+    let k = votes.labels;
+    if let Some(at) = votes.weights.iter().position(|w| !(w.is_finite() && *w >= 0.0)) {
+        return Err(SmoothLabelError::Votes { vertex: at / k, label: at % k, value: votes.weights[at] });
+    }
+    for (name, value) in [("length", params.length), ("tolerance", params.tolerance)] {
+        if !(value.is_finite() && value >= 0.0) {
+            return Err(SmoothLabelError::Param { name, value });
+        }
+    }
+    let areas = vertex_areas(mesh);
+    let matrix = Matrix::new(mesh, votes, &areas, params.length);
+    let fields: Result<Vec<Vec<Real>>, SmoothLabelError> = (1..k)
+        .into_par_iter()
+        .map(|label| {
+            let right: Vec<Real> = (0..n).map(|v| areas[v] * votes.of(v)[label]).collect();
+            let solved = matrix.solve(&right, params.tolerance, params.max_steps);
+            solved.map_err(|(steps, residual)| SmoothLabelError::NotConverged { label, steps, residual })
+        })
+        .collect();
+    let mut scores = vec![0.0; n * k];
+    for (label, field) in fields?.iter().enumerate() {
+        for (v, s) in field.iter().enumerate() {
+            // The tolerance of the solve lets a value leave its range by as much.
+            scores[v * k + label + 1] = s.clamp(0.0, 1.0);
+        }
+    }
+    debug_assert!(scores.iter().step_by(k).all(|s| *s == 0.0), "{UNDECIDED} has no score");
+    Ok(LabelScores { labels: k, scores })
+}
+
+/// A third of the area of the triangles round each vertex.
+fn vertex_areas(mesh: &TriMesh) -> Vec<Real> {
+    let mut areas = vec![0.0; mesh.vertices().len()];
+    for (t, tri) in mesh.triangles().iter().enumerate() {
+        let [a, b, c] = mesh.corners(t);
+        let third = area_vector(a, b, c).norm() / 6.0;
+        tri.iter().for_each(|v| areas[*v as usize] += third);
+    }
+    areas
+}
+
+/// Least weight of an edge; that of an edge between equilateral triangles is 1.15. Obtuse triangles have negative
+/// cotangents, which would let fields leave their range; ten times less would nearly cut slivers off, ten times more
+/// would make everything the graph's Laplacian.
+const FLOOR: Real = 0.05;
+/// And the largest: a needle's cotangent is unbounded, and would tie its short side together before all else anyway.
+const CEILING: Real = 50.0;
+
+/// The cotangent of the angle at `at`; zero in a degenerate triangle.
+fn cotangent(at: &Point, a: &Point, b: &Point) -> Real {
+    let (u, v) = (a - at, b - at);
+    let sine = u.cross(&v).norm();
+    if sine > 0.0 { u.dot(&v) / sine } else { 0.0 }
+}
+
+/// A symmetric matrix in compressed rows, the diagonal apart.
+struct Matrix {
+    start: Vec<usize>,
+    entries: Vec<(u32, Real)>,
+    diagonal: Vec<Real>,
+}
+
+impl Matrix {
+    fn new(mesh: &TriMesh, votes: &LabelVotes, areas: &[Real], length: Real) -> Self {
+        let n = mesh.vertices().len();
+        let edges = Edges::new(mesh);
+        let mut weights = vec![0.0; edges.len()];
+        for (t, of) in edges.of_triangle.iter().enumerate() {
+            let corners = mesh.corners(t);
+            for k in 0..3 {
+                // The edge from corner k to k + 1 lies opposite corner k + 2.
+                weights[of[k] as usize] += 0.5 * cotangent(corners[(k + 2) % 3], corners[k], corners[(k + 1) % 3]);
+            }
+        }
+        let mut diagonal: Vec<Real> = (0..n).map(|v| areas[v] * votes.of(v).iter().sum::<Real>()).collect();
+        let mut start = vec![0usize; n + 1];
+        for ends in &edges.vertices {
+            ends.iter().for_each(|v| start[*v as usize + 1] += 1);
+        }
+        for v in 0..n {
+            start[v + 1] += start[v];
+        }
+        let mut fill = start.clone();
+        let mut entries = vec![(0, 0.0); start[n]];
+        for (ends, w) in edges.vertices.iter().zip(&weights) {
+            let w = length * length * w.clamp(FLOOR, CEILING);
+            for k in 0..2 {
+                let v = ends[k] as usize;
+                entries[fill[v]] = (ends[1 - k], -w);
+                fill[v] += 1;
+                diagonal[v] += w;
+            }
+        }
+        Self { start, entries, diagonal }
+    }
+
+    fn product(&self, x: &[Real], out: &mut [Real]) {
+        for (v, out) in out.iter_mut().enumerate() {
+            let row = &self.entries[self.start[v]..self.start[v + 1]];
+            *out = row.iter().fold(self.diagonal[v] * x[v], |sum, (w, a)| sum + a * x[*w as usize]);
+        }
+    }
+
+    /// Conjugate gradients, preconditioned by the diagonal, from zero. Pieces without votes have no right-hand side
+    /// and stay at zero. `Err` holds the steps done and the residual.
+    fn solve(&self, right: &[Real], tolerance: Real, max_steps: usize) -> Result<Vec<Real>, (usize, Real)> {
+        let dot = |a: &[Real], b: &[Real]| a.iter().zip(b).map(|(x, y)| x * y).sum::<Real>();
+        let mut x = vec![0.0; right.len()];
+        let size = dot(right, right).sqrt();
+        if size == 0.0 {
+            return Ok(x);
+        }
+        let inverse: Vec<Real> = self.diagonal.iter().map(|d| if *d > 0.0 { 1.0 / d } else { 0.0 }).collect();
+        let mut r = right.to_vec();
+        let mut z: Vec<Real> = r.iter().zip(&inverse).map(|(r, i)| r * i).collect();
+        let mut p = z.clone();
+        let mut q = vec![0.0; right.len()];
+        let mut rz = dot(&r, &z);
+        for step in 0..=max_steps {
+            let residual = dot(&r, &r).sqrt() / size;
+            if residual <= tolerance {
+                return Ok(x);
+            }
+            self.product(&p, &mut q);
+            let curvature = dot(&p, &q);
+            if step == max_steps || curvature <= 0.0 {
+                return Err((step, residual));
+            }
+            let alpha = rz / curvature;
+            for v in 0..x.len() {
+                x[v] += alpha * p[v];
+                r[v] -= alpha * q[v];
+                z[v] = r[v] * inverse[v];
+            }
+            let next = dot(&r, &z);
+            let beta = next / rz;
+            rz = next;
+            p.iter_mut().zip(&z).for_each(|(p, z)| *p = z + beta * *p);
+        }
+        unreachable!("the last step returns")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::shapes::meshes::{icosphere, tube};
+
+    fn exact(params: Real) -> SmoothLabelParams {
+        SmoothLabelParams { length: params, tolerance: 1e-12, ..SmoothLabelParams::default() }
+    }
+
+    #[test]
+    fn the_solve_agrees_with_a_dense_factorisation() {
+        let mesh = icosphere(0.3, 2);
+        let n = mesh.vertices().len();
+        let of: Vec<u8> = (0..n).map(|v| (v * 7 % 4) as u8).collect();
+        let votes = LabelVotes::from_labels(&of, 4);
+        let scores = smooth_labels(&mesh, &votes, &exact(0.05)).unwrap();
+        let areas = vertex_areas(&mesh);
+        let matrix = Matrix::new(&mesh, &votes, &areas, 0.05);
+        let mut dense = nalgebra::DMatrix::zeros(n, n);
+        for v in 0..n {
+            dense[(v, v)] = matrix.diagonal[v];
+            matrix.entries[matrix.start[v]..matrix.start[v + 1]].iter().for_each(|(w, a)| dense[(v, *w as usize)] = *a);
+        }
+        assert_eq!(dense, dense.transpose());
+        let factor = nalgebra::Cholesky::new(dense).expect("the matrix is positive");
+        for label in 1..4 {
+            let right = nalgebra::DVector::from_fn(n, |v, _| areas[v] * votes.of(v)[label]);
+            let wanted = factor.solve(&right);
+            for v in 0..n {
+                assert!((scores.of(v)[label] - wanted[v]).abs() < 1e-9, "{} {}", scores.of(v)[label], wanted[v]);
+            }
+        }
+        // All fields sum to one.
+        for v in 0..n {
+            assert!((scores.of(v).iter().sum::<Real>() - 1.0).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn between_two_votes_a_tube_is_filled_in_linearly() {
+        // Votes for 1 below and for 2 above, none between: harmonic, so linear in the height.
+        let mesh = tube(0.1, 1.0, 16, 20, false);
+        let of: Vec<u8> = mesh.vertices().iter().map(|p| if p.y < 0.21 { 1 } else { 2 * u8::from(p.y > 0.79) }).collect();
+        let mut votes = LabelVotes::from_labels(&of, 3);
+        votes.weights.iter_mut().for_each(|w| *w *= 1e6); // votes that hold
+        let scores = smooth_labels(&mesh, &votes, &exact(0.01)).unwrap();
+        for (v, p) in mesh.vertices().iter().enumerate() {
+            let wanted = ((p.y - 0.2) / 0.6).clamp(0.0, 1.0);
+            // 20 rings: the one at 0.2 votes, and so does the one at 0.8.
+            assert!((scores.of(v)[2] - wanted).abs() < 1e-4, "y = {}: {} for {wanted}", p.y, scores.of(v)[2]);
+        }
+    }
+
+    #[test]
+    fn a_wrong_vertex_among_right_ones_is_outvoted_and_a_piece_without_votes_stays_undecided() {
+        let (a, b) = (icosphere(0.2, 3), icosphere(0.1, 1));
+        let n = a.vertices().len();
+        let vertices = [a.vertices(), b.vertices()].concat();
+        let triangles = a.triangles().iter().copied().chain(b.triangles().iter().map(|t| t.map(|v| v + n as u32))).collect();
+        let mesh = TriMesh::new(vertices, triangles).unwrap();
+        let of: Vec<u8> = (0..mesh.vertices().len())
+            .map(|v| {
+                if v >= n {
+                    0
+                } else if v % 9 == 0 {
+                    2
+                } else {
+                    1
+                }
+            })
+            .collect();
+        let scores = smooth_labels(&mesh, &LabelVotes::from_labels(&of, 3), &exact(0.1)).unwrap();
+        let winners = scores.winners();
+        assert!(winners[..n].iter().all(|l| *l == 1) && winners[n..].iter().all(|l| *l == UNDECIDED));
+    }
+
+    #[test]
+    fn without_length_votes_stay_what_they_are_and_faults_are_named() {
+        let mesh = icosphere(0.2, 1);
+        let of: Vec<u8> = (0..mesh.vertices().len()).map(|v| 1 + (v % 3) as u8).collect();
+        let votes = LabelVotes::from_labels(&of, 4);
+        assert_eq!(smooth_labels(&mesh, &votes, &exact(0.0)).unwrap().winners(), of);
+        let mut bad = votes.clone();
+        bad.weights[6] = Real::NAN;
+        let error = smooth_labels(&mesh, &bad, &exact(0.1)).unwrap_err();
+        assert!(matches!(error, SmoothLabelError::Votes { vertex: 1, label: 2, .. }), "{error}");
+        let few = LabelVotes::from_labels(&of[1..], 4);
+        assert!(matches!(smooth_labels(&mesh, &few, &exact(0.1)), Err(SmoothLabelError::Vertices { .. })));
+        assert!(matches!(smooth_labels(&mesh, &votes, &exact(-1.0)), Err(SmoothLabelError::Param { name: "length", .. })));
+        let hurried = SmoothLabelParams { max_steps: 1, ..exact(0.3) };
+        assert!(matches!(smooth_labels(&mesh, &votes, &hurried), Err(SmoothLabelError::NotConverged { steps: 1, .. })));
+        let empty = LabelVotes { labels: 3, weights: vec![] };
+        assert_eq!(smooth_labels(&TriMesh::default(), &empty, &exact(0.1)).unwrap().scores, Vec::<Real>::new());
+    }
+}

@@ -1,0 +1,163 @@
+use super::*;
+use crate::smooth_labels::{SmoothLabelParams, smooth_labels};
+use if_core::math::Vector;
+use if_core::shapes::meshes::tube;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use std::f64::consts::TAU;
+
+const LABELS: usize = 3;
+/// Where label 1 ends and label 2 begins on the tube.
+const LINE: Real = 0.43;
+
+fn cylinder() -> TriMesh {
+    tube(0.2, 1.0, 48, 40, true)
+}
+
+/// The camera that sees the cylinder turned by a part of a full turn.
+fn camera(turn: Real) -> Camera {
+    let (s, c) = (TAU * turn).sin_cos();
+    let eye = Point::new(3.0 * s, 0.7, 3.0 * c);
+    Camera::looking_at((96, 96), &eye, &Point::new(0.0, 0.5, 0.0), &Vector::y(), 0.42).unwrap()
+}
+
+/// What the label image must be: each ray meets the round cylinder by formula, none of its triangles.
+fn labels(camera: &Camera) -> Vec<u8> {
+    let one = |at: usize| {
+        let pixel = nalgebra::Point2::new((at % 96) as Real + 0.5, (at / 96) as Real + 0.5);
+        let (o, d) = camera.ray(&pixel);
+        let (a, b, c) = (d.x * d.x + d.z * d.z, o.x * d.x + o.z * d.z, o.x * o.x + o.z * o.z - 0.04);
+        let (top, disc) = ((1.0 - o.y) / d.y, b * b - a * c);
+        let side = if disc > 0.0 { (-b - disc.sqrt()) / a } else { Real::INFINITY };
+        let y = o.y + side * d.y;
+        let lid = o + d * top;
+        if (0.0..=1.0).contains(&y) {
+            1 + u8::from(y > LINE)
+        } else if top > 0.0 && lid.x.hypot(lid.z) < 0.2 {
+            2
+        } else {
+            UNDECIDED
+        }
+    };
+    (0..96 * 96).map(one).collect()
+}
+
+/// Votes of `frames` frames of a full turn with labels replaced at random with this probability.
+fn turned(mesh: &TriMesh, frames: usize, noise: Real) -> (LabelVotes, VoteReport) {
+    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    let mut voter =
+        Voter::new(mesh, LABELS, &VoteParams { margin: if noise > 0.0 { 0 } else { 2 }, ..Default::default() }).unwrap();
+    for k in 0..frames {
+        let camera = camera(k as Real / frames as Real);
+        let mut image = labels(&camera);
+        for label in image.iter_mut().filter(|l| **l != UNDECIDED) {
+            if rng.random_bool(noise) {
+                *label = rng.random_range(0..3);
+            }
+        }
+        assert_eq!(voter.add(mesh.vertices(), &camera, &image).unwrap(), Look::Gains);
+    }
+    voter.finish()
+}
+
+/// Vertices with a wrong label, and those without one.
+fn wrong(mesh: &TriMesh, of: impl Fn(usize) -> u8) -> (usize, usize) {
+    let mut counts = (0, 0);
+    for (v, p) in mesh.vertices().iter().enumerate() {
+        let label = of(v);
+        counts.0 += usize::from(label != UNDECIDED && label != 1 + u8::from(p.y > LINE));
+        counts.1 += usize::from(label == UNDECIDED);
+    }
+    counts
+}
+
+#[test]
+fn a_cylinder_gets_its_line_back_and_its_bottom_stays_undecided_until_it_is_smoothed() {
+    let mesh = cylinder();
+    let (votes, report) = turned(&mesh, 12, 0.0);
+    assert_eq!((report.cast, report.empty, report.covered), (12, 0, 0));
+    assert!(report.near_edge > 0 && report.near_edge < report.pixels / 2, "{report:?}");
+    let (false_labels, undecided) = wrong(&mesh, |v| votes.winner(v));
+    // One ring of 48 lies 5 mm below the line, where a pixel is 14 mm: it may go either way.
+    assert!(false_labels <= 48, "{false_labels}");
+    // The middle of the bottom, its rim, and the ring or two next to the line.
+    let bottom = mesh.vertices().iter().position(|p| p.y == 0.0 && p.x.hypot(p.z) < 1e-9).unwrap();
+    assert!(votes.winner(bottom) == UNDECIDED && undecided <= 1 + 48 + 96, "{undecided}");
+    let scores = smooth_labels(&mesh, &votes, &SmoothLabelParams::default()).unwrap();
+    assert_eq!(scores.winners()[bottom], 1);
+    let (false_labels, undecided) = wrong(&mesh, |v| scores.winners()[v]);
+    assert!(false_labels <= 48 && undecided == 0, "{false_labels} {undecided}");
+    assert!(votes.log_odds(bottom, 1, 0.9) == 0.0 && votes.log_odds(0, 1, 0.9) == -votes.log_odds(0, 2, 0.9));
+}
+
+#[test]
+fn labels_that_are_wrong_in_every_third_pixel_are_put_right_by_many_frames() {
+    let mesh = cylinder();
+    let few = wrong(&mesh, |v| turned(&mesh, 2, 0.5).0.winner(v)).0;
+    let (votes, _) = turned(&mesh, 24, 0.5);
+    let before = wrong(&mesh, |v| votes.winner(v));
+    let scores = smooth_labels(&mesh, &votes, &SmoothLabelParams { length: 0.06, ..Default::default() }).unwrap();
+    let after = wrong(&mesh, |v| scores.winners()[v]);
+    assert!(few > 100 && before.0 < few && after.0 <= before.0 && after.0 <= 60 && after.1 == 0, "{few} {before:?} {after:?}");
+}
+
+#[test]
+fn frames_that_add_nothing_are_left_out_and_counted() {
+    let mesh = cylinder();
+    let front = camera(0.0);
+    let image = labels(&front);
+    // What is seen at a slant, and what is near edges, never has enough; all the rest has after some frames.
+    let params = VoteParams { enough: 2.0, least_gain: 0.5, ..Default::default() };
+    let mut eager = Voter::new(&mesh, LABELS, &params).unwrap();
+    let looks: Vec<Look> = (0..12).map(|_| eager.add(mesh.vertices(), &front, &image).unwrap()).collect();
+    let first = looks.iter().position(|l| *l == Look::Covered).expect("half has enough at some time");
+    assert!(first >= 2 && looks[first..].iter().all(|l| *l == Look::Covered), "{first}");
+    assert_eq!(eager.report().covered, 12 - first);
+    let away: Vec<Point> = mesh.vertices().iter().map(|p| p + Vector::new(50.0, 0.0, 0.0)).collect();
+    assert_eq!(eager.add(&away, &front, &image).unwrap(), Look::Empty);
+    assert_eq!(eager.add(mesh.vertices(), &camera(0.5), &labels(&camera(0.5))).unwrap(), Look::Gains);
+    assert_eq!((eager.report().empty, eager.report().cast), (1, first + 1));
+}
+
+#[test]
+fn a_fine_mesh_and_a_coarse_one_get_as_many_votes() {
+    let camera = camera(0.0);
+    let image = labels(&camera);
+    let most = |around, along| {
+        let mesh = tube(0.2, 1.0, around, along, true);
+        let mut voter = Voter::new(&mesh, LABELS, &VoteParams::default()).unwrap();
+        voter.add(mesh.vertices(), &camera, &image).unwrap();
+        voter.finish().0.weights.iter().copied().fold(0.0, Real::max)
+    };
+    let (coarse, fine) = (most(24, 10), most(96, 80));
+    assert!((0.85..=1.0).contains(&coarse) && (0.6..=1.0).contains(&fine), "{coarse} {fine}");
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let mesh = cylinder();
+    let pool = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+    let all = [1, 3].map(|n| pool(n).install(|| turned(&mesh, 4, 0.2)));
+    assert!(all[0] == all[1]);
+}
+
+#[test]
+fn faults_are_named_and_cast_no_vote() {
+    let mesh = cylinder();
+    let mut voter = Voter::new(&mesh, LABELS, &VoteParams::default()).unwrap();
+    let front = camera(0.0);
+    let image = labels(&front);
+    let got = voter.add(&mesh.vertices()[1..], &front, &image);
+    assert!(matches!(got, Err(VoteError::Positions { .. })));
+    assert!(matches!(voter.add(mesh.vertices(), &front, &image[1..]), Err(VoteError::Pixels { .. })));
+    let mut bad = image.clone();
+    bad[3 * 96 + 5] = 3;
+    let error = voter.add(mesh.vertices(), &front, &bad).unwrap_err();
+    assert_eq!(error, VoteError::Label { column: 5, row: 3, label: 3, labels: 3 });
+    assert_eq!(voter.report().cast, 0);
+    assert!(voter.finish().0.weights.iter().all(|w| *w == 0.0));
+    for params in [VoteParams { step: 0.0, ..Default::default() }, VoteParams { least_gain: Real::NAN, ..Default::default() }] {
+        assert!(matches!(Voter::new(&mesh, LABELS, &params), Err(VoteError::Param { .. })));
+    }
+    assert!(matches!(Voter::new(&mesh, 1, &VoteParams::default()), Err(VoteError::Param { name: "labels", .. })));
+}
