@@ -1,6 +1,7 @@
 //! The command line.
 
 use clap::builder::TypedValueParser;
+use crate::wardrobe::WardrobeArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -36,6 +37,8 @@ pub(crate) enum Command {
     Check(CheckArgs),
     /// Extract the surface of a field as a mesh: remesh a closed mesh by its signed distance.
     Extract(ExtractArgs),
+    /// Keep bodies and garments in a folder, and combine them at will (docs/wardrobe.md).
+    Wardrobe(WardrobeArgs),
 }
 
 /// Which outfits.

@@ -21,6 +21,7 @@ mod receipt;
 mod resolve_outfit;
 mod staging;
 mod table;
+mod wardrobe;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -46,5 +47,6 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
         Command::Extract(args) => extract::run(args),
+        Command::Wardrobe(args) => wardrobe::run(args),
     }
 }

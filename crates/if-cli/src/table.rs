@@ -70,7 +70,8 @@ pub(crate) fn totals(before: &Verification, after: &Verification) -> String {
     )
 }
 
-fn pairs_before_after(before: &Verification, after: &Verification, colour: bool) -> Table {
+/// The pairs of layers before and after.
+pub(crate) fn pairs_before_after(before: &Verification, after: &Verification, colour: bool) -> Table {
     let mut table = new_table(&["outer", "inner", "pairs", "vertices inside", "deepest mm"], 2, colour);
     // The two reports list the same ordered pairs of layers.
     let rows: Vec<(&PairReport, &PairReport)> = before.pairs.iter().zip(&after.pairs).collect();
@@ -137,7 +138,7 @@ pub(crate) fn skipped(layers: &[LayerReport]) -> Option<String> {
 }
 
 /// A table without lines but one under the header. The first `left` columns hold names.
-fn new_table(header: &[&str], left: usize, colour: bool) -> Table {
+pub(crate) fn new_table(header: &[&str], left: usize, colour: bool) -> Table {
     let mut table = Table::new();
     let style = TableStyle::new().header_lines(ContentLineStyle::none()).header_separator(LineStyle::none().fill('-'));
     table.load_style(style.content_lines(ContentLineStyle::none())).force_no_tty();

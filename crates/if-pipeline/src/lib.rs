@@ -27,13 +27,18 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod align;
+pub mod asset;
 pub mod baselines;
 pub mod capture;
 mod contacts;
+pub mod content;
 pub mod mannequin;
 pub mod outfit;
 mod own;
+pub mod page;
 mod parting;
+pub mod preview;
 mod reach;
 pub mod reconstruct;
 pub mod render;
@@ -45,6 +50,8 @@ pub mod skin_weights;
 pub mod skinning;
 pub mod template;
 pub mod verify;
+pub mod wardrobe;
+pub mod whole_folder;
 
 /// The example in the project's README is a test.
 #[cfg(doctest)]

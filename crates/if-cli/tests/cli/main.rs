@@ -7,3 +7,4 @@ mod batch;
 mod commands;
 mod folder;
 mod same_bytes;
+mod wardrobe;
