@@ -1,7 +1,7 @@
 //! The command line.
 
-use clap::builder::TypedValueParser;
 use crate::wardrobe::WardrobeArgs;
+use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -39,6 +39,8 @@ pub(crate) enum Command {
     Extract(ExtractArgs),
     /// Keep bodies and garments in a folder, and combine them at will (docs/wardrobe.md).
     Wardrobe(WardrobeArgs),
+    /// Reconstruct a person and each garment from a capture of a turning video (docs/reconstruction.md).
+    Reconstruct(ReconstructArgs),
 }
 
 /// Which outfits.
@@ -157,6 +159,32 @@ pub(crate) struct ExtractArgs {
     /// Do not draw pictures.
     #[arg(long)]
     pub(crate) no_pictures: bool,
+}
+
+#[derive(Args, Debug, Clone)]
+pub(crate) struct ReconstructArgs {
+    /// The capture: a folder as docs/capture.md specifies it.
+    #[arg(value_name = "CAPTURE")]
+    pub(crate) capture: PathBuf,
+    /// The template body: a folder with body_clean.ply and skeleton.json.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) body: PathBuf,
+    /// The wardrobe that gets the body and the garments; the clothed person and a report go to clothed/<capture> in it. A run
+    /// that was stopped goes on from its last round.
+    #[arg(short, long, value_name = "ASSET_DIR")]
+    pub(crate) out: PathBuf,
+    /// Put before each garment's name; by default the name of the capture's folder and an underscore.
+    #[arg(long, value_name = "TEXT")]
+    pub(crate) prefix: Option<String>,
+    /// Side of the cells of the canonical mesh, with a unit; 8mm by default.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
+    pub(crate) cell: Option<f64>,
+    /// Write the canonical mesh in each frame, too.
+    #[arg(long)]
+    pub(crate) frames: bool,
+    /// Print the report as JSON on stdout, and no summary.
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// Scenes of the demo.

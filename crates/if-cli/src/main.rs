@@ -18,6 +18,7 @@ mod pictures;
 mod print;
 mod progress;
 mod receipt;
+mod reconstruct;
 mod resolve_outfit;
 mod staging;
 mod table;
@@ -48,5 +49,6 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Check(args) => check::run(args),
         Command::Extract(args) => extract::run(args),
         Command::Wardrobe(args) => wardrobe::run(args),
+        Command::Reconstruct(args) => reconstruct::run(args),
     }
 }
