@@ -4,6 +4,7 @@ mod announce;
 mod args;
 mod cancel;
 mod check;
+mod clean;
 mod demo;
 mod end;
 mod errors;
@@ -50,5 +51,6 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Extract(args) => extract::run(args),
         Command::Wardrobe(args) => wardrobe::run(args),
         Command::Reconstruct(args) => reconstruct::run(args),
+        Command::Clean(args) => clean::run(args),
     }
 }
