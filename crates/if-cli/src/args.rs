@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::reconstruct::ReconstructArgs;
 use crate::wardrobe::WardrobeArgs;
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -9,7 +10,8 @@ use std::path::PathBuf;
 const EXIT_CODES: &str = "\
 Exit codes:
   0    clean: no intersecting triangle pairs and no vertex on a wrong side
-  1    not clean: `check` found intersections, or `fix` and `demo` could not remove all of them
+  1    not clean: `check` found intersections, `fix` and `demo` could not remove all of them, or
+       `fit` did not reach its --accuracy
   2    unusable: arguments, an input, or the output folder; the message names file and cause
   130  cancelled by Ctrl-C or SIGTERM; nothing half-written is left
 
@@ -44,6 +46,8 @@ pub(crate) enum Command {
     Reconstruct(ReconstructArgs),
     /// Clean a garment that was cut out of a scan: isolated elements, holes, ragged boundary.
     Clean(CleanArgs),
+    /// Fit a neural signed distance field to a mesh, and write it as a safetensors file.
+    Fit(FitArgs),
 }
 
 /// Which outfits.
@@ -223,29 +227,50 @@ pub(crate) struct ExtractArgs {
 }
 
 #[derive(Args, Debug, Clone)]
-pub(crate) struct ReconstructArgs {
-    /// The capture: a folder as docs/capture.md specifies it.
-    #[arg(value_name = "CAPTURE")]
-    pub(crate) capture: PathBuf,
-    /// The template body: a folder with body_clean.ply and skeleton.json.
-    #[arg(long, value_name = "DIR")]
-    pub(crate) body: PathBuf,
-    /// The wardrobe that gets the body and the garments; the clothed person and a report go to clothed/<capture> in it. A run
-    /// that was stopped goes on from its last round.
-    #[arg(short, long, value_name = "ASSET_DIR")]
+pub(crate) struct FitArgs {
+    /// The mesh (.ply, .obj), in metres, wound outwards. Of an open mesh, such as a scan, the vertices are
+    /// fitted as points with normals: noise is averaged and holes are closed.
+    #[arg(value_name = "MESH")]
+    pub(crate) mesh: PathBuf,
+    /// Where to write the network (.safetensors).
+    #[arg(short, long, value_name = "FILE")]
     pub(crate) out: PathBuf,
-    /// Put before each garment's name; by default the name of the capture's folder and an underscore.
-    #[arg(long, value_name = "TEXT")]
-    pub(crate) prefix: Option<String>,
-    /// Side of the cells of the canonical mesh, with a unit; 8mm by default.
-    #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
-    pub(crate) cell: Option<f64>,
-    /// Write the canonical mesh in each frame, too.
+    /// Time for the whole fit; 60 where neither steps nor an accuracy are given, 600 with an accuracy.
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    pub(crate) seconds: Option<f64>,
+    /// Stop as soon as the mean error near the surface is at most this: 0.5mm, 0.0005m; metres without unit.
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
+    pub(crate) accuracy: Option<f64>,
+    /// Stop after so many steps; the same steps give the same bits, on any number of threads.
+    #[arg(long, value_name = "N", conflicts_with = "seconds")]
+    pub(crate) steps: Option<u64>,
+    /// Which network.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) network: NetworkName,
+    /// Fit the vertices as points even where the mesh is closed.
     #[arg(long)]
-    pub(crate) frames: bool,
-    /// Print the report as JSON on stdout, and no summary.
+    pub(crate) points: bool,
+    /// Factor from the units of the file to metres; the network is in metres.
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    pub(crate) scale: Option<f64>,
+    /// Seed of sampling and first values.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// Print the report as JSON on stdout, and no table.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Networks of `fit`.
+#[derive(ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum NetworkName {
+    /// Features on grids with a small network: the most accurate in a given time.
+    #[default]
+    Grid,
+    /// The network of Appendix E, 256 wide.
+    Fast,
+    /// The network of Appendix E, 512 wide.
+    Paper,
 }
 
 /// Scenes of the demo.
@@ -294,7 +319,7 @@ fn length(text: &str) -> Result<f64, String> {
 }
 
 /// A length above zero.
-fn above_zero(text: &str) -> Result<f64, String> {
+pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     length(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("a length above zero is needed".into()) })
 }
 

@@ -9,6 +9,7 @@ mod demo;
 mod end;
 mod errors;
 mod extract;
+mod fit;
 mod fix;
 mod hash;
 mod left;
@@ -46,6 +47,7 @@ fn run(cli: &Cli) -> Result<End, Report> {
     cancel::listen();
     match &cli.command {
         Command::Demo(args) => demo::run(args),
+        Command::Fit(args) => fit::run(args),
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
         Command::Extract(args) => extract::run(args),

@@ -1,11 +1,12 @@
 //! `ifg reconstruct`: a capture becomes garments of a wardrobe.
 
-use crate::args::ReconstructArgs;
+use crate::args::above_zero;
 use crate::cancel;
 use crate::end::End;
 use crate::errors::Told;
 use crate::print::{print, print_json};
 use crate::progress::Line;
+use clap::Args;
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
 use if_pipeline::asset::{LayerHint, Parts, Provenance};
@@ -26,6 +27,32 @@ use std::io;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+#[derive(Args, Debug, Clone)]
+pub(crate) struct ReconstructArgs {
+    /// The capture: a folder as docs/capture.md specifies it.
+    #[arg(value_name = "CAPTURE")]
+    pub(crate) capture: PathBuf,
+    /// The template body: a folder with body_clean.ply and skeleton.json.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) body: PathBuf,
+    /// The wardrobe that gets the body and the garments; the clothed person and a report go to clothed/<capture> in it. A run
+    /// that was stopped goes on from its last round.
+    #[arg(short, long, value_name = "ASSET_DIR")]
+    pub(crate) out: PathBuf,
+    /// Put before each garment's name; by default the name of the capture's folder and an underscore.
+    #[arg(long, value_name = "TEXT")]
+    pub(crate) prefix: Option<String>,
+    /// Side of the cells of the canonical mesh, with a unit; 8mm by default.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
+    pub(crate) cell: Option<f64>,
+    /// Write the canonical mesh in each frame, too.
+    #[arg(long)]
+    pub(crate) frames: bool,
+    /// Print the report as JSON on stdout, and no summary.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
 
 /// Folder of the wardrobe for clothed people.
 const CLOTHED: &str = "clothed";

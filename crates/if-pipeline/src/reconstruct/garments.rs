@@ -144,8 +144,8 @@ pub fn find_garments(
             found.missing.push(name.clone());
             continue;
         };
-        let foreign = found.labels.iter().map(|l| *l != label && *l != if_mesh::votes::UNDECIDED).collect();
-        let openings = Openings::Complement(Box::new(Complement { foreign, ..Complement::new(mesh.clone()) }));
+        // Islands of other labels within a garment are holes of it, like what nobody saw: no vertex is marked as foreign.
+        let openings = Openings::Complement(Box::new(Complement::new(mesh.clone())));
         let cleaning = CleanupParams { openings, ..params.cleanup.clone() };
         let carried = attributes.derive(&sources(piece));
         let clean = cleanup(&piece.mesh, &carried, Some(field), &cleaning)
