@@ -85,7 +85,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // One mesh for all frames.
     start = Instant::now();
     let region = Some(surface.mesh.aabb().inflated(CELL));
-    let cells = ExtractParams { region, resolution: Resolution::Cell(CELL), ..ExtractParams::default() };
+    let cells = ExtractParams { region, resolution: Resolution::Cell(CELL), newton: 0, ..ExtractParams::default() };
     let mesh = largest_piece(&extract(&FloodedField::new(&surface.mesh)?, &cells)?.mesh);
     let skin = carried_weights(&surface.mesh, &template.skin, joints, mesh.vertices());
     judge("canonical", &mesh, start.elapsed().as_secs_f64());

@@ -136,6 +136,8 @@ pub fn reconstruct(
         &ExtractParams {
             region: Some(surface.mesh.aabb().inflated(params.cell)),
             resolution: Resolution::Cell(params.cell),
+            // Where the surface passes through itself gradients jump: vertices stay on the edges of their cells.
+            newton: 0,
             ..ExtractParams::default()
         },
     )?;
