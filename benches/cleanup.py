@@ -56,8 +56,8 @@ def pymeshlab_(V, F, smooth, hole):
     s.meshing_remove_connected_component_by_diameter(mincomponentdiag=ml.PercentageValue(20))
     s.meshing_remove_unreferenced_vertices(), s.meshing_repair_non_manifold_edges(), s.meshing_repair_non_manifold_vertices()
     s.meshing_close_holes(maxholesize=hole, newfaceselected=False)
-    if smooth == "laplacian":
-        s.apply_coord_laplacian_smoothing(stepsmoothnum=1)
+    if smooth and smooth.startswith("laplacian"):
+        s.apply_coord_laplacian_smoothing(stepsmoothnum=3 if smooth == "laplacian 3" else 1)
     elif smooth:
         s.apply_coord_taubin_smoothing(stepsmoothnum=10)
     m = s.current_mesh()
@@ -82,7 +82,7 @@ def peers(V, F, garment):
     for smooth in (False, True):
         yield "trimesh" + (" + taubin" if smooth else ""), lambda s=smooth: trimesh_(V, F, s)
     for hole in (30, 60, 100) if garment else (100,):
-        for smooth in (False, "laplacian", "taubin"):
+        for smooth in (False, "laplacian", "laplacian 3", "taubin"):
             yield f"pymeshlab {hole}" + (f" + {smooth}" if smooth else ""), lambda s=smooth, h=hole: pymeshlab_(V, F, s, h)
     for size in (0.2, 0.6) if garment else (10.0,):
         for smooth in (False, True):
@@ -115,14 +115,14 @@ def jobs():
             hard = ["components=1"] if "hard" in f else []
             yield os.path.join(folder, f), os.path.join(folder, stem + "_ref.ply"), True, [
                 ("ours, by shape", hard), ("ours, by count", hard + [count]), ("ours, by scan", hard + [f"body={scan}"]),
-                ("ours, by count + surface 5", hard + [count, "surface=5"]),
+                ("ours, by count + surface 2", hard + [count, "surface=2"]), ("ours, by count + surface 4", hard + [count, "surface=4"]),
                 ("ours, body known", hard + [count, f"body={solid}", f"field={solid}"])]
     folder = os.path.join(a.data, "scans")
     for f in sorted(os.listdir(folder)):
         if f.endswith("_damaged.ply"):
             open_ = 1 if f.startswith("demosthenes") else 0
             yield os.path.join(folder, f), os.path.join(folder, f.replace("_damaged", "")), False, [
-                ("ours, by count", [f"openings={open_}"]), ("ours, by count + surface 5", [f"openings={open_}", "surface=5"])]
+                ("ours, by count", [f"openings={open_}"]), ("ours, by count + surface 2", [f"openings={open_}", "surface=2"])]
 
 
 rows = []

@@ -4,7 +4,6 @@ use crate::reconstruct::ReconstructArgs;
 use crate::wardrobe::WardrobeArgs;
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use if_core::math::Point;
 use std::path::PathBuf;
 
 const EXIT_CODES: &str = "\
@@ -44,8 +43,6 @@ pub(crate) enum Command {
     Wardrobe(WardrobeArgs),
     /// Reconstruct a person and each garment from a capture of a turning video (docs/reconstruction.md).
     Reconstruct(ReconstructArgs),
-    /// Clean a garment that was cut out of a scan: isolated elements, holes, ragged boundary.
-    Clean(CleanArgs),
     /// Fit a neural signed distance field to a mesh, and write it as a safetensors file.
     Fit(FitArgs),
 }
@@ -107,64 +104,6 @@ pub(crate) struct FixArgs {
 pub(crate) struct CheckArgs {
     #[command(flatten)]
     pub(crate) input: InputArgs,
-}
-
-#[derive(Args, Debug, Clone)]
-pub(crate) struct CleanArgs {
-    /// The garment (.ply, .obj), in metres.
-    #[arg(value_name = "MESH")]
-    pub(crate) file: PathBuf,
-    /// The clean garment (.ply), with all properties of the vertices.
-    #[arg(short, long, value_name = "FILE")]
-    pub(crate) out: PathBuf,
-    #[command(flatten)]
-    pub(crate) open: Openness,
-    /// The clothed body that the garment was cut from: a loop that bounds a large part of the rest of it is
-    /// an opening.
-    #[arg(long, value_name = "MESH")]
-    pub(crate) body: Option<PathBuf>,
-    /// Put patches and smoothed boundaries onto the surface of --body, which must be closed.
-    #[arg(long)]
-    pub(crate) project: bool,
-    /// Drop parts with less than this share of the largest part's area, in percent.
-    #[arg(long, value_name = "PERCENT", default_value_t = 1.0)]
-    pub(crate) least_share: f64,
-    /// Keep at most so many parts, the largest.
-    #[arg(long, value_name = "N")]
-    pub(crate) parts: Option<usize>,
-    /// Leave holes open.
-    #[arg(long)]
-    pub(crate) no_fill: bool,
-    /// Leave the boundary as it is.
-    #[arg(long)]
-    pub(crate) no_smooth: bool,
-    /// Smooth the whole surface too, by so many passes of Laplacian smoothing.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(crate) surface_passes: usize,
-    /// Allow the output to replace the input.
-    #[arg(long)]
-    pub(crate) in_place: bool,
-    /// Print the report as JSON on stdout, and no table.
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// Do not draw FILE_before.png and FILE_after.png.
-    #[arg(long)]
-    pub(crate) no_pictures: bool,
-}
-
-/// How openings are told from holes; by their shape where nothing is said.
-#[derive(Args, Debug, Clone, Default)]
-#[group(multiple = false)]
-pub(crate) struct Openness {
-    /// The garment has so many openings: 4 for a top or a dress, 3 for trousers, 2 for a skirt.
-    #[arg(long, value_name = "N")]
-    pub(crate) openings: Option<usize>,
-    /// Loops from this length are openings, such as 20cm.
-    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
-    pub(crate) longer: Option<f64>,
-    /// The loop nearest to this point is an opening; once for each.
-    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
-    pub(crate) open_at: Vec<Point>,
 }
 
 #[derive(Args, Debug, Clone)]
@@ -323,15 +262,6 @@ pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     length(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("a length above zero is needed".into()) })
 }
 
-/// Three coordinates in metres, with commas between them.
-fn point(text: &str) -> Result<Point, String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|x| x.trim().parse().ok()).collect();
-    match numbers[..] {
-        [x, y, z] if text.split(',').count() == 3 && [x, y, z].iter().all(|x| x.is_finite()) => Ok(Point::new(x, y, z)),
-        _ => Err("give three numbers, such as 0.1,1.2,-0.05".into()),
-    }
-}
-
 /// `key=value` with a TOML value; dots in the key step into groups.
 fn assignment(text: &str) -> Result<(String, toml::Value), String> {
     let (key, value) = text.split_once('=').ok_or("give KEY=VALUE, such as clearance=0.0005")?;
@@ -359,14 +289,6 @@ mod tests {
         }
         for text in ["", "mm", "0.5ft", "nan", "inf", "1 2mm", "0.5 mm mm", "-1mm"] {
             assert!(length(text).is_err(), "{text}");
-        }
-    }
-
-    #[test]
-    fn points_have_three_coordinates() {
-        assert_eq!(point("0.1, -2,3e-1"), Ok(Point::new(0.1, -2.0, 0.3)));
-        for text in ["", "1,2", "1,2,3,4", "1,2,x", "1,2,nan"] {
-            assert!(point(text).is_err(), "{text}");
         }
     }
 

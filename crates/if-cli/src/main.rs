@@ -4,7 +4,6 @@ mod announce;
 mod args;
 mod cancel;
 mod check;
-mod clean;
 mod demo;
 mod end;
 mod errors;
@@ -53,6 +52,5 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Extract(args) => extract::run(args),
         Command::Wardrobe(args) => wardrobe::run(args),
         Command::Reconstruct(args) => reconstruct::run(args),
-        Command::Clean(args) => clean::run(args),
     }
 }

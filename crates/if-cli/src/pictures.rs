@@ -1,9 +1,8 @@
 //! Pictures of an outfit before and after.
 
-use if_core::mesh::TriMesh;
 use if_pipeline::outfit::Outfit;
 use if_pipeline::preview::preview;
-use if_pipeline::render::{PALETTE, RenderLayer, View, side_by_side};
+use if_pipeline::render::View;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -21,15 +20,6 @@ const SIZE: [u32; 2] = [400, 640];
 /// Draws an outfit, its layers in different colours and triangles that meet another layer in red.
 pub(crate) fn draw(outfit: &Outfit, path: &Path) -> io::Result<()> {
     let image = preview(outfit, &VIEWS, SIZE);
-    let mut file = BufWriter::new(File::create(path)?);
-    image.write_png(&mut file).map_err(io::Error::other)?;
-    file.flush()
-}
-
-/// Draws one garment from the same sides.
-pub(crate) fn draw_one(mesh: &TriMesh, path: &Path) -> io::Result<()> {
-    let layers = [RenderLayer { mesh, color: PALETTE[2], highlight: &[] }];
-    let image = side_by_side(&layers, &VIEWS, SIZE[0], SIZE[1]);
     let mut file = BufWriter::new(File::create(path)?);
     image.write_png(&mut file).map_err(io::Error::other)?;
     file.flush()

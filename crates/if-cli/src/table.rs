@@ -2,10 +2,6 @@
 
 use comfy_table::{Cell, CellAlignment, Color, Table, TableStyle};
 use comfy_table::{ContentLineStyle, LineStyle};
-use if_mesh::cleanup::CleanupReport;
-use if_mesh::cleanup::components::Component;
-use if_mesh::cleanup::holes::Shape;
-use if_mesh::cleanup::rim::LoopShape;
 use if_pipeline::report::{LayerReport, PairReport, ResolveReport, Verification};
 use std::fmt::Write;
 use std::io::IsTerminal;
@@ -24,106 +20,6 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
     section(&mut text, "Before -> after", &pairs_before_after(before, after, colour));
     section(&mut text, "What was done", &layers(&report.layers, &before.own_pairs, colour));
     text
-}
-
-/// What `clean` prints: the steps, then the loops.
-pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
-    let mut steps = new_table(&["step", "what was done"], 2, colour);
-    let m = &report.manifold;
-    let d = &m.degenerate;
-    let told = |parts: &[(usize, &str)]| {
-        let parts: Vec<String> = parts.iter().filter(|p| p.0 > 0).map(|(n, what)| format!("{} {what}", count(*n))).collect();
-        if parts.is_empty() { "nothing to do".to_owned() } else { parts.join(", ") }
-    };
-    let manifold = told(&[
-        (d.doubled, "doubled triangles dropped"),
-        (d.collapsed + d.turned, "flat triangles mended"),
-        (d.dropped + m.dropped, "triangles dropped"),
-        (m.turned_over, "turned over"),
-        (m.crowded_edges, "non-manifold edges cut"),
-        (m.one_sided_edges, "one-sided edges cut"),
-        (m.split_vertices, "vertices split off bow-ties"),
-        (m.unused_vertices, "unused vertices dropped"),
-    ]);
-    steps.add_row(vec!["manifold", &manifold]);
-    let c = &report.components;
-    let area = |parts: &[Component]| parts.iter().map(|p| p.area).sum::<f64>() * 1e4;
-    let parts = match c.dropped.len() {
-        0 => format!("nothing to do, {} kept", count(c.kept.len())),
-        n => {
-            format!("{} dropped ({:.2} cm2), {} kept ({:.0} cm2)", count(n), area(&c.dropped), count(c.kept.len()), area(&c.kept))
-        }
-    };
-    steps.add_row(vec!["isolated elements", &parts]);
-    let h = &report.holes;
-    let added: usize = h.filled.iter().map(|f| f.triangles).sum();
-    let filled = format!(
-        "{} filled ({} triangles, {:.2} cm2), {} left, {} openings kept",
-        count(h.filled.len()),
-        count(added),
-        h.filled.iter().map(|f| f.area).sum::<f64>() * 1e4,
-        count(h.left.len()),
-        count(h.openings.len())
-    );
-    steps.add_row(vec!["holes", &filled]);
-    let s = &report.smoothing;
-    let smoothed = told(&[
-        (s.loops.iter().filter(|l| l.passes > 0).count(), "loops smoothed"),
-        (s.turned + s.teeth, "teeth mended"),
-        (s.notches, "notches filled"),
-        (s.moved, "vertices moved"),
-        (s.held_back, "held back"),
-    ]);
-    steps.add_row(vec!["boundary".to_owned(), format!("{smoothed}; at most {} mm", millimetres(s.farthest))]);
-    let size = format!("{} -> {} triangles", count(report.before.triangles), count(report.after.triangles));
-    steps.add_row(vec!["in all", &size]);
-
-    let mut loops = new_table(&["loop", "edges", "length cm", "after", "at x, y, z m", "result"], 1, colour);
-    let at = |c: [f64; 3]| format!("{:.2}, {:.2}, {:.2}", c[0], c[1], c[2]);
-    for (k, l) in s.loops.iter().enumerate() {
-        let (before, after) = (format!("{:.1}", l.length_before * 1e2), format!("{:.1}", l.rim.length * 1e2));
-        let name = format!("opening {}", k + 1);
-        loops.add_row(vec![name, count(l.rim.edges), before, after, at(l.rim.center), "kept open".into()]);
-    }
-    if s.loops.is_empty() {
-        for (k, l) in h.openings.iter().enumerate() {
-            let name = format!("opening {}", k + 1);
-            loops.add_row(vec![
-                name,
-                count(l.edges),
-                format!("{:.1}", l.length * 1e2),
-                String::new(),
-                at(l.center),
-                "kept open".into(),
-            ]);
-        }
-    }
-    let mut holes: Vec<(&LoopShape, &str)> = h.filled.iter().map(|f| (&f.rim, shape(f.shape))).collect();
-    holes.extend(h.left.iter().map(|l| (l, "left: no patch fits")));
-    holes.sort_by(|a, b| b.0.length.total_cmp(&a.0.length));
-    for (k, (l, what)) in holes.iter().take(LOOPS).enumerate() {
-        let name = format!("hole {}", k + 1);
-        loops.add_row(vec![name, count(l.edges), format!("{:.1}", l.length * 1e2), String::new(), at(l.center), (*what).into()]);
-    }
-    let mut text = String::new();
-    section(&mut text, "What was done", &steps);
-    section(&mut text, "Loops", &loops);
-    if holes.len() > LOOPS {
-        let _ = writeln!(text, "and {} smaller holes\n", holes.len() - LOOPS);
-    }
-    text
-}
-
-/// Holes that the table lists, the longest first.
-const LOOPS: usize = 12;
-
-fn shape(shape: Shape) -> &'static str {
-    match shape {
-        Shape::Projected => "filled, on the body",
-        Shape::Fair => "filled, fair",
-        Shape::Refined => "filled, refined",
-        Shape::Plain => "filled, plain",
-    }
 }
 
 /// What `check` prints.

@@ -4,7 +4,6 @@
 pub mod atomic;
 pub mod attributes;
 pub mod baked;
-
 pub mod camera;
 pub mod cleanup;
 pub mod cut;
