@@ -41,7 +41,7 @@ enum ExtractFault {
     Surface { path: PathBuf, source: ExtractError },
 }
 
-/// A length below which an angle makes a sliver, in degrees.
+/// A triangle with a smaller angle is a sliver; in degrees.
 const SLIVER: f64 = 10.0;
 /// Points on each of the two surfaces, where they are compared.
 const SAMPLES: usize = 20_000;

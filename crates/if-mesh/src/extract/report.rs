@@ -45,8 +45,8 @@ pub struct Evaluations {
     pub total: usize,
 }
 
-/// Distances of the mesh from the surface, in metres: measured as |φ| / |∇φ| at vertices and at centres of triangles
-/// chosen by a seed, and estimated from the normals at all edges. Zero for a mesh without triangles.
+/// Distances of the mesh from the surface, in metres: |φ| / |∇φ| at vertices and at centres of triangles chosen by a
+/// seed. Zero for a mesh without triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize)]
 pub struct ErrorEstimate {
     /// The largest of the chosen vertices.
