@@ -1,5 +1,7 @@
 //! The command line.
 
+use crate::reconstruct::ReconstructArgs;
+use crate::wardrobe::WardrobeArgs;
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use if_core::math::Point;
@@ -39,6 +41,10 @@ pub(crate) enum Command {
     Check(CheckArgs),
     /// Extract the surface of a field as a mesh: remesh a closed mesh by its signed distance.
     Extract(ExtractArgs),
+    /// Keep bodies and garments in a folder, and combine them at will (docs/wardrobe.md).
+    Wardrobe(WardrobeArgs),
+    /// Reconstruct a person and each garment from a capture of a turning video (docs/reconstruction.md).
+    Reconstruct(ReconstructArgs),
     /// Fit a neural signed distance field to a mesh, and write it as a safetensors file.
     Fit(FitArgs),
     /// Clean a garment that was cut out of a scan: isolated elements, holes, ragged boundary.
@@ -422,7 +428,7 @@ fn label_name(text: &str) -> Result<(u8, String), String> {
 }
 
 /// A length above zero.
-fn above_zero(text: &str) -> Result<f64, String> {
+pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     length(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("a length above zero is needed".into()) })
 }
 

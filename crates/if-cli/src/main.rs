@@ -21,10 +21,12 @@ mod pictures;
 mod print;
 mod progress;
 mod receipt;
+mod reconstruct;
 mod resolve_outfit;
 mod staging;
 mod synth;
 mod table;
+mod wardrobe;
 
 use args::{CaptureCommand, Cli, Command};
 use clap::Parser;
@@ -54,5 +56,7 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Cut(args) => cut::run(args),
         Command::Capture(CaptureCommand::Synth(args)) => synth::run(args),
         Command::Extract(args) => extract::run(args),
+        Command::Wardrobe(args) => wardrobe::run(args),
+        Command::Reconstruct(args) => reconstruct::run(args),
     }
 }

@@ -173,7 +173,7 @@ fn stem(path: &Path) -> String {
 }
 
 /// The parameters with those of the command line in place of their own.
-fn override_params(params: &ResolveParams, args: &ParamArgs) -> Result<ResolveParams, SpecError> {
+pub(crate) fn override_params(params: &ResolveParams, args: &ParamArgs) -> Result<ResolveParams, SpecError> {
     let mut params = params.clone();
     for (key, value) in &args.set {
         params = set(&params, key, value).map_err(|message| SpecError::Parameter { key: key.clone(), message })?;

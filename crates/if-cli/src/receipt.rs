@@ -122,7 +122,7 @@ pub(crate) fn text(outfit: &str, request: &Request, done: &Done, timings: &Timin
 }
 
 /// Versions of everything that numbers depend on.
-fn tool() -> Value {
+pub(crate) fn tool() -> Value {
     let crates: Map<String, Value> = env!("IFG_CRATES")
         .split(',')
         .filter_map(|c| c.split_once(' '))

@@ -174,7 +174,8 @@ pub(crate) fn totals(before: &Verification, after: &Verification) -> String {
     )
 }
 
-fn pairs_before_after(before: &Verification, after: &Verification, colour: bool) -> Table {
+/// The pairs of layers before and after.
+pub(crate) fn pairs_before_after(before: &Verification, after: &Verification, colour: bool) -> Table {
     let mut table = new_table(&["outer", "inner", "pairs", "vertices inside", "deepest mm"], 2, colour);
     // The two reports list the same ordered pairs of layers.
     let rows: Vec<(&PairReport, &PairReport)> = before.pairs.iter().zip(&after.pairs).collect();

@@ -5,11 +5,13 @@ mod accuracy;
 mod bricks;
 mod build;
 mod choose;
+mod file;
 mod params;
 mod redistance;
 
 use accuracy::Errors;
 use bricks::{Bricks, Reading, SIDE};
+pub use file::BakedFileError;
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};

@@ -27,16 +27,21 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod align;
+pub mod asset;
 pub mod baselines;
 pub mod capture;
 mod cloth;
 mod contacts;
+pub mod content;
 pub mod fitting;
 mod inspector;
 pub mod mannequin;
 pub mod outfit;
 mod own;
+pub mod page;
 mod parting;
+pub mod preview;
 mod reach;
 pub mod reconstruct;
 pub mod render;
@@ -49,7 +54,9 @@ pub mod skinning;
 pub mod template;
 mod untangle;
 pub mod verify;
+pub mod wardrobe;
 mod weave;
+pub mod whole_folder;
 
 /// The example in the project's README is a test.
 #[cfg(doctest)]

@@ -1,6 +1,17 @@
-//! From a capture to the clothed person in canonical space.
+//! From a capture to the clothed person in canonical space, and to garments.
 //!
-//! [`fit_surface`] finds the surface from masks, normals and poses.
+//! [`reconstruct`] does all of it. Its stages are calls of their own:
+//!
+//! | stage | call |
+//! |---|---|
+//! | the surface, from masks, normals and poses | [`fit_surface`] |
+//! | one canonical mesh, closed, with weights | [`FloodedField`], [`if_mesh::extract`], [`largest_piece`], [`carried_weights`] |
+//! | the same mesh in each frame | [`posed`], [`write_frames`] |
+//! | garments, from label images | [`find_garments`] |
+//! | a baseline: the visual hull | [`VisualHull`] |
+//!
+//! What was measured stands in `docs/reconstruction.md`; the stages one after the other, with baselines, in the example
+//! `reconstruction_stages`.
 
 mod canonical;
 mod checkpoint;
@@ -8,6 +19,7 @@ pub(crate) mod distance_image;
 mod evidence;
 mod fair;
 mod frames;
+mod garments;
 mod hull;
 mod observe;
 mod params;
@@ -15,12 +27,17 @@ mod progress;
 mod refine;
 mod report;
 mod surface;
+mod whole;
+mod whole_report;
 
-pub use canonical::{carried_weights, largest_piece};
+pub use canonical::{FloodedField, carried_weights, largest_piece};
 pub use checkpoint::CheckpointError;
 pub use frames::{FramesError, posed, write_frames};
+pub use garments::{Garment, GarmentParams, Garments, GarmentsError, find_garments};
 pub use hull::{HullError, VisualHull};
 pub use params::{ParamError, SurfaceParams};
 pub use progress::{Progress, Stage};
 pub use report::{Pixels, Round, Skipped, SurfaceReport};
 pub use surface::{Surface, SurfaceError, fit_surface};
+pub use whole::{ReconstructError, ReconstructParams, Reconstruction, reconstruct};
+pub use whole_report::{GarmentReport, LabelReport, ReconstructReport, Seconds};

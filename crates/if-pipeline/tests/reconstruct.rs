@@ -5,7 +5,7 @@ use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::icosphere;
 use if_mesh::camera::Camera;
 use if_pipeline::capture::{Capture, CaptureWriter, FramePictures, Subject};
-use if_pipeline::reconstruct::{Skipped, Surface, SurfaceError, SurfaceParams, fit_surface};
+use if_pipeline::reconstruct::{ReconstructParams, Skipped, Surface, SurfaceError, SurfaceParams, fit_surface, reconstruct};
 use if_pipeline::skeleton::{Joint, Pose, Skeleton};
 use if_pipeline::skin_weights::SkinWeights;
 use if_pipeline::template::TemplateBody;
@@ -136,4 +136,30 @@ fn empty_frames_are_left_out_and_named() {
     let dark = pictures(&folder.path().join("dark"), |_| true);
     let error = fit(&dark, None, usize::MAX).unwrap_err();
     assert!(matches!(error, SurfaceError::NothingSeen { frames: FRAMES, .. }), "{error}");
+}
+
+#[test]
+fn the_upper_half_is_cut_out_as_a_garment_with_one_opening() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = pictures(&folder.path().join("capture"), |_| false);
+    let params = ReconstructParams { cell: 0.02, ..Default::default() };
+    let found = reconstruct(&capture, &template(), &params, None, &mut |_| ControlFlow::Continue(())).unwrap();
+    let right = found.mesh.vertices().iter().zip(&found.labels).filter(|(p, l)| (p.y > CENTER.y) == (**l == 2)).count();
+    assert!(right as Real > 0.97 * found.labels.len() as Real, "{right} of {}", found.labels.len());
+    let [top] = &found.garments[..] else { panic!("{} garments", found.garments.len()) };
+    assert_eq!((top.name.as_str(), top.skin.len()), ("top", top.mesh.vertices().len()));
+    assert_eq!((found.report.garments[0].openings, found.report.garments[0].holes_left), (1, 0));
+    let hem = if_core::edges::Edges::new(&top.mesh).boundary_loops(&top.mesh);
+    assert_eq!(hem.len(), 1);
+    for v in &hem[0] {
+        assert!((top.mesh.vertices()[*v as usize].y - CENTER.y).abs() < 0.02, "{}", top.mesh.vertices()[*v as usize]);
+    }
+    // The baked field is that of the mesh.
+    use if_core::field::SignedDistance;
+    let worst = top.mesh.vertices().iter().map(|p| found.field.distance(p).abs()).fold(0.0, Real::max);
+    assert!(worst < 0.003, "{worst}");
+    assert!(found.report.missing.is_empty() && found.report.labels.frames_cast > 0);
+    // Told to stop, it stops.
+    let stopped = reconstruct(&capture, &template(), &params, None, &mut |_| ControlFlow::Break(()));
+    assert!(stopped.unwrap_err().is_cancelled());
 }

@@ -10,3 +10,4 @@ mod extract;
 mod fit;
 mod folder;
 mod same_bytes;
+mod wardrobe;

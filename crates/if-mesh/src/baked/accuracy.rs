@@ -30,7 +30,7 @@ pub(super) fn steepest(bricks: &Bricks) -> Real {
 
 /// The largest errors, by distance from the surface.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Errors([Real; BINS.len()]);
+pub(super) struct Errors(pub(super) [Real; BINS.len()]);
 
 impl Errors {
     /// The largest error at points no farther than `cells` from the surface.

@@ -1,0 +1,289 @@
+//! `ifg reconstruct`: a capture becomes garments of a wardrobe.
+
+use crate::args::above_zero;
+use crate::cancel;
+use crate::end::End;
+use crate::errors::Told;
+use crate::print::{print, print_json};
+use crate::progress::Line;
+use clap::Args;
+use if_core::mesh::TriMesh;
+use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
+use if_pipeline::asset::{LayerHint, Parts, Provenance};
+use if_pipeline::capture::Capture;
+use if_pipeline::content;
+use if_pipeline::page::Page;
+use if_pipeline::reconstruct::{
+    Progress, ReconstructParams, ReconstructReport, Reconstruction, Stage, reconstruct, write_frames,
+};
+use if_pipeline::render::{PALETTE, RenderLayer, View, side_by_side};
+use if_pipeline::template::TemplateBody;
+use if_pipeline::wardrobe::{NewBody, Wardrobe};
+use if_pipeline::whole_folder::Writer;
+use miette::{Diagnostic, Report};
+use std::error::Error;
+use std::fs;
+use std::io;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+#[derive(Args, Debug, Clone)]
+pub(crate) struct ReconstructArgs {
+    /// The capture: a folder as docs/capture.md specifies it.
+    #[arg(value_name = "CAPTURE")]
+    pub(crate) capture: PathBuf,
+    /// The template body: a folder with body_clean.ply and skeleton.json.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) body: PathBuf,
+    /// The wardrobe that gets the body and the garments; the clothed person and a report go to clothed/<capture> in it. A run
+    /// that was stopped goes on from its last round.
+    #[arg(short, long, value_name = "ASSET_DIR")]
+    pub(crate) out: PathBuf,
+    /// Put before each garment's name; by default the name of the capture's folder and an underscore.
+    #[arg(long, value_name = "TEXT")]
+    pub(crate) prefix: Option<String>,
+    /// Side of the cells of the canonical mesh, with a unit; 8mm by default.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
+    pub(crate) cell: Option<f64>,
+    /// Write the canonical mesh in each frame, too.
+    #[arg(long)]
+    pub(crate) frames: bool,
+    /// Print the report as JSON on stdout, and no summary.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Folder of the wardrobe for clothed people.
+const CLOTHED: &str = "clothed";
+/// What a stopped run has reached, in the wardrobe's folder, with the capture's name before it.
+const STATE: &str = "reconstruct.state";
+/// Pixels of one view.
+const SIZE: [u32; 2] = [360, 600];
+
+/// Why nothing was reconstructed.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("{context}")]
+#[diagnostic(code(ifg::reconstruct), help("{help}"))]
+struct Fault {
+    context: String,
+    help: &'static str,
+    source: Told,
+}
+
+fn fault<E: Error + 'static>(context: impl Into<String>, help: &'static str) -> impl FnOnce(E) -> Fault {
+    let context = context.into();
+    move |error| Fault { context, help, source: Told::new(&error) }
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
+    let name = last_name(&args.capture, "capture");
+    let line = Line::new(&name, 0, 1);
+    line.say("reading");
+    let capture = Capture::open(&args.capture).map_err(fault(
+        format!("cannot read capture `{}`", args.capture.display()),
+        "captures are specified in docs/capture.md",
+    ))?;
+    let template = TemplateBody::read(&args.body).map_err(fault(
+        format!("cannot read template body `{}`", args.body.display()),
+        "give a folder with body_clean.ply (or body.ply) and skeleton.json; see docs/capture.md",
+    ))?;
+    let mut params = ReconstructParams::default();
+    if let Some(cell) = args.cell {
+        params.cell = cell;
+    }
+    let writing = |what: &str| format!("cannot write {what} into `{}`", args.out.display());
+    const ROOM: &str = "make room there, or give --out another folder that you may write to";
+    fs::create_dir_all(&args.out).map_err(fault(writing("anything"), ROOM))?;
+    let state = args.out.join(format!(".{name}.{STATE}"));
+    let start = Instant::now();
+    let found = reconstruct(&capture, &template, &params, Some(&state), &mut |progress| {
+        line.say(&told(progress));
+        if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    let found = match found {
+        Ok(found) => found,
+        Err(error) if error.is_cancelled() => return Ok(End::Cancelled),
+        Err(error) => {
+            let help = "a checkpoint of another version can be removed: the hidden file `.NAME.reconstruct.state` in --out";
+            return Err(fault(format!("cannot reconstruct `{}`", args.capture.display()), help)(error).into());
+        }
+    };
+    let seconds = start.elapsed().as_secs_f64();
+    line.say("writing");
+    write_assets(args, &name, &found).map_err(fault(writing("assets"), ROOM))?;
+    write_clothed(args, &name, &capture, &template, &found).map_err(fault(writing("the clothed body"), ROOM))?;
+    let _ = fs::remove_file(&state); // of no use any more
+    drop(line);
+    if args.json {
+        print_json(&found.report)?;
+    } else {
+        print(&summary(&name, &found.report, seconds))?;
+    }
+    Ok(End::Clean)
+}
+
+/// The last part of a path, as a name for folders.
+fn last_name(path: &Path, otherwise: &str) -> String {
+    let name = fs::canonicalize(path).ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
+    let fits = |c: char| if c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.') { c } else { '_' };
+    let name: String = name.unwrap_or_default().chars().map(fits).collect();
+    let name = name.trim_matches('.');
+    if name.is_empty() { otherwise.into() } else { name.into() }
+}
+
+fn told(progress: &Progress) -> String {
+    let what = match progress.stage {
+        Stage::Read => "reading frames",
+        Stage::Surface => "fitting the surface",
+        Stage::Extract => "extracting the canonical mesh",
+        Stage::Garments => "finding garments",
+        _ => "working",
+    };
+    let mut text = format!("{what} {}/{}", progress.step, progress.steps);
+    if let Some(loss) = progress.loss {
+        text += &format!(", silhouettes off by {loss:.1} mm");
+    }
+    if let Some(left) = progress.seconds_left {
+        text += &format!(", {left:.0} s left");
+    }
+    text
+}
+
+fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> String {
+    let surface = &report.surface;
+    let used = surface.frames - surface.skipped.len();
+    let mut text = format!("{name}: {used} of {} frames, {} triangles, {seconds:.1} s\n", surface.frames, report.triangles);
+    if let Some(last) = surface.rounds.last() {
+        text += &format!(
+            "  silhouettes were off by {:.1} mm and normals by {:.1}° before the last round\n",
+            last.silhouette_mm, last.normal_degrees
+        );
+    }
+    for garment in &report.garments {
+        text += &format!(
+            "  {}: {} triangles, {} openings, {} holes filled, {} left\n",
+            garment.name, garment.triangles, garment.openings, garment.filled, garment.holes_left
+        );
+    }
+    for missing in &report.missing {
+        text += &format!("  {missing}: nothing of it was seen\n");
+    }
+    text
+}
+
+/// The body and the garments, into the wardrobe.
+fn write_assets(
+    args: &ReconstructArgs,
+    capture: &str,
+    found: &Reconstruction,
+) -> Result<(), if_pipeline::wardrobe::WardrobeError> {
+    let mut wardrobe = Wardrobe::open(&args.out)?;
+    let file = |name: &str| Some(args.body.join(name)).filter(|p| p.is_file());
+    let mesh = file("body_clean.ply").unwrap_or_else(|| args.body.join("body.ply"));
+    let (template, skeleton) = (file("body.ply"), file("skeleton.json"));
+    let new = NewBody {
+        name: &last_name(&args.body, "body"),
+        mesh: &mesh,
+        template: template.as_deref(),
+        skeleton: skeleton.as_deref(),
+    };
+    let body = wardrobe.add_body(&new)?;
+    let meta = content::of_file(&args.capture.join("meta.json")).ok().map(|c| c.sha256);
+    let provenance = Provenance {
+        source: args.capture.display().to_string(),
+        sha256: meta,
+        tool: format!("ifg reconstruct {}", env!("CARGO_PKG_VERSION")),
+        licence: Vec::new(),
+    };
+    for garment in &found.garments {
+        let name = format!("{}{}", args.prefix.clone().unwrap_or_else(|| format!("{capture}_")), garment.name);
+        wardrobe.add(&Parts {
+            name: &name,
+            hint: LayerHint::of_name(&garment.name),
+            body: &body,
+            mesh: &garment.mesh,
+            skin: Some(&garment.skin),
+            provenance: &provenance,
+            network: None,
+            baked: Some(&found.field),
+        })?;
+    }
+    Ok(())
+}
+
+/// The clothed body with its labels, a report, and where asked for the frames.
+fn write_clothed(
+    args: &ReconstructArgs,
+    name: &str,
+    capture: &Capture,
+    template: &TemplateBody,
+    found: &Reconstruction,
+) -> io::Result<()> {
+    let parent = args.out.join(CLOTHED);
+    let writer = Writer::open(&parent)?.ok_or_else(|| io::Error::other("another process is writing there"))?;
+    writer.write(name, |folder| {
+        let mut properties = found.skin.to_properties();
+        properties.push(Property::new("label", Column::U8(found.labels.clone())));
+        let file = PlyMesh { vertex_properties: properties, ..PlyMesh::new(found.mesh.clone()) };
+        let path: PathBuf = folder.join("canonical.ply");
+        ply::write_path(&file, found.mesh.vertices(), &WriteParams::default(), &path).map_err(io::Error::other)?;
+        if args.frames {
+            write_frames(&folder.join("frames"), &found.mesh, &found.skin, &template.skeleton, capture)
+                .map_err(io::Error::other)?;
+        }
+        fs::write(folder.join("report.json"), serde_json::to_vec_pretty(&found.report)?)?;
+        fs::write(folder.join("report.html"), page(name, found)?)
+    })
+}
+
+fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
+    let report = &found.report;
+    let mut page = Page::new(&format!("{name}, reconstructed"));
+    page.text(&summary(name, report, report.seconds.surface + report.seconds.extract + report.seconds.garments));
+    page.heading("The person").picture("front, three quarters, back", &picture(&labelled(found))?);
+    page.heading("The garments").picture("cut and cleaned", &picture(&garments(found))?);
+    let row = |k: usize| {
+        let r = &report.surface.rounds[k];
+        vec![
+            (k + 1).to_string(),
+            format!("{:.2}", r.silhouette_mm),
+            format!("{:.2}", r.normal_degrees),
+            format!("{:.2}", r.step_mm),
+            r.rim_vertices.to_string(),
+            r.seen_triangles.to_string(),
+        ]
+    };
+    let rows: Vec<Vec<String>> = (0..report.surface.rounds.len()).map(row).collect();
+    let head = ["round", "silhouettes, mm", "normals, degrees", "step, mm", "rim vertices", "triangles seen"];
+    page.heading("Rounds, each as it began").table(&head, &rows);
+    page.heading("Everything").json(&serde_json::to_value(report)?);
+    Ok(page.html())
+}
+
+/// The canonical mesh in the colours of its labels: a mesh for each.
+fn labelled(found: &Reconstruction) -> Vec<(usize, TriMesh)> {
+    let most = found.labels.iter().copied().max().unwrap_or(0);
+    let part = |label: u8| {
+        let mine = found.mesh.triangles().iter().filter(|t| t.iter().map(|v| found.labels[*v as usize]).max() == Some(label));
+        let mesh = TriMesh::new(found.mesh.vertices().to_vec(), mine.copied().collect());
+        (usize::from(label), mesh.expect("a part of a mesh is a mesh"))
+    };
+    (0..=most).map(part).collect()
+}
+
+fn garments(found: &Reconstruction) -> Vec<(usize, TriMesh)> {
+    found.garments.iter().map(|g| (usize::from(g.label), g.mesh.clone())).collect()
+}
+
+fn picture(parts: &[(usize, TriMesh)]) -> io::Result<Vec<u8>> {
+    let color = |label: &usize| PALETTE[label.saturating_sub(1) % PALETTE.len()];
+    let layers: Vec<RenderLayer> =
+        parts.iter().map(|(label, mesh)| RenderLayer { mesh, color: color(label), highlight: &[] }).collect();
+    let mut png = Vec::new();
+    side_by_side(&layers, &[View::FRONT, View::THREE_QUARTER, View::BACK], SIZE[0], SIZE[1])
+        .write_png(&mut png)
+        .map_err(io::Error::other)?;
+    Ok(png)
+}

@@ -1,0 +1,79 @@
+//! `ifg wardrobe`: a folder of bodies and garments, and what is made of it.
+
+mod add;
+mod args;
+mod batch;
+mod list;
+mod matching;
+
+pub(crate) use args::WardrobeArgs;
+
+use crate::args::ParamArgs;
+use crate::end::End;
+use crate::errors::Told;
+use crate::outfit_file::override_params;
+use crate::receipt;
+use args::WardrobeCommand;
+use if_pipeline::asset::AssetError;
+use if_pipeline::resolve::ResolveParams;
+use if_pipeline::wardrobe::matching::{MatchParams, State};
+use if_pipeline::wardrobe::{Wardrobe, WardrobeError};
+use miette::{Diagnostic, Report};
+use std::path::Path;
+
+/// Runs the command.
+pub(crate) fn run(args: &WardrobeArgs) -> Result<End, Report> {
+    match &args.command {
+        WardrobeCommand::Add(args) => add::run(args),
+        WardrobeCommand::List(args) => list::run(args),
+        WardrobeCommand::Match(args) => matching::run(args),
+        WardrobeCommand::Batch(args) => batch::run(args),
+    }
+}
+
+/// What is wrong with a wardrobe.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("{context}")]
+#[diagnostic(code(ifg::wardrobe), help("{help}"))]
+pub(crate) struct Fault {
+    context: String,
+    help: &'static str,
+    source: Told,
+}
+
+impl Fault {
+    pub(crate) fn new(context: impl Into<String>, error: &WardrobeError) -> Self {
+        let help = match error {
+            WardrobeError::NoBody { .. } | WardrobeError::NoGarment { .. } => "`ifg wardrobe list` tells what is there",
+            WardrobeError::ForeignBody { .. } => "add the body with `ifg wardrobe add --body NAME --mesh FILE`",
+            WardrobeError::Asset(AssetError::Name { .. }) => "give another name, or rename the file",
+            WardrobeError::Busy { .. } => "wait for it, or take another folder",
+            WardrobeError::Outfit(_) | WardrobeError::BodyMesh { .. } => "the body must be one closed PLY mesh in metres",
+            _ => "formats stand in docs/wardrobe.md",
+        };
+        Self { context: context.into(), help, source: Told::new(error) }
+    }
+}
+
+/// Opens a wardrobe, and says what cannot be read in it.
+pub(crate) fn open(root: &Path) -> Result<Wardrobe, Report> {
+    let wardrobe = Wardrobe::open(root).map_err(|e| Fault::new(format!("cannot open wardrobe `{}`", root.display()), &e))?;
+    for (name, error) in wardrobe.faults() {
+        crate::errors::note(&format!("garment `{name}` is left out: {error}"));
+    }
+    Ok(wardrobe)
+}
+
+/// What results depend on, with what the command line says.
+pub(crate) fn match_params(args: &ParamArgs, picture_height: u32) -> Result<MatchParams, Report> {
+    let resolve = override_params(&ResolveParams::default(), args)?;
+    Ok(MatchParams { resolve, picture_height, tool: receipt::tool(), ..MatchParams::default() })
+}
+
+fn end_of(state: State) -> End {
+    match state {
+        State::Clean => End::Clean,
+        State::Remaining => End::NotClean,
+        State::Failed => End::Unusable,
+    }
+}

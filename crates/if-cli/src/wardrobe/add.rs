@@ -1,0 +1,110 @@
+//! `ifg wardrobe add`.
+
+use super::args::AddArgs;
+use super::{Fault, open};
+use crate::cancel;
+use crate::end::End;
+use crate::errors::{Told, show};
+use crate::print::print;
+use crate::progress::Line;
+use if_mesh::baked::BakeParams;
+use if_mesh::file::{Content, MeshFile};
+use if_pipeline::align::carried_field;
+use if_pipeline::asset::{BodyRef, LayerHint, Parts, Provenance};
+use if_pipeline::content::content;
+use if_pipeline::skin_weights::SkinWeights;
+use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeBody};
+use miette::{Diagnostic, Report};
+use std::path::Path;
+
+/// Joints that a byte of a PLY file can name.
+const JOINTS: usize = 256;
+
+/// A file that is no garment.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("cannot add `{file}`")]
+#[diagnostic(code(ifg::wardrobe::garment), help("give a PLY or OBJ file with triangles; weights are j0..j3 and w0..w3"))]
+struct Unusable {
+    file: String,
+    source: Told,
+}
+
+/// Runs the command. The fault of one garment does not stop the others.
+pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
+    let mut wardrobe = open(&args.root)?;
+    let body = match &args.mesh {
+        Some(mesh) => {
+            let new = NewBody { name: &args.body, mesh, template: args.template.as_deref(), skeleton: args.skeleton.as_deref() };
+            let added = wardrobe.add_body(&new).map_err(|e| Fault::new(format!("cannot add body `{}`", args.body), &e))?;
+            print(&format!("body {}\n", args.body))?;
+            added
+        }
+        None => wardrobe.body_info(&args.body).map_err(|e| Fault::new("cannot add garments", &e))?.reference(),
+    };
+    let loaded = match args.bake {
+        true => Some(wardrobe.body(&args.body).map_err(|e| Fault::new("cannot bake", &e))?),
+        false => None,
+    };
+    let mut end = End::Clean;
+    for (k, path) in args.garments.iter().enumerate() {
+        if cancel::asked() {
+            return Ok(End::Cancelled);
+        }
+        let line = Line::new(&path.display().to_string(), k, args.garments.len());
+        line.say("adding");
+        let added = add(&mut wardrobe, args, path, &body, loaded.as_ref());
+        drop(line);
+        match added {
+            Ok(text) => print(&text)?,
+            Err(error) => {
+                show(&error);
+                end = End::Unusable;
+            }
+        }
+    }
+    Ok(end)
+}
+
+fn add(
+    wardrobe: &mut Wardrobe,
+    args: &AddArgs,
+    path: &Path,
+    body: &BodyRef,
+    loaded: Option<&WardrobeBody>,
+) -> Result<String, Report> {
+    let unusable = |source| Unusable { file: path.display().to_string(), source };
+    let file = MeshFile::read(path).map_err(|e| unusable(Told::new(&e)))?;
+    let (skin, licence) = match file.content() {
+        Content::Ply(ply) if ply.vertex_property("j0").is_some() => {
+            (Some(SkinWeights::from_ply(ply, JOINTS).map_err(|e| unusable(Told::new(&e)))?), ply.comments.clone())
+        }
+        Content::Ply(ply) => (None, ply.comments.clone()),
+        _ => (None, Vec::new()),
+    };
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let name = format!("{}{stem}", args.prefix);
+    let said = LayerHint::of_name(&stem);
+    let hint = LayerHint { class: args.class.map_or(said.class, Into::into), order: args.order.unwrap_or(said.order) };
+    let provenance = Provenance {
+        source: path.display().to_string(),
+        sha256: Some(content(file.bytes()).sha256),
+        tool: format!("ifg {}", env!("CARGO_PKG_VERSION")),
+        licence,
+    };
+    let baked = loaded
+        .map(|body| carried_field(&body.mesh, file.mesh(), &BakeParams::default()))
+        .transpose()
+        .map_err(|e| unusable(Told::new(&e)))?;
+    let parts = Parts {
+        name: &name,
+        hint,
+        body,
+        mesh: file.mesh(),
+        skin: skin.as_ref(),
+        provenance: &provenance,
+        network: None,
+        baked: baked.as_ref(),
+    };
+    let info = wardrobe.add(&parts).map_err(|e| Fault::new(format!("cannot add `{}`", path.display()), &e))?;
+    Ok(format!("{} ({:?}), {} triangles, {} openings\n", info.name, info.layer.class, info.triangles, info.openings.len()))
+}

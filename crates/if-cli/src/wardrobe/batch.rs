@@ -1,0 +1,125 @@
+//! `ifg wardrobe batch`.
+
+use super::args::BatchArgs;
+use super::{Fault, end_of, match_params, open};
+use crate::cancel;
+use crate::end::End;
+use crate::errors::{Told, note};
+use crate::print::{print, print_json};
+use if_pipeline::wardrobe::Wardrobe;
+use if_pipeline::wardrobe::batch::{self, BatchParams, Event};
+use if_pipeline::wardrobe::combination::{Combination, Combinations, Order, RandomParams, random};
+use if_pipeline::wardrobe::dresser::Dresser;
+use if_pipeline::wardrobe::matching::MatchParams;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use miette::{Diagnostic, Report};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Pixels.
+const PICTURE_HEIGHT: u32 = 400;
+
+/// A list that is of no use.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("cannot read the list `{}`", path.display())]
+#[diagnostic(
+    code(ifg::wardrobe::list),
+    help("write [[outfit]] with body = \"NAME\" and garments = [\"INNER\", \"OUTER\"] for each")
+)]
+struct ListError {
+    path: PathBuf,
+    source: Told,
+}
+
+/// Runs the command.
+pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
+    let start = Instant::now();
+    let wardrobe = open(&args.root)?;
+    let combinations = combinations(&wardrobe, args)?;
+    let height = if args.no_pictures { 0 } else { PICTURE_HEIGHT };
+    let params = MatchParams { meshes: !args.no_meshes, ..match_params(&args.params, height)? };
+    let dresser = Dresser::new(&wardrobe, params.align);
+    let bar = progress(combinations.len());
+    let watch = |event: &Event| {
+        match event {
+            Event::Working(index, progress) => {
+                bar.set_message(format!("{}: {} {:?}", combinations[*index], progress.layer, progress.stage));
+            }
+            Event::Done(_, entry, before) => {
+                let told = || match (args.json, before) {
+                    (true, _) => print_json(entry),
+                    (false, true) => Ok(()),
+                    (false, false) => {
+                        let error = entry.error.as_ref().map_or(String::new(), |e| format!(", {}", e.message));
+                        let seconds = entry.seconds.unwrap_or(0.0);
+                        print(&format!("{}: {:?}, {seconds:.2} s, {}{error}\n", entry.combination, entry.state, entry.folder))
+                    }
+                };
+                let printed = bar.suspend(told);
+                bar.inc(1);
+                if printed.is_err() {
+                    return ControlFlow::Break(());
+                }
+            }
+        }
+        if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let batch = BatchParams { at_once: usize::from(args.at_once), again: args.again };
+    let done = batch::run(&args.out, &dresser, &combinations, &params, &batch, &watch);
+    bar.finish_and_clear();
+    let Some(summary) = done.map_err(|e| Fault::new(format!("cannot go on in `{}`", args.out.display()), &e))? else {
+        note("cancelled; what is done stays, and the same command goes on from there");
+        return Ok(End::Cancelled);
+    };
+    if !args.json {
+        let memory = peak_memory().map_or(String::new(), |mib| format!(", at most {mib:.0} MiB"));
+        print(&format!(
+            "{summary}; {:.1} s{memory}\n{}\n",
+            start.elapsed().as_secs_f64(),
+            args.out.join("report.html").display()
+        ))?;
+    }
+    Ok(summary.entries.iter().map(|e| end_of(e.state)).max().unwrap_or(End::Clean))
+}
+
+fn combinations(wardrobe: &Wardrobe, args: &BatchArgs) -> Result<Vec<Combination>, Report> {
+    if let Some(path) = &args.list {
+        return Ok(read(path)?.outfit);
+    }
+    let params = RandomParams {
+        count: args.random.unwrap_or(0),
+        seed: args.seed,
+        least: args.least,
+        most: args.most,
+        order: if args.any_order { Order::Any } else { Order::Worn },
+        bodies: args.body.clone(),
+    };
+    Ok(random(wardrobe, &params).map_err(|e| Fault::new("cannot draw combinations", &e))?)
+}
+
+fn read(path: &Path) -> Result<Combinations, ListError> {
+    let fault = |error: &dyn std::error::Error| ListError { path: path.into(), source: Told::new(error) };
+    let text = std::fs::read_to_string(path).map_err(|e| fault(&e))?;
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
+        serde_json::from_str(&text).map_err(|e| fault(&e))
+    } else {
+        toml::from_str(&text).map_err(|e| fault(&e))
+    }
+}
+
+/// A bar on stderr, where that is a terminal.
+fn progress(combinations: usize) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(combinations as u64), ProgressDrawTarget::stderr());
+    let style = ProgressStyle::with_template("{spinner} {elapsed:>3} {pos}/{len}, {eta} left  {wide_msg}");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.enable_steady_tick(Duration::from_millis(100));
+    bar
+}
+
+/// The most memory that this process held, in MiB, where the system tells.
+fn peak_memory() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    Some(line.trim().strip_suffix(" kB")?.parse::<f64>().ok()? / 1024.0)
+}

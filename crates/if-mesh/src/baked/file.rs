@@ -1,0 +1,236 @@
+//! Baked fields as bytes, to keep them beside a mesh.
+//!
+//! ```text
+//! "ifg-baked" 0 version(u32)   then little-endian, in metres:
+//! origin(3 f64) cell band depth rounding lipschitz(f64) surface(6 f64) errors(count u32, f64 each) redistanced(u8)
+//! size(3 u32) places(count u32, u32 each) inside(count u32, u32 each) nodes(4 f32 each, 729 for each place)
+//! ```
+
+use super::Baked;
+use super::accuracy::Errors;
+use super::bricks::{BRICK, Bricks, INSIDE, OUTSIDE};
+use if_core::aabb::Aabb;
+use if_core::math::{Point, Real};
+
+const MAGIC: &[u8; 10] = b"ifg-baked\0";
+const VERSION: u32 = 1;
+/// Places of a directory at most: a cube of 2 m with cells of 0.1 mm in bricks of 8 has 1.6e10 of them, one with 1 mm 1.6e7.
+const MAX_PLACES: u64 = 1 << 28;
+
+/// Why bytes are no baked field.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BakedFileError {
+    /// They begin otherwise.
+    #[error("not a baked field; bake it again")]
+    Magic,
+    /// They are of another version.
+    #[error("version {found} of a baked field, known is {VERSION}; bake it again")]
+    Version {
+        /// The version.
+        found: u32,
+    },
+    /// They end too early, or go on.
+    #[error("{found} bytes where the header promises {expected}; bake it again")]
+    Length {
+        /// Bytes there.
+        found: u64,
+        /// Bytes needed.
+        expected: u64,
+    },
+    /// A value cannot be.
+    #[error("byte {byte}: {what} cannot be; bake it again")]
+    Value {
+        /// Where it stands.
+        byte: usize,
+        /// What it is.
+        what: &'static str,
+    },
+}
+
+impl Baked {
+    /// The field as bytes: the same field gives the same bytes, and the bytes give the same field.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let b = &self.bricks;
+        let mut out = Vec::with_capacity(256 + 4 * b.places.len() + 16 * b.nodes.len());
+        out.extend_from_slice(MAGIC);
+        out.extend_from_slice(&VERSION.to_le_bytes());
+        let reals = |out: &mut Vec<u8>, values: &[Real]| values.iter().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
+        let count = |out: &mut Vec<u8>, n: usize| out.extend_from_slice(&(n as u32).to_le_bytes());
+        reals(&mut out, b.origin.coords.as_slice());
+        reals(&mut out, &[b.cell, self.band, self.depth, self.rounding, self.lipschitz]);
+        reals(&mut out, self.surface.min.coords.as_slice());
+        reals(&mut out, self.surface.max.coords.as_slice());
+        count(&mut out, self.errors.0.len());
+        reals(&mut out, &self.errors.0);
+        out.push(u8::from(self.redistanced));
+        b.size.iter().for_each(|n| count(&mut out, *n));
+        count(&mut out, b.places.len());
+        b.places.iter().for_each(|p| out.extend_from_slice(&p.to_le_bytes()));
+        let inside: Vec<u32> = (0..b.directory.len() as u32).filter(|p| b.directory[*p as usize] == INSIDE).collect();
+        count(&mut out, inside.len());
+        inside.iter().for_each(|p| out.extend_from_slice(&p.to_le_bytes()));
+        b.nodes.iter().flatten().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
+        out
+    }
+
+    /// The field that such bytes are of.
+    ///
+    /// # Errors
+    ///
+    /// [`BakedFileError`]: other bytes, another version, a wrong length or a value that cannot be, such as NaN.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, BakedFileError> {
+        let mut r = Reader { bytes, at: 0 };
+        if r.take(MAGIC.len()).map_err(|_| BakedFileError::Magic)? != MAGIC {
+            return Err(BakedFileError::Magic);
+        }
+        let version = r.u32()?;
+        if version != VERSION {
+            return Err(BakedFileError::Version { found: version });
+        }
+        let origin = Point::new(r.finite()?, r.finite()?, r.finite()?);
+        let (cell, band, depth) = (r.positive(false)?, r.positive(false)?, r.positive(true)?);
+        let (rounding, lipschitz) = (r.finite()?, r.finite()?);
+        // An empty field has the empty box, whose corners are infinite.
+        let surface = Aabb {
+            min: Point::new(r.number()?, r.number()?, r.number()?),
+            max: Point::new(r.number()?, r.number()?, r.number()?),
+        };
+        let mut errors = Errors::default();
+        if r.u32()? as usize != errors.0.len() {
+            return Err(r.fault("the number of errors"));
+        }
+        for e in &mut errors.0 {
+            *e = r.finite()?;
+        }
+        let redistanced = match r.take(1)? {
+            [0] => false,
+            [1] => true,
+            _ => return Err(r.fault("a flag")),
+        };
+        let size = [r.u32()? as usize, r.u32()? as usize, r.u32()? as usize];
+        let all = size.iter().try_fold(1u64, |n, s| n.checked_mul(*s as u64)).filter(|n| *n <= MAX_PLACES);
+        let all = all.ok_or_else(|| r.fault("the size of the grid"))? as usize;
+        let places = r.places(all)?;
+        let inside = r.places(all)?;
+        let needed = places.len() as u64 * BRICK as u64 * 16;
+        if (bytes.len() - r.at) as u64 != needed {
+            return Err(BakedFileError::Length { found: bytes.len() as u64, expected: r.at as u64 + needed });
+        }
+        let mut directory = vec![OUTSIDE; all];
+        inside.iter().for_each(|p| directory[*p as usize] = INSIDE);
+        let mut bricks = Bricks::new(origin, cell, size, directory, places);
+        for node in bricks.nodes.iter_mut().flatten() {
+            let [a, b, c, d] = *r.take(4)? else { return Err(r.fault("a node")) };
+            *node = f32::from_le_bytes([a, b, c, d]);
+            if !node.is_finite() {
+                return Err(r.fault("a node"));
+            }
+        }
+        Ok(Self { bricks, band, depth, surface, errors, rounding, lipschitz, redistanced })
+    }
+}
+
+struct Reader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Reader<'a> {
+    fn take(&mut self, n: usize) -> Result<&'a [u8], BakedFileError> {
+        let end = self.at.saturating_add(n);
+        let found = self.bytes.get(self.at..end);
+        let found = found.ok_or(BakedFileError::Length { found: self.bytes.len() as u64, expected: end as u64 })?;
+        self.at = end;
+        Ok(found)
+    }
+
+    fn u32(&mut self) -> Result<u32, BakedFileError> {
+        let bytes = self.take(4)?;
+        Ok(bytes.iter().rev().fold(0, |n, b| n << 8 | u32::from(*b)))
+    }
+
+    /// Anything but NaN.
+    fn number(&mut self) -> Result<Real, BakedFileError> {
+        let bytes = self.take(8)?;
+        let value = Real::from_bits(bytes.iter().rev().fold(0, |n, b| n << 8 | u64::from(*b)));
+        if value.is_nan() { Err(self.fault("a number")) } else { Ok(value) }
+    }
+
+    fn finite(&mut self) -> Result<Real, BakedFileError> {
+        let value = self.number()?;
+        if value.is_finite() { Ok(value) } else { Err(self.fault("an infinite number")) }
+    }
+
+    fn positive(&mut self, may_be_infinite: bool) -> Result<Real, BakedFileError> {
+        let value = self.number()?;
+        let fits = value > 0.0 && (may_be_infinite || value.is_finite());
+        if fits { Ok(value) } else { Err(self.fault("a length")) }
+    }
+
+    /// Ascending places of a directory of `all`.
+    fn places(&mut self, all: usize) -> Result<Vec<u32>, BakedFileError> {
+        let count = self.u32()? as usize;
+        let bytes = self.take(count.saturating_mul(4))?;
+        let places: Vec<u32> = bytes.chunks_exact(4).map(|c| c.iter().rev().fold(0, |n, b| n << 8 | u32::from(*b))).collect();
+        let ascend = places.windows(2).all(|w| w[0] < w[1]) && places.last().is_none_or(|p| (*p as usize) < all);
+        if ascend { Ok(places) } else { Err(self.fault("a place")) }
+    }
+
+    /// About the value that was read last.
+    fn fault(&self, what: &'static str) -> BakedFileError {
+        BakedFileError::Value { byte: self.at, what }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::baked::BakeParams;
+    use if_core::field::SignedDistance;
+    use if_core::shapes::{Capsule, Sphere, Union};
+
+    fn field(depth: Real) -> Baked {
+        let ball = Sphere { center: Point::new(0.01, 0.02, -0.03), radius: 0.2 };
+        let limb = Capsule { from: Point::new(-0.1, -0.2, 0.0), to: Point::new(0.15, 0.1, 0.05), radius: 0.06 };
+        Baked::new(&Union(ball, limb), &BakeParams { cell: 0.01, depth, ..BakeParams::default() }).unwrap()
+    }
+
+    #[test]
+    fn bytes_give_the_same_field_and_the_field_the_same_bytes() {
+        for depth in [0.03, Real::INFINITY] {
+            let baked = field(depth);
+            let bytes = baked.to_bytes();
+            let read = Baked::from_bytes(&bytes).unwrap();
+            assert!(read.to_bytes() == bytes);
+            assert_eq!(read.error_bound(), baked.error_bound());
+            for k in 0..2000 {
+                let s = |m: Real| (Real::from(k) * m).fract() - 0.5;
+                let p = Point::new(0.7 * s(0.618), 0.7 * s(0.414), 0.7 * s(0.732));
+                assert_eq!(read.sample(&p), baked.sample(&p), "{p}");
+            }
+        }
+    }
+
+    #[test]
+    fn damaged_bytes_are_refused() {
+        let bytes = field(0.02).to_bytes();
+        assert_eq!(Baked::from_bytes(b"ply").unwrap_err(), BakedFileError::Magic);
+        assert_eq!(Baked::from_bytes(&[]).unwrap_err(), BakedFileError::Magic);
+        for cut in (0..bytes.len()).step_by(997) {
+            assert!(Baked::from_bytes(&bytes[..cut]).is_err(), "{cut}");
+        }
+        let mut other = bytes.clone();
+        other[10] = 9;
+        assert_eq!(Baked::from_bytes(&other).unwrap_err(), BakedFileError::Version { found: 9 });
+        // NaN for every value of the header in turn: none is taken for a field with a NaN.
+        for at in 14..bytes.len().min(700) {
+            let mut other = bytes.clone();
+            let end = (at + 8).min(other.len());
+            other[at..end].fill(0xff);
+            if let Ok(read) = Baked::from_bytes(&other) {
+                assert!(!read.error_bound().is_nan() && !read.distance(&Point::new(0.1, 0.1, 0.1)).is_nan(), "{at}");
+            }
+        }
+    }
+}

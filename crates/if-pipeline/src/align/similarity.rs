@@ -1,0 +1,136 @@
+//! One rotation, scale and translation from body to body; and, joint by joint, where a registration starts from.
+
+use super::{AlignError, BodyShape};
+use if_core::aabb::Aabb;
+use if_core::math::{Point, Real, Vector, unit_or_zero};
+use nalgebra::{Matrix3, Rotation3};
+
+/// y = s R (x − a) + b.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Similarity {
+    rotation: Rotation3<Real>,
+    scale: Real,
+    from: Point,
+    to: Point,
+}
+
+/// Joints of the same name that a rotation is taken from at least.
+const JOINTS: usize = 3;
+
+impl Similarity {
+    /// The one that fits best in the least squares' sense from the joints of one body to those of the same names of the other;
+    /// where there are none, the one that keeps the axes and brings height, ground and middle together.
+    ///
+    /// # Source
+    ///
+    /// Umeyama, *Least-squares estimation of transformation parameters between two point patterns*, 1991.
+    ///
+    /// # Errors
+    ///
+    /// A body without height.
+    pub fn between(from: &BodyShape, to: &BodyShape) -> Result<Self, AlignError> {
+        let (a, b) = (from.mesh.aabb(), to.mesh.aabb());
+        let height = |aabb: &Aabb, which| {
+            let height = if aabb.is_empty() { 0.0 } else { aabb.size().y };
+            if height > 0.0 { Ok(height) } else { Err(AlignError::NoHeight { which, height }) }
+        };
+        let scale = height(&b, "target")? / height(&a, "source")?;
+        let pairs = same_joints(from, to);
+        if let Some(fit) = umeyama(&pairs) {
+            return Ok(fit);
+        }
+        let foot = |aabb: &Aabb| Point::new(aabb.center().x, aabb.min.y, aabb.center().z);
+        Ok(Self { rotation: Rotation3::identity(), scale, from: foot(&a), to: foot(&b) })
+    }
+
+    /// Where a point goes.
+    #[inline]
+    pub fn point(&self, p: &Point) -> Point {
+        self.to + self.rotation * (p - self.from) * self.scale
+    }
+
+    /// The scale.
+    pub fn scale(&self) -> Real {
+        self.scale
+    }
+}
+
+/// Heads of the joints that both bodies have.
+fn same_joints(from: &BodyShape, to: &BodyShape) -> Vec<(Point, Point)> {
+    let (Some(a), Some(b)) = (from.skeleton, to.skeleton) else { return Vec::new() };
+    let twin = |name: &str| b.joints().iter().find(|j| j.name == name);
+    a.joints().iter().filter_map(|j| Some((j.head, twin(&j.name)?.head))).collect()
+}
+
+fn umeyama(pairs: &[(Point, Point)]) -> Option<Similarity> {
+    if pairs.len() < JOINTS {
+        return None;
+    }
+    let n = pairs.len() as Real;
+    let from = Point::from(pairs.iter().map(|p| p.0.coords).sum::<Vector>() / n);
+    let to = Point::from(pairs.iter().map(|p| p.1.coords).sum::<Vector>() / n);
+    let spread = pairs.iter().map(|p| (p.0 - from).norm_squared()).sum::<Real>() / n;
+    let covariance: Matrix3<Real> = pairs.iter().map(|p| (p.1 - to) * (p.0 - from).transpose()).sum::<Matrix3<Real>>() / n;
+    let svd = covariance.svd(true, true);
+    let (u, v) = (svd.u?, svd.v_t?);
+    // Joints along one line leave the turn about it open.
+    if spread <= 0.0 || svd.singular_values[1] <= 1e-9 * svd.singular_values[0] {
+        return None;
+    }
+    let sign = if (u * v).determinant() < 0.0 { -1.0 } else { 1.0 };
+    let flip = Vector::new(1.0, 1.0, sign);
+    let rotation = Rotation3::from_matrix_unchecked(u * Matrix3::from_diagonal(&flip) * v);
+    let scale = svd.singular_values.component_mul(&flip).sum() / spread;
+    (scale > 0.0).then_some(Similarity { rotation, scale, from, to })
+}
+
+/// Where the vertices of the source begin: moved with the bones, where both bodies have the same and the source has weights.
+pub(super) fn start(from: &BodyShape, to: &BodyShape, similarity: &Similarity) -> Vec<Point> {
+    let all = || from.mesh.vertices().iter().map(|p| similarity.point(p)).collect();
+    let (Some(a), Some(b), Some(skin)) = (from.skeleton, to.skeleton, from.skin) else { return all() };
+    let bone = |k: usize| {
+        let j = &a.joints()[k];
+        let twin = b.joints().iter().find(|t| t.name == j.name)?;
+        let (u, v) = (j.tail - j.head, twin.tail - twin.head);
+        let rotation = Rotation3::rotation_between(&u, &v).filter(|_| unit_or_zero(&u) != Vector::zeros())?;
+        // Bones differ in length by more than limbs do in girth.
+        Some(Similarity { rotation, scale: (v.norm() / u.norm() * similarity.scale).sqrt(), from: j.head, to: twin.head })
+    };
+    let bones: Vec<Similarity> = (0..a.len()).map(|k| bone(k).unwrap_or(*similarity)).collect();
+    let blend = |(v, p): (usize, &Point)| {
+        let record = skin.joints()[v].iter().zip(&skin.weights()[v]);
+        let moved: Vector =
+            record.map(|(j, w)| bones.get(usize::from(*j)).unwrap_or(similarity).point(p).coords * Real::from(*w)).sum();
+        let total: Real = skin.weights()[v].iter().map(|w| Real::from(*w)).sum();
+        if total > 0.5 { Point::from(moved / total) } else { similarity.point(p) }
+    };
+    from.mesh.vertices().iter().enumerate().map(blend).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_similarity_of_points_that_have_one_is_found() {
+        let truth = Similarity {
+            rotation: Rotation3::from_euler_angles(0.3, -0.7, 1.1),
+            scale: 1.3,
+            from: Point::new(0.1, 0.2, 0.3),
+            to: Point::new(-1.0, 0.5, 2.0),
+        };
+        let points = [[0.0, 0.0, 0.0], [1.0, 0.2, 0.0], [0.3, 1.0, -0.4], [0.2, -0.5, 0.9], [0.7, 0.7, 0.1]];
+        let pairs: Vec<(Point, Point)> = points.map(Point::from).iter().map(|p| (*p, truth.point(p))).collect();
+        for n in [3, 5] {
+            let fit = umeyama(&pairs[..n]).unwrap();
+            approx::assert_relative_eq!(fit.scale, 1.3, max_relative = 1e-12);
+            for (p, q) in &pairs {
+                approx::assert_relative_eq!(fit.point(p), *q, epsilon = 1e-12);
+            }
+        }
+        assert!(umeyama(&pairs[..2]).is_none());
+        let line: Vec<(Point, Point)> = (0..5).map(|k| Point::new(0.0, Real::from(k), 0.0)).map(|p| (p, p)).collect();
+        assert!(umeyama(&line).is_none());
+        assert!(umeyama(&[(Point::origin(), Point::origin()); 5]).is_none());
+    }
+}

@@ -1,0 +1,118 @@
+//! Where a garment is worn: what may go over what.
+
+use serde::{Deserialize, Serialize};
+
+/// What a garment covers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum GarmentClass {
+    /// Trousers and shorts.
+    Legs,
+    /// Skirts.
+    Skirt,
+    /// Dresses.
+    Dress,
+    /// Shirts, blouses, sweaters.
+    Top,
+    /// Cardigans, jackets, coats.
+    Outer,
+    /// Anything else: it goes over and under everything.
+    #[default]
+    Other,
+}
+
+/// Where a garment is worn. A hint: outfits in any other order can be asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LayerHint {
+    /// What it covers.
+    pub class: GarmentClass,
+    /// Within its class: 0 next to the skin. Of tops 2 and more hang over waistbands and are not tucked in.
+    pub order: u8,
+}
+
+/// Words in names, with class and order. The first that occurs counts, so that `suit_trousers` are trousers, and a
+/// `cardigan` is no `coat`.
+const WORDS: [(&str, GarmentClass, u8); 26] = [
+    ("trousers", GarmentClass::Legs, 0),
+    ("pants", GarmentClass::Legs, 0),
+    ("jeans", GarmentClass::Legs, 0),
+    ("leggings", GarmentClass::Legs, 0),
+    ("shorts", GarmentClass::Legs, 0),
+    ("skirt", GarmentClass::Skirt, 0),
+    ("dress", GarmentClass::Dress, 0),
+    ("gown", GarmentClass::Dress, 0),
+    ("undershirt", GarmentClass::Top, 0),
+    ("sweatshirt", GarmentClass::Top, 2),
+    ("tshirt", GarmentClass::Top, 0),
+    ("t-shirt", GarmentClass::Top, 0),
+    ("tank", GarmentClass::Top, 0),
+    ("blouse", GarmentClass::Top, 1),
+    ("shirt", GarmentClass::Top, 1),
+    ("sweater", GarmentClass::Top, 2),
+    ("pullover", GarmentClass::Top, 2),
+    ("hoodie", GarmentClass::Top, 2),
+    ("cardigan", GarmentClass::Outer, 0),
+    ("vest", GarmentClass::Outer, 0),
+    ("blazer", GarmentClass::Outer, 1),
+    ("jacket", GarmentClass::Outer, 1),
+    ("parka", GarmentClass::Outer, 2),
+    ("coat", GarmentClass::Outer, 2),
+    ("cape", GarmentClass::Outer, 3),
+    ("cloak", GarmentClass::Outer, 3),
+];
+
+impl LayerHint {
+    /// What the name says, in English; [`GarmentClass::Other`] where it says nothing.
+    pub fn of_name(name: &str) -> Self {
+        let name = name.to_ascii_lowercase();
+        let found = WORDS.iter().find(|(word, ..)| name.contains(word));
+        found.map_or(Self::default(), |(_, class, order)| Self { class: *class, order: *order })
+    }
+
+    /// Whether a garment of hint `outer` may be worn right or further above this one, and in one outfit with it.
+    pub fn may_be_under(&self, outer: &Self) -> bool {
+        use GarmentClass::{Dress, Legs, Other, Outer, Skirt, Top};
+        match (self.class, outer.class) {
+            (Other, _) | (_, Other) => true,
+            // One pair of trousers, one skirt or dress.
+            (Legs, Legs) | (Skirt | Dress, Skirt | Dress) => false,
+            // Skirts and dresses go over trousers, outer layers over all.
+            (Skirt | Dress, Legs) | (Outer, Legs | Skirt | Dress | Top) => false,
+            (Top, Top) | (Outer, Outer) => self.order < outer.order,
+            // Thin tops can be tucked in.
+            (Top, Legs | Skirt | Dress) => self.order < 2,
+            (Legs | Skirt | Dress, Top) | (Legs, Skirt | Dress) | (Legs | Skirt | Dress | Top, Outer) => true,
+        }
+    }
+}
+
+/// Whether a person could wear these, inner to outer: each may go under all that follow.
+pub fn is_wearable(outfit: &[LayerHint]) -> bool {
+    (1..outfit.len()).all(|k| outfit[..k].iter().all(|inner| inner.may_be_under(&outfit[k])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_tell_where_a_garment_is_worn() {
+        let of = |name| (LayerHint::of_name(name).class, LayerHint::of_name(name).order);
+        assert_eq!(of("a_suit_trousers"), (GarmentClass::Legs, 0));
+        assert_eq!(of("suit_jacket"), (GarmentClass::Outer, 1));
+        assert_eq!(of("TSHIRT"), (GarmentClass::Top, 0));
+        assert_eq!(of("newton_shirt"), (GarmentClass::Top, 1));
+        assert_eq!(of("flared_skirt"), (GarmentClass::Skirt, 0));
+        assert_eq!(of("thing"), (GarmentClass::Other, 0));
+    }
+
+    #[test]
+    fn a_coat_goes_over_a_sweater_and_not_under_it() {
+        let of = LayerHint::of_name;
+        let wearable = |names: &[&str]| is_wearable(&names.iter().map(|n| of(n)).collect::<Vec<_>>());
+        assert!(wearable(&["jeans", "tshirt", "sweater", "coat"]) && wearable(&["tshirt", "skirt"]));
+        assert!(!wearable(&["coat", "sweater"]) && !wearable(&["sweater", "jeans"]) && !wearable(&["jeans", "trousers"]));
+        assert!(!wearable(&["coat", "coat"]) && wearable(&["thing", "coat", "thing"]) && wearable(&[]));
+    }
+}

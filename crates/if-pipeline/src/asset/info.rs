@@ -1,0 +1,110 @@
+//! What is known of a garment: `asset.json`.
+
+use super::LayerHint;
+use crate::content::Content;
+use if_core::edges::Edges;
+use if_core::math::{Point, Real, Vector};
+use if_core::mesh::TriMesh;
+use serde::{Deserialize, Serialize};
+
+/// What is known of a garment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AssetInfo {
+    /// The version of the format: [`super::FORMAT`].
+    pub asset: u32,
+    /// What it is called.
+    pub name: String,
+    /// Where it is worn.
+    pub layer: LayerHint,
+    /// The body it was made on.
+    pub body: BodyRef,
+    /// Of the mesh.
+    pub vertices: usize,
+    /// Of the mesh.
+    pub triangles: usize,
+    /// Whether the mesh has skinning weights.
+    pub skinned: bool,
+    /// The mesh.
+    pub garment: FileInfo,
+    /// φ, where there is one.
+    pub phi: Phi,
+    /// Where the garment is open: neck, cuffs, hem. The longest first.
+    pub openings: Vec<Opening>,
+    /// Where it comes from.
+    pub provenance: Provenance,
+}
+
+/// A body by name and content.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyRef {
+    /// What it is called.
+    pub name: String,
+    /// Of its mesh file: what counts.
+    pub sha256: String,
+}
+
+/// A file of the asset's folder.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileInfo {
+    /// Its name.
+    pub file: String,
+    /// What it holds.
+    #[serde(flatten)]
+    pub content: Content,
+}
+
+/// The signed distance field of the body in this garment, in the canonical pose.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Phi {
+    /// As a network.
+    pub network: Option<FileInfo>,
+    /// As a narrow-band grid.
+    pub baked: Option<FileInfo>,
+}
+
+/// A boundary loop.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Opening {
+    /// Its edges.
+    pub edges: usize,
+    /// Its length, in metres.
+    pub length: Real,
+    /// The mean of its vertices, in metres.
+    pub center: [Real; 3],
+}
+
+/// Where a garment comes from.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Provenance {
+    /// The file or capture, as the user named it.
+    pub source: String,
+    /// Its hash, where it is one file.
+    pub sha256: Option<String>,
+    /// What made the asset, with its version.
+    pub tool: String,
+    /// Comments of the source, such as its licence.
+    pub licence: Vec<String>,
+}
+
+/// The boundary loops of a mesh, the longest first.
+pub(super) fn openings(mesh: &TriMesh) -> Vec<Opening> {
+    let at = |v: &u32| mesh.vertices()[*v as usize];
+    let mut found: Vec<Opening> = Edges::new(mesh)
+        .boundary_loops(mesh)
+        .iter()
+        .map(|walk| {
+            let n = walk.len();
+            let length = (0..n).map(|k| (at(&walk[(k + 1) % n]) - at(&walk[k])).norm()).sum();
+            let sum: Vector = walk.iter().map(|v| at(v).coords).sum();
+            let center = Point::from(sum / n.max(1) as Real);
+            Opening { edges: n, length, center: [center.x, center.y, center.z] }
+        })
+        .collect();
+    found.sort_by(|a, b| b.length.total_cmp(&a.length));
+    found
+}

@@ -1,0 +1,12 @@
+//! The small picture of a garment: front and back.
+
+use crate::render::{Image, PALETTE, RenderLayer, View, side_by_side};
+use if_core::mesh::TriMesh;
+
+/// Pixels of one view.
+const SIZE: [u32; 2] = [160, 200];
+
+pub(super) fn draw(mesh: &TriMesh) -> Image {
+    let layer = RenderLayer { mesh, color: PALETTE[3], highlight: &[] };
+    side_by_side(&[layer], &[View::THREE_QUARTER, View::BACK], SIZE[0], SIZE[1])
+}

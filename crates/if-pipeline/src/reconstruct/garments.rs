@@ -1,0 +1,177 @@
+//! Labels of the frames become garments of their own.
+
+use super::frames::posed;
+use super::progress::{Clock, Progress, Stage};
+use crate::capture::{Capture, CaptureError, FIRST_GARMENT};
+use crate::skeleton::{PoseError, Skeleton};
+use crate::skin_weights::{SkinWeights, SkinWeightsError};
+use if_core::field::SignedDistance;
+use if_core::mesh::TriMesh;
+use if_mesh::attributes::{AttributeError, Source, VertexAttributes};
+use if_mesh::cleanup::complement::Complement;
+use if_mesh::cleanup::openings::Openings;
+use if_mesh::cleanup::{CleanupError, CleanupParams, CleanupReport, cleanup};
+use if_mesh::cut::{CutError, CutParams, Piece, cut};
+use if_mesh::ply::PlyMesh;
+use if_mesh::smooth_labels::{SmoothLabelError, SmoothLabelParams, smooth_labels};
+use if_mesh::votes::{Look, VoteError, VoteParams, VoteReport, Voter};
+use std::ops::ControlFlow;
+
+/// How garments are found.
+#[derive(Clone, Debug, Default)]
+pub struct GarmentParams {
+    /// Which pixels vote.
+    pub votes: VoteParams,
+    /// How smooth labels are on the surface.
+    pub smoothness: SmoothLabelParams,
+    /// How triangles are cut.
+    pub cut: CutParams,
+    /// What is done to each piece. Its `openings` are told by the clothed body that the piece was cut from, whatever
+    /// stands here.
+    pub cleanup: CleanupParams,
+}
+
+/// A garment on its own.
+#[derive(Clone, Debug)]
+pub struct Garment {
+    /// What the capture calls it.
+    pub name: String,
+    /// Its label in the capture.
+    pub label: u8,
+    /// Its surface in canonical space, in metres.
+    pub mesh: TriMesh,
+    /// Its weights.
+    pub skin: SkinWeights,
+    /// What was done to the piece that was cut out.
+    pub cleanup: CleanupReport,
+}
+
+/// Garments, and the labels they were cut by.
+#[derive(Clone, Debug)]
+pub struct Garments {
+    /// The label of each vertex of the canonical mesh; 0 where nothing is known.
+    pub labels: Vec<u8>,
+    /// What became of the frames' pixels.
+    pub votes: VoteReport,
+    /// In the order of the capture, inner to outer. Those of which nothing was seen are not there.
+    pub garments: Vec<Garment>,
+    /// Those of which nothing was seen.
+    pub missing: Vec<String>,
+}
+
+/// Why garments cannot be found.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages say what the fields are
+pub enum GarmentsError {
+    /// The capture is at fault.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// A pose does not fit the skeleton.
+    #[error("frame {frame}: {source}")]
+    Pose { frame: usize, source: PoseError },
+    /// A frame cannot vote.
+    #[error("frame {frame}: {source}")]
+    Vote { frame: usize, source: VoteError },
+    /// The votes' parameters are out of range.
+    #[error(transparent)]
+    Votes(VoteError),
+    /// Labels cannot be made smooth.
+    #[error(transparent)]
+    Smooth(#[from] SmoothLabelError),
+    /// The mesh cannot be cut.
+    #[error(transparent)]
+    Cut(#[from] CutError),
+    /// A piece cannot be cleaned.
+    #[error("garment `{name}`: {source}")]
+    Cleanup { name: String, source: CleanupError },
+    /// Weights that do not belong to the mesh.
+    #[error(transparent)]
+    Attributes(#[from] AttributeError),
+    /// Weights of a cleaned piece that are none.
+    #[error("garment `{name}`: {source}")]
+    Skin { name: String, source: SkinWeightsError },
+    /// `watch` asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+/// Votes on the labels of a canonical mesh by all frames, cuts it along them, and cleans the pieces.
+///
+/// `field` is the signed distance of the canonical mesh: patches and hems are laid on it.
+///
+/// # Source
+///
+/// Supplement, Appendix B, and `method.md` §3; the steps are [`if_mesh::votes`], [`if_mesh::smooth_labels`], [`if_mesh::cut`] and
+/// [`if_mesh::cleanup`].
+///
+/// # Errors
+///
+/// [`GarmentsError`].
+pub fn find_garments(
+    capture: &Capture,
+    skeleton: &Skeleton,
+    mesh: &TriMesh,
+    skin: &SkinWeights,
+    field: &dyn SignedDistance,
+    params: &GarmentParams,
+    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Garments, GarmentsError> {
+    let mut clock = Clock::new();
+    let steps = capture.len() + capture.garments().len();
+    let mut tell = |step| {
+        if watch(&clock.at(Stage::Garments, step, steps, None)).is_break() { Err(GarmentsError::Cancelled) } else { Ok(()) }
+    };
+    let mut voter = Voter::new(mesh, capture.labels().len(), &params.votes).map_err(GarmentsError::Votes)?;
+    for frame in 0..capture.len() {
+        tell(frame)?;
+        let at = posed(mesh, skin, skeleton, capture.pose(frame), &[]).map_err(|source| GarmentsError::Pose { frame, source })?;
+        let vote = |source| GarmentsError::Vote { frame, source };
+        if voter.look(&at, capture.camera()).map_err(vote)? == Look::Gains {
+            voter.cast(&capture.label_image(frame)?).map_err(vote)?;
+        }
+    }
+    let (votes, report) = voter.finish();
+    let scores = smooth_labels(mesh, &votes, &params.smoothness)?;
+    let labels = scores.winners();
+    let pieces = cut(mesh, &scores, &params.cut)?;
+    let attributes = VertexAttributes::new(mesh.vertices().len(), skin.to_properties())?;
+    let mut found = Garments { labels, votes: report, garments: Vec::new(), missing: Vec::new() };
+    for (k, name) in capture.garments().iter().enumerate() {
+        tell(capture.len() + k)?;
+        let label = FIRST_GARMENT + k as u8;
+        let Some(piece) = pieces.iter().find(|p| p.label == label && !p.mesh.triangles().is_empty()) else {
+            found.missing.push(name.clone());
+            continue;
+        };
+        // Islands of other labels within a garment are holes of it, like what nobody saw: no vertex is marked as foreign.
+        let openings = Openings::Complement(Box::new(Complement::new(mesh.clone())));
+        let cleaning = CleanupParams { openings, ..params.cleanup.clone() };
+        let carried = attributes.derive(&sources(piece));
+        let clean = cleanup(&piece.mesh, &carried, Some(field), &cleaning)
+            .map_err(|source| GarmentsError::Cleanup { name: name.clone(), source })?;
+        if clean.mesh.triangles().is_empty() {
+            found.missing.push(name.clone());
+            continue;
+        }
+        let ply = PlyMesh { vertex_properties: clean.attributes.into_properties(), ..PlyMesh::new(clean.mesh) };
+        let skin =
+            SkinWeights::from_ply(&ply, skeleton.len()).map_err(|source| GarmentsError::Skin { name: name.clone(), source })?;
+        found.garments.push(Garment { name: name.clone(), label, mesh: ply.mesh, skin, cleanup: clean.report });
+    }
+    Ok(found)
+}
+
+/// What the vertices of a piece are made of.
+fn sources(piece: &Piece) -> Vec<Source> {
+    let of = |origin: &if_mesh::cut::Origin| match origin.source() {
+        Some(v) => Source::Vertex(v),
+        None => {
+            let mut parts: Vec<(u32, f64)> =
+                origin.vertices.iter().copied().zip(origin.weights).filter(|(_, w)| *w > 0.0).collect();
+            parts.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+            Source::Blend(parts)
+        }
+    };
+    piece.origins.iter().map(of).collect()
+}

@@ -1,0 +1,173 @@
+//! From a capture to garments, in one call.
+
+use super::canonical::{FloodedField, carried_weights, largest_piece};
+use super::garments::{Garment, GarmentParams, Garments, GarmentsError, find_garments};
+use super::progress::{Clock, Progress, Stage};
+use super::surface::{SurfaceError, fit_surface};
+use super::whole_report::{GarmentReport, LabelReport, ReconstructReport, Seconds};
+use super::{ParamError, SurfaceParams};
+use crate::capture::Capture;
+use crate::skin_weights::SkinWeights;
+use crate::template::TemplateBody;
+use if_core::math::Real;
+use if_core::mesh::TriMesh;
+use if_mesh::baked::{BakeError, BakeParams, Baked, Redistance};
+use if_mesh::extract::{ExtractError, ExtractParams, Resolution, extract};
+use if_mesh::sdf::{MeshSdf, SdfError};
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+/// How a capture is reconstructed.
+#[derive(Clone, Debug)]
+pub struct ReconstructParams {
+    /// How the surface is found.
+    pub surface: SurfaceParams,
+    /// Cells of the extraction, in metres: about the mean edge length of the canonical mesh.
+    pub cell: Real,
+    /// How φ is baked; its `region` is chosen here where it is not given.
+    pub bake: BakeParams,
+    /// How garments are found.
+    pub garments: GarmentParams,
+}
+
+impl Default for ReconstructParams {
+    /// Cells of 8 mm, as small as a pixel of the sample captures.
+    fn default() -> Self {
+        Self {
+            surface: SurfaceParams::default(),
+            cell: 0.008,
+            bake: BakeParams { redistance: Redistance::Never, ..BakeParams::default() },
+            garments: GarmentParams::default(),
+        }
+    }
+}
+
+/// A person in clothes, and the clothes.
+#[derive(Clone, Debug)]
+pub struct Reconstruction {
+    /// The surface in canonical space: closed, extracted once for all frames.
+    pub mesh: TriMesh,
+    /// Its weights.
+    pub skin: SkinWeights,
+    /// The label of each of its vertices.
+    pub labels: Vec<u8>,
+    /// φ: its signed distance, baked.
+    pub field: Baked,
+    /// The garments, inner to outer.
+    pub garments: Vec<Garment>,
+    /// What was used, left out and reached.
+    pub report: ReconstructReport,
+}
+
+/// Why a capture cannot be reconstructed.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReconstructError {
+    /// A parameter is out of range.
+    #[error(transparent)]
+    Params(#[from] ParamError),
+    /// No surface was found.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+    /// The surface has no inside.
+    #[error("the surface that was found has no inside: {0}")]
+    Field(#[from] SdfError),
+    /// The canonical mesh cannot be extracted.
+    #[error(transparent)]
+    Extract(#[from] ExtractError),
+    /// φ cannot be baked.
+    #[error(transparent)]
+    Bake(#[from] BakeError),
+    /// Garments cannot be found.
+    #[error(transparent)]
+    Garments(#[from] GarmentsError),
+    /// `watch` asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+impl ReconstructError {
+    /// Whether `watch` asked to stop.
+    pub fn is_cancelled(&self) -> bool {
+        matches!(self, Self::Cancelled | Self::Surface(SurfaceError::Cancelled { .. }) | Self::Garments(GarmentsError::Cancelled))
+    }
+}
+
+/// Reconstructs a person in clothes and each garment from a capture.
+///
+/// ```text
+/// surface   ← the template, fitted to masks and normals              fit_surface
+/// mesh      ← the zero set of the surface's signed distance, once; its largest piece; weights of the nearest template place
+/// φ         ← the mesh's signed distance, baked
+/// garments  ← the frames' labels voted on the posed mesh, cut, cleaned    find_garments
+/// ```
+///
+/// `watch` and `checkpoint` are those of [`fit_surface`]; the steps after it take seconds and are done again.
+///
+/// # Errors
+///
+/// [`ReconstructError`].
+pub fn reconstruct(
+    capture: &Capture,
+    template: &TemplateBody,
+    params: &ReconstructParams,
+    checkpoint: Option<&Path>,
+    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Reconstruction, ReconstructError> {
+    if !(params.cell > 0.0 && params.cell.is_finite()) {
+        return Err(ParamError { name: "cell", value: params.cell, needs: "a length above zero, in metres" }.into());
+    }
+    let mut seconds = Seconds::default();
+    let mut start = Instant::now();
+    let mut lap = |slot: &mut Real| {
+        *slot = start.elapsed().as_secs_f64();
+        start = Instant::now();
+    };
+    let surface = fit_surface(capture, template, &params.surface, checkpoint, watch)?;
+    lap(&mut seconds.surface);
+
+    let mut clock = Clock::new();
+    if watch(&clock.at(Stage::Extract, 0, 2, None)).is_break() {
+        return Err(ReconstructError::Cancelled);
+    }
+    let found = extract(
+        &FloodedField::new(&surface.mesh)?,
+        &ExtractParams {
+            region: Some(surface.mesh.aabb().inflated(params.cell)),
+            resolution: Resolution::Cell(params.cell),
+            // Where the surface passes through itself gradients jump: vertices stay on the edges of their cells.
+            newton: 0,
+            ..ExtractParams::default()
+        },
+    )?;
+    let mesh = largest_piece(&found.mesh);
+    let skin = carried_weights(&surface.mesh, &template.skin, template.skeleton.len(), mesh.vertices());
+    if watch(&clock.at(Stage::Extract, 1, 2, None)).is_break() {
+        return Err(ReconstructError::Cancelled);
+    }
+    let exact = MeshSdf::closed(&mesh)?;
+    let field = Baked::new(&exact, &params.bake)?;
+    lap(&mut seconds.extract);
+
+    let Garments { labels, votes, garments, missing } =
+        find_garments(capture, &template.skeleton, &mesh, &skin, &exact, &params.garments, watch)?;
+    lap(&mut seconds.garments);
+    let report = ReconstructReport {
+        surface: surface.report,
+        vertices: mesh.vertices().len(),
+        triangles: mesh.triangles().len(),
+        labels: LabelReport {
+            frames_cast: votes.cast,
+            frames_empty: votes.empty,
+            frames_covered: votes.covered,
+            pixels: votes.pixels,
+            near_edge: votes.near_edge,
+            mute: votes.mute,
+        },
+        garments: garments.iter().map(GarmentReport::of).collect(),
+        missing,
+        seconds,
+    };
+    Ok(Reconstruction { mesh, skin, labels, field, garments, report })
+}

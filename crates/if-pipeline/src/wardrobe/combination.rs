@@ -1,0 +1,144 @@
+//! Which garments on which body: as a list, or drawn at random.
+
+use super::{Wardrobe, WardrobeError};
+use crate::asset::{LayerHint, is_wearable};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+
+/// Garments on a body.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Combination {
+    /// The body's name.
+    pub body: String,
+    /// The garments' names, inner to outer.
+    pub garments: Vec<String>,
+}
+
+impl std::fmt::Display for Combination {
+    /// `jeans < tshirt on anna`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} on {}", self.garments.join(" < "), self.body)
+    }
+}
+
+/// A list of combinations, as it stands in a file:
+///
+/// ```toml
+/// [[outfit]]
+/// body = "anna"
+/// garments = ["jeans", "tshirt", "coat"] # inner to outer
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Combinations {
+    /// In the order in which they are done.
+    pub outfit: Vec<Combination>,
+}
+
+/// In what order garments are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Order {
+    /// As a person could wear them, by their layer hints: a coat over a sweater, one pair of trousers.
+    #[default]
+    Worn,
+    /// In any: a coat below a T-shirt, two pairs of trousers.
+    Any,
+}
+
+/// How combinations are drawn.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RandomParams {
+    /// How many.
+    pub count: usize,
+    /// The same seed draws the same combinations of the same wardrobe.
+    pub seed: u64,
+    /// Garments in one at least.
+    pub least: usize,
+    /// Garments in one at most.
+    pub most: usize,
+    /// The order.
+    pub order: Order,
+    /// The bodies, which take turns; all where none is named.
+    pub bodies: Vec<String>,
+}
+
+impl Default for RandomParams {
+    fn default() -> Self {
+        Self { count: 200, seed: 1, least: 2, most: 4, order: Order::Worn, bodies: Vec::new() }
+    }
+}
+
+/// Draws different combinations. The number of garments is drawn first, so that small and large ones are equally frequent.
+///
+/// # Errors
+///
+/// A body that is not there, a range that is none, or too few combinations.
+pub fn random(wardrobe: &Wardrobe, params: &RandomParams) -> Result<Vec<Combination>, WardrobeError> {
+    let RandomParams { count, least, most, .. } = *params;
+    if least < 1 || least > most {
+        return Err(WardrobeError::Sizes { least, most });
+    }
+    let bodies: Vec<String> =
+        if params.bodies.is_empty() { wardrobe.bodies().keys().cloned().collect() } else { params.bodies.clone() };
+    for body in &bodies {
+        wardrobe.body_info(body)?;
+    }
+    let garments: Vec<(&String, LayerHint)> = wardrobe.garments().iter().map(|(name, info)| (name, info.layer)).collect();
+    let mut random = Random(params.seed);
+    let mut seen = BTreeSet::new();
+    let mut found: Vec<Combination> = Vec::new();
+    // About one draw of four garments in a hundred is wearable; after so many in vain there is nothing new to be found.
+    const PATIENCE: usize = 20_000;
+    let mut vain = 0;
+    while found.len() < count && vain < PATIENCE && !bodies.is_empty() {
+        vain += 1;
+        let size = least + random.below(most - least + 1);
+        if size > garments.len() {
+            continue;
+        }
+        // The first `size` places of a shuffle.
+        let mut deck: Vec<usize> = (0..garments.len()).collect();
+        for k in 0..size {
+            let other = k + random.below(deck.len() - k);
+            deck.swap(k, other);
+        }
+        let drawn = &deck[..size];
+        let hints: Vec<LayerHint> = drawn.iter().map(|g| garments[*g].1).collect();
+        if params.order == Order::Worn && !is_wearable(&hints) {
+            continue;
+        }
+        let combination = Combination {
+            body: bodies[found.len() % bodies.len()].clone(),
+            garments: drawn.iter().map(|g| garments[*g].0.clone()).collect(),
+        };
+        if seen.insert(combination.clone()) {
+            found.push(combination);
+            vain = 0;
+        }
+    }
+    if found.len() < count {
+        return Err(WardrobeError::TooFew { found: found.len(), count, least, most });
+    }
+    Ok(found)
+}
+
+/// SplitMix64 (Steele, Lea and Flood 2014): a few lines that give the same numbers for ever.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Less than `n`, which is above zero. The bias is below n / 2⁶⁴.
+    fn below(&mut self, n: usize) -> usize {
+        ((u128::from(self.next()) * n as u128) >> 64) as usize
+    }
+}

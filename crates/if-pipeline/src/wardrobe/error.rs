@@ -1,0 +1,114 @@
+//! What can be at fault with a wardrobe and what is made of it.
+
+use crate::align::AlignError;
+use crate::asset::AssetError;
+use crate::outfit::OutfitError;
+use crate::render::PngError;
+use crate::resolve::ResolveError;
+use crate::skeleton::SkeletonError;
+use crate::skin_weights::SkinWeightsError;
+use if_mesh::ply;
+use std::io;
+use std::path::PathBuf;
+
+/// Why a wardrobe, or a combination from it, is of no use.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages say what the fields are
+pub enum WardrobeError {
+    /// An asset is at fault.
+    #[error(transparent)]
+    Asset(#[from] AssetError),
+    /// The system does not give or take a folder.
+    #[error("{}: {source}", path.display())]
+    Folder { path: PathBuf, source: io::Error },
+    /// The system does not give or take something.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    /// Another process writes there.
+    #[error("another process is writing into `{}`; wait for it", path.display())]
+    Busy { path: PathBuf },
+    /// No body of this name.
+    #[error("the wardrobe has no body `{name}`; it has: {known}")]
+    NoBody { name: String, known: String },
+    /// No garment of this name.
+    #[error("the wardrobe has no garment `{name}`; it has: {known}")]
+    NoGarment { name: String, known: String },
+    /// A garment made on a body that is not there.
+    #[error("garment `{garment}` was made on body `{body}` (SHA-256 {sha256}), which the wardrobe does not have; add it")]
+    ForeignBody { garment: String, body: String, sha256: String },
+    /// A body's description is at fault.
+    #[error("{}: {message}", path.display())]
+    BodyInfo { path: PathBuf, message: String },
+    /// A body's mesh is at fault.
+    #[error("{}: {source}", path.display())]
+    BodyMesh { path: PathBuf, source: Box<ply::ReadError> },
+    /// A body's weights are at fault.
+    #[error("{}: {source}", path.display())]
+    BodySkin { path: PathBuf, source: SkinWeightsError },
+    /// A body's skeleton is at fault.
+    #[error("{}: {source}", path.display())]
+    Skeleton { path: PathBuf, source: SkeletonError },
+    /// A combination without garments.
+    #[error("the combination on body `{body}` has no garments; name one at least")]
+    NoGarments { body: String },
+    /// A garment that is named twice.
+    #[error("garment `{name}` stands twice in a combination; leave one out, or add it again under another name")]
+    Twice { name: String },
+    /// A garment cannot be aligned.
+    #[error("garment `{garment}` cannot be aligned on body `{body}`: {source}")]
+    Align { garment: String, body: String, source: AlignError },
+    /// The layers make no outfit.
+    #[error("the combination makes no outfit: {0}")]
+    Outfit(#[from] OutfitError),
+    /// The outfit cannot be resolved.
+    #[error("{0}")]
+    Resolve(ResolveError),
+    /// A picture cannot be written.
+    #[error(transparent)]
+    Picture(#[from] PngError),
+    /// A mesh cannot be written.
+    #[error("{}: {source}", path.display())]
+    Write { path: PathBuf, source: Box<ply::WriteError> },
+    /// A report cannot be written.
+    #[error("{message}")]
+    Json { message: String },
+    /// Too few combinations.
+    #[error(
+        "only {found} different combinations of {least} to {most} garments were found, {count} are wanted; ask for fewer, or for any order"
+    )]
+    TooFew { found: usize, count: usize, least: usize, most: usize },
+    /// Numbers of garments that make no range.
+    #[error("combinations of {least} to {most} garments; the first must be at least 1 and not above the second")]
+    Sizes { least: usize, most: usize },
+    /// A fault of this program.
+    #[error("the program failed: {message}; please report it")]
+    Panic { message: String },
+}
+
+impl WardrobeError {
+    /// A word for the kind of error, for records.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Asset(_) => "asset",
+            Self::Folder { .. } | Self::Io(_) => "io",
+            Self::Busy { .. } => "busy",
+            Self::NoBody { .. } => "no_body",
+            Self::NoGarment { .. } => "no_garment",
+            Self::ForeignBody { .. } => "foreign_body",
+            Self::BodyInfo { .. } | Self::BodyMesh { .. } | Self::BodySkin { .. } | Self::Skeleton { .. } => "body",
+            Self::NoGarments { .. } | Self::Twice { .. } | Self::TooFew { .. } | Self::Sizes { .. } => "combination",
+            Self::Align { .. } => "align",
+            Self::Outfit(_) => "outfit",
+            Self::Resolve(ResolveError::Remaining { .. }) => "remaining",
+            Self::Resolve(_) => "resolve",
+            Self::Picture(_) | Self::Write { .. } | Self::Json { .. } => "write",
+            Self::Panic { .. } => "panic",
+        }
+    }
+
+    /// Whether a later run may do better without any change of the inputs: such an end is not kept.
+    pub(crate) fn is_passing(&self) -> bool {
+        matches!(self.kind(), "io" | "busy" | "write")
+    }
+}

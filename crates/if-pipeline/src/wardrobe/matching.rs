@@ -1,0 +1,314 @@
+//! One combination: aligned, resolved, drawn, and written as a folder that is there whole or not at all.
+//!
+//! ```text
+//! KEY/
+//!   result.json       what went in, what came out: the same bytes whenever and wherever it is made
+//!   GARMENT.ply       one a garment, where nothing is left that intersects
+//!   before.png, after.png
+//!   timings.json, report.html   seconds: these differ from run to run
+//! ```
+//!
+//! The key is the hash of all that decides the result: versions, parameters, the hashes of body and garments in their order.
+
+use super::combination::Combination;
+use super::dresser::{Dressed, Dresser};
+use super::result_folder;
+use super::{Wardrobe, WardrobeError};
+use crate::align::{AlignParams, AlignReport};
+use crate::content::content;
+use crate::outfit::Outfit;
+use crate::preview;
+use crate::render::{Image, View};
+use crate::report::{ResolveReport, Verification};
+use crate::resolve::{Progress, ResolveError, ResolveParams, Resolved, resolve};
+use crate::skin_weights::SkinWeights;
+use crate::whole_folder::Writer;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+/// What is made of a combination, and how.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MatchParams {
+    /// How garments are aligned.
+    pub align: AlignParams,
+    /// How the outfit is resolved.
+    pub resolve: ResolveParams,
+    /// Whether meshes are written.
+    pub meshes: bool,
+    /// Whether the body is written beside them.
+    pub body: bool,
+    /// Whether meshes are written even where intersections are left.
+    pub unproven: bool,
+    /// Height of the pictures in pixels; 0 draws none.
+    pub picture_height: u32,
+    /// Names and versions of everything that results depend on, for keys and records.
+    pub tool: Value,
+}
+
+impl Default for MatchParams {
+    fn default() -> Self {
+        Self {
+            align: AlignParams::default(),
+            resolve: ResolveParams::default(),
+            meshes: true,
+            body: false,
+            unproven: false,
+            picture_height: 480,
+            tool: json!({"if-pipeline": env!("CARGO_PKG_VERSION")}),
+        }
+    }
+}
+
+/// How a combination ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum State {
+    /// No intersections.
+    Clean,
+    /// Some are left.
+    Remaining,
+    /// An error.
+    Failed,
+}
+
+/// What becomes of a combination: `result.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MatchResult {
+    /// The version of the format.
+    pub result: u32,
+    /// What decides the result, as a hash.
+    pub key: String,
+    /// Which garments on which body.
+    pub combination: Combination,
+    /// How it ended.
+    pub state: State,
+    /// What was wrong.
+    pub error: Option<Fault>,
+    /// Of each garment, inner to outer.
+    pub alignments: Vec<AlignReport>,
+    /// The outfit before and after; its seconds are zero.
+    pub report: Option<ResolveReport>,
+    /// Everything that the key is made of.
+    pub request: Value,
+    /// The files beside this one that are the same in each run.
+    pub outputs: Vec<crate::asset::FileInfo>,
+}
+
+/// An error as it is recorded.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Fault {
+    /// Its kind: [`WardrobeError::kind`].
+    pub kind: String,
+    /// What it says.
+    pub message: String,
+}
+
+/// Seconds, in the order spent: `timings.json`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Timings {
+    /// Reading and aligning; next to nothing where the dresser had it already.
+    pub align: f64,
+    /// Resolving, its verification included.
+    pub resolve: f64,
+    /// Drawing.
+    pub pictures: f64,
+    /// Writing.
+    pub write: f64,
+    /// All.
+    pub total: f64,
+}
+
+/// A combination that was done, in memory.
+pub struct Matched {
+    /// What is recorded.
+    pub result: MatchResult,
+    /// As it was aligned, where it got so far.
+    pub before: Option<Outfit>,
+    /// As it was resolved, as far as it went.
+    pub after: Option<Outfit>,
+    /// The weights of each garment, inner to outer.
+    pub skins: Vec<Option<SkinWeights>>,
+    /// Pictures of the two.
+    pub pictures: Option<[Image; 2]>,
+    /// Seconds.
+    pub timings: Timings,
+}
+
+/// From where outfits are drawn.
+const VIEWS: [View; 3] = [View::FRONT, View::BACK, View::HALF];
+
+/// The name of a combination's folder, and everything that it is made of.
+///
+/// # Errors
+///
+/// A body or garment that the wardrobe does not have.
+pub fn request(wardrobe: &Wardrobe, combination: &Combination, params: &MatchParams) -> Result<(String, Value), WardrobeError> {
+    let body = wardrobe.body_info(&combination.body)?;
+    let mut garments = Vec::new();
+    for name in &combination.garments {
+        let info = wardrobe.garment_info(name)?;
+        let own = wardrobe.body_like(name, &info.body)?;
+        garments.push(json!({"name": name, "mesh": info.garment.content.sha256, "skinned": info.skinned, "body": own}));
+    }
+    let request = json!({"format": FORMAT, "params": params, "body": body, "garments": garments});
+    let text = serde_json::to_string(&request).map_err(|e| WardrobeError::Json { message: e.to_string() })?;
+    Ok((content(text.as_bytes()).sha256, request))
+}
+
+/// The version of `result.json`.
+pub const FORMAT: u32 = 1;
+/// The digits of a key that name a folder.
+const DIGITS: usize = 20;
+
+/// The folder of a key, below that of all results.
+pub fn folder_name(key: &str) -> &str {
+    key.get(..DIGITS).unwrap_or(key)
+}
+
+/// Aligns and resolves a combination. What is wrong with it is part of the result.
+///
+/// `watch` is told of progress, and returns [`ControlFlow::Break`] to cancel: then there is no result.
+///
+/// # Errors
+///
+/// A body or garment that the wardrobe does not have, so that nothing can be recorded under a key.
+pub fn run(
+    dresser: &Dresser,
+    combination: &Combination,
+    params: &MatchParams,
+    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Option<Matched>, WardrobeError> {
+    let start = Instant::now();
+    let (key, request) = request(dresser.wardrobe(), combination, params)?;
+    let mut matched = Matched {
+        result: MatchResult {
+            result: FORMAT,
+            key,
+            combination: combination.clone(),
+            state: State::Failed,
+            error: None,
+            alignments: Vec::new(),
+            report: None,
+            request,
+            outputs: Vec::new(),
+        },
+        before: None,
+        after: None,
+        skins: Vec::new(),
+        pictures: None,
+        timings: Timings::default(),
+    };
+    let dressed = dresser.dress(combination);
+    matched.timings.align = start.elapsed().as_secs_f64();
+    match dressed.and_then(|dressed| settle(dressed, params, &mut matched, watch)) {
+        Ok(true) => {}
+        Ok(false) => return Ok(None),
+        Err(error) if error.is_passing() => return Err(error),
+        Err(error) => matched.result.error = Some(Fault { kind: error.kind().into(), message: error.to_string() }),
+    }
+    matched.timings.total = start.elapsed().as_secs_f64();
+    Ok(Some(matched))
+}
+
+/// Resolves and draws. False where it was cancelled.
+fn settle(
+    dressed: Dressed,
+    params: &MatchParams,
+    matched: &mut Matched,
+    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<bool, WardrobeError> {
+    let start = Instant::now();
+    matched.result.alignments = dressed.garments.iter().map(|g| g.report).collect();
+    matched.skins = dressed.garments.iter().map(|g| g.asset.skin.clone()).collect();
+    let outcome = resolve(&dressed.outfit, &params.resolve, watch);
+    matched.timings.resolve = start.elapsed().as_secs_f64();
+    matched.before = Some(dressed.outfit);
+    let Resolved { outfit, report } = match outcome {
+        Ok(resolved) => {
+            matched.result.state = State::Clean;
+            resolved
+        }
+        Err(ResolveError::Cancelled { .. }) => return Ok(false),
+        Err(error) => {
+            let fault = Fault { kind: "remaining".into(), message: error.to_string() };
+            let ResolveError::Remaining { result, .. } = error else { return Err(WardrobeError::Resolve(error)) };
+            matched.result.state = State::Remaining;
+            matched.result.error = Some(fault);
+            *result
+        }
+    };
+    matched.result.report = Some(without_seconds(report));
+    if params.picture_height > 0
+        && let Some(before) = &matched.before
+    {
+        let drawing = Instant::now();
+        let size = [params.picture_height * 5 / 8, params.picture_height];
+        matched.pictures = Some([before, &outfit].map(|o| preview::preview(o, &VIEWS, size)));
+        matched.timings.pictures = drawing.elapsed().as_secs_f64();
+    }
+    matched.after = Some(outfit);
+    Ok(true)
+}
+
+/// Seconds differ between runs, and stand in `timings.json` alone.
+fn without_seconds(mut report: ResolveReport) -> ResolveReport {
+    let still = |v: Verification| Verification { seconds: 0.0, ..v };
+    report.seconds = 0.0;
+    report.before = still(report.before);
+    report.after = still(report.after);
+    report.layers.iter_mut().for_each(|l| l.seconds = 0.0);
+    report
+}
+
+/// Does a combination, or takes what `results` holds of it already; nothing where it was cancelled.
+///
+/// # Errors
+///
+/// As [`run`], or what the system says about the folder.
+pub fn run_into(
+    results: &Writer,
+    dresser: &Dresser,
+    combination: &Combination,
+    params: &MatchParams,
+    again: bool,
+    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Option<(MatchResult, bool)>, WardrobeError> {
+    let (key, _) = request(dresser.wardrobe(), combination, params)?;
+    run_into_folder((results, folder_name(&key)), dresser, combination, params, again, watch)
+}
+
+/// The same into a folder of any name; one that holds another result is replaced.
+///
+/// # Errors
+///
+/// As [`run_into`].
+pub fn run_into_folder(
+    (parent, name): (&Writer, &str),
+    dresser: &Dresser,
+    combination: &Combination,
+    params: &MatchParams,
+    again: bool,
+    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Option<(MatchResult, bool)>, WardrobeError> {
+    let (key, _) = request(dresser.wardrobe(), combination, params)?;
+    if !again && let Some(found) = finished(&parent.parent().join(name), &key) {
+        return Ok(Some((found, true)));
+    }
+    let Some(mut matched) = run(dresser, combination, params, watch)? else { return Ok(None) };
+    parent.write(name, |folder| result_folder::fill(folder, &mut matched, params))?;
+    Ok(Some((matched.result, false)))
+}
+
+/// The result that a folder holds, where it is that of `key` and all its files are as it says.
+pub fn finished(folder: &Path, key: &str) -> Option<MatchResult> {
+    result_folder::read(folder).filter(|r| r.key == key && r.result == FORMAT)
+}
+
+/// The seconds that a result took, where its folder tells.
+pub fn timings(folder: &Path) -> Option<Timings> {
+    result_folder::read_timings(folder)
+}

@@ -1,0 +1,205 @@
+use super::batch::{self, BatchParams};
+use super::combination::{Combination, Order, RandomParams, random};
+use super::dresser::Dresser;
+use super::matching::{MatchParams, State};
+use super::*;
+use crate::align::Method;
+use crate::asset::{LayerHint, Provenance};
+use crate::mannequin::{Garment, MannequinParams, body, garment};
+use crate::whole_folder;
+use if_core::math::Point;
+use if_core::mesh::TriMesh;
+use if_mesh::ply::{PlyMesh, WriteParams, write_path};
+use std::fs;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+const COARSE: MannequinParams = MannequinParams { resolution: 0.7, overlap: 0.6 };
+
+/// A body `slim` with all garments, and a body `large` without.
+fn filled(root: &Path) -> Wardrobe {
+    let mut wardrobe = Wardrobe::open(root).unwrap();
+    let slim = body(&COARSE);
+    let wider = |p: &Point| Point::new(p.x * 1.06, p.y * 1.03, p.z * 1.08);
+    let large = slim.with_vertices(slim.vertices().iter().map(wider).collect()).unwrap();
+    let files = root.join("files");
+    fs::create_dir_all(&files).unwrap();
+    let mut made = None;
+    for (name, mesh) in [("slim", &slim), ("large", &large)] {
+        let path = files.join(format!("{name}.ply"));
+        let ply = PlyMesh::new(mesh.clone());
+        write_path(&ply, mesh.vertices(), &WriteParams::default(), &path).unwrap();
+        let new = NewBody { name, mesh: &path, template: None, skeleton: None };
+        let found = wardrobe.add_body(&new).unwrap();
+        made = made.or(Some(found));
+    }
+    for kind in Garment::ALL {
+        let (name, mesh) = (kind.name(), garment(kind, &COARSE));
+        wardrobe.add(&parts(name, &mesh, made.as_ref().unwrap(), &Provenance::default())).unwrap();
+    }
+    wardrobe
+}
+
+fn parts<'a>(name: &'a str, mesh: &'a TriMesh, body: &'a BodyRef, provenance: &'a Provenance) -> Parts<'a> {
+    Parts { name, hint: LayerHint::of_name(name), body, mesh, skin: None, provenance, network: None, baked: None }
+}
+
+fn on(body: &str, garments: &[&str]) -> Combination {
+    Combination { body: body.into(), garments: garments.iter().map(ToString::to_string).collect() }
+}
+
+/// Files below a folder with their bytes, but for those that hold seconds.
+fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    for name in whole_folder::names(folder).unwrap() {
+        found.extend(files(&folder.join(name)));
+    }
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let timed = ["timings.json", "report.html", "summary.csv", ".ifg-lock"].iter().any(|n| path.ends_with(n));
+        if path.is_file() && !timed {
+            found.push((path.clone(), fs::read(&path).unwrap()));
+        }
+    }
+    found.sort();
+    found
+}
+
+fn keep_on(_: &batch::Event) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+#[test]
+fn a_wardrobe_is_found_as_it_was_left() {
+    let root = tempfile::tempdir().unwrap();
+    let made = filled(root.path());
+    let wardrobe = Wardrobe::open(root.path()).unwrap();
+    assert_eq!((wardrobe.bodies(), wardrobe.garments()), (made.bodies(), made.garments()));
+    assert_eq!(wardrobe.garments().len(), 5);
+    assert!(wardrobe.garment("coat").unwrap().mesh.vertices().len() > 100);
+    assert!(matches!(wardrobe.garment("hat"), Err(WardrobeError::NoGarment { known, .. }) if known.contains("coat, jacket")));
+    assert!(matches!(wardrobe.body("nobody"), Err(WardrobeError::NoBody { .. })));
+    // One broken garment does not hide the others.
+    fs::write(root.path().join("garments/coat/asset.json"), "{").unwrap();
+    let wardrobe = Wardrobe::open(root.path()).unwrap();
+    assert_eq!((wardrobe.garments().len(), wardrobe.faults().len()), (4, 1));
+    fs::write(root.path().join("bodies/slim/body.ply"), "changed").unwrap();
+    assert!(matches!(wardrobe.body("slim"), Err(WardrobeError::BodyInfo { .. })));
+}
+
+#[test]
+fn garments_of_an_unknown_body_and_open_bodies_are_refused() {
+    let root = tempfile::tempdir().unwrap();
+    let mut wardrobe = filled(root.path());
+    let shirt = garment(Garment::Tshirt, &COARSE);
+    let stranger = BodyRef { name: "stranger".into(), sha256: "1".repeat(64) };
+    let error = wardrobe.add(&parts("shirt", &shirt, &stranger, &Provenance::default())).map(drop).unwrap_err();
+    assert!(matches!(error, WardrobeError::ForeignBody { .. }), "{error}");
+    let path = root.path().join("open.ply");
+    write_path(&PlyMesh::new(shirt.clone()), shirt.vertices(), &WriteParams::default(), &path).unwrap();
+    let error = wardrobe.add_body(&NewBody { name: "open", mesh: &path, template: None, skeleton: None }).unwrap_err();
+    assert!(matches!(error, WardrobeError::Outfit(crate::outfit::OutfitError::OpenBody { .. })), "{error}");
+    assert!(!root.path().join("bodies/open").exists());
+}
+
+#[test]
+fn a_garment_of_one_body_is_worn_on_the_other() {
+    let root = tempfile::tempdir().unwrap();
+    let wardrobe = filled(root.path());
+    let dresser = Dresser::new(&wardrobe, Default::default());
+    let dressed = dresser.dress(&on("large", &["tshirt", "jacket"])).unwrap();
+    assert_eq!(dressed.garments[0].report.method, Method::Topology);
+    assert!(dressed.garments[1].mesh.aabb().size().x > garment(Garment::Jacket, &COARSE).aabb().size().x * 1.03);
+    let own = dresser.dress(&on("slim", &["tshirt"])).unwrap();
+    assert_eq!((own.garments[0].report.method, own.garments[0].report.moved.max), (Method::Same, 0.0));
+    assert!(matches!(dresser.dress(&on("slim", &[])), Err(WardrobeError::NoGarments { .. })));
+    assert!(matches!(dresser.dress(&on("slim", &["coat", "coat"])), Err(WardrobeError::Twice { .. })));
+}
+
+#[test]
+fn a_batch_is_cached_by_content_and_one_failure_does_not_stop_it() {
+    let root = tempfile::tempdir().unwrap();
+    let wardrobe = filled(root.path());
+    let dresser = Dresser::new(&wardrobe, Default::default());
+    let list = [on("slim", &["tshirt", "jacket"]), on("slim", &["hat"]), on("large", &["tshirt"]), on("slim", &["coat", "coat"])];
+    let params = MatchParams { picture_height: 64, ..Default::default() };
+    let out = root.path().join("out");
+    let run = |out: &Path, params: &MatchParams, at_once| {
+        let count = AtomicUsize::new(0);
+        let watch = |event: &batch::Event| {
+            if let batch::Event::Done(_, _, false) = event {
+                count.fetch_add(1, Ordering::SeqCst);
+            }
+            keep_on(event)
+        };
+        let batch = BatchParams { at_once, again: false };
+        (batch::run(out, &dresser, &list, params, &batch, &watch).unwrap().unwrap(), count.into_inner())
+    };
+    let (summary, made) = run(&out, &params, 1);
+    assert_eq!((summary.clean, summary.remaining, summary.failed, made), (2, 0, 2, 4));
+    let kinds: Vec<_> = summary.entries.iter().map(|e| e.error.as_ref().map(|f| f.kind.as_str())).collect();
+    assert_eq!(kinds, [None, Some("no_garment"), None, Some("combination")]);
+    assert!(summary.entries[0].pairs[0] > 0 && summary.entries[0].pairs[1] == 0);
+    let first = files(&out);
+    for name in ["result.json", "tshirt.ply", "jacket.ply", "before.png", "after.png", "timings.json", "report.html"] {
+        assert!(out.join("results").join(&summary.entries[0].folder).join(name).exists(), "{name}");
+    }
+    // Nothing is done twice: only what has no folder is looked at again.
+    assert_eq!(run(&out, &params, 1), (summary.clone(), 1));
+    assert!(files(&out) == first);
+    // A damaged output is made again, and two at once give the same bytes in another folder.
+    fs::write(out.join("results").join(&summary.entries[0].folder).join("tshirt.ply"), "half").unwrap();
+    assert_eq!(run(&out, &params, 1).1, 2);
+    assert!(files(&out) == first);
+    let other = root.path().join("other");
+    assert_eq!(run(&other, &params, 3).1, 4);
+    let strip = |files: Vec<(PathBuf, Vec<u8>)>, root: &Path| -> Vec<(PathBuf, Vec<u8>)> {
+        files.into_iter().map(|(p, b)| (p.strip_prefix(root).unwrap().to_owned(), b)).collect()
+    };
+    assert!(strip(files(&other), &other) == strip(first, &out));
+    // Other parameters are another result.
+    let mut changed = params.clone();
+    changed.resolve.clearance = 1e-3;
+    assert_eq!(run(&out, &changed, 1).1, 4);
+}
+
+#[test]
+fn a_cancelled_batch_leaves_whole_results_only() {
+    let root = tempfile::tempdir().unwrap();
+    let wardrobe = filled(root.path());
+    let dresser = Dresser::new(&wardrobe, Default::default());
+    let list = [on("slim", &["tshirt"]), on("slim", &["tshirt", "jacket"])];
+    let params = MatchParams { picture_height: 0, ..Default::default() };
+    let out = root.path().join("out");
+    let stop = |event: &batch::Event| match event {
+        batch::Event::Working(1, _) => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    };
+    assert_eq!(batch::run(&out, &dresser, &list, &params, &BatchParams::default(), &stop).unwrap(), None);
+    assert_eq!(whole_folder::names(&out.join("results")).unwrap().len(), 1);
+    assert!(!out.join("summary.json").exists());
+    assert_eq!(batch::done(&out, &dresser, &list, &params).unwrap(), 1);
+    let summary = batch::run(&out, &dresser, &list, &params, &BatchParams::default(), &keep_on).unwrap().unwrap();
+    assert_eq!((summary.clean, summary.entries[1].state), (2, State::Clean));
+}
+
+#[test]
+fn random_combinations_are_wearable_different_and_the_same_for_a_seed() {
+    let root = tempfile::tempdir().unwrap();
+    let wardrobe = filled(root.path());
+    let params = RandomParams { count: 12, ..Default::default() };
+    let drawn = random(&wardrobe, &params).unwrap();
+    assert_eq!(drawn, random(&wardrobe, &params).unwrap());
+    assert_ne!(drawn, random(&wardrobe, &RandomParams { seed: 2, ..params.clone() }).unwrap());
+    for (k, c) in drawn.iter().enumerate() {
+        assert!((2..=4).contains(&c.garments.len()) && !drawn[..k].contains(c), "{c}");
+        assert_eq!(c.body, ["large", "slim"][k % 2]);
+        let at = |name: &str| c.garments.iter().position(|g| g == name);
+        assert!(at("coat").is_none_or(|k| k + 1 == c.garments.len()), "{c}");
+    }
+    let any = random(&wardrobe, &RandomParams { count: 100, order: Order::Any, ..params.clone() }).unwrap();
+    assert!(any.iter().any(|c| c.garments[0] == "coat"));
+    assert!(matches!(random(&wardrobe, &RandomParams { count: 5000, ..params.clone() }), Err(WardrobeError::TooFew { .. })));
+    assert!(matches!(random(&wardrobe, &RandomParams { least: 3, most: 2, ..params.clone() }), Err(WardrobeError::Sizes { .. })));
+    assert!(random(&wardrobe, &RandomParams { bodies: vec!["nobody".into()], ..params }).is_err());
+}
