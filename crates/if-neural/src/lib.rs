@@ -1,6 +1,8 @@
 //! Neural fields on CPUs: the canonical signed distance field and the deformation of *IF-Garments*
 //! (supplement, Appendix E), fitted and evaluated by fused kernels, without a GPU.
 
+#[cfg(feature = "burn")]
+pub mod burn;
 pub mod deformation;
 mod deformation_tile;
 pub mod encoding;

@@ -40,6 +40,7 @@ pub mod page;
 mod parting;
 pub mod preview;
 mod reach;
+pub mod reconstruct;
 pub mod render;
 pub mod report;
 pub mod resolve;

@@ -55,6 +55,7 @@ pub(super) fn key(capture: &Capture, template: &TemplateBody, params: &SurfacePa
         p.normal_margin,
         p.border_blur,
         p.reach,
+        p.least_reach,
         p.longest_step,
         p.slide,
         p.least_overlap,

@@ -1,15 +1,14 @@
 //! What the frames say about the surface as it is now.
 
 use super::observe::Observation;
-use super::params::SurfaceParams;
 use super::report::Pixels;
-use super::seen::{NOTHING, nearest_triangles};
 use crate::skin_weights::SkinWeights;
 use crate::skinning::{Affine, blends, pose_points};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_mesh::camera::Camera;
+use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
 use rayon::prelude::*;
 
 /// Cosine between a seen normal and the surface's below which they are not of one place. Between 0 and 0.4 the result
@@ -44,14 +43,14 @@ struct Glance {
     overlap: Real,
 }
 
-/// Looks at the canonical surface `mesh` in all frames.
+/// Looks at the canonical surface `mesh` in all frames; silhouettes farther than `reach` metres from the mask's border do not count.
 pub(super) fn gather(
     mesh: &TriMesh,
     edges: &Edges,
     skin: &SkinWeights,
     camera: &Camera,
     frames: &[Observation],
-    params: &SurfaceParams,
+    reach: Real,
 ) -> Evidence {
     let vertex_normals = mesh.vertex_normals();
     let face_normals = mesh.face_normals();
@@ -64,7 +63,7 @@ pub(super) fn gather(
     for group in frames.chunks(TOGETHER) {
         let glances: Vec<Glance> = group
             .par_iter()
-            .map(|frame| Figure::new(mesh, edges, skin, camera, frame).glance(frame, &vertex_normals, &face_normals, params))
+            .map(|frame| Figure::new(mesh, edges, skin, camera, frame).glance(frame, &vertex_normals, &face_normals, reach))
             .collect();
         // Summed in the order of the frames: the same bits on any number of threads.
         for glance in glances {
@@ -102,15 +101,17 @@ struct Figure<'a> {
 impl<'a> Figure<'a> {
     fn new(mesh: &'a TriMesh, edges: &'a Edges, skin: &SkinWeights, camera: &'a Camera, frame: &Observation) -> Self {
         let maps = blends(skin, &frame.transforms);
-        let points: Vec<Point> = pose_points(mesh.vertices(), &maps).iter().map(|p| camera.to_camera(p)).collect();
-        let seen = nearest_triangles(camera, &points, mesh.triangles());
-        Self { mesh, edges, camera, maps, points, seen }
+        let world = pose_points(mesh.vertices(), &maps);
+        let mut buffer = IdBuffer::default();
+        Rasteriser::default().look(mesh, &world, camera, &RasterParams::default(), &mut buffer);
+        let points = world.iter().map(|p| camera.to_camera(p)).collect();
+        Self { mesh, edges, camera, maps, points, seen: buffer.triangle }
     }
 
-    fn glance(&self, frame: &Observation, vertex_normals: &[Vector], face_normals: &[Vector], params: &SurfaceParams) -> Glance {
+    fn glance(&self, frame: &Observation, vertex_normals: &[Vector], face_normals: &[Vector], reach: Real) -> Glance {
         let mut glance = Glance { normals: Vec::new(), rim: Vec::new(), pixels: Pixels::default(), overlap: 0.0 };
         self.look_at_normals(frame, face_normals, &mut glance);
-        self.look_at_rim(frame, vertex_normals, params, &mut glance);
+        self.look_at_rim(frame, vertex_normals, reach, &mut glance);
         glance
     }
 
@@ -153,7 +154,7 @@ impl<'a> Figure<'a> {
     }
 
     /// Vertices where front meets back, and the figure its surroundings.
-    fn look_at_rim(&self, frame: &Observation, vertex_normals: &[Vector], params: &SurfaceParams, glance: &mut Glance) {
+    fn look_at_rim(&self, frame: &Observation, vertex_normals: &[Vector], reach: Real, glance: &mut Glance) {
         let (width, height) = (self.camera.width() as Real, self.camera.height() as Real);
         let front: Vec<bool> = (0..self.mesh.triangles().len())
             .map(|t| {
@@ -180,7 +181,7 @@ impl<'a> Figure<'a> {
             }
             let away = frame.outside.at(pixel.x, pixel.y);
             let metres = away * p.z / pixels_per_metre;
-            if metres.abs() > params.reach {
+            if metres.abs() > reach {
                 continue;
             }
             let normal = self.camera.rotation() * self.maps[v].normal(&vertex_normals[v]);

@@ -23,10 +23,6 @@ pub(super) struct Observation {
     pub(super) outside: DistanceImage,
     /// Unit normals in the world; zero where there is none, or too near to the border of the mask to be trusted.
     pub(super) normals: Vec<[f32; 3]>,
-    /// Pixels of the mask.
-    pub(super) pixels: usize,
-    /// Those of them whose normals are used.
-    pub(super) with_normal: usize,
 }
 
 /// Reads a frame of a capture.
@@ -71,7 +67,6 @@ pub(super) fn prepared(
     let exact = DistanceImage::new(mask, width, height, 0.0);
     let outside = DistanceImage::new(mask, width, height, params.border_blur);
     let to_world = camera.rotation().transpose();
-    let mut with_normal = 0;
     for (i, n) in normals.iter_mut().enumerate() {
         let trusted = f64::from(exact.pixel(i)) < -params.normal_margin;
         if !trusted || *n == [0.0; 3] {
@@ -80,8 +75,6 @@ pub(super) fn prepared(
         }
         let world = to_world * Vector::new(n[0].into(), n[1].into(), n[2].into());
         *n = [world.x as f32, world.y as f32, world.z as f32];
-        with_normal += 1;
     }
-    let pixels = mask.iter().filter(|m| **m).count();
-    Observation { frame, transforms, outside, normals, pixels, with_normal }
+    Observation { frame, transforms, outside, normals }
 }

@@ -20,8 +20,10 @@ pub struct SurfaceParams {
     pub normal_margin: Real,
     /// Standard deviation of the Gaussian that smooths the distance from the mask's border, in pixels.
     pub border_blur: Real,
-    /// A silhouette that lies farther than this from the mask's border is not pulled there, in metres.
+    /// A silhouette that lies farther than this from the mask's border is not pulled there, in metres. Halved each round.
     pub reach: Real,
+    /// What `reach` does not fall below, in metres.
+    pub least_reach: Real,
     /// Longest step of a vertex in a round, in metres.
     pub longest_step: Real,
     /// Share of the way to the middle of its neighbours that a vertex slides along the surface after each round.
@@ -40,6 +42,7 @@ impl Default for SurfaceParams {
             normal_margin: 1.5,
             border_blur: 1.0,
             reach: 0.15,
+            least_reach: 0.02,
             longest_step: 0.03,
             slide: 0.3,
             least_overlap: 0.3,
@@ -77,7 +80,12 @@ impl SurfaceParams {
                 return Err(ParamError { name, value, needs: "a number of at least zero" });
             }
         }
-        for (name, value) in [("bending", self.bending), ("reach", self.reach), ("longest_step", self.longest_step)] {
+        for (name, value) in [
+            ("bending", self.bending),
+            ("reach", self.reach),
+            ("least_reach", self.least_reach),
+            ("longest_step", self.longest_step),
+        ] {
             if !(value.is_finite() && value > 0.0) {
                 return Err(ParamError { name, value, needs: "a number above zero" });
             }

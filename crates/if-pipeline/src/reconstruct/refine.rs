@@ -1,6 +1,7 @@
 //! One step of the surface towards what was seen.
 
 use super::evidence::Evidence;
+use super::fair;
 use super::params::SurfaceParams;
 use super::report::Round;
 use faer::linalg::solvers::Solve;
@@ -33,7 +34,26 @@ const DIRECTION_ROUNDS: usize = 3;
 ///
 /// with weights w of at most 1, by sparse Cholesky factorisation; then slides vertices along the surface towards the middle of
 /// their neighbours. `None` where the system cannot be factored, which finite input does not cause.
-pub(super) fn step(mesh: &TriMesh, edges: &Edges, evidence: &Evidence, params: &SurfaceParams) -> Option<(Vec<Point>, Round)> {
+/// What was not seen, and what folded, is mended after the template `rest`.
+pub(super) fn step(
+    rest: &TriMesh,
+    mesh: &TriMesh,
+    edges: &Edges,
+    evidence: &Evidence,
+    params: &SurfaceParams,
+) -> Option<(Vec<Point>, Round)> {
+    let (moved, neighbours, round) = solved(mesh, edges, evidence, params)?;
+    let moved = slid(mesh, moved, &neighbours, params.slide);
+    Some((fair::mend(rest, moved, &neighbours, evidence), round))
+}
+
+/// The step alone, and the neighbours of each vertex.
+fn solved(
+    mesh: &TriMesh,
+    edges: &Edges,
+    evidence: &Evidence,
+    params: &SurfaceParams,
+) -> Option<(Vec<Point>, Vec<Vec<u32>>, Round)> {
     let x = mesh.vertices();
     let n = x.len();
     let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); n];
@@ -127,7 +147,7 @@ pub(super) fn step(mesh: &TriMesh, edges: &Edges, evidence: &Evidence, params: &
     if !moved.iter().flat_map(|p| p.iter()).all(|c| c.is_finite()) {
         return None;
     }
-    Some((slid(mesh, moved, &neighbours, params.slide), round))
+    Some((moved, neighbours, round))
 }
 
 fn smoothed(normals: &[Vector], neighbours: &[Vec<u32>]) -> Vec<Vector> {
@@ -175,8 +195,7 @@ mod tests {
     #[test]
     fn without_evidence_nothing_moves() {
         let ball = meshes::icosphere(0.3, 3);
-        let params = SurfaceParams { slide: 0.0, ..Default::default() };
-        let (moved, round) = step(&ball, &Edges::new(&ball), &nothing(&ball), &params).unwrap();
+        let (moved, _, round) = solved(&ball, &Edges::new(&ball), &nothing(&ball), &SurfaceParams::default()).unwrap();
         for (p, q) in moved.iter().zip(ball.vertices()) {
             approx::assert_relative_eq!(p, q, epsilon = 1e-12);
         }
@@ -199,8 +218,7 @@ mod tests {
         let mut mesh = ball.clone();
         let edges = Edges::new(&ball);
         for k in 0..4 {
-            let params = SurfaceParams { slide: 0.0, ..Default::default() };
-            let (moved, round) = step(&mesh, &edges, &evidence, &params).unwrap();
+            let (moved, round) = step(&ball, &mesh, &edges, &evidence, &SurfaceParams::default()).unwrap();
             mesh = mesh.with_vertices(moved).unwrap();
             if k == 0 {
                 assert!((round.silhouette_mm - 20.0).abs() < 1e-9);
@@ -226,13 +244,7 @@ mod tests {
         for v in (0..mesh.vertices().len()).step_by(4) {
             evidence.rim[v] = (0.001 * (v % 7) as Real, 0.5 + (v % 4) as Real);
         }
-        let params = SurfaceParams { slide: 0.0, ..Default::default() };
-        let (moved, _) = step(&mesh, &edges, &evidence, &params).unwrap();
-        let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices().len()];
-        for [a, b] in &edges.vertices {
-            neighbours[*a as usize].push(*b);
-            neighbours[*b as usize].push(*a);
-        }
+        let (moved, neighbours, _) = solved(&mesh, &edges, &evidence, &SurfaceParams::default()).unwrap();
         let directions = smoothed(&mesh.vertex_normals(), &neighbours);
         let s: Vec<Real> = (0..moved.len()).map(|v| (moved[v] - mesh.vertices()[v]).dot(&directions[v])).collect();
         let area = |t: usize| {

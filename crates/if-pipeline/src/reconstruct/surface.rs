@@ -2,7 +2,7 @@
 
 use super::checkpoint::{self, Checkpoint, CheckpointError};
 use super::evidence::{Evidence, gather};
-use super::observe::{ObserveError, Observation, observe};
+use super::observe::{Observation, ObserveError, observe};
 use super::params::{ParamError, SurfaceParams};
 use super::progress::{Clock, Progress, Stage};
 use super::refine;
@@ -140,17 +140,21 @@ pub fn fit_surface(
     let key = checkpoint.map(|_| checkpoint::key(capture, template, params, &frames));
     let edges = Edges::new(&template.mesh);
     let mut mesh = template.mesh.clone();
-    let look = |mesh: &TriMesh, frames: &[Observation]| gather(mesh, &edges, &template.skin, capture.camera(), frames, params);
+    // The nearer the surface is, the less far away a border can be its own.
+    let look = |mesh: &TriMesh, frames: &[Observation], round: usize| {
+        let reach = (params.reach * 0.5f64.powi(round as i32)).max(params.least_reach);
+        gather(mesh, &edges, &template.skin, capture.camera(), frames, reach)
+    };
 
     // Frames in which the template lies elsewhere are left out, once.
-    let mut evidence = look(&mesh, &frames);
+    let mut evidence = look(&mesh, &frames, 0);
     let overlap = std::mem::take(&mut evidence.overlap);
     if overlap.iter().any(|o| *o < params.least_overlap) {
         let elsewhere = frames.iter().zip(&overlap).filter(|(_, o)| **o < params.least_overlap);
         report.skipped.extend(elsewhere.map(|(f, o)| Skipped::Elsewhere { frame: f.frame, overlap: *o }));
         let mut keep = overlap.iter().map(|o| *o >= params.least_overlap);
         frames.retain(|_| keep.next() == Some(true));
-        evidence = look(&mesh, &frames);
+        evidence = look(&mesh, &frames, 0);
     }
     if frames.is_empty() {
         return Err(SurfaceError::NothingSeen { frames: capture.len(), first: report.skipped.into_iter().next() });
@@ -160,7 +164,7 @@ pub fn fit_surface(
     {
         mesh = mesh.with_vertices(known.vertices)?;
         report.rounds = known.rounds;
-        evidence = look(&mesh, &frames);
+        evidence = look(&mesh, &frames, report.rounds.len());
     }
 
     clock.restart();
@@ -170,13 +174,14 @@ pub fn fit_surface(
         if watch(&clock.at(Stage::Surface, round, params.rounds, loss)).is_break() {
             return Err(SurfaceError::Cancelled { rounds: round });
         }
-        let (moved, done) = refine::step(&mesh, &edges, &evidence, params).ok_or(SurfaceError::Singular { round })?;
+        let (moved, done) =
+            refine::step(&template.mesh, &mesh, &edges, &evidence, params).ok_or(SurfaceError::Singular { round })?;
         mesh = mesh.with_vertices(moved)?;
         report.rounds.push(done);
         if let (Some(path), Some(key)) = (checkpoint, &key) {
             Checkpoint { vertices: mesh.vertices().to_vec(), rounds: report.rounds.clone() }.write(path, key)?;
         }
-        evidence = look(&mesh, &frames);
+        evidence = look(&mesh, &frames, report.rounds.len());
     }
     let Evidence { pixels, .. } = evidence;
     report.pixels = pixels;

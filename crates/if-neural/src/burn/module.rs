@@ -1,0 +1,157 @@
+//! φ as a burn module: plain tensor operations on any backend.
+
+use burn::module::{Ignored, Module, Param};
+use burn::tensor::activation::sigmoid;
+use burn::tensor::backend::Backend;
+use burn::tensor::{Tensor, TensorData};
+
+use crate::mlp::{ConfigError, SdfConfig};
+use crate::sdf::SdfNetwork;
+use crate::trainable::TrainableField;
+
+/// The parameters of [`SdfNetwork`] as burn parameters.
+///
+/// Weights are rows × columns as in PyTorch; with weight norm they are v, and `gains` has the
+/// gain of each row.
+#[derive(Module, Debug)]
+pub struct SdfModule<B: Backend> {
+    /// W or v of each layer.
+    pub weights: Vec<Param<Tensor<B, 2>>>,
+    /// b of each layer.
+    pub biases: Vec<Param<Tensor<B, 1>>>,
+    /// Gains of each layer; none without weight norm.
+    pub gains: Vec<Param<Tensor<B, 1>>>,
+    config: Ignored<SdfConfig>,
+}
+
+impl<B: Backend> SdfModule<B> {
+    /// A copy of `network` on `device`.
+    pub fn from_network(network: &SdfNetwork, device: &B::Device) -> Self {
+        let theta = network.parameters();
+        let vector = |values: &[f32]| {
+            let data = TensorData::new(values.to_vec(), [values.len()]);
+            Param::from_tensor(Tensor::from_data(data, device))
+        };
+        let layers = &network.layout().layers;
+        SdfModule {
+            weights: layers
+                .iter()
+                .map(|at| {
+                    let values = theta[at.weight.clone()].to_vec();
+                    let data = TensorData::new(values, [at.rows, at.columns]);
+                    Param::from_tensor(Tensor::from_data(data, device))
+                })
+                .collect(),
+            biases: layers.iter().map(|at| vector(&theta[at.bias.clone()])).collect(),
+            gains: layers.iter().filter_map(|at| at.gain.clone()).map(|gain| vector(&theta[gain])).collect(),
+            config: Ignored(network.config().clone()),
+        }
+    }
+
+    /// The network with this module's parameters, rounded to f32.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::NotFinite`], if training has diverged.
+    pub fn to_network(&self) -> Result<SdfNetwork, ConfigError> {
+        SdfNetwork::from_parameters(&self.config.0, floats(self.theta()))
+    }
+
+    /// The shape.
+    pub fn config(&self) -> &SdfConfig {
+        &self.config.0
+    }
+
+    /// All parameters in one vector, in the order of [`SdfConfig::layout`]; differentiable.
+    pub fn theta(&self) -> Tensor<B, 1> {
+        let mut parts = Vec::new();
+        for (l, weight) in self.weights.iter().enumerate() {
+            parts.push(weight.val().flatten(0, 1));
+            parts.push(self.biases[l].val());
+            if let Some(gain) = self.gains.get(l) {
+                parts.push(gain.val());
+            }
+        }
+        Tensor::cat(parts, 0)
+    }
+
+    /// φ (n × 1) and ∇φ (n × 3) at `points` (n × 3), the gradient by the adjoint pass written in
+    /// tensor operations: one reverse pass of an autodiff backend differentiates both by the
+    /// parameters.
+    ///
+    /// # Panics
+    ///
+    /// If `points` has not three columns (burn's own message).
+    pub fn samples(&self, points: Tensor<B, 2>) -> (Tensor<B, 2>, Tensor<B, 2>) {
+        let config = &self.config.0;
+        let (encoded, encoded_slopes) = encode(config.bands, points);
+        let weights: Vec<_> = (0..self.weights.len()).map(|l| self.folded(l)).collect();
+        let [n, width] = encoded.dims();
+        let mut a = encoded.clone();
+        let mut slopes = Vec::new();
+        for l in 0..config.layers {
+            if config.skip == Some(l) {
+                a = Tensor::cat(vec![a, encoded.clone()], 1).div_scalar(std::f32::consts::SQRT_2);
+            }
+            let z = a.matmul(weights[l].clone().transpose()) + self.biases[l].val().unsqueeze_dim(0);
+            let (value, slope) = softplus(z, config.beta);
+            a = value;
+            slopes.push(slope);
+        }
+        let last = weights[config.layers].clone().narrow(0, 0, 1);
+        let bias = self.biases[config.layers].val().narrow(0, 0, 1).unsqueeze_dim(0);
+        let value = a.matmul(last.clone().transpose()) + bias;
+        let mut q = last.expand([n, config.width]);
+        let mut by_encoding: Option<Tensor<B, 2>> = None;
+        for l in (0..config.layers).rev() {
+            q = (q * slopes[l].clone()).matmul(weights[l].clone());
+            if config.skip == Some(l) {
+                q = q.div_scalar(std::f32::consts::SQRT_2);
+                by_encoding = Some(q.clone().narrow(1, config.width - width, width));
+                q = q.narrow(1, 0, config.width - width);
+            }
+        }
+        let by_encoding = by_encoding.map_or(q.clone(), |skipped| q + skipped) * encoded_slopes;
+        let gradient: Tensor<B, 3> = by_encoding.reshape([n, width / 3, 3]);
+        (value, gradient.sum_dim(1).squeeze_dim(1))
+    }
+
+    /// W of layer l: v, or gain · v/|v|.
+    fn folded(&self, l: usize) -> Tensor<B, 2> {
+        let v = self.weights[l].val();
+        match self.gains.get(l) {
+            None => v,
+            Some(gain) => {
+                let norm = v.clone().powi_scalar(2).sum_dim(1).sqrt();
+                v * (gain.val().unsqueeze_dim(1) / norm)
+            }
+        }
+    }
+}
+
+/// The numbers of a tensor, as f32.
+pub(crate) fn floats<B: Backend, const D: usize>(tensor: Tensor<B, D>) -> Vec<f32> {
+    tensor.into_data().convert::<f32>().into_vec().expect("just converted to f32")
+}
+
+/// The features of the encoding and their derivatives, n × width.
+fn encode<B: Backend>(bands: usize, points: Tensor<B, 2>) -> (Tensor<B, 2>, Tensor<B, 2>) {
+    let mut features = vec![points.clone()];
+    let mut slopes = vec![points.ones_like()];
+    for band in 0..bands {
+        let frequency = (1_u32 << band) as f32;
+        let angle = points.clone().mul_scalar(frequency);
+        let (sin, cos) = (angle.clone().sin(), angle.cos());
+        features.extend([sin.clone(), cos.clone()]);
+        slopes.extend([cos.mul_scalar(frequency), sin.mul_scalar(-frequency)]);
+    }
+    (Tensor::cat(features, 1), Tensor::cat(slopes, 1))
+}
+
+/// softplus(βz)/β, linear above βz = 20 as PyTorch's, and its slope.
+fn softplus<B: Backend>(z: Tensor<B, 2>, beta: f32) -> (Tensor<B, 2>, Tensor<B, 2>) {
+    let t = z.clone().mul_scalar(beta);
+    let linear = t.clone().greater_elem(20.0);
+    let value = t.clone().clamp_max(20.0).exp().log1p().div_scalar(beta);
+    (value.mask_where(linear, z), sigmoid(t))
+}

@@ -1,0 +1,126 @@
+//! One canonical mesh for all frames.
+
+use crate::skin_weights::SkinWeights;
+use if_core::closest::ClosestPoint;
+use if_core::math::{Point, Real};
+use if_core::mesh::TriMesh;
+use if_mesh::index::Bvh;
+use rayon::prelude::*;
+
+/// Weights for `points`, from the nearest point of a skinned surface each: its corners' weights in their barycentric parts, of
+/// which the four largest are kept.
+///
+/// # Panics
+///
+/// If the surface has no triangles, or not one record of weights for each vertex.
+pub fn carried_weights(surface: &TriMesh, skin: &SkinWeights, joints: usize, points: &[Point]) -> SkinWeights {
+    assert_eq!(surface.vertices().len(), skin.len(), "one record for each vertex");
+    let tree = Bvh::new(surface);
+    let of = |p: &Point| {
+        let near = tree.closest(p, Real::INFINITY).expect("a surface with triangles has a nearest point");
+        let mut sums: Vec<(u16, Real)> = Vec::with_capacity(12);
+        for (v, b) in surface.triangles()[near.triangle as usize].iter().zip(near.barycentric) {
+            let v = *v as usize;
+            for (j, w) in skin.joints()[v].iter().zip(skin.weights()[v]) {
+                let w = b * Real::from(w);
+                match sums.iter_mut().find(|s| s.0 == *j) {
+                    Some(sum) => sum.1 += w,
+                    None => sums.push((*j, w)),
+                }
+            }
+        }
+        sums.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        sums.truncate(4);
+        let total: Real = sums.iter().map(|s| s.1).sum();
+        let (mut on, mut weights) = ([0u16; 4], [0f32; 4]);
+        for (slot, (j, w)) in sums.iter().enumerate() {
+            (on[slot], weights[slot]) = (*j, (w / total) as f32);
+        }
+        (on, weights)
+    };
+    let (on, weights) = points.par_iter().with_min_len(256).map(of).unzip();
+    SkinWeights::new(on, weights, joints).expect("the four largest parts of weights are positive, and were divided by their sum")
+}
+
+/// The largest piece of a mesh, by area; pieces hang together by edges of triangles. What an extraction finds beside the person
+/// are bubbles in folds of the surface.
+pub fn largest_piece(mesh: &TriMesh) -> TriMesh {
+    let mut parent: Vec<u32> = (0..mesh.vertices().len() as u32).collect();
+    fn root(parent: &mut [u32], mut v: u32) -> u32 {
+        while parent[v as usize] != v {
+            parent[v as usize] = parent[parent[v as usize] as usize];
+            v = parent[v as usize];
+        }
+        v
+    }
+    for tri in mesh.triangles() {
+        for k in 1..3 {
+            let (a, b) = (root(&mut parent, tri[0]), root(&mut parent, tri[k]));
+            // The smaller index stays the root: the same result in any order.
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut areas = vec![0.0; mesh.vertices().len()];
+    for (t, tri) in mesh.triangles().iter().enumerate() {
+        let [a, b, c] = mesh.corners(t);
+        areas[root(&mut parent, tri[0]) as usize] += if_core::math::area_vector(a, b, c).norm();
+    }
+    let Some(best) = (0..areas.len()).max_by(|a, b| areas[*a].total_cmp(&areas[*b]).then(b.cmp(a))) else {
+        return mesh.clone();
+    };
+    let mut number = vec![u32::MAX; mesh.vertices().len()];
+    let mut vertices = Vec::new();
+    for v in 0..mesh.vertices().len() as u32 {
+        if root(&mut parent, v) == best as u32 {
+            number[v as usize] = vertices.len() as u32;
+            vertices.push(mesh.vertices()[v as usize]);
+        }
+    }
+    let kept = mesh.triangles().iter().filter(|t| number[t[0] as usize] != u32::MAX);
+    let triangles = kept.map(|t| t.map(|v| number[v as usize])).collect();
+    TriMesh::new(vertices, triangles).expect("a piece of a mesh is a mesh")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::math::Vector;
+    use if_core::shapes::meshes;
+
+    #[test]
+    fn weights_are_those_of_the_nearest_place() {
+        let sheet = meshes::cloth(1.0, 1.0, 4, 4);
+        let low = sheet.aabb().min;
+        // The weight of joint 1 grows along the first axis in which the sheet has a size.
+        let axis = (0..3).find(|k| sheet.aabb().size()[*k] > 0.5).unwrap();
+        let part = |p: &Point| (p[axis] - low[axis]) as f32;
+        let weights: Vec<[f32; 4]> = sheet.vertices().iter().map(|p| [1.0 - part(p), part(p), 0.0, 0.0]).collect();
+        let skin = SkinWeights::new(vec![[2, 5, 0, 0]; weights.len()], weights, 6).unwrap();
+        let normal = sheet.vertex_normals()[0];
+        let points: Vec<Point> = [0.1, 0.37, 0.9]
+            .iter()
+            .map(|s| {
+                let mut p = sheet.aabb().center() + normal * 0.02;
+                p[axis] = low[axis] + s;
+                p
+            })
+            .collect();
+        let carried = carried_weights(&sheet, &skin, 6, &points);
+        for (v, s) in [0.1f32, 0.37, 0.9].iter().enumerate() {
+            let slot = carried.joints()[v].iter().position(|j| *j == 5).unwrap();
+            assert!((carried.weights()[v][slot] - s).abs() < 1e-5, "{:?}", carried.weights()[v]);
+        }
+    }
+
+    #[test]
+    fn bubbles_are_left_out() {
+        let (ball, bubble) = (meshes::icosphere(0.5, 2), meshes::icosphere(0.05, 1));
+        let n = bubble.vertices().len() as u32;
+        let mut vertices: Vec<Point> = bubble.vertices().iter().map(|p| p + Vector::new(2.0, 0.0, 0.0)).collect();
+        vertices.extend(ball.vertices());
+        let mut triangles = bubble.triangles().to_vec();
+        triangles.extend(ball.triangles().iter().map(|t| t.map(|v| v + n)));
+        assert_eq!(largest_piece(&TriMesh::new(vertices, triangles).unwrap()), ball);
+        assert_eq!(largest_piece(&TriMesh::default()), TriMesh::default());
+    }
+}

@@ -1,0 +1,177 @@
+//! What a step leaves to mend: places that nobody saw, and folds.
+
+use super::evidence::Evidence;
+use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
+use if_core::mesh::TriMesh;
+
+/// Weight of seen normals from which on a triangle is known.
+const KNOWN: Real = 3.0;
+/// Weight of the silhouettes from which on a vertex's place is known, though its triangles are not.
+const ON_RIM: Real = 0.5;
+/// Passes over the unseen, and over folds. With half and double as many, the mean distance from the truth changes by
+/// less than 0.1 mm; own intersections fall from 1,700 (none) to 500 (these).
+const PASSES: usize = 10;
+/// Share of the way that a vertex goes in a pass.
+const SHARE: Real = 0.5;
+/// Cosine between a triangle's normal and what it should be, below which it is folded.
+const FOLDED: Real = 0.4;
+/// Twice the area over the square of the longest edge, below which a triangle is a sliver.
+const SLIVER: Real = 0.1;
+
+/// Mends the surface `x`, whose triangles and evidence are those of `rest`, the template.
+///
+/// ```text
+/// unseen and hollow      towards the middle of its neighbours: clothes span the folds of the body
+/// unseen and not hollow  towards the place that its neighbours' displacement from the template gives it
+/// folded, or a sliver    towards the middle of its neighbours
+/// ```
+pub(super) fn mend(rest: &TriMesh, mut x: Vec<Point>, neighbours: &[Vec<u32>], evidence: &Evidence) -> Vec<Point> {
+    let doubt = doubt(rest, evidence);
+    let normals = normals(rest.triangles(), &x);
+    for _ in 0..PASSES {
+        x = (0..x.len())
+            .map(|v| {
+                if doubt[v] == 0.0 || neighbours[v].is_empty() {
+                    return x[v];
+                }
+                let way = to_middle(&x, neighbours, v);
+                let way = if way.dot(&normals[v]) > 0.0 { way } else { way - to_middle(rest.vertices(), neighbours, v) };
+                x[v] + way * (SHARE * doubt[v])
+            })
+            .collect();
+    }
+    let expected: Vec<Vector> = evidence.normals.iter().map(|(sum, _)| unit_or_zero(sum)).collect();
+    for _ in 0..PASSES {
+        let folded = folded(rest.triangles(), &x, neighbours, &expected);
+        if !folded.contains(&true) {
+            break;
+        }
+        let next = |v: usize| if folded[v] { x[v] + to_middle(&x, neighbours, v) * SHARE } else { x[v] };
+        x = (0..x.len()).map(next).collect();
+    }
+    x
+}
+
+/// How little is known of each vertex: 0 where all of its triangles were seen, or it was on silhouettes; squared, so that
+/// only places that are hardly seen move.
+fn doubt(mesh: &TriMesh, evidence: &Evidence) -> Vec<Real> {
+    let mut sums = vec![(0.0, 0.0); mesh.vertices().len()];
+    for (tri, (_, weight)) in mesh.triangles().iter().zip(&evidence.normals) {
+        for v in tri {
+            let sum: &mut (Real, Real) = &mut sums[*v as usize];
+            *sum = (sum.0 + (weight / KNOWN).min(1.0), sum.1 + 1.0);
+        }
+    }
+    let doubt = |((seen, all), rim): (&(Real, Real), &(Real, Real))| {
+        if *all == 0.0 || rim.1 > ON_RIM { 0.0 } else { (1.0 - seen / all).powi(2) }
+    };
+    sums.iter().zip(&evidence.rim).map(doubt).collect()
+}
+
+fn to_middle(x: &[Point], neighbours: &[Vec<u32>], v: usize) -> Vector {
+    let sum = neighbours[v].iter().fold(Vector::zeros(), |sum, u| sum + x[*u as usize].coords);
+    sum / neighbours[v].len().max(1) as Real - x[v].coords
+}
+
+/// Area-weighted unit normals of the vertices.
+fn normals(triangles: &[[u32; 3]], x: &[Point]) -> Vec<Vector> {
+    let mut sums = vec![Vector::zeros(); x.len()];
+    for tri in triangles {
+        let [a, b, c] = tri.map(|v| &x[v as usize]);
+        let n = area_vector(a, b, c);
+        tri.iter().for_each(|v| sums[*v as usize] += n);
+    }
+    sums.iter().map(unit_or_zero).collect()
+}
+
+/// The corners of triangles that face away from what was seen there (or, unseen, from their surroundings), or are slivers.
+fn folded(triangles: &[[u32; 3]], x: &[Point], neighbours: &[Vec<u32>], expected: &[Vector]) -> Vec<bool> {
+    let mut smooth = normals(triangles, x);
+    for _ in 0..2 {
+        smooth = (0..x.len())
+            .map(|v| {
+                let sum = neighbours[v].iter().fold(Vector::zeros(), |sum, u| sum + smooth[*u as usize]);
+                unit_or_zero(&(smooth[v] + sum / neighbours[v].len().max(1) as Real))
+            })
+            .collect();
+    }
+    let mut marked = vec![false; x.len()];
+    for (tri, seen) in triangles.iter().zip(expected) {
+        let corners = tri.map(|v| &x[v as usize]);
+        let area = area_vector(corners[0], corners[1], corners[2]);
+        let longest = (0..3).map(|k| (corners[k] - corners[(k + 1) % 3]).norm_squared()).fold(0.0, Real::max);
+        let should = if *seen == Vector::zeros() {
+            unit_or_zero(&tri.iter().fold(Vector::zeros(), |sum, v| sum + smooth[*v as usize]))
+        } else {
+            *seen
+        };
+        if area.norm() < SLIVER * longest || unit_or_zero(&area).dot(&should) < FOLDED {
+            tri.iter().for_each(|v| marked[*v as usize] = true);
+        }
+    }
+    marked
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reconstruct::report::Pixels;
+    use if_core::edges::Edges;
+    use if_core::shapes::meshes;
+
+    fn neighbours(mesh: &TriMesh) -> Vec<Vec<u32>> {
+        let mut out = vec![Vec::new(); mesh.vertices().len()];
+        for [a, b] in Edges::new(mesh).vertices {
+            out[a as usize].push(b);
+            out[b as usize].push(a);
+        }
+        out
+    }
+
+    fn seen(mesh: &TriMesh, weight: Real) -> Evidence {
+        Evidence {
+            normals: mesh.face_normals().iter().map(|n| (n * weight, weight)).collect(),
+            rim: vec![(0.0, 0.0); mesh.vertices().len()],
+            pixels: Pixels::default(),
+            overlap: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_surface_that_was_seen_and_is_not_folded_stays() {
+        let ball = meshes::icosphere(0.2, 3);
+        let x = mend(&ball, ball.vertices().to_vec(), &neighbours(&ball), &seen(&ball, 9.0));
+        assert_eq!(x, ball.vertices());
+    }
+
+    #[test]
+    fn an_unseen_bump_keeps_its_shape_and_an_unseen_dent_is_filled() {
+        let ball = meshes::icosphere(0.2, 3);
+        let nothing = seen(&ball, 0.0);
+        // All of a ball is convex: what was carried along with its displacement stays.
+        let moved: Vec<Point> = ball.vertices().iter().map(|p| p + Vector::new(0.0, 0.01, 0.0)).collect();
+        let x = mend(&ball, moved.clone(), &neighbours(&ball), &nothing);
+        for (p, q) in x.iter().zip(&moved) {
+            approx::assert_relative_eq!(p, q, epsilon = 1e-12);
+        }
+        let mut dented = ball.vertices().to_vec();
+        dented[40] = dented[40] * 0.9;
+        let x = mend(&ball, dented, &neighbours(&ball), &nothing);
+        assert!(x[40].coords.norm() > 0.19, "{}", x[40].coords.norm());
+    }
+
+    #[test]
+    fn a_folded_vertex_is_unfolded() {
+        let sheet = meshes::cloth(1.0, 1.0, 8, 8);
+        let evidence = seen(&sheet, 9.0);
+        let mut x = sheet.vertices().to_vec();
+        let middle = 4 * 9 + 4;
+        x[middle].x += 0.2; // beyond its neighbour, 0.125 away
+        x[middle].y += 0.02;
+        let around = neighbours(&sheet);
+        let expected = sheet.face_normals();
+        assert!(folded(sheet.triangles(), &x, &around, &expected).contains(&true));
+        let x = mend(&sheet, x, &around, &evidence);
+        assert!(!folded(sheet.triangles(), &x, &around, &expected).contains(&true));
+    }
+}

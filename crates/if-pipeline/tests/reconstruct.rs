@@ -1,0 +1,139 @@
+//! A body that turns before a camera is found again, from pictures of an ellipsoid that have nothing to do with our rasteriser.
+
+use if_core::math::{Point, Real, Vector, unit_or_zero};
+use if_core::mesh::TriMesh;
+use if_core::shapes::meshes::icosphere;
+use if_mesh::camera::Camera;
+use if_pipeline::capture::{Capture, CaptureWriter, FramePictures, Subject};
+use if_pipeline::reconstruct::{Skipped, Surface, SurfaceError, SurfaceParams, fit_surface};
+use if_pipeline::skeleton::{Joint, Pose, Skeleton};
+use if_pipeline::skin_weights::SkinWeights;
+use if_pipeline::template::TemplateBody;
+use nalgebra::{Point2, UnitQuaternion};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+/// Radii of the clothed body, in metres; the template's are 30 mm smaller.
+const RADII: [Real; 3] = [0.25, 0.45, 0.20];
+const CENTER: Point = Point::new(0.0, 0.5, 0.0);
+const SIDE: usize = 96;
+const FRAMES: usize = 12;
+
+fn ellipsoid(radii: [Real; 3]) -> TriMesh {
+    let ball = icosphere(1.0, 4);
+    let points = ball.vertices().iter().map(|p| CENTER + p.coords.component_mul(&Vector::from(radii))).collect();
+    ball.with_vertices(points).unwrap()
+}
+
+fn template() -> TemplateBody {
+    let mesh = ellipsoid(RADII.map(|r| r - 0.03));
+    let n = mesh.vertices().len();
+    let joint = Joint { name: "root".into(), parent: None, head: Point::new(0.0, 0.4, 0.0), tail: Point::new(0.0, 0.6, 0.0) };
+    TemplateBody {
+        mesh,
+        skin: SkinWeights::new(vec![[0; 4]; n], vec![[1.0, 0.0, 0.0, 0.0]; n], 1).unwrap(),
+        skeleton: Skeleton::new(vec![joint]).unwrap(),
+    }
+}
+
+/// Writes the pictures of the turning ellipsoid: `hide` leaves the pictures of that frame empty.
+fn pictures(folder: &Path, hide: impl Fn(usize) -> bool) -> Capture {
+    let camera = Camera::looking_at((SIDE, SIDE), &Point::new(0.0, 0.6, 3.0), &CENTER, &Vector::y(), 0.36).unwrap();
+    let subject =
+        Subject { camera: camera.clone(), garments: vec!["top".into()], joints: vec!["root".into()], generator: "test".into() };
+    let mut writer = CaptureWriter::create(folder, &subject).unwrap();
+    let skeleton = template().skeleton;
+    for frame in 0..FRAMES {
+        let turn = UnitQuaternion::from_axis_angle(&Vector::y_axis(), std::f64::consts::TAU * frame as Real / FRAMES as Real);
+        let pose = Pose { root_translation: Vector::new(0.02, 0.0, 0.01 * frame as Real), rotations: vec![turn] };
+        let place = skeleton.transforms(&pose).unwrap()[0];
+        let (mut mask, mut labels, mut normals) = (Vec::new(), Vec::new(), Vec::new());
+        for i in 0..SIDE * SIDE {
+            let (from, along) = camera.ray(&Point2::new((i % SIDE) as Real + 0.5, (i / SIDE) as Real + 0.5));
+            let hit = if hide(frame) {
+                None
+            } else {
+                meets(&place.inverse_transform_point(&from), &place.inverse_transform_vector(&along))
+            };
+            mask.push(hit.is_some());
+            labels.push(hit.map_or(0, |(point, _)| if point.y > CENTER.y { 2 } else { 1 }));
+            normals.push(hit.map_or([0.0; 3], |(_, normal)| {
+                let n = camera.rotation() * (place * normal);
+                [n.x as f32, n.y as f32, n.z as f32]
+            }));
+        }
+        let pictures = FramePictures { mask: &mask, labels: &labels, normals: &normals, noisy_mask: None, noisy_labels: None };
+        writer.push(&pose, &pictures).unwrap();
+    }
+    writer.finish().unwrap();
+    Capture::open(folder).unwrap()
+}
+
+/// Where a ray first meets the ellipsoid, and the normal there.
+fn meets(from: &Point, along: &Vector) -> Option<(Point, Vector)> {
+    let radii = Vector::from(RADII);
+    let (o, d) = ((from - CENTER).component_div(&radii), along.component_div(&radii));
+    let (a, b, c) = (d.norm_squared(), o.dot(&d), o.norm_squared() - 1.0);
+    let root = b * b - a * c;
+    let t = (-b - root.max(0.0).sqrt()) / a;
+    let point = from + along * t;
+    (root > 0.0).then(|| (point, unit_or_zero(&(point - CENTER).component_div(&radii.component_mul(&radii)))))
+}
+
+/// The distance of a point from the ellipsoid, to first order.
+fn off(p: &Point) -> Real {
+    let radii = Vector::from(RADII);
+    let q = (p - CENTER).component_div(&radii);
+    (q.norm_squared() - 1.0) / (2.0 * q.component_div(&radii)).norm()
+}
+
+fn fit(capture: &Capture, checkpoint: Option<&Path>, stop_at: usize) -> Result<Surface, SurfaceError> {
+    fit_surface(capture, &template(), &SurfaceParams::default(), checkpoint, &mut |p| {
+        let stop = p.loss.is_some() && p.step >= stop_at;
+        if stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })
+}
+
+#[test]
+fn a_template_is_fitted_to_what_was_seen() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = pictures(&folder.path().join("capture"), |_| false);
+    let surface = fit(&capture, None, usize::MAX).unwrap();
+    let errors: Vec<Real> = surface.mesh.vertices().iter().map(|p| off(p).abs()).collect();
+    let mean = errors.iter().sum::<Real>() / errors.len() as Real;
+    // A pixel is 11 mm wide; the template was off by 30 mm.
+    assert!(mean < 0.003, "mean {mean}, most {}", errors.iter().copied().fold(0.0, Real::max));
+    let report = &surface.report;
+    assert_eq!((report.frames, report.skipped.len(), report.rounds.len()), (FRAMES, 0, SurfaceParams::default().rounds));
+    let sum = report.pixels.no_normal + report.pixels.off_surface + report.pixels.contradicting + report.pixels.used;
+    assert_eq!(sum, report.pixels.person);
+    assert!(report.rounds[0].silhouette_mm > 10.0 * report.rounds[3].silhouette_mm, "{:?}", report.rounds);
+}
+
+#[test]
+fn a_stopped_run_goes_on_to_the_same_bits_and_threads_do_not_matter() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = pictures(&folder.path().join("capture"), |_| false);
+    let whole = fit(&capture, None, usize::MAX).unwrap();
+    let state = folder.path().join("state");
+    let stopped = fit(&capture, Some(&state), 2);
+    assert!(matches!(stopped, Err(SurfaceError::Cancelled { rounds: 2 })), "{stopped:?}");
+    let resumed = fit(&capture, Some(&state), usize::MAX).unwrap();
+    assert_eq!(resumed.mesh, whole.mesh);
+    assert_eq!(resumed.report, whole.report);
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        assert_eq!(pool.install(|| fit(&capture, None, usize::MAX)).unwrap().mesh, whole.mesh, "{threads} threads");
+    }
+}
+
+#[test]
+fn empty_frames_are_left_out_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = pictures(&folder.path().join("capture"), |frame| frame == 3 || frame == 7);
+    let surface = fit(&capture, None, usize::MAX).unwrap();
+    assert_eq!(surface.report.skipped, [3, 7].map(|frame| Skipped::NoPerson { frame, pixels: 0 }));
+    let dark = pictures(&folder.path().join("dark"), |_| true);
+    let error = fit(&dark, None, usize::MAX).unwrap_err();
+    assert!(matches!(error, SurfaceError::NothingSeen { frames: FRAMES, .. }), "{error}");
+}
