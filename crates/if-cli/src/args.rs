@@ -62,7 +62,7 @@ pub(crate) struct ParamArgs {
     /// Gap to keep between layers, with a unit: 0.5mm, 0.0005m; metres without one.
     #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) clearance: Option<f64>,
-    /// Any other parameter, as in [params] of an outfit file; may be given more than once.
+    /// Any other parameter, as in the `params` table of an outfit file; may be given more than once.
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
     pub(crate) set: Vec<(String, toml::Value)>,
 }
@@ -74,7 +74,7 @@ pub(crate) struct FixArgs {
     #[command(flatten)]
     pub(crate) params: ParamArgs,
     /// Output folder. Several outfits go into one folder each below it, named after their files.
-    /// Default for outfit files: out/<name>; needed with --body.
+    /// Default for outfit files: `out/NAME`; needed with --body.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Allow outputs to replace the input files.

@@ -159,6 +159,22 @@ mod tests {
     }
 
     #[test]
+    fn machines_that_fuse_multiply_and_add_have_the_same_gradients_to_the_bit() {
+        let points = points(40, 2);
+        let gradients: Vec<Vec<[f32; 3]>> = (Isa::all().into_iter())
+            .filter(|isa| isa.name().starts_with("AVX"))
+            .map(|isa| {
+                let mut samples = vec![Sample32::default(); 40];
+                network(&shapes()[2], isa).samples32(&points, &mut samples);
+                samples.iter().map(|sample| sample.gradient).collect()
+            })
+            .collect();
+        for pair in gradients.windows(2) {
+            assert_eq!(pair[0], pair[1]);
+        }
+    }
+
+    #[test]
     fn features_are_those_of_f64() {
         let network = network(&shapes()[3], Isa::best());
         let (points, twin) = (points(30, 1), twin(&network));

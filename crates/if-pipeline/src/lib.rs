@@ -31,8 +31,10 @@ pub mod align;
 pub mod asset;
 pub mod baselines;
 pub mod capture;
+mod cloth;
 mod contacts;
 pub mod content;
+mod inspector;
 pub mod mannequin;
 pub mod outfit;
 mod own;
@@ -49,8 +51,10 @@ pub mod skeleton;
 pub mod skin_weights;
 pub mod skinning;
 pub mod template;
+mod untangle;
 pub mod verify;
 pub mod wardrobe;
+mod weave;
 pub mod whole_folder;
 
 /// The example in the project's README is a test.

@@ -67,8 +67,11 @@ impl GivenPairs {
         Self(own_pairs(mesh, tree).iter().map(|p| [p.a, p.b]).collect())
     }
 
-    /// Own pairs of the garment as it is now: those that the input did not have.
-    pub(crate) fn fresh(&self, mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
-        own_pairs(mesh, tree).iter().map(|p| [p.a, p.b]).filter(|p| self.0.binary_search(p).is_err()).collect()
+    /// Own pairs of the garment as it is now that the input did not have, and by how many there are
+    /// more of them than in the input.
+    pub(crate) fn fresh(&self, mesh: &TriMesh, tree: &Bvh) -> (Vec<[u32; 2]>, usize) {
+        let now = own_pairs(mesh, tree);
+        let fresh = now.iter().map(|p| [p.a, p.b]).filter(|p| self.0.binary_search(p).is_err()).collect();
+        (fresh, now.len().saturating_sub(self.0.len()))
     }
 }

@@ -32,6 +32,11 @@ impl Neighbours {
         Self { start, list }
     }
 
+    /// The neighbours of vertex `v`, and how far along the edge they are, in metres.
+    pub(crate) fn of(&self, v: u32) -> &[(u32, Real)] {
+        &self.list[self.start[v as usize] as usize..self.start[v as usize + 1] as usize]
+    }
+
     /// Length of the shortest path along edges from any of `sources` to every vertex, in metres;
     /// infinite where it is longer than `limit`.
     pub(crate) fn distances(&self, sources: impl IntoIterator<Item = u32>, limit: Real) -> Vec<Real> {
@@ -45,7 +50,7 @@ impl Neighbours {
             if d > distance[v as usize] {
                 continue;
             }
-            for &(u, length) in &self.list[self.start[v as usize] as usize..self.start[v as usize + 1] as usize] {
+            for &(u, length) in self.of(v) {
                 let far = d + length;
                 if far <= limit && far < distance[u as usize] {
                     distance[u as usize] = far;

@@ -25,7 +25,7 @@ pub struct StepReport {
 /// Why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// No vertex moved farther than [`stop_below`](SolverParams::stop_below) in a step.
+    /// No vertex moved farther than [`stop_below`](crate::params::SolverParams::stop_below) in a step.
     Converged,
     /// The callback asked for it.
     Cancelled,

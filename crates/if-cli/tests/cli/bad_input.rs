@@ -178,7 +178,6 @@ fn arguments_at_fault() {
 }
 
 #[test]
-#[ignore = "resolve does not refuse parameters yet"]
 fn a_parameter_out_of_range() {
     fails(&Folder::new(), "fix outfit.toml --set clearance=-1.0 --out fixed", &["clearance", "-1"]);
 }
