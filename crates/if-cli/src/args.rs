@@ -7,7 +7,8 @@ use std::path::PathBuf;
 const EXIT_CODES: &str = "\
 Exit codes:
   0    clean: no intersecting triangle pairs and no vertex on a wrong side
-  1    not clean: `check` found intersections, or `fix` and `demo` could not remove all of them
+  1    not clean: `check` found intersections, `fix` and `demo` could not remove all of them, or
+       `fit` did not reach its --accuracy
   2    unusable: arguments, an input, or the output folder; the message names file and cause
   130  cancelled by Ctrl-C or SIGTERM; nothing half-written is left
 
@@ -36,6 +37,8 @@ pub(crate) enum Command {
     Check(CheckArgs),
     /// Keep bodies and garments in a folder, and combine them at will (docs/wardrobe.md).
     Wardrobe(WardrobeArgs),
+    /// Fit a neural signed distance field to a mesh, and write it as a safetensors file.
+    Fit(FitArgs),
 }
 
 /// Which outfits.
@@ -116,6 +119,53 @@ pub(crate) struct DemoArgs {
     /// Do not draw before.png and after.png.
     #[arg(long)]
     pub(crate) no_pictures: bool,
+}
+
+#[derive(Args, Debug, Clone)]
+pub(crate) struct FitArgs {
+    /// The mesh (.ply, .obj), in metres, wound outwards. Of an open mesh, such as a scan, the vertices are
+    /// fitted as points with normals: noise is averaged and holes are closed.
+    #[arg(value_name = "MESH")]
+    pub(crate) mesh: PathBuf,
+    /// Where to write the network (.safetensors).
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+    /// Time for the whole fit; 60 where neither steps nor an accuracy are given, 600 with an accuracy.
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    pub(crate) seconds: Option<f64>,
+    /// Stop as soon as the mean error near the surface is at most this: 0.5mm, 0.0005m; metres without unit.
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
+    pub(crate) accuracy: Option<f64>,
+    /// Stop after so many steps; the same steps give the same bits, on any number of threads.
+    #[arg(long, value_name = "N", conflicts_with = "seconds")]
+    pub(crate) steps: Option<u64>,
+    /// Which network.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) network: NetworkName,
+    /// Fit the vertices as points even where the mesh is closed.
+    #[arg(long)]
+    pub(crate) points: bool,
+    /// Factor from the units of the file to metres; the network is in metres.
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    pub(crate) scale: Option<f64>,
+    /// Seed of sampling and first values.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// Print the report as JSON on stdout, and no table.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Networks of `fit`.
+#[derive(ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum NetworkName {
+    /// Features on grids with a small network: the most accurate in a given time.
+    #[default]
+    Grid,
+    /// The network of Appendix E, 256 wide.
+    Fast,
+    /// The network of Appendix E, 512 wide.
+    Paper,
 }
 
 /// Scenes of the demo.

@@ -48,7 +48,7 @@ fn outfit_advice(error: &OutfitError) -> String {
     }
 }
 
-fn reading_advice(error: &ReadError) -> &'static str {
+pub(crate) fn reading_advice(error: &ReadError) -> &'static str {
     match error {
         ReadError::Extension { .. } => "give a .ply or .obj file",
         ReadError::Io { .. } => "look at the path; relative paths in an outfit file start at its folder",

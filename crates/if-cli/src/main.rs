@@ -7,6 +7,7 @@ mod check;
 mod demo;
 mod end;
 mod errors;
+mod fit;
 mod fix;
 mod hash;
 mod left;
@@ -43,6 +44,7 @@ fn run(cli: &Cli) -> Result<End, Report> {
     cancel::listen();
     match &cli.command {
         Command::Demo(args) => demo::run(args),
+        Command::Fit(args) => fit::run(args),
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
         Command::Wardrobe(args) => wardrobe::run(args),

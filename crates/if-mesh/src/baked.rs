@@ -4,6 +4,7 @@
 mod accuracy;
 mod bricks;
 mod build;
+mod choose;
 mod file;
 mod params;
 mod redistance;

@@ -2,8 +2,10 @@
 //! meshes, the closed clothed-body field, and measures.
 
 pub mod atomic;
+pub mod attributes;
 pub mod baked;
 pub mod camera;
+pub mod cleanup;
 pub mod cut;
 pub mod file;
 pub mod index;

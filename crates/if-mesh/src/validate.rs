@@ -162,7 +162,7 @@ pub fn suspicious_units(mesh: &TriMesh) -> Option<Fault> {
     Some(Fault::Units { height, unit })
 }
 
-fn is_flat([a, b, c]: [&Point; 3]) -> bool {
+pub(crate) fn is_flat([a, b, c]: [&Point; 3]) -> bool {
     let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
     area_vector(a, b, c).norm() <= FLAT * longest
 }

@@ -376,6 +376,28 @@ mod tests {
     }
 
     #[test]
+    fn a_point_that_is_no_number_gives_no_number_and_spoils_no_other() {
+        for isa in Isa::all() {
+            let network = network(&config(5), isa);
+            let (mut points, frames) = inputs(30, 5);
+            let mut good = vec![OffsetSample::default(); 30];
+            network.samples(&points, &frames, &mut good);
+            let kept = std::mem::replace(&mut points[7], [f32::NAN, 0.0, 0.0]);
+            let mut samples = good.clone();
+            network.samples(&points, &frames, &mut samples);
+            assert!(samples[7].offset.iter().all(|d| d.is_nan()), "{}", isa.name());
+            for n in (0..30).filter(|n| *n != 7) {
+                assert_eq!(samples[n], good[n]);
+            }
+            let mut gradient = vec![0.0; network.parameters().len()];
+            assert!(network.loss_gradient(&points, &frames, &loss, &mut gradient).is_nan());
+            points[7] = kept;
+            network.loss_gradient(&points, &frames, &loss, &mut gradient);
+            assert!(gradient.iter().all(|g| g.is_finite()), "scratch memory keeps a NaN");
+        }
+    }
+
+    #[test]
     fn a_call_without_points_has_no_gradient() {
         let network = network(&config(5), Isa::best());
         let mut gradient = vec![f32::NAN; network.parameters().len()];

@@ -175,6 +175,34 @@ mod tests {
     }
 
     #[test]
+    fn a_point_that_is_no_number_gives_no_number_and_spoils_no_other() {
+        for isa in Isa::all() {
+            let network = network(&shapes()[3], isa);
+            let mut points = points(30, 2);
+            let mut good = vec![Sample32::default(); 30];
+            network.samples32(&points, &mut good);
+            points[4][1] = f32::NAN;
+            points[20][2] = f32::INFINITY;
+            let mut samples = good.clone();
+            network.samples32(&points, &mut samples);
+            for n in 0..30 {
+                if n == 4 || n == 20 {
+                    assert!(samples[n].value.is_nan(), "{}: {:?}", isa.name(), samples[n]);
+                    assert!(samples[n].gradient.iter().any(|g| g.is_nan()));
+                } else {
+                    assert_eq!(samples[n], good[n]);
+                }
+            }
+            let mut gradient = vec![0.0; network.parameters().len()];
+            assert!(network.loss_gradient(&points, &loss, &mut gradient).is_nan());
+            points[4][1] = 0.0;
+            points[20][2] = 0.0;
+            assert!(network.loss_gradient(&points, &loss, &mut gradient).is_finite());
+            assert!(gradient.iter().all(|g| g.is_finite()), "scratch memory keeps a NaN");
+        }
+    }
+
+    #[test]
     fn features_are_those_of_f64() {
         let network = network(&shapes()[3], Isa::best());
         let (points, twin) = (points(30, 1), twin(&network));

@@ -34,6 +34,7 @@ pub mod capture;
 mod cloth;
 mod contacts;
 pub mod content;
+pub mod fitting;
 mod inspector;
 pub mod mannequin;
 pub mod outfit;

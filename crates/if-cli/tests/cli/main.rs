@@ -5,6 +5,7 @@
 mod bad_input;
 mod batch;
 mod commands;
+mod fit;
 mod folder;
 mod same_bytes;
 mod wardrobe;

@@ -89,6 +89,18 @@ pub enum BakeError {
         /// What it is.
         sample: FieldSample,
     },
+    /// No grid that was tried is accurate enough.
+    #[error(
+        "with cells of {cell} m the error is still at most {bound} m, not {accuracy} m; ask for less, or for a smaller reach"
+    )]
+    Inaccurate {
+        /// What was asked for, in metres.
+        accuracy: Real,
+        /// The bound of the last grid, in metres.
+        bound: Real,
+        /// Its cells, in metres.
+        cell: Real,
+    },
     /// The source is steeper than its `lipschitz()`.
     #[error(
         "the source is {distance} in {point}, although its lipschitz() excludes the surface from there on; correct the bound"

@@ -35,7 +35,7 @@ const LN2_LOW: f32 = -0.000_212_194_44;
 /// # Accuracy
 ///
 /// The value to 1.2e-7/β + half a unit in the last place, the slope to (3 + |βz|)·1e-7 relative
-/// where |βz| < 86 (the rounding of βz); the slope is cut off at e⁻⁸⁶ beyond.
+/// where |βz| < 86 (the rounding of βz); the slope is cut off at e⁻⁸⁶ beyond. NaN gives NaN.
 #[inline(always)]
 fn softplus<S: Simd>(simd: S, z: S::f32s, beta: S::f32s, inverse: S::f32s) -> (S::f32s, S::f32s) {
     let (zero, one) = (simd.splat_f32s(0.0), simd.splat_f32s(1.0));
@@ -62,9 +62,10 @@ fn softplus<S: Simd>(simd: S, z: S::f32s, beta: S::f32s, inverse: S::f32s) -> (S
         l = fma(simd, l, e, simd.splat_f32s(LOG[k]));
     }
     let l = simd.mul_f32s(l, e);
-    let value = fma(simd, l, inverse, simd.max_f32s(z, zero));
-    let positive = simd.greater_than_f32s(t, zero);
-    let slope = simd.select_f32s(positive, reciprocal, simd.mul_f32s(e, reciprocal));
+    // By comparisons rather than `max`, which may answer a number where z is none.
+    let shut = simd.less_than_or_equal_f32s(t, zero);
+    let value = fma(simd, l, inverse, simd.select_f32s(shut, zero, z));
+    let slope = simd.select_f32s(shut, simd.mul_f32s(e, reciprocal), reciprocal);
     (value, slope)
 }
 
@@ -213,10 +214,11 @@ impl WithSimd for Relu<'_> {
         let (stride, step) = (self.stride / S::F32_LANES, self.block * self.stride / S::F32_LANES);
         for at in 0..self.points * stride {
             let z = if z.is_empty() { rows[at] } else { z[at] };
-            let open = simd.greater_than_f32s(z, zero);
+            // Not "where it is above 0": a z that is no number must not vanish.
+            let shut = simd.less_than_or_equal_f32s(z, zero);
             let mut at = at;
             while at < rows.len() {
-                rows[at] = simd.select_f32s(open, rows[at], zero);
+                rows[at] = simd.select_f32s(shut, zero, rows[at]);
                 at += step;
             }
         }

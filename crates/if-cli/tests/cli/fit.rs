@@ -1,0 +1,72 @@
+//! `ifg fit`: what it writes, says and refuses.
+
+use crate::folder::{Folder, body, ply};
+use if_core::field::SignedDistance;
+use if_core::math::Point;
+use if_core::mesh::TriMesh;
+use if_neural::field::NeuralField;
+use if_neural::files::read_network;
+
+#[test]
+fn a_fitted_body_is_a_field_and_the_same_bytes_on_any_number_of_threads() {
+    let folder = Folder::new();
+    let run = folder.ifg("fit body.ply --out body.safetensors --steps 6 --threads 1").expect(0);
+    for word in ["fitted to its field", "mean mm", "p99 mm", "6 steps, all done", "Wrote body.safetensors"] {
+        assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
+    }
+    let file = folder.read("body.safetensors");
+    let (network, frame) = read_network(file.as_slice()).unwrap();
+    let field = NeuralField::new(network, frame).unwrap();
+    // The drawn-out ball reaches 0.9 m up; its sides are 0.15 m and 0.1 m from the middle.
+    for (p, inside) in [([0.0, 0.0, 0.0], true), ([0.0, 0.85, 0.0], true), ([0.0, 0.95, 0.0], false), ([0.12, 0.0, 0.08], false)]
+    {
+        assert_eq!(field.distance(&Point::from(p)) < 0.0, inside, "{p:?}");
+    }
+    let json = folder.ifg("fit body.ply --out again.safetensors --steps 6 --threads 3 --json").expect(0).json();
+    assert_eq!((&json["state"], &json["report"]["steps"]), (&"steps".into(), &6.into()));
+    assert!(json["report"]["error"]["mean"].as_f64().unwrap() < 1e-3);
+    assert!(folder.read("again.safetensors") == file);
+}
+
+#[test]
+fn an_accuracy_ends_the_fit_or_the_exit_code_says_that_it_was_not_reached() {
+    let folder = Folder::new();
+    let run = folder.ifg("fit body.ply --out a.safetensors --accuracy 5mm --steps 500").expect(0);
+    assert!(run.stdout.contains("accuracy reached"), "{}", run.stdout);
+    let run = folder.ifg("fit body.ply --out b.safetensors --accuracy 0.0001mm --steps 2").expect(1);
+    assert!(run.stderr.contains("not reached") && folder.path("b.safetensors").exists(), "{}", run.stderr);
+}
+
+#[test]
+fn an_open_mesh_is_fitted_by_its_vertices() {
+    let folder = Folder::new();
+    let closed = body();
+    let open = TriMesh::new(closed.vertices().to_vec(), closed.triangles()[3..].to_vec()).unwrap();
+    folder.write("open.ply", ply(&open));
+    let run = folder.ifg("fit open.ply --out open.safetensors --steps 2").expect(0);
+    assert!(run.stdout.contains("vertices as points"), "{}", run.stdout);
+}
+
+#[test]
+fn what_cannot_be_fitted_is_refused_and_nothing_is_written() {
+    let folder = Folder::new();
+    let closed = body();
+    let turned: Vec<[u32; 3]> = closed.triangles().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+    folder.write("turned.ply", ply(&TriMesh::new(closed.vertices().to_vec(), turned).unwrap()));
+    folder.write("empty.ply", ply(&TriMesh::default()));
+    let before = folder.files();
+    for (args, words) in [
+        ("fit turned.ply --out x.safetensors", ["turned.ply", "outside"]),
+        ("fit empty.ply --out x.safetensors", ["empty.ply", "triangles"]),
+        ("fit none.ply --out x.safetensors", ["none.ply", "path"]),
+        ("fit body.ply --out no/such/x.safetensors --steps 1", ["no/such/x.safetensors", "folder"]),
+        ("fit body.ply --out body.ply --steps 1", ["body.ply", "--out"]),
+        ("fit body.ply --out x.safetensors --seconds 0", ["--seconds", "positive"]),
+    ] {
+        let run = folder.ifg(args).expect(2);
+        for word in words {
+            assert!(run.stderr.contains(word), "`{word}` is missing:\n{}", run.stderr);
+        }
+    }
+    assert!(folder.files() == before, "files changed");
+}

@@ -1,0 +1,120 @@
+//! Boundary loops and their shape.
+
+use super::twins::{Twins, ends};
+use super::work::Work;
+use if_core::math::{Point, Real, Vector};
+use serde::Serialize;
+
+/// A boundary loop in numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LoopShape {
+    /// Number of its edges.
+    pub edges: usize,
+    /// Its length, in metres.
+    pub length: Real,
+    /// Its centre, in metres.
+    pub center: [Real; 3],
+    /// Least and largest coordinates, in metres.
+    pub aabb: [[Real; 3]; 2],
+    /// How much of an opening it is: 0 for a hole in a flat sheet. See [`LoopShape::openness`] for the formula.
+    pub openness: Real,
+}
+
+impl LoopShape {
+    /// Measures a loop.
+    ///
+    /// ```text
+    /// openness = A (1 − n·a) min(1, 4πA / L²),   A a = −½ ∮ x × dx,   n = ∮ N ds / ∮ ds
+    /// ```
+    ///
+    /// in square metres: A is the area that the loop spans and `a` the direction out of which its lid would look; N is the
+    /// surface's normal along it, and L the length of the loop without its ragged edge. Round a hole in a sheet, the
+    /// sheet looks where the lid does: n·a = 1. Where a tube ends it looks sideways, n·a = 0. At the rim of a flat
+    /// cloth the lid looks the other way: −1. The last factor takes out narrow slits such as those between the legs.
+    pub(super) fn new(work: &Work, twins: &Twins, rim: &[u32]) -> Self {
+        let at = |h: u32| work.points[ends(&work.triangles, h)[0] as usize];
+        let points: Vec<Point> = rim.iter().map(|&h| at(h)).collect();
+        let n = points.len();
+        let center = points.iter().fold(Vector::zeros(), |s, p| s + p.coords) / n.max(1) as Real;
+        let (mut span, mut normal, mut length) = (Vector::zeros(), Vector::zeros(), 0.0);
+        for k in 0..n {
+            let (p, q) = (points[k], points[(k + 1) % n]);
+            let step = (q - p).norm();
+            span -= (p.coords - center).cross(&(q.coords - center)) / 2.0;
+            normal += work.normal_at(twins, rim[k]) * step;
+            length += step;
+        }
+        let area = span.norm();
+        let openness = if area > 0.0 && length > 0.0 {
+            let along = normal.dot(&span) / (area * length);
+            let round = 2.0 * std::f64::consts::TAU * area / smoothed_length(points.clone()).powi(2).max(Real::MIN_POSITIVE);
+            area * (1.0 - along).max(0.0) * round.min(1.0)
+        } else {
+            0.0
+        };
+        let mut aabb = [[Real::INFINITY; 3], [Real::NEG_INFINITY; 3]];
+        for p in &points {
+            for axis in 0..3 {
+                aabb[0][axis] = aabb[0][axis].min(p[axis]);
+                aabb[1][axis] = aabb[1][axis].max(p[axis]);
+            }
+        }
+        Self { edges: n, length, center: center.into(), aabb, openness }
+    }
+}
+
+/// Length after as many rounds of averaging as take out teeth a sixth of the loop long.
+fn smoothed_length(mut points: Vec<Point>) -> Real {
+    let n = points.len();
+    for _ in 0..(n / 6).max(4) {
+        let old = points.clone();
+        for k in 0..n {
+            points[k] = Point::from((old[(k + n - 1) % n].coords + old[k].coords * 2.0 + old[(k + 1) % n].coords) / 4.0);
+        }
+    }
+    length(&points)
+}
+
+/// Length of the closed line through `points`, in metres.
+pub(super) fn length(points: &[Point]) -> Real {
+    (0..points.len()).map(|k| (points[(k + 1) % points.len()] - points[k]).norm()).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::twins::loops;
+    use super::*;
+    use if_core::mesh::TriMesh;
+    use if_core::shapes::meshes::{cloth, tube};
+
+    fn shapes(mesh: &TriMesh) -> Vec<LoopShape> {
+        let (work, twins) = (Work::new(mesh), Twins::of_mesh(mesh));
+        loops(mesh.triangles(), &twins).iter().map(|l| LoopShape::new(&work, &twins, l)).collect()
+    }
+
+    #[test]
+    fn ends_of_tubes_are_open_and_holes_in_them_are_not() {
+        let mut triangles = tube(0.1, 0.4, 60, 20, false).triangles().to_vec();
+        let tube = tube(0.1, 0.4, 60, 20, false);
+        triangles.retain(|t| {
+            let c = t.iter().fold(Vector::zeros(), |s, v| s + tube.vertices()[*v as usize].coords) / 3.0;
+            (c - Vector::new(0.1, 0.2, 0.0)).norm() > 0.035
+        });
+        let mut found = shapes(&TriMesh::new(tube.vertices().to_vec(), triangles).unwrap());
+        found.sort_by(|a, b| b.openness.total_cmp(&a.openness));
+        assert_eq!(found.len(), 3);
+        let disc = std::f64::consts::PI * 0.1f64.powi(2);
+        for end in &found[..2] {
+            approx::assert_relative_eq!(end.openness, disc, max_relative = 0.02);
+            approx::assert_relative_eq!(end.length, std::f64::consts::TAU * 0.1, max_relative = 0.01);
+        }
+        assert!(found[2].openness < 0.01 * disc, "{}", found[2].openness);
+    }
+
+    #[test]
+    fn the_rim_of_a_cloth_is_an_opening() {
+        let found = shapes(&cloth(0.3, 0.3, 6, 6));
+        assert_eq!(found.len(), 1);
+        assert!(found[0].openness > 0.1, "{}", found[0].openness);
+    }
+}

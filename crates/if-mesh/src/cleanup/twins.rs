@@ -1,0 +1,222 @@
+//! Which half-edges face each other.
+
+use if_core::mesh::TriMesh;
+
+/// No half-edge.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// The half-edge after `h` in its triangle. Half-edge `3t + k` runs from corner k to corner k + 1 of triangle t.
+#[inline]
+pub(crate) fn next(h: u32) -> u32 {
+    if h % 3 == 2 { h - 2 } else { h + 1 }
+}
+
+/// The half-edge before `h` in its triangle.
+#[inline]
+pub(crate) fn previous(h: u32) -> u32 {
+    if h.is_multiple_of(3) { h + 2 } else { h - 1 }
+}
+
+/// Both ends of half-edge `h`, where it starts first.
+#[inline]
+pub(crate) fn ends(triangles: &[[u32; 3]], h: u32) -> [u32; 2] {
+    let t = triangles[h as usize / 3];
+    [t[h as usize % 3], t[next(h) as usize % 3]]
+}
+
+/// The half-edges of a mesh.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Twins {
+    /// For each half-edge the one that faces it: the only other one between its two vertices, in the
+    /// opposite direction. [`NONE`] else.
+    pub(crate) of: Vec<u32>,
+    /// Pairs of half-edges alone between their vertices that run in the same direction.
+    pub(crate) against: Vec<[u32; 2]>,
+    /// Three or more half-edges between the same two vertices, ascending.
+    pub(crate) crowded: Vec<Vec<u32>>,
+}
+
+/// Lengths of buckets up to which insertion beats a library sort.
+const SHORT: usize = 20;
+
+impl Twins {
+    /// Pairs the half-edges of `mesh`, in linear time where no vertex has very many neighbours.
+    pub(crate) fn of_mesh(mesh: &TriMesh) -> Self {
+        Self::new(mesh.vertices().len(), mesh.triangles())
+    }
+
+    /// Pairs the half-edges of `triangles`.
+    pub(crate) fn new(vertices: usize, triangles: &[[u32; 3]]) -> Self {
+        // Buckets by the smaller end; each holds (larger end, half-edge), the latter ascending.
+        let mut start = vec![0u32; vertices + 2];
+        for t in triangles {
+            for k in 0..3 {
+                start[t[k].min(t[(k + 1) % 3]) as usize + 2] += 1;
+            }
+        }
+        for v in 2..start.len() {
+            start[v] += start[v - 1];
+        }
+        let mut list = vec![(0u32, 0u32); 3 * triangles.len()];
+        for (i, t) in triangles.iter().enumerate() {
+            for k in 0..3 {
+                let (a, b) = (t[k], t[(k + 1) % 3]);
+                let at = &mut start[a.min(b) as usize + 1];
+                list[*at as usize] = (a.max(b), (3 * i + k) as u32);
+                *at += 1;
+            }
+        }
+        let mut twins = Self { of: vec![NONE; list.len()], ..Self::default() };
+        for v in 0..vertices {
+            let bucket = &mut list[start[v] as usize..start[v + 1] as usize];
+            sort(bucket);
+            let mut run = 0;
+            while run < bucket.len() {
+                let mut end = run + 1;
+                while end < bucket.len() && bucket[end].0 == bucket[run].0 {
+                    end += 1;
+                }
+                twins.take(&bucket[run..end], triangles);
+                run = end;
+            }
+        }
+        twins
+    }
+
+    fn take(&mut self, run: &[(u32, u32)], triangles: &[[u32; 3]]) {
+        match *run {
+            [_] => {}
+            [(_, g), (_, h)] if ends(triangles, g)[0] == ends(triangles, h)[1] => {
+                self.of[g as usize] = h;
+                self.of[h as usize] = g;
+            }
+            [(_, g), (_, h)] => self.against.push([g, h]),
+            _ => self.crowded.push(run.iter().map(|r| r.1).collect()),
+        }
+    }
+
+    /// Half-edges without a twin, ascending.
+    pub(crate) fn rim(&self) -> impl Iterator<Item = u32> {
+        self.of.iter().enumerate().filter(|(_, t)| **t == NONE).map(|(h, _)| h as u32)
+    }
+
+    /// The half-edges that leave a vertex, round it from `h`, which is one of them: towards its twin first, and where
+    /// a rim ends that walk, the other way.
+    pub(crate) fn around(&self, h: u32, mut visit: impl FnMut(u32)) {
+        visit(h);
+        let mut at = h;
+        loop {
+            let twin = self.of[at as usize];
+            if twin == NONE {
+                break;
+            }
+            at = next(twin);
+            if at == h {
+                return;
+            }
+            visit(at);
+        }
+        at = h;
+        loop {
+            at = self.of[previous(at) as usize];
+            if at == NONE || at == h {
+                return;
+            }
+            visit(at);
+        }
+    }
+}
+
+fn sort(bucket: &mut [(u32, u32)]) {
+    if bucket.len() > SHORT {
+        bucket.sort_unstable();
+        return;
+    }
+    for k in 1..bucket.len() {
+        let mut at = k;
+        while at > 0 && bucket[at] < bucket[at - 1] {
+            bucket.swap(at, at - 1);
+            at -= 1;
+        }
+    }
+}
+
+/// For each vertex a half-edge that leaves it, [`NONE`] for one of no triangle. On the rim, the one along it.
+pub(crate) fn leaving(vertices: usize, triangles: &[[u32; 3]], twins: &Twins) -> Vec<u32> {
+    let mut first = vec![NONE; vertices];
+    for (t, tri) in triangles.iter().enumerate() {
+        for k in 0..3 {
+            let h = (3 * t + k) as u32;
+            if first[tri[k] as usize] == NONE || twins.of[h as usize] == NONE {
+                first[tri[k] as usize] = h;
+            }
+        }
+    }
+    first
+}
+
+/// Rims as loops of half-edges, each in the direction of its triangles, that of the smallest half-edge first.
+///
+/// In a manifold mesh one rim half-edge leaves each rim vertex; elsewhere a loop ends where it cannot go on.
+pub(crate) fn loops(triangles: &[[u32; 3]], twins: &Twins) -> Vec<Vec<u32>> {
+    let mut seen = vec![false; twins.of.len()];
+    let mut found = Vec::new();
+    for first in twins.rim() {
+        if seen[first as usize] {
+            continue;
+        }
+        let mut walk = Vec::new();
+        let mut h = first;
+        while !seen[h as usize] {
+            seen[h as usize] = true;
+            walk.push(h);
+            // Turn round the end of `h` through the triangles there, until the rim comes again.
+            let mut out = next(h);
+            while twins.of[out as usize] != NONE {
+                out = next(twins.of[out as usize]);
+            }
+            h = out;
+        }
+        found.push(walk);
+    }
+    debug_assert!(found.iter().flatten().all(|&h| ends(triangles, h)[0] != ends(triangles, h)[1]));
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::edges::Edges;
+    use if_core::shapes::meshes::{icosphere, tube};
+
+    #[test]
+    fn twins_and_loops_agree_with_the_edges_of_the_core() {
+        for mesh in [tube(0.1, 0.3, 17, 5, false), icosphere(0.2, 2)] {
+            let twins = Twins::of_mesh(&mesh);
+            let edges = Edges::new(&mesh);
+            for h in 0..twins.of.len() as u32 {
+                let e = edges.of_triangle[h as usize / 3][h as usize % 3] as usize;
+                assert_eq!(twins.of[h as usize] == NONE, edges.valence[e] == 1);
+            }
+            let mine: Vec<Vec<u32>> = loops(mesh.triangles(), &twins)
+                .iter()
+                .map(|l| l.iter().map(|&h| ends(mesh.triangles(), h)[0]).collect())
+                .collect();
+            assert_eq!(mine, edges.boundary_loops(&mesh));
+        }
+    }
+
+    #[test]
+    fn a_walk_round_a_vertex_meets_each_triangle_once() {
+        let mesh = tube(0.1, 0.3, 9, 3, false);
+        let twins = Twins::of_mesh(&mesh);
+        for (v, &h) in leaving(mesh.vertices().len(), mesh.triangles(), &twins).iter().enumerate() {
+            let mut found = Vec::new();
+            twins.around(h, |h| found.push(h / 3));
+            found.sort_unstable();
+            let all: Vec<u32> =
+                (0..mesh.triangles().len() as u32).filter(|t| mesh.triangles()[*t as usize].contains(&(v as u32))).collect();
+            assert_eq!(found, all);
+        }
+    }
+}

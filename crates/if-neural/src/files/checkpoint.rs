@@ -1,0 +1,91 @@
+//! A fit that was interrupted, in a file.
+
+#![cfg(feature = "train")]
+
+use super::tensors::{self, Named, Tensors};
+use super::{Header, ReadError, grid_parts, layer_parts, network_of};
+use crate::adam::Adam;
+use crate::fit::{Best, Fit, FitParams};
+use crate::frame::Frame;
+use crate::network::Network;
+use crate::trainable::TrainableField;
+use serde::{Deserialize, Serialize};
+use std::io::{self, Read, Write};
+
+#[derive(Serialize, Deserialize)]
+struct State {
+    params: FitParams,
+    step: u64,
+    seconds: f64,
+    adam_steps: Option<u64>,
+    best_step: Option<u64>,
+    best_mean: Option<f64>,
+}
+
+/// Writes a fit and the network it is fitting, as [`Fit::run`] left them after the caller broke.
+///
+/// # Errors
+///
+/// What the writer says.
+pub fn write_checkpoint(writer: &mut impl Write, fit: &Fit, network: &Network, frame: &Frame) -> io::Result<()> {
+    let mut header = Header::new("checkpoint");
+    header.network = Some(network.config());
+    header.frame = Some(*frame);
+    let state = State {
+        params: fit.params,
+        step: fit.step,
+        seconds: fit.seconds,
+        adam_steps: fit.adam.as_ref().map(|a| a.steps),
+        best_step: fit.best.as_ref().map(|b| b.step),
+        best_mean: fit.best.as_ref().map(|b| b.mean),
+    };
+    header.state = Some(serde_json::to_value(state)?);
+    let mut parts = match network {
+        Network::Grid(grid) => grid_parts(grid),
+        Network::Sdf(sdf) => layer_parts(sdf.layout(), sdf.parameters()),
+    };
+    let mut add = |name: &str, data| parts.push(Named { name: name.to_owned(), shape: vec![network.parameters().len()], data });
+    if let Some(adam) = &fit.adam {
+        add("adam.first", adam.first.as_slice());
+        add("adam.second", adam.second.as_slice());
+    }
+    if let Some(best) = &fit.best {
+        add("best", best.theta.as_slice());
+    }
+    tensors::write(writer, &header, &parts)
+}
+
+/// Reads what [`write_checkpoint`] wrote. The training set is made anew, from the same target and parameters.
+///
+/// # Errors
+///
+/// See [`ReadError`].
+pub fn read_checkpoint(reader: impl Read) -> Result<(Fit, Network, Frame), ReadError> {
+    let tensors = Tensors::read(reader)?;
+    let header = tensors.header("checkpoint")?;
+    let (network, frame) = network_of(&tensors, &header)?;
+    let fault = |what: String| ReadError::Checkpoint { what };
+    let state: State = serde_json::from_value(header.state.ok_or_else(|| fault("it has no state".into()))?)
+        .map_err(|e| fault(format!("its state cannot be understood: {e}")))?;
+    let mut fit = Fit::new(state.params).map_err(|e| fault(e.to_string()))?;
+    if !(state.seconds >= 0.0 && state.seconds.is_finite()) {
+        return Err(fault(format!("it took {} seconds", state.seconds)));
+    }
+    (fit.step, fit.seconds) = (state.step, state.seconds);
+    let len = network.parameters().len();
+    let array = |name: &str| -> Result<Vec<f32>, ReadError> {
+        let mut data = Vec::new();
+        tensors.append(name, &[len], &mut data)?;
+        match data.iter().position(|v| !v.is_finite()) {
+            Some(k) => Err(fault(format!("`{name}` is {} at {k}", data[k]))),
+            None => Ok(data),
+        }
+    };
+    if let Some(steps) = state.adam_steps {
+        fit.adam = Some(Adam { params: state.params.adam, steps, first: array("adam.first")?, second: array("adam.second")? });
+    }
+    if let (Some(step), Some(mean)) = (state.best_step, state.best_mean) {
+        fit.best = Some(Best { step, mean, theta: array("best")? });
+    }
+    Ok((fit, network, frame))
+}

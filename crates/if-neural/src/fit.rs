@@ -1,0 +1,385 @@
+//! Fitting a field with parameters to a training set: steps, stops, and what is kept.
+
+use crate::accuracy::{FieldError, HeldOut};
+use crate::adam::{Adam, AdamParams};
+use crate::loss::LossParams;
+use crate::sampling::{Samples, TrainingSet};
+use crate::schedule::Schedule;
+use crate::trainable::TrainableField;
+use if_core::math::Real;
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// Held-out points of a check; the report has all of them.
+const CHECKED: usize = 2048;
+/// A check that finds the error this many times the best one's stops the fit as diverged.
+const DIVERGED: Real = 50.0;
+
+/// How to fit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FitParams {
+    /// Points of a step.
+    pub batch: usize,
+    /// Share of them that lies anywhere in the cube instead of near the surface, from 0 to 1.
+    pub far: Real,
+    /// Steps at most.
+    pub steps: Option<u64>,
+    /// Time at most, in seconds. With it the learning rate follows the clock, and two runs differ in their bits;
+    /// without it they do not.
+    pub seconds: Option<Real>,
+    /// Stop when the mean error near the surface is at most this, in metres.
+    pub accuracy: Option<Real>,
+    /// Steps from one check on held-out points to the next.
+    pub check_every: u64,
+    /// The learning rate.
+    pub schedule: Schedule,
+    /// The terms of the loss.
+    pub loss: LossParams,
+    /// The optimiser.
+    pub adam: AdamParams,
+    /// Seed of the batches.
+    pub seed: u64,
+}
+
+impl Default for FitParams {
+    /// One minute, with the values found best for [`crate::grid::GridField`] on clothed bodies.
+    fn default() -> Self {
+        Self {
+            batch: 1 << 14,
+            far: 0.1,
+            steps: None,
+            seconds: Some(60.0),
+            accuracy: None,
+            check_every: 50,
+            schedule: Schedule::default(),
+            loss: LossParams::default(),
+            adam: AdamParams::default(),
+            seed: 1,
+        }
+    }
+}
+
+/// Why there is no fit.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FitError {
+    /// A parameter is out of range.
+    #[error("{name} = {value}: {needs}")]
+    Parameter {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it has to be.
+        needs: &'static str,
+    },
+    /// Neither steps nor seconds are limited.
+    #[error("the fit would never end: give `steps` or `seconds` (an accuracy need not be reached)")]
+    Endless,
+    /// The field is not a number at the very start.
+    #[error("the field is not a number at the held-out points before the first step; make it anew")]
+    NotANumber,
+    /// A state of another field.
+    #[error("the state is of a field with {expected} parameters, this one has {got}")]
+    Parameters {
+        /// Of the state.
+        expected: usize,
+        /// Of the field.
+        got: usize,
+    },
+}
+
+impl FitParams {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter out of range, or no limit at all.
+    pub fn validate(&self) -> Result<(), FitError> {
+        let fault = |(name, value, needs)| Err(FitError::Parameter { name, value, needs });
+        if !(1..=1 << 24).contains(&self.batch) {
+            return fault(("batch", self.batch as f64, "from 1 to 2^24 points"));
+        }
+        if !(0.0..=1.0).contains(&self.far) {
+            return fault(("far", self.far, "from 0 to 1"));
+        }
+        if self.check_every == 0 {
+            return fault(("check_every", 0.0, "at least 1 step"));
+        }
+        for (name, value) in [("seconds", self.seconds), ("accuracy", self.accuracy)] {
+            if let Some(value) = value
+                && !(value > 0.0 && value.is_finite())
+            {
+                return fault((name, value, "a finite number above zero"));
+            }
+        }
+        let AdamParams { beta1, beta2, epsilon, .. } = self.adam;
+        for (name, beta) in [("adam.beta1", beta1), ("adam.beta2", beta2)] {
+            if !(0.0..1.0).contains(&beta) {
+                return fault((name, beta.into(), "from 0 to below 1"));
+            }
+        }
+        if !(epsilon > 0.0 && epsilon.is_finite()) {
+            return fault(("adam.epsilon", epsilon.into(), "a finite number above zero"));
+        }
+        if let Some(found) = self.schedule.fault().or(self.loss.fault()) {
+            return fault(found);
+        }
+        if self.steps.is_none() && self.seconds.is_none() {
+            return Err(FitError::Endless);
+        }
+        Ok(())
+    }
+}
+
+/// Why a fit ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ended {
+    /// All steps were done.
+    Steps,
+    /// The time was over.
+    Time,
+    /// The accuracy was reached.
+    Accuracy,
+    /// The caller asked to stop.
+    Cancelled,
+    /// The loss or the field was no number any more, or the error rose far above the best.
+    Diverged,
+}
+
+/// What a caller hears after each step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FitProgress {
+    /// Steps done.
+    pub step: u64,
+    /// Share of the steps or of the time that is done, whichever is more.
+    pub done: Real,
+    /// Seconds of all steps so far.
+    pub seconds: Real,
+    /// Mean loss of the batch.
+    pub loss: Real,
+    /// Errors at the last check.
+    pub error: FieldError,
+}
+
+/// How a fit went.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FitReport {
+    /// Why it ended.
+    pub ended: Ended,
+    /// Steps done.
+    pub steps: u64,
+    /// Step of the parameters that were kept: those with the least error at a check.
+    pub kept: u64,
+    /// Points seen.
+    pub samples: u64,
+    /// Seconds of the steps and checks.
+    pub seconds: Real,
+    /// Errors at all held-out points.
+    pub error: FieldError,
+}
+
+/// The best parameters so far.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Best {
+    pub(crate) step: u64,
+    pub(crate) mean: Real,
+    pub(crate) theta: Vec<f32>,
+}
+
+/// A fit that can stop, be stored and go on: with a number of steps instead of a time, the same bits come
+/// out as without a stop.
+///
+/// # Examples
+///
+/// ```
+/// use if_core::{math::Point, shapes::Sphere};
+/// use if_neural::{fit::{Fit, FitParams}, grid::{GridConfig, GridField}, sampling::{SamplingParams, TrainingSet}};
+/// use std::ops::ControlFlow;
+/// let ball = Sphere { center: Point::new(0.0, 1.0, 0.0), radius: 0.3 };
+/// let set = TrainingSet::of_field(&ball, &SamplingParams { near: 5000, far: 500, held_out: 500, ..Default::default() })?;
+/// let mut field = GridField::new(GridConfig { finest: 32, levels: 2, ..Default::default() })?;
+/// let mut fit = Fit::new(FitParams { steps: Some(60), seconds: None, batch: 1024, ..Default::default() })?;
+/// let report = fit.run(&mut field, &set, &mut |_| ControlFlow::Continue(()))?;
+/// assert!(report.error.mean < 1e-3, "{report:?}");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    pub(crate) params: FitParams,
+    pub(crate) step: u64,
+    pub(crate) seconds: Real,
+    /// None before the first run.
+    pub(crate) adam: Option<Adam>,
+    pub(crate) best: Option<Best>,
+}
+
+impl Fit {
+    /// A fit that has not begun.
+    ///
+    /// # Errors
+    ///
+    /// Parameters out of range.
+    pub fn new(params: FitParams) -> Result<Self, FitError> {
+        params.validate()?;
+        Ok(Self { params, step: 0, seconds: 0.0, adam: None, best: None })
+    }
+
+    /// How it fits.
+    pub fn params(&self) -> &FitParams {
+        &self.params
+    }
+
+    /// Steps done.
+    pub fn steps(&self) -> u64 {
+        self.step
+    }
+
+    /// Steps until one of the limits is met, the caller breaks, or it diverges. `progress` is called after each.
+    ///
+    /// Then the field has the parameters of the check with the least error; only if the caller broke it has
+    /// those of the last step, so that [`Fit::run`] can go on, and [`Fit::keep_best`] installs the best.
+    ///
+    /// # Errors
+    ///
+    /// A field that is no number at the start, or not the one that the fit began with.
+    pub fn run(
+        &mut self,
+        field: &mut (impl TrainableField + ?Sized),
+        set: &TrainingSet,
+        progress: &mut dyn FnMut(&FitProgress) -> ControlFlow<()>,
+    ) -> Result<FitReport, FitError> {
+        let len = field.parameters().len();
+        let mut adam = self.adam.take().unwrap_or_else(|| Adam::new(self.params.adam, len));
+        if adam.first.len() != len {
+            let expected = adam.first.len();
+            self.adam = Some(adam);
+            return Err(FitError::Parameters { expected, got: len });
+        }
+        let held_out = set.held_out.thinned(CHECKED);
+        let (before, start) = (self.seconds, Instant::now());
+        let mut error = check(field, set, &held_out);
+        if self.best.is_none() {
+            if !error.is_finite() {
+                return Err(FitError::NotANumber);
+            }
+            self.best = Some(Best { step: self.step, mean: error.mean, theta: field.parameters().to_vec() });
+        }
+        let mut gradient = vec![0.0; len];
+        let mut batch = Samples::default();
+        let ended = loop {
+            let done = self.done();
+            if done >= 1.0 {
+                break if self.params.steps.is_some_and(|s| self.step >= s) { Ended::Steps } else { Ended::Time };
+            }
+            if self.params.accuracy.is_some_and(|a| error.mean <= a) {
+                break Ended::Accuracy;
+            }
+            let rate = self.params.schedule.rate(self.step, done);
+            let Some(loss) = self.one(field, set, &mut adam, &mut gradient, &mut batch, rate as f32) else {
+                break Ended::Diverged;
+            };
+            self.seconds = before + start.elapsed().as_secs_f64();
+            if self.step.is_multiple_of(self.params.check_every) {
+                error = check(field, set, &held_out);
+                self.seconds = before + start.elapsed().as_secs_f64();
+                if !self.judge(&error, field) {
+                    break Ended::Diverged;
+                }
+            }
+            let heard = FitProgress { step: self.step, done: self.done().min(1.0), seconds: self.seconds, loss, error };
+            if progress(&heard).is_break() {
+                break Ended::Cancelled;
+            }
+        };
+        self.adam = Some(adam);
+        if ended != Ended::Cancelled {
+            if ended != Ended::Diverged {
+                let error = check(field, set, &held_out);
+                self.judge(&error, field);
+            }
+            self.keep_best(field);
+        }
+        Ok(FitReport {
+            ended,
+            steps: self.step,
+            kept: if ended == Ended::Cancelled { self.step } else { self.best.as_ref().map_or(0, |b| b.step) },
+            samples: self.step * self.params.batch as u64,
+            seconds: self.seconds,
+            error: check(field, set, &set.held_out),
+        })
+    }
+
+    /// Gives the field the best parameters so far.
+    ///
+    /// # Panics
+    ///
+    /// If it is another field.
+    pub fn keep_best(&self, field: &mut (impl TrainableField + ?Sized)) {
+        if let Some(best) = &self.best {
+            field.parameters_mut().copy_from_slice(&best.theta);
+            field.refresh();
+        }
+    }
+
+    /// Share of the fit that is done.
+    fn done(&self) -> Real {
+        let steps = self.params.steps.map_or(0.0, |s| if s == 0 { 1.0 } else { self.step as Real / s as Real });
+        steps.max(self.params.seconds.map_or(0.0, |s| self.seconds / s))
+    }
+
+    /// One step; the mean loss, or none where it is no number: then nothing was changed.
+    fn one(
+        &mut self,
+        field: &mut (impl TrainableField + ?Sized),
+        set: &TrainingSet,
+        adam: &mut Adam,
+        gradient: &mut [f32],
+        batch: &mut Samples,
+        rate: f32,
+    ) -> Option<Real> {
+        // A stream for each step: nothing about the batches has to be stored.
+        let mut random = Pcg64Mcg::seed_from_u64(self.params.seed ^ (self.step + 1).wrapping_mul(0xd134_2543_de82_ef95));
+        batch.points.clear();
+        batch.known.clear();
+        let far = (self.params.batch as Real * self.params.far).round() as usize;
+        set.near.draw(self.params.batch - far, &mut random, batch);
+        set.far.draw(far, &mut random, batch);
+        let share = 1.0 / self.params.batch as f64;
+        let (loss, known) = (self.params.loss, &batch.known);
+        let total = field.loss_gradient(&batch.points, &|i, s| loss.at(&known[i], s, share), gradient);
+        if !total.is_finite() || !gradient.iter().all(|g| g.is_finite()) {
+            return None;
+        }
+        adam.step(field.parameters_mut(), gradient, rate);
+        field.refresh();
+        self.step += 1;
+        Some(total)
+    }
+
+    /// Keeps the parameters if they are the best; false where they are hopeless.
+    fn judge(&mut self, error: &FieldError, field: &(impl TrainableField + ?Sized)) -> bool {
+        let Some(best) = &mut self.best else { return error.is_finite() };
+        if !error.is_finite() || error.mean > DIVERGED * best.mean.max(Real::MIN_POSITIVE) {
+            return false;
+        }
+        if error.mean < best.mean {
+            best.step = self.step;
+            best.mean = error.mean;
+            best.theta.copy_from_slice(field.parameters());
+        }
+        true
+    }
+}
+
+fn check(field: &(impl TrainableField + ?Sized), set: &TrainingSet, held_out: &HeldOut) -> FieldError {
+    held_out.error(&set.frame, |points, out| field.samples32(points, out))
+}
+
+#[cfg(test)]
+mod tests;

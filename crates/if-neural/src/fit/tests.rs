@@ -1,0 +1,152 @@
+use super::*;
+use crate::grid::{GridConfig, GridField};
+use crate::sampling::SamplingParams;
+use crate::trainable::{PointLoss, Sample32};
+use if_core::math::Point;
+use if_core::shapes::Torus;
+
+fn set() -> TrainingSet {
+    let ring = Torus { center: Point::new(1.0, 2.0, 3.0), major: 0.5, minor: 0.2 };
+    let params = SamplingParams { near: 8000, far: 1000, held_out: 1000, ..SamplingParams::default() };
+    TrainingSet::of_field(&ring, &params).unwrap()
+}
+
+fn grid() -> GridField {
+    GridField::new(GridConfig { coarsest: 8, finest: 24, levels: 3, ..GridConfig::default() }).unwrap()
+}
+
+fn params(steps: u64) -> FitParams {
+    FitParams { batch: 512, steps: Some(steps), seconds: None, check_every: 10, ..FitParams::default() }
+}
+
+fn bits(field: &GridField) -> Vec<u32> {
+    field.parameters().iter().map(|p| p.to_bits()).collect()
+}
+
+#[test]
+fn a_fit_learns_and_says_so() {
+    let (set, mut field) = (set(), grid());
+    let mut fit = Fit::new(FitParams { schedule: Schedule { rate: 0.02, ..Schedule::default() }, ..params(200) }).unwrap();
+    let mut first = None;
+    let report = fit
+        .run(&mut field, &set, &mut |p| {
+            first.get_or_insert(p.loss);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+    assert_eq!((report.ended, report.steps, report.samples), (Ended::Steps, 200, 200 * 512));
+    // The ring is 1.4 m wide and its tube, 0.2 m, four cells.
+    assert!(report.error.mean < 2e-3 && report.error.eikonal < 0.06, "{report:?}");
+    let again = check(&field, &set, &set.held_out);
+    assert_eq!(again, report.error);
+}
+
+#[test]
+fn a_fit_that_was_interrupted_has_the_bits_of_one_that_was_not() {
+    let set = set();
+    let mut whole = grid();
+    Fit::new(params(40)).unwrap().run(&mut whole, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut field = grid();
+            let mut fit = Fit::new(params(40)).unwrap();
+            let stop = &mut |p: &FitProgress| if p.step == 17 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+            assert_eq!(fit.run(&mut field, &set, stop).unwrap().ended, Ended::Cancelled);
+            let (mut later, mut other) = (fit.clone(), field.clone());
+            later.run(&mut other, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+            bits(&other)
+        })
+    };
+    assert!(run(1) == bits(&whole) && run(3) == bits(&whole));
+}
+
+#[test]
+fn it_stops_at_an_accuracy_and_at_a_time() {
+    let set = set();
+    let mut field = grid();
+    let mut fit =
+        Fit::new(FitParams { accuracy: Some(0.01), schedule: Schedule { rate: 0.02, ..Schedule::default() }, ..params(2000) })
+            .unwrap();
+    let report = fit.run(&mut field, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+    assert_eq!(report.ended, Ended::Accuracy);
+    assert!(report.steps < 2000 && report.error.mean < 0.015, "{report:?}");
+    let mut fit = Fit::new(FitParams { steps: None, seconds: Some(0.05), ..params(0) }).unwrap();
+    assert_eq!(fit.run(&mut grid(), &set, &mut |_| ControlFlow::Continue(())).unwrap().ended, Ended::Time);
+}
+
+/// A field whose derivatives turn into NaN at step 20, and whose error explodes from step 10 on.
+struct Faulty {
+    inner: GridField,
+    calls: std::sync::atomic::AtomicUsize,
+    explodes: bool,
+}
+
+impl TrainableField for Faulty {
+    fn parameters(&self) -> &[f32] {
+        self.inner.parameters()
+    }
+    fn parameters_mut(&mut self) -> &mut [f32] {
+        self.inner.parameters_mut()
+    }
+    fn refresh(&mut self) {}
+    fn samples32(&self, points: &[[f32; 3]], out: &mut [Sample32]) {
+        self.inner.samples32(points, out);
+    }
+    fn loss_gradient(
+        &self,
+        points: &[[f32; 3]],
+        loss: &(dyn Fn(usize, Sample32) -> PointLoss + Sync),
+        gradient: &mut [f32],
+    ) -> f64 {
+        let call = self.calls.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let total = self.inner.loss_gradient(points, loss, gradient);
+        if self.explodes && call >= 10 {
+            // Adam's steps keep their length: turned round, they run away.
+            gradient.iter_mut().for_each(|g| *g = -1.0);
+        }
+        if !self.explodes && call == 20 {
+            gradient[5] = f32::NAN;
+        }
+        total
+    }
+}
+
+#[test]
+fn a_fit_that_diverges_ends_with_the_last_good_state() {
+    let set = set();
+    for explodes in [false, true] {
+        let mut field = Faulty { inner: grid(), calls: 0.into(), explodes };
+        let params = FitParams { schedule: Schedule { rate: 0.05, ..Schedule::default() }, ..params(400) };
+        let report = Fit::new(params).unwrap().run(&mut field, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+        assert_eq!(report.ended, Ended::Diverged);
+        assert!(report.kept <= 20 && report.steps >= 10, "{report:?}");
+        assert!(report.error.is_finite() && report.error.mean < 0.2, "{report:?}");
+    }
+    let mut field = grid();
+    field.parameters_mut().fill(f32::NAN);
+    let fault = Fit::new(params(5)).unwrap().run(&mut field, &set, &mut |_| ControlFlow::Continue(()));
+    assert_eq!(fault.unwrap_err(), FitError::NotANumber);
+}
+
+#[test]
+fn parameters_out_of_range_are_refused() {
+    let base = params(5);
+    for (bad, name) in [
+        (FitParams { batch: 0, ..base }, "batch"),
+        (FitParams { far: f64::NAN, ..base }, "far"),
+        (FitParams { check_every: 0, ..base }, "check_every"),
+        (FitParams { seconds: Some(-1.0), ..base }, "seconds"),
+        (FitParams { accuracy: Some(0.0), ..base }, "accuracy"),
+        (FitParams { adam: AdamParams { beta2: 1.0, ..base.adam }, ..base }, "adam.beta2"),
+        (FitParams { loss: LossParams { normal: f64::INFINITY, ..base.loss }, ..base }, "loss.normal"),
+    ] {
+        assert!(matches!(Fit::new(bad), Err(FitError::Parameter { name: n, .. }) if n == name), "{name}");
+    }
+    assert_eq!(Fit::new(FitParams { steps: None, ..base }).unwrap_err(), FitError::Endless);
+    let mut fit = Fit::new(base).unwrap();
+    fit.run(&mut grid(), &set(), &mut |_| ControlFlow::Break(())).unwrap();
+    let mut other = GridField::new(GridConfig { finest: 32, ..*grid().config() }).unwrap();
+    let fault = fit.run(&mut other, &set(), &mut |_| ControlFlow::Break(())).unwrap_err();
+    assert!(matches!(fault, FitError::Parameters { .. }));
+}

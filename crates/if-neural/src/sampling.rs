@@ -1,0 +1,322 @@
+//! Training and held-out points: many near the surface, some everywhere, the same for the same seed.
+
+mod surface;
+
+use crate::accuracy::HeldOut;
+use crate::cloud::OrientedPoints;
+use crate::frame::{Frame, FrameError};
+use crate::loss::Known;
+use if_core::field::{FieldSample, SignedDistance};
+use if_core::math::{Point, Real, Vector, unit_or_zero};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// How many points, and where. Lengths are in network units, halves of the cube's side, unless they say metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SamplingParams {
+    /// Training points near the surface.
+    pub near: usize,
+    /// Training points anywhere in the cube.
+    pub far: usize,
+    /// Held-out points near the surface.
+    pub held_out: usize,
+    /// Standard deviations of the training points' distance from the surface; they are used in turn.
+    pub spread: [Real; 2],
+    /// Standard deviation of the held-out points' distance from the surface.
+    pub held_out_spread: Real,
+    /// Free space between the box of the target and the cube, in metres; `None` is 6 % of the longest side.
+    pub margin: Option<Real>,
+    /// Of oriented points: width over which noise is averaged, in metres; `None` is 1.5 times their spacing.
+    pub smoothing: Option<Real>,
+    /// Seed of all points.
+    pub seed: u64,
+}
+
+impl Default for SamplingParams {
+    fn default() -> Self {
+        Self {
+            near: 300_000,
+            far: 40_000,
+            held_out: 20_000,
+            spread: [0.004, 0.02],
+            held_out_spread: 0.01,
+            margin: None,
+            smoothing: None,
+            seed: 1,
+        }
+    }
+}
+
+/// Why there is nothing to learn from.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SamplingError {
+    /// A parameter is out of range.
+    #[error("{name} = {value}: {needs}")]
+    Parameter {
+        /// Its name.
+        name: &'static str,
+        /// Its value.
+        value: Real,
+        /// What it has to be.
+        needs: &'static str,
+    },
+    /// Nobody says where the target is.
+    #[error("the target has no bounds(); wrap it into one that says in which box its inside lies")]
+    Unbounded,
+    /// The target has no size.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// The target is not a number somewhere.
+    #[error(
+        "the target is {} with gradient {} in {point}; it must be finite in its box. The field of an open mesh ends where it has no \
+         side: close the mesh, or fit its vertices as oriented points", sample.distance, sample.gradient
+    )]
+    NotFinite {
+        /// Where.
+        point: Point,
+        /// What it is.
+        sample: FieldSample,
+    },
+    /// No surface was found.
+    #[error(
+        "only {found} of {wanted} points on the surface were found in the box of the target: it has no zero set there, or next to none"
+    )]
+    NoSurface {
+        /// Points found.
+        found: usize,
+        /// Points wanted.
+        wanted: usize,
+    },
+    /// The inside is outside.
+    #[error(
+        "the target is {distance} at the border of its box, {point}: inside must be negative and lie within the box. Of an inside-out \
+         mesh, turn all triangles round"
+    )]
+    InsideOut {
+        /// Where.
+        point: Point,
+        /// The distance there.
+        distance: Real,
+    },
+}
+
+impl SamplingParams {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter out of range.
+    pub fn validate(&self) -> Result<(), SamplingError> {
+        let fault = |name, value, needs| Err(SamplingError::Parameter { name, value, needs });
+        for (name, count) in [("near", self.near), ("far", self.far), ("held_out", self.held_out)] {
+            if !(64..=1 << 28).contains(&count) {
+                return fault(name, count as Real, "from 64 to 2^28 points");
+            }
+        }
+        for spread in self.spread.into_iter().chain([self.held_out_spread]) {
+            if !(0.0..=1.0).contains(&spread) {
+                return fault("spread", spread, "from 0 to 1 network units");
+            }
+        }
+        for (name, length) in [("margin", self.margin), ("smoothing", self.smoothing)] {
+            if let Some(length) = length
+                && !(length > 0.0 && length.is_finite())
+            {
+                return fault(name, length, "a finite length above zero, in metres");
+            }
+        }
+        Ok(())
+    }
+
+    /// The width over which noise of `cloud` is averaged, in metres.
+    pub(crate) fn smoothing_of(&self, cloud: &OrientedPoints) -> Real {
+        self.smoothing.unwrap_or(1.5 * cloud.spacing())
+    }
+
+    fn frame(&self, aabb: &if_core::aabb::Aabb) -> Result<Frame, FrameError> {
+        Frame::around(aabb, self.margin.unwrap_or(0.06 * aabb.size().amax()))
+    }
+
+    fn random(&self, stream: u64) -> Pcg64Mcg {
+        Pcg64Mcg::seed_from_u64(self.seed ^ stream.wrapping_mul(0x9e37_79b9_7f4a_7c15))
+    }
+}
+
+/// Points with what is known at them, in the order of a space-filling curve.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Samples {
+    /// Where, in network units.
+    pub points: Vec<[f32; 3]>,
+    /// What is known there.
+    pub known: Vec<Known>,
+}
+
+/// All that a fit learns from and is judged by.
+#[derive(Clone, Debug)]
+pub struct TrainingSet {
+    /// Where the cube lies.
+    pub frame: Frame,
+    /// Points near the surface.
+    pub near: Samples,
+    /// Points anywhere in the cube.
+    pub far: Samples,
+    /// Points that no step sees.
+    pub held_out: HeldOut,
+}
+
+impl TrainingSet {
+    /// Points of a field that is finite all over its box, such as that of a closed mesh.
+    ///
+    /// # Errors
+    ///
+    /// See [`SamplingError`].
+    pub fn of_field(target: &(impl SignedDistance + ?Sized), params: &SamplingParams) -> Result<Self, SamplingError> {
+        params.validate()?;
+        let bounds = target.bounds().ok_or(SamplingError::Unbounded)?;
+        let frame = params.frame(&bounds)?;
+        let per_point = 4;
+        let surface = surface::points(target, &bounds, params.near.div_ceil(per_point), &mut params.random(1))?;
+        let mut random = params.random(2);
+        let near: Vec<Point> = (0..params.near)
+            .map(|k| surface[k / per_point] + gaussian(&mut random) * (params.spread[k % 2] / frame.scale))
+            .collect();
+        let far = anywhere(&frame, params.far, &mut params.random(3));
+        let judged = surface::points(target, &bounds, params.held_out, &mut params.random(4))?;
+        let mut random = params.random(5);
+        let beside: Vec<Point> =
+            judged.iter().map(|p| p + gaussian(&mut random) * (params.held_out_spread / frame.scale)).collect();
+        let near = known_of_field(target, &frame, near, 1.0)?;
+        let far = known_of_field(target, &frame, far, 0.0)?;
+        let held_out = HeldOut::new(&beside, &sampled(target, &beside)?, &judged, &sampled(target, &judged)?);
+        Ok(Self { frame, near, far, held_out })
+    }
+
+    /// Points of a noisy, possibly holed surface: every twentieth is held out.
+    ///
+    /// # Errors
+    ///
+    /// A parameter out of range.
+    pub fn of_points(cloud: &OrientedPoints, params: &SamplingParams) -> Result<Self, SamplingError> {
+        params.validate()?;
+        let frame = params.frame(&cloud.aabb())?;
+        let smoothing = params.smoothing_of(cloud);
+        let mut random = params.random(1);
+        let near: Vec<Point> = (0..params.near)
+            .map(|k| {
+                let p = cloud.points()[kept(random.random_range(0..cloud.points().len()))];
+                p + gaussian(&mut random) * (params.spread[k % 2] / frame.scale)
+            })
+            .collect();
+        let far = anywhere(&frame, params.far, &mut params.random(2));
+        let known = |points: Vec<Point>, near: bool| -> Samples {
+            let known = points.par_iter().map(|p| {
+                let e = cloud.estimate(p, smoothing);
+                // Beyond the points' reach only side and rough distance are known.
+                let trust = e.trust * if near { 1.0 } else { 0.3 };
+                Known {
+                    distance: (e.distance * frame.scale) as f32,
+                    gradient: e.normal.map(|x| x as f32).into(),
+                    distance_trust: trust as f32,
+                    gradient_trust: if e.nearest <= 2.0 * smoothing { trust as f32 } else { 0.0 },
+                }
+            });
+            Samples { known: known.collect(), points: points.iter().map(|p| frame.to_unit(p)).collect() }.sorted()
+        };
+        let held: Vec<usize> = (0..cloud.points().len()).filter(|i| i % 20 == 7).collect();
+        let points: Vec<Point> = held.iter().map(|i| cloud.points()[*i]).collect();
+        let on: Vec<FieldSample> = held.iter().map(|i| FieldSample { distance: 0.0, gradient: cloud.normals()[*i] }).collect();
+        Ok(Self { frame, near: known(near, true), far: known(far, false), held_out: HeldOut::new(&points, &on, &points, &on) })
+    }
+}
+
+/// The index itself, or its neighbour's where the point is held out.
+fn kept(i: usize) -> usize {
+    if i % 20 == 7 { i - 1 } else { i }
+}
+
+fn anywhere(frame: &Frame, n: usize, random: &mut Pcg64Mcg) -> Vec<Point> {
+    (0..n).map(|_| frame.to_metres(&[0; 3].map(|_| random.random_range(-1.0..1.0)))).collect()
+}
+
+/// Three independent numbers of mean 0 and deviation 1 (Box and Muller 1958).
+pub(crate) fn gaussian(random: &mut Pcg64Mcg) -> Vector {
+    let mut pair = || {
+        let u: Real = 1.0 - random.random::<Real>(); // above zero
+        let v: Real = random.random();
+        let r = (-2.0 * u.ln()).sqrt();
+        let (s, c) = (2.0 * std::f64::consts::PI * v).sin_cos();
+        [r * s, r * c]
+    };
+    let ([a, b], [c, _]) = (pair(), pair());
+    Vector::new(a, b, c)
+}
+
+fn sampled(target: &(impl SignedDistance + ?Sized), points: &[Point]) -> Result<Vec<FieldSample>, SamplingError> {
+    let mut samples = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points.len()];
+    target.samples(points, &mut samples);
+    match samples.iter().position(|s| !(s.distance.is_finite() && s.gradient.iter().all(|g| g.is_finite()))) {
+        Some(k) => Err(SamplingError::NotFinite { point: points[k], sample: samples[k] }),
+        None => Ok(samples),
+    }
+}
+
+fn known_of_field(
+    target: &(impl SignedDistance + ?Sized),
+    frame: &Frame,
+    points: Vec<Point>,
+    gradient_trust: f32,
+) -> Result<Samples, SamplingError> {
+    let samples = sampled(target, &points)?;
+    let known = samples.iter().map(|s| {
+        let n = unit_or_zero(&s.gradient);
+        Known {
+            distance: (s.distance * frame.scale) as f32,
+            gradient: n.map(|x| x as f32).into(),
+            distance_trust: 1.0,
+            gradient_trust: if n == Vector::zeros() { 0.0 } else { gradient_trust },
+        }
+    });
+    Ok(Samples { known: known.collect(), points: points.iter().map(|p| frame.to_unit(p)).collect() }.sorted())
+}
+
+impl Samples {
+    /// Along the curve of Morton 1966: a batch that takes one point of each stretch is spread evenly, and its
+    /// points read memory in order.
+    fn sorted(self) -> Self {
+        let spread = |x: u64| {
+            let x = (x | x << 32) & 0x001f_0000_0000_ffff;
+            let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
+            let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
+            let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
+            (x | x << 2) & 0x1249_2492_4924_9249
+        };
+        let code = |p: &[f32; 3]| {
+            let [x, y, z] = p.map(|x| spread(((x + 2.0) * 262_144.0).clamp(0.0, 1_048_575.0) as u64));
+            x | y << 1 | z << 2
+        };
+        let mut order: Vec<(u64, u32)> = self.points.iter().enumerate().map(|(i, p)| (code(p), i as u32)).collect();
+        order.sort_unstable();
+        Self {
+            points: order.iter().map(|(_, i)| self.points[*i as usize]).collect(),
+            known: order.iter().map(|(_, i)| self.known[*i as usize]).collect(),
+        }
+    }
+
+    /// Appends `n` points to a batch, one of each of `n` equal stretches of the curve.
+    pub(crate) fn draw(&self, n: usize, random: &mut Pcg64Mcg, to: &mut Samples) {
+        let len = self.points.len();
+        for k in 0..n {
+            let (from, end) = (k * len / n, (k + 1) * len / n);
+            let i = if end > from + 1 { random.random_range(from..end) } else { from.min(len - 1) };
+            to.points.push(self.points[i]);
+            to.known.push(self.known[i]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

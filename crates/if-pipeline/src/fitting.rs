@@ -1,0 +1,143 @@
+//! What a mesh, closed or not, offers a fit.
+
+use if_core::aabb::Aabb;
+use if_core::math::{Point, Vector};
+use if_core::mesh::TriMesh;
+use if_mesh::sdf::{MeshSdf, SdfError};
+use if_neural::cloud::{CloudError, OrientedPoints};
+use if_neural::target::Target;
+
+/// How to take a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Take {
+    /// By its field if it is closed, by its vertices if it is open.
+    #[default]
+    Either,
+    /// By its field: exact; only closed meshes have one.
+    Field,
+    /// By its vertices and their normals: averages noise and closes holes.
+    Points,
+}
+
+/// A mesh as a target; borrow it as [`MeshTarget::target`].
+#[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant)] // one per program
+pub enum MeshTarget {
+    /// The field of a closed mesh.
+    Field(MeshSdf),
+    /// The vertices of a mesh, with their normals.
+    Points(OrientedPoints),
+}
+
+/// Why a mesh is no target.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshTargetError {
+    /// It has no field.
+    #[error("the mesh has no signed distance; close it, or fit its vertices as points, which fills holes")]
+    Field(#[source] SdfError),
+    /// It faces inwards, or neighbours face opposite ways: neither its field nor its normals have a side.
+    #[error("the mesh has no outside; turn its triangles so that all are counter-clockwise seen from outside")]
+    Sides(#[source] SdfError),
+    /// Its vertices are no target.
+    #[error("the vertices of the mesh cannot be fitted")]
+    Points(#[from] CloudError),
+}
+
+impl MeshTarget {
+    /// Takes a mesh in metres. Vertices without a normal (of no triangle, or of flat ones) are left out of points.
+    ///
+    /// # Errors
+    ///
+    /// See [`MeshTargetError`]; each says what can be done.
+    pub fn new(mesh: &TriMesh, take: Take) -> Result<Self, MeshTargetError> {
+        if take != Take::Points {
+            match MeshSdf::closed(mesh) {
+                Ok(field) => return Ok(Self::Field(field)),
+                Err(e @ (SdfError::InsideOut { .. } | SdfError::Winding { .. })) => return Err(MeshTargetError::Sides(e)),
+                Err(e) if take == Take::Field || e == SdfError::Empty => return Err(MeshTargetError::Field(e)),
+                Err(_) => {}
+            }
+        }
+        let normals = mesh.vertex_normals();
+        let oriented = mesh.vertices().iter().zip(normals).filter(|(_, n)| *n != Vector::zeros());
+        let (points, normals): (Vec<Point>, Vec<Vector>) = oriented.unzip();
+        Ok(Self::Points(OrientedPoints::new(points, normals)?))
+    }
+
+    /// As a fit wants it.
+    pub fn target(&self) -> Target<'_> {
+        match self {
+            Self::Field(field) => Target::Field(field),
+            Self::Points(cloud) => Target::Points(cloud),
+        }
+    }
+
+    /// The box round it.
+    pub fn aabb(&self) -> Aabb {
+        match self {
+            Self::Field(field) => field.surface().aabb(),
+            Self::Points(cloud) => cloud.aabb(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::shapes::meshes;
+    use if_neural::field::NeuralField;
+    use if_neural::fit::{Fit, FitParams};
+    use if_neural::network::NetworkConfig;
+    use if_neural::sampling::SamplingParams;
+    use std::ops::ControlFlow;
+
+    fn with(triangles: Vec<[u32; 3]>) -> TriMesh {
+        TriMesh::new(meshes::icosphere(0.5, 4).vertices().to_vec(), triangles).unwrap()
+    }
+
+    #[test]
+    fn closed_meshes_are_taken_by_their_field_and_open_ones_by_their_vertices() {
+        let ball = meshes::icosphere(0.5, 4);
+        assert!(matches!(MeshTarget::new(&ball, Take::Either), Ok(MeshTarget::Field(_))));
+        assert!(matches!(MeshTarget::new(&ball, Take::Points), Ok(MeshTarget::Points(_))));
+        let open = with(ball.triangles()[20..].to_vec());
+        assert!(matches!(MeshTarget::new(&open, Take::Either), Ok(MeshTarget::Points(_))));
+        assert!(matches!(MeshTarget::new(&open, Take::Field), Err(MeshTargetError::Field(SdfError::NotClosed { .. }))));
+        let turned = with(ball.triangles().iter().map(|[a, b, c]| [*a, *c, *b]).collect());
+        assert!(matches!(MeshTarget::new(&turned, Take::Either), Err(MeshTargetError::Sides(SdfError::InsideOut { .. }))));
+        assert!(matches!(MeshTarget::new(&turned, Take::Points), Err(MeshTargetError::Points(CloudError::InsideOut { .. }))));
+        assert!(matches!(MeshTarget::new(&TriMesh::default(), Take::Either), Err(MeshTargetError::Field(SdfError::Empty))));
+        assert!(matches!(MeshTarget::new(&TriMesh::default(), Take::Points), Err(MeshTargetError::Points(_))));
+    }
+
+    /// A ball with a hole and noise comes out rounder than it went in, and closed.
+    #[test]
+    fn an_open_noisy_ball_is_fitted_closed_and_smoother() {
+        use if_core::field::SignedDistance;
+        let ball = meshes::icosphere(0.5, 4);
+        let noise = |i: usize| 0.004 * (i as f64 * 12.9898).sin();
+        let vertices: Vec<Point> = ball.vertices().iter().enumerate().map(|(i, p)| p + p.coords * (2.0 * noise(i))).collect();
+        let hole: Vec<[u32; 3]> =
+            ball.triangles().iter().filter(|t| t.iter().any(|v| vertices[*v as usize].y < 0.45)).copied().collect();
+        let mesh = TriMesh::new(vertices.clone(), hole).unwrap();
+        let taken = MeshTarget::new(&mesh, Take::Either).unwrap();
+        let mut config = NetworkConfig::grid();
+        if let NetworkConfig::Grid(grid) = &mut config {
+            (grid.finest, grid.levels) = (32, 2);
+        }
+        let sampling = SamplingParams { near: 20_000, far: 2000, ..SamplingParams::default() };
+        let (set, mut network) = taken.target().begin(&config, &sampling).unwrap();
+        let params =
+            FitParams { steps: Some(60), seconds: None, batch: 2048, loss: taken.target().loss(), ..config.fit_params() };
+        Fit::new(params).unwrap().run(&mut network, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+        let field = NeuralField::new(network, set.frame).unwrap();
+        let mean = |points: &[Point], f: &dyn Fn(&Point) -> f64| points.iter().map(f).sum::<f64>() / points.len() as f64;
+        let raw = mean(&vertices, &|p| (p.coords.norm() - 0.5).abs());
+        let on: Vec<Point> = ball.vertices().iter().copied().filter(|p| p.y < 0.4).collect();
+        let fitted = mean(&on, &|p| field.distance(p).abs());
+        assert!(fitted < 0.7 * raw, "{fitted} {raw}");
+        // The cap over the hole bulges to the plane of its rim at least, and not far beyond the ball.
+        assert!(field.distance(&Point::new(0.0, 0.42, 0.0)) < 0.0 && field.distance(&Point::new(0.0, 0.58, 0.0)) > 0.0);
+    }
+}
