@@ -1,7 +1,9 @@
 //! The command line.
 
 use crate::wardrobe::WardrobeArgs;
+use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use if_pipeline::mannequin::Garment;
 use std::path::PathBuf;
 
 const EXIT_CODES: &str = "\
@@ -37,8 +39,100 @@ pub(crate) enum Command {
     Check(CheckArgs),
     /// Keep bodies and garments in a folder, and combine them at will (docs/wardrobe.md).
     Wardrobe(WardrobeArgs),
+    /// Extract the surface of a field as a mesh: remesh a closed mesh by its signed distance.
+    Extract(ExtractArgs),
     /// Fit a neural signed distance field to a mesh, and write it as a safetensors file.
     Fit(FitArgs),
+    /// Cut a labelled mesh (.ply) into one mesh for each label, along smooth lines.
+    Cut(CutArgs),
+    /// Captures: a person who turns before a camera.
+    #[command(subcommand)]
+    Capture(CaptureCommand),
+}
+
+/// What to do with captures.
+#[derive(Subcommand, Debug)]
+pub(crate) enum CaptureCommand {
+    /// Render the built-in scene as a capture: masks, labels and normals with noise, template and truth.
+    Synth(SynthArgs),
+}
+
+#[derive(Args, Debug, Clone)]
+pub(crate) struct CutArgs {
+    /// The mesh (.ply), in metres, with a label at each vertex.
+    #[arg(value_name = "MESH")]
+    pub(crate) mesh: PathBuf,
+    /// Output folder: NAME.ply for each label, and pictures.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// The vertex property that holds the labels: 0 unknown, 1 skin, garments from 2 on.
+    #[arg(long, value_name = "PROPERTY", default_value = "label")]
+    pub(crate) labels: String,
+    /// What a label is called, such as 2=trousers; once for each.
+    #[arg(long = "name", value_name = "LABEL=NAME", value_parser = label_name)]
+    pub(crate) names: Vec<(u8, String)>,
+    /// How far labels are smoothed, with a unit; 0 cuts between the vertices as they are labelled.
+    #[arg(long, value_name = "LENGTH", value_parser = length, default_value = "30mm")]
+    pub(crate) smooth: f64,
+    /// Print the report as JSON on stdout, and no table.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Do not draw labels_before.png and labels_after.png.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
+}
+
+#[derive(Args, Debug, Clone)]
+pub(crate) struct SynthArgs {
+    /// Output folder. It must not exist.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// What the mannequin wears, with commas; trousers, T-shirt and jacket by default.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "GARMENTS")]
+    pub(crate) garments: Vec<Worn>,
+    /// Pictures of one full turn.
+    #[arg(long, value_name = "N", default_value_t = 24)]
+    pub(crate) frames: usize,
+    /// Pixels on each side.
+    #[arg(long, value_name = "PIXELS", default_value_t = 256)]
+    pub(crate) size: usize,
+    /// How badly labels and masks are seen, from 0 to 1.
+    #[arg(long, value_name = "NOISE", default_value_t = 0.3)]
+    pub(crate) noise: f64,
+    /// The same for the labels alone.
+    #[arg(long, value_name = "NOISE")]
+    pub(crate) label_noise: Option<f64>,
+    /// The same for the masks alone.
+    #[arg(long, value_name = "NOISE")]
+    pub(crate) mask_noise: Option<f64>,
+    /// Another number, another noise.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Print the report as JSON on stdout, and no table.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// What the mannequin can wear.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Worn {
+    Trousers,
+    Tshirt,
+    Skirt,
+    Jacket,
+    Coat,
+}
+
+impl From<Worn> for Garment {
+    fn from(worn: Worn) -> Self {
+        match worn {
+            Worn::Trousers => Self::Trousers,
+            Worn::Tshirt => Self::Tshirt,
+            Worn::Skirt => Self::Skirt,
+            Worn::Jacket => Self::Jacket,
+            Worn::Coat => Self::Coat,
+        }
+    }
 }
 
 /// Which outfits.
@@ -117,6 +211,44 @@ pub(crate) struct DemoArgs {
     #[arg(long)]
     pub(crate) json: bool,
     /// Do not draw before.png and after.png.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
+}
+
+#[derive(Args, Debug, Clone)]
+pub(crate) struct ExtractArgs {
+    /// The field: a closed mesh (.ply, .obj), whose signed distance it is.
+    #[arg(value_name = "FIELD")]
+    pub(crate) field: PathBuf,
+    /// The mesh to write (.ply). Pictures come beside it, as .before.png and .after.png, slivers in red.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+    /// Side of the cells, with a unit: about the mean edge length that comes out.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, conflicts_with_all = ["cells", "accuracy"])]
+    pub(crate) cell: Option<f64>,
+    /// Cells along the longest side.
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=16384),
+          conflicts_with = "accuracy")]
+    pub(crate) cells: u32,
+    /// Choose the cells so that triangles are this near to the surface, with a unit.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
+    pub(crate) accuracy: Option<f64>,
+    /// The smallest cells that --accuracy may choose, with a unit.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, default_value = "1mm")]
+    pub(crate) finest: f64,
+    /// Rounds of relaxation, which make slivers into triangles; 0 is plain marching cubes.
+    #[arg(long, value_name = "ROUNDS", default_value_t = 3, value_parser = clap::value_parser!(u64).range(0..=100).map(|n| n as usize))]
+    pub(crate) relax: usize,
+    /// Number of the layer: each has a lattice of its own, so that layers do not touch in degenerate ways.
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    pub(crate) layer: usize,
+    /// Factor from the units of the field to metres; the output keeps the units of the field.
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    pub(crate) scale: Option<f64>,
+    /// Print the report as JSON on stdout, and no tables.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Do not draw pictures.
     #[arg(long)]
     pub(crate) no_pictures: bool,
 }
@@ -213,6 +345,20 @@ fn length(text: &str) -> Result<f64, String> {
     }
 }
 
+/// `2=trousers`.
+fn label_name(text: &str) -> Result<(u8, String), String> {
+    let (label, name) = text.split_once('=').ok_or("give LABEL=NAME, such as 2=trousers")?;
+    match label.trim().parse::<u8>() {
+        Ok(label @ 1..=254) => Ok((label, name.trim().to_owned())),
+        _ => Err("a label is a whole number from 1 to 254".into()),
+    }
+}
+
+/// A length above zero.
+fn above_zero(text: &str) -> Result<f64, String> {
+    length(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("a length above zero is needed".into()) })
+}
+
 /// `key=value` with a TOML value; dots in the key step into groups.
 fn assignment(text: &str) -> Result<(String, toml::Value), String> {
     let (key, value) = text.split_once('=').ok_or("give KEY=VALUE, such as clearance=0.0005")?;
@@ -240,6 +386,14 @@ mod tests {
         }
         for text in ["", "mm", "0.5ft", "nan", "inf", "1 2mm", "0.5 mm mm", "-1mm"] {
             assert!(length(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn labels_have_names() {
+        assert_eq!(label_name("2 = trousers"), Ok((2, "trousers".into())));
+        for text in ["trousers", "0=skin", "255=x", "two=x"] {
+            assert!(label_name(text).is_err(), "{text}");
         }
     }
 

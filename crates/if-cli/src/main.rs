@@ -4,9 +4,11 @@ mod announce;
 mod args;
 mod cancel;
 mod check;
+mod cut;
 mod demo;
 mod end;
 mod errors;
+mod extract;
 mod fit;
 mod fix;
 mod hash;
@@ -20,10 +22,11 @@ mod progress;
 mod receipt;
 mod resolve_outfit;
 mod staging;
+mod synth;
 mod table;
 mod wardrobe;
 
-use args::{Cli, Command};
+use args::{CaptureCommand, Cli, Command};
 use clap::Parser;
 use end::End;
 use miette::{IntoDiagnostic, Report};
@@ -48,5 +51,8 @@ fn run(cli: &Cli) -> Result<End, Report> {
         Command::Fix(args) => fix::run(args),
         Command::Check(args) => check::run(args),
         Command::Wardrobe(args) => wardrobe::run(args),
+        Command::Cut(args) => cut::run(args),
+        Command::Capture(CaptureCommand::Synth(args)) => synth::run(args),
+        Command::Extract(args) => extract::run(args),
     }
 }

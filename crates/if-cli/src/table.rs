@@ -48,6 +48,17 @@ pub(crate) fn checked(found: &Verification, garments: &[String], colour: bool) -
     text
 }
 
+/// A titled table of a name and two columns.
+pub(crate) fn columns(title: &str, header: [&str; 3], rows: &[(&str, String, String)]) -> String {
+    let mut table = new_table(&header, 1, false);
+    for (name, a, b) in rows {
+        table.add_row(vec![Cell::new(name), Cell::new(a), Cell::new(b)]);
+    }
+    let mut text = String::new();
+    section(&mut text, title, &table);
+    text
+}
+
 /// `711 -> 0 intersecting pairs, 318 -> 0 vertices inside`.
 pub(crate) fn totals(before: &Verification, after: &Verification) -> String {
     format!(

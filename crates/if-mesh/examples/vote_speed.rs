@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let start = Instant::now();
         rasteriser.look(&mesh, &turned, &camera, &RasterParams::default(), &mut out);
         raster += start.elapsed();
-        let labels: Vec<u8> = out.triangle.iter().map(|t| if *t == NOTHING { 0 } else { 1 + (t / 100_000) as u8 }).collect();
+        let labels: Vec<u8> = out.triangle.iter().map(|t| if *t == NOTHING { 0 } else { 1 + (t / 100_000 % 4) as u8 }).collect();
         let start = Instant::now();
         voter.add(&turned, &camera, &labels)?;
         both += start.elapsed();

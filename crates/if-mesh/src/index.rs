@@ -39,6 +39,14 @@ pub struct Bvh {
     corners: Vec<[Point; 3]>,
 }
 
+/// What a node of a [`Bvh`] holds.
+pub(crate) enum Branch<'a> {
+    /// Two nodes.
+    Inner(u32, u32),
+    /// The corners of some triangles.
+    Leaf(&'a [[Point; 3]]),
+}
+
 /// Where a segment meets a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
@@ -86,6 +94,21 @@ impl Bvh {
             } else {
                 self.nodes[n + 1].aabb.merged(&self.nodes[node.at as usize].aabb)
             };
+        }
+    }
+
+    /// Number of nodes. Children have larger numbers than their parents; node 0 holds all.
+    pub(crate) fn node_count(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// What a node holds: for those who keep more with a node than its box.
+    pub(crate) fn branch(&self, node: u32) -> Branch<'_> {
+        let n = &self.nodes[node as usize];
+        if n.count > 0 {
+            Branch::Leaf(&self.corners[n.at as usize..(n.at + n.count) as usize])
+        } else {
+            Branch::Inner(node + 1, n.at)
         }
     }
 

@@ -176,10 +176,10 @@ pub fn surface_samples(mesh: &TriMesh, samples: usize, seed: u64) -> Vec<Point> 
 /// # Source
 ///
 /// Steele, Lea and Flood 2014, *Fast splittable pseudorandom number generators*.
-struct SplitMix64(u64);
+pub(crate) struct SplitMix64(pub(crate) u64);
 
 impl SplitMix64 {
-    fn next(&mut self) -> u64 {
+    pub(crate) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -187,9 +187,23 @@ impl SplitMix64 {
     }
 
     /// In [0, 1).
-    fn unit(&mut self) -> Real {
+    pub(crate) fn unit(&mut self) -> Real {
         (self.next() >> 11) as Real / (1u64 << 53) as Real
     }
+}
+
+/// The smallest angle of each triangle, in degrees; 0 for one without area.
+pub fn smallest_angles(mesh: &TriMesh) -> Vec<Real> {
+    let smallest = |[a, b, c]: [&Point; 3]| {
+        let sides = [b - c, c - a, a - b];
+        let cross = area_vector(a, b, c).norm();
+        if cross == 0.0 {
+            return 0.0;
+        }
+        let angle = |k: usize| cross.atan2(-sides[(k + 1) % 3].dot(&sides[(k + 2) % 3]));
+        (0..3).map(angle).fold(Real::INFINITY, Real::min).to_degrees()
+    };
+    (0..mesh.triangles().len()).map(|t| smallest(mesh.corners(t))).collect()
 }
 
 fn mean(values: &[Real]) -> Real {
@@ -292,6 +306,25 @@ mod tests {
         assert!((center - Vector::new(1.0, 1.0, 0.0)).norm() < 0.1, "{center}");
         assert_eq!(samples, surface_samples(&mesh, 1000, 3));
         assert_ne!(samples, surface_samples(&mesh, 1000, 4));
+    }
+
+    #[test]
+    fn the_smallest_angle_is_that_of_school_geometry() {
+        let triangle = |p: [[Real; 2]; 3]| {
+            TriMesh::new(p.map(|p| Point::new(p[0], p[1], 7.0)).to_vec(), vec![[0, 1, 2], [2, 0, 1]]).unwrap()
+        };
+        let cases = [
+            ([[0.0, 0.0], [1.0, 0.0], [0.5, 0.75f64.sqrt()]], 60.0),
+            ([[0.0, 0.0], [1.0, 0.0], [0.0, 3f64.sqrt()]], 30.0),
+            ([[0.0, 0.0], [1.0, 0.0], [-1.0, 1e-3]], 5e-4f64.atan2(1.0).to_degrees()),
+            ([[0.0, 0.0], [1.0, 0.0], [3.0, 0.0]], 0.0),
+            ([[1.0, 1.0], [1.0, 1.0], [1.0, 1.0]], 0.0),
+        ];
+        for (p, expected) in cases {
+            for angle in smallest_angles(&triangle(p)) {
+                approx::assert_relative_eq!(angle, expected, epsilon = 1e-9, max_relative = 1e-3);
+            }
+        }
     }
 
     #[test]

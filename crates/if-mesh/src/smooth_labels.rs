@@ -29,9 +29,9 @@ pub struct SmoothLabelParams {
 }
 
 impl Default for SmoothLabelParams {
-    /// 20 mm: the least wrong vertices of the sequences in `docs/labels.md`.
+    /// 30 mm: the least wrong vertices over the scans and sequences of `docs/labels.md`.
     fn default() -> Self {
-        Self { length: 0.02, tolerance: 1e-6, max_steps: 5000 }
+        Self { length: 0.03, tolerance: 1e-6, max_steps: 5000 }
     }
 }
 
@@ -114,13 +114,8 @@ pub enum SmoothLabelError {
 /// Votes that do not fit or are no numbers, and a solve that does not converge.
 pub fn smooth_labels(mesh: &TriMesh, votes: &LabelVotes, params: &SmoothLabelParams) -> Result<LabelScores, SmoothLabelError> {
     let n = mesh.vertices().len();
-    if votes.vertices() != n {
-        return Err(SmoothLabelError::Vertices { got: votes.vertices(), expected: n });
-    }
+    votes.check(n)?;
     let k = votes.labels;
-    if let Some(at) = votes.weights.iter().position(|w| !(w.is_finite() && *w >= 0.0)) {
-        return Err(SmoothLabelError::Votes { vertex: at / k, label: at % k, value: votes.weights[at] });
-    }
     for (name, value) in [("length", params.length), ("tolerance", params.tolerance)] {
         if !(value.is_finite() && value >= 0.0) {
             return Err(SmoothLabelError::Param { name, value });
@@ -147,8 +142,24 @@ pub fn smooth_labels(mesh: &TriMesh, votes: &LabelVotes, params: &SmoothLabelPar
     Ok(LabelScores { labels: k, scores })
 }
 
+impl LabelVotes {
+    /// Whether these are votes for so many vertices.
+    pub(crate) fn check(&self, vertices: usize) -> Result<(), SmoothLabelError> {
+        if self.vertices() != vertices {
+            return Err(SmoothLabelError::Vertices { got: self.vertices(), expected: vertices });
+        }
+        match self.weights.iter().position(|w| !(w.is_finite() && *w >= 0.0)) {
+            None => Ok(()),
+            Some(at) => {
+                let (vertex, label) = (at / self.labels, at % self.labels);
+                Err(SmoothLabelError::Votes { vertex, label, value: self.weights[at] })
+            }
+        }
+    }
+}
+
 /// A third of the area of the triangles round each vertex.
-fn vertex_areas(mesh: &TriMesh) -> Vec<Real> {
+pub(crate) fn vertex_areas(mesh: &TriMesh) -> Vec<Real> {
     let mut areas = vec![0.0; mesh.vertices().len()];
     for (t, tri) in mesh.triangles().iter().enumerate() {
         let [a, b, c] = mesh.corners(t);
@@ -158,7 +169,7 @@ fn vertex_areas(mesh: &TriMesh) -> Vec<Real> {
     areas
 }
 
-/// Least weight of an edge; that of an edge between equilateral triangles is 1.15. Obtuse triangles have negative
+/// Least weight of an edge; that of an edge between equilateral triangles is 0.58. Obtuse triangles have negative
 /// cotangents, which would let fields leave their range; ten times less would nearly cut slivers off, ten times more
 /// would make everything the graph's Laplacian.
 const FLOOR: Real = 0.05;
@@ -172,6 +183,20 @@ fn cotangent(at: &Point, a: &Point, b: &Point) -> Real {
     if sine > 0.0 { u.dot(&v) / sine } else { 0.0 }
 }
 
+/// For each edge the length of its dual edge as a share of its own: half the sum of the cotangents opposite, between
+/// [`FLOOR`] and [`CEILING`].
+pub(crate) fn dual_weights(mesh: &TriMesh, edges: &Edges) -> Vec<Real> {
+    let mut weights = vec![0.0; edges.len()];
+    for (t, of) in edges.of_triangle.iter().enumerate() {
+        let corners = mesh.corners(t);
+        for k in 0..3 {
+            // The edge from corner k to k + 1 lies opposite corner k + 2.
+            weights[of[k] as usize] += 0.5 * cotangent(corners[(k + 2) % 3], corners[k], corners[(k + 1) % 3]);
+        }
+    }
+    weights.iter().map(|w| w.clamp(FLOOR, CEILING)).collect()
+}
+
 /// A symmetric matrix in compressed rows, the diagonal apart.
 struct Matrix {
     start: Vec<usize>,
@@ -183,14 +208,7 @@ impl Matrix {
     fn new(mesh: &TriMesh, votes: &LabelVotes, areas: &[Real], length: Real) -> Self {
         let n = mesh.vertices().len();
         let edges = Edges::new(mesh);
-        let mut weights = vec![0.0; edges.len()];
-        for (t, of) in edges.of_triangle.iter().enumerate() {
-            let corners = mesh.corners(t);
-            for k in 0..3 {
-                // The edge from corner k to k + 1 lies opposite corner k + 2.
-                weights[of[k] as usize] += 0.5 * cotangent(corners[(k + 2) % 3], corners[k], corners[(k + 1) % 3]);
-            }
-        }
+        let weights = dual_weights(mesh, &edges);
         let mut diagonal: Vec<Real> = (0..n).map(|v| areas[v] * votes.of(v).iter().sum::<Real>()).collect();
         let mut start = vec![0usize; n + 1];
         for ends in &edges.vertices {
@@ -202,7 +220,7 @@ impl Matrix {
         let mut fill = start.clone();
         let mut entries = vec![(0, 0.0); start[n]];
         for (ends, w) in edges.vertices.iter().zip(&weights) {
-            let w = length * length * w.clamp(FLOOR, CEILING);
+            let w = length * length * w;
             for k in 0..2 {
                 let v = ends[k] as usize;
                 entries[fill[v]] = (ends[1 - k], -w);

@@ -2,7 +2,7 @@
 //!
 //! Three ways to ask: [`is_valid`], [`first_defect`], and [`faults`] for all there is to say.
 
-use if_core::edges::Edges;
+use if_core::edges::{Edges, VertexTriangles};
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
 use serde::Serialize;
@@ -33,6 +33,12 @@ pub enum Fault {
     /// Vertices in one place: a seam that is not sewn, or an export that split vertices.
     #[error("{count} vertices lie exactly on others ({}); if they are no open seam, merge them", list(vertices))]
     Duplicates { count: usize, vertices: Vec<u32> },
+    /// Vertices in which groups of triangles meet that share no edge there.
+    #[error(
+        "in {count} vertices ({}) parts of the surface meet that share no edge; give each part a vertex of its own",
+        list(vertices)
+    )]
+    BowTies { count: usize, vertices: Vec<u32> },
     /// Vertices of no triangle.
     #[error("{count} vertices belong to no triangle ({}); they are kept and do not move", list(vertices))]
     Unused { count: usize, vertices: Vec<u32> },
@@ -77,7 +83,7 @@ impl Fault {
     /// Whether it breaks what the solver relies on: normals, sides, neighbours. The others are worth
     /// a warning.
     pub fn is_defect(&self) -> bool {
-        !matches!(self, Self::Duplicates { .. } | Self::Unused { .. } | Self::Units { .. })
+        !matches!(self, Self::BowTies { .. } | Self::Duplicates { .. } | Self::Unused { .. } | Self::Units { .. })
     }
 }
 
@@ -137,6 +143,9 @@ pub fn faults(mesh: &TriMesh) -> Vec<Fault> {
         found.push(Fault::InsideOut { volume });
     }
 
+    let mut ties = Collected::default();
+    bow_ties(mesh, &edges).into_iter().for_each(|v| ties.push_if(true, v));
+    found.extend(ties.some().map(|(count, vertices)| Fault::BowTies { count, vertices }));
     let mut duplicates = Collected::default();
     duplicated(mesh.vertices()).for_each(|v| duplicates.push_if(true, v));
     found.extend(duplicates.some().map(|(count, vertices)| Fault::Duplicates { count, vertices }));
@@ -174,6 +183,41 @@ fn same_direction(mesh: &TriMesh, ends: [u32; 2], a: u32, b: u32) -> bool {
         (0..3).any(|k| [tri[k], tri[(k + 1) % 3]] == ends)
     };
     forward(a) == forward(b)
+}
+
+/// Vertices in which several groups of triangles meet that share no edge there, ascending: the surface is no manifold
+/// in them, although its edges may be. A vertex with an edge of three or more triangles is one group there.
+pub fn bow_ties(mesh: &TriMesh, edges: &Edges) -> Vec<u32> {
+    let fans = VertexTriangles::new(mesh);
+    // For each triangle round the vertex the group it belongs to, by the place of another one of the group.
+    let mut group: Vec<usize> = Vec::new();
+    fn root(group: &[usize], mut k: usize) -> usize {
+        while group[k] != k {
+            k = group[k];
+        }
+        k
+    }
+    let mut found = Vec::new();
+    for v in 0..mesh.vertices().len() {
+        let round = fans.of(v);
+        group.clear();
+        group.extend(0..round.len());
+        let mut ends: Vec<(u32, usize)> = Vec::with_capacity(2 * round.len());
+        for (k, t) in round.iter().enumerate() {
+            let at_vertex =
+                edges.of_triangle[*t as usize].into_iter().filter(|e| edges.vertices[*e as usize].contains(&(v as u32)));
+            ends.extend(at_vertex.map(|e| (e, k)));
+        }
+        ends.sort_unstable();
+        for pair in ends.windows(2).filter(|p| p[0].0 == p[1].0) {
+            let (a, b) = (root(&group, pair[0].1), root(&group, pair[1].1));
+            group[a.max(b)] = a.min(b);
+        }
+        if (0..group.len()).filter(|k| group[*k] == *k).count() > 1 {
+            found.push(v as u32);
+        }
+    }
+    found
 }
 
 /// Vertices that lie exactly where one of smaller index lies, ascending.
@@ -283,6 +327,28 @@ mod tests {
             ]
         );
         assert!(!is_valid(&mesh));
+    }
+
+    #[test]
+    fn parts_that_meet_in_a_vertex_alone_are_found() {
+        // Two tetrahedra with a common tip, and two triangles that touch there too.
+        let one = tetrahedron(1.0);
+        let mut v = one.vertices().to_vec();
+        v.extend(one.vertices()[1..].iter().map(|p| -p));
+        v.extend([Point::new(5.0, 0.0, 0.1), Point::new(5.0, 1.0, 0.1)]);
+        let other = |v: u32| if v == 0 { 0 } else { v + 3 };
+        let mut t = one.triangles().to_vec();
+        t.extend(one.triangles().iter().map(|t| [other(t[0]), other(t[2]), other(t[1])]));
+        let tied = TriMesh::new(v.clone(), t.clone()).unwrap();
+        assert_eq!(
+            faults(&tied),
+            [Fault::BowTies { count: 1, vertices: vec![0] }, Fault::Unused { count: 2, vertices: vec![7, 8] }]
+        );
+        assert!(is_valid(&tied), "a warning, no defect");
+        t.push([0, 7, 8]);
+        let three = TriMesh::new(v, t).unwrap();
+        assert_eq!(bow_ties(&three, &Edges::new(&three)), [0]);
+        assert!(bow_ties(&one, &Edges::new(&one)).is_empty());
     }
 
     #[test]

@@ -19,8 +19,8 @@
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_mesh::extract::{ExtractParams, Resolution, extract};
 use if_mesh::file::MeshFile;
-use if_mesh::marching::{MarchParams, march};
 use if_mesh::sdf::MeshSdf;
 use if_neural::cloud::OrientedPoints;
 use if_neural::field::NeuralField;
@@ -236,7 +236,8 @@ fn dump(set: &TrainingSet, folder: &Path) -> Result<(), Box<dyn Error>> {
 
 fn picture(field: &NeuralField<Network>, target: &TriMesh, path: &str) -> Result<(), Box<dyn Error>> {
     let region = field.bounds().ok_or("no bounds")?;
-    let marched = march(field, &region, &MarchParams { cell: 0.005, ..MarchParams::default() })?;
+    let params = ExtractParams { region: Some(region), resolution: Resolution::Cell(0.005), ..ExtractParams::default() };
+    let marched = extract(field, &params)?;
     println!("(extracted: {} triangles)", marched.mesh.triangles().len());
     let views = [View::FRONT, View::THREE_QUARTER];
     for (mesh, path) in [(&marched.mesh, path.to_owned()), (target, path.replace(".png", "_target.png"))] {

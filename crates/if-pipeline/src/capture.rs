@@ -7,6 +7,7 @@
 mod error;
 mod meta;
 mod picture;
+pub mod synth;
 mod write;
 
 pub use error::CaptureError;

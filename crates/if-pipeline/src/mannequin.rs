@@ -4,12 +4,13 @@
 
 mod cloth;
 mod figure;
+pub mod rig;
 mod shape;
 
-use if_core::field::SignedDistance;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
-use if_mesh::marching::{MarchParams, RelaxParams, clip, collapse, march, relax};
+use if_mesh::extract::{ExtractParams, Resolution, extract};
+use if_mesh::marching::{RelaxParams, clip, collapse, relax};
 use serde::{Deserialize, Serialize};
 
 /// How fine the meshes are, and how far the layers go through one another.
@@ -61,7 +62,7 @@ impl MannequinParams {
 }
 
 /// What the mannequin can wear.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Garment {
     /// Long trousers. Worn below the T-shirt.
@@ -144,11 +145,10 @@ fn checked(params: &MannequinParams) -> &MannequinParams {
     params
 }
 
-/// Marches a shape, cuts it open, and makes its triangles even.
+/// Extracts a shape, cuts it open, and makes its triangles even.
 fn surface(shape: &shape::Shape, cell: Real, phase: [Real; 3], cuts: &[shape::Formula]) -> TriMesh {
-    let region = shape.bounds().expect("every shape here has bounds");
-    let marched = march(shape, &region, &MarchParams { cell, phase, newton: 1 }).expect("formulas are finite in finite boxes");
-    let mut mesh = marched.mesh;
+    let params = ExtractParams { resolution: Resolution::Cell(cell), phase, check: 0, ..ExtractParams::default() };
+    let mut mesh = extract(shape, &params).expect("every shape here has bounds, and formulas are finite in finite boxes").mesh;
     for cut in cuts {
         let values: Vec<Real> = mesh.vertices().iter().map(cut).collect();
         mesh = clip(&mesh, &values);
@@ -165,6 +165,7 @@ mod tests {
     use super::*;
     use if_core::aabb::Aabb;
     use if_core::edges::Edges;
+    use if_core::field::SignedDistance;
     use if_core::intersect::{triangles, triangles_sharing};
     use if_mesh::index::Bvh;
 

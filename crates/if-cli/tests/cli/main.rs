@@ -5,6 +5,8 @@
 mod bad_input;
 mod batch;
 mod commands;
+mod cut;
+mod extract;
 mod fit;
 mod folder;
 mod same_bytes;

@@ -1,6 +1,6 @@
 //! Better triangles on the same surface.
 
-use crate::marching::crossings::newton_step;
+use crate::extract::newton_step;
 use if_core::edges::{Edges, VertexTriangles};
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
@@ -160,25 +160,21 @@ fn keep_orientation(mesh: &TriMesh, normals: &[Vector], moved: &mut [Point]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::marching::{MarchParams, clip, march};
+    use crate::extract::{ExtractParams, Resolution, extract};
+    use crate::marching::clip;
+    use crate::measure::smallest_angles;
     use if_core::shapes::{Sphere, meshes};
 
     /// Smallest angle of any triangle, in degrees.
     fn smallest_angle(mesh: &TriMesh) -> Real {
-        (0..mesh.triangles().len())
-            .flat_map(|t| {
-                let p = mesh.corners(t);
-                (0..3).map(move |k| (p[(k + 1) % 3] - p[k]).angle(&(p[(k + 2) % 3] - p[k])))
-            })
-            .fold(Real::INFINITY, Real::min)
-            .to_degrees()
+        smallest_angles(mesh).into_iter().fold(Real::INFINITY, Real::min)
     }
 
     const BALL: Sphere = Sphere { center: Point::new(0.0, 0.0, 0.0), radius: 1.0 };
 
     fn marched(cell: Real) -> TriMesh {
-        let region = BALL.bounds().unwrap();
-        march(&BALL, &region, &MarchParams { cell, phase: [0.3, 0.7, 0.1], ..MarchParams::default() }).unwrap().mesh
+        let params = ExtractParams { resolution: Resolution::Cell(cell), phase: [0.3, 0.7, 0.1], ..ExtractParams::default() };
+        extract(&BALL, &params).unwrap().mesh
     }
 
     #[test]

@@ -85,7 +85,8 @@ fn a_cylinder_gets_its_line_back_and_its_bottom_stays_undecided_until_it_is_smoo
     assert!(votes.winner(bottom) == UNDECIDED && undecided <= 1 + 48 + 96, "{undecided}");
     let scores = smooth_labels(&mesh, &votes, &SmoothLabelParams::default()).unwrap();
     assert_eq!(scores.winners()[bottom], 1);
-    let (false_labels, undecided) = wrong(&mesh, |v| scores.winners()[v]);
+    let winners = scores.winners();
+    let (false_labels, undecided) = wrong(&mesh, |v| winners[v]);
     assert!(false_labels <= 48 && undecided == 0, "{false_labels} {undecided}");
     assert!(votes.log_odds(bottom, 1, 0.9) == 0.0 && votes.log_odds(0, 1, 0.9) == -votes.log_odds(0, 2, 0.9));
 }
@@ -93,11 +94,13 @@ fn a_cylinder_gets_its_line_back_and_its_bottom_stays_undecided_until_it_is_smoo
 #[test]
 fn labels_that_are_wrong_in_every_third_pixel_are_put_right_by_many_frames() {
     let mesh = cylinder();
-    let few = wrong(&mesh, |v| turned(&mesh, 2, 0.5).0.winner(v)).0;
+    let two = turned(&mesh, 2, 0.5).0;
+    let few = wrong(&mesh, |v| two.winner(v)).0;
     let (votes, _) = turned(&mesh, 24, 0.5);
     let before = wrong(&mesh, |v| votes.winner(v));
     let scores = smooth_labels(&mesh, &votes, &SmoothLabelParams { length: 0.06, ..Default::default() }).unwrap();
-    let after = wrong(&mesh, |v| scores.winners()[v]);
+    let winners = scores.winners();
+    let after = wrong(&mesh, |v| winners[v]);
     assert!(few > 100 && before.0 < few && after.0 <= before.0 && after.0 <= 60 && after.1 == 0, "{few} {before:?} {after:?}");
 }
 

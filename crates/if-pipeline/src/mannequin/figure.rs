@@ -51,7 +51,8 @@ pub(super) fn torso() -> Vec<Part> {
 }
 
 /// The left hip, knee and ankle.
-const LEG: [Point; 3] = [Point::new(0.088, 0.880, -0.004), Point::new(0.102, 0.470, 0.012), Point::new(0.116, 0.080, -0.022)];
+pub(super) const LEG: [Point; 3] =
+    [Point::new(0.088, 0.880, -0.004), Point::new(0.102, 0.470, 0.012), Point::new(0.116, 0.080, -0.022)];
 
 /// Hips to knees.
 pub(super) fn thighs() -> Vec<Part> {

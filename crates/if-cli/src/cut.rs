@@ -1,0 +1,276 @@
+//! `ifg cut`: a labelled mesh, cut into one mesh for each label along smooth lines.
+
+use crate::args::CutArgs;
+use crate::cancel;
+use crate::end::End;
+use crate::errors::{self, Told};
+use crate::print::{print, print_json};
+use crate::progress::Line;
+use crate::staging::{OutputError, Staging};
+use crate::table::count;
+use if_core::edges::Edges;
+use if_core::mesh::TriMesh;
+use if_mesh::attributes::{AttributeError, Source, VertexAttributes};
+use if_mesh::cut::{CutError, CutParams, Piece, cut};
+use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
+use if_mesh::smooth_labels::{SmoothLabelError, SmoothLabelParams, smooth_labels};
+use if_mesh::votes::{LabelVotes, UNDECIDED};
+use if_pipeline::render::{PALETTE, RenderLayer, View, side_by_side};
+use miette::{Diagnostic, Report};
+use serde::Serialize;
+use serde_json::json;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// The labelled mesh, and the pieces.
+const PICTURES: [&str; 2] = ["labels_before.png", "labels_after.png"];
+
+/// Why a mesh was not cut.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+enum CutFault {
+    #[error("cannot read `{}`", path.display())]
+    #[diagnostic(code(ifg::input::mesh), help("labels stand in PLY files; repair it at the place named, or export it again"))]
+    Read { path: PathBuf, source: Told },
+    #[error("`{}` has no vertex property `{name}`", path.display())]
+    #[diagnostic(code(ifg::input::labels), help("name the property with --labels; the file has: {have}"))]
+    NoLabels { path: PathBuf, name: String, have: String },
+    #[error("vertex {vertex} has the label {value}")]
+    #[diagnostic(code(ifg::input::labels), help("labels are whole numbers from 0 (unknown) to 254"))]
+    Label { vertex: usize, value: f64 },
+    #[error("all vertices have the label 0, which is unknown")]
+    #[diagnostic(code(ifg::input::labels), help("name the right property with --labels"))]
+    NothingKnown,
+    #[error("the labels cannot be made smooth")]
+    #[diagnostic(code(ifg::input::labels), help("try another --smooth"))]
+    Smooth { source: SmoothLabelError },
+    #[error("the mesh cannot be cut")]
+    #[diagnostic(code(ifg::input::labels), help("look at the mesh and its labels"))]
+    Cut { source: CutError },
+    #[error("the properties of `{}` do not fit its vertices", path.display())]
+    #[diagnostic(code(ifg::input::attributes), help("export it again"))]
+    Attributes { path: PathBuf, source: AttributeError },
+    #[error("label {label} is to be called `{name}`")]
+    #[diagnostic(
+        code(ifg::input::names),
+        help("names become names of files: use letters, digits, `_`, `-` and `.`, and each name once")
+    )]
+    Name { label: u8, name: String },
+}
+
+/// What the table says of a piece.
+#[derive(Serialize)]
+struct Row {
+    label: u8,
+    name: String,
+    file: String,
+    vertices: usize,
+    triangles: usize,
+    area_m2: f64,
+    components: usize,
+    borders: usize,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
+    let start = Instant::now();
+    let line = Line::new(&args.mesh.display().to_string(), 0, 1);
+    line.say("reading");
+    let mut ply = ply::read_path(&args.mesh).map_err(|e| CutFault::Read { path: args.mesh.clone(), source: Told::new(&e) })?;
+    let given = labels(args, &ply)?;
+    let names = |label: u8| {
+        let named = args.names.iter().find(|(l, _)| *l == label).map(|(_, name)| name.clone());
+        named.unwrap_or_else(|| if label == 1 { "skin".into() } else { format!("label_{label}") })
+    };
+    line.say("smoothing");
+    let votes = LabelVotes::from_labels(&given, given.iter().max().map_or(2, |l| usize::from(*l) + 1).max(2));
+    let params = SmoothLabelParams { length: args.smooth, ..SmoothLabelParams::default() };
+    let scores = smooth_labels(&ply.mesh, &votes, &params).map_err(|source| CutFault::Smooth { source })?;
+    line.say("cutting");
+    let mut pieces = cut(&ply.mesh, &scores, &CutParams::default()).map_err(|source| CutFault::Cut { source })?;
+    pieces.retain(|p| p.label != UNDECIDED);
+    let winners = scores.winners();
+    let decided = given.iter().zip(&winners).filter(|(a, b)| **a == UNDECIDED && **b != UNDECIDED).count();
+    let changed = given.iter().zip(&winners).filter(|(a, b)| **a != UNDECIDED && a != b).count();
+    let attributes = VertexAttributes::new(ply.mesh.vertices().len(), std::mem::take(&mut ply.vertex_properties))
+        .map_err(|source| CutFault::Attributes { path: args.mesh.clone(), source })?;
+    if cancel::asked() {
+        errors::note(&format!("cancelled; nothing was written into `{}`", args.out.display()));
+        return Ok(End::Cancelled);
+    }
+
+    line.say("writing");
+    let mut rows: Vec<Row> = Vec::new();
+    for piece in &pieces {
+        let row = row(piece, names(piece.label));
+        if !sound(&row.name) || rows.iter().any(|r| r.file.eq_ignore_ascii_case(&row.file)) {
+            return Err(CutFault::Name { label: row.label, name: row.name }.into());
+        }
+        rows.push(row);
+    }
+    let staging = Staging::open(&args.out)?;
+    let mut files: Vec<&str> = Vec::new();
+    for (piece, row) in pieces.iter().zip(&rows) {
+        let path = args.out.join(&row.file);
+        if path.canonicalize().is_ok_and(|p| args.mesh.canonicalize().is_ok_and(|m| m == p)) {
+            return Err(OutputError::OverInput { path, written: args.mesh.display().to_string() }.into());
+        }
+        write(piece, &attributes, &ply, args, &staging.path(&row.file))
+            .map_err(|e| OutputError::Mesh { path, source: Told::new(&e) })?;
+        files.push(&row.file);
+    }
+    if !args.no_pictures {
+        let before = coloured(&ply.mesh, &given);
+        let after: Vec<(u8, &TriMesh)> = pieces.iter().map(|p| (p.label, &p.mesh)).collect();
+        let before: Vec<(u8, &TriMesh)> = before.iter().map(|(l, m)| (*l, m)).collect();
+        for (name, layers) in PICTURES.into_iter().zip([before, after]) {
+            draw(&layers, &staging.path(name)).map_err(|source| OutputError::File { path: args.out.join(name), source })?;
+            files.push(name);
+        }
+    }
+    staging.commit(&files)?;
+    drop(line);
+    let seconds = start.elapsed().as_secs_f64();
+    if args.json {
+        print_json(&json!({
+            "mesh": args.mesh.display().to_string(), "out": args.out.display().to_string(), "pieces": rows,
+            "vertices": given.len(), "labels_changed": changed, "labels_filled_in": decided, "seconds": seconds,
+        }))?;
+    } else {
+        let mut text = format!(
+            "{:<20} {:>5} {:>10} {:>10} {:>9} {:>6} {:>8}\n",
+            "piece", "label", "vertices", "triangles", "area m2", "parts", "borders"
+        );
+        for r in &rows {
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                text,
+                "{:<20} {:>5} {:>10} {:>10} {:>9.4} {:>6} {:>8}",
+                r.name,
+                r.label,
+                count(r.vertices),
+                count(r.triangles),
+                r.area_m2,
+                r.components,
+                r.borders
+            );
+        }
+        let n = given.len().max(1) as f64;
+        let _ = writeln!(
+            text,
+            "\n{} of {} labels changed ({:.2} %), {} unknown ones filled in; {seconds:.2} s\nWrote {}: {}",
+            count(changed),
+            count(given.len()),
+            100.0 * changed as f64 / n,
+            count(decided),
+            args.out.display(),
+            files.join(", ")
+        );
+        print(&text)?;
+    }
+    Ok(End::Clean)
+}
+
+/// The labels of the vertices, from the property that holds them.
+fn labels(args: &CutArgs, ply: &PlyMesh) -> Result<Vec<u8>, CutFault> {
+    let found = ply.vertex_property(&args.labels).filter(|p| p.lists.is_none()).ok_or_else(|| {
+        let have: Vec<&str> = ply.vertex_properties.iter().map(|p| p.name.as_str()).collect();
+        CutFault::NoLabels { path: args.mesh.clone(), name: args.labels.clone(), have: have.join(", ") }
+    })?;
+    let label = |(vertex, value): (usize, f64)| {
+        let whole = (0.0..255.0).contains(&value) && value.fract() == 0.0;
+        if whole { Ok(value as u8) } else { Err(CutFault::Label { vertex, value }) }
+    };
+    let labels: Vec<u8> = found.values.to_f64().into_iter().enumerate().map(label).collect::<Result<_, _>>()?;
+    if labels.iter().all(|l| *l == UNDECIDED) { Err(CutFault::NothingKnown) } else { Ok(labels) }
+}
+
+/// Whether a name can be one of a file.
+fn sound(name: &str) -> bool {
+    let fits = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | '.');
+    !name.is_empty() && !name.starts_with('.') && name.chars().all(fits)
+}
+
+fn row(piece: &Piece, name: String) -> Row {
+    let edges = Edges::new(&piece.mesh);
+    Row {
+        label: piece.label,
+        file: format!("{name}.ply"),
+        name,
+        vertices: piece.mesh.vertices().len(),
+        triangles: piece.mesh.triangles().len(),
+        area_m2: piece.mesh.area(),
+        components: components(&piece.mesh, &edges),
+        borders: edges.boundary_loops(&piece.mesh).len(),
+    }
+}
+
+/// Parts that hang together over edges.
+fn components(mesh: &TriMesh, edges: &Edges) -> usize {
+    let mut root: Vec<usize> = (0..mesh.vertices().len()).collect();
+    fn find(root: &mut [usize], mut v: usize) -> usize {
+        while root[v] != v {
+            root[v] = root[root[v]];
+            v = root[v];
+        }
+        v
+    }
+    for e in &edges.vertices {
+        let (a, b) = (find(&mut root, e[0] as usize), find(&mut root, e[1] as usize));
+        root[a] = b;
+    }
+    (0..root.len()).filter(|v| root[*v] == *v).count()
+}
+
+/// A piece with all that its vertices carried; its own label stands where the labels came from.
+fn write(piece: &Piece, all: &VertexAttributes, from: &PlyMesh, args: &CutArgs, path: &Path) -> Result<(), ply::WriteError> {
+    let source = |o: &if_mesh::cut::Origin| o.source().map_or_else(|| Source::Blend(o.parts()), Source::Vertex);
+    let sources: Vec<Source> = piece.origins.iter().map(source).collect();
+    let mut vertex_properties = all.derive(&sources).into_properties();
+    for property in vertex_properties.iter_mut().filter(|p| p.name == args.labels) {
+        *property = Property::new(args.labels.clone(), Column::U8(vec![piece.label; piece.origins.len()]));
+    }
+    let ply = PlyMesh {
+        vertex_properties,
+        coordinates: from.coordinates,
+        comments: from.comments.clone(),
+        ..PlyMesh::new(piece.mesh.clone())
+    };
+    ply::write_path(&ply, piece.mesh.vertices(), &WriteParams { coordinates: from.coordinates, ..Default::default() }, path)
+}
+
+/// The triangles of each label: that of two corners, else of the first.
+fn coloured(mesh: &TriMesh, labels: &[u8]) -> Vec<(u8, TriMesh)> {
+    let of = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| labels[v as usize]);
+        if b == c { b } else { a }
+    };
+    let mut present: Vec<u8> = mesh.triangles().iter().map(of).collect();
+    present.sort_unstable();
+    present.dedup();
+    let part = |label: u8| {
+        let triangles = mesh.triangles().iter().filter(|t| of(t) == label).copied().collect();
+        TriMesh::new(mesh.vertices().to_vec(), triangles).ok().map(|m| (label, m))
+    };
+    present.into_iter().filter_map(part).collect()
+}
+
+/// Front, three quarters and back, each label in its colour, what is unknown in grey.
+fn draw(layers: &[(u8, &TriMesh)], path: &Path) -> io::Result<()> {
+    let color = |label: u8| {
+        let [skin, cloths @ ..] = PALETTE;
+        match label {
+            UNDECIDED => [128; 3],
+            1 => skin,
+            _ => cloths[(usize::from(label) - 2) % cloths.len()],
+        }
+    };
+    let scene: Vec<RenderLayer> =
+        layers.iter().map(|(label, mesh)| RenderLayer { mesh, color: color(*label), highlight: &[] }).collect();
+    let image = side_by_side(&scene, &[View::FRONT, View::THREE_QUARTER, View::BACK], 400, 640);
+    let mut file = BufWriter::new(File::create(path)?);
+    image.write_png(&mut file).map_err(io::Error::other)?;
+    file.flush()
+}

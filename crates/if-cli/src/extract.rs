@@ -1,0 +1,203 @@
+//! `ifg extract`: the surface of a field as a mesh.
+
+use crate::args::ExtractArgs;
+use crate::cancel;
+use crate::end::End;
+use crate::errors::{Told, note};
+use crate::print::{print, print_json};
+use crate::progress::Line;
+use crate::staging::OutputError;
+use crate::table;
+use if_core::mesh::{MeshError, TriMesh};
+use if_mesh::extract::{ExtractError, ExtractParams, Extraction, Resolution, Stage, extract_watched, layer_phase};
+use if_mesh::file::MeshFile;
+use if_mesh::index::Bvh;
+use if_mesh::measure::{SurfaceDistance, smallest_angles, surface_distance};
+use if_mesh::ply::{CoordinateType, PlyMesh, WriteError, WriteParams, write_path};
+use if_mesh::sdf::{MeshSdf, SdfError};
+use if_mesh::validate::faults;
+use if_pipeline::render::{PALETTE, RenderLayer, View, side_by_side};
+use miette::{Diagnostic, Report};
+use serde::Serialize;
+use serde_json::json;
+use std::io::{self, Write};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+/// Why there is no mesh.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+enum ExtractFault {
+    #[error("cannot read field `{}`", path.display())]
+    #[diagnostic(code(ifg::extract::read), help("give a .ply or .obj file of a closed mesh"))]
+    Read { path: PathBuf, source: Told },
+    #[error("`{}` cannot be scaled by {scale}", path.display())]
+    #[diagnostic(code(ifg::extract::scale), help("look at --scale"))]
+    Scale { path: PathBuf, scale: f64, source: MeshError },
+    #[error("`{}` has no signed distance", path.display())]
+    #[diagnostic(code(ifg::extract::field), help("the mesh must be closed and wind outwards; an open garment has no inside"))]
+    Field { path: PathBuf, source: SdfError },
+    #[error("cannot extract the surface of `{}`", path.display())]
+    #[diagnostic(code(ifg::extract::surface), help("look at --cell, --cells, --accuracy and --finest"))]
+    Surface { path: PathBuf, source: ExtractError },
+}
+
+/// A triangle with a smaller angle is a sliver; in degrees.
+const SLIVER: f64 = 10.0;
+/// Points on each of the two surfaces, where they are compared.
+const SAMPLES: usize = 20_000;
+
+/// What a mesh looks like.
+#[derive(Clone, Debug, Serialize)]
+struct Looks {
+    vertices: usize,
+    triangles: usize,
+    least_angle: f64,
+    slivers: usize,
+    faults: Vec<String>,
+}
+
+impl Looks {
+    fn of(mesh: &TriMesh) -> Self {
+        let angles = smallest_angles(mesh);
+        Self {
+            vertices: mesh.vertices().len(),
+            triangles: angles.len(),
+            least_angle: angles.iter().copied().fold(180.0, f64::min),
+            slivers: angles.iter().filter(|a| **a < SLIVER).count(),
+            faults: faults(mesh).iter().map(ToString::to_string).collect(),
+        }
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
+    let name = args.field.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let line = Line::new(&name, 0, 1);
+    line.say("reading");
+    let before = read(args)?;
+    let field = MeshSdf::closed(&before).map_err(|source| ExtractFault::Field { path: args.field.clone(), source })?;
+    let params = params(args);
+    let mut watch = |p: &if_mesh::extract::Progress| {
+        let stage = match p.stage {
+            Stage::Refine { step } => format!("boxes of {:.2} mm", 1e3 * p.cell * f64::from(step)),
+            Stage::Polish => "vertices".into(),
+            Stage::Relax => "relaxing".into(),
+            _ => "measuring".into(),
+        };
+        line.say(&format!("cells of {:.2} mm: {stage}, {} evaluations", 1e3 * p.cell, table::count(p.evaluations)));
+        if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let found = match extract_watched(&field, &params, &mut watch) {
+        Err(ExtractError::Cancelled { .. }) => {
+            drop(line);
+            note(&format!("cancelled; `{}` was not written", args.out.display()));
+            return Ok(End::Cancelled);
+        }
+        other => other.map_err(|source| ExtractFault::Surface { path: args.field.clone(), source })?,
+    };
+    line.say("comparing");
+    let (old, new) = (Bvh::new(&before), Bvh::new(&found.mesh));
+    let apart = surface_distance((&before, &old), (&found.mesh, &new), SAMPLES, 0);
+    line.say("writing");
+    let files = write(args, &before, &found)?;
+    drop(line);
+    let looks = [Looks::of(&before), Looks::of(&found.mesh)];
+    if args.json {
+        let [before, after] = looks;
+        let warnings: Vec<String> = found.report.warnings.iter().map(ToString::to_string).collect();
+        print_json(&json!({
+            "field": args.field, "files": files, "before": before, "after": after, "distance": apart,
+            "report": found.report, "notes": warnings,
+        }))?;
+    } else {
+        print(&told(&files, &looks, &apart, &found))?;
+    }
+    Ok(End::Clean)
+}
+
+fn read(args: &ExtractArgs) -> Result<TriMesh, ExtractFault> {
+    let path = || args.field.clone();
+    let file = MeshFile::read(&args.field).map_err(|e| ExtractFault::Read { path: path(), source: Told::new(&e) })?;
+    let scale = args.scale.unwrap_or(1.0);
+    let scaled = file.mesh().vertices().iter().map(|p| p * scale).collect();
+    file.mesh().with_vertices(scaled).map_err(|source| ExtractFault::Scale { path: path(), scale, source })
+}
+
+fn params(args: &ExtractArgs) -> ExtractParams {
+    let resolution = match (args.cell, args.accuracy) {
+        (Some(cell), _) => Resolution::Cell(cell),
+        (None, Some(error)) => Resolution::Accuracy { error, finest: args.finest },
+        (None, None) => Resolution::Cells(args.cells),
+    };
+    ExtractParams { resolution, relax: args.relax, phase: layer_phase(args.layer), ..ExtractParams::default() }
+}
+
+/// Writes the mesh, in the units of the field, and the pictures; returns their paths.
+fn write(args: &ExtractArgs, before: &TriMesh, found: &Extraction) -> Result<Vec<PathBuf>, OutputError> {
+    let scale = args.scale.unwrap_or(1.0);
+    let fault = |path: &Path, source| OutputError::File { path: path.into(), source };
+    let params = WriteParams { coordinates: CoordinateType::Float, ..WriteParams::default() };
+    let positions: Vec<_> = found.mesh.vertices().iter().map(|p| p / scale).collect();
+    write_path(&PlyMesh::new(found.mesh.clone()), &positions, &params, &args.out).map_err(|e| match e {
+        WriteError::Io(source) => fault(&args.out, source),
+        other => OutputError::Mesh { path: args.out.clone(), source: Told::new(&other) },
+    })?;
+    let mut files = vec![args.out.clone()];
+    if !args.no_pictures {
+        for (mesh, kind) in [(before, "before.png"), (&found.mesh, "after.png")] {
+            let path = args.out.with_extension(kind);
+            if_mesh::atomic::write(&path, |file| picture(mesh, file)).map_err(|source| fault(&path, source))?;
+            files.push(path);
+        }
+    }
+    Ok(files)
+}
+
+/// Three views of a mesh, slivers in red.
+fn picture(mesh: &TriMesh, out: impl Write) -> io::Result<()> {
+    const SIZE: [u32; 2] = [480, 640];
+    let slivers: Vec<u32> = smallest_angles(mesh).iter().enumerate().filter(|a| *a.1 < SLIVER).map(|a| a.0 as u32).collect();
+    let layer = RenderLayer { mesh, color: PALETTE[1], highlight: &slivers };
+    side_by_side(&[layer], &[View::FRONT, View::THREE_QUARTER, View::BACK], SIZE[0], SIZE[1])
+        .write_png(out)
+        .map_err(io::Error::other)
+}
+
+/// What was done, for people.
+fn told(files: &[PathBuf], [before, after]: &[Looks; 2], apart: &SurfaceDistance, found: &Extraction) -> String {
+    let report = &found.report;
+    let count = table::count;
+    let mm = |metres: f64| format!("{:.4}", 1e3 * metres);
+    let rows = [
+        ("vertices", count(before.vertices), count(after.vertices)),
+        ("triangles", count(before.triangles), count(after.triangles)),
+        ("least angle, degrees", format!("{:.1}", before.least_angle), format!("{:.1}", after.least_angle)),
+        ("triangles below 10 degrees", count(before.slivers), count(after.slivers)),
+        ("faults", count(before.faults.len()), count(after.faults.len())),
+    ];
+    let mut text = table::columns("Before -> after", ["", "before", "after"], &rows);
+    let e = &report.evaluations;
+    let cells: usize = report.cells.iter().map(|c| *c as usize).product();
+    let done = [
+        ("cells", format!("{} of {} mm, {:.2} % skipped", count(cells), mm(report.cell), 100.0 * report.skipped), String::new()),
+        ("field evaluated", count(e.refine), "at nodes".into()),
+        ("", count(e.polish), "for vertices".into()),
+        ("", count(e.relax + e.check), "to relax and measure".into()),
+        ("error at vertices, mm", mm(report.error.vertex_max), format!("largest of {}", report.error.checked)),
+        ("error of triangles, mm", mm(report.error.center_max), format!("rms {}", mm(report.error.center_rms))),
+        ("distance of the meshes, mm", format!("{:.4}", apart.chamfer_mm), format!("mean; largest {:.3}", apart.hausdorff_mm)),
+        ("seconds", format!("{:.2}", report.seconds.total()), String::new()),
+    ];
+    text += &table::columns("What was done", ["", "", ""], &done);
+    for attempt in &report.attempts {
+        text += &format!("tried cells of {} mm: error {} mm\n", mm(attempt.cell), mm(attempt.error));
+    }
+    for fault in &after.faults {
+        text += &format!("note: {fault}\n");
+    }
+    for warning in &report.warnings {
+        text += &format!("note: {warning}\n");
+    }
+    let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
+    text + &format!("wrote {}\n", names.join(", "))
+}

@@ -1,0 +1,86 @@
+//! `ifg cut` and `ifg capture synth`.
+
+use crate::folder::Folder;
+use if_core::shapes::meshes::tube;
+use if_mesh::ply::{Column, PlyMesh, Property, WriteParams, read_bytes, write};
+use if_pipeline::capture::Capture;
+use if_pipeline::capture::synth::BODY;
+use if_pipeline::template::TemplateBody;
+
+/// A closed tube, trousers below 0.4 and a shirt above, every eleventh vertex wrong or unknown; and a height.
+fn labelled(folder: &Folder) {
+    let mesh = tube(0.2, 1.0, 32, 40, true);
+    let label = |(v, y): (usize, f64)| match v % 11 {
+        3 => 0,
+        7 => 1,
+        _ => 2 + u8::from(y > 0.4),
+    };
+    let heights: Vec<f64> = mesh.vertices().iter().map(|p| p.y).collect();
+    let labels = heights.iter().copied().enumerate().map(label).collect();
+    let mut ply = PlyMesh::new(mesh);
+    ply.vertex_properties = vec![
+        Property::new("label", Column::U8(labels)),
+        Property::new("height", Column::F32(heights.iter().map(|y| *y as f32).collect())),
+    ];
+    let mut bytes = Vec::new();
+    write(&ply, ply.mesh.vertices(), &WriteParams::default(), &mut bytes).unwrap();
+    folder.write("labelled.ply", bytes);
+}
+
+#[test]
+fn cut_writes_one_mesh_for_each_label_with_attributes_and_a_table() {
+    let folder = Folder::new();
+    labelled(&folder);
+    let run = folder.ifg("cut labelled.ply --out pieces --smooth 10cm --name 2=trousers --name 3=shirt").expect(0);
+    for word in ["trousers", "shirt", "borders", "labels changed", "unknown ones filled in", "labels_after.png"] {
+        assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
+    }
+    assert!(!run.stdout.contains("skin"), "the skin was outvoted everywhere\n{}", run.stdout);
+    assert!(folder.read("pieces/labels_before.png").starts_with(b"\x89PNG"));
+    let shirt = read_bytes(&folder.read("pieces/shirt.ply")).unwrap();
+    assert_eq!(shirt.vertex_property("label").unwrap().values, Column::U8(vec![3; shirt.mesh.vertices().len()]));
+    let heights = shirt.vertex_property("height").unwrap().values.to_f64();
+    for (p, height) in shirt.mesh.vertices().iter().zip(heights) {
+        assert!((p.y - height).abs() < 1e-6 && p.y > 0.36, "{p} {height}");
+    }
+    let json = folder.ifg("cut labelled.ply --out again --smooth 10cm --json --no-pictures").expect(0).json();
+    let borders: Vec<_> = json["pieces"].as_array().unwrap().iter().map(|p| (p["name"].clone(), p["borders"].clone())).collect();
+    assert_eq!(borders, [("label_2".into(), 1.into()), ("label_3".into(), 1.into())]);
+    let files: Vec<_> = std::fs::read_dir(folder.path("again")).unwrap().map(|f| f.unwrap().file_name()).collect();
+    assert_eq!(files.len(), 2, "{files:?}");
+}
+
+#[test]
+fn labels_that_are_missing_or_none_and_names_that_are_none_are_named() {
+    let folder = Folder::new();
+    labelled(&folder);
+    let cases = [
+        ("cut labelled.ply --out o --labels layer", "label, height"),
+        ("cut labelled.ply --out o --labels height", "whole numbers"),
+        ("cut hoop.obj --out o", "cannot read"),
+        ("cut labelled.ply --out o --name 3=a/b", "a/b"),
+        ("cut labelled.ply --out o --name 2=x --name 3=X", "each name once"),
+    ];
+    for (args, word) in cases {
+        let run = folder.ifg(&format!("{args} --no-pictures")).expect(2);
+        assert!(run.stderr.contains(word), "{args}: {}", run.stderr);
+        assert!(!folder.path("o").exists(), "{args}");
+    }
+    let over = folder.ifg("cut labelled.ply --out . --name 2=labelled --no-pictures").expect(2);
+    assert!(over.stderr.contains("the input file"), "{}", over.stderr);
+}
+
+#[test]
+fn a_synthetic_capture_is_one_and_is_not_overwritten() {
+    let folder = Folder::new();
+    let run = folder.ifg("capture synth --out turn --frames 2 --size 48 --garments skirt,tshirt").expect(0);
+    assert!(run.stdout.contains("skirt") && run.stdout.contains("2 frames of 48x48"), "{}", run.stdout);
+    let capture = Capture::open(&folder.path("turn")).unwrap();
+    assert_eq!((capture.len(), capture.garments()), (2, &["tshirt".to_owned(), "skirt".to_owned()][..]));
+    let template = TemplateBody::read(&folder.path("turn").join(BODY)).unwrap();
+    capture.check_skeleton(&template.skeleton).unwrap();
+    let again = folder.ifg("capture synth --out turn --frames 2 --size 48").expect(2);
+    assert!(again.stderr.contains("already there"), "{}", again.stderr);
+    let none = folder.ifg("capture synth --out none --noise 2").expect(2);
+    assert!(none.stderr.contains("label_noise") && !folder.path("none").exists(), "{}", none.stderr);
+}

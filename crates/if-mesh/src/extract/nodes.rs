@@ -1,0 +1,191 @@
+//! The nodes of a level that are needed, and the field there.
+
+use crate::extract::ExtractError;
+use crate::extract::lattice::{Lattice, Level};
+use crate::extract::progress::{Stage, Watch};
+use crate::extract::rows::{Bits, Rows, WORD, Word, below, each_bit};
+use if_core::field::SignedDistance;
+use if_core::math::{Point, Real};
+use rayon::prelude::*;
+
+/// Points in one call of the field, at most but for the rest of a plane: 24 MB of points. Levels of surfaces up to
+/// a million nodes are one call.
+const BATCH: usize = 1 << 20;
+
+/// 64 nodes along x.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct NodeWord {
+    pub(super) x: u32,
+    /// Number of the first known node's value.
+    pub(super) base: u32,
+    /// Nodes whose value is known.
+    pub(super) known: u64,
+    /// Of these the ones with a value below zero.
+    pub(super) inside: u64,
+}
+
+impl Word for NodeWord {
+    fn x(&self) -> u32 {
+        self.x
+    }
+}
+
+impl NodeWord {
+    /// Number of the value of a known node of this word.
+    #[inline]
+    pub(super) fn value(&self, bit: u32) -> usize {
+        self.base as usize + (self.known & below(bit)).count_ones() as usize
+    }
+}
+
+/// Nodes with values, in the order of the lattice: x fastest, z slowest.
+pub(super) struct Nodes {
+    pub(super) rows: Rows<NodeWord>,
+    pub(super) values: Vec<Real>,
+}
+
+impl Nodes {
+    /// The value at a node, if it is known.
+    pub(super) fn get(&self, [x, y, z]: [u32; 3]) -> Option<Real> {
+        let word = self.rows.words()[self.rows.find(x / WORD, y, z)?];
+        let bit = x % WORD;
+        (word.known >> bit & 1 == 1).then(|| self.values[word.value(bit)])
+    }
+
+    /// The steepest slope between neighbours along an axis that are known, but for `noise` in their values.
+    pub(super) fn steepest(&self, lattice: &Lattice, level: &Level, noise: Real) -> Real {
+        let last = self.rows.size.map(|s| s.saturating_sub(1));
+        (0..self.rows.size[2])
+            .into_par_iter()
+            .map(|z| {
+                let mut most: Real = 0.0;
+                for y in 0..self.rows.size[1] {
+                    for w in self.rows.row(y, z).0 {
+                        each_bit(w.known, |bit| {
+                            let node = [w.x * WORD + bit, y, z];
+                            let here = self.values[w.value(bit)];
+                            for axis in (0..3).filter(|k| node[*k] < last[*k]) {
+                                let mut up = node;
+                                up[axis] += 1;
+                                if let Some(there) = self.get(up) {
+                                    let cells = level.finest(lattice, up)[axis] - level.finest(lattice, node)[axis];
+                                    let length = Real::from(cells) * lattice.cell;
+                                    most = most.max(((there - here).abs() - 2.0 * noise) / length);
+                                }
+                            }
+                        });
+                    }
+                }
+                most
+            })
+            .reduce(|| 0.0, Real::max)
+    }
+
+    /// Evaluates the field at the nodes `places` of a level, but for those that `known` knows.
+    pub(super) fn evaluate<F: SignedDistance + ?Sized>(
+        field: &F,
+        lattice: &Lattice,
+        level: &Level,
+        places: &Rows<Bits>,
+        known: impl Fn([u32; 3]) -> Option<Real> + Sync,
+        watch: &mut Watch,
+    ) -> Result<Self, ExtractError> {
+        let mut rows = numbered(places)?;
+        let total = rows.words().last().map_or(0, |w| w.base as usize + w.known.count_ones() as usize);
+        let mut values = vec![0.0; total];
+        let mut z = 0;
+        while z < rows.size[2] {
+            let mut end = z + 1;
+            let nodes = |z: std::ops::Range<u32>| -> usize {
+                rows.words()[rows.planes(z)].iter().map(|w| w.known.count_ones() as usize).sum()
+            };
+            let mut count = nodes(z..end);
+            while end < rows.size[2] {
+                let next = nodes(end..end + 1);
+                if count + next > BATCH {
+                    break;
+                }
+                (count, end) = (count + next, end + 1);
+            }
+            evaluate_planes(field, lattice, level, &rows, z..end, &known, &mut values, watch)?;
+            z = end;
+        }
+        let all = &values;
+        rows.words_mut().par_iter_mut().for_each(|w| {
+            let mut at = w.base as usize;
+            let mut inside = 0;
+            each_bit(w.known, |bit| {
+                inside |= u64::from(all[at] < 0.0) << bit;
+                at += 1;
+            });
+            w.inside = inside;
+        });
+        Ok(Self { rows, values })
+    }
+}
+
+/// The words of a set of nodes, their values numbered.
+fn numbered(places: &Rows<Bits>) -> Result<Rows<NodeWord>, ExtractError> {
+    let nodes = places.count();
+    if u32::try_from(nodes).is_err() {
+        return Err(ExtractError::TooManyNodes { nodes });
+    }
+    let mut rows = Rows::build(places.size, |y, z, out| {
+        out.extend(places.row(y, z).0.iter().map(|w| NodeWord { x: w.x, base: 0, known: w.bits, inside: 0 }));
+    });
+    let mut base = 0;
+    for w in rows.words_mut() {
+        w.base = base;
+        base += w.known.count_ones();
+    }
+    Ok(rows)
+}
+
+/// Values at the nodes of some planes.
+fn evaluate_planes<F: SignedDistance + ?Sized>(
+    field: &F,
+    lattice: &Lattice,
+    level: &Level,
+    rows: &Rows<NodeWord>,
+    planes: std::ops::Range<u32>,
+    known: &(impl Fn([u32; 3]) -> Option<Real> + Sync),
+    values: &mut [Real],
+    watch: &mut Watch,
+) -> Result<(), ExtractError> {
+    let parts: Vec<(Vec<(u32, Real)>, Vec<u32>, Vec<Point>)> = planes
+        .into_par_iter()
+        .map(|z| {
+            let (mut had, mut missing, mut points) = (Vec::new(), Vec::new(), Vec::new());
+            for y in 0..rows.size[1] {
+                for w in rows.row(y, z).0 {
+                    let mut at = w.base;
+                    each_bit(w.known, |bit| {
+                        let node = [w.x * WORD + bit, y, z];
+                        match known(node) {
+                            Some(value) => had.push((at, value)),
+                            None => {
+                                missing.push(at);
+                                points.push(lattice.node(level.finest(lattice, node)));
+                            }
+                        }
+                        at += 1;
+                    });
+                }
+            }
+            (had, missing, points)
+        })
+        .collect();
+    let (mut missing, mut points) = (Vec::new(), Vec::new());
+    for (had, m, p) in parts {
+        had.iter().for_each(|(at, value)| values[*at as usize] = *value);
+        missing.extend(m);
+        points.extend(p);
+    }
+    let mut fresh = vec![0.0; points.len()];
+    field.distances(&points, &mut fresh);
+    if let Some(k) = fresh.iter().position(|v| v.is_nan()) {
+        return Err(ExtractError::NotANumber { point: points[k] });
+    }
+    missing.iter().zip(&fresh).for_each(|(at, value)| values[*at as usize] = *value);
+    watch.evaluated(Stage::Refine { step: level.step }, points.len())
+}
