@@ -116,7 +116,7 @@ impl BodyMap {
         }
         let similarity = Similarity::between(from, to)?;
         let start = similarity::start(from, to, &similarity);
-        let registered = register::register(from.mesh, to.mesh, start, params);
+        let registered = register::register(from.mesh, to.mesh, start);
         if registered.is_good(params, to.mesh) {
             let kind = sites(from.mesh.vertices(), &registered.positions, from.skin);
             return Ok(map(kind, Method::Registered, registered.residual));

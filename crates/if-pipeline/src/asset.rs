@@ -99,10 +99,9 @@ pub fn write(assets: &Writer, parts: &Parts) -> Result<AssetInfo, AssetError> {
             fs::write(&path, bytes).map_err(|source| AssetError::Io { path, source })?;
             Ok(FileInfo { file: file.into(), content: content(bytes) })
         };
-        let mut vertex_properties: Vec<Property> = parts.skin.map_or(Vec::new(), SkinWeights::to_properties);
+        let vertex_properties: Vec<Property> = parts.skin.map_or(Vec::new(), SkinWeights::to_properties);
         let comments = parts.provenance.licence.iter().map(|l| format!("licence {}", one_line(l))).collect();
-        let garment =
-            PlyMesh { vertex_properties: std::mem::take(&mut vertex_properties), comments, ..PlyMesh::new(mesh.clone()) };
+        let garment = PlyMesh { vertex_properties, comments, ..PlyMesh::new(mesh.clone()) };
         let mut bytes = Vec::new();
         ply::write(&garment, mesh.vertices(), &WriteParams::default(), &mut bytes)
             .map_err(|source| AssetError::Ply { name: parts.name.into(), source: source.into() })?;

@@ -98,7 +98,7 @@ mod tests {
                     if let Some(node) = found {
                         assert_eq!(coarse.finest(&lattice, node), here);
                     }
-                    let on = [0, 1, 2].map(|k| here[k] % 4 == 0 || here[k] == lattice.cells[k]);
+                    let on = [0, 1, 2].map(|k| here[k].is_multiple_of(4) || here[k] == lattice.cells[k]);
                     assert_eq!(found.is_some(), on == [true; 3], "{x} {y} {z}");
                 }
             }

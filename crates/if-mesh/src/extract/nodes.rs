@@ -141,6 +141,9 @@ fn numbered(places: &Rows<Bits>) -> Result<Rows<NodeWord>, ExtractError> {
     Ok(rows)
 }
 
+/// Nodes of one plane: indices and values that were known, indices and points that were not.
+type PlaneNodes = (Vec<(u32, Real)>, Vec<u32>, Vec<Point>);
+
 /// Values at the nodes of some planes.
 fn evaluate_planes<F: SignedDistance + ?Sized>(
     field: &F,
@@ -152,7 +155,7 @@ fn evaluate_planes<F: SignedDistance + ?Sized>(
     values: &mut [Real],
     watch: &mut Watch,
 ) -> Result<(), ExtractError> {
-    let parts: Vec<(Vec<(u32, Real)>, Vec<u32>, Vec<Point>)> = planes
+    let parts: Vec<PlaneNodes> = planes
         .into_par_iter()
         .map(|z| {
             let (mut had, mut missing, mut points) = (Vec::new(), Vec::new(), Vec::new());

@@ -256,7 +256,7 @@ mod tests {
     #[test]
     fn sets_hold_what_was_put_in_and_their_corners() {
         let size = [150, 3, 2];
-        let rule = |x: u32, y: u32, z: u32| (x * 7 + y * 3 + z) % 11 == 0 || [63, 64, 127].contains(&x);
+        let rule = |x: u32, y: u32, z: u32| (x * 7 + y * 3 + z).is_multiple_of(11) || [63, 64, 127].contains(&x);
         let cells = set(size, rule);
         let nodes = cells.corners();
         assert_eq!(nodes.size, [151, 4, 3]);

@@ -40,7 +40,7 @@ impl Registered {
 }
 
 /// Bends `source`, whose vertices begin at `start`, onto `target`.
-pub(super) fn register(source: &TriMesh, target: &TriMesh, start: Vec<Point>, _: &AlignParams) -> Registered {
+pub(super) fn register(source: &TriMesh, target: &TriMesh, start: Vec<Point>) -> Registered {
     let (tree, normals) = (Bvh::new(target), face_normals(target, target.vertices()));
     let reach = REACH * target.aabb().size().y;
     let graph = Graph::new(source);
