@@ -1,0 +1,57 @@
+//! `ifg clean`.
+
+use crate::folder::Folder;
+use if_core::mesh::TriMesh;
+use if_core::shapes::meshes::{icosphere, tube};
+use if_mesh::file::{Content, MeshFile};
+use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
+
+/// A tube with a hole in its side, a stray ball beside it, and a label for each vertex.
+fn raw(folder: &Folder) {
+    let tube = tube(0.1, 0.4, 40, 20, false);
+    let ball = icosphere(0.005, 1);
+    let base = tube.vertices().len() as u32;
+    let vertices =
+        tube.vertices().iter().copied().chain(ball.vertices().iter().map(|p| p + if_core::math::Vector::x())).collect();
+    let mut triangles = [&tube.triangles()[..600], &tube.triangles()[606..]].concat();
+    triangles.extend(ball.triangles().iter().map(|t| t.map(|v| v + base)));
+    let mesh = TriMesh::new(vertices, triangles).unwrap();
+    let label = Property::new("label", Column::U8(vec![3; mesh.vertices().len()]));
+    let ply = PlyMesh { vertex_properties: vec![label], ..PlyMesh::new(mesh) };
+    ply::write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &folder.path("raw.ply")).unwrap();
+}
+
+#[test]
+fn clean_drops_fills_and_keeps_openings_and_attributes() {
+    let folder = Folder::new();
+    raw(&folder);
+    let run = folder.ifg("clean raw.ply --out clean.ply").expect(0);
+    for word in ["isolated elements", "1 dropped", "1 filled", "2 openings kept", "clean_before.png", "Wrote clean.ply"] {
+        assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
+    }
+    let file = MeshFile::read(&folder.path("clean.ply")).unwrap();
+    let Content::Ply(ply) = file.content() else { panic!("a PLY file") };
+    let label = ply.vertex_property("label").unwrap();
+    assert_eq!(label.values, Column::U8(vec![3; ply.mesh.vertices().len()]));
+    assert!(folder.read("clean_after.png").starts_with(b"\x89PNG"));
+    let json = folder.ifg("clean raw.ply --out all.ply --openings 0 --no-pictures --json").expect(0).json();
+    assert_eq!(json["report"]["holes"]["filled"].as_array().unwrap().len(), 3);
+    assert_eq!(json["written"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn what_cannot_be_cleaned_is_refused() {
+    let folder = Folder::new();
+    raw(&folder);
+    for (command, word) in [
+        ("clean raw.ply --out clean.obj", ".ply"),
+        ("clean raw.ply --out raw.ply", "--in-place"),
+        ("clean missing.ply --out clean.ply", "missing.ply"),
+        ("clean raw.ply --out clean.ply --project", "--body"),
+        ("clean raw.ply --out clean.ply --least-share 200", "share"),
+    ] {
+        let run = folder.ifg(command).expect(2);
+        assert!(run.stderr.contains(word), "{command}\n{}", run.stderr);
+    }
+    assert!(!folder.path("clean.ply").exists());
+}
