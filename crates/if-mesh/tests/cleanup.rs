@@ -1,5 +1,7 @@
 //! Clean-up of anything: random soups, damaged surfaces, attributes.
 
+#![allow(clippy::unwrap_used)] // also in what the tests share
+
 use if_core::edges::{Edges, VertexTriangles};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};

@@ -9,6 +9,8 @@
 //! mesh in each frame, and `report.json`. With a truth it prints two-sided distances; `benches/reconstruction.py` judges the
 //! files with other people's code.
 
+#![allow(clippy::print_stdout)] // a program for the terminal
+
 use if_core::mesh::TriMesh;
 use if_mesh::extract::{ExtractParams, Resolution, extract};
 use if_mesh::index::Bvh;

@@ -1,5 +1,7 @@
 //! A body that turns before a camera is found again, from pictures of an ellipsoid that have nothing to do with our rasteriser.
 
+#![allow(clippy::unwrap_used)] // also in what the tests share
+
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::icosphere;

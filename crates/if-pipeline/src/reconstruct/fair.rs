@@ -155,7 +155,7 @@ mod tests {
             approx::assert_relative_eq!(p, q, epsilon = 1e-12);
         }
         let mut dented = ball.vertices().to_vec();
-        dented[40] = dented[40] * 0.9;
+        dented[40] *= 0.9;
         let x = mend(&ball, dented, &neighbours(&ball), &nothing);
         assert!(x[40].coords.norm() > 0.19, "{}", x[40].coords.norm());
     }
