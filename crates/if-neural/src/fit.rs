@@ -204,7 +204,7 @@ pub(crate) struct Best {
 /// let ball = Sphere { center: Point::new(0.0, 1.0, 0.0), radius: 0.3 };
 /// let set = TrainingSet::of_field(&ball, &SamplingParams { near: 5000, far: 500, held_out: 500, ..Default::default() })?;
 /// let mut field = GridField::new(GridConfig { finest: 32, levels: 2, ..Default::default() })?;
-/// let mut fit = Fit::new(FitParams { steps: Some(60), seconds: None, batch: 1024, ..Default::default() })?;
+/// let mut fit = Fit::new(FitParams { steps: Some(300), seconds: None, batch: 1024, ..Default::default() })?;
 /// let report = fit.run(&mut field, &set, &mut |_| ControlFlow::Continue(()))?;
 /// assert!(report.error.mean < 1e-3, "{report:?}");
 /// # Ok::<(), Box<dyn std::error::Error>>(())

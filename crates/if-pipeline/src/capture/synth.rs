@@ -308,15 +308,19 @@ mod tests {
         capture.check_skeleton(&template.skeleton).unwrap();
         let truth = Capture::open_with(&a, &Channels::truth()).unwrap();
         let mut counts = vec![0; 4];
+        let mut moved = [0; 2];
         for frame in 0..3 {
             let (noisy, clean) = (capture.frame(frame).unwrap(), truth.frame(frame).unwrap());
             assert_eq!(noisy, Capture::open(&b).unwrap().frame(frame).unwrap());
-            assert!(noisy.labels != clean.labels && noisy.mask != clean.mask);
+            moved[0] += usize::from(noisy.labels != clean.labels);
+            moved[1] += usize::from(noisy.mask != clean.mask);
             clean.labels.iter().for_each(|l| counts[usize::from(*l)] += 1);
             assert!(clean.labels.iter().zip(&clean.mask).all(|(l, m)| (*l > 0) == *m));
             // What faces the camera has normals against the view.
             assert!(clean.normals.iter().zip(&clean.mask).all(|(n, m)| !m || n[2] < 0.35));
         }
+        // Blobs and outlines move by about a pixel of this size: not in each frame.
+        assert!(moved.iter().all(|n| *n > 0), "{moved:?}");
         assert!(counts == report.pixels && counts.iter().all(|n| *n > 100), "{counts:?}");
         let total: usize = report.pixels[1..].iter().sum();
         assert!((0.005..0.2).contains(&(report.wrong_labels as Real / total as Real)), "{report:?}");
