@@ -121,6 +121,8 @@ pub struct Air<'a> {
     params: AirParams,
     pairs: Vec<Pair>,
     substeps: u32,
+    /// Whether positions have jumped, so that all feet must be looked for anew.
+    jumped: bool,
     counters: Counters,
 }
 
@@ -133,7 +135,7 @@ impl<'a> Air<'a> {
     /// Parameters outside their range.
     pub fn new(inner: &'a InnerSurface<'a>, positions: &[Point], masks: &[Real], params: AirParams) -> Result<Self, AirError> {
         params.validate()?;
-        let mut air = Self { inner, params, pairs: Vec::new(), substeps: 0, counters: Counters::default() };
+        let mut air = Self { inner, params, pairs: Vec::new(), substeps: 0, jumped: false, counters: Counters::default() };
         for (v, (p, &weight)) in positions.iter().zip(masks).enumerate() {
             if weight <= 0.0 {
                 air.counters.skipped_by_mask += 1;
@@ -175,7 +177,8 @@ impl<'a> Air<'a> {
             return;
         }
         self.substeps += 1;
-        let all = self.params.repair_every > 0 && self.substeps.is_multiple_of(self.params.repair_every);
+        let due = self.params.repair_every > 0 && self.substeps.is_multiple_of(self.params.repair_every);
+        let all = due || std::mem::take(&mut self.jumped);
         for pair in &mut self.pairs {
             let p = positions[pair.vertex as usize];
             if !all {
@@ -254,6 +257,10 @@ impl Constraint for Air<'_> {
 
     fn stage(&self) -> Stage {
         Stage::Contact
+    }
+
+    fn reset(&mut self) {
+        self.jumped = true;
     }
 
     fn is_idle(&self) -> bool {
@@ -344,6 +351,12 @@ mod tests {
                 air.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
                 air.project(&mut p, &[1.0], 1e-3);
                 assert_eq!(p[0] == slid, expected, "{reading:?} {slide} {every}: {}", p[0]);
+                // A jump (teleport, roll-back) forgets the foot in any case.
+                air.reset();
+                p[0] = slid;
+                air.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
+                air.project(&mut p, &[1.0], 1e-3);
+                assert_eq!(p[0], slid, "{reading:?} {slide} {every} after a jump");
             }
         }
     }

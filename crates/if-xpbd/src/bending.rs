@@ -32,6 +32,11 @@ pub enum BendingModel {
 /// |c| is L θ to first order, so that `k` means the same in both. θ is 0 for a flat hinge, and is
 /// found with `atan2`; its gradient divides by areas only, so 0° and 180° are like other angles.
 ///
+/// The angle bends the more, the farther it is turned at once: a visit moves no vertex farther than the
+/// longest distance between two corners of its hinge at rest. Without that bound rigid hinges that nothing
+/// holds together grow in every visit (to 1e57 of their size, in `tests/stability`); hinges of cloth at work
+/// stay far below it.
+///
 /// Hinges whose rest state or present state has a triangle without area are left alone and
 /// counted. Edges with three or more triangles have no hinge. An infinite compliance makes the group idle.
 ///
@@ -49,6 +54,8 @@ pub struct Bending {
     rest: Vec<Real>,
     /// β of each hinge over `compliance`.
     scale: Vec<Real>,
+    /// Square of the farthest that a visit may move a vertex.
+    reach2: Vec<Real>,
     lambda: Vec<Real>,
     model: BendingModel,
     degenerate: u64,
@@ -90,6 +97,7 @@ impl Bending {
             cotangents: Vec::new(),
             rest: Vec::new(),
             scale: Vec::new(),
+            reach2: Vec::new(),
             lambda: Vec::new(),
             model,
             degenerate: 0,
@@ -113,6 +121,9 @@ impl Bending {
             group.cotangents.push(cotangents);
             group.rest.push(rest);
             group.scale.push(scale);
+            let between = |i: usize, j: usize| (x[i] - x[j]).norm_squared();
+            let longest = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(i, j)| between(i, j));
+            group.reach2.push(longest.into_iter().fold(0.0, Real::max));
         }
         group.lambda = vec![0.0; group.vertices.len()];
         group
@@ -244,14 +255,19 @@ impl Constraint for Bending {
             let v = self.vertices[k];
             let w = v.map(|i| inverse_masses[i as usize]);
             let softness = self.compliance * self.scale[k] / (h * h);
-            let movable: Real = (0..4).map(|i| w[i] * gradients[i].norm_squared()).sum();
+            let slopes2 = gradients.map(|g| g.norm_squared());
+            let movable: Real = (0..4).map(|i| w[i] * slopes2[i]).sum();
             let violation = c + softness * self.lambda[k];
             residual.add(violation);
             let a = movable + softness;
             if !(movable > 0.0 && a.is_finite()) {
                 continue;
             }
-            let delta = -violation / a;
+            let mut delta = -violation / a;
+            let farthest2 = (0..4).map(|i| w[i] * w[i] * slopes2[i]).fold(0.0, Real::max) * (delta * delta);
+            if farthest2 > self.reach2[k] {
+                delta *= (self.reach2[k] / farthest2).sqrt();
+            }
             self.lambda[k] += delta;
             for i in 0..4 {
                 positions[v[i] as usize] += gradients[i] * (w[i] * delta);
@@ -329,6 +345,24 @@ mod tests {
             let (angle, _) = dihedral(&p.try_into().unwrap()).unwrap();
             let off = (angle - rest).rem_euclid(2.0 * pi);
             assert!(off.min(2.0 * pi - off) < 1e-9, "{start} → {angle}, not {rest}");
+        }
+    }
+
+    #[test]
+    fn rigid_hinges_that_nothing_holds_together_do_not_grow() {
+        // A crumpled ball of rigid hinges without any stretch: each visit turns by radians, far from where angles
+        // are linear, and overshoots in proportion to the size of the hinge. Unbounded, this grows beyond 1e6.
+        let mesh = if_core::shapes::meshes::icosphere(0.5, 1);
+        let mut group = Bending::of_mesh(&mesh, BendingModel::Dihedral, 0.0);
+        let noise = |k: usize, s: Real| 0.5 * (s * (k + 1) as Real).sin();
+        let n = mesh.vertices().len();
+        let crumple = |(k, p): (usize, &Point)| p + Vector::new(noise(k, 12.9), noise(k, 78.2), noise(k, 37.7));
+        let mut p: Vec<Point> = mesh.vertices().iter().enumerate().map(crumple).collect();
+        for _ in 0..100 {
+            group.begin_substep(&[], &[], &[], 0.01);
+            group.project(&mut p, &vec![1.0; n], 0.01);
+            let farthest = p.iter().map(|x| x.coords.norm()).fold(0.0, Real::max);
+            assert!(farthest < 20.0, "{farthest}");
         }
     }
 

@@ -78,6 +78,10 @@ pub struct SolverParams {
     /// A step of a dynamic run went wrong when its kinetic energy grew beyond this factor (counted
     /// from that of 1 m/s at least); infinity allows all that is finite.
     pub energy_jump: Real,
+    /// A step went wrong when a vertex moved farther than this many times the size of the scene: the diagonal of the
+    /// particles' box and what free flight covers in Δt (counted from 1 m at least); infinity allows all that is
+    /// finite. The only guard of a quasi-static run, which has no energy to look at.
+    pub displacement_jump: Real,
 }
 
 impl Default for SolverParams {
@@ -99,6 +103,7 @@ impl Default for SolverParams {
             remove_depenetration_velocity: true,
             retries: 3,
             energy_jump: 1e4,
+            displacement_jump: 1e4,
         }
     }
 }
@@ -133,6 +138,7 @@ impl SolverParams {
             remove_depenetration_velocity: false,
             retries: 0,
             energy_jump: Real::INFINITY,
+            displacement_jump: Real::INFINITY,
             ..Self::default()
         }
     }
@@ -167,6 +173,8 @@ impl SolverParams {
         check("max_push", self.max_push, self.max_push > 0.0, "positive (metres; infinity for no limit)")?;
         check("retries", self.retries.into(), self.retries <= 30, "at most 30 (each halves h)")?;
         check("energy_jump", self.energy_jump, self.energy_jump > 1.0, "above 1 (infinity for no limit)")?;
+        let jump = self.displacement_jump;
+        check("displacement_jump", jump, jump > 1.0, "above 1 (infinity for no limit)")?;
         if let Motion::Dynamic { damping } = self.motion {
             check("damping", damping, not_negative(damping), "finite and at least 0 (1/s)")?;
         }
@@ -190,7 +198,7 @@ mod tests {
     #[test]
     fn a_number_that_cannot_be_worked_with_is_named() {
         type Spoil = fn(&mut SolverParams);
-        let table: [(&str, Spoil); 13] = [
+        let table: [(&str, Spoil); 14] = [
             ("time_step", |p| p.time_step = Real::NAN),
             ("time_step", |p| p.time_step = 0.0),
             ("time_step", |p| p.time_step = 1e-200),
@@ -203,6 +211,7 @@ mod tests {
             ("clearance", |p| p.clearance = Real::INFINITY),
             ("max_push", |p| p.max_push = 0.0),
             ("energy_jump", |p| p.energy_jump = 1.0),
+            ("displacement_jump", |p| p.displacement_jump = Real::NAN),
             ("damping", |p| p.motion = Motion::Dynamic { damping: -1.0 }),
         ];
         for (expected, spoil) in table {

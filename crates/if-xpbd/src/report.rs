@@ -96,4 +96,18 @@ pub enum StepError {
         /// Substep of the last attempt, in seconds.
         h: Real,
     },
+    /// A vertex moved farther than anything in the scene explains, whatever the substep.
+    #[error(
+        "particles {vertices:?} move up to {moved} m in a step (allowed: {allowed} m) with substeps of {h} s; look at the constraints they have, or raise displacement_jump"
+    )]
+    DisplacementJump {
+        /// The particles that moved farthest.
+        vertices: Vec<u32>,
+        /// How far the first of them moved, in metres.
+        moved: Real,
+        /// How far was allowed, in metres.
+        allowed: Real,
+        /// Substep of the last attempt, in seconds.
+        h: Real,
+    },
 }

@@ -4,6 +4,7 @@ use crate::constraint::{Constraint, Counters, Residual, Stage};
 use crate::params::{ContactOrder, Motion, ParamsError, SolverParams};
 use crate::particles::Particles;
 use crate::report::{RunReport, StepError, StepReport, Stop};
+use if_core::aabb::Aabb;
 use if_core::math::{Real, Vector};
 use std::ops::ControlFlow;
 
@@ -22,8 +23,9 @@ const NAMED: usize = 16;
 ///   v ← (p − pᵢ) / h;  contacts take back their push       23, 24
 /// ```
 ///
-/// A step that ends in a state which is not finite, or whose kinetic energy jumps, is taken back
-/// and tried with h/2, at most [`retries`](SolverParams::retries) times. A step reads and writes on
+/// A step that ends in a state which is not finite, whose kinetic energy jumps, or in which a vertex moves
+/// absurdly far, is taken back and tried with h/2, at most [`retries`](SolverParams::retries) times. The
+/// whole state is taken back, islands that went well included: what they then repeat is what they did. A step reads and writes on
 /// one thread in a fixed order (fields may answer on several): the bits do not depend on threads.
 #[derive(Clone, Debug)]
 pub struct Solver {
@@ -51,7 +53,7 @@ impl Solver {
     ///
     /// # Errors
     ///
-    /// A state that is not finite, or an energy jump, which smaller substeps did not cure.
+    /// A state that is not finite, an energy jump or a displacement jump, which smaller substeps did not cure.
     ///
     /// # Panics
     ///
@@ -148,7 +150,8 @@ impl Solver {
                 }
             }
             if energy > allowed {
-                return Err(StepError::EnergyJump { vertices: fastest(particles), energy, allowed, h });
+                let speed = |k: usize| particles.velocities[k].norm_squared();
+                return Err(StepError::EnergyJump { vertices: most(particles.len(), speed), energy, allowed, h });
             }
             report.kinetic_energy = energy;
         }
@@ -162,7 +165,27 @@ impl Solver {
         report.idle_groups = groups.iter().filter(|g| g.is_idle()).count();
         let moved = particles.positions.iter().zip(&self.backup.positions).map(|(p, q)| (p - q).norm_squared());
         report.moved = moved.fold(0.0, Real::max).sqrt();
+        // The size of the scene is looked at only where 1 m would not do.
+        if report.moved > self.params.displacement_jump {
+            let allowed = self.params.displacement_jump * self.size().max(1.0);
+            if report.moved > allowed {
+                let far = |k: usize| (particles.positions[k] - self.backup.positions[k]).norm_squared();
+                return Err(StepError::DisplacementJump {
+                    vertices: most(particles.len(), far),
+                    moved: report.moved,
+                    allowed,
+                    h,
+                });
+            }
+        }
         Ok(report)
+    }
+
+    /// The diagonal of the box of the particles before the step, and what free flight covers in Δt.
+    fn size(&self) -> Real {
+        let fastest = self.backup.velocities.iter().map(Vector::norm_squared).fold(0.0, Real::max).sqrt();
+        let flight = self.params.time_step * (fastest + self.params.time_step * Vector::from(self.params.gravity).norm());
+        Aabb::from_points(&self.backup.positions).diagonal() + flight
     }
 
     fn substep(&self, particles: &mut Particles, groups: &mut [&mut dyn Constraint], h: Real, report: &mut StepReport) {
@@ -210,11 +233,10 @@ impl Solver {
     }
 }
 
-/// The particles with most speed, fastest first.
-fn fastest(particles: &Particles) -> Vec<u32> {
-    let mut all: Vec<u32> = (0..particles.len() as u32).collect();
-    let speed = |k: u32| particles.velocities[k as usize].norm_squared();
-    all.sort_by(|&a, &b| speed(b).total_cmp(&speed(a)).then(a.cmp(&b)));
+/// The particles with most of something, most first.
+fn most(count: usize, of: impl Fn(usize) -> Real) -> Vec<u32> {
+    let mut all: Vec<u32> = (0..count as u32).collect();
+    all.sort_by(|&a, &b| of(b as usize).total_cmp(&of(a as usize)).then(a.cmp(&b)));
     all.truncate(NAMED);
     all
 }
@@ -284,6 +306,28 @@ mod tests {
         assert_eq!(error, StepError::Input { vertices: vec![2] });
         p.velocities.pop();
         assert!(matches!(Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut []), Err(StepError::Count { .. })));
+    }
+
+    #[test]
+    fn a_vertex_that_moves_absurdly_far_is_taken_back_in_a_quasi_static_run_too() {
+        // Three particles over 2 m: 2e4 m are allowed. The default is quasi-static, where no energy is looked at.
+        let mut trouble = Trouble { fine_from: 3e-4, speed: 1e8, resets: 0 };
+        let mut p = three();
+        let report = Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut [&mut trouble]).unwrap();
+        assert_eq!((report.retries, report.substeps, p.positions), (2, 40, three().positions));
+        let mut trouble = Trouble { fine_from: 0.0, speed: 1e8, resets: 0 };
+        let mut p = three();
+        let error = Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut [&mut trouble]).unwrap_err();
+        match &error {
+            StepError::DisplacementJump { vertices, moved, allowed, .. } => {
+                assert_eq!((vertices[0], *allowed), (1, 2e4));
+                assert!((moved / 1e6 - 1.0).abs() < 1e-9);
+            }
+            other => panic!("{other}"),
+        }
+        assert_eq!(p, three());
+        let params = SolverParams { displacement_jump: Real::INFINITY, ..Default::default() };
+        assert!(Solver::new(params).unwrap().step(&mut p, &mut [&mut trouble]).is_ok());
     }
 
     #[test]

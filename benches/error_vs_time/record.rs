@@ -1,0 +1,130 @@
+//! Rows, how long things take, and what is written of them.
+
+use crate::plot::draw;
+use serde::Serialize;
+use std::error::Error;
+use std::fmt::Write;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// One run.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Row {
+    pub(crate) problem: String,
+    pub(crate) method: String,
+    pub(crate) parameter: String,
+    pub(crate) milliseconds: f64,
+    pub(crate) error: f64,
+    pub(crate) unit: &'static str,
+    /// Evaluations of fields, visits of constraints, or whatever the method counts; 0 where it counts nothing.
+    pub(crate) evaluations: u64,
+    /// The same that were not needed.
+    pub(crate) skipped: u64,
+    /// What the libraries do unless told otherwise.
+    pub(crate) default: bool,
+}
+
+/// All runs so far.
+pub(crate) struct Record {
+    pub(crate) quick: bool,
+    rows: Vec<Row>,
+}
+
+/// What a problem says of each of its runs.
+pub(crate) struct Run<'a> {
+    pub(crate) problem: &'a str,
+    pub(crate) method: &'a str,
+    pub(crate) parameter: String,
+    pub(crate) unit: &'static str,
+    pub(crate) default: bool,
+}
+
+impl Record {
+    pub(crate) fn new(quick: bool) -> Self {
+        Self { quick, rows: Vec::new() }
+    }
+
+    /// Adds a run, and prints it.
+    pub(crate) fn push(&mut self, run: Run<'_>, milliseconds: f64, error: f64, counts: [u64; 2]) {
+        let Run { problem, method, parameter, unit, default } = run;
+        let star = if default { " *" } else { "" };
+        println!("{problem:<28} {method:<22} {parameter:<34} {milliseconds:>11.3} ms {error:>12.3e} {unit}{star}");
+        self.rows.push(Row {
+            problem: problem.into(),
+            method: method.into(),
+            parameter,
+            milliseconds,
+            error,
+            unit,
+            evaluations: counts[0],
+            skipped: counts[1],
+            default,
+        });
+    }
+
+    /// Writes the table, the pictures and the Pareto fronts, in the order of the problems.
+    pub(crate) fn write(&self, out: &Path) -> Result<(), Box<dyn Error>> {
+        std::fs::create_dir_all(out)?;
+        let mut csv = csv::Writer::from_path(out.join("runs.csv"))?;
+        for row in &self.rows {
+            csv.serialize(row)?;
+        }
+        csv.flush()?;
+        let mut problems: Vec<&str> = Vec::new();
+        for row in &self.rows {
+            if !problems.contains(&row.problem.as_str()) {
+                problems.push(&row.problem);
+            }
+        }
+        let mut text = String::from("Runs that no other beats in both time and error; the default is marked by a star.\n");
+        for problem in problems {
+            let rows: Vec<&Row> = self.rows.iter().filter(|r| r.problem == problem).collect();
+            let file: String = problem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+            draw(&out.join(format!("{file}.svg")), problem, &rows)?;
+            write!(text, "\n### {problem}\n\n![{problem}]({file}.svg)\n\n")?;
+            text += "| method | setting | ms | error | evaluations | skipped |\n|---|---|---:|---:|---:|---:|\n";
+            let front = front(&rows);
+            for row in rows.iter().filter(|r| front.iter().any(|f| std::ptr::eq(*f, **r)) || r.default) {
+                let star = if row.default { " \\*" } else { "" };
+                let beaten = if front.iter().any(|f| std::ptr::eq(*f, *row)) { "" } else { " (not on the front)" };
+                writeln!(
+                    text,
+                    "| {} | {}{star}{beaten} | {:.3} | {:.2e} {} | {} | {} |",
+                    row.method, row.parameter, row.milliseconds, row.error, row.unit, row.evaluations, row.skipped
+                )?;
+            }
+        }
+        std::fs::write(out.join("pareto.md"), text)?;
+        Ok(())
+    }
+}
+
+/// Runs that no other beats in both, by time.
+pub(crate) fn front<'a>(rows: &[&'a Row]) -> Vec<&'a Row> {
+    let mut sorted: Vec<&Row> = rows.iter().copied().filter(|r| r.error.is_finite()).collect();
+    sorted.sort_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
+    let mut least = f64::INFINITY;
+    sorted.retain(|r| {
+        let better = r.error < least;
+        least = least.min(r.error);
+        better
+    });
+    sorted
+}
+
+/// The median time of `work` in milliseconds, and what it gave: once where it takes long, at least three times else.
+pub(crate) fn timed<T>(mut work: impl FnMut() -> T) -> (f64, T) {
+    let begin = Instant::now();
+    let mut times = Vec::new();
+    loop {
+        let start = Instant::now();
+        let found = work();
+        times.push(start.elapsed().as_secs_f64() * 1e3);
+        let spent = begin.elapsed();
+        if spent > Duration::from_millis(1500) || (times.len() >= 3 && spent > Duration::from_millis(200)) || times.len() == 1000
+        {
+            times.sort_by(f64::total_cmp);
+            return (times[times.len() / 2], found);
+        }
+    }
+}
