@@ -281,10 +281,10 @@ pub(crate) struct DemoArgs {
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct ExtractArgs {
-    /// The field: a closed mesh (.ply, .obj), whose signed distance it is.
+    /// The field: a closed mesh (.ply, .obj), whose signed distance it is, or a network that `ifg fit` wrote (.safetensors).
     #[arg(value_name = "FIELD")]
     pub(crate) field: PathBuf,
-    /// The mesh to write (.ply). Pictures come beside it, as .before.png and .after.png, slivers in red.
+    /// The mesh to write (.ply). Pictures come beside it, as .before.png (of a mesh) and .after.png, slivers in red.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) out: PathBuf,
     /// Side of the cells, with a unit: about the mean edge length that comes out.
@@ -306,7 +306,7 @@ pub(crate) struct ExtractArgs {
     /// Number of the layer: each has a lattice of its own, so that layers do not touch in degenerate ways.
     #[arg(long, value_name = "K", default_value_t = 0)]
     pub(crate) layer: usize,
-    /// Factor from the units of the field to metres; the output keeps the units of the field.
+    /// Factor from the units of a mesh to metres; the output keeps its units. Networks are in metres.
     #[arg(long, value_name = "FACTOR", value_parser = positive)]
     pub(crate) scale: Option<f64>,
     /// Print the report as JSON on stdout, and no tables.
