@@ -37,14 +37,14 @@ fn precision(record: &mut Record, name: &str, config: &SdfConfig) {
         record.push(run, ms, error, [2000, 0]);
     };
     push("f64, point by point", false, ms, 0.0);
-    let chosen = format!("{:?}", FrozenMlp::new(config, network.parameters()).unwrap().isa());
+    let chosen = FrozenMlp::new(config, network.parameters()).unwrap().isa().name();
     for isa in Isa::all() {
         let frozen = FrozenMlp::with_isa(config, network.parameters(), isa).unwrap();
         let mut out = vec![Sample32::default(); points.len()];
         let (ms, ()) = timed(|| frozen.samples(&points, &mut out));
         let worst = out.iter().zip(&exact).map(|(s, e)| (f64::from(s.value) - e.0).abs()).fold(0.0, f64::max);
-        let (isa, method) = (format!("{isa:?}"), format!("f32, {isa:?}"));
-        push(&method, isa == chosen, ms, worst);
+        let method = format!("f32, {}", isa.name());
+        push(&method, isa.name() == chosen, ms, worst);
     }
 }
 
