@@ -10,7 +10,7 @@ use crate::staging::OutputError;
 use crate::table;
 use if_core::field::SignedDistance;
 use if_core::mesh::{MeshError, TriMesh};
-use if_mesh::extract::{ExtractError, ExtractParams, Extraction, Resolution, Stage, extract_watched, layer_phase};
+use if_mesh::extract::{ExtractError, ExtractParams, Extraction, Resolution, Slope, Stage, extract_watched, layer_phase};
 use if_mesh::file::MeshFile;
 use if_mesh::index::Bvh;
 use if_mesh::measure::{SurfaceDistance, smallest_angles, surface_distance};
@@ -33,7 +33,10 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, thiserror::Error, Diagnostic)]
 enum ExtractFault {
     #[error("cannot read field `{}`", path.display())]
-    #[diagnostic(code(ifg::extract::read), help("give a .ply or .obj file of a closed mesh, or a .safetensors file that `ifg fit` wrote"))]
+    #[diagnostic(
+        code(ifg::extract::read),
+        help("give a .ply or .obj file of a closed mesh, or a .safetensors file that `ifg fit` wrote")
+    )]
     Read { path: PathBuf, source: Told },
     #[error("`{}` cannot be scaled by {scale}", path.display())]
     #[diagnostic(code(ifg::extract::scale), help("look at --scale"))]
@@ -83,11 +86,11 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
     let line = Line::new(&name, 0, 1);
     line.say("reading");
     let source = Source::read(args)?;
-    let (field, noise): (&dyn SignedDistance, f64) = match &source {
-        Source::Mesh(_, field) => (field, 0.0),
-        Source::Network(field) => (&**field, ROUNDING * field.frame().aabb().diagonal()),
+    let (field, slope, noise): (&dyn SignedDistance, Slope, f64) = match &source {
+        Source::Mesh(_, field) => (field, Slope::Field, 0.0),
+        Source::Network(field) => (&**field, SLOPE, ROUNDING * field.frame().aabb().diagonal()),
     };
-    let params = ExtractParams { noise, ..params(args) };
+    let params = ExtractParams { slope, noise, ..params(args) };
     let mut watch = |p: &if_mesh::extract::Progress| {
         let stage = match p.stage {
             Stage::Refine { step } => format!("boxes of {:.2} mm", 1e3 * p.cell * f64::from(step)),
@@ -131,6 +134,10 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
 
 /// Values of a network, in single precision, are off by this share of its cube's diagonal: some roundings of 6e-8 in each layer.
 const ROUNDING: f64 = 1e-6;
+
+/// Of networks. Their own bound is for the steepest place of the whole cube: for a fitted body the same mesh takes 13 % fewer evaluations with this,
+/// and an eighth of the cells that cannot be told empty. Where it is too low, values show it, and a larger one is taken.
+const SLOPE: Slope = Slope::Sampled { points: 1024, factor: 1.5, seed: 0 };
 
 /// What has a surface.
 enum Source {
