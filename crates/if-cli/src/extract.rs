@@ -87,7 +87,7 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
     line.say("reading");
     let source = Source::read(args)?;
     let (field, slope, noise): (&dyn SignedDistance, Slope, f64) = match &source {
-        Source::Mesh(_, field) => (field, Slope::Field, 0.0),
+        Source::Mesh(_, field) => (&**field, Slope::Field, 0.0),
         Source::Network(field) => (&**field, SLOPE, ROUNDING * field.frame().aabb().diagonal()),
     };
     let params = ExtractParams { slope, noise, ..params(args) };
@@ -141,7 +141,7 @@ const SLOPE: Slope = Slope::Sampled { points: 1024, factor: 1.5, seed: 0 };
 
 /// What has a surface.
 enum Source {
-    Mesh(TriMesh, MeshSdf),
+    Mesh(TriMesh, Box<MeshSdf>),
     Network(Box<NeuralField<Network>>),
 }
 
@@ -162,7 +162,7 @@ impl Source {
         let scaled = file.mesh().vertices().iter().map(|p| p * scale).collect();
         let mesh = file.mesh().with_vertices(scaled).map_err(|source| ExtractFault::Scale { path: path(), scale, source })?;
         let field = MeshSdf::closed(&mesh).map_err(|source| ExtractFault::Field { path: path(), source })?;
-        Ok(Self::Mesh(mesh, field))
+        Ok(Self::Mesh(mesh, Box::new(field)))
     }
 
     fn mesh(&self) -> Option<&TriMesh> {
