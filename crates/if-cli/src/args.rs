@@ -39,21 +39,21 @@ pub(crate) enum Command {
     Fix(FixArgs),
     /// Look at outfits without changing anything; exit code 0 clean, 1 not clean.
     Check(CheckArgs),
-    /// Extract the surface of a field as a mesh: remesh a closed mesh by its signed distance.
-    Extract(ExtractArgs),
-    /// Keep bodies and garments in a folder, and combine them at will (docs/wardrobe.md).
-    Wardrobe(WardrobeArgs),
-    /// Reconstruct a person and each garment from a capture of a turning video (docs/reconstruction.md).
-    Reconstruct(ReconstructArgs),
-    /// Fit a neural signed distance field to a mesh, and write it as a safetensors file.
-    Fit(FitArgs),
-    /// Clean a garment that was cut out of a scan: isolated elements, holes, ragged boundary.
-    Clean(CleanArgs),
-    /// Cut a labelled mesh (.ply) into one mesh for each label, along smooth lines.
-    Cut(CutArgs),
-    /// Captures: a person who turns before a camera.
+    /// Captures: a person who turns before a camera (docs/capture.md).
     #[command(subcommand)]
     Capture(CaptureCommand),
+    /// Reconstruct a person and each garment from a capture of a turning video (docs/reconstruction.md).
+    Reconstruct(ReconstructArgs),
+    /// Keep bodies and garments in a folder, and combine them at will (docs/wardrobe.md).
+    Wardrobe(WardrobeArgs),
+    /// Cut a labelled mesh (.ply) into one mesh for each label, along smooth lines.
+    Cut(CutArgs),
+    /// Clean a garment that was cut out of a scan: isolated elements, holes, ragged boundary.
+    Clean(CleanArgs),
+    /// Fit a neural signed distance field to a mesh, and write it as a safetensors file.
+    Fit(FitArgs),
+    /// Extract the surface of a field as a mesh: remesh a closed mesh by its signed distance.
+    Extract(ExtractArgs),
 }
 
 /// What to do with captures.
