@@ -16,10 +16,11 @@ pub(crate) fn run(record: &mut Record) {
     extraction(record, "sphere", &Sphere { center, radius: 0.8 });
     extraction(record, "torus", &torus);
     extraction(record, "gyroid", &Gyroid { period: 0.8 });
-    baking(record, "torus", &torus, |p| torus.distance(p));
+    let cells: &[Real] = if record.quick { &[0.024, 0.012] } else { &[0.048, 0.024, 0.012, 0.006, 0.004] };
+    baking(record, "torus", &torus, cells);
     let mesh = extract(&torus, &ExtractParams::default()).unwrap().mesh;
     let exact = MeshSdf::closed(&mesh).unwrap();
-    baking(record, "a mesh of 60,000 triangles", &exact, |p| exact.distance(p));
+    baking(record, &format!("a mesh of {} triangles", mesh.triangles().len()), &exact, &cells[..cells.len().min(3)]);
 }
 
 /// Distance of the triangles from the surface, root of the mean square over corners, middles of edges, and centres.
@@ -88,9 +89,9 @@ fn places(field: &dyn SignedDistance, count: usize) -> Vec<Point> {
 }
 
 /// What a query costs and how wrong it is, for the field itself and for its bakes; and what baking costs.
-fn baking(record: &mut Record, name: &str, field: &dyn SignedDistance, exact: impl Fn(&Point) -> Real) {
+fn baking(record: &mut Record, name: &str, field: &dyn SignedDistance, cells: &[Real]) {
     let points = places(field, 20_000);
-    let truth: Vec<Real> = points.iter().map(exact).collect();
+    let truth: Vec<Real> = points.iter().map(|p| field.distance(p)).collect();
     let mut out = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points.len()];
     let mut query = |field: &dyn SignedDistance| {
         let (ms, ()) = timed(|| field.samples(&points, &mut out));
@@ -105,7 +106,6 @@ fn baking(record: &mut Record, name: &str, field: &dyn SignedDistance, exact: im
         error,
         [20_000, 0],
     );
-    let cells: &[Real] = if record.quick { &[0.024, 0.012] } else { &[0.048, 0.024, 0.012, 0.006, 0.004] };
     for &cell in cells {
         let params = BakeParams { cell, ..Default::default() };
         let default = params == BakeParams::default();

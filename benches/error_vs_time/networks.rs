@@ -37,14 +37,14 @@ fn precision(record: &mut Record, name: &str, config: &SdfConfig) {
         record.push(run, ms, error, [2000, 0]);
     };
     push("f64, point by point", false, ms, 0.0);
-    let chosen = format!("{:?}", FrozenMlp::new(config, network.parameters()).unwrap().isa());
+    let chosen = FrozenMlp::new(config, network.parameters()).unwrap().isa().name();
     for isa in Isa::all() {
         let frozen = FrozenMlp::with_isa(config, network.parameters(), isa).unwrap();
         let mut out = vec![Sample32::default(); points.len()];
         let (ms, ()) = timed(|| frozen.samples(&points, &mut out));
         let worst = out.iter().zip(&exact).map(|(s, e)| (f64::from(s.value) - e.0).abs()).fold(0.0, f64::max);
-        let (isa, method) = (format!("{isa:?}"), format!("f32, {isa:?}"));
-        push(&method, isa == chosen, ms, worst);
+        let method = format!("f32, {}", isa.name());
+        push(&method, isa.name() == chosen, ms, worst);
     }
 }
 
@@ -84,7 +84,7 @@ fn fits(record: &mut Record) {
         ("MLP", "256 wide (fast)".to_owned(), NetworkConfig::fast()),
         ("MLP", "512 wide (paper)".to_owned(), NetworkConfig::paper()),
     ];
-    let seconds: &[Real] = if record.quick { &[2.0] } else { &[3.0, 10.0, 30.0] };
+    let seconds: &[Real] = if record.quick { &[2.0] } else { &[2.0, 8.0, 20.0] };
     let sampling = SamplingParams::default();
     for (method, setting, config) in configs {
         for &limit in seconds {
@@ -92,7 +92,7 @@ fn fits(record: &mut Record) {
             let (set, mut network) = target.begin(&config, &sampling).unwrap();
             let params = FitParams { seconds: Some(limit), loss: target.loss(), ..config.fit_params() };
             let report = Fit::new(params).unwrap().run(&mut network, &set, &mut |_| ControlFlow::Continue(())).unwrap();
-            let default = config == NetworkConfig::grid() && limit == 30.0;
+            let default = config == NetworkConfig::grid() && limit == 20.0;
             let parameter = format!("{setting}, {limit} s");
             let run = Run { problem: "fit of a rippled torus", method, parameter, unit: "m mean", default };
             record.push(run, report.seconds * 1e3, report.error.mean, [report.samples, 0]);

@@ -39,21 +39,21 @@ pub(crate) enum Command {
     Fix(FixArgs),
     /// Look at outfits without changing anything; exit code 0 clean, 1 not clean.
     Check(CheckArgs),
-    /// Extract the surface of a field as a mesh: remesh a closed mesh by its signed distance.
-    Extract(ExtractArgs),
-    /// Keep bodies and garments in a folder, and combine them at will (docs/wardrobe.md).
-    Wardrobe(WardrobeArgs),
-    /// Reconstruct a person and each garment from a capture of a turning video (docs/reconstruction.md).
-    Reconstruct(ReconstructArgs),
-    /// Fit a neural signed distance field to a mesh, and write it as a safetensors file.
-    Fit(FitArgs),
-    /// Clean a garment that was cut out of a scan: isolated elements, holes, ragged boundary.
-    Clean(CleanArgs),
-    /// Cut a labelled mesh (.ply) into one mesh for each label, along smooth lines.
-    Cut(CutArgs),
-    /// Captures: a person who turns before a camera.
+    /// Captures: a person who turns before a camera (docs/capture.md).
     #[command(subcommand)]
     Capture(CaptureCommand),
+    /// Reconstruct a person and each garment from a capture of a turning video (docs/reconstruction.md).
+    Reconstruct(ReconstructArgs),
+    /// Keep bodies and garments in a folder, and combine them at will (docs/wardrobe.md).
+    Wardrobe(WardrobeArgs),
+    /// Cut a labelled mesh (.ply) into one mesh for each label, along smooth lines.
+    Cut(CutArgs),
+    /// Clean a garment that was cut out of a scan: isolated elements, holes, ragged boundary.
+    Clean(CleanArgs),
+    /// Fit a neural signed distance field to a mesh, and write it as a safetensors file.
+    Fit(FitArgs),
+    /// Extract the surface of a field as a mesh: remesh a closed mesh by its signed distance.
+    Extract(ExtractArgs),
 }
 
 /// What to do with captures.
@@ -281,10 +281,10 @@ pub(crate) struct DemoArgs {
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct ExtractArgs {
-    /// The field: a closed mesh (.ply, .obj), whose signed distance it is.
+    /// The field: a closed mesh (.ply, .obj), whose signed distance it is, or a network that `ifg fit` wrote (.safetensors).
     #[arg(value_name = "FIELD")]
     pub(crate) field: PathBuf,
-    /// The mesh to write (.ply). Pictures come beside it, as .before.png and .after.png, slivers in red.
+    /// The mesh to write (.ply). Pictures come beside it, as .before.png (of a mesh) and .after.png, slivers in red.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) out: PathBuf,
     /// Side of the cells, with a unit: about the mean edge length that comes out.
@@ -306,7 +306,7 @@ pub(crate) struct ExtractArgs {
     /// Number of the layer: each has a lattice of its own, so that layers do not touch in degenerate ways.
     #[arg(long, value_name = "K", default_value_t = 0)]
     pub(crate) layer: usize,
-    /// Factor from the units of the field to metres; the output keeps the units of the field.
+    /// Factor from the units of a mesh to metres; the output keeps its units. Networks are in metres.
     #[arg(long, value_name = "FACTOR", value_parser = positive)]
     pub(crate) scale: Option<f64>,
     /// Print the report as JSON on stdout, and no tables.

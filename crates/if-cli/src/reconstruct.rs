@@ -163,8 +163,16 @@ fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> String {
     }
     for garment in &report.garments {
         text += &format!(
-            "  {}: {} triangles, {} openings, {} holes filled, {} left\n",
-            garment.name, garment.triangles, garment.openings, garment.filled, garment.holes_left
+            "  {}: {} triangles, {} openings{}, {} holes filled, {} left\n",
+            garment.name,
+            garment.triangles,
+            garment.openings,
+            match garment.most_openings {
+                Some(most) if most > garment.openings => format!(" (a closed garment of that name has {most})"),
+                _ => String::new(),
+            },
+            garment.filled,
+            garment.holes_left
         );
     }
     for missing in &report.missing {

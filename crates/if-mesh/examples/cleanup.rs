@@ -7,7 +7,7 @@
 //! longer=0.3         openings by length      field=FILE.ply     φ of this closed mesh
 //! components=1       at most so many parts   least=0.01         least share of a part
 //! fill=false         surface=10         smooth=false       subdivide=2   repeat=5
-//! roughness=0.2      passes=40          trim=false         rings=3       steps=1
+//! roughness=0.2      passes=40          trim=false         rings=3       rounds=4      steps=1
 //! ```
 
 use if_core::edges::Edges;
@@ -60,6 +60,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         smooth.surface_passes = number("surface")?.unwrap_or(0.0) as usize;
         smooth.roughness = number("roughness")?.unwrap_or(smooth.roughness);
         smooth.passes = number("passes")?.map_or(smooth.passes, |n| n as usize);
+        smooth.rounds = number("rounds")?.map_or(smooth.rounds, |n| n as usize);
         smooth.rings = number("rings")?.map_or(smooth.rings, |n| n as usize);
         smooth.trim = options.get("trim") != Some(&"false");
     }

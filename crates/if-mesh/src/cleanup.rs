@@ -20,18 +20,25 @@
 //! smooth the openings' loops             # trim teeth, Taubin, spread, back to φ, nothing turned over
 //! ```
 
+mod apart;
 pub mod boundary;
 pub mod complement;
 pub mod components;
+mod curve;
 pub mod degenerate;
 mod fair;
 mod guard;
+mod hole;
 pub mod holes;
 mod lid;
 pub mod manifold;
 pub mod openings;
 mod patch;
+mod project;
 pub mod rim;
+mod safe_move;
+mod spread;
+mod trim;
 mod twins;
 pub mod work;
 
@@ -235,9 +242,9 @@ pub fn cleanup_with(
     loop {
         progress(Step::Components);
         if let Some(params) = &params.components {
-            let found = components::drop_small(&mut work, &twins, params);
-            if !found.dropped.is_empty() {
-                twins = twins::Twins::new(work.points.len(), &work.triangles);
+            let (found, gone) = components::drop_small(&mut work, &twins, params);
+            if !gone.is_empty() {
+                twins = twins.without(&gone);
             }
             report.components.dropped.extend(&found.dropped);
             report.components.kept = found.kept;
@@ -263,7 +270,7 @@ pub fn cleanup_with(
     progress(Step::Boundary);
     if let Some(smooth) = &params.smooth {
         report.smoothing = boundary::smooth(&mut work, &twins, &rims, field, smooth, params.single_precision);
-        work.compact();
+        work.compact(); // tips of teeth that were cut off
     }
     report.after = Counts::of(&work);
     let derived = work.finish();

@@ -196,6 +196,13 @@ impl ClosedLayer {
         self.bvh.aabb().distance_squared(p) > reach * reach
     }
 
+    /// Whether `p` is surely outside by the voxels alone, however near a triangle may be. Of a closed body nothing is needed:
+    /// true. While a point stays where this holds, its distance changes by no more than it moves; elsewhere it can jump, where
+    /// it passes a part of the closure that is no surface of the garment.
+    pub fn is_outside_by_voxels(&self, p: &Point) -> bool {
+        self.closure.as_ref().is_none_or(|c| c.voxels.at(p) == Voxel::Outside)
+    }
+
     /// Where `p` lies, if it is inside or within `reach` (metres) of a triangle. `None` is outside.
     pub fn sided(&self, p: &Point, reach: Real) -> Option<Sided> {
         let Some(closure) = &self.closure else {

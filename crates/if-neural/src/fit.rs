@@ -46,7 +46,8 @@ pub struct FitParams {
 }
 
 impl Default for FitParams {
-    /// One minute, with the values found best for [`crate::grid::GridField`] on clothed bodies.
+    /// One minute. Batch, rates and weights were chosen by trials of [`crate::grid::GridField`] on clothed bodies of which no table was kept;
+    /// what they reach is in `docs/fitting.md`, and the example `fit_table` tries others (`--set`).
     fn default() -> Self {
         Self {
             batch: 1 << 14,

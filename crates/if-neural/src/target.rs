@@ -104,7 +104,8 @@ impl NetworkConfig {
         Self::Sdf(SdfConfig::fast())
     }
 
-    /// How to fit it: batches and rates that were found best for clothed bodies.
+    /// How to fit it: batches and rates that suit the kind of network. What they reach on clothed bodies is in `docs/fitting.md`; others were tried,
+    /// but not tabled.
     pub fn fit_params(&self) -> FitParams {
         match self {
             Self::Grid(_) => FitParams::default(),

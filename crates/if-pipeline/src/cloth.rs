@@ -98,7 +98,13 @@ impl<'a> Cloth<'a> {
         (0..n).for_each(|v| anchors.push(v as u32, x[v], params.anchor_softness));
         let mut planes = HalfSpaces::new();
         planes.max_push = params.max_push;
-        let lengths = ContactParams { step: params.step, margin: params.margin, reserve: RESERVE, long_edge: params.long_edge };
+        let lengths = ContactParams {
+            step: params.step,
+            margin: params.margin,
+            reserve: RESERVE,
+            long_edge: params.long_edge,
+            skip: params.skip,
+        };
         Self {
             contacts: Contacts::new(mesh, &edges, below, outward, lengths),
             neighbours: Neighbours::new(&edges, &x),

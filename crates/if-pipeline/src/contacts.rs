@@ -57,8 +57,9 @@ pub(crate) enum Way {
 struct Memory {
     /// Where the sample was when it last looked.
     seen_from: Point,
-    /// How far it can move before it must look again, in metres.
-    free: Real,
+    /// How far it was from the layer then, at least, in metres: 0 where it may have been in contact. (How far it can move
+    /// before it must look again depends on its gap, which can widen.)
+    clear: Real,
 }
 
 /// The half-space that a contact keeps a sample in: at least `gap` beyond `point` along `normal`.
@@ -86,6 +87,8 @@ pub(crate) struct ContactParams {
     pub(crate) reserve: Real,
     /// Edges longer than this get a sample in the middle, and their triangles too.
     pub(crate) long_edge: Real,
+    /// Whether queries are spared.
+    pub(crate) skip: bool,
 }
 
 /// Samples per task: enough work to hide the fork, few enough to balance.
@@ -115,7 +118,7 @@ pub(crate) struct Contacts<'a> {
     single: usize,
     /// For each sample its memory of each layer.
     memory: Vec<Memory>,
-    /// For each layer and vertex of it, the garment's path length before which it need not look.
+    /// For each layer and vertex of it, the garment's path length before which it cannot touch.
     foreign: Vec<Vec<Real>>,
     /// Sum over the rounds of the largest motion of any vertex, in metres.
     path: Real,
@@ -155,7 +158,7 @@ impl<'a> Contacts<'a> {
                 samples.push(Sample { vertices: *tri, weights: [1.0 / 3.0; 3] });
             }
         }
-        let blank = Memory { seen_from: Point::origin(), free: -1.0 };
+        let blank = Memory { seen_from: Point::origin(), clear: 0.0 };
         Self {
             memory: vec![blank; samples.len() * below.len()],
             foreign: below.iter().map(|l| vec![0.0; l.vertex_count()]).collect(),
@@ -177,7 +180,7 @@ impl<'a> Contacts<'a> {
         for v in vertices {
             // The samples of single vertices come first, in ascending order.
             if let Ok(k) = self.samples[..self.single].binary_search_by_key(v, |s| s.vertices[0]) {
-                self.memory[k * layers..(k + 1) * layers].iter_mut().for_each(|m| m.free = -1.0);
+                self.memory[k * layers..(k + 1) * layers].iter_mut().for_each(|m| m.clear = 0.0);
             }
         }
     }
@@ -216,18 +219,22 @@ impl<'a> Contacts<'a> {
             .map(|(chunk, (samples, memory))| {
                 let mut found = Found { contacts: Vec::new(), queries: 0, spared: 0 };
                 for (k, s) in samples.iter().enumerate() {
-                    if s.is_held(inverse_masses) {
+                    let held = s.is_held(inverse_masses);
+                    if params.skip && held {
                         found.spared += layers;
                         continue;
                     }
                     let (p, gap, way) = (s.at(x), s.gap(gaps), stubborn[s.vertices[0] as usize]);
                     for (layer, m) in below.iter().zip(&mut memory[k * layers..(k + 1) * layers]) {
-                        if m.free > 0.0 && (p - m.seen_from).norm() < m.free {
+                        if params.skip
+                            && (p - m.seen_from).norm() < m.clear - gap - params.margin
+                            && layer.is_outside_by_voxels(&p)
+                        {
                             found.spared += 1;
                             continue;
                         }
                         found.queries += 1;
-                        if let Some(plane) = look(&p, gap, way, layer, outward, &params, m) {
+                        if let Some(plane) = look(&p, gap, way, layer, outward, &params, m).filter(|_| !held) {
                             found.contacts.push(((chunk * CHUNK + k) as u32, plane));
                         }
                     }
@@ -264,25 +271,25 @@ impl<'a> Contacts<'a> {
                 .map(|(chunk, next)| {
                     let mut found = Found { contacts: Vec::new(), queries: 0, spared: 0 };
                     for (k, next) in next.iter_mut().enumerate() {
-                        if path < *next {
+                        if params.skip && path + reach < *next {
                             found.spared += 1;
                             continue;
                         }
                         let number = chunk * CHUNK + k;
                         let v = layer.vertex(number);
                         let away = region.distance_squared(&v).sqrt();
-                        if away > reach {
-                            *next = path + away - reach;
+                        if params.skip && away > reach {
+                            *next = path + away;
                             found.spared += 1;
                             continue;
                         }
                         found.queries += 1;
                         let Some(near) = tree.closest(&v, reach + params.reserve) else {
-                            *next = path + params.reserve;
+                            *next = path + reach + params.reserve;
                             continue;
                         };
                         if near.distance > reach {
-                            *next = path + near.distance - reach;
+                            *next = path + near.distance;
                             continue;
                         }
                         let sample = Sample { vertices: triangles[near.triangle as usize], weights: near.barycentric };
@@ -329,13 +336,13 @@ fn look(
 ) -> Option<Plane> {
     let reach = gap + params.margin;
     m.seen_from = *p;
-    m.free = 0.0;
+    m.clear = 0.0;
     let Some(s) = layer.sided(p, reach + params.reserve) else {
-        m.free = params.reserve;
+        m.clear = reach + params.reserve;
         return None;
     };
     if s.distance > reach {
-        m.free = s.distance - reach;
+        m.clear = s.distance;
         return None;
     }
     let nearest = |gap| Some(Plane { normal: s.normal, point: s.point, gap });

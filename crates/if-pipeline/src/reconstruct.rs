@@ -33,7 +33,7 @@ mod whole_report;
 pub use canonical::{FloodedField, carried_weights, largest_piece};
 pub use checkpoint::CheckpointError;
 pub use frames::{FramesError, posed, write_frames};
-pub use garments::{Garment, GarmentParams, Garments, GarmentsError, find_garments};
+pub use garments::{Garment, GarmentParams, Garments, GarmentsError, find_garments, openings_of};
 pub use hull::{HullError, VisualHull};
 pub use params::{ParamError, SurfaceParams};
 pub use progress::{Progress, Stage};

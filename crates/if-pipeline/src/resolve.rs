@@ -60,6 +60,9 @@ pub struct ResolveParams {
     pub anchor_softness: Real,
     /// Factor on the gap of vertices whose triangles intersect again and again.
     pub inflation: Real,
+    /// Nearest points that a bound on the motion makes unnecessary are not looked for. Off is the slow twin, for tests and
+    /// benchmarks: the same bits, later.
+    pub skip: bool,
 }
 
 impl Default for ResolveParams {
@@ -86,6 +89,7 @@ impl Default for ResolveParams {
             bending_softness: 10.0,
             anchor_softness: 200.0,
             inflation: 1.1,
+            skip: true,
         }
     }
 }

@@ -50,12 +50,12 @@ pub struct ComponentReport {
 pub fn remove_isolated(mesh: &TriMesh, params: &ComponentParams) -> (Derived, ComponentReport) {
     assert!((0.0..=1.0).contains(&params.least_share), "a share lies between 0 and 1");
     let mut work = Work::new(mesh);
-    let report = drop_small(&mut work, &Twins::of_mesh(mesh), params);
+    let (report, _) = drop_small(&mut work, &Twins::of_mesh(mesh), params);
     (work.finish(), report)
 }
 
-/// [`remove_isolated`] in place; the twins no longer fit where something was dropped.
-pub(super) fn drop_small(work: &mut Work, twins: &Twins, params: &ComponentParams) -> ComponentReport {
+/// [`remove_isolated`] in place; the triangles that went, ascending.
+pub(super) fn drop_small(work: &mut Work, twins: &Twins, params: &ComponentParams) -> (ComponentReport, Vec<u32>) {
     let (part_of, parts) = components(work, twins);
     let mut order: Vec<u32> = (0..parts.len() as u32).collect();
     order.sort_by(|&a, &b| parts[b as usize].area.total_cmp(&parts[a as usize].area).then(a.cmp(&b)));
@@ -67,47 +67,51 @@ pub(super) fn drop_small(work: &mut Work, twins: &Twins, params: &ComponentParam
         keep[k as usize] = params.most.is_none_or(|most| rank < most) && part.area >= params.least_share * largest;
         if keep[k as usize] { &mut report.kept } else { &mut report.dropped }.push(part);
     }
-    if !report.dropped.is_empty() {
+    let gone: Vec<u32> = (0..).zip(&part_of).filter(|(_, part)| !keep[**part as usize]).map(|(t, _)| t).collect();
+    if !gone.is_empty() {
         let mut t = 0..;
         work.triangles.retain(|_| t.next().is_some_and(|t: usize| keep[part_of[t] as usize]));
         work.compact();
     }
-    report
+    (report, gone)
 }
 
 /// The part of each triangle, and the parts in the order of their first triangles.
 pub(super) fn components(work: &Work, twins: &Twins) -> (Vec<u32>, Vec<Component>) {
     let n = work.triangles.len();
     let mut part_of = vec![NONE; n];
-    let mut parts = Vec::new();
+    let mut names = 0;
     let mut stack = Vec::new();
     for seed in 0..n {
         if part_of[seed] != NONE {
             continue;
         }
-        let name = parts.len() as u32;
-        let mut part = Component { triangles: 0, area: 0.0, aabb: [[Real::INFINITY; 3], [Real::NEG_INFINITY; 3]] };
-        part_of[seed] = name;
+        part_of[seed] = names;
         stack.push(seed as u32);
         while let Some(t) = stack.pop() {
-            part.triangles += 1;
-            part.area += work.area(t as usize);
-            for v in work.triangles[t as usize] {
-                let p = work.points[v as usize];
-                for axis in 0..3 {
-                    part.aabb[0][axis] = part.aabb[0][axis].min(p[axis]);
-                    part.aabb[1][axis] = part.aabb[1][axis].max(p[axis]);
-                }
-            }
             for h in 3 * t..3 * t + 3 {
                 let twin = twins.of[h as usize];
                 if twin != NONE && part_of[twin as usize / 3] == NONE {
-                    part_of[twin as usize / 3] = name;
+                    part_of[twin as usize / 3] = names;
                     stack.push(twin / 3);
                 }
             }
         }
-        parts.push(part);
+        names += 1;
+    }
+    let none = Component { triangles: 0, area: 0.0, aabb: [[Real::INFINITY; 3], [Real::NEG_INFINITY; 3]] };
+    let mut parts = vec![none; names as usize];
+    for (t, name) in part_of.iter().enumerate() {
+        let part = &mut parts[*name as usize];
+        part.triangles += 1;
+        part.area += work.area(t);
+        for v in work.triangles[t] {
+            let p = work.points[v as usize];
+            for axis in 0..3 {
+                part.aabb[0][axis] = part.aabb[0][axis].min(p[axis]);
+                part.aabb[1][axis] = part.aabb[1][axis].max(p[axis]);
+            }
+        }
     }
     (part_of, parts)
 }

@@ -27,8 +27,10 @@ const ROUNDS: usize = 6;
 
 /// Removes triangles that stand twice, and those without area: needles by making one vertex of the two ends of their
 /// short edge, the others by turning their longest edge, as far as that can be done.
-pub(super) fn mend(work: &mut Work) -> DegenerateReport {
-    let mut report = DegenerateReport { doubled: drop_doubles(work), ..DegenerateReport::default() };
+/// Returns the twins of what is left, too.
+pub(super) fn mend(work: &mut Work) -> (DegenerateReport, Twins) {
+    let (doubled, mut twins) = drop_doubles(work);
+    let mut report = DegenerateReport { doubled, ..DegenerateReport::default() };
     for round in 0.. {
         let flat: Vec<u32> = (0..work.triangles.len()).filter(|&t| work.is_flat(t)).map(|t| t as u32).collect();
         if flat.is_empty() {
@@ -40,9 +42,11 @@ pub(super) fn mend(work: &mut Work) -> DegenerateReport {
             work.triangles.retain(|_| k.next().is_some_and(|k| flat.binary_search(&k).is_err()));
             report.dropped += flat.len();
         }
-        report.doubled += drop_doubles(work);
+        let (doubled, again) = drop_doubles(work);
+        report.doubled += doubled;
+        twins = again;
     }
-    report
+    (report, twins)
 }
 
 impl Work {
@@ -109,8 +113,8 @@ fn step(work: &mut Work, flat: &[u32], report: &mut DegenerateReport) -> usize {
     changed
 }
 
-/// Keeps the first of triangles with the same three vertices, whichever way they wind.
-pub(super) fn drop_doubles(work: &mut Work) -> usize {
+/// Keeps the first of triangles with the same three vertices, whichever way they wind. How many went, and the twins of the others.
+fn drop_doubles(work: &mut Work) -> (usize, Twins) {
     let twins = Twins::new(work.points.len(), &work.triangles);
     let crowd = twins.crowded.iter().flatten().chain(twins.against.iter().flatten()).map(|h| h / 3);
     let folded = (0..work.triangles.len() as u32).filter(|&t| {
@@ -122,11 +126,12 @@ pub(super) fn drop_doubles(work: &mut Work) -> usize {
     suspects.dedup();
     let mut doubles: Vec<u32> = suspects.windows(2).filter(|w| w[0].0 == w[1].0).map(|w| w[1].1).collect();
     doubles.sort_unstable();
-    if !doubles.is_empty() {
-        let mut k = 0..;
-        work.triangles.retain(|_| k.next().is_some_and(|k| doubles.binary_search(&k).is_err()));
+    if doubles.is_empty() {
+        return (0, twins);
     }
-    doubles.len()
+    let mut k = 0..;
+    work.triangles.retain(|_| k.next().is_some_and(|k| doubles.binary_search(&k).is_err()));
+    (doubles.len(), Twins::new(work.points.len(), &work.triangles))
 }
 
 fn sorted(mut t: [u32; 3]) -> [u32; 3] {
@@ -148,7 +153,8 @@ mod tests {
     fn a_cap_takes_part_of_its_neighbour() {
         // c lies on the edge (a, b) of the triangle (b, a, d).
         let mut w = work(&[[0., 0., 0.], [2., 0., 0.], [1., 0., 0.], [1., -1., 0.]], &[[0, 1, 2], [1, 0, 3]]);
-        let report = mend(&mut w);
+        let (report, twins) = mend(&mut w);
+        assert_eq!(twins.of, Twins::new(w.points.len(), &w.triangles).of);
         assert_eq!(report, DegenerateReport { turned: 1, ..Default::default() });
         assert_eq!(w.triangles, [[2, 3, 1], [3, 2, 0]]);
         assert_eq!(w.area(0) + w.area(1), 1.0, "the neighbour's area");
@@ -160,7 +166,8 @@ mod tests {
             &[[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 1., 0.], [1., 1., 0.]],
             &[[0, 1, 2], [0, 2, 3], [1, 4, 3], [2, 1, 3], [1, 0, 2]],
         );
-        let report = mend(&mut w);
+        let (report, twins) = mend(&mut w);
+        assert_eq!(twins.of, Twins::new(w.points.len(), &w.triangles).of);
         assert_eq!((report.doubled, report.collapsed, report.dropped), (1, 1, 0));
         assert_eq!(w.triangles, [[0, 1, 2], [1, 4, 2]]);
     }

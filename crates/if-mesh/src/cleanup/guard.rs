@@ -1,81 +1,306 @@
 //! Intersections that a change adds, found without looking at the whole mesh.
 
-use crate::index::Bvh;
-use crate::intersections::own_pairs;
+use super::apart::clearly_apart;
 use if_core::aabb::Aabb;
+use if_core::intersect::{is_degenerate, triangles_sharing};
 use if_core::math::{Point, Real};
-use if_core::mesh::TriMesh;
+use rayon::prelude::*;
 
-/// Cells along each side of the box round the suspects. A garment of 1 m has cells of 3 cm, a few holes wide; more
-/// make the marking dear, fewer let more of the mesh through.
-const CELLS: usize = 32;
+/// Cells along each side of the box round the suspects, in which it is marked where they are. A garment of 1 m has cells of 3 cm, a few
+/// holes wide; more make the marking dear, fewer let more of the mesh through.
+const MARKS: usize = 32;
+/// Side of a fine cell over the mean side of the suspects' boxes: a triangle lies in two to four cells, and a cell holds few.
+const CELL: Real = 1.5;
+/// Entries in fine cells for each triangle, at most; else cells are doubled. Few triangles that are large beside the others do not
+/// fill the memory.
+const ENTRIES: usize = 16;
+/// Suspects for a task: each takes a microsecond.
+const TASK: usize = 512;
 
 /// Pairs of triangles that meet beyond their common corners and of which one at least is in `suspects`, ascending.
-///
-/// The triangles that cannot meet a suspect are left out by a coarse grid; the others go through the exact test.
 pub(super) fn meeting(points: &[Point], triangles: &[[u32; 3]], suspects: &[u32]) -> Vec<[u32; 2]> {
-    meeting_among(points, triangles, suspects, &near(points, triangles, suspects, 0.0))
+    Guard::new(points, triangles, suspects, points).meeting(points, triangles, suspects)
 }
 
-/// Triangles whose boxes come within `margin` of one of `suspects`, in metres, and some more; ascending, suspects included.
-pub(super) fn near(points: &[Point], triangles: &[[u32; 3]], suspects: &[u32], margin: Real) -> Vec<u32> {
-    if suspects.is_empty() {
-        return Vec::new();
-    }
-    let aabb = |t: u32| Aabb::from_points(triangles[t as usize].iter().map(|v| &points[*v as usize]));
-    let region = suspects.iter().fold(Aabb::EMPTY, |b, &t| b.merged(&aabb(t))).inflated(margin);
-    let size = region.size();
-    let cell = |p: &Point, axis: usize| {
-        let x = (p[axis] - region.min[axis]) / size[axis].max(f64::MIN_POSITIVE) * CELLS as f64;
-        (x as usize).min(CELLS - 1) // negative ones become 0
-    };
-    let cells = |b: &Aabb| {
-        let range = |axis: usize| cell(&b.min, axis)..=cell(&b.max, axis);
-        let (y, z) = (range(1), range(2));
-        range(0).flat_map(move |i| {
-            let z = z.clone();
-            y.clone().flat_map(move |j| z.clone().map(move |k| (i * CELLS + j) * CELLS + k))
-        })
-    };
-    let mut marked = vec![false; CELLS * CELLS * CELLS];
-    let mut is_suspect = vec![false; triangles.len()];
-    for &t in suspects {
-        is_suspect[t as usize] = true;
-        cells(&aabb(t).inflated(margin)).for_each(|c| marked[c] = true);
-    }
-    (0..triangles.len() as u32)
-        .filter(|&t| {
-            let b = aabb(t);
-            is_suspect[t as usize] || (b.overlaps(&region) && cells(&b).any(|c| marked[c]))
-        })
-        .collect()
+/// What suspects can meet while their corners go anywhere between two places: looked for once, asked often.
+pub(super) struct Guard {
+    /// The triangles that a suspect can meet, suspects included, ascending.
+    near: Vec<u32>,
+    /// Boxes round all their places.
+    boxes: Vec<Aabb>,
+    cells: Cells,
 }
 
-/// [`meeting`] where only the triangles `near`, ascending, can meet a suspect.
-pub(super) fn meeting_among(points: &[Point], triangles: &[[u32; 3]], suspects: &[u32], near: &[u32]) -> Vec<[u32; 2]> {
-    let mut used: Vec<u32> = near.iter().flat_map(|t| triangles[*t as usize]).collect();
-    used.sort_unstable();
-    used.dedup();
-    let name = |v: u32| used.binary_search(&v).map_or(0, |k| k as u32);
-    let part_points = used.iter().map(|v| points[*v as usize]).collect();
-    let part: Vec<[u32; 3]> = near.iter().map(|t| triangles[*t as usize].map(name)).collect();
-    let is_suspect: Vec<bool> = near.iter().map(|t| suspects.binary_search(t).is_ok()).collect();
-    let part = TriMesh::new(part_points, part).expect("a part of a mesh is a mesh");
-    let found = own_pairs(&part, &Bvh::new(&part));
-    let of_suspects = found.iter().filter(|p| is_suspect[p.a as usize] || is_suspect[p.b as usize]);
-    let mut pairs: Vec<[u32; 2]> = of_suspects.map(|p| [near[p.a as usize], near[p.b as usize]]).collect();
-    pairs.sort_unstable();
-    pairs
+impl Guard {
+    /// Of `suspects`, ascending, whose corners stay between `points` and `target`, give or take a rounding to single precision. All
+    /// other triangles stay where they are in `points`.
+    pub(super) fn new(points: &[Point], triangles: &[[u32; 3]], suspects: &[u32], target: &[Point]) -> Self {
+        let place = |t: &u32| {
+            let corners = triangles[*t as usize];
+            let b = bounds(corners.map(|v| &points[v as usize])).merged(&bounds(corners.map(|v| &target[v as usize])));
+            (*t, b.inflated(b.min.coords.amax().max(b.max.coords.amax()) * Real::from(f32::EPSILON)))
+        };
+        Self::of_places(points, triangles, &suspects.iter().map(place).collect::<Vec<_>>())
+    }
+
+    /// Of suspects, ascending, with a box each that holds all their places. All other triangles stay where they are in `points`.
+    pub(super) fn of_places(points: &[Point], triangles: &[[u32; 3]], suspects: &[(u32, Aabb)]) -> Self {
+        if suspects.is_empty() {
+            return Self { near: Vec::new(), boxes: Vec::new(), cells: Cells::default() };
+        }
+        let region = suspects.iter().fold(Aabb::EMPTY, |b, s| b.merged(&s.1));
+        let marks = Marks::new(&region, suspects);
+        let at: Vec<[u8; 3]> = points.iter().map(|p| marks.cell(p)).collect();
+        let mut next = suspects.iter().peekable();
+        let (mut near, mut boxes) = (Vec::new(), Vec::new());
+        for (t, corners) in (0..).zip(triangles) {
+            let b = match next.next_if(|s| s.0 == t) {
+                Some((_, b)) => *b,
+                None if !marks.any(corners.map(|v| &at[v as usize])) => continue,
+                None => bounds(corners.map(|v| &points[v as usize])),
+            };
+            near.push(t);
+            boxes.push(b);
+        }
+        let side = suspects.iter().map(|s| s.1.size().max()).sum::<Real>() / suspects.len() as Real;
+        let cells = Cells::new(&region, CELL * side, &boxes);
+        Self { near, boxes, cells }
+    }
+
+    /// Pairs of triangles that meet at `points` beyond their common corners and of which one at least is in `suspects`,
+    /// ascending. `suspects`, ascending, are some of those that this was made for.
+    pub(super) fn meeting(&self, points: &[Point], triangles: &[[u32; 3]], suspects: &[u32]) -> Vec<[u32; 2]> {
+        let mut is_suspect = vec![false; self.near.len()];
+        let places: Vec<u32> = suspects.iter().filter_map(|t| self.near.binary_search(t).ok()).map(|k| k as u32).collect();
+        places.iter().for_each(|k| is_suspect[*k as usize] = true);
+        let of = |places: &[u32]| {
+            let mut found = Vec::new();
+            for &k in places {
+                let t = self.near[k as usize];
+                let corners = triangles[t as usize].map(|v| &points[v as usize]);
+                let here = bounds(corners);
+                self.cells.visit(&here, &self.boxes, |other| {
+                    let u = self.near[other as usize];
+                    // A pair of two suspects is the smaller one's.
+                    if other == k || (other < k && is_suspect[other as usize]) {
+                        return;
+                    }
+                    if meet(corners, triangles[u as usize].map(|v| &points[v as usize])) {
+                        found.push([t.min(u), t.max(u)]);
+                    }
+                });
+            }
+            found
+        };
+        let mut pairs: Vec<[u32; 2]> = places.par_chunks(TASK).map(of).collect::<Vec<_>>().concat();
+        pairs.sort_unstable();
+        pairs.dedup();
+        pairs
+    }
+
+    /// Whether two triangles meet at `points` beyond their common corners.
+    pub(super) fn met(points: &[Point], triangles: &[[u32; 3]], pair: [u32; 2]) -> bool {
+        let [a, b] = pair.map(|t| triangles[t as usize].map(|v| &points[v as usize]));
+        meet(a, b)
+    }
+}
+
+fn bounds(t: [&Point; 3]) -> Aabb {
+    Aabb { min: t[0].inf(t[1]).inf(t[2]), max: t[0].sup(t[1]).sup(t[2]) }
+}
+
+/// Whether triangles meet beyond their common corners, as [`own_pairs`](crate::intersections::own_pairs) has it: corners at one place are common, and
+/// triangles without area meet nothing.
+fn meet(a: [&Point; 3], b: [&Point; 3]) -> bool {
+    if !bounds(a).overlaps(&bounds(b)) {
+        return false;
+    }
+    let common = a.map(|p| b.iter().position(|q| *q == p));
+    if clearly_apart(a, b, common) {
+        return false;
+    }
+    let mut names = [3, 4, 5];
+    common.iter().zip(0..).for_each(|(j, i)| j.iter().for_each(|j| names[*j] = i));
+    triangles_sharing(a, [0, 1, 2], b, names).is_some() && !is_degenerate(a) && !is_degenerate(b)
+}
+
+/// Coarse cells, and which of them hold a suspect. The first and last along each axis are what lies outside the suspects' box.
+struct Marks {
+    min: Point,
+    scale: [Real; 3],
+    marked: Vec<bool>,
+}
+
+impl Marks {
+    const SIDE: usize = MARKS + 2;
+
+    fn new(region: &Aabb, suspects: &[(u32, Aabb)]) -> Self {
+        let scale = [0, 1, 2].map(|axis| MARKS as Real / region.size()[axis].max(Real::MIN_POSITIVE));
+        let mut marks = Self { min: region.min, scale, marked: vec![false; Self::SIDE.pow(3)] };
+        for (_, b) in suspects {
+            let inside = |p: &Point| marks.cell(p).map(|c| c.clamp(1, MARKS as u8));
+            let (low, high) = (inside(&b.min), inside(&b.max));
+            for x in low[0]..=high[0] {
+                for y in low[1]..=high[1] {
+                    let row = Self::row(x, y);
+                    marks.marked[row + usize::from(low[2])..=row + usize::from(high[2])].fill(true);
+                }
+            }
+        }
+        marks
+    }
+
+    #[inline]
+    fn row(x: u8, y: u8) -> usize {
+        (usize::from(x) * Self::SIDE + usize::from(y)) * Self::SIDE
+    }
+
+    /// Each coordinate grows with the point's.
+    #[inline]
+    fn cell(&self, p: &Point) -> [u8; 3] {
+        [0, 1, 2].map(|axis| {
+            let x = (p[axis] - self.min[axis]) * self.scale[axis];
+            // The far side of the box is still inside.
+            if x < 0.0 {
+                0
+            } else if x > MARKS as Real {
+                MARKS as u8 + 1
+            } else {
+                1 + (x as u8).min(MARKS as u8 - 1)
+            }
+        })
+    }
+
+    /// Whether the box round three points reaches a marked cell.
+    #[inline]
+    fn any(&self, [a, b, c]: [&[u8; 3]; 3]) -> bool {
+        if a == b && b == c {
+            return self.marked[Self::row(a[0], a[1]) + usize::from(a[2])];
+        }
+        let low = [0, 1, 2].map(|k| a[k].min(b[k]).min(c[k]));
+        let high = [0, 1, 2].map(|k| a[k].max(b[k]).max(c[k]));
+        for x in low[0]..=high[0] {
+            for y in low[1]..=high[1] {
+                let row = Self::row(x, y);
+                if self.marked[row + usize::from(low[2])..=row + usize::from(high[2])].contains(&true) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+}
+
+/// Boxes by the fine cells that they reach into, in buckets by a hash of the cell.
+#[derive(Default)]
+struct Cells {
+    /// Where the first cell begins.
+    min: Point,
+    /// The last cell along each axis.
+    last: [i32; 3],
+    scale: Real,
+    /// First entry of each bucket.
+    start: Vec<u32>,
+    entries: Vec<u32>,
+}
+
+impl Cells {
+    fn new(region: &Aabb, side: Real, boxes: &[Aabb]) -> Self {
+        let size = region.size();
+        let mut side = side.max(size.max() / Real::from(1 << 20)).max(Real::MIN_POSITIVE);
+        loop {
+            let last = [0, 1, 2].map(|axis| (size[axis] / side) as i32);
+            let mut cells = Self { min: region.min, last, scale: 1.0 / side, ..Self::default() };
+            let count = |b: &Aabb| {
+                let [x, y, z] = cells.range(b).map(|(first, last)| (last - first + 1) as usize);
+                x.saturating_mul(y).saturating_mul(z)
+            };
+            let total = boxes.iter().map(count).fold(0, usize::saturating_add);
+            if total <= ENTRIES * boxes.len() || last == [0; 3] {
+                cells.fill(boxes, total);
+                return cells;
+            }
+            side *= 2.0;
+        }
+    }
+
+    fn fill(&mut self, boxes: &[Aabb], total: usize) {
+        let buckets = total.next_power_of_two();
+        self.start = vec![0; buckets + 2];
+        for b in boxes {
+            for_each_cell(self.range(b), |c| self.start[hash(c, buckets) + 2] += 1);
+        }
+        for k in 2..self.start.len() {
+            self.start[k] += self.start[k - 1];
+        }
+        self.entries = vec![0; total];
+        for (k, b) in boxes.iter().enumerate() {
+            for_each_cell(self.range(b), |c| {
+                let at = &mut self.start[hash(c, buckets) + 1];
+                self.entries[*at as usize] = k as u32;
+                *at += 1;
+            });
+        }
+    }
+
+    fn range(&self, b: &Aabb) -> [(i32, i32); 3] {
+        [0, 1, 2].map(|axis| (self.cell(b.min[axis], axis), self.cell(b.max[axis], axis)))
+    }
+
+    fn cell(&self, x: Real, axis: usize) -> i32 {
+        // Out of range it saturates.
+        (((x - self.min[axis]) * self.scale) as i32).clamp(0, self.last[axis])
+    }
+
+    /// Calls `visit` with the boxes that overlap `b`, some of them twice.
+    fn visit(&self, b: &Aabb, boxes: &[Aabb], mut visit: impl FnMut(u32)) {
+        let buckets = self.start.len().saturating_sub(2);
+        if buckets == 0 {
+            return;
+        }
+        for_each_cell(self.range(b), |c| {
+            let bucket = hash(c, buckets);
+            for &k in &self.entries[self.start[bucket] as usize..self.start[bucket + 1] as usize] {
+                let other = &boxes[k as usize];
+                // Told in one cell: where what both have in common begins.
+                if b.overlaps(other) && (0..3).all(|axis| self.cell(b.min[axis].max(other.min[axis]), axis) == c[axis]) {
+                    visit(k);
+                }
+            }
+        });
+    }
+}
+
+fn for_each_cell(range: [(i32, i32); 3], mut visit: impl FnMut([i32; 3])) {
+    for i in range[0].0..=range[0].1 {
+        for j in range[1].0..=range[1].1 {
+            for k in range[2].0..=range[2].1 {
+                visit([i, j, k]);
+            }
+        }
+    }
+}
+
+/// A bucket for a cell; `buckets` is a power of two. The factors are those of Teschner et al. 2003.
+fn hash(cell: [i32; 3], buckets: usize) -> usize {
+    let [i, j, k] = cell.map(|x| x as u32 as u64);
+    let mixed = i.wrapping_mul(73_856_093) ^ j.wrapping_mul(19_349_663) ^ k.wrapping_mul(83_492_791);
+    (mixed ^ (mixed >> 15)) as usize & (buckets - 1)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::index::Bvh;
+    use crate::intersections::own_pairs;
     use if_core::math::Vector;
+    use if_core::mesh::TriMesh;
     use if_core::shapes::meshes::icosphere;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
 
     #[test]
-    fn the_grid_leaves_no_pair_out() {
+    fn the_cells_leave_no_pair_out() {
         let (a, b) = (icosphere(0.3, 2), icosphere(0.2, 2));
         let mut points = a.vertices().to_vec();
         let base = points.len() as u32;
@@ -91,5 +316,55 @@ mod tests {
         let of_some: Vec<[u32; 2]> = all.iter().filter(|p| p[0] % 7 == 0 || p[1] % 7 == 0).copied().collect();
         assert_eq!(meeting(&points, &triangles, &some), of_some);
         assert!(meeting(&points, &triangles, &[]).is_empty());
+    }
+
+    #[test]
+    fn on_soups_of_any_size_the_pairs_are_those_of_the_tree_also_while_corners_move() {
+        let mut rng = Pcg64Mcg::seed_from_u64(3);
+        for round in 0..60 {
+            let n = 30 + 10 * (round % 5);
+            // Few large triangles among small ones, corners on a lattice, in one plane, all at one place.
+            let mut points: Vec<Point> = (0..n)
+                .map(|k| {
+                    let size = if k % 7 == 0 { 1.0 } else { 0.1 };
+                    let mut p = [0.0; 3].map(|_: Real| 0.5 + size * (rng.random::<Real>() - 0.5));
+                    if round % 4 == 1 {
+                        p = p.map(|x| (x * 16.0).round() / 16.0);
+                    }
+                    if round % 4 == 2 {
+                        p[2] = 0.25;
+                    }
+                    Point::from(if round == 7 { [0.3; 3] } else { p })
+                })
+                .collect();
+            let triangles: Vec<[u32; 3]> = (0..2 * n)
+                .map(|_| {
+                    let a = rng.random_range(0..n as u32);
+                    let step = rng.random_range(1..4);
+                    [a, (a + step) % n as u32, (a + step + 1) % n as u32]
+                })
+                .collect();
+            let suspects: Vec<u32> = (0..triangles.len() as u32).filter(|t| t % 3 == 0).collect();
+            let mut target = points.clone();
+            for v in suspects.iter().flat_map(|t| triangles[*t as usize]).filter(|v| v % 2 == 0) {
+                target[v as usize] += Vector::new(0.03, -0.02, 0.01);
+            }
+            // All that have a corner that moves are suspects.
+            let moves = |v: &u32| points[*v as usize] != target[*v as usize];
+            let suspects: Vec<u32> =
+                (0..triangles.len() as u32).filter(|t| t % 3 == 0 || triangles[*t as usize].iter().any(moves)).collect();
+            let guard = Guard::new(&points, &triangles, &suspects, &target);
+            let start = points.clone();
+            for share in [0.0, 0.37, 1.0] {
+                points = start.iter().zip(&target).map(|(p, q)| p + (q - p) * share).collect();
+                let mesh = TriMesh::new(points.clone(), triangles.clone()).unwrap();
+                let mut all: Vec<[u32; 2]> = own_pairs(&mesh, &Bvh::new(&mesh)).iter().map(|p| [p.a, p.b]).collect();
+                all.retain(|p| p.iter().any(|t| suspects.binary_search(t).is_ok()));
+                assert_eq!(guard.meeting(&points, &triangles, &suspects), all, "round {round}, share {share}");
+                let some: Vec<u32> = suspects.iter().copied().filter(|t| t % 2 == 0).collect();
+                all.retain(|p| p.iter().any(|t| some.binary_search(t).is_ok()));
+                assert_eq!(guard.meeting(&points, &triangles, &some), all, "round {round}, share {share}");
+            }
+        }
     }
 }

@@ -1,18 +1,16 @@
 //! Holes closed.
 
-use super::fair::fair;
 use super::guard::meeting;
-use super::lid::{Chords, Lid};
-use super::manifold::resolve;
+use super::hole::Hole;
+use super::manifold::{resolve, take_out};
 use super::openings::{Openings, Verdict};
-use super::patch::{Patch, refine};
+use super::patch::Patch;
 use super::rim::LoopShape;
-use super::twins::{Twins, ends, loops, next, previous};
+use super::twins::{Twins, loops};
 use super::work::{Derived, Work};
-use crate::attributes::Source;
 use crate::validate::is_flat;
-use if_core::field::{FieldSample, SignedDistance};
-use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
+use if_core::field::SignedDistance;
+use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -115,9 +113,11 @@ pub(super) fn fill(
     single_precision: bool,
 ) -> (FillReport, Vec<Vec<u32>>) {
     let once = |work: &mut Work, twins: &mut Twins| {
+        let before = work.triangles.len() as u32;
         let found = fill_once(work, twins, field, openings, params, single_precision);
-        if !found.0.filled.is_empty() {
-            *twins = Twins::new(work.points.len(), &work.triangles);
+        let added: Vec<u32> = (before..work.triangles.len() as u32).collect();
+        if !added.is_empty() {
+            twins.update(&work.triangles, &added);
         }
         found
     };
@@ -126,7 +126,7 @@ pub(super) fn fill(
         return (report, open);
     }
     let area: Real = (0..work.triangles.len()).map(|t| work.area(t)).sum();
-    let mut trial = work.clone();
+    let (mut trial, mut trial_twins) = (work.clone(), twins.clone());
     let mut tried = FillReport { cut_away: 0, ..report.clone() };
     for _ in 0..params.widenings {
         let mut rim: Vec<u32> = left.iter().flatten().map(|h| h / 3).collect();
@@ -136,16 +136,14 @@ pub(super) fn fill(
             break;
         }
         tried.cut_away += rim.len();
-        let mut k = 0..;
-        trial.triangles.retain(|_| k.next().is_some_and(|k| rim.binary_search(&k).is_err()));
-        let (_, mut trial_twins) = resolve(&mut trial);
+        trial_twins = take_out(&mut trial, &trial_twins, &rim);
         let (found, new_open, new_left) = once(&mut trial, &mut trial_twins);
         left = new_left;
         tried.filled.extend(found.filled);
         (tried.left, tried.openings) = (found.left, found.openings);
         if left.len() < report.left.len() && new_open.len() <= open.len() {
             report = tried.clone();
-            (*work, *twins, open) = (trial.clone(), trial_twins, new_open);
+            (*work, *twins, open) = (trial.clone(), trial_twins.clone(), new_open);
         }
         if left.is_empty() {
             break;
@@ -238,195 +236,4 @@ fn worse(shape: Shape) -> Option<Shape> {
         Shape::Refined => Some(Shape::Plain),
         Shape::Plain => None,
     }
-}
-
-/// What a patch needs to know of the mesh.
-struct Hole {
-    /// The rim's vertices, against the direction of its triangles.
-    vertices: Vec<u32>,
-    points: Vec<Point>,
-    /// Unit normals of the triangles beyond the edges.
-    outside: Vec<Vector>,
-    /// Wanted edge length at each vertex, in metres.
-    lengths: Vec<Real>,
-    /// Neighbours of each vertex that are not its neighbours on the rim.
-    around: Vec<Vec<Point>>,
-    taken: Chords,
-    /// Whether the rim is that of one triangle.
-    is_scrap: bool,
-}
-
-/// Rounds of averaging wanted lengths along the rim: single short edges, left by cutting, should not draw crowds of vertices.
-const EVEN: usize = 8;
-/// Wanted lengths are kept between the mean over the rim divided and multiplied by this.
-const SPREAD: Real = 2.0;
-
-impl Hole {
-    fn new(work: &Work, twins: &Twins, rim: &[u32]) -> Self {
-        let n = rim.len();
-        let backwards: Vec<u32> = rim.iter().rev().copied().collect();
-        let start = |h: u32| ends(&work.triangles, h)[0];
-        let vertices: Vec<u32> = backwards.iter().map(|&h| start(h)).collect();
-        let points: Vec<Point> = vertices.iter().map(|v| work.points[*v as usize]).collect();
-        // From place k to k + 1 runs the half-edge that starts at place k + 1.
-        let outside = (0..n).map(|k| unit_or_zero(&work.area_vector(backwards[(k + 1) % n] as usize / 3))).collect();
-        let mut places: Vec<(u32, u32)> = vertices.iter().enumerate().map(|(k, v)| (*v, k as u32)).collect();
-        places.sort_unstable();
-        let mut taken = Chords::new();
-        let around = (0..n)
-            .map(|k| {
-                let mut near = Vec::new();
-                twins.around(backwards[k], |h| near.extend([start(next(h)), start(previous(h))]));
-                near.sort_unstable();
-                near.dedup();
-                near.retain(|v| *v != vertices[(k + 1) % n] && *v != vertices[(k + n - 1) % n]);
-                for v in &near {
-                    if let Ok(at) = places.binary_search_by_key(v, |p| p.0) {
-                        let j = places[at].1;
-                        taken.insert(((k as u32).min(j), (k as u32).max(j)));
-                    }
-                }
-                near.iter().map(|v| work.points[*v as usize]).collect()
-            })
-            .collect();
-        let mut lengths: Vec<Real> = backwards.iter().map(|&h| work.edge_length_at(twins, h)).collect();
-        let mean = lengths.iter().sum::<Real>() / n.max(1) as Real;
-        lengths.iter_mut().for_each(|l| *l = l.clamp(mean / SPREAD, mean * SPREAD));
-        for _ in 0..EVEN {
-            let old = lengths.clone();
-            (0..n).for_each(|k| lengths[k] = (old[(k + n - 1) % n] + old[k] + old[(k + 1) % n]) / 3.0);
-        }
-        let is_scrap = n == 3 && rim.iter().all(|h| h / 3 == rim[0] / 3);
-        Self { vertices, points, outside, lengths, around, taken, is_scrap }
-    }
-
-    /// A patch of at most this quality, and the one it has.
-    fn patch(&self, shape: Shape, field: Option<&dyn SignedDistance>, params: &FillParams) -> Option<(Patch, Shape)> {
-        if self.is_scrap {
-            return None;
-        }
-        let lid = Lid { points: &self.points, outside: &self.outside, taken: &self.taken };
-        let triangles = lid.triangulate(params.exact_up_to)?;
-        let rim = self.points.len();
-        let mut patch = Patch { rim, points: self.points.clone(), triangles };
-        if shape == Shape::Plain || !params.refine {
-            return Some((patch, Shape::Plain));
-        }
-        refine(&mut patch, &self.lengths, &self.taken, params.most_vertices);
-        if patch.points.len() == rim || shape == Shape::Refined {
-            return Some((patch, Shape::Refined));
-        }
-        let is_fair = params.fair && fair(&mut patch, &self.around);
-        match field.filter(|_| shape == Shape::Projected) {
-            Some(field) => {
-                project(&mut patch, field);
-                Some((patch, Shape::Projected))
-            }
-            None => Some((patch, if is_fair { Shape::Fair } else { Shape::Refined })),
-        }
-    }
-
-    /// Adds the patch to the mesh.
-    fn sew(&self, work: &mut Work, patch: &Patch) {
-        let base = work.points.len() as u32;
-        let rim = self.points.len() as u32;
-        for p in &patch.points[rim as usize..] {
-            work.sources.push(self.blend(work, p));
-            work.points.push(*p);
-        }
-        let name = |v: u32| if v < rim { self.vertices[v as usize] } else { base + v - rim };
-        work.triangles.extend(patch.triangles.iter().map(|t| t.map(name)));
-    }
-
-    /// Vertices of the rim by inverse squared distance: the nearest, and others evenly spread along it.
-    fn blend(&self, work: &Work, p: &Point) -> Source {
-        /// More parts than this change little, and cost memory.
-        const SPREAD: usize = 48;
-        const NEAREST: usize = 4;
-        let stride = self.points.len().div_ceil(SPREAD);
-        let distance = |k: usize| (p - self.points[k]).norm_squared();
-        let mut near: Vec<(Real, usize)> = (0..self.points.len()).map(|k| (distance(k), k)).collect();
-        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let chosen = near.into_iter().enumerate().filter(|(rank, (_, k))| *rank < NEAREST || k.is_multiple_of(stride));
-        let near: Vec<(Real, u32)> = chosen.map(|(_, (d, k))| (d, self.vertices[k])).collect();
-        let nearest = near.first().map_or(1.0, |n| n.0).max(Real::MIN_POSITIVE);
-        let mut parts: Vec<(u32, Real)> = Vec::new();
-        for (d, v) in near {
-            let weight = nearest / d.max(nearest);
-            let add = |parts: &mut Vec<(u32, Real)>, v: u32, w: Real| match parts.iter_mut().find(|p| p.0 == v) {
-                Some(p) => p.1 += w,
-                None => parts.push((v, w)),
-            };
-            match &work.sources[v as usize] {
-                Source::Vertex(v) => add(&mut parts, *v, weight),
-                Source::Blend(of) => of.iter().for_each(|(v, w)| add(&mut parts, *v, weight * w)),
-            }
-        }
-        let total: Real = parts.iter().map(|p| p.1).sum();
-        parts.iter_mut().for_each(|p| p.1 /= total);
-        parts.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        Source::Blend(parts)
-    }
-}
-
-impl Patch {
-    fn area(&self) -> Real {
-        let twice = |t: &[u32; 3]| {
-            let [a, b, c] = t.map(|v| &self.points[v as usize]);
-            area_vector(a, b, c).norm()
-        };
-        self.triangles.iter().map(|t| 0.5 * twice(t)).sum()
-    }
-}
-
-/// Rounds of evening out the vertices of a projected patch.
-const RELAXATIONS: usize = 10;
-/// Newton steps to the field's zero in each round. A distance needs one; a network's field, two or three.
-const STEPS: usize = 3;
-
-/// Brings the vertices inside the patch to the zero of the field, evenly spaced.
-fn project(patch: &mut Patch, field: &dyn SignedDistance) {
-    let rim = patch.rim;
-    let size = if_core::aabb::Aabb::from_points(&patch.points).diagonal();
-    let mut samples = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; patch.points.len() - rim];
-    let mut onto = |points: &mut [Point]| {
-        for _ in 0..STEPS {
-            field.samples(&points[rim..], &mut samples);
-            for (p, s) in points[rim..].iter_mut().zip(&samples) {
-                if let Some(step) = newton(s, 0.5 * size) {
-                    *p += step;
-                }
-            }
-        }
-    };
-    onto(&mut patch.points);
-    for _ in 0..RELAXATIONS {
-        let mut sums = vec![(Vector::zeros(), 0.0); patch.points.len()];
-        for t in &patch.triangles {
-            for k in 0..3 {
-                for j in [1, 2] {
-                    sums[t[k] as usize].0 += patch.points[t[(k + j) % 3] as usize].coords;
-                    sums[t[k] as usize].1 += 1.0;
-                }
-            }
-        }
-        for v in rim..patch.points.len() {
-            if sums[v].1 > 0.0 {
-                let mean = Point::from(sums[v].0 / sums[v].1);
-                patch.points[v] = nalgebra::center(&patch.points[v], &mean);
-            }
-        }
-        onto(&mut patch.points);
-    }
-}
-
-/// The step to φ = 0 along the gradient, at most `longest`; `None` where the field has no gradient or is not finite.
-pub(super) fn newton(sample: &FieldSample, longest: Real) -> Option<Vector> {
-    let squared = sample.gradient.norm_squared();
-    if !(squared > 1e-12 && squared.is_finite() && sample.distance.is_finite()) {
-        return None; // a signed distance has 1
-    }
-    let step = -sample.gradient * (sample.distance / squared);
-    let length = step.norm();
-    Some(if length > longest { step * (longest / length) } else { step })
 }

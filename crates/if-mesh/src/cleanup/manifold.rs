@@ -51,8 +51,8 @@ pub fn make_manifold(mesh: &TriMesh) -> (Derived, ManifoldReport) {
 
 /// [`make_manifold`] in place; with the twins of the result.
 pub(super) fn resolve(work: &mut Work) -> (ManifoldReport, Twins) {
-    let mut report = ManifoldReport { degenerate: degenerate::mend(work), ..ManifoldReport::default() };
-    let mut twins = Twins::new(work.points.len(), &work.triangles);
+    let (degenerate, mut twins) = degenerate::mend(work);
+    let mut report = ManifoldReport { degenerate, ..ManifoldReport::default() };
     if !twins.against.is_empty() {
         report.turned_over = orient(work, &twins);
         twins = Twins::new(work.points.len(), &work.triangles);
@@ -62,7 +62,7 @@ pub(super) fn resolve(work: &mut Work) -> (ManifoldReport, Twins) {
     loop {
         let cut = !twins.crowded.is_empty() || !twins.against.is_empty();
         pair_crowds(work, &mut twins);
-        report.split_vertices += split_fans(work, &twins);
+        report.split_vertices += split_fans(work, &twins, 0..3 * work.triangles.len() as u32);
         if !cut {
             break;
         }
@@ -159,13 +159,28 @@ fn across(work: &Work, h: u32) -> Vector {
     unit_or_zero(&(to - along * along.dot(&to)))
 }
 
-/// Gives each fan of triangles its own vertex; the fan of the first triangle keeps the old one.
-fn split_fans(work: &mut Work, twins: &Twins) -> usize {
+/// Takes triangles out of a manifold mesh, which stays one: where several fans meet in a vertex now, each gets its own. `gone` is ascending.
+pub(super) fn take_out(work: &mut Work, twins: &Twins, gone: &[u32]) -> Twins {
+    let mut at_gone = vec![false; work.points.len()];
+    gone.iter().flat_map(|t| work.triangles[*t as usize]).for_each(|v| at_gone[v as usize] = true);
+    let mut k = 0..;
+    work.triangles.retain(|_| k.next().is_some_and(|k| gone.binary_search(&k).is_err()));
+    let twins = twins.without(gone);
+    let corners = work.triangles.as_flattened().iter().zip(0..);
+    let leaving: Vec<u32> = corners.filter(|(v, _)| at_gone[**v as usize]).map(|(_, h)| h).collect();
+    split_fans(work, &twins, leaving);
+    work.compact();
+    twins
+}
+
+/// Gives each fan of triangles its own vertex; the fan of the first triangle keeps the old one. `leaving` are the half-edges that leave the
+/// vertices in question, ascending.
+fn split_fans(work: &mut Work, twins: &Twins, leaving: impl IntoIterator<Item = u32>) -> usize {
     let mut seen = vec![false; 3 * work.triangles.len()];
     let mut taken = vec![false; work.points.len()];
     let mut added = 0;
     let mut fan = Vec::new();
-    for h in 0..seen.len() as u32 {
+    for h in leaving {
         if seen[h as usize] {
             continue;
         }

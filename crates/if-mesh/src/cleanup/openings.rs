@@ -25,6 +25,8 @@ pub enum Openings {
     Near(Vec<Point>),
     /// By what is not the garment: a loop that bounds a large part of the rest of the clothed body is an opening.
     Complement(Box<Complement>),
+    /// One after the other: each judges the loops that all before it take for openings. What any of them calls a hole is one.
+    Each(Vec<Openings>),
 }
 
 impl Default for Openings {
@@ -79,6 +81,7 @@ impl Openings {
                 None => Ok(()),
             },
             Self::Complement(c) => Ok(c.validate()?),
+            Self::Each(policies) => policies.iter().try_for_each(Self::validate),
             Self::Count(_) => Ok(()),
         }
     }
@@ -118,6 +121,61 @@ impl Openings {
                 verdicts
             }
             Self::Complement(c) => c.judge(work, rims).into_iter().map(of).collect(),
+            Self::Each(policies) => {
+                let mut open: Vec<usize> = (0..rims.len()).collect();
+                for policy in policies {
+                    let rims: Vec<Vec<u32>> = open.iter().map(|&k| rims[k].clone()).collect();
+                    let shapes: Vec<LoopShape> = open.iter().map(|&k| shapes[k]).collect();
+                    let verdicts = policy.judge(work, &rims, &shapes);
+                    open = open.into_iter().zip(verdicts).filter(|(_, v)| *v == Verdict::Opening).map(|(k, _)| k).collect();
+                }
+                let mut verdicts = vec![Verdict::Hole; rims.len()];
+                open.iter().for_each(|&k| verdicts[k] = Verdict::Opening);
+                verdicts
+            }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::twins::{Twins, loops};
+    use super::*;
+    use if_core::mesh::TriMesh;
+    use if_core::shapes::meshes::tube;
+
+    /// A tube with two holes in its side, and the verdicts on its four loops.
+    fn judged(openings: &Openings) -> Vec<(usize, bool)> {
+        let tube = tube(0.1, 0.4, 40, 20, false);
+        let mut triangles = tube.triangles().to_vec();
+        triangles.drain(600..604);
+        triangles.drain(300..302);
+        let mesh = TriMesh::new(tube.vertices().to_vec(), triangles).unwrap();
+        let (work, twins) = (Work::new(&mesh), Twins::of_mesh(&mesh));
+        let rims = loops(mesh.triangles(), &twins);
+        let shapes: Vec<LoopShape> = rims.iter().map(|rim| LoopShape::new(&work, &twins, rim)).collect();
+        let verdicts = openings.judge(&work, &rims, &shapes);
+        shapes.iter().zip(verdicts).map(|(s, v)| (s.edges, v == Verdict::Opening)).collect()
+    }
+
+    #[test]
+    fn of_several_policies_each_has_the_say_over_what_the_others_leave() {
+        let open = |openings: &Openings| -> Vec<usize> {
+            let mut open: Vec<usize> = judged(openings).iter().filter(|l| l.1).map(|l| l.0).collect();
+            open.sort_unstable();
+            open
+        };
+        let upper = Openings::Near(vec![Point::new(0.0, 1.0, 0.0)]);
+        assert_eq!(judged(&Openings::Each(Vec::new())).iter().filter(|l| l.1).count(), 4);
+        assert_eq!(open(&Openings::Each(vec![Openings::default()])), [40, 40]);
+        assert_eq!(open(&Openings::Each(vec![Openings::Longer(0.06), Openings::default()])), [40, 40]);
+        assert_eq!(open(&Openings::Each(vec![upper.clone(), Openings::Count(3)])), [40]);
+        // The count is of what is left: the larger of the two holes, not an end of the tube.
+        let holes = judged(&Openings::default()).iter().filter(|l| !l.1).map(|l| l.0).max().unwrap();
+        let at_holes = Openings::Near(vec![Point::new(-0.1, 0.15, 0.0), Point::new(0.0, 0.07, -0.1)]);
+        assert!(open(&at_holes).iter().all(|n| *n < 40));
+        assert_eq!(open(&Openings::Each(vec![at_holes, Openings::Count(1)])), [holes]);
+        let bad = Openings::Each(vec![Openings::Count(1), Openings::Longer(-1.0)]);
+        assert!(matches!(bad.validate(), Err(OpeningsError::Negative { .. })));
     }
 }

@@ -67,6 +67,7 @@ impl Twins {
             }
         }
         let mut twins = Self { of: vec![NONE; list.len()], ..Self::default() };
+        let mut same = Vec::new();
         for v in 0..vertices {
             let bucket = &mut list[start[v] as usize..start[v + 1] as usize];
             sort(bucket);
@@ -76,22 +77,79 @@ impl Twins {
                 while end < bucket.len() && bucket[end].0 == bucket[run].0 {
                     end += 1;
                 }
-                twins.take(&bucket[run..end], triangles);
+                if end > run + 1 {
+                    same.clear();
+                    same.extend(bucket[run..end].iter().map(|r| r.1));
+                    twins.take(&same, triangles);
+                }
                 run = end;
             }
         }
         twins
     }
 
-    fn take(&mut self, run: &[(u32, u32)], triangles: &[[u32; 3]]) {
+    /// Those of the same triangles without `gone`, ascending, the others renumbered.
+    pub(crate) fn without(&self, gone: &[u32]) -> Self {
+        debug_assert!(self.against.is_empty() && self.crowded.is_empty(), "of a manifold mesh");
+        let mut gone = gone.iter().copied().peekable();
+        let mut kept = 0;
+        let names: Vec<u32> = (0..self.of.len() as u32 / 3)
+            .map(|t| {
+                if gone.next_if_eq(&t).is_some() {
+                    return NONE;
+                }
+                kept += 1;
+                kept - 1
+            })
+            .collect();
+        let name = |h: u32| match names.get(h as usize / 3) {
+            Some(&t) if t != NONE => 3 * t + h % 3,
+            _ => NONE,
+        };
+        let mut of = Vec::with_capacity(3 * kept as usize);
+        for (h, twin) in self.of.iter().enumerate() {
+            if names[h / 3] != NONE {
+                of.push(if *twin == NONE { NONE } else { name(*twin) });
+            }
+        }
+        Self { of, ..Self::default() }
+    }
+
+    /// Pairs the half-edges of triangles that changed, or were added at the end. The edges of `changed` now must be no edges of triangles that are
+    /// not among them, but for rims and what they were joined to before.
+    pub(crate) fn update(&mut self, triangles: &[[u32; 3]], changed: &[u32]) {
+        self.of.resize(3 * triangles.len(), NONE);
+        for &t in changed {
+            for h in 3 * t..3 * t + 3 {
+                let twin = std::mem::replace(&mut self.of[h as usize], NONE);
+                if twin != NONE {
+                    self.of[twin as usize] = NONE;
+                }
+            }
+        }
+        // What is open now: rims, and the sides of what changed. Only edges of the latter can find a twin.
+        let key = |h: u32| {
+            let [a, b] = ends(triangles, h);
+            [a.min(b), a.max(b)]
+        };
+        let mut open: Vec<([u32; 2], u32)> = self.rim().map(|h| (key(h), h)).collect();
+        open.sort_unstable();
+        for run in open.chunk_by(|a, b| a.0 == b.0) {
+            let run: Vec<u32> = run.iter().map(|r| r.1).collect();
+            self.take(&run, triangles);
+        }
+    }
+
+    /// Half-edges between the same two vertices, ascending.
+    fn take(&mut self, run: &[u32], triangles: &[[u32; 3]]) {
         match *run {
             [_] => {}
-            [(_, g), (_, h)] if ends(triangles, g)[0] == ends(triangles, h)[1] => {
+            [g, h] if ends(triangles, g)[0] == ends(triangles, h)[1] => {
                 self.of[g as usize] = h;
                 self.of[h as usize] = g;
             }
-            [(_, g), (_, h)] => self.against.push([g, h]),
-            _ => self.crowded.push(run.iter().map(|r| r.1).collect()),
+            [g, h] => self.against.push([g, h]),
+            _ => self.crowded.push(run.to_vec()),
         }
     }
 
@@ -204,6 +262,34 @@ mod tests {
                 .collect();
             assert_eq!(mine, edges.boundary_loops(&mesh));
         }
+    }
+
+    #[test]
+    fn what_is_left_out_turned_or_added_is_paired_as_if_all_were_paired_anew() {
+        let mesh = tube(0.1, 0.3, 9, 6, false);
+        let n = mesh.vertices().len();
+        let mut triangles = mesh.triangles().to_vec();
+        let mut twins = Twins::of_mesh(&mesh);
+        let gone = [0, 7, 20, 21, 22, 107];
+        let lost: Vec<[u32; 3]> = gone.iter().map(|t| triangles[*t as usize]).collect();
+        let mut k = 0..;
+        triangles.retain(|_| k.next().is_some_and(|k| gone.binary_search(&k).is_err()));
+        twins = twins.without(&gone);
+        assert_eq!(twins.of, Twins::new(n, &triangles).of);
+        // Back, at the end.
+        let added: Vec<u32> = (triangles.len() as u32..).take(lost.len()).collect();
+        triangles.extend(&lost);
+        twins.update(&triangles, &added);
+        assert_eq!(twins.of, Twins::new(n, &triangles).of);
+        // An edge turned: (a, b, c) and (b, a, d) become (c, d, b) and (d, c, a).
+        let h = (30..).find(|h| twins.of[*h as usize] != NONE).unwrap();
+        let twin = twins.of[h as usize];
+        let ([a, b], c, d) = (ends(&triangles, h), ends(&triangles, previous(h))[0], ends(&triangles, previous(twin))[0]);
+        triangles[h as usize / 3] = [c, d, b];
+        triangles[twin as usize / 3] = [d, c, a];
+        twins.update(&triangles, &[h / 3, twin / 3]);
+        assert_eq!(twins.of, Twins::new(n, &triangles).of);
+        assert!(twins.against.is_empty() && twins.crowded.is_empty());
     }
 
     #[test]

@@ -21,6 +21,19 @@ pub enum GarmentClass {
     Other,
 }
 
+impl GarmentClass {
+    /// Openings that such a garment has at most: those through which head, limbs and trunk pass. Fewer where it has no
+    /// sleeves or hangs open in front; `None` where nothing is known.
+    pub fn most_openings(self) -> Option<usize> {
+        match self {
+            Self::Skirt => Some(2),
+            Self::Legs => Some(3),
+            Self::Dress | Self::Top | Self::Outer => Some(4),
+            Self::Other => None,
+        }
+    }
+}
+
 /// Where a garment is worn. A hint: outfits in any other order can be asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -2,6 +2,7 @@
 
 use super::frames::posed;
 use super::progress::{Clock, Progress, Stage};
+use crate::asset::LayerHint;
 use crate::capture::{Capture, CaptureError, FIRST_GARMENT};
 use crate::skeleton::{PoseError, Skeleton};
 use crate::skin_weights::{SkinWeights, SkinWeightsError};
@@ -26,8 +27,7 @@ pub struct GarmentParams {
     pub smoothness: SmoothLabelParams,
     /// How triangles are cut.
     pub cut: CutParams,
-    /// What is done to each piece. Its `openings` are told by the clothed body that the piece was cut from, whatever
-    /// stands here.
+    /// What is done to each piece. Its `openings` are told as [`openings_of`] says, whatever stands here.
     pub cleanup: CleanupParams,
 }
 
@@ -144,9 +144,7 @@ pub fn find_garments(
             found.missing.push(name.clone());
             continue;
         };
-        // Islands of other labels within a garment are holes of it, like what nobody saw: no vertex is marked as foreign.
-        let openings = Openings::Complement(Box::new(Complement::new(mesh.clone())));
-        let cleaning = CleanupParams { openings, ..params.cleanup.clone() };
+        let cleaning = CleanupParams { openings: openings_of(name, mesh), ..params.cleanup.clone() };
         let carried = attributes.derive(&sources(piece));
         let clean = cleanup(&piece.mesh, &carried, Some(field), &cleaning)
             .map_err(|source| GarmentsError::Cleanup { name: name.clone(), source })?;
@@ -162,6 +160,21 @@ pub fn find_garments(
     Ok(found)
 }
 
+/// Which loops of the garment `name`, cut out of `body`, stay open: those that
+///
+/// - bound a large part of what is not the garment: [`Complement`]. Islands of other labels within a garment are holes of it,
+///   like what nobody saw; no vertex is marked as foreign;
+/// - let something pass: the openness of [`Openings::default`]. Where a garment's border meets another one the extracted surface may
+///   hold a tunnel of one cell, whose section bounds the other garment as the hem does, but is 2 cm long;
+/// - are among as many of the most open as a garment of its class has: [`GarmentClass::most_openings`].
+///
+/// [`GarmentClass::most_openings`]: crate::asset::GarmentClass::most_openings
+pub fn openings_of(name: &str, body: &TriMesh) -> Openings {
+    let mut policies = vec![Openings::Complement(Box::new(Complement::new(body.clone()))), Openings::default()];
+    policies.extend(LayerHint::of_name(name).class.most_openings().map(Openings::Count));
+    Openings::Each(policies)
+}
+
 /// What the vertices of a piece are made of.
 fn sources(piece: &Piece) -> Vec<Source> {
     let of = |origin: &if_mesh::cut::Origin| match origin.source() {
@@ -174,4 +187,56 @@ fn sources(piece: &Piece) -> Vec<Source> {
         }
     };
     piece.origins.iter().map(of).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::math::{Point, Real};
+    use std::f64::consts::TAU;
+
+    /// A closed drum with a tunnel of 2 to 3 cm radius along its axis, and its upper half: mantle and lid.
+    fn drum_with_a_tunnel() -> (TriMesh, TriMesh) {
+        const AROUND: u32 = 48;
+        const STEPS: u32 = 20;
+        // The profile from the lower end of the mantle up, inwards over the lid, and down the tunnel, which widens.
+        let corners = [[0.2, 0.0], [0.2, 1.0], [0.02, 1.0], [0.03, 0.0]];
+        let side = |k: usize| (0..STEPS).map(move |i| (k, Real::from(i) / Real::from(STEPS)));
+        let profile: Vec<[Real; 2]> = (0..4)
+            .flat_map(side)
+            .map(|(k, s)| [0, 1].map(|axis| corners[k][axis] * (1.0 - s) + corners[(k + 1) % 4][axis] * s))
+            .collect();
+        let rows = profile.len() as u32;
+        let at = |[r, y]: [Real; 2], k: u32| {
+            let (sin, cos) = (TAU * Real::from(k) / Real::from(AROUND)).sin_cos();
+            Point::new(r * cos, y, r * sin)
+        };
+        let vertices: Vec<Point> = profile.iter().flat_map(|p| (0..AROUND).map(move |k| at(*p, k))).collect();
+        let quad = |j: u32, k: u32| {
+            let (j1, k1) = ((j + 1) % rows, (k + 1) % AROUND);
+            let [a, b, c, d] = [j * AROUND + k, j * AROUND + k1, j1 * AROUND + k1, j1 * AROUND + k];
+            [[a, c, b], [a, d, c]]
+        };
+        let part = |rows: std::ops::Range<u32>| {
+            let triangles = rows.flat_map(|j| (0..AROUND).flat_map(move |k| quad(j, k))).collect();
+            TriMesh::new(vertices.clone(), triangles).unwrap()
+        };
+        (part(0..rows), part(STEPS / 2..2 * STEPS))
+    }
+
+    #[test]
+    fn a_tunnel_to_another_garment_is_no_opening() {
+        let (body, piece) = drum_with_a_tunnel();
+        let loops = |openings: Openings| {
+            let params = CleanupParams { openings, smooth: None, ..CleanupParams::default() };
+            let none = VertexAttributes::none(piece.vertices().len());
+            let report = cleanup(&piece, &none, None, &params).unwrap().report;
+            (report.holes.openings.len(), report.holes.filled.len())
+        };
+        // What lies beyond the tunnel is the other half: what the loop bounds does not tell the two apart.
+        assert_eq!(loops(Openings::Complement(Box::new(Complement::new(body.clone())))), (2, 0));
+        for name in ["sweater", "thing"] {
+            assert_eq!(loops(openings_of(name, &body)), (1, 1), "{name}");
+        }
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::garments::Garment;
 use super::report::SurfaceReport;
+use crate::asset::LayerHint;
 use if_core::math::Real;
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +36,8 @@ pub struct GarmentReport {
     pub area: Real,
     /// Loops that stay open: neck, cuffs, hem.
     pub openings: usize,
+    /// As many as a garment of its class has at most, where its name tells the class.
+    pub most_openings: Option<usize>,
     /// Holes that were filled.
     pub filled: usize,
     /// Holes that could not be filled.
@@ -52,6 +55,7 @@ impl GarmentReport {
             triangles: garment.mesh.triangles().len(),
             area: garment.mesh.area(),
             openings: clean.holes.openings.len(),
+            most_openings: LayerHint::of_name(&garment.name).class.most_openings(),
             filled: clean.holes.filled.len(),
             holes_left: clean.holes.left.len(),
             dropped: clean.components.dropped.len(),

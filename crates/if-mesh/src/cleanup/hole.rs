@@ -1,0 +1,151 @@
+//! A hole, and the patches that fit it.
+
+use super::fair::fair;
+use super::holes::{FillParams, Shape};
+use super::lid::{Chords, Lid};
+use super::patch::{Patch, refine};
+use super::project::project;
+use super::twins::{Twins, ends, next, previous};
+use super::work::Work;
+use crate::attributes::Source;
+use if_core::field::SignedDistance;
+use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
+
+/// What a patch needs to know of the mesh.
+pub(super) struct Hole {
+    /// The rim's vertices, against the direction of its triangles.
+    vertices: Vec<u32>,
+    pub(super) points: Vec<Point>,
+    /// Unit normals of the triangles beyond the edges.
+    outside: Vec<Vector>,
+    /// Wanted edge length at each vertex, in metres.
+    lengths: Vec<Real>,
+    /// Neighbours of each vertex that are not its neighbours on the rim.
+    around: Vec<Vec<Point>>,
+    taken: Chords,
+    /// Whether the rim is that of one triangle.
+    is_scrap: bool,
+}
+
+/// Rounds of averaging wanted lengths along the rim: single short edges, left by cutting, should not draw crowds of vertices.
+const EVEN: usize = 8;
+/// Wanted lengths are kept between the mean over the rim divided and multiplied by this.
+const SPREAD: Real = 2.0;
+
+impl Hole {
+    pub(super) fn new(work: &Work, twins: &Twins, rim: &[u32]) -> Self {
+        let n = rim.len();
+        let backwards: Vec<u32> = rim.iter().rev().copied().collect();
+        let start = |h: u32| ends(&work.triangles, h)[0];
+        let vertices: Vec<u32> = backwards.iter().map(|&h| start(h)).collect();
+        let points: Vec<Point> = vertices.iter().map(|v| work.points[*v as usize]).collect();
+        // From place k to k + 1 runs the half-edge that starts at place k + 1.
+        let outside = (0..n).map(|k| unit_or_zero(&work.area_vector(backwards[(k + 1) % n] as usize / 3))).collect();
+        let mut places: Vec<(u32, u32)> = vertices.iter().enumerate().map(|(k, v)| (*v, k as u32)).collect();
+        places.sort_unstable();
+        let mut taken = Chords::new();
+        let around = (0..n)
+            .map(|k| {
+                let mut near = Vec::new();
+                twins.around(backwards[k], |h| near.extend([start(next(h)), start(previous(h))]));
+                near.sort_unstable();
+                near.dedup();
+                near.retain(|v| *v != vertices[(k + 1) % n] && *v != vertices[(k + n - 1) % n]);
+                for v in &near {
+                    if let Ok(at) = places.binary_search_by_key(v, |p| p.0) {
+                        let j = places[at].1;
+                        taken.insert(((k as u32).min(j), (k as u32).max(j)));
+                    }
+                }
+                near.iter().map(|v| work.points[*v as usize]).collect()
+            })
+            .collect();
+        let mut lengths: Vec<Real> = backwards.iter().map(|&h| work.edge_length_at(twins, h)).collect();
+        let mean = lengths.iter().sum::<Real>() / n.max(1) as Real;
+        lengths.iter_mut().for_each(|l| *l = l.clamp(mean / SPREAD, mean * SPREAD));
+        for _ in 0..EVEN {
+            let old = lengths.clone();
+            (0..n).for_each(|k| lengths[k] = (old[(k + n - 1) % n] + old[k] + old[(k + 1) % n]) / 3.0);
+        }
+        let is_scrap = n == 3 && rim.iter().all(|h| h / 3 == rim[0] / 3);
+        Self { vertices, points, outside, lengths, around, taken, is_scrap }
+    }
+
+    /// A patch of at most this quality, and the one it has.
+    pub(super) fn patch(&self, shape: Shape, field: Option<&dyn SignedDistance>, params: &FillParams) -> Option<(Patch, Shape)> {
+        if self.is_scrap {
+            return None;
+        }
+        let lid = Lid { points: &self.points, outside: &self.outside, taken: &self.taken };
+        let triangles = lid.triangulate(params.exact_up_to)?;
+        let rim = self.points.len();
+        let mut patch = Patch { rim, points: self.points.clone(), triangles };
+        if shape == Shape::Plain || !params.refine {
+            return Some((patch, Shape::Plain));
+        }
+        refine(&mut patch, &self.lengths, &self.taken, params.most_vertices);
+        if patch.points.len() == rim || shape == Shape::Refined {
+            return Some((patch, Shape::Refined));
+        }
+        let is_fair = params.fair && fair(&mut patch, &self.around);
+        match field.filter(|_| shape == Shape::Projected) {
+            Some(field) => {
+                project(&mut patch, field);
+                Some((patch, Shape::Projected))
+            }
+            None => Some((patch, if is_fair { Shape::Fair } else { Shape::Refined })),
+        }
+    }
+
+    /// Adds the patch to the mesh.
+    pub(super) fn sew(&self, work: &mut Work, patch: &Patch) {
+        let base = work.points.len() as u32;
+        let rim = self.points.len() as u32;
+        for p in &patch.points[rim as usize..] {
+            work.sources.push(self.blend(work, p));
+            work.points.push(*p);
+        }
+        let name = |v: u32| if v < rim { self.vertices[v as usize] } else { base + v - rim };
+        work.triangles.extend(patch.triangles.iter().map(|t| t.map(name)));
+    }
+
+    /// Vertices of the rim by inverse squared distance: the nearest, and others evenly spread along it.
+    fn blend(&self, work: &Work, p: &Point) -> Source {
+        /// More parts than this change little, and cost memory.
+        const SPREAD: usize = 48;
+        const NEAREST: usize = 4;
+        let stride = self.points.len().div_ceil(SPREAD);
+        let distance = |k: usize| (p - self.points[k]).norm_squared();
+        let mut near: Vec<(Real, usize)> = (0..self.points.len()).map(|k| (distance(k), k)).collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let chosen = near.into_iter().enumerate().filter(|(rank, (_, k))| *rank < NEAREST || k.is_multiple_of(stride));
+        let near: Vec<(Real, u32)> = chosen.map(|(_, (d, k))| (d, self.vertices[k])).collect();
+        let nearest = near.first().map_or(1.0, |n| n.0).max(Real::MIN_POSITIVE);
+        let mut parts: Vec<(u32, Real)> = Vec::new();
+        for (d, v) in near {
+            let weight = nearest / d.max(nearest);
+            let add = |parts: &mut Vec<(u32, Real)>, v: u32, w: Real| match parts.iter_mut().find(|p| p.0 == v) {
+                Some(p) => p.1 += w,
+                None => parts.push((v, w)),
+            };
+            match &work.sources[v as usize] {
+                Source::Vertex(v) => add(&mut parts, *v, weight),
+                Source::Blend(of) => of.iter().for_each(|(v, w)| add(&mut parts, *v, weight * w)),
+            }
+        }
+        let total: Real = parts.iter().map(|p| p.1).sum();
+        parts.iter_mut().for_each(|p| p.1 /= total);
+        parts.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        Source::Blend(parts)
+    }
+}
+
+impl Patch {
+    pub(super) fn area(&self) -> Real {
+        let twice = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|v| &self.points[v as usize]);
+            area_vector(a, b, c).norm()
+        };
+        self.triangles.iter().map(|t| 0.5 * twice(t)).sum()
+    }
+}

@@ -1,0 +1,78 @@
+//! Vertices moved as far as that does no harm.
+
+use super::guard::Guard;
+use super::work::Work;
+use crate::validate::is_flat;
+use if_core::math::{Point, Real, unit_or_zero};
+
+/// Halvings of a move that does harm, before it is given up.
+const HALVINGS: u8 = 5;
+/// A triangle may turn by less than 60°.
+const LEAST_COSINE: Real = 0.5;
+/// Height over longest edge above which the normal of a triangle means something, and may not turn over.
+const SLIVER: Real = 0.02;
+
+/// Moves vertices to `target`, or as far that way as does no harm: no triangle loses its area, turns over against how it lay at `start`,
+/// or meets one that it did not meet before. Says which vertices were held back.
+///
+/// ```text
+/// moved ← all vertices that are to move; share of each ← 1
+/// while moved is not empty
+///     place them; suspects ← their triangles
+///     bad ← suspects that turned over, or meet something that they did not meet before
+///     moved ← the vertices of bad; share of each ← half, after HALVINGS halvings 0
+/// ```
+pub(super) fn move_safely(work: &mut Work, start: &[Point], target: &[Point], single_precision: bool) -> Vec<bool> {
+    let old = work.points.clone();
+    let moves: Vec<bool> = old.iter().zip(target).map(|(p, q)| p != q).collect();
+    let touched: Vec<u32> =
+        (0..work.triangles.len() as u32).filter(|t| work.triangles[*t as usize].iter().any(|v| moves[*v as usize])).collect();
+    let guard = Guard::new(&old, &work.triangles, &touched, target);
+    let mut halved = vec![0u8; old.len()];
+    let mut is_changed = moves.clone();
+    let mut changed: Vec<u32> = (0..old.len() as u32).filter(|v| moves[*v as usize]).collect();
+    let mut suspects = touched.clone();
+    while !changed.is_empty() {
+        for &v in &changed {
+            let k = v as usize;
+            let moved = old[k] + (target[k] - old[k]) * 0.5f64.powi(i32::from(halved[k]));
+            work.points[k] = match halved[k] {
+                0 if !single_precision => target[k],
+                h if h > HALVINGS => old[k],
+                _ if single_precision => moved.map(|x| Real::from(x as f32)),
+                _ => moved,
+            };
+        }
+        let mut bad: Vec<u32> = suspects.iter().filter(|t| harms(work, start, **t)).copied().collect();
+        let meets = guard.meeting(&work.points, &work.triangles, &suspects);
+        bad.extend(meets.iter().filter(|pair| !Guard::met(&old, &work.triangles, **pair)).flatten());
+        changed.iter().for_each(|v| is_changed[*v as usize] = false);
+        changed = bad.iter().flat_map(|t| work.triangles[*t as usize]).collect();
+        changed.retain(|v| moves[*v as usize] && halved[*v as usize] <= HALVINGS);
+        changed.sort_unstable();
+        changed.dedup();
+        for &v in &changed {
+            halved[v as usize] += 1;
+            is_changed[v as usize] = true;
+        }
+        // Only triangles of vertices that went elsewhere than in the round before can do new harm.
+        suspects = touched.clone();
+        suspects.retain(|t| work.triangles[*t as usize].iter().any(|v| is_changed[*v as usize]));
+    }
+    halved.iter().map(|h| *h > 0).collect()
+}
+
+/// Whether triangle `t` turned over, or lost its area.
+fn harms(work: &Work, start: &[Point], t: u32) -> bool {
+    let corners = work.triangles[t as usize];
+    if is_flat(corners.map(|v| &work.points[v as usize])) {
+        return true;
+    }
+    let [a, b, c] = corners.map(|v| start[v as usize]);
+    let twice = (b - a).cross(&(c - a));
+    let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
+    if twice.norm() < SLIVER * longest {
+        return false;
+    }
+    unit_or_zero(&twice).dot(&unit_or_zero(&work.area_vector(t as usize))) < LEAST_COSINE
+}
