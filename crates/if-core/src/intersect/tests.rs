@@ -222,8 +222,7 @@ fn compare_floats(pairs: usize, seed: u64) {
 
 /// Coordinates from both ends of the range in one pair, some of them shared or a last digit apart.
 fn mixed(random: &mut Random) -> [Point; 6] {
-    const ENDS: [f64; 12] =
-        [0.0, 5e-324, 1e-310, f64::MIN_POSITIVE, 1e-160, 1e-16, 1.0, 3.0, 1e16, 1e154, 1e300, f64::MAX];
+    const ENDS: [f64; 12] = [0.0, 5e-324, 1e-310, f64::MIN_POSITIVE, 1e-160, 1e-16, 1.0, 3.0, 1e16, 1e154, 1e300, f64::MAX];
     let mut p = [(); 6].map(|()| {
         let mut c = || {
             let x = ENDS[random.below(12) as usize] * if random.below(2) == 0 { 1.0 } else { -1.0 };

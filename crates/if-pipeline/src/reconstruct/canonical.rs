@@ -11,8 +11,9 @@ use if_mesh::sdf::{MeshSdf, SdfError};
 use if_mesh::voxels::{Voxel, Voxels};
 use rayon::prelude::*;
 
-/// Side of the voxels that settle what is outside, as a share of the mesh's size: 4 mm for a person. Twice as much would fill
-/// the gaps between fingers; half as much takes eight times the memory, and finds the same.
+/// Side of the voxels that settle what is outside, as a share of the mesh's size: 4 mm for a person. On the two sample captures twice as much
+/// doubles the tunnels of the canonical mesh (24 and 19 for 12 and 8) and takes it 0.1 mm farther from the truth; half as much
+/// takes eight times the memory and 2.6 s for 0.7 s, and comes 0.05 mm nearer, but loses more of what is thin (62 mm at most for 35).
 const VOXEL: Real = 1.0 / 420.0;
 
 /// The signed distance of a closed mesh that may pass through itself, as a surface does that was moved.

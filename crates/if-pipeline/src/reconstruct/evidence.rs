@@ -11,16 +11,23 @@ use if_mesh::camera::Camera;
 use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
 use rayon::prelude::*;
 
-/// Cosine between a seen normal and the surface's below which they are not of one place. Between 0 and 0.4 the result
-/// changes by less than 0.1 mm.
+// "Mean" below is the mean distance to and from the truth (2.0 to 2.4 mm) of the surfaces fitted to the two sample captures of `docs/reconstruction.md`,
+// all else being as it is.
+
+/// Cosine between a seen normal and the surface's below which they are not of one place. From 0.1 to 0.4 the mean changes by less than 0.03 mm.
 const SAME_PLACE: Real = 0.2;
-/// Pixels within which a vertex must have both the figure and its surroundings to lie on the silhouette.
-const BESIDE: Real = 2.0;
-/// Cosine between a rim vertex's normal and the direction to the mask's border below which they are not of one border.
+/// Pixels within which a vertex must have both the figure and its surroundings to lie on the silhouette. Less than the pixel's diagonal and vertices
+/// on it are missed (at 0.8 the mean rises by 0.1 mm, at 0.5 nothing is found), more and others are pulled along: at 2 and 4 it rises by 0.1 and
+/// 0.8 mm, and own intersections by half and to three times. Between 1 and 1.5 trousers, sweater and suit differ by less than 0.11 mm; the dress
+/// of `docs/reconstruction.md`, off by 11 mm as it is, by 0.5 mm, in favour of 1.5.
+const BESIDE: Real = 1.5;
+/// Cosine between a rim vertex's normal and the direction to the mask's border below which they are not of one border. From 0.25 to
+/// 0.75 the mean changes by less than 0.04 mm; 1 leaves no silhouette.
 const SAME_BORDER: Real = 0.5;
-/// Cosine between normal and line of sight at which a rim vertex no longer counts: it lies round the corner.
+/// Cosine between normal and line of sight at which a rim vertex no longer counts: it lies round the corner. From 0.25 to
+/// 1 the mean changes by less than 0.02 mm.
 const ROUND_THE_CORNER: Real = 0.5;
-/// Frames that are looked at together: bounds the memory of their evidence.
+/// Frames that are looked at together: bounds the memory of their evidence, which is 40 bytes for each pixel that sees the person. The result does not depend on it.
 const TOGETHER: usize = 16;
 
 /// What all frames together say.

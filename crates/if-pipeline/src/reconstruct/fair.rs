@@ -4,18 +4,25 @@ use super::evidence::Evidence;
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 
-/// Weight of seen normals from which on a triangle is known.
+// "Mean" below is the mean distance to and from the truth (2.0 to 2.4 mm) of the surfaces fitted to the two sample captures of
+// `docs/reconstruction.md`, all else being as it is; "own" their own intersecting pairs (500 to 700).
+
+/// Weight of seen normals from which on a triangle is known: three pixels seen head-on. Half and twice as much change the mean by less than
+/// 0.02 mm.
 const KNOWN: Real = 3.0;
-/// Weight of the silhouettes from which on a vertex's place is known, though its triangles are not.
+/// Weight of the silhouettes from which on a vertex's place is known, though its triangles are not: half
+/// that of one frame that sees it in profile. Half and twice as much change the mean by less than 0.03 mm.
 const ON_RIM: Real = 0.5;
-/// Passes over the unseen, and over folds. With half and double as many, the mean distance from the truth changes by
-/// less than 0.1 mm; own intersections fall from 1,700 (none) to 500 (these).
+/// Passes over the unseen, and over folds. Without any there are 1,700 own; with 5, 10, 20 on the first capture 815, 713, 663, and the mean distance
+/// to the truth is 2.15, 2.04, 1.95 mm, that from it 2.17, 2.22, 2.26 mm: more only trade one for the other.
 const PASSES: usize = 10;
-/// Share of the way that a vertex goes in a pass.
+/// Share of the way that a vertex goes in a pass: the usual half. A quarter and all of it act as half and twice as many passes do.
 const SHARE: Real = 0.5;
-/// Cosine between a triangle's normal and what it should be, below which it is folded.
+/// Cosine between a triangle's normal and what it should be, below which it is folded. At 0.2 and 0.8 there are 781 and 408 own on the first capture, 645 and
+/// 429 on the second, and the mean distance to the truth changes by up to 0.1 mm for the better, that from it by 0.03 mm for the worse.
 const FOLDED: Real = 0.4;
-/// Twice the area over the square of the longest edge, below which a triangle is a sliver.
+/// Twice the area over the square of the longest edge, below which a triangle is a sliver: 1/10 is an angle of 6°. Half and twice as much change
+/// the mean by less than 0.04 mm, and own by a sixth.
 const SLIVER: Real = 0.1;
 
 /// Mends the surface `x`, whose triangles and evidence are those of `rest`, the template.

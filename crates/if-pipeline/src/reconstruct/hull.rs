@@ -11,9 +11,10 @@ use if_mesh::camera::Camera;
 use nalgebra::Isometry3;
 
 /// A bound on the slope of the hull's field: distances in pictures have slope 1, and posing stretches space, most where
-/// weights change fast. 3 is the 99.9 % of the slopes measured on the sample captures.
+/// weights change fast. Of 20,000 differences over 8 mm in each of the two sample captures the steepest is 2.2, 99.9 % are below 1.6.
 const SLOPE: Real = 3.0;
-/// Step of the differences that give its gradient, in metres: a tenth of a pixel of the sample captures.
+/// Step of the differences that give its gradient, in metres: a seventh of a pixel of the sample captures, so that a difference stays within
+/// one patch of the distance image's interpolation, and far above the rounding of its single precision.
 const STEP: Real = 1e-3;
 
 /// Why there is no hull.
