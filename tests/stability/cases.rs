@@ -55,6 +55,12 @@ impl Random {
         Vector::new(self.between(-size, size), self.between(-size, size), self.between(-size, size))
     }
 
+    /// A vector of `size` times one of `factors`.
+    pub fn offset(&mut self, size: Real, factors: &[Real]) -> Vector {
+        let factor = self.pick(factors);
+        self.vector(size * factor)
+    }
+
     pub fn point(&mut self, size: Real) -> Point {
         Point::from(self.vector(size))
     }

@@ -6,7 +6,16 @@
 mod cases;
 mod equivariance;
 mod fields;
+mod files;
+mod index;
 mod meshes;
+mod networks;
+mod numbers;
+mod outfits;
+mod people;
 mod rest;
+#[path = "../scenes/mod.rs"]
+mod scenes;
 mod solver;
 mod solver_scene;
+mod surfaces;

@@ -13,18 +13,16 @@ pub fn area_vector(a: &Point, b: &Point, c: &Point) -> Vector {
     (b - a).cross(&(c - a))
 }
 
-/// `v / |v|`, or the zero vector where `|v|` is zero or not finite.
+/// `v / |v|`, or the zero vector where `|v|` is zero or no finite number.
 ///
 /// Scales by the largest component first, so that neither `1e-300` nor `1e300` is lost.
 #[inline]
 pub fn unit_or_zero(v: &Vector) -> Vector {
     let scale = v.amax();
-    if scale > 0.0 && scale.is_finite() {
-        let w = v / scale;
-        w / w.norm()
-    } else {
-        Vector::zeros()
-    }
+    let w = v / scale;
+    let length = w.norm();
+    // The largest of some numbers may pass a NaN over; the length does not.
+    if scale > 0.0 && scale.is_finite() && length.is_finite() { w / length } else { Vector::zeros() }
 }
 
 /// The point `Σ bₖ pₖ` of a triangle for barycentric coordinates `b`.
@@ -45,5 +43,10 @@ mod tests {
         }
         assert_eq!(unit_or_zero(&Vector::zeros()), Vector::zeros());
         assert_eq!(unit_or_zero(&Vector::new(Real::INFINITY, 0.0, 0.0)), Vector::zeros());
+        for k in 0..3 {
+            let mut v = Vector::new(1.0, -2.0, 3.0);
+            v[k] = Real::NAN;
+            assert_eq!(unit_or_zero(&v), Vector::zeros());
+        }
     }
 }

@@ -32,9 +32,11 @@ const MAX_VOXELS: Real = 67_108_864.0;
 
 impl Voxels {
     /// A block over `region` with a border of two voxels, everything inside and no walls yet.
-    /// `cell` (metres) is enlarged where the block would not fit into 64 MiB.
+    /// `cell` (metres) is enlarged where the block would not fit into 64 MiB, or is nothing.
     pub fn new(region: &Aabb, cell: Real) -> Self {
         let size = region.size();
+        // A region that is a point has a voxel of any size.
+        let cell = if cell > 0.0 || size.max() > 0.0 { cell } else { 1.0 };
         let fits = |c: Real| (0..3).map(|k| size[k] / c + 5.0).product::<Real>() <= MAX_VOXELS;
         let mut cell = cell.max(size.max() * 1e-4);
         while !fits(cell) {
@@ -277,6 +279,16 @@ mod tests {
         v.flood(|_| true);
         assert_eq!(v.at(&Point::new(0.5, 0.5, 0.5)), Voxel::Inside);
         assert_eq!(v.at(&Point::new(0.5, 0.5, 0.11)), Voxel::Filled);
+    }
+
+    #[test]
+    fn a_region_that_is_a_point_or_nothing_ends() {
+        let point = Point::new(3.0, -1.0, 2.0);
+        for region in [Aabb { min: point, max: point }, Aabb::EMPTY] {
+            let mut v = Voxels::new(&region, 0.0);
+            v.flood(|_| true);
+            assert!(v.cell() > 0.0 && v.counts().iter().sum::<usize>() == 125);
+        }
     }
 
     #[test]

@@ -203,6 +203,11 @@ impl<'a> SdfCollision<'a> {
                 self.counters.skipped_by_bound += 1;
                 continue;
             }
+            // What has run away is found at the end of the substep; a field is not to be asked there.
+            if !x.iter().all(|c| c.is_finite()) {
+                self.counters.degenerate += 1;
+                continue;
+            }
             self.asked.push(k as u32);
             self.points.push(x);
         }

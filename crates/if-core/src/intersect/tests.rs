@@ -220,6 +220,44 @@ fn compare_floats(pairs: usize, seed: u64) {
     assert!(counts.iter().all(|n| *n > pairs / 100), "all kinds must occur: {counts:?}");
 }
 
+/// Coordinates from both ends of the range in one pair, some of them shared or a last digit apart.
+fn mixed(random: &mut Random) -> [Point; 6] {
+    const ENDS: [f64; 12] = [0.0, 5e-324, 1e-310, f64::MIN_POSITIVE, 1e-160, 1e-16, 1.0, 3.0, 1e16, 1e154, 1e300, f64::MAX];
+    let mut p = [(); 6].map(|()| {
+        let mut c = || {
+            let x = ENDS[random.below(12) as usize] * if random.below(2) == 0 { 1.0 } else { -1.0 };
+            if random.below(4) == 0 { x * random.unit() } else { x }
+        };
+        Point::new(c(), c(), c())
+    });
+    for _ in 0..random.below(8) {
+        let (i, j, k) = (random.below(6) as usize, random.below(6) as usize, random.below(3) as usize);
+        match random.below(4) {
+            0 => p[i] = p[j],
+            1 => p[i][k] = p[j][k].next_down(),
+            _ => p[i][k] = p[j][k],
+        }
+        if !p[i][k].is_finite() {
+            p[i][k] = 1.0;
+        }
+    }
+    p
+}
+
+fn compare_mixed(pairs: usize, seed: u64) {
+    let mut random = Random(seed);
+    let mut counts = [0; 4];
+    for _ in 0..pairs {
+        check::<BigRational>(&mixed(&mut random), &mut counts);
+    }
+    assert!(counts.iter().filter(|n| **n > 0).count() >= 3, "kinds must occur: {counts:?}");
+}
+
+#[test]
+fn pairs_of_denormals_beside_1e300_agree_with_rational_arithmetic() {
+    compare_mixed(60, 1);
+}
+
 #[test]
 fn pairs_on_small_grids_agree_with_rational_arithmetic() {
     compare_grids(20_000, 1);
@@ -319,6 +357,7 @@ fn a_million_pairs_agree_with_rational_arithmetic() {
             scope.spawn(move || compare_grids(450_000, seed));
             scope.spawn(move || compare_floats(50_000, seed));
             scope.spawn(move || compare_sharing(200_000, seed));
+            scope.spawn(move || compare_mixed(2_000, seed));
         }
     });
 }

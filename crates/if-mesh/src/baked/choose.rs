@@ -13,7 +13,7 @@ const TRIES: usize = 16;
 const POWER: Real = 1.5;
 
 impl Baked {
-    /// Bakes with cells as large as an accuracy allows: twice those of `params` at first, then smaller ones, until the
+    /// Bakes with cells as large as an accuracy allows: twice those of `params` at first (or the band, where that is less), then smaller ones, until the
     /// bound for points no farther than `reach` metres from the surface ([`Baked::error_bound_within`]) is at most
     /// `accuracy` metres.
     ///
@@ -33,7 +33,7 @@ impl Baked {
                 return Err(BakeError::Parameter { name, value, needs: "a length above zero, in metres" });
             }
         }
-        let mut cell = COARSE * params.cell;
+        let mut cell = (COARSE * params.cell).min(params.band);
         let mut found = Self::new(source, &BakeParams { cell, ..*params })?;
         for _ in 1..TRIES {
             let bound = found.error_bound_within(reach);

@@ -23,7 +23,7 @@ pub struct BakeParams {
     /// Edge of a cell, in metres. The error falls with its third to fourth power where the field is
     /// smooth, and with its first at creases.
     pub cell: Real,
-    /// How far outside the surface values are kept, in metres.
+    /// How far outside the surface values are kept, in metres: a cell at least.
     pub band: Real,
     /// How far inside, in metres. Infinite keeps all of the inside, which for a body takes less room than
     /// the band.
@@ -136,6 +136,10 @@ impl BakeParams {
         }
         if !(self.band > 0.0 && self.band.is_finite()) {
             return fault("band", self.band, "a finite length above zero, in metres");
+        }
+        // Where a surface crosses an edge of the grid, an end of it is nearer than a cell: a narrower band loses the surface.
+        if self.band < self.cell {
+            return fault("band", self.band, "at least a cell; take smaller cells or a wider band");
         }
         if self.depth.is_nan() || self.depth <= 0.0 {
             return fault("depth", self.depth, "a length above zero, in metres, or infinity");

@@ -177,6 +177,9 @@ fn what_cannot_be_baked_is_refused_with_a_reason() {
         assert!(matches!(bake(BakeParams { cell, ..with }), Err(BakeError::Parameter { name: "cell", .. })));
     }
     assert!(matches!(bake(BakeParams { band: Real::NAN, ..with }), Err(BakeError::Parameter { name: "band", .. })));
+    // Narrower than a cell, the band has no node near the surface, which is then lost with a stated error of nothing.
+    let narrow = BakeParams { band: 0.9 * with.cell, ..with };
+    assert!(matches!(bake(narrow), Err(BakeError::Parameter { name: "band", .. })));
     assert!(matches!(bake(BakeParams { depth: 0.0, ..with }), Err(BakeError::Parameter { name: "depth", .. })));
     for cell in [1e-3, 1e-6, 1e-12, 1e-300] {
         let error = bake(BakeParams { cell, memory: 1 << 24, ..with }).unwrap_err();

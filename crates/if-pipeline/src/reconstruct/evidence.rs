@@ -16,11 +16,11 @@ use rayon::prelude::*;
 
 /// Cosine between a seen normal and the surface's below which they are not of one place. From 0.1 to 0.4 the mean changes by less than 0.03 mm.
 const SAME_PLACE: Real = 0.2;
-/// Pixels within which a vertex must have both the figure and its surroundings to lie on the silhouette. Less than a pixel's diagonal misses vertices
-/// on it (at 0.5 none is found), more lets others be pulled along (at 4 the mean rises by 0.4 to 1.1 mm). From 1 to 1.5 trousers and sweater, and the
-/// suit, come out better than here, by 0.04 to 0.27 mm and with a quarter to three quarters fewer own intersections; a dress of 512², off by 9 to 13 mm, comes
-/// out 0.2 to 0.8 mm worse. So it stays between.
-const BESIDE: Real = 2.0;
+/// Pixels within which a vertex must have both the figure and its surroundings to lie on the silhouette. Less than the pixel's diagonal and vertices
+/// on it are missed (at 0.8 the mean rises by 0.1 mm, at 0.5 nothing is found), more and others are pulled along: at 2 and 4 it rises by 0.1 and
+/// 0.8 mm, and own intersections by half and to three times. Between 1 and 1.5 trousers, sweater and suit differ by less than 0.11 mm; the dress
+/// of `docs/reconstruction.md`, off by 11 mm as it is, by 0.5 mm, in favour of 1.5.
+const BESIDE: Real = 1.5;
 /// Cosine between a rim vertex's normal and the direction to the mask's border below which they are not of one border. From 0.25 to
 /// 0.75 the mean changes by less than 0.04 mm; 1 leaves no silhouette.
 const SAME_BORDER: Real = 0.5;
