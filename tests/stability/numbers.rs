@@ -58,7 +58,7 @@ fn six(r: &mut Random) -> [Point; 6] {
     p
 }
 
-fn turned<'a>(t: [&'a Point; 3], turn: usize) -> [&'a Point; 3] {
+fn turned(t: [&Point; 3], turn: usize) -> [&Point; 3] {
     let t = [t[turn % 3], t[(turn + 1) % 3], t[(turn + 2) % 3]];
     if turn >= 3 { [t[1], t[0], t[2]] } else { t }
 }
