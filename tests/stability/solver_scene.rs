@@ -326,7 +326,6 @@ fn params(r: &mut Random, scale: Real) -> SolverParams {
         clearance: r.pick(&[0.0, 1e-3, 0.1]) * scale,
         max_push: r.pick(&[0.01 * scale, Real::INFINITY]),
         remove_depenetration_velocity: r.chance(0.7),
-        energy_jump: r.pick(&[1e4, Real::INFINITY]),
         ..SolverParams::default()
     }
 }
