@@ -134,6 +134,8 @@ proptest! {
     #[test]
     fn a_second_clean_up_changes_nothing(mesh in prop_oneof![soups(), damaged()], params in policies()) {
         // Smoothing stops where a loop is smooth or a vertex is held back, and the latter may go on from there.
+        // Openings by shape are judged against the area, to which patches add: a loop that was an opening can be a hole then.
+        prop_assume!(!matches!(params.openings, Openings::Shape(_)));
         let params = CleanupParams { smooth: None, ..params };
         let first = clean(&mesh, &params);
         let second = clean(&first.mesh, &params);
