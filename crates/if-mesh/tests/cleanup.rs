@@ -132,12 +132,14 @@ proptest! {
     }
 
     #[test]
-    fn a_second_clean_up_changes_nothing(mesh in prop_oneof![soups(), damaged()], params in policies()) {
+    fn a_second_clean_up_changes_nothing_where_the_first_left_no_hole(mesh in prop_oneof![soups(), damaged()], params in policies()) {
         // Smoothing stops where a loop is smooth or a vertex is held back, and the latter may go on from there.
         // Openings by shape are judged against the area, to which patches add: a loop that was an opening can be a hole then.
         prop_assume!(!matches!(params.openings, Openings::Shape(_)));
         let params = CleanupParams { smooth: None, ..params };
         let first = clean(&mesh, &params);
+        // A hole that could not be filled may be one that can, once its neighbours are.
+        prop_assume!(first.report.holes.left.is_empty());
         let second = clean(&first.mesh, &params);
         prop_assert_eq!(&second.mesh, &first.mesh, "{:?}", second.report);
     }
