@@ -8,7 +8,7 @@ use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::staging::{OutputError, Staging};
 use crate::table::count;
-use if_core::edges::Edges;
+use if_core::edges::{Edges, part_count};
 use if_core::mesh::TriMesh;
 use if_mesh::attributes::{AttributeError, Source, VertexAttributes};
 use if_mesh::cut::{CutError, CutParams, Piece, cut};
@@ -202,26 +202,9 @@ fn row(piece: &Piece, name: String) -> Row {
         vertices: piece.mesh.vertices().len(),
         triangles: piece.mesh.triangles().len(),
         area_m2: piece.mesh.area(),
-        components: components(&piece.mesh, &edges),
+        components: part_count(&piece.mesh),
         borders: edges.boundary_loops(&piece.mesh).len(),
     }
-}
-
-/// Parts that hang together over edges.
-fn components(mesh: &TriMesh, edges: &Edges) -> usize {
-    let mut root: Vec<usize> = (0..mesh.vertices().len()).collect();
-    fn find(root: &mut [usize], mut v: usize) -> usize {
-        while root[v] != v {
-            root[v] = root[root[v]];
-            v = root[v];
-        }
-        v
-    }
-    for e in &edges.vertices {
-        let (a, b) = (find(&mut root, e[0] as usize), find(&mut root, e[1] as usize));
-        root[a] = b;
-    }
-    (0..root.len()).filter(|v| root[*v] == *v).count()
 }
 
 /// A piece with all that its vertices carried; its own label stands where the labels came from.

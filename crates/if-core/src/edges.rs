@@ -18,6 +18,32 @@ pub struct Edges {
     pub of_triangle: Vec<[u32; 3]>,
 }
 
+/// For each vertex the smallest vertex of its part: parts hang together by edges of triangles. A vertex without a triangle is a
+/// part of its own.
+pub fn parts(mesh: &TriMesh) -> Vec<u32> {
+    let mut parent: Vec<u32> = (0..mesh.vertices().len() as u32).collect();
+    fn root(parent: &mut [u32], mut v: u32) -> u32 {
+        while parent[v as usize] != v {
+            parent[v as usize] = parent[parent[v as usize] as usize];
+            v = parent[v as usize];
+        }
+        v
+    }
+    for tri in mesh.triangles() {
+        for k in 1..3 {
+            let (a, b) = (root(&mut parent, tri[0]), root(&mut parent, tri[k]));
+            // The smaller index stays the root: the same result in any order.
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    (0..parent.len() as u32).map(|v| root(&mut parent, v)).collect()
+}
+
+/// Number of parts of a mesh ([`parts`]).
+pub fn part_count(mesh: &TriMesh) -> usize {
+    parts(mesh).into_iter().enumerate().filter(|(v, part)| *v == *part as usize).count()
+}
+
 impl Edges {
     /// Collects the edges of `mesh`, in linear time but for one sort.
     pub fn new(mesh: &TriMesh) -> Self {
@@ -181,6 +207,18 @@ mod tests {
             }
         }
         TriMesh::new(v, t).unwrap()
+    }
+
+    #[test]
+    fn parts_are_told_by_their_smallest_vertices() {
+        let one = grid(2);
+        let n = one.vertices().len() as u32;
+        let vertices = one.vertices().iter().chain(one.vertices()).chain(&one.vertices()[..1]).copied().collect();
+        let shifted = one.triangles().iter().map(|t| t.map(|v| v + n));
+        // The second part comes first, and the last vertex has no triangle.
+        let both = TriMesh::new(vertices, shifted.chain(one.triangles().iter().copied()).collect()).unwrap();
+        let told: Vec<u32> = (0..2 * n).map(|v| v / n * n).chain([2 * n]).collect();
+        assert_eq!((parts(&both), part_count(&both), part_count(&one)), (told, 3, 1));
     }
 
     #[test]

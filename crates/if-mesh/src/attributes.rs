@@ -1,6 +1,6 @@
 //! What vertices carry beside their positions, when a mesh gets other vertices.
 
-use crate::ply::{Column, Property};
+use crate::ply::{Column, Property, with_column};
 use if_core::math::Real;
 use serde::Serialize;
 
@@ -233,26 +233,8 @@ fn majority(votes: impl Iterator<Item = (Real, Real)>) -> Real {
     sums.first().map_or(0.0, |s| s.0)
 }
 
-/// Runs `$body` with the vector of a column, whatever its type is, called `$v`.
-macro_rules! each_type {
-    ($column:expr, $v:ident => $body:expr) => {
-        match $column {
-            Column::I8($v) => $body,
-            Column::U8($v) => $body,
-            Column::I16($v) => $body,
-            Column::U16($v) => $body,
-            Column::I32($v) => $body,
-            Column::U32($v) => $body,
-            Column::I64($v) => $body,
-            Column::U64($v) => $body,
-            Column::F32($v) => $body,
-            Column::F64($v) => $body,
-        }
-    };
-}
-
 fn get(column: &Column, k: usize) -> Real {
-    each_type!(column, v => v[k] as Real)
+    with_column!(column, v => v[k] as Real)
 }
 
 /// Writes a number: rounded for whole types, which also saturate.

@@ -33,6 +33,7 @@ use header::ElementLayout;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use ply_rs_bw::ply::Encoding;
+pub(crate) use scalar::with_column;
 use source::Source;
 use std::fs::File;
 use std::io::Read;

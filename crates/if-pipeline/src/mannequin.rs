@@ -164,7 +164,7 @@ fn surface(shape: &shape::Shape, cell: Real, phase: [Real; 3], cuts: &[shape::Fo
 mod tests {
     use super::*;
     use if_core::aabb::Aabb;
-    use if_core::edges::Edges;
+    use if_core::edges::{Edges, part_count};
     use if_core::field::SignedDistance;
     use if_core::intersect::{triangles, triangles_sharing};
     use if_mesh::index::Bvh;
@@ -172,23 +172,6 @@ mod tests {
     /// Coarse enough for tests: half the triangles.
     fn coarse(overlap: Real) -> MannequinParams {
         MannequinParams { resolution: 0.7, overlap }
-    }
-
-    /// Pieces, joined over edges.
-    fn pieces(mesh: &TriMesh, edges: &Edges) -> usize {
-        let mut root: Vec<usize> = (0..mesh.vertices().len()).collect();
-        fn find(root: &mut [usize], mut v: usize) -> usize {
-            while root[v] != v {
-                root[v] = root[root[v]];
-                v = root[v];
-            }
-            v
-        }
-        for e in &edges.vertices {
-            let (a, b) = (find(&mut root, e[0] as usize), find(&mut root, e[1] as usize));
-            root[a] = b;
-        }
-        (0..root.len()).filter(|v| root[*v] == *v).count()
     }
 
     fn pairs(a: &TriMesh, b: &TriMesh) -> usize {
@@ -238,7 +221,7 @@ mod tests {
         assert!(edges.valence.iter().all(|v| *v <= 2), "{name}");
         assert_eq!(edges.boundary_loops(mesh).len(), borders, "{name}");
         assert_eq!(mesh.vertices().len() as i64 + mesh.triangles().len() as i64 - edges.len() as i64, euler, "{name}");
-        assert_eq!((pieces(mesh, &edges), own_pairs(mesh)), (1, 0), "{name}");
+        assert_eq!((part_count(mesh), own_pairs(mesh)), (1, 0), "{name}");
     }
 
     #[test]

@@ -38,6 +38,13 @@ pub struct PairReport {
     pub deepest: Real,
 }
 
+impl PairReport {
+    /// No intersecting pair and no vertex on a wrong side.
+    pub fn is_clean(&self) -> bool {
+        self.pairs.total() == 0 && self.vertices_inside == 0
+    }
+}
+
 /// The state of an outfit: every layer against every layer below it, and against itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default)]
 pub struct Verification {
@@ -62,7 +69,7 @@ impl Verification {
 
     /// No intersecting pair and no vertex on a wrong side.
     pub fn is_clean(&self) -> bool {
-        self.total_pairs() == 0 && self.total_inside() == 0
+        self.pairs.iter().all(PairReport::is_clean)
     }
 }
 

@@ -43,6 +43,14 @@ pub(crate) struct Settled {
     pub(crate) held: usize,
 }
 
+impl Settled {
+    /// Of a garment that needs nothing.
+    pub(crate) fn as_it_is(garment: &Layer) -> Self {
+        let positions = garment.mesh.vertices().to_vec();
+        Self { held: positions.len(), positions, rounds: 0, repairs: 0, sweeps: 0, queries: 0, spared: 0 }
+    }
+}
+
 /// Brings `garment` outside the layers `below` (the body first).
 ///
 /// # Errors
@@ -59,15 +67,7 @@ pub(crate) fn settle(
     let mut inspector = Inspector::new(&garment.mesh, &tree, below);
     let input = inspector.inspect(&garment.mesh, &tree);
     if input.is_clean() {
-        return Ok(Settled {
-            positions: garment.mesh.vertices().to_vec(),
-            rounds: 0,
-            repairs: 0,
-            sweeps: 0,
-            queries: 0,
-            spared: 0,
-            held: garment.mesh.vertices().len(),
-        });
+        return Ok(Settled::as_it_is(garment));
     }
     let height = below[0].bvh().aabb().size().max();
     let outward = Outward::new(below, &garment.mesh.aabb().inflated(0.02 * height), params.outward_cell);

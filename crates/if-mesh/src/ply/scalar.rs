@@ -66,6 +66,8 @@ macro_rules! with_column {
     };
 }
 
+pub(crate) use with_column;
+
 macro_rules! scalar {
     ($($t:ident $variant:ident $text:literal $parse:expr;)*) => {
         $(impl Scalar for $t {

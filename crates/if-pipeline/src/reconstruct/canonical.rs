@@ -3,6 +3,7 @@
 use crate::skin_weights::SkinWeights;
 use if_core::aabb::Aabb;
 use if_core::closest::ClosestPoint;
+use if_core::edges::parts;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
@@ -109,25 +110,11 @@ pub fn carried_weights(surface: &TriMesh, skin: &SkinWeights, joints: usize, poi
 /// The largest piece of a mesh, by area; pieces hang together by edges of triangles. What an extraction finds beside the person
 /// are bubbles in folds of the surface.
 pub fn largest_piece(mesh: &TriMesh) -> TriMesh {
-    let mut parent: Vec<u32> = (0..mesh.vertices().len() as u32).collect();
-    fn root(parent: &mut [u32], mut v: u32) -> u32 {
-        while parent[v as usize] != v {
-            parent[v as usize] = parent[parent[v as usize] as usize];
-            v = parent[v as usize];
-        }
-        v
-    }
-    for tri in mesh.triangles() {
-        for k in 1..3 {
-            let (a, b) = (root(&mut parent, tri[0]), root(&mut parent, tri[k]));
-            // The smaller index stays the root: the same result in any order.
-            parent[a.max(b) as usize] = a.min(b);
-        }
-    }
+    let part = parts(mesh);
     let mut areas = vec![0.0; mesh.vertices().len()];
     for (t, tri) in mesh.triangles().iter().enumerate() {
         let [a, b, c] = mesh.corners(t);
-        areas[root(&mut parent, tri[0]) as usize] += if_core::math::area_vector(a, b, c).norm();
+        areas[part[tri[0] as usize] as usize] += if_core::math::area_vector(a, b, c).norm();
     }
     let Some(best) = (0..areas.len()).max_by(|a, b| areas[*a].total_cmp(&areas[*b]).then(b.cmp(a))) else {
         return mesh.clone();
@@ -135,7 +122,7 @@ pub fn largest_piece(mesh: &TriMesh) -> TriMesh {
     let mut number = vec![u32::MAX; mesh.vertices().len()];
     let mut vertices = Vec::new();
     for v in 0..mesh.vertices().len() as u32 {
-        if root(&mut parent, v) == best as u32 {
+        if part[v as usize] == best as u32 {
             number[v as usize] = vertices.len() as u32;
             vertices.push(mesh.vertices()[v as usize]);
         }
