@@ -152,12 +152,14 @@ pub(crate) fn checked(found: &Verification, garments: &[String], colour: bool) -
     text
 }
 
-/// A titled table of a name and two columns.
+/// A titled table of a name and two columns; a header without words is left out.
 pub(crate) fn columns(title: &str, header: [&str; 3], rows: &[(&str, String, String)]) -> String {
-    let mut table = new_table(&header, 1, false);
+    let header = if header.iter().all(|h| h.is_empty()) { &[][..] } else { &header };
+    let mut table = new_table(header, 1, false);
     for (name, a, b) in rows {
         table.add_row(vec![Cell::new(name), Cell::new(a), Cell::new(b)]);
     }
+    align(&mut table, 1);
     let mut text = String::new();
     section(&mut text, title, &table);
     text
@@ -249,11 +251,18 @@ pub(crate) fn new_table(header: &[&str], left: usize, colour: bool) -> Table {
     if colour {
         table.enforce_styling();
     }
-    table.set_header(header.iter().map(Cell::new));
+    if !header.is_empty() {
+        table.set_header(header.iter().map(Cell::new));
+    }
+    align(&mut table, left);
+    table
+}
+
+/// All but the first `left` columns are numbers.
+fn align(table: &mut Table, left: usize) {
     for column in table.column_iter_mut().skip(left) {
         column.set_cell_alignment(CellAlignment::Right);
     }
-    table
 }
 
 fn section(text: &mut String, title: &str, table: &Table) {

@@ -129,6 +129,11 @@ impl Bvh {
 
     /// Calls `visit` with every triangle whose box overlaps `region`, in a fixed order.
     pub fn overlapping(&self, region: &Aabb, mut visit: impl FnMut(u32)) {
+        self.overlapping_corners(region, |t, _| visit(t));
+    }
+
+    /// The same with the corners of each triangle.
+    pub(crate) fn overlapping_corners(&self, region: &Aabb, mut visit: impl FnMut(u32, &[Point; 3])) {
         let mut n = 0;
         let mut stack = [0u32; STACK];
         let mut top = 0;
@@ -146,7 +151,7 @@ impl Bvh {
                 }
                 for k in node.at as usize..(node.at + node.count) as usize {
                     if corner_box(&self.corners[k]).overlaps(region) {
-                        visit(self.order[k]);
+                        visit(self.order[k], &self.corners[k]);
                     }
                 }
             }
@@ -203,6 +208,34 @@ impl Bvh {
             return Vec::new();
         }
         let (here, there) = (Rough::new(self), Rough::new(other));
+        self.search_pairs(other, &here, &there, false, keep)
+    }
+
+    /// Pairs of two triangles of this tree whose boxes overlap and for which `keep` gives a value, each pair once, in a
+    /// fixed order whatever the number of threads.
+    pub fn own_overlapping_pairs<T: Send>(
+        &self,
+        keep: impl Fn(u32, &[Point; 3], u32, &[Point; 3]) -> Option<T> + Sync,
+    ) -> Vec<T> {
+        if self.is_empty() {
+            return Vec::new();
+        }
+        let rough = Rough::new(self);
+        self.search_pairs(self, &rough, &rough, true, keep)
+    }
+
+    /// The search of both; `own` is that of a tree with itself.
+    fn search_pairs<T: Send>(
+        &self,
+        other: &Bvh,
+        here: &Rough,
+        there: &Rough,
+        own: bool,
+        keep: impl Fn(u32, &[Point; 3], u32, &[Point; 3]) -> Option<T> + Sync,
+    ) -> Vec<T> {
+        let open = |a: u32, b: u32, push: &mut dyn FnMut(u32, u32)| {
+            if own && a == b { here.open_with_itself(a, push) } else { here.open(there, a, b, push) }
+        };
         // Open the upper levels breadth first until there is work for many tasks, then go deep.
         let mut front = vec![(0u32, 0u32)];
         while front.len() < 256 {
@@ -210,7 +243,7 @@ impl Bvh {
             let mut opened_any = false;
             let mut next = Vec::with_capacity(2 * before);
             for &(a, b) in &front {
-                let opened = here.open(&there, a, b, &mut |a, b| next.push((a, b)));
+                let opened = open(a, b, &mut |a, b| next.push((a, b)));
                 if !opened {
                     next.push((a, b));
                 }
@@ -228,7 +261,7 @@ impl Bvh {
                 let mut stack = vec![(a, b)];
                 // What is on the stack overlaps: `open` saw to that.
                 while let Some((a, b)) = stack.pop() {
-                    if here.open(&there, a, b, &mut |a, b| stack.push((a, b))) {
+                    if open(a, b, &mut |a, b| stack.push((a, b))) {
                         continue;
                     }
                     let (na, nb) = (&here.links[a as usize], &there.links[b as usize]);
@@ -238,7 +271,8 @@ impl Bvh {
                         if !box_i.meets(box_b) {
                             continue;
                         }
-                        for j in nb.at as usize..(nb.at + nb.count) as usize {
+                        let first = if own && a == b { i + 1 } else { nb.at as usize };
+                        for j in first..(nb.at + nb.count) as usize {
                             if box_i.meets(&there.triangles[j])
                                 && corner_box(&self.corners[i]).overlaps(&corner_box(&other.corners[j]))
                                 && let Some(value) = keep(self.order[i], &self.corners[i], other.order[j], &other.corners[j])
@@ -305,7 +339,7 @@ impl Rough {
     /// Replaces a pair of overlapping nodes by its overlapping children, the larger node opened. False,
     /// and nothing pushed, for two leaves.
     #[inline]
-    fn open(&self, other: &Rough, a: u32, b: u32, push: &mut impl FnMut(u32, u32)) -> bool {
+    fn open(&self, other: &Rough, a: u32, b: u32, push: &mut dyn FnMut(u32, u32)) -> bool {
         let (na, nb) = (&self.links[a as usize], &other.links[b as usize]);
         if na.count > 0 && nb.count > 0 {
             return false;
@@ -317,6 +351,24 @@ impl Rough {
                 push(x, y);
             }
         }
+        true
+    }
+}
+
+impl Rough {
+    /// Replaces a node paired with itself by the pairs of its children, each pair once. False, and nothing pushed, for a leaf.
+    #[inline]
+    fn open_with_itself(&self, n: u32, push: &mut dyn FnMut(u32, u32)) -> bool {
+        let link = &self.links[n as usize];
+        if link.count > 0 {
+            return false;
+        }
+        let (left, right) = (n + 1, link.at);
+        push(left, left);
+        if self.nodes[left as usize].meets(&self.nodes[right as usize]) {
+            push(left, right);
+        }
+        push(right, right);
         true
     }
 }

@@ -1,8 +1,11 @@
 //! Intersecting triangle pairs: of two meshes, and of one mesh with itself. Exact.
 
 use crate::index::Bvh;
+use if_core::aabb::Aabb;
 use if_core::intersect::{Contact, is_degenerate, triangles, triangles_sharing};
+use if_core::math::Point;
 use if_core::mesh::TriMesh;
+use rayon::prelude::*;
 
 /// Two triangles that share a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -26,50 +29,118 @@ pub fn pairs(a: &Bvh, b: &Bvh) -> Vec<TrianglePair> {
     })
 }
 
-/// All pairs of triangles of one mesh that share a point beyond their common corners. Corners count
+/// All pairs of triangles of one mesh that share a point beyond their common corners, sorted. Corners count
 /// as common where they are one vertex or have equal coordinates; triangles of zero area are left out.
 pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
-    let names = names_of_equal_points(mesh);
-    let tri = |t: u32| mesh.triangles()[t as usize].map(|v| names[v as usize]);
-    let mut found = tree.overlapping_pairs(tree, |i, ta, j, tb| {
-        let (na, nb) = (tri(i), tri(j));
-        if i >= j || repeats(na) || repeats(nb) {
-            return None;
-        }
-        let contact = triangles_sharing(ta.each_ref(), na, tb.each_ref(), nb);
-        (contact.is_some() && !is_degenerate(ta.each_ref()) && !is_degenerate(tb.each_ref())).then_some(TrianglePair {
-            a: i,
-            b: j,
-            contact,
-        })
+    let mut found = tree.own_overlapping_pairs(|i, ti, j, tj| {
+        if i < j { own_pair(mesh, i, ti, j, tj) } else { own_pair(mesh, j, tj, i, ti) }
     });
     found.sort_unstable();
     found
+}
+
+/// The pairs that have changed where vertices have moved: `before` are the sorted pairs of `a` and `b` when `b` was as it
+/// is but for the triangles that `moved` names; the result is that of [`pairs`] now, sorted.
+pub fn pairs_after_motion(a: &Bvh, b: &TriMesh, moved: &MovedTriangles, before: &[TrianglePair]) -> Vec<TrianglePair> {
+    let again = moved.list.par_iter().flat_map_iter(|&t| {
+        let corners = b.corners(t as usize);
+        let mut found = Vec::new();
+        a.overlapping_corners(&Aabb::from_points(corners), |other, other_corners| {
+            let contact = triangles(other_corners.each_ref(), corners);
+            if contact.is_some() {
+                found.push(TrianglePair { a: other, b: t, contact });
+            }
+        });
+        found
+    });
+    let mut all: Vec<TrianglePair> = again.collect();
+    all.extend(before.iter().filter(|p| !moved.is_moved[p.b as usize]));
+    all.sort_unstable();
+    all
+}
+
+/// As [`pairs_after_motion`], for [`own_pairs`]; `tree` holds the mesh as it is now.
+pub fn own_pairs_after_motion(mesh: &TriMesh, tree: &Bvh, moved: &MovedTriangles, before: &[TrianglePair]) -> Vec<TrianglePair> {
+    let again = moved.list.par_iter().flat_map_iter(|&t| {
+        let corners = mesh.corners(t as usize).map(|p| *p);
+        let mut found = Vec::new();
+        tree.overlapping_corners(&Aabb::from_points(&corners), |other, other_corners| {
+            // Of two that have moved, the first finds the pair.
+            if other == t || (other < t && moved.is_moved[other as usize]) {
+                return;
+            }
+            let pair = if t < other {
+                own_pair(mesh, t, &corners, other, other_corners)
+            } else {
+                own_pair(mesh, other, other_corners, t, &corners)
+            };
+            found.extend(pair);
+        });
+        found
+    });
+    let mut all: Vec<TrianglePair> = again.collect();
+    all.extend(before.iter().filter(|p| !moved.is_moved[p.a as usize] && !moved.is_moved[p.b as usize]));
+    all.sort_unstable();
+    all
+}
+
+/// The triangles of a mesh that have moved.
+#[derive(Clone, Debug)]
+pub struct MovedTriangles {
+    is_moved: Vec<bool>,
+    list: Vec<u32>,
+}
+
+impl MovedTriangles {
+    /// Those with a vertex for which `vertex_moved` holds.
+    pub fn new(mesh: &TriMesh, vertex_moved: &[bool]) -> Self {
+        let is_moved: Vec<bool> = mesh.triangles().iter().map(|t| t.iter().any(|v| vertex_moved[*v as usize])).collect();
+        let list = (0..is_moved.len() as u32).filter(|t| is_moved[*t as usize]).collect();
+        Self { is_moved, list }
+    }
+
+    /// How many they are.
+    pub fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// Whether none has moved.
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+}
+
+/// Whether and how two triangles of one mesh, `i < j`, meet beyond their common corners.
+fn own_pair(mesh: &TriMesh, i: u32, ti: &[Point; 3], j: u32, tj: &[Point; 3]) -> Option<TrianglePair> {
+    let (mut ni, mut nj) = (mesh.triangles()[i as usize], mesh.triangles()[j as usize]);
+    // Corners at one place go by one name.
+    for k in 1..3 {
+        if let Some(m) = (0..k).find(|&m| ti[m] == ti[k]) {
+            ni[k] = ni[m];
+        }
+    }
+    for k in 0..3 {
+        if let Some(m) = (0..3).find(|&m| ti[m] == tj[k]) {
+            nj[k] = ni[m];
+        } else if let Some(m) = (0..k).find(|&m| tj[m] == tj[k]) {
+            nj[k] = nj[m];
+        }
+    }
+    if repeats(ni) || repeats(nj) {
+        return None;
+    }
+    let contact = triangles_sharing(ti.each_ref(), ni, tj.each_ref(), nj);
+    let counts = contact.is_some() && !is_degenerate(ti.each_ref()) && !is_degenerate(tj.each_ref());
+    counts.then_some(TrianglePair { a: i, b: j, contact })
 }
 
 fn repeats(t: [u32; 3]) -> bool {
     t[0] == t[1] || t[1] == t[2] || t[0] == t[2]
 }
 
-/// For each vertex the first vertex that lies at the same place.
-fn names_of_equal_points(mesh: &TriMesh) -> Vec<u32> {
-    let v = mesh.vertices();
-    let key = |i: u32| v[i as usize].coords.map(|c| if c == 0.0 { 0.0f64 } else { c }.to_bits());
-    let mut order: Vec<u32> = (0..v.len() as u32).collect();
-    order.sort_unstable_by_key(|&i| (<[u64; 3]>::from(key(i)), i));
-    let mut names: Vec<u32> = (0..v.len() as u32).collect();
-    for w in order.windows(2) {
-        if key(w[0]) == key(w[1]) {
-            names[w[1] as usize] = names[w[0] as usize];
-        }
-    }
-    names
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_core::math::Point;
 
     fn grid(n: u32, f: impl Fn(f64, f64) -> Point) -> TriMesh {
         let mut v = Vec::new();
@@ -123,6 +194,39 @@ mod tests {
             Point::new((1.0 - 0.05 * a) * a.cos() + 0.4 * x, (1.0 - 0.05 * a) * a.sin(), y)
         });
         assert!(!own_pairs(&curl, &Bvh::new(&curl)).is_empty());
+    }
+
+    #[test]
+    fn after_a_motion_the_pairs_are_those_of_a_new_search() {
+        let below = grid(11, |x, y| Point::new(x, y, 0.04 * (8.0 * y).cos()));
+        let mut sheet = grid(14, |x, y| Point::new(x, y, 0.05 * (9.0 * x).sin()));
+        let floor = Bvh::new(&below);
+        let mut tree = Bvh::new(&sheet);
+        let sorted = |mut p: Vec<TrianglePair>| {
+            p.sort_unstable();
+            p
+        };
+        let (mut with_floor, mut own) = (sorted(pairs(&floor, &tree)), own_pairs(&sheet, &tree));
+        let (mut changed, mut most_own) = (0, 0);
+        for round in 0..12u32 {
+            let is_moved: Vec<bool> = (0..sheet.vertices().len() as u32).map(|v| (v * 7 + round * 31) % 97 < 9).collect();
+            let shift = |k: usize| f64::from((k as u32 * 37 + round * 11) % 29) / 29.0 - 0.5;
+            let x = sheet.vertices().iter().enumerate().map(|(k, p)| {
+                let z = if is_moved[k] { 0.3 * shift(k) } else { 0.0 };
+                Point::new(p.x + 0.5 * z, p.y, p.z + z)
+            });
+            sheet = sheet.with_vertices(x.collect()).unwrap();
+            tree.refit(sheet.vertices());
+            let moved = MovedTriangles::new(&sheet, &is_moved);
+            assert!(!moved.is_empty() && moved.len() < sheet.triangles().len());
+            let now = (pairs_after_motion(&floor, &sheet, &moved, &with_floor), own_pairs_after_motion(&sheet, &tree, &moved, &own));
+            assert_eq!(now.0, sorted(pairs(&floor, &tree)));
+            assert_eq!(now.1, own_pairs(&sheet, &tree));
+            changed += usize::from(now.0 != with_floor) + usize::from(now.1 != own);
+            most_own = most_own.max(now.1.len());
+            (with_floor, own) = now;
+        }
+        assert!(changed > 6 && most_own > 10);
     }
 
     #[test]

@@ -42,11 +42,11 @@ impl Outward {
         let [nx, ny, nz] = dims;
         let mut occupancy = vec![0.0f32; nx * ny * nz];
         occupancy.par_chunks_mut(nx * ny).enumerate().for_each(|(z, slab)| {
-            for y in 0..ny {
-                for x in 0..nx {
-                    let p = origin + Vector::new(x as Real, y as Real, z as Real) * cell;
-                    let inside = layers.iter().any(|l| !matches!(l.voxel(&p), Voxel::Outside | Voxel::Core));
-                    slab[y * nx + x] = f32::from(u8::from(inside));
+            for (y, row) in slab.chunks_exact_mut(nx).enumerate() {
+                let start = origin + Vector::new(0.0, y as Real, z as Real) * cell;
+                for layer in layers {
+                    let of_layer = layer.voxels().row(&start, cell, nx);
+                    of_layer.filter(|(_, v)| !matches!(v, Voxel::Outside | Voxel::Core)).for_each(|(x, _)| row[x] = 1.0);
                 }
             }
         });
@@ -57,30 +57,22 @@ impl Outward {
         this
     }
 
+    /// One box filter each way. Rows, columns and stacks are summed whole rows at a time, from the lowest to the highest.
     fn blur(&mut self) {
-        let [nx, ny, _] = self.dims;
-        self.occupancy.par_chunks_mut(nx * ny).for_each(|slab| {
-            let mut line = Vec::new();
-            for y in 0..ny {
-                blur_line(slab, y * nx, 1, nx, &mut line);
-            }
-            for x in 0..nx {
-                blur_line(slab, x, nx, ny, &mut line);
-            }
-        });
-        // Along z: whole slabs are summed, each output slab by one task.
+        let [nx, ny, nz] = self.dims;
         let plane = nx * ny;
-        let nz = self.dims[2];
-        let source = self.occupancy.clone();
-        self.occupancy.par_chunks_mut(plane).enumerate().for_each(|(z, slab)| {
-            let (from, to) = (z.saturating_sub(RADIUS), (z + RADIUS).min(nz - 1));
-            slab.copy_from_slice(&source[from * plane..(from + 1) * plane]);
-            for other in from + 1..=to {
-                slab.iter_mut().zip(&source[other * plane..(other + 1) * plane]).for_each(|(a, b)| *a += b);
+        self.occupancy.par_chunks_mut(plane).for_each_init(Default::default, |(source, line): &mut (Vec<f32>, Vec<f32>), slab| {
+            for row in slab.chunks_exact_mut(nx) {
+                blur_row(row, line);
             }
-            let scale = 1.0 / (2 * RADIUS + 1) as f32;
-            slab.iter_mut().for_each(|a| *a *= scale);
+            source.clear();
+            source.extend_from_slice(slab);
+            for (y, row) in slab.chunks_exact_mut(nx).enumerate() {
+                mean_of_lines(row, source, nx, y, ny);
+            }
         });
+        let source = self.occupancy.clone();
+        self.occupancy.par_chunks_mut(plane).enumerate().for_each(|(z, slab)| mean_of_lines(slab, &source, plane, z, nz));
     }
 
     /// Unit direction out at `p`; `None` far outside, deep inside and beyond the box, where it is flat.
@@ -115,12 +107,28 @@ impl Outward {
     }
 }
 
-fn blur_line(data: &mut [f32], start: usize, stride: usize, n: usize, line: &mut Vec<f32>) {
-    line.clear();
-    line.extend((0..n).map(|k| data[start + k * stride]));
-    let scale = 1.0 / (2 * RADIUS + 1) as f32;
-    for k in 0..n {
-        let (from, to) = (k.saturating_sub(RADIUS), (k + RADIUS).min(n - 1));
-        data[start + k * stride] = line[from..=to].iter().sum::<f32>() * scale;
+/// The share of one value in the mean of a window.
+const SHARE: f32 = 1.0 / (2 * RADIUS + 1) as f32;
+
+/// `out` becomes the mean of the lines round the `k`-th of the `n` lines of `source`, each `length` long.
+fn mean_of_lines(out: &mut [f32], source: &[f32], length: usize, k: usize, n: usize) {
+    let (from, to) = (k.saturating_sub(RADIUS), (k + RADIUS).min(n - 1));
+    out.copy_from_slice(&source[from * length..(from + 1) * length]);
+    for other in from + 1..=to {
+        out.iter_mut().zip(&source[other * length..(other + 1) * length]).for_each(|(a, b)| *a += b);
     }
+    out.iter_mut().for_each(|a| *a *= SHARE);
+}
+
+/// Each value of the row becomes the mean of those round it; `line` is working memory.
+fn blur_row(row: &mut [f32], line: &mut Vec<f32>) {
+    line.clear();
+    line.extend([0.0; RADIUS]);
+    line.extend_from_slice(row);
+    line.extend([0.0; RADIUS]);
+    row.copy_from_slice(&line[..row.len()]);
+    for shift in 1..=2 * RADIUS {
+        row.iter_mut().zip(&line[shift..]).for_each(|(a, b)| *a += b);
+    }
+    row.iter_mut().for_each(|a| *a *= SHARE);
 }

@@ -28,7 +28,7 @@ use crate::index::Bvh;
 use crate::pseudo_normals::PseudoNormals;
 use crate::voxels::{Voxel, Voxels};
 use if_core::aabb::Aabb;
-use if_core::closest::{Closest, ClosestPoint};
+use if_core::closest::{Closest, ClosestPoint, closest_on_triangle};
 use if_core::edges::Edges;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, barycentric_point, unit_or_zero};
@@ -44,15 +44,14 @@ pub struct ClosedLayer {
     /// +1 where the fronts of a vertex's triangles are outside, −1 their backs, 0 neither or both.
     vertex_orientations: Vec<Real>,
     normals: PseudoNormals,
-    /// Voxels of a body, for rough answers only.
-    body: Option<Voxels>,
+    /// Of a body they give rough answers only.
+    voxels: Voxels,
     /// None for a body: its pseudo-normals are enough.
     closure: Option<Closure>,
 }
 
 #[derive(Clone, Debug)]
 struct Closure {
-    voxels: Voxels,
     /// For each triangle whether its [front, back] is outside.
     outside: Vec<[bool; 2]>,
     /// The triangles that part inside from outside, with their numbers in the mesh. None where all do.
@@ -104,7 +103,7 @@ impl ClosedLayer {
             triangles: mesh.triangles().to_vec(),
             vertex_orientations: vec![1.0; mesh.vertices().len()],
             normals: PseudoNormals::new(mesh, &Edges::new(mesh)),
-            body: Some(voxels),
+            voxels,
             closure: None,
         }
     }
@@ -112,21 +111,8 @@ impl ClosedLayer {
     /// A garment over `body` (a layer made by [`ClosedLayer::body`] from `body_mesh`).
     pub fn garment(mesh: &TriMesh, body: &ClosedLayer, body_mesh: &TriMesh) -> Self {
         let edges = Edges::new(mesh);
-        let bvh = Bvh::new(mesh);
-        let normals = PseudoNormals::new(mesh, &edges);
-        let height = body.bvh.aabb().size().max();
-        let mut voxels = Voxels::new(&bvh.aabb().inflated(height * CELL * PROBES[PROBES.len() - 1]), height * CELL);
-        for t in 0..mesh.triangles().len() {
-            voxels.add_wall(mesh.corners(t));
-        }
-        cast_shadow(&mut voxels, mesh, &body.bvh, height * SHADOW);
-        for t in 0..body_mesh.triangles().len() {
-            voxels.add_wall(body_mesh.corners(t));
-        }
-        for walk in edges.boundary_loops(mesh) {
-            close_loop(&mut voxels, mesh, &walk, &body.bvh, height * CURTAIN);
-        }
-        voxels.flood(|p| body.sided(p, Real::INFINITY).is_none_or(|s| s.distance > 0.0));
+        let index = || (Bvh::new(mesh), PseudoNormals::new(mesh, &edges));
+        let ((bvh, normals), voxels) = rayon::join(index, || closed_voxels(mesh, &edges, body, body_mesh));
         let outside = label_sides(mesh, &bvh, &normals, &voxels);
         let keep: Vec<u32> = (0..mesh.triangles().len() as u32).filter(|&t| outside[t as usize] != [false; 2]).collect();
         let interface = (keep.len() < mesh.triangles().len() && !keep.is_empty()).then(|| {
@@ -140,8 +126,8 @@ impl ClosedLayer {
             triangles: mesh.triangles().to_vec(),
             vertex_orientations: vertex_orientations(mesh, &outside),
             normals,
-            body: None,
-            closure: Some(Closure { voxels, outside, interface }),
+            voxels,
+            closure: Some(Closure { outside, interface }),
         }
     }
 
@@ -173,11 +159,12 @@ impl ClosedLayer {
     /// What the layer's voxels say of `p`: for a body [`Voxel::Inside`] where it is inside, for a garment
     /// between it and the body.
     pub fn voxel(&self, p: &Point) -> Voxel {
-        match (&self.closure, &self.body) {
-            (Some(c), _) => c.voxels.at(p),
-            (None, Some(v)) => v.at(p),
-            (None, None) => Voxel::Wall,
-        }
+        self.voxels.at(p)
+    }
+
+    /// The layer's voxels.
+    pub(crate) fn voxels(&self) -> &Voxels {
+        &self.voxels
     }
 
     /// Unit direction out of the layer at vertex `v`; zero where the triangles round it do not agree, or
@@ -200,17 +187,33 @@ impl ClosedLayer {
     /// true. While a point stays where this holds, its distance changes by no more than it moves; elsewhere it can jump, where
     /// it passes a part of the closure that is no surface of the garment.
     pub fn is_outside_by_voxels(&self, p: &Point) -> bool {
-        self.closure.as_ref().is_none_or(|c| c.voxels.at(p) == Voxel::Outside)
+        self.closure.is_none() || self.voxels.at(p) == Voxel::Outside
     }
 
     /// Where `p` lies, if it is inside or within `reach` (metres) of a triangle. `None` is outside.
     pub fn sided(&self, p: &Point, reach: Real) -> Option<Sided> {
+        self.sided_from(p, reach, None)
+    }
+
+    /// The same answer as [`ClosedLayer::sided`], sooner where `hint` is a triangle near `p`: that of the answer to a
+    /// point near by, say. Any triangle of the layer may be named.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such triangle.
+    pub fn sided_from(&self, p: &Point, reach: Real, hint: Option<u32>) -> Option<Sided> {
+        // What is further than the hint need not be looked at. The slack is more than rounding, so that nothing as near is lost.
+        let bound = hint.map_or(Real::INFINITY, |t| {
+            let [a, b, c] = &self.corners(t);
+            let (w, _) = closest_on_triangle(p, a, b, c);
+            (p - barycentric_point([a, b, c], w)).norm() * (1.0 + 1e-9)
+        });
         let Some(closure) = &self.closure else {
             // Beyond `reach` of a closed surface a point may still be deep inside it.
-            let near = match self.bvh.closest(p, reach) {
+            let near = match self.bvh.closest(p, reach.min(bound)) {
                 Some(near) => near,
                 None if self.voxel(p) == Voxel::Outside => return None,
-                None => self.bvh.closest(p, Real::INFINITY)?,
+                None => self.bvh.closest(p, bound)?,
             };
             let side = self.normals.side(p, &near);
             if side >= 0.0 && near.distance > reach {
@@ -218,12 +221,12 @@ impl ClosedLayer {
             }
             return Some(self.answer(p, &near, side < 0.0, 1.0));
         };
-        let voxel = closure.voxels.at(p);
+        let voxel = self.voxels.at(p);
         // In a wall's voxel the wall is near, unless it is a cap's or the body's.
-        let look = if voxel == Voxel::Wall { reach.max(2.0 * closure.voxels.cell()) } else { reach };
-        let near = match (self.bvh.closest(p, look), voxel) {
+        let look = if voxel == Voxel::Wall { reach.max(2.0 * self.voxels.cell()) } else { reach };
+        let near = match (self.bvh.closest(p, look.min(bound)), voxel) {
             (None, Voxel::Outside | Voxel::Core) => return None,
-            (None, _) => self.bvh.closest(p, Real::INFINITY)?,
+            (None, _) => self.bvh.closest(p, bound)?,
             (Some(near), _) => near,
         };
         let side = self.normals.side(p, &near);
@@ -235,7 +238,7 @@ impl ClosedLayer {
             Voxel::Core if boundary => false,
             // A wall of the body or of a cap: this layer does not come near, so the side is that of the
             // voxels round about.
-            Voxel::Wall if near.distance > NOT_OURS * closure.voxels.cell() => closure.voxels.around(p) == Voxel::Inside,
+            Voxel::Wall if near.distance > NOT_OURS * self.voxels.cell() => self.voxels.around(p) == Voxel::Inside,
             Voxel::Wall if boundary => self.beyond_boundary(p, &near, closure),
             Voxel::Wall | Voxel::Core => !closure.outside[near.triangle as usize][usize::from(side < 0.0)],
         };
@@ -249,7 +252,8 @@ impl ClosedLayer {
         let exit = match &closure.interface {
             None => near,
             Some((bvh, numbers)) => {
-                let mut c = bvh.closest(p, Real::INFINITY)?;
+                let leads_out = hint.is_some_and(|t| closure.outside[t as usize] != [false; 2]);
+                let mut c = bvh.closest(p, if leads_out { bound } else { Real::INFINITY })?;
                 c.triangle = numbers[c.triangle as usize];
                 c
             }
@@ -271,7 +275,7 @@ impl ClosedLayer {
             return !closure.outside[near.triangle as usize][usize::from(side < 0.0)];
         }
         for probe in PROBES {
-            match closure.voxels.at(&(p + away * (probe * closure.voxels.cell()))) {
+            match self.voxels.at(&(p + away * (probe * self.voxels.cell()))) {
                 Voxel::Outside => return false,
                 Voxel::Inside | Voxel::Filled => return true,
                 Voxel::Wall | Voxel::Core => {}
@@ -295,6 +299,25 @@ impl ClosedLayer {
             boundary: self.normals.is_boundary(near),
         }
     }
+}
+
+/// Voxels whose walls are the garment, its shadow, the body, curtains and caps, flooded from outside.
+fn closed_voxels(mesh: &TriMesh, edges: &Edges, body: &ClosedLayer, body_mesh: &TriMesh) -> Voxels {
+    let height = body.bvh.aabb().size().max();
+    let extent = Aabb::from_points(mesh.triangles().iter().flatten().map(|v| &mesh.vertices()[*v as usize]));
+    let mut voxels = Voxels::new(&extent.inflated(height * CELL * PROBES[PROBES.len() - 1]), height * CELL);
+    for t in 0..mesh.triangles().len() {
+        voxels.add_wall(mesh.corners(t));
+    }
+    cast_shadow(&mut voxels, mesh, &body.bvh, height * SHADOW);
+    for t in 0..body_mesh.triangles().len() {
+        voxels.add_wall(body_mesh.corners(t));
+    }
+    for walk in edges.boundary_loops(mesh) {
+        close_loop(&mut voxels, mesh, &walk, &body.bvh, height * CURTAIN);
+    }
+    voxels.flood(|p| body.sided(p, Real::INFINITY).is_none_or(|s| s.distance > 0.0));
+    voxels
 }
 
 /// Fills what lies between each triangle and the body.

@@ -23,6 +23,8 @@ pub enum Voxel {
 pub struct Voxels {
     origin: Point,
     cell: Real,
+    /// Voxels in a metre.
+    per_metre: Real,
     dims: [usize; 3],
     states: Vec<Voxel>,
 }
@@ -44,7 +46,7 @@ impl Voxels {
         }
         let dims = [0, 1, 2].map(|k| (size[k] / cell).ceil() as usize + 5);
         let origin = region.min - Vector::repeat(2.0 * cell);
-        Self { origin, cell, dims, states: vec![Voxel::Inside; dims[0] * dims[1] * dims[2]] }
+        Self { origin, cell, per_metre: 1.0 / cell, dims, states: vec![Voxel::Inside; dims[0] * dims[1] * dims[2]] }
     }
 
     /// Side of a voxel, in metres.
@@ -84,12 +86,15 @@ impl Voxels {
     pub fn fill(&mut self, from: &Point, to: &Point) {
         let (a, b) = ((from - self.origin) / self.cell, (to - self.origin) / self.cell);
         let steps = (2.0 * (b - a).amax()).ceil().max(1.0) as usize;
+        let step = (b - a) / steps as Real;
+        let limit = self.dims.map(|n| n as Real);
         for k in 0..=steps {
-            let p = a.lerp(&b, k as Real / steps as Real);
-            if (0..3).all(|k| p[k] >= 0.0 && p[k] < self.dims[k] as Real) {
-                let at = (p.z as usize * self.dims[1] + p.y as usize) * self.dims[0] + p.x as usize;
-                if self.states[at] == Voxel::Inside {
-                    self.states[at] = Voxel::Filled;
+            let p = a + step * k as Real;
+            // Truncation is the floor of what is not negative, without a call.
+            if p.x >= 0.0 && p.y >= 0.0 && p.z >= 0.0 && p.x < limit[0] && p.y < limit[1] && p.z < limit[2] {
+                let state = &mut self.states[(p.z as usize * self.dims[1] + p.y as usize) * self.dims[0] + p.x as usize];
+                if *state == Voxel::Inside {
+                    *state = Voxel::Filled;
                 }
             }
         }
@@ -99,40 +104,52 @@ impl Voxels {
     /// only where `is_source` says so of its centre: a body that the block cuts through is none.
     pub fn flood(&mut self, mut is_source: impl FnMut(&Point) -> bool) {
         let [nx, ny, nz] = self.dims;
-        let strides = [1, nx, nx * ny];
-        let mut stack: Vec<u32> = Vec::new();
-        // A component that touches the border is judged once, by the first voxel found.
-        let mut judged = vec![false; self.states.len()];
-        let mut component: Vec<u32> = Vec::new();
+        let mut seeds: Vec<u32> = Vec::new();
         for z in 0..nz {
             for y in 0..ny {
                 let inner_row = z > 0 && z + 1 < nz && y > 0 && y + 1 < ny;
                 let step = if inner_row { (nx - 1).max(1) } else { 1 };
                 for x in (0..nx).step_by(step) {
-                    let at = z * strides[2] + y * nx + x;
-                    if judged[at] || self.states[at] != Voxel::Inside {
-                        continue;
+                    let at = (z * ny + y) * nx + x;
+                    // A component that touches the border is judged once, by the first voxel found.
+                    if self.states[at] == Voxel::Inside {
+                        let to = if is_source(&self.center([x, y, z])) { Voxel::Outside } else { Voxel::Core };
+                        self.flood_from(at, to, &mut seeds);
                     }
-                    let source = is_source(&self.center([x, y, z]));
-                    judged[at] = true;
-                    stack.push(at as u32);
-                    component.clear();
-                    while let Some(v) = stack.pop() {
-                        component.push(v);
-                        let v = v as usize;
-                        let c = [v % nx, v / nx % ny, v / strides[2]];
-                        for k in 0..3 {
-                            if c[k] > 0 {
-                                visit(v - strides[k], &mut judged, &self.states, &mut stack);
-                            }
-                            if c[k] + 1 < self.dims[k] {
-                                visit(v + strides[k], &mut judged, &self.states, &mut stack);
-                            }
-                        }
+                }
+            }
+        }
+    }
+
+    /// Makes the component of inside voxels round voxel `at` one of `to`, a run of a row at a time.
+    fn flood_from(&mut self, at: usize, to: Voxel, seeds: &mut Vec<u32>) {
+        let [nx, ny, nz] = self.dims;
+        seeds.push(at as u32);
+        while let Some(seed) = seeds.pop() {
+            let seed = seed as usize;
+            if self.states[seed] != Voxel::Inside {
+                continue;
+            }
+            let (row, x) = (seed / nx, seed % nx);
+            let (y, z, start) = (row % ny, row / ny, row * nx);
+            let line = &mut self.states[start..start + nx];
+            let from = x - line[..x].iter().rev().take_while(|s| **s == Voxel::Inside).count();
+            let end = x + line[x..].iter().take_while(|s| **s == Voxel::Inside).count();
+            line[from..end].fill(to);
+            let beside = [
+                (y > 0).then(|| start.wrapping_sub(nx)),
+                (y + 1 < ny).then(|| start + nx),
+                (z > 0).then(|| start.wrapping_sub(nx * ny)),
+                (z + 1 < nz).then(|| start + nx * ny),
+            ];
+            for other in beside.into_iter().flatten() {
+                let mut open = false;
+                for (k, s) in self.states[other + from..other + end].iter().enumerate() {
+                    let inside = *s == Voxel::Inside;
+                    if inside && !open {
+                        seeds.push((other + from + k) as u32);
                     }
-                    for &v in &component {
-                        self.states[v as usize] = if source { Voxel::Outside } else { Voxel::Core };
-                    }
+                    open = inside;
                 }
             }
         }
@@ -145,7 +162,7 @@ impl Voxels {
         let mut stride = 1;
         for k in 0..3 {
             // Truncation is the floor of what is not negative, without a call.
-            let c = (p[k] - self.origin[k]) / self.cell;
+            let c = (p[k] - self.origin[k]) * self.per_metre;
             if !(c >= 0.0 && c < self.dims[k] as Real) {
                 return Voxel::Outside;
             }
@@ -153,6 +170,18 @@ impl Voxels {
             stride *= self.dims[k];
         }
         self.states[index]
+    }
+
+    /// The voxels of the points `start + k step` along x, for those k below `n` whose points the block holds.
+    pub fn row(&self, start: &Point, step: Real, n: usize) -> impl Iterator<Item = (usize, Voxel)> {
+        let place = |x: Real, axis: usize| (x - self.origin[axis]) * self.per_metre;
+        let held = |c: Real, axis: usize| c >= 0.0 && c < self.dims[axis] as Real;
+        let (y, z) = (place(start.y, 1), place(start.z, 2));
+        let first = if held(y, 1) && held(z, 2) { (z as usize * self.dims[1] + y as usize) * self.dims[0] } else { 0 };
+        (0..if held(y, 1) && held(z, 2) { n } else { 0 }).filter_map(move |k| {
+            let x = place(start.x + k as Real * step, 0);
+            held(x, 0).then(|| (k, self.states[first + x as usize]))
+        })
     }
 
     /// What the 26 voxels round that of `p` say: [`Voxel::Outside`] where any is, else
@@ -181,13 +210,6 @@ impl Voxels {
 
     fn center(&self, c: [usize; 3]) -> Point {
         self.origin + Vector::new(c[0] as Real + 0.5, c[1] as Real + 0.5, c[2] as Real + 0.5) * self.cell
-    }
-}
-
-fn visit(v: usize, judged: &mut [bool], states: &[Voxel], stack: &mut Vec<u32>) {
-    if !judged[v] && states[v] == Voxel::Inside {
-        judged[v] = true;
-        stack.push(v as u32);
     }
 }
 

@@ -60,6 +60,8 @@ struct Memory {
     /// How far it was from the layer then, at least, in metres: 0 where it may have been in contact. (How far it can move
     /// before it must look again depends on its gap, which can widen.)
     clear: Real,
+    /// The triangle of the last answer, near which the next one is looked for.
+    triangle: Option<u32>,
 }
 
 /// The half-space that a contact keeps a sample in: at least `gap` beyond `point` along `normal`.
@@ -158,7 +160,7 @@ impl<'a> Contacts<'a> {
                 samples.push(Sample { vertices: *tri, weights: [1.0 / 3.0; 3] });
             }
         }
-        let blank = Memory { seen_from: Point::origin(), clear: 0.0 };
+        let blank = Memory { seen_from: Point::origin(), clear: 0.0, triangle: None };
         Self {
             memory: vec![blank; samples.len() * below.len()],
             foreign: below.iter().map(|l| vec![0.0; l.vertex_count()]).collect(),
@@ -337,10 +339,12 @@ fn look(
     let reach = gap + params.margin;
     m.seen_from = *p;
     m.clear = 0.0;
-    let Some(s) = layer.sided(p, reach + params.reserve) else {
+    let hint = m.triangle.filter(|_| params.skip);
+    let Some(s) = layer.sided_from(p, reach + params.reserve, hint) else {
         m.clear = reach + params.reserve;
         return None;
     };
+    m.triangle = Some(s.triangle);
     if s.distance > reach {
         m.clear = s.distance;
         return None;

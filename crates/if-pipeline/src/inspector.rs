@@ -4,7 +4,7 @@ use crate::own::GivenPairs;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::{TrianglePair, pairs};
+use if_mesh::intersections::{MovedTriangles, TrianglePair, own_pairs, own_pairs_after_motion, pairs, pairs_after_motion};
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -37,33 +37,75 @@ impl State {
     }
 }
 
-/// Exact verification of one garment, again and again: the side of a vertex that has not moved is not
-/// asked for twice.
+/// Exact verification of one garment, again and again: what has not moved is not looked at twice.
 pub(crate) struct Inspector<'a> {
     below: &'a [&'a ClosedLayer],
     given: GivenPairs,
+    /// The positions of the last look.
     seen: Vec<Point>,
     inside: Vec<bool>,
+    /// Pairs with each layer below, and own ones, each sorted.
+    pairs: Vec<Vec<TrianglePair>>,
+    own: Vec<TrianglePair>,
 }
 
+/// Share of the triangles beyond which all are looked at rather than those that have moved.
+const MANY: Real = 0.5;
+
 impl<'a> Inspector<'a> {
-    pub(crate) fn new(mesh: &TriMesh, tree: &Bvh, below: &'a [&'a ClosedLayer]) -> Self {
-        let nowhere = Point::new(Real::NAN, Real::NAN, Real::NAN);
+    /// Looks at the garment as it came.
+    pub(crate) fn new(mesh: &TriMesh, tree: &Bvh, below: &'a [&'a ClosedLayer]) -> (Self, State) {
         let n = mesh.vertices().len();
-        Self { below, given: GivenPairs::new(mesh, tree), seen: vec![nowhere; n], inside: vec![false; n] }
+        let own = own_pairs(mesh, tree);
+        let mut this = Self {
+            below,
+            given: GivenPairs::new(&own),
+            seen: mesh.vertices().to_vec(),
+            inside: vec![false; n],
+            pairs: below.iter().map(|l| sorted(pairs(l.bvh(), tree))).collect(),
+            own,
+        };
+        this.look_at_sides(&vec![true; n]);
+        let state = this.state();
+        (this, state)
     }
 
+    /// Looks at the garment as it is now; `tree` holds it.
     pub(crate) fn inspect(&mut self, mesh: &TriMesh, tree: &Bvh) -> State {
+        let moved: Vec<bool> = mesh.vertices().iter().zip(&self.seen).map(|(p, seen)| p != seen).collect();
+        self.seen.copy_from_slice(mesh.vertices());
+        let triangles = MovedTriangles::new(mesh, &moved);
+        if triangles.len() as Real > MANY * mesh.triangles().len() as Real {
+            self.pairs = self.below.iter().map(|l| sorted(pairs(l.bvh(), tree))).collect();
+            self.own = own_pairs(mesh, tree);
+        } else if !triangles.is_empty() {
+            for (layer, pairs) in self.below.iter().zip(&mut self.pairs) {
+                *pairs = pairs_after_motion(layer.bvh(), mesh, &triangles, pairs);
+            }
+            self.own = own_pairs_after_motion(mesh, tree, &triangles, &self.own);
+        }
+        self.look_at_sides(&moved);
+        self.state()
+    }
+
+    fn look_at_sides(&mut self, moved: &[bool]) {
         let below = self.below;
-        let found = below.iter().enumerate().flat_map(|(j, l)| pairs(l.bvh(), tree).into_iter().map(move |p| (j, p))).collect();
-        (mesh.vertices(), &mut self.seen, &mut self.inside).into_par_iter().with_min_len(128).for_each(|(p, seen, inside)| {
-            if p != seen {
-                *seen = *p;
+        (&self.seen, moved, &mut self.inside).into_par_iter().with_min_len(128).for_each(|(p, moved, inside)| {
+            if *moved {
                 *inside = below.iter().any(|l| l.sided(p, 0.0).is_some_and(|s| s.distance < 0.0));
             }
         });
-        let inside = (0..self.inside.len() as u32).filter(|v| self.inside[*v as usize]).collect();
-        let (fresh, excess) = self.given.fresh(mesh, tree);
-        State { pairs: found, inside, fresh, excess }
     }
+
+    fn state(&self) -> State {
+        let pairs = self.pairs.iter().enumerate().flat_map(|(j, found)| found.iter().map(move |p| (j, *p))).collect();
+        let inside = (0..self.inside.len() as u32).filter(|v| self.inside[*v as usize]).collect();
+        let (fresh, excess) = self.given.fresh(&self.own);
+        State { pairs, inside, fresh, excess }
+    }
+}
+
+fn sorted(mut pairs: Vec<TrianglePair>) -> Vec<TrianglePair> {
+    pairs.sort_unstable();
+    pairs
 }

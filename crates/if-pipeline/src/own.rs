@@ -7,7 +7,7 @@ use if_core::edges::VertexTriangles;
 use if_core::math::{Real, area_vector, barycentric_point};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::own_pairs;
+use if_mesh::intersections::TrianglePair;
 use rayon::prelude::*;
 
 /// A vertex and the nearest triangle of another sheet.
@@ -63,14 +63,12 @@ pub(crate) fn facing_sheets(mesh: &TriMesh, tree: &Bvh, reach: Real) -> Vec<Faci
 pub(crate) struct GivenPairs(Vec<[u32; 2]>);
 
 impl GivenPairs {
-    pub(crate) fn new(mesh: &TriMesh, tree: &Bvh) -> Self {
-        Self(own_pairs(mesh, tree).iter().map(|p| [p.a, p.b]).collect())
+    pub(crate) fn new(given: &[TrianglePair]) -> Self {
+        Self(given.iter().map(|p| [p.a, p.b]).collect())
     }
 
-    /// Own pairs of the garment as it is now that the input did not have, and by how many there are
-    /// more of them than in the input.
-    pub(crate) fn fresh(&self, mesh: &TriMesh, tree: &Bvh) -> (Vec<[u32; 2]>, usize) {
-        let now = own_pairs(mesh, tree);
+    /// Those of the own pairs `now` that the input did not have, and by how many there are more of them than in the input.
+    pub(crate) fn fresh(&self, now: &[TrianglePair]) -> (Vec<[u32; 2]>, usize) {
         let fresh = now.iter().map(|p| [p.a, p.b]).filter(|p| self.0.binary_search(p).is_err()).collect();
         (fresh, now.len().saturating_sub(self.0.len()))
     }

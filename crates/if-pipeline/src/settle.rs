@@ -64,8 +64,7 @@ pub(crate) fn settle(
     watch: &mut dyn FnMut(usize, bool, Option<usize>) -> ControlFlow<()>,
 ) -> Result<Settled, ()> {
     let mut tree = Bvh::new(&garment.mesh);
-    let mut inspector = Inspector::new(&garment.mesh, &tree, below);
-    let input = inspector.inspect(&garment.mesh, &tree);
+    let (mut inspector, input) = Inspector::new(&garment.mesh, &tree, below);
     if input.is_clean() {
         return Ok(Settled::as_it_is(garment));
     }

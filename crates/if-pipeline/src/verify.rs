@@ -27,17 +27,16 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
 pub(crate) fn verify_layers(outfit: &Outfit) -> (Verification, Vec<ClosedLayer>) {
     let start = Instant::now();
     let body_mesh = &outfit.body.mesh;
-    let mut closed = vec![ClosedLayer::body(body_mesh)];
-    let names: Vec<&str> = outfit.layers().map(|l| l.name.as_str()).collect();
+    let body = ClosedLayer::body(body_mesh);
+    let covered = outfit.garments.split_last().map_or(&[][..], |(_, covered)| covered);
+    let garments: Vec<ClosedLayer> = covered.par_iter().map(|g| ClosedLayer::garment(&g.mesh, &body, body_mesh)).collect();
+    let closed: Vec<ClosedLayer> = [body].into_iter().chain(garments).collect();
+    let layers: Vec<(&str, &ClosedLayer)> = outfit.layers().map(|l| l.name.as_str()).zip(&closed).collect();
     let mut verification = Verification::default();
     for (k, garment) in outfit.garments.iter().enumerate() {
         let tree = Bvh::new(&garment.mesh);
-        let below: Vec<(&str, &ClosedLayer)> = names.iter().copied().zip(&closed).collect();
-        verification.pairs.extend(against(garment, &garment.mesh, &tree, &below));
+        verification.pairs.extend(against(garment, &garment.mesh, &tree, &layers[..=k]));
         verification.own_pairs.push(own_pairs(&garment.mesh, &tree).len());
-        if k + 1 < outfit.garments.len() {
-            closed.push(ClosedLayer::garment(&garment.mesh, &closed[0], body_mesh));
-        }
     }
     verification.seconds = start.elapsed().as_secs_f64();
     (verification, closed)
