@@ -400,6 +400,10 @@ impl ClosestPoint for Bvh {
                 }
             } else {
                 for k in node.at as usize..(node.at + node.count) as usize {
+                    // Of most triangles their box says enough. The slack keeps what rounding makes as near as the best.
+                    if corner_box(&self.corners[k]).distance_squared(p) > limit * (1.0 + 1e-12) {
+                        continue;
+                    }
                     let [a, b, c] = &self.corners[k];
                     let (w, feature) = closest_on_triangle(p, a, b, c);
                     let q = barycentric_point([a, b, c], w);

@@ -323,24 +323,46 @@ fn closed_voxels(mesh: &TriMesh, edges: &Edges, body: &ClosedLayer, body_mesh: &
 /// Fills what lies between each triangle and the body.
 fn cast_shadow(voxels: &mut Voxels, mesh: &TriMesh, body: &Bvh, reach: Real) {
     let feet: Vec<Option<Point>> = mesh.vertices().par_iter().map(|p| body.closest(p, reach).map(|c| c.point)).collect();
+    let cell = voxels.cell();
+    let longest = |p: [&Point; 3]| (0..3).map(|k| (p[k] - p[(k + 1) % 3]).norm()).fold(0.0, Real::max);
+    // Each triangle that casts a shadow, where it falls, and into how many strips its sides are cut.
+    let mut casting: Vec<(usize, [Point; 3], usize)> = Vec::new();
+    let mut segments = 0;
     for (t, tri) in mesh.triangles().iter().enumerate() {
         let [Some(a), Some(b), Some(c)] = tri.map(|v| feet[v as usize]) else { continue };
-        let top = mesh.corners(t);
-        let longest = |p: [&Point; 3]| (0..3).map(|k| (p[k] - p[(k + 1) % 3]).norm()).fold(0.0, Real::max);
-        let size = longest(top);
+        let size = longest(mesh.corners(t));
         // Feet on two legs, or on an arm and the torso, have no common shadow.
-        if longest([&a, &b, &c]) > 2.0 * size + 2.0 * voxels.cell() {
+        if longest([&a, &b, &c]) > 2.0 * size + 2.0 * cell {
             continue;
         }
-        let steps = (1.5 * size / voxels.cell()).ceil().max(1.0) as usize;
-        for i in 0..=steps {
-            for j in 0..=steps - i {
-                let (u, v) = (i as Real / steps as Real, j as Real / steps as Real);
-                let w = [1.0 - u - v, u, v];
-                voxels.fill(&barycentric_point(top, w), &barycentric_point([&a, &b, &c], w));
-            }
+        let steps = (1.5 * size / cell).ceil().max(1.0) as usize;
+        casting.push((t, [a, b, c], steps));
+        segments += (steps + 1) * (steps + 2) / 2;
+        if segments > BATCH {
+            fill_shadows(voxels, mesh, &casting);
+            casting.clear();
+            segments = 0;
         }
     }
+    fill_shadows(voxels, mesh, &casting);
+}
+
+/// Segments of shadows held at a time: 50 MB.
+const BATCH: usize = 1 << 20;
+
+/// Fills what lies between triangles and their feet, on segments from the one to the other.
+fn fill_shadows(voxels: &mut Voxels, mesh: &TriMesh, casting: &[(usize, [Point; 3], usize)]) {
+    let of_triangle = |(t, feet, steps): &(usize, [Point; 3], usize)| {
+        let (top, feet, steps) = (mesh.corners(*t), *feet, *steps);
+        let places = (0..=steps).flat_map(move |i| (0..=steps - i).map(move |j| (i, j)));
+        places.map(move |(i, j)| {
+            let (u, v) = (i as Real / steps as Real, j as Real / steps as Real);
+            let w = [1.0 - u - v, u, v];
+            [barycentric_point(top, w), barycentric_point(feet.each_ref(), w)]
+        })
+    };
+    let segments: Vec<[Point; 2]> = casting.par_iter().flat_map_iter(of_triangle).collect();
+    voxels.fill(&segments);
 }
 
 /// Curtains from the loop to the body, and a cap over the loop.

@@ -2,6 +2,7 @@
 
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
+use rayon::prelude::*;
 
 /// What a voxel holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,22 +83,34 @@ impl Voxels {
         }
     }
 
-    /// Marks the voxels along a segment as inside, but for walls.
-    pub fn fill(&mut self, from: &Point, to: &Point) {
-        let (a, b) = ((from - self.origin) / self.cell, (to - self.origin) / self.cell);
-        let steps = (2.0 * (b - a).amax()).ceil().max(1.0) as usize;
-        let step = (b - a) / steps as Real;
-        let limit = self.dims.map(|n| n as Real);
-        for k in 0..=steps {
-            let p = a + step * k as Real;
-            // Truncation is the floor of what is not negative, without a call.
-            if p.x >= 0.0 && p.y >= 0.0 && p.z >= 0.0 && p.x < limit[0] && p.y < limit[1] && p.z < limit[2] {
-                let state = &mut self.states[(p.z as usize * self.dims[1] + p.y as usize) * self.dims[0] + p.x as usize];
-                if *state == Voxel::Inside {
-                    *state = Voxel::Filled;
+    /// Marks the voxels along each segment as inside, but for walls.
+    pub fn fill(&mut self, segments: &[[Point; 2]]) {
+        /// Slabs that are filled at a time, each by one task.
+        const SLABS: usize = 8;
+        let [nx, ny, nz] = self.dims;
+        let (plane, thick) = (nx * ny, nz.div_ceil(SLABS));
+        let (origin, per_metre) = (self.origin, self.per_metre);
+        self.states.par_chunks_mut(thick * plane).enumerate().for_each(|(slab, states)| {
+            let (from, to) = ((slab * thick) as Real, (slab * thick + states.len() / plane) as Real);
+            for [a, b] in segments {
+                let (a, b) = ((a - origin) * per_metre, (b - origin) * per_metre);
+                if a.z.max(b.z) < from || a.z.min(b.z) >= to {
+                    continue;
+                }
+                let steps = (2.0 * (b - a).amax()).ceil().max(1.0) as usize;
+                let step = (b - a) / steps as Real;
+                for k in 0..=steps {
+                    let p = a + step * k as Real;
+                    // Truncation is the floor of what is not negative, without a call.
+                    if p.x >= 0.0 && p.y >= 0.0 && p.z >= from && p.x < nx as Real && p.y < ny as Real && p.z < to {
+                        let state = &mut states[((p.z - from) as usize * ny + p.y as usize) * nx + p.x as usize];
+                        if *state == Voxel::Inside {
+                            *state = Voxel::Filled;
+                        }
+                    }
                 }
             }
-        }
+        });
     }
 
     /// Floods from the border, through faces, whatever no wall shuts off. A border voxel is a source
@@ -292,12 +305,10 @@ mod tests {
     fn a_filled_gap_holds_the_flood_back() {
         let mut v = Voxels::new(&unit(), 0.05);
         box_walls(&mut v, 0); // open at z = 0
-        for x in 0..=60 {
-            for y in 0..=60 {
-                let (x, y) = (f64::from(x) / 60.0, f64::from(y) / 60.0);
-                v.fill(&Point::new(x, y, 0.1), &Point::new(x, y, 0.12));
-            }
-        }
+        let place = |k: u32| (f64::from(k % 61) / 60.0, f64::from(k / 61) / 60.0);
+        let segments: Vec<[Point; 2]> =
+            (0..61 * 61).map(place).map(|(x, y)| [Point::new(x, y, 0.1), Point::new(x, y, 0.12)]).collect();
+        v.fill(&segments);
         v.flood(|_| true);
         assert_eq!(v.at(&Point::new(0.5, 0.5, 0.5)), Voxel::Inside);
         assert_eq!(v.at(&Point::new(0.5, 0.5, 0.11)), Voxel::Filled);

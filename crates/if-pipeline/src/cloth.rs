@@ -189,17 +189,23 @@ impl<'a> Cloth<'a> {
         }
         let start = x.clone();
         let visits = if self.own.is_empty() { 1 } else { 2 };
+        // What is held on all its vertices does nothing, and is left out.
+        let mut anchors = self.anchors.movable(w);
+        let mut bending = self.bending.movable(w);
+        let mut stretch: Vec<Stretch> = self.stretch.iter().map(|group| group.movable(w)).collect();
+        let mut ties = self.ties.movable(w);
+        let mut limit = self.limit.movable(w);
         for _ in 0..self.params.sweeps {
-            self.anchors.begin_substep(&start, x, w, H);
-            self.anchors.project(x, w, H);
-            self.bending.begin_substep(&start, x, w, H);
-            self.bending.project(x, w, H);
-            for group in &mut self.stretch {
+            anchors.begin_substep(&start, x, w, H);
+            anchors.project(x, w, H);
+            bending.begin_substep(&start, x, w, H);
+            bending.project(x, w, H);
+            for group in &mut stretch {
                 group.begin_substep(&start, x, w, H);
                 group.project(x, w, H);
             }
-            self.ties.project(x, w, H);
-            self.limit.project(x, w, H);
+            ties.project(x, w, H);
+            limit.project(x, w, H);
             for _ in 0..visits {
                 planes.project(x, w);
                 self.own.project(x, w, H);

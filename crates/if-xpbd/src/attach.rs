@@ -46,6 +46,15 @@ impl Attachments {
         self.lambda.clear();
     }
 
+    /// The attachments of particles that can move, whose inverse mass is not 0.
+    pub fn movable(&self, inverse_masses: &[Real]) -> Self {
+        let mut part = Self::new();
+        for (k, v) in self.vertices.iter().enumerate().filter(|(_, v)| inverse_masses[**v as usize] != 0.0) {
+            part.push(*v, self.targets[k], self.compliances[k]);
+        }
+        part
+    }
+
     /// Number of attachments.
     pub fn len(&self) -> usize {
         self.vertices.len()

@@ -44,6 +44,11 @@ impl StrainLimit {
         Ok(Self { edges, min, max })
     }
 
+    /// The same limits on the edges with an end that can move ([`EdgeSet::movable`]).
+    pub fn movable(&self, inverse_masses: &[Real]) -> Self {
+        Self { edges: self.edges.movable(inverse_masses), ..*self }
+    }
+
     /// The edges, in the order of visiting.
     pub fn edges(&self) -> &EdgeSet {
         &self.edges

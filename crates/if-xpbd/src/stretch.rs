@@ -52,6 +52,11 @@ impl Stretch {
         Self { edges, lambda: vec![0.0; n], fresh: true, degenerate: 0, compliance, form: LambdaForm::Xpbd }
     }
 
+    /// The same constraints on the edges with an end that can move ([`EdgeSet::movable`]), with multipliers of zero.
+    pub fn movable(&self, inverse_masses: &[Real]) -> Self {
+        Self { form: self.form, ..Self::new(self.edges.movable(inverse_masses), self.compliance) }
+    }
+
     /// The edges, in the order of visiting.
     pub fn edges(&self) -> &EdgeSet {
         &self.edges

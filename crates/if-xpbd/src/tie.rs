@@ -44,6 +44,20 @@ impl Ties {
         self.vertices.is_empty()
     }
 
+    /// The ties of which a particle can move: its inverse mass is not 0.
+    pub fn movable(&self, inverse_masses: &[Real]) -> Self {
+        let mut part = Self::new();
+        for (k, vertices) in self.vertices.iter().enumerate() {
+            if vertices.iter().any(|v| inverse_masses[*v as usize] != 0.0) {
+                part.vertices.push(*vertices);
+                part.barycentric.push(self.barycentric[k]);
+                part.offsets.push(self.offsets[k]);
+                part.shares.push(self.shares[k]);
+            }
+        }
+        part
+    }
+
     /// Ties `vertex` to the point `barycentric` of `triangle`, as both lie in `positions`, with `share`
     /// k.
     pub fn push(&mut self, vertex: u32, triangle: [u32; 3], barycentric: [Real; 3], share: Real, positions: &[Point]) {
