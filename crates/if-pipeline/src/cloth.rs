@@ -180,6 +180,30 @@ impl<'a> Cloth<'a> {
         self.edges.vertices.iter().filter(|e| off(e)).flatten().copied().collect()
     }
 
+    /// Takes the positions `to`.
+    pub(crate) fn go_to(&mut self, to: &[Point]) {
+        let most = self.x.iter().zip(to).map(|(a, b)| (a - b).norm()).fold(0.0, Real::max);
+        self.x.copy_from_slice(to);
+        self.contacts.moved(most);
+    }
+
+    /// One round of contacts alone: the cloth yields. Returns the largest motion.
+    pub(crate) fn push_out(&mut self, tree: &Bvh) -> Real {
+        let Self { x, inverse_masses: w, planes, .. } = self;
+        self.contacts.detect(x, self.garment.mesh.triangles(), tree, &self.gaps, w, &self.ways, planes);
+        for (v, normal, point) in &self.parting {
+            planes.push_vertex(*v, *normal, point, 0.0);
+        }
+        let start = x.clone();
+        for _ in 0..LAST_VISITS {
+            planes.project(x, w);
+            self.own.project(x, w, H);
+        }
+        let moved = x.iter().zip(&start).map(|(a, b)| (a - b).norm()).fold(0.0, Real::max);
+        self.contacts.moved(moved);
+        moved
+    }
+
     /// One round: contacts, and sweeps until they and the cloth agree. Returns the largest motion.
     pub(crate) fn round(&mut self, tree: &Bvh) -> Real {
         let Self { x, inverse_masses: w, planes, .. } = self;

@@ -13,7 +13,8 @@
 //!     verify exactly: pairs with layers below, sides, new own pairs
 //!     pairs left:     part the triangles by planes; in vain so far: widen the gap of their vertices
 //!     own pairs new:  hold the two triangles on their sides from now on
-//!     tangled, or stalled: smooth displacements there, lift out      untangle.rs
+//!     stalled:        from the best state so far, push only, without the cloth, for some rounds
+//!     tangled, or still stalled: smooth displacements there, lift out      untangle.rs
 //!     after `settle_rounds`: hold all but the neighbourhood of what is left
 //! until nothing is left, or `rounds` are over
 //! ```
@@ -81,6 +82,8 @@ pub(crate) fn settle(
     let mut relaxed_from = Real::INFINITY;
     let mut state = input;
     let mut repairs = 0;
+    // Rounds left in which the cloth yields.
+    let mut yielding = 0;
     let mut rounds = 0;
     for round in 0..params.rounds {
         rounds = round + 1;
@@ -88,7 +91,7 @@ pub(crate) fn settle(
         if watch(round, repairing, Some(state.pairs.len())).is_break() {
             return Err(());
         }
-        let moved = cloth.round(&tree);
+        let moved = if yielding > 0 { cloth.push_out(&tree) } else { cloth.round(&tree) };
         tree.refit(&cloth.x);
         let due = moved < params.tolerance || repairing || (round + 1) % CHECK_EVERY == 0;
         if !due {
@@ -131,7 +134,25 @@ pub(crate) fn settle(
                 break;
             }
         }
+        if !state.is_clean() && repairing && yielding == 0 && repairs > 0 && repairs % STALLED == 0 {
+            repairs += 1;
+            if let Some((_, x)) = &best {
+                cloth.go_to(x);
+                tree.refit(x);
+                let mesh = garment.mesh.with_vertices(x.clone()).expect("the solver keeps positions finite");
+                state = inspector.inspect(&mesh, &tree);
+            }
+            yielding = YIELDS + 1;
+        }
         cloth.aim(&state);
+        let yielded = yielding == 1;
+        if yielding > 0 {
+            yielding = if state.is_clean() { 0 } else { yielding - 1 };
+            if yielding > 0 {
+                cloth.hold_far_from(&state.trouble(garment.mesh.triangles()), params.repair_influence);
+                continue;
+            }
+        }
         let tangled = strained.max_percent > 100.0 * TANGLED;
         let again = if state.is_clean() {
             if repairing && tangled && strained.rms_percent > WORTHWHILE * relaxed_from {
@@ -139,7 +160,7 @@ pub(crate) fn settle(
             }
             repairing && tangled
         } else {
-            tangled && round < EARLY || repairs > 0 && repairs % STALLED == 0
+            tangled && round < EARLY || yielded
         };
         if again {
             if state.is_clean() {
@@ -189,8 +210,10 @@ const TANGLED: Real = 0.5;
 const EARLY: usize = 12;
 /// A clean garment is untangled again while its rms strain falls below this share of what it was.
 const WORTHWHILE: Real = 0.9;
-/// Rounds of repair in vain before what is left counts as tangled.
+/// Rounds of repair in vain before the cloth yields.
 const STALLED: usize = 15;
+/// Rounds in which the cloth yields before what is left counts as tangled.
+const YIELDS: usize = 12;
 /// So few vertices inside, with no triangle intersecting, are led out by themselves.
 const FEW: usize = 12;
 /// While settling, exact verification looks every so many rounds.
