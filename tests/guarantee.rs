@@ -123,6 +123,15 @@ fn layers_in_the_wrong_order_end_clean_or_with_what_is_left() {
 }
 
 #[test]
+fn a_garment_far_too_small_for_what_it_goes_over_comes_out_clean() {
+    // A T-shirt over a coat: cloth and contacts alone do not agree; the cloth has to yield.
+    let outfit = mannequin(&[Garment::Coat, Garment::Tshirt], 1.0);
+    let result = assert_clean(&outfit, resolved(&outfit));
+    let tshirt = &result.report.layers[1];
+    assert!(tshirt.strain.max > 0.5 && tshirt.repairs > 15, "the scene is too easy: {tshirt:?}");
+}
+
+#[test]
 fn a_garment_wholly_inside_the_body_comes_out() {
     let outfit = ball_in_tube("band", 0.26);
     let before = verify(&outfit).unwrap();

@@ -47,7 +47,8 @@ fn run(cli: &Cli) -> Result<End, Report> {
     let threads = cli.threads.map_or(0, usize::from); // 0 is all cores
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().into_diagnostic()?;
     if cli.verbose {
-        let events = tracing_subscriber::fmt().with_max_level(tracing::Level::DEBUG).with_target(false).with_writer(std::io::stderr);
+        let events =
+            tracing_subscriber::fmt().with_max_level(tracing::Level::DEBUG).with_target(false).with_writer(std::io::stderr);
         events.with_timer(tracing_subscriber::fmt::time::uptime()).init();
     }
     cancel::listen();

@@ -14,7 +14,7 @@ use if_pipeline::capture::Capture;
 use if_pipeline::content;
 use if_pipeline::page::Page;
 use if_pipeline::reconstruct::{
-    Progress, ReconstructParams, ReconstructReport, Reconstruction, Stage, reconstruct, write_frames,
+    PhiParams, Progress, ReconstructParams, ReconstructReport, Reconstruction, Stage, reconstruct, write_frames,
 };
 use if_pipeline::render::{PALETTE, RenderLayer, View, side_by_side};
 use if_pipeline::template::TemplateBody;
@@ -46,6 +46,9 @@ pub(crate) struct ReconstructArgs {
     /// Side of the cells of the canonical mesh, with a unit; 8mm by default.
     #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
     pub(crate) cell: Option<f64>,
+    /// Steps of the fit of φ's network, which each garment gets as `phi.safetensors`; 150 by default, 0 leaves it out.
+    #[arg(long, value_name = "STEPS")]
+    pub(crate) phi_steps: Option<u64>,
     /// Write the canonical mesh in each frame, too.
     #[arg(long)]
     pub(crate) frames: bool,
@@ -93,6 +96,9 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     if let Some(cell) = args.cell {
         params.cell = cell;
     }
+    if let Some(steps) = args.phi_steps {
+        params.phi = params.phi.filter(|_| steps > 0).map(|phi| PhiParams { steps, ..phi });
+    }
     let writing = |what: &str| format!("cannot write {what} into `{}`", args.out.display());
     const ROOM: &str = "make room there, or give --out another folder that you may write to";
     fs::create_dir_all(&args.out).map_err(fault(writing("anything"), ROOM))?;
@@ -138,12 +144,14 @@ fn told(progress: &Progress) -> String {
         Stage::Read => "reading frames",
         Stage::Surface => "fitting the surface",
         Stage::Extract => "extracting the canonical mesh",
+        Stage::Field => "fitting the network of φ",
         Stage::Garments => "finding garments",
         _ => "working",
     };
     let mut text = format!("{what} {}/{}", progress.step, progress.steps);
     if let Some(loss) = progress.loss {
-        text += &format!(", silhouettes off by {loss:.1} mm");
+        let what = if progress.stage == Stage::Field { "φ" } else { "silhouettes" };
+        text += &format!(", {what} off by {loss:.1} mm");
     }
     if let Some(left) = progress.seconds_left {
         text += &format!(", {left:.0} s left");
@@ -160,6 +168,9 @@ fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> String {
             "  silhouettes were off by {:.1} mm and normals by {:.1}° before the last round\n",
             last.silhouette_mm, last.normal_degrees
         );
+    }
+    if let Some(phi) = &report.phi {
+        text += &format!("  φ as a network: off by {:.2} mm on average, 99 % by less than {:.1} mm\n", phi.mean_mm, phi.p99_mm);
     }
     for garment in &report.garments {
         text += &format!(
@@ -198,6 +209,8 @@ fn write_assets(
         skeleton: skeleton.as_deref(),
     };
     let body = wardrobe.add_body(&new)?;
+    // Writing to memory cannot fail.
+    let network = found.phi.as_ref().and_then(|phi| phi.to_bytes().ok());
     let meta = content::of_file(&args.capture.join("meta.json")).ok().map(|c| c.sha256);
     let provenance = Provenance {
         source: args.capture.display().to_string(),
@@ -214,7 +227,7 @@ fn write_assets(
             mesh: &garment.mesh,
             skin: Some(&garment.skin),
             provenance: &provenance,
-            network: None,
+            network: network.as_deref(),
             baked: Some(&found.field),
         })?;
     }
@@ -249,7 +262,11 @@ fn write_clothed(
 fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
     let report = &found.report;
     let mut page = Page::new(&format!("{name}, reconstructed"));
-    page.text(&summary(name, report, report.seconds.surface + report.seconds.extract + report.seconds.garments));
+    page.text(&summary(
+        name,
+        report,
+        report.seconds.surface + report.seconds.extract + report.seconds.phi + report.seconds.garments,
+    ));
     page.heading("The person").picture("front, three quarters, back", &picture(&labelled(found))?);
     page.heading("The garments").picture("cut and cleaned", &picture(&garments(found))?);
     let row = |k: usize| {

@@ -32,9 +32,11 @@ pub fn pairs(a: &Bvh, b: &Bvh) -> Vec<TrianglePair> {
 /// All pairs of triangles of one mesh that share a point beyond their common corners, sorted. Corners count
 /// as common where they are one vertex or have equal coordinates; triangles of zero area are left out.
 pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
-    let mut found = tree.own_overlapping_pairs(|i, ti, j, tj| {
-        if i < j { own_pair(mesh, i, ti, j, tj) } else { own_pair(mesh, j, tj, i, ti) }
-    });
+    let mut found = tree.own_overlapping_pairs(
+        |i, ti, j, tj| {
+            if i < j { own_pair(mesh, i, ti, j, tj) } else { own_pair(mesh, j, tj, i, ti) }
+        },
+    );
     found.sort_unstable();
     found
 }
@@ -212,14 +214,15 @@ mod tests {
             let is_moved: Vec<bool> = (0..sheet.vertices().len() as u32).map(|v| (v * 7 + round * 31) % 97 < 9).collect();
             let shift = |k: usize| f64::from((k as u32 * 37 + round * 11) % 29) / 29.0 - 0.5;
             let x = sheet.vertices().iter().enumerate().map(|(k, p)| {
-                let z = if is_moved[k] { 0.3 * shift(k) } else { 0.0 };
-                Point::new(p.x + 0.5 * z, p.y, p.z + z)
+                let z = if is_moved[k] { 0.6 * shift(k) } else { 0.0 };
+                Point::new(p.x + z, p.y - 0.8 * z, p.z + z)
             });
             sheet = sheet.with_vertices(x.collect()).unwrap();
             tree.refit(sheet.vertices());
             let moved = MovedTriangles::new(&sheet, &is_moved);
             assert!(!moved.is_empty() && moved.len() < sheet.triangles().len());
-            let now = (pairs_after_motion(&floor, &sheet, &moved, &with_floor), own_pairs_after_motion(&sheet, &tree, &moved, &own));
+            let now =
+                (pairs_after_motion(&floor, &sheet, &moved, &with_floor), own_pairs_after_motion(&sheet, &tree, &moved, &own));
             assert_eq!(now.0, sorted(pairs(&floor, &tree)));
             assert_eq!(now.1, own_pairs(&sheet, &tree));
             changed += usize::from(now.0 != with_floor) + usize::from(now.1 != own);

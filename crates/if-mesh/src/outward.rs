@@ -61,16 +61,19 @@ impl Outward {
     fn blur(&mut self) {
         let [nx, ny, nz] = self.dims;
         let plane = nx * ny;
-        self.occupancy.par_chunks_mut(plane).for_each_init(Default::default, |(source, line): &mut (Vec<f32>, Vec<f32>), slab| {
-            for row in slab.chunks_exact_mut(nx) {
-                blur_row(row, line);
-            }
-            source.clear();
-            source.extend_from_slice(slab);
-            for (y, row) in slab.chunks_exact_mut(nx).enumerate() {
-                mean_of_lines(row, source, nx, y, ny);
-            }
-        });
+        self.occupancy.par_chunks_mut(plane).for_each_init(
+            Default::default,
+            |(source, line): &mut (Vec<f32>, Vec<f32>), slab| {
+                for row in slab.chunks_exact_mut(nx) {
+                    blur_row(row, line);
+                }
+                source.clear();
+                source.extend_from_slice(slab);
+                for (y, row) in slab.chunks_exact_mut(nx).enumerate() {
+                    mean_of_lines(row, source, nx, y, ny);
+                }
+            },
+        );
         let source = self.occupancy.clone();
         self.occupancy.par_chunks_mut(plane).enumerate().for_each(|(z, slab)| mean_of_lines(slab, &source, plane, z, nz));
     }

@@ -7,6 +7,7 @@
 //! | the surface, from masks, normals and poses | [`fit_surface`] |
 //! | one canonical mesh, closed, with weights | [`FloodedField`], [`if_mesh::extract`], [`largest_piece`], [`carried_weights`] |
 //! | the same mesh in each frame | [`posed`], [`write_frames`] |
+//! | φ as a network | [`fit_phi`] |
 //! | garments, from label images | [`find_garments`] |
 //! | a baseline: the visual hull | [`VisualHull`] |
 //!
@@ -23,6 +24,7 @@ mod garments;
 mod hull;
 mod observe;
 mod params;
+mod phi;
 mod progress;
 mod refine;
 mod report;
@@ -36,6 +38,7 @@ pub use frames::{FramesError, posed, write_frames};
 pub use garments::{Garment, GarmentParams, Garments, GarmentsError, find_garments, openings_of};
 pub use hull::{HullError, VisualHull};
 pub use params::{ParamError, SurfaceParams};
+pub use phi::{PhiError, PhiNetwork, PhiParams, PhiReport, fit_phi};
 pub use progress::{Progress, Stage};
 pub use report::{Pixels, Round, Skipped, SurfaceReport};
 pub use surface::{Surface, SurfaceError, fit_surface};

@@ -6,8 +6,13 @@ use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::icosphere;
 use if_mesh::camera::Camera;
+use if_neural::field::NeuralField;
+use if_neural::files::read_network;
+use if_neural::network::NetworkConfig;
 use if_pipeline::capture::{Capture, CaptureWriter, FramePictures, Subject};
-use if_pipeline::reconstruct::{ReconstructParams, Skipped, Surface, SurfaceError, SurfaceParams, fit_surface, reconstruct};
+use if_pipeline::reconstruct::{
+    PhiParams, ReconstructParams, Skipped, Surface, SurfaceError, SurfaceParams, fit_surface, reconstruct,
+};
 use if_pipeline::skeleton::{Joint, Pose, Skeleton};
 use if_pipeline::skin_weights::SkinWeights;
 use if_pipeline::template::TemplateBody;
@@ -144,7 +149,12 @@ fn empty_frames_are_left_out_and_named() {
 fn the_upper_half_is_cut_out_as_a_garment_with_one_opening() {
     let folder = tempfile::tempdir().unwrap();
     let capture = pictures(&folder.path().join("capture"), |_| false);
-    let params = ReconstructParams { cell: 0.02, ..Default::default() };
+    let mut phi = PhiParams { steps: 5, ..Default::default() };
+    if let NetworkConfig::Grid(grid) = &mut phi.network {
+        (grid.finest, grid.levels) = (64, 3);
+    }
+    (phi.sampling.near, phi.sampling.far, phi.sampling.held_out) = (20_000, 2_000, 2_000);
+    let params = ReconstructParams { cell: 0.02, phi: Some(phi), ..Default::default() };
     let found = reconstruct(&capture, &template(), &params, None, &mut |_| ControlFlow::Continue(())).unwrap();
     let right = found.mesh.vertices().iter().zip(&found.labels).filter(|(p, l)| (p.y > CENTER.y) == (**l == 2)).count();
     assert!(right as Real > 0.97 * found.labels.len() as Real, "{right} of {}", found.labels.len());
@@ -160,6 +170,13 @@ fn the_upper_half_is_cut_out_as_a_garment_with_one_opening() {
     use if_core::field::SignedDistance;
     let worst = top.mesh.vertices().iter().map(|p| found.field.distance(p).abs()).fold(0.0, Real::max);
     assert!(worst < 0.003, "{worst}");
+    // So is the network, from its file.
+    let network = found.phi.unwrap();
+    let (read, frame) = read_network(&network.to_bytes().unwrap()[..]).unwrap();
+    let field = NeuralField::new(read, frame).unwrap();
+    let worst = top.mesh.vertices().iter().map(|p| field.distance(p).abs()).fold(0.0, Real::max);
+    assert!(worst < 0.01 && network.report.mean_mm < 1.0 && network.report.steps == 5, "{worst} {:?}", network.report);
+    assert_eq!(found.report.phi, Some(network.report));
     assert!(found.report.missing.is_empty() && found.report.labels.frames_cast > 0);
     // Told to stop, it stops.
     let stopped = reconstruct(&capture, &template(), &params, None, &mut |_| ControlFlow::Break(()));

@@ -2,6 +2,7 @@
 
 use super::canonical::{FloodedField, carried_weights, largest_piece};
 use super::garments::{Garment, GarmentParams, Garments, GarmentsError, find_garments};
+use super::phi::{PhiError, PhiNetwork, PhiParams, fit_phi};
 use super::progress::{Clock, Progress, Stage};
 use super::surface::{SurfaceError, fit_surface};
 use super::whole_report::{GarmentReport, LabelReport, ReconstructReport, Seconds};
@@ -27,6 +28,8 @@ pub struct ReconstructParams {
     pub cell: Real,
     /// How φ is baked; its `region` is chosen here where it is not given.
     pub bake: BakeParams,
+    /// How φ is fitted as a network; `None` skips it.
+    pub phi: Option<PhiParams>,
     /// How garments are found.
     pub garments: GarmentParams,
 }
@@ -38,6 +41,7 @@ impl Default for ReconstructParams {
             surface: SurfaceParams::default(),
             cell: 0.008,
             bake: BakeParams { redistance: Redistance::Never, ..BakeParams::default() },
+            phi: Some(PhiParams::default()),
             garments: GarmentParams::default(),
         }
     }
@@ -54,6 +58,8 @@ pub struct Reconstruction {
     pub labels: Vec<u8>,
     /// φ: its signed distance, baked.
     pub field: Baked,
+    /// φ as a network, where one was asked for.
+    pub phi: Option<PhiNetwork>,
     /// The garments, inner to outer.
     pub garments: Vec<Garment>,
     /// What was used, left out and reached.
@@ -79,6 +85,9 @@ pub enum ReconstructError {
     /// φ cannot be baked.
     #[error(transparent)]
     Bake(#[from] BakeError),
+    /// φ cannot be fitted.
+    #[error(transparent)]
+    Phi(#[from] PhiError),
     /// Garments cannot be found.
     #[error(transparent)]
     Garments(#[from] GarmentsError),
@@ -90,7 +99,13 @@ pub enum ReconstructError {
 impl ReconstructError {
     /// Whether `watch` asked to stop.
     pub fn is_cancelled(&self) -> bool {
-        matches!(self, Self::Cancelled | Self::Surface(SurfaceError::Cancelled { .. }) | Self::Garments(GarmentsError::Cancelled))
+        matches!(
+            self,
+            Self::Cancelled
+                | Self::Surface(SurfaceError::Cancelled { .. })
+                | Self::Phi(PhiError::Cancelled)
+                | Self::Garments(GarmentsError::Cancelled)
+        )
     }
 }
 
@@ -99,7 +114,7 @@ impl ReconstructError {
 /// ```text
 /// surface   ← the template, fitted to masks and normals              fit_surface
 /// mesh      ← the zero set of the surface's signed distance, once; its largest piece; weights of the nearest template place
-/// φ         ← the mesh's signed distance, baked
+/// φ         ← the mesh's signed distance, baked; and as a network        fit_phi
 /// garments  ← the frames' labels voted on the posed mesh, cut, cleaned    find_garments
 /// ```
 ///
@@ -149,6 +164,8 @@ pub fn reconstruct(
     let exact = MeshSdf::closed(&mesh)?;
     let field = Baked::new(&exact, &params.bake)?;
     lap(&mut seconds.extract);
+    let phi = params.phi.as_ref().map(|p| fit_phi(&exact, p, watch)).transpose()?;
+    lap(&mut seconds.phi);
 
     let Garments { labels, votes, garments, missing } =
         find_garments(capture, &template.skeleton, &mesh, &skin, &exact, &params.garments, watch)?;
@@ -165,9 +182,10 @@ pub fn reconstruct(
             near_edge: votes.near_edge,
             mute: votes.mute,
         },
+        phi: phi.as_ref().map(|p| p.report),
         garments: garments.iter().map(GarmentReport::of).collect(),
         missing,
         seconds,
     };
-    Ok(Reconstruction { mesh, skin, labels, field, garments, report })
+    Ok(Reconstruction { mesh, skin, labels, field, phi, garments, report })
 }

@@ -1,6 +1,7 @@
 //! A whole reconstruction in numbers.
 
 use super::garments::Garment;
+use super::phi::PhiReport;
 use super::report::SurfaceReport;
 use crate::asset::LayerHint;
 use if_core::math::Real;
@@ -70,6 +71,8 @@ pub struct Seconds {
     pub surface: Real,
     /// Extracting the canonical mesh, and baking φ.
     pub extract: Real,
+    /// Fitting φ as a network.
+    pub phi: Real,
     /// Votes, cuts and cleaning.
     pub garments: Real,
 }
@@ -85,6 +88,8 @@ pub struct ReconstructReport {
     pub triangles: usize,
     /// What became of the label images.
     pub labels: LabelReport,
+    /// Errors of φ's network, where one was asked for.
+    pub phi: Option<PhiReport>,
     /// The garments.
     pub garments: Vec<GarmentReport>,
     /// Garments of which nothing was seen.
