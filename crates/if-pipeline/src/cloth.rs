@@ -187,13 +187,19 @@ impl<'a> Cloth<'a> {
         self.contacts.moved(most);
     }
 
-    /// One round of contacts alone: the cloth yields. Returns the largest motion.
-    pub(crate) fn push_out(&mut self, tree: &Bvh) -> Real {
+    /// Finds the half-spaces that vertices and samples are to be kept in.
+    fn find_planes(&mut self, tree: &Bvh) {
         let Self { x, inverse_masses: w, planes, .. } = self;
         self.contacts.detect(x, self.garment.mesh.triangles(), tree, &self.gaps, w, &self.ways, planes);
         for (v, normal, point) in &self.parting {
             planes.push_vertex(*v, *normal, point, 0.0);
         }
+    }
+
+    /// One round of contacts alone: the cloth yields. Returns the largest motion.
+    pub(crate) fn push_out(&mut self, tree: &Bvh) -> Real {
+        self.find_planes(tree);
+        let Self { x, inverse_masses: w, planes, .. } = self;
         let start = x.clone();
         for _ in 0..LAST_VISITS {
             planes.project(x, w);
@@ -206,11 +212,8 @@ impl<'a> Cloth<'a> {
 
     /// One round: contacts, and sweeps until they and the cloth agree. Returns the largest motion.
     pub(crate) fn round(&mut self, tree: &Bvh) -> Real {
+        self.find_planes(tree);
         let Self { x, inverse_masses: w, planes, .. } = self;
-        self.contacts.detect(x, self.garment.mesh.triangles(), tree, &self.gaps, w, &self.ways, planes);
-        for (v, normal, point) in &self.parting {
-            planes.push_vertex(*v, *normal, point, 0.0);
-        }
         let start = x.clone();
         let visits = if self.own.is_empty() { 1 } else { 2 };
         // What is held on all its vertices does nothing, and is left out.
