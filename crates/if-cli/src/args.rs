@@ -29,7 +29,7 @@ pub(crate) struct Cli {
     #[arg(short = 'j', long, visible_alias = "jobs", global = true, value_name = "N",
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
-    /// Say on stderr, round by round, what the solvers do.
+    /// Say on stderr what is left of each garment at each verification, instead of the progress line.
     #[arg(short, long, global = true)]
     pub(crate) verbose: bool,
 }

@@ -32,6 +32,7 @@ use args::{CaptureCommand, Cli, Command};
 use clap::Parser;
 use end::End;
 use miette::{IntoDiagnostic, Report};
+use std::io::IsTerminal;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -47,9 +48,11 @@ fn run(cli: &Cli) -> Result<End, Report> {
     let threads = cli.threads.map_or(0, usize::from); // 0 is all cores
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().into_diagnostic()?;
     if cli.verbose {
-        let events =
-            tracing_subscriber::fmt().with_max_level(tracing::Level::DEBUG).with_target(false).with_writer(std::io::stderr);
-        events.with_timer(tracing_subscriber::fmt::time::uptime()).init();
+        progress::hide();
+        let stderr = std::io::stderr;
+        let events = tracing_subscriber::fmt().with_max_level(tracing::Level::DEBUG).with_target(false).with_writer(stderr);
+        let events = events.with_ansi(stderr().is_terminal()).with_timer(tracing_subscriber::fmt::time::uptime());
+        events.try_init().map_err(|e| miette::miette!("{e}"))?;
     }
     cancel::listen();
     match &cli.command {

@@ -3,7 +3,15 @@
 use if_pipeline::resolve::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::fmt::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+
+static HIDDEN: AtomicBool = AtomicBool::new(false);
+
+/// From now on no line is drawn: something else writes to stderr.
+pub(crate) fn hide() {
+    HIDDEN.store(true, Ordering::Relaxed);
+}
 
 /// One line that says what is being done. Nothing is drawn where stderr is no terminal.
 pub(crate) struct Line {
@@ -15,7 +23,9 @@ pub(crate) struct Line {
 impl Line {
     /// A line for outfit `index` of `outfits`, counted from 0.
     pub(crate) fn new(outfit: &str, index: usize, outfits: usize) -> Self {
-        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+        let hidden = HIDDEN.load(Ordering::Relaxed);
+        let target = if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let bar = ProgressBar::with_draw_target(None, target);
         let style = ProgressStyle::with_template("{spinner} {elapsed:>3} {wide_msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));
         bar.enable_steady_tick(Duration::from_millis(100));

@@ -14,7 +14,7 @@ use if_pipeline::capture::Capture;
 use if_pipeline::content;
 use if_pipeline::page::Page;
 use if_pipeline::reconstruct::{
-    PhiParams, Progress, ReconstructParams, ReconstructReport, Reconstruction, Stage, reconstruct, write_frames,
+    PhiNetwork, PhiParams, Progress, ReconstructParams, ReconstructReport, Reconstruction, Stage, reconstruct, write_frames,
 };
 use if_pipeline::render::{PALETTE, RenderLayer, View, side_by_side};
 use if_pipeline::template::TemplateBody;
@@ -118,7 +118,8 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     };
     let seconds = start.elapsed().as_secs_f64();
     line.say("writing");
-    write_assets(args, &name, &found).map_err(fault(writing("assets"), ROOM))?;
+    let network = found.phi.as_ref().map(PhiNetwork::to_bytes).transpose().map_err(fault(writing("φ"), ROOM))?;
+    write_assets(args, &name, &found, network.as_deref()).map_err(fault(writing("assets"), ROOM))?;
     write_clothed(args, &name, &capture, &template, &found).map_err(fault(writing("the clothed body"), ROOM))?;
     let _ = fs::remove_file(&state); // of no use any more
     drop(line);
@@ -197,6 +198,7 @@ fn write_assets(
     args: &ReconstructArgs,
     capture: &str,
     found: &Reconstruction,
+    network: Option<&[u8]>,
 ) -> Result<(), if_pipeline::wardrobe::WardrobeError> {
     let mut wardrobe = Wardrobe::open(&args.out)?;
     let file = |name: &str| Some(args.body.join(name)).filter(|p| p.is_file());
@@ -209,8 +211,6 @@ fn write_assets(
         skeleton: skeleton.as_deref(),
     };
     let body = wardrobe.add_body(&new)?;
-    // Writing to memory cannot fail.
-    let network = found.phi.as_ref().and_then(|phi| phi.to_bytes().ok());
     let meta = content::of_file(&args.capture.join("meta.json")).ok().map(|c| c.sha256);
     let provenance = Provenance {
         source: args.capture.display().to_string(),
@@ -227,7 +227,7 @@ fn write_assets(
             mesh: &garment.mesh,
             skin: Some(&garment.skin),
             provenance: &provenance,
-            network: network.as_deref(),
+            network,
             baked: Some(&found.field),
         })?;
     }

@@ -400,7 +400,7 @@ impl ClosestPoint for Bvh {
                 }
             } else {
                 for k in node.at as usize..(node.at + node.count) as usize {
-                    // Of most triangles their box says enough. The slack keeps what rounding makes as near as the best.
+                    // Of most triangles their box says enough. (Within rounding it decides which of two equally near ones is named.)
                     if corner_box(&self.corners[k]).distance_squared(p) > limit * (1.0 + 1e-12) {
                         continue;
                     }

@@ -41,8 +41,12 @@ pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
     found
 }
 
-/// The pairs that have changed where vertices have moved: `before` are the sorted pairs of `a` and `b` when `b` was as it
-/// is but for the triangles that `moved` names; the result is that of [`pairs`] now, sorted.
+/// What [`pairs`] finds now, sorted, from what it found before some triangles of `b` moved: `before` are the sorted pairs of then. Only the
+/// triangles that `moved` names are looked at.
+///
+/// # Panics
+///
+/// If `moved` or `before` are of a mesh with other triangles than `b`.
 pub fn pairs_after_motion(a: &Bvh, b: &TriMesh, moved: &MovedTriangles, before: &[TrianglePair]) -> Vec<TrianglePair> {
     let again = moved.list.par_iter().flat_map_iter(|&t| {
         let corners = b.corners(t as usize);
@@ -62,6 +66,10 @@ pub fn pairs_after_motion(a: &Bvh, b: &TriMesh, moved: &MovedTriangles, before: 
 }
 
 /// As [`pairs_after_motion`], for [`own_pairs`]; `tree` holds the mesh as it is now.
+///
+/// # Panics
+///
+/// If `moved` or `before` are of a mesh with other triangles.
 pub fn own_pairs_after_motion(mesh: &TriMesh, tree: &Bvh, moved: &MovedTriangles, before: &[TrianglePair]) -> Vec<TrianglePair> {
     let again = moved.list.par_iter().flat_map_iter(|&t| {
         let corners = mesh.corners(t as usize).map(|p| *p);
@@ -95,6 +103,10 @@ pub struct MovedTriangles {
 
 impl MovedTriangles {
     /// Those with a vertex for which `vertex_moved` holds.
+    ///
+    /// # Panics
+    ///
+    /// If `vertex_moved` has fewer values than the mesh has vertices.
     pub fn new(mesh: &TriMesh, vertex_moved: &[bool]) -> Self {
         let is_moved: Vec<bool> = mesh.triangles().iter().map(|t| t.iter().any(|v| vertex_moved[*v as usize])).collect();
         let list = (0..is_moved.len() as u32).filter(|t| is_moved[*t as usize]).collect();

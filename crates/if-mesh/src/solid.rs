@@ -202,11 +202,13 @@ impl ClosedLayer {
     ///
     /// If there is no such triangle.
     pub fn sided_from(&self, p: &Point, reach: Real, hint: Option<u32>) -> Option<Sided> {
-        // What is further than the hint need not be looked at. The slack is more than rounding, so that nothing as near is lost.
+        // What is further than the hint need not be looked at. The slack is more than rounding, of distances and of coordinates, so
+        // that nothing as near is lost.
         let bound = hint.map_or(Real::INFINITY, |t| {
             let [a, b, c] = &self.corners(t);
             let (w, _) = closest_on_triangle(p, a, b, c);
-            (p - barycentric_point([a, b, c], w)).norm() * (1.0 + 1e-9)
+            let distance = (p - barycentric_point([a, b, c], w)).norm();
+            distance * (1.0 + 1e-9) + 1e-12 * (p.coords.amax() + a.coords.amax() + b.coords.amax() + c.coords.amax())
         });
         let Some(closure) = &self.closure else {
             // Beyond `reach` of a closed surface a point may still be deep inside it.
@@ -347,8 +349,8 @@ fn cast_shadow(voxels: &mut Voxels, mesh: &TriMesh, body: &Bvh, reach: Real) {
     fill_shadows(voxels, mesh, &casting);
 }
 
-/// Segments of shadows held at a time: 50 MB.
-const BATCH: usize = 1 << 20;
+/// Segments of shadows made before they are filled: 6 MB, and twice that while threads gather them.
+const BATCH: usize = 1 << 17;
 
 /// Fills what lies between triangles and their feet, on segments from the one to the other.
 fn fill_shadows(voxels: &mut Voxels, mesh: &TriMesh, casting: &[(usize, [Point; 3], usize)]) {

@@ -58,7 +58,7 @@ impl Voxels {
     /// Makes every voxel that the triangle touches a wall, but for filled ones. The test errs on the
     /// side of touching, so that no path between face neighbours leads through a triangle.
     pub fn add_wall(&mut self, corners: [&Point; 3]) {
-        let rel = corners.map(|p| (p - self.origin) / self.cell);
+        let rel = corners.map(|p| (p - self.origin) * self.per_metre);
         let low = rel[0].inf(&rel[1]).inf(&rel[2]);
         let high = rel[0].sup(&rel[1]).sup(&rel[2]);
         let range = |k: usize| {

@@ -13,6 +13,8 @@ const NEIGHBOURS: usize = 16;
 
 /// σ of the weights by normals, a length of nᵢ − n: at 30° a neighbour counts a third, at 60° a fiftieth.
 const FOLD: Real = 0.5;
+/// A mean normal shorter than this is none.
+const CANCELLED: Real = 0.15;
 /// Times that the weights follow the mean normal. A third changes no error by a hundredth.
 const REWEIGHTED: usize = 2;
 
@@ -223,7 +225,7 @@ impl OrientedPoints {
     /// ```
     ///
     /// with n the direction of Σ wᵢ nᵢ, found from weights without it, and twice more. A plane through pᵢ across nᵢ leaves a bent surface by
-    /// h² / 2r on one side, a plane across n on the other; their mean is exact on spheres. Neighbours round a fold have other normals, and count less.
+    /// h² / 2r on one side, a plane across n on the other; the zero set of their mean is exact on spheres. Neighbours round a fold have other normals, and count less.
     ///
     /// Where d < h the distance is f, in which noise averages out; beyond 2h it is d with the side of the
     /// winding number, as beside a hole the nearest normals may say anything; in between a blend. `h` is the
@@ -234,18 +236,28 @@ impl OrientedPoints {
     ///
     /// Kolluri 2005, *Provably good moving least squares*; the mean of the two normals is that of Rusinkiewicz 2019, *A symmetric
     /// objective function for ICP*; weights by normals are those of Öztireli et al. 2009. [`OrientedPoints::winding_number`]: the side.
+    ///
+    /// A point that is not finite, or too far away for a distance, has the distance NaN and no trust.
     pub fn estimate(&self, p: &Point, smoothing: Real) -> Estimate {
         let mut found = [(0.0, 0); NEIGHBOURS];
         self.neighbours(p, &mut found);
         let nearest = found[0].0.sqrt();
+        if !nearest.is_finite() {
+            return Estimate { distance: Real::NAN, normal: Vector::zeros(), trust: 0.0, nearest };
+        }
         // Far away the neighbours differ by little compared to d: the width grows with it.
         let h2 = (smoothing * smoothing + 0.01 * found[0].0).max(Real::MIN_POSITIVE);
         // The nearest alone has weight 1.
         let by_distance = found.map(|(d2, _)| (-(d2 - found[0].0) / h2).exp());
         let normals = found.map(|(_, i)| self.normals[i as usize]);
-        let mean = |weights: &[Real; NEIGHBOURS]| weights.iter().zip(&normals).map(|(w, n)| n * *w).sum::<Vector>();
-        let agreement = mean(&by_distance).norm() / by_distance.iter().sum::<Real>();
-        let mut normal = unit_or_zero(&mean(&by_distance));
+        let mean = |weights: &[Real; NEIGHBOURS]| {
+            let sum = weights.iter().zip(&normals).map(|(w, n)| n * *w).sum::<Vector>();
+            sum / weights.iter().sum::<Real>()
+        };
+        // Normals that cancel have no mean: what is left of them points anywhere.
+        let direction = |mean: Vector| if mean.norm() < CANCELLED { Vector::zeros() } else { unit_or_zero(&mean) };
+        let agreement = mean(&by_distance).norm();
+        let mut normal = direction(mean(&by_distance));
         let mut weights = by_distance;
         for _ in 0..REWEIGHTED {
             if normal == Vector::zeros() {
@@ -254,10 +266,10 @@ impl OrientedPoints {
             for ((w, by_distance), n) in weights.iter_mut().zip(&by_distance).zip(&normals) {
                 *w = by_distance * (-(n - normal).norm_squared() / (FOLD * FOLD)).exp();
             }
-            normal = unit_or_zero(&mean(&weights));
+            normal = direction(mean(&weights));
         }
         let planes = found.iter().zip(&normals).map(|((_, i), n)| {
-            // Normals that cancel have no mean: each keeps its own.
+            // Without a mean each keeps its own.
             let across = if normal == Vector::zeros() { *n } else { (n + normal) * 0.5 };
             across.dot(&(p - self.points[*i as usize]))
         });

@@ -125,7 +125,7 @@ pub struct LayerReport {
     pub rounds: usize,
     /// Rounds of exact verification and repair after them.
     pub repairs: usize,
-    /// Sweeps of the solver over all constraints.
+    /// Sweeps of the solver over all constraints that can move something.
     pub sweeps: usize,
     /// Nearest-point queries made.
     pub queries: usize,

@@ -13,8 +13,8 @@
 //!     verify exactly: pairs with layers below, sides, new own pairs
 //!     pairs left:     part the triangles by planes; in vain so far: widen the gap of their vertices
 //!     own pairs new:  hold the two triangles on their sides from now on
-//!     stalled:        from the best state so far, push only, without the cloth, for some rounds
-//!     tangled, or still stalled: smooth displacements there, lift out      untangle.rs
+//!     every 15th:     never clean so far: from the best state, push only, without the cloth, for 12 rounds
+//!     tangled, or pushed in vain: smooth displacements there, lift out      untangle.rs
 //!     after `settle_rounds`: hold all but the neighbourhood of what is left
 //! until nothing is left, or `rounds` are over
 //! ```
@@ -82,8 +82,9 @@ pub(crate) fn settle(
     let mut relaxed_from = Real::INFINITY;
     let mut state = input;
     let mut repairs = 0;
-    // Rounds left in which the cloth yields.
+    // Rounds left in which the cloth yields, and rounds in which it did.
     let mut yielding = 0;
+    let mut pushes = 0;
     let mut rounds = 0;
     for round in 0..params.rounds {
         rounds = round + 1;
@@ -134,14 +135,13 @@ pub(crate) fn settle(
                 break;
             }
         }
-        if !state.is_clean() && repairing && yielding == 0 && repairs > 0 && repairs % STALLED == 0 {
+        let stalled = repairing && yielding == 0 && repairs > 0 && repairs % STALLED == 0;
+        if let Some(((1.., _), x)) = best.as_ref().filter(|_| stalled) {
             repairs += 1;
-            if let Some((_, x)) = &best {
-                cloth.go_to(x);
-                tree.refit(x);
-                let mesh = garment.mesh.with_vertices(x.clone()).expect("the solver keeps positions finite");
-                state = inspector.inspect(&mesh, &tree);
-            }
+            cloth.go_to(x);
+            tree.refit(x);
+            let mesh = garment.mesh.with_vertices(x.clone()).expect("the solver keeps positions finite");
+            state = inspector.inspect(&mesh, &tree);
             yielding = YIELDS + 1;
         }
         cloth.aim(&state);
@@ -149,6 +149,7 @@ pub(crate) fn settle(
         if yielding > 0 {
             yielding = if state.is_clean() { 0 } else { yielding - 1 };
             if yielding > 0 {
+                pushes += usize::from(yielding < YIELDS);
                 cloth.hold_far_from(&state.trouble(garment.mesh.triangles()), params.repair_influence);
                 continue;
             }
@@ -196,7 +197,7 @@ pub(crate) fn settle(
     Ok(Settled {
         positions,
         rounds,
-        repairs,
+        repairs: repairs + pushes,
         sweeps: cloth.sweeps,
         queries: cloth.contacts.queries,
         spared: cloth.contacts.spared,
@@ -210,7 +211,7 @@ const TANGLED: Real = 0.5;
 const EARLY: usize = 12;
 /// A clean garment is untangled again while its rms strain falls below this share of what it was.
 const WORTHWHILE: Real = 0.9;
-/// Rounds of repair in vain before the cloth yields.
+/// After so many rounds of repair, and again after as many more, a garment that was never clean yields.
 const STALLED: usize = 15;
 /// Rounds in which the cloth yields before what is left counts as tangled.
 const YIELDS: usize = 12;

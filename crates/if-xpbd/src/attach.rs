@@ -47,6 +47,10 @@ impl Attachments {
     }
 
     /// The attachments of particles that can move, whose inverse mass is not 0.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer inverse masses than particles named.
     pub fn movable(&self, inverse_masses: &[Real]) -> Self {
         let mut part = Self::new();
         for (k, v) in self.vertices.iter().enumerate().filter(|(_, v)| inverse_masses[**v as usize] != 0.0) {

@@ -45,6 +45,10 @@ impl StrainLimit {
     }
 
     /// The same limits on the edges with an end that can move ([`EdgeSet::movable`]).
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer inverse masses than particles named.
     pub fn movable(&self, inverse_masses: &[Real]) -> Self {
         Self { edges: self.edges.movable(inverse_masses), ..*self }
     }

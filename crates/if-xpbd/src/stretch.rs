@@ -53,6 +53,10 @@ impl Stretch {
     }
 
     /// The same constraints on the edges with an end that can move ([`EdgeSet::movable`]), with multipliers of zero.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer inverse masses than particles named.
     pub fn movable(&self, inverse_masses: &[Real]) -> Self {
         Self { form: self.form, ..Self::new(self.edges.movable(inverse_masses), self.compliance) }
     }

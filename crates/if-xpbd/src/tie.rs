@@ -45,6 +45,10 @@ impl Ties {
     }
 
     /// The ties of which a particle can move: its inverse mass is not 0.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer inverse masses than particles named.
     pub fn movable(&self, inverse_masses: &[Real]) -> Self {
         let mut part = Self::new();
         for (k, vertices) in self.vertices.iter().enumerate() {
