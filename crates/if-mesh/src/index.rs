@@ -353,9 +353,7 @@ impl Rough {
         }
         true
     }
-}
 
-impl Rough {
     /// Replaces a node paired with itself by the pairs of its children, each pair once. False, and nothing pushed, for a leaf.
     #[inline]
     fn open_with_itself(&self, n: u32, push: &mut dyn FnMut(u32, u32)) -> bool {

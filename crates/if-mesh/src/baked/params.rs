@@ -37,7 +37,8 @@ pub struct BakeParams {
 }
 
 impl Default for BakeParams {
-    /// For a body of 2 m: 12 mm cells, where a learned body's error is about 0.01 mm.
+    /// For a body of 2 m: 12 mm cells. What is narrower than that, such as fingers, can be off by a cell where the field is
+    /// re-distanced (`docs/fitting.md`); [`Baked::error_bound_within`](super::Baked::error_bound_within) says so.
     fn default() -> Self {
         Self { cell: 0.012, band: 0.05, depth: Real::INFINITY, region: None, redistance: Redistance::WhenNeeded, memory: 2 << 30 }
     }
