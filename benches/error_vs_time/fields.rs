@@ -106,12 +106,17 @@ fn baking(record: &mut Record, name: &str, field: &dyn SignedDistance, cells: &[
         error,
         [20_000, 0],
     );
-    for &cell in cells {
-        let params = BakeParams { cell, ..Default::default() };
+    let even = cells.iter().map(|cell| BakeParams { cell: *cell, accuracy: Real::INFINITY, ..Default::default() });
+    let halved = [3e-3, 1e-3, 3e-4].map(|accuracy| BakeParams { accuracy, ..Default::default() });
+    for params in even.chain(halved) {
         let default = params == BakeParams::default();
         let (baking_ms, baked) = timed(|| Baked::new(field, &params).unwrap());
         let (ms, error) = query(&baked);
-        let parameter = format!("cell {} mm", cell * 1e3);
+        let parameter = if params.accuracy.is_finite() {
+            format!("accuracy {} mm", params.accuracy * 1e3)
+        } else {
+            format!("cell {} mm", params.cell * 1e3)
+        };
         let run = |problem, parameter| Run { problem, method: "baked", parameter, unit: "m rms", default };
         record.push(run(&problem, parameter.clone()), ms, error, [20_000, 0]);
         let bytes = baked.bytes() as u64;

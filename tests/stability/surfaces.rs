@@ -115,6 +115,9 @@ fn baked(count: u32) -> Tally {
         let cell = size * r.pick(&[0.05, 0.1, 0.3, 1.0, 10.0]);
         let params = BakeParams {
             cell,
+            accuracy: size * r.pick(&[1e-3, 0.1, Real::INFINITY]),
+            reach: size * r.pick(&[0.02, 1.0]),
+            levels: r.pick(&[0, 2]),
             band: cell * r.pick(&[0.1, 1.0, 2.0, 5.0]),
             depth: r.pick(&[0.05 * size, Real::INFINITY]),
             region: r.chance(0.3).then_some(whole),

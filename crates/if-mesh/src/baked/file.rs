@@ -2,19 +2,23 @@
 //!
 //! ```text
 //! "ifg-baked" 0 version(u32)   then little-endian, in metres:
-//! origin(3 f64) cell band depth rounding lipschitz(f64) surface(6 f64) errors(count u32, f64 each) redistanced(u8)
-//! size(3 u32) places(count u32, u32 each) inside(count u32, u32 each) nodes(4 f32 each, 729 for each place)
+//! origin(3 f64) cell band depth rounding lipschitz(f64) surface(6 f64) reach(f64) errors(count u32, f64 each) redistanced(u8)
+//! size(3 u32) tree(count u32, u8 each)      roots, x fastest: 0 outside, 1 inside, 2 a brick, 3 split and then its halves
+//! nodes(4 f32 each, 125 for each brick)     bricks in the order of the tree
 //! ```
+//!
+//! Version 1, with bricks of 8³ cells of one size, is refused: its fields are to be baked again.
 
 use super::Baked;
 use super::accuracy::Errors;
-use super::bricks::{BRICK, Bricks, INSIDE, OUTSIDE};
+use super::bricks::{BRICK, Bricks, INSIDE, OUTSIDE, Place, SPLIT};
+use super::params::MAX_LEVELS;
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real};
 
 const MAGIC: &[u8; 10] = b"ifg-baked\0";
-const VERSION: u32 = 1;
-/// Places of a directory at most: a cube of 2 m with cells of 0.1 mm in bricks of 8 has 1.6e10 of them, one with 1 mm 1.6e7.
+const VERSION: u32 = 2;
+/// Roots of a directory at most: a cube of 2 m with cells of 0.1 mm in bricks of 4 has 1.3e11 of them, one with 1 mm 1.3e8.
 const MAX_PLACES: u64 = 1 << 28;
 
 /// Why bytes are no baked field.
@@ -52,7 +56,7 @@ impl Baked {
     /// The field as bytes: the same field gives the same bytes, and the bytes give the same field.
     pub fn to_bytes(&self) -> Vec<u8> {
         let b = &self.bricks;
-        let mut out = Vec::with_capacity(256 + 4 * b.places.len() + 16 * b.nodes.len());
+        let mut out = Vec::with_capacity(256 + b.roots.len() + 10 * b.splits.len() + 16 * b.nodes.len());
         out.extend_from_slice(MAGIC);
         out.extend_from_slice(&VERSION.to_le_bytes());
         let reals = |out: &mut Vec<u8>, values: &[Real]| values.iter().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
@@ -61,15 +65,26 @@ impl Baked {
         reals(&mut out, &[b.cell, self.band, self.depth, self.rounding, self.lipschitz]);
         reals(&mut out, self.surface.min.coords.as_slice());
         reals(&mut out, self.surface.max.coords.as_slice());
-        count(&mut out, self.errors.0.len());
-        reals(&mut out, &self.errors.0);
+        reals(&mut out, &[self.errors.reach]);
+        count(&mut out, self.errors.largest.len());
+        reals(&mut out, &self.errors.largest);
         out.push(u8::from(self.redistanced));
         b.size.iter().for_each(|n| count(&mut out, *n));
-        count(&mut out, b.places.len());
-        b.places.iter().for_each(|p| out.extend_from_slice(&p.to_le_bytes()));
-        let inside: Vec<u32> = (0..b.directory.len() as u32).filter(|p| b.directory[*p as usize] == INSIDE).collect();
-        count(&mut out, inside.len());
-        inside.iter().for_each(|p| out.extend_from_slice(&p.to_le_bytes()));
+        let mut tree = Vec::with_capacity(b.roots.len() + 8 * b.splits.len());
+        let mut stack: Vec<u32> = b.roots.iter().rev().copied().collect();
+        while let Some(entry) = stack.pop() {
+            tree.push(match entry {
+                OUTSIDE => 0,
+                INSIDE => 1,
+                brick if brick < SPLIT => 2,
+                _ => 3u8,
+            });
+            if (SPLIT..INSIDE).contains(&entry) {
+                stack.extend(b.splits[(entry - SPLIT) as usize].iter().rev());
+            }
+        }
+        count(&mut out, tree.len());
+        out.extend_from_slice(&tree);
         b.nodes.iter().flatten().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
         out
     }
@@ -96,11 +111,11 @@ impl Baked {
             min: Point::new(r.number()?, r.number()?, r.number()?),
             max: Point::new(r.number()?, r.number()?, r.number()?),
         };
-        let mut errors = Errors::default();
-        if r.u32()? as usize != errors.0.len() {
+        let mut errors = Errors { reach: r.positive(true)?, ..Errors::default() };
+        if r.u32()? as usize != errors.largest.len() {
             return Err(r.fault("the number of errors"));
         }
-        for e in &mut errors.0 {
+        for e in &mut errors.largest {
             *e = r.finite()?;
         }
         let redistanced = match r.take(1)? {
@@ -111,15 +126,13 @@ impl Baked {
         let size = [r.u32()? as usize, r.u32()? as usize, r.u32()? as usize];
         let all = size.iter().try_fold(1u64, |n, s| n.checked_mul(*s as u64)).filter(|n| *n <= MAX_PLACES);
         let all = all.ok_or_else(|| r.fault("the size of the grid"))? as usize;
-        let places = r.places(all)?;
-        let inside = r.places(all)?;
-        let needed = places.len() as u64 * BRICK as u64 * 16;
+        let tree = Tree { size, roots: Vec::new(), splits: Vec::new(), places: Vec::new() }.read(&mut r, all)?;
+        let needed = tree.places.len() as u64 * BRICK as u64 * 16;
         if (bytes.len() - r.at) as u64 != needed {
             return Err(BakedFileError::Length { found: bytes.len() as u64, expected: r.at as u64 + needed });
         }
-        let mut directory = vec![OUTSIDE; all];
-        inside.iter().for_each(|p| directory[*p as usize] = INSIDE);
-        let mut bricks = Bricks::new(origin, cell, size, directory, places);
+        let nodes = vec![[0.0; 4]; tree.places.len() * BRICK];
+        let mut bricks = Bricks::from_parts(origin, cell, size, tree.roots, tree.splits, tree.places, nodes);
         for node in bricks.nodes.iter_mut().flatten() {
             let [a, b, c, d] = *r.take(4)? else { return Err(r.fault("a node")) };
             *node = f32::from_le_bytes([a, b, c, d]);
@@ -127,6 +140,7 @@ impl Baked {
                 return Err(r.fault("a node"));
             }
         }
+        let bricks = bricks.indexed();
         Ok(Self { bricks, band, depth, surface, errors, rounding, lipschitz, redistanced })
     }
 }
@@ -168,18 +182,50 @@ impl<'a> Reader<'a> {
         if fits { Ok(value) } else { Err(self.fault("a length")) }
     }
 
-    /// Ascending places of a directory of `all`.
-    fn places(&mut self, all: usize) -> Result<Vec<u32>, BakedFileError> {
-        let count = self.u32()? as usize;
-        let bytes = self.take(count.saturating_mul(4))?;
-        let places: Vec<u32> = bytes.chunks_exact(4).map(|c| c.iter().rev().fold(0, |n, b| n << 8 | u32::from(*b))).collect();
-        let ascend = places.windows(2).all(|w| w[0] < w[1]) && places.last().is_none_or(|p| (*p as usize) < all);
-        if ascend { Ok(places) } else { Err(self.fault("a place")) }
-    }
-
     /// About the value that was read last.
     fn fault(&self, what: &'static str) -> BakedFileError {
         BakedFileError::Value { byte: self.at, what }
+    }
+}
+
+struct Tree {
+    size: [usize; 3],
+    roots: Vec<u32>,
+    splits: Vec<[u32; 8]>,
+    places: Vec<Place>,
+}
+
+impl Tree {
+    fn read(mut self, r: &mut Reader<'_>, roots: usize) -> Result<Self, BakedFileError> {
+        let count = r.u32()? as usize;
+        let mut codes = r.take(count)?.iter();
+        for root in 0..roots {
+            let at = [root % self.size[0], root / self.size[0] % self.size[1], root / self.size[0] / self.size[1]];
+            let entry = self.entry(&mut codes, Place { level: 0, at: at.map(|b| b as u32) });
+            self.roots.push(entry.ok_or_else(|| r.fault("the tree"))?);
+        }
+        if codes.next().is_some() { Err(r.fault("the tree")) } else { Ok(self) }
+    }
+
+    fn entry(&mut self, codes: &mut std::slice::Iter<'_, u8>, place: Place) -> Option<u32> {
+        match codes.next()? {
+            0 => Some(OUTSIDE),
+            1 => Some(INSIDE),
+            2 => {
+                self.places.push(place);
+                Some(self.places.len() as u32 - 1)
+            }
+            3 if place.level < MAX_LEVELS => {
+                let number = self.splits.len();
+                self.splits.push([OUTSIDE; 8]);
+                for k in 0..8usize {
+                    let at = [0, 1, 2].map(|a| 2 * place.at[a] + (k >> a & 1) as u32);
+                    self.splits[number][k] = self.entry(codes, Place { level: place.level + 1, at })?;
+                }
+                Some(SPLIT + number as u32)
+            }
+            _ => None,
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! How to bake, and why a field cannot be baked.
 
+use crate::extract::ExtractError;
 use if_core::aabb::Aabb;
 use if_core::field::FieldSample;
 use if_core::math::{Point, Real};
@@ -17,12 +18,22 @@ pub enum Redistance {
     Never,
 }
 
+/// Cells can be halved so often: to 47 µm from 12 mm.
+pub(super) const MAX_LEVELS: u32 = 8;
+
 /// How to bake.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BakeParams {
-    /// Edge of a cell, in metres. The error falls with its third to fourth power where the field is
+    /// Edge of the largest cells, in metres. The error falls with its third to fourth power where the field is
     /// smooth, and with its first at creases.
     pub cell: Real,
+    /// How far a value may be from the field, in metres, at points no farther than `reach` from the surface: cells are halved
+    /// where it is more. Infinite leaves all cells as they are.
+    pub accuracy: Real,
+    /// How far from the surface `accuracy` is asked for, in metres. What lies deeper or farther keeps the largest cells.
+    pub reach: Real,
+    /// How often cells may be halved. Where a field jumps no cell is small enough.
+    pub levels: u32,
     /// How far outside the surface values are kept, in metres: a cell at least.
     pub band: Real,
     /// How far inside, in metres. Infinite keeps all of the inside, which for a body takes less room than
@@ -32,15 +43,25 @@ pub struct BakeParams {
     pub region: Option<Aabb>,
     /// When to re-distance.
     pub redistance: Redistance,
-    /// Memory that baking may take, in bytes.
+    /// Memory that baking may take, in bytes. Cells are not halved any more where that would take more.
     pub memory: usize,
 }
 
 impl Default for BakeParams {
-    /// For a body of 2 m: 12 mm cells. What is narrower than that, such as fingers, can be off by a cell where the field is
-    /// re-distanced (`docs/fitting.md`); [`Baked::error_bound_within`](super::Baked::error_bound_within) says so.
+    /// For a body of 2 m: 1 mm within 2 cm of the surface, with cells of 12 mm, at fingers and folds down to 1.5 mm
+    /// (`docs/fitting.md`).
     fn default() -> Self {
-        Self { cell: 0.012, band: 0.05, depth: Real::INFINITY, region: None, redistance: Redistance::WhenNeeded, memory: 2 << 30 }
+        Self {
+            cell: 0.012,
+            accuracy: 1e-3,
+            reach: 0.02,
+            levels: 3,
+            band: 0.05,
+            depth: Real::INFINITY,
+            region: None,
+            redistance: Redistance::WhenNeeded,
+            memory: 2 << 30,
+        }
     }
 }
 
@@ -90,18 +111,21 @@ pub enum BakeError {
         /// What it is.
         sample: FieldSample,
     },
-    /// No grid that was tried is accurate enough.
+    /// The accuracy is not reached.
     #[error(
-        "with cells of {cell} m the error is still at most {bound} m, not {accuracy} m; ask for less, or for a smaller reach"
+        "with cells down to {cell} m the error is still up to {bound} m, not {accuracy} m; ask for less, for a smaller reach, or give more memory"
     )]
     Inaccurate {
         /// What was asked for, in metres.
         accuracy: Real,
-        /// The bound of the last grid, in metres.
+        /// The bound that was reached, in metres.
         bound: Real,
-        /// Its cells, in metres.
+        /// The smallest cells, in metres.
         cell: Real,
     },
+    /// The zero set is not found, from which distances are measured.
+    #[error("the zero set cannot be extracted: {0}")]
+    Surface(ExtractError),
     /// The source is steeper than its `lipschitz()`.
     #[error(
         "the source is {distance} in {point}, although its lipschitz() excludes the surface from there on; correct the bound"
@@ -137,6 +161,14 @@ impl BakeParams {
         }
         if !(self.band > 0.0 && self.band.is_finite()) {
             return fault("band", self.band, "a finite length above zero, in metres");
+        }
+        for (name, value) in [("accuracy", self.accuracy), ("reach", self.reach)] {
+            if value.is_nan() || value <= 0.0 {
+                return fault(name, value, "a length above zero, in metres");
+            }
+        }
+        if self.levels > MAX_LEVELS {
+            return fault("levels", Real::from(self.levels), "at most 8");
         }
         // Where a surface crosses an edge of the grid, an end of it is nearer than a cell: a narrower band loses the surface.
         if self.band < self.cell {

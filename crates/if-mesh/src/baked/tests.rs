@@ -214,13 +214,48 @@ fn a_surface_that_is_not_there_leaves_an_empty_field() {
 }
 
 #[test]
-fn a_wall_thinner_than_a_cell_keeps_its_sign() {
+fn a_wall_thinner_than_a_cell_keeps_its_sign_and_halved_cells_give_it_its_depth() {
     // 3 mm in 12 mm cells: no two nodes lie inside, the slopes tell.
     let wall = Cuboid { center: Point::new(0.0, 0.0, 0.0041), half: Vector::new(0.1, 0.1, 0.0015) };
-    let baked = Baked::new(&wall, &BakeParams::default()).unwrap();
-    let inside = (0..50).filter(|k| baked.distance(&Point::new(0.0031 * f64::from(*k) - 0.08, 0.011, 0.0041)) < 0.0).count();
-    assert_eq!(inside, 50);
-    assert!(baked.error_bound_within(0.001) > 1e-3, "and its bound says that the depth is poor");
+    let whole = Baked::new(&wall, &BakeParams { accuracy: Real::INFINITY, ..BakeParams::default() }).unwrap();
+    let halved = Baked::new(&wall, &BakeParams::default()).unwrap();
+    for k in 0..50 {
+        let p = Point::new(0.0031 * f64::from(k) - 0.08, 0.011, 0.0041);
+        assert!(whole.distance(&p) < 0.0);
+        approx::assert_relative_eq!(halved.distance(&p), -0.0015, epsilon = 1e-3);
+    }
+    assert!(whole.error_bound_within(0.001) > 1e-3, "and its bound says that the depth is poor");
+    assert!(halved.error_bound_within(0.001) <= 1e-3 && halved.smallest_cell() < whole.smallest_cell());
+}
+
+#[test]
+fn cells_are_small_only_where_that_is_needed() {
+    // A limb as thick as an arm that carries one as thin as a finger.
+    let field = Union(
+        Capsule { from: Point::new(-0.3, 0.0, 0.0), to: Point::new(0.0, 0.0, 0.0), radius: 0.05 },
+        Capsule { from: Point::new(0.0, 0.0, 0.0), to: Point::new(0.15, 0.01, 0.02), radius: 0.007 },
+    );
+    for source in [ScaledGradient { field, factor: 1.0 }, ScaledGradient { field, factor: 2.0 }] {
+        let baked = Baked::new(&source, &BakeParams::default()).unwrap();
+        let bound = baked.error_bound_within(0.02);
+        // Cells of 1.5 mm, as small as the default allows, leave that much at an axis.
+        assert!(bound <= 1.5e-3, "{bound}");
+        let mut random = Random(5);
+        let mut worst: Real = 0.0;
+        for _ in 0..20_000 {
+            let p = random.point(&field.bounds().unwrap().inflated(0.02));
+            // Where it is the distance: not in the part of one limb that lies in the other.
+            let truth = field.distance(&p);
+            if truth.abs() < 0.02 && (p.x > 0.07 || truth > 0.0) {
+                worst = worst.max((baked.distance(&p) - truth).abs());
+            }
+        }
+        assert!(worst <= bound && bound < 4.0 * worst, "{worst} {bound}");
+        // As many bricks as if all cells were as small as the smallest.
+        let bricks = baked.bricks_by_level();
+        let even: usize = bricks.iter().enumerate().map(|(l, n)| n << (3 * (bricks.len() - 1 - l))).sum();
+        assert!(even > 10 * bricks.iter().sum::<usize>(), "{bricks:?}");
+    }
 }
 
 #[test]

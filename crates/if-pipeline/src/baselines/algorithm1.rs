@@ -43,8 +43,17 @@ impl Mask for Boxes {
 pub fn bake(below: &[&ClosedLayer], region: Aabb, cell: Real) -> Result<Baked, BakeError> {
     let field = ClothedField::new(below.to_vec());
     let band = 2.0 * cell;
+    // A cut jumps, and where a field jumps no cell is small enough.
     let cut = Cut { field, region };
-    Baked::new(&cut, &BakeParams { cell, band, region: Some(region), redistance: Redistance::Never, ..Default::default() })
+    let params = BakeParams {
+        cell,
+        band,
+        accuracy: Real::INFINITY,
+        region: Some(region),
+        redistance: Redistance::Never,
+        ..Default::default()
+    };
+    Baked::new(&cut, &params)
 }
 
 /// A field's inside within a box. It jumps at the caps of openings, so it has no Lipschitz bound.

@@ -1,0 +1,279 @@
+//! The distance to the zero set of any field.
+
+use super::params::{BakeError, BakeParams};
+use crate::extract::{ExtractError, ExtractParams, Resolution, Slope, extract};
+use crate::index::Bvh;
+use if_core::aabb::Aabb;
+use if_core::closest::{Closest, ClosestPoint};
+use if_core::field::{FieldSample, SignedDistance};
+use if_core::math::{Point, Real, Vector, unit_or_zero};
+use if_core::mesh::TriMesh;
+use rayon::prelude::*;
+
+/// Triangles have edges of this share of a cell of level 0: of 3 mm for cells of 12 mm. They are where nearest points are looked for
+/// first; what is thinner may be lost.
+const EDGE: Real = 0.25;
+/// At least and at most so many edges along the region.
+const EDGES: [Real; 2] = [48.0, 1024.0];
+/// A point is on the zero set when a Newton step moves it by less than this share of an edge: it is then off by the square of that
+/// times the curvature, 1e-9 m.
+const SETTLED: Real = 1e-3;
+/// It is the nearest when it would slide by less than this share of an edge.
+const NEAREST: Real = 1e-3;
+/// Nearer than so many edges the gradient is the normal at the nearest point, farther the direction from there.
+const NORMAL: Real = 4.0;
+/// Steps at most: nearly all settle in four. Creases, where two points are nearest, do not.
+const STEPS: usize = 12;
+/// Points asked at once.
+const BATCH: usize = 1 << 14;
+/// Points that follow one another and are likely near: each begins with the nearest point of the one before.
+const NEIGHBOURS: usize = 64;
+/// Networks have values in single precision.
+const NOISE: Real = 1e-6;
+
+/// Farther than so many edges, one triangle of each cube of so many edges is enough to begin with: the middle of a ball is equally far from
+/// all triangles, and looks at each.
+const FAR: Real = 8.0;
+/// The cubes' edges.
+const SPARSE: Real = 4.0;
+/// Where the source is below this share of the distance to the mesh, something is nearer than the mesh. Below what scaled fields are, as a rule.
+const THIN: Real = 0.3;
+/// Slopes are at most this times the steepest that was seen.
+const STEEPER: Real = 1.5;
+
+/// A field that is the distance to the zero set of `source`, with the source's sign.
+///
+/// ```text
+/// mesh of the zero set, once           extract
+/// q ← nearest point of the mesh        far from it: of one triangle of each cube of 12 mm
+/// q ← q − n φ(q) / |∇φ(q)| until φ(q) = 0
+/// a few times: q ← q − n φ(q) / |∇φ(q)| + α t,   t = (p − q) − n n·(p − q),   n = ∇φ / |∇φ| at q
+/// φ' = ±|p − q|,   ∇φ' = ±(p − q) / |p − q|
+/// ```
+///
+/// α is the step of Barzilai and Borwein 1988: where the surface bends at distance d with the curvature κ, it comes to
+/// 1 / (1 + d κ) by itself. Of all q that were on the zero set the nearest counts, so that the distance is never too small.
+pub(super) struct ZeroSet<'a, S: ?Sized> {
+    source: &'a S,
+    surface: Bvh,
+    /// One triangle of each cube of some edges.
+    some: Bvh,
+    edge: Real,
+    /// No distance is looked for beyond these, outside and inside.
+    limits: [Real; 2],
+}
+
+impl<'a, S: SignedDistance + ?Sized> ZeroSet<'a, S> {
+    /// Extracts the surface. `samples` are some of the source's; `far` is how far beyond the band a distance is wanted, in metres.
+    pub(super) fn new(
+        source: &'a S,
+        region: &Aabb,
+        params: &BakeParams,
+        samples: &[FieldSample],
+        far: Real,
+    ) -> Result<Self, BakeError> {
+        let longest = region.size().max();
+        let edge = (EDGE * params.cell).clamp(longest / EDGES[1], longest / EDGES[0]);
+        // A bound that holds everywhere may be far above the slopes there are; too low a one is noticed and mended there.
+        let steepest = samples.iter().map(|s| s.gradient.norm()).fold(0.0, Real::max);
+        let slope = (STEEPER * steepest).max(1e-3).min(source.lipschitz());
+        let size = region.size().max().max(region.max.coords.amax()).max(region.min.coords.amax());
+        let extraction = ExtractParams {
+            region: Some(*region),
+            resolution: Resolution::Cell(edge),
+            noise: NOISE * size,
+            slope: Slope::Given(slope),
+            check: 0,
+            ..ExtractParams::default()
+        };
+        let mesh = extract(source, &extraction).map_err(|error| match error {
+            ExtractError::NotANumber { point } => BakeError::NotFinite { point, sample: source.sample(&point) },
+            error => BakeError::Surface(error),
+        })?;
+        let limits = [params.band + far, params.depth + far];
+        let some = Bvh::new(&thinned(&mesh.mesh, SPARSE * edge));
+        Ok(Self { source, surface: Bvh::new(&mesh.mesh), some, edge, limits })
+    }
+
+    /// What is known before any step.
+    fn start(&self, p: &Point, value: Real, before: Option<&Foot>) -> Foot {
+        let most = self.limits[usize::from(value < 0.0)];
+        // A point of the mesh that a neighbour found: none farther needs to be looked at.
+        let known = before.and_then(|b| b.closest).map_or(Real::INFINITY, |c| (p - c.point).norm() + 1e-6 * self.edge);
+        let near = FAR * self.edge;
+        let mut closest = self.surface.closest(p, most.min(known).min(near));
+        if closest.is_none() && most > near {
+            // The triangle of its cube is at most a diagonal farther.
+            closest = self.some.closest(p, most.min(known + 2.0 * SPARSE * self.edge));
+        }
+        let at = match &closest {
+            // Something thin that the mesh does not show is nearer.
+            Some(c) if c.distance < near && value.abs() < THIN * c.distance => *p,
+            Some(c) => c.point,
+            None => *p,
+        };
+        Foot { side: if value < 0.0 { -1.0 } else { 1.0 }, closest, at, step: None, best: None }
+    }
+
+    /// One step of a foot, from the source's sample there; `false` when there is none left to do.
+    fn step(&self, p: &Point, foot: &mut Foot, here: &FieldSample) -> bool {
+        let slope = here.gradient.norm();
+        if !(slope > 0.0 && slope.is_finite() && here.distance.is_finite()) {
+            return false;
+        }
+        let normal = here.gradient / slope;
+        let mut down = normal * (here.distance / slope);
+        let fall = down.norm();
+        if fall > self.edge {
+            down *= self.edge / fall;
+        }
+        let on = foot.at - down;
+        let arm = p - on;
+        let along = arm - normal * normal.dot(&arm);
+        if fall < SETTLED * self.edge {
+            let settled = along.norm() < NEAREST * self.edge;
+            if foot.best.is_none_or(|b| arm.norm() < b.distance) {
+                foot.best = Some(Best { distance: arm.norm(), at: on, normal, settled });
+            }
+            if settled {
+                return false;
+            }
+        } else if foot.best.is_none() {
+            foot.at = on;
+            return true;
+        }
+        let share = match foot.step {
+            None => 0.7,
+            Some((before, step)) => {
+                let bend = step.dot(&(before - along));
+                if bend > 0.0 { (step.norm_squared() / bend).clamp(0.05, 1.5) } else { 1.0 }
+            }
+        };
+        let mut step = along * share;
+        if step.norm() > self.edge {
+            step *= self.edge / step.norm();
+        }
+        foot.step = Some((along, step));
+        foot.at = on + step;
+        true
+    }
+
+    fn sample_of(&self, p: &Point, foot: &Foot, value: Real) -> FieldSample {
+        let Some(mesh) = &foot.closest else {
+            let limit = self.limits[usize::from(value < 0.0)];
+            let far = if limit.is_finite() { limit } else { self.limits[0] };
+            return FieldSample { distance: foot.side * far, gradient: Vector::zeros() };
+        };
+        // A foot that wandered off has met something else than the surface.
+        match foot.best.filter(|b| b.distance <= mesh.distance + self.edge) {
+            Some(b) => {
+                // A foot that is off by t turns the arm by t / d, the normal by t κ.
+                let near = if b.settled { NORMAL } else { NEAREST } * self.edge;
+                let arm = p - b.at;
+                // A blob too small for the mesh is no inside: away from the surface a point is on the surface's side.
+                let side = if b.settled && b.distance > near { Real::signum(arm.dot(&b.normal)) } else { foot.side };
+                let gradient = if b.distance > near { arm * (side / b.distance) } else { b.normal };
+                FieldSample { distance: side * b.distance, gradient }
+            }
+            None => FieldSample { distance: foot.side * mesh.distance, gradient: unit_or_zero(&(p - mesh.point)) * foot.side },
+        }
+    }
+}
+
+/// The first triangle in each cube of so many metres.
+fn thinned(mesh: &TriMesh, cube: Real) -> TriMesh {
+    let mut first: Vec<([i64; 3], usize)> = (0..mesh.triangles().len())
+        .map(|t| {
+            let [a, b, c] = mesh.corners(t);
+            (((a.coords + b.coords + c.coords) / (3.0 * cube)).map(|x| x.floor() as i64).into(), t)
+        })
+        .collect();
+    first.sort_unstable();
+    first.dedup_by_key(|(cube, _)| *cube);
+    let triangles = first.into_iter().map(|(_, t)| mesh.triangles()[t]).collect();
+    TriMesh::new(mesh.vertices().to_vec(), triangles).expect("a part of a mesh is a mesh")
+}
+
+/// The way to a nearest point.
+struct Foot {
+    side: Real,
+    closest: Option<Closest>,
+    at: Point,
+    /// How far it would have slid, and how far it did.
+    step: Option<(Vector, Vector)>,
+    best: Option<Best>,
+}
+
+/// The nearest point of the zero set so far.
+#[derive(Clone, Copy)]
+struct Best {
+    distance: Real,
+    at: Point,
+    normal: Vector,
+    /// Whether it is the nearest of its neighbourhood.
+    settled: bool,
+}
+
+impl<S: SignedDistance + ?Sized> SignedDistance for ZeroSet<'_, S> {
+    fn distance(&self, p: &Point) -> Real {
+        self.sample(p).distance
+    }
+
+    fn sample(&self, p: &Point) -> FieldSample {
+        let mut out = [FieldSample { distance: 0.0, gradient: Vector::zeros() }];
+        self.samples(&[*p], &mut out);
+        out[0]
+    }
+
+    fn samples(&self, points: &[Point], out: &mut [FieldSample]) {
+        let nothing = FieldSample { distance: 0.0, gradient: Vector::zeros() };
+        for (points, out) in points.chunks(BATCH).zip(out.chunks_mut(BATCH)) {
+            let mut values = vec![0.0; points.len()];
+            self.source.distances(points, &mut values);
+            let mut feet: Vec<Foot> = points
+                .par_chunks(NEIGHBOURS)
+                .zip(values.par_chunks(NEIGHBOURS))
+                .flat_map_iter(|(points, values)| {
+                    let mut feet: Vec<Foot> = Vec::with_capacity(points.len());
+                    for (p, value) in points.iter().zip(values) {
+                        let foot = self.start(p, *value, feet.last());
+                        feet.push(foot);
+                    }
+                    feet
+                })
+                .collect();
+            let mut active: Vec<usize> = (0..points.len()).filter(|k| feet[*k].closest.is_some()).collect();
+            let mut here = vec![nothing; points.len()];
+            for _ in 0..STEPS {
+                let at: Vec<Point> = active.iter().map(|k| feet[*k].at).collect();
+                self.source.samples(&at, &mut here[..at.len()]);
+                let mut next = 0;
+                for i in 0..active.len() {
+                    let k = active[i];
+                    if self.step(&points[k], &mut feet[k], &here[i]) {
+                        active[next] = k;
+                        next += 1;
+                    }
+                }
+                active.truncate(next);
+                if next == 0 {
+                    break;
+                }
+            }
+            for (k, o) in out.iter_mut().enumerate() {
+                *o = self.sample_of(&points[k], &feet[k], values[k]);
+                if !values[k].is_finite() {
+                    o.distance = values[k];
+                }
+            }
+        }
+    }
+
+    fn bounds(&self) -> Option<Aabb> {
+        self.source.bounds()
+    }
+
+    fn lipschitz(&self) -> Real {
+        1.0
+    }
+}
