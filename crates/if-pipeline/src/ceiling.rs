@@ -33,13 +33,13 @@ pub(crate) struct Ceilings<'a> {
 }
 
 impl Ceilings<'_> {
-    /// Where `p` must be pressed in: the inward normal and a point of the plane, one for each layer it sticks out of
-    /// (or lies less than the gap below).
+    /// The planes that `p` must stay behind: the inward normal and a point, one for each layer it sticks out of or lies closely
+    /// below.
     ///
     /// Beyond the end of a layer nothing is pressed: a hem, a cuff or an open front covers nothing there.
     fn planes<'a>(&'a self, p: &'a Point) -> impl Iterator<Item = (Vector, Point)> + 'a {
         self.layers.iter().filter_map(move |c| {
-            let s = c.layer.sided(p, self.reach).filter(|s| !s.boundary && s.distance > -c.gap)?;
+            let s = c.layer.sided(p, self.reach).filter(|s| !s.boundary && s.distance > -c.gap - MARGIN)?;
             Some((-s.normal, s.point - s.normal * c.gap))
         })
     }
@@ -124,5 +124,7 @@ impl Above {
     }
 }
 
+/// Vertices that lie less than this below the gap are kept in, too, in metres: else they buckle out in the next round.
+const MARGIN: Real = 0.01;
 /// Clearances between a layer and a ceiling: one for each of the two when they settle, and one to spare for chords.
 const ROOM: Real = 3.0;
