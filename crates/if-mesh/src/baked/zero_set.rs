@@ -7,7 +7,6 @@ use if_core::aabb::Aabb;
 use if_core::closest::{Closest, ClosestPoint};
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, unit_or_zero};
-use if_core::mesh::TriMesh;
 use rayon::prelude::*;
 
 /// Triangles have edges of this share of a cell of level 0: of 3 mm for cells of 12 mm. They are where nearest points are looked for
@@ -31,11 +30,8 @@ const NEIGHBOURS: usize = 64;
 /// Networks have values in single precision.
 const NOISE: Real = 1e-6;
 
-/// Farther than so many edges, one triangle of each cube of so many edges is enough to begin with: the middle of a ball is equally far from
-/// all triangles, and looks at each.
+/// Nearer than so many edges, something thin that the mesh does not show is looked for.
 const FAR: Real = 8.0;
-/// The cubes' edges.
-const SPARSE: Real = 4.0;
 /// Where the source is below this share of the distance to the mesh, something is nearer than the mesh. Below what scaled fields are, as a rule.
 const THIN: Real = 0.3;
 /// Slopes are at most this times the steepest that was seen.
@@ -45,7 +41,7 @@ const STEEPER: Real = 1.5;
 ///
 /// ```text
 /// mesh of the zero set, once           extract
-/// q ← nearest point of the mesh        far from it: of one triangle of each cube of 12 mm
+/// q ← nearest point of the mesh
 /// q ← q − n φ(q) / |∇φ(q)| until φ(q) = 0
 /// a few times: q ← q − n φ(q) / |∇φ(q)| + α t,   t = (p − q) − n n·(p − q),   n = ∇φ / |∇φ| at q
 /// φ' = ±|p − q|,   ∇φ' = ±(p − q) / |p − q|
@@ -56,8 +52,6 @@ const STEEPER: Real = 1.5;
 pub(super) struct ZeroSet<'a, S: ?Sized> {
     source: &'a S,
     surface: Bvh,
-    /// One triangle of each cube of some edges.
-    some: Bvh,
     edge: Real,
     /// No distance is looked for beyond these, outside and inside.
     limits: [Real; 2],
@@ -91,8 +85,7 @@ impl<'a, S: SignedDistance + ?Sized> ZeroSet<'a, S> {
             error => BakeError::Surface(error),
         })?;
         let limits = [params.band + far, params.depth + far];
-        let some = Bvh::new(&thinned(&mesh.mesh, SPARSE * edge));
-        Ok(Self { source, surface: Bvh::new(&mesh.mesh), some, edge, limits })
+        Ok(Self { source, surface: Bvh::new(&mesh.mesh), edge, limits })
     }
 
     /// What is known before any step.
@@ -100,15 +93,10 @@ impl<'a, S: SignedDistance + ?Sized> ZeroSet<'a, S> {
         let most = self.limits[usize::from(value < 0.0)];
         // A point of the mesh that a neighbour found: none farther needs to be looked at.
         let known = before.and_then(|b| b.closest).map_or(Real::INFINITY, |c| (p - c.point).norm() + 1e-6 * self.edge);
-        let near = FAR * self.edge;
-        let mut closest = self.surface.closest(p, most.min(known).min(near));
-        if closest.is_none() && most > near {
-            // The triangle of its cube is at most a diagonal farther.
-            closest = self.some.closest(p, most.min(known + 2.0 * SPARSE * self.edge));
-        }
+        let closest = self.surface.closest(p, most.min(known));
         let at = match &closest {
             // Something thin that the mesh does not show is nearer.
-            Some(c) if c.distance < near && value.abs() < THIN * c.distance => *p,
+            Some(c) if c.distance < FAR * self.edge && value.abs() < THIN * c.distance => *p,
             Some(c) => c.point,
             None => *p,
         };
@@ -178,20 +166,6 @@ impl<'a, S: SignedDistance + ?Sized> ZeroSet<'a, S> {
             None => FieldSample { distance: foot.side * mesh.distance, gradient: unit_or_zero(&(p - mesh.point)) * foot.side },
         }
     }
-}
-
-/// The first triangle in each cube of so many metres.
-fn thinned(mesh: &TriMesh, cube: Real) -> TriMesh {
-    let mut first: Vec<([i64; 3], usize)> = (0..mesh.triangles().len())
-        .map(|t| {
-            let [a, b, c] = mesh.corners(t);
-            (((a.coords + b.coords + c.coords) / (3.0 * cube)).map(|x| x.floor() as i64).into(), t)
-        })
-        .collect();
-    first.sort_unstable();
-    first.dedup_by_key(|(cube, _)| *cube);
-    let triangles = first.into_iter().map(|(_, t)| mesh.triangles()[t]).collect();
-    TriMesh::new(mesh.vertices().to_vec(), triangles).expect("a part of a mesh is a mesh")
 }
 
 /// The way to a nearest point.
