@@ -97,15 +97,18 @@ pub fn carried_weights(surface: &TriMesh, skin: &SkinWeights, joints: usize, poi
     SkinWeights::new(on, weights, joints).expect("the four largest parts of weights are positive, and were divided by their sum")
 }
 
+/// Joints, and their parts of a place.
+pub(super) type Shares = Vec<(u16, Real)>;
+
 /// For each of `points` its distance from a skinned surface, and the weights there.
-pub(super) fn carried_to(surface: &TriMesh, skin: &SkinWeights, points: &[Point]) -> Vec<(Real, Vec<(u16, Real)>)> {
+pub(super) fn carried_to(surface: &TriMesh, skin: &SkinWeights, points: &[Point]) -> Vec<(Real, Shares)> {
     let tree = Bvh::new(surface);
     points.par_iter().with_min_len(256).map(|p| nearest_weights(&tree, surface, skin, p)).collect()
 }
 
-fn nearest_weights(tree: &Bvh, surface: &TriMesh, skin: &SkinWeights, p: &Point) -> (Real, Vec<(u16, Real)>) {
+fn nearest_weights(tree: &Bvh, surface: &TriMesh, skin: &SkinWeights, p: &Point) -> (Real, Shares) {
     let near = tree.closest(p, Real::INFINITY).expect("a surface with triangles has a nearest point");
-    let mut sums: Vec<(u16, Real)> = Vec::with_capacity(12);
+    let mut sums = Shares::with_capacity(12);
     for (v, b) in surface.triangles()[near.triangle as usize].iter().zip(near.barycentric) {
         let v = *v as usize;
         for (j, w) in skin.joints()[v].iter().zip(skin.weights()[v]) {
@@ -120,7 +123,7 @@ fn nearest_weights(tree: &Bvh, surface: &TriMesh, skin: &SkinWeights, p: &Point)
 }
 
 /// The four largest of a vertex's weights, made to sum to one.
-pub(super) fn four_largest(mut sums: Vec<(u16, Real)>) -> ([u16; 4], [f32; 4]) {
+pub(super) fn four_largest(mut sums: Shares) -> ([u16; 4], [f32; 4]) {
     sums.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     sums.truncate(4);
     let total: Real = sums.iter().map(|s| s.1).sum();

@@ -1,6 +1,6 @@
 //! What the fit of a surface starts from: the template, or its union with the inside of loose clothes.
 
-use super::canonical::{FloodedField, carried_to, four_largest, largest_piece};
+use super::canonical::{FloodedField, Shares, carried_to, four_largest, largest_piece};
 use super::loose::{Filling, Lattice, Space, View, fill, loose_labels};
 use super::observe::Observation;
 use super::params::SurfaceParams;
@@ -87,7 +87,7 @@ pub(super) fn start(
 /// On the template its weights, away from it those of the grid.
 fn weights(template: &TemplateBody, grid: &WeightGrid, mesh: &TriMesh) -> SkinWeights {
     let near = carried_to(&template.mesh, &template.skin, mesh.vertices());
-    let of = |(p, (distance, carried)): (&Point, &(Real, Vec<(u16, Real)>))| {
+    let of = |(p, (distance, carried)): (&Point, &(Real, Shares))| {
         let far = (distance / OVER).min(1.0);
         let mut sums = vec![0.0; grid.joints()];
         grid.weights_at(p, &mut sums);
