@@ -19,7 +19,7 @@ fn scene(resolution: f64) -> Outfit {
 }
 
 fn bench(c: &mut Criterion) {
-    let mut group = c.benchmark_group("pipeline/resolve");
+    let mut group = c.benchmark_group("if-pipeline/resolve");
     group.sample_size(10).measurement_time(Duration::from_secs(20));
     for (name, resolution) in [("coarse", 0.7), ("demo", 1.0)] {
         let outfit = scene(resolution);

@@ -45,11 +45,11 @@ fn bench(c: &mut Criterion) {
     for (name, below, above, [fewest, most]) in scenes() {
         let found = verify(&below, &above);
         assert!((fewest..=most).contains(&found), "{name}: {found} pairs");
-        c.bench_function(&format!("pipeline/verify/{name}"), |b| {
+        c.bench_function(&format!("if-pipeline/verify/{name}"), |b| {
             b.iter(|| assert_eq!(verify(black_box(&below), black_box(&above)), found));
         });
         let (ta, tb) = (Bvh::new(&below), Bvh::new(&above));
-        c.bench_function(&format!("pipeline/verify_built/{name}"), |b| {
+        c.bench_function(&format!("if-pipeline/verify_built/{name}"), |b| {
             b.iter(|| assert_eq!(pairs(black_box(&ta), black_box(&tb)).len(), found));
         });
     }

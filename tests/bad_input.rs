@@ -145,7 +145,7 @@ fn refusal(change: impl Fn(&mut ResolveParams)) -> Option<&'static str> {
 #[test]
 fn parameters_that_are_not_numbers_or_negative_are_refused_by_name() {
     type Set = fn(&mut ResolveParams, Real);
-    let parameters: [(&str, Set); 13] = [
+    let parameters: [(&str, Set); 14] = [
         ("clearance", |p, x| p.clearance = x),
         ("influence", |p, x| p.influence = x),
         ("repair_influence", |p, x| p.repair_influence = x),
@@ -159,6 +159,7 @@ fn parameters_that_are_not_numbers_or_negative_are_refused_by_name() {
         ("stretch_softness", |p, x| p.stretch_softness = x),
         ("anchor_softness", |p, x| p.anchor_softness = x),
         ("inflation", |p, x| p.inflation = x),
+        ("tuck_reach", |p, x| p.tuck_reach = x),
     ];
     for (name, set) in parameters {
         for bad in [Real::NAN, Real::INFINITY, -1.0] {

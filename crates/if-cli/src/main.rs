@@ -5,6 +5,7 @@ mod args;
 mod cancel;
 mod check;
 mod clean;
+mod companions;
 mod cut;
 mod demo;
 mod end;

@@ -1,6 +1,7 @@
 //! One outfit from its files to its output folder.
 
 use crate::cancel;
+use crate::companions;
 use crate::end::End;
 use crate::left::Left;
 use crate::load::{self, Loaded};
@@ -96,6 +97,9 @@ pub(crate) fn run(spec: &OutfitSpec, out: &Path, options: Options, line: &Line) 
     if done.left.is_none() || options.write_unproven {
         line.say("writing");
         done.outputs = outputs::write_garments(spec, &loaded, &resolved.positions, &request, (&staging, out))?;
+        let (copied, missing) = companions::write(spec, &loaded, &names, (&staging, out))?;
+        done.outputs.extend(copied);
+        done.notes.extend(missing);
         timings.write = start.elapsed().as_secs_f64() - timings.read - timings.resolve;
         if options.pictures {
             line.say("drawing");

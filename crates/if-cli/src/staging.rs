@@ -92,7 +92,7 @@ impl Staging {
         for entry in fs::read_dir(&partial).map_err(fault)? {
             let path = entry.map_err(fault)?.path();
             if !path.ends_with(LOCK) {
-                fs::remove_file(path).map_err(fault)?;
+                if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) }.map_err(fault)?;
             }
         }
         cancel::guard(Some(&partial));
@@ -108,7 +108,9 @@ impl Staging {
     pub(crate) fn commit(mut self, names: &[&str]) -> Result<(), OutputError> {
         for name in names {
             let path = self.out.join(name);
-            fs::rename(self.path(name), &path).map_err(|source| OutputError::File { path, source })?;
+            let folder = path.parent().unwrap_or(&self.out);
+            let moved = fs::create_dir_all(folder).and_then(|()| fs::rename(self.path(name), &path));
+            moved.map_err(|source| OutputError::File { path, source })?;
         }
         self.made.clear();
         Ok(())

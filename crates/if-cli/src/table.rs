@@ -23,6 +23,16 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
     let mut text = String::new();
     section(&mut text, "Before -> after", &pairs_before_after(before, after, colour));
     section(&mut text, "What was done", &layers(&report.layers, &before.own_pairs, colour));
+    for layer in report.layers.iter().filter(|l| l.tucked[0] > 0) {
+        let [before, after] = layer.tucked;
+        let _ = writeln!(
+            text,
+            "{} was pressed in below the layers above: {} -> {} vertices stick out of them.",
+            layer.name,
+            count(before),
+            count(after)
+        );
+    }
     text
 }
 
@@ -328,6 +338,7 @@ mod tests {
             repairs: 12,
             sweeps: 1000,
             queries: 100_000,
+            tucked: [120, 3],
             skipped: Skipped { layers: 1, vertices: 12_345, queries: 9, sweeps: 0 },
             seconds: 12.345,
         };
@@ -348,6 +359,7 @@ mod tests {
             assert!(line.chars().count() <= 100 && line.is_ascii() && !line.contains('\x1b'), "{line}");
         }
         assert!(text.contains("29,859 -> 0") && text.contains("123.40"), "{text}");
+        assert!(text.contains("suit_jacket was pressed in below the layers above: 120 -> 3 vertices stick out"), "{text}");
         assert_eq!(
             skipped(&report.layers).as_deref(),
             Some("Skipped: 2 pairs of layers that do not meet, 18 nearest-point queries.")

@@ -13,10 +13,12 @@
 //! a `vt` of one number, names no line in its errors, and overflows on some relative indices.
 
 mod error;
+mod materials;
 mod parse;
 
 pub use crate::normals::Normals;
 pub use error::{Index, ReadError, WriteError};
+pub use materials::textures;
 
 use crate::normals::Turns;
 use crate::polygons::{FaceList, Polygons};
@@ -81,6 +83,12 @@ impl ObjMesh {
     /// The file, byte for byte.
     pub fn text(&self) -> &[u8] {
         &self.text
+    }
+
+    /// What stands on the `mtllib` lines: a file name that may hold spaces, or several names between spaces. Paths start at the
+    /// folder of the file.
+    pub fn material_libraries(&self) -> Vec<String> {
+        materials::libraries(&self.text)
     }
 
     /// Number of `vn` lines that several vertices use. They cannot turn with any one vertex, so

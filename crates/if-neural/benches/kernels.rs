@@ -51,7 +51,7 @@ fn sdf(criterion: &mut Criterion) {
     for (name, config) in [("256", SdfConfig::fast()), ("512", SdfConfig::paper())] {
         let network = SdfNetwork::new(&config, 1).expect("a preset");
         let frozen = FrozenMlp::new(&config, network.parameters()).expect("a preset");
-        let mut group = criterion.benchmark_group("neural");
+        let mut group = criterion.benchmark_group("if-neural");
         group.throughput(Throughput::Elements(POINTS as u64)).sample_size(20);
         let mut values = vec![0.0; POINTS];
         group.bench_function(format!("value/{name}"), |bencher| {
@@ -75,7 +75,7 @@ fn deformation(criterion: &mut Criterion) {
     let points = points();
     let frames: Vec<u32> = (0..POINTS as u32).map(|n| n % 60).collect();
     let network = DeformationNetwork::new(&DeformationConfig::paper(60), 1).expect("a preset");
-    let mut group = criterion.benchmark_group("neural");
+    let mut group = criterion.benchmark_group("if-neural");
     group.throughput(Throughput::Elements(POINTS as u64)).sample_size(20);
     let mut offsets = vec![[0.0; 3]; POINTS];
     group.bench_function("offset/512", |bencher| {

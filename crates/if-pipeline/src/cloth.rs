@@ -1,5 +1,6 @@
 //! The garment as the solver sees it: its cloth, its contacts, and what earlier rounds have found.
 
+use crate::ceiling::Ceilings;
 use crate::contacts::{ContactParams, Contacts, Way};
 use crate::inspector::State;
 use crate::outfit::Layer;
@@ -43,6 +44,7 @@ const PART_OWN: Real = 0.1e-3;
 pub(crate) struct Cloth<'a> {
     garment: &'a Layer,
     below: &'a [&'a ClosedLayer],
+    above: Ceilings<'a>,
     outward: &'a Outward,
     params: &'a ResolveParams,
     pub(crate) x: Vec<Point>,
@@ -61,6 +63,9 @@ pub(crate) struct Cloth<'a> {
     limit: StrainLimit,
     ties: Ties,
     planes: HalfSpaces,
+    /// Planes that vertices are pressed behind, and vertices that no longer are.
+    pressed: HalfSpaces,
+    released: Vec<bool>,
     /// Planes that part intersecting triangles: vertex, normal, point.
     parting: Vec<(u32, Vector, Point)>,
     own: Separations,
@@ -82,6 +87,7 @@ impl<'a> Cloth<'a> {
         garment: &'a Layer,
         tree: &Bvh,
         below: &'a [&'a ClosedLayer],
+        above: Ceilings<'a>,
         outward: &'a Outward,
         params: &'a ResolveParams,
     ) -> Self {
@@ -114,6 +120,9 @@ impl<'a> Cloth<'a> {
                 .expect("a limit that was checked"),
             garment,
             below,
+            above,
+            pressed: planes.clone(),
+            released: vec![false; n],
             outward,
             params,
             short: short_edges(&edges, &x),
@@ -196,6 +205,16 @@ impl<'a> Cloth<'a> {
         }
     }
 
+    /// Vertices that stick out of a layer above and are still to be pressed in.
+    pub(crate) fn sticking_out(&self, x: &[Point]) -> Vec<u32> {
+        self.above.sticking_out(x, &self.released)
+    }
+
+    /// The `vertices` are no longer pressed in below the layers above.
+    pub(crate) fn release(&mut self, vertices: &BTreeSet<u32>) {
+        vertices.iter().for_each(|v| self.released[*v as usize] = true);
+    }
+
     /// One round of contacts alone: the cloth yields. Returns the largest motion.
     pub(crate) fn push_out(&mut self, tree: &Bvh) -> Real {
         self.find_planes(tree);
@@ -213,7 +232,8 @@ impl<'a> Cloth<'a> {
     /// One round: contacts, and sweeps until they and the cloth agree. Returns the largest motion.
     pub(crate) fn round(&mut self, tree: &Bvh) -> Real {
         self.find_planes(tree);
-        let Self { x, inverse_masses: w, planes, .. } = self;
+        self.above.detect(&self.x, &self.inverse_masses, &self.released, &mut self.pressed);
+        let Self { x, inverse_masses: w, planes, pressed, .. } = self;
         let start = x.clone();
         let visits = if self.own.is_empty() { 1 } else { 2 };
         // What is held on all its vertices does nothing, and is left out.
@@ -233,6 +253,7 @@ impl<'a> Cloth<'a> {
             }
             ties.project(x, w, H);
             limit.project(x, w, H);
+            pressed.project(x, w);
             for _ in 0..visits {
                 planes.project(x, w);
                 self.own.project(x, w, H);

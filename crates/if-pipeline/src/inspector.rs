@@ -62,7 +62,7 @@ impl<'a> Inspector<'a> {
             given: GivenPairs::new(&own),
             seen: mesh.vertices().to_vec(),
             inside: vec![false; n],
-            pairs: below.iter().map(|l| sorted(pairs(l.bvh(), tree))).collect(),
+            pairs: all_pairs(below, tree),
             own,
         };
         this.look_at_sides(&vec![true; n]);
@@ -76,7 +76,7 @@ impl<'a> Inspector<'a> {
         self.seen.copy_from_slice(mesh.vertices());
         let triangles = MovedTriangles::new(mesh, &moved);
         if triangles.len() as Real > MANY * mesh.triangles().len() as Real {
-            self.pairs = self.below.iter().map(|l| sorted(pairs(l.bvh(), tree))).collect();
+            self.pairs = all_pairs(self.below, tree);
             self.own = own_pairs(mesh, tree);
         } else if !triangles.is_empty() {
             for (layer, pairs) in self.below.iter().zip(&mut self.pairs) {
@@ -105,7 +105,12 @@ impl<'a> Inspector<'a> {
     }
 }
 
-fn sorted(mut pairs: Vec<TrianglePair>) -> Vec<TrianglePair> {
-    pairs.sort_unstable();
-    pairs
+/// The pairs of what `tree` holds with each layer, sorted.
+fn all_pairs(below: &[&ClosedLayer], tree: &Bvh) -> Vec<Vec<TrianglePair>> {
+    let with = |layer: &&ClosedLayer| {
+        let mut found = pairs(layer.bvh(), tree);
+        found.sort_unstable();
+        found
+    };
+    below.iter().map(with).collect()
 }

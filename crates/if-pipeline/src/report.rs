@@ -129,6 +129,10 @@ pub struct LayerReport {
     pub sweeps: usize,
     /// Nearest-point queries made.
     pub queries: usize,
+    /// Vertices that stuck out of a layer above, before and after the garment was pressed in below it
+    /// ([`crate::resolve::Tuck`]); zeros where it was not.
+    #[serde(default)]
+    pub tucked: [usize; 2],
     /// What was skipped.
     pub skipped: Skipped,
     /// Wall time, in seconds.

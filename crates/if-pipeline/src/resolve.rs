@@ -1,16 +1,16 @@
 //! Layer by layer, inner to outer: order, project, settle, verify exactly, repair, freeze.
 
+use crate::ceiling::Above;
+use crate::dressing::Dressing;
 use crate::outfit::{Outfit, OutfitError};
-use crate::report::{LayerReport, Moved, PairReport, ResolveReport, Skipped, Strain};
-use crate::settle::{Settled, settle};
-use crate::verify::{against, verify_layers};
-
+use crate::report::ResolveReport;
+use crate::settle::Halt;
+use crate::verify::verify_layers;
 use if_core::math::Real;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::{own_pairs, pairs};
-use if_mesh::measure::{displacement, strain};
-use if_mesh::solid::ClosedLayer;
+use if_mesh::intersections::pairs;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -60,6 +60,10 @@ pub struct ResolveParams {
     pub anchor_softness: Real,
     /// Factor on the gap of vertices whose triangles intersect again and again.
     pub inflation: Real,
+    /// When garments are pressed in below the layers above them.
+    pub tuck: Tuck,
+    /// Vertices that stick out of a layer above by up to this much are pressed in, in metres.
+    pub tuck_reach: Real,
     /// Nearest points that a bound on the motion makes unnecessary are not looked for. Off is the slow twin, for tests and
     /// benchmarks: the same bits, later.
     pub skip: bool,
@@ -89,6 +93,8 @@ impl Default for ResolveParams {
             bending_softness: 10.0,
             anchor_softness: 200.0,
             inflation: 1.1,
+            tuck: Tuck::IfStuck,
+            tuck_reach: 0.05,
             skip: true,
         }
     }
@@ -125,6 +131,7 @@ impl ResolveParams {
             ("stretch_softness", self.stretch_softness, soft(self.stretch_softness), SOFTNESS),
             ("bending_softness", self.bending_softness, soft(self.bending_softness), SOFTNESS),
             ("anchor_softness", self.anchor_softness, soft(self.anchor_softness), SOFTNESS),
+            ("tuck_reach", self.tuck_reach, positive(self.tuck_reach) && self.tuck_reach < 0.2, "it must be between 0 and 0.2 m"),
             ("inflation", self.inflation, (1.0..=2.0).contains(&self.inflation), "it must lie between 1 and 2"),
         ];
         match checks.into_iter().find(|c| !c.2) {
@@ -132,6 +139,23 @@ impl ResolveParams {
             None => Ok(()),
         }
     }
+}
+
+/// When the inner of two garments gives way to the outer one.
+///
+/// Layers are settled from the body outwards, and as in the paper only the outer of two garments moves. That cannot go well where the
+/// outer one is the smaller: it is stretched over what it should hold together. Then the inner garments, as far as the body leaves
+/// room, are pressed in below the layers above first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Tuck {
+    /// Never: a garment that gets stuck yields, stretched as far as it takes.
+    Never,
+    /// When a garment got stuck over others that it met: those are settled again, below it.
+    #[default]
+    IfStuck,
+    /// In any outfit whose garments meet.
+    Always,
 }
 
 /// What is being done, for progress bars.
@@ -230,78 +254,31 @@ pub fn resolve(
     outfit.check()?;
     let start = Instant::now();
     let (before, closed) = verify_layers(outfit);
-    let mut closed = closed.into_iter();
-    let mut report = ResolveReport { before, ..Default::default() };
-    let mut result = outfit.clone();
-    let mut below: Vec<(String, ClosedLayer)> = closed.next().map(|body| (outfit.body.name.clone(), body)).into_iter().collect();
     let layers = outfit.garments.len();
-    // Whether all layers so far lie as they came: then what was found before holds for what lies over them.
-    let mut as_they_came = true;
-    for (index, garment) in outfit.garments.iter().enumerate() {
-        let begun = Instant::now();
-        let mut tell = |stage, round, pairs| watch(&Progress { layer: &garment.name, index, layers, stage, round, pairs });
-        let cancelled = || ResolveError::Cancelled { layer: garment.name.clone() };
-        if tell(Stage::Verify, 0, None).is_break() {
-            return Err(cancelled());
-        }
-        let reach = garment.mesh.aabb().inflated(params.clearance + params.margin);
-        let apart = below.iter().filter(|(_, c)| !c.bvh().aabb().overlaps(&reach)).count();
-        let near: Vec<&ClosedLayer> = below.iter().map(|(_, c)| c).collect();
-        let mut inform = |round, repairing, pairs| tell(if repairing { Stage::Repair } else { Stage::Settle }, round, pairs);
-        let found: Vec<PairReport> = report.before.pairs.iter().filter(|p| p.outer == garment.name).cloned().collect();
-        let needs_nothing = as_they_came && found.iter().all(PairReport::is_clean);
-        let settled = if needs_nothing {
-            Settled::as_it_is(garment)
-        } else {
-            settle(garment, &near, params, &mut inform).map_err(|()| cancelled())?
-        };
-        let mesh = garment.mesh.with_vertices(settled.positions).expect("settled positions are finite");
-        let own = if needs_nothing {
-            report.after.pairs.extend(found);
-            report.before.own_pairs[index]
-        } else {
-            let verifying = Instant::now();
-            let tree = Bvh::new(&mesh);
-            let names: Vec<(&str, &ClosedLayer)> = below.iter().map(|(n, c)| (n.as_str(), c)).collect();
-            report.after.pairs.extend(against(garment, &mesh, &tree, &names));
-            let own = own_pairs(&mesh, &tree).len();
-            report.after.seconds += verifying.elapsed().as_secs_f64();
-            own
-        };
-        report.after.own_pairs.push(own);
-        let (d, s) = (displacement(garment.mesh.vertices(), mesh.vertices()), strain(&garment.mesh, mesh.vertices()));
-        let moved_vertices = garment.mesh.vertices().iter().zip(mesh.vertices()).filter(|(a, b)| a != b).count();
-        report.layers.push(LayerReport {
-            name: garment.name.clone(),
-            moved: Moved { mean: d.mean_mm * 1e-3, p95: d.p95_mm * 1e-3, max: d.max_mm * 1e-3, vertices: moved_vertices },
-            strain: Strain { rms: s.rms_percent * 1e-2, p99: s.p99_percent * 1e-2, max: s.max_percent * 1e-2 },
-            own_pairs: [report.before.own_pairs[index], own],
-            rounds: settled.rounds,
-            repairs: settled.repairs,
-            sweeps: settled.sweeps,
-            queries: settled.queries,
-            skipped: Skipped {
-                layers: apart,
-                vertices: settled.held,
-                queries: settled.spared,
-                sweeps: (params.rounds - settled.rounds) * params.sweeps,
-            },
-            seconds: begun.elapsed().as_secs_f64(),
-        });
-        as_they_came &= moved_vertices == 0;
-        let as_it_came = closed.next();
-        if index + 1 < layers {
-            let layer = match as_it_came {
-                Some(layer) if moved_vertices == 0 => layer,
-                _ => ClosedLayer::garment(&mesh, &below[0].1, &outfit.body.mesh),
-            };
-            below.push((garment.name.clone(), layer));
-        }
-        result.garments[index].mesh = mesh;
-        if tell(Stage::Done, settled.rounds, None).is_break() {
-            return Err(cancelled());
+    // The garments that those below are pressed in under.
+    let mut tight: BTreeSet<usize> = if params.tuck == Tuck::Always { (0..layers).collect() } else { BTreeSet::new() };
+    let mut above = Above::new(outfit, &before, &closed, &tight, params);
+    let mut dressing = Dressing::new(outfit, before, &closed[0]);
+    let mut index = 0;
+    while index < layers {
+        let mut tell = |name: &str, stage, round, pairs| watch(&Progress { layer: name, index, layers, stage, round, pairs });
+        let name = &outfit.garments[index].name;
+        let may_halt = params.tuck == Tuck::IfStuck && !tight.contains(&index);
+        match dressing.put_on(index, closed.get(index + 1), &above, may_halt, params, &mut |stage, round, pairs| {
+            tell(name, stage, round, pairs)
+        }) {
+            Ok(()) => index += 1,
+            Err(Halt::Cancelled) => return Err(ResolveError::Cancelled { layer: name.clone() }),
+            Err(Halt::Stuck) => {
+                tracing::debug!(garment = name, "stuck: the layers below are pressed in");
+                tight.insert(index);
+                above = Above::new(outfit, &dressing.report.before, &closed, &tight, params);
+                index = (0..index).find(|k| !above.of(*k).is_empty()).unwrap_or(index);
+                dressing.take_off(index);
+            }
         }
     }
+    let Dressing { result, mut report, .. } = dressing;
     report.seconds = start.elapsed().as_secs_f64();
     let resolved = Resolved { outfit: result, report };
     if resolved.report.is_proven() { Ok(resolved) } else { Err(remaining(resolved)) }

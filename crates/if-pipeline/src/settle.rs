@@ -19,6 +19,7 @@
 //! until nothing is left, or `rounds` are over
 //! ```
 
+use crate::ceiling::Ceilings;
 use crate::cloth::Cloth;
 use crate::inspector::Inspector;
 use crate::outfit::Layer;
@@ -31,6 +32,14 @@ use if_mesh::solid::ClosedLayer;
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
+/// Why a garment did not settle.
+pub(crate) enum Halt {
+    /// The caller asked to stop.
+    Cancelled,
+    /// Repairs came to a standstill, and the cloth may not yield.
+    Stuck,
+}
+
 /// What became of a garment.
 pub(crate) struct Settled {
     /// Its positions; those of the input where nothing had to move.
@@ -40,6 +49,8 @@ pub(crate) struct Settled {
     pub(crate) sweeps: usize,
     pub(crate) queries: usize,
     pub(crate) spared: usize,
+    /// Vertices that stuck out of a layer above, before and after.
+    pub(crate) tucked: [usize; 2],
     /// Vertices that were held throughout.
     pub(crate) held: usize,
 }
@@ -48,35 +59,39 @@ impl Settled {
     /// Of a garment that needs nothing.
     pub(crate) fn as_it_is(garment: &Layer) -> Self {
         let positions = garment.mesh.vertices().to_vec();
-        Self { held: positions.len(), positions, rounds: 0, repairs: 0, sweeps: 0, queries: 0, spared: 0 }
+        Self { held: positions.len(), positions, rounds: 0, repairs: 0, sweeps: 0, queries: 0, spared: 0, tucked: [0; 2] }
     }
 }
 
-/// Brings `garment` outside the layers `below` (the body first).
+/// Brings `garment` outside the layers `below` (the body first), and as far as there is room below those `above`.
 ///
 /// # Errors
 ///
-/// [`ControlFlow::Break`] as `Err(())`, when `watch` asked to stop. It is told the round, and the
-/// pairs left where they were counted.
+/// [`Halt::Cancelled`] when `watch` asked to stop; it is told the round, and the pairs left where they were counted.
+/// [`Halt::Stuck`] instead of yielding, where `may_yield` forbids that.
 pub(crate) fn settle(
     garment: &Layer,
     below: &[&ClosedLayer],
+    above: Ceilings<'_>,
+    may_yield: bool,
     params: &ResolveParams,
     watch: &mut dyn FnMut(usize, bool, Option<usize>) -> ControlFlow<()>,
-) -> Result<Settled, ()> {
+) -> Result<Settled, Halt> {
     let mut tree = Bvh::new(&garment.mesh);
     let (mut inspector, input) = Inspector::new(&garment.mesh, &tree, below);
-    if input.is_clean() {
+    let sticking_out = above.sticking_out(garment.mesh.vertices(), &vec![false; garment.mesh.vertices().len()]);
+    if input.is_clean() && sticking_out.is_empty() {
         return Ok(Settled::as_it_is(garment));
     }
     let height = below[0].bvh().aabb().size().max();
     let outward = Outward::new(below, &garment.mesh.aabb().inflated(0.02 * height), params.outward_cell);
-    let mut cloth = Cloth::new(garment, &tree, below, &outward, params);
+    let mut cloth = Cloth::new(garment, &tree, below, above, &outward, params);
     let mut trouble = input.trouble(garment.mesh.triangles());
+    trouble.extend(sticking_out.iter().copied());
     cloth.free_near(&trouble, params.influence, below);
     let mut local = BTreeSet::new();
-    // The best state so far: least left, then least strained.
-    let mut best: Option<((usize, Real), Vec<Point>)> = None;
+    // The best state so far: least left, then least above a ceiling, then least strained.
+    let mut best: Option<((usize, usize, Real), Vec<Point>)> = None;
     let mut polished = 0;
     // Strain where the last attempt to untangle a clean garment began.
     let mut relaxed_from = Real::INFINITY;
@@ -90,7 +105,7 @@ pub(crate) fn settle(
         rounds = round + 1;
         let repairing = round >= params.settle_rounds;
         if watch(round, repairing, Some(state.pairs.len())).is_break() {
-            return Err(());
+            return Err(Halt::Cancelled);
         }
         let moved = if yielding > 0 { cloth.push_out(&tree) } else { cloth.round(&tree) };
         tree.refit(&cloth.x);
@@ -123,20 +138,28 @@ pub(crate) fn settle(
             own = state.fresh.len()
         );
         let strained = strain(&garment.mesh, mesh.vertices());
-        let rank = (state.weight(), strained.rms_percent);
+        if repairing && !state.is_clean() {
+            // What cannot be pressed in without trouble is not.
+            cloth.release(&state.trouble(garment.mesh.triangles()));
+        }
+        let high = cloth.sticking_out(mesh.vertices()).len();
+        let rank = (state.weight(), high, strained.rms_percent);
         if best.as_ref().is_none_or(|(b, _)| rank < *b) {
             best = Some((rank, mesh.vertices().to_vec()));
         }
         if best.as_ref().is_some_and(|(b, _)| b.0 == 0) {
             // Clean. What the repair strained relaxes for some rounds more.
             polished += 1;
-            let calm = strained.max_percent < 100.0 * params.calm_strain;
+            let calm = high == 0 && strained.max_percent < 100.0 * params.calm_strain;
             if state.is_clean() && (moved < params.tolerance || calm) || polished > params.polish_rounds {
                 break;
             }
         }
         let stalled = repairing && yielding == 0 && repairs > 0 && repairs % STALLED == 0;
-        if let Some(((1.., _), x)) = best.as_ref().filter(|_| stalled) {
+        if let Some(((1.., ..), x)) = best.as_ref().filter(|_| stalled) {
+            if !may_yield {
+                return Err(Halt::Stuck);
+            }
             repairs += 1;
             cloth.go_to(x);
             tree.refit(x);
@@ -194,6 +217,8 @@ pub(crate) fn settle(
         Some((_, x)) => x,
         None => cloth.stored(),
     };
+    let none = vec![false; positions.len()];
+    let tucked = [sticking_out.len(), above.sticking_out(&positions, &none).len()];
     Ok(Settled {
         positions,
         rounds,
@@ -201,6 +226,7 @@ pub(crate) fn settle(
         sweeps: cloth.sweeps,
         queries: cloth.contacts.queries,
         spared: cloth.contacts.spared,
+        tucked,
         held: cloth.ever_free.iter().filter(|f| !**f).count(),
     })
 }

@@ -9,6 +9,7 @@ use if_mesh::index::Bvh;
 use if_mesh::intersections::{own_pairs, pairs};
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Checks an outfit without changing it: intersecting triangle pairs of all layers, vertices on the
@@ -24,14 +25,16 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
 
 /// The verification of a checked outfit, and its closed layers: the body, then all garments but the
 /// outermost, which nothing lies over.
-pub(crate) fn verify_layers(outfit: &Outfit) -> (Verification, Vec<ClosedLayer>) {
+pub(crate) fn verify_layers(outfit: &Outfit) -> (Verification, Vec<Arc<ClosedLayer>>) {
     let start = Instant::now();
     let body_mesh = &outfit.body.mesh;
-    let body = ClosedLayer::body(body_mesh);
+    let body = Arc::new(ClosedLayer::body(body_mesh));
     let covered = outfit.garments.split_last().map_or(&[][..], |(_, covered)| covered);
-    let garments: Vec<ClosedLayer> = covered.par_iter().map(|g| ClosedLayer::garment(&g.mesh, &body, body_mesh)).collect();
-    let closed: Vec<ClosedLayer> = [body].into_iter().chain(garments).collect();
-    let layers: Vec<(&str, &ClosedLayer)> = outfit.layers().map(|l| l.name.as_str()).zip(&closed).collect();
+    let close = |g: &Layer| Arc::new(ClosedLayer::garment(&g.mesh, &body, body_mesh));
+    let garments: Vec<_> = covered.par_iter().map(close).collect();
+    let closed: Vec<_> = [body].into_iter().chain(garments).collect();
+    let layers: Vec<(&str, &ClosedLayer)> =
+        outfit.layers().map(|l| l.name.as_str()).zip(closed.iter().map(Arc::as_ref)).collect();
     let mut verification = Verification::default();
     for (k, garment) in outfit.garments.iter().enumerate() {
         let tree = Bvh::new(&garment.mesh);

@@ -47,6 +47,33 @@ fn fix_writes_what_check_then_finds_clean() {
 }
 
 #[test]
+fn material_libraries_and_textures_are_copied_along() {
+    let folder = Folder::new();
+    let shirt = String::from_utf8(folder.read("shirt.obj")).unwrap();
+    folder.write("shirt.obj", format!("mtllib cloth of shirt.mtl\nmtllib gone.mtl\nmtllib ../body.ply\n{shirt}"));
+    std::fs::create_dir(folder.path("maps")).unwrap();
+    folder.write("cloth of shirt.mtl", "newmtl a\nmap_Kd -s 2 2 1 maps/red cloth.png\nbump missing.png\n");
+    folder.write("maps/red cloth.png", "not looked at");
+    let run = folder.ifg("fix outfit.toml --out fixed").expect(0);
+    for name in ["cloth of shirt.mtl", "maps/red cloth.png"] {
+        assert_eq!(folder.read(&format!("fixed/{name}")), folder.read(name), "{name}");
+    }
+    for word in ["`gone.mtl` is not", "`../body.ply` is not", "`missing.png` is not", "skirt.ply, shirt.obj, cloth of shirt.mtl"]
+    {
+        assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
+    }
+    assert!(!folder.path("fixed/.ifg-partial").exists() && !folder.path("fixed/body.ply").exists());
+    // Where the copy would be the file itself, nothing is done.
+    folder.ifg("fix outfit.toml --out . --in-place").expect(0);
+    assert_eq!(folder.read("maps/red cloth.png"), b"not looked at");
+    // One that has the name of another output.
+    folder.write("cloth of shirt.mtl", "map_Kd receipt.json\n");
+    folder.write("receipt.json", "{}");
+    let refused = folder.ifg("fix outfit.toml --out other").expect(2);
+    assert!(refused.stderr.contains("receipt.json") && !folder.path("other").exists(), "{}", refused.stderr);
+}
+
+#[test]
 fn the_receipt_says_what_went_in_and_came_out() {
     let folder = Folder::new();
     let json = folder.ifg("fix outfit.toml --out fixed --clearance 1mm --json").expect(0).json();

@@ -88,6 +88,13 @@ fn layers(page: &mut Page, report: &ResolveReport) {
         .collect();
     let head = ["layer", "moved, mean", "p95", "max", "strain, rms", "p99", "max", "own pairs", "rounds"];
     page.heading("Resolving").table(&head, &rows);
+    for layer in report.layers.iter().filter(|l| l.tucked[0] > 0) {
+        let [before, after] = layer.tucked;
+        page.text(&format!(
+            "{} was pressed in below the layers above: {before} → {after} vertices stick out of them.",
+            layer.name
+        ));
+    }
 }
 
 fn pairs(page: &mut Page, report: &ResolveReport) {

@@ -1,0 +1,47 @@
+//! Which files an OBJ file and its material libraries name.
+
+/// What stands behind `mtllib`, line by line.
+pub(super) fn libraries(text: &[u8]) -> Vec<String> {
+    statements(text).filter(|(key, _)| key == "mtllib").map(|(_, rest)| rest).collect()
+}
+
+/// What stands on the lines of a material library (`.mtl`) that name a texture: options, as the format has them, and a file name that
+/// may hold spaces. Paths start at the folder of the library.
+///
+/// # Examples
+///
+/// ```
+/// let mtl = b"newmtl cloth\nKd 1 0 0\nmap_Kd -s 2 2 1 textures/red cloth.png # woven\nbump folds.png\n";
+/// assert_eq!(if_mesh::obj::textures(mtl), ["-s 2 2 1 textures/red cloth.png", "folds.png"]);
+/// ```
+pub fn textures(mtl: &[u8]) -> Vec<String> {
+    const MAPS: [&str; 5] = ["bump", "disp", "decal", "refl", "norm"];
+    let names_one = |key: &str| key.to_ascii_lowercase().starts_with("map_") || MAPS.contains(&key.to_ascii_lowercase().as_str());
+    // These say how textures are read, not which.
+    let is_switch = |key: &str| key.eq_ignore_ascii_case("map_aat");
+    statements(mtl).filter(|(key, _)| names_one(key) && !is_switch(key)).map(|(_, rest)| rest).collect()
+}
+
+/// The first word of each line, and the rest of it without comment.
+fn statements(text: &[u8]) -> impl Iterator<Item = (String, String)> + '_ {
+    text.split(|b| matches!(b, b'\n' | b'\r')).filter_map(|line| {
+        let line = line.split(|b| *b == b'#').next().unwrap_or_default();
+        let line = String::from_utf8_lossy(line);
+        let (key, rest) = line.trim().split_once(char::is_whitespace)?;
+        Some((key.to_owned(), rest.trim().to_owned()))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_found_whatever_stands_around_them() {
+        let obj = b"# mtllib no.mtl\r\nmtllib a b.mtl # c\r\no shirt\n  mtllib\tc.mtl  \nmtllib\nusemtl d.mtl";
+        assert_eq!(libraries(obj), ["a b.mtl", "c.mtl"]);
+        let mtl = b"map_aat on\nMap_Kd a.png\nmap_bump -bm 0.2 b c.png\nnorm d.png\nKd 1 1 1\nillum 2\n\xff\xfe e.png";
+        assert_eq!(textures(mtl), ["a.png", "-bm 0.2 b c.png", "d.png"]);
+        assert!(textures(b"").is_empty());
+    }
+}
