@@ -2,7 +2,7 @@
 //! wear, and writes one CSV row for each.
 //!
 //! ```text
-//! cargo run --release -p if-pipeline --example combinations -- OUT.csv [--every N] [--data DIR]
+//! cargo run --release -p if-pipeline --example combinations -- OUT.csv [--every N] [--data DIR] [--tuck never|if_stuck|always]
 //! ```
 //!
 //! Rows that OUT.csv holds already are skipped, so that a run can be continued; start a new file after
@@ -14,7 +14,7 @@
 use if_mesh::file::MeshFile;
 use if_mesh::ply::{CoordinateType, quantise};
 use if_pipeline::outfit::{Layer, Outfit};
-use if_pipeline::resolve::{ResolveError, ResolveParams, Resolved, resolve};
+use if_pipeline::resolve::{ResolveError, ResolveParams, Resolved, Tuck, resolve};
 use if_pipeline::verify::verify;
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
@@ -100,29 +100,31 @@ struct Args {
     out: PathBuf,
     every: usize,
     data: PathBuf,
+    tuck: Tuck,
 }
 
 fn args() -> Result<Args, Box<dyn Error>> {
     let mut out = None;
-    let (mut every, mut data) = (1, PathBuf::from("../shared/data/body_a"));
+    let (mut every, mut data, mut tuck) = (1, PathBuf::from("../shared/data/body_a"), Tuck::default());
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         match arg.as_str() {
             "--every" => every = args.next().ok_or("--every needs a number")?.parse()?,
             "--data" => data = args.next().ok_or("--data needs a folder")?.into(),
+            "--tuck" => tuck = serde_json::from_value(args.next().ok_or("--tuck needs never, if_stuck or always")?.into())?,
             _ if out.is_none() => out = Some(PathBuf::from(arg)),
             _ => return Err(format!("`{arg}` is not understood").into()),
         }
     }
-    let out = out.ok_or("usage: combinations OUT.csv [--every N] [--data DIR]")?;
+    let out = out.ok_or("usage: combinations OUT.csv [--every N] [--data DIR] [--tuck never|if_stuck|always]")?;
     if every == 0 {
         return Err("--every needs a number above 0".into());
     }
-    Ok(Args { out, every, data })
+    Ok(Args { out, every, data, tuck })
 }
 
-const HEADER: &str =
-    "outfit,state,pairs_before,inside_before,pairs,inside,worst,own_pairs_added,moved_max_mm,strain_max_percent,rounds,seconds";
+const HEADER: &str = "outfit,state,pairs_before,inside_before,pairs,inside,worst,own_pairs_added,moved_max_mm,strain_max_percent,rounds,seconds,\
+     strain_rms_percent,strain_p99_percent,tucked";
 
 fn main() -> Result<ExitCode, Box<dyn Error>> {
     let args = args()?;
@@ -147,7 +149,7 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
             continue;
         }
         let outfit = Outfit { body: body.clone(), garments: names.iter().map(|n| layers[n].clone()).collect() };
-        let row = row(&title, &outfit)?;
+        let row = row(&title, &outfit, args.tuck)?;
         writeln!(file, "{}", row.join(","))?;
         if row[1] != "clean" {
             println!("{}/{} {title}: {}", k + 1, chosen.len(), row[1..].join(","));
@@ -177,9 +179,9 @@ fn rows(path: &Path) -> Result<Vec<Vec<String>>, Box<dyn Error>> {
     }
 }
 
-fn row(title: &str, outfit: &Outfit) -> Result<Vec<String>, Box<dyn Error>> {
+fn row(title: &str, outfit: &Outfit, tuck: Tuck) -> Result<Vec<String>, Box<dyn Error>> {
     let start = Instant::now();
-    let outcome = resolve(outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(()));
+    let outcome = resolve(outfit, &ResolveParams { tuck, ..Default::default() }, &mut |_| ControlFlow::Continue(()));
     let seconds = start.elapsed().as_secs_f64();
     let (state, resolved): (&str, Resolved) = match outcome {
         Ok(resolved) => ("clean", resolved),
@@ -209,6 +211,9 @@ fn row(title: &str, outfit: &Outfit) -> Result<Vec<String>, Box<dyn Error>> {
         format!("{:.2}", largest(|l| l.strain.max) * 1e2),
         report.layers.iter().map(|l| l.rounds).max().unwrap_or(0).to_string(),
         format!("{seconds:.3}"),
+        format!("{:.3}", largest(|l| l.strain.rms) * 1e2),
+        format!("{:.3}", largest(|l| l.strain.p99) * 1e2),
+        report.layers.iter().filter(|l| l.tucked[0] > 0).count().to_string(),
     ])
 }
 
@@ -234,12 +239,18 @@ fn summary(rows: &[Vec<String>]) -> usize {
         sorted(7).iter().sum::<f64>(),
         rows.iter().filter(|r| number(r, 7) > 0.0).count()
     );
-    for (name, k, unit) in
-        [("largest displacement", 8, "mm"), ("largest strain", 9, "%"), ("rounds", 10, ""), ("seconds", 11, "s")]
-    {
+    for (name, k, unit) in [
+        ("largest displacement", 8, "mm"),
+        ("largest strain", 9, "%"),
+        ("strain, rms", 12, "%"),
+        ("strain, p99", 13, "%"),
+        ("rounds", 10, ""),
+        ("seconds", 11, "s"),
+    ] {
         let c = sorted(k);
         println!("{name:<22} median {:.2}, p95 {:.2}, max {:.2} {unit}", at(&c, 0.5), at(&c, 0.95), at(&c, 1.0));
     }
+    println!("layers were pressed in {} outfits", rows.iter().filter(|r| number(r, 14) > 0.0).count());
     println!("seconds in all         {:.0}", sorted(11).iter().sum::<f64>());
     println!("peak memory            {}", peak_memory());
     for row in &failures {
