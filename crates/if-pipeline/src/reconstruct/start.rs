@@ -240,7 +240,7 @@ mod tests {
         // The bridge is 7 cm thick, and its smoothing takes less than a voxel off.
         let side = union.distance(&Point::new(0.0, 0.07, 0.0));
         assert!(side.abs() < 0.01, "{side}");
-        for p in [Point::new(0.25, 0.0, 0.0), Point::new(-0.14, 0.12, 0.0), Point::new(0.9, 0.0, 0.0)] {
+        for p in [Point::new(0.25, 0.0, 0.0), Point::new(-0.245, 0.0, 0.0), Point::new(0.9, 0.0, 0.0)] {
             assert_eq!(union.distance(&p), union.template.distance(&p), "{p}");
         }
         // Nowhere is it steeper than it says, and it does not jump, also where what is filled ends.
@@ -276,7 +276,7 @@ mod tests {
                 .unwrap();
         let found = weights(&template, &grid, &points);
         let left = |v: usize| (0..4).filter(|k| found.joints()[v][*k] == 0).map(|k| found.weights()[v][k]).sum::<f32>();
-        assert_eq!(left(0), 1.0);
+        assert!(left(0) > 0.999, "{}", left(0));
         assert!((left(1) - 0.5).abs() < 0.05, "{}", left(1)); // 4 cm from both
         assert!(left(2) > 0.6 && left(2) < 1.0, "{}", left(2));
     }
