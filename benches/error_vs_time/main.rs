@@ -14,6 +14,7 @@
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)] // a program for the terminal, on problems that are known to be sound
 
+mod bending;
 mod chains;
 mod cloth;
 mod contact;
@@ -31,7 +32,8 @@ use std::path::PathBuf;
 /// A name to choose it by, and what it runs.
 type Part = (&'static str, fn(&mut Record));
 
-const PARTS: [Part; 6] = [
+const PARTS: [Part; 7] = [
+    ("bending", bending::run),
     ("chains", chains::run),
     ("cloth", cloth::run),
     ("contact", contact::run),

@@ -2,7 +2,7 @@
 
 use crate::cases::{Random, Tally, cases, check, share};
 use crate::fields::{Fault, Hostile, Solid};
-use crate::solver_scene::{Scene, StretchSolver};
+use crate::solver_scene::{Ran, Scene, StretchSolver};
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_xpbd::params::{Motion, SolverParams};
@@ -123,40 +123,56 @@ fn farthest(scene: &Scene) -> Real {
     scene.rest.vertices().iter().map(|p| p.coords.amax()).fold(0.0, Real::max)
 }
 
+/// How often a scene is run with its rounding shaken, to find how rounding grows in it.
+const SHAKES: u32 = 8;
+/// Share of a scene's size up to which rounding may grow in a scene that is compared.
+const TAMED: Real = 1e-6;
+/// How many times the farthest of the shakes a moved scene may differ.
+const AMPLIFIED: Real = 30.0;
+
+/// The scene with its start, its rest state and every visit shaken by up to `size` in each coordinate.
+fn shaken(scene: &Scene, size: Real, number: u32, r: &mut Random) -> Scene {
+    let mut s = scene.clone();
+    s.rest = mapped(&s.rest, |x| x + r.vector(size));
+    s.start.positions.iter_mut().for_each(|x| *x += r.vector(size));
+    s.attached.iter_mut().for_each(|(_, t, _)| *t += r.vector(size));
+    s.planes.iter_mut().for_each(|(.., q)| *q += r.vector(size));
+    if let Some((field, ..)) = &mut s.field {
+        field.center += r.vector(size);
+    }
+    s.rounding = Some((size, number));
+    s
+}
+
 fn motions(count: u32) -> Tally {
     cases("rigid motions", count, |r| {
         let Some(mut scene) = smooth(r) else { return Ok("no masses") };
         scene.ties.clear();
         let away = scene.scale * r.pick(&[0.0, 1.0, 1e3]);
         let (turn, by) = (r.rotation(), r.vector(away));
-        // How rounding grows in this scene is found by rounding it: the same scene moved by a little and back.
         let whole = scene.reach() + farthest(&scene) + by.norm();
-        let shaken = {
-            let mut s = scene.clone();
-            s.rest = mapped(&s.rest, |x| x + r.vector(2e-16 * whole));
-            s.start.positions.iter_mut().for_each(|x| *x += r.vector(2e-16 * whole));
-            s.run()
-        };
         let (here, there) = (scene.run(), moved(&scene, &turn, by).run());
-        if here.error.is_some() || there.error.is_some() || shaken.error.is_some() {
+        let shaken: Vec<_> = (0..SHAKES).map(|k| shaken(&scene, 2e-16 * whole, k, r).run()).collect();
+        if here.error.is_some() || there.error.is_some() || shaken.iter().any(|s| s.error.is_some()) {
             return Ok("error");
         }
-        let off = |f: &dyn Fn(usize) -> Vector| (0..scene.start.len()).map(|k| f(k).norm()).fold(0.0, Real::max);
-        let grown = off(&|k| shaken.particles.positions[k] - here.particles.positions[k]);
+        let n = scene.start.len();
+        let off = |f: &dyn Fn(usize) -> Vector| (0..n).map(|k| f(k).norm()).fold(0.0, Real::max) / whole;
+        let apart = |ran: &Ran| off(&|k| ran.particles.positions[k] - here.particles.positions[k]);
+        let grown = shaken.iter().map(apart).fold(0.0, Real::max);
         let differs = off(&|k| turn * here.particles.positions[k] + by - there.particles.positions[k]);
-        if grown > 1e-9 * whole {
+        if grown > TAMED {
             return Ok("rounding grows");
         }
-        check(differs <= 1e-6 * whole, || {
-            format!("differs by {:e} of its size, shaken by {:e}: {}", differs / whole, grown / whole, scene.told())
-        })?;
+        let allowed = AMPLIFIED * grown;
+        check(differs <= allowed, || format!("differs by {differs:e} of its size, shaken by {grown:e}: {}", scene.told()))?;
         Ok("same")
     })
 }
 
 #[test]
 fn a_turned_and_moved_scene_moves_alike() {
-    assert!(share(&motions(1_000), "same") > 0.6);
+    assert!(share(&motions(1_000), "same") > 0.9);
 }
 
 #[test]
@@ -165,7 +181,28 @@ fn many_turned_and_moved_scenes_move_alike() {
     motions(20_000);
 }
 
-/// Momentum of free scenes over 3,600 substeps, with every constraint that acts between particles.
+/// Share of the momentum that may be lost in any case.
+const KEPT: Real = 1e-10;
+/// How many times the random walk of all roundings may be lost where that is more.
+const WALKS: Real = 8.0;
+
+/// How often a substep writes the position of a particle: once to predict it, and once in every visit.
+fn writes(scene: &Scene) -> Real {
+    let n = scene.start.len();
+    let edges = if_core::edges::Edges::new(&scene.rest).len();
+    let stretch = match scene.stretch {
+        StretchSolver::None => 0,
+        StretchSolver::Sweeps => 2 * edges,
+        StretchSolver::Direct | StretchSolver::Global => 20 * n,
+    };
+    let strain = if scene.strain.is_some() { 2 * edges } else { 0 };
+    let hinges = if scene.bending.is_some() { 4 * edges } else { 0 };
+    let contacts = 4 * (scene.faces.len() + scene.pairs.len() + scene.ties.len()) + 18 * scene.parted.len();
+    let sweeps = scene.params.sweeps as usize;
+    (n + sweeps * (stretch + strain + hinges) + (sweeps + 1) * contacts) as Real
+}
+
+/// Momentum of free scenes over 3,600 substeps, with every constraint that acts between particles and every solver.
 fn momentum(count: u32) -> Tally {
     cases("momentum", count, |r| {
         let Some(mut scene) = Scene::any(r) else { return Ok("no masses") };
@@ -197,20 +234,28 @@ fn momentum(count: u32) -> Tally {
         // Relative to what could be lost: all that moves at the end or moved at the start.
         let all = |p: &Particles| -> Real { (0..n).map(|k| p.velocities[k].norm() / p.inverse_masses[k]).sum() };
         let lost = (sum(&ran.particles) - sum(&scene.start)).norm() / all(&scene.start).max(all(&ran.particles));
-        // A matrix of springs 1e12 times stiffer than masses over h² carries fewer digits than pushes of pairs do.
-        let allowed = if scene.stretch == StretchSolver::Global { 1e-8 } else { 1e-10 };
-        check(lost <= allowed, || format!("{lost:e} of the momentum is lost: {}", scene.told()))?;
-        Ok("kept")
+        if lost <= KEPT {
+            return Ok("kept");
+        }
+        // Each write rounds three coordinates by up to half a digit of the farthest, and each rounding is a speed over h.
+        let size = |p: &Particles| p.positions.iter().map(|x| x.coords.amax()).fold(0.0, Real::max);
+        let digit = Real::EPSILON * size(&scene.start).max(size(&ran.particles));
+        let heaviest = scene.start.inverse_masses.iter().map(|w| 1.0 / w).fold(0.0, Real::max);
+        let substeps = Real::from(scene.steps * scene.params.substeps);
+        let walk = heaviest * digit / scene.params.substep() * (substeps * writes(&scene)).sqrt();
+        let walk = walk / all(&scene.start).max(all(&ran.particles));
+        check(lost <= WALKS * walk, || format!("{lost:e} of the momentum is lost, rounding walks {walk:e}: {}", scene.told()))?;
+        Ok("kept but for rounding")
     })
 }
 
 #[test]
 fn momentum_is_kept_to_1e_10_over_3600_substeps() {
-    assert!(share(&momentum(40), "kept") > 0.7);
+    assert!(share(&momentum(40), "kept") > 0.8);
 }
 
 #[test]
 #[ignore = "stress"]
 fn momentum_is_kept_in_many_scenes() {
-    momentum(2_000);
+    assert!(share(&momentum(2_000), "kept") > 0.9);
 }

@@ -13,7 +13,7 @@ use if_xpbd::air::{Air, AirParams, AirReading};
 use if_xpbd::attach::Attachments;
 use if_xpbd::bending::{Bending, BendingModel};
 use if_xpbd::collision::{Push, SdfCollision};
-use if_xpbd::constraint::Constraint;
+use if_xpbd::constraint::{Constraint, Residual, Stage};
 use if_xpbd::direct::DirectStretch;
 use if_xpbd::edge_set::EdgeSet;
 use if_xpbd::global::GlobalStretch;
@@ -57,7 +57,35 @@ pub struct Scene {
     pub air: Option<AirReading>,
     /// Particles with the inverse mass 0 that jump by this much between steps.
     pub teleport: Vector,
+    /// A shake of every particle by so many metres after each visit of a group, as coordinates of another size round, and
+    /// which one: how rounding grows.
+    pub rounding: Option<(Real, u32)>,
     pub steps: u32,
+}
+
+/// Moves all that can move by up to `size` in each coordinate, in every visit.
+struct Rounding {
+    size: Real,
+    random: Random,
+    stage: Stage,
+}
+
+impl Constraint for Rounding {
+    fn begin_substep(&mut self, _: &[Point], _: &[Point], _: &[Real], _: Real) {}
+
+    fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real], _: Real) -> Residual {
+        for (p, w) in positions.iter_mut().zip(inverse_masses) {
+            let by = self.random.vector(self.size);
+            if *w > 0.0 {
+                *p += by;
+            }
+        }
+        Residual::default()
+    }
+
+    fn stage(&self) -> Stage {
+        self.stage
+    }
 }
 
 /// What a run ended in.
@@ -65,6 +93,8 @@ pub struct Scene {
 pub struct Ran {
     pub particles: Particles,
     pub reports: Vec<StepReport>,
+    /// What the fastest particle covers in each step at the speed with which it begins it, in metres.
+    pub flights: Vec<Real>,
     pub error: Option<StepError>,
 }
 
@@ -121,6 +151,7 @@ impl Scene {
                 r.pick(&[Literal, FrozenHalfSpace, GapPreserving, Element])
             }),
             teleport: if r.chance(0.2) { r.vector(10.0 * scale) } else { Vector::zeros() },
+            rounding: None,
             steps: 1 + r.below(3) as u32,
             rest,
             scale,
@@ -223,7 +254,7 @@ impl Scene {
         let mut groups = self.groups(&surface);
         let mut groups: Vec<&mut dyn Constraint> = groups.iter_mut().map(|g| g.as_mut() as &mut dyn Constraint).collect();
         let mut solver = Solver::new(self.params.clone()).unwrap();
-        let mut reports = Vec::new();
+        let (mut reports, mut flights) = (Vec::new(), Vec::new());
         for step in steps {
             if step > 0 && self.teleport != Vector::zeros() {
                 for k in 0..particles.len() {
@@ -234,15 +265,16 @@ impl Scene {
                 groups.iter_mut().for_each(|g| g.reset());
             }
             let before = particles.clone();
+            flights.push(self.params.time_step * particles.velocities.iter().map(Vector::norm).fold(0.0, Real::max));
             match solver.step(&mut particles, &mut groups) {
                 Ok(report) => reports.push(report),
                 Err(error) => {
                     assert_eq!(particles, before, "a failed step leaves the state as it was");
-                    return Ran { particles, reports, error: Some(error) };
+                    return Ran { particles, reports, flights, error: Some(error) };
                 }
             }
         }
-        Ran { particles, reports, error: None }
+        Ran { particles, reports, flights, error: None }
     }
 
     pub fn run(&self) -> Ran {
@@ -284,13 +316,14 @@ impl Scene {
             let (masks, clearances) = (vec![1.0; n], vec![self.params.clearance; n]);
             let mut collision = SdfCollision::new(field, &masks, &clearances).unwrap();
             if *between {
-                collision.add_between(&self.rest, 0.2 * scale, &masks, &clearances);
+                // No length of an edge of the meshes drawn: rounding would choose.
+                collision.add_between(&self.rest, 0.217 * scale, &masks, &clearances);
             }
             (collision.push, collision.friction, collision.max_push) = (*push, self.params.friction, self.params.max_push);
             groups.push(Box::new(collision));
         }
         let mut planes = HalfSpaces::new();
-        (planes.friction, planes.max_push) = (self.params.friction, self.params.max_push);
+        (planes.friction, planes.max_push, planes.max_lever) = (self.params.friction, self.params.max_push, 4.0);
         self.planes.iter().for_each(|(v, b, normal, q)| planes.push(*v, *b, *normal, q, gap));
         groups.push(Box::new(planes));
         let mut contacts = PairContacts::new();
@@ -306,8 +339,25 @@ impl Scene {
             let params = AirParams { reading, max_distance: scale, min_gap: gap, max_gap: 5.0 * gap, ..AirParams::default() };
             groups.push(Box::new(Air::new(surface, &self.start.positions, &vec![1.0; n], params).unwrap()));
         }
-        groups
+        match self.rounding {
+            Some((size, number)) => rounded(groups, size, number),
+            None => groups,
+        }
     }
+}
+
+/// The groups with a shake before the first and after each of both stages.
+fn rounded<'a>(groups: Vec<Box<dyn Constraint + 'a>>, size: Real, number: u32) -> Vec<Box<dyn Constraint + 'a>> {
+    let shake = |stage, k: usize| -> Box<dyn Constraint + 'a> {
+        let random = Random::new("rounding", number.wrapping_mul(100) + k as u32);
+        Box::new(Rounding { size, random, stage })
+    };
+    let mut all = vec![shake(Stage::Elastic, 0), shake(Stage::Contact, 1)];
+    for (k, group) in groups.into_iter().enumerate() {
+        let after = shake(group.stage(), k + 2);
+        all.extend([group, after]);
+    }
+    all
 }
 
 fn params(r: &mut Random, scale: Real) -> SolverParams {
@@ -326,6 +376,7 @@ fn params(r: &mut Random, scale: Real) -> SolverParams {
         clearance: r.pick(&[0.0, 1e-3, 0.1]) * scale,
         max_push: r.pick(&[0.01 * scale, Real::INFINITY]),
         remove_depenetration_velocity: r.chance(0.7),
+        energy_jump: r.pick(&[1e4, Real::INFINITY]),
         ..SolverParams::default()
     }
 }

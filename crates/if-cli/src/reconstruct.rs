@@ -143,6 +143,7 @@ fn last_name(path: &Path, otherwise: &str) -> String {
 fn told(progress: &Progress) -> String {
     let what = match progress.stage {
         Stage::Read => "reading frames",
+        Stage::Start => "looking for loose clothes",
         Stage::Surface => "fitting the surface",
         Stage::Extract => "extracting the canonical mesh",
         Stage::Field => "fitting the network of φ",
@@ -164,6 +165,14 @@ fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> String {
     let surface = &report.surface;
     let used = surface.frames - surface.skipped.len();
     let mut text = format!("{name}: {used} of {} frames, {} triangles, {seconds:.1} s\n", surface.frames, report.triangles);
+    if let Some(filled) = &surface.start.filled {
+        text += &format!(
+            "  {} hangs loose about {}: {:.1} litres were filled\n",
+            filled.garments.join(" and "),
+            filled.joints.join(", "),
+            filled.litres
+        );
+    }
     if let Some(last) = surface.rounds.last() {
         text += &format!(
             "  silhouettes were off by {:.1} mm and normals by {:.1}° before the last round\n",

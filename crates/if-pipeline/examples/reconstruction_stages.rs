@@ -19,8 +19,8 @@ use if_mesh::sdf::MeshSdf;
 use if_mesh::{measure, ply};
 use if_pipeline::capture::Capture;
 use if_pipeline::reconstruct::{
-    FloodedField, GarmentParams, SurfaceParams, VisualHull, carried_weights, find_garments, fit_surface, largest_piece,
-    write_frames,
+    FloodedField, GarmentParams, SurfaceParams, Underside, VisualHull, carried_weights, find_garments, fit_surface,
+    largest_piece, write_frames,
 };
 use if_pipeline::skinning::{WeightGrid, WeightGridParams};
 use if_pipeline::template::TemplateBody;
@@ -81,24 +81,33 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         ControlFlow::Continue(())
     })?;
+    println!("  start: {:?}", surface.report.start);
     judge("surface", &surface.mesh, start.elapsed().as_secs_f64());
-    write("surface", &surface.mesh, template.skin.to_properties())?;
+    write("surface", &surface.mesh, surface.skin.to_properties())?;
 
     // One mesh for all frames.
     start = Instant::now();
     let region = Some(surface.mesh.aabb().inflated(CELL));
     let cells = ExtractParams { region, resolution: Resolution::Cell(CELL), newton: 0, ..ExtractParams::default() };
     let mesh = largest_piece(&extract(&FloodedField::new(&surface.mesh)?, &cells)?.mesh);
-    let skin = carried_weights(&surface.mesh, &template.skin, joints, mesh.vertices());
+    let skin = carried_weights(&surface.mesh, &surface.skin, joints, mesh.vertices());
     judge("canonical", &mesh, start.elapsed().as_secs_f64());
     write_frames(&out.join("frames"), &mesh, &skin, &template.skeleton, &capture)?;
 
     // Garments.
     start = Instant::now();
     let field = MeshSdf::closed(&mesh)?;
-    let found = find_garments(&capture, &template.skeleton, &mesh, &skin, &field, &GarmentParams::default(), &mut |_| {
-        ControlFlow::Continue(())
-    })?;
+    let underside = Underside::of(&surface, &template, &capture, &mesh);
+    let found = find_garments(
+        &capture,
+        &template.skeleton,
+        &mesh,
+        &skin,
+        &field,
+        underside.as_ref(),
+        &GarmentParams::default(),
+        &mut |_| ControlFlow::Continue(()),
+    )?;
     println!("garments {:.2} s; {:?}", start.elapsed().as_secs_f64(), found.votes);
     let mut properties = skin.to_properties();
     properties.push(Property::new("label", Column::U8(found.labels.clone())));

@@ -43,8 +43,32 @@ fn template() -> TemplateBody {
     }
 }
 
+/// Two legs within the ellipsoid, 10 cm apart.
+fn legs() -> TemplateBody {
+    let mut template = template();
+    let ball = icosphere(1.0, 4);
+    let leg = |x: Real| -> Vec<Point> {
+        let middle = CENTER + Vector::new(x, 0.0, 0.0);
+        ball.vertices().iter().map(|p| middle + p.coords.component_mul(&Vector::new(0.08, 0.42, 0.10))).collect()
+    };
+    let mut vertices = leg(-0.13);
+    let n = vertices.len() as u32;
+    vertices.extend(leg(0.13));
+    let one = ball.triangles();
+    let triangles = one.iter().copied().chain(one.iter().map(|t| t.map(|v| v + n))).collect();
+    template.mesh = TriMesh::new(vertices, triangles).unwrap();
+    let n = 2 * n as usize;
+    template.skin = SkinWeights::new(vec![[0; 4]; n], vec![[1.0, 0.0, 0.0, 0.0]; n], 1).unwrap();
+    template
+}
+
 /// Writes the pictures of the turning ellipsoid: `hide` leaves the pictures of that frame empty.
 fn pictures(folder: &Path, hide: impl Fn(usize) -> bool) -> Capture {
+    labelled(folder, hide, |point| if point.y > CENTER.y { 2 } else { 1 })
+}
+
+/// The same with labels of one's own.
+fn labelled(folder: &Path, hide: impl Fn(usize) -> bool, label: impl Fn(&Point) -> u8) -> Capture {
     let camera = Camera::looking_at((SIDE, SIDE), &Point::new(0.0, 0.6, 3.0), &CENTER, &Vector::y(), 0.36).unwrap();
     let subject =
         Subject { camera: camera.clone(), garments: vec!["top".into()], joints: vec!["root".into()], generator: "test".into() };
@@ -63,7 +87,7 @@ fn pictures(folder: &Path, hide: impl Fn(usize) -> bool) -> Capture {
                 meets(&place.inverse_transform_point(&from), &place.inverse_transform_vector(&along))
             };
             mask.push(hit.is_some());
-            labels.push(hit.map_or(0, |(point, _)| if point.y > CENTER.y { 2 } else { 1 }));
+            labels.push(hit.map_or(0, |(point, _)| label(&point)));
             normals.push(hit.map_or([0.0; 3], |(_, normal)| {
                 let n = camera.rotation() * (place * normal);
                 [n.x as f32, n.y as f32, n.z as f32]
@@ -131,6 +155,46 @@ fn a_stopped_run_goes_on_to_the_same_bits_and_threads_do_not_matter() {
     for threads in [1, 3] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         assert_eq!(pool.install(|| fit(&capture, None, usize::MAX)).unwrap().mesh, whole.mesh, "{threads} threads");
+    }
+}
+
+#[test]
+fn what_a_skirt_spans_is_filled_and_what_no_garment_spans_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let fitted = |capture: &Capture, checkpoint: Option<&Path>, stop_at: usize, least_loose: Real| {
+        let params = SurfaceParams { loose_cell: 0.02, least_loose, ..SurfaceParams::default() };
+        fit_surface(capture, &legs(), &params, checkpoint, &mut |p| {
+            if p.loss.is_some() && p.step >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })
+    };
+    let skirt = labelled(&folder.path().join("skirt"), |_| false, |_| 2);
+    let usual = SurfaceParams::default();
+    let surface = fitted(&skirt, None, usize::MAX, usual.least_loose).unwrap();
+    let filled = surface.report.start.filled.as_ref().unwrap();
+    assert_eq!((&filled.garments[..], &filled.joints[..]), (&["top".to_owned()][..], &["root".to_owned()][..]));
+    assert!(filled.certain_litres > 1.0 && filled.litres > filled.certain_litres, "{filled:?}");
+    assert_eq!((surface.report.rounds.len(), surface.skin.len()), (usual.loose_rounds, surface.mesh.vertices().len()));
+    // One piece, and nowhere far from the ellipsoid, whose middle was between the legs.
+    let parts = if_core::edges::parts(&surface.mesh);
+    assert!(parts.iter().all(|p| *p == parts[0]));
+    let errors: Vec<Real> = surface.mesh.vertices().iter().map(|p| off(p).abs()).collect();
+    let (mean, most) = (errors.iter().sum::<Real>() / errors.len() as Real, errors.iter().copied().fold(0.0, Real::max));
+    assert!(mean < 0.004 && most < 0.03, "mean {mean}, most {most}");
+
+    // Stopped, it goes on to the same bits; threads do not matter.
+    let state = folder.path().join("state");
+    assert!(matches!(fitted(&skirt, Some(&state), 2, usual.least_loose), Err(SurfaceError::Cancelled { rounds: 2 })));
+    let resumed = fitted(&skirt, Some(&state), usize::MAX, usual.least_loose).unwrap();
+    assert_eq!((&resumed.mesh, &resumed.report), (&surface.mesh, &surface.report));
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    assert_eq!(pool.install(|| fitted(&skirt, None, usize::MAX, usual.least_loose)).unwrap().mesh, surface.mesh);
+
+    // Skin spans nothing, and what is not looked for is not found.
+    let skin = labelled(&folder.path().join("skin"), |_| false, |_| 1);
+    for (capture, least) in [(&skin, usual.least_loose), (&skirt, 1.0)] {
+        let surface = fitted(capture, None, usize::MAX, least).unwrap();
+        assert!(surface.report.start.filled.is_none() && surface.report.start.beside > 0.03, "{:?}", surface.report.start);
+        assert_eq!((surface.mesh.triangles(), surface.report.rounds.len()), (legs().mesh.triangles(), usual.rounds));
     }
 }
 

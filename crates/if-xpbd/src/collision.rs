@@ -29,7 +29,8 @@ pub enum Push {
 ///
 /// A sample that was at distance φ, and has since moved by less than (φ − δ) / L for the field's
 /// Lipschitz bound L, cannot violate, and is not asked for again; nor is one outside the field's
-/// bounds. [`Constraint::counters`] tells how often that was so.
+/// bounds. [`Constraint::counters`] tells how often that was so. What was clear at the start of a visit, asked for or
+/// not, waits for the next one, wherever its neighbours' pushes carry it: the outcome does not depend on what was skipped.
 ///
 /// Where the gradient is zero, or the field answers NaN, nothing moves, and it is counted.
 ///
@@ -253,9 +254,12 @@ impl Constraint for SdfCollision<'_> {
             }
             self.seen[k] = (self.points[q], distance);
             let (v, b) = (self.vertices[k], self.weights[k]);
+            let delta = if self.push == Push::Literal { 0.0 } else { self.clearances[k] };
+            if distance >= delta {
+                continue;
+            }
             // Samples share vertices: where this one has been moved by now, to first order.
             let x = sample(positions, &v, &b);
-            let delta = if self.push == Push::Literal { 0.0 } else { self.clearances[k] };
             let deficit = delta - (distance + gradient.dot(&(x - self.points[q])));
             if deficit <= 0.0 {
                 continue;
@@ -439,6 +443,49 @@ mod tests {
             p
         };
         assert_eq!(run(false), run(true));
+    }
+
+    /// A field that hides where it ends and how steep it is, so that it is always asked.
+    struct Endless(Sphere);
+    impl SignedDistance for Endless {
+        fn distance(&self, p: &Point) -> Real {
+            self.0.distance(p)
+        }
+        fn sample(&self, p: &Point) -> FieldSample {
+            self.0.sample(p)
+        }
+        fn bounds(&self) -> Option<if_core::aabb::Aabb> {
+            None
+        }
+        fn lipschitz(&self) -> Real {
+            Real::INFINITY
+        }
+    }
+
+    #[test]
+    fn skipping_changes_no_bit_where_samples_share_vertices() {
+        // Friction that is no friction drags neighbours about: what was clear is carried inside within one visit.
+        let mesh = cloth(3.0, 3.0, 5, 5);
+        let ones = vec![1.0; mesh.vertices().len()];
+        let clearances = vec![0.01; ones.len()];
+        let run = |field: &dyn SignedDistance| {
+            let mut group = SdfCollision::new(field, &ones, &clearances).unwrap();
+            group.add_between(&mesh, 0.1, &ones, &clearances);
+            group.friction = 10.0;
+            let mut p: Vec<Point> = mesh.vertices().iter().map(|p| Point::new(p.x - 1.4, p.y - 1.6, 0.9)).collect();
+            for _ in 0..10 {
+                let before = p.clone();
+                p.iter_mut().for_each(|p| *p += Vector::new(0.3, 0.1, -0.2));
+                group.begin_substep(&before, &p, &ones, 1e-3);
+                for _ in 0..3 {
+                    group.project(&mut p, &ones, 1e-3);
+                }
+            }
+            (p, group.counters().queries)
+        };
+        let ((with, asked), (without, all)) = (run(&BALL), run(&Endless(BALL)));
+        assert_eq!(with, without);
+        assert!(asked < all, "{asked} of {all}");
     }
 
     /// A field with a patch that answers NaN and one without a gradient.

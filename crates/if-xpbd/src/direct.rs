@@ -9,11 +9,14 @@ use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
 use faer::{Mat, Side};
 use if_core::math::{Point, Real, Vector};
 
-/// Least addition to the diagonal, relative to its largest entry, so that rigid constraints of which
-/// some follow from others (every flat cloth has them) can be factored. At ten times less rounding
-/// makes such matrices indefinite; ten times more costs a rigid cloth a Newton step or two. A step
-/// that does not help is tried with a hundred times more (Levenberg and Marquardt), up to one.
+/// Least addition to the diagonal, relative to each entry (so heavy edges among light ones converge as they do alone), so
+/// that rigid constraints of which some follow from others (every flat cloth has them) can be factored. At ten times less
+/// rounding makes such matrices indefinite; ten times more costs a rigid cloth a Newton step or two. A step that does not
+/// help, or a matrix that cannot be factored, is tried with a hundred times more (Levenberg and Marquardt), up to one.
 const RIDGE: Real = 1e-9;
+/// How many times the rounding of an edge's ends and of `β̃ λ` its residual may be and count as none. At ten times less
+/// steps are made after noise, which the ridge of a rigid cloth turns into motion; ten times more is seen at 1 km in 1e-11 m.
+const NOISE: Real = 4.0;
 /// Shortest Newton step tried, as a power of ½.
 const HALVINGS: u32 = 12;
 
@@ -46,8 +49,36 @@ pub struct DirectStretch {
     pub compliance: Real,
     /// Most Newton steps in a visit.
     pub iterations: u32,
-    /// A visit ends once `max |C + β̃ λ|` is below this, in metres.
+    /// A visit ends once `max |C + β̃ λ|` is below this, in metres, or below what the rounding of positions leaves.
     pub tolerance: Real,
+}
+
+/// A sum that remembers what its additions round away: multipliers of edges that follow from others are up to 1/[`RIDGE`]
+/// times larger than what is left of them at a vertex, where they cancel, and so would their rounding be.
+#[derive(Clone, Copy)]
+struct Sum {
+    total: Vector,
+    lost: Vector,
+}
+
+impl Default for Sum {
+    fn default() -> Self {
+        Self { total: Vector::zeros(), lost: Vector::zeros() }
+    }
+}
+
+impl Sum {
+    /// Knuth's sum of two, which finds exactly what the rounded one lacks.
+    fn add(&mut self, x: Vector) {
+        let total = self.total + x;
+        let taken = total - self.total;
+        self.lost += (self.total - (total - taken)) + (x - taken);
+        self.total = total;
+    }
+
+    fn total(&self) -> Vector {
+        self.total + self.lost
+    }
 }
 
 impl DirectStretch {
@@ -78,38 +109,49 @@ impl DirectStretch {
         &self.edges
     }
 
-    /// Unit gradients (zero where the ends coincide) and `C + β̃ λ`.
-    fn evaluate(&self, positions: &[Point], softness: Real, gradients: &mut Vec<Vector>, values: &mut Vec<Real>) -> Residual {
+    /// Unit gradients (zero where the ends coincide) and `C + β̃ λ`; and what of its size is rounding.
+    fn evaluate(
+        &self,
+        positions: &[Point],
+        softness: Real,
+        gradients: &mut Vec<Vector>,
+        values: &mut Vec<Real>,
+    ) -> (Residual, Real) {
         gradients.clear();
         values.clear();
         let mut residual = Residual::default();
+        let mut largest: Real = 0.0;
         for k in 0..self.edges.len() {
             let d = positions[self.edges.a[k] as usize] - positions[self.edges.b[k] as usize];
             let length = d.norm();
-            let c = length - self.edges.rest[k] + softness * self.lambda[k];
+            let stress = softness * self.lambda[k];
+            let c = length - self.edges.rest[k] + stress;
+            largest = largest.max(positions[self.edges.a[k] as usize].coords.amax() + length + stress.abs());
             gradients.push(if length > 0.0 { d / length } else { Vector::zeros() });
             values.push(c);
             residual.add(c);
         }
-        residual
+        (residual, NOISE * Real::EPSILON * largest)
+    }
+
+    /// Of both ends together.
+    fn inverse_mass(&self, k: u32, inverse_masses: &[Real]) -> Real {
+        inverse_masses[self.edges.a[k as usize] as usize] + inverse_masses[self.edges.b[k as usize] as usize]
     }
 
     fn factor(&self, gradients: &[Vector], inverse_masses: &[Real], softness: Real, ridge: Real) -> Option<Llt<usize, Real>> {
         let (symbolic, order, llt) = self.pattern.as_ref()?;
         let sign = |k: u32, v: u32| if self.edges.a[k as usize] == v { 1.0 } else { -1.0 };
-        let mut largest: Real = 0.0;
         let mut values: Vec<Real> = Vec::with_capacity(self.entries.len());
         for &[k, l, v] in &self.entries {
             let w = inverse_masses[v as usize] * sign(k, v) * sign(l, v);
-            values.push(w * gradients[k as usize].dot(&gradients[l as usize]));
-            largest = largest.max(inverse_masses[v as usize]);
-        }
-        // Each edge meets itself at both of its ends: half of the diagonal's share at each.
-        let diagonal = 0.5 * (softness + ridge * (largest + softness).max(Real::MIN_POSITIVE));
-        for (value, &[k, l, _]) in values.iter_mut().zip(&self.entries) {
+            let mut value = w * gradients[k as usize].dot(&gradients[l as usize]);
             if k == l {
-                *value += diagonal;
+                let own = self.inverse_mass(k, inverse_masses) + softness;
+                // An edge meets itself at both of its ends: half of its share at each. Pinned ones have any multiplier.
+                value += 0.5 * (softness + ridge * if own > 0.0 { own } else { 1.0 });
             }
+            values.push(value);
         }
         let matrix = SparseColMat::new_from_argsort(symbolic.clone(), order, &values).ok()?;
         Llt::try_new_with_symbolic(llt.clone(), matrix.as_ref(), Side::Lower).ok()
@@ -133,27 +175,29 @@ impl Constraint for DirectStretch {
             return Residual::default();
         }
         let (mut gradients, mut values) = (Vec::new(), Vec::new());
-        let mut residual = self.evaluate(positions, softness, &mut gradients, &mut values);
+        let (mut residual, mut noise) = self.evaluate(positions, softness, &mut gradients, &mut values);
         let mut ridge = RIDGE;
         for _ in 0..self.iterations {
-            if residual.max <= self.tolerance {
+            if residual.max <= self.tolerance.max(noise) {
                 break;
             }
             let Some(llt) = self.factor(&gradients, inverse_masses, softness, ridge) else {
+                if ridge < 1.0 {
+                    ridge *= 100.0;
+                    continue;
+                }
                 self.failures += 1;
                 break;
             };
             let mut delta = Mat::from_fn(values.len(), 1, |k, _| -values[k]);
             llt.solve_in_place(&mut delta);
-            let mut push = vec![Vector::zeros(); positions.len()];
+            let mut impulses = vec![Sum::default(); positions.len()];
             for k in 0..self.edges.len() {
                 let impulse = gradients[k] * delta[(k, 0)];
-                push[self.edges.a[k] as usize] += impulse;
-                push[self.edges.b[k] as usize] -= impulse;
+                impulses[self.edges.a[k] as usize].add(impulse);
+                impulses[self.edges.b[k] as usize].add(-impulse);
             }
-            for (p, w) in push.iter_mut().zip(inverse_masses) {
-                *p *= *w;
-            }
+            let push: Vec<Vector> = impulses.iter().zip(inverse_masses).map(|(s, w)| s.total() * *w).collect();
             let (start, start_lambda) = (positions.to_vec(), self.lambda.clone());
             let mut alpha = 1.0;
             let mut better = false;
@@ -164,9 +208,9 @@ impl Constraint for DirectStretch {
                 for k in 0..self.lambda.len() {
                     self.lambda[k] = start_lambda[k] + alpha * delta[(k, 0)];
                 }
-                let tried = self.evaluate(positions, softness, &mut gradients, &mut values);
+                let (tried, rounding) = self.evaluate(positions, softness, &mut gradients, &mut values);
                 if tried.sum_squares < residual.sum_squares {
-                    residual = tried;
+                    (residual, noise) = (tried, rounding);
                     better = true;
                     break;
                 }
@@ -178,7 +222,7 @@ impl Constraint for DirectStretch {
                 if ridge >= 1.0 {
                     break;
                 }
-                residual = self.evaluate(positions, softness, &mut gradients, &mut values);
+                (residual, noise) = self.evaluate(positions, softness, &mut gradients, &mut values);
                 ridge *= 100.0;
             } else {
                 ridge = (ridge * 0.1).max(RIDGE);

@@ -76,7 +76,7 @@ pub struct SolverParams {
     /// Most often that a step which went wrong is taken back and tried with h/2.
     pub retries: u32,
     /// A step of a dynamic run went wrong when its kinetic energy grew beyond this factor (counted
-    /// from that of 1 m/s at least); infinity allows all that is finite.
+    /// from that of 1 m/s at least), and beyond that of crossing the scene in Δt; infinity allows all that is finite.
     pub energy_jump: Real,
     /// A step went wrong when a vertex moved farther than this many times the size of the scene: the diagonal of the
     /// particles' box and what free flight covers in Δt (counted from 1 m at least); infinity allows all that is

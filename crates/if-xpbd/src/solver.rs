@@ -73,8 +73,7 @@ impl Solver {
         let allowed = if self.params.motion == Motion::QuasiStatic || self.params.energy_jump == Real::INFINITY {
             Real::INFINITY
         } else {
-            let movable: Real = particles.inverse_masses.iter().filter(|w| **w > 0.0).map(|w| 1.0 / w).sum();
-            self.params.energy_jump * particles.kinetic_energy().max(0.5 * movable)
+            self.params.energy_jump * particles.kinetic_energy().max(0.5 * movable_mass(particles))
         };
         let mut retries = 0;
         loop {
@@ -149,7 +148,9 @@ impl Solver {
                     return Err(StepError::NonFinite { vertices, substeps, h });
                 }
             }
-            if energy > allowed {
+            // What crosses the scene in a step is looked at only where the energy before would not do.
+            if energy > allowed && energy > self.crossing() {
+                let allowed = allowed.max(self.crossing());
                 let speed = |k: usize| particles.velocities[k].norm_squared();
                 return Err(StepError::EnergyJump { vertices: most(particles.len(), speed), energy, allowed, h });
             }
@@ -179,6 +180,13 @@ impl Solver {
             }
         }
         Ok(report)
+    }
+
+    /// The kinetic energy of all that can move at the speed that crosses the scene in Δt, in joules: a constraint that is far from
+    /// held carries its vertices across the scene at once, however large that is, and what it did is a speed from then on.
+    fn crossing(&self) -> Real {
+        let speed = self.size() / self.params.time_step;
+        0.5 * movable_mass(&self.backup) * speed * speed
     }
 
     /// The diagonal of the box of the particles before the step, and what free flight covers in Δt.
@@ -231,6 +239,10 @@ impl Solver {
             groups.iter().filter(|g| !g.is_idle()).for_each(|g| g.correct_velocities(velocities));
         }
     }
+}
+
+fn movable_mass(particles: &Particles) -> Real {
+    particles.inverse_masses.iter().filter(|w| **w > 0.0).map(|w| 1.0 / w).sum()
 }
 
 /// The particles with most of something, most first.
@@ -306,6 +318,21 @@ mod tests {
         assert_eq!(error, StepError::Input { vertices: vec![2] });
         p.velocities.pop();
         assert!(matches!(Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut []), Err(StepError::Count { .. })));
+    }
+
+    #[test]
+    fn a_speed_that_crosses_the_scene_in_a_step_is_no_jump_however_large_the_scene() {
+        // Three particles over two lengths, one of which is carried a tenth of a length in the step; then a hundred times as far.
+        for length in [1e-3, 1.0, 1e6] {
+            for (share, fine) in [(0.1, true), (10.0, length < 1.0)] {
+                let at = |x: Real| Point::new(x * length, 0.0, 0.0);
+                let mut p = Particles::uniform(vec![at(0.0), at(1.0), at(2.0)], 1.0).unwrap();
+                let speed = share * length / 0.01;
+                let mut trouble = Trouble { fine_from: 0.0, speed, resets: 0 };
+                let ended = Solver::new(dynamic()).unwrap().step(&mut p, &mut [&mut trouble]);
+                assert_eq!(ended.is_ok(), fine, "{length} m, {share}: {ended:?}");
+            }
+        }
     }
 
     #[test]

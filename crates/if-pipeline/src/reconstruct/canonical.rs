@@ -48,6 +48,17 @@ impl FloodedField {
     }
 }
 
+impl FloodedField {
+    /// Whether a point lies inside: the sign of [`SignedDistance::distance`], without it where voxels know.
+    pub fn contains(&self, p: &Point) -> bool {
+        match self.voxels.at(p) {
+            Voxel::Wall => self.exact.distance(p) < 0.0,
+            Voxel::Outside => false,
+            _ => true,
+        }
+    }
+}
+
 impl SignedDistance for FloodedField {
     fn distance(&self, p: &Point) -> Real {
         self.sample(p).distance
@@ -81,30 +92,46 @@ impl SignedDistance for FloodedField {
 pub fn carried_weights(surface: &TriMesh, skin: &SkinWeights, joints: usize, points: &[Point]) -> SkinWeights {
     assert_eq!(surface.vertices().len(), skin.len(), "one record for each vertex");
     let tree = Bvh::new(surface);
-    let of = |p: &Point| {
-        let near = tree.closest(p, Real::INFINITY).expect("a surface with triangles has a nearest point");
-        let mut sums: Vec<(u16, Real)> = Vec::with_capacity(12);
-        for (v, b) in surface.triangles()[near.triangle as usize].iter().zip(near.barycentric) {
-            let v = *v as usize;
-            for (j, w) in skin.joints()[v].iter().zip(skin.weights()[v]) {
-                let w = b * Real::from(w);
-                match sums.iter_mut().find(|s| s.0 == *j) {
-                    Some(sum) => sum.1 += w,
-                    None => sums.push((*j, w)),
-                }
-            }
-        }
-        sums.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        sums.truncate(4);
-        let total: Real = sums.iter().map(|s| s.1).sum();
-        let (mut on, mut weights) = ([0u16; 4], [0f32; 4]);
-        for (slot, (j, w)) in sums.iter().enumerate() {
-            (on[slot], weights[slot]) = (*j, (w / total) as f32);
-        }
-        (on, weights)
-    };
+    let of = |p: &Point| four_largest(nearest_weights(&tree, surface, skin, p).1);
     let (on, weights) = points.par_iter().with_min_len(256).map(of).unzip();
     SkinWeights::new(on, weights, joints).expect("the four largest parts of weights are positive, and were divided by their sum")
+}
+
+/// Joints, and their parts of a place.
+pub(super) type Shares = Vec<(u16, Real)>;
+
+/// For each of `points` its distance from a skinned surface, and the weights there.
+pub(super) fn carried_to(surface: &TriMesh, skin: &SkinWeights, points: &[Point]) -> Vec<(Real, Shares)> {
+    let tree = Bvh::new(surface);
+    points.par_iter().with_min_len(256).map(|p| nearest_weights(&tree, surface, skin, p)).collect()
+}
+
+fn nearest_weights(tree: &Bvh, surface: &TriMesh, skin: &SkinWeights, p: &Point) -> (Real, Shares) {
+    let near = tree.closest(p, Real::INFINITY).expect("a surface with triangles has a nearest point");
+    let mut sums = Shares::with_capacity(12);
+    for (v, b) in surface.triangles()[near.triangle as usize].iter().zip(near.barycentric) {
+        let v = *v as usize;
+        for (j, w) in skin.joints()[v].iter().zip(skin.weights()[v]) {
+            let w = b * Real::from(w);
+            match sums.iter_mut().find(|s| s.0 == *j) {
+                Some(sum) => sum.1 += w,
+                None => sums.push((*j, w)),
+            }
+        }
+    }
+    ((near.point - p).norm(), sums)
+}
+
+/// The four largest of a vertex's weights, made to sum to one.
+pub(super) fn four_largest(mut sums: Shares) -> ([u16; 4], [f32; 4]) {
+    sums.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    sums.truncate(4);
+    let total: Real = sums.iter().map(|s| s.1).sum();
+    let (mut on, mut weights) = ([0u16; 4], [0f32; 4]);
+    for (slot, (j, w)) in sums.iter().enumerate() {
+        (on[slot], weights[slot]) = (*j, (w / total) as f32);
+    }
+    (on, weights)
 }
 
 /// The largest piece of a mesh, by area; pieces hang together by edges of triangles. What an extraction finds beside the person
@@ -176,6 +203,7 @@ mod tests {
         for p in [Point::new(0.35, 0.0, 0.0), Point::new(-0.35, -0.1, 0.1), Point::new(0.7, 0.0, 0.0), below] {
             let (s, e) = (field.sample(&p), exact.sample(&p));
             assert_eq!(s.distance.abs(), e.distance.abs());
+            assert_eq!(field.contains(&p), s.distance < 0.0);
             assert_eq!(s.distance < 0.0, p.coords.norm() < 0.5, "{p}: {}", s.distance);
             let h = 1e-6;
             let along = field.distance(&(p + s.gradient * h)) - field.distance(&(p - s.gradient * h));

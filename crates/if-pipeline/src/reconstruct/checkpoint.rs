@@ -3,8 +3,8 @@
 use super::observe::Observation;
 use super::params::SurfaceParams;
 use super::report::Round;
+use super::start::Start;
 use crate::capture::Capture;
-use crate::template::TemplateBody;
 use if_core::math::{Point, Real};
 use sha2::{Digest, Sha256};
 use std::io::{self, Write};
@@ -43,7 +43,7 @@ pub(super) struct Checkpoint {
 }
 
 /// What the state depends on.
-pub(super) fn key(capture: &Capture, template: &TemplateBody, params: &SurfaceParams, frames: &[Observation]) -> [u8; 32] {
+pub(super) fn key(capture: &Capture, start: &Start, params: &SurfaceParams, frames: &[Observation]) -> [u8; 32] {
     let mut hash = Sha256::new();
     let mut number = |x: Real| hash.update(x.to_le_bytes());
     // All but the number of rounds: a longer run may go on where a shorter one ended.
@@ -59,6 +59,9 @@ pub(super) fn key(capture: &Capture, template: &TemplateBody, params: &SurfacePa
         p.longest_step,
         p.slide,
         p.least_overlap,
+        p.loose,
+        p.least_loose,
+        p.loose_silhouettes,
     ];
     values.into_iter().for_each(&mut number);
     let camera = capture.camera();
@@ -66,10 +69,10 @@ pub(super) fn key(capture: &Capture, template: &TemplateBody, params: &SurfacePa
         m.iter().for_each(|x| number(*x));
     }
     camera.translation().iter().for_each(|x| number(*x));
-    template.mesh.vertices().iter().flat_map(|p| p.iter()).for_each(|x| number(*x));
-    template.mesh.triangles().iter().flatten().for_each(|i| number(Real::from(*i)));
-    template.skin.joints().iter().flatten().for_each(|j| number(Real::from(*j)));
-    template.skin.weights().iter().flatten().for_each(|w| number(Real::from(*w)));
+    start.mesh.vertices().iter().flat_map(|p| p.iter()).for_each(|x| number(*x));
+    start.mesh.triangles().iter().flatten().for_each(|i| number(Real::from(*i)));
+    start.skin.joints().iter().flatten().for_each(|j| number(Real::from(*j)));
+    start.skin.weights().iter().flatten().for_each(|w| number(Real::from(*w)));
     for frame in frames {
         number(frame.frame as Real);
         for t in &frame.transforms {

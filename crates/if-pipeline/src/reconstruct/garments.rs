@@ -2,6 +2,7 @@
 
 use super::frames::posed;
 use super::progress::{Clock, Progress, Stage};
+use super::underside::Underside;
 use crate::asset::LayerHint;
 use crate::capture::{Capture, CaptureError, FIRST_GARMENT};
 use crate::skeleton::{PoseError, Skeleton};
@@ -98,7 +99,8 @@ pub enum GarmentsError {
 
 /// Votes on the labels of a canonical mesh by all frames, cuts it along them, and cleans the pieces.
 ///
-/// `field` is the signed distance of the canonical mesh: patches and hems are laid on it.
+/// `field` is the signed distance of the canonical mesh: patches and hems are laid on it. `underside` tells what is no cloth though nobody
+/// saw it ([`Underside::of`]).
 ///
 /// # Source
 ///
@@ -108,12 +110,18 @@ pub enum GarmentsError {
 /// # Errors
 ///
 /// [`GarmentsError`].
+///
+/// # Panics
+///
+/// If `underside` is of another mesh or capture.
+#[allow(clippy::too_many_arguments)] // what a stage needs of those before it
 pub fn find_garments(
     capture: &Capture,
     skeleton: &Skeleton,
     mesh: &TriMesh,
     skin: &SkinWeights,
     field: &dyn SignedDistance,
+    underside: Option<&Underside>,
     params: &GarmentParams,
     watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Garments, GarmentsError> {
@@ -132,7 +140,10 @@ pub fn find_garments(
         }
     }
     let (votes, report) = voter.finish();
-    let scores = smooth_labels(mesh, &votes, &params.smoothness)?;
+    let mut scores = smooth_labels(mesh, &votes, &params.smoothness)?;
+    if let Some(underside) = underside {
+        scores = smooth_labels(mesh, &underside.voted(mesh, &votes, &scores), &params.smoothness)?;
+    }
     let labels = scores.winners();
     let pieces = cut(mesh, &scores, &params.cut)?;
     let attributes = VertexAttributes::new(mesh.vertices().len(), skin.to_properties())?;

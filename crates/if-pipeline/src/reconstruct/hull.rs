@@ -84,7 +84,7 @@ impl<'a> VisualHull<'a> {
 }
 
 /// A joint's transform, straight into the camera's frame.
-fn in_camera(camera: &Camera) -> impl Fn(&Isometry3<Real>) -> Affine + '_ {
+pub(super) fn in_camera(camera: &Camera) -> impl Fn(&Isometry3<Real>) -> Affine + '_ {
     |t| Affine {
         linear: camera.rotation() * t.rotation.to_rotation_matrix().into_inner(),
         offset: camera.rotation() * t.translation.vector + camera.translation(),

@@ -30,6 +30,16 @@ pub struct SurfaceParams {
     pub slide: Real,
     /// A frame whose mask and posed template share less than this part of their union is skipped.
     pub least_overlap: Real,
+    /// Pixels of the person farther than this from the posed template, in metres, belong to loose clothes.
+    pub loose: Real,
+    /// Where less than this share of the masks' pixels is such, the surface starts from the template as it is. 1 for always.
+    pub least_loose: Real,
+    /// Side of the voxels in which the inside of loose clothes is found, and of the cells of the surface that starts there, in metres.
+    pub loose_cell: Real,
+    /// Rounds, where the surface starts from the union with loose clothes.
+    pub loose_rounds: usize,
+    /// Weight of the silhouettes there. Of folds they only show the ridges, and the mesh is finer than the template.
+    pub loose_silhouettes: Real,
 }
 
 impl Default for SurfaceParams {
@@ -46,6 +56,11 @@ impl Default for SurfaceParams {
             longest_step: 0.03,
             slide: 0.3,
             least_overlap: 0.3,
+            loose: 0.05,
+            least_loose: 0.001,
+            loose_cell: 0.01,
+            loose_rounds: 6,
+            loose_silhouettes: 0.3,
         }
     }
 }
@@ -63,6 +78,11 @@ pub struct ParamError {
 }
 
 impl SurfaceParams {
+    /// Those for a surface that starts from the union with loose clothes.
+    pub(super) fn in_loose_clothes(&self) -> Self {
+        Self { rounds: self.loose_rounds, silhouettes: self.loose_silhouettes, ..self.clone() }
+    }
+
     /// Whether all parameters are in range.
     ///
     /// # Errors
@@ -72,6 +92,7 @@ impl SurfaceParams {
         let at_least_zero = [
             ("normals", self.normals),
             ("silhouettes", self.silhouettes),
+            ("loose_silhouettes", self.loose_silhouettes),
             ("normal_margin", self.normal_margin),
             ("border_blur", self.border_blur),
         ];
@@ -85,12 +106,14 @@ impl SurfaceParams {
             ("reach", self.reach),
             ("least_reach", self.least_reach),
             ("longest_step", self.longest_step),
+            ("loose", self.loose),
+            ("loose_cell", self.loose_cell),
         ] {
             if !(value.is_finite() && value > 0.0) {
                 return Err(ParamError { name, value, needs: "a number above zero" });
             }
         }
-        for (name, value) in [("slide", self.slide), ("least_overlap", self.least_overlap)] {
+        for (name, value) in [("slide", self.slide), ("least_overlap", self.least_overlap), ("least_loose", self.least_loose)] {
             if !(0.0..=1.0).contains(&value) {
                 return Err(ParamError { name, value, needs: "a number from 0 to 1" });
             }

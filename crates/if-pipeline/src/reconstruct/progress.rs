@@ -9,6 +9,8 @@ use std::time::Instant;
 pub enum Stage {
     /// Pictures are read.
     Read,
+    /// Loose clothes are looked for, and what the surface starts from is made.
+    Start,
     /// The surface is fitted to masks and normals; the loss is the silhouettes' distance from the masks' borders, in millimetres.
     Surface,
     /// The canonical mesh is extracted.

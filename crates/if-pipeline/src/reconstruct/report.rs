@@ -59,6 +59,30 @@ pub struct Round {
     pub seen_triangles: usize,
 }
 
+/// What the inside of loose clothes adds to the template.
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+pub struct Filled {
+    /// The garments that hang loose.
+    pub garments: Vec<String>,
+    /// The joints about which they hang.
+    pub joints: Vec<String>,
+    /// What is filled, in litres of canonical space.
+    pub litres: Real,
+    /// Of this, what frames see far beside the posed template.
+    pub certain_litres: Real,
+    /// Vertices of the surface that the fit starts from.
+    pub vertices: usize,
+}
+
+/// What the fit of a surface starts from.
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+pub struct StartReport {
+    /// Share of the masks' pixels that lie far beside the posed template.
+    pub beside: Real,
+    /// What was added to the template; `None` where it is as it is.
+    pub filled: Option<Filled>,
+}
+
 /// How a surface was found.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct SurfaceReport {
@@ -66,6 +90,9 @@ pub struct SurfaceReport {
     pub frames: usize,
     /// Those left out.
     pub skipped: Vec<Skipped>,
+    /// What the fit started from.
+    #[serde(default)]
+    pub start: StartReport,
     /// What became of the pixels.
     pub pixels: Pixels,
     /// All rounds.

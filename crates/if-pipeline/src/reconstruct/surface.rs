@@ -7,12 +7,17 @@ use super::params::{ParamError, SurfaceParams};
 use super::progress::{Clock, Progress, Stage};
 use super::refine;
 use super::report::{Skipped, SurfaceReport};
+use super::start::{Start, start};
 use crate::capture::{Capture, CaptureError};
 use crate::skeleton::PoseError;
+use crate::skin_weights::SkinWeights;
+use crate::skinning::WeightGridError;
 use crate::template::TemplateBody;
 use if_core::edges::Edges;
 use if_core::math::Real;
 use if_core::mesh::{MeshError, TriMesh};
+use if_mesh::extract::ExtractError;
+use if_mesh::sdf::SdfError;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -46,14 +51,23 @@ pub enum SurfaceError {
         /// Why the first was skipped.
         first: Option<Skipped>,
     },
+    /// The template has no inside, which its union with loose clothes needs.
+    #[error("the template has no inside: {0}; make it closed, or set `least_loose` to 1")]
+    Inside(#[from] SdfError),
+    /// The template's weights cannot be spread into space.
+    #[error(transparent)]
+    Weights(#[from] WeightGridError),
+    /// The union of template and loose clothes cannot be extracted.
+    #[error(transparent)]
+    Extract(#[from] ExtractError),
     /// The equations of a round have no finite solution.
     #[error("round {round} has no finite solution; normals or weights are out of any scale")]
     Singular {
         /// Which round, from 0.
         round: usize,
     },
-    /// The surface of a checkpoint is none of the template.
-    #[error("the checkpoint's surface does not fit the template: {0}")]
+    /// The surface of a checkpoint is another one.
+    #[error("the checkpoint's surface does not fit: {0}")]
     Mesh(#[from] MeshError),
     /// The checkpoint cannot be read or written.
     #[error(transparent)]
@@ -75,11 +89,13 @@ impl From<ObserveError> for SurfaceError {
     }
 }
 
-/// The clothed person in canonical space, with the template's triangles and weights, and how it was found.
+/// The clothed person in canonical space, and how it was found.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// The template's triangles at the places that were seen.
+    /// The template's triangles at the places that were seen; or, in loose clothes, those of its union with what they fill.
     pub mesh: TriMesh,
+    /// The weights of its vertices.
+    pub skin: SkinWeights,
     /// What was used, left out and reached.
     pub report: SurfaceReport,
 }
@@ -90,6 +106,7 @@ const TOGETHER: usize = 8;
 /// Fits the template body's surface to the masks and normals of a capture.
 ///
 /// ```text
+/// surface ← the template; in clothes that span what it has apart, such as skirts, its union with the inside of the clothes
 /// for each round
 ///     pose the surface in each frame and rasterise it
 ///     collect, in canonical space, the normals that each triangle was seen with,
@@ -137,34 +154,45 @@ pub fn fit_surface(
             }
         }
     }
-    let key = checkpoint.map(|_| checkpoint::key(capture, template, params, &frames));
-    let edges = Edges::new(&template.mesh);
-    let mut mesh = template.mesh.clone();
     // The nearer the surface is, the less far away a border can be its own.
-    let look = |mesh: &TriMesh, frames: &[Observation], round: usize| {
+    let look = |mesh: &TriMesh, edges: &Edges, skin: &SkinWeights, frames: &[Observation], round: usize| {
         let reach = (params.reach * 0.5f64.powi(round as i32)).max(params.least_reach);
-        gather(mesh, &edges, &template.skin, capture.camera(), frames, reach)
+        gather(mesh, edges, skin, capture.camera(), frames, reach)
     };
 
     // Frames in which the template lies elsewhere are left out, once.
-    let mut evidence = look(&mesh, &frames, 0);
+    let mut edges = Edges::new(&template.mesh);
+    let mut evidence = look(&template.mesh, &edges, &template.skin, &frames, 0);
     let overlap = std::mem::take(&mut evidence.overlap);
     if overlap.iter().any(|o| *o < params.least_overlap) {
         let elsewhere = frames.iter().zip(&overlap).filter(|(_, o)| **o < params.least_overlap);
         report.skipped.extend(elsewhere.map(|(f, o)| Skipped::Elsewhere { frame: f.frame, overlap: *o }));
         let mut keep = overlap.iter().map(|o| *o >= params.least_overlap);
         frames.retain(|_| keep.next() == Some(true));
-        evidence = look(&mesh, &frames, 0);
+        evidence = look(&template.mesh, &edges, &template.skin, &frames, 0);
     }
     if frames.is_empty() {
         return Err(SurfaceError::NothingSeen { frames: capture.len(), first: report.skipped.into_iter().next() });
+    }
+    if watch(&clock.at(Stage::Start, 0, 1, None)).is_break() {
+        return Err(SurfaceError::Cancelled { rounds: 0 });
+    }
+    let start: Start = start(capture, template, params, &frames)?;
+    report.start = start.report.clone();
+    let (mut mesh, skin) = (start.mesh.clone(), &start.skin);
+    let key = checkpoint.map(|_| checkpoint::key(capture, &start, params, &frames));
+    let loose = params.in_loose_clothes();
+    let params = if report.start.filled.is_some() { &loose } else { params };
+    if report.start.filled.is_some() {
+        edges = Edges::new(&mesh);
+        evidence = look(&mesh, &edges, skin, &frames, 0);
     }
     if let (Some(path), Some(key)) = (checkpoint, &key)
         && let Some(known) = Checkpoint::read(path, key, params.rounds)?
     {
         mesh = mesh.with_vertices(known.vertices)?;
         report.rounds = known.rounds;
-        evidence = look(&mesh, &frames, report.rounds.len());
+        evidence = look(&mesh, &edges, skin, &frames, report.rounds.len());
     }
 
     clock.restart();
@@ -175,17 +203,17 @@ pub fn fit_surface(
             return Err(SurfaceError::Cancelled { rounds: round });
         }
         let (moved, done) =
-            refine::step(&template.mesh, &mesh, &edges, &evidence, params).ok_or(SurfaceError::Singular { round })?;
+            refine::step(&start.mesh, &mesh, &edges, &evidence, params).ok_or(SurfaceError::Singular { round })?;
         mesh = mesh.with_vertices(moved)?;
         report.rounds.push(done);
         if let (Some(path), Some(key)) = (checkpoint, &key) {
             Checkpoint { vertices: mesh.vertices().to_vec(), rounds: report.rounds.clone() }.write(path, key)?;
         }
-        evidence = look(&mesh, &frames, report.rounds.len());
+        evidence = look(&mesh, &edges, skin, &frames, report.rounds.len());
     }
     let Evidence { pixels, .. } = evidence;
     report.pixels = pixels;
     let loss: Option<Real> = report.rounds.last().map(|r| r.silhouette_mm);
     let _ = watch(&clock.at(Stage::Surface, params.rounds, params.rounds, loss));
-    Ok(Surface { mesh, report })
+    Ok(Surface { mesh, skin: start.skin, report })
 }

@@ -5,6 +5,7 @@ use super::garments::{Garment, GarmentParams, Garments, GarmentsError, find_garm
 use super::phi::{PhiError, PhiNetwork, PhiParams, fit_phi};
 use super::progress::{Clock, Progress, Stage};
 use super::surface::{SurfaceError, fit_surface};
+use super::underside::Underside;
 use super::whole_report::{GarmentReport, LabelReport, ReconstructReport, Seconds};
 use super::{ParamError, SurfaceParams};
 use crate::capture::Capture;
@@ -113,7 +114,7 @@ impl ReconstructError {
 ///
 /// ```text
 /// surface   ← the template, fitted to masks and normals              fit_surface
-/// mesh      ← the zero set of the surface's signed distance, once; its largest piece; weights of the nearest template place
+/// mesh      ← the zero set of the surface's signed distance, once; its largest piece; weights of the nearest place of the surface
 /// φ         ← the mesh's signed distance, baked; and as a network        fit_phi
 /// garments  ← the frames' labels voted on the posed mesh, cut, cleaned    find_garments
 /// ```
@@ -157,7 +158,7 @@ pub fn reconstruct(
         },
     )?;
     let mesh = largest_piece(&found.mesh);
-    let skin = carried_weights(&surface.mesh, &template.skin, template.skeleton.len(), mesh.vertices());
+    let skin = carried_weights(&surface.mesh, &surface.skin, template.skeleton.len(), mesh.vertices());
     if watch(&clock.at(Stage::Extract, 1, 2, None)).is_break() {
         return Err(ReconstructError::Cancelled);
     }
@@ -167,8 +168,9 @@ pub fn reconstruct(
     let phi = params.phi.as_ref().map(|p| fit_phi(&exact, p, watch)).transpose()?;
     lap(&mut seconds.phi);
 
+    let underside = Underside::of(&surface, template, capture, &mesh);
     let Garments { labels, votes, garments, missing } =
-        find_garments(capture, &template.skeleton, &mesh, &skin, &exact, &params.garments, watch)?;
+        find_garments(capture, &template.skeleton, &mesh, &skin, &exact, underside.as_ref(), &params.garments, watch)?;
     lap(&mut seconds.garments);
     let report = ReconstructReport {
         surface: surface.report,
