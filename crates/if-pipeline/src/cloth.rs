@@ -104,6 +104,8 @@ impl<'a> Cloth<'a> {
         (0..n).for_each(|v| anchors.push(v as u32, x[v], params.anchor_softness));
         let mut planes = HalfSpaces::new();
         planes.max_push = params.max_push;
+        // Middles of edges and triangles land at once; a corner that alone is free is not thrown.
+        planes.max_lever = 4.0;
         let lengths = ContactParams {
             step: params.step,
             margin: params.margin,
