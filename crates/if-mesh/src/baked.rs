@@ -56,6 +56,7 @@ pub struct Baked {
     depth: Real,
     surface: Aabb,
     errors: Errors,
+    /// What measuring does not see: of single precision, and of corners that re-distancing cuts.
     rounding: Real,
     lipschitz: Real,
     redistanced: bool,
@@ -84,19 +85,19 @@ impl Baked {
             Redistance::Never => false,
             Redistance::WhenNeeded => !is_distance(&raw.samples, params),
         };
-        let errors = if redistanced {
+        let (errors, unseen) = if redistanced {
             // Beyond the band by more than a brick, so that bricks no surface reaches are dropped.
             let far = 2.0 * SIDE as Real * bricks.cell;
             let zero_set = zero_set::ZeroSet::new(source, &region, params, &raw.samples, far)?;
             let raw = Samples::of_all(&zero_set, &bricks)?;
             samples::fill(&mut bricks, &all, &raw);
-            refine::refine(&mut bricks, &zero_set, params, raw)?
+            (refine::refine(&mut bricks, &zero_set, params, raw)?, zero_set.unseen())
         } else {
-            refine::refine(&mut bricks, source, params, raw)?
+            (refine::refine(&mut bricks, source, params, raw)?, 0.0)
         };
         let bricks = bricks.compacted(params.band, params.depth);
         // Values are stored in single precision.
-        let rounding = Real::from(bricks.nodes.iter().fold(0.0f32, |m, n| m.max(n[0].abs())) * f32::EPSILON);
+        let rounding = unseen + Real::from(bricks.nodes.iter().fold(0.0f32, |m, n| m.max(n[0].abs())) * f32::EPSILON);
         let surface = surface_box(&bricks);
         let lipschitz = accuracy::steepest(&bricks).max(1.0);
         Ok(Self { bricks, band: params.band, depth: params.depth, surface, errors, rounding, lipschitz, redistanced })
@@ -104,7 +105,8 @@ impl Baked {
 
     /// How far a value in the band may be from the distance, in metres: one and a half times the largest error at some
     /// two hundred thousand points, two thirds of them where the grid looks worst. Creases far from the surface decide it, such as
-    /// the middle of a limb; near the surface the error is smaller, see [`Baked::error_bound_within`].
+    /// the middle of a limb; near the surface the error is smaller, see [`Baked::error_bound_within`]. Where values were re-distanced and the
+    /// surface has creases, a seventh of a cell is added for the corners that its extraction cuts.
     pub fn error_bound(&self) -> Real {
         self.error_bound_within(Real::INFINITY)
     }

@@ -59,12 +59,13 @@ fn check_error(points: usize, cell: Real) {
         for _ in 0..points {
             let p = random.point(&region);
             let (got, expected) = (baked.distance(&p), truth.distance(&p));
-            if expected > baked.band() {
-                // Beyond the band the value is at least the band and at most the distance. That is more than
-                // what an intersection says, and more than the distance to its box.
-                let bound = baked.error_bound();
+            let bound = baked.error_bound();
+            if expected > baked.band() - bound {
+                // Beyond the band, or where the blend says so, the value is at least the band and at most the distance. That is
+                // more than what an intersection says, and more than the distance to its box.
+                let least = expected.min(baked.band()) - bound;
                 let expected = expected.max(solid.distance_squared(&p).sqrt());
-                assert!(baked.band() - bound <= got && got <= expected + bound, "{name}: {got} for {expected} at {p}");
+                assert!(least <= got && got <= expected + bound, "{name}: {got} for {expected} at {p}");
             } else {
                 let bound = baked.error_bound_within(expected.abs());
                 assert!((got - expected).abs() <= bound, "{name}: {got} for {expected} at {p}, bound {bound}");
@@ -238,8 +239,9 @@ fn cells_are_small_only_where_that_is_needed() {
     for source in [ScaledGradient { field, factor: 1.0 }, ScaledGradient { field, factor: 2.0 }] {
         let baked = Baked::new(&source, &BakeParams::default()).unwrap();
         let bound = baked.error_bound_within(0.02);
-        // Cells of 1.5 mm, as small as the default allows, leave that much at an axis.
-        assert!(bound <= 1.5e-3, "{bound}");
+        // Cells of 1.5 mm, as small as the default allows, leave that much at an axis; where the limbs meet is a crease.
+        let crease = if baked.is_redistanced() { 0.25 * baked.cell() / Real::sqrt(3.0) } else { 0.0 };
+        assert!(bound <= 1.5e-3 + crease, "{bound}");
         let mut random = Random(5);
         let mut worst: Real = 0.0;
         for _ in 0..20_000 {
@@ -250,7 +252,7 @@ fn cells_are_small_only_where_that_is_needed() {
                 worst = worst.max((baked.distance(&p) - truth).abs());
             }
         }
-        assert!(worst <= bound && bound < 4.0 * worst, "{worst} {bound}");
+        assert!(worst <= bound && bound - crease < 4.0 * worst, "{worst} {bound}");
         // As many bricks as if all cells were as small as the smallest.
         let bricks = baked.bricks_by_level();
         let even: usize = bricks.iter().enumerate().map(|(l, n)| n << (3 * (bricks.len() - 1 - l))).sum();

@@ -5,8 +5,10 @@ use crate::extract::{ExtractError, ExtractParams, Resolution, Slope, extract};
 use crate::index::Bvh;
 use if_core::aabb::Aabb;
 use if_core::closest::{Closest, ClosestPoint};
+use if_core::edges::Edges;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, unit_or_zero};
+use if_core::mesh::TriMesh;
 use rayon::prelude::*;
 
 /// Triangles have edges of this share of a cell of level 0: of 3 mm for cells of 12 mm. They are where nearest points are looked for
@@ -34,6 +36,8 @@ const NOISE: Real = 1e-6;
 const FAR: Real = 8.0;
 /// Where the source is below this share of the distance to the mesh, something is nearer than the mesh. Below what scaled fields are, as a rule.
 const THIN: Real = 0.3;
+/// Triangles that meet under a larger angle than that of this cosine, 35°, show a crease: a finger bends by 25° from one to the next.
+const CREASE: Real = 0.82;
 /// Slopes are at most this times the steepest that was seen.
 const STEEPER: Real = 1.5;
 
@@ -53,6 +57,8 @@ pub(super) struct ZeroSet<'a, S: ?Sized> {
     source: &'a S,
     surface: Bvh,
     edge: Real,
+    /// How far from the mesh the zero set may be where no step finds it, in metres: at corners.
+    unseen: Real,
     /// No distance is looked for beyond these, outside and inside.
     limits: [Real; 2],
 }
@@ -85,7 +91,14 @@ impl<'a, S: SignedDistance + ?Sized> ZeroSet<'a, S> {
             error => BakeError::Surface(error),
         })?;
         let limits = [params.band + far, params.depth + far];
-        Ok(Self { source, surface: Bvh::new(&mesh.mesh), edge, limits })
+        let unseen = if has_creases(&mesh.mesh) { edge / Real::sqrt(3.0) } else { 0.0 };
+        Ok(Self { source, surface: Bvh::new(&mesh.mesh), edge, unseen, limits })
+    }
+
+    /// What distances may be too large by, in metres: a corner is cut by the lattice of the extraction, and no slide along a side ends
+    /// in it. 0 where the mesh bends nowhere so much.
+    pub(super) fn unseen(&self) -> Real {
+        self.unseen
     }
 
     /// What is known before any step.
@@ -250,4 +263,21 @@ impl<S: SignedDistance + ?Sized> SignedDistance for ZeroSet<'_, S> {
     fn lipschitz(&self) -> Real {
         1.0
     }
+}
+
+/// Whether two triangles with a common edge meet under a large angle.
+fn has_creases(mesh: &TriMesh) -> bool {
+    let normal = |t: u32| {
+        let [a, b, c] = mesh.corners(t as usize);
+        unit_or_zero(&(b - a).cross(&(c - a)))
+    };
+    let edges = Edges::new(mesh);
+    // What has no area has no normal, and shows nothing.
+    edges.triangles.par_iter().any(|[s, t]| {
+        let inner = (*s as usize) < mesh.triangles().len() && (*t as usize) < mesh.triangles().len();
+        inner && {
+            let (a, b) = (normal(*s), normal(*t));
+            a != Vector::zeros() && b != Vector::zeros() && a.dot(&b) < CREASE
+        }
+    })
 }
