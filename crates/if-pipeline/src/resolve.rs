@@ -92,7 +92,7 @@ impl Default for ResolveParams {
             polish_rounds: 12,
             calm_strain: 0.25,
             drawn_strain: 0.5,
-            ease_rounds: 60,
+            ease_rounds: 40,
             tolerance: 3e-4,
             stretch_softness: 4.0,
             strain_limit: 0.12,
