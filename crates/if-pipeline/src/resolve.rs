@@ -261,12 +261,10 @@ pub fn resolve(
     let mut dressing = Dressing::new(outfit, before, &closed[0]);
     let mut index = 0;
     while index < layers {
-        let mut tell = |name: &str, stage, round, pairs| watch(&Progress { layer: name, index, layers, stage, round, pairs });
         let name = &outfit.garments[index].name;
+        let mut tell = |stage, round, pairs| watch(&Progress { layer: name, index, layers, stage, round, pairs });
         let may_halt = params.tuck == Tuck::IfStuck && !tight.contains(&index);
-        match dressing.put_on(index, closed.get(index + 1), &above, may_halt, params, &mut |stage, round, pairs| {
-            tell(name, stage, round, pairs)
-        }) {
+        match dressing.put_on(index, closed.get(index + 1), &above, may_halt, params, &mut tell) {
             Ok(()) => index += 1,
             Err(Halt::Cancelled) => return Err(ResolveError::Cancelled { layer: name.clone() }),
             Err(Halt::Stuck) => {

@@ -52,7 +52,10 @@ fn material_libraries_and_textures_are_copied_along() {
     let shirt = String::from_utf8(folder.read("shirt.obj")).unwrap();
     folder.write("shirt.obj", format!("mtllib cloth of shirt.mtl\nmtllib gone.mtl\nmtllib ../body.ply\n{shirt}"));
     std::fs::create_dir(folder.path("maps")).unwrap();
-    folder.write("cloth of shirt.mtl", "newmtl a\nmap_Kd -s 2 2 1 maps/red cloth.png\nbump missing.png\n");
+    folder.write(
+        "cloth of shirt.mtl",
+        "newmtl a\nmap_Kd -s 2 2 1 maps/red cloth.png\nmap_Ka ./maps/red cloth.png\nbump missing.png\n",
+    );
     folder.write("maps/red cloth.png", "not looked at");
     let run = folder.ifg("fix outfit.toml --out fixed").expect(0);
     for name in ["cloth of shirt.mtl", "maps/red cloth.png"] {
