@@ -37,6 +37,9 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
         let [before, after] = layer.eased.map(|s| 100.0 * s);
         let _ = writeln!(text, "{} was eased where it was drawn: largest strain {before:.0} -> {after:.0} %.", layer.name);
     }
+    for layer in report.layers.iter().filter(|l| l.split > 0) {
+        let _ = writeln!(text, "{}: {} triangles of the input were split into smaller ones.", layer.name, count(layer.split));
+    }
     text
 }
 
@@ -344,6 +347,7 @@ mod tests {
             queries: 100_000,
             tucked: [120, 3],
             eased: [4.0, 0.75],
+            split: 0,
             skipped: Skipped { layers: 1, vertices: 12_345, queries: 9, sweeps: 0 },
             seconds: 12.345,
         };

@@ -113,6 +113,7 @@ impl<'a> Dressing<'a> {
             queries: settled.queries,
             tucked: settled.tucked,
             eased: settled.eased,
+            split: 0,
             skipped: Skipped {
                 layers: apart,
                 vertices: settled.held,

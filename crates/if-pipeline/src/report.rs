@@ -137,6 +137,9 @@ pub struct LayerReport {
     /// ([`crate::resolve::ResolveParams::drawn_strain`]); zeros where none were.
     #[serde(default)]
     pub eased: [Real; 2],
+    /// Triangles of the input that were split ([`crate::resolve::Split`]).
+    #[serde(default)]
+    pub split: usize,
     /// What was skipped.
     pub skipped: Skipped,
     /// Wall time, in seconds.
