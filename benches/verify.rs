@@ -35,7 +35,8 @@ fn scenes() -> [(&'static str, TriMesh, TriMesh, [usize; 2]); 2] {
 }
 
 fn verify(below: &TriMesh, above: &TriMesh) -> usize {
-    pairs(&Bvh::new(below), &Bvh::new(above)).len()
+    let (below, above) = rayon::join(|| Bvh::new(below), || Bvh::new(above));
+    pairs(&below, &above).len()
 }
 
 fn bench(c: &mut Criterion) {

@@ -23,7 +23,7 @@ pub struct TrianglePair {
 /// Both trees must hold the current positions. Cost is near-linear in the number of triangles plus
 /// the number of pairs of overlapping boxes.
 pub fn pairs(a: &Bvh, b: &Bvh) -> Vec<TrianglePair> {
-    a.overlapping_pairs(b, |i, ta, j, tb| match triangles(ta.each_ref(), tb.each_ref()) {
+    a.near_pairs(b, |i, ta, j, tb| match triangles(ta.each_ref(), tb.each_ref()) {
         Contact::Disjoint => None,
         contact => Some(TrianglePair { a: i, b: j, contact }),
     })
@@ -32,11 +32,8 @@ pub fn pairs(a: &Bvh, b: &Bvh) -> Vec<TrianglePair> {
 /// All pairs of triangles of one mesh that share a point beyond their common corners, sorted. Corners count
 /// as common where they are one vertex or have equal coordinates; triangles of zero area are left out.
 pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
-    let mut found = tree.own_overlapping_pairs(
-        |i, ti, j, tj| {
-            if i < j { own_pair(mesh, i, ti, j, tj) } else { own_pair(mesh, j, tj, i, ti) }
-        },
-    );
+    let mut found =
+        tree.own_near_pairs(|i, ti, j, tj| if i < j { own_pair(mesh, i, ti, j, tj) } else { own_pair(mesh, j, tj, i, ti) });
     found.sort_unstable();
     found
 }
