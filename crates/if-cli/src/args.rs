@@ -232,7 +232,7 @@ pub(crate) struct CleanArgs {
     /// Leave the boundary as it is.
     #[arg(long)]
     pub(crate) no_smooth: bool,
-    /// Smooth the whole surface too, by so many passes of Laplacian smoothing.
+    /// Smooth the whole surface but for its boundary, by so many passes of Laplacian smoothing.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) surface_passes: usize,
     /// Allow the output to replace the input.
