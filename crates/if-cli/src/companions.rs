@@ -55,14 +55,11 @@ pub(crate) fn write(
                 let beside = Path::new(&library).parent().unwrap_or(Path::new(""));
                 for line in textures(&text) {
                     match texture_of(&folder.join(beside), &line) {
-                        Some(name) => {
-                            let name = beside.join(name);
-                            add(name.to_string_lossy().into_owned(), folder.join(&name))?;
-                        }
+                        Some(name) => add(plain(&beside.join(&name)), folder.join(beside).join(name))?,
                         None => notes.push(format!("{library}: the texture `{line}` is not in its folder, and not copied")),
                     }
                 }
-                add(library, path)?;
+                add(plain(Path::new(&library)), path)?;
             }
         }
     }
@@ -106,6 +103,12 @@ fn texture_of(folder: &Path, line: &str) -> Option<String> {
 fn is_below(folder: &Path, name: &str) -> bool {
     let path = Path::new(name);
     path.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) && folder.join(path).is_file()
+}
+
+/// The path without `.`, so that a file has one name.
+fn plain(path: &Path) -> String {
+    let parts = path.components().filter(|c| matches!(c, Component::Normal(_)));
+    parts.collect::<PathBuf>().to_string_lossy().into_owned()
 }
 
 fn same_content(a: &Path, b: &Path) -> bool {

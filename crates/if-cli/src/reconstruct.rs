@@ -9,12 +9,14 @@ use crate::progress::Line;
 use clap::Args;
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
+use if_neural::deform::DeformParams;
 use if_pipeline::asset::{LayerHint, Parts, Provenance};
 use if_pipeline::capture::Capture;
 use if_pipeline::content;
 use if_pipeline::page::Page;
 use if_pipeline::reconstruct::{
-    PhiNetwork, PhiParams, Progress, ReconstructParams, ReconstructReport, Reconstruction, Stage, reconstruct, write_frames,
+    FrameMotion, MotionNetworkParams, MotionParams, MotionReport, MotionRound, PhiNetwork, PhiParams, Progress,
+    ReconstructParams, ReconstructReport, Reconstruction, Stage, reconstruct, write_frames,
 };
 use if_pipeline::render::{PALETTE, RenderLayer, View, side_by_side};
 use if_pipeline::template::TemplateBody;
@@ -49,12 +51,26 @@ pub(crate) struct ReconstructArgs {
     /// Steps of the fit of φ's network, which each garment gets as `phi.safetensors`; 150 by default, 0 leaves it out.
     #[arg(long, value_name = "STEPS")]
     pub(crate) phi_steps: Option<u64>,
-    /// Write the canonical mesh in each frame, too.
+    /// Write the canonical mesh in each frame, too: posed, and moved as the pictures of that frame and its neighbours show it.
     #[arg(long)]
     pub(crate) frames: bool,
+    /// Where the motion of single frames comes from: `solved` from the pictures, or `none`, the pose alone. Only with --frames.
+    #[arg(long, value_name = "HOW", requires = "frames", default_value = "solved")]
+    pub(crate) motion: MotionFrom,
+    /// Steps of a fit of that motion as a network with an embedding for each frame, `deformation.safetensors` beside the frames'
+    /// folder; 0, as by default, leaves it out.
+    #[arg(long, value_name = "STEPS", requires = "frames", default_value_t = 0)]
+    pub(crate) motion_steps: u64,
     /// Print the report as JSON on stdout, and no summary.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Where the motion of single frames comes from.
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum MotionFrom {
+    Solved,
+    None,
 }
 
 /// Folder of the wardrobe for clothed people.
@@ -99,6 +115,11 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     if let Some(steps) = args.phi_steps {
         params.phi = params.phi.filter(|_| steps > 0).map(|phi| PhiParams { steps, ..phi });
     }
+    params.motion = (args.frames && args.motion == MotionFrom::Solved).then(MotionParams::default);
+    params.motion_network = (args.motion_steps > 0).then(|| MotionNetworkParams {
+        fit: DeformParams { steps: args.motion_steps, ..DeformParams::default() },
+        ..MotionNetworkParams::default()
+    });
     let writing = |what: &str| format!("cannot write {what} into `{}`", args.out.display());
     const ROOM: &str = "make room there, or give --out another folder that you may write to";
     fs::create_dir_all(&args.out).map_err(fault(writing("anything"), ROOM))?;
@@ -146,6 +167,8 @@ fn told(progress: &Progress) -> String {
         Stage::Start => "looking for loose clothes",
         Stage::Surface => "fitting the surface",
         Stage::Extract => "extracting the canonical mesh",
+        Stage::Motion => "solving the motion of single frames",
+        Stage::MotionNetwork => "fitting the network of the motion",
         Stage::Field => "fitting the network of φ",
         Stage::Garments => "finding garments",
         _ => "working",
@@ -179,6 +202,15 @@ fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> String {
             last.silhouette_mm, last.normal_degrees
         );
     }
+    if let Some(motion) = &report.motion {
+        text += &format!("  {}", moved(motion));
+    }
+    if let Some(network) = &report.motion_network {
+        text += &format!(
+            "  their motion as a network: off by {:.2} mm on average, for {:.2} mm of none at all\n",
+            network.mean_mm, network.still_mm
+        );
+    }
     if let Some(phi) = &report.phi {
         text += &format!("  φ as a network: off by {:.2} mm on average, 99 % by less than {:.1} mm\n", phi.mean_mm, phi.p99_mm);
     }
@@ -200,6 +232,18 @@ fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> String {
         text += &format!("  {missing}: nothing of it was seen\n");
     }
     text
+}
+
+/// What became of the motion of single frames, in a line.
+fn moved(motion: &MotionReport) -> String {
+    let mut text = format!(
+        "{} frames move on their own: {:.1} mm on average, {:.1} mm at most",
+        motion.solved, motion.mean_mm, motion.max_mm
+    );
+    if !motion.skipped.is_empty() {
+        text += &format!("; {} bring nothing, and move as their neighbours do", motion.skipped.len());
+    }
+    text + "\n"
 }
 
 /// The body and the garments, into the wardrobe.
@@ -260,8 +304,11 @@ fn write_clothed(
         let path: PathBuf = folder.join("canonical.ply");
         ply::write_path(&file, found.mesh.vertices(), &WriteParams::default(), &path).map_err(io::Error::other)?;
         if args.frames {
-            write_frames(&folder.join("frames"), &found.mesh, &found.skin, &template.skeleton, capture)
+            write_frames(&folder.join("frames"), &found.mesh, &found.skin, &template.skeleton, capture, found.motion.as_ref())
                 .map_err(io::Error::other)?;
+        }
+        if let Some(network) = &found.motion_network {
+            fs::write(folder.join("deformation.safetensors"), network.to_bytes()?)?;
         }
         fs::write(folder.join("report.json"), serde_json::to_vec_pretty(&found.report)?)?;
         fs::write(folder.join("report.html"), page(name, found)?)
@@ -271,11 +318,8 @@ fn write_clothed(
 fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
     let report = &found.report;
     let mut page = Page::new(&format!("{name}, reconstructed"));
-    page.text(&summary(
-        name,
-        report,
-        report.seconds.surface + report.seconds.extract + report.seconds.phi + report.seconds.garments,
-    ));
+    let s = &report.seconds;
+    page.text(&summary(name, report, s.surface + s.extract + s.motion + s.motion_network + s.phi + s.garments));
     page.heading("The person").picture("front, three quarters, back", &picture(&labelled(found))?);
     page.heading("The garments").picture("cut and cleaned", &picture(&garments(found))?);
     let row = |k: usize| {
@@ -292,6 +336,25 @@ fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
     let rows: Vec<Vec<String>> = (0..report.surface.rounds.len()).map(row).collect();
     let head = ["round", "silhouettes, mm", "normals, degrees", "step, mm", "rim vertices", "triangles seen"];
     page.heading("Rounds, each as it began").table(&head, &rows);
+    if let Some(motion) = &report.motion {
+        let row = |(k, r): (usize, &MotionRound)| {
+            vec![
+                (k + 1).to_string(),
+                format!("{:.2}", r.silhouette_mm),
+                format!("{:.2}", r.normal_degrees),
+                format!("{:.2}", r.step_mm),
+            ]
+        };
+        let rows: Vec<Vec<String>> = motion.rounds.iter().enumerate().map(row).collect();
+        page.heading("Motion of single frames: rounds, each as it began, mean of the frames");
+        page.text(&format!("{}It took {:.1} s.", moved(motion), s.motion)).table(&head[..4], &rows);
+        let row = |f: &FrameMotion| {
+            let from = if f.solved { "its pictures and its neighbours'" } else { "its neighbours' motion" };
+            vec![f.frame.to_string(), from.into(), format!("{:.2}", f.mean_mm), format!("{:.2}", f.max_mm)]
+        };
+        let rows: Vec<Vec<String>> = motion.frames.iter().map(row).collect();
+        page.heading("Motion of single frames").table(&["frame", "from", "|d| on average, mm", "at most, mm"], &rows);
+    }
     page.heading("Everything").json(&serde_json::to_value(report)?);
     Ok(page.html())
 }

@@ -21,7 +21,17 @@ pub struct Edges {
 /// For each vertex the smallest vertex of its part: parts hang together by edges of triangles. A vertex without a triangle is a
 /// part of its own.
 pub fn parts(mesh: &TriMesh) -> Vec<u32> {
-    let mut parent: Vec<u32> = (0..mesh.vertices().len() as u32).collect();
+    let edges = mesh.triangles().iter().flat_map(|t| [[t[0], t[1]], [t[0], t[2]]]);
+    parts_by_edges(edges, mesh.vertices().len())
+}
+
+/// As [`parts`], for `edges` over `vertex_count` vertices.
+///
+/// # Panics
+///
+/// If an edge names a vertex that is not below `vertex_count`.
+pub fn parts_by_edges(edges: impl IntoIterator<Item = [u32; 2]>, vertex_count: usize) -> Vec<u32> {
+    let mut parent: Vec<u32> = (0..vertex_count as u32).collect();
     fn root(parent: &mut [u32], mut v: u32) -> u32 {
         while parent[v as usize] != v {
             parent[v as usize] = parent[parent[v as usize] as usize];
@@ -29,12 +39,10 @@ pub fn parts(mesh: &TriMesh) -> Vec<u32> {
         }
         v
     }
-    for tri in mesh.triangles() {
-        for k in 1..3 {
-            let (a, b) = (root(&mut parent, tri[0]), root(&mut parent, tri[k]));
-            // The smaller index stays the root: the same result in any order.
-            parent[a.max(b) as usize] = a.min(b);
-        }
+    for [a, b] in edges {
+        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
+        // The smaller index stays the root: the same result in any order.
+        parent[a.max(b) as usize] = a.min(b);
     }
     (0..parent.len() as u32).map(|v| root(&mut parent, v)).collect()
 }

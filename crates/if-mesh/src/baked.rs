@@ -57,7 +57,7 @@ pub struct Baked {
     surface: Aabb,
     errors: Errors,
     /// What measuring does not see: of single precision, and of corners that re-distancing cuts.
-    rounding: Real,
+    unseen: Real,
     lipschitz: Real,
     redistanced: bool,
 }
@@ -85,7 +85,7 @@ impl Baked {
             Redistance::Never => false,
             Redistance::WhenNeeded => !is_distance(&raw.samples, params),
         };
-        let (errors, unseen) = if redistanced {
+        let (errors, cut) = if redistanced {
             // Beyond the band by more than a brick, so that bricks no surface reaches are dropped.
             let far = 2.0 * SIDE as Real * bricks.cell;
             let zero_set = zero_set::ZeroSet::new(source, &region, params, &raw.samples, far)?;
@@ -97,10 +97,10 @@ impl Baked {
         };
         let bricks = bricks.compacted(params.band, params.depth);
         // Values are stored in single precision.
-        let rounding = unseen + Real::from(bricks.nodes.iter().fold(0.0f32, |m, n| m.max(n[0].abs())) * f32::EPSILON);
+        let unseen = cut + Real::from(bricks.nodes.iter().fold(0.0f32, |m, n| m.max(n[0].abs())) * f32::EPSILON);
         let surface = surface_box(&bricks);
         let lipschitz = accuracy::steepest(&bricks).max(1.0);
-        Ok(Self { bricks, band: params.band, depth: params.depth, surface, errors, rounding, lipschitz, redistanced })
+        Ok(Self { bricks, band: params.band, depth: params.depth, surface, errors, unseen, lipschitz, redistanced })
     }
 
     /// How far a value in the band may be from the distance, in metres: one and a half times the largest error at some
@@ -113,7 +113,7 @@ impl Baked {
 
     /// The same for points no farther than `reach` metres from the surface.
     pub fn error_bound_within(&self, reach: Real) -> Real {
-        SAFETY * self.errors.within(reach) + self.rounding
+        SAFETY * self.errors.within(reach) + self.unseen
     }
 
     /// Whether the values of the source were replaced by distances.

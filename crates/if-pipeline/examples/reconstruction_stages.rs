@@ -19,8 +19,8 @@ use if_mesh::sdf::MeshSdf;
 use if_mesh::{measure, ply};
 use if_pipeline::capture::Capture;
 use if_pipeline::reconstruct::{
-    FloodedField, GarmentParams, SurfaceParams, Underside, VisualHull, carried_weights, find_garments, fit_surface,
-    largest_piece, write_frames,
+    FloodedField, GarmentParams, MeshMotion, MotionParams, MotionReport, SurfaceParams, Underside, VisualHull, carried_weights,
+    find_garments, fit_motion, fit_surface, largest_piece, write_frames,
 };
 use if_pipeline::skinning::{WeightGrid, WeightGridParams};
 use if_pipeline::template::TemplateBody;
@@ -92,7 +92,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mesh = largest_piece(&extract(&FloodedField::new(&surface.mesh)?, &cells)?.mesh);
     let skin = carried_weights(&surface.mesh, &surface.skin, joints, mesh.vertices());
     judge("canonical", &mesh, start.elapsed().as_secs_f64());
-    write_frames(&out.join("frames"), &mesh, &skin, &template.skeleton, &capture)?;
+
+    // What single frames show otherwise, and the same mesh in each of them.
+    start = Instant::now();
+    let (read, usual) = (SurfaceParams::default(), MotionParams::default());
+    let motion = fit_motion(&capture, &template.skeleton, &surface, &read, &usual, &mut |_| ControlFlow::Continue(()))?;
+    let MotionReport { solved, mean_mm, max_mm, .. } = motion.report;
+    let seconds = start.elapsed().as_secs_f64();
+    println!("motion     {seconds:6.2} s for {solved} frames: {mean_mm:.1} mm on average, {max_mm:.1} mm at most");
+    let motion = MeshMotion::new(motion, &surface.mesh, mesh.vertices());
+    write_frames(&out.join("frames"), &mesh, &skin, &template.skeleton, &capture, Some(&motion))?;
 
     // Garments.
     start = Instant::now();

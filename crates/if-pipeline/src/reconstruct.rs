@@ -6,8 +6,10 @@
 //! |---|---|
 //! | the surface, from masks, normals and poses | [`fit_surface`] |
 //! | one canonical mesh, closed, with weights | [`FloodedField`], [`if_mesh::extract`], [`largest_piece`], [`carried_weights`] |
+//! | the motion of single frames, by which each is another than the pose alone makes it | [`fit_motion`], [`MeshMotion`] |
 //! | the same mesh in each frame | [`posed`], [`write_frames`] |
 //! | φ as a network | [`fit_phi`] |
+//! | the motion as a network with an embedding for each frame | [`distil_motion`] |
 //! | garments, from label images | [`find_garments`] |
 //! | a baseline: the visual hull | [`VisualHull`] |
 //!
@@ -23,6 +25,7 @@ mod frames;
 mod garments;
 mod hull;
 mod loose;
+mod motion;
 mod observe;
 mod params;
 mod phi;
@@ -40,6 +43,10 @@ pub use checkpoint::CheckpointError;
 pub use frames::{FramesError, posed, write_frames};
 pub use garments::{Garment, GarmentParams, Garments, GarmentsError, find_garments, openings_of};
 pub use hull::{HullError, VisualHull};
+pub use motion::{
+    FrameMotion, MeshMotion, Motion, MotionError, MotionNetwork, MotionNetworkError, MotionNetworkParams, MotionNetworkReport,
+    MotionParams, MotionReport, MotionRound, distil_motion, fit_motion,
+};
 pub use params::{ParamError, SurfaceParams};
 pub use phi::{PhiError, PhiNetwork, PhiParams, PhiReport, fit_phi};
 pub use progress::{Progress, Stage};

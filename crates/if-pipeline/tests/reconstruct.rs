@@ -6,12 +6,14 @@ use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::icosphere;
 use if_mesh::camera::Camera;
+use if_mesh::ply;
 use if_neural::field::NeuralField;
 use if_neural::files::read_network;
 use if_neural::network::NetworkConfig;
 use if_pipeline::capture::{Capture, CaptureWriter, FramePictures, Subject};
 use if_pipeline::reconstruct::{
-    PhiParams, ReconstructParams, Skipped, Surface, SurfaceError, SurfaceParams, fit_surface, reconstruct,
+    MeshMotion, Motion, MotionError, MotionParams, PhiParams, ReconstructParams, Skipped, Stage, Surface, SurfaceError,
+    SurfaceParams, fit_motion, fit_surface, reconstruct, write_frames,
 };
 use if_pipeline::skeleton::{Joint, Pose, Skeleton};
 use if_pipeline::skin_weights::SkinWeights;
@@ -69,7 +71,21 @@ fn pictures(folder: &Path, hide: impl Fn(usize) -> bool) -> Capture {
 
 /// The same with labels of one's own.
 fn labelled(folder: &Path, hide: impl Fn(usize) -> bool, label: impl Fn(&Point) -> u8) -> Capture {
-    let camera = Camera::looking_at((SIDE, SIDE), &Point::new(0.0, 0.6, 3.0), &CENTER, &Vector::y(), 0.36).unwrap();
+    drawn(folder, |frame, from, along| if hide(frame) { None } else { meets(from, along) }, label)
+}
+
+/// A camera before the ellipsoid.
+fn camera() -> Camera {
+    Camera::looking_at((SIDE, SIDE), &Point::new(0.0, 0.6, 3.0), &CENTER, &Vector::y(), 0.36).unwrap()
+}
+
+/// Writes pictures of what `hit` says that a ray of a frame meets first, and of which normal, in canonical space.
+fn drawn(
+    folder: &Path,
+    hit: impl Fn(usize, &Point, &Vector) -> Option<(Point, Vector)>,
+    label: impl Fn(&Point) -> u8,
+) -> Capture {
+    let camera = camera();
     let subject =
         Subject { camera: camera.clone(), garments: vec!["top".into()], joints: vec!["root".into()], generator: "test".into() };
     let mut writer = CaptureWriter::create(folder, &subject).unwrap();
@@ -81,11 +97,7 @@ fn labelled(folder: &Path, hide: impl Fn(usize) -> bool, label: impl Fn(&Point) 
         let (mut mask, mut labels, mut normals) = (Vec::new(), Vec::new(), Vec::new());
         for i in 0..SIDE * SIDE {
             let (from, along) = camera.ray(&Point2::new((i % SIDE) as Real + 0.5, (i / SIDE) as Real + 0.5));
-            let hit = if hide(frame) {
-                None
-            } else {
-                meets(&place.inverse_transform_point(&from), &place.inverse_transform_vector(&along))
-            };
+            let hit = hit(frame, &place.inverse_transform_point(&from), &place.inverse_transform_vector(&along));
             mask.push(hit.is_some());
             labels.push(hit.map_or(0, |(point, _)| label(&point)));
             normals.push(hit.map_or([0.0; 3], |(_, normal)| {
@@ -109,6 +121,37 @@ fn meets(from: &Point, along: &Vector) -> Option<(Point, Vector)> {
     let t = (-b - root.max(0.0).sqrt()) / a;
     let point = from + along * t;
     (root > 0.0).then(|| (point, unit_or_zero(&(point - CENTER).component_div(&radii.component_mul(&radii)))))
+}
+
+/// How a wave runs over the ellipsoid: 15 mm and less.
+const WAVE: Real = 0.05;
+
+/// Of the ellipsoid with a wave: how far out a point is, as a share of its radii, and the slope of that.
+fn beyond_wave(frame: usize, p: &Point) -> (Real, Vector) {
+    let radii = Vector::from(RADII);
+    let q = (p - CENTER).component_div(&radii);
+    let phase = 7.0 * q.y + std::f64::consts::TAU * frame as Real / FRAMES as Real;
+    let slope = unit_or_zero(&q) - Vector::y() * (7.0 * WAVE * phase.cos());
+    (q.norm() - 1.0 - WAVE * phase.sin(), slope.component_div(&radii))
+}
+
+/// Where a ray first meets the ellipsoid with a wave, by small steps and halving.
+fn meets_wave(frame: usize, from: &Point, along: &Vector) -> Option<(Point, Vector)> {
+    let at = |t: Real| from + along * t;
+    let nearest = (CENTER - from).dot(along) / along.norm_squared();
+    let (step, mut t) = (0.01 / along.norm(), nearest - 0.6 / along.norm());
+    while beyond_wave(frame, &at(t)).0 > 0.0 {
+        t += step;
+        if t > nearest + 0.6 / along.norm() {
+            return None;
+        }
+    }
+    let (mut out, mut within) = (t - step, t);
+    for _ in 0..20 {
+        let middle = 0.5 * (out + within);
+        if beyond_wave(frame, &at(middle)).0 > 0.0 { out = middle } else { within = middle }
+    }
+    Some((at(out), unit_or_zero(&beyond_wave(frame, &at(out)).1)))
 }
 
 /// The distance of a point from the ellipsoid, to first order.
@@ -209,6 +252,100 @@ fn empty_frames_are_left_out_and_named() {
     assert!(matches!(error, SurfaceError::NothingSeen { frames: FRAMES, .. }), "{error}");
 }
 
+fn move_frames(capture: &Capture, surface: &Surface) -> Result<Motion, MotionError> {
+    let (read, params) = (SurfaceParams::default(), MotionParams::default());
+    fit_motion(capture, &template().skeleton, surface, &read, &params, &mut |_| ControlFlow::Continue(()))
+}
+
+/// Mean distance from what `truth` says of a frame of the vertices that face its camera, without motion and with it.
+fn seen_errors(capture: &Capture, surface: &Surface, motion: &Motion, truth: impl Fn(usize, &Point) -> Real) -> [Real; 2] {
+    let (mut sums, mut count) = ([0.0; 2], 0);
+    let eye = camera().center();
+    for frame in 0..FRAMES {
+        let place = template().skeleton.transforms(capture.pose(frame)).unwrap()[0];
+        let eye = place.inverse_transform_point(&eye);
+        for (v, n) in surface.mesh.vertex_normals().iter().enumerate() {
+            let p = surface.mesh.vertices()[v];
+            if n.dot(&(eye - p).normalize()) > 0.3 {
+                sums[0] += truth(frame, &p).abs();
+                sums[1] += truth(frame, &(p + motion.offsets[frame][v])).abs();
+                count += 1;
+            }
+        }
+    }
+    sums.map(|s| s / Real::from(count))
+}
+
+#[test]
+fn a_wave_that_runs_over_the_body_is_followed_in_each_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = drawn(&folder.path().join("wave"), meets_wave, |_| 2);
+    let surface = fit(&capture, None, usize::MAX).unwrap();
+    let motion = move_frames(&capture, &surface).unwrap();
+    let truth = |frame: usize, p: &Point| {
+        let (beyond, slope) = beyond_wave(frame, p);
+        beyond / slope.norm()
+    };
+    let [without, with] = seen_errors(&capture, &surface, &motion, truth);
+    // The wave is 5 mm high on average, half a pixel. What is left of it is 61 %.
+    assert!(without > 0.004 && with < 0.67 * without, "{without} {with}");
+    let report = &motion.report;
+    assert_eq!((report.solved, report.rounds.len(), report.frames.len()), (FRAMES, 1, FRAMES));
+    assert!(report.mean_mm > 1.0 && report.max_mm < 40.0, "{report:?}");
+    // Threads do not matter.
+    for threads in [1, 2, 7] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        assert_eq!(pool.install(|| move_frames(&capture, &surface)).unwrap().offsets, motion.offsets, "{threads} threads");
+    }
+    // Frames are written with their motion.
+    let carried = MeshMotion::new(motion.clone(), &surface.mesh, surface.mesh.vertices());
+    let out = folder.path().join("frames");
+    let skeleton = &template().skeleton;
+    write_frames(&out, &surface.mesh, &surface.skin, skeleton, &capture, Some(&carried)).unwrap();
+    let written = ply::read_path(&out.join("frame_0005.ply")).unwrap().mesh;
+    let place = skeleton.transforms(capture.pose(5)).unwrap()[0];
+    for (v, p) in written.vertices().iter().enumerate() {
+        let expected = place * (surface.mesh.vertices()[v] + motion.offsets[5][v]);
+        approx::assert_relative_eq!(*p, expected, epsilon = 1e-6); // written in single precision
+    }
+}
+
+#[test]
+fn a_body_that_does_not_move_is_hardly_moved() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = pictures(&folder.path().join("capture"), |frame| frame == 3 || frame == 7);
+    let surface = fit(&capture, None, usize::MAX).unwrap();
+    let motion = move_frames(&capture, &surface).unwrap();
+    let [without, with] = seen_errors(&capture, &surface, &motion, |_, p| off(p));
+    assert!(with < without + 0.0005, "{without} {with}");
+    // Frames that show nothing lie between their neighbours.
+    assert_eq!(motion.report.skipped, [3, 7]);
+    for (v, d) in motion.offsets[3].iter().enumerate() {
+        approx::assert_relative_eq!(*d, (motion.offsets[2][v] + motion.offsets[4][v]) * 0.5, epsilon = 1e-15);
+    }
+}
+
+#[test]
+fn motion_stops_when_told_to_and_names_bad_parameters() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = pictures(&folder.path().join("capture"), |_| false);
+    let surface = fit(&capture, None, usize::MAX).unwrap();
+    let run = |params: MotionParams, stop_at: usize| {
+        let mut heard = 0;
+        fit_motion(&capture, &template().skeleton, &surface, &SurfaceParams::default(), &params, &mut |p| {
+            heard += usize::from(p.stage == Stage::Motion);
+            if heard > stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })
+    };
+    let twice = MotionParams { rounds: 2, ..Default::default() };
+    assert!(matches!(run(twice.clone(), 0), Err(MotionError::Cancelled { rounds: 0 })));
+    let whole = run(twice, usize::MAX).unwrap();
+    assert_eq!(whole.report.rounds.len(), 2);
+    assert!(whole.report.rounds[1].step_mm < whole.report.rounds[0].step_mm, "{:?}", whole.report.rounds);
+    let bad = run(MotionParams { bending: 0.0, ..Default::default() }, usize::MAX).unwrap_err();
+    assert!(bad.to_string().contains("bending"), "{bad}");
+}
+
 #[test]
 fn the_upper_half_is_cut_out_as_a_garment_with_one_opening() {
     let folder = tempfile::tempdir().unwrap();
@@ -218,7 +355,8 @@ fn the_upper_half_is_cut_out_as_a_garment_with_one_opening() {
         (grid.finest, grid.levels) = (64, 3);
     }
     (phi.sampling.near, phi.sampling.far, phi.sampling.held_out) = (20_000, 2_000, 2_000);
-    let params = ReconstructParams { cell: 0.02, phi: Some(phi), ..Default::default() };
+    let motion = Some(MotionParams::default());
+    let params = ReconstructParams { cell: 0.02, phi: Some(phi), motion, ..Default::default() };
     let found = reconstruct(&capture, &template(), &params, None, &mut |_| ControlFlow::Continue(())).unwrap();
     let right = found.mesh.vertices().iter().zip(&found.labels).filter(|(p, l)| (p.y > CENTER.y) == (**l == 2)).count();
     assert!(right as Real > 0.97 * found.labels.len() as Real, "{right} of {}", found.labels.len());
@@ -241,6 +379,9 @@ fn the_upper_half_is_cut_out_as_a_garment_with_one_opening() {
     let worst = top.mesh.vertices().iter().map(|p| field.distance(p).abs()).fold(0.0, Real::max);
     assert!(worst < 0.01 && network.report.mean_mm < 1.0 && network.report.steps == 5, "{worst} {:?}", network.report);
     assert_eq!(found.report.phi, Some(network.report));
+    let motion = found.motion.unwrap();
+    assert_eq!(motion.offsets(0).len(), found.mesh.vertices().len());
+    assert_eq!(found.report.motion.as_ref(), Some(&motion.motion().report));
     assert!(found.report.missing.is_empty() && found.report.labels.frames_cast > 0);
     // Told to stop, it stops.
     let stopped = reconstruct(&capture, &template(), &params, None, &mut |_| ControlFlow::Break(()));

@@ -6,6 +6,7 @@ use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
+use if_core::edges::parts_by_edges;
 use if_core::math::{Point, Real, Vector};
 
 /// Edge springs solved by local–global iterations on a constant matrix, factored once for each h.
@@ -104,24 +105,12 @@ impl GlobalStretch {
 
 /// The particles of each part of two or more, joined by edges, of which none is pinned; in ascending order.
 fn free_parts(edges: &EdgeSet, inverse_masses: &[Real]) -> Vec<Vec<u32>> {
-    let mut first: Vec<u32> = (0..inverse_masses.len() as u32).collect();
-    fn root(first: &mut [u32], mut v: u32) -> u32 {
-        while first[v as usize] != v {
-            first[v as usize] = first[first[v as usize] as usize];
-            v = first[v as usize];
-        }
-        v
-    }
-    for ([a, b], _) in edges.visited() {
-        let (a, b) = (root(&mut first, a), root(&mut first, b));
-        first[a.max(b) as usize] = a.min(b);
-    }
+    let part_of = parts_by_edges(edges.visited().map(|(ends, _)| ends), inverse_masses.len());
     let mut parts = vec![Vec::new(); inverse_masses.len()];
     let mut held = vec![false; inverse_masses.len()];
-    for (v, w) in inverse_masses.iter().enumerate() {
-        let part = root(&mut first, v as u32) as usize;
-        parts[part].push(v as u32);
-        held[part] |= *w <= 0.0;
+    for (v, (w, part)) in inverse_masses.iter().zip(part_of).enumerate() {
+        parts[part as usize].push(v as u32);
+        held[part as usize] |= *w <= 0.0;
     }
     parts.into_iter().zip(held).filter(|(part, held)| part.len() > 1 && !held).map(|(part, _)| part).collect()
 }

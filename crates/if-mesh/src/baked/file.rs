@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! "ifg-baked" 0 version(u32)   then little-endian, in metres:
-//! origin(3 f64) cell band depth rounding lipschitz(f64) surface(6 f64) reach(f64) errors(count u32, f64 each) redistanced(u8)
+//! origin(3 f64) cell band depth unseen lipschitz(f64) surface(6 f64) reach(f64) errors(count u32, f64 each) redistanced(u8)
 //! size(3 u32) tree(count u32, u8 each)      roots, x fastest: 0 outside, 1 inside, 2 a brick, 3 split and then its halves
 //! nodes(4 f32 each, 125 for each brick)     bricks in the order of the tree
 //! ```
@@ -62,7 +62,7 @@ impl Baked {
         let reals = |out: &mut Vec<u8>, values: &[Real]| values.iter().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
         let count = |out: &mut Vec<u8>, n: usize| out.extend_from_slice(&(n as u32).to_le_bytes());
         reals(&mut out, b.origin.coords.as_slice());
-        reals(&mut out, &[b.cell, self.band, self.depth, self.rounding, self.lipschitz]);
+        reals(&mut out, &[b.cell, self.band, self.depth, self.unseen, self.lipschitz]);
         reals(&mut out, self.surface.min.coords.as_slice());
         reals(&mut out, self.surface.max.coords.as_slice());
         reals(&mut out, &[self.errors.reach]);
@@ -105,7 +105,7 @@ impl Baked {
         }
         let origin = Point::new(r.finite()?, r.finite()?, r.finite()?);
         let (cell, band, depth) = (r.positive(false)?, r.positive(false)?, r.positive(true)?);
-        let (rounding, lipschitz) = (r.finite()?, r.finite()?);
+        let (unseen, lipschitz) = (r.finite()?, r.finite()?);
         // An empty field has the empty box, whose corners are infinite.
         let surface = Aabb {
             min: Point::new(r.number()?, r.number()?, r.number()?),
@@ -141,7 +141,7 @@ impl Baked {
             }
         }
         let bricks = bricks.indexed();
-        Ok(Self { bricks, band, depth, surface, errors, rounding, lipschitz, redistanced })
+        Ok(Self { bricks, band, depth, surface, errors, unseen, lipschitz, redistanced })
     }
 }
 

@@ -1,5 +1,6 @@
 //! The canonical mesh as it stands in each frame: the same triangles, and vertex k is the same material point in all.
 
+use super::motion::MeshMotion;
 use crate::capture::Capture;
 use crate::skeleton::{Pose, PoseError, Skeleton};
 use crate::skin_weights::SkinWeights;
@@ -66,23 +67,30 @@ pub fn posed(
     Ok(pose_points(&moved, &maps))
 }
 
-/// Writes `frame_NNNN.ply` for each frame of a capture into `folder`, which is made: binary, in metres, in the world.
+/// Writes `frame_NNNN.ply` for each frame of a capture into `folder`, which is made: binary, in metres, in the world. Vertices are
+/// LBS(x + d), with the d of `motion`, or with none.
 ///
 /// # Errors
 ///
 /// [`FramesError`].
+///
+/// # Panics
+///
+/// If there is not one record of weights for each vertex, or the motion is of another mesh or capture.
 pub fn write_frames(
     folder: &Path,
     mesh: &TriMesh,
     skin: &SkinWeights,
     skeleton: &Skeleton,
     capture: &Capture,
+    motion: Option<&MeshMotion>,
 ) -> Result<(), FramesError> {
     std::fs::create_dir_all(folder).map_err(|source| FramesError::Folder { path: folder.into(), source })?;
     let file = PlyMesh::new(mesh.clone());
     for frame in 0..capture.len() {
+        let offsets = motion.map(|m| m.offsets(frame)).unwrap_or_default();
         let points =
-            posed(mesh, skin, skeleton, capture.pose(frame), &[]).map_err(|source| FramesError::Pose { frame, source })?;
+            posed(mesh, skin, skeleton, capture.pose(frame), &offsets).map_err(|source| FramesError::Pose { frame, source })?;
         let path = folder.join(format!("frame_{:04}.ply", capture.number(frame)));
         ply::write_path(&file, &points, &WriteParams::default(), &path)
             .map_err(|source| FramesError::File { path: path.clone(), source: Box::new(source) })?;

@@ -15,6 +15,11 @@ pub enum Stage {
     Surface,
     /// The canonical mesh is extracted.
     Extract,
+    /// The motion of single frames is solved; the loss is the silhouettes' distance from the masks' borders before it, in millimetres, mean
+    /// of the round's frames so far.
+    Motion,
+    /// The network of that motion is fitted.
+    MotionNetwork,
     /// The field is fitted.
     Field,
     /// Labels are voted, and garments cut and cleaned.

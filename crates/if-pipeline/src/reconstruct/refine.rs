@@ -42,17 +42,38 @@ pub(super) fn step(
     evidence: &Evidence,
     params: &SurfaceParams,
 ) -> Option<(Vec<Point>, Round)> {
-    let (moved, neighbours, round) = solved(mesh, edges, evidence, params)?;
+    let (moved, neighbours, round) = solved(mesh, edges, evidence, &Weights::of(params), &[])?;
     let moved = slid(mesh, moved, &neighbours, params.slide);
     Some((fair::mend(rest, moved, &neighbours, evidence), round))
 }
 
-/// The step alone, and the neighbours of each vertex.
-fn solved(
+/// What a step weighs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Weights {
+    pub(super) normals: Real,
+    pub(super) silhouettes: Real,
+    pub(super) bending: Real,
+    /// Of staying, or of going where the caller wants vertices to stay.
+    pub(super) stay: Real,
+    /// In metres.
+    pub(super) longest_step: Real,
+}
+
+impl Weights {
+    fn of(params: &SurfaceParams) -> Self {
+        let SurfaceParams { normals, silhouettes, bending, longest_step, .. } = *params;
+        Self { normals, silhouettes, bending, stay: STAY, longest_step }
+    }
+}
+
+/// The step alone, and the neighbours of each vertex. `home` is for each vertex the way to the place where it would stay, which
+/// counts as far as it lies along its direction; empty where each would stay where it is.
+pub(super) fn solved(
     mesh: &TriMesh,
     edges: &Edges,
     evidence: &Evidence,
-    params: &SurfaceParams,
+    params: &Weights,
+    home: &[Vector],
 ) -> Option<(Vec<Point>, Vec<Vec<u32>>, Round)> {
     let x = mesh.vertices();
     let n = x.len();
@@ -108,7 +129,10 @@ fn solved(
     let (mut squares, mut rim_weight) = (0.0, 0.0);
     for v in 0..n {
         let (way, weight) = evidence.rim[v];
-        let mut diagonal = STAY;
+        let mut diagonal = params.stay;
+        if let Some(way) = home.get(v) {
+            right[(v, 0)] += params.stay * way.dot(&directions[v]);
+        }
         if weight > 0.0 {
             let delta = way / weight;
             let w = params.silhouettes * (weight / ON_RIM).min(1.0);
@@ -183,6 +207,10 @@ mod tests {
     use super::*;
     use if_core::shapes::meshes;
 
+    fn usual() -> Weights {
+        Weights::of(&SurfaceParams::default())
+    }
+
     fn nothing(mesh: &TriMesh) -> Evidence {
         Evidence {
             normals: vec![(Vector::zeros(), 0.0); mesh.triangles().len()],
@@ -195,7 +223,7 @@ mod tests {
     #[test]
     fn without_evidence_nothing_moves() {
         let ball = meshes::icosphere(0.3, 3);
-        let (moved, _, round) = solved(&ball, &Edges::new(&ball), &nothing(&ball), &SurfaceParams::default()).unwrap();
+        let (moved, _, round) = solved(&ball, &Edges::new(&ball), &nothing(&ball), &usual(), &[]).unwrap();
         for (p, q) in moved.iter().zip(ball.vertices()) {
             approx::assert_relative_eq!(p, q, epsilon = 1e-12);
         }
@@ -244,7 +272,9 @@ mod tests {
         for v in (0..mesh.vertices().len()).step_by(4) {
             evidence.rim[v] = (0.001 * (v % 7) as Real, 0.5 + (v % 4) as Real);
         }
-        let (moved, neighbours, _) = solved(&mesh, &edges, &evidence, &SurfaceParams::default()).unwrap();
+        let weights = Weights { stay: 0.01, ..usual() };
+        let home: Vec<Vector> = (0..mesh.vertices().len()).map(|v| Vector::new(0.0, 1e-4 * (v % 5) as Real, 2e-4)).collect();
+        let (moved, neighbours, _) = solved(&mesh, &edges, &evidence, &weights, &home).unwrap();
         let directions = smoothed(&mesh.vertex_normals(), &neighbours);
         let s: Vec<Real> = (0..moved.len()).map(|v| (moved[v] - mesh.vertices()[v]).dot(&directions[v])).collect();
         let area = |t: usize| {
@@ -267,7 +297,7 @@ mod tests {
                     sum += (w / 3.0).min(1.0) * (s[v] - way / w).powi(2);
                 }
                 let mean: Real = neighbours[v].iter().map(|u| s[*u as usize]).sum::<Real>() / neighbours[v].len() as Real;
-                sum += 0.5 * (s[v] - mean).powi(2) + 1e-4 * s[v] * s[v];
+                sum += 0.5 * (s[v] - mean).powi(2) + 0.01 * (s[v] - home[v].dot(&directions[v])).powi(2);
             }
             sum
         };

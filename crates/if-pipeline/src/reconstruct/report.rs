@@ -29,6 +29,15 @@ pub enum Skipped {
     },
 }
 
+impl Skipped {
+    /// Its place in the capture.
+    pub fn frame(&self) -> usize {
+        match self {
+            Self::NoPerson { frame, .. } | Self::NoBorder { frame } | Self::Elsewhere { frame, .. } => *frame,
+        }
+    }
+}
+
 /// What became of the pixels of all masks, in the last round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Pixels {

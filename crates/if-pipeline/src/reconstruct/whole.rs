@@ -2,6 +2,9 @@
 
 use super::canonical::{FloodedField, carried_weights, largest_piece};
 use super::garments::{Garment, GarmentParams, Garments, GarmentsError, find_garments};
+use super::motion::{
+    MeshMotion, MotionError, MotionNetwork, MotionNetworkError, MotionNetworkParams, MotionParams, distil_motion, fit_motion,
+};
 use super::phi::{PhiError, PhiNetwork, PhiParams, fit_phi};
 use super::progress::{Clock, Progress, Stage};
 use super::surface::{SurfaceError, fit_surface};
@@ -27,6 +30,10 @@ pub struct ReconstructParams {
     pub surface: SurfaceParams,
     /// Cells of the extraction, in metres: about the mean edge length of the canonical mesh.
     pub cell: Real,
+    /// How the motion of single frames is solved; `None` skips it, for who writes no frames.
+    pub motion: Option<MotionParams>,
+    /// How that motion becomes a network; `None` skips it, and so does no motion.
+    pub motion_network: Option<MotionNetworkParams>,
     /// How φ is baked; its `region` is chosen here where it is not given.
     pub bake: BakeParams,
     /// How φ is fitted as a network; `None` skips it.
@@ -36,11 +43,13 @@ pub struct ReconstructParams {
 }
 
 impl Default for ReconstructParams {
-    /// Cells of 8 mm, as small as a pixel of the sample captures.
+    /// Cells of 8 mm, as small as a pixel of the sample captures; no motion of single frames.
     fn default() -> Self {
         Self {
             surface: SurfaceParams::default(),
             cell: 0.008,
+            motion: None,
+            motion_network: None,
             bake: BakeParams { redistance: Redistance::Never, ..BakeParams::default() },
             phi: Some(PhiParams::default()),
             garments: GarmentParams::default(),
@@ -57,6 +66,10 @@ pub struct Reconstruction {
     pub skin: SkinWeights,
     /// The label of each of its vertices.
     pub labels: Vec<u8>,
+    /// d of single frames at its vertices, where it was asked for.
+    pub motion: Option<MeshMotion>,
+    /// d as a network, where it was asked for.
+    pub motion_network: Option<MotionNetwork>,
     /// φ: its signed distance, baked.
     pub field: Baked,
     /// φ as a network, where one was asked for.
@@ -83,6 +96,12 @@ pub enum ReconstructError {
     /// The canonical mesh cannot be extracted.
     #[error(transparent)]
     Extract(#[from] ExtractError),
+    /// The motion of single frames cannot be solved.
+    #[error(transparent)]
+    Motion(#[from] MotionError),
+    /// The motion of single frames cannot be made a network.
+    #[error(transparent)]
+    MotionNetwork(#[from] MotionNetworkError),
     /// φ cannot be baked.
     #[error(transparent)]
     Bake(#[from] BakeError),
@@ -104,6 +123,8 @@ impl ReconstructError {
             self,
             Self::Cancelled
                 | Self::Surface(SurfaceError::Cancelled { .. })
+                | Self::Motion(MotionError::Cancelled { .. })
+                | Self::MotionNetwork(MotionNetworkError::Cancelled)
                 | Self::Phi(PhiError::Cancelled)
                 | Self::Garments(GarmentsError::Cancelled)
         )
@@ -115,6 +136,7 @@ impl ReconstructError {
 /// ```text
 /// surface   ← the template, fitted to masks and normals              fit_surface
 /// mesh      ← the zero set of the surface's signed distance, once; its largest piece; weights of the nearest place of the surface
+/// motion    ← d of each frame, where it is asked for, and as a network       fit_motion, distil_motion
 /// φ         ← the mesh's signed distance, baked; and as a network        fit_phi
 /// garments  ← the frames' labels voted on the posed mesh, cut, cleaned    find_garments
 /// ```
@@ -165,6 +187,19 @@ pub fn reconstruct(
     let exact = MeshSdf::closed(&mesh)?;
     let field = Baked::new(&exact, &params.bake)?;
     lap(&mut seconds.extract);
+    let motion = match &params.motion {
+        None => None,
+        Some(p) => {
+            let motion = fit_motion(capture, &template.skeleton, &surface, &params.surface, p, watch)?;
+            Some(MeshMotion::new(motion, &surface.mesh, mesh.vertices()))
+        }
+    };
+    lap(&mut seconds.motion);
+    let motion_network = match (&motion, &params.motion_network) {
+        (Some(motion), Some(p)) => Some(distil_motion(motion.motion(), &surface.mesh, p, watch)?),
+        _ => None,
+    };
+    lap(&mut seconds.motion_network);
     let phi = params.phi.as_ref().map(|p| fit_phi(&exact, p, watch)).transpose()?;
     lap(&mut seconds.phi);
 
@@ -184,10 +219,12 @@ pub fn reconstruct(
             near_edge: votes.near_edge,
             mute: votes.mute,
         },
+        motion: motion.as_ref().map(|m| m.motion().report.clone()),
+        motion_network: motion_network.as_ref().map(|n| n.report),
         phi: phi.as_ref().map(|p| p.report),
         garments: garments.iter().map(GarmentReport::of).collect(),
         missing,
         seconds,
     };
-    Ok(Reconstruction { mesh, skin, labels, field, phi, garments, report })
+    Ok(Reconstruction { mesh, skin, labels, motion, motion_network, field, phi, garments, report })
 }

@@ -1,6 +1,7 @@
 //! A whole reconstruction in numbers.
 
 use super::garments::Garment;
+use super::motion::{MotionNetworkReport, MotionReport};
 use super::phi::PhiReport;
 use super::report::SurfaceReport;
 use crate::asset::LayerHint;
@@ -71,6 +72,12 @@ pub struct Seconds {
     pub surface: Real,
     /// Extracting the canonical mesh, and baking φ.
     pub extract: Real,
+    /// Solving the motion of single frames.
+    #[serde(default)]
+    pub motion: Real,
+    /// Fitting that motion as a network.
+    #[serde(default)]
+    pub motion_network: Real,
     /// Fitting φ as a network.
     pub phi: Real,
     /// Votes, cuts and cleaning.
@@ -88,6 +95,12 @@ pub struct ReconstructReport {
     pub triangles: usize,
     /// What became of the label images.
     pub labels: LabelReport,
+    /// How the motion of single frames was found, where it was asked for.
+    #[serde(default)]
+    pub motion: Option<MotionReport>,
+    /// Errors of that motion's network, where one was asked for.
+    #[serde(default)]
+    pub motion_network: Option<MotionNetworkReport>,
     /// Errors of φ's network, where one was asked for.
     pub phi: Option<PhiReport>,
     /// The garments.

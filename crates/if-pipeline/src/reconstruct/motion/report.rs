@@ -1,0 +1,69 @@
+//! The motion of single frames in numbers.
+
+use if_core::math::{Real, Vector};
+use serde::{Deserialize, Serialize};
+
+/// A round of looking and solving, mean of the frames.
+#[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
+pub struct MotionRound {
+    /// Root of the mean square distance of the surface's silhouettes from the masks' borders before the round, in millimetres.
+    pub silhouette_mm: Real,
+    /// Mean angle between the surface's normals and those seen before the round, in degrees.
+    pub normal_degrees: Real,
+    /// Root of the mean square step of the vertices, in millimetres.
+    pub step_mm: Real,
+}
+
+/// |d| of a frame over the vertices of the fitted surface.
+#[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
+pub struct FrameMotion {
+    /// Its place in the capture.
+    pub frame: usize,
+    /// Whether it was solved; else it is between that of its neighbours in time.
+    pub solved: bool,
+    /// Mean, in millimetres.
+    pub mean_mm: Real,
+    /// The largest, in millimetres.
+    pub max_mm: Real,
+}
+
+impl FrameMotion {
+    pub(super) fn of(frame: usize, solved: bool, offsets: &[Vector]) -> Self {
+        let lengths = offsets.iter().map(|d| 1e3 * d.norm());
+        let mean_mm = lengths.clone().sum::<Real>() / offsets.len().max(1) as Real;
+        Self { frame, solved, mean_mm, max_mm: lengths.fold(0.0, Real::max) }
+    }
+}
+
+/// How the motion of single frames was found.
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+pub struct MotionReport {
+    /// Frames that were solved.
+    pub solved: usize,
+    /// Frames that bring nothing, by their place in the capture: theirs lies between that of their neighbours in time.
+    pub skipped: Vec<usize>,
+    /// Mean |d| over the vertices of the solved frames, in millimetres.
+    pub mean_mm: Real,
+    /// The largest |d|, in millimetres.
+    pub max_mm: Real,
+    /// All rounds.
+    pub rounds: Vec<MotionRound>,
+    /// All frames of the capture.
+    pub frames: Vec<FrameMotion>,
+}
+
+impl MotionReport {
+    pub(super) fn of(offsets: &[Vec<Vector>], solved: &[bool], rounds: Vec<MotionRound>) -> Self {
+        let frames: Vec<FrameMotion> = (0..offsets.len()).map(|k| FrameMotion::of(k, solved[k], &offsets[k])).collect();
+        let of_solved = || frames.iter().filter(|f| f.solved);
+        let count = of_solved().count();
+        Self {
+            solved: count,
+            skipped: frames.iter().filter(|f| !f.solved).map(|f| f.frame).collect(),
+            mean_mm: of_solved().map(|f| f.mean_mm).sum::<Real>() / count.max(1) as Real,
+            max_mm: of_solved().map(|f| f.max_mm).fold(0.0, Real::max),
+            rounds,
+            frames,
+        }
+    }
+}
