@@ -153,7 +153,7 @@ pub(super) fn smooth(
     let mut still = Real::INFINITY;
     let mut held: Option<Vec<bool>> = None;
     let (mut old, mut target) = (start.clone(), start.clone());
-    let mut carry = Spread::new(start.len());
+    let mut carry = Spread::new(&twins, &leaving, &fixed);
     for round in 0..params.rounds {
         let mut seeds = Vec::new();
         let mut sum = 0.0;
@@ -185,7 +185,7 @@ pub(super) fn smooth(
             break;
         }
         still = sum;
-        let mut moving = carry.spread(work, &twins, &leaving, &mut target, &seeds, &fixed, params.rings);
+        let mut moving = carry.spread(work, &mut target, &seeds, params.rings);
         if surface_passes > 0 {
             surface(work, &twins, &leaving, &mut target, &fixed, params);
             moving = (0..start.len() as u32).collect();

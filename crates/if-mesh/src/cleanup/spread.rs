@@ -14,29 +14,27 @@ const DEPTH: Real = 3.0;
 const MOST_RINGS: usize = 12;
 
 /// Carries moves into the surface; made once for all rounds.
-pub(super) struct Spread {
+pub(super) struct Spread<'a> {
+    twins: &'a Twins,
+    /// For each vertex a half-edge that leaves it.
+    leaving: &'a [u32],
+    /// Vertices that take part as seeds only.
+    fixed: &'a [bool],
     /// 0 for seeds, [`NONE`] where the move does not reach.
     ring_of: Vec<u32>,
     moves: Vec<Vector>,
 }
 
-impl Spread {
-    pub(super) fn new(vertices: usize) -> Self {
-        Self { ring_of: vec![NONE; vertices], moves: vec![Vector::zeros(); vertices] }
+impl<'a> Spread<'a> {
+    pub(super) fn new(twins: &'a Twins, leaving: &'a [u32], fixed: &'a [bool]) -> Self {
+        let vertices = leaving.len();
+        Self { twins, leaving, fixed, ring_of: vec![NONE; vertices], moves: vec![Vector::zeros(); vertices] }
     }
 
     /// Gives the vertices of `rings` rings round `seeds` the mean move of the ring before them, less and less of it. All vertices that were given one,
     /// seeds included.
-    pub(super) fn spread(
-        &mut self,
-        work: &Work,
-        twins: &Twins,
-        leaving: &[u32],
-        target: &mut [Point],
-        seeds: &[u32],
-        fixed: &[bool],
-        rings: usize,
-    ) -> Vec<u32> {
+    pub(super) fn spread(&mut self, work: &Work, target: &mut [Point], seeds: &[u32], rings: usize) -> Vec<u32> {
+        let (twins, leaving, fixed) = (self.twins, self.leaving, self.fixed);
         let (mut far, mut edge) = (0.0, 0.0);
         for &v in seeds {
             far += (target[v as usize] - work.points[v as usize]).norm();
