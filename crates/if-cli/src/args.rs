@@ -438,14 +438,25 @@ pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     length(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("a length above zero is needed".into()) })
 }
 
-/// `key=value` with a TOML value; dots in the key step into groups.
+/// `key=value` with a TOML value, or a word without quotes; dots in the key step into groups.
 fn assignment(text: &str) -> Result<(String, toml::Value), String> {
     let (key, value) = text.split_once('=').ok_or("give KEY=VALUE, such as clearance=0.0005")?;
-    let table: toml::Table = format!("v = {}", value.trim()).parse().map_err(|e: toml::de::Error| {
-        format!("the value is not TOML ({}); text needs quotes inside the shell's quotes", e.message())
-    })?;
-    let value = table.into_iter().next().ok_or("the value is empty")?.1;
-    Ok((key.trim().to_owned(), value))
+    let (key, value) = (key.trim().to_owned(), value.trim());
+    let parsed = format!("v = {value}").parse::<toml::Table>().map(|table| table.into_iter().next());
+    match parsed {
+        Ok(Some((_, value))) => Ok((key, value)),
+        Ok(None) => Err("the value is empty".into()),
+        Err(_)
+            if value.starts_with(|c: char| c.is_ascii_alphabetic())
+                && value.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') =>
+        {
+            Ok((key, value.into()))
+        }
+        Err(e) => Err(format!(
+            "the value is not TOML ({}); text with other characters than letters needs quotes inside the shell's quotes",
+            e.message()
+        )),
+    }
 }
 
 #[cfg(test)]
@@ -456,6 +467,17 @@ mod tests {
     fn the_command_line_is_consistent() {
         use clap::CommandFactory;
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn assignments_are_toml_or_words() {
+        assert_eq!(assignment("split=if_left").unwrap(), ("split".into(), "if_left".into()));
+        assert_eq!(assignment(" a.b = \"two words\"").unwrap(), ("a.b".into(), "two words".into()));
+        assert_eq!(assignment("skip=false").unwrap().1, toml::Value::Boolean(false));
+        assert_eq!(assignment("clearance=5e-4").unwrap().1, toml::Value::Float(5e-4));
+        for text in ["split", "split=", "split=two words", "split=-x"] {
+            assert!(assignment(text).is_err(), "{text}");
+        }
     }
 
     #[test]

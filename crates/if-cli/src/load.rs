@@ -6,6 +6,7 @@ use if_core::math::Point;
 use if_core::mesh::MeshError;
 use if_mesh::file::{Content, MeshFile, ReadError};
 use if_mesh::ply::CoordinateType;
+use if_mesh::split::Split;
 use if_mesh::validate::faults;
 use if_pipeline::outfit::{Layer, Outfit, OutfitError};
 use miette::Diagnostic;
@@ -30,6 +31,9 @@ pub(crate) enum LoadError {
     #[error("`{}` ({layer}) cannot be scaled by {scale}", path.display())]
     #[diagnostic(code(ifg::input::scale), help("look at --scale, or `scale` in the outfit file"))]
     Scale { layer: String, path: PathBuf, scale: f64, source: MeshError },
+    #[error("the triangles of `{}` ({layer}) cannot be split", path.display())]
+    #[diagnostic(code(ifg::input::split), help("leave `split` at \"never\", or store the file again as this asks for"))]
+    Split { layer: String, path: PathBuf, source: Told },
     #[error("`{}` ({layer}) does not fit into an outfit", path.display())]
     #[diagnostic(code(ifg::input::outfit), help("{}", outfit_advice(source)))]
     Outfit { layer: String, path: PathBuf, source: OutfitError },
@@ -89,6 +93,18 @@ impl Loaded {
     /// The file of garment `k`, counted from the innermost.
     pub(crate) fn garment_file(&self, k: usize) -> &MeshFile {
         &self.files[k + 1]
+    }
+
+    /// Splits the triangles of garment `k` as `split` says, in its file and here.
+    pub(crate) fn split(&mut self, spec: &OutfitSpec, k: usize, split: &Split) -> Result<(), LoadError> {
+        let layer = &spec.garments[k];
+        self.files[k + 1] = self.files[k + 1].split(split).map_err(|e| LoadError::Split {
+            layer: layer.name.clone(),
+            path: layer.path.clone(),
+            source: Told::new(&e),
+        })?;
+        self.outfit.garments[k].mesh = split.mesh.clone();
+        Ok(())
     }
 
     /// The positions of each garment of `outfit` as a reader of its file will get them, in the units

@@ -82,7 +82,7 @@ pub(crate) fn run(spec: &OutfitSpec, out: &Path, options: Options, line: &Line) 
     let names = outputs::names(spec, options.pictures);
     outputs::check(spec, out, &names, options.in_place)?;
     line.say("reading");
-    let loaded = load::load(spec)?;
+    let mut loaded = load::load(spec)?;
     let request = Request::new(spec, &loaded.files);
     if options.resume && request.is_finished(out, &names) {
         return Ok(Outcome::Finished);
@@ -90,7 +90,7 @@ pub(crate) fn run(spec: &OutfitSpec, out: &Path, options: Options, line: &Line) 
     let staging = Staging::open(out)?;
     let mut timings = Timings { read: start.elapsed().as_secs_f64(), ..Default::default() };
 
-    let Some((resolved, left)) = resolve_and_prove(spec, &loaded, line)? else { return Ok(Outcome::Cancelled) };
+    let Some((resolved, left)) = resolve_and_prove(spec, &mut loaded, line)? else { return Ok(Outcome::Cancelled) };
     timings.resolve = start.elapsed().as_secs_f64() - timings.read;
     let (notes, report) = (loaded.notes(), resolved.report);
     let mut done = Done { notes, report, outputs: vec![], left, seconds: 0.0 };
@@ -131,17 +131,23 @@ struct AsWritten {
 }
 
 /// Resolves an outfit, and makes sure that what will be written is proven; nothing if cancelled.
-fn resolve_and_prove(spec: &OutfitSpec, loaded: &Loaded, line: &Line) -> Result<Option<(AsWritten, Option<Left>)>, Report> {
+/// Garments whose triangles were split are split in `loaded` too.
+fn resolve_and_prove(spec: &OutfitSpec, loaded: &mut Loaded, line: &Line) -> Result<Option<(AsWritten, Option<Left>)>, Report> {
     let mut watch = |progress: &Progress| {
         line.show(progress);
         if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let (Resolved { mut outfit, mut report }, triangles) = match resolve(&loaded.outfit, &spec.params, &mut watch) {
+    let (Resolved { mut outfit, mut report, splits }, triangles) = match resolve(&loaded.outfit, &spec.params, &mut watch) {
         Ok(resolved) => (resolved, vec![]),
         Err(ResolveError::Remaining { triangles, result, .. }) => (*result, triangles),
         Err(ResolveError::Cancelled { .. }) => return Ok(None),
         Err(source) => return Err(Refused { outfit: spec.name.clone(), source }.into()),
     };
+    for (k, split) in splits.iter().enumerate() {
+        if let Some(split) = split {
+            loaded.split(spec, k, split)?;
+        }
+    }
     let positions = loaded.positions(&outfit);
     if spec.scale != 1.0 {
         // The files are not in metres, so that what a reader of them gets differs by roundings from

@@ -33,6 +33,9 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
             count(after)
         );
     }
+    for layer in report.layers.iter().filter(|l| l.split > 0) {
+        let _ = writeln!(text, "{}: {} triangles of the input were split into smaller ones.", layer.name, count(layer.split));
+    }
     text
 }
 
@@ -339,6 +342,7 @@ mod tests {
             sweeps: 1000,
             queries: 100_000,
             tucked: [120, 3],
+            split: 0,
             skipped: Skipped { layers: 1, vertices: 12_345, queries: 9, sweeps: 0 },
             seconds: 12.345,
         };

@@ -22,7 +22,7 @@ impl Source {
         }
     }
 
-    fn parts(&self) -> Vec<(u32, Real)> {
+    pub(crate) fn parts(&self) -> Vec<(u32, Real)> {
         match self {
             Self::Vertex(v) => vec![(*v, 1.0)],
             Self::Blend(parts) => parts.clone(),

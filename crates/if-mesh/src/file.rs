@@ -1,9 +1,11 @@
 //! Mesh files by their extension.
 
+use crate::attributes::AttributeError;
 use crate::obj::{self, Normals, ObjMesh};
 use crate::ply::{self, PlyMesh, WriteParams, quantise};
+use crate::split::Split;
 use if_core::math::Point;
-use if_core::mesh::TriMesh;
+use if_core::mesh::{MeshError, TriMesh};
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
@@ -29,6 +31,8 @@ pub struct MeshFile {
     /// The file, where `content` does not hold it already.
     bytes: Vec<u8>,
     content: Content,
+    /// Whether the content is no longer that of the file.
+    is_split: bool,
 }
 
 /// What a file holds.
@@ -100,6 +104,21 @@ pub enum WriteError {
     Obj { path: PathBuf, source: Box<obj::WriteError> },
 }
 
+/// Why the mesh of a file cannot be split.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SplitError {
+    /// Properties of a PLY file do not fit the mesh.
+    #[error(transparent)]
+    Attributes(#[from] AttributeError),
+    /// The OBJ file cannot hold it.
+    #[error(transparent)]
+    Obj(#[from] obj::SplitError),
+    /// Coordinates too large to have a middle.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+}
+
 impl MeshFile {
     /// Reads a `.ply` or `.obj` file.
     ///
@@ -117,11 +136,11 @@ impl MeshFile {
         Ok(match format {
             Format::Ply => {
                 let ply = ply::read_bytes(&bytes).map_err(|e| ReadError::Ply { path: name(), source: e.into() })?;
-                Self { bytes, content: Content::Ply(ply) }
+                Self { bytes, content: Content::Ply(ply), is_split: false }
             }
             Format::Obj => {
                 let obj = obj::read(&bytes[..]).map_err(|e| ReadError::Obj { path: name(), source: e.into() })?;
-                Self { bytes: Vec::new(), content: Content::Obj(obj) }
+                Self { bytes: Vec::new(), content: Content::Obj(obj), is_split: false }
             }
         })
     }
@@ -132,6 +151,25 @@ impl MeshFile {
             Content::Ply(ply) => &ply.mesh,
             Content::Obj(obj) => obj.mesh(),
         }
+    }
+
+    /// The same file with its mesh split as `split` says, which is of a mesh with the same triangles, in whatever units. Attributes
+    /// come along: those of vertices, faces and corners ([`ply::split`], [`obj::split`]).
+    ///
+    /// # Errors
+    ///
+    /// [`SplitError`]: properties that do not fit the mesh, or an OBJ file with lines that count vertices backwards.
+    ///
+    /// # Panics
+    ///
+    /// If `split` is of a mesh with other triangles.
+    pub fn split(&self, split: &Split) -> Result<Self, SplitError> {
+        let mesh = split.of(self.mesh().vertices())?;
+        let content = match &self.content {
+            Content::Ply(ply) => Content::Ply(ply::split(ply, split, mesh)?),
+            Content::Obj(obj) => Content::Obj(obj::split(obj, split, &mesh)?),
+        };
+        Ok(Self { bytes: self.bytes.clone(), content, is_split: true })
     }
 
     /// The attributes.
@@ -191,7 +229,7 @@ impl MeshFile {
             let from = if format == Format::Ply { "a PLY" } else { "an OBJ" };
             return Err(WriteError::Extension { path: name(), from, extension });
         }
-        if positions == self.mesh().vertices() {
+        if positions == self.mesh().vertices() && !self.is_split {
             let copy = |file: &mut fs::File| io::Write::write_all(file, self.bytes());
             return crate::atomic::write(path, copy).map_err(|source| WriteError::Io { path: name(), source });
         }

@@ -27,6 +27,7 @@ pub mod raster;
 pub mod sdf;
 pub mod smooth_labels;
 pub mod solid;
+pub mod split;
 pub mod subdivide;
 pub mod taubin;
 pub mod validate;

@@ -15,10 +15,12 @@
 mod error;
 mod materials;
 mod parse;
+mod split;
 
 pub use crate::normals::Normals;
 pub use error::{Index, ReadError, WriteError};
 pub use materials::textures;
+pub use split::{SplitError, split};
 
 use crate::normals::Turns;
 use crate::polygons::{FaceList, Polygons};

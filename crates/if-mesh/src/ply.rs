@@ -20,11 +20,13 @@ mod error;
 mod header;
 mod scalar;
 mod source;
+mod split;
 mod table;
 mod write;
 
 pub use error::{At, ReadError, WriteError};
 pub use scalar::{Column, ScalarType};
+pub use split::split;
 pub use table::{Element, Property};
 pub use write::{CoordinateType, Keep, WriteParams, quantise, write};
 

@@ -53,6 +53,7 @@ mod settle;
 pub mod skeleton;
 pub mod skin_weights;
 pub mod skinning;
+mod splitting;
 pub mod template;
 mod untangle;
 pub mod verify;

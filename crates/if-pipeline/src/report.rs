@@ -133,6 +133,9 @@ pub struct LayerReport {
     /// ([`crate::resolve::Tuck`]); zeros where it was not.
     #[serde(default)]
     pub tucked: [usize; 2],
+    /// Triangles of the input that were split ([`crate::resolve::Split`]).
+    #[serde(default)]
+    pub split: usize,
     /// What was skipped.
     pub skipped: Skipped,
     /// Wall time, in seconds.

@@ -5,6 +5,7 @@ use crate::dressing::Dressing;
 use crate::outfit::{Outfit, OutfitError};
 use crate::report::ResolveReport;
 use crate::settle::Halt;
+use crate::splitting;
 use crate::verify::verify_layers;
 use if_core::math::Real;
 use if_mesh::index::Bvh;
@@ -64,6 +65,8 @@ pub struct ResolveParams {
     pub tuck: Tuck,
     /// Vertices that stick out of a layer above by up to this much are pressed in, in metres.
     pub tuck_reach: Real,
+    /// Whether triangles may be split, as a last resort.
+    pub split: Split,
     /// Nearest points that a bound on the motion makes unnecessary are not looked for. Off is the slow twin, for tests and
     /// benchmarks: the same bits, later.
     pub skip: bool,
@@ -95,6 +98,7 @@ impl Default for ResolveParams {
             inflation: 1.1,
             tuck: Tuck::IfStuck,
             tuck_reach: 0.05,
+            split: Split::Never,
             skip: true,
         }
     }
@@ -158,6 +162,22 @@ pub enum Tuck {
     Always,
 }
 
+/// When triangles are split into smaller ones.
+///
+/// A garment of large triangles cannot lie round a body or a layer of fine ones without standing off, or stretching: a chord cuts through. Split, it can.
+/// Then it has more vertices and triangles than it came with: [`Resolved::splits`] says where they come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Split {
+    /// Never: the triangles are those of the input.
+    #[default]
+    Never,
+    /// Those of a garment that cannot be made clean otherwise.
+    IfLeft,
+    /// Also large ones with an edge that would be strained by more than half.
+    IfStrained,
+}
+
 /// What is being done, for progress bars.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Progress<'a> {
@@ -191,8 +211,11 @@ pub enum Stage {
 /// An outfit free of intersections, and what it took.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resolved {
-    /// The same layers with the same triangles; garments that needed nothing are bit-identical.
+    /// The same layers with the same triangles, unless [`ResolveParams::split`] allowed otherwise; garments that needed nothing are
+    /// bit-identical.
     pub outfit: Outfit,
+    /// For each garment how its triangles were split, as it came: `None` where they are those of the input.
+    pub splits: Vec<Option<if_mesh::split::Split>>,
     /// What was found and done.
     pub report: ResolveReport,
 }
@@ -253,6 +276,58 @@ pub fn resolve(
     params.validate()?;
     outfit.check()?;
     let start = Instant::now();
+    let mut resolved = attempt(outfit, params, watch)?;
+    if params.split != Split::Never {
+        resolved = split_where_needed(outfit, resolved, params, watch)?;
+    }
+    resolved.report.seconds = start.elapsed().as_secs_f64();
+    if resolved.report.is_proven() { Ok(resolved) } else { Err(remaining(resolved)) }
+}
+
+/// Splits what gives trouble and resolves anew, as long as that helps.
+fn split_where_needed(
+    outfit: &Outfit,
+    mut best: Resolved,
+    params: &ResolveParams,
+    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Resolved, ResolveError> {
+    // Nothing left before little strain.
+    let rank = |r: &Resolved| {
+        let worst = r.report.layers.iter().map(|l| l.strain.rms).fold(0.0, Real::max);
+        (r.report.after.total_pairs() + r.report.after.total_inside() + r.report.new_own_pairs(), worst)
+    };
+    let mut came = outfit.clone();
+    for _ in 0..splitting::ROUNDS {
+        let Some((finer, made)) = splitting::finer(&came, &best, params) else { break };
+        tracing::debug!(garments = made.iter().flatten().count(), "large triangles are split");
+        let mut next = attempt(&finer, params, watch)?;
+        if rank(&next) >= rank(&best) {
+            break;
+        }
+        next.splits = best
+            .splits
+            .into_iter()
+            .zip(made)
+            .map(|(so_far, more)| match (so_far, more) {
+                (Some(so_far), Some(more)) => Some(so_far.then(more)),
+                (so_far, more) => so_far.or(more),
+            })
+            .collect();
+        for (layer, split) in next.report.layers.iter_mut().zip(&next.splits) {
+            layer.split = split.as_ref().map_or(0, if_mesh::split::Split::parents);
+        }
+        next.report.before = best.report.before;
+        (best, came) = (next, finer);
+    }
+    Ok(best)
+}
+
+/// Resolves as far as it goes.
+fn attempt(
+    outfit: &Outfit,
+    params: &ResolveParams,
+    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Resolved, ResolveError> {
     let (before, closed) = verify_layers(outfit);
     let layers = outfit.garments.len();
     // The garments that those below are pressed in under.
@@ -276,10 +351,8 @@ pub fn resolve(
             }
         }
     }
-    let Dressing { result, mut report, .. } = dressing;
-    report.seconds = start.elapsed().as_secs_f64();
-    let resolved = Resolved { outfit: result, report };
-    if resolved.report.is_proven() { Ok(resolved) } else { Err(remaining(resolved)) }
+    let Dressing { result, report, .. } = dressing;
+    Ok(Resolved { outfit: result, splits: vec![None; layers], report })
 }
 
 /// The error that names the worst pair of layers.

@@ -1,8 +1,8 @@
 //! What the commands print and write, and how they end.
 
-use crate::folder::{Folder, moved, obj};
+use crate::folder::{Folder, angular_belt, body, moved, obj, ply};
 use if_core::mesh::TriMesh;
-use if_mesh::file::MeshFile;
+use if_mesh::file::{Content, MeshFile};
 
 #[test]
 fn check_is_0_for_clean_and_1_for_not_clean_and_changes_nothing() {
@@ -44,6 +44,37 @@ fn fix_writes_what_check_then_finds_clean() {
         (MeshFile::read(&folder.path("skirt.ply")).unwrap(), MeshFile::read(&folder.path("fixed/skirt.ply")).unwrap());
     assert_eq!(old.mesh().triangles(), new.mesh().triangles());
     assert_ne!(old.mesh().vertices(), new.mesh().vertices());
+}
+
+#[test]
+fn large_triangles_are_split_with_all_that_hangs_on_them_where_that_is_asked_for() {
+    let folder = Folder::new();
+    // Bands of three flat sides, in millimetres: too coarse to go round the body.
+    let band = |from: f64| moved(&angular_belt(1.2, from, from + 0.1), |p| p * 1000.0);
+    folder.write("large.ply", ply(&moved(&body(), |p| p * 1000.0)));
+    folder.write("inner.ply", ply(&band(0.2)));
+    let mesh = band(-0.2);
+    let (n, texture) = (mesh.vertices().len(), "vt 0 0\nvt 1 0\nvt 0 1\nusemtl red\n");
+    let faces = mesh.triangles().iter().map(|t| format!("f {}/1 {}/2 {}/3\n", t[0] + 1, t[1] + 1, t[2] + 1)).collect::<String>();
+    let vertices = mesh.vertices().iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z)).collect::<String>();
+    folder.write("outer.obj", vertices + texture + &faces);
+    let fix = "fix --body large.ply inner.ply outer.obj --scale 0.001 --out";
+    folder.ifg(&format!("{fix} same")).expect(0);
+    assert_eq!(MeshFile::read(&folder.path("same/outer.obj")).unwrap().mesh().triangles(), mesh.triangles());
+    let run = folder.ifg(&format!("{fix} finer --set split=if_strained")).expect(0);
+    assert!(run.stdout.contains("outer: 12 triangles of the input were split"), "{}", run.stdout);
+    folder.ifg("check --body large.ply finer/inner.ply finer/outer.obj --scale 0.001").expect(0);
+    let inner = MeshFile::read(&folder.path("finer/inner.ply")).unwrap();
+    assert!(inner.mesh().vertices().len() > n);
+    let Content::Ply(inner) = inner.content() else { panic!("another format") };
+    assert!(inner.vertex_property("label").unwrap().values.to_f64().iter().all(|l| *l == 7.0));
+    let outer = String::from_utf8(folder.read("finer/outer.obj")).unwrap();
+    let lines = |keyword: &str| outer.lines().filter(|l| l.starts_with(keyword)).count();
+    assert!(
+        lines("v ") > n && lines("vt ") >= 3 + 3 && lines("f ") > mesh.triangles().len() && lines("usemtl red") == 1,
+        "{outer}"
+    );
+    assert!(outer.lines().filter(|l| l.starts_with("f ")).all(|l| l.matches('/').count() == 3), "{outer}");
 }
 
 #[test]

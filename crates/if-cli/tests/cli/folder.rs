@@ -52,6 +52,11 @@ pub(crate) fn belt(radius: Real, from: Real, to: Real) -> TriMesh {
     moved(&tube(radius, 1.0, 24, 4, false), |p| drawn_out(&Point::new(p.x, (from + p.y * (to - from)) / 0.9, p.z)))
 }
 
+/// The same of three flat sides.
+pub(crate) fn angular_belt(radius: Real, from: Real, to: Real) -> TriMesh {
+    moved(&tube(radius, 1.0, 3, 2, false), |p| drawn_out(&Point::new(p.x, (from + p.y * (to - from)) / 0.9, p.z)))
+}
+
 fn drawn_out(p: &Point) -> Point {
     Point::new(0.15 * p.x, 0.9 * p.y, 0.1 * p.z)
 }

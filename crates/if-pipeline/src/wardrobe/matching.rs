@@ -227,7 +227,7 @@ fn settle(
     let outcome = resolve(&dressed.outfit, &params.resolve, watch);
     matched.timings.resolve = start.elapsed().as_secs_f64();
     matched.before = Some(dressed.outfit);
-    let Resolved { outfit, report } = match outcome {
+    let Resolved { outfit, report, splits } = match outcome {
         Ok(resolved) => {
             matched.result.state = State::Clean;
             resolved
@@ -241,6 +241,11 @@ fn settle(
             *result
         }
     };
+    for (skin, split) in matched.skins.iter_mut().zip(splits) {
+        if let (Some(skin), Some(split)) = (skin, split) {
+            *skin = skin.derive(&split.sources);
+        }
+    }
     matched.result.report = Some(without_seconds(report));
     if params.picture_height > 0
         && let Some(before) = &matched.before

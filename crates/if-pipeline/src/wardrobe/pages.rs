@@ -95,6 +95,9 @@ fn layers(page: &mut Page, report: &ResolveReport) {
             layer.name
         ));
     }
+    for layer in report.layers.iter().filter(|l| l.split > 0) {
+        page.text(&format!("{}: {} triangles of the input were split into smaller ones.", layer.name, layer.split));
+    }
 }
 
 fn pairs(page: &mut Page, report: &ResolveReport) {

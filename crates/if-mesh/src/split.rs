@@ -1,0 +1,253 @@
+//! Some triangles into four, their neighbours into two or three, with all that hangs on vertices and corners.
+
+use crate::attributes::Source;
+use if_core::edges::Edges;
+use if_core::math::{Point, Real, Vector};
+use if_core::mesh::{MeshError, TriMesh};
+
+/// A mesh of which some triangles were split.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Split {
+    /// The old vertices first, in their order, then the new ones. The parts of a triangle stand in its place.
+    pub mesh: TriMesh,
+    /// What each vertex was made of: carries attributes along ([`crate::attributes::VertexAttributes::derive`]).
+    pub sources: Vec<Source>,
+    /// Where each triangle lies in one of the mesh before.
+    pub parts: Vec<Part>,
+}
+
+/// A triangle in the triangle that it is a part of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Part {
+    /// The triangle of the mesh before.
+    pub parent: u32,
+    /// Barycentric coordinates of the three corners in it.
+    pub corners: [[Real; 3]; 3],
+}
+
+impl Part {
+    /// The whole of triangle `parent`.
+    pub fn whole(parent: u32) -> Self {
+        Self { parent, corners: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] }
+    }
+
+    /// Whether it is the whole of its parent.
+    pub fn is_whole(&self) -> bool {
+        *self == Self::whole(self.parent)
+    }
+}
+
+/// Splits the triangles that `marked` names at the middles of their edges into four. Their neighbours are split at the same middles, into two
+/// or three, so that no gap opens. The surface stays where it is.
+///
+/// # Errors
+///
+/// More vertices than 32-bit indices can name.
+///
+/// # Panics
+///
+/// If `marked` has not one entry for each triangle.
+///
+/// # Source
+///
+/// Bank, Sherman and Weiser 1983, *Refinement algorithms and data structures for regular local mesh refinement* (the regular, "red",
+/// split and its closure).
+///
+/// # Examples
+///
+/// ```
+/// use if_core::shapes::meshes;
+/// use if_mesh::split::split;
+/// let ball = meshes::icosphere(1.0, 1);
+/// let mut marked = vec![false; ball.triangles().len()];
+/// marked[7] = true;
+/// let fine = split(&ball, &marked)?;
+/// assert_eq!(fine.mesh.triangles().len(), ball.triangles().len() + 3 + 3);
+/// assert_eq!(fine.mesh.vertices()[..ball.vertices().len()], *ball.vertices());
+/// # Ok::<(), if_core::mesh::MeshError>(())
+/// ```
+pub fn split(mesh: &TriMesh, marked: &[bool]) -> Result<Split, MeshError> {
+    let x = mesh.vertices();
+    assert_eq!(marked.len(), mesh.triangles().len(), "one mark for each triangle");
+    let edges = Edges::new(mesh);
+    let mut cut = vec![false; edges.len()];
+    for (t, _) in marked.iter().enumerate().filter(|(_, m)| **m) {
+        edges.of_triangle[t].iter().for_each(|e| cut[*e as usize] = true);
+    }
+    let mut vertices = x.to_vec();
+    let mut sources: Vec<Source> = (0..x.len() as u32).map(Source::Vertex).collect();
+    let mut middle = vec![u32::MAX; edges.len()];
+    for (e, &[a, b]) in edges.vertices.iter().enumerate().filter(|(e, _)| cut[*e]) {
+        middle[e] = vertices.len() as u32;
+        vertices.push(Point::from((x[a as usize].coords + x[b as usize].coords) / 2.0));
+        sources.push(Source::Blend(vec![(a, 0.5), (b, 0.5)]));
+    }
+    let (mut triangles, mut parts) = (Vec::new(), Vec::new());
+    for (t, tri) in mesh.triangles().iter().enumerate() {
+        let of = edges.of_triangle[t].map(|e| e as usize);
+        // Places 0 to 2 are the corners, 3 to 5 the middles of the edges that begin there.
+        let at = |place: usize| if place < 3 { tri[place] } else { middle[of[place - 3]] };
+        let length = |p: usize, q: usize| (vertices[at(p) as usize] - vertices[at(q) as usize]).norm_squared();
+        for corners in places(of.map(|e| cut[e]), length) {
+            triangles.push(corners.map(at));
+            parts.push(Part { parent: t as u32, corners: corners.map(|place| weights(place)) });
+        }
+    }
+    Ok(Split { mesh: TriMesh::new(vertices, triangles)?, sources, parts })
+}
+
+/// The parts of a triangle whose edges are `cut` at their middles, by places. A quadrilateral is halved at its shorter diagonal.
+fn places(cut: [bool; 3], length: impl Fn(usize, usize) -> Real) -> Vec<[usize; 3]> {
+    let number = cut.iter().filter(|c| **c).count();
+    // Turned so that the edges that are cut, or the only one that is not, come first.
+    let first = match number {
+        1 => cut.iter().position(|c| *c),
+        2 => cut.iter().position(|c| !*c),
+        _ => Some(0),
+    };
+    let k = first.unwrap_or(0);
+    let (a, b, c) = (k, (k + 1) % 3, (k + 2) % 3);
+    let (ab, bc, ca) = (a + 3, b + 3, c + 3);
+    match number {
+        0 => vec![[0, 1, 2]],
+        1 => vec![[a, ab, c], [ab, b, c]],
+        2 if length(a, bc) <= length(b, ca) => vec![[a, b, bc], [a, bc, ca], [bc, c, ca]],
+        2 => vec![[a, b, ca], [b, bc, ca], [bc, c, ca]],
+        _ => vec![[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]],
+    }
+}
+
+/// Barycentric coordinates of a place.
+fn weights(place: usize) -> [Real; 3] {
+    let mut w = [0.0; 3];
+    if place < 3 {
+        w[place] = 1.0;
+    } else {
+        w[place - 3] = 0.5;
+        w[(place - 2) % 3] = 0.5;
+    }
+    w
+}
+
+impl Split {
+    /// Of `mesh`, with nothing split.
+    pub fn none(mesh: &TriMesh) -> Self {
+        Self {
+            sources: (0..mesh.vertices().len() as u32).map(Source::Vertex).collect(),
+            parts: (0..mesh.triangles().len() as u32).map(Part::whole).collect(),
+            mesh: mesh.clone(),
+        }
+    }
+
+    /// Both splits as one: `self` first, then `next`, a split of `self.mesh`.
+    ///
+    /// # Panics
+    ///
+    /// If `next` is of a mesh with other triangles.
+    pub fn then(&self, next: Split) -> Split {
+        let sources = next.sources.iter().map(|s| match s {
+            Source::Vertex(v) => self.sources[*v as usize].clone(),
+            Source::Blend(of) => {
+                blend(of.iter().flat_map(|(v, w)| self.sources[*v as usize].parts().into_iter().map(move |p| (p.0, w * p.1))))
+            }
+        });
+        let parts = next.parts.iter().map(|part| {
+            let outer = &self.parts[part.parent as usize];
+            let corners = part.corners.map(|w| [0, 1, 2].map(|k| (0..3).map(|j| w[j] * outer.corners[j][k]).sum()));
+            Part { parent: outer.parent, corners }
+        });
+        Split { sources: sources.collect(), parts: parts.collect(), mesh: next.mesh }
+    }
+
+    /// The same split of a mesh with the same triangles and other positions.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`] where the positions are not finite.
+    ///
+    /// # Panics
+    ///
+    /// If `positions` are fewer than the mesh before had.
+    pub fn of(&self, positions: &[Point]) -> Result<TriMesh, MeshError> {
+        let at = |s: &Source| match s {
+            Source::Vertex(v) => positions[*v as usize],
+            Source::Blend(of) => Point::from(of.iter().map(|(v, w)| positions[*v as usize].coords * *w).sum::<Vector>()),
+        };
+        self.mesh.with_vertices(self.sources.iter().map(at).collect())
+    }
+
+    /// Triangles of the mesh before that were split.
+    pub fn parents(&self) -> usize {
+        self.parts.chunk_by(|a, b| a.parent == b.parent).filter(|c| c.len() > 1).count()
+    }
+}
+
+/// A sum of vertices with each named once, the largest weight first.
+fn blend(parts: impl Iterator<Item = (u32, Real)>) -> Source {
+    let mut sums: Vec<(u32, Real)> = Vec::new();
+    for (v, w) in parts {
+        match sums.iter_mut().find(|s| s.0 == v) {
+            Some(s) => s.1 += w,
+            None => sums.push((v, w)),
+        }
+    }
+    sums.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    Source::Blend(sums)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::math::barycentric_point;
+    use if_core::shapes::meshes;
+
+    /// Every part lies in its parent where its corners say, and vertices where their sources say.
+    fn check(before: &TriMesh, split: &Split) {
+        assert_eq!(split.mesh.triangles().len(), split.parts.len());
+        for (tri, part) in split.mesh.triangles().iter().zip(&split.parts) {
+            let parent = before.triangles()[part.parent as usize].map(|v| &before.vertices()[v as usize]);
+            for (v, w) in tri.iter().zip(part.corners) {
+                let expected = barycentric_point(parent, w);
+                approx::assert_relative_eq!(split.mesh.vertices()[*v as usize], expected, epsilon = 1e-14);
+            }
+        }
+        approx::assert_relative_eq!(split.of(before.vertices()).unwrap().area(), before.area(), max_relative = 1e-12);
+        approx::assert_relative_eq!(split.mesh.area(), before.area(), max_relative = 1e-12);
+    }
+
+    #[test]
+    fn any_choice_of_triangles_leaves_a_closed_surface_where_it_was() {
+        let ball = meshes::icosphere(1.0, 2);
+        for step in [1, 2, 3, 5, 8, 13, 400] {
+            let marked: Vec<bool> = (0..ball.triangles().len()).map(|t| t % step == 0).collect();
+            let once = split(&ball, &marked).unwrap();
+            check(&ball, &once);
+            let edges = Edges::new(&once.mesh);
+            assert!(edges.valence.iter().all(|v| *v == 2), "no gap, no third triangle at an edge");
+            approx::assert_relative_eq!(once.mesh.signed_volume(), ball.signed_volume(), max_relative = 1e-12);
+            let again = split(&once.mesh, &vec![true; once.parts.len()]).unwrap();
+            let both = once.then(again);
+            check(&ball, &both);
+            assert_eq!(both.parents(), ball.triangles().len());
+        }
+    }
+
+    #[test]
+    fn nothing_marked_changes_nothing() {
+        let sheet = meshes::cloth(1.0, 1.0, 4, 3);
+        let same = split(&sheet, &vec![false; sheet.triangles().len()]).unwrap();
+        assert_eq!(same, Split::none(&sheet));
+        assert!(same.parts.iter().all(Part::is_whole));
+        assert_eq!(same.parents(), 0);
+    }
+
+    #[test]
+    fn a_border_and_an_edge_of_three_triangles_are_split_too() {
+        let x = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]].map(Point::from);
+        let fin = TriMesh::new(x.to_vec(), vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]]).unwrap();
+        let fine = split(&fin, &[true, false, false]).unwrap();
+        check(&fin, &fine);
+        assert_eq!(fine.parts.iter().map(|p| p.parent).collect::<Vec<_>>(), [0, 0, 0, 0, 1, 1, 2, 2]);
+        assert_eq!(fine.parents(), 3);
+    }
+}

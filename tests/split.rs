@@ -1,0 +1,65 @@
+//! Large triangles are split where they cannot lie round what is below, and only where that is allowed.
+
+mod scenes;
+
+use if_core::math::{Point, Real};
+use if_core::mesh::TriMesh;
+use if_core::shapes::meshes::{icosphere, tube};
+use if_pipeline::outfit::{Layer, Outfit};
+use if_pipeline::resolve::{ResolveError, ResolveParams, Resolved, Split, resolve};
+use if_pipeline::verify::verify;
+use scenes::moved;
+use std::ops::ControlFlow;
+
+/// A ball of 0.3 m radius in a band of `sides` flat sides whose corners are 0.33 m from the axis.
+fn angular(sides: u32) -> Outfit {
+    let band = moved(&tube(0.33, 0.1, sides, 1, false), |p| Point::new(p.x, p.y - 0.05, p.z));
+    Outfit::new(Layer::new("ball", icosphere(0.3, 4)), vec![Layer { single_precision: true, ..Layer::new("band", band) }])
+        .unwrap()
+}
+
+fn run(outfit: &Outfit, split: Split, rounds: usize) -> Result<Resolved, ResolveError> {
+    let params = ResolveParams { split, rounds, ..ResolveParams::default() };
+    resolve(outfit, &params, &mut |_| ControlFlow::Continue(()))
+}
+
+/// What was split is the input's surface, with its vertices first.
+fn assert_split(input: &TriMesh, resolved: &Resolved) {
+    let split = resolved.splits[0].as_ref().expect("triangles were split");
+    let output = &resolved.outfit.garments[0].mesh;
+    assert_eq!(split.mesh.triangles(), output.triangles());
+    assert_eq!(split.mesh.vertices()[..input.vertices().len()], *input.vertices());
+    assert!(split.sources.len() == output.vertices().len() && split.parts.len() == output.triangles().len());
+    assert!((split.mesh.area() / input.area() - 1.0).abs() < 1e-6);
+    assert_eq!(resolved.report.layers[0].split, split.parents());
+    assert!(
+        output.vertices().iter().flat_map(|p| p.coords.iter().copied().collect::<Vec<Real>>()).all(|x| x == Real::from(x as f32))
+    );
+    let after = verify(&resolved.outfit).unwrap();
+    assert_eq!((after.total_pairs(), after.total_inside()), (0, 0));
+}
+
+#[test]
+fn a_band_of_three_sides_lies_round_a_ball_once_it_has_more() {
+    let outfit = angular(3);
+    let never = run(&outfit, Split::Never, 100).unwrap();
+    assert_eq!((never.splits.as_slice(), never.report.layers[0].split), (&[None][..], 0));
+    let split = run(&outfit, Split::IfStrained, 100).unwrap();
+    assert_split(&outfit.garments[0].mesh, &split);
+    let strain = |r: &Resolved| r.report.layers[0].strain.rms;
+    assert!(strain(&never) > 0.5, "{}", strain(&never));
+    assert!(strain(&split) < 0.5 * strain(&never), "{} {}", strain(&split), strain(&never));
+    let moved = |r: &Resolved| r.report.layers[0].moved.max;
+    assert!(moved(&split) < moved(&never), "{} {}", moved(&split), moved(&never));
+    assert_eq!(split.report.before.pairs, never.report.before.pairs, "what is said of the input is said of the input");
+}
+
+#[test]
+fn what_is_clean_anyhow_is_not_split() {
+    let outfit = angular(3);
+    let (never, left) = (run(&outfit, Split::Never, 100).unwrap(), run(&outfit, Split::IfLeft, 100).unwrap());
+    assert_eq!(never.outfit, left.outfit);
+    let round = angular(24);
+    let (never, strained) = (run(&round, Split::Never, 100).unwrap(), run(&round, Split::IfStrained, 100).unwrap());
+    assert_eq!((never.outfit, strained.splits), (strained.outfit, vec![None]));
+}
