@@ -114,7 +114,10 @@ pub(crate) struct SynthArgs {
     /// The same for the masks alone.
     #[arg(long, value_name = "NOISE")]
     pub(crate) mask_noise: Option<f64>,
-    /// Another number, another noise.
+    /// How far clothes move by themselves, with a unit, such as 1cm; each frame as it is goes to truth/ then.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
+    pub(crate) nonrigid: Option<f64>,
+    /// Another number, another noise and another motion.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
     /// Print the report as JSON on stdout, and no table.

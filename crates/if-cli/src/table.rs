@@ -33,6 +33,10 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
             count(after)
         );
     }
+    for layer in report.layers.iter().filter(|l| l.eased[0] > 0.0) {
+        let [before, after] = layer.eased.map(|s| 100.0 * s);
+        let _ = writeln!(text, "{} was eased where it was drawn: largest strain {before:.0} -> {after:.0} %.", layer.name);
+    }
     for layer in report.layers.iter().filter(|l| l.split > 0) {
         let _ = writeln!(text, "{}: {} triangles of the input were split into smaller ones.", layer.name, count(layer.split));
     }
@@ -342,6 +346,7 @@ mod tests {
             sweeps: 1000,
             queries: 100_000,
             tucked: [120, 3],
+            eased: [4.0, 0.75],
             split: 0,
             skipped: Skipped { layers: 1, vertices: 12_345, queries: 9, sweeps: 0 },
             seconds: 12.345,
@@ -364,6 +369,7 @@ mod tests {
         }
         assert!(text.contains("29,859 -> 0") && text.contains("123.40"), "{text}");
         assert!(text.contains("suit_jacket was pressed in below the layers above: 120 -> 3 vertices stick out"), "{text}");
+        assert!(text.contains("suit_jacket was eased where it was drawn: largest strain 400 -> 75 %."), "{text}");
         assert_eq!(
             skipped(&report.layers).as_deref(),
             Some("Skipped: 2 pairs of layers that do not meet, 18 nearest-point queries.")

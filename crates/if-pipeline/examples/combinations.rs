@@ -2,11 +2,11 @@
 //! wear, and writes one CSV row for each.
 //!
 //! ```text
-//! cargo run --release -p if-pipeline --example combinations -- OUT.csv [--every N] [--data DIR] [--tuck never|if_stuck|always]
+//! cargo run --release -p if-pipeline --example combinations -- OUT.csv [--every N] [--only "A < B < C"]... [--data DIR] [--tuck never|if_stuck|always]
 //! ```
 //!
 //! Rows that OUT.csv holds already are skipped, so that a run can be continued; start a new file after
-//! a change of the resolver. `--every N` takes each N-th outfit only. The exit code is 1 where an
+//! a change of the resolver. `--every N` takes each N-th outfit only, `--only` the one named (several may be). The exit code is 1 where an
 //! outfit does not come out clean. A panic ends the run.
 
 #![allow(clippy::print_stdout)] // a program for the terminal
@@ -99,28 +99,30 @@ fn outfits() -> Vec<Vec<usize>> {
 struct Args {
     out: PathBuf,
     every: usize,
+    only: Vec<String>,
     data: PathBuf,
     tuck: Tuck,
 }
 
 fn args() -> Result<Args, Box<dyn Error>> {
-    let mut out = None;
+    let (mut out, mut only) = (None, Vec::new());
     let (mut every, mut data, mut tuck) = (1, PathBuf::from("../shared/data/body_a"), Tuck::default());
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         match arg.as_str() {
             "--every" => every = args.next().ok_or("--every needs a number")?.parse()?,
+            "--only" => only.push(args.next().ok_or("--only needs an outfit")?),
             "--data" => data = args.next().ok_or("--data needs a folder")?.into(),
             "--tuck" => tuck = serde_json::from_value(args.next().ok_or("--tuck needs never, if_stuck or always")?.into())?,
             _ if out.is_none() => out = Some(PathBuf::from(arg)),
             _ => return Err(format!("`{arg}` is not understood").into()),
         }
     }
-    let out = out.ok_or("usage: combinations OUT.csv [--every N] [--data DIR] [--tuck never|if_stuck|always]")?;
+    let out = out.ok_or("usage: combinations OUT.csv [--every N] [--only OUTFIT] [--data DIR] [--tuck never|if_stuck|always]")?;
     if every == 0 {
         return Err("--every needs a number above 0".into());
     }
-    Ok(Args { out, every, data, tuck })
+    Ok(Args { out, every, only, data, tuck })
 }
 
 const HEADER: &str = "outfit,state,pairs_before,inside_before,pairs,inside,worst,own_pairs_added,moved_max_mm,strain_max_percent,rounds,seconds,\
@@ -140,10 +142,12 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
         writeln!(file, "{HEADER}")?;
     }
     let all = outfits();
-    let chosen: Vec<&Vec<usize>> = all.iter().step_by(args.every).collect();
+    let names = |garments: &[usize]| garments.iter().map(|g| Class::GARMENTS[*g].0).collect::<Vec<_>>();
+    let named = |garments: &[usize]| args.only.is_empty() || args.only.contains(&names(garments).join(" < "));
+    let chosen: Vec<&Vec<usize>> = all.iter().step_by(args.every).filter(|o| named(o)).collect();
     println!("{} wearable outfits, {} chosen, {} rows in {}", all.len(), chosen.len(), known.len(), args.out.display());
     for (k, garments) in chosen.iter().enumerate() {
-        let names: Vec<&str> = garments.iter().map(|g| Class::GARMENTS[*g].0).collect();
+        let names = names(garments);
         let title = names.join(" < ");
         if known.contains(&title) {
             continue;

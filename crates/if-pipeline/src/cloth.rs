@@ -1,5 +1,7 @@
 //! The garment as the solver sees it: its cloth, its contacts, and what earlier rounds have found.
 
+pub(crate) mod easing;
+
 use crate::ceiling::Ceilings;
 use crate::contacts::{ContactParams, Contacts, Way};
 use crate::inspector::State;

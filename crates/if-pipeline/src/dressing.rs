@@ -112,6 +112,7 @@ impl<'a> Dressing<'a> {
             sweeps: settled.sweeps,
             queries: settled.queries,
             tucked: settled.tucked,
+            eased: settled.eased,
             split: 0,
             skipped: Skipped {
                 layers: apart,

@@ -32,6 +32,19 @@ pub(crate) fn parting_plane(t: &[Point; 3], o: &[Point; 3], out: &Vector) -> (Ve
     (best.0, level(&best.0))
 }
 
+/// The plane that parts triangle `t` from triangle `o` with the widest gap between them: its unit normal n, towards `t`, the level
+/// that n·x does not exceed on `o`, and the gap. `None` where they meet.
+pub(crate) fn widest_gap(t: &[Point; 3], o: &[Point; 3]) -> Option<(Vector, Real, Real)> {
+    let normals = [area_vector(&t[0], &t[1], &t[2]), area_vector(&o[0], &o[1], &o[2])];
+    let across = (0..9).map(|k| (t[(k / 3 + 1) % 3] - t[k / 3]).cross(&(o[(k % 3 + 1) % 3] - o[k % 3])));
+    let axes = normals.into_iter().chain(across).map(|axis| unit_or_zero(&axis)).filter(|n| *n != Vector::zeros());
+    let gaps = axes.flat_map(|n| [n, -n]).map(|n| {
+        let level = o.iter().map(|p| n.dot(&p.coords)).fold(Real::NEG_INFINITY, Real::max);
+        (n, level, t.iter().map(|p| n.dot(&p.coords)).fold(Real::INFINITY, Real::min) - level)
+    });
+    gaps.filter(|g| g.2 > 0.0).reduce(|best, g| if g.2 > best.2 { g } else { best })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -61,5 +74,25 @@ mod tests {
             assert!(level - low <= o.iter().map(|p| p.z).fold(Real::NEG_INFINITY, Real::max) - up + 1e-12);
         }
         assert!(met > 50);
+    }
+
+    #[test]
+    fn the_widest_gap_parts_all_triangles_that_do_not_meet_and_no_others() {
+        let mut state = 9u64;
+        let mut next = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 11) as Real / (1u64 << 53) as Real - 0.5
+        };
+        let mut apart = 0;
+        for _ in 0..500 {
+            let [t, o] = [0; 2].map(|_| [0; 3].map(|_| Point::new(next(), next(), next())));
+            let found = widest_gap(&t, &o);
+            assert_eq!(found.is_some(), triangles(t.each_ref(), o.each_ref()) == Contact::Disjoint);
+            let Some((n, level, gap)) = found else { continue };
+            apart += 1;
+            let heights = |c: &[Point; 3]| c.map(|p| n.dot(&p.coords));
+            assert!(heights(&o).iter().all(|h| *h <= level) && heights(&t).iter().all(|h| *h >= level + gap - 1e-12));
+        }
+        assert!((50..450).contains(&apart), "{apart}");
     }
 }

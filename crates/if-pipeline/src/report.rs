@@ -133,6 +133,10 @@ pub struct LayerReport {
     /// ([`crate::resolve::Tuck`]); zeros where it was not.
     #[serde(default)]
     pub tucked: [usize; 2],
+    /// Largest edge strain before and after drawn edges of the clean garment were eased
+    /// ([`crate::resolve::ResolveParams::drawn_strain`]); zeros where none were.
+    #[serde(default)]
+    pub eased: [Real; 2],
     /// Triangles of the input that were split ([`crate::resolve::Split`]).
     #[serde(default)]
     pub split: usize,

@@ -49,6 +49,10 @@ pub struct ResolveParams {
     pub polish_rounds: usize,
     /// Largest edge strain of a garment that needs no relaxing.
     pub calm_strain: Real,
+    /// Edges of a clean garment that changed their length by more than this share are eased by guarded rounds, which end clean.
+    pub drawn_strain: Real,
+    /// Guarded rounds at most; 0 leaves drawn edges as they are.
+    pub ease_rounds: usize,
     /// A round that moves no vertex further than this has settled, in metres.
     pub tolerance: Real,
     /// Compliance of edges: 0 is inextensible; at a visit a share 2 / (2 + s) of the violation goes.
@@ -90,6 +94,8 @@ impl Default for ResolveParams {
             rounds: 100,
             polish_rounds: 12,
             calm_strain: 0.25,
+            drawn_strain: 0.5,
+            ease_rounds: 40,
             tolerance: 3e-4,
             stretch_softness: 4.0,
             strain_limit: 0.12,
@@ -131,6 +137,7 @@ impl ResolveParams {
             ("sweeps", self.sweeps as Real, self.sweeps >= 1, COUNT),
             ("rounds", self.rounds as Real, self.rounds >= 1, COUNT),
             ("calm_strain", self.calm_strain, soft(self.calm_strain), "it must be a share, zero or more"),
+            ("drawn_strain", self.drawn_strain, soft(self.drawn_strain), "it must be a share, zero or more"),
             ("strain_limit", self.strain_limit, soft(self.strain_limit), "it must be a share, zero or more"),
             ("stretch_softness", self.stretch_softness, soft(self.stretch_softness), SOFTNESS),
             ("bending_softness", self.bending_softness, soft(self.bending_softness), SOFTNESS),

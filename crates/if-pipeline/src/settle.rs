@@ -17,6 +17,7 @@
 //!     tangled, or pushed in vain: smooth displacements there, lift out      untangle.rs
 //!     after `settle_rounds`: hold all but the neighbourhood of what is left
 //! until nothing is left, or `rounds` are over
+//! drawn edges of a clean garment: rounds of which only what stays clean is taken             cloth/easing.rs
 //! ```
 
 use crate::ceiling::Ceilings;
@@ -51,6 +52,8 @@ pub(crate) struct Settled {
     pub(crate) spared: usize,
     /// Vertices that stuck out of a layer above, before and after.
     pub(crate) tucked: [usize; 2],
+    /// Largest strain before and after easing; zeros where nothing was eased.
+    pub(crate) eased: [Real; 2],
     /// Vertices that were held throughout.
     pub(crate) held: usize,
 }
@@ -59,7 +62,17 @@ impl Settled {
     /// Of a garment that needs nothing.
     pub(crate) fn as_it_is(garment: &Layer) -> Self {
         let positions = garment.mesh.vertices().to_vec();
-        Self { held: positions.len(), positions, rounds: 0, repairs: 0, sweeps: 0, queries: 0, spared: 0, tucked: [0; 2] }
+        Self {
+            held: positions.len(),
+            positions,
+            rounds: 0,
+            repairs: 0,
+            sweeps: 0,
+            queries: 0,
+            spared: 0,
+            tucked: [0; 2],
+            eased: [0.0; 2],
+        }
     }
 }
 
@@ -213,10 +226,20 @@ pub(crate) fn settle(
             cloth.free_near(&trouble, params.influence, below);
         }
     }
-    let positions = match best {
-        Some((_, x)) => x,
-        None => cloth.stored(),
-    };
+    let is_clean = best.as_ref().is_some_and(|(rank, _)| rank.0 == 0);
+    let mut positions = best.map_or_else(|| cloth.stored(), |(_, x)| x);
+    let mut largest = [0.0; 2];
+    if is_clean {
+        let ControlFlow::Continue(eased) = cloth.ease(&positions, &mut inspector, &mut |k| watch(rounds + k, true, Some(0)))
+        else {
+            return Err(Halt::Cancelled);
+        };
+        if let Some(eased) = eased {
+            (positions, largest) = (eased.positions, eased.strain);
+            rounds += eased.rounds;
+            repairs += eased.rounds;
+        }
+    }
     let none = vec![false; positions.len()];
     let tucked = [sticking_out.len(), above.sticking_out(&positions, &none).len()];
     Ok(Settled {
@@ -227,6 +250,7 @@ pub(crate) fn settle(
         queries: cloth.contacts.queries,
         spared: cloth.contacts.spared,
         tucked,
+        eased: largest,
         held: cloth.ever_free.iter().filter(|f| !**f).count(),
     })
 }

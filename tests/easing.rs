@@ -1,0 +1,36 @@
+//! What repairs have drawn out is eased, and stays clean; what they have not is not touched.
+
+mod scenes;
+
+use if_pipeline::mannequin::Garment::{Coat, Jacket, Tshirt};
+use if_pipeline::outfit::Outfit;
+use if_pipeline::resolve::{ResolveError, ResolveParams, Resolved, resolve};
+use scenes::{assert_clean, mannequin};
+use std::ops::ControlFlow;
+
+fn run(outfit: &Outfit, ease_rounds: usize) -> Result<Resolved, ResolveError> {
+    resolve(outfit, &ResolveParams { ease_rounds, ..ResolveParams::default() }, &mut |_| ControlFlow::Continue(()))
+}
+
+#[test]
+fn the_largest_strain_falls_the_others_do_not_grow_and_the_outfit_stays_clean() {
+    // A T-shirt over a jacket: it is far too tight, and drawn out at the armpits.
+    let outfit = mannequin(&[Jacket, Tshirt], 0.03);
+    let (never, eased) = (assert_clean(&outfit, run(&outfit, 0)), assert_clean(&outfit, run(&outfit, 40)));
+    assert_eq!(never.outfit.garments[0], eased.outfit.garments[0]);
+    let (before, after) = (&never.report.layers[1], &eased.report.layers[1]);
+    assert_eq!((before.eased, after.eased), ([0.0; 2], [before.strain.max, after.strain.max]));
+    assert!(before.strain.max > 0.5 && after.strain.max < 0.95 * before.strain.max, "{:?} {:?}", before.strain, after.strain);
+    assert!(after.strain.rms <= before.strain.rms && after.moved.max <= 1.02 * before.moved.max);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+    assert_eq!(pool.install(|| run(&outfit, 40)).unwrap().outfit, eased.outfit);
+}
+
+#[test]
+fn where_no_edge_is_drawn_no_bit_changes() {
+    let outfit = mannequin(&[Tshirt, Jacket, Coat], 1.0);
+    let (never, eased) = (run(&outfit, 0).unwrap(), run(&outfit, 40).unwrap());
+    assert!(never.report.layers.iter().any(|l| l.moved.vertices > 0));
+    assert_eq!(never.outfit, eased.outfit);
+    assert!(eased.report.layers.iter().all(|l| l.eased == [0.0; 2]));
+}
