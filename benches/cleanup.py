@@ -17,7 +17,8 @@ a.add_argument("--data", default="../shared/data"), a.add_argument("--out", defa
 a.add_argument("--samples", type=int, default=100000), a.add_argument("--no-peers", action="store_true")
 a = a.parse_args()
 sys.path.insert(0, os.path.join(a.data, "../tools"))
-from compare import load, one_way, topology, own_pairs  # noqa: E402
+import igl  # noqa: E402
+from compare import load, one_way, own_pairs, sample, topology, unique_edges  # noqa: E402
 
 TARGET = os.environ.get("CARGO_TARGET_DIR", "target")
 OURS = os.path.join(TARGET, "release/examples/cleanup")
@@ -89,14 +90,29 @@ def peers(V, F, garment):
             yield f"open3d {size}" + (" + taubin" if smooth else ""), lambda s=smooth, z=size: open3d_(V, F, s, z)
 
 
+def beyond(mesh, reference, rng):
+    """Share of the reference whose nearest place on the mesh lies on its rim, and its part of the mean distance from the reference, in mm."""
+    V, F = mesh
+    E, count = unique_edges(F)
+    rim = E[count == 1]
+    if not len(rim):
+        return 0.0, 0.0
+    P, _ = sample(*reference, a.samples, rng)
+    d2, _, Q = igl.point_mesh_squared_distance(P, V, F)
+    on = igl.point_mesh_squared_distance(Q, V, np.c_[rim, rim[:, 1]])[0] < 1e-12
+    return round(float(on.mean()), 5), round(1e3 * float(np.sqrt(d2)[on].sum()) / len(P), 4)
+
+
 def judge(name, tool, mesh, reference, ms, before, extra=""):
     V, F = np.asarray(mesh[0], float), np.asarray(mesh[1]).astype(np.int64)
     rng = np.random.default_rng(0)
     there, back, t = one_way((V, F), reference, a.samples, rng), one_way(reference, (V, F), a.samples, rng), topology(V, F)
+    share, part = beyond((V, F), reference, rng)
     mm = lambda x: round(1e3 * x, 4)
     return {"mesh": name, "tool": tool, "ms": round(ms, 1), "components": t["components"], "openings": t["boundary_loops"],
             "nm_edges": t["non_manifold_edges"], "nm_vertices": t["non_manifold_vertices"], "own_pairs_added": t["own_pairs"] - before,
             "chamfer_mm": mm((there["mean"] + back["mean"]) / 2), "to_reference_mm": mm(there["mean"]), "from_reference_mm": mm(back["mean"]),
+            "beyond_share": share, "beyond_mm": part,
             "max_mm": mm(max(there["max"], back["max"])), "normal_deg": round((there["normal_deg_mean"] + back["normal_deg_mean"]) / 2, 3), "note": extra}
 
 
@@ -116,6 +132,8 @@ def jobs():
             yield os.path.join(folder, f), os.path.join(folder, stem + "_ref.ply"), True, [
                 ("ours, by shape", hard), ("ours, by count", hard + [count]), ("ours, by scan", hard + [f"body={scan}"]),
                 ("ours, by count + surface 2", hard + [count, "surface=2"]), ("ours, by count + surface 4", hard + [count, "surface=4"]),
+                ("ours, by count, rims left", hard + [count, "smooth=false"]),
+                ("ours, by count, rims left + surface 2", hard + [count, "smooth=false", "surface=2"]),
                 ("ours, body known", hard + [count, f"body={solid}", f"field={solid}"])]
     folder = os.path.join(a.data, "scans")
     for f in sorted(os.listdir(folder)):

@@ -114,7 +114,10 @@ pub(crate) struct SynthArgs {
     /// The same for the masks alone.
     #[arg(long, value_name = "NOISE")]
     pub(crate) mask_noise: Option<f64>,
-    /// Another number, another noise.
+    /// How far clothes move by themselves, with a unit, such as 1cm; each frame as it is goes to truth/ then.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
+    pub(crate) nonrigid: Option<f64>,
+    /// Another number, another noise and another motion.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
     /// Print the report as JSON on stdout, and no table.
@@ -232,7 +235,7 @@ pub(crate) struct CleanArgs {
     /// Leave the boundary as it is.
     #[arg(long)]
     pub(crate) no_smooth: bool,
-    /// Smooth the whole surface too, by so many passes of Laplacian smoothing.
+    /// Smooth the whole surface but for its boundary, by so many passes of Laplacian smoothing.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) surface_passes: usize,
     /// Allow the output to replace the input.

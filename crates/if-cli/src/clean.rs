@@ -159,12 +159,13 @@ fn params(args: &CleanArgs, body: Option<&TriMesh>, single_precision: bool) -> C
         _ => Openings::default(),
     };
     let components = ComponentParams { least_share: args.least_share / 100.0, most: args.parts };
-    let smooth = SmoothParams { surface_passes: args.surface_passes, ..SmoothParams::default() };
+    let (boundary, surface_passes) = (!args.no_smooth, args.surface_passes);
+    let smooth = SmoothParams { boundary, surface_passes, ..SmoothParams::default() };
     CleanupParams {
         components: Some(components),
         openings,
         fill: (!args.no_fill).then(FillParams::default),
-        smooth: (!args.no_smooth).then_some(smooth),
+        smooth: (boundary || surface_passes > 0).then_some(smooth),
         single_precision,
     }
 }

@@ -33,6 +33,7 @@ pub(crate) fn run(args: &SynthArgs) -> Result<End, Report> {
         size: args.size,
         label_noise: args.label_noise.unwrap_or(args.noise),
         mask_noise: args.mask_noise.unwrap_or(args.noise),
+        nonrigid: args.nonrigid.unwrap_or(0.0),
         seed: args.seed,
         ..SynthParams::default()
     };

@@ -63,9 +63,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         smooth.rounds = number("rounds")?.map_or(smooth.rounds, |n| n as usize);
         smooth.rings = number("rings")?.map_or(smooth.rings, |n| n as usize);
         smooth.trim = options.get("trim") != Some(&"false");
-    }
-    if options.get("smooth") == Some(&"false") {
-        params.smooth = None;
+        smooth.boundary = options.get("smooth") != Some(&"false");
     }
     let field = match options.get("field") {
         Some(path) => Some(MeshSdf::closed(&ply::read_path(Path::new(path))?.mesh)?),

@@ -32,6 +32,7 @@ mod hole;
 pub mod holes;
 mod lid;
 pub mod manifold;
+mod marks;
 pub mod openings;
 mod patch;
 mod project;
@@ -40,6 +41,7 @@ mod safe_move;
 mod spread;
 mod trim;
 mod twins;
+mod vicinity;
 pub mod work;
 
 use crate::attributes::VertexAttributes;

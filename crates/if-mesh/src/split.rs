@@ -90,7 +90,7 @@ pub fn split(mesh: &TriMesh, marked: &[bool]) -> Result<Split, MeshError> {
         let length = |p: usize, q: usize| (vertices[at(p) as usize] - vertices[at(q) as usize]).norm_squared();
         for corners in places(of.map(|e| cut[e]), length) {
             triangles.push(corners.map(at));
-            parts.push(Part { parent: t as u32, corners: corners.map(|place| weights(place)) });
+            parts.push(Part { parent: t as u32, corners: corners.map(weights) });
         }
     }
     Ok(Split { mesh: TriMesh::new(vertices, triangles)?, sources, parts })

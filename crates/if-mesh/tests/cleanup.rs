@@ -9,6 +9,7 @@ use if_core::mesh::TriMesh;
 use if_core::shapes::Sphere;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_mesh::attributes::VertexAttributes;
+use if_mesh::cleanup::boundary::SmoothParams;
 use if_mesh::cleanup::complement::Complement;
 use if_mesh::cleanup::components::ComponentParams;
 use if_mesh::cleanup::holes::Shape;
@@ -265,6 +266,30 @@ fn a_ragged_hem_gets_smooth_and_keeps_its_length() {
     assert!(hem.length_before > 1.15 * round && hem.rim.length < 1.05 * round, "{hem:?}");
     let end = report.loops.iter().find(|l| l.passes == 0).expect("the other one");
     assert_eq!(end.length_before, end.rim.length);
+}
+
+#[test]
+fn the_surface_can_be_smoothed_and_its_boundary_left() {
+    // A tube with a bump at every other place.
+    let whole = tube(0.15, 0.4, 60, 30, false);
+    let n = whole.vertices().len();
+    let bump = |k: usize, p: &Point| Point::new(p.x, p.y, p.z) + Vector::new(p.x, 0.0, p.z) * if k % 2 == 0 { 0.01 } else { 0.0 };
+    let bumpy = TriMesh::new((0..n).map(|k| bump(k, &whole.vertices()[k])).collect(), whole.triangles().to_vec()).unwrap();
+    let smooth = SmoothParams { boundary: false, surface_passes: 2, ..SmoothParams::default() };
+    let result = clean(&bumpy, &CleanupParams { smooth: Some(smooth), ..CleanupParams::default() });
+    check(&bumpy, &result);
+    let on_rim = |p: &Point| p.y.abs() < 1e-9 || (p.y - 0.4).abs() < 1e-9;
+    let radius = |p: &Point| p.x.hypot(p.z);
+    let spread = |mesh: &TriMesh| {
+        let inner: Vec<Real> = mesh.vertices().iter().filter(|p| !on_rim(p)).map(radius).collect();
+        let mean = inner.iter().sum::<Real>() / inner.len() as Real;
+        (inner.iter().map(|r| (r - mean).powi(2)).sum::<Real>() / inner.len() as Real).sqrt()
+    };
+    assert_eq!(result.mesh.triangles(), bumpy.triangles());
+    assert!(spread(&result.mesh) < 0.5 * spread(&bumpy), "{} of {}", spread(&result.mesh), spread(&bumpy));
+    for (p, q) in result.mesh.vertices().iter().zip(bumpy.vertices()).filter(|(_, q)| on_rim(q)) {
+        assert_eq!(p, q);
+    }
 }
 
 #[test]

@@ -3,8 +3,8 @@
 use super::curve::{roughness, taubin_loop};
 use super::manifold::resolve;
 use super::rim::{LoopShape, length};
-use super::safe_move::move_safely;
-use super::spread::{back, spread, surface};
+use super::safe_move::{Paths, move_safely};
+use super::spread::{Spread, back, surface};
 use super::trim::trim;
 use super::twins::{Twins, ends, leaving, loops};
 use super::work::{Derived, Work};
@@ -16,6 +16,8 @@ use serde::Serialize;
 /// How boundary loops are smoothed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SmoothParams {
+    /// Whether the loops are smoothed. Without, they stay as they are, and only the passes over the surface are made.
+    pub boundary: bool,
     /// λ: the share of the way to the mean of its neighbours that a vertex goes.
     pub lambda: Real,
     /// μ: the share of the way back, below −λ, so that loops do not shrink.
@@ -39,7 +41,17 @@ pub struct SmoothParams {
 
 impl Default for SmoothParams {
     fn default() -> Self {
-        Self { lambda: 0.5, mu: -0.53, roughness: 0.2, passes: 50, rounds: 4, rings: 3, trim: true, surface_passes: 0 }
+        Self {
+            boundary: true,
+            lambda: 0.5,
+            mu: -0.53,
+            roughness: 0.2,
+            passes: 50,
+            rounds: 4,
+            rings: 3,
+            trim: true,
+            surface_passes: 0,
+        }
     }
 }
 
@@ -125,7 +137,7 @@ pub(super) fn smooth(
         let points = at(work, &line(work, rim));
         (length(&points), roughness(&points))
     };
-    let is_rough = |rim: &[u32], rough: Real| rim.len() >= FEWEST && rough > params.roughness;
+    let is_rough = |rim: &[u32], rough: Real| params.boundary && rim.len() >= FEWEST && rough > params.roughness;
     let before: Vec<(Real, Real)> = rims.iter().map(|rim| measure(work, rim)).collect();
     let rough: Vec<bool> = rims.iter().zip(&before).map(|(rim, b)| is_rough(rim, b.1)).collect();
     // A vertex of each loop stays what it is through trimming: loops are found again by those vertices.
@@ -140,8 +152,9 @@ pub(super) fn smooth(
     let mut passes = vec![0; rims.len()];
     let mut still = Real::INFINITY;
     let mut held: Option<Vec<bool>> = None;
+    let (mut old, mut target) = (start.clone(), start.clone());
+    let mut carry = Spread::new(&twins, &leaving, &fixed);
     for round in 0..params.rounds {
-        let mut target = work.points.clone();
         let mut seeds = Vec::new();
         let mut sum = 0.0;
         for (k, rim) in rims.iter().enumerate().filter(|(k, _)| rough[*k]) {
@@ -172,14 +185,26 @@ pub(super) fn smooth(
             break;
         }
         still = sum;
-        spread(work, &twins, &leaving, &mut target, &seeds, &fixed, params.rings);
+        let mut moving = carry.spread(work, &mut target, &seeds, params.rings);
         if surface_passes > 0 {
             surface(work, &twins, &leaving, &mut target, &fixed, params);
+            moving = (0..start.len() as u32).collect();
         }
         if let Some(field) = field {
-            back(work, field, &mut target);
+            back(work, field, &mut target, &moving);
         }
-        let back = move_safely(work, &start, &target, single_precision);
+        moving.retain(|v| old[*v as usize] != target[*v as usize]);
+        moving.sort_unstable();
+        let mut touched = Vec::new();
+        moving.iter().for_each(|v| twins.around(leaving[*v as usize], |h| touched.push(h / 3)));
+        touched.sort_unstable();
+        touched.dedup();
+        let paths = Paths { start: &start, old: &old, target: &target, moving: &moving, touched: &touched };
+        let back = move_safely(work, &paths, single_precision);
+        for v in moving.iter().map(|v| *v as usize) {
+            old[v] = work.points[v];
+            target[v] = work.points[v];
+        }
         report.held_back = back.iter().filter(|h| **h).count();
         if report.held_back == 0 {
             break;

@@ -69,8 +69,7 @@ pub(super) fn drop_small(work: &mut Work, twins: &Twins, params: &ComponentParam
     }
     let gone: Vec<u32> = (0..).zip(&part_of).filter(|(_, part)| !keep[**part as usize]).map(|(t, _)| t).collect();
     if !gone.is_empty() {
-        let mut t = 0..;
-        work.triangles.retain(|_| t.next().is_some_and(|t: usize| keep[part_of[t] as usize]));
+        work.remove(&gone);
         work.compact();
     }
     (report, gone)
@@ -78,26 +77,22 @@ pub(super) fn drop_small(work: &mut Work, twins: &Twins, params: &ComponentParam
 
 /// The part of each triangle, and the parts in the order of their first triangles.
 pub(super) fn components(work: &Work, twins: &Twins) -> (Vec<u32>, Vec<Component>) {
-    let n = work.triangles.len();
-    let mut part_of = vec![NONE; n];
+    // Each triangle points to an earlier one of its part, the first to itself.
+    let mut first: Vec<u32> = Vec::with_capacity(work.triangles.len());
+    for t in 0..work.triangles.len() as u32 {
+        first.push(t);
+        let mut mine = t;
+        for twin in twins.of[3 * t as usize..][..3].iter().filter(|twin| **twin != NONE && **twin / 3 < t) {
+            let other = find(&mut first, twin / 3);
+            first[mine.max(other) as usize] = mine.min(other);
+            mine = mine.min(other);
+        }
+    }
     let mut names = 0;
-    let mut stack = Vec::new();
-    for seed in 0..n {
-        if part_of[seed] != NONE {
-            continue;
-        }
-        part_of[seed] = names;
-        stack.push(seed as u32);
-        while let Some(t) = stack.pop() {
-            for h in 3 * t..3 * t + 3 {
-                let twin = twins.of[h as usize];
-                if twin != NONE && part_of[twin as usize / 3] == NONE {
-                    part_of[twin as usize / 3] = names;
-                    stack.push(twin / 3);
-                }
-            }
-        }
-        names += 1;
+    let mut part_of: Vec<u32> = Vec::with_capacity(first.len());
+    for (t, of) in (0..).zip(&first) {
+        part_of.push(if *of == t { names } else { part_of[*of as usize] });
+        names += u32::from(*of == t);
     }
     let none = Component { triangles: 0, area: 0.0, aabb: [[Real::INFINITY; 3], [Real::NEG_INFINITY; 3]] };
     let mut parts = vec![none; names as usize];
@@ -108,12 +103,27 @@ pub(super) fn components(work: &Work, twins: &Twins) -> (Vec<u32>, Vec<Component
         for v in work.triangles[t] {
             let p = work.points[v as usize];
             for axis in 0..3 {
-                part.aabb[0][axis] = part.aabb[0][axis].min(p[axis]);
-                part.aabb[1][axis] = part.aabb[1][axis].max(p[axis]);
+                // Positions are finite.
+                if p[axis] < part.aabb[0][axis] {
+                    part.aabb[0][axis] = p[axis];
+                }
+                if p[axis] > part.aabb[1][axis] {
+                    part.aabb[1][axis] = p[axis];
+                }
             }
         }
     }
     (part_of, parts)
+}
+
+/// The first triangle that `t` leads to; the way there gets shorter.
+fn find(first: &mut [u32], mut t: u32) -> u32 {
+    while first[t as usize] != t {
+        let next = first[t as usize];
+        first[t as usize] = first[next as usize];
+        t = next;
+    }
+    t
 }
 
 #[cfg(test)]

@@ -38,8 +38,7 @@ pub(super) fn mend(work: &mut Work) -> (DegenerateReport, Twins) {
         }
         let changed = if round < ROUNDS { step(work, &flat, &mut report) } else { 0 };
         if changed == 0 {
-            let mut k = 0..;
-            work.triangles.retain(|_| k.next().is_some_and(|k| flat.binary_search(&k).is_err()));
+            work.remove(&flat);
             report.dropped += flat.len();
         }
         let (doubled, again) = drop_doubles(work);
@@ -129,8 +128,7 @@ fn drop_doubles(work: &mut Work) -> (usize, Twins) {
     if doubles.is_empty() {
         return (0, twins);
     }
-    let mut k = 0..;
-    work.triangles.retain(|_| k.next().is_some_and(|k| doubles.binary_search(&k).is_err()));
+    work.remove(&doubles);
     (doubles.len(), Twins::new(work.points.len(), &work.triangles))
 }
 

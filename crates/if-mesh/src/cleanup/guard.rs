@@ -1,14 +1,12 @@
 //! Intersections that a change adds, found without looking at the whole mesh.
 
-use super::apart::clearly_apart;
+use super::apart::{clearly_apart, surely_go_on};
+use super::vicinity::Vicinity;
 use if_core::aabb::Aabb;
 use if_core::intersect::{is_degenerate, triangles_sharing};
 use if_core::math::{Point, Real};
 use rayon::prelude::*;
 
-/// Cells along each side of the box round the suspects, in which it is marked where they are. A garment of 1 m has cells of 3 cm, a few
-/// holes wide; more make the marking dear, fewer let more of the mesh through.
-const MARKS: usize = 32;
 /// Side of a fine cell over the mean side of the suspects' boxes: a triangle lies in two to four cells, and a cell holds few.
 const CELL: Real = 1.5;
 /// Entries in fine cells for each triangle, at most; else cells are doubled. Few triangles that are large beside the others do not
@@ -18,8 +16,8 @@ const ENTRIES: usize = 16;
 const TASK: usize = 512;
 
 /// Pairs of triangles that meet beyond their common corners and of which one at least is in `suspects`, ascending.
-pub(super) fn meeting(points: &[Point], triangles: &[[u32; 3]], suspects: &[u32]) -> Vec<[u32; 2]> {
-    Guard::new(points, triangles, suspects, points).meeting(points, triangles, suspects)
+pub(super) fn meeting(points: &[Point], triangles: &[[u32; 3]], suspects: &[u32], vicinity: &mut Vicinity) -> Vec<[u32; 2]> {
+    Guard::new(points, triangles, suspects, points, vicinity).meeting(points, triangles, suspects)
 }
 
 /// What suspects can meet while their corners go anywhere between two places: looked for once, asked often.
@@ -27,44 +25,45 @@ pub(super) struct Guard {
     /// The triangles that a suspect can meet, suspects included, ascending.
     near: Vec<u32>,
     /// Boxes round all their places.
-    boxes: Vec<Aabb>,
     cells: Cells,
 }
 
 impl Guard {
     /// Of `suspects`, ascending, whose corners stay between `points` and `target`, give or take a rounding to single precision. All
     /// other triangles stay where they are in `points`.
-    pub(super) fn new(points: &[Point], triangles: &[[u32; 3]], suspects: &[u32], target: &[Point]) -> Self {
+    pub(super) fn new(
+        points: &[Point],
+        triangles: &[[u32; 3]],
+        suspects: &[u32],
+        target: &[Point],
+        vicinity: &mut Vicinity,
+    ) -> Self {
         let place = |t: &u32| {
             let corners = triangles[*t as usize];
             let b = bounds(corners.map(|v| &points[v as usize])).merged(&bounds(corners.map(|v| &target[v as usize])));
             (*t, b.inflated(b.min.coords.amax().max(b.max.coords.amax()) * Real::from(f32::EPSILON)))
         };
-        Self::of_places(points, triangles, &suspects.iter().map(place).collect::<Vec<_>>())
+        Self::of_places(points, triangles, &suspects.iter().map(place).collect::<Vec<_>>(), vicinity)
     }
 
     /// Of suspects, ascending, with a box each that holds all their places. All other triangles stay where they are in `points`.
-    pub(super) fn of_places(points: &[Point], triangles: &[[u32; 3]], suspects: &[(u32, Aabb)]) -> Self {
+    pub(super) fn of_places(points: &[Point], triangles: &[[u32; 3]], suspects: &[(u32, Aabb)], vicinity: &mut Vicinity) -> Self {
         if suspects.is_empty() {
-            return Self { near: Vec::new(), boxes: Vec::new(), cells: Cells::default() };
+            return Self { near: Vec::new(), cells: Cells::default() };
         }
-        let region = suspects.iter().fold(Aabb::EMPTY, |b, s| b.merged(&s.1));
-        let marks = Marks::new(&region, suspects);
-        let at: Vec<[u8; 3]> = points.iter().map(|p| marks.cell(p)).collect();
+        let near = vicinity.of(points, triangles, suspects);
         let mut next = suspects.iter().peekable();
-        let (mut near, mut boxes) = (Vec::new(), Vec::new());
-        for (t, corners) in (0..).zip(triangles) {
-            let b = match next.next_if(|s| s.0 == t) {
-                Some((_, b)) => *b,
-                None if !marks.any(corners.map(|v| &at[v as usize])) => continue,
-                None => bounds(corners.map(|v| &points[v as usize])),
-            };
-            near.push(t);
-            boxes.push(b);
-        }
+        let boxes: Vec<SmallBox> = near
+            .iter()
+            .map(|t| match next.next_if(|s| s.0 == *t) {
+                Some((_, b)) => SmallBox::round(b),
+                None => SmallBox::round(&bounds(triangles[*t as usize].map(|v| &points[v as usize]))),
+            })
+            .collect();
+        let region = suspects.iter().fold(Aabb::EMPTY, |b, s| b.merged(&s.1));
         let side = suspects.iter().map(|s| s.1.size().max()).sum::<Real>() / suspects.len() as Real;
         let cells = Cells::new(&region, CELL * side, &boxes);
-        Self { near, boxes, cells }
+        Self { near, cells }
     }
 
     /// Pairs of triangles that meet at `points` beyond their common corners and of which one at least is in `suspects`,
@@ -77,15 +76,15 @@ impl Guard {
             let mut found = Vec::new();
             for &k in places {
                 let t = self.near[k as usize];
-                let corners = triangles[t as usize].map(|v| &points[v as usize]);
-                let here = bounds(corners);
-                self.cells.visit(&here, &self.boxes, |other| {
+                let a = triangles[t as usize];
+                let corners = [&points[a[0] as usize], &points[a[1] as usize], &points[a[2] as usize]];
+                self.cells.visit(&SmallBox::round(&bounds(corners)), |other| {
                     let u = self.near[other as usize];
                     // A pair of two suspects is the smaller one's.
                     if other == k || (other < k && is_suspect[other as usize]) {
                         return;
                     }
-                    if meet(corners, triangles[u as usize].map(|v| &points[v as usize])) {
+                    if meet(points, a, triangles[u as usize]) {
                         found.push([t.min(u), t.max(u)]);
                     }
                 });
@@ -100,22 +99,35 @@ impl Guard {
 
     /// Whether two triangles meet at `points` beyond their common corners.
     pub(super) fn met(points: &[Point], triangles: &[[u32; 3]], pair: [u32; 2]) -> bool {
-        let [a, b] = pair.map(|t| triangles[t as usize].map(|v| &points[v as usize]));
-        meet(a, b)
+        meet(points, triangles[pair[0] as usize], triangles[pair[1] as usize])
     }
 }
 
-fn bounds(t: [&Point; 3]) -> Aabb {
+pub(super) fn bounds(t: [&Point; 3]) -> Aabb {
     Aabb { min: t[0].inf(t[1]).inf(t[2]), max: t[0].sup(t[1]).sup(t[2]) }
 }
 
 /// Whether triangles meet beyond their common corners, as [`own_pairs`](crate::intersections::own_pairs) has it: corners at one place are common, and
 /// triangles without area meet nothing.
-fn meet(a: [&Point; 3], b: [&Point; 3]) -> bool {
+fn meet(points: &[Point], ia: [u32; 3], ib: [u32; 3]) -> bool {
+    let a = [&points[ia[0] as usize], &points[ia[1] as usize], &points[ia[2] as usize]];
+    let b = [&points[ib[0] as usize], &points[ib[1] as usize], &points[ib[2] as usize]];
+    // Most are neighbours, and go on from one another as a surface does.
+    if surely_go_on(a, ia, b, ib) {
+        return false;
+    }
     if !bounds(a).overlaps(&bounds(b)) {
         return false;
     }
-    let common = a.map(|p| b.iter().position(|q| *q == p));
+    let mut common = [None; 3];
+    for (p, c) in a.iter().zip(&mut common) {
+        for (j, q) in b.iter().enumerate() {
+            if p.x == q.x && p.y == q.y && p.z == q.z {
+                *c = Some(j);
+                break;
+            }
+        }
+    }
     if clearly_apart(a, b, common) {
         return false;
     }
@@ -124,70 +136,24 @@ fn meet(a: [&Point; 3], b: [&Point; 3]) -> bool {
     triangles_sharing(a, [0, 1, 2], b, names).is_some() && !is_degenerate(a) && !is_degenerate(b)
 }
 
-/// Coarse cells, and which of them hold a suspect. The first and last along each axis are what lies outside the suspects' box.
-struct Marks {
-    min: Point,
-    scale: [Real; 3],
-    marked: Vec<bool>,
+/// A box in single precision, rounded outwards: many are looked at for each that is of use, and they should lie close together.
+#[derive(Clone, Copy, Debug, Default)]
+struct SmallBox {
+    min: [f32; 3],
+    max: [f32; 3],
 }
 
-impl Marks {
-    const SIDE: usize = MARKS + 2;
-
-    fn new(region: &Aabb, suspects: &[(u32, Aabb)]) -> Self {
-        let scale = [0, 1, 2].map(|axis| MARKS as Real / region.size()[axis].max(Real::MIN_POSITIVE));
-        let mut marks = Self { min: region.min, scale, marked: vec![false; Self::SIDE.pow(3)] };
-        for (_, b) in suspects {
-            let inside = |p: &Point| marks.cell(p).map(|c| c.clamp(1, MARKS as u8));
-            let (low, high) = (inside(&b.min), inside(&b.max));
-            for x in low[0]..=high[0] {
-                for y in low[1]..=high[1] {
-                    let row = Self::row(x, y);
-                    marks.marked[row + usize::from(low[2])..=row + usize::from(high[2])].fill(true);
-                }
-            }
-        }
-        marks
+impl SmallBox {
+    fn round(b: &Aabb) -> Self {
+        let down = |x: Real| if Real::from(x as f32) > x { (x as f32).next_down() } else { x as f32 };
+        let up = |x: Real| if Real::from(x as f32) < x { (x as f32).next_up() } else { x as f32 };
+        Self { min: [down(b.min.x), down(b.min.y), down(b.min.z)], max: [up(b.max.x), up(b.max.y), up(b.max.z)] }
     }
 
     #[inline]
-    fn row(x: u8, y: u8) -> usize {
-        (usize::from(x) * Self::SIDE + usize::from(y)) * Self::SIDE
-    }
-
-    /// Each coordinate grows with the point's.
-    #[inline]
-    fn cell(&self, p: &Point) -> [u8; 3] {
-        [0, 1, 2].map(|axis| {
-            let x = (p[axis] - self.min[axis]) * self.scale[axis];
-            // The far side of the box is still inside.
-            if x < 0.0 {
-                0
-            } else if x > MARKS as Real {
-                MARKS as u8 + 1
-            } else {
-                1 + (x as u8).min(MARKS as u8 - 1)
-            }
-        })
-    }
-
-    /// Whether the box round three points reaches a marked cell.
-    #[inline]
-    fn any(&self, [a, b, c]: [&[u8; 3]; 3]) -> bool {
-        if a == b && b == c {
-            return self.marked[Self::row(a[0], a[1]) + usize::from(a[2])];
-        }
-        let low = [0, 1, 2].map(|k| a[k].min(b[k]).min(c[k]));
-        let high = [0, 1, 2].map(|k| a[k].max(b[k]).max(c[k]));
-        for x in low[0]..=high[0] {
-            for y in low[1]..=high[1] {
-                let row = Self::row(x, y);
-                if self.marked[row + usize::from(low[2])..=row + usize::from(high[2])].contains(&true) {
-                    return true;
-                }
-            }
-        }
-        false
+    fn overlaps(&self, other: &Self) -> bool {
+        let along = |axis: usize| (self.min[axis] <= other.max[axis]) & (other.min[axis] <= self.max[axis]);
+        along(0) & along(1) & along(2)
     }
 }
 
@@ -201,19 +167,20 @@ struct Cells {
     scale: Real,
     /// First entry of each bucket.
     start: Vec<u32>,
-    entries: Vec<u32>,
+    entries: Vec<(u32, SmallBox)>,
 }
 
 impl Cells {
-    fn new(region: &Aabb, side: Real, boxes: &[Aabb]) -> Self {
+    fn new(region: &Aabb, side: Real, boxes: &[SmallBox]) -> Self {
         let size = region.size();
         let mut side = side.max(size.max() / Real::from(1 << 20)).max(Real::MIN_POSITIVE);
         loop {
             let last = [0, 1, 2].map(|axis| (size[axis] / side) as i32);
             let mut cells = Self { min: region.min, last, scale: 1.0 / side, ..Self::default() };
-            let count = |b: &Aabb| {
-                let [x, y, z] = cells.range(b).map(|(first, last)| (last - first + 1) as usize);
-                x.saturating_mul(y).saturating_mul(z)
+            let count = |b: &SmallBox| {
+                let [low, high] = cells.range(b);
+                let along = |axis: usize| (high[axis] - low[axis] + 1) as usize;
+                along(0).saturating_mul(along(1)).saturating_mul(along(2))
             };
             let total = boxes.iter().map(count).fold(0, usize::saturating_add);
             if total <= ENTRIES * boxes.len() || last == [0; 3] {
@@ -224,7 +191,7 @@ impl Cells {
         }
     }
 
-    fn fill(&mut self, boxes: &[Aabb], total: usize) {
+    fn fill(&mut self, boxes: &[SmallBox], total: usize) {
         let buckets = total.next_power_of_two();
         self.start = vec![0; buckets + 2];
         for b in boxes {
@@ -233,48 +200,54 @@ impl Cells {
         for k in 2..self.start.len() {
             self.start[k] += self.start[k - 1];
         }
-        self.entries = vec![0; total];
+        self.entries = vec![(0, SmallBox::default()); total];
         for (k, b) in boxes.iter().enumerate() {
             for_each_cell(self.range(b), |c| {
                 let at = &mut self.start[hash(c, buckets) + 1];
-                self.entries[*at as usize] = k as u32;
+                self.entries[*at as usize] = (k as u32, *b);
                 *at += 1;
             });
         }
     }
 
-    fn range(&self, b: &Aabb) -> [(i32, i32); 3] {
-        [0, 1, 2].map(|axis| (self.cell(b.min[axis], axis), self.cell(b.max[axis], axis)))
+    #[inline]
+    fn range(&self, b: &SmallBox) -> [[i32; 3]; 2] {
+        [self.cell(b.min), self.cell(b.max)]
     }
 
-    fn cell(&self, x: Real, axis: usize) -> i32 {
+    #[inline]
+    fn cell(&self, p: [f32; 3]) -> [i32; 3] {
         // Out of range it saturates.
-        (((x - self.min[axis]) * self.scale) as i32).clamp(0, self.last[axis])
+        let along = |axis: usize| (((Real::from(p[axis]) - self.min[axis]) * self.scale) as i32).clamp(0, self.last[axis]);
+        [along(0), along(1), along(2)]
     }
 
     /// Calls `visit` with the boxes that overlap `b`, some of them twice.
-    fn visit(&self, b: &Aabb, boxes: &[Aabb], mut visit: impl FnMut(u32)) {
+    fn visit(&self, b: &SmallBox, mut visit: impl FnMut(u32)) {
         let buckets = self.start.len().saturating_sub(2);
         if buckets == 0 {
             return;
         }
-        for_each_cell(self.range(b), |c| {
+        let range = self.range(b);
+        for_each_cell(range, |c| {
             let bucket = hash(c, buckets);
-            for &k in &self.entries[self.start[bucket] as usize..self.start[bucket + 1] as usize] {
-                let other = &boxes[k as usize];
+            for (k, other) in &self.entries[self.start[bucket] as usize..self.start[bucket + 1] as usize] {
                 // Told in one cell: where what both have in common begins.
-                if b.overlaps(other) && (0..3).all(|axis| self.cell(b.min[axis].max(other.min[axis]), axis) == c[axis]) {
-                    visit(k);
+                if b.overlaps(other) {
+                    let of = |axis: usize| b.min[axis].max(other.min[axis]);
+                    if range[0] == range[1] || self.cell([of(0), of(1), of(2)]) == c {
+                        visit(*k);
+                    }
                 }
             }
         });
     }
 }
 
-fn for_each_cell(range: [(i32, i32); 3], mut visit: impl FnMut([i32; 3])) {
-    for i in range[0].0..=range[0].1 {
-        for j in range[1].0..=range[1].1 {
-            for k in range[2].0..=range[2].1 {
+fn for_each_cell([low, high]: [[i32; 3]; 2], mut visit: impl FnMut([i32; 3])) {
+    for i in low[0]..=high[0] {
+        for j in low[1]..=high[1] {
+            for k in low[2]..=high[2] {
                 visit([i, j, k]);
             }
         }
@@ -283,7 +256,7 @@ fn for_each_cell(range: [(i32, i32); 3], mut visit: impl FnMut([i32; 3])) {
 
 /// A bucket for a cell; `buckets` is a power of two. The factors are those of Teschner et al. 2003.
 fn hash(cell: [i32; 3], buckets: usize) -> usize {
-    let [i, j, k] = cell.map(|x| x as u32 as u64);
+    let [i, j, k] = [cell[0] as u32 as u64, cell[1] as u32 as u64, cell[2] as u32 as u64];
     let mixed = i.wrapping_mul(73_856_093) ^ j.wrapping_mul(19_349_663) ^ k.wrapping_mul(83_492_791);
     (mixed ^ (mixed >> 15)) as usize & (buckets - 1)
 }
@@ -311,11 +284,11 @@ mod tests {
         let all: Vec<[u32; 2]> = own_pairs(&mesh, &Bvh::new(&mesh)).iter().map(|p| [p.a, p.b]).collect();
         assert!(all.len() > 20);
         let everyone: Vec<u32> = (0..triangles.len() as u32).collect();
-        assert_eq!(meeting(&points, &triangles, &everyone), all);
+        assert_eq!(meeting(&points, &triangles, &everyone, &mut Vicinity::default()), all);
         let some: Vec<u32> = (0..triangles.len() as u32).filter(|t| t % 7 == 0).collect();
         let of_some: Vec<[u32; 2]> = all.iter().filter(|p| p[0] % 7 == 0 || p[1] % 7 == 0).copied().collect();
-        assert_eq!(meeting(&points, &triangles, &some), of_some);
-        assert!(meeting(&points, &triangles, &[]).is_empty());
+        assert_eq!(meeting(&points, &triangles, &some, &mut Vicinity::default()), of_some);
+        assert!(meeting(&points, &triangles, &[], &mut Vicinity::default()).is_empty());
     }
 
     #[test]
@@ -353,7 +326,7 @@ mod tests {
             let moves = |v: &u32| points[*v as usize] != target[*v as usize];
             let suspects: Vec<u32> =
                 (0..triangles.len() as u32).filter(|t| t % 3 == 0 || triangles[*t as usize].iter().any(moves)).collect();
-            let guard = Guard::new(&points, &triangles, &suspects, &target);
+            let guard = Guard::new(&points, &triangles, &suspects, &target, &mut Vicinity::default());
             let start = points.clone();
             for share in [0.0, 0.37, 1.0] {
                 points = start.iter().zip(&target).map(|(p, q)| p + (q - p) * share).collect();

@@ -7,7 +7,6 @@ use super::patch::{Patch, refine};
 use super::project::project;
 use super::twins::{Twins, ends, next, previous};
 use super::work::Work;
-use crate::attributes::Source;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 
@@ -102,15 +101,14 @@ impl Hole {
         let base = work.points.len() as u32;
         let rim = self.points.len() as u32;
         for p in &patch.points[rim as usize..] {
-            work.sources.push(self.blend(work, p));
-            work.points.push(*p);
+            work.add(*p, self.blend(work, p));
         }
         let name = |v: u32| if v < rim { self.vertices[v as usize] } else { base + v - rim };
         work.triangles.extend(patch.triangles.iter().map(|t| t.map(name)));
     }
 
     /// Vertices of the rim by inverse squared distance: the nearest, and others evenly spread along it.
-    fn blend(&self, work: &Work, p: &Point) -> Source {
+    fn blend(&self, work: &Work, p: &Point) -> Vec<(u32, Real)> {
         /// More parts than this change little, and cost memory.
         const SPREAD: usize = 48;
         const NEAREST: usize = 4;
@@ -128,15 +126,12 @@ impl Hole {
                 Some(p) => p.1 += w,
                 None => parts.push((v, w)),
             };
-            match &work.sources[v as usize] {
-                Source::Vertex(v) => add(&mut parts, *v, weight),
-                Source::Blend(of) => of.iter().for_each(|(v, w)| add(&mut parts, *v, weight * w)),
-            }
+            work.parts(v).for_each(|(v, w)| add(&mut parts, v, weight * w));
         }
         let total: Real = parts.iter().map(|p| p.1).sum();
         parts.iter_mut().for_each(|p| p.1 /= total);
         parts.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        Source::Blend(parts)
+        parts
     }
 }
 

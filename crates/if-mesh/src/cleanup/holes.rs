@@ -1,6 +1,6 @@
 //! Holes closed.
 
-use super::guard::meeting;
+use super::guard::{bounds, meeting};
 use super::hole::Hole;
 use super::manifold::{resolve, take_out};
 use super::openings::{Openings, Verdict};
@@ -9,6 +9,7 @@ use super::rim::LoopShape;
 use super::twins::{Twins, loops};
 use super::work::{Derived, Work};
 use crate::validate::is_flat;
+use if_core::aabb::Aabb;
 use if_core::field::SignedDistance;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
@@ -126,28 +127,31 @@ pub(super) fn fill(
         return (report, open);
     }
     let area: Real = (0..work.triangles.len()).map(|t| work.area(t)).sum();
-    let (mut trial, mut trial_twins) = (work.clone(), twins.clone());
     let mut tried = FillReport { cut_away: 0, ..report.clone() };
+    let mut best = None; // what `work` was when it was best, if it is not now
     for _ in 0..params.widenings {
         let mut rim: Vec<u32> = left.iter().flatten().map(|h| h / 3).collect();
         rim.sort_unstable();
         rim.dedup();
-        if rim.iter().map(|t| trial.area(*t as usize)).sum::<Real>() > MOST_CUT * area {
+        if rim.iter().map(|t| work.area(*t as usize)).sum::<Real>() > MOST_CUT * area {
             break;
         }
+        best.get_or_insert_with(|| (work.clone(), twins.clone()));
         tried.cut_away += rim.len();
-        trial_twins = take_out(&mut trial, &trial_twins, &rim);
-        let (found, new_open, new_left) = once(&mut trial, &mut trial_twins);
+        *twins = take_out(work, twins, &rim);
+        let (found, new_open, new_left) = once(work, twins);
         left = new_left;
         tried.filled.extend(found.filled);
         (tried.left, tried.openings) = (found.left, found.openings);
         if left.len() < report.left.len() && new_open.len() <= open.len() {
-            report = tried.clone();
-            (*work, *twins, open) = (trial.clone(), trial_twins.clone(), new_open);
+            (report, open, best) = (tried.clone(), new_open, None);
         }
         if left.is_empty() {
             break;
         }
+    }
+    if let Some(best) = best {
+        (*work, *twins) = best;
     }
     (report, open)
 }
@@ -162,6 +166,11 @@ fn fill_once(
     single_precision: bool,
 ) -> (FillReport, Vec<Vec<u32>>, Vec<Vec<u32>>) {
     let rims = loops(&work.triangles, twins);
+    if work.vicinity.is_unknown() {
+        let corners = |h: &u32| work.triangles[*h as usize / 3].map(|v| &work.points[v as usize]);
+        let places: Vec<(u32, Aabb)> = rims.iter().flatten().map(|h| (h / 3, bounds(corners(h)))).collect();
+        work.vicinity.find(&work.points, &work.triangles, &places);
+    }
     let shapes: Vec<LoopShape> = rims.par_iter().map(|rim| LoopShape::new(work, twins, rim)).collect();
     let verdicts = openings.judge(work, &rims, &shapes);
     let mut report = FillReport::default();
@@ -192,7 +201,7 @@ fn fill_once(
         }
         let added: Vec<u32> = (base as u32..work.triangles.len() as u32).collect();
         let flat = added.iter().filter(|t| is_flat(work.triangles[**t as usize].map(|v| &work.points[v as usize])));
-        let meets = meeting(&work.points, &work.triangles, &added);
+        let meets = meeting(&work.points, &work.triangles, &added, &mut work.vicinity);
         let mut bad: Vec<usize> =
             flat.chain(meets.iter().flatten()).filter(|t| **t as usize >= base).map(|t| owner[*t as usize - base]).collect();
         bad.sort_unstable();
@@ -200,9 +209,7 @@ fn fill_once(
         if bad.is_empty() {
             break;
         }
-        work.points.truncate(points);
-        work.sources.truncate(points);
-        work.triangles.truncate(base);
+        work.truncate(points, base);
         let again: Vec<(usize, Option<(Patch, Shape)>)> = bad
             .par_iter()
             .map(|&job| {

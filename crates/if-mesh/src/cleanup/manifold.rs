@@ -76,8 +76,7 @@ pub(super) fn resolve(work: &mut Work) -> (ManifoldReport, Twins) {
         let mut gone: Vec<u32> = left.iter().map(|h| h / 3).collect();
         gone.sort_unstable();
         gone.dedup();
-        let mut k = 0..;
-        work.triangles.retain(|_| k.next().is_some_and(|k| gone.binary_search(&k).is_err()));
+        work.remove(&gone);
         report.dropped += gone.len();
         twins = Twins::new(work.points.len(), &work.triangles);
     }
@@ -161,13 +160,22 @@ fn across(work: &Work, h: u32) -> Vector {
 
 /// Takes triangles out of a manifold mesh, which stays one: where several fans meet in a vertex now, each gets its own. `gone` is ascending.
 pub(super) fn take_out(work: &mut Work, twins: &Twins, gone: &[u32]) -> Twins {
-    let mut at_gone = vec![false; work.points.len()];
-    gone.iter().flat_map(|t| work.triangles[*t as usize]).for_each(|v| at_gone[v as usize] = true);
-    let mut k = 0..;
-    work.triangles.retain(|_| k.next().is_some_and(|k| gone.binary_search(&k).is_err()));
+    // What leaves the vertices of those triangles, and stays.
+    let mut leaving = Vec::new();
+    gone.iter().for_each(|t| (3 * t..3 * t + 3).for_each(|h| twins.around(h, |g| leaving.push(g))));
+    leaving.sort_unstable();
+    leaving.dedup();
+    let mut before = 0;
+    leaving.retain_mut(|h| {
+        while before < gone.len() && gone[before] < *h / 3 {
+            before += 1;
+        }
+        let stays = gone.get(before) != Some(&(*h / 3));
+        *h -= 3 * before as u32;
+        stays
+    });
     let twins = twins.without(gone);
-    let corners = work.triangles.as_flattened().iter().zip(0..);
-    let leaving: Vec<u32> = corners.filter(|(v, _)| at_gone[**v as usize]).map(|(_, h)| h).collect();
+    work.remove(gone);
     split_fans(work, &twins, leaving);
     work.compact();
     twins
@@ -193,9 +201,7 @@ fn split_fans(work: &mut Work, twins: &Twins, leaving: impl IntoIterator<Item = 
         if !std::mem::replace(&mut taken[v as usize], true) {
             continue;
         }
-        let new = work.points.len() as u32;
-        work.points.push(work.points[v as usize]);
-        work.sources.push(work.sources[v as usize].clone());
+        let new = work.copy(v);
         taken.push(true);
         fan.iter().for_each(|&g| work.triangles[g as usize / 3][g as usize % 3] = new);
         added += 1;

@@ -12,7 +12,20 @@ const LEAST_COSINE: Real = 0.5;
 /// Height over longest edge above which the normal of a triangle means something, and may not turn over.
 const SLIVER: Real = 0.02;
 
-/// Moves vertices to `target`, or as far that way as does no harm: no triangle loses its area, turns over against how it lay at `start`,
+/// Where vertices are to go.
+pub(super) struct Paths<'a> {
+    /// Where all vertices were before the first move.
+    pub(super) start: &'a [Point],
+    /// Where all vertices are.
+    pub(super) old: &'a [Point],
+    pub(super) target: &'a [Point],
+    /// Those whose target is elsewhere, ascending.
+    pub(super) moving: &'a [u32],
+    /// Their triangles, ascending.
+    pub(super) touched: &'a [u32],
+}
+
+/// Moves vertices to their targets, or as far that way as does no harm: no triangle loses its area, turns over against how it lay at the start,
 /// or meets one that it did not meet before. Says which vertices were held back.
 ///
 /// ```text
@@ -22,16 +35,15 @@ const SLIVER: Real = 0.02;
 ///     bad ← suspects that turned over, or meet something that they did not meet before
 ///     moved ← the vertices of bad; share of each ← half, after HALVINGS halvings 0
 /// ```
-pub(super) fn move_safely(work: &mut Work, start: &[Point], target: &[Point], single_precision: bool) -> Vec<bool> {
-    let old = work.points.clone();
-    let moves: Vec<bool> = old.iter().zip(target).map(|(p, q)| p != q).collect();
-    let touched: Vec<u32> =
-        (0..work.triangles.len() as u32).filter(|t| work.triangles[*t as usize].iter().any(|v| moves[*v as usize])).collect();
-    let guard = Guard::new(&old, &work.triangles, &touched, target);
+pub(super) fn move_safely(work: &mut Work, paths: &Paths<'_>, single_precision: bool) -> Vec<bool> {
+    let Paths { start, old, target, moving, touched } = *paths;
+    let mut moves = vec![false; old.len()];
+    moving.iter().for_each(|v| moves[*v as usize] = true);
+    let guard = Guard::new(old, &work.triangles, touched, target, &mut work.vicinity);
     let mut halved = vec![0u8; old.len()];
     let mut is_changed = moves.clone();
-    let mut changed: Vec<u32> = (0..old.len() as u32).filter(|v| moves[*v as usize]).collect();
-    let mut suspects = touched.clone();
+    let mut changed = moving.to_vec();
+    let mut suspects = touched.to_vec();
     while !changed.is_empty() {
         for &v in &changed {
             let k = v as usize;
@@ -45,7 +57,7 @@ pub(super) fn move_safely(work: &mut Work, start: &[Point], target: &[Point], si
         }
         let mut bad: Vec<u32> = suspects.iter().filter(|t| harms(work, start, **t)).copied().collect();
         let meets = guard.meeting(&work.points, &work.triangles, &suspects);
-        bad.extend(meets.iter().filter(|pair| !Guard::met(&old, &work.triangles, **pair)).flatten());
+        bad.extend(meets.iter().filter(|pair| !Guard::met(old, &work.triangles, **pair)).flatten());
         changed.iter().for_each(|v| is_changed[*v as usize] = false);
         changed = bad.iter().flat_map(|t| work.triangles[*t as usize]).collect();
         changed.retain(|v| moves[*v as usize] && halved[*v as usize] <= HALVINGS);
@@ -56,7 +68,7 @@ pub(super) fn move_safely(work: &mut Work, start: &[Point], target: &[Point], si
             is_changed[v as usize] = true;
         }
         // Only triangles of vertices that went elsewhere than in the round before can do new harm.
-        suspects = touched.clone();
+        suspects = touched.to_vec();
         suspects.retain(|t| work.triangles[*t as usize].iter().any(|v| is_changed[*v as usize]));
     }
     halved.iter().map(|h| *h > 0).collect()

@@ -87,7 +87,7 @@ pub(super) fn trim(
             places.extend(ids.map(|t| (t, both)));
         }
         places.sort_unstable_by_key(|p| p.0);
-        let guard = Guard::of_places(&work.points, &work.triangles, &places);
+        let guard = Guard::of_places(&work.points, &work.triangles, &places, &mut work.vicinity);
         loop {
             let mut suspects: Vec<u32> = turns.iter().flat_map(|t| t.0).chain(new.iter().copied()).collect();
             suspects.sort_unstable();
@@ -111,7 +111,7 @@ pub(super) fn trim(
             }
         }
         let lids: Vec<[u32; 3]> = new.iter().map(|t| work.triangles[*t as usize]).collect();
-        work.triangles.truncate(base as usize);
+        work.truncate(work.points.len(), base as usize);
         work.triangles.extend(&lids);
         report.turned += turns.len();
         report.teeth += gone.len();
@@ -125,8 +125,7 @@ pub(super) fn trim(
         twins.update(&work.triangles, &changed);
         if !gone.is_empty() {
             gone.sort_unstable();
-            let mut k = 0..;
-            work.triangles.retain(|_| k.next().is_some_and(|k| gone.binary_search(&k).is_err()));
+            work.remove(&gone);
             twins = twins.without(&gone);
         }
         // Tips are of no triangle now; they stay until the caller compacts, so that vertices keep their numbers.

@@ -1,5 +1,6 @@
 //! Which half-edges face each other.
 
+use super::work::roomy;
 use if_core::mesh::TriMesh;
 
 /// No half-edge.
@@ -25,7 +26,7 @@ pub(crate) fn ends(triangles: &[[u32; 3]], h: u32) -> [u32; 2] {
 }
 
 /// The half-edges of a mesh.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub(crate) struct Twins {
     /// For each half-edge the one that faces it: the only other one between its two vertices, in the
     /// opposite direction. [`NONE`] else.
@@ -34,6 +35,12 @@ pub(crate) struct Twins {
     pub(crate) against: Vec<[u32; 2]>,
     /// Three or more half-edges between the same two vertices, ascending.
     pub(crate) crowded: Vec<Vec<u32>>,
+}
+
+impl Clone for Twins {
+    fn clone(&self) -> Self {
+        Self { of: roomy(&self.of), against: self.against.clone(), crowded: self.crowded.clone() }
+    }
 }
 
 /// Lengths of buckets up to which insertion beats a library sort.
@@ -66,7 +73,9 @@ impl Twins {
                 *at += 1;
             }
         }
-        let mut twins = Self { of: vec![NONE; list.len()], ..Self::default() };
+        let mut twins = Self::default();
+        twins.of.reserve(list.len() + list.len() / 16); // patches are added soon
+        twins.of.resize(list.len(), NONE);
         let mut same = Vec::new();
         for v in 0..vertices {
             let bucket = &mut list[start[v] as usize..start[v + 1] as usize];
@@ -91,27 +100,27 @@ impl Twins {
     /// Those of the same triangles without `gone`, ascending, the others renumbered.
     pub(crate) fn without(&self, gone: &[u32]) -> Self {
         debug_assert!(self.against.is_empty() && self.crowded.is_empty(), "of a manifold mesh");
-        let mut gone = gone.iter().copied().peekable();
-        let mut kept = 0;
-        let names: Vec<u32> = (0..self.of.len() as u32 / 3)
-            .map(|t| {
-                if gone.next_if_eq(&t).is_some() {
-                    return NONE;
-                }
-                kept += 1;
-                kept - 1
-            })
-            .collect();
-        let name = |h: u32| match names.get(h as usize / 3) {
-            Some(&t) if t != NONE => 3 * t + h % 3,
-            _ => NONE,
-        };
-        let mut of = Vec::with_capacity(3 * kept as usize);
-        for (h, twin) in self.of.iter().enumerate() {
-            if names[h / 3] != NONE {
-                of.push(if *twin == NONE { NONE } else { name(*twin) });
-            }
+        // How far the half-edges of each triangle move up; NONE for those that go.
+        let mut up = Vec::with_capacity(self.of.len() / 3);
+        for (k, &t) in gone.iter().enumerate() {
+            up.resize(t as usize, 3 * k as u32);
+            up.push(NONE);
         }
+        up.resize(self.of.len() / 3, 3 * gone.len() as u32);
+        let name = |h: u32| match h {
+            NONE => NONE,
+            _ => match up[h as usize / 3] {
+                NONE => NONE,
+                up => h - up,
+            },
+        };
+        let mut of = Vec::with_capacity(self.of.len()); // with room for what is added soon
+        let mut first = 0;
+        for &t in gone {
+            of.extend(self.of[first..3 * t as usize].iter().map(|h| name(*h)));
+            first = 3 * t as usize + 3;
+        }
+        of.extend(self.of[first..].iter().map(|h| name(*h)));
         Self { of, ..Self::default() }
     }
 

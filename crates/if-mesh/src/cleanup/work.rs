@@ -1,6 +1,7 @@
 //! A surface while it is being mended.
 
 use super::twins::{Twins, next, previous};
+use super::vicinity::Vicinity;
 use crate::attributes::Source;
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
@@ -16,17 +17,97 @@ pub struct Derived {
 }
 
 /// Positions, triangles and origins that a step changes.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Work {
     pub(crate) points: Vec<Point>,
     pub(crate) triangles: Vec<[u32; 3]>,
-    pub(crate) sources: Vec<Source>,
+    /// For each vertex that of the mesh before, or `before` more than the number of its blend.
+    origins: Vec<u32>,
+    blends: Vec<Vec<(u32, Real)>>,
+    before: u32,
+    /// Where rims are: kept while triangles go by [`Work::remove`] and [`Work::truncate`], or are added at the end.
+    pub(super) vicinity: Vicinity,
+}
+
+/// Clones have room for this share more, so that what a step adds does not copy all again.
+const ROOM: usize = 16;
+
+/// A clone with room to grow.
+pub(super) fn roomy<T: Copy>(of: &[T]) -> Vec<T> {
+    let mut clone = Vec::with_capacity(of.len() + of.len() / ROOM);
+    clone.extend_from_slice(of);
+    clone
+}
+
+impl Clone for Work {
+    fn clone(&self) -> Self {
+        Self {
+            points: roomy(&self.points),
+            triangles: roomy(&self.triangles),
+            origins: roomy(&self.origins),
+            blends: self.blends.clone(),
+            before: self.before,
+            vicinity: self.vicinity.clone(),
+        }
+    }
 }
 
 impl Work {
     pub(crate) fn new(mesh: &TriMesh) -> Self {
-        let sources = (0..mesh.vertices().len() as u32).map(Source::Vertex).collect();
-        Self { points: mesh.vertices().to_vec(), triangles: mesh.triangles().to_vec(), sources }
+        let before = mesh.vertices().len() as u32;
+        Self {
+            points: roomy(mesh.vertices()),
+            triangles: roomy(mesh.triangles()),
+            origins: (0..before).collect(),
+            blends: Vec::new(),
+            before,
+            vicinity: Vicinity::default(),
+        }
+    }
+
+    /// What vertex `v` is made of: vertices of the mesh before, with weights.
+    pub(super) fn parts(&self, v: u32) -> impl Iterator<Item = (u32, Real)> {
+        let origin = self.origins[v as usize];
+        let (alone, parts) = match origin.checked_sub(self.before) {
+            None => (Some((origin, 1.0)), &[][..]),
+            Some(blend) => (None, &self.blends[blend as usize][..]),
+        };
+        alone.into_iter().chain(parts.iter().copied())
+    }
+
+    /// Adds a vertex, which is a copy of `v`.
+    pub(super) fn copy(&mut self, v: u32) -> u32 {
+        self.points.push(self.points[v as usize]);
+        self.origins.push(self.origins[v as usize]);
+        self.points.len() as u32 - 1
+    }
+
+    /// Adds a vertex that is made of others.
+    pub(super) fn add(&mut self, point: Point, parts: Vec<(u32, Real)>) {
+        self.points.push(point);
+        self.origins.push(self.before + self.blends.len() as u32);
+        self.blends.push(parts);
+    }
+
+    /// Takes back what was added last: only the first `points` and `triangles` are left.
+    pub(super) fn truncate(&mut self, points: usize, triangles: usize) {
+        self.points.truncate(points);
+        self.origins.truncate(points);
+        self.triangles.truncate(triangles);
+        self.vicinity.truncate(triangles);
+    }
+
+    /// Drops triangles; `gone` is ascending.
+    pub(super) fn remove(&mut self, gone: &[u32]) {
+        let Some(&first) = gone.first() else { return };
+        let mut to = first as usize;
+        for (k, &t) in gone.iter().enumerate() {
+            let (from, until) = (t as usize + 1, gone.get(k + 1).map_or(self.triangles.len(), |t| *t as usize));
+            self.triangles.copy_within(from..until, to);
+            to += until - from;
+        }
+        self.triangles.truncate(to);
+        self.vicinity.without(gone);
     }
 
     /// Drops vertices of no triangle, keeping the order of the others; says how many.
@@ -43,13 +124,26 @@ impl Work {
         let mut k = 0..;
         self.points.retain(|_| k.next().is_some_and(|k| used[k]));
         let mut k = 0..;
-        self.sources.retain(|_| k.next().is_some_and(|k: usize| used[k]));
+        self.origins.retain(|_| k.next().is_some_and(|k: usize| used[k]));
         unused
     }
 
     pub(crate) fn finish(self) -> Derived {
+        let (before, mut blends) = (self.before, self.blends);
+        // A copy of a blend, as a rim cut open has it, is one of its own.
+        let mut count = vec![0; blends.len()];
+        self.origins.iter().filter(|o| **o >= before).for_each(|o| count[(o - before) as usize] += 1);
+        let source = |origin: u32| match origin.checked_sub(before) {
+            None => Source::Vertex(origin),
+            Some(k) => {
+                let k = k as usize;
+                count[k] -= 1;
+                Source::Blend(if count[k] == 0 { std::mem::take(&mut blends[k]) } else { blends[k].clone() })
+            }
+        };
+        let sources = self.origins.into_iter().map(source).collect();
         let mesh = TriMesh::new(self.points, self.triangles).expect("each step keeps positions finite and triangles proper");
-        Derived { mesh, sources: self.sources }
+        Derived { mesh, sources }
     }
 
     /// Area of triangle `t`, in square metres.

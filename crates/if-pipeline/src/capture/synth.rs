@@ -1,6 +1,7 @@
 //! The project's own capture: the mannequin in its clothes, turning before a camera, seen as a noisy human parser and a
 //! normal estimator would see it.
 
+mod motion;
 mod noise;
 
 use super::{CaptureError, CaptureWriter, FramePictures, Subject};
@@ -11,8 +12,9 @@ use crate::template::{TemplateBody, TemplateError};
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_mesh::camera::Camera;
-use if_mesh::ply::{self, PlyMesh, WriteParams};
+use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
 use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
+use motion::Waves;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use serde::{Deserialize, Serialize};
@@ -32,7 +34,9 @@ pub struct SynthParams {
     pub label_noise: Real,
     /// How badly the outline is seen. From 0 to 1.
     pub mask_noise: Real,
-    /// Another number, another noise.
+    /// How far clothes move by themselves, in metres along their normals. From 0 to 0.1.
+    pub nonrigid: Real,
+    /// Another number, another noise and another motion.
     pub seed: u64,
     /// The mannequin. Its layers should not overlap: a camera would see through them.
     pub mannequin: MannequinParams,
@@ -47,6 +51,7 @@ impl Default for SynthParams {
             size: 256,
             label_noise: 0.3,
             mask_noise: 0.3,
+            nonrigid: 0.0,
             seed: 0,
             mannequin: MannequinParams { resolution: 1.0, overlap: 0.0 },
         }
@@ -105,6 +110,7 @@ impl SynthParams {
             ("size", self.size as Real, 16.0, 4096.0),
             ("label_noise", self.label_noise, 0.0, 1.0),
             ("mask_noise", self.mask_noise, 0.0, 1.0),
+            ("nonrigid", self.nonrigid, 0.0, 0.1),
         ];
         for (name, value, least, most) in ranges {
             if !(least..=most).contains(&value) {
@@ -117,7 +123,8 @@ impl SynthParams {
 
 /// The subfolder with the template body: what a reconstruction may use beside the pictures.
 pub const BODY: &str = "body";
-/// The subfolder with the body and the garments as they are, with skinning weights: for judging.
+/// The subfolder with the body and the garments as they are, with skinning weights: for judging. Where clothes move by themselves, it has
+/// all layers posed in each frame, too: `frame_NNNN.ply`, with their labels.
 pub const TRUTH: &str = "truth";
 
 /// Renders the capture into `folder`, which must not exist. `progress` is told how many frames are done, and returns
@@ -152,12 +159,26 @@ pub fn synth(params: &SynthParams, folder: &Path, progress: &mut dyn FnMut(usize
     };
     let size = (params.size, params.size);
     let mut rasteriser = Rasteriser::default();
+    let make = |name: &str| {
+        let path = writer.folder().join(name);
+        std::fs::create_dir(&path).map(|()| path.clone()).map_err(|source| CaptureError::Io { path, source })
+    };
+    let (body, truth) = (make(BODY)?, make(TRUTH)?);
+    let waves = Waves::new(params.nonrigid, params.seed);
     for frame in 0..params.frames {
         if !progress(frame) {
             return Err(SynthError::Cancelled);
         }
         let pose = rig::turning_pose(frame, params.frames);
-        let seen = scene.seen(&pose, &camera, &mut rasteriser);
+        let moved = scene.posed(&pose, &waves, frame as Real / params.frames as Real);
+        if !waves.still() {
+            let path = truth.join(format!("frame_{frame:04}.ply"));
+            let labels = Property::new("label", Column::U8(scene.labels()));
+            let ply = PlyMesh { vertex_properties: vec![labels], ..PlyMesh::new(moved.clone()) };
+            ply::write_path(&ply, moved.vertices(), &WriteParams::default(), &path)
+                .map_err(|source| SynthError::Mesh { path, source })?;
+        }
+        let seen = scene.seen(&moved, &camera, &mut rasteriser);
         // Each frame has its own noise, whatever the number of frames before it.
         let mut rng = Pcg64Mcg::seed_from_u64(params.seed.wrapping_mul(1_000_003).wrapping_add(frame as u64));
         let noisy_labels = noise::labels(&seen.labels, size, params.label_noise, worn.len() as u8 + 2, &mut rng);
@@ -174,12 +195,7 @@ pub fn synth(params: &SynthParams, folder: &Path, progress: &mut dyn FnMut(usize
         report.wrong_labels += seen.labels.iter().zip(&noisy_labels).filter(|(a, b)| a != b).count();
         report.wrong_mask += seen.mask.iter().zip(&noisy_mask).filter(|(a, b)| a != b).count();
     }
-    let make = |name: &str| {
-        let path = writer.folder().join(name);
-        std::fs::create_dir(&path).map(|()| path.clone()).map_err(|source| CaptureError::Io { path, source })
-    };
-    scene.template().write(&make(BODY)?)?;
-    let truth = make(TRUTH)?;
+    scene.template().write(&body)?;
     for (k, layer) in scene.layers.iter().enumerate() {
         let name = if k == 0 { "body" } else { &subject.garments[k - 1] };
         let path = truth.join(format!("{name}.ply"));
@@ -247,19 +263,33 @@ impl Scene {
         TemplateBody { mesh: body.mesh.clone(), skin: body.skin.clone(), skeleton: self.skeleton.clone() }
     }
 
-    fn seen(&self, pose: &Pose, camera: &Camera, rasteriser: &mut Rasteriser) -> Seen {
+    /// For each vertex of all layers the label.
+    fn labels(&self) -> Vec<u8> {
+        let one = |(k, layer): (usize, &Layer)| vec![k as u8 + super::SKIN; layer.mesh.vertices().len()];
+        self.layers.iter().enumerate().flat_map(one).collect()
+    }
+
+    /// All layers in a pose, the garments moved by `waves` before.
+    fn posed(&self, pose: &Pose, waves: &Waves, turn: Real) -> TriMesh {
         let transforms = self.skeleton.transforms(pose).expect("the pose has the joints of the rig");
         let mut posed = Vec::with_capacity(self.all.vertices().len());
-        for layer in &self.layers {
-            let hang = layer.skin.joints().iter().zip(layer.skin.weights()).zip(layer.mesh.vertices());
+        for (k, layer) in self.layers.iter().enumerate() {
+            let mut rest = layer.mesh.vertices().to_vec();
+            if k > 0 && !waves.still() {
+                rest.iter_mut().zip(layer.mesh.vertex_normals()).for_each(|(p, n)| *p += n * waves.at(p, turn));
+            }
+            let hang = layer.skin.joints().iter().zip(layer.skin.weights()).zip(&rest);
             posed.extend(hang.map(|((joints, weights), p)| {
                 let parts = joints.iter().zip(weights).map(|(j, w)| (transforms[usize::from(*j)] * p).coords * Real::from(*w));
                 Point::from(parts.sum::<Vector>())
             }));
         }
-        let moved = self.all.with_vertices(posed).expect("rotations keep coordinates finite");
+        self.all.with_vertices(posed).expect("rotations keep coordinates finite")
+    }
+
+    fn seen(&self, moved: &TriMesh, camera: &Camera, rasteriser: &mut Rasteriser) -> Seen {
         let mut ids = IdBuffer::default();
-        rasteriser.look(&moved, moved.vertices(), camera, &RasterParams::default(), &mut ids);
+        rasteriser.look(moved, moved.vertices(), camera, &RasterParams::default(), &mut ids);
         let normals: Vec<Vector> = moved.vertex_normals().iter().map(|n| camera.rotation() * n).collect();
         let (width, n) = (camera.width(), ids.triangle.len());
         let mut seen = Seen { mask: vec![false; n], labels: vec![super::BACKGROUND; n], normals: vec![[0.0; 3]; n] };
@@ -267,7 +297,7 @@ impl Scene {
             let layer = self.first.partition_point(|first| *first <= id as usize) - 1;
             seen.mask[at] = true;
             seen.labels[at] = layer as u8 + super::SKIN;
-            if let Some((bary, cos)) = rasteriser.hit(&moved, camera, id, at % width, at / width) {
+            if let Some((bary, cos)) = rasteriser.hit(moved, camera, id, at % width, at / width) {
                 let corners = moved.triangles()[id as usize];
                 let sum: Vector = (0..3).map(|k| normals[corners[k] as usize] * bary[k]).sum();
                 // Where a back is seen, an estimator gives the side that it sees.
@@ -327,11 +357,28 @@ mod tests {
     }
 
     #[test]
+    fn clothes_that_move_by_themselves_move_as_far_as_said_and_the_body_does_not() {
+        let scene = Scene::new(&small(0.0));
+        let pose = rig::turning_pose(1, 8);
+        let still = scene.posed(&pose, &Waves::new(0.0, 1), 0.25);
+        let moved = scene.posed(&pose, &Waves::new(0.01, 1), 0.25);
+        let mut square = [(0.0, 0.0); 2];
+        for ((p, q), label) in still.vertices().iter().zip(moved.vertices()).zip(scene.labels()) {
+            let sum = &mut square[usize::from(label > super::super::SKIN)];
+            *sum = (sum.0 + (p - q).norm_squared(), sum.1 + 1.0);
+        }
+        assert_eq!(square[0].0, 0.0);
+        let high = (square[1].0 / square[1].1 as Real).sqrt();
+        assert!((0.003..0.015).contains(&high), "{high}");
+    }
+
+    #[test]
     fn the_outline_of_a_pose_lies_where_its_joints_do() {
         let scene = Scene::new(&small(0.0));
         let camera = camera(64);
         let pose = rig::turning_pose(1, 8);
-        let seen = scene.seen(&pose, &camera, &mut Rasteriser::default());
+        let moved = scene.posed(&pose, &Waves::new(0.0, 0), 0.0);
+        let seen = scene.seen(&moved, &camera, &mut Rasteriser::default());
         for (joint, frame) in scene.skeleton.joints().iter().zip(scene.skeleton.frames(&pose).unwrap()) {
             let pixel = camera.project(&Point::from(frame.translation.vector)).unwrap();
             let at = pixel.y as usize * 64 + pixel.x as usize;

@@ -30,7 +30,7 @@ pub struct FrameMotion {
 impl FrameMotion {
     pub(super) fn of(frame: usize, solved: bool, offsets: &[Vector]) -> Self {
         let lengths = offsets.iter().map(|d| 1e3 * d.norm());
-        let mean_mm = lengths.clone().sum::<Real>() / offsets.len().max(1) as Real;
+        let mean_mm = lengths.clone().fold(0.0, |a, b| a + b) / offsets.len().max(1) as Real;
         Self { frame, solved, mean_mm, max_mm: lengths.fold(0.0, Real::max) }
     }
 }
@@ -60,7 +60,7 @@ impl MotionReport {
         Self {
             solved: count,
             skipped: frames.iter().filter(|f| !f.solved).map(|f| f.frame).collect(),
-            mean_mm: of_solved().map(|f| f.mean_mm).sum::<Real>() / count.max(1) as Real,
+            mean_mm: of_solved().map(|f| f.mean_mm).fold(0.0, |a, b| a + b) / count.max(1) as Real,
             max_mm: of_solved().map(|f| f.max_mm).fold(0.0, Real::max),
             rounds,
             frames,
