@@ -273,7 +273,9 @@ fn the_surface_can_be_smoothed_and_its_boundary_left() {
     // A tube with a bump at every other place.
     let whole = tube(0.15, 0.4, 60, 30, false);
     let n = whole.vertices().len();
-    let bump = |k: usize, p: &Point| Point::new(p.x, p.y, p.z) + Vector::new(p.x, 0.0, p.z) * if k % 2 == 0 { 0.01 } else { 0.0 };
+    let bump = |k: usize, p: &Point| {
+        Point::new(p.x, p.y, p.z) + Vector::new(p.x, 0.0, p.z) * if k.is_multiple_of(2) { 0.01 } else { 0.0 }
+    };
     let bumpy = TriMesh::new((0..n).map(|k| bump(k, &whole.vertices()[k])).collect(), whole.triangles().to_vec()).unwrap();
     let smooth = SmoothParams { boundary: false, surface_passes: 2, ..SmoothParams::default() };
     let result = clean(&bumpy, &CleanupParams { smooth: Some(smooth), ..CleanupParams::default() });
