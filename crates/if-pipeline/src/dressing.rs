@@ -118,7 +118,7 @@ impl<'a> Dressing<'a> {
                 layers: apart,
                 vertices: settled.held,
                 queries: settled.spared,
-                sweeps: (params.rounds - settled.rounds) * params.sweeps,
+                sweeps: params.rounds.saturating_sub(settled.rounds) * params.sweeps,
             },
             seconds: begun.elapsed().as_secs_f64(),
         });
