@@ -4,8 +4,7 @@ use crate::errors::Told;
 use crate::outfit_file::{LayerSpec, OutfitSpec};
 use if_core::math::Point;
 use if_core::mesh::MeshError;
-use if_mesh::file::{Content, MeshFile, ReadError};
-use if_mesh::ply::CoordinateType;
+use if_mesh::file::{MeshFile, ReadError};
 use if_mesh::split::Split;
 use if_mesh::validate::faults;
 use if_pipeline::outfit::{Layer, Outfit, OutfitError};
@@ -155,8 +154,7 @@ fn to_layer(layer: &LayerSpec, file: &MeshFile, scale: f64) -> Result<Layer, Loa
         })?
     };
     // Elsewhere the pipeline would round in metres what is written in other units.
-    let single_precision =
-        scale == 1.0 && matches!(file.content(), Content::Ply(ply) if ply.coordinates == CoordinateType::Float);
+    let single_precision = scale == 1.0 && file.is_single_precision();
     Ok(Layer { name: layer.name.clone(), mesh, single_precision })
 }
 

@@ -2,7 +2,7 @@
 
 use crate::attributes::AttributeError;
 use crate::obj::{self, Normals, ObjMesh};
-use crate::ply::{self, PlyMesh, WriteParams, quantise};
+use crate::ply::{self, CoordinateType, PlyMesh, WriteParams, quantise};
 use crate::split::Split;
 use if_core::math::Point;
 use if_core::mesh::{MeshError, TriMesh};
@@ -200,6 +200,11 @@ impl MeshFile {
             Content::Ply(_) => 0,
             Content::Obj(obj) => obj.shared_normals(),
         }
+    }
+
+    /// Whether positions are stored in single precision: in PLY files with coordinates of 4 bytes.
+    pub fn is_single_precision(&self) -> bool {
+        matches!(&self.content, Content::Ply(ply) if ply.coordinates == CoordinateType::Float)
     }
 
     /// The positions as they will be read back: rounded to `f32` where the PLY file has coordinates of 4

@@ -9,6 +9,14 @@
 //! [`mannequin`] makes an outfit to try this on, [`render`] draws one, and [`baselines`] holds the
 //! simpler methods that `resolve` is measured against.
 //!
+//! # Features
+//!
+//! All are on by default. With `default-features = false` what is named above is left, without pictures.
+//!
+//! - `pictures`: [`render`], [`preview`].
+//! - `wardrobe` (with `pictures`): [`asset`], [`align`], [`skinning`], [`template`], [`wardrobe`], [`page`], [`whole_folder`], [`content`].
+//! - `reconstruct` (with `wardrobe`): [`capture`], [`reconstruct`], [`fitting`]; needs `if-neural`.
+//!
 //! # Examples
 //!
 //! A T-shirt that goes through the body, before and after:
@@ -27,38 +35,51 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[cfg(feature = "wardrobe")]
 pub mod align;
+#[cfg(feature = "wardrobe")]
 pub mod asset;
 pub mod baselines;
+#[cfg(feature = "reconstruct")]
 pub mod capture;
 mod ceiling;
 mod cloth;
 mod contacts;
+#[cfg(feature = "wardrobe")]
 pub mod content;
 mod dressing;
+#[cfg(feature = "reconstruct")]
 pub mod fitting;
 mod inspector;
 pub mod mannequin;
 pub mod outfit;
 mod own;
+#[cfg(feature = "wardrobe")]
 pub mod page;
 mod parting;
+#[cfg(feature = "pictures")]
 pub mod preview;
 mod reach;
+#[cfg(feature = "reconstruct")]
 pub mod reconstruct;
+#[cfg(feature = "pictures")]
 pub mod render;
 pub mod report;
 pub mod resolve;
 mod settle;
 pub mod skeleton;
 pub mod skin_weights;
+#[cfg(feature = "wardrobe")]
 pub mod skinning;
 mod splitting;
+#[cfg(feature = "wardrobe")]
 pub mod template;
 mod untangle;
 pub mod verify;
+#[cfg(feature = "wardrobe")]
 pub mod wardrobe;
 mod weave;
+#[cfg(feature = "wardrobe")]
 pub mod whole_folder;
 
 /// The example in the project's README is a test.

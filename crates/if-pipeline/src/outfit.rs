@@ -4,6 +4,7 @@ use if_core::aabb::Aabb;
 use if_core::edges::Edges;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
+use if_mesh::file::MeshFile;
 
 /// A named mesh: the body, or one garment.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +22,12 @@ impl Layer {
     /// A layer whose positions stay in double precision.
     pub fn new(name: impl Into<String>, mesh: TriMesh) -> Self {
         Self { name: name.into(), mesh, single_precision: false }
+    }
+
+    /// The mesh of a file in metres, whose positions will be written to a file of the same kind
+    /// ([`MeshFile::write`](if_mesh::file::MeshFile::write)).
+    pub fn of_file(name: impl Into<String>, file: &MeshFile) -> Self {
+        Self { single_precision: file.is_single_precision(), ..Self::new(name, file.mesh().clone()) }
     }
 }
 
