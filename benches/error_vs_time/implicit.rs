@@ -9,17 +9,57 @@ use if_xpbd::edge_set::EdgeSet;
 use if_xpbd::particles::Particles;
 use nalgebra::Matrix3;
 
-/// Springs, masses and gravity.
+/// Springs, masses and gravity; and a ball that nothing enters.
 pub(crate) struct Springs<'a> {
     edges: Vec<([u32; 2], Real)>,
     beta: Real,
     particles: &'a Particles,
     gravity: Vector,
+    ball: Option<Ball>,
+}
+
+/// A ball without friction, kept clear by an augmented Lagrangian: μ for each particle, and the stiffness beside it.
+struct Ball {
+    center: Point,
+    radius: Real,
+    stiffness: Real,
+    multipliers: Vec<Real>,
+}
+
+impl Ball {
+    /// The force on particle `v` at `p`, and from where to where it points.
+    fn push(&self, v: usize, p: &Point) -> Option<(Real, Vector, Real)> {
+        let d = p - self.center;
+        let force = self.multipliers[v] + self.stiffness * (self.radius - d.norm());
+        (force > 0.0).then(|| (force, d / d.norm(), d.norm()))
+    }
 }
 
 impl<'a> Springs<'a> {
     pub(crate) fn new(edges: &EdgeSet, beta: Real, particles: &'a Particles, gravity: Vector) -> Self {
-        Self { edges: edges.visited().collect(), beta, particles, gravity }
+        Self { edges: edges.visited().collect(), beta, particles, gravity, ball: None }
+    }
+
+    /// The minimum, as [`Self::minimize`], over all positions outside of a ball, each to 1e-11 m.
+    pub(crate) fn minimize_outside(mut self, x: Vec<Point>, aim: &[Point], h: Real, center: Point, radius: Real) -> Vec<Point> {
+        let stiffness = 100.0 / self.beta;
+        self.ball = Some(Ball { center, radius, stiffness, multipliers: vec![0.0; x.len()] });
+        let mut x = x;
+        for _ in 0..60 {
+            x = self.minimize(x, aim, h);
+            let ball = self.ball.as_mut().expect("it was put there");
+            let mut worst: Real = 0.0;
+            for (v, p) in x.iter().enumerate() {
+                let inside = radius - (p - center).norm();
+                let after = (ball.multipliers[v] + stiffness * inside).max(0.0);
+                worst = worst.max((after - ball.multipliers[v]).abs() / stiffness);
+                ball.multipliers[v] = after;
+            }
+            if worst < 1e-11 {
+                break;
+            }
+        }
+        x
     }
 
     fn mass(&self, v: usize) -> Option<Real> {
@@ -36,7 +76,11 @@ impl<'a> Springs<'a> {
             .sum();
         let stretch: Real =
             self.edges.iter().map(|([i, j], rest)| ((x[*i as usize] - x[*j as usize]).norm() - rest).powi(2)).sum();
-        inertia + stretch / (2.0 * self.beta)
+        let contact: Real = self.ball.as_ref().map_or(0.0, |ball| {
+            let pushes = x.iter().enumerate().filter_map(|(v, p)| ball.push(v, p));
+            pushes.map(|(force, ..)| force * force / (2.0 * ball.stiffness)).sum()
+        });
+        inertia + stretch / (2.0 * self.beta) + contact
     }
 
     /// The minimum of the energy of a step of `h` that aims at `aim` (the inertial positions, without gravity), from `x`.
@@ -63,6 +107,13 @@ impl<'a> Springs<'a> {
                 let pull = e * ((1.0 - rest / e.norm()) / self.beta);
                 gradient[*i as usize] += pull;
                 gradient[*j as usize] -= pull;
+            }
+            if let Some(ball) = &self.ball {
+                for (v, p) in x.iter().enumerate() {
+                    if let Some((force, out, _)) = ball.push(v, p) {
+                        gradient[v] -= out * force;
+                    }
+                }
             }
             let mut right = Mat::zeros(count, 1);
             for (row, g) in rows.iter().zip(&gradient) {
@@ -108,6 +159,15 @@ impl<'a> Springs<'a> {
         for (v, row) in rows.iter().enumerate() {
             if let Some(m) = self.mass(v) {
                 add(*row, *row, &(Matrix3::identity() * (m / (h * h))));
+            }
+        }
+        if let Some(ball) = &self.ball {
+            for (v, p) in x.iter().enumerate() {
+                if let Some((force, out, far)) = ball.push(v, p) {
+                    let along = out * out.transpose();
+                    let across = if definite { 0.0 } else { force / far };
+                    add(rows[v], rows[v], &(along * ball.stiffness - (Matrix3::identity() - along) * across));
+                }
             }
         }
         for ([i, j], rest) in &self.edges {

@@ -20,9 +20,11 @@ mod cloth;
 mod contact;
 mod fields;
 mod implicit;
+mod invariants;
 mod networks;
 mod outfits;
 mod plot;
+mod predicates;
 mod record;
 
 use record::Record;
@@ -32,14 +34,16 @@ use std::path::PathBuf;
 /// A name to choose it by, and what it runs.
 type Part = (&'static str, fn(&mut Record));
 
-const PARTS: [Part; 7] = [
+const PARTS: [Part; 9] = [
     ("bending", bending::run),
     ("chains", chains::run),
     ("cloth", cloth::run),
     ("contact", contact::run),
     ("fields", fields::run),
+    ("invariants", invariants::run),
     ("networks", networks::run),
     ("outfits", outfits::run),
+    ("predicates", predicates::run),
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {

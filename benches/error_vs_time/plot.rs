@@ -5,7 +5,9 @@ use plotters::prelude::*;
 use std::error::Error;
 use std::path::Path;
 
-/// Values below this are drawn at it: a logarithm needs something.
+/// Below the smallest error that is not zero by this factor stands zero: a logarithm needs something.
+const ZERO: f64 = 0.1;
+/// The least that is drawn.
 const LEAST: f64 = 1e-17;
 const SIZE: (u32, u32) = (760, 480);
 const COLORS: [RGBColor; 8] = [
@@ -23,7 +25,9 @@ pub(crate) fn draw(path: &Path, title: &str, rows: &[&Row]) -> Result<(), Box<dy
     let rows: Vec<&Row> = rows.iter().copied().filter(|r| r.error.is_finite()).collect();
     let Some(first) = rows.first() else { return Ok(()) };
     let unit = if first.unit.is_empty() { "relative" } else { first.unit };
-    let at = |r: &Row| (r.milliseconds.max(1e-6), r.error.max(LEAST));
+    let smallest = rows.iter().map(|r| r.error).filter(|e| *e > 0.0).fold(1.0, f64::min);
+    let least = (ZERO * smallest).max(LEAST);
+    let at = |r: &Row| (r.milliseconds.max(1e-6), r.error.max(least));
     let range = |values: Vec<f64>| {
         let (low, high) = values.iter().fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(*v), h.max(*v)));
         (low / 2.0)..(high * 2.0)

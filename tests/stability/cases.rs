@@ -6,6 +6,7 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::OnceLock;
 
 /// Most failures that are told.
 const TOLD: usize = 8;
@@ -13,14 +14,24 @@ const TOLD: usize = 8;
 /// What the cases of a property ended in, and how often: `"ok"`, or the kind of a typed error.
 pub type Tally = BTreeMap<&'static str, u32>;
 
-/// Random numbers of one case: the same for the same property and number.
+/// `STABILITY_SEED`, by which all cases are drawn anew; 0 where it is not set.
+fn seed() -> u64 {
+    static SEED: OnceLock<u64> = OnceLock::new();
+    *SEED.get_or_init(|| match std::env::var("STABILITY_SEED") {
+        Ok(text) => text.parse().expect("STABILITY_SEED is a number"),
+        Err(_) => 0,
+    })
+}
+
+/// Random numbers of one case: the same for the same property, number and seed.
 pub struct Random(Pcg64Mcg);
 
 impl Random {
     pub fn new(name: &str, number: u32) -> Self {
         // FNV-1a, so that properties do not see the same numbers.
         let hash = name.bytes().fold(0xcbf2_9ce4_8422_2325, |h: u64, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
-        Self(Pcg64Mcg::seed_from_u64(hash ^ u64::from(number).wrapping_mul(0x9e37_79b9_7f4a_7c15)))
+        let draw = u64::from(number).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed().wrapping_mul(0xd134_2543_de82_ef95);
+        Self(Pcg64Mcg::seed_from_u64(hash ^ draw))
     }
 
     /// In [0, 1).
@@ -104,8 +115,9 @@ pub fn cases(name: &str, count: u32, case: impl Fn(&mut Random) -> Result<&'stat
     println!("{name}: {tally:?}");
     assert!(
         failures.is_empty(),
-        "{} of {count} cases failed:\n{}",
+        "{} of {count} cases failed, seed {}:\n{}",
         failures.len(),
+        seed(),
         failures[..failures.len().min(TOLD)].join("\n")
     );
     tally
