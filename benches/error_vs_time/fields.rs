@@ -108,11 +108,14 @@ fn baking(record: &mut Record, name: &str, field: &dyn SignedDistance, cells: &[
     );
     let even = cells.iter().map(|cell| BakeParams { cell: *cell, accuracy: Real::INFINITY, ..Default::default() });
     let halved = [3e-3, 1e-3, 3e-4].map(|accuracy| BakeParams { accuracy, ..Default::default() });
-    for params in even.chain(halved) {
+    let bands = [0.015, 0.15].map(|band| BakeParams { band, ..Default::default() });
+    for params in even.chain(halved).chain(bands) {
         let default = params == BakeParams::default();
         let (baking_ms, baked) = timed(|| Baked::new(field, &params).unwrap());
         let (ms, error) = query(&baked);
-        let parameter = if params.accuracy.is_finite() {
+        let parameter = if params.band != BakeParams::default().band {
+            format!("band {} mm", params.band * 1e3)
+        } else if params.accuracy.is_finite() {
             format!("accuracy {} mm", params.accuracy * 1e3)
         } else {
             format!("cell {} mm", params.cell * 1e3)

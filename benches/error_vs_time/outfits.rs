@@ -5,18 +5,18 @@ use crate::record::{Record, Run, timed};
 use if_mesh::file::MeshFile;
 use if_pipeline::mannequin::{MannequinParams, layered};
 use if_pipeline::outfit::{Layer, Outfit};
-use if_pipeline::resolve::{ResolveError, ResolveParams, resolve};
+use if_pipeline::resolve::{ResolveError, ResolveParams, Split, Tuck, resolve};
 use std::ops::ControlFlow;
 use std::path::Path;
 
 const DATA: &str = "../shared/data/body_a";
 /// Inner to outer: o1 and o5 of `outfits.json`.
 const REAL: [(&str, &[&str]); 2] =
-    [("o1", &["jeans", "tshirt", "cardigan"]), ("o5", &["suit_trousers", "blouse", "suit_jacket", "coat"])];
+    [("o1", &["jeans", "tshirt", "cardigan"]), ("o5", &["trousers", "tshirt", "sweater", "suit_jacket", "coat"])];
 
 type Change = fn(&mut ResolveParams);
 
-const CHANGES: [(&str, &str, Change); 25] = [
+const CHANGES: [(&str, &str, Change); 30] = [
     ("default", "default", |_| ()),
     ("clearance", "clearance 0.1 mm", |p| p.clearance = 1e-4),
     ("clearance", "clearance 1 mm", |p| p.clearance = 1e-3),
@@ -42,6 +42,11 @@ const CHANGES: [(&str, &str, Change); 25] = [
     ("grid", "outward cell 4 mm", |p| p.outward_cell = 4e-3),
     ("grid", "outward cell 10 mm", |p| p.outward_cell = 10e-3),
     ("reach", "influence 60 mm", |p| p.influence = 0.06),
+    ("easing", "no easing", |p| p.ease_rounds = 0),
+    ("easing", "eased beyond 25 %", |p| p.drawn_strain = 0.25),
+    ("tuck", "never", |p| p.tuck = Tuck::Never),
+    ("tuck", "always", |p| p.tuck = Tuck::Always),
+    ("split", "if strained", |p| p.split = Split::IfStrained),
 ];
 
 pub(crate) fn run(record: &mut Record) {

@@ -4,6 +4,7 @@
 //! `STABILITY_CASE=name/number` runs one case of a property again; `STABILITY_SEED=number` draws all cases anew.
 
 mod cases;
+mod driven;
 mod equivariance;
 mod fields;
 mod files;

@@ -35,7 +35,7 @@ fn outfit(r: &mut Random) -> (Layer, Vec<Layer>) {
         let radius = r.pick(&[0.1, 0.195, 0.205, 0.21, 0.215, 0.23]);
         let (lift, around) = (r.between(-0.3, 0.1), 12 + r.below(8) as u32);
         let band = mapped(&tube(radius, 0.25, around, 4, r.chance(0.1)), |p| Point::new(p.x, p.y + lift, p.z));
-        let garment = match r.below(12) {
+        let garment = match r.below(13) {
             0 => meshes::spoiled(r, &band),
             1 => TriMesh::new(band.vertices().to_vec(), band.triangles().iter().map(|t| [t[1], t[0], t[2]]).collect()).unwrap(),
             2 => permuted(r, &band),
@@ -52,6 +52,11 @@ fn outfit(r: &mut Random) -> (Layer, Vec<Layer>) {
             7 => {
                 let vertices = band.vertices().iter().map(|p| p + r.vector(0.02)).collect();
                 band.with_vertices(vertices).unwrap()
+            }
+            8 => {
+                // The hem goes in through whatever is below.
+                let (low, depth) = (band.aabb().min.y + 0.05, r.between(0.3, 1.0));
+                mapped(&band, |p| if p.y < low { Point::new(depth * p.x, p.y, depth * p.z) } else { *p })
             }
             _ => band,
         };

@@ -33,7 +33,7 @@ pub(crate) use polish::newton_step;
 pub use progress::{Progress, Stage};
 pub use report::{Attempt, ErrorEstimate, Evaluations, ExtractReport, Seconds, Warning};
 
-use crate::marching::{RelaxParams, relax};
+use crate::marching::{RelaxParams, relax_within};
 use check::Checked;
 use if_core::aabb::Aabb;
 use if_core::field::SignedDistance;
@@ -204,7 +204,8 @@ fn attempt<F: SignedDistance + ?Sized>(
     drop((edges, crossed));
 
     let mesh = if params.relax > 0 {
-        let relaxed = relax(&mesh, field, &RelaxParams { rounds: params.relax, ..RelaxParams::default() });
+        let rounds = RelaxParams { rounds: params.relax, ..RelaxParams::default() };
+        let relaxed = relax_within(&mesh, field, &rounds, Some(&lattice.aabb().inflated(cell)));
         watch.evaluated(Stage::Relax, params.relax * mesh.vertices().len())?;
         relaxed
     } else {

@@ -6,4 +6,5 @@ mod relax;
 
 pub use clip::clip;
 pub use collapse::collapse;
+pub(crate) use relax::relax_within;
 pub use relax::{RelaxParams, relax};

@@ -1,6 +1,7 @@
 //! Better triangles on the same surface.
 
 use crate::extract::newton_step;
+use if_core::aabb::Aabb;
 use if_core::edges::{Edges, VertexTriangles};
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
@@ -31,6 +32,16 @@ impl Default for RelaxParams {
 /// Vertices of a border slide along it, and stay where it has a corner. No triangle turns away from the
 /// normals of its vertices: where one would, its corners stay for this round.
 pub fn relax<F: SignedDistance + ?Sized>(mesh: &TriMesh, field: &F, params: &RelaxParams) -> TriMesh {
+    relax_within(mesh, field, params, None)
+}
+
+/// The same; a vertex that would leave `region` stays for that round. Beside jumps of a field Newton steps lead anywhere.
+pub(crate) fn relax_within<F: SignedDistance + ?Sized>(
+    mesh: &TriMesh,
+    field: &F,
+    params: &RelaxParams,
+    region: Option<&Aabb>,
+) -> TriMesh {
     let edges = Edges::new(mesh);
     let fans = VertexTriangles::new(mesh);
     let borders = border_neighbours(mesh, &edges);
@@ -53,6 +64,9 @@ pub fn relax<F: SignedDistance + ?Sized>(mesh: &TriMesh, field: &F, params: &Rel
         moved.par_iter_mut().enumerate().for_each(|(v, p)| {
             if !matches!(borders[v], Border::Fixed) {
                 *p -= newton_step(&samples[v], 0.5 * reach(&mesh, &fans, v));
+            }
+            if region.is_some_and(|r| !r.contains(p)) {
+                *p = mesh.vertices()[v];
             }
         });
         keep_orientation(&mesh, &normals, &mut moved);
@@ -209,6 +223,19 @@ mod tests {
     }
 
     #[test]
+    fn a_vertex_that_would_leave_the_region_stays() {
+        let before = marched(0.1);
+        let region = Aabb { min: Point::new(-2.0, -2.0, -2.0), max: Point::new(0.9, 2.0, 2.0) };
+        // The zero of this field lies farther out, so that Newton steps lead there.
+        let field = Sphere { radius: 1.1, ..BALL };
+        let after = relax_within(&before, &field, &RelaxParams::default(), Some(&region));
+        for (p, q) in before.vertices().iter().zip(after.vertices()) {
+            assert!(region.contains(q) || p == q, "{p} went to {q}");
+        }
+        assert!(after.vertices().iter().any(|p| p.x < 0.8 && field.distance(p).abs() < 1e-3));
+    }
+
+    #[test]
     fn corners_of_borders_and_degenerate_triangles_stay() {
         struct Flat;
         impl SignedDistance for Flat {
@@ -218,7 +245,7 @@ mod tests {
             fn sample(&self, p: &Point) -> FieldSample {
                 FieldSample { distance: p.z, gradient: Vector::z() }
             }
-            fn bounds(&self) -> Option<if_core::aabb::Aabb> {
+            fn bounds(&self) -> Option<Aabb> {
                 None
             }
             fn lipschitz(&self) -> Real {
