@@ -1,13 +1,14 @@
 //! What is skipped changes no result: with and without, the same bits; and a scene that needs nothing costs nothing but
 //! looking at it. The same of single parts stands beside them: contacts with fields (`if_xpbd::collision`), sparse and dense
 //! extraction (`crates/if-mesh/tests/extraction.rs`), finished outfits of a batch (`crates/if-cli/tests/cli/batch.rs`),
-//! frames that bring nothing (`crates/if-pipeline/tests/reconstruct.rs`).
+//! frames without a person (`crates/if-pipeline/tests/reconstruct.rs`). docs/accuracy.md has the list.
 
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::masked::{BoxMask, Masked};
 use if_core::math::{Point, Real, Vector};
 use if_core::shapes::Torus;
+use if_core::shapes::meshes::{icosphere, tube};
 use if_mesh::baked::{BakeParams, Baked};
 use if_mesh::extract::{ExtractParams, Sampling, extract};
 use if_pipeline::mannequin::{MannequinParams, layered};
@@ -49,6 +50,26 @@ fn a_scene_that_needs_nothing_is_only_looked_at() {
         let vertices = clean.garments.iter().find(|g| g.name == layer.name).map_or(0, |g| g.mesh.vertices().len());
         assert_eq!(layer.skipped.vertices, vertices, "{}", layer.name);
     }
+}
+
+#[test]
+fn a_layer_that_does_not_meet_another_is_counted_and_ends_with_the_same_bits_without_it() {
+    let body = icosphere(0.5, 4);
+    // Two bands that dip into a ball, far above each other.
+    let band = |name: &str, height: Real| {
+        let radius = (0.25 - (height + 0.05) * (height + 0.05)).sqrt() - 0.003;
+        let tube = tube(radius, 0.1, 48, 4, false);
+        Layer::new(name, tube.with_vertices(tube.vertices().iter().map(|p| p + Vector::y() * height).collect()).expect("moved"))
+    };
+    let worn = |garments| {
+        let outfit = Outfit::new(Layer::new("body", body.clone()), garments).expect("an outfit");
+        resolve(&outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(())).expect("clean")
+    };
+    let both = worn(vec![band("low", -0.25), band("high", 0.15)]);
+    let alone = worn(vec![band("high", 0.15)]);
+    assert_eq!((both.report.layers[1].skipped.layers, alone.report.layers[0].skipped.layers), (1, 0));
+    assert!(both.report.layers.iter().all(|l| l.moved.vertices > 0), "both had to move");
+    assert!(both.outfit.garments[1] == alone.outfit.garments[0], "a layer that is not met changed the result");
 }
 
 /// A field that counts how often it is asked.

@@ -10,9 +10,6 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 const DATA: &str = "../shared/data/body_a";
-/// Inner to outer: o1 and o5 of `outfits.json`.
-const REAL: [(&str, &[&str]); 2] =
-    [("o1", &["jeans", "tshirt", "cardigan"]), ("o5", &["trousers", "tshirt", "sweater", "suit_jacket", "coat"])];
 
 type Change = fn(&mut ResolveParams);
 
@@ -49,20 +46,31 @@ const CHANGES: [(&str, &str, Change); 30] = [
     ("split", "if strained", |p| p.split = Split::IfStrained),
 ];
 
-pub(crate) fn run(record: &mut Record) {
+/// The built-in scene.
+pub(crate) fn demo(record: &mut Record) {
     let resolution = if record.quick { 0.7 } else { 1.0 };
     let mut made = layered(&MannequinParams { resolution, ..Default::default() }).into_iter().map(|(n, m)| Layer::new(n, m));
     let body = made.next().unwrap();
     sweep(record, "demo", &Outfit::new(body, made.collect()).unwrap());
-    for (name, garments) in REAL {
-        if record.quick || !Path::new(DATA).is_dir() {
-            println!("{name}: skipped; it needs {DATA} and time");
-            continue;
-        }
-        let load = |file: String| MeshFile::read(Path::new(&file)).unwrap().mesh().clone();
-        let layers = garments.iter().map(|g| Layer::new(*g, load(format!("{DATA}/garments/{g}.ply")))).collect();
-        sweep(record, name, &Outfit::new(Layer::new("body", load(format!("{DATA}/body_clean.ply"))), layers).unwrap());
+}
+
+pub(crate) fn o1(record: &mut Record) {
+    real(record, "o1", &["jeans", "tshirt", "cardigan"]);
+}
+
+pub(crate) fn o5(record: &mut Record) {
+    real(record, "o5", &["trousers", "tshirt", "sweater", "suit_jacket", "coat"]);
+}
+
+/// An outfit of `outfits.json`, its garments inner to outer.
+fn real(record: &mut Record, name: &str, garments: &[&str]) {
+    if record.quick || !Path::new(DATA).is_dir() {
+        println!("{name}: skipped; it needs {DATA} and time");
+        return;
     }
+    let load = |file: String| MeshFile::read(Path::new(&file)).unwrap().mesh().clone();
+    let layers = garments.iter().map(|g| Layer::new(*g, load(format!("{DATA}/garments/{g}.ply")))).collect();
+    sweep(record, name, &Outfit::new(Layer::new("body", load(format!("{DATA}/body_clean.ply"))), layers).unwrap());
 }
 
 fn sweep(record: &mut Record, name: &str, outfit: &Outfit) {

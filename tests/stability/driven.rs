@@ -197,7 +197,7 @@ fn cloth_on_bodies_that_race_and_jump_ends_outside_of_them() {
 #[test]
 #[ignore = "stress"]
 fn cloth_on_many_bodies_that_race_and_jump_ends_outside_of_them() {
-    driven(20_000);
+    driven(10_000);
 }
 
 #[test]
