@@ -1,5 +1,7 @@
 //! `ifg reconstruct`: a capture becomes garments of a wardrobe.
 
+mod names;
+
 use crate::args::above_zero;
 use crate::cancel;
 use crate::end::End;
@@ -11,23 +13,23 @@ use if_core::mesh::TriMesh;
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
 use if_neural::deform::DeformParams;
 use if_pipeline::asset::{LayerHint, Parts, Provenance};
-use if_pipeline::capture::Capture;
+use if_pipeline::capture::{Capture, CaptureError};
 use if_pipeline::content;
 use if_pipeline::page::Page;
 use if_pipeline::reconstruct::{
-    FrameMotion, MotionNetworkParams, MotionParams, MotionReport, MotionRound, PhiNetwork, PhiParams, Progress,
-    ReconstructParams, ReconstructReport, Reconstruction, Stage, reconstruct, write_frames,
+    FrameMotion, MotionNetworkParams, MotionParams, MotionReport, MotionRound, PhiNetwork, PhiParams, Progress, ReconstructError,
+    ReconstructParams, ReconstructReport, Reconstruction, Stage, SurfaceError, reconstruct, write_frames,
 };
 use if_pipeline::render::{PALETTE, RenderLayer, View, side_by_side};
 use if_pipeline::template::TemplateBody;
-use if_pipeline::wardrobe::{NewBody, Wardrobe};
-use if_pipeline::whole_folder::Writer;
+use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
+use if_pipeline::whole_folder::{PATIENCE, Writer};
 use miette::{Diagnostic, Report};
 use std::error::Error;
 use std::fs;
 use std::io;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 #[derive(Args, Debug, Clone)]
@@ -97,7 +99,7 @@ fn fault<E: Error + 'static>(context: impl Into<String>, help: &'static str) -> 
 
 /// Runs the command.
 pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
-    let name = last_name(&args.capture, "capture");
+    let name = names::last_name(&args.capture, "capture");
     let line = Line::new(&name, 0, 1);
     line.say("reading");
     let capture = Capture::open(&args.capture).map_err(fault(
@@ -108,6 +110,8 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         format!("cannot read template body `{}`", args.body.display()),
         "give a folder with body_clean.ply (or body.ply) and skeleton.json; see docs/capture.md",
     ))?;
+    let prefix = args.prefix.clone().unwrap_or_else(|| format!("{name}_"));
+    let names = names::assets(&capture, &prefix).map_err(fault("cannot name the garments", "give --prefix another text"))?;
     let mut params = ReconstructParams::default();
     if let Some(cell) = args.cell {
         params.cell = cell;
@@ -123,6 +127,9 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     let writing = |what: &str| format!("cannot write {what} into `{}`", args.out.display());
     const ROOM: &str = "make room there, or give --out another folder that you may write to";
     fs::create_dir_all(&args.out).map_err(fault(writing("anything"), ROOM))?;
+    // A wardrobe that cannot be read is told of before the work, not after it.
+    Wardrobe::open(&args.out)
+        .map_err(fault(format!("cannot open wardrobe `{}`", args.out.display()), "formats stand in docs/wardrobe.md"))?;
     let state = args.out.join(format!(".{name}.{STATE}"));
     let start = Instant::now();
     let found = reconstruct(&capture, &template, &params, Some(&state), &mut |progress| {
@@ -133,14 +140,17 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         Ok(found) => found,
         Err(error) if error.is_cancelled() => return Ok(End::Cancelled),
         Err(error) => {
-            let help = "a checkpoint of another version can be removed: the hidden file `.NAME.reconstruct.state` in --out";
+            let help = help(&error);
             return Err(fault(format!("cannot reconstruct `{}`", args.capture.display()), help)(error).into());
         }
     };
     let seconds = start.elapsed().as_secs_f64();
     line.say("writing");
     let network = found.phi.as_ref().map(PhiNetwork::to_bytes).transpose().map_err(fault(writing("φ"), ROOM))?;
-    write_assets(args, &name, &found, network.as_deref()).map_err(fault(writing("assets"), ROOM))?;
+    write_assets(args, &names, &capture, &found, network.as_deref()).map_err(|error| {
+        let help = if matches!(error, WardrobeError::Busy { .. }) { "run it again when the other process is done" } else { ROOM };
+        fault(writing("assets"), help)(error)
+    })?;
     write_clothed(args, &name, &capture, &template, &found).map_err(fault(writing("the clothed body"), ROOM))?;
     let _ = fs::remove_file(&state); // of no use any more
     drop(line);
@@ -152,13 +162,17 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     Ok(End::Clean)
 }
 
-/// The last part of a path, as a name for folders.
-fn last_name(path: &Path, otherwise: &str) -> String {
-    let name = fs::canonicalize(path).ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
-    let fits = |c: char| if c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.') { c } else { '_' };
-    let name: String = name.unwrap_or_default().chars().map(fits).collect();
-    let name = name.trim_matches('.');
-    if name.is_empty() { otherwise.into() } else { name.into() }
+/// What to do where nothing could be reconstructed.
+fn help(error: &ReconstructError) -> &'static str {
+    match error {
+        ReconstructError::Surface(SurfaceError::Checkpoint(_)) => {
+            "what a stopped run has reached is the hidden file `.NAME.reconstruct.state` in --out; it can be removed"
+        }
+        ReconstructError::Surface(SurfaceError::Capture(CaptureError::JointCount { .. } | CaptureError::JointName { .. })) => {
+            "give --body the folder of the body that the poses are of"
+        }
+        _ => "captures are specified in docs/capture.md",
+    }
 }
 
 fn told(progress: &Progress) -> String {
@@ -196,10 +210,20 @@ fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> String {
             filled.litres
         );
     }
+    let pixels = &surface.pixels;
     if let Some(last) = surface.rounds.last() {
+        text += &format!("  silhouettes were off by {:.1} mm", last.silhouette_mm);
+        if pixels.used > 0 {
+            text += &format!(" and normals by {:.1}°", last.normal_degrees);
+        }
+        text += " before the last round\n";
+    }
+    if pixels.contradicting > pixels.used {
+        let share = |n: usize| 100.0 * n as f64 / pixels.person.max(1) as f64;
         text += &format!(
-            "  silhouettes were off by {:.1} mm and normals by {:.1}° before the last round\n",
-            last.silhouette_mm, last.normal_degrees
+            "  the normals of {:.0} % of the person's pixels contradict the surface, those of {:.0} % were used: are they as docs/capture.md has them?\n",
+            share(pixels.contradicting),
+            share(pixels.used)
         );
     }
     if let Some(motion) = &report.motion {
@@ -249,21 +273,22 @@ fn moved(motion: &MotionReport) -> String {
 /// The body and the garments, into the wardrobe.
 fn write_assets(
     args: &ReconstructArgs,
-    capture: &str,
+    names: &[String],
+    capture: &Capture,
     found: &Reconstruction,
     network: Option<&[u8]>,
-) -> Result<(), if_pipeline::wardrobe::WardrobeError> {
+) -> Result<(), WardrobeError> {
     let mut wardrobe = Wardrobe::open(&args.out)?;
     let file = |name: &str| Some(args.body.join(name)).filter(|p| p.is_file());
     let mesh = file("body_clean.ply").unwrap_or_else(|| args.body.join("body.ply"));
     let (template, skeleton) = (file("body.ply"), file("skeleton.json"));
     let new = NewBody {
-        name: &last_name(&args.body, "body"),
+        name: &names::last_name(&args.body, "body"),
         mesh: &mesh,
         template: template.as_deref(),
         skeleton: skeleton.as_deref(),
     };
-    let body = wardrobe.add_body(&new)?;
+    let body = wardrobe.add_body_once(&new)?;
     let meta = content::of_file(&args.capture.join("meta.json")).ok().map(|c| c.sha256);
     let provenance = Provenance {
         source: args.capture.display().to_string(),
@@ -272,9 +297,9 @@ fn write_assets(
         licence: Vec::new(),
     };
     for garment in &found.garments {
-        let name = format!("{}{}", args.prefix.clone().unwrap_or_else(|| format!("{capture}_")), garment.name);
+        let k = capture.garments().iter().position(|n| *n == garment.name).expect("garments are the capture's");
         wardrobe.add(&Parts {
-            name: &name,
+            name: &names[k],
             hint: LayerHint::of_name(&garment.name),
             body: &body,
             mesh: &garment.mesh,
@@ -296,7 +321,7 @@ fn write_clothed(
     found: &Reconstruction,
 ) -> io::Result<()> {
     let parent = args.out.join(CLOTHED);
-    let writer = Writer::open(&parent)?.ok_or_else(|| io::Error::other("another process is writing there"))?;
+    let writer = Writer::wait(&parent, PATIENCE)?.ok_or_else(|| io::Error::other("another process is writing there"))?;
     writer.write(name, |folder| {
         let mut properties = found.skin.to_properties();
         properties.push(Property::new("label", Column::U8(found.labels.clone())));

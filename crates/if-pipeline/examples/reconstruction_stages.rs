@@ -113,6 +113,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         &mesh,
         &skin,
         &field,
+        Some(&motion),
         underside.as_ref(),
         &GarmentParams::default(),
         &mut |_| ControlFlow::Continue(()),

@@ -212,8 +212,13 @@ fn load(folder: &Path, file: &FileInfo) -> Result<Vec<u8>, AssetError> {
     Ok(bytes)
 }
 
-/// Names become folders, on any system.
-pub(crate) fn check_name(name: &str) -> Result<(), AssetError> {
+/// Whether a name can be that of a garment or body. Names become folders, on any system: 1 to 64 ASCII letters, digits, `_`, `-`
+/// and `.`, the last neither first nor at the end.
+///
+/// # Errors
+///
+/// [`AssetError::Name`].
+pub fn check_name(name: &str) -> Result<(), AssetError> {
     const LONGEST: usize = 64;
     let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
     if name.is_empty() || name.len() > LONGEST || !name.chars().all(fits) || name.starts_with('.') || name.ends_with('.') {

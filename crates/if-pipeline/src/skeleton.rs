@@ -85,8 +85,8 @@ pub enum PoseError {
     /// Too many or too few rotations.
     #[error("the pose has {got} rotations for {expected} joints")]
     Count { got: usize, expected: usize },
-    /// A number is NaN or infinite.
-    #[error("the pose moves the root by {0:?}; coordinates must be finite")]
+    /// A number is NaN or infinite, or farther off than any place on Earth.
+    #[error("the pose moves the root by {0:?}; coordinates must be metres, and at most {FARTHEST:e}")]
     Translation(Vector),
     /// A quaternion (w, x, y, z) is none of a rotation.
     #[error("rotation {joint} is {rotation:?}, of length {length}; it must be a unit quaternion (w, x, y, z)")]
@@ -97,14 +97,18 @@ pub enum PoseError {
 /// ten times more would take a quaternion for one that was never normalised.
 const UNIT: Real = 2e-3;
 
+/// How far a pose may move the root, in metres: the circumference of the Earth. What lies farther off is no person before a camera, and
+/// overflows the single precision of files.
+const FARTHEST: Real = 4e7;
+
 impl Pose {
     /// A pose from quaternions (w, x, y, z), which are normalised.
     ///
     /// # Errors
     ///
-    /// Numbers that are not finite, or a quaternion whose length is not 1 but for rounding in files.
+    /// Numbers that are not finite or beyond any place on Earth, or a quaternion whose length is not 1 but for rounding in files.
     pub fn from_quaternions(root_translation: Vector, rotations: &[[Real; 4]]) -> Result<Self, PoseError> {
-        if !root_translation.iter().all(|x| x.is_finite()) {
+        if !root_translation.iter().all(|x| x.abs() <= FARTHEST) {
             return Err(PoseError::Translation(root_translation));
         }
         let turn = |(joint, &rotation): (usize, &[Real; 4])| {
@@ -341,7 +345,9 @@ mod tests {
         for q in [[0.0; 4], [0.7, 0.0, 0.8, 0.0], [Real::NAN, 0.0, 0.0, 0.0]] {
             assert!(matches!(pose(q), Err(PoseError::Rotation { joint: 1, .. })), "{q:?}");
         }
-        let far = Vector::new(0.0, Real::INFINITY, 0.0);
-        assert!(matches!(Pose::from_quaternions(far, &[]), Err(PoseError::Translation(_))));
+        for far in [Real::INFINITY, -1e300, Real::NAN] {
+            let error = Pose::from_quaternions(Vector::new(0.0, far, 0.0), &[]);
+            assert!(matches!(error, Err(PoseError::Translation(_))), "{far}");
+        }
     }
 }

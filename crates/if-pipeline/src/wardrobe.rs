@@ -21,8 +21,9 @@ mod result_folder;
 pub use body::{BodyInfo, NewBody, WardrobeBody};
 pub use error::WardrobeError;
 
-use crate::asset::{self, Asset, AssetError, AssetInfo, BodyRef, Parts};
-use crate::whole_folder::{self, Writer};
+use crate::asset::{self, Asset, AssetError, AssetInfo, BodyRef, FileInfo, Parts};
+use crate::content::{self, Content};
+use crate::whole_folder::{self, PATIENCE, Writer};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -65,10 +66,40 @@ impl Wardrobe {
     ///
     /// # Errors
     ///
-    /// A name that is no folder's, a file that is missing or of no use, or another process that writes there.
+    /// A name that is no folder's, a file that is missing or of no use, or another process that writes there and does not end.
     pub fn add_body(&mut self, new: &NewBody) -> Result<BodyRef, WardrobeError> {
+        let writer = self.writer(BODIES)?;
+        self.put_body(&writer, new)
+    }
+
+    /// Adds a body unless one that has its files is there, whatever it is called, and replaces none that has another mesh: where the name
+    /// is taken the new one gets a number. So garments keep the body they were made on, also where several processes add bodies at once.
+    ///
+    /// # Errors
+    ///
+    /// As [`Wardrobe::add_body`].
+    pub fn add_body_once(&mut self, new: &NewBody) -> Result<BodyRef, WardrobeError> {
+        let writer = self.writer(BODIES)?;
+        self.bodies = Self::open(&self.root)?.bodies; // what others have added
+        let content = |path: &Path| content::of_file(path).map_err(|source| WardrobeError::Folder { path: path.into(), source });
+        let (mesh, template) = (content(new.mesh)?, new.template.map(content).transpose()?);
+        let skeleton = new.skeleton.map(content).transpose()?;
+        let is =
+            |file: &Option<FileInfo>, new: &Option<Content>| new.is_none() || file.as_ref().map(|f| &f.content) == new.as_ref();
+        let name = match self.bodies.values().find(|body| body.mesh.content == mesh) {
+            Some(body) if is(&body.template, &template) && is(&body.skeleton, &skeleton) => return Ok(body.reference()),
+            Some(body) => body.name.clone(),
+            None => {
+                let names = std::iter::once(new.name.to_owned()).chain((2..).map(|k| format!("{}_{k}", new.name)));
+                names.into_iter().find(|name| !self.bodies.contains_key(name)).expect("some number is free")
+            }
+        };
+        self.put_body(&writer, &NewBody { name: &name, ..*new })
+    }
+
+    fn put_body(&mut self, writer: &Writer, new: &NewBody) -> Result<BodyRef, WardrobeError> {
         asset::check_name(new.name)?;
-        let info = body::write(&self.writer(BODIES)?, new)?;
+        let info = body::write(writer, new)?;
         let found = info.reference();
         self.bodies.insert(new.name.to_owned(), info);
         Ok(found)
@@ -78,7 +109,7 @@ impl Wardrobe {
     ///
     /// # Errors
     ///
-    /// A body that the wardrobe does not have, those of [`asset::write`], or another process that writes there.
+    /// A body that the wardrobe does not have, those of [`asset::write`], or another process that writes there and does not end.
     pub fn add(&mut self, parts: &Parts) -> Result<&AssetInfo, WardrobeError> {
         self.body_like(parts.name, parts.body)?;
         let info = asset::write(&self.writer(GARMENTS)?, parts)?;
@@ -89,7 +120,7 @@ impl Wardrobe {
 
     fn writer(&self, part: &str) -> Result<Writer, WardrobeError> {
         let path = self.root.join(part);
-        let opened = Writer::open(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
+        let opened = Writer::wait(&path, PATIENCE).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
         opened.ok_or(WardrobeError::Busy { path })
     }
 

@@ -3,11 +3,17 @@
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// Begins the names of folders that are being filled; readers skip them.
 const PARTIAL: &str = ".ifg-whole-";
 /// The file in a parent folder that its writer holds locked.
 const LOCK: &str = ".ifg-lock";
+
+/// How long to wait for a process that writes one folder, such as an asset, which takes it a fraction of a second.
+pub const PATIENCE: Duration = Duration::from_secs(30);
+/// Between two looks whether the other process is done.
+const BETWEEN: Duration = Duration::from_millis(20);
 
 /// The right to write into a folder of folders: one process at a time.
 ///
@@ -41,6 +47,21 @@ impl Writer {
             }
         }
         Ok(Some(Self { parent: parent.into(), _lock: lock }))
+    }
+
+    /// As [`Writer::open`], but waits for at most `patience` where another process has the right.
+    ///
+    /// # Errors
+    ///
+    /// What the system says about the folder.
+    pub fn wait(parent: &Path, patience: Duration) -> io::Result<Option<Self>> {
+        let start = Instant::now();
+        loop {
+            match Self::open(parent)? {
+                None if start.elapsed() < patience => std::thread::sleep(BETWEEN),
+                opened => return Ok(opened),
+            }
+        }
     }
 
     /// The folder of folders.
@@ -142,5 +163,19 @@ mod tests {
         drop(writer);
         assert!(Writer::open(root.path()).unwrap().is_some());
         assert!(names(&root.path().join("missing")).unwrap().is_empty());
+    }
+
+    #[test]
+    fn who_waits_writes_after_the_other() {
+        let root = tempfile::tempdir().unwrap();
+        let first = Writer::open(root.path()).unwrap().unwrap();
+        assert!(Writer::wait(root.path(), Duration::ZERO).unwrap().is_none());
+        std::thread::scope(|scope| {
+            let second = scope.spawn(|| Writer::wait(root.path(), PATIENCE).unwrap().is_some());
+            std::thread::sleep(2 * BETWEEN);
+            assert!(!second.is_finished());
+            drop(first);
+            assert!(second.join().unwrap());
+        });
     }
 }

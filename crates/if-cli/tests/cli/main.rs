@@ -11,5 +11,6 @@ mod cut;
 mod extract;
 mod fit;
 mod folder;
+mod reconstruct;
 mod same_bytes;
 mod wardrobe;

@@ -1,6 +1,7 @@
 //! Labels of the frames become garments of their own.
 
 use super::frames::posed;
+use super::motion::MeshMotion;
 use super::progress::{Clock, Progress, Stage};
 use super::underside::Underside;
 use crate::asset::LayerHint;
@@ -121,6 +122,7 @@ pub fn find_garments(
     mesh: &TriMesh,
     skin: &SkinWeights,
     field: &dyn SignedDistance,
+    motion: Option<&MeshMotion>,
     underside: Option<&Underside>,
     params: &GarmentParams,
     watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
@@ -133,7 +135,9 @@ pub fn find_garments(
     let mut voter = Voter::new(mesh, capture.labels().len(), &params.votes).map_err(GarmentsError::Votes)?;
     for frame in 0..capture.len() {
         tell(frame)?;
-        let at = posed(mesh, skin, skeleton, capture.pose(frame), &[]).map_err(|source| GarmentsError::Pose { frame, source })?;
+        let offsets = motion.map(|m| m.offsets(frame)).unwrap_or_default();
+        let at =
+            posed(mesh, skin, skeleton, capture.pose(frame), &offsets).map_err(|source| GarmentsError::Pose { frame, source })?;
         let vote = |source| GarmentsError::Vote { frame, source };
         if voter.look(&at, capture.camera()).map_err(vote)? == Look::Gains {
             voter.cast(&capture.label_image(frame)?).map_err(vote)?;

@@ -38,6 +38,23 @@ impl Skipped {
     }
 }
 
+impl std::fmt::Display for Skipped {
+    /// `frame 3 shows no person (its mask has 12 pixels)`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NoPerson { frame, pixels } => write!(f, "frame {frame} shows no person (its mask has {pixels} pixels)"),
+            Self::NoBorder { frame } => write!(f, "the mask of frame {frame} fills the picture"),
+            Self::Elsewhere { frame, overlap } => {
+                let percent = overlap * 100.0;
+                write!(
+                    f,
+                    "in frame {frame} the posed template lies elsewhere than the mask (they share {percent:.0} % of their union)"
+                )
+            }
+        }
+    }
+}
+
 /// What became of the pixels of all masks, in the last round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Pixels {

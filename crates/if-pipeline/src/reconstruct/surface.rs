@@ -44,12 +44,12 @@ pub enum SurfaceError {
     #[error("the template body has no triangles")]
     NoTemplate,
     /// No frame brings anything.
-    #[error("none of the {frames} frames can be used, the first because {first:?}; check masks, poses and camera")]
+    #[error("none of the {frames} frames can be used: {first}; check masks, poses and camera")]
     NothingSeen {
         /// Frames of the capture.
         frames: usize,
         /// Why the first was skipped.
-        first: Option<Skipped>,
+        first: Skipped,
     },
     /// The template has no inside, which its union with loose clothes needs.
     #[error("the template has no inside: {0}; make it closed, or set `least_loose` to 1")]
@@ -172,7 +172,8 @@ pub fn fit_surface(
         evidence = look(&template.mesh, &edges, &template.skin, &frames, 0);
     }
     if frames.is_empty() {
-        return Err(SurfaceError::NothingSeen { frames: capture.len(), first: report.skipped.into_iter().next() });
+        let first = report.skipped.into_iter().min_by_key(Skipped::frame).expect("a capture has frames, and all were skipped");
+        return Err(SurfaceError::NothingSeen { frames: capture.len(), first });
     }
     if watch(&clock.at(Stage::Start, 0, 1, None)).is_break() {
         return Err(SurfaceError::Cancelled { rounds: 0 });

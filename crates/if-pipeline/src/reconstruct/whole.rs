@@ -204,8 +204,17 @@ pub fn reconstruct(
     lap(&mut seconds.phi);
 
     let underside = Underside::of(&surface, template, capture, &mesh);
-    let Garments { labels, votes, garments, missing } =
-        find_garments(capture, &template.skeleton, &mesh, &skin, &exact, underside.as_ref(), &params.garments, watch)?;
+    let Garments { labels, votes, garments, missing } = find_garments(
+        capture,
+        &template.skeleton,
+        &mesh,
+        &skin,
+        &exact,
+        motion.as_ref(),
+        underside.as_ref(),
+        &params.garments,
+        watch,
+    )?;
     lap(&mut seconds.garments);
     let report = ReconstructReport {
         surface: surface.report,

@@ -1,0 +1,111 @@
+//! What `ifg reconstruct` refuses, and what it leaves of a wardrobe that others write into.
+
+use crate::folder::{Folder, Run};
+use serde_json::{Value, json};
+use std::fs;
+
+const CAPTURE: &str = "capture synth --out cap --garments trousers,tshirt --frames 6 --size 96";
+const QUICK: &str = "--cell 24mm --phi-steps 0";
+
+/// Changes `meta.json` of the capture.
+fn edit(folder: &Folder, change: impl FnOnce(&mut Value)) {
+    let mut meta: Value = serde_json::from_slice(&folder.read("cap/meta.json")).unwrap();
+    change(&mut meta);
+    folder.write("cap/meta.json", meta.to_string());
+}
+
+/// The names of the folders in a folder.
+fn names(folder: &Folder, parent: &str) -> Vec<String> {
+    let entries = fs::read_dir(folder.path(parent)).unwrap();
+    let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.retain(|n| !n.starts_with('.'));
+    names.sort();
+    names
+}
+
+#[test]
+fn what_is_wrong_is_said_before_anything_is_written() {
+    let folder = Folder::new();
+    folder.ifg(CAPTURE).expect(0);
+    let meta = folder.read("cap/meta.json");
+    let refused = |args: &str, words: &[&str]| {
+        let stderr = folder.ifg(&format!("reconstruct cap --body cap/body --out w {args}")).expect(2).stderr;
+        for word in words {
+            assert!(stderr.contains(word), "`{word}` is missing:\n{stderr}");
+        }
+        folder.write("cap/meta.json", &meta);
+    };
+    refused("--prefix a/", &["a/trousers"]);
+    refused("--prefix .", &[".trousers"]);
+    edit(&folder, |meta| {
+        for key in ["labels", "layers_inner_to_outer"] {
+            let list = meta[key].as_array_mut().unwrap();
+            let n = list.len();
+            (list[n - 2], list[n - 1]) = (json!("a b"), json!("a_b"));
+        }
+    });
+    refused("", &["`a b` and `a_b`", "cap_a_b"]);
+    edit(&folder, |meta| meta["frames"][2]["rot"][3] = json!([0.0, 0.0, 0.0, 0.0]));
+    refused("", &["frame 2", "rotation 3", "unit quaternion"]);
+    edit(&folder, |meta| drop(meta["frames"][4]["rot"].as_array_mut().unwrap().pop()));
+    refused("", &["frame 4", "12 rotations for 13 joints"]);
+    edit(&folder, |meta| {
+        meta["joints"].as_array_mut().unwrap().pop();
+        meta["frames"].as_array_mut().unwrap().iter_mut().for_each(|f| drop(f["rot"].as_array_mut().unwrap().pop()));
+    });
+    refused("", &["12 joints", "has 13", "give --body"]);
+    edit(&folder, |meta| meta["t"] = json!([0.0, 0.0, -50.0]));
+    refused("", &["none of the 6 frames", "frame 0", "lies elsewhere"]);
+    edit(&folder, |meta| meta["frames"][1]["root_t"] = json!([0.0, 1e300, 0.0]));
+    refused("", &["frame 1", "moves the root"]);
+    let picture = folder.read("cap/mask_noisy/0003.png");
+    folder.write("cap/mask_noisy/0003.png", &picture[..picture.len() / 2]);
+    refused("", &["frame 3", "0003.png", "end of file"]);
+    assert!(!folder.path("w/garments").exists() && !folder.path("w/bodies").exists());
+    folder.write("cap/mask_noisy/0003.png", picture);
+    // What a stopped run left is at fault, and the help says so.
+    fs::create_dir_all(folder.path("w")).unwrap();
+    folder.write("w/.cap.reconstruct.state", "no state");
+    refused("", &["no whole checkpoint", "can be removed"]);
+}
+
+#[test]
+fn captures_of_several_bodies_share_a_wardrobe_also_at_once() {
+    let folder = Folder::new();
+    folder.ifg(CAPTURE).expect(0);
+    edit(&folder, |meta| {
+        for key in ["labels", "layers_inner_to_outer"] {
+            let list = meta[key].as_array_mut().unwrap();
+            *list.last_mut().unwrap() = json!("white shirt");
+        }
+    });
+    // Another body in a folder of the same name: a comment makes its file another one.
+    fs::create_dir_all(folder.path("other/body")).unwrap();
+    let mut ply = folder.read("cap/body/body_clean.ply");
+    let at = ply.windows(7).position(|w| w == b"element").unwrap();
+    ply.splice(at..at, b"comment of another person\n".iter().copied());
+    folder.write("other/body/body_clean.ply", ply);
+    folder.write("other/body/skeleton.json", folder.read("cap/body/skeleton.json"));
+    let command =
+        |body: &str, prefix: &str| folder.command(&format!("reconstruct cap --body {body} --out w --prefix {prefix} {QUICK}"));
+    let runs = [("cap/body", "a_"), ("other/body", "b_"), ("cap/body", "c_")];
+    let started: Vec<_> = runs[..2]
+        .iter()
+        .map(|(body, prefix)| command(body, prefix).stdout(std::process::Stdio::null()).spawn().unwrap())
+        .collect();
+    for mut child in started {
+        assert!(child.wait().unwrap().success());
+    }
+    Run::from(command(runs[2].0, runs[2].1).output().unwrap()).expect(0);
+    assert_eq!(names(&folder, "w/bodies"), ["body", "body_2"]);
+    assert_eq!(names(&folder, "w/garments").len(), 6);
+    let body = |garment: &str| {
+        let info: Value = serde_json::from_slice(&folder.read(&format!("w/garments/{garment}/asset.json"))).unwrap();
+        info["body"]["name"].clone()
+    };
+    assert_eq!(body("a_white_shirt"), body("c_trousers"));
+    assert_ne!(body("a_white_shirt"), body("b_white_shirt"));
+    // All are still of use.
+    folder.ifg("wardrobe list w").expect(0);
+    folder.ifg("wardrobe match w --body body b_trousers a_white_shirt --out worn").expect(0);
+}
