@@ -90,8 +90,8 @@ impl Wardrobe {
             Some(body) if is(&body.template, &template) && is(&body.skeleton, &skeleton) => return Ok(body.reference()),
             Some(body) => body.name.clone(),
             None => {
-                let names = std::iter::once(new.name.to_owned()).chain((2..).map(|k| format!("{}_{k}", new.name)));
-                names.into_iter().find(|name| !self.bodies.contains_key(name)).expect("some number is free")
+                let mut names = std::iter::once(new.name.to_owned()).chain((2..).map(|k| format!("{}_{k}", new.name)));
+                names.find(|name| !self.bodies.contains_key(name)).expect("some number is free")
             }
         };
         self.put_body(&writer, &NewBody { name: &name, ..*new })
