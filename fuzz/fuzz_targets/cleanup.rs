@@ -38,7 +38,8 @@ fn soup(bytes: &[u8]) -> Option<(u8, TriMesh)> {
         return None;
     }
     let (places, corners) = rest.split_at(4 * n);
-    let points = places.chunks_exact(4).map(|c| Point::new(coordinate(c[0], c[3]), coordinate(c[1], c[3]), coordinate(c[2], c[3])));
+    let points =
+        places.chunks_exact(4).map(|c| Point::new(coordinate(c[0], c[3]), coordinate(c[1], c[3]), coordinate(c[2], c[3])));
     let triangles = corners.chunks_exact(3).take(160).map(|c| [c[0], c[1], c[2]].map(|v| u32::from(v) % n as u32));
     let triangles = triangles.filter(|[a, b, c]| a != b && b != c && c != a).collect();
     Some((*choice, TriMesh::new(points.collect(), triangles).expect("finite places, corners in range and different")))
@@ -58,10 +59,8 @@ fuzz_target!(|bytes: &[u8]| {
     let clean = cleanup(&mesh, &VertexAttributes::none(mesh.vertices().len()), None, &params).expect("numbers that make sense");
     assert!(clean.mesh.vertices().iter().all(|p| p.iter().all(|x| x.is_finite())));
     for fault in faults(&clean.mesh) {
-        let allowed = matches!(
-            fault,
-            Fault::NoTriangles { .. } | Fault::Duplicates { .. } | Fault::Units { .. } | Fault::InsideOut { .. }
-        );
+        let allowed =
+            matches!(fault, Fault::NoTriangles { .. } | Fault::Duplicates { .. } | Fault::Units { .. } | Fault::InsideOut { .. });
         assert!(allowed, "{fault}");
     }
     let pairs = |mesh: &TriMesh| own_pairs(mesh, &Bvh::new(mesh)).len();

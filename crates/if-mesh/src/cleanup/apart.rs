@@ -36,27 +36,35 @@ pub(super) fn clearly_apart(a: [&Point; 3], b: [&Point; 3], common: [Option<usiz
 /// triangles that have none.
 #[inline]
 pub(super) fn surely_go_on(a: [&Point; 3], ia: [u32; 3], b: [&Point; 3], ib: [u32; 3]) -> bool {
-    let mut common = [(0, 0); 2];
-    let mut n = 0;
+    // Bit 3i + j: corner i of the one is corner j of the other.
+    let mut common = 0u32;
     for (i, v) in ia.iter().enumerate() {
         for (j, w) in ib.iter().enumerate() {
-            if v == w {
-                if n == 2 {
-                    return false;
-                }
-                common[n] = (i, j);
-                n += 1;
-            }
+            common |= u32::from(v == w) << (3 * i + j);
         }
     }
-    let [(i, j), (i2, j2)] = common;
-    match n {
-        1 => middles_separate(a[i], [a[(i + 1) % 3], a[(i + 2) % 3]], [b[(j + 1) % 3], b[(j + 2) % 3]]),
-        // One runs through the edge forwards, the other backwards.
-        2 => ((i + 1) % 3 == i2) == ((j2 + 1) % 3 == j) && go_on(a, b),
-        _ => false,
+    if common == 0 {
+        return false;
     }
+    let place = |bits: u32| PLACES[bits.trailing_zeros() as usize % 9];
+    let [i, j] = place(common);
+    let more = common & (common - 1);
+    if more == 0 {
+        let (pa, pb) = ([a[NEXT[i]] - a[i], a[PREVIOUS[i]] - a[i]], [b[NEXT[j]] - a[i], b[PREVIOUS[j]] - a[i]]);
+        return separates((pb[0] + pb[1]) - (pa[0] + pa[1]), pa, pb) || separates(across_gap(&pa, &pb), pa, pb);
+    }
+    if more & (more - 1) != 0 {
+        return false;
+    }
+    // One runs through the edge forwards, the other backwards.
+    let [i2, j2] = place(more);
+    (NEXT[i] == i2) == (NEXT[j2] == j) && go_on(a, b)
 }
+
+const NEXT: [usize; 3] = [1, 2, 0];
+const PREVIOUS: [usize; 3] = [2, 0, 1];
+/// i and j of 3i + j.
+const PLACES: [[usize; 2]; 9] = [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2], [2, 0], [2, 1], [2, 2]];
 
 fn apart(a: [&Point; 3], b: [&Point; 3]) -> bool {
     let o = a[0];
@@ -90,11 +98,24 @@ fn apart_beyond_corner(o: &Point, a: [&Point; 2], b: [&Point; 2]) -> bool {
     pa.iter().all(|v| d.dot(v) < -margin(v)) && pb.iter().all(|v| d.dot(v) > margin(v))
 }
 
-/// Whether the plane through the corner `o`, across the direction from the middle of the one far side to the middle of the other, has all else of the triangles on
-/// different sides. Squares save the roots.
-fn middles_separate(o: &Point, a: [&Point; 2], b: [&Point; 2]) -> bool {
-    let (pa, pb) = ([a[0] - o, a[1] - o], [b[0] - o, b[1] - o]);
-    let d = (pb[0] + pb[1]) - (pa[0] + pa[1]);
+/// Across the gap between the nearest two of the sides that leave a common corner, one of each triangle.
+fn across_gap(pa: &[Vector; 2], pb: &[Vector; 2]) -> Vector {
+    let unit = |v: &Vector| v * v.norm_squared().max(Real::MIN_POSITIVE).sqrt().recip();
+    let (ua, ub) = (pa.map(|v| unit(&v)), pb.map(|v| unit(&v)));
+    let (mut nearest, mut d) = (Real::NEG_INFINITY, Vector::zeros());
+    for a in &ua {
+        for b in &ub {
+            let along = a.dot(b);
+            if along > nearest {
+                (nearest, d) = (along, b - a);
+            }
+        }
+    }
+    d
+}
+
+/// Whether the plane across `d` through the common corner of two triangles has all else of them on different sides. Squares save the roots.
+fn separates(d: Vector, pa: [Vector; 2], pb: [Vector; 2]) -> bool {
     let least = MARGIN * MARGIN * d.norm_squared();
     let beyond = |along: Real, v: &Vector| along > 0.0 && along * along > least * v.norm_squared();
     beyond(-d.dot(&pa[0]), &pa[0])

@@ -170,9 +170,9 @@ pub(super) fn smooth(
                 if roughness(&points) <= params.roughness {
                     break;
                 }
-                let before = points.clone();
+                let before = goes_on.as_ref().map(|goes_on| (goes_on, points.clone()));
                 taubin_loop(&mut points, params);
-                if let Some(goes_on) = &goes_on {
+                if let Some((goes_on, before)) = before {
                     (0..points.len()).filter(|k| !goes_on[*k]).for_each(|k| points[k] = before[k]);
                 }
                 passes[k] += 1;
@@ -211,8 +211,8 @@ pub(super) fn smooth(
         }
         held = Some(back);
     }
-    for (p, q) in work.points.iter().zip(&start) {
-        report.moved += usize::from(p != q);
+    for (p, q) in work.points.iter().zip(&start).filter(|(p, q)| p != q) {
+        report.moved += 1;
         report.farthest = report.farthest.max((p - q).norm());
     }
     report.loops = rims

@@ -79,13 +79,15 @@ pub(super) fn drop_small(work: &mut Work, twins: &Twins, params: &ComponentParam
 pub(super) fn components(work: &Work, twins: &Twins) -> (Vec<u32>, Vec<Component>) {
     // Each triangle points to an earlier one of its part, the first to itself.
     let mut first: Vec<u32> = Vec::with_capacity(work.triangles.len());
-    for t in 0..work.triangles.len() as u32 {
+    for (t, sides) in (0..work.triangles.len() as u32).zip(twins.of.as_chunks::<3>().0) {
         first.push(t);
         let mut mine = t;
-        for twin in twins.of[3 * t as usize..][..3].iter().filter(|twin| **twin != NONE && **twin / 3 < t) {
+        for twin in sides.iter().filter(|twin| **twin != NONE && **twin / 3 < t) {
             let other = find(&mut first, twin / 3);
-            first[mine.max(other) as usize] = mine.min(other);
-            mine = mine.min(other);
+            if other != mine {
+                first[mine.max(other) as usize] = mine.min(other);
+                mine = mine.min(other);
+            }
         }
     }
     let mut names = 0;
@@ -96,22 +98,28 @@ pub(super) fn components(work: &Work, twins: &Twins) -> (Vec<u32>, Vec<Component
     }
     let none = Component { triangles: 0, area: 0.0, aabb: [[Real::INFINITY; 3], [Real::NEG_INFINITY; 3]] };
     let mut parts = vec![none; names as usize];
+    // Most triangles are of the part that the one before them is of.
+    let (mut part, mut at) = (none, 0);
+    let mut aabb = part.aabb;
     for (t, name) in part_of.iter().enumerate() {
-        let part = &mut parts[*name as usize];
+        if *name != at {
+            parts[at as usize] = Component { aabb, ..part };
+            part = parts[*name as usize];
+            (aabb, at) = (part.aabb, *name);
+        }
         part.triangles += 1;
         part.area += work.area(t);
         for v in work.triangles[t] {
             let p = work.points[v as usize];
             for axis in 0..3 {
                 // Positions are finite.
-                if p[axis] < part.aabb[0][axis] {
-                    part.aabb[0][axis] = p[axis];
-                }
-                if p[axis] > part.aabb[1][axis] {
-                    part.aabb[1][axis] = p[axis];
-                }
+                aabb[0][axis] = if p[axis] < aabb[0][axis] { p[axis] } else { aabb[0][axis] };
+                aabb[1][axis] = if p[axis] > aabb[1][axis] { p[axis] } else { aabb[1][axis] };
             }
         }
+    }
+    if let Some(last) = parts.get_mut(at as usize) {
+        *last = Component { aabb, ..part };
     }
     (part_of, parts)
 }

@@ -13,22 +13,30 @@ use if_core::math::{Point, Real};
 pub(super) fn roughness(points: &[Point]) -> Real {
     let n = points.len();
     let (mut turn, mut size) = (0.0, 0.0);
-    for k in 0..n {
-        let (a, b, c) = (points[(k + n - 1) % n], points[k], points[(k + 1) % n]);
-        turn += ((a - b) + (c - b)).norm_squared();
+    let mut a = points.last();
+    for (b, c) in points.iter().zip(points.iter().skip(1).chain(points.first())) {
+        turn += ((a.unwrap_or(b) - b) + (c - b)).norm_squared();
         size += (c - b).norm_squared();
+        a = Some(b);
     }
     if size > 0.0 { ((turn / size).sqrt() - 2.0 * (std::f64::consts::PI / n as Real).sin()).max(0.0) } else { 0.0 }
 }
 
 /// One step of λ and one of μ along a closed line.
 pub(super) fn taubin_loop(points: &mut [Point], params: &SmoothParams) {
-    let n = points.len();
     for factor in [params.lambda, params.mu] {
-        let old = points.to_vec();
-        for k in 0..n {
-            let mean = nalgebra::center(&old[(k + n - 1) % n], &old[(k + 1) % n]);
-            points[k] = old[k] + (mean - old[k]) * factor;
-        }
+        each_of_loop(points, |a, b, c| b + (nalgebra::center(a, c) - b) * factor);
+    }
+}
+
+/// Replaces each point of a closed line by what `make` makes of the one before it, itself, and the one after it, as they were.
+pub(super) fn each_of_loop(points: &mut [Point], make: impl Fn(&Point, &Point, &Point) -> Point) {
+    let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return };
+    let mut before = last;
+    for k in 0..points.len() {
+        let here = points[k];
+        let after = points.get(k + 1).copied().unwrap_or(first);
+        points[k] = make(&before, &here, &after);
+        before = here;
     }
 }

@@ -74,24 +74,26 @@ impl Guard {
         places.iter().for_each(|k| is_suspect[*k as usize] = true);
         let of = |places: &[u32]| {
             let mut found = Vec::new();
+            let mut others = Vec::new();
             for &k in places {
                 let t = self.near[k as usize];
                 let a = triangles[t as usize];
                 let corners = [&points[a[0] as usize], &points[a[1] as usize], &points[a[2] as usize]];
-                self.cells.visit(&SmallBox::round(&bounds(corners)), |other| {
+                others.clear();
+                self.cells.reached(&SmallBox::round(&bounds(corners)), &mut others);
+                // A pair of two suspects is the smaller one's.
+                keep(&mut others, 0, |other| (other > k) | ((other < k) & !is_suspect[other as usize]));
+                for &other in &others {
                     let u = self.near[other as usize];
-                    // A pair of two suspects is the smaller one's.
-                    if other == k || (other < k && is_suspect[other as usize]) {
-                        return;
-                    }
                     if meet(points, a, triangles[u as usize]) {
                         found.push([t.min(u), t.max(u)]);
                     }
-                });
+                }
             }
             found
         };
-        let mut pairs: Vec<[u32; 2]> = places.par_chunks(TASK).map(of).collect::<Vec<_>>().concat();
+        let mut pairs: Vec<[u32; 2]> =
+            if places.len() <= TASK { of(&places) } else { places.par_chunks(TASK).map(of).collect::<Vec<_>>().concat() };
         pairs.sort_unstable();
         pairs.dedup();
         pairs
@@ -136,26 +138,31 @@ fn meet(points: &[Point], ia: [u32; 3], ib: [u32; 3]) -> bool {
     triangles_sharing(a, [0, 1, 2], b, names).is_some() && !is_degenerate(a) && !is_degenerate(b)
 }
 
-/// A box in single precision, rounded outwards: many are looked at for each that is of use, and they should lie close together.
+/// A box in single precision, rounded outwards: many are looked at for each that is of use, and they should lie close together. The fourth numbers are 0:
+/// four are compared at once.
 #[derive(Clone, Copy, Debug, Default)]
 struct SmallBox {
-    min: [f32; 3],
-    max: [f32; 3],
+    min: [f32; 4],
+    max: [f32; 4],
 }
 
 impl SmallBox {
+    #[inline]
     fn round(b: &Aabb) -> Self {
         let down = |x: Real| if Real::from(x as f32) > x { (x as f32).next_down() } else { x as f32 };
         let up = |x: Real| if Real::from(x as f32) < x { (x as f32).next_up() } else { x as f32 };
-        Self { min: [down(b.min.x), down(b.min.y), down(b.min.z)], max: [up(b.max.x), up(b.max.y), up(b.max.z)] }
+        Self { min: [down(b.min.x), down(b.min.y), down(b.min.z), 0.0], max: [up(b.max.x), up(b.max.y), up(b.max.z), 0.0] }
     }
 
     #[inline]
     fn overlaps(&self, other: &Self) -> bool {
         let along = |axis: usize| (self.min[axis] <= other.max[axis]) & (other.min[axis] <= self.max[axis]);
-        along(0) & along(1) & along(2)
+        along(0) & along(1) & along(2) & along(3)
     }
 }
+
+/// A fine cell.
+type Cell = [i32; 3];
 
 /// Boxes by the fine cells that they reach into, in buckets by a hash of the cell.
 #[derive(Default)]
@@ -163,11 +170,15 @@ struct Cells {
     /// Where the first cell begins.
     min: Point,
     /// The last cell along each axis.
-    last: [i32; 3],
+    last: Cell,
     scale: Real,
     /// First entry of each bucket.
     start: Vec<u32>,
-    entries: Vec<(u32, SmallBox)>,
+    /// The boxes of each bucket, and whose they are.
+    entries: Vec<SmallBox>,
+    names: Vec<u32>,
+    /// For each box the first cell that it reaches.
+    first: Vec<Cell>,
 }
 
 impl Cells {
@@ -177,74 +188,93 @@ impl Cells {
         loop {
             let last = [0, 1, 2].map(|axis| (size[axis] / side) as i32);
             let mut cells = Self { min: region.min, last, scale: 1.0 / side, ..Self::default() };
-            let count = |b: &SmallBox| {
-                let [low, high] = cells.range(b);
+            let ranges: Vec<[Cell; 2]> = boxes.iter().map(|b| cells.range(b)).collect();
+            let count = |[low, high]: &[Cell; 2]| {
                 let along = |axis: usize| (high[axis] - low[axis] + 1) as usize;
                 along(0).saturating_mul(along(1)).saturating_mul(along(2))
             };
-            let total = boxes.iter().map(count).fold(0, usize::saturating_add);
+            let total = ranges.iter().map(count).fold(0, usize::saturating_add);
             if total <= ENTRIES * boxes.len() || last == [0; 3] {
-                cells.fill(boxes, total);
+                cells.fill(boxes, &ranges, total);
                 return cells;
             }
             side *= 2.0;
         }
     }
 
-    fn fill(&mut self, boxes: &[SmallBox], total: usize) {
-        let buckets = total.next_power_of_two();
+    fn fill(&mut self, boxes: &[SmallBox], ranges: &[[Cell; 2]], total: usize) {
+        let buckets = total.next_power_of_two().max(BLOCK);
         self.start = vec![0; buckets + 2];
-        for b in boxes {
-            for_each_cell(self.range(b), |c| self.start[hash(c, buckets) + 2] += 1);
+        for range in ranges {
+            for_each_cell(*range, |c| self.start[bucket(c, buckets) + 2] += 1);
         }
         for k in 2..self.start.len() {
             self.start[k] += self.start[k - 1];
         }
-        self.entries = vec![(0, SmallBox::default()); total];
-        for (k, b) in boxes.iter().enumerate() {
-            for_each_cell(self.range(b), |c| {
-                let at = &mut self.start[hash(c, buckets) + 1];
-                self.entries[*at as usize] = (k as u32, *b);
+        self.entries = vec![SmallBox::default(); total];
+        self.names = vec![0; total];
+        for (k, (b, range)) in boxes.iter().zip(ranges).enumerate() {
+            for_each_cell(*range, |c| {
+                let at = &mut self.start[bucket(c, buckets) + 1];
+                self.entries[*at as usize] = *b;
+                self.names[*at as usize] = k as u32;
                 *at += 1;
             });
         }
+        self.first = ranges.iter().map(|r| r[0]).collect();
     }
 
     #[inline]
-    fn range(&self, b: &SmallBox) -> [[i32; 3]; 2] {
+    fn range(&self, b: &SmallBox) -> [Cell; 2] {
         [self.cell(b.min), self.cell(b.max)]
     }
 
     #[inline]
-    fn cell(&self, p: [f32; 3]) -> [i32; 3] {
+    fn cell(&self, p: [f32; 4]) -> Cell {
         // Out of range it saturates.
         let along = |axis: usize| (((Real::from(p[axis]) - self.min[axis]) * self.scale) as i32).clamp(0, self.last[axis]);
         [along(0), along(1), along(2)]
     }
 
-    /// Calls `visit` with the boxes that overlap `b`, some of them twice.
-    fn visit(&self, b: &SmallBox, mut visit: impl FnMut(u32)) {
+    /// Appends the boxes that overlap `b`, some of them twice.
+    #[inline]
+    fn reached(&self, b: &SmallBox, found: &mut Vec<u32>) {
         let buckets = self.start.len().saturating_sub(2);
         if buckets == 0 {
             return;
         }
         let range = self.range(b);
         for_each_cell(range, |c| {
-            let bucket = hash(c, buckets);
-            for (k, other) in &self.entries[self.start[bucket] as usize..self.start[bucket + 1] as usize] {
-                // Told in one cell: where what both have in common begins.
-                if b.overlaps(other) {
-                    let of = |axis: usize| b.min[axis].max(other.min[axis]);
-                    if range[0] == range[1] || self.cell([of(0), of(1), of(2)]) == c {
-                        visit(*k);
-                    }
-                }
-            }
+            let bucket = bucket(c, buckets);
+            let here = self.start[bucket] as usize..self.start[bucket + 1] as usize;
+            let from = found.len();
+            found.extend_from_slice(&self.names[here.clone()]);
+            let mut boxes = self.entries[here].iter();
+            keep(found, from, |_| boxes.next().is_some_and(|other| b.overlaps(other)));
+            // Told in one cell: the first that both reach.
+            keep(found, from, |name| {
+                let first = &self.first[name as usize];
+                let along = |axis: usize| c[axis] == first[axis].max(range[0][axis]);
+                along(0) & along(1) & along(2)
+            });
         });
     }
 }
 
-fn for_each_cell([low, high]: [[i32; 3]; 2], mut visit: impl FnMut([i32; 3])) {
+/// Drops the numbers from place `from` on that `stays` does not hold for: without a branch for each, as nobody can foretell it.
+#[inline]
+fn keep(found: &mut Vec<u32>, from: usize, mut stays: impl FnMut(u32) -> bool) {
+    let mut to = from;
+    for k in from..found.len() {
+        let name = found[k];
+        found[to] = name;
+        to += usize::from(stays(name));
+    }
+    found.truncate(to);
+}
+
+#[inline]
+fn for_each_cell([low, high]: [Cell; 2], mut visit: impl FnMut(Cell)) {
     for i in low[0]..=high[0] {
         for j in low[1]..=high[1] {
             for k in low[2]..=high[2] {
@@ -254,11 +284,16 @@ fn for_each_cell([low, high]: [[i32; 3]; 2], mut visit: impl FnMut([i32; 3])) {
     }
 }
 
-/// A bucket for a cell; `buckets` is a power of two. The factors are those of Teschner et al. 2003.
-fn hash(cell: [i32; 3], buckets: usize) -> usize {
-    let [i, j, k] = [cell[0] as u32 as u64, cell[1] as u32 as u64, cell[2] as u32 as u64];
+/// Cells in a block of two along each axis, whose buckets lie side by side.
+const BLOCK: usize = 8;
+
+/// A bucket for a cell; `buckets` is a power of two, at least [`BLOCK`]. The factors are those of Teschner et al. 2003.
+#[inline]
+fn bucket(cell: Cell, buckets: usize) -> usize {
+    let [i, j, k] = cell.map(|c| u64::from(c as u32 >> 1));
     let mixed = i.wrapping_mul(73_856_093) ^ j.wrapping_mul(19_349_663) ^ k.wrapping_mul(83_492_791);
-    (mixed ^ (mixed >> 15)) as usize & (buckets - 1)
+    let within = cell.iter().fold(0, |b, c| 2 * b + (*c as usize & 1));
+    (BLOCK * (mixed ^ (mixed >> 15)) as usize + within) & (buckets - 1)
 }
 
 #[cfg(test)]

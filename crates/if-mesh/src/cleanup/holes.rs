@@ -153,6 +153,9 @@ pub(super) fn fill(
     if let Some(best) = best {
         (*work, *twins) = best;
     }
+    if report.cut_away > 0 {
+        work.compact();
+    }
     (report, open)
 }
 

@@ -159,6 +159,7 @@ fn across(work: &Work, h: u32) -> Vector {
 }
 
 /// Takes triangles out of a manifold mesh, which stays one: where several fans meet in a vertex now, each gets its own. `gone` is ascending.
+/// Vertices of no triangle stay.
 pub(super) fn take_out(work: &mut Work, twins: &Twins, gone: &[u32]) -> Twins {
     // What leaves the vertices of those triangles, and stays.
     let mut leaving = Vec::new();
@@ -177,7 +178,6 @@ pub(super) fn take_out(work: &mut Work, twins: &Twins, gone: &[u32]) -> Twins {
     let twins = twins.without(gone);
     work.remove(gone);
     split_fans(work, &twins, leaving);
-    work.compact();
     twins
 }
 
@@ -192,15 +192,13 @@ fn split_fans(work: &mut Work, twins: &Twins, leaving: impl IntoIterator<Item = 
         if seen[h as usize] {
             continue;
         }
-        fan.clear();
-        twins.around(h, |g| {
-            seen[g as usize] = true;
-            fan.push(g);
-        });
+        twins.around(h, |g| seen[g as usize] = true);
         let v = work.triangles[h as usize / 3][h as usize % 3];
         if !std::mem::replace(&mut taken[v as usize], true) {
             continue;
         }
+        fan.clear();
+        twins.around(h, |g| fan.push(g));
         let new = work.copy(v);
         taken.push(true);
         fan.iter().for_each(|&g| work.triangles[g as usize / 3][g as usize % 3] = new);

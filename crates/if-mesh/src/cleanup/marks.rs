@@ -6,47 +6,44 @@ use if_core::math::{Point, Real};
 /// A box as the cells that it reaches, the first and the last along each axis.
 pub(super) type CellBox = [[u8; 3]; 2];
 
-/// Coarse cells, and which of them are marked. The first and last along each axis are what lies outside the region.
+/// Cells along each side of the region: a row of them is a word of bits. Of a garment of 1 m a cell is 1.6 cm.
+const CELLS: u8 = u64::BITS as u8;
+/// Rows along each of the two other sides, with those of what lies outside.
+const ROWS: usize = CELLS as usize + 2;
+
+/// Coarse cells, and which of them are marked. The first and last along each axis are what lies outside the region, and never are.
 #[derive(Clone, Debug)]
 pub(super) struct Marks {
     min: Point,
-    /// Cells along each side of the region.
-    cells: u8,
     scale: [Real; 3],
-    marked: Vec<bool>,
+    /// A word for each row along z.
+    marked: Vec<u64>,
 }
 
 impl Marks {
-    /// `cells` along each side of the box round all `places`, at most 253, marked where they reach into one of them.
-    pub(super) fn new(cells: u8, places: &[Aabb]) -> Self {
+    /// Cells of the box round all `places`, marked where they reach into one of them.
+    pub(super) fn new(places: &[Aabb]) -> Self {
         let region = places.iter().fold(Aabb::EMPTY, |b, p| b.merged(p));
-        let scale = [0, 1, 2].map(|axis| Real::from(cells) / region.size()[axis].max(Real::MIN_POSITIVE));
-        let mut marks = Self { min: region.min, cells, scale, marked: Vec::new() };
+        let scale = [0, 1, 2].map(|axis| Real::from(CELLS) / region.size()[axis].max(Real::MIN_POSITIVE));
+        let mut marks = Self { min: region.min, scale, marked: Vec::new() };
         marks = marks.with(places.iter().map(|b| marks.range(b)));
         marks
     }
 
     /// The same cells, with others marked: those inside the region that `boxes` reach.
     pub(super) fn with(&self, boxes: impl Iterator<Item = CellBox>) -> Self {
-        let marked = vec![false; (usize::from(self.cells) + 2).pow(3)];
-        let mut marks = Self { marked, ..*self };
+        let mut marks = Self { marked: vec![0; ROWS * ROWS], ..*self };
         for [low, high] in boxes {
-            let inside = |c: [u8; 3]| c.map(|c| c.clamp(1, self.cells));
+            let inside = |c: [u8; 3]| c.map(|c| c.clamp(1, CELLS));
             let (low, high) = (inside(low), inside(high));
+            let bits = bits(low[2], high[2]);
             for x in low[0]..=high[0] {
                 for y in low[1]..=high[1] {
-                    let row = self.row(x, y);
-                    marks.marked[row + usize::from(low[2])..=row + usize::from(high[2])].fill(true);
+                    marks.marked[row(x, y)] |= bits;
                 }
             }
         }
         marks
-    }
-
-    #[inline]
-    fn row(&self, x: u8, y: u8) -> usize {
-        let side = usize::from(self.cells) + 2;
-        (usize::from(x) * side + usize::from(y)) * side
     }
 
     /// The cell of a point. Each coordinate grows with the point's.
@@ -57,10 +54,10 @@ impl Marks {
             // The far side of the box is still inside.
             if x < 0.0 {
                 0
-            } else if x > Real::from(self.cells) {
-                self.cells + 1
+            } else if x > Real::from(CELLS) {
+                CELLS + 1
             } else {
-                1 + (x as u8).min(self.cells - 1)
+                1 + (x as u8).min(CELLS - 1)
             }
         };
         [along(0), along(1), along(2)]
@@ -72,37 +69,82 @@ impl Marks {
     }
 
     /// Whether a box reaches a marked cell.
-    #[inline(always)]
+    #[inline]
     pub(super) fn touch(&self, [low, high]: CellBox) -> bool {
-        if low == high {
-            return self.marked[self.row(low[0], low[1]) + usize::from(low[2])];
+        let bits = bits(low[2], high[2]);
+        let rows = usize::from(high[1] - low[1]) + 1;
+        let mut first = row(low[0], low[1]);
+        for _ in low[0]..=high[0] {
+            if self.marked[first..first + rows].iter().any(|row| row & bits != 0) {
+                return true;
+            }
+            first += ROWS;
         }
-        self.touch_any(low, high)
-    }
-
-    #[inline(never)] // most boxes reach one cell
-    fn touch_any(&self, low: [u8; 3], high: [u8; 3]) -> bool {
-        self.rows(low, high).any(|row| row.contains(&true))
+        false
     }
 
     /// Whether all cells that a box reaches are marked.
     pub(super) fn hold(&self, [low, high]: CellBox) -> bool {
-        self.rows(low, high).all(|row| !row.contains(&false))
-    }
-
-    fn rows(&self, low: [u8; 3], high: [u8; 3]) -> impl Iterator<Item = &[bool]> {
-        (low[0]..=high[0]).flat_map(move |x| {
-            (low[1]..=high[1]).map(move |y| {
-                let row = self.row(x, y);
-                &self.marked[row + usize::from(low[2])..=row + usize::from(high[2])]
-            })
-        })
+        let bits = bits(low[2], high[2]);
+        let inside = low[2] > 0 && high[2] <= CELLS;
+        inside && (low[0]..=high[0]).all(|x| (low[1]..=high[1]).all(|y| self.marked[row(x, y)] & bits == bits))
     }
 }
 
+#[inline]
+fn row(x: u8, y: u8) -> usize {
+    usize::from(x) * ROWS + usize::from(y)
+}
+
+/// The cells inside the region from `low` to `high` along z.
+#[inline]
+fn bits(low: u8, high: u8) -> u64 {
+    let (low, high) = (low.max(1), high.min(CELLS));
+    if low > high { 0 } else { (u64::MAX << (low - 1)) & (u64::MAX >> (CELLS - high)) }
+}
+
 /// The smallest that holds both.
+#[inline]
 pub(super) fn merged(a: CellBox, b: CellBox) -> CellBox {
     let of =
         |end: usize, pick: fn(u8, u8) -> u8| [pick(a[end][0], b[end][0]), pick(a[end][1], b[end][1]), pick(a[end][2], b[end][2])];
     [of(0, u8::min), of(1, u8::max)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    #[test]
+    fn words_of_cells_say_what_single_cells_say() {
+        let mut rng = Pcg64Mcg::seed_from_u64(5);
+        let mut told = [0; 4];
+        for round in 0..300 {
+            let mut place = |size: Real| {
+                let min = [0.0; 3].map(|_: Real| rng.random_range(-0.2..1.2));
+                Aabb { min: Point::from(min), max: Point::from(min.map(|x| x + size * rng.random::<Real>())) }
+            };
+            let size = Real::from(round % 3) * 0.3;
+            let marks =
+                Marks::new(&[place(size), place(size)]).with([marks_range(&place(0.0)), marks_range(&place(0.5))].into_iter());
+            let is_marked = |c: [u8; 3]| c[2] > 0 && c[2] <= CELLS && marks.marked[row(c[0], c[1])] >> (c[2] - 1) & 1 == 1;
+            let asked = marks.range(&place(0.3));
+            let cells = || {
+                let along = |axis: usize| asked[0][axis]..=asked[1][axis];
+                along(0).flat_map(move |x| along(1).flat_map(move |y| along(2).map(move |z| [x, y, z])))
+            };
+            assert_eq!(marks.touch(asked), cells().any(is_marked));
+            assert_eq!(marks.hold(asked), cells().all(is_marked));
+            told[usize::from(marks.touch(asked))] += 1;
+            told[2 + usize::from(marks.hold(asked))] += 1;
+        }
+        assert!(told.iter().all(|n| *n > 10), "{told:?}");
+    }
+
+    /// Some cells of any region, for a box in the unit cube.
+    fn marks_range(b: &Aabb) -> CellBox {
+        [&b.min, &b.max].map(|p| [0, 1, 2].map(|axis: usize| (p[axis].clamp(0.0, 1.0) * 65.0) as u8))
+    }
 }

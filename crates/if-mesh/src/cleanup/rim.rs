@@ -1,5 +1,6 @@
 //! Boundary loops and their shape.
 
+use super::curve::each_of_loop;
 use super::twins::{Twins, ends};
 use super::work::Work;
 use if_core::math::{Point, Real, Vector};
@@ -67,10 +68,7 @@ impl LoopShape {
 fn smoothed_length(mut points: Vec<Point>) -> Real {
     let n = points.len();
     for _ in 0..(n / 6).max(4) {
-        let old = points.clone();
-        for k in 0..n {
-            points[k] = Point::from((old[(k + n - 1) % n].coords + old[k].coords * 2.0 + old[(k + 1) % n].coords) / 4.0);
-        }
+        each_of_loop(&mut points, |a, b, c| Point::from((a.coords + b.coords * 2.0 + c.coords) / 4.0));
     }
     length(&points)
 }

@@ -3,7 +3,7 @@
 use super::guard::Guard;
 use super::work::Work;
 use crate::validate::is_flat;
-use if_core::math::{Point, Real, unit_or_zero};
+use if_core::math::{Point, Real, Vector, unit_or_zero};
 
 /// Halvings of a move that does harm, before it is given up.
 const HALVINGS: u8 = 5;
@@ -74,14 +74,32 @@ pub(super) fn move_safely(work: &mut Work, paths: &Paths<'_>, single_precision: 
     halved.iter().map(|h| *h > 0).collect()
 }
 
+/// Whether a triangle has an area and lies nearly as `twice` says, by more than rounding can feign: most do, and squares save roots and divisions.
+fn surely_fine(twice: &Vector, [a, b, c]: [&Point; 3]) -> bool {
+    /// Above the square of the height over the longest edge up to which a triangle is flat.
+    const HEIGHT: Real = 1e-20;
+    /// Above the square of [`LEAST_COSINE`].
+    const COSINE: Real = 0.26;
+    let (u, v) = (b - a, c - a);
+    let now = u.cross(&v);
+    let (size, longest) = (now.norm_squared(), u.norm_squared().max(v.norm_squared()).max((c - b).norm_squared()));
+    let along = now.dot(twice);
+    // Numbers so small that squares lose digits take a closer look.
+    let fits = size > HEIGHT * (longest * longest) && along > 0.0 && along * along > COSINE * (size * twice.norm_squared());
+    fits && along > 1e-100 && along < 1e100
+}
+
 /// Whether triangle `t` turned over, or lost its area.
 fn harms(work: &Work, start: &[Point], t: u32) -> bool {
     let corners = work.triangles[t as usize];
+    let [a, b, c] = corners.map(|v| start[v as usize]);
+    let twice = (b - a).cross(&(c - a));
+    if surely_fine(&twice, corners.map(|v| &work.points[v as usize])) {
+        return false;
+    }
     if is_flat(corners.map(|v| &work.points[v as usize])) {
         return true;
     }
-    let [a, b, c] = corners.map(|v| start[v as usize]);
-    let twice = (b - a).cross(&(c - a));
     let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
     if twice.norm() < SLIVER * longest {
         return false;

@@ -46,6 +46,23 @@ impl Clone for Twins {
 /// Lengths of buckets up to which insertion beats a library sort.
 const SHORT: usize = 20;
 
+/// An edge while half-edges are paired.
+#[derive(Clone, Copy)]
+struct Edge {
+    /// The larger end.
+    far: u32,
+    /// The next edge with the same smaller end.
+    next: u32,
+    first: u32,
+    /// The second half-edge, or [`FROM_NEAR`] or [`FROM_FAR`]: there is none yet, and where the first one starts.
+    second: u32,
+}
+
+const FROM_NEAR: u32 = NONE;
+const FROM_FAR: u32 = NONE - 1;
+/// Steps along chains of edges for each triangle, at most, before all are sorted instead: meshes take about five.
+const STEPS: usize = 30;
+
 impl Twins {
     /// Pairs the half-edges of `mesh`, in linear time where no vertex has very many neighbours.
     pub(crate) fn of_mesh(mesh: &TriMesh) -> Self {
@@ -54,6 +71,71 @@ impl Twins {
 
     /// Pairs the half-edges of `triangles`.
     pub(crate) fn new(vertices: usize, triangles: &[[u32; 3]]) -> Self {
+        Self::by_chains(vertices, triangles).unwrap_or_else(|| Self::by_sorting(vertices, triangles))
+    }
+
+    fn unpaired(triangles: &[[u32; 3]]) -> Self {
+        let mut of = Vec::with_capacity(3 * triangles.len() + 3 * triangles.len() / 16); // patches are added soon
+        of.resize(3 * triangles.len(), NONE);
+        Self { of, ..Self::default() }
+    }
+
+    /// [`Twins::new`] where edges hang in chains by their smaller ends; none if the chains are long.
+    fn by_chains(vertices: usize, triangles: &[[u32; 3]]) -> Option<Self> {
+        let mut twins = Self::unpaired(triangles);
+        let mut head = vec![NONE; vertices];
+        let mut edges: Vec<Edge> = Vec::with_capacity(3 * triangles.len() / 2 + triangles.len() / 8);
+        // Edges of two half-edges that start at the same end, and further half-edges of an edge, by both ends.
+        let mut against: Vec<([u32; 2], [u32; 2])> = Vec::new();
+        let mut crowd: Vec<([u32; 2], u32)> = Vec::new();
+        let mut steps = STEPS * triangles.len();
+        for (t, corners) in (0..).zip(triangles) {
+            let [a, b, c] = *corners;
+            for (k, [a, b]) in (0..).zip([[a, b], [b, c], [c, a]]) {
+                let h = 3 * t + k;
+                let (near, far, from) = if a < b { (a, b, FROM_NEAR) } else { (b, a, FROM_FAR) };
+                let first = head[near as usize];
+                let mut at = first;
+                loop {
+                    let Some(edge) = edges.get_mut(at as usize) else {
+                        head[near as usize] = edges.len() as u32;
+                        edges.push(Edge { far, next: first, first: h, second: from });
+                        break;
+                    };
+                    if edge.far != far {
+                        at = edge.next;
+                        steps = steps.checked_sub(1)?;
+                        continue;
+                    }
+                    let before = std::mem::replace(&mut edge.second, h);
+                    if before < FROM_FAR {
+                        edge.second = before;
+                        crowd.extend([edge.first, before, h].map(|h| ([near, far], h)));
+                    } else if before == from {
+                        against.push(([near, far], [edge.first, h]));
+                    } else {
+                        twins.of[h as usize] = edge.first;
+                        twins.of[edge.first as usize] = h;
+                    }
+                    break;
+                }
+            }
+        }
+        crowd.sort_unstable();
+        crowd.dedup();
+        against.retain(|(ends, _)| crowd.binary_search_by(|c| c.0.cmp(ends)).is_err());
+        against.sort_unstable();
+        twins.against = against.into_iter().map(|a| a.1).collect();
+        for run in crowd.chunk_by(|a, b| a.0 == b.0) {
+            let run: Vec<u32> = run.iter().map(|c| c.1).collect();
+            run.iter().for_each(|h| twins.of[*h as usize] = NONE);
+            twins.crowded.push(run);
+        }
+        Some(twins)
+    }
+
+    /// [`Twins::new`] where all half-edges are sorted.
+    fn by_sorting(vertices: usize, triangles: &[[u32; 3]]) -> Self {
         // Buckets by the smaller end; each holds (larger end, half-edge), the latter ascending.
         let mut start = vec![0u32; vertices + 2];
         for t in triangles {
@@ -73,9 +155,7 @@ impl Twins {
                 *at += 1;
             }
         }
-        let mut twins = Self::default();
-        twins.of.reserve(list.len() + list.len() / 16); // patches are added soon
-        twins.of.resize(list.len(), NONE);
+        let mut twins = Self::unpaired(triangles);
         let mut same = Vec::new();
         for v in 0..vertices {
             let bucket = &mut list[start[v] as usize..start[v + 1] as usize];
@@ -116,11 +196,12 @@ impl Twins {
         };
         let mut of = Vec::with_capacity(self.of.len()); // with room for what is added soon
         let mut first = 0;
-        for &t in gone {
-            of.extend(self.of[first..3 * t as usize].iter().map(|h| name(*h)));
-            first = 3 * t as usize + 3;
+        for (k, end) in (0..).zip(gone.iter().map(|t| 3 * t).chain([self.of.len() as u32])) {
+            // Most twins lie between the same two that go.
+            let here = first..end;
+            of.extend(self.of[first as usize..end as usize].iter().map(|h| if here.contains(h) { h - 3 * k } else { name(*h) }));
+            first = end + 3;
         }
-        of.extend(self.of[first..].iter().map(|h| name(*h)));
         Self { of, ..Self::default() }
     }
 
@@ -164,7 +245,11 @@ impl Twins {
 
     /// Half-edges without a twin, ascending.
     pub(crate) fn rim(&self) -> impl Iterator<Item = u32> {
-        self.of.iter().enumerate().filter(|(_, t)| **t == NONE).map(|(h, _)| h as u32)
+        /// Half-edges looked at together: rims are rare.
+        const MANY: usize = 32;
+        let blocks = (0..).step_by(MANY).zip(self.of.chunks(MANY));
+        let open = blocks.filter(|(_, block)| block.iter().fold(false, |open, h| open | (*h == NONE)));
+        open.flat_map(|(base, block)| (base..).zip(block).filter(|(_, t)| **t == NONE).map(|(h, _)| h))
     }
 
     /// The half-edges that leave a vertex, round it from `h`, which is one of them: towards its twin first, and where
@@ -226,23 +311,23 @@ pub(crate) fn leaving(vertices: usize, triangles: &[[u32; 3]], twins: &Twins) ->
 ///
 /// In a manifold mesh one rim half-edge leaves each rim vertex; elsewhere a loop ends where it cannot go on.
 pub(crate) fn loops(triangles: &[[u32; 3]], twins: &Twins) -> Vec<Vec<u32>> {
-    let mut seen = vec![false; twins.of.len()];
+    let rim: Vec<u32> = twins.rim().collect();
+    let mut seen = vec![false; rim.len()];
     let mut found = Vec::new();
-    for first in twins.rim() {
-        if seen[first as usize] {
+    for (k, &first) in rim.iter().enumerate() {
+        if seen[k] {
             continue;
         }
         let mut walk = Vec::new();
-        let mut h = first;
-        while !seen[h as usize] {
-            seen[h as usize] = true;
+        let (mut h, mut at) = (first, k);
+        while !std::mem::replace(&mut seen[at], true) {
             walk.push(h);
             // Turn round the end of `h` through the triangles there, until the rim comes again.
-            let mut out = next(h);
-            while twins.of[out as usize] != NONE {
-                out = next(twins.of[out as usize]);
+            h = next(h);
+            while twins.of[h as usize] != NONE {
+                h = next(twins.of[h as usize]);
             }
-            h = out;
+            at = rim.partition_point(|r| *r < h);
         }
         found.push(walk);
     }

@@ -4,8 +4,6 @@ use super::marks::{CellBox, Marks, merged};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real};
 
-/// Cells along each side of the box in which the vicinity is marked: 1.6 cm for a garment of 1 m.
-const CELLS: u8 = 64;
 /// The vicinity reaches so many sides of the boxes it is made for beyond them: rims move by one or two, and what is smoothed with them lies within
 /// three rings, seldom twelve. A smaller reach finds it anew more often, a larger one holds more triangles; what is found is the same.
 const REACH: Real = 4.0;
@@ -55,13 +53,15 @@ impl Vicinity {
     pub(super) fn find(&mut self, points: &[Point], triangles: &[[u32; 3]], places: &[(u32, Aabb)]) {
         let side = places.iter().map(|p| p.1.size().max()).sum::<Real>() / places.len().max(1) as Real;
         let wide: Vec<Aabb> = places.iter().map(|p| p.1.inflated(REACH * side)).collect();
-        let marks = Marks::new(CELLS, &wide);
+        let marks = Marks::new(&wide);
         let at: Vec<[u8; 3]> = points.iter().map(|p| marks.cell(p)).collect();
+        let is_marked: Vec<bool> = at.iter().map(|c| marks.touch([*c, *c])).collect();
         self.near.clear();
         for (k, t) in (0..).zip(triangles) {
             let [a, b, c] = t.map(|v| at[v as usize]);
-            let cells = if a == b && b == c { [a, a] } else { merged([a, a], merged([b, b], [c, c])) };
-            if marks.touch(cells) {
+            let within_one = a == b && b == c;
+            let cells = if within_one { [a, a] } else { merged([a, a], merged([b, b], [c, c])) };
+            if is_marked[t[0] as usize] || (!within_one && marks.touch(cells)) {
                 self.near.push((k, cells));
             }
         }

@@ -112,20 +112,26 @@ impl Work {
 
     /// Drops vertices of no triangle, keeping the order of the others; says how many.
     pub(crate) fn compact(&mut self) -> usize {
-        let mut used = vec![false; self.points.len()];
-        self.triangles.as_flattened().iter().for_each(|&v| used[v as usize] = true);
-        let unused = used.iter().filter(|u| !**u).count();
-        if unused == 0 {
-            return 0;
+        let before = self.points.len();
+        let mut used = vec![0u32; before];
+        self.triangles.as_flattened().iter().for_each(|&v| used[v as usize] = 1);
+        let Some(first) = used.iter().position(|u| *u == 0) else { return 0 };
+        // All before the first that is not used stay where they are.
+        let mut to = first;
+        for v in first..before {
+            if std::mem::replace(&mut used[v], to as u32) == 1 {
+                self.points[to] = self.points[v];
+                self.origins[to] = self.origins[v];
+                to += 1;
+            }
         }
-        let mut name = 0..;
-        let names: Vec<u32> = used.iter().map(|u| if *u { name.next().unwrap_or(0) } else { 0 }).collect();
-        self.triangles.as_flattened_mut().iter_mut().for_each(|v| *v = names[*v as usize]);
-        let mut k = 0..;
-        self.points.retain(|_| k.next().is_some_and(|k| used[k]));
-        let mut k = 0..;
-        self.origins.retain(|_| k.next().is_some_and(|k: usize| used[k]));
-        unused
+        let names = &used[first..];
+        for v in self.triangles.as_flattened_mut().iter_mut().filter(|v| **v as usize >= first) {
+            *v = names[*v as usize - first];
+        }
+        self.points.truncate(to);
+        self.origins.truncate(to);
+        before - to
     }
 
     pub(crate) fn finish(self) -> Derived {
@@ -147,10 +153,12 @@ impl Work {
     }
 
     /// Area of triangle `t`, in square metres.
+    #[inline]
     pub(crate) fn area(&self, t: usize) -> Real {
         0.5 * self.area_vector(t).norm()
     }
 
+    #[inline]
     pub(crate) fn area_vector(&self, t: usize) -> Vector {
         let [a, b, c] = self.triangles[t].map(|v| &self.points[v as usize]);
         area_vector(a, b, c)
