@@ -86,6 +86,14 @@ impl TriMesh {
             return Err(MeshError::TooManyVertices { vertices: vertices.len() });
         }
         check_finite(&vertices)?;
+        let n = vertices.len() as u32;
+        let is_good = |t: &[u32; 3]| {
+            (t[0] < n) & (t[1] < n) & (t[2] < n) & (t[0] != t[1]) & (t[0] != t[2]) & (t[1] != t[2])
+        };
+        // Nearly all meshes are in order; which triangle is not is looked for afterwards.
+        if triangles.iter().fold(true, |good, t| good & is_good(t)) {
+            return Ok(Self { vertices, triangles });
+        }
         for (triangle, t) in triangles.iter().enumerate() {
             for corner in 0..3 {
                 if t[corner] as usize >= vertices.len() {
@@ -195,6 +203,10 @@ impl TriMesh {
 }
 
 fn check_finite(vertices: &[Point]) -> Result<(), MeshError> {
+    let is_good = |p: &Point| (p.x.abs() <= Real::MAX) & (p.y.abs() <= Real::MAX) & (p.z.abs() <= Real::MAX);
+    if vertices.iter().fold(true, |good, p| good & is_good(p)) {
+        return Ok(());
+    }
     for (vertex, p) in vertices.iter().enumerate() {
         for axis in 0..3 {
             if !p[axis].is_finite() {

@@ -132,17 +132,22 @@ fn read_sized(reader: impl Read, size: Option<u64>) -> Result<PlyMesh, ReadError
     let mut ply = PlyMesh { comments: header.comments, obj_info: header.obj_info, ..PlyMesh::default() };
     let (mut points, mut faces) = (Vec::new(), FaceList::default());
     for layout in &header.elements {
-        let is_face = layout.name == "face";
-        let mut table = Table::new(layout, indices.filter(|_| is_face).map(|k| (k, vertices.count)), left);
+        let faces = indices.filter(|_| layout.name == "face").map(|k| (k, vertices.count));
+        let joined = Some(axes).filter(|_| !ascii && layout.name == "vertex" && are_joined(layout, axes));
+        let mut table = Table::new(layout, faces, joined, left);
         match header.encoding {
             Encoding::Ascii => ascii::read(&mut source, &mut table)?,
             Encoding::BinaryLittleEndian => binary::read(&mut source, &mut table, false)?,
             Encoding::BinaryBigEndian => binary::read(&mut source, &mut table, true)?,
         }
-        let (mut properties, list) = table.finish();
+        let (mut properties, list, joined) = table.finish();
         match layout.name.as_str() {
             "vertex" => {
-                (points, ply.coordinates) = positions(axes.map(|k| &properties[k].values));
+                (points, ply.coordinates) = match joined {
+                    Some(points) if vertices.properties[axes[0]].scalar == ScalarType::F32 => (points, CoordinateType::Float),
+                    Some(points) => (points, CoordinateType::Double),
+                    None => positions(axes.map(|k| &properties[k].values)),
+                };
                 let mut k = 0..;
                 properties.retain(|_| k.next().is_some_and(|k| !axes.contains(&k)));
                 ply.vertex_properties = properties;
@@ -183,6 +188,13 @@ fn axes(vertices: &ElementLayout) -> Result<[usize; 3], ReadError> {
         found[k] = vertices.properties.iter().position(named).ok_or(ReadError::NoCoordinate { axis })?;
     }
     Ok(found)
+}
+
+/// Whether coordinates are joined to positions as they are read: all have the same four or eight bytes, and all records the same size.
+fn are_joined(vertices: &ElementLayout, axes: [usize; 3]) -> bool {
+    let [x, y, z] = axes.map(|k| vertices.properties[k].scalar);
+    let same = x == y && y == z && !x.is_integer();
+    same && vertices.properties.iter().all(|p| p.length.is_none())
 }
 
 /// Which property of the element `face` holds the vertex indices.

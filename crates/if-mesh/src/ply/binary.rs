@@ -26,6 +26,7 @@ pub(super) fn read<R: Read>(source: &mut Source<R>, table: &mut Table<'_>, big_e
 /// Records without lists.
 fn scalars<R: Read>(source: &mut Source<R>, table: &mut Table<'_>, big_endian: bool) -> Result<(), ReadError> {
     let stride: usize = table.layout.properties.iter().map(|p| p.scalar.size()).sum();
+    let mut offsets = vec![0; table.slots.len()];
     while table.done < table.layout.count {
         let left = table.layout.count - table.done;
         let there = source.peek(stride)?;
@@ -36,9 +37,19 @@ fn scalars<R: Read>(source: &mut Source<R>, table: &mut Table<'_>, big_endian: b
         }
         let block = &there[..records * stride];
         let mut offset = 0;
-        for slot in &mut table.slots {
-            slot.values.extend_strided(block, stride, offset, big_endian);
+        for (k, slot) in table.slots.iter_mut().enumerate() {
+            offsets[k] = offset;
+            if table.points.as_ref().is_none_or(|p| !p.axes.contains(&k)) {
+                slot.values.extend_strided(block, stride, offset, big_endian);
+            }
             offset += slot.values.scalar_type().size();
+        }
+        if let Some(points) = &mut table.points {
+            let at = points.axes.map(|k| offsets[k]);
+            match table.layout.properties[points.axes[0]].scalar {
+                ScalarType::F32 => points.extend::<f32>(block, stride, at, big_endian),
+                _ => points.extend::<f64>(block, stride, at, big_endian),
+            }
         }
         source.consume(records * stride);
         table.done += records as u64;
@@ -86,6 +97,9 @@ fn exactly<'s, R: Read>(source: &'s mut Source<R>, n: usize, table: &Table<'_>) 
     Ok(&there[..n])
 }
 
+/// Bytes of a triangle without anything beside, with a length of one byte.
+const PLAIN: usize = 13;
+
 /// A face of three corners, with any numbers before and after the list: what nearly all faces are.
 struct TriangleRecord {
     stride: usize,
@@ -132,18 +146,27 @@ impl TriangleRecord {
         let block = &there[..(there.len() / self.stride).min(left) * self.stride];
         let indices = self.list + self.length.size();
         let before = faces.list.triangles.len();
-        for r in block.chunks_exact(self.stride) {
-            let length = match self.length {
-                ScalarType::U8 => i64::from(r[self.list]),
-                other => other.get_i64(&r[self.list..], big_endian),
-            };
-            let c = &r[indices..indices + 12];
-            let t = [u32::get(c, big_endian), u32::get(&c[4..], big_endian), u32::get(&c[8..], big_endian)];
-            let good = t[0] < limit && t[1] < limit && t[2] < limit && t[0] != t[1] && t[1] != t[2] && t[2] != t[0];
-            if length != 3 || !good {
-                break;
+        let is_good = |t: &[u32; 3]| {
+            (t[0] < limit) & (t[1] < limit) & (t[2] < limit) & (t[0] != t[1]) & (t[1] != t[2]) & (t[2] != t[0])
+        };
+        if self.stride == PLAIN && self.length == ScalarType::U8 && !big_endian {
+            for r in block.as_chunks::<PLAIN>().0 {
+                let t = [1, 5, 9].map(|k| u32::from_le_bytes([r[k], r[k + 1], r[k + 2], r[k + 3]]));
+                if (r[0] != 3) | !is_good(&t) {
+                    break;
+                }
+                faces.list.triangles.push(t);
             }
-            faces.list.triangles.push(t);
+        } else {
+            for r in block.chunks_exact(self.stride) {
+                let length = self.length.get_i64(&r[self.list..], big_endian);
+                let c = &r[indices..indices + 12];
+                let t = [u32::get(c, big_endian), u32::get(&c[4..], big_endian), u32::get(&c[8..], big_endian)];
+                if length != 3 || !is_good(&t) {
+                    break;
+                }
+                faces.list.triangles.push(t);
+            }
         }
         let run = faces.list.triangles.len() - before;
         for &(offset, k) in &self.scalars {

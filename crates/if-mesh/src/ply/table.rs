@@ -2,8 +2,9 @@
 
 use super::error::{At, ReadError};
 use super::header::ElementLayout;
-use super::scalar::Column;
+use super::scalar::{Column, Scalar};
 use crate::polygons::FaceList;
+use if_core::math::Point;
 use std::ops::Range;
 
 /// One property of all records of an element.
@@ -56,6 +57,8 @@ pub(super) struct Table<'a> {
     pub(super) slots: Vec<Property>,
     /// The list of vertex indices, where this is the element `face`.
     pub(super) faces: Option<Faces>,
+    /// Positions, where this is the element `vertex` and its coordinates are all of four bytes, or all of eight: their properties stay empty.
+    pub(super) points: Option<Points>,
     /// Records read so far.
     pub(super) done: u64,
 }
@@ -70,12 +73,38 @@ pub(super) struct Faces {
     scratch: Vec<u32>,
 }
 
+/// Positions as they are read from records of one size.
+pub(super) struct Points {
+    /// Which properties x, y and z are.
+    pub(super) axes: [usize; 3],
+    pub(super) list: Vec<Point>,
+}
+
+impl Points {
+    /// Appends the positions of records of `stride` bytes, whose coordinates stand at `offsets`.
+    pub(super) fn extend<T: Scalar + Into<f64>>(&mut self, records: &[u8], stride: usize, offsets: [usize; 3], big_endian: bool) {
+        let get = |bytes: &[u8]| T::get(bytes, big_endian).into();
+        let size = T::TYPE.size();
+        if stride == 3 * size && offsets == [0, size, 2 * size] {
+            self.list.extend(records.chunks_exact(3 * size).map(|r| Point::new(get(r), get(&r[size..]), get(&r[2 * size..]))));
+        } else {
+            let [x, y, z] = offsets;
+            self.list.extend(records.chunks_exact(stride).map(|r| Point::new(get(&r[x..]), get(&r[y..]), get(&r[z..]))));
+        }
+    }
+}
+
 /// Values for which room is made before they are seen, where the size of the file is not known.
 const UNSEEN: u64 = 1 << 16;
 
 impl<'a> Table<'a> {
-    /// `faces` names the property with the vertex indices, and the number of vertices.
-    pub(super) fn new(layout: &'a ElementLayout, faces: Option<(usize, u64)>, left: Option<u64>) -> Self {
+    /// `faces` names the property with the vertex indices, and the number of vertices; `axes` the coordinates that are to be joined to positions.
+    pub(super) fn new(
+        layout: &'a ElementLayout,
+        faces: Option<(usize, u64)>,
+        axes: Option<[usize; 3]>,
+        left: Option<u64>,
+    ) -> Self {
         // With the size known, the count was checked against it.
         let room = if left.is_some() { layout.count } else { layout.count.min(UNSEEN / layout.properties.len().max(1) as u64) };
         let slots = layout.properties.iter().enumerate().map(|(k, p)| {
@@ -85,7 +114,8 @@ impl<'a> Table<'a> {
                 starts
             });
             let is_face = faces.is_some_and(|(property, _)| property == k);
-            let room = if p.length.is_some() { 0 } else { room as usize };
+            let is_axis = axes.is_some_and(|axes| axes.contains(&k));
+            let room = if p.length.is_some() || is_axis { 0 } else { room as usize };
             Property { name: p.name.clone(), values: p.scalar.column(room), lists: lists.filter(|_| !is_face) }
         });
         Self {
@@ -101,6 +131,7 @@ impl<'a> Table<'a> {
                 },
                 scratch: Vec::new(),
             }),
+            points: axes.map(|axes| Points { axes, list: Vec::with_capacity(room as usize) }),
             done: 0,
         }
     }
@@ -122,14 +153,14 @@ impl<'a> Table<'a> {
         ReadError::ListLength { at, element: self.layout.name.clone(), record: self.done, property, length }
     }
 
-    /// The properties without the vertex indices, and the faces.
-    pub(super) fn finish(self) -> (Vec<Property>, Option<FaceList>) {
+    /// The properties without the vertex indices, the faces, and the positions.
+    pub(super) fn finish(self) -> (Vec<Property>, Option<FaceList>, Option<Vec<Point>>) {
         let mut slots = self.slots;
         let list = self.faces.map(|f| {
             slots.remove(f.property);
             f.list
         });
-        (slots, list)
+        (slots, list, self.points.map(|p| p.list))
     }
 }
 

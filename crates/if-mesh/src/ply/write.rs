@@ -78,7 +78,9 @@ pub fn write(ply: &PlyMesh, positions: &[Point], params: &WriteParams, mut write
     let length = if widest > usize::from(u8::MAX) { ScalarType::U32 } else { ScalarType::U8 };
     let index = if positions.len() > i32::MAX as usize { ScalarType::U32 } else { ScalarType::I32 };
     let all = params.keep == Keep::All;
-    let vertex = Rows::new("vertex", positions.len(), vertex_properties(ply, positions, params));
+    // Positions alone go straight to the file.
+    let alone = ply.vertex_properties.iter().all(|p| !is_kept(p, params.keep));
+    let vertex = (!alone).then(|| Rows::new("vertex", positions.len(), vertex_properties(ply, positions, params)));
     let face_count = polygons.map_or(ply.mesh.triangles().len(), |p| p.len());
     let face = Rows::new("face", face_count, if all { borrowed(&ply.face_properties) } else { Vec::new() });
     let others = ply.other_elements.iter().filter(|_| all).map(|e| Rows::new(&e.name, e.count, borrowed(&e.properties)));
@@ -90,7 +92,13 @@ pub fn write(ply: &PlyMesh, positions: &[Point], params: &WriteParams, mut write
             header += &format!("{word} {line}\n");
         }
     }
-    vertex.declare(&mut header, None)?;
+    match &vertex {
+        Some(vertex) => vertex.declare(&mut header, None)?,
+        None => {
+            let number = if params.coordinates == CoordinateType::Float { ScalarType::F32 } else { ScalarType::F64 };
+            header += &format!("element vertex {}\nproperty {number} x\nproperty {number} y\nproperty {number} z\n", positions.len());
+        }
+    }
     face.declare(&mut header, Some(format!("property list {length} {index} vertex_indices\n")))?;
     let mut names = BTreeSet::from(["vertex", "face"]);
     for element in &others {
@@ -102,7 +110,11 @@ pub fn write(ply: &PlyMesh, positions: &[Point], params: &WriteParams, mut write
     header += "end_header\n";
 
     writer.write_all(header.as_bytes())?;
-    vertex.write(&mut writer)?;
+    match (vertex, params.coordinates) {
+        (Some(vertex), _) => vertex.write(&mut writer)?,
+        (None, CoordinateType::Float) => places::<4, 12>(positions, |x| (x as f32).to_le_bytes(), &mut writer)?,
+        (None, CoordinateType::Double) => places::<8, 24>(positions, Real::to_le_bytes, &mut writer)?,
+    }
     match polygons {
         None if face.properties.is_empty() => triangles(ply.mesh.triangles(), &mut writer)?,
         None => faces(ply.mesh.triangles().iter().map(|t| &t[..]), length, &face, &mut writer)?,
@@ -115,10 +127,38 @@ pub fn write(ply: &PlyMesh, positions: &[Point], params: &WriteParams, mut write
     Ok(())
 }
 
+fn is_kept(vertex_property: &Property, keep: Keep) -> bool {
+    keep == Keep::All || vertex_property.lists.is_none()
+}
+
+/// Positions and nothing else, of N bytes for each number and R for each position.
+fn places<const N: usize, const R: usize>(
+    positions: &[Point],
+    bytes_of: impl Fn(Real) -> [u8; N],
+    writer: &mut impl Write,
+) -> Result<(), WriteError> {
+    let mut block = vec![0; (BLOCK / R).min(positions.len()) * R];
+    for chunk in positions.chunks(BLOCK / R) {
+        let bytes = &mut block[..chunk.len() * R];
+        for (record, p) in bytes.as_chunks_mut::<R>().0.iter_mut().zip(chunk) {
+            for (number, x) in record.as_chunks_mut::<N>().0.iter_mut().zip(p.iter()) {
+                *number = bytes_of(*x);
+            }
+        }
+        writer.write_all(bytes)?;
+    }
+    Ok(())
+}
+
 fn check_positions(mesh: &TriMesh, positions: &[Point], coordinates: CoordinateType) -> Result<(), WriteError> {
     let expected = mesh.vertices().len();
     if positions.len() != expected {
         return Err(MeshError::VertexCount { expected, got: positions.len() }.into());
+    }
+    let largest = if coordinates == CoordinateType::Float { Real::from(f32::MAX) } else { Real::MAX };
+    let is_good = |p: &Point| (p.x.abs() <= largest) & (p.y.abs() <= largest) & (p.z.abs() <= largest);
+    if positions.iter().fold(true, |good, p| good & is_good(p)) {
+        return Ok(());
     }
     for (vertex, p) in positions.iter().enumerate() {
         for axis in 0..3 {
@@ -141,7 +181,7 @@ fn vertex_properties<'a>(ply: &'a PlyMesh, positions: &[Point], params: &WritePa
         CoordinateType::Double => Column::F64(positions.iter().map(|p| p[axis]).collect()),
     };
     let mut properties: Vec<_> = (0..3).map(|axis| Cow::Owned(Property::new(["x", "y", "z"][axis], coordinate(axis)))).collect();
-    let kept = ply.vertex_properties.iter().filter(|p| params.keep == Keep::All || p.lists.is_none());
+    let kept = ply.vertex_properties.iter().filter(|p| is_kept(p, params.keep));
     properties.extend(kept.map(|p| readable(p, params.keep)));
     if params.normals == Normals::Follow {
         follow(&mut properties, &ply.mesh, positions);
