@@ -86,12 +86,12 @@ impl TriMesh {
             return Err(MeshError::TooManyVertices { vertices: vertices.len() });
         }
         check_finite(&vertices)?;
-        let n = vertices.len() as u32;
-        let is_good = |t: &[u32; 3]| {
-            (t[0] < n) & (t[1] < n) & (t[2] < n) & (t[0] != t[1]) & (t[0] != t[2]) & (t[1] != t[2])
-        };
         // Nearly all meshes are in order; which triangle is not is looked for afterwards.
-        if triangles.iter().fold(true, |good, t| good & is_good(t)) {
+        let largest = triangles.as_flattened().iter().fold(0, |most: u32, v| most.max(*v));
+        let repeats = |t: &[u32; 3]| (t[0] == t[1]) | (t[0] == t[2]) | (t[1] == t[2]);
+        if (triangles.is_empty() || (largest as usize) < vertices.len())
+            && !triangles.iter().fold(false, |any, t| any | repeats(t))
+        {
             return Ok(Self { vertices, triangles });
         }
         for (triangle, t) in triangles.iter().enumerate() {

@@ -132,9 +132,9 @@ fn read_sized(reader: impl Read, size: Option<u64>) -> Result<PlyMesh, ReadError
     let mut ply = PlyMesh { comments: header.comments, obj_info: header.obj_info, ..PlyMesh::default() };
     let (mut points, mut faces) = (Vec::new(), FaceList::default());
     for layout in &header.elements {
-        let faces = indices.filter(|_| layout.name == "face").map(|k| (k, vertices.count));
+        let corners = indices.filter(|_| layout.name == "face").map(|k| (k, vertices.count));
         let joined = Some(axes).filter(|_| !ascii && layout.name == "vertex" && are_joined(layout, axes));
-        let mut table = Table::new(layout, faces, joined, left);
+        let mut table = Table::new(layout, corners, joined, left);
         match header.encoding {
             Encoding::Ascii => ascii::read(&mut source, &mut table)?,
             Encoding::BinaryLittleEndian => binary::read(&mut source, &mut table, false)?,

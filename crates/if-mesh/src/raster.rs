@@ -196,7 +196,13 @@ fn center(column: usize, row: usize) -> Point2<Real> {
 
 /// The nearest fixed-point position; the pixel lies within [`GUARD`].
 fn fixed_point(pixel: &Point2<Real>) -> [i32; 2] {
-    [pixel.x, pixel.y].map(|c| (c * Real::from(STEP)).round() as i32)
+    [pixel.x, pixel.y].map(|c| {
+        // Half a step goes away from zero, as `round` has it; that would be a call of the system's library.
+        let steps = c * Real::from(STEP);
+        let whole = steps as i32;
+        let rest = steps - Real::from(whole);
+        whole + i32::from(rest >= 0.5) - i32::from(rest <= -0.5)
+    })
 }
 
 /// First and last column, first and last row whose centres lie in the box of the corners.

@@ -146,27 +146,33 @@ impl TriangleRecord {
         let block = &there[..(there.len() / self.stride).min(left) * self.stride];
         let indices = self.list + self.length.size();
         let before = faces.list.triangles.len();
-        let is_good = |t: &[u32; 3]| {
-            (t[0] < limit) & (t[1] < limit) & (t[2] < limit) & (t[0] != t[1]) & (t[1] != t[2]) & (t[2] != t[0])
-        };
+        let is_good =
+            |t: &[u32; 3]| (t[0] < limit) & (t[1] < limit) & (t[2] < limit) & (t[0] != t[1]) & (t[1] != t[2]) & (t[2] != t[0]);
+        let mut done = 0;
         if self.stride == PLAIN && self.length == ScalarType::U8 && !big_endian {
-            for r in block.as_chunks::<PLAIN>().0 {
-                let t = [1, 5, 9].map(|k| u32::from_le_bytes([r[k], r[k + 1], r[k + 2], r[k + 3]]));
-                if (r[0] != 3) | !is_good(&t) {
-                    break;
-                }
-                faces.list.triangles.push(t);
+            let mut good = true;
+            faces.list.triangles.extend(block.as_chunks::<PLAIN>().0.iter().map(|r| {
+                let [n, a0, a1, a2, a3, b0, b1, b2, b3, c0, c1, c2, c3] = *r;
+                let t = [[a0, a1, a2, a3], [b0, b1, b2, b3], [c0, c1, c2, c3]];
+                let t = [u32::from_le_bytes(t[0]), u32::from_le_bytes(t[1]), u32::from_le_bytes(t[2])];
+                good &= (n == 3) & is_good(&t);
+                t
+            }));
+            // Where one is not, those before it are looked for.
+            if good {
+                done = block.len();
+            } else {
+                faces.list.triangles.truncate(before);
             }
-        } else {
-            for r in block.chunks_exact(self.stride) {
-                let length = self.length.get_i64(&r[self.list..], big_endian);
-                let c = &r[indices..indices + 12];
-                let t = [u32::get(c, big_endian), u32::get(&c[4..], big_endian), u32::get(&c[8..], big_endian)];
-                if length != 3 || !is_good(&t) {
-                    break;
-                }
-                faces.list.triangles.push(t);
+        }
+        for r in block[done..].chunks_exact(self.stride) {
+            let length = self.length.get_i64(&r[self.list..], big_endian);
+            let c = &r[indices..indices + 12];
+            let t = [u32::get(c, big_endian), u32::get(&c[4..], big_endian), u32::get(&c[8..], big_endian)];
+            if length != 3 || !is_good(&t) {
+                break;
             }
+            faces.list.triangles.push(t);
         }
         let run = faces.list.triangles.len() - before;
         for &(offset, k) in &self.scalars {

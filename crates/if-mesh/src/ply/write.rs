@@ -96,7 +96,8 @@ pub fn write(ply: &PlyMesh, positions: &[Point], params: &WriteParams, mut write
         Some(vertex) => vertex.declare(&mut header, None)?,
         None => {
             let number = if params.coordinates == CoordinateType::Float { ScalarType::F32 } else { ScalarType::F64 };
-            header += &format!("element vertex {}\nproperty {number} x\nproperty {number} y\nproperty {number} z\n", positions.len());
+            header +=
+                &format!("element vertex {}\nproperty {number} x\nproperty {number} y\nproperty {number} z\n", positions.len());
         }
     }
     face.declare(&mut header, Some(format!("property list {length} {index} vertex_indices\n")))?;
