@@ -142,7 +142,8 @@ fuzz_target!(|bytes: &[u8]| {
         box_.map(|b| b.min + Vector::new(share(0.618), share(0.414), share(0.732)).component_mul(&b.size()))
     };
     let asked = [[0.0, 0.0, 0.0], [0.1, -0.2, 0.3], [1e6, 0.0, 0.0], [-0.05, 0.01, -1e-9], [0.06, 0.02, -0.03], [f64::MAX; 3]];
-    for p in asked.into_iter().map(Point::from).chain((0..20).filter_map(inside)) {
+    let asked = asked.into_iter().map(Point::from).chain((0..20).filter_map(inside));
+    for p in asked.filter(|p| p.iter().all(|x| x.is_finite())) {
         assert!(!field.sample(&p).distance.is_nan(), "{p}");
         assert!(!field.distance(&p).is_nan(), "{p}");
     }

@@ -121,30 +121,25 @@ mod tests {
     fn words_of_cells_say_what_single_cells_say() {
         let mut rng = Pcg64Mcg::seed_from_u64(5);
         let mut told = [0; 4];
-        for round in 0..300 {
-            let mut place = |size: Real| {
-                let min = [0.0; 3].map(|_: Real| rng.random_range(-0.2..1.2));
-                Aabb { min: Point::from(min), max: Point::from(min.map(|x| x + size * rng.random::<Real>())) }
+        let region = Aabb { min: Point::origin(), max: Point::new(1.0, 1.0, 1.0) };
+        for _ in 0..2000 {
+            // Cells, those outside among them, and boxes of up to `size` more along each axis.
+            let mut cells = |size: u8| -> CellBox {
+                let low = [0; 3].map(|_: u8| rng.random_range(0..=CELLS + 1));
+                [low, low.map(|c| (c + rng.random_range(0..=size)).min(CELLS + 1))]
             };
-            let size = Real::from(round % 3) * 0.3;
-            let marks =
-                Marks::new(&[place(size), place(size)]).with([marks_range(&place(0.0)), marks_range(&place(0.5))].into_iter());
+            let marks = Marks::new(&[region]).with([cells(40), cells(60), cells(60)].into_iter());
             let is_marked = |c: [u8; 3]| c[2] > 0 && c[2] <= CELLS && marks.marked[row(c[0], c[1])] >> (c[2] - 1) & 1 == 1;
-            let asked = marks.range(&place(0.3));
-            let cells = || {
+            let asked = cells(3);
+            let reached = || {
                 let along = |axis: usize| asked[0][axis]..=asked[1][axis];
                 along(0).flat_map(move |x| along(1).flat_map(move |y| along(2).map(move |z| [x, y, z])))
             };
-            assert_eq!(marks.touch(asked), cells().any(is_marked));
-            assert_eq!(marks.hold(asked), cells().all(is_marked));
+            assert_eq!(marks.touch(asked), reached().any(is_marked));
+            assert_eq!(marks.hold(asked), reached().all(is_marked));
             told[usize::from(marks.touch(asked))] += 1;
             told[2 + usize::from(marks.hold(asked))] += 1;
         }
-        assert!(told.iter().all(|n| *n > 10), "{told:?}");
-    }
-
-    /// Some cells of any region, for a box in the unit cube.
-    fn marks_range(b: &Aabb) -> CellBox {
-        [&b.min, &b.max].map(|p| [0, 1, 2].map(|axis: usize| (p[axis].clamp(0.0, 1.0) * 65.0) as u8))
+        assert!(told.iter().all(|n| *n > 50), "{told:?}");
     }
 }

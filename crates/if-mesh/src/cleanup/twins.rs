@@ -340,6 +340,8 @@ mod tests {
     use super::*;
     use if_core::edges::Edges;
     use if_core::shapes::meshes::{icosphere, tube};
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
 
     #[test]
     fn twins_and_loops_agree_with_the_edges_of_the_core() {
@@ -356,6 +358,34 @@ mod tests {
                 .collect();
             assert_eq!(mine, edges.boundary_loops(&mesh));
         }
+    }
+
+    #[test]
+    fn chains_pair_as_sorting_does_on_soups_and_give_up_on_fans() {
+        let mut rng = Pcg64Mcg::seed_from_u64(11);
+        let mut seen = [0; 3];
+        for round in 0..300 {
+            let n = 4 + round % 20;
+            let triangles: Vec<[u32; 3]> = (0..rng.random_range(1..60))
+                .map(|_| {
+                    let a = rng.random_range(0..n);
+                    let b = (a + rng.random_range(1..n)) % n;
+                    let c = (0..n).find(|c| *c != a && *c != b && rng.random_range(0..n) == 0);
+                    [a, b, c.unwrap_or_else(|| (0..n).find(|c| *c != a && *c != b).unwrap())]
+                })
+                .collect();
+            let sorted = Twins::by_sorting(n as usize, &triangles);
+            let chained = Twins::new(n as usize, &triangles);
+            assert_eq!((&chained.of, &chained.against, &chained.crowded), (&sorted.of, &sorted.against, &sorted.crowded));
+            seen[0] += sorted.of.iter().filter(|h| **h != NONE).count();
+            seen[1] += sorted.against.len();
+            seen[2] += sorted.crowded.len();
+        }
+        assert!(seen.iter().all(|n| *n > 300), "{seen:?}");
+        // All edges of one vertex: a chain as long as the fan, looked through for each triangle.
+        let fan: Vec<[u32; 3]> = (1..2000).map(|k| [0, k, k + 1]).collect();
+        assert!(Twins::by_chains(2001, &fan.iter().rev().step_by(2).copied().collect::<Vec<_>>()).is_none());
+        assert_eq!(Twins::new(2001, &fan).of, Twins::by_sorting(2001, &fan).of);
     }
 
     #[test]
