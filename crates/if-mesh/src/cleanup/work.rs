@@ -118,8 +118,8 @@ impl Work {
         let Some(first) = used.iter().position(|u| *u == 0) else { return 0 };
         // All before the first that is not used stay where they are.
         let mut to = first;
-        for v in first..before {
-            if std::mem::replace(&mut used[v], to as u32) == 1 {
+        for (v, name) in used.iter_mut().enumerate().skip(first) {
+            if std::mem::replace(name, to as u32) == 1 {
                 self.points[to] = self.points[v];
                 self.origins[to] = self.origins[v];
                 to += 1;
