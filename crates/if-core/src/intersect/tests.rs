@@ -1,5 +1,6 @@
 //! Against rational arithmetic ([`rational`]).
 
+#[path = "rational.rs"]
 mod rational;
 
 use super::*;
