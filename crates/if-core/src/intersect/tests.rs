@@ -5,6 +5,7 @@ mod rational;
 
 use super::*;
 use num_rational::{BigRational, Ratio};
+use num_traits::Zero;
 use rational::*;
 
 /// The slow twin of [`triangles_sharing`]: is a corner of the common part off the hull of the shared ones?
