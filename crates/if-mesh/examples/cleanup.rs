@@ -28,6 +28,9 @@ use std::time::Instant;
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let [input, output, options @ ..] = &args[..] else { return Err("give IN.ply OUT.ply [key=value …]".into()) };
+    if let Some(word) = options.iter().find(|o| !o.contains('=')) {
+        return Err(format!("`{word}` is no key=value; one file is read and one written").into());
+    }
     let options: BTreeMap<&str, &str> = options.iter().filter_map(|o| o.split_once('=')).collect();
     let number = |key: &str| options.get(key).map(|v| v.parse::<f64>()).transpose();
 
