@@ -53,6 +53,11 @@ impl Random {
         self.0.random_range(0..n)
     }
 
+    /// Puts `items` into another order.
+    pub fn shuffle<T>(&mut self, items: &mut [T]) {
+        (1..items.len()).rev().for_each(|k| items.swap(k, self.below(k + 1)));
+    }
+
     pub fn chance(&mut self, p: Real) -> bool {
         self.unit() < p
     }

@@ -3,6 +3,7 @@
 //! lists of contacts that grow.
 
 use crate::cases::{Random, Tally, cases, check, finite, same_on_all_threads, share};
+use crate::meshes;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
@@ -67,7 +68,7 @@ impl Drive {
         let middle = Vector::new(0.3, 0.3, 0.0);
         let place = |p: &Point| Point::from((p.coords / scale - middle + Vector::z() * top) * scale);
         let mesh = flat.with_vertices(flat.vertices().iter().map(place).collect()).unwrap();
-        let mesh = if r.chance(0.5) { permuted(r, &mesh) } else { mesh };
+        let mesh = if r.chance(0.5) { meshes::renumbered(r, &mesh) } else { mesh };
         let mut start = Particles::from_area_density(&mesh, 0.2).unwrap();
         if r.chance(0.5) {
             let count = 1 + r.below(3);
@@ -143,16 +144,6 @@ impl Drive {
         }
         (particles, by, None)
     }
-}
-
-/// The same cloth with its vertices in another order.
-fn permuted(r: &mut Random, mesh: &TriMesh) -> TriMesh {
-    let n = mesh.vertices().len();
-    let mut to: Vec<usize> = (0..n).collect();
-    (1..n).rev().for_each(|k| to.swap(k, r.below(k + 1)));
-    let mut vertices = mesh.vertices().to_vec();
-    to.iter().enumerate().for_each(|(from, to)| vertices[*to] = mesh.vertices()[from]);
-    TriMesh::new(vertices, mesh.triangles().iter().map(|t| t.map(|v| to[v as usize] as u32)).collect()).unwrap()
 }
 
 fn driven(count: u32) -> Tally {

@@ -27,6 +27,15 @@ pub fn any(r: &mut Random) -> TriMesh {
     }
 }
 
+/// The same mesh with its vertices in another order.
+pub fn renumbered(r: &mut Random, mesh: &TriMesh) -> TriMesh {
+    let mut to: Vec<u32> = (0..mesh.vertices().len() as u32).collect();
+    r.shuffle(&mut to);
+    let mut vertices = mesh.vertices().to_vec();
+    to.iter().zip(mesh.vertices()).for_each(|(to, p)| vertices[*to as usize] = *p);
+    TriMesh::new(vertices, mesh.triangles().iter().map(|t| t.map(|v| to[v as usize])).collect()).unwrap()
+}
+
 /// Any triangles over any points; some points coincide.
 pub fn soup(r: &mut Random, points: usize, triangles: usize) -> TriMesh {
     let mut vertices: Vec<Point> = (0..points).map(|_| r.point(1.0)).collect();

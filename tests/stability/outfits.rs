@@ -17,14 +17,10 @@ fn mapped(mesh: &TriMesh, f: impl Fn(&Point) -> Point) -> TriMesh {
 
 /// Vertices and triangles in another order.
 fn permuted(r: &mut Random, mesh: &TriMesh) -> TriMesh {
-    let n = mesh.vertices().len();
-    let mut order: Vec<usize> = (0..n).collect();
-    (1..n).rev().for_each(|k| order.swap(k, r.below(k + 1)));
-    let mut vertices = mesh.vertices().to_vec();
-    order.iter().enumerate().for_each(|(from, to)| vertices[*to] = mesh.vertices()[from]);
-    let mut triangles: Vec<[u32; 3]> = mesh.triangles().iter().map(|t| t.map(|v| order[v as usize] as u32)).collect();
-    (1..triangles.len()).rev().for_each(|k| triangles.swap(k, r.below(k + 1)));
-    TriMesh::new(vertices, triangles).unwrap()
+    let mesh = meshes::renumbered(r, mesh);
+    let mut triangles = mesh.triangles().to_vec();
+    r.shuffle(&mut triangles);
+    TriMesh::new(mesh.vertices().to_vec(), triangles).unwrap()
 }
 
 /// A slim body of 1.7 m with one to three bands round it, sound or not, in the right order or not.

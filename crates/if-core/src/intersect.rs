@@ -282,4 +282,6 @@ fn beyond_edge(a: [&Point; 3], i: usize, b: [&Point; 3], j: usize) -> Contact {
 }
 
 #[cfg(test)]
+mod rational;
+#[cfg(test)]
 mod tests;

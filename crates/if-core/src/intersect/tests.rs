@@ -1,12 +1,9 @@
-//! Against rational arithmetic ([`rational`]).
+//! Against rational arithmetic ([`super::rational`]).
 
-#[path = "rational.rs"]
-mod rational;
-
+use super::rational::*;
 use super::*;
 use num_rational::{BigRational, Ratio};
 use num_traits::Zero;
-use rational::*;
 
 /// The slow twin of [`triangles_sharing`]: is a corner of the common part off the hull of the shared ones?
 fn reference_sharing<T: Exact>(a: [&Point; 3], b: [&Point; 3], shared: usize) -> bool {
