@@ -199,7 +199,8 @@ fn attempt<F: SignedDistance + ?Sized>(
     if hidden > 0 {
         warnings.push(Warning::Unresolved { cells: hidden });
     }
-    warnings.extend(check::near_sheets(&mesh, &polished.samples, &crossings.neighbours_on_lines(), &lattice));
+    let near = check::near_sheets(&mesh, &polished.samples, &crossings.neighbours_on_lines(), &lattice);
+    warnings.extend(near.warning());
     let skipped = 1.0 - refined.cells.count() as Real / lattice.volume();
     drop((edges, crossed));
 
@@ -207,7 +208,7 @@ fn attempt<F: SignedDistance + ?Sized>(
         let rounds = RelaxParams { rounds: params.relax, ..RelaxParams::default() };
         let relaxed = relax_within(&mesh, field, &rounds, Some(&lattice.aabb().inflated(cell)));
         watch.evaluated(Stage::Relax, params.relax * mesh.vertices().len())?;
-        relaxed
+        if near.within(cell) { check::without_new_intersections(&mesh, relaxed) } else { relaxed }
     } else {
         mesh
     };

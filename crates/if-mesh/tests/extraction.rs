@@ -7,6 +7,8 @@ use fields::{BOX, Case, cases, flaws, region};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
 use if_mesh::extract::{ExtractParams, Resolution, Sampling, Slope, Warning, extract};
+use if_mesh::index::Bvh;
+use if_mesh::intersections::own_pairs;
 use if_mesh::measure::smallest_angles;
 
 fn params(case: &Case, cells: u32) -> ExtractParams {
@@ -107,6 +109,24 @@ fn near_sheets_and_lost_ones_are_told() {
     let lost = of(&fields::shell(), 64);
     assert!(lost.iter().any(|w| matches!(w, Warning::Unresolved { cells: 100.. })), "{lost:?}");
     assert!(of(&fields::sphere(), 64).is_empty() && of(&fields::torus(), 64).is_empty());
+}
+
+#[test]
+fn relaxation_adds_no_intersections_where_sheets_are_nearer_than_a_cell() {
+    let h = BOX / 64.0;
+    let of = |half: Real, relax: usize| {
+        let shell = fields::Shell { field: fields::sphere(), half };
+        let params =
+            ExtractParams { region: Some(region()), resolution: Resolution::Cells(64), relax, ..ExtractParams::default() };
+        let mesh = extract(&shell, &params).unwrap().mesh;
+        (own_pairs(&mesh, &Bvh::new(&mesh)).len(), mesh)
+    };
+    let ((plain, _), (relaxed, _)) = (of(0.4 * h, 0), of(0.4 * h, 3));
+    assert!(plain > 0 && relaxed <= plain, "{plain} pairs of triangles became {relaxed}");
+    // Sheets farther apart are relaxed as any other.
+    let ((_, plain), (pairs, relaxed)) = (of(0.8 * h, 0), of(0.8 * h, 3));
+    let moved = plain.vertices().iter().zip(relaxed.vertices()).filter(|(a, b)| a != b).count();
+    assert!(pairs == 0 && moved * 10 > plain.vertices().len() * 9, "{pairs}, {moved}");
 }
 
 #[test]

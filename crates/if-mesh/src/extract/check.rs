@@ -4,28 +4,70 @@ use crate::extract::lattice::Lattice;
 use crate::extract::params::{ExtractError, ExtractParams};
 use crate::extract::progress::{Stage, Watch};
 use crate::extract::report::{ErrorEstimate, Warning};
+use crate::index::Bvh;
+use crate::intersections::own_pairs;
 use crate::measure::SplitMix64;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, barycentric_point, unit_or_zero};
 use if_core::mesh::TriMesh;
+use std::collections::HashSet;
 
 /// Normals of two sheets that face one another, or away from one another: their cosine is below this. On one smooth
 /// sheet two crossings of a lattice line within two cells have nearly the same normal where the line grazes it.
 const FACING: Real = -0.5;
 
-/// A warning where sheets are nearer than two cells: by `pairs` of vertices on lattice lines, and the field's gradient
+/// Sheets that face one another nearer than two cells.
+pub(super) struct NearSheets {
+    /// Pairs of vertices.
+    pairs: usize,
+    /// The least distance of a pair, in metres.
+    gap: Real,
+}
+
+impl NearSheets {
+    pub(super) fn warning(&self) -> Option<Warning> {
+        (self.pairs > 0).then_some(Warning::NearSheets { pairs: self.pairs, gap: self.gap })
+    }
+
+    /// Whether triangles as large as a cell reach from one sheet to the other.
+    pub(super) fn within(&self, cell: Real) -> bool {
+        self.gap < cell
+    }
+}
+
+/// Where sheets are nearer than two cells: by `pairs` of vertices on lattice lines, and the field's gradient
 /// at all vertices. Nothing where there are no gradients.
-pub(super) fn near_sheets(mesh: &TriMesh, samples: &[FieldSample], pairs: &[[u32; 2]], lattice: &Lattice) -> Option<Warning> {
-    let (mut count, mut least) = (0, Real::INFINITY);
+pub(super) fn near_sheets(mesh: &TriMesh, samples: &[FieldSample], pairs: &[[u32; 2]], lattice: &Lattice) -> NearSheets {
+    let mut near = NearSheets { pairs: 0, gap: Real::INFINITY };
     for [a, b] in pairs.iter().map(|p| p.map(|v| v as usize)) {
         let (Some(at), Some(bt)) = (samples.get(a), samples.get(b)) else { continue };
         let gap = (mesh.vertices()[a] - mesh.vertices()[b]).norm();
         if gap < 2.0 * lattice.cell && unit_or_zero(&at.gradient).dot(&unit_or_zero(&bt.gradient)) < FACING {
-            count += 1;
-            least = least.min(gap);
+            near.pairs += 1;
+            near.gap = near.gap.min(gap);
         }
     }
-    (count > 0).then_some(Warning::NearSheets { pairs: count, gap: least })
+    near
+}
+
+/// `relaxed`, with vertices put back to where they are in `plain` until no triangles meet that do not meet there. Ends, as what is
+/// put back stays.
+pub(super) fn without_new_intersections(plain: &TriMesh, relaxed: TriMesh) -> TriMesh {
+    let pairs = |mesh: &TriMesh| own_pairs(mesh, &Bvh::new(mesh));
+    let given: HashSet<[u32; 2]> = pairs(plain).iter().map(|p| [p.a, p.b]).collect();
+    let mut mesh = relaxed;
+    loop {
+        let mut vertices = mesh.vertices().to_vec();
+        let found = pairs(&mesh);
+        let fresh = found.iter().filter(|p| !given.contains(&[p.a, p.b])).flat_map(|p| [p.a, p.b]);
+        for v in fresh.flat_map(|t| mesh.triangles()[t as usize]) {
+            vertices[v as usize] = plain.vertices()[v as usize];
+        }
+        if vertices == mesh.vertices() {
+            return mesh;
+        }
+        mesh = mesh.with_vertices(vertices).expect("positions of one of two meshes");
+    }
 }
 
 pub(super) struct Checked {
