@@ -122,8 +122,8 @@ impl Edges {
     }
 
     /// Boundary loops, each as its vertices in the direction of the triangles' winding, the loop of
-    /// the smallest first half-edge first. Where several loops touch in one vertex (a bow-tie) they
-    /// are walked apart; a chain that cannot close (inconsistent winding) ends where it must.
+    /// the smallest first half-edge first. No loop comes through a vertex twice: where loops touch in one
+    /// (a bow-tie) each is closed there. A chain that cannot close (inconsistent winding) ends where it must.
     pub fn boundary_loops(&self, mesh: &TriMesh) -> Vec<Vec<u32>> {
         let mut next: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices().len()];
         let mut starts = Vec::new();
@@ -139,16 +139,24 @@ impl Edges {
             out.reverse(); // popped from the end: first come, first walked
         }
         let mut loops = Vec::new();
+        // Where each vertex stands in the walk.
+        let mut place = vec![NONE; next.len()];
         for start in starts {
             let mut walk = vec![start];
-            let mut at = start;
-            while let Some(to) = next[at as usize].pop() {
-                if to == start {
-                    break;
+            place[start as usize] = 0;
+            while let Some(to) = walk.last().and_then(|at| next[*at as usize].pop()) {
+                let been = place[to as usize];
+                if been == NONE {
+                    place[to as usize] = walk.len() as u32;
+                    walk.push(to);
+                } else {
+                    let closed = walk[been as usize..].to_vec();
+                    walk.truncate(been as usize + 1);
+                    closed[1..].iter().for_each(|v| place[*v as usize] = NONE);
+                    loops.push(closed);
                 }
-                walk.push(to);
-                at = to;
             }
+            walk.iter().for_each(|v| place[*v as usize] = NONE);
             if walk.len() > 1 {
                 loops.push(walk);
             }
@@ -247,6 +255,22 @@ mod tests {
         let mesh = TriMesh::new(v, vec![[0, 1, 2], [2, 3, 4]]).unwrap();
         let loops = Edges::new(&mesh).boundary_loops(&mesh);
         assert_eq!(loops, vec![vec![0, 1, 2], vec![2, 3, 4]]);
+    }
+
+    #[test]
+    fn loops_that_touch_are_closed_apart_in_any_order_of_the_triangles() {
+        let v: Vec<Point> = (0..6).map(|k| Point::new(f64::from(k), f64::from(k * k), 0.0)).collect();
+        let triangles = [[0, 1, 2], [3, 5, 4], [0, 2, 3]];
+        for order in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
+            let mesh = TriMesh::new(v.clone(), order.map(|t| triangles[t]).to_vec()).unwrap();
+            let mut loops = Edges::new(&mesh).boundary_loops(&mesh);
+            for l in &mut loops {
+                let least = (0..l.len()).min_by_key(|k| l[*k]).unwrap();
+                l.rotate_left(least);
+            }
+            loops.sort();
+            assert_eq!(loops, vec![vec![0, 1, 2, 3], vec![3, 5, 4]], "{order:?}");
+        }
     }
 
     #[test]
