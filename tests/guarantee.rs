@@ -5,6 +5,7 @@ mod scenes;
 
 use if_core::aabb::Aabb;
 use if_core::math::Point;
+use if_core::mesh::TriMesh;
 use if_pipeline::mannequin::Garment;
 use if_pipeline::outfit::{Layer, Outfit};
 use if_pipeline::resolve::{ResolveError, ResolveParams, Stage, resolve};
@@ -26,6 +27,55 @@ fn the_built_in_scene_comes_out_clean_and_far_vertices_do_not_move() {
         assert_eq!(moved, layer.moved.vertices);
         assert!(layer.moved.max < 0.15, "{}: a vertex went {} m", layer.name, layer.moved.max);
     }
+}
+
+/// The same surface with a seam along x = 0, as exporters leave it where texture coordinates jump; the new vertices come last.
+fn with_a_seam(mesh: &TriMesh) -> (TriMesh, Vec<u32>) {
+    let mut of: Vec<u32> = (0..mesh.vertices().len() as u32).collect();
+    let left = |t: &[u32; 3]| t.iter().map(|v| mesh.vertices()[*v as usize].x).sum::<f64>() < 0.0;
+    let mut on_the_right = vec![false; of.len()];
+    mesh.triangles().iter().filter(|t| !left(t)).flatten().for_each(|v| on_the_right[*v as usize] = true);
+    let mut twin = std::collections::BTreeMap::new();
+    let mut triangles = mesh.triangles().to_vec();
+    for v in triangles.iter_mut().filter(|t| left(t)).flatten().filter(|v| on_the_right[**v as usize]) {
+        *v = *twin.entry(*v).or_insert_with(|| {
+            of.push(*v);
+            of.len() as u32 - 1
+        });
+    }
+    (TriMesh::new(of.iter().map(|v| mesh.vertices()[*v as usize]).collect(), triangles).unwrap(), of)
+}
+
+#[test]
+fn seams_of_exporters_neither_gape_nor_change_the_result() {
+    let whole = mannequin(&[Garment::Tshirt, Garment::Jacket], 1.0);
+    let mut cut = whole.clone();
+    let of: Vec<Vec<u32>> = cut
+        .garments
+        .iter_mut()
+        .map(|layer| {
+            let (mesh, of) = with_a_seam(&layer.mesh);
+            assert!(of.len() > layer.mesh.vertices().len() + 10, "a seam");
+            layer.mesh = mesh;
+            of
+        })
+        .collect();
+    cut.body.mesh = with_a_seam(&whole.body.mesh).0;
+    let (whole, cut) = (assert_clean(&whole, resolved(&whole)), assert_clean(&cut, resolved(&cut)));
+    assert!(whole.report.layers.iter().all(|l| l.moved.vertices > 0));
+    for ((whole, cut), of) in whole.outfit.garments.iter().zip(&cut.outfit.garments).zip(&of) {
+        let expected = of.iter().map(|v| whole.mesh.vertices()[*v as usize]);
+        assert!(cut.mesh.vertices().iter().copied().eq(expected), "{}: the seam gapes", cut.name);
+    }
+}
+
+#[test]
+fn positions_that_are_no_single_precision_are_rounded_before_they_are_proven() {
+    let mut outfit = mannequin(&LAYERED, 0.0);
+    outfit.garments.iter_mut().for_each(|g| g.single_precision = true);
+    let result = assert_clean(&outfit, resolved(&outfit));
+    let single = |p: &Point| p.iter().all(|x| f64::from(*x as f32) == *x);
+    assert!(result.outfit.garments.iter().all(|g| g.mesh.vertices().iter().all(single)));
 }
 
 #[test]

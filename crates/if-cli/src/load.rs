@@ -46,6 +46,10 @@ fn outfit_advice(error: &OutfitError) -> String {
         OutfitError::DuplicateName { .. } => "give one of them another `name` in an outfit file".into(),
         OutfitError::OpenBody { .. } => "the body must be one closed surface; garments may be open".into(),
         OutfitError::InsideOut { .. } => "reverse the order of the corners of all its triangles".into(),
+        OutfitError::TooLarge { .. } => "repair that vertex, or give the garment in the units of the body".into(),
+        OutfitError::PartInsideOut { .. } => {
+            "reverse the order of the corners of that part's triangles, or take the part out".into()
+        }
         OutfitError::FarFromBody { .. } => "all layers must be in the same units and the same place".into(),
         _ => "leave it out, or give a mesh that has triangles".into(),
     }
@@ -162,9 +166,10 @@ fn to_layer(layer: &LayerSpec, file: &MeshFile, scale: f64) -> Result<Layer, Loa
 fn named<'a>(spec: &'a OutfitSpec, error: &OutfitError) -> &'a LayerSpec {
     let garment = |name: &String| spec.garments.iter().rfind(|l| l.name == *name);
     match error {
-        OutfitError::Empty { layer } | OutfitError::DuplicateName { layer } | OutfitError::FarFromBody { layer, .. } => {
-            garment(layer).unwrap_or(&spec.body)
-        }
+        OutfitError::Empty { layer }
+        | OutfitError::DuplicateName { layer }
+        | OutfitError::TooLarge { layer, .. }
+        | OutfitError::FarFromBody { layer, .. } => garment(layer).unwrap_or(&spec.body),
         _ => &spec.body,
     }
 }

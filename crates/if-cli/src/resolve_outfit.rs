@@ -154,8 +154,11 @@ fn resolve_and_prove(spec: &OutfitSpec, loaded: &mut Loaded, line: &Line) -> Res
         // what was resolved. That is proven once more.
         outfit = loaded.outfit_of(&positions).into_diagnostic()?;
         report.after = verify(&outfit).into_diagnostic()?;
+        for (layer, own) in report.layers.iter_mut().zip(&report.after.own_pairs) {
+            layer.own_pairs[1] = *own;
+        }
     }
-    let left = Left::found(&spec.name, &report.after, triangles);
+    let left = Left::found(&spec.name, &report, triangles);
     Ok((!cancel::asked()).then_some((AsWritten { outfit, positions, report }, left)))
 }
 

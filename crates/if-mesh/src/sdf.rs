@@ -1,6 +1,7 @@
 //! Signed distance of a mesh: the nearest triangle's distance, with the side of its pseudo-normal.
 
 use crate::index::Bvh;
+use crate::inverted::{InvertedPart, inverted_part};
 use crate::pseudo_normals::PseudoNormals;
 use if_core::aabb::Aabb;
 use if_core::closest::{Closest, ClosestPoint, Feature};
@@ -53,6 +54,15 @@ pub enum SdfError {
         /// Signed volume, in cubic metres.
         volume: Real,
     },
+    /// A part of the mesh faces inwards, and is no cavity of another.
+    #[error(
+        "the part of {} triangles from triangle {} on is inside out (it encloses {} m³): its triangles must be \
+         counter-clockwise seen from outside", part.triangles, part.triangle, part.volume
+    )]
+    PartInsideOut {
+        /// Which.
+        part: InvertedPart,
+    },
     /// The reach is no length.
     #[error("a reach of {reach} m; needs a length above zero")]
     Reach {
@@ -98,7 +108,7 @@ impl MeshSdf {
     ///
     /// # Errors
     ///
-    /// A mesh that is empty, open or non-manifold at an edge, of inconsistent winding, or inside out.
+    /// A mesh that is empty, open or non-manifold at an edge, of inconsistent winding, or inside out, as a whole or in a part.
     pub fn closed(mesh: &TriMesh) -> Result<Self, SdfError> {
         if mesh.triangles().is_empty() {
             return Err(SdfError::Empty);
@@ -116,6 +126,9 @@ impl MeshSdf {
         let volume = mesh.signed_volume();
         if volume.is_nan() || volume <= 0.0 {
             return Err(SdfError::InsideOut { volume });
+        }
+        if let Some(part) = inverted_part(mesh) {
+            return Err(SdfError::PartInsideOut { part });
         }
         Ok(Self::with(mesh, edges, None, Real::INFINITY))
     }
@@ -292,6 +305,13 @@ mod tests {
         assert_eq!(MeshSdf::open(&TriMesh::default(), 1.0).unwrap_err(), SdfError::Empty);
         let flat = TriMesh::new(ball.vertices().to_vec(), vec![[0, 1, 2], [0, 2, 1]]).unwrap();
         assert!(matches!(MeshSdf::closed(&flat), Err(SdfError::InsideOut { volume: 0.0 })));
+        // A small ball beside it that faces inwards.
+        let beside = ball.vertices().iter().map(|p| Point::new(0.1 * p.x + 2.0, 0.1 * p.y, 0.1 * p.z));
+        let both: Vec<Point> = ball.vertices().iter().copied().chain(beside).collect();
+        let first = ball.vertices().len() as u32;
+        let triangles = ball.triangles().iter().copied().chain(turned.iter().map(|t| t.map(|v| v + first))).collect();
+        let error = MeshSdf::closed(&TriMesh::new(both, triangles).unwrap()).unwrap_err();
+        assert!(matches!(error, SdfError::PartInsideOut { part } if part.triangle == turned.len()), "{error}");
     }
 
     #[test]

@@ -2,6 +2,8 @@
 //!
 //! Three ways to ask: [`is_valid`], [`first_defect`], and [`faults`] for all there is to say.
 
+use crate::inverted::{InvertedPart, NO_VOLUME, inverted_part};
+use crate::seams::spots;
 use if_core::edges::{Edges, VertexTriangles};
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
@@ -30,6 +32,12 @@ pub enum Fault {
     /// A closed surface whose normals point inwards.
     #[error("the closed surface is inside out (volume {volume:.3e}); flip its triangles")]
     InsideOut { volume: Real },
+    /// A part of a closed surface whose normals point inwards, and which is no cavity.
+    #[error(
+        "a part of the closed surface is inside out, {triangles} triangles from triangle {triangle} on (volume {volume:.3e}); \
+         flip these"
+    )]
+    PartInsideOut { triangle: usize, triangles: usize, volume: Real },
     /// Vertices in one place: a seam that is not sewn, or an export that split vertices.
     #[error("{count} vertices lie exactly on others ({}); if they are no open seam, merge them", list(vertices))]
     Duplicates { count: usize, vertices: Vec<u32> },
@@ -109,10 +117,6 @@ const LISTED: usize = 5;
 /// would be missed; at ten times more nothing real is flat yet (1e-10 mm on 10 mm).
 const FLAT: Real = 1e-12;
 
-/// |volume| over the area to the power 3/2 up to which a closed surface encloses nothing, as a folded
-/// sheet does. A ball has 0.094; a glove of 1 mm thickness and 20 cm length still has 1e-3.
-const NO_VOLUME: Real = 1e-9;
-
 /// All that is to be said about a mesh, defects and warnings, each kind once. Empty for a sound one.
 pub fn faults(mesh: &TriMesh) -> Vec<Fault> {
     let vertices = mesh.vertices().len();
@@ -141,6 +145,8 @@ pub fn faults(mesh: &TriMesh) -> Vec<Fault> {
     let volume = mesh.signed_volume();
     if closed && volume < -NO_VOLUME * mesh.area().powf(1.5) {
         found.push(Fault::InsideOut { volume });
+    } else if let Some(InvertedPart { triangle, triangles, volume }) = closed.then(|| inverted_part(mesh)).flatten() {
+        found.push(Fault::PartInsideOut { triangle, triangles, volume });
     }
 
     let mut ties = Collected::default();
@@ -222,12 +228,8 @@ pub fn bow_ties(mesh: &TriMesh, edges: &Edges) -> Vec<u32> {
 
 /// Vertices that lie exactly where one of smaller index lies, ascending.
 fn duplicated(vertices: &[Point]) -> impl Iterator<Item = u32> {
-    let key = |v: u32| vertices[v as usize].coords.map(|x| (x + 0.0).to_bits()); // −0 becomes 0
-    let mut order: Vec<u32> = (0..vertices.len() as u32).collect();
-    order.sort_unstable_by_key(|&v| (<[u64; 3]>::from(key(v)), v));
-    let mut later: Vec<u32> = order.windows(2).filter(|w| key(w[0]) == key(w[1])).map(|w| w[1]).collect();
-    later.sort_unstable();
-    later.into_iter()
+    let first = spots(vertices).unwrap_or_default();
+    (0u32..).zip(first).filter(|(v, first)| v != first).map(|(v, _)| v)
 }
 
 /// A count and the first few.

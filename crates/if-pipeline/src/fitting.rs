@@ -54,7 +54,9 @@ impl MeshTarget {
         if take != Take::Points {
             match MeshSdf::closed(mesh) {
                 Ok(field) => return Ok(Self::Field(field)),
-                Err(e @ (SdfError::InsideOut { .. } | SdfError::Winding { .. })) => return Err(MeshTargetError::Sides(e)),
+                Err(e @ (SdfError::InsideOut { .. } | SdfError::PartInsideOut { .. } | SdfError::Winding { .. })) => {
+                    return Err(MeshTargetError::Sides(e));
+                }
                 Err(e) if take == Take::Field || e == SdfError::Empty => return Err(MeshTargetError::Field(e)),
                 Err(_) => {}
             }

@@ -67,6 +67,7 @@ pub mod render;
 pub mod report;
 pub mod resolve;
 mod settle;
+mod sewn;
 pub mod skeleton;
 pub mod skin_weights;
 #[cfg(feature = "wardrobe")]

@@ -5,6 +5,8 @@ use if_core::edges::Edges;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_mesh::file::MeshFile;
+use if_mesh::inverted::{InvertedPart, inverted_part};
+use if_mesh::seams::sew;
 
 /// A named mesh: the body, or one garment.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,6 +79,17 @@ pub enum OutfitError {
         /// Its signed volume, in cubic metres.
         volume: Real,
     },
+    /// A part of the body winds inwards, and is no cavity of another.
+    #[error(
+        "a part of body `{layer}` is inside out: {} triangles from triangle {} on (signed volume {:.3e} m³); reverse their winding, \
+         or drop them", part.triangles, part.triangle, part.volume
+    )]
+    PartInsideOut {
+        /// Its name.
+        layer: String,
+        /// Which part.
+        part: InvertedPart,
+    },
     /// A garment does not come near the body.
     #[error(
         "garment `{layer}` lies {distance:.3} m from the body; align it first, or check the units \
@@ -87,6 +100,19 @@ pub enum OutfitError {
         layer: String,
         /// Distance between the boxes of the two, in metres.
         distance: Real,
+    },
+    /// A garment is many times as large as the body.
+    #[error(
+        "garment `{layer}` is {size:.3e} m long, more than {LARGEST} times the body; look at vertex {vertex}, or check the units \
+         (everything is in metres)"
+    )]
+    TooLarge {
+        /// Its name.
+        layer: String,
+        /// The longest side of its box, in metres.
+        size: Real,
+        /// One of the vertices that are far out.
+        vertex: u32,
     },
     /// The body's height suggests other units.
     #[error("body `{layer}` is {height:.1} units high, likely {unit}; scale all layers by {scale} (everything is in metres)")]
@@ -102,13 +128,17 @@ pub enum OutfitError {
     },
 }
 
+/// Sizes of the body up to which a garment may be large: a train of twenty metres, and no vertex gone astray.
+const LARGEST: Real = 12.0;
+
 impl Outfit {
     /// Takes a body and garments, inner to outer.
     ///
     /// # Errors
     ///
-    /// A layer without triangles, two of one name, a body that is open, inside out or not in metres
-    /// (taller than 20 units), a garment whose box is further from the body's than the body is tall.
+    /// A layer without triangles, two of one name, a body that is open, inside out (as a whole or in a part) or not in metres
+    /// (taller than 20 units), a garment whose box is further from the body's than the body is tall, or twelve times as large.
+    /// Seams of the body count as closed ([`if_mesh::seams`]), and vertices of no triangle as none.
     pub fn new(body: Layer, garments: Vec<Layer>) -> Result<Self, OutfitError> {
         let outfit = Self { body, garments };
         outfit.check()?;
@@ -132,24 +162,40 @@ impl Outfit {
         }
         let body = &self.body;
         let name = || body.name.clone();
-        let aabb = body.mesh.aabb();
+        let sewn = sew(&body.mesh);
+        let mesh = sewn.as_ref().map_or(&body.mesh, |s| &s.mesh);
+        let aabb = mesh.aabb();
         let height = aabb.size().max();
         if let Some((unit, scale)) = suspicious_unit(height) {
             return Err(OutfitError::Units { layer: name(), height, unit, scale });
         }
-        let edges = Edges::new(&body.mesh);
+        let edges = Edges::new(mesh);
         let mut open = edges.valence.iter().enumerate().filter(|(_, v)| **v == 1).map(|(e, _)| edges.vertices[e]);
         if let Some(first) = open.next() {
-            return Err(OutfitError::OpenBody { layer: name(), open_edges: 1 + open.count(), first });
+            // As the vertices are numbered in the file: the first that stands in each place.
+            let named = |v: u32| sewn.as_ref().and_then(|s| s.place.iter().position(|place| *place == v)).map_or(v, |v| v as u32);
+            return Err(OutfitError::OpenBody { layer: name(), open_edges: 1 + open.count(), first: first.map(named) });
         }
-        let volume = body.mesh.signed_volume();
+        let volume = mesh.signed_volume();
         if volume <= 0.0 {
             return Err(OutfitError::InsideOut { layer: name(), volume });
         }
+        if let Some(part) = inverted_part(mesh) {
+            return Err(OutfitError::PartInsideOut { layer: name(), part });
+        }
         for garment in &self.garments {
-            let distance = box_distance(&aabb, &garment.mesh.aabb());
+            let vertices = garment.mesh.vertices();
+            let extent = Aabb::from_points(garment.mesh.triangles().as_flattened().iter().map(|v| &vertices[*v as usize]));
+            let (size, layer) = (extent.size().max(), || garment.name.clone());
+            if size > LARGEST * height {
+                let middle = nalgebra::center(&aabb.min, &aabb.max);
+                let far = |v: &&u32| (vertices[**v as usize] - middle).amax() >= 0.5 * LARGEST * height;
+                let vertex = garment.mesh.triangles().as_flattened().iter().find(far).map_or(0, |v| *v);
+                return Err(OutfitError::TooLarge { layer: layer(), size, vertex });
+            }
+            let distance = box_distance(&aabb, &extent);
             if distance > height {
-                return Err(OutfitError::FarFromBody { layer: garment.name.clone(), distance });
+                return Err(OutfitError::FarFromBody { layer: layer(), distance });
             }
         }
         Ok(())
@@ -191,12 +237,36 @@ mod tests {
     }
 
     #[test]
+    fn a_body_of_loose_triangles_is_closed_and_strays_do_not_count() {
+        let whole = tetrahedron(1.0, 0.0);
+        let mut v: Vec<Point> = whole.triangles().as_flattened().iter().map(|v| whole.vertices()[*v as usize]).collect();
+        v.push(Point::new(1e300, 0.0, 0.0));
+        let triangles: Vec<[u32; 3]> = (0..4).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let body = |triangles: &[[u32; 3]]| Layer::new("body", TriMesh::new(v.clone(), triangles.to_vec()).unwrap());
+        assert!(Outfit::new(body(&triangles), garment(body(&triangles).mesh)).is_ok());
+        let open = Outfit::new(body(&triangles[1..]), garment(tetrahedron(1.0, 0.1)));
+        assert!(matches!(open, Err(OutfitError::OpenBody { open_edges: 3, first, .. }) if first.iter().all(|v| *v >= 3)));
+    }
+
+    #[test]
     fn every_fault_has_its_own_error() {
         let body = || Layer::new("body", tetrahedron(1.0, 0.0));
         assert!(Outfit::new(body(), garment(tetrahedron(1.0, 0.1))).is_ok());
         assert!(matches!(Outfit::new(body(), garment(TriMesh::default())), Err(OutfitError::Empty { .. })));
         let twin = vec![Layer::new("body", tetrahedron(1.0, 0.0))];
         assert!(matches!(Outfit::new(body(), twin), Err(OutfitError::DuplicateName { .. })));
+        let mut two = tetrahedron(1.0, 0.0).vertices().to_vec();
+        two.extend_from_within(..);
+        two[4..].iter_mut().for_each(|p| p.x = 2.0 + 0.5 * p.x);
+        let mut triangles = tetrahedron(1.0, 0.0).triangles().to_vec();
+        triangles.extend(triangles.clone().iter().map(|[a, b, c]| [a + 4, c + 4, b + 4]));
+        let two = Layer::new("body", TriMesh::new(two, triangles).unwrap());
+        let error = Outfit::new(two, garment(tetrahedron(1.0, 0.1)));
+        assert!(matches!(error, Err(OutfitError::PartInsideOut { part, .. }) if part.triangle == 4));
+        let mut astray = tetrahedron(1.0, 0.1).vertices().to_vec();
+        astray[3].z = 1e200;
+        let astray = TriMesh::new(astray, tetrahedron(1.0, 0.1).triangles().to_vec()).unwrap();
+        assert!(matches!(Outfit::new(body(), garment(astray)), Err(OutfitError::TooLarge { vertex: 3, .. })));
         assert!(matches!(Outfit::new(body(), garment(tetrahedron(1.0, 50.0))), Err(OutfitError::FarFromBody { .. })));
         let mut open = body();
         open.mesh = TriMesh::new(open.mesh.vertices().to_vec(), open.mesh.triangles()[..3].to_vec()).unwrap();

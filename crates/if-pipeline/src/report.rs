@@ -111,7 +111,7 @@ pub struct Skipped {
 }
 
 /// What was done to one garment.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default)]
 pub struct LayerReport {
     /// The garment.
     pub name: String,

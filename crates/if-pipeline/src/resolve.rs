@@ -5,6 +5,7 @@ use crate::dressing::Dressing;
 use crate::outfit::{Outfit, OutfitError};
 use crate::report::ResolveReport;
 use crate::settle::Halt;
+use crate::sewn::Sewn;
 use crate::splitting;
 use crate::verify::verify_layers;
 use if_core::math::Real;
@@ -117,11 +118,12 @@ impl ResolveParams {
     ///
     /// [`ResolveError::Parameter`] with the first that is not.
     pub fn validate(&self) -> Result<(), ResolveError> {
-        const POSITIVE: &str = "it must be a positive number of metres";
-        const SOFTNESS: &str = "it must be a number, zero (rigid) or more";
-        const COUNT: &str = "it must be at least 1";
-        let positive = |v: Real| v > 0.0 && v.is_finite();
-        let soft = |v: Real| v >= 0.0 && v.is_finite();
+        const POSITIVE: &str = "it must be a number of metres above 0, at most 10";
+        const SOFTNESS: &str = "it must be a number from 0 (rigid) to 1e12";
+        const COUNT: &str = "it must be 1 to 10,000";
+        let positive = |v: Real| v > 0.0 && v <= 10.0;
+        let soft = |v: Real| (0.0..=1e12).contains(&v);
+        let count = |n: usize| (1..=10_000).contains(&n);
         let checks = [
             ("clearance", self.clearance, positive(self.clearance) && self.clearance < 0.1, "it must be between 0 and 0.1 m"),
             ("influence", self.influence, positive(self.influence), POSITIVE),
@@ -134,11 +136,11 @@ impl ResolveParams {
             ("fold", self.fold, positive(self.fold), POSITIVE),
             ("outward_cell", self.outward_cell, positive(self.outward_cell), POSITIVE),
             ("tolerance", self.tolerance, positive(self.tolerance), POSITIVE),
-            ("sweeps", self.sweeps as Real, self.sweeps >= 1, COUNT),
-            ("rounds", self.rounds as Real, self.rounds >= 1, COUNT),
-            ("calm_strain", self.calm_strain, soft(self.calm_strain), "it must be a share, zero or more"),
-            ("drawn_strain", self.drawn_strain, soft(self.drawn_strain), "it must be a share, zero or more"),
-            ("strain_limit", self.strain_limit, soft(self.strain_limit), "it must be a share, zero or more"),
+            ("sweeps", self.sweeps as Real, count(self.sweeps), COUNT),
+            ("rounds", self.rounds as Real, count(self.rounds), COUNT),
+            ("calm_strain", self.calm_strain, soft(self.calm_strain), "it must be a share from 0 to 1e12"),
+            ("drawn_strain", self.drawn_strain, soft(self.drawn_strain), "it must be a share from 0 to 1e12"),
+            ("strain_limit", self.strain_limit, soft(self.strain_limit), "it must be a share from 0 to 1e12"),
             ("stretch_softness", self.stretch_softness, soft(self.stretch_softness), SOFTNESS),
             ("bending_softness", self.bending_softness, soft(self.bending_softness), SOFTNESS),
             ("anchor_softness", self.anchor_softness, soft(self.anchor_softness), SOFTNESS),
@@ -270,6 +272,9 @@ pub enum ResolveError {
 
 /// Makes an outfit free of intersections, moving garments as little as it can.
 ///
+/// Vertices that stand in one place along a seam ([`if_mesh::seams`]) move as one, unless triangles may be split; the report counts them
+/// once. Vertices of no triangle stay.
+///
 /// `watch` is told of progress; it returns [`ControlFlow::Break`] to cancel.
 ///
 /// # Errors
@@ -283,9 +288,14 @@ pub fn resolve(
     params.validate()?;
     outfit.check()?;
     let start = Instant::now();
-    let mut resolved = attempt(outfit, params, watch)?;
+    let sewn = Sewn::new(outfit, params.split == Split::Never);
+    let solved = sewn.as_ref().map_or(outfit, |s| &s.outfit);
+    let mut resolved = attempt(solved, params, watch)?;
     if params.split != Split::Never {
-        resolved = split_where_needed(outfit, resolved, params, watch)?;
+        resolved = split_where_needed(solved, resolved, params, watch)?;
+    }
+    if let Some(sewn) = sewn {
+        resolved.outfit = sewn.spread(outfit, resolved.outfit);
     }
     resolved.report.seconds = start.elapsed().as_secs_f64();
     if resolved.report.is_proven() { Ok(resolved) } else { Err(remaining(resolved)) }

@@ -2,6 +2,7 @@
 
 use crate::outfit::{Layer, Outfit, OutfitError};
 use crate::report::{PairCount, PairReport, Verification};
+use crate::sewn::Sewn;
 use if_core::intersect::Contact;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
@@ -15,12 +16,15 @@ use std::time::Instant;
 /// Checks an outfit without changing it: intersecting triangle pairs of all layers, vertices on the
 /// wrong side of a layer below, and every garment's intersections with itself.
 ///
+/// Seams count as closed, vertices that stand in one place along them as one ([`if_mesh::seams`]), vertices of no triangle as none.
+///
 /// # Errors
 ///
 /// The outfit is not usable: see [`OutfitError`].
 pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
     outfit.check()?;
-    Ok(verify_layers(outfit).0)
+    let sewn = Sewn::new(outfit, true);
+    Ok(verify_layers(sewn.as_ref().map_or(outfit, |s| &s.outfit)).0)
 }
 
 /// The verification of a checked outfit, and its closed layers: the body, then all garments but the

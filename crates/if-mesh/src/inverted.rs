@@ -1,0 +1,116 @@
+//! Parts of closed meshes that are inside out.
+
+use crate::winding::Winding;
+use if_core::edges::parts;
+use if_core::math::{Real, area_vector};
+use if_core::mesh::TriMesh;
+
+/// |volume| over the area to the power 3/2 up to which a closed surface encloses nothing, as a folded
+/// sheet does. A ball has 0.094; a glove of 1 mm thickness and 20 cm length still has 1e-3.
+pub(crate) const NO_VOLUME: Real = 1e-9;
+
+/// A part of a closed mesh that faces inwards, and is no cavity of another part.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InvertedPart {
+    /// The first of its triangles.
+    pub triangle: usize,
+    /// How many it has.
+    pub triangles: usize,
+    /// Its signed volume, in cubic metres: below zero.
+    pub volume: Real,
+}
+
+/// Sums over one part.
+#[derive(Clone, Copy)]
+struct Part {
+    first: usize,
+    triangles: usize,
+    volume: Real,
+    area: Real,
+    /// The vertex that is farthest along x.
+    tip: u32,
+}
+
+/// The first part of `mesh`, by its smallest vertex, that faces inwards though no other part encloses it; `None` where there is none.
+///
+/// The mesh has to be closed, its neighbours have to wind alike. A part that faces inwards inside of one that faces outwards is
+/// a cavity, and right. Parts hang together by vertices ([`if_core::edges::parts`]).
+///
+/// ```
+/// use if_core::{mesh::TriMesh, shapes::meshes};
+/// let ball = meshes::icosphere(1.0, 2);
+/// let turned = ball.triangles().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+/// let turned = TriMesh::new(ball.vertices().to_vec(), turned)?;
+/// assert!(if_mesh::inverted::inverted_part(&ball).is_none());
+/// assert!(if_mesh::inverted::inverted_part(&turned).unwrap().volume < -4.0);
+/// # Ok::<(), if_core::mesh::MeshError>(())
+/// ```
+pub fn inverted_part(mesh: &TriMesh) -> Option<InvertedPart> {
+    let part_of = parts(mesh);
+    let mut found: Vec<Option<Part>> = vec![None; mesh.vertices().len()];
+    for (t, corners) in mesh.triangles().iter().enumerate() {
+        let root = part_of[corners[0] as usize] as usize;
+        let part = found[root].get_or_insert(Part { first: t, triangles: 0, volume: 0.0, area: 0.0, tip: corners[0] });
+        // Volumes off a point of the part itself: far from the origin they would be lost to rounding.
+        let from = mesh.vertices()[root];
+        let [a, b, c] = mesh.corners(t);
+        part.triangles += 1;
+        part.volume += (a - from).dot(&(b - from).cross(&(c - from))) / 6.0;
+        part.area += 0.5 * area_vector(a, b, c).norm();
+        let x = |v: u32| mesh.vertices()[v as usize].x;
+        part.tip = corners.iter().fold(part.tip, |tip, v| if x(*v) > x(tip) { *v } else { tip });
+    }
+    let inwards = |p: &&Part| p.volume < -NO_VOLUME * p.area.powf(1.5);
+    let mut suspects = found.iter().flatten().filter(inwards).peekable();
+    suspects.peek()?;
+    let winding = Winding::new(mesh);
+    // At its outermost vertex a part fills at most a half space: it counts -1/2 to 0 there if it faces inwards, and 1 more where
+    // another part encloses it.
+    let enclosed = |p: &Part| winding.at(&mesh.vertices()[p.tip as usize]) > 0.25;
+    let part = suspects.find(|p| !enclosed(p))?;
+    Some(InvertedPart { triangle: part.first, triangles: part.triangles, volume: part.volume })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::math::{Point, Vector};
+    use if_core::shapes::meshes::icosphere;
+
+    /// Balls of one mesh: centre, radius, whether it faces inwards.
+    fn balls(list: &[(Real, Real, bool)]) -> TriMesh {
+        let (mut vertices, mut triangles): (Vec<Point>, Vec<[u32; 3]>) = (Vec::new(), Vec::new());
+        for (x, radius, turned) in list {
+            let ball = icosphere(*radius, 2);
+            let first = vertices.len() as u32;
+            vertices.extend(ball.vertices().iter().map(|p| p + Vector::x() * *x));
+            triangles.extend(ball.triangles().iter().map(|[a, b, c]| {
+                let t = if *turned { [*a, *c, *b] } else { [*a, *b, *c] };
+                t.map(|v| v + first)
+            }));
+        }
+        TriMesh::new(vertices, triangles).unwrap()
+    }
+
+    #[test]
+    fn cavities_are_right_and_parts_that_nothing_encloses_are_not() {
+        let each = icosphere(1.0, 2).triangles().len();
+        assert_eq!(inverted_part(&TriMesh::default()), None);
+        assert_eq!(inverted_part(&balls(&[(0.0, 1.0, false), (3.0, 1.0, false)])), None);
+        assert_eq!(inverted_part(&balls(&[(0.0, 1.0, false), (0.1, 0.5, true)])), None, "a cavity");
+        assert_eq!(inverted_part(&balls(&[(0.0, 1.0, false), (0.1, 0.5, true), (0.1, 0.2, false)])), None, "a stone in it");
+        let found = inverted_part(&balls(&[(0.0, 1.0, false), (3.0, 0.5, true)])).unwrap();
+        assert_eq!((found.triangle, found.triangles), (each, each));
+        assert!(found.volume < -0.4 && found.volume > -0.53, "{found:?}");
+        let found = inverted_part(&balls(&[(1e4, 0.5, true), (0.0, 1.0, false)])).unwrap();
+        assert_eq!((found.triangle, found.triangles), (0, each));
+        // Touching from outside, at the outermost vertex.
+        assert!(inverted_part(&balls(&[(0.0, 1.0, false), (-1.5, 0.5, true)])).is_some());
+    }
+
+    #[test]
+    fn a_folded_sheet_is_not_inside_out() {
+        let v = [[0.0, 0.0, 0.0], [1.0, 0.1, 0.3], [0.2, 1.0, 0.7]].map(Point::from).to_vec();
+        assert_eq!(inverted_part(&TriMesh::new(v, vec![[0, 1, 2], [0, 2, 1]]).unwrap()), None);
+    }
+}
