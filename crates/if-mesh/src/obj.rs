@@ -16,11 +16,13 @@ mod error;
 mod materials;
 mod parse;
 mod split;
+mod to_ply;
 
 pub use crate::normals::Normals;
 pub use error::{Index, ReadError, WriteError};
 pub use materials::textures;
 pub use split::{SplitError, split};
+pub use to_ply::{Lost, to_ply};
 
 use crate::normals::Turns;
 use crate::polygons::{FaceList, Polygons};

@@ -1,0 +1,292 @@
+//! What a PLY file can hold of an OBJ file.
+
+use super::ObjMesh;
+use super::error::ReadError;
+use super::parse::{Listing, listing};
+use crate::ply::{Column, CoordinateType, PlyMesh, Property};
+use std::collections::BTreeSet;
+
+/// What a PLY file cannot hold of an OBJ file, in words for a person.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages say what the fields are
+pub enum Lost {
+    /// Normals that belong to corners.
+    #[error("normals are not kept: {vertices} vertices have several, or none at a corner")]
+    Normals { vertices: usize },
+    /// Colours of some vertices only.
+    #[error("colours of vertices are not kept: only {coloured} of {vertices} have one")]
+    Colours { coloured: usize, vertices: usize },
+    /// Weights of rational surfaces.
+    #[error("numbers behind the coordinates of {vertices} vertices that are no colours are not kept")]
+    Weights { vertices: usize },
+    /// The third of three numbers.
+    #[error("the third texture coordinate is not kept")]
+    Depth,
+    /// Faces with texture coordinates at some of their corners.
+    #[error("texture coordinates of {faces} faces are not kept: not all of their corners have one")]
+    Texture { faces: usize },
+    /// Files that a PLY file does not name.
+    #[error("material libraries are not copied ({names}); each face keeps the number of its material, and comments name them")]
+    Libraries { names: String },
+    /// More than one group or object.
+    #[error("groups and objects are not kept: {names}")]
+    Groups { names: String },
+    /// More than one smoothing group.
+    #[error("smoothing groups are not kept")]
+    Smoothing,
+    /// Lines, points, curves and surfaces.
+    #[error("{count} lines, points, curves or surfaces are not kept")]
+    Elements { count: usize },
+}
+
+/// The mesh with what else the text says of it, as PLY files have it; and what is lost.
+///
+/// | OBJ | PLY |
+/// |---|---|
+/// | `vt` at the corners | `texcoord` of each face: two numbers for each corner; an empty list where it has none |
+/// | colours behind `v` | `red`, `green`, `blue`: bytes where they are numbers from 0 to 1, or whole ones to 255, else floats |
+/// | `vn`, the same at all corners of a vertex | `nx`, `ny`, `nz` |
+/// | `usemtl` | `material` of each face: a number, −1 before the first; comments `material 0 NAME` |
+/// | `mtllib` | comments `mtllib NAME` |
+/// | polygons | the same |
+///
+/// # Errors
+///
+/// None with a text that was read.
+///
+/// # Examples
+///
+/// ```
+/// let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl red\nf 1/1 2/2 3/3\nl 1 2\n";
+/// let (ply, lost) = if_mesh::obj::to_ply(&if_mesh::obj::read(text.as_bytes())?)?;
+/// assert_eq!(ply.face_properties[0].values, if_mesh::ply::Column::F32(vec![0.0, 0.0, 1.0, 0.0, 0.0, 1.0]));
+/// assert_eq!(ply.comments, ["material 0 red"]);
+/// assert_eq!(lost[0].to_string(), "1 lines, points, curves or surfaces are not kept");
+/// # Ok::<(), if_mesh::obj::ReadError>(())
+/// ```
+pub fn to_ply(obj: &ObjMesh) -> Result<(PlyMesh, Vec<Lost>), ReadError> {
+    let all = listing(&obj.text)?;
+    let mut lost = Vec::new();
+    let mut ply = PlyMesh {
+        mesh: obj.mesh.clone(),
+        coordinates: CoordinateType::Double,
+        polygons: obj.polygons.clone(),
+        collapsed: obj.collapsed.clone(),
+        ..PlyMesh::default()
+    };
+    ply.vertex_properties.extend(colours(&all, &mut lost));
+    ply.vertex_properties.extend(normals(&all, &mut lost));
+    ply.face_properties.extend(texcoord(&all, &mut lost));
+    let said = Said::of(&obj.text);
+    if !said.materials.is_empty() {
+        let mut names: Vec<&str> = Vec::new();
+        let mut changes = Vec::new();
+        for (at, name) in &said.materials {
+            let k = names.iter().position(|n| n == name).unwrap_or_else(|| {
+                names.push(name);
+                names.len() - 1
+            });
+            changes.push((*at, k as i32));
+        }
+        let of = |face: usize| match changes.partition_point(|c| c.0 < face) {
+            0 => -1,
+            k => changes[k - 1].1,
+        };
+        ply.face_properties.push(Property::new("material", Column::I32(all.faces.iter().map(|f| of(f.start)).collect())));
+        ply.comments.extend(names.iter().enumerate().map(|(k, name)| format!("material {k} {name}")));
+    }
+    let libraries = obj.material_libraries();
+    if !libraries.is_empty() {
+        ply.comments.extend(libraries.iter().map(|name| format!("mtllib {name}")));
+        lost.push(Lost::Libraries { names: libraries.join(", ") });
+    }
+    if said.objects.len() > 1 || said.groups.len() > 1 {
+        let names: Vec<&str> = said.objects.iter().chain(&said.groups).map(String::as_str).collect();
+        lost.push(Lost::Groups { names: names.join(", ") });
+    }
+    if said.smoothing.len() > 1 {
+        lost.push(Lost::Smoothing);
+    }
+    if said.elements > 0 {
+        lost.push(Lost::Elements { count: said.elements });
+    }
+    Ok((ply, lost))
+}
+
+/// Three numbers behind the coordinates, or four, of which the last is opacity.
+fn colours(all: &Listing, lost: &mut Vec<Lost>) -> Vec<Property> {
+    let rows = &all.vertices;
+    let coloured = rows.iter().filter(|r| r.len() >= 6).count();
+    let weighted = rows.iter().filter(|r| r.len() == 4).count();
+    if weighted > 0 {
+        lost.push(Lost::Weights { vertices: weighted });
+    }
+    if coloured == 0 {
+        return Vec::new();
+    }
+    if coloured < rows.len() {
+        lost.push(Lost::Colours { coloured, vertices: rows.len() });
+        return Vec::new();
+    }
+    let channels = rows.iter().map(|r| r.len() - 3).min().unwrap_or(0);
+    let values = || rows.iter().flat_map(|r| r[3..3 + channels].iter().copied());
+    let scale = if values().all(|x| (0.0..=1.0).contains(&x)) {
+        Some(255.0)
+    } else {
+        values().all(|x| (0.0..=255.0).contains(&x) && x.fract() == 0.0).then_some(1.0)
+    };
+    let column = |k: usize| match scale {
+        Some(scale) => Column::U8(rows.iter().map(|r| (scale * r[3 + k]).round() as u8).collect()),
+        None => Column::F32(rows.iter().map(|r| r[3 + k] as f32).collect()),
+    };
+    ["red", "green", "blue", "alpha"].iter().take(channels).enumerate().map(|(k, name)| Property::new(*name, column(k))).collect()
+}
+
+/// One normal for each vertex. Vertices without a face have zeros.
+fn normals(all: &Listing, lost: &mut Vec<Lost>) -> Vec<Property> {
+    if all.normals.is_empty() {
+        return Vec::new();
+    }
+    let mut found: Vec<Option<Option<u32>>> = vec![None; all.vertices.len()];
+    let mut faulty = BTreeSet::new();
+    for [v, _, n] in all.faces.iter().flat_map(|f| &f.corners) {
+        let Some(v) = v else { continue };
+        let slot = &mut found[*v as usize];
+        let of = |n: &Option<u32>| n.map(|n| &all.normals[n as usize]);
+        match slot {
+            None => *slot = Some(*n),
+            Some(before) if of(before) == of(n) => {}
+            Some(_) => drop(faulty.insert(*v)),
+        }
+        if n.is_none() {
+            faulty.insert(*v);
+        }
+    }
+    if !faulty.is_empty() {
+        lost.push(Lost::Normals { vertices: faulty.len() });
+        return Vec::new();
+    }
+    let axis = |k: usize| {
+        let of = |n: &Option<Option<u32>>| n.flatten().map_or(0.0, |n| all.normals[n as usize][k] as f32);
+        Column::F32(found.iter().map(of).collect())
+    };
+    ["nx", "ny", "nz"].iter().enumerate().map(|(k, name)| Property::new(*name, axis(k))).collect()
+}
+
+/// Two numbers for each corner of each face.
+fn texcoord(all: &Listing, lost: &mut Vec<Lost>) -> Option<Property> {
+    let (mut values, mut lists) = (Vec::new(), vec![0u32]);
+    let (mut partly, mut deep) = (0, false);
+    for face in &all.faces {
+        let corners: Vec<u32> = face.corners.iter().filter_map(|c| c[1]).collect();
+        if corners.len() == face.corners.len() {
+            for row in corners.iter().map(|t| &all.textures[*t as usize]) {
+                values.extend([0, 1].map(|k| row.get(k).copied().unwrap_or(0.0) as f32));
+                deep |= row.get(2).is_some_and(|w| *w != 0.0);
+            }
+        } else if !corners.is_empty() {
+            partly += 1;
+        }
+        lists.push(values.len() as u32);
+    }
+    if deep {
+        lost.push(Lost::Depth);
+    }
+    if partly > 0 {
+        lost.push(Lost::Texture { faces: partly });
+    }
+    (!values.is_empty()).then(|| Property { name: "texcoord".into(), values: Column::F32(values), lists: Some(lists) })
+}
+
+/// Statements that say something of the faces that follow.
+#[derive(Default)]
+struct Said {
+    /// Where in the text a material begins to count, and its name.
+    materials: Vec<(usize, String)>,
+    groups: BTreeSet<String>,
+    objects: BTreeSet<String>,
+    smoothing: BTreeSet<String>,
+    /// Lines, points, curves and surfaces.
+    elements: usize,
+}
+
+impl Said {
+    fn of(text: &[u8]) -> Self {
+        let mut said = Self::default();
+        let mut at = 0;
+        for line in text.split_inclusive(|b| *b == b'\n') {
+            let statement = String::from_utf8_lossy(line.split(|b| *b == b'#').next().unwrap_or_default());
+            let (key, rest) = statement.trim().split_once(char::is_whitespace).unwrap_or((statement.trim(), ""));
+            let name = || rest.trim().to_owned();
+            match key {
+                "usemtl" => said.materials.push((at, name())),
+                "g" => drop(said.groups.insert(name())),
+                "o" => drop(said.objects.insert(name())),
+                "s" => drop(said.smoothing.insert(name())),
+                "l" | "p" | "curv" | "curv2" | "surf" => said.elements += 1,
+                _ => {}
+            }
+            at += line.len();
+        }
+        said
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::obj::read;
+    use crate::split::split as split_mesh;
+
+    const TEXT: &str = "mtllib a b.mtl\no shirt\nv 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 0.2 0.4 0.6\nv 2 0 0 0 0 0\n\
+        vt 0 0\nvt 1 0\nvt 1 1 0\nvt 0 1\nvn 0 0 1\nvn 0 0 1.0\ng front\nf 2//1 3//1 5//1\nusemtl red cloth\nf 1/1/1 2/2/1 3/3/2 4/4/1\n\
+        g back\nusemtl blue\ns 1\nf 5/1/1 3/2/1 2/4/1\nusemtl red cloth # again\nf 1/1/1 2/1/1 2/1/1 4/1/1\n";
+
+    #[test]
+    fn what_a_ply_file_can_hold_comes_along() {
+        let obj = read(TEXT.as_bytes()).unwrap();
+        let (ply, lost) = to_ply(&obj).unwrap();
+        assert_eq!((&ply.mesh, ply.polygons.as_ref(), &ply.collapsed[..]), (obj.mesh(), obj.polygons(), obj.collapsed()));
+        let column = |name: &str| ply.vertex_property(name).unwrap().values.clone();
+        assert_eq!(column("red"), Column::U8(vec![255, 0, 0, 51, 0]));
+        assert_eq!(column("blue"), Column::U8(vec![0, 0, 255, 153, 0]));
+        assert_eq!(column("nz"), Column::F32(vec![1.0; 5]), "equal normals of two lines are one");
+        let [texcoord, material] = &ply.face_properties[..] else { panic!("two properties") };
+        assert_eq!(texcoord.lists.as_ref().unwrap(), &[0, 0, 8, 14, 22]);
+        assert_eq!(texcoord.values.to_f64()[..8], [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]);
+        assert_eq!(material.values, Column::I32(vec![-1, 0, 1, 0]));
+        assert_eq!(ply.comments, ["material 0 red cloth", "material 1 blue", "mtllib a b.mtl"]);
+        let expected = [Lost::Libraries { names: "a b.mtl".into() }, Lost::Groups { names: "shirt, back, front".into() }];
+        assert_eq!(lost, expected);
+        // It is a file that is written, read, and split.
+        let mut bytes = Vec::new();
+        crate::ply::write(&ply, ply.mesh.vertices(), &Default::default(), &mut bytes).unwrap();
+        let again = crate::ply::read_bytes(&bytes).unwrap();
+        assert_eq!(again.face_properties, ply.face_properties);
+        let fine = split_mesh(&again.mesh, &[false, true, false, false, false]).unwrap();
+        let after = crate::ply::split(&again, &fine, fine.mesh.clone()).unwrap();
+        assert_eq!(after.face_properties[1].values.len(), after.face_properties[0].records());
+    }
+
+    #[test]
+    fn what_it_cannot_hold_is_told() {
+        let lost = |from: &str, to: &str| {
+            assert!(TEXT.contains(from));
+            let (ply, lost) = to_ply(&read(TEXT.replacen(from, to, 1).as_bytes()).unwrap()).unwrap();
+            (ply, lost.into_iter().filter(|l| !matches!(l, Lost::Libraries { .. } | Lost::Groups { .. })).collect::<Vec<_>>())
+        };
+        assert_eq!(lost("vn 0 0 1.0", "vn 0 1 0").1, [Lost::Normals { vertices: 1 }]);
+        assert_eq!(lost("f 2//1 3//1", "f 2 3//1").1, [Lost::Normals { vertices: 1 }]);
+        assert_eq!(lost("v 2 0 0 0 0 0", "v 2 0 0").1, [Lost::Colours { coloured: 4, vertices: 5 }]);
+        let (_, weighted) = lost("v 2 0 0 0 0 0", "v 2 0 0 1");
+        assert_eq!(weighted, [Lost::Weights { vertices: 1 }, Lost::Colours { coloured: 4, vertices: 5 }]);
+        assert_eq!(lost("vt 1 1 0", "vt 1 1 0.5").1, [Lost::Depth]);
+        assert_eq!(lost("f 5/1/1 3/2/1", "f 5/1/1 3//1").1, [Lost::Texture { faces: 1 }]);
+        assert_eq!(lost("s 1", "s 1\ns 2\nl 1 2\np 1").1, [Lost::Smoothing, Lost::Elements { count: 2 }]);
+        let (ply, _) = lost("0.2 0.4 0.6", "200 0 1");
+        assert_eq!(ply.vertex_property("red").unwrap().values, Column::U8(vec![1, 0, 0, 200, 0]), "whole numbers to 255");
+        let (ply, _) = lost("0.2 0.4 0.6", "1.5 0 1");
+        assert_eq!(ply.vertex_property("red").unwrap().values, Column::F32(vec![1.0, 0.0, 0.0, 1.5, 0.0]));
+    }
+}
