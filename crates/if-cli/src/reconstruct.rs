@@ -304,6 +304,7 @@ fn write_assets(
             body: &body,
             mesh: &garment.mesh,
             skin: Some(&garment.skin),
+            beside: None,
             provenance: &provenance,
             network,
             baked: Some(&found.field),

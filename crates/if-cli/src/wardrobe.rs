@@ -17,7 +17,7 @@ use args::WardrobeCommand;
 use if_pipeline::asset::AssetError;
 use if_pipeline::resolve::ResolveParams;
 use if_pipeline::wardrobe::matching::{MatchParams, State};
-use if_pipeline::wardrobe::{Wardrobe, WardrobeError};
+use if_pipeline::wardrobe::{Unreadable, Wardrobe, WardrobeError};
 use miette::{Diagnostic, Report};
 use std::path::Path;
 
@@ -48,18 +48,34 @@ impl Fault {
             WardrobeError::ForeignBody { .. } => "add the body with `ifg wardrobe add --body NAME --mesh FILE`",
             WardrobeError::Asset(AssetError::Name { .. }) => "give another name, or rename the file",
             WardrobeError::Busy { .. } => "wait for it, or take another folder",
-            WardrobeError::Outfit(_) | WardrobeError::BodyMesh { .. } => "the body must be one closed PLY mesh in metres",
+            WardrobeError::NoWardrobe { .. } => "look at the path; `ifg wardrobe add` makes a wardrobe",
+            WardrobeError::InTheWay { .. } => "give --out another folder, or move it away",
+            WardrobeError::Body { .. } | WardrobeError::BodyFile(_) | WardrobeError::BodyMesh { .. } => {
+                "the body must be one closed PLY or OBJ mesh in metres, wound outwards"
+            }
+            WardrobeError::NoGarments { .. } | WardrobeError::Twice { .. } | WardrobeError::Outfit(_) => {
+                "name the body, and different garments from inner to outer"
+            }
             _ => "formats stand in docs/wardrobe.md",
         };
         Self { context: context.into(), help, source: Told::new(error) }
     }
 }
 
-/// Opens a wardrobe, and says what cannot be read in it.
+/// Opens a wardrobe that is there, and says what cannot be read in it.
 pub(crate) fn open(root: &Path) -> Result<Wardrobe, Report> {
-    let wardrobe = Wardrobe::open(root).map_err(|e| Fault::new(format!("cannot open wardrobe `{}`", root.display()), &e))?;
-    for (name, error) in wardrobe.faults() {
-        crate::errors::note(&format!("garment `{name}` is left out: {error}"));
+    opened(root, Wardrobe::open_existing(root))
+}
+
+/// The same where a wardrobe may be new.
+pub(crate) fn open_or_begin(root: &Path) -> Result<Wardrobe, Report> {
+    opened(root, Wardrobe::open(root))
+}
+
+fn opened(root: &Path, wardrobe: Result<Wardrobe, WardrobeError>) -> Result<Wardrobe, Report> {
+    let wardrobe = wardrobe.map_err(|e| Fault::new(format!("cannot open wardrobe `{}`", root.display()), &e))?;
+    for Unreadable { part, name, error } in wardrobe.faults() {
+        crate::errors::note(&format!("{part} `{name}` is left out: {error}"));
     }
     Ok(wardrobe)
 }

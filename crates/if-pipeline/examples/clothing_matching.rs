@@ -46,6 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             body: &made_on,
             mesh: &mesh,
             skin: None,
+            beside: None,
             provenance: &provenance,
             network: None,
             baked: None,

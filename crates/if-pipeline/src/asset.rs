@@ -3,7 +3,7 @@
 //! ```text
 //! NAME/
 //!   asset.json      what is known: AssetInfo
-//!   garment.ply     the mesh in the body's canonical pose, single precision, weights as j0..j3 and w0..w3
+//!   garment.ply     the mesh in the body's canonical pose, single precision, weights as j0..j3 and w0..w3, and what else its source has
 //!   phi.safetensors φ as a network, where there is one
 //!   phi.baked       φ of the clothed body as a narrow-band grid, where there is one
 //!   thumbnail.png   front and back
@@ -12,11 +12,13 @@
 //! The folder is written whole or not at all ([`crate::whole_folder`]); its files are named with their hashes in
 //! `asset.json`, which [`read`] checks.
 
+mod beside;
 mod class;
 mod error;
 mod info;
 mod thumbnail;
 
+pub use beside::Beside;
 pub use class::{GarmentClass, LayerHint, is_wearable};
 pub use error::AssetError;
 pub use info::{AssetInfo, BodyRef, FileInfo, Opening, Phi, Provenance};
@@ -26,7 +28,7 @@ use crate::skin_weights::SkinWeights;
 use crate::whole_folder::Writer;
 use if_core::mesh::TriMesh;
 use if_mesh::baked::Baked;
-use if_mesh::ply::{self, CoordinateType, PlyMesh, Property, WriteParams};
+use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -50,6 +52,8 @@ pub struct Asset {
     pub mesh: TriMesh,
     /// Its skinning weights, where it has some.
     pub skin: Option<SkinWeights>,
+    /// What else its file holds.
+    pub beside: Beside,
     /// Where it stands.
     pub folder: PathBuf,
 }
@@ -67,6 +71,8 @@ pub struct Parts<'a> {
     pub mesh: &'a TriMesh,
     /// One record for each vertex.
     pub skin: Option<&'a SkinWeights>,
+    /// What its file holds beside.
+    pub beside: Option<&'a Beside>,
     /// Where it comes from.
     pub provenance: &'a Provenance,
     /// φ as a network: the bytes of a checkpoint.
@@ -79,7 +85,7 @@ pub struct Parts<'a> {
 ///
 /// # Errors
 ///
-/// [`AssetError`]: a name that is no folder's, a mesh without triangles, weights for other vertices, or the system.
+/// [`AssetError`]: a name that is no folder's, a mesh without triangles, weights or properties for other vertices, or the system.
 pub fn write(assets: &Writer, parts: &Parts) -> Result<AssetInfo, AssetError> {
     check_name(parts.name)?;
     if parts.mesh.triangles().is_empty() {
@@ -99,9 +105,10 @@ pub fn write(assets: &Writer, parts: &Parts) -> Result<AssetInfo, AssetError> {
             fs::write(&path, bytes).map_err(|source| AssetError::Io { path, source })?;
             Ok(FileInfo { file: file.into(), content: content(bytes) })
         };
-        let vertex_properties: Vec<Property> = parts.skin.map_or(Vec::new(), SkinWeights::to_properties);
-        let comments = parts.provenance.licence.iter().map(|l| format!("licence {}", one_line(l))).collect();
-        let garment = PlyMesh { vertex_properties, comments, ..PlyMesh::new(mesh.clone()) };
+        let mut garment = parts.beside.unwrap_or(&Beside::default()).file(mesh.clone(), parts.skin);
+        let licence = parts.provenance.licence.iter().filter(|l| !garment.comments.contains(l));
+        let licence: Vec<String> = licence.map(|l| format!("licence {}", one_line(l))).collect();
+        garment.comments.extend(licence);
         let mut bytes = Vec::new();
         ply::write(&garment, mesh.vertices(), &WriteParams::default(), &mut bytes)
             .map_err(|source| AssetError::Ply { name: parts.name.into(), source: source.into() })?;
@@ -150,7 +157,8 @@ pub fn read(folder: &Path) -> Result<Asset, AssetError> {
         true => Some(SkinWeights::from_ply(&ply, JOINTS).map_err(|source| AssetError::Skin { path: path(), source })?),
         false => None,
     };
-    Ok(Asset { info, mesh: ply.mesh, skin, folder: folder.into() })
+    let beside = Beside::of(&ply);
+    Ok(Asset { info, mesh: ply.mesh, skin, beside, folder: folder.into() })
 }
 
 /// Reads `asset.json` alone.
@@ -174,6 +182,11 @@ pub fn read_info(folder: &Path) -> Result<AssetInfo, AssetError> {
 }
 
 impl Asset {
+    /// The garment's file, as it was read.
+    pub fn file(&self) -> PlyMesh {
+        self.beside.file(self.mesh.clone(), self.skin.as_ref())
+    }
+
     /// The checkpoint of φ's network, where the asset has one.
     ///
     /// # Errors

@@ -1,6 +1,5 @@
 //! Which joints each vertex hangs on.
 
-use if_mesh::attributes::{Source, VertexAttributes};
 use if_mesh::ply::{Column, PlyMesh, Property};
 
 /// Up to four joints and their weights for each vertex. Weights are not negative and sum to 1.
@@ -108,22 +107,6 @@ impl SkinWeights {
         let mut out: Vec<Property> = (0..4).map(|k| Property::new(format!("j{k}"), joint(k))).collect();
         out.extend((0..4).map(|k| Property::new(format!("w{k}"), Column::F32(self.weights.iter().map(|w| w[k]).collect()))));
         out
-    }
-
-    /// The weights of vertices made of these ([`if_mesh::attributes::Rule::Skinning`]).
-    ///
-    /// # Panics
-    ///
-    /// If a source names a vertex that is not there.
-    pub fn derive(&self, sources: &[Source]) -> Self {
-        let attributes = VertexAttributes::new(self.len(), self.to_properties()).expect("one record for each vertex");
-        let columns: Vec<Vec<f64>> = attributes.derive(sources).properties().iter().map(|p| p.values.to_f64()).collect();
-        let (joints, weights) = columns.split_at(4);
-        let row = |v: usize, of: &[Vec<f64>]| [0, 1, 2, 3].map(|k| of[k][v]);
-        Self {
-            joints: (0..sources.len()).map(|v| row(v, joints).map(|j| j as u16)).collect(),
-            weights: (0..sources.len()).map(|v| row(v, weights).map(|w| w as f32)).collect(),
-        }
     }
 
     /// Number of vertices.

@@ -21,7 +21,7 @@ mod result_folder;
 pub use body::{BodyInfo, NewBody, WardrobeBody};
 pub use error::WardrobeError;
 
-use crate::asset::{self, Asset, AssetError, AssetInfo, BodyRef, FileInfo, Parts};
+use crate::asset::{self, Asset, AssetInfo, BodyRef, FileInfo, Parts};
 use crate::content::{self, Content};
 use crate::whole_folder::{self, PATIENCE, Writer};
 use std::collections::BTreeMap;
@@ -30,36 +30,81 @@ use std::path::{Path, PathBuf};
 const BODIES: &str = "bodies";
 const GARMENTS: &str = "garments";
 
+/// A part of a wardrobe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// A body.
+    Body,
+    /// A garment.
+    Garment,
+}
+
+impl std::fmt::Display for Part {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Body => "body",
+            Self::Garment => "garment",
+        })
+    }
+}
+
+/// A folder of a wardrobe that cannot be read.
+#[derive(Debug)]
+pub struct Unreadable {
+    /// What it should be.
+    pub part: Part,
+    /// Its name.
+    pub name: String,
+    /// Why.
+    pub error: WardrobeError,
+}
+
 /// What a folder of bodies and garments holds.
 #[derive(Debug)]
 pub struct Wardrobe {
     root: PathBuf,
     bodies: BTreeMap<String, BodyInfo>,
     garments: BTreeMap<String, AssetInfo>,
-    faults: Vec<(String, AssetError)>,
+    faults: Vec<Unreadable>,
 }
 
 impl Wardrobe {
-    /// Reads what is there; an empty or missing folder is an empty wardrobe. A garment that cannot be read does not stop
-    /// the others: see [`Wardrobe::faults`].
+    /// Reads what is there; an empty or missing folder is an empty wardrobe. A body or garment that cannot be read does not stop
+    /// the others: see [`Wardrobe::faults`]. What a process that was killed had moved away is put back.
     ///
     /// # Errors
     ///
-    /// A body that cannot be read, or a folder that the system does not give.
+    /// A folder that the system does not give.
     pub fn open(root: &Path) -> Result<Self, WardrobeError> {
         let fault = |source| WardrobeError::Folder { path: root.into(), source };
         let mut wardrobe = Self { root: root.into(), bodies: BTreeMap::new(), garments: BTreeMap::new(), faults: Vec::new() };
+        [BODIES, GARMENTS].iter().for_each(|part| whole_folder::restore(&root.join(part)));
         for name in whole_folder::names(&root.join(BODIES)).map_err(fault)? {
-            let info = body::read_info(&root.join(BODIES).join(&name))?;
-            wardrobe.bodies.insert(name, info);
+            match body::read_info(&root.join(BODIES).join(&name)) {
+                // Whoever has renamed the folder has renamed the body.
+                Ok(info) => drop(wardrobe.bodies.insert(name.clone(), BodyInfo { name, ..info })),
+                Err(error) => wardrobe.faults.push(Unreadable { part: Part::Body, name, error }),
+            }
         }
         for name in whole_folder::names(&root.join(GARMENTS)).map_err(fault)? {
             match asset::read_info(&root.join(GARMENTS).join(&name)) {
                 Ok(info) => drop(wardrobe.garments.insert(name, info)),
-                Err(error) => wardrobe.faults.push((name, error)),
+                Err(error) => wardrobe.faults.push(Unreadable { part: Part::Garment, name, error: error.into() }),
             }
         }
         Ok(wardrobe)
+    }
+
+    /// As [`Wardrobe::open`], for those who have nothing to add.
+    ///
+    /// # Errors
+    ///
+    /// Also a folder that is missing, or that holds neither bodies nor garments.
+    pub fn open_existing(root: &Path) -> Result<Self, WardrobeError> {
+        if [BODIES, GARMENTS].iter().any(|part| root.join(part).is_dir()) {
+            return Self::open(root);
+        }
+        Err(WardrobeError::NoWardrobe { path: root.into() })
     }
 
     /// Adds a body, or replaces the one of this name.
@@ -81,9 +126,10 @@ impl Wardrobe {
     pub fn add_body_once(&mut self, new: &NewBody) -> Result<BodyRef, WardrobeError> {
         let writer = self.writer(BODIES)?;
         self.bodies = Self::open(&self.root)?.bodies; // what others have added
-        let content = |path: &Path| content::of_file(path).map_err(|source| WardrobeError::Folder { path: path.into(), source });
-        let (mesh, template) = (content(new.mesh)?, new.template.map(content).transpose()?);
-        let skeleton = new.skeleton.map(content).transpose()?;
+        let of_mesh = |path: &Path| Ok::<_, WardrobeError>(content::content(&body::ply_bytes(path)?));
+        let of_file = |path: &Path| content::of_file(path).map_err(|source| WardrobeError::Folder { path: path.into(), source });
+        let (mesh, template) = (of_mesh(new.mesh)?, new.template.map(of_mesh).transpose()?);
+        let skeleton = new.skeleton.map(of_file).transpose()?;
         let is =
             |file: &Option<FileInfo>, new: &Option<Content>| new.is_none() || file.as_ref().map(|f| &f.content) == new.as_ref();
         let name = match self.bodies.values().find(|body| body.mesh.content == mesh) {
@@ -91,7 +137,7 @@ impl Wardrobe {
             Some(body) => body.name.clone(),
             None => {
                 let mut names = std::iter::once(new.name.to_owned()).chain((2..).map(|k| format!("{}_{k}", new.name)));
-                names.find(|name| !self.bodies.contains_key(name)).expect("some number is free")
+                names.find(|name| !self.root.join(BODIES).join(name).exists()).expect("some number is free")
             }
         };
         self.put_body(&writer, &NewBody { name: &name, ..*new })
@@ -101,6 +147,7 @@ impl Wardrobe {
         asset::check_name(new.name)?;
         let info = body::write(writer, new)?;
         let found = info.reference();
+        self.faults.retain(|f| (f.part, f.name.as_str()) != (Part::Body, new.name));
         self.bodies.insert(new.name.to_owned(), info);
         Ok(found)
     }
@@ -113,7 +160,7 @@ impl Wardrobe {
     pub fn add(&mut self, parts: &Parts) -> Result<&AssetInfo, WardrobeError> {
         self.body_like(parts.name, parts.body)?;
         let info = asset::write(&self.writer(GARMENTS)?, parts)?;
-        self.faults.retain(|(name, _)| name != parts.name);
+        self.faults.retain(|f| (f.part, f.name.as_str()) != (Part::Garment, parts.name));
         self.garments.insert(parts.name.to_owned(), info);
         Ok(&self.garments[parts.name])
     }
@@ -139,17 +186,25 @@ impl Wardrobe {
         &self.garments
     }
 
-    /// Folders of garments that cannot be read, and why.
-    pub fn faults(&self) -> &[(String, AssetError)] {
+    /// Folders of bodies and garments that cannot be read, and why.
+    pub fn faults(&self) -> &[Unreadable] {
         &self.faults
+    }
+
+    /// Whether the folder of this name cannot be read.
+    fn is_faulty(&self, part: Part, name: &str) -> bool {
+        self.faults.iter().any(|f| (f.part, f.name.as_str()) == (part, name))
     }
 
     /// What is known of a body.
     ///
     /// # Errors
     ///
-    /// There is none of this name.
+    /// There is none of this name, or it cannot be read.
     pub fn body_info(&self, name: &str) -> Result<&BodyInfo, WardrobeError> {
+        if self.is_faulty(Part::Body, name) {
+            body::read_info(&self.root.join(BODIES).join(name))?; // says once more what is wrong
+        }
         let known = || self.bodies.keys().cloned().collect::<Vec<_>>().join(", ");
         self.bodies.get(name).ok_or_else(|| WardrobeError::NoBody { name: name.into(), known: known() })
     }
@@ -160,6 +215,9 @@ impl Wardrobe {
     ///
     /// There is none of this name, or it cannot be read.
     pub fn garment_info(&self, name: &str) -> Result<&AssetInfo, WardrobeError> {
+        if self.is_faulty(Part::Garment, name) {
+            asset::read_info(&self.root.join(GARMENTS).join(name))?;
+        }
         let known = || self.garments.keys().cloned().collect::<Vec<_>>().join(", ");
         self.garments.get(name).ok_or_else(|| WardrobeError::NoGarment { name: name.into(), known: known() })
     }
@@ -184,6 +242,15 @@ impl Wardrobe {
     /// There is none of this name, or a file of it has changed.
     pub fn body(&self, name: &str) -> Result<WardrobeBody, WardrobeError> {
         body::read(&self.root.join(BODIES).join(name), self.body_info(name)?)
+    }
+
+    /// The file of a body's mesh.
+    ///
+    /// # Errors
+    ///
+    /// There is none of this name, or the file has changed.
+    pub fn body_file(&self, name: &str) -> Result<Vec<u8>, WardrobeError> {
+        body::read_mesh(&self.root.join(BODIES).join(name), self.body_info(name)?)
     }
 
     /// Reads a garment.

@@ -1,7 +1,8 @@
 //! `ifg wardrobe add`.
 
 use super::args::AddArgs;
-use super::{Fault, open};
+use super::{Fault, open_or_begin};
+use crate::announce;
 use crate::cancel;
 use crate::end::End;
 use crate::errors::{Told, show};
@@ -9,8 +10,9 @@ use crate::print::print;
 use crate::progress::Line;
 use if_mesh::baked::BakeParams;
 use if_mesh::file::{Content, MeshFile};
+use if_mesh::obj;
 use if_pipeline::align::carried_field;
-use if_pipeline::asset::{BodyRef, LayerHint, Parts, Provenance};
+use if_pipeline::asset::{Beside, BodyRef, LayerHint, Parts, Provenance};
 use if_pipeline::content::content;
 use if_pipeline::skin_weights::SkinWeights;
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeBody};
@@ -31,7 +33,7 @@ struct Unusable {
 
 /// Runs the command. The fault of one garment does not stop the others.
 pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
-    let mut wardrobe = open(&args.root)?;
+    let mut wardrobe = open_or_begin(&args.root)?;
     let body = match &args.mesh {
         Some(mesh) => {
             let new = NewBody { name: &args.body, mesh, template: args.template.as_deref(), skeleton: args.skeleton.as_deref() };
@@ -74,12 +76,16 @@ fn add(
 ) -> Result<String, Report> {
     let unusable = |source| Unusable { file: path.display().to_string(), source };
     let file = MeshFile::read(path).map_err(|e| unusable(Told::new(&e)))?;
-    let (skin, licence) = match file.content() {
-        Content::Ply(ply) if ply.vertex_property("j0").is_some() => {
-            (Some(SkinWeights::from_ply(ply, JOINTS).map_err(|e| unusable(Told::new(&e)))?), ply.comments.clone())
+    let (skin, beside, licence, lost) = match file.content() {
+        Content::Ply(ply) => {
+            let skin = ply.vertex_property("j0").map(|_| SkinWeights::from_ply(ply, JOINTS)).transpose();
+            (skin.map_err(|e| unusable(Told::new(&e)))?, Beside::of(ply), ply.comments.clone(), Vec::new())
         }
-        Content::Ply(ply) => (None, ply.comments.clone()),
-        _ => (None, Vec::new()),
+        Content::Obj(obj) => {
+            let (ply, lost) = obj::to_ply(obj).map_err(|e| unusable(Told::new(&e)))?;
+            (None, Beside::of(&ply), Vec::new(), lost)
+        }
+        _ => (None, Beside::default(), Vec::new(), Vec::new()),
     };
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let name = format!("{}{stem}", args.prefix);
@@ -101,10 +107,13 @@ fn add(
         body,
         mesh: file.mesh(),
         skin: skin.as_ref(),
+        beside: Some(&beside),
         provenance: &provenance,
         network: None,
         baked: baked.as_ref(),
     };
     let info = wardrobe.add(&parts).map_err(|e| Fault::new(format!("cannot add `{}`", path.display()), &e))?;
-    Ok(format!("{} ({:?}), {} triangles, {} openings\n", info.name, info.layer.class, info.triangles, info.openings.len()))
+    let told =
+        format!("{} ({:?}), {} triangles, {} openings\n", info.name, info.layer.class, info.triangles, info.openings.len());
+    Ok(told + &announce::notes(&lost.iter().map(ToString::to_string).collect::<Vec<_>>()))
 }

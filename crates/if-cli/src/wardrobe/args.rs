@@ -34,10 +34,10 @@ pub(crate) struct AddArgs {
     /// The body that the garments were made on.
     #[arg(long, value_name = "NAME")]
     pub(crate) body: String,
-    /// Adds the body, with this mesh: a closed PLY file in metres.
+    /// Adds the body, with this mesh (.ply, .obj): closed, in metres.
     #[arg(long, value_name = "FILE")]
     pub(crate) mesh: Option<PathBuf>,
-    /// A PLY mesh of the same body whose topology other bodies share.
+    /// A mesh (.ply, .obj) of the same body whose topology other bodies share.
     #[arg(long, value_name = "FILE", requires = "mesh")]
     pub(crate) template: Option<PathBuf>,
     /// Its joints (skeleton.json).
@@ -102,7 +102,7 @@ pub(crate) struct MatchArgs {
     /// Name of the body.
     #[arg(long, value_name = "NAME")]
     pub(crate) body: String,
-    /// Output folder; a result that stands there is replaced.
+    /// Output folder; the files of a result that stands there are replaced by those of one that is no worse.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
     #[command(flatten)]

@@ -6,11 +6,11 @@ use crate::cancel;
 use crate::end::End;
 use crate::errors::{Told, note};
 use crate::print::{print, print_json};
-use if_pipeline::wardrobe::Wardrobe;
 use if_pipeline::wardrobe::batch::{self, BatchParams, Event};
 use if_pipeline::wardrobe::combination::{Combination, Combinations, Order, RandomParams, random};
 use if_pipeline::wardrobe::dresser::Dresser;
 use if_pipeline::wardrobe::matching::MatchParams;
+use if_pipeline::wardrobe::{Wardrobe, WardrobeError};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use miette::{Diagnostic, Report};
 use std::ops::ControlFlow;
@@ -101,11 +101,24 @@ fn combinations(wardrobe: &Wardrobe, args: &BatchArgs) -> Result<Vec<Combination
 fn read(path: &Path) -> Result<Combinations, ListError> {
     let fault = |error: &dyn std::error::Error| ListError { path: path.into(), source: Told::new(error) };
     let text = std::fs::read_to_string(path).map_err(|e| fault(&e))?;
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
+    let list: Combinations = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
         serde_json::from_str(&text).map_err(|e| fault(&e))
     } else {
         toml::from_str(&text).map_err(|e| fault(&e))
+    }?;
+    for (k, outfit) in list.outfit.iter().enumerate() {
+        outfit.check_names().map_err(|e| fault(&NameError { outfit: k + 1, source: e }))?;
     }
+    Ok(list)
+}
+
+/// A name in a list that can be none.
+#[derive(Debug, thiserror::Error)]
+#[error("outfit {outfit}")]
+struct NameError {
+    /// From 1.
+    outfit: usize,
+    source: WardrobeError,
 }
 
 /// A bar on stderr, where that is a terminal.

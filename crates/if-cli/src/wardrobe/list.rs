@@ -5,15 +5,25 @@ use super::open;
 use crate::end::End;
 use crate::print::{print, print_json};
 use crate::table::{coloured, new_table};
+use if_pipeline::asset::AssetInfo;
+use if_pipeline::wardrobe::Unreadable;
 use miette::Report;
 use serde_json::json;
 
-/// Runs the command. Garments that cannot be read are told of on stderr, and in the exit code.
+/// Runs the command. Bodies and garments that cannot be read are told of on stderr, and in the exit code.
 pub(super) fn run(args: &ListArgs) -> Result<End, Report> {
     let wardrobe = open(&args.root)?;
+    let is_lone = |name: &str, info: &AssetInfo| wardrobe.body_like(name, &info.body).is_err();
     if args.json {
-        let faults: Vec<_> = wardrobe.faults().iter().map(|(name, e)| json!({"name": name, "error": e.to_string()})).collect();
-        print_json(&json!({"bodies": wardrobe.bodies(), "garments": wardrobe.garments(), "faults": faults}))?;
+        let fault = |f: &Unreadable| json!({"part": f.part.to_string(), "name": f.name, "error": f.error.to_string()});
+        let faults: Vec<_> = wardrobe.faults().iter().map(fault).collect();
+        let lone: Vec<_> = wardrobe.garments().iter().filter(|(name, info)| is_lone(name, info)).map(|(name, _)| name).collect();
+        print_json(&json!({
+            "bodies": wardrobe.bodies(),
+            "garments": wardrobe.garments(),
+            "without_body": lone,
+            "faults": faults,
+        }))?;
     } else {
         let head = ["garment", "worn as", "order", "made on", "triangles", "openings", "weights", "φ"];
         let mut table = new_table(&head, 4, coloured());
@@ -24,7 +34,7 @@ pub(super) fn run(args: &ListArgs) -> Result<End, Report> {
                 name.clone(),
                 format!("{:?}", info.layer.class).to_lowercase(),
                 info.layer.order.to_string(),
-                info.body.name.clone(),
+                format!("{}{}", info.body.name, if is_lone(name, info) { " (not there)" } else { "" }),
                 info.triangles.to_string(),
                 info.openings.len().to_string(),
                 if info.skinned { "yes" } else { "no" }.to_owned(),

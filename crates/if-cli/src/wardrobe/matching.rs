@@ -10,10 +10,10 @@ use crate::progress::Line;
 use crate::staging::OutputError;
 use crate::table;
 use if_pipeline::resolve::Progress;
+use if_pipeline::wardrobe::WardrobeError;
 use if_pipeline::wardrobe::combination::Combination;
 use if_pipeline::wardrobe::dresser::Dresser;
-use if_pipeline::wardrobe::matching::{MatchParams, MatchResult, run_into_folder};
-use if_pipeline::whole_folder::Writer;
+use if_pipeline::wardrobe::matching::{MatchParams, MatchResult, Placed, run_into_folder};
 use miette::Report;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -26,9 +26,6 @@ pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
     let wardrobe = open(&args.root)?;
     let params = MatchParams { body: true, unproven: args.write_unproven, ..match_params(&args.params, PICTURE_HEIGHT)? };
     let combination = Combination { body: args.body.clone(), garments: args.garments.clone() };
-    let (parent, name) = parts(&args.out)?;
-    let folder = |source| OutputError::Folder { path: parent.into(), source };
-    let writer = Writer::open(parent).map_err(folder)?.ok_or_else(|| OutputError::Busy { path: parent.into() })?;
     let dresser = Dresser::new(&wardrobe, params.align);
     let line = Line::new(&combination.to_string(), 0, 1);
     line.say("aligning");
@@ -36,36 +33,41 @@ pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
         line.show(progress);
         if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let done = run_into_folder((&writer, name), &dresser, &combination, &params, args.again, &mut watch);
+    let done = run_into_folder(&args.out, &dresser, &combination, &params, args.again, &mut watch);
     drop(line);
-    let done = done.map_err(|e| Fault::new(format!("cannot match {combination}"), &e))?;
-    let Some((result, before)) = done else {
+    let done = done.map_err(|e| refused(&args.out, &combination, e))?;
+    let Some((result, placed)) = done else {
         note(&format!("cancelled; `{}` was not written", args.out.display()));
         return Ok(End::Cancelled);
     };
     if args.json {
         print_json(&result)?;
     } else {
-        print(&told(&result, &args.out, before))?;
+        print(&told(&result, &args.out, placed))?;
     }
     if let Some(error) = &result.error {
         note(&format!("{}: {}", error.kind, error.message));
     }
+    if placed == Placed::Nowhere {
+        let out = args.out.display();
+        note(&format!("`{out}` holds a better result, and was left as it was; --out with another folder writes this one"));
+    }
     Ok(end_of(result.state))
 }
 
-/// The folder in which the output folder stands, and its name.
-fn parts(out: &Path) -> Result<(&Path, &str), OutputError> {
-    let name = out.file_name().and_then(|n| n.to_str()).ok_or_else(|| OutputError::InTheWay { path: out.into() })?;
-    let parent = out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if out.exists() && !out.join("result.json").exists() {
-        // Some other folder of the user's: not to be replaced.
-        return Err(OutputError::InTheWay { path: out.into() });
+/// Why nothing was matched.
+fn refused(out: &Path, combination: &Combination, error: WardrobeError) -> Report {
+    match error {
+        WardrobeError::Busy { path } => OutputError::Busy { path }.into(),
+        WardrobeError::Folder { path, source } if path.starts_with(out) => {
+            OutputError::Folder { path: out.into(), source }.into()
+        }
+        WardrobeError::Io(source) => OutputError::Folder { path: out.into(), source }.into(),
+        error => Fault::new(format!("cannot match {combination}"), &error).into(),
     }
-    Ok((parent, name))
 }
 
-fn told(result: &MatchResult, out: &Path, before: bool) -> String {
+fn told(result: &MatchResult, out: &Path, placed: Placed) -> String {
     let mut text = format!("{}\n", result.combination);
     for (name, a) in result.combination.garments.iter().zip(&result.alignments) {
         text += &format!(
@@ -88,6 +90,10 @@ fn told(result: &MatchResult, out: &Path, before: bool) -> String {
         }
         text += &format!("{}\n", table::totals(&report.before, &report.after));
     }
-    let how = if before { "was there already" } else { "written" };
+    let how = match placed {
+        Placed::Before => "was there already",
+        Placed::Written => "written",
+        Placed::Nowhere => return text + "Nothing written.\n",
+    };
     text + &format!("{}: {how}\n", out.join("report.html").display())
 }

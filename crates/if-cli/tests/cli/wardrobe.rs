@@ -1,8 +1,9 @@
 //! A wardrobe from the command line; batches that are killed and go on.
 
-use crate::folder::{Folder, belt, body, ply};
+use crate::folder::{Folder, angular_belt, belt, body, obj, ply};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
+use if_mesh::ply::{Column, PlyMesh, Property, WriteParams, read_bytes, write_path};
 use if_pipeline::mannequin::{self, Garment, MannequinParams};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -121,9 +122,164 @@ fn a_wardrobe_is_filled_listed_and_matched() {
     // The garments as they were written, checked as any others.
     folder.ifg("check --body look/large.ply look/belt0.ply look/belt1.ply").expect(0);
     assert!(folder.ifg("wardrobe match w --body large belt0 belt1 --out look").expect(0).stdout.contains("was there already"));
-    // Another combination takes its place.
+    // Another combination takes its place, and what is not of the first one stays.
+    folder.write("look/notes.txt", "mine");
+    std::fs::create_dir(folder.path("look/sub")).unwrap();
+    folder.write("look/sub/notes.txt", "mine too");
     folder.ifg("wardrobe match w --body slim belt2 --out look").expect(0);
-    assert!(!folder.path("look/belt0.ply").exists());
+    assert!(!folder.path("look/belt0.ply").exists() && folder.path("look/slim.ply").exists());
+    assert_eq!((folder.read("look/notes.txt"), folder.read("look/sub/notes.txt")), (b"mine".into(), b"mine too".into()));
+    // A file of the user's is not replaced.
+    folder.write("look/belt1.ply", "mine");
+    let before = folder.files();
+    let refused = folder.ifg("wardrobe match w --body slim belt1 --out look").expect(2).stderr;
+    assert!(refused.contains("belt1.ply` is in the way") && folder.files() == before, "{refused}");
+    #[cfg(unix)]
+    assert!(folder.files().iter().all(|(path, _)| !path.ends_with(".ifg-lock")), "locks are removed");
+}
+
+#[test]
+fn a_result_is_not_replaced_by_a_worse_one() {
+    let folder = belts();
+    folder.ifg("wardrobe match w --body slim belt0 --out look").expect(0);
+    let before = folder.files();
+    let run = folder.ifg("wardrobe match w --body slim belt0 belt0 --out look").expect(2);
+    assert!(run.stderr.contains("`belt0` stands twice"), "{}", run.stderr);
+    const TOO_FEW: &str = "--set rounds=1 --set settle_rounds=1 --set ease_rounds=0";
+    let run = folder.ifg(&format!("wardrobe match w --body slim belt0 belt1 --out look {TOO_FEW}")).expect(1);
+    assert!(run.stderr.contains("`look` holds a better result") && run.stdout.contains("Nothing written"), "{}", run.stderr);
+    // Far from the body: no outfit.
+    folder.write("far.ply", ply(&crate::folder::moved(&belt(1.0, 0.0, 0.1), |p| Point::new(p.x + 9.0, p.y, p.z))));
+    folder.ifg("wardrobe add w --body slim far.ply").expect(0);
+    std::fs::remove_file(folder.path("far.ply")).unwrap();
+    let run = folder.ifg("wardrobe match w --body slim far --out look").expect(2);
+    assert!(run.stderr.contains("from the body"), "{}", run.stderr);
+    std::fs::remove_dir_all(folder.path("w/garments/far")).unwrap();
+    assert!(folder.files() == before);
+    // Where nothing better stands the report is written; asked for, the meshes are, too.
+    folder.ifg(&format!("wardrobe match w --body slim belt0 belt1 --out left {TOO_FEW}")).expect(1);
+    assert!(folder.path("left/report.html").exists() && !folder.path("left/belt0.ply").exists());
+    folder.ifg(&format!("wardrobe match w --body slim belt0 belt1 --out look {TOO_FEW} --write-unproven")).expect(1);
+    assert!(folder.path("look/belt1.ply").exists());
+}
+
+#[test]
+fn matches_beside_one_another_run_at_once_and_leave_no_locks() {
+    let folder = belts();
+    let start = |out: &str| {
+        let args = format!("wardrobe match w --body large belt0 belt1 belt2 --out par/{out}");
+        folder.command(&args).stdout(Stdio::null()).spawn().unwrap()
+    };
+    for mut child in ["a", "b", "c"].map(start) {
+        assert!(child.wait().unwrap().success());
+    }
+    let mut names: Vec<_> = std::fs::read_dir(folder.path("par")).unwrap().map(|e| e.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["a", "b", "c"]);
+    #[cfg(unix)]
+    assert!(folder.files().iter().all(|(path, _)| !path.ends_with(".ifg-lock")));
+}
+
+#[test]
+fn what_was_being_replaced_at_a_kill_is_there_again() {
+    let folder = belts();
+    let before = folder.files();
+    let rename = |from: &str, to: &str| std::fs::rename(folder.path(from), folder.path(to)).unwrap();
+    rename("w/garments/belt0", "w/garments/.ifg-old-belt0");
+    std::fs::create_dir(folder.path("w/garments/.ifg-whole-x")).unwrap();
+    rename("w/bodies/slim", "w/bodies/.ifg-old-slim");
+    let list = folder.ifg("wardrobe list w --json").expect(0).json();
+    assert!(list["garments"]["belt0"].is_object() && list["bodies"]["slim"].is_object(), "{list}");
+    assert!(folder.files() == before);
+}
+
+#[test]
+fn a_stray_folder_does_not_stop_the_others() {
+    let folder = belts();
+    std::fs::create_dir(folder.path("w/bodies/junk")).unwrap();
+    let run = folder.ifg("wardrobe match w --body slim belt0 --out look").expect(0);
+    assert!(run.stderr.contains("body `junk` is left out"), "{}", run.stderr);
+    let list = folder.ifg("wardrobe list w --json").expect(2).json();
+    assert_eq!((&list["faults"][0]["part"], &list["faults"][0]["name"]), (&"body".into(), &"junk".into()));
+    let stderr = folder.ifg("wardrobe match w --body junk belt0 --out other").expect(2).stderr;
+    assert!(stderr.contains("body.json"), "{stderr}");
+    // A body that is added anew is mended, and the garments of one that is gone are marked.
+    folder.ifg("wardrobe add w --body junk --mesh large.ply").expect(0);
+    folder.ifg("wardrobe list w").expect(0);
+    std::fs::remove_dir_all(folder.path("w/bodies/slim")).unwrap();
+    assert!(folder.ifg("wardrobe list w").expect(0).stdout.contains("slim (not there)"));
+    assert_eq!(folder.ifg("wardrobe list w --json").expect(0).json()["without_body"].as_array().unwrap().len(), 6);
+}
+
+#[test]
+fn what_a_file_holds_beside_its_mesh_goes_through_a_wardrobe() {
+    let folder = belts();
+    let mesh = belt(0.97, -0.2, 0.1);
+    let (n, m) = (mesh.vertices().len(), mesh.triangles().len());
+    let texcoord = Property {
+        name: "texcoord".into(),
+        values: Column::F32((0..6 * m).map(|k| k as f32 / 64.0).collect()),
+        lists: Some((0..=m as u32).map(|k| 6 * k).collect()),
+    };
+    let up = |k: usize| Column::F32(vec![[0.0, 0.0, 1.0][k]; n]);
+    let file = PlyMesh {
+        vertex_properties: vec![
+            Property::new("red", Column::U8((0..n).map(|k| (k % 256) as u8).collect())),
+            Property::new("nx", up(0)),
+            Property::new("ny", up(1)),
+            Property::new("nz", up(2)),
+        ],
+        face_properties: vec![texcoord, Property::new("texnumber", Column::I32((0..m as i32).collect()))],
+        comments: vec!["TextureFile wool.png".into(), "CC0".into()],
+        ..PlyMesh::new(mesh.clone())
+    };
+    write_path(&file, mesh.vertices(), &WriteParams::default(), &folder.path("wool.ply")).unwrap();
+    // The same of three flat sides from another program.
+    let coarse = angular_belt(1.2, 0.2, 0.3);
+    let count = coarse.vertices().len();
+    let vertices: String = coarse.vertices().iter().map(|p| format!("v {} {} {} 1 0.2 0\n", p.x, p.y, p.z)).collect();
+    let texture: String = (0..count).map(|k| format!("vt {k} 0.5\n")).collect();
+    let corner = |v: u32| format!("{0}/{0}", v + 1);
+    let faces = coarse.triangles().iter().map(|t| format!("f {}\n", t.map(corner).join(" ")));
+    let faces: String = faces.collect();
+    let text = format!("mtllib felt.mtl\n{vertices}{texture}g a\nusemtl felt\n{faces}g b\n");
+    folder.write("felt.obj", text);
+    let told = folder.ifg("wardrobe add w --body slim wool.ply felt.obj").expect(0).stdout;
+    assert!(told.contains("felt.mtl") && told.contains("groups and objects are not kept: a, b"), "{told}");
+
+    folder.ifg("wardrobe match w --body slim felt wool --out look --set split=if_strained").expect(0);
+    let read = |name: &str| read_bytes(&folder.read(name)).unwrap();
+    let wool = read("look/wool.ply");
+    assert_ne!(wool.mesh.vertices(), mesh.vertices());
+    assert_eq!((&wool.face_properties, wool.vertex_property("red")), (&file.face_properties, file.vertex_property("red")));
+    assert_eq!(wool.comments, file.comments);
+    let Column::F32(nz) = &wool.vertex_property("nz").unwrap().values else { panic!("another type") };
+    assert!(nz.iter().any(|z| *z != 1.0), "normals turn with the surface");
+    let felt = read("look/felt.ply");
+    assert_eq!(felt.comments, ["material 0 felt", "mtllib felt.mtl"]);
+    let [texcoord, material] = &felt.face_properties[..] else { panic!("{:?}", felt.face_properties) };
+    assert_eq!((texcoord.values.len(), material.values.len()), (6 * felt.mesh.triangles().len(), felt.mesh.triangles().len()));
+    let Column::U8(green) = &felt.vertex_property("green").unwrap().values else { panic!("another type") };
+    assert!(green.iter().all(|g| *g == 51) && green.len() == felt.mesh.vertices().len());
+    assert!(felt.mesh.vertices().len() > count, "it was split");
+    // In a batch, too; and the body is the user's file.
+    folder.write("list.toml", "[[outfit]]\nbody='slim'\ngarments=['wool']\n");
+    folder.ifg("wardrobe batch w --list list.toml --out listed --no-pictures").expect(0);
+    let summary: Value = serde_json::from_slice(&folder.read("listed/summary.json")).unwrap();
+    let path = format!("listed/results/{}/wool.ply", summary["entries"][0]["folder"].as_str().unwrap());
+    assert_eq!(read(&path).face_properties, file.face_properties);
+    assert_eq!(folder.read("look/slim.ply"), folder.read("body.ply"));
+}
+
+#[test]
+fn a_body_may_be_an_obj_file() {
+    let folder = Folder::new();
+    folder.write("body.obj", obj(&body()));
+    folder.ifg("wardrobe add w --body anna --mesh body.obj --template body.obj skirt.ply").expect(0);
+    folder.ifg("wardrobe match w --body anna skirt --out look").expect(0);
+    let anna = read_bytes(&folder.read("look/anna.ply")).unwrap().mesh;
+    assert_eq!(anna, body(), "without loss");
+    folder.ifg("check --body look/anna.ply look/skirt.ply").expect(0);
 }
 
 #[test]
@@ -134,7 +290,12 @@ fn faults_say_what_to_do() {
     assert!(stderr("wardrobe match w --body nobody belt0 --out look").contains("large, slim"));
     assert!(stderr("wardrobe add w --body nobody belt0.ply").contains("nobody"));
     assert!(stderr("wardrobe add w --body slim gone.ply").contains("gone.ply"));
-    assert!(stderr("wardrobe add w --body open --mesh belt0.ply").contains("boundary edges"));
+    let open = stderr("wardrobe add w --body open --mesh belt0.ply");
+    assert!(open.contains("boundary edges") && open.contains("belt0.ply") && !open.contains("combination"), "{open}");
+    for command in ["list gone", "match gone --body slim belt0 --out look", "batch gone --random 2 --out many"] {
+        assert!(stderr(&format!("wardrobe {command}")).contains("there is no wardrobe `gone`"), "{command}");
+    }
+    assert!(!folder.path("gone").exists() && !folder.path("look").exists() && !folder.path("many").exists());
     assert!(stderr("wardrobe batch w --random 5000 --out many").contains("different combinations"));
     folder.write("list.toml", "[[outfit]]\nbody = 'slim'\ngarment = ['belt0']\n");
     assert!(stderr("wardrobe batch w --list list.toml --out listed").contains("list.toml"));
@@ -144,7 +305,12 @@ fn faults_say_what_to_do() {
     assert!(run.stdout.contains("1 clean (50.0 %)") && run.stdout.contains("no garment `hat`"), "{}", run.stdout);
     let summary: Value = serde_json::from_slice(&folder.read("listed/summary.json")).unwrap();
     assert_eq!(summary["entries"][0]["error"]["kind"], "no_garment");
-    // A folder of the user's is not replaced.
+    // Names that would break the tables.
+    folder.write("list.toml", "[[outfit]]\nbody='slim'\ngarments=['belt0']\n[[outfit]]\nbody='slim'\ngarments=[\"a,b\\nc\"]\n");
+    let refused = stderr("wardrobe batch w --list list.toml --out named");
+    assert!(refused.contains("outfit 2") && refused.contains("is no name") && !folder.path("named").exists(), "{refused}");
+    // A file where a folder should be, and a folder of the user's.
+    assert!(stderr("wardrobe match w --body slim belt0 --out belt1.ply").contains("it is a file, and should be a folder"));
     std::fs::create_dir(folder.path("mine")).unwrap();
     folder.write("mine/note.txt", "keep");
     assert!(stderr("wardrobe match w --body slim belt0 --out mine").contains("in the way"));

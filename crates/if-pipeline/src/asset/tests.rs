@@ -3,6 +3,7 @@ use crate::mannequin::{Garment, MannequinParams, garment};
 use if_core::math::Point;
 use if_core::shapes::Sphere;
 use if_mesh::baked::BakeParams;
+use if_mesh::ply::{Column, Property};
 
 fn shirt() -> TriMesh {
     garment(Garment::Tshirt, &MannequinParams { resolution: 0.7, overlap: 0.0 })
@@ -10,6 +11,24 @@ fn shirt() -> TriMesh {
 
 fn body_ref() -> BodyRef {
     BodyRef { name: "mannequin".into(), sha256: "0".repeat(64) }
+}
+
+/// As a file holds it: UVs at the corners, colours, a material for each face.
+fn beside() -> Beside {
+    let mesh = shirt();
+    let (n, m) = (mesh.vertices().len(), mesh.triangles().len());
+    let byte = |k: usize| (k % 251) as u8;
+    let texcoord = Property {
+        name: "texcoord".into(),
+        values: Column::F32((0..6 * m).map(|k| k as f32 * 0.5).collect()),
+        lists: Some((0..=m as u32).map(|k| 6 * k).collect()),
+    };
+    Beside::of(&PlyMesh {
+        vertex_properties: vec![Property::new("red", Column::U8((0..n).map(byte).collect()))],
+        face_properties: vec![texcoord, Property::new("material", Column::I32((0..m as i32).collect()))],
+        comments: vec!["TextureFile shirt.png".into()],
+        ..PlyMesh::new(mesh)
+    })
 }
 
 fn write_shirt(writer: &Writer, name: &str) -> Result<AssetInfo, AssetError> {
@@ -25,6 +44,7 @@ fn write_shirt(writer: &Writer, name: &str) -> Result<AssetInfo, AssetError> {
         body: &body_ref(),
         mesh: &mesh,
         skin: Some(&skin),
+        beside: Some(&beside()),
         provenance: &provenance,
         network: Some(b"weights"),
         baked: Some(&baked),
@@ -42,6 +62,11 @@ fn an_asset_is_read_as_it_was_written() {
     assert_eq!(asset.mesh.triangles(), shirt().triangles());
     assert_eq!(asset.mesh.vertices(), ply::quantise(shirt().vertices(), CoordinateType::Float));
     assert_eq!(asset.skin.as_ref().unwrap().joints()[5], [3, 200, 0, 0]);
+    let file = asset.file();
+    let given = beside().file(file.mesh.clone(), asset.skin.as_ref());
+    assert_eq!((&file.vertex_properties, &file.face_properties), (&given.vertex_properties, &given.face_properties));
+    assert_eq!(file.vertex_properties.len(), 9, "the colour, four joints and weights");
+    assert_eq!(file.comments, ["TextureFile shirt.png", "licence CC0 1.0"]);
     assert_eq!(asset.network().unwrap().unwrap(), b"weights");
     assert!(asset.baked().unwrap().is_some());
     // Neck, two sleeves and hem.

@@ -227,6 +227,11 @@ fn said(panic: &(dyn Any + Send)) -> String {
     text.unwrap_or_else(|| "it did not say why".into())
 }
 
+/// A field of a table, in quotes where it needs them (RFC 4180): names that no garment has may hold anything.
+fn csv_field(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+}
+
 fn write_summary(out: &Path, summary: &BatchSummary) -> Result<(), WardrobeError> {
     let write = |name: &str, bytes: &[u8]| {
         let path = out.join(name);
@@ -244,9 +249,9 @@ fn write_summary(out: &Path, summary: &BatchSummary) -> Result<(), WardrobeError
         let state = format!("{:?}", e.state).to_lowercase();
         let ([p0, p1], [i0, i1]) = (e.pairs, e.inside);
         let (moved, strain) = (e.moved * 1e3, e.strain * 1e2);
-        // Names have no commas. Writing to a string cannot fail.
-        let _ =
-            writeln!(csv, "{},{state},{error},{p0},{p1},{i0},{i1},{moved:.2},{strain:.2},{seconds},{}", e.combination, e.folder);
+        let combination = csv_field(&e.combination.to_string());
+        // Writing to a string cannot fail.
+        let _ = writeln!(csv, "{combination},{state},{error},{p0},{p1},{i0},{i1},{moved:.2},{strain:.2},{seconds},{}", e.folder);
     }
     write(CSV, csv.as_bytes())?;
     let picture = |entry: &Entry| std::fs::read(out.join(RESULTS).join(&entry.folder).join("after.png")).ok();

@@ -8,10 +8,11 @@ use crate::skeleton::Skeleton;
 use crate::skin_weights::SkinWeights;
 use crate::whole_folder::Writer;
 use if_core::mesh::TriMesh;
-use if_mesh::ply;
+use if_mesh::file::{Content, MeshFile};
+use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
 use serde::{Deserialize, Serialize};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const FORMAT: u32 = 1;
 const INFO: &str = "body.json";
@@ -49,9 +50,9 @@ impl BodyInfo {
 pub struct NewBody<'a> {
     /// What it is to be called.
     pub name: &'a str,
-    /// A PLY file: closed, wound outwards, in metres, with weights where it has some.
+    /// A PLY or OBJ file: closed, wound outwards, in metres, with weights where a PLY file has some.
     pub mesh: &'a Path,
-    /// A PLY file of the same body with a topology that other bodies have too.
+    /// A PLY or OBJ file of the same body with a topology that other bodies have too.
     pub template: Option<&'a Path>,
     /// Its joints.
     pub skeleton: Option<&'a Path>,
@@ -87,13 +88,14 @@ impl WardrobeBody {
 /// Copies the files of a body, if they can be read.
 pub(super) fn write(bodies: &Writer, new: &NewBody) -> Result<BodyInfo, WardrobeError> {
     let load = |path: &Path| fs::read(path).map_err(|source| WardrobeError::Folder { path: path.into(), source });
-    let mesh = load(new.mesh)?;
-    let template = new.template.map(load).transpose()?;
+    let mesh = ply_bytes(new.mesh)?;
+    let template = new.template.map(ply_bytes).transpose()?;
     let skeleton = new.skeleton.map(load).transpose()?;
     let parsed =
         parse(new.name, (new.mesh, &mesh), new.template.zip(template.as_deref()), new.skeleton.zip(skeleton.as_deref()))?;
     // A body that no outfit could have is refused here, and not at every combination.
-    crate::outfit::Outfit::new(crate::outfit::Layer::new(new.name, parsed.mesh), vec![])?;
+    crate::outfit::Outfit::new(crate::outfit::Layer::new(new.name, parsed.mesh), vec![])
+        .map_err(|source| WardrobeError::Body { path: new.mesh.into(), source })?;
     bodies.write(new.name, |folder| {
         let store = |file: &str, bytes: &[u8]| -> Result<FileInfo, WardrobeError> {
             let path = folder.join(file);
@@ -114,6 +116,24 @@ pub(super) fn write(bodies: &Writer, new: &NewBody) -> Result<BodyInfo, Wardrobe
     })
 }
 
+/// A mesh file as the wardrobe keeps it: a PLY file as it is, the mesh of an OBJ file without loss.
+pub(super) fn ply_bytes(path: &Path) -> Result<Vec<u8>, WardrobeError> {
+    let file = MeshFile::read(path)?;
+    if let Content::Ply(_) = file.content() {
+        return Ok(file.bytes().to_vec());
+    }
+    let (mesh, mut bytes) = (file.mesh(), Vec::new());
+    let params = WriteParams { coordinates: CoordinateType::Double, ..WriteParams::default() };
+    ply::write(&PlyMesh::new(mesh.clone()), mesh.vertices(), &params, &mut bytes)
+        .map_err(|e| WardrobeError::Write { path: path.into(), source: e.into() })?;
+    Ok(bytes)
+}
+
+/// The mesh file of a body, if it is the one that was added.
+pub(super) fn read_mesh(folder: &Path, info: &BodyInfo) -> Result<Vec<u8>, WardrobeError> {
+    Ok(load(folder, &info.mesh)?.1)
+}
+
 pub(super) fn read_info(folder: &Path) -> Result<BodyInfo, WardrobeError> {
     let path = folder.join(INFO);
     let text = fs::read(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
@@ -127,15 +147,7 @@ pub(super) fn read_info(folder: &Path) -> Result<BodyInfo, WardrobeError> {
 }
 
 pub(super) fn read(folder: &Path, info: &BodyInfo) -> Result<WardrobeBody, WardrobeError> {
-    let load = |file: &FileInfo| {
-        let path = folder.join(&file.file);
-        let bytes = fs::read(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
-        if content(&bytes) != file.content {
-            let message = "the file has changed since the body was added; add it again".into();
-            return Err(WardrobeError::BodyInfo { path, message });
-        }
-        Ok::<_, WardrobeError>((path, bytes))
-    };
+    let load = |file| load(folder, file);
     let mesh = load(&info.mesh)?;
     let template = info.template.as_ref().map(load).transpose()?;
     let skeleton = info.skeleton.as_ref().map(load).transpose()?;
@@ -145,6 +157,17 @@ pub(super) fn read(folder: &Path, info: &BodyInfo) -> Result<WardrobeBody, Wardr
         template.as_ref().map(|(path, bytes)| (path.as_path(), bytes.as_slice())),
         skeleton.as_ref().map(|(path, bytes)| (path.as_path(), bytes.as_slice())),
     )
+}
+
+/// The bytes of a file, if they are those that were stated.
+fn load(folder: &Path, file: &FileInfo) -> Result<(PathBuf, Vec<u8>), WardrobeError> {
+    let path = folder.join(&file.file);
+    let bytes = fs::read(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
+    if content(&bytes) != file.content {
+        let message = "the file has changed since the body was added; add it again".into();
+        return Err(WardrobeError::BodyInfo { path, message });
+    }
+    Ok((path, bytes))
 }
 
 fn parse(

@@ -1,7 +1,7 @@
 //! Which garments on which body: as a list, or drawn at random.
 
 use super::{Wardrobe, WardrobeError};
-use crate::asset::{LayerHint, is_wearable};
+use crate::asset::{LayerHint, check_name, is_wearable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -19,6 +19,34 @@ impl std::fmt::Display for Combination {
     /// `jeans < tshirt on anna`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{} on {}", self.garments.join(" < "), self.body)
+    }
+}
+
+impl Combination {
+    /// Whether it can be looked up: at least one garment, none twice, and names that can be some.
+    ///
+    /// # Errors
+    ///
+    /// The first that is not so.
+    pub fn check(&self) -> Result<(), WardrobeError> {
+        self.check_names()?;
+        let names = &self.garments;
+        if names.is_empty() {
+            return Err(WardrobeError::NoGarments { body: self.body.clone() });
+        }
+        match (1..names.len()).find(|k| names[..*k].contains(&names[*k])) {
+            Some(k) => Err(WardrobeError::Twice { name: names[k].clone() }),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether all names can be some ([`check_name`]).
+    ///
+    /// # Errors
+    ///
+    /// The first that cannot.
+    pub fn check_names(&self) -> Result<(), WardrobeError> {
+        Ok(std::iter::once(&self.body).chain(&self.garments).try_for_each(|name| check_name(name))?)
     }
 }
 

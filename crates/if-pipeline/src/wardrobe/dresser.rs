@@ -129,13 +129,8 @@ impl<'a> Dresser<'a> {
     ///
     /// A body or garment that is not there or of no use, one that is named twice, or layers that make no outfit.
     pub fn dress(&self, combination: &Combination) -> Result<Dressed, WardrobeError> {
+        combination.check()?;
         let names = &combination.garments;
-        if names.is_empty() {
-            return Err(WardrobeError::NoGarments { body: combination.body.clone() });
-        }
-        if let Some(k) = (1..names.len()).find(|k| names[..*k].contains(&names[*k])) {
-            return Err(WardrobeError::Twice { name: names[k].clone() });
-        }
         let dummy = self.dummy(&combination.body)?;
         let garments = names.iter().map(|name| self.aligned(name, &combination.body)).collect::<Result<Vec<_>, _>>()?;
         let layer = |name: &str, mesh: &TriMesh| Layer { name: name.into(), mesh: mesh.clone(), single_precision: true };

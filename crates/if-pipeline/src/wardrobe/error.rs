@@ -7,6 +7,7 @@ use crate::render::PngError;
 use crate::resolve::ResolveError;
 use crate::skeleton::SkeletonError;
 use crate::skin_weights::SkinWeightsError;
+use if_mesh::file;
 use if_mesh::ply;
 use std::io;
 use std::path::PathBuf;
@@ -25,14 +26,17 @@ pub enum WardrobeError {
     /// The system does not give or take something.
     #[error(transparent)]
     Io(#[from] io::Error),
+    /// Neither bodies nor garments, or no folder at all.
+    #[error("there is no wardrobe `{}`: it has neither `bodies` nor `garments`", path.display())]
+    NoWardrobe { path: PathBuf },
     /// Another process writes there.
     #[error("another process is writing into `{}`; wait for it", path.display())]
     Busy { path: PathBuf },
     /// No body of this name.
-    #[error("the wardrobe has no body `{name}`; it has: {known}")]
+    #[error("the wardrobe has no body `{name}`; it has: {}", listed(known))]
     NoBody { name: String, known: String },
     /// No garment of this name.
-    #[error("the wardrobe has no garment `{name}`; it has: {known}")]
+    #[error("the wardrobe has no garment `{name}`; it has: {}", listed(known))]
     NoGarment { name: String, known: String },
     /// A garment made on a body that is not there.
     #[error("garment `{garment}` was made on body `{body}` (SHA-256 {sha256}), which the wardrobe does not have; add it")]
@@ -43,6 +47,12 @@ pub enum WardrobeError {
     /// A body's mesh is at fault.
     #[error("{}: {source}", path.display())]
     BodyMesh { path: PathBuf, source: Box<ply::ReadError> },
+    /// A file that is to become a body cannot be read.
+    #[error(transparent)]
+    BodyFile(#[from] file::ReadError),
+    /// A body that no outfit can have.
+    #[error("{}: {source}", path.display())]
+    Body { path: PathBuf, source: OutfitError },
     /// A body's weights are at fault.
     #[error("{}: {source}", path.display())]
     BodySkin { path: PathBuf, source: SkinWeightsError },
@@ -64,6 +74,9 @@ pub enum WardrobeError {
     /// The outfit cannot be resolved.
     #[error("{0}")]
     Resolve(ResolveError),
+    /// A file or folder of the user's stands where outputs go.
+    #[error("`{}` is in the way: {what}", path.display())]
+    InTheWay { path: PathBuf, what: &'static str },
     /// A picture cannot be written.
     #[error(transparent)]
     Picture(#[from] PngError),
@@ -93,10 +106,17 @@ impl WardrobeError {
             Self::Asset(_) => "asset",
             Self::Folder { .. } | Self::Io(_) => "io",
             Self::Busy { .. } => "busy",
+            Self::NoWardrobe { .. } => "no_wardrobe",
+            Self::InTheWay { .. } => "in_the_way",
             Self::NoBody { .. } => "no_body",
             Self::NoGarment { .. } => "no_garment",
             Self::ForeignBody { .. } => "foreign_body",
-            Self::BodyInfo { .. } | Self::BodyMesh { .. } | Self::BodySkin { .. } | Self::Skeleton { .. } => "body",
+            Self::BodyInfo { .. }
+            | Self::BodyMesh { .. }
+            | Self::BodyFile(_)
+            | Self::Body { .. }
+            | Self::BodySkin { .. }
+            | Self::Skeleton { .. } => "body",
             Self::NoGarments { .. } | Self::Twice { .. } | Self::TooFew { .. } | Self::Sizes { .. } => "combination",
             Self::Align { .. } => "align",
             Self::Outfit(_) => "outfit",
@@ -111,4 +131,9 @@ impl WardrobeError {
     pub(crate) fn is_passing(&self) -> bool {
         matches!(self.kind(), "io" | "busy" | "write")
     }
+}
+
+/// Names, or that there are none.
+fn listed(names: &str) -> &str {
+    if names.is_empty() { "none" } else { names }
 }

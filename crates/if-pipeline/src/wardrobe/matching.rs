@@ -21,8 +21,8 @@ use crate::preview;
 use crate::render::{Image, View};
 use crate::report::{ResolveReport, Verification};
 use crate::resolve::{Progress, ResolveError, ResolveParams, Resolved, resolve};
-use crate::skin_weights::SkinWeights;
 use crate::whole_folder::Writer;
+use if_mesh::ply::{self, PlyMesh};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
@@ -130,8 +130,9 @@ pub struct Matched {
     pub before: Option<Outfit>,
     /// As it was resolved, as far as it went.
     pub after: Option<Outfit>,
-    /// The weights of each garment, inner to outer.
-    pub skins: Vec<Option<SkinWeights>>,
+    /// The file of each garment in the wardrobe, inner to outer, split where the garment was: what is beside its positions is
+    /// written again.
+    pub files: Vec<PlyMesh>,
     /// Pictures of the two.
     pub pictures: Option<[Image; 2]>,
     /// Seconds.
@@ -198,7 +199,7 @@ pub fn run(
         },
         before: None,
         after: None,
-        skins: Vec::new(),
+        files: Vec::new(),
         pictures: None,
         timings: Timings::default(),
     };
@@ -223,7 +224,7 @@ fn settle(
 ) -> Result<bool, WardrobeError> {
     let start = Instant::now();
     matched.result.alignments = dressed.garments.iter().map(|g| g.report).collect();
-    matched.skins = dressed.garments.iter().map(|g| g.asset.skin.clone()).collect();
+    matched.files = dressed.garments.iter().map(|g| g.asset.file()).collect();
     let outcome = resolve(&dressed.outfit, &params.resolve, watch);
     matched.timings.resolve = start.elapsed().as_secs_f64();
     matched.before = Some(dressed.outfit);
@@ -241,9 +242,10 @@ fn settle(
             *result
         }
     };
-    for (skin, split) in matched.skins.iter_mut().zip(splits) {
-        if let (Some(skin), Some(split)) = (skin, split) {
-            *skin = skin.derive(&split.sources);
+    for (file, split) in matched.files.iter_mut().zip(splits) {
+        if let Some(split) = split {
+            let mesh = split.of(file.mesh.vertices()).expect("middles of single precision");
+            *file = ply::split(file, &split, mesh).expect("properties that were read with the mesh");
         }
     }
     matched.result.report = Some(without_seconds(report));
@@ -283,29 +285,66 @@ pub fn run_into(
     watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Option<(MatchResult, bool)>, WardrobeError> {
     let (key, _) = request(dresser.wardrobe(), combination, params)?;
-    run_into_folder((results, folder_name(&key)), dresser, combination, params, again, watch)
+    let name = folder_name(&key);
+    if !again && let Some(found) = finished(&results.parent().join(name), &key) {
+        return Ok(Some((found, true)));
+    }
+    let Some(mut matched) = run(dresser, combination, params, watch)? else { return Ok(None) };
+    results.write(name, |folder| result_folder::fill(folder, &mut matched, params, dresser.wardrobe()))?;
+    Ok(Some((matched.result, false)))
 }
 
-/// The same into a folder of any name; one that holds another result is replaced.
+/// Where a result of [`run_into_folder`] is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Placed {
+    /// It stood in the folder before.
+    Before,
+    /// It was written there.
+    Written,
+    /// It was not written: the folder holds a better one, such as a clean one where this has failed.
+    Nowhere,
+}
+
+/// Does a combination into a folder of the user's, or takes what that holds of it already; nothing where it was cancelled.
+///
+/// The files of a result that stands there are replaced, those of others stay. A result that is worse than the one there (failed rather
+/// than clean, say) is not written, unless `params` ask for meshes that are not proven.
 ///
 /// # Errors
 ///
-/// As [`run_into`].
+/// As [`run`]; a combination that is none; another process that writes there, or a file of the user's where one of the result would go: all
+/// these before anything is done.
 pub fn run_into_folder(
-    (parent, name): (&Writer, &str),
+    out: &Path,
     dresser: &Dresser,
     combination: &Combination,
     params: &MatchParams,
     again: bool,
     watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Option<(MatchResult, bool)>, WardrobeError> {
+) -> Result<Option<(MatchResult, Placed)>, WardrobeError> {
+    combination.check()?;
     let (key, _) = request(dresser.wardrobe(), combination, params)?;
-    if !again && let Some(found) = finished(&parent.parent().join(name), &key) {
-        return Ok(Some((found, true)));
+    if !again && let Some(found) = finished(out, &key) {
+        return Ok(Some((found, Placed::Before)));
     }
+    let names = result_folder::names(combination, params);
+    result_folder::Earlier::of(out, &names)?; // a folder of the user's is not even locked
+    let opened = Writer::open(out).map_err(|source| WardrobeError::Folder { path: out.into(), source })?;
+    let writer = opened.ok_or_else(|| WardrobeError::Busy { path: out.into() })?;
+    let earlier = result_folder::Earlier::of(out, &names)?;
     let Some(mut matched) = run(dresser, combination, params, watch)? else { return Ok(None) };
-    parent.write(name, |folder| result_folder::fill(folder, &mut matched, params))?;
-    Ok(Some((matched.result, false)))
+    let state = matched.result.state;
+    let is_asked_for = params.unproven && state == State::Remaining;
+    if !is_asked_for && earlier.state.is_some_and(|there| there < state) {
+        return Ok(Some((matched.result, Placed::Nowhere)));
+    }
+    writer.write_files(&earlier.files, |folder| {
+        result_folder::fill(folder, &mut matched, params, dresser.wardrobe())?;
+        // The list of the others comes first: what stands on it is never taken for a file of the user's.
+        let outputs = matched.result.outputs.iter().map(|output| output.file.clone());
+        Ok::<_, WardrobeError>(((), result_folder::OWN.map(str::to_owned).into_iter().chain(outputs).collect()))
+    })?;
+    Ok(Some((matched.result, Placed::Written)))
 }
 
 /// The result that a folder holds, where it is that of `key` and all its files are as it says.

@@ -1,14 +1,18 @@
 //! The files of a result.
 
+use super::combination::Combination;
 use super::matching::{MatchParams, MatchResult, Matched, State, Timings};
-use super::{WardrobeError, pages};
+use super::{Wardrobe, WardrobeError, pages};
 use crate::asset::FileInfo;
 use crate::content::{content, of_file};
-use crate::outfit::Layer;
+use crate::whole_folder;
+use if_core::math::Point;
 use if_mesh::ply::{self, PlyMesh, WriteParams};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::fs;
-use std::path::Path;
+use std::io;
+use std::path::{Component, Path};
 use std::time::Instant;
 
 const RESULT: &str = "result.json";
@@ -16,8 +20,83 @@ const TIMINGS: &str = "timings.json";
 const REPORT: &str = "report.html";
 const PICTURES: [&str; 2] = ["before.png", "after.png"];
 
+/// The files of every result that its list of outputs does not name.
+pub(super) const OWN: [&str; 3] = [RESULT, TIMINGS, REPORT];
+
+/// All files that a result may have.
+pub(super) fn names(combination: &Combination, params: &MatchParams) -> Vec<String> {
+    let body = params.body.then_some(&combination.body);
+    let meshes = combination.garments.iter().chain(body).filter(|_| params.meshes).map(|name| mesh_name(name));
+    let pictures = PICTURES.iter().filter(|_| params.picture_height > 0).map(ToString::to_string);
+    OWN.iter().map(ToString::to_string).chain(meshes).chain(pictures).collect()
+}
+
+fn mesh_name(layer: &str) -> String {
+    format!("{layer}.ply")
+}
+
+/// What a folder holds that a result is to be written into.
+#[derive(Debug, Default)]
+pub(super) struct Earlier {
+    /// How the result there ended, where there is one.
+    pub(super) state: Option<State>,
+    /// Its files.
+    pub(super) files: Vec<String>,
+}
+
+impl Earlier {
+    /// Looks whether files of these names can be written. A result of another version is one, too.
+    ///
+    /// # Errors
+    ///
+    /// Something of the user's is in the way, or the system does not say.
+    pub(super) fn of(out: &Path, names: &[String]) -> Result<Self, WardrobeError> {
+        let fault = |source| WardrobeError::Folder { path: out.into(), source };
+        let in_the_way = |path: &Path, what| Err(WardrobeError::InTheWay { path: path.into(), what });
+        let found = match fs::metadata(out) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Self::default()),
+            found => found.map_err(fault)?,
+        };
+        if !found.is_dir() {
+            return in_the_way(out, "it is a file, and should be a folder");
+        }
+        let path = out.join(RESULT);
+        let text = match fs::read(&path) {
+            Err(e) if e.kind() == io::ErrorKind::NotFound => {
+                for entry in fs::read_dir(out).map_err(fault)? {
+                    if !whole_folder::is_hidden(&entry.map_err(fault)?.file_name().to_string_lossy()) {
+                        return in_the_way(out, "it holds other files, and no result");
+                    }
+                }
+                return Ok(Self::default());
+            }
+            text => text.map_err(|source| WardrobeError::Folder { path: path.clone(), source })?,
+        };
+        let value: Value = serde_json::from_slice(&text).unwrap_or_default();
+        let (Some(outputs), true) = (value["outputs"].as_array(), value["result"].is_u64()) else {
+            return in_the_way(&path, "it is no result");
+        };
+        let is_plain = |name: &&str| {
+            let mut parts = Path::new(name).components();
+            matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
+        };
+        let listed = outputs.iter().filter_map(|output| output["file"].as_str()).filter(is_plain);
+        let files: Vec<String> = OWN.into_iter().chain(listed).map(str::to_owned).collect();
+        for name in names {
+            let path = out.join(name);
+            if path.is_dir() {
+                return in_the_way(&path, "it is a folder");
+            }
+            if fs::symlink_metadata(&path).is_ok() && !files.contains(name) {
+                return in_the_way(&path, "the result there does not name it");
+            }
+        }
+        Ok(Self { state: State::deserialize(&value["state"]).ok(), files })
+    }
+}
+
 /// Writes all files of a result into a folder.
-pub(super) fn fill(folder: &Path, matched: &mut Matched, params: &MatchParams) -> Result<(), WardrobeError> {
+pub(super) fn fill(folder: &Path, matched: &mut Matched, params: &MatchParams, wardrobe: &Wardrobe) -> Result<(), WardrobeError> {
     let start = Instant::now();
     let mut outputs = Vec::new();
     let mut store = |name: &str, bytes: &[u8]| -> Result<(), WardrobeError> {
@@ -28,14 +107,13 @@ pub(super) fn fill(folder: &Path, matched: &mut Matched, params: &MatchParams) -
     };
     let proven = matched.result.state == State::Clean || params.unproven;
     if let (true, true, Some(outfit)) = (params.meshes, proven, &matched.after) {
-        let garments = outfit.garments.iter().enumerate();
-        for (k, layer) in garments {
-            let skin = matched.skins.get(k).and_then(Option::as_ref);
-            store(&format!("{}.ply", layer.name), &mesh_bytes(folder, layer, skin)?)?;
+        for (layer, file) in outfit.garments.iter().zip(&matched.files) {
+            let name = mesh_name(&layer.name);
+            store(&name, &mesh_bytes(&folder.join(&name), file, layer.mesh.vertices())?)?;
         }
         if params.body {
             // No garment bears its name, or it would be no outfit.
-            store(&format!("{}.ply", outfit.body.name), &mesh_bytes(folder, &outfit.body, None)?)?;
+            store(&mesh_name(&outfit.body.name), &wardrobe.body_file(&outfit.body.name)?)?;
         }
     }
     let mut pngs = Vec::new();
@@ -56,12 +134,11 @@ pub(super) fn fill(folder: &Path, matched: &mut Matched, params: &MatchParams) -
     fs::write(&path, page).map_err(|source| WardrobeError::Folder { path, source })
 }
 
-fn mesh_bytes(folder: &Path, layer: &Layer, skin: Option<&crate::skin_weights::SkinWeights>) -> Result<Vec<u8>, WardrobeError> {
-    let vertex_properties = skin.map_or(Vec::new(), crate::skin_weights::SkinWeights::to_properties);
-    let ply = PlyMesh { vertex_properties, ..PlyMesh::new(layer.mesh.clone()) };
+/// A garment's file with its vertices elsewhere. Normals turn with the surface.
+fn mesh_bytes(path: &Path, file: &PlyMesh, positions: &[Point]) -> Result<Vec<u8>, WardrobeError> {
     let mut bytes = Vec::new();
-    ply::write(&ply, layer.mesh.vertices(), &WriteParams::default(), &mut bytes)
-        .map_err(|e| WardrobeError::Write { path: folder.join(&layer.name), source: e.into() })?;
+    ply::write(file, positions, &WriteParams::default(), &mut bytes)
+        .map_err(|e| WardrobeError::Write { path: path.into(), source: e.into() })?;
     Ok(bytes)
 }
 

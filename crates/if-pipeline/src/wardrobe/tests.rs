@@ -41,7 +41,7 @@ fn filled(root: &Path) -> Wardrobe {
 }
 
 fn parts<'a>(name: &'a str, mesh: &'a TriMesh, body: &'a BodyRef, provenance: &'a Provenance) -> Parts<'a> {
-    Parts { name, hint: LayerHint::of_name(name), body, mesh, skin: None, provenance, network: None, baked: None }
+    Parts { name, hint: LayerHint::of_name(name), body, mesh, skin: None, beside: None, provenance, network: None, baked: None }
 }
 
 fn on(body: &str, garments: &[&str]) -> Combination {
@@ -85,6 +85,41 @@ fn a_wardrobe_is_found_as_it_was_left() {
     assert_eq!((wardrobe.garments().len(), wardrobe.faults().len()), (4, 1));
     fs::write(root.path().join("bodies/slim/body.ply"), "changed").unwrap();
     assert!(matches!(wardrobe.body("slim"), Err(WardrobeError::BodyInfo { .. })));
+    // Nor does a broken body, or a folder that is none.
+    fs::write(root.path().join("bodies/slim/body.json"), "{").unwrap();
+    fs::create_dir(root.path().join("bodies/junk")).unwrap();
+    let wardrobe = Wardrobe::open(root.path()).unwrap();
+    let faults: Vec<_> = wardrobe.faults().iter().map(|f| (f.part, f.name.as_str())).collect();
+    assert_eq!(faults, [(Part::Body, "junk"), (Part::Body, "slim"), (Part::Garment, "coat")]);
+    assert!(wardrobe.body("large").is_ok());
+    assert!(matches!(wardrobe.body("slim"), Err(WardrobeError::BodyInfo { .. })));
+    assert!(matches!(wardrobe.body("junk"), Err(WardrobeError::Folder { .. })));
+    assert!(matches!(wardrobe.garment("coat"), Err(WardrobeError::Asset(_))));
+    assert!(matches!(Wardrobe::open_existing(&root.path().join("files")), Err(WardrobeError::NoWardrobe { .. })));
+}
+
+#[test]
+fn a_damaged_body_is_not_replaced_by_another_of_its_name() {
+    let root = tempfile::tempdir().unwrap();
+    let mut wardrobe = filled(root.path());
+    fs::write(root.path().join("bodies/slim/body.json"), "{").unwrap();
+    let (slim, large) = (root.path().join("files/slim.ply"), root.path().join("files/large.ply"));
+    let new = |name, mesh| NewBody { name, mesh, template: None, skeleton: None };
+    assert_eq!(wardrobe.add_body_once(&new("slim", &slim)).unwrap().name, "slim_2");
+    assert_eq!(wardrobe.add_body_once(&new("anything", &large)).unwrap().name, "large");
+}
+
+#[test]
+fn a_table_holds_any_name() {
+    let root = tempfile::tempdir().unwrap();
+    let wardrobe = filled(root.path());
+    let dresser = Dresser::new(&wardrobe, Default::default());
+    let out = root.path().join("out");
+    let list = [on("slim", &["a,b\nc \"d\""])];
+    let summary = batch::run(&out, &dresser, &list, &MatchParams::default(), &BatchParams::default(), &keep_on).unwrap().unwrap();
+    assert_eq!(summary.failed, 1);
+    let csv = fs::read_to_string(out.join("summary.csv")).unwrap();
+    assert!(csv.contains("\n\"a,b\nc \"\"d\"\" on slim\",failed,"), "{csv}");
 }
 
 #[test]
@@ -98,7 +133,7 @@ fn garments_of_an_unknown_body_and_open_bodies_are_refused() {
     let path = root.path().join("open.ply");
     write_path(&PlyMesh::new(shirt.clone()), shirt.vertices(), &WriteParams::default(), &path).unwrap();
     let error = wardrobe.add_body(&NewBody { name: "open", mesh: &path, template: None, skeleton: None }).unwrap_err();
-    assert!(matches!(error, WardrobeError::Outfit(crate::outfit::OutfitError::OpenBody { .. })), "{error}");
+    assert!(matches!(error, WardrobeError::Body { source: crate::outfit::OutfitError::OpenBody { .. }, .. }), "{error}");
     assert!(!root.path().join("bodies/open").exists());
 }
 

@@ -1,0 +1,38 @@
+//! What a garment's file holds beside positions, triangles and weights.
+
+use crate::skin_weights::SkinWeights;
+use if_core::mesh::TriMesh;
+use if_mesh::ply::{CoordinateType, PlyMesh};
+
+/// What a garment's file holds beside positions, triangles and weights: texture coordinates, colours, materials, polygons, comments,
+/// whatever stands there. It goes through a wardrobe and its results as it is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Beside(PlyMesh);
+
+impl Beside {
+    /// All of a file but its mesh.
+    pub fn of(ply: &PlyMesh) -> Self {
+        Self(PlyMesh {
+            mesh: TriMesh::default(),
+            coordinates: CoordinateType::Float,
+            vertex_properties: ply.vertex_properties.clone(),
+            polygons: ply.polygons.clone(),
+            collapsed: ply.collapsed.clone(),
+            face_properties: ply.face_properties.clone(),
+            other_elements: ply.other_elements.clone(),
+            comments: ply.comments.clone(),
+            obj_info: ply.obj_info.clone(),
+        })
+    }
+
+    /// The file again, with a mesh of as many vertices and the same triangles. Weights replace those of the file.
+    pub fn file(&self, mesh: TriMesh, skin: Option<&SkinWeights>) -> PlyMesh {
+        let mut file = PlyMesh { mesh, ..self.0.clone() };
+        if let Some(skin) = skin {
+            let properties = skin.to_properties();
+            file.vertex_properties.retain(|old| properties.iter().all(|new| new.name != old.name));
+            file.vertex_properties.extend(properties);
+        }
+        file
+    }
+}
