@@ -44,7 +44,7 @@ pub enum Lost {
 ///
 /// | OBJ | PLY |
 /// |---|---|
-/// | `vt` at the corners | `texcoord` of each face: two numbers for each corner; an empty list where it has none |
+/// | `vt` at the corners | `texcoord` of each face: two numbers for each corner, zeros where it has none |
 /// | colours behind `v` | `red`, `green`, `blue`: bytes where they are numbers from 0 to 1, or whole ones to 255, else floats |
 /// | `vn`, the same at all corners of a vertex | `nx`, `ny`, `nz` |
 /// | `usemtl` | `material` of each face: a number, −1 before the first; comments `material 0 NAME` |
@@ -174,19 +174,19 @@ fn normals(all: &Listing, lost: &mut Vec<Lost>) -> Vec<Property> {
     ["nx", "ny", "nz"].iter().enumerate().map(|(k, name)| Property::new(*name, axis(k))).collect()
 }
 
-/// Two numbers for each corner of each face.
+/// Two numbers for each corner of each face: programs that read them want them at all.
 fn texcoord(all: &Listing, lost: &mut Vec<Lost>) -> Option<Property> {
     let (mut values, mut lists) = (Vec::new(), vec![0u32]);
-    let (mut partly, mut deep) = (0, false);
+    let (mut partly, mut mapped, mut deep) = (0, false, false);
     for face in &all.faces {
-        let corners: Vec<u32> = face.corners.iter().filter_map(|c| c[1]).collect();
-        if corners.len() == face.corners.len() {
-            for row in corners.iter().map(|t| &all.textures[*t as usize]) {
-                values.extend([0, 1].map(|k| row.get(k).copied().unwrap_or(0.0) as f32));
-                deep |= row.get(2).is_some_and(|w| *w != 0.0);
-            }
-        } else if !corners.is_empty() {
-            partly += 1;
+        let n = face.corners.iter().filter(|c| c[1].is_some()).count();
+        let is_whole = n == face.corners.len();
+        mapped |= is_whole;
+        partly += usize::from(n > 0 && !is_whole);
+        for corner in &face.corners {
+            let row = corner[1].filter(|_| is_whole).map_or(&[][..], |t| &all.textures[t as usize][..]);
+            values.extend([0, 1].map(|k| row.get(k).copied().unwrap_or(0.0) as f32));
+            deep |= row.get(2).is_some_and(|w| *w != 0.0);
         }
         lists.push(values.len() as u32);
     }
@@ -196,7 +196,7 @@ fn texcoord(all: &Listing, lost: &mut Vec<Lost>) -> Option<Property> {
     if partly > 0 {
         lost.push(Lost::Texture { faces: partly });
     }
-    (!values.is_empty()).then(|| Property { name: "texcoord".into(), values: Column::F32(values), lists: Some(lists) })
+    mapped.then(|| Property { name: "texcoord".into(), values: Column::F32(values), lists: Some(lists) })
 }
 
 /// Statements that say something of the faces that follow.
@@ -253,8 +253,8 @@ mod tests {
         assert_eq!(column("blue"), Column::U8(vec![0, 0, 255, 153, 0]));
         assert_eq!(column("nz"), Column::F32(vec![1.0; 5]), "equal normals of two lines are one");
         let [texcoord, material] = &ply.face_properties[..] else { panic!("two properties") };
-        assert_eq!(texcoord.lists.as_ref().unwrap(), &[0, 0, 8, 14, 22]);
-        assert_eq!(texcoord.values.to_f64()[..8], [0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]);
+        assert_eq!(texcoord.lists.as_ref().unwrap(), &[0, 6, 14, 20, 28]);
+        assert_eq!(texcoord.values.to_f64()[4..14], [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]);
         assert_eq!(material.values, Column::I32(vec![-1, 0, 1, 0]));
         assert_eq!(ply.comments, ["material 0 red cloth", "material 1 blue", "mtllib a b.mtl"]);
         let expected = [Lost::Libraries { names: "a b.mtl".into() }, Lost::Groups { names: "shirt, back, front".into() }];
@@ -267,6 +267,8 @@ mod tests {
         let fine = split_mesh(&again.mesh, &[false, true, false, false, false]).unwrap();
         let after = crate::ply::split(&again, &fine, fine.mesh.clone()).unwrap();
         assert_eq!(after.face_properties[1].values.len(), after.face_properties[0].records());
+        let texcoord = &after.face_properties[0];
+        assert!((0..texcoord.records()).all(|f| [6, 8].contains(&texcoord.range(f).len())), "two numbers for each corner");
     }
 
     #[test]
