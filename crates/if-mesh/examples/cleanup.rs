@@ -22,6 +22,7 @@ use if_mesh::sdf::MeshSdf;
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::io::Write;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -78,8 +79,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut clean = None;
     for _ in 0..number("repeat")?.unwrap_or(1.0) as usize {
         let start = Instant::now();
-        let mut steps = vec![start];
-        clean = Some(cleanup_with(&mesh, &attributes, field, &params, &mut |_| steps.push(Instant::now()))?);
+        let (mut steps, mut last) = (vec![start], None);
+        let mut watch = |step| {
+            if last.replace(step) != Some(step) {
+                steps.push(Instant::now());
+            }
+            ControlFlow::Continue(())
+        };
+        clean = Some(cleanup_with(&mesh, &attributes, field, &params, &mut watch)?);
         steps.push(Instant::now());
         if options.contains_key("steps") {
             let ms: Vec<String> = steps.windows(2).map(|w| format!("{:.1}", (w[1] - w[0]).as_secs_f64() * 1e3)).collect();

@@ -42,19 +42,22 @@ mod spread;
 mod trim;
 mod twins;
 mod vicinity;
+mod watch;
 pub mod work;
 
 use crate::attributes::VertexAttributes;
-use crate::cleanup::boundary::{SmoothParams, SmoothReport};
+use crate::cleanup::boundary::{MOST_PASSES, SmoothParams, SmoothReport};
 use crate::cleanup::components::{ComponentParams, ComponentReport};
 use crate::cleanup::holes::{FillParams, FillReport};
 use crate::cleanup::manifold::ManifoldReport;
 use crate::cleanup::openings::{Openings, OpeningsError};
+use crate::cleanup::watch::{Cancelled, Watch};
 use crate::cleanup::work::Work;
 use if_core::field::SignedDistance;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use serde::Serialize;
+use std::ops::ControlFlow;
 
 /// What [`cleanup`] does.
 #[derive(Clone, Debug)]
@@ -99,6 +102,15 @@ pub enum CleanupError {
     /// Attributes of another mesh.
     #[error("attributes of {attributes} vertices for a mesh of {vertices}; give those of this mesh, or `VertexAttributes::none`")]
     Attributes { attributes: usize, vertices: usize },
+    /// The caller broke.
+    #[error("the clean-up was cancelled")]
+    Cancelled,
+}
+
+impl From<Cancelled> for CleanupError {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
+    }
 }
 
 impl CleanupParams {
@@ -118,6 +130,10 @@ impl CleanupParams {
             range("λ", s.lambda, 0.0, 1.0, "a number from 0 to 1")?;
             range("μ", s.mu, -1.1, 0.0, "a number from −1.1 to 0, a little below −λ")?;
             range("the roughness", s.roughness, 1e-3, 10.0, "an angle in radians, from 0.001")?;
+            let most = MOST_PASSES as Real;
+            range("the number of passes over a loop", s.passes as Real, 0.0, most, "at most 10,000")?;
+            range("the number of rounds", s.rounds as Real, 0.0, most, "at most 10,000")?;
+            range("the number of passes over the surface", s.surface_passes as Real, 0.0, most, "at most 10,000")?;
         }
         Ok(self.openings.validate()?)
     }
@@ -216,33 +232,35 @@ pub fn cleanup(
     field: Option<&dyn SignedDistance>,
     params: &CleanupParams,
 ) -> Result<Cleaned, CleanupError> {
-    cleanup_with(mesh, attributes, field, params, &mut |_| ())
+    cleanup_with(mesh, attributes, field, params, &mut |_| ControlFlow::Continue(()))
 }
 
-/// [`cleanup`] that says before each step which it is.
+/// [`cleanup`], telling `progress` before each step which it is, and again within it: before each try at patches, each round of moves and each pass
+/// over the surface. `Break` ends it.
 ///
 /// # Errors
 ///
-/// As [`cleanup`].
+/// As [`cleanup`], and [`CleanupError::Cancelled`].
 pub fn cleanup_with(
     mesh: &TriMesh,
     attributes: &VertexAttributes,
     field: Option<&dyn SignedDistance>,
     params: &CleanupParams,
-    progress: &mut dyn FnMut(Step),
+    progress: &mut dyn FnMut(Step) -> ControlFlow<()>,
 ) -> Result<Cleaned, CleanupError> {
     params.validate()?;
     if attributes.vertices() != mesh.vertices().len() {
         return Err(CleanupError::Attributes { attributes: attributes.vertices(), vertices: mesh.vertices().len() });
     }
+    let mut watch = Watch(progress);
     let mut work = Work::new(mesh);
     let mut report = CleanupReport { before: Counts::of(&work), ..CleanupReport::default() };
-    progress(Step::Manifold);
+    watch.at(Step::Manifold)?;
     let (manifold, mut twins) = manifold::resolve(&mut work);
     report.manifold = manifold;
     let mut rims;
     loop {
-        progress(Step::Components);
+        watch.at(Step::Components)?;
         if let Some(params) = &params.components {
             let (found, gone) = components::drop_small(&mut work, &twins, params);
             if !gone.is_empty() {
@@ -251,9 +269,9 @@ pub fn cleanup_with(
             report.components.dropped.extend(&found.dropped);
             report.components.kept = found.kept;
         }
-        progress(Step::Holes);
+        watch.at(Step::Holes)?;
         let (found, open) = match &params.fill {
-            Some(fill) => holes::fill(&mut work, &mut twins, field, &params.openings, fill, params.single_precision),
+            Some(fill) => holes::fill(&mut work, &mut twins, field, &params.openings, fill, params.single_precision, &mut watch)?,
             None => (FillReport::default(), twins::loops(&work.triangles, &twins)),
         };
         rims = open;
@@ -269,9 +287,9 @@ pub fn cleanup_with(
             break;
         }
     }
-    progress(Step::Boundary);
+    watch.at(Step::Boundary)?;
     if let Some(smooth) = &params.smooth {
-        report.smoothing = boundary::smooth(&mut work, &twins, &rims, field, smooth, params.single_precision);
+        report.smoothing = boundary::smooth(&mut work, &twins, &rims, field, smooth, params.single_precision, &mut watch)?;
         work.compact(); // tips of teeth that were cut off
     }
     report.after = Counts::of(&work);

@@ -16,6 +16,7 @@ use if_core::edges::Edges;
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
 use rayon::prelude::*;
+use std::ops::ControlFlow;
 
 /// How smooth.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,6 +106,9 @@ pub enum SmoothLabelError {
         /// The residual, as a share of the right-hand side.
         residual: Real,
     },
+    /// The caller broke.
+    #[error("the smoothing of the labels was cancelled")]
+    Cancelled,
 }
 
 /// Solves for the smooth fields.
@@ -113,6 +117,30 @@ pub enum SmoothLabelError {
 ///
 /// Votes that do not fit or are no numbers, and a solve that does not converge.
 pub fn smooth_labels(mesh: &TriMesh, votes: &LabelVotes, params: &SmoothLabelParams) -> Result<LabelScores, SmoothLabelError> {
+    smooth_labels_watched(mesh, votes, params, &|_| ControlFlow::Continue(()))
+}
+
+/// A step of the solve, for progress.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SolveStep {
+    /// The label.
+    pub label: usize,
+    /// Steps done, of [`SmoothLabelParams::max_steps`] at most.
+    pub step: usize,
+}
+
+/// [`smooth_labels`], telling `watch` before each step of each label's solve. Labels are solved at the same time, each on some thread. `Break` ends
+/// all of them.
+///
+/// # Errors
+///
+/// As [`smooth_labels`], and [`SmoothLabelError::Cancelled`].
+pub fn smooth_labels_watched(
+    mesh: &TriMesh,
+    votes: &LabelVotes,
+    params: &SmoothLabelParams,
+    watch: &(dyn Fn(&SolveStep) -> ControlFlow<()> + Sync),
+) -> Result<LabelScores, SmoothLabelError> {
     let n = mesh.vertices().len();
     votes.check(n)?;
     let k = votes.labels;
@@ -127,8 +155,11 @@ pub fn smooth_labels(mesh: &TriMesh, votes: &LabelVotes, params: &SmoothLabelPar
         .into_par_iter()
         .map(|label| {
             let right: Vec<Real> = (0..n).map(|v| areas[v] * votes.of(v)[label]).collect();
-            let solved = matrix.solve(&right, params.tolerance, params.max_steps);
-            solved.map_err(|(steps, residual)| SmoothLabelError::NotConverged { label, steps, residual })
+            let solved = matrix.solve(&right, params.tolerance, params.max_steps, &|step| watch(&SolveStep { label, step }));
+            solved.map_err(|fault| match fault {
+                Unsolved::Slow { steps, residual } => SmoothLabelError::NotConverged { label, steps, residual },
+                Unsolved::Cancelled => SmoothLabelError::Cancelled,
+            })
         })
         .collect();
     let mut scores = vec![0.0; n * k];
@@ -197,6 +228,14 @@ pub(crate) fn dual_weights(mesh: &TriMesh, edges: &Edges) -> Vec<Real> {
     weights.iter().map(|w| w.clamp(FLOOR, CEILING)).collect()
 }
 
+/// Why there is no solution.
+enum Unsolved {
+    /// Not after so many steps.
+    Slow { steps: usize, residual: Real },
+    /// The caller broke.
+    Cancelled,
+}
+
 /// A symmetric matrix in compressed rows, the diagonal apart.
 struct Matrix {
     start: Vec<usize>,
@@ -239,8 +278,14 @@ impl Matrix {
     }
 
     /// Conjugate gradients, preconditioned by the diagonal, from zero. Pieces without votes have no right-hand side
-    /// and stay at zero. `Err` holds the steps done and the residual.
-    fn solve(&self, right: &[Real], tolerance: Real, max_steps: usize) -> Result<Vec<Real>, (usize, Real)> {
+    /// and stay at zero.
+    fn solve(
+        &self,
+        right: &[Real],
+        tolerance: Real,
+        max_steps: usize,
+        watch: &dyn Fn(usize) -> ControlFlow<()>,
+    ) -> Result<Vec<Real>, Unsolved> {
         let dot = |a: &[Real], b: &[Real]| a.iter().zip(b).map(|(x, y)| x * y).sum::<Real>();
         let mut x = vec![0.0; right.len()];
         let size = dot(right, right).sqrt();
@@ -258,10 +303,13 @@ impl Matrix {
             if residual <= tolerance {
                 return Ok(x);
             }
+            if watch(step).is_break() {
+                return Err(Unsolved::Cancelled);
+            }
             self.product(&p, &mut q);
             let curvature = dot(&p, &q);
             if step == max_steps || curvature <= 0.0 {
-                return Err((step, residual));
+                return Err(Unsolved::Slow { steps: step, residual });
             }
             let alpha = rz / curvature;
             for v in 0..x.len() {
@@ -369,6 +417,11 @@ mod tests {
         assert!(matches!(smooth_labels(&mesh, &votes, &exact(-1.0)), Err(SmoothLabelError::Param { name: "length", .. })));
         let hurried = SmoothLabelParams { max_steps: 1, ..exact(0.3) };
         assert!(matches!(smooth_labels(&mesh, &votes, &hurried), Err(SmoothLabelError::NotConverged { steps: 1, .. })));
+        let broken = smooth_labels_watched(&mesh, &votes, &exact(0.3), &|at| match at {
+            SolveStep { label: 2, step: 3 } => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        });
+        assert_eq!(broken.unwrap_err(), SmoothLabelError::Cancelled);
         let empty = LabelVotes { labels: 3, weights: vec![] };
         assert_eq!(smooth_labels(&TriMesh::default(), &empty, &exact(0.1)).unwrap().scores, Vec::<Real>::new());
     }

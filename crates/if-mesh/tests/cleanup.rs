@@ -9,18 +9,19 @@ use if_core::mesh::TriMesh;
 use if_core::shapes::Sphere;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_mesh::attributes::VertexAttributes;
-use if_mesh::cleanup::boundary::SmoothParams;
+use if_mesh::cleanup::boundary::{MOST_PASSES, SmoothParams};
 use if_mesh::cleanup::complement::Complement;
 use if_mesh::cleanup::components::ComponentParams;
 use if_mesh::cleanup::holes::Shape;
 use if_mesh::cleanup::manifold::make_manifold;
 use if_mesh::cleanup::openings::Openings;
-use if_mesh::cleanup::{Cleaned, CleanupError, CleanupParams, cleanup};
+use if_mesh::cleanup::{Cleaned, CleanupError, CleanupParams, Step, cleanup, cleanup_with};
 use if_mesh::index::Bvh;
 use if_mesh::intersections::own_pairs;
 use if_mesh::ply::{Column, Property};
 use if_mesh::validate::{Fault, faults};
 use proptest::prelude::*;
+use std::ops::ControlFlow;
 
 fn clean(mesh: &TriMesh, params: &CleanupParams) -> Cleaned {
     cleanup(mesh, &VertexAttributes::none(mesh.vertices().len()), None, params).unwrap()
@@ -325,4 +326,39 @@ fn numbers_that_make_no_sense_are_refused() {
     assert!(refused(p).contains("no triangles"));
     let components = Some(ComponentParams { least_share: 2.0, most: None });
     assert!(refused(CleanupParams { components, ..CleanupParams::default() }).contains("share"));
+    let many = MOST_PASSES + 1;
+    for smooth in [
+        SmoothParams { passes: many, ..SmoothParams::default() },
+        SmoothParams { rounds: many, ..SmoothParams::default() },
+        SmoothParams { surface_passes: many, ..SmoothParams::default() },
+    ] {
+        let message = refused(CleanupParams { smooth: Some(smooth), ..CleanupParams::default() });
+        assert!(message.contains("10001") && message.contains("at most 10,000"), "{message}");
+    }
+}
+
+#[test]
+fn a_caller_can_break_at_any_call_and_hears_each_pass() {
+    let mesh = holed(3, &[(Vector::new(0.3, 0.0, 0.0), 0.1), (Vector::new(0.0, 0.3, 0.0), 0.05)]);
+    let none = VertexAttributes::none(mesh.vertices().len());
+    let smooth = SmoothParams { surface_passes: 7, ..SmoothParams::default() };
+    let params = CleanupParams { smooth: Some(smooth), ..CleanupParams::default() };
+    let mut heard = Vec::new();
+    let whole = cleanup_with(&mesh, &none, None, &params, &mut |step| {
+        heard.push(step);
+        ControlFlow::Continue(())
+    });
+    assert_eq!(whole.unwrap(), cleanup(&mesh, &none, None, &params).unwrap());
+    assert!(
+        heard.is_sorted_by_key(|s| [Step::Manifold, Step::Components, Step::Holes, Step::Boundary].iter().position(|t| t == s))
+    );
+    assert!(heard.iter().filter(|s| **s == Step::Boundary).count() > 8, "{heard:?}");
+    for last in 0..heard.len() {
+        let mut calls = 0;
+        let broken = cleanup_with(&mesh, &none, None, &params, &mut |_| {
+            calls += 1;
+            if calls > last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert_eq!((broken, calls), (Err(CleanupError::Cancelled), last + 1));
+    }
 }

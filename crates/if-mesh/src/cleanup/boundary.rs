@@ -1,5 +1,6 @@
 //! Laplacian smoothing of the boundary.
 
+use super::Step;
 use super::curve::{roughness, taubin_loop};
 use super::manifold::resolve;
 use super::rim::{LoopShape, length};
@@ -7,11 +8,15 @@ use super::safe_move::{Paths, move_safely};
 use super::spread::{Spread, back, surface};
 use super::trim::trim;
 use super::twins::{Twins, ends, leaving, loops};
+use super::watch::{Cancelled, Watch, unwatched};
 use super::work::{Derived, Work};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use serde::Serialize;
+
+/// Passes and rounds, at most, where clean-up takes them from a caller: a hundred times what flattens a scan's noise, while the work still ends.
+pub const MOST_PASSES: usize = 10_000;
 
 /// How boundary loops are smoothed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,7 +104,7 @@ pub fn smooth_boundary(mesh: &TriMesh, field: Option<&dyn SignedDistance>, param
     let mut work = Work::new(mesh);
     let (_, twins) = resolve(&mut work);
     let rims = loops(&work.triangles, &twins);
-    let report = smooth(&mut work, &twins, &rims, field, params, false);
+    let report = unwatched(|watch| smooth(&mut work, &twins, &rims, field, params, false, watch));
     work.compact(); // tips of teeth that were cut off
     (work.finish(), report)
 }
@@ -129,7 +134,8 @@ pub(super) fn smooth(
     field: Option<&dyn SignedDistance>,
     params: &SmoothParams,
     single_precision: bool,
-) -> SmoothReport {
+    watch: &mut Watch<'_>,
+) -> Result<SmoothReport, Cancelled> {
     let mut report = SmoothReport::default();
     let line = |work: &Work, rim: &[u32]| -> Vec<u32> { rim.iter().map(|&h| ends(&work.triangles, h)[0]).collect() };
     let at = |work: &Work, line: &[u32]| -> Vec<Point> { line.iter().map(|v| work.points[*v as usize]).collect() };
@@ -155,6 +161,7 @@ pub(super) fn smooth(
     let (mut old, mut target) = (start.clone(), start.clone());
     let mut carry = Spread::new(&twins, &leaving, &fixed);
     for round in 0..params.rounds {
+        watch.at(Step::Boundary)?;
         let mut seeds = Vec::new();
         let mut sum = 0.0;
         for (k, rim) in rims.iter().enumerate().filter(|(k, _)| rough[*k]) {
@@ -187,7 +194,7 @@ pub(super) fn smooth(
         still = sum;
         let mut moving = carry.spread(work, &mut target, &seeds, params.rings);
         if surface_passes > 0 {
-            surface(work, &twins, &leaving, &mut target, &fixed, params);
+            surface(work, &twins, &leaving, &mut target, &fixed, params, watch)?;
             moving = (0..start.len() as u32).collect();
         }
         if let Some(field) = field {
@@ -200,7 +207,7 @@ pub(super) fn smooth(
         touched.sort_unstable();
         touched.dedup();
         let paths = Paths { start: &start, old: &old, target: &target, moving: &moving, touched: &touched };
-        let back = move_safely(work, &paths, single_precision);
+        let back = move_safely(work, &paths, single_precision, watch)?;
         for v in moving.iter().map(|v| *v as usize) {
             old[v] = work.points[v];
             target[v] = work.points[v];
@@ -225,7 +232,7 @@ pub(super) fn smooth(
             passes: passes[k],
         })
         .collect();
-    report
+    Ok(report)
 }
 
 /// Which vertices of a loop lie within [`AGAIN`] vertices of one that was held back.

@@ -1,5 +1,6 @@
 //! Holes closed.
 
+use super::Step;
 use super::guard::{bounds, meeting};
 use super::hole::Hole;
 use super::manifold::{resolve, take_out};
@@ -7,6 +8,7 @@ use super::openings::{Openings, Verdict};
 use super::patch::Patch;
 use super::rim::LoopShape;
 use super::twins::{Twins, loops};
+use super::watch::{Cancelled, Watch, unwatched};
 use super::work::{Derived, Work};
 use crate::validate::is_flat;
 use if_core::aabb::Aabb;
@@ -97,7 +99,7 @@ pub fn fill_holes(
 ) -> (Derived, FillReport) {
     let mut work = Work::new(mesh);
     let (_, mut twins) = resolve(&mut work);
-    let (report, _) = fill(&mut work, &mut twins, field, openings, params, false);
+    let (report, _) = unwatched(|watch| fill(&mut work, &mut twins, field, openings, params, false, watch));
     (work.finish(), report)
 }
 
@@ -112,19 +114,20 @@ pub(super) fn fill(
     openings: &Openings,
     params: &FillParams,
     single_precision: bool,
-) -> (FillReport, Vec<Vec<u32>>) {
-    let once = |work: &mut Work, twins: &mut Twins| {
+    watch: &mut Watch<'_>,
+) -> Result<(FillReport, Vec<Vec<u32>>), Cancelled> {
+    let mut once = |work: &mut Work, twins: &mut Twins| -> Result<Try, Cancelled> {
         let before = work.triangles.len() as u32;
-        let found = fill_once(work, twins, field, openings, params, single_precision);
+        let found = fill_once(work, twins, field, openings, params, single_precision, watch)?;
         let added: Vec<u32> = (before..work.triangles.len() as u32).collect();
         if !added.is_empty() {
             twins.update(&work.triangles, &added);
         }
-        found
+        Ok(found)
     };
-    let (mut report, mut open, mut left) = once(work, twins);
+    let Try { mut report, mut open, mut left } = once(work, twins)?;
     if left.is_empty() || params.widenings == 0 {
-        return (report, open);
+        return Ok((report, open));
     }
     let area: Real = (0..work.triangles.len()).map(|t| work.area(t)).sum();
     let mut tried = FillReport { cut_away: 0, ..report.clone() };
@@ -139,7 +142,7 @@ pub(super) fn fill(
         best.get_or_insert_with(|| (work.clone(), twins.clone()));
         tried.cut_away += rim.len();
         *twins = take_out(work, twins, &rim);
-        let (found, new_open, new_left) = once(work, twins);
+        let Try { report: found, open: new_open, left: new_left } = once(work, twins)?;
         left = new_left;
         tried.filled.extend(found.filled);
         (tried.left, tried.openings) = (found.left, found.openings);
@@ -156,10 +159,19 @@ pub(super) fn fill(
     if report.cut_away > 0 {
         work.compact();
     }
-    (report, open)
+    Ok((report, open))
 }
 
-/// Judges the loops and fills holes once. The rims of openings, and of holes that are left; old half-edges keep their numbers.
+/// What filling once gave.
+struct Try {
+    report: FillReport,
+    /// The rims of openings.
+    open: Vec<Vec<u32>>,
+    /// And of holes that are left.
+    left: Vec<Vec<u32>>,
+}
+
+/// Judges the loops and fills holes once; old half-edges keep their numbers.
 fn fill_once(
     work: &mut Work,
     twins: &Twins,
@@ -167,7 +179,8 @@ fn fill_once(
     openings: &Openings,
     params: &FillParams,
     single_precision: bool,
-) -> (FillReport, Vec<Vec<u32>>, Vec<Vec<u32>>) {
+    watch: &mut Watch<'_>,
+) -> Result<Try, Cancelled> {
     let rims = loops(&work.triangles, twins);
     if work.vicinity.is_unknown() {
         let corners = |h: &u32| work.triangles[*h as usize / 3].map(|v| &work.points[v as usize]);
@@ -195,6 +208,7 @@ fn fill_once(
     let mut patches: Vec<Option<(Patch, Shape)>> = jobs.par_iter().map(|(_, hole)| make(hole, first)).collect();
     let (points, base) = (work.points.len(), work.triangles.len());
     loop {
+        watch.at(Step::Holes)?;
         let mut owner = Vec::new();
         for (job, patch) in patches.iter().enumerate() {
             if let Some((patch, _)) = patch {
@@ -236,7 +250,7 @@ fn fill_once(
     }
     let left = jobs.iter().zip(&patches).filter(|(_, p)| p.is_none()).map(|((k, _), _)| rims[*k].clone()).collect();
     let open = rims.into_iter().zip(&verdicts).filter(|(_, v)| **v == Verdict::Opening).map(|(rim, _)| rim).collect();
-    (report, open, left)
+    Ok(Try { report, open, left })
 }
 
 fn worse(shape: Shape) -> Option<Shape> {

@@ -1,6 +1,8 @@
 //! Vertices moved as far as that does no harm.
 
+use super::Step;
 use super::guard::Guard;
+use super::watch::{Cancelled, Watch};
 use super::work::Work;
 use crate::validate::is_flat;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
@@ -35,7 +37,12 @@ pub(super) struct Paths<'a> {
 ///     bad ← suspects that turned over, or meet something that they did not meet before
 ///     moved ← the vertices of bad; share of each ← half, after HALVINGS halvings 0
 /// ```
-pub(super) fn move_safely(work: &mut Work, paths: &Paths<'_>, single_precision: bool) -> Vec<bool> {
+pub(super) fn move_safely(
+    work: &mut Work,
+    paths: &Paths<'_>,
+    single_precision: bool,
+    watch: &mut Watch<'_>,
+) -> Result<Vec<bool>, Cancelled> {
     let Paths { start, old, target, moving, touched } = *paths;
     let mut moves = vec![false; old.len()];
     moving.iter().for_each(|v| moves[*v as usize] = true);
@@ -45,6 +52,7 @@ pub(super) fn move_safely(work: &mut Work, paths: &Paths<'_>, single_precision: 
     let mut changed = moving.to_vec();
     let mut suspects = touched.to_vec();
     while !changed.is_empty() {
+        watch.at(Step::Boundary)?;
         for &v in &changed {
             let k = v as usize;
             let moved = old[k] + (target[k] - old[k]) * 0.5f64.powi(i32::from(halved[k]));
@@ -71,7 +79,7 @@ pub(super) fn move_safely(work: &mut Work, paths: &Paths<'_>, single_precision: 
         suspects = touched.to_vec();
         suspects.retain(|t| work.triangles[*t as usize].iter().any(|v| is_changed[*v as usize]));
     }
-    halved.iter().map(|h| *h > 0).collect()
+    Ok(halved.iter().map(|h| *h > 0).collect())
 }
 
 /// Whether a triangle has an area and lies nearly as `twice` says, by more than rounding can feign: most do, and squares save roots and divisions.

@@ -1,8 +1,10 @@
 //! The move of a boundary carried into the surface.
 
+use super::Step;
 use super::boundary::SmoothParams;
 use super::project::newton;
 use super::twins::{NONE, Twins, ends, previous};
+use super::watch::{Cancelled, Watch};
 use super::work::Work;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
@@ -78,9 +80,18 @@ impl<'a> Spread<'a> {
 }
 
 /// Laplacian smoothing of the vertices that are not `fixed`, from where `target` has them.
-pub(super) fn surface(work: &Work, twins: &Twins, leaving: &[u32], target: &mut [Point], fixed: &[bool], params: &SmoothParams) {
+pub(super) fn surface(
+    work: &Work,
+    twins: &Twins,
+    leaving: &[u32],
+    target: &mut [Point],
+    fixed: &[bool],
+    params: &SmoothParams,
+    watch: &mut Watch<'_>,
+) -> Result<(), Cancelled> {
     let mut near = Vec::new();
     for _ in 0..params.surface_passes {
+        watch.at(Step::Boundary)?;
         let old = target.to_vec();
         for v in (0..target.len()).filter(|v| !fixed[*v] && leaving[*v] != NONE) {
             neighbours_into(work, twins, leaving[v], &mut near);
@@ -88,6 +99,7 @@ pub(super) fn surface(work: &Work, twins: &Twins, leaving: &[u32], target: &mut 
             target[v] = old[v] + (Point::from(mean) - old[v]) * params.lambda;
         }
     }
+    Ok(())
 }
 
 /// The vertices that an edge joins to the one that half-edge `h` leaves.
