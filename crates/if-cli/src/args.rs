@@ -5,6 +5,7 @@ use crate::wardrobe::WardrobeArgs;
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use if_core::math::Point;
+use if_mesh::cleanup::boundary::MOST_PASSES;
 use if_pipeline::mannequin::Garment;
 use std::path::PathBuf;
 
@@ -216,8 +217,8 @@ pub(crate) struct CleanArgs {
     pub(crate) out: PathBuf,
     #[command(flatten)]
     pub(crate) open: Openness,
-    /// The clothed body that the garment was cut from: a loop that bounds a large part of the rest of it is
-    /// an opening.
+    /// The clothed body that the garment was cut from: a loop that bounds a large part of the rest of it is an opening. Instead of --openings, --longer
+    /// and --open-at, but for --project.
     #[arg(long, value_name = "MESH")]
     pub(crate) body: Option<PathBuf>,
     /// Put patches and smoothed boundaries onto the surface of --body, which must be closed.
@@ -230,13 +231,14 @@ pub(crate) struct CleanArgs {
     #[arg(long, value_name = "N")]
     pub(crate) parts: Option<usize>,
     /// Leave holes open.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "Openness")]
     pub(crate) no_fill: bool,
     /// Leave the boundary as it is.
     #[arg(long)]
     pub(crate) no_smooth: bool,
     /// Smooth the whole surface but for its boundary, by so many passes of Laplacian smoothing.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0,
+          value_parser = clap::value_parser!(u64).range(0..=MOST_PASSES as u64).map(|n| n as usize))]
     pub(crate) surface_passes: usize,
     /// Allow the output to replace the input.
     #[arg(long)]

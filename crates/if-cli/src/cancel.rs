@@ -10,13 +10,13 @@ pub(crate) const CANCELLED: u8 = 130;
 
 static ASKED: AtomicBool = AtomicBool::new(false);
 /// What a sudden stop must remove.
-static PARTIAL: Mutex<Option<PathBuf>> = Mutex::new(None);
+static PARTIAL: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Starts listening. Where the system refuses, signals stop the program as they always do.
 pub(crate) fn listen() {
     let heard = ctrlc::set_handler(|| {
         if ASKED.swap(true, Ordering::SeqCst) {
-            if let Ok(Some(path)) = PARTIAL.lock().map(|mut p| p.take()) {
+            for path in PARTIAL.lock().map(|mut p| std::mem::take(&mut *p)).unwrap_or_default() {
                 let _ = std::fs::remove_dir_all(path);
             }
             exit(i32::from(CANCELLED));
@@ -30,9 +30,16 @@ pub(crate) fn asked() -> bool {
     ASKED.load(Ordering::SeqCst)
 }
 
-/// Names the folder that a sudden stop must remove, or none.
-pub(crate) fn guard(partial: Option<&Path>) {
-    if let Ok(mut slot) = PARTIAL.lock() {
-        *slot = partial.map(Path::to_path_buf);
+/// Names a folder that a sudden stop must remove.
+pub(crate) fn guard(partial: &Path) {
+    if let Ok(mut all) = PARTIAL.lock() {
+        all.push(partial.to_path_buf());
+    }
+}
+
+/// Takes the name back.
+pub(crate) fn unguard(partial: &Path) {
+    if let Ok(mut all) = PARTIAL.lock() {
+        all.retain(|p| p != partial);
     }
 }

@@ -7,7 +7,8 @@ use crate::errors::{self, Told};
 use crate::pictures;
 use crate::print::{print, print_json};
 use crate::progress::Line;
-use crate::staging::{OutputError, Staging};
+use crate::staging::OutputError;
+use crate::target::{Input, Target};
 use crate::{announce, table};
 use if_core::field::SignedDistance;
 use if_core::mesh::{MeshError, TriMesh};
@@ -24,6 +25,7 @@ use if_mesh::sdf::{MeshSdf, SdfError};
 use if_mesh::validate::faults;
 use miette::{Diagnostic, Report};
 use serde_json::json;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -33,9 +35,6 @@ enum CleanError {
     #[error("cannot read `{}`", path.display())]
     #[diagnostic(code(ifg::input::mesh), help("repair it at the place named, or export it again"))]
     Read { path: PathBuf, source: Told },
-    #[error("cannot write `{}`: clean meshes are written as .ply", path.display())]
-    #[diagnostic(code(ifg::output::extension), help("give --out a name that ends in .ply"))]
-    Extension { path: PathBuf },
     #[error("the properties of `{}` do not fit its vertices", path.display())]
     #[diagnostic(code(ifg::input::attributes), help("export it again"))]
     Attributes { path: PathBuf, source: AttributeError },
@@ -45,6 +44,12 @@ enum CleanError {
     #[error("--project needs --body")]
     #[diagnostic(code(ifg::arguments), help("add --body CLOTHED.ply: its surface is what is projected onto"))]
     NoBody,
+    #[error("--body has no use beside {option}")]
+    #[diagnostic(
+        code(ifg::arguments),
+        help("--body tells openings from holes where nothing else does: leave it out, or {option}, or add --project")
+    )]
+    IdleBody { option: &'static str },
     #[error("nothing was cleaned")]
     #[diagnostic(code(ifg::input::params), help("look at the options"))]
     Params { source: CleanupError },
@@ -59,7 +64,10 @@ enum CleanError {
 /// Runs the command.
 pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
     let start = Instant::now();
-    let (out, names) = outputs(args)?;
+    if let (Some(_), false, Some(option)) = (&args.body, args.project, instead_of_body(args)) {
+        return Err(CleanError::IdleBody { option }.into());
+    }
+    let target = target(args)?;
     let line = Line::new(&args.file.display().to_string(), 0, 1);
     line.say("reading");
     let file = read(&args.file)?;
@@ -86,67 +94,76 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
             Step::Manifold => "making it manifold",
             Step::Components => "removing isolated elements",
             Step::Holes => "filling holes",
-            Step::Boundary => "smoothing the boundary",
+            Step::Boundary => "smoothing",
         });
+        if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let field = field.as_ref().map(|f| f as &dyn SignedDistance);
-    let clean = cleanup_with(mesh, &attributes, field, &params, say).map_err(|source| CleanError::Params { source })?;
+    let clean = match cleanup_with(mesh, &attributes, field, &params, say) {
+        Err(CleanupError::Cancelled) => {
+            drop(line);
+            return Ok(cancelled(args));
+        }
+        other => other.map_err(|source| CleanError::Params { source })?,
+    };
     if clean.mesh.triangles().is_empty() {
         return Err(CleanError::Empty { path: args.file.clone() }.into());
     }
-    if cancel::asked() {
-        errors::note(&format!("cancelled; `{}` was not written", args.out.display()));
-        return Ok(End::Cancelled);
-    }
     line.say("writing");
-    let staging = Staging::open(&out)?;
     let positions = ply::quantise(clean.mesh.vertices(), ply.coordinates);
     (ply.mesh, ply.polygons, ply.collapsed) = (clean.mesh, None, Vec::new());
     ply.face_properties.clear();
     ply.other_elements.clear();
     ply.vertex_properties = clean.attributes.into_properties();
     let how = WriteParams { coordinates: ply.coordinates, ..WriteParams::default() };
-    ply::write_path(&ply, &positions, &how, &staging.path(&names[0]))
+    ply::write_path(&ply, &positions, &how, &target.staged(0))
         .map_err(|e| OutputError::Mesh { path: args.out.clone(), source: Told::new(&e) })?;
-    if let [_, before, after] = &names[..] {
+    if !args.no_pictures {
         let written = ply.mesh.with_vertices(positions).map_err(|source| CleanError::Precision { source })?;
-        for (mesh, name) in [(mesh, before), (&written, after)] {
-            let fault = |source| OutputError::File { path: out.join(name), source };
-            pictures::draw_one(mesh, &staging.path(name)).map_err(fault)?;
+        for (mesh, k) in [(mesh, 1), (&written, 2)] {
+            let fault = |source| OutputError::File { path: target.path(k), source };
+            pictures::draw_one(mesh, &target.staged(k)).map_err(fault)?;
         }
     }
-    let written: Vec<&str> = names.iter().map(String::as_str).collect();
-    staging.commit(&written)?;
+    if cancel::asked() {
+        drop(line);
+        return Ok(cancelled(args));
+    }
+    let files = target.commit()?;
     drop(line);
-    say_it(args, &clean.report, &notes, &names, start.elapsed().as_secs_f64())
+    say_it(args, &clean.report, &notes, &files, start.elapsed().as_secs_f64())
+}
+
+fn cancelled(args: &CleanArgs) -> End {
+    errors::note(&format!("cancelled; `{}` was not written", args.out.display()));
+    End::Cancelled
+}
+
+/// What tells openings in place of --body.
+fn instead_of_body(args: &CleanArgs) -> Option<&'static str> {
+    let Openness { openings, longer, open_at } = &args.open;
+    let given = [
+        (openings.is_some(), "--openings"),
+        (longer.is_some(), "--longer"),
+        (!open_at.is_empty(), "--open-at"),
+        (args.no_fill, "--no-fill"),
+    ];
+    given.into_iter().find(|(is_given, _)| *is_given).map(|(_, option)| option)
 }
 
 fn read(path: &Path) -> Result<MeshFile, CleanError> {
     MeshFile::read(path).map_err(|e| CleanError::Read { path: path.into(), source: Told::new(&e) })
 }
 
-/// The output folder, and the names of the mesh and of the pictures.
-fn outputs(args: &CleanArgs) -> Result<(PathBuf, Vec<String>), Report> {
-    let is_ply = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
-    let (Some(name), true) = (args.out.file_name(), is_ply) else {
-        return Err(CleanError::Extension { path: args.out.clone() }.into());
-    };
-    let folder = args.out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if let (Ok(input), Ok(output)) = (args.file.canonicalize(), args.out.canonicalize()) {
-        if !output.is_file() {
-            return Err(OutputError::InTheWay { path: args.out.clone() }.into());
-        }
-        if input == output && !args.in_place {
-            let written = args.file.display().to_string();
-            return Err(OutputError::OverInput { path: args.out.clone(), written }.into());
-        }
-    }
-    let stem = args.out.file_stem().unwrap_or(name).to_string_lossy().into_owned();
-    let mut names = vec![name.to_string_lossy().into_owned()];
-    if !args.no_pictures {
-        names.extend([format!("{stem}_{}", pictures::BEFORE), format!("{stem}_{}", pictures::AFTER)]);
-    }
-    Ok((folder.to_path_buf(), names))
+/// The mesh, and the pictures.
+fn target(args: &CleanArgs) -> Result<Target, OutputError> {
+    let before = format!("_{}", pictures::BEFORE);
+    let after = format!("_{}", pictures::AFTER);
+    let beside = if args.no_pictures { vec![] } else { vec![&before[..], &after[..]] };
+    let mesh = Input { path: &args.file, in_place: Some(args.in_place) };
+    let body = args.body.as_deref().map(|path| Input { path, in_place: None });
+    let inputs: Vec<Input> = [mesh].into_iter().chain(body).collect();
+    Target::open(&args.out, "ply", &beside, &inputs)
 }
 
 fn params(args: &CleanArgs, body: Option<&TriMesh>, single_precision: bool) -> CleanupParams {
@@ -176,6 +193,13 @@ fn notes(file: &MeshFile, ply: &PlyMesh) -> Vec<String> {
     if matches!(file.content(), Content::Obj(_)) {
         notes.push("texture coordinates, normals and groups of the OBJ file are not kept".into());
     }
+    notes.extend(not_kept(ply));
+    notes
+}
+
+/// What only the vertices of a PLY file keep.
+pub(crate) fn not_kept(ply: &PlyMesh) -> Vec<String> {
+    let mut notes = Vec::new();
     let faces: Vec<&str> = ply.face_properties.iter().map(|p| p.name.as_str()).collect();
     if !faces.is_empty() {
         notes.push(format!("properties of faces are not kept: {}", faces.join(", ")));
@@ -190,7 +214,8 @@ fn notes(file: &MeshFile, ply: &PlyMesh) -> Vec<String> {
     notes
 }
 
-fn say_it(args: &CleanArgs, report: &CleanupReport, notes: &[String], names: &[String], seconds: f64) -> Result<End, Report> {
+fn say_it(args: &CleanArgs, report: &CleanupReport, notes: &[String], files: &[PathBuf], seconds: f64) -> Result<End, Report> {
+    let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
     if args.json {
         print_json(&json!({
             "mesh": args.file.display().to_string(),

@@ -1,27 +1,31 @@
 //! `ifg cut`: a labelled mesh, cut into one mesh for each label along smooth lines.
 
+use crate::announce;
 use crate::args::CutArgs;
 use crate::cancel;
+use crate::clean::not_kept;
 use crate::end::End;
 use crate::errors::{self, Told};
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::staging::{OutputError, Staging};
 use crate::table::count;
+use crate::target::is_same;
 use if_core::edges::{Edges, part_count};
 use if_core::mesh::TriMesh;
 use if_mesh::attributes::{AttributeError, Source, VertexAttributes};
 use if_mesh::cut::{CutError, CutParams, Piece, cut};
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
-use if_mesh::smooth_labels::{SmoothLabelError, SmoothLabelParams, smooth_labels};
+use if_mesh::smooth_labels::{SmoothLabelError, SmoothLabelParams, SolveStep, smooth_labels_watched};
 use if_mesh::votes::{LabelVotes, UNDECIDED};
 use if_pipeline::render::{PALETTE, RenderLayer, View, side_by_side};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
-use serde_json::json;
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -58,6 +62,15 @@ enum CutFault {
         help("names become names of files: use letters, digits, `_`, `-` and `.`, and each name once")
     )]
     Name { label: u8, name: String },
+    #[error("label {label} is to be called `{name}`, but no vertex of `{}` has it", path.display())]
+    #[diagnostic(code(ifg::input::names), help("leave that --name out; the labels of the file are {have}"))]
+    NoSuchLabel { path: PathBuf, label: u8, name: String, have: String },
+    #[error("label {label} is to be called `{first}` and `{second}`")]
+    #[diagnostic(code(ifg::input::names), help("give --name once for each label"))]
+    TwoNames { label: u8, first: String, second: String },
+    #[error("no triangle of `{}` has a label", path.display())]
+    #[diagnostic(code(ifg::input::labels), help("labels stand only at vertices that no triangle uses; look at the mesh"))]
+    NothingCut { path: PathBuf },
 }
 
 /// What the table says of a piece.
@@ -73,52 +86,92 @@ struct Row {
     borders: usize,
 }
 
+/// What is in no piece.
+#[derive(Serialize)]
+struct Undecided {
+    vertices: usize,
+    triangles: usize,
+    area_m2: f64,
+    components: usize,
+}
+
+/// A label that has no piece.
+#[derive(Serialize)]
+struct Lost {
+    label: u8,
+    name: String,
+    /// Vertices that had it.
+    vertices: usize,
+}
+
+/// What became of the labels.
+#[derive(Serialize)]
+struct Fates {
+    #[serde(rename = "labels_changed")]
+    changed: usize,
+    #[serde(rename = "labels_filled_in")]
+    decided: usize,
+    #[serde(rename = "labels_lost")]
+    lost: Vec<Lost>,
+    undecided: Undecided,
+}
+
+/// What --json prints.
+#[derive(Serialize)]
+struct Cutting {
+    mesh: String,
+    out: String,
+    pieces: Vec<Row>,
+    vertices: usize,
+    #[serde(flatten)]
+    fates: Fates,
+    notes: Vec<String>,
+    seconds: f64,
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
     let start = Instant::now();
+    let staging = Staging::open(&args.out)?;
     let line = Line::new(&args.mesh.display().to_string(), 0, 1);
     line.say("reading");
     let mut ply = ply::read_path(&args.mesh).map_err(|e| CutFault::Read { path: args.mesh.clone(), source: Told::new(&e) })?;
     let given = labels(args, &ply)?;
-    let names = |label: u8| {
-        let named = args.names.iter().find(|(l, _)| *l == label).map(|(_, name)| name.clone());
-        named.unwrap_or_else(|| if label == 1 { "skin".into() } else { format!("label_{label}") })
-    };
+    let names = Names::new(args, &given)?;
+    for name in names.of.values() {
+        let path = args.out.join(format!("{name}.ply"));
+        if path.canonicalize().is_ok_and(|file| is_same(&args.mesh, &file)) {
+            return Err(OutputError::OverInput { path, written: args.mesh.display().to_string(), option: false }.into());
+        }
+    }
     line.say("smoothing");
     let votes = LabelVotes::from_labels(&given, given.iter().max().map_or(2, |l| usize::from(*l) + 1).max(2));
     let params = SmoothLabelParams { length: args.smooth, ..SmoothLabelParams::default() };
-    let scores = smooth_labels(&ply.mesh, &votes, &params).map_err(|source| CutFault::Smooth { source })?;
+    let watch = |_: &SolveStep| if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    let scores = match smooth_labels_watched(&ply.mesh, &votes, &params, &watch) {
+        Err(SmoothLabelError::Cancelled) => return Ok(cancelled(args, line)),
+        other => other.map_err(|source| CutFault::Smooth { source })?,
+    };
     line.say("cutting");
     let mut pieces = cut(&ply.mesh, &scores, &CutParams::default()).map_err(|source| CutFault::Cut { source })?;
+    let fates = Fates::new(&given, &scores.winners(), &pieces, &names);
     pieces.retain(|p| p.label != UNDECIDED);
-    let winners = scores.winners();
-    let decided = given.iter().zip(&winners).filter(|(a, b)| **a == UNDECIDED && **b != UNDECIDED).count();
-    let changed = given.iter().zip(&winners).filter(|(a, b)| **a != UNDECIDED && a != b).count();
+    if pieces.is_empty() {
+        return Err(CutFault::NothingCut { path: args.mesh.clone() }.into());
+    }
+    let notes = not_kept(&ply);
     let attributes = VertexAttributes::new(ply.mesh.vertices().len(), std::mem::take(&mut ply.vertex_properties))
         .map_err(|source| CutFault::Attributes { path: args.mesh.clone(), source })?;
-    if cancel::asked() {
-        errors::note(&format!("cancelled; nothing was written into `{}`", args.out.display()));
-        return Ok(End::Cancelled);
-    }
 
     line.say("writing");
-    let mut rows: Vec<Row> = Vec::new();
-    for piece in &pieces {
-        let row = row(piece, names(piece.label));
-        if !sound(&row.name) || rows.iter().any(|r| r.file.eq_ignore_ascii_case(&row.file)) {
-            return Err(CutFault::Name { label: row.label, name: row.name }.into());
-        }
-        rows.push(row);
-    }
-    let staging = Staging::open(&args.out)?;
+    let rows: Vec<Row> = pieces.iter().map(|piece| row(piece, names.of[&piece.label].clone())).collect();
     let mut files: Vec<&str> = Vec::new();
     for (piece, row) in pieces.iter().zip(&rows) {
-        let path = args.out.join(&row.file);
-        if path.canonicalize().is_ok_and(|p| args.mesh.canonicalize().is_ok_and(|m| m == p)) {
-            return Err(OutputError::OverInput { path, written: args.mesh.display().to_string() }.into());
+        if cancel::asked() {
+            return Ok(cancelled(args, line));
         }
         write(piece, &attributes, &ply, args, &staging.path(&row.file))
-            .map_err(|e| OutputError::Mesh { path, source: Told::new(&e) })?;
+            .map_err(|e| OutputError::Mesh { path: args.out.join(&row.file), source: Told::new(&e) })?;
         files.push(&row.file);
     }
     if !args.no_pictures {
@@ -130,47 +183,133 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
             files.push(name);
         }
     }
+    if cancel::asked() {
+        return Ok(cancelled(args, line));
+    }
     staging.commit(&files)?;
     drop(line);
     let seconds = start.elapsed().as_secs_f64();
+    let notes = [fates.notes(), notes].concat();
     if args.json {
-        print_json(&json!({
-            "mesh": args.mesh.display().to_string(), "out": args.out.display().to_string(), "pieces": rows,
-            "vertices": given.len(), "labels_changed": changed, "labels_filled_in": decided, "seconds": seconds,
-        }))?;
+        let (mesh, out) = (args.mesh.display().to_string(), args.out.display().to_string());
+        print_json(&Cutting { mesh, out, pieces: rows, vertices: given.len(), fates, notes, seconds })?;
     } else {
-        let mut text = format!(
-            "{:<20} {:>5} {:>10} {:>10} {:>9} {:>6} {:>8}\n",
-            "piece", "label", "vertices", "triangles", "area m2", "parts", "borders"
-        );
-        for r in &rows {
-            // Writing to a string cannot fail.
-            let _ = writeln!(
-                text,
-                "{:<20} {:>5} {:>10} {:>10} {:>9.4} {:>6} {:>8}",
-                r.name,
-                r.label,
-                count(r.vertices),
-                count(r.triangles),
-                r.area_m2,
-                r.components,
-                r.borders
-            );
-        }
+        let mut text = table(&rows);
         let n = given.len().max(1) as f64;
-        let _ = writeln!(
-            text,
-            "\n{} of {} labels changed ({:.2} %), {} unknown ones filled in; {seconds:.2} s\nWrote {}: {}",
+        let (changed, decided) = (fates.changed, fates.decided);
+        text += &format!(
+            "\n{} of {} labels changed ({:.2} %), {} unknown ones filled in; {seconds:.2} s\n",
             count(changed),
             count(given.len()),
             100.0 * changed as f64 / n,
             count(decided),
-            args.out.display(),
-            files.join(", ")
         );
+        text += &announce::notes(&notes);
+        text += &format!("Wrote {}: {}\n", args.out.display(), files.join(", "));
         print(&text)?;
     }
     Ok(End::Clean)
+}
+
+fn cancelled(args: &CutArgs, line: Line) -> End {
+    drop(line);
+    errors::note(&format!("cancelled; nothing was written into `{}`", args.out.display()));
+    End::Cancelled
+}
+
+/// What the labels of the file are called.
+struct Names {
+    of: BTreeMap<u8, String>,
+}
+
+impl Names {
+    /// Faults of names are found here, before there is work.
+    fn new(args: &CutArgs, given: &[u8]) -> Result<Self, CutFault> {
+        let name = |label: u8| if label == 1 { "skin".into() } else { format!("label_{label}") };
+        let mut of: BTreeMap<u8, String> = given.iter().filter(|l| **l != UNDECIDED).map(|l| (*l, name(*l))).collect();
+        for (k, (label, name)) in args.names.iter().enumerate() {
+            if let Some((_, first)) = args.names[..k].iter().find(|(l, _)| l == label) {
+                return Err(CutFault::TwoNames { label: *label, first: first.clone(), second: name.clone() });
+            }
+            let Some(slot) = of.get_mut(label) else {
+                let have: Vec<String> = of.keys().map(u8::to_string).collect();
+                let (path, have) = (args.mesh.clone(), have.join(", "));
+                return Err(CutFault::NoSuchLabel { path, label: *label, name: name.clone(), have });
+            };
+            slot.clone_from(name);
+        }
+        let all: Vec<(&u8, &String)> = of.iter().collect();
+        for (k, (label, name)) in all.iter().enumerate() {
+            if !sound(name) || all[..k].iter().any(|(_, other)| other.eq_ignore_ascii_case(name)) {
+                return Err(CutFault::Name { label: **label, name: (*name).clone() });
+            }
+        }
+        Ok(Self { of })
+    }
+}
+
+impl Fates {
+    /// `pieces` with that of what is undecided.
+    fn new(given: &[u8], winners: &[u8], pieces: &[Piece], names: &Names) -> Self {
+        let rest = pieces.iter().find(|p| p.label == UNDECIDED).map(|p| &p.mesh);
+        let lost = names.of.iter().filter(|(label, _)| !pieces.iter().any(|p| p.label == **label));
+        let lost = lost.map(|(label, name)| Lost {
+            label: *label,
+            name: name.clone(),
+            vertices: given.iter().filter(|l| *l == label).count(),
+        });
+        Self {
+            changed: given.iter().zip(winners).filter(|(a, b)| **a != UNDECIDED && a != b).count(),
+            decided: given.iter().zip(winners).filter(|(a, b)| **a == UNDECIDED && **b != UNDECIDED).count(),
+            lost: lost.collect(),
+            undecided: Undecided {
+                vertices: winners.iter().filter(|l| **l == UNDECIDED).count(),
+                triangles: rest.map_or(0, |mesh| mesh.triangles().len()),
+                area_m2: rest.map_or(0.0, TriMesh::area),
+                components: rest.map_or(0, part_count),
+            },
+        }
+    }
+
+    /// What is not in the files.
+    fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        let Undecided { vertices, triangles, area_m2, components } = &self.undecided;
+        if *vertices > 0 {
+            notes.push(format!(
+                "{} vertices stay unknown and are in no file: {} triangles, {area_m2:.4} m2, in {components} parts",
+                count(*vertices),
+                count(*triangles),
+            ));
+        }
+        for Lost { label, name, vertices } in &self.lost {
+            let n = count(*vertices);
+            notes.push(format!("label {label} ({name}) has no file: none of its {n} vertices kept it"));
+        }
+        notes
+    }
+}
+
+fn table(rows: &[Row]) -> String {
+    let mut text = format!(
+        "{:<20} {:>5} {:>10} {:>10} {:>9} {:>6} {:>8}\n",
+        "piece", "label", "vertices", "triangles", "area m2", "parts", "borders"
+    );
+    for r in rows {
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "{:<20} {:>5} {:>10} {:>10} {:>9.4} {:>6} {:>8}",
+            r.name,
+            r.label,
+            count(r.vertices),
+            count(r.triangles),
+            r.area_m2,
+            r.components,
+            r.borders
+        );
+    }
+    text
 }
 
 /// The labels of the vertices, from the property that holds them.

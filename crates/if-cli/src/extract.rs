@@ -8,13 +8,17 @@ use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::staging::OutputError;
 use crate::table;
-use if_core::field::SignedDistance;
+use crate::target::{Input, Target};
+use if_core::field::{FieldSample, SignedDistance};
+use if_core::math::{Point, Vector, barycentric_point};
 use if_core::mesh::{MeshError, TriMesh};
-use if_mesh::extract::{ExtractError, ExtractParams, Extraction, Resolution, Slope, Stage, extract_watched, layer_phase};
+use if_mesh::extract::{
+    ErrorEstimate, ExtractError, ExtractParams, Extraction, Resolution, Slope, Stage, Warning, extract_watched, layer_phase,
+};
 use if_mesh::file::MeshFile;
 use if_mesh::index::Bvh;
 use if_mesh::measure::{SurfaceDistance, smallest_angles, surface_distance};
-use if_mesh::ply::{CoordinateType, PlyMesh, WriteError, WriteParams, write_path};
+use if_mesh::ply::{CoordinateType, PlyMesh, WriteError, WriteParams, quantise, write_path};
 use if_mesh::sdf::{MeshSdf, SdfError};
 use if_mesh::validate::faults;
 use if_neural::field::NeuralField;
@@ -25,7 +29,7 @@ use miette::{Diagnostic, Report};
 use serde::Serialize;
 use serde_json::json;
 use std::fs::File;
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
@@ -50,6 +54,9 @@ enum ExtractFault {
     #[error("cannot extract the surface of `{}`", path.display())]
     #[diagnostic(code(ifg::extract::surface), help("look at --cell, --cells, --accuracy and --finest"))]
     Surface { path: PathBuf, source: ExtractError },
+    #[error("the surface of `{}` cannot be written in the units of the file", path.display())]
+    #[diagnostic(code(ifg::extract::range), help("look at --scale, or move the mesh to the origin"))]
+    Range { path: PathBuf, source: MeshError },
 }
 
 /// A triangle with a smaller angle is a sliver; in degrees.
@@ -83,11 +90,12 @@ impl Looks {
 /// Runs the command.
 pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
     let name = args.field.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let target = target(args)?;
     let line = Line::new(&name, 0, 1);
     line.say("reading");
     let source = Source::read(args)?;
     let (field, slope, noise): (&dyn SignedDistance, Slope, f64) = match &source {
-        Source::Mesh(_, field) => (&**field, Slope::Field, 0.0),
+        Source::Mesh { field, .. } => (&**field, Slope::Field, 0.0),
         Source::Network(field) => (&**field, SLOPE, ROUNDING * field.frame().aabb().diagonal()),
     };
     let params = ExtractParams { slope, noise, ..params(args) };
@@ -101,24 +109,25 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
         line.say(&format!("cells of {:.2} mm: {stage}, {} evaluations", 1e3 * p.cell, table::count(p.evaluations)));
         if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let found = match extract_watched(field, &params, &mut watch) {
-        Err(ExtractError::Cancelled { .. }) => {
-            drop(line);
-            note(&format!("cancelled; `{}` was not written", args.out.display()));
-            return Ok(End::Cancelled);
-        }
+    let mut found = match extract_watched(field, &params, &mut watch) {
+        Err(ExtractError::Cancelled { .. }) => return Ok(cancelled(args, line)),
         other => other.map_err(|source| ExtractFault::Surface { path: args.field.clone(), source })?,
     };
     line.say("comparing");
+    let positions = as_written(args, &mut found, field, &source)?;
     let before = source.mesh();
     let apart = before.map(|before| {
         let (old, new) = (Bvh::new(before), Bvh::new(&found.mesh));
         surface_distance((before, &old), (&found.mesh, &new), SAMPLES, 0)
     });
-    line.say("writing");
-    let files = write(args, before, &found)?;
-    drop(line);
     let looks = (before.map(Looks::of), Looks::of(&found.mesh));
+    line.say("writing");
+    write(args, &target, &source, &found, &positions)?;
+    if cancel::asked() {
+        return Ok(cancelled(args, line));
+    }
+    let files = target.commit()?;
+    drop(line);
     if args.json {
         let (before, after) = looks;
         let warnings: Vec<String> = found.report.warnings.iter().map(ToString::to_string).collect();
@@ -132,6 +141,12 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
     Ok(End::Clean)
 }
 
+fn cancelled(args: &ExtractArgs, line: Line) -> End {
+    drop(line);
+    note(&format!("cancelled; `{}` was not written", args.out.display()));
+    End::Cancelled
+}
+
 /// Values of a network, in single precision, are off by this share of its cube's diagonal: some roundings of 6e-8 in each layer.
 const ROUNDING: f64 = 1e-6;
 
@@ -141,15 +156,20 @@ const SLOPE: Slope = Slope::Sampled { points: 1024, factor: 1.5, seed: 0 };
 
 /// What has a surface.
 enum Source {
-    Mesh(TriMesh, Box<MeshSdf>),
+    Mesh { mesh: TriMesh, field: Box<MeshSdf>, coordinates: CoordinateType },
     Network(Box<NeuralField<Network>>),
+}
+
+/// Whether the field is a network, by its name.
+fn is_network(field: &Path) -> bool {
+    field.extension().is_some_and(|e| e.eq_ignore_ascii_case("safetensors"))
 }
 
 impl Source {
     fn read(args: &ExtractArgs) -> Result<Self, ExtractFault> {
         let path = || args.field.clone();
         let read = |e: &dyn std::error::Error| ExtractFault::Read { path: path(), source: Told::new(e) };
-        if args.field.extension().is_some_and(|e| e.eq_ignore_ascii_case("safetensors")) {
+        if is_network(&args.field) {
             if args.scale.is_some() {
                 return Err(ExtractFault::Units { path: path() });
             }
@@ -162,13 +182,22 @@ impl Source {
         let scaled = file.mesh().vertices().iter().map(|p| p * scale).collect();
         let mesh = file.mesh().with_vertices(scaled).map_err(|source| ExtractFault::Scale { path: path(), scale, source })?;
         let field = MeshSdf::closed(&mesh).map_err(|source| ExtractFault::Field { path: path(), source })?;
-        Ok(Self::Mesh(mesh, Box::new(field)))
+        let coordinates = if file.is_single_precision() { CoordinateType::Float } else { CoordinateType::Double };
+        Ok(Self::Mesh { mesh, field: Box::new(field), coordinates })
     }
 
     fn mesh(&self) -> Option<&TriMesh> {
         match self {
-            Self::Mesh(mesh, _) => Some(mesh),
+            Self::Mesh { mesh, .. } => Some(mesh),
             Self::Network(_) => None,
+        }
+    }
+
+    /// How positions are written: as those of the mesh; a network's values are in single precision.
+    fn coordinates(&self) -> CoordinateType {
+        match self {
+            Self::Mesh { coordinates, .. } => *coordinates,
+            Self::Network(_) => CoordinateType::Float,
         }
     }
 }
@@ -182,25 +211,82 @@ fn params(args: &ExtractArgs) -> ExtractParams {
     ExtractParams { resolution, relax: args.relax, phase: layer_phase(args.layer), ..ExtractParams::default() }
 }
 
-/// Writes the mesh, in the units of the field, and the pictures; returns their paths.
-fn write(args: &ExtractArgs, before: Option<&TriMesh>, found: &Extraction) -> Result<Vec<PathBuf>, OutputError> {
+/// The files to write: the mesh, then pictures of what there was and of what came out.
+fn target(args: &ExtractArgs) -> Result<Target, OutputError> {
+    let is_network = is_network(&args.field);
+    let beside: &[&str] = match (args.no_pictures, is_network) {
+        (true, _) => &[],
+        (false, true) => &[".after.png"],
+        (false, false) => &[".before.png", ".after.png"],
+    };
+    Target::open(&args.out, "ply", beside, &[Input { path: &args.field, in_place: None }])
+}
+
+/// Puts the vertices where a reader of the file will find them, and measures the error there. Returns the positions in the units of the file.
+fn as_written(
+    args: &ExtractArgs,
+    found: &mut Extraction,
+    field: &dyn SignedDistance,
+    source: &Source,
+) -> Result<Vec<Point>, ExtractFault> {
     let scale = args.scale.unwrap_or(1.0);
-    let fault = |path: &Path, source| OutputError::File { path: path.into(), source };
-    let params = WriteParams { coordinates: CoordinateType::Float, ..WriteParams::default() };
-    let positions: Vec<_> = found.mesh.vertices().iter().map(|p| p / scale).collect();
-    write_path(&PlyMesh::new(found.mesh.clone()), &positions, &params, &args.out).map_err(|e| match e {
-        WriteError::Io(source) => fault(&args.out, source),
-        other => OutputError::Mesh { path: args.out.clone(), source: Told::new(&other) },
-    })?;
-    let mut files = vec![args.out.clone()];
-    if !args.no_pictures {
-        for (mesh, kind) in before.map(|b| (b, "before.png")).into_iter().chain([(&found.mesh, "after.png")]) {
-            let path = args.out.with_extension(kind);
-            if_mesh::atomic::write(&path, |file| picture(mesh, file)).map_err(|source| fault(&path, source))?;
-            files.push(path);
+    let positions: Vec<Point> = found.mesh.vertices().iter().map(|p| p / scale).collect();
+    let positions = quantise(&positions, source.coordinates());
+    let written = found.mesh.with_vertices(positions.iter().map(|p| p * scale).collect());
+    let written = written.map_err(|source| ExtractFault::Range { path: args.field.clone(), source })?;
+    if written != found.mesh {
+        found.mesh = written;
+        let report = &mut found.report;
+        report.error = error_of(field, &found.mesh, report.error.checked);
+        let is_told = report.warnings.iter().any(|w| matches!(w, Warning::Inaccurate { .. }));
+        if let Some(requested) = args.accuracy.filter(|a| !is_told && report.error.worst() > *a) {
+            report.warnings.push(Warning::Inaccurate { requested, reached: report.error.worst(), cell: report.cell });
         }
     }
-    Ok(files)
+    Ok(positions)
+}
+
+/// The error at so many vertices and centres of triangles, or at all where there are fewer, spread evenly over them.
+fn error_of(field: &dyn SignedDistance, mesh: &TriMesh, checked: usize) -> ErrorEstimate {
+    /// A field that is flatter is no distance here: its value stands as it is.
+    const FLAT: f64 = 0.1;
+    let chosen = |n: usize| (0..checked.min(n)).map(move |k| k * n / checked.min(n));
+    let measure = |points: Vec<Point>| {
+        let mut samples = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points.len()];
+        field.samples(&points, &mut samples);
+        let errors = samples.iter().map(|s| s.distance.abs() / s.gradient.norm().max(FLAT));
+        let (most, squares) = errors.fold((0.0, 0.0), |(m, q): (f64, f64), e| (m.max(e), q + e * e));
+        (most, (squares / points.len().max(1) as f64).sqrt())
+    };
+    let vertices: Vec<Point> = chosen(mesh.vertices().len()).map(|v| mesh.vertices()[v]).collect();
+    let centers = chosen(mesh.triangles().len()).map(|t| barycentric_point(mesh.corners(t), [1.0 / 3.0; 3]));
+    let checked = vertices.len();
+    let ((vertex_max, vertex_rms), (center_max, center_rms)) = (measure(vertices), measure(centers.collect()));
+    ErrorEstimate { vertex_max, vertex_rms, center_max, center_rms, checked }
+}
+
+/// Writes the mesh, in the units of the field, and the pictures.
+fn write(
+    args: &ExtractArgs,
+    target: &Target,
+    source: &Source,
+    found: &Extraction,
+    positions: &[Point],
+) -> Result<(), OutputError> {
+    let fault = |k, source| OutputError::File { path: target.path(k), source };
+    let params = WriteParams { coordinates: source.coordinates(), ..WriteParams::default() };
+    write_path(&PlyMesh::new(found.mesh.clone()), positions, &params, &target.staged(0)).map_err(|e| match e {
+        WriteError::Io(source) => fault(0, source),
+        other => OutputError::Mesh { path: args.out.clone(), source: Told::new(&other) },
+    })?;
+    if !args.no_pictures {
+        for (k, mesh) in source.mesh().into_iter().chain([&found.mesh]).enumerate() {
+            let fault = |source| fault(k + 1, source);
+            let mut file = BufWriter::new(File::create(target.staged(k + 1)).map_err(fault)?);
+            picture(mesh, &mut file).and_then(|()| file.flush()).map_err(fault)?;
+        }
+    }
+    Ok(())
 }
 
 /// Three views of a mesh, slivers in red.

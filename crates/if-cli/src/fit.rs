@@ -8,9 +8,9 @@ use crate::load::reading_advice;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::table;
+use crate::target::{Input, Target};
 use comfy_table::Cell;
 use if_core::mesh::{MeshError, TriMesh};
-use if_mesh::atomic;
 use if_mesh::file::MeshFile;
 use if_neural::files::{WeightNorm, write_network};
 use if_neural::fit::{Ended, Fit, FitParams, FitReport};
@@ -19,7 +19,6 @@ use if_neural::sampling::SamplingParams;
 use if_pipeline::fitting::{MeshTarget, MeshTargetError, Take};
 use miette::{Diagnostic, Report};
 use serde_json::json;
-use std::io;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -43,12 +42,6 @@ enum FitFault {
     #[error("cannot fit `{}`", path.display())]
     #[diagnostic(code(ifg::fit::run), help("the mesh may be in other units than metres: look at --scale"))]
     Fit { path: PathBuf, source: Told },
-    #[error("`{}` is the mesh itself", path.display())]
-    #[diagnostic(code(ifg::output::over_input), help("give --out another name, such as body.safetensors"))]
-    OverInput { path: PathBuf },
-    #[error("cannot write `{}`", path.display())]
-    #[diagnostic(code(ifg::output::file), help("look at the folder and the disk, or give --out another path"))]
-    Write { path: PathBuf, source: io::Error },
 }
 
 fn target_advice(error: &MeshTargetError) -> &'static str {
@@ -62,12 +55,9 @@ fn target_advice(error: &MeshTargetError) -> &'static str {
 /// Runs the command.
 pub(crate) fn run(args: &FitArgs) -> Result<End, Report> {
     let start = Instant::now();
+    let target = Target::open(&args.out, "safetensors", &[], &[Input { path: &args.mesh, in_place: None }])?;
     let line = Line::new("", 0, 1);
     line.say("reading");
-    let same = |a: &PathBuf, b: &PathBuf| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if same(&args.mesh, &args.out) {
-        return Err(FitFault::OverInput { path: args.out.clone() }.into());
-    }
     let mesh = mesh(args)?;
     let path = || args.mesh.clone();
     let take = if args.points { Take::Points } else { Take::Either };
@@ -112,8 +102,7 @@ pub(crate) fn run(args: &FitArgs) -> Result<End, Report> {
         report.error = set.held_out.error(&set.frame, |p, o| if_neural::field::Samples32::samples32(&network, p, o));
     }
     line.say("writing");
-    let write = |file: &mut std::fs::File| write_network(file, &network, &set.frame, WeightNorm::Kept);
-    atomic::write(&args.out, write).map_err(|source| FitFault::Write { path: args.out.clone(), source })?;
+    target.put(|file| write_network(file, &network, &set.frame, WeightNorm::Kept))?;
     drop(line);
     say(args, &taken, &report, start.elapsed().as_secs_f64())
 }

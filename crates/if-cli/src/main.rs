@@ -27,6 +27,7 @@ mod resolve_outfit;
 mod staging;
 mod synth;
 mod table;
+mod target;
 mod wardrobe;
 
 use args::{CaptureCommand, Cli, Command};

@@ -1,4 +1,4 @@
-//! An output folder whose files appear whole, and together, at the end.
+//! Output files that appear whole, and together, at the end.
 //!
 //! Everything is written into a hidden folder inside the output folder, and renamed when all of it
 //! is there. A run that ends early, for whatever reason, leaves what stood in the output folder.
@@ -6,6 +6,7 @@
 use crate::cancel;
 use crate::errors::Told;
 use miette::Diagnostic;
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -28,7 +29,7 @@ pub(crate) enum OutputError {
     #[diagnostic(code(ifg::output::mesh), help("the format of the input cannot hold the result; convert the input"))]
     Mesh { path: PathBuf, source: Told },
     #[error("another ifg is writing into `{}`", path.display())]
-    #[diagnostic(code(ifg::output::busy), help("wait for it, or give --out another folder"))]
+    #[diagnostic(code(ifg::output::busy), help("wait for it, or give --out another place"))]
     Busy { path: PathBuf },
     #[error("`{}` is in the way: it is not a file", path.display())]
     #[diagnostic(code(ifg::output::in_the_way), help("give --out another folder, or move it away"))]
@@ -40,8 +41,19 @@ pub(crate) enum OutputError {
     )]
     SameName { first: String, second: String, name: String },
     #[error("output `{}` is the input file `{written}` itself", path.display())]
-    #[diagnostic(code(ifg::output::over_input), help("give --out another folder, or allow it with --in-place"))]
-    OverInput { path: PathBuf, written: String },
+    #[diagnostic(
+        code(ifg::output::over_input),
+        help("give --out another place{}", if *option { ", or allow it with --in-place" } else { "" })
+    )]
+    OverInput {
+        path: PathBuf,
+        written: String,
+        /// Whether the command has --in-place.
+        option: bool,
+    },
+    #[error("cannot write `{}`: its name does not end in .{extension}", path.display())]
+    #[diagnostic(code(ifg::output::extension), help("give --out a name that ends in .{extension}: that is what is written"))]
+    Extension { path: PathBuf, extension: &'static str },
     #[error("outfits are written to --out DIR when they come as meshes")]
     #[diagnostic(code(ifg::output::none), help("add --out DIR"))]
     NoFolder,
@@ -59,7 +71,7 @@ fn advice(error: &io::Error) -> &'static str {
     }
 }
 
-/// An output folder that is being filled. Dropped before [`Staging::commit`], it leaves no trace.
+/// An output folder, or some files in one, being written. Dropped before [`Staging::commit`], it leaves no trace.
 pub(crate) struct Staging {
     out: PathBuf,
     partial: PathBuf,
@@ -74,18 +86,29 @@ impl Staging {
     ///
     /// What a killed run has left there is removed.
     pub(crate) fn open(out: &Path) -> Result<Self, OutputError> {
+        Self::in_hidden(out, out.join(PARTIAL), out)
+    }
+
+    /// The same for one file in a folder, with what comes beside it: other runs may write other files there at the same time.
+    pub(crate) fn open_for(out: &Path, name: &OsStr) -> Result<Self, OutputError> {
+        let mut hidden = OsString::from(format!("{PARTIAL}-"));
+        hidden.push(name);
+        Self::in_hidden(out, out.join(hidden), &out.join(name))
+    }
+
+    /// Writes into `partial`, on behalf of `whole`.
+    fn in_hidden(out: &Path, partial: PathBuf, whole: &Path) -> Result<Self, OutputError> {
         let fault = |source| OutputError::Folder { path: out.into(), source };
         let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
         let made = out.ancestors().take_while(missing).map(Path::to_path_buf).collect();
         fs::create_dir_all(out).map_err(fault)?;
-        let partial = out.join(PARTIAL);
         match fs::create_dir(&partial) {
             Err(e) if e.kind() != io::ErrorKind::AlreadyExists => return Err(fault(e)),
             _ => {}
         }
         let lock = File::create(partial.join(LOCK)).map_err(fault)?;
         match lock.try_lock() {
-            Err(TryLockError::WouldBlock) => return Err(OutputError::Busy { path: out.into() }),
+            Err(TryLockError::WouldBlock) => return Err(OutputError::Busy { path: whole.into() }),
             Err(TryLockError::Error(e)) if e.kind() != io::ErrorKind::Unsupported => return Err(fault(e)),
             _ => {}
         }
@@ -95,17 +118,17 @@ impl Staging {
                 if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) }.map_err(fault)?;
             }
         }
-        cancel::guard(Some(&partial));
+        cancel::guard(&partial);
         Ok(Self { out: out.into(), partial, _lock: lock, made })
     }
 
     /// Where to write the file that will be called `name`.
-    pub(crate) fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: impl AsRef<Path>) -> PathBuf {
         self.partial.join(name)
     }
 
     /// Moves the files into place, in the order given.
-    pub(crate) fn commit(mut self, names: &[&str]) -> Result<(), OutputError> {
+    pub(crate) fn commit(mut self, names: &[impl AsRef<Path>]) -> Result<(), OutputError> {
         for name in names {
             let path = self.out.join(name);
             let folder = path.parent().unwrap_or(&self.out);
@@ -124,7 +147,7 @@ impl Drop for Staging {
         for folder in &self.made {
             let _ = fs::remove_dir(folder);
         }
-        cancel::guard(None);
+        cancel::unguard(&self.partial);
     }
 }
 
@@ -160,5 +183,10 @@ mod tests {
         assert!(matches!(Staging::open(folder.path()), Err(OutputError::Busy { .. })));
         drop(staging);
         assert!(Staging::open(folder.path()).is_ok());
+        let one = Staging::open_for(folder.path(), "a".as_ref()).unwrap();
+        let other = Staging::open_for(folder.path(), "b".as_ref()).unwrap();
+        assert!(matches!(Staging::open_for(folder.path(), "a".as_ref()), Err(OutputError::Busy { path }) if path.ends_with("a")));
+        drop((one, other));
+        assert_eq!(read_dir(folder.path()).unwrap().count(), 0);
     }
 }

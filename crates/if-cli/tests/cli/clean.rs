@@ -48,10 +48,38 @@ fn what_cannot_be_cleaned_is_refused() {
         ("clean raw.ply --out raw.ply", "--in-place"),
         ("clean missing.ply --out clean.ply", "missing.ply"),
         ("clean raw.ply --out clean.ply --project", "--body"),
+        ("clean raw.ply --out body.ply --body body.ply --in-place", "input file `body.ply`"),
+        ("clean raw.ply --out clean.ply --body body.ply --openings 2", "--openings"),
+        ("clean raw.ply --out clean.ply --body body.ply --longer 20cm", "--longer"),
+        ("clean raw.ply --out clean.ply --body body.ply --no-fill", "--no-fill"),
+        ("clean raw.ply --out clean.ply --openings 2 --no-fill", "--no-fill"),
+        ("clean raw.ply --out clean.ply --surface-passes 100000000", "0..=10000"),
+        ("clean raw.ply --out raw.ply/clean.ply", "a part of the path is a file"),
         ("clean raw.ply --out clean.ply --least-share 200", "share"),
     ] {
         let run = folder.ifg(command).expect(2);
         assert!(run.stderr.contains(word), "{command}\n{}", run.stderr);
     }
     assert!(!folder.path("clean.ply").exists());
+}
+
+#[test]
+fn a_body_may_stand_beside_openings_to_project_onto() {
+    let folder = Folder::new();
+    raw(&folder);
+    folder.ifg("clean raw.ply --out deep/er/clean.ply --body body.ply --project --openings 2 --no-pictures").expect(0);
+    assert!(folder.path("deep/er/clean.ply").exists());
+    let all = folder.read("deep/er/clean.ply");
+    folder.ifg("clean raw.ply --out raw.ply --in-place --body body.ply --project --openings 2 --no-pictures").expect(0);
+    assert!(folder.read("raw.ply") == all);
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_the_passes_over_the_surface() {
+    let folder = Folder::new();
+    let fine = PlyMesh::new(tube(0.1, 0.4, 300, 300, false));
+    ply::write_path(&fine, fine.mesh.vertices(), &WriteParams::default(), &folder.path("fine.ply")).unwrap();
+    let run = folder.interrupt("clean fine.ply --out new/clean.ply --surface-passes 10000", "new/.ifg-partial-clean.ply");
+    assert!(run.stderr.contains("cancelled; `new/clean.ply` was not written"), "{}", run.stderr);
 }

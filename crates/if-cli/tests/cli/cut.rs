@@ -1,8 +1,10 @@
 //! `ifg cut` and `ifg capture synth`.
 
 use crate::folder::Folder;
-use if_core::shapes::meshes::tube;
-use if_mesh::ply::{Column, PlyMesh, Property, WriteParams, read_bytes, write};
+use if_core::math::Vector;
+use if_core::mesh::TriMesh;
+use if_core::shapes::meshes::{icosphere, tube};
+use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams, read_bytes, write};
 use if_pipeline::capture::Capture;
 use if_pipeline::capture::synth::BODY;
 use if_pipeline::template::TemplateBody;
@@ -35,7 +37,8 @@ fn cut_writes_one_mesh_for_each_label_with_attributes_and_a_table() {
     for word in ["trousers", "shirt", "borders", "labels changed", "unknown ones filled in", "labels_after.png"] {
         assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
     }
-    assert!(!run.stdout.contains("skin"), "the skin was outvoted everywhere\n{}", run.stdout);
+    assert!(!run.stdout.contains("skin.ply"), "the skin was outvoted everywhere\n{}", run.stdout);
+    assert!(run.stdout.contains("Note: label 1 (skin) has no file: none of its "), "{}", run.stdout);
     assert!(folder.read("pieces/labels_before.png").starts_with(b"\x89PNG"));
     let shirt = read_bytes(&folder.read("pieces/shirt.ply")).unwrap();
     assert_eq!(shirt.vertex_property("label").unwrap().values, Column::U8(vec![3; shirt.mesh.vertices().len()]));
@@ -51,6 +54,61 @@ fn cut_writes_one_mesh_for_each_label_with_attributes_and_a_table() {
 }
 
 #[test]
+fn what_is_in_no_file_is_told() {
+    let folder = Folder::new();
+    // Of three balls one has no label, one a label and a single vertex of another.
+    let ball = icosphere(0.1, 2);
+    let n = ball.vertices().len();
+    let balls = (0..3).map(|k| ball.vertices().iter().map(move |p| p + Vector::x() * f64::from(k)));
+    let triangles = (0..3u32).flat_map(|k| ball.triangles().iter().map(move |t| t.map(|v| v + k * n as u32)));
+    let mesh = TriMesh::new(balls.flatten().collect(), triangles.collect()).unwrap();
+    let labels = (0..3 * n).map(|v| if v == 5 { 4 } else { [2, 3, 0][v / n] }).collect();
+    let ply = PlyMesh { vertex_properties: vec![Property::new("label", Column::U8(labels))], ..PlyMesh::new(mesh) };
+    ply::write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &folder.path("balls.ply")).unwrap();
+    let run = folder.ifg("cut balls.ply --out o --no-pictures --smooth 10cm").expect(0);
+    for words in [
+        "162 vertices stay unknown and are in no file: 320 triangles, 0.12",
+        "label 4 (label_4) has no file: none of its 1 vertices",
+    ] {
+        assert!(run.stdout.contains(words), "{words}\n{}", run.stdout);
+    }
+    let json = folder.ifg("cut balls.ply --out p --no-pictures --smooth 10cm --json --name 4=pocket").expect(0).json();
+    let undecided = &json["undecided"];
+    assert_eq!(
+        (&undecided["vertices"], &undecided["triangles"], &undecided["components"]),
+        (&162.into(), &320.into(), &1.into())
+    );
+    assert!((undecided["area_m2"].as_f64().unwrap() / ball.area() - 1.0).abs() < 1e-4, "{undecided}");
+    assert_eq!(json["labels_lost"], serde_json::json!([{"label": 4, "name": "pocket", "vertices": 1}]));
+    assert_eq!(json["pieces"].as_array().unwrap().len(), 2);
+    assert_eq!(json["notes"].as_array().unwrap().len(), 2);
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_ends_the_smoothing_of_labels() {
+    let folder = Folder::new();
+    // Two labels far apart on a long tube: the solve takes thousands of steps.
+    let mesh = tube(0.05, 40.0, 16, 6000, false);
+    let n = mesh.vertices().len();
+    let labels = (0..n)
+        .map(|v| {
+            if v == 0 {
+                2
+            } else if v == n - 1 {
+                3
+            } else {
+                0
+            }
+        })
+        .collect();
+    let ply = PlyMesh { vertex_properties: vec![Property::new("label", Column::U8(labels))], ..PlyMesh::new(mesh) };
+    ply::write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &folder.path("long.ply")).unwrap();
+    let run = folder.interrupt("cut long.ply --out o", "o/.ifg-partial");
+    assert!(run.stderr.contains("cancelled; nothing was written into `o`"), "{}", run.stderr);
+}
+
+#[test]
 fn labels_that_are_missing_or_none_and_names_that_are_none_are_named() {
     let folder = Folder::new();
     labelled(&folder);
@@ -60,6 +118,8 @@ fn labels_that_are_missing_or_none_and_names_that_are_none_are_named() {
         ("cut hoop.obj --out o", "cannot read"),
         ("cut labelled.ply --out o --name 3=a/b", "a/b"),
         ("cut labelled.ply --out o --name 2=x --name 3=X", "each name once"),
+        ("cut labelled.ply --out o --name 2=x --name 2=y", "once for each label"),
+        ("cut labelled.ply --out o --name 9=hat", "the labels of the file are 1, 2, 3"),
     ];
     for (args, word) in cases {
         let run = folder.ifg(&format!("{args} --no-pictures")).expect(2);

@@ -1,9 +1,14 @@
 //! `ifg extract`: a closed mesh or a network becomes a mesh with the same surface.
 
-use crate::folder::Folder;
+use crate::folder::{Folder, moved};
+use if_core::field::SignedDistance;
+use if_core::math::Vector;
+use if_core::shapes::meshes::icosphere;
 use if_mesh::file::MeshFile;
 use if_mesh::index::Bvh;
 use if_mesh::measure::{smallest_angles, surface_distance};
+use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
+use if_mesh::sdf::MeshSdf;
 
 #[test]
 fn a_body_is_remeshed_and_what_was_done_is_told() {
@@ -64,6 +69,69 @@ fn what_is_no_field_is_refused() {
     assert!(open.stderr.contains("skirt.ply") && open.stderr.contains("not closed"), "{}", open.stderr);
     folder.ifg("extract nothing.ply --out a.ply").expect(2);
     folder.ifg("extract body.ply --out a.ply --cell 0mm").expect(2);
-    folder.ifg("extract body.ply --out no/folder/a.ply --no-pictures").expect(2);
     assert!(!folder.path("a.ply").exists());
+}
+
+#[test]
+fn what_would_be_lost_is_not_overwritten_and_a_bad_name_is_refused_before_the_work() {
+    let folder = Folder::new();
+    folder.write("file", "text");
+    std::fs::create_dir(folder.path("dir.ply")).unwrap();
+    std::fs::create_dir(folder.path("b.after.png")).unwrap();
+    let before = folder.files();
+    for (command, words) in [
+        ("extract body.ply --out body.ply", "is the input file `body.ply` itself"),
+        ("extract body.ply --out ./none/../body.ply", "is the input file `body.ply` itself"),
+        ("extract body.ply --out x.obj", "end in .ply"),
+        ("extract body.ply --out file/a.ply", "a part of the path is a file"),
+        ("extract body.ply --out dir.ply", "in the way"),
+        ("extract body.ply --out b.ply", "`b.after.png` is in the way"),
+    ] {
+        // So many cells take minutes.
+        let run = folder.ifg(&format!("{command} --cells 2000")).expect(2);
+        assert!(run.stderr.contains(words), "{command}\n{}", run.stderr);
+        assert!(!run.stderr.contains("--in-place"), "{}", run.stderr);
+        assert!(folder.files() == before, "{command}: files changed");
+    }
+    folder.ifg("extract body.ply --out new/folder/a.ply --cell 5cm").expect(0);
+    let names: Vec<_> = std::fs::read_dir(folder.path("new/folder")).unwrap().map(|f| f.unwrap().file_name()).collect();
+    assert_eq!(names.len(), 3, "{names:?}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_is_followed_and_never_to_the_input() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("store")).unwrap();
+    folder.write("store/real.ply", "old");
+    std::os::unix::fs::symlink("store/real.ply", folder.path("link.ply")).unwrap();
+    std::os::unix::fs::symlink("body.ply", folder.path("same.ply")).unwrap();
+    let run = folder.ifg("extract body.ply --out same.ply --cell 5cm").expect(2);
+    assert!(run.stderr.contains("input file `body.ply`"), "{}", run.stderr);
+    folder.ifg("extract body.ply --out link.ply --cell 5cm --no-pictures").expect(0);
+    assert!(folder.path("link.ply").is_symlink() && folder.read("store/real.ply").starts_with(b"ply"));
+}
+
+/// Far away, where coordinates of 4 bytes are 0.06 mm apart.
+#[test]
+fn errors_are_those_of_the_file_in_the_precision_of_the_input() {
+    let folder = Folder::new();
+    let far = moved(&icosphere(0.1, 3), |p| p + Vector::new(1000.0, 0.0, 0.0));
+    for (coordinates, most) in [(CoordinateType::Double, 1e-9), (CoordinateType::Float, 1e-4)] {
+        let ply = PlyMesh { coordinates, ..PlyMesh::new(far.clone()) };
+        let how = WriteParams { coordinates, ..WriteParams::default() };
+        ply::write_path(&ply, far.vertices(), &how, &folder.path("far.ply")).unwrap();
+        let json = folder.ifg("extract far.ply --out near.ply --cell 3cm --no-pictures --json").expect(0).json();
+        let error = &json["report"]["error"];
+        let read = |name: &str| MeshFile::read(&folder.path(name)).unwrap();
+        let (before, after) = (read("far.ply"), read("near.ply"));
+        assert_eq!(after.is_single_precision(), coordinates == CoordinateType::Float);
+        assert_eq!(error["checked"].as_u64(), Some(after.mesh().vertices().len() as u64), "all are checked");
+        let field = MeshSdf::closed(before.mesh()).unwrap();
+        let worst = after.mesh().vertices().iter().map(|p| field.distance(p).abs()).fold(0.0, f64::max);
+        let told = error["vertex_max"].as_f64().unwrap();
+        assert!((told - worst).abs() <= 1e-3 * worst + 1e-12, "{told} is said, {worst} is");
+        assert!(worst < most, "{worst}");
+        assert!((worst > 1e-6) == (coordinates == CoordinateType::Float), "{worst}");
+    }
 }

@@ -43,7 +43,8 @@ fn an_open_mesh_is_fitted_by_its_vertices() {
     let closed = body();
     let open = TriMesh::new(closed.vertices().to_vec(), closed.triangles()[3..].to_vec()).unwrap();
     folder.write("open.ply", ply(&open));
-    let run = folder.ifg("fit open.ply --out open.safetensors --steps 2").expect(0);
+    let run = folder.ifg("fit open.ply --out new/folder/open.safetensors --steps 2").expect(0);
+    assert!(folder.path("new/folder/open.safetensors").exists());
     assert!(run.stdout.contains("vertices as points"), "{}", run.stdout);
 }
 
@@ -59,8 +60,10 @@ fn what_cannot_be_fitted_is_refused_and_nothing_is_written() {
         ("fit turned.ply --out x.safetensors", ["turned.ply", "outside"]),
         ("fit empty.ply --out x.safetensors", ["empty.ply", "triangles"]),
         ("fit none.ply --out x.safetensors", ["none.ply", "path"]),
-        ("fit body.ply --out no/such/x.safetensors --steps 1", ["no/such/x.safetensors", "folder"]),
-        ("fit body.ply --out body.ply --steps 1", ["body.ply", "--out"]),
+        // Before a fit of minutes, not after it.
+        ("fit body.ply --out skirt.ply/x.safetensors --seconds 300", ["skirt.ply", "a part of the path is a file"]),
+        ("fit body.ply --out body.ply --seconds 300", ["body.ply", ".safetensors"]),
+        ("fit body.ply --out skirt.ply --seconds 300", ["skirt.ply", ".safetensors"]),
         ("fit body.ply --out x.safetensors --seconds 0", ["--seconds", "positive"]),
     ] {
         let run = folder.ifg(args).expect(2);

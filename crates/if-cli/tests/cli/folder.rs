@@ -128,6 +128,38 @@ impl Folder {
         self.command(args).output().expect("ifg starts").into()
     }
 
+    /// Starts the binary, waits until it works on `out`, whose hidden folder is then there, interrupts it a moment later, and makes sure that
+    /// it ends soon with the exit code of that, and that no file but those before are there.
+    #[cfg(unix)]
+    #[track_caller]
+    pub(crate) fn interrupt(&self, args: &str, hidden: &str) -> Run {
+        use std::process::Stdio;
+        use std::thread::sleep;
+        use std::time::{Duration, Instant};
+        /// How long a test waits for what takes a moment.
+        const PATIENCE: Duration = Duration::from_secs(20);
+        let before = self.files();
+        let mut child = self.command(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("ifg starts");
+        let start = Instant::now();
+        while !self.path(hidden).exists() {
+            assert!(start.elapsed() < PATIENCE, "no {hidden}");
+            sleep(Duration::from_millis(2));
+        }
+        sleep(Duration::from_millis(500));
+        Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill is there");
+        let start = Instant::now();
+        while child.try_wait().expect("it is our child").is_none() {
+            if start.elapsed() > PATIENCE {
+                child.kill().expect("it is our child");
+                panic!("`{args}` goes on after Ctrl-C");
+            }
+            sleep(Duration::from_millis(2));
+        }
+        let run = Run::from(child.wait_with_output().expect("it ended")).expect(130);
+        assert!(self.files() == before, "`{args}` left something");
+        run
+    }
+
     /// All files with their bytes, in order of their names.
     pub(crate) fn files(&self) -> Vec<(PathBuf, Vec<u8>)> {
         let mut files = Vec::new();
