@@ -355,6 +355,12 @@ pub(crate) struct FitArgs {
     /// Seed of sampling and first values.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
+    /// Store the fit here (.safetensors) once a minute and on Ctrl-C, so that --resume can go on with it.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) checkpoint: Option<PathBuf>,
+    /// Go on with the fit that --checkpoint stored: the same mesh, --points and --scale must be given; network, seed and limits are those of the fit.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["seconds", "accuracy", "steps", "network", "seed"])]
+    pub(crate) resume: Option<PathBuf>,
     /// Print the report as JSON on stdout, and no table.
     #[arg(long)]
     pub(crate) json: bool,

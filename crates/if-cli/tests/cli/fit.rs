@@ -73,3 +73,46 @@ fn what_cannot_be_fitted_is_refused_and_nothing_is_written() {
     }
     assert!(folder.files() == before, "files changed");
 }
+
+#[cfg(unix)]
+#[test]
+fn a_cancelled_fit_goes_on_from_its_checkpoint_to_the_same_bytes() {
+    use crate::folder::Run;
+    use std::process::{Command, Stdio};
+    use std::thread::sleep;
+    use std::time::Duration;
+    let folder = Folder::new();
+    folder.ifg("fit body.ply --out whole.safetensors --steps 6").expect(0);
+    let mut child = folder
+        .command("fit body.ply --out part.safetensors --steps 6 --checkpoint state/c.safetensors")
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    // While it reads, so that it is cancelled after the first step.
+    while !folder.path("state/.ifg-partial-c.safetensors").exists() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended");
+        sleep(Duration::from_millis(1));
+    }
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let run = Run::from(child.wait_with_output().unwrap()).expect(130);
+    assert!(run.stderr.contains("--resume state/c.safetensors goes on with it"), "{}", run.stderr);
+    assert!(folder.path("part.safetensors").exists());
+    let json = folder.ifg("fit body.ply --out part.safetensors --resume state/c.safetensors --threads 1 --json").expect(0).json();
+    assert_eq!((&json["state"], &json["report"]["steps"]), (&"steps".into(), &6.into()));
+    assert!(folder.read("part.safetensors") == folder.read("whole.safetensors"), "other bytes");
+    let before = folder.files();
+    for (args, words) in [
+        ("--out x.safetensors --resume state/c.safetensors --steps 9", "cannot be used with"),
+        ("--out x.safetensors --resume whole.safetensors", "that --checkpoint wrote"),
+        ("--out x.safetensors --resume state/c.safetensors --scale 2", "something else than `body.ply`"),
+        ("--out x.safetensors --resume state/c.safetensors --points", "something else than `body.ply`"),
+        ("--out state/c.safetensors --resume state/c.safetensors", "is the input file"),
+        ("--out x.safetensors --checkpoint ./x.safetensors", "are both"),
+        ("--out x.safetensors --checkpoint whole.safetensors", "it is not a checkpoint"),
+    ] {
+        let run = folder.ifg(&format!("fit body.ply {args}")).expect(2);
+        assert!(run.stderr.contains(words), "{args}\n{}", run.stderr);
+    }
+    assert!(folder.files() == before, "files changed");
+}
