@@ -1,5 +1,6 @@
 //! Adam, as a state that can be stored.
 
+use crate::parameter_error::ParameterError;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -27,6 +28,22 @@ impl Default for AdamParams {
     }
 }
 
+impl AdamParams {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        for (name, beta) in [("adam.beta1", self.beta1), ("adam.beta2", self.beta2)] {
+            if !(0.0..1.0).contains(&beta) {
+                return Err(ParameterError { name, value: beta.into(), needs: "from 0 to below 1" });
+            }
+        }
+        ParameterError::unless_above_zero("adam.epsilon", self.epsilon.into())
+    }
+}
+
 /// Moments of the derivatives.
 ///
 /// # Source
@@ -46,8 +63,13 @@ pub struct Adam {
 
 impl Adam {
     /// No step done yet, for `len` parameters.
-    pub fn new(params: AdamParams, len: usize) -> Self {
-        Self { params, steps: 0, first: vec![0.0; len], second: vec![0.0; len] }
+    ///
+    /// # Errors
+    ///
+    /// See [`AdamParams::validate`].
+    pub fn new(params: AdamParams, len: usize) -> Result<Self, ParameterError> {
+        params.validate()?;
+        Ok(Self { params, steps: 0, first: vec![0.0; len], second: vec![0.0; len] })
     }
 
     /// One step of learning rate `rate` down `gradient`.
@@ -88,7 +110,7 @@ mod tests {
     #[test]
     fn steps_are_those_of_the_paper() {
         let params = AdamParams { beta1: 0.9, beta2: 0.999, epsilon: 1e-8, sparse: false };
-        let mut adam = Adam::new(params, 2);
+        let mut adam = Adam::new(params, 2).unwrap();
         let mut theta = [1.0f32, -2.0];
         let (mut m, mut v, mut slow) = ([0.0f64; 2], [0.0f64; 2], [1.0f64, -2.0]);
         for t in 1..=50 {
@@ -108,7 +130,7 @@ mod tests {
 
     #[test]
     fn what_no_point_is_near_stays_as_it_is() {
-        let mut adam = Adam::new(AdamParams::default(), 3);
+        let mut adam = Adam::new(AdamParams::default(), 3).unwrap();
         let mut theta = [1.0f32; 3];
         adam.step(&mut theta, &[1.0, 1.0, 0.0], 0.1);
         adam.step(&mut theta, &[0.0, 1.0, 0.0], 0.1);
@@ -118,11 +140,27 @@ mod tests {
     }
 
     #[test]
+    fn rates_that_divide_by_zero_are_refused() {
+        let good = AdamParams::default();
+        for (bad, name) in [
+            (AdamParams { beta1: 1.0, ..good }, "adam.beta1"),
+            (AdamParams { beta1: f32::NAN, ..good }, "adam.beta1"),
+            (AdamParams { beta2: 1.0, ..good }, "adam.beta2"),
+            (AdamParams { beta2: -0.1, ..good }, "adam.beta2"),
+            (AdamParams { epsilon: 0.0, ..good }, "adam.epsilon"),
+            (AdamParams { epsilon: f32::INFINITY, ..good }, "adam.epsilon"),
+        ] {
+            assert_eq!(Adam::new(bad, 1).map_err(|e| e.name), Err(name));
+        }
+        assert_eq!(AdamParams { beta1: 0.0, beta2: 0.0, ..good }.validate(), Ok(()));
+    }
+
+    #[test]
     fn a_parabola_is_descended_on_any_number_of_threads() {
         let run = |threads| {
             rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
                 let mut theta: Vec<f32> = (0..40_000).map(|k| (k % 7) as f32 - 3.0).collect();
-                let mut adam = Adam::new(AdamParams::default(), theta.len());
+                let mut adam = Adam::new(AdamParams::default(), theta.len()).unwrap();
                 for _ in 0..60 {
                     let gradient: Vec<f32> = theta.iter().map(|x| 2.0 * (x - 0.5)).collect();
                     adam.step(&mut theta, &gradient, 0.1);

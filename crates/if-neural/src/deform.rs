@@ -4,6 +4,7 @@
 use crate::adam::{Adam, AdamParams};
 use crate::deformation::{DeformationNetwork, OffsetLoss, OffsetSample};
 use crate::frame::Frame;
+use crate::parameter_error::ParameterError;
 use crate::schedule::Schedule;
 use if_core::math::{Point, Real, Vector};
 use rand::{RngExt, SeedableRng};
@@ -77,15 +78,8 @@ impl Default for DeformParams {
 #[non_exhaustive]
 pub enum DeformError {
     /// A parameter is out of range.
-    #[error("{name} = {value}: {needs}")]
-    Parameter {
-        /// Its name.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// What it has to be.
-        needs: &'static str,
-    },
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
     /// Nothing to fit to.
     #[error("no canonical points; give some")]
     Empty,
@@ -107,7 +101,7 @@ pub enum DeformError {
         /// Canonical points.
         expected: usize,
     },
-    /// A position is NaN or infinite.
+    /// A position is NaN or infinite, or too large for single precision in the network's cube.
     #[error("point {point} of {place} is not finite; leave it out of all frames")]
     NotFinite {
         /// Which point.
@@ -115,6 +109,9 @@ pub enum DeformError {
         /// `frame 7`, or `the canonical points`.
         place: String,
     },
+    /// The network is not a number at the very start.
+    #[error("the network or its error at the held-out points is not a number before the first step; make it anew")]
+    NotANumber,
 }
 
 /// How a fit of a deformation went.
@@ -122,7 +119,9 @@ pub enum DeformError {
 pub struct DeformReport {
     /// Steps done.
     pub steps: u64,
-    /// Whether it ended as its loss was no number any more; the last good state was kept.
+    /// Step of the state that was kept: that with the least error at a check; 0 for the one it began with.
+    pub kept: u64,
+    /// Whether it ended as its loss or the network was no number any more, or as its error rose far above the least.
     pub diverged: bool,
     /// Whether the caller broke.
     pub cancelled: bool,
@@ -156,15 +155,23 @@ fn is_held_out(point: usize) -> bool {
     point % 10 == 3
 }
 
-/// Steps between two looks at whether all is finite, when the state is kept.
-const KEEP: u64 = 50;
+/// Steps from one check on held-out points to the next. At ten times more a good state between two checks is lost; at ten times less
+/// the checks take as long as the steps.
+const CHECK_EVERY: u64 = 50;
+/// Held-out points of a check, each of a frame: no more than a step has by default. The report has all of them.
+const CHECKED: usize = 2048;
+/// A check that finds the error this many times the least one, or this many times `data_scale` where that is more, stops the fit as diverged.
+const DIVERGED: Real = 50.0;
 
 /// Fits `network`, embeddings included, to `frames[i][k]`, where canonical point `k` is in frame `i`, in metres;
 /// `progress` hears of each step and its mean loss.
 ///
+/// Then the network has the parameters, and the α, of the check with the least error; the first check is before the first step, so
+/// that a fit never leaves more error at the checked points than there was.
+///
 /// # Errors
 ///
-/// Parameters out of range, positions that are missing or not finite.
+/// Parameters out of range, positions that are missing or not finite, a network that is no number at the start.
 pub fn fit_deformation(
     network: &mut DeformationNetwork,
     at: &Frame,
@@ -175,9 +182,13 @@ pub fn fit_deformation(
 ) -> Result<DeformReport, DeformError> {
     params.validate()?;
     let data = Correspondences::new(network, at, canonical, frames)?;
-    let mut adam = Adam::new(params.adam, network.parameters().len());
+    let checked = data.checked(params.seed);
+    let mut best = Best { step: 0, mean: checked.mean(network), alpha: network.alpha(), theta: network.parameters().to_vec() };
+    if !best.mean.is_finite() || !is_finite(network) {
+        return Err(DeformError::NotANumber);
+    }
+    let mut adam = Adam::new(params.adam, network.parameters().len())?;
     let mut gradient = vec![0.0; network.parameters().len()];
-    let mut good = network.parameters().to_vec();
     let (mut diverged, mut cancelled, mut step, start) = (false, false, 0, Instant::now());
     while step < params.steps {
         let done = step as Real / params.steps as Real;
@@ -186,7 +197,7 @@ pub fn fit_deformation(
             break;
         }
         if params.anneal > 0 {
-            network.anneal(step as usize * params.anneal);
+            network.anneal((step as usize).saturating_mul(params.anneal));
         }
         let (points, wanted) = data.batch(params, step);
         let frames: Vec<u32> = wanted.iter().map(|w| w.0).collect();
@@ -197,33 +208,84 @@ pub fn fit_deformation(
             diverged = true;
             break;
         }
-        if step.is_multiple_of(KEEP) {
-            good.copy_from_slice(network.parameters());
-        }
         adam.step(network.parameters_mut(), &gradient, params.schedule.rate(step, done.max(timed)) as f32);
         network.refresh();
         step += 1;
+        if step.is_multiple_of(CHECK_EVERY) && !best.judge(network, step, &checked, params) {
+            diverged = true;
+            break;
+        }
         if progress(step, total).is_break() {
             cancelled = true;
             break;
         }
     }
-    if diverged {
-        network.parameters_mut().copy_from_slice(&good);
+    diverged = diverged || !best.judge(network, step, &checked, params);
+    best.install(network);
+    let error = data.error(network, at);
+    Ok(DeformReport { steps: step, kept: best.step, diverged, cancelled, seconds: start.elapsed().as_secs_f64(), error })
+}
+
+fn is_finite(network: &DeformationNetwork) -> bool {
+    network.parameters().iter().all(|p| p.is_finite())
+}
+
+/// The state with the least error so far. Bands that the annealing did not reach were never trained: α belongs to it.
+struct Best {
+    step: u64,
+    mean: Real,
+    alpha: f32,
+    theta: Vec<f32>,
+}
+
+impl Best {
+    /// Keeps the network's state if it is the best; false where it is hopeless.
+    fn judge(&mut self, network: &DeformationNetwork, step: u64, checked: &Checked, params: &DeformParams) -> bool {
+        // A closed ReLU makes a 0 of NaN: the error alone does not tell.
+        let mean = if is_finite(network) { checked.mean(network) } else { Real::NAN };
+        if !mean.is_finite() || mean > DIVERGED * self.mean.max(params.data_scale) {
+            return false;
+        }
+        if mean < self.mean {
+            (self.step, self.mean, self.alpha) = (step, mean, network.alpha());
+            self.theta.copy_from_slice(network.parameters());
+        }
+        true
+    }
+
+    fn install(&self, network: &mut DeformationNetwork) {
+        network.parameters_mut().copy_from_slice(&self.theta);
+        network.set_alpha(self.alpha);
         network.refresh();
     }
-    // Bands that the annealing did not reach were never trained: α stays what it is.
-    let error = data.error(network, at);
-    Ok(DeformReport { steps: step, diverged, cancelled, seconds: start.elapsed().as_secs_f64(), error })
+}
+
+/// Held-out points of a check, each with its frame and where it should be moved.
+struct Checked {
+    points: Vec<[f32; 3]>,
+    frames: Vec<u32>,
+    wanted: Vec<[f32; 3]>,
+}
+
+impl Checked {
+    /// Mean distance between where the points are and should be, in network units.
+    fn mean(&self, network: &DeformationNetwork) -> Real {
+        let mut out = vec![[0.0; 3]; self.points.len()];
+        network.offsets(&self.points, &self.frames, &mut out);
+        let off = |(d, w): (&[f32; 3], &[f32; 3])| Vector::from([0, 1, 2].map(|c| f64::from(d[c]) - f64::from(w[c]))).norm();
+        out.iter().zip(&self.wanted).map(off).sum::<Real>() / out.len() as Real
+    }
 }
 
 impl Correspondences {
     fn new(network: &DeformationNetwork, at: &Frame, canonical: &[Point], frames: &[Vec<Point>]) -> Result<Self, DeformError> {
-        let finite =
-            |points: &[Point], place: &dyn Fn() -> String| match points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
+        let finite = |points: &[Point], place: &dyn Fn() -> String| {
+            let units: Vec<[f32; 3]> = points.iter().map(|p| at.to_unit(p)).collect();
+            match units.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
                 Some(point) => Err(DeformError::NotFinite { point, place: place() }),
-                None => Ok(points.iter().map(|p| at.to_unit(p)).collect::<Vec<_>>()),
-            };
+                None => Ok(units),
+            }
+        };
         // One of ten is held out: with fewer there may be none.
         if canonical.len() < 4 {
             return Err(DeformError::Empty);
@@ -262,8 +324,32 @@ impl Correspondences {
         (0..params.batch).map(one).unzip()
     }
 
+    fn held_out(&self) -> Vec<usize> {
+        (0..self.canonical.len()).filter(|k| is_held_out(*k)).collect()
+    }
+
+    /// All held-out points in all frames, or [`CHECKED`] of them drawn by `seed`.
+    fn checked(&self, seed: u64) -> Checked {
+        let held = self.held_out();
+        let all = held.len() * self.frames.len();
+        let mut random = Pcg64Mcg::seed_from_u64(seed);
+        let chosen: Vec<(usize, usize)> = (0..all.min(CHECKED))
+            .map(|k| if all > CHECKED { random.random_range(0..all) } else { k })
+            .map(|k| (k / held.len(), held[k % held.len()]))
+            .collect();
+        let wanted = |(frame, point): &(usize, usize)| {
+            let (p, q) = (self.canonical[*point], self.frames[*frame][*point]);
+            [0, 1, 2].map(|c| q[c] - p[c])
+        };
+        Checked {
+            points: chosen.iter().map(|c| self.canonical[c.1]).collect(),
+            frames: chosen.iter().map(|c| c.0 as u32).collect(),
+            wanted: chosen.iter().map(wanted).collect(),
+        }
+    }
+
     fn error(&self, network: &DeformationNetwork, at: &Frame) -> OffsetError {
-        let held: Vec<usize> = (0..self.canonical.len()).filter(|k| is_held_out(*k)).collect();
+        let held = self.held_out();
         let points: Vec<[f32; 3]> = held.iter().map(|k| self.canonical[*k]).collect();
         let mut out = vec![OffsetSample::default(); points.len()];
         let mut error = OffsetError::default();
@@ -299,27 +385,24 @@ impl DeformParams {
     /// # Errors
     ///
     /// The first parameter out of range.
-    pub fn validate(&self) -> Result<(), DeformError> {
-        let fault = |(name, value, needs)| Err(DeformError::Parameter { name, value, needs });
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let fault = |name, value, needs| Err(ParameterError { name, value, needs });
         if !(1..=1 << 24).contains(&self.batch) {
-            return fault(("batch", self.batch as f64, "from 1 to 2^24 points"));
+            return fault("batch", self.batch as f64, "from 1 to 2^24 points");
         }
         if !(0.0..=1.0).contains(&self.between) {
-            return fault(("between", self.between, "from 0 to 1"));
+            return fault("between", self.between, "from 0 to 1");
         }
         for (name, value) in [("data", self.data), ("rigidity", self.rigidity), ("small", self.small), ("spread", self.spread)] {
-            if !(value >= 0.0 && value.is_finite()) {
-                return fault((name, value, "a finite number, at least zero"));
-            }
+            ParameterError::unless_at_least_zero(name, value)?;
         }
         let scales =
             [("data_scale", self.data_scale), ("rigidity_scale", self.rigidity_scale), ("small_scale", self.small_scale)];
         for (name, value) in scales.into_iter().chain(self.seconds.map(|s| ("seconds", s))) {
-            if !(value > 0.0 && value.is_finite()) {
-                return fault((name, value, "a finite number above zero"));
-            }
+            ParameterError::unless_above_zero(name, value)?;
         }
-        self.schedule.fault().map_or(Ok(()), fault)
+        self.schedule.validate()?;
+        self.adam.validate()
     }
 
     /// The loss at a point where `wanted` is the offset, if it is known.
@@ -431,8 +514,51 @@ mod tests {
         let mut bad = frames.clone();
         bad[2][7].z = f64::NAN;
         assert_eq!(run(&canonical, &bad, params), Err(DeformError::NotFinite { point: 7, place: "frame 2".into() }));
-        assert!(matches!(run(&canonical, &frames, DeformParams { batch: 0, ..params }), Err(DeformError::Parameter { .. })));
+        bad[2][7].z = 1e300;
+        assert_eq!(run(&canonical, &bad, params), Err(DeformError::NotFinite { point: 7, place: "frame 2".into() }));
+        for (bad, name) in [
+            (DeformParams { batch: 0, ..params }, "batch"),
+            (DeformParams { adam: AdamParams { beta2: 1.0, ..params.adam }, ..params }, "adam.beta2"),
+            (DeformParams { adam: AdamParams { beta2: f32::NAN, ..params.adam }, ..params }, "adam.beta2"),
+            (DeformParams { schedule: Schedule { rate: 1e300, ..params.schedule }, ..params }, "schedule.rate"),
+        ] {
+            let fault = run(&canonical, &frames, bad).unwrap_err();
+            assert!(matches!(fault, DeformError::Parameter(ParameterError { name: n, .. }) if n == name), "{fault}");
+        }
         let report = run(&canonical, &frames, params).unwrap();
         assert!(report.cancelled && report.steps == 1);
+        network.parameters_mut()[5] = f32::NAN;
+        let never = &mut |_, _| ControlFlow::Continue(());
+        assert_eq!(
+            fit_deformation(&mut network, &Frame::UNIT, &canonical, &frames, &params, never),
+            Err(DeformError::NotANumber)
+        );
+    }
+
+    #[test]
+    fn a_fit_that_runs_away_leaves_the_state_it_began_with() {
+        let (canonical, frames) = bending();
+        let config = DeformationConfig { bands: 2, embedding: 8, frames: 5, width: 32, layers: 2 };
+        let start = DeformationNetwork::new(&config, 1).unwrap();
+        let usual = DeformParams::default().schedule;
+        let run = |rate: f64, steps: u64| {
+            let mut network = start.clone();
+            let params = DeformParams { batch: 64, steps, schedule: Schedule { rate, ..usual }, ..Default::default() };
+            let go_on = &mut |_, _| ControlFlow::Continue(());
+            let report = fit_deformation(&mut network, &Frame::UNIT, &canonical, &frames, &params, go_on).unwrap();
+            (report, network)
+        };
+        let before = run(1e-3, 0).0.error;
+        assert!(before.mean > 0.02, "{before:?}");
+        // Far off after a step; no numbers after the last step, or after one more.
+        for (rate, steps) in [(1e6, 1), (1e30, 1), (1e38, 1), (1e38, 2), (1e38, CHECK_EVERY)] {
+            let (report, network) = run(rate, steps);
+            assert_eq!((report.kept, report.diverged, report.error), (0, true, before), "rate {rate}: {report:?}");
+            assert!(network.parameters() == start.parameters() && network.alpha() == start.alpha(), "rate {rate}");
+        }
+        // Too fast to learn, but not lost: the end is worse than the start.
+        let (report, network) = run(10.0, 300);
+        assert!(report.error.mean <= before.mean && !report.diverged, "{report:?}");
+        assert!(report.kept > 0 || network.parameters() == start.parameters());
     }
 }

@@ -3,6 +3,7 @@
 use crate::accuracy::{FieldError, HeldOut};
 use crate::adam::{Adam, AdamParams};
 use crate::loss::LossParams;
+use crate::parameter_error::ParameterError;
 use crate::sampling::{Samples, TrainingSet};
 use crate::schedule::Schedule;
 use crate::trainable::TrainableField;
@@ -69,20 +70,13 @@ impl Default for FitParams {
 #[non_exhaustive]
 pub enum FitError {
     /// A parameter is out of range.
-    #[error("{name} = {value}: {needs}")]
-    Parameter {
-        /// Its name.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// What it has to be.
-        needs: &'static str,
-    },
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
     /// Neither steps nor seconds are limited.
     #[error("the fit would never end: give `steps` or `seconds` (an accuracy need not be reached)")]
     Endless,
     /// The field is not a number at the very start.
-    #[error("the field is not a number at the held-out points before the first step; make it anew")]
+    #[error("a parameter of the field, or the field at the held-out points, is not a number before the first step; make it anew")]
     NotANumber,
     /// A state of another field.
     #[error("the state is of a field with {expected} parameters, this one has {got}")]
@@ -101,35 +95,22 @@ impl FitParams {
     ///
     /// The first parameter out of range, or no limit at all.
     pub fn validate(&self) -> Result<(), FitError> {
-        let fault = |(name, value, needs)| Err(FitError::Parameter { name, value, needs });
+        let fault = |name, value, needs| Err(ParameterError { name, value, needs }.into());
         if !(1..=1 << 24).contains(&self.batch) {
-            return fault(("batch", self.batch as f64, "from 1 to 2^24 points"));
+            return fault("batch", self.batch as f64, "from 1 to 2^24 points");
         }
         if !(0.0..=1.0).contains(&self.far) {
-            return fault(("far", self.far, "from 0 to 1"));
+            return fault("far", self.far, "from 0 to 1");
         }
         if self.check_every == 0 {
-            return fault(("check_every", 0.0, "at least 1 step"));
+            return fault("check_every", 0.0, "at least 1 step");
         }
         for (name, value) in [("seconds", self.seconds), ("accuracy", self.accuracy)] {
-            if let Some(value) = value
-                && !(value > 0.0 && value.is_finite())
-            {
-                return fault((name, value, "a finite number above zero"));
-            }
+            value.map_or(Ok(()), |v| ParameterError::unless_above_zero(name, v))?;
         }
-        let AdamParams { beta1, beta2, epsilon, .. } = self.adam;
-        for (name, beta) in [("adam.beta1", beta1), ("adam.beta2", beta2)] {
-            if !(0.0..1.0).contains(&beta) {
-                return fault((name, beta.into(), "from 0 to below 1"));
-            }
-        }
-        if !(epsilon > 0.0 && epsilon.is_finite()) {
-            return fault(("adam.epsilon", epsilon.into(), "a finite number above zero"));
-        }
-        if let Some(found) = self.schedule.fault().or(self.loss.fault()) {
-            return fault(found);
-        }
+        self.adam.validate()?;
+        self.schedule.validate()?;
+        self.loss.validate()?;
         if self.steps.is_none() && self.seconds.is_none() {
             return Err(FitError::Endless);
         }
@@ -256,7 +237,10 @@ impl Fit {
         progress: &mut dyn FnMut(&FitProgress) -> ControlFlow<()>,
     ) -> Result<FitReport, FitError> {
         let len = field.parameters().len();
-        let mut adam = self.adam.take().unwrap_or_else(|| Adam::new(self.params.adam, len));
+        let mut adam = match self.adam.take() {
+            Some(adam) => adam,
+            None => Adam::new(self.params.adam, len)?,
+        };
         if adam.first.len() != len {
             let expected = adam.first.len();
             self.adam = Some(adam);
@@ -266,7 +250,7 @@ impl Fit {
         let (before, start) = (self.seconds, Instant::now());
         let mut error = check(field, set, &held_out);
         if self.best.is_none() {
-            if !error.is_finite() {
+            if !is_finite(&error, field) {
                 return Err(FitError::NotANumber);
             }
             self.best = Some(Best { step: self.step, mean: error.mean, theta: field.parameters().to_vec() });
@@ -366,7 +350,7 @@ impl Fit {
     /// Keeps the parameters if they are the best; false where they are hopeless.
     fn judge(&mut self, error: &FieldError, field: &(impl TrainableField + ?Sized)) -> bool {
         let Some(best) = &mut self.best else { return error.is_finite() };
-        if !error.is_finite() || error.mean > DIVERGED * best.mean.max(Real::MIN_POSITIVE) {
+        if !is_finite(error, field) || error.mean > DIVERGED * best.mean.max(Real::MIN_POSITIVE) {
             return false;
         }
         if error.mean < best.mean {
@@ -376,6 +360,11 @@ impl Fit {
         }
         true
     }
+}
+
+/// Whether errors and parameters are: nodes of a grid that no held-out point is near do not show in the error.
+fn is_finite(error: &FieldError, field: &(impl TrainableField + ?Sized)) -> bool {
+    error.is_finite() && field.parameters().iter().all(|p| p.is_finite())
 }
 
 fn check(field: &(impl TrainableField + ?Sized), set: &TrainingSet, held_out: &HeldOut) -> FieldError {

@@ -27,6 +27,8 @@ pub mod kernel;
 pub mod loss;
 pub mod mlp;
 pub mod network;
+#[cfg(feature = "train")]
+pub mod parameter_error;
 pub mod reference;
 pub mod reference_deformation;
 #[cfg(feature = "train")]

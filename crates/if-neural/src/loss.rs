@@ -1,5 +1,6 @@
 //! The loss of a fit at one point.
 
+use crate::parameter_error::ParameterError;
 use crate::trainable::{PointLoss, Sample32};
 use serde::{Deserialize, Serialize};
 
@@ -46,7 +47,7 @@ impl Default for LossParams {
 /// ρ_s and its derivative divided by x.
 fn robust(square: f64, s: f64) -> (f64, f64) {
     let root = (square + s * s).sqrt();
-    // s is above zero: `LossParams::fault`.
+    // s is above zero: `LossParams::validate`.
     (root - s, 1.0 / root)
 }
 
@@ -84,19 +85,17 @@ impl LossParams {
         PointLoss { loss, d_value: d_value as f32, d_gradient: d_gradient.map(|x| x as f32) }
     }
 
-    /// What is out of range, if anything.
-    pub fn fault(&self) -> Option<(&'static str, f64, &'static str)> {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
         for (name, value) in [("loss.distance", self.distance), ("loss.normal", self.normal), ("loss.eikonal", self.eikonal)] {
-            if !(value >= 0.0 && value.is_finite()) {
-                return Some((name, value, "a finite number, at least zero"));
-            }
+            ParameterError::unless_at_least_zero(name, value)?;
         }
-        for (name, value) in [("loss.distance_scale", self.distance_scale), ("loss.normal_scale", self.normal_scale)] {
-            if !(value > 0.0 && value.is_finite()) {
-                return Some((name, value, "a finite number above zero"));
-            }
-        }
-        None
+        ParameterError::unless_above_zero("loss.distance_scale", self.distance_scale)?;
+        ParameterError::unless_above_zero("loss.normal_scale", self.normal_scale)
     }
 }
 
@@ -131,5 +130,20 @@ mod tests {
         let flat = params.at(&none, Sample32::default(), 1.0);
         assert_eq!((flat.d_value, flat.d_gradient), (0.0, [0.0; 3]));
         assert_eq!(flat.loss, 0.5 * params.eikonal);
+    }
+
+    #[test]
+    fn weights_and_scales_out_of_range_are_refused() {
+        let good = LossParams::default();
+        for (bad, name) in [
+            (LossParams { distance: -1.0, ..good }, "loss.distance"),
+            (LossParams { normal: f64::INFINITY, ..good }, "loss.normal"),
+            (LossParams { eikonal: f64::NAN, ..good }, "loss.eikonal"),
+            (LossParams { distance_scale: 0.0, ..good }, "loss.distance_scale"),
+            (LossParams { normal_scale: f64::NAN, ..good }, "loss.normal_scale"),
+        ] {
+            assert_eq!(bad.validate().map_err(|e| e.name), Err(name));
+        }
+        assert_eq!(LossParams { distance: 0.0, normal: 0.0, eikonal: 0.0, ..good }.validate(), Ok(()));
     }
 }

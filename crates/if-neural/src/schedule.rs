@@ -1,5 +1,6 @@
 //! The learning rate over a fit.
 
+use crate::parameter_error::ParameterError;
 use serde::{Deserialize, Serialize};
 
 /// A rise over the first steps, then half a cosine down to a small rest:
@@ -32,15 +33,21 @@ impl Schedule {
         self.rate * rise * (self.last + (1.0 - self.last) * cosine)
     }
 
-    /// What is out of range, if anything.
-    pub fn fault(&self) -> Option<(&'static str, f64, &'static str)> {
-        if !(self.rate > 0.0 && self.rate.is_finite()) {
-            return Some(("schedule.rate", self.rate, "a finite number above zero"));
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let fault = |name, value, needs| Err(ParameterError { name, value, needs });
+        // The steps are taken in f32, where 1e300 is infinite.
+        if !(self.rate > 0.0 && (self.rate as f32).is_finite()) {
+            return fault("schedule.rate", self.rate, "a number above zero that is finite in single precision");
         }
         if !(0.0..=1.0).contains(&self.last) {
-            return Some(("schedule.last", self.last, "from 0 to 1"));
+            return fault("schedule.last", self.last, "from 0 to 1");
         }
-        None
+        Ok(())
     }
 }
 
@@ -55,8 +62,10 @@ mod tests {
         approx::assert_relative_eq!(s.rate(9, 0.5), 2.0 * 0.55, epsilon = 1e-12);
         approx::assert_relative_eq!(s.rate(9, 1.0), 0.2, epsilon = 1e-12);
         assert_eq!(s.rate(9, 7.0), s.rate(9, 1.0));
-        assert_eq!(s.fault(), None);
-        assert_eq!(Schedule { rate: f64::NAN, ..s }.fault().map(|f| f.0), Some("schedule.rate"));
-        assert_eq!(Schedule { last: 2.0, ..s }.fault().map(|f| f.0), Some("schedule.last"));
+        assert_eq!(s.validate(), Ok(()));
+        for rate in [0.0, -1.0, f64::NAN, 1e300] {
+            assert_eq!(Schedule { rate, ..s }.validate().map_err(|e| e.name), Err("schedule.rate"));
+        }
+        assert_eq!(Schedule { last: 2.0, ..s }.validate().map_err(|e| e.name), Err("schedule.last"));
     }
 }

@@ -123,10 +123,14 @@ fn a_fit_that_diverges_ends_with_the_last_good_state() {
         assert!(report.kept <= 20 && report.steps >= 10, "{report:?}");
         assert!(report.error.is_finite() && report.error.mean < 0.2, "{report:?}");
     }
-    let mut field = grid();
-    field.parameters_mut().fill(f32::NAN);
-    let fault = Fit::new(params(5)).unwrap().run(&mut field, &set, &mut |_| ControlFlow::Continue(()));
-    assert_eq!(fault.unwrap_err(), FitError::NotANumber);
+    // All of it, and a node in a corner that no held-out point is near.
+    for count in [usize::MAX, 1] {
+        let mut field = grid();
+        field.parameters_mut().iter_mut().take(count).for_each(|p| *p = f32::NAN);
+        assert_eq!(check(&field, &set, &set.held_out).is_finite(), count == 1);
+        let fault = Fit::new(params(5)).unwrap().run(&mut field, &set, &mut |_| ControlFlow::Continue(()));
+        assert_eq!(fault.unwrap_err(), FitError::NotANumber);
+    }
 }
 
 #[test]
@@ -139,9 +143,10 @@ fn parameters_out_of_range_are_refused() {
         (FitParams { seconds: Some(-1.0), ..base }, "seconds"),
         (FitParams { accuracy: Some(0.0), ..base }, "accuracy"),
         (FitParams { adam: AdamParams { beta2: 1.0, ..base.adam }, ..base }, "adam.beta2"),
+        (FitParams { schedule: Schedule { rate: 1e300, ..base.schedule }, ..base }, "schedule.rate"),
         (FitParams { loss: LossParams { normal: f64::INFINITY, ..base.loss }, ..base }, "loss.normal"),
     ] {
-        assert!(matches!(Fit::new(bad), Err(FitError::Parameter { name: n, .. }) if n == name), "{name}");
+        assert!(matches!(Fit::new(bad), Err(FitError::Parameter(ParameterError { name: n, .. })) if n == name), "{name}");
     }
     assert_eq!(Fit::new(FitParams { steps: None, ..base }).unwrap_err(), FitError::Endless);
     let mut fit = Fit::new(base).unwrap();
