@@ -20,6 +20,7 @@ struct State {
     adam_steps: Option<u64>,
     best_step: Option<u64>,
     best_mean: Option<f64>,
+    missed: Option<u64>,
 }
 
 /// Writes a fit and the network it is fitting, as [`Fit::run`] left them after the caller broke.
@@ -38,6 +39,7 @@ pub fn write_checkpoint(writer: &mut impl Write, fit: &Fit, network: &Network, f
         adam_steps: fit.adam.as_ref().map(|a| a.steps),
         best_step: fit.best.as_ref().map(|b| b.step),
         best_mean: fit.best.as_ref().map(|b| b.mean),
+        missed: fit.missed,
     };
     header.state = Some(serde_json::to_value(state)?);
     let mut parts = match network {
@@ -71,7 +73,10 @@ pub fn read_checkpoint(reader: impl Read) -> Result<(Fit, Network, Frame), ReadE
     if !(state.seconds >= 0.0 && state.seconds.is_finite()) {
         return Err(fault(format!("it took {} seconds", state.seconds)));
     }
-    (fit.step, fit.seconds) = (state.step, state.seconds);
+    if state.missed.is_some_and(|m| m > state.step) {
+        return Err(fault(format!("it looked at step {:?} and has done {}", state.missed, state.step)));
+    }
+    (fit.step, fit.seconds, fit.missed) = (state.step, state.seconds, state.missed);
     let len = network.parameters().len();
     let array = |name: &str| -> Result<Vec<f32>, ReadError> {
         let mut data = Vec::new();

@@ -144,6 +144,7 @@ fn a_fit_goes_on_from_a_file_with_the_same_bits() {
         let stop =
             &mut |p: &crate::fit::FitProgress| if p.step == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
         fit.run(&mut part, &set, stop).unwrap();
+        fit.missed = Some(4);
         let mut file = Vec::new();
         write_checkpoint(&mut file, &fit, &part, &set.frame).unwrap();
         let (mut again, mut network, frame) = read_checkpoint(file.as_slice()).unwrap();
@@ -152,6 +153,8 @@ fn a_fit_goes_on_from_a_file_with_the_same_bits() {
         assert!(network.parameters() == whole.parameters());
         assert!(matches!(read_network(file.as_slice()), Err(ReadError::Kind { .. })));
         let broken = with_header(&file, |h| h.replace("\\\"batch\\\":64", "\\\"batch\\\":0"));
+        assert!(matches!(read_checkpoint(broken.as_slice()), Err(ReadError::Checkpoint { .. })));
+        let broken = with_header(&file, |h| h.replace("\\\"missed\\\":4", "\\\"missed\\\":6"));
         assert!(matches!(read_checkpoint(broken.as_slice()), Err(ReadError::Checkpoint { .. })));
     }
 }
