@@ -87,3 +87,8 @@ pub mod whole_folder;
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
 struct Readme;
+
+/// And that in `docs/fitting.md`, which is compiled and not run: it takes a minute.
+#[cfg(all(doctest, feature = "reconstruct"))]
+#[doc = include_str!("../../../docs/fitting.md")]
+struct Fitting;
