@@ -248,13 +248,10 @@ fn say(args: &FitArgs, taken: &MeshTarget, params: &FitParams, report: &FitRepor
     })
 }
 
-fn ended(ended: Ended) -> &'static str {
+fn ended(ended: Ended) -> String {
     match ended {
-        Ended::Steps => "all done",
-        Ended::Time => "the time was over",
-        Ended::Accuracy => "accuracy reached",
-        Ended::Cancelled => "cancelled, the best state so far was kept",
-        Ended::Diverged => "it diverged, the last good state was kept",
+        Ended::Cancelled => "cancelled, the best state so far was kept".to_owned(),
+        other => other.to_string(),
     }
 }
 

@@ -32,6 +32,7 @@ impl Source {
 
 /// How a property of a new vertex follows from those of others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub enum Rule {
     /// The weighted mean; rounded where the numbers are whole.
     Mean,

@@ -16,9 +16,11 @@ use crate::smooth_labels::LabelScores;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, barycentric_point};
 use if_core::mesh::TriMesh;
+use serde::{Deserialize, Serialize};
 
 /// How near to a vertex an edge may be cut.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct CutParams {
     /// Least share of an edge on either side of a cut, from 0 to ½: keeps slivers away, and moves the border by as much.
     pub least: Real,

@@ -20,12 +20,14 @@ use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use nalgebra::Point2;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// No triangle.
 pub const NOTHING: u32 = u32::MAX;
 
 /// How to look at a mesh.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct RasterParams {
     /// Nothing nearer to the camera than this depth is seen, in metres. Positive.
     pub near: Real,

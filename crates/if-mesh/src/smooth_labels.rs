@@ -19,7 +19,8 @@ use rayon::prelude::*;
 use std::ops::ControlFlow;
 
 /// How smooth.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct SmoothLabelParams {
     /// ℓ, in metres: how far one vote reaches. Where there are n votes everywhere it is ℓ/√n.
     pub length: Real,

@@ -20,12 +20,14 @@ use crate::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// The label of what nothing is known about. In label images it is the background, and casts no vote.
 pub const UNDECIDED: u8 = 0;
 
 /// Which pixels vote.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct VoteParams {
     /// Pixels nearer than this to an edge do not vote: 0 lets all vote, 1 leaves out those that touch one.
     pub margin: usize,
@@ -95,6 +97,7 @@ pub enum VoteError {
 
 /// What a frame can add, seen before its label image is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Look {
     /// It shows nothing of the mesh.
     Empty,

@@ -124,6 +124,7 @@ impl FitParams {
 /// Why a fit ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Ended {
     /// All steps were done.
     Steps,
@@ -135,6 +136,18 @@ pub enum Ended {
     Cancelled,
     /// The loss or the field was no number any more, or the error rose far above the best.
     Diverged,
+}
+
+impl std::fmt::Display for Ended {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Steps => "all done",
+            Self::Time => "the time was over",
+            Self::Accuracy => "accuracy reached",
+            Self::Cancelled => "cancelled",
+            Self::Diverged => "it diverged, the last good state was kept",
+        })
+    }
 }
 
 /// What a caller hears after each step.

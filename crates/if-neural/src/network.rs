@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 /// Which network, and how large.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum NetworkConfig {
     /// Features on grids with a small network.
     Grid(GridConfig),
@@ -31,6 +32,7 @@ pub enum NetworkError {
 /// A network for φ with its parameters.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // one per program
+#[non_exhaustive]
 pub enum Network {
     /// Features on grids with a small network.
     Grid(GridField),

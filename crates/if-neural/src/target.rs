@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 /// What a network is fitted to.
 #[derive(Clone, Copy)]
+#[non_exhaustive]
 pub enum Target<'a> {
     /// A field that is finite in its box, such as that of a closed mesh.
     Field(&'a dyn SignedDistance),

@@ -4,9 +4,12 @@ use crate::extract::ExtractError;
 use if_core::aabb::Aabb;
 use if_core::field::FieldSample;
 use if_core::math::{Point, Real};
+use serde::{Deserialize, Serialize};
 
 /// When to replace the values of the source by distances to its zero set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Redistance {
     /// Where the gradient of the source is not of unit length: scaled, warped or learned fields.
     #[default]
@@ -21,14 +24,16 @@ pub enum Redistance {
 /// Cells can be halved so often: to 47 µm from 12 mm.
 pub(super) const MAX_LEVELS: u32 = 8;
 
-/// How to bake.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// How to bake. Infinite lengths are written as the word `infinite`: JSON has no such number.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct BakeParams {
     /// Edge of the largest cells, in metres. The error falls with its third to fourth power where the field is
     /// smooth, and with its first at creases.
     pub cell: Real,
     /// How far a value may be from the field, in metres, at points no farther than `reach` from the surface: cells are halved
     /// where it is more. Infinite leaves all cells as they are.
+    #[serde(with = "length_or_word")]
     pub accuracy: Real,
     /// How far from the surface `accuracy` is asked for, in metres. What lies deeper or farther keeps the largest cells.
     pub reach: Real,
@@ -38,6 +43,7 @@ pub struct BakeParams {
     pub band: Real,
     /// How far inside, in metres. Infinite keeps all of the inside, which for a body takes less room than
     /// the band.
+    #[serde(with = "length_or_word")]
     pub depth: Real,
     /// Where the zero set lies; `None` takes the source's `bounds()`.
     pub region: Option<Aabb>,
@@ -62,6 +68,37 @@ impl Default for BakeParams {
             redistance: Redistance::WhenNeeded,
             memory: 2 << 30,
         }
+    }
+}
+
+/// A length, or the word `infinite`.
+mod length_or_word {
+    use if_core::math::Real;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(untagged)]
+    enum Written {
+        Length(Real),
+        Word(Word),
+    }
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    enum Word {
+        Infinite,
+    }
+
+    pub(super) fn serialize<S: Serializer>(length: &Real, to: S) -> Result<S::Ok, S::Error> {
+        let written = if *length == Real::INFINITY { Written::Word(Word::Infinite) } else { Written::Length(*length) };
+        written.serialize(to)
+    }
+
+    pub(super) fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<Real, D::Error> {
+        Ok(match Written::deserialize(from)? {
+            Written::Length(length) => length,
+            Written::Word(Word::Infinite) => Real::INFINITY,
+        })
     }
 }
 

@@ -61,6 +61,7 @@ impl Default for ExtractParams {
 /// How fine a surface is extracted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Resolution {
     /// Side of the cells, in metres: about the mean edge length that comes out.
     Cell(Real),
@@ -78,6 +79,7 @@ pub enum Resolution {
 /// Where the field is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Sampling {
     /// Where the field can vanish by its slope.
     Sparse,
@@ -88,6 +90,7 @@ pub enum Sampling {
 /// What bounds |∇φ|.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Slope {
     /// What the field says ([`SignedDistance::lipschitz`]).
     Field,
