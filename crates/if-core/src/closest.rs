@@ -1,6 +1,7 @@
 //! Nearest points on surfaces.
 
 use crate::math::{Point, Real};
+use crate::pointers::through_pointers;
 
 /// The part of a triangle on which a nearest point lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,9 +32,13 @@ pub struct Closest {
 /// Surfaces that can tell their nearest point.
 pub trait ClosestPoint: Sync {
     /// The nearest point at most `max_distance` (metres, may be infinite) from `p`; `None` where
-    /// there is none.
+    /// there is none, hence always where it is negative.
     fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest>;
 }
+
+through_pointers!(ClosestPoint {
+    fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest>;
+});
 
 /// A triangle whose squared double area is below this part of its longest side to the fourth power is a needle: there
 /// rounding (1e-16 of the latter) decides between regions, and the edges are looked at too. At 1e-12 nearest points on

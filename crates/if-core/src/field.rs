@@ -2,6 +2,7 @@
 
 use crate::aabb::Aabb;
 use crate::math::{Point, Real, Vector};
+use crate::pointers::through_pointers;
 use rayon::prelude::*;
 
 /// Value and gradient of a field at a point.
@@ -67,23 +68,11 @@ pub trait SignedDistance: Sync {
     fn lipschitz(&self) -> Real;
 }
 
-impl<F: SignedDistance + ?Sized + Send> SignedDistance for &F {
-    fn distance(&self, p: &Point) -> Real {
-        (**self).distance(p)
-    }
-    fn sample(&self, p: &Point) -> FieldSample {
-        (**self).sample(p)
-    }
-    fn distances(&self, points: &[Point], out: &mut [Real]) {
-        (**self).distances(points, out);
-    }
-    fn samples(&self, points: &[Point], out: &mut [FieldSample]) {
-        (**self).samples(points, out);
-    }
-    fn bounds(&self) -> Option<Aabb> {
-        (**self).bounds()
-    }
-    fn lipschitz(&self) -> Real {
-        (**self).lipschitz()
-    }
-}
+through_pointers!(SignedDistance {
+    fn distance(&self, p: &Point) -> Real;
+    fn sample(&self, p: &Point) -> FieldSample;
+    fn distances(&self, points: &[Point], out: &mut [Real]);
+    fn samples(&self, points: &[Point], out: &mut [FieldSample]);
+    fn bounds(&self) -> Option<Aabb>;
+    fn lipschitz(&self) -> Real;
+});

@@ -14,4 +14,5 @@ pub mod intersect;
 pub mod masked;
 pub mod math;
 pub mod mesh;
+mod pointers;
 pub mod shapes;

@@ -4,6 +4,7 @@ use crate::aabb::Aabb;
 use crate::closest::ClosestPoint;
 use crate::field::{FieldSample, SignedDistance};
 use crate::math::{Point, Real, Vector};
+use crate::pointers::through_pointers;
 
 /// Where a field binds, and how strongly.
 pub trait Mask: Sync {
@@ -16,6 +17,12 @@ pub trait Mask: Sync {
     /// A box outside which the weight is 0; `None` where unknown.
     fn bounds(&self) -> Option<Aabb>;
 }
+
+through_pointers!(Mask {
+    fn weight(&self, p: &Point) -> (Real, Vector);
+    fn fade(&self) -> Real;
+    fn bounds(&self) -> Option<Aabb>;
+});
 
 /// Why a mask is none.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

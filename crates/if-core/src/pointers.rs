@@ -1,0 +1,106 @@
+//! What a trait's implementors can, references to them, boxes and [`std::sync::Arc`]s can too.
+
+/// Implements a trait whose methods take `&self` for `&T`, `Box<T>` and `Arc<T>`: every method is handed through, provided ones too,
+/// so that a cheaper batch stays one.
+macro_rules! through_pointers {
+    ($of:ident $methods:tt) => {
+        through_pointers!(impl [T: $of + ?Sized] $of for &T, $methods);
+        through_pointers!(impl [T: $of + ?Sized] $of for Box<T>, $methods);
+        // What an `Arc` holds may be dropped by any thread, so that it must be `Send` for the `Arc` to be `Sync`.
+        through_pointers!(impl [T: $of + ?Sized + Send] $of for std::sync::Arc<T>, $methods);
+    };
+    (impl [$($bounds:tt)*] $of:ident for $pointer:ty, {
+        $(fn $name:ident(&self $(, $argument:ident: $type:ty)*) $(-> $result:ty)?;)*
+    }) => {
+        impl<$($bounds)*> $of for $pointer {
+            $(
+                #[inline]
+                fn $name(&self $(, $argument: $type)*) $(-> $result)? {
+                    (**self).$name($($argument),*)
+                }
+            )*
+        }
+    };
+}
+
+pub(crate) use through_pointers;
+
+#[cfg(test)]
+mod tests {
+    use crate::aabb::Aabb;
+    use crate::closest::{Closest, ClosestPoint, Feature};
+    use crate::field::{FieldSample, SignedDistance};
+    use crate::masked::{BoxMask, Mask, Masked, NearMask};
+    use crate::math::{Point, Real, Vector};
+    use crate::shapes::{Sphere, Union};
+    use std::sync::Arc;
+
+    const BALL: Sphere = Sphere { center: Point::new(0.0, 0.0, 0.0), radius: 1.0 };
+
+    /// A ball that tells its batches apart from its single calls.
+    struct Telling;
+    impl SignedDistance for Telling {
+        fn distance(&self, _: &Point) -> Real {
+            1.0
+        }
+        fn sample(&self, _: &Point) -> FieldSample {
+            FieldSample { distance: 2.0, gradient: Vector::zeros() }
+        }
+        fn distances(&self, _: &[Point], out: &mut [Real]) {
+            out.fill(3.0);
+        }
+        fn samples(&self, _: &[Point], out: &mut [FieldSample]) {
+            out.fill(FieldSample { distance: 4.0, gradient: Vector::zeros() });
+        }
+        fn bounds(&self) -> Option<Aabb> {
+            BALL.bounds()
+        }
+        fn lipschitz(&self) -> Real {
+            5.0
+        }
+    }
+    impl ClosestPoint for Telling {
+        fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest> {
+            let distance = 0.5;
+            let place = Closest { point: *p, distance, triangle: 0, barycentric: [1.0, 0.0, 0.0], feature: Feature::Face };
+            (distance <= max_distance).then_some(place)
+        }
+    }
+
+    fn told(field: impl SignedDistance) -> [Real; 5] {
+        let none = FieldSample { distance: 0.0, gradient: Vector::zeros() };
+        let (p, mut values, mut samples) = ([Point::origin()], [0.0], [none]);
+        field.distances(&p, &mut values);
+        field.samples(&p, &mut samples);
+        assert_eq!(field.bounds(), BALL.bounds());
+        [field.distance(&p[0]), field.sample(&p[0]).distance, values[0], samples[0].distance, field.lipschitz()]
+    }
+
+    #[test]
+    fn pointers_to_fields_are_fields_with_the_same_answers() {
+        let field: &dyn SignedDistance = &Telling;
+        let boxed: Box<dyn SignedDistance> = Box::new(Telling);
+        let shared: Arc<dyn SignedDistance + Send> = Arc::new(Telling);
+        for told in [told(field), told(&boxed), told(boxed), told(&shared), told(shared), told(Arc::new(Telling))] {
+            assert_eq!(told, [1.0, 2.0, 3.0, 4.0, 5.0]);
+        }
+    }
+
+    #[test]
+    fn what_takes_a_field_a_surface_or_a_mask_takes_a_pointer_to_one() {
+        let p = Point::new(0.0, 0.0, 0.5);
+        let all = BoxMask::new(Aabb { min: Point::new(-1.0, -1.0, -1.0), max: Point::new(1.0, 1.0, 1.0) }).unwrap();
+        let field: &dyn SignedDistance = &BALL;
+        assert_eq!(Masked { field, mask: all }.distance(&p), -0.5);
+        let boxed: Box<dyn SignedDistance> = Box::new(BALL);
+        assert_eq!(Masked { field: boxed, mask: Box::new(all) as Box<dyn Mask> }.distance(&p), -0.5);
+        assert_eq!(Masked { field: Arc::new(BALL), mask: Arc::new(all) }.distance(&p), -0.5);
+        assert_eq!(Union(field, Arc::new(BALL)).distance(&p), -0.5);
+        // A garment that is lent, owned or shared.
+        let weight = |mask: &dyn Mask| mask.weight(&p).0;
+        assert_eq!(weight(&NearMask::new(&Telling, 0.6, 1.0).unwrap()), 1.0);
+        assert_eq!(weight(&NearMask::new(&Telling as &dyn ClosestPoint, 0.0, 1.0).unwrap()), 0.5);
+        assert_eq!(weight(&NearMask::new(Box::new(Telling), 0.0, 0.4).unwrap()), 0.0);
+        assert_eq!(weight(&&NearMask::new(Arc::new(Telling), 0.0, 1.0).unwrap()), 0.5);
+    }
+}
