@@ -1,5 +1,5 @@
-//! Bytes of a baked field, damaged: no panic, no hang, no memory for what is not there; and what is read is written as the same bytes, and can be asked
-//! anywhere.
+//! Bytes of a baked field, damaged: no panic, no hang, no memory for what is not there; and what is read is written as the same bytes, can be asked
+//! anywhere, and keeps what it says of its errors, its slope and its bounds.
 //!
 //! The first byte chooses one of some small fields, which the code bakes and writes, or the input itself as a file. What follows are changes of the file,
 //! four bytes each and a value: of a number in the header, of the tree, of a node, of any byte, of the length. As its first byte has it, the file is mended before it is read: as
@@ -136,7 +136,11 @@ fuzz_target!(|bytes: &[u8]| {
         return;
     };
     assert!(field.to_bytes() == file, "another file");
+    assert!(field.bytes() <= 16 * file.len(), "{} bytes made of {}", field.bytes(), file.len());
+    assert!(field.error_bound() >= 0.0 && field.error_bound_within(0.01) >= 0.0, "an error below zero");
+    assert!(field.lipschitz() >= 1.0 && field.lipschitz().is_finite(), "a slope of {}", field.lipschitz());
     let box_ = field.bounds();
+    let held = box_.map(|b| b.inflated(1e-6 * field.cell()));
     let inside = |k: u32| {
         let share = |m: f64| (f64::from(k) * m).fract();
         box_.map(|b| b.min + Vector::new(share(0.618), share(0.414), share(0.732)).component_mul(&b.size()))
@@ -144,8 +148,11 @@ fuzz_target!(|bytes: &[u8]| {
     let asked = [[0.0, 0.0, 0.0], [0.1, -0.2, 0.3], [1e6, 0.0, 0.0], [-0.05, 0.01, -1e-9], [0.06, 0.02, -0.03], [f64::MAX; 3]];
     let asked = asked.into_iter().map(Point::from).chain((0..20).filter_map(inside));
     for p in asked.filter(|p| p.iter().all(|x| x.is_finite())) {
-        assert!(!field.sample(&p).distance.is_nan(), "{p}");
-        assert!(!field.distance(&p).is_nan(), "{p}");
+        let sample = field.sample(&p);
+        assert!(!sample.distance.is_nan() && !field.distance(&p).is_nan(), "{p}");
+        assert!(sample.gradient.norm() <= field.lipschitz() * (1.0 + 1e-6), "{p}: {}", sample.gradient);
+        // Beside values of 1e38 rounding decides the sign of a small one.
+        let huge = sample.gradient.norm() > 1e6;
+        assert!(huge || sample.distance > 0.0 || held.is_some_and(|b| b.contains(&p)), "{p} is inside, beyond the bounds");
     }
-    assert!(!field.error_bound().is_nan() && !field.lipschitz().is_nan());
 });

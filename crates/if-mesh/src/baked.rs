@@ -95,7 +95,8 @@ impl Baked {
         } else {
             (refine::refine(&mut bricks, source, params, raw)?, 0.0)
         };
-        let bricks = bricks.compacted(params.band, params.depth);
+        let (bytes, limit, cell, lipschitz) = (bricks.bytes(), params.memory, params.cell, source.lipschitz());
+        let bricks = bricks.compacted(params.band, params.depth).ok_or(BakeError::TooLarge { bytes, limit, cell, lipschitz })?;
         // Values are stored in single precision.
         let unseen = cut + Real::from(bricks.nodes.iter().fold(0.0f32, |m, n| m.max(n[0].abs())) * f32::EPSILON);
         let surface = surface_box(&bricks);
@@ -246,10 +247,10 @@ fn is_distance(samples: &[FieldSample], params: &BakeParams) -> bool {
     off * 100 <= all
 }
 
-/// The box of all cells that may hold a point of the zero set or the inside: outside it the blend is
-/// positive.
+/// The box of all cells that may hold a point of the zero set or the inside, and of what is deeper than the band: outside it the
+/// field is positive.
 fn surface_box(bricks: &Bricks) -> Aabb {
-    let mut surface = Aabb::EMPTY;
+    let mut surface = bricks.inside();
     for (brick, place) in bricks.places.iter().enumerate() {
         let cell = bricks.cell_of(place.level);
         for c in cells() {

@@ -1,6 +1,7 @@
 //! A sparse grid of bricks of 4³ cells, whose cells may be halved where that is needed.
 
-use super::index::{Index, power};
+use super::index::{self, Index, power};
+use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
 
 /// Cells along the side of a brick.
@@ -27,6 +28,13 @@ pub(super) struct Place {
     pub(super) level: u32,
     /// Counted in bricks of that level.
     pub(super) at: [u32; 3],
+}
+
+impl Place {
+    /// One of the eight places that it is split into: bit k of `half` is the half along axis k.
+    pub(super) fn half(&self, half: usize) -> Self {
+        Self { level: self.level + 1, at: [0, 1, 2].map(|a| 2 * self.at[a] + (half >> a & 1) as u32) }
+    }
 }
 
 /// The grid.
@@ -101,10 +109,10 @@ impl Bricks {
         Self { origin, cell, inverse_cell: 1.0 / cell, inverse_side, size, roots, splits, places, nodes, index: Index::default() }
     }
 
-    /// With the tables that find the brick of a point.
-    pub(super) fn indexed(mut self) -> Self {
-        self.index = Index::new(&self.roots, &self.splits, &self.places);
-        self
+    /// With the tables that find the brick of a point; `None` where they would have more than `most` entries ([`Index::new`]).
+    pub(super) fn indexed(mut self, most: usize) -> Option<Self> {
+        self.index = Index::new(&self.roots, &self.splits, &self.places, most)?;
+        Some(self)
     }
 
     /// Edge of a cell of a level, in metres.
@@ -153,6 +161,27 @@ impl Bricks {
             }
         }
         out
+    }
+
+    /// The boxes of what is deeper than the band: no brick stands there.
+    pub(super) fn inside(&self) -> Aabb {
+        let mut found = Aabb::EMPTY;
+        for (root, entry) in self.roots.iter().enumerate() {
+            let at = [root % self.size[0], root / self.size[0] % self.size[1], root / self.size[0] / self.size[1]];
+            self.inside_of(*entry, Place { level: 0, at: at.map(|b| b as u32) }, &mut found);
+        }
+        found
+    }
+
+    fn inside_of(&self, entry: u32, place: Place, found: &mut Aabb) {
+        if entry == INSIDE {
+            let corner = |add: u32| self.at(place.level, place.at.map(|b| (b + add) * SIDE as u32));
+            *found = found.grown_to(&corner(0)).grown_to(&corner(1));
+        } else if (SPLIT..INSIDE).contains(&entry) {
+            for (k, half) in self.splits[(entry - SPLIT) as usize].iter().enumerate() {
+                self.inside_of(*half, place.half(k), found);
+            }
+        }
     }
 
     /// Where `p` lies.
@@ -205,11 +234,12 @@ impl Bricks {
         }
     }
 
-    /// The same grid without what holds no node with a value in [−depth, band], in the order of [`Bricks::leaves`].
-    pub(super) fn compacted(&self, band: Real, depth: Real) -> Self {
+    /// The same grid without what holds no node with a value in [−depth, band], in the order of [`Bricks::leaves`]; `None` where its
+    /// bricks are more than an index can count.
+    pub(super) fn compacted(&self, band: Real, depth: Real) -> Option<Self> {
         let mut out = Self::from_parts(self.origin, self.cell, self.size, Vec::new(), Vec::new(), Vec::new(), Vec::new());
         out.roots = self.roots.iter().map(|entry| self.copy_kept(*entry, band, depth, &mut out)).collect();
-        out.indexed()
+        out.indexed(index::MOST)
     }
 
     fn copy_kept(&self, entry: u32, band: Real, depth: Real, out: &mut Self) -> u32 {
@@ -361,7 +391,9 @@ mod tests {
         let roots = vec![0, SPLIT, INSIDE];
         let splits = vec![[SPLIT + 1, 1, 2, 3, 4, 5, 6, 7], [8, 9, 10, 11, 12, 13, 14, 15]];
         let nodes = vec![[0.0; 4]; places.len() * BRICK];
-        Bricks::from_parts(Point::new(-0.5, 0.0, 0.25), 0.25, [3, 1, 1], roots, splits, places, nodes).indexed()
+        Bricks::from_parts(Point::new(-0.5, 0.0, 0.25), 0.25, [3, 1, 1], roots, splits, places, nodes)
+            .indexed(index::MOST)
+            .unwrap()
     }
 
     #[test]
@@ -432,7 +464,8 @@ mod tests {
             splits.push(halves);
         }
         let nodes = vec![[0.0; 4]; places.len() * BRICK];
-        let bricks = Bricks::from_parts(Point::origin(), 0.5, [1, 1, 1], vec![SPLIT], splits, places, nodes).indexed();
+        let bricks = Bricks::from_parts(Point::origin(), 0.5, [1, 1, 1], vec![SPLIT], splits, places, nodes);
+        let bricks = bricks.indexed(index::MOST).unwrap();
         for (brick, place) in bricks.places.iter().enumerate() {
             assert_eq!(bricks.entry(place), (brick as u32, place.level));
             for i in 0..BRICK {

@@ -9,10 +9,12 @@
 //!
 //! Version 1, with bricks of 8³ cells of one size, is refused: its fields are to be baked again.
 
-use super::Baked;
-use super::accuracy::Errors;
-use super::bricks::{BRICK, Bricks, INSIDE, OUTSIDE, Place, SPLIT};
+use super::accuracy::{Errors, steepest};
+use super::bricks::{BRICK, Bricks, INSIDE, OUTSIDE, Place, SIDE, SPLIT};
+use super::index::BRICKS;
 use super::params::MAX_LEVELS;
+use super::samples::MAX_COORDINATE;
+use super::{Baked, surface_box};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real};
 
@@ -20,6 +22,9 @@ const MAGIC: &[u8; 10] = b"ifg-baked\0";
 const VERSION: u32 = 2;
 /// Roots of a directory at most: a cube of 2 m with cells of 0.1 mm in bricks of 4 has 1.3e11 of them, one with 1 mm 1.3e8.
 const MAX_PLACES: u64 = 1 << 28;
+/// Part of a number that rounding may have in another order of sums (1e-16 each): a slope or a box that is off by a thousand times more
+/// would change a bound by a millionth.
+const ROUNDING: Real = 1e-9;
 
 /// Why bytes are no baked field.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -89,11 +94,12 @@ impl Baked {
         out
     }
 
-    /// The field that such bytes are of.
+    /// The field that such bytes are of. It takes at most about eight times their number.
     ///
     /// # Errors
     ///
-    /// [`BakedFileError`]: other bytes, another version, a wrong length or a value that cannot be, such as NaN.
+    /// [`BakedFileError`]: other bytes, another version, a wrong length or a value that cannot be: NaN, an error below zero, a slope or
+    /// a box of the surface that the nodes exceed, a tree that no baking makes.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, BakedFileError> {
         let mut r = Reader { bytes, at: 0 };
         if r.take(MAGIC.len()).map_err(|_| BakedFileError::Magic)? != MAGIC {
@@ -104,19 +110,27 @@ impl Baked {
             return Err(BakedFileError::Version { found: version });
         }
         let origin = Point::new(r.finite()?, r.finite()?, r.finite()?);
-        let (cell, band, depth) = (r.positive(false)?, r.positive(false)?, r.positive(true)?);
-        let (unseen, lipschitz) = (r.finite()?, r.finite()?);
+        let cell = r.positive(false)?;
+        // Slopes are divided by the smallest cells.
+        if !(Real::from(1u32 << MAX_LEVELS) / cell).is_finite() {
+            return Err(r.fault("a cell so small"));
+        }
+        let (band, depth) = (r.positive(false)?, r.positive(true)?);
+        let unseen = r.error()?;
+        let lipschitz = r.positive(false)?;
+        let lipschitz_at = r.at;
         // An empty field has the empty box, whose corners are infinite.
         let surface = Aabb {
             min: Point::new(r.number()?, r.number()?, r.number()?),
             max: Point::new(r.number()?, r.number()?, r.number()?),
         };
+        let surface_at = r.at;
         let mut errors = Errors { reach: r.positive(true)?, ..Errors::default() };
         if r.u32()? as usize != errors.largest.len() {
             return Err(r.fault("the number of errors"));
         }
         for e in &mut errors.largest {
-            *e = r.finite()?;
+            *e = r.error()?;
         }
         let redistanced = match r.take(1)? {
             [0] => false,
@@ -125,13 +139,29 @@ impl Baked {
         };
         let size = [r.u32()? as usize, r.u32()? as usize, r.u32()? as usize];
         let all = size.iter().try_fold(1u64, |n, s| n.checked_mul(*s as u64)).filter(|n| *n <= MAX_PLACES);
-        let all = all.ok_or_else(|| r.fault("the size of the grid"))? as usize;
-        let tree = Tree { size, roots: Vec::new(), splits: Vec::new(), places: Vec::new() }.read(&mut r, all)?;
-        let needed = tree.places.len() as u64 * BRICK as u64 * 16;
+        let longest = size.into_iter().max().unwrap_or(0).saturating_mul(SIDE);
+        let all = all.filter(|_| longest < MAX_COORDINATE).ok_or_else(|| r.fault("the size of the grid"))? as usize;
+        let end = origin.coords.map(|x| x.abs() + longest as Real * cell);
+        if !end.iter().all(|x| x.is_finite()) {
+            return Err(r.fault("a grid without end"));
+        }
+        // As often as baking halves cells of a grid so large.
+        let levels = (0..MAX_LEVELS).take_while(|l| longest << l < MAX_COORDINATE / 2).count() as u32;
+        let codes = r.counted()?;
+        let tree_at = r.at;
+        // Nothing is made before it is known that the nodes are there.
+        let count = codes.iter().filter(|code| **code == 2).count();
+        let needed = count as u64 * BRICK as u64 * 16;
         if (bytes.len() - r.at) as u64 != needed {
             return Err(BakedFileError::Length { found: bytes.len() as u64, expected: r.at as u64 + needed });
         }
-        let nodes = vec![[0.0; 4]; tree.places.len() * BRICK];
+        let faulty = BakedFileError::Value { byte: tree_at, what: "the tree" };
+        if all > codes.len() || count > BRICKS {
+            return Err(faulty);
+        }
+        let tree = Tree { size, levels, roots: Vec::with_capacity(all), splits: Vec::new(), places: Vec::with_capacity(count) };
+        let tree = tree.read(codes, all).ok_or_else(|| faulty.clone())?;
+        let nodes = vec![[0.0; 4]; count * BRICK];
         let mut bricks = Bricks::from_parts(origin, cell, size, tree.roots, tree.splits, tree.places, nodes);
         for node in bricks.nodes.iter_mut().flatten() {
             let [a, b, c, d] = *r.take(4)? else { return Err(r.fault("a node")) };
@@ -140,7 +170,23 @@ impl Baked {
                 return Err(r.fault("a node"));
             }
         }
-        let bricks = bricks.indexed();
+        // A chain of eight splits above each brick would make three tables of 512 entries for its 2000 bytes: no field has more entries
+        // than bytes. Splits without bricks could.
+        let bricks = bricks.indexed(bytes.len()).ok_or(faulty)?;
+        // Beyond the band the field is a distance: as steep as 1.
+        if lipschitz * (1.0 + ROUNDING) < steepest(&bricks).max(1.0) {
+            return Err(BakedFileError::Value { byte: lipschitz_at, what: "a bound on the slope below that of the nodes" });
+        }
+        let (held, hair) = (surface_box(&bricks), ROUNDING * cell);
+        let fits = if held.is_empty() {
+            surface == Aabb::EMPTY
+        } else {
+            let within = surface.inflated(hair);
+            within.contains(&held.min) && within.contains(&held.max) && surface.size().iter().all(|s| s.is_finite())
+        };
+        if !fits {
+            return Err(BakedFileError::Value { byte: surface_at, what: "a box of the surface that does not hold it" });
+        }
         Ok(Self { bricks, band, depth, surface, errors, unseen, lipschitz, redistanced })
     }
 }
@@ -176,6 +222,18 @@ impl<'a> Reader<'a> {
         if value.is_finite() { Ok(value) } else { Err(self.fault("an infinite number")) }
     }
 
+    /// A length that may be zero.
+    fn error(&mut self) -> Result<Real, BakedFileError> {
+        let value = self.finite()?;
+        if value >= 0.0 { Ok(value) } else { Err(self.fault("an error below zero")) }
+    }
+
+    /// Bytes, after their number.
+    fn counted(&mut self) -> Result<&'a [u8], BakedFileError> {
+        let count = self.u32()? as usize;
+        self.take(count)
+    }
+
     fn positive(&mut self, may_be_infinite: bool) -> Result<Real, BakedFileError> {
         let value = self.number()?;
         let fits = value > 0.0 && (may_be_infinite || value.is_finite());
@@ -190,21 +248,23 @@ impl<'a> Reader<'a> {
 
 struct Tree {
     size: [usize; 3],
+    /// Halvings, at most.
+    levels: u32,
     roots: Vec<u32>,
     splits: Vec<[u32; 8]>,
     places: Vec<Place>,
 }
 
 impl Tree {
-    fn read(mut self, r: &mut Reader<'_>, roots: usize) -> Result<Self, BakedFileError> {
-        let count = r.u32()? as usize;
-        let mut codes = r.take(count)?.iter();
+    /// `None` where the codes are no such tree.
+    fn read(mut self, codes: &[u8], roots: usize) -> Option<Self> {
+        let mut codes = codes.iter();
         for root in 0..roots {
             let at = [root % self.size[0], root / self.size[0] % self.size[1], root / self.size[0] / self.size[1]];
             let entry = self.entry(&mut codes, Place { level: 0, at: at.map(|b| b as u32) });
-            self.roots.push(entry.ok_or_else(|| r.fault("the tree"))?);
+            self.roots.push(entry?);
         }
-        if codes.next().is_some() { Err(r.fault("the tree")) } else { Ok(self) }
+        codes.next().is_none().then_some(self)
     }
 
     fn entry(&mut self, codes: &mut std::slice::Iter<'_, u8>, place: Place) -> Option<u32> {
@@ -215,12 +275,11 @@ impl Tree {
                 self.places.push(place);
                 Some(self.places.len() as u32 - 1)
             }
-            3 if place.level < MAX_LEVELS => {
+            3 if place.level < self.levels => {
                 let number = self.splits.len();
                 self.splits.push([OUTSIDE; 8]);
                 for k in 0..8usize {
-                    let at = [0, 1, 2].map(|a| 2 * place.at[a] + (k >> a & 1) as u32);
-                    self.splits[number][k] = self.entry(codes, Place { level: place.level + 1, at })?;
+                    self.splits[number][k] = self.entry(codes, place.half(k))?;
                 }
                 Some(SPLIT + number as u32)
             }
@@ -256,6 +315,81 @@ mod tests {
                 assert_eq!(read.sample(&p), baked.sample(&p), "{p}");
             }
         }
+    }
+
+    /// Byte at which a number of the header begins, and the bytes before the size of the grid.
+    const NUMBER: fn(usize) -> usize = |k| 14 + 8 * k;
+    const HEADER: usize = 14 + 15 * 8 + 4 + 8 * 8 + 1;
+
+    fn with_numbers(bytes: &[u8], numbers: &[(usize, Real)]) -> Result<Baked, BakedFileError> {
+        let mut other = bytes.to_vec();
+        for (k, value) in numbers {
+            other[NUMBER(*k)..NUMBER(k + 1)].copy_from_slice(&value.to_le_bytes());
+        }
+        Baked::from_bytes(&other)
+    }
+
+    #[test]
+    fn numbers_that_the_nodes_contradict_are_refused() {
+        let bytes = field(0.03).to_bytes();
+        let lipschitz = Baked::from_bytes(&bytes).unwrap().lipschitz();
+        let refused = |numbers: &[(usize, Real)], about: &str| {
+            let error = with_numbers(&bytes, numbers).unwrap_err().to_string();
+            assert!(error.contains(about), "{numbers:?}: {error}");
+        };
+        // Numbers 6 and 7 are what measuring does not see, and the slope.
+        refused(&[(6, -5.0)], "an error below zero");
+        refused(&[(6, Real::INFINITY)], "an infinite number");
+        for slope in [-5.0, 0.0, 0.5, 0.999 * lipschitz] {
+            refused(&[(7, slope)], if slope > 0.0 { "slope" } else { "a length" });
+        }
+        assert_eq!(with_numbers(&bytes, &[(7, 2.0 * lipschitz)]).unwrap().lipschitz(), 2.0 * lipschitz, "a looser bound is one");
+        // The first measured error.
+        let mut other = bytes.clone();
+        other[138..146].copy_from_slice(&(-1e-9f64).to_le_bytes());
+        assert!(Baked::from_bytes(&other).unwrap_err().to_string().contains("an error below zero"));
+        // The box of the surface: numbers 8 to 13. Too small on each side, turned round, without end, none.
+        for k in 8..14 {
+            refused(&[(k, 0.0)], "a box of the surface");
+            refused(&[(k, if k < 11 { Real::NEG_INFINITY } else { Real::INFINITY })], "a box of the surface");
+        }
+        let none: Vec<(usize, Real)> = (8..14).map(|k| (k, if k < 11 { Real::INFINITY } else { Real::NEG_INFINITY })).collect();
+        refused(&none, "a box of the surface");
+        // Cells whose inverse is infinite, and a grid that ends there.
+        refused(&[(3, 1e-308)], "a cell so small");
+        refused(&[(3, 1e308)], "a grid without end");
+    }
+
+    #[test]
+    fn a_tree_of_splits_without_bricks_takes_no_memory() {
+        let bytes = field(0.03).to_bytes();
+        // One root: three halvings above nothing, which make a table of 512 entries of its 25 bytes.
+        let mut one = vec![3u8, 3, 3];
+        one.extend([0; 22]);
+        let file = |size: [u32; 3], tree: &[u8]| {
+            let mut file = bytes[..HEADER].to_vec();
+            size.iter().for_each(|n| file.extend(n.to_le_bytes()));
+            file.extend((tree.len() as u32).to_le_bytes());
+            file.extend_from_slice(tree);
+            file
+        };
+        let refused = |size, tree: &[u8]| match Baked::from_bytes(&file(size, tree)).unwrap_err() {
+            BakedFileError::Value { what, .. } => what,
+            other => panic!("{other}"),
+        };
+        assert_eq!(refused([10_000, 1, 1], &one.repeat(10_000)), "the tree");
+        // Of all it could be, the size is checked before anything is made: more roots than codes, coordinates beyond 32 bits.
+        assert_eq!(refused([1 << 9; 3], &[0]), "the tree");
+        assert_eq!(refused([1 << 28, 1, 1], &[0]), "the size of the grid");
+        assert_eq!(refused([u32::MAX; 3], &[0]), "the size of the grid");
+        // Nine halvings, and so many on so long a grid that coordinates would be lost.
+        let deep = |levels: usize| [vec![3u8; levels], vec![0; 7 * levels + 1]].concat();
+        assert_eq!(refused([1, 1, 1], &deep(9)), "the tree");
+        let long = [deep(4), vec![0u8; (1 << 16) - 1]].concat();
+        assert_eq!(refused([1 << 16, 1, 1], &long), "the tree");
+        // Bricks without nodes.
+        let error = Baked::from_bytes(&file([8, 1, 1], &[2; 8])).unwrap_err();
+        assert!(matches!(error, BakedFileError::Length { .. }), "{error}");
     }
 
     #[test]

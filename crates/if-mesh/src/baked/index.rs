@@ -10,6 +10,11 @@ const LEVEL: u32 = 27;
 /// An entry from [`SPLIT`] on is a table: above this bit its span less one, below where it begins.
 const SPAN_BIT: u32 = 29;
 
+/// Entries of all tables together, at most: where a table begins has so many bits, and 2³² bytes hold them.
+pub(super) const MOST: usize = 1 << SPAN_BIT;
+/// Bricks, at most: an entry has so many bits for their number. They take 268 GB.
+pub(super) const BRICKS: usize = 1 << LEVEL;
+
 /// Tables made of the splits: the pattern of steps is that of the tables, not that of the halvings, which a processor cannot foresee.
 #[derive(Clone, Default)]
 pub(super) struct Index {
@@ -18,25 +23,33 @@ pub(super) struct Index {
 }
 
 impl Index {
-    /// The tables for roots and splits ([`super::bricks::Bricks`]). None, and no grid, has more than 2²⁷ bricks or 2²⁹ entries: 300 GB.
-    pub(super) fn new(roots: &[u32], splits: &[[u32; 8]], places: &[Place]) -> Self {
+    /// The tables for roots and splits ([`super::bricks::Bricks`]); `None` where they would have more than `most` entries, or than
+    /// [`MOST`], or where there are more than [`BRICKS`] bricks.
+    pub(super) fn new(roots: &[u32], splits: &[[u32; 8]], places: &[Place], most: usize) -> Option<Self> {
+        if places.len() > BRICKS {
+            return None;
+        }
+        let most = most.min(MOST);
         let mut index = Self { roots: Vec::with_capacity(roots.len()), tables: Vec::new() };
         for root in roots {
-            let entry = index.entry(*root, splits, places);
+            let entry = index.entry(*root, splits, places, most)?;
             index.roots.push(entry);
         }
-        index
+        Some(index)
     }
 
-    fn entry(&mut self, entry: u32, splits: &[[u32; 8]], places: &[Place]) -> u32 {
+    fn entry(&mut self, entry: u32, splits: &[[u32; 8]], places: &[Place], most: usize) -> Option<u32> {
         if entry >= INSIDE {
-            return entry;
+            return Some(entry);
         }
         if entry < SPLIT {
-            return places[entry as usize].level << LEVEL | entry;
+            return Some(places[entry as usize].level << LEVEL | entry);
         }
         let span = depth(entry, splits, SPAN);
         let (side, first) = (1usize << span, self.tables.len());
+        if first + side * side * side > most {
+            return None;
+        }
         self.tables.resize(first + side * side * side, 0);
         for k in 0..side * side * side {
             let at = [k % side, k / side % side, k / side / side];
@@ -48,9 +61,9 @@ impl Index {
                 let half = (0..3).fold(0, |h, a| h | (at[a] >> up & 1) << a);
                 below = splits[(below - SPLIT) as usize][half];
             }
-            self.tables[first + k] = self.entry(below, splits, places);
+            self.tables[first + k] = self.entry(below, splits, places, most)?;
         }
-        SPLIT | (span - 1) << SPAN_BIT | first as u32
+        Some(SPLIT | (span - 1) << SPAN_BIT | first as u32)
     }
 
     /// The brick at `f` in [0, 1)³ of a root, and its level; or [`INSIDE`] or [`super::bricks::OUTSIDE`].

@@ -117,12 +117,12 @@ impl<S: SignedDistance + ?Sized> Refinement<'_, S> {
 
     /// Eight bricks in the place of one; their nodes are not yet filled.
     fn split(&mut self, brick: u32) -> [u32; 8] {
-        let Place { level, at } = self.bricks.places[brick as usize];
+        let place = self.bricks.places[brick as usize];
+        let Place { level, at } = place;
         let first = self.bricks.places.len() as u32;
         let halves = std::array::from_fn(|k| first + k as u32);
         for k in 0..8usize {
-            let at = [0, 1, 2].map(|a| 2 * at[a] + (k >> a & 1) as u32);
-            self.bricks.places.push(Place { level: level + 1, at });
+            self.bricks.places.push(place.half(k));
         }
         self.bricks.nodes.resize(self.bricks.places.len() * BRICK, [0.0; 4]);
         let number = self.bricks.splits.len() as u32;

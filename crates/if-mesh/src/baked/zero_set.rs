@@ -84,6 +84,7 @@ impl<'a, S: SignedDistance + ?Sized> ZeroSet<'a, S> {
             noise: NOISE * size,
             slope: Slope::Given(slope),
             check: 0,
+            memory: params.memory,
             ..ExtractParams::default()
         };
         let mesh = extract(source, &extraction).map_err(|error| match error {
