@@ -18,6 +18,7 @@ mod check;
 mod cover;
 mod grid;
 mod lattice;
+mod memory;
 mod nodes;
 mod params;
 mod polish;
@@ -65,15 +66,15 @@ pub struct Extraction {
 ///
 /// # Accuracy
 ///
-/// Vertices lie on the surface of a smooth field to 1e-9 cells after one Newton step; triangle centres are off by
-/// h² κ / 18 (…): second order in the cell h. Sheets and tubes thinner than a cell may be lost, which the report tells
+/// Vertices lie on the surface of a smooth field to 1e-9 cells after one Newton step; the centre of a triangle with sides a, b, c is off by
+/// κ (a² + b² + c²) / 18 where the surface has the curvature κ: of second order in the cell. Sheets and tubes thinner than a cell may be lost, which the report tells
 /// where the field's values show it. Nothing is lost that the dense lattice shows, as long as `slope` bounds |∇φ|; where
 /// values show that it does not, a larger bound is taken, cells next to the surface that is found are taken back, and the
 /// report says so.
 ///
 /// # Errors
 ///
-/// Parameters that are no such thing, no region, too many cells, a field that is not a number.
+/// Parameters that are no such thing, no region, too many cells, more memory than allowed, a field that is not a number.
 ///
 /// # Examples
 ///
@@ -105,7 +106,7 @@ pub fn extract_watched<F: SignedDistance + ?Sized>(
     if region.is_empty() || !(0..3).all(|k| region.min[k].is_finite() && size[k].is_finite()) || size.max() <= 0.0 {
         return Err(ExtractError::Region { region });
     }
-    let mut watch = Watch { evaluations: 0, cell: 0.0, tell: watch };
+    let mut watch = Watch { evaluations: 0, cell: 0.0, memory: params.memory, tell: watch };
     let bound = Bound { slope: params.slope.of(field, &region, &mut watch)?, noise: params.noise };
     match params.resolution {
         Resolution::Cell(cell) => attempt(field, &region, cell, &bound, params, &mut watch),
@@ -175,10 +176,13 @@ fn attempt<F: SignedDistance + ?Sized>(
         Sampling::Dense => dense(field, &lattice, bound, watch)?,
     };
     (evaluations.refine, seconds.refine) = (count(watch), lap());
+    let held = refined.cells.bytes() + refined.nodes.bytes();
+    watch.room(held, memory::crossings(&refined.nodes.rows))?;
     let crossings = Crossings::of(&refined.nodes.rows);
     if u32::try_from(crossings.count).is_err() {
         return Err(ExtractError::TooManyNodes { nodes: crossings.count });
     }
+    watch.room(held, memory::crossings(&refined.nodes.rows).saturating_add(memory::mesh(crossings.count, params.relax > 0)))?;
     let edges = crossings.edges(|value| refined.nodes.values[value]);
     let triangles = crossings.triangles();
     seconds.triangles = lap();
@@ -444,6 +448,52 @@ mod tests {
         let region = Aabb { min: Point::origin(), max: Point::new(8.0, 8.0, 8.0) };
         let error = extract(&hole, &ExtractParams { region: Some(region), ..with(1.0) }).unwrap_err();
         assert!(matches!(error, ExtractError::NotANumber { .. }));
+    }
+
+    #[test]
+    fn more_memory_than_is_allowed_is_refused_before_it_is_taken() {
+        let field = Sphere { center: Point::origin(), radius: 0.5 };
+        let of = |params: ExtractParams| extract(&field, &params);
+        let refused = |params: ExtractParams| match of(params).unwrap_err() {
+            ExtractError::TooLarge { bytes, limit, cell } => assert!(bytes > limit && limit == params.memory && cell > 0.0),
+            other => panic!("{other}"),
+        };
+        let little = ExtractParams { memory: 1 << 24, ..ExtractParams::default() };
+        refused(ExtractParams { resolution: Resolution::Cells(16_384), ..little });
+        // A billion nodes.
+        let dense = ExtractParams { sampling: Sampling::Dense, resolution: Resolution::Cells(1024), ..ExtractParams::default() };
+        refused(dense);
+        let slope = Slope::Sampled { points: usize::MAX, factor: 1.5, seed: 0 };
+        assert!(matches!(of(ExtractParams { slope, ..little }), Err(ExtractError::TooManyPoints { points: usize::MAX, .. })));
+        // What is just enough gives the same mesh, and less names what is missing; relaxing takes more.
+        let base = with(0.02);
+        let mesh = of(base).unwrap().mesh;
+        let least = |relax: usize| {
+            let mut memory = 0;
+            while let Err(ExtractError::TooLarge { bytes, .. }) = of(ExtractParams { memory, relax, ..base }) {
+                memory = bytes;
+            }
+            memory
+        };
+        let (plain, relaxed) = (least(0), least(1));
+        assert!(plain < relaxed, "{plain} {relaxed}");
+        assert_eq!(of(ExtractParams { memory: plain, ..base }).unwrap().mesh, mesh);
+        refused(ExtractParams { memory: plain - 1, ..base });
+        // In proportion to the surface: some hundred bytes for each vertex.
+        assert!((100..1000).contains(&(plain / mesh.vertices().len())), "{plain} for {}", mesh.vertices().len());
+    }
+
+    #[test]
+    fn the_centre_of_a_triangle_is_off_by_its_sides_and_the_curvature() {
+        let found = ball(0.03).mesh;
+        for t in 0..found.triangles().len() {
+            let [a, b, c] = found.corners(t);
+            let squares = (a - b).norm_squared() + (b - c).norm_squared() + (c - a).norm_squared();
+            let center = Point::from((a.coords + b.coords + c.coords) / 3.0);
+            let off = 0.5 - (center - Point::new(0.013, -0.007, 0.021)).norm();
+            // The curvature of a ball of half a metre is 2; terms of the fourth order are left out.
+            approx::assert_relative_eq!(off, 2.0 * squares / 18.0, max_relative = 0.01, epsilon = 1e-9);
+        }
     }
 
     #[test]

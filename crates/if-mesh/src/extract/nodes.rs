@@ -2,6 +2,7 @@
 
 use crate::extract::ExtractError;
 use crate::extract::lattice::{Lattice, Level};
+use crate::extract::memory;
 use crate::extract::progress::{Stage, Watch};
 use crate::extract::rows::{Bits, Rows, WORD, Word, below, each_bit};
 use if_core::field::SignedDistance;
@@ -45,6 +46,11 @@ pub(super) struct Nodes {
 }
 
 impl Nodes {
+    /// Bytes that they take.
+    pub(super) fn bytes(&self) -> usize {
+        self.rows.bytes() + self.values.len() * size_of::<Real>()
+    }
+
     /// The value at a node, if it is known.
     pub(super) fn get(&self, [x, y, z]: [u32; 3]) -> Option<Real> {
         let word = self.rows.words()[self.rows.find(x / WORD, y, z)?];
@@ -81,17 +87,28 @@ impl Nodes {
             .reduce(|| 0.0, Real::max)
     }
 
-    /// Evaluates the field at the nodes `places` of a level, but for those that `known` knows.
+    /// Evaluates the field at the corners of `cells` of a level, but for those that `known` knows. `held` bytes are taken beside them.
     pub(super) fn evaluate<F: SignedDistance + ?Sized>(
         field: &F,
         lattice: &Lattice,
         level: &Level,
-        places: &Rows<Bits>,
+        cells: &Rows<Bits>,
         known: impl Fn([u32; 3]) -> Option<Real> + Sync,
+        held: usize,
         watch: &mut Watch,
     ) -> Result<Self, ExtractError> {
-        let mut rows = numbered(places)?;
-        let total = rows.words().last().map_or(0, |w| w.base as usize + w.known.count_ones() as usize);
+        watch.room(held, memory::corners(cells))?;
+        let places = cells.corners();
+        let total = places.count();
+        if u32::try_from(total).is_err() {
+            return Err(ExtractError::TooManyNodes { nodes: total });
+        }
+        let of_plane =
+            |z| -> usize { places.words()[places.planes(z..z + 1)].iter().map(|w| w.bits.count_ones() as usize).sum() };
+        let largest = (0..places.size[2]).map(of_plane).max().unwrap_or(0);
+        watch.room(held + places.bytes(), memory::nodes(&places, total, largest.max(BATCH).min(total)))?;
+        let mut rows = numbered(&places);
+        drop(places);
         let mut values = vec![0.0; total];
         let mut z = 0;
         while z < rows.size[2] {
@@ -125,11 +142,7 @@ impl Nodes {
 }
 
 /// The words of a set of nodes, their values numbered.
-fn numbered(places: &Rows<Bits>) -> Result<Rows<NodeWord>, ExtractError> {
-    let nodes = places.count();
-    if u32::try_from(nodes).is_err() {
-        return Err(ExtractError::TooManyNodes { nodes });
-    }
+fn numbered(places: &Rows<Bits>) -> Rows<NodeWord> {
     let mut rows = Rows::build(places.size, |y, z, out| {
         out.extend(places.row(y, z).0.iter().map(|w| NodeWord { x: w.x, base: 0, known: w.bits, inside: 0 }));
     });
@@ -138,7 +151,7 @@ fn numbered(places: &Rows<Bits>) -> Result<Rows<NodeWord>, ExtractError> {
         w.base = base;
         base += w.known.count_ones();
     }
-    Ok(rows)
+    rows
 }
 
 /// Nodes of one plane: indices and values that were known, indices and points that were not.

@@ -37,10 +37,12 @@ pub struct ExtractParams {
     pub check: usize,
     /// Chooses these.
     pub seed: u64,
+    /// Memory that extracting may take, in bytes, without what the field takes itself: told before it is taken.
+    pub memory: usize,
 }
 
 impl Default for ExtractParams {
-    /// Cells of 1 cm, secant and one Newton step, no relaxation.
+    /// Cells of 1 cm, secant and one Newton step, no relaxation, 4 GiB: enough for a person in cells of half a millimetre.
     fn default() -> Self {
         Self {
             region: None,
@@ -54,6 +56,7 @@ impl Default for ExtractParams {
             relax: 0,
             check: 500,
             seed: 0,
+            memory: 4 << 30,
         }
     }
 }
@@ -119,6 +122,11 @@ impl Slope {
             Self::Field => field.lipschitz(),
             Self::Given(slope) => slope,
             Self::Sampled { points, factor, seed } => {
+                // A place and a sample each.
+                let bytes = points.saturating_mul(size_of::<Point>() + size_of::<FieldSample>());
+                if bytes > watch.memory {
+                    return Err(ExtractError::TooManyPoints { points, bytes, limit: watch.memory });
+                }
                 let mut random = SplitMix64(seed);
                 let size = region.size();
                 let places: Vec<Point> = (0..points)
@@ -209,6 +217,29 @@ pub enum ExtractError {
     TooManyNodes {
         /// How many.
         nodes: usize,
+    },
+    /// More memory than allowed.
+    #[error(
+        "cells of {cell} m would take {bytes} bytes, {limit} are allowed; take larger cells, a smaller region, or more memory \
+         (`ExtractParams::memory`); a field whose slope is bounded tightly keeps fewer cells"
+    )]
+    TooLarge {
+        /// What the next part would take, with what is held.
+        bytes: usize,
+        /// What is allowed.
+        limit: usize,
+        /// Side of the cells, in metres.
+        cell: Real,
+    },
+    /// The points that bound the slope take more memory than allowed.
+    #[error("the slope at {points} points would take {bytes} bytes, {limit} are allowed; sample fewer")]
+    TooManyPoints {
+        /// What was given.
+        points: usize,
+        /// What they would take.
+        bytes: usize,
+        /// What is allowed.
+        limit: usize,
     },
     /// The field has no value.
     #[error("the field is not a number at {point}")]

@@ -32,10 +32,12 @@ pub struct Progress {
     pub evaluations: usize,
 }
 
-/// Counts, tells, and hears whether to go on.
+/// Counts, tells, hears whether to go on, and knows how much memory there is.
 pub(super) struct Watch<'a> {
     pub(super) evaluations: usize,
     pub(super) cell: f64,
+    /// Bytes that may be held at once.
+    pub(super) memory: usize,
     pub(super) tell: &'a mut dyn FnMut(&Progress) -> ControlFlow<()>,
 }
 

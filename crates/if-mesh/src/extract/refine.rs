@@ -3,6 +3,7 @@
 use crate::extract::ExtractError;
 use crate::extract::cover::Balls;
 use crate::extract::lattice::{Lattice, Level};
+use crate::extract::memory;
 use crate::extract::nodes::{NodeWord, Nodes};
 use crate::extract::progress::Watch;
 use crate::extract::rows::{Bits, Rows, Scratch, WORD, each_bit};
@@ -75,7 +76,7 @@ fn levels<F: SignedDistance + ?Sized>(
 ) -> Result<Result<(Rows<Bits>, Nodes), Real>, ExtractError> {
     let mut level = Level::first(lattice);
     let mut cells = Rows::full(level.boxes);
-    let mut nodes = Nodes::evaluate(field, lattice, &level, &cells.corners(), |_| None, watch)?;
+    let mut nodes = Nodes::evaluate(field, lattice, &level, &cells, |_| None, cells.bytes(), watch)?;
     loop {
         let seen = nodes.steepest(lattice, &level, bound.noise);
         if seen > STEEPER * bound.slope {
@@ -85,9 +86,10 @@ fn levels<F: SignedDistance + ?Sized>(
             return Ok(Ok((cells, nodes)));
         }
         let finer = Level::new(lattice, level.step / 2);
+        watch.room(cells.bytes() + nodes.bytes(), memory::children(&cells, finer.boxes, size_of::<Quad>()))?;
         cells = children(lattice, &level, &finer, &cells, &nodes, bound);
         let known = |node| nodes.get(finer.in_coarser(&level, node)?);
-        nodes = Nodes::evaluate(field, lattice, &finer, &cells.corners(), known, watch)?;
+        nodes = Nodes::evaluate(field, lattice, &finer, &cells, known, cells.bytes() + nodes.bytes(), watch)?;
         level = finer;
     }
 }
@@ -100,8 +102,14 @@ pub(super) fn dense<F: SignedDistance + ?Sized>(
     watch: &mut Watch,
 ) -> Result<Refined, ExtractError> {
     let level = Level::new(lattice, 1);
+    let all = level.boxes.iter().try_fold(1usize, |all, boxes| all.checked_mul(*boxes as usize + 1)).unwrap_or(usize::MAX);
+    if u32::try_from(all).is_err() {
+        return Err(ExtractError::TooManyNodes { nodes: all });
+    }
+    // The cells, and a value for each node at last.
+    watch.room(all.saturating_mul(size_of::<Real>()), memory::full(level.boxes))?;
     let cells = Rows::full(level.boxes);
-    let nodes = Nodes::evaluate(field, lattice, &level, &cells.corners(), |_| None, watch)?;
+    let nodes = Nodes::evaluate(field, lattice, &level, &cells, |_| None, cells.bytes(), watch)?;
     Ok(Refined { cells, nodes, restored: 0, slope: bound.slope })
 }
 
@@ -195,6 +203,8 @@ fn complete<F: SignedDistance + ?Sized>(
 ) -> Result<Refined, ExtractError> {
     let level = Level::new(lattice, 1);
     loop {
+        let held = refined.cells.bytes() + refined.nodes.bytes();
+        watch.room(held, memory::crossings(&refined.nodes.rows))?;
         let missing = Crossings::of(&refined.nodes.rows).cells().minus(&refined.cells);
         let count = missing.count();
         if count == 0 {
@@ -202,7 +212,7 @@ fn complete<F: SignedDistance + ?Sized>(
         }
         let cells = refined.cells.union(&missing);
         let before = &refined.nodes;
-        let nodes = Nodes::evaluate(field, lattice, &level, &cells.corners(), |node| before.get(node), watch)?;
+        let nodes = Nodes::evaluate(field, lattice, &level, &cells, |node| before.get(node), held + cells.bytes(), watch)?;
         refined = Refined { cells, nodes, restored: refined.restored + count, ..refined };
     }
 }

@@ -37,6 +37,11 @@ impl Word for Bits {
 }
 
 impl<T: Word> Rows<T> {
+    /// Bytes that the set takes.
+    pub(super) fn bytes(&self) -> usize {
+        self.start.len() * size_of::<u32>() + self.words.len() * size_of::<T>()
+    }
+
     /// Makes each row by `row(y, z, out)`, which pushes the row's words, ascending.
     pub(super) fn build(size: [u32; 3], row: impl Fn(u32, u32, &mut Vec<T>) + Sync) -> Self {
         let planes: Vec<(Vec<u32>, Vec<T>)> = (0..size[2])
