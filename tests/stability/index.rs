@@ -91,7 +91,7 @@ fn tools_for_surfaces_keep_any_mesh_finite() {
     cases("tools for surfaces", 400, |r| {
         let (mesh, scale) = placed(r);
         let whole = mesh.aabb().inflated(1e-9 * scale);
-        let smooth = taubin(&mesh, &TaubinParams::default());
+        let smooth = taubin(&mesh, &TaubinParams::default()).map_err(|e| e.to_string())?;
         check(finite(smooth.vertices()), || "smoothing".into())?;
         for scheme in [Scheme::Midpoint, Scheme::Loop] {
             let fine = subdivide(&mesh, scheme).map_err(|e| e.to_string())?;

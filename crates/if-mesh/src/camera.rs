@@ -69,6 +69,14 @@ pub enum CameraError {
         /// What stands there.
         value: Real,
     },
+    /// The angle of view is none.
+    #[error(
+        "the angle between the upper and the lower edge is {angle} rad; it must lie between 0 and π (a person's whole height: 0.5)"
+    )]
+    Angle {
+        /// What was given, in radians.
+        angle: Real,
+    },
     /// R is no rotation.
     #[error(
         "R is no rotation: R Rᵀ differs from the identity by {error:.2e} (at most {ORTHOGONAL:e}) and its determinant is {determinant:.6}"
@@ -133,7 +141,7 @@ impl Camera {
     }
 
     /// A camera at `eye` that looks at `target`, the top of the picture towards `up`, with square pixels and the
-    /// principal point in the middle. `vertical_angle` is that between the upper and the lower edge, in radians.
+    /// principal point in the middle. `vertical_angle` is that between the upper and the lower edge, in radians: above 0 and below π.
     ///
     /// # Errors
     ///
@@ -145,6 +153,9 @@ impl Camera {
         up: &Vector,
         vertical_angle: Real,
     ) -> Result<Self, CameraError> {
+        if !(vertical_angle > 0.0 && vertical_angle < std::f64::consts::PI) {
+            return Err(CameraError::Angle { angle: vertical_angle });
+        }
         let forward = if_core::math::unit_or_zero(&(target - eye));
         let right = if_core::math::unit_or_zero(&forward.cross(up));
         let rotation = Matrix3::from_rows(&[right.transpose(), forward.cross(&right).transpose(), forward.transpose()]);
@@ -296,5 +307,10 @@ mod tests {
         let up = Vector::z();
         let flat = Camera::looking_at((8, 8), &Point::origin(), &Point::new(0.0, 0.0, 1.0), &up, 0.5);
         assert!(matches!(flat, Err(CameraError::Rotation { .. })), "{flat:?}");
+        let seen = |angle| Camera::looking_at((8, 8), &Point::origin(), &Point::new(0.0, 0.0, 1.0), &Vector::y(), angle);
+        for angle in [0.0, -0.5, std::f64::consts::PI, 3.5, 6.5, 40.0, Real::NAN, Real::INFINITY] {
+            assert!(matches!(seen(angle), Err(CameraError::Angle { .. })), "{angle}");
+        }
+        assert!(seen(1e-3).is_ok() && seen(3.1).is_ok());
     }
 }

@@ -22,6 +22,26 @@ impl Default for DecimateParams {
     }
 }
 
+/// An error to keep to that is none.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("the error is {value} m; it must be zero or more (infinity for no bound)")]
+#[non_exhaustive]
+pub struct DecimateError {
+    /// What was given, in metres.
+    pub value: Real,
+}
+
+impl DecimateParams {
+    /// Checks the range of the error.
+    ///
+    /// # Errors
+    ///
+    /// A negative one, or NaN.
+    pub fn validate(&self) -> Result<(), DecimateError> {
+        if self.error >= 0.0 { Ok(()) } else { Err(DecimateError { value: self.error }) }
+    }
+}
+
 /// A coarser mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decimated {
@@ -40,10 +60,15 @@ pub struct Decimated {
 ///
 /// meshoptimizer's `simplify`: Garland and Heckbert 1997, *Surface simplification using quadric error metrics*. It works in
 /// single precision, here relative to the middle of the mesh; the vertices that remain have their old coordinates to the bit.
-pub fn decimate(mesh: &TriMesh, params: &DecimateParams) -> Decimated {
+///
+/// # Errors
+///
+/// An error to keep to that is negative or NaN.
+pub fn decimate(mesh: &TriMesh, params: &DecimateParams) -> Result<Decimated, DecimateError> {
+    params.validate()?;
     let middle = mesh.aabb().min + 0.5 * mesh.aabb().size();
     if mesh.triangles().is_empty() {
-        return Decimated { mesh: TriMesh::default(), kept: Vec::new(), error: 0.0 };
+        return Ok(Decimated { mesh: TriMesh::default(), kept: Vec::new(), error: 0.0 });
     }
     let rounded: Vec<[f32; 3]> = mesh.vertices().iter().map(|p| (p - middle).map(|x| x as f32).into()).collect();
     let mut options = SimplifyOptions::ErrorAbsolute;
@@ -52,7 +77,8 @@ pub fn decimate(mesh: &TriMesh, params: &DecimateParams) -> Decimated {
     }
     let mut error = 0.0;
     let indices = mesh.triangles().as_flattened();
-    let left = simplify_decoder(indices, &rounded, 3 * params.triangles, params.error as f32, options, Some(&mut error));
+    let target = 3 * params.triangles.min(mesh.triangles().len());
+    let left = simplify_decoder(indices, &rounded, target, params.error as f32, options, Some(&mut error));
     let mut number = vec![u32::MAX; mesh.vertices().len()];
     left.iter().for_each(|v| number[*v as usize] = 0);
     let kept: Vec<u32> = (0..number.len() as u32).filter(|v| number[*v as usize] == 0).collect();
@@ -60,7 +86,7 @@ pub fn decimate(mesh: &TriMesh, params: &DecimateParams) -> Decimated {
     let vertices: Vec<Point> = kept.iter().map(|v| mesh.vertices()[*v as usize]).collect();
     let triangles = left.as_chunks::<3>().0.iter().map(|t| t.map(|v| number[v as usize])).collect();
     let mesh = TriMesh::new(vertices, triangles).expect("triangles that are left have three corners among the old ones");
-    Decimated { mesh, kept, error: Real::from(error) }
+    Ok(Decimated { mesh, kept, error: Real::from(error) })
 }
 
 #[cfg(test)]
@@ -72,7 +98,7 @@ mod tests {
     #[test]
     fn a_ball_keeps_its_shape_and_a_sheet_its_border() {
         let ball = meshes::icosphere(1.0, 4);
-        let coarse = decimate(&ball, &DecimateParams { triangles: 500, error: 0.05, lock_borders: false });
+        let coarse = decimate(&ball, &DecimateParams { triangles: 500, error: 0.05, lock_borders: false }).unwrap();
         assert!((400..=500).contains(&coarse.mesh.triangles().len()), "{}", coarse.mesh.triangles().len());
         assert!(Edges::new(&coarse.mesh).valence.iter().all(|v| *v == 2) && coarse.error <= 0.05);
         approx::assert_relative_eq!(coarse.mesh.signed_volume(), ball.signed_volume(), max_relative = 0.03);
@@ -80,11 +106,11 @@ mod tests {
             assert_eq!(*p, ball.vertices()[*old as usize]);
         }
         let sheet = meshes::cloth(1.0, 1.0, 10, 10);
-        let locked = decimate(&sheet, &DecimateParams { lock_borders: true, ..DecimateParams::default() }).mesh;
+        let locked = decimate(&sheet, &DecimateParams { lock_borders: true, ..DecimateParams::default() }).unwrap().mesh;
         let border = |m: &TriMesh| Edges::new(m).boundary_loops(m).concat().len();
         assert_eq!(border(&locked), 40);
         assert!(locked.triangles().len() < 80);
-        let free = decimate(&sheet, &DecimateParams::default()).mesh;
+        let free = decimate(&sheet, &DecimateParams::default()).unwrap().mesh;
         assert!(free.triangles().len() < 10);
         approx::assert_relative_eq!(free.area(), 1.0, max_relative = 1e-6);
     }
@@ -93,7 +119,17 @@ mod tests {
     fn nothing_and_degenerate_triangles_pass() {
         let point = TriMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
         for mesh in [TriMesh::default(), point] {
-            assert!(decimate(&mesh, &DecimateParams::default()).mesh.triangles().len() <= mesh.triangles().len());
+            assert!(decimate(&mesh, &DecimateParams::default()).unwrap().mesh.triangles().len() <= mesh.triangles().len());
         }
+    }
+
+    #[test]
+    fn an_error_that_is_none_is_refused_and_more_triangles_than_there_are_are_all() {
+        let ball = meshes::icosphere(1.0, 1);
+        for error in [Real::NAN, -1e-3, Real::NEG_INFINITY] {
+            assert!(decimate(&ball, &DecimateParams { error, ..DecimateParams::default() }).is_err(), "{error}");
+        }
+        let all = DecimateParams { triangles: usize::MAX, error: Real::INFINITY, ..DecimateParams::default() };
+        assert_eq!(decimate(&ball, &all).unwrap().mesh.triangles().len(), ball.triangles().len());
     }
 }

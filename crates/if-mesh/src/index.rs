@@ -400,6 +400,9 @@ impl Rough {
 
 impl ClosestPoint for Bvh {
     fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest> {
+        if max_distance.is_nan() || max_distance < 0.0 {
+            return None;
+        }
         let mut limit = max_distance * max_distance;
         let mut best: Option<(usize, [Real; 3], Feature, Point)> = None;
         let mut stack = [(0u32, 0.0); STACK];
@@ -589,6 +592,17 @@ fn segment_meets_triangle(from: &Point, direction: &if_core::math::Vector, [a, b
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn nothing_is_nearer_than_a_negative_distance() {
+        let tree = Bvh::new(&if_core::shapes::meshes::icosphere(1.0, 1));
+        let p = Point::new(1.5, 0.0, 0.0);
+        assert!(tree.closest(&p, 1.0).is_some() && tree.closest(&p, 0.1).is_none());
+        for limit in [-1.0, -1e-300, Real::NEG_INFINITY, Real::NAN] {
+            assert_eq!(tree.closest(&p, limit), None, "{limit}");
+        }
+        assert!(tree.closest(&tree.corners[0][0], 0.0).is_some(), "what lies on it is at distance zero");
+    }
 
     /// A bumpy sheet with some far and some degenerate triangles.
     fn sheet(n: u32) -> TriMesh {

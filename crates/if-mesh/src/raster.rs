@@ -185,6 +185,10 @@ impl Rasteriser {
 }
 
 /// Looks at a mesh once.
+///
+/// # Panics
+///
+/// If `near` is not positive.
 pub fn look(mesh: &TriMesh, camera: &Camera, params: &RasterParams) -> IdBuffer {
     let mut out = IdBuffer::default();
     Rasteriser::default().look(mesh, mesh.vertices(), camera, params, &mut out);

@@ -37,6 +37,37 @@ impl Default for TaubinParams {
     }
 }
 
+/// A number with which nothing is smoothed.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{name} is {value}; give {wanted}")]
+#[non_exhaustive]
+pub struct TaubinError {
+    /// `lambda` or `mu`.
+    pub name: &'static str,
+    /// What was given.
+    pub value: Real,
+    /// What makes sense.
+    pub wanted: &'static str,
+}
+
+impl TaubinParams {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// The first that is out of its range or NaN.
+    pub fn validate(&self) -> Result<(), TaubinError> {
+        let checks = [
+            ("lambda", self.lambda, 0.0..=1.0, "a number from 0 to 1"),
+            ("mu", self.mu, -1.1..=0.0, "a number from −1.1 to 0, a little below −lambda"),
+        ];
+        match checks.into_iter().find(|(_, value, range, _)| !range.contains(value)) {
+            Some((name, value, _, wanted)) => Err(TaubinError { name, value, wanted }),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Smooths positions by steps towards and away from the middle of the neighbours, which wear off noise and leave the size:
 /// a plain Laplacian shrinks a ball by 1 % a round, this by less than 0.01 %.
 ///
@@ -44,12 +75,18 @@ impl Default for TaubinParams {
 /// p ← p + λ (mean of neighbours − p)      p ← p + μ (mean of neighbours − p)
 /// ```
 ///
-/// Vertices at edges of three or more triangles, and where borders meet, stay.
+/// Vertices at edges of three or more triangles, and where borders meet, stay. A mesh whose coordinates are so large that their differences
+/// overflow is returned as it is.
 ///
 /// # Source
 ///
 /// Taubin 1995, *A signal processing approach to fair surface design*.
-pub fn taubin(mesh: &TriMesh, params: &TaubinParams) -> TriMesh {
+///
+/// # Errors
+///
+/// λ or μ out of range.
+pub fn taubin(mesh: &TriMesh, params: &TaubinParams) -> Result<TriMesh, TaubinError> {
+    params.validate()?;
     let neighbours = neighbours(mesh, params.border);
     let mut points = mesh.vertices().to_vec();
     for _ in 0..params.rounds {
@@ -67,8 +104,8 @@ pub fn taubin(mesh: &TriMesh, params: &TaubinParams) -> TriMesh {
                 .collect();
         }
     }
-    // With |λ|, |μ| ≤ 1 a step stays within the neighbours' box; larger ones may overflow, and then nothing is done.
-    mesh.with_vertices(points).unwrap_or_else(|_| mesh.clone())
+    // A step stays near the neighbours' box, but for the largest numbers.
+    Ok(mesh.with_vertices(points).unwrap_or_else(|_| mesh.clone()))
 }
 
 /// For each vertex those it is drawn to; none where it stays.
@@ -134,10 +171,10 @@ mod tests {
     #[test]
     fn noise_goes_and_the_size_stays() {
         let before = rough();
-        let after = taubin(&before, &TaubinParams::default());
+        let after = taubin(&before, &TaubinParams::default()).unwrap();
         assert!(roughness(&after) < 0.5 * roughness(&before), "{} {}", roughness(&before), roughness(&after));
         approx::assert_relative_eq!(after.signed_volume(), before.signed_volume(), max_relative = 5e-3);
-        let shrunk = taubin(&before, &TaubinParams { mu: 0.0, ..TaubinParams::default() });
+        let shrunk = taubin(&before, &TaubinParams { mu: 0.0, ..TaubinParams::default() }).unwrap();
         assert!(shrunk.signed_volume() < 0.98 * before.signed_volume());
     }
 
@@ -149,8 +186,8 @@ mod tests {
         let bumpy: Vec<Point> =
             sheet.vertices().iter().enumerate().map(|(v, p)| p + Vector::z() * if v % 2 == 0 { 0.02 } else { -0.02 }).collect();
         let bumpy = sheet.with_vertices(bumpy).unwrap();
-        let fixed = taubin(&bumpy, &TaubinParams { border: Border::Fixed, ..TaubinParams::default() });
-        let curved = taubin(&bumpy, &TaubinParams::default());
+        let fixed = taubin(&bumpy, &TaubinParams { border: Border::Fixed, ..TaubinParams::default() }).unwrap();
+        let curved = taubin(&bumpy, &TaubinParams::default()).unwrap();
         for v in (0..rim.len()).filter(|v| rim[*v]) {
             assert_eq!(fixed.vertices()[v], bumpy.vertices()[v]);
         }
@@ -164,7 +201,20 @@ mod tests {
         let huge =
             TriMesh::new(vec![Point::origin(), Point::new(1e308, 0.0, 0.0), Point::new(-1e308, 1.0, 0.0)], vec![[0, 1, 2]]);
         for mesh in [TriMesh::default(), point, huge.unwrap()] {
-            assert_eq!(taubin(&mesh, &TaubinParams { lambda: 9.0, ..TaubinParams::default() }).triangles(), mesh.triangles());
+            assert_eq!(taubin(&mesh, &TaubinParams::default()).unwrap().triangles(), mesh.triangles());
+        }
+    }
+
+    #[test]
+    fn numbers_that_smooth_nothing_are_refused() {
+        let ball = meshes::icosphere(1.0, 1);
+        for bad in [Real::NAN, -0.1, 9.0, Real::INFINITY] {
+            let error = taubin(&ball, &TaubinParams { lambda: bad, ..TaubinParams::default() }).unwrap_err();
+            assert_eq!(error.name, "lambda", "{bad}");
+        }
+        for bad in [Real::NAN, 0.1, -1.2, Real::NEG_INFINITY] {
+            let error = taubin(&ball, &TaubinParams { mu: bad, ..TaubinParams::default() }).unwrap_err();
+            assert_eq!(error.name, "mu", "{bad}");
         }
     }
 }

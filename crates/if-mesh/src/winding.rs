@@ -58,18 +58,35 @@ struct Moments {
     second: [Matrix3<Real>; 3],
 }
 
+/// A ratio of distance to radius that is none.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("beta is {beta}; it must be at least 1: nearer than its radius a group of triangles is not seen from outside")]
+#[non_exhaustive]
+pub struct WindingError {
+    /// What was given.
+    pub beta: Real,
+}
+
 /// Distance in radii below which groups are opened by default. At twice as much the error is some twenty times smaller.
 const BETA: Real = 2.0;
 
 impl Winding {
     /// Prepares a mesh, in O(n log n).
     pub fn new(mesh: &TriMesh) -> Self {
-        Self::with_beta(mesh, BETA)
+        Self::prepared(mesh, BETA)
     }
 
     /// The same with another ratio of distance to radius from which on groups count as one: larger is slower and more
     /// exact; infinity sums over all triangles.
-    pub fn with_beta(mesh: &TriMesh, beta: Real) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// A ratio below 1, or NaN.
+    pub fn with_beta(mesh: &TriMesh, beta: Real) -> Result<Self, WindingError> {
+        if beta >= 1.0 { Ok(Self::prepared(mesh, beta)) } else { Err(WindingError { beta }) }
+    }
+
+    fn prepared(mesh: &TriMesh, beta: Real) -> Self {
         let tree = Bvh::new(mesh);
         let none = Moments {
             center: Point::origin(),
@@ -215,7 +232,7 @@ mod tests {
     #[test]
     fn a_closed_ball_has_one_inside_and_zero_outside() {
         let ball = meshes::icosphere(1.0, 4);
-        let (fast, exact) = (Winding::new(&ball), Winding::with_beta(&ball, Real::INFINITY));
+        let (fast, exact) = (Winding::new(&ball), Winding::with_beta(&ball, Real::INFINITY).unwrap());
         for p in random_points(300, 1.6) {
             let distance = p.coords.norm();
             let w = exact.at(&p);
@@ -231,7 +248,7 @@ mod tests {
         let ball = meshes::icosphere(1.0, 4);
         let heights: Vec<Real> = ball.vertices().iter().map(|p| p.y).collect();
         let bowl = clip(&ball, &heights);
-        let exact = Winding::with_beta(&bowl, Real::INFINITY);
+        let exact = Winding::with_beta(&bowl, Real::INFINITY).unwrap();
         // Seen from the middle a half sphere fills half of all directions. Cuts keep a hundredth of an edge from vertices.
         approx::assert_relative_eq!(exact.at(&Point::origin()), 0.5, epsilon = 1e-3);
         let fast = Winding::new(&bowl);
@@ -246,6 +263,16 @@ mod tests {
         for (x, w) in [(0.1, 2.0), (0.7, 1.0), (1.3, 0.0)] {
             approx::assert_relative_eq!(both.at(&Point::new(x, 0.01, 0.02)), w, epsilon = 0.005);
         }
+    }
+
+    #[test]
+    fn a_group_that_is_seen_from_within_is_refused() {
+        let ball = meshes::icosphere(1.0, 2);
+        for beta in [0.5, -1.0, 0.0, Real::NAN] {
+            let error = Winding::with_beta(&ball, beta).unwrap_err();
+            assert!(error.to_string().contains("at least 1"), "{error}");
+        }
+        assert!(Winding::with_beta(&ball, 1.0).is_ok() && Winding::with_beta(&ball, Real::INFINITY).is_ok());
     }
 
     #[test]
