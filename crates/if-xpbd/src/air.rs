@@ -2,7 +2,7 @@
 
 use crate::constraint::{Constraint, Counters, Residual, Stage};
 use crate::inner_surface::InnerSurface;
-use if_core::math::{Point, Real, Vector, area_vector};
+use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use serde::{Deserialize, Serialize};
 
 /// How line 13, `p ← p − (p̂ − q̂)`, is read. With n the outward unit normal of the inner layer at
@@ -67,6 +67,22 @@ impl Default for AirParams {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AirError {
+    /// Positions and mask weights differ in number.
+    #[error("{positions} positions but {masks} mask weights; give one weight for each vertex")]
+    Count {
+        /// Positions given.
+        positions: usize,
+        /// Mask weights given.
+        masks: usize,
+    },
+    /// A weight of the mask is not in [0, 1].
+    #[error("vertex {vertex} has the mask weight {value}; it must be in [0, 1]")]
+    Mask {
+        /// Index of the vertex.
+        vertex: usize,
+        /// Its weight.
+        value: Real,
+    },
     /// A parameter is outside its range.
     #[error("{name} is {value}; it must be {range}")]
     OutOfRange {
@@ -116,10 +132,13 @@ struct Pair {
 /// Algorithm 1, lines 11 to 15: "p̂ and q̂ are the nearest points pair belonging to two adjacent
 /// layers and computed at the beginning of the simulation". What `C^air` is stands in the main
 /// paper, which we do not have: [`AirReading`] holds our readings, and `method.md` §6 what each does.
+#[derive(Debug)]
 pub struct Air<'a> {
     inner: &'a InnerSurface<'a>,
     params: AirParams,
     pairs: Vec<Pair>,
+    /// The vertices that were pushed in this substep, and along which unit vector.
+    pushed: Vec<(u32, Vector)>,
     substeps: u32,
     /// Whether positions have jumped, so that all feet must be looked for anew.
     jumped: bool,
@@ -132,10 +151,17 @@ impl<'a> Air<'a> {
     ///
     /// # Errors
     ///
-    /// Parameters outside their range.
+    /// Parameters outside their range, other numbers of weights than of positions, a weight that is none.
     pub fn new(inner: &'a InnerSurface<'a>, positions: &[Point], masks: &[Real], params: AirParams) -> Result<Self, AirError> {
         params.validate()?;
-        let mut air = Self { inner, params, pairs: Vec::new(), substeps: 0, jumped: false, counters: Counters::default() };
+        if masks.len() != positions.len() {
+            return Err(AirError::Count { positions: positions.len(), masks: masks.len() });
+        }
+        if let Some((vertex, &value)) = masks.iter().enumerate().find(|(_, m)| !(0.0..=1.0).contains(*m)) {
+            return Err(AirError::Mask { vertex, value });
+        }
+        let counters = Counters::default();
+        let mut air = Self { inner, params, pairs: Vec::new(), pushed: Vec::new(), substeps: 0, jumped: false, counters };
         for (v, (p, &weight)) in positions.iter().zip(masks).enumerate() {
             if weight <= 0.0 {
                 air.counters.skipped_by_mask += 1;
@@ -231,6 +257,7 @@ impl<'a> Air<'a> {
 
 impl Constraint for Air<'_> {
     fn begin_substep(&mut self, _previous: &[Point], positions: &[Point], _inverse_masses: &[Real], _h: Real) {
+        self.pushed.clear();
         self.repair(positions);
     }
 
@@ -239,7 +266,8 @@ impl Constraint for Air<'_> {
     /// If there are fewer positions than there were when the pairs were made.
     fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real], _h: Real) -> Residual {
         let mut residual = Residual { count: self.len(), ..Residual::default() };
-        for pair in &self.pairs {
+        for k in 0..self.pairs.len() {
+            let pair = &self.pairs[k];
             let v = pair.vertex as usize;
             let Some((violation, push)) = self.push(pair, &positions[v]) else { continue };
             if violation <= 0.0 {
@@ -250,6 +278,7 @@ impl Constraint for Air<'_> {
             residual.sum_squares += violation * violation;
             if inverse_masses[v] > 0.0 {
                 positions[v] += push * pair.weight;
+                self.pushed.push((pair.vertex, unit_or_zero(&push)));
             }
         }
         residual
@@ -259,7 +288,18 @@ impl Constraint for Air<'_> {
         Stage::Contact
     }
 
+    fn correct_velocities(&self, velocities: &mut [Vector]) {
+        for (vertex, direction) in &self.pushed {
+            let velocity = &mut velocities[*vertex as usize];
+            let outwards = velocity.dot(direction);
+            if outwards > 0.0 {
+                *velocity -= direction * outwards;
+            }
+        }
+    }
+
     fn reset(&mut self) {
+        self.pushed.clear();
         self.jumped = true;
     }
 
@@ -362,6 +402,35 @@ mod tests {
     }
 
     #[test]
+    fn a_push_leaves_no_speed_and_the_slide_beside_it_stays() {
+        let all = floor();
+        let inner = InnerSurface::new(&all.0, &all);
+        let at = |z: Real| Point::new(0.11, 0.12, z);
+        for (reading, start) in
+            [(AirReading::FrozenHalfSpace, -0.004), (AirReading::GapPreserving, 0.004), (AirReading::Element, 0.004)]
+        {
+            let mut air =
+                Air::new(&inner, &[at(start), at(0.01)], &[1.0, 1.0], AirParams { reading, ..Default::default() }).unwrap();
+            let mut p = vec![at(-0.004), at(0.01)];
+            air.begin_substep(&p.clone(), &p.clone(), &[1.0; 2], 1e-3);
+            air.project(&mut p, &[1.0; 2], 1e-3);
+            let mut v = vec![Vector::new(1.0, 2.0, 5.0); 2];
+            air.correct_velocities(&mut v);
+            assert_relative_eq!(v[0], Vector::new(1.0, 2.0, 0.0), epsilon = 1e-12);
+            // The second keeps its gap, and its speed.
+            assert_eq!(v[1].z, 5.0, "{reading:?}");
+            // Inwards it may move on.
+            v[0].z = -3.0;
+            air.correct_velocities(&mut v);
+            assert_relative_eq!(v[0].z, -3.0, epsilon = 1e-12);
+            air.begin_substep(&p.clone(), &p.clone(), &[1.0; 2], 1e-3);
+            v[0].z = 5.0;
+            air.correct_velocities(&mut v);
+            assert_eq!(v[0].z, 5.0, "a push of the substep before is forgotten");
+        }
+    }
+
+    #[test]
     fn only_vertices_in_the_mask_and_near_have_pairs() {
         let all = floor();
         let inner = InnerSurface::new(&all.0, &all);
@@ -369,6 +438,11 @@ mod tests {
         let air = Air::new(&inner, &p, &[1.0, 1.0, 0.0], AirParams::default()).unwrap();
         assert_eq!((air.len(), air.counters().skipped_by_mask), (1, 1));
         assert!(Air::new(&inner, &[], &[], AirParams::default()).unwrap().is_idle());
+        let error = |masks: &[Real]| Air::new(&inner, &p, masks, AirParams::default()).unwrap_err();
+        assert_eq!(error(&[1.0, 1.0]), AirError::Count { positions: 3, masks: 2 });
+        for bad in [-0.1, 1.1, Real::NAN, Real::INFINITY] {
+            assert!(matches!(error(&[1.0, bad, 1.0]), AirError::Mask { vertex: 1, .. }), "{bad}");
+        }
         for bad in [
             AirParams { max_distance: Real::NAN, ..Default::default() },
             AirParams { min_gap: 0.01, ..Default::default() },

@@ -1,11 +1,11 @@
 //! One garment over what is below it: stretch, collision and air, wired as Algorithm 1 has them.
 
 use crate::air::{Air, AirError, AirParams};
-use crate::collision::{CollisionError, Push, SdfCollision};
+use crate::collision::{CollisionError, SdfCollision};
 use crate::constraint::Constraint;
 use crate::edge_set::EdgeSet;
 use crate::inner_surface::InnerSurface;
-use crate::params::{LambdaForm, ParamsError, SolverParams};
+use crate::params::{ParamsError, SolverParams};
 use crate::particles::{Particles, ParticlesError};
 use crate::report::{RunReport, StepError, StepReport};
 use crate::solver::Solver;
@@ -24,6 +24,14 @@ pub struct Below<'a> {
     pub mask: &'a [f64],
     /// The surface for the air constraint, and how it is read; `None` for no air constraint.
     pub air: Option<(&'a InnerSurface<'a>, AirParams)>,
+}
+
+impl std::fmt::Debug for Below<'_> {
+    /// Numbers only: the field cannot tell what it is.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut out = f.debug_struct("Below");
+        out.field("mask", &self.mask.len()).field("air", &self.air.as_ref().map(|a| &a.1)).finish_non_exhaustive()
+    }
 }
 
 /// Why a garment cannot be settled.
@@ -62,10 +70,9 @@ pub fn settle(
     on_step: impl FnMut(u32, &StepReport) -> ControlFlow<()>,
 ) -> Result<(Vec<Point>, RunReport), SettleError> {
     let mut solver = Solver::new(params.clone())?;
-    let literal = params.lambda_form == LambdaForm::Printed;
     let clearances = vec![params.clearance; garment.vertices().len()];
     let mut collision = SdfCollision::new(below.field, below.mask, &clearances)?;
-    collision.push = if literal { Push::Literal } else { Push::Corrected };
+    collision.push = params.push;
     collision.friction = params.friction;
     collision.max_push = params.max_push;
     let mut stretch = Stretch::new(EdgeSet::of_mesh(garment), params.compliance);

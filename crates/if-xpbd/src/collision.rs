@@ -8,7 +8,7 @@ use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 
 /// How a sample inside is brought out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub enum Push {
     /// `p −= (φ − δ) ∇φ / |∇φ|²` where φ < δ, limited, weighted by the mask, with friction.
     #[default]
@@ -226,6 +226,18 @@ fn sample(positions: &[Point], v: &[u32; 3], b: &[Real; 3]) -> Point {
     Point::from(
         positions[v[0] as usize].coords * b[0] + positions[v[1] as usize].coords * b[1] + positions[v[2] as usize].coords * b[2],
     )
+}
+
+impl std::fmt::Debug for SdfCollision<'_> {
+    /// Numbers only: the field cannot tell what it is.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("SdfCollision")
+            .field("samples", &self.len())
+            .field("push", &self.push)
+            .field("friction", &self.friction)
+            .field("max_push", &self.max_push)
+            .finish_non_exhaustive()
+    }
 }
 
 impl Constraint for SdfCollision<'_> {

@@ -99,7 +99,8 @@ pub trait Constraint {
         Stage::Elastic
     }
 
-    /// Takes out of `velocities` what only comes from pushing particles out of a penetration.
+    /// Takes out of `velocities` what only comes from pushing particles out of a penetration: groups of contacts do, elastic ones
+    /// leave them.
     /// Called after line 24 where
     /// [`remove_depenetration_velocity`](crate::params::SolverParams::remove_depenetration_velocity)
     /// is set.

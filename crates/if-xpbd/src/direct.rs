@@ -81,6 +81,18 @@ impl Sum {
     }
 }
 
+impl std::fmt::Debug for DirectStretch {
+    /// Numbers only: a factor is megabytes.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("DirectStretch")
+            .field("edges", &self.edges.len())
+            .field("compliance", &self.compliance)
+            .field("iterations", &self.iterations)
+            .field("tolerance", &self.tolerance)
+            .finish_non_exhaustive()
+    }
+}
+
 impl DirectStretch {
     /// Constraints on `edges` with `compliance` β in m/N: 20 steps at most, to 1e-12 m.
     pub fn new(edges: EdgeSet, compliance: Real) -> Self {

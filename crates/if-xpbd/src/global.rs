@@ -54,6 +54,18 @@ pub struct GlobalStretchError {
     value: Real,
 }
 
+impl std::fmt::Debug for GlobalStretch {
+    /// Numbers only: a factor is megabytes.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("GlobalStretch")
+            .field("edges", &self.edges.len())
+            .field("compliance", &self.compliance)
+            .field("iterations", &self.iterations)
+            .field("tolerance", &self.tolerance)
+            .finish_non_exhaustive()
+    }
+}
+
 impl GlobalStretch {
     /// Springs on `edges` with `compliance` β in m/N: 200 iterations at most, to 1e-9 m.
     ///

@@ -14,6 +14,13 @@ pub struct InnerSurface<'a> {
     vertices: Vec<Vector>,
 }
 
+impl std::fmt::Debug for InnerSurface<'_> {
+    /// Numbers only: what finds nearest points cannot tell what it is.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("InnerSurface").field("triangles", &self.faces.len()).finish_non_exhaustive()
+    }
+}
+
 impl<'a> InnerSurface<'a> {
     /// `closest` must answer for `mesh`.
     pub fn new(mesh: &'a TriMesh, closest: &'a dyn ClosestPoint) -> Self {

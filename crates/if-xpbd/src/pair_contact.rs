@@ -45,6 +45,8 @@ pub struct PairContacts {
     sides: Vec<Real>,
     gaps: Vec<Real>,
     kinds: Vec<Kind>,
+    /// What each contact did in this substep; as long as the others only between `begin_substep` and the next change.
+    pushed: Vec<Pushed>,
     degenerate: u64,
     /// The farthest that the two sides may be pushed apart in one visit, in metres.
     pub max_push: Real,
@@ -57,6 +59,7 @@ impl Default for PairContacts {
             sides: Vec::new(),
             gaps: Vec::new(),
             kinds: Vec::new(),
+            pushed: Vec::new(),
             degenerate: 0,
             max_push: Real::INFINITY,
         }
@@ -67,6 +70,20 @@ impl Default for PairContacts {
 enum Kind {
     VertexFace,
     EdgeEdge,
+}
+
+/// How a contact pushed its vertices apart.
+#[derive(Clone, Copy, Debug)]
+struct Pushed {
+    /// s n; zero where it did not push.
+    direction: Vector,
+    /// gₖ, and wₖ gₖ / Σ wₖ gₖ².
+    weights: [Real; 4],
+    shares: [Real; 4],
+}
+
+impl Pushed {
+    const NOT: Self = Self { direction: Vector::new(0.0, 0.0, 0.0), weights: [0.0; 4], shares: [0.0; 4] };
 }
 
 /// Normal, signed distance along it, weights of the four vertices, sideways distance.
@@ -89,6 +106,7 @@ impl PairContacts {
         self.sides.clear();
         self.gaps.clear();
         self.kinds.clear();
+        self.pushed.clear();
     }
 
     /// Number of contacts.
@@ -130,6 +148,7 @@ impl PairContacts {
     /// If a contact names a vertex beyond the slices.
     pub fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real]) -> Residual {
         let mut residual = Residual { count: self.len(), ..Residual::default() };
+        let remembers = self.pushed.len() == self.len();
         for k in 0..self.vertices.len() {
             let v = self.vertices[k];
             let x = v.map(|i| positions[i as usize]);
@@ -155,6 +174,10 @@ impl PairContacts {
                 let push = m.normal * (side * held * deficit.min(self.max_push) / sum);
                 for c in 0..4 {
                     positions[v[c] as usize] += push * (w[c] * m.weights[c]);
+                }
+                if remembers {
+                    let shares = [0, 1, 2, 3].map(|c| w[c] * m.weights[c] / sum);
+                    self.pushed[k] = Pushed { direction: m.normal * side, weights: m.weights, shares };
                 }
             }
         }
@@ -226,7 +249,10 @@ fn meet_edge(x: &[Point; 4]) -> Option<Meeting> {
 }
 
 impl Constraint for PairContacts {
-    fn begin_substep(&mut self, _previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {}
+    fn begin_substep(&mut self, _previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {
+        self.pushed.clear();
+        self.pushed.resize(self.vertices.len(), Pushed::NOT);
+    }
 
     fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real], _h: Real) -> Residual {
         PairContacts::project(self, positions, inverse_masses)
@@ -234,6 +260,21 @@ impl Constraint for PairContacts {
 
     fn stage(&self) -> Stage {
         Stage::Contact
+    }
+
+    /// Takes from the speed at which the two sides part, of each contact that pushed, in the order of pushing: momentum stays.
+    fn correct_velocities(&self, velocities: &mut [Vector]) {
+        for (v, pushed) in self.vertices.iter().zip(&self.pushed) {
+            let along = |c: usize| pushed.weights[c] * velocities[v[c] as usize].dot(&pushed.direction);
+            let parting: Real = (0..4).map(along).sum();
+            if parting > 0.0 {
+                (0..4).for_each(|c| velocities[v[c] as usize] -= pushed.direction * (parting * pushed.shares[c]));
+            }
+        }
+    }
+
+    fn reset(&mut self) {
+        self.pushed.clear();
     }
 
     fn is_idle(&self) -> bool {
@@ -353,6 +394,32 @@ mod tests {
                     let difference = (at(step) - at(-step)) / (2.0 * step);
                     assert_relative_eq!(m.normal[axis] * m.weights[v], difference, epsilon = 1e-8);
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn a_push_leaves_no_parting_speed_and_momentum_stays() {
+        for (mut group, mut p) in [(face(1.0, 0.1), vertex_over_face(-0.05)), (edge(-1.0, 0.1), crossing_edges(0.02))] {
+            for w in [[1.0, 0.5, 2.0, 4.0], [0.0, 1.0, 1.0, 3.0]] {
+                let before = p.clone();
+                group.begin_substep(&before, &before, &w, 0.01);
+                group.project(&mut p, &w);
+                // As line 24 has it, and a slide.
+                let slide = Vector::new(0.3, 0.2, 0.0);
+                let mut v: Vec<Vector> =
+                    (0..4).map(|c| if w[c] > 0.0 { (p[c] - before[c]) / 0.01 + slide } else { Vector::zeros() }).collect();
+                let momentum = |v: &[Vector]| (0..4).filter(|c| w[*c] > 0.0).map(|c| v[c] / w[c]).sum::<Vector>();
+                let (first, pushed) = (momentum(&v), group.pushed[0]);
+                let parting = |v: &[Vector]| (0..4).map(|c| pushed.weights[c] * v[c].dot(&pushed.direction)).sum::<Real>();
+                assert!(parting(&v) > 1.0);
+                group.correct_velocities(&mut v);
+                assert_relative_eq!(parting(&v), 0.0, epsilon = 1e-12);
+                if w[0] > 0.0 {
+                    assert_relative_eq!(momentum(&v), first, epsilon = 1e-12);
+                }
+                assert!(w[0] > 0.0 || v[0] == Vector::zeros(), "what is pinned stays");
+                p = before;
             }
         }
     }

@@ -1,5 +1,6 @@
 //! The solver's parameters, with the corrected and the literal preset.
 
+use crate::collision::Push;
 use if_core::math::Real;
 use serde::{Deserialize, Serialize};
 
@@ -55,6 +56,8 @@ pub struct SolverParams {
     pub compliance: Real,
     /// What line 18 adds to C.
     pub lambda_form: LambdaForm,
+    /// How line 8 brings a vertex out of the field. [`Push::Literal`] knows no clearance, no mask weight between 0 and 1, and no `max_push`.
+    pub push: Push,
     /// Where contacts stand in a substep.
     pub contact_order: ContactOrder,
     /// What line 3 starts from.
@@ -71,7 +74,8 @@ pub struct SolverParams {
     pub clearance: Real,
     /// The farthest that one visit of a collision may push a vertex, in metres.
     pub max_push: Real,
-    /// Whether the speed gained by being pushed out of a penetration is taken away after line 24.
+    /// Whether the speed gained by being pushed out of a penetration is taken away after line 24: of what a contact pushed in the
+    /// substep, the speed along its push. Without effect in a quasi-static run, which has none.
     pub remove_depenetration_velocity: bool,
     /// Most often that a step which went wrong is taken back and tried with h/2.
     pub retries: u32,
@@ -93,6 +97,7 @@ impl Default for SolverParams {
             sweeps: 1,
             compliance: 1e-5,
             lambda_form: LambdaForm::Xpbd,
+            push: Push::Corrected,
             contact_order: ContactOrder::AfterStretch,
             motion: Motion::QuasiStatic,
             gravity: [0.0; 3],
@@ -126,10 +131,11 @@ pub enum ParamsError {
 
 impl SolverParams {
     /// Algorithm 1 as printed: Δt = 0.01 s, 10 substeps, 360 steps, β = 10⁻⁵, contacts once and
-    /// before the stretch, `C + β λ`, no clearance, no limits, and velocities from the final `p`.
+    /// before the stretch, `C + β λ`, `p − φ ∇φ`, no clearance, no limits, and velocities from the final `p`.
     pub fn literal() -> Self {
         Self {
             lambda_form: LambdaForm::Printed,
+            push: Push::Literal,
             contact_order: ContactOrder::BeforeStretch,
             motion: Motion::Dynamic { damping: 0.0 },
             stop_below: 0.0,

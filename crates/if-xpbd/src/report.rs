@@ -5,6 +5,7 @@ use if_core::math::Real;
 
 /// What a step did.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct StepReport {
     /// Substeps of the attempt that succeeded.
     pub substeps: u32,
@@ -24,6 +25,7 @@ pub struct StepReport {
 
 /// Why a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Stop {
     /// No vertex moved farther than [`stop_below`](crate::params::SolverParams::stop_below) in a step.
     Converged,
@@ -35,6 +37,7 @@ pub enum Stop {
 
 /// What a run did.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct RunReport {
     /// Steps made.
     pub steps: u32,

@@ -10,7 +10,8 @@ use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::shapes::{Cylinder, meshes};
 use if_xpbd::algorithm1::{Below, settle};
-use if_xpbd::params::{ContactOrder, SolverParams};
+use if_xpbd::collision::Push;
+use if_xpbd::params::{ContactOrder, LambdaForm, SolverParams};
 use std::ops::ControlFlow;
 
 const BODY: Cylinder = Cylinder { center: Point::new(0.0, 0.3, 0.0), radius: 0.16, half_height: 2.0 };
@@ -122,6 +123,16 @@ fn the_corrected_default_beats_the_printed_lines_at_6336_vertices() {
         rows.iter().for_each(|r| println!("{r:?}"));
         check(&rows, times);
     }
+}
+
+#[test]
+fn line_18_as_printed_keeps_the_clearance_of_line_8_corrected() {
+    let garment = jacket(36, 22, false);
+    let params = SolverParams { lambda_form: LambdaForm::Printed, clearance: 2e-3, ..Default::default() };
+    let (_, after) = run(&garment, &params);
+    let least = after.iter().map(|p| BODY.distance(p)).fold(Real::INFINITY, Real::min);
+    assert!(least > 0.999 * params.clearance, "{least}");
+    assert_eq!(SolverParams::literal().push, Push::Literal);
 }
 
 #[test]
