@@ -434,6 +434,7 @@ fn label_sides(mesh: &TriMesh, bvh: &Bvh, normals: &PseudoNormals, voxels: &Voxe
 ///
 /// The distance is exact outside; inside, it is the largest depth in any one layer, which is a lower
 /// bound of the way out. It jumps across the caps that close a garment's openings.
+#[derive(Debug)]
 pub struct ClothedField<'a> {
     layers: Vec<&'a ClosedLayer>,
 }

@@ -199,6 +199,7 @@ pub(crate) fn winner(weights: &[Real]) -> u8 {
 const HALF: f32 = 0.1;
 
 /// Casts the votes of one frame after the other.
+#[derive(Debug)]
 pub struct Voter<'a> {
     mesh: &'a TriMesh,
     labels: usize,

@@ -22,6 +22,16 @@ pub enum Target<'a> {
     Points(&'a OrientedPoints),
 }
 
+impl std::fmt::Debug for Target<'_> {
+    /// Without the field, which cannot tell what it is.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Field(_) => f.debug_tuple("Field").finish_non_exhaustive(),
+            Self::Points(points) => f.debug_tuple("Points").field(points).finish(),
+        }
+    }
+}
+
 /// Why a fit cannot begin.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]

@@ -33,6 +33,7 @@ impl Default for MannequinParams {
 /// A parameter out of its range.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("parameter `{name}` of the mannequin is {value}; it must lie between {least} and {most}")]
+#[non_exhaustive]
 pub struct MannequinError {
     /// Its name.
     pub name: &'static str,

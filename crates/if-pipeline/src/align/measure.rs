@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 /// What an alignment did to a garment. Strain is against the garment on its own body: most of it is the difference of
 /// the bodies, which a garment made for the other body has too.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct AlignReport {
     /// How the bodies were brought together.
     pub method: Method,

@@ -106,6 +106,13 @@ pub struct ClothedBody<'a, F> {
     pub air: Option<(&'a InnerSurface<'a>, AirParams)>,
 }
 
+impl<F> std::fmt::Debug for ClothedBody<'_, F> {
+    /// Without the field, which cannot tell what it is.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ClothedBody").field("mask", &self.mask).field("air", &self.air).finish_non_exhaustive()
+    }
+}
+
 /// Settles `garment` by Algorithm 1 with unit masses: [`SolverParams::literal`] for the lines as printed.
 ///
 /// A vertex that starts outside the mask has neither a collision nor an air constraint; one that leaves it has no

@@ -60,6 +60,7 @@ impl Default for SynthParams {
 
 /// What was captured.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct SynthReport {
     /// Pictures.
     pub frames: usize,

@@ -58,6 +58,14 @@ pub struct VisualHull<'a> {
     allowed: usize,
 }
 
+impl std::fmt::Debug for VisualHull<'_> {
+    /// Numbers only: the pictures are megabytes.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut out = f.debug_struct("VisualHull");
+        out.field("views", &self.views.len()).field("allowed", &self.allowed).finish_non_exhaustive()
+    }
+}
+
 impl<'a> VisualHull<'a> {
     /// Reads all masks of a capture. A point may lie outside of `allowed` masks: noise.
     ///

@@ -68,6 +68,7 @@ impl Default for SurfaceParams {
 /// A parameter that is out of range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{name} = {value}: {needs}")]
+#[non_exhaustive]
 pub struct ParamError {
     /// Its name.
     pub name: &'static str,

@@ -46,6 +46,7 @@ pub struct PhiNetwork {
 
 /// Errors of φ's network at held-out points beside the surface it was fitted to.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct PhiReport {
     /// Steps done.
     pub steps: u64,

@@ -102,6 +102,7 @@ pub struct Filled {
 
 /// What the fit of a surface starts from.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct StartReport {
     /// Share of the masks' pixels that lie far beside the posed template.
     pub beside: Real,
@@ -111,6 +112,7 @@ pub struct StartReport {
 
 /// How a surface was found.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct SurfaceReport {
     /// Frames of the capture.
     pub frames: usize,

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 /// What became of the label images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct LabelReport {
     /// Frames whose pixels voted.
     pub frames_cast: usize,
@@ -27,6 +28,7 @@ pub struct LabelReport {
 
 /// A garment in numbers.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct GarmentReport {
     /// What the capture calls it.
     pub name: String,
@@ -67,6 +69,7 @@ impl GarmentReport {
 
 /// What each step took, in seconds of the clock.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Seconds {
     /// Reading, and fitting the surface.
     pub surface: Real,
@@ -86,6 +89,7 @@ pub struct Seconds {
 
 /// How a capture was reconstructed.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct ReconstructReport {
     /// How the surface was found.
     pub surface: SurfaceReport,

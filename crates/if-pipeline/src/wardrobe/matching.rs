@@ -123,6 +123,7 @@ pub struct Timings {
 }
 
 /// A combination that was done, in memory.
+#[derive(Clone, Debug)]
 pub struct Matched {
     /// What is recorded.
     pub result: MatchResult,

@@ -46,6 +46,7 @@ pub struct MotionNetwork {
 
 /// Errors of d's network at vertices that it was not fitted to, every tenth, in all frames.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct MotionNetworkReport {
     /// Steps done.
     pub steps: u64,

@@ -37,6 +37,7 @@ impl FrameMotion {
 
 /// How the motion of single frames was found.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct MotionReport {
     /// Frames that were solved.
     pub solved: usize,
