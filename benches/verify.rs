@@ -16,7 +16,7 @@ use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
 
-/// A tube of cloth, 0.8 m long, with folds. `tests` of the pair counts: 0 at 4 mm apart.
+/// A tube of cloth, 0.8 m long, with folds. No pairs where two are 3 mm apart.
 fn layer(radius: f64, phase: f64) -> TriMesh {
     let smooth = tube(radius, 0.8, 500, 100, false);
     let folds = |p: &Point| {

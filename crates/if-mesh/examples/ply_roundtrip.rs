@@ -1,4 +1,4 @@
-//! Reads a PLY or OBJ file and writes it again: `ply_roundtrip in.ply out.ply [portable|double]`.
+//! Reads a PLY file and writes it again: `ply_roundtrip in.ply out.ply [portable|double]`.
 //!
 //! `portable` drops what meshio 5.3.5 cannot read; `double` writes coordinates of eight bytes. Used by
 //! `tests/meshio_interop.py`.
