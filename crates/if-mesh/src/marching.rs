@@ -7,4 +7,4 @@ mod relax;
 pub use clip::clip;
 pub use collapse::collapse;
 pub(crate) use relax::relax_within;
-pub use relax::{RelaxParams, relax};
+pub use relax::{RelaxError, RelaxParams, relax};

@@ -156,7 +156,8 @@ fn surface(shape: &shape::Shape, cell: Real, phase: [Real; 3], cuts: &[shape::Fo
     }
     for _ in 0..2 {
         mesh = collapse(&mesh, 0.6 * cell);
-        mesh = relax(&mesh, shape, &RelaxParams { rounds: 2, ..RelaxParams::default() });
+        let rounds = RelaxParams { rounds: 2, ..RelaxParams::default() };
+        mesh = relax(&mesh, shape, &rounds).expect("the step is the default one");
     }
     mesh
 }

@@ -16,8 +16,9 @@ const ASKED: usize = 120;
 /// Of a vertex: its edge (32 bytes), two triangles (24), place (24), value (8) and sample (32), and the copies of planes (up to 72) while no
 /// samples are there.
 const VERTEX: usize = 136;
-/// Of a vertex that is relaxed: mesh, its copy, samples, three edges and six corners in tables, normals and places.
-const RELAXED: usize = 450;
+/// Of a vertex that is relaxed: mesh, its copy, samples, three edges and six corners in tables, normals and places; or both meshes and
+/// the tree that finds triangles of them that meet.
+const RELAXED: usize = 560;
 
 /// Bytes of the rows of a set of so many places along each axis while it is made.
 fn rows(size: [u32; 3]) -> usize {

@@ -42,7 +42,7 @@ pub struct ExtractParams {
 }
 
 impl Default for ExtractParams {
-    /// Cells of 1 cm, secant and one Newton step, no relaxation, 4 GiB: enough for a person in cells of half a millimetre.
+    /// Cells of 1 cm, secant and one Newton step, no relaxation, 4 GiB.
     fn default() -> Self {
         Self {
             region: None,

@@ -26,16 +26,41 @@ impl Default for RelaxParams {
     }
 }
 
+/// A step that leads nowhere.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("the step is {step}; give the part of the way to the middle of the neighbours, from 0 to 1")]
+#[non_exhaustive]
+pub struct RelaxError {
+    /// What was given.
+    pub step: Real,
+}
+
+impl RelaxParams {
+    /// Checks the range of the step.
+    ///
+    /// # Errors
+    ///
+    /// One that is not from 0 to 1.
+    pub fn validate(&self) -> Result<(), RelaxError> {
+        if (0.0..=1.0).contains(&self.step) { Ok(()) } else { Err(RelaxError { step: self.step }) }
+    }
+}
+
 /// Moves vertices along the surface towards the middle of their neighbours and then, by one Newton step,
 /// onto `φ = 0`: slivers become triangles.
 ///
 /// Vertices of a border slide along it, and stay where it has a corner. No triangle turns away from the
 /// normals of its vertices: where one would, its corners stay for this round.
-pub fn relax<F: SignedDistance + ?Sized>(mesh: &TriMesh, field: &F, params: &RelaxParams) -> TriMesh {
-    relax_within(mesh, field, params, None)
+///
+/// # Errors
+///
+/// A step that is not from 0 to 1.
+pub fn relax<F: SignedDistance + ?Sized>(mesh: &TriMesh, field: &F, params: &RelaxParams) -> Result<TriMesh, RelaxError> {
+    params.validate()?;
+    Ok(relax_within(mesh, field, params, None))
 }
 
-/// The same; a vertex that would leave `region` stays for that round. Beside jumps of a field Newton steps lead anywhere.
+/// The same, with a step from 0 to 1; a vertex that would leave `region` stays for that round. Beside jumps of a field Newton steps lead anywhere.
 pub(crate) fn relax_within<F: SignedDistance + ?Sized>(
     mesh: &TriMesh,
     field: &F,
@@ -194,7 +219,7 @@ mod tests {
     #[test]
     fn slivers_of_a_marched_ball_become_triangles_on_the_ball() {
         let before = marched(0.05);
-        let after = relax(&before, &BALL, &RelaxParams::default());
+        let after = relax(&before, &BALL, &RelaxParams::default()).unwrap();
         assert!(smallest_angle(&before) < 2.0 && smallest_angle(&after) > 10.0, "{}", smallest_angle(&after));
         assert!(after.vertices().iter().all(|p| BALL.distance(p).abs() < 1e-4));
         let t = after.face_normals();
@@ -206,7 +231,7 @@ mod tests {
         let ball = marched(0.08);
         let values: Vec<Real> = ball.vertices().iter().map(|p| p.y - 0.3).collect();
         let bowl = clip(&ball, &values);
-        let after = relax(&bowl, &BALL, &RelaxParams { rounds: 8, ..RelaxParams::default() });
+        let after = relax(&bowl, &BALL, &RelaxParams { rounds: 8, ..RelaxParams::default() }).unwrap();
         let edges = Edges::new(&after);
         let on_border = edges.boundary_vertices(after.vertices().len());
         let (mut shortest, mut longest) = (Real::INFINITY, 0.0f64);
@@ -253,13 +278,29 @@ mod tests {
             }
         }
         let sheet = meshes::cloth(1.0, 1.0, 4, 4);
-        let after = relax(&sheet, &Flat, &RelaxParams::default());
+        let after = relax(&sheet, &Flat, &RelaxParams::default()).unwrap();
         for corner in [0, 4, 20, 24] {
             assert_eq!(after.vertices()[corner], sheet.vertices()[corner]);
         }
         approx::assert_relative_eq!(after.area(), 1.0, max_relative = 1e-12);
         let point = TriMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
-        assert_eq!(relax(&point, &Flat, &RelaxParams::default()), point);
-        assert_eq!(relax(&TriMesh::default(), &Flat, &RelaxParams::default()), TriMesh::default());
+        assert_eq!(relax(&point, &Flat, &RelaxParams::default()), Ok(point));
+        assert_eq!(relax(&TriMesh::default(), &Flat, &RelaxParams::default()), Ok(TriMesh::default()));
+    }
+
+    #[test]
+    fn a_step_that_leads_nowhere_is_refused_and_a_vertex_of_no_triangle_stays() {
+        let ball = meshes::icosphere(1.0, 2);
+        let lonely = Point::new(5.0, 5.0, 5.0);
+        let with_one = [ball.vertices(), &[lonely]].concat();
+        let mesh = TriMesh::new(with_one, ball.triangles().to_vec()).unwrap();
+        for step in [Real::NAN, -0.1, 1.1, 1e308, Real::INFINITY] {
+            let error = relax(&mesh, &BALL, &RelaxParams { rounds: 2, step }).unwrap_err();
+            assert!(error.to_string().contains("from 0 to 1"), "{error}");
+        }
+        for step in [0.0, 1.0] {
+            let after = relax(&mesh, &BALL, &RelaxParams { rounds: 2, step }).unwrap();
+            assert_eq!(after.vertices().last(), Some(&lonely));
+        }
     }
 }
