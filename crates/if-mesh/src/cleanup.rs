@@ -168,9 +168,8 @@ pub struct Counts {
 }
 
 impl Counts {
-    fn of(work: &Work) -> Self {
-        let area = (0..work.triangles.len()).map(|t| work.area(t)).sum();
-        Self { vertices: work.points.len(), triangles: work.triangles.len(), area }
+    fn of(mesh: &TriMesh) -> Self {
+        Self { vertices: mesh.vertices().len(), triangles: mesh.triangles().len(), area: mesh.area() }
     }
 }
 
@@ -254,10 +253,9 @@ pub fn cleanup_with(
     }
     let mut watch = Watch(progress);
     let mut work = Work::new(mesh);
-    let mut report = CleanupReport { before: Counts::of(&work), ..CleanupReport::default() };
     watch.at(Step::Manifold)?;
-    let (manifold, mut twins) = manifold::resolve(&mut work);
-    report.manifold = manifold;
+    let (before, (manifold, mut twins)) = rayon::join(|| Counts::of(mesh), || manifold::resolve(&mut work));
+    let mut report = CleanupReport { before, manifold, ..CleanupReport::default() };
     let mut rims;
     loop {
         watch.at(Step::Components)?;
@@ -292,8 +290,8 @@ pub fn cleanup_with(
         report.smoothing = boundary::smooth(&mut work, &twins, &rims, field, smooth, params.single_precision, &mut watch)?;
         work.compact(); // tips of teeth that were cut off
     }
-    report.after = Counts::of(&work);
     let derived = work.finish();
-    let attributes = attributes.derive(&derived.sources);
+    let (after, attributes) = rayon::join(|| Counts::of(&derived.mesh), || attributes.derive(&derived.sources));
+    report.after = after;
     Ok(Cleaned { mesh: derived.mesh, attributes, report })
 }
