@@ -43,6 +43,7 @@ fn drawn(r: &mut Random) -> (Hostile, ExtractParams) {
         relax: r.pick(&[0, 0, 0, 3]),
         check: 50,
         seed: 1,
+        memory: 4 << 30,
     };
     (field, params)
 }

@@ -222,7 +222,7 @@ fn mesh(args: &FitArgs) -> Result<TriMesh, FitFault> {
 }
 
 fn say(args: &FitArgs, taken: &MeshTarget, params: &FitParams, report: &FitReport, seconds: f64) -> Result<End, Report> {
-    let missed = params.accuracy.is_some_and(|a| report.error.mean > a) && report.ended != Ended::Accuracy;
+    let missed = params.accuracy.is_some_and(|a| report.error.mean > a);
     let out = args.out.display().to_string();
     if args.json {
         print_json(&json!({"out": out, "state": report.ended, "report": report, "seconds": seconds}))?;
