@@ -11,9 +11,10 @@ use if_pipeline::verify::verify;
 use scenes::moved;
 use std::ops::ControlFlow;
 
-/// A ball of 0.3 m radius in a band of `sides` flat sides whose corners are 0.33 m from the axis.
+/// A ball of 0.3 m radius in a band of `sides` flat sides whose corners are 0.33 m from the axis, as a file in single precision holds it.
 fn angular(sides: u32) -> Outfit {
-    let band = moved(&tube(0.33, 0.1, sides, 1, false), |p| Point::new(p.x, p.y - 0.05, p.z));
+    let single = |x: Real| Real::from(x as f32);
+    let band = moved(&tube(0.33, 0.1, sides, 1, false), |p| Point::new(p.x, p.y - 0.05, p.z).map(single));
     Outfit::new(Layer::new("ball", icosphere(0.3, 4)), vec![Layer { single_precision: true, ..Layer::new("band", band) }])
         .unwrap()
 }

@@ -290,7 +290,7 @@ mod tests {
     fn a_fit_that_is_stored_on_its_way_ends_with_the_same_bits_and_so_does_one_that_goes_on_from_there() {
         let ball = Sphere { center: Point::new(0.0, 1.0, 0.0), radius: 0.3 };
         let few = SamplingParams { near: 1000, far: 100, held_out: 200, ..SamplingParams::default() };
-        let config = NetworkConfig::Grid(GridConfig { finest: 16, levels: 2, ..GridConfig::default() });
+        let config = NetworkConfig::Grid(GridConfig { coarsest: 8, finest: 16, levels: 2, ..GridConfig::default() });
         let (set, first) = Field::Field(&ball).begin(&config, &few).unwrap();
         let begin = || {
             let params = FitParams { batch: 64, steps: Some(10), seconds: None, check_every: 4, ..config.fit_params() };
