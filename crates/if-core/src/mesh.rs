@@ -1,5 +1,9 @@
 //! Triangle meshes that are checked once, at construction.
 
+mod parts;
+
+pub use parts::{FinitePoints, Triangles};
+
 use crate::aabb::Aabb;
 use crate::math::{Point, Real, Vector, area_vector, unit_or_zero};
 
@@ -82,32 +86,21 @@ impl TriMesh {
     ///
     /// The first fault found, vertices before triangles.
     pub fn new(vertices: Vec<Point>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshError> {
-        if vertices.len() > u32::MAX as usize {
-            return Err(MeshError::TooManyVertices { vertices: vertices.len() });
-        }
-        check_finite(&vertices)?;
-        // Nearly all meshes are in order; which triangle is not is looked for afterwards.
-        let largest = triangles.as_flattened().iter().fold(0, |most: u32, v| most.max(*v));
-        let repeats = |t: &[u32; 3]| (t[0] == t[1]) | (t[0] == t[2]) | (t[1] == t[2]);
-        if (triangles.is_empty() || (largest as usize) < vertices.len())
-            && !triangles.iter().fold(false, |any, t| any | repeats(t))
-        {
-            return Ok(Self { vertices, triangles });
-        }
-        for (triangle, t) in triangles.iter().enumerate() {
-            for corner in 0..3 {
-                if t[corner] as usize >= vertices.len() {
-                    return Err(MeshError::IndexOutOfRange { triangle, corner, index: t[corner], vertices: vertices.len() });
-                }
-            }
-            if t[0] == t[1] || t[0] == t[2] {
-                return Err(MeshError::RepeatedVertex { triangle, vertex: t[0] });
-            }
-            if t[1] == t[2] {
-                return Err(MeshError::RepeatedVertex { triangle, vertex: t[1] });
-            }
-        }
-        Ok(Self { vertices, triangles })
+        let limit = parts::limit(&vertices)?;
+        let vertices = FinitePoints::new(vertices)?;
+        parts::check_triangles(&triangles, 0, limit)?;
+        Ok(Self { vertices: vertices.into_vec(), triangles })
+    }
+
+    /// A mesh of parts that were checked as they came: nothing is looked at again.
+    ///
+    /// # Errors
+    ///
+    /// A triangle that names a vertex that is not there.
+    pub fn from_parts(vertices: FinitePoints, triangles: Triangles) -> Result<Self, MeshError> {
+        let limit = parts::limit(&vertices)?;
+        triangles.check_below(limit)?;
+        Ok(Self { vertices: vertices.into_vec(), triangles: triangles.into_vec() })
     }
 
     /// The same triangles with other positions.
@@ -119,8 +112,7 @@ impl TriMesh {
         if vertices.len() != self.vertices.len() {
             return Err(MeshError::VertexCount { expected: self.vertices.len(), got: vertices.len() });
         }
-        check_finite(&vertices)?;
-        Ok(Self { vertices, triangles: self.triangles.clone() })
+        Ok(Self { vertices: FinitePoints::new(vertices)?.into_vec(), triangles: self.triangles.clone() })
     }
 
     /// Positions, in metres.
@@ -200,21 +192,6 @@ impl TriMesh {
         }
         sums.iter().map(unit_or_zero).collect()
     }
-}
-
-fn check_finite(vertices: &[Point]) -> Result<(), MeshError> {
-    let is_good = |p: &Point| (p.x.abs() <= Real::MAX) & (p.y.abs() <= Real::MAX) & (p.z.abs() <= Real::MAX);
-    if vertices.iter().fold(true, |good, p| good & is_good(p)) {
-        return Ok(());
-    }
-    for (vertex, p) in vertices.iter().enumerate() {
-        for axis in 0..3 {
-            if !p[axis].is_finite() {
-                return Err(MeshError::NonFinite { vertex, axis, value: p[axis] });
-            }
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -25,7 +25,7 @@ pub use split::{SplitError, split};
 use crate::normals::Turns;
 use crate::polygons::{FaceList, Polygons};
 use if_core::math::{Point, Vector};
-use if_core::mesh::{MeshError, TriMesh};
+use if_core::mesh::{FinitePoints, MeshError, TriMesh};
 use std::io::{Read, Write};
 
 /// A mesh with the text of its OBJ file.
@@ -117,7 +117,14 @@ pub fn read(mut reader: impl Read) -> Result<ObjMesh, ReadError> {
     let text = parse::slurp(&mut reader)?;
     let parse::Parsed { points, vertices, normals, faces } = parse::parse(&text)?;
     let FaceList { triangles, polygons, collapsed } = faces;
-    Ok(ObjMesh { mesh: TriMesh::new(points, triangles)?, polygons, collapsed, text, vertices, normals })
+    Ok(ObjMesh {
+        mesh: TriMesh::from_parts(FinitePoints::new(points)?, triangles)?,
+        polygons,
+        collapsed,
+        text,
+        vertices,
+        normals,
+    })
 }
 
 /// Bytes handed to the writer at once.

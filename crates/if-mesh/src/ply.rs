@@ -31,14 +31,14 @@ pub use table::{Element, Property};
 pub use write::{CoordinateType, Keep, WriteParams, quantise, write};
 
 use crate::polygons::{FaceList, Polygons};
-use header::ElementLayout;
+use header::{ElementLayout, Header};
 use if_core::math::Point;
-use if_core::mesh::TriMesh;
+use if_core::mesh::{FinitePoints, TriMesh};
 use ply_rs_bw::ply::Encoding;
 pub(crate) use scalar::with_column;
 use source::Source;
 use std::fs::File;
-use std::io::Read;
+use std::io::{Empty, Read};
 use std::path::Path;
 use table::Table;
 
@@ -96,7 +96,7 @@ impl PlyMesh {
 /// # Ok::<(), if_mesh::ply::ReadError>(())
 /// ```
 pub fn read(reader: impl Read) -> Result<PlyMesh, ReadError> {
-    read_sized(reader, None)
+    read_from(Source::new(reader), None, |plan, source| plan.in_turn(&plan.header.elements, source))
 }
 
 /// Reads the PLY file at `path`. False counts are found before anything is read.
@@ -108,19 +108,73 @@ pub fn read_path(path: &Path) -> Result<PlyMesh, ReadError> {
     let file = File::open(path)?;
     let about = file.metadata()?;
     let size = about.is_file().then_some(about.len()); // a pipe has no size
-    read_sized(file, size)
+    read_from(Source::new(file), size, |plan, source| plan.in_turn(&plan.header.elements, source))
 }
 
 /// Reads from bytes in memory. False counts are found before anything is read.
 pub fn read_bytes(bytes: &[u8]) -> Result<PlyMesh, ReadError> {
-    read_sized(bytes, Some(bytes.len() as u64))
+    read_from(Source::of(bytes), Some(bytes.len() as u64), |plan, source| plan.apart(source))
 }
 
 /// White space that may follow the last record.
 const MAX_TRAILING_SPACE: usize = 1 << 16;
 
-fn read_sized(reader: impl Read, size: Option<u64>) -> Result<PlyMesh, ReadError> {
-    let mut source = Source::new(reader);
+/// Bytes from which on vertices and faces are read at the same time.
+const MANY: u64 = 1 << 20;
+
+/// What reading an element needs to know of the others.
+struct Plan<'h> {
+    header: &'h Header,
+    /// Bytes behind the header, where that is known.
+    left: Option<u64>,
+    axes: [usize; 3],
+    /// How many vertices there are.
+    vertices: u64,
+    /// Which property of the faces holds the vertex indices.
+    indices: Option<usize>,
+}
+
+impl<'h> Plan<'h> {
+    /// Reads all records of an element.
+    fn read<R: Read>(&self, layout: &'h ElementLayout, source: &mut Source<'_, R>) -> Result<Table<'h>, ReadError> {
+        let ascii = self.header.encoding == Encoding::Ascii;
+        let corners = self.indices.filter(|_| layout.name == "face").map(|k| (k, self.vertices));
+        let joined = Some(self.axes).filter(|axes| !ascii && layout.name == "vertex" && are_joined(layout, *axes));
+        let mut table = Table::new(layout, corners, joined, self.left);
+        match self.header.encoding {
+            Encoding::Ascii => ascii::read(source, &mut table)?,
+            Encoding::BinaryLittleEndian => binary::read(source, &mut table, false)?,
+            Encoding::BinaryBigEndian => binary::read(source, &mut table, true)?,
+        }
+        Ok(table)
+    }
+
+    /// Reads `elements` one after the other.
+    fn in_turn<R: Read>(&self, elements: &'h [ElementLayout], source: &mut Source<'_, R>) -> Result<Vec<Table<'h>>, ReadError> {
+        elements.iter().map(|layout| self.read(layout, source)).collect()
+    }
+
+    /// Reads all from memory: where the first element ends at a byte that the header tells, it and the others at the same time. What is read does not
+    /// depend on that, nor what is reported: a fault of the first element comes before all others.
+    fn apart(&self, source: &mut Source<'_, Empty>) -> Result<Vec<Table<'h>>, ReadError> {
+        let elements = &self.header.elements[..];
+        let many = self.header.encoding != Encoding::Ascii && self.left.is_some_and(|left| left >= MANY);
+        let Some((first, others)) = elements.split_first().filter(|_| many) else { return self.in_turn(elements, source) };
+        let bytes = first.fixed_bytes().and_then(|n| usize::try_from(n).ok());
+        let Some(mut start) = bytes.and_then(|n| source.split_off(n)) else { return self.in_turn(elements, source) };
+        let (first, others) = rayon::join(|| self.read(first, &mut start), || self.in_turn(others, source));
+        let mut tables = vec![first?];
+        tables.append(&mut others?);
+        Ok(tables)
+    }
+}
+
+/// `elements` reads the records of all elements.
+fn read_from<R: Read>(
+    mut source: Source<'_, R>,
+    size: Option<u64>,
+    elements: impl for<'h> FnOnce(&Plan<'h>, &mut Source<'_, R>) -> Result<Vec<Table<'h>>, ReadError>,
+) -> Result<PlyMesh, ReadError> {
     let header = header::read(&mut source)?;
     let ascii = header.encoding == Encoding::Ascii;
     let left = size.map(|s| s.saturating_sub(source.offset()));
@@ -128,25 +182,22 @@ fn read_sized(reader: impl Read, size: Option<u64>) -> Result<PlyMesh, ReadError
     let vertices = header.elements.iter().find(|e| e.name == "vertex").ok_or(ReadError::NoVertices)?;
     let axes = axes(vertices)?;
     let indices = indices(&header.elements)?;
+    let plan = Plan { header: &header, left, axes, vertices: vertices.count, indices };
 
-    let mut ply = PlyMesh { comments: header.comments, obj_info: header.obj_info, ..PlyMesh::default() };
-    let (mut points, mut faces) = (Vec::new(), FaceList::default());
-    for layout in &header.elements {
-        let corners = indices.filter(|_| layout.name == "face").map(|k| (k, vertices.count));
-        let joined = Some(axes).filter(|_| !ascii && layout.name == "vertex" && are_joined(layout, axes));
-        let mut table = Table::new(layout, corners, joined, left);
-        match header.encoding {
-            Encoding::Ascii => ascii::read(&mut source, &mut table)?,
-            Encoding::BinaryLittleEndian => binary::read(&mut source, &mut table, false)?,
-            Encoding::BinaryBigEndian => binary::read(&mut source, &mut table, true)?,
-        }
+    let mut ply = PlyMesh::default();
+    let (mut points, mut faces) = (Ok(FinitePoints::default()), FaceList::default());
+    for table in elements(&plan, &mut source)? {
+        let layout = table.layout;
         let (mut properties, list, joined) = table.finish();
         match layout.name.as_str() {
             "vertex" => {
                 (points, ply.coordinates) = match joined {
                     Some(points) if vertices.properties[axes[0]].scalar == ScalarType::F32 => (points, CoordinateType::Float),
                     Some(points) => (points, CoordinateType::Double),
-                    None => positions(axes.map(|k| &properties[k].values)),
+                    None => {
+                        let (points, coordinates) = positions(axes.map(|k| &properties[k].values));
+                        (FinitePoints::new(points), coordinates)
+                    }
                 };
                 let mut k = 0..;
                 properties.retain(|_| k.next().is_some_and(|k| !axes.contains(&k)));
@@ -160,8 +211,9 @@ fn read_sized(reader: impl Read, size: Option<u64>) -> Result<PlyMesh, ReadError
         }
     }
     check_end(&mut source, ascii)?;
-    ply.mesh = TriMesh::new(points, faces.triangles)?;
+    ply.mesh = TriMesh::from_parts(points?, faces.triangles)?;
     (ply.polygons, ply.collapsed) = (faces.polygons, faces.collapsed);
+    (ply.comments, ply.obj_info) = (header.comments, header.obj_info);
     Ok(ply)
 }
 
@@ -229,7 +281,7 @@ fn positions(columns: [&Column; 3]) -> (Vec<Point>, CoordinateType) {
 }
 
 /// Refuses anything but white space after the last record.
-fn check_end<R: Read>(source: &mut Source<R>, ascii: bool) -> Result<(), ReadError> {
+fn check_end<R: Read>(source: &mut Source<'_, R>, ascii: bool) -> Result<(), ReadError> {
     let (offset, line) = (source.offset(), source.line_number() + 1);
     let rest = source.peek(MAX_TRAILING_SPACE)?;
     if rest.len() >= MAX_TRAILING_SPACE || !rest.trim_ascii().is_empty() {

@@ -1,5 +1,7 @@
 //! The faces of a file as they stand there, beside the triangles that the rest of the crate works on.
 
+use if_core::mesh::Triangles;
+
 /// Faces of three corners or more, as vertex indices, one after the other.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Polygons {
@@ -50,7 +52,7 @@ impl Polygons {
 /// in the polygons; the face is then listed in `collapsed`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FaceList {
-    pub(crate) triangles: Vec<[u32; 3]>,
+    pub(crate) triangles: Triangles,
     /// `None` as long as the faces are the triangles.
     pub(crate) polygons: Option<Polygons>,
     /// Indices of faces that use a vertex twice.
@@ -69,11 +71,8 @@ impl FaceList {
     /// Appends a face of three corners or more; `false` where the corners are more than 32 bits can count.
     pub(crate) fn push(&mut self, face: &[u32]) -> bool {
         if let (None, &[a, b, c]) = (&self.polygons, face)
-            && a != b
-            && b != c
-            && c != a
+            && self.triangles.push([a, b, c]).is_ok()
         {
-            self.triangles.push([a, b, c]);
             return self.triangles.len() <= MAX_CORNERS / 3;
         }
         let index = self.len();
@@ -84,12 +83,7 @@ impl FaceList {
         polygons.push(face);
         let mut whole = true;
         for pair in face[1..].windows(2) {
-            let t = [face[0], pair[0], pair[1]];
-            if t[0] != t[1] && t[1] != t[2] && t[2] != t[0] {
-                self.triangles.push(t);
-            } else {
-                whole = false;
-            }
+            whole &= self.triangles.push([face[0], pair[0], pair[1]]).is_ok();
         }
         if !whole {
             self.collapsed.push(index as u32);
@@ -106,7 +100,7 @@ mod tests {
     fn triangles_alone_need_no_polygons() {
         let mut faces = FaceList::default();
         assert!(faces.push(&[0, 1, 2]) && faces.push(&[2, 1, 3]));
-        assert_eq!(faces.triangles, [[0, 1, 2], [2, 1, 3]]);
+        assert_eq!(faces.triangles[..], [[0, 1, 2], [2, 1, 3]]);
         assert!(faces.polygons.is_none() && faces.collapsed.is_empty());
         assert_eq!(faces.len(), 2);
     }
@@ -117,7 +111,7 @@ mod tests {
         for f in [&[0, 1, 2][..], &[3, 4, 5, 6, 7], &[1, 2, 3]] {
             assert!(faces.push(f));
         }
-        assert_eq!(faces.triangles, [[0, 1, 2], [3, 4, 5], [3, 5, 6], [3, 6, 7], [1, 2, 3]]);
+        assert_eq!(faces.triangles[..], [[0, 1, 2], [3, 4, 5], [3, 5, 6], [3, 6, 7], [1, 2, 3]]);
         let polygons = faces.polygons.unwrap();
         assert_eq!(polygons.iter().collect::<Vec<_>>(), [&[0, 1, 2][..], &[3, 4, 5, 6, 7], &[1, 2, 3]]);
         assert_eq!(polygons.face(1).len(), 5);
@@ -129,7 +123,7 @@ mod tests {
         for f in [&[0, 1, 2][..], &[3, 3, 4], &[5, 6, 6, 7]] {
             assert!(faces.push(f));
         }
-        assert_eq!(faces.triangles, [[0, 1, 2], [5, 6, 7]]);
+        assert_eq!(faces.triangles[..], [[0, 1, 2], [5, 6, 7]]);
         assert_eq!(faces.collapsed, [1, 2]);
         assert_eq!(faces.polygons.unwrap().len(), 3);
     }

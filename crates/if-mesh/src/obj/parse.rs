@@ -295,7 +295,7 @@ mod tests {
     fn corners_come_in_four_forms_and_count_from_both_ends() {
         let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nf 1 2/1 3//1\nf -3/-1/-1 -2 4\nv 5 5 5\n";
         let parsed = parse(text.as_bytes()).unwrap();
-        assert_eq!(parsed.faces.triangles, [[0, 1, 2], [0, 1, 3]]);
+        assert_eq!(parsed.faces.triangles[..], [[0, 1, 2], [0, 1, 3]]);
         assert_eq!(parsed.normals[0].user, User::Several);
     }
 
@@ -304,6 +304,6 @@ mod tests {
         let text = "\u{feff}v 0 \\\n 0 0\n# C:\\\nv 1 0 0\nv 0 1 0 # C:\\\nv 0 0 1\nf 1 \\\r\n2\\\n 3\n";
         let parsed = parse(text.as_bytes()).unwrap();
         assert_eq!(parsed.points.len(), 4);
-        assert_eq!(parsed.faces.triangles, [[0, 1, 2]]);
+        assert_eq!(parsed.faces.triangles[..], [[0, 1, 2]]);
     }
 }

@@ -9,7 +9,7 @@ use std::io::Read;
 ///
 /// Numbers are read as the type that the header names, so that a `float` of text equals the `float`
 /// of a binary file.
-pub(super) fn read<R: Read>(source: &mut Source<R>, table: &mut Table<'_>) -> Result<(), ReadError> {
+pub(super) fn read<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>) -> Result<(), ReadError> {
     let mut indices = Vec::new();
     while table.done < table.layout.count {
         let number = source.line_number() + 1;

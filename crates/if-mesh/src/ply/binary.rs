@@ -4,10 +4,11 @@ use super::error::{At, ReadError};
 use super::scalar::{Scalar, ScalarType};
 use super::source::Source;
 use super::table::Table;
+use if_core::mesh::Triangles;
 use std::io::Read;
 
 /// Reads all records of an element.
-pub(super) fn read<R: Read>(source: &mut Source<R>, table: &mut Table<'_>, big_endian: bool) -> Result<(), ReadError> {
+pub(super) fn read<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>, big_endian: bool) -> Result<(), ReadError> {
     if table.layout.properties.iter().all(|p| p.length.is_none()) {
         return scalars(source, table, big_endian);
     }
@@ -24,7 +25,7 @@ pub(super) fn read<R: Read>(source: &mut Source<R>, table: &mut Table<'_>, big_e
 }
 
 /// Records without lists.
-fn scalars<R: Read>(source: &mut Source<R>, table: &mut Table<'_>, big_endian: bool) -> Result<(), ReadError> {
+fn scalars<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>, big_endian: bool) -> Result<(), ReadError> {
     let stride: usize = table.layout.properties.iter().map(|p| p.scalar.size()).sum();
     let mut offsets = vec![0; table.slots.len()];
     while table.done < table.layout.count {
@@ -46,10 +47,7 @@ fn scalars<R: Read>(source: &mut Source<R>, table: &mut Table<'_>, big_endian: b
         }
         if let Some(points) = &mut table.points {
             let at = points.axes.map(|k| offsets[k]);
-            match table.layout.properties[points.axes[0]].scalar {
-                ScalarType::F32 => points.extend::<f32>(block, stride, at, big_endian),
-                _ => points.extend::<f64>(block, stride, at, big_endian),
-            }
+            points.extend(block, stride, at, table.layout.properties[points.axes[0]].scalar, big_endian);
         }
         source.consume(records * stride);
         table.done += records as u64;
@@ -58,7 +56,7 @@ fn scalars<R: Read>(source: &mut Source<R>, table: &mut Table<'_>, big_endian: b
 }
 
 /// One record of any layout.
-fn record<R: Read>(source: &mut Source<R>, table: &mut Table<'_>, big_endian: bool) -> Result<(), ReadError> {
+fn record<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>, big_endian: bool) -> Result<(), ReadError> {
     for k in 0..table.slots.len() {
         let (length, scalar) = (table.layout.properties[k].length, table.layout.properties[k].scalar);
         let mut values = 1;
@@ -88,7 +86,7 @@ fn record<R: Read>(source: &mut Source<R>, table: &mut Table<'_>, big_endian: bo
     Ok(())
 }
 
-fn exactly<'s, R: Read>(source: &'s mut Source<R>, n: usize, table: &Table<'_>) -> Result<&'s [u8], ReadError> {
+fn exactly<'s, R: Read>(source: &'s mut Source<'_, R>, n: usize, table: &Table<'_>) -> Result<&'s [u8], ReadError> {
     let offset = source.offset();
     let there = source.peek(n)?;
     if there.len() < n {
@@ -99,6 +97,27 @@ fn exactly<'s, R: Read>(source: &'s mut Source<R>, n: usize, table: &Table<'_>) 
 
 /// Bytes of a triangle without anything beside, with a length of one byte.
 const PLAIN: usize = 13;
+
+/// Such triangles that are decoded before they are checked: what stays in the first-level cache.
+const AT_ONCE: usize = 512;
+
+/// Takes records of nothing but a triangle; `false`, and none is taken, where one of them is no triangle of vertices before `limit`.
+fn plain(records: &[[u8; PLAIN]], limit: u32, triangles: &mut Triangles) -> bool {
+    let before = triangles.len();
+    let mut lengths = 0;
+    let good = triangles.extend_below(
+        limit,
+        records.iter().map(|r| {
+            let [n, a0, a1, a2, a3, b0, b1, b2, b3, c0, c1, c2, c3] = *r;
+            lengths |= n ^ 3;
+            [u32::from_le_bytes([a0, a1, a2, a3]), u32::from_le_bytes([b0, b1, b2, b3]), u32::from_le_bytes([c0, c1, c2, c3])]
+        }),
+    );
+    if lengths != 0 {
+        triangles.truncate(before);
+    }
+    lengths == 0 && good.is_ok()
+}
 
 /// A face of three corners, with any numbers before and after the list: what nearly all faces are.
 struct TriangleRecord {
@@ -133,7 +152,7 @@ impl TriangleRecord {
 
     /// Takes the triangles that are buffered, up to the first other or faulty face; `false` where there
     /// is none, and [`record`] must look.
-    fn run<R: Read>(&self, source: &mut Source<R>, table: &mut Table<'_>, big_endian: bool) -> Result<bool, ReadError> {
+    fn run<R: Read>(&self, source: &mut Source<'_, R>, table: &mut Table<'_>, big_endian: bool) -> Result<bool, ReadError> {
         let left = usize::try_from(table.layout.count - table.done).unwrap_or(usize::MAX);
         let Some(faces) = &mut table.faces else { return Ok(false) };
         if faces.list.polygons.is_some() {
@@ -146,33 +165,23 @@ impl TriangleRecord {
         let block = &there[..(there.len() / self.stride).min(left) * self.stride];
         let indices = self.list + self.length.size();
         let before = faces.list.triangles.len();
-        let is_good =
-            |t: &[u32; 3]| (t[0] < limit) & (t[1] < limit) & (t[2] < limit) & (t[0] != t[1]) & (t[1] != t[2]) & (t[2] != t[0]);
         let mut done = 0;
         if self.stride == PLAIN && self.length == ScalarType::U8 && !big_endian {
-            let mut good = true;
-            faces.list.triangles.extend(block.as_chunks::<PLAIN>().0.iter().map(|r| {
-                let [n, a0, a1, a2, a3, b0, b1, b2, b3, c0, c1, c2, c3] = *r;
-                let t = [[a0, a1, a2, a3], [b0, b1, b2, b3], [c0, c1, c2, c3]];
-                let t = [u32::from_le_bytes(t[0]), u32::from_le_bytes(t[1]), u32::from_le_bytes(t[2])];
-                good &= (n == 3) & is_good(&t);
-                t
-            }));
-            // Where one is not, those before it are looked for.
-            if good {
-                done = block.len();
-            } else {
-                faces.list.triangles.truncate(before);
+            for records in block.as_chunks::<PLAIN>().0.chunks(AT_ONCE) {
+                if !plain(records, limit, &mut faces.list.triangles) {
+                    break;
+                }
+                done += records.len() * PLAIN;
             }
         }
+        // Where one is other or faulty, those before it are looked for.
         for r in block[done..].chunks_exact(self.stride) {
             let length = self.length.get_i64(&r[self.list..], big_endian);
             let c = &r[indices..indices + 12];
             let t = [u32::get(c, big_endian), u32::get(&c[4..], big_endian), u32::get(&c[8..], big_endian)];
-            if length != 3 || !is_good(&t) {
+            if length != 3 || t.iter().any(|&index| index >= limit) || faces.list.triangles.push(t).is_err() {
                 break;
             }
-            faces.list.triangles.push(t);
         }
         let run = faces.list.triangles.len() - before;
         for &(offset, k) in &self.scalars {

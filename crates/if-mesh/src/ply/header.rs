@@ -42,10 +42,15 @@ impl ElementLayout {
         };
         u128::from(self.count) * record as u128
     }
+
+    /// Bytes of all records of a binary file, where they do not depend on what stands there.
+    pub(super) fn fixed_bytes(&self) -> Option<u128> {
+        self.properties.iter().all(|p| p.length.is_none()).then(|| self.least_bytes(false))
+    }
 }
 
 /// Reads up to and including the line `end_header`.
-pub(super) fn read<R: Read>(source: &mut Source<R>) -> Result<Header, ReadError> {
+pub(super) fn read<R: Read>(source: &mut Source<'_, R>) -> Result<Header, ReadError> {
     let Some(first) = source.line(MAX_HEADER as usize)? else { return Err(ReadError::Empty) };
     if first.trim_ascii_end() != b"ply" {
         let found = first[..first.len().min(40)].to_vec();

@@ -1,6 +1,7 @@
 //! A reader that hands out as many bytes as it is asked for, and holds little more.
 
-use std::io::{self, ErrorKind, Read};
+use std::borrow::Cow;
+use std::io::{self, Empty, ErrorKind, Read};
 
 /// Bytes read at once: some thousand records, and still in the second-level cache when they are
 /// decoded.
@@ -8,18 +9,34 @@ const BLOCK: usize = 1 << 18;
 
 /// A buffered reader that knows where it stands. Its buffer grows only to the size of the largest
 /// piece that was asked for *and* was there: a false count cannot make it grow.
-pub(super) struct Source<R> {
+pub(super) struct Source<'a, R> {
     inner: R,
-    buffer: Vec<u8>,
+    /// All there is, where that is in memory already.
+    buffer: Cow<'a, [u8]>,
     start: usize,
     end: usize,
     offset: u64,
     line: u64,
 }
 
-impl<R: Read> Source<R> {
+impl<'a> Source<'a, Empty> {
+    /// What is in memory is not copied.
+    pub(super) fn of(bytes: &'a [u8]) -> Self {
+        Self { inner: io::empty(), buffer: Cow::Borrowed(bytes), start: 0, end: bytes.len(), offset: 0, line: 0 }
+    }
+
+    /// A source of the next `n` bytes, which knows where in the whole it stands; this one steps over them. `None` where there are fewer.
+    pub(super) fn split_off(&mut self, n: usize) -> Option<Self> {
+        let end = self.start.checked_add(n).filter(|end| *end <= self.end)?;
+        let first = Self { inner: io::empty(), buffer: self.buffer.clone(), end, ..*self };
+        self.consume(n);
+        Some(first)
+    }
+}
+
+impl<R: Read> Source<'_, R> {
     pub(super) fn new(inner: R) -> Self {
-        Self { inner, buffer: vec![0; BLOCK], start: 0, end: 0, offset: 0, line: 0 }
+        Self { inner, buffer: Cow::Owned(vec![0; BLOCK]), start: 0, end: 0, offset: 0, line: 0 }
     }
 
     /// Bytes consumed so far.
@@ -32,10 +49,11 @@ impl<R: Read> Source<R> {
         self.line
     }
 
-    /// What is buffered: at least `n` bytes unless the input ends before.
+    /// What is buffered, up to a block: at least `n` bytes unless the input ends before.
     pub(super) fn peek(&mut self, n: usize) -> io::Result<&[u8]> {
         while self.end - self.start < n && self.fill()? {}
-        Ok(&self.buffer[self.start..self.end])
+        let there = &self.buffer[self.start..self.end];
+        Ok(&there[..there.len().min(n.max(BLOCK))])
     }
 
     /// Steps over `n` bytes that [`Source::peek`] has shown.
@@ -71,19 +89,20 @@ impl<R: Read> Source<R> {
 
     /// Reads more; `false` at the end of the input.
     fn fill(&mut self) -> io::Result<bool> {
+        let Cow::Owned(buffer) = &mut self.buffer else { return Ok(false) };
         if self.start == self.end {
             (self.start, self.end) = (0, 0);
         }
-        if self.end == self.buffer.len() {
+        if self.end == buffer.len() {
             if self.start > 0 {
-                self.buffer.copy_within(self.start..self.end, 0);
+                buffer.copy_within(self.start..self.end, 0);
                 (self.start, self.end) = (0, self.end - self.start);
             } else {
-                self.buffer.resize(2 * self.buffer.len(), 0);
+                buffer.resize(2 * buffer.len(), 0);
             }
         }
         loop {
-            match self.inner.read(&mut self.buffer[self.end..]) {
+            match self.inner.read(&mut buffer[self.end..]) {
                 Ok(n) => {
                     self.end += n;
                     return Ok(n > 0);
@@ -130,6 +149,21 @@ mod tests {
         assert_eq!(source.peek(BLOCK + 500).unwrap()[..BLOCK + 500], data[10..BLOCK + 510]);
         assert_eq!(source.peek(usize::MAX).unwrap().len(), BLOCK + 990);
         assert!(source.buffer.len() <= 4 * BLOCK);
+    }
+
+    #[test]
+    fn bytes_in_memory_are_handed_out_block_by_block() {
+        let data: Vec<u8> = (0..2 * BLOCK).map(|k| k as u8).collect();
+        let mut source = Source::of(&data);
+        assert_eq!(source.peek(1).unwrap(), &data[..BLOCK]);
+        source.consume(10);
+        assert_eq!(source.peek(BLOCK + 1).unwrap(), &data[10..BLOCK + 11]);
+        assert_eq!(source.peek(usize::MAX).unwrap(), &data[10..]);
+        let mut first = source.split_off(100).unwrap();
+        assert_eq!([first.offset(), source.offset()], [10, 110]);
+        assert_eq!(first.peek(usize::MAX).unwrap(), &data[10..110]);
+        assert_eq!(source.peek(usize::MAX).unwrap(), &data[110..]);
+        assert!(source.split_off(2 * BLOCK).is_none() && source.split_off(usize::MAX).is_none());
     }
 
     #[test]

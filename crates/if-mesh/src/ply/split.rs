@@ -28,7 +28,7 @@ pub fn split(ply: &PlyMesh, split: &Split, mesh: TriMesh) -> Result<PlyMesh, Att
         faces.push(&record.corners);
         origins.push(Source::Vertex(record.face));
     }
-    assert_eq!(faces.triangles, split.mesh.triangles(), "a split of these triangles");
+    assert_eq!(*faces.triangles, *split.mesh.triangles(), "a split of these triangles");
     let count = ply.polygons.as_ref().map_or(ply.mesh.triangles().len(), |p| p.len());
     let mut face_properties = VertexAttributes::new(count, ply.face_properties.clone())?.derive(&origins).into_properties();
     for (after, before) in face_properties.iter_mut().zip(&ply.face_properties).filter(|(_, p)| p.name == "texcoord") {

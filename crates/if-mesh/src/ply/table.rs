@@ -2,9 +2,10 @@
 
 use super::error::{At, ReadError};
 use super::header::ElementLayout;
-use super::scalar::{Column, Scalar};
+use super::scalar::{Column, Scalar, ScalarType};
 use crate::polygons::FaceList;
 use if_core::math::Point;
+use if_core::mesh::{FinitePoints, MeshError, Triangles};
 use std::ops::Range;
 
 /// One property of all records of an element.
@@ -77,19 +78,40 @@ pub(super) struct Faces {
 pub(super) struct Points {
     /// Which properties x, y and z are.
     pub(super) axes: [usize; 3],
-    pub(super) list: Vec<Point>,
+    list: FinitePoints,
+    /// The first that is not finite. None is taken after it: it is reported when the file is understood to its end.
+    fault: Option<MeshError>,
 }
 
 impl Points {
-    /// Appends the positions of records of `stride` bytes, whose coordinates stand at `offsets`.
-    pub(super) fn extend<T: Scalar + Into<f64>>(&mut self, records: &[u8], stride: usize, offsets: [usize; 3], big_endian: bool) {
+    /// Appends the positions of records of `stride` bytes, whose coordinates stand at `offsets`, as `scalar`: of four or eight bytes.
+    pub(super) fn extend(&mut self, records: &[u8], stride: usize, offsets: [usize; 3], scalar: ScalarType, big_endian: bool) {
+        let alone = stride == 3 * scalar.size() && offsets == [0, 1, 2].map(|k| k * scalar.size());
+        match scalar {
+            ScalarType::F32 if alone && !big_endian => self.alone::<4, 12>(records, |b| f32::from_le_bytes(b).into()),
+            ScalarType::F32 => self.among::<f32>(records, stride, offsets, big_endian),
+            _ if alone && !big_endian => self.alone::<8, 24>(records, f64::from_le_bytes),
+            _ => self.among::<f64>(records, stride, offsets, big_endian),
+        }
+    }
+
+    /// Records of three numbers of N bytes and nothing else, R bytes in all.
+    fn alone<const N: usize, const R: usize>(&mut self, records: &[u8], number: impl Fn([u8; N]) -> f64) {
+        self.take(records.as_chunks::<R>().0.iter().map(|r| {
+            let numbers = r.as_chunks::<N>().0;
+            Point::new(number(numbers[0]), number(numbers[1]), number(numbers[2]))
+        }));
+    }
+
+    /// Numbers among others.
+    fn among<T: Scalar + Into<f64>>(&mut self, records: &[u8], stride: usize, [x, y, z]: [usize; 3], big_endian: bool) {
         let get = |bytes: &[u8]| T::get(bytes, big_endian).into();
-        let size = T::TYPE.size();
-        if stride == 3 * size && offsets == [0, size, 2 * size] {
-            self.list.extend(records.chunks_exact(3 * size).map(|r| Point::new(get(r), get(&r[size..]), get(&r[2 * size..]))));
-        } else {
-            let [x, y, z] = offsets;
-            self.list.extend(records.chunks_exact(stride).map(|r| Point::new(get(&r[x..]), get(&r[y..]), get(&r[z..]))));
+        self.take(records.chunks_exact(stride).map(|r| Point::new(get(&r[x..]), get(&r[y..]), get(&r[z..]))));
+    }
+
+    fn take(&mut self, points: impl Iterator<Item = Point>) {
+        if self.fault.is_none() {
+            self.fault = self.list.extend(points).err();
         }
     }
 }
@@ -126,12 +148,12 @@ impl<'a> Table<'a> {
                 vertices,
                 // A triangle takes 4 bytes at least (its length and three indices), 8 as text.
                 list: FaceList {
-                    triangles: Vec::with_capacity(room.min(left.unwrap_or(u64::MAX) / 4) as usize),
+                    triangles: Triangles::with_capacity(room.min(left.unwrap_or(u64::MAX) / 4) as usize),
                     ..FaceList::default()
                 },
                 scratch: Vec::new(),
             }),
-            points: axes.map(|axes| Points { axes, list: Vec::with_capacity(room as usize) }),
+            points: axes.map(|axes| Points { axes, list: FinitePoints::with_capacity(room as usize), fault: None }),
             done: 0,
         }
     }
@@ -154,13 +176,13 @@ impl<'a> Table<'a> {
     }
 
     /// The properties without the vertex indices, the faces, and the positions.
-    pub(super) fn finish(self) -> (Vec<Property>, Option<FaceList>, Option<Vec<Point>>) {
+    pub(super) fn finish(self) -> (Vec<Property>, Option<FaceList>, Option<Result<FinitePoints, MeshError>>) {
         let mut slots = self.slots;
         let list = self.faces.map(|f| {
             slots.remove(f.property);
             f.list
         });
-        (slots, list, self.points.map(|p| p.list))
+        (slots, list, self.points.map(|p| p.fault.map_or(Ok(p.list), Err)))
     }
 }
 

@@ -142,8 +142,8 @@ fn places<const N: usize, const R: usize>(
     for chunk in positions.chunks(BLOCK / R) {
         let bytes = &mut block[..chunk.len() * R];
         for (record, p) in bytes.as_chunks_mut::<R>().0.iter_mut().zip(chunk) {
-            for (number, x) in record.as_chunks_mut::<N>().0.iter_mut().zip(p.iter()) {
-                *number = bytes_of(*x);
+            for (number, x) in record.as_chunks_mut::<N>().0.iter_mut().zip([p.x, p.y, p.z]) {
+                *number = bytes_of(x);
             }
         }
         writer.write_all(bytes)?;
@@ -225,7 +225,7 @@ fn follow(properties: &mut [Cow<'_, Property>], mesh: &TriMesh, positions: &[Poi
 }
 
 /// Bytes handed to the writer at once.
-const BLOCK: usize = 1 << 18;
+const BLOCK: usize = 1 << 16;
 
 /// An element on its way out.
 struct Rows<'a> {
