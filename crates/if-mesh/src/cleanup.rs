@@ -152,9 +152,8 @@ pub struct Counts {
 }
 
 impl Counts {
-    fn of(work: &Work) -> Self {
-        let area = (0..work.triangles.len()).map(|t| work.area(t)).sum();
-        Self { vertices: work.points.len(), triangles: work.triangles.len(), area }
+    fn of(mesh: &TriMesh) -> Self {
+        Self { vertices: mesh.vertices().len(), triangles: mesh.triangles().len(), area: mesh.area() }
     }
 }
 
@@ -236,10 +235,9 @@ pub fn cleanup_with(
         return Err(CleanupError::Attributes { attributes: attributes.vertices(), vertices: mesh.vertices().len() });
     }
     let mut work = Work::new(mesh);
-    let mut report = CleanupReport { before: Counts::of(&work), ..CleanupReport::default() };
     progress(Step::Manifold);
-    let (manifold, mut twins) = manifold::resolve(&mut work);
-    report.manifold = manifold;
+    let (before, (manifold, mut twins)) = rayon::join(|| Counts::of(mesh), || manifold::resolve(&mut work));
+    let mut report = CleanupReport { before, manifold, ..CleanupReport::default() };
     let mut rims;
     loop {
         progress(Step::Components);
@@ -274,8 +272,8 @@ pub fn cleanup_with(
         report.smoothing = boundary::smooth(&mut work, &twins, &rims, field, smooth, params.single_precision);
         work.compact(); // tips of teeth that were cut off
     }
-    report.after = Counts::of(&work);
     let derived = work.finish();
-    let attributes = attributes.derive(&derived.sources);
+    let (after, attributes) = rayon::join(|| Counts::of(&derived.mesh), || attributes.derive(&derived.sources));
+    report.after = after;
     Ok(Cleaned { mesh: derived.mesh, attributes, report })
 }

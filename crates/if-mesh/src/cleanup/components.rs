@@ -77,6 +77,38 @@ pub(super) fn drop_small(work: &mut Work, twins: &Twins, params: &ComponentParam
 
 /// The part of each triangle, and the parts in the order of their first triangles.
 pub(super) fn components(work: &Work, twins: &Twins) -> (Vec<u32>, Vec<Component>) {
+    let ((part_of, names), areas) =
+        rayon::join(|| labels(work, twins), || (0..work.triangles.len()).map(|t| work.area(t)).collect::<Vec<Real>>());
+    let none = Component { triangles: 0, area: 0.0, aabb: [[Real::INFINITY; 3], [Real::NEG_INFINITY; 3]] };
+    let mut parts = vec![none; names as usize];
+    // Most triangles are of the part that the one before them is of.
+    let (mut part, mut at) = (none, 0);
+    let mut aabb = part.aabb;
+    for (t, name) in part_of.iter().enumerate() {
+        if *name != at {
+            parts[at as usize] = Component { aabb, ..part };
+            part = parts[*name as usize];
+            (aabb, at) = (part.aabb, *name);
+        }
+        part.triangles += 1;
+        part.area += areas[t];
+        for v in work.triangles[t] {
+            let p = work.points[v as usize];
+            for axis in 0..3 {
+                // Positions are finite.
+                aabb[0][axis] = if p[axis] < aabb[0][axis] { p[axis] } else { aabb[0][axis] };
+                aabb[1][axis] = if p[axis] > aabb[1][axis] { p[axis] } else { aabb[1][axis] };
+            }
+        }
+    }
+    if let Some(last) = parts.get_mut(at as usize) {
+        *last = Component { aabb, ..part };
+    }
+    (part_of, parts)
+}
+
+/// The part of each triangle, and how many there are, in the order of their first triangles.
+fn labels(work: &Work, twins: &Twins) -> (Vec<u32>, u32) {
     // Each triangle points to an earlier one of its part, the first to itself.
     let mut first: Vec<u32> = Vec::with_capacity(work.triangles.len());
     for (t, sides) in (0..work.triangles.len() as u32).zip(twins.of.as_chunks::<3>().0) {
@@ -96,32 +128,7 @@ pub(super) fn components(work: &Work, twins: &Twins) -> (Vec<u32>, Vec<Component
         part_of.push(if *of == t { names } else { part_of[*of as usize] });
         names += u32::from(*of == t);
     }
-    let none = Component { triangles: 0, area: 0.0, aabb: [[Real::INFINITY; 3], [Real::NEG_INFINITY; 3]] };
-    let mut parts = vec![none; names as usize];
-    // Most triangles are of the part that the one before them is of.
-    let (mut part, mut at) = (none, 0);
-    let mut aabb = part.aabb;
-    for (t, name) in part_of.iter().enumerate() {
-        if *name != at {
-            parts[at as usize] = Component { aabb, ..part };
-            part = parts[*name as usize];
-            (aabb, at) = (part.aabb, *name);
-        }
-        part.triangles += 1;
-        part.area += work.area(t);
-        for v in work.triangles[t] {
-            let p = work.points[v as usize];
-            for axis in 0..3 {
-                // Positions are finite.
-                aabb[0][axis] = if p[axis] < aabb[0][axis] { p[axis] } else { aabb[0][axis] };
-                aabb[1][axis] = if p[axis] > aabb[1][axis] { p[axis] } else { aabb[1][axis] };
-            }
-        }
-    }
-    if let Some(last) = parts.get_mut(at as usize) {
-        *last = Component { aabb, ..part };
-    }
-    (part_of, parts)
+    (part_of, names)
 }
 
 /// The first triangle that `t` leads to; the way there gets shorter.

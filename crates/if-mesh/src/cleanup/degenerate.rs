@@ -4,6 +4,7 @@ use super::twins::{NONE, Twins, ends, next, previous};
 use super::work::Work;
 use crate::validate::is_flat;
 use if_core::math::Real;
+use rayon::prelude::*;
 use serde::Serialize;
 
 /// What became of degenerate triangles.
@@ -32,7 +33,12 @@ pub(super) fn mend(work: &mut Work) -> (DegenerateReport, Twins) {
     let (doubled, mut twins) = drop_doubles(work);
     let mut report = DegenerateReport { doubled, ..DegenerateReport::default() };
     for round in 0.. {
-        let flat: Vec<u32> = (0..work.triangles.len()).filter(|&t| work.is_flat(t)).map(|t| t as u32).collect();
+        let flat: Vec<u32> = (0..work.triangles.len())
+            .into_par_iter()
+            .with_min_len(1 << 13)
+            .filter(|&t| work.is_flat(t))
+            .map(|t| t as u32)
+            .collect();
         if flat.is_empty() {
             break;
         }

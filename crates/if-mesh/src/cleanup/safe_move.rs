@@ -4,6 +4,7 @@ use super::guard::Guard;
 use super::work::Work;
 use crate::validate::is_flat;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
+use rayon::prelude::*;
 
 /// Halvings of a move that does harm, before it is given up.
 const HALVINGS: u8 = 5;
@@ -11,6 +12,9 @@ const HALVINGS: u8 = 5;
 const LEAST_COSINE: Real = 0.5;
 /// Height over longest edge above which the normal of a triangle means something, and may not turn over.
 const SLIVER: Real = 0.02;
+
+/// Triangles for a task, at least.
+const TASK: usize = 1 << 11;
 
 /// Where vertices are to go.
 pub(super) struct Paths<'a> {
@@ -55,7 +59,7 @@ pub(super) fn move_safely(work: &mut Work, paths: &Paths<'_>, single_precision: 
                 _ => moved,
             };
         }
-        let mut bad: Vec<u32> = suspects.iter().filter(|t| harms(work, start, **t)).copied().collect();
+        let mut bad: Vec<u32> = suspects.par_iter().with_min_len(TASK).filter(|t| harms(work, start, **t)).copied().collect();
         let meets = guard.meeting(&work.points, &work.triangles, &suspects);
         bad.extend(meets.iter().filter(|pair| !Guard::met(old, &work.triangles, **pair)).flatten());
         changed.iter().for_each(|v| is_changed[*v as usize] = false);

@@ -3,10 +3,14 @@
 use super::marks::{CellBox, Marks, merged};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real};
+use rayon::prelude::*;
 
 /// The vicinity reaches so many sides of the boxes it is made for beyond them: rims move by one or two, and what is smoothed with them lies within
 /// three rings, seldom twelve. A smaller reach finds it anew more often, a larger one holds more triangles; what is found is the same.
 const REACH: Real = 4.0;
+
+/// Points or triangles for a task, at least.
+const TASK: usize = 1 << 13;
 
 /// Triangles that reach into some cells of space: all that do, and perhaps others.
 #[derive(Clone, Debug, Default)]
@@ -54,17 +58,21 @@ impl Vicinity {
         let side = places.iter().map(|p| p.1.size().max()).sum::<Real>() / places.len().max(1) as Real;
         let wide: Vec<Aabb> = places.iter().map(|p| p.1.inflated(REACH * side)).collect();
         let marks = Marks::new(&wide);
-        let at: Vec<[u8; 3]> = points.iter().map(|p| marks.cell(p)).collect();
-        let is_marked: Vec<bool> = at.iter().map(|c| marks.touch([*c, *c])).collect();
-        self.near.clear();
-        for (k, t) in (0..).zip(triangles) {
+        let (at, is_marked): (Vec<[u8; 3]>, Vec<bool>) = points
+            .par_iter()
+            .with_min_len(TASK)
+            .map(|p| {
+                let cell = marks.cell(p);
+                (cell, marks.touch([cell, cell]))
+            })
+            .unzip();
+        let reached = |(k, t): (usize, &[u32; 3])| {
             let [a, b, c] = t.map(|v| at[v as usize]);
             let within_one = a == b && b == c;
             let cells = if within_one { [a, a] } else { merged([a, a], merged([b, b], [c, c])) };
-            if is_marked[t[0] as usize] || (!within_one && marks.touch(cells)) {
-                self.near.push((k, cells));
-            }
-        }
+            (is_marked[t[0] as usize] || (!within_one && marks.touch(cells))).then_some((k as u32, cells))
+        };
+        self.near = triangles.par_iter().with_min_len(TASK).enumerate().filter_map(reached).collect();
         self.known = triangles.len() as u32;
         self.marks = Some(marks);
     }
