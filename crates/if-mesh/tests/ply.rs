@@ -149,6 +149,44 @@ fn a_piecewise_reader_gives_the_same_as_one_block() {
 }
 
 #[test]
+fn large_files_give_the_same_from_memory_as_from_a_stream_also_where_they_are_damaged() {
+    let ply = PlyMesh::new(sheet(200));
+    let good = written(&ply, &WriteParams::default());
+    assert!(good.len() > 1 << 20, "as many bytes as it takes to read vertices and faces at the same time");
+    let vertices = good.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let faces = vertices + 12 * ply.mesh.vertices().len();
+    let nan = f32::NAN.to_le_bytes();
+    let vertex = |v: usize, axis: usize| (vertices + 12 * v + 4 * axis, &nan[..]);
+    let face = |t: usize, bytes: &'static [u8]| (faces + 13 * t, bytes);
+    let far = &[3, 0, 0, 0, 0, 1, 0, 0, 0, 0xff, 0xff, 0xff, 0x7f];
+    let twice = &[3, 7, 0, 0, 0, 1, 0, 0, 0, 7, 0, 0, 0];
+    for (damage, part) in [
+        (vec![], None),
+        (vec![face(70_000, twice), face(2, twice)], None),
+        (vec![vertex(30_000, 1), vertex(9_000, 2)], Some("vertex 9000: coordinate z is NaN")),
+        (vec![face(70_000, far), face(512, far)], Some("corner 2 of face 512")),
+        (vec![vertex(3, 0), face(513, far)], Some("corner 2 of face 513")),
+        (vec![vertex(3, 0), face(511, twice)], Some("vertex 3: coordinate x is NaN")),
+    ] {
+        let mut bytes = good.clone();
+        damage.iter().for_each(|(at, to)| bytes[*at..at + to.len()].copy_from_slice(to));
+        let threads = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        let all = [
+            ply::read(&bytes[..]),
+            threads(1).install(|| ply::read_bytes(&bytes)),
+            threads(3).install(|| ply::read_bytes(&bytes)),
+        ];
+        match part {
+            None => assert!(all.iter().flatten().filter(|read| Some(*read) == all[0].as_ref().ok()).count() == 3),
+            Some(part) => {
+                let texts = all.map(|read| read.unwrap_err().to_string());
+                assert!(texts[0].contains(part) && texts.iter().all(|t| *t == texts[0]), "{texts:?}");
+            }
+        }
+    }
+}
+
+#[test]
 fn coordinates_are_read_back_as_they_were_foretold() {
     let mesh = sheet(3);
     let moved: Vec<Point> = mesh.vertices().iter().map(|p| p + Vector::new(0.1, -1e-9, 1.0 / 3.0)).collect();
