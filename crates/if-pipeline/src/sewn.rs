@@ -1,8 +1,9 @@
 //! Outfits as they are solved and proven: without the seams of exporters, and rounded to what will be stored.
 
 use crate::outfit::{Layer, Outfit};
-use if_core::math::{Point, Real};
+use if_core::math::Point;
 use if_core::mesh::TriMesh;
+use if_mesh::ply::{CoordinateType, quantise};
 use if_mesh::seams::{self, sew};
 use rayon::prelude::*;
 
@@ -18,23 +19,33 @@ impl Sewn {
     /// `None` where the outfit is such a one as it came. The garments' seams stay where their triangles are to be
     /// split: the two sides of a seam have attributes of their own.
     pub(crate) fn new(outfit: &Outfit, garments_too: bool) -> Option<Self> {
-        let sewn: Vec<_> = outfit.layers().collect::<Vec<_>>().into_par_iter().map(|l| sew(&l.mesh)).collect();
-        let mut garments = sewn.into_iter();
-        let body = garments.next().flatten();
-        let garments: Vec<_> = garments.map(|sewn| sewn.filter(|_| garments_too)).collect();
-        let rounded: Vec<_> = outfit.garments.iter().map(|layer| stored(layer).is_some()).collect();
-        if body.is_none() && garments.iter().all(Option::is_none) && !rounded.contains(&true) {
+        let (body, garments) = rayon::join(
+            || sew(&outfit.body.mesh),
+            || {
+                let prepare = |layer: &Layer| {
+                    let sewn = garments_too.then(|| sew(&layer.mesh)).flatten();
+                    let stored = stored(layer, sewn.as_ref().map_or(&layer.mesh, |s| &s.mesh));
+                    (sewn, stored)
+                };
+                outfit.garments.par_iter().map(prepare).collect::<Vec<_>>()
+            },
+        );
+        if body.is_none() && garments.iter().all(|(sewn, stored)| sewn.is_none() && stored.is_none()) {
             return None;
         }
-        let closed = |layer: &Layer, sewn: Option<&seams::Sewn>| match sewn {
-            Some(sewn) => Layer { mesh: sewn.mesh.clone(), ..layer.clone() },
-            None => layer.clone(),
+        let with = |layer: &Layer, sewn: Option<&seams::Sewn>, stored: Option<TriMesh>| Layer {
+            name: layer.name.clone(),
+            mesh: stored.unwrap_or_else(|| sewn.map_or(&layer.mesh, |s| &s.mesh).clone()),
+            single_precision: layer.single_precision,
         };
-        let in_store = |layer: Layer| stored(&layer).map_or(layer.clone(), |mesh| Layer { mesh, ..layer });
-        let outfit = Outfit {
-            body: closed(&outfit.body, body.as_ref()),
-            garments: outfit.garments.iter().zip(&garments).map(|(layer, sewn)| in_store(closed(layer, sewn.as_ref()))).collect(),
-        };
+        let body = with(&outfit.body, body.as_ref(), None);
+        let (layers, garments) = outfit
+            .garments
+            .iter()
+            .zip(garments)
+            .map(|(layer, (sewn, stored))| (with(layer, sewn.as_ref(), stored), sewn))
+            .unzip();
+        let outfit = Outfit { body, garments: layers };
         Some(Self { outfit, garments })
     }
 
@@ -52,11 +63,9 @@ impl Sewn {
     }
 }
 
-/// The mesh as its file will hold it, where that is another one.
-fn stored(layer: &Layer) -> Option<TriMesh> {
-    let single = |p: &Point| p.map(|x| Real::from(x as f32));
-    let vertices = layer.mesh.vertices();
-    let other = layer.single_precision && vertices.iter().any(|p| single(p) != *p);
+/// `mesh` as the file of `layer` will hold it, where that is another one.
+fn stored(layer: &Layer, mesh: &TriMesh) -> Option<TriMesh> {
+    let single = layer.single_precision.then(|| quantise(mesh.vertices(), CoordinateType::Float))?;
     // Beyond the range of single precision there is nothing to round to: the garment is refused as too large before.
-    other.then(|| layer.mesh.with_vertices(vertices.iter().map(single).collect()).ok()).flatten()
+    (single != mesh.vertices()).then(|| mesh.with_vertices(single).ok()).flatten()
 }
