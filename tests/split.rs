@@ -50,6 +50,8 @@ fn a_band_of_three_sides_lies_round_a_ball_once_it_has_more() {
     let strain = |r: &Resolved| r.report.layers[0].strain.rms;
     assert!(strain(&never) > 0.5, "{}", strain(&never));
     assert!(strain(&split) < 0.5 * strain(&never), "{} {}", strain(&split), strain(&never));
+    let moved = |r: &Resolved| r.report.layers[0].moved;
+    assert!(moved(&split).mean < moved(&never).mean, "{:?} {:?}", moved(&split), moved(&never));
     assert_eq!(split.report.before.pairs, never.report.before.pairs, "what is said of the input is said of the input");
 }
 

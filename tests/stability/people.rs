@@ -182,7 +182,7 @@ fn captures(count: u32) -> Tally {
 #[test]
 fn broken_captures_are_read_or_refused() {
     let tally = captures(300);
-    assert!(share(&tally, "refused") > 0.2 && share(&tally, "read") > 0.0, "{tally:?}");
+    assert!(share(&tally, "refused") > 0.2 && share(&tally, "read") > 0.01, "{tally:?}");
 }
 
 #[test]
