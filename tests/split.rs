@@ -64,3 +64,29 @@ fn what_is_clean_anyhow_is_not_split() {
     let (never, strained) = (run(&round, Split::Never, 100).unwrap(), run(&round, Split::IfStrained, 100).unwrap());
     assert_eq!((never.outfit, strained.splits), (strained.outfit, vec![None]));
 }
+
+#[test]
+fn vertices_of_no_triangle_stay_and_count_nowhere() {
+    // In the middle of the ball, a little below its surface, far away, beyond single precision, and at the ends of double precision.
+    let strays = [[0.0; 3], [0.0, 0.296875, 0.0], [1e6, 0.0, 0.0], [0.0, 1e39, 0.0], [1.7e308, 0.0, 0.0], [-1.7e308, 0.0, 0.0]]
+        .map(Point::from);
+    let with_strays = |radius| {
+        let mut outfit = scenes::ball_in_tube("band", radius);
+        let band = &mut outfit.garments[0];
+        let single = moved(&band.mesh, |p| p.map(|x| Real::from(x as f32)));
+        let vertices = [single.vertices(), &strays].concat();
+        (band.mesh, band.single_precision) = (TriMesh::new(vertices, single.triangles().to_vec()).unwrap(), true);
+        outfit
+    };
+    for split in [Split::Never, Split::IfLeft, Split::IfStrained] {
+        let clean = with_strays(0.31);
+        let found = run(&clean, split, 100).unwrap();
+        assert_eq!(found.report.layers[0].rounds, 0, "{split:?} {:?}", found.report.before.pairs);
+        assert!(found.outfit == clean, "{split:?}");
+        let sunk = with_strays(0.295);
+        let found = run(&sunk, split, 100).unwrap();
+        assert!(found.report.before.total_pairs() > 0 && found.report.after.is_clean());
+        let n = sunk.garments[0].mesh.vertices().len();
+        assert!(found.outfit.garments[0].mesh.vertices()[n - strays.len()..n] == strays, "{split:?}");
+    }
+}

@@ -27,7 +27,7 @@ pub(crate) fn run(record: &mut Record) {
     let sizes: &[u32] = if record.quick { &[10] } else { &[10, 20, 40] };
     sizes.iter().for_each(|n| drape(record, *n));
     if !record.quick {
-        refined(record, 80);
+        refined(record, 40);
     }
     let sizes: &[u32] = if record.quick { &[10] } else { &[10, 20, 40] };
     sizes.iter().for_each(|n| over_a_ball(record, *n));
@@ -191,7 +191,7 @@ fn refined(record: &mut Record, finest: u32) {
         timed(|| fallen(&edges, by_two_corners(&mesh, n), None))
     };
     let (_, best) = solved(finest);
-    for n in [5, 10, 20, 40] {
+    for n in [5, 10, 20] {
         let (ms, p) = solved(n);
         let times = finest / n;
         let at: Vec<Point> = (0..=n)

@@ -58,6 +58,10 @@ fn extraction(record: &mut Record, name: &str, field: &dyn SignedDistance) {
             let nodes: u64 = found.report.cells.iter().map(|n| u64::from(*n) + 1).product();
             let made = found.report.evaluations.total as u64;
             let skipped = nodes.saturating_sub(found.report.evaluations.refine as u64);
+            let error = off(&found.mesh, field);
+            // Second order: on record 0.16 to 0.41 cell² per metre of radius, at all four sizes.
+            let cell = found.report.cell;
+            assert!(params != base || error < cell * cell, "{name}, {cells} cells: {error} m");
             let run = Run {
                 problem: &problem,
                 method,
@@ -65,7 +69,7 @@ fn extraction(record: &mut Record, name: &str, field: &dyn SignedDistance) {
                 unit: "m rms",
                 default: params == base && cells == 256,
             };
-            record.push(run, ms, off(&found.mesh, field), [made, skipped]);
+            record.push(run, ms, error, [made, skipped]);
         }
     }
 }
@@ -113,6 +117,8 @@ fn baking(record: &mut Record, name: &str, field: &dyn SignedDistance, cells: &[
         let default = params == BakeParams::default();
         let (baking_ms, baked) = timed(|| Baked::new(field, &params).unwrap());
         let (ms, error) = query(&baked);
+        // On record: 1.7e-7 m of the torus, 2.6e-5 m of its mesh, whose edges show.
+        assert!(!default || error < 1e-4, "{name}: {error} m");
         let parameter = if params.band != BakeParams::default().band {
             format!("band {} mm", params.band * 1e3)
         } else if params.accuracy.is_finite() {

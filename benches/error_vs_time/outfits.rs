@@ -84,6 +84,7 @@ fn sweep(record: &mut Record, name: &str, outfit: &Outfit) {
             Err(ResolveError::Remaining { result, .. }) => (result.report, false),
             Err(error) => panic!("{name}, {setting}: {error}"),
         };
+        assert!(clean || *method != "default", "{name} is not clean with the default parameters");
         let weight = |layer: &str| {
             let of = outfit.garments.iter().find(|g| g.name == layer).map_or(0, |g| g.mesh.vertices().len());
             of as f64

@@ -54,6 +54,7 @@ fn compare(
     let count = pairs.len() as u64;
     let unit = "wrong of all";
     let mut push = |method: &str, parameter: String, default: bool, ms: f64, wrong: usize| {
+        assert!(!default || wrong == 0, "{problem}: {method} is wrong of {wrong} pairs");
         let parameter = format!("{parameter}, {wrong} wrong of {count}, {:.0} ns a pair", ms * 1e6 / count as f64);
         let error = wrong as f64 / count as f64;
         record.push(Run { problem: &problem, method, parameter, unit, default }, ms, error, [count, 0]);

@@ -58,9 +58,12 @@ fn counted(name: &str, times: u32) -> Result<Option<u64>, Box<dyn Error>> {
         other => other?,
     };
     let told = String::from_utf8_lossy(&out.stderr);
-    let line =
-        told.lines().find(|l| l.contains("Collected")).ok_or_else(|| format!("valgrind told no count of {name}:\n{told}"))?;
-    Ok(line.split(':').next_back().and_then(|n| n.trim().parse().ok()))
+    if !out.status.success() {
+        return Err(format!("{name} did not end well under valgrind, {}:\n{told}", out.status).into());
+    }
+    let line = told.lines().find(|l| l.contains("Collected")).and_then(|l| l.split(':').next_back());
+    let count = line.and_then(|n| n.trim().parse().ok());
+    Ok(Some(count.ok_or_else(|| format!("valgrind told no count of {name}:\n{told}"))?))
 }
 
 /// Kernels with their counts.

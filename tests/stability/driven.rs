@@ -192,10 +192,12 @@ fn cloth_on_many_bodies_that_race_and_jump_ends_outside_of_them() {
 
 #[test]
 fn cloth_on_moving_bodies_has_the_same_bits_on_any_number_of_threads() {
-    cases("driven bodies on threads", 10, |r| {
+    let tally = cases("driven bodies on threads", 10, |r| {
         let drive = Drive::any(r);
-        same_on_all_threads(|| drive.run().0).map(|_| "ok")
+        let (.., error) = same_on_all_threads(|| drive.run())?;
+        Ok(if error.is_none() { "ok" } else { "guarded" })
     });
+    assert!(share(&tally, "ok") > 0.5, "{tally:?}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Small outfits of every kind of fault: clean with a proof, or an error with what is left.
 
-use crate::cases::{Random, Tally, cases, check, finite, same_on_all_threads};
+use crate::cases::{Random, Tally, cases, check, finite, same_on_all_threads, share};
 use crate::meshes;
 use crate::scenes::assert_clean;
 use if_core::math::{Point, Real};
@@ -130,7 +130,7 @@ fn many_small_outfits_end_clean_or_with_what_is_left() {
 
 #[test]
 fn small_outfits_end_with_the_same_bits_on_any_number_of_threads() {
-    cases("outfits on threads", 3, |r| {
+    let tally = cases("outfits on threads", 3, |r| {
         let (body, garments) = outfit(r);
         let Ok(outfit) = Outfit::new(body, garments) else { return Ok("refused") };
         let bits = |outfit: &Outfit| -> Vec<u64> {
@@ -139,8 +139,9 @@ fn small_outfits_end_with_the_same_bits_on_any_number_of_threads() {
         let ended = same_on_all_threads(|| match run(&outfit) {
             Ok(result) => (true, bits(&result.outfit)),
             Err(ResolveError::Remaining { result, .. }) => (false, bits(&result.outfit)),
-            Err(_) => (false, Vec::new()),
+            Err(error) => panic!("{error}"),
         })?;
         Ok(if ended.0 { "clean" } else { "left" })
     });
+    assert!(share(&tally, "clean") + share(&tally, "left") > 0.0, "{tally:?}");
 }

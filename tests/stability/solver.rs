@@ -72,7 +72,7 @@ fn a_hundred_thousand_random_scenes_end_finite_and_bounded_or_in_an_error() {
 
 #[test]
 fn random_scenes_give_the_same_bits_on_any_number_of_threads_and_from_a_snapshot() {
-    cases("solver bits", 100, |r| {
+    let tally = cases("solver bits", 100, |r| {
         let Some(mut scene) = Scene::any(r) else { return Ok("no masses") };
         let whole = same_on_all_threads(|| scene.run())?;
         // Feet that wander are a state of their own; a field that hides its slope makes the skipping wrong.
@@ -90,4 +90,6 @@ fn random_scenes_give_the_same_bits_on_any_number_of_threads_and_from_a_snapshot
         check(resumed.particles == whole.particles, || format!("a resumed run differs: {}", scene.told()))?;
         Ok("resumed")
     });
+    // Two in three have a second step, and nearly all of them end without an error.
+    assert!(share(&tally, "resumed") > 0.4, "{tally:?}");
 }

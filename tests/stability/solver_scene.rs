@@ -317,7 +317,7 @@ impl Scene {
             let mut collision = SdfCollision::new(field, &masks, &clearances).unwrap();
             if *between {
                 // No length of an edge of the meshes drawn: rounding would choose.
-                collision.add_between(&self.rest, 0.217 * scale, &masks, &clearances);
+                collision.add_between(&self.rest, 0.217 * scale, &masks, &clearances).unwrap();
             }
             (collision.push, collision.friction, collision.max_push) = (*push, self.params.friction, self.params.max_push);
             groups.push(Box::new(collision));

@@ -12,8 +12,8 @@ use std::path::PathBuf;
 const EXIT_CODES: &str = "\
 Exit codes:
   0    clean: no intersecting triangle pairs and no vertex on a wrong side
-  1    not clean: `check` found intersections, `fix` and `demo` could not remove all of them, or
-       `fit` did not reach its --accuracy
+  1    not clean: `check` found intersections, `fix`, `demo` and `wardrobe` could not remove all of
+       them, or `fit` did not reach its --accuracy or diverged
   2    unusable: arguments, an input, or the output folder; the message names file and cause
   130  cancelled by Ctrl-C or SIGTERM; nothing half-written is left
 
@@ -228,7 +228,7 @@ pub(crate) struct CleanArgs {
     #[arg(long, value_name = "PERCENT", default_value_t = 1.0)]
     pub(crate) least_share: f64,
     /// Keep at most so many parts, the largest.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..).map(|n| n as usize))]
     pub(crate) parts: Option<usize>,
     /// Leave holes open.
     #[arg(long, conflicts_with = "Openness")]
@@ -338,7 +338,7 @@ pub(crate) struct FitArgs {
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     pub(crate) seconds: Option<f64>,
     /// Stop as soon as the mean error near the surface is at most this: 0.5mm, 0.0005m; metres without unit.
-    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, allow_hyphen_values = true)]
     pub(crate) accuracy: Option<f64>,
     /// Stop after so many steps; the same steps give the same bits, on any number of threads.
     #[arg(long, value_name = "N", conflicts_with = "seconds")]

@@ -30,7 +30,7 @@ pub(crate) fn run(args: &CheckArgs) -> Result<End, Report> {
         };
         worst = worst.max(end);
     }
-    Ok(worst)
+    Ok(if cancel::asked() { End::Cancelled } else { worst })
 }
 
 /// Checks outfit `k` of `n`.

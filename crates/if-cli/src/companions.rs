@@ -1,86 +1,127 @@
 //! What OBJ files name: material libraries and their textures, which are copied along.
 
-use crate::load::Loaded;
+use crate::hash::{self, Content as Hashed};
 use crate::outfit_file::OutfitSpec;
 use crate::outputs;
-use crate::receipt::{self, Output};
+use crate::receipt::{self, Input, Output};
 use crate::staging::{OutputError, Staging};
-use if_mesh::file::Content;
+use if_mesh::file::{Content, MeshFile};
 use if_mesh::obj::textures;
+use miette::Diagnostic;
 use std::collections::BTreeMap;
 use std::fs;
+use std::io;
 use std::path::{Component, Path, PathBuf};
+
+/// Why they cannot be copied along.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+pub(crate) enum CompanionError {
+    #[error("cannot read `{}`, which `{of}` names", path.display())]
+    #[diagnostic(code(ifg::input::companion), help("make it readable, or take the line that names it out of `{of}`"))]
+    Read { path: PathBuf, of: String, source: io::Error },
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Output(#[from] OutputError),
+}
 
 /// A file to copy.
 struct Companion {
     /// Where it lies.
     source: PathBuf,
-    /// The garment's file that names it, as the user wrote it.
+    /// The garment that names it, and its file as the user wrote it.
+    layer: String,
     of: String,
+    content: Hashed,
 }
 
-/// Copies the material libraries and textures that the garments' OBJ files name into the staging folder, under the same paths relative to
-/// the garment. Returns them, and what was not there.
-///
-/// Only files in the garment's folder or below are copied; a file that lies where its copy would go is left alone. The names `taken` are
-/// those of other outputs.
-pub(crate) fn write(
-    spec: &OutfitSpec,
-    loaded: &Loaded,
-    taken: &[String],
-    (staging, out): (&Staging, &Path),
-) -> Result<(Vec<Output>, Vec<String>), OutputError> {
-    let mut found: BTreeMap<String, Companion> = BTreeMap::new();
-    let mut notes = Vec::new();
-    for (k, layer) in spec.garments.iter().enumerate() {
-        let Content::Obj(obj) = loaded.garment_file(k).content() else { continue };
-        let folder = layer.path.parent().unwrap_or(Path::new(""));
-        let mut add = |name: String, source: PathBuf| -> Result<(), OutputError> {
-            let other = found.get(&name).filter(|o| !same_content(&o.source, &source)).map(|o| o.of.clone());
-            let of_ours = taken.iter().chain([&receipt::FILE.to_owned()]).find(|n| n.eq_ignore_ascii_case(&name)).cloned();
-            if let Some(first) = other.or(of_ours) {
-                return Err(OutputError::SameName { first, second: source.display().to_string(), name });
-            }
-            found.entry(name).or_insert(Companion { source, of: layer.written.clone() });
-            Ok(())
-        };
-        for line in obj.material_libraries() {
-            let libraries = libraries_of(folder, &line);
-            if libraries.is_empty() {
-                notes.push(format!("{}: the material library `{line}` is not in its folder, and not copied", layer.written));
-            }
-            for library in libraries {
-                let path = folder.join(&library);
-                let text = fs::read(&path).map_err(|source| OutputError::File { path: path.clone(), source })?;
-                let beside = Path::new(&library).parent().unwrap_or(Path::new(""));
-                for line in textures(&text) {
-                    match texture_of(&folder.join(beside), &line) {
-                        Some(name) => add(plain(&beside.join(&name)), folder.join(beside).join(name))?,
-                        None => notes.push(format!("{library}: the texture `{line}` is not in its folder, and not copied")),
-                    }
+/// The material libraries and textures that the garments' OBJ files name.
+pub(crate) struct Companions {
+    /// By their paths relative to the garment, which become those in the output folder.
+    found: BTreeMap<String, Companion>,
+    /// What was not there.
+    pub(crate) missing: Vec<String>,
+}
+
+impl Companions {
+    /// Those of an outfit with these files, the body's first.
+    ///
+    /// Only files in the garment's folder or below are taken. The names `taken` are those of other outputs.
+    pub(crate) fn find(spec: &OutfitSpec, files: &[MeshFile], taken: &[String]) -> Result<Self, CompanionError> {
+        let mut found: BTreeMap<String, Companion> = BTreeMap::new();
+        let mut missing = Vec::new();
+        for (layer, file) in spec.garments.iter().zip(files.iter().skip(1)) {
+            let Content::Obj(obj) = file.content() else { continue };
+            let folder = layer.path.parent().unwrap_or(Path::new(""));
+            let read = |path: &Path, of: &str| {
+                fs::read(path).map_err(|source| CompanionError::Read { path: path.into(), of: of.into(), source })
+            };
+            let mut add = |name: String, source: PathBuf, bytes: &[u8]| -> Result<(), CompanionError> {
+                let content = hash::content(bytes);
+                let other = found.get(&name).filter(|o| o.content != content).map(|o| o.of.clone());
+                let of_ours = taken.iter().chain([&receipt::FILE.to_owned()]).find(|n| n.eq_ignore_ascii_case(&name)).cloned();
+                if let Some(first) = other.or(of_ours) {
+                    return Err(OutputError::SameName { first, second: source.display().to_string(), name }.into());
                 }
-                add(plain(Path::new(&library)), path)?;
+                let (layer, of) = (layer.name.clone(), layer.written.clone());
+                found.entry(name).or_insert(Companion { source, layer, of, content });
+                Ok(())
+            };
+            for line in obj.material_libraries() {
+                let libraries = libraries_of(folder, &line);
+                if libraries.is_empty() {
+                    missing
+                        .push(format!("{}: the material library `{line}` is not in its folder, and not copied", layer.written));
+                }
+                for library in libraries {
+                    let path = folder.join(&library);
+                    let text = read(&path, &layer.written)?;
+                    let beside = Path::new(&library).parent().unwrap_or(Path::new(""));
+                    for line in textures(&text) {
+                        match texture_of(&folder.join(beside), &line) {
+                            Some(name) => {
+                                let path = folder.join(beside).join(&name);
+                                let bytes = read(&path, &library)?;
+                                add(plain(&beside.join(name)), path, &bytes)?;
+                            }
+                            None => missing.push(format!("{library}: the texture `{line}` is not in its folder, and not copied")),
+                        }
+                    }
+                    add(plain(Path::new(&library)), path, &text)?;
+                }
             }
         }
+        missing.sort();
+        missing.dedup();
+        Ok(Self { found, missing })
     }
-    notes.sort();
-    notes.dedup();
-    let mut written = Vec::new();
-    for (name, Companion { source, .. }) in found {
-        let target = out.join(&name);
-        if matches!((target.canonicalize(), source.canonicalize()), (Ok(a), Ok(b)) if a == b) {
-            continue;
-        }
-        let fault = |source| OutputError::File { path: target.clone(), source };
-        let staged = staging.path(&name);
-        if let Some(parent) = staged.parent() {
-            fs::create_dir_all(parent).map_err(fault)?;
-        }
-        let bytes = fs::read(&source).map_err(|e| OutputError::File { path: source.clone(), source: e })?;
-        fs::write(&staged, bytes).map_err(fault)?;
-        written.push(outputs::describe(&name, staging, out)?);
+
+    /// What they hold, in the order of their names.
+    pub(crate) fn inputs(&self) -> impl Iterator<Item = Input> {
+        let input =
+            |(name, c): (&String, &Companion)| Input { layer: c.layer.clone(), file: name.clone(), content: c.content.clone() };
+        self.found.iter().map(input)
     }
-    Ok((written, notes))
+
+    /// Copies them into the staging folder, under the same paths relative to the garment, and returns the copies. A file that lies where its
+    /// copy would go is left alone.
+    pub(crate) fn write(&self, (staging, out): (&Staging, &Path)) -> Result<Vec<Output>, CompanionError> {
+        let mut written = Vec::new();
+        for (name, Companion { source, of, .. }) in &self.found {
+            let target = out.join(name);
+            if matches!((target.canonicalize(), source.canonicalize()), (Ok(a), Ok(b)) if a == b) {
+                continue;
+            }
+            let fault = |source| OutputError::File { path: target.clone(), source };
+            let staged = staging.path(name);
+            if let Some(parent) = staged.parent() {
+                fs::create_dir_all(parent).map_err(fault)?;
+            }
+            let bytes = fs::read(source).map_err(|e| CompanionError::Read { path: source.clone(), of: of.clone(), source: e })?;
+            fs::write(&staged, bytes).map_err(fault)?;
+            written.push(outputs::describe(name, staging, out)?);
+        }
+        Ok(written)
+    }
 }
 
 /// The files of a `mtllib` line: one whose name holds spaces, or each word.
@@ -109,8 +150,4 @@ fn is_below(folder: &Path, name: &str) -> bool {
 fn plain(path: &Path) -> String {
     let parts = path.components().filter(|c| matches!(c, Component::Normal(_)));
     parts.collect::<PathBuf>().to_string_lossy().into_owned()
-}
-
-fn same_content(a: &Path, b: &Path) -> bool {
-    a == b || matches!((fs::read(a), fs::read(b)), (Ok(a), Ok(b)) if a == b)
 }

@@ -145,16 +145,19 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
         }
     }
     line.say("smoothing");
-    let votes = LabelVotes::from_labels(&given, given.iter().max().map_or(2, |l| usize::from(*l) + 1).max(2));
+    let Dense { present, places } = Dense::new(&given);
+    let votes = LabelVotes::from_labels(&places, present.len());
     let params = SmoothLabelParams { length: args.smooth, ..SmoothLabelParams::default() };
     let watch = |_: &SolveStep| if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
     let scores = match smooth_labels_watched(&ply.mesh, &votes, &params, &watch) {
         Err(SmoothLabelError::Cancelled) => return Ok(cancelled(args, line)),
-        other => other.map_err(|source| CutFault::Smooth { source })?,
+        other => other.map_err(|source| CutFault::Smooth { source: of_label(source, &present) })?,
     };
     line.say("cutting");
     let mut pieces = cut(&ply.mesh, &scores, &CutParams::default()).map_err(|source| CutFault::Cut { source })?;
-    let fates = Fates::new(&given, &scores.winners(), &pieces, &names);
+    pieces.iter_mut().for_each(|p| p.label = present[usize::from(p.label)]);
+    let winners: Vec<u8> = scores.winners().iter().map(|place| present[usize::from(*place)]).collect();
+    let fates = Fates::new(&given, &winners, &pieces, &names);
     pieces.retain(|p| p.label != UNDECIDED);
     if pieces.is_empty() {
         return Err(CutFault::NothingCut { path: args.mesh.clone() }.into());
@@ -215,6 +218,39 @@ fn cancelled(args: &CutArgs, line: Line) -> End {
     drop(line);
     errors::note(&format!("cancelled; nothing was written into `{}`", args.out.display()));
     End::Cancelled
+}
+
+/// Labels without gaps between them: a field for each takes memory by their number, not by the largest. They keep their order, by which ties are broken.
+struct Dense {
+    /// The labels, ascending from [`UNDECIDED`], which may have no vertex.
+    present: Vec<u8>,
+    /// Of each vertex, the place of its label in `present`.
+    places: Vec<u8>,
+}
+
+impl Dense {
+    fn new(given: &[u8]) -> Self {
+        let mut is_there = [false; 256];
+        is_there[usize::from(UNDECIDED)] = true;
+        given.iter().for_each(|label| is_there[usize::from(*label)] = true);
+        let present: Vec<u8> = (0..=u8::MAX).filter(|label| is_there[usize::from(*label)]).collect();
+        let mut place_of = [0; 256];
+        for (place, label) in present.iter().enumerate() {
+            place_of[usize::from(*label)] = place as u8;
+        }
+        let places = given.iter().map(|label| place_of[usize::from(*label)]).collect();
+        Self { present, places }
+    }
+}
+
+/// The fault, with the label of the file in place of its place.
+fn of_label(fault: SmoothLabelError, present: &[u8]) -> SmoothLabelError {
+    match fault {
+        SmoothLabelError::NotConverged { label, steps, residual } => {
+            SmoothLabelError::NotConverged { label: usize::from(present[label]), steps, residual }
+        }
+        other => other,
+    }
 }
 
 /// What the labels of the file are called.
@@ -395,4 +431,22 @@ fn draw(layers: &[(u8, &TriMesh)], path: &Path) -> io::Result<()> {
     let mut file = BufWriter::new(File::create(path)?);
     image.write_png(&mut file).map_err(io::Error::other)?;
     file.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_stand_without_gaps_in_their_order() {
+        let Dense { present, places } = Dense::new(&[254, 7, 0, 7, 200]);
+        assert_eq!((present, places), (vec![0, 7, 200, 254], vec![3, 1, 0, 1, 2]));
+        let Dense { present, places } = Dense::new(&[2, 2]);
+        assert_eq!((present, places), (vec![0, 2], vec![1, 1]));
+        let all: Vec<u8> = (0..=u8::MAX).collect();
+        assert_eq!(Dense::new(&all).places, all);
+        let fault = SmoothLabelError::NotConverged { label: 2, steps: 9, residual: 0.5 };
+        let SmoothLabelError::NotConverged { label, .. } = of_label(fault, &[0, 7, 200]) else { panic!("another fault") };
+        assert_eq!(label, 200);
+    }
 }

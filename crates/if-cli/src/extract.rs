@@ -54,6 +54,16 @@ enum ExtractFault {
     #[error("cannot extract the surface of `{}`", path.display())]
     #[diagnostic(code(ifg::extract::surface), help("look at --cell, --cells, --accuracy and --finest"))]
     Surface { path: PathBuf, source: ExtractError },
+    #[error("nothing is left of the surface of `{}` between cells of {:.2} mm", path.display(), 1e3 * cell)]
+    #[diagnostic(
+        code(ifg::extract::empty),
+        help("take smaller cells: look at --cell, --cells and --accuracy; or the field has no surface at all")
+    )]
+    Empty {
+        path: PathBuf,
+        /// In metres.
+        cell: f64,
+    },
     #[error("the surface of `{}` cannot be written in the units of the file", path.display())]
     #[diagnostic(code(ifg::extract::range), help("look at --scale, or move the mesh to the origin"))]
     Range { path: PathBuf, source: MeshError },
@@ -113,6 +123,9 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
         Err(ExtractError::Cancelled { .. }) => return Ok(cancelled(args, line)),
         other => other.map_err(|source| ExtractFault::Surface { path: args.field.clone(), source })?,
     };
+    if found.mesh.triangles().is_empty() {
+        return Err(ExtractFault::Empty { path: args.field.clone(), cell: found.report.cell }.into());
+    }
     line.say("comparing");
     let positions = as_written(args, &mut found, field, &source)?;
     let before = source.mesh();
@@ -131,8 +144,10 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
     if args.json {
         let (before, after) = looks;
         let warnings: Vec<String> = found.report.warnings.iter().map(ToString::to_string).collect();
+        // Paths need not be UTF-8, as JSON must.
+        let files: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
         print_json(&json!({
-            "field": args.field, "files": files, "before": before, "after": after, "distance": apart,
+            "field": args.field.display().to_string(), "files": files, "before": before, "after": after, "distance": apart,
             "report": found.report, "notes": warnings,
         }))?;
     } else {

@@ -7,7 +7,6 @@ use crate::errors::{self, Told};
 use crate::load::reading_advice;
 use crate::print::{print, print_json};
 use crate::progress::Line;
-use crate::staging::OutputError;
 use crate::table;
 use crate::target::{Input, Target};
 use comfy_table::Cell;
@@ -83,21 +82,29 @@ pub(crate) fn run(args: &FitArgs) -> Result<End, Report> {
         Some(file) => resumed(args, file, &taken)?,
         None => begun(args, &taken, start)?,
     };
-    let mut report = run_storing(&mut fit, &mut network, &set, &line, checkpoint.as_ref(), STORE_EVERY).map_err(|e| match e {
-        Stopped::Fit(e) => Report::from(FitFault::Fit { path: path(), source: Told::new(&e) }),
-        Stopped::Output(e) => e.into(),
-    })?;
-    if report.ended == Ended::Cancelled {
-        fit.keep_best(&mut network);
-        report.error = set.held_out.error(&set.frame, |p, o| if_neural::field::Samples32::samples32(&network, p, o));
+    // What stands at --out may be better than a network that has learned nothing yet.
+    if cancel::asked() {
+        drop(line);
+        errors::note(&format!("cancelled before the first step; `{}` was not written", args.out.display()));
+        return Ok(End::Cancelled);
     }
+    let params = *fit.params();
+    tracing::debug!(from = fit.steps(), "fitting begins");
+    let ran = run_storing(&mut fit, &mut network, &set, &line, checkpoint.as_ref(), STORE_EVERY);
+    let Ran { report, lost } = ran.map_err(|e| FitFault::Fit { path: path(), source: Told::new(&e) })?;
+    // The checkpoint has the last state, the network the best.
+    let report = if report.ended == Ended::Cancelled { fit.finish(&mut network, &set) } else { report };
     line.say("writing");
     target.put(|file| write_network(file, &network, &set.frame, WeightNorm::Kept))?;
     drop(line);
     if let (Ended::Cancelled, Some(file)) = (report.ended, &args.checkpoint) {
-        errors::note(&format!("cancelled; --resume {} goes on with it", file.display()));
+        errors::note(&match lost {
+            true => format!("cancelled; `{}` was not written, so that nothing goes on from here", file.display()),
+            false => format!("cancelled; --resume {} goes on with it", file.display()),
+        });
     }
-    say(args, &taken, fit.params(), &report, start.elapsed().as_secs_f64())
+    let end = say(args, &taken, &params, &report, start.elapsed().as_secs_f64())?;
+    Ok(if lost { End::Unusable } else { end })
 }
 
 /// The network to write, and where to store the fit.
@@ -175,15 +182,16 @@ fn sampling(seed: u64) -> SamplingParams {
     SamplingParams { seed, ..SamplingParams::default() }
 }
 
-/// Why a fit that is stored on its way ended.
+/// How a fit that is stored on its way went.
 #[derive(Debug)]
-enum Stopped {
-    Fit(FitError),
-    Output(OutputError),
+struct Ran {
+    report: FitReport,
+    /// Whether the user cancelled it and it could not be stored, which was told.
+    lost: bool,
 }
 
 /// Runs a fit to its end, or until the user cancels. Where there is a place to store it, it is stored there after each `every` seconds, and when
-/// it is cancelled.
+/// it is cancelled. Where that fails it is told, and the fit goes on.
 fn run_storing(
     fit: &mut Fit,
     network: &mut Network,
@@ -191,8 +199,10 @@ fn run_storing(
     line: &Line,
     checkpoint: Option<&Target>,
     every: f64,
-) -> Result<FitReport, Stopped> {
+) -> Result<Ran, FitError> {
     let check_every = fit.params().check_every;
+    // A disk that stays full is told once.
+    let mut is_told = false;
     loop {
         let start = Instant::now();
         let mut watch = |p: &FitProgress| {
@@ -204,12 +214,27 @@ fn run_storing(
             let is_due = checkpoint.is_some() && p.step.is_multiple_of(check_every) && start.elapsed().as_secs_f64() >= every;
             if is_due || cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
-        let report = fit.run(network, set, &mut watch).map_err(Stopped::Fit)?;
-        let Some(place) = checkpoint.filter(|_| report.ended == Ended::Cancelled) else { return Ok(report) };
+        let report = fit.run(network, set, &mut watch)?;
+        let Some(place) = checkpoint.filter(|_| report.ended == Ended::Cancelled) else {
+            return Ok(Ran { report, lost: false });
+        };
+        let is_last = cancel::asked();
         line.say("storing");
-        place.put(|file| write_checkpoint(file, fit, network, &set.frame)).map_err(Stopped::Output)?;
-        if cancel::asked() {
-            return Ok(report);
+        let stored = place.put(|file| write_checkpoint(file, fit, network, &set.frame));
+        let lost = stored.is_err();
+        if let Err(error) = stored
+            && (is_last || !is_told)
+        {
+            line.aside(|| {
+                errors::show(&error.into());
+                if !is_last {
+                    errors::note("the fit goes on, and storing it is tried again");
+                }
+            });
+        }
+        is_told = lost;
+        if is_last {
+            return Ok(Ran { report, lost });
         }
     }
 }
@@ -222,7 +247,6 @@ fn mesh(args: &FitArgs) -> Result<TriMesh, FitFault> {
 }
 
 fn say(args: &FitArgs, taken: &MeshTarget, params: &FitParams, report: &FitReport, seconds: f64) -> Result<End, Report> {
-    let missed = params.accuracy.is_some_and(|a| report.error.mean > a);
     let out = args.out.display().to_string();
     if args.json {
         print_json(&json!({"out": out, "state": report.ended, "report": report, "seconds": seconds}))?;
@@ -238,14 +262,26 @@ fn say(args: &FitArgs, taken: &MeshTarget, params: &FitParams, report: &FitRepor
         text += &format!("{steps} steps, {ended}, {seconds:.1} s\nWrote {out}\n");
         print(&text)?;
     }
-    Ok(match report.ended {
-        Ended::Cancelled => End::Cancelled,
-        _ if missed => {
-            errors::note("the accuracy was not reached; the network was written all the same");
-            End::NotClean
+    let (end, note) = judged(params, report);
+    if let Some(note) = note {
+        errors::note(note);
+    }
+    Ok(end)
+}
+
+/// How the command ends, and what to say of it.
+fn judged(params: &FitParams, report: &FitReport) -> (End, Option<&'static str>) {
+    match report.ended {
+        Ended::Cancelled => (End::Cancelled, None),
+        Ended::Diverged => {
+            let note = "the fit diverged; the best state before was written. Look at --scale, or try another --seed";
+            (End::NotClean, Some(note))
         }
-        _ => End::Clean,
-    })
+        _ if params.accuracy.is_some_and(|a| report.error.mean > a) => {
+            (End::NotClean, Some("the accuracy was not reached; the network was written all the same"))
+        }
+        _ => (End::Clean, None),
+    }
 }
 
 fn ended(ended: Ended) -> String {
@@ -270,20 +306,64 @@ fn errors_of(report: &FitReport) -> String {
 mod tests {
     use super::*;
     use if_core::math::Point;
-    use if_core::shapes::Sphere;
+    use if_core::shapes::{Sphere, Torus};
     use if_neural::accuracy::FieldError;
     use if_neural::grid::GridConfig;
+    use if_neural::schedule::Schedule;
     use if_neural::target::Target as Field;
     use if_neural::trainable::TrainableField;
 
-    #[test]
-    fn the_table_fits_100_columns_and_is_plain() {
+    fn report(ended: Ended) -> FitReport {
         let error =
             FieldError { mean: 2e-4, p99: 1.9e-3, max: 0.0123, surface: 1e-4, eikonal: 0.04, normal_degrees: 3.9, points: 9 };
-        let report = FitReport { ended: Ended::Time, steps: 9, kept: 9, samples: 99, seconds: 1.0, error };
-        let text = errors_of(&report);
+        FitReport { ended, steps: 9, kept: 9, samples: 99, seconds: 1.0, error }
+    }
+
+    #[test]
+    fn the_table_fits_100_columns_and_is_plain() {
+        let text = errors_of(&report(Ended::Time));
         assert!(text.contains("0.200") && text.contains("12.300"), "{text}");
         assert!(text.lines().all(|l| l.is_ascii() && l.len() <= 100), "{text}");
+    }
+
+    #[test]
+    fn a_fit_that_diverged_or_missed_its_accuracy_is_not_clean() {
+        let of = |ended, accuracy| judged(&FitParams { accuracy, ..FitParams::default() }, &report(ended));
+        assert_eq!(of(Ended::Steps, None), (End::Clean, None));
+        assert_eq!(of(Ended::Accuracy, Some(2e-4)), (End::Clean, None));
+        assert_eq!(of(Ended::Cancelled, Some(1e-4)), (End::Cancelled, None));
+        for (ended, accuracy, word) in [(Ended::Time, Some(1e-4), "not reached"), (Ended::Diverged, None, "diverged")] {
+            let (end, note) = of(ended, accuracy);
+            assert!(end == End::NotClean && note.unwrap().contains(word), "{note:?}");
+        }
+    }
+
+    #[test]
+    fn a_fit_that_is_cancelled_before_its_first_check_keeps_what_it_has_learned() {
+        let ring = Torus { center: Point::new(1.0, 2.0, 3.0), major: 0.5, minor: 0.2 };
+        let few = SamplingParams { near: 2000, far: 200, held_out: 400, ..SamplingParams::default() };
+        let set = Field::Field(&ring).training_set(&few).unwrap();
+        let config = NetworkConfig::Grid(GridConfig { coarsest: 8, finest: 24, levels: 3, ..GridConfig::default() });
+        let mut network = Network::new(&config, 1).unwrap();
+        let schedule = Schedule { rate: 0.02, warmup: 0, ..Schedule::default() };
+        let params = FitParams { batch: 256, steps: Some(200), seconds: None, check_every: 25, schedule, ..config.fit_params() };
+        let mut fit = Fit::new(params).unwrap();
+        let mut first = 0.0;
+        let mut stop = |p: &FitProgress| {
+            first = p.error.mean;
+            if p.step == 20 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let broken = fit.run(&mut network, &set, &mut stop).unwrap();
+        assert_eq!((broken.ended, broken.kept), (Ended::Cancelled, 20));
+        let last = network.clone();
+        let report = fit.clone().finish(&mut network, &set);
+        assert_eq!((report.ended, report.steps, report.kept, report.error), (Ended::Cancelled, 20, 20, broken.error));
+        assert!(report.error.mean < first && network.parameters() == last.parameters(), "{report:?} {first}");
+        // A last state that is worse than the first one is not kept.
+        network.parameters_mut().iter_mut().for_each(|p| *p += 1.0);
+        let report = fit.finish(&mut network, &set);
+        assert!(report.kept == 0 && report.error.mean > broken.error.mean, "{report:?}");
+        assert!(network.parameters() == Network::new(&config, 1).unwrap().parameters());
     }
 
     #[test]
@@ -303,12 +383,19 @@ mod tests {
         let path = folder.path().join("fit.safetensors");
         let place = Target::open(&path, "safetensors", &[], &[]).unwrap();
         let line = Line::new("", 0, 1);
-        let report = run_storing(&mut fit, &mut stored, &set, &line, Some(&place), 0.0).unwrap();
-        assert_eq!((report.ended, report.steps), (Ended::Steps, 10));
+        let Ran { report, lost } = run_storing(&mut fit, &mut stored, &set, &line, Some(&place), 0.0).unwrap();
+        assert_eq!((report.ended, report.steps, lost), (Ended::Steps, 10, false));
         assert!(stored.parameters() == whole.parameters());
         let (mut fit, mut later, frame) = read_checkpoint(File::open(&path).unwrap()).unwrap();
         assert_eq!((fit.steps(), frame), (8, set.frame));
         run_storing(&mut fit, &mut later, &set, &line, None, 0.0).unwrap();
         assert!(later.parameters() == whole.parameters());
+        // One that cannot be stored goes on all the same, and leaves no half of a file.
+        let (mut fit, mut unstored) = begin();
+        std::fs::remove_file(&path).unwrap();
+        std::fs::create_dir(&path).unwrap();
+        let Ran { report, lost } = run_storing(&mut fit, &mut unstored, &set, &line, Some(&place), 0.0).unwrap();
+        assert_eq!((report.ended, report.steps, lost), (Ended::Steps, 10, false));
+        assert!(unstored.parameters() == whole.parameters() && !place.staged(0).exists());
     }
 }

@@ -70,25 +70,27 @@ fn list(triangles: &[[u32; 2]]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_pipeline::report::{LayerReport, PairCount, Verification};
+    use if_pipeline::report::{LayerReport, PairCount};
 
     fn layer(name: &str, own_pairs: [usize; 2]) -> LayerReport {
-        LayerReport { name: name.into(), own_pairs, ..LayerReport::default() }
+        let mut layer = LayerReport::default();
+        (layer.name, layer.own_pairs) = (name.into(), own_pairs);
+        layer
     }
 
     #[test]
     fn the_worst_pair_of_layers_is_named_and_none_where_all_is_clean() {
-        let pair = |outer: &str, crossing, vertices_inside| PairReport {
-            inner: "body".into(),
-            outer: outer.into(),
-            pairs: PairCount { crossing, ..Default::default() },
-            vertices_inside,
-            vertices: 10,
-            deepest: 0.0,
+        let pair = |outer: &str, crossing, vertices_inside| {
+            let mut pair = PairReport::default();
+            (pair.inner, pair.outer) = ("body".into(), outer.into());
+            pair.pairs = PairCount { crossing, ..Default::default() };
+            (pair.vertices_inside, pair.vertices) = (vertices_inside, 10);
+            pair
         };
         let found = |pairs| {
-            let after = Verification { pairs, ..Default::default() };
-            Left::found("o", &ResolveReport { after, ..Default::default() }, vec![[1, 2]])
+            let mut report = ResolveReport::default();
+            report.after.pairs = pairs;
+            Left::found("o", &report, vec![[1, 2]])
         };
         assert!(found(vec![pair("a", 0, 0)]).is_none());
         let left = found(vec![pair("a", 1, 0), pair("b", 3, 5)]).unwrap();
@@ -102,7 +104,11 @@ mod tests {
 
     #[test]
     fn new_intersections_of_a_garment_with_itself_are_left_too_and_old_ones_are_not() {
-        let found = |layers| Left::found("o", &ResolveReport { layers, ..Default::default() }, vec![[1, 2]]);
+        let found = |layers| {
+            let mut report = ResolveReport::default();
+            report.layers = layers;
+            Left::found("o", &report, vec![[1, 2]])
+        };
         assert!(found(vec![layer("a", [7, 7]), layer("b", [9, 2])]).is_none());
         let left = found(vec![layer("a", [7, 7]), layer("coat", [1, 3])]).unwrap();
         assert_eq!(left.to_string(), "outfit `o`: 2 new intersections of `coat` with itself are left");

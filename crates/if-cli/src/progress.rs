@@ -38,6 +38,11 @@ impl Line {
         self.bar.set_message(format!("{}{what}", self.outfit));
     }
 
+    /// Takes the line away while something else is written.
+    pub(crate) fn aside(&self, write: impl FnOnce()) {
+        self.bar.suspend(write);
+    }
+
     /// Says how far the resolving is.
     pub(crate) fn show(&self, progress: &Progress) {
         let stage = match progress.stage {

@@ -2,6 +2,7 @@
 //!
 //! Two runs on the same input with the same parameters give the same bytes, but for `timings`.
 
+use crate::companions::Companions;
 use crate::hash::{self, Content};
 use crate::outfit_file::{LayerSpec, OutfitSpec};
 use crate::resolve_outfit::Done;
@@ -25,7 +26,7 @@ pub(crate) struct Request {
     pub(crate) params: Value,
     /// From the units of the files to metres.
     pub(crate) scale: f64,
-    /// The body, then the garments, inner to outer.
+    /// The body, then the garments, inner to outer, then what these name: material libraries and textures.
     pub(crate) inputs: Vec<Input>,
 }
 
@@ -34,7 +35,7 @@ pub(crate) struct Request {
 pub(crate) struct Input {
     /// The layer's name.
     pub(crate) layer: String,
-    /// The path as the user wrote it.
+    /// The path as the user wrote it; of what a garment's file names, that from the garment's folder.
     pub(crate) file: String,
     #[serde(flatten)]
     pub(crate) content: Content,
@@ -62,14 +63,14 @@ pub(crate) struct Timings {
 }
 
 impl Request {
-    /// The request that an outfit with these files (the body's first) makes.
-    pub(crate) fn new(spec: &OutfitSpec, files: &[MeshFile]) -> Self {
+    /// The request that an outfit with these files (the body's first) and what they name makes.
+    pub(crate) fn new(spec: &OutfitSpec, files: &[MeshFile], companions: &Companions) -> Self {
         let input = |(layer, file): (&LayerSpec, &MeshFile)| Input {
             layer: layer.name.clone(),
             file: layer.written.clone(),
             content: hash::content(file.bytes()),
         };
-        let inputs = spec.layers().zip(files).map(input).collect();
+        let inputs = spec.layers().zip(files).map(input).chain(companions.inputs()).collect();
         Self { tool: tool(), params: json!(spec.params), scale: spec.scale, inputs }
     }
 
@@ -166,7 +167,8 @@ mod tests {
     fn a_receipt_holds_times_in_one_place_only() {
         let request = Request { tool: tool(), params: json!({}), scale: 1.0, inputs: vec![] };
         let with = |seconds: f64| {
-            let report = ResolveReport { seconds, ..Default::default() };
+            let mut report = ResolveReport::default();
+            report.seconds = seconds;
             let timings = Timings { read: seconds, ..Default::default() };
             let done = Done { notes: vec![], report, outputs: vec![], left: None, seconds };
             let text = text("o", &request, &done, &timings).unwrap();

@@ -1,7 +1,7 @@
 //! One outfit from its files to its output folder.
 
 use crate::cancel;
-use crate::companions;
+use crate::companions::Companions;
 use crate::end::End;
 use crate::left::Left;
 use crate::load::{self, Loaded};
@@ -83,7 +83,8 @@ pub(crate) fn run(spec: &OutfitSpec, out: &Path, options: Options, line: &Line) 
     outputs::check(spec, out, &names, options.in_place)?;
     line.say("reading");
     let mut loaded = load::load(spec)?;
-    let request = Request::new(spec, &loaded.files);
+    let companions = Companions::find(spec, &loaded.files, &names)?;
+    let request = Request::new(spec, &loaded.files, &companions);
     if options.resume && request.is_finished(out, &names) {
         return Ok(Outcome::Finished);
     }
@@ -97,9 +98,8 @@ pub(crate) fn run(spec: &OutfitSpec, out: &Path, options: Options, line: &Line) 
     if done.left.is_none() || options.write_unproven {
         line.say("writing");
         done.outputs = outputs::write_garments(spec, &loaded, &resolved.positions, &request, (&staging, out))?;
-        let (copied, missing) = companions::write(spec, &loaded, &names, (&staging, out))?;
-        done.outputs.extend(copied);
-        done.notes.extend(missing);
+        done.outputs.extend(companions.write((&staging, out))?);
+        done.notes.extend(companions.missing);
         timings.write = start.elapsed().as_secs_f64() - timings.read - timings.resolve;
         if options.pictures {
             line.say("drawing");

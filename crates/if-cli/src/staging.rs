@@ -127,8 +127,11 @@ impl Staging {
         self.partial.join(name)
     }
 
-    /// Moves the files into place, in the order given.
+    /// Moves the files into place, in the order given; none where something is in the way of one.
     pub(crate) fn commit(mut self, names: &[impl AsRef<Path>]) -> Result<(), OutputError> {
+        for name in names {
+            free(&self.out.join(name))?;
+        }
         for name in names {
             let path = self.out.join(name);
             let folder = path.parent().unwrap_or(&self.out);
@@ -138,6 +141,18 @@ impl Staging {
         self.made.clear();
         Ok(())
     }
+}
+
+/// Whether a file can be moved to `path`: no folder stands there, and no file where one of its folders must be.
+fn free(path: &Path) -> Result<(), OutputError> {
+    if path.exists() && !path.is_file() {
+        return Err(OutputError::InTheWay { path: path.into() });
+    }
+    let above = path.ancestors().skip(1).find(|folder| folder.exists());
+    if above.is_some_and(|folder| !folder.is_dir()) {
+        return Err(OutputError::File { path: path.into(), source: io::ErrorKind::NotADirectory.into() });
+    }
+    Ok(())
 }
 
 impl Drop for Staging {
@@ -170,6 +185,33 @@ mod tests {
         write(staging.path("y"), "y").unwrap();
         staging.commit(&["y", "x"]).unwrap();
         assert_eq!(read_dir(&out).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn where_something_is_in_the_way_of_one_file_none_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path().join("a"), "old").unwrap();
+        fs::create_dir(folder.path().join("b")).unwrap();
+        write(folder.path().join("file"), "old").unwrap();
+        let commit = |names: &[&str]| {
+            let staging = Staging::open(folder.path()).unwrap();
+            for name in names {
+                let path = staging.path(name);
+                fs::create_dir_all(path.parent().unwrap()).unwrap();
+                write(path, "new").unwrap();
+            }
+            staging.commit(names)
+        };
+        let fault = commit(&["a", "b"]).unwrap_err();
+        assert!(matches!(&fault, OutputError::InTheWay { path } if path.ends_with("b")), "{fault}");
+        for below in ["file/c", "file/c/d"] {
+            let fault = commit(&["a", "new/x", below]).unwrap_err();
+            assert!(matches!(&fault, OutputError::File { path, .. } if path.ends_with(below)), "{fault}");
+        }
+        assert_eq!(fs::read(folder.path().join("a")).unwrap(), b"old");
+        assert!(!folder.path().join("new").exists());
+        commit(&["a", "new/x"]).unwrap();
+        assert_eq!(fs::read(folder.path().join("a")).unwrap(), b"new");
     }
 
     #[test]

@@ -322,41 +322,40 @@ fn percent(fraction: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_pipeline::report::{Moved, PairCount, Skipped, Strain};
+    use if_pipeline::report::{Moved, PairCount, Strain};
 
     fn pair(outer: &str, inner: &str, crossing: usize) -> PairReport {
-        let pairs = PairCount { crossing, ..Default::default() };
-        let (vertices_inside, deepest) = (crossing / 2, crossing as f64 * 1e-5);
-        PairReport { inner: inner.into(), outer: outer.into(), pairs, vertices_inside, vertices: 7703, deepest }
+        let mut pair = PairReport::default();
+        (pair.inner, pair.outer) = (inner.into(), outer.into());
+        pair.pairs = PairCount { crossing, ..Default::default() };
+        (pair.vertices_inside, pair.vertices, pair.deepest) = (crossing / 2, 7703, crossing as f64 * 1e-5);
+        pair
     }
 
     fn report() -> ResolveReport {
-        let state = |n: usize| Verification {
-            pairs: vec![pair("suit_trousers", "body_clean", 29_859 * n), pair("suit_jacket", "suit_trousers", 7 * n)],
-            own_pairs: vec![0, 21],
-            seconds: 0.0,
+        let state = |n: usize| {
+            let mut state = Verification::default();
+            state.pairs = vec![pair("suit_trousers", "body_clean", 29_859 * n), pair("suit_jacket", "suit_trousers", 7 * n)];
+            state.own_pairs = vec![0, 21];
+            state
         };
-        let layer = |name: &str| LayerReport {
-            name: name.into(),
-            moved: Moved { mean: 0.001234, p95: 0.0123, max: 0.1234, vertices: 5 },
-            strain: Strain { rms: 0.0123, p99: 0.0456, max: 0.4 },
-            own_pairs: [21, 21],
-            rounds: 40,
-            repairs: 12,
-            sweeps: 1000,
-            queries: 100_000,
-            tucked: [120, 3],
-            eased: [4.0, 0.75],
-            split: 0,
-            skipped: Skipped { layers: 1, vertices: 12_345, queries: 9, sweeps: 0 },
-            seconds: 12.345,
+        let layer = |name: &str| {
+            let mut layer = LayerReport::default();
+            layer.name = name.into();
+            layer.moved = Moved { mean: 0.001234, p95: 0.0123, max: 0.1234, vertices: 5 };
+            layer.strain = Strain { rms: 0.0123, p99: 0.0456, max: 0.4 };
+            layer.own_pairs = [21, 21];
+            (layer.rounds, layer.repairs, layer.sweeps, layer.queries) = (40, 12, 1000, 100_000);
+            (layer.tucked, layer.eased) = ([120, 3], [4.0, 0.75]);
+            (layer.skipped.layers, layer.skipped.vertices, layer.skipped.queries) = (1, 12_345, 9);
+            layer.seconds = 12.345;
+            layer
         };
-        ResolveReport {
-            before: state(1),
-            after: state(0),
-            layers: vec![layer("suit_trousers"), layer("suit_jacket")],
-            seconds: 1.0,
-        }
+        let mut report = ResolveReport::default();
+        (report.before, report.after) = (state(1), state(0));
+        report.layers = vec![layer("suit_trousers"), layer("suit_jacket")];
+        report.seconds = 1.0;
+        report
     }
 
     #[test]

@@ -67,12 +67,15 @@ impl Target {
         plain(&self.folder, &self.names[k])
     }
 
-    /// Writes the file and moves it into place, as often as is wanted.
+    /// Writes the file and moves it into place, as often as is wanted. Where that fails, what stood there stays.
     pub(crate) fn put(&self, fill: impl FnOnce(&mut File) -> io::Result<()>) -> Result<(), OutputError> {
-        let fault = |source| OutputError::File { path: self.path(0), source };
         let staged = self.staged(0);
         let written = File::create(&staged).and_then(|mut file| fill(&mut file)).and_then(|()| fs::rename(&staged, self.path(0)));
-        written.map_err(fault)
+        written.map_err(|source| {
+            // Half a file would take the room of the next one on a full disk.
+            let _ = fs::remove_file(&staged);
+            OutputError::File { path: self.path(0), source }
+        })
     }
 
     /// Moves all files into place, and says where they are.

@@ -143,6 +143,18 @@ impl TriMesh {
         Aabb::from_points(&self.vertices)
     }
 
+    /// The box round the vertices of triangles: without those of none.
+    pub fn surface_aabb(&self) -> Aabb {
+        Aabb::from_points(self.triangles.as_flattened().iter().map(|v| &self.vertices[*v as usize]))
+    }
+
+    /// For each vertex whether a triangle has it.
+    pub fn used_vertices(&self) -> Vec<bool> {
+        let mut used = vec![false; self.vertices.len()];
+        self.triangles.as_flattened().iter().for_each(|v| used[*v as usize] = true);
+        used
+    }
+
     /// Sum of the triangles' areas, in square metres.
     pub fn area(&self) -> Real {
         (0..self.triangles.len())

@@ -46,7 +46,7 @@ mod watch;
 pub mod work;
 
 use crate::attributes::VertexAttributes;
-use crate::cleanup::boundary::{MOST_PASSES, SmoothParams, SmoothReport};
+use crate::cleanup::boundary::{SmoothParams, SmoothReport};
 use crate::cleanup::components::{ComponentParams, ComponentReport};
 use crate::cleanup::holes::{FillParams, FillReport};
 use crate::cleanup::manifold::ManifoldReport;
@@ -120,23 +120,16 @@ impl CleanupParams {
     ///
     /// The first that does not.
     pub fn validate(&self) -> Result<(), CleanupError> {
-        let range = |name, value: Real, low: Real, high: Real, wanted| {
-            if (low..=high).contains(&value) { Ok(()) } else { Err(CleanupError::Range { name, value, wanted }) }
-        };
-        if let Some(c) = &self.components {
-            range("the least share of a part", c.least_share, 0.0, 1.0, "a share from 0 to 1")?;
-        }
-        if let Some(s) = &self.smooth {
-            range("λ", s.lambda, 0.0, 1.0, "a number from 0 to 1")?;
-            range("μ", s.mu, -1.1, 0.0, "a number from −1.1 to 0, a little below −λ")?;
-            range("the roughness", s.roughness, 1e-3, 10.0, "an angle in radians, from 0.001")?;
-            let most = MOST_PASSES as Real;
-            range("the number of passes over a loop", s.passes as Real, 0.0, most, "at most 10,000")?;
-            range("the number of rounds", s.rounds as Real, 0.0, most, "at most 10,000")?;
-            range("the number of passes over the surface", s.surface_passes as Real, 0.0, most, "at most 10,000")?;
-        }
+        self.components.as_ref().map_or(Ok(()), ComponentParams::validate)?;
+        self.fill.as_ref().map_or(Ok(()), FillParams::validate)?;
+        self.smooth.as_ref().map_or(Ok(()), SmoothParams::validate)?;
         Ok(self.openings.validate()?)
     }
+}
+
+/// Refuses a number that is not from `low` to `high`.
+fn range(name: &'static str, value: Real, low: Real, high: Real, wanted: &'static str) -> Result<(), CleanupError> {
+    if (low..=high).contains(&value) { Ok(()) } else { Err(CleanupError::Range { name, value, wanted }) }
 }
 
 /// What was done, step by step.

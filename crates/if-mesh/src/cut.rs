@@ -33,6 +33,17 @@ impl Default for CutParams {
     }
 }
 
+impl CutParams {
+    /// Whether the share is one.
+    ///
+    /// # Errors
+    ///
+    /// [`CutError::Least`].
+    pub fn validate(&self) -> Result<(), CutError> {
+        if (0.0..=0.5).contains(&self.least) { Ok(()) } else { Err(CutError::Least(self.least)) }
+    }
+}
+
 /// Where a vertex of a piece comes from: the point of these weights between three vertices of the mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Origin {
@@ -144,9 +155,7 @@ pub fn cut(mesh: &TriMesh, scores: &LabelScores, params: &CutParams) -> Result<V
     if let Some(at) = scores.scores.iter().position(|s| !s.is_finite()) {
         return Err(CutError::Score { vertex: at / scores.labels, label: at % scores.labels, value: scores.scores[at] });
     }
-    if !(0.0..=0.5).contains(&params.least) {
-        return Err(CutError::Least(params.least));
-    }
+    params.validate()?;
     let labels = scores.winners();
     let tiles = Tiles::new(mesh, scores, &labels, params);
     let mut present: Vec<u8> = tiles.labels.clone();

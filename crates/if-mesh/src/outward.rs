@@ -28,9 +28,13 @@ const MAX_NODES: Real = 16_777_216.0;
 const FLAT: Real = 0.02;
 
 impl Outward {
-    /// Directions out of `layers` in `region`, on cells of `cell` metres (more, for a huge region).
+    /// Directions out of `layers` in `region`, on cells of `cell` metres (more, for a huge region). None at all in a region that is
+    /// empty or beyond the range of numbers.
     pub fn new(layers: &[&ClosedLayer], region: &Aabb, cell: Real) -> Self {
         let size = region.size();
+        if !size.iter().all(|s| (0.0..Real::INFINITY).contains(s)) {
+            return Self { origin: Point::origin(), cell, dims: [0; 3], occupancy: Vec::new() };
+        }
         let border = 2.0 + 3.0 * RADIUS as Real;
         let fits = |c: Real| (0..3).map(|k| size[k] / c + 2.0 * border).product::<Real>() <= MAX_NODES;
         let mut cell = cell;

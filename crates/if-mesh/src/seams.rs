@@ -52,8 +52,7 @@ impl Sewn {
 /// ```
 pub fn sew(mesh: &TriMesh) -> Option<Sewn> {
     let n = mesh.vertices().len();
-    let mut used = vec![false; n];
-    mesh.triangles().as_flattened().iter().for_each(|v| used[*v as usize] = true);
+    let used = mesh.used_vertices();
     let spots = spots(mesh.vertices());
     let mut joined: Vec<u32> = (0..n as u32).collect();
     let edges = spots.as_ref().map_or(0, |spots| join(mesh, spots, &mut joined));

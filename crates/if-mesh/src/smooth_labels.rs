@@ -67,6 +67,22 @@ impl LabelScores {
     }
 }
 
+impl SmoothLabelParams {
+    /// Whether all numbers make sense.
+    ///
+    /// # Errors
+    ///
+    /// The first that does not.
+    pub fn validate(&self) -> Result<(), SmoothLabelError> {
+        for (name, value) in [("length", self.length), ("tolerance", self.tolerance)] {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(SmoothLabelError::Param { name, value });
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Why votes cannot be made smooth.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -145,14 +161,10 @@ pub fn smooth_labels_watched(
     let n = mesh.vertices().len();
     votes.check(n)?;
     let k = votes.labels;
-    for (name, value) in [("length", params.length), ("tolerance", params.tolerance)] {
-        if !(value.is_finite() && value >= 0.0) {
-            return Err(SmoothLabelError::Param { name, value });
-        }
-    }
+    params.validate()?;
     let areas = vertex_areas(mesh);
     let matrix = Matrix::new(mesh, votes, &areas, params.length);
-    let fields: Result<Vec<Vec<Real>>, SmoothLabelError> = (1..k)
+    let fields: Vec<Result<Vec<Real>, SmoothLabelError>> = (1..k)
         .into_par_iter()
         .map(|label| {
             let right: Vec<Real> = (0..n).map(|v| areas[v] * votes.of(v)[label]).collect();
@@ -164,8 +176,9 @@ pub fn smooth_labels_watched(
         })
         .collect();
     let mut scores = vec![0.0; n * k];
-    for (label, field) in fields?.iter().enumerate() {
-        for (v, s) in field.iter().enumerate() {
+    // Of several that fail the first label is told, whichever was done first.
+    for (label, field) in fields.into_iter().enumerate() {
+        for (v, s) in field?.iter().enumerate() {
             // The tolerance of the solve lets a value leave its range by as much.
             scores[v * k + label + 1] = s.clamp(0.0, 1.0);
         }

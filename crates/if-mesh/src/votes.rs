@@ -49,6 +49,27 @@ impl Default for VoteParams {
     }
 }
 
+impl VoteParams {
+    /// Whether all numbers make sense.
+    ///
+    /// # Errors
+    ///
+    /// The first that does not.
+    pub fn validate(&self) -> Result<(), VoteError> {
+        let positive = |x: Real| x > 0.0;
+        let checks = [
+            ("step", self.step, positive(self.step), "positive"),
+            ("enough", self.enough, positive(self.enough), "positive"),
+            ("least_gain", self.least_gain, (0.0..=1.0).contains(&self.least_gain), "from 0 to 1"),
+            ("near", self.raster.near, positive(self.raster.near), "positive"),
+        ];
+        match checks.into_iter().find(|c| !c.2) {
+            Some((name, value, _, expected)) => Err(VoteError::Param { name, value, expected }),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Why votes cannot be cast.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -230,17 +251,10 @@ impl<'a> Voter<'a> {
     ///
     /// A parameter out of range.
     pub fn new(mesh: &'a TriMesh, labels: usize, params: &VoteParams) -> Result<Self, VoteError> {
-        let positive = |x: Real| x > 0.0;
-        let checks = [
-            ("labels", labels as Real, (2..=256).contains(&labels), "from 2 to 256"),
-            ("step", params.step, positive(params.step), "positive"),
-            ("enough", params.enough, positive(params.enough), "positive"),
-            ("least_gain", params.least_gain, (0.0..=1.0).contains(&params.least_gain), "from 0 to 1"),
-            ("near", params.raster.near, positive(params.raster.near), "positive"),
-        ];
-        if let Some(&(name, value, _, expected)) = checks.iter().find(|c| !c.2) {
-            return Err(VoteError::Param { name, value, expected });
+        if !(2..=256).contains(&labels) {
+            return Err(VoteError::Param { name: "labels", value: labels as Real, expected: "from 2 to 256" });
         }
+        params.validate()?;
         let n = mesh.vertices().len();
         Ok(Self {
             mesh,

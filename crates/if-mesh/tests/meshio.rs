@@ -1,4 +1,10 @@
-//! Foreign tools in Python, where there are any: set `IFG_PYTHON` to a Python with numpy and meshio 5.3.5.
+//! Foreign tools in Python, for whoever asks: `IF_PYTHON` names one with numpy and meshio 5.3.5.
+//!
+//! ```sh
+//! cargo build -p if-mesh --example ply_roundtrip
+//! IF_PYTHON=/path/to/python cargo test -p if-mesh --test meshio -- --ignored
+//! ```
+//!
 //! `IFG_DATA` may name a folder whose `.ply` files all make the round trip too.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // also in what the tests share
 
@@ -9,36 +15,36 @@ use std::process::Command;
 
 const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/meshio_interop.py");
 
-fn python() -> Option<String> {
-    let python = std::env::var("IFG_PYTHON").ok();
-    if python.is_none() {
-        println!("skipped: IFG_PYTHON names no Python with meshio");
-    }
+/// A Python with what the script needs.
+fn python() -> String {
+    let python = std::env::var("IF_PYTHON").unwrap_or_else(|_| panic!("name a Python with numpy and meshio 5.3.5 in IF_PYTHON"));
+    let found = Command::new(&python).args(["-c", "import numpy, meshio"]).output();
+    let found = found.unwrap_or_else(|e| panic!("`{python}` does not start ({e}); name another Python in IF_PYTHON"));
+    let said = String::from_utf8_lossy(&found.stderr);
+    assert!(found.status.success(), "`{python}` lacks a module; install numpy and meshio==5.3.5 for it:\n{said}");
     python
 }
 
 /// The example, which `cargo test` builds beside the tests.
 fn roundtrip() -> PathBuf {
     let test = std::env::current_exe().unwrap();
-    test.parent().and_then(Path::parent).unwrap().join("examples/ply_roundtrip")
+    let built = test.parent().and_then(Path::parent).unwrap().join("examples/ply_roundtrip");
+    assert!(built.exists(), "{} is not there: cargo build -p if-mesh --example ply_roundtrip", built.display());
+    built
 }
 
 #[test]
+#[ignore = "needs Python with meshio: IF_PYTHON=/path/to/python"]
 fn meshio_reads_what_we_write_and_we_read_what_it_writes() {
-    let Some(python) = python() else { return };
-    if !roundtrip().exists() {
-        println!("skipped: build the example ply_roundtrip first");
-        return;
-    }
-    let output = Command::new(python).arg(SCRIPT).arg(roundtrip()).args(std::env::var("IFG_DATA").ok()).output().unwrap();
+    let output = Command::new(python()).arg(SCRIPT).arg(roundtrip()).args(std::env::var("IFG_DATA").ok()).output().unwrap();
     let text = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
     println!("{text}");
     assert!(output.status.success(), "{text}");
 }
 
 #[test]
+#[ignore = "needs Python with meshio: IF_PYTHON=/path/to/python"]
 fn displacement_and_strain_are_those_of_the_referee() {
-    let Some(python) = python() else { return };
     let side = 20u32;
     let mut header = format!(
         "ply\nformat ascii 1.0\nelement vertex {}\nproperty double x\nproperty double y\nproperty double z\n",
@@ -61,7 +67,7 @@ fn displacement_and_strain_are_those_of_the_referee() {
     let params = ply::WriteParams { coordinates: ply::CoordinateType::Double, ..Default::default() };
     ply::write_path(&before, before.mesh.vertices(), &params, &paths[0]).unwrap();
     ply::write_path(&before, &after, &params, &paths[1]).unwrap();
-    let output = Command::new(python).arg(SCRIPT).arg("--cost").args(&paths).output().unwrap();
+    let output = Command::new(python()).arg(SCRIPT).arg("--cost").args(&paths).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let theirs: Vec<f64> = String::from_utf8_lossy(&output.stdout).split_whitespace().map(|w| w.parse().unwrap()).collect();
     let (d, s) = (measure::displacement(before.mesh.vertices(), &after), measure::strain(&before.mesh, &after));

@@ -80,8 +80,8 @@ pub enum DeformError {
     /// A parameter is out of range.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
-    /// Nothing to fit to.
-    #[error("no canonical points; give some")]
+    /// Next to nothing to fit to.
+    #[error("fewer than 4 canonical points, and some are held out to measure at; give more")]
     Empty,
     /// Other frames than the network has.
     #[error("{got} frames of positions, the network has {expected}")]
@@ -506,7 +506,10 @@ mod tests {
             fit_deformation(&mut network, &Frame::UNIT, canonical, frames, &params, &mut |_, _| ControlFlow::Break(()))
         };
         let params = DeformParams { batch: 8, ..Default::default() };
-        assert_eq!(run(&[], &frames, params), Err(DeformError::Empty));
+        for few in 0..4 {
+            let fault = run(&canonical[..few], &frames, params).unwrap_err();
+            assert!(fault == DeformError::Empty && fault.to_string().contains("fewer than 4 canonical points"), "{fault}");
+        }
         assert_eq!(run(&canonical, &frames[1..], params), Err(DeformError::Frames { got: 4, expected: 5 }));
         let mut short = frames.clone();
         short[3].pop();

@@ -138,9 +138,14 @@ impl<N: Samples32> NeuralField<N> {
         Ok(field)
     }
 
-    /// The same with a Lipschitz bound that the caller knows.
+    /// The same with a Lipschitz bound of the network that the caller knows.
+    ///
+    /// # Panics
+    ///
+    /// If it is not a finite number above zero.
     #[must_use]
     pub fn with_lipschitz(self, lipschitz: Real) -> Self {
+        assert!(lipschitz > 0.0 && lipschitz.is_finite(), "a Lipschitz bound is a finite number above zero, not {lipschitz}");
         Self { lipschitz, ..self }
     }
 
@@ -290,6 +295,7 @@ mod tests {
     use super::*;
     use crate::grid::GridConfig;
     use if_core::conformance::{FieldTolerances, check_signed_distance};
+    use std::panic::{AssertUnwindSafe, catch_unwind};
 
     fn ball() -> NeuralField<GridField> {
         let grid = GridField::new(GridConfig { finest: 32, levels: 3, ..GridConfig::default() }).unwrap();
@@ -330,5 +336,15 @@ mod tests {
         assert!(matches!(inside_out, FieldError::Leaves { value, .. } if value < 0.0));
         let bad = Frame { scale: 0.0, ..Frame::UNIT };
         assert!(matches!(NeuralField::new(ball().network().clone(), bad), Err(FieldError::Frame { .. })));
+    }
+
+    #[test]
+    fn a_lipschitz_bound_that_is_none_is_refused() {
+        let field = ball();
+        assert_eq!(field.clone().with_lipschitz(3.0).lipschitz(), 3.0f64.hypot(1.0));
+        for bad in [0.0, -1.0, Real::NAN, Real::INFINITY] {
+            let field = field.clone();
+            assert!(catch_unwind(AssertUnwindSafe(|| field.with_lipschitz(bad))).is_err(), "{bad}");
+        }
     }
 }

@@ -8,7 +8,7 @@
 //! | deformation | `lin0.weight`, `lin0.bias`, …, `embeddings` (frames × length) |
 //!
 //! The header's metadata hold one entry, `if_neural`: JSON with version, kind, configuration and frame.
-//! Readers take whole files into memory, but no more than the file has, whatever its header claims.
+//! Readers judge the header first, and then take no more into memory than it says and the file has.
 
 mod checkpoint;
 mod tensors;
@@ -37,8 +37,8 @@ pub enum ReadError {
     /// The system does not give the file.
     #[error("cannot read the file: {0}")]
     Io(#[from] io::Error),
-    /// The file is larger than any network.
-    #[error("the file has more than {limit} bytes; no network is that large")]
+    /// The header speaks of more than any network has.
+    #[error("the header speaks of a file of more than {limit} bytes; no network is that large")]
     TooLarge {
         /// What is allowed.
         limit: u64,
@@ -296,15 +296,18 @@ fn fold(sdf: &SdfNetwork) -> Vec<f32> {
     for layer in &sdf.layout().layers {
         let rows = theta[layer.weight.clone()].chunks_exact(layer.columns);
         for (r, row) in rows.enumerate() {
-            let scale = match &layer.gain {
-                Some(gain) => f64::from(theta[gain.start + r]) / norm(row).max(f64::MIN_POSITIVE),
-                None => 1.0,
-            };
+            let scale = layer.gain.as_ref().map_or(1.0, |gain| gain_by_length(theta[gain.start + r], row));
             out.extend(row.iter().map(|v| (f64::from(*v) * scale) as f32));
         }
         out.extend_from_slice(&theta[layer.bias.clone()]);
     }
     out
+}
+
+/// g / |v|. A row of zeros has no direction: it stays zero, whatever its gain.
+fn gain_by_length(gain: f32, row: &[f32]) -> f64 {
+    let norm = norm(row);
+    if norm > 0.0 { f64::from(gain) / norm } else { 0.0 }
 }
 
 fn norm(row: &[f32]) -> f64 {
@@ -342,7 +345,7 @@ fn sdf_theta(tensors: &Tensors, config: &SdfConfig, prefix: &str) -> Result<Vec<
                 let mut gains = Vec::new();
                 tensors.append(&g, &[layer.rows, 1], &mut gains)?;
                 for (row, gain) in theta[first..].chunks_exact_mut(layer.columns).zip(gains) {
-                    let scale = f64::from(gain) / norm(row).max(f64::MIN_POSITIVE);
+                    let scale = gain_by_length(gain, row);
                     row.iter_mut().for_each(|w| *w = (f64::from(*w) * scale) as f32);
                 }
                 bias(&mut theta)?;

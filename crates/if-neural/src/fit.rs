@@ -172,7 +172,7 @@ pub struct FitReport {
     pub ended: Ended,
     /// Steps done.
     pub steps: u64,
-    /// Step of the parameters that were kept: those that reached the accuracy, or those with the least error at a check.
+    /// Step of the parameters that were kept: those that reached the accuracy, or those with the least error at a check. Where the caller broke, the last.
     pub kept: u64,
     /// Points seen.
     pub samples: u64,
@@ -243,7 +243,7 @@ impl Fit {
     /// Steps until one of the limits is met, the caller breaks, or it diverges. `progress` is called after each.
     ///
     /// Then the field has the parameters that reached the accuracy, or those of the check with the least error; only if the caller broke it has
-    /// those of the last step, so that [`Fit::run`] can go on, and [`Fit::keep_best`] installs the best.
+    /// those of the last step, so that [`Fit::run`] can go on, and [`Fit::finish`] installs the best.
     ///
     /// # Errors
     ///
@@ -317,14 +317,33 @@ impl Fit {
                 self.keep_best(field);
             }
         }
-        Ok(FitReport {
+        let kept = if ended == Ended::Cancelled { self.step } else { self.best.as_ref().map_or(0, |b| b.step) };
+        Ok(self.report(ended, kept, field, set))
+    }
+
+    /// Ends a fit that the caller broke: its last state is judged as at a check, and the field gets the best one, of which the report speaks.
+    ///
+    /// An unbroken fit may not have checked there: what is to go on with the same bits is stored before.
+    ///
+    /// # Panics
+    ///
+    /// If it is another field.
+    pub fn finish(mut self, field: &mut (impl TrainableField + ?Sized), set: &TrainingSet) -> FitReport {
+        let error = check(field, set, &set.held_out.thinned(CHECKED));
+        self.judge(&error, field);
+        self.keep_best(field);
+        self.report(Ended::Cancelled, self.best.as_ref().map_or(self.step, |b| b.step), field, set)
+    }
+
+    fn report(&self, ended: Ended, kept: u64, field: &(impl TrainableField + ?Sized), set: &TrainingSet) -> FitReport {
+        FitReport {
             ended,
             steps: self.step,
-            kept: if ended == Ended::Cancelled { self.step } else { self.best.as_ref().map_or(0, |b| b.step) },
+            kept,
             samples: self.step * self.params.batch as u64,
             seconds: self.seconds,
             error: check(field, set, &set.held_out),
-        })
+        }
     }
 
     /// Gives the field the best parameters so far.

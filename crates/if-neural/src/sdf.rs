@@ -161,16 +161,18 @@ mod tests {
     #[test]
     fn machines_that_fuse_multiply_and_add_have_the_same_gradients_to_the_bit() {
         let points = points(40, 2);
-        let gradients: Vec<Vec<[f32; 3]>> = (Isa::all().into_iter())
-            .filter(|isa| isa.name().starts_with("AVX"))
-            .map(|isa| {
-                let mut samples = vec![Sample32::default(); 40];
-                network(&shapes()[2], isa).samples32(&points, &mut samples);
-                samples.iter().map(|sample| sample.gradient).collect()
-            })
-            .collect();
-        for pair in gradients.windows(2) {
+        let gradients = |isa: Isa| -> Vec<[f32; 3]> {
+            let mut samples = vec![Sample32::default(); 40];
+            network(&shapes()[2], isa).samples32(&points, &mut samples);
+            samples.iter().map(|sample| sample.gradient).collect()
+        };
+        let fused: Vec<_> = Isa::all().into_iter().filter(|isa| isa.name() != "portable").map(gradients).collect();
+        for pair in fused.windows(2) {
             assert_eq!(pair[0], pair[1]);
+        }
+        // One of them alone is at least that of the portable path, which rounds twice: each is within 1e-5 of the twin in f64.
+        for (a, b) in fused.iter().flatten().zip(gradients(Isa::portable()).iter().cycle()) {
+            (0..3).for_each(|k| assert!((a[k] - b[k]).abs() < 2e-5, "{a:?} {b:?}"));
         }
     }
 

@@ -1,6 +1,6 @@
-//! Our files in PyTorch, and PyTorch's in ours: see `pytorch.py` beside this file.
+//! Our files in PyTorch, and PyTorch's in ours, for whoever asks: see `pytorch.py` beside this file.
 
-#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test that cannot go on fails, or says why it is skipped")]
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test that cannot go on fails")]
 
 use if_neural::files::{WeightNorm, read_network, write_network};
 use if_neural::frame::Frame;
@@ -18,24 +18,21 @@ struct Samples {
     gradients: Vec<[f32; 3]>,
 }
 
-/// False where torch is missing.
-fn python(command: &str, folder: &Path) -> bool {
-    let python = std::env::var("IF_PYTHON").unwrap_or_else(|_| "python3".into());
+/// Runs the script in the Python of `IF_PYTHON`.
+fn python(command: &str, folder: &Path) {
+    let python = std::env::var("IF_PYTHON").unwrap_or_else(|_| panic!("name a Python with torch and numpy in IF_PYTHON"));
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/pytorch.py");
     let (network, samples) = (folder.join("n.safetensors"), folder.join("s.json"));
     let run = Command::new(&python).arg(script).arg(command).arg(network).arg(samples).output();
     let run = run.unwrap_or_else(|e| panic!("`{python}` does not start ({e}); name a Python in IF_PYTHON"));
     let said = String::from_utf8_lossy(&run.stdout) + String::from_utf8_lossy(&run.stderr);
     eprintln!("{said}");
-    if run.status.code() == Some(77) {
-        return false;
-    }
+    assert!(run.status.code() != Some(77), "`{python}` lacks torch or numpy; install them, or name another Python in IF_PYTHON");
     assert!(run.status.success(), "{said}");
-    true
 }
 
 #[test]
-#[ignore = "stress: starts Python with torch"]
+#[ignore = "needs Python with torch: IF_PYTHON=/path/to/python"]
 fn pytorch_reads_ours_with_the_same_field() {
     let folder = tempfile::tempdir().unwrap();
     let fast = SdfConfig::fast();
@@ -57,19 +54,15 @@ fn pytorch_reads_ours_with_the_same_field() {
             gradients: out.iter().map(|s| s.gradient).collect(),
         };
         std::fs::write(folder.path().join("s.json"), serde_json::to_vec(&samples).unwrap()).unwrap();
-        if !python("check", folder.path()) {
-            return;
-        }
+        python("check", folder.path());
     }
 }
 
 #[test]
-#[ignore = "stress: starts Python with torch"]
+#[ignore = "needs Python with torch: IF_PYTHON=/path/to/python"]
 fn ours_reads_pytorch_with_the_same_field() {
     let folder = tempfile::tempdir().unwrap();
-    if !python("make", folder.path()) {
-        return;
-    }
+    python("make", folder.path());
     let (network, frame) = read_network(std::fs::File::open(folder.path().join("n.safetensors")).unwrap()).unwrap();
     assert_eq!(frame.scale, 1.25);
     let samples: Samples = serde_json::from_slice(&std::fs::read(folder.path().join("s.json")).unwrap()).unwrap();

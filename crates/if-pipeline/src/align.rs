@@ -20,7 +20,7 @@
 //!
 //! # Source
 //!
-//! `method.md` §4: a smooth k-nearest-neighbour offset field; rigid and scale is the fallback. The paper says that garments of
+//! Ours: a smooth field of offsets over the nearest sites, with a similarity as the fallback. The paper says that garments of
 //! several videos are aligned, and not how.
 
 mod field;
@@ -100,9 +100,11 @@ impl BodyMap {
     ///
     /// # Errors
     ///
-    /// Parameters out of range, or bodies without extent.
+    /// Parameters out of range, bodies without triangles or extent, or with weights for another number of vertices.
     pub fn new(from: &BodyShape, to: &BodyShape, params: &AlignParams) -> Result<Self, AlignError> {
         params.validate()?;
+        checked(from, "source")?;
+        checked(to, "target")?;
         let map = |kind, method, residual| Self { kind, method, residual, params: *params };
         if from.mesh == to.mesh {
             return Ok(map(Kind::Same, Method::Same, 0.0));
@@ -132,6 +134,8 @@ impl BodyMap {
     /// As [`BodyMap::new`].
     pub fn similar(from: &BodyShape, to: &BodyShape, params: &AlignParams) -> Result<Self, AlignError> {
         params.validate()?;
+        checked(from, "source")?;
+        checked(to, "target")?;
         let similarity = Similarity::between(from, to)?;
         let residual = register::residual(from.mesh.vertices().iter().map(|p| similarity.point(p)), to.mesh);
         Ok(Self { kind: Kind::Similar(similarity), method: Method::Similarity, residual, params: *params })
@@ -176,6 +180,22 @@ impl BodyMap {
         let moved = self.carry(garment.vertices(), skin)?;
         garment.with_vertices(moved).map_err(AlignError::Mesh)
     }
+}
+
+/// Refuses a body that is no surface, or whose weights are those of another one.
+fn checked(body: &BodyShape, which: &'static str) -> Result<(), AlignError> {
+    let of_template = body.template.into_iter();
+    for (mesh, skin) in of_template.chain([(body.mesh, body.skin)]) {
+        if mesh.triangles().is_empty() {
+            return Err(AlignError::NoSurface { which });
+        }
+        if let Some(skin) = skin
+            && skin.len() != mesh.vertices().len()
+        {
+            return Err(AlignError::SkinCount { points: mesh.vertices().len(), records: skin.len() });
+        }
+    }
+    Ok(())
 }
 
 /// Share of edges that two meshes of as many vertices have in common at least to be taken for one topology: quads are

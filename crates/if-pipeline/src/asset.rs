@@ -106,9 +106,13 @@ pub fn write(assets: &Writer, parts: &Parts) -> Result<AssetInfo, AssetError> {
             Ok(FileInfo { file: file.into(), content: content(bytes) })
         };
         let mut garment = parts.beside.unwrap_or(&Beside::default()).file(mesh.clone(), parts.skin);
-        let licence = parts.provenance.licence.iter().filter(|l| !garment.comments.contains(l));
-        let licence: Vec<String> = licence.map(|l| format!("licence {}", one_line(l))).collect();
-        garment.comments.extend(licence);
+        for licence in &parts.provenance.licence {
+            let told = format!("licence {}", one_line(licence));
+            // The file of an asset that is added again says so already.
+            if !garment.comments.contains(licence) && !garment.comments.contains(&told) {
+                garment.comments.push(told);
+            }
+        }
         let mut bytes = Vec::new();
         ply::write(&garment, mesh.vertices(), &WriteParams::default(), &mut bytes)
             .map_err(|source| AssetError::Ply { name: parts.name.into(), source: source.into() })?;

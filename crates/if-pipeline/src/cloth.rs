@@ -10,13 +10,13 @@ use crate::own::facing_sheets;
 use crate::parting::parting_plane;
 use crate::reach::Neighbours;
 use crate::resolve::ResolveParams;
+use crate::sewn::rounded;
 use crate::untangle::{lead_out, lift, smooth};
 use crate::weave::{hinge_edges, short_edges, stretch_groups};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_mesh::index::Bvh;
 use if_mesh::outward::Outward;
-use if_mesh::ply::{CoordinateType, quantise};
 use if_mesh::solid::ClosedLayer;
 use if_xpbd::attach::Attachments;
 use if_xpbd::constraint::Constraint;
@@ -126,7 +126,8 @@ impl<'a> Cloth<'a> {
             below,
             above,
             pressed: planes.clone(),
-            released: vec![false; n],
+            // Vertices of no triangle stay, wherever they are.
+            released: mesh.used_vertices().iter().map(|used| !used).collect(),
             outward,
             params,
             short: short_edges(&edges, &x),
@@ -151,7 +152,7 @@ impl<'a> Cloth<'a> {
 
     /// Positions as they will be stored.
     pub(crate) fn stored(&self) -> Vec<Point> {
-        if self.garment.single_precision { quantise(&self.x, CoordinateType::Float) } else { self.x.clone() }
+        if self.garment.single_precision { rounded(&self.x) } else { self.x.clone() }
     }
 
     /// Frees the vertices up to `influence` metres along the surface from `trouble`, and holds the

@@ -41,6 +41,8 @@ impl State {
 pub(crate) struct Inspector<'a> {
     below: &'a [&'a ClosedLayer],
     given: GivenPairs,
+    /// Vertices of triangles; others have no side.
+    used: Vec<bool>,
     /// The positions of the last look.
     seen: Vec<Point>,
     inside: Vec<bool>,
@@ -60,19 +62,22 @@ impl<'a> Inspector<'a> {
         let mut this = Self {
             below,
             given: GivenPairs::new(&own),
+            used: mesh.used_vertices(),
             seen: mesh.vertices().to_vec(),
             inside: vec![false; n],
             pairs: all_pairs(below, tree),
             own,
         };
-        this.look_at_sides(&vec![true; n]);
+        let all = this.used.clone();
+        this.look_at_sides(&all);
         let state = this.state();
         (this, state)
     }
 
     /// Looks at the garment as it is now; `tree` holds it.
     pub(crate) fn inspect(&mut self, mesh: &TriMesh, tree: &Bvh) -> State {
-        let moved: Vec<bool> = mesh.vertices().iter().zip(&self.seen).map(|(p, seen)| p != seen).collect();
+        let moved: Vec<bool> =
+            mesh.vertices().iter().zip(&self.seen).zip(&self.used).map(|((p, seen), used)| *used && p != seen).collect();
         self.seen.copy_from_slice(mesh.vertices());
         let triangles = MovedTriangles::new(mesh, &moved);
         if triangles.len() as Real > MANY * mesh.triangles().len() as Real {

@@ -71,6 +71,19 @@ pub enum OutfitError {
         /// The ends of the first of them.
         first: [u32; 2],
     },
+    /// Triangles of the body wind against their neighbours.
+    #[error(
+        "triangles {} and {} of body `{layer}` run along a common edge in the same direction, and so do others at {others} edges; wind \
+         all triangles counter-clockwise seen from outside, as a clean-up does", triangles[0], triangles[1]
+    )]
+    Winding {
+        /// Its name.
+        layer: String,
+        /// Two of the triangles at the first such edge.
+        triangles: [u32; 2],
+        /// How many edges more.
+        others: usize,
+    },
     /// The body winds inwards.
     #[error("body `{layer}` is inside out (signed volume {volume:.3e} m³); reverse the winding of its triangles")]
     InsideOut {
@@ -136,7 +149,7 @@ impl Outfit {
     ///
     /// # Errors
     ///
-    /// A layer without triangles, two of one name, a body that is open, inside out (as a whole or in a part) or not in metres
+    /// A layer without triangles, two of one name, a body that is open, inside out (as a whole, in a part or in single triangles) or not in metres
     /// (taller than 20 units), a garment whose box is further from the body's than the body is tall, or twelve times as large.
     /// Seams of the body count as closed ([`if_mesh::seams`]), and vertices of no triangle as none.
     pub fn new(body: Layer, garments: Vec<Layer>) -> Result<Self, OutfitError> {
@@ -176,6 +189,10 @@ impl Outfit {
             let named = |v: u32| sewn.as_ref().and_then(|s| s.place.iter().position(|place| *place == v)).map_or(v, |v| v as u32);
             return Err(OutfitError::OpenBody { layer: name(), open_edges: 1 + open.count(), first: first.map(named) });
         }
+        let mut turned = turned_edges(mesh, &edges);
+        if let Some(e) = turned.next() {
+            return Err(OutfitError::Winding { layer: name(), triangles: edges.triangles[e], others: turned.count() });
+        }
         let volume = mesh.signed_volume();
         if volume <= 0.0 {
             return Err(OutfitError::InsideOut { layer: name(), volume });
@@ -185,7 +202,7 @@ impl Outfit {
         }
         for garment in &self.garments {
             let vertices = garment.mesh.vertices();
-            let extent = Aabb::from_points(garment.mesh.triangles().as_flattened().iter().map(|v| &vertices[*v as usize]));
+            let extent = garment.mesh.surface_aabb();
             let (size, layer) = (extent.size().max(), || garment.name.clone());
             if size > LARGEST * height {
                 let middle = nalgebra::center(&aabb.min, &aabb.max);
@@ -205,6 +222,17 @@ impl Outfit {
     pub fn layers(&self) -> impl Iterator<Item = &Layer> {
         std::iter::once(&self.body).chain(&self.garments)
     }
+}
+
+/// Edges that triangles do not run through as often in one direction as in the other: there no side is the inside.
+fn turned_edges(mesh: &TriMesh, edges: &Edges) -> impl Iterator<Item = usize> {
+    let mut balance = vec![0i32; edges.len()];
+    for (corners, of_triangle) in mesh.triangles().iter().zip(&edges.of_triangle) {
+        for k in 0..3 {
+            balance[of_triangle[k] as usize] += if corners[k] < corners[(k + 1) % 3] { 1 } else { -1 };
+        }
+    }
+    balance.into_iter().enumerate().filter(|(_, b)| *b != 0).map(|(e, _)| e)
 }
 
 /// The unit that a person of this height (longest side of the box) is likely in, where not metres.
@@ -271,6 +299,11 @@ mod tests {
         let mut open = body();
         open.mesh = TriMesh::new(open.mesh.vertices().to_vec(), open.mesh.triangles()[..3].to_vec()).unwrap();
         assert!(matches!(Outfit::new(open, vec![]), Err(OutfitError::OpenBody { open_edges: 3, .. })));
+        let mut turned = body();
+        let t = [[0, 2, 1], [0, 1, 3], [0, 2, 3], [1, 2, 3]];
+        turned.mesh = TriMesh::new(turned.mesh.vertices().to_vec(), t.to_vec()).unwrap();
+        let error = Outfit::new(turned, vec![]).unwrap_err();
+        assert!(matches!(error, OutfitError::Winding { triangles: [0, 2], others: 2, .. }), "{error}");
         let mut inverted = body();
         let t = inverted.mesh.triangles().iter().map(|t| [t[0], t[2], t[1]]).collect();
         inverted.mesh = TriMesh::new(inverted.mesh.vertices().to_vec(), t).unwrap();

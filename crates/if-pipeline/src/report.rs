@@ -22,7 +22,8 @@ impl PairCount {
 }
 
 /// How one layer lies against one below it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default)]
+#[non_exhaustive]
 pub struct PairReport {
     /// The layer below.
     pub inner: String,
@@ -47,6 +48,7 @@ impl PairReport {
 
 /// The state of an outfit: every layer against every layer below it, and against itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default)]
+#[non_exhaustive]
 pub struct Verification {
     /// One entry for each ordered pair of layers, outer layers in order.
     pub pairs: Vec<PairReport>,
@@ -99,6 +101,7 @@ pub struct Strain {
 
 /// What a layer did not need, and so did not cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default)]
+#[non_exhaustive]
 pub struct Skipped {
     /// Lower layers whose boxes this layer does not meet.
     pub layers: usize,
@@ -112,6 +115,7 @@ pub struct Skipped {
 
 /// What was done to one garment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default)]
+#[non_exhaustive]
 pub struct LayerReport {
     /// The garment.
     pub name: String,
@@ -121,9 +125,9 @@ pub struct LayerReport {
     pub strain: Strain,
     /// Its own intersecting triangle pairs before and after.
     pub own_pairs: [usize; 2],
-    /// Rounds of detection and settling.
+    /// All rounds: of settling, of repair and of easing.
     pub rounds: usize,
-    /// Rounds of exact verification and repair after them.
+    /// Those of them that repaired what exact verification found, in which the cloth yielded, or that eased drawn edges.
     pub repairs: usize,
     /// Sweeps of the solver over all constraints that can move something.
     pub sweeps: usize,
@@ -148,6 +152,7 @@ pub struct LayerReport {
 
 /// What [`crate::resolve::resolve`] found and did.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default)]
+#[non_exhaustive]
 pub struct ResolveReport {
     /// The outfit as it came.
     pub before: Verification,

@@ -10,7 +10,7 @@ use crate::splitting;
 use crate::verify::verify_layers;
 use if_core::math::Real;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::pairs;
+use if_mesh::intersections::{own_pairs, pairs};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
@@ -249,15 +249,17 @@ pub enum ResolveError {
     /// Intersections are left.
     #[error(
         "{} intersecting triangle pairs, {} vertices on a wrong side and {} new intersections of a garment with itself \
-         are left; the worst is `{}` over `{}`",
-        result.report.after.total_pairs(), result.report.after.total_inside(), result.report.new_own_pairs(), outer, inner
+         are left; the worst is `{}` {}",
+        result.report.after.total_pairs(), result.report.after.total_inside(), result.report.new_own_pairs(), outer,
+        if outer == inner { "with itself".to_owned() } else { format!("over `{inner}`") }
     )]
     Remaining {
-        /// The layer above of the worst pair of layers.
+        /// The layer above of the worst pair of layers; or the garment that meets itself, where that alone is left.
         outer: String,
-        /// The layer below of it.
+        /// The layer below of it; the same garment, where it meets itself.
         inner: String,
-        /// Some of the triangle pairs that are left there: (triangle of the inner layer, of the outer layer).
+        /// Some of the triangle pairs that are left there: (triangle of the inner layer, of the outer layer). None where only vertices
+        /// are on a wrong side.
         triangles: Vec<[u32; 2]>,
         /// The outfit as far as it came, and its report.
         result: Box<Resolved>,
@@ -298,7 +300,7 @@ pub fn resolve(
         resolved.outfit = sewn.spread(outfit, resolved.outfit);
     }
     resolved.report.seconds = start.elapsed().as_secs_f64();
-    if resolved.report.is_proven() { Ok(resolved) } else { Err(remaining(resolved)) }
+    if resolved.report.is_proven() { Ok(resolved) } else { Err(remaining(outfit, resolved)) }
 }
 
 /// Splits what gives trouble and resolves anew, as long as that helps.
@@ -372,9 +374,14 @@ fn attempt(
     Ok(Resolved { outfit: result, splits: vec![None; layers], report })
 }
 
-/// The error that names the worst pair of layers.
-fn remaining(resolved: Resolved) -> ResolveError {
-    const NAMED: usize = 16;
+/// The most triangle pairs that an error names.
+const NAMED: usize = 16;
+
+/// The error that names the worst pair of layers, or the garment with the most new intersections with itself.
+fn remaining(came: &Outfit, resolved: Resolved) -> ResolveError {
+    if resolved.report.after.is_clean() {
+        return meets_itself(came, resolved);
+    }
     let worst = resolved.report.after.pairs.iter().max_by_key(|p| (p.pairs.total(), p.vertices_inside));
     let (inner, outer) = worst.map(|p| (p.inner.clone(), p.outer.clone())).unwrap_or_default();
     let tree = |name: &str| resolved.outfit.layers().find(|l| l.name == name).map(|l| Bvh::new(&l.mesh));
@@ -383,4 +390,56 @@ fn remaining(resolved: Resolved) -> ResolveError {
         _ => Vec::new(),
     };
     ResolveError::Remaining { outer, inner, triangles, result: Box::new(resolved) }
+}
+
+/// The error that names the garment with the most new intersections with itself.
+fn meets_itself(came: &Outfit, resolved: Resolved) -> ResolveError {
+    let layers = &resolved.report.layers;
+    let new = |k: &usize| layers[*k].own_pairs[1].saturating_sub(layers[*k].own_pairs[0]);
+    let worst = (0..layers.len()).max_by_key(new).unwrap_or_default();
+    let own = |outfit: &Outfit| -> Vec<[u32; 2]> {
+        let mesh = &outfit.garments[worst].mesh;
+        own_pairs(mesh, &Bvh::new(mesh)).iter().map(|p| [p.a, p.b]).collect()
+    };
+    // Triangles that were split have other numbers than those that came.
+    let given: BTreeSet<[u32; 2]> =
+        if resolved.splits[worst].is_none() { own(came).into_iter().collect() } else { BTreeSet::new() };
+    let triangles = own(&resolved.outfit).into_iter().filter(|p| !given.contains(p)).take(NAMED).collect();
+    let name = layers[worst].name.clone();
+    ResolveError::Remaining { outer: name.clone(), inner: name, triangles, result: Box::new(resolved) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::outfit::Layer;
+    use crate::report::LayerReport;
+    use if_core::math::Point;
+    use if_core::mesh::TriMesh;
+    use if_core::shapes::meshes::icosphere;
+
+    #[test]
+    fn a_garment_that_alone_meets_itself_is_named_with_what_is_new() {
+        let corner = |x: Real, y: Real, z: Real| Point::new(x, y, z);
+        // Two triangles that cross as they came, and one that crosses the first in the result.
+        let flat = |y| [corner(0.0, y, 0.0), corner(1.0, y, 0.0), corner(0.0, y, 1.0)];
+        let upright = |x| [corner(x, -0.5, 0.2), corner(x, 0.5, 0.2), corner(x, 0.5, 0.3)];
+        let with =
+            |x| TriMesh::new([flat(0.0), upright(0.2), upright(x)].concat(), vec![[0, 1, 2], [3, 4, 5], [6, 7, 8]]).unwrap();
+        let outfit = |shirt| Outfit {
+            body: Layer::new("body", icosphere(1.0, 1)),
+            garments: vec![Layer::new("vest", icosphere(1.1, 1)), Layer::new("shirt", shirt)],
+        };
+        let layer = |name: &str, own_pairs| LayerReport { name: name.into(), own_pairs, ..LayerReport::default() };
+        let report = ResolveReport { layers: vec![layer("vest", [0, 0]), layer("shirt", [1, 2])], ..ResolveReport::default() };
+        let resolved = Resolved { outfit: outfit(with(0.3)), splits: vec![None, None], report };
+        let error = remaining(&outfit(with(5.0)), resolved);
+        let text = error.to_string();
+        assert!(
+            text.ends_with("1 new intersections of a garment with itself are left; the worst is `shirt` with itself"),
+            "{text}"
+        );
+        let ResolveError::Remaining { outer, inner, triangles, .. } = error else { panic!("{error}") };
+        assert_eq!((outer.as_str(), inner.as_str(), triangles), ("shirt", "shirt", vec![[0, 2]]));
+    }
 }

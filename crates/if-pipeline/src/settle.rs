@@ -22,16 +22,20 @@
 
 use crate::ceiling::Ceilings;
 use crate::cloth::Cloth;
-use crate::inspector::Inspector;
+use crate::inspector::{Inspector, State};
 use crate::outfit::Layer;
 use crate::resolve::ResolveParams;
 use if_core::math::{Point, Real};
+use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
-use if_mesh::measure::strain;
+use if_mesh::measure::{Strain, strain};
 use if_mesh::outward::Outward;
 use if_mesh::solid::ClosedLayer;
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
+
+/// Is told the round, whether it repairs, and the pairs left where they were counted; breaks to stop.
+pub(crate) type Watch<'a> = dyn FnMut(usize, bool, Option<usize>) -> ControlFlow<()> + 'a;
 
 /// Why a garment did not settle.
 pub(crate) enum Halt {
@@ -80,7 +84,7 @@ impl Settled {
 ///
 /// # Errors
 ///
-/// [`Halt::Cancelled`] when `watch` asked to stop; it is told the round, and the pairs left where they were counted.
+/// [`Halt::Cancelled`] when `watch` asked to stop.
 /// [`Halt::Stuck`] instead of yielding, where `may_yield` forbids that.
 pub(crate) fn settle(
     garment: &Layer,
@@ -88,171 +92,284 @@ pub(crate) fn settle(
     above: Ceilings<'_>,
     may_yield: bool,
     params: &ResolveParams,
-    watch: &mut dyn FnMut(usize, bool, Option<usize>) -> ControlFlow<()>,
+    watch: &mut Watch<'_>,
 ) -> Result<Settled, Halt> {
-    let mut tree = Bvh::new(&garment.mesh);
-    let (mut inspector, input) = Inspector::new(&garment.mesh, &tree, below);
-    let sticking_out = above.sticking_out(garment.mesh.vertices(), &vec![false; garment.mesh.vertices().len()]);
+    let tree = Bvh::new(&garment.mesh);
+    let (inspector, input) = Inspector::new(&garment.mesh, &tree, below);
+    let strays: Vec<bool> = garment.mesh.used_vertices().iter().map(|used| !used).collect();
+    let sticking_out = above.sticking_out(garment.mesh.vertices(), &strays);
     if input.is_clean() && sticking_out.is_empty() {
         return Ok(Settled::as_it_is(garment));
     }
     let height = below[0].bvh().aabb().size().max();
-    let outward = Outward::new(below, &garment.mesh.aabb().inflated(0.02 * height), params.outward_cell);
+    let outward = Outward::new(below, &garment.mesh.surface_aabb().inflated(0.02 * height), params.outward_cell);
     let mut cloth = Cloth::new(garment, &tree, below, above, &outward, params);
     let mut trouble = input.trouble(garment.mesh.triangles());
     trouble.extend(sticking_out.iter().copied());
     cloth.free_near(&trouble, params.influence, below);
-    let mut local = BTreeSet::new();
-    // The best state so far: least left, then least above a ceiling, then least strained.
-    let mut best: Option<((usize, usize, Real), Vec<Point>)> = None;
-    let mut polished = 0;
-    // Strain where the last attempt to untangle a clean garment began.
-    let mut relaxed_from = Real::INFINITY;
-    let mut state = input;
-    let mut repairs = 0;
-    // Rounds left in which the cloth yields, and rounds in which it did.
-    let mut yielding = 0;
-    let mut pushes = 0;
+    let mut work = Settling {
+        garment,
+        below,
+        may_yield,
+        params,
+        tree,
+        inspector,
+        cloth,
+        state: input,
+        trouble,
+        local: BTreeSet::new(),
+        best: None,
+        polished: 0,
+        relaxed_from: Real::INFINITY,
+        yielding: 0,
+        repairs: 0,
+        pushes: 0,
+    };
     let mut rounds = 0;
     for round in 0..params.rounds {
         rounds = round + 1;
-        let repairing = round >= params.settle_rounds;
-        if watch(round, repairing, Some(state.pairs.len())).is_break() {
+        if watch(round, work.is_repair(round), Some(work.state.pairs.len())).is_break() {
             return Err(Halt::Cancelled);
         }
-        let moved = if yielding > 0 { cloth.push_out(&tree) } else { cloth.round(&tree) };
-        tree.refit(&cloth.x);
-        let due = moved < params.tolerance || repairing || (round + 1) % CHECK_EVERY == 0;
-        if !due {
-            continue;
+        if work.round(round)?.is_break() {
+            break;
         }
-        let mut mesh = garment.mesh.with_vertices(cloth.stored()).expect("the solver keeps positions finite");
-        tree.refit(mesh.vertices());
-        state = inspector.inspect(&mesh, &tree);
-        if repairing && state.pairs.is_empty() && state.excess == 0 && !state.inside.is_empty() && state.inside.len() <= FEW {
-            let before = cloth.x.clone();
-            cloth.lead_out(&state.inside);
-            let led = garment.mesh.with_vertices(cloth.stored()).expect("the solver keeps positions finite");
-            tree.refit(led.vertices());
-            let then = inspector.inspect(&led, &tree);
-            if then.is_clean() {
-                (state, mesh) = (then, led);
-            } else {
-                cloth.x = before;
-            }
+    }
+    let mut settled = work.finish(rounds, watch)?;
+    settled.tucked = [sticking_out.len(), above.sticking_out(&settled.positions, &strays).len()];
+    Ok(settled)
+}
+
+/// What is least, in this order: how much is left, how many vertices stick out of a layer above, the rms strain.
+type Rank = (usize, usize, Real);
+
+/// A garment on its way.
+struct Settling<'a> {
+    garment: &'a Layer,
+    below: &'a [&'a ClosedLayer],
+    may_yield: bool,
+    params: &'a ResolveParams,
+    /// Holds the cloth's positions.
+    tree: Bvh,
+    inspector: Inspector<'a>,
+    cloth: Cloth<'a>,
+    /// What the last look found.
+    state: State,
+    /// All vertices that were ever in trouble while settling.
+    trouble: BTreeSet<u32>,
+    /// Those that the repair is about.
+    local: BTreeSet<u32>,
+    /// The best state so far, as it is stored.
+    best: Option<(Rank, Vec<Point>)>,
+    /// Looks since it is clean.
+    polished: usize,
+    /// Strain where the last attempt to untangle a clean garment began.
+    relaxed_from: Real,
+    /// Rounds left in which the cloth yields.
+    yielding: usize,
+    repairs: usize,
+    /// Rounds in which the cloth yielded.
+    pushes: usize,
+}
+
+impl Settling<'_> {
+    /// Whether only what is left is worked on.
+    fn is_repair(&self, round: usize) -> bool {
+        round >= self.params.settle_rounds
+    }
+
+    /// One round; breaks when the garment is as good as it gets.
+    fn round(&mut self, round: usize) -> Result<ControlFlow<()>, Halt> {
+        let repairing = self.is_repair(round);
+        let moved = if self.yielding > 0 { self.cloth.push_out(&self.tree) } else { self.cloth.round(&self.tree) };
+        self.tree.refit(&self.cloth.x);
+        if moved >= self.params.tolerance && !repairing && !(round + 1).is_multiple_of(CHECK_EVERY) {
+            return Ok(ControlFlow::Continue(()));
         }
-        tree.refit(&cloth.x);
+        let mesh = self.verify(repairing);
         tracing::debug!(
-            garment = garment.name,
+            garment = self.garment.name,
             round,
             moved_mm = moved * 1e3,
-            pairs = state.pairs.len(),
-            inside = state.inside.len(),
-            own = state.fresh.len()
+            pairs = self.state.pairs.len(),
+            inside = self.state.inside.len(),
+            own = self.state.fresh.len()
         );
-        let strained = strain(&garment.mesh, mesh.vertices());
-        if repairing && !state.is_clean() {
-            // What cannot be pressed in without trouble is not.
-            cloth.release(&state.trouble(garment.mesh.triangles()));
+        let strained = strain(&self.garment.mesh, mesh.vertices());
+        if self.keep(&mesh, &strained, moved, repairing).is_break() {
+            return Ok(ControlFlow::Break(()));
         }
-        let high = cloth.sticking_out(mesh.vertices()).len();
-        let rank = (state.weight(), high, strained.rms_percent);
-        if best.as_ref().is_none_or(|(b, _)| rank < *b) {
-            best = Some((rank, mesh.vertices().to_vec()));
-        }
-        if best.as_ref().is_some_and(|(b, _)| b.0 == 0) {
-            // Clean. What the repair strained relaxes for some rounds more.
-            polished += 1;
-            let calm = high == 0 && strained.max_percent < 100.0 * params.calm_strain;
-            if state.is_clean() && (moved < params.tolerance || calm) || polished > params.polish_rounds {
-                break;
-            }
-        }
-        let stalled = repairing && yielding == 0 && repairs > 0 && repairs % STALLED == 0;
-        if let Some(((1.., ..), x)) = best.as_ref().filter(|_| stalled) {
-            if !may_yield {
-                return Err(Halt::Stuck);
-            }
-            repairs += 1;
-            cloth.go_to(x);
-            tree.refit(x);
-            let mesh = garment.mesh.with_vertices(x.clone()).expect("the solver keeps positions finite");
-            state = inspector.inspect(&mesh, &tree);
-            yielding = YIELDS + 1;
-        }
-        cloth.aim(&state);
-        let yielded = yielding == 1;
-        if yielding > 0 {
-            yielding = if state.is_clean() { 0 } else { yielding - 1 };
-            if yielding > 0 {
-                pushes += usize::from(yielding < YIELDS);
-                cloth.hold_far_from(&state.trouble(garment.mesh.triangles()), params.repair_influence);
-                continue;
-            }
-        }
-        let tangled = strained.max_percent > 100.0 * TANGLED;
-        let again = if state.is_clean() {
-            if repairing && tangled && strained.rms_percent > WORTHWHILE * relaxed_from {
-                break;
-            }
-            repairing && tangled
-        } else {
-            tangled && round < EARLY || yielded
-        };
-        if again {
-            if state.is_clean() {
-                relaxed_from = strained.rms_percent;
-                polished = 0;
-            }
-            let mut vertices = state.trouble(garment.mesh.triangles());
-            if tangled {
-                vertices.extend(cloth.strained(0.5 * TANGLED));
-            }
-            cloth.untangle(&vertices);
-            tree.refit(&cloth.x);
-        }
-        let here = state.trouble(garment.mesh.triangles());
         if repairing {
-            repairs += 1;
-            if !here.is_empty() {
-                local = here;
+            self.yield_if_stalled()?;
+        }
+        self.cloth.aim(&self.state);
+        let yielded = self.yielding == 1;
+        if self.goes_on_yielding() {
+            return Ok(ControlFlow::Continue(()));
+        }
+        if self.untangle(round, yielded, &strained).is_break() {
+            return Ok(ControlFlow::Break(()));
+        }
+        self.choose_free(round);
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// The garment with its vertices at `x`.
+    fn mesh(&self, x: Vec<Point>) -> TriMesh {
+        self.garment.mesh.with_vertices(x).expect("the solver keeps positions finite")
+    }
+
+    /// The mesh as it would be stored, and what exact verification says of it.
+    fn verify(&mut self, repairing: bool) -> TriMesh {
+        let mut mesh = self.mesh(self.cloth.stored());
+        self.tree.refit(mesh.vertices());
+        self.state = self.inspector.inspect(&mesh, &self.tree);
+        let few = !self.state.inside.is_empty() && self.state.inside.len() <= FEW;
+        if repairing && few && self.state.pairs.is_empty() && self.state.excess == 0 {
+            let before = self.cloth.x.clone();
+            self.cloth.lead_out(&self.state.inside);
+            let led = self.mesh(self.cloth.stored());
+            self.tree.refit(led.vertices());
+            let then = self.inspector.inspect(&led, &self.tree);
+            if then.is_clean() {
+                (self.state, mesh) = (then, led);
             } else {
-                local.extend(cloth.strained(0.5 * params.calm_strain));
+                self.cloth.x = before;
             }
-            let wider = params.repair_influence * (1.0 + (round - params.settle_rounds) as Real / 10.0);
-            cloth.hold_far_from(&local, wider);
+        }
+        self.tree.refit(&self.cloth.x);
+        mesh
+    }
+
+    /// Keeps the state if no other was as good; breaks when it is clean and will hardly get better.
+    fn keep(&mut self, mesh: &TriMesh, strained: &Strain, moved: Real, repairing: bool) -> ControlFlow<()> {
+        if repairing && !self.state.is_clean() {
+            // What cannot be pressed in without trouble is not.
+            self.cloth.release(&self.state.trouble(self.garment.mesh.triangles()));
+        }
+        let high = self.cloth.sticking_out(mesh.vertices()).len();
+        let rank = (self.state.weight(), high, strained.rms_percent);
+        if self.best.as_ref().is_none_or(|(b, _)| rank < *b) {
+            self.best = Some((rank, mesh.vertices().to_vec()));
+        }
+        if self.best.as_ref().is_some_and(|(b, _)| b.0 == 0) {
+            // Clean. What the repair strained relaxes for some rounds more.
+            self.polished += 1;
+            let calm = high == 0 && strained.max_percent < 100.0 * self.params.calm_strain;
+            let done = self.state.is_clean() && (moved < self.params.tolerance || calm);
+            if done || self.polished > self.params.polish_rounds {
+                return ControlFlow::Break(());
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// A garment that was never clean in [`STALLED`] repairs goes back to its best state, from where the cloth yields.
+    fn yield_if_stalled(&mut self) -> Result<(), Halt> {
+        let stalled = self.yielding == 0 && self.repairs > 0 && self.repairs.is_multiple_of(STALLED);
+        let Some(((1.., ..), x)) = self.best.as_ref().filter(|_| stalled) else { return Ok(()) };
+        if !self.may_yield {
+            return Err(Halt::Stuck);
+        }
+        self.repairs += 1;
+        self.cloth.go_to(x);
+        self.tree.refit(x);
+        let mesh = self.mesh(x.clone());
+        self.state = self.inspector.inspect(&mesh, &self.tree);
+        self.yielding = YIELDS + 1;
+        Ok(())
+    }
+
+    /// Counts a round in which the cloth yields; whether the next is another.
+    fn goes_on_yielding(&mut self) -> bool {
+        if self.yielding == 0 {
+            return false;
+        }
+        self.yielding = if self.state.is_clean() { 0 } else { self.yielding - 1 };
+        if self.yielding == 0 {
+            return false;
+        }
+        self.pushes += usize::from(self.yielding < YIELDS);
+        self.cloth.hold_far_from(&self.state.trouble(self.garment.mesh.triangles()), self.params.repair_influence);
+        true
+    }
+
+    /// Smooths the displacements of what is strained too far, or still in trouble after the cloth has yielded; breaks where a clean
+    /// garment no longer gains by it.
+    fn untangle(&mut self, round: usize, yielded: bool, strained: &Strain) -> ControlFlow<()> {
+        let repairing = self.is_repair(round);
+        let tangled = strained.max_percent > 100.0 * TANGLED;
+        let is_clean = self.state.is_clean();
+        if is_clean && repairing && tangled && strained.rms_percent > WORTHWHILE * self.relaxed_from {
+            return ControlFlow::Break(());
+        }
+        let again = if is_clean { repairing && tangled } else { tangled && round < EARLY || yielded };
+        if !again {
+            return ControlFlow::Continue(());
+        }
+        if is_clean {
+            self.relaxed_from = strained.rms_percent;
+            self.polished = 0;
+        }
+        let mut vertices = self.state.trouble(self.garment.mesh.triangles());
+        if tangled {
+            vertices.extend(self.cloth.strained(0.5 * TANGLED));
+        }
+        self.cloth.untangle(&vertices);
+        self.tree.refit(&self.cloth.x);
+        ControlFlow::Continue(())
+    }
+
+    /// Which vertices are free in the next round.
+    fn choose_free(&mut self, round: usize) {
+        let here = self.state.trouble(self.garment.mesh.triangles());
+        if !self.is_repair(round) {
+            self.trouble.extend(here);
+            self.cloth.free_near(&self.trouble, self.params.influence, self.below);
+            return;
+        }
+        self.repairs += 1;
+        if here.is_empty() {
+            self.local.extend(self.cloth.strained(0.5 * self.params.calm_strain));
         } else {
-            trouble.extend(here);
-            cloth.free_near(&trouble, params.influence, below);
+            self.local = here;
         }
+        let wider = self.params.repair_influence * (1.0 + (round - self.params.settle_rounds) as Real / 10.0);
+        self.cloth.hold_far_from(&self.local, wider);
     }
-    let is_clean = best.as_ref().is_some_and(|(rank, _)| rank.0 == 0);
-    let mut positions = best.map_or_else(|| cloth.stored(), |(_, x)| x);
-    let mut largest = [0.0; 2];
-    if is_clean {
-        let ControlFlow::Continue(eased) = cloth.ease(&positions, &mut inspector, &mut |k| watch(rounds + k, true, Some(0)))
-        else {
-            return Err(Halt::Cancelled);
+
+    /// The best state, eased where it is clean.
+    fn finish(mut self, rounds: usize, watch: &mut Watch<'_>) -> Result<Settled, Halt> {
+        let is_clean = self.best.as_ref().is_some_and(|(rank, _)| rank.0 == 0);
+        let positions = self.best.map_or_else(|| self.cloth.stored(), |(_, x)| x);
+        let mut settled = Settled {
+            positions,
+            rounds,
+            repairs: self.repairs + self.pushes,
+            sweeps: 0,
+            queries: 0,
+            spared: 0,
+            tucked: [0; 2],
+            eased: [0.0; 2],
+            held: 0,
         };
-        if let Some(eased) = eased {
-            (positions, largest) = (eased.positions, eased.strain);
-            rounds += eased.rounds;
-            repairs += eased.rounds;
+        if is_clean {
+            let mut told = |k| watch(rounds + k, true, Some(0));
+            let ControlFlow::Continue(eased) = self.cloth.ease(&settled.positions, &mut self.inspector, &mut told) else {
+                return Err(Halt::Cancelled);
+            };
+            if let Some(eased) = eased {
+                (settled.positions, settled.eased) = (eased.positions, eased.strain);
+                settled.rounds += eased.rounds;
+                settled.repairs += eased.rounds;
+            }
         }
+        settled.sweeps = self.cloth.sweeps;
+        settled.queries = self.cloth.contacts.queries;
+        settled.spared = self.cloth.contacts.spared;
+        settled.held = self.cloth.ever_free.iter().filter(|f| !**f).count();
+        Ok(settled)
     }
-    let none = vec![false; positions.len()];
-    let tucked = [sticking_out.len(), above.sticking_out(&positions, &none).len()];
-    Ok(Settled {
-        positions,
-        rounds,
-        repairs: repairs + pushes,
-        sweeps: cloth.sweeps,
-        queries: cloth.contacts.queries,
-        spared: cloth.contacts.spared,
-        tucked,
-        eased: largest,
-        held: cloth.ever_free.iter().filter(|f| !**f).count(),
-    })
 }
 
 /// Edge strain beyond which a neighbourhood counts as tangled.

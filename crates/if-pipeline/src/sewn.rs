@@ -65,7 +65,18 @@ impl Sewn {
 
 /// `mesh` as the file of `layer` will hold it, where that is another one.
 fn stored(layer: &Layer, mesh: &TriMesh) -> Option<TriMesh> {
-    let single = layer.single_precision.then(|| quantise(mesh.vertices(), CoordinateType::Float))?;
-    // Beyond the range of single precision there is nothing to round to: the garment is refused as too large before.
-    (single != mesh.vertices()).then(|| mesh.with_vertices(single).ok()).flatten()
+    let single = layer.single_precision.then(|| rounded(mesh.vertices()))?;
+    (single != mesh.vertices()).then(|| mesh.with_vertices(single).expect("rounded positions are finite"))
+}
+
+/// Positions in single precision. What is beyond its range stays: that can only be a vertex of no triangle, since a garment is refused
+/// as too large before.
+pub(crate) fn rounded(positions: &[Point]) -> Vec<Point> {
+    let mut single = quantise(positions, CoordinateType::Float);
+    for (single, p) in single.iter_mut().zip(positions) {
+        if !single.iter().all(|x| x.is_finite()) {
+            *single = *p;
+        }
+    }
+    single
 }

@@ -51,6 +51,7 @@ pub(crate) fn verify_layers(outfit: &Outfit) -> (Verification, Vec<Arc<ClosedLay
 
 /// `outer`, with the positions of `mesh`, against the layers `below`.
 pub(crate) fn against(outer: &Layer, mesh: &TriMesh, tree: &Bvh, below: &[(&str, &ClosedLayer)]) -> Vec<PairReport> {
+    let used = mesh.used_vertices();
     below
         .iter()
         .map(|(name, inner)| {
@@ -59,7 +60,9 @@ pub(crate) fn against(outer: &Layer, mesh: &TriMesh, tree: &Bvh, below: &[(&str,
             let depths: Vec<Real> = mesh
                 .vertices()
                 .par_iter()
-                .filter_map(|p| inner.sided(p, 0.0).filter(|s| s.distance < 0.0).map(|s| -s.distance))
+                .zip(&used)
+                .filter(|(_, used)| **used)
+                .filter_map(|(p, _)| inner.sided(p, 0.0).filter(|s| s.distance < 0.0).map(|s| -s.distance))
                 .collect();
             PairReport {
                 inner: (*name).to_owned(),

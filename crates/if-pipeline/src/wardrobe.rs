@@ -80,6 +80,10 @@ impl Wardrobe {
         let mut wardrobe = Self { root: root.into(), bodies: BTreeMap::new(), garments: BTreeMap::new(), faults: Vec::new() };
         [BODIES, GARMENTS].iter().for_each(|part| whole_folder::restore(&root.join(part)));
         for name in whole_folder::names(&root.join(BODIES)).map_err(fault)? {
+            if let Err(error) = asset::check_name(&name) {
+                wardrobe.faults.push(Unreadable { part: Part::Body, name, error: error.into() });
+                continue;
+            }
             match body::read_info(&root.join(BODIES).join(&name)) {
                 // Whoever has renamed the folder has renamed the body.
                 Ok(info) => drop(wardrobe.bodies.insert(name.clone(), BodyInfo { name, ..info })),
@@ -87,8 +91,13 @@ impl Wardrobe {
             }
         }
         for name in whole_folder::names(&root.join(GARMENTS)).map_err(fault)? {
+            // No combination could name it.
+            if let Err(error) = asset::check_name(&name) {
+                wardrobe.faults.push(Unreadable { part: Part::Garment, name, error: error.into() });
+                continue;
+            }
             match asset::read_info(&root.join(GARMENTS).join(&name)) {
-                Ok(info) => drop(wardrobe.garments.insert(name, info)),
+                Ok(info) => drop(wardrobe.garments.insert(name.clone(), AssetInfo { name, ..info })),
                 Err(error) => wardrobe.faults.push(Unreadable { part: Part::Garment, name, error: error.into() }),
             }
         }
@@ -119,6 +128,7 @@ impl Wardrobe {
 
     /// Adds a body unless one that has its files is there, whatever it is called, and replaces none that has another mesh: where the name
     /// is taken the new one gets a number. So garments keep the body they were made on, also where several processes add bodies at once.
+    /// A body that has the mesh, but another template or skeleton, takes the new one; what is not given it keeps.
     ///
     /// # Errors
     ///
@@ -132,14 +142,19 @@ impl Wardrobe {
         let skeleton = new.skeleton.map(of_file).transpose()?;
         let is =
             |file: &Option<FileInfo>, new: &Option<Content>| new.is_none() || file.as_ref().map(|f| &f.content) == new.as_ref();
-        let name = match self.bodies.values().find(|body| body.mesh.content == mesh) {
-            Some(body) if is(&body.template, &template) && is(&body.skeleton, &skeleton) => return Ok(body.reference()),
-            Some(body) => body.name.clone(),
-            None => {
-                let mut names = std::iter::once(new.name.to_owned()).chain((2..).map(|k| format!("{}_{k}", new.name)));
-                names.find(|name| !self.root.join(BODIES).join(name).exists()).expect("some number is free")
-            }
-        };
+        let with_mesh = || self.bodies.values().filter(|body| body.mesh.content == mesh);
+        if let Some(body) = with_mesh().find(|body| is(&body.template, &template) && is(&body.skeleton, &skeleton)) {
+            return Ok(body.reference());
+        }
+        if let Some(body) = with_mesh().next() {
+            let folder = self.root.join(BODIES).join(&body.name);
+            let kept = |file: &Option<FileInfo>| file.as_ref().map(|f| folder.join(&f.file));
+            let (name, template, skeleton) = (body.name.clone(), kept(&body.template), kept(&body.skeleton));
+            let (template, skeleton) = (new.template.or(template.as_deref()), new.skeleton.or(skeleton.as_deref()));
+            return self.put_body(&writer, &NewBody { name: &name, template, skeleton, ..*new });
+        }
+        let mut names = std::iter::once(new.name.to_owned()).chain((2..).map(|k| format!("{}_{k}", new.name)));
+        let name = names.find(|name| !self.root.join(BODIES).join(name).exists()).expect("some number is free");
         self.put_body(&writer, &NewBody { name: &name, ..*new })
     }
 
@@ -203,7 +218,8 @@ impl Wardrobe {
     /// There is none of this name, or it cannot be read.
     pub fn body_info(&self, name: &str) -> Result<&BodyInfo, WardrobeError> {
         if self.is_faulty(Part::Body, name) {
-            body::read_info(&self.root.join(BODIES).join(name))?; // says once more what is wrong
+            asset::check_name(name)?; // says once more what is wrong
+            body::read_info(&self.root.join(BODIES).join(name))?;
         }
         let known = || self.bodies.keys().cloned().collect::<Vec<_>>().join(", ");
         self.bodies.get(name).ok_or_else(|| WardrobeError::NoBody { name: name.into(), known: known() })
@@ -216,6 +232,7 @@ impl Wardrobe {
     /// There is none of this name, or it cannot be read.
     pub fn garment_info(&self, name: &str) -> Result<&AssetInfo, WardrobeError> {
         if self.is_faulty(Part::Garment, name) {
+            asset::check_name(name)?;
             asset::read_info(&self.root.join(GARMENTS).join(name))?;
         }
         let known = || self.garments.keys().cloned().collect::<Vec<_>>().join(", ");

@@ -131,7 +131,7 @@ struct Pair {
 ///
 /// Algorithm 1, lines 11 to 15: "p̂ and q̂ are the nearest points pair belonging to two adjacent
 /// layers and computed at the beginning of the simulation". What `C^air` is stands in the main
-/// paper, which we do not have: [`AirReading`] holds our readings, and `method.md` §6 what each does.
+/// paper, which we do not have: [`AirReading`] holds our readings and says what each does.
 #[derive(Debug)]
 pub struct Air<'a> {
     inner: &'a InnerSurface<'a>,
@@ -337,7 +337,7 @@ mod tests {
 
     #[test]
     fn line_13_points_outwards_in_two_of_four_cases() {
-        // method.md §6: p̂ on the moving layer or the names swapped; starting inside or apart.
+        // p̂ on the moving layer or the names swapped; starting inside or apart.
         let n = Vector::z();
         let foot = Point::new(0.1, 0.1, 0.0);
         for (names_swapped, s0, outwards) in

@@ -28,8 +28,8 @@ pub enum Push {
 /// with the mask's weight m in [0, 1]: a sample of weight 0 is never looked at (Appendix C).
 ///
 /// A sample that was at distance φ, and has since moved by less than (φ − δ) / L for the field's
-/// Lipschitz bound L, cannot violate, and is not asked for again; nor is one outside the field's
-/// bounds. [`Constraint::counters`] tells how often that was so. What was clear at the start of a visit, asked for or
+/// Lipschitz bound L, cannot violate, and is not asked for again; nor is one farther from the field's
+/// bounds than its δ (where φ is positive, and taken to be no less than the distance to them). [`Constraint::counters`] tells how often that was so. What was clear at the start of a visit, asked for or
 /// not, waits for the next one, wherever its neighbours' pushes carry it: the outcome does not depend on what was skipped.
 ///
 /// Where the gradient is zero, or the field answers NaN, nothing moves, and it is counted.
@@ -91,6 +91,21 @@ pub enum CollisionError {
     },
 }
 
+fn checked(masks: &[Real], clearances: &[Real]) -> Result<(), CollisionError> {
+    if masks.len() != clearances.len() {
+        return Err(CollisionError::Count { masks: masks.len(), clearances: clearances.len() });
+    }
+    for (vertex, (&m, &value)) in masks.iter().zip(clearances).enumerate() {
+        if !(0.0..=1.0).contains(&m) {
+            return Err(CollisionError::Mask { vertex, value: m });
+        }
+        if !(value.is_finite() && value >= 0.0) {
+            return Err(CollisionError::Clearance { vertex, value });
+        }
+    }
+    Ok(())
+}
+
 impl<'a> SdfCollision<'a> {
     /// Collision of each vertex with `field`, with a weight of the mask in [0, 1] and a clearance δ
     /// in metres for each.
@@ -99,17 +114,7 @@ impl<'a> SdfCollision<'a> {
     ///
     /// The first weight or clearance that is not allowed.
     pub fn new(field: &'a dyn SignedDistance, masks: &[Real], clearances: &[Real]) -> Result<Self, CollisionError> {
-        if masks.len() != clearances.len() {
-            return Err(CollisionError::Count { masks: masks.len(), clearances: clearances.len() });
-        }
-        for (vertex, (&m, &value)) in masks.iter().zip(clearances).enumerate() {
-            if !(0.0..=1.0).contains(&m) {
-                return Err(CollisionError::Mask { vertex, value: m });
-            }
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(CollisionError::Clearance { vertex, value });
-            }
-        }
+        checked(masks, clearances)?;
         let mut group = Self {
             field,
             vertices: Vec::new(),
@@ -137,10 +142,21 @@ impl<'a> SdfCollision<'a> {
     /// Adds the midpoints of edges longer than `longer_than` metres, and the centroids of the
     /// triangles that have one, with the mean weight and clearance of their corners.
     ///
+    /// # Errors
+    ///
+    /// As [`SdfCollision::new`]: then nothing is added.
+    ///
     /// # Panics
     ///
     /// If `masks` or `clearances` are shorter than the mesh's vertices.
-    pub fn add_between(&mut self, mesh: &TriMesh, longer_than: Real, masks: &[Real], clearances: &[Real]) {
+    pub fn add_between(
+        &mut self,
+        mesh: &TriMesh,
+        longer_than: Real,
+        masks: &[Real],
+        clearances: &[Real],
+    ) -> Result<(), CollisionError> {
+        checked(masks, clearances)?;
         let edges = Edges::new(mesh);
         let long: Vec<bool> = edges
             .vertices
@@ -160,6 +176,7 @@ impl<'a> SdfCollision<'a> {
                 self.add(corners, [THIRD; 3], mean(masks), mean(clearances));
             }
         }
+        Ok(())
     }
 
     fn add(&mut self, vertices: [u32; 3], weights: [Real; 3], mask: Real, clearance: Real) {
@@ -407,9 +424,9 @@ mod tests {
         let mesh = mesh.with_vertices(sunk).unwrap();
         let (masks, clearances) = ([1.0; 4], [0.0; 4]);
         let mut group = SdfCollision::new(&BALL, &masks, &clearances).unwrap();
-        group.add_between(&mesh, 10.0, &masks, &clearances);
+        group.add_between(&mesh, 10.0, &masks, &clearances).unwrap();
         assert_eq!(group.len(), 4);
-        group.add_between(&mesh, 0.1, &masks, &clearances);
+        group.add_between(&mesh, 0.1, &masks, &clearances).unwrap();
         assert_eq!(group.len(), 4 + 5 + 2);
         let mut p = mesh.vertices().to_vec();
         for _ in 0..60 {
@@ -418,6 +435,11 @@ mod tests {
         for (v, b) in group.vertices.iter().zip(&group.weights) {
             assert!(BALL.distance(&sample(&p, v, b)) > -1e-6);
         }
+        let heavy = group.add_between(&mesh, 0.1, &[1.0, 5.0, 1.0, 1.0], &clearances);
+        assert_eq!(heavy, Err(CollisionError::Mask { vertex: 1, value: 5.0 }));
+        let nowhere = group.add_between(&mesh, 0.1, &masks, &[0.0, 0.0, Real::NAN, 0.0]);
+        assert!(matches!(nowhere, Err(CollisionError::Clearance { vertex: 2, .. })));
+        assert_eq!(group.len(), 4 + 5 + 2);
     }
 
     #[test]
@@ -482,7 +504,7 @@ mod tests {
         let clearances = vec![0.01; ones.len()];
         let run = |field: &dyn SignedDistance| {
             let mut group = SdfCollision::new(field, &ones, &clearances).unwrap();
-            group.add_between(&mesh, 0.1, &ones, &clearances);
+            group.add_between(&mesh, 0.1, &ones, &clearances).unwrap();
             group.friction = 10.0;
             let mut p: Vec<Point> = mesh.vertices().iter().map(|p| Point::new(p.x - 1.4, p.y - 1.6, 0.9)).collect();
             for _ in 0..10 {

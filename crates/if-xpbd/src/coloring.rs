@@ -1,8 +1,8 @@
 //! Colouring of constraints, so that within a colour no two of them share a vertex.
 //!
 //! The point is speed on one thread: consecutive visits of a sweep then never wait for the
-//! position that the one before has just written, and several of them fit into one SIMD register
-//! (physics.md §1.4). The order depends on the input alone.
+//! position that the one before has just written, and several of them fit into one SIMD register.
+//! The order depends on the input alone.
 
 /// An order of visiting constraints, colour by colour.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -102,21 +102,22 @@ impl EdgeSet {
     }
 
     /// The edges with an end that can move, whose inverse mass is not 0, in the same order of visiting: a sweep over them moves
-    /// every particle as a sweep over all does, to the bit.
+    /// every particle as a sweep over all does, to the bit. They count as given in the order in which they were given here.
     ///
     /// # Panics
     ///
     /// If there are fewer inverse masses than [`EdgeSet::vertex_count`].
     pub fn movable(&self, inverse_masses: &[Real]) -> Self {
         let mut part = Self { vertex_count: self.vertex_count, ..Self::default() };
+        let can_move = |k: usize| inverse_masses[self.a[k] as usize] != 0.0 || inverse_masses[self.b[k] as usize] != 0.0;
         for range in &self.colors {
             let start = part.len();
             for k in range.clone() {
-                if inverse_masses[self.a[k] as usize] != 0.0 || inverse_masses[self.b[k] as usize] != 0.0 {
+                if can_move(k) {
                     part.a.push(self.a[k]);
                     part.b.push(self.b[k]);
                     part.rest.push(self.rest[k]);
-                    part.given.push(part.given.len() as u32);
+                    part.given.push(self.given[k]);
                 }
             }
             if part.len() > start {
@@ -152,13 +153,13 @@ impl EdgeSet {
     ///
     /// If there are fewer positions than [`EdgeSet::vertex_count`].
     pub fn strains(&self, positions: &[Point]) -> Vec<Real> {
-        let mut out = vec![0.0; self.len()];
-        for (k, (e, rest)) in self.visited().enumerate() {
-            if rest > 0.0 {
-                out[self.given[k] as usize] = length(positions, &e) / rest - 1.0;
-            }
-        }
-        out
+        let mut order: Vec<usize> = (0..self.len()).collect();
+        order.sort_unstable_by_key(|k| self.given[*k]);
+        let strain = |k: usize| {
+            let rest = self.rest[k];
+            if rest > 0.0 { length(positions, &[self.a[k], self.b[k]]) / rest - 1.0 } else { 0.0 }
+        };
+        order.into_iter().map(strain).collect()
     }
 }
 
@@ -218,5 +219,16 @@ mod tests {
         let set = EdgeSet::new(&[[1, 2], [0, 1], [0, 2]], &[2.0, 2.0, 0.0], 3).unwrap();
         assert_eq!(set.strains(&p), vec![0.5, 0.0, 0.0]);
         assert_eq!(set.colors.len(), 3);
+        // A part has those of its edges, in their order.
+        let mesh = if_core::shapes::meshes::cloth(0.3, 0.2, 13, 9);
+        let all = EdgeSet::of_mesh(&mesh);
+        let bent: Vec<Point> =
+            mesh.vertices().iter().enumerate().map(|(k, p)| Point::new(p.x, p.y, 0.01 * (k as Real).sin())).collect();
+        let w: Vec<Real> = (0..bent.len()).map(|k| Real::from(u8::from(k % 3 == 0))).collect();
+        let edges = if_core::edges::Edges::new(&mesh).vertices;
+        let of_all = all.strains(&bent).into_iter().zip(edges);
+        let expected: Vec<Real> =
+            of_all.filter(|(_, e)| e.iter().any(|v| w[*v as usize] > 0.0)).map(|(strain, _)| strain).collect();
+        assert_eq!(all.movable(&w).strains(&bent), expected);
     }
 }

@@ -64,7 +64,7 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
             }
         }
     }
-    Ok(end)
+    Ok(if cancel::asked() { End::Cancelled } else { end })
 }
 
 fn add(

@@ -15,6 +15,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use miette::{Diagnostic, Report};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Pixels.
@@ -41,6 +42,8 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
     let params = MatchParams { meshes: !args.no_meshes, ..match_params(&args.params, height)? };
     let dresser = Dresser::new(&wardrobe, params.align);
     let bar = progress(combinations.len());
+    // Why a line could not be printed: the first of several done at once.
+    let unprinted: Mutex<Option<Report>> = Mutex::new(None);
     let watch = |event: &Event| {
         match event {
             Event::Working(index, progress) => {
@@ -58,7 +61,8 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
                 };
                 let printed = bar.suspend(told);
                 bar.inc(1);
-                if printed.is_err() {
+                if let Err(error) = printed {
+                    unprinted.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
                     return ControlFlow::Break(());
                 }
             }
@@ -68,7 +72,11 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
     let batch = BatchParams { at_once: usize::from(args.at_once), again: args.again };
     let done = batch::run(&args.out, &dresser, &combinations, &params, &batch, &watch);
     bar.finish_and_clear();
-    let Some(summary) = done.map_err(|e| Fault::new(format!("cannot go on in `{}`", args.out.display()), &e))? else {
+    let done = done.map_err(|e| Fault::new(format!("cannot go on in `{}`", args.out.display()), &e))?;
+    if let Some(error) = unprinted.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        return Err(error);
+    }
+    let Some(summary) = done else {
         note("cancelled; what is done stays, and the same command goes on from there");
         return Ok(End::Cancelled);
     };

@@ -193,6 +193,31 @@ fn an_output_folder_that_cannot_be() {
     }
     std::fs::create_dir_all(folder.path("fixed/skirt.ply")).unwrap();
     fails(&folder, "fix outfit.toml --out fixed", &["fixed/skirt.ply", "in the way"]);
+    // What is in the way of a copy along leaves the rest alone too.
+    let shirt = String::from_utf8(folder.read("shirt.obj")).unwrap();
+    folder.write("shirt.obj", format!("mtllib cloth.mtl\n{shirt}"));
+    folder.write("cloth.mtl", "map_Kd maps/red.png\n");
+    std::fs::create_dir(folder.path("maps")).unwrap();
+    folder.write("maps/red.png", "red");
+    std::fs::create_dir_all(folder.path("other/cloth.mtl")).unwrap();
+    folder.write("other/skirt.ply", "mine");
+    fails(&folder, "fix outfit.toml --out other", &["other/cloth.mtl", "in the way"]);
+    std::fs::remove_dir(folder.path("other/cloth.mtl")).unwrap();
+    folder.write("other/maps", "a file");
+    fails(&folder, "fix outfit.toml --out other", &["other/maps/red.png", "a part of the path is a file"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_material_library_that_cannot_be_read() {
+    let folder = Folder::new();
+    let shirt = String::from_utf8(folder.read("shirt.obj")).unwrap();
+    folder.write("shirt.obj", format!("mtllib cloth.mtl\n{shirt}"));
+    // A file whose beginning not even root can read.
+    std::os::unix::fs::symlink("/proc/self/mem", folder.path("cloth.mtl")).unwrap();
+    let run = folder.ifg("fix outfit.toml --out fixed").expect(2);
+    assert!(run.stderr.contains("cannot read `cloth.mtl`, which `shirt.obj` names"), "{}", run.stderr);
+    assert!(!folder.path("fixed").exists());
 }
 
 #[test]

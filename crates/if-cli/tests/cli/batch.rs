@@ -1,6 +1,6 @@
 //! Many outfits in one run: one folder each, finished ones are skipped, a fault stops only its own.
 
-use crate::folder::{Folder, Run};
+use crate::folder::{Folder, Run, TOO_FEW};
 use serde_json::Value;
 
 fn batch() -> Folder {
@@ -45,6 +45,39 @@ fn what_has_changed_is_done_again() {
     let shirt = String::from_utf8(folder.read("shirt.obj")).unwrap() + "# changed\n";
     folder.write("shirt.obj", shirt);
     assert_eq!(run("--clearance 1mm"), ["clean", "clean"]);
+}
+
+#[test]
+fn other_materials_and_textures_are_done_again() {
+    let folder = batch();
+    let shirt = String::from_utf8(folder.read("shirt.obj")).unwrap();
+    folder.write("shirt.obj", format!("mtllib cloth.mtl\n{shirt}"));
+    folder.write("cloth.mtl", "map_Kd red.png\nmap_Ka gone.png\n");
+    folder.write("red.png", "red");
+    let run = || states(&folder.ifg("fix a.toml b.toml --out done --json").expect(0));
+    assert_eq!(run(), ["clean", "clean"]);
+    let receipt: Value = serde_json::from_slice(&folder.read("done/a/receipt.json")).unwrap();
+    let inputs = receipt["inputs"].as_array().unwrap().iter().skip(3);
+    let inputs: Vec<_> = inputs.map(|i| (i["layer"].as_str().unwrap(), i["file"].as_str().unwrap())).collect();
+    assert_eq!(inputs, [("top", "cloth.mtl"), ("top", "red.png")]);
+    for (name, content) in [("red.png", "crimson"), ("gone.png", "found again"), ("cloth.mtl", "map_Kd red.png\n")] {
+        assert_eq!(run(), ["finished", "finished"]);
+        folder.write(name, content);
+        assert_eq!(run(), ["clean", "clean"], "{name}");
+        assert_eq!(folder.read(&format!("done/b/{name}")), content.as_bytes());
+    }
+}
+
+#[test]
+fn what_was_left_is_tried_again() {
+    let folder = batch();
+    let run = |args: &str, code| states(&folder.ifg(&format!("fix a.toml b.toml --out done --json {args}")).expect(code));
+    let unproven = format!("{TOO_FEW} --write-unproven");
+    for _ in 0..2 {
+        assert_eq!(run(&unproven, 1), ["remaining", "remaining"]);
+        assert!(folder.path("done/a/shirt.obj").exists() && folder.path("done/b/receipt.json").exists());
+    }
+    assert_eq!(run("", 0), ["clean", "clean"]);
 }
 
 #[test]

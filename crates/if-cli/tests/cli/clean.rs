@@ -56,6 +56,7 @@ fn what_cannot_be_cleaned_is_refused() {
         ("clean raw.ply --out clean.ply --surface-passes 100000000", "0..=10000"),
         ("clean raw.ply --out raw.ply/clean.ply", "a part of the path is a file"),
         ("clean raw.ply --out clean.ply --least-share 200", "share"),
+        ("clean raw.ply --out clean.ply --parts 0", "--parts"),
     ] {
         let run = folder.ifg(command).expect(2);
         assert!(run.stderr.contains(word), "{command}\n{}", run.stderr);
@@ -82,4 +83,40 @@ fn ctrl_c_ends_the_passes_over_the_surface() {
     ply::write_path(&fine, fine.mesh.vertices(), &WriteParams::default(), &folder.path("fine.ply")).unwrap();
     let run = folder.interrupt("clean fine.ply --out new/clean.ply --surface-passes 10000", "new/.ifg-partial-clean.ply");
     assert!(run.stderr.contains("cancelled; `new/clean.ply` was not written"), "{}", run.stderr);
+}
+
+#[test]
+fn at_most_so_many_parts_are_kept_however_small() {
+    let folder = Folder::new();
+    raw(&folder);
+    let parts = |args: &str| {
+        let args = format!("clean raw.ply --out clean.ply --no-pictures --json --least-share 0 {args}");
+        let json = folder.ifg(&args).expect(0).json();
+        ["kept", "dropped"].map(|what| json["report"]["components"][what].as_array().unwrap().len())
+    };
+    assert_eq!(parts(""), [2, 0]);
+    assert_eq!(parts("--parts 1"), [1, 1]);
+}
+
+#[test]
+fn the_boundary_is_left_as_it_is_where_that_is_asked_for() {
+    let folder = Folder::new();
+    let tube = tube(0.1, 0.4, 40, 20, false);
+    // A zigzag round the top.
+    let ragged = tube.vertices().iter().enumerate().map(|(v, p)| {
+        let up = if p.y > 0.399 && v % 2 == 0 { 0.01 } else { 0.0 };
+        p + if_core::math::Vector::y() * up
+    });
+    let ply = PlyMesh::new(tube.with_vertices(ragged.collect()).unwrap());
+    ply::write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &folder.path("ragged.ply")).unwrap();
+    let moved = |args: &str| {
+        let args = format!("clean ragged.ply --out clean.ply --openings 2 --no-pictures --json {args}");
+        let json = folder.ifg(&args).expect(0).json();
+        let vertices = |name: &str| MeshFile::read(&folder.path(name)).unwrap().mesh().vertices().to_vec();
+        let (before, after) = (vertices("ragged.ply"), vertices("clean.ply"));
+        (json["report"]["smoothing"]["moved"].as_u64().unwrap(), after.iter().filter(|p| !before.contains(p)).count())
+    };
+    let (told, found) = moved("");
+    assert!(told > 0 && found > 0, "{told} {found}");
+    assert_eq!(moved("--no-smooth"), (0, 0));
 }

@@ -1,6 +1,6 @@
 //! What the commands print and write, and how they end.
 
-use crate::folder::{Folder, angular_belt, body, moved, obj, ply};
+use crate::folder::{Folder, TOO_FEW, angular_belt, body, moved, obj, ply};
 use if_core::mesh::TriMesh;
 use if_mesh::file::{Content, MeshFile};
 
@@ -44,6 +44,32 @@ fn fix_writes_what_check_then_finds_clean() {
         (MeshFile::read(&folder.path("skirt.ply")).unwrap(), MeshFile::read(&folder.path("fixed/skirt.ply")).unwrap());
     assert_eq!(old.mesh().triangles(), new.mesh().triangles());
     assert_ne!(old.mesh().vertices(), new.mesh().vertices());
+}
+
+#[test]
+fn what_is_left_is_named_and_written_only_where_that_is_asked_for() {
+    let folder = Folder::new();
+    let before = folder.files();
+    let run = folder.ifg(&format!("fix outfit.toml --out fixed {TOO_FEW}")).expect(1);
+    let named = ["`body`", "`skirt`", "`top`"].iter().filter(|name| run.stderr.contains(**name)).count();
+    assert!(named >= 2 && run.stderr.contains("intersecting triangle pairs"), "{}", run.stderr);
+    assert!(run.stderr.contains("--write-unproven") && run.stdout.contains("Nothing written"), "{}{}", run.stdout, run.stderr);
+    assert!(folder.files() == before, "files changed");
+    folder.ifg(&format!("fix outfit.toml --out fixed {TOO_FEW} --write-unproven")).expect(1);
+    let receipt: serde_json::Value = serde_json::from_slice(&folder.read("fixed/receipt.json")).unwrap();
+    assert_eq!(receipt["state"], "remaining");
+    folder.ifg("check --body body.ply fixed/skirt.ply fixed/shirt.obj").expect(1);
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_is_heard_to_the_end_of_the_last_check() {
+    let folder = Folder::new();
+    let fifo = folder.path("slow.toml");
+    assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+    let outfit = folder.read("outfit.toml");
+    // It can be written when it is opened to be read.
+    folder.interrupt_printing("check slow.toml", || std::fs::write(&fifo, outfit).unwrap()).expect(130);
 }
 
 #[test]
@@ -203,6 +229,16 @@ fn the_demo_is_resolved_and_can_be_fixed_again_from_its_files() {
             assert_eq!(bytes, folder.read(&format!("out/demo/{name}")), "{name}");
         }
     }
+}
+
+#[test]
+fn the_other_variant_of_the_demo_wears_trousers_and_what_is_left_is_written() {
+    let folder = Folder::new();
+    let run = folder.ifg(&format!("demo --variant trousers --size coarse {TOO_FEW}")).expect(1);
+    assert!(run.stdout.contains("trousers") && run.stdout.contains("Wrote out/demo"), "{}", run.stdout);
+    let outfit = String::from_utf8(folder.read("out/demo/input/demo.toml")).unwrap();
+    assert!(outfit.contains("trousers.ply") && !outfit.contains("skirt"), "{outfit}");
+    assert!(folder.path("out/demo/trousers.ply").exists());
 }
 
 #[test]

@@ -54,6 +54,45 @@ fn cut_writes_one_mesh_for_each_label_with_attributes_and_a_table() {
 }
 
 #[test]
+fn large_labels_are_cut_as_small_ones_are() {
+    let folder = Folder::new();
+    labelled(&folder);
+    let mut ply = read_bytes(&folder.read("labelled.ply")).unwrap();
+    let Column::U8(labels) = &mut ply.vertex_properties[0].values else { panic!("another type") };
+    for label in labels.iter_mut().filter(|l| **l > 1) {
+        *label = if *label == 2 { 200 } else { 254 };
+    }
+    let mut bytes = Vec::new();
+    write(&ply, ply.mesh.vertices(), &WriteParams::default(), &mut bytes).unwrap();
+    folder.write("large.ply", bytes);
+    let cut = |mesh: &str, out: &str| {
+        let mut json = folder.ifg(&format!("cut {mesh} --out {out} --smooth 10cm --no-pictures --json")).expect(0).json();
+        let told = json.as_object_mut().unwrap();
+        ["mesh", "out", "pieces", "notes", "seconds"].iter().for_each(|key| drop(told.remove(*key).unwrap()));
+        json
+    };
+    assert_eq!(cut("labelled.ply", "small"), cut("large.ply", "large"));
+    let piece = |name: &str| read_bytes(&folder.read(name)).unwrap();
+    for (small, large, label) in [("label_2", "label_200", 200), ("label_3", "label_254", 254)] {
+        let (small, large) = (piece(&format!("small/{small}.ply")), piece(&format!("large/{large}.ply")));
+        assert_eq!(small.mesh, large.mesh);
+        assert_eq!(large.vertex_property("label").unwrap().values, Column::U8(vec![label; large.mesh.vertices().len()]));
+    }
+}
+
+#[test]
+fn a_folder_in_the_way_of_one_piece_leaves_the_others_as_they_were() {
+    let folder = Folder::new();
+    labelled(&folder);
+    std::fs::create_dir_all(folder.path("o/label_3.ply")).unwrap();
+    folder.write("o/label_2.ply", "mine");
+    let before = folder.files();
+    let run = folder.ifg("cut labelled.ply --out o --smooth 10cm --no-pictures").expect(2);
+    assert!(run.stderr.contains("label_3.ply` is in the way"), "{}", run.stderr);
+    assert!(folder.files() == before, "files changed");
+}
+
+#[test]
 fn what_is_in_no_file_is_told() {
     let folder = Folder::new();
     // Of three balls one has no label, one a label and a single vertex of another.

@@ -69,6 +69,8 @@ fn what_is_no_field_is_refused() {
     assert!(open.stderr.contains("skirt.ply") && open.stderr.contains("not closed"), "{}", open.stderr);
     folder.ifg("extract nothing.ply --out a.ply").expect(2);
     folder.ifg("extract body.ply --out a.ply --cell 0mm").expect(2);
+    let lost = folder.ifg("extract body.ply --out a.ply --cell 5m").expect(2);
+    assert!(lost.stderr.contains("nothing is left") && lost.stderr.contains("5000.00 mm"), "{}", lost.stderr);
     assert!(!folder.path("a.ply").exists());
 }
 
@@ -134,4 +136,19 @@ fn errors_are_those_of_the_file_in_the_precision_of_the_input() {
         assert!(worst < most, "{worst}");
         assert!((worst > 1e-6) == (coordinates == CoordinateType::Float), "{worst}");
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn paths_that_are_not_utf_8_are_told_all_the_same() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+    let folder = Folder::new();
+    let (field, out) = (OsStr::from_bytes(b"b\xffdy.ply"), OsStr::from_bytes(b"r\xffund.ply"));
+    std::fs::rename(folder.path("body.ply"), folder.path("").join(field)).unwrap();
+    let mut command = folder.command("extract --cell 5cm --no-pictures --json --out");
+    let run = crate::folder::Run::from(command.args([out, field]).output().unwrap()).expect(0);
+    let json = run.json();
+    assert_eq!((&json["field"], &json["files"][0]), (&"b\u{fffd}dy.ply".into(), &"r\u{fffd}und.ply".into()));
+    assert!(folder.path("").join(out).exists());
 }

@@ -1,11 +1,16 @@
 //! `ifg fit`: what it writes, says and refuses.
 
+#[cfg(unix)]
+use crate::folder::Run;
 use crate::folder::{Folder, body, ply};
 use if_core::field::SignedDistance;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_neural::field::NeuralField;
 use if_neural::files::read_network;
+use if_neural::network::Network;
+#[cfg(unix)]
+use std::process::{Command, Stdio};
 
 #[test]
 fn a_fitted_body_is_a_field_and_the_same_bytes_on_any_number_of_threads() {
@@ -37,6 +42,21 @@ fn an_accuracy_ends_the_fit_or_the_exit_code_says_that_it_was_not_reached() {
     assert!(run.stderr.contains("not reached") && folder.path("b.safetensors").exists(), "{}", run.stderr);
 }
 
+/// From a sphere: the first values of the grid are the body's own.
+#[test]
+fn steps_bring_the_network_nearer() {
+    let folder = Folder::new();
+    let mean = |steps: u32| {
+        let args = format!("fit body.ply --out n.safetensors --network fast --steps {steps} --json");
+        let json = folder.ifg(&args).expect(0).json();
+        let (network, _) = read_network(&folder.read("n.safetensors")[..]).unwrap();
+        assert!(matches!(network, Network::Sdf(_)));
+        json["report"]["error"]["mean"].as_f64().unwrap()
+    };
+    let (first, later) = (mean(0), mean(30));
+    assert!(later < 0.9 * first, "{first} -> {later}");
+}
+
 #[test]
 fn an_open_mesh_is_fitted_by_its_vertices() {
     let folder = Folder::new();
@@ -65,6 +85,7 @@ fn what_cannot_be_fitted_is_refused_and_nothing_is_written() {
         ("fit body.ply --out body.ply --seconds 300", ["body.ply", ".safetensors"]),
         ("fit body.ply --out skirt.ply --seconds 300", ["skirt.ply", ".safetensors"]),
         ("fit body.ply --out x.safetensors --seconds 0", ["--seconds", "positive"]),
+        ("fit body.ply --out x.safetensors --accuracy 0mm", ["--accuracy", "above zero"]),
     ] {
         let run = folder.ifg(args).expect(2);
         for word in words {
@@ -77,25 +98,10 @@ fn what_cannot_be_fitted_is_refused_and_nothing_is_written() {
 #[cfg(unix)]
 #[test]
 fn a_cancelled_fit_goes_on_from_its_checkpoint_to_the_same_bytes() {
-    use crate::folder::Run;
-    use std::process::{Command, Stdio};
-    use std::thread::sleep;
-    use std::time::Duration;
     let folder = Folder::new();
     folder.ifg("fit body.ply --out whole.safetensors --steps 6").expect(0);
-    let mut child = folder
-        .command("fit body.ply --out part.safetensors --steps 6 --checkpoint state/c.safetensors")
-        .stderr(Stdio::piped())
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    // While it reads, so that it is cancelled after the first step.
-    while !folder.path("state/.ifg-partial-c.safetensors").exists() {
-        assert!(child.try_wait().unwrap().is_none(), "it ended");
-        sleep(Duration::from_millis(1));
-    }
-    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    let run = Run::from(child.wait_with_output().unwrap()).expect(130);
+    let args = "fit body.ply --out part.safetensors --steps 6 --checkpoint state/c.safetensors";
+    let run = interrupted(&folder, args, || ()).expect(130);
     assert!(run.stderr.contains("--resume state/c.safetensors goes on with it"), "{}", run.stderr);
     assert!(folder.path("part.safetensors").exists());
     let json = folder.ifg("fit body.ply --out part.safetensors --resume state/c.safetensors --threads 1 --json").expect(0).json();
@@ -115,4 +121,58 @@ fn a_cancelled_fit_goes_on_from_its_checkpoint_to_the_same_bytes() {
         assert!(run.stderr.contains(words), "{args}\n{}", run.stderr);
     }
     assert!(folder.files() == before, "files changed");
+}
+
+/// Starts a fit, and interrupts it during its first steps, after `meanwhile`.
+#[cfg(unix)]
+fn interrupted(folder: &Folder, args: &str, meanwhile: impl FnOnce()) -> Run {
+    use std::io::{BufRead, BufReader, Read};
+    let mut child = folder.command(&format!("{args} --verbose")).stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+    let mut told = BufReader::new(child.stderr.take().unwrap());
+    let mut stderr = String::new();
+    while !stderr.contains("fitting begins") {
+        assert!(told.read_line(&mut stderr).unwrap() > 0, "it ended: {stderr}");
+    }
+    meanwhile();
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    told.read_to_string(&mut stderr).unwrap();
+    Run { code: child.wait().unwrap().code(), stdout: String::new(), stderr }
+}
+
+#[cfg(unix)]
+#[test]
+fn where_the_checkpoint_cannot_be_written_the_network_is() {
+    let folder = Folder::new();
+    let in_the_way = || std::fs::create_dir(folder.path("state/c.safetensors")).unwrap();
+    let args = "fit body.ply --out part.safetensors --steps 100000 --checkpoint state/c.safetensors";
+    let run = interrupted(&folder, args, in_the_way).expect(2);
+    for words in ["cannot write `state/c.safetensors`", "nothing goes on from here"] {
+        assert!(run.stderr.contains(words), "{words}\n{}", run.stderr);
+    }
+    read_network(&folder.read("part.safetensors")[..]).unwrap();
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_before_the_first_step_leaves_the_network_that_stands_there() {
+    use std::thread::sleep;
+    use std::time::Duration;
+    let folder = Folder::new();
+    folder.write("good.safetensors", "good");
+    let mut child = folder
+        .command("fit body.ply --out good.safetensors --steps 100000")
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    // While it reads.
+    while !folder.path(".ifg-partial-good.safetensors").exists() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended");
+        sleep(Duration::from_millis(1));
+    }
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let run = Run::from(child.wait_with_output().unwrap()).expect(130);
+    assert!(run.stderr.contains("cancelled before the first step"), "{}", run.stderr);
+    assert_eq!(folder.read("good.safetensors"), b"good");
+    assert!(!folder.path(".ifg-partial-good.safetensors").exists());
 }

@@ -12,6 +12,10 @@ use tempfile::TempDir;
 /// clear of both, and an outfit file.
 pub(crate) struct Folder(TempDir);
 
+/// With these no outfit of the folder is resolved.
+pub(crate) const TOO_FEW: &str =
+    "--set rounds=1 --set settle_rounds=1 --set sweeps=1 --set step=1e-5 --set max_push=1e-5 --set ease_rounds=0";
+
 /// What the binary did.
 pub(crate) struct Run {
     pub(crate) code: Option<i32>,
@@ -158,6 +162,29 @@ impl Folder {
         let run = Run::from(child.wait_with_output().expect("it ended")).expect(130);
         assert!(self.files() == before, "`{args}` left something");
         run
+    }
+
+    /// Starts the binary with a full pipe for its stdout, so that it waits where it first prints; interrupts it a moment after `ready` returns, and
+    /// lets it go on.
+    #[cfg(unix)]
+    #[track_caller]
+    pub(crate) fn interrupt_printing(&self, args: &str, ready: impl FnOnce()) -> Run {
+        use std::io::{Read, Write};
+        use std::process::Stdio;
+        use std::thread::{sleep, spawn};
+        use std::time::Duration;
+        let (mut reader, mut writer) = std::io::pipe().expect("a pipe");
+        let stdout = writer.try_clone().expect("the same pipe");
+        // More than any pipe holds.
+        let filling = spawn(move || writer.write_all(&vec![b'\n'; 1 << 21]));
+        let child = self.command(args).stdout(stdout).stderr(Stdio::piped()).spawn().expect("ifg starts");
+        ready();
+        sleep(Duration::from_millis(300));
+        Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill is there");
+        sleep(Duration::from_millis(100));
+        reader.read_to_end(&mut Vec::new()).expect("a pipe");
+        filling.join().expect("it does not panic").expect("a pipe");
+        child.wait_with_output().expect("it ended").into()
     }
 
     /// All files with their bytes, in order of their names.

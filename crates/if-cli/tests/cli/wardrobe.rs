@@ -1,6 +1,6 @@
 //! A wardrobe from the command line; batches that are killed and go on.
 
-use crate::folder::{Folder, angular_belt, belt, body, obj, ply};
+use crate::folder::{Folder, Run, angular_belt, belt, body, obj, ply};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{Column, PlyMesh, Property, WriteParams, read_bytes, write_path};
@@ -315,4 +315,45 @@ fn faults_say_what_to_do() {
     folder.write("mine/note.txt", "keep");
     assert!(stderr("wardrobe match w --body slim belt0 --out mine").contains("in the way"));
     assert_eq!(folder.read("mine/note.txt"), b"keep");
+}
+
+#[test]
+fn the_field_of_the_clothed_body_is_baked_where_that_is_asked_for() {
+    let folder = Folder::new();
+    folder.ifg("wardrobe add w --body slim --mesh body.ply --bake skirt.ply").expect(0);
+    folder.ifg("wardrobe add w --body slim hoop.ply").expect(0);
+    let baked = |name: &str| {
+        let info: Value = serde_json::from_slice(&folder.read(&format!("w/garments/{name}/asset.json"))).unwrap();
+        info["phi"]["baked"]["file"].clone()
+    };
+    assert_eq!((baked("skirt"), baked("hoop")), ("phi.baked".into(), Value::Null));
+    assert!(!folder.read("w/garments/skirt/phi.baked").is_empty());
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_line_that_cannot_be_printed_is_told_and_is_no_cancellation() {
+    let folder = belts();
+    for (random, json) in [(2, ""), (1, "--json")] {
+        let args = format!("wardrobe batch w --random {random} --any-order --most 2 --no-pictures --out many {json}");
+        let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+        let run = Run::from(folder.command(&args).stdout(full).output().unwrap()).expect(2);
+        assert!(run.stderr.contains("No space left") && !run.stderr.contains("cancelled"), "{}", run.stderr);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_is_heard_to_the_end_of_the_last_garment() {
+    let folder = Folder::new();
+    folder.ifg("wardrobe add w --body slim --mesh body.ply").expect(0);
+    let added = folder.path("w/garments/skirt/asset.json");
+    let ready = || {
+        let start = Instant::now();
+        while !added.exists() {
+            assert!(start.elapsed() < Duration::from_secs(20), "no garment");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    };
+    folder.interrupt_printing("wardrobe add w --body slim skirt.ply", ready).expect(130);
 }

@@ -1,6 +1,5 @@
 //! Laplacian smoothing of the boundary.
 
-use super::Step;
 use super::curve::{roughness, taubin_loop};
 use super::manifold::resolve;
 use super::rim::{LoopShape, length};
@@ -10,6 +9,7 @@ use super::trim::trim;
 use super::twins::{Twins, ends, leaving, loops};
 use super::watch::{Cancelled, Watch, unwatched};
 use super::work::{Derived, Work};
+use super::{CleanupError, Step, range};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
@@ -92,6 +92,24 @@ pub struct SmoothReport {
     pub held_back: usize,
 }
 
+impl SmoothParams {
+    /// Whether all numbers make sense.
+    ///
+    /// # Errors
+    ///
+    /// The first that does not.
+    pub fn validate(&self) -> Result<(), CleanupError> {
+        range("λ", self.lambda, 0.0, 1.0, "a number from 0 to 1")?;
+        range("μ", self.mu, -1.1, 0.0, "a number from −1.1 to 0, a little below −λ")?;
+        range("the roughness", self.roughness, 1e-3, 10.0, "an angle in radians, from 0.001")?;
+        let most = MOST_PASSES as Real;
+        range("the number of passes over a loop", self.passes as Real, 0.0, most, "at most 10,000")?;
+        range("the number of rounds", self.rounds as Real, 0.0, most, "at most 10,000")?;
+        range("the number of rings", self.rings as Real, 0.0, most, "at most 10,000")?;
+        range("the number of passes over the surface", self.surface_passes as Real, 0.0, most, "at most 10,000")
+    }
+}
+
 /// Smooths all boundary loops of `mesh` that are rough: Taubin's filter along the loop, spread over some rings of
 /// vertices, and brought back to the zero of `field` where there is one. No vertex moves so far that a triangle turns
 /// over, loses its area, or meets another one that it did not meet before. A mesh that is not manifold is made so
@@ -100,13 +118,22 @@ pub struct SmoothReport {
 /// # Source
 ///
 /// Supplement, Appendix B, Figure 2 (b); Taubin 1995.
-pub fn smooth_boundary(mesh: &TriMesh, field: Option<&dyn SignedDistance>, params: &SmoothParams) -> (Derived, SmoothReport) {
+///
+/// # Errors
+///
+/// Parameters out of range.
+pub fn smooth_boundary(
+    mesh: &TriMesh,
+    field: Option<&dyn SignedDistance>,
+    params: &SmoothParams,
+) -> Result<(Derived, SmoothReport), CleanupError> {
+    params.validate()?;
     let mut work = Work::new(mesh);
     let (_, twins) = resolve(&mut work);
     let rims = loops(&work.triangles, &twins);
     let report = unwatched(|watch| smooth(&mut work, &twins, &rims, field, params, false, watch));
     work.compact(); // tips of teeth that were cut off
-    (work.finish(), report)
+    Ok((work.finish(), report))
 }
 
 /// Loops of fewer edges have no shape to be smoothed to.

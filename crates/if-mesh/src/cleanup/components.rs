@@ -2,6 +2,7 @@
 
 use super::twins::{NONE, Twins};
 use super::work::{Derived, Work};
+use super::{CleanupError, range};
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use serde::Serialize;
@@ -42,16 +43,27 @@ pub struct ComponentReport {
     pub dropped: Vec<Component>,
 }
 
+impl ComponentParams {
+    /// Whether all numbers make sense.
+    ///
+    /// # Errors
+    ///
+    /// A share that is none.
+    pub fn validate(&self) -> Result<(), CleanupError> {
+        range("the least share of a part", self.least_share, 0.0, 1.0, "a share from 0 to 1")
+    }
+}
+
 /// Drops parts that are small beside the largest one. What meets in a vertex only is not joined.
 ///
-/// # Panics
+/// # Errors
 ///
-/// If `params` are out of range ([`super::CleanupParams::validate`]).
-pub fn remove_isolated(mesh: &TriMesh, params: &ComponentParams) -> (Derived, ComponentReport) {
-    assert!((0.0..=1.0).contains(&params.least_share), "a share lies between 0 and 1");
+/// Parameters out of range.
+pub fn remove_isolated(mesh: &TriMesh, params: &ComponentParams) -> Result<(Derived, ComponentReport), CleanupError> {
+    params.validate()?;
     let mut work = Work::new(mesh);
     let (report, _) = drop_small(&mut work, &Twins::of_mesh(mesh), params);
-    (work.finish(), report)
+    Ok((work.finish(), report))
 }
 
 /// [`remove_isolated`] in place; the triangles that went, ascending.
@@ -160,19 +172,19 @@ mod tests {
 
     #[test]
     fn small_parts_go_and_are_reported_with_area_and_box() {
-        let (left, report) = remove_isolated(&three_balls(), &ComponentParams::default());
+        let (left, report) = remove_isolated(&three_balls(), &ComponentParams::default()).unwrap();
         assert_eq!((report.kept.len(), report.dropped.len()), (2, 1));
         let gone = report.dropped[0];
         approx::assert_relative_eq!(gone.area, icosphere(0.01, 2).area(), max_relative = 1e-12);
         approx::assert_relative_eq!(gone.aabb[0][0], 0.99, epsilon = 1e-3);
         assert_eq!(left.mesh.triangles().len(), 2 * gone.triangles);
-        let (one, _) = remove_isolated(&left.mesh, &ComponentParams { most: Some(1), ..Default::default() });
+        let (one, _) = remove_isolated(&left.mesh, &ComponentParams { most: Some(1), ..Default::default() }).unwrap();
         assert_eq!(one.mesh.triangles(), icosphere(0.3, 2).triangles());
     }
 
     #[test]
     fn no_mesh_has_no_parts() {
-        let (left, report) = remove_isolated(&TriMesh::default(), &ComponentParams::default());
+        let (left, report) = remove_isolated(&TriMesh::default(), &ComponentParams::default()).unwrap();
         assert!(left.mesh.triangles().is_empty());
         assert_eq!(report, ComponentReport::default());
     }

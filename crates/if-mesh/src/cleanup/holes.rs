@@ -1,6 +1,5 @@
 //! Holes closed.
 
-use super::Step;
 use super::guard::{bounds, meeting};
 use super::hole::Hole;
 use super::manifold::{resolve, take_out};
@@ -10,6 +9,7 @@ use super::rim::LoopShape;
 use super::twins::{Twins, loops};
 use super::watch::{Cancelled, Watch, unwatched};
 use super::work::{Derived, Work};
+use super::{CleanupError, Step, range};
 use crate::validate::is_flat;
 use if_core::aabb::Aabb;
 use if_core::field::SignedDistance;
@@ -37,6 +37,23 @@ pub struct FillParams {
 impl Default for FillParams {
     fn default() -> Self {
         Self { exact_up_to: 128, refine: true, fair: true, most_vertices: 20_000, widenings: 3 }
+    }
+}
+
+/// Loops up to so many edges may get the best triangulation: it takes 46 MB and some seconds.
+const MOST_EXACT: Real = 1024.0;
+
+impl FillParams {
+    /// Whether all numbers make sense.
+    ///
+    /// # Errors
+    ///
+    /// The first that does not.
+    pub fn validate(&self) -> Result<(), CleanupError> {
+        let exact = self.exact_up_to as Real;
+        range("the number of edges up to which a loop gets the best triangulation", exact, 0.0, MOST_EXACT, "at most 1,024")?;
+        range("the number of new vertices of a hole", self.most_vertices as Real, 0.0, 1e7, "at most 10 million")?;
+        range("the number of widenings", self.widenings as Real, 0.0, 1000.0, "at most 1,000")
     }
 }
 
@@ -91,16 +108,22 @@ pub struct FillReport {
 /// # Source
 ///
 /// Supplement, Appendix B, Figure 2 (a); Liepa 2003.
+///
+/// # Errors
+///
+/// Parameters out of range.
 pub fn fill_holes(
     mesh: &TriMesh,
     field: Option<&dyn SignedDistance>,
     openings: &Openings,
     params: &FillParams,
-) -> (Derived, FillReport) {
+) -> Result<(Derived, FillReport), CleanupError> {
+    params.validate()?;
+    openings.validate()?;
     let mut work = Work::new(mesh);
     let (_, mut twins) = resolve(&mut work);
     let (report, _) = unwatched(|watch| fill(&mut work, &mut twins, field, openings, params, false, watch));
-    (work.finish(), report)
+    Ok((work.finish(), report))
 }
 
 /// The largest share of the area that is cut away to widen holes.

@@ -35,6 +35,14 @@ pub enum GridError {
         /// What was given.
         cell: Real,
     },
+    /// The grid leaves the range of numbers.
+    #[error("a grid from {min} on with cells of {cell} m has nodes that are no finite points")]
+    Region {
+        /// Node (0, 0, 0).
+        min: Point,
+        /// The cell, in metres.
+        cell: Real,
+    },
     /// A value is not a number.
     #[error("value {index} is not a number")]
     NotANumber {
@@ -48,26 +56,27 @@ pub enum GridError {
 ///
 /// # Errors
 ///
-/// A wrong or too large number of values, a cell that is no length, a value that is NaN.
-///
-/// # Panics
-///
-/// If `min` is not finite.
+/// A wrong or too large number of values, a cell that is no length, a grid beyond the range of numbers, a value that is NaN.
 pub fn surface_of_grid<T: Copy + Into<Real> + Sync>(
     values: &[T],
     nodes: [u32; 3],
     min: Point,
     cell: Real,
 ) -> Result<TriMesh, GridError> {
-    let needed = nodes.iter().map(|n| *n as usize).product();
-    if values.len() != needed {
-        return Err(GridError::Count { nodes, needed, got: values.len() });
-    }
+    // In steps that are checked: three numbers of 32 bits may have a product of 96.
+    let needed = nodes.iter().try_fold(1usize, |all, n| all.checked_mul(*n as usize)).unwrap_or(usize::MAX);
     if u32::try_from(needed).is_err() {
         return Err(GridError::TooMany { nodes: needed });
     }
+    if values.len() != needed {
+        return Err(GridError::Count { nodes, needed, got: values.len() });
+    }
     if !(cell > 0.0 && cell.is_finite()) {
         return Err(GridError::Cell { cell });
+    }
+    let far = [0, 1, 2].map(|k| min[k] + cell * Real::from(nodes[k]));
+    if !min.iter().chain(&far).all(|x| x.is_finite()) {
+        return Err(GridError::Region { min, cell });
     }
     if needed == 0 {
         return Ok(TriMesh::default());
@@ -176,6 +185,11 @@ mod tests {
         let grid = |values: &[Real], nodes, cell| surface_of_grid(values, nodes, Point::origin(), cell);
         assert!(matches!(grid(&[0.0; 7], [2; 3], 1.0), Err(GridError::Count { needed: 8, got: 7, .. })));
         assert!(matches!(grid(&[0.0; 8], [2; 3], 0.0), Err(GridError::Cell { .. })));
+        // A product of 2⁶⁴ is not 0.
+        assert_eq!(grid(&[], [1 << 22, 1 << 22, 1 << 20], 1.0), Err(GridError::TooMany { nodes: usize::MAX }));
+        assert!(matches!(grid(&[0.0; 8], [2; 3], 1e308), Err(GridError::Region { .. })));
+        let nowhere = surface_of_grid(&[-1.0, 1.0], [2, 1, 1], Point::new(Real::NAN, 0.0, 0.0), 1.0);
+        assert!(matches!(nowhere, Err(GridError::Region { .. })));
         let mut holed = vec![1.0; 300];
         holed[217] = Real::NAN;
         assert_eq!(grid(&holed, [100, 3, 1], 1.0), Err(GridError::NotANumber { index: 217 }));

@@ -12,6 +12,9 @@ use crate::trainable::TrainableField;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Read, Write};
 
+/// Steps of a fit that are believed: those of months, and times the largest batch still a number of points.
+const MOST_STEPS: u64 = 1 << 39;
+
 #[derive(Serialize, Deserialize)]
 struct State {
     params: FitParams,
@@ -73,8 +76,15 @@ pub fn read_checkpoint(reader: impl Read) -> Result<(Fit, Network, Frame), ReadE
     if !(state.seconds >= 0.0 && state.seconds.is_finite()) {
         return Err(fault(format!("it took {} seconds", state.seconds)));
     }
-    if state.missed.is_some_and(|m| m > state.step) {
-        return Err(fault(format!("it looked at step {:?} and has done {}", state.missed, state.step)));
+    if state.step > MOST_STEPS {
+        return Err(fault(format!("it has done {} steps; none does more than {MOST_STEPS}", state.step)));
+    }
+    let steps = [("looked at", state.missed), ("was best at", state.best_step), ("moved its parameters up to", state.adam_steps)];
+    if let Some((what, Some(step))) = steps.into_iter().find(|(_, step)| step.is_some_and(|s| s > state.step)) {
+        return Err(fault(format!("it {what} step {step} and has done {}", state.step)));
+    }
+    if let Some(mean) = state.best_mean.filter(|m| !(*m >= 0.0 && m.is_finite())) {
+        return Err(fault(format!("its least error is {mean} m")));
     }
     (fit.step, fit.seconds, fit.missed) = (state.step, state.seconds, state.missed);
     let len = network.parameters().len();
@@ -87,10 +97,16 @@ pub fn read_checkpoint(reader: impl Read) -> Result<(Fit, Network, Frame), ReadE
         }
     };
     if let Some(steps) = state.adam_steps {
-        fit.adam = Some(Adam { params: state.params.adam, steps, first: array("adam.first")?, second: array("adam.second")? });
+        let (first, second) = (array("adam.first")?, array("adam.second")?);
+        if let Some(k) = second.iter().position(|v| *v < 0.0) {
+            return Err(fault(format!("`adam.second` is {} at {k}, and a mean of squares", second[k])));
+        }
+        fit.adam = Some(Adam { params: state.params.adam, steps, first, second });
     }
-    if let (Some(step), Some(mean)) = (state.best_step, state.best_mean) {
-        fit.best = Some(Best { step, mean, theta: array("best")? });
-    }
+    fit.best = match (state.best_step, state.best_mean) {
+        (Some(step), Some(mean)) => Some(Best { step, mean, theta: array("best")? }),
+        (None, None) => None,
+        (step, mean) => return Err(fault(format!("its best step is {step:?}, the error there {mean:?}: both, or none"))),
+    };
     Ok((fit, network, frame))
 }

@@ -1,13 +1,15 @@
 //! The container: named arrays of f32 behind a JSON header, checked before it is believed.
 
 use super::{Header, ReadError, VERSION};
-use safetensors::tensor::TensorView;
-use safetensors::{Dtype, SafeTensors};
+use safetensors::tensor::{Metadata, TensorInfo, TensorView};
+use safetensors::{Dtype, SafeTensorError};
 use std::collections::HashMap;
 use std::io::{self, Read, Write};
 
 /// Longest file that is read: sixteen times the largest grid's checkpoint.
 const LONGEST: u64 = 1 << 36;
+/// Longest header that is read, as in every other reader of safetensors.
+const LONGEST_HEADER: u64 = 100_000_000;
 /// Key of the metadata.
 const KEY: &str = "if_neural";
 
@@ -33,26 +35,44 @@ pub(super) fn write(writer: &mut impl Write, header: &Header, parts: &[Named<'_>
 
 /// A file in memory.
 pub(super) struct Tensors {
-    bytes: Vec<u8>,
-    metadata: Option<String>,
+    metadata: Metadata,
+    /// What stands behind the header.
+    data: Vec<u8>,
 }
 
 impl Tensors {
-    pub(super) fn read(reader: impl Read) -> Result<Self, ReadError> {
-        let mut bytes = Vec::new();
-        reader.take(LONGEST + 1).read_to_end(&mut bytes)?;
-        if bytes.len() as u64 > LONGEST {
+    /// The header is judged before the data are read, and of these no more is read than it speaks of.
+    pub(super) fn read(mut reader: impl Read) -> Result<Self, ReadError> {
+        let fault = |e: SafeTensorError| ReadError::Header { message: e.to_string() };
+        let mut next = |count: u64| {
+            let mut bytes = Vec::new();
+            reader.by_ref().take(count).read_to_end(&mut bytes).map(|_| bytes)
+        };
+        let length: [u8; 8] = next(8)?.try_into().map_err(|_| fault(SafeTensorError::HeaderTooSmall))?;
+        let length = u64::from_le_bytes(length);
+        if length > LONGEST_HEADER {
+            return Err(fault(SafeTensorError::HeaderTooLarge));
+        }
+        let header = next(length)?;
+        if header.len() as u64 != length {
+            return Err(fault(SafeTensorError::InvalidHeaderLength));
+        }
+        let metadata: Metadata =
+            serde_json::from_slice(&header).map_err(|e| fault(SafeTensorError::InvalidHeaderDeserialization(e)))?;
+        let expected = metadata.data_len() as u64;
+        if expected > LONGEST - length {
             return Err(ReadError::TooLarge { limit: LONGEST });
         }
-        let header = |e: safetensors::SafeTensorError| ReadError::Header { message: e.to_string() };
-        SafeTensors::deserialize(&bytes).map_err(header)?;
-        let (_, metadata) = SafeTensors::read_metadata(&bytes).map_err(header)?;
-        let metadata = metadata.metadata().as_ref().and_then(|m| m.get(KEY)).cloned();
-        Ok(Self { bytes, metadata })
+        // One byte more shows a file that goes on.
+        let data = next(expected + 1)?;
+        if data.len() as u64 != expected {
+            return Err(fault(SafeTensorError::MetadataIncompleteBuffer));
+        }
+        Ok(Self { metadata, data })
     }
 
     pub(super) fn header(&self, wanted: &'static str) -> Result<Header, ReadError> {
-        let text = self.metadata.as_ref().ok_or(ReadError::NoMetadata)?;
+        let text = self.metadata.metadata().as_ref().and_then(|m| m.get(KEY)).ok_or(ReadError::NoMetadata)?;
         let fault = |e: serde_json::Error| ReadError::Metadata { message: e.to_string() };
         // The version first: a later one may have anything beside it.
         let value: serde_json::Value = serde_json::from_str(text).map_err(fault)?;
@@ -67,25 +87,26 @@ impl Tensors {
         Ok(header)
     }
 
-    fn view(&self, name: &str) -> Option<TensorView<'_>> {
-        // Parsed once before; the header is short.
-        SafeTensors::deserialize(&self.bytes).ok()?.tensor(name).ok()
+    fn find(&self, name: &str) -> Option<(&TensorInfo, &[u8])> {
+        let info = self.metadata.info(name)?;
+        let (from, to) = info.data_offsets;
+        Some((info, self.data.get(from..to)?))
     }
 
     pub(super) fn has(&self, name: &str) -> bool {
-        self.view(name).is_some()
+        self.metadata.info(name).is_some()
     }
 
     /// Appends an array of the given shape.
     pub(super) fn append(&self, name: &str, shape: &[usize], to: &mut Vec<f32>) -> Result<(), ReadError> {
-        let view = self.view(name).ok_or_else(|| ReadError::Missing { name: name.to_owned() })?;
-        if view.shape() != shape {
-            return Err(ReadError::Shape { name: name.to_owned(), found: view.shape().to_vec(), expected: shape.to_vec() });
+        let (info, data) = self.find(name).ok_or_else(|| ReadError::Missing { name: name.to_owned() })?;
+        if info.shape != shape {
+            return Err(ReadError::Shape { name: name.to_owned(), found: info.shape.clone(), expected: shape.to_vec() });
         }
-        if view.dtype() != Dtype::F32 {
-            return Err(ReadError::Type { name: name.to_owned(), found: format!("{:?}", view.dtype()) });
+        if info.dtype != Dtype::F32 {
+            return Err(ReadError::Type { name: name.to_owned(), found: format!("{:?}", info.dtype) });
         }
-        to.extend(view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)));
+        to.extend(data.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)));
         Ok(())
     }
 }

@@ -60,6 +60,39 @@ fn folded_weights_give_the_same_field_to_rounding() {
 }
 
 #[test]
+fn a_row_of_zeros_is_folded_to_zeros_whatever_its_gain() {
+    let config = small_sdf(true);
+    let mut theta = SdfNetwork::new(&config, 5).unwrap().parameters().to_vec();
+    let layout = config.layout().unwrap();
+    let layer = &layout.layers[1];
+    theta[layer.weight.start..][..layer.columns].fill(0.0);
+    // More than 4 over the smallest norm is infinite.
+    theta[layer.gain.as_ref().unwrap().start] = 5.0;
+    let network = Network::Sdf(SdfNetwork::from_parameters(&config, theta).unwrap());
+    let (folded, _) = read_network(written(&network, WeightNorm::Folded).as_slice()).unwrap();
+    let kept = written(&network, WeightNorm::Kept);
+    let plain = Network::Sdf(read_sdf_weights(kept.as_slice(), &small_sdf(false), "").unwrap());
+    for other in [&folded, &plain] {
+        for (a, b) in values(&network).iter().zip(values(other)) {
+            approx::assert_abs_diff_eq!(a.value, b.value, epsilon = 1e-5);
+        }
+    }
+}
+
+#[test]
+fn weights_are_found_behind_a_prefix() {
+    let network = SdfNetwork::new(&small_sdf(true), 5).unwrap();
+    let file = written(&Network::Sdf(network.clone()), WeightNorm::Kept);
+    let prefixed = with_header(&file, |h| h.replace("\"lin", "\"module.sdf.lin"));
+    let read = read_sdf_weights(prefixed.as_slice(), &small_sdf(true), "module.sdf.").unwrap();
+    assert_eq!(read.parameters(), network.parameters());
+    let missing = read_sdf_weights(prefixed.as_slice(), &small_sdf(true), "").unwrap_err();
+    assert!(matches!(&missing, ReadError::Missing { name } if name == "lin0.weight"), "{missing}");
+    let missing = read_sdf_weights(file.as_slice(), &small_sdf(true), "module.").unwrap_err();
+    assert!(matches!(&missing, ReadError::Missing { name } if name == "module.lin0.weight"), "{missing}");
+}
+
+#[test]
 fn a_deformation_comes_back() {
     let config = DeformationConfig { bands: 2, embedding: 5, frames: 7, width: 16, layers: 2 };
     let mut network = DeformationNetwork::new(&config, 3).unwrap();
@@ -122,6 +155,100 @@ fn files_at_fault_are_refused_with_a_reason() {
     let end = nan.len();
     nan[end - 4..].copy_from_slice(&f32::INFINITY.to_le_bytes());
     assert!(matches!(read(&nan), ReadError::Network(_)));
+}
+
+#[test]
+fn tensors_of_another_type_and_files_too_large_for_any_network_are_refused() {
+    let file = written(&networks()[1], WeightNorm::Kept);
+    let whole_numbers = with_header(&file, |h| h.replacen("\"dtype\":\"F32\"", "\"dtype\":\"I32\"", 1));
+    let fault = read_network(whole_numbers.as_slice()).map(|_| ()).unwrap_err();
+    assert!(matches!(&fault, ReadError::Type { found, .. } if found == "I32"), "{fault}");
+    // 2^35 numbers in a file of a hundred bytes.
+    let header = r#"{"a":{"dtype":"F32","shape":[34359738368],"data_offsets":[0,137438953472]}}"#;
+    let mut claims = (header.len() as u64).to_le_bytes().to_vec();
+    claims.extend_from_slice(header.as_bytes());
+    let fault = read_network(claims.as_slice()).map(|_| ()).unwrap_err();
+    assert!(matches!(fault, ReadError::TooLarge { limit } if limit == 1 << 36), "{fault}");
+}
+
+/// A file that never ends, and counts what is taken of it: `head`, and then zeros. After 16 MiB it fails.
+struct Endless<'a> {
+    head: &'a [u8],
+    taken: usize,
+}
+
+impl Read for Endless<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        for byte in buffer.iter_mut() {
+            *byte = self.head.get(self.taken).copied().unwrap_or(0);
+            self.taken += 1;
+        }
+        if self.taken > 1 << 24 { Err(io::Error::other("far too much is read")) } else { Ok(buffer.len()) }
+    }
+}
+
+#[test]
+fn no_more_is_read_than_the_header_speaks_of() {
+    let file = written(&networks()[1], WeightNorm::Kept);
+    // Zeros have a header of no length; sevens one of 5e17 bytes.
+    let cases: [(&[u8], usize); 3] = [(&file, file.len() + 1), (&[0; 8], 8), (&[7; 100], 8)];
+    for (head, most) in cases {
+        let mut reader = Endless { head, taken: 0 };
+        let fault = read_network(&mut reader).map(|_| ()).unwrap_err();
+        assert!(matches!(fault, ReadError::Header { .. }), "{fault}");
+        assert!(reader.taken <= most, "{} bytes of {most}", reader.taken);
+    }
+}
+
+#[cfg(feature = "train")]
+#[test]
+fn a_checkpoint_with_numbers_that_no_fit_has_is_refused() {
+    use crate::fit::{Fit, FitParams};
+    use crate::sampling::SamplingParams;
+    use crate::target::Target;
+    use if_core::shapes::Sphere;
+    use std::ops::ControlFlow;
+    let ball = Sphere { center: Point::new(0.0, 1.0, 0.0), radius: 0.3 };
+    let sampling = SamplingParams { near: 1000, far: 100, held_out: 200, ..SamplingParams::default() };
+    let config = networks()[1].config();
+    let params = FitParams { batch: 64, steps: Some(3), seconds: None, check_every: 1, ..config.fit_params() };
+    let (set, mut network) = Target::Field(&ball).begin(&config, &sampling).unwrap();
+    let mut fit = Fit::new(params).unwrap();
+    fit.run(&mut network, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+    let checkpoint = |change: fn(&mut Fit)| {
+        let (mut fit, mut file) = (fit.clone(), Vec::new());
+        change(&mut fit);
+        write_checkpoint(&mut file, &fit, &network, &set.frame).unwrap();
+        file
+    };
+    let refusal = |file: &[u8]| match read_checkpoint(file) {
+        Err(ReadError::Checkpoint { what }) => what,
+        other => panic!("{other:?}"),
+    };
+    let sound = checkpoint(|_| ());
+    assert!(read_checkpoint(sound.as_slice()).unwrap().0 == fit);
+    type Spoil = fn(&mut Fit);
+    let cases: [(&str, Spoil); 8] = [
+        ("`adam.second` is -0.001 at 2", |f| f.adam.as_mut().unwrap().second[2] = -1e-3),
+        ("parameters up to step 4 and has done 3", |f| f.adam.as_mut().unwrap().steps = 4),
+        ("best at step 4 and has done 3", |f| f.best.as_mut().unwrap().step = 4),
+        ("looked at step 4 and has done 3", |f| f.missed = Some(4)),
+        ("least error is -0.001 m", |f| f.best.as_mut().unwrap().mean = -1e-3),
+        ("it has done 1099511627776 steps", |f| f.step = 1 << 40),
+        // JSON has neither: null is written.
+        ("both, or none", |f| f.best.as_mut().unwrap().mean = f64::NAN),
+        ("both, or none", |f| f.best.as_mut().unwrap().mean = f64::INFINITY),
+    ];
+    for (expected, change) in cases {
+        let said = refusal(&checkpoint(change));
+        assert!(said.contains(expected), "{said}, not {expected}");
+    }
+    let step = format!("\\\"best_step\\\":{}", fit.best.as_ref().unwrap().step);
+    let halved = with_header(&sound, |h| {
+        assert!(h.contains(&step), "{h}");
+        h.replace(&step, "\\\"best_step\\\":null")
+    });
+    assert!(refusal(&halved).contains("both, or none"));
 }
 
 #[cfg(feature = "train")]

@@ -62,6 +62,9 @@ pub enum AlignError {
     /// A body that is a point or nothing.
     #[error("the {which} body is {height} m high; give a mesh of a person, in metres")]
     NoHeight { which: &'static str, height: Real },
+    /// A body without triangles.
+    #[error("the {which} body has no triangles; give a surface, not a cloud of points")]
+    NoSurface { which: &'static str },
     /// Weights for another mesh.
     #[error("{records} records of skinning weights for {points} points; one each is needed")]
     SkinCount { points: usize, records: usize },

@@ -141,10 +141,21 @@ fn faults_are_told() {
     let empty = TriMesh::default();
     let params = AlignParams::default();
     let error = BodyMap::new(&shape(&body), &shape(&empty), &params).unwrap_err();
+    assert!(matches!(error, AlignError::NoSurface { which: "target" }), "{error}");
+    let cloud = TriMesh::new(body.vertices().to_vec(), vec![]).unwrap();
+    for error in [BodyMap::new(&shape(&cloud), &shape(&body), &params), BodyMap::similar(&shape(&cloud), &shape(&body), &params)]
+    {
+        assert_eq!(error.unwrap_err(), AlignError::NoSurface { which: "source" });
+    }
+    let flat = body.with_vertices(body.vertices().iter().map(|p| Point::new(p.x, 0.0, p.z)).collect()).unwrap();
+    let error = BodyMap::similar(&shape(&body), &shape(&flat), &params).unwrap_err();
     assert!(matches!(error, AlignError::NoHeight { which: "target", .. }), "{error}");
     let bad = AlignParams { least_width: Real::NAN, ..params };
     assert!(matches!(BodyMap::new(&shape(&body), &shape(&body), &bad), Err(AlignError::Parameter { name: "least_width", .. })));
     let skin = SkinWeights::new(vec![[0; 4]], vec![[1.0, 0.0, 0.0, 0.0]], 1).unwrap();
+    let thin = BodyShape { skin: Some(&skin), ..shape(&body) };
+    let count = AlignError::SkinCount { points: body.vertices().len(), records: 1 };
+    assert_eq!(BodyMap::new(&thin, &shape(&other(&body)), &params).unwrap_err(), count);
     let map = BodyMap::new(&shape(&body), &shape(&body), &params).unwrap();
     assert_eq!(map.align(&body, Some(&skin)), Err(AlignError::SkinCount { points: body.vertices().len(), records: 1 }));
 }

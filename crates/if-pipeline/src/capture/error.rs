@@ -42,7 +42,7 @@ pub enum CaptureError {
     #[error("{}: garments {first} and {second} are both called `{name}`; each needs its own name", path.display())]
     SameLayer { path: PathBuf, first: usize, second: usize, name: String },
     /// A name that cannot be part of a file name.
-    #[error("{}: `{name}` is no name: use letters, digits, `_`, `-` and `.`, and do not begin with `.`", path.display())]
+    #[error("{}: `{name}` is no name: use letters, digits, blanks, `_`, `-` and `.`, and do not begin with `.`", path.display())]
     BadName { path: PathBuf, name: String },
     /// More labels than a picture can hold.
     #[error("{}: {count} labels; there must be from 2 to 255", path.display())]

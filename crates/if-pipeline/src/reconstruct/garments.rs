@@ -33,6 +33,20 @@ pub struct GarmentParams {
     pub cleanup: CleanupParams,
 }
 
+impl GarmentParams {
+    /// Whether all parameters are in range.
+    ///
+    /// # Errors
+    ///
+    /// The first that is not.
+    pub fn validate(&self) -> Result<(), GarmentsError> {
+        self.votes.validate().map_err(GarmentsError::Votes)?;
+        self.smoothness.validate()?;
+        self.cut.validate()?;
+        self.cleanup.validate().map_err(GarmentsError::CleanupParams)
+    }
+}
+
 /// A garment on its own.
 #[derive(Clone, Debug)]
 pub struct Garment {
@@ -84,6 +98,9 @@ pub enum GarmentsError {
     /// The mesh cannot be cut.
     #[error(transparent)]
     Cut(#[from] CutError),
+    /// The parameters of the clean-up are out of range.
+    #[error(transparent)]
+    CleanupParams(CleanupError),
     /// A piece cannot be cleaned.
     #[error("garment `{name}`: {source}")]
     Cleanup { name: String, source: CleanupError },
@@ -105,7 +122,7 @@ pub enum GarmentsError {
 ///
 /// # Source
 ///
-/// Supplement, Appendix B, and `method.md` §3; the steps are [`if_mesh::votes`], [`if_mesh::smooth_labels`], [`if_mesh::cut`] and
+/// Supplement, Appendix B, for the clean-up; votes and cut are ours. The steps are [`if_mesh::votes`], [`if_mesh::smooth_labels`], [`if_mesh::cut`] and
 /// [`if_mesh::cleanup`].
 ///
 /// # Errors

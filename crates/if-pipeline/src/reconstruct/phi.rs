@@ -33,6 +33,18 @@ impl Default for PhiParams {
     }
 }
 
+impl PhiParams {
+    /// Whether all parameters are in range; sizes of the network are looked at when it is made.
+    ///
+    /// # Errors
+    ///
+    /// The first that is not.
+    pub fn validate(&self) -> Result<(), PhiError> {
+        self.sampling.validate().map_err(BeginError::from)?;
+        Ok(FitParams { steps: Some(self.steps), seconds: None, ..self.network.fit_params() }.validate()?)
+    }
+}
+
 /// φ as a network, with what it is off.
 #[derive(Clone, Debug)]
 pub struct PhiNetwork {

@@ -43,6 +43,24 @@ pub enum SurfaceError {
     /// The template has no triangles.
     #[error("the template body has no triangles")]
     NoTemplate,
+    /// The template's weights are those of another mesh.
+    #[error("the template body has {vertices} vertices and {weights} records of skinning weights; one each is needed")]
+    Skin {
+        /// Vertices of the template.
+        vertices: usize,
+        /// Records of weights.
+        weights: usize,
+    },
+    /// The template's weights are those of another skeleton.
+    #[error("vertex {vertex} of the template body hangs on joint {joint}; its skeleton has {joints} joints (0 is the first)")]
+    Joint {
+        /// The vertex.
+        vertex: usize,
+        /// The joint that its weights name.
+        joint: usize,
+        /// Joints of the skeleton.
+        joints: usize,
+    },
     /// No frame brings anything.
     #[error("none of the {frames} frames can be used: {first}; check masks, poses and camera")]
     NothingSeen {
@@ -137,6 +155,16 @@ pub fn fit_surface(
     capture.check_skeleton(&template.skeleton)?;
     if template.mesh.triangles().is_empty() {
         return Err(SurfaceError::NoTemplate);
+    }
+    let (vertices, weights) = (template.mesh.vertices().len(), template.skin.len());
+    if vertices != weights {
+        return Err(SurfaceError::Skin { vertices, weights });
+    }
+    let joints = template.skeleton.len();
+    for (vertex, on) in template.skin.joints().iter().enumerate() {
+        if let Some(joint) = on.iter().map(|j| usize::from(*j)).find(|j| *j >= joints) {
+            return Err(SurfaceError::Joint { vertex, joint, joints });
+        }
     }
     let mut clock = Clock::new();
     let mut frames: Vec<Observation> = Vec::new();

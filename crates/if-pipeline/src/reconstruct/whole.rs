@@ -57,6 +57,27 @@ impl Default for ReconstructParams {
     }
 }
 
+impl ReconstructParams {
+    /// Whether all parameters are in range. [`reconstruct`] asks first of all: the surface takes minutes.
+    ///
+    /// # Errors
+    ///
+    /// The first that is not.
+    pub fn validate(&self) -> Result<(), ReconstructError> {
+        if !(self.cell > 0.0 && self.cell.is_finite()) {
+            return Err(ParamError { name: "cell", value: self.cell, needs: "a length above zero, in metres" }.into());
+        }
+        self.surface.validate()?;
+        self.motion.as_ref().map_or(Ok(()), MotionParams::validate)?;
+        if let Some(network) = &self.motion_network {
+            network.fit.validate().map_err(|e| MotionNetworkError::Fit(e.into()))?;
+        }
+        self.bake.validate()?;
+        self.phi.as_ref().map_or(Ok(()), PhiParams::validate)?;
+        Ok(self.garments.validate()?)
+    }
+}
+
 /// A person in clothes, and the clothes.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
@@ -153,9 +174,7 @@ pub fn reconstruct(
     checkpoint: Option<&Path>,
     watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Reconstruction, ReconstructError> {
-    if !(params.cell > 0.0 && params.cell.is_finite()) {
-        return Err(ParamError { name: "cell", value: params.cell, needs: "a length above zero, in metres" }.into());
-    }
+    params.validate()?;
     let mut seconds = Seconds::default();
     let mut start = Instant::now();
     let mut lap = |slot: &mut Real| {
@@ -236,4 +255,48 @@ pub fn reconstruct(
         seconds,
     };
     Ok(Reconstruction { mesh, skin, labels, motion, motion_network, field, phi, garments, report })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_mesh::cleanup::CleanupParams;
+    use if_mesh::cleanup::holes::FillParams;
+    use if_mesh::cut::CutParams;
+    use if_neural::sampling::SamplingParams;
+
+    #[test]
+    fn every_part_is_looked_at_before_the_work() {
+        let good = ReconstructParams {
+            motion: Some(MotionParams::default()),
+            motion_network: Some(MotionNetworkParams::default()),
+            ..Default::default()
+        };
+        assert!(good.validate().is_ok());
+        let spoiled = |spoil: &dyn Fn(&mut ReconstructParams)| {
+            let mut params = good.clone();
+            spoil(&mut params);
+            params.validate().unwrap_err()
+        };
+        assert!(matches!(spoiled(&|p| p.cell = Real::NAN), ReconstructError::Params(e) if e.name == "cell"));
+        assert!(matches!(spoiled(&|p| p.surface.bending = 0.0), ReconstructError::Params(e) if e.name == "bending"));
+        let motion = MotionParams { stay: -1.0, ..Default::default() };
+        assert!(matches!(spoiled(&|p| p.motion = Some(motion.clone())), ReconstructError::Params(e) if e.name == "stay"));
+        let rate = |p: &mut ReconstructParams| p.motion_network.as_mut().unwrap().fit.schedule.rate = Real::NAN;
+        assert!(matches!(spoiled(&rate), ReconstructError::MotionNetwork(MotionNetworkError::Fit(_))));
+        assert!(matches!(spoiled(&|p| p.bake.cell = 0.0), ReconstructError::Bake(_)));
+        let sampling = SamplingParams { near: 0, ..Default::default() };
+        let phi = |p: &mut ReconstructParams| p.phi.as_mut().unwrap().sampling = sampling;
+        assert!(matches!(spoiled(&phi), ReconstructError::Phi(_)));
+        assert!(matches!(spoiled(&|p| p.garments.votes.enough = 0.0), ReconstructError::Garments(GarmentsError::Votes(_))));
+        assert!(matches!(
+            spoiled(&|p| p.garments.smoothness.length = -1.0),
+            ReconstructError::Garments(GarmentsError::Smooth(_))
+        ));
+        let cut = |p: &mut ReconstructParams| p.garments.cut = CutParams { least: 0.9 };
+        assert!(matches!(spoiled(&cut), ReconstructError::Garments(GarmentsError::Cut(_))));
+        let fill = FillParams { exact_up_to: usize::MAX, ..Default::default() };
+        let cleanup = |p: &mut ReconstructParams| p.garments.cleanup = CleanupParams { fill: Some(fill), ..Default::default() };
+        assert!(matches!(spoiled(&cleanup), ReconstructError::Garments(GarmentsError::CleanupParams(_))));
+    }
 }

@@ -70,8 +70,8 @@ pub enum WeightGridError {
     },
 }
 
-/// Nodes that a grid may have: 31 joints on so many take 2 GB.
-const MOST_NODES: Real = 16e6;
+/// Weights that a grid may have, nodes by joints: they take 2 GB, and smoothing as much again.
+const MOST_WEIGHTS: Real = 500e6;
 /// Nearer to a vertex than this, in metres, a node takes the weights as if it were so far away. A thousand times less
 /// than a cell: ten times more or less changes weights by less than the smoothing does.
 const NEAREST: Real = 2e-5;
@@ -81,7 +81,7 @@ const NEAREST: Real = 2e-5;
 ///
 /// # Source
 ///
-/// `method.md` §2 of the project's design (the lineage of SelfRecon).
+/// The lineage of SelfRecon [Jiang et al. 2022]; the numbers are ours.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightGrid {
     min: Point,
@@ -125,8 +125,13 @@ impl WeightGrid {
         let min = body.min - params.margin;
         let size = (body.max - body.min) + 2.0 * params.margin;
         let counts = [0, 1, 2].map(|k| (size[k] / params.cell).ceil() + 1.0);
-        if counts.iter().product::<Real>() > MOST_NODES {
-            return parameter("cell", params.cell, "longer: the grid would have more than 16 million nodes");
+        let fits = counts.iter().product::<Real>() * joints as Real <= MOST_WEIGHTS; // false where points are no numbers
+        if !fits {
+            return parameter(
+                "cell",
+                params.cell,
+                "longer: the grid would have more than 500 million weights, one for each node and joint",
+            );
         }
         let nodes = counts.map(|n| (n as usize).max(2));
         let mut grid = Self { min, cell: params.cell, nodes, joints, weights: Vec::new() };

@@ -41,7 +41,7 @@ pub struct Unposed {
 ///
 /// # Source
 ///
-/// The multiple starts are those of SNARF [Chen et al. 2021]; the map is `method.md` §2.
+/// The multiple starts are those of SNARF [Chen et al. 2021]; the map is that of [`WeightGrid`]'s weights.
 ///
 /// # Panics
 ///

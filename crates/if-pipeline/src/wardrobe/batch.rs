@@ -109,7 +109,7 @@ impl std::fmt::Display for BatchSummary {
 ///
 /// # Errors
 ///
-/// Another process that writes into `out`, or what the system says about it: a disk that is full stops all.
+/// Parameters out of range, another process that writes into `out`, or what the system says about it: a disk that is full stops all.
 pub fn run(
     out: &Path,
     dresser: &Dresser,
@@ -118,6 +118,7 @@ pub fn run(
     batch: &BatchParams,
     watch: &(dyn Fn(&Event) -> ControlFlow<()> + Sync),
 ) -> Result<Option<BatchSummary>, WardrobeError> {
+    params.validate()?;
     let path = out.join(RESULTS);
     let opened = Writer::open(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
     let results = opened.ok_or(WardrobeError::Busy { path })?;
@@ -158,10 +159,11 @@ pub fn run(
             entries.lock().unwrap_or_else(PoisonError::into_inner)[index] = Some(entry);
         }
     };
-    if batch.at_once <= 1 {
+    let at_once = batch.at_once.min(combinations.len());
+    if at_once <= 1 {
         work();
     } else {
-        std::thread::scope(|scope| (0..batch.at_once).for_each(|_| drop(scope.spawn(work))));
+        std::thread::scope(|scope| (0..at_once).for_each(|_| drop(scope.spawn(work))));
     }
     if let Some(error) = stopped.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(error);

@@ -68,6 +68,10 @@ impl<K: Ord, T> Kept<K, T> {
         let made = Arc::new(make()?);
         Ok(lock().entry(key).or_insert(made).clone())
     }
+
+    fn clear(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
 }
 
 impl<'a> Dresser<'a> {
@@ -79,6 +83,14 @@ impl<'a> Dresser<'a> {
     /// The wardrobe.
     pub fn wardrobe(&self) -> &'a Wardrobe {
         self.wardrobe
+    }
+
+    /// Forgets what it has read and aligned, which is one garment for each pair of garment and body that was asked for: a program that runs
+    /// for long gets the memory back once nobody else holds them.
+    pub fn clear(&self) {
+        self.bodies.clear();
+        self.maps.clear();
+        self.garments.clear();
     }
 
     /// How it aligns.

@@ -94,6 +94,9 @@ pub enum WardrobeError {
     /// Numbers of garments that make no range.
     #[error("combinations of {least} to {most} garments; the first must be at least 1 and not above the second")]
     Sizes { least: usize, most: usize },
+    /// A height of pictures that cannot be drawn.
+    #[error("pictures {height} pixels high; draw none (0), or from 16 to 8192")]
+    PictureHeight { height: u32 },
     /// A fault of this program.
     #[error("the program failed: {message}; please report it")]
     Panic { message: String },
@@ -122,6 +125,7 @@ impl WardrobeError {
             Self::Outfit(_) => "outfit",
             Self::Resolve(ResolveError::Remaining { .. }) => "remaining",
             Self::Resolve(_) => "resolve",
+            Self::PictureHeight { .. } => "parameter",
             Self::Picture(_) | Self::Write { .. } | Self::Json { .. } => "write",
             Self::Panic { .. } => "panic",
         }

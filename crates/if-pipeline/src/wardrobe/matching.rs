@@ -25,7 +25,7 @@ use crate::whole_folder::Writer;
 use if_mesh::ply::{self, PlyMesh};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, RangeInclusive};
 use std::path::Path;
 use std::time::Instant;
 
@@ -47,6 +47,23 @@ pub struct MatchParams {
     pub picture_height: u32,
     /// Names and versions of everything that results depend on, for keys and records.
     pub tool: Value,
+}
+
+/// Heights of pictures that are drawn, in pixels.
+pub const PICTURE_HEIGHTS: RangeInclusive<u32> = 16..=8192;
+
+impl MatchParams {
+    /// Whether the numbers make sense; alignment and resolving look at theirs.
+    ///
+    /// # Errors
+    ///
+    /// A height of pictures that cannot be drawn.
+    pub fn validate(&self) -> Result<(), WardrobeError> {
+        if self.picture_height != 0 && !PICTURE_HEIGHTS.contains(&self.picture_height) {
+            return Err(WardrobeError::PictureHeight { height: self.picture_height });
+        }
+        Ok(())
+    }
 }
 
 impl Default for MatchParams {
@@ -177,13 +194,14 @@ pub fn folder_name(key: &str) -> &str {
 ///
 /// # Errors
 ///
-/// A body or garment that the wardrobe does not have, so that nothing can be recorded under a key.
+/// Parameters out of range, or a body or garment that the wardrobe does not have, so that nothing can be recorded under a key.
 pub fn run(
     dresser: &Dresser,
     combination: &Combination,
     params: &MatchParams,
     watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Option<Matched>, WardrobeError> {
+    params.validate()?;
     let start = Instant::now();
     let (key, request) = request(dresser.wardrobe(), combination, params)?;
     let mut matched = Matched {
@@ -324,6 +342,7 @@ pub fn run_into_folder(
     watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Option<(MatchResult, Placed)>, WardrobeError> {
     combination.check()?;
+    params.validate()?;
     let (key, _) = request(dresser.wardrobe(), combination, params)?;
     if !again && let Some(found) = finished(out, &key) {
         return Ok(Some((found, Placed::Before)));
@@ -348,9 +367,11 @@ pub fn run_into_folder(
     Ok(Some((matched.result, Placed::Written)))
 }
 
-/// The result that a folder holds, where it is that of `key` and all its files are as it says.
+/// The result that a folder holds, where it is that of `key` and all its files are as it says. One that failed because a file of the
+/// wardrobe could not be read is none: the file may be back.
 pub fn finished(folder: &Path, key: &str) -> Option<MatchResult> {
-    result_folder::read(folder).filter(|r| r.key == key && r.result == FORMAT)
+    let lasts = |r: &MatchResult| r.error.as_ref().is_none_or(|e| !matches!(e.kind.as_str(), "asset" | "body"));
+    result_folder::read(folder).filter(|r| r.key == key && r.result == FORMAT && lasts(r))
 }
 
 /// The seconds that a result took, where its folder tells.

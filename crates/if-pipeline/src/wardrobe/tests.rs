@@ -110,6 +110,79 @@ fn a_damaged_body_is_not_replaced_by_another_of_its_name() {
 }
 
 #[test]
+fn a_body_that_is_added_again_keeps_what_it_has() {
+    use crate::skeleton::{Joint, Skeleton};
+    let root = tempfile::tempdir().unwrap();
+    let mut wardrobe = filled(root.path());
+    let (slim, large) = (root.path().join("files/slim.ply"), root.path().join("files/large.ply"));
+    let skeleton = root.path().join("files/skeleton.json");
+    let joint = Joint { name: "hips".into(), parent: None, head: Point::origin(), tail: Point::new(0.0, 0.2, 0.0) };
+    Skeleton::new(vec![joint]).unwrap().write(fs::File::create(&skeleton).unwrap()).unwrap();
+    let new = NewBody { name: "other", mesh: &slim, template: None, skeleton: None };
+    let with_template = NewBody { template: Some(&large), ..new };
+    let with_skeleton = NewBody { skeleton: Some(&skeleton), ..new };
+    for new in [with_template, with_skeleton, new] {
+        assert_eq!(wardrobe.add_body_once(&new).unwrap().name, "slim");
+    }
+    let info = wardrobe.body_info("slim").unwrap();
+    assert!(info.template.is_some() && info.skeleton.is_some());
+    assert!(wardrobe.body("slim").unwrap().template.is_some());
+    assert_eq!(wardrobe.bodies().len(), 2);
+}
+
+#[test]
+fn a_folder_that_no_combination_can_name_is_a_fault() {
+    let root = tempfile::tempdir().unwrap();
+    filled(root.path());
+    for part in ["bodies/slim", "garments/coat"] {
+        let from = root.path().join(part);
+        let to = root.path().join(format!("{part} copy"));
+        fs::create_dir(&to).unwrap();
+        for file in fs::read_dir(&from).unwrap() {
+            let file = file.unwrap();
+            fs::copy(file.path(), to.join(file.file_name())).unwrap();
+        }
+    }
+    fs::rename(root.path().join("garments/coat"), root.path().join("garments/ulster")).unwrap();
+    let wardrobe = Wardrobe::open(root.path()).unwrap();
+    let faults: Vec<_> = wardrobe.faults().iter().map(|f| (f.part, f.name.as_str())).collect();
+    assert_eq!(faults, [(Part::Body, "slim copy"), (Part::Garment, "coat copy")]);
+    assert_eq!(wardrobe.garment_info("ulster").unwrap().name, "ulster");
+}
+
+#[test]
+fn what_failed_for_want_of_a_file_is_tried_again() {
+    let root = tempfile::tempdir().unwrap();
+    let wardrobe = filled(root.path());
+    let (out, list) = (root.path().join("out"), [on("slim", &["tshirt"])]);
+    let params = MatchParams { picture_height: 0, ..Default::default() };
+    let run = || {
+        let dresser = Dresser::new(&wardrobe, Default::default());
+        batch::run(&out, &dresser, &list, &params, &BatchParams { at_once: 8, again: false }, &keep_on).unwrap().unwrap()
+    };
+    let (file, away) = (root.path().join("garments/tshirt/garment.ply"), root.path().join("away.ply"));
+    fs::rename(&file, &away).unwrap();
+    let summary = run();
+    assert_eq!((summary.failed, summary.entries[0].error.as_ref().unwrap().kind.as_str()), (1, "asset"));
+    fs::rename(&away, &file).unwrap();
+    assert_eq!(run().clean, 1);
+}
+
+#[test]
+fn pictures_that_cannot_be_drawn_are_refused_before_the_work() {
+    let root = tempfile::tempdir().unwrap();
+    let wardrobe = filled(root.path());
+    let dresser = Dresser::new(&wardrobe, Default::default());
+    let never = |_: &batch::Event| -> ControlFlow<()> { panic!("nothing is begun") };
+    for height in [1, 15, 8193, u32::MAX] {
+        let params = MatchParams { picture_height: height, ..Default::default() };
+        let ran =
+            batch::run(&root.path().join("out"), &dresser, &[on("slim", &["tshirt"])], &params, &BatchParams::default(), &never);
+        assert!(matches!(ran, Err(WardrobeError::PictureHeight { height: h }) if h == height));
+    }
+}
+
+#[test]
 fn a_table_holds_any_name() {
     let root = tempfile::tempdir().unwrap();
     let wardrobe = filled(root.path());
