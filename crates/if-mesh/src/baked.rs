@@ -14,7 +14,7 @@ mod samples;
 mod zero_set;
 
 use accuracy::{Errors, SAFETY};
-use bricks::{BRICK, Bricks, Reading, SIDE, Spot, blend_of, bumps, cells, corners};
+use bricks::{BRICK, Bricks, Reading, SIDE, Spot, bumps, cells, corners};
 pub use file::BakedFileError;
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
@@ -195,29 +195,15 @@ impl Baked {
         }
     }
 
-    /// The samples of a few points: all cells are found first, then the corners of all are fetched, so that waits for memory overlap.
+    /// The samples of a few points: all cells are found first, so that waits for memory overlap.
     fn each<T>(&self, points: &[Point], out: &mut [T], told: impl Fn(FieldSample) -> T) {
         let mut spots = [Spot::Outside; AHEAD];
-        let mut fetched = [[[0.0f32; 4]; 8]; AHEAD];
         for (points, out) in points.chunks(AHEAD).zip(out.chunks_mut(AHEAD)) {
             for (spot, p) in spots.iter_mut().zip(points) {
                 *spot = self.bricks.spot(p);
             }
-            for (fetched, spot) in fetched.iter_mut().zip(&spots[..points.len()]) {
-                if let Spot::Cell { slot, .. } = spot {
-                    *fetched = corners(&self.bricks.nodes, *slot).map(|node| *node);
-                }
-            }
-            for (((spot, fetched), p), o) in spots.iter().zip(&fetched).zip(points).zip(out) {
-                let reading = match spot {
-                    Spot::Cell { u, inverse, .. } => {
-                        let (value, gradient) = blend_of::<2, 4>(fetched, *u, *inverse);
-                        Reading::Blend(value, gradient)
-                    }
-                    Spot::Outside => Reading::Outside,
-                    Spot::Inside => Reading::Inside,
-                };
-                *o = told(self.told(p, reading));
+            for ((spot, p), o) in spots.iter().zip(points).zip(out) {
+                *o = told(self.told(p, self.bricks.reading(spot)));
             }
         }
     }

@@ -292,17 +292,13 @@ impl Bricks {
 /// last term, so that small cells join large ones without a gap ([`super::join`]). The gradient is the blend's own.
 #[inline]
 pub(super) fn blend(nodes: &[Node], slot: usize, u: [Real; 3], inverse: Real) -> (Real, Vector) {
-    blend_of::<NODES, { NODES * NODES }>(&nodes[slot..], u, inverse)
-}
-
-/// The same of nodes in which those along y and z are `Y` and `Z` apart.
-#[inline]
-pub(super) fn blend_of<const Y: usize, const Z: usize>(nodes: &[Node], u: [Real; 3], inverse: Real) -> (Real, Vector) {
-    let n = &nodes[..Z + Y + 2];
+    let n = &nodes[slot..slot + NODES * NODES + NODES + 2];
     let [ux, uy, uz] = u;
     let [cx, cy, cz] = [1.0 - ux, 1.0 - uy, 1.0 - uz];
     let get = |at: usize, k: usize| Real::from(n[at][k]);
     let mix = |a: Real, b: Real, t: Real| a + (b - a) * t;
+    const Y: usize = NODES;
+    const Z: usize = NODES * NODES;
     // Along x: the value, and its slope.
     let row = |at: usize| {
         let (a, rise, bump) = (get(at, 0), get(at + 1, 0) - get(at, 0), get(at, 1));
