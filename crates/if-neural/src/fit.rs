@@ -21,6 +21,9 @@ const CHECKED: usize = 2048;
 const LOOK_EVERY: u64 = 4;
 /// A check that finds the error this many times the best one's stops the fit as diverged.
 const DIVERGED: Real = 50.0;
+/// But errors below so many network units count as this much: the first values of a grid on a smooth surface are a thousand times better than
+/// the steps' own noise, which is no divergence.
+const NOISE: Real = 1e-4;
 
 /// How to fit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -296,7 +299,7 @@ impl Fit {
             if self.step.is_multiple_of(self.params.check_every) {
                 error = check(field, set, &held_out);
                 self.seconds = before + start.elapsed().as_secs_f64();
-                if !self.judge(&error, field) {
+                if !self.judge(&error, field, set) {
                     break Ended::Diverged;
                 }
             }
@@ -313,7 +316,7 @@ impl Fit {
             Ended::Diverged => self.keep_best(field),
             Ended::Steps | Ended::Time => {
                 let error = check(field, set, &held_out);
-                self.judge(&error, field);
+                self.judge(&error, field, set);
                 self.keep_best(field);
             }
         }
@@ -330,7 +333,7 @@ impl Fit {
     /// If it is another field.
     pub fn finish(mut self, field: &mut (impl TrainableField + ?Sized), set: &TrainingSet) -> FitReport {
         let error = check(field, set, &set.held_out.thinned(CHECKED));
-        self.judge(&error, field);
+        self.judge(&error, field, set);
         self.keep_best(field);
         self.report(Ended::Cancelled, self.best.as_ref().map_or(self.step, |b| b.step), field, set)
     }
@@ -403,9 +406,9 @@ impl Fit {
     }
 
     /// Keeps the parameters if they are the best; false where they are hopeless.
-    fn judge(&mut self, error: &FieldError, field: &(impl TrainableField + ?Sized)) -> bool {
+    fn judge(&mut self, error: &FieldError, field: &(impl TrainableField + ?Sized), set: &TrainingSet) -> bool {
         let Some(best) = &mut self.best else { return error.is_finite() };
-        if !is_finite(error, field) || error.mean > DIVERGED * best.mean.max(Real::MIN_POSITIVE) {
+        if !is_finite(error, field) || error.mean > DIVERGED * best.mean.max(NOISE / set.frame.scale) {
             return false;
         }
         if error.mean < best.mean {

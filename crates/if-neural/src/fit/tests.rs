@@ -220,6 +220,22 @@ fn a_fit_that_diverges_ends_with_the_last_good_state() {
 }
 
 #[test]
+fn the_noise_of_steps_beside_fine_first_values_is_no_divergence() {
+    let (set, field) = (set(), grid());
+    let unit = 1.0 / set.frame.scale;
+    let found = check(&field, &set, &set.held_out);
+    let judged = |best: Real, mean: Real| {
+        let mut fit = Fit::new(params(5)).unwrap();
+        fit.best = Some(Best { step: 0, mean: best * unit, theta: field.parameters().to_vec() });
+        fit.judge(&FieldError { mean: mean * unit, ..found }, &field, &set)
+    };
+    // A thousand times worse than splines through a smooth surface, and yet a tenth of a millimetre.
+    assert!(judged(1e-6, 1e-3));
+    assert!(!judged(1e-6, 1e-2));
+    assert!(judged(1e-3, 4e-2) && !judged(1e-3, 6e-2));
+}
+
+#[test]
 fn parameters_out_of_range_are_refused() {
     let base = params(5);
     for (bad, name) in [
