@@ -192,10 +192,9 @@ fn a_million_triangles_of_text_take_less_than_a_second() {
     let moved: Vec<Point> = obj.mesh().vertices().iter().map(|p| p * 1.01).collect();
     let start = Instant::now();
     let out = again(&obj, &moved);
-    println!(
-        "{} MB, {} triangles: read {read:.0?}, write {:.0?}",
-        out.len() / 1_000_000,
-        obj.mesh().triangles().len(),
-        start.elapsed()
-    );
+    let written = start.elapsed();
+    assert!(obj.mesh().triangles().len() > 1_000_000);
+    println!("{} MB: read {read:.0?}, write {written:.0?}", out.len() / 1_000_000);
+    // Five times that, for machines that are busy.
+    assert!(read.as_secs_f64() < 5.0 && written.as_secs_f64() < 5.0);
 }

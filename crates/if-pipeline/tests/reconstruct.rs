@@ -185,6 +185,16 @@ fn a_template_is_fitted_to_what_was_seen() {
 }
 
 #[test]
+fn a_capture_that_is_too_large_for_memory_is_refused_before_it_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = pictures(&folder.path().join("capture"), |_| false);
+    let memory = 22 * (SIDE * SIDE * FRAMES) as u64 - 1;
+    let params = SurfaceParams { memory, ..Default::default() };
+    let refused = fit_surface(&capture, &template(), &params, None, &mut |_| panic!("nothing is read"));
+    assert!(matches!(refused, Err(SurfaceError::Memory { frames: FRAMES, bytes, limit }) if bytes == limit + 1 && limit == memory));
+}
+
+#[test]
 fn a_stopped_run_goes_on_to_the_same_bits_and_threads_do_not_matter() {
     let folder = tempfile::tempdir().unwrap();
     let capture = pictures(&folder.path().join("capture"), |_| false);

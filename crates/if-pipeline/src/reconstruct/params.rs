@@ -40,6 +40,9 @@ pub struct SurfaceParams {
     pub loose_rounds: usize,
     /// Weight of the silhouettes there. Of folds they only show the ridges, and the mesh is finer than the template.
     pub loose_silhouettes: Real,
+    /// Bytes that the images of all frames may take: they are kept from the first round to the last. More is an error before any is read.
+    /// Changes no result, so that a checkpoint holds for any.
+    pub memory: u64,
 }
 
 impl Default for SurfaceParams {
@@ -61,6 +64,7 @@ impl Default for SurfaceParams {
             loose_cell: 0.01,
             loose_rounds: 6,
             loose_silhouettes: 0.3,
+            memory: 8 << 30,
         }
     }
 }

@@ -61,6 +61,19 @@ pub enum SurfaceError {
         /// Joints of the skeleton.
         joints: usize,
     },
+    /// The capture is too large.
+    #[error(
+        "the images of {frames} frames would take {bytes} bytes at once, {limit} are allowed; take fewer frames or smaller images, or \
+         allow more (`memory`)"
+    )]
+    Memory {
+        /// Frames of the capture.
+        frames: usize,
+        /// What they would take.
+        bytes: u64,
+        /// What is allowed.
+        limit: u64,
+    },
     /// No frame brings anything.
     #[error("none of the {frames} frames can be used: {first}; check masks, poses and camera")]
     NothingSeen {
@@ -120,6 +133,8 @@ pub struct Surface {
 
 /// Frames that are read together.
 const TOGETHER: usize = 8;
+/// Of a frame: its distances and normals, and while loose clothes are looked for depth, marks and labels.
+const BYTES_A_PIXEL: u64 = 16 + 6;
 
 /// Fits the template body's surface to the masks and normals of a capture.
 ///
@@ -165,6 +180,11 @@ pub fn fit_surface(
         if let Some(joint) = on.iter().map(|j| usize::from(*j)).find(|j| *j >= joints) {
             return Err(SurfaceError::Joint { vertex, joint, joints });
         }
+    }
+    let (camera, count) = (capture.camera(), capture.len());
+    let bytes = BYTES_A_PIXEL * camera.width() as u64 * camera.height() as u64 * count as u64;
+    if bytes > params.memory {
+        return Err(SurfaceError::Memory { frames: count, bytes, limit: params.memory });
     }
     let mut clock = Clock::new();
     let mut frames: Vec<Observation> = Vec::new();
