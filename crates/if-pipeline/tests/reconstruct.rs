@@ -191,7 +191,9 @@ fn a_capture_that_is_too_large_for_memory_is_refused_before_it_is_read() {
     let memory = 22 * (SIDE * SIDE * FRAMES) as u64 - 1;
     let params = SurfaceParams { memory, ..Default::default() };
     let refused = fit_surface(&capture, &template(), &params, None, &mut |_| panic!("nothing is read"));
-    assert!(matches!(refused, Err(SurfaceError::Memory { frames: FRAMES, bytes, limit }) if bytes == limit + 1 && limit == memory));
+    assert!(
+        matches!(refused, Err(SurfaceError::Memory { frames: FRAMES, bytes, limit }) if bytes == limit + 1 && limit == memory)
+    );
 }
 
 #[test]
