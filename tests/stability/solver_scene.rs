@@ -293,12 +293,7 @@ impl Scene {
                 stretch.form = self.params.lambda_form;
                 groups.push(Box::new(stretch));
             }
-            StretchSolver::Direct => {
-                let mut direct = DirectStretch::new(edges(), beta);
-                // It is a length: two runs that end on either side of it differ by that, and not by rounding.
-                direct.tolerance = 0.0;
-                groups.push(Box::new(direct));
-            }
+            StretchSolver::Direct => groups.push(Box::new(DirectStretch::new(edges(), beta))),
             StretchSolver::Global => {
                 let mut stretch = GlobalStretch::new(edges(), beta.max(1e-12)).unwrap();
                 stretch.iterations = 20;
