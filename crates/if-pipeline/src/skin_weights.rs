@@ -109,6 +109,14 @@ impl SkinWeights {
         out
     }
 
+    /// The first vertex that names a joint beyond the first `count`, and that joint.
+    pub(crate) fn beyond(&self, count: usize) -> Option<(usize, u16)> {
+        self.joints
+            .iter()
+            .enumerate()
+            .find_map(|(vertex, on)| on.iter().find(|j| usize::from(**j) >= count).map(|j| (vertex, *j)))
+    }
+
     /// Number of vertices.
     pub fn len(&self) -> usize {
         self.joints.len()

@@ -80,25 +80,15 @@ impl Wardrobe {
         let mut wardrobe = Self { root: root.into(), bodies: BTreeMap::new(), garments: BTreeMap::new(), faults: Vec::new() };
         [BODIES, GARMENTS].iter().for_each(|part| whole_folder::restore(&root.join(part)));
         for name in whole_folder::names(&root.join(BODIES)).map_err(fault)? {
-            if let Err(error) = asset::check_name(&name) {
-                wardrobe.faults.push(Unreadable { part: Part::Body, name, error: error.into() });
-                continue;
-            }
-            match body::read_info(&root.join(BODIES).join(&name)) {
-                // Whoever has renamed the folder has renamed the body.
-                Ok(info) => drop(wardrobe.bodies.insert(name.clone(), BodyInfo { name, ..info })),
+            match wardrobe.stored_body(&name) {
+                Ok(info) => drop(wardrobe.bodies.insert(name, info)),
                 Err(error) => wardrobe.faults.push(Unreadable { part: Part::Body, name, error }),
             }
         }
         for name in whole_folder::names(&root.join(GARMENTS)).map_err(fault)? {
-            // No combination could name it.
-            if let Err(error) = asset::check_name(&name) {
-                wardrobe.faults.push(Unreadable { part: Part::Garment, name, error: error.into() });
-                continue;
-            }
-            match asset::read_info(&root.join(GARMENTS).join(&name)) {
-                Ok(info) => drop(wardrobe.garments.insert(name.clone(), AssetInfo { name, ..info })),
-                Err(error) => wardrobe.faults.push(Unreadable { part: Part::Garment, name, error: error.into() }),
+            match wardrobe.stored_garment(&name) {
+                Ok(info) => drop(wardrobe.garments.insert(name, info)),
+                Err(error) => wardrobe.faults.push(Unreadable { part: Part::Garment, name, error }),
             }
         }
         Ok(wardrobe)
@@ -186,6 +176,18 @@ impl Wardrobe {
         opened.ok_or(WardrobeError::Busy { path })
     }
 
+    /// What the folder of a body says. Whoever has renamed it has renamed the body; a name that no combination can have is an error.
+    fn stored_body(&self, name: &str) -> Result<BodyInfo, WardrobeError> {
+        asset::check_name(name)?;
+        Ok(BodyInfo { name: name.into(), ..body::read_info(&self.root.join(BODIES).join(name))? })
+    }
+
+    /// The same of a garment.
+    fn stored_garment(&self, name: &str) -> Result<AssetInfo, WardrobeError> {
+        asset::check_name(name)?;
+        Ok(AssetInfo { name: name.into(), ..asset::read_info(&self.root.join(GARMENTS).join(name))? })
+    }
+
     /// Where it stands.
     pub fn root(&self) -> &Path {
         &self.root
@@ -218,8 +220,7 @@ impl Wardrobe {
     /// There is none of this name, or it cannot be read.
     pub fn body_info(&self, name: &str) -> Result<&BodyInfo, WardrobeError> {
         if self.is_faulty(Part::Body, name) {
-            asset::check_name(name)?; // says once more what is wrong
-            body::read_info(&self.root.join(BODIES).join(name))?;
+            self.stored_body(name)?; // says once more what is wrong
         }
         let known = || self.bodies.keys().cloned().collect::<Vec<_>>().join(", ");
         self.bodies.get(name).ok_or_else(|| WardrobeError::NoBody { name: name.into(), known: known() })
@@ -232,8 +233,7 @@ impl Wardrobe {
     /// There is none of this name, or it cannot be read.
     pub fn garment_info(&self, name: &str) -> Result<&AssetInfo, WardrobeError> {
         if self.is_faulty(Part::Garment, name) {
-            asset::check_name(name)?;
-            asset::read_info(&self.root.join(GARMENTS).join(name))?;
+            self.stored_garment(name)?;
         }
         let known = || self.garments.keys().cloned().collect::<Vec<_>>().join(", ");
         self.garments.get(name).ok_or_else(|| WardrobeError::NoGarment { name: name.into(), known: known() })

@@ -176,10 +176,8 @@ pub fn fit_surface(
         return Err(SurfaceError::Skin { vertices, weights });
     }
     let joints = template.skeleton.len();
-    for (vertex, on) in template.skin.joints().iter().enumerate() {
-        if let Some(joint) = on.iter().map(|j| usize::from(*j)).find(|j| *j >= joints) {
-            return Err(SurfaceError::Joint { vertex, joint, joints });
-        }
+    if let Some((vertex, joint)) = template.skin.beyond(joints) {
+        return Err(SurfaceError::Joint { vertex, joint: joint.into(), joints });
     }
     let (camera, count) = (capture.camera(), capture.len());
     let bytes = BYTES_A_PIXEL * camera.width() as u64 * camera.height() as u64 * count as u64;

@@ -106,10 +106,8 @@ impl WeightGrid {
         if vertices != weights {
             return Err(WeightGridError::Count { vertices, weights });
         }
-        for (vertex, on) in skin.joints().iter().enumerate() {
-            if let Some(joint) = on.iter().copied().find(|j| usize::from(*j) >= joints) {
-                return Err(WeightGridError::Joint { vertex, joint, joints });
-            }
+        if let Some((vertex, joint)) = skin.beyond(joints) {
+            return Err(WeightGridError::Joint { vertex, joint, joints });
         }
         let parameter = |name, value, needs| Err(WeightGridError::Parameter { name, value, needs });
         if !(params.cell > 0.0 && params.cell.is_finite()) {
