@@ -247,7 +247,7 @@ impl FrozenMlp {
         let last = &self.packed.layers[self.shape.hidden];
         let weight = &last.weight[..last.columns];
         for (n, a) in scratch.a.as_slice().chunks_exact(self.shape.stride).take(points).enumerate() {
-            put(n, self.packed.isa.run(Dot { a, b: weight }) + last.bias.as_slice()[0]);
+            put(n, self.packed.isa.run(Dot { a, b: weight, start: last.bias.as_slice()[0] }));
         }
     }
 

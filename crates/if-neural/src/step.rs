@@ -171,7 +171,7 @@ impl Tile {
         let outputs = top.output.as_slice().chunks_exact(shape.stride);
         let q = top.q.as_mut_slice().chunks_exact_mut(shape.stride);
         for ((a, q), sample) in outputs.zip(q).zip(&mut self.samples).take(points) {
-            sample.value = isa.run(Dot { a, b: weight }) + last.bias.as_slice()[0];
+            sample.value = isa.run(Dot { a, b: weight, start: last.bias.as_slice()[0] });
             sample.gradient = [0.0; 3];
             q[..weight.len()].copy_from_slice(weight);
         }

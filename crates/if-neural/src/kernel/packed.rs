@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::aligned::Aligned;
 use super::isa::Isa;
-use super::product::PanelWidth;
+use super::product::{PanelWidth, panelled};
 use super::stride;
 use crate::init::norm;
 use crate::mlp::{LayerLayout, Layout};
@@ -13,22 +13,25 @@ use crate::mlp::{LayerLayout, Layout};
 #[cfg(test)]
 pub(crate) fn pack(isa: Isa, outputs: usize, depth: usize, at: impl Fn(usize, usize) -> f32) -> Aligned {
     let width = isa.run(PanelWidth);
-    let mut panels = Aligned::zeroed(outputs.div_ceil(width) * depth * width);
+    let mut panels = Aligned::zeroed(panelled(width, outputs) * depth);
     fill(panels.as_mut_slice(), width, outputs, depth, at);
     panels
 }
 
 /// Weights `at(j, k)` for `outputs` j and a depth of k as panels: outputs in groups of a panel's
-/// `width` (what is behind the last stays as it is, zero), in each group k by k.
+/// `width` (the last perhaps of half; what is behind the last output stays as it is, zero), in each
+/// group k by k.
 fn fill(panels: &mut [f32], width: usize, outputs: usize, depth: usize, at: impl Fn(usize, usize) -> f32) {
-    for (group, panel) in panels.chunks_exact_mut(depth * width).enumerate() {
-        let first = group * width;
+    let mut first = 0;
+    for panel in panels.chunks_mut(depth * width) {
+        let width = panel.len() / depth;
         let count = width.min(outputs - first);
         for (k, row) in panel.chunks_exact_mut(width).enumerate() {
             for (j, value) in row[..count].iter_mut().enumerate() {
                 *value = at(first + j, k);
             }
         }
+        first += width;
     }
 }
 
@@ -62,7 +65,7 @@ impl PackedLayers {
     /// Memory for the layers of `layout`; `joined` is the layer whose input is scaled by 1/√2.
     pub(crate) fn new(isa: Isa, layout: &Layout, joined: Option<usize>) -> Self {
         let width = isa.run(PanelWidth);
-        let panels = |outputs: usize, depth: usize| Aligned::zeroed(outputs.div_ceil(width) * depth * width);
+        let panels = |outputs: usize, depth: usize| Aligned::zeroed(panelled(width, outputs) * depth);
         let layers = (layout.layers.iter().enumerate())
             .map(|(l, at)| PackedLayer {
                 rows: at.rows,

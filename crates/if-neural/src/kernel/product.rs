@@ -4,18 +4,25 @@ use pulp::{Simd, WithSimd};
 
 use super::isa::fma;
 
-/// How many entries of a row are multiplied before the sum goes to memory: 256 × 32 weights are
-/// two thirds of a first-level cache. Half of it costs 1 % of the time.
-const DEPTH: usize = 256;
+/// How many entries of a row are multiplied before the sum goes to memory: 128 × 64 weights are
+/// two thirds of a first-level cache. Twice of it is 1 % faster where a core is ours alone, and 6 %
+/// slower where its other hardware thread is at work (virtual Intel Xeon).
+const DEPTH: usize = 128;
 
-/// Vectors of a product's micro-tile along the features, and its points: as many sums as registers
-/// hold. 24 of 32 registers with AVX-512, 12 of 16 with AVX2.
+/// Entries of a row from one look at the loop's counter to the next.
+const UNROLL: usize = 4;
+
+/// Calls a kernel made for the lanes of a vector: with the vectors of its micro-tile along the
+/// features, its rows, and what else it takes. As many sums as registers hold: 24 of 32 with
+/// AVX-512, 12 of 16 with AVX2. Four vectors of 6 rows need 10 loads for 24 multiplications and few
+/// addresses, two of 12 rows 14 loads and many: what else a core has to decode decides where two
+/// hardware threads share it (`docs/neural.md`).
 macro_rules! by_lanes {
-    ($S:ident, $name:ident, ($($arg:expr),*), $a:literal $b:literal, $c:literal $d:literal, $e:literal $f:literal) => {
+    ($S:ident, $name:ident, ($($arg:expr),*), $($a:literal)*, $($b:literal)*, $($c:literal)*) => {
         match $S::F32_LANES {
-            16 => $name::<$S, $a, $b>($($arg),*),
-            8 => $name::<$S, $c, $d>($($arg),*),
-            _ => $name::<$S, $e, $f>($($arg),*),
+            16 => $name::<$S, $($a),*>($($arg),*),
+            8 => $name::<$S, $($b),*>($($arg),*),
+            _ => $name::<$S, $($c),*>($($arg),*),
         }
     };
 }
@@ -28,8 +35,17 @@ impl WithSimd for PanelWidth {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) -> usize {
-        2 * S::F32_LANES
+        match S::F32_LANES {
+            16 => 64,
+            lanes => 2 * lanes,
+        }
     }
+}
+
+/// The features that panels of `width` have room for: where half a panel is enough for the last
+/// features, the last panel is half as wide.
+pub(crate) const fn panelled(width: usize, outputs: usize) -> usize {
+    outputs.next_multiple_of(width / 2)
 }
 
 /// `out[n][j] = bias[j] + Σ_k x[n][k]·w[k][j]` for all points n and all j of the panels.
@@ -37,7 +53,7 @@ pub(crate) struct Product<'a> {
     /// The left side, row by row.
     pub(crate) x: &'a [f32],
     pub(crate) x_stride: usize,
-    /// Weights: panel after panel, each `depth` rows of a panel's width.
+    /// Weights: panel after panel, each `depth` rows of a panel's width, the last one perhaps of half.
     pub(crate) panels: &'a [f32],
     /// Entries of a row of x that are multiplied.
     pub(crate) depth: usize,
@@ -54,45 +70,60 @@ impl WithSimd for Product<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        by_lanes!(S, product, (simd, self), 2 12, 2 6, 2 4);
+        by_lanes!(S, product, (simd, self), 4 2 6, 2 1 6, 2 1 4);
     }
 }
 
+/// V vectors for the panels, H, half of them, for what is left.
 #[inline(always)]
-fn product<S: Simd, const V: usize, const P: usize>(simd: S, on: Product<'_>) {
+fn product<S: Simd, const V: usize, const H: usize, const P: usize>(simd: S, mut on: Product<'_>) {
+    let (width, half) = (V * S::F32_LANES, H * S::F32_LANES);
+    let mut panels = on.panels.chunks_exact(on.depth * width);
+    let mut j = 0;
+    for panel in &mut panels {
+        product_of_panel::<S, V, P>(simd, &mut on, panel, j);
+        j += width;
+    }
+    for panel in panels.remainder().chunks_exact(on.depth * half) {
+        product_of_panel::<S, H, P>(simd, &mut on, panel, j);
+        j += half;
+    }
+}
+
+/// The features from `j` on, as many as the panel has.
+#[inline(always)]
+fn product_of_panel<S: Simd, const V: usize, const P: usize>(simd: S, on: &mut Product<'_>, panel: &[f32], j: usize) {
     let width = V * S::F32_LANES;
-    let Product { x, x_stride, panels, depth, bias, out, out_stride, points } = on;
-    for (j, panel) in panels.chunks_exact(depth * width).enumerate() {
-        let (panel, _) = S::as_simd_f32s(panel);
-        let (panel, _) = panel.as_chunks::<V>();
-        let mut from = 0;
-        while from < depth {
-            let to = (from + DEPTH).min(depth);
-            let block = &panel[from..to];
-            let mut start = [simd.splat_f32s(0.0); V];
-            if from == 0 && !bias.is_empty() {
-                let (bias, _) = S::as_simd_f32s(&bias[j * width..(j + 1) * width]);
-                start.copy_from_slice(bias);
-            }
-            let mut n = 0;
-            while n < points {
-                let mut rows: [&[f32]; P] = [&[]; P];
-                for p in 0..P {
-                    rows[p] = &x[(n + p) * x_stride + from..][..block.len()];
-                }
-                let sums = sum_of_products::<S, V, P>(simd, block, rows);
-                for p in 0..P {
-                    let at = (n + p) * out_stride + j * width;
-                    let (out, _) = S::as_mut_simd_f32s(&mut out[at..at + width]);
-                    for v in 0..V {
-                        let before = if from == 0 { start[v] } else { out[v] };
-                        out[v] = simd.add_f32s(before, sums[p][v]);
-                    }
-                }
-                n += P;
-            }
-            from = to;
+    let Product { x, x_stride, depth, bias, ref mut out, out_stride, points, .. } = *on;
+    let (panel, _) = S::as_simd_f32s(panel);
+    let (panel, _) = panel.as_chunks::<V>();
+    let mut from = 0;
+    while from < depth {
+        let to = (from + DEPTH).min(depth);
+        let block = &panel[from..to];
+        let mut start = [simd.splat_f32s(0.0); V];
+        if from == 0 && !bias.is_empty() {
+            let (bias, _) = S::as_simd_f32s(&bias[j..j + width]);
+            start.copy_from_slice(bias);
         }
+        let mut n = 0;
+        while n < points {
+            let mut rows: [&[f32]; P] = [&[]; P];
+            for p in 0..P {
+                rows[p] = &x[(n + p) * x_stride + from..][..block.len()];
+            }
+            let sums = sum_of_products::<S, V, P>(simd, block, rows);
+            for p in 0..P {
+                let at = (n + p) * out_stride + j;
+                let (out, _) = S::as_mut_simd_f32s(&mut out[at..at + width]);
+                for v in 0..V {
+                    let before = if from == 0 { start[v] } else { out[v] };
+                    out[v] = simd.add_f32s(before, sums[p][v]);
+                }
+            }
+            n += P;
+        }
+        from = to;
     }
 }
 
@@ -103,14 +134,26 @@ fn sum_of_products<S: Simd, const V: usize, const P: usize>(
     rows: [&[f32]; P],
 ) -> [[S::f32s; V]; P] {
     let mut sums = [[simd.splat_f32s(0.0); V]; P];
-    let len = block.len();
+    let (blocks, rest) = block.as_chunks::<UNROLL>();
+    let heads = rows.map(|row| row.as_chunks::<UNROLL>().0);
     for p in 0..P {
-        assert!(rows[p].len() == len);
+        assert!(heads[p].len() == blocks.len());
     }
-    for k in 0..len {
-        let w = block[k];
+    for k in 0..blocks.len() {
+        for u in 0..UNROLL {
+            let w = blocks[k][u];
+            for p in 0..P {
+                let x = simd.splat_f32s(heads[p][k][u]);
+                for v in 0..V {
+                    sums[p][v] = fma(simd, x, w[v], sums[p][v]);
+                }
+            }
+        }
+    }
+    let done = UNROLL * blocks.len();
+    for (k, w) in rest.iter().enumerate() {
         for p in 0..P {
-            let x = simd.splat_f32s(rows[p][k]);
+            let x = simd.splat_f32s(rows[p][done + k]);
             for v in 0..V {
                 sums[p][v] = fma(simd, x, w[v], sums[p][v]);
             }
