@@ -29,7 +29,8 @@ fn python() -> String {
 fn roundtrip() -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let built = test.parent().and_then(Path::parent).unwrap().join("examples/ply_roundtrip");
-    assert!(built.exists(), "{} is not there: cargo build -p if-mesh --example ply_roundtrip", built.display());
+    let release = if cfg!(debug_assertions) { "" } else { "--release " };
+    assert!(built.exists(), "{} is not there: cargo build {release}-p if-mesh --example ply_roundtrip", built.display());
     built
 }
 
