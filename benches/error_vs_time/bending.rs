@@ -1,4 +1,4 @@
-//! Problems 10 and 11 of `physics.md` §5: a clamped strip that bends under its weight, against the elastica by shooting; and rigid
+//! Problems 10 and 11 of `docs/accuracy.md`: a clamped strip that bends under its weight, against the elastica by shooting; and rigid
 //! motions and uniform stretches of a cloth, which have closed forms at every size.
 
 use crate::chains::{G, falling};

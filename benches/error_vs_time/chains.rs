@@ -1,4 +1,4 @@
-//! Problems 1 to 6 of `physics.md` §5: springs, chains, catenaries and the pendulum, against closed forms.
+//! Problems 1 to 6 of `docs/accuracy.md`: springs, chains, catenaries and the pendulum, against closed forms.
 
 use crate::record::{Record, Run, timed};
 use if_core::math::{Point, Real};

@@ -1,4 +1,4 @@
-//! Problems 7 to 9 of `physics.md` §5: cloth against implicit Euler that is solved to the last digits, on the same mesh.
+//! Problems 7 to 9 of `docs/accuracy.md`: cloth against implicit Euler that is solved to the last digits, on the same mesh.
 
 use crate::chains::{G, Method, falling, settled};
 use crate::implicit::Springs;

@@ -1,4 +1,4 @@
-//! Surfaces of fields and baked fields: three fields of `mesh.md` §2, against their closed forms.
+//! Surfaces of fields and baked fields: three fields with closed forms.
 
 use crate::record::{Record, Run, timed};
 use if_core::aabb::Aabb;

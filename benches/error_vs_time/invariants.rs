@@ -1,4 +1,4 @@
-//! Problem 12 of `physics.md` §5: what must not change. Momentum and angular momentum of a cloth that flies, gradients beside
+//! Problem 12 of `docs/accuracy.md`: what must not change. Momentum and angular momentum of a cloth that flies, gradients beside
 //! central differences, and the same scene turned and moved by a kilometre.
 
 use crate::chains::{G, Method, falling};

@@ -1,4 +1,4 @@
-//! Problem 15 of `physics.md` §5: outfits that `resolve` makes clean, one parameter off its default at a time. What is
+//! Problem 15 of `docs/accuracy.md`: outfits that `resolve` makes clean, one parameter off its default at a time. What is
 //! clean is clean exactly; the errors are how far vertices moved and how much edges strained.
 
 use crate::record::{Record, Run, timed};

@@ -1,4 +1,4 @@
-//! Problem 14 of `physics.md` §5: do two triangles meet? Time against wrong answers, judged by rational arithmetic, on pairs in
+//! Problem 14 of `docs/accuracy.md`: do two triangles meet? Time against wrong answers, judged by rational arithmetic, on pairs in
 //! general position and on pairs that nearly or exactly touch.
 
 use crate::record::{Record, Run, timed};

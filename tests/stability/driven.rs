@@ -1,4 +1,4 @@
-//! What of the stress list of `physics.md` §6 needs a scene of its own: bodies that move at up to 10 m/s or jump, pinned vertices
+//! What needs a scene of its own: bodies that move at up to 10 m/s or jump, pinned vertices
 //! driven through them, cloth that begins 1 to 50 mm deep, grids too coarse for what they hold, vertices in another order, and
 //! lists of contacts that grow.
 

@@ -1,6 +1,7 @@
 //! Unique edges, what meets at them, and boundary loops.
 
 use crate::mesh::TriMesh;
+use crate::rows::Rows;
 
 /// No triangle: the second side of a boundary edge.
 pub const NONE: u32 = u32::MAX;
@@ -165,40 +166,21 @@ impl Edges {
     }
 }
 
-/// For each vertex, the triangles that use it: `list[start[v] .. start[v + 1]]`.
+/// For each vertex, the triangles that use it.
 #[derive(Clone, Debug, Default)]
-pub struct VertexTriangles {
-    start: Vec<u32>,
-    list: Vec<u32>,
-}
+pub struct VertexTriangles(Rows<u32>);
 
 impl VertexTriangles {
     /// Collects the triangles round each vertex of `mesh`, in ascending order.
     pub fn new(mesh: &TriMesh) -> Self {
-        let mut start = vec![0u32; mesh.vertices().len() + 1];
-        for tri in mesh.triangles() {
-            for &v in tri {
-                start[v as usize + 1] += 1;
-            }
-        }
-        for v in 1..start.len() {
-            start[v] += start[v - 1];
-        }
-        let mut fill = start.clone();
-        let mut list = vec![0u32; 3 * mesh.triangles().len()];
-        for (t, tri) in mesh.triangles().iter().enumerate() {
-            for &v in tri {
-                list[fill[v as usize] as usize] = t as u32;
-                fill[v as usize] += 1;
-            }
-        }
-        Self { start, list }
+        let corners = mesh.triangles().iter().zip(0_u32..).flat_map(|(tri, t)| tri.map(|v| (v, t)));
+        Self(Rows::new(mesh.vertices().len(), corners))
     }
 
     /// The triangles that use vertex `v`.
     #[inline]
     pub fn of(&self, v: usize) -> &[u32] {
-        &self.list[self.start[v] as usize..self.start[v + 1] as usize]
+        self.0.of(v)
     }
 }
 

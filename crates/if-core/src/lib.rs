@@ -15,4 +15,5 @@ pub mod masked;
 pub mod math;
 pub mod mesh;
 mod pointers;
+pub mod rows;
 pub mod shapes;

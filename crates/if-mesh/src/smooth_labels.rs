@@ -15,6 +15,7 @@ use crate::votes::{LabelVotes, UNDECIDED, winner};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
+use if_core::rows::Rows;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 
@@ -252,8 +253,7 @@ enum Unsolved {
 
 /// A symmetric matrix in compressed rows, the diagonal apart.
 struct Matrix {
-    start: Vec<usize>,
-    entries: Vec<(u32, Real)>,
+    entries: Rows<(u32, Real)>,
     diagonal: Vec<Real>,
 }
 
@@ -263,31 +263,18 @@ impl Matrix {
         let edges = Edges::new(mesh);
         let weights = dual_weights(mesh, &edges);
         let mut diagonal: Vec<Real> = (0..n).map(|v| areas[v] * votes.of(v).iter().sum::<Real>()).collect();
-        let mut start = vec![0usize; n + 1];
-        for ends in &edges.vertices {
-            ends.iter().for_each(|v| start[*v as usize + 1] += 1);
+        let links = edges.vertices.iter().zip(&weights).map(|(ends, w)| (*ends, length * length * w));
+        for ([a, b], w) in links.clone() {
+            diagonal[a as usize] += w;
+            diagonal[b as usize] += w;
         }
-        for v in 0..n {
-            start[v + 1] += start[v];
-        }
-        let mut fill = start.clone();
-        let mut entries = vec![(0, 0.0); start[n]];
-        for (ends, w) in edges.vertices.iter().zip(&weights) {
-            let w = length * length * w;
-            for k in 0..2 {
-                let v = ends[k] as usize;
-                entries[fill[v]] = (ends[1 - k], -w);
-                fill[v] += 1;
-                diagonal[v] += w;
-            }
-        }
-        Self { start, entries, diagonal }
+        let entries = Rows::new(n, links.flat_map(|([a, b], w)| [(a, (b, -w)), (b, (a, -w))]));
+        Self { entries, diagonal }
     }
 
     fn product(&self, x: &[Real], out: &mut [Real]) {
         for (v, out) in out.iter_mut().enumerate() {
-            let row = &self.entries[self.start[v]..self.start[v + 1]];
-            *out = row.iter().fold(self.diagonal[v] * x[v], |sum, (w, a)| sum + a * x[*w as usize]);
+            *out = self.entries.of(v).iter().fold(self.diagonal[v] * x[v], |sum, (w, a)| sum + a * x[*w as usize]);
         }
     }
 
@@ -361,7 +348,7 @@ mod tests {
         let mut dense = nalgebra::DMatrix::zeros(n, n);
         for v in 0..n {
             dense[(v, v)] = matrix.diagonal[v];
-            matrix.entries[matrix.start[v]..matrix.start[v + 1]].iter().for_each(|(w, a)| dense[(v, *w as usize)] = *a);
+            matrix.entries.of(v).iter().for_each(|(w, a)| dense[(v, *w as usize)] = *a);
         }
         assert_eq!(dense, dense.transpose());
         let factor = nalgebra::Cholesky::new(dense).expect("the matrix is positive");

@@ -3,6 +3,7 @@
 use if_core::edges::Edges;
 use if_core::math::{Real, Vector};
 use if_core::mesh::TriMesh;
+use if_core::rows::Rows;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -109,18 +110,7 @@ pub fn taubin(mesh: &TriMesh, params: &TaubinParams) -> Result<TriMesh, TaubinEr
 }
 
 /// For each vertex those it is drawn to; none where it stays.
-struct Neighbours {
-    start: Vec<u32>,
-    list: Vec<u32>,
-}
-
-impl Neighbours {
-    fn of(&self, v: usize) -> &[u32] {
-        &self.list[self.start[v] as usize..self.start[v + 1] as usize]
-    }
-}
-
-fn neighbours(mesh: &TriMesh, border: Border) -> Neighbours {
+fn neighbours(mesh: &TriMesh, border: Border) -> Rows<u32> {
     let edges = Edges::new(mesh);
     let n = mesh.vertices().len();
     let mut rims = vec![0u32; n];
@@ -141,12 +131,7 @@ fn neighbours(mesh: &TriMesh, border: Border) -> Neighbours {
         pairs.extend([(a, b), (b, a)].into_iter().filter(|p| follows(e, p.0)));
     }
     pairs.sort_unstable();
-    let mut start = vec![0; n + 1];
-    pairs.iter().for_each(|p| start[p.0 as usize + 1] += 1);
-    for v in 0..n {
-        start[v + 1] += start[v];
-    }
-    Neighbours { start, list: pairs.into_iter().map(|p| p.1).collect() }
+    Rows::new(n, pairs.iter().copied())
 }
 
 #[cfg(test)]

@@ -2,45 +2,31 @@
 
 use if_core::edges::Edges;
 use if_core::math::{Point, Real};
+use if_core::rows::Rows;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 /// The edges of a mesh as neighbours of each vertex, with their lengths.
-pub(crate) struct Neighbours {
-    start: Vec<u32>,
-    list: Vec<(u32, Real)>,
-}
+pub(crate) struct Neighbours(Rows<(u32, Real)>);
 
 impl Neighbours {
     pub(crate) fn new(edges: &Edges, x: &[Point]) -> Self {
-        let mut start = vec![0u32; x.len() + 1];
-        for v in edges.vertices.iter().flatten() {
-            start[*v as usize + 1] += 1;
-        }
-        for v in 1..start.len() {
-            start[v] += start[v - 1];
-        }
-        let mut fill = start.clone();
-        let mut list = vec![(0, 0.0); 2 * edges.len()];
-        for &[a, b] in &edges.vertices {
+        let both = edges.vertices.iter().flat_map(|&[a, b]| {
             let length = (x[a as usize] - x[b as usize]).norm();
-            for (from, to) in [(a, b), (b, a)] {
-                list[fill[from as usize] as usize] = (to, length);
-                fill[from as usize] += 1;
-            }
-        }
-        Self { start, list }
+            [(a, (b, length)), (b, (a, length))]
+        });
+        Self(Rows::new(x.len(), both))
     }
 
     /// The neighbours of vertex `v`, and how far along the edge they are, in metres.
     pub(crate) fn of(&self, v: u32) -> &[(u32, Real)] {
-        &self.list[self.start[v as usize] as usize..self.start[v as usize + 1] as usize]
+        self.0.of(v as usize)
     }
 
     /// Length of the shortest path along edges from any of `sources` to every vertex, in metres;
     /// infinite where it is longer than `limit`.
     pub(crate) fn distances(&self, sources: impl IntoIterator<Item = u32>, limit: Real) -> Vec<Real> {
-        let mut distance = vec![Real::INFINITY; self.start.len() - 1];
+        let mut distance = vec![Real::INFINITY; self.0.len()];
         let mut queue = BinaryHeap::new();
         for v in sources {
             distance[v as usize] = 0.0;

@@ -123,6 +123,8 @@ struct Pair {
     foot: Point,
     normal: Vector,
     triangle: u32,
+    /// The layer does not reach to where the vertex is: the plane of its last foot holds nobody.
+    away: bool,
 }
 
 /// The air constraints of a moving layer over a resting one.
@@ -183,6 +185,7 @@ impl<'a> Air<'a> {
                 foot: at.point,
                 normal,
                 triangle: at.triangle,
+                away: false,
             });
         }
         Ok(air)
@@ -207,9 +210,9 @@ impl<'a> Air<'a> {
         let all = due || std::mem::take(&mut self.jumped);
         for pair in &mut self.pairs {
             let p = positions[pair.vertex as usize];
-            if !all {
-                let d = p - pair.foot;
-                let slide2 = (d - pair.normal * pair.normal.dot(&d)).norm_squared();
+            let d = p - pair.foot;
+            let slide2 = (d - pair.normal * pair.normal.dot(&d)).norm_squared();
+            if !all && !pair.away {
                 let [a, b, c] = self.inner.mesh().corners(pair.triangle as usize);
                 let edge2 = (b - a).norm_squared().min((c - b).norm_squared()).min((a - c).norm_squared());
                 if slide2 <= self.params.repair_slide * self.params.repair_slide * edge2 {
@@ -222,13 +225,20 @@ impl<'a> Air<'a> {
                 let normal = self.inner.normal(&at);
                 if normal != Vector::zeros() {
                     (pair.foot, pair.normal, pair.triangle) = (at.point, normal, at.triangle);
+                    pair.away = false;
                 }
+            } else {
+                // Straight below its foot it is deep inside, and the plane brings it out.
+                pair.away = slide2 > self.params.max_distance * self.params.max_distance;
             }
         }
     }
 
     /// The violation (≥ 0, metres) and the push of a vertex at `p`.
     fn push(&self, pair: &Pair, p: &Point) -> Option<(Real, Vector)> {
+        if pair.away {
+            return None;
+        }
         let height = pair.normal.dot(&(p - pair.foot));
         let half_space = |gap: Real| (gap - height, pair.normal * (gap - height));
         Some(match self.params.reading {
@@ -397,6 +407,24 @@ mod tests {
                 air.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
                 air.project(&mut p, &[1.0], 1e-3);
                 assert_eq!(p[0], slid, "{reading:?} {slide} {every} after a jump");
+            }
+        }
+    }
+
+    #[test]
+    fn a_vertex_beyond_the_layers_border_is_left_alone_and_one_deep_below_it_is_not() {
+        let all = floor();
+        let inner = InnerSurface::new(&all.0, &all);
+        let at = |x: Real, z: Real| Point::new(x, 0.1, z);
+        for reading in [AirReading::GapPreserving, AirReading::Element] {
+            let start = at(0.1, 0.001);
+            let mut air = Air::new(&inner, &[start], &[1.0], AirParams { reading, ..Default::default() }).unwrap();
+            // The floor ends at x = 0.2. Beyond, back again, and 40 mm deep: x, z and z after a visit.
+            for (x, z, after) in [(0.4, -0.01, -0.01), (0.1, -0.01, 0.001), (0.11, -0.04, 0.001)] {
+                let mut p = vec![at(x, z)];
+                air.begin_substep(&[start], &p.clone(), &[1.0], 1e-3);
+                air.project(&mut p, &[1.0], 1e-3);
+                assert_relative_eq!(p[0], at(x, after), epsilon = 1e-15);
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Soft attachments of particles to target positions.
 
-use crate::constraint::{Constraint, Residual};
+use crate::constraint::{Constraint, GroupError, Residual};
 use if_core::math::{Point, Real, Vector};
 
 /// Attachments `C(p) = p − t`, one vector constraint for each attached particle.
@@ -30,7 +30,7 @@ impl Attachments {
         Self::default()
     }
 
-    /// Attaches particle `vertex` to `target` with `compliance` β in m/N.
+    /// Attaches particle `vertex` to `target` with `compliance` β in m/N, 0 or more (a step refuses another).
     pub fn push(&mut self, vertex: u32, target: Point, compliance: Real) {
         self.vertices.push(vertex);
         self.targets.push(target);
@@ -104,6 +104,13 @@ impl Constraint for Attachments {
             positions[v] += delta * w;
         }
         residual
+    }
+
+    fn check(&self) -> Result<(), GroupError> {
+        match self.compliances.iter().position(|c| c.is_nan() || *c < 0.0) {
+            Some(index) => Err(GroupError::CompliancePer { group: "attachment", index, value: self.compliances[index] }),
+            None => Ok(()),
+        }
     }
 
     fn is_idle(&self) -> bool {

@@ -1,7 +1,7 @@
 //! Bending constraints on pairs of triangles that share an edge, at rest where the mesh begins.
 
 use crate::coloring::color;
-use crate::constraint::{Constraint, Counters, Residual};
+use crate::constraint::{Constraint, Counters, GroupError, Residual};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, area_vector};
 use if_core::mesh::TriMesh;
@@ -288,6 +288,10 @@ impl Constraint for Bending {
             }
         }
         residual
+    }
+
+    fn check(&self) -> Result<(), GroupError> {
+        GroupError::of_compliance("bending", self.compliance)
     }
 
     fn is_idle(&self) -> bool {

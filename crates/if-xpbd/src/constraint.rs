@@ -83,6 +83,43 @@ impl Counters {
     }
 }
 
+/// A number of a group with which no constraint can be solved.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum GroupError {
+    /// A compliance below zero, or none.
+    #[error("the compliance of the {group} constraints is {value} m/N; give one that is not negative (infinity makes them idle)")]
+    Compliance {
+        /// Which group: "stretch", "bending".
+        group: &'static str,
+        /// The compliance.
+        value: Real,
+    },
+    /// The same of one constraint.
+    #[error(
+        "the compliance of {group} constraint {index} is {value} m/N; give one that is not negative (infinity makes it idle)"
+    )]
+    CompliancePer {
+        /// Which group: "attachment".
+        group: &'static str,
+        /// The constraint, in the order in which they were given.
+        index: usize,
+        /// Its compliance.
+        value: Real,
+    },
+}
+
+impl GroupError {
+    /// Whether `compliance` can be one of `group`: 0, positive or infinite.
+    ///
+    /// # Errors
+    ///
+    /// [`GroupError::Compliance`].
+    pub fn of_compliance(group: &'static str, compliance: Real) -> Result<(), Self> {
+        if compliance >= 0.0 { Ok(()) } else { Err(GroupError::Compliance { group, value: compliance }) }
+    }
+}
+
 /// One *group* of constraints: dynamic dispatch once per group and sweep, static per element.
 ///
 /// All slices have one entry per particle. An inverse mass of zero pins its particle.
@@ -108,6 +145,15 @@ pub trait Constraint {
 
     /// Forgets everything remembered about positions: they are about to jump (roll-back, teleport).
     fn reset(&mut self) {}
+
+    /// Whether the numbers it was given make sense. The solver asks before each step.
+    ///
+    /// # Errors
+    ///
+    /// [`GroupError`], for what can be set to a number with which no constraint can be solved.
+    fn check(&self) -> Result<(), GroupError> {
+        Ok(())
+    }
 
     /// Whether there is nothing to do: the solver skips such a group, and says so.
     fn is_idle(&self) -> bool {

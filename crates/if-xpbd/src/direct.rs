@@ -1,7 +1,7 @@
 //! All stretch constraints at once: "manifold projection" as Algorithm 1's text calls it. The slow
 //! twin of [`Stretch`](crate::stretch::Stretch), and an option where a few exact solves beat many sweeps.
 
-use crate::constraint::{Constraint, Counters, Residual};
+use crate::constraint::{Constraint, Counters, GroupError, Residual};
 use crate::edge_set::EdgeSet;
 use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
@@ -94,7 +94,7 @@ impl std::fmt::Debug for DirectStretch {
 }
 
 impl DirectStretch {
-    /// Constraints on `edges` with `compliance` β in m/N: 20 steps at most, to 1e-12 m.
+    /// Constraints on `edges` with `compliance` β in m/N, 0 or more (a step refuses another): 20 steps at most, to 1e-12 m.
     pub fn new(edges: EdgeSet, compliance: Real) -> Self {
         let n = edges.len();
         let mut around: Vec<Vec<u32>> = vec![Vec::new(); edges.vertex_count()];
@@ -241,6 +241,10 @@ impl Constraint for DirectStretch {
             }
         }
         residual
+    }
+
+    fn check(&self) -> Result<(), GroupError> {
+        GroupError::of_compliance("stretch", self.compliance)
     }
 
     fn is_idle(&self) -> bool {

@@ -1,6 +1,6 @@
 //! What steps and runs report, and how they fail.
 
-use crate::constraint::{Counters, Residual};
+use crate::constraint::{Counters, GroupError, Residual};
 use if_core::math::Real;
 
 /// What a step did.
@@ -73,6 +73,9 @@ pub enum StepError {
         /// Inverse masses given.
         inverse_masses: usize,
     },
+    /// A group of constraints with a number that makes no sense.
+    #[error(transparent)]
+    Group(#[from] GroupError),
     /// The state stopped being finite, whatever the substep.
     #[error(
         "particles {vertices:?} are not finite after {substeps} substeps of {h} s; look at the constraints they have, or allow more retries"

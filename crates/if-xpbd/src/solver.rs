@@ -53,7 +53,7 @@ impl Solver {
     ///
     /// # Errors
     ///
-    /// A state that is not finite, an energy jump or a displacement jump, which smaller substeps did not cure.
+    /// A state that is not finite, a group that [cannot be solved](Constraint::check), an energy jump or a displacement jump, which smaller substeps did not cure.
     ///
     /// # Panics
     ///
@@ -68,6 +68,7 @@ impl Solver {
         if !vertices.is_empty() {
             return Err(StepError::Input { vertices });
         }
+        groups.iter().try_for_each(|group| group.check())?;
         self.backup.clone_from(particles);
         // A quasi-static motion has no speed: its pushes over h would grow as h shrinks.
         let allowed = if self.params.motion == Motion::QuasiStatic || self.params.energy_jump == Real::INFINITY {
@@ -257,6 +258,10 @@ fn most(count: usize, of: impl Fn(usize) -> Real) -> Vec<u32> {
 mod tests {
     use super::*;
     use crate::attach::Attachments;
+    use crate::bending::{Bending, BendingModel};
+    use crate::direct::DirectStretch;
+    use crate::edge_set::EdgeSet;
+    use crate::stretch::Stretch;
     use if_core::math::Point;
 
     /// Breaks particle 1 while h is above `fine_from`: to NaN, or to a speed of 1e9 m/s.
@@ -318,6 +323,33 @@ mod tests {
         assert_eq!(error, StepError::Input { vertices: vec![2] });
         p.velocities.pop();
         assert!(matches!(Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut []), Err(StepError::Count { .. })));
+    }
+
+    #[test]
+    fn a_compliance_that_is_none_is_an_error_that_says_whose_and_leaves_the_state() {
+        let edges = || EdgeSet::new(&[[0, 1], [1, 2]], &[1.0, 1.0], 3).unwrap();
+        let hinge = [[0, 1, 2, 3]];
+        let bent = [Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(0.5, 1.0, 0.3), Point::new(0.5, -1.0, 0.0)];
+        for value in [-1e-9, Real::NAN, Real::NEG_INFINITY] {
+            let mut attached = Attachments::new();
+            attached.push(0, Point::origin(), 0.0);
+            attached.push(1, Point::origin(), value);
+            let groups: [(Box<dyn Constraint>, &str); 4] = [
+                (Box::new(Stretch::new(edges(), value)), "the stretch constraints"),
+                (Box::new(DirectStretch::new(edges(), value)), "the stretch constraints"),
+                (Box::new(Bending::of_hinges(&hinge, &bent, BendingModel::Dihedral, value)), "the bending constraints"),
+                (Box::new(attached), "attachment constraint 1"),
+            ];
+            for (mut group, says) in groups {
+                let mut p = three();
+                let error = Solver::new(dynamic()).unwrap().step(&mut p, &mut [&mut *group]).unwrap_err();
+                assert!(error.to_string().contains(says) && error.to_string().contains(&value.to_string()), "{error}");
+                assert_eq!(p, three());
+            }
+        }
+        for value in [0.0, 1e-300, Real::INFINITY] {
+            Stretch::new(edges(), value).check().unwrap();
+        }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Problems 1, 2, 3, 6, 12 and 13 of the accuracy protocol (physics.md §5), against closed forms.
+//! Problems 1, 2, 3, 6, 12 and 13 of `docs/accuracy.md`, against closed forms.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
@@ -117,7 +117,7 @@ fn problem_3_sweeps_converge_to_the_chain_too() {
 
 #[test]
 fn one_sweep_lengthens_a_rigid_column_by_the_error_law() {
-    // physics.md §1.6: g h² n²/2, since the effective compliance is β + h² (wᵢ + wⱼ).
+    // The error of one sweep, g h² n²/2, since the effective compliance is β + h² (wᵢ + wⱼ).
     let (n, h) = (31, 2e-3);
     let params = SolverParams { motion: Motion::Dynamic { damping: 2.0 }, ..falling(h, 1) };
     let found: Real = hung(n, params, 4000, |edges| Box::new(Stretch::new(edges, 0.0))).iter().sum();
@@ -162,7 +162,7 @@ fn problem_6_a_pendulum_keeps_its_period_and_loses_energy_in_proportion_to_h() {
     // First order: five times less, but for the second order's share.
     let ratio = lost / lost_less;
     assert!((4.0..5.5).contains(&ratio), "lost {lost} and {lost_less}");
-    // physics.md measured −17.5 % at 1 ms.
+    // Another implementation (Python, f64) loses 17.5 % at 1 ms.
     assert!((0.1..0.25).contains(&lost), "lost {lost}");
 }
 

@@ -1,4 +1,4 @@
-//! The stress list of physics.md §6, as far as it concerns the solver: no NaN, no panic, bounded
+//! What a scene can do to the solver by itself: no NaN, no panic, bounded
 //! energy, or a typed error.
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]

@@ -5,8 +5,8 @@ use pulp::{Simd, WithSimd};
 use super::isa::fma;
 
 /// How many entries of a row are multiplied before the sum goes to memory: 128 × 64 weights are
-/// two thirds of a first-level cache. Twice of it is 1 % faster where a core is ours alone, and 6 %
-/// slower where its other hardware thread is at work (virtual Intel Xeon).
+/// two thirds of a first-level cache. Twice of it is a little faster where a core is ours alone, and
+/// slower where its other hardware thread is at work.
 const DEPTH: usize = 128;
 
 /// Entries of a row from one look at the loop's counter to the next.

@@ -14,6 +14,7 @@ use if_core::closest::ClosestPoint;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
+use if_core::rows::Rows;
 use if_mesh::index::Bvh;
 use rayon::prelude::*;
 
@@ -99,28 +100,12 @@ fn vertex_normals(mesh: &TriMesh, at: &[Point]) -> Vec<Vector> {
 }
 
 /// The neighbours of each vertex.
-struct Graph {
-    first: Vec<u32>,
-    neighbours: Vec<u32>,
-}
+struct Graph(Rows<u32>);
 
 impl Graph {
     fn new(mesh: &TriMesh) -> Self {
         let edges = Edges::new(mesh);
-        let mut first = vec![0u32; mesh.vertices().len() + 1];
-        edges.vertices.iter().flatten().for_each(|v| first[*v as usize + 1] += 1);
-        for k in 1..first.len() {
-            first[k] += first[k - 1];
-        }
-        let mut at = first.clone();
-        let mut neighbours = vec![0; 2 * edges.vertices.len()];
-        for [a, b] in &edges.vertices {
-            for (v, other) in [(a, b), (b, a)] {
-                neighbours[at[*v as usize] as usize] = *other;
-                at[*v as usize] += 1;
-            }
-        }
-        Self { first, neighbours }
+        Self(Rows::new(mesh.vertices().len(), edges.vertices.iter().flat_map(|&[a, b]| [(a, b), (b, a)])))
     }
 
     /// The values spread over the edges, `rounds` times half and half with the mean of the neighbours, and divided by what
@@ -130,7 +115,7 @@ impl Graph {
         let mut next = now.clone();
         for _ in 0..rounds {
             next.par_iter_mut().enumerate().with_min_len(2048).for_each(|(v, out)| {
-                let around = &self.neighbours[self.first[v] as usize..self.first[v + 1] as usize];
+                let around = self.0.of(v);
                 let mut sum = [0.0; 4];
                 for n in around {
                     (0..4).for_each(|k| sum[k] += now[*n as usize][k]);
