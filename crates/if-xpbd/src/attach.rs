@@ -107,7 +107,7 @@ impl Constraint for Attachments {
     }
 
     fn check(&self) -> Result<(), GroupError> {
-        match self.compliances.iter().position(|c| c.is_nan() || *c < 0.0) {
+        match self.compliances.iter().position(|c| GroupError::of_compliance("attachment", *c).is_err()) {
             Some(index) => Err(GroupError::CompliancePer { group: "attachment", index, value: self.compliances[index] }),
             None => Ok(()),
         }
