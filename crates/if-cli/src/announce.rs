@@ -101,7 +101,8 @@ fn in_one_line(name: &str, out: &Path, done: &Done) -> String {
     let moved = done.report.layers.iter().map(|l| l.moved.max).fold(0.0, f64::max);
     let written = if done.outputs.is_empty() { "nothing written".into() } else { out.display().to_string() };
     let totals = table::totals(&done.report.before, &done.report.after);
-    format!("{name}: {totals}, moved at most {:.1} mm, {:.2} s, {written}\n", moved * 1e3, done.seconds)
+    let line = format!("{name}: {totals}, moved at most {:.1} mm, {:.2} s, {written}\n", moved * 1e3, done.seconds);
+    line + &notes(&done.notes)
 }
 
 fn print_outcome_json(name: &str, out: &Path, outcome: &Outcome) -> Result<(), Report> {

@@ -30,7 +30,7 @@ pub(crate) struct Cli {
     #[arg(short = 'j', long, visible_alias = "jobs", global = true, value_name = "N",
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
-    /// Say on stderr what is left of each garment at each verification, instead of the progress line.
+    /// Say on stderr what is left of each garment at each verification, instead of a line of progress.
     #[arg(short, long, global = true)]
     pub(crate) verbose: bool,
 }
@@ -306,7 +306,7 @@ pub(crate) struct ExtractArgs {
     #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
     pub(crate) accuracy: Option<f64>,
     /// The smallest cells that --accuracy may choose, with a unit.
-    #[arg(long, value_name = "LENGTH", value_parser = above_zero, default_value = "1mm")]
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, default_value = "1mm", requires = "accuracy")]
     pub(crate) finest: f64,
     /// Rounds of relaxation, which make slivers into triangles; 0 is plain marching cubes.
     #[arg(long, value_name = "ROUNDS", default_value_t = 3, value_parser = clap::value_parser!(u64).range(0..=100).map(|n| n as usize))]

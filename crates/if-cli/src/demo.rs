@@ -36,7 +36,9 @@ fn write_scene(args: &DemoArgs) -> Result<PathBuf, Report> {
     let folder = args.out.join(INPUT);
     let staging = Staging::open(&folder)?;
     let mut names = Vec::new();
-    let mut toml = String::from("# The built-in scene of ifg, before. `ifg fix` on this file gives what `ifg demo` gives.\n");
+    let mut toml = String::from(
+        "# The built-in scene of ifg, before. `ifg fix` on this file, with the same parameters, gives what `ifg demo` gives.\n",
+    );
     for (k, (name, mesh)) in scene(args).into_iter().enumerate() {
         let file = format!("{name}.ply");
         let ply = PlyMesh::new(mesh);

@@ -172,7 +172,7 @@ fn resumed(args: &FitArgs, path: &Path, taken: &MeshTarget) -> Result<Begun, Fit
     let (fit, network, frame) = read_checkpoint(file).map_err(|e| read(&e))?;
     let set = taken.target().training_set(&sampling(fit.params().seed));
     let set = set.map_err(|e| FitFault::Fit { path: args.mesh.clone(), source: Told::new(&e) })?;
-    if frame != set.frame || fit.params().loss != taken.target().loss() {
+    if frame != set.frame || fit.params().loss != taken.target().loss() || !fit.is_of(&set) {
         return Err(FitFault::OtherMesh { path: path.into(), mesh: args.mesh.clone() });
     }
     Ok(Begun { set, network, fit })

@@ -39,8 +39,10 @@ pub(crate) fn check(spec: &OutfitSpec, out: &Path, names: &[String], in_place: b
         }
         let is_target = |input: &&LayerSpec| input.path.canonicalize().is_ok_and(|p| p == target);
         let garment = spec.garments.iter().find(is_target).filter(|_| !in_place);
-        if let Some(input) = Some(&spec.body).filter(is_target).or(garment) {
-            return Err(OutputError::OverInput { path, written: input.written.clone(), option: true });
+        // No option allows writing over the body.
+        let over = Some(&spec.body).filter(is_target).map(|body| (body, false)).or(garment.map(|g| (g, true)));
+        if let Some((input, option)) = over {
+            return Err(OutputError::OverInput { path, written: input.written.clone(), option });
         }
     }
     Ok(())

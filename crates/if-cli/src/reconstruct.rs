@@ -5,7 +5,7 @@ mod names;
 use crate::args::above_zero;
 use crate::cancel;
 use crate::end::End;
-use crate::errors::Told;
+use crate::errors::{self, Told};
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use clap::Args;
@@ -97,6 +97,24 @@ fn fault<E: Error + 'static>(context: impl Into<String>, help: &'static str) -> 
     move |error| Fault { context, help, source: Told::new(&error) }
 }
 
+/// A garment that is somebody else's.
+#[derive(Debug, thiserror::Error)]
+#[error("the wardrobe has a garment `{garment}`, made of another capture, `{source_of}`")]
+struct Taken {
+    garment: String,
+    source_of: String,
+}
+
+/// Whether a garment was made of another capture: neither its path nor its content is this one's.
+fn is_of_another(args: &ReconstructArgs, made: &Provenance) -> bool {
+    made.source != args.capture.display().to_string() && made.sha256 != meta_of(args)
+}
+
+/// The content of the capture's description.
+fn meta_of(args: &ReconstructArgs) -> Option<String> {
+    content::of_file(&args.capture.join("meta.json")).ok().map(|c| c.sha256)
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     let name = names::last_name(&args.capture, "capture");
@@ -119,6 +137,10 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     if let Some(steps) = args.phi_steps {
         params.phi = params.phi.filter(|_| steps > 0).map(|phi| PhiParams { steps, ..phi });
     }
+    if args.motion_steps > 0 && args.motion != MotionFrom::Solved {
+        let what = "--motion-steps fits a network to the motion that is solved, and --motion says that none is";
+        return Err(fault(what, "leave one of them out")(io::Error::other("nothing to fit")).into());
+    }
     params.motion = (args.frames && args.motion == MotionFrom::Solved).then(MotionParams::default);
     params.motion_network = (args.motion_steps > 0).then(|| MotionNetworkParams {
         fit: DeformParams { steps: args.motion_steps, ..DeformParams::default() },
@@ -128,8 +150,17 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     const ROOM: &str = "make room there, or give --out another folder that you may write to";
     fs::create_dir_all(&args.out).map_err(fault(writing("anything"), ROOM))?;
     // A wardrobe that cannot be read is told of before the work, not after it.
-    Wardrobe::open(&args.out)
+    let wardrobe = Wardrobe::open(&args.out)
         .map_err(fault(format!("cannot open wardrobe `{}`", args.out.display()), "formats stand in docs/wardrobe.md"))?;
+    for name in &names {
+        if let Some(other) = wardrobe.garments().get(name).filter(|info| is_of_another(args, &info.provenance)) {
+            let taken = Taken { garment: name.clone(), source_of: other.provenance.source.clone() };
+            return Err(
+                fault(format!("`{}` cannot be added", args.capture.display()), "give --prefix a text of its own")(taken).into()
+            );
+        }
+    }
+    drop(wardrobe);
     let state = args.out.join(format!(".{name}.{STATE}"));
     let start = Instant::now();
     let found = reconstruct(&capture, &template, &params, Some(&state), &mut |progress| {
@@ -138,7 +169,11 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     });
     let found = match found {
         Ok(found) => found,
-        Err(error) if error.is_cancelled() => return Ok(End::Cancelled),
+        Err(error) if error.is_cancelled() => {
+            drop(line);
+            errors::note("cancelled; the same command goes on from what is done");
+            return Ok(End::Cancelled);
+        }
         Err(error) => {
             let help = help(&error);
             return Err(fault(format!("cannot reconstruct `{}`", args.capture.display()), help)(error).into());
@@ -289,10 +324,9 @@ fn write_assets(
         skeleton: skeleton.as_deref(),
     };
     let body = wardrobe.add_body_once(&new)?;
-    let meta = content::of_file(&args.capture.join("meta.json")).ok().map(|c| c.sha256);
     let provenance = Provenance {
         source: args.capture.display().to_string(),
-        sha256: meta,
+        sha256: meta_of(args),
         tool: format!("ifg reconstruct {}", env!("CARGO_PKG_VERSION")),
         licence: Vec::new(),
     };

@@ -149,9 +149,9 @@ fn resolve_and_prove(spec: &OutfitSpec, loaded: &mut Loaded, line: &Line) -> Res
         }
     }
     let positions = loaded.positions(&outfit);
-    if spec.scale != 1.0 {
-        // The files are not in metres, so that what a reader of them gets differs by roundings from
-        // what was resolved. That is proven once more.
+    if spec.scale != 1.0 || splits.iter().any(Option::is_some) {
+        // The files are not in metres, or hold vertices that splitting made, in one step where the solver may have made them in several: what
+        // a reader of them gets may differ by roundings from what was resolved. That is proven once more.
         outfit = loaded.outfit_of(&positions).into_diagnostic()?;
         report.after = verify(&outfit).into_diagnostic()?;
         for (layer, own) in report.layers.iter_mut().zip(&report.after.own_pairs) {

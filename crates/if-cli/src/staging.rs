@@ -5,16 +5,15 @@
 
 use crate::cancel;
 use crate::errors::Told;
+use if_pipeline::whole_folder;
 use miette::Diagnostic;
 use std::ffi::{OsStr, OsString};
-use std::fs::{self, File, TryLockError};
+use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
 /// The hidden folder.
 const PARTIAL: &str = ".ifg-partial";
-/// A file in it that is locked by the run that writes there.
-const LOCK: &str = "lock";
 
 /// Why outputs cannot be written.
 #[derive(Debug, thiserror::Error, Diagnostic)]
@@ -102,19 +101,11 @@ impl Staging {
         let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
         let made = out.ancestors().take_while(missing).map(Path::to_path_buf).collect();
         fs::create_dir_all(out).map_err(fault)?;
-        match fs::create_dir(&partial) {
-            Err(e) if e.kind() != io::ErrorKind::AlreadyExists => return Err(fault(e)),
-            _ => {}
-        }
-        let lock = File::create(partial.join(LOCK)).map_err(fault)?;
-        match lock.try_lock() {
-            Err(TryLockError::WouldBlock) => return Err(OutputError::Busy { path: whole.into() }),
-            Err(TryLockError::Error(e)) if e.kind() != io::ErrorKind::Unsupported => return Err(fault(e)),
-            _ => {}
-        }
+        let lock = whole_folder::lock(&partial).map_err(fault)?;
+        let lock = lock.ok_or_else(|| OutputError::Busy { path: whole.into() })?;
         for entry in fs::read_dir(&partial).map_err(fault)? {
             let path = entry.map_err(fault)?.path();
-            if !path.ends_with(LOCK) {
+            if !path.ends_with(whole_folder::LOCK) {
                 if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) }.map_err(fault)?;
             }
         }

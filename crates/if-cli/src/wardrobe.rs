@@ -53,6 +53,9 @@ impl Fault {
             WardrobeError::Body { .. } | WardrobeError::BodyFile(_) | WardrobeError::BodyMesh { .. } => {
                 "the body must be one closed PLY or OBJ mesh in metres, wound outwards"
             }
+            WardrobeError::AlignParams(_) | WardrobeError::Resolve(_) | WardrobeError::PictureHeight { .. } => {
+                "give a value in the range that is named; docs/outfit.md has the parameters"
+            }
             WardrobeError::NoGarments { .. } | WardrobeError::Twice { .. } | WardrobeError::Outfit(_) => {
                 "name the body, and different garments from inner to outer"
             }

@@ -122,6 +122,15 @@ impl Edges {
         on
     }
 
+    /// For each of `vertex_count` vertices, the other ends of its edges, in the order of the edges.
+    ///
+    /// # Panics
+    ///
+    /// If an edge names a vertex that is not below `vertex_count`.
+    pub fn neighbours(&self, vertex_count: usize) -> Rows<u32> {
+        Rows::new(vertex_count, self.vertices.iter().flat_map(|&[a, b]| [(a, b), (b, a)]))
+    }
+
     /// Boundary loops, each as its vertices in the direction of the triangles' winding, the loop of
     /// the smallest first half-edge first. No loop comes through a vertex twice: where loops touch in one
     /// (a bow-tie) each is closed there. A chain that cannot close (inconsistent winding) ends where it must.

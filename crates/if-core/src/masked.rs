@@ -153,7 +153,8 @@ impl<F: SignedDistance, M: Mask> Masked<F, M> {
     }
 
     fn faded(&self, sample: FieldSample, (w, slope): (Real, Vector)) -> FieldSample {
-        if w >= 1.0 {
+        // What is no number stays so, for the caller to find.
+        if w >= 1.0 || sample.distance.is_nan() {
             return sample;
         }
         let fade = self.mask.fade();
@@ -297,6 +298,38 @@ mod tests {
         let h = 1e-6;
         approx::assert_relative_eq!(field.distance(&at(0.05 + h)), BODY.distance(&at(0.05 + h)), epsilon = 1e-9);
         approx::assert_relative_eq!(field.sample(&at(0.05 + h)).gradient, BODY.sample(&at(0.05)).gradient, epsilon = 1e-3);
+    }
+
+    /// A field that is not a number.
+    struct Nothing;
+    impl SignedDistance for Nothing {
+        fn distance(&self, _: &Point) -> Real {
+            Real::NAN
+        }
+        fn sample(&self, _: &Point) -> FieldSample {
+            FieldSample { distance: Real::NAN, gradient: Vector::repeat(Real::NAN) }
+        }
+        fn bounds(&self) -> Option<Aabb> {
+            None
+        }
+        fn lipschitz(&self) -> Real {
+            1.0
+        }
+    }
+
+    #[test]
+    fn what_is_no_number_is_not_taken_for_no_constraint() {
+        let Masked { mask, .. } = near();
+        let field = Masked { field: Nothing, mask };
+        let mut faded = 0;
+        for k in 0..200 {
+            let p = Point::new(0.0, 0.0, 0.6 - 0.002 * Real::from(k));
+            let weight = field.weight(&p);
+            assert_eq!(field.distance(&p).is_nan(), weight > 0.0, "{p}");
+            assert_eq!(field.sample(&p).distance.is_nan(), weight > 0.0, "{p}");
+            faded += u32::from(weight > 0.0 && weight < 1.0);
+        }
+        assert!(faded > 3);
     }
 
     #[test]

@@ -162,7 +162,14 @@ impl VertexAttributes {
                 let old = |v: u32| get(&self.properties[p].values, v as usize);
                 let value = match rule {
                     Rule::Mean | Rule::Normal => parts.iter().map(|&(v, w)| w * old(v)).sum::<Real>() / total,
-                    Rule::Majority => majority(parts.iter().map(|&(v, w)| (old(v), w))),
+                    Rule::Majority => {
+                        let value = majority(parts.iter().map(|&(v, w)| (old(v), w)));
+                        // Its own bits: a real number does not hold all of 64.
+                        if let Some((v, _)) = parts.iter().find(|(v, _)| old(*v) == value) {
+                            copy(&self.properties[p].values, *v as usize, &mut made[p].values, k);
+                        }
+                        continue;
+                    }
                     Rule::Skinning | Rule::Nearest => continue,
                 };
                 set(&mut made[p].values, k, value);
@@ -208,15 +215,24 @@ impl VertexAttributes {
             }
         }
         united.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.total_cmp(&b.0)));
+        let all: Real = united.iter().map(|u| u.1).sum();
         united.truncate(slots.len());
         let total: Real = united.iter().map(|u| u.1).sum();
         if total.is_nan() || total <= 0.0 {
             return; // nothing holds this vertex: the copy of the nearest stays
         }
+        // Whole numbers stand for shares of their sum, 255 or 65535 as a rule; what rounding takes from it or adds the largest gets.
+        let whole = slots.iter().all(|s| !matches!(made[s.1].values, Column::F32(_) | Column::F64(_)));
+        let of_all: Real = source.parts().iter().map(|(_, weight)| weight).sum();
+        let sum = if whole { (all / of_all).round() } else { 1.0 };
+        let mut shares: Vec<Real> = united.iter().map(|u| u.1 / total * sum).collect();
+        if whole {
+            shares.iter_mut().for_each(|s| *s = s.round());
+            shares[0] += sum - shares.iter().sum::<Real>();
+        }
         for (n, &(j, w)) in slots.iter().enumerate() {
-            let (joint, share) = united.get(n).copied().unwrap_or((united[0].0, 0.0));
-            set(&mut made[j].values, k, joint);
-            set(&mut made[w].values, k, share / total);
+            set(&mut made[j].values, k, united.get(n).unwrap_or(&united[0]).0);
+            set(&mut made[w].values, k, shares.get(n).copied().unwrap_or(0.0));
         }
     }
 }
@@ -236,6 +252,16 @@ fn majority(votes: impl Iterator<Item = (Real, Real)>) -> Real {
 
 fn get(column: &Column, k: usize) -> Real {
     with_column!(column, v => v[k] as Real)
+}
+
+/// Copies an entry to that of another column of the same type.
+fn copy(from: &Column, v: usize, to: &mut Column, k: usize) {
+    match (from, to) {
+        (Column::I64(a), Column::I64(b)) => b[k] = a[v],
+        (Column::U64(a), Column::U64(b)) => b[k] = a[v],
+        // All others are real numbers.
+        (from, to) => set(to, k, get(from, v)),
+    }
 }
 
 /// Writes a number: rounded for whole types, which also saturate.
@@ -304,6 +330,34 @@ mod tests {
         assert_eq!(made.properties()[1].values, Column::U8(vec![3, 7, 3]), "a tie goes to the smaller");
         let Column::I64(big) = &made.properties()[2].values else { panic!("another type") };
         assert_eq!(big[2], i64::MAX - 1, "a copy keeps its bits");
+    }
+
+    #[test]
+    fn ids_of_64_bits_keep_them_where_the_majority_decides() {
+        let id = (1i64 << 53) + 1;
+        let made = VertexAttributes::new(3, vec![Property::new("id", Column::I64(vec![id, id, id]))]).unwrap();
+        let made = made.derive(&[Source::Blend(vec![(0, 0.4), (1, 0.3), (2, 0.3)])]);
+        assert_eq!(made.properties()[0].values, Column::I64(vec![id]));
+    }
+
+    #[test]
+    fn whole_skinning_weights_keep_their_sum() {
+        let properties = vec![
+            Property::new("j0", Column::U8(vec![4, 6])),
+            Property::new("j1", Column::U8(vec![5, 7])),
+            Property::new("j2", Column::U8(vec![6, 8])),
+            Property::new("w0", Column::U8(vec![128, 255])),
+            Property::new("w1", Column::U8(vec![127, 0])),
+            Property::new("w2", Column::U8(vec![0, 0])),
+        ];
+        let made = VertexAttributes::new(2, properties).unwrap().derive(&[half(0, 1), half(0, 0)]);
+        let column = |k: usize| made.properties()[k].values.clone();
+        // 6: 127.5, 4: 64, 5: 63.5, of 255: two are rounded up, and the largest gives one back.
+        assert_eq!([column(0), column(1), column(2)], [Column::U8(vec![6, 4]), Column::U8(vec![4, 5]), Column::U8(vec![5, 6])]);
+        assert_eq!(
+            [column(3), column(4), column(5)],
+            [Column::U8(vec![127, 128]), Column::U8(vec![64, 127]), Column::U8(vec![64, 0])]
+        );
     }
 
     #[test]

@@ -192,7 +192,8 @@ pub enum Step {
 
 /// Removes isolated elements, fills holes and smooths the boundary of a garment, and makes it manifold first.
 ///
-/// No step adds an intersection of the mesh with itself. A second call without smoothing changes nothing; with it, loops that
+/// No step adds an intersection of the mesh with itself. A second call without smoothing changes nothing, but where openings are told by shape
+/// (a loop that was an opening beside a large hole may be a hole once that is filled) or holes were left; with it, loops that
 /// are smooth stay as they are, and those where vertices were held back ([`SmoothReport`]) may go on. `field` is the clothed body's φ, negative inside, where there
 /// is one: patches and smoothed boundaries lie on its zero.
 ///

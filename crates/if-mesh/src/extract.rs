@@ -442,6 +442,8 @@ mod tests {
             assert!(matches!(of(ExtractParams { region: Some(region), ..with(0.1) }), ExtractError::Region { .. }));
         }
         assert!(matches!(of(with(1e-9)), ExtractError::TooFine { .. }));
+        let unmeasured = Resolution::Accuracy { error: 1e-6, finest: 1e-4 };
+        assert_eq!(of(ExtractParams { resolution: unmeasured, check: 0, ..with(0.1) }), ExtractError::Unchecked);
         let dense = ExtractParams { sampling: Sampling::Dense, ..with(1e-3) };
         assert!(matches!(of(dense), ExtractError::TooManyNodes { .. }));
         let hole = Nodes(vec![Real::NAN; Nodes::N.pow(3)]);

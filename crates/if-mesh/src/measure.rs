@@ -80,7 +80,7 @@ const SHORTEST_EDGE: Real = 1e-12;
 ///
 /// # Source
 ///
-/// As `cost` of the project's referee.
+/// As `cost` of the project's referee, which takes edges without length that stay so for strained by 100 %.
 ///
 /// # Panics
 ///
@@ -97,7 +97,11 @@ pub fn strain(before: &TriMesh, after: &[Point]) -> Strain {
 pub fn strain_of(edges: &[[u32; 2]], before: &[Point], after: &[Point]) -> Strain {
     assert_eq!(before.len(), after.len(), "one new position for each old one");
     let length = |p: &[Point], e: &[u32; 2]| (p[e[0] as usize] - p[e[1] as usize]).norm();
-    let change = |e| (length(after, e) / length(before, e).max(SHORTEST_EDGE) - 1.0).abs() * PERCENT;
+    let change = |e| {
+        let [l, m] = [length(before, e), length(after, e)];
+        // What has no length and gets none is not strained.
+        if l.max(m) < SHORTEST_EDGE { 0.0 } else { (m / l.max(SHORTEST_EDGE) - 1.0).abs() * PERCENT }
+    };
     let mut strains: Vec<Real> = edges.iter().map(change).collect();
     let squares: Vec<Real> = strains.iter().map(|s| s * s).collect();
     strains.sort_unstable_by(Real::total_cmp);
@@ -277,6 +281,20 @@ mod tests {
         let diagonal = (2.5f64.sqrt() - 1.0) * 100.0;
         approx::assert_relative_eq!(s.max_percent, 100.0);
         approx::assert_relative_eq!(s.rms_percent, ((2.0 * 1e4 + diagonal * diagonal) / 5.0).sqrt(), max_relative = 1e-14);
+    }
+
+    #[test]
+    fn an_edge_without_length_is_not_strained_until_it_gets_one() {
+        let strain = |before: Real, after: Real| {
+            strain_of(
+                &[[0, 1]],
+                &[Point::origin(), Point::new(before, 0.0, 0.0)],
+                &[Point::new(0.0, 3.0, 0.0), Point::new(after, 3.0, 0.0)],
+            )
+        };
+        assert_eq!(strain(0.0, 0.0).max_percent, 0.0);
+        assert!(strain(0.0, 1e-3).max_percent > 1e9);
+        assert_eq!(strain(1e-3, 0.0).max_percent, 100.0);
     }
 
     #[test]

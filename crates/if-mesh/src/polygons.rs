@@ -35,6 +35,33 @@ impl Polygons {
         self.starts.windows(2).map(|w| &self.corners[w[0] as usize..w[1] as usize])
     }
 
+    /// Faces given by their corners, for meshes that are not read from a file. They belong to the mesh of [`Polygons::triangles`].
+    ///
+    /// # Errors
+    ///
+    /// The index of the first face with fewer than three corners, or with which there are more corners than 32 bits count.
+    pub fn new<F: AsRef<[u32]>>(faces: impl IntoIterator<Item = F>) -> Result<Self, usize> {
+        let mut made = Self { starts: vec![0], corners: Vec::new() };
+        for (index, face) in faces.into_iter().enumerate() {
+            let face = face.as_ref();
+            if face.len() < 3 || made.corners.len() + face.len() > MAX_CORNERS {
+                return Err(index);
+            }
+            made.push(face);
+        }
+        Ok(made)
+    }
+
+    /// The triangles that stand for the faces: fans round their first corners, without those that name a vertex twice.
+    pub fn triangles(&self) -> Vec<[u32; 3]> {
+        self.fans().collect()
+    }
+
+    pub(crate) fn fans(&self) -> impl Iterator<Item = [u32; 3]> {
+        let fans = self.iter().flat_map(|face| face[1..].windows(2).map(|pair| [face[0], pair[0], pair[1]]));
+        fans.filter(|[a, b, c]| a != b && b != c && c != a)
+    }
+
     fn from_triangles(triangles: &[[u32; 3]]) -> Self {
         Self { starts: (0..=triangles.len() as u32).map(|t| 3 * t).collect(), corners: triangles.as_flattened().to_vec() }
     }

@@ -468,8 +468,9 @@ impl SignedDistance for ClothedField<'_> {
         Some(self.layers.iter().fold(Aabb::EMPTY, |b, l| b.merged(&l.bvh.aabb())))
     }
 
+    /// 1 where all layers are bodies; across the caps of garments the field jumps, and nothing bounds that.
     fn lipschitz(&self) -> Real {
-        1.0
+        if self.layers.iter().all(|l| l.closure.is_none()) { 1.0 } else { Real::INFINITY }
     }
 }
 
@@ -580,6 +581,19 @@ mod tests {
         let s = layer.sided(&Point::new(0.0, 1.06, 0.118), 0.1).unwrap();
         assert!(s.normal.z > 0.9, "the way out of the pocket leads through the flap: {:?}", s.normal);
         assert!(layer.covered_triangles() > 0);
+    }
+
+    #[test]
+    fn across_the_cap_of_a_skirt_the_field_jumps_and_says_so() {
+        let mesh = body();
+        let solid = ClosedLayer::body(&mesh);
+        let skirt = lathe(&[(0.32, 0.5), (0.25, 0.7), (0.18, 0.9), (0.12, 1.0)], 64);
+        let layer = ClosedLayer::garment(&skirt, &solid, &mesh);
+        assert_eq!(ClothedField::new(vec![&solid]).lipschitz(), 1.0);
+        let field = ClothedField::new(vec![&solid, &layer]);
+        let [below, above] = [0.46, 0.54].map(|y| field.distance(&Point::new(0.2, y, 0.0)));
+        assert!(below > 0.0 && above < 0.0 && below - above > 1.5 * 0.08, "{below} {above}");
+        assert_eq!(field.lipschitz(), Real::INFINITY);
     }
 
     #[test]

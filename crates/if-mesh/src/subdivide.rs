@@ -3,6 +3,7 @@
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::{MeshError, TriMesh};
+use if_core::rows::Rows;
 use std::f64::consts::TAU;
 
 /// Where new vertices lie.
@@ -145,23 +146,16 @@ pub fn subdivide(mesh: &TriMesh, scheme: Scheme) -> Result<Subdivided, MeshError
 /// Loop's rules for the old vertices.
 fn loop_vertices(mesh: &TriMesh, edges: &Edges, stencils: &mut Stencils) {
     let n = mesh.vertices().len();
-    let mut round: Vec<Vec<u32>> = vec![Vec::new(); n];
-    let mut creases: Vec<Vec<u32>> = vec![Vec::new(); n];
-    for (e, &[a, b]) in edges.vertices.iter().enumerate() {
-        for (v, w) in [(a, b), (b, a)] {
-            round[v as usize].push(w);
-            if edges.valence[e] != 2 {
-                creases[v as usize].push(w);
-            }
-        }
-    }
+    let round = edges.neighbours(n);
+    let creased = edges.vertices.iter().zip(&edges.valence).filter(|(_, valence)| **valence != 2);
+    let creases = Rows::new(n, creased.flat_map(|(&[a, b], _)| [(a, b), (b, a)]));
     for v in 0..n {
         let own = v as u32;
-        match (&creases[v][..], round[v].len()) {
+        match (creases.of(v), round.of(v).len()) {
             ([], k @ 3..) => {
                 let middle = 0.375 + 0.25 * (TAU / k as Real).cos();
                 let share = (0.625 - middle * middle) / k as Real;
-                let rest = round[v].iter().map(|w| (*w, share));
+                let rest = round.of(v).iter().map(|w| (*w, share));
                 stencils.push(std::iter::once((own, 1.0 - share * k as Real)).chain(rest));
             }
             ([a, b], _) => stencils.push([(own, 0.75), (*a, 0.125), (*b, 0.125)]),

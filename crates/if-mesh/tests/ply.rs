@@ -4,6 +4,7 @@
 use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{self, Column, CoordinateType, Keep, PlyMesh, Property, WriteError, WriteParams};
+use if_mesh::polygons::Polygons;
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{self as foreign, Addable, DefaultElement, Encoding, Ply};
 use ply_rs_bw::writer::Writer;
@@ -59,6 +60,23 @@ fn everything_of_an_odd_file_survives_a_round_trip() {
     let second = ply::read_bytes(&written(&first, &WriteParams::default())).unwrap();
     assert_eq!(first, second);
     assert_eq!(written(&first, &WriteParams::default()), written(&second, &WriteParams::default()));
+}
+
+#[test]
+fn polygons_are_made_from_code_and_refused_with_other_triangles() {
+    let sheet = sheet(2);
+    let quads: Vec<[u32; 4]> = sheet.triangles().chunks(2).map(|t| [t[0][0], t[0][1], t[0][2], t[1][2]]).collect();
+    let polygons = Polygons::new(&quads).unwrap();
+    assert_eq!(polygons.triangles(), sheet.triangles());
+    let made = PlyMesh { polygons: Some(polygons), ..PlyMesh::new(sheet.clone()) };
+    let again = ply::read_bytes(&written(&made, &WriteParams::default())).unwrap();
+    assert_eq!((&again.mesh, &again.polygons), (&made.mesh, &made.polygons));
+    // As many triangles, turned over.
+    let turned = sheet.triangles().iter().map(|&[a, b, c]| [a, c, b]).collect();
+    let stale = PlyMesh { mesh: TriMesh::new(sheet.vertices().to_vec(), turned).unwrap(), ..made };
+    let error = ply::write(&stale, sheet.vertices(), &WriteParams::default(), &mut Vec::new()).unwrap_err();
+    assert!(matches!(error, WriteError::Polygons { polygon_triangles: 8, triangles: 8 }), "{error}");
+    assert_eq!(Polygons::new([&[0, 1, 2][..], &[0, 1]]), Err(1));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use crate::frame::Frame;
 use crate::trainable::Sample32;
 use if_core::field::FieldSample;
-use if_core::math::{Point, Real, unit_or_zero};
+use if_core::math::{Point, Real, Vector, unit_or_zero};
 use serde::{Deserialize, Serialize};
 
 /// Points beside and on the surface, with the target's values there, in metres.
@@ -12,7 +12,7 @@ pub struct HeldOut {
     beside: Vec<Point>,
     distances: Vec<Real>,
     on: Vec<Point>,
-    normals: Vec<if_core::math::Vector>,
+    normals: Vec<Vector>,
 }
 
 /// Errors against the target, in metres and degrees.
@@ -63,6 +63,14 @@ impl HeldOut {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.beside.is_empty()
+    }
+
+    /// Means of the coordinates and distances beside the surface and of the coordinates on it, in metres: those of another target are others.
+    pub(crate) fn means(&self) -> [Real; 7] {
+        let mean = |points: &[Point]| points.iter().fold(Vector::zeros(), |sum, p| sum + p.coords) / points.len().max(1) as Real;
+        let (beside, on) = (mean(&self.beside), mean(&self.on));
+        let distance = self.distances.iter().sum::<Real>() / self.distances.len().max(1) as Real;
+        [beside.x, beside.y, beside.z, distance, on.x, on.y, on.z]
     }
 
     /// About `n` of the points, spread evenly over the list.

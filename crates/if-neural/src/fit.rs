@@ -24,6 +24,8 @@ const DIVERGED: Real = 50.0;
 /// But errors below so many network units count as this much: the first values of a grid on a smooth surface are a thousand times better than
 /// the steps' own noise, which is no divergence.
 const NOISE: Real = 1e-4;
+/// Means of held-out points of one target differ by less than this, in network units, wherever they were drawn; those of another by some thousand times more.
+const SAME_TARGET: Real = 1e-6;
 
 /// How to fit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -92,6 +94,9 @@ pub enum FitError {
         /// Of the field.
         got: usize,
     },
+    /// The fit was begun with other points.
+    #[error("the fit was begun with another target: give the training set that it began with, or begin a new fit")]
+    Target,
 }
 
 impl FitParams {
@@ -220,6 +225,8 @@ pub struct Fit {
     pub(crate) best: Option<Best>,
     /// Step of the last look at all held-out points that found less accuracy than the check.
     pub(crate) missed: Option<u64>,
+    /// Of the held-out points: none before the first run.
+    pub(crate) means: Option<[Real; 7]>,
 }
 
 impl Fit {
@@ -230,7 +237,7 @@ impl Fit {
     /// Parameters out of range.
     pub fn new(params: FitParams) -> Result<Self, FitError> {
         params.validate()?;
-        Ok(Self { params, step: 0, seconds: 0.0, adam: None, best: None, missed: None })
+        Ok(Self { params, step: 0, seconds: 0.0, adam: None, best: None, missed: None, means: None })
     }
 
     /// How it fits.
@@ -243,6 +250,12 @@ impl Fit {
         self.step
     }
 
+    /// Whether it can go on with `set`: it has not begun, or it began with points of this target.
+    pub fn is_of(&self, set: &TrainingSet) -> bool {
+        let most = SAME_TARGET / set.frame.scale;
+        self.means.is_none_or(|means| means.iter().zip(set.held_out.means()).all(|(a, b)| (a - b).abs() <= most))
+    }
+
     /// Steps until one of the limits is met, the caller breaks, or it diverges. `progress` is called after each.
     ///
     /// Then the field has the parameters that reached the accuracy, or those of the check with the least error; only if the caller broke it has
@@ -250,13 +263,16 @@ impl Fit {
     ///
     /// # Errors
     ///
-    /// A field that is no number at the start, or not the one that the fit began with.
+    /// A field that is no number at the start, or not the one that the fit began with; or another target.
     pub fn run(
         &mut self,
         field: &mut (impl TrainableField + ?Sized),
         set: &TrainingSet,
         progress: &mut dyn FnMut(&FitProgress) -> ControlFlow<()>,
     ) -> Result<FitReport, FitError> {
+        if !self.is_of(set) {
+            return Err(FitError::Target);
+        }
         let len = field.parameters().len();
         let mut adam = match self.adam.take() {
             Some(adam) => adam,
@@ -267,6 +283,7 @@ impl Fit {
             self.adam = Some(adam);
             return Err(FitError::Parameters { expected, got: len });
         }
+        self.means = Some(set.held_out.means());
         let held_out = set.held_out.thinned(CHECKED);
         let (before, start) = (self.seconds, Instant::now());
         let mut error = check(field, set, &held_out);

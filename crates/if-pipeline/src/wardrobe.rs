@@ -21,7 +21,7 @@ mod result_folder;
 pub use body::{BodyInfo, NewBody, WardrobeBody};
 pub use error::WardrobeError;
 
-use crate::asset::{self, Asset, AssetInfo, BodyRef, FileInfo, Parts};
+use crate::asset::{self, Asset, AssetError, AssetInfo, BodyRef, FileInfo, Parts};
 use crate::content::{self, Content};
 use crate::whole_folder::{self, PATIENCE, Writer};
 use std::collections::BTreeMap;
@@ -276,8 +276,16 @@ impl Wardrobe {
     ///
     /// There is none of this name, or a file of it has changed.
     pub fn garment(&self, name: &str) -> Result<Asset, WardrobeError> {
-        self.garment_info(name)?;
-        Ok(asset::read(&self.root.join(GARMENTS).join(name))?)
+        let known = self.garment_info(name)?;
+        let folder = self.root.join(GARMENTS).join(name);
+        let asset = asset::read(&folder)?;
+        // Keys are made of what is known: another process may have replaced the folder since.
+        if (&asset.info.garment, &asset.info.body) != (&known.garment, &known.body) {
+            let path = folder.join(&known.garment.file);
+            let (stated, found) = (known.garment.content.sha256.clone(), asset.info.garment.content.sha256);
+            return Err(AssetError::Changed { path, stated, found }.into());
+        }
+        Ok(asset)
     }
 }
 

@@ -11,8 +11,8 @@ use tempfile::TempDir;
 const PARTIAL: &str = ".ifg-whole-";
 /// Before the name of a folder that is being replaced, until the new one has that name.
 const OLD: &str = ".ifg-old-";
-/// The file in a parent folder that its writer holds locked.
-const LOCK: &str = ".ifg-lock";
+/// The file in a folder that its writer holds locked.
+pub const LOCK: &str = ".ifg-lock";
 /// What all names begin with that this module makes for a while.
 const HIDDEN: &str = ".ifg-";
 
@@ -138,14 +138,14 @@ impl Writer {
 
     /// A hidden folder.
     fn partial(&self) -> io::Result<TempDir> {
-        let partial = tempfile::Builder::new().prefix(PARTIAL).tempdir_in(&self.parent)?;
+        let mut builder = tempfile::Builder::new();
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
-            // As any new folder; tempfile's are closed to others.
-            fs::set_permissions(partial.path(), fs::Permissions::from_mode(0o755))?;
+            // As any new folder, less what the user's mask takes; tempfile's are closed to others.
+            builder.permissions(fs::Permissions::from_mode(0o777));
         }
-        Ok(partial)
+        builder.prefix(PARTIAL).tempdir_in(&self.parent)
     }
 
     /// The whole folders, by name.
@@ -169,8 +169,12 @@ impl Drop for Writer {
     }
 }
 
-/// The lock of a folder, which is made where it is missing; `None` where another process holds it.
-fn lock(parent: &Path) -> io::Result<Option<File>> {
+/// The lock of a folder, which is made where it is missing; `None` where another process holds it. Who holds it may remove it, the folder too.
+///
+/// # Errors
+///
+/// What the system says.
+pub fn lock(parent: &Path) -> io::Result<Option<File>> {
     let path = parent.join(LOCK);
     let mut tries = 0..TRIES;
     loop {

@@ -346,20 +346,10 @@ mod tests {
     }
 
     #[test]
-    fn line_13_points_outwards_in_two_of_four_cases() {
-        // p̂ on the moving layer or the names swapped; starting inside or apart.
-        let n = Vector::z();
-        let foot = Point::new(0.1, 0.1, 0.0);
-        for (names_swapped, s0, outwards) in
-            [(false, -0.004, true), (false, 0.004, false), (true, -0.004, false), (true, 0.004, true)]
-        {
-            let moving = foot + n * s0;
-            let (p_hat, q_hat) = if names_swapped { (foot, moving) } else { (moving, foot) };
-            let push = -(p_hat - q_hat);
-            assert_eq!(push.dot(&n) > 0.0, outwards, "swapped {names_swapped}, s₀ {s0}");
-        }
-        // The group has p̂ on the moving layer. A pair that started apart and is inside now is
-        // pushed deeper by the printed form, which says so with a negative height.
+    fn line_13_pushes_deeper_what_started_apart() {
+        // The push is along −(p̂ − q̂). With p̂ on the moving layer, as the group has it, that is outwards where the pair started inside, and
+        // inwards where it started apart; with the names swapped it is the other way round. So a pair that started apart and is inside now
+        // is pushed deeper by the printed form, which says so with a negative height.
         let at = |z: Real| Point::new(0.11, 0.12, z);
         assert_relative_eq!(settle(AirReading::Literal, at(-0.004), at(-0.004)).z, 0.0, epsilon = 1e-17);
         assert_relative_eq!(settle(AirReading::Literal, at(0.004), at(-0.001)).z, -0.005, epsilon = 1e-17);

@@ -277,6 +277,9 @@ impl Constraint for SdfCollision<'_> {
             let k = k as usize;
             let FieldSample { distance, gradient } = self.answers[q];
             let slope2 = gradient.norm_squared();
+            if distance == Real::INFINITY {
+                continue; // nothing binds there: a masked field beyond its mask
+            }
             if !(distance.is_finite() && slope2.is_finite()) {
                 self.counters.degenerate += 1;
                 continue;

@@ -23,7 +23,7 @@ pub struct Residual {
     pub sum_squares: Real,
     /// Constraints visited.
     pub count: usize,
-    /// Of these, the ones that moved something.
+    /// Of these, the ones that were violated: they move what can be moved.
     pub active: usize,
 }
 

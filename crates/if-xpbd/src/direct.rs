@@ -8,6 +8,7 @@ use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
 use faer::{Mat, Side};
 use if_core::math::{Point, Real, Vector};
+use if_core::rows::Rows;
 
 /// Least addition to the diagonal, relative to each entry (so heavy edges among light ones converge as they do alone), so
 /// that rigid constraints of which some follow from others (every flat cloth has them) can be factored. At ten times less
@@ -30,7 +31,8 @@ const HALVINGS: u32 = 12;
 /// ```
 ///
 /// α is the first of 1, ½, ¼, … that makes |C + β̃ λ| smaller: without it a cloth stretched by 5 %
-/// diverges. The pattern is analysed once; a step costs one sparse Cholesky factorisation. One visit makes up to
+/// diverges. The pattern is analysed once; a step costs one sparse Cholesky factorisation. Its entries are the pairs of edges that
+/// share a vertex: one of 10,000 edges brings 50 million. One visit makes up to
 /// [`iterations`](DirectStretch::iterations) steps.
 ///
 /// As printed, and as in XPBD, the change of J within a substep is not fed back into the inertia.
@@ -97,13 +99,11 @@ impl DirectStretch {
     /// Constraints on `edges` with `compliance` β in m/N, 0 or more (a step refuses another): 20 steps at most, to 1e-12 m.
     pub fn new(edges: EdgeSet, compliance: Real) -> Self {
         let n = edges.len();
-        let mut around: Vec<Vec<u32>> = vec![Vec::new(); edges.vertex_count()];
-        for k in 0..n {
-            around[edges.a[k] as usize].push(k as u32);
-            around[edges.b[k] as usize].push(k as u32);
-        }
+        let ends = (0..n).flat_map(|k| [(edges.a[k], k as u32), (edges.b[k], k as u32)]);
+        let around = Rows::new(edges.vertex_count(), ends);
         let mut entries = Vec::new();
-        for (v, list) in around.iter().enumerate() {
+        for v in 0..around.len() {
+            let list = around.of(v);
             for (i, &k) in list.iter().enumerate() {
                 entries.extend(list[..=i].iter().map(|&l| [k, l, v as u32]));
             }

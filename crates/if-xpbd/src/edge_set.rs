@@ -165,7 +165,14 @@ impl EdgeSet {
 
 fn length(positions: &[Point], e: &[u32; 2]) -> Real {
     // Halved and doubled, so that two ends 1e308 apart do not give an infinite length.
-    2.0 * (positions[e[0] as usize].coords * 0.5 - positions[e[1] as usize].coords * 0.5).norm()
+    let half = positions[e[0] as usize].coords * 0.5 - positions[e[1] as usize].coords * 0.5;
+    let length = 2.0 * half.norm();
+    if length.is_finite() {
+        return length;
+    }
+    // Nor their squares. What no number holds is the largest one.
+    let most = half.amax();
+    (2.0 * most * (half / most).norm()).min(Real::MAX)
 }
 
 #[cfg(test)]
@@ -182,6 +189,16 @@ mod tests {
             assert!(matches!(EdgeSet::new(&[[0, 1]], &[bad], 2), Err(Rest { edge: 0, .. })));
         }
         assert!(EdgeSet::new(&[], &[], 0).unwrap().is_empty());
+    }
+
+    #[test]
+    fn edges_have_finite_lengths_however_far_their_ends_are() {
+        for far in [1e-200, 1.0, 1e155, 1e308] {
+            let x = vec![Point::new(-far, 0.0, 0.0), Point::new(far, 0.0, 0.0), Point::new(0.0, 0.0, 0.0)];
+            let edges = EdgeSet::of_mesh(&TriMesh::new(x, vec![[0, 1, 2]]).unwrap());
+            let longest = edges.rest.iter().copied().fold(0.0, Real::max);
+            assert!(longest.is_finite() && (far < 1e-100 || longest >= 1.9 * far.min(8e307)), "{far}: {longest}");
+        }
     }
 
     #[test]

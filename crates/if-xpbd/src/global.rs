@@ -50,8 +50,10 @@ struct Factor {
 /// Why a compliance cannot be a stiffness.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("the compliance is {value}; a global solve needs it positive (m/N). For rigid edges use DirectStretch")]
+#[non_exhaustive]
 pub struct GlobalStretchError {
-    value: Real,
+    /// The compliance, in m/N.
+    pub value: Real,
 }
 
 impl std::fmt::Debug for GlobalStretch {

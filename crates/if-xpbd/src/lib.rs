@@ -13,7 +13,7 @@
 //!
 //! [`params::SolverParams::literal`] is the text as printed. The default departs from it where the
 //! text does harm, and says so at each place: `C + β̃ λ` for `C + β λ` (18), contacts after the
-//! stretch and not only before (6 to 22), a division by |∇φ|² and a clearance (8), velocities that
+//! stretch and not before (6 to 22), a division by |∇φ|² and a clearance (8), velocities that
 //! a push does not feed (24), or none at all (quasi-static).
 //!
 //! Beyond the paper: [`bending`], [`strain_limit`], [`attach`], contacts of moving vertices, faces

@@ -39,8 +39,11 @@ pub enum Motion {
     },
 }
 
-/// Parameters of [`Solver`](crate::solver::Solver). `Default` is the corrected method,
+/// Parameters of [`Solver`](crate::solver::Solver) and of [`settle`](crate::algorithm1::settle). `Default` is the corrected method,
 /// [`SolverParams::literal`] lines 1 to 26 as printed.
+///
+/// `compliance`, `lambda_form`, `push`, `friction`, `clearance` and `max_push` are those of the groups that `settle` makes. A `Solver`
+/// that is given its groups does not look at them: groups have their own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolverParams {

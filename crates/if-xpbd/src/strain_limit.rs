@@ -26,9 +26,12 @@ pub struct StrainLimit {
 /// Why two bounds are none.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("the strain limits are {min} and {max} times the rest length; 0 ≤ min ≤ 1 ≤ max is required")]
+#[non_exhaustive]
 pub struct StrainLimitError {
-    min: Real,
-    max: Real,
+    /// The lower limit, as a multiple of the rest length.
+    pub min: Real,
+    /// The upper one.
+    pub max: Real,
 }
 
 impl StrainLimit {

@@ -79,6 +79,9 @@ impl Stretch {
     pub fn residual(&self, positions: &[Point], h: Real) -> Residual {
         let scale = self.lambda_scale(h);
         let mut r = Residual::default();
+        if !scale.is_finite() {
+            return r; // absent
+        }
         for (k, ([a, b], rest)) in self.edges.visited().enumerate() {
             let lambda = if self.fresh { 0.0 } else { self.lambda[k] };
             r.add((positions[a as usize] - positions[b as usize]).norm() - rest + scale * lambda);
@@ -303,6 +306,13 @@ mod tests {
         }
         assert!(group.residual(&p, H).max < 1e-5);
         assert!(group.multipliers().any(|l| l != 0.0));
+    }
+
+    #[test]
+    fn an_infinite_compliance_has_no_residual() {
+        let x = [Point::origin(), Point::new(3.0, 0.0, 0.0)];
+        assert_eq!(pair(1.0, Real::INFINITY).residual(&x, H), Residual::default());
+        assert_eq!(pair(1.0, 1e-5).residual(&x, H).max, 2.0);
     }
 
     #[test]

@@ -8,6 +8,7 @@ use crate::end::End;
 use crate::errors::{Told, show};
 use crate::print::print;
 use crate::progress::Line;
+use crate::staging::OutputError;
 use if_mesh::baked::BakeParams;
 use if_mesh::file::{Content, MeshFile};
 use if_mesh::obj;
@@ -17,7 +18,8 @@ use if_pipeline::content::content;
 use if_pipeline::skin_weights::SkinWeights;
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeBody};
 use miette::{Diagnostic, Report};
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 /// Joints that a byte of a PLY file can name.
 const JOINTS: usize = 256;
@@ -33,6 +35,14 @@ struct Unusable {
 
 /// Runs the command. The fault of one garment does not stop the others.
 pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
+    let mut seen: BTreeMap<String, &PathBuf> = BTreeMap::new();
+    for path in &args.garments {
+        let name = name_of(args, path);
+        if let Some(first) = seen.insert(name.to_lowercase(), path) {
+            let [first, second] = [first, path].map(|p| p.display().to_string());
+            return Err(OutputError::SameName { first, second, name }.into());
+        }
+    }
     let mut wardrobe = open_or_begin(&args.root)?;
     let body = match &args.mesh {
         Some(mesh) => {
@@ -67,6 +77,11 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
     Ok(if cancel::asked() { End::Cancelled } else { end })
 }
 
+/// What a garment is called.
+fn name_of(args: &AddArgs, path: &Path) -> String {
+    format!("{}{}", args.prefix, path.file_stem().unwrap_or_default().to_string_lossy())
+}
+
 fn add(
     wardrobe: &mut Wardrobe,
     args: &AddArgs,
@@ -87,9 +102,8 @@ fn add(
         }
         _ => (None, Beside::default(), Vec::new(), Vec::new()),
     };
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let name = format!("{}{stem}", args.prefix);
-    let said = LayerHint::of_name(&stem);
+    let name = name_of(args, path);
+    let said = LayerHint::of_name(&name[args.prefix.len()..]);
     let hint = LayerHint { class: args.class.map_or(said.class, Into::into), order: args.order.unwrap_or(said.order) };
     let provenance = Provenance {
         source: path.display().to_string(),

@@ -29,7 +29,7 @@ pub(crate) struct AddArgs {
     #[arg(value_name = "WARDROBE")]
     pub(crate) root: PathBuf,
     /// Garments (.ply, .obj) in the canonical pose of the body, in metres. Each is called after its file.
-    #[arg(value_name = "GARMENTS")]
+    #[arg(value_name = "GARMENTS", required_unless_present = "mesh")]
     pub(crate) garments: Vec<PathBuf>,
     /// The body that the garments were made on.
     #[arg(long, value_name = "NAME")]
@@ -133,19 +133,19 @@ pub(crate) struct BatchArgs {
     #[arg(long, value_name = "N")]
     pub(crate) random: Option<usize>,
     /// For --random: the same seed draws the same.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "random")]
     pub(crate) seed: u64,
     /// For --random: garments at least.
-    #[arg(long, value_name = "N", default_value_t = 2)]
+    #[arg(long, value_name = "N", default_value_t = 2, requires = "random")]
     pub(crate) least: usize,
     /// For --random: garments at most.
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    #[arg(long, value_name = "N", default_value_t = 4, requires = "random")]
     pub(crate) most: usize,
     /// For --random: any order and any garments, also a coat below a T-shirt.
-    #[arg(long)]
+    #[arg(long, requires = "random")]
     pub(crate) any_order: bool,
     /// For --random: bodies, which take turns; all by default.
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", requires = "random")]
     pub(crate) body: Vec<String>,
     #[command(flatten)]
     pub(crate) params: ParamArgs,

@@ -1,8 +1,8 @@
 //! `ifg fit`: what it writes, says and refuses.
 
-#[cfg(unix)]
-use crate::folder::Run;
 use crate::folder::{Folder, body, ply};
+#[cfg(unix)]
+use crate::folder::{Run, moved};
 use if_core::field::SignedDistance;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
@@ -107,7 +107,12 @@ fn a_cancelled_fit_goes_on_from_its_checkpoint_to_the_same_bytes() {
     let json = folder.ifg("fit body.ply --out part.safetensors --resume state/c.safetensors --threads 1 --json").expect(0).json();
     assert_eq!((&json["state"], &json["report"]["steps"]), (&"steps".into(), &6.into()));
     assert!(folder.read("part.safetensors") == folder.read("whole.safetensors"), "other bytes");
+    // In the same box, thinner at the upper end.
+    let thinner = moved(&body(), |p| if (0.5..0.8).contains(&p.y) { Point::new(0.8 * p.x, p.y, 0.8 * p.z) } else { *p });
+    folder.write("thinner.ply", ply(&thinner));
     let before = folder.files();
+    let run = folder.ifg("fit thinner.ply --out x.safetensors --resume state/c.safetensors").expect(2);
+    assert!(run.stderr.contains("something else than `thinner.ply`"), "{}", run.stderr);
     for (args, words) in [
         ("--out x.safetensors --resume state/c.safetensors --steps 9", "cannot be used with"),
         ("--out x.safetensors --resume whole.safetensors", "that --checkpoint wrote"),

@@ -6,6 +6,7 @@ use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
 use if_core::math::{Point, Real, Vector};
+use if_core::rows::Rows;
 
 /// Rounds, each with weights of the shape before. The first finds the shape, the second makes the spacing even.
 const ROUNDS: usize = 2;
@@ -42,17 +43,12 @@ fn round(patch: &mut Patch, around: &[Vec<Point>]) -> Option<()> {
     if unknowns == 0 {
         return Some(());
     }
-    let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); n];
-    for t in &patch.triangles {
-        for k in 0..3 {
-            neighbours[t[k] as usize].extend([t[(k + 1) % 3], t[(k + 2) % 3]]);
-        }
-    }
-    for list in &mut neighbours {
-        list.sort_unstable();
-        list.dedup();
-    }
-    let (sum, count) = neighbours.iter().enumerate().fold((0.0, 0usize), |(s, c), (v, list)| {
+    let mut pairs: Vec<(u32, u32)> =
+        patch.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, a), (b, c), (c, b), (c, a), (a, c)]).collect();
+    pairs.sort_unstable();
+    pairs.dedup();
+    let neighbours = Rows::new(n, pairs.into_iter());
+    let (sum, count) = (0..n).map(|v| (v, neighbours.of(v))).fold((0.0, 0usize), |(s, c), (v, list)| {
         (s + list.iter().map(|u| (patch.points[*u as usize] - patch.points[v]).norm()).sum::<Real>(), c + list.len())
     });
     let shortest = (SHORTEST * sum / count.max(1) as Real).max(Real::MIN_POSITIVE);
@@ -62,7 +58,7 @@ fn round(patch: &mut Patch, around: &[Vec<Point>]) -> Option<()> {
         let here = patch.points[v];
         let weight = |p: &Point| 1.0 / (p - here).norm().max(shortest);
         let mut row: Vec<(usize, Real)> =
-            neighbours[v].iter().map(|u| (*u as usize, weight(&patch.points[*u as usize]))).collect();
+            neighbours.of(v).iter().map(|u| (*u as usize, weight(&patch.points[*u as usize]))).collect();
         let outside = around.get(v).map_or(&[][..], |a| &a[..]);
         let total = row.iter().map(|r| r.1).sum::<Real>() + outside.iter().map(weight).sum::<Real>();
         // L of the shape as it is: what the displacements have to take away.

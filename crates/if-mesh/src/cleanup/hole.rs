@@ -115,9 +115,20 @@ impl Hole {
         let stride = self.points.len().div_ceil(SPREAD);
         let distance = |k: usize| (p - self.points[k]).norm_squared();
         let mut near: Vec<(Real, usize)> = (0..self.points.len()).map(|k| (distance(k), k)).collect();
-        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let chosen = near.into_iter().enumerate().filter(|(rank, (_, k))| *rank < NEAREST || k.is_multiple_of(stride));
-        let near: Vec<(Real, u32)> = chosen.map(|(_, (d, k))| (d, self.vertices[k])).collect();
+        let by_distance = |a: &(Real, usize), b: &(Real, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        // A rim may have thousands of vertices, and many a patch as many of its own: only what is taken is sorted.
+        if near.len() > NEAREST {
+            near.select_nth_unstable_by(NEAREST, by_distance);
+            let (first, others) = near.split_at_mut(NEAREST);
+            first.sort_unstable_by(by_distance);
+            let taken: Vec<(Real, usize)> = others.iter().copied().filter(|n| n.1.is_multiple_of(stride)).collect();
+            near.truncate(NEAREST);
+            near.extend(taken);
+            near[NEAREST..].sort_unstable_by(by_distance);
+        } else {
+            near.sort_unstable_by(by_distance);
+        }
+        let near: Vec<(Real, u32)> = near.into_iter().map(|(d, k)| (d, self.vertices[k])).collect();
         let nearest = near.first().map_or(1.0, |n| n.0).max(Real::MIN_POSITIVE);
         let mut parts: Vec<(u32, Real)> = Vec::new();
         for (d, v) in near {

@@ -5,7 +5,6 @@ use super::rim::LoopShape;
 use super::twins::ends;
 use super::work::Work;
 use if_core::math::{Point, Real};
-use serde::Serialize;
 
 /// How openings (neck, cuffs, hem, front) are told from holes (armpits, what nobody saw).
 ///
@@ -37,10 +36,9 @@ impl Default for Openings {
     }
 }
 
-/// Why a loop is an opening or a hole.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
+/// What a loop is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Verdict {
     /// An opening.
     Opening,
     /// A hole.

@@ -17,7 +17,8 @@ pub struct LoopShape {
     pub center: [Real; 3],
     /// Least and largest coordinates, in metres.
     pub aabb: [[Real; 3]; 2],
-    /// How much of an opening it is: 0 for a hole in a flat sheet. See [`LoopShape::openness`] for the formula.
+    /// How much of an opening it is: 0 for a hole in a flat sheet. `A (1 − n·a) min(1, 4πA / L²)`, with A a the loop's
+    /// vector area, n the mean normal of the triangles along it, L its length after smoothing.
     pub openness: Real,
 }
 

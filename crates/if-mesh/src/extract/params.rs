@@ -204,6 +204,9 @@ pub enum ExtractError {
         /// What was given.
         region: Aabb,
     },
+    /// An accuracy that nothing measures.
+    #[error("an accuracy is asked for, and no points at which it is measured; give `check` at least 1, or the cells")]
+    Unchecked,
     /// More cells than can be counted.
     #[error("a region of {size} m in cells of {cell} m has too many cells along one side; at most 32,768 are possible")]
     TooFine {
@@ -269,6 +272,7 @@ impl ExtractParams {
             Resolution::Accuracy { error, finest } if !(length(error) && length(finest)) => {
                 return Err(ExtractError::Accuracy { error, finest });
             }
+            Resolution::Accuracy { .. } if self.check == 0 => return Err(ExtractError::Unchecked),
             _ => {}
         }
         if let Some(axis) = (0..3).find(|k| !(0.0..=1.0).contains(&self.phase[*k])) {

@@ -132,7 +132,7 @@ pub enum Warning {
         /// surface that is not connected to the rest may be missing.
         cells: usize,
     },
-    /// The smallest cell allowed does not reach the accuracy.
+    /// The accuracy is not reached, with the smallest cell allowed or after the last attempt.
     Inaccurate {
         /// The error requested, in metres.
         requested: Real,
@@ -163,7 +163,7 @@ impl fmt::Display for Warning {
             ),
             Self::Inaccurate { requested, reached, cell } => write!(
                 f,
-                "the error is {:.4} mm where {:.4} mm was asked for; cells of {:.4} mm are the smallest allowed",
+                "the error is {:.4} mm where {:.4} mm was asked for, with cells of {:.4} mm; allow smaller ones, or ask for less",
                 1e3 * reached,
                 1e3 * requested,
                 1e3 * cell

@@ -131,6 +131,8 @@ pub enum WriteError {
     #[error("`{name}` cannot name an element or property: names are one word of printable ASCII, and each stands once")]
     Name { name: String },
     /// The faces kept from the file are not those of the mesh.
-    #[error("the polygons do not belong to the mesh: {polygon_triangles} triangles against {triangles}; set `polygons` to None")]
+    #[error(
+        "the polygons do not belong to the mesh ({polygon_triangles} triangles against {triangles}, or other ones); set `polygons` to None"
+    )]
     Polygons { polygon_triangles: usize, triangles: usize },
 }

@@ -70,7 +70,8 @@ pub fn write(ply: &PlyMesh, positions: &[Point], params: &WriteParams, mut write
     if let Some(p) = polygons {
         let (polygon_triangles, triangles) = (p.iter().map(|f| f.len() - 2).sum(), ply.mesh.triangles().len());
         let fewer = polygon_triangles > triangles && !ply.collapsed.is_empty();
-        if (polygon_triangles != triangles && !fewer) || p.iter().flatten().any(|&v| v as usize >= positions.len()) {
+        let unlike = (polygon_triangles != triangles && !fewer) || p.iter().flatten().any(|&v| v as usize >= positions.len());
+        if unlike || !p.fans().eq(ply.mesh.triangles().iter().copied()) {
             return Err(WriteError::Polygons { polygon_triangles, triangles });
         }
     }

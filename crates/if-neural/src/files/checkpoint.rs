@@ -24,6 +24,8 @@ struct State {
     best_step: Option<u64>,
     best_mean: Option<f64>,
     missed: Option<u64>,
+    /// Versions that did not ask have none: their fits go on with any target.
+    means: Option<[f64; 7]>,
 }
 
 /// Writes a fit and the network it is fitting, as [`Fit::run`] left them after the caller broke.
@@ -43,6 +45,7 @@ pub fn write_checkpoint(writer: &mut impl Write, fit: &Fit, network: &Network, f
         best_step: fit.best.as_ref().map(|b| b.step),
         best_mean: fit.best.as_ref().map(|b| b.mean),
         missed: fit.missed,
+        means: fit.means,
     };
     header.state = Some(serde_json::to_value(state)?);
     let mut parts = match network {
@@ -86,7 +89,10 @@ pub fn read_checkpoint(reader: impl Read) -> Result<(Fit, Network, Frame), ReadE
     if let Some(mean) = state.best_mean.filter(|m| !(*m >= 0.0 && m.is_finite())) {
         return Err(fault(format!("its least error is {mean} m")));
     }
-    (fit.step, fit.seconds, fit.missed) = (state.step, state.seconds, state.missed);
+    if let Some(mean) = state.means.into_iter().flatten().find(|m| !m.is_finite()) {
+        return Err(fault(format!("a mean of its held-out points is {mean}")));
+    }
+    (fit.step, fit.seconds, fit.missed, fit.means) = (state.step, state.seconds, state.missed, state.means);
     let len = network.parameters().len();
     let array = |name: &str| -> Result<Vec<f32>, ReadError> {
         let mut data = Vec::new();

@@ -67,6 +67,23 @@ fn a_fit_that_was_interrupted_has_the_bits_of_one_that_was_not() {
 }
 
 #[test]
+fn a_fit_goes_on_with_its_own_target_only() {
+    let set = set();
+    let thinner = Torus { center: Point::new(1.0, 2.0, 3.0), major: 0.5, minor: 0.19 };
+    let params_of_set = SamplingParams { near: 8000, far: 1000, held_out: 1000, ..SamplingParams::default() };
+    let other = TrainingSet { frame: set.frame, ..TrainingSet::of_field(&thinner, &params_of_set).unwrap() };
+    let mut field = grid();
+    let mut fit = Fit::new(params(40)).unwrap();
+    assert!(fit.is_of(&set) && fit.is_of(&other), "it has not begun");
+    let stop = &mut |p: &FitProgress| if p.step == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    fit.run(&mut field, &set, stop).unwrap();
+    assert!(fit.is_of(&set) && !fit.is_of(&other));
+    let before = fit.clone();
+    assert_eq!(fit.run(&mut field, &other, stop), Err(FitError::Target));
+    assert_eq!(fit, before, "nothing was lost");
+}
+
+#[test]
 fn it_stops_at_an_accuracy_and_at_a_time() {
     let set = set();
     let mut field = grid();

@@ -104,8 +104,7 @@ struct Graph(Rows<u32>);
 
 impl Graph {
     fn new(mesh: &TriMesh) -> Self {
-        let edges = Edges::new(mesh);
-        Self(Rows::new(mesh.vertices().len(), edges.vertices.iter().flat_map(|&[a, b]| [(a, b), (b, a)])))
+        Self(Edges::new(mesh).neighbours(mesh.vertices().len()))
     }
 
     /// The values spread over the edges, `rounds` times half and half with the mean of the neighbours, and divided by what

@@ -172,7 +172,10 @@ impl Cloth<'_> {
     fn excess(&self, x: &[Point]) -> Real {
         let rest = self.garment.mesh.vertices();
         let length = |x: &[Point], [a, b]: [u32; 2]| (x[a as usize] - x[b as usize]).norm();
-        let strain = |e: &[u32; 2]| (length(x, *e) / length(rest, *e).max(SHORTEST) - 1.0).abs();
+        let strain = |e: &[u32; 2]| {
+            let [l, m] = [length(rest, *e), length(x, *e)];
+            if l.max(m) < SHORTEST { 0.0 } else { (m / l.max(SHORTEST) - 1.0).abs() }
+        };
         self.edges.vertices.iter().map(|e| (strain(e) - self.params.drawn_strain).max(0.0).powi(2)).sum()
     }
 

@@ -3,6 +3,7 @@
 use super::evidence::Evidence;
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
+use if_core::rows::Rows;
 
 // "Mean" below is the mean distance to and from the truth (2.0 to 2.4 mm) of the surfaces fitted to the two sample captures of
 // `docs/reconstruction.md`, all else being as it is; "own" their own intersecting pairs (500 to 700).
@@ -32,13 +33,13 @@ const SLIVER: Real = 0.1;
 /// unseen and not hollow  towards the place that its neighbours' displacement from the template gives it
 /// folded, or a sliver    towards the middle of its neighbours
 /// ```
-pub(super) fn mend(rest: &TriMesh, mut x: Vec<Point>, neighbours: &[Vec<u32>], evidence: &Evidence) -> Vec<Point> {
+pub(super) fn mend(rest: &TriMesh, mut x: Vec<Point>, neighbours: &Rows<u32>, evidence: &Evidence) -> Vec<Point> {
     let doubt = doubt(rest, evidence);
     let normals = normals(rest.triangles(), &x);
     for _ in 0..PASSES {
         x = (0..x.len())
             .map(|v| {
-                if doubt[v] == 0.0 || neighbours[v].is_empty() {
+                if doubt[v] == 0.0 || neighbours.of(v).is_empty() {
                     return x[v];
                 }
                 let way = to_middle(&x, neighbours, v);
@@ -75,9 +76,9 @@ fn doubt(mesh: &TriMesh, evidence: &Evidence) -> Vec<Real> {
     sums.iter().zip(&evidence.rim).map(doubt).collect()
 }
 
-fn to_middle(x: &[Point], neighbours: &[Vec<u32>], v: usize) -> Vector {
-    let sum = neighbours[v].iter().fold(Vector::zeros(), |sum, u| sum + x[*u as usize].coords);
-    sum / neighbours[v].len().max(1) as Real - x[v].coords
+fn to_middle(x: &[Point], neighbours: &Rows<u32>, v: usize) -> Vector {
+    let sum = neighbours.of(v).iter().fold(Vector::zeros(), |sum, u| sum + x[*u as usize].coords);
+    sum / neighbours.of(v).len().max(1) as Real - x[v].coords
 }
 
 /// Area-weighted unit normals of the vertices.
@@ -92,13 +93,13 @@ fn normals(triangles: &[[u32; 3]], x: &[Point]) -> Vec<Vector> {
 }
 
 /// The corners of triangles that face away from what was seen there (or, unseen, from their surroundings), or are slivers.
-fn folded(triangles: &[[u32; 3]], x: &[Point], neighbours: &[Vec<u32>], expected: &[Vector]) -> Vec<bool> {
+fn folded(triangles: &[[u32; 3]], x: &[Point], neighbours: &Rows<u32>, expected: &[Vector]) -> Vec<bool> {
     let mut smooth = normals(triangles, x);
     for _ in 0..2 {
         smooth = (0..x.len())
             .map(|v| {
-                let sum = neighbours[v].iter().fold(Vector::zeros(), |sum, u| sum + smooth[*u as usize]);
-                unit_or_zero(&(smooth[v] + sum / neighbours[v].len().max(1) as Real))
+                let sum = neighbours.of(v).iter().fold(Vector::zeros(), |sum, u| sum + smooth[*u as usize]);
+                unit_or_zero(&(smooth[v] + sum / neighbours.of(v).len().max(1) as Real))
             })
             .collect();
     }
@@ -126,13 +127,8 @@ mod tests {
     use if_core::edges::Edges;
     use if_core::shapes::meshes;
 
-    fn neighbours(mesh: &TriMesh) -> Vec<Vec<u32>> {
-        let mut out = vec![Vec::new(); mesh.vertices().len()];
-        for [a, b] in Edges::new(mesh).vertices {
-            out[a as usize].push(b);
-            out[b as usize].push(a);
-        }
-        out
+    fn neighbours(mesh: &TriMesh) -> Rows<u32> {
+        Edges::new(mesh).neighbours(mesh.vertices().len())
     }
 
     fn seen(mesh: &TriMesh, weight: Real) -> Evidence {

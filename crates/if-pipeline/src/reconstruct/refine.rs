@@ -11,6 +11,7 @@ use faer::{Mat, Side};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
+use if_core::rows::Rows;
 
 /// Weight of the seen normals from which on a triangle is known: three pixels seen head-on.
 const KNOWN: Real = 3.0;
@@ -74,14 +75,10 @@ pub(super) fn solved(
     evidence: &Evidence,
     params: &Weights,
     home: &[Vector],
-) -> Option<(Vec<Point>, Vec<Vec<u32>>, Round)> {
+) -> Option<(Vec<Point>, Rows<u32>, Round)> {
     let x = mesh.vertices();
     let n = x.len();
-    let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); n];
-    for [a, b] in &edges.vertices {
-        neighbours[*a as usize].push(*b);
-        neighbours[*b as usize].push(*a);
-    }
+    let neighbours = edges.neighbours(n);
     let directions = smoothed(&mesh.vertex_normals(), &neighbours);
     let mut entries: Vec<Triplet<usize, usize, Real>> = Vec::with_capacity(60 * n);
     let mut right = Mat::zeros(n, 1);
@@ -148,12 +145,12 @@ pub(super) fn solved(
 
     // Bending of the step.
     for v in 0..n {
-        if neighbours[v].is_empty() {
+        if neighbours.of(v).is_empty() {
             continue;
         }
-        let share = -1.0 / neighbours[v].len() as Real;
+        let share = -1.0 / neighbours.of(v).len() as Real;
         let row: Vec<(usize, Real)> =
-            std::iter::once((v, 1.0)).chain(neighbours[v].iter().map(|u| (*u as usize, share))).collect();
+            std::iter::once((v, 1.0)).chain(neighbours.of(v).iter().map(|u| (*u as usize, share))).collect();
         for &(i, a) in &row {
             let lower = row.iter().filter(|(j, _)| *j <= i);
             entries.extend(lower.map(|&(j, b)| Triplet::new(i, j, params.bending * a * b)));
@@ -174,13 +171,13 @@ pub(super) fn solved(
     Some((moved, neighbours, round))
 }
 
-fn smoothed(normals: &[Vector], neighbours: &[Vec<u32>]) -> Vec<Vector> {
+fn smoothed(normals: &[Vector], neighbours: &Rows<u32>) -> Vec<Vector> {
     let mut out = normals.to_vec();
     for _ in 0..DIRECTION_ROUNDS {
         out = (0..out.len())
             .map(|v| {
-                let mean = neighbours[v].iter().fold(Vector::zeros(), |sum, u| sum + out[*u as usize]);
-                unit_or_zero(&(out[v] + mean / neighbours[v].len().max(1) as Real))
+                let mean = neighbours.of(v).iter().fold(Vector::zeros(), |sum, u| sum + out[*u as usize]);
+                unit_or_zero(&(out[v] + mean / neighbours.of(v).len().max(1) as Real))
             })
             .collect();
     }
@@ -188,15 +185,15 @@ fn smoothed(normals: &[Vector], neighbours: &[Vec<u32>]) -> Vec<Vector> {
 }
 
 /// Vertices moved by `share` of the way to the mean of their neighbours, as far as that lies along the surface.
-fn slid(mesh: &TriMesh, moved: Vec<Point>, neighbours: &[Vec<u32>], share: Real) -> Vec<Point> {
+fn slid(mesh: &TriMesh, moved: Vec<Point>, neighbours: &Rows<u32>, share: Real) -> Vec<Point> {
     let Ok(mesh) = mesh.with_vertices(moved) else { return mesh.vertices().to_vec() };
     let x = mesh.vertices();
     let slide = |(v, n): (usize, &Vector)| {
-        if neighbours[v].is_empty() {
+        if neighbours.of(v).is_empty() {
             return x[v];
         }
-        let sum = neighbours[v].iter().fold(Vector::zeros(), |sum, u| sum + x[*u as usize].coords);
-        let way = sum / neighbours[v].len() as Real - x[v].coords;
+        let sum = neighbours.of(v).iter().fold(Vector::zeros(), |sum, u| sum + x[*u as usize].coords);
+        let way = sum / neighbours.of(v).len() as Real - x[v].coords;
         x[v] + (way - n * n.dot(&way)) * share
     };
     mesh.vertex_normals().iter().enumerate().map(slide).collect()
@@ -296,7 +293,7 @@ mod tests {
                 if w > 0.0 {
                     sum += (w / 3.0).min(1.0) * (s[v] - way / w).powi(2);
                 }
-                let mean: Real = neighbours[v].iter().map(|u| s[*u as usize]).sum::<Real>() / neighbours[v].len() as Real;
+                let mean: Real = neighbours.of(v).iter().map(|u| s[*u as usize]).sum::<Real>() / neighbours.of(v).len() as Real;
                 sum += 0.5 * (s[v] - mean).powi(2) + 0.01 * (s[v] - home[v].dot(&directions[v])).powi(2);
             }
             sum

@@ -1,7 +1,7 @@
 //! Which garments on which body: as a list, or drawn at random.
 
 use super::{Wardrobe, WardrobeError};
-use crate::asset::{LayerHint, check_name, is_wearable};
+use crate::asset::{AssetInfo, LayerHint, check_name, is_wearable};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -114,7 +114,10 @@ pub fn random(wardrobe: &Wardrobe, params: &RandomParams) -> Result<Vec<Combinat
     for body in &bodies {
         wardrobe.body_info(body)?;
     }
-    let garments: Vec<(&String, LayerHint)> = wardrobe.garments().iter().map(|(name, info)| (name, info.layer)).collect();
+    // What lost its body when that was replaced cannot be worn.
+    let has_body = |(name, info): &(&String, &AssetInfo)| wardrobe.body_like(name, &info.body).is_ok();
+    let garments: Vec<(&String, LayerHint)> =
+        wardrobe.garments().iter().filter(has_body).map(|(name, info)| (name, info.layer)).collect();
     let mut random = Random(params.seed);
     let mut seen = BTreeSet::new();
     let mut found: Vec<Combination> = Vec::new();

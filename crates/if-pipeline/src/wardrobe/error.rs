@@ -74,6 +74,9 @@ pub enum WardrobeError {
     /// The outfit cannot be resolved.
     #[error("{0}")]
     Resolve(ResolveError),
+    /// Parameters of the alignment are out of range.
+    #[error(transparent)]
+    AlignParams(AlignError),
     /// A file or folder of the user's stands where outputs go.
     #[error("`{}` is in the way: {what}", path.display())]
     InTheWay { path: PathBuf, what: &'static str },
@@ -121,7 +124,7 @@ impl WardrobeError {
             | Self::BodySkin { .. }
             | Self::Skeleton { .. } => "body",
             Self::NoGarments { .. } | Self::Twice { .. } | Self::TooFew { .. } | Self::Sizes { .. } => "combination",
-            Self::Align { .. } => "align",
+            Self::Align { .. } | Self::AlignParams(_) => "align",
             Self::Outfit(_) => "outfit",
             Self::Resolve(ResolveError::Remaining { .. }) => "remaining",
             Self::Resolve(_) => "resolve",

@@ -53,16 +53,17 @@ pub struct MatchParams {
 pub const PICTURE_HEIGHTS: RangeInclusive<u32> = 16..=8192;
 
 impl MatchParams {
-    /// Whether the numbers make sense; alignment and resolving look at theirs.
+    /// Whether the numbers make sense: before anything is aligned, and kept as a failure.
     ///
     /// # Errors
     ///
-    /// A height of pictures that cannot be drawn.
+    /// A height of pictures that cannot be drawn, a parameter of the alignment or of resolving that is out of range.
     pub fn validate(&self) -> Result<(), WardrobeError> {
         if self.picture_height != 0 && !PICTURE_HEIGHTS.contains(&self.picture_height) {
             return Err(WardrobeError::PictureHeight { height: self.picture_height });
         }
-        Ok(())
+        self.align.validate().map_err(WardrobeError::AlignParams)?;
+        self.resolve.validate().map_err(WardrobeError::Resolve)
     }
 }
 
