@@ -59,9 +59,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let ordered = in_order(&points);
     println!(
         "asked, mm | re-distanced | seconds | cells mm | bricks by level | MB | bound mm | largest error mm | p99.9 | mean | \
-         query ns, random | in order | in batches, random | in order"
+         query ns, random | in order | in batches, random | in order | file MB | load ms"
     );
-    println!("--- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | ---");
+    println!("--- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | ---");
     let asked = accuracies.iter().flat_map(|a| ways.iter().map(|w| (Some(*a), *w)));
     for (accuracy, redistance) in [(None, Redistance::WhenNeeded)].into_iter().chain(asked) {
         let name = accuracy.map_or_else(|| "default".into(), |a| format!("{:.3}", a * 1e3));
@@ -93,6 +93,12 @@ fn main() -> Result<(), Box<dyn Error>> {
             let ns = |t: std::time::Duration| t.as_secs_f64() / points.len() as Real * 1e9;
             ([ns(single), ns(start.elapsed())], out)
         };
+        let bytes = baked.to_bytes();
+        let start = Instant::now();
+        let again = Baked::from_bytes(&bytes)?;
+        let load = start.elapsed().as_secs_f64() * 1e3;
+        assert_eq!(again.error_bound(), baked.error_bound());
+        drop(again);
         let (random, got) = time(&points);
         let (coherent, _) = time(&ordered);
         let expected = |k: usize| if baked.is_redistanced() { distances[k] } else { truth[k].distance };
@@ -100,7 +106,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             (0..points.len()).filter(|k| expected(*k).abs() <= REACH).map(|k| (got[k].distance - expected(k)).abs()).collect();
         errors.sort_unstable_by(Real::total_cmp);
         println!(
-            "{name} | {} | {seconds:.1} | {:.2}–{:.2} | {:?} | {:.1} | {:.4} | {:.4} | {:.4} | {:.4} | {:.0} | {:.0} | {:.0} | {:.0}",
+            "{name} | {} | {seconds:.1} | {:.2}–{:.2} | {:?} | {:.1} | {:.4} | {:.4} | {:.4} | {:.4} | {:.0} | {:.0} | {:.0} | {:.0} | {:.1} | {load:.1}",
             baked.is_redistanced(),
             baked.cell() * 1e3,
             baked.smallest_cell() * 1e3,
@@ -114,6 +120,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             coherent[0],
             random[1],
             coherent[1],
+            bytes.len() as Real / 1e6,
         );
     }
     Ok(())
