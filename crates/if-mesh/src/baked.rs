@@ -4,10 +4,8 @@
 mod accuracy;
 mod bricks;
 mod build;
-mod cell;
 mod choose;
 mod file;
-mod grid;
 mod index;
 mod join;
 mod params;
@@ -16,10 +14,8 @@ mod samples;
 mod zero_set;
 
 use accuracy::{Errors, SAFETY};
-use bricks::SIDE;
-use cell::PackedCell;
+use bricks::{BRICK, Bricks, Reading, SIDE, Spot, bumps, cells, corners};
 pub use file::BakedFileError;
-use grid::{Grid, Reading, Spot};
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
@@ -31,7 +27,7 @@ use samples::Samples;
 const UNIT: Real = 0.02;
 /// Points handed to one task of a batched call.
 const CHUNK: usize = 256;
-/// Points whose cells are looked up, and then read, before the first is blended: their waits for memory overlap.
+/// Points whose cells are looked up before the first is read: their waits for memory overlap.
 const AHEAD: usize = 16;
 
 /// A baked field.
@@ -55,7 +51,7 @@ const AHEAD: usize = 16;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Baked {
-    grid: Grid,
+    bricks: Bricks,
     band: Real,
     depth: Real,
     surface: Aabb,
@@ -100,13 +96,12 @@ impl Baked {
             (refine::refine(&mut bricks, source, params, raw)?, 0.0)
         };
         let (bytes, limit, cell, lipschitz) = (bricks.bytes(), params.memory, params.cell, source.lipschitz());
+        let bricks = bricks.compacted(params.band, params.depth).ok_or(BakeError::TooLarge { bytes, limit, cell, lipschitz })?;
         // Values are stored in single precision.
         let unseen = cut + Real::from(bricks.nodes.iter().fold(0.0f32, |m, n| m.max(n[0].abs())) * f32::EPSILON);
-        let too_large = BakeError::TooLarge { bytes, limit, cell, lipschitz };
-        let grid = Grid::new(&bricks, params.band, params.depth).ok_or(too_large)?;
-        let surface = surface_box(&grid);
-        let lipschitz = accuracy::steepest(&grid).max(1.0);
-        Ok(Self { grid, band: params.band, depth: params.depth, surface, errors, unseen, lipschitz, redistanced })
+        let surface = surface_box(&bricks);
+        let lipschitz = accuracy::steepest(&bricks).max(1.0);
+        Ok(Self { bricks, band: params.band, depth: params.depth, surface, errors, unseen, lipschitz, redistanced })
     }
 
     /// How far a value in the band may be from the distance, in metres: one and a half times the largest error at some
@@ -129,18 +124,18 @@ impl Baked {
 
     /// Edge of the largest cells, in metres.
     pub fn cell(&self) -> Real {
-        self.grid.bricks.cell
+        self.bricks.cell
     }
 
     /// Edge of the smallest cells, in metres.
     pub fn smallest_cell(&self) -> Real {
-        self.grid.bricks.cell_of(self.grid.bricks.places.iter().map(|p| p.level).max().unwrap_or(0))
+        self.bricks.cell_of(self.bricks.places.iter().map(|p| p.level).max().unwrap_or(0))
     }
 
     /// Bricks of 64 cells, by how often their cells were halved.
     pub fn bricks_by_level(&self) -> Vec<usize> {
         let mut counts = Vec::new();
-        for place in &self.grid.bricks.places {
+        for place in &self.bricks.places {
             let level = place.level as usize;
             counts.resize(counts.len().max(level + 1), 0);
             counts[level] += 1;
@@ -155,7 +150,7 @@ impl Baked {
 
     /// Memory taken, in bytes.
     pub fn bytes(&self) -> usize {
-        self.grid.bytes()
+        self.bricks.bytes()
     }
 }
 
@@ -168,7 +163,7 @@ impl SignedDistance for Baked {
     #[inline]
     fn sample(&self, p: &Point) -> FieldSample {
         debug_assert!(p.iter().all(|x| x.is_finite()), "a query in {p}");
-        self.told(p, self.grid.read(p))
+        self.told(p, self.bricks.read(p))
     }
 
     fn distances(&self, points: &[Point], out: &mut [Real]) {
@@ -200,19 +195,15 @@ impl Baked {
         }
     }
 
-    /// The samples of a few points: all cells are found first, then all are read, so that waits for memory overlap.
+    /// The samples of a few points: all cells are found first, so that waits for memory overlap.
     fn each<T>(&self, points: &[Point], out: &mut [T], told: impl Fn(FieldSample) -> T) {
         let mut spots = [Spot::Outside; AHEAD];
-        let mut cells = [PackedCell::default(); AHEAD];
         for (points, out) in points.chunks(AHEAD).zip(out.chunks_mut(AHEAD)) {
             for (spot, p) in spots.iter_mut().zip(points) {
-                *spot = self.grid.spot(p);
+                *spot = self.bricks.spot(p);
             }
-            for (cell, spot) in cells.iter_mut().zip(&spots[..points.len()]) {
-                *cell = self.grid.cell(spot);
-            }
-            for (k, (p, o)) in points.iter().zip(out).enumerate() {
-                *o = told(self.told(p, spots[k].reading(&cells[k])));
+            for ((spot, p), o) in spots.iter().zip(points).zip(out) {
+                *o = told(self.told(p, self.bricks.reading(spot)));
             }
         }
     }
@@ -258,18 +249,19 @@ fn is_distance(samples: &[FieldSample], params: &BakeParams) -> bool {
 
 /// The box of all cells that may hold a point of the zero set or the inside, and of what is deeper than the band: outside it the
 /// field is positive.
-fn surface_box(grid: &Grid) -> Aabb {
-    let bricks = &grid.bricks;
+fn surface_box(bricks: &Bricks) -> Aabb {
     let mut surface = bricks.inside();
     for (brick, place) in bricks.places.iter().enumerate() {
-        let edge = bricks.cell_of(place.level);
-        for (slot, cell) in bricks::cells().zip(grid.cells_of(brick)) {
-            let least = cell.values.into_iter().fold(f32::INFINITY, f32::min);
+        let cell = bricks.cell_of(place.level);
+        for c in cells() {
+            let slot = brick * BRICK + c;
+            let least = corners(&bricks.nodes, slot).into_iter().fold(Real::INFINITY, |m, n| m.min(n[0].into()));
             // Along each axis the blend is at most a quarter of the lowest bump below the corners.
-            let dips: Real = cell.bumps.map(|b| Real::from(b.into_iter().fold(0.0, f32::min))).iter().sum();
-            if Real::from(least) + 0.25 * dips <= 0.0 {
-                let low = bricks.at(place.level, bricks.node(brick, slot));
-                surface = surface.grown_to(&low).grown_to(&(low + Vector::repeat(edge)));
+            let dip = |b: [f32; 4]| b.into_iter().fold(0.0f32, f32::min);
+            let dips: Real = bumps(&bricks.nodes, slot).map(|b| Real::from(dip(b))).iter().sum();
+            if least + 0.25 * dips <= 0.0 {
+                let low = bricks.at(place.level, bricks.node(brick, c));
+                surface = surface.grown_to(&low).grown_to(&(low + Vector::repeat(cell)));
             }
         }
     }

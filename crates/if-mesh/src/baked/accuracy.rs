@@ -1,8 +1,6 @@
 //! How far a baked field is from the true one.
 
-use super::bricks::{BRICK, Bricks, Node, cells};
-use super::cell::Cell;
-use super::grid::Grid;
+use super::bricks::{BRICK, Bricks, Node, blend, bumps, cells, corners};
 use super::params::BakeParams;
 use crate::measure::SplitMix64;
 use if_core::field::SignedDistance;
@@ -21,17 +19,16 @@ const EVEN: [usize; 2] = [4096, 2];
 /// What |∇φ| of the blend nowhere exceeds.
 ///
 /// In a cell ∇φ is M + E: M is affine in each coordinate, so that |M| is largest in a corner, where E is zero; and of E each
-/// component is at most a quarter of the bumps' differences along its axis ([`Cell::blend`]).
-pub(super) fn steepest(grid: &Grid) -> Real {
-    let places = &grid.bricks.places;
-    (0..places.len())
+/// component is at most a quarter of the bumps' differences along its axis ([`blend`]).
+pub(super) fn steepest(bricks: &Bricks) -> Real {
+    (0..bricks.places.len())
         .into_par_iter()
         .map(|brick| {
-            let inverse = 1.0 / grid.bricks.cell_of(places[brick].level);
+            let inverse = 1.0 / bricks.cell_of(bricks.places[brick].level);
             let at = |k: usize| [k & 1, k >> 1 & 1, k >> 2 & 1].map(|b| b as Real);
-            grid.cells_of(brick).fold(0.0, |most: Real, cell| {
-                let corners = (0..8).map(|k| cell.blend(at(k), inverse).1.norm()).fold(0.0, Real::max);
-                most.max(corners + between(cell.bumps) * inverse)
+            cells().map(|c| brick * BRICK + c).fold(0.0, |most: Real, slot| {
+                let corners = (0..8).map(|k| blend(&bricks.nodes, slot, at(k), inverse).1.norm()).fold(0.0, Real::max);
+                most.max(corners + between(bumps(&bricks.nodes, slot)) * inverse)
             })
         })
         .reduce(|| 0.0, Real::max)
@@ -83,13 +80,13 @@ pub(super) fn counts(truth: Real, more: Real, params: &BakeParams) -> bool {
 
 /// Whether a cell may hold points where errors count.
 pub(super) fn matters(nodes: &[Node], slot: usize, cell: Real, params: &BakeParams) -> bool {
-    let values = Cell::of(nodes, slot).values.map(Real::from);
+    let values = corners(nodes, slot).map(|n| Real::from(n[0]));
     values.iter().any(|v| -params.depth <= *v && *v <= params.band) && values.iter().any(|v| v.abs() <= params.reach + 2.0 * cell)
 }
 
 /// How far the blend in a cell is from the trilinear one, in metres: where fields have creases, it errs by as much.
 pub(super) fn bend(nodes: &[Node], slot: usize) -> Real {
-    Cell::of(nodes, slot).bumps.into_iter().flatten().fold(0.0, |m, b| Real::max(m, Real::from(b.abs()))) * 0.25
+    bumps(nodes, slot).into_iter().flatten().fold(0.0, |m, b| Real::max(m, Real::from(b.abs()))) * 0.25
 }
 
 /// Adds the largest differences between the blend and the source at random points of the band: near the surface, which are in bins
@@ -114,7 +111,7 @@ pub(super) fn measure(
     let mut off_in = Vec::new();
     for ((b, c, u), truth) in probes.iter().zip(truth) {
         if -params.depth <= truth && truth <= params.band {
-            let value = Cell::of(&bricks.nodes, *b as usize * BRICK + c).blend((*u).into(), 1.0).0;
+            let value = blend(&bricks.nodes, *b as usize * BRICK + c, (*u).into(), 1.0).0;
             let off = (value - truth).abs();
             let at = &mut errors.largest[bin(params.reach, truth)];
             *at = at.max(off);
@@ -136,7 +133,7 @@ fn probes(bricks: &Bricks, params: &BakeParams, near: bool, seed: u64) -> Vec<(u
         .flat_map_iter(|b| {
             cells().filter_map(move |c| {
                 let slot = *b as usize * BRICK + c;
-                let values = Cell::of(&bricks.nodes, slot).values.map(Real::from);
+                let values = corners(&bricks.nodes, slot).map(|n| Real::from(n[0]));
                 let nearest = values.into_iter().min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
                 let wanted = values.iter().any(|v| -params.depth <= *v && *v <= params.band);
                 wanted.then(|| (bin(params.reach, nearest), bend(&bricks.nodes, slot), *b, c))

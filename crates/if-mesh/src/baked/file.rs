@@ -4,17 +4,13 @@
 //! "ifg-baked" 0 version(u32)   then little-endian, in metres:
 //! origin(3 f64) cell band depth unseen lipschitz(f64) surface(6 f64) reach(f64) errors(count u32, f64 each) redistanced(u8)
 //! size(3 u32) tree(count u32, u8 each)      roots, x fastest: 0 outside, 1 inside, 2 a brick, 3 split and then its halves
-//! nodes(value f32, bumps u64 each, 125 for each brick)     bricks in the order of the tree
+//! nodes(4 f32 each, 125 for each brick)     bricks in the order of the tree
 //! ```
 //!
-//! Three bumps of 21 bits are a word: of their f32 the lowest 11 bits are left off, that along x stands in the lowest bits.
-//!
-//! Versions 1, with bricks of 8³ cells of one size, and 2, whose bumps had 32 bits, are refused: their fields are to be baked again.
+//! Version 1, with bricks of 8³ cells of one size, is refused: its fields are to be baked again.
 
 use super::accuracy::{Errors, steepest};
 use super::bricks::{BRICK, Bricks, INSIDE, OUTSIDE, Place, SIDE, SPLIT};
-use super::cell::{packed, unpacked};
-use super::grid::{CELLS, Grid, pack};
 use super::index::BRICKS;
 use super::params::MAX_LEVELS;
 use super::samples::MAX_COORDINATE;
@@ -23,9 +19,7 @@ use if_core::aabb::Aabb;
 use if_core::math::{Point, Real};
 
 const MAGIC: &[u8; 10] = b"ifg-baked\0";
-const VERSION: u32 = 3;
-/// Bytes of a node.
-const NODE: usize = 12;
+const VERSION: u32 = 2;
 /// Roots of a directory at most: a cube of 2 m with cells of 0.1 mm in bricks of 4 has 1.3e11 of them, one with 1 mm 1.3e8.
 const MAX_PLACES: u64 = 1 << 28;
 /// Part of a number that rounding may have in another order of sums (1e-16 each): a slope or a box that is off by a thousand times more
@@ -66,8 +60,8 @@ pub enum BakedFileError {
 impl Baked {
     /// The field as bytes: the same field gives the same bytes, and the bytes give the same field.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let b = &self.grid.bricks;
-        let mut out = Vec::with_capacity(256 + b.roots.len() + 10 * b.splits.len() + NODE * BRICK * b.places.len());
+        let b = &self.bricks;
+        let mut out = Vec::with_capacity(256 + b.roots.len() + 10 * b.splits.len() + 16 * b.nodes.len());
         out.extend_from_slice(MAGIC);
         out.extend_from_slice(&VERSION.to_le_bytes());
         let reals = |out: &mut Vec<u8>, values: &[Real]| values.iter().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
@@ -96,10 +90,7 @@ impl Baked {
         }
         count(&mut out, tree.len());
         out.extend_from_slice(&tree);
-        for [value, bumps @ ..] in (0..b.places.len()).flat_map(|brick| self.grid.nodes_of(brick)) {
-            out.extend_from_slice(&value.to_le_bytes());
-            out.extend_from_slice(&packed(bumps).to_le_bytes());
-        }
+        b.nodes.iter().flatten().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
         out
     }
 
@@ -160,7 +151,7 @@ impl Baked {
         let tree_at = r.at;
         // Nothing is made before it is known that the nodes are there.
         let count = codes.iter().filter(|code| **code == 2).count();
-        let needed = count as u64 * (BRICK * NODE) as u64;
+        let needed = count as u64 * BRICK as u64 * 16;
         if (bytes.len() - r.at) as u64 != needed {
             return Err(BakedFileError::Length { found: bytes.len() as u64, expected: r.at as u64 + needed });
         }
@@ -170,30 +161,23 @@ impl Baked {
         }
         let tree = Tree { size, levels, roots: Vec::with_capacity(all), splits: Vec::new(), places: Vec::with_capacity(count) };
         let tree = tree.read(codes, all).ok_or_else(|| faulty.clone())?;
-        let mut cells = Vec::with_capacity(count * CELLS);
-        let mut nodes = [[0.0; 4]; BRICK];
-        for _ in 0..count {
-            for node in &mut nodes {
-                let value = f32::from_bits(r.u32()?);
-                let word = r.u64()?;
-                let [x, y, z] = unpacked(word);
-                *node = [value, x, y, z];
-                if !(node.iter().all(|x| x.is_finite()) && packed([x, y, z]) == word) {
-                    return Err(r.fault("a node"));
-                }
+        let nodes = vec![[0.0; 4]; count * BRICK];
+        let mut bricks = Bricks::from_parts(origin, cell, size, tree.roots, tree.splits, tree.places, nodes);
+        for node in bricks.nodes.iter_mut().flatten() {
+            let [a, b, c, d] = *r.take(4)? else { return Err(r.fault("a node")) };
+            *node = f32::from_le_bytes([a, b, c, d]);
+            if !node.is_finite() {
+                return Err(r.fault("a node"));
             }
-            pack(&nodes, &mut cells);
         }
-        // A chain of eight splits above each brick would make tables of 1088 entries for its 1500 bytes: no field has more entries
+        // A chain of eight splits above each brick would make three tables of 512 entries for its 2000 bytes: no field has more entries
         // than bytes. Splits without bricks could.
-        let bricks =
-            Bricks { origin, cell, size, roots: tree.roots, splits: tree.splits, places: tree.places, nodes: Vec::new() };
-        let grid = Grid::from_parts(bricks, cells, bytes.len()).ok_or(faulty)?;
+        let bricks = bricks.indexed(bytes.len()).ok_or(faulty)?;
         // Beyond the band the field is a distance: as steep as 1.
-        if lipschitz * (1.0 + ROUNDING) < steepest(&grid).max(1.0) {
+        if lipschitz * (1.0 + ROUNDING) < steepest(&bricks).max(1.0) {
             return Err(BakedFileError::Value { byte: lipschitz_at, what: "a bound on the slope below that of the nodes" });
         }
-        let (held, hair) = (surface_box(&grid), ROUNDING * cell);
+        let (held, hair) = (surface_box(&bricks), ROUNDING * cell);
         let fits = if held.is_empty() {
             surface == Aabb::EMPTY
         } else {
@@ -203,7 +187,7 @@ impl Baked {
         if !fits {
             return Err(BakedFileError::Value { byte: surface_at, what: "a box of the surface that does not hold it" });
         }
-        Ok(Self { grid, band, depth, surface, errors, unseen, lipschitz, redistanced })
+        Ok(Self { bricks, band, depth, surface, errors, unseen, lipschitz, redistanced })
     }
 }
 
@@ -226,14 +210,10 @@ impl<'a> Reader<'a> {
         Ok(bytes.iter().rev().fold(0, |n, b| n << 8 | u32::from(*b)))
     }
 
-    fn u64(&mut self) -> Result<u64, BakedFileError> {
-        let bytes = self.take(8)?;
-        Ok(bytes.iter().rev().fold(0, |n, b| n << 8 | u64::from(*b)))
-    }
-
     /// Anything but NaN.
     fn number(&mut self) -> Result<Real, BakedFileError> {
-        let value = Real::from_bits(self.u64()?);
+        let bytes = self.take(8)?;
+        let value = Real::from_bits(bytes.iter().rev().fold(0, |n, b| n << 8 | u64::from(*b)));
         if value.is_nan() { Err(self.fault("a number")) } else { Ok(value) }
     }
 

@@ -4,8 +4,7 @@
 //! the blend is bilinear but for terms u (1 − u) that are linear in the other coordinate; a part of the side has as many values
 //! and bumps as fix such a function. So both blends agree on all of the border, and the field is continuous but for rounding.
 
-use super::bricks::{BRICK, Bricks, INSIDE, NODES, Node, Place, SIDE, SPLIT, local};
-use super::cell::{Cell, rounded};
+use super::bricks::{BRICK, Bricks, INSIDE, NODES, Node, Place, SIDE, SPLIT, blend, local};
 use if_core::math::Real;
 use rayon::prelude::*;
 
@@ -41,7 +40,7 @@ fn joined(bricks: &Bricks, brick: usize) -> Option<[Node; BRICK]> {
         return None;
     }
     let mut nodes = [[0.0; 4]; BRICK];
-    nodes.copy_from_slice(bricks.nodes_of(brick));
+    nodes.copy_from_slice(&bricks.nodes[brick * BRICK..(brick + 1) * BRICK]);
     for (index, node) in nodes.iter_mut().enumerate() {
         let l = local(index);
         if l.iter().all(|l| 0 < *l && *l < SIDE) {
@@ -50,7 +49,7 @@ fn joined(bricks: &Bricks, brick: usize) -> Option<[Node; BRICK]> {
         let at = bricks.node(brick, index).map(Real::from);
         if let Some(larger) = largest(&neighbours, l, None) {
             let (slot, u, _) = within(&larger, &place, at);
-            node[0] = Cell::of(&bricks.nodes, slot).blend(u, 1.0).0 as f32;
+            node[0] = blend(&bricks.nodes, slot, u, 1.0).0 as f32;
         }
         for axis in (0..3).filter(|a| l[*a] < SIDE) {
             if let Some(larger) = largest(&neighbours, l, Some(axis)) {
@@ -125,5 +124,5 @@ fn bump(bricks: &Bricks, larger: &Larger, place: &Place, at: [Real; 3], axis: us
     let mix = |x: Real, y: Real, t: Real| x + (y - x) * t;
     let low = mix(get(slot), get(slot + stride[a]), u[a]);
     let high = mix(get(slot + stride[b]), get(slot + stride[a] + stride[b]), u[a]);
-    rounded(mix(low, high, u[b]) / (ratio * ratio))
+    (mix(low, high, u[b]) / (ratio * ratio)) as f32
 }

@@ -1,8 +1,7 @@
 //! Halves cells where the blend is not accurate enough.
 
 use super::accuracy::{self, SAFETY};
-use super::bricks::{BRICK, Bricks, Place, SPLIT, cells};
-use super::cell::Cell;
+use super::bricks::{BRICK, Bricks, Place, SPLIT, blend, cells};
 use super::join::join;
 use super::params::{BakeError, BakeParams};
 use super::samples::{MAX_COORDINATE, Samples, fill, key, node_keys};
@@ -110,7 +109,7 @@ impl<S: SignedDistance + ?Sized> Refinement<'_, S> {
         self.bricks.places[brick as usize].level < self.levels
     }
 
-    /// Whether so many more bricks may be split. Baking holds the grid twice, and samples; then once, and twice as much for its cells.
+    /// Whether so many more bricks may be split. Baking holds the grid twice, and samples.
     fn fits(&self, more: usize) -> bool {
         let bytes = self.bricks.bytes() + more * 8 * (BRICK * 16 + 16);
         3 * bytes <= self.params.memory
@@ -168,7 +167,7 @@ impl<S: SignedDistance + ?Sized> Refinement<'_, S> {
         let mut bad: Vec<u32> = near
             .par_iter()
             .filter(|(b, c)| {
-                let value = Cell::of(&bricks.nodes, *b as usize * BRICK + c).blend([0.5; 3], 1.0).0;
+                let value = blend(&bricks.nodes, *b as usize * BRICK + c, [0.5; 3], 1.0).0;
                 middles.get(middle(*b, *c)).is_some_and(|s| is_off(value, s.distance))
             })
             .map(|(b, _)| *b)
@@ -191,7 +190,7 @@ impl<S: SignedDistance + ?Sized> Refinement<'_, S> {
         let mut truth = vec![0.0; points.len()];
         self.source.distances(&points, &mut truth);
         for ((b, c, u), truth) in places.iter().zip(truth) {
-            let value = Cell::of(&bricks.nodes, *b as usize * BRICK + c).blend((*u).into(), 1.0).0;
+            let value = blend(&bricks.nodes, *b as usize * BRICK + c, (*u).into(), 1.0).0;
             if is_off(value, truth) {
                 bad.push(*b);
             }

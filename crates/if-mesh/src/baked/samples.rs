@@ -1,7 +1,6 @@
 //! What a source says at the nodes of a level, each asked once.
 
 use super::bricks::{BRICK, Bricks, NODES, SIDE, local};
-use super::cell::rounded;
 use super::params::BakeError;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
@@ -110,7 +109,7 @@ pub(super) fn fill(bricks: &mut Bricks, some: &[u32], samples: &Samples) {
                 let l = local(i);
                 let bump = |k: usize, stride: usize| match l[k] {
                     SIDE => 0.0,
-                    _ => rounded(half * (all[i].gradient[k] - all[i + stride].gradient[k])),
+                    _ => (half * (all[i].gradient[k] - all[i + stride].gradient[k])) as f32,
                 };
                 [all[i].distance as f32, bump(0, 1), bump(1, NODES), bump(2, NODES * NODES)]
             })
