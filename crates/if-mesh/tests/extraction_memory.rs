@@ -4,6 +4,8 @@
 //! cargo test --release -p if-mesh --test extraction_memory -- --include-ignored --nocapture      prints the table of docs/extraction.md
 //! ```
 
+#![allow(clippy::print_stdout)] // a table for the docs
+
 mod fields;
 
 use fields::{Case, cases, region};
