@@ -89,6 +89,11 @@ pub fn strain(before: &TriMesh, after: &[Point]) -> Strain {
     strain_of(&Edges::new(before).vertices, before.vertices(), after)
 }
 
+/// Change of an edge's length as a share of the length before. What has no length and gets none is not strained.
+pub fn edge_strain(before: Real, after: Real) -> Real {
+    if before.max(after) < SHORTEST_EDGE { 0.0 } else { (after / before.max(SHORTEST_EDGE) - 1.0).abs() }
+}
+
 /// [`strain`] of edges that the caller has at hand.
 ///
 /// # Panics
@@ -97,11 +102,7 @@ pub fn strain(before: &TriMesh, after: &[Point]) -> Strain {
 pub fn strain_of(edges: &[[u32; 2]], before: &[Point], after: &[Point]) -> Strain {
     assert_eq!(before.len(), after.len(), "one new position for each old one");
     let length = |p: &[Point], e: &[u32; 2]| (p[e[0] as usize] - p[e[1] as usize]).norm();
-    let change = |e| {
-        let [l, m] = [length(before, e), length(after, e)];
-        // What has no length and gets none is not strained.
-        if l.max(m) < SHORTEST_EDGE { 0.0 } else { (m / l.max(SHORTEST_EDGE) - 1.0).abs() * PERCENT }
-    };
+    let change = |e| edge_strain(length(before, e), length(after, e)) * PERCENT;
     let mut strains: Vec<Real> = edges.iter().map(change).collect();
     let squares: Vec<Real> = strains.iter().map(|s| s * s).collect();
     strains.sort_unstable_by(Real::total_cmp);

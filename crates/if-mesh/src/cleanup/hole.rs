@@ -119,16 +119,12 @@ impl Hole {
         // A rim may have thousands of vertices, and many a patch as many of its own: only what is taken is sorted.
         if near.len() > NEAREST {
             near.select_nth_unstable_by(NEAREST, by_distance);
-            let (first, others) = near.split_at_mut(NEAREST);
-            first.sort_unstable_by(by_distance);
-            let taken: Vec<(Real, usize)> = others.iter().copied().filter(|n| n.1.is_multiple_of(stride)).collect();
-            near.truncate(NEAREST);
-            near.extend(taken);
-            near[NEAREST..].sort_unstable_by(by_distance);
-        } else {
-            near.sort_unstable_by(by_distance);
         }
-        let near: Vec<(Real, u32)> = near.into_iter().map(|(d, k)| (d, self.vertices[k])).collect();
+        let mut spread = near.split_off(NEAREST.min(near.len()));
+        spread.retain(|n| n.1.is_multiple_of(stride));
+        near.sort_unstable_by(by_distance);
+        spread.sort_unstable_by(by_distance);
+        let near: Vec<(Real, u32)> = near.into_iter().chain(spread).map(|(d, k)| (d, self.vertices[k])).collect();
         let nearest = near.first().map_or(1.0, |n| n.0).max(Real::MIN_POSITIVE);
         let mut parts: Vec<(u32, Real)> = Vec::new();
         for (d, v) in near {

@@ -11,7 +11,7 @@ use crate::parting::widest_gap;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
-use if_mesh::measure::{Strain, strain_of};
+use if_mesh::measure::{Strain, edge_strain, strain_of};
 use if_xpbd::separation::Separations;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
@@ -29,9 +29,6 @@ const SHARE: Real = 0.3;
 const TRIES: usize = 12;
 /// Rounds over which triangles that met are held apart.
 const KEPT: u32 = 10;
-
-/// Edges count as no shorter than this, in metres.
-const SHORTEST: Real = 1e-12;
 
 /// Where a garment was eased to.
 pub(crate) struct Eased {
@@ -172,10 +169,7 @@ impl Cloth<'_> {
     fn excess(&self, x: &[Point]) -> Real {
         let rest = self.garment.mesh.vertices();
         let length = |x: &[Point], [a, b]: [u32; 2]| (x[a as usize] - x[b as usize]).norm();
-        let strain = |e: &[u32; 2]| {
-            let [l, m] = [length(rest, *e), length(x, *e)];
-            if l.max(m) < SHORTEST { 0.0 } else { (m / l.max(SHORTEST) - 1.0).abs() }
-        };
+        let strain = |e: &[u32; 2]| edge_strain(length(rest, *e), length(x, *e));
         self.edges.vertices.iter().map(|e| (strain(e) - self.params.drawn_strain).max(0.0).powi(2)).sum()
     }
 
