@@ -1,10 +1,7 @@
 //! Implicit Euler for mass and springs, solved by Newton's method to the last digits: what methods are measured against.
 
-use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{SparseColMat, Triplet};
-use faer::{Mat, Side};
 use if_core::math::{Point, Real, Vector};
+use if_sparse::{Cholesky, Entry, Mat};
 use if_xpbd::edge_set::EdgeSet;
 use if_xpbd::particles::Particles;
 use nalgebra::Matrix3;
@@ -122,10 +119,10 @@ impl<'a> Springs<'a> {
                 }
             }
             // The exact matrix where it is positive definite, else without what makes compressed springs buckle.
-            let step =
-                self.factor(&x, &rows, count, h, false).or_else(|| self.factor(&x, &rows, count, h, true)).unwrap().solve(&right);
+            let exact = self.factor(&x, &rows, count, h, false);
+            exact.or_else(|| self.factor(&x, &rows, count, h, true)).unwrap().solve_in_place(&mut right);
             let step: Vec<Vector> =
-                rows.iter().map(|r| r.map_or(Vector::zeros(), |r| Vector::from_fn(|k, _| step[(r + k, 0)]))).collect();
+                rows.iter().map(|r| r.map_or(Vector::zeros(), |r| Vector::from_fn(|k, _| right[(r + k, 0)]))).collect();
             let longest = step.iter().map(|s| s.norm()).fold(0.0, Real::max);
             let slope: Real = step.iter().zip(&gradient).map(|(s, g)| s.dot(g)).sum();
             let before = self.energy(&x, aim, h);
@@ -145,13 +142,13 @@ impl<'a> Springs<'a> {
         x
     }
 
-    fn factor(&self, x: &[Point], rows: &[Option<usize>], count: usize, h: Real, definite: bool) -> Option<Llt<usize, Real>> {
+    fn factor(&self, x: &[Point], rows: &[Option<usize>], count: usize, h: Real, definite: bool) -> Option<Cholesky> {
         let mut entries = Vec::new();
         let mut add = |i: Option<usize>, j: Option<usize>, block: &Matrix3<Real>| {
             if let (Some(i), Some(j)) = (i, j) {
                 for (a, b) in (0..9).map(|k| (k / 3, k % 3)) {
                     if i + a >= j + b {
-                        entries.push(Triplet::new(i + a, j + b, block[(a, b)]));
+                        entries.push(Entry::new(i + a, j + b, block[(a, b)]));
                     }
                 }
             }
@@ -182,8 +179,6 @@ impl<'a> Springs<'a> {
             add(i, j, &-block);
             add(j, i, &-block);
         }
-        let matrix = SparseColMat::try_new_from_triplets(count, count, &entries).ok()?;
-        let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).ok()?;
-        Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower).ok()
+        Cholesky::new(count, &entries).ok()
     }
 }

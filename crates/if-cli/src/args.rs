@@ -396,7 +396,7 @@ pub(crate) enum Size {
 }
 
 /// A positive, finite factor.
-fn positive(text: &str) -> Result<f64, String> {
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
         _ => Err("give a positive number, such as 0.001".into()),

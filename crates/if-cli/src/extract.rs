@@ -194,8 +194,7 @@ impl Source {
         }
         let file = MeshFile::read(&args.field).map_err(|e| read(&e))?;
         let scale = args.scale.unwrap_or(1.0);
-        let scaled = file.mesh().vertices().iter().map(|p| p * scale).collect();
-        let mesh = file.mesh().with_vertices(scaled).map_err(|source| ExtractFault::Scale { path: path(), scale, source })?;
+        let mesh = file.mesh().scaled(scale).map_err(|source| ExtractFault::Scale { path: path(), scale, source })?;
         let field = MeshSdf::closed(&mesh).map_err(|source| ExtractFault::Field { path: path(), source })?;
         let coordinates = if file.is_single_precision() { CoordinateType::Float } else { CoordinateType::Double };
         Ok(Self::Mesh { mesh, field: Box::new(field), coordinates })

@@ -242,8 +242,7 @@ fn run_storing(
 fn mesh(args: &FitArgs) -> Result<TriMesh, FitFault> {
     let file = MeshFile::read(&args.mesh).map_err(|e| FitFault::Mesh { advice: reading_advice(&e), source: Told::new(&e) })?;
     let Some(scale) = args.scale else { return Ok(file.mesh().clone()) };
-    let scaled = file.mesh().with_vertices(file.mesh().vertices().iter().map(|p| p * scale).collect());
-    scaled.map_err(|source| FitFault::Scale { path: args.mesh.clone(), scale, source })
+    file.mesh().scaled(scale).map_err(|source| FitFault::Scale { path: args.mesh.clone(), scale, source })
 }
 
 fn say(args: &FitArgs, taken: &MeshTarget, params: &FitParams, report: &FitReport, seconds: f64) -> Result<End, Report> {

@@ -151,7 +151,7 @@ fn to_layer(layer: &LayerSpec, file: &MeshFile, scale: f64) -> Result<Layer, Loa
     let mesh = if scale == 1.0 {
         mesh.clone()
     } else {
-        mesh.with_vertices(mesh.vertices().iter().map(|p| p * scale).collect()).map_err(|source| LoadError::Scale {
+        mesh.scaled(scale).map_err(|source| LoadError::Scale {
             layer: layer.name.clone(),
             path: layer.path.clone(),
             scale,

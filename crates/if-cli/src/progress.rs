@@ -13,6 +13,11 @@ pub(crate) fn hide() {
     HIDDEN.store(true, Ordering::Relaxed);
 }
 
+/// Where lines are drawn.
+pub(crate) fn target() -> ProgressDrawTarget {
+    if HIDDEN.load(Ordering::Relaxed) { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() }
+}
+
 /// One line that says what is being done. Nothing is drawn where stderr is no terminal.
 pub(crate) struct Line {
     bar: ProgressBar,
@@ -23,9 +28,7 @@ pub(crate) struct Line {
 impl Line {
     /// A line for outfit `index` of `outfits`, counted from 0.
     pub(crate) fn new(outfit: &str, index: usize, outfits: usize) -> Self {
-        let hidden = HIDDEN.load(Ordering::Relaxed);
-        let target = if hidden { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-        let bar = ProgressBar::with_draw_target(None, target);
+        let bar = ProgressBar::with_draw_target(None, target());
         let style = ProgressStyle::with_template("{spinner} {elapsed:>3} {wide_msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));
         bar.enable_steady_tick(Duration::from_millis(100));

@@ -317,12 +317,8 @@ fn write_assets(
     let file = |name: &str| Some(args.body.join(name)).filter(|p| p.is_file());
     let mesh = file("body_clean.ply").unwrap_or_else(|| args.body.join("body.ply"));
     let (template, skeleton) = (file("body.ply"), file("skeleton.json"));
-    let new = NewBody {
-        name: &names::last_name(&args.body, "body"),
-        mesh: &mesh,
-        template: template.as_deref(),
-        skeleton: skeleton.as_deref(),
-    };
+    let name = names::last_name(&args.body, "body");
+    let new = NewBody { template: template.as_deref(), skeleton: skeleton.as_deref(), ..NewBody::new(&name, &mesh) };
     let body = wardrobe.add_body_once(&new)?;
     let provenance = Provenance {
         source: args.capture.display().to_string(),

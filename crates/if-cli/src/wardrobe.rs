@@ -15,6 +15,7 @@ use crate::outfit_file::override_params;
 use crate::receipt;
 use args::WardrobeCommand;
 use if_pipeline::asset::AssetError;
+use if_pipeline::outfit::OutfitError;
 use if_pipeline::resolve::ResolveParams;
 use if_pipeline::wardrobe::matching::{MatchParams, State};
 use if_pipeline::wardrobe::{Unreadable, Wardrobe, WardrobeError};
@@ -37,13 +38,19 @@ pub(crate) fn run(args: &WardrobeArgs) -> Result<End, Report> {
 #[diagnostic(code(ifg::wardrobe), help("{help}"))]
 pub(crate) struct Fault {
     context: String,
-    help: &'static str,
+    help: String,
     source: Told,
 }
 
 impl Fault {
     pub(crate) fn new(context: impl Into<String>, error: &WardrobeError) -> Self {
         let help = match error {
+            WardrobeError::Body { source: OutfitError::Units { unit, scale, .. }, .. } => {
+                &format!("if the files are in {unit}, add --scale {scale}")
+            }
+            WardrobeError::ScaleRange { .. } | WardrobeError::Scale { .. } | WardrobeError::Misfit(_) => {
+                "look at --scale, and whether --body is the body that it was made on"
+            }
             WardrobeError::NoBody { .. } | WardrobeError::NoGarment { .. } => "`ifg wardrobe list` tells what is there",
             WardrobeError::ForeignBody { .. } => "add the body with `ifg wardrobe add --body NAME --mesh FILE`",
             WardrobeError::Asset(AssetError::Name { .. }) => "give another name, or rename the file",
@@ -61,7 +68,7 @@ impl Fault {
             }
             _ => "formats stand in docs/wardrobe.md",
         };
-        Self { context: context.into(), help, source: Told::new(error) }
+        Self { context: context.into(), help: help.to_owned(), source: Told::new(error) }
     }
 }
 

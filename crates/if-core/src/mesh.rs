@@ -115,6 +115,15 @@ impl TriMesh {
         Ok(Self { vertices: FinitePoints::new(vertices)?.into_vec(), triangles: self.triangles.clone() })
     }
 
+    /// The same mesh with all coordinates times `factor`: from other units to metres.
+    ///
+    /// # Errors
+    ///
+    /// A coordinate that is not finite then.
+    pub fn scaled(&self, factor: Real) -> Result<Self, MeshError> {
+        self.with_vertices(self.vertices.iter().map(|p| p * factor).collect())
+    }
+
     /// Positions, in metres.
     #[inline]
     pub fn vertices(&self) -> &[Point] {

@@ -58,8 +58,7 @@ impl Polygons {
     }
 
     pub(crate) fn fans(&self) -> impl Iterator<Item = [u32; 3]> {
-        let fans = self.iter().flat_map(|face| face[1..].windows(2).map(|pair| [face[0], pair[0], pair[1]]));
-        fans.filter(|[a, b, c]| a != b && b != c && c != a)
+        self.iter().flat_map(fan).filter(|[a, b, c]| a != b && b != c && c != a)
     }
 
     fn from_triangles(triangles: &[[u32; 3]]) -> Self {
@@ -70,6 +69,11 @@ impl Polygons {
         self.corners.extend_from_slice(face);
         self.starts.push(self.corners.len() as u32);
     }
+}
+
+/// A face of three corners or more as triangles round its first corner.
+fn fan(face: &[u32]) -> impl Iterator<Item = [u32; 3]> {
+    face[1..].windows(2).map(|pair| [face[0], pair[0], pair[1]])
 }
 
 /// Faces as they are read: triangles, and the polygons too as soon as one face is not a triangle.
@@ -109,8 +113,8 @@ impl FaceList {
         }
         polygons.push(face);
         let mut whole = true;
-        for pair in face[1..].windows(2) {
-            whole &= self.triangles.push([face[0], pair[0], pair[1]]).is_ok();
+        for triangle in fan(face) {
+            whole &= self.triangles.push(triangle).is_ok();
         }
         if !whole {
             self.collapsed.push(index as u32);

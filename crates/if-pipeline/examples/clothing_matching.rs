@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (name, mesh) in [("slim", &slim), ("large", &large)] {
         let path = folder.path().join(format!("{name}.ply"));
         write_path(&PlyMesh::new(mesh.clone()), mesh.vertices(), &WriteParams::default(), &path)?;
-        let added = wardrobe.add_body(&NewBody { name, mesh: &path, template: None, skeleton: None })?;
+        let added = wardrobe.add_body(&NewBody::new(name, &path))?;
         made_on.get_or_insert(added);
     }
     let made_on = made_on.ok_or("no body")?;

@@ -200,28 +200,31 @@ impl Outfit {
         if let Some(part) = inverted_part(mesh) {
             return Err(OutfitError::PartInsideOut { layer: name(), part });
         }
-        for garment in &self.garments {
-            let vertices = garment.mesh.vertices();
-            let extent = garment.mesh.surface_aabb();
-            let (size, layer) = (extent.size().max(), || garment.name.clone());
-            if size > LARGEST * height {
-                let middle = nalgebra::center(&aabb.min, &aabb.max);
-                let far = |v: &&u32| (vertices[**v as usize] - middle).amax() >= 0.5 * LARGEST * height;
-                let vertex = garment.mesh.triangles().as_flattened().iter().find(far).map_or(0, |v| *v);
-                return Err(OutfitError::TooLarge { layer: layer(), size, vertex });
-            }
-            let distance = box_distance(&aabb, &extent);
-            if distance > height {
-                return Err(OutfitError::FarFromBody { layer: layer(), distance });
-            }
-        }
-        Ok(())
+        self.garments.iter().try_for_each(|garment| check_garment(&aabb, &garment.name, &garment.mesh))
     }
 
     /// The body, then the garments, inner to outer.
     pub fn layers(&self) -> impl Iterator<Item = &Layer> {
         std::iter::once(&self.body).chain(&self.garments)
     }
+}
+
+/// Checks that a garment has a place in an outfit on a body with the box `body`.
+pub(crate) fn check_garment(body: &Aabb, name: &str, garment: &TriMesh) -> Result<(), OutfitError> {
+    let (layer, height) = (|| name.to_owned(), body.size().max());
+    let extent = garment.surface_aabb();
+    let size = extent.size().max();
+    if size > LARGEST * height {
+        let middle = nalgebra::center(&body.min, &body.max);
+        let far = |v: &&u32| (garment.vertices()[**v as usize] - middle).amax() >= 0.5 * LARGEST * height;
+        let vertex = garment.triangles().as_flattened().iter().find(far).map_or(0, |v| *v);
+        return Err(OutfitError::TooLarge { layer: layer(), size, vertex });
+    }
+    let distance = box_distance(body, &extent);
+    if distance > height {
+        return Err(OutfitError::FarFromBody { layer: layer(), distance });
+    }
+    Ok(())
 }
 
 /// Edges that triangles do not run through as often in one direction as in the other: there no side is the inside.

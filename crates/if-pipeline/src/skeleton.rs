@@ -224,6 +224,16 @@ impl Skeleton {
         writer.write_all(b"\n")
     }
 
+    /// The same joints with all coordinates times `factor`: from other units to metres.
+    ///
+    /// # Errors
+    ///
+    /// A coordinate that is not finite then.
+    pub fn scaled(&self, factor: Real) -> Result<Self, SkeletonError> {
+        let scaled = |j: &Joint| Joint { head: j.head * factor, tail: j.tail * factor, ..j.clone() };
+        Self::new(self.joints.iter().map(scaled).collect())
+    }
+
     /// All joints, parents before children.
     pub fn joints(&self) -> &[Joint] {
         &self.joints

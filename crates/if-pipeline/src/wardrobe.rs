@@ -21,9 +21,10 @@ mod result_folder;
 pub use body::{BodyInfo, NewBody, WardrobeBody};
 pub use error::WardrobeError;
 
-use crate::asset::{self, Asset, AssetError, AssetInfo, BodyRef, FileInfo, Parts};
-use crate::content::{self, Content};
+use crate::asset::{self, Asset, AssetError, AssetInfo, BodyRef, Parts};
+use crate::outfit::check_garment;
 use crate::whole_folder::{self, PATIENCE, Writer};
+use body::BodyFiles;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -113,7 +114,7 @@ impl Wardrobe {
     /// A name that is no folder's, a file that is missing or of no use, or another process that writes there and does not end.
     pub fn add_body(&mut self, new: &NewBody) -> Result<BodyRef, WardrobeError> {
         let writer = self.writer(BODIES)?;
-        self.put_body(&writer, new)
+        self.put_body(&writer, new.name, &BodyFiles::read(new)?)
     }
 
     /// Adds a body unless one that has its files is there, whatever it is called, and replaces none that has another mesh: where the name
@@ -126,34 +127,25 @@ impl Wardrobe {
     pub fn add_body_once(&mut self, new: &NewBody) -> Result<BodyRef, WardrobeError> {
         let writer = self.writer(BODIES)?;
         self.bodies = Self::open(&self.root)?.bodies; // what others have added
-        let of_mesh = |path: &Path| Ok::<_, WardrobeError>(content::content(&body::ply_bytes(path)?));
-        let of_file = |path: &Path| content::of_file(path).map_err(|source| WardrobeError::Folder { path: path.into(), source });
-        let (mesh, template) = (of_mesh(new.mesh)?, new.template.map(of_mesh).transpose()?);
-        let skeleton = new.skeleton.map(of_file).transpose()?;
-        let is =
-            |file: &Option<FileInfo>, new: &Option<Content>| new.is_none() || file.as_ref().map(|f| &f.content) == new.as_ref();
-        let with_mesh = || self.bodies.values().filter(|body| body.mesh.content == mesh);
-        if let Some(body) = with_mesh().find(|body| is(&body.template, &template) && is(&body.skeleton, &skeleton)) {
+        let files = BodyFiles::read(new)?;
+        if let Some(body) = self.bodies.values().find(|body| files.are_of(body)) {
             return Ok(body.reference());
         }
-        if let Some(body) = with_mesh().next() {
-            let folder = self.root.join(BODIES).join(&body.name);
-            let kept = |file: &Option<FileInfo>| file.as_ref().map(|f| folder.join(&f.file));
-            let (name, template, skeleton) = (body.name.clone(), kept(&body.template), kept(&body.skeleton));
-            let (template, skeleton) = (new.template.or(template.as_deref()), new.skeleton.or(skeleton.as_deref()));
-            return self.put_body(&writer, &NewBody { name: &name, template, skeleton, ..*new });
+        if let Some(body) = self.bodies.values().find(|body| files.has_mesh_of(body)) {
+            let (name, folder) = (body.name.clone(), self.root.join(BODIES).join(&body.name));
+            return self.put_body(&writer, &name, &files.completed(&folder, body)?);
         }
         let mut names = std::iter::once(new.name.to_owned()).chain((2..).map(|k| format!("{}_{k}", new.name)));
         let name = names.find(|name| !self.root.join(BODIES).join(name).exists()).expect("some number is free");
-        self.put_body(&writer, &NewBody { name: &name, ..*new })
+        self.put_body(&writer, &name, &files)
     }
 
-    fn put_body(&mut self, writer: &Writer, new: &NewBody) -> Result<BodyRef, WardrobeError> {
-        asset::check_name(new.name)?;
-        let info = body::write(writer, new)?;
+    fn put_body(&mut self, writer: &Writer, name: &str, files: &BodyFiles) -> Result<BodyRef, WardrobeError> {
+        asset::check_name(name)?;
+        let info = body::write(writer, name, files)?;
         let found = info.reference();
-        self.faults.retain(|f| (f.part, f.name.as_str()) != (Part::Body, new.name));
-        self.bodies.insert(new.name.to_owned(), info);
+        self.faults.retain(|f| (f.part, f.name.as_str()) != (Part::Body, name));
+        self.bodies.insert(name.to_owned(), info);
         Ok(found)
     }
 
@@ -161,9 +153,14 @@ impl Wardrobe {
     ///
     /// # Errors
     ///
-    /// A body that the wardrobe does not have, those of [`asset::write`], or another process that writes there and does not end.
+    /// A body that the wardrobe does not have, a garment too large for it or too far from it ([`crate::outfit::Outfit::new`]), those of
+    /// [`asset::write`], or another process that writes there and does not end.
     pub fn add(&mut self, parts: &Parts) -> Result<&AssetInfo, WardrobeError> {
-        self.body_like(parts.name, parts.body)?;
+        let body = self.body_like(parts.name, parts.body)?;
+        if !parts.mesh.triangles().is_empty() {
+            let body = body::read_box(&self.root.join(BODIES), body)?;
+            check_garment(&body, parts.name, parts.mesh).map_err(WardrobeError::Misfit)?;
+        }
         let info = asset::write(&self.writer(GARMENTS)?, parts)?;
         self.faults.retain(|f| (f.part, f.name.as_str()) != (Part::Garment, parts.name));
         self.garments.insert(parts.name.to_owned(), info);

@@ -3,12 +3,9 @@
 
 use crate::constraint::{Constraint, Counters, GroupError, Residual};
 use crate::edge_set::EdgeSet;
-use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
-use faer::{Mat, Side};
 use if_core::math::{Point, Real, Vector};
 use if_core::rows::Rows;
+use if_sparse::{Cholesky, Mat, Pattern, Place};
 
 /// Least addition to the diagonal, relative to each entry (so heavy edges among light ones converge as they do alone), so
 /// that rigid constraints of which some follow from others (every flat cloth has them) can be factored. At ten times less
@@ -45,7 +42,7 @@ pub struct DirectStretch {
     lambda: Vec<Real>,
     /// For each entry of the matrix: two edges and the vertex they share.
     entries: Vec<[u32; 3]>,
-    pattern: Option<(SymbolicSparseColMat<usize>, Argsort<usize>, SymbolicLlt<usize>)>,
+    pattern: Option<Pattern>,
     failures: u64,
     /// β in m/N; 0 is rigid, infinity is absent.
     pub compliance: Real,
@@ -108,11 +105,8 @@ impl DirectStretch {
                 entries.extend(list[..=i].iter().map(|&l| [k, l, v as u32]));
             }
         }
-        let places: Vec<_> = entries.iter().map(|e| Pair::new(e[0].max(e[1]) as usize, e[0].min(e[1]) as usize)).collect();
-        let pattern = SymbolicSparseColMat::try_new_from_indices(n, n, &places).ok().and_then(|(symbolic, order)| {
-            let llt = SymbolicLlt::try_new(symbolic.as_ref(), Side::Lower).ok()?;
-            Some((symbolic, order, llt))
-        });
+        let places: Vec<_> = entries.iter().map(|e| Place::new(e[0].max(e[1]) as usize, e[0].min(e[1]) as usize)).collect();
+        let pattern = Pattern::new(n, &places).ok();
         Self { edges, lambda: vec![0.0; n], entries, pattern, failures: 0, compliance, iterations: 20, tolerance: 1e-12 }
     }
 
@@ -151,8 +145,8 @@ impl DirectStretch {
         inverse_masses[self.edges.a[k as usize] as usize] + inverse_masses[self.edges.b[k as usize] as usize]
     }
 
-    fn factor(&self, gradients: &[Vector], inverse_masses: &[Real], softness: Real, ridge: Real) -> Option<Llt<usize, Real>> {
-        let (symbolic, order, llt) = self.pattern.as_ref()?;
+    fn factor(&self, gradients: &[Vector], inverse_masses: &[Real], softness: Real, ridge: Real) -> Option<Cholesky> {
+        let pattern = self.pattern.as_ref()?;
         let sign = |k: u32, v: u32| if self.edges.a[k as usize] == v { 1.0 } else { -1.0 };
         let mut values: Vec<Real> = Vec::with_capacity(self.entries.len());
         for &[k, l, v] in &self.entries {
@@ -165,8 +159,7 @@ impl DirectStretch {
             }
             values.push(value);
         }
-        let matrix = SparseColMat::new_from_argsort(symbolic.clone(), order, &values).ok()?;
-        Llt::try_new_with_symbolic(llt.clone(), matrix.as_ref(), Side::Lower).ok()
+        pattern.factor(&values).ok()
     }
 }
 
@@ -193,7 +186,7 @@ impl Constraint for DirectStretch {
             if residual.max <= self.tolerance.max(noise) {
                 break;
             }
-            let Some(llt) = self.factor(&gradients, inverse_masses, softness, ridge) else {
+            let Some(cholesky) = self.factor(&gradients, inverse_masses, softness, ridge) else {
                 if ridge < 1.0 {
                     ridge *= 100.0;
                     continue;
@@ -202,7 +195,7 @@ impl Constraint for DirectStretch {
                 break;
             };
             let mut delta = Mat::from_fn(values.len(), 1, |k, _| -values[k]);
-            llt.solve_in_place(&mut delta);
+            cholesky.solve_in_place(&mut delta);
             let mut impulses = vec![Sum::default(); positions.len()];
             for k in 0..self.edges.len() {
                 let impulse = gradients[k] * delta[(k, 0)];

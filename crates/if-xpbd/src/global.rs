@@ -2,12 +2,9 @@
 
 use crate::constraint::{Constraint, Counters, Residual};
 use crate::edge_set::EdgeSet;
-use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{SparseColMat, Triplet};
-use faer::{Mat, Side};
 use if_core::edges::parts_by_edges;
 use if_core::math::{Point, Real, Vector};
+use if_sparse::{Cholesky, Entry, Mat};
 
 /// Edge springs solved by local–global iterations on a constant matrix, factored once for each h.
 ///
@@ -44,7 +41,7 @@ struct Factor {
     rows: Vec<Option<usize>>,
     /// The particles of each part that hangs on no pinned one.
     free: Vec<Vec<u32>>,
-    llt: Llt<usize, Real>,
+    cholesky: Cholesky,
 }
 
 /// Why a compliance cannot be a stiffness.
@@ -96,24 +93,22 @@ impl GlobalStretch {
         let mut entries = Vec::new();
         for (v, w) in inverse_masses.iter().enumerate() {
             if let Some(row) = rows[v] {
-                entries.push(Triplet::new(row, row, 1.0 / (w * h * h)));
+                entries.push(Entry::new(row, row, 1.0 / (w * h * h)));
             }
         }
         let k = 1.0 / self.compliance;
         for ([a, b], _) in self.edges.visited() {
             let (i, j) = (rows[a as usize], rows[b as usize]);
             for row in [i, j].into_iter().flatten() {
-                entries.push(Triplet::new(row, row, k));
+                entries.push(Entry::new(row, row, k));
             }
             if let (Some(i), Some(j)) = (i, j) {
-                entries.push(Triplet::new(i.max(j), i.min(j), -k));
+                entries.push(Entry::new(i.max(j), i.min(j), -k));
             }
         }
-        let matrix = SparseColMat::try_new_from_triplets(count, count, &entries).ok()?;
-        let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).ok()?;
-        let llt = Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower).ok()?;
+        let cholesky = Cholesky::new(count, &entries).ok()?;
         let free = free_parts(&self.edges, inverse_masses);
-        Some(Factor { h, inverse_masses: inverse_masses.to_vec(), rows, free, llt })
+        Some(Factor { h, inverse_masses: inverse_masses.to_vec(), rows, free, cholesky })
     }
 }
 
@@ -154,7 +149,7 @@ impl Constraint for GlobalStretch {
         for ([a, b], rest) in self.edges.visited() {
             residual.add((positions[a as usize] - positions[b as usize]).norm() - rest);
         }
-        let Some(Factor { inverse_masses, rows, free, llt, .. }) = &self.factor else { return residual };
+        let Some(Factor { inverse_masses, rows, free, cholesky, .. }) = &self.factor else { return residual };
         let start = positions.to_vec();
         let mut right = Mat::zeros(rows.iter().flatten().count(), 3);
         let mut pushes = vec![Vector::zeros(); start.len()];
@@ -178,7 +173,7 @@ impl Constraint for GlobalStretch {
                     }
                 }
             }
-            llt.solve_in_place(&mut right);
+            cholesky.solve_in_place(&mut right);
             for (push, row) in pushes.iter_mut().zip(rows) {
                 if let Some(row) = *row {
                     *push = Vector::new(right[(row, 0)], right[(row, 1)], right[(row, 2)]);

@@ -22,7 +22,7 @@ fn finite(p: &[Point]) -> bool {
 
 /// A cloth, half of it inside a ball, settled with `params`; everything scaled by `unit`.
 fn settled(mesh: &TriMesh, unit: Real, params: &SolverParams) -> Vec<Point> {
-    let mesh = mesh.with_vertices(mesh.vertices().iter().map(|p| p * unit).collect()).unwrap();
+    let mesh = mesh.scaled(unit).unwrap();
     let ball = Sphere { center: Point::new(0.05 * unit, 0.05 * unit, -0.19 * unit), radius: 0.2 * unit };
     let mask = vec![1.0; mesh.vertices().len()];
     let below = Below { field: &ball, mask: &mask, air: None };

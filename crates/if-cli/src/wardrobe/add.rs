@@ -46,7 +46,8 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
     let mut wardrobe = open_or_begin(&args.root)?;
     let body = match &args.mesh {
         Some(mesh) => {
-            let new = NewBody { name: &args.body, mesh, template: args.template.as_deref(), skeleton: args.skeleton.as_deref() };
+            let (template, skeleton) = (args.template.as_deref(), args.skeleton.as_deref());
+            let new = NewBody { template, skeleton, scale: args.scale, ..NewBody::new(&args.body, mesh) };
             let added = wardrobe.add_body(&new).map_err(|e| Fault::new(format!("cannot add body `{}`", args.body), &e))?;
             print(&format!("body {}\n", args.body))?;
             added
@@ -82,6 +83,12 @@ fn name_of(args: &AddArgs, path: &Path) -> String {
     format!("{}{}", args.prefix, path.file_stem().unwrap_or_default().to_string_lossy())
 }
 
+/// What made the garment's file, and from which units.
+fn tool(scale: f64) -> String {
+    let tool = format!("ifg {}", env!("CARGO_PKG_VERSION"));
+    if scale == 1.0 { tool } else { format!("{tool}, --scale {scale}") }
+}
+
 fn add(
     wardrobe: &mut Wardrobe,
     args: &AddArgs,
@@ -102,24 +109,25 @@ fn add(
         }
         _ => (None, Beside::default(), Vec::new(), Vec::new()),
     };
+    let mesh = file.mesh().scaled(args.scale).map_err(|e| unusable(Told::new(&e)))?;
     let name = name_of(args, path);
     let said = LayerHint::of_name(&name[args.prefix.len()..]);
     let hint = LayerHint { class: args.class.map_or(said.class, Into::into), order: args.order.unwrap_or(said.order) };
     let provenance = Provenance {
         source: path.display().to_string(),
         sha256: Some(content(file.bytes()).sha256),
-        tool: format!("ifg {}", env!("CARGO_PKG_VERSION")),
+        tool: tool(args.scale),
         licence,
     };
     let baked = loaded
-        .map(|body| carried_field(&body.mesh, file.mesh(), &BakeParams::default()))
+        .map(|body| carried_field(&body.mesh, &mesh, &BakeParams::default()))
         .transpose()
         .map_err(|e| unusable(Told::new(&e)))?;
     let parts = Parts {
         name: &name,
         hint,
         body,
-        mesh: file.mesh(),
+        mesh: &mesh,
         skin: skin.as_ref(),
         beside: Some(&beside),
         provenance: &provenance,

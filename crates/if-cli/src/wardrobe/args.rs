@@ -1,6 +1,6 @@
 //! The arguments of `ifg wardrobe`.
 
-use crate::args::ParamArgs;
+use crate::args::{ParamArgs, positive};
 use clap::{Args, Subcommand, ValueEnum};
 use if_pipeline::asset::GarmentClass;
 use std::path::PathBuf;
@@ -28,13 +28,13 @@ pub(crate) struct AddArgs {
     /// The wardrobe's folder; made where it is missing.
     #[arg(value_name = "WARDROBE")]
     pub(crate) root: PathBuf,
-    /// Garments (.ply, .obj) in the canonical pose of the body, in metres. Each is called after its file.
+    /// Garments (.ply, .obj) in the canonical pose of the body, in metres or with --scale. Each is called after its file.
     #[arg(value_name = "GARMENTS", required_unless_present = "mesh")]
     pub(crate) garments: Vec<PathBuf>,
     /// The body that the garments were made on.
     #[arg(long, value_name = "NAME")]
     pub(crate) body: String,
-    /// Adds the body, with this mesh (.ply, .obj): closed, in metres.
+    /// Adds the body, with this mesh (.ply, .obj): closed, in metres or with --scale.
     #[arg(long, value_name = "FILE")]
     pub(crate) mesh: Option<PathBuf>,
     /// A mesh (.ply, .obj) of the same body whose topology other bodies share.
@@ -43,6 +43,9 @@ pub(crate) struct AddArgs {
     /// Its joints (skeleton.json).
     #[arg(long, value_name = "FILE", requires = "mesh")]
     pub(crate) skeleton: Option<PathBuf>,
+    /// Factor from the units of all these files to metres, such as 0.01 for centimetres; the wardrobe is in metres.
+    #[arg(long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
+    pub(crate) scale: f64,
     /// Put before each garment's name.
     #[arg(long, value_name = "TEXT", default_value = "")]
     pub(crate) prefix: String,

@@ -6,12 +6,13 @@ use crate::cancel;
 use crate::end::End;
 use crate::errors::{Told, note};
 use crate::print::{print, print_json};
+use crate::progress;
 use if_pipeline::wardrobe::batch::{self, BatchParams, Event};
 use if_pipeline::wardrobe::combination::{Combination, Combinations, Order, RandomParams, random};
 use if_pipeline::wardrobe::dresser::Dresser;
 use if_pipeline::wardrobe::matching::MatchParams;
 use if_pipeline::wardrobe::{Wardrobe, WardrobeError};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Diagnostic, Report};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -131,7 +132,7 @@ struct NameError {
 
 /// A bar on stderr, where that is a terminal.
 fn progress(combinations: usize) -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(Some(combinations as u64), ProgressDrawTarget::stderr());
+    let bar = ProgressBar::with_draw_target(Some(combinations as u64), progress::target());
     let style = ProgressStyle::with_template("{spinner} {elapsed:>3} {pos}/{len}, {eta} left  {wide_msg}");
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
     bar.enable_steady_tick(Duration::from_millis(100));

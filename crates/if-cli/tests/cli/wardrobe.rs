@@ -148,13 +148,6 @@ fn a_result_is_not_replaced_by_a_worse_one() {
     const TOO_FEW: &str = "--set rounds=1 --set settle_rounds=1 --set ease_rounds=0";
     let run = folder.ifg(&format!("wardrobe match w --body slim belt0 belt1 --out look {TOO_FEW}")).expect(1);
     assert!(run.stderr.contains("`look` holds a better result") && run.stdout.contains("Nothing written"), "{}", run.stderr);
-    // Far from the body: no outfit.
-    folder.write("far.ply", ply(&crate::folder::moved(&belt(1.0, 0.0, 0.1), |p| Point::new(p.x + 9.0, p.y, p.z))));
-    folder.ifg("wardrobe add w --body slim far.ply").expect(0);
-    std::fs::remove_file(folder.path("far.ply")).unwrap();
-    let run = folder.ifg("wardrobe match w --body slim far --out look").expect(2);
-    assert!(run.stderr.contains("from the body"), "{}", run.stderr);
-    std::fs::remove_dir_all(folder.path("w/garments/far")).unwrap();
     assert!(folder.files() == before);
     // Where nothing better stands the report is written; asked for, the meshes are, too.
     folder.ifg(&format!("wardrobe match w --body slim belt0 belt1 --out left {TOO_FEW}")).expect(1);
@@ -283,6 +276,26 @@ fn a_body_may_be_an_obj_file() {
 }
 
 #[test]
+fn files_may_be_in_centimetres() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("cm")).unwrap();
+    folder.write("cm/body.ply", ply(&body().scaled(100.0).unwrap()));
+    folder.write("cm/skirt.obj", obj(&read_bytes(&folder.read("skirt.ply")).unwrap().mesh.scaled(100.0).unwrap()));
+    let run = folder.ifg("wardrobe add w --body anna --mesh cm/body.ply cm/skirt.obj").expect(2);
+    assert!(run.stderr.contains("if the files are in centimetres, add --scale 0.01"), "{}", run.stderr);
+    folder.ifg("wardrobe add w --body anna --mesh cm/body.ply cm/skirt.obj --scale 0.01").expect(0);
+    folder.ifg("wardrobe match w --body anna skirt --out look").expect(0);
+    folder.ifg("check --body body.ply look/skirt.ply").expect(0);
+    let info: Value = serde_json::from_slice(&folder.read("w/garments/skirt/asset.json")).unwrap();
+    assert!(info["provenance"]["tool"].as_str().unwrap().ends_with("--scale 0.01"));
+    // Forgotten for the garment alone, or for a body that is in metres.
+    let run = folder.ifg("wardrobe add w --body anna cm/skirt.obj").expect(2);
+    assert!(run.stderr.contains("times the body") && run.stderr.contains("--scale"), "{}", run.stderr);
+    let run = folder.ifg("wardrobe add w --body anna skirt.ply --scale 0").expect(2);
+    assert!(run.stderr.contains("positive"), "{}", run.stderr);
+}
+
+#[test]
 fn faults_say_what_to_do() {
     let folder = belts();
     let stderr = |args: &str| folder.ifg(args).expect(2).stderr;
@@ -290,6 +303,9 @@ fn faults_say_what_to_do() {
     assert!(stderr("wardrobe match w --body nobody belt0 --out look").contains("large, slim"));
     assert!(stderr("wardrobe add w --body nobody belt0.ply").contains("nobody"));
     assert!(stderr("wardrobe add w --body slim gone.ply").contains("gone.ply"));
+    folder.write("far.ply", ply(&crate::folder::moved(&belt(1.0, 0.0, 0.1), |p| Point::new(p.x + 9.0, p.y, p.z))));
+    assert!(stderr("wardrobe add w --body slim far.ply").contains("from the body"));
+    assert!(!folder.path("w/garments/far").exists());
     let open = stderr("wardrobe add w --body open --mesh belt0.ply");
     assert!(open.contains("boundary edges") && open.contains("belt0.ply") && !open.contains("combination"), "{open}");
     for command in ["list gone", "match gone --body slim belt0 --out look", "batch gone --random 2 --out many"] {

@@ -1,12 +1,9 @@
 //! A filled hole made to go on as the surface round it does.
 
 use super::patch::Patch;
-use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{SparseColMat, Triplet};
-use faer::{Mat, Side};
 use if_core::math::{Point, Real, Vector};
 use if_core::rows::Rows;
+use if_sparse::{Cholesky, Entry, Mat};
 
 /// Rounds, each with weights of the shape before. The first finds the shape, the second makes the spacing even.
 const ROUNDS: usize = 2;
@@ -74,13 +71,10 @@ fn round(patch: &mut Patch, around: &[Vec<Point>]) -> Option<()> {
         let own: Vec<(usize, Real)> = row.iter().filter(|r| r.0 >= rim).map(|r| (r.0 - rim, r.1)).collect();
         for &(i, a) in &own {
             (0..3).for_each(|k| right[(i, k)] -= a * laplacian[k]);
-            entries.extend(own.iter().filter(|(j, _)| *j <= i).map(|&(j, b)| Triplet::new(i, j, a * b)));
+            entries.extend(own.iter().filter(|(j, _)| *j <= i).map(|&(j, b)| Entry::new(i, j, a * b)));
         }
     }
-    let matrix = SparseColMat::try_new_from_triplets(unknowns, unknowns, &entries).ok()?;
-    let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).ok()?;
-    let llt = Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower).ok()?;
-    llt.solve_in_place(right.as_mut());
+    Cholesky::new(unknowns, &entries).ok()?.solve_in_place(&mut right);
     for i in 0..unknowns {
         patch.points[rim + i] += Vector::new(right[(i, 0)], right[(i, 1)], right[(i, 2)]);
     }

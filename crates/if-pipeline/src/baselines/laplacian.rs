@@ -1,14 +1,11 @@
 //! A Laplacian solve: differential coordinates are kept, and vertices go to pushed targets, as well as both can be.
 
 use crate::baselines::push::pushed;
-use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{SparseColMat, Triplet};
-use faer::{Mat, Side};
 use if_core::edges::Edges;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
+use if_sparse::{Cholesky, Entry, Mat};
 
 /// Clearance and weights of [`deform`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,7 +67,7 @@ pub fn deform(garment: &TriMesh, field: &impl SignedDistance, params: &Laplacian
         let target = targets[v] - x[v];
         let weight = if target == Vector::zeros() { params.weight_kept } else { params.weight_pushed };
         let squared = weight * weight;
-        entries.push(Triplet::new(v, v, squared));
+        entries.push(Entry::new(v, v, squared));
         (0..3).for_each(|k| right[(v, k)] = squared * target[k]);
         if neighbours[v].is_empty() {
             continue;
@@ -78,13 +75,10 @@ pub fn deform(garment: &TriMesh, field: &impl SignedDistance, params: &Laplacian
         let share = -1.0 / neighbours[v].len() as Real;
         let row: Vec<(usize, Real)> = std::iter::once((v, 1.0)).chain(neighbours[v].iter().map(|u| (*u, share))).collect();
         for &(i, a) in &row {
-            entries.extend(row.iter().filter(|(j, _)| *j <= i).map(|&(j, b)| Triplet::new(i, j, a * b)));
+            entries.extend(row.iter().filter(|(j, _)| *j <= i).map(|&(j, b)| Entry::new(i, j, a * b)));
         }
     }
-    let matrix = SparseColMat::try_new_from_triplets(n, n, &entries).map_err(|_| error)?;
-    let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).map_err(|_| error)?;
-    let llt = Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower).map_err(|_| error)?;
-    llt.solve_in_place(right.as_mut());
+    Cholesky::new(n, &entries).map_err(|_| error)?.solve_in_place(&mut right);
     Ok((0..n).map(|v| x[v] + Vector::new(right[(v, 0)], right[(v, 1)], right[(v, 2)])).collect())
 }
 

@@ -4,14 +4,11 @@ use super::evidence::Evidence;
 use super::fair;
 use super::params::SurfaceParams;
 use super::report::Round;
-use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{SparseColMat, Triplet};
-use faer::{Mat, Side};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::rows::Rows;
+use if_sparse::{Cholesky, Entry, Mat};
 
 /// Weight of the seen normals from which on a triangle is known: three pixels seen head-on.
 const KNOWN: Real = 3.0;
@@ -80,7 +77,7 @@ pub(super) fn solved(
     let n = x.len();
     let neighbours = edges.neighbours(n);
     let directions = smoothed(&mesh.vertex_normals(), &neighbours);
-    let mut entries: Vec<Triplet<usize, usize, Real>> = Vec::with_capacity(60 * n);
+    let mut entries: Vec<Entry> = Vec::with_capacity(60 * n);
     let mut right = Mat::zeros(n, 1);
     let mut round = Round::default();
 
@@ -113,9 +110,9 @@ pub(super) fn solved(
             let (i, j) = (tri[k] as usize, tri[(k + 1) % 3] as usize);
             let (at_i, at_j) = (-target.dot(&directions[i]), target.dot(&directions[j]));
             let gap = -target.dot(&(x[j] - x[i]));
-            entries.push(Triplet::new(i, i, w * at_i * at_i));
-            entries.push(Triplet::new(j, j, w * at_j * at_j));
-            entries.push(Triplet::new(i.max(j), i.min(j), w * at_i * at_j));
+            entries.push(Entry::new(i, i, w * at_i * at_i));
+            entries.push(Entry::new(j, j, w * at_j * at_j));
+            entries.push(Entry::new(i.max(j), i.min(j), w * at_i * at_j));
             right[(i, 0)] += w * at_i * gap;
             right[(j, 0)] += w * at_j * gap;
         }
@@ -139,7 +136,7 @@ pub(super) fn solved(
             rim_weight += weight;
             round.rim_vertices += 1;
         }
-        entries.push(Triplet::new(v, v, diagonal));
+        entries.push(Entry::new(v, v, diagonal));
     }
     round.silhouette_mm = if rim_weight > 0.0 { (squares / rim_weight).sqrt() * 1e3 } else { 0.0 };
 
@@ -153,14 +150,11 @@ pub(super) fn solved(
             std::iter::once((v, 1.0)).chain(neighbours.of(v).iter().map(|u| (*u as usize, share))).collect();
         for &(i, a) in &row {
             let lower = row.iter().filter(|(j, _)| *j <= i);
-            entries.extend(lower.map(|&(j, b)| Triplet::new(i, j, params.bending * a * b)));
+            entries.extend(lower.map(|&(j, b)| Entry::new(i, j, params.bending * a * b)));
         }
     }
 
-    let matrix = SparseColMat::try_new_from_triplets(n, n, &entries).ok()?;
-    let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).ok()?;
-    let llt = Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower).ok()?;
-    llt.solve_in_place(right.as_mut());
+    Cholesky::new(n, &entries).ok()?.solve_in_place(&mut right);
     let longest = params.longest_step;
     let steps: Vec<Real> = (0..n).map(|v| right[(v, 0)].clamp(-longest, longest)).collect();
     round.step_mm = (steps.iter().map(|s| s * s).sum::<Real>() / n.max(1) as Real).sqrt() * 1e3;

@@ -7,6 +7,8 @@ use crate::content::content;
 use crate::skeleton::Skeleton;
 use crate::skin_weights::SkinWeights;
 use crate::whole_folder::Writer;
+use if_core::aabb::Aabb;
+use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_mesh::file::{Content, MeshFile};
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
@@ -50,12 +52,70 @@ impl BodyInfo {
 pub struct NewBody<'a> {
     /// What it is to be called.
     pub name: &'a str,
-    /// A PLY or OBJ file: closed, wound outwards, in metres, with weights where a PLY file has some.
+    /// A PLY or OBJ file: closed, wound outwards, with weights where a PLY file has some.
     pub mesh: &'a Path,
     /// A PLY or OBJ file of the same body with a topology that other bodies have too.
     pub template: Option<&'a Path>,
     /// Its joints.
     pub skeleton: Option<&'a Path>,
+    /// Factor from the units of all these files to metres.
+    pub scale: Real,
+}
+
+impl<'a> NewBody<'a> {
+    /// A mesh in metres alone.
+    pub fn new(name: &'a str, mesh: &'a Path) -> Self {
+        Self { name, mesh, template: None, skeleton: None, scale: 1.0 }
+    }
+}
+
+/// A file as the wardrobe keeps it, and where it comes from.
+type Source = (PathBuf, Vec<u8>);
+
+/// The files of a body as the wardrobe keeps them: PLY, and in metres.
+pub(super) struct BodyFiles {
+    mesh: Source,
+    template: Option<Source>,
+    skeleton: Option<Source>,
+}
+
+impl BodyFiles {
+    /// Reads them.
+    pub(super) fn read(new: &NewBody) -> Result<Self, WardrobeError> {
+        if !(new.scale.is_finite() && new.scale > 0.0) {
+            return Err(WardrobeError::ScaleRange { scale: new.scale });
+        }
+        let mesh = |path: &Path| Ok::<_, WardrobeError>((path.to_path_buf(), ply_bytes(path, new.scale)?));
+        let skeleton = |path: &Path| Ok::<_, WardrobeError>((path.to_path_buf(), skeleton_bytes(path, new.scale)?));
+        Ok(Self {
+            mesh: mesh(new.mesh)?,
+            template: new.template.map(mesh).transpose()?,
+            skeleton: new.skeleton.map(skeleton).transpose()?,
+        })
+    }
+
+    /// Whether the mesh is that of `body`.
+    pub(super) fn has_mesh_of(&self, body: &BodyInfo) -> bool {
+        content(&self.mesh.1) == body.mesh.content
+    }
+
+    /// Whether `body` has all these files.
+    pub(super) fn are_of(&self, body: &BodyInfo) -> bool {
+        let same = |new: &Option<Source>, file: &Option<FileInfo>| {
+            new.is_none() || new.as_ref().map(|(_, bytes)| content(bytes)).as_ref() == file.as_ref().map(|f| &f.content)
+        };
+        self.has_mesh_of(body) && same(&self.template, &body.template) && same(&self.skeleton, &body.skeleton)
+    }
+
+    /// With the template and the skeleton of the `body` in `folder` where there is no new one.
+    pub(super) fn completed(self, folder: &Path, body: &BodyInfo) -> Result<Self, WardrobeError> {
+        let kept = |new: Option<Source>, file: &Option<FileInfo>| match (new, file) {
+            (None, Some(file)) => load(folder, file).map(Some),
+            (new, _) => Ok(new),
+        };
+        let (template, skeleton) = (kept(self.template, &body.template)?, kept(self.skeleton, &body.skeleton)?);
+        Ok(Self { mesh: self.mesh, template, skeleton })
+    }
 }
 
 /// A body that was read.
@@ -85,18 +145,13 @@ impl WardrobeBody {
     }
 }
 
-/// Copies the files of a body, if they can be read.
-pub(super) fn write(bodies: &Writer, new: &NewBody) -> Result<BodyInfo, WardrobeError> {
-    let load = |path: &Path| fs::read(path).map_err(|source| WardrobeError::Folder { path: path.into(), source });
-    let mesh = ply_bytes(new.mesh)?;
-    let template = new.template.map(ply_bytes).transpose()?;
-    let skeleton = new.skeleton.map(load).transpose()?;
-    let parsed =
-        parse(new.name, (new.mesh, &mesh), new.template.zip(template.as_deref()), new.skeleton.zip(skeleton.as_deref()))?;
+/// Stores the files of a body, if they are of use.
+pub(super) fn write(bodies: &Writer, name: &str, files: &BodyFiles) -> Result<BodyInfo, WardrobeError> {
+    let parsed = parse(name, files)?;
     // A body that no outfit could have is refused here, and not at every combination.
-    crate::outfit::Outfit::new(crate::outfit::Layer::new(new.name, parsed.mesh), vec![])
-        .map_err(|source| WardrobeError::Body { path: new.mesh.into(), source })?;
-    bodies.write(new.name, |folder| {
+    crate::outfit::Outfit::new(crate::outfit::Layer::new(name, parsed.mesh), vec![])
+        .map_err(|source| WardrobeError::Body { path: files.mesh.0.clone(), source })?;
+    bodies.write(name, |folder| {
         let store = |file: &str, bytes: &[u8]| -> Result<FileInfo, WardrobeError> {
             let path = folder.join(file);
             fs::write(&path, bytes).map_err(|source| WardrobeError::Folder { path, source })?;
@@ -104,10 +159,10 @@ pub(super) fn write(bodies: &Writer, new: &NewBody) -> Result<BodyInfo, Wardrobe
         };
         let info = BodyInfo {
             body: FORMAT,
-            name: new.name.into(),
-            mesh: store(MESH, &mesh)?,
-            template: template.as_deref().map(|bytes| store(TEMPLATE, bytes)).transpose()?,
-            skeleton: skeleton.as_deref().map(|bytes| store(SKELETON, bytes)).transpose()?,
+            name: name.into(),
+            mesh: store(MESH, &files.mesh.1)?,
+            template: files.template.as_ref().map(|(_, bytes)| store(TEMPLATE, bytes)).transpose()?,
+            skeleton: files.skeleton.as_ref().map(|(_, bytes)| store(SKELETON, bytes)).transpose()?,
         };
         let mut text = serde_json::to_vec_pretty(&info).map_err(|e| WardrobeError::Json { message: e.to_string() })?;
         text.push(b'\n');
@@ -116,22 +171,47 @@ pub(super) fn write(bodies: &Writer, new: &NewBody) -> Result<BodyInfo, Wardrobe
     })
 }
 
-/// A mesh file as the wardrobe keeps it: a PLY file as it is, the mesh of an OBJ file without loss.
-pub(super) fn ply_bytes(path: &Path) -> Result<Vec<u8>, WardrobeError> {
+/// A mesh file as the wardrobe keeps it: a PLY file in metres as it is, what has other units in double precision, and so the mesh of an OBJ file.
+fn ply_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
     let file = MeshFile::read(path)?;
-    if let Content::Ply(_) = file.content() {
+    if let (Content::Ply(_), true) = (file.content(), scale == 1.0) {
         return Ok(file.bytes().to_vec());
     }
-    let (mesh, mut bytes) = (file.mesh(), Vec::new());
+    let scaled = file.mesh().scaled(scale);
+    let mesh = scaled.map_err(|source| WardrobeError::Scale { path: path.into(), scale, source })?;
+    let (positions, mut bytes) = (mesh.vertices().to_vec(), Vec::new());
     let params = WriteParams { coordinates: CoordinateType::Double, ..WriteParams::default() };
-    ply::write(&PlyMesh::new(mesh.clone()), mesh.vertices(), &params, &mut bytes)
-        .map_err(|e| WardrobeError::Write { path: path.into(), source: e.into() })?;
+    let written = match file.content() {
+        Content::Ply(ply) => ply::write(ply, &positions, &params, &mut bytes),
+        _ => ply::write(&PlyMesh::new(mesh), &positions, &params, &mut bytes),
+    };
+    written.map_err(|e| WardrobeError::Write { path: path.into(), source: e.into() })?;
+    Ok(bytes)
+}
+
+/// The same of a skeleton.
+fn skeleton_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
+    let bytes = fs::read(path).map_err(|source| WardrobeError::Folder { path: path.into(), source })?;
+    if scale == 1.0 {
+        return Ok(bytes);
+    }
+    let fault = |source| WardrobeError::Skeleton { path: path.into(), source };
+    let scaled = Skeleton::read(&bytes[..]).and_then(|skeleton| skeleton.scaled(scale)).map_err(fault)?;
+    let mut bytes = Vec::new();
+    scaled.write(&mut bytes)?;
     Ok(bytes)
 }
 
 /// The mesh file of a body, if it is the one that was added.
 pub(super) fn read_mesh(folder: &Path, info: &BodyInfo) -> Result<Vec<u8>, WardrobeError> {
     Ok(load(folder, &info.mesh)?.1)
+}
+
+/// The box of a body's surface.
+pub(super) fn read_box(bodies: &Path, info: &BodyInfo) -> Result<Aabb, WardrobeError> {
+    let (path, bytes) = load(&bodies.join(&info.name), &info.mesh)?;
+    let ply = ply::read_bytes(&bytes).map_err(|e| WardrobeError::BodyMesh { path, source: e.into() })?;
+    Ok(ply.mesh.surface_aabb())
 }
 
 pub(super) fn read_info(folder: &Path) -> Result<BodyInfo, WardrobeError> {
@@ -148,19 +228,16 @@ pub(super) fn read_info(folder: &Path) -> Result<BodyInfo, WardrobeError> {
 
 pub(super) fn read(folder: &Path, info: &BodyInfo) -> Result<WardrobeBody, WardrobeError> {
     let load = |file| load(folder, file);
-    let mesh = load(&info.mesh)?;
-    let template = info.template.as_ref().map(load).transpose()?;
-    let skeleton = info.skeleton.as_ref().map(load).transpose()?;
-    parse(
-        &info.name,
-        (&mesh.0, &mesh.1),
-        template.as_ref().map(|(path, bytes)| (path.as_path(), bytes.as_slice())),
-        skeleton.as_ref().map(|(path, bytes)| (path.as_path(), bytes.as_slice())),
-    )
+    let files = BodyFiles {
+        mesh: load(&info.mesh)?,
+        template: info.template.as_ref().map(load).transpose()?,
+        skeleton: info.skeleton.as_ref().map(load).transpose()?,
+    };
+    parse(&info.name, &files)
 }
 
 /// The bytes of a file, if they are those that were stated.
-fn load(folder: &Path, file: &FileInfo) -> Result<(PathBuf, Vec<u8>), WardrobeError> {
+fn load(folder: &Path, file: &FileInfo) -> Result<Source, WardrobeError> {
     let path = folder.join(&file.file);
     let bytes = fs::read(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
     if content(&bytes) != file.content {
@@ -170,26 +247,23 @@ fn load(folder: &Path, file: &FileInfo) -> Result<(PathBuf, Vec<u8>), WardrobeEr
     Ok((path, bytes))
 }
 
-fn parse(
-    name: &str,
-    mesh: (&Path, &[u8]),
-    template: Option<(&Path, &[u8])>,
-    skeleton: Option<(&Path, &[u8])>,
-) -> Result<WardrobeBody, WardrobeError> {
-    let skeleton = skeleton
-        .map(|(path, bytes)| Skeleton::read(bytes).map_err(|source| WardrobeError::Skeleton { path: path.into(), source }))
-        .transpose()?;
+fn parse(name: &str, files: &BodyFiles) -> Result<WardrobeBody, WardrobeError> {
+    let read = |(path, bytes): &Source| {
+        Skeleton::read(&bytes[..]).map_err(|source| WardrobeError::Skeleton { path: path.clone(), source })
+    };
+    let skeleton = files.skeleton.as_ref().map(read).transpose()?;
     let joints = skeleton.as_ref().map_or(JOINTS, Skeleton::len);
-    let skinned = |(path, bytes): (&Path, &[u8])| {
-        let ply = ply::read_bytes(bytes).map_err(|e| WardrobeError::BodyMesh { path: path.into(), source: e.into() })?;
+    let skinned = |(path, bytes): &Source| {
+        let ply = ply::read_bytes(bytes).map_err(|e| WardrobeError::BodyMesh { path: path.clone(), source: e.into() })?;
         let skin = match ply.vertex_property("j0") {
             Some(_) => Some(
-                SkinWeights::from_ply(&ply, joints).map_err(|source| WardrobeError::BodySkin { path: path.into(), source })?,
+                SkinWeights::from_ply(&ply, joints).map_err(|source| WardrobeError::BodySkin { path: path.clone(), source })?,
             ),
             None => None,
         };
         Ok::<_, WardrobeError>((ply.mesh, skin))
     };
-    let (mesh, skin) = skinned(mesh)?;
-    Ok(WardrobeBody { name: name.into(), mesh, skin, template: template.map(skinned).transpose()?, skeleton })
+    let (mesh, skin) = skinned(&files.mesh)?;
+    let template = files.template.as_ref().map(skinned).transpose()?;
+    Ok(WardrobeBody { name: name.into(), mesh, skin, template, skeleton })
 }

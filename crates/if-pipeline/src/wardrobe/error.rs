@@ -7,6 +7,8 @@ use crate::render::PngError;
 use crate::resolve::ResolveError;
 use crate::skeleton::SkeletonError;
 use crate::skin_weights::SkinWeightsError;
+use if_core::math::Real;
+use if_core::mesh::MeshError;
 use if_mesh::file;
 use if_mesh::ply;
 use std::io;
@@ -50,6 +52,12 @@ pub enum WardrobeError {
     /// A file that is to become a body cannot be read.
     #[error(transparent)]
     BodyFile(#[from] file::ReadError),
+    /// A factor of units that is none.
+    #[error("the scale is {scale}; give a positive number, such as 0.001 for files in millimetres")]
+    ScaleRange { scale: Real },
+    /// A mesh that is not finite in metres.
+    #[error("{}: cannot be scaled by {scale}: {source}", path.display())]
+    Scale { path: PathBuf, scale: Real, source: MeshError },
     /// A body that no outfit can have.
     #[error("{}: {source}", path.display())]
     Body { path: PathBuf, source: OutfitError },
@@ -62,6 +70,9 @@ pub enum WardrobeError {
     /// A combination without garments.
     #[error("the combination on body `{body}` has no garments; name one at least")]
     NoGarments { body: String },
+    /// A garment that no outfit on its body can have.
+    #[error(transparent)]
+    Misfit(OutfitError),
     /// A garment that is named twice.
     #[error("garment `{name}` stands twice in a combination; leave one out, or add it again under another name")]
     Twice { name: String },
@@ -118,6 +129,8 @@ impl WardrobeError {
             Self::NoGarment { .. } => "no_garment",
             Self::ForeignBody { .. } => "foreign_body",
             Self::BodyInfo { .. }
+            | Self::ScaleRange { .. }
+            | Self::Scale { .. }
             | Self::BodyMesh { .. }
             | Self::BodyFile(_)
             | Self::Body { .. }
@@ -125,7 +138,7 @@ impl WardrobeError {
             | Self::Skeleton { .. } => "body",
             Self::NoGarments { .. } | Self::Twice { .. } | Self::TooFew { .. } | Self::Sizes { .. } => "combination",
             Self::Align { .. } | Self::AlignParams(_) => "align",
-            Self::Outfit(_) => "outfit",
+            Self::Outfit(_) | Self::Misfit(_) => "outfit",
             Self::Resolve(ResolveError::Remaining { .. }) => "remaining",
             Self::Resolve(_) => "resolve",
             Self::PictureHeight { .. } => "parameter",

@@ -29,7 +29,7 @@ fn filled(root: &Path) -> Wardrobe {
         let path = files.join(format!("{name}.ply"));
         let ply = PlyMesh::new(mesh.clone());
         write_path(&ply, mesh.vertices(), &WriteParams::default(), &path).unwrap();
-        let new = NewBody { name, mesh: &path, template: None, skeleton: None };
+        let new = NewBody::new(name, &path);
         let found = wardrobe.add_body(&new).unwrap();
         made = made.or(Some(found));
     }
@@ -104,9 +104,8 @@ fn a_damaged_body_is_not_replaced_by_another_of_its_name() {
     let mut wardrobe = filled(root.path());
     fs::write(root.path().join("bodies/slim/body.json"), "{").unwrap();
     let (slim, large) = (root.path().join("files/slim.ply"), root.path().join("files/large.ply"));
-    let new = |name, mesh| NewBody { name, mesh, template: None, skeleton: None };
-    assert_eq!(wardrobe.add_body_once(&new("slim", &slim)).unwrap().name, "slim_2");
-    assert_eq!(wardrobe.add_body_once(&new("anything", &large)).unwrap().name, "large");
+    assert_eq!(wardrobe.add_body_once(&NewBody::new("slim", &slim)).unwrap().name, "slim_2");
+    assert_eq!(wardrobe.add_body_once(&NewBody::new("anything", &large)).unwrap().name, "large");
 }
 
 #[test]
@@ -118,7 +117,7 @@ fn a_body_that_is_added_again_keeps_what_it_has() {
     let skeleton = root.path().join("files/skeleton.json");
     let joint = Joint { name: "hips".into(), parent: None, head: Point::origin(), tail: Point::new(0.0, 0.2, 0.0) };
     Skeleton::new(vec![joint]).unwrap().write(fs::File::create(&skeleton).unwrap()).unwrap();
-    let new = NewBody { name: "other", mesh: &slim, template: None, skeleton: None };
+    let new = NewBody::new("other", &slim);
     let with_template = NewBody { template: Some(&large), ..new };
     let with_skeleton = NewBody { skeleton: Some(&skeleton), ..new };
     for new in [with_template, with_skeleton, new] {
@@ -128,6 +127,45 @@ fn a_body_that_is_added_again_keeps_what_it_has() {
     assert!(info.template.is_some() && info.skeleton.is_some());
     assert!(wardrobe.body("slim").unwrap().template.is_some());
     assert_eq!(wardrobe.bodies().len(), 2);
+}
+
+#[test]
+fn files_in_centimetres_are_stored_in_metres() {
+    use crate::outfit::OutfitError;
+    use crate::skeleton::{Joint, Skeleton};
+    let root = tempfile::tempdir().unwrap();
+    let mut wardrobe = filled(root.path());
+    let (body, skeleton) = (root.path().join("files/cm.ply"), root.path().join("files/cm.json"));
+    let metres = wardrobe.body("slim").unwrap().mesh;
+    let large = metres.scaled(100.0).unwrap();
+    // Properties come along.
+    let mut ply = PlyMesh::new(large.clone());
+    ply.comments.push("in centimetres".into());
+    write_path(&ply, large.vertices(), &WriteParams::default(), &body).unwrap();
+    let joint = Joint { name: "hips".into(), parent: None, head: Point::new(0.0, 100.0, 0.0), tail: Point::new(0.0, 120.0, 0.0) };
+    Skeleton::new(vec![joint]).unwrap().write(fs::File::create(&skeleton).unwrap()).unwrap();
+    let new = NewBody { template: Some(&body), skeleton: Some(&skeleton), ..NewBody::new("cm", &body) };
+    let error = wardrobe.add_body(&new).unwrap_err();
+    assert!(matches!(&error, WardrobeError::Body { source: OutfitError::Units { scale: 0.01, .. }, .. }), "{error}");
+    let added = wardrobe.add_body(&NewBody { scale: 0.01, ..new }).unwrap();
+    // What is there already is known again, in units of its own.
+    assert_eq!(wardrobe.add_body_once(&NewBody { scale: 0.01, ..NewBody::new("other", &body) }).unwrap(), added);
+    let stored = wardrobe.body("cm").unwrap();
+    assert_eq!(stored.skeleton.unwrap().joints()[0].tail.y, 1.2);
+    for mesh in [stored.mesh, stored.template.unwrap().0] {
+        let off = mesh.vertices().iter().zip(metres.vertices()).map(|(p, q)| (p - q).amax()).fold(0.0, f64::max);
+        assert!(mesh.triangles() == metres.triangles() && off < 1e-6, "{off}");
+    }
+    assert!(String::from_utf8_lossy(&wardrobe.body_file("cm").unwrap()).contains("comment in centimetres"));
+    for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(matches!(wardrobe.add_body(&NewBody { scale, ..new }), Err(WardrobeError::ScaleRange { .. })));
+    }
+    assert!(matches!(wardrobe.add_body(&NewBody { scale: 1e307, ..new }), Err(WardrobeError::Scale { .. })));
+    // A garment in other units than its body is refused too.
+    let shirt = garment(Garment::Tshirt, &COARSE).scaled(100.0).unwrap();
+    let error = wardrobe.add(&parts("shirt", &shirt, &added, &Provenance::default())).map(drop).unwrap_err();
+    assert!(matches!(error, WardrobeError::Misfit(OutfitError::TooLarge { .. })), "{error}");
+    assert!(!root.path().join("garments/shirt").exists());
 }
 
 #[test]
@@ -205,7 +243,7 @@ fn garments_of_an_unknown_body_and_open_bodies_are_refused() {
     assert!(matches!(error, WardrobeError::ForeignBody { .. }), "{error}");
     let path = root.path().join("open.ply");
     write_path(&PlyMesh::new(shirt.clone()), shirt.vertices(), &WriteParams::default(), &path).unwrap();
-    let error = wardrobe.add_body(&NewBody { name: "open", mesh: &path, template: None, skeleton: None }).unwrap_err();
+    let error = wardrobe.add_body(&NewBody::new("open", &path)).unwrap_err();
     assert!(matches!(error, WardrobeError::Body { source: crate::outfit::OutfitError::OpenBody { .. }, .. }), "{error}");
     assert!(!root.path().join("bodies/open").exists());
 }
