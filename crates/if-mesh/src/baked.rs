@@ -73,6 +73,11 @@ impl Baked {
     /// Absurd parameters or sizes, a source without bounds where no region is given, one that is NaN or
     /// infinite in the band, or one whose inside leaves the region.
     pub fn new(source: &(impl SignedDistance + ?Sized), params: &BakeParams) -> Result<Self, BakeError> {
+        Self::bake(&source, params)
+    }
+
+    /// Not generic: made once, and not for each kind of field.
+    fn bake(source: &dyn SignedDistance, params: &BakeParams) -> Result<Self, BakeError> {
         params.validate()?;
         let region = build::region(source, params)?;
         let mut bricks = build::band_bricks(source, &region, params)?;

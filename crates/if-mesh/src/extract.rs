@@ -100,6 +100,8 @@ pub fn extract_watched<F: SignedDistance + ?Sized>(
     params: &ExtractParams,
     watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Extraction, ExtractError> {
+    // From here on code is made once, and not for each kind of field: it asks for batches.
+    let field: &dyn SignedDistance = &field;
     params.validate()?;
     let region = params.region.or_else(|| field.bounds()).ok_or(ExtractError::NoRegion)?;
     let size = region.size();
@@ -124,8 +126,8 @@ const ATTEMPTS: usize = 8;
 const AIM: Real = 0.8;
 
 /// Extracts with smaller and smaller cells until the error is as requested.
-fn to_accuracy<F: SignedDistance + ?Sized>(
-    field: &F,
+fn to_accuracy(
+    field: &dyn SignedDistance,
     region: &Aabb,
     (error, finest): (Real, Real),
     bound: &Bound,
@@ -154,8 +156,8 @@ fn to_accuracy<F: SignedDistance + ?Sized>(
     }
 }
 
-fn attempt<F: SignedDistance + ?Sized>(
-    field: &F,
+fn attempt(
+    field: &dyn SignedDistance,
     region: &Aabb,
     cell: Real,
     bound: &Bound,

@@ -94,7 +94,7 @@ pub(super) fn bend(nodes: &[Node], slot: usize) -> Real {
 pub(super) fn measure(
     errors: &mut Errors,
     bricks: &Bricks,
-    source: &(impl SignedDistance + ?Sized),
+    source: &dyn SignedDistance,
     params: &BakeParams,
     (near, seed, tolerance): (bool, u64, Real),
 ) -> Vec<u32> {

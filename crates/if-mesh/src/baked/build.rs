@@ -8,7 +8,7 @@ use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
 
 /// The box in which the zero set lies.
-pub(super) fn region(source: &(impl SignedDistance + ?Sized), params: &BakeParams) -> Result<Aabb, BakeError> {
+pub(super) fn region(source: &dyn SignedDistance, params: &BakeParams) -> Result<Aabb, BakeError> {
     let region = params.region.or_else(|| source.bounds()).ok_or(BakeError::Unbounded)?;
     if region.is_empty() || !region.min.iter().chain(region.max.iter()).all(|x| x.is_finite()) {
         return Err(BakeError::Region { region });
@@ -18,7 +18,7 @@ pub(super) fn region(source: &(impl SignedDistance + ?Sized), params: &BakeParam
 
 /// The bricks that may hold a point of the band: all others are excluded by the Lipschitz bound.
 pub(super) fn band_bricks(
-    source: &(impl SignedDistance + ?Sized),
+    source: &dyn SignedDistance,
     region: &Aabb,
     params: &BakeParams,
 ) -> Result<Bricks, BakeError> {

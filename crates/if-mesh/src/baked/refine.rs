@@ -33,7 +33,7 @@ const ROUNDS: u64 = 6;
 /// A source that is not finite somewhere.
 pub(super) fn refine(
     bricks: &mut Bricks,
-    source: &(impl SignedDistance + ?Sized),
+    source: &dyn SignedDistance,
     params: &BakeParams,
     known: Samples,
 ) -> Result<accuracy::Errors, BakeError> {
@@ -71,16 +71,16 @@ pub(super) fn refine(
     }
 }
 
-struct Refinement<'a, S: ?Sized> {
+struct Refinement<'a> {
     bricks: &'a mut Bricks,
-    source: &'a S,
+    source: &'a dyn SignedDistance,
     params: &'a BakeParams,
     levels: u32,
     /// By level, bricks that were not yet looked at.
     frontiers: Vec<Vec<u32>>,
 }
 
-impl<S: SignedDistance + ?Sized> Refinement<'_, S> {
+impl Refinement<'_> {
     /// Looks at all frontiers. `known` are samples at nodes of level 0.
     fn run(&mut self, mut known: Samples) -> Result<(), BakeError> {
         for level in 0..self.levels {

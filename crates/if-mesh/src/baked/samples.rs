@@ -37,7 +37,7 @@ impl Samples {
     ///
     /// A value or slope that is not finite.
     pub(super) fn ask(
-        source: &(impl SignedDistance + ?Sized),
+        source: &dyn SignedDistance,
         bricks: &Bricks,
         level: u32,
         mut keys: Vec<u64>,
@@ -67,7 +67,7 @@ impl Samples {
     }
 
     /// Samples at all nodes of a grid of level 0.
-    pub(super) fn of_all(source: &(impl SignedDistance + ?Sized), bricks: &Bricks) -> Result<Self, BakeError> {
+    pub(super) fn of_all(source: &dyn SignedDistance, bricks: &Bricks) -> Result<Self, BakeError> {
         let all: Vec<u32> = (0..bricks.places.len() as u32).collect();
         Self::ask(source, bricks, 0, node_keys(bricks, &all), &Self::default())
     }

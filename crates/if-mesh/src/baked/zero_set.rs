@@ -53,8 +53,8 @@ const STEEPER: Real = 1.5;
 ///
 /// α is the step of Barzilai and Borwein 1988: where the surface bends at distance d with the curvature κ, it comes to
 /// 1 / (1 + d κ) by itself. Of all q that were on the zero set the nearest counts, so that the distance is never too small.
-pub(super) struct ZeroSet<'a, S: ?Sized> {
-    source: &'a S,
+pub(super) struct ZeroSet<'a> {
+    source: &'a dyn SignedDistance,
     surface: Bvh,
     edge: Real,
     /// How far from the mesh the zero set may be where no step finds it, in metres: at corners.
@@ -63,10 +63,10 @@ pub(super) struct ZeroSet<'a, S: ?Sized> {
     limits: [Real; 2],
 }
 
-impl<'a, S: SignedDistance + ?Sized> ZeroSet<'a, S> {
+impl<'a> ZeroSet<'a> {
     /// Extracts the surface. `samples` are some of the source's; `far` is how far beyond the band a distance is wanted, in metres.
     pub(super) fn new(
-        source: &'a S,
+        source: &'a dyn SignedDistance,
         region: &Aabb,
         params: &BakeParams,
         samples: &[FieldSample],
@@ -202,7 +202,7 @@ struct Best {
     settled: bool,
 }
 
-impl<S: SignedDistance + ?Sized> SignedDistance for ZeroSet<'_, S> {
+impl SignedDistance for ZeroSet<'_> {
     fn distance(&self, p: &Point) -> Real {
         self.sample(p).distance
     }

@@ -134,7 +134,7 @@ mod tests {
             // A bent and wavy circle with a ragged edge.
             let at = |k: usize| {
                 let angle = std::f64::consts::TAU * k as Real / n as Real;
-                let ragged = if k % 3 == 0 { 1.01 } else { 1.0 } + 0.05 * (20.0 * angle).sin();
+                let ragged = if k.is_multiple_of(3) { 1.01 } else { 1.0 } + 0.05 * (20.0 * angle).sin();
                 Point::new(ragged * angle.cos(), 0.3 * (2.0 * angle).sin(), ragged * angle.sin())
             };
             let points: Vec<Point> = (0..n).map(at).collect();

@@ -75,8 +75,8 @@ pub(super) struct Checked {
 }
 
 /// Measures the error at vertices and triangle centres chosen by the seed.
-pub(super) fn check<F: SignedDistance + ?Sized>(
-    field: &F,
+pub(super) fn check(
+    field: &dyn SignedDistance,
     mesh: &TriMesh,
     params: &ExtractParams,
     watch: &mut Watch,

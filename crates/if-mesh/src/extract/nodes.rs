@@ -88,8 +88,8 @@ impl Nodes {
     }
 
     /// Evaluates the field at the corners of `cells` of a level, but for those that `known` knows. `held` bytes are taken beside them.
-    pub(super) fn evaluate<F: SignedDistance + ?Sized>(
-        field: &F,
+    pub(super) fn evaluate(
+        field: &dyn SignedDistance,
         lattice: &Lattice,
         level: &Level,
         cells: &Rows<Bits>,
@@ -158,8 +158,8 @@ fn numbered(places: &Rows<Bits>) -> Rows<NodeWord> {
 type PlaneNodes = (Vec<(u32, Real)>, Vec<u32>, Vec<Point>);
 
 /// Values at the nodes of some planes.
-fn evaluate_planes<F: SignedDistance + ?Sized>(
-    field: &F,
+fn evaluate_planes(
+    field: &dyn SignedDistance,
     lattice: &Lattice,
     level: &Level,
     rows: &Rows<NodeWord>,

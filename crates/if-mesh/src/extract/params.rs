@@ -112,9 +112,9 @@ pub enum Slope {
 
 impl Slope {
     /// The bound for a field.
-    pub(super) fn of<F: SignedDistance + ?Sized>(
+    pub(super) fn of(
         &self,
-        field: &F,
+        field: &dyn SignedDistance,
         region: &Aabb,
         watch: &mut Watch,
     ) -> Result<Real, ExtractError> {

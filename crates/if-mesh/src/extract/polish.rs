@@ -39,8 +39,8 @@ fn on_edge(lattice: &Lattice, edge: &Edge, t: Real) -> Point {
 ///
 /// The secant step stays between the ends and on the side where the sign changes, and so folds nothing. It mends the
 /// kink between two near sheets, where the gradient jumps and Newton's step alone would go astray.
-pub(super) fn polish<F: SignedDistance + ?Sized>(
-    field: &F,
+pub(super) fn polish(
+    field: &dyn SignedDistance,
     lattice: &Lattice,
     edges: &[Edge],
     secant: bool,

@@ -49,8 +49,8 @@ const MARGIN: Real = 1.25;
 /// Where L is wrong this can drop boxes through which the surface passes. Neighbouring nodes whose values differ by more than
 /// L allows show it: then all begins anew with a larger L. And a cell is taken back where one of its edges has ends of both
 /// signs, until there is none, so that the surface has no holes.
-pub(super) fn refine<F: SignedDistance + ?Sized>(
-    field: &F,
+pub(super) fn refine(
+    field: &dyn SignedDistance,
     lattice: &Lattice,
     bound: &Bound,
     watch: &mut Watch,
@@ -68,8 +68,8 @@ pub(super) fn refine<F: SignedDistance + ?Sized>(
 }
 
 /// What is left on the last level; or the slope that was seen, where it is above the bound.
-fn levels<F: SignedDistance + ?Sized>(
-    field: &F,
+fn levels(
+    field: &dyn SignedDistance,
     lattice: &Lattice,
     bound: &Bound,
     watch: &mut Watch,
@@ -95,8 +95,8 @@ fn levels<F: SignedDistance + ?Sized>(
 }
 
 /// All cells: the slow twin.
-pub(super) fn dense<F: SignedDistance + ?Sized>(
-    field: &F,
+pub(super) fn dense(
+    field: &dyn SignedDistance,
     lattice: &Lattice,
     bound: &Bound,
     watch: &mut Watch,
@@ -195,8 +195,8 @@ impl Corners {
 }
 
 /// Takes back cells round edges whose ends have both signs.
-fn complete<F: SignedDistance + ?Sized>(
-    field: &F,
+fn complete(
+    field: &dyn SignedDistance,
     lattice: &Lattice,
     mut refined: Refined,
     watch: &mut Watch,

@@ -57,13 +57,13 @@ impl RelaxParams {
 /// A step that is not from 0 to 1.
 pub fn relax<F: SignedDistance + ?Sized>(mesh: &TriMesh, field: &F, params: &RelaxParams) -> Result<TriMesh, RelaxError> {
     params.validate()?;
-    Ok(relax_within(mesh, field, params, None))
+    Ok(relax_within(mesh, &field, params, None))
 }
 
 /// The same, with a step from 0 to 1; a vertex that would leave `region` stays for that round. Beside jumps of a field Newton steps lead anywhere.
-pub(crate) fn relax_within<F: SignedDistance + ?Sized>(
+pub(crate) fn relax_within(
     mesh: &TriMesh,
-    field: &F,
+    field: &dyn SignedDistance,
     params: &RelaxParams,
     region: Option<&Aabb>,
 ) -> TriMesh {
