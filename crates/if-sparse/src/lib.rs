@@ -4,7 +4,6 @@
 //! crate, once, and not again in each crate that solves a system, in each of its test programs, and after each of its changes.
 
 use faer::Side;
-use faer::linalg::cholesky::llt::factor::LltError as Pivot;
 use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::LltError;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
@@ -29,8 +28,8 @@ pub enum CholeskyError {
     #[error("{values} values for a pattern of {places} places")]
     Count { values: usize, places: usize },
     /// Not positive definite, or with a number that is not finite.
-    #[error("the matrix is not positive definite: pivot {pivot} of the reordered matrix is not above 0")]
-    NotPositiveDefinite { pivot: usize },
+    #[error("the matrix is not positive definite, or has a number that is not finite")]
+    NotPositiveDefinite,
     /// The matrix or its factor has more entries than memory, or an index, can hold.
     #[error("the matrix of {n} rows and columns, or its factor, is too large for the memory")]
     TooLarge { n: usize },
@@ -132,7 +131,7 @@ fn creation(n: usize, error: &CreationError) -> CholeskyError {
 
 fn numeric(n: usize, error: LltError) -> CholeskyError {
     match error {
-        LltError::Numeric(Pivot::NonPositivePivot { index }) => CholeskyError::NotPositiveDefinite { pivot: index },
+        LltError::Numeric(_) => CholeskyError::NotPositiveDefinite,
         LltError::Generic(_) => CholeskyError::TooLarge { n },
     }
 }

@@ -49,10 +49,10 @@ fn matrices_that_cannot_be_factored_are_named() {
     assert_eq!(Pattern::new(2, &[Place::new(0, 2)]).unwrap_err(), CholeskyError::Place { row: 0, column: 2, n: 2 });
     for value in [0.0, -1.0, f64::NAN] {
         let error = Cholesky::new(1, &[Entry::new(0, 0, value)]).unwrap_err();
-        assert_eq!(error, CholeskyError::NotPositiveDefinite { pivot: 0 }, "{value}");
+        assert_eq!(error, CholeskyError::NotPositiveDefinite, "{value}");
     }
     let singular = [Entry::new(0, 0, 1.0), Entry::new(1, 0, -1.0), Entry::new(1, 1, 1.0)];
-    assert!(matches!(Cholesky::new(2, &singular), Err(CholeskyError::NotPositiveDefinite { .. })));
+    assert!(matches!(Cholesky::new(2, &singular), Err(CholeskyError::NotPositiveDefinite)));
 }
 
 #[test]

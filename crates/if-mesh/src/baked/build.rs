@@ -17,11 +17,7 @@ pub(super) fn region(source: &dyn SignedDistance, params: &BakeParams) -> Result
 }
 
 /// The bricks that may hold a point of the band: all others are excluded by the Lipschitz bound.
-pub(super) fn band_bricks(
-    source: &dyn SignedDistance,
-    region: &Aabb,
-    params: &BakeParams,
-) -> Result<Bricks, BakeError> {
+pub(super) fn band_bricks(source: &dyn SignedDistance, region: &Aabb, params: &BakeParams) -> Result<Bricks, BakeError> {
     let lipschitz = source.lipschitz();
     if lipschitz.is_nan() || lipschitz <= 0.0 {
         return Err(BakeError::Parameter { name: "lipschitz() of the source", value: lipschitz, needs: "a number above zero" });

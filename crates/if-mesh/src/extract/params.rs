@@ -112,12 +112,7 @@ pub enum Slope {
 
 impl Slope {
     /// The bound for a field.
-    pub(super) fn of(
-        &self,
-        field: &dyn SignedDistance,
-        region: &Aabb,
-        watch: &mut Watch,
-    ) -> Result<Real, ExtractError> {
+    pub(super) fn of(&self, field: &dyn SignedDistance, region: &Aabb, watch: &mut Watch) -> Result<Real, ExtractError> {
         let slope = match *self {
             Self::Field => field.lipschitz(),
             Self::Given(slope) => slope,

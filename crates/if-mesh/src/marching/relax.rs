@@ -61,12 +61,7 @@ pub fn relax<F: SignedDistance + ?Sized>(mesh: &TriMesh, field: &F, params: &Rel
 }
 
 /// The same, with a step from 0 to 1; a vertex that would leave `region` stays for that round. Beside jumps of a field Newton steps lead anywhere.
-pub(crate) fn relax_within(
-    mesh: &TriMesh,
-    field: &dyn SignedDistance,
-    params: &RelaxParams,
-    region: Option<&Aabb>,
-) -> TriMesh {
+pub(crate) fn relax_within(mesh: &TriMesh, field: &dyn SignedDistance, params: &RelaxParams, region: Option<&Aabb>) -> TriMesh {
     let edges = Edges::new(mesh);
     let fans = VertexTriangles::new(mesh);
     let borders = border_neighbours(mesh, &edges);
