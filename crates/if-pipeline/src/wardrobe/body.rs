@@ -3,7 +3,7 @@
 use super::WardrobeError;
 use crate::align::BodyShape;
 use crate::asset::{BodyRef, FileInfo};
-use crate::content::content;
+use crate::content;
 use crate::skeleton::Skeleton;
 use crate::skin_weights::SkinWeights;
 use crate::whole_folder::Writer;
@@ -70,7 +70,17 @@ impl<'a> NewBody<'a> {
 }
 
 /// A file as the wardrobe keeps it, and where it comes from.
-type Source = (PathBuf, Vec<u8>);
+struct Source {
+    path: PathBuf,
+    bytes: Vec<u8>,
+    content: content::Content,
+}
+
+impl Source {
+    fn new(path: &Path, bytes: Vec<u8>) -> Self {
+        Self { path: path.into(), content: content::content(&bytes), bytes }
+    }
+}
 
 /// The files of a body as the wardrobe keeps them: PLY, and in metres.
 pub(super) struct BodyFiles {
@@ -85,8 +95,8 @@ impl BodyFiles {
         if !(new.scale.is_finite() && new.scale > 0.0) {
             return Err(WardrobeError::ScaleRange { scale: new.scale });
         }
-        let mesh = |path: &Path| Ok::<_, WardrobeError>((path.to_path_buf(), ply_bytes(path, new.scale)?));
-        let skeleton = |path: &Path| Ok::<_, WardrobeError>((path.to_path_buf(), skeleton_bytes(path, new.scale)?));
+        let mesh = |path: &Path| Ok::<_, WardrobeError>(Source::new(path, ply_bytes(path, new.scale)?));
+        let skeleton = |path: &Path| Ok::<_, WardrobeError>(Source::new(path, skeleton_bytes(path, new.scale)?));
         Ok(Self {
             mesh: mesh(new.mesh)?,
             template: new.template.map(mesh).transpose()?,
@@ -96,13 +106,13 @@ impl BodyFiles {
 
     /// Whether the mesh is that of `body`.
     pub(super) fn has_mesh_of(&self, body: &BodyInfo) -> bool {
-        content(&self.mesh.1) == body.mesh.content
+        self.mesh.content == body.mesh.content
     }
 
     /// Whether `body` has all these files.
     pub(super) fn are_of(&self, body: &BodyInfo) -> bool {
         let same = |new: &Option<Source>, file: &Option<FileInfo>| {
-            new.is_none() || new.as_ref().map(|(_, bytes)| content(bytes)).as_ref() == file.as_ref().map(|f| &f.content)
+            new.is_none() || new.as_ref().map(|source| &source.content) == file.as_ref().map(|f| &f.content)
         };
         self.has_mesh_of(body) && same(&self.template, &body.template) && same(&self.skeleton, &body.skeleton)
     }
@@ -150,23 +160,26 @@ pub(super) fn write(bodies: &Writer, name: &str, files: &BodyFiles) -> Result<Bo
     let parsed = parse(name, files)?;
     // A body that no outfit could have is refused here, and not at every combination.
     crate::outfit::Outfit::new(crate::outfit::Layer::new(name, parsed.mesh), vec![])
-        .map_err(|source| WardrobeError::Body { path: files.mesh.0.clone(), source })?;
+        .map_err(|source| WardrobeError::Body { path: files.mesh.path.clone(), source })?;
     bodies.write(name, |folder| {
-        let store = |file: &str, bytes: &[u8]| -> Result<FileInfo, WardrobeError> {
+        let put = |file: &str, bytes: &[u8]| {
             let path = folder.join(file);
-            fs::write(&path, bytes).map_err(|source| WardrobeError::Folder { path, source })?;
-            Ok(FileInfo { file: file.into(), content: content(bytes) })
+            fs::write(&path, bytes).map_err(|source| WardrobeError::Folder { path, source })
+        };
+        let store = |file: &str, source: &Source| -> Result<FileInfo, WardrobeError> {
+            put(file, &source.bytes)?;
+            Ok(FileInfo { file: file.into(), content: source.content.clone() })
         };
         let info = BodyInfo {
             body: FORMAT,
             name: name.into(),
-            mesh: store(MESH, &files.mesh.1)?,
-            template: files.template.as_ref().map(|(_, bytes)| store(TEMPLATE, bytes)).transpose()?,
-            skeleton: files.skeleton.as_ref().map(|(_, bytes)| store(SKELETON, bytes)).transpose()?,
+            mesh: store(MESH, &files.mesh)?,
+            template: files.template.as_ref().map(|source| store(TEMPLATE, source)).transpose()?,
+            skeleton: files.skeleton.as_ref().map(|source| store(SKELETON, source)).transpose()?,
         };
         let mut text = serde_json::to_vec_pretty(&info).map_err(|e| WardrobeError::Json { message: e.to_string() })?;
         text.push(b'\n');
-        store(INFO, &text)?;
+        put(INFO, &text)?;
         Ok(info)
     })
 }
@@ -204,12 +217,12 @@ fn skeleton_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
 
 /// The mesh file of a body, if it is the one that was added.
 pub(super) fn read_mesh(folder: &Path, info: &BodyInfo) -> Result<Vec<u8>, WardrobeError> {
-    Ok(load(folder, &info.mesh)?.1)
+    Ok(load(folder, &info.mesh)?.bytes)
 }
 
 /// The box of a body's surface.
 pub(super) fn read_box(bodies: &Path, info: &BodyInfo) -> Result<Aabb, WardrobeError> {
-    let (path, bytes) = load(&bodies.join(&info.name), &info.mesh)?;
+    let Source { path, bytes, .. } = load(&bodies.join(&info.name), &info.mesh)?;
     let ply = ply::read_bytes(&bytes).map_err(|e| WardrobeError::BodyMesh { path, source: e.into() })?;
     Ok(ply.mesh.surface_aabb())
 }
@@ -240,20 +253,21 @@ pub(super) fn read(folder: &Path, info: &BodyInfo) -> Result<WardrobeBody, Wardr
 fn load(folder: &Path, file: &FileInfo) -> Result<Source, WardrobeError> {
     let path = folder.join(&file.file);
     let bytes = fs::read(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
-    if content(&bytes) != file.content {
+    let source = Source::new(&path, bytes);
+    if source.content != file.content {
         let message = "the file has changed since the body was added; add it again".into();
         return Err(WardrobeError::BodyInfo { path, message });
     }
-    Ok((path, bytes))
+    Ok(source)
 }
 
 fn parse(name: &str, files: &BodyFiles) -> Result<WardrobeBody, WardrobeError> {
-    let read = |(path, bytes): &Source| {
+    let read = |Source { path, bytes, .. }: &Source| {
         Skeleton::read(&bytes[..]).map_err(|source| WardrobeError::Skeleton { path: path.clone(), source })
     };
     let skeleton = files.skeleton.as_ref().map(read).transpose()?;
     let joints = skeleton.as_ref().map_or(JOINTS, Skeleton::len);
-    let skinned = |(path, bytes): &Source| {
+    let skinned = |Source { path, bytes, .. }: &Source| {
         let ply = ply::read_bytes(bytes).map_err(|e| WardrobeError::BodyMesh { path: path.clone(), source: e.into() })?;
         let skin = match ply.vertex_property("j0") {
             Some(_) => Some(
