@@ -109,8 +109,8 @@ impl SkinWeights {
         out
     }
 
-    /// The first vertex that names a joint beyond the first `count`, and that joint.
-    pub(crate) fn beyond(&self, count: usize) -> Option<(usize, u16)> {
+    /// The first vertex that names a joint beyond the first `count`, and that joint: `None` where the weights fit a skeleton of `count` joints.
+    pub fn beyond(&self, count: usize) -> Option<(usize, u16)> {
         self.joints
             .iter()
             .enumerate()
