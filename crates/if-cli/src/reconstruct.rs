@@ -40,7 +40,7 @@ pub(crate) struct ReconstructArgs {
     /// The template body: a folder with body_clean.ply and skeleton.json.
     #[arg(long, value_name = "DIR")]
     pub(crate) body: PathBuf,
-    /// The wardrobe that gets the body and the garments; the clothed person and a report go to clothed/<capture> in it. A run
+    /// The wardrobe that gets the body and the garments; the clothed person and a report go to clothed/CAPTURE in it. A run
     /// that was stopped goes on from its last round.
     #[arg(short, long, value_name = "ASSET_DIR")]
     pub(crate) out: PathBuf,
