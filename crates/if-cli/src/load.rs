@@ -147,17 +147,12 @@ fn notes_on(layer: &Layer, file: &MeshFile) -> Vec<String> {
 }
 
 fn to_layer(layer: &LayerSpec, file: &MeshFile, scale: f64) -> Result<Layer, LoadError> {
-    let mesh = file.mesh();
-    let mesh = if scale == 1.0 {
-        mesh.clone()
-    } else {
-        mesh.scaled(scale).map_err(|source| LoadError::Scale {
-            layer: layer.name.clone(),
-            path: layer.path.clone(),
-            scale,
-            source,
-        })?
-    };
+    let mesh = file.mesh().scaled(scale).map_err(|source| LoadError::Scale {
+        layer: layer.name.clone(),
+        path: layer.path.clone(),
+        scale,
+        source,
+    })?;
     // Elsewhere the pipeline would round in metres what is written in other units.
     let single_precision = scale == 1.0 && file.is_single_precision();
     Ok(Layer { name: layer.name.clone(), mesh, single_precision })
