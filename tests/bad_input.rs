@@ -6,9 +6,9 @@ mod scenes;
 use if_core::math::{Point, Real};
 use if_core::mesh::{MeshError, TriMesh};
 use if_core::shapes::meshes::{cloth, icosphere, tube};
-use if_pipeline::outfit::{Layer, Outfit, OutfitError};
-use if_pipeline::resolve::{ResolveError, ResolveParams, resolve};
-use if_pipeline::verify::verify;
+use if_outfit::outfit::{Layer, Outfit, OutfitError};
+use if_outfit::resolve::{ResolveError, ResolveParams, resolve};
+use if_outfit::verify::verify;
 use scenes::{assert_clean_or_left, ball_in_tube, flipped, moved, resolved};
 use std::ops::ControlFlow;
 

@@ -2,8 +2,8 @@
 
 mod scenes;
 
-use if_pipeline::mannequin::Garment;
-use if_pipeline::outfit::Outfit;
+use if_body::mannequin::Garment;
+use if_outfit::outfit::Outfit;
 use scenes::{mannequin, resolved};
 
 /// The bits of every coordinate of every garment.

@@ -2,9 +2,9 @@
 
 mod scenes;
 
-use if_pipeline::mannequin::Garment::{Coat, Jacket, Tshirt};
-use if_pipeline::outfit::Outfit;
-use if_pipeline::resolve::{ResolveError, ResolveParams, Resolved, resolve};
+use if_body::mannequin::Garment::{Coat, Jacket, Tshirt};
+use if_outfit::outfit::Outfit;
+use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
 use scenes::{assert_clean, mannequin};
 use std::ops::ControlFlow;
 

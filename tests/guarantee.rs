@@ -3,14 +3,14 @@
 
 mod scenes;
 
+use if_body::mannequin::Garment;
 use if_core::aabb::Aabb;
 use if_core::intersect;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
-use if_pipeline::mannequin::Garment;
-use if_pipeline::outfit::{Layer, Outfit};
-use if_pipeline::resolve::{ResolveError, ResolveParams, Stage, resolve};
-use if_pipeline::verify::verify;
+use if_outfit::outfit::{Layer, Outfit};
+use if_outfit::resolve::{ResolveError, ResolveParams, Stage, resolve};
+use if_outfit::verify::verify;
 use rayon::prelude::*;
 use scenes::{assert_clean, assert_clean_or_left, ball_in_tube, flipped, mannequin, moved, resolved};
 use std::ops::ControlFlow;

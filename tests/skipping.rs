@@ -3,6 +3,7 @@
 //! extraction (`crates/if-mesh/tests/extraction.rs`), finished outfits of a batch (`crates/if-cli/tests/cli/batch.rs`),
 //! frames without a person (`crates/if-pipeline/tests/reconstruct.rs`). docs/accuracy.md has the list.
 
+use if_body::mannequin::{MannequinParams, layered};
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::masked::{BoxMask, Masked};
@@ -11,9 +12,8 @@ use if_core::shapes::Torus;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_mesh::baked::{BakeParams, Baked};
 use if_mesh::extract::{ExtractParams, Sampling, extract};
-use if_pipeline::mannequin::{MannequinParams, layered};
-use if_pipeline::outfit::{Layer, Outfit};
-use if_pipeline::resolve::{ResolveParams, resolve};
+use if_outfit::outfit::{Layer, Outfit};
+use if_outfit::resolve::{ResolveParams, resolve};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 

@@ -5,9 +5,9 @@ mod scenes;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::{icosphere, tube};
-use if_pipeline::outfit::{Layer, Outfit};
-use if_pipeline::resolve::{ResolveError, ResolveParams, Resolved, Split, resolve};
-use if_pipeline::verify::verify;
+use if_outfit::outfit::{Layer, Outfit};
+use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, Split, resolve};
+use if_outfit::verify::verify;
 use scenes::moved;
 use std::ops::ControlFlow;
 

@@ -4,8 +4,8 @@ mod scenes;
 
 use if_core::math::Point;
 use if_mesh::solid::ClosedLayer;
-use if_pipeline::outfit::{Layer, Outfit};
-use if_pipeline::resolve::{ResolveError, ResolveParams, Resolved, Tuck, resolve};
+use if_outfit::outfit::{Layer, Outfit};
+use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, Tuck, resolve};
 use scenes::{assert_clean, assert_clean_or_left, ball_in_tube, moved};
 use std::ops::ControlFlow;
 

@@ -2,13 +2,13 @@
 
 #![allow(dead_code)] // each test file uses some of these
 
+use if_body::mannequin::{Garment, MannequinParams, body, garment};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::{icosphere, tube};
-use if_pipeline::mannequin::{Garment, MannequinParams, body, garment};
-use if_pipeline::outfit::{Layer, Outfit};
-use if_pipeline::resolve::{ResolveError, ResolveParams, Resolved, resolve};
-use if_pipeline::verify::verify;
+use if_outfit::outfit::{Layer, Outfit};
+use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
+use if_outfit::verify::verify;
 use std::ops::ControlFlow;
 
 /// The coarsest mannequin, with these garments, each dipping into those below by `overlap`.

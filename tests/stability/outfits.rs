@@ -6,9 +6,9 @@ use crate::scenes::assert_clean;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::{icosphere, tube};
-use if_pipeline::outfit::{Layer, Outfit};
-use if_pipeline::resolve::{ResolveError, ResolveParams, Resolved, resolve};
-use if_pipeline::verify::verify;
+use if_outfit::outfit::{Layer, Outfit};
+use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
+use if_outfit::verify::verify;
 use std::ops::ControlFlow;
 
 fn mapped(mesh: &TriMesh, f: impl Fn(&Point) -> Point) -> TriMesh {

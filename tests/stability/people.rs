@@ -2,12 +2,12 @@
 
 use crate::cases::{Random, Tally, cases, check, finite, share};
 use crate::files::mutated;
+use if_body::skeleton::{Joint, Pose, Skeleton};
+use if_body::skin_weights::SkinWeights;
+use if_body::skinning::{UnposeParams, WeightGrid, WeightGridParams, blends, pose_points, unpose, unpose_points};
 use if_core::math::{Point, Real, Vector};
 use if_mesh::camera::Camera;
 use if_pipeline::capture::{Capture, CaptureWriter, FramePictures, Subject};
-use if_pipeline::skeleton::{Joint, Pose, Skeleton};
-use if_pipeline::skin_weights::SkinWeights;
-use if_pipeline::skinning::{UnposeParams, WeightGrid, WeightGridParams, blends, pose_points, unpose, unpose_points};
 use std::fs;
 use std::path::Path;
 

@@ -4,9 +4,9 @@ use crate::reconstruct::ReconstructArgs;
 use crate::wardrobe::WardrobeArgs;
 use clap::builder::TypedValueParser;
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use if_body::mannequin::Garment;
 use if_core::math::Point;
 use if_mesh::cleanup::boundary::MOST_PASSES;
-use if_pipeline::mannequin::Garment;
 use std::path::PathBuf;
 
 const EXIT_CODES: &str = "\

@@ -9,7 +9,7 @@ use crate::outfit_file::{OutfitSpec, SpecError, outfits};
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::table;
-use if_pipeline::verify::verify;
+use if_outfit::verify::verify;
 use miette::{IntoDiagnostic, Report};
 use serde_json::json;
 use std::time::Instant;

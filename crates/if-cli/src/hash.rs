@@ -1,3 +1,3 @@
 //! What a file holds, in a few words.
 
-pub(crate) use if_pipeline::content::{Content, content, of_file};
+pub(crate) use if_outfit::content::{Content, content, of_file};

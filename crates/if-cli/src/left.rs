@@ -1,6 +1,6 @@
 //! Intersections that could not be removed.
 
-use if_pipeline::report::{PairReport, ResolveReport};
+use if_outfit::report::{PairReport, ResolveReport};
 use miette::Diagnostic;
 
 /// Intersections that could not be removed, with the two layers where most are left, and those that a garment got with itself.
@@ -70,7 +70,7 @@ fn list(triangles: &[[u32; 2]]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_pipeline::report::{LayerReport, PairCount};
+    use if_outfit::report::{LayerReport, PairCount};
 
     fn layer(name: &str, own_pairs: [usize; 2]) -> LayerReport {
         let mut layer = LayerReport::default();

@@ -7,7 +7,7 @@ use if_core::mesh::MeshError;
 use if_mesh::file::{MeshFile, ReadError};
 use if_mesh::split::Split;
 use if_mesh::validate::faults;
-use if_pipeline::outfit::{Layer, Outfit, OutfitError};
+use if_outfit::outfit::{Layer, Outfit, OutfitError};
 use miette::Diagnostic;
 use rayon::prelude::*;
 use std::path::PathBuf;

@@ -1,7 +1,7 @@
 //! What outfits are made of: from an outfit file (TOML, `docs/outfit.md`) or from the command line.
 
 use crate::args::{InputArgs, ParamArgs};
-use if_pipeline::resolve::ResolveParams;
+use if_outfit::resolve::ResolveParams;
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};

@@ -1,9 +1,9 @@
 //! Pictures of an outfit before and after.
 
 use if_core::mesh::TriMesh;
-use if_pipeline::outfit::Outfit;
-use if_pipeline::preview::preview;
-use if_pipeline::render::{Image, PALETTE, RenderLayer, View, side_by_side};
+use if_outfit::outfit::Outfit;
+use if_render::preview::preview;
+use if_render::render::{Image, PALETTE, RenderLayer, View, side_by_side};
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -20,7 +20,8 @@ const SIZE: [u32; 2] = [400, 640];
 
 /// Draws an outfit, its layers in different colours and triangles that meet another layer in red.
 pub(crate) fn draw(outfit: &Outfit, path: &Path) -> io::Result<()> {
-    write(&preview(outfit, &VIEWS, SIZE), path)
+    let layers: Vec<&TriMesh> = outfit.layers().map(|layer| &layer.mesh).collect();
+    write(&preview(&layers, &VIEWS, SIZE), path)
 }
 
 /// Draws one garment from the same sides.

@@ -1,6 +1,6 @@
 //! Progress on stderr, where that is a terminal.
 
-use if_pipeline::resolve::{Progress, Stage};
+use if_outfit::resolve::{Progress, Stage};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::fmt::Write;
 use std::sync::atomic::{AtomicBool, Ordering};

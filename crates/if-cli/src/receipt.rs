@@ -161,7 +161,7 @@ fn reread(value: &impl Serialize) -> Option<Value> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_pipeline::report::ResolveReport;
+    use if_outfit::report::ResolveReport;
 
     #[test]
     fn a_receipt_holds_times_in_one_place_only() {

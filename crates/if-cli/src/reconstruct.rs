@@ -9,21 +9,21 @@ use crate::errors::{self, Told};
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use clap::Args;
+use if_body::template::TemplateBody;
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
+use if_mesh::whole_folder::{PATIENCE, Writer};
 use if_neural::deform::DeformParams;
+use if_outfit::content;
 use if_pipeline::asset::{LayerHint, Parts, Provenance};
 use if_pipeline::capture::{Capture, CaptureError};
-use if_pipeline::content;
-use if_pipeline::page::Page;
 use if_pipeline::reconstruct::{
     FrameMotion, MotionNetworkParams, MotionParams, MotionReport, MotionRound, PhiNetwork, PhiParams, Progress, ReconstructError,
     ReconstructParams, ReconstructReport, Reconstruction, Stage, SurfaceError, reconstruct, write_frames,
 };
-use if_pipeline::render::{PALETTE, RenderLayer, View, side_by_side};
-use if_pipeline::template::TemplateBody;
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
-use if_pipeline::whole_folder::{PATIENCE, Writer};
+use if_render::page::Page;
+use if_render::render::{PALETTE, RenderLayer, View, side_by_side};
 use miette::{Diagnostic, Report};
 use std::error::Error;
 use std::fs;

@@ -5,7 +5,7 @@
 
 use crate::cancel;
 use crate::errors::Told;
-use if_pipeline::whole_folder;
+use if_mesh::whole_folder;
 use miette::Diagnostic;
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};

@@ -6,7 +6,7 @@ use if_mesh::cleanup::CleanupReport;
 use if_mesh::cleanup::components::Component;
 use if_mesh::cleanup::holes::Shape;
 use if_mesh::cleanup::rim::LoopShape;
-use if_pipeline::report::{LayerReport, PairReport, ResolveReport, Verification};
+use if_outfit::report::{LayerReport, PairReport, ResolveReport, Verification};
 use std::fmt::Write;
 use std::io::IsTerminal;
 
@@ -322,7 +322,8 @@ fn percent(fraction: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_pipeline::report::{Moved, PairCount, Strain};
+    use if_mesh::measure::{Displacement, Strain};
+    use if_outfit::report::PairCount;
 
     fn pair(outer: &str, inner: &str, crossing: usize) -> PairReport {
         let mut pair = PairReport::default();
@@ -342,7 +343,7 @@ mod tests {
         let layer = |name: &str| {
             let mut layer = LayerReport::default();
             layer.name = name.into();
-            layer.moved = Moved { mean: 0.001234, p95: 0.0123, max: 0.1234, vertices: 5 };
+            layer.moved = Displacement { mean: 0.001234, p95: 0.0123, max: 0.1234, vertices: 5 };
             layer.strain = Strain { rms: 0.0123, p99: 0.0456, max: 0.4 };
             layer.own_pairs = [21, 21];
             (layer.rounds, layer.repairs, layer.sweeps, layer.queries) = (40, 12, 1000, 100_000);

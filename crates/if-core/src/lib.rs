@@ -14,6 +14,8 @@ pub mod intersect;
 pub mod masked;
 pub mod math;
 pub mod mesh;
+pub mod monitor;
+pub mod parameter;
 mod pointers;
 pub mod rows;
 pub mod shapes;

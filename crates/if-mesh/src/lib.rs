@@ -35,4 +35,5 @@ pub mod taubin;
 pub mod validate;
 pub mod votes;
 pub mod voxels;
+pub mod whole_folder;
 pub mod winding;

@@ -1,6 +1,6 @@
 //! What a correction cost, and how far two surfaces are apart.
 //!
-//! Lengths are given in millimetres and strains in percent, as reports need them; inputs are in metres.
+//! Displacements are in metres and strains are fractions; distances of surfaces are in millimetres.
 
 use if_core::closest::ClosestPoint;
 use if_core::edges::Edges;
@@ -9,26 +9,28 @@ use if_core::mesh::TriMesh;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How far vertices moved.
+/// How far vertices moved, in metres.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct Displacement {
     /// Mean over all vertices.
-    pub mean_mm: Real,
+    pub mean: Real,
     /// 95 % of the vertices moved at most this far.
-    pub p95_mm: Real,
+    pub p95: Real,
     /// The farthest.
-    pub max_mm: Real,
+    pub max: Real,
+    /// Vertices that moved at all.
+    pub vertices: usize,
 }
 
-/// How much edges changed their length, as `100 |ℓ′ / ℓ − 1|`.
+/// How much edges changed their length, as the fraction `|ℓ′ / ℓ − 1|` (0.01 is one percent).
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct Strain {
     /// Root of the mean square over all edges.
-    pub rms_percent: Real,
+    pub rms: Real,
     /// 99 % of the edges changed at most this much.
-    pub p99_percent: Real,
+    pub p99: Real,
     /// The most.
-    pub max_percent: Real,
+    pub max: Real,
 }
 
 /// How far two surfaces are apart, by points spread evenly over both.
@@ -65,10 +67,11 @@ const PERCENT: Real = 100.0;
 /// If the two are not equally long.
 pub fn displacement(before: &[Point], after: &[Point]) -> Displacement {
     assert_eq!(before.len(), after.len(), "one new position for each old one");
-    let mut moved: Vec<Real> = before.iter().zip(after).map(|(a, b)| (b - a).norm() * MM).collect();
-    let mean_mm = mean(&moved);
+    let mut moved: Vec<Real> = before.iter().zip(after).map(|(a, b)| (b - a).norm()).collect();
+    let vertices = before.iter().zip(after).filter(|(a, b)| a != b).count();
+    let mean = mean(&moved);
     moved.sort_unstable_by(Real::total_cmp);
-    Displacement { mean_mm, p95_mm: percentile(&moved, 95.0), max_mm: percentile(&moved, 100.0) }
+    Displacement { mean, p95: percentile(&moved, 95.0), max: percentile(&moved, 100.0), vertices }
 }
 
 /// Edges shorter than this, in metres, count as this long, so that the strain of a degenerate edge is finite.
@@ -102,15 +105,11 @@ pub fn edge_strain(before: Real, after: Real) -> Real {
 pub fn strain_of(edges: &[[u32; 2]], before: &[Point], after: &[Point]) -> Strain {
     assert_eq!(before.len(), after.len(), "one new position for each old one");
     let length = |p: &[Point], e: &[u32; 2]| (p[e[0] as usize] - p[e[1] as usize]).norm();
-    let change = |e| edge_strain(length(before, e), length(after, e)) * PERCENT;
+    let change = |e| edge_strain(length(before, e), length(after, e));
     let mut strains: Vec<Real> = edges.iter().map(change).collect();
     let squares: Vec<Real> = strains.iter().map(|s| s * s).collect();
     strains.sort_unstable_by(Real::total_cmp);
-    Strain {
-        rms_percent: mean(&squares).sqrt(),
-        p99_percent: percentile(&strains, 99.0),
-        max_percent: percentile(&strains, 100.0),
-    }
+    Strain { rms: mean(&squares).sqrt(), p99: percentile(&strains, 99.0), max: percentile(&strains, 100.0) }
 }
 
 /// Two-sided distance of two surfaces by `samples` points on each, uniform by area and stratified:
@@ -272,16 +271,16 @@ mod tests {
         let mesh = square(1.0, 0.0);
         let shifted: Vec<Point> = mesh.vertices().iter().map(|p| p + Vector::new(0.003, 0.004, 0.0)).collect();
         let d = displacement(mesh.vertices(), &shifted);
-        for mm in [d.mean_mm, d.p95_mm, d.max_mm] {
-            approx::assert_relative_eq!(mm, 5.0, max_relative = 1e-12);
+        for moved in [d.mean, d.p95, d.max] {
+            approx::assert_relative_eq!(moved, 5e-3, max_relative = 1e-12);
         }
-        assert!(strain(&mesh, &shifted).max_percent < 1e-12);
+        assert!(strain(&mesh, &shifted).max < 1e-14);
         // Doubled in x: of five edges two double, two stay, and the diagonal grows by √(5/2).
         let wide: Vec<Point> = mesh.vertices().iter().map(|p| Point::new(2.0 * p.x, p.y, p.z)).collect();
         let s = strain(&mesh, &wide);
-        let diagonal = (2.5f64.sqrt() - 1.0) * 100.0;
-        approx::assert_relative_eq!(s.max_percent, 100.0);
-        approx::assert_relative_eq!(s.rms_percent, ((2.0 * 1e4 + diagonal * diagonal) / 5.0).sqrt(), max_relative = 1e-14);
+        let diagonal = 2.5f64.sqrt() - 1.0;
+        approx::assert_relative_eq!(s.max, 1.0);
+        approx::assert_relative_eq!(s.rms, ((2.0 + diagonal * diagonal) / 5.0).sqrt(), max_relative = 1e-14);
     }
 
     #[test]
@@ -293,9 +292,9 @@ mod tests {
                 &[Point::new(0.0, 3.0, 0.0), Point::new(after, 3.0, 0.0)],
             )
         };
-        assert_eq!(strain(0.0, 0.0).max_percent, 0.0);
-        assert!(strain(0.0, 1e-3).max_percent > 1e9);
-        assert_eq!(strain(1e-3, 0.0).max_percent, 100.0);
+        assert_eq!(strain(0.0, 0.0).max, 0.0);
+        assert!(strain(0.0, 1e-3).max > 1e7);
+        assert_eq!(strain(1e-3, 0.0).max, 1.0);
     }
 
     #[test]

@@ -6,12 +6,12 @@
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
+use if_body::align::{AlignParams, carried_field};
+use if_body::mannequin::{Garment, MannequinParams, body, garment};
 use if_core::math::Point;
 use if_mesh::baked::BakeParams;
 use if_mesh::ply::{PlyMesh, WriteParams, write_path};
-use if_pipeline::align::{AlignParams, carried_field};
 use if_pipeline::asset::{LayerHint, Parts, Provenance};
-use if_pipeline::mannequin::{Garment, MannequinParams, body, garment};
 use if_pipeline::wardrobe::combination::Combination;
 use if_pipeline::wardrobe::dresser::Dresser;
 use if_pipeline::wardrobe::matching::{MatchParams, run};

@@ -3,8 +3,8 @@
 //! `cargo run --release -p if-pipeline --no-default-features --example fix_files -- OUT BODY INNER … OUTER`
 
 use if_mesh::file::MeshFile;
-use if_pipeline::outfit::{Layer, Outfit};
-use if_pipeline::resolve::{ResolveError, ResolveParams, resolve};
+use if_outfit::outfit::{Layer, Outfit};
+use if_outfit::resolve::{ResolveError, ResolveParams, resolve};
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let outfit = Outfit::new(body, garments.collect())?;
 
     // `watch` is called often; a window would draw a bar, and break when its button is pressed.
-    let mut watch = |_: &if_pipeline::resolve::Progress| ControlFlow::Continue(());
+    let mut watch = |_: &if_outfit::resolve::Progress| ControlFlow::Continue(());
     let resolved = match resolve(&outfit, &ResolveParams::default(), &mut watch) {
         Ok(resolved) => resolved,
         Err(ResolveError::Remaining { outer, inner, triangles, .. }) => {

@@ -9,13 +9,13 @@
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
+use if_body::mannequin::{MannequinParams, body, layered, layered_with_trousers};
 use if_core::aabb::Aabb;
 use if_core::intersect::{Contact, triangles};
 use if_core::mesh::TriMesh;
 use if_mesh::file::MeshFile;
 use if_mesh::index::Bvh;
-use if_pipeline::mannequin::{MannequinParams, body, layered, layered_with_trousers};
-use if_pipeline::render::{PALETTE, RenderLayer, View, side_by_side};
+use if_render::render::{PALETTE, RenderLayer, View, side_by_side};
 use std::error::Error;
 use std::path::Path;
 use std::time::Instant;

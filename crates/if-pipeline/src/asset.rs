@@ -9,7 +9,7 @@
 //!   thumbnail.png   front and back
 //! ```
 //!
-//! The folder is written whole or not at all ([`crate::whole_folder`]); its files are named with their hashes in
+//! The folder is written whole or not at all ([`if_mesh::whole_folder`]); its files are named with their hashes in
 //! `asset.json`, which [`read`] checks.
 
 mod beside;
@@ -23,12 +23,12 @@ pub use class::{GarmentClass, LayerHint, is_wearable};
 pub use error::AssetError;
 pub use info::{AssetInfo, BodyRef, FileInfo, Opening, Phi, Provenance};
 
-use crate::content::content;
-use crate::skin_weights::SkinWeights;
-use crate::whole_folder::Writer;
+use if_body::skin_weights::SkinWeights;
 use if_core::mesh::TriMesh;
 use if_mesh::baked::Baked;
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
+use if_mesh::whole_folder::Writer;
+use if_outfit::content::content;
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -22,9 +22,9 @@ pub use body::{BodyInfo, NewBody, WardrobeBody};
 pub use error::WardrobeError;
 
 use crate::asset::{self, Asset, AssetError, AssetInfo, BodyRef, Parts};
-use crate::outfit::check_garment;
-use crate::whole_folder::{self, PATIENCE, Writer};
 use body::BodyFiles;
+use if_mesh::whole_folder::{self, PATIENCE, Writer};
+use if_outfit::outfit::check_garment;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -153,7 +153,7 @@ impl Wardrobe {
     ///
     /// # Errors
     ///
-    /// A body that the wardrobe does not have, a garment too large for it or too far from it ([`crate::outfit::Outfit::new`]), those of
+    /// A body that the wardrobe does not have, a garment too large for it or too far from it ([`if_outfit::outfit::Outfit::new`]), those of
     /// [`asset::write`], or another process that writes there and does not end.
     pub fn add(&mut self, parts: &Parts) -> Result<&AssetInfo, WardrobeError> {
         let body = self.body_like(parts.name, parts.body)?;

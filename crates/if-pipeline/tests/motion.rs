@@ -2,15 +2,15 @@
 
 #![allow(clippy::unwrap_used)] // also in what the tests share
 
+use if_body::mannequin::{Garment, MannequinParams};
+use if_body::template::TemplateBody;
 use if_core::closest::ClosestPoint;
 use if_core::math::Real;
 use if_mesh::index::Bvh;
 use if_mesh::ply::{self, Column};
 use if_pipeline::capture::synth::{BODY, SynthParams, TRUTH, synth};
 use if_pipeline::capture::{Capture, SKIN};
-use if_pipeline::mannequin::{Garment, MannequinParams};
 use if_pipeline::reconstruct::{MotionParams, Progress, SurfaceParams, fit_motion, fit_surface, posed};
-use if_pipeline::template::TemplateBody;
 use std::ops::ControlFlow;
 
 /// Mean distance of the clothes as they are from the surface in each frame, without motion and with it, in millimetres.

@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used)] // also in what the tests share
 
+use if_body::skeleton::{Joint, Pose, Skeleton};
+use if_body::skin_weights::SkinWeights;
+use if_body::template::TemplateBody;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::icosphere;
@@ -15,9 +18,6 @@ use if_pipeline::reconstruct::{
     MeshMotion, Motion, MotionError, MotionParams, PhiParams, ReconstructParams, Skipped, Stage, Surface, SurfaceError,
     SurfaceParams, fit_motion, fit_surface, reconstruct, write_frames,
 };
-use if_pipeline::skeleton::{Joint, Pose, Skeleton};
-use if_pipeline::skin_weights::SkinWeights;
-use if_pipeline::template::TemplateBody;
 use nalgebra::{Point2, UnitQuaternion};
 use std::ops::ControlFlow;
 use std::path::Path;

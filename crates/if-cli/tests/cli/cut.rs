@@ -1,13 +1,13 @@
 //! `ifg cut` and `ifg capture synth`.
 
 use crate::folder::Folder;
+use if_body::template::TemplateBody;
 use if_core::math::Vector;
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams, read_bytes, write};
 use if_pipeline::capture::Capture;
 use if_pipeline::capture::synth::BODY;
-use if_pipeline::template::TemplateBody;
 
 /// A closed tube, trousers below 0.4 and a shirt above, every eleventh vertex wrong or unknown; and a height.
 fn labelled(folder: &Folder) {

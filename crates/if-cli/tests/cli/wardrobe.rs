@@ -1,10 +1,10 @@
 //! A wardrobe from the command line; batches that are killed and go on.
 
 use crate::folder::{Folder, Run, angular_belt, belt, body, obj, ply};
+use if_body::mannequin::{self, Garment, MannequinParams};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{Column, PlyMesh, Property, WriteParams, read_bytes, write_path};
-use if_pipeline::mannequin::{self, Garment, MannequinParams};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;

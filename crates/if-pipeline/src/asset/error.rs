@@ -1,10 +1,10 @@
 //! What can be at fault with an asset.
 
-use crate::render::PngError;
-use crate::skin_weights::SkinWeightsError;
+use if_body::skin_weights::SkinWeightsError;
 use if_core::mesh::MeshError;
 use if_mesh::baked::BakedFileError;
 use if_mesh::ply;
+use if_render::render::PngError;
 use std::io;
 use std::path::PathBuf;
 

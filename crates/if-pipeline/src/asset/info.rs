@@ -1,10 +1,10 @@
 //! What is known of a garment: `asset.json`.
 
 use super::LayerHint;
-use crate::content::Content;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
+use if_outfit::content::Content;
 use serde::{Deserialize, Serialize};
 
 /// What is known of a garment.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::mannequin::{Garment, MannequinParams, garment};
+use if_body::mannequin::{Garment, MannequinParams, garment};
 use if_core::math::Point;
 use if_core::shapes::Sphere;
 use if_mesh::baked::BakeParams;

@@ -5,10 +5,10 @@ mod motion;
 mod noise;
 
 use super::{CaptureError, CaptureWriter, FramePictures, Subject};
-use crate::mannequin::{self, Garment, MannequinError, MannequinParams, rig};
-use crate::skeleton::{Pose, Skeleton};
-use crate::skin_weights::SkinWeights;
-use crate::template::{TemplateBody, TemplateError};
+use if_body::mannequin::{self, Garment, MannequinError, MannequinParams, rig};
+use if_body::skeleton::{Pose, Skeleton};
+use if_body::skin_weights::SkinWeights;
+use if_body::template::{TemplateBody, TemplateError};
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_mesh::camera::Camera;

@@ -3,7 +3,7 @@
 use super::error::CaptureError;
 use super::meta::{self, CONVENTION, FrameMeta, Meta};
 use super::picture::{self, Kind, PictureError};
-use crate::skeleton::Pose;
+use if_body::skeleton::Pose;
 use if_mesh::camera::Camera;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -137,7 +137,7 @@ impl CaptureWriter {
             return Err(CaptureError::NoisyPicture { frame, what: ["mask", "label image"][k] });
         }
         if pose.rotations.len() != self.meta.joints.len() {
-            let source = crate::skeleton::PoseError::Count { got: pose.rotations.len(), expected: self.meta.joints.len() };
+            let source = if_body::skeleton::PoseError::Count { got: pose.rotations.len(), expected: self.meta.joints.len() };
             return Err(CaptureError::Pose { path: self.target.clone(), frame, source });
         }
         for labels in [Some(pictures.labels), pictures.noisy_labels].into_iter().flatten() {

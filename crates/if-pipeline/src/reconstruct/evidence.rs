@@ -2,8 +2,8 @@
 
 use super::observe::Observation;
 use super::report::Pixels;
-use crate::skin_weights::SkinWeights;
-use crate::skinning::{Affine, blends, pose_points};
+use if_body::skin_weights::SkinWeights;
+use if_body::skinning::{Affine, blends, pose_points};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;

@@ -2,9 +2,9 @@
 
 use super::motion::MeshMotion;
 use crate::capture::Capture;
-use crate::skeleton::{Pose, PoseError, Skeleton};
-use crate::skin_weights::SkinWeights;
-use crate::skinning::{blends, pose_points};
+use if_body::skeleton::{Pose, PoseError, Skeleton};
+use if_body::skin_weights::SkinWeights;
+use if_body::skinning::{blends, pose_points};
 use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{self, PlyMesh, WriteError, WriteParams};

@@ -11,9 +11,9 @@ use super::combination::Combination;
 use super::dresser::Dresser;
 use super::matching::{self, Fault, MatchParams, MatchResult, State, finished, folder_name, request, run_into};
 use super::{WardrobeError, pages};
-use crate::resolve::Progress;
-use crate::whole_folder::Writer;
 use if_mesh::atomic;
+use if_mesh::whole_folder::Writer;
+use if_outfit::resolve::Progress;
 use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::fmt::Write as _;
@@ -195,7 +195,7 @@ fn entry(result: &MatchResult, results: &Path) -> Entry {
     let folder = folder_name(&result.key).to_owned();
     let report = result.report.as_ref();
     let largest =
-        |of: fn(&crate::report::LayerReport) -> f64| report.map_or(0.0, |r| r.layers.iter().map(of).fold(0.0, f64::max));
+        |of: fn(&if_outfit::report::LayerReport) -> f64| report.map_or(0.0, |r| r.layers.iter().map(of).fold(0.0, f64::max));
     Entry {
         combination: result.combination.clone(),
         state: result.state,

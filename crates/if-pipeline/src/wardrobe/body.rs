@@ -1,17 +1,17 @@
 //! A body of a wardrobe: what outfits are made on, and what aligns them.
 
 use super::WardrobeError;
-use crate::align::BodyShape;
 use crate::asset::{BodyRef, FileInfo};
-use crate::content;
-use crate::skeleton::Skeleton;
-use crate::skin_weights::SkinWeights;
-use crate::whole_folder::Writer;
+use if_body::align::BodyShape;
+use if_body::skeleton::Skeleton;
+use if_body::skin_weights::SkinWeights;
 use if_core::aabb::Aabb;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_mesh::file::{Content, MeshFile};
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
+use if_mesh::whole_folder::Writer;
+use if_outfit::content;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -159,7 +159,7 @@ impl WardrobeBody {
 pub(super) fn write(bodies: &Writer, name: &str, files: &BodyFiles) -> Result<BodyInfo, WardrobeError> {
     let parsed = parse(name, files)?;
     // A body that no outfit could have is refused here, and not at every combination.
-    crate::outfit::Outfit::new(crate::outfit::Layer::new(name, parsed.mesh), vec![])
+    if_outfit::outfit::Outfit::new(if_outfit::outfit::Layer::new(name, parsed.mesh), vec![])
         .map_err(|source| WardrobeError::Body { path: files.mesh.path.clone(), source })?;
     bodies.write(name, |folder| {
         let put = |file: &str, bytes: &[u8]| {

@@ -2,12 +2,12 @@
 
 use super::combination::Combination;
 use super::{Wardrobe, WardrobeBody, WardrobeError};
-use crate::align::{AlignParams, AlignReport, BodyMap, measure};
 use crate::asset::Asset;
-use crate::outfit::{Layer, Outfit};
+use if_body::align::{AlignParams, AlignReport, BodyMap, measure};
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{CoordinateType, quantise};
 use if_mesh::solid::ClosedLayer;
+use if_outfit::outfit::{Layer, Outfit};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -137,7 +137,7 @@ impl<'a> Dresser<'a> {
             let moved = map.align(&asset.mesh, asset.skin.as_ref()).map_err(align)?;
             // What will be proven must be what a reader of the file gets.
             let rounded = quantise(moved.vertices(), CoordinateType::Float);
-            let mesh = moved.with_vertices(rounded).map_err(|e| align(crate::align::AlignError::Mesh(e)))?;
+            let mesh = moved.with_vertices(rounded).map_err(|e| align(if_body::align::AlignError::Mesh(e)))?;
             let report = measure(&map, (&asset.mesh, &own.closed), (&mesh, &other.closed));
             Ok(AlignedGarment { asset, mesh, report })
         })

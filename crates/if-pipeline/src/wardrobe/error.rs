@@ -1,16 +1,16 @@
 //! What can be at fault with a wardrobe and what is made of it.
 
-use crate::align::AlignError;
 use crate::asset::AssetError;
-use crate::outfit::OutfitError;
-use crate::render::PngError;
-use crate::resolve::ResolveError;
-use crate::skeleton::SkeletonError;
-use crate::skin_weights::SkinWeightsError;
+use if_body::align::AlignError;
+use if_body::skeleton::SkeletonError;
+use if_body::skin_weights::SkinWeightsError;
 use if_core::math::Real;
 use if_core::mesh::MeshError;
 use if_mesh::file;
 use if_mesh::ply;
+use if_outfit::outfit::OutfitError;
+use if_outfit::resolve::ResolveError;
+use if_render::render::PngError;
 use std::io;
 use std::path::PathBuf;
 

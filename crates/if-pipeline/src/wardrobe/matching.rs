@@ -14,15 +14,16 @@ use super::combination::Combination;
 use super::dresser::{Dressed, Dresser};
 use super::result_folder;
 use super::{Wardrobe, WardrobeError};
-use crate::align::{AlignParams, AlignReport};
-use crate::content::content;
-use crate::outfit::Outfit;
-use crate::preview;
-use crate::render::{Image, View};
-use crate::report::{ResolveReport, Verification};
-use crate::resolve::{Progress, ResolveError, ResolveParams, Resolved, resolve};
-use crate::whole_folder::Writer;
+use if_body::align::{AlignParams, AlignReport};
+use if_core::mesh::TriMesh;
 use if_mesh::ply::{self, PlyMesh};
+use if_mesh::whole_folder::Writer;
+use if_outfit::content::content;
+use if_outfit::outfit::Outfit;
+use if_outfit::report::ResolveReport;
+use if_outfit::resolve::{Progress, ResolveError, ResolveParams, Resolved, resolve};
+use if_render::preview;
+use if_render::render::{Image, View};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::ops::{ControlFlow, RangeInclusive};
@@ -268,27 +269,21 @@ fn settle(
             *file = ply::split(file, &split, mesh).expect("properties that were read with the mesh");
         }
     }
-    matched.result.report = Some(without_seconds(report));
+    matched.result.report = Some(report.without_seconds());
     if params.picture_height > 0
         && let Some(before) = &matched.before
     {
         let drawing = Instant::now();
         let size = [params.picture_height * 5 / 8, params.picture_height];
-        matched.pictures = Some([before, &outfit].map(|o| preview::preview(o, &VIEWS, size)));
+        matched.pictures = Some([before, &outfit].map(|o| preview::preview(&meshes(o), &VIEWS, size)));
         matched.timings.pictures = drawing.elapsed().as_secs_f64();
     }
     matched.after = Some(outfit);
     Ok(true)
 }
 
-/// Seconds differ between runs, and stand in `timings.json` alone.
-fn without_seconds(mut report: ResolveReport) -> ResolveReport {
-    let still = |v: Verification| Verification { seconds: 0.0, ..v };
-    report.seconds = 0.0;
-    report.before = still(report.before);
-    report.after = still(report.after);
-    report.layers.iter_mut().for_each(|l| l.seconds = 0.0);
-    report
+fn meshes(outfit: &Outfit) -> Vec<&TriMesh> {
+    outfit.layers().map(|l| &l.mesh).collect()
 }
 
 /// Does a combination, or takes what `results` holds of it already; nothing where it was cancelled.

@@ -2,8 +2,8 @@
 
 use super::batch::{BatchSummary, Entry};
 use super::matching::{MatchResult, State, Timings};
-use crate::page::Page;
-use crate::report::ResolveReport;
+use if_outfit::report::ResolveReport;
+use if_render::page::Page;
 
 /// Of one result.
 pub(super) fn result(result: &MatchResult, timings: &Timings, pngs: &[Vec<u8>]) -> String {

@@ -3,13 +3,13 @@ use super::combination::{Combination, Order, RandomParams, random};
 use super::dresser::Dresser;
 use super::matching::{MatchParams, State};
 use super::*;
-use crate::align::Method;
 use crate::asset::{LayerHint, Provenance};
-use crate::mannequin::{Garment, MannequinParams, body, garment};
-use crate::whole_folder;
+use if_body::align::Method;
+use if_body::mannequin::{Garment, MannequinParams, body, garment};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{PlyMesh, WriteParams, write_path};
+use if_mesh::whole_folder;
 use std::fs;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -110,7 +110,7 @@ fn a_damaged_body_is_not_replaced_by_another_of_its_name() {
 
 #[test]
 fn a_body_that_is_added_again_keeps_what_it_has() {
-    use crate::skeleton::{Joint, Skeleton};
+    use if_body::skeleton::{Joint, Skeleton};
     let root = tempfile::tempdir().unwrap();
     let mut wardrobe = filled(root.path());
     let (slim, large) = (root.path().join("files/slim.ply"), root.path().join("files/large.ply"));
@@ -131,8 +131,8 @@ fn a_body_that_is_added_again_keeps_what_it_has() {
 
 #[test]
 fn files_in_centimetres_are_stored_in_metres() {
-    use crate::outfit::OutfitError;
-    use crate::skeleton::{Joint, Skeleton};
+    use if_body::skeleton::{Joint, Skeleton};
+    use if_outfit::outfit::OutfitError;
     let root = tempfile::tempdir().unwrap();
     let mut wardrobe = filled(root.path());
     let (body, skeleton) = (root.path().join("files/cm.ply"), root.path().join("files/cm.json"));
@@ -244,7 +244,7 @@ fn garments_of_an_unknown_body_and_open_bodies_are_refused() {
     let path = root.path().join("open.ply");
     write_path(&PlyMesh::new(shirt.clone()), shirt.vertices(), &WriteParams::default(), &path).unwrap();
     let error = wardrobe.add_body(&NewBody::new("open", &path)).unwrap_err();
-    assert!(matches!(error, WardrobeError::Body { source: crate::outfit::OutfitError::OpenBody { .. }, .. }), "{error}");
+    assert!(matches!(error, WardrobeError::Body { source: if_outfit::outfit::OutfitError::OpenBody { .. }, .. }), "{error}");
     assert!(!root.path().join("bodies/open").exists());
 }
 

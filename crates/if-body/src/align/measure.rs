@@ -1,0 +1,47 @@
+//! What an alignment did to a garment.
+
+use super::{BodyMap, Method};
+use if_core::math::Real;
+use if_core::mesh::TriMesh;
+use if_mesh::measure::{Displacement, Strain, displacement, strain};
+use if_mesh::solid::ClosedLayer;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// What an alignment did to a garment. Strain is against the garment on its own body: most of it is the difference of
+/// the bodies, which a garment made for the other body has too.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct AlignReport {
+    /// How the bodies were brought together.
+    pub method: Method,
+    /// [`BodyMap::residual`], in metres.
+    pub residual: Real,
+    /// How far vertices moved.
+    pub moved: Displacement,
+    /// How much edges changed.
+    pub strain: Strain,
+    /// Share of vertices inside the body: on the garment's own one before, on the other after.
+    pub inside: [Real; 2],
+}
+
+/// Measures the garment before and after, each against its body.
+///
+/// # Panics
+///
+/// If the two garments have not equally many vertices.
+pub fn measure(map: &BodyMap, (before, own): (&TriMesh, &ClosedLayer), (after, other): (&TriMesh, &ClosedLayer)) -> AlignReport {
+    AlignReport {
+        method: map.method(),
+        residual: map.residual(),
+        moved: displacement(before.vertices(), after.vertices()),
+        strain: strain(before, after.vertices()),
+        inside: [inside(before, own), inside(after, other)],
+    }
+}
+
+/// Share of a garment's vertices inside a body.
+pub fn inside(garment: &TriMesh, body: &ClosedLayer) -> Real {
+    let is_inside = |p: &&if_core::math::Point| body.sided(p, 0.0).is_some_and(|s| s.distance < 0.0);
+    garment.vertices().par_iter().filter(is_inside).count() as Real / garment.vertices().len().max(1) as Real
+}

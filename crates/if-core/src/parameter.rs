@@ -1,0 +1,68 @@
+//! Parameters that are out of range: one error for all crates.
+
+use crate::math::Real;
+use std::borrow::Cow;
+
+/// A parameter is out of range.
+///
+/// # Examples
+///
+/// ```
+/// use if_core::parameter::ParameterError;
+///
+/// struct Params { clearance: f64 }
+/// fn validate(params: &Params) -> Result<(), ParameterError> {
+///     let c = params.clearance;
+///     ParameterError::check("clearance", c, c > 0.0 && c < 0.1, "between 0 and 0.1 m")
+/// }
+/// let error = validate(&Params { clearance: -1.0 }).unwrap_err();
+/// assert_eq!(error.to_string(), "parameter `clearance` is -1; it must be between 0 and 0.1 m");
+/// ```
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("parameter `{name}` is {value}; it must be {range}")]
+#[non_exhaustive]
+pub struct ParameterError {
+    /// The parameter, with its group before it where it has one: `cloth.stretch_compliance`.
+    pub name: Cow<'static, str>,
+    /// Its value.
+    pub value: Real,
+    /// What it must be, with the unit, to follow "it must be".
+    pub range: &'static str,
+}
+
+impl ParameterError {
+    /// `Ok` if `ok`.
+    ///
+    /// # Errors
+    ///
+    /// The error that says that the parameter `name` with this `value` is outside `range`.
+    pub fn check(name: &'static str, value: Real, ok: bool, range: &'static str) -> Result<(), Self> {
+        if ok { Ok(()) } else { Err(Self { name: name.into(), value, range }) }
+    }
+
+    /// The same error for the parameters of a group: `within("cloth")` turns `sweeps` into `cloth.sweeps`.
+    #[must_use]
+    pub fn within(mut self, group: &str) -> Self {
+        self.name = format!("{group}.{}", self.name).into();
+        self
+    }
+
+    /// The same error for entry `index` of a list of parameters.
+    #[must_use]
+    pub fn at(mut self, index: usize) -> Self {
+        self.name = format!("{}[{index}]", self.name).into();
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_group_and_an_index_stand_in_the_name() {
+        let error = ParameterError::check("radius", Real::NAN, false, "positive (m)").unwrap_err().at(3).within("air");
+        assert_eq!(error.to_string(), "parameter `air.radius[3]` is NaN; it must be positive (m)");
+        assert!(ParameterError::check("radius", 1.0, true, "positive (m)").is_ok());
+    }
+}

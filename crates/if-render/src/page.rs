@@ -1,0 +1,172 @@
+//! Reports as one HTML file that needs no network: its style and its pictures are in it.
+//!
+//! # Examples
+//!
+//! ```
+//! use if_render::page::Page;
+//! let mut page = Page::new("A run");
+//! page.heading("What it took").table(&["what", "seconds"], &[vec!["all".into(), "1.5".into()]]);
+//! let html = page.html();
+//! assert!(html.starts_with("<!DOCTYPE html>") && html.contains(">1.5</td>"));
+//! ```
+
+use serde_json::Value;
+
+const STYLE: &str = "\
+:root{color-scheme:light dark}
+body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:72rem;padding:0 1rem}
+h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2rem}
+table{border-collapse:collapse;margin:.5rem 0}
+th,td{padding:.2rem .7rem;text-align:left;border-bottom:1px solid #8884}
+td.n{text-align:right;font-variant-numeric:tabular-nums}
+figure{margin:.5rem 1rem .5rem 0;display:inline-block}figcaption{color:#888}
+img{max-width:100%;height:auto}pre{overflow:auto;background:#8881;padding:.7rem}
+.good{color:#197a3d}.bad{color:#c22}";
+
+/// A page that is being written.
+#[derive(Clone, Debug)]
+pub struct Page {
+    title: String,
+    body: String,
+}
+
+impl Page {
+    /// A page that begins with its title.
+    pub fn new(title: &str) -> Self {
+        let title = escaped(title);
+        Self { body: format!("<h1>{title}</h1>\n"), title }
+    }
+
+    /// A heading.
+    pub fn heading(&mut self, text: &str) -> &mut Self {
+        self.body += &format!("<h2>{}</h2>\n", escaped(text));
+        self
+    }
+
+    /// A paragraph.
+    pub fn text(&mut self, text: &str) -> &mut Self {
+        self.body += &format!("<p>{}</p>\n", escaped(text));
+        self
+    }
+
+    /// A paragraph in green where something is well, else in red.
+    pub fn verdict(&mut self, good: bool, text: &str) -> &mut Self {
+        let class = if good { "good" } else { "bad" };
+        self.body += &format!("<p class=\"{class}\"><strong>{}</strong></p>\n", escaped(text));
+        self
+    }
+
+    /// A table. Cells that are numbers stand to the right. A row may be shorter than the head.
+    pub fn table(&mut self, head: &[&str], rows: &[Vec<String>]) -> &mut Self {
+        self.body += "<table><tr>";
+        head.iter().for_each(|cell| self.body += &format!("<th>{}</th>", escaped(cell)));
+        self.body += "</tr>\n";
+        for row in rows {
+            self.body += "<tr>";
+            for cell in row {
+                let unit = [" %", " mm", " s"].iter().find_map(|u| cell.strip_suffix(u)).unwrap_or(cell);
+                let class = if unit.parse::<f64>().is_ok() { " class=\"n\"" } else { "" };
+                self.body += &format!("<td{class}>{}</td>", escaped(cell));
+            }
+            self.body += "</tr>\n";
+        }
+        self.body += "</table>\n";
+        self
+    }
+
+    /// A picture, as the bytes of a PNG file.
+    pub fn picture(&mut self, caption: &str, png: &[u8]) -> &mut Self {
+        let caption = escaped(caption);
+        self.body += &format!(
+            "<figure><img alt=\"{caption}\" src=\"data:image/png;base64,{}\"><figcaption>{caption}</figcaption></figure>\n",
+            base64(png)
+        );
+        self
+    }
+
+    /// A link to a file beside the page, relative to it.
+    pub fn link(&mut self, text: &str, file: &str) -> &mut Self {
+        self.body += &format!("<p><a href=\"{}\">{}</a></p>\n", escaped(file), escaped(text));
+        self
+    }
+
+    /// Parameters or records, as they stand in JSON.
+    pub fn json(&mut self, value: &Value) -> &mut Self {
+        let text = serde_json::to_string_pretty(value).unwrap_or_else(|e| e.to_string());
+        self.body += &format!("<pre>{}</pre>\n", escaped(&text));
+        self
+    }
+
+    /// The whole page.
+    pub fn html(&self) -> String {
+        format!(
+            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{}</title><style>{STYLE}</style></head>\n\
+             <body>\n{}</body></html>\n",
+            self.title, self.body
+        )
+    }
+}
+
+/// Text that is nothing but text in HTML.
+fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out += "&amp;",
+            '<' => out += "&lt;",
+            '>' => out += "&gt;",
+            '"' => out += "&quot;",
+            '\'' => out += "&#39;",
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// RFC 4648, with padding.
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let n = chunk.iter().fold(0u32, |n, b| n << 8 | u32::from(*b)) << (8 * (3 - chunk.len()));
+        for k in 0..4 {
+            let digit = DIGITS[(n >> (18 - 6 * k) & 63) as usize];
+            out.push(if k <= chunk.len() { char::from(digit) } else { '=' });
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_is_that_of_the_standard() {
+        // RFC 4648, section 10.
+        let cases = [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foob", "Zm9vYg=="),
+            ("fooba", "Zm9vYmE="),
+            ("foobar", "Zm9vYmFy"),
+        ];
+        for (text, code) in cases {
+            assert_eq!(base64(text.as_bytes()), code);
+        }
+        assert_eq!(base64(&[0xff, 0xfe, 0xfd]), "//79");
+    }
+
+    #[test]
+    fn nothing_of_the_content_becomes_markup_and_nothing_is_fetched() {
+        let mut page = Page::new("<a & b>");
+        page.heading("\"h\"").text("<script>").verdict(true, "well").table(&["<"], &[vec!["'".into()]]).picture("p", b"png");
+        page.json(&serde_json::json!({"<k>": 1})).link("there", "x/report.html");
+        let html = page.html();
+        assert!(!html.contains("<script>") && !html.contains("<k>") && html.contains("&lt;a &amp; b&gt;"));
+        assert!(!html.contains("http:") && !html.contains("https:"));
+        assert!(html.contains("data:image/png;base64,cG5n"));
+    }
+}

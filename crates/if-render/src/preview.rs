@@ -1,0 +1,65 @@
+//! Pictures of layers over one another, triangles that meet another layer in red.
+
+use crate::render::{Image, PALETTE, RenderLayer, View, side_by_side};
+use if_core::mesh::TriMesh;
+use if_mesh::index::Bvh;
+use if_mesh::intersections::pairs;
+
+/// Draws the layers of an outfit, the body first, in different colours and triangles that meet another layer in red; `size` are the width and
+/// height of one view, in pixels.
+pub fn preview(layers: &[&TriMesh], views: &[View], size: [u32; 2]) -> Image {
+    let red = intersecting(layers);
+    let layers: Vec<RenderLayer> = layers
+        .iter()
+        .zip(&red)
+        .enumerate()
+        .map(|(k, (layer, red))| RenderLayer { mesh: layer, color: color(k), highlight: red })
+        .collect();
+    side_by_side(&layers, views, size[0], size[1])
+}
+
+/// Skin first; more garments than colours begin again after the skin.
+fn color(layer: usize) -> [u8; 3] {
+    let [skin, cloths @ ..] = PALETTE;
+    if layer == 0 { skin } else { cloths[(layer - 1) % cloths.len()] }
+}
+
+/// Of each layer the triangles that meet another layer, ascending.
+fn intersecting(layers: &[&TriMesh]) -> Vec<Vec<u32>> {
+    let trees: Vec<Bvh> = layers.iter().map(|mesh| Bvh::new(mesh)).collect();
+    let mut found = vec![Vec::new(); trees.len()];
+    for outer in 1..trees.len() {
+        for inner in 0..outer {
+            for pair in pairs(&trees[inner], &trees[outer]) {
+                found[inner].push(pair.a);
+                found[outer].push(pair.b);
+            }
+        }
+    }
+    for triangles in &mut found {
+        triangles.sort_unstable();
+        triangles.dedup();
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::math::Point;
+    use if_core::shapes::meshes::{icosphere, tube};
+
+    #[test]
+    fn triangles_that_meet_are_red_and_others_are_not() {
+        let red = |radius| {
+            let tube = tube(radius, 0.3, 60, 8, false);
+            let lowered = tube.vertices().iter().map(|p| Point::new(p.x, p.y - 0.15, p.z)).collect();
+            let belt = tube.with_vertices(lowered).unwrap();
+            let image = preview(&[&icosphere(0.2, 3), &belt], &[View::FRONT], [100, 160]);
+            assert_eq!((image.width, image.height), (100, 160));
+            image.rgb.chunks_exact(3).filter(|p| i32::from(p[0]) > 2 * i32::from(p[1])).count()
+        };
+        assert_eq!(red(0.21), 0);
+        assert!(red(0.19) > 50);
+    }
+}
