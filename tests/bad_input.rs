@@ -24,7 +24,11 @@ fn outfit_with(garment: TriMesh) -> Outfit {
 fn every_unusable_outfit_has_its_error_at_construction_in_verify_and_in_resolve() {
     let band = || Layer::new("band", tube(0.31, 0.2, 24, 4, false));
     let scaled = |s: Real| Layer::new("ball", moved(&icosphere(0.3, 3), |p| p * s));
-    let open = TriMesh::new(icosphere(0.3, 3).vertices().to_vec(), icosphere(0.3, 3).triangles()[1..].to_vec()).unwrap();
+    let open = TriMesh::new(
+        icosphere(0.3, 3).vertices().to_vec(),
+        icosphere(0.3, 3).triangles()[1..].to_vec(),
+    )
+    .unwrap();
     let nothing = TriMesh::new(vec![Point::origin()], vec![]).unwrap();
     type Check = fn(&OutfitError) -> bool;
     let cases: [(&str, Layer, Vec<Layer>, Check); 12] = [
@@ -40,9 +44,18 @@ fn every_unusable_outfit_has_its_error_at_construction_in_verify_and_in_resolve(
             vec![Layer::new("band", nothing)],
             |e| matches!(e, OutfitError::Empty { layer } if layer == "band"),
         ),
-        ("twins", ball(), vec![band(), band()], |e| matches!(e, OutfitError::DuplicateName { layer } if layer == "band")),
-        ("named as the body", ball(), vec![Layer::new("ball", band().mesh)], |e| matches!(e, OutfitError::DuplicateName { .. })),
-        ("a hole", Layer::new("ball", open), vec![band()], |e| matches!(e, OutfitError::OpenBody { open_edges: 3, .. })),
+        (
+            "twins",
+            ball(),
+            vec![band(), band()],
+            |e| matches!(e, OutfitError::DuplicateName { layer } if layer == "band"),
+        ),
+        ("named as the body", ball(), vec![Layer::new("ball", band().mesh)], |e| {
+            matches!(e, OutfitError::DuplicateName { .. })
+        }),
+        ("a hole", Layer::new("ball", open), vec![band()], |e| {
+            matches!(e, OutfitError::OpenBody { open_edges: 3, .. })
+        }),
         ("a sheet", Layer::new("ball", cloth(1.0, 1.0, 4, 4)), vec![], |e| {
             matches!(e, OutfitError::OpenBody { open_edges: 16, .. })
         }),
@@ -52,18 +65,27 @@ fn every_unusable_outfit_has_its_error_at_construction_in_verify_and_in_resolve(
             vec![band()],
             |e| matches!(e, OutfitError::InsideOut { volume, .. } if *volume < 0.0),
         ),
-        ("flat", Layer::new("ball", moved(&ball().mesh, |p| Point::new(p.x, 0.0, p.z))), vec![], |e| {
-            matches!(e, OutfitError::InsideOut { .. })
-        }),
+        (
+            "flat",
+            Layer::new("ball", moved(&ball().mesh, |p| Point::new(p.x, 0.0, p.z))),
+            vec![],
+            |e| matches!(e, OutfitError::InsideOut { .. }),
+        ),
         (
             "far",
             ball(),
             vec![Layer::new("band", moved(&band().mesh, |p| Point::new(p.x + 5.0, p.y, p.z)))],
             |e| matches!(e, OutfitError::FarFromBody { distance, .. } if *distance > 4.0),
         ),
-        ("millimetres", scaled(3000.0), vec![], |e| matches!(e, OutfitError::Units { unit: "millimetres", .. })),
-        ("centimetres", scaled(300.0), vec![], |e| matches!(e, OutfitError::Units { unit: "centimetres", .. })),
-        ("inches", scaled(40.0), vec![], |e| matches!(e, OutfitError::Units { unit: "inches", .. })),
+        ("millimetres", scaled(3000.0), vec![], |e| {
+            matches!(e, OutfitError::Units { unit: "millimetres", .. })
+        }),
+        ("centimetres", scaled(300.0), vec![], |e| {
+            matches!(e, OutfitError::Units { unit: "centimetres", .. })
+        }),
+        ("inches", scaled(40.0), vec![], |e| {
+            matches!(e, OutfitError::Units { unit: "inches", .. })
+        }),
     ];
     for (case, body, garments, expected) in cases {
         let error = Outfit::new(body.clone(), garments.clone()).unwrap_err();
@@ -81,10 +103,19 @@ fn a_mesh_of_faulty_numbers_is_refused_before_it_can_be_a_layer() {
     for bad in [Real::NAN, Real::INFINITY, Real::NEG_INFINITY] {
         let mut vertices = v();
         vertices[1].z = bad;
-        assert!(matches!(TriMesh::new(vertices, vec![[0, 1, 2]]), Err(MeshError::NonFinite { vertex: 1, axis: 2, .. })));
+        assert!(matches!(
+            TriMesh::new(vertices, vec![[0, 1, 2]]),
+            Err(MeshError::NonFinite { vertex: 1, axis: 2, .. })
+        ));
     }
-    assert!(matches!(TriMesh::new(v(), vec![[0, 1, 3]]), Err(MeshError::IndexOutOfRange { index: 3, .. })));
-    assert!(matches!(TriMesh::new(v(), vec![[0, 1, 1]]), Err(MeshError::RepeatedVertex { vertex: 1, .. })));
+    assert!(matches!(
+        TriMesh::new(v(), vec![[0, 1, 3]]),
+        Err(MeshError::IndexOutOfRange { index: 3, .. })
+    ));
+    assert!(matches!(
+        TriMesh::new(v(), vec![[0, 1, 1]]),
+        Err(MeshError::RepeatedVertex { vertex: 1, .. })
+    ));
 }
 
 #[test]
@@ -98,19 +129,38 @@ fn odd_but_usable_garments_end_clean_or_with_what_is_left() {
     };
     let n = band.vertices().len() as u32;
     let p = |x, y, z| Point::new(x, y, z);
-    let one = TriMesh::new(vec![p(0.29, 0.0, 0.0), p(0.29, 0.05, 0.0), p(0.29, 0.0, 0.05)], vec![[0, 2, 1]]).unwrap();
+    let one = TriMesh::new(
+        vec![p(0.29, 0.0, 0.0), p(0.29, 0.05, 0.0), p(0.29, 0.0, 0.05)],
+        vec![[0, 2, 1]],
+    )
+    .unwrap();
     let cases = [
         ("one triangle", one),
         ("a vertex that no triangle uses", with(&[p(0.1, 0.0, 0.0)], &[])),
-        ("a triangle of zero area", with(&[p(0.3, 0.0, 0.0), p(0.31, 0.0, 0.0), p(0.32, 0.0, 0.0)], &[[n, n + 1, n + 2]])),
+        (
+            "a triangle of zero area",
+            with(&[p(0.3, 0.0, 0.0), p(0.31, 0.0, 0.0), p(0.32, 0.0, 0.0)], &[[n, n + 1, n + 2]]),
+        ),
         ("three corners at one place", with(&[p(0.28, 0.0, 0.0); 3], &[[n, n + 1, n + 2]])),
         ("three triangles at an edge", with(&[p(0.35, 0.1, 0.0)], &[[0, 1, n]])),
         ("the same triangle twice", with(&[], &[band.triangles()[7]])),
         ("a triangle and its flip", with(&[], &[[0, 1, 32], [1, 0, 32]])),
-        ("two islands", with(&[p(0.0, 0.31, 0.0), p(0.05, 0.29, 0.0), p(0.0, 0.29, 0.05)], &[[n, n + 2, n + 1]])),
+        (
+            "two islands",
+            with(
+                &[p(0.0, 0.31, 0.0), p(0.05, 0.29, 0.0), p(0.0, 0.29, 0.05)],
+                &[[n, n + 2, n + 1]],
+            ),
+        ),
         ("closed", moved(&icosphere(0.297, 3), |q| *q)),
         ("a sheet through the body", cloth(0.8, 0.8, 12, 12)),
-        ("a needle", with(&[p(-0.6, 0.05, 0.0), p(0.6, 0.05, 0.0), p(0.0, 0.05, 1e-9)], &[[n, n + 1, n + 2]])),
+        (
+            "a needle",
+            with(
+                &[p(-0.6, 0.05, 0.0), p(0.6, 0.05, 0.0), p(0.0, 0.05, 1e-9)],
+                &[[n, n + 1, n + 2]],
+            ),
+        ),
     ];
     // A few rounds are enough to meet every code path; some of these cannot become clean.
     let params = ResolveParams { rounds: 6, settle_rounds: 3, ..ResolveParams::default() };
@@ -140,7 +190,10 @@ fn refusal(change: impl Fn(&mut ResolveParams)) -> Option<&'static str> {
     change(&mut params);
     match resolve(&ball_in_tube("band", 0.295), &params, &mut |_| ControlFlow::Continue(())) {
         Err(ResolveError::Parameter { name, value, help }) => {
-            assert!(!help.is_empty() && (!value.is_finite() || value <= 0.0), "{name} = {value}: {help}");
+            assert!(
+                !help.is_empty() && (!value.is_finite() || value <= 0.0),
+                "{name} = {value}: {help}"
+            );
             Some(name)
         }
         _ => None,

@@ -8,7 +8,12 @@ use scenes::{mannequin, resolved};
 
 /// The bits of every coordinate of every garment.
 fn bits(outfit: &Outfit) -> Vec<u64> {
-    outfit.garments.iter().flat_map(|g| g.mesh.vertices()).flat_map(|p| p.iter().map(|x| x.to_bits())).collect()
+    outfit
+        .garments
+        .iter()
+        .flat_map(|g| g.mesh.vertices())
+        .flat_map(|p| p.iter().map(|x| x.to_bits()))
+        .collect()
 }
 
 fn with_threads(threads: usize, outfit: &Outfit) -> Vec<u64> {

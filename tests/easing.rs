@@ -9,18 +9,26 @@ use scenes::{assert_clean, mannequin};
 use std::ops::ControlFlow;
 
 fn run(outfit: &Outfit, ease_rounds: usize) -> Result<Resolved, ResolveError> {
-    resolve(outfit, &ResolveParams { ease_rounds, ..ResolveParams::default() }, &mut |_| ControlFlow::Continue(()))
+    resolve(outfit, &ResolveParams { ease_rounds, ..ResolveParams::default() }, &mut |_| {
+        ControlFlow::Continue(())
+    })
 }
 
 #[test]
 fn the_largest_strain_falls_the_others_do_not_grow_and_the_outfit_stays_clean() {
     // A T-shirt over a jacket: it is far too tight, and drawn out at the armpits.
     let outfit = mannequin(&[Jacket, Tshirt], 0.03);
-    let (never, eased) = (assert_clean(&outfit, run(&outfit, 0)), assert_clean(&outfit, run(&outfit, 40)));
+    let (never, eased) =
+        (assert_clean(&outfit, run(&outfit, 0)), assert_clean(&outfit, run(&outfit, 40)));
     assert_eq!(never.outfit.garments[0], eased.outfit.garments[0]);
     let (before, after) = (&never.report.layers[1], &eased.report.layers[1]);
     assert_eq!((before.eased, after.eased), ([0.0; 2], [before.strain.max, after.strain.max]));
-    assert!(before.strain.max > 0.5 && after.strain.max < 0.95 * before.strain.max, "{:?} {:?}", before.strain, after.strain);
+    assert!(
+        before.strain.max > 0.5 && after.strain.max < 0.95 * before.strain.max,
+        "{:?} {:?}",
+        before.strain,
+        after.strain
+    );
     assert!(after.strain.rms <= before.strain.rms && after.moved.max <= 1.02 * before.moved.max);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
     assert_eq!(pool.install(|| run(&outfit, 40)).unwrap().outfit, eased.outfit);

@@ -1,5 +1,5 @@
-//! What `resolve` promises: no intersecting pair and no vertex on a wrong side, as little motion as it
-//! takes, or an error that says what is left.
+//! What `resolve` promises: no intersecting pair and no vertex on a wrong side, as little motion as
+//! it takes, or an error that says what is left.
 
 mod scenes;
 
@@ -12,7 +12,9 @@ use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, Stage, resolve};
 use if_outfit::verify::verify;
 use rayon::prelude::*;
-use scenes::{assert_clean, assert_clean_or_left, ball_in_tube, flipped, mannequin, moved, resolved};
+use scenes::{
+    assert_clean, assert_clean_or_left, ball_in_tube, flipped, mannequin, moved, resolved,
+};
 use std::ops::ControlFlow;
 
 const LAYERED: [Garment; 4] = [Garment::Tshirt, Garment::Skirt, Garment::Jacket, Garment::Coat];
@@ -21,17 +23,27 @@ const LAYERED: [Garment; 4] = [Garment::Tshirt, Garment::Skirt, Garment::Jacket,
 fn the_built_in_scene_comes_out_clean_and_far_vertices_do_not_move() {
     let outfit = mannequin(&LAYERED, 1.0);
     let before = verify(&outfit).unwrap();
-    assert!(before.total_pairs() > 1000 && before.total_inside() > 100, "the scene is too easy: {before:?}");
+    assert!(
+        before.total_pairs() > 1000 && before.total_inside() > 100,
+        "the scene is too easy: {before:?}"
+    );
     let result = assert_clean(&outfit, resolved(&outfit));
     for (garment, layer) in outfit.garments.iter().zip(&result.report.layers) {
         let after = result.outfit.garments.iter().find(|g| g.name == garment.name).unwrap();
-        let moved = garment.mesh.vertices().iter().zip(after.mesh.vertices()).filter(|(a, b)| a != b).count();
+        let moved = garment
+            .mesh
+            .vertices()
+            .iter()
+            .zip(after.mesh.vertices())
+            .filter(|(a, b)| a != b)
+            .count();
         assert_eq!(moved, layer.moved.vertices);
         assert!(layer.moved.max < 0.15, "{}: a vertex went {} m", layer.name, layer.moved.max);
     }
 }
 
-/// Pairs of triangles that share a point: each of `a` with each of `b`, by the exact predicate where their boxes overlap.
+/// Pairs of triangles that share a point: each of `a` with each of `b`, by the exact predicate
+/// where their boxes overlap.
 fn meeting(a: &TriMesh, b: &TriMesh) -> usize {
     let boxes = |mesh: &TriMesh| -> Vec<[[f64; 2]; 3]> {
         let span = |t: usize, k: usize| {
@@ -41,8 +53,12 @@ fn meeting(a: &TriMesh, b: &TriMesh) -> usize {
         (0..mesh.triangles().len()).map(|t| [0, 1, 2].map(|k| span(t, k))).collect()
     };
     let (of_a, of_b) = (boxes(a), boxes(b));
-    let near = |s: usize, t: usize| (0..3).all(|k| of_a[s][k][0] <= of_b[t][k][1] && of_b[t][k][0] <= of_a[s][k][1]);
-    let meets = |s: usize, t: usize| near(s, t) && intersect::triangles(a.corners(s), b.corners(t)).is_some();
+    let near = |s: usize, t: usize| {
+        (0..3).all(|k| of_a[s][k][0] <= of_b[t][k][1] && of_b[t][k][0] <= of_a[s][k][1])
+    };
+    let meets = |s: usize, t: usize| {
+        near(s, t) && intersect::triangles(a.corners(s), b.corners(t)).is_some()
+    };
     (0..of_a.len()).into_par_iter().map(|s| (0..of_b.len()).filter(|t| meets(s, *t)).count()).sum()
 }
 
@@ -52,8 +68,10 @@ fn winding(mesh: &TriMesh, p: &Point) -> f64 {
     let half_angle = |t: usize| {
         let [a, b, c] = mesh.corners(t).map(|q| [q.x - p.x, q.y - p.y, q.z - p.z]);
         let [la, lb, lc] = [dot(&a, &a).sqrt(), dot(&b, &b).sqrt(), dot(&c, &c).sqrt()];
-        let across = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
-        dot(&a, &across).atan2(la * lb * lc + dot(&a, &b) * lc + dot(&b, &c) * la + dot(&c, &a) * lb)
+        let across =
+            [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+        dot(&a, &across)
+            .atan2(la * lb * lc + dot(&a, &b) * lc + dot(&b, &c) * la + dot(&c, &a) * lb)
     };
     (0..mesh.triangles().len()).map(half_angle).sum::<f64>() / (2.0 * std::f64::consts::PI)
 }
@@ -63,12 +81,19 @@ fn a_look_at_everything_without_trees_and_fields_says_the_same() {
     let outfit = mannequin(&[Garment::Tshirt, Garment::Skirt], 1.0);
     let pairs = |outfit: &Outfit| {
         let layers: Vec<&Layer> = outfit.layers().collect();
-        let below = |k: usize| layers[..k].iter().map(|l| meeting(&l.mesh, &layers[k].mesh)).sum::<usize>();
+        let below =
+            |k: usize| layers[..k].iter().map(|l| meeting(&l.mesh, &layers[k].mesh)).sum::<usize>();
         (1..layers.len()).map(below).sum::<usize>()
     };
     // Of every so many vertices of garments those inside the body.
     let inside = |outfit: &Outfit, every: usize| {
-        let vertices: Vec<Point> = outfit.garments.iter().flat_map(|g| g.mesh.vertices()).step_by(every).copied().collect();
+        let vertices: Vec<Point> = outfit
+            .garments
+            .iter()
+            .flat_map(|g| g.mesh.vertices())
+            .step_by(every)
+            .copied()
+            .collect();
         vertices.par_iter().filter(|p| winding(&outfit.body.mesh, p) > 0.5).count()
     };
     let found = pairs(&outfit);
@@ -78,21 +103,31 @@ fn a_look_at_everything_without_trees_and_fields_says_the_same() {
     assert_eq!((pairs(&result.outfit), inside(&result.outfit, 1)), (0, 0));
 }
 
-/// The same surface with a seam along x = 0, as exporters leave it where texture coordinates jump; the new vertices come last.
+/// The same surface with a seam along x = 0, as exporters leave it where texture coordinates jump;
+/// the new vertices come last.
 fn with_a_seam(mesh: &TriMesh) -> (TriMesh, Vec<u32>) {
     let mut of: Vec<u32> = (0..mesh.vertices().len() as u32).collect();
     let left = |t: &[u32; 3]| t.iter().map(|v| mesh.vertices()[*v as usize].x).sum::<f64>() < 0.0;
     let mut on_the_right = vec![false; of.len()];
-    mesh.triangles().iter().filter(|t| !left(t)).flatten().for_each(|v| on_the_right[*v as usize] = true);
+    mesh.triangles()
+        .iter()
+        .filter(|t| !left(t))
+        .flatten()
+        .for_each(|v| on_the_right[*v as usize] = true);
     let mut twin = std::collections::BTreeMap::new();
     let mut triangles = mesh.triangles().to_vec();
-    for v in triangles.iter_mut().filter(|t| left(t)).flatten().filter(|v| on_the_right[**v as usize]) {
+    for v in
+        triangles.iter_mut().filter(|t| left(t)).flatten().filter(|v| on_the_right[**v as usize])
+    {
         *v = *twin.entry(*v).or_insert_with(|| {
             of.push(*v);
             of.len() as u32 - 1
         });
     }
-    (TriMesh::new(of.iter().map(|v| mesh.vertices()[*v as usize]).collect(), triangles).unwrap(), of)
+    (
+        TriMesh::new(of.iter().map(|v| mesh.vertices()[*v as usize]).collect(), triangles).unwrap(),
+        of,
+    )
 }
 
 #[test]
@@ -139,7 +174,8 @@ fn what_needs_nothing_is_returned_bit_for_bit() {
 #[test]
 fn clean_layers_below_and_above_a_dirty_one_keep_their_bits() {
     let clean = mannequin(&[Garment::Tshirt, Garment::Jacket], 0.0);
-    // A dent in the skirt's place: the clean jacket hangs over a T-shirt whose hem alone is pushed in.
+    // A dent in the skirt's place: the clean jacket hangs over a T-shirt whose hem alone is pushed
+    // in.
     let mut outfit = clean.clone();
     let low = clean.garments[0].mesh.aabb().min.y;
     outfit.garments[0].mesh = moved(&clean.garments[0].mesh, |p| {
@@ -152,7 +188,10 @@ fn clean_layers_below_and_above_a_dirty_one_keep_their_bits() {
     // Against the T-shirt as it is now, is the jacket as it was clean? Then it must not have moved.
     let mut lower_done = result.outfit.clone();
     lower_done.garments[1] = outfit.garments[1].clone();
-    assert!(verify(&lower_done).unwrap().is_clean(), "the T-shirt came up to the jacket: dent it less");
+    assert!(
+        verify(&lower_done).unwrap().is_clean(),
+        "the T-shirt came up to the jacket: dent it less"
+    );
     assert_eq!(result.outfit.garments[1], outfit.garments[1]);
     // The other way round: the T-shirt is clean, the jacket is not.
     let mut outfit = clean.clone();
@@ -174,8 +213,10 @@ fn vertices_outside_the_boxes_of_all_lower_layers_stay() {
     assert!(!verify(&outfit).unwrap().is_clean());
     let result = assert_clean(&outfit, resolved(&outfit));
     let region = outfit.body.mesh.aabb();
-    let (before, after) = (outfit.garments[0].mesh.vertices(), result.outfit.garments[0].mesh.vertices());
-    // A vertex whose triangle reaches into the box is not clear: that triangle may intersect the ball.
+    let (before, after) =
+        (outfit.garments[0].mesh.vertices(), result.outfit.garments[0].mesh.vertices());
+    // A vertex whose triangle reaches into the box is not clear: that triangle may intersect the
+    // ball.
     let mut clear = vec![true; before.len()];
     for t in outfit.garments[0].mesh.triangles() {
         let corners = t.map(|v| &before[v as usize]);
@@ -186,7 +227,11 @@ fn vertices_outside_the_boxes_of_all_lower_layers_stay() {
     let outside: Vec<usize> = (0..before.len()).filter(|v| clear[*v]).collect();
     assert!(outside.len() > 100);
     for v in outside {
-        assert!((before[v] - after[v]).norm() <= 1e-4, "vertex {v} went {} m", (before[v] - after[v]).norm());
+        assert!(
+            (before[v] - after[v]).norm() <= 1e-4,
+            "vertex {v} went {} m",
+            (before[v] - after[v]).norm()
+        );
     }
 }
 
@@ -199,7 +244,14 @@ fn positions_in_single_precision_are_proven_as_they_are_stored() {
     }
     let result = assert_clean(&outfit, resolved(&outfit));
     for garment in &result.outfit.garments {
-        assert!(garment.mesh.vertices().iter().flat_map(|p| p.iter()).all(|x| f64::from(*x as f32) == *x));
+        assert!(
+            garment
+                .mesh
+                .vertices()
+                .iter()
+                .flat_map(|p| p.iter())
+                .all(|x| f64::from(*x as f32) == *x)
+        );
     }
 }
 
@@ -208,7 +260,9 @@ fn of_two_identical_layers_the_upper_one_gives_way() {
     let mut outfit = mannequin(&[Garment::Tshirt], 0.0);
     outfit.garments.push(Layer::new("twin", outfit.garments[0].mesh.clone()));
     let before = verify(&outfit).unwrap();
-    assert!(before.pairs.iter().any(|p| p.pairs.coplanar >= outfit.garments[0].mesh.triangles().len()));
+    assert!(
+        before.pairs.iter().any(|p| p.pairs.coplanar >= outfit.garments[0].mesh.triangles().len())
+    );
     let result = assert_clean(&outfit, resolved(&outfit));
     assert_eq!(result.outfit.garments[0], outfit.garments[0]);
 }
@@ -233,7 +287,10 @@ fn a_garment_far_too_small_for_what_it_goes_over_comes_out_clean() {
 fn a_garment_wholly_inside_the_body_comes_out() {
     let outfit = ball_in_tube("band", 0.26);
     let before = verify(&outfit).unwrap();
-    assert_eq!((before.total_pairs(), before.total_inside()), (0, outfit.garments[0].mesh.vertices().len()));
+    assert_eq!(
+        (before.total_pairs(), before.total_inside()),
+        (0, outfit.garments[0].mesh.vertices().len())
+    );
     assert_clean(&outfit, resolved(&outfit));
 }
 
@@ -277,7 +334,11 @@ fn whoever_watches_can_cancel_at_any_time() {
         ControlFlow::Continue(())
     });
     assert_clean(&outfit, result);
-    assert!(stages.contains(&Stage::Verify) && stages.contains(&Stage::Settle) && stages.last() == Some(&Stage::Done));
+    assert!(
+        stages.contains(&Stage::Verify)
+            && stages.contains(&Stage::Settle)
+            && stages.last() == Some(&Stage::Done)
+    );
     for stop in 0..stages.len() {
         let mut calls = 0;
         let result = resolve(&outfit, &ResolveParams::default(), &mut |_| {
@@ -303,7 +364,9 @@ fn what_is_not_done_in_the_rounds_is_an_error_that_names_the_pairs() {
         ..ResolveParams::default()
     };
     let outcome = resolve(&outfit, &slow, &mut |_| ControlFlow::Continue(()));
-    let Err(ResolveError::Remaining { outer, inner, triangles, result }) = &outcome else { panic!("{outcome:?}") };
+    let Err(ResolveError::Remaining { outer, inner, triangles, result }) = &outcome else {
+        panic!("{outcome:?}")
+    };
     assert_eq!((outer.as_str(), inner.as_str()), ("band", "ball"));
     assert!(!triangles.is_empty());
     let layer = |name: &str| result.outfit.layers().find(|l| l.name == name).unwrap();
@@ -318,6 +381,7 @@ fn what_is_not_done_in_the_rounds_is_an_error_that_names_the_pairs() {
 #[test]
 fn no_rounds_at_all_are_refused() {
     let params = ResolveParams { rounds: 0, ..ResolveParams::default() };
-    let outcome = resolve(&ball_in_tube("band", 0.295), &params, &mut |_| ControlFlow::Continue(()));
+    let outcome =
+        resolve(&ball_in_tube("band", 0.295), &params, &mut |_| ControlFlow::Continue(()));
     assert!(matches!(outcome, Err(ResolveError::Parameter { name: "rounds", .. })), "{outcome:?}");
 }

@@ -1,7 +1,9 @@
-//! What is skipped changes no result: with and without, the same bits; and a scene that needs nothing costs nothing but
-//! looking at it. The same of single parts stands beside them: contacts with fields (`if_xpbd::collision`), sparse and dense
-//! extraction (`crates/if-mesh/tests/extraction.rs`), finished outfits of a batch (`crates/if-cli/tests/cli/batch.rs`),
-//! frames without a person (`crates/if-pipeline/tests/reconstruct.rs`). docs/accuracy.md has the list.
+//! What is skipped changes no result: with and without, the same bits; and a scene that needs
+//! nothing costs nothing but looking at it. The same of single parts stands beside them: contacts
+//! with fields (`if_xpbd::collision`), sparse and dense extraction
+//! (`crates/if-mesh/tests/extraction.rs`), finished outfits of a batch
+//! (`crates/if-cli/tests/cli/batch.rs`), frames without a person
+//! (`crates/if-pipeline/tests/reconstruct.rs`). docs/accuracy.md has the list.
 
 use if_body::mannequin::{MannequinParams, layered};
 use if_core::aabb::Aabb;
@@ -18,8 +20,9 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 fn scene() -> Outfit {
-    let mut layers =
-        layered(&MannequinParams { resolution: 0.7, ..Default::default() }).into_iter().map(|(n, m)| Layer::new(n, m));
+    let mut layers = layered(&MannequinParams { resolution: 0.7, ..Default::default() })
+        .into_iter()
+        .map(|(n, m)| Layer::new(n, m));
     let body = layers.next().expect("the scene begins with the body");
     Outfit::new(body, layers.collect()).expect("the scene is an outfit")
 }
@@ -29,25 +32,42 @@ fn resolve_gives_the_same_bits_whether_it_skips_or_not() {
     let outfit = scene();
     let run = |skip| {
         let params = ResolveParams { skip, ..Default::default() };
-        resolve(&outfit, &params, &mut |_| ControlFlow::Continue(())).expect("the built-in scene comes out clean")
+        resolve(&outfit, &params, &mut |_| ControlFlow::Continue(()))
+            .expect("the built-in scene comes out clean")
     };
     let (with, without) = (run(true), run(false));
     assert!(with.outfit == without.outfit, "skipping changed the result");
     for (a, b) in with.report.layers.iter().zip(&without.report.layers) {
         assert_eq!((a.rounds, a.sweeps, b.skipped.queries), (b.rounds, b.sweeps, 0), "{}", a.name);
-        assert!(a.queries < b.queries, "{}: {} queries, {} without skipping", a.name, a.queries, b.queries);
+        assert!(
+            a.queries < b.queries,
+            "{}: {} queries, {} without skipping",
+            a.name,
+            a.queries,
+            b.queries
+        );
     }
 }
 
 #[test]
 fn a_scene_that_needs_nothing_is_only_looked_at() {
     let params = ResolveParams::default();
-    let clean = resolve(&scene(), &params, &mut |_| ControlFlow::Continue(())).expect("clean").outfit;
+    let clean =
+        resolve(&scene(), &params, &mut |_| ControlFlow::Continue(())).expect("clean").outfit;
     let again = resolve(&clean, &params, &mut |_| ControlFlow::Continue(())).expect("still clean");
     assert!(again.outfit == clean, "a clean scene was changed");
     for layer in &again.report.layers {
-        assert_eq!((layer.rounds, layer.sweeps, layer.queries, layer.moved.vertices), (0, 0, 0, 0), "{}", layer.name);
-        let vertices = clean.garments.iter().find(|g| g.name == layer.name).map_or(0, |g| g.mesh.vertices().len());
+        assert_eq!(
+            (layer.rounds, layer.sweeps, layer.queries, layer.moved.vertices),
+            (0, 0, 0, 0),
+            "{}",
+            layer.name
+        );
+        let vertices = clean
+            .garments
+            .iter()
+            .find(|g| g.name == layer.name)
+            .map_or(0, |g| g.mesh.vertices().len());
         assert_eq!(layer.skipped.vertices, vertices, "{}", layer.name);
     }
 }
@@ -59,17 +79,28 @@ fn a_layer_that_does_not_meet_another_is_counted_and_ends_with_the_same_bits_wit
     let band = |name: &str, height: Real| {
         let radius = (0.25 - (height + 0.05) * (height + 0.05)).sqrt() - 0.003;
         let tube = tube(radius, 0.1, 48, 4, false);
-        Layer::new(name, tube.with_vertices(tube.vertices().iter().map(|p| p + Vector::y() * height).collect()).expect("moved"))
+        Layer::new(
+            name,
+            tube.with_vertices(tube.vertices().iter().map(|p| p + Vector::y() * height).collect())
+                .expect("moved"),
+        )
     };
     let worn = |garments| {
         let outfit = Outfit::new(Layer::new("body", body.clone()), garments).expect("an outfit");
-        resolve(&outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(())).expect("clean")
+        resolve(&outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(()))
+            .expect("clean")
     };
     let both = worn(vec![band("low", -0.25), band("high", 0.15)]);
     let alone = worn(vec![band("high", 0.15)]);
-    assert_eq!((both.report.layers[1].skipped.layers, alone.report.layers[0].skipped.layers), (1, 0));
+    assert_eq!(
+        (both.report.layers[1].skipped.layers, alone.report.layers[0].skipped.layers),
+        (1, 0)
+    );
     assert!(both.report.layers.iter().all(|l| l.moved.vertices > 0), "both had to move");
-    assert!(both.outfit.garments[1] == alone.outfit.garments[0], "a layer that is not met changed the result");
+    assert!(
+        both.outfit.garments[1] == alone.outfit.garments[0],
+        "a layer that is not met changed the result"
+    );
 }
 
 /// A field that counts how often it is asked.
@@ -96,14 +127,18 @@ impl<F: SignedDistance> SignedDistance for Counted<F> {
 }
 
 fn torus() -> Counted<Torus> {
-    Counted { field: Torus { center: Point::new(0.01, 0.02, 0.03), major: 0.6, minor: 0.15 }, asked: AtomicUsize::new(0) }
+    Counted {
+        field: Torus { center: Point::new(0.01, 0.02, 0.03), major: 0.6, minor: 0.15 },
+        asked: AtomicUsize::new(0),
+    }
 }
 
 #[test]
 fn certified_empty_boxes_are_not_evaluated_and_the_triangles_are_the_same() {
     let run = |sampling| {
         let field = torus();
-        let found = extract(&field, &ExtractParams { sampling, check: 0, ..Default::default() }).expect("a torus has a surface");
+        let found = extract(&field, &ExtractParams { sampling, check: 0, ..Default::default() })
+            .expect("a torus has a surface");
         (found.mesh, field.asked.into_inner())
     };
     let ((sparse, few), (dense, many)) = (run(Sampling::Sparse), run(Sampling::Dense));
@@ -115,7 +150,8 @@ fn certified_empty_boxes_are_not_evaluated_and_the_triangles_are_the_same() {
 fn bricks_far_from_the_surface_are_not_baked_and_what_is_baked_is_right() {
     let field = torus();
     let (cell, band) = (0.008, 0.03);
-    let params = BakeParams { cell, accuracy: Real::INFINITY, band, depth: band, ..Default::default() };
+    let params =
+        BakeParams { cell, accuracy: Real::INFINITY, band, depth: band, ..Default::default() };
     let baked = Baked::new(&field, &params).expect("a torus can be baked");
     let asked = field.asked.load(Ordering::Relaxed);
     let size: Vector = field.bounds().expect("a torus has bounds").inflated(band).size();
@@ -123,7 +159,8 @@ fn bricks_far_from_the_surface_are_not_baked_and_what_is_baked_is_right() {
     assert!((asked as Real) < 0.8 * nodes, "{asked} evaluations, {nodes} nodes");
     for k in 0..1000 {
         let angle = 0.1 * Real::from(k);
-        let p = field.field.center + Vector::new(0.75 * angle.cos(), 0.02 * (7.0 * angle).sin(), 0.75 * angle.sin());
+        let p = field.field.center
+            + Vector::new(0.75 * angle.cos(), 0.02 * (7.0 * angle).sin(), 0.75 * angle.sin());
         assert!((baked.distance(&p) - field.field.distance(&p)).abs() <= baked.error_bound());
     }
 }
@@ -133,8 +170,11 @@ fn a_masked_field_is_not_evaluated_outside_its_box_and_is_the_same_inside() {
     let field = torus();
     let window = Aabb { min: Point::new(0.0, -1.0, -1.0), max: Point::new(1.0, 1.0, 1.0) };
     let masked = Masked { field: &field, mask: BoxMask::new(window).expect("a box") };
-    let points: Vec<Point> =
-        (0..400).map(|k| Point::new(0.7 * (0.1 * Real::from(k)).cos(), 0.0, 0.7 * (0.1 * Real::from(k)).sin())).collect();
+    let points: Vec<Point> = (0..400)
+        .map(|k| {
+            Point::new(0.7 * (0.1 * Real::from(k)).cos(), 0.0, 0.7 * (0.1 * Real::from(k)).sin())
+        })
+        .collect();
     let mut out = vec![0.0; points.len()];
     masked.distances(&points, &mut out);
     let inside = points.iter().filter(|p| window.contains(p)).count();

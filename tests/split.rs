@@ -1,4 +1,5 @@
-//! Large triangles are split where they cannot lie round what is below, and only where that is allowed.
+//! Large triangles are split where they cannot lie round what is below, and only where that is
+//! allowed.
 
 mod scenes;
 
@@ -11,12 +12,17 @@ use if_outfit::verify::verify;
 use scenes::moved;
 use std::ops::ControlFlow;
 
-/// A ball of 0.3 m radius in a band of `sides` flat sides whose corners are 0.33 m from the axis, as a file in single precision holds it.
+/// A ball of 0.3 m radius in a band of `sides` flat sides whose corners are 0.33 m from the axis,
+/// as a file in single precision holds it.
 fn angular(sides: u32) -> Outfit {
     let single = |x: Real| Real::from(x as f32);
-    let band = moved(&tube(0.33, 0.1, sides, 1, false), |p| Point::new(p.x, p.y - 0.05, p.z).map(single));
-    Outfit::new(Layer::new("ball", icosphere(0.3, 4)), vec![Layer { single_precision: true, ..Layer::new("band", band) }])
-        .unwrap()
+    let band =
+        moved(&tube(0.33, 0.1, sides, 1, false), |p| Point::new(p.x, p.y - 0.05, p.z).map(single));
+    Outfit::new(
+        Layer::new("ball", icosphere(0.3, 4)),
+        vec![Layer { single_precision: true, ..Layer::new("band", band) }],
+    )
+    .unwrap()
 }
 
 fn run(outfit: &Outfit, split: Split, rounds: usize) -> Result<Resolved, ResolveError> {
@@ -30,11 +36,18 @@ fn assert_split(input: &TriMesh, resolved: &Resolved) {
     let output = &resolved.outfit.garments[0].mesh;
     assert_eq!(split.mesh.triangles(), output.triangles());
     assert_eq!(split.mesh.vertices()[..input.vertices().len()], *input.vertices());
-    assert!(split.sources.len() == output.vertices().len() && split.parts.len() == output.triangles().len());
+    assert!(
+        split.sources.len() == output.vertices().len()
+            && split.parts.len() == output.triangles().len()
+    );
     assert!((split.mesh.area() / input.area() - 1.0).abs() < 1e-6);
     assert_eq!(resolved.report.layers[0].split, split.parents());
     assert!(
-        output.vertices().iter().flat_map(|p| p.coords.iter().copied().collect::<Vec<Real>>()).all(|x| x == Real::from(x as f32))
+        output
+            .vertices()
+            .iter()
+            .flat_map(|p| p.coords.iter().copied().collect::<Vec<Real>>())
+            .all(|x| x == Real::from(x as f32))
     );
     let after = verify(&resolved.outfit).unwrap();
     assert_eq!((after.total_pairs(), after.total_inside()), (0, 0));
@@ -52,30 +65,44 @@ fn a_band_of_three_sides_lies_round_a_ball_once_it_has_more() {
     assert!(strain(&split) < 0.5 * strain(&never), "{} {}", strain(&split), strain(&never));
     let moved = |r: &Resolved| r.report.layers[0].moved;
     assert!(moved(&split).mean < moved(&never).mean, "{:?} {:?}", moved(&split), moved(&never));
-    assert_eq!(split.report.before.pairs, never.report.before.pairs, "what is said of the input is said of the input");
+    assert_eq!(
+        split.report.before.pairs, never.report.before.pairs,
+        "what is said of the input is said of the input"
+    );
 }
 
 #[test]
 fn what_is_clean_anyhow_is_not_split() {
     let outfit = angular(3);
-    let (never, left) = (run(&outfit, Split::Never, 100).unwrap(), run(&outfit, Split::IfLeft, 100).unwrap());
+    let (never, left) =
+        (run(&outfit, Split::Never, 100).unwrap(), run(&outfit, Split::IfLeft, 100).unwrap());
     assert_eq!(never.outfit, left.outfit);
     let round = angular(24);
-    let (never, strained) = (run(&round, Split::Never, 100).unwrap(), run(&round, Split::IfStrained, 100).unwrap());
+    let (never, strained) =
+        (run(&round, Split::Never, 100).unwrap(), run(&round, Split::IfStrained, 100).unwrap());
     assert_eq!((never.outfit, strained.splits), (strained.outfit, vec![None]));
 }
 
 #[test]
 fn vertices_of_no_triangle_stay_and_count_nowhere() {
-    // In the middle of the ball, a little below its surface, far away, beyond single precision, and at the ends of double precision.
-    let strays = [[0.0; 3], [0.0, 0.296875, 0.0], [1e6, 0.0, 0.0], [0.0, 1e39, 0.0], [1.7e308, 0.0, 0.0], [-1.7e308, 0.0, 0.0]]
-        .map(Point::from);
+    // In the middle of the ball, a little below its surface, far away, beyond single precision, and
+    // at the ends of double precision.
+    let strays = [
+        [0.0; 3],
+        [0.0, 0.296875, 0.0],
+        [1e6, 0.0, 0.0],
+        [0.0, 1e39, 0.0],
+        [1.7e308, 0.0, 0.0],
+        [-1.7e308, 0.0, 0.0],
+    ]
+    .map(Point::from);
     let with_strays = |radius| {
         let mut outfit = scenes::ball_in_tube("band", radius);
         let band = &mut outfit.garments[0];
         let single = moved(&band.mesh, |p| p.map(|x| Real::from(x as f32)));
         let vertices = [single.vertices(), &strays].concat();
-        (band.mesh, band.single_precision) = (TriMesh::new(vertices, single.triangles().to_vec()).unwrap(), true);
+        (band.mesh, band.single_precision) =
+            (TriMesh::new(vertices, single.triangles().to_vec()).unwrap(), true);
         outfit
     };
     for split in [Split::Never, Split::IfLeft, Split::IfStrained] {
@@ -87,6 +114,9 @@ fn vertices_of_no_triangle_stay_and_count_nowhere() {
         let found = run(&sunk, split, 100).unwrap();
         assert!(found.report.before.total_pairs() > 0 && found.report.after.is_clean());
         let n = sunk.garments[0].mesh.vertices().len();
-        assert!(found.outfit.garments[0].mesh.vertices()[n - strays.len()..n] == strays, "{split:?}");
+        assert!(
+            found.outfit.garments[0].mesh.vertices()[n - strays.len()..n] == strays,
+            "{split:?}"
+        );
     }
 }

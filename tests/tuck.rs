@@ -11,7 +11,8 @@ use std::ops::ControlFlow;
 
 /// A ball of 0.3 m radius in a band of 0.36 m, and over that a wider one of 0.33 m.
 fn tight_over_loose() -> Outfit {
-    let [inner, outer] = [ball_in_tube("loose", 0.36), ball_in_tube("tight", 0.33)].map(|mut o| o.garments.remove(0));
+    let [inner, outer] = [ball_in_tube("loose", 0.36), ball_in_tube("tight", 0.33)]
+        .map(|mut o| o.garments.remove(0));
     let inner = Layer::new("loose", moved(&inner.mesh, |p| Point::new(p.x, 0.7 * p.y, p.z)));
     Outfit::new(ball_in_tube("loose", 0.36).body, vec![inner, outer]).unwrap()
 }
@@ -37,14 +38,25 @@ fn where_it_is_always_asked_for_the_loose_garment_moves_and_the_tight_one_does_n
     let strain = |r: &Resolved, k: usize| r.report.layers[k].strain.rms;
     // Only the outer of two layers moves: it is stretched by 3 cm in 33.
     assert!(never.report.layers.iter().all(|l| l.tucked == [0; 2]));
-    assert_eq!((never.report.layers[0].moved.vertices, never.outfit.garments[0] == outfit.garments[0]), (0, true));
+    assert_eq!(
+        (never.report.layers[0].moved.vertices, never.outfit.garments[0] == outfit.garments[0]),
+        (0, true)
+    );
     assert!(strain(&never, 1) > 0.05, "{}", strain(&never, 1));
     // All of the inner one stuck out; now next to nothing does.
     let [before, after] = always.report.layers[0].tucked;
     assert_eq!(before, outfit.garments[0].mesh.vertices().len());
     assert!(after * 20 <= before, "{before} -> {after}");
-    assert!(strain(&always, 1) < 0.2 * strain(&never, 1), "{} of {}", strain(&always, 1), strain(&never, 1));
-    assert!(outside(&never.outfit.garments[1], 0.34) > 0 && outside(&always.outfit.garments[0], 0.34) * 20 <= before);
+    assert!(
+        strain(&always, 1) < 0.2 * strain(&never, 1),
+        "{} of {}",
+        strain(&always, 1),
+        strain(&never, 1)
+    );
+    assert!(
+        outside(&never.outfit.garments[1], 0.34) > 0
+            && outside(&always.outfit.garments[0], 0.34) * 20 <= before
+    );
     // The inner one stays outside the ball.
     let ball = ClosedLayer::body(&outfit.body.mesh);
     let inner = always.outfit.garments[0].mesh.vertices();
@@ -54,14 +66,24 @@ fn where_it_is_always_asked_for_the_loose_garment_moves_and_the_tight_one_does_n
 #[test]
 fn where_the_tight_garment_settles_the_loose_one_is_left_alone() {
     let outfit = tight_over_loose();
-    assert_eq!(run(&outfit, &with(Tuck::IfStuck)).unwrap().outfit, run(&outfit, &with(Tuck::Never)).unwrap().outfit);
+    assert_eq!(
+        run(&outfit, &with(Tuck::IfStuck)).unwrap().outfit,
+        run(&outfit, &with(Tuck::Never)).unwrap().outfit
+    );
 }
 
 #[test]
 fn where_the_tight_garment_gets_stuck_the_loose_one_is_pressed_in() {
     let outfit = tight_over_loose();
     // So slow that 3 cm are not made before repairs count as stalled.
-    let slow = |tuck| ResolveParams { settle_rounds: 1, sweeps: 1, step: 1e-5, max_push: 1e-5, rounds: 60, ..with(tuck) };
+    let slow = |tuck| ResolveParams {
+        settle_rounds: 1,
+        sweeps: 1,
+        step: 1e-5,
+        max_push: 1e-5,
+        rounds: 60,
+        ..with(tuck)
+    };
     let tucked = |outcome: &Result<Resolved, ResolveError>| match outcome {
         Ok(result) => result.report.layers[0].tucked[0],
         Err(ResolveError::Remaining { result, .. }) => result.report.layers[0].tucked[0],
@@ -78,7 +100,8 @@ fn where_the_tight_garment_gets_stuck_the_loose_one_is_pressed_in() {
 #[test]
 fn nothing_is_pressed_in_where_garments_do_not_meet_or_only_meet_the_body() {
     let apart = |inner, outer| {
-        let garments = [ball_in_tube("inner", inner), ball_in_tube("outer", outer)].map(|mut o| o.garments.remove(0));
+        let garments = [ball_in_tube("inner", inner), ball_in_tube("outer", outer)]
+            .map(|mut o| o.garments.remove(0));
         Outfit::new(ball_in_tube("inner", inner).body, garments.to_vec()).unwrap()
     };
     let clean = apart(0.32, 0.34);

@@ -23,10 +23,16 @@ fn bench(c: &mut Criterion) {
     group.sample_size(10).measurement_time(Duration::from_secs(20));
     for (name, resolution) in [("coarse", 0.7), ("demo", 1.0)] {
         let outfit = scene(resolution);
-        let run = || resolve(black_box(&outfit), &ResolveParams::default(), &mut |_| ControlFlow::Continue(()));
+        let run = || {
+            resolve(black_box(&outfit), &ResolveParams::default(), &mut |_| {
+                ControlFlow::Continue(())
+            })
+        };
         let first = run().expect("the built-in scene comes out clean");
         assert!(verify(&first.outfit).expect("it is an outfit").is_clean());
-        group.bench_function(name, |b| b.iter(|| assert!(run().expect("clean").outfit == first.outfit)));
+        group.bench_function(name, |b| {
+            b.iter(|| assert!(run().expect("clean").outfit == first.outfit))
+        });
     }
     group.finish();
 }

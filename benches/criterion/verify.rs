@@ -21,17 +21,22 @@ fn layer(radius: f64, phase: f64) -> TriMesh {
     let smooth = tube(radius, 0.8, 500, 100, false);
     let folds = |p: &Point| {
         let angle = p.z.atan2(p.x);
-        let fold = 0.008 * (9.0 * angle + 14.0 * p.y).sin() + 0.001 * (61.0 * angle + 90.0 * p.y + phase).cos();
+        let fold = 0.008 * (9.0 * angle + 14.0 * p.y).sin()
+            + 0.001 * (61.0 * angle + 90.0 * p.y + phase).cos();
         let r = (radius + fold) / radius;
         // In single precision, as files hold it.
-        Point::new(p.x * r, p.y + 0.002 * (31.0 * angle + phase).sin(), p.z * r).map(|x| f64::from(x as f32))
+        Point::new(p.x * r, p.y + 0.002 * (31.0 * angle + phase).sin(), p.z * r)
+            .map(|x| f64::from(x as f32))
     };
     smooth.with_vertices(smooth.vertices().iter().map(folds).collect()).expect("finite")
 }
 
 /// Name, layer below, layer above, fewest and most pairs: 3 mm apart, and pushed into each other.
 fn scenes() -> [(&'static str, TriMesh, TriMesh, [usize; 2]); 2] {
-    [("100k", layer(0.2, 0.0), layer(0.203, 1.3), [0, 0]), ("100k_dirty", layer(0.2, 0.0), layer(0.2005, 1.3), [10_000, 200_000])]
+    [
+        ("100k", layer(0.2, 0.0), layer(0.203, 1.3), [0, 0]),
+        ("100k_dirty", layer(0.2, 0.0), layer(0.2005, 1.3), [10_000, 200_000]),
+    ]
 }
 
 fn verify(below: &TriMesh, above: &TriMesh) -> usize {
@@ -62,7 +67,8 @@ fn beside_peers(folder: &Path) {
         for (part, mesh) in [("below", &below), ("above", &above)] {
             let ply = PlyMesh::new(mesh.clone());
             let path = folder.join(format!("{name}_{part}.ply"));
-            write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &path).expect("a folder that takes files");
+            write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &path)
+                .expect("a folder that takes files");
         }
         let found = verify(&below, &above);
         let mut seconds: Vec<f64> = (0..11)

@@ -1,4 +1,5 @@
-//! What [`if_outfit::resolve::resolve`] is compared with: simpler ways to bring one garment outside the layers below it.
+//! What [`if_outfit::resolve::resolve`] is compared with: simpler ways to bring one garment outside
+//! the layers below it.
 //!
 //! | baseline | file |
 //! |---|---|
@@ -24,7 +25,8 @@ use rayon::prelude::*;
 /// What exact verification finds of a garment against the layers below it.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Left {
-    /// Intersecting triangle pairs: the number of the layer below, then its triangle and the garment's.
+    /// Intersecting triangle pairs: the number of the layer below, then its triangle and the
+    /// garment's.
     pub pairs: Vec<(usize, TrianglePair)>,
     /// Vertices on the wrong side of a layer below.
     pub inside: Vec<u32>,
@@ -34,8 +36,12 @@ impl Left {
     /// Verifies the garment with the positions of `mesh`.
     pub fn new(mesh: &TriMesh, below: &[&ClosedLayer]) -> Self {
         let tree = Bvh::new(mesh);
-        let found = below.iter().enumerate().flat_map(|(k, l)| pairs(l.bvh(), &tree).into_iter().map(move |p| (k, p)));
-        let is_inside = |p: &Point| below.iter().any(|l| l.sided(p, 0.0).is_some_and(|s| s.distance < 0.0));
+        let found = below
+            .iter()
+            .enumerate()
+            .flat_map(|(k, l)| pairs(l.bvh(), &tree).into_iter().map(move |p| (k, p)));
+        let is_inside =
+            |p: &Point| below.iter().any(|l| l.sided(p, 0.0).is_some_and(|s| s.distance < 0.0));
         let numbered = mesh.vertices().par_iter().enumerate().with_min_len(256);
         let inside = numbered.filter(|(_, p)| is_inside(p)).map(|(v, _)| v as u32).collect();
         Self { pairs: found.collect(), inside }
@@ -63,7 +69,8 @@ pub(crate) mod scene {
         ClosedLayer::body(&icosphere(RADIUS, 4))
     }
 
-    /// 0.16 m high about the equator. Its radius is 5 mm less than the ball's, so that its middle is inside.
+    /// 0.16 m high about the equator. Its radius is 5 mm less than the ball's, so that its middle
+    /// is inside.
     pub(crate) fn belt() -> TriMesh {
         let open = tube(RADIUS - 0.005, 0.16, 60, 8, false);
         let lowered = open.vertices().iter().map(|p| Point::new(p.x, p.y - 0.08, p.z)).collect();
@@ -79,7 +86,8 @@ mod tests {
     fn what_is_left_of_the_scene_is_what_one_expects() {
         let (ball, belt) = (scene::ball(), scene::belt());
         let left = Left::new(&belt, &[&ball]);
-        // 195 mm from the axis a ball of 200 mm ends 44 mm above the equator: the rings at 0, ±20 and ±40 mm.
+        // 195 mm from the axis a ball of 200 mm ends 44 mm above the equator: the rings at 0, ±20
+        // and ±40 mm.
         assert_eq!(left.inside.len(), 5 * 60);
         assert!(!left.pairs.is_empty() && !left.is_clean());
         assert!(Left::new(&belt, &[]).is_clean());

@@ -1,6 +1,7 @@
 //! The simpler methods that if-garments is measured against, and what its measuring programs share.
 //!
-//! The programs are in `src/bin`, criterion benches in `criterion`, comparisons with other people's programs in `peers`.
+//! The programs are in `src/bin`, criterion benches in `criterion`, comparisons with other people's
+//! programs in `peers`.
 
 pub mod baselines;
 pub mod timing;

@@ -29,7 +29,9 @@ pub fn measure(time: Duration, mut work: impl FnMut()) -> Timing {
 pub fn cpu_seconds() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let after = stat.rsplit(')').next().unwrap_or_default();
-    let ticks = |field: usize| -> Option<f64> { after.split_whitespace().nth(field).and_then(|text| text.parse().ok()) };
+    let ticks = |field: usize| -> Option<f64> {
+        after.split_whitespace().nth(field).and_then(|text| text.parse().ok())
+    };
     // Fields 14 and 15 of proc(5), counted behind the command's name.
     match (ticks(11), ticks(12)) {
         (Some(user), Some(system)) => (user + system) / 100.0,

@@ -1,5 +1,5 @@
-//! Appendix C: with the original field of the clothed body a jacket's sleeves are moved far from the garments below
-//! it; masked by the boxes of those garments, they are not.
+//! Appendix C: with the original field of the clothed body a jacket's sleeves are moved far from
+//! the garments below it; masked by the boxes of those garments, they are not.
 
 use if_benches::baselines::algorithm1::{Boxes, ClothedBody, run};
 use if_body::mannequin::{Garment, MannequinParams, body, garment};
@@ -41,14 +41,16 @@ impl Scene {
         Boxes { boxes: vec![self.skirt.bvh().aabb(), self.tshirt.bvh().aabb()] }
     }
 
-    /// How far the jacket's vertices move, in metres: those outside the boxes, and those inside one.
+    /// How far the jacket's vertices move, in metres: those outside the boxes, and those inside
+    /// one.
     fn moved(&self, masked: bool, params: &SolverParams) -> [Vec<Real>; 2] {
         let field = self.field();
         let below = ClothedBody { field: &field, mask: masked.then(|| self.boxes()), air: None };
         let after = run(&self.jacket, &below, params).unwrap();
         let boxes = self.boxes();
         let select = |weight: Real| {
-            let far = |(p, q): (&Point, &Point)| (boxes.weight(p).0 == weight).then(|| (p - q).norm());
+            let far =
+                |(p, q): (&Point, &Point)| (boxes.weight(p).0 == weight).then(|| (p - q).norm());
             self.jacket.vertices().iter().zip(&after).filter_map(far).collect()
         };
         [select(0.0), select(1.0)]
@@ -62,7 +64,10 @@ fn most(moved: &[Real]) -> Real {
 #[test]
 fn the_masked_field_moves_no_vertex_outside_the_boxes_and_the_original_one_does() {
     let scene = &*SCENE;
-    for params in [SolverParams { steps: 1, ..SolverParams::literal() }, SolverParams { steps: 1, ..Default::default() }] {
+    for params in [
+        SolverParams { steps: 1, ..SolverParams::literal() },
+        SolverParams { steps: 1, ..Default::default() },
+    ] {
         // Lines 6 to 10 alone: the field is the only thing that moves a vertex.
         let params = SolverParams { compliance: Real::INFINITY, ..params };
         let [outside, inside] = scene.moved(false, &params);

@@ -5,8 +5,19 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Crates whose version can change a result.
-const CRATES: [&str; 11] =
-    ["if-core", "if-mesh", "if-xpbd", "if-pipeline", "if-cli", "faer", "nalgebra", "ply-rs-bw", "rayon", "robust", "tobj"];
+const CRATES: [&str; 11] = [
+    "if-core",
+    "if-mesh",
+    "if-xpbd",
+    "if-pipeline",
+    "if-cli",
+    "faer",
+    "nalgebra",
+    "ply-rs-bw",
+    "rayon",
+    "robust",
+    "tobj",
+];
 
 fn main() {
     let manifest = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());

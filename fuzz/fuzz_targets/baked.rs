@@ -1,9 +1,12 @@
-//! Bytes of a baked field, damaged: no panic, no hang, no memory for what is not there; and what is read is written as the same bytes, can be asked
-//! anywhere, and keeps what it says of its errors, its slope and its bounds.
+//! Bytes of a baked field, damaged: no panic, no hang, no memory for what is not there; and what is
+//! read is written as the same bytes, can be asked anywhere, and keeps what it says of its errors,
+//! its slope and its bounds.
 //!
-//! The first byte chooses one of some small fields, which the code bakes and writes, or the input itself as a file. What follows are changes of the file,
-//! four bytes each and a value: of a number in the header, of the tree, of a node, of any byte, of the length. As its first byte has it, the file is mended before it is read: as
-//! many codes in the tree as the header says, as many nodes as the tree has bricks. Else nearly all would be refused at once.
+//! The first byte chooses one of some small fields, which the code bakes and writes, or the input
+//! itself as a file. What follows are changes of the file, four bytes each and a value: of a number
+//! in the header, of the tree, of a node, of any byte, of the length. As its first byte has it, the
+//! file is mended before it is read: as many codes in the tree as the header says, as many nodes as
+//! the tree has bricks. Else nearly all would be refused at once.
 #![no_main]
 
 use if_core::field::SignedDistance;

@@ -1,8 +1,10 @@
-//! Any triangle soup cleaned: no panic, no hang, nothing that is not finite, a manifold that winds one way, and no triangle that meets another one
-//! more than before.
+//! Any triangle soup cleaned: no panic, no hang, nothing that is not finite, a manifold that winds
+//! one way, and no triangle that meets another one more than before.
 //!
-//! The first byte chooses what is done, the second how many vertices there are. Each takes four bytes: three numbers and a choice between a lattice, a
-//! fraction of it, and places so near each other, so far away or so flat that arithmetic shows. The rest are triangles, a byte for each corner.
+//! The first byte chooses what is done, the second how many vertices there are. Each takes four
+//! bytes: three numbers and a choice between a lattice, a fraction of it, and places so near each
+//! other, so far away or so flat that arithmetic shows. The rest are triangles, a byte for each
+//! corner.
 #![no_main]
 
 use if_core::math::Point;
@@ -19,7 +21,8 @@ use if_mesh::intersections::own_pairs;
 use if_mesh::validate::{Fault, faults};
 use libfuzzer_sys::fuzz_target;
 
-/// A coordinate. Single precision holds all of them, so that a clean-up in single precision moves nothing by rounding.
+/// A coordinate. Single precision holds all of them, so that a clean-up in single precision moves
+/// nothing by rounding.
 fn coordinate(byte: u8, kind: u8) -> f64 {
     let x = f64::from(byte as i8);
     match kind % 8 {

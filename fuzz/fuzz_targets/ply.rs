@@ -1,4 +1,5 @@
-//! Any bytes as a PLY file: no panic, no hang, no memory beyond a few times the file; and what is read is written and read again.
+//! Any bytes as a PLY file: no panic, no hang, no memory beyond a few times the file; and what is
+//! read is written and read again.
 #![no_main]
 
 use if_mesh::ply::{self, WriteParams};

@@ -29,8 +29,11 @@ pub struct Random(Pcg64Mcg);
 impl Random {
     pub fn new(name: &str, number: u32) -> Self {
         // FNV-1a, so that properties do not see the same numbers.
-        let hash = name.bytes().fold(0xcbf2_9ce4_8422_2325, |h: u64, b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3));
-        let draw = u64::from(number).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ seed().wrapping_mul(0xd134_2543_de82_ef95);
+        let hash = name.bytes().fold(0xcbf2_9ce4_8422_2325, |h: u64, b| {
+            (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3)
+        });
+        let draw = u64::from(number).wrapping_mul(0x9e37_79b9_7f4a_7c15)
+            ^ seed().wrapping_mul(0xd134_2543_de82_ef95);
         Self(Pcg64Mcg::seed_from_u64(hash ^ draw))
     }
 
@@ -82,7 +85,11 @@ impl Random {
     }
 
     pub fn rotation(&mut self) -> nalgebra::Rotation3<Real> {
-        nalgebra::Rotation3::from_euler_angles(self.between(-3.0, 3.0), self.between(-1.5, 1.5), self.between(-3.0, 3.0))
+        nalgebra::Rotation3::from_euler_angles(
+            self.between(-3.0, 3.0),
+            self.between(-1.5, 1.5),
+            self.between(-3.0, 3.0),
+        )
     }
 }
 
@@ -91,7 +98,11 @@ impl Random {
 /// # Panics
 ///
 /// If one of them panicked or broke a promise (`Err`), with its number and what it said.
-pub fn cases(name: &str, count: u32, case: impl Fn(&mut Random) -> Result<&'static str, String> + Sync) -> Tally {
+pub fn cases(
+    name: &str,
+    count: u32,
+    case: impl Fn(&mut Random) -> Result<&'static str, String> + Sync,
+) -> Tally {
     let only = std::env::var("STABILITY_CASE").ok();
     let only = only.as_deref().and_then(|s| s.split_once('/')).filter(|(n, _)| *n == name);
     let numbers = match only.and_then(|(_, k)| k.parse().ok()) {
@@ -104,7 +115,10 @@ pub fn cases(name: &str, count: u32, case: impl Fn(&mut Random) -> Result<&'stat
         .map(|k| {
             let run = AssertUnwindSafe(|| case(&mut Random::new(name, k)));
             catch_unwind(run).unwrap_or_else(|panic| {
-                let text = panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied());
+                let text = panic
+                    .downcast_ref::<String>()
+                    .map(String::as_str)
+                    .or(panic.downcast_ref::<&str>().copied());
                 Err(format!("panicked: {}", text.unwrap_or("no message")))
             })
         })
@@ -150,7 +164,10 @@ pub fn finite(points: &[Point]) -> bool {
 /// Where two of the results differ.
 pub fn same_on_all_threads<T: PartialEq + Send>(work: impl Fn() -> T + Sync) -> Result<T, String> {
     let at = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| e.to_string())?;
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|e| e.to_string())?;
         Ok::<T, String>(pool.install(&work))
     };
     let first = at(1)?;
@@ -172,6 +189,14 @@ fn a_panic_and_a_broken_promise_are_told_with_their_numbers() {
     };
     let panic = catch_unwind(run).unwrap_err();
     let text = panic.downcast_ref::<String>().unwrap();
-    assert!(text.contains("cases failed") && text.contains("self test/") && text.contains("is large"), "{text}");
-    assert_eq!(cases("self test of counts", 50, |r| Ok(if r.chance(0.5) { "a" } else { "b" })).values().sum::<u32>(), 50);
+    assert!(
+        text.contains("cases failed") && text.contains("self test/") && text.contains("is large"),
+        "{text}"
+    );
+    assert_eq!(
+        cases("self test of counts", 50, |r| Ok(if r.chance(0.5) { "a" } else { "b" }))
+            .values()
+            .sum::<u32>(),
+        50
+    );
 }

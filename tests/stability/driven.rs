@@ -1,6 +1,6 @@
-//! What needs a scene of its own: bodies that move at up to 10 m/s or jump, pinned vertices
-//! driven through them, cloth that begins 1 to 50 mm deep, grids too coarse for what they hold, vertices in another order, and
-//! lists of contacts that grow.
+//! What needs a scene of its own: bodies that move at up to 10 m/s or jump, pinned vertices driven
+//! through them, cloth that begins 1 to 50 mm deep, grids too coarse for what they hold, vertices
+//! in another order, and lists of contacts that grow.
 
 use crate::cases::{Random, Tally, cases, check, finite, same_on_all_threads, share};
 use crate::meshes;
@@ -44,7 +44,13 @@ impl Drive {
         let scale = r.pick(&[1e-3, 1.0, 1.0, 1e3]);
         let ball = Sphere { center: Point::origin(), radius: 0.2 * scale };
         let (exact, body): (bool, Box<dyn SignedDistance + Send + Sync>) = match r.below(4) {
-            0 => (true, Box::new(Cuboid { center: Point::origin(), half: Vector::new(0.2, 0.2, 0.15) * scale })),
+            0 => (
+                true,
+                Box::new(Cuboid {
+                    center: Point::origin(),
+                    half: Vector::new(0.2, 0.2, 0.15) * scale,
+                }),
+            ),
             1 => {
                 // Down to cells larger than the ball.
                 let cell = r.pick(&[0.02, 0.1, 0.3, 1.0]) * scale;
@@ -66,7 +72,8 @@ impl Drive {
         let depth = if r.chance(0.7) { r.power(-3.0, -1.3) } else { -r.between(0.0, 0.1) };
         let top = 0.2 - depth;
         let middle = Vector::new(0.3, 0.3, 0.0);
-        let place = |p: &Point| Point::from((p.coords / scale - middle + Vector::z() * top) * scale);
+        let place =
+            |p: &Point| Point::from((p.coords / scale - middle + Vector::z() * top) * scale);
         let mesh = flat.with_vertices(flat.vertices().iter().map(place).collect()).unwrap();
         let mesh = if r.chance(0.5) { meshes::renumbered(r, &mesh) } else { mesh };
         let mut start = Particles::from_area_density(&mesh, 0.2).unwrap();
@@ -97,7 +104,10 @@ impl Drive {
             friction: r.pick(&[0.0, 0.3, 2.0]),
             beta: r.pick(&[0.0, 1e-8, 1e-4]),
             speeds: [speed(r), speed(r)],
-            jump: (r.below(STEPS[0] as usize) as u32, if r.chance(0.3) { r.vector(0.5 * scale) } else { Vector::zeros() }),
+            jump: (
+                r.below(STEPS[0] as usize) as u32,
+                if r.chance(0.3) { r.vector(0.5 * scale) } else { Vector::zeros() },
+            ),
         }
     }
 
@@ -122,7 +132,11 @@ impl Drive {
         let mut by = Vector::zeros();
         let still = Motion::Dynamic { damping: 10.0 };
         for (count, driven) in [(STEPS[0], true), (STEPS[1], false)] {
-            let params = if driven { self.params.clone() } else { SolverParams { motion: still, ..self.params.clone() } };
+            let params = if driven {
+                self.params.clone()
+            } else {
+                SolverParams { motion: still, ..self.params.clone() }
+            };
             let mut solver = Solver::new(params).unwrap();
             for step in 0..count {
                 if driven {
@@ -150,29 +164,38 @@ fn driven(count: u32) -> Tally {
     cases("driven bodies", count, |r| {
         let drive = Drive::any(r);
         let (end, by, error) = drive.run();
-        check(finite(&end.positions) && end.velocities.iter().all(|v| v.iter().all(|c| c.is_finite())), || drive.told())?;
+        check(
+            finite(&end.positions)
+                && end.velocities.iter().all(|v| v.iter().all(|c| c.is_finite())),
+            || drive.told(),
+        )?;
         let time = drive.params.time_step * Real::from(STEPS[0] + STEPS[1]);
-        let travel = drive.speeds.iter().map(|v| v.norm()).sum::<Real>() * time + drive.jump.1.norm();
+        let travel =
+            drive.speeds.iter().map(|v| v.norm()).sum::<Real>() * time + drive.jump.1.norm();
         let fall = time * time * Vector::from(drive.params.gravity).norm();
         let room = 100.0 * (drive.scale + travel + fall);
         let far = end.positions.iter().map(|p| p.coords.norm()).fold(0.0, Real::max);
         check(far <= room, || format!("a vertex is {far:e} m away: {}", drive.told()))?;
         match error {
             None => {}
-            Some(StepError::EnergyJump { vertices, .. } | StepError::DisplacementJump { vertices, .. })
-                if !vertices.is_empty() =>
-            {
+            Some(
+                StepError::EnergyJump { vertices, .. }
+                | StepError::DisplacementJump { vertices, .. },
+            ) if !vertices.is_empty() => {
                 return Ok("guarded");
             }
             Some(other) => return Err(format!("{other}: {}", drive.told())),
         }
-        // Contacts come last: once all is still, nothing that can move is inside. (Where one push may be short, the cloth may
-        // pull as far as that in each substep.)
+        // Contacts come last: once all is still, nothing that can move is inside. (Where one push
+        // may be short, the cloth may pull as far as that in each substep.)
         if drive.exact && drive.params.max_push.is_infinite() {
             let field = Translated { field: &*drive.body, by };
             let free = (0..end.len()).filter(|v| end.inverse_masses[*v] > 0.0);
-            let deepest = free.map(|v| field.distance(&end.positions[v])).fold(Real::INFINITY, Real::min);
-            check(deepest >= -1e-9 * drive.scale, || format!("{deepest:e} m deep: {}", drive.told()))?;
+            let deepest =
+                free.map(|v| field.distance(&end.positions[v])).fold(Real::INFINITY, Real::min);
+            check(deepest >= -1e-9 * drive.scale, || {
+                format!("{deepest:e} m deep: {}", drive.told())
+            })?;
         }
         Ok("ok")
     })
@@ -222,7 +245,8 @@ fn lists_of_contacts_grow_and_drop_none() {
                 pairs.push_vertex_face(v, t, 1.0, 1e-6);
             }
         }
-        let report = solver.step(&mut particles, &mut [&mut stretch, &mut planes, &mut pairs]).unwrap();
+        let report =
+            solver.step(&mut particles, &mut [&mut stretch, &mut planes, &mut pairs]).unwrap();
         assert_eq!(report.contact.count, 2 * count, "contacts visited");
         let lowest = particles.positions.iter().map(|p| p.z).fold(0.0, Real::min);
         assert!(finite(&particles.positions) && lowest > -1.0, "{count} contacts: {lowest}");

@@ -1,4 +1,5 @@
-//! What a change of units, of place or of pose must not change, and what no constraint between particles may.
+//! What a change of units, of place or of pose must not change, and what no constraint between
+//! particles may.
 
 use crate::cases::{Random, Tally, cases, check, share};
 use crate::fields::{Fault, Hostile, Solid};
@@ -12,7 +13,12 @@ fn mapped(mesh: &TriMesh, f: impl FnMut(&Point) -> Point) -> TriMesh {
     mesh.with_vertices(mesh.vertices().iter().map(f).collect()).unwrap()
 }
 
-fn map_particles(p: &Particles, place: impl Fn(&Point) -> Point, speed: impl Fn(&Vector) -> Vector, weight: Real) -> Particles {
+fn map_particles(
+    p: &Particles,
+    place: impl Fn(&Point) -> Point,
+    speed: impl Fn(&Vector) -> Vector,
+    weight: Real,
+) -> Particles {
     let mut q = p.clone();
     q.positions.iter_mut().for_each(|x| *x = place(x));
     q.previous.clone_from(&q.positions);
@@ -21,7 +27,8 @@ fn map_particles(p: &Particles, place: impl Fn(&Point) -> Point, speed: impl Fn(
     q
 }
 
-/// The scene in units that are smaller by these factors: the same numbers of metres, seconds and kilograms times them.
+/// The scene in units that are smaller by these factors: the same numbers of metres, seconds and
+/// kilograms times them.
 fn in_units(scene: &Scene, length: Real, time: Real, mass: Real) -> Scene {
     let place = |x: &Point| Point::from(x.coords * length);
     let compliance = time * time / mass;
@@ -53,9 +60,13 @@ fn in_units(scene: &Scene, length: Real, time: Real, mass: Real) -> Scene {
 fn units(count: u32) -> Tally {
     cases("units", count, |r| {
         let Some(mut scene) = Scene::any(r) else { return Ok("no masses") };
-        // Their tolerances are lengths, and a root of an odd power of two is none. Jumps are counted from 1 m and
-        // 1 m/s, and line 18 as printed adds metres to kilograms.
-        scene.stretch = if scene.stretch == StretchSolver::None { StretchSolver::None } else { StretchSolver::Sweeps };
+        // Their tolerances are lengths, and a root of an odd power of two is none. Jumps are
+        // counted from 1 m and 1 m/s, and line 18 as printed adds metres to kilograms.
+        scene.stretch = if scene.stretch == StretchSolver::None {
+            StretchSolver::None
+        } else {
+            StretchSolver::Sweeps
+        };
         scene.params.energy_jump = Real::INFINITY;
         scene.params.displacement_jump = Real::INFINITY;
         scene.params.lambda_form = Default::default();
@@ -63,15 +74,23 @@ fn units(count: u32) -> Tally {
         let (length, time, mass) = (two(r), two(r), two(r));
         let (here, there) = (scene.run(), in_units(&scene, length, time, mass).run());
         check(here.error.is_some() == there.error.is_some(), || {
-            format!("{:?} and {:?} with units of {length}, {time}, {mass}: {}", here.error, there.error, scene.told())
+            format!(
+                "{:?} and {:?} with units of {length}, {time}, {mass}: {}",
+                here.error,
+                there.error,
+                scene.told()
+            )
         })?;
         if here.error.is_some() {
             return Ok("error in both");
         }
         let place = |x: &Point| Point::from(x.coords * length);
         let expected = map_particles(&here.particles, place, |v| v * (length / time), 1.0 / mass);
-        let same = expected.positions == there.particles.positions && expected.velocities == there.particles.velocities;
-        check(same, || format!("other bits with units of {length}, {time}, {mass}: {}", scene.told()))?;
+        let same = expected.positions == there.particles.positions
+            && expected.velocities == there.particles.velocities;
+        check(same, || {
+            format!("other bits with units of {length}, {time}, {mass}: {}", scene.told())
+        })?;
         Ok("same bits")
     })
 }
@@ -98,7 +117,8 @@ fn smooth(r: &mut Random) -> Option<Scene> {
     scene.params.energy_jump = Real::INFINITY;
     let place = scene.rest.aabb().center() - Vector::new(0.0, 0.0, 0.4 * scene.scale);
     scene.field = scene.field.map(|(_, push, between)| {
-        let ball = Hostile { solid: Solid::Ball, center: place, size: scene.scale, fault: Fault::None };
+        let ball =
+            Hostile { solid: Solid::Ball, center: place, size: scene.scale, fault: Fault::None };
         (ball, push, between)
     });
     Some(scene)
@@ -130,7 +150,8 @@ const TAMED: Real = 1e-6;
 /// How many times the farthest of the shakes a moved scene may differ.
 const AMPLIFIED: Real = 30.0;
 
-/// The scene with its start, its rest state and every visit shaken by up to `size` in each coordinate.
+/// The scene with its start, its rest state and every visit shaken by up to `size` in each
+/// coordinate.
 fn shaken(scene: &Scene, size: Real, number: u32, r: &mut Random) -> Scene {
     let mut s = scene.clone();
     s.rest = mapped(&s.rest, |x| x + r.vector(size));
@@ -152,20 +173,26 @@ fn motions(count: u32) -> Tally {
         let (turn, by) = (r.rotation(), r.vector(away));
         let whole = scene.reach() + farthest(&scene) + by.norm();
         let (here, there) = (scene.run(), moved(&scene, &turn, by).run());
-        let shaken: Vec<_> = (0..SHAKES).map(|k| shaken(&scene, 2e-16 * whole, k, r).run()).collect();
-        if here.error.is_some() || there.error.is_some() || shaken.iter().any(|s| s.error.is_some()) {
+        let shaken: Vec<_> =
+            (0..SHAKES).map(|k| shaken(&scene, 2e-16 * whole, k, r).run()).collect();
+        if here.error.is_some() || there.error.is_some() || shaken.iter().any(|s| s.error.is_some())
+        {
             return Ok("error");
         }
         let n = scene.start.len();
-        let off = |f: &dyn Fn(usize) -> Vector| (0..n).map(|k| f(k).norm()).fold(0.0, Real::max) / whole;
+        let off =
+            |f: &dyn Fn(usize) -> Vector| (0..n).map(|k| f(k).norm()).fold(0.0, Real::max) / whole;
         let apart = |ran: &Ran| off(&|k| ran.particles.positions[k] - here.particles.positions[k]);
         let grown = shaken.iter().map(apart).fold(0.0, Real::max);
-        let differs = off(&|k| turn * here.particles.positions[k] + by - there.particles.positions[k]);
+        let differs =
+            off(&|k| turn * here.particles.positions[k] + by - there.particles.positions[k]);
         if grown > TAMED {
             return Ok("rounding grows");
         }
         let allowed = AMPLIFIED * grown;
-        check(differs <= allowed, || format!("differs by {differs:e} of its size, shaken by {grown:e}: {}", scene.told()))?;
+        check(differs <= allowed, || {
+            format!("differs by {differs:e} of its size, shaken by {grown:e}: {}", scene.told())
+        })?;
         Ok("same")
     })
 }
@@ -186,7 +213,8 @@ const KEPT: Real = 1e-10;
 /// How many times the random walk of all roundings may be lost where that is more.
 const WALKS: Real = 8.0;
 
-/// How often a substep writes the position of a particle: once to predict it, and once in every visit.
+/// How often a substep writes the position of a particle: once to predict it, and once in every
+/// visit.
 fn writes(scene: &Scene) -> Real {
     let n = scene.start.len();
     let edges = if_core::edges::Edges::new(&scene.rest).len();
@@ -197,19 +225,22 @@ fn writes(scene: &Scene) -> Real {
     };
     let strain = if scene.strain.is_some() { 2 * edges } else { 0 };
     let hinges = if scene.bending.is_some() { 4 * edges } else { 0 };
-    let contacts = 4 * (scene.faces.len() + scene.pairs.len() + scene.ties.len()) + 18 * scene.parted.len();
+    let contacts =
+        4 * (scene.faces.len() + scene.pairs.len() + scene.ties.len()) + 18 * scene.parted.len();
     let sweeps = scene.params.sweeps as usize;
     (n + sweeps * (stretch + strain + hinges) + (sweeps + 1) * contacts) as Real
 }
 
-/// Momentum of free scenes over 3,600 substeps, with every constraint that acts between particles and every solver.
+/// Momentum of free scenes over 3,600 substeps, with every constraint that acts between particles
+/// and every solver.
 fn momentum(count: u32) -> Tally {
     cases("momentum", count, |r| {
         let Some(mut scene) = Scene::any(r) else { return Ok("no masses") };
         let n = scene.start.len();
         // Velocities are differences of positions: far from the origin they have fewer digits.
         if n > 0 {
-            scene = moved(&scene, &nalgebra::Rotation3::identity(), -scene.rest.aabb().center().coords);
+            scene =
+                moved(&scene, &nalgebra::Rotation3::identity(), -scene.rest.aabb().center().coords);
         }
         (scene.field, scene.air, scene.teleport) = (None, None, Vector::zeros());
         scene.attached.clear();
@@ -230,21 +261,29 @@ fn momentum(count: u32) -> Tally {
         if n == 0 || ran.error.is_some() {
             return Ok(if n == 0 { "nothing" } else { "error" });
         }
-        let sum = |p: &Particles| -> Vector { (0..n).map(|k| p.velocities[k] / p.inverse_masses[k]).sum() };
+        let sum = |p: &Particles| -> Vector {
+            (0..n).map(|k| p.velocities[k] / p.inverse_masses[k]).sum()
+        };
         // Relative to what could be lost: all that moves at the end or moved at the start.
-        let all = |p: &Particles| -> Real { (0..n).map(|k| p.velocities[k].norm() / p.inverse_masses[k]).sum() };
-        let lost = (sum(&ran.particles) - sum(&scene.start)).norm() / all(&scene.start).max(all(&ran.particles));
+        let all = |p: &Particles| -> Real {
+            (0..n).map(|k| p.velocities[k].norm() / p.inverse_masses[k]).sum()
+        };
+        let lost = (sum(&ran.particles) - sum(&scene.start)).norm()
+            / all(&scene.start).max(all(&ran.particles));
         if lost <= KEPT {
             return Ok("kept");
         }
-        // Each write rounds three coordinates by up to half a digit of the farthest, and each rounding is a speed over h.
+        // Each write rounds three coordinates by up to half a digit of the farthest, and each
+        // rounding is a speed over h.
         let size = |p: &Particles| p.positions.iter().map(|x| x.coords.amax()).fold(0.0, Real::max);
         let digit = Real::EPSILON * size(&scene.start).max(size(&ran.particles));
         let heaviest = scene.start.inverse_masses.iter().map(|w| 1.0 / w).fold(0.0, Real::max);
         let substeps = Real::from(scene.steps * scene.params.substeps);
         let walk = heaviest * digit / scene.params.substep() * (substeps * writes(&scene)).sqrt();
         let walk = walk / all(&scene.start).max(all(&ran.particles));
-        check(lost <= WALKS * walk, || format!("{lost:e} of the momentum is lost, rounding walks {walk:e}: {}", scene.told()))?;
+        check(lost <= WALKS * walk, || {
+            format!("{lost:e} of the momentum is lost, rounding walks {walk:e}: {}", scene.told())
+        })?;
         Ok("kept but for rounding")
     })
 }

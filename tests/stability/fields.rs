@@ -91,14 +91,19 @@ impl SignedDistance for Hostile {
         let beyond = p.x > self.center.x + 0.1 * self.size;
         match self.fault {
             Fault::None => FieldSample { distance, gradient },
-            Fault::Slope(f) | Fault::SecretSlope(f) => FieldSample { distance: distance * f, gradient: gradient * f },
+            Fault::Slope(f) | Fault::SecretSlope(f) => {
+                FieldSample { distance: distance * f, gradient: gradient * f }
+            }
             Fault::Noise(height) => {
                 let k = 6000.0 / self.size;
                 let d = p - self.center;
-                let ripple = ((k * d.x).sin() + (1.3 * k * d.y).sin() + (1.7 * k * d.z).sin()) / 3.0;
+                let ripple =
+                    ((k * d.x).sin() + (1.3 * k * d.y).sin() + (1.7 * k * d.z).sin()) / 3.0;
                 FieldSample { distance: distance + height * ripple, gradient }
             }
-            Fault::Nan if beyond => FieldSample { distance: Real::NAN, gradient: Vector::repeat(Real::NAN) },
+            Fault::Nan if beyond => {
+                FieldSample { distance: Real::NAN, gradient: Vector::repeat(Real::NAN) }
+            }
             Fault::Infinite if beyond => FieldSample { distance: Real::NEG_INFINITY, gradient },
             Fault::Nan | Fault::Infinite => FieldSample { distance, gradient },
             Fault::Flat => FieldSample { distance, gradient: Vector::zeros() },

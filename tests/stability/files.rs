@@ -1,4 +1,5 @@
-//! Mesh files with bytes, words and lines changed, cut and doubled: read whole or refused, never a panic.
+//! Mesh files with bytes, words and lines changed, cut and doubled: read whole or refused, never a
+//! panic.
 
 use crate::cases::{Random, Tally, cases, check, finite, share};
 use crate::index::placed;
@@ -69,7 +70,8 @@ fn ply_files(count: u32) -> Tally {
         let coordinates = r.pick(&[CoordinateType::Float, CoordinateType::Double]);
         let params = WriteParams { coordinates, ..WriteParams::default() };
         let mut file = Vec::new();
-        ply::write(&PlyMesh::new(mesh.clone()), mesh.vertices(), &params, &mut file).map_err(|e| e.to_string())?;
+        ply::write(&PlyMesh::new(mesh.clone()), mesh.vertices(), &params, &mut file)
+            .map_err(|e| e.to_string())?;
         if r.chance(0.5) {
             file = as_text(&mesh);
         }
@@ -77,7 +79,9 @@ fn ply_files(count: u32) -> Tally {
         let streamed = ply::read(&bytes[..]).is_ok();
         match ply::read_bytes(&bytes) {
             Ok(read) => {
-                check(streamed && finite(read.mesh.vertices()), || "a stream is read otherwise".into())?;
+                check(streamed && finite(read.mesh.vertices()), || {
+                    "a stream is read otherwise".into()
+                })?;
                 let mut again = Vec::new();
                 ply::write(
                     &read,
@@ -86,13 +90,17 @@ fn ply_files(count: u32) -> Tally {
                     &mut again,
                 )
                 .map_err(|e| format!("cannot be written: {e}"))?;
-                let second = ply::read_bytes(&again).map_err(|e| format!("cannot be read again: {e}"))?;
-                check(second.mesh == read.mesh, || "is another mesh when written and read again".into())?;
+                let second =
+                    ply::read_bytes(&again).map_err(|e| format!("cannot be read again: {e}"))?;
+                check(second.mesh == read.mesh, || {
+                    "is another mesh when written and read again".into()
+                })?;
                 Ok("read")
             }
-            Err(error) => {
-                check(!streamed && !error.to_string().is_empty(), || "a stream is read otherwise".into()).map(|()| "refused")
-            }
+            Err(error) => check(!streamed && !error.to_string().is_empty(), || {
+                "a stream is read otherwise".into()
+            })
+            .map(|()| "refused"),
         }
     })
 }
@@ -113,16 +121,22 @@ fn obj_files(count: u32) -> Tally {
     cases("OBJ files", count, |r| {
         let (mesh, _) = placed(r);
         let mut text = String::new();
-        mesh.vertices().iter().for_each(|p| text += &format!("v {} {} {}\nvn 0 0 1\n", p.x, p.y, p.z));
-        mesh.triangles().iter().for_each(|t| text += &format!("f {}//{} {} {}\n", t[0] + 1, t[0] + 1, t[1] + 1, t[2] + 1));
+        mesh.vertices()
+            .iter()
+            .for_each(|p| text += &format!("v {} {} {}\nvn 0 0 1\n", p.x, p.y, p.z));
+        mesh.triangles().iter().for_each(|t| {
+            text += &format!("f {}//{} {} {}\n", t[0] + 1, t[0] + 1, t[1] + 1, t[2] + 1)
+        });
         let bytes = mutated(r, text.as_bytes());
         let Ok(read) = obj::read(&bytes[..]) else { return Ok("refused") };
         check(finite(read.mesh().vertices()), || "a coordinate is not finite".into())?;
         let moved: Vec<_> = read.mesh().vertices().iter().map(|p| p * 0.5).collect();
         let mut again = Vec::new();
-        obj::write(&read, &moved, Normals::Follow, &mut again).map_err(|e| format!("cannot be written: {e}"))?;
+        obj::write(&read, &moved, Normals::Follow, &mut again)
+            .map_err(|e| format!("cannot be written: {e}"))?;
         let second = obj::read(&again[..]).map_err(|e| format!("cannot be read again: {e}"))?;
-        let same = second.mesh().vertices() == moved && second.mesh().triangles() == read.mesh().triangles();
+        let same = second.mesh().vertices() == moved
+            && second.mesh().triangles() == read.mesh().triangles();
         check(same, || "is another mesh when written and read again".into())?;
         Ok("read")
     })

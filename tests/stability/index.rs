@@ -45,7 +45,11 @@ fn a_hierarchy_answers_as_all_triangles_do() {
         check(own.windows(2).all(|w| w[0] < w[1]), || "own pairs out of order".into())?;
         let middle = a.aabb();
         for _ in 0..10 {
-            let p = if middle.is_empty() { r.point(1.0) } else { middle.center() + r.vector(2.0 * scale) };
+            let p = if middle.is_empty() {
+                r.point(1.0)
+            } else {
+                middle.center() + r.vector(2.0 * scale)
+            };
             let (near, least) = (tree.closest(&p, Real::INFINITY), brute(&a, &p));
             let Some(near) = near else {
                 check(a.triangles().is_empty(), || "nothing is near".into())?;
@@ -55,7 +59,9 @@ fn a_hierarchy_answers_as_all_triangles_do() {
                 format!("{:e} found, {least:e} is there", near.distance)
             })?;
             let inside = near.distance * 0.999;
-            check(tree.closest(&p, inside).is_none_or(|c| c.distance <= inside), || "farther than asked for".into())?;
+            check(tree.closest(&p, inside).is_none_or(|c| c.distance <= inside), || {
+                "farther than asked for".into()
+            })?;
         }
         // Refitted to other positions, the tree answers as a new one.
         let moved: Vec<Point> = a.vertices().iter().map(|p| p + r.vector(0.3 * scale)).collect();
@@ -65,7 +71,9 @@ fn a_hierarchy_answers_as_all_triangles_do() {
         let mut same = (pairs(&refitted, &other), pairs(&Bvh::new(&mesh), &other));
         same.0.sort_unstable();
         same.1.sort_unstable();
-        check(same.0 == same.1, || format!("{} pairs after refitting, {} anew", same.0.len(), same.1.len()))?;
+        check(same.0 == same.1, || {
+            format!("{} pairs after refitting, {} anew", same.0.len(), same.1.len())
+        })?;
         Ok("ok")
     });
 }
@@ -75,10 +83,14 @@ fn hierarchies_stand_numbers_at_the_ends_of_the_range() {
     cases("hierarchies at the ends", 500, |r| {
         let scale = r.pick(&[5e-324, 1e-310, 1e-160, 1e160, 1e300]);
         let mesh = meshes::soup(r, 12, 20);
-        let mesh = mesh.with_vertices(mesh.vertices().iter().map(|p| p * scale).collect()).map_err(|e| e.to_string())?;
+        let mesh = mesh
+            .with_vertices(mesh.vertices().iter().map(|p| p * scale).collect())
+            .map_err(|e| e.to_string())?;
         let tree = Bvh::new(&mesh);
         let all = pairs(&tree, &tree).len();
-        check(all >= mesh.triangles().len(), || format!("{all} pairs: a triangle does not meet itself"))?;
+        check(all >= mesh.triangles().len(), || {
+            format!("{all} pairs: a triangle does not meet itself")
+        })?;
         let _ = (own_pairs(&mesh, &tree), tree.closest(&r.point(scale), Real::INFINITY));
         let hit = tree.first_hit(&r.point(scale), &r.point(scale), |_| true);
         check(hit.is_none_or(|h| (0.0..=1.0).contains(&h.parameter)), || format!("{hit:?}"))?;
@@ -97,7 +109,9 @@ fn tools_for_surfaces_keep_any_mesh_finite() {
             let fine = subdivide(&mesh, scheme).map_err(|e| e.to_string())?;
             let inside = fine.mesh.vertices().iter().all(|p| whole.contains(p));
             check(inside, || format!("{scheme:?} leaves the box of the mesh"))?;
-            check(fine.mesh.triangles().len() == 4 * mesh.triangles().len(), || format!("{scheme:?}: triangles"))?;
+            check(fine.mesh.triangles().len() == 4 * mesh.triangles().len(), || {
+                format!("{scheme:?}: triangles")
+            })?;
         }
         let _ = (faults(&mesh), suspicious_units(&mesh));
         let angles = smallest_angles(&mesh);
@@ -107,9 +121,14 @@ fn tools_for_surfaces_keep_any_mesh_finite() {
         check(d.max.is_finite() && s.max.is_finite(), || format!("{d:?} {s:?}"))?;
         check(finite(&surface_samples(&mesh, 50, 1)), || "samples".into())?;
         let winding = Winding::new(&mesh);
-        let points: Vec<Point> = (0..20).map(|_| whole.center() + r.vector(scale)).filter(|p| finite(&[*p])).collect();
-        let numbers = same_on_all_threads(|| winding.of(&points).iter().map(|w| w.to_bits()).collect::<Vec<_>>())?;
-        check(numbers.iter().all(|w| Real::from_bits(*w).is_finite()), || "a winding number".into())?;
+        let points: Vec<Point> =
+            (0..20).map(|_| whole.center() + r.vector(scale)).filter(|p| finite(&[*p])).collect();
+        let numbers = same_on_all_threads(|| {
+            winding.of(&points).iter().map(|w| w.to_bits()).collect::<Vec<_>>()
+        })?;
+        check(numbers.iter().all(|w| Real::from_bits(*w).is_finite()), || {
+            "a winding number".into()
+        })?;
         Ok("ok")
     });
 }

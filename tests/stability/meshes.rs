@@ -5,8 +5,8 @@ use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::{cloth, icosphere, torus, tube};
 
-/// A mesh within about one metre of the origin, sound or with faults: needles, doubled, flipped and coincident
-/// triangles, fans of a hundred, islands, lone vertices, or nothing at all.
+/// A mesh within about one metre of the origin, sound or with faults: needles, doubled, flipped and
+/// coincident triangles, fans of a hundred, islands, lone vertices, or nothing at all.
 pub fn any(r: &mut Random) -> TriMesh {
     match r.below(12) {
         0 => cloth(1.0, 1.0, 1 + r.below(6) as u32, 1 + r.below(6) as u32),
@@ -18,7 +18,11 @@ pub fn any(r: &mut Random) -> TriMesh {
         6 => fan(100),
         7 => spoiled(r, &cloth(1.0, 1.0, 4, 4)),
         8 => spoiled(r, &icosphere(0.5, 1)),
-        9 => TriMesh::new(vec![Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(0.0, 1.0, 0.0)], vec![[0, 1, 2]]).unwrap(),
+        9 => TriMesh::new(
+            vec![Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(0.0, 1.0, 0.0)],
+            vec![[0, 1, 2]],
+        )
+        .unwrap(),
         10 => book(2 + r.below(4)),
         _ => {
             let n = r.below(3);
@@ -33,7 +37,8 @@ pub fn renumbered(r: &mut Random, mesh: &TriMesh) -> TriMesh {
     r.shuffle(&mut to);
     let mut vertices = mesh.vertices().to_vec();
     to.iter().zip(mesh.vertices()).for_each(|(to, p)| vertices[*to as usize] = *p);
-    TriMesh::new(vertices, mesh.triangles().iter().map(|t| t.map(|v| to[v as usize])).collect()).unwrap()
+    TriMesh::new(vertices, mesh.triangles().iter().map(|t| t.map(|v| to[v as usize])).collect())
+        .unwrap()
 }
 
 /// Any triangles over any points; some points coincide.
@@ -59,7 +64,8 @@ pub fn soup(r: &mut Random, points: usize, triangles: usize) -> TriMesh {
 /// A vertex with `n` triangles round it.
 fn fan(n: u32) -> TriMesh {
     let rim = (0..n).map(|k| Real::from(k) / Real::from(n) * std::f64::consts::TAU);
-    let vertices = std::iter::once(Point::origin()).chain(rim.map(|a| Point::new(0.5 * a.cos(), 0.5 * a.sin(), 0.0)));
+    let vertices = std::iter::once(Point::origin())
+        .chain(rim.map(|a| Point::new(0.5 * a.cos(), 0.5 * a.sin(), 0.0)));
     TriMesh::new(vertices.collect(), (1..n).map(|k| [0, k, k + 1]).collect()).unwrap()
 }
 
@@ -90,7 +96,13 @@ pub fn spoiled(r: &mut Random, mesh: &TriMesh) -> TriMesh {
 }
 
 /// The mesh squeezed by `aspect` along one axis and scaled by `scale`, turned and moved.
-pub fn placed(mesh: &TriMesh, r: &mut Random, scale: Real, aspect: Real, offset: Vector) -> TriMesh {
+pub fn placed(
+    mesh: &TriMesh,
+    r: &mut Random,
+    scale: Real,
+    aspect: Real,
+    offset: Vector,
+) -> TriMesh {
     let (turn, axis) = (r.rotation(), r.below(3));
     let place = |p: &Point| {
         let mut q = *p;

@@ -10,7 +10,8 @@ use if_neural::cloud::OrientedPoints;
 use if_neural::deformation::DeformationNetwork;
 use if_neural::field::NeuralField;
 use if_neural::files::{
-    WeightNorm, read_checkpoint, read_deformation, read_network, write_checkpoint, write_deformation, write_network,
+    WeightNorm, read_checkpoint, read_deformation, read_network, write_checkpoint,
+    write_deformation, write_network,
 };
 use if_neural::fit::{Fit, FitParams, FitReport};
 use if_neural::frame::Frame;
@@ -38,12 +39,35 @@ fn config(r: &mut Random) -> NetworkConfig {
         })
     } else {
         let (skip, weight_norm) = (r.pick(&[None, Some(1)]), r.chance(0.5));
-        NetworkConfig::Sdf(SdfConfig { bands: 2, width: 20, layers: 2, skip, features: 0, weight_norm, ..SdfConfig::paper() })
+        NetworkConfig::Sdf(SdfConfig {
+            bands: 2,
+            width: 20,
+            layers: 2,
+            skip,
+            features: 0,
+            weight_norm,
+            ..SdfConfig::paper()
+        })
     }
 }
 
 fn extreme(r: &mut Random) -> f32 {
-    r.pick(&[0.0, -0.0, 1e-45, 1e-38, 1e-20, 1e10, -1e10, 1e20, -1e20, 1e38, f32::MAX, f32::MIN, f32::NAN, f32::INFINITY])
+    r.pick(&[
+        0.0,
+        -0.0,
+        1e-45,
+        1e-38,
+        1e-20,
+        1e10,
+        -1e10,
+        1e20,
+        -1e20,
+        1e38,
+        f32::MAX,
+        f32::MIN,
+        f32::NAN,
+        f32::INFINITY,
+    ])
 }
 
 fn finite(s: &Sample32) -> bool {
@@ -69,22 +93,30 @@ fn weights(count: u32) -> Tally {
         let spoilt = theta.iter().any(|t| !t.is_finite());
         let network = match Network::with_parameters(&config, theta) {
             Ok(network) => network,
-            Err(error) => return check(spoilt, || format!("{error}: {config:?}")).map(|()| "refused"),
+            Err(error) => {
+                return check(spoilt, || format!("{error}: {config:?}")).map(|()| "refused");
+            }
         };
         check(!spoilt, || format!("a weight that is no number was taken: {config:?}"))?;
-        let points: Vec<[f32; 3]> = (0..300).map(|_| r.vector(1.0).map(|x| x as f32).into()).collect();
+        let points: Vec<[f32; 3]> =
+            (0..300).map(|_| r.vector(1.0).map(|x| x as f32).into()).collect();
         let mut out = vec![Sample32::default(); points.len()];
         network.samples32(&points, &mut out);
-        // A network is made into a field only where it is a number: seldom looked at, as 300,000 points are asked.
+        // A network is made into a field only where it is a number: seldom looked at, as 300,000
+        // points are asked.
         if r.chance(0.9) {
             return Ok(if out.iter().all(finite) { "numbers" } else { "no numbers" });
         }
-        let Ok(field) = NeuralField::new(network, Frame { center: Point::new(1.0, 2.0, 3.0), scale: 0.5 }) else {
+        let Ok(field) =
+            NeuralField::new(network, Frame { center: Point::new(1.0, 2.0, 3.0), scale: 0.5 })
+        else {
             return Ok("no field");
         };
         for p in (0..100).map(|_| Point::new(1.0, 2.0, 3.0) + r.vector(4.0)) {
             let s = field.sample(&p);
-            check(s.distance.is_finite() && s.gradient.norm().is_finite(), || format!("{s:?} in {p}: {config:?}"))?;
+            check(s.distance.is_finite() && s.gradient.norm().is_finite(), || {
+                format!("{s:?} in {p}: {config:?}")
+            })?;
         }
         Ok("field")
     })
@@ -125,27 +157,36 @@ fn fit_params(r: &mut Random) -> FitParams {
     }
 }
 
-/// What is left of a fit: the report, and θ. With `many` points in a batch, and held out, several tasks share each sum.
+/// What is left of a fit: the report, and θ. With `many` points in a batch, and held out, several
+/// tasks share each sum.
 fn fitted(r: &mut Random, many: bool) -> Result<Option<(FitReport, Vec<u32>, bool)>, String> {
     let (config, mut params) = (config(r), fit_params(r));
     let size = r.power(-3.0, 3.0);
     let target = Hostile { solid: Solid::Ball, ..Hostile::any(r, Point::origin(), size) };
-    let mut sampling = SamplingParams { near: 128, far: 64, held_out: 64, ..SamplingParams::default() };
+    let mut sampling =
+        SamplingParams { near: 128, far: 64, held_out: 64, ..SamplingParams::default() };
     if many {
         params.batch = 1_000 + r.below(1_000);
         (sampling.near, sampling.held_out) = (1_000, 1_500);
     }
     let set = match TrainingSet::of_field(&target, &sampling) {
         Ok(set) => set,
-        Err(error) => return check(target.fault != Fault::None, || format!("{error}: {target:?}")).map(|()| None),
+        Err(error) => {
+            return check(target.fault != Fault::None, || format!("{error}: {target:?}"))
+                .map(|()| None);
+        }
     };
     let mut network = Network::new(&config, 1).map_err(|e| e.to_string())?;
     let told = || format!("{config:?} {params:?} {target:?}");
     let Ok(mut fit) = Fit::new(params) else { return Ok(None) };
-    let Ok(mut report) = fit.run(&mut network, &set, &mut |_| ControlFlow::Continue(())) else { return Ok(None) };
+    let Ok(mut report) = fit.run(&mut network, &set, &mut |_| ControlFlow::Continue(())) else {
+        return Ok(None);
+    };
     report.seconds = 0.0;
     let numbers = network.parameters().iter().all(|t| t.is_finite());
-    check(numbers && report.error.is_finite(), || format!("no numbers after {report:?}: {}", told()))?;
+    check(numbers && report.error.is_finite(), || {
+        format!("no numbers after {report:?}: {}", told())
+    })?;
     let mut out = vec![Sample32::default(); 1];
     network.samples32(&[[0.1, 0.2, 0.3]], &mut out);
     check(finite(&out[0]), || format!("{out:?} after {report:?}: {}", told()))?;
@@ -179,7 +220,8 @@ fn many_fits_end_with_numbers() {
 fn fits_have_the_same_bits_on_any_number_of_threads() {
     let tally = cases("fits on threads", 10, |r| {
         let number = r.below(1000) as u32;
-        let found = same_on_all_threads(|| fitted(&mut Random::new("a fit on threads", number), true))??;
+        let found =
+            same_on_all_threads(|| fitted(&mut Random::new("a fit on threads", number), true))??;
         Ok(match found {
             Some((report, ..)) if report.steps > 0 => "fitted",
             Some(_) => "no step",
@@ -193,7 +235,9 @@ fn fits_have_the_same_bits_on_any_number_of_threads() {
 fn clouds_of_any_points_are_taken_or_refused() {
     let tally = cases("clouds", 500, |r| {
         let (n, scale) = (r.below(80), r.power(-6.0, 6.0));
-        let mut points: Vec<Point> = (0..n).map(|_| Point::from(if_core::math::unit_or_zero(&r.vector(1.0)) * scale)).collect();
+        let mut points: Vec<Point> = (0..n)
+            .map(|_| Point::from(if_core::math::unit_or_zero(&r.vector(1.0)) * scale))
+            .collect();
         let mut normals: Vec<Vector> = points.iter().map(|p| p.coords).collect();
         let mut spoilt = false;
         for _ in 0..r.below(4) {
@@ -212,7 +256,9 @@ fn clouds_of_any_points_are_taken_or_refused() {
         check(!spoilt, || "what is no number was taken".into())?;
         for p in (0..20).map(|_| r.point(2.0 * scale)) {
             let e = cloud.estimate(&p, 0.1 * scale);
-            check(e.distance.is_finite() && (0.0..=1.0 + 1e-9).contains(&e.trust), || format!("{e:?} in {p}"))?;
+            check(e.distance.is_finite() && (0.0..=1.0 + 1e-9).contains(&e.trust), || {
+                format!("{e:?} in {p}")
+            })?;
         }
         Ok("taken")
     });
@@ -231,11 +277,13 @@ fn files(count: u32) -> Tally {
             0 => write_network(&mut file, &network, &frame, WeightNorm::default()),
             1 => {
                 let fit =
-                    Fit::new(FitParams { steps: Some(3), seconds: None, ..FitParams::default() }).map_err(|e| e.to_string())?;
+                    Fit::new(FitParams { steps: Some(3), seconds: None, ..FitParams::default() })
+                        .map_err(|e| e.to_string())?;
                 write_checkpoint(&mut file, &fit, &network, &frame)
             }
             _ => {
-                let config = DeformationConfig { bands: 1, embedding: 2, frames: 3, width: 8, layers: 1 };
+                let config =
+                    DeformationConfig { bands: 1, embedding: 2, frames: 3, width: 8, layers: 1 };
                 let network = DeformationNetwork::new(&config, 1).map_err(|e| e.to_string())?;
                 write_deformation(&mut file, &network, &frame)
             }
@@ -245,7 +293,9 @@ fn files(count: u32) -> Tally {
         let head = file.len().min(if r.chance(0.7) { 700 } else { usize::MAX });
         let mut bytes = mutated(r, &file[..head]);
         bytes.extend_from_slice(&file[head..]);
-        let numbers = |theta: &[f32]| check(theta.iter().all(|t| t.is_finite()), || "a weight that is no number".into());
+        let numbers = |theta: &[f32]| {
+            check(theta.iter().all(|t| t.is_finite()), || "a weight that is no number".into())
+        };
         Ok(match kind {
             0 => read_network(&bytes[..]).map(|(n, _)| numbers(n.parameters())).ok(),
             1 => read_checkpoint(&bytes[..]).map(|(_, n, _)| numbers(n.parameters())).ok(),

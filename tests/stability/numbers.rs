@@ -1,4 +1,5 @@
-//! `if-core` with numbers from the ends of f64: denormals, 1e300, last digits, and all of them mixed.
+//! `if-core` with numbers from the ends of f64: denormals, 1e300, last digits, and all of them
+//! mixed.
 
 use crate::cases::{Random, Tally, cases, check, finite, share};
 use crate::meshes;
@@ -68,17 +69,25 @@ fn predicates(count: u32) -> Tally {
         let p = six(r);
         let (a, b) = ([&p[0], &p[1], &p[2]], [&p[3], &p[4], &p[5]]);
         let contact = triangles(a, b);
-        // Rational arithmetic is asked in if-core; here all orders of corners and triangles must agree.
+        // Rational arithmetic is asked in if-core; here all orders of corners and triangles must
+        // agree.
         for turn in 0..6 {
-            check(triangles(turned(a, turn), b) == contact && triangles(b, turned(a, turn)) == contact, || {
-                format!("{p:?}: corners turned by {turn} meet otherwise")
-            })?;
+            check(
+                triangles(turned(a, turn), b) == contact
+                    && triangles(b, turned(a, turn)) == contact,
+                || format!("{p:?}: corners turned by {turn} meet otherwise"),
+            )?;
         }
         let apart = triangles_sharing(a, [0, 1, 2], b, [3, 4, 5]);
-        check(apart == contact, || format!("{p:?}: no common corner, yet {apart:?} for {contact:?}"))?;
-        check(is_degenerate(a) == is_degenerate(turned(a, 4)), || format!("{p:?}: degenerate by the order of corners"))?;
+        check(apart == contact, || {
+            format!("{p:?}: no common corner, yet {apart:?} for {contact:?}")
+        })?;
+        check(is_degenerate(a) == is_degenerate(turned(a, 4)), || {
+            format!("{p:?}: degenerate by the order of corners")
+        })?;
         if let Some(hit) = segment_triangle(&p[3], &p[4], a) {
-            let good = (0.0..=1.0).contains(&hit.parameter) && hit.barycentric.iter().all(|b| (0.0..=1.0).contains(b));
+            let good = (0.0..=1.0).contains(&hit.parameter)
+                && hit.barycentric.iter().all(|b| (0.0..=1.0).contains(b));
             check(good && hit.direction.abs() == 1, || format!("{p:?}: {hit:?}"))?;
         }
         Ok(if contact.is_some() { "meet" } else { "apart" })
@@ -118,7 +127,9 @@ fn nearest(count: u32) -> Tally {
         let corners = [&t[0], &t[1], &t[2]];
         let (b, _) = closest_on_triangle(&p, corners[0], corners[1], corners[2]);
         let sum: Real = b.iter().sum();
-        check(b.iter().all(|x| (0.0..=1.0).contains(x)) && (sum - 1.0).abs() < 1e-12, || format!("{p:?} {t:?}: {b:?}"))?;
+        check(b.iter().all(|x| (0.0..=1.0).contains(x)) && (sum - 1.0).abs() < 1e-12, || {
+            format!("{p:?} {t:?}: {b:?}")
+        })?;
         let found = (barycentric_point(corners, b) - p).norm();
         // What a needle loses to rounding is a small part of its own size, seen from nearby.
         let size = Aabb::from_points(&t).diagonal();
@@ -127,7 +138,9 @@ fn nearest(count: u32) -> Tally {
             let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
             let other = (barycentric_point(corners, [1.0 - u - v, u, v]) - p).norm();
             let slack = 1e-7 * size + 1e-12 * found;
-            check(found <= other + slack, || format!("{p:?} {t:?}: {found:e} found, {other:e} is nearer"))?;
+            check(found <= other + slack, || {
+                format!("{p:?} {t:?}: {found:e} found, {other:e} is nearer")
+            })?;
         }
         let s = closest_on_segment(&p, &t[0], &t[1]);
         check((0.0..=1.0).contains(&s), || format!("{p:?} {t:?}: {s}"))?;
@@ -155,8 +168,11 @@ fn nothing_panics_at_the_ends_of_the_range_and_weights_stay_weights() {
         let s = closest_on_segment(&p[0], &p[1], &p[2]);
         check((0.0..=1.0).contains(&s), || format!("{p:?}: nearest at {s}"))?;
         let u = unit_or_zero(&p[0].coords);
-        check(u == Vector::zeros() || (u.norm() - 1.0).abs() < 1e-14, || format!("{p:?}: a unit vector of {}", u.norm()))?;
-        let mesh = TriMesh::new(p.to_vec(), vec![[0, 1, 2], [3, 4, 5], [2, 1, 3]]).map_err(|e| e.to_string())?;
+        check(u == Vector::zeros() || (u.norm() - 1.0).abs() < 1e-14, || {
+            format!("{p:?}: a unit vector of {}", u.norm())
+        })?;
+        let mesh = TriMesh::new(p.to_vec(), vec![[0, 1, 2], [3, 4, 5], [2, 1, 3]])
+            .map_err(|e| e.to_string())?;
         check(mesh.aabb().contains(&p[4]), || format!("{p:?}: not in its own box"))?;
         for n in mesh.face_normals().into_iter().chain(mesh.vertex_normals()) {
             check(n.norm() < 1.0 + 1e-12, || format!("{p:?}: a normal of {n:?}"))?;
@@ -173,12 +189,16 @@ fn tables_of_edges_are_whole_for_any_soup() {
         let mesh = meshes::soup(r, points, triangles);
         let edges = Edges::new(&mesh);
         let sides: u32 = edges.valence.iter().sum();
-        check(sides as usize == 3 * triangles, || format!("{sides} sides of {triangles} triangles"))?;
+        check(sides as usize == 3 * triangles, || {
+            format!("{sides} sides of {triangles} triangles")
+        })?;
         let round = VertexTriangles::new(&mesh);
         let all: usize = (0..points).map(|v| round.of(v).len()).sum();
         check(all == 3 * triangles, || format!("{all} corners of {triangles} triangles"))?;
         for walk in edges.boundary_loops(&mesh) {
-            check(walk.iter().all(|v| (*v as usize) < points), || format!("a loop through {walk:?}"))?;
+            check(walk.iter().all(|v| (*v as usize) < points), || {
+                format!("a loop through {walk:?}")
+            })?;
         }
         Ok("ok")
     });

@@ -30,10 +30,16 @@ fn outfit(r: &mut Random) -> (Layer, Vec<Layer>) {
     for _ in 0..1 + r.below(3) {
         let radius = r.pick(&[0.1, 0.195, 0.205, 0.21, 0.215, 0.23]);
         let (lift, around) = (r.between(-0.3, 0.1), 12 + r.below(8) as u32);
-        let band = mapped(&tube(radius, 0.25, around, 4, r.chance(0.1)), |p| Point::new(p.x, p.y + lift, p.z));
+        let band = mapped(&tube(radius, 0.25, around, 4, r.chance(0.1)), |p| {
+            Point::new(p.x, p.y + lift, p.z)
+        });
         let garment = match r.below(13) {
             0 => meshes::spoiled(r, &band),
-            1 => TriMesh::new(band.vertices().to_vec(), band.triangles().iter().map(|t| [t[1], t[0], t[2]]).collect()).unwrap(),
+            1 => TriMesh::new(
+                band.vertices().to_vec(),
+                band.triangles().iter().map(|t| [t[1], t[0], t[2]]).collect(),
+            )
+            .unwrap(),
             2 => permuted(r, &band),
             3 => mapped(&meshes::soup(r, 12, 14), |p| p * 0.25),
             4 => garments.last().cloned().unwrap_or(band),
@@ -52,7 +58,9 @@ fn outfit(r: &mut Random) -> (Layer, Vec<Layer>) {
             8 => {
                 // The hem goes in through whatever is below.
                 let (low, depth) = (band.aabb().min.y + 0.05, r.between(0.3, 1.0));
-                mapped(&band, |p| if p.y < low { Point::new(depth * p.x, p.y, depth * p.z) } else { *p })
+                mapped(&band, |p| {
+                    if p.y < low { Point::new(depth * p.x, p.y, depth * p.z) } else { *p }
+                })
             }
             _ => band,
         };
@@ -62,7 +70,11 @@ fn outfit(r: &mut Random) -> (Layer, Vec<Layer>) {
     let (scale, far) = (r.pick(&[1.0, 1.0, 1.0, 0.01, 10.0, 1000.0]), r.pick(&[0.0, 0.0, 1e4]));
     let away = r.vector(far);
     let place = |m: &TriMesh| mapped(m, |p| p * scale + away);
-    let layers = garments.iter().enumerate().map(|(k, g)| Layer::new(format!("band {k}"), place(g))).collect();
+    let layers = garments
+        .iter()
+        .enumerate()
+        .map(|(k, g)| Layer::new(format!("band {k}"), place(g)))
+        .collect();
     (Layer::new("body", place(&body)), layers)
 }
 
@@ -75,14 +87,18 @@ fn run(outfit: &Outfit) -> Result<Resolved, ResolveError> {
     resolve(outfit, &params(), &mut |_| ControlFlow::Continue(()))
 }
 
-/// What is promised where something is left: the same triangles, and a report that says what an independent look says.
+/// What is promised where something is left: the same triangles, and a report that says what an
+/// independent look says.
 fn left(input: &Outfit, result: &Resolved) -> Result<(), String> {
     let after = verify(&result.outfit).map_err(|e| e.to_string())?;
     let report = &result.report;
-    check(after.pairs == report.after.pairs && after.own_pairs == report.after.own_pairs, || "the report is wrong".into())?;
+    check(after.pairs == report.after.pairs && after.own_pairs == report.after.own_pairs, || {
+        "the report is wrong".into()
+    })?;
     let faults = after.total_pairs() + after.total_inside() + report.new_own_pairs();
     check(faults > 0, || "an error without a fault".into())?;
-    let same = |(a, b): (&Layer, &Layer)| a.name == b.name && a.mesh.triangles() == b.mesh.triangles();
+    let same =
+        |(a, b): (&Layer, &Layer)| a.name == b.name && a.mesh.triangles() == b.mesh.triangles();
     check(input.layers().zip(result.outfit.layers()).all(same), || "other triangles".into())
 }
 
@@ -92,7 +108,10 @@ fn resolved(count: u32) -> Tally {
         let outfit = match Outfit::new(body, garments) {
             Ok(outfit) => outfit,
             Err(error) => {
-                return check(error.to_string().contains('`'), || format!("{error} names no layer")).map(|()| "refused");
+                return check(error.to_string().contains('`'), || {
+                    format!("{error} names no layer")
+                })
+                .map(|()| "refused");
             }
         };
         let outcome = run(&outfit);
@@ -102,11 +121,14 @@ fn resolved(count: u32) -> Tally {
             Err(error) => return Err(error.to_string()),
         };
         // Nothing flies off: no further than the garment and the body are large.
-        let whole = outfit.layers().fold(if_core::aabb::Aabb::EMPTY, |b, l| b.merged(&l.mesh.aabb()));
+        let whole =
+            outfit.layers().fold(if_core::aabb::Aabb::EMPTY, |b, l| b.merged(&l.mesh.aabb()));
         let room = whole.inflated(whole.diagonal());
         for layer in result.outfit.layers() {
             let inside = layer.mesh.vertices().iter().all(|p| room.contains(p));
-            check(inside && finite(layer.mesh.vertices()), || format!("`{}` flies off", layer.name))?;
+            check(inside && finite(layer.mesh.vertices()), || {
+                format!("`{}` flies off", layer.name)
+            })?;
         }
         match outcome {
             Ok(result) => drop(assert_clean(&outfit, Ok(result))),
@@ -134,7 +156,11 @@ fn small_outfits_end_with_the_same_bits_on_any_number_of_threads() {
         let (body, garments) = outfit(r);
         let Ok(outfit) = Outfit::new(body, garments) else { return Ok("refused") };
         let bits = |outfit: &Outfit| -> Vec<u64> {
-            outfit.layers().flat_map(|l| l.mesh.vertices()).flat_map(|p| p.iter().map(|c: &Real| c.to_bits())).collect()
+            outfit
+                .layers()
+                .flat_map(|l| l.mesh.vertices())
+                .flat_map(|p| p.iter().map(|c: &Real| c.to_bits()))
+                .collect()
         };
         let ended = same_on_all_threads(|| match run(&outfit) {
             Ok(result) => (true, bits(&result.outfit)),

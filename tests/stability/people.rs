@@ -4,7 +4,9 @@ use crate::cases::{Random, Tally, cases, check, finite, share};
 use crate::files::mutated;
 use if_body::skeleton::{Joint, Pose, Skeleton};
 use if_body::skin_weights::SkinWeights;
-use if_body::skinning::{UnposeParams, WeightGrid, WeightGridParams, blends, pose_points, unpose, unpose_points};
+use if_body::skinning::{
+    UnposeParams, WeightGrid, WeightGridParams, blends, pose_points, unpose, unpose_points,
+};
 use if_core::math::{Point, Real, Vector};
 use if_mesh::camera::Camera;
 use if_pipeline::capture::{Capture, CaptureWriter, FramePictures, Subject};
@@ -33,24 +35,38 @@ fn skinned(count: u32) -> Tally {
         let rough = r.chance(0.3);
         let rotations: Vec<[Real; 4]> = (0..joints)
             .map(|_| {
-                let q = [r.between(-1.0, 1.0), r.between(-1.0, 1.0), r.between(-1.0, 1.0), r.between(-1.0, 1.0)];
+                let q = [
+                    r.between(-1.0, 1.0),
+                    r.between(-1.0, 1.0),
+                    r.between(-1.0, 1.0),
+                    r.between(-1.0, 1.0),
+                ];
                 let length = q.iter().map(|x| x * x).sum::<Real>().sqrt();
-                if rough && r.chance(0.2) { q.map(|x| x * number(r)) } else { q.map(|x| x / length) }
+                if rough && r.chance(0.2) {
+                    q.map(|x| x * number(r))
+                } else {
+                    q.map(|x| x / length)
+                }
             })
             .collect();
-        let unit = rotations.iter().all(|q| (q.iter().map(|x| x * x).sum::<Real>().sqrt() - 1.0).abs() < 1e-3);
+        let unit = rotations
+            .iter()
+            .all(|q| (q.iter().map(|x| x * x).sum::<Real>().sqrt() - 1.0).abs() < 1e-3);
         let root = if rough { Vector::new(number(r), 0.0, number(r)) } else { r.vector(1.0) };
         // Farther off than the Earth is round, it is refused.
         let root_near = root.iter().all(|x| x.abs() <= 4e7);
         let pose = match Pose::from_quaternions(root, &rotations) {
             Ok(pose) => pose,
-            Err(error) => return check(!unit || !root_near, || error.to_string()).map(|()| "no pose"),
+            Err(error) => {
+                return check(!unit || !root_near, || error.to_string()).map(|()| "no pose");
+            }
         };
         let transforms = skeleton.transforms(&pose).map_err(|e| e.to_string())?;
         let short = Pose { rotations: pose.rotations[1..].to_vec(), ..pose.clone() };
         check(skeleton.frames(&short).is_err(), || "a pose of too few joints was taken".into())?;
 
-        let on: Vec<[u16; 4]> = (0..n).map(|_| [0; 4].map(|_| r.below(joints + usize::from(rough)) as u16)).collect();
+        let on: Vec<[u16; 4]> =
+            (0..n).map(|_| [0; 4].map(|_| r.below(joints + usize::from(rough)) as u16)).collect();
         let weights: Vec<[f32; 4]> = (0..n)
             .map(|_| {
                 let w = [r.unit(), r.unit(), r.unit(), r.unit()];
@@ -59,8 +75,12 @@ fn skinned(count: u32) -> Tally {
                 w.map(|x| (x / sum * off) as f32)
             })
             .collect();
-        let sums = |w: &[f32; 4]| w.iter().all(|x| x.is_finite() && *x >= 0.0) && (w.iter().sum::<f32>() - 1.0).abs() < 0.02;
-        let sound = on.iter().flatten().all(|j| usize::from(*j) < joints) && weights.iter().all(sums);
+        let sums = |w: &[f32; 4]| {
+            w.iter().all(|x| x.is_finite() && *x >= 0.0)
+                && (w.iter().sum::<f32>() - 1.0).abs() < 0.02
+        };
+        let sound =
+            on.iter().flatten().all(|j| usize::from(*j) < joints) && weights.iter().all(sums);
         let skin = match SkinWeights::new(on, weights, joints) {
             Ok(skin) => skin,
             Err(error) => return check(!sound, || error.to_string()).map(|()| "no weights"),
@@ -77,11 +97,18 @@ fn skinned(count: u32) -> Tally {
             for k in 0..n {
                 let shrink = maps[k].linear.singular_values().min();
                 let off = (back[k] - rest[k]).norm();
-                check(off * shrink <= 1e-12 * chain, || format!("back {off:e} m off, shrunk to {shrink:e}"))?;
+                check(off * shrink <= 1e-12 * chain, || {
+                    format!("back {off:e} m off, shrunk to {shrink:e}")
+                })?;
             }
         }
         // A small grid, and the search in it.
-        let params = WeightGridParams { cell: 0.5, rounds: 2, neighbours: 1 + r.below(2 * n), ..WeightGridParams::default() };
+        let params = WeightGridParams {
+            cell: 0.5,
+            rounds: 2,
+            neighbours: 1 + r.below(2 * n),
+            ..WeightGridParams::default()
+        };
         let grid = WeightGrid::new(&rest, &skin, joints, &params).map_err(|e| e.to_string())?;
         for root in unpose(&grid, &transforms, &posed[0], &UnposeParams::default()) {
             check(finite(&[root.point]) && root.residual <= 1e-8, || format!("{root:?}"))?;
@@ -119,7 +146,14 @@ fn spoiled_skeletons_are_read_or_refused() {
 /// A capture of two frames of 8 × 6 pixels.
 fn write_capture(folder: &Path) {
     let (w, h) = (8, 6);
-    let camera = Camera::looking_at((w, h), &Point::new(0.0, 1.0, 3.0), &Point::new(0.0, 1.0, 0.0), &Vector::y(), 0.5).unwrap();
+    let camera = Camera::looking_at(
+        (w, h),
+        &Point::new(0.0, 1.0, 3.0),
+        &Point::new(0.0, 1.0, 0.0),
+        &Vector::y(),
+        0.5,
+    )
+    .unwrap();
     let subject = Subject {
         camera,
         garments: vec!["shirt".into()],
@@ -128,9 +162,16 @@ fn write_capture(folder: &Path) {
     };
     let mut writer = CaptureWriter::create(folder, &subject).unwrap();
     for k in 0..2 {
-        let (mask, labels): (Vec<bool>, Vec<u8>) = (0..w * h).map(|i| ((i + k) % 3 > 0, ((i + k) % 3) as u8)).unzip();
+        let (mask, labels): (Vec<bool>, Vec<u8>) =
+            (0..w * h).map(|i| ((i + k) % 3 > 0, ((i + k) % 3) as u8)).unzip();
         let normals = vec![[0.0, 0.6, -0.8]; w * h];
-        let pictures = FramePictures { mask: &mask, labels: &labels, normals: &normals, noisy_mask: None, noisy_labels: None };
+        let pictures = FramePictures {
+            mask: &mask,
+            labels: &labels,
+            normals: &normals,
+            noisy_mask: None,
+            noisy_labels: None,
+        };
         writer.push(&Pose::rest(2), &pictures).unwrap();
     }
     writer.finish().unwrap();
@@ -166,14 +207,19 @@ fn captures(count: u32) -> Tally {
         }
         let capture = match Capture::open(place.path()) {
             Ok(capture) => capture,
-            Err(error) => return check(!error.to_string().is_empty(), || "an error without words".into()).map(|()| "refused"),
+            Err(error) => {
+                return check(!error.to_string().is_empty(), || "an error without words".into())
+                    .map(|()| "refused");
+            }
         };
         for k in 0..capture.len() {
             let Ok(frame) = capture.frame(k) else { return Ok("a frame refused") };
             let pixels = capture.camera().width() * capture.camera().height();
             let sizes = [frame.mask.len(), frame.labels.len(), frame.normals.len()];
             check(sizes == [pixels; 3], || format!("{sizes:?} for {pixels} pixels"))?;
-            check(frame.normals.iter().flatten().all(|x| x.is_finite()), || "a normal is no number".into())?;
+            check(frame.normals.iter().flatten().all(|x| x.is_finite()), || {
+                "a normal is no number".into()
+            })?;
         }
         Ok("read")
     })

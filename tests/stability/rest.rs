@@ -11,13 +11,16 @@ use if_xpbd::particles::Particles;
 use if_xpbd::solver::Solver;
 use if_xpbd::stretch::Stretch;
 
-/// The farthest that a vertex strays, and the most energy seen, once a cloth has come to rest: hung by two corners, or
-/// laid on a slope with friction.
+/// The farthest that a vertex strays, and the most energy seen, once a cloth has come to rest: hung
+/// by two corners, or laid on a slope with friction.
 fn stray(substeps: u32, hung: bool) -> (Real, Real) {
     let mesh = cloth(0.4, 0.4, 4, 4);
     let slope = Plane { point: Point::origin(), normal: Vector::new(0.2, 1.0, 0.0).normalize() };
     let n = mesh.vertices().len();
-    let turned = mesh.vertices().iter().map(|p| if hung { *p } else { Point::new(p.x, -0.2 * p.x + 1e-3, p.y) });
+    let turned = mesh
+        .vertices()
+        .iter()
+        .map(|p| if hung { *p } else { Point::new(p.x, -0.2 * p.x + 1e-3, p.y) });
     let mesh = mesh.with_vertices(turned.collect()).unwrap();
     let mut particles = Particles::from_area_density(&mesh, 0.2).unwrap();
     if hung {
@@ -25,7 +28,8 @@ fn stray(substeps: u32, hung: bool) -> (Real, Real) {
     }
     let mut stretch = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-4);
     let mut bending = Bending::of_mesh(&mesh, BendingModel::Isometric, 1e4);
-    let mut ground = SdfCollision::new(&slope, &vec![if hung { 0.0 } else { 1.0 }; n], &vec![1e-3; n]).unwrap();
+    let mut ground =
+        SdfCollision::new(&slope, &vec![if hung { 0.0 } else { 1.0 }; n], &vec![1e-3; n]).unwrap();
     ground.friction = 0.5;
     let params = |damping| SolverParams {
         motion: Motion::Dynamic { damping },
@@ -44,7 +48,12 @@ fn stray(substeps: u32, hung: bool) -> (Real, Real) {
     for _ in 0..substeps / 10 {
         let report = solver.step(&mut particles, &mut groups).unwrap();
         energy = report.kinetic_energy.max(energy);
-        strayed = particles.positions.iter().zip(&before).map(|(p, q)| (p - q).norm()).fold(strayed, Real::max);
+        strayed = particles
+            .positions
+            .iter()
+            .zip(&before)
+            .map(|(p, q)| (p - q).norm())
+            .fold(strayed, Real::max);
     }
     (strayed, energy)
 }

@@ -1,4 +1,5 @@
-//! A random scene for the solver: everything drawn once, so that it can be run again, turned, or on other threads.
+//! A random scene for the solver: everything drawn once, so that it can be run again, turned, or on
+//! other threads.
 
 use crate::cases::Random;
 use crate::fields::Hostile;
@@ -57,8 +58,8 @@ pub struct Scene {
     pub air: Option<AirReading>,
     /// Particles with the inverse mass 0 that jump by this much between steps.
     pub teleport: Vector,
-    /// A shake of every particle by so many metres after each visit of a group, as coordinates of another size round, and
-    /// which one: how rounding grows.
+    /// A shake of every particle by so many metres after each visit of a group, as coordinates of
+    /// another size round, and which one: how rounding grows.
     pub rounding: Option<(Real, u32)>,
     pub steps: u32,
 }
@@ -93,13 +94,15 @@ impl Constraint for Rounding {
 pub struct Ran {
     pub particles: Particles,
     pub reports: Vec<StepReport>,
-    /// What the fastest particle covers in each step at the speed with which it begins it, in metres.
+    /// What the fastest particle covers in each step at the speed with which it begins it, in
+    /// metres.
     pub flights: Vec<Real>,
     pub error: Option<StepError>,
 }
 
 impl Scene {
-    /// Anything. `None` where the masses of the mesh cannot be (areas so small that 1/m is infinite).
+    /// Anything. `None` where the masses of the mesh cannot be (areas so small that 1/m is
+    /// infinite).
     pub fn any(r: &mut Random) -> Option<Self> {
         let scale = r.power(-6.0, 6.0);
         let aspect = if r.chance(0.5) { 1.0 } else { r.power(0.0, 6.0) };
@@ -125,7 +128,9 @@ impl Scene {
 
         let params = params(r, scale);
         let beta = |r: &mut Random| if r.chance(0.2) { 0.0 } else { r.power(-12.0, 8.0) };
-        let bending = r.chance(0.4).then(|| (r.pick(&[BendingModel::Dihedral, BendingModel::Isometric]), beta(r)));
+        let bending = r
+            .chance(0.4)
+            .then(|| (r.pick(&[BendingModel::Dihedral, BendingModel::Isometric]), beta(r)));
         let stretch = match r.below(10) {
             0 => StretchSolver::Direct,
             1 => StretchSolver::Global,
@@ -135,11 +140,17 @@ impl Scene {
         let mut scene = Self {
             stretch,
             bending,
-            strain: r.chance(0.2).then(|| (r.between(0.0, 1.0), r.pick(&[1.0, 1.1, Real::INFINITY]))),
+            strain: r
+                .chance(0.2)
+                .then(|| (r.between(0.0, 1.0), r.pick(&[1.0, 1.1, Real::INFINITY]))),
             attached: Vec::new(),
             field: r.chance(0.6).then(|| {
                 let center = Point::from(offset) + r.vector(0.7 * scale);
-                (Hostile::any(r, center, scale), if r.chance(0.85) { Push::Corrected } else { Push::Literal }, r.chance(0.5))
+                (
+                    Hostile::any(r, center, scale),
+                    if r.chance(0.85) { Push::Corrected } else { Push::Literal },
+                    r.chance(0.5),
+                )
             }),
             planes: Vec::new(),
             faces: Vec::new(),
@@ -162,7 +173,12 @@ impl Scene {
         Some(scene)
     }
 
-    fn draw_contacts(&mut self, r: &mut Random, offset: Vector, beta: impl Fn(&mut Random) -> Real) {
+    fn draw_contacts(
+        &mut self,
+        r: &mut Random,
+        offset: Vector,
+        beta: impl Fn(&mut Random) -> Real,
+    ) {
         let (n, scale) = (self.start.len(), self.scale);
         let vertex = |r: &mut Random| r.below(n) as u32;
         let place = |r: &mut Random| Point::from(offset) + r.vector(scale);
@@ -203,10 +219,13 @@ impl Scene {
 
     /// What matters of the scene, without its numbers of vertices.
     pub fn told(&self) -> String {
-        let Self { scale, params: p, stretch, bending, strain, field, air, teleport, steps, .. } = self;
+        let Self {
+            scale, params: p, stretch, bending, strain, field, air, teleport, steps, ..
+        } = self;
         let (n, t) = (self.start.len(), self.rest.triangles().len());
         let masses = || self.start.inverse_masses.iter().filter(|w| **w > 0.0);
-        let ratio = masses().fold(0.0, |a: Real, b| a.max(*b)) / masses().fold(Real::INFINITY, |a, b| a.min(*b));
+        let ratio = masses().fold(0.0, |a: Real, b| a.max(*b))
+            / masses().fold(Real::INFINITY, |a, b| a.min(*b));
         format!(
             "{n} vertices, {t} triangles, scale {scale:.1e}, mass ratio {ratio:.0e}, {steps} x {:.1e} s / {} x {} sweeps, beta {:.1e} {:?} {:?} {:?}, \
              stretch {stretch:?}, bending {bending:?}, strain {strain:?}, {} attached, field {:?}, {} planes, {} + {} contacts, \
@@ -232,11 +251,16 @@ impl Scene {
         )
     }
 
-    /// The largest length in sight, in metres: of cloth, targets, fields, jumps and what a free fall covers in a step.
+    /// The largest length in sight, in metres: of cloth, targets, fields, jumps and what a free
+    /// fall covers in a step.
     pub fn reach(&self) -> Real {
         let mut whole = self.rest.aabb();
-        for p in
-            self.start.positions.iter().chain(self.attached.iter().map(|(_, t, _)| t)).chain(self.planes.iter().map(|x| &x.3))
+        for p in self
+            .start
+            .positions
+            .iter()
+            .chain(self.attached.iter().map(|(_, t, _)| t))
+            .chain(self.planes.iter().map(|x| &x.3))
         {
             whole = whole.grown_to(p);
         }
@@ -252,7 +276,8 @@ impl Scene {
         let tree = Bvh::new(&inner);
         let surface = InnerSurface::new(&inner, &tree as &dyn ClosestPoint);
         let mut groups = self.groups(&surface);
-        let mut groups: Vec<&mut dyn Constraint> = groups.iter_mut().map(|g| g.as_mut() as &mut dyn Constraint).collect();
+        let mut groups: Vec<&mut dyn Constraint> =
+            groups.iter_mut().map(|g| g.as_mut() as &mut dyn Constraint).collect();
         let mut solver = Solver::new(self.params.clone()).unwrap();
         let (mut reports, mut flights) = (Vec::new(), Vec::new());
         for step in steps {
@@ -265,7 +290,10 @@ impl Scene {
                 groups.iter_mut().for_each(|g| g.reset());
             }
             let before = particles.clone();
-            flights.push(self.params.time_step * particles.velocities.iter().map(Vector::norm).fold(0.0, Real::max));
+            flights.push(
+                self.params.time_step
+                    * particles.velocities.iter().map(Vector::norm).fold(0.0, Real::max),
+            );
             match solver.step(&mut particles, &mut groups) {
                 Ok(report) => reports.push(report),
                 Err(error) => {
@@ -310,7 +338,9 @@ impl Scene {
         self.attached.iter().for_each(|(v, t, b)| attached.push(*v, *t, *b));
         groups.push(Box::new(attached));
         let mut ties = Ties::new();
-        self.ties.iter().for_each(|(v, t, share)| ties.push(*v, *t, [0.2, 0.3, 0.5], *share, self.rest.vertices()));
+        self.ties.iter().for_each(|(v, t, share)| {
+            ties.push(*v, *t, [0.2, 0.3, 0.5], *share, self.rest.vertices())
+        });
         groups.push(Box::new(ties));
         if let Some((field, push, between)) = &self.field {
             let (masks, clearances) = (vec![1.0; n], vec![self.params.clearance; n]);
@@ -319,11 +349,13 @@ impl Scene {
                 // No length of an edge of the meshes drawn: rounding would choose.
                 collision.add_between(&self.rest, 0.217 * scale, &masks, &clearances).unwrap();
             }
-            (collision.push, collision.friction, collision.max_push) = (*push, self.params.friction, self.params.max_push);
+            (collision.push, collision.friction, collision.max_push) =
+                (*push, self.params.friction, self.params.max_push);
             groups.push(Box::new(collision));
         }
         let mut planes = HalfSpaces::new();
-        (planes.friction, planes.max_push, planes.max_lever) = (self.params.friction, self.params.max_push, 4.0);
+        (planes.friction, planes.max_push, planes.max_lever) =
+            (self.params.friction, self.params.max_push, 4.0);
         self.planes.iter().for_each(|(v, b, normal, q)| planes.push(*v, *b, *normal, q, gap));
         groups.push(Box::new(planes));
         let mut contacts = PairContacts::new();
@@ -336,8 +368,16 @@ impl Scene {
         }
         groups.push(Box::new(parted));
         if let Some(reading) = self.air {
-            let params = AirParams { reading, max_distance: scale, min_gap: gap, max_gap: 5.0 * gap, ..AirParams::default() };
-            groups.push(Box::new(Air::new(surface, &self.start.positions, &vec![1.0; n], params).unwrap()));
+            let params = AirParams {
+                reading,
+                max_distance: scale,
+                min_gap: gap,
+                max_gap: 5.0 * gap,
+                ..AirParams::default()
+            };
+            groups.push(Box::new(
+                Air::new(surface, &self.start.positions, &vec![1.0; n], params).unwrap(),
+            ));
         }
         match self.rounding {
             Some((size, number)) => rounded(groups, size, number),
@@ -347,7 +387,11 @@ impl Scene {
 }
 
 /// The groups with a shake before the first and after each of both stages.
-fn rounded<'a>(groups: Vec<Box<dyn Constraint + 'a>>, size: Real, number: u32) -> Vec<Box<dyn Constraint + 'a>> {
+fn rounded<'a>(
+    groups: Vec<Box<dyn Constraint + 'a>>,
+    size: Real,
+    number: u32,
+) -> Vec<Box<dyn Constraint + 'a>> {
     let shake = |stage, k: usize| -> Box<dyn Constraint + 'a> {
         let random = Random::new("rounding", number.wrapping_mul(100) + k as u32);
         Box::new(Rounding { size, random, stage })
@@ -361,7 +405,11 @@ fn rounded<'a>(groups: Vec<Box<dyn Constraint + 'a>>, size: Real, number: u32) -
 }
 
 fn params(r: &mut Random, scale: Real) -> SolverParams {
-    let motion = if r.chance(0.5) { Motion::QuasiStatic } else { Motion::Dynamic { damping: r.pick(&[0.0, 0.5, 10.0]) } };
+    let motion = if r.chance(0.5) {
+        Motion::QuasiStatic
+    } else {
+        Motion::Dynamic { damping: r.pick(&[0.0, 0.5, 10.0]) }
+    };
     let gravity = if_core::math::unit_or_zero(&r.vector(1.0)) * r.pick(&[0.0, 9.81]);
     SolverParams {
         time_step: r.power(-5.0, 0.0),
@@ -369,7 +417,11 @@ fn params(r: &mut Random, scale: Real) -> SolverParams {
         sweeps: r.below(6) as u32,
         compliance: if r.chance(0.2) { 0.0 } else { r.power(-12.0, 8.0) },
         lambda_form: if r.chance(0.85) { LambdaForm::Xpbd } else { LambdaForm::Printed },
-        contact_order: r.pick(&[ContactOrder::BeforeStretch, ContactOrder::AfterStretch, ContactOrder::Both]),
+        contact_order: r.pick(&[
+            ContactOrder::BeforeStretch,
+            ContactOrder::AfterStretch,
+            ContactOrder::Both,
+        ]),
         motion,
         gravity: gravity.into(),
         friction: r.pick(&[0.0, 0.3, 10.0]),

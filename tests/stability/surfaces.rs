@@ -74,13 +74,18 @@ fn extracted(count: u32) -> Tally {
         let inside = found.mesh.vertices().iter().all(|p| region.contains(p));
         check(inside, || format!("a vertex outside of the region: {}", told()))?;
         let edges = Edges::new(&found.mesh);
-        check(edges.valence.iter().all(|v| *v <= 2), || format!("an edge of three triangles: {}", told()))?;
+        check(edges.valence.iter().all(|v| *v <= 2), || {
+            format!("an edge of three triangles: {}", told())
+        })?;
         let numbers = found.report.error.worst();
         check(!numbers.is_nan(), || format!("an error of {numbers}: {}", told()))?;
         // The slow twin, where the bound on the slope is true.
-        if params.sampling == Sampling::Sparse && field.is_honest() && params.slope == Slope::Field {
+        if params.sampling == Sampling::Sparse && field.is_honest() && params.slope == Slope::Field
+        {
             let dense = extract(&field, &ExtractParams { sampling: Sampling::Dense, ..params });
-            check(dense.is_ok_and(|d| d.mesh == found.mesh), || format!("not as on the dense lattice: {}", told()))?;
+            check(dense.is_ok_and(|d| d.mesh == found.mesh), || {
+                format!("not as on the dense lattice: {}", told())
+            })?;
         }
         Ok(if found.mesh.triangles().is_empty() { "no surface" } else { "surface" })
     })
@@ -151,7 +156,9 @@ fn baked(count: u32) -> Tally {
             }
         };
         let bounds = [baked.error_bound(), baked.lipschitz(), baked.band()];
-        check(bounds.iter().all(|b| b.is_finite() && *b >= 0.0), || format!("bounds {bounds:?}: {}", told()))?;
+        check(bounds.iter().all(|b| b.is_finite() && *b >= 0.0), || {
+            format!("bounds {bounds:?}: {}", told())
+        })?;
         for _ in 0..50 {
             let p = center + r.offset(size, &[0.6, 2.0, 1e9]);
             let FieldSample { distance, gradient } = baked.sample(&p);
@@ -203,7 +210,11 @@ fn garment(r: &mut Random) -> TriMesh {
     let band = tube(r.between(0.3, 0.7), 0.5, 12, 4, r.chance(0.3));
     match r.below(6) {
         0 => band,
-        1 => TriMesh::new(band.vertices().to_vec(), band.triangles().iter().map(|t| [t[0], t[2], t[1]]).collect()).unwrap(),
+        1 => TriMesh::new(
+            band.vertices().to_vec(),
+            band.triangles().iter().map(|t| [t[0], t[2], t[1]]).collect(),
+        )
+        .unwrap(),
         2 => {
             let twice = band.triangles().iter().chain(band.triangles()).copied().collect();
             TriMesh::new(band.vertices().to_vec(), twice).unwrap()
@@ -229,11 +240,14 @@ fn layers(count: u32) -> Tally {
         let layer = ClosedLayer::garment(&worn, &closed, &naked);
         let field = ClothedField::new(vec![&closed, &layer]);
         let points: Vec<Point> = (0..40).map(|_| Point::from(offset) + r.vector(scale)).collect();
-        let mut samples = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points.len()];
+        let mut samples =
+            vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points.len()];
         field.samples(&points, &mut samples);
         let size = naked.aabb().merged(&worn.aabb()).diagonal() + 2.0 * scale;
         for (p, s) in points.iter().zip(&samples) {
-            let good = s.distance.is_finite() && s.distance.abs() <= 2.0 * size && s.gradient.norm() < 1.0 + 1e-9;
+            let good = s.distance.is_finite()
+                && s.distance.abs() <= 2.0 * size
+                && s.gradient.norm() < 1.0 + 1e-9;
             check(good, || format!("{s:?} in {p}, scale {scale}"))?;
             check(field.sample(p) == *s, || format!("a batch differs in {p}"))?;
         }
@@ -255,7 +269,11 @@ fn many_layers_that_are_spoiled_still_have_a_finite_field() {
 #[test]
 fn a_layer_has_the_same_field_on_any_number_of_threads() {
     let mut r = Random::new("a layer on threads", 0);
-    let slim = |m: &TriMesh| m.with_vertices(m.vertices().iter().map(|p| Point::new(0.15 * p.x, p.y, 0.15 * p.z)).collect());
+    let slim = |m: &TriMesh| {
+        m.with_vertices(
+            m.vertices().iter().map(|p| Point::new(0.15 * p.x, p.y, 0.15 * p.z)).collect(),
+        )
+    };
     let (naked, worn) = (slim(&icosphere(0.5, 2)).unwrap(), slim(&garment(&mut r)).unwrap());
     let points: Vec<Point> = (0..500).map(|_| r.point(1.0)).collect();
     let bits = same_on_all_threads(|| {

@@ -1,4 +1,5 @@
-//! Problems 1 to 6 of `docs/accuracy.md`: springs, chains, catenaries and the pendulum, against closed forms.
+//! Problems 1 to 6 of `docs/accuracy.md`: springs, chains, catenaries and the pendulum, against
+//! closed forms.
 
 use crate::record::{Record, Run, timed};
 use if_core::math::{Point, Real};
@@ -131,8 +132,10 @@ fn oscillator(record: &mut Record) {
         let (ms, (discrete, continuous)) = timed(|| {
             let mut spring = Attachments::new();
             spring.push(0, Point::origin(), beta);
-            let mut particles = Particles::uniform(vec![Point::new(1.0, 0.0, 0.0)], 1.0 / mass).unwrap();
-            let mut solver = Solver::new(SolverParams { gravity: [0.0; 3], ..falling(h, 0.0) }).unwrap();
+            let mut particles =
+                Particles::uniform(vec![Point::new(1.0, 0.0, 0.0)], 1.0 / mass).unwrap();
+            let mut solver =
+                Solver::new(SolverParams { gravity: [0.0; 3], ..falling(h, 0.0) }).unwrap();
             let (mut worst, mut before): (Real, [Real; 2]) = (0.0, [1.0, 0.0]);
             for _ in 0..count {
                 solver.step(&mut particles, &mut [&mut spring]).unwrap();
@@ -144,9 +147,20 @@ fn oscillator(record: &mut Record) {
             (worst, (before[0] - (omega * h * Real::from(count)).cos()).abs())
         });
         // On record: 1e-13 at most, and 0.038 m at a millisecond, in proportion to h.
-        assert!(discrete < 1e-11 && (h > 2e-3 || continuous < 100.0 * h), "h {h} s: {discrete}, {continuous} m");
-        for (problem, error, unit) in [("2 oscillator, discrete", discrete, ""), ("2 oscillator, at 2 s", continuous, "m")] {
-            let run = Run { problem, method: "implicit Euler", parameter: format!("h {h} s"), unit, default: h == 1e-3 };
+        assert!(
+            discrete < 1e-11 && (h > 2e-3 || continuous < 100.0 * h),
+            "h {h} s: {discrete}, {continuous} m"
+        );
+        for (problem, error, unit) in
+            [("2 oscillator, discrete", discrete, ""), ("2 oscillator, at 2 s", continuous, "m")]
+        {
+            let run = Run {
+                problem,
+                method: "implicit Euler",
+                parameter: format!("h {h} s"),
+                unit,
+                default: h == 1e-3,
+            };
             record.push(run, ms, error, [u64::from(count), 0]);
         }
     }
@@ -164,14 +178,22 @@ fn chain(record: &mut Record) {
                 settled(&params, count, particles, method.group(edges, beta).as_mut())
             });
             let off = |(k, w): (usize, &[Point])| {
-                ((w[0] - w[1]).norm() - 1.0 / (n - 1) as Real) / (G * beta * (n - 1 - k) as Real) - 1.0
+                ((w[0] - w[1]).norm() - 1.0 / (n - 1) as Real) / (G * beta * (n - 1 - k) as Real)
+                    - 1.0
             };
-            let error = p.windows(2).enumerate().map(off).fold(0.0, |worst: Real, e| worst.max(e.abs()));
+            let error =
+                p.windows(2).enumerate().map(off).fold(0.0, |worst: Real, e| worst.max(e.abs()));
             // On record: 5e-11, for both solvers that come to the end.
             let at_the_end = count == 60 && !matches!(method, Method::Sweeps(_));
             assert!(!at_the_end || error < 1e-8, "n {n}, {}: {error}", method.name());
             let parameter = format!("h {h} s, {count} steps, {}", method.setting());
-            let run = Run { problem: &problem, method: method.name(), parameter, unit: "", default: false };
+            let run = Run {
+                problem: &problem,
+                method: method.name(),
+                parameter,
+                unit: "",
+                default: false,
+            };
             record.push(run, ms, error, [visits, 0]);
         };
         for count in [3, 10, 30, 60] {
@@ -188,8 +210,8 @@ fn chain(record: &mut Record) {
     }
 }
 
-/// A chain of 101 points, 1 m long and 1 kg, between pins 0.6 m apart; `beta` is each link's. Its links are the chords of
-/// the curve to second order in their length.
+/// A chain of 101 points, 1 m long and 1 kg, between pins 0.6 m apart; `beta` is each link's. Its
+/// links are the chords of the curve to second order in their length.
 fn catenary(record: &mut Record, beta: Real) {
     let quick = record.quick;
     let problem = if beta == 0.0 { "4 inextensible catenary" } else { "5 elastic catenary" };
@@ -197,9 +219,12 @@ fn catenary(record: &mut Record, beta: Real) {
     let link = length / links as Real;
     let weight = G * length; // of all of it: 1 kg a metre
     let stiffness = if beta == 0.0 { Real::INFINITY } else { link / beta };
-    // Half of the curve from the lowest point: x(s) = H s / EA + a asinh(s / a), a = H / (weight per metre).
+    // Half of the curve from the lowest point: x(s) = H s / EA + a asinh(s / a), a = H / (weight
+    // per metre).
     let per_metre = weight / length;
-    let reach = |h: Real| h * 0.5 * length / stiffness + h / per_metre * (0.5 * length * per_metre / h).asinh();
+    let reach = |h: Real| {
+        h * 0.5 * length / stiffness + h / per_metre * (0.5 * length * per_metre / h).asinh()
+    };
     let (mut low, mut high) = (1e-6, 1e4);
     for _ in 0..200 {
         let middle = 0.5 * (low + high);
@@ -230,12 +255,16 @@ fn catenary(record: &mut Record, beta: Real) {
         let params = SolverParams { sweeps: method.sweeps(), ..falling(h, damping) };
         let (ms, (p, visits)) = timed(|| {
             let set = EdgeSet::new(&edges, &vec![link; links], links + 1).unwrap();
-            let particles = Particles::uniform(start.clone(), 1.0 / link).unwrap().pinned([0, links as u32]);
+            let particles =
+                Particles::uniform(start.clone(), 1.0 / link).unwrap().pinned([0, links as u32]);
             settled(&params, count, particles, method.group(set, beta).as_mut())
         });
         let error = p.iter().zip(&exact).map(|(p, q)| (p - q).norm()).fold(0.0, Real::max);
         // On record: 0.032 mm.
-        assert!(!matches!(method, Method::Direct) || h > 2e-3 || error < 1e-4, "{problem}: {error} m");
+        assert!(
+            !matches!(method, Method::Direct) || h > 2e-3 || error < 1e-4,
+            "{problem}: {error} m"
+        );
         let parameter = format!("h {h} s, {count} steps, {}", method.setting());
         let run = Run { problem, method: method.name(), parameter, unit: "m", default: false };
         record.push(run, ms, error, [visits, 0]);
@@ -271,7 +300,9 @@ fn pendulum(record: &mut Record) {
         let count = (10.0 / h as Real).round() as u32;
         let (ms, (quarter, energy)) = timed(|| {
             let mut rod = Stretch::new(EdgeSet::new(&[[0, 1]], &[1.0], 2).unwrap(), 0.0);
-            let mut particles = Particles::new(vec![Point::origin(), Point::new(1.0, 0.0, 0.0)], vec![0.0, 1.0]).unwrap();
+            let mut particles =
+                Particles::new(vec![Point::origin(), Point::new(1.0, 0.0, 0.0)], vec![0.0, 1.0])
+                    .unwrap();
             let mut solver = Solver::new(falling(h, 0.0)).unwrap();
             let mut quarter = None;
             for k in 0..count {
@@ -282,13 +313,28 @@ fn pendulum(record: &mut Record) {
                     quarter = Some((Real::from(k) + before / (before - after)) * h);
                 }
             }
-            (quarter.unwrap(), (particles.kinetic_energy() + G * (particles.positions[1].y + 1.0)) / G)
+            (
+                quarter.unwrap(),
+                (particles.kinetic_energy() + G * (particles.positions[1].y + 1.0)) / G,
+            )
         });
         let off = (4.0 * quarter / period - 1.0).abs();
-        // On record: 6.4e-4 of the period and 0.175 of the energy at a millisecond, and at most in proportion to h.
-        assert!(off < 1.5 * h && (h > 2e-3 || (0.0..400.0 * h).contains(&(1.0 - energy))), "h {h} s: {off}, {energy}");
-        for (problem, error) in [("6 pendulum, first quarter", off), ("6 pendulum, energy lost in 10 s", 1.0 - energy)] {
-            let run = Run { problem, method: "implicit Euler", parameter: format!("h {h} s"), unit: "", default: h == 1e-3 };
+        // On record: 6.4e-4 of the period and 0.175 of the energy at a millisecond, and at most in
+        // proportion to h.
+        assert!(
+            off < 1.5 * h && (h > 2e-3 || (0.0..400.0 * h).contains(&(1.0 - energy))),
+            "h {h} s: {off}, {energy}"
+        );
+        for (problem, error) in
+            [("6 pendulum, first quarter", off), ("6 pendulum, energy lost in 10 s", 1.0 - energy)]
+        {
+            let run = Run {
+                problem,
+                method: "implicit Euler",
+                parameter: format!("h {h} s"),
+                unit: "",
+                default: h == 1e-3,
+            };
             record.push(run, ms, error, [u64::from(count), 0]);
         }
     }

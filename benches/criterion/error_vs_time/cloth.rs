@@ -1,4 +1,5 @@
-//! Problems 7 to 9 of `docs/accuracy.md`: cloth against implicit Euler that is solved to the last digits, on the same mesh.
+//! Problems 7 to 9 of `docs/accuracy.md`: cloth against implicit Euler that is solved to the last
+//! digits, on the same mesh.
 
 use crate::chains::{G, Method, falling, settled};
 use crate::implicit::Springs;
@@ -44,7 +45,8 @@ fn rms(a: &[Point], b: &[Point]) -> Real {
     (a.iter().zip(b).map(|(a, b)| (a - b).norm_squared()).sum::<Real>() / a.len() as Real).sqrt()
 }
 
-/// How far max |C + β̃ λ| falls in one substep of 1 ms, for a cloth stretched by 5 % and shaken by 1 mm.
+/// How far max |C + β̃ λ| falls in one substep of 1 ms, for a cloth stretched by 5 % and shaken by
+/// 1 mm.
 fn residual(record: &mut Record) {
     let n = 30;
     let mesh = hung(n);
@@ -69,7 +71,8 @@ fn residual(record: &mut Record) {
             group.residual(&p, h).max
         });
         let parameter = format!("{sweeps} sweeps");
-        let run = Run { problem, method: "Gauss-Seidel", parameter, unit: "m", default: sweeps == 1 };
+        let run =
+            Run { problem, method: "Gauss-Seidel", parameter, unit: "m", default: sweeps == 1 };
         record.push(run, ms, error, [u64::from(sweeps) * edges.len() as u64, 0]);
     }
     for iterations in [1, 2, 3, 5, 10, 20] {
@@ -84,12 +87,14 @@ fn residual(record: &mut Record) {
             group.project(&mut p, &weights, h).max
         });
         let parameter = format!("{iterations} Newton steps");
-        let run = Run { problem, method: "direct", parameter, unit: "m", default: iterations == 20 };
+        let run =
+            Run { problem, method: "direct", parameter, unit: "m", default: iterations == 20 };
         record.push(run, ms, error, [u64::from(iterations) * edges.len() as u64, 0]);
     }
 }
 
-/// At rest under its own weight, the upper row pinned: off the springs' equilibrium, by Newton's method.
+/// At rest under its own weight, the upper row pinned: off the springs' equilibrium, by Newton's
+/// method.
 fn hanging(record: &mut Record, n: u32) {
     let mesh = hung(n);
     let edges = EdgeSet::of_mesh(&mesh);
@@ -101,17 +106,31 @@ fn hanging(record: &mut Record, n: u32) {
     let problem = format!("8 hanging cloth, {n} x {n}");
     let mut sweep = |method: Method, h: Real, count: u32, damping: Real| {
         let params = SolverParams { sweeps: method.sweeps(), ..falling(h, damping) };
-        let (ms, (p, visits)) = timed(|| settled(&params, count, particles(), method.group(edges.clone(), beta).as_mut()));
+        let (ms, (p, visits)) = timed(|| {
+            settled(&params, count, particles(), method.group(edges.clone(), beta).as_mut())
+        });
         let parameter = format!("h {h} s, {count} steps, {}", method.setting());
-        let run = Run { problem: &problem, method: method.name(), parameter, unit: "of its height", default: false };
+        let run = Run {
+            problem: &problem,
+            method: method.name(),
+            parameter,
+            unit: "of its height",
+            default: false,
+        };
         record.push(run, ms, rms(&p, &exact), [visits, 0]);
     };
     for (h, count) in [(0.01, 100), (0.03, 30), (0.1, 3), (0.1, 10), (1.0, 3)] {
         sweep(Method::Direct, h, count, 0.0);
     }
-    for (h, iterations, count) in
-        [(0.1, 3, 10), (0.1, 10, 10), (0.1, 30, 20), (1.0, 30, 1), (1.0, 100, 1), (1.0, 100, 5), (10.0, 300, 1)]
-    {
+    for (h, iterations, count) in [
+        (0.1, 3, 10),
+        (0.1, 10, 10),
+        (0.1, 30, 20),
+        (1.0, 30, 1),
+        (1.0, 100, 1),
+        (1.0, 100, 5),
+        (10.0, 300, 1),
+    ] {
         sweep(Method::Global(iterations), h, count, 0.0);
     }
     for sweeps in [1, 10, 100] {
@@ -130,18 +149,24 @@ const SPRING: Real = 1e-4;
 /// A square metre of n × n in the plane y = 0, and its springs.
 fn level(n: u32) -> (TriMesh, EdgeSet) {
     let mesh = cloth(1.0, 1.0, n, n);
-    let mesh = mesh.with_vertices(mesh.vertices().iter().map(|p| Point::new(p.x, 0.0, p.y)).collect()).unwrap();
+    let mesh = mesh
+        .with_vertices(mesh.vertices().iter().map(|p| Point::new(p.x, 0.0, p.y)).collect())
+        .unwrap();
     let edges = EdgeSet::of_mesh(&mesh);
     (mesh, edges)
 }
 
-/// Implicit Euler in steps of `H`, each solved by Newton's method; outside of a ball where there is one.
+/// Implicit Euler in steps of `H`, each solved by Newton's method; outside of a ball where there is
+/// one.
 fn fallen(edges: &EdgeSet, mut now: Particles, ball: Option<(Point, Real)>) -> Vec<Point> {
     for _ in 0..STEPS {
-        let aim: Vec<Point> = now.positions.iter().zip(&now.velocities).map(|(p, v)| p + v * H).collect();
+        let aim: Vec<Point> =
+            now.positions.iter().zip(&now.velocities).map(|(p, v)| p + v * H).collect();
         let springs = Springs::new(edges, SPRING, &now, Vector::new(0.0, -G, 0.0));
         let next = match ball {
-            Some((center, radius)) => springs.minimize_outside(now.positions.clone(), &aim, H, center, radius),
+            Some((center, radius)) => {
+                springs.minimize_outside(now.positions.clone(), &aim, H, center, radius)
+            }
             None => springs.minimize(now.positions.clone(), &aim, H),
         };
         now.velocities = next.iter().zip(&now.positions).map(|(q, p)| (q - p) / H).collect();
@@ -155,8 +180,8 @@ fn by_two_corners(mesh: &TriMesh, n: u32) -> Particles {
     Particles::from_area_density(mesh, DENSITY).unwrap().pinned([0, n])
 }
 
-/// Falls for 0.3 s from the horizontal, two corners pinned, in substeps of 5 ms: off implicit Euler with the same
-/// substep, by Newton's method.
+/// Falls for 0.3 s from the horizontal, two corners pinned, in substeps of 5 ms: off implicit Euler
+/// with the same substep, by Newton's method.
 fn drape(record: &mut Record, n: u32) {
     let (mesh, edges) = level(n);
     let particles = || by_two_corners(&mesh, n);
@@ -165,15 +190,24 @@ fn drape(record: &mut Record, n: u32) {
     let problem = format!("9 square drape, {n} x {n}");
     let mut sweep = |method: Method, substeps: u32| {
         let params = SolverParams { sweeps: method.sweeps(), substeps, ..falling(h, 0.0) };
-        let (ms, (p, visits)) = timed(|| settled(&params, count, particles(), method.group(edges.clone(), beta).as_mut()));
+        let (ms, (p, visits)) = timed(|| {
+            settled(&params, count, particles(), method.group(edges.clone(), beta).as_mut())
+        });
         let parameter = format!("{substeps} substeps, {}", method.setting());
-        let run = Run { problem: &problem, method: method.name(), parameter, unit: "m rms", default: false };
+        let run = Run {
+            problem: &problem,
+            method: method.name(),
+            parameter,
+            unit: "m rms",
+            default: false,
+        };
         record.push(run, ms, rms(&p, &exact), [visits * u64::from(substeps), 0]);
     };
     for sweeps in [1, 3, 10, 30, 100, 300, 1000] {
         sweep(Method::Sweeps(sweeps), 1);
     }
-    // Small steps instead of sweeps: they converge to the motion, not to this substep's implicit Euler.
+    // Small steps instead of sweeps: they converge to the motion, not to this substep's implicit
+    // Euler.
     for substeps in [3, 10, 30] {
         sweep(Method::Sweeps(1), substeps);
     }
@@ -183,8 +217,8 @@ fn drape(record: &mut Record, n: u32) {
     sweep(Method::Direct, 1);
 }
 
-/// The same drape, solved by Newton's method on coarser meshes: off the finest one's, at the vertices that both have. Springs of
-/// one stiffness are one cloth at every size of mesh.
+/// The same drape, solved by Newton's method on coarser meshes: off the finest one's, at the
+/// vertices that both have. Springs of one stiffness are one cloth at every size of mesh.
 fn refined(record: &mut Record, finest: u32) {
     let solved = |n: u32| {
         let (mesh, edges) = level(n);
@@ -201,12 +235,17 @@ fn refined(record: &mut Record, finest: u32) {
         let problem = format!("9 square drape, refined to {finest} x {finest}");
         let parameter = format!("{n} x {n}");
         let method = "implicit Euler, Newton";
-        record.push(Run { problem: &problem, method, parameter, unit: "m rms", default: false }, ms, rms(&p, &at), [0, 0]);
+        record.push(
+            Run { problem: &problem, method, parameter, unit: "m rms", default: false },
+            ms,
+            rms(&p, &at),
+            [0, 0],
+        );
     }
 }
 
-/// Falls for 0.3 s onto a ball of 0.3 m without friction: off implicit Euler with the same substep and the ball as an exact
-/// constraint.
+/// Falls for 0.3 s onto a ball of 0.3 m without friction: off implicit Euler with the same substep
+/// and the ball as an exact constraint.
 fn over_a_ball(record: &mut Record, n: u32) {
     let (mesh, edges) = level(n);
     let ball = Sphere { center: Point::new(0.5, -0.31, 0.5), radius: 0.3 };
@@ -219,7 +258,8 @@ fn over_a_ball(record: &mut Record, n: u32) {
         let params = SolverParams { sweeps: method.sweeps(), substeps, ..falling(H, 0.0) };
         let (ms, (p, counters)) = timed(|| {
             let mut group = method.group(edges.clone(), SPRING);
-            let mut contact = SdfCollision::new(&ball, &vec![1.0; count], &vec![0.0; count]).unwrap();
+            let mut contact =
+                SdfCollision::new(&ball, &vec![1.0; count], &vec![0.0; count]).unwrap();
             contact.max_push = Real::INFINITY;
             let mut now = particles();
             let mut solver = Solver::new(params.clone()).unwrap();
@@ -229,7 +269,13 @@ fn over_a_ball(record: &mut Record, n: u32) {
             (now.positions, contact.counters())
         });
         let parameter = format!("{substeps} substeps, {}", method.setting());
-        let run = Run { problem: &problem, method: method.name(), parameter, unit: "m rms", default: false };
+        let run = Run {
+            problem: &problem,
+            method: method.name(),
+            parameter,
+            unit: "m rms",
+            default: false,
+        };
         record.push(run, ms, rms(&p, &exact), [counters.queries, counters.skipped_by_bound]);
     };
     for sweeps in [1, 3, 10, 30, 100, 300] {

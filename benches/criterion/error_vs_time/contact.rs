@@ -1,5 +1,6 @@
-//! Problem 13 of `docs/accuracy.md`: points inside a ball or a box, brought onto its surface by lines 6 to 10 as printed and as
-//! corrected, with fields whose gradients are too long or too short; and a block on an incline, which sticks iff μ ≥ tan θ.
+//! Problem 13 of `docs/accuracy.md`: points inside a ball or a box, brought onto its surface by
+//! lines 6 to 10 as printed and as corrected, with fields whose gradients are too long or too
+//! short; and a block on an incline, which sticks iff μ ≥ tan θ.
 
 use crate::chains::{G, falling};
 use crate::record::{Record, Run, timed};
@@ -32,8 +33,10 @@ pub(crate) fn run(record: &mut Record) {
         let start = deep(*truth);
         for (method, push) in [("as printed", Push::Literal), ("corrected", Push::Corrected)] {
             for visits in [1, 3, 10, 30, 100] {
-                let (ms, (off, counts)) = timed(|| out(field.as_ref(), *truth, &start, push, visits));
-                // Corrected, one visit is enough. On record: 6e-17 m, and 5 µm out of the baked ball.
+                let (ms, (off, counts)) =
+                    timed(|| out(field.as_ref(), *truth, &start, push, visits));
+                // Corrected, one visit is enough. On record: 6e-17 m, and 5 µm out of the baked
+                // ball.
                 let most = if name.contains("baked") { 2e-5 } else { 1e-12 };
                 assert!(push == Push::Literal || off < most, "{name}, {visits} visits: {off} m");
                 let run = Run {
@@ -50,18 +53,26 @@ pub(crate) fn run(record: &mut Record) {
     incline(record);
 }
 
-/// A block of four particles on an incline of θ = 0.5 for a second: how far it slides, against ½ g (sin θ − μ cos θ) t².
+/// A block of four particles on an incline of θ = 0.5 for a second: how far it slides, against ½ g
+/// (sin θ − μ cos θ) t².
 fn incline(record: &mut Record) {
     let theta: Real = 0.5;
-    let ground = Plane { point: Point::origin(), normal: Vector::new(theta.sin(), theta.cos(), 0.0) };
+    let ground =
+        Plane { point: Point::origin(), normal: Vector::new(theta.sin(), theta.cos(), 0.0) };
     let along = Vector::new(theta.cos(), -theta.sin(), 0.0);
     let corner = |a: Real, b: Real| Point::from(along * a + Vector::z() * b);
     let start = [corner(0.0, 0.0), corner(0.1, 0.0), corner(0.1, 0.1), corner(0.0, 0.1)];
     let edges = [[0, 1], [1, 2], [2, 3], [3, 0], [0, 2], [1, 3]];
-    let rests: Vec<Real> = edges.iter().map(|e: &[u32; 2]| (start[e[0] as usize] - start[e[1] as usize]).norm()).collect();
-    for (method, share) in
-        [("slides, 0.5 tan", 0.5), ("slides, 0.9 tan", 0.9), ("sticks, tan", 1.0 + 1e-12), ("sticks, 2 tan", 2.0)]
-    {
+    let rests: Vec<Real> = edges
+        .iter()
+        .map(|e: &[u32; 2]| (start[e[0] as usize] - start[e[1] as usize]).norm())
+        .collect();
+    for (method, share) in [
+        ("slides, 0.5 tan", 0.5),
+        ("slides, 0.9 tan", 0.9),
+        ("sticks, tan", 1.0 + 1e-12),
+        ("sticks, 2 tan", 2.0),
+    ] {
         for h in [1e-2, 3e-3, 1e-3, 1e-4] {
             let count = (1.0 / h as Real).round() as u32;
             let mu = share * theta.tan();
@@ -82,7 +93,13 @@ fn incline(record: &mut Record) {
             let most = if share < 1.0 { 2.5 * h } else { 1e-9 };
             assert!((slid - exact).abs() <= most, "{method}, h {h} s: {slid} m, not {exact} m");
             let parameter = format!("h {h} s");
-            let run = Run { problem: "13 a block on an incline", method, parameter, unit: "m in 1 s", default: h == 1e-3 };
+            let run = Run {
+                problem: "13 a block on an incline",
+                method,
+                parameter,
+                unit: "m in 1 s",
+                default: h == 1e-3,
+            };
             record.push(run, ms, (slid - exact).abs(), [u64::from(count), 0]);
         }
     }
@@ -105,7 +122,13 @@ fn deep(truth: &dyn SignedDistance) -> Vec<Point> {
 }
 
 /// After so many visits, the largest distance of the points from the surface; and queries made.
-fn out(field: &dyn SignedDistance, truth: &dyn SignedDistance, start: &[Point], push: Push, visits: u32) -> (Real, [u64; 2]) {
+fn out(
+    field: &dyn SignedDistance,
+    truth: &dyn SignedDistance,
+    start: &[Point],
+    push: Push,
+    visits: u32,
+) -> (Real, [u64; 2]) {
     let mut points = start.to_vec();
     let n = points.len();
     let mut contact = SdfCollision::new(field, &vec![1.0; n], &vec![0.0; n]).unwrap();

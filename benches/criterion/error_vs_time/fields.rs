@@ -16,14 +16,21 @@ pub(crate) fn run(record: &mut Record) {
     extraction(record, "sphere", &Sphere { center, radius: 0.8 });
     extraction(record, "torus", &torus);
     extraction(record, "gyroid", &Gyroid { period: 0.8 });
-    let cells: &[Real] = if record.quick { &[0.024, 0.012] } else { &[0.048, 0.024, 0.012, 0.006, 0.004] };
+    let cells: &[Real] =
+        if record.quick { &[0.024, 0.012] } else { &[0.048, 0.024, 0.012, 0.006, 0.004] };
     baking(record, "torus", &torus, cells);
     let mesh = extract(&torus, &ExtractParams::default()).unwrap().mesh;
     let exact = MeshSdf::closed(&mesh).unwrap();
-    baking(record, &format!("a mesh of {} triangles", mesh.triangles().len()), &exact, &cells[..cells.len().min(3)]);
+    baking(
+        record,
+        &format!("a mesh of {} triangles", mesh.triangles().len()),
+        &exact,
+        &cells[..cells.len().min(3)],
+    );
 }
 
-/// Distance of the triangles from the surface, root of the mean square over corners, middles of edges, and centres.
+/// Distance of the triangles from the surface, root of the mean square over corners, middles of
+/// edges, and centres.
 fn off(mesh: &TriMesh, field: &dyn SignedDistance) -> Real {
     let (mut sum, mut count) = (0.0, 0u32);
     for t in mesh.triangles() {
@@ -42,13 +49,21 @@ fn extraction(record: &mut Record, name: &str, field: &dyn SignedDistance) {
     let region = Aabb { min: Point::new(-1.2, -1.2, -1.2), max: Point::new(1.2, 1.2, 1.2) };
     let sizes: &[u32] = if record.quick { &[32, 64] } else { &[32, 64, 128, 256] };
     for &cells in sizes {
-        let base = ExtractParams { region: Some(region), resolution: Resolution::Cells(cells), check: 0, ..Default::default() };
+        let base = ExtractParams {
+            region: Some(region),
+            resolution: Resolution::Cells(cells),
+            check: 0,
+            ..Default::default()
+        };
         let settings = [
             ("linear", ExtractParams { secant: false, newton: 0, ..base }),
             ("secant", ExtractParams { newton: 0, ..base }),
             ("secant, Newton", base),
             ("relaxed, 3 rounds", ExtractParams { relax: 3, ..base }),
-            ("dense, linear", ExtractParams { secant: false, newton: 0, sampling: Sampling::Dense, ..base }),
+            (
+                "dense, linear",
+                ExtractParams { secant: false, newton: 0, sampling: Sampling::Dense, ..base },
+            ),
         ];
         for (method, params) in settings {
             if params.sampling == Sampling::Dense && cells > 128 {
@@ -79,7 +94,8 @@ fn places(field: &dyn SignedDistance, count: usize) -> Vec<Point> {
     let region = field.bounds().unwrap().inflated(0.02);
     let mut state = 7u64;
     let mut unit = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 11) as Real / (1u64 << 53) as Real
     };
     let mut found = Vec::new();
@@ -92,7 +108,8 @@ fn places(field: &dyn SignedDistance, count: usize) -> Vec<Point> {
     found
 }
 
-/// What a query costs and how wrong it is, for the field itself and for its bakes; and what baking costs.
+/// What a query costs and how wrong it is, for the field itself and for its bakes; and what baking
+/// costs.
 fn baking(record: &mut Record, name: &str, field: &dyn SignedDistance, cells: &[Real]) {
     let points = places(field, 20_000);
     let truth: Vec<Real> = points.iter().map(|p| field.distance(p)).collect();
@@ -105,12 +122,22 @@ fn baking(record: &mut Record, name: &str, field: &dyn SignedDistance, cells: &[
     let problem = format!("20,000 queries, {name}");
     let (ms, error) = query(field);
     record.push(
-        Run { problem: &problem, method: "the field itself", parameter: "exact".into(), unit: "m rms", default: false },
+        Run {
+            problem: &problem,
+            method: "the field itself",
+            parameter: "exact".into(),
+            unit: "m rms",
+            default: false,
+        },
         ms,
         error,
         [20_000, 0],
     );
-    let even = cells.iter().map(|cell| BakeParams { cell: *cell, accuracy: Real::INFINITY, ..Default::default() });
+    let even = cells.iter().map(|cell| BakeParams {
+        cell: *cell,
+        accuracy: Real::INFINITY,
+        ..Default::default()
+    });
     let halved = [3e-3, 1e-3, 3e-4].map(|accuracy| BakeParams { accuracy, ..Default::default() });
     let bands = [0.015, 0.15].map(|band| BakeParams { band, ..Default::default() });
     for params in even.chain(halved).chain(bands) {
@@ -126,7 +153,13 @@ fn baking(record: &mut Record, name: &str, field: &dyn SignedDistance, cells: &[
         } else {
             format!("cell {} mm", params.cell * 1e3)
         };
-        let run = |problem, parameter| Run { problem, method: "baked", parameter, unit: "m rms", default };
+        let run = |problem, parameter| Run {
+            problem,
+            method: "baked",
+            parameter,
+            unit: "m rms",
+            default,
+        };
         record.push(run(&problem, parameter.clone()), ms, error, [20_000, 0]);
         let bytes = baked.bytes() as u64;
         record.push(

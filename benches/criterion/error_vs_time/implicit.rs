@@ -1,4 +1,5 @@
-//! Implicit Euler for mass and springs, solved by Newton's method to the last digits: what methods are measured against.
+//! Implicit Euler for mass and springs, solved by Newton's method to the last digits: what methods
+//! are measured against.
 
 use if_core::math::{Point, Real, Vector};
 use if_sparse::{Cholesky, Entry, Mat};
@@ -15,7 +16,8 @@ pub(crate) struct Springs<'a> {
     ball: Option<Ball>,
 }
 
-/// A ball without friction, kept clear by an augmented Lagrangian: μ for each particle, and the stiffness beside it.
+/// A ball without friction, kept clear by an augmented Lagrangian: μ for each particle, and the
+/// stiffness beside it.
 struct Ball {
     center: Point,
     radius: Real,
@@ -33,12 +35,24 @@ impl Ball {
 }
 
 impl<'a> Springs<'a> {
-    pub(crate) fn new(edges: &EdgeSet, beta: Real, particles: &'a Particles, gravity: Vector) -> Self {
+    pub(crate) fn new(
+        edges: &EdgeSet,
+        beta: Real,
+        particles: &'a Particles,
+        gravity: Vector,
+    ) -> Self {
         Self { edges: edges.visited().collect(), beta, particles, gravity, ball: None }
     }
 
     /// The minimum, as [`Self::minimize`], over all positions outside of a ball, each to 1e-11 m.
-    pub(crate) fn minimize_outside(mut self, x: Vec<Point>, aim: &[Point], h: Real, center: Point, radius: Real) -> Vec<Point> {
+    pub(crate) fn minimize_outside(
+        mut self,
+        x: Vec<Point>,
+        aim: &[Point],
+        h: Real,
+        center: Point,
+        radius: Real,
+    ) -> Vec<Point> {
         let stiffness = 100.0 / self.beta;
         self.ball = Some(Ball { center, radius, stiffness, multipliers: vec![0.0; x.len()] });
         let mut x = x;
@@ -68,11 +82,17 @@ impl<'a> Springs<'a> {
     fn energy(&self, x: &[Point], aim: &[Point], h: Real) -> Real {
         let inertia: Real = (0..x.len())
             .filter_map(|v| {
-                self.mass(v).map(|m| m * ((x[v] - aim[v]).norm_squared() / (2.0 * h * h) - self.gravity.dot(&x[v].coords)))
+                self.mass(v).map(|m| {
+                    m * ((x[v] - aim[v]).norm_squared() / (2.0 * h * h)
+                        - self.gravity.dot(&x[v].coords))
+                })
             })
             .sum();
-        let stretch: Real =
-            self.edges.iter().map(|([i, j], rest)| ((x[*i as usize] - x[*j as usize]).norm() - rest).powi(2)).sum();
+        let stretch: Real = self
+            .edges
+            .iter()
+            .map(|([i, j], rest)| ((x[*i as usize] - x[*j as usize]).norm() - rest).powi(2))
+            .sum();
         let contact: Real = self.ball.as_ref().map_or(0.0, |ball| {
             let pushes = x.iter().enumerate().filter_map(|(v, p)| ball.push(v, p));
             pushes.map(|(force, ..)| force * force / (2.0 * ball.stiffness)).sum()
@@ -80,8 +100,8 @@ impl<'a> Springs<'a> {
         inertia + stretch / (2.0 * self.beta) + contact
     }
 
-    /// The minimum of the energy of a step of `h` that aims at `aim` (the inertial positions, without gravity), from `x`.
-    /// A large `h` gives the equilibrium.
+    /// The minimum of the energy of a step of `h` that aims at `aim` (the inertial positions,
+    /// without gravity), from `x`. A large `h` gives the equilibrium.
     pub(crate) fn minimize(&self, mut x: Vec<Point>, aim: &[Point], h: Real) -> Vec<Point> {
         let mut count = 0;
         let rows: Vec<Option<usize>> = (0..x.len())
@@ -118,11 +138,17 @@ impl<'a> Springs<'a> {
                     (0..3).for_each(|k| right[(row + k, 0)] = -g[k]);
                 }
             }
-            // The exact matrix where it is positive definite, else without what makes compressed springs buckle.
+            // The exact matrix where it is positive definite, else without what makes compressed
+            // springs buckle.
             let exact = self.factor(&x, &rows, count, h, false);
-            exact.or_else(|| self.factor(&x, &rows, count, h, true)).unwrap().solve_in_place(&mut right);
-            let step: Vec<Vector> =
-                rows.iter().map(|r| r.map_or(Vector::zeros(), |r| Vector::from_fn(|k, _| right[(r + k, 0)]))).collect();
+            exact
+                .or_else(|| self.factor(&x, &rows, count, h, true))
+                .unwrap()
+                .solve_in_place(&mut right);
+            let step: Vec<Vector> = rows
+                .iter()
+                .map(|r| r.map_or(Vector::zeros(), |r| Vector::from_fn(|k, _| right[(r + k, 0)])))
+                .collect();
             let longest = step.iter().map(|s| s.norm()).fold(0.0, Real::max);
             let slope: Real = step.iter().zip(&gradient).map(|(s, g)| s.dot(g)).sum();
             let before = self.energy(&x, aim, h);
@@ -142,7 +168,14 @@ impl<'a> Springs<'a> {
         x
     }
 
-    fn factor(&self, x: &[Point], rows: &[Option<usize>], count: usize, h: Real, definite: bool) -> Option<Cholesky> {
+    fn factor(
+        &self,
+        x: &[Point],
+        rows: &[Option<usize>],
+        count: usize,
+        h: Real,
+        definite: bool,
+    ) -> Option<Cholesky> {
         let mut entries = Vec::new();
         let mut add = |i: Option<usize>, j: Option<usize>, block: &Matrix3<Real>| {
             if let (Some(i), Some(j)) = (i, j) {
@@ -163,7 +196,11 @@ impl<'a> Springs<'a> {
                 if let Some((force, out, far)) = ball.push(v, p) {
                     let along = out * out.transpose();
                     let across = if definite { 0.0 } else { force / far };
-                    add(rows[v], rows[v], &(along * ball.stiffness - (Matrix3::identity() - along) * across));
+                    add(
+                        rows[v],
+                        rows[v],
+                        &(along * ball.stiffness - (Matrix3::identity() - along) * across),
+                    );
                 }
             }
         }
@@ -172,7 +209,8 @@ impl<'a> Springs<'a> {
             let along = e.normalize();
             let across = 1.0 - rest / e.norm();
             let across = if definite { across.max(0.0) } else { across };
-            let block = ((1.0 - across) * along * along.transpose() + Matrix3::identity() * across) / self.beta;
+            let block = ((1.0 - across) * along * along.transpose() + Matrix3::identity() * across)
+                / self.beta;
             let (i, j) = (rows[*i as usize], rows[*j as usize]);
             add(i, i, &block);
             add(j, j, &block);

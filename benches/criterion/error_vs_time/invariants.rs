@@ -1,5 +1,6 @@
-//! Problem 12 of `docs/accuracy.md`: what must not change. Momentum and angular momentum of a cloth that flies, gradients beside
-//! central differences, and the same scene turned and moved by a kilometre.
+//! Problem 12 of `docs/accuracy.md`: what must not change. Momentum and angular momentum of a cloth
+//! that flies, gradients beside central differences, and the same scene turned and moved by a
+//! kilometre.
 
 use crate::chains::{G, Method, falling};
 use crate::record::{Record, Run, timed};
@@ -19,7 +20,8 @@ use if_xpbd::solver::Solver;
 use nalgebra::Rotation3;
 
 const BETA: Real = 1e-5;
-const METHODS: [Method; 4] = [Method::Sweeps(1), Method::Sweeps(10), Method::Global(10), Method::Direct];
+const METHODS: [Method; 4] =
+    [Method::Sweeps(1), Method::Sweeps(10), Method::Global(10), Method::Direct];
 
 pub(crate) fn run(record: &mut Record) {
     momentum(record);
@@ -27,8 +29,9 @@ pub(crate) fn run(record: &mut Record) {
     moved(record);
 }
 
-/// A cloth of 12 × 12 that turns once in two seconds, flies, and is shaken: 3,600 substeps of a millisecond, and the same time in
-/// others. Implicit Euler keeps momentum and wears rotation down, in proportion to h.
+/// A cloth of 12 × 12 that turns once in two seconds, flies, and is shaken: 3,600 substeps of a
+/// millisecond, and the same time in others. Implicit Euler keeps momentum and wears rotation down,
+/// in proportion to h.
 fn momentum(record: &mut Record) {
     let mesh = cloth(0.5, 0.5, 12, 12);
     let edges = EdgeSet::of_mesh(&mesh);
@@ -37,15 +40,20 @@ fn momentum(record: &mut Record) {
         for (k, v) in p.velocities.iter_mut().enumerate() {
             let from = mesh.vertices()[k] - Point::new(0.25, 0.25, 0.0);
             let s = |f: Real| 0.1 * (f * k as Real).sin();
-            *v = Vector::z().cross(&from) * 3.0 + Vector::new(0.3, -0.2, 0.1) + Vector::new(s(1.0), s(2.3), s(3.7));
+            *v = Vector::z().cross(&from) * 3.0
+                + Vector::new(0.3, -0.2, 0.1)
+                + Vector::new(s(1.0), s(2.3), s(3.7));
         }
         p
     };
     let sum = |p: &Particles| -> [Vector; 2] {
         let mass = |k: usize| 1.0 / p.inverse_masses[k];
         let linear = (0..p.len()).map(|k| p.velocities[k] * mass(k)).sum();
-        let middle = (0..p.len()).map(|k| p.positions[k].coords * mass(k)).sum::<Vector>() / (0..p.len()).map(mass).sum::<Real>();
-        let angular = (0..p.len()).map(|k| (p.positions[k].coords - middle).cross(&p.velocities[k]) * mass(k)).sum();
+        let middle = (0..p.len()).map(|k| p.positions[k].coords * mass(k)).sum::<Vector>()
+            / (0..p.len()).map(mass).sum::<Real>();
+        let angular = (0..p.len())
+            .map(|k| (p.positions[k].coords - middle).cross(&p.velocities[k]) * mass(k))
+            .sum();
         [linear, angular]
     };
     let before = sum(&start());
@@ -56,7 +64,8 @@ fn momentum(record: &mut Record) {
             }
             let count = (3.6 / h as Real).round() as u32;
             let (ms, after) = timed(|| {
-                let params = SolverParams { gravity: [0.0; 3], sweeps: method.sweeps(), ..falling(h, 0.0) };
+                let params =
+                    SolverParams { gravity: [0.0; 3], sweeps: method.sweeps(), ..falling(h, 0.0) };
                 let (mut particles, mut group) = (start(), method.group(edges.clone(), BETA));
                 let mut solver = Solver::new(params).unwrap();
                 for _ in 0..count {
@@ -65,10 +74,16 @@ fn momentum(record: &mut Record) {
                 sum(&particles)
             });
             let default = matches!(method, Method::Sweeps(1)) && h == 1e-3;
-            for (problem, k) in [("12 momentum lost in 3.6 s", 0), ("12 angular momentum lost in 3.6 s", 1)] {
+            for (problem, k) in
+                [("12 momentum lost in 3.6 s", 0), ("12 angular momentum lost in 3.6 s", 1)]
+            {
                 let error = (after[k] - before[k]).norm() / before[k].norm();
                 // On record: 3e-11, and in proportion to h 0.031 to 0.033 at a millisecond.
-                assert!(error < [1e-9, 100.0 * h][k], "{problem}, {}, h {h} s: {error}", method.name());
+                assert!(
+                    error < [1e-9, 100.0 * h][k],
+                    "{problem}, {}, h {h} s: {error}",
+                    method.name()
+                );
                 let parameter = format!("h {h} s, {}", method.setting());
                 let run = Run { problem, method: method.name(), parameter, unit: "", default };
                 record.push(run, ms, error, [u64::from(count) * u64::from(method.sweeps()), 0]);
@@ -77,18 +92,22 @@ fn momentum(record: &mut Record) {
     }
 }
 
-/// Gradients of 2,000 samples beside central differences of several steps; the fields' own where no step says anything.
+/// Gradients of 2,000 samples beside central differences of several steps; the fields' own where no
+/// step says anything.
 fn gradients(record: &mut Record) {
     let torus = Torus { center: Point::new(0.013, 0.021, -0.017), major: 0.6, minor: 0.25 };
     let baked = Baked::new(&torus, &BakeParams { cell: 0.02, ..Default::default() }).unwrap();
     let config = SdfConfig::fast();
     let network = SdfNetwork::new(&config, 1).unwrap();
-    let twin = ReferenceSdf::new(&config, network.parameters().iter().map(|&v| f64::from(v)).collect()).unwrap();
+    let twin =
+        ReferenceSdf::new(&config, network.parameters().iter().map(|&v| f64::from(v)).collect())
+            .unwrap();
     let unit = |k: u32, f: Real| (f * Real::from(k + 1)).sin();
     // In the tube, off its medial circle.
     let points: Vec<Point> = (0..2000)
         .map(|k| {
-            let (a, b, r) = (3.0 * unit(k, 12.9898), 3.0 * unit(k, 78.233), 0.22 + 0.02 * unit(k, 37.719));
+            let (a, b, r) =
+                (3.0 * unit(k, 12.9898), 3.0 * unit(k, 78.233), 0.22 + 0.02 * unit(k, 37.719));
             let ring = 0.6 + r * b.cos();
             torus.center + Vector::new(ring * a.cos(), r * b.sin(), ring * a.sin())
         })
@@ -119,7 +138,11 @@ fn gradients(record: &mut Record) {
                     let gradient = field(p).1;
                     (gradient - Vector::new(slope(0), slope(1), slope(2))).norm() / gradient.norm()
                 };
-                points.iter().take(if method.starts_with("network") { 100 } else { 2000 }).map(off).fold(0.0, Real::max)
+                points
+                    .iter()
+                    .take(if method.starts_with("network") { 100 } else { 2000 })
+                    .map(off)
+                    .fold(0.0, Real::max)
             });
             // On record: 8e-10.
             assert!(step != 1e-6 || worst < 1e-8, "{method}: {worst}");
@@ -143,7 +166,8 @@ fn moved(record: &mut Record) {
     let drape = |method: Method, place: &dyn Fn(&Point) -> Point, gravity: Vector| {
         let mut particles = Particles::from_area_density(&mesh, 0.2).unwrap().pinned([0, 20]);
         particles.positions = particles.positions.iter().map(place).collect();
-        let params = SolverParams { gravity: gravity.into(), sweeps: method.sweeps(), ..falling(2e-3, 0.0) };
+        let params =
+            SolverParams { gravity: gravity.into(), sweeps: method.sweeps(), ..falling(2e-3, 0.0) };
         let mut group = method.group(edges.clone(), BETA);
         let mut solver = Solver::new(params).unwrap();
         for _ in 0..50 {
@@ -156,12 +180,23 @@ fn moved(record: &mut Record) {
         let still = drape(method, &|p| *p, down);
         let by = Vector::new(1e3, -1e3, 1e3);
         let far = || drape(method, &|p| p + by, down).iter().map(|p| p - by).collect::<Vec<_>>();
-        let turned = || drape(method, &|p| turn * p, turn * down).iter().map(|p| turn.inverse() * p).collect::<Vec<_>>();
+        let turned = || {
+            drape(method, &|p| turn * p, turn * down)
+                .iter()
+                .map(|p| turn.inverse() * p)
+                .collect::<Vec<_>>()
+        };
         let mut push = |problem: &str, (ms, p): (Real, Vec<Point>)| {
             let error = p.iter().zip(&still).map(|(p, q)| (p - q).norm()).fold(0.0, Real::max);
             // On record: 3e-9 m, of the direct solver a kilometre away.
             assert!(error < 1e-7, "{problem}, {}: {error} m", method.name());
-            let run = Run { problem, method: method.name(), parameter: method.setting(), unit: "m", default: false };
+            let run = Run {
+                problem,
+                method: method.name(),
+                parameter: method.setting(),
+                unit: "m",
+                default: false,
+            };
             record.push(run, ms, error, [0, 0]);
         };
         push("12 a drape 1 km away", timed(far));

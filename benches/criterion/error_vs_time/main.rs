@@ -1,4 +1,5 @@
-//! Run time against error: every setting that trades the one for the other, on problems with known answers.
+//! Run time against error: every setting that trades the one for the other, on problems with known
+//! answers.
 //!
 //! ```sh
 //! cargo bench --bench error_vs_time -- --out docs/records/NAME        # all; about half an hour
@@ -7,12 +8,13 @@
 //! RAYON_NUM_THREADS=1 cargo bench --bench error_vs_time -- --processor # processor time, where others compute too
 //! ```
 //!
-//! OUT gets `runs.csv` (one row a run: problem, method, parameter, milliseconds, error, its unit, evaluations, skipped,
-//! whether it is the default), an SVG for each problem, and `pareto.md`, the runs that no other beats in both.
+//! OUT gets `runs.csv` (one row a run: problem, method, parameter, milliseconds, error, its unit,
+//! evaluations, skipped, whether it is the default), an SVG for each problem, and `pareto.md`, the
+//! runs that no other beats in both.
 //!
-//! Times are medians of at least three runs where a run takes less than half a second, and single runs else; wall time, unless
-//! `--processor` is given. Outfits come
-//! from `../shared/data/body_a` where that is there, and always from the built-in scene.
+//! Times are medians of at least three runs where a run takes less than half a second, and single
+//! runs else; wall time, unless `--processor` is given. Outfits come from `../shared/data/body_a`
+//! where that is there, and always from the built-in scene.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)] // a program for the terminal, on problems that are known to be sound
 
@@ -56,14 +58,22 @@ fn main() -> Result<(), Box<dyn Error>> {
     while let Some(arg) = args.next() {
         match arg.as_str() {
             "--out" => out = Some(PathBuf::from(args.next().ok_or("--out needs a folder")?)),
-            "--only" => only = args.next().ok_or("--only needs names")?.split(',').map(str::to_owned).collect(),
+            "--only" => {
+                only =
+                    args.next().ok_or("--only needs names")?.split(',').map(str::to_owned).collect()
+            }
             "--quick" => quick = true,
             "--processor" => record::count_processor_time()?,
             "--bench" => {} // cargo says so
-            _ => return Err(format!("`{arg}` is not understood: --out FOLDER, --only NAME,NAME, --quick, --processor").into()),
+            _ => return Err(format!(
+                "`{arg}` is not understood: --out FOLDER, --only NAME,NAME, --quick, --processor"
+            )
+            .into()),
         }
     }
-    if let Some(unknown) = only.iter().find(|name| !PARTS.iter().any(|(part, _)| part.starts_with(name.as_str()))) {
+    if let Some(unknown) =
+        only.iter().find(|name| !PARTS.iter().any(|(part, _)| part.starts_with(name.as_str())))
+    {
         let known: Vec<&str> = PARTS.iter().map(|(part, _)| *part).collect();
         return Err(format!("no part is called `{unknown}`; there are {}", known.join(", ")).into());
     }

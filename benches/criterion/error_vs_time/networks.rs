@@ -1,4 +1,5 @@
-//! Networks: single precision against double, and what a fit of a rippled torus reaches in how much time.
+//! Networks: single precision against double, and what a fit of a rippled torus reaches in how much
+//! time.
 
 use crate::record::{Record, Run, timed};
 use if_core::aabb::Aabb;
@@ -27,13 +28,23 @@ fn precision(record: &mut Record, name: &str, config: &SdfConfig) {
     let problem = format!("2,000 samples, preset {name}");
     let network = SdfNetwork::new(config, 1).unwrap();
     let points: Vec<[f32; 3]> = (0..2000u32)
-        .map(|k| [12.9898f32, 78.233, 37.719].map(|f| ((f * (k + 1) as f32).sin() * 43758.547).fract() * 0.9))
+        .map(|k| {
+            [12.9898f32, 78.233, 37.719]
+                .map(|f| ((f * (k + 1) as f32).sin() * 43758.547).fract() * 0.9)
+        })
         .collect();
     let theta = network.parameters().iter().map(|&v| f64::from(v)).collect();
     let twin = ReferenceSdf::new(config, theta).unwrap();
-    let (ms, exact) = timed(|| points.iter().map(|p| twin.sample(p.map(f64::from))).collect::<Vec<_>>());
+    let (ms, exact) =
+        timed(|| points.iter().map(|p| twin.sample(p.map(f64::from))).collect::<Vec<_>>());
     let mut push = |method: &str, default, ms, error| {
-        let run = Run { problem: &problem, method, parameter: "value and gradient".into(), unit: "", default };
+        let run = Run {
+            problem: &problem,
+            method,
+            parameter: "value and gradient".into(),
+            unit: "",
+            default,
+        };
         record.push(run, ms, error, [2000, 0]);
     };
     push("f64, point by point", false, ms, 0.0);
@@ -42,7 +53,11 @@ fn precision(record: &mut Record, name: &str, config: &SdfConfig) {
         let frozen = FrozenMlp::with_isa(config, network.parameters(), isa).unwrap();
         let mut out = vec![Sample32::default(); points.len()];
         let (ms, ()) = timed(|| frozen.samples(&points, &mut out));
-        let worst = out.iter().zip(&exact).map(|(s, e)| (f64::from(s.value) - e.0).abs()).fold(0.0, f64::max);
+        let worst = out
+            .iter()
+            .zip(&exact)
+            .map(|(s, e)| (f64::from(s.value) - e.0).abs())
+            .fold(0.0, f64::max);
         // docs/neural.md: 6.4e-7.
         assert!(worst < 2e-6, "{name}, {}: {worst}", isa.name());
         let method = format!("f32, {}", isa.name());
@@ -50,7 +65,8 @@ fn precision(record: &mut Record, name: &str, config: &SdfConfig) {
     }
 }
 
-/// A torus with ripples of 5 mm, about a metre wide. Its distance is that of the torus less the ripple: |∇φ| is off 1 by 6 %.
+/// A torus with ripples of 5 mm, about a metre wide. Its distance is that of the torus less the
+/// ripple: |∇φ| is off 1 by 6 %.
 struct Rippled;
 
 impl SignedDistance for Rippled {
@@ -63,7 +79,12 @@ impl SignedDistance for Rippled {
         let ring = around - 0.4;
         let out = unit_or_zero(&Vector::new(p.x, 0.0, p.z));
         let tube = unit_or_zero(&(out * ring + Vector::y() * p.y));
-        let ripple = 0.06 * Vector::new((12.0 * p.x).cos() * (12.0 * p.y).cos(), -(12.0 * p.x).sin() * (12.0 * p.y).sin(), 0.0);
+        let ripple = 0.06
+            * Vector::new(
+                (12.0 * p.x).cos() * (12.0 * p.y).cos(),
+                -(12.0 * p.x).sin() * (12.0 * p.y).sin(),
+                0.0,
+            );
         FieldSample { distance: self.distance(p), gradient: tube - ripple }
     }
     fn bounds(&self) -> Option<Aabb> {
@@ -75,7 +96,9 @@ impl SignedDistance for Rippled {
 }
 
 fn fits(record: &mut Record) {
-    let grid = |finest, levels, features| NetworkConfig::Grid(GridConfig { finest, levels, features, ..Default::default() });
+    let grid = |finest, levels, features| {
+        NetworkConfig::Grid(GridConfig { finest, levels, features, ..Default::default() })
+    };
     let narrow = |width| NetworkConfig::Sdf(SdfConfig { width, ..SdfConfig::fast() });
     let configs = [
         ("grid", "64 cells, 3 levels".to_owned(), grid(64, 3, 1)),
@@ -92,14 +115,27 @@ fn fits(record: &mut Record) {
         for &limit in seconds {
             let target = Target::Field(&Rippled);
             let (set, mut network) = target.begin(&config, &sampling).unwrap();
-            let params = FitParams { seconds: Some(limit), loss: target.loss(), ..config.fit_params() };
-            let report = Fit::new(params).unwrap().run(&mut network, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+            let params =
+                FitParams { seconds: Some(limit), loss: target.loss(), ..config.fit_params() };
+            let report = Fit::new(params)
+                .unwrap()
+                .run(&mut network, &set, &mut |_| ControlFlow::Continue(()))
+                .unwrap();
             // Its first values are the target's, at cells of 6 mm, and the best state is kept.
             let error = report.error.mean;
-            assert!(config != NetworkConfig::grid() || error < 1e-3, "{setting}, {limit} s: {error} m");
+            assert!(
+                config != NetworkConfig::grid() || error < 1e-3,
+                "{setting}, {limit} s: {error} m"
+            );
             let default = config == NetworkConfig::grid() && limit == 20.0;
             let parameter = format!("{setting}, {limit} s");
-            let run = Run { problem: "fit of a rippled torus", method, parameter, unit: "m mean", default };
+            let run = Run {
+                problem: "fit of a rippled torus",
+                method,
+                parameter,
+                unit: "m mean",
+                default,
+            };
             record.push(run, report.seconds * 1e3, error, [report.samples, 0]);
         }
     }

@@ -1,5 +1,6 @@
-//! Problem 15 of `docs/accuracy.md`: outfits that `resolve` makes clean, one parameter off its default at a time. What is
-//! clean is clean exactly; the errors are how far vertices moved and how much edges strained.
+//! Problem 15 of `docs/accuracy.md`: outfits that `resolve` makes clean, one parameter off its
+//! default at a time. What is clean is clean exactly; the errors are how far vertices moved and how
+//! much edges strained.
 
 use crate::record::{Record, Run, timed};
 use if_body::mannequin::{MannequinParams, layered};
@@ -49,7 +50,9 @@ const CHANGES: [(&str, &str, Change); 30] = [
 /// The built-in scene.
 pub(crate) fn demo(record: &mut Record) {
     let resolution = if record.quick { 0.7 } else { 1.0 };
-    let mut made = layered(&MannequinParams { resolution, ..Default::default() }).into_iter().map(|(n, m)| Layer::new(n, m));
+    let mut made = layered(&MannequinParams { resolution, ..Default::default() })
+        .into_iter()
+        .map(|(n, m)| Layer::new(n, m));
     let body = made.next().unwrap();
     sweep(record, "demo", &Outfit::new(body, made.collect()).unwrap());
 }
@@ -69,8 +72,13 @@ fn real(record: &mut Record, name: &str, garments: &[&str]) {
         return;
     }
     let load = |file: String| MeshFile::read(Path::new(&file)).unwrap().mesh().clone();
-    let layers = garments.iter().map(|g| Layer::new(*g, load(format!("{DATA}/garments/{g}.ply")))).collect();
-    sweep(record, name, &Outfit::new(Layer::new("body", load(format!("{DATA}/body_clean.ply"))), layers).unwrap());
+    let layers =
+        garments.iter().map(|g| Layer::new(*g, load(format!("{DATA}/garments/{g}.ply")))).collect();
+    sweep(
+        record,
+        name,
+        &Outfit::new(Layer::new("body", load(format!("{DATA}/body_clean.ply"))), layers).unwrap(),
+    );
 }
 
 fn sweep(record: &mut Record, name: &str, outfit: &Outfit) {
@@ -86,19 +94,34 @@ fn sweep(record: &mut Record, name: &str, outfit: &Outfit) {
         };
         assert!(clean || *method != "default", "{name} is not clean with the default parameters");
         let weight = |layer: &str| {
-            let of = outfit.garments.iter().find(|g| g.name == layer).map_or(0, |g| g.mesh.vertices().len());
+            let of = outfit
+                .garments
+                .iter()
+                .find(|g| g.name == layer)
+                .map_or(0, |g| g.mesh.vertices().len());
             of as f64
         };
         let total: f64 = report.layers.iter().map(|l| weight(&l.name)).sum();
-        let moved = report.layers.iter().map(|l| l.moved.mean * weight(&l.name)).sum::<f64>() / total;
-        let strain = (report.layers.iter().map(|l| l.strain.rms.powi(2) * weight(&l.name)).sum::<f64>() / total).sqrt();
+        let moved =
+            report.layers.iter().map(|l| l.moved.mean * weight(&l.name)).sum::<f64>() / total;
+        let strain =
+            (report.layers.iter().map(|l| l.strain.rms.powi(2) * weight(&l.name)).sum::<f64>()
+                / total)
+                .sqrt();
         let queries = report.layers.iter().map(|l| l.queries as u64).sum();
         let skipped = report.layers.iter().map(|l| l.skipped.queries as u64).sum();
         let setting = if clean { (*setting).to_owned() } else { format!("{setting} (not clean)") };
-        for (what, error, unit) in [("moved", moved * 1e3, "mm mean"), ("strained", strain, "rms")] {
+        for (what, error, unit) in [("moved", moved * 1e3, "mm mean"), ("strained", strain, "rms")]
+        {
             let error = if clean { error } else { f64::INFINITY };
             let problem = format!("15 outfit {name}, {what}");
-            let run = Run { problem: &problem, method, parameter: setting.clone(), unit, default: *method == "default" };
+            let run = Run {
+                problem: &problem,
+                method,
+                parameter: setting.clone(),
+                unit,
+                default: *method == "default",
+            };
             record.push(run, ms, error, [queries, skipped]);
         }
     }

@@ -1,11 +1,13 @@
-//! One picture a problem: error over time, both logarithmic, a colour for each method, a line along the Pareto front.
+//! One picture a problem: error over time, both logarithmic, a colour for each method, a line along
+//! the Pareto front.
 
 use crate::record::{Row, front};
 use plotters::prelude::*;
 use std::error::Error;
 use std::path::Path;
 
-/// Below the smallest error that is not zero by this factor stands zero: a logarithm needs something.
+/// Below the smallest error that is not zero by this factor stands zero: a logarithm needs
+/// something.
 const ZERO: f64 = 0.1;
 /// The least that is drawn.
 const LEAST: f64 = 1e-17;
@@ -29,7 +31,8 @@ pub(crate) fn draw(path: &Path, title: &str, rows: &[&Row]) -> Result<(), Box<dy
     let least = (ZERO * smallest).max(LEAST);
     let at = |r: &Row| (r.milliseconds.max(1e-6), r.error.max(least));
     let range = |values: Vec<f64>| {
-        let (low, high) = values.iter().fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(*v), h.max(*v)));
+        let (low, high) =
+            values.iter().fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(*v), h.max(*v)));
         (low / 2.0)..(high * 2.0)
     };
     let root = SVGBackend::new(path, SIZE).into_drawing_area();
@@ -51,7 +54,10 @@ pub(crate) fn draw(path: &Path, title: &str, rows: &[&Row]) -> Result<(), Box<dy
         .y_label_formatter(&|v| format!("{v:.0e}"))
         .light_line_style(WHITE)
         .draw()?;
-    chart.draw_series(LineSeries::new(front(&rows).into_iter().map(at), BLACK.mix(0.35).stroke_width(1)))?;
+    chart.draw_series(LineSeries::new(
+        front(&rows).into_iter().map(at),
+        BLACK.mix(0.35).stroke_width(1),
+    ))?;
     let mut methods: Vec<&str> = Vec::new();
     for row in &rows {
         if !methods.contains(&row.method.as_str()) {
@@ -65,9 +71,15 @@ pub(crate) fn draw(path: &Path, title: &str, rows: &[&Row]) -> Result<(), Box<dy
             .draw_series(rows.iter().filter(of).map(|r| Circle::new(at(r), 4, color.filled())))?
             .label(*method)
             .legend(move |(x, y)| Circle::new((x + 8, y), 4, color.filled()));
-        chart.draw_series(rows.iter().filter(of).filter(|r| r.default).map(|r| Circle::new(at(r), 8, color)))?;
+        chart.draw_series(
+            rows.iter().filter(of).filter(|r| r.default).map(|r| Circle::new(at(r), 8, color)),
+        )?;
     }
-    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(BLACK.mix(0.3)).draw()?;
+    chart
+        .configure_series_labels()
+        .background_style(WHITE.mix(0.8))
+        .border_style(BLACK.mix(0.3))
+        .draw()?;
     root.present()?;
     Ok(())
 }

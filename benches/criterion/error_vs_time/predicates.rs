@@ -1,5 +1,5 @@
-//! Problem 14 of `docs/accuracy.md`: do two triangles meet? Time against wrong answers, judged by rational arithmetic, on pairs in
-//! general position and on pairs that nearly or exactly touch.
+//! Problem 14 of `docs/accuracy.md`: do two triangles meet? Time against wrong answers, judged by
+//! rational arithmetic, on pairs in general position and on pairs that nearly or exactly touch.
 
 use crate::record::{Record, Run, timed};
 use if_core::intersect::{Contact, triangles};
@@ -26,7 +26,13 @@ pub(crate) fn run(record: &mut Record) {
     // A million in all; most of them where rational arithmetic is cheap.
     compare(record, "1 m, any", 5, any, meets::<BigRational>);
     compare(record, "1 m, near-degenerate", 10, |r| near_degenerate(r, 1.0), meets::<BigRational>);
-    compare(record, "5 mm, near-degenerate", 10, |r| near_degenerate(r, 5e-3), meets::<BigRational>);
+    compare(
+        record,
+        "5 mm, near-degenerate",
+        10,
+        |r| near_degenerate(r, 5e-3),
+        meets::<BigRational>,
+    );
     compare(record, "corners on a grid of 4", 975, |r| grid(r, 4), meets::<Ratio<i128>>);
 }
 
@@ -35,7 +41,8 @@ fn meets<T: rational::Exact>(p: &Pair) -> bool {
     reference::<T>([a, b, c], [d, e, f]) != Contact::Disjoint
 }
 
-/// A thousand times `thousands` pairs (a twentieth where it must be quick), each answered by every method on one thread.
+/// A thousand times `thousands` pairs (a twentieth where it must be quick), each answered by every
+/// method on one thread.
 fn compare(
     record: &mut Record,
     name: &str,
@@ -55,12 +62,21 @@ fn compare(
     let unit = "wrong of all";
     let mut push = |method: &str, parameter: String, default: bool, ms: f64, wrong: usize| {
         assert!(!default || wrong == 0, "{problem}: {method} is wrong of {wrong} pairs");
-        let parameter = format!("{parameter}, {wrong} wrong of {count}, {:.0} ns a pair", ms * 1e6 / count as f64);
+        let parameter = format!(
+            "{parameter}, {wrong} wrong of {count}, {:.0} ns a pair",
+            ms * 1e6 / count as f64
+        );
         let error = wrong as f64 / count as f64;
-        record.push(Run { problem: &problem, method, parameter, unit, default }, ms, error, [count, 0]);
+        record.push(
+            Run { problem: &problem, method, parameter, unit, default },
+            ms,
+            error,
+            [count, 0],
+        );
     };
     let mut ask = |method: &str, parameter: &str, default: bool, answer: &dyn Fn(&Pair) -> bool| {
-        let (ms, wrong) = timed(|| pairs.iter().zip(&right).filter(|(p, r)| answer(p) != **r).count());
+        let (ms, wrong) =
+            timed(|| pairs.iter().zip(&right).filter(|(p, r)| answer(p) != **r).count());
         push(method, parameter.into(), default, ms, wrong);
     };
     ask("if-core", "exact", true, &|p| {
@@ -70,12 +86,20 @@ fn compare(
     ask("floating point", "f64", false, &|p| moller::<f64>(p, 0.0));
     ask("floating point", "f32", false, &|p| moller::<f32>(p, 0.0));
     for epsilon in [1e-6, 1e-9, 1e-12, 1e-15] {
-        ask("with an epsilon", &format!("f64, {epsilon:.0e}"), false, &|p| moller::<f64>(p, epsilon));
+        ask("with an epsilon", &format!("f64, {epsilon:.0e}"), false, &|p| {
+            moller::<f64>(p, epsilon)
+        });
     }
     ask("with an epsilon", "f32, 1e-6", false, &|p| moller::<f32>(p, 1e-6));
     let sample = &pairs[..TIMED.min(pairs.len())];
     let (ms, _) = timed(|| sample.iter().filter(|p| truth(p)).count());
-    push("rational arithmetic", "by brute force".into(), false, ms * pairs.len() as f64 / sample.len() as f64, 0);
+    push(
+        "rational arithmetic",
+        "by brute force".into(),
+        false,
+        ms * pairs.len() as f64 / sample.len() as f64,
+        0,
+    );
 }
 
 type V<T> = [T; 3];
@@ -92,8 +116,9 @@ fn cross<T: Float>(a: V<T>, b: V<T>) -> V<T> {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// What most programs have: Möller 1997, *A fast triangle–triangle intersection test*, with its absolute epsilon (1e-6 in the
-/// published code) below which a corner is taken for one in the other's plane; none where `epsilon` is 0.
+/// What most programs have: Möller 1997, *A fast triangle–triangle intersection test*, with its
+/// absolute epsilon (1e-6 in the published code) below which a corner is taken for one in the
+/// other's plane; none where `epsilon` is 0.
 fn moller<T: Float>(pair: &Pair, epsilon: f64) -> bool {
     let epsilon = T::from(epsilon).unwrap();
     let p = pair.map(|q| [q.x, q.y, q.z].map(|c| T::from(c).unwrap()));
@@ -116,7 +141,8 @@ fn moller<T: Float>(pair: &Pair, epsilon: f64) -> bool {
     }
     let along = cross(n1, n2);
     let axis = largest(along);
-    let (Some(s), Some(t)) = (interval(v.map(|q| q[axis]), dv), interval(u.map(|q| q[axis]), du)) else {
+    let (Some(s), Some(t)) = (interval(v.map(|q| q[axis]), dv), interval(u.map(|q| q[axis]), du))
+    else {
         return in_one_plane(n1, &v, &u);
     };
     s[0].max(s[1]) >= t[0].min(t[1]) && t[0].max(t[1]) >= s[0].min(s[1])
@@ -155,7 +181,8 @@ fn interval<T: Float>(x: [T; 3], d: [T; 3]) -> Option<[T; 2]> {
     }))
 }
 
-/// Both triangles seen along the largest part of the normal: an edge crosses an edge, or one holds the other.
+/// Both triangles seen along the largest part of the normal: an edge crosses an edge, or one holds
+/// the other.
 fn in_one_plane<T: Float>(normal: V<T>, v: &[V<T>; 3], u: &[V<T>; 3]) -> bool {
     let drop = largest(normal);
     let flat = |t: &[V<T>; 3]| t.map(|q| [q[(drop + 1) % 3], q[(drop + 2) % 3]]);
@@ -167,7 +194,13 @@ fn in_one_plane<T: Float>(normal: V<T>, v: &[V<T>; 3], u: &[V<T>; 3]) -> bool {
         let (e, f, g) = (minus(b, a), minus(c, d), minus(c, a));
         let whole = turn(e, f);
         let (s, t) = (turn(g, f), turn(e, g));
-        let within = |x: T| if whole > T::zero() { x >= T::zero() && x <= whole } else { x <= T::zero() && x >= whole };
+        let within = |x: T| {
+            if whole > T::zero() {
+                x >= T::zero() && x <= whole
+            } else {
+                x <= T::zero() && x >= whole
+            }
+        };
         whole != T::zero() && within(s) && within(t)
     };
     for i in 0..3 {

@@ -17,7 +17,8 @@ pub(crate) struct Row {
     pub(crate) milliseconds: f64,
     pub(crate) error: f64,
     pub(crate) unit: &'static str,
-    /// Evaluations of fields, visits of constraints, or whatever the method counts; 0 where it counts nothing.
+    /// Evaluations of fields, visits of constraints, or whatever the method counts; 0 where it
+    /// counts nothing.
     pub(crate) evaluations: u64,
     /// The same that were not needed.
     pub(crate) skipped: u64,
@@ -49,7 +50,9 @@ impl Record {
     pub(crate) fn push(&mut self, run: Run<'_>, milliseconds: f64, error: f64, counts: [u64; 2]) {
         let Run { problem, method, parameter, unit, default } = run;
         let star = if default { " *" } else { "" };
-        println!("{problem:<28} {method:<22} {parameter:<34} {milliseconds:>11.3} ms {error:>12.3e} {unit}{star}");
+        println!(
+            "{problem:<28} {method:<22} {parameter:<34} {milliseconds:>11.3} ms {error:>12.3e} {unit}{star}"
+        );
         self.rows.push(Row {
             problem: problem.into(),
             method: method.into(),
@@ -77,21 +80,36 @@ impl Record {
                 problems.push(&row.problem);
             }
         }
-        let mut text = String::from("Runs that no other beats in both time and error; the default is marked by a star.\n");
+        let mut text = String::from(
+            "Runs that no other beats in both time and error; the default is marked by a star.\n",
+        );
         for problem in problems {
             let rows: Vec<&Row> = self.rows.iter().filter(|r| r.problem == problem).collect();
-            let file: String = problem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+            let file: String =
+                problem.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
             draw(&out.join(format!("{file}.svg")), problem, &rows)?;
             write!(text, "\n### {problem}\n\n![{problem}]({file}.svg)\n\n")?;
             text += "| method | setting | ms | error | evaluations | skipped |\n|---|---|---:|---:|---:|---:|\n";
             let front = front(&rows);
-            for row in rows.iter().filter(|r| front.iter().any(|f| std::ptr::eq(*f, **r)) || r.default) {
+            for row in
+                rows.iter().filter(|r| front.iter().any(|f| std::ptr::eq(*f, **r)) || r.default)
+            {
                 let star = if row.default { " \\*" } else { "" };
-                let beaten = if front.iter().any(|f| std::ptr::eq(*f, *row)) { "" } else { " (not on the front)" };
+                let beaten = if front.iter().any(|f| std::ptr::eq(*f, *row)) {
+                    ""
+                } else {
+                    " (not on the front)"
+                };
                 writeln!(
                     text,
                     "| {} | {}{star}{beaten} | {:.3} | {:.2e} {} | {} | {} |",
-                    row.method, row.parameter, row.milliseconds, row.error, row.unit, row.evaluations, row.skipped
+                    row.method,
+                    row.parameter,
+                    row.milliseconds,
+                    row.error,
+                    row.unit,
+                    row.evaluations,
+                    row.skipped
                 )?;
             }
         }
@@ -115,7 +133,8 @@ pub(crate) fn front<'a>(rows: &[&'a Row]) -> Vec<&'a Row> {
 
 /// Whether runs that take long are told in processor time ([`timed`]).
 static PROCESSOR: AtomicBool = AtomicBool::new(false);
-/// Wall time below which it is told after all, in milliseconds: the kernel counts by the millisecond.
+/// Wall time below which it is told after all, in milliseconds: the kernel counts by the
+/// millisecond.
 const SHORT: f64 = 50.0;
 
 /// From now on, [`timed`] tells processor time, where the kernel tells it.
@@ -134,8 +153,9 @@ fn processor_ms() -> Option<f64> {
     Some(sum)
 }
 
-/// The median time of `work` in milliseconds, and what it gave: once where it takes long, at least three times else. With
-/// `--processor` the least of these times, and where it is 50 ms at least, processor time: other programs disturb both less.
+/// The median time of `work` in milliseconds, and what it gave: once where it takes long, at least
+/// three times else. With `--processor` the least of these times, and where it is 50 ms at least,
+/// processor time: other programs disturb both less.
 pub(crate) fn timed<T>(mut work: impl FnMut() -> T) -> (f64, T) {
     let begin = Instant::now();
     let mut times = Vec::new();
@@ -147,7 +167,9 @@ pub(crate) fn timed<T>(mut work: impl FnMut() -> T) -> (f64, T) {
         let computed = before.zip(counted()).map(|(a, b)| b - a).filter(|_| wall >= SHORT);
         times.push(computed.unwrap_or(wall));
         let spent = begin.elapsed();
-        if spent > Duration::from_millis(1500) || (times.len() >= 3 && spent > Duration::from_millis(200)) || times.len() == 1000
+        if spent > Duration::from_millis(1500)
+            || (times.len() >= 3 && spent > Duration::from_millis(200))
+            || times.len() == 1000
         {
             times.sort_by(f64::total_cmp);
             let at = if PROCESSOR.load(Ordering::Relaxed) { 0 } else { times.len() / 2 };

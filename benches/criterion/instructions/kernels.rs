@@ -34,14 +34,17 @@ const TORUS: Torus = Torus { center: Point::new(0.0, 0.0, 0.0), major: 0.3, mino
 /// Points round about the torus.
 fn points(count: u32) -> Vec<Point> {
     let at = |k: u32, f: Real| (f * Real::from(k + 1)).sin();
-    (0..count).map(|k| Point::new(0.4 * at(k, 12.9898), 0.4 * at(k, 78.233), 0.12 * at(k, 37.719))).collect()
+    (0..count)
+        .map(|k| Point::new(0.4 * at(k, 12.9898), 0.4 * at(k, 78.233), 0.12 * at(k, 37.719)))
+        .collect()
 }
 
 fn closest(times: u32) {
     let tree = Bvh::new(&torus(0.3, 0.1, 200, 100));
     let points = points(2000);
     for _ in 0..times {
-        let sum: Real = points.iter().filter_map(|p| tree.closest(p, Real::INFINITY)).map(|c| c.distance).sum();
+        let sum: Real =
+            points.iter().filter_map(|p| tree.closest(p, Real::INFINITY)).map(|c| c.distance).sum();
         assert!(black_box(sum) > 0.0);
     }
 }
@@ -57,7 +60,10 @@ fn intersecting(times: u32) {
 
 fn extracted(times: u32) {
     for _ in 0..times {
-        assert!(black_box(extract(&TORUS, &ExtractParams::default()).unwrap()).mesh.triangles().len() > 1000);
+        assert!(
+            black_box(extract(&TORUS, &ExtractParams::default()).unwrap()).mesh.triangles().len()
+                > 1000
+        );
     }
 }
 
@@ -84,7 +90,8 @@ fn stretched(times: u32) {
 
 fn sampled(times: u32) {
     let network = SdfNetwork::new(&SdfConfig::fast(), 1).unwrap();
-    let points: Vec<[f32; 3]> = points(512).iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect();
+    let points: Vec<[f32; 3]> =
+        points(512).iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect();
     let mut out = vec![Sample32::default(); points.len()];
     for _ in 0..times {
         network.samples32(&points, &mut out);

@@ -5,9 +5,10 @@
 //! cargo bench --bench instructions -- --record     # writes benches/instructions/counts.csv
 //! ```
 //!
-//! Each kernel runs under `valgrind --tool=callgrind`, once and three times, and half of the difference counts: what stands
-//! before it is subtracted. On one thread counts repeat to a few per mille, whatever else the machine does. They depend on the
-//! compiler; the record names it, and with another one differences are told but are no fault.
+//! Each kernel runs under `valgrind --tool=callgrind`, once and three times, and half of the
+//! difference counts: what stands before it is subtracted. On one thread counts repeat to a few per
+//! mille, whatever else the machine does. They depend on the compiler; the record names it, and
+//! with another one differences are told but are no fault.
 
 #![allow(clippy::print_stdout, clippy::unwrap_used)] // a program for the terminal
 
@@ -59,9 +60,12 @@ fn counted(name: &str, times: u32) -> Result<Option<u64>, Box<dyn Error>> {
     };
     let told = String::from_utf8_lossy(&out.stderr);
     if !out.status.success() {
-        return Err(format!("{name} did not end well under valgrind, {}:\n{told}", out.status).into());
+        return Err(
+            format!("{name} did not end well under valgrind, {}:\n{told}", out.status).into()
+        );
     }
-    let line = told.lines().find(|l| l.contains("Collected")).and_then(|l| l.split(':').next_back());
+    let line =
+        told.lines().find(|l| l.contains("Collected")).and_then(|l| l.split(':').next_back());
     let count = line.and_then(|n| n.trim().parse().ok());
     Ok(Some(count.ok_or_else(|| format!("valgrind told no count of {name}:\n{told}"))?))
 }
@@ -102,7 +106,8 @@ fn compare() -> Result<ExitCode, Box<dyn Error>> {
     let Some(all) = counts()? else { return Ok(ExitCode::SUCCESS) };
     let mut faults = 0;
     for (name, count) in all {
-        let (before, by) = known.get(name).ok_or_else(|| format!("{name} is not on record; run with --record"))?;
+        let (before, by) =
+            known.get(name).ok_or_else(|| format!("{name} is not on record; run with --record"))?;
         let change = count as f64 / *before as f64 - 1.0;
         let same = *by == compiler()?;
         let word = match change.abs() > TOLERANCE {

@@ -32,8 +32,8 @@ impl Mask for Boxes {
     }
 }
 
-/// Bakes the clothed body made of `below` for a garment that stays in `region`: Algorithm 1 asks it in every
-/// substep. `cell` is in metres.
+/// Bakes the clothed body made of `below` for a garment that stays in `region`: Algorithm 1 asks it
+/// in every substep. `cell` is in metres.
 ///
 /// What lies outside `region` is cut off: there the solid ends at the region's border.
 ///
@@ -109,14 +109,18 @@ pub struct ClothedBody<'a, F> {
 impl<F> std::fmt::Debug for ClothedBody<'_, F> {
     /// Without the field, which cannot tell what it is.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ClothedBody").field("mask", &self.mask).field("air", &self.air).finish_non_exhaustive()
+        f.debug_struct("ClothedBody")
+            .field("mask", &self.mask)
+            .field("air", &self.air)
+            .finish_non_exhaustive()
     }
 }
 
-/// Settles `garment` by Algorithm 1 with unit masses: [`SolverParams::literal`] for the lines as printed.
+/// Settles `garment` by Algorithm 1 with unit masses: [`SolverParams::literal`] for the lines as
+/// printed.
 ///
-/// A vertex that starts outside the mask has neither a collision nor an air constraint; one that leaves it has no
-/// collision constraint while it is outside.
+/// A vertex that starts outside the mask has neither a collision nor an air constraint; one that
+/// leaves it has no collision constraint while it is outside.
 ///
 /// # Source
 ///
@@ -158,7 +162,8 @@ mod tests {
         let inside = |x: &[Point]| x.iter().filter(|p| BALL.distance(p) < 0.0).count();
         let corrected = run(&belt, &body, &SolverParams::default()).unwrap();
         assert_eq!(inside(&corrected), 0);
-        let printed = run(&belt, &body, &SolverParams { steps: 20, ..SolverParams::literal() }).unwrap();
+        let printed =
+            run(&belt, &body, &SolverParams { steps: 20, ..SolverParams::literal() }).unwrap();
         assert!(inside(&printed) > 0);
     }
 
@@ -166,7 +171,11 @@ mod tests {
     fn without_stretch_nothing_moves_outside_the_boxes() {
         let belt = belt();
         let upper = Aabb { min: Point::new(-1.0, 0.0, -1.0), max: Point::new(1.0, 1.0, 1.0) };
-        let body = ClothedBody { field: &BALL, mask: Some(Boxes { boxes: vec![upper, Aabb::EMPTY] }), air: None };
+        let body = ClothedBody {
+            field: &BALL,
+            mask: Some(Boxes { boxes: vec![upper, Aabb::EMPTY] }),
+            air: None,
+        };
         let collision_only = SolverParams { compliance: Real::INFINITY, ..SolverParams::default() };
         let after = run(&belt, &body, &collision_only).unwrap();
         for (p, q) in after.iter().zip(belt.vertices()) {
@@ -186,7 +195,11 @@ mod tests {
             let p = Point::new(r * a.cos(), 0.001 * Real::from(k), r * a.sin());
             // Where the cut is nearer than the surface, inside, the value is the cut's.
             let expected = field.distance(&p).max(p.y.abs() - 0.1).min(0.02);
-            assert!((baked.distance(&p) - expected).abs() < 1e-3, "{} for {expected}", baked.distance(&p));
+            assert!(
+                (baked.distance(&p) - expected).abs() < 1e-3,
+                "{} for {expected}",
+                baked.distance(&p)
+            );
         }
     }
 }

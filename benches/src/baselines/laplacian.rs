@@ -1,4 +1,5 @@
-//! A Laplacian solve: differential coordinates are kept, and vertices go to pushed targets, as well as both can be.
+//! A Laplacian solve: differential coordinates are kept, and vertices go to pushed targets, as well
+//! as both can be.
 
 use crate::baselines::push::pushed;
 use if_core::edges::Edges;
@@ -14,7 +15,8 @@ pub struct LaplacianParams {
     pub clearance: Real,
     /// Weight of the targets of vertices with φ < δ.
     pub weight_pushed: Real,
-    /// Weight of the other vertices, whose target is where they are. Above 0, or the system is singular.
+    /// Weight of the other vertices, whose target is where they are. Above 0, or the system is
+    /// singular.
     pub weight_kept: Real,
 }
 
@@ -26,7 +28,9 @@ impl Default for LaplacianParams {
 
 /// Weights that leave the system without a solution.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("the Laplacian system with the weights {pushed} and {kept} cannot be factored; give weights above 0")]
+#[error(
+    "the Laplacian system with the weights {pushed} and {kept} cannot be factored; give weights above 0"
+)]
 pub struct LaplacianError {
     pushed: Real,
     kept: Real,
@@ -47,7 +51,11 @@ pub struct LaplacianError {
 /// # Errors
 ///
 /// Weights that are not above 0.
-pub fn deform(garment: &TriMesh, field: &impl SignedDistance, params: &LaplacianParams) -> Result<Vec<Point>, LaplacianError> {
+pub fn deform(
+    garment: &TriMesh,
+    field: &impl SignedDistance,
+    params: &LaplacianParams,
+) -> Result<Vec<Point>, LaplacianError> {
     let error = LaplacianError { pushed: params.weight_pushed, kept: params.weight_kept };
     if !(params.weight_pushed > 0.0 && params.weight_kept > 0.0) {
         return Err(error);
@@ -65,7 +73,8 @@ pub fn deform(garment: &TriMesh, field: &impl SignedDistance, params: &Laplacian
     let mut right = Mat::zeros(n, 3);
     for v in 0..n {
         let target = targets[v] - x[v];
-        let weight = if target == Vector::zeros() { params.weight_kept } else { params.weight_pushed };
+        let weight =
+            if target == Vector::zeros() { params.weight_kept } else { params.weight_pushed };
         let squared = weight * weight;
         entries.push(Entry::new(v, v, squared));
         (0..3).for_each(|k| right[(v, k)] = squared * target[k]);
@@ -73,9 +82,11 @@ pub fn deform(garment: &TriMesh, field: &impl SignedDistance, params: &Laplacian
             continue;
         }
         let share = -1.0 / neighbours[v].len() as Real;
-        let row: Vec<(usize, Real)> = std::iter::once((v, 1.0)).chain(neighbours[v].iter().map(|u| (*u, share))).collect();
+        let row: Vec<(usize, Real)> =
+            std::iter::once((v, 1.0)).chain(neighbours[v].iter().map(|u| (*u, share))).collect();
         for &(i, a) in &row {
-            entries.extend(row.iter().filter(|(j, _)| *j <= i).map(|&(j, b)| Entry::new(i, j, a * b)));
+            entries
+                .extend(row.iter().filter(|(j, _)| *j <= i).map(|&(j, b)| Entry::new(i, j, a * b)));
         }
     }
     Cholesky::new(n, &entries).map_err(|_| error)?.solve_in_place(&mut right);

@@ -7,7 +7,8 @@ use if_core::mesh::TriMesh;
 use if_mesh::solid::{ClosedLayer, ClothedField};
 use rayon::prelude::*;
 
-/// Pushes every vertex inside the field once, `p ← p − φ ∇φ / |∇φ|²`. Where the gradient is zero nothing moves.
+/// Pushes every vertex inside the field once, `p ← p − φ ∇φ / |∇φ|²`. Where the gradient is zero
+/// nothing moves.
 pub fn naive(garment: &TriMesh, field: &impl SignedDistance) -> Vec<Point> {
     let zero = |_: usize| 0.0;
     pushed(garment.vertices(), field, zero)
@@ -57,8 +58,9 @@ pub struct Inflated {
     pub left: [usize; 2],
 }
 
-/// Pushes every vertex of the input outside a clearance of the layers `below`, the clearance growing until exact
-/// verification finds neither intersecting triangles nor vertices inside, or the clearance is at its end.
+/// Pushes every vertex of the input outside a clearance of the layers `below`, the clearance
+/// growing until exact verification finds neither intersecting triangles nor vertices inside, or
+/// the clearance is at its end.
 ///
 /// ```text
 /// repeat
@@ -71,7 +73,12 @@ pub struct Inflated {
 ///
 /// If `factor` is not above 1, or `first` not above 0: the loop would not end.
 pub fn inflated(garment: &TriMesh, below: &[&ClosedLayer], params: &InflateParams) -> Inflated {
-    assert!(params.factor > 1.0 && params.first > 0.0, "clearances must grow: factor {}, first {}", params.factor, params.first);
+    assert!(
+        params.factor > 1.0 && params.first > 0.0,
+        "clearances must grow: factor {}, first {}",
+        params.factor,
+        params.first
+    );
     let field = ClothedField::new(below.to_vec());
     let mut clearances = vec![params.first; garment.vertices().len()];
     let mut best: Option<Inflated> = None;
@@ -80,12 +87,18 @@ pub fn inflated(garment: &TriMesh, below: &[&ClosedLayer], params: &InflateParam
         for _ in 0..params.pushes {
             positions = pushed(&positions, &field, |v| clearances[v]);
         }
-        let mesh = garment.with_vertices(positions).expect("pushes along unit gradients stay finite");
+        let mesh =
+            garment.with_vertices(positions).expect("pushes along unit gradients stay finite");
         let left = Left::new(&mesh, below);
         let count = [left.pairs.len(), left.inside.len()];
         let clearance = clearances.iter().copied().fold(0.0, Real::max);
         if best.as_ref().is_none_or(|b| count.iter().sum::<usize>() < b.left.iter().sum()) {
-            best = Some(Inflated { positions: mesh.vertices().to_vec(), clearance, rounds: round, left: count });
+            best = Some(Inflated {
+                positions: mesh.vertices().to_vec(),
+                clearance,
+                rounds: round,
+                left: count,
+            });
         }
         if left.is_clean() || clearance * params.factor > params.last {
             break;
@@ -93,7 +106,8 @@ pub fn inflated(garment: &TriMesh, below: &[&ClosedLayer], params: &InflateParam
         match params.inflate {
             Inflate::Everywhere => clearances.iter_mut().for_each(|c| *c *= params.factor),
             Inflate::WhereLeft => {
-                let of_pairs = left.pairs.iter().flat_map(|(_, p)| garment.triangles()[p.b as usize]);
+                let of_pairs =
+                    left.pairs.iter().flat_map(|(_, p)| garment.triangles()[p.b as usize]);
                 let mut grow: Vec<u32> = of_pairs.chain(left.inside.iter().copied()).collect();
                 grow.sort_unstable();
                 grow.dedup();
@@ -105,7 +119,11 @@ pub fn inflated(garment: &TriMesh, below: &[&ClosedLayer], params: &InflateParam
 }
 
 /// One push of every vertex v to φ ≥ `clearance(v)`.
-pub(super) fn pushed(x: &[Point], field: &impl SignedDistance, clearance: impl Fn(usize) -> Real + Sync) -> Vec<Point> {
+pub(super) fn pushed(
+    x: &[Point],
+    field: &impl SignedDistance,
+    clearance: impl Fn(usize) -> Real + Sync,
+) -> Vec<Point> {
     let push = |(v, p): (usize, &Point)| {
         let s = field.sample(p);
         let (lack, slope) = (clearance(v) - s.distance, s.gradient.norm_squared());
@@ -135,18 +153,30 @@ mod tests {
     fn an_inflated_push_ends_clean_and_the_local_one_moves_less() {
         let (ball, belt) = (ball(), belt());
         let everywhere = inflated(&belt, &[&ball], &InflateParams::default());
-        let local = inflated(&belt, &[&ball], &InflateParams { inflate: Inflate::WhereLeft, ..Default::default() });
-        let moved = |x: &[Point]| x.iter().zip(belt.vertices()).map(|(p, q)| (p - q).norm()).sum::<Real>();
+        let local = inflated(
+            &belt,
+            &[&ball],
+            &InflateParams { inflate: Inflate::WhereLeft, ..Default::default() },
+        );
+        let moved =
+            |x: &[Point]| x.iter().zip(belt.vertices()).map(|(p, q)| (p - q).norm()).sum::<Real>();
         for result in [&everywhere, &local] {
             assert_eq!(result.left, [0, 0]);
-            assert!(Left::new(&belt.with_vertices(result.positions.clone()).unwrap(), &[&ball]).is_clean());
+            assert!(
+                Left::new(&belt.with_vertices(result.positions.clone()).unwrap(), &[&ball])
+                    .is_clean()
+            );
         }
         assert!(everywhere.rounds > 1 && moved(&local.positions) <= moved(&everywhere.positions));
     }
 
     #[test]
     fn inflation_that_may_not_grow_gives_up_with_the_count_left() {
-        let result = inflated(&belt(), &[&ball()], &InflateParams { first: 1e-6, last: 1e-6, ..Default::default() });
+        let result = inflated(
+            &belt(),
+            &[&ball()],
+            &InflateParams { first: 1e-6, last: 1e-6, ..Default::default() },
+        );
         assert_eq!((result.rounds, result.left[1]), (1, 0));
         assert!(result.left[0] > 0);
     }

@@ -4,8 +4,9 @@
 //! cargo run --release -p if-pipeline --example alignment -- WARDROBE FROM TO [--register | --similar]
 //! ```
 //!
-//! WARDROBE is a folder made by `ifg wardrobe add`. `--register` leaves out what the bodies' meshes share, so that one surface
-//! must be bent onto the other, and tells how far that is from what they share; `--similar` takes the fallback alone.
+//! WARDROBE is a folder made by `ifg wardrobe add`. `--register` leaves out what the bodies' meshes
+//! share, so that one surface must be bent onto the other, and tells how far that is from what they
+//! share; `--similar` takes the fallback alone.
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
@@ -52,11 +53,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         back.method(),
         back.residual() * 1e3
     );
-    if let (true, Some((a, skin)), Some((b, _))) = (flag("--register"), from.template.as_ref(), to.template.as_ref()) {
+    if let (true, Some((a, skin)), Some((b, _))) =
+        (flag("--register"), from.template.as_ref(), to.template.as_ref())
+    {
         // Where the vertices of one template are on the other is known.
         let carried = there.carry(a.vertices(), skin.as_ref())?;
         let off = displacement(b.vertices(), &carried);
-        let similar = BodyMap::similar(&from.shape(), &to.shape(), &params)?.carry(a.vertices(), None)?;
+        let similar =
+            BodyMap::similar(&from.shape(), &to.shape(), &params)?.carry(a.vertices(), None)?;
         let similar = displacement(b.vertices(), &similar);
         println!(
             "template carried by the registration: {:.2} mm from the truth on average, p95 {:.2}, max {:.2} (similarity {:.2}, {:.2}, {:.2})",
@@ -93,7 +97,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         let twin = twin(&wardrobe, mesh, &to.name)?.map_or(String::new(), |twin| {
             let d = displacement(twin.vertices(), moved.vertices());
             let surface = Bvh::new(&twin);
-            let off = moved.vertices().iter().filter_map(|p| surface.closest(p, 1.0)).map(|c| c.distance * 1e3).sum::<f64>();
+            let off = moved
+                .vertices()
+                .iter()
+                .filter_map(|p| surface.closest(p, 1.0))
+                .map(|c| c.distance * 1e3)
+                .sum::<f64>();
             let (off, own) = (off / moved.vertices().len() as f64, strain(mesh, twin.vertices()));
             format!("{:.1}/{:.1}/{off:.1}/{:.0}", 1e3 * d.mean, 1e3 * d.p95, 100.0 * own.rms)
         });
@@ -113,10 +122,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The garment of as many vertices, in the same order in the test data, that its makers fitted to the other body.
+/// The garment of as many vertices, in the same order in the test data, that its makers fitted to
+/// the other body.
 fn twin(wardrobe: &Wardrobe, mesh: &TriMesh, to: &str) -> Result<Option<TriMesh>, Box<dyn Error>> {
     for (name, info) in wardrobe.garments() {
-        if wardrobe.body_like(name, &info.body)?.name == to && info.vertices == mesh.vertices().len() {
+        if wardrobe.body_like(name, &info.body)?.name == to
+            && info.vertices == mesh.vertices().len()
+        {
             return Ok(Some(wardrobe.garment(name)?.mesh));
         }
     }

@@ -1,12 +1,13 @@
-//! Appendix C in numbers: the jacket of Fig. 3 is corrected with the original field of the clothed body and with the
-//! field masked by the boxes of the skirt and the T-shirt.
+//! Appendix C in numbers: the jacket of Fig. 3 is corrected with the original field of the clothed
+//! body and with the field masked by the boxes of the skirt and the T-shirt.
 //!
 //! ```text
 //! cargo run --release -p if-pipeline --example appendix_c -- [FOLDER]
 //! ```
 //!
-//! FOLDER is a data folder with the meshes of Fig. 3's scene, `../shared/data/body_a` where none is given. Where there is
-//! none, the built-in scene takes its place, with the jacket 30 mm too far back. The skirt and the T-shirt are made free of intersections first.
+//! FOLDER is a data folder with the meshes of Fig. 3's scene, `../shared/data/body_a` where none is
+//! given. Where there is none, the built-in scene takes its place, with the jacket 30 mm too far
+//! back. The skirt and the T-shirt are made free of intersections first.
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
@@ -29,35 +30,50 @@ use std::path::{Path, PathBuf};
 const MISALIGNED: Vector = Vector::new(0.0, 0.0, -0.03);
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let folder = std::env::args().nth(1).map_or_else(|| PathBuf::from("../shared/data/body_a"), PathBuf::from);
+    let folder = std::env::args()
+        .nth(1)
+        .map_or_else(|| PathBuf::from("../shared/data/body_a"), PathBuf::from);
     let outfit = if folder.join("body_clean.ply").is_file() {
         println!("Scene: {}", folder.display());
         let read = |name: &str, path: &str| -> Result<Layer, Box<dyn Error>> {
             let mesh = MeshFile::read(&folder.join(path))?.mesh().clone();
             Ok(Layer { single_precision: true, ..Layer::new(name, mesh) })
         };
-        let garments = ["pencil_skirt", "tshirt", "suit_jacket"].map(|n| read(n, &format!("garments/{n}.ply")));
-        Outfit::new(read("body", "body_clean.ply")?, garments.into_iter().collect::<Result<_, _>>()?)?
+        let garments = ["pencil_skirt", "tshirt", "suit_jacket"]
+            .map(|n| read(n, &format!("garments/{n}.ply")));
+        Outfit::new(
+            read("body", "body_clean.ply")?,
+            garments.into_iter().collect::<Result<_, _>>()?,
+        )?
     } else {
-        println!("Scene: the built-in mannequin ({} has no body_clean.ply)", Path::new(&folder).display());
+        println!(
+            "Scene: the built-in mannequin ({} has no body_clean.ply)",
+            Path::new(&folder).display()
+        );
         let params = MannequinParams::default();
-        let mut garments = [Garment::Skirt, Garment::Tshirt, Garment::Jacket].map(|g| Layer::new(g.name(), garment(g, &params)));
+        let mut garments = [Garment::Skirt, Garment::Tshirt, Garment::Jacket]
+            .map(|g| Layer::new(g.name(), garment(g, &params)));
         // Not aligned well: the sleeves cut through the arms.
         let jacket = &garments[2].mesh;
         let shifted = jacket.vertices().iter().map(|p| p + MISALIGNED).collect();
         garments[2].mesh = jacket.with_vertices(shifted)?;
         Outfit::new(Layer::new("body", body(&params)), garments.to_vec())?
     };
-    let resolved = match resolve(&outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(())) {
-        Ok(resolved) => resolved,
-        Err(ResolveError::Remaining { result, .. }) => *result,
-        Err(other) => return Err(other.into()),
-    };
+    let resolved =
+        match resolve(&outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(())) {
+            Ok(resolved) => resolved,
+            Err(ResolveError::Remaining { result, .. }) => *result,
+            Err(other) => return Err(other.into()),
+        };
     let jacket = &outfit.garments[2].mesh;
     let closed_body = ClosedLayer::body(&outfit.body.mesh);
-    let inner = [0, 1].map(|k| ClosedLayer::garment(&resolved.outfit.garments[k].mesh, &closed_body, &outfit.body.mesh));
+    let inner = [0, 1].map(|k| {
+        ClosedLayer::garment(&resolved.outfit.garments[k].mesh, &closed_body, &outfit.body.mesh)
+    });
     let mask = Boxes { boxes: inner.iter().map(|l| l.bvh().aabb()).collect() };
-    let outside: Vec<usize> = (0..jacket.vertices().len()).filter(|v| mask.weight(&jacket.vertices()[*v]).0 == 0.0).collect();
+    let outside: Vec<usize> = (0..jacket.vertices().len())
+        .filter(|v| mask.weight(&jacket.vertices()[*v]).0 == 0.0)
+        .collect();
     println!(
         "{} of the jacket's {} vertices lie outside both boxes. How far they move:\n",
         outside.len(),
@@ -68,8 +84,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
     println!("|---|---|---|---|---|");
     let baked = bake(&[&closed_body, &inner[0], &inner[1]], jacket.aabb().inflated(0.03), 0.005)?;
-    // Without stretch the field alone moves vertices. As printed, a push leaves its speed behind: one visit is enough to see.
-    let once = SolverParams { compliance: f64::INFINITY, steps: 1, substeps: 1, ..SolverParams::literal() };
+    // Without stretch the field alone moves vertices. As printed, a push leaves its speed behind:
+    // one visit is enough to see.
+    let once = SolverParams {
+        compliance: f64::INFINITY,
+        steps: 1,
+        substeps: 1,
+        ..SolverParams::literal()
+    };
     let settled = SolverParams { compliance: f64::INFINITY, ..SolverParams::default() };
     let methods = [
         ("lines 6 to 10, one visit as printed", once),

@@ -4,9 +4,11 @@
 //! cargo run --release -p if-pipeline --example baselines -- [FOLDER …] [--outfit NAME] [--layers] [--quick]
 //! ```
 //!
-//! A FOLDER holds `body_clean.ply`, `garments/*.ply` and `outfits.json`; without one, `../shared/data/body_a` and
-//! `body_b` are taken. Every method gets the same problem: the layer as it came, over the layers below as `resolve`
-//! left them. `--outfit` takes the outfits whose name begins so; `--layers` prints a row for each layer and not only one for each outfit; `--quick` leaves Algorithm 1 out.
+//! A FOLDER holds `body_clean.ply`, `garments/*.ply` and `outfits.json`; without one,
+//! `../shared/data/body_a` and `body_b` are taken. Every method gets the same problem: the layer as
+//! it came, over the layers below as `resolve` left them. `--outfit` takes the outfits whose name
+//! begins so; `--layers` prints a row for each layer and not only one for each outfit; `--quick`
+//! leaves Algorithm 1 out.
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
@@ -113,10 +115,13 @@ fn outfits(folder: &Path) -> Result<Vec<(String, Outfit)>, Box<dyn Error>> {
         Ok(Layer { single_precision: true, ..Layer::new(name, mesh) })
     };
     let body = layer("body", folder.join("body_clean.ply"))?;
-    let list: serde_json::Map<String, serde_json::Value> = serde_json::from_slice(&std::fs::read(folder.join("outfits.json"))?)?;
+    let list: serde_json::Map<String, serde_json::Value> =
+        serde_json::from_slice(&std::fs::read(folder.join("outfits.json"))?)?;
     let mut found = Vec::new();
     for (name, about) in &list {
-        let names = about["layers_inner_to_outer"].as_array().ok_or("an outfit has no layers_inner_to_outer")?;
+        let names = about["layers_inner_to_outer"]
+            .as_array()
+            .ok_or("an outfit has no layers_inner_to_outer")?;
         let garments = names
             .iter()
             .map(|n| {
@@ -131,11 +136,12 @@ fn outfits(folder: &Path) -> Result<Vec<(String, Outfit)>, Box<dyn Error>> {
 
 /// Every method on every layer.
 fn compare(name: &str, outfit: &Outfit, quick: bool) -> Result<Vec<Outcome>, Box<dyn Error>> {
-    let resolved = match resolve(outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(())) {
-        Ok(resolved) => resolved,
-        Err(ResolveError::Remaining { result, .. }) => *result,
-        Err(other) => return Err(other.into()),
-    };
+    let resolved =
+        match resolve(outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(())) {
+            Ok(resolved) => resolved,
+            Err(ResolveError::Remaining { result, .. }) => *result,
+            Err(other) => return Err(other.into()),
+        };
     let mut outcomes = Vec::new();
     let mut below = vec![ClosedLayer::body(&outfit.body.mesh)];
     let mut inner = &outfit.body.mesh;
@@ -146,8 +152,9 @@ fn compare(name: &str, outfit: &Outfit, quick: bool) -> Result<Vec<Outcome>, Box
         let own_before = own_pairs(before, &Bvh::new(before)).len();
         let mut push = |method: usize, seconds: f64, after: Result<Vec<Point>, String>| {
             let mesh = after.as_ref().ok().and_then(|x| before.with_vertices(x.clone()).ok());
-            let (left, own) =
-                mesh.as_ref().map_or((Left::default(), 0), |m| (Left::new(m, &near), own_pairs(m, &Bvh::new(m)).len()));
+            let (left, own) = mesh.as_ref().map_or((Left::default(), 0), |m| {
+                (Left::new(m, &near), own_pairs(m, &Bvh::new(m)).len())
+            });
             outcomes.push(Outcome {
                 method,
                 outfit: name.to_owned(),
@@ -177,7 +184,11 @@ fn compare(name: &str, outfit: &Outfit, quick: bool) -> Result<Vec<Outcome>, Box
                 push(method, seconds, after);
             }
         }
-        push(RESOLVE, resolved.report.layers[k].seconds, Ok(resolved.outfit.garments[k].mesh.vertices().to_vec()));
+        push(
+            RESOLVE,
+            resolved.report.layers[k].seconds,
+            Ok(resolved.outfit.garments[k].mesh.vertices().to_vec()),
+        );
         inner = &resolved.outfit.garments[k].mesh;
         let closed = ClosedLayer::garment(inner, &below[0], &outfit.body.mesh);
         below.push(closed);
@@ -188,9 +199,14 @@ fn compare(name: &str, outfit: &Outfit, quick: bool) -> Result<Vec<Outcome>, Box
 /// Method, seconds, and positions or why there are none.
 type Attempt = (usize, f64, Result<Vec<Point>, String>);
 
-/// Algorithm 1 over the baked clothed body, masked by the boxes of the layers below. The body's is among them: the data's
-/// garments go through the body itself, and the other methods must mend that too.
-fn algorithm1(garment: &TriMesh, below: &[&ClosedLayer], inner: &TriMesh) -> Result<Vec<Attempt>, Box<dyn Error>> {
+/// Algorithm 1 over the baked clothed body, masked by the boxes of the layers below. The body's is
+/// among them: the data's garments go through the body itself, and the other methods must mend that
+/// too.
+fn algorithm1(
+    garment: &TriMesh,
+    below: &[&ClosedLayer],
+    inner: &TriMesh,
+) -> Result<Vec<Attempt>, Box<dyn Error>> {
     let start = Instant::now();
     let baked = bake(below, garment.aabb().inflated(AROUND), CELL)?;
     let baking = start.elapsed().as_secs_f64();
@@ -258,17 +274,25 @@ fn together(rows: &[&Outcome]) -> (TriMesh, Vec<Point>) {
 
 /// Where a baseline that ends clean moves or strains less than `resolve`.
 fn print_claim(all: &[Outcome]) {
-    println!("\nLayers that a baseline ends clean, and where it then moves or strains less than `resolve`:\n");
+    println!(
+        "\nLayers that a baseline ends clean, and where it then moves or strains less than `resolve`:\n"
+    );
     println!(
         "| method | clean layers of those that were not | more own pairs | moves less (mean) | strains less (rms) | does both, adds no own pairs |"
     );
     println!("|---|---|---|---|---|---|");
     let mut exceptions = Vec::new();
-    let ours = |o: &Outcome| all.iter().find(|r| r.method == RESOLVE && r.outfit == o.outfit && r.layer == o.layer);
-    let touched =
-        |o: &&Outcome| all.iter().any(|r| r.method == 0 && r.outfit == o.outfit && r.layer == o.layer && r.pairs + r.inside > 0);
+    let ours = |o: &Outcome| {
+        all.iter().find(|r| r.method == RESOLVE && r.outfit == o.outfit && r.layer == o.layer)
+    };
+    let touched = |o: &&Outcome| {
+        all.iter().any(|r| {
+            r.method == 0 && r.outfit == o.outfit && r.layer == o.layer && r.pairs + r.inside > 0
+        })
+    };
     for method in 1..METHODS.len() {
-        let rows: Vec<&Outcome> = all.iter().filter(|o| o.method == method).filter(touched).collect();
+        let rows: Vec<&Outcome> =
+            all.iter().filter(|o| o.method == method).filter(touched).collect();
         if rows.is_empty() {
             continue;
         }
@@ -295,8 +319,14 @@ fn print_claim(all: &[Outcome]) {
                 ));
             }
         }
-        println!("| {} | {clean} of {} | {own} | {moves} | {strains} | {both} |", METHODS[method], rows.len());
+        println!(
+            "| {} | {clean} of {} | {own} | {moves} | {strains} | {both} |",
+            METHODS[method],
+            rows.len()
+        );
     }
-    println!("\n| layer | baseline | moved mean, mm | strain rms, % | own pairs |\n|---|---|---|---|---|");
+    println!(
+        "\n| layer | baseline | moved mean, mm | strain rms, % | own pairs |\n|---|---|---|---|---|"
+    );
     exceptions.iter().for_each(|e| println!("{e}"));
 }

@@ -28,7 +28,9 @@ use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let [input, output, options @ ..] = &args[..] else { return Err("give IN.ply OUT.ply [key=value …]".into()) };
+    let [input, output, options @ ..] = &args[..] else {
+        return Err("give IN.ply OUT.ply [key=value …]".into());
+    };
     if let Some(word) = options.iter().find(|o| !o.contains('=')) {
         return Err(format!("`{word}` is no key=value; one file is read and one written").into());
     }
@@ -37,7 +39,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let mut file = ply::read_path(Path::new(input))?;
     let mut mesh = file.mesh.clone();
-    let mut attributes = VertexAttributes::new(mesh.vertices().len(), std::mem::take(&mut file.vertex_properties))?;
+    let mut attributes =
+        VertexAttributes::new(mesh.vertices().len(), std::mem::take(&mut file.vertex_properties))?;
     for _ in 0..number("subdivide")?.unwrap_or(0.0) as usize {
         let (finer, sources) = subdivided(&mesh)?;
         attributes = attributes.derive(&sources);
@@ -51,7 +54,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         params.openings = Openings::Longer(length);
     }
     if let Some(body) = options.get("body") {
-        params.openings = Openings::Complement(Box::new(Complement::new(ply::read_path(Path::new(body))?.mesh)));
+        params.openings =
+            Openings::Complement(Box::new(Complement::new(ply::read_path(Path::new(body))?.mesh)));
     }
     if let Some(components) = &mut params.components {
         components.most = number("components")?.map(|n| n as usize);
@@ -89,8 +93,15 @@ fn main() -> Result<(), Box<dyn Error>> {
         clean = Some(cleanup_with(&mesh, &attributes, field, &params, &mut watch)?);
         steps.push(Instant::now());
         if options.contains_key("steps") {
-            let ms: Vec<String> = steps.windows(2).map(|w| format!("{:.1}", (w[1] - w[0]).as_secs_f64() * 1e3)).collect();
-            writeln!(std::io::stderr(), "copy, manifold, then components, holes, …, boundary, in ms: {}", ms.join(" "))?;
+            let ms: Vec<String> = steps
+                .windows(2)
+                .map(|w| format!("{:.1}", (w[1] - w[0]).as_secs_f64() * 1e3))
+                .collect();
+            writeln!(
+                std::io::stderr(),
+                "copy, manifold, then components, holes, …, boundary, in ms: {}",
+                ms.join(" ")
+            )?;
         }
         times.push(start.elapsed().as_secs_f64() * 1e3);
     }
@@ -102,8 +113,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     file.vertex_properties = clean.attributes.into_properties();
     let positions = file.mesh.vertices().to_vec();
     ply::write_path(&file, &positions, &WriteParams::default(), Path::new(output))?;
-    let report =
-        serde_json::json!({ "milliseconds": { "least": times[0], "median": times[times.len() / 2] }, "report": clean.report });
+    let report = serde_json::json!({ "milliseconds": { "least": times[0], "median": times[times.len() / 2] }, "report": clean.report });
     writeln!(std::io::stdout(), "{report}")?;
     Ok(())
 }

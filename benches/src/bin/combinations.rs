@@ -5,9 +5,10 @@
 //! cargo run --release -p if-pipeline --example combinations -- OUT.csv [--every N] [--only "A < B < C"]... [--data DIR] [--tuck never|if_stuck|always]
 //! ```
 //!
-//! Rows that OUT.csv holds already are skipped, so that a run can be continued; start a new file after
-//! a change of the resolver. `--every N` takes each N-th outfit only, `--only` the one named (several may be). The exit code is 1 where an
-//! outfit does not come out clean. A panic ends the run.
+//! Rows that OUT.csv holds already are skipped, so that a run can be continued; start a new file
+//! after a change of the resolver. `--every N` takes each N-th outfit only, `--only` the one named
+//! (several may be). The exit code is 1 where an outfit does not come out clean. A panic ends the
+//! run.
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
@@ -53,7 +54,8 @@ impl Class {
         ("coat", Class::Outer),
     ];
 
-    /// Whether garment `outer` may be worn right or further above garment `inner`, and in one outfit with it.
+    /// Whether garment `outer` may be worn right or further above garment `inner`, and in one
+    /// outfit with it.
     fn may_cover(inner: usize, outer: usize) -> bool {
         use Class::{Dress, Legs, Outer, Skirt, Top};
         let ((inner_name, a), (_, b)) = (Self::GARMENTS[inner], Self::GARMENTS[outer]);
@@ -62,18 +64,23 @@ impl Class {
             (Legs, Legs) | (Skirt | Dress, Skirt | Dress) => false,
             // Skirts and dresses go over trousers, outer layers over all.
             (Skirt | Dress, Legs) | (Outer, Legs | Skirt | Dress | Top) => false,
-            // The T-shirt goes below the blouse, that below the sweater; cardigan, jacket, coat likewise.
+            // The T-shirt goes below the blouse, that below the sweater; cardigan, jacket, coat
+            // likewise.
             (Top, Top) | (Outer, Outer) => inner < outer,
             // Thin tops can be tucked in; a sweater hangs over.
             (Top, Legs | Skirt | Dress) => inner_name != "sweater",
-            (Legs | Skirt | Dress, Top) | (Legs, Skirt | Dress) | (Legs | Skirt | Dress | Top, Outer) => true,
+            (Legs | Skirt | Dress, Top)
+            | (Legs, Skirt | Dress)
+            | (Legs | Skirt | Dress | Top, Outer) => true,
         }
     }
 
     /// Whether the garments cover both halves of the body.
     fn is_dressed(outfit: &[usize]) -> bool {
-        let wears = |classes: &[Class]| outfit.iter().any(|g| classes.contains(&Self::GARMENTS[*g].1));
-        wears(&[Class::Legs, Class::Skirt, Class::Dress]) && wears(&[Class::Dress, Class::Top, Class::Outer])
+        let wears =
+            |classes: &[Class]| outfit.iter().any(|g| classes.contains(&Self::GARMENTS[*g].1));
+        wears(&[Class::Legs, Class::Skirt, Class::Dress])
+            && wears(&[Class::Dress, Class::Top, Class::Outer])
     }
 }
 
@@ -106,14 +113,19 @@ struct Args {
 
 fn args() -> Result<Args, Box<dyn Error>> {
     let (mut out, mut only) = (None, Vec::new());
-    let (mut every, mut data, mut tuck) = (1, PathBuf::from("../shared/data/body_a"), Tuck::default());
+    let (mut every, mut data, mut tuck) =
+        (1, PathBuf::from("../shared/data/body_a"), Tuck::default());
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         match arg.as_str() {
             "--every" => every = args.next().ok_or("--every needs a number")?.parse()?,
             "--only" => only.push(args.next().ok_or("--only needs an outfit")?),
             "--data" => data = args.next().ok_or("--data needs a folder")?.into(),
-            "--tuck" => tuck = serde_json::from_value(args.next().ok_or("--tuck needs never, if_stuck or always")?.into())?,
+            "--tuck" => {
+                tuck = serde_json::from_value(
+                    args.next().ok_or("--tuck needs never, if_stuck or always")?.into(),
+                )?
+            }
             _ if out.is_none() => out = Some(PathBuf::from(arg)),
             _ => return Err(format!("`{arg}` is not understood").into()),
         }
@@ -142,17 +154,29 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
         writeln!(file, "{HEADER}")?;
     }
     let all = outfits();
-    let names = |garments: &[usize]| garments.iter().map(|g| Class::GARMENTS[*g].0).collect::<Vec<_>>();
-    let named = |garments: &[usize]| args.only.is_empty() || args.only.contains(&names(garments).join(" < "));
+    let names =
+        |garments: &[usize]| garments.iter().map(|g| Class::GARMENTS[*g].0).collect::<Vec<_>>();
+    let named = |garments: &[usize]| {
+        args.only.is_empty() || args.only.contains(&names(garments).join(" < "))
+    };
     let chosen: Vec<&Vec<usize>> = all.iter().step_by(args.every).filter(|o| named(o)).collect();
-    println!("{} wearable outfits, {} chosen, {} rows in {}", all.len(), chosen.len(), known.len(), args.out.display());
+    println!(
+        "{} wearable outfits, {} chosen, {} rows in {}",
+        all.len(),
+        chosen.len(),
+        known.len(),
+        args.out.display()
+    );
     for (k, garments) in chosen.iter().enumerate() {
         let names = names(garments);
         let title = names.join(" < ");
         if known.contains(&title) {
             continue;
         }
-        let outfit = Outfit { body: body.clone(), garments: names.iter().map(|n| layers[n].clone()).collect() };
+        let outfit = Outfit {
+            body: body.clone(),
+            garments: names.iter().map(|n| layers[n].clone()).collect(),
+        };
         let row = row(&title, &outfit, args.tuck)?;
         writeln!(file, "{}", row.join(","))?;
         if row[1] != "clean" {
@@ -178,14 +202,18 @@ fn rows(path: &Path) -> Result<Vec<Vec<String>>, Box<dyn Error>> {
     let rows = text.lines().skip(1).map(|l| l.split(',').map(str::to_owned).collect::<Vec<_>>());
     let rows: Vec<_> = rows.collect();
     match rows.iter().position(|r| r.len() != columns) {
-        Some(k) => Err(format!("{}: line {} has not {columns} columns", path.display(), k + 2).into()),
+        Some(k) => {
+            Err(format!("{}: line {} has not {columns} columns", path.display(), k + 2).into())
+        }
         None => Ok(rows),
     }
 }
 
 fn row(title: &str, outfit: &Outfit, tuck: Tuck) -> Result<Vec<String>, Box<dyn Error>> {
     let start = Instant::now();
-    let outcome = resolve(outfit, &ResolveParams { tuck, ..Default::default() }, &mut |_| ControlFlow::Continue(()));
+    let outcome = resolve(outfit, &ResolveParams { tuck, ..Default::default() }, &mut |_| {
+        ControlFlow::Continue(())
+    });
     let seconds = start.elapsed().as_secs_f64();
     let (state, resolved): (&str, Resolved) = match outcome {
         Ok(resolved) => ("clean", resolved),
@@ -196,12 +224,22 @@ fn row(title: &str, outfit: &Outfit, tuck: Tuck) -> Result<Vec<String>, Box<dyn 
     let after = verify(&resolved.outfit)?;
     let state = if state == "clean" && !after.is_clean() { "wrongly called clean" } else { state };
     let worst = after.pairs.iter().filter(|p| p.pairs.total() + p.vertices_inside > 0);
-    let worst = worst.max_by_key(|p| (p.pairs.total(), p.vertices_inside)).map_or(String::new(), |p| {
-        format!("{} over {}: {} pairs {} inside", p.outer, p.inner, p.pairs.total(), p.vertices_inside)
-    });
+    let worst =
+        worst.max_by_key(|p| (p.pairs.total(), p.vertices_inside)).map_or(String::new(), |p| {
+            format!(
+                "{} over {}: {} pairs {} inside",
+                p.outer,
+                p.inner,
+                p.pairs.total(),
+                p.vertices_inside
+            )
+        });
     let report = &resolved.report;
-    let own = report.layers.iter().map(|l| l.own_pairs[1].saturating_sub(l.own_pairs[0])).sum::<usize>();
-    let largest = |of: fn(&if_outfit::report::LayerReport) -> f64| report.layers.iter().map(of).fold(0.0, f64::max);
+    let own =
+        report.layers.iter().map(|l| l.own_pairs[1].saturating_sub(l.own_pairs[0])).sum::<usize>();
+    let largest = |of: fn(&if_outfit::report::LayerReport) -> f64| {
+        report.layers.iter().map(of).fold(0.0, f64::max)
+    };
     Ok(vec![
         title.to_owned(),
         state.to_owned(),
@@ -229,13 +267,17 @@ fn summary(rows: &[Vec<String>]) -> usize {
         column.sort_by(f64::total_cmp);
         column
     };
-    let at =
-        |column: &[f64], share: f64| column.get((share * (column.len() as f64 - 1.0)).round() as usize).copied().unwrap_or(0.0);
+    let at = |column: &[f64], share: f64| {
+        column.get((share * (column.len() as f64 - 1.0)).round() as usize).copied().unwrap_or(0.0)
+    };
     let failures: Vec<&Vec<String>> = rows.iter().filter(|r| r[1] != "clean").collect();
     let share = 100.0 * (rows.len() - failures.len()) as f64 / rows.len().max(1) as f64;
     println!("outfits                {}", rows.len());
     println!("clean                  {} ({share:.2} %)", rows.len() - failures.len());
-    println!("clean as they came     {}", rows.iter().filter(|r| number(r, 2) + number(r, 3) == 0.0).count());
+    println!(
+        "clean as they came     {}",
+        rows.iter().filter(|r| number(r, 2) + number(r, 3) == 0.0).count()
+    );
     println!("pairs before           {}", sorted(2).iter().sum::<f64>());
     println!("pairs left             {}", sorted(4).iter().sum::<f64>());
     println!(
@@ -252,9 +294,17 @@ fn summary(rows: &[Vec<String>]) -> usize {
         ("seconds", 11, "s"),
     ] {
         let c = sorted(k);
-        println!("{name:<22} median {:.2}, p95 {:.2}, max {:.2} {unit}", at(&c, 0.5), at(&c, 0.95), at(&c, 1.0));
+        println!(
+            "{name:<22} median {:.2}, p95 {:.2}, max {:.2} {unit}",
+            at(&c, 0.5),
+            at(&c, 0.95),
+            at(&c, 1.0)
+        );
     }
-    println!("layers were pressed in {} outfits", rows.iter().filter(|r| number(r, 14) > 0.0).count());
+    println!(
+        "layers were pressed in {} outfits",
+        rows.iter().filter(|r| number(r, 14) > 0.0).count()
+    );
     println!("seconds in all         {:.0}", sorted(11).iter().sum::<f64>());
     println!("peak memory            {}", peak_memory());
     for row in &failures {
@@ -266,6 +316,8 @@ fn summary(rows: &[Vec<String>]) -> usize {
 /// The most memory that this process held, where the system tells.
 fn peak_memory() -> String {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let kib = status.lines().find_map(|l| l.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse::<f64>().ok());
+    let kib = status
+        .lines()
+        .find_map(|l| l.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse::<f64>().ok());
     kib.map_or("unknown".to_owned(), |k| format!("{:.0} MiB", k / 1024.0))
 }

@@ -21,13 +21,16 @@ fn torus(x: [f32; 3]) -> f32 {
     (ring * ring + x[1] * x[1]).sqrt() - 0.22 - 0.02 * (20.0 * x[0]).sin() * (20.0 * x[1]).cos()
 }
 
-/// Adam on the squared error of the distance and the eikonal term, 1e-3 at the start, 5e-5 at the end.
+/// Adam on the squared error of the distance and the eikonal term, 1e-3 at the start, 5e-5 at the
+/// end.
 fn train(network: &mut SdfNetwork, steps: usize) {
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(2);
     let count = network.parameters().len();
-    let (mut gradient, mut m, mut v) = (vec![0.0; count], vec![0.0_f32; count], vec![0.0_f32; count]);
+    let (mut gradient, mut m, mut v) =
+        (vec![0.0; count], vec![0.0_f32; count], vec![0.0_f32; count]);
     for step in 1..=steps {
-        let points: Vec<[f32; 3]> = (0..1024).map(|_| std::array::from_fn(|_| 2.0 * rng.random::<f32>() - 1.0)).collect();
+        let points: Vec<[f32; 3]> =
+            (0..1024).map(|_| std::array::from_fn(|_| 2.0 * rng.random::<f32>() - 1.0)).collect();
         let total = network.loss_gradient(
             &points,
             &|n, sample| {
@@ -66,7 +69,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut network = SdfNetwork::new(&config, 1)?;
     train(&mut network, steps);
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(1);
-    let points: Vec<[f32; 3]> = (0..count).map(|_| std::array::from_fn(|_| 2.0 * rng.random::<f32>() - 1.0)).collect();
+    let points: Vec<[f32; 3]> =
+        (0..count).map(|_| std::array::from_fn(|_| 2.0 * rng.random::<f32>() - 1.0)).collect();
 
     let layout = config.layout()?;
     let multiplications: usize = (layout.layers.iter().enumerate())
@@ -77,7 +81,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let theta = network.parameters();
     let reference = ReferenceSdf::new(&config, theta.iter().map(|&v| f64::from(v)).collect())?;
     let checked = count.min(2000);
-    let exact: Vec<_> = points[..checked].iter().map(|p| reference.sample(p.map(f64::from))).collect();
+    let exact: Vec<_> =
+        points[..checked].iter().map(|p| reference.sample(p.map(f64::from))).collect();
     for isa in Isa::all() {
         let frozen = FrozenMlp::with_isa(&config, theta, isa)?;
         let mut values = vec![0.0; count];

@@ -1,9 +1,10 @@
 //! Extraction measured: `extraction MODE [CELLS…]` prints CSV.
 //!
-//! `errors` runs the matrix of fields: evaluations, time, two-sided errors, normals, angles, topology. `curves` the
-//! error of a few fields against evaluations and time, for cells from coarse to fine. `evaluations` the number of
-//! evaluations on the four fields of `benches/peers/lipschitz_octree.py`. `grid FILE` the time of marching the 256³ nodes of a
-//! sphere in FILE (raw f32, x fastest), for `benches/peers/flying_edges.py`.
+//! `errors` runs the matrix of fields: evaluations, time, two-sided errors, normals, angles,
+//! topology. `curves` the error of a few fields against evaluations and time, for cells from coarse
+//! to fine. `evaluations` the number of evaluations on the four fields of
+//! `benches/peers/lipschitz_octree.py`. `grid FILE` the time of marching the 256³ nodes of a sphere
+//! in FILE (raw f32, x fastest), for `benches/peers/flying_edges.py`.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
 #[path = "../../../crates/if-mesh/tests/fields/mod.rs"]
@@ -31,7 +32,9 @@ fn main() {
         Some("curves") => curves(&numbers(&[16, 24, 32, 48, 64, 96, 128, 192, 256])),
         Some("evaluations") => evaluations(&numbers(&[256])),
         Some("grid") => grid(&args[1]),
-        _ => println!("usage: extraction errors|curves|evaluations [CELLS…], or extraction grid FILE"),
+        _ => println!(
+            "usage: extraction errors|curves|evaluations [CELLS…], or extraction grid FILE"
+        ),
     }
 }
 
@@ -51,7 +54,8 @@ struct Errors {
     center: Real,
     /// From the surface to the mesh.
     back: Real,
-    /// Root mean square and largest angle between triangles and the field's normal at their centres, in degrees.
+    /// Root mean square and largest angle between triangles and the field's normal at their
+    /// centres, in degrees.
     normal: [Real; 2],
 }
 
@@ -72,13 +76,23 @@ fn measure(field: &dyn SignedDistance, found: &Extraction, truth: &[Point]) -> E
         most = Real::max(most, angle);
     }
     let bvh = Bvh::new(mesh);
-    let back = truth.iter().filter_map(|p| bvh.closest(p, Real::INFINITY)).map(|c| c.distance).fold(0.0, Real::max);
-    Errors { vertex, center, back, normal: [(squares / mesh.triangles().len().max(1) as Real).sqrt(), most] }
+    let back = truth
+        .iter()
+        .filter_map(|p| bvh.closest(p, Real::INFINITY))
+        .map(|c| c.distance)
+        .fold(0.0, Real::max);
+    Errors {
+        vertex,
+        center,
+        back,
+        normal: [(squares / mesh.triangles().len().max(1) as Real).sqrt(), most],
+    }
 }
 
 /// Points on the surface: vertices of a finer mesh on another lattice, after two Newton steps.
 fn truth(case: &Case, cells: u32) -> Vec<Point> {
-    let fine = ExtractParams { phase: [0.21, 0.43, 0.87], newton: 2, check: 0, ..params(case, 2 * cells) };
+    let fine =
+        ExtractParams { phase: [0.21, 0.43, 0.87], newton: 2, check: 0, ..params(case, 2 * cells) };
     let mesh = extract(&*case.field, &fine).unwrap().mesh;
     let inside = region().inflated(-BOX / Real::from(cells));
     mesh.vertices().iter().copied().filter(|p| inside.contains(p)).collect()
@@ -91,18 +105,26 @@ fn errors(sizes: &[u32]) {
     );
     for cells in sizes {
         for case in cases(*cells) {
-            let dense = extract(&*case.field, &ExtractParams { sampling: Sampling::Dense, ..params(&case, *cells) }).unwrap();
+            let dense = extract(
+                &*case.field,
+                &ExtractParams { sampling: Sampling::Dense, ..params(&case, *cells) },
+            )
+            .unwrap();
             let truth = truth(&case, *cells);
             for relax in [0, 3, 5] {
-                let found = extract(&*case.field, &ExtractParams { relax, ..params(&case, *cells) }).unwrap();
+                let found =
+                    extract(&*case.field, &ExtractParams { relax, ..params(&case, *cells) })
+                        .unwrap();
                 let (mesh, report) = (&found.mesh, &found.report);
                 let same = relax > 0 || *mesh == dense.mesh;
                 let e = measure(&*case.field, &found, &truth);
                 let angles = smallest_angles(mesh);
                 let least = angles.iter().copied().fold(Real::INFINITY, Real::min);
-                let slivers = angles.iter().filter(|a| **a < 10.0).count() as Real / angles.len().max(1) as Real;
+                let slivers = angles.iter().filter(|a| **a < 10.0).count() as Real
+                    / angles.len().max(1) as Real;
                 let edges = Edges::new(mesh);
-                let euler = mesh.vertices().len() as i64 + mesh.triangles().len() as i64 - edges.len() as i64;
+                let euler = mesh.vertices().len() as i64 + mesh.triangles().len() as i64
+                    - edges.len() as i64;
                 let border = edges.valence.iter().filter(|v| **v == 1).count();
                 let [fins, bow_ties, holes] = flaws(mesh, &report.region, report.cell);
                 let own = own_pairs(mesh, &Bvh::new(mesh)).len();
@@ -130,13 +152,22 @@ fn errors(sizes: &[u32]) {
 fn curves(sizes: &[u32]) {
     println!("field,cells,sampling,relax,evaluations,seconds,vertex,center,back,normal rms");
     for cells in sizes {
-        for case in cases(*cells).into_iter().filter(|c| ["sphere", "torus", "gyroid", "layers, gap 4 h"].contains(&&*c.name)) {
+        for case in cases(*cells)
+            .into_iter()
+            .filter(|c| ["sphere", "torus", "gyroid", "layers, gap 4 h"].contains(&&*c.name))
+        {
             let truth = truth(&case, *cells);
-            for (sampling, relax) in [(Sampling::Sparse, 0), (Sampling::Sparse, 3), (Sampling::Dense, 0)] {
+            for (sampling, relax) in
+                [(Sampling::Sparse, 0), (Sampling::Sparse, 3), (Sampling::Dense, 0)]
+            {
                 if sampling == Sampling::Dense && *cells > 128 {
                     continue;
                 }
-                let found = extract(&*case.field, &ExtractParams { sampling, relax, check: 0, ..params(&case, *cells) }).unwrap();
+                let found = extract(
+                    &*case.field,
+                    &ExtractParams { sampling, relax, check: 0, ..params(&case, *cells) },
+                )
+                .unwrap();
                 let e = measure(&*case.field, &found, &truth);
                 println!(
                     "\"{}\",{cells},{sampling:?},{relax},{},{:.4},{:.3e},{:.3e},{:.3e},{:.4}",
@@ -173,14 +204,20 @@ fn evaluations(sizes: &[u32]) {
             };
             let found = extract(&*field, &params).unwrap();
             let r = &found.report;
-            println!("{cells},{name},{},{},{:.3}", r.evaluations.refine, found.mesh.vertices().len(), r.seconds.refine);
+            println!(
+                "{cells},{name},{},{},{:.3}",
+                r.evaluations.refine,
+                found.mesh.vertices().len(),
+                r.seconds.refine
+            );
         }
     }
 }
 
 fn grid(path: &str) {
     let bytes = std::fs::read(path).unwrap();
-    let values: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+    let values: Vec<f32> =
+        bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
     let n = (values.len() as f64).cbrt().round() as u32;
     let mut times = Vec::new();
     let mut triangles = 0;
@@ -191,5 +228,8 @@ fn grid(path: &str) {
         triangles = mesh.triangles().len();
     }
     times.sort_by(f64::total_cmp);
-    println!("{n} nodes along a side, {triangles} triangles: median {:.1} ms, least {:.1} ms", times[3], times[0]);
+    println!(
+        "{n} nodes along a side, {triangles} triangles: median {:.1} ms, least {:.1} ms",
+        times[3], times[0]
+    );
 }

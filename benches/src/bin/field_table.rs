@@ -1,12 +1,14 @@
-//! Garments settled by Algorithm 1 on one body in three forms: its mesh, a network fitted to it, and that network baked.
+//! Garments settled by Algorithm 1 on one body in three forms: its mesh, a network fitted to it,
+//! and that network baked.
 //!
 //! ```text
 //! ifg fit BODY.ply --out body.safetensors --seconds 60
 //! cargo run --release -p if-pipeline --example field_table -- BODY.ply body.safetensors GARMENT.ply …
 //! ```
 //!
-//! Each garment is settled alone. A row: seconds to settle; intersecting pairs of triangles with the body's mesh; vertices inside of that, and how deep;
-//! and how far its vertices end from where the mesh's own field brings them.
+//! Each garment is settled alone. A row: seconds to settle; intersecting pairs of triangles with
+//! the body's mesh; vertices inside of that, and how deep; and how far its vertices end from where
+//! the mesh's own field brings them.
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
@@ -46,7 +48,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         baked.bytes() as Real / 1e6,
         bound * 1e3
     );
-    println!("garment | field | seconds | pairs | vertices inside | deepest mm | mean mm from the mesh's | largest");
+    println!(
+        "garment | field | seconds | pairs | vertices inside | deepest mm | mean mm from the mesh's | largest"
+    );
     println!("--- | --- | --- | --- | --- | --- | --- | ---");
     for path in garments {
         let garment = MeshFile::read(Path::new(path))?.mesh().clone();
@@ -74,7 +78,11 @@ impl Scene<'_> {
         first: Option<&[Point]>,
     ) -> Result<Vec<Point>, Box<dyn Error>> {
         let start = Instant::now();
-        let settled = run(self.garment, &ClothedBody { field, mask: None, air: None }, &SolverParams::default())?;
+        let settled = run(
+            self.garment,
+            &ClothedBody { field, mask: None, air: None },
+            &SolverParams::default(),
+        )?;
         let seconds = start.elapsed().as_secs_f64();
         let mesh = self.garment.with_vertices(settled.clone())?;
         let met = pairs(self.body, &Bvh::new(&mesh)).len();
@@ -82,7 +90,8 @@ impl Scene<'_> {
         self.exact.distances(&settled, &mut depths);
         let inside = depths.iter().filter(|d| **d < 0.0).count();
         let deepest = depths.iter().fold(0.0, |m: Real, d| m.max(-d));
-        let off: Vec<Real> = first.unwrap_or(&settled).iter().zip(&settled).map(|(a, b)| (a - b).norm()).collect();
+        let off: Vec<Real> =
+            first.unwrap_or(&settled).iter().zip(&settled).map(|(a, b)| (a - b).norm()).collect();
         let mean = off.iter().sum::<Real>() / off.len().max(1) as Real;
         println!(
             "{} | {label} | {seconds:.2} | {met} | {inside} | {:.3} | {:.3} | {:.3}",

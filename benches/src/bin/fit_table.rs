@@ -11,8 +11,9 @@
 //!     [--picture OUT.png]    the last fit, extracted at 5 mm and drawn beside its target
 //! ```
 //!
-//! The time is all that passes from the mesh in memory to the network: its field, sampling, first values and steps.
-//! Errors are at held-out points: 20,000 beside the surface, N(0, 1 % of half the size), and 20,000 on it.
+//! The time is all that passes from the mesh in memory to the network: its field, sampling, first
+//! values and steps. Errors are at held-out points: 20,000 beside the surface, N(0, 1 % of half the
+//! size), and 20,000 on it.
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
@@ -70,7 +71,9 @@ fn args() -> Result<Args, Box<dyn Error>> {
         let mut next = || words.next().ok_or(format!("{word} needs a value"));
         match word.as_str() {
             "--networks" => args.networks = list(next()?),
-            "--seconds" => args.seconds = list(next()?).iter().map(|s| s.parse()).collect::<Result<_, _>>()?,
+            "--seconds" => {
+                args.seconds = list(next()?).iter().map(|s| s.parse()).collect::<Result<_, _>>()?
+            }
             "--truth" => args.truth = Some(next()?),
             "--height" => args.height = Some(next()?.parse()?),
             "--picture" => args.picture = Some(next()?),
@@ -90,7 +93,9 @@ fn args() -> Result<Args, Box<dyn Error>> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args = args()?;
-    println!("file | network | parameters | seconds (prepared) | steps | mean mm | p99 mm | surface mm | eikonal | normals °");
+    println!(
+        "file | network | parameters | seconds (prepared) | steps | mean mm | p99 mm | surface mm | eikonal | normals °"
+    );
     println!("--- | --- | --- | --- | --- | --- | --- | --- | --- | ---");
     for file in &args.files {
         let name = Path::new(file).file_stem().and_then(|s| s.to_str()).unwrap_or(file);
@@ -103,7 +108,12 @@ fn main() -> Result<(), Box<dyn Error>> {
                 println!("{name} | {network} | {}", fitted.1);
                 if let Some(path) = &args.save {
                     let mut file = std::fs::File::create(path)?;
-                    write_network(&mut file, fitted.0.network(), fitted.0.frame(), WeightNorm::Kept)?;
+                    write_network(
+                        &mut file,
+                        fitted.0.network(),
+                        fitted.0.frame(),
+                        WeightNorm::Kept,
+                    )?;
                 }
                 if let Some(path) = &args.picture {
                     picture(&fitted.0, truth.as_ref().unwrap_or(&mesh), path)?;
@@ -117,7 +127,9 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn scaled(mesh: &TriMesh, height: Option<Real>) -> Result<TriMesh, Box<dyn Error>> {
     let Some(height) = height else { return Ok(mesh.clone()) };
     let (low, size) = (mesh.aabb().min, mesh.aabb().size());
-    Ok(mesh.with_vertices(mesh.vertices().iter().map(|p| Point::from((p - low) * (height / size.amax()))).collect())?)
+    Ok(mesh.with_vertices(
+        mesh.vertices().iter().map(|p| Point::from((p - low) * (height / size.amax()))).collect(),
+    )?)
 }
 
 /// The field and the row of the table.
@@ -132,14 +144,19 @@ fn one(
         "grid" => NetworkConfig::grid(),
         "fast" => NetworkConfig::fast(),
         "paper" => NetworkConfig::paper(),
-        other => return Err(format!("no network is called {other}; there are grid, fast and paper").into()),
+        other => {
+            return Err(
+                format!("no network is called {other}; there are grid, fast and paper").into()
+            );
+        }
     };
     let start = Instant::now();
     let (cloud, sdf);
     let target = if truth.is_some() {
         // Vertices without a triangle have no normal.
         let normals = mesh.vertex_normals();
-        let (p, n): (Vec<_>, Vec<_>) = mesh.vertices().iter().zip(normals).filter(|(_, n)| n.norm() > 0.5).unzip();
+        let (p, n): (Vec<_>, Vec<_>) =
+            mesh.vertices().iter().zip(normals).filter(|(_, n)| n.norm() > 0.5).unzip();
         cloud = OrientedPoints::new(p, n)?;
         Target::Points(&cloud)
     } else {
@@ -160,7 +177,8 @@ fn one(
     let mut error = report.error;
     if let Some(truth) = truth {
         let field = MeshSdf::closed(truth)?;
-        let judge = TrainingSet::of_field(&field, &SamplingParams { near: 64, far: 64, ..sampling })?;
+        let judge =
+            TrainingSet::of_field(&field, &SamplingParams { near: 64, far: 64, ..sampling })?;
         error = judge.held_out.error(&set.frame, |p, o| network.samples32(p, o));
         let raw: Vec<Real> = mesh.vertices().iter().map(|p| field.distance(p).abs()).collect();
         let raw_mean = raw.iter().sum::<Real>() / raw.len() as Real;
@@ -218,29 +236,47 @@ fn apply(
     Ok(())
 }
 
-/// Rows of f32: place, distance, gradient and its trust; of held-out points place and distance. In network units.
+/// Rows of f32: place, distance, gradient and its trust; of held-out points place and distance. In
+/// network units.
 fn dump(set: &TrainingSet, folder: &Path) -> Result<(), Box<dyn Error>> {
     std::fs::create_dir_all(folder)?;
     let bytes = |rows: Vec<f32>| rows.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
     for (name, samples) in [("near", &set.near), ("far", &set.far)] {
-        let row = |(p, k): (&[f32; 3], &Known)| [&p[..], &[k.distance], &k.gradient[..], &[k.gradient_trust]].concat();
+        let row = |(p, k): (&[f32; 3], &Known)| {
+            [&p[..], &[k.distance], &k.gradient[..], &[k.gradient_trust]].concat()
+        };
         let rows = samples.points.iter().zip(&samples.known).flat_map(row).collect();
         std::fs::write(folder.join(format!("{name}.f32")), bytes(rows))?;
     }
     let (points, distances) = set.held_out.beside();
-    let row = |(p, d): (&Point, &Real)| [&set.frame.to_unit(p)[..], &[(d * set.frame.scale) as f32]].concat();
-    std::fs::write(folder.join("held.f32"), bytes(points.iter().zip(distances).flat_map(row).collect()))?;
+    let row = |(p, d): (&Point, &Real)| {
+        [&set.frame.to_unit(p)[..], &[(d * set.frame.scale) as f32]].concat()
+    };
+    std::fs::write(
+        folder.join("held.f32"),
+        bytes(points.iter().zip(distances).flat_map(row).collect()),
+    )?;
     std::fs::write(folder.join("frame.json"), format!("{{\"scale\": {}}}", set.frame.scale))?;
     Ok(())
 }
 
-fn picture(field: &NeuralField<Network>, target: &TriMesh, path: &str) -> Result<(), Box<dyn Error>> {
+fn picture(
+    field: &NeuralField<Network>,
+    target: &TriMesh,
+    path: &str,
+) -> Result<(), Box<dyn Error>> {
     let region = field.bounds().ok_or("no bounds")?;
-    let params = ExtractParams { region: Some(region), resolution: Resolution::Cell(0.005), ..ExtractParams::default() };
+    let params = ExtractParams {
+        region: Some(region),
+        resolution: Resolution::Cell(0.005),
+        ..ExtractParams::default()
+    };
     let marched = extract(field, &params)?;
     println!("(extracted: {} triangles)", marched.mesh.triangles().len());
     let views = [View::FRONT, View::THREE_QUARTER];
-    for (mesh, path) in [(&marched.mesh, path.to_owned()), (target, path.replace(".png", "_target.png"))] {
+    for (mesh, path) in
+        [(&marched.mesh, path.to_owned()), (target, path.replace(".png", "_target.png"))]
+    {
         let layer = RenderLayer { mesh, color: PALETTE[0], highlight: &[] };
         let image = side_by_side(&[layer], &views, 700, 1000);
         image.write_png(std::io::BufWriter::new(std::fs::File::create(path)?))?;

@@ -60,7 +60,8 @@ fn peak() -> f64 {
 
 #[allow(clippy::print_stdout)]
 fn main() {
-    let threads = std::env::args().nth(1).and_then(|count| count.parse().ok()).unwrap_or(1_usize).max(1);
+    let threads =
+        std::env::args().nth(1).and_then(|count| count.parse().ok()).unwrap_or(1_usize).max(1);
     let workers: Vec<_> = (0..threads).map(|_| std::thread::spawn(peak)).collect();
     let peaks: Vec<f64> = workers.into_iter().filter_map(|worker| worker.join().ok()).collect();
     println!("f32 multiply-add peak, GFLOP/s per thread: {peaks:.1?}");

@@ -1,13 +1,14 @@
-//! How many vertices get a wrong label: from single noisy labels, from votes of a sequence, and after smoothing; with a
-//! mean filter beside it. Writes CSV to stdout.
+//! How many vertices get a wrong label: from single noisy labels, from votes of a sequence, and
+//! after smoothing; with a mean filter beside it. Writes CSV to stdout.
 //!
 //! ```text
 //! cargo run --release -p if-pipeline --example labels -- ../shared/data > labels.csv
 //! ```
 //!
-//! Without more arguments it takes the scans of `clothed/` and the sequences of `sequences/render_*`; captures named after
-//! the data folder (made by `render_sequence.py` of body_a in the outfits o0_clean and o0_clean_suit) are added.
-//! Truth is the label of the nearest place on the clothed body without noise.
+//! Without more arguments it takes the scans of `clothed/` and the sequences of
+//! `sequences/render_*`; captures named after the data folder (made by `render_sequence.py` of
+//! body_a in the outfits o0_clean and o0_clean_suit) are added. Truth is the label of the nearest
+//! place on the clothed body without noise.
 
 #![allow(clippy::print_stdout, clippy::print_stderr)] // that is what it is for
 
@@ -43,7 +44,8 @@ fn main() -> Result<()> {
     let mut args = std::env::args_os().skip(1).map(PathBuf::from);
     let data = args.next().ok_or("give the data folder, such as ../shared/data")?;
     println!("scene,vertices,margin_px,method,parameter,undecided,wrong,wrong_percent,ms");
-    let mut scans: Vec<PathBuf> = std::fs::read_dir(data.join("clothed"))?.map(|f| Ok(f?.path())).collect::<Result<_>>()?;
+    let mut scans: Vec<PathBuf> =
+        std::fs::read_dir(data.join("clothed"))?.map(|f| Ok(f?.path())).collect::<Result<_>>()?;
     scans.retain(|p| p.to_string_lossy().contains("_scan"));
     scans.sort();
     for scan in &scans {
@@ -55,7 +57,8 @@ fn main() -> Result<()> {
         let votes = LabelVotes::from_labels(&labels(&scan, "label_noisy")?, count(&solid)?);
         judge(&name, "", &scan.mesh, &truth, &votes)?;
     }
-    let mut captures: Vec<PathBuf> = std::fs::read_dir(data.join("sequences"))?.map(|f| Ok(f?.path())).collect::<Result<_>>()?;
+    let mut captures: Vec<PathBuf> =
+        std::fs::read_dir(data.join("sequences"))?.map(|f| Ok(f?.path())).collect::<Result<_>>()?;
     captures.retain(|p| p.join("meta.json").exists());
     captures.sort();
     captures.extend(args);
@@ -68,13 +71,16 @@ fn main() -> Result<()> {
             other => return Err(format!("{name}: no clothed body wears {other}").into()),
         };
         let solid = ply::read_path(&data.join(format!("clothed/{scene}_solid.ply")))?;
-        let (skeleton, skin) = rigged(&data.join("body_a"), &solid.mesh, &labels(&solid, "label")?, &capture)?;
+        let (skeleton, skin) =
+            rigged(&data.join("body_a"), &solid.mesh, &labels(&solid, "label")?, &capture)?;
         let truth = labels(&solid, "label")?;
         for margin in MARGINS {
             let start = Instant::now();
             let (votes, report) = voted(&capture, &solid.mesh, &skeleton, &skin, margin)?;
             let seconds = start.elapsed().as_secs_f64();
-            eprintln!("{name}, margin {margin}: {report:?}, {seconds:.2} s with posing and reading");
+            eprintln!(
+                "{name}, margin {margin}: {report:?}, {seconds:.2} s with posing and reading"
+            );
             judge(&name, &margin.to_string(), &solid.mesh, &truth, &votes)?;
         }
     }
@@ -82,13 +88,21 @@ fn main() -> Result<()> {
 }
 
 /// Prints a line for each method.
-fn judge(scene: &str, margin: &str, mesh: &TriMesh, truth: &[u8], votes: &LabelVotes) -> Result<()> {
+fn judge(
+    scene: &str,
+    margin: &str,
+    mesh: &TriMesh,
+    truth: &[u8],
+    votes: &LabelVotes,
+) -> Result<()> {
     let n = truth.len();
     let print = |method: &str, parameter: Real, of: &[u8], ms: Real| {
         let undecided = of.iter().filter(|l| **l == UNDECIDED).count();
         let wrong = of.iter().zip(truth).filter(|(l, t)| l != t).count();
         let percent = 100.0 * wrong as Real / n as Real;
-        println!("{scene},{n},{margin},{method},{parameter},{undecided},{wrong},{percent:.3},{ms:.1}");
+        println!(
+            "{scene},{n},{margin},{method},{parameter},{undecided},{wrong},{percent:.3},{ms:.1}"
+        );
     };
     let before: Vec<u8> = (0..n).map(|v| votes.winner(v)).collect();
     print("votes", 0.0, &before, 0.0);
@@ -99,12 +113,20 @@ fn judge(scene: &str, margin: &str, mesh: &TriMesh, truth: &[u8], votes: &LabelV
     }
     for length in LENGTHS {
         let start = Instant::now();
-        let scores = smooth_labels(mesh, votes, &SmoothLabelParams { length: 1e-3 * length, ..Default::default() })?;
+        let scores = smooth_labels(
+            mesh,
+            votes,
+            &SmoothLabelParams { length: 1e-3 * length, ..Default::default() },
+        )?;
         print("smooth_labels (mm)", length, &scores.winners(), 1e3 * start.elapsed().as_secs_f64());
     }
     for border in BORDERS {
         let start = Instant::now();
-        let found = expand_labels(mesh, votes, &ExpandParams { border: 1e-3 * border, ..Default::default() })?;
+        let found = expand_labels(
+            mesh,
+            votes,
+            &ExpandParams { border: 1e-3 * border, ..Default::default() },
+        )?;
         print("expand_labels (mm)", border, &found.labels, 1e3 * start.elapsed().as_secs_f64());
     }
     // What a user gets is cut at once: borders and pieces are counted.
@@ -115,7 +137,12 @@ fn judge(scene: &str, margin: &str, mesh: &TriMesh, truth: &[u8], votes: &LabelV
     let loops: Vec<String> = pieces
         .iter()
         .map(|p| {
-            format!("{}: {} border loops, {:.3} m²", p.label, Edges::new(&p.mesh).boundary_loops(&p.mesh).len(), p.mesh.area())
+            format!(
+                "{}: {} border loops, {:.3} m²",
+                p.label,
+                Edges::new(&p.mesh).boundary_loops(&p.mesh).len(),
+                p.mesh.area()
+            )
         })
         .collect();
     eprintln!("{scene}, margin {margin}: cut in {ms:.1} ms; {}", loops.join("; "));
@@ -148,7 +175,8 @@ fn mean_filter(mesh: &TriMesh, votes: &LabelVotes, rounds: usize) -> Vec<u8> {
 }
 
 fn labels(ply: &PlyMesh, name: &str) -> Result<Vec<u8>> {
-    let property = ply.vertex_property(name).ok_or_else(|| format!("no vertex property `{name}`"))?;
+    let property =
+        ply.vertex_property(name).ok_or_else(|| format!("no vertex property `{name}`"))?;
     Ok(property.values.to_f64().into_iter().map(|l| l as u8).collect())
 }
 
@@ -166,11 +194,20 @@ fn truth(solid: &PlyMesh, mesh: &TriMesh) -> Result<Vec<u8>> {
         let corner = (0..3).max_by(|a, b| near.barycentric[*a].total_cmp(&near.barycentric[*b]))?;
         Some(labels[solid.mesh.triangles()[near.triangle as usize][corner] as usize])
     };
-    mesh.vertices().iter().map(|p| label(p).ok_or_else(|| "the solid has no triangles".into())).collect()
+    mesh.vertices()
+        .iter()
+        .map(|p| label(p).ok_or_else(|| "the solid has no triangles".into()))
+        .collect()
 }
 
-/// The weights of a clothed body: those of the nearest vertex of the layer that each of its vertices belongs to.
-fn rigged(body: &Path, mesh: &TriMesh, labels: &[u8], capture: &Capture) -> Result<(Skeleton, SkinWeights)> {
+/// The weights of a clothed body: those of the nearest vertex of the layer that each of its
+/// vertices belongs to.
+fn rigged(
+    body: &Path,
+    mesh: &TriMesh,
+    labels: &[u8],
+    capture: &Capture,
+) -> Result<(Skeleton, SkinWeights)> {
     let skeleton = Skeleton::read_path(&body.join("skeleton.json"))?;
     capture.check_skeleton(&skeleton)?;
     let mut files = vec![body.join("body.ply")];
@@ -184,7 +221,9 @@ fn rigged(body: &Path, mesh: &TriMesh, labels: &[u8], capture: &Capture) -> Resu
     for (p, label) in mesh.vertices().iter().zip(labels) {
         let (skin, bvh, layer) = &layers[usize::from(*label).clamp(1, layers.len()) - 1];
         let near = bvh.closest(p, Real::INFINITY).ok_or("a layer has no triangles")?;
-        let corner = (0..3).max_by(|a, b| near.barycentric[*a].total_cmp(&near.barycentric[*b])).unwrap_or(0);
+        let corner = (0..3)
+            .max_by(|a, b| near.barycentric[*a].total_cmp(&near.barycentric[*b]))
+            .unwrap_or(0);
         let v = layer.triangles()[near.triangle as usize][corner] as usize;
         joints.push(skin.joints()[v]);
         weights.push(skin.weights()[v]);
@@ -207,7 +246,11 @@ fn voted(
         let transforms = skeleton.transforms(capture.pose(frame))?;
         let posed = |v: usize| {
             let parts = skin.joints()[v].iter().zip(skin.weights()[v]);
-            let sum: Vector = parts.map(|(j, w)| (transforms[usize::from(*j)] * mesh.vertices()[v]).coords * Real::from(w)).sum();
+            let sum: Vector = parts
+                .map(|(j, w)| {
+                    (transforms[usize::from(*j)] * mesh.vertices()[v]).coords * Real::from(w)
+                })
+                .sum();
             Point::from(sum)
         };
         let positions: Vec<Point> = (0..mesh.vertices().len()).map(posed).collect();

@@ -4,15 +4,18 @@
 //! cargo run --release -p if-pipeline --example motion -- CAPTURE BODY OUT [PARAMS.json]
 //! ```
 //!
-//! PARAMS.json is a list of parameters, such as `[{}, {"stay": 0.01}]`; those that are not named have their defaults. Writes the fitted
-//! surface to `OUT/canonical.ply`, and in each frame to `OUT/none`, without motion, and to `OUT/0`, `OUT/1` and so on, and prints what each took.
+//! PARAMS.json is a list of parameters, such as `[{}, {"stay": 0.01}]`; those that are not named
+//! have their defaults. Writes the fitted surface to `OUT/canonical.ply`, and in each frame to
+//! `OUT/none`, without motion, and to `OUT/0`, `OUT/1` and so on, and prints what each took.
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
 use if_body::template::TemplateBody;
 use if_mesh::ply::{self, PlyMesh, WriteParams};
 use if_pipeline::capture::Capture;
-use if_pipeline::reconstruct::{MeshMotion, MotionParams, SurfaceParams, fit_motion, fit_surface, write_frames};
+use if_pipeline::reconstruct::{
+    MeshMotion, MotionParams, SurfaceParams, fit_motion, fit_surface, write_frames,
+};
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -20,7 +23,9 @@ use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
-    let [capture, body, out, params @ ..] = &args[..] else { return Err("give CAPTURE BODY OUT [PARAMS.json]".into()) };
+    let [capture, body, out, params @ ..] = &args[..] else {
+        return Err("give CAPTURE BODY OUT [PARAMS.json]".into());
+    };
     let several: Vec<MotionParams> = match params.first() {
         Some(path) => serde_json::from_slice(&std::fs::read(path)?)?,
         None => vec![MotionParams::default()],
@@ -28,15 +33,27 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (capture, template) = (Capture::open(capture)?, TemplateBody::read(body)?);
     let (read, skeleton) = (SurfaceParams::default(), &template.skeleton);
     let mut start = Instant::now();
-    let surface = fit_surface(&capture, &template, &read, None, &mut |_| ControlFlow::Continue(()))?;
-    println!("surface: {:.2} s, {} vertices", start.elapsed().as_secs_f64(), surface.mesh.vertices().len());
+    let surface =
+        fit_surface(&capture, &template, &read, None, &mut |_| ControlFlow::Continue(()))?;
+    println!(
+        "surface: {:.2} s, {} vertices",
+        start.elapsed().as_secs_f64(),
+        surface.mesh.vertices().len()
+    );
     std::fs::create_dir_all(out)?;
     let file = PlyMesh::new(surface.mesh.clone());
-    ply::write_path(&file, surface.mesh.vertices(), &WriteParams::default(), &out.join("canonical.ply"))?;
+    ply::write_path(
+        &file,
+        surface.mesh.vertices(),
+        &WriteParams::default(),
+        &out.join("canonical.ply"),
+    )?;
     write_frames(&out.join("none"), &surface.mesh, &surface.skin, skeleton, &capture, None)?;
     for (k, params) in several.iter().enumerate() {
         start = Instant::now();
-        let motion = fit_motion(&capture, skeleton, &surface, &read, params, &mut |_| ControlFlow::Continue(()))?;
+        let motion = fit_motion(&capture, skeleton, &surface, &read, params, &mut |_| {
+            ControlFlow::Continue(())
+        })?;
         let seconds = start.elapsed().as_secs_f64();
         let (r, mesh) = (&motion.report, &surface.mesh);
         println!(
@@ -44,7 +61,14 @@ fn main() -> Result<(), Box<dyn Error>> {
             r.solved, r.mean_mm, r.max_mm, r.rounds
         );
         let motion = MeshMotion::new(motion, mesh, mesh.vertices());
-        write_frames(&out.join(k.to_string()), mesh, &surface.skin, skeleton, &capture, Some(&motion))?;
+        write_frames(
+            &out.join(k.to_string()),
+            mesh,
+            &surface.skin,
+            skeleton,
+            &capture,
+            Some(&motion),
+        )?;
     }
     Ok(())
 }

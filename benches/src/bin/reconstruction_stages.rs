@@ -1,13 +1,13 @@
-//! From a capture to garments, one library call for each stage, beside two baselines: the template body as it is, and the
-//! visual hull.
+//! From a capture to garments, one library call for each stage, beside two baselines: the template
+//! body as it is, and the visual hull.
 //!
 //! ```sh
 //! cargo run --release -p if-pipeline --example reconstruction_stages -- CAPTURE BODY OUT [TRUTH.ply]
 //! ```
 //!
-//! writes `template.ply`, `hull.ply`, `surface.ply`, `canonical.ply` (with its labels), a mesh for each garment, the canonical
-//! mesh in each frame, and `report.json`. With a truth it prints two-sided distances; `benches/reconstruction.py` judges the
-//! files with other people's code.
+//! writes `template.ply`, `hull.ply`, `surface.ply`, `canonical.ply` (with its labels), a mesh for
+//! each garment, the canonical mesh in each frame, and `report.json`. With a truth it prints
+//! two-sided distances; `benches/reconstruction.py` judges the files with other people's code.
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
@@ -21,8 +21,9 @@ use if_mesh::sdf::MeshSdf;
 use if_mesh::{measure, ply};
 use if_pipeline::capture::Capture;
 use if_pipeline::reconstruct::{
-    FloodedField, GarmentParams, MeshMotion, MotionParams, MotionReport, SurfaceParams, Underside, VisualHull, carried_weights,
-    find_garments, fit_motion, fit_surface, largest_piece, write_frames,
+    FloodedField, GarmentParams, MeshMotion, MotionParams, MotionReport, SurfaceParams, Underside,
+    VisualHull, carried_weights, find_garments, fit_motion, fit_surface, largest_piece,
+    write_frames,
 };
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -36,13 +37,20 @@ const ALLOWED: usize = 1;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
-    let [capture, body, out, truth @ ..] = &args[..] else { return Err("give CAPTURE BODY OUT [TRUTH.ply]".into()) };
+    let [capture, body, out, truth @ ..] = &args[..] else {
+        return Err("give CAPTURE BODY OUT [TRUTH.ply]".into());
+    };
     std::fs::create_dir_all(out)?;
     let truth = truth.first().map(|t| ply::read_path(t)).transpose()?.map(|t| t.mesh);
     let judge = |name: &str, mesh: &TriMesh, seconds: f64| {
         print!("{name:<10} {seconds:6.2} s {:7} triangles", mesh.triangles().len());
         if let Some(truth) = &truth {
-            let d = measure::surface_distance((mesh, &Bvh::new(mesh)), (truth, &Bvh::new(truth)), 50_000, 0);
+            let d = measure::surface_distance(
+                (mesh, &Bvh::new(mesh)),
+                (truth, &Bvh::new(truth)),
+                50_000,
+                0,
+            );
             print!(
                 "   mean {:5.2} and {:5.2} mm, Chamfer {:5.2} mm",
                 d.mean_first_to_second_mm, d.mean_second_to_first_mm, d.chamfer_mm
@@ -52,7 +60,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let write = |name: &str, mesh: &TriMesh, properties: Vec<Property>| {
         let file = PlyMesh { vertex_properties: properties, ..PlyMesh::new(mesh.clone()) };
-        ply::write_path(&file, mesh.vertices(), &WriteParams::default(), &out.join(format!("{name}.ply")))
+        ply::write_path(
+            &file,
+            mesh.vertices(),
+            &WriteParams::default(),
+            &out.join(format!("{name}.ply")),
+        )
     };
 
     // What the stages need.
@@ -64,11 +77,21 @@ fn main() -> Result<(), Box<dyn Error>> {
     judge("template", &template.mesh, 0.0);
     write("template", &template.mesh, Vec::new())?;
     let mut start = Instant::now();
-    let grid = WeightGrid::new(template.mesh.vertices(), &template.skin, joints, &WeightGridParams::default())?;
+    let grid = WeightGrid::new(
+        template.mesh.vertices(),
+        &template.skin,
+        joints,
+        &WeightGridParams::default(),
+    )?;
     println!("grid of weights {:.2} s", start.elapsed().as_secs_f64());
     start = Instant::now();
     let hull = VisualHull::new(&capture, &template.skeleton, &grid, ALLOWED)?;
-    let cells = ExtractParams { resolution: Resolution::Cell(CELL), newton: 0, check: 0, ..ExtractParams::default() };
+    let cells = ExtractParams {
+        resolution: Resolution::Cell(CELL),
+        newton: 0,
+        check: 0,
+        ..ExtractParams::default()
+    };
     let carved = largest_piece(&extract(&hull, &cells)?.mesh);
     judge("hull", &carved, start.elapsed().as_secs_f64());
     write("hull", &carved, Vec::new())?;
@@ -77,7 +100,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     start = Instant::now();
     let surface = fit_surface(&capture, &template, &SurfaceParams::default(), None, &mut |p| {
         if let Some(loss) = p.loss {
-            println!("  round {} of {}: silhouettes {loss:.2} mm, {:.1} s left", p.step, p.steps, p.seconds_left.unwrap_or(0.0));
+            println!(
+                "  round {} of {}: silhouettes {loss:.2} mm, {:.1} s left",
+                p.step,
+                p.steps,
+                p.seconds_left.unwrap_or(0.0)
+            );
         }
         ControlFlow::Continue(())
     })?;
@@ -88,7 +116,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     // One mesh for all frames.
     start = Instant::now();
     let region = Some(surface.mesh.aabb().inflated(CELL));
-    let cells = ExtractParams { region, resolution: Resolution::Cell(CELL), newton: 0, ..ExtractParams::default() };
+    let cells = ExtractParams {
+        region,
+        resolution: Resolution::Cell(CELL),
+        newton: 0,
+        ..ExtractParams::default()
+    };
     let mesh = largest_piece(&extract(&FloodedField::new(&surface.mesh)?, &cells)?.mesh);
     let skin = carried_weights(&surface.mesh, &surface.skin, joints, mesh.vertices());
     judge("canonical", &mesh, start.elapsed().as_secs_f64());
@@ -96,10 +129,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     // What single frames show otherwise, and the same mesh in each of them.
     start = Instant::now();
     let (read, usual) = (SurfaceParams::default(), MotionParams::default());
-    let motion = fit_motion(&capture, &template.skeleton, &surface, &read, &usual, &mut |_| ControlFlow::Continue(()))?;
+    let motion = fit_motion(&capture, &template.skeleton, &surface, &read, &usual, &mut |_| {
+        ControlFlow::Continue(())
+    })?;
     let MotionReport { solved, mean_mm, max_mm, .. } = motion.report;
     let seconds = start.elapsed().as_secs_f64();
-    println!("motion     {seconds:6.2} s for {solved} frames: {mean_mm:.1} mm on average, {max_mm:.1} mm at most");
+    println!(
+        "motion     {seconds:6.2} s for {solved} frames: {mean_mm:.1} mm on average, {max_mm:.1} mm at most"
+    );
     let motion = MeshMotion::new(motion, &surface.mesh, mesh.vertices());
     write_frames(&out.join("frames"), &mesh, &skin, &template.skeleton, &capture, Some(&motion))?;
 

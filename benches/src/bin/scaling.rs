@@ -4,8 +4,9 @@
 //! cargo run --release -p if-pipeline --example scaling [-- --data ../shared/data/body_a]
 //! ```
 //!
-//! The outfit is o1 (jeans, T-shirt, cardigan) where the data is there, else the built-in scene. Each
-//! triangle is split into four at the middles of its edges, garments and body alike. Prints a table.
+//! The outfit is o1 (jeans, T-shirt, cardigan) where the data is there, else the built-in scene.
+//! Each triangle is split into four at the middles of its edges, garments and body alike. Prints a
+//! table.
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
@@ -45,17 +46,24 @@ fn main() -> Result<(), Box<dyn Error>> {
         let verified = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let trees: Vec<Bvh> = outfit.layers().map(|l| Bvh::new(&l.mesh)).collect();
-        let found: usize =
-            (0..trees.len()).flat_map(|b| (0..b).map(move |a| (a, b))).map(|(a, b)| pairs(&trees[a], &trees[b]).len()).sum();
+        let found: usize = (0..trees.len())
+            .flat_map(|b| (0..b).map(move |a| (a, b)))
+            .map(|(a, b)| pairs(&trees[a], &trees[b]).len())
+            .sum();
         let alone = start.elapsed().as_secs_f64();
         let start = Instant::now();
-        let result = match resolve(&outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(())) {
-            Err(ResolveError::Remaining { result, .. }) => *result,
-            other => other?,
-        };
+        let result =
+            match resolve(&outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(())) {
+                Err(ResolveError::Remaining { result, .. }) => *result,
+                other => other?,
+            };
         let now = [triangles as f64, start.elapsed().as_secs_f64(), verified, alone];
         // Time grows as triangles to this power.
-        let exponent = |k: usize| last.map_or("".to_owned(), |l| format!("{:.2}", (now[k] / l[k]).ln() / (now[0] / l[0]).ln()));
+        let exponent = |k: usize| {
+            last.map_or("".to_owned(), |l| {
+                format!("{:.2}", (now[k] / l[k]).ln() / (now[0] / l[0]).ln())
+            })
+        };
         println!(
             "| {triangles} | {found} | {} | {:.2} | {} | {verified:.3} | {} | {alone:.4} | {} |",
             result.report.after.total_pairs() + result.report.after.total_inside(),
@@ -65,19 +73,28 @@ fn main() -> Result<(), Box<dyn Error>> {
             exponent(3),
         );
         last = Some(now);
-        outfit = Outfit { body: finer(&outfit.body)?, garments: outfit.garments.iter().map(finer).collect::<Result<_, _>>()? };
+        outfit = Outfit {
+            body: finer(&outfit.body)?,
+            garments: outfit.garments.iter().map(finer).collect::<Result<_, _>>()?,
+        };
     }
     Ok(())
 }
 
 fn real(data: &Path) -> Result<Outfit, Box<dyn Error>> {
-    let load = |file: &str| Ok::<_, Box<dyn Error>>(Layer::new(file, MeshFile::read(&data.join(file))?.mesh().clone()));
+    let load = |file: &str| {
+        Ok::<_, Box<dyn Error>>(Layer::new(file, MeshFile::read(&data.join(file))?.mesh().clone()))
+    };
     let garments = ["garments/jeans.ply", "garments/tshirt.ply", "garments/cardigan.ply"];
-    Ok(Outfit::new(load("body_clean.ply")?, garments.into_iter().map(load).collect::<Result<_, _>>()?)?)
+    Ok(Outfit::new(
+        load("body_clean.ply")?,
+        garments.into_iter().map(load).collect::<Result<_, _>>()?,
+    )?)
 }
 
 fn built_in() -> Result<Outfit, Box<dyn Error>> {
-    let mut layers = layered(&MannequinParams::default()).into_iter().map(|(name, mesh)| Layer::new(name, mesh));
+    let mut layers =
+        layered(&MannequinParams::default()).into_iter().map(|(name, mesh)| Layer::new(name, mesh));
     let body = layers.next().ok_or("the scene has a body")?;
     Ok(Outfit::new(body, layers.collect())?)
 }

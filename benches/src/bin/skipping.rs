@@ -1,12 +1,13 @@
-//! What skipping saves: outfits resolved with and without it, one after the other, and whether the results have the same bits.
+//! What skipping saves: outfits resolved with and without it, one after the other, and whether the
+//! results have the same bits.
 //!
 //! ```text
 //! cargo run --release -p if-pipeline --example skipping [-- DATA_DIR…]      # ../shared/data/body_a and body_b
 //! ```
 //!
-//! Prints a row for each outfit of DATA_DIR/outfits.json, or one for the built-in scene where there is no data: queries made
-//! and skipped, vertices that nothing reached, time with and without skipping; and the same outfit once clean, beside the
-//! time that verifying it takes.
+//! Prints a row for each outfit of DATA_DIR/outfits.json, or one for the built-in scene where there
+//! is no data: queries made and skipped, vertices that nothing reached, time with and without
+//! skipping; and the same outfit once clean, beside the time that verifying it takes.
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
@@ -32,7 +33,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
     println!("|---|---:|---:|---:|---:|---:|---:|---|---:|---:|");
     if folders.is_empty() {
-        let mut layers = layered(&MannequinParams::default()).into_iter().map(|(n, m)| Layer::new(n, m));
+        let mut layers =
+            layered(&MannequinParams::default()).into_iter().map(|(n, m)| Layer::new(n, m));
         let body = layers.next().ok_or("the scene has no body")?;
         row("demo", &Outfit::new(body, layers.collect())?)?;
     }
@@ -42,9 +44,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         for (name, outfit) in outfits {
             let Some(layers) = outfit["layers_inner_to_outer"].as_array() else { continue };
             let garments = layers.iter().filter_map(|l| l.as_str());
-            let garments = garments.map(|g| Ok(Layer::new(g, load(&folder.join("garments").join(format!("{g}.ply")))?)));
+            let garments = garments.map(|g| {
+                Ok(Layer::new(g, load(&folder.join("garments").join(format!("{g}.ply")))?))
+            });
             let garments = garments.collect::<Result<_, Box<dyn Error>>>()?;
-            row(&name, &Outfit::new(Layer::new("body", load(&folder.join("body_clean.ply"))?), garments)?)?;
+            row(
+                &name,
+                &Outfit::new(Layer::new("body", load(&folder.join("body_clean.ply"))?), garments)?,
+            )?;
         }
     }
     Ok(())
@@ -56,7 +63,9 @@ fn load(path: &Path) -> Result<TriMesh, Box<dyn Error>> {
 
 fn run(outfit: &Outfit, skip: bool) -> Result<(f64, Resolved), Box<dyn Error>> {
     let start = Instant::now();
-    let found = resolve(outfit, &ResolveParams { skip, ..Default::default() }, &mut |_| ControlFlow::Continue(()));
+    let found = resolve(outfit, &ResolveParams { skip, ..Default::default() }, &mut |_| {
+        ControlFlow::Continue(())
+    });
     let seconds = start.elapsed().as_secs_f64();
     match found {
         Err(ResolveError::Remaining { result, .. }) => Ok((seconds, *result)),
@@ -68,7 +77,9 @@ fn row(name: &str, outfit: &Outfit) -> Result<(), Box<dyn Error>> {
     let (with_s, with) = run(outfit, true)?;
     let (without_s, without) = run(outfit, false)?;
     let same = if with.outfit == without.outfit { "yes" } else { "NO" };
-    let sum = |f: fn(&if_outfit::report::LayerReport) -> usize| with.report.layers.iter().map(f).sum::<usize>();
+    let sum = |f: fn(&if_outfit::report::LayerReport) -> usize| {
+        with.report.layers.iter().map(f).sum::<usize>()
+    };
     let vertices: usize = outfit.garments.iter().map(|g| g.mesh.vertices().len()).sum();
     let (again, _) = run(&with.outfit, true)?;
     let start = Instant::now();

@@ -36,7 +36,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seconds: f64 = args.next().map_or(Ok(2.0), |text| text.parse())?;
     let mut network = SdfNetwork::new(&config, 1)?;
     let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(1);
-    let points: Vec<[f32; 3]> = (0..count).map(|_| std::array::from_fn(|_| 2.0 * rng.random::<f32>() - 1.0)).collect();
+    let points: Vec<[f32; 3]> =
+        (0..count).map(|_| std::array::from_fn(|_| 2.0 * rng.random::<f32>() - 1.0)).collect();
     let mut gradient = vec![0.0; network.parameters().len()];
     let layout = config.layout()?;
     let multiplications: usize = (layout.layers.iter().enumerate())

@@ -1,11 +1,13 @@
-//! Seconds for rasterising and voting of 120 frames of 512² of a mesh of 400,000 triangles that turns.
+//! Seconds for rasterising and voting of 120 frames of 512² of a mesh of 400,000 triangles that
+//! turns.
 //!
 //! ```text
 //! cargo run --release -p if-mesh --example vote_speed [FRAMES [votes]]
 //! ```
 //!
-//! The label images are made from what a rasterising of its own sees, which is timed too; with `votes` the first frame's serves for all, so that the
-//! time of the whole program is that of rasterising and voting.
+//! The label images are made from what a rasterising of its own sees, which is timed too; with
+//! `votes` the first frame's serves for all, so that the time of the whole program is that of
+//! rasterising and voting.
 
 #![allow(clippy::print_stdout)] // that is what it is for
 
@@ -22,22 +24,36 @@ fn main() -> Result<(), Box<dyn Error>> {
     let alone = std::env::args().nth(2).is_some_and(|w| w == "votes");
     // As high and as wide as a person, as many pixels as one.
     let mesh = tube(0.2, 1.7, 640, 312, true);
-    let camera = Camera::looking_at((512, 512), &Point::new(0.0, 0.9, 3.3), &Point::new(0.0, 0.85, 0.0), &Vector::y(), 0.56)?;
+    let camera = Camera::looking_at(
+        (512, 512),
+        &Point::new(0.0, 0.9, 3.3),
+        &Point::new(0.0, 0.85, 0.0),
+        &Vector::y(),
+        0.56,
+    )?;
     // No frame is left out: this measures work.
-    let mut voter = Voter::new(&mesh, 5, &VoteParams { enough: Real::INFINITY, ..Default::default() })?;
+    let mut voter =
+        Voter::new(&mesh, 5, &VoteParams { enough: Real::INFINITY, ..Default::default() })?;
     let mut rasteriser = Rasteriser::default();
     let (mut raster, mut both) = (Duration::ZERO, Duration::ZERO);
     let mut out = IdBuffer::default();
     for frame in 0..frames {
         let (s, c) = (std::f64::consts::TAU * frame as Real / frames as Real).sin_cos();
-        let turned: Vec<Point> =
-            mesh.vertices().iter().map(|p| Point::new(c * p.x + s * p.z, p.y + 0.02 * s, c * p.z - s * p.x)).collect();
+        let turned: Vec<Point> = mesh
+            .vertices()
+            .iter()
+            .map(|p| Point::new(c * p.x + s * p.z, p.y + 0.02 * s, c * p.z - s * p.x))
+            .collect();
         if frame == 0 || !alone {
             let start = Instant::now();
             rasteriser.look(&mesh, &turned, &camera, &RasterParams::default(), &mut out);
             raster += start.elapsed();
         }
-        let labels: Vec<u8> = out.triangle.iter().map(|t| if *t == NOTHING { 0 } else { 1 + (t / 100_000 % 4) as u8 }).collect();
+        let labels: Vec<u8> = out
+            .triangle
+            .iter()
+            .map(|t| if *t == NOTHING { 0 } else { 1 + (t / 100_000 % 4) as u8 })
+            .collect();
         let start = Instant::now();
         voter.add(&turned, &camera, &labels)?;
         both += start.elapsed();
@@ -45,7 +61,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let report = voter.report();
     let (votes, _) = voter.finish();
     let wrong = (0..mesh.vertices().len()).filter(|v| votes.winner(*v) != 0).count();
-    assert!(report.cast == frames && wrong * 2 > mesh.vertices().len(), "{report:?}, {wrong} vertices have a label");
+    assert!(
+        report.cast == frames && wrong * 2 > mesh.vertices().len(),
+        "{report:?}, {wrong} vertices have a label"
+    );
     println!(
         "{} triangles, {frames} frames: rasterising {:.2} s, rasterising and voting {:.2} s on {} threads; {} pixels a frame",
         mesh.triangles().len(),

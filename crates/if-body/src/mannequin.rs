@@ -19,7 +19,8 @@ use serde::{Deserialize, Serialize};
 pub struct MannequinParams {
     /// Divides the length of edges: with 2 the meshes have four times the triangles. From 0.7 to 8.
     pub resolution: Real,
-    /// 0 hangs the layers cleanly over one another; with 1 each dips 1 to 2 cm into those below. From 0 to 1.
+    /// 0 hangs the layers cleanly over one another; with 1 each dips 1 to 2 cm into those below.
+    /// From 0 to 1.
     pub overlap: Real,
 }
 
@@ -52,7 +53,8 @@ impl MannequinParams {
     ///
     /// The first parameter that lies out of its range or is NaN.
     pub fn validate(&self) -> Result<(), MannequinError> {
-        let ranges = [("resolution", self.resolution, 0.7, 8.0), ("overlap", self.overlap, 0.0, 1.0)];
+        let ranges =
+            [("resolution", self.resolution, 0.7, 8.0), ("overlap", self.overlap, 0.0, 1.0)];
         for (name, value, least, most) in ranges {
             if !(least..=most).contains(&value) {
                 return Err(MannequinError { name, value, least, most });
@@ -80,7 +82,8 @@ pub enum Garment {
 
 impl Garment {
     /// All of them, in the order in which they are worn, inner to outer.
-    pub const ALL: [Garment; 5] = [Garment::Trousers, Garment::Tshirt, Garment::Skirt, Garment::Jacket, Garment::Coat];
+    pub const ALL: [Garment; 5] =
+        [Garment::Trousers, Garment::Tshirt, Garment::Skirt, Garment::Jacket, Garment::Coat];
 
     /// A short name in lower case.
     pub fn name(self) -> &'static str {
@@ -94,7 +97,8 @@ impl Garment {
     }
 }
 
-/// The naked mannequin: 1.70 m, arms 42° from the body. Closed, of one piece, without intersections.
+/// The naked mannequin: 1.70 m, arms 42° from the body. Closed, of one piece, without
+/// intersections.
 ///
 /// # Panics
 ///
@@ -148,8 +152,15 @@ fn checked(params: &MannequinParams) -> &MannequinParams {
 
 /// Extracts a shape, cuts it open, and makes its triangles even.
 fn surface(shape: &shape::Shape, cell: Real, phase: [Real; 3], cuts: &[shape::Formula]) -> TriMesh {
-    let params = ExtractParams { resolution: Resolution::Cell(cell), phase, check: 0, ..ExtractParams::default() };
-    let mut mesh = extract(shape, &params).expect("every shape here has bounds, and formulas are finite in finite boxes").mesh;
+    let params = ExtractParams {
+        resolution: Resolution::Cell(cell),
+        phase,
+        check: 0,
+        ..ExtractParams::default()
+    };
+    let mut mesh = extract(shape, &params)
+        .expect("every shape here has bounds, and formulas are finite in finite boxes")
+        .mesh;
     for cut in cuts {
         let values: Vec<Real> = mesh.vertices().iter().map(cut).collect();
         mesh = clip(&mesh, &values);
@@ -193,7 +204,14 @@ mod tests {
         for t in 0..mesh.triangles().len() {
             bvh.overlapping(&Aabb::from_points(mesh.corners(t)), |u| {
                 let u = u as usize;
-                let contact = || triangles_sharing(mesh.corners(t), mesh.triangles()[t], mesh.corners(u), mesh.triangles()[u]);
+                let contact = || {
+                    triangles_sharing(
+                        mesh.corners(t),
+                        mesh.triangles()[t],
+                        mesh.corners(u),
+                        mesh.triangles()[u],
+                    )
+                };
                 n += usize::from(u > t && contact().is_some());
             });
         }
@@ -209,20 +227,33 @@ mod tests {
             .collect();
         let n = l.len() as Real;
         let share = l.iter().filter(|l| (0.010..=0.025).contains(*l)).count() as Real / n;
-        [l.iter().copied().fold(1.0, Real::min), l.iter().copied().fold(0.0, Real::max), l.iter().sum::<Real>() / n, share]
+        [
+            l.iter().copied().fold(1.0, Real::min),
+            l.iter().copied().fold(0.0, Real::max),
+            l.iter().sum::<Real>() / n,
+            share,
+        ]
     }
 
     /// Share of the vertices that lie in a shape, and the deepest of them in metres.
     fn inside(mesh: &TriMesh, shape: &shape::Shape) -> (Real, Real) {
-        let depths: Vec<Real> = mesh.vertices().iter().map(|p| -shape.distance(p)).filter(|d| *d > 0.0).collect();
-        (depths.len() as Real / mesh.vertices().len() as Real, depths.iter().copied().fold(0.0, Real::max))
+        let depths: Vec<Real> =
+            mesh.vertices().iter().map(|p| -shape.distance(p)).filter(|d| *d > 0.0).collect();
+        (
+            depths.len() as Real / mesh.vertices().len() as Real,
+            depths.iter().copied().fold(0.0, Real::max),
+        )
     }
 
     fn assert_sound(name: &str, mesh: &TriMesh, borders: usize, euler: i64) {
         let edges = Edges::new(mesh);
         assert!(edges.valence.iter().all(|v| *v <= 2), "{name}");
         assert_eq!(edges.boundary_loops(mesh).len(), borders, "{name}");
-        assert_eq!(mesh.vertices().len() as i64 + mesh.triangles().len() as i64 - edges.len() as i64, euler, "{name}");
+        assert_eq!(
+            mesh.vertices().len() as i64 + mesh.triangles().len() as i64 - edges.len() as i64,
+            euler,
+            "{name}"
+        );
         assert_eq!((part_count(mesh), own_pairs(mesh)), (1, 0), "{name}");
     }
 
@@ -237,9 +268,15 @@ mod tests {
 
     #[test]
     fn garments_are_of_one_piece_and_have_their_openings() {
-        // A tube with n borders has Euler characteristic 2 − n; what is open in front has one border less.
-        let openings =
-            [(Garment::Trousers, 3), (Garment::Tshirt, 4), (Garment::Skirt, 2), (Garment::Jacket, 3), (Garment::Coat, 3)];
+        // A tube with n borders has Euler characteristic 2 − n; what is open in front has one
+        // border less.
+        let openings = [
+            (Garment::Trousers, 3),
+            (Garment::Tshirt, 4),
+            (Garment::Skirt, 2),
+            (Garment::Jacket, 3),
+            (Garment::Coat, 3),
+        ];
         for (kind, borders) in openings {
             assert_sound(kind.name(), &garment(kind, &coarse(1.0)), borders, 2 - borders as i64);
         }
@@ -249,7 +286,9 @@ mod tests {
     fn without_overlap_no_layers_meet() {
         let params = coarse(0.0);
         let kinds = Garment::ALL;
-        let layers: Vec<TriMesh> = std::iter::once(body(&params)).chain(kinds.iter().map(|k| garment(*k, &params))).collect();
+        let layers: Vec<TriMesh> = std::iter::once(body(&params))
+            .chain(kinds.iter().map(|k| garment(*k, &params)))
+            .collect();
         for i in 0..layers.len() {
             for j in i + 1..layers.len() {
                 // Skirts are not worn over trousers.
@@ -265,8 +304,12 @@ mod tests {
         let params = coarse(1.0);
         let mesh = |kind| garment(kind, &params);
         let shape = |kind| cloth::pattern(kind, 1.0).shape;
-        let (tshirt, skirt, jacket, coat) =
-            (mesh(Garment::Tshirt), mesh(Garment::Skirt), mesh(Garment::Jacket), mesh(Garment::Coat));
+        let (tshirt, skirt, jacket, coat) = (
+            mesh(Garment::Tshirt),
+            mesh(Garment::Skirt),
+            mesh(Garment::Jacket),
+            mesh(Garment::Coat),
+        );
         let cases = [
             ("tshirt, body", inside(&tshirt, &figure::figure()), 0.10..0.20, 0.005..0.010),
             ("skirt, tshirt", inside(&skirt, &shape(Garment::Tshirt)), 0.01..0.20, 0.005..0.015),
@@ -279,14 +322,18 @@ mod tests {
         }
         for (name, (share, depth), shares, depths) in cases {
             println!("{name}: {share:.3} {depth:.4}");
-            assert!(shares.contains(&share) && depths.contains(&depth), "{name}: {share} of the vertices, {depth} m deep");
+            assert!(
+                shares.contains(&share) && depths.contains(&depth),
+                "{name}: {share} of the vertices, {depth} m deep"
+            );
         }
     }
 
     #[test]
     fn triangles_are_even() {
         for kind in Garment::ALL {
-            let [shortest, longest, mean, share] = edge_lengths(&garment(kind, &MannequinParams::default()));
+            let [shortest, longest, mean, share] =
+                edge_lengths(&garment(kind, &MannequinParams::default()));
             println!("{kind:?} {shortest} {longest} {mean} {share}");
             assert!(
                 shortest > 0.003 && longest < 0.040 && (0.014..0.020).contains(&mean),
@@ -300,7 +347,9 @@ mod tests {
     fn parameters_out_of_range_are_named() {
         assert!(MannequinParams::default().validate().is_ok());
         for resolution in [0.0, -1.0, 100.0, Real::NAN] {
-            let error = MannequinParams { resolution, ..MannequinParams::default() }.validate().unwrap_err();
+            let error = MannequinParams { resolution, ..MannequinParams::default() }
+                .validate()
+                .unwrap_err();
             assert!(error.to_string().contains("resolution"), "{error}");
         }
         assert!(MannequinParams { overlap: 1.5, ..MannequinParams::default() }.validate().is_err());

@@ -1,7 +1,7 @@
 //! The joints of a person, and where a pose puts them.
 //!
-//! In rest all frames of joints are parallel to the world. A pose turns each joint j in the frame of its parent, and
-//! moves the roots:
+//! In rest all frames of joints are parallel to the world. A pose turns each joint j in the frame
+//! of its parent, and moves the roots:
 //!
 //! ```text
 //! G_root = T(t + head_root) R_root        G_j = G_parent T(head_j − head_parent) R_j
@@ -45,7 +45,10 @@ pub struct Pose {
 impl Pose {
     /// Nothing turned, nothing moved.
     pub fn rest(joints: usize) -> Self {
-        Self { root_translation: Vector::zeros(), rotations: vec![UnitQuaternion::identity(); joints] }
+        Self {
+            root_translation: Vector::zeros(),
+            rotations: vec![UnitQuaternion::identity(); joints],
+        }
     }
 }
 
@@ -64,10 +67,14 @@ pub enum SkeletonError {
     #[error("the skeleton has no joints")]
     Empty,
     /// Ids must count from 0.
-    #[error("joint {index} (`{name}`) has the id {id}; joints must stand in the order of their ids, from 0")]
+    #[error(
+        "joint {index} (`{name}`) has the id {id}; joints must stand in the order of their ids, from 0"
+    )]
     Order { index: usize, name: String, id: i64 },
     /// A joint hangs on nothing known.
-    #[error("joint {index} (`{name}`) has the parent {parent}; a parent must stand before its children, and a root has -1")]
+    #[error(
+        "joint {index} (`{name}`) has the parent {parent}; a parent must stand before its children, and a root has -1"
+    )]
     Parent { index: usize, name: String, parent: i64 },
     /// Two joints of one name.
     #[error("joints {first} and {second} are both called `{name}`; each needs its own name")]
@@ -86,19 +93,23 @@ pub enum PoseError {
     #[error("the pose has {got} rotations for {expected} joints")]
     Count { got: usize, expected: usize },
     /// A number is NaN or infinite, or farther off than any place on Earth.
-    #[error("the pose moves the root by {0:?}; coordinates must be metres, and at most {FARTHEST:e}")]
+    #[error(
+        "the pose moves the root by {0:?}; coordinates must be metres, and at most {FARTHEST:e}"
+    )]
     Translation(Vector),
     /// A quaternion (w, x, y, z) is none of a rotation.
-    #[error("rotation {joint} is {rotation:?}, of length {length}; it must be a unit quaternion (w, x, y, z)")]
+    #[error(
+        "rotation {joint} is {rotation:?}, of length {length}; it must be a unit quaternion (w, x, y, z)"
+    )]
     Rotation { joint: usize, rotation: [Real; 4], length: Real },
 }
 
-/// How far the length of a quaternion in a file may lie from 1. Files hold 4 to 7 decimals, which is 2e-4 at worst;
-/// ten times more would take a quaternion for one that was never normalised.
+/// How far the length of a quaternion in a file may lie from 1. Files hold 4 to 7 decimals, which
+/// is 2e-4 at worst; ten times more would take a quaternion for one that was never normalised.
 const UNIT: Real = 2e-3;
 
-/// How far a pose may move the root, in metres: the circumference of the Earth. What lies farther off is no person before a camera, and
-/// overflows the single precision of files.
+/// How far a pose may move the root, in metres: the circumference of the Earth. What lies farther
+/// off is no person before a camera, and overflows the single precision of files.
 const FARTHEST: Real = 4e7;
 
 impl Pose {
@@ -106,8 +117,12 @@ impl Pose {
     ///
     /// # Errors
     ///
-    /// Numbers that are not finite or beyond any place on Earth, or a quaternion whose length is not 1 but for rounding in files.
-    pub fn from_quaternions(root_translation: Vector, rotations: &[[Real; 4]]) -> Result<Self, PoseError> {
+    /// Numbers that are not finite or beyond any place on Earth, or a quaternion whose length is
+    /// not 1 but for rounding in files.
+    pub fn from_quaternions(
+        root_translation: Vector,
+        rotations: &[[Real; 4]],
+    ) -> Result<Self, PoseError> {
         if !root_translation.iter().all(|x| x.abs() <= FARTHEST) {
             return Err(PoseError::Translation(root_translation));
         }
@@ -122,7 +137,10 @@ impl Pose {
                 Err(PoseError::Rotation { joint, rotation, length })
             }
         };
-        Ok(Self { root_translation, rotations: rotations.iter().enumerate().map(turn).collect::<Result<_, _>>()? })
+        Ok(Self {
+            root_translation,
+            rotations: rotations.iter().enumerate().map(turn).collect::<Result<_, _>>()?,
+        })
     }
 
     /// The quaternions (w, x, y, z).
@@ -192,7 +210,12 @@ impl Skeleton {
             if !(-1..index as i64).contains(&j.parent) {
                 return Err(SkeletonError::Parent { index, name: j.name, parent: j.parent });
             }
-            Ok(Joint { name: j.name, parent: usize::try_from(j.parent).ok(), head: j.head.into(), tail: j.tail.into() })
+            Ok(Joint {
+                name: j.name,
+                parent: usize::try_from(j.parent).ok(),
+                head: j.head.into(),
+                tail: j.tail.into(),
+            })
         };
         Self::new(file.joints.into_iter().enumerate().map(joint).collect::<Result<_, _>>()?)
     }
@@ -219,7 +242,10 @@ impl Skeleton {
             head: j.head.into(),
             tail: j.tail.into(),
         };
-        let file = File { convention: CONVENTION.into(), joints: self.joints.iter().enumerate().map(joint).collect() };
+        let file = File {
+            convention: CONVENTION.into(),
+            joints: self.joints.iter().enumerate().map(joint).collect(),
+        };
         serde_json::to_writer_pretty(&mut writer, &file)?;
         writer.write_all(b"\n")
     }
@@ -230,7 +256,8 @@ impl Skeleton {
     ///
     /// A coordinate that is not finite then.
     pub fn scaled(&self, factor: Real) -> Result<Self, SkeletonError> {
-        let scaled = |j: &Joint| Joint { head: j.head * factor, tail: j.tail * factor, ..j.clone() };
+        let scaled =
+            |j: &Joint| Joint { head: j.head * factor, tail: j.tail * factor, ..j.clone() };
         Self::new(self.joints.iter().map(scaled).collect())
     }
 
@@ -261,27 +288,43 @@ impl Skeleton {
     /// A pose of another number of joints.
     pub fn frames(&self, pose: &Pose) -> Result<Vec<Isometry3<Real>>, PoseError> {
         if pose.rotations.len() != self.joints.len() {
-            return Err(PoseError::Count { got: pose.rotations.len(), expected: self.joints.len() });
+            return Err(PoseError::Count {
+                got: pose.rotations.len(),
+                expected: self.joints.len(),
+            });
         }
         let mut frames: Vec<Isometry3<Real>> = Vec::with_capacity(self.joints.len());
         for (joint, turn) in self.joints.iter().zip(&pose.rotations) {
             frames.push(match joint.parent {
-                None => Isometry3::from_parts(Translation3::from(pose.root_translation + joint.head.coords), *turn),
-                Some(p) => frames[p] * Isometry3::from_parts(Translation3::from(joint.head - self.joints[p].head), *turn),
+                None => Isometry3::from_parts(
+                    Translation3::from(pose.root_translation + joint.head.coords),
+                    *turn,
+                ),
+                Some(p) => {
+                    frames[p]
+                        * Isometry3::from_parts(
+                            Translation3::from(joint.head - self.joints[p].head),
+                            *turn,
+                        )
+                }
             });
         }
         Ok(frames)
     }
 
-    /// The skin transforms S of all joints in a pose: where each takes a point that hangs on it alone. In rest they
-    /// are all the identity.
+    /// The skin transforms S of all joints in a pose: where each takes a point that hangs on it
+    /// alone. In rest they are all the identity.
     ///
     /// # Errors
     ///
     /// A pose of another number of joints.
     pub fn transforms(&self, pose: &Pose) -> Result<Vec<Isometry3<Real>>, PoseError> {
         let frames = self.frames(pose)?;
-        Ok(frames.iter().zip(&self.joints).map(|(g, j)| g * Translation3::from(-j.head.coords)).collect())
+        Ok(frames
+            .iter()
+            .zip(&self.joints)
+            .map(|(g, j)| g * Translation3::from(-j.head.coords))
+            .collect())
     }
 }
 
@@ -312,10 +355,18 @@ mod tests {
             approx::assert_relative_eq!(s, Isometry3::identity(), epsilon = 1e-15);
         }
         pose.rotations[2] = UnitQuaternion::from_axis_angle(&Vector::z_axis(), FRAC_PI_2);
-        approx::assert_relative_eq!(skeleton.transforms(&pose).unwrap()[2] * hand, Point::new(0.3, 1.8, 0.0), epsilon = 1e-15);
+        approx::assert_relative_eq!(
+            skeleton.transforms(&pose).unwrap()[2] * hand,
+            Point::new(0.3, 1.8, 0.0),
+            epsilon = 1e-15
+        );
         pose.rotations[0] = UnitQuaternion::from_axis_angle(&Vector::y_axis(), FRAC_PI_2);
         pose.root_translation = Vector::new(0.0, 0.5, 0.0);
-        approx::assert_relative_eq!(skeleton.transforms(&pose).unwrap()[2] * hand, Point::new(0.0, 2.3, -0.3), epsilon = 1e-15);
+        approx::assert_relative_eq!(
+            skeleton.transforms(&pose).unwrap()[2] * hand,
+            Point::new(0.0, 2.3, -0.3),
+            epsilon = 1e-15
+        );
         approx::assert_relative_eq!(
             skeleton.frames(&pose).unwrap()[2].translation.vector,
             Vector::new(0.0, 2.0, -0.3),
@@ -335,14 +386,25 @@ mod tests {
     fn joints_that_make_no_skeleton_are_named() {
         let read = |text: &str| Skeleton::read(text.as_bytes()).unwrap_err();
         let joint = |id: i32, name: &str, parent: i32| {
-            format!(r#"{{"id":{id},"name":"{name}","parent":{parent},"head":[0,0,0],"tail":[0,0,1]}}"#)
+            format!(
+                r#"{{"id":{id},"name":"{name}","parent":{parent},"head":[0,0,0],"tail":[0,0,1]}}"#
+            )
         };
         let all = |joints: &[String]| format!(r#"{{"joints":[{}]}}"#, joints.join(","));
         assert!(matches!(read("{"), SkeletonError::Json(_)));
         assert!(matches!(read(&all(&[])), SkeletonError::Empty));
-        assert!(matches!(read(&all(&[joint(1, "a", -1)])), SkeletonError::Order { index: 0, id: 1, .. }));
+        assert!(matches!(
+            read(&all(&[joint(1, "a", -1)])),
+            SkeletonError::Order { index: 0, id: 1, .. }
+        ));
         for parent in [0, 3, -2] {
-            assert!(matches!(read(&all(&[joint(0, "a", parent)])), SkeletonError::Parent { index: 0, .. }), "{parent}");
+            assert!(
+                matches!(
+                    read(&all(&[joint(0, "a", parent)])),
+                    SkeletonError::Parent { index: 0, .. }
+                ),
+                "{parent}"
+            );
         }
         let twice = read(&all(&[joint(0, "a", -1), joint(1, "a", 0)]));
         assert!(twice.to_string().contains("0 and 1 are both called `a`"), "{twice}");

@@ -15,36 +15,49 @@ pub struct SkinWeights {
 #[allow(missing_docs)] // the messages say what the fields are
 pub enum SkinWeightsError {
     /// The file has no such property.
-    #[error("the mesh has no vertex property `{name}`; skinning needs integers j0 to j3 and floats w0 to w3")]
+    #[error(
+        "the mesh has no vertex property `{name}`; skinning needs integers j0 to j3 and floats w0 to w3"
+    )]
     Missing { name: String },
     /// The file has it with another type.
-    #[error("vertex property `{name}` has the type {found}; j0 to j3 must be integers, w0 to w3 floats, and none lists")]
+    #[error(
+        "vertex property `{name}` has the type {found}; j0 to j3 must be integers, w0 to w3 floats, and none lists"
+    )]
     Type { name: String, found: String },
     /// Lists of different lengths.
     #[error("{joints} vertices have joints, but {weights} have weights")]
     Count { joints: usize, weights: usize },
     /// A joint that the skeleton does not have.
-    #[error("vertex {vertex} hangs on joint {joint}, but the skeleton has only {count} (0 is the first)")]
+    #[error(
+        "vertex {vertex} hangs on joint {joint}, but the skeleton has only {count} (0 is the first)"
+    )]
     Joint { vertex: usize, joint: i64, count: usize },
     /// A weight is negative, NaN or infinite.
-    #[error("weight {slot} of vertex {vertex} is {weight}; weights must be finite and not negative")]
+    #[error(
+        "weight {slot} of vertex {vertex} is {weight}; weights must be finite and not negative"
+    )]
     Weight { vertex: usize, slot: usize, weight: f32 },
     /// All weights of a vertex are zero, or they are far from 1 in sum.
     #[error("the weights of vertex {vertex} sum to {sum}; they must sum to 1")]
     Sum { vertex: usize, sum: f32 },
 }
 
-/// How far the sum of a vertex's weights may lie from 1 before they are normalised. Four weights of two decimals can
-/// miss 0.02; ten times more would hide a lost joint.
+/// How far the sum of a vertex's weights may lie from 1 before they are normalised. Four weights of
+/// two decimals can miss 0.02; ten times more would hide a lost joint.
 const SUM: f32 = 0.03;
 
 impl SkinWeights {
-    /// Checks, normalises and takes the joints and weights of each vertex, for a skeleton of `count` joints.
+    /// Checks, normalises and takes the joints and weights of each vertex, for a skeleton of
+    /// `count` joints.
     ///
     /// # Errors
     ///
     /// The first vertex that does not fit. A joint of weight zero must exist all the same.
-    pub fn new(joints: Vec<[u16; 4]>, mut weights: Vec<[f32; 4]>, count: usize) -> Result<Self, SkinWeightsError> {
+    pub fn new(
+        joints: Vec<[u16; 4]>,
+        mut weights: Vec<[f32; 4]>,
+        count: usize,
+    ) -> Result<Self, SkinWeightsError> {
         if joints.len() != weights.len() {
             return Err(SkinWeightsError::Count { joints: joints.len(), weights: weights.len() });
         }
@@ -73,11 +86,16 @@ impl SkinWeights {
     /// A property that is missing or of another type, and as [`SkinWeights::new`].
     pub fn from_ply(ply: &PlyMesh, count: usize) -> Result<Self, SkinWeightsError> {
         let property = |name: String| {
-            let found = ply.vertex_property(&name).ok_or(SkinWeightsError::Missing { name: name.clone() })?;
+            let found = ply
+                .vertex_property(&name)
+                .ok_or(SkinWeightsError::Missing { name: name.clone() })?;
             let integer = found.values.scalar_type().is_integer();
             if found.lists.is_some() || integer != name.starts_with('j') {
                 let list = if found.lists.is_some() { "list of " } else { "" };
-                return Err(SkinWeightsError::Type { name, found: format!("{list}{}", found.values.scalar_type()) });
+                return Err(SkinWeightsError::Type {
+                    name,
+                    found: format!("{list}{}", found.values.scalar_type()),
+                });
             }
             Ok(found.values.to_f64())
         };
@@ -97,24 +115,32 @@ impl SkinWeights {
         Self::new(joints, weights, count)
     }
 
-    /// The properties j0 to j3 and w0 to w3 for a PLY file; `uchar` joints where there are fewer than 256.
+    /// The properties j0 to j3 and w0 to w3 for a PLY file; `uchar` joints where there are fewer
+    /// than 256.
     pub fn to_properties(&self) -> Vec<Property> {
         let small = self.joints.iter().flatten().all(|j| *j < 256);
         let joint = |k: usize| {
             let values = self.joints.iter().map(|j| j[k]);
-            if small { Column::U8(values.map(|j| j as u8).collect()) } else { Column::U16(values.collect()) }
+            if small {
+                Column::U8(values.map(|j| j as u8).collect())
+            } else {
+                Column::U16(values.collect())
+            }
         };
-        let mut out: Vec<Property> = (0..4).map(|k| Property::new(format!("j{k}"), joint(k))).collect();
-        out.extend((0..4).map(|k| Property::new(format!("w{k}"), Column::F32(self.weights.iter().map(|w| w[k]).collect()))));
+        let mut out: Vec<Property> =
+            (0..4).map(|k| Property::new(format!("j{k}"), joint(k))).collect();
+        out.extend((0..4).map(|k| {
+            Property::new(format!("w{k}"), Column::F32(self.weights.iter().map(|w| w[k]).collect()))
+        }));
         out
     }
 
-    /// The first vertex that names a joint beyond the first `count`, and that joint: `None` where the weights fit a skeleton of `count` joints.
+    /// The first vertex that names a joint beyond the first `count`, and that joint: `None` where
+    /// the weights fit a skeleton of `count` joints.
     pub fn beyond(&self, count: usize) -> Option<(usize, u16)> {
-        self.joints
-            .iter()
-            .enumerate()
-            .find_map(|(vertex, on)| on.iter().find(|j| usize::from(**j) >= count).map(|j| (vertex, *j)))
+        self.joints.iter().enumerate().find_map(|(vertex, on)| {
+            on.iter().find(|j| usize::from(**j) >= count).map(|j| (vertex, *j))
+        })
     }
 
     /// Number of vertices.
@@ -145,7 +171,12 @@ mod tests {
     use if_core::mesh::TriMesh;
 
     fn two() -> SkinWeights {
-        SkinWeights::new(vec![[0, 1, 0, 0], [2, 0, 0, 0]], vec![[0.25, 0.75, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]], 3).unwrap()
+        SkinWeights::new(
+            vec![[0, 1, 0, 0], [2, 0, 0, 0]],
+            vec![[0.25, 0.75, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]],
+            3,
+        )
+        .unwrap()
     }
 
     fn ply() -> PlyMesh {
@@ -160,7 +191,10 @@ mod tests {
         assert_eq!(joint, Err(SkinWeightsError::Joint { vertex: 1, joint: 2, count: 2 }));
         let mut lacking = ply();
         lacking.vertex_properties.retain(|p| p.name != "w2");
-        assert_eq!(SkinWeights::from_ply(&lacking, 3), Err(SkinWeightsError::Missing { name: "w2".into() }));
+        assert_eq!(
+            SkinWeights::from_ply(&lacking, 3),
+            Err(SkinWeightsError::Missing { name: "w2".into() })
+        );
         let mut swapped = ply();
         swapped.vertex_properties[0].values = Column::F32(vec![0.0; 2]);
         assert!(matches!(SkinWeights::from_ply(&swapped, 3), Err(SkinWeightsError::Type { .. })));
@@ -174,8 +208,14 @@ mod tests {
             assert!(matches!(new(w), Err(SkinWeightsError::Sum { vertex: 0, .. })), "{w:?}");
         }
         for w in [[-0.5, 1.5, 0.0, 0.0], [f32::NAN, 1.0, 0.0, 0.0]] {
-            assert!(matches!(new(w), Err(SkinWeightsError::Weight { vertex: 0, slot: 0, .. })), "{w:?}");
+            assert!(
+                matches!(new(w), Err(SkinWeightsError::Weight { vertex: 0, slot: 0, .. })),
+                "{w:?}"
+            );
         }
-        assert_eq!(SkinWeights::new(vec![[0; 4]], vec![], 1), Err(SkinWeightsError::Count { joints: 1, weights: 0 }));
+        assert_eq!(
+            SkinWeights::new(vec![[0; 4]], vec![], 1),
+            Err(SkinWeightsError::Count { joints: 1, weights: 0 })
+        );
     }
 }

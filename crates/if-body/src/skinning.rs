@@ -1,11 +1,13 @@
-//! Linear blend skinning: where a pose takes the points of a body, of its clothes, and of the space about it, and back.
+//! Linear blend skinning: where a pose takes the points of a body, of its clothes, and of the space
+//! about it, and back.
 //!
 //! ```text
 //! f(x) = Σ wⱼ(x) Sⱼ x = A x + b,     A = Σ wⱼ rotation(Sⱼ),  b = Σ wⱼ translation(Sⱼ)
 //! ```
 //!
-//! The weights w belong to vertices ([`SkinWeights`]), where f is one [`Affine`] map and its inverse has a closed form; or to all
-//! of canonical space ([`WeightGrid`]), where the inverse is found by Newton's method ([`unpose`]).
+//! The weights w belong to vertices ([`SkinWeights`]), where f is one [`Affine`] map and its
+//! inverse has a closed form; or to all of canonical space ([`WeightGrid`]), where the inverse is
+//! found by Newton's method ([`unpose`]).
 
 mod grid;
 mod inverse;
@@ -28,8 +30,10 @@ pub struct Affine {
 }
 
 impl Affine {
-    const ZERO: Self =
-        Self { linear: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), offset: Vector::new(0.0, 0.0, 0.0) };
+    const ZERO: Self = Self {
+        linear: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        offset: Vector::new(0.0, 0.0, 0.0),
+    };
 
     fn add(&mut self, weight: Real, transform: &Isometry3<Real>) {
         self.linear += transform.rotation.to_rotation_matrix().into_inner() * weight;
@@ -42,14 +46,18 @@ impl Affine {
         Point::from(self.linear * p.coords + self.offset)
     }
 
-    /// Where a posed point comes from; `None` where the blend is singular (opposite rotations in equal parts).
+    /// Where a posed point comes from; `None` where the blend is singular (opposite rotations in
+    /// equal parts).
     pub fn inverse_point(&self, p: &Point) -> Option<Point> {
         self.linear.try_inverse().map(|inverse| Point::from(inverse * (p.coords - self.offset)))
     }
 
-    /// The unit normal of the posed surface, from that of the canonical one: A⁻ᵀ n. Zero where the blend is singular.
+    /// The unit normal of the posed surface, from that of the canonical one: A⁻ᵀ n. Zero where the
+    /// blend is singular.
     pub fn normal(&self, n: &Vector) -> Vector {
-        self.linear.try_inverse().map_or(Vector::zeros(), |inverse| unit_or_zero(&(inverse.transpose() * n)))
+        self.linear
+            .try_inverse()
+            .map_or(Vector::zeros(), |inverse| unit_or_zero(&(inverse.transpose() * n)))
     }
 
     /// The unit normal of the canonical surface, from that of the posed one: Aᵀ n.
@@ -59,7 +67,8 @@ impl Affine {
     }
 }
 
-/// The map of each vertex: the joints' `transforms` ([`crate::skeleton::Skeleton::transforms`]) blended with its weights.
+/// The map of each vertex: the joints' `transforms` ([`crate::skeleton::Skeleton::transforms`])
+/// blended with its weights.
 ///
 /// # Panics
 ///
@@ -100,8 +109,8 @@ pub fn pose_points(points: &[Point], maps: &[Affine]) -> Vec<Point> {
     points.iter().zip(maps).map(|(p, map)| map.point(p)).collect()
 }
 
-/// The vertices back in canonical space, by the closed form x = A⁻¹ (y − b). The first whose map has no inverse is
-/// the error.
+/// The vertices back in canonical space, by the closed form x = A⁻¹ (y − b). The first whose map
+/// has no inverse is the error.
 ///
 /// # Errors
 ///
@@ -120,13 +129,20 @@ mod tests {
     use super::*;
     use crate::skeleton::{Joint, Pose, Skeleton};
 
-    /// Three joints in two poses, with numbers from `skin_mats` and `lbs` of the project's `render_sequence.py`:
-    /// heads (0, 1, 0), (0.1, 1.5, 0), (0.4, 1.4, 0.1); parents −1, 0, 1.
+    /// Three joints in two poses, with numbers from `skin_mats` and `lbs` of the project's
+    /// `render_sequence.py`: heads (0, 1, 0), (0.1, 1.5, 0), (0.4, 1.4, 0.1); parents −1, 0, 1.
     fn posed() -> (Skeleton, Pose) {
-        let joint =
-            |name: &str, parent, head: [Real; 3]| Joint { name: name.into(), parent, head: head.into(), tail: head.into() };
-        let joints =
-            vec![joint("a", None, [0.0, 1.0, 0.0]), joint("b", Some(0), [0.1, 1.5, 0.0]), joint("c", Some(1), [0.4, 1.4, 0.1])];
+        let joint = |name: &str, parent, head: [Real; 3]| Joint {
+            name: name.into(),
+            parent,
+            head: head.into(),
+            tail: head.into(),
+        };
+        let joints = vec![
+            joint("a", None, [0.0, 1.0, 0.0]),
+            joint("b", Some(0), [0.1, 1.5, 0.0]),
+            joint("c", Some(1), [0.4, 1.4, 0.1]),
+        ];
         let quaternions = [[0.8, 0.0, 0.6, 0.0], [0.5, 0.5, 0.5, -0.5], [0.6, 0.48, 0.0, 0.64]];
         let pose = Pose::from_quaternions(Vector::new(0.05, -0.1, 0.2), &quaternions).unwrap();
         (Skeleton::new(joints).unwrap(), pose)
@@ -136,8 +152,12 @@ mod tests {
     fn poses_match_the_renderer() {
         let (skeleton, pose) = posed();
         let transforms = skeleton.transforms(&pose).unwrap();
-        let skin =
-            SkinWeights::new(vec![[0, 1, 2, 0], [2, 1, 0, 0]], vec![[0.25, 0.5, 0.25, 0.0], [1.0, 0.0, 0.0, 0.0]], 3).unwrap();
+        let skin = SkinWeights::new(
+            vec![[0, 1, 2, 0], [2, 1, 0, 0]],
+            vec![[0.25, 0.5, 0.25, 0.0], [1.0, 0.0, 0.0, 0.0]],
+            3,
+        )
+        .unwrap();
         let points = [Point::new(0.3, 1.45, 0.05), Point::new(0.6, 1.2, 0.3)];
         let out = pose_points(&points, &blends(&skin, &transforms));
         let expected = EXPECTED.map(Point::from);
@@ -146,13 +166,19 @@ mod tests {
         }
     }
 
-    const EXPECTED: [[Real; 3]; 2] = [[-0.061412, 1.3524, 0.079484], [-0.5117024, 1.18448, -0.0621632]];
+    const EXPECTED: [[Real; 3]; 2] =
+        [[-0.061412, 1.3524, 0.079484], [-0.5117024, 1.18448, -0.0621632]];
 
     #[test]
     fn vertices_and_normals_come_back() {
         let (skeleton, pose) = posed();
         let maps = blends(
-            &SkinWeights::new(vec![[0, 1, 2, 0]; 2], vec![[0.7, 0.2, 0.1, 0.0], [0.1, 0.0, 0.9, 0.0]], 3).unwrap(),
+            &SkinWeights::new(
+                vec![[0, 1, 2, 0]; 2],
+                vec![[0.7, 0.2, 0.1, 0.0], [0.1, 0.0, 0.9, 0.0]],
+                3,
+            )
+            .unwrap(),
             &skeleton.transforms(&pose).unwrap(),
         );
         let points = [Point::new(0.3, 1.45, 0.05), Point::new(-0.2, 0.7, 0.4)];

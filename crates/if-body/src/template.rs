@@ -1,4 +1,5 @@
-//! A body with its skeleton: what a capture is reconstructed from, and what garments are aligned on.
+//! A body with its skeleton: what a capture is reconstructed from, and what garments are aligned
+//! on.
 
 use crate::skeleton::{Skeleton, SkeletonError};
 use crate::skin_weights::{SkinWeights, SkinWeightsError};
@@ -42,13 +43,18 @@ const MESHES: [&str; 2] = ["body_clean.ply", "body.ply"];
 const SKELETON: &str = "skeleton.json";
 
 impl TemplateBody {
-    /// Reads `skeleton.json` and `body_clean.ply` (or, where that is missing, `body.ply`) of a folder.
+    /// Reads `skeleton.json` and `body_clean.ply` (or, where that is missing, `body.ply`) of a
+    /// folder.
     ///
     /// # Errors
     ///
     /// [`TemplateError`], with the file.
     pub fn read(folder: &Path) -> Result<Self, TemplateError> {
-        let mesh = MESHES.iter().map(|name| folder.join(name)).find(|p| p.exists()).unwrap_or_else(|| folder.join(MESHES[0]));
+        let mesh = MESHES
+            .iter()
+            .map(|name| folder.join(name))
+            .find(|p| p.exists())
+            .unwrap_or_else(|| folder.join(MESHES[0]));
         Self::read_files(&mesh, &folder.join(SKELETON))
     }
 
@@ -61,13 +67,15 @@ impl TemplateBody {
         let fault = |source| TemplateError::Skeleton { path: skeleton.into(), source };
         let skeleton = Skeleton::read_path(skeleton).map_err(fault)?;
         let path = || mesh.to_path_buf();
-        let ply = ply::read_path(mesh).map_err(|e| TemplateError::Mesh { path: path(), source: e.into() })?;
+        let ply = ply::read_path(mesh)
+            .map_err(|e| TemplateError::Mesh { path: path(), source: e.into() })?;
         let skin = SkinWeights::from_ply(&ply, skeleton.len());
         let skin = skin.map_err(|source| TemplateError::Weights { path: path(), source })?;
         Ok(Self { mesh: ply.mesh, skin, skeleton })
     }
 
-    /// Writes `body_clean.ply` and `skeleton.json` into a folder that exists, each whole or not at all.
+    /// Writes `body_clean.ply` and `skeleton.json` into a folder that exists, each whole or not at
+    /// all.
     ///
     /// # Errors
     ///
@@ -95,10 +103,16 @@ mod tests {
 
     fn template() -> TemplateBody {
         let at = |x: f64| Point::new(x, 0.5, 0.25);
-        let joint = |name: &str, parent, x| Joint { name: name.into(), parent, head: at(x), tail: at(x + 0.5) };
+        let joint = |name: &str, parent, x| Joint {
+            name: name.into(),
+            parent,
+            head: at(x),
+            tail: at(x + 0.5),
+        };
         TemplateBody {
             mesh: TriMesh::new(vec![at(0.0), at(0.5), Point::origin()], vec![[0, 1, 2]]).unwrap(),
-            skin: SkinWeights::new(vec![[0, 1, 0, 0]; 3], vec![[0.5, 0.5, 0.0, 0.0]; 3], 2).unwrap(),
+            skin: SkinWeights::new(vec![[0, 1, 0, 0]; 3], vec![[0.5, 0.5, 0.0, 0.0]; 3], 2)
+                .unwrap(),
             skeleton: Skeleton::new(vec![joint("a", None, 0.0), joint("b", Some(0), 0.5)]).unwrap(),
         }
     }
@@ -108,21 +122,41 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         template().write(folder.path()).unwrap();
         let read = TemplateBody::read(folder.path()).unwrap();
-        assert_eq!((read.mesh, read.skin, read.skeleton), (template().mesh, template().skin, template().skeleton));
+        assert_eq!(
+            (read.mesh, read.skin, read.skeleton),
+            (template().mesh, template().skin, template().skeleton)
+        );
     }
 
     #[test]
     fn faults_name_the_file() {
         let folder = tempfile::tempdir().unwrap();
         let error = TemplateBody::read(folder.path()).unwrap_err();
-        assert!(matches!(&error, TemplateError::Skeleton { .. }) && error.to_string().contains("skeleton.json"), "{error}");
+        assert!(
+            matches!(&error, TemplateError::Skeleton { .. })
+                && error.to_string().contains("skeleton.json"),
+            "{error}"
+        );
         template().write(folder.path()).unwrap();
         std::fs::remove_file(folder.path().join("body_clean.ply")).unwrap();
         let error = TemplateBody::read(folder.path()).unwrap_err();
-        assert!(matches!(&error, TemplateError::Mesh { .. }) && error.to_string().contains("body_clean.ply"), "{error}");
+        assert!(
+            matches!(&error, TemplateError::Mesh { .. })
+                && error.to_string().contains("body_clean.ply"),
+            "{error}"
+        );
         let bare = PlyMesh::new(template().mesh);
-        ply::write_path(&bare, bare.mesh.vertices(), &WriteParams::default(), &folder.path().join("body.ply")).unwrap();
+        ply::write_path(
+            &bare,
+            bare.mesh.vertices(),
+            &WriteParams::default(),
+            &folder.path().join("body.ply"),
+        )
+        .unwrap();
         let error = TemplateBody::read(folder.path()).unwrap_err();
-        assert!(matches!(&error, TemplateError::Weights { .. }) && error.to_string().contains("`j0`"), "{error}");
+        assert!(
+            matches!(&error, TemplateError::Weights { .. }) && error.to_string().contains("`j0`"),
+            "{error}"
+        );
     }
 }

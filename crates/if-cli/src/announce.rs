@@ -23,7 +23,12 @@ pub(crate) enum Style {
 }
 
 /// Says how one outfit went.
-pub(crate) fn outcome(spec: &OutfitSpec, out: &Path, outcome: Outcome, style: Style) -> Result<End, Report> {
+pub(crate) fn outcome(
+    spec: &OutfitSpec,
+    out: &Path,
+    outcome: Outcome,
+    style: Style,
+) -> Result<End, Report> {
     if style == Style::Json {
         print_outcome_json(&spec.name, out, &outcome)?;
     }
@@ -34,7 +39,10 @@ pub(crate) fn outcome(spec: &OutfitSpec, out: &Path, outcome: Outcome, style: St
         }
         Outcome::Finished => {
             if style != Style::Json {
-                print(&format!("{}: finished before, skipped (--again does it again)\n", spec.name))?;
+                print(&format!(
+                    "{}: finished before, skipped (--again does it again)\n",
+                    spec.name
+                ))?;
             }
             return Ok(End::Clean);
         }
@@ -86,7 +94,11 @@ fn in_tables(spec: &OutfitSpec, out: &Path, done: &Done) -> String {
         table::resolved(&done.report, table::coloured()),
         skipped,
         notes(&done.notes),
-        format!("{}, {:.2} s\n", table::totals(&done.report.before, &done.report.after), done.seconds),
+        format!(
+            "{}, {:.2} s\n",
+            table::totals(&done.report.before, &done.report.after),
+            done.seconds
+        ),
         written,
     ]
     .concat()
@@ -99,9 +111,14 @@ fn named(output: &Output) -> String {
 
 fn in_one_line(name: &str, out: &Path, done: &Done) -> String {
     let moved = done.report.layers.iter().map(|l| l.moved.max).fold(0.0, f64::max);
-    let written = if done.outputs.is_empty() { "nothing written".into() } else { out.display().to_string() };
+    let written =
+        if done.outputs.is_empty() { "nothing written".into() } else { out.display().to_string() };
     let totals = table::totals(&done.report.before, &done.report.after);
-    let line = format!("{name}: {totals}, moved at most {:.1} mm, {:.2} s, {written}\n", moved * 1e3, done.seconds);
+    let line = format!(
+        "{name}: {totals}, moved at most {:.1} mm, {:.2} s, {written}\n",
+        moved * 1e3,
+        done.seconds
+    );
     line + &notes(&done.notes)
 }
 

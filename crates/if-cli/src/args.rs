@@ -30,7 +30,8 @@ pub(crate) struct Cli {
     #[arg(short = 'j', long, visible_alias = "jobs", global = true, value_name = "N",
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
-    /// Say on stderr what is left of each garment at each verification, instead of a line of progress.
+    /// Say on stderr what is left of each garment at each verification, instead of a line of
+    /// progress.
     #[arg(short, long, global = true)]
     pub(crate) verbose: bool,
 }
@@ -46,7 +47,8 @@ pub(crate) enum Command {
     /// Captures: a person who turns before a camera (docs/capture.md).
     #[command(subcommand)]
     Capture(CaptureCommand),
-    /// Reconstruct a person and each garment from a capture of a turning video (docs/reconstruction.md).
+    /// Reconstruct a person and each garment from a capture of a turning video
+    /// (docs/reconstruction.md).
     Reconstruct(ReconstructArgs),
     /// Keep bodies and garments in a folder, and combine them at will (docs/wardrobe.md).
     Wardrobe(WardrobeArgs),
@@ -63,7 +65,8 @@ pub(crate) enum Command {
 /// What to do with captures.
 #[derive(Subcommand, Debug)]
 pub(crate) enum CaptureCommand {
-    /// Render the built-in scene as a capture: masks, labels and normals with noise, template and truth.
+    /// Render the built-in scene as a capture: masks, labels and normals with noise, template and
+    /// truth.
     Synth(SynthArgs),
 }
 
@@ -115,7 +118,8 @@ pub(crate) struct SynthArgs {
     /// The same for the masks alone.
     #[arg(long, value_name = "NOISE")]
     pub(crate) mask_noise: Option<f64>,
-    /// How far clothes move by themselves, with a unit, such as 1cm; each frame as it is goes to truth/ then.
+    /// How far clothes move by themselves, with a unit, such as 1cm; each frame as it is goes to
+    /// truth/ then.
     #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
     pub(crate) nonrigid: Option<f64>,
     /// Another number, another noise and another motion.
@@ -172,7 +176,8 @@ pub(crate) struct ParamArgs {
     /// Gap to keep between layers, with a unit: 0.5mm, 0.0005m; metres without one.
     #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) clearance: Option<f64>,
-    /// Any other parameter, as in the `params` table of an outfit file; may be given more than once.
+    /// Any other parameter, as in the `params` table of an outfit file; may be given more than
+    /// once.
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
     pub(crate) set: Vec<(String, toml::Value)>,
 }
@@ -217,8 +222,8 @@ pub(crate) struct CleanArgs {
     pub(crate) out: PathBuf,
     #[command(flatten)]
     pub(crate) open: Openness,
-    /// The clothed body that the garment was cut from: a loop that bounds a large part of the rest of it is an opening. Instead of --openings, --longer
-    /// and --open-at, but for --project.
+    /// The clothed body that the garment was cut from: a loop that bounds a large part of the rest
+    /// of it is an opening. Instead of --openings, --longer and --open-at, but for --project.
     #[arg(long, value_name = "MESH")]
     pub(crate) body: Option<PathBuf>,
     /// Put patches and smoothed boundaries onto the surface of --body, which must be closed.
@@ -289,10 +294,12 @@ pub(crate) struct DemoArgs {
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct ExtractArgs {
-    /// The field: a closed mesh (.ply, .obj), whose signed distance it is, or a network that `ifg fit` wrote (.safetensors).
+    /// The field: a closed mesh (.ply, .obj), whose signed distance it is, or a network that `ifg
+    /// fit` wrote (.safetensors).
     #[arg(value_name = "FIELD")]
     pub(crate) field: PathBuf,
-    /// The mesh to write (.ply). Pictures come beside it, as .before.png (of a mesh) and .after.png, slivers in red.
+    /// The mesh to write (.ply). Pictures come beside it, as .before.png (of a mesh) and
+    /// .after.png, slivers in red.
     #[arg(short, long, value_name = "FILE")]
     pub(crate) out: PathBuf,
     /// Side of the cells, with a unit: about the mean edge length that comes out.
@@ -311,10 +318,12 @@ pub(crate) struct ExtractArgs {
     /// Rounds of relaxation, which make slivers into triangles; 0 is plain marching cubes.
     #[arg(long, value_name = "ROUNDS", default_value_t = 3, value_parser = clap::value_parser!(u64).range(0..=100).map(|n| n as usize))]
     pub(crate) relax: usize,
-    /// Number of the layer: each has a lattice of its own, so that layers do not touch in degenerate ways.
+    /// Number of the layer: each has a lattice of its own, so that layers do not touch in
+    /// degenerate ways.
     #[arg(long, value_name = "K", default_value_t = 0)]
     pub(crate) layer: usize,
-    /// Factor from the units of a mesh to metres; the output keeps its units. Networks are in metres.
+    /// Factor from the units of a mesh to metres; the output keeps its units. Networks are in
+    /// metres.
     #[arg(long, value_name = "FACTOR", value_parser = positive)]
     pub(crate) scale: Option<f64>,
     /// Print the report as JSON on stdout, and no tables.
@@ -327,17 +336,19 @@ pub(crate) struct ExtractArgs {
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct FitArgs {
-    /// The mesh (.ply, .obj), in metres, wound outwards. Of an open mesh, such as a scan, the vertices are
-    /// fitted as points with normals: noise is averaged and holes are closed.
+    /// The mesh (.ply, .obj), in metres, wound outwards. Of an open mesh, such as a scan, the
+    /// vertices are fitted as points with normals: noise is averaged and holes are closed.
     #[arg(value_name = "MESH")]
     pub(crate) mesh: PathBuf,
     /// Where to write the network (.safetensors).
     #[arg(short, long, value_name = "FILE")]
     pub(crate) out: PathBuf,
-    /// Time for the whole fit; 60 where neither steps nor an accuracy are given, 600 with an accuracy.
+    /// Time for the whole fit; 60 where neither steps nor an accuracy are given, 600 with an
+    /// accuracy.
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     pub(crate) seconds: Option<f64>,
-    /// Stop as soon as the mean error near the surface is at most this: 0.5mm, 0.0005m; metres without unit.
+    /// Stop as soon as the mean error near the surface is at most this: 0.5mm, 0.0005m; metres
+    /// without unit.
     #[arg(long, value_name = "LENGTH", value_parser = above_zero, allow_hyphen_values = true)]
     pub(crate) accuracy: Option<f64>,
     /// Stop after so many steps; the same steps give the same bits, on any number of threads.
@@ -355,10 +366,12 @@ pub(crate) struct FitArgs {
     /// Seed of sampling and first values.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
-    /// Store the fit here (.safetensors) once a minute and on Ctrl-C, so that --resume can go on with it.
+    /// Store the fit here (.safetensors) once a minute and on Ctrl-C, so that --resume can go on
+    /// with it.
     #[arg(long, value_name = "FILE")]
     pub(crate) checkpoint: Option<PathBuf>,
-    /// Go on with the fit that --checkpoint stored: the same mesh, --points and --scale must be given; network, seed and limits are those of the fit.
+    /// Go on with the fit that --checkpoint stored: the same mesh, --points and --scale must be
+    /// given; network, seed and limits are those of the fit.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["seconds", "accuracy", "steps", "network", "seed"])]
     pub(crate) resume: Option<PathBuf>,
     /// Print the report as JSON on stdout, and no table.
@@ -406,7 +419,8 @@ pub(crate) fn positive(text: &str) -> Result<f64, String> {
 /// A length in metres from text with a unit.
 fn length(text: &str) -> Result<f64, String> {
     let text = text.trim();
-    let unit_at = text.find(|c: char| c.is_ascii_alphabetic() && c != 'e' && c != 'E').unwrap_or(text.len());
+    let unit_at =
+        text.find(|c: char| c.is_ascii_alphabetic() && c != 'e' && c != 'E').unwrap_or(text.len());
     let (number, unit) = text.split_at(unit_at);
     // Divided, not multiplied: 0.5 / 1000 is the nearest number to 0.0005, 0.5 · 0.001 need not be.
     let per_metre = match unit {
@@ -427,7 +441,9 @@ fn length(text: &str) -> Result<f64, String> {
 fn point(text: &str) -> Result<Point, String> {
     let numbers: Vec<f64> = text.split(',').filter_map(|x| x.trim().parse().ok()).collect();
     match numbers[..] {
-        [x, y, z] if text.split(',').count() == 3 && [x, y, z].iter().all(|x| x.is_finite()) => Ok(Point::new(x, y, z)),
+        [x, y, z] if text.split(',').count() == 3 && [x, y, z].iter().all(|x| x.is_finite()) => {
+            Ok(Point::new(x, y, z))
+        }
         _ => Err("give three numbers, such as 0.1,1.2,-0.05".into()),
     }
 }
@@ -443,14 +459,17 @@ fn label_name(text: &str) -> Result<(u8, String), String> {
 
 /// A length above zero.
 pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
-    length(text).and_then(|value| if value > 0.0 { Ok(value) } else { Err("a length above zero is needed".into()) })
+    length(text).and_then(|value| {
+        if value > 0.0 { Ok(value) } else { Err("a length above zero is needed".into()) }
+    })
 }
 
 /// `key=value` with a TOML value, or a word without quotes; dots in the key step into groups.
 fn assignment(text: &str) -> Result<(String, toml::Value), String> {
     let (key, value) = text.split_once('=').ok_or("give KEY=VALUE, such as clearance=0.0005")?;
     let (key, value) = (key.trim().to_owned(), value.trim());
-    let parsed = format!("v = {value}").parse::<toml::Table>().map(|table| table.into_iter().next());
+    let parsed =
+        format!("v = {value}").parse::<toml::Table>().map(|table| table.into_iter().next());
     match parsed {
         Ok(Some((_, value))) => Ok((key, value)),
         Ok(None) => Err("the value is empty".into()),

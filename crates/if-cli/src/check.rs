@@ -26,7 +26,9 @@ pub(crate) fn run(args: &CheckArgs) -> Result<End, Report> {
         let file = args.input.files[k].display().to_string();
         let end = match one(spec, (k, n), json) {
             Ok(end) => end,
-            Err(error) => announce::failure(&file, &error, if json { Style::Json } else { Style::Tables })?,
+            Err(error) => {
+                announce::failure(&file, &error, if json { Style::Json } else { Style::Tables })?
+            }
         };
         worst = worst.max(end);
     }
@@ -34,7 +36,11 @@ pub(crate) fn run(args: &CheckArgs) -> Result<End, Report> {
 }
 
 /// Checks outfit `k` of `n`.
-fn one(spec: Result<OutfitSpec, SpecError>, (k, n): (usize, usize), json: bool) -> Result<End, Report> {
+fn one(
+    spec: Result<OutfitSpec, SpecError>,
+    (k, n): (usize, usize),
+    json: bool,
+) -> Result<End, Report> {
     let start = Instant::now();
     let spec = spec?;
     let line = Line::new(&spec.name, k, n);
@@ -46,15 +52,20 @@ fn one(spec: Result<OutfitSpec, SpecError>, (k, n): (usize, usize), json: bool) 
     let clean = found.is_clean();
     let verdict = if clean { "clean" } else { "not clean" };
     if json {
-        print_json(&json!({"outfit": spec.name, "state": verdict, "notes": loaded.notes(), "report": found}))?;
+        print_json(
+            &json!({"outfit": spec.name, "state": verdict, "notes": loaded.notes(), "report": found}),
+        )?;
     } else {
         let garments: Vec<String> = spec.garments.iter().map(|l| l.name.clone()).collect();
         let mut text = announce::title(&spec);
         text += &table::checked(&found, &garments, table::coloured());
         text += &announce::notes(&loaded.notes());
-        let (pairs, inside) = (table::count(found.total_pairs()), table::count(found.total_inside()));
+        let (pairs, inside) =
+            (table::count(found.total_pairs()), table::count(found.total_inside()));
         let seconds = start.elapsed().as_secs_f64();
-        text += &format!("{pairs} intersecting pairs, {inside} vertices inside: {verdict}, {seconds:.2} s\n");
+        text += &format!(
+            "{pairs} intersecting pairs, {inside} vertices inside: {verdict}, {seconds:.2} s\n"
+        );
         print(&text)?;
     }
     Ok(if clean { End::Clean } else { End::NotClean })

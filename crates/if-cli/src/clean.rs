@@ -42,19 +42,27 @@ enum CleanError {
     #[diagnostic(code(ifg::input::body), help("--project needs a closed --body, wound outwards"))]
     Body { path: PathBuf, source: SdfError },
     #[error("--project needs --body")]
-    #[diagnostic(code(ifg::arguments), help("add --body CLOTHED.ply: its surface is what is projected onto"))]
+    #[diagnostic(
+        code(ifg::arguments),
+        help("add --body CLOTHED.ply: its surface is what is projected onto")
+    )]
     NoBody,
     #[error("--body has no use beside {option}")]
     #[diagnostic(
         code(ifg::arguments),
-        help("--body tells openings from holes where nothing else does: leave it out, or {option}, or add --project")
+        help(
+            "--body tells openings from holes where nothing else does: leave it out, or {option}, or add --project"
+        )
     )]
     IdleBody { option: &'static str },
     #[error("nothing was cleaned")]
     #[diagnostic(code(ifg::input::params), help("look at the options"))]
     Params { source: CleanupError },
     #[error("nothing is left of `{}`", path.display())]
-    #[diagnostic(code(ifg::input::empty), help("it has no triangle with an area; look at the file"))]
+    #[diagnostic(
+        code(ifg::input::empty),
+        help("it has no triangle with an area; look at the file")
+    )]
     Empty { path: PathBuf },
     #[error("the result cannot be written with coordinates of 4 bytes")]
     #[diagnostic(code(ifg::output::range), help("scale the mesh to metres"))]
@@ -73,10 +81,9 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
     let file = read(&args.file)?;
     let body = args.body.as_deref().map(read).transpose()?;
     let field = match (&body, args.project) {
-        (Some(body), true) => Some(
-            MeshSdf::closed(body.mesh())
-                .map_err(|source| CleanError::Body { path: args.body.clone().unwrap_or_default(), source })?,
-        ),
+        (Some(body), true) => Some(MeshSdf::closed(body.mesh()).map_err(|source| {
+            CleanError::Body { path: args.body.clone().unwrap_or_default(), source }
+        })?),
         (None, true) => return Err(CleanError::NoBody.into()),
         _ => None,
     };
@@ -86,9 +93,11 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
         _ => PlyMesh { coordinates: CoordinateType::Double, ..PlyMesh::new(mesh.clone()) },
     };
     let notes = notes(&file, &ply);
-    let attributes = VertexAttributes::new(mesh.vertices().len(), std::mem::take(&mut ply.vertex_properties))
-        .map_err(|source| CleanError::Attributes { path: args.file.clone(), source })?;
-    let params = params(args, body.as_ref().map(MeshFile::mesh), ply.coordinates == CoordinateType::Float);
+    let attributes =
+        VertexAttributes::new(mesh.vertices().len(), std::mem::take(&mut ply.vertex_properties))
+            .map_err(|source| CleanError::Attributes { path: args.file.clone(), source })?;
+    let params =
+        params(args, body.as_ref().map(MeshFile::mesh), ply.coordinates == CoordinateType::Float);
     let say = &mut |step: Step| {
         line.say(match step {
             Step::Manifold => "making it manifold",
@@ -119,7 +128,8 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
     ply::write_path(&ply, &positions, &how, &target.staged(0))
         .map_err(|e| OutputError::Mesh { path: args.out.clone(), source: Told::new(&e) })?;
     if !args.no_pictures {
-        let written = ply.mesh.with_vertices(positions).map_err(|source| CleanError::Precision { source })?;
+        let written =
+            ply.mesh.with_vertices(positions).map_err(|source| CleanError::Precision { source })?;
         for (mesh, k) in [(mesh, 1), (&written, 2)] {
             let fault = |source| OutputError::File { path: target.path(k), source };
             pictures::draw_one(mesh, &target.staged(k)).map_err(fault)?;
@@ -189,7 +199,8 @@ fn params(args: &CleanArgs, body: Option<&TriMesh>, single_precision: bool) -> C
 
 /// What a person should know about the input.
 fn notes(file: &MeshFile, ply: &PlyMesh) -> Vec<String> {
-    let mut notes: Vec<String> = faults(file.mesh()).iter().map(|f| format!("the input: {f}")).collect();
+    let mut notes: Vec<String> =
+        faults(file.mesh()).iter().map(|f| format!("the input: {f}")).collect();
     if matches!(file.content(), Content::Obj(_)) {
         notes.push("texture coordinates, normals and groups of the OBJ file are not kept".into());
     }
@@ -206,7 +217,10 @@ pub(crate) fn not_kept(ply: &PlyMesh) -> Vec<String> {
     }
     let others: Vec<&str> = ply.other_elements.iter().map(|e| e.name.as_str()).collect();
     if !others.is_empty() {
-        notes.push(format!("elements beside vertices and faces are not kept: {}", others.join(", ")));
+        notes.push(format!(
+            "elements beside vertices and faces are not kept: {}",
+            others.join(", ")
+        ));
     }
     if ply.polygons.is_some() {
         notes.push("faces of more than three corners are written as triangles".into());
@@ -214,7 +228,13 @@ pub(crate) fn not_kept(ply: &PlyMesh) -> Vec<String> {
     notes
 }
 
-fn say_it(args: &CleanArgs, report: &CleanupReport, notes: &[String], files: &[PathBuf], seconds: f64) -> Result<End, Report> {
+fn say_it(
+    args: &CleanArgs,
+    report: &CleanupReport,
+    notes: &[String],
+    files: &[PathBuf],
+    seconds: f64,
+) -> Result<End, Report> {
     let names: Vec<String> = files.iter().map(|f| f.display().to_string()).collect();
     if args.json {
         print_json(&json!({

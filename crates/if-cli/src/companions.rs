@@ -17,7 +17,10 @@ use std::path::{Component, Path, PathBuf};
 #[derive(Debug, thiserror::Error, Diagnostic)]
 pub(crate) enum CompanionError {
     #[error("cannot read `{}`, which `{of}` names", path.display())]
-    #[diagnostic(code(ifg::input::companion), help("make it readable, or take the line that names it out of `{of}`"))]
+    #[diagnostic(
+        code(ifg::input::companion),
+        help("make it readable, or take the line that names it out of `{of}`")
+    )]
     Read { path: PathBuf, of: String, source: io::Error },
     #[error(transparent)]
     #[diagnostic(transparent)]
@@ -45,32 +48,54 @@ pub(crate) struct Companions {
 impl Companions {
     /// Those of an outfit with these files, the body's first.
     ///
-    /// Only files in the garment's folder or below are taken. The names `taken` are those of other outputs.
-    pub(crate) fn find(spec: &OutfitSpec, files: &[MeshFile], taken: &[String]) -> Result<Self, CompanionError> {
+    /// Only files in the garment's folder or below are taken. The names `taken` are those of other
+    /// outputs.
+    pub(crate) fn find(
+        spec: &OutfitSpec,
+        files: &[MeshFile],
+        taken: &[String],
+    ) -> Result<Self, CompanionError> {
         let mut found: BTreeMap<String, Companion> = BTreeMap::new();
         let mut missing = Vec::new();
         for (layer, file) in spec.garments.iter().zip(files.iter().skip(1)) {
             let Content::Obj(obj) = file.content() else { continue };
             let folder = layer.path.parent().unwrap_or(Path::new(""));
             let read = |path: &Path, of: &str| {
-                fs::read(path).map_err(|source| CompanionError::Read { path: path.into(), of: of.into(), source })
+                fs::read(path).map_err(|source| CompanionError::Read {
+                    path: path.into(),
+                    of: of.into(),
+                    source,
+                })
             };
-            let mut add = |name: String, source: PathBuf, bytes: &[u8]| -> Result<(), CompanionError> {
-                let content = hash::content(bytes);
-                let other = found.get(&name).filter(|o| o.content != content).map(|o| o.of.clone());
-                let of_ours = taken.iter().chain([&receipt::FILE.to_owned()]).find(|n| n.eq_ignore_ascii_case(&name)).cloned();
-                if let Some(first) = other.or(of_ours) {
-                    return Err(OutputError::SameName { first, second: source.display().to_string(), name }.into());
-                }
-                let (layer, of) = (layer.name.clone(), layer.written.clone());
-                found.entry(name).or_insert(Companion { source, layer, of, content });
-                Ok(())
-            };
+            let mut add =
+                |name: String, source: PathBuf, bytes: &[u8]| -> Result<(), CompanionError> {
+                    let content = hash::content(bytes);
+                    let other =
+                        found.get(&name).filter(|o| o.content != content).map(|o| o.of.clone());
+                    let of_ours = taken
+                        .iter()
+                        .chain([&receipt::FILE.to_owned()])
+                        .find(|n| n.eq_ignore_ascii_case(&name))
+                        .cloned();
+                    if let Some(first) = other.or(of_ours) {
+                        return Err(OutputError::SameName {
+                            first,
+                            second: source.display().to_string(),
+                            name,
+                        }
+                        .into());
+                    }
+                    let (layer, of) = (layer.name.clone(), layer.written.clone());
+                    found.entry(name).or_insert(Companion { source, layer, of, content });
+                    Ok(())
+                };
             for line in obj.material_libraries() {
                 let libraries = libraries_of(folder, &line);
                 if libraries.is_empty() {
-                    missing
-                        .push(format!("{}: the material library `{line}` is not in its folder, and not copied", layer.written));
+                    missing.push(format!(
+                        "{}: the material library `{line}` is not in its folder, and not copied",
+                        layer.written
+                    ));
                 }
                 for library in libraries {
                     let path = folder.join(&library);
@@ -97,14 +122,20 @@ impl Companions {
 
     /// What they hold, in the order of their names.
     pub(crate) fn inputs(&self) -> impl Iterator<Item = Input> {
-        let input =
-            |(name, c): (&String, &Companion)| Input { layer: c.layer.clone(), file: name.clone(), content: c.content.clone() };
+        let input = |(name, c): (&String, &Companion)| Input {
+            layer: c.layer.clone(),
+            file: name.clone(),
+            content: c.content.clone(),
+        };
         self.found.iter().map(input)
     }
 
-    /// Copies them into the staging folder, under the same paths relative to the garment, and returns the copies. A file that lies where its
-    /// copy would go is left alone.
-    pub(crate) fn write(&self, (staging, out): (&Staging, &Path)) -> Result<Vec<Output>, CompanionError> {
+    /// Copies them into the staging folder, under the same paths relative to the garment, and
+    /// returns the copies. A file that lies where its copy would go is left alone.
+    pub(crate) fn write(
+        &self,
+        (staging, out): (&Staging, &Path),
+    ) -> Result<Vec<Output>, CompanionError> {
         let mut written = Vec::new();
         for (name, Companion { source, of, .. }) in &self.found {
             let target = out.join(name);
@@ -116,7 +147,11 @@ impl Companions {
             if let Some(parent) = staged.parent() {
                 fs::create_dir_all(parent).map_err(fault)?;
             }
-            let bytes = fs::read(source).map_err(|e| CompanionError::Read { path: source.clone(), of: of.clone(), source: e })?;
+            let bytes = fs::read(source).map_err(|e| CompanionError::Read {
+                path: source.clone(),
+                of: of.clone(),
+                source: e,
+            })?;
             fs::write(&staged, bytes).map_err(fault)?;
             written.push(outputs::describe(name, staging, out)?);
         }
@@ -134,16 +169,17 @@ fn libraries_of(folder: &Path, line: &str) -> Vec<String> {
 
 /// The file of a texture's line: its longest end that is one.
 fn texture_of(folder: &Path, line: &str) -> Option<String> {
-    let starts = line
-        .char_indices()
-        .filter(|(at, c)| !c.is_whitespace() && line[..*at].chars().next_back().is_none_or(char::is_whitespace));
+    let starts = line.char_indices().filter(|(at, c)| {
+        !c.is_whitespace() && line[..*at].chars().next_back().is_none_or(char::is_whitespace)
+    });
     starts.map(|(at, _)| &line[at..]).find(|name| is_below(folder, name)).map(str::to_owned)
 }
 
 /// Whether `name` is a file in `folder` or below.
 fn is_below(folder: &Path, name: &str) -> bool {
     let path = Path::new(name);
-    path.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir)) && folder.join(path).is_file()
+    path.components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir))
+        && folder.join(path).is_file()
 }
 
 /// The path without `.`, so that a file has one name.

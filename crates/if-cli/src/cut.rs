@@ -16,7 +16,9 @@ use if_core::mesh::TriMesh;
 use if_mesh::attributes::{AttributeError, Source, VertexAttributes};
 use if_mesh::cut::{CutError, CutParams, Piece, cut};
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
-use if_mesh::smooth_labels::{SmoothLabelError, SmoothLabelParams, SolveStep, smooth_labels_watched};
+use if_mesh::smooth_labels::{
+    SmoothLabelError, SmoothLabelParams, SolveStep, smooth_labels_watched,
+};
 use if_mesh::votes::{LabelVotes, UNDECIDED};
 use if_render::render::{PALETTE, RenderLayer, View, side_by_side};
 use miette::{Diagnostic, Report};
@@ -36,13 +38,22 @@ const PICTURES: [&str; 2] = ["labels_before.png", "labels_after.png"];
 #[derive(Debug, thiserror::Error, Diagnostic)]
 enum CutFault {
     #[error("cannot read `{}`", path.display())]
-    #[diagnostic(code(ifg::input::mesh), help("labels stand in PLY files; repair it at the place named, or export it again"))]
+    #[diagnostic(
+        code(ifg::input::mesh),
+        help("labels stand in PLY files; repair it at the place named, or export it again")
+    )]
     Read { path: PathBuf, source: Told },
     #[error("`{}` has no vertex property `{name}`", path.display())]
-    #[diagnostic(code(ifg::input::labels), help("name the property with --labels; the file has: {have}"))]
+    #[diagnostic(
+        code(ifg::input::labels),
+        help("name the property with --labels; the file has: {have}")
+    )]
     NoLabels { path: PathBuf, name: String, have: String },
     #[error("vertex {vertex} has the label {value}")]
-    #[diagnostic(code(ifg::input::labels), help("labels are whole numbers from 0 (unknown) to 254"))]
+    #[diagnostic(
+        code(ifg::input::labels),
+        help("labels are whole numbers from 0 (unknown) to 254")
+    )]
     Label { vertex: usize, value: f64 },
     #[error("all vertices have the label 0, which is unknown")]
     #[diagnostic(code(ifg::input::labels), help("name the right property with --labels"))]
@@ -59,17 +70,25 @@ enum CutFault {
     #[error("label {label} is to be called `{name}`")]
     #[diagnostic(
         code(ifg::input::names),
-        help("names become names of files: use letters, digits, `_`, `-` and `.`, and each name once")
+        help(
+            "names become names of files: use letters, digits, `_`, `-` and `.`, and each name once"
+        )
     )]
     Name { label: u8, name: String },
     #[error("label {label} is to be called `{name}`, but no vertex of `{}` has it", path.display())]
-    #[diagnostic(code(ifg::input::names), help("leave that --name out; the labels of the file are {have}"))]
+    #[diagnostic(
+        code(ifg::input::names),
+        help("leave that --name out; the labels of the file are {have}")
+    )]
     NoSuchLabel { path: PathBuf, label: u8, name: String, have: String },
     #[error("label {label} is to be called `{first}` and `{second}`")]
     #[diagnostic(code(ifg::input::names), help("give --name once for each label"))]
     TwoNames { label: u8, first: String, second: String },
     #[error("no triangle of `{}` has a label", path.display())]
-    #[diagnostic(code(ifg::input::labels), help("labels stand only at vertices that no triangle uses; look at the mesh"))]
+    #[diagnostic(
+        code(ifg::input::labels),
+        help("labels stand only at vertices that no triangle uses; look at the mesh")
+    )]
     NothingCut { path: PathBuf },
 }
 
@@ -135,46 +154,61 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
     let staging = Staging::open(&args.out)?;
     let line = Line::new(&args.mesh.display().to_string(), 0, 1);
     line.say("reading");
-    let mut ply = ply::read_path(&args.mesh).map_err(|e| CutFault::Read { path: args.mesh.clone(), source: Told::new(&e) })?;
+    let mut ply = ply::read_path(&args.mesh)
+        .map_err(|e| CutFault::Read { path: args.mesh.clone(), source: Told::new(&e) })?;
     let given = labels(args, &ply)?;
     let names = Names::new(args, &given)?;
     for name in names.of.values() {
         let path = args.out.join(format!("{name}.ply"));
         if path.canonicalize().is_ok_and(|file| is_same(&args.mesh, &file)) {
-            return Err(OutputError::OverInput { path, written: args.mesh.display().to_string(), option: false }.into());
+            return Err(OutputError::OverInput {
+                path,
+                written: args.mesh.display().to_string(),
+                option: false,
+            }
+            .into());
         }
     }
     line.say("smoothing");
     let Dense { present, places } = Dense::new(&given);
     let votes = LabelVotes::from_labels(&places, present.len());
     let params = SmoothLabelParams { length: args.smooth, ..SmoothLabelParams::default() };
-    let watch = |_: &SolveStep| if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    let watch = |_: &SolveStep| {
+        if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
     let scores = match smooth_labels_watched(&ply.mesh, &votes, &params, &watch) {
         Err(SmoothLabelError::Cancelled) => return Ok(cancelled(args, line)),
         other => other.map_err(|source| CutFault::Smooth { source: of_label(source, &present) })?,
     };
     line.say("cutting");
-    let mut pieces = cut(&ply.mesh, &scores, &CutParams::default()).map_err(|source| CutFault::Cut { source })?;
+    let mut pieces = cut(&ply.mesh, &scores, &CutParams::default())
+        .map_err(|source| CutFault::Cut { source })?;
     pieces.iter_mut().for_each(|p| p.label = present[usize::from(p.label)]);
-    let winners: Vec<u8> = scores.winners().iter().map(|place| present[usize::from(*place)]).collect();
+    let winners: Vec<u8> =
+        scores.winners().iter().map(|place| present[usize::from(*place)]).collect();
     let fates = Fates::new(&given, &winners, &pieces, &names);
     pieces.retain(|p| p.label != UNDECIDED);
     if pieces.is_empty() {
         return Err(CutFault::NothingCut { path: args.mesh.clone() }.into());
     }
     let notes = not_kept(&ply);
-    let attributes = VertexAttributes::new(ply.mesh.vertices().len(), std::mem::take(&mut ply.vertex_properties))
-        .map_err(|source| CutFault::Attributes { path: args.mesh.clone(), source })?;
+    let attributes = VertexAttributes::new(
+        ply.mesh.vertices().len(),
+        std::mem::take(&mut ply.vertex_properties),
+    )
+    .map_err(|source| CutFault::Attributes { path: args.mesh.clone(), source })?;
 
     line.say("writing");
-    let rows: Vec<Row> = pieces.iter().map(|piece| row(piece, names.of[&piece.label].clone())).collect();
+    let rows: Vec<Row> =
+        pieces.iter().map(|piece| row(piece, names.of[&piece.label].clone())).collect();
     let mut files: Vec<&str> = Vec::new();
     for (piece, row) in pieces.iter().zip(&rows) {
         if cancel::asked() {
             return Ok(cancelled(args, line));
         }
-        write(piece, &attributes, &ply, args, &staging.path(&row.file))
-            .map_err(|e| OutputError::Mesh { path: args.out.join(&row.file), source: Told::new(&e) })?;
+        write(piece, &attributes, &ply, args, &staging.path(&row.file)).map_err(|e| {
+            OutputError::Mesh { path: args.out.join(&row.file), source: Told::new(&e) }
+        })?;
         files.push(&row.file);
     }
     if !args.no_pictures {
@@ -182,7 +216,8 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
         let after: Vec<(u8, &TriMesh)> = pieces.iter().map(|p| (p.label, &p.mesh)).collect();
         let before: Vec<(u8, &TriMesh)> = before.iter().map(|(l, m)| (*l, m)).collect();
         for (name, layers) in PICTURES.into_iter().zip([before, after]) {
-            draw(&layers, &staging.path(name)).map_err(|source| OutputError::File { path: args.out.join(name), source })?;
+            draw(&layers, &staging.path(name))
+                .map_err(|source| OutputError::File { path: args.out.join(name), source })?;
             files.push(name);
         }
     }
@@ -195,7 +230,15 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
     let notes = [fates.notes(), notes].concat();
     if args.json {
         let (mesh, out) = (args.mesh.display().to_string(), args.out.display().to_string());
-        print_json(&Cutting { mesh, out, pieces: rows, vertices: given.len(), fates, notes, seconds })?;
+        print_json(&Cutting {
+            mesh,
+            out,
+            pieces: rows,
+            vertices: given.len(),
+            fates,
+            notes,
+            seconds,
+        })?;
     } else {
         let mut text = table(&rows);
         let n = given.len().max(1) as f64;
@@ -220,7 +263,8 @@ fn cancelled(args: &CutArgs, line: Line) -> End {
     End::Cancelled
 }
 
-/// Labels without gaps between them: a field for each takes memory by their number, not by the largest. They keep their order, by which ties are broken.
+/// Labels without gaps between them: a field for each takes memory by their number, not by the
+/// largest. They keep their order, by which ties are broken.
 struct Dense {
     /// The labels, ascending from [`UNDECIDED`], which may have no vertex.
     present: Vec<u8>,
@@ -233,7 +277,8 @@ impl Dense {
         let mut is_there = [false; 256];
         is_there[usize::from(UNDECIDED)] = true;
         given.iter().for_each(|label| is_there[usize::from(*label)] = true);
-        let present: Vec<u8> = (0..=u8::MAX).filter(|label| is_there[usize::from(*label)]).collect();
+        let present: Vec<u8> =
+            (0..=u8::MAX).filter(|label| is_there[usize::from(*label)]).collect();
         let mut place_of = [0; 256];
         for (place, label) in present.iter().enumerate() {
             place_of[usize::from(*label)] = place as u8;
@@ -262,15 +307,25 @@ impl Names {
     /// Faults of names are found here, before there is work.
     fn new(args: &CutArgs, given: &[u8]) -> Result<Self, CutFault> {
         let name = |label: u8| if label == 1 { "skin".into() } else { format!("label_{label}") };
-        let mut of: BTreeMap<u8, String> = given.iter().filter(|l| **l != UNDECIDED).map(|l| (*l, name(*l))).collect();
+        let mut of: BTreeMap<u8, String> =
+            given.iter().filter(|l| **l != UNDECIDED).map(|l| (*l, name(*l))).collect();
         for (k, (label, name)) in args.names.iter().enumerate() {
             if let Some((_, first)) = args.names[..k].iter().find(|(l, _)| l == label) {
-                return Err(CutFault::TwoNames { label: *label, first: first.clone(), second: name.clone() });
+                return Err(CutFault::TwoNames {
+                    label: *label,
+                    first: first.clone(),
+                    second: name.clone(),
+                });
             }
             let Some(slot) = of.get_mut(label) else {
                 let have: Vec<String> = of.keys().map(u8::to_string).collect();
                 let (path, have) = (args.mesh.clone(), have.join(", "));
-                return Err(CutFault::NoSuchLabel { path, label: *label, name: name.clone(), have });
+                return Err(CutFault::NoSuchLabel {
+                    path,
+                    label: *label,
+                    name: name.clone(),
+                    have,
+                });
             };
             slot.clone_from(name);
         }
@@ -296,7 +351,11 @@ impl Fates {
         });
         Self {
             changed: given.iter().zip(winners).filter(|(a, b)| **a != UNDECIDED && a != b).count(),
-            decided: given.iter().zip(winners).filter(|(a, b)| **a == UNDECIDED && **b != UNDECIDED).count(),
+            decided: given
+                .iter()
+                .zip(winners)
+                .filter(|(a, b)| **a == UNDECIDED && **b != UNDECIDED)
+                .count(),
             lost: lost.collect(),
             undecided: Undecided {
                 vertices: winners.iter().filter(|l| **l == UNDECIDED).count(),
@@ -320,7 +379,9 @@ impl Fates {
         }
         for Lost { label, name, vertices } in &self.lost {
             let n = count(*vertices);
-            notes.push(format!("label {label} ({name}) has no file: none of its {n} vertices kept it"));
+            notes.push(format!(
+                "label {label} ({name}) has no file: none of its {n} vertices kept it"
+            ));
         }
         notes
     }
@@ -350,15 +411,21 @@ fn table(rows: &[Row]) -> String {
 
 /// The labels of the vertices, from the property that holds them.
 fn labels(args: &CutArgs, ply: &PlyMesh) -> Result<Vec<u8>, CutFault> {
-    let found = ply.vertex_property(&args.labels).filter(|p| p.lists.is_none()).ok_or_else(|| {
-        let have: Vec<&str> = ply.vertex_properties.iter().map(|p| p.name.as_str()).collect();
-        CutFault::NoLabels { path: args.mesh.clone(), name: args.labels.clone(), have: have.join(", ") }
-    })?;
+    let found =
+        ply.vertex_property(&args.labels).filter(|p| p.lists.is_none()).ok_or_else(|| {
+            let have: Vec<&str> = ply.vertex_properties.iter().map(|p| p.name.as_str()).collect();
+            CutFault::NoLabels {
+                path: args.mesh.clone(),
+                name: args.labels.clone(),
+                have: have.join(", "),
+            }
+        })?;
     let label = |(vertex, value): (usize, f64)| {
         let whole = (0.0..255.0).contains(&value) && value.fract() == 0.0;
         if whole { Ok(value as u8) } else { Err(CutFault::Label { vertex, value }) }
     };
-    let labels: Vec<u8> = found.values.to_f64().into_iter().enumerate().map(label).collect::<Result<_, _>>()?;
+    let labels: Vec<u8> =
+        found.values.to_f64().into_iter().enumerate().map(label).collect::<Result<_, _>>()?;
     if labels.iter().all(|l| *l == UNDECIDED) { Err(CutFault::NothingKnown) } else { Ok(labels) }
 }
 
@@ -383,12 +450,21 @@ fn row(piece: &Piece, name: String) -> Row {
 }
 
 /// A piece with all that its vertices carried; its own label stands where the labels came from.
-fn write(piece: &Piece, all: &VertexAttributes, from: &PlyMesh, args: &CutArgs, path: &Path) -> Result<(), ply::WriteError> {
-    let source = |o: &if_mesh::cut::Origin| o.source().map_or_else(|| Source::Blend(o.parts()), Source::Vertex);
+fn write(
+    piece: &Piece,
+    all: &VertexAttributes,
+    from: &PlyMesh,
+    args: &CutArgs,
+    path: &Path,
+) -> Result<(), ply::WriteError> {
+    let source = |o: &if_mesh::cut::Origin| {
+        o.source().map_or_else(|| Source::Blend(o.parts()), Source::Vertex)
+    };
     let sources: Vec<Source> = piece.origins.iter().map(source).collect();
     let mut vertex_properties = all.derive(&sources).into_properties();
     for property in vertex_properties.iter_mut().filter(|p| p.name == args.labels) {
-        *property = Property::new(args.labels.clone(), Column::U8(vec![piece.label; piece.origins.len()]));
+        *property =
+            Property::new(args.labels.clone(), Column::U8(vec![piece.label; piece.origins.len()]));
     }
     let ply = PlyMesh {
         vertex_properties,
@@ -396,7 +472,12 @@ fn write(piece: &Piece, all: &VertexAttributes, from: &PlyMesh, args: &CutArgs, 
         comments: from.comments.clone(),
         ..PlyMesh::new(piece.mesh.clone())
     };
-    ply::write_path(&ply, piece.mesh.vertices(), &WriteParams { coordinates: from.coordinates, ..Default::default() }, path)
+    ply::write_path(
+        &ply,
+        piece.mesh.vertices(),
+        &WriteParams { coordinates: from.coordinates, ..Default::default() },
+        path,
+    )
 }
 
 /// The triangles of each label: that of two corners, else of the first.
@@ -425,8 +506,10 @@ fn draw(layers: &[(u8, &TriMesh)], path: &Path) -> io::Result<()> {
             _ => cloths[(usize::from(label) - 2) % cloths.len()],
         }
     };
-    let scene: Vec<RenderLayer> =
-        layers.iter().map(|(label, mesh)| RenderLayer { mesh, color: color(*label), highlight: &[] }).collect();
+    let scene: Vec<RenderLayer> = layers
+        .iter()
+        .map(|(label, mesh)| RenderLayer { mesh, color: color(*label), highlight: &[] })
+        .collect();
     let image = side_by_side(&scene, &[View::FRONT, View::THREE_QUARTER, View::BACK], 400, 640);
     let mut file = BufWriter::new(File::create(path)?);
     image.write_png(&mut file).map_err(io::Error::other)?;
@@ -446,7 +529,9 @@ mod tests {
         let all: Vec<u8> = (0..=u8::MAX).collect();
         assert_eq!(Dense::new(&all).places, all);
         let fault = SmoothLabelError::NotConverged { label: 2, steps: 9, residual: 0.5 };
-        let SmoothLabelError::NotConverged { label, .. } = of_label(fault, &[0, 7, 200]) else { panic!("another fault") };
+        let SmoothLabelError::NotConverged { label, .. } = of_label(fault, &[0, 7, 200]) else {
+            panic!("another fault")
+        };
         assert_eq!(label, 200);
     }
 }

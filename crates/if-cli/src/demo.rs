@@ -25,10 +25,16 @@ pub(crate) fn run(args: &DemoArgs) -> Result<End, Report> {
     line.say("making the scene");
     let outfit = write_scene(args)?;
     let spec = outfit_file::with_args(outfit_file::read(&outfit)?, None, &args.params)?;
-    let options = Options { pictures: !args.no_pictures, write_unproven: true, ..Default::default() };
+    let options =
+        Options { pictures: !args.no_pictures, write_unproven: true, ..Default::default() };
     let outcome = resolve_outfit::run(&spec, &args.out, options, &line)?;
     drop(line);
-    announce::outcome(&spec, &args.out, outcome, if args.json { Style::Json } else { Style::Tables })
+    announce::outcome(
+        &spec,
+        &args.out,
+        outcome,
+        if args.json { Style::Json } else { Style::Tables },
+    )
 }
 
 /// Writes the scene's meshes and its outfit file, and returns the path of the latter.
@@ -42,13 +48,19 @@ fn write_scene(args: &DemoArgs) -> Result<PathBuf, Report> {
     for (k, (name, mesh)) in scene(args).into_iter().enumerate() {
         let file = format!("{name}.ply");
         let ply = PlyMesh::new(mesh);
-        write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &staging.path(&file)).into_diagnostic()?;
+        write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &staging.path(&file))
+            .into_diagnostic()?;
         // Writing to a string cannot fail.
-        let _ = if k == 0 { writeln!(toml, "body = \"{file}\"") } else { writeln!(toml, "\n[[garment]]\nfile = \"{file}\"") };
+        let _ = if k == 0 {
+            writeln!(toml, "body = \"{file}\"")
+        } else {
+            writeln!(toml, "\n[[garment]]\nfile = \"{file}\"")
+        };
         names.push(file);
     }
     let path = folder.join(OUTFIT);
-    std::fs::write(staging.path(OUTFIT), toml).map_err(|source| OutputError::File { path, source })?;
+    std::fs::write(staging.path(OUTFIT), toml)
+        .map_err(|source| OutputError::File { path, source })?;
     names.push(OUTFIT.into());
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     staging.commit(&names)?;

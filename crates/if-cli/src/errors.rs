@@ -9,8 +9,13 @@ use std::io::{IsTerminal, Write};
 pub(crate) fn install() {
     let terminal = std::io::stderr().is_terminal();
     let installed = miette::set_hook(Box::new(move |_| {
-        let options = MietteHandlerOpts::new().terminal_links(false).break_words(false).force_graphical(true);
-        Box::new(if terminal { options.build() } else { options.unicode(false).color(false).wrap_lines(false).build() })
+        let options =
+            MietteHandlerOpts::new().terminal_links(false).break_words(false).force_graphical(true);
+        Box::new(if terminal {
+            options.build()
+        } else {
+            options.unicode(false).color(false).wrap_lines(false).build()
+        })
     }));
     drop(installed); // Fails only where a hook stands already; then that one draws.
 }

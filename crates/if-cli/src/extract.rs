@@ -13,7 +13,8 @@ use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Vector, barycentric_point};
 use if_core::mesh::{MeshError, TriMesh};
 use if_mesh::extract::{
-    ErrorEstimate, ExtractError, ExtractParams, Extraction, Resolution, Slope, Stage, Warning, extract_watched, layer_phase,
+    ErrorEstimate, ExtractError, ExtractParams, Extraction, Resolution, Slope, Stage, Warning,
+    extract_watched, layer_phase,
 };
 use if_mesh::file::MeshFile;
 use if_mesh::index::Bvh;
@@ -39,25 +40,38 @@ enum ExtractFault {
     #[error("cannot read field `{}`", path.display())]
     #[diagnostic(
         code(ifg::extract::read),
-        help("give a .ply or .obj file of a closed mesh, or a .safetensors file that `ifg fit` wrote")
+        help(
+            "give a .ply or .obj file of a closed mesh, or a .safetensors file that `ifg fit` wrote"
+        )
     )]
     Read { path: PathBuf, source: Told },
     #[error("`{}` cannot be scaled by {scale}", path.display())]
     #[diagnostic(code(ifg::extract::scale), help("look at --scale"))]
     Scale { path: PathBuf, scale: f64, source: MeshError },
     #[error("`{}` has no signed distance", path.display())]
-    #[diagnostic(code(ifg::extract::field), help("the mesh must be closed and wind outwards; an open garment has no inside"))]
+    #[diagnostic(
+        code(ifg::extract::field),
+        help("the mesh must be closed and wind outwards; an open garment has no inside")
+    )]
     Field { path: PathBuf, source: SdfError },
     #[error("`{}` is a network, and cannot be scaled", path.display())]
-    #[diagnostic(code(ifg::extract::units), help("networks are in metres: leave --scale out, or give it to `ifg fit`"))]
+    #[diagnostic(
+        code(ifg::extract::units),
+        help("networks are in metres: leave --scale out, or give it to `ifg fit`")
+    )]
     Units { path: PathBuf },
     #[error("cannot extract the surface of `{}`", path.display())]
-    #[diagnostic(code(ifg::extract::surface), help("look at --cell, --cells, --accuracy and --finest"))]
+    #[diagnostic(
+        code(ifg::extract::surface),
+        help("look at --cell, --cells, --accuracy and --finest")
+    )]
     Surface { path: PathBuf, source: ExtractError },
     #[error("nothing is left of the surface of `{}` between cells of {:.2} mm", path.display(), 1e3 * cell)]
     #[diagnostic(
         code(ifg::extract::empty),
-        help("take smaller cells: look at --cell, --cells and --accuracy; or the field has no surface at all")
+        help(
+            "take smaller cells: look at --cell, --cells and --accuracy; or the field has no surface at all"
+        )
     )]
     Empty {
         path: PathBuf,
@@ -65,7 +79,10 @@ enum ExtractFault {
         cell: f64,
     },
     #[error("the surface of `{}` cannot be written in the units of the file", path.display())]
-    #[diagnostic(code(ifg::extract::range), help("look at --scale, or move the mesh to the origin"))]
+    #[diagnostic(
+        code(ifg::extract::range),
+        help("look at --scale, or move the mesh to the origin")
+    )]
     Range { path: PathBuf, source: MeshError },
 }
 
@@ -99,7 +116,8 @@ impl Looks {
 
 /// Runs the command.
 pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
-    let name = args.field.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let name =
+        args.field.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let target = target(args)?;
     let line = Line::new(&name, 0, 1);
     line.say("reading");
@@ -116,15 +134,23 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
             Stage::Relax => "relaxing".into(),
             _ => "measuring".into(),
         };
-        line.say(&format!("cells of {:.2} mm: {stage}, {} evaluations", 1e3 * p.cell, table::count(p.evaluations)));
+        line.say(&format!(
+            "cells of {:.2} mm: {stage}, {} evaluations",
+            1e3 * p.cell,
+            table::count(p.evaluations)
+        ));
         if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let mut found = match extract_watched(field, &params, &mut watch) {
         Err(ExtractError::Cancelled { .. }) => return Ok(cancelled(args, line)),
-        other => other.map_err(|source| ExtractFault::Surface { path: args.field.clone(), source })?,
+        other => {
+            other.map_err(|source| ExtractFault::Surface { path: args.field.clone(), source })?
+        }
     };
     if found.mesh.triangles().is_empty() {
-        return Err(ExtractFault::Empty { path: args.field.clone(), cell: found.report.cell }.into());
+        return Err(
+            ExtractFault::Empty { path: args.field.clone(), cell: found.report.cell }.into()
+        );
     }
     line.say("comparing");
     let positions = as_written(args, &mut found, field, &source)?;
@@ -162,11 +188,13 @@ fn cancelled(args: &ExtractArgs, line: Line) -> End {
     End::Cancelled
 }
 
-/// Values of a network, in single precision, are off by this share of its cube's diagonal: some roundings of 6e-8 in each layer.
+/// Values of a network, in single precision, are off by this share of its cube's diagonal: some
+/// roundings of 6e-8 in each layer.
 const ROUNDING: f64 = 1e-6;
 
-/// Of networks. Their own bound is for the steepest place of the whole cube: for a fitted body the same mesh takes 13 % fewer evaluations with this,
-/// and an eighth of the cells that cannot be told empty. Where it is too low, values show it, and a larger one is taken.
+/// Of networks. Their own bound is for the steepest place of the whole cube: for a fitted body the
+/// same mesh takes 13 % fewer evaluations with this, and an eighth of the cells that cannot be told
+/// empty. Where it is too low, values show it, and a larger one is taken.
 const SLOPE: Slope = Slope::Sampled { points: 1024, factor: 1.5, seed: 0 };
 
 /// What has a surface.
@@ -183,20 +211,29 @@ fn is_network(field: &Path) -> bool {
 impl Source {
     fn read(args: &ExtractArgs) -> Result<Self, ExtractFault> {
         let path = || args.field.clone();
-        let read = |e: &dyn std::error::Error| ExtractFault::Read { path: path(), source: Told::new(e) };
+        let read =
+            |e: &dyn std::error::Error| ExtractFault::Read { path: path(), source: Told::new(e) };
         if is_network(&args.field) {
             if args.scale.is_some() {
                 return Err(ExtractFault::Units { path: path() });
             }
             let file = File::open(&args.field).map_err(|e| read(&e))?;
             let (network, frame) = read_network(file).map_err(|e| read(&e))?;
-            return Ok(Self::Network(Box::new(NeuralField::new(network, frame).map_err(|e| read(&e))?)));
+            return Ok(Self::Network(Box::new(
+                NeuralField::new(network, frame).map_err(|e| read(&e))?,
+            )));
         }
         let file = MeshFile::read(&args.field).map_err(|e| read(&e))?;
         let scale = args.scale.unwrap_or(1.0);
-        let mesh = file.mesh().scaled(scale).map_err(|source| ExtractFault::Scale { path: path(), scale, source })?;
-        let field = MeshSdf::closed(&mesh).map_err(|source| ExtractFault::Field { path: path(), source })?;
-        let coordinates = if file.is_single_precision() { CoordinateType::Float } else { CoordinateType::Double };
+        let mesh = file.mesh().scaled(scale).map_err(|source| ExtractFault::Scale {
+            path: path(),
+            scale,
+            source,
+        })?;
+        let field = MeshSdf::closed(&mesh)
+            .map_err(|source| ExtractFault::Field { path: path(), source })?;
+        let coordinates =
+            if file.is_single_precision() { CoordinateType::Float } else { CoordinateType::Double };
         Ok(Self::Mesh { mesh, field: Box::new(field), coordinates })
     }
 
@@ -222,7 +259,12 @@ fn params(args: &ExtractArgs) -> ExtractParams {
         (None, Some(error)) => Resolution::Accuracy { error, finest: args.finest },
         (None, None) => Resolution::Cells(args.cells),
     };
-    ExtractParams { resolution, relax: args.relax, phase: layer_phase(args.layer), ..ExtractParams::default() }
+    ExtractParams {
+        resolution,
+        relax: args.relax,
+        phase: layer_phase(args.layer),
+        ..ExtractParams::default()
+    }
 }
 
 /// The files to write: the mesh, then pictures of what there was and of what came out.
@@ -236,7 +278,8 @@ fn target(args: &ExtractArgs) -> Result<Target, OutputError> {
     Target::open(&args.out, "ply", beside, &[Input { path: &args.field, in_place: None }])
 }
 
-/// Puts the vertices where a reader of the file will find them, and measures the error there. Returns the positions in the units of the file.
+/// Puts the vertices where a reader of the file will find them, and measures the error there.
+/// Returns the positions in the units of the file.
 fn as_written(
     args: &ExtractArgs,
     found: &mut Extraction,
@@ -247,35 +290,45 @@ fn as_written(
     let positions: Vec<Point> = found.mesh.vertices().iter().map(|p| p / scale).collect();
     let positions = quantise(&positions, source.coordinates());
     let written = found.mesh.with_vertices(positions.iter().map(|p| p * scale).collect());
-    let written = written.map_err(|source| ExtractFault::Range { path: args.field.clone(), source })?;
+    let written =
+        written.map_err(|source| ExtractFault::Range { path: args.field.clone(), source })?;
     if written != found.mesh {
         found.mesh = written;
         let report = &mut found.report;
         report.error = error_of(field, &found.mesh, report.error.checked);
         let is_told = report.warnings.iter().any(|w| matches!(w, Warning::Inaccurate { .. }));
         if let Some(requested) = args.accuracy.filter(|a| !is_told && report.error.worst() > *a) {
-            report.warnings.push(Warning::Inaccurate { requested, reached: report.error.worst(), cell: report.cell });
+            report.warnings.push(Warning::Inaccurate {
+                requested,
+                reached: report.error.worst(),
+                cell: report.cell,
+            });
         }
     }
     Ok(positions)
 }
 
-/// The error at so many vertices and centres of triangles, or at all where there are fewer, spread evenly over them.
+/// The error at so many vertices and centres of triangles, or at all where there are fewer, spread
+/// evenly over them.
 fn error_of(field: &dyn SignedDistance, mesh: &TriMesh, checked: usize) -> ErrorEstimate {
     /// A field that is flatter is no distance here: its value stands as it is.
     const FLAT: f64 = 0.1;
     let chosen = |n: usize| (0..checked.min(n)).map(move |k| k * n / checked.min(n));
     let measure = |points: Vec<Point>| {
-        let mut samples = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points.len()];
+        let mut samples =
+            vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points.len()];
         field.samples(&points, &mut samples);
         let errors = samples.iter().map(|s| s.distance.abs() / s.gradient.norm().max(FLAT));
-        let (most, squares) = errors.fold((0.0, 0.0), |(m, q): (f64, f64), e| (m.max(e), q + e * e));
+        let (most, squares) =
+            errors.fold((0.0, 0.0), |(m, q): (f64, f64), e| (m.max(e), q + e * e));
         (most, (squares / points.len().max(1) as f64).sqrt())
     };
     let vertices: Vec<Point> = chosen(mesh.vertices().len()).map(|v| mesh.vertices()[v]).collect();
-    let centers = chosen(mesh.triangles().len()).map(|t| barycentric_point(mesh.corners(t), [1.0 / 3.0; 3]));
+    let centers =
+        chosen(mesh.triangles().len()).map(|t| barycentric_point(mesh.corners(t), [1.0 / 3.0; 3]));
     let checked = vertices.len();
-    let ((vertex_max, vertex_rms), (center_max, center_rms)) = (measure(vertices), measure(centers.collect()));
+    let ((vertex_max, vertex_rms), (center_max, center_rms)) =
+        (measure(vertices), measure(centers.collect()));
     ErrorEstimate { vertex_max, vertex_rms, center_max, center_rms, checked }
 }
 
@@ -289,10 +342,12 @@ fn write(
 ) -> Result<(), OutputError> {
     let fault = |k, source| OutputError::File { path: target.path(k), source };
     let params = WriteParams { coordinates: source.coordinates(), ..WriteParams::default() };
-    write_path(&PlyMesh::new(found.mesh.clone()), positions, &params, &target.staged(0)).map_err(|e| match e {
-        WriteError::Io(source) => fault(0, source),
-        other => OutputError::Mesh { path: args.out.clone(), source: Told::new(&other) },
-    })?;
+    write_path(&PlyMesh::new(found.mesh.clone()), positions, &params, &target.staged(0)).map_err(
+        |e| match e {
+            WriteError::Io(source) => fault(0, source),
+            other => OutputError::Mesh { path: args.out.clone(), source: Told::new(&other) },
+        },
+    )?;
     if !args.no_pictures {
         for (k, mesh) in source.mesh().into_iter().chain([&found.mesh]).enumerate() {
             let fault = |source| fault(k + 1, source);
@@ -306,7 +361,12 @@ fn write(
 /// Three views of a mesh, slivers in red.
 fn picture(mesh: &TriMesh, out: impl Write) -> io::Result<()> {
     const SIZE: [u32; 2] = [480, 640];
-    let slivers: Vec<u32> = smallest_angles(mesh).iter().enumerate().filter(|a| *a.1 < SLIVER).map(|a| a.0 as u32).collect();
+    let slivers: Vec<u32> = smallest_angles(mesh)
+        .iter()
+        .enumerate()
+        .filter(|a| *a.1 < SLIVER)
+        .map(|a| a.0 as u32)
+        .collect();
     let layer = RenderLayer { mesh, color: PALETTE[1], highlight: &slivers };
     side_by_side(&[layer], &[View::FRONT, View::THREE_QUARTER, View::BACK], SIZE[0], SIZE[1])
         .write_png(out)
@@ -324,7 +384,9 @@ fn told(
     let count = table::count;
     let mm = |metres: f64| format!("{:.4}", 1e3 * metres);
     // A network has no mesh before.
-    let row = |name, of: &dyn Fn(&Looks) -> String| (name, before.as_ref().map_or_else(|| "-".into(), of), of(after));
+    let row = |name, of: &dyn Fn(&Looks) -> String| {
+        (name, before.as_ref().map_or_else(|| "-".into(), of), of(after))
+    };
     let rows = [
         row("vertices", &|l| count(l.vertices)),
         row("triangles", &|l| count(l.triangles)),
@@ -336,12 +398,29 @@ fn told(
     let e = &report.evaluations;
     let cells: usize = report.cells.iter().map(|c| *c as usize).product();
     let mut done = vec![
-        ("cells", format!("{} of {} mm, {:.2} % skipped", count(cells), mm(report.cell), 100.0 * report.skipped), String::new()),
+        (
+            "cells",
+            format!(
+                "{} of {} mm, {:.2} % skipped",
+                count(cells),
+                mm(report.cell),
+                100.0 * report.skipped
+            ),
+            String::new(),
+        ),
         ("field evaluated", count(e.refine), "at nodes".into()),
         ("", count(e.polish), "for vertices".into()),
         ("", count(e.relax + e.check), "to relax and measure".into()),
-        ("error at vertices, mm", mm(report.error.vertex_max), format!("largest of {}", report.error.checked)),
-        ("error of triangles, mm", mm(report.error.center_max), format!("rms {}", mm(report.error.center_rms))),
+        (
+            "error at vertices, mm",
+            mm(report.error.vertex_max),
+            format!("largest of {}", report.error.checked),
+        ),
+        (
+            "error of triangles, mm",
+            mm(report.error.center_max),
+            format!("rms {}", mm(report.error.center_rms)),
+        ),
     ];
     if let Some(apart) = apart {
         let largest = format!("mean; largest {:.3}", apart.hausdorff_mm);
@@ -350,7 +429,8 @@ fn told(
     done.push(("seconds", format!("{:.2}", report.seconds.total()), String::new()));
     text += &table::columns("What was done", ["", "", ""], &done);
     for attempt in &report.attempts {
-        text += &format!("tried cells of {} mm: error {} mm\n", mm(attempt.cell), mm(attempt.error));
+        text +=
+            &format!("tried cells of {} mm: error {} mm\n", mm(attempt.cell), mm(attempt.error));
     }
     for fault in &after.faults {
         text += &format!("note: {fault}\n");

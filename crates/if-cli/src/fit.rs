@@ -46,22 +46,33 @@ enum FitFault {
     #[diagnostic(code(ifg::fit::resume), help("give --resume a file that --checkpoint wrote"))]
     Resume { path: PathBuf, source: Told },
     #[error("`{}` is a fit of something else than `{}`", path.display(), mesh.display())]
-    #[diagnostic(code(ifg::fit::resume), help("give the mesh, --points and --scale that the fit began with"))]
+    #[diagnostic(
+        code(ifg::fit::resume),
+        help("give the mesh, --points and --scale that the fit began with")
+    )]
     OtherMesh { path: PathBuf, mesh: PathBuf },
     #[error("`{}` is in the way: it is not a checkpoint", path.display())]
-    #[diagnostic(code(ifg::fit::checkpoint), help("give --checkpoint another name, or move it away"))]
+    #[diagnostic(
+        code(ifg::fit::checkpoint),
+        help("give --checkpoint another name, or move it away")
+    )]
     NoCheckpoint { path: PathBuf, source: Told },
     #[error("--checkpoint and --out are both `{}`", path.display())]
     #[diagnostic(code(ifg::fit::checkpoint), help("give --checkpoint another name"))]
     SamePlace { path: PathBuf },
     #[error("cannot fit `{}`", path.display())]
-    #[diagnostic(code(ifg::fit::run), help("the mesh may be in other units than metres: look at --scale"))]
+    #[diagnostic(
+        code(ifg::fit::run),
+        help("the mesh may be in other units than metres: look at --scale")
+    )]
     Fit { path: PathBuf, source: Told },
 }
 
 fn target_advice(error: &MeshTargetError) -> &'static str {
     match error {
-        MeshTargetError::Sides(_) => "turn the triangles round in a mesh editor; --points would need their normals too",
+        MeshTargetError::Sides(_) => {
+            "turn the triangles round in a mesh editor; --points would need their normals too"
+        }
         MeshTargetError::Field(_) => "give a mesh with triangles",
         _ => "give a mesh whose triangles are counter-clockwise seen from outside",
     }
@@ -76,7 +87,8 @@ pub(crate) fn run(args: &FitArgs) -> Result<End, Report> {
     let mesh = mesh(args)?;
     let path = || args.mesh.clone();
     let take = if args.points { Take::Points } else { Take::Either };
-    let taken = MeshTarget::new(&mesh, take).map_err(|source| FitFault::Target { path: path(), source })?;
+    let taken =
+        MeshTarget::new(&mesh, take).map_err(|source| FitFault::Target { path: path(), source })?;
     line.say("sampling");
     let Begun { set, mut network, mut fit } = match &args.resume {
         Some(file) => resumed(args, file, &taken)?,
@@ -85,21 +97,29 @@ pub(crate) fn run(args: &FitArgs) -> Result<End, Report> {
     // What stands at --out may be better than a network that has learned nothing yet.
     if cancel::asked() {
         drop(line);
-        errors::note(&format!("cancelled before the first step; `{}` was not written", args.out.display()));
+        errors::note(&format!(
+            "cancelled before the first step; `{}` was not written",
+            args.out.display()
+        ));
         return Ok(End::Cancelled);
     }
     let params = *fit.params();
     tracing::debug!(from = fit.steps(), "fitting begins");
     let ran = run_storing(&mut fit, &mut network, &set, &line, checkpoint.as_ref(), STORE_EVERY);
-    let Ran { report, lost } = ran.map_err(|e| FitFault::Fit { path: path(), source: Told::new(&e) })?;
+    let Ran { report, lost } =
+        ran.map_err(|e| FitFault::Fit { path: path(), source: Told::new(&e) })?;
     // The checkpoint has the last state, the network the best.
-    let report = if report.ended == Ended::Cancelled { fit.finish(&mut network, &set) } else { report };
+    let report =
+        if report.ended == Ended::Cancelled { fit.finish(&mut network, &set) } else { report };
     line.say("writing");
     target.put(|file| write_network(file, &network, &set.frame, WeightNorm::Kept))?;
     drop(line);
     if let (Ended::Cancelled, Some(file)) = (report.ended, &args.checkpoint) {
         errors::note(&match lost {
-            true => format!("cancelled; `{}` was not written, so that nothing goes on from here", file.display()),
+            true => format!(
+                "cancelled; `{}` was not written, so that nothing goes on from here",
+                file.display()
+            ),
             false => format!("cancelled; --resume {} goes on with it", file.display()),
         });
     }
@@ -111,7 +131,8 @@ pub(crate) fn run(args: &FitArgs) -> Result<End, Report> {
 fn targets(args: &FitArgs) -> Result<(Target, Option<Target>), Report> {
     let read = |path, in_place| Input { path, in_place };
     let resume = |in_place| args.resume.as_deref().map(|path| read(path, in_place));
-    let inputs = |in_place| [read(&args.mesh, None)].into_iter().chain(resume(in_place)).collect::<Vec<_>>();
+    let inputs =
+        |in_place| [read(&args.mesh, None)].into_iter().chain(resume(in_place)).collect::<Vec<_>>();
     let target = Target::open(&args.out, "safetensors", &[], &inputs(None))?;
     let Some(path) = &args.checkpoint else { return Ok((target, None)) };
     let whole = |path: &Path| {
@@ -140,13 +161,15 @@ struct Begun {
 
 /// A fit at its beginning.
 fn begun(args: &FitArgs, taken: &MeshTarget, start: Instant) -> Result<Begun, FitFault> {
-    let told = |e: &dyn std::error::Error| FitFault::Fit { path: args.mesh.clone(), source: Told::new(e) };
+    let told =
+        |e: &dyn std::error::Error| FitFault::Fit { path: args.mesh.clone(), source: Told::new(e) };
     let config = match args.network {
         NetworkName::Grid => NetworkConfig::grid(),
         NetworkName::Fast => NetworkConfig::fast(),
         NetworkName::Paper => NetworkConfig::paper(),
     };
-    let (set, network) = taken.target().begin(&config, &sampling(args.seed)).map_err(|e| told(&e))?;
+    let (set, network) =
+        taken.target().begin(&config, &sampling(args.seed)).map_err(|e| told(&e))?;
     let seconds = match (args.seconds, args.steps, args.accuracy) {
         (Some(seconds), _, _) => Some(seconds),
         (None, None, None) => Some(SECONDS[0]),
@@ -167,7 +190,8 @@ fn begun(args: &FitArgs, taken: &MeshTarget, start: Instant) -> Result<Begun, Fi
 
 /// A fit where it was stored.
 fn resumed(args: &FitArgs, path: &Path, taken: &MeshTarget) -> Result<Begun, FitFault> {
-    let read = |e: &dyn std::error::Error| FitFault::Resume { path: path.into(), source: Told::new(e) };
+    let read =
+        |e: &dyn std::error::Error| FitFault::Resume { path: path.into(), source: Told::new(e) };
     let file = File::open(path).map_err(|e| read(&e))?;
     let (fit, network, frame) = read_checkpoint(file).map_err(|e| read(&e))?;
     let set = taken.target().training_set(&sampling(fit.params().seed));
@@ -190,8 +214,9 @@ struct Ran {
     lost: bool,
 }
 
-/// Runs a fit to its end, or until the user cancels. Where there is a place to store it, it is stored there after each `every` seconds, and when
-/// it is cancelled. Where that fails it is told, and the fit goes on.
+/// Runs a fit to its end, or until the user cancels. Where there is a place to store it, it is
+/// stored there after each `every` seconds, and when it is cancelled. Where that fails it is told,
+/// and the fit goes on.
 fn run_storing(
     fit: &mut Fit,
     network: &mut Network,
@@ -211,8 +236,14 @@ fn run_storing(
                 line.say(&format!("step {}, {done:.0} %, error {error:.3} mm", p.step));
             }
             // Right after a check a fit goes on as if nothing had been.
-            let is_due = checkpoint.is_some() && p.step.is_multiple_of(check_every) && start.elapsed().as_secs_f64() >= every;
-            if is_due || cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            let is_due = checkpoint.is_some()
+                && p.step.is_multiple_of(check_every)
+                && start.elapsed().as_secs_f64() >= every;
+            if is_due || cancel::asked() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
         };
         let report = fit.run(network, set, &mut watch)?;
         let Some(place) = checkpoint.filter(|_| report.ended == Ended::Cancelled) else {
@@ -240,19 +271,36 @@ fn run_storing(
 }
 
 fn mesh(args: &FitArgs) -> Result<TriMesh, FitFault> {
-    let file = MeshFile::read(&args.mesh).map_err(|e| FitFault::Mesh { advice: reading_advice(&e), source: Told::new(&e) })?;
+    let file = MeshFile::read(&args.mesh)
+        .map_err(|e| FitFault::Mesh { advice: reading_advice(&e), source: Told::new(&e) })?;
     let Some(scale) = args.scale else { return Ok(file.mesh().clone()) };
-    file.mesh().scaled(scale).map_err(|source| FitFault::Scale { path: args.mesh.clone(), scale, source })
+    file.mesh().scaled(scale).map_err(|source| FitFault::Scale {
+        path: args.mesh.clone(),
+        scale,
+        source,
+    })
 }
 
-fn say(args: &FitArgs, taken: &MeshTarget, params: &FitParams, report: &FitReport, seconds: f64) -> Result<End, Report> {
+fn say(
+    args: &FitArgs,
+    taken: &MeshTarget,
+    params: &FitParams,
+    report: &FitReport,
+    seconds: f64,
+) -> Result<End, Report> {
     let out = args.out.display().to_string();
     if args.json {
-        print_json(&json!({"out": out, "state": report.ended, "report": report, "seconds": seconds}))?;
+        print_json(
+            &json!({"out": out, "state": report.ended, "report": report, "seconds": seconds}),
+        )?;
     } else {
         let (what, judge) = match taken {
-            MeshTarget::Field(_) => ("its field", "points beside the surface and on it that no step saw"),
-            MeshTarget::Points(_) => ("its vertices as points", "vertices that no step saw, with their noise"),
+            MeshTarget::Field(_) => {
+                ("its field", "points beside the surface and on it that no step saw")
+            }
+            MeshTarget::Points(_) => {
+                ("its vertices as points", "vertices that no step saw, with their noise")
+            }
         };
         let mut text = format!("{}: fitted to {what}\n\n", args.mesh.display());
         text += &errors_of(report);
@@ -276,9 +324,10 @@ fn judged(params: &FitParams, report: &FitReport) -> (End, Option<&'static str>)
             let note = "the fit diverged; the best state before was written. Look at --scale, or try another --seed";
             (End::NotClean, Some(note))
         }
-        _ if params.accuracy.is_some_and(|a| report.error.mean > a) => {
-            (End::NotClean, Some("the accuracy was not reached; the network was written all the same"))
-        }
+        _ if params.accuracy.is_some_and(|a| report.error.mean > a) => (
+            End::NotClean,
+            Some("the accuracy was not reached; the network was written all the same"),
+        ),
         _ => (End::Clean, None),
     }
 }
@@ -291,12 +340,14 @@ fn ended(ended: Ended) -> String {
 }
 
 fn errors_of(report: &FitReport) -> String {
-    let header = ["mean mm", "p99 mm", "max mm", "on the surface mm", "| |grad| - 1 |", "normals deg"];
+    let header =
+        ["mean mm", "p99 mm", "max mm", "on the surface mm", "| |grad| - 1 |", "normals deg"];
     let mut table = table::new_table(&header, 0, false);
     let e = &report.error;
     let mm = |metres: f64| Cell::new(format!("{:.3}", metres * 1e3));
     let row = [mm(e.mean), mm(e.p99), mm(e.max), mm(e.surface)];
-    let rest = [Cell::new(format!("{:.4}", e.eikonal)), Cell::new(format!("{:.2}", e.normal_degrees))];
+    let rest =
+        [Cell::new(format!("{:.4}", e.eikonal)), Cell::new(format!("{:.2}", e.normal_degrees))];
     table.add_row(row.into_iter().chain(rest));
     format!("{}\n", table.trim_fmt())
 }
@@ -313,8 +364,15 @@ mod tests {
     use if_neural::trainable::TrainableField;
 
     fn report(ended: Ended) -> FitReport {
-        let error =
-            FieldError { mean: 2e-4, p99: 1.9e-3, max: 0.0123, surface: 1e-4, eikonal: 0.04, normal_degrees: 3.9, points: 9 };
+        let error = FieldError {
+            mean: 2e-4,
+            p99: 1.9e-3,
+            max: 0.0123,
+            surface: 1e-4,
+            eikonal: 0.04,
+            normal_degrees: 3.9,
+            points: 9,
+        };
         FitReport { ended, steps: 9, kept: 9, samples: 99, seconds: 1.0, error }
     }
 
@@ -327,11 +385,15 @@ mod tests {
 
     #[test]
     fn a_fit_that_diverged_or_missed_its_accuracy_is_not_clean() {
-        let of = |ended, accuracy| judged(&FitParams { accuracy, ..FitParams::default() }, &report(ended));
+        let of = |ended, accuracy| {
+            judged(&FitParams { accuracy, ..FitParams::default() }, &report(ended))
+        };
         assert_eq!(of(Ended::Steps, None), (End::Clean, None));
         assert_eq!(of(Ended::Accuracy, Some(2e-4)), (End::Clean, None));
         assert_eq!(of(Ended::Cancelled, Some(1e-4)), (End::Cancelled, None));
-        for (ended, accuracy, word) in [(Ended::Time, Some(1e-4), "not reached"), (Ended::Diverged, None, "diverged")] {
+        for (ended, accuracy, word) in
+            [(Ended::Time, Some(1e-4), "not reached"), (Ended::Diverged, None, "diverged")]
+        {
             let (end, note) = of(ended, accuracy);
             assert!(end == End::NotClean && note.unwrap().contains(word), "{note:?}");
         }
@@ -340,12 +402,25 @@ mod tests {
     #[test]
     fn a_fit_that_is_cancelled_before_its_first_check_keeps_what_it_has_learned() {
         let ring = Torus { center: Point::new(1.0, 2.0, 3.0), major: 0.5, minor: 0.2 };
-        let few = SamplingParams { near: 2000, far: 200, held_out: 400, ..SamplingParams::default() };
+        let few =
+            SamplingParams { near: 2000, far: 200, held_out: 400, ..SamplingParams::default() };
         let set = Field::Field(&ring).training_set(&few).unwrap();
-        let config = NetworkConfig::Grid(GridConfig { coarsest: 8, finest: 24, levels: 3, ..GridConfig::default() });
+        let config = NetworkConfig::Grid(GridConfig {
+            coarsest: 8,
+            finest: 24,
+            levels: 3,
+            ..GridConfig::default()
+        });
         let mut network = Network::new(&config, 1).unwrap();
         let schedule = Schedule { rate: 0.02, warmup: 0, ..Schedule::default() };
-        let params = FitParams { batch: 256, steps: Some(200), seconds: None, check_every: 25, schedule, ..config.fit_params() };
+        let params = FitParams {
+            batch: 256,
+            steps: Some(200),
+            seconds: None,
+            check_every: 25,
+            schedule,
+            ..config.fit_params()
+        };
         let mut fit = Fit::new(params).unwrap();
         let mut first = 0.0;
         let mut stop = |p: &FitProgress| {
@@ -356,8 +431,14 @@ mod tests {
         assert_eq!((broken.ended, broken.kept), (Ended::Cancelled, 20));
         let last = network.clone();
         let report = fit.clone().finish(&mut network, &set);
-        assert_eq!((report.ended, report.steps, report.kept, report.error), (Ended::Cancelled, 20, 20, broken.error));
-        assert!(report.error.mean < first && network.parameters() == last.parameters(), "{report:?} {first}");
+        assert_eq!(
+            (report.ended, report.steps, report.kept, report.error),
+            (Ended::Cancelled, 20, 20, broken.error)
+        );
+        assert!(
+            report.error.mean < first && network.parameters() == last.parameters(),
+            "{report:?} {first}"
+        );
         // A last state that is worse than the first one is not kept.
         network.parameters_mut().iter_mut().for_each(|p| *p += 1.0);
         let report = fit.finish(&mut network, &set);
@@ -366,13 +447,26 @@ mod tests {
     }
 
     #[test]
-    fn a_fit_that_is_stored_on_its_way_ends_with_the_same_bits_and_so_does_one_that_goes_on_from_there() {
+    fn a_fit_that_is_stored_on_its_way_ends_with_the_same_bits_and_so_does_one_that_goes_on_from_there()
+     {
         let ball = Sphere { center: Point::new(0.0, 1.0, 0.0), radius: 0.3 };
-        let few = SamplingParams { near: 1000, far: 100, held_out: 200, ..SamplingParams::default() };
-        let config = NetworkConfig::Grid(GridConfig { coarsest: 8, finest: 16, levels: 2, ..GridConfig::default() });
+        let few =
+            SamplingParams { near: 1000, far: 100, held_out: 200, ..SamplingParams::default() };
+        let config = NetworkConfig::Grid(GridConfig {
+            coarsest: 8,
+            finest: 16,
+            levels: 2,
+            ..GridConfig::default()
+        });
         let (set, first) = Field::Field(&ball).begin(&config, &few).unwrap();
         let begin = || {
-            let params = FitParams { batch: 64, steps: Some(10), seconds: None, check_every: 4, ..config.fit_params() };
+            let params = FitParams {
+                batch: 64,
+                steps: Some(10),
+                seconds: None,
+                check_every: 4,
+                ..config.fit_params()
+            };
             (Fit::new(params).unwrap(), first.clone())
         };
         let (mut fit, mut whole) = begin();
@@ -382,7 +476,8 @@ mod tests {
         let path = folder.path().join("fit.safetensors");
         let place = Target::open(&path, "safetensors", &[], &[]).unwrap();
         let line = Line::new("", 0, 1);
-        let Ran { report, lost } = run_storing(&mut fit, &mut stored, &set, &line, Some(&place), 0.0).unwrap();
+        let Ran { report, lost } =
+            run_storing(&mut fit, &mut stored, &set, &line, Some(&place), 0.0).unwrap();
         assert_eq!((report.ended, report.steps, lost), (Ended::Steps, 10, false));
         assert!(stored.parameters() == whole.parameters());
         let (mut fit, mut later, frame) = read_checkpoint(File::open(&path).unwrap()).unwrap();
@@ -393,7 +488,8 @@ mod tests {
         let (mut fit, mut unstored) = begin();
         std::fs::remove_file(&path).unwrap();
         std::fs::create_dir(&path).unwrap();
-        let Ran { report, lost } = run_storing(&mut fit, &mut unstored, &set, &line, Some(&place), 0.0).unwrap();
+        let Ran { report, lost } =
+            run_storing(&mut fit, &mut unstored, &set, &line, Some(&place), 0.0).unwrap();
         assert_eq!((report.ended, report.steps, lost), (Ended::Steps, 10, false));
         assert!(unstored.parameters() == whole.parameters() && !place.staged(0).exists());
     }

@@ -44,7 +44,9 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
         });
         ends.push(match one {
             Ok(end) => end,
-            Err(error) => announce::failure(&args.input.files[k].display().to_string(), &error, style)?,
+            Err(error) => {
+                announce::failure(&args.input.files[k].display().to_string(), &error, style)?
+            }
         });
     }
     if style == Style::Line {
@@ -63,7 +65,8 @@ fn out_folders(args: &FixArgs) -> Result<Vec<PathBuf>, OutputError> {
         return Ok(vec![out.clone()]);
     }
     let parent = args.out.clone().unwrap_or_else(|| "out".into());
-    let folders: Vec<PathBuf> = files.iter().map(|f| parent.join(f.file_stem().unwrap_or(f.as_os_str()))).collect();
+    let folders: Vec<PathBuf> =
+        files.iter().map(|f| parent.join(f.file_stem().unwrap_or(f.as_os_str()))).collect();
     for k in 1..folders.len() {
         let lower = |path: &PathBuf| path.to_string_lossy().to_lowercase();
         if let Some(first) = (0..k).find(|&j| lower(&folders[j]) == lower(&folders[k])) {

@@ -3,10 +3,14 @@
 use if_outfit::report::{PairReport, ResolveReport};
 use miette::Diagnostic;
 
-/// Intersections that could not be removed, with the two layers where most are left, and those that a garment got with itself.
+/// Intersections that could not be removed, with the two layers where most are left, and those that
+/// a garment got with itself.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 #[error("outfit `{outfit}`: {} left", told(worst.as_ref(), own))]
-#[diagnostic(code(ifg::unresolved), help("{}--write-unproven writes what was reached", list(triangles)))]
+#[diagnostic(
+    code(ifg::unresolved),
+    help("{}--write-unproven writes what was reached", list(triangles))
+)]
 pub(crate) struct Left {
     outfit: String,
     worst: Option<Worst>,
@@ -29,16 +33,24 @@ struct Worst {
 
 impl Left {
     /// What is not proven of an outfit, where there is something: as [`ResolveReport::is_proven`].
-    pub(crate) fn found(outfit: &str, report: &ResolveReport, triangles: Vec<[u32; 2]>) -> Option<Self> {
+    pub(crate) fn found(
+        outfit: &str,
+        report: &ResolveReport,
+        triangles: Vec<[u32; 2]>,
+    ) -> Option<Self> {
         let key = |p: &&PairReport| (p.pairs.total(), p.vertices_inside);
         let after = &report.after;
-        let worst = after.pairs.iter().max_by_key(key).filter(|p| key(p) != (0, 0)).map(|worst| Worst {
-            pairs: after.total_pairs(),
-            inside: after.total_inside(),
-            outer: worst.outer.clone(),
-            inner: worst.inner.clone(),
-        });
-        let more = report.layers.iter().map(|l| (l.name.clone(), l.own_pairs[1].saturating_sub(l.own_pairs[0])));
+        let worst =
+            after.pairs.iter().max_by_key(key).filter(|p| key(p) != (0, 0)).map(|worst| Worst {
+                pairs: after.total_pairs(),
+                inside: after.total_inside(),
+                outer: worst.outer.clone(),
+                inner: worst.inner.clone(),
+            });
+        let more = report
+            .layers
+            .iter()
+            .map(|l| (l.name.clone(), l.own_pairs[1].saturating_sub(l.own_pairs[0])));
         let own: Vec<_> = more.filter(|(_, n)| *n > 0).collect();
         let triangles = if worst.is_some() { triangles } else { vec![] };
         (!report.is_proven()).then(|| Self { outfit: outfit.into(), worst, own, triangles })
@@ -63,7 +75,8 @@ fn list(triangles: &[[u32; 2]]) -> String {
     if triangles.is_empty() {
         return String::new();
     }
-    let pairs: Vec<String> = triangles.iter().take(SHOWN).map(|[inner, outer]| format!("({inner}, {outer})")).collect();
+    let pairs: Vec<String> =
+        triangles.iter().take(SHOWN).map(|[inner, outer]| format!("({inner}, {outer})")).collect();
     format!("look at the triangles (inner, outer) {}; ", pairs.join(" "))
 }
 
@@ -95,7 +108,12 @@ mod tests {
         assert!(found(vec![pair("a", 0, 0)]).is_none());
         let left = found(vec![pair("a", 1, 0), pair("b", 3, 5)]).unwrap();
         let text = left.to_string();
-        assert!(text.contains("4 intersecting") && text.contains("5 vertices") && text.contains("`b` over `body`"), "{text}");
+        assert!(
+            text.contains("4 intersecting")
+                && text.contains("5 vertices")
+                && text.contains("`b` over `body`"),
+            "{text}"
+        );
         assert!(left.help().unwrap().to_string().contains("(1, 2)"));
         let outer = |pairs| found(pairs).unwrap().worst.unwrap().outer;
         assert_eq!(outer(vec![pair("a", 1, 0), pair("b", 3, 0), pair("c", 2, 9)]), "b");
@@ -111,7 +129,13 @@ mod tests {
         };
         assert!(found(vec![layer("a", [7, 7]), layer("b", [9, 2])]).is_none());
         let left = found(vec![layer("a", [7, 7]), layer("coat", [1, 3])]).unwrap();
-        assert_eq!(left.to_string(), "outfit `o`: 2 new intersections of `coat` with itself are left");
-        assert!(!left.help().unwrap().to_string().contains("(1, 2)"), "these triangles are of layers that do not meet");
+        assert_eq!(
+            left.to_string(),
+            "outfit `o`: 2 new intersections of `coat` with itself are left"
+        );
+        assert!(
+            !left.help().unwrap().to_string().contains("(1, 2)"),
+            "these triangles are of layers that do not meet"
+        );
     }
 }

@@ -31,7 +31,10 @@ pub(crate) enum LoadError {
     #[diagnostic(code(ifg::input::scale), help("look at --scale, or `scale` in the outfit file"))]
     Scale { layer: String, path: PathBuf, scale: f64, source: MeshError },
     #[error("the triangles of `{}` ({layer}) cannot be split", path.display())]
-    #[diagnostic(code(ifg::input::split), help("leave `split` at \"never\", or store the file again as this asks for"))]
+    #[diagnostic(
+        code(ifg::input::split),
+        help("leave `split` at \"never\", or store the file again as this asks for")
+    )]
     Split { layer: String, path: PathBuf, source: Told },
     #[error("`{}` ({layer}) does not fit into an outfit", path.display())]
     #[diagnostic(code(ifg::input::outfit), help("{}", outfit_advice(source)))]
@@ -43,15 +46,27 @@ fn outfit_advice(error: &OutfitError) -> String {
         OutfitError::Units { unit, scale, .. } => {
             format!("if the files are in {unit}, add --scale {scale}; outputs then keep {unit}")
         }
-        OutfitError::DuplicateName { .. } => "give one of them another `name` in an outfit file".into(),
-        OutfitError::OpenBody { .. } => "the body must be one closed surface; garments may be open".into(),
-        OutfitError::InsideOut { .. } => "reverse the order of the corners of all its triangles".into(),
-        OutfitError::Winding { .. } => "turn those triangles, or use what `ifg clean` writes".into(),
-        OutfitError::TooLarge { .. } => "repair that vertex, or give the garment in the units of the body".into(),
+        OutfitError::DuplicateName { .. } => {
+            "give one of them another `name` in an outfit file".into()
+        }
+        OutfitError::OpenBody { .. } => {
+            "the body must be one closed surface; garments may be open".into()
+        }
+        OutfitError::InsideOut { .. } => {
+            "reverse the order of the corners of all its triangles".into()
+        }
+        OutfitError::Winding { .. } => {
+            "turn those triangles, or use what `ifg clean` writes".into()
+        }
+        OutfitError::TooLarge { .. } => {
+            "repair that vertex, or give the garment in the units of the body".into()
+        }
         OutfitError::PartInsideOut { .. } => {
             "reverse the order of the corners of that part's triangles, or take the part out".into()
         }
-        OutfitError::FarFromBody { .. } => "all layers must be in the same units and the same place".into(),
+        OutfitError::FarFromBody { .. } => {
+            "all layers must be in the same units and the same place".into()
+        }
         _ => "leave it out, or give a mesh that has triangles".into(),
     }
 }
@@ -59,7 +74,9 @@ fn outfit_advice(error: &OutfitError) -> String {
 pub(crate) fn reading_advice(error: &ReadError) -> &'static str {
     match error {
         ReadError::Extension { .. } => "give a .ply or .obj file",
-        ReadError::Io { .. } => "look at the path; relative paths in an outfit file start at its folder",
+        ReadError::Io { .. } => {
+            "look at the path; relative paths in an outfit file start at its folder"
+        }
         ReadError::NotAFile { .. } => "give the path of a file",
         _ => "repair it at the place named, or export it again",
     }
@@ -74,7 +91,8 @@ pub(crate) fn load(spec: &OutfitSpec) -> Result<Loaded, LoadError> {
             LoadError::Mesh { layer, advice, source }
         })
     };
-    // All are read before the first fault is looked for, so that it is the same on any number of threads.
+    // All are read before the first fault is looked for, so that it is the same on any number of
+    // threads.
     let files: Vec<_> = layers.par_iter().map(read).collect();
     let files = files.into_iter().collect::<Result<Vec<_>, _>>()?;
     let scaled = layers.iter().zip(&files).map(|(layer, file)| to_layer(layer, file, spec.scale));
@@ -100,7 +118,12 @@ impl Loaded {
     }
 
     /// Splits the triangles of garment `k` as `split` says, in its file and here.
-    pub(crate) fn split(&mut self, spec: &OutfitSpec, k: usize, split: &Split) -> Result<(), LoadError> {
+    pub(crate) fn split(
+        &mut self,
+        spec: &OutfitSpec,
+        k: usize,
+        split: &Split,
+    ) -> Result<(), LoadError> {
         let layer = &spec.garments[k];
         self.files[k + 1] = self.files[k + 1].split(split).map_err(|e| LoadError::Split {
             layer: layer.name.clone(),
@@ -111,8 +134,8 @@ impl Loaded {
         Ok(())
     }
 
-    /// The positions of each garment of `outfit` as a reader of its file will get them, in the units
-    /// of the file. Vertices that did not move have the very bits of the file.
+    /// The positions of each garment of `outfit` as a reader of its file will get them, in the
+    /// units of the file. Vertices that did not move have the very bits of the file.
     pub(crate) fn positions(&self, outfit: &Outfit) -> Vec<Vec<Point>> {
         let one = |(k, garment): (usize, &Layer)| {
             let (file, before) = (self.garment_file(k), self.outfit.garments[k].mesh.vertices());
@@ -128,7 +151,8 @@ impl Loaded {
     pub(crate) fn outfit_of(&self, positions: &[Vec<Point>]) -> Result<Outfit, MeshError> {
         let mut outfit = self.outfit.clone();
         for (garment, positions) in outfit.garments.iter_mut().zip(positions) {
-            garment.mesh = garment.mesh.with_vertices(positions.iter().map(|p| p * self.scale).collect())?;
+            garment.mesh =
+                garment.mesh.with_vertices(positions.iter().map(|p| p * self.scale).collect())?;
         }
         Ok(outfit)
     }
@@ -138,10 +162,15 @@ fn notes_on(layer: &Layer, file: &MeshFile) -> Vec<String> {
     let mut notes: Vec<String> = faults(&layer.mesh).iter().map(ToString::to_string).collect();
     if let [first, ..] = file.collapsed_faces() {
         let n = file.collapsed_faces().len();
-        notes.push(format!("{n} faces use a vertex twice (the first is face {first}); they are written as they are"));
+        notes.push(format!(
+            "{n} faces use a vertex twice (the first is face {first}); they are written as they are"
+        ));
     }
     if file.shared_normals() > 0 {
-        notes.push(format!("{} normals are shared by several vertices; they are written as they are", file.shared_normals()));
+        notes.push(format!(
+            "{} normals are shared by several vertices; they are written as they are",
+            file.shared_normals()
+        ));
     }
     notes.iter().map(|note| format!("`{}`: {note}", layer.name)).collect()
 }

@@ -52,8 +52,13 @@ fn run(cli: &Cli) -> Result<End, Report> {
     if cli.verbose {
         progress::hide();
         let stderr = std::io::stderr;
-        let events = tracing_subscriber::fmt().with_max_level(tracing::Level::DEBUG).with_target(false).with_writer(stderr);
-        let events = events.with_ansi(stderr().is_terminal()).with_timer(tracing_subscriber::fmt::time::uptime());
+        let events = tracing_subscriber::fmt()
+            .with_max_level(tracing::Level::DEBUG)
+            .with_target(false)
+            .with_writer(stderr);
+        let events = events
+            .with_ansi(stderr().is_terminal())
+            .with_timer(tracing_subscriber::fmt::time::uptime());
         events.try_init().map_err(|e| miette::miette!("{e}"))?;
     }
     cancel::listen();

@@ -44,7 +44,10 @@ pub(crate) struct LayerSpec {
 #[derive(Debug, thiserror::Error, Diagnostic)]
 pub(crate) enum SpecError {
     #[error("cannot read outfit file `{}`", path.display())]
-    #[diagnostic(code(ifg::outfit_file::read), help("give the path of an outfit file (.toml), or --body and garments"))]
+    #[diagnostic(
+        code(ifg::outfit_file::read),
+        help("give the path of an outfit file (.toml), or --body and garments")
+    )]
     Read { path: PathBuf, source: std::io::Error },
     #[error("outfit file `{}`: {message}", path.display())]
     #[diagnostic(
@@ -60,22 +63,40 @@ pub(crate) enum SpecError {
         at: Option<SourceSpan>,
     },
     #[error("outfit file `{}`: scale is {value}", path.display())]
-    #[diagnostic(code(ifg::outfit_file::scale), help("give a positive number, such as 0.001 for files in millimetres"))]
+    #[diagnostic(
+        code(ifg::outfit_file::scale),
+        help("give a positive number, such as 0.001 for files in millimetres")
+    )]
     Scale { path: PathBuf, value: f64 },
     #[error("outfit file `{}` has no garment", path.display())]
-    #[diagnostic(code(ifg::outfit_file::empty), help("add one [[garment]] with `file = \"…\"` for each, innermost first"))]
+    #[diagnostic(
+        code(ifg::outfit_file::empty),
+        help("add one [[garment]] with `file = \"…\"` for each, innermost first")
+    )]
     NoGarment { path: PathBuf },
     #[error("`{}` is no outfit file, and there is no body", path.display())]
-    #[diagnostic(code(ifg::arguments::body), help("give the body with --body, or outfit files that end in .toml"))]
+    #[diagnostic(
+        code(ifg::arguments::body),
+        help("give the body with --body, or outfit files that end in .toml")
+    )]
     NoBody { path: PathBuf },
     #[error("`{}` is an outfit file; it names its own body", path.display())]
-    #[diagnostic(code(ifg::arguments::body), help("leave out --body, or give garment meshes (.ply, .obj)"))]
+    #[diagnostic(
+        code(ifg::arguments::body),
+        help("leave out --body, or give garment meshes (.ply, .obj)")
+    )]
     TwoBodies { path: PathBuf },
     #[error("`{}` names no file", path.display())]
-    #[diagnostic(code(ifg::arguments::file_name), help("give the path of a mesh file (.ply, .obj)"))]
+    #[diagnostic(
+        code(ifg::arguments::file_name),
+        help("give the path of a mesh file (.ply, .obj)")
+    )]
     NoFileName { path: PathBuf },
     #[error("parameter `{key}`: {message}")]
-    #[diagnostic(code(ifg::arguments::parameter), help("parameters and their defaults stand in docs/outfit.md"))]
+    #[diagnostic(
+        code(ifg::arguments::parameter),
+        help("parameters and their defaults stand in docs/outfit.md")
+    )]
     Parameter { key: String, message: String },
 }
 
@@ -106,18 +127,36 @@ pub(crate) fn outfits(input: &InputArgs, params: &ParamArgs) -> Vec<Result<Outfi
         None => input
             .files
             .iter()
-            .map(|path| if is_toml(path) { read(path).and_then(with) } else { Err(SpecError::NoBody { path: path.clone() }) })
+            .map(|path| {
+                if is_toml(path) {
+                    read(path).and_then(with)
+                } else {
+                    Err(SpecError::NoBody { path: path.clone() })
+                }
+            })
             .collect(),
     }
 }
 
 /// The outfit with what the command line says in place of what its file says.
-pub(crate) fn with_args(spec: OutfitSpec, scale: Option<f64>, params: &ParamArgs) -> Result<OutfitSpec, SpecError> {
-    Ok(OutfitSpec { scale: scale.unwrap_or(spec.scale), params: override_params(&spec.params, params)?, ..spec })
+pub(crate) fn with_args(
+    spec: OutfitSpec,
+    scale: Option<f64>,
+    params: &ParamArgs,
+) -> Result<OutfitSpec, SpecError> {
+    Ok(OutfitSpec {
+        scale: scale.unwrap_or(spec.scale),
+        params: override_params(&spec.params, params)?,
+        ..spec
+    })
 }
 
 /// One outfit of meshes named on the command line.
-fn from_meshes(body: &Path, files: &[PathBuf], is_toml: impl Fn(&Path) -> bool) -> Result<OutfitSpec, SpecError> {
+fn from_meshes(
+    body: &Path,
+    files: &[PathBuf],
+    is_toml: impl Fn(&Path) -> bool,
+) -> Result<OutfitSpec, SpecError> {
     if let Some(path) = files.iter().find(|path| is_toml(path)) {
         return Err(SpecError::TwoBodies { path: path.clone() });
     }
@@ -133,7 +172,8 @@ fn from_meshes(body: &Path, files: &[PathBuf], is_toml: impl Fn(&Path) -> bool) 
 
 /// Reads one outfit file. Relative paths in it are relative to its folder.
 pub(crate) fn read(path: &Path) -> Result<OutfitSpec, SpecError> {
-    let text = std::fs::read_to_string(path).map_err(|source| SpecError::Read { path: path.into(), source })?;
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| SpecError::Read { path: path.into(), source })?;
     let parsed: OutfitToml = toml::from_str(&text).map_err(|error| SpecError::Syntax {
         path: path.into(),
         message: error.message().to_owned(),
@@ -173,10 +213,14 @@ fn stem(path: &Path) -> String {
 }
 
 /// The parameters with those of the command line in place of their own.
-pub(crate) fn override_params(params: &ResolveParams, args: &ParamArgs) -> Result<ResolveParams, SpecError> {
+pub(crate) fn override_params(
+    params: &ResolveParams,
+    args: &ParamArgs,
+) -> Result<ResolveParams, SpecError> {
     let mut params = params.clone();
     for (key, value) in &args.set {
-        params = set(&params, key, value).map_err(|message| SpecError::Parameter { key: key.clone(), message })?;
+        params = set(&params, key, value)
+            .map_err(|message| SpecError::Parameter { key: key.clone(), message })?;
     }
     if let Some(clearance) = args.clearance {
         params.clearance = clearance;

@@ -15,12 +15,21 @@ use std::path::Path;
 /// The files that a finished outfit has, without its receipt.
 pub(crate) fn names(spec: &OutfitSpec, pictures: bool) -> Vec<String> {
     let drawn = if pictures { &[pictures::BEFORE, pictures::AFTER][..] } else { &[] };
-    spec.garments.iter().map(|l| l.file_name.clone()).chain(drawn.iter().map(ToString::to_string)).collect()
+    spec.garments
+        .iter()
+        .map(|l| l.file_name.clone())
+        .chain(drawn.iter().map(ToString::to_string))
+        .collect()
 }
 
 /// Faults that can be seen before anything is read: two outputs of one name, an output over an
 /// input, something in the way.
-pub(crate) fn check(spec: &OutfitSpec, out: &Path, names: &[String], in_place: bool) -> Result<(), OutputError> {
+pub(crate) fn check(
+    spec: &OutfitSpec,
+    out: &Path,
+    names: &[String],
+    in_place: bool,
+) -> Result<(), OutputError> {
     for (k, layer) in spec.garments.iter().enumerate() {
         let same = |other: &&LayerSpec| other.file_name.eq_ignore_ascii_case(&layer.file_name);
         if let Some(first) = spec.garments[..k].iter().find(same) {
@@ -40,7 +49,10 @@ pub(crate) fn check(spec: &OutfitSpec, out: &Path, names: &[String], in_place: b
         let is_target = |input: &&LayerSpec| input.path.canonicalize().is_ok_and(|p| p == target);
         let garment = spec.garments.iter().find(is_target).filter(|_| !in_place);
         // No option allows writing over the body.
-        let over = Some(&spec.body).filter(is_target).map(|body| (body, false)).or(garment.map(|g| (g, true)));
+        let over = Some(&spec.body)
+            .filter(is_target)
+            .map(|body| (body, false))
+            .or(garment.map(|g| (g, true)));
         if let Some((input, option)) = over {
             return Err(OutputError::OverInput { path, written: input.written.clone(), option });
         }
@@ -58,16 +70,19 @@ pub(crate) fn write_garments(
 ) -> Result<Vec<Output>, OutputError> {
     let one = |(k, layer): (usize, &LayerSpec)| {
         let name = &layer.file_name;
-        loaded.garment_file(k).write(&staging.path(name), &positions[k]).map_err(|error| match error {
-            WriteError::Io { source, .. } => OutputError::File { path: out.join(name), source },
-            other => OutputError::Mesh { path: out.join(name), source: Told::new(&other) },
+        loaded.garment_file(k).write(&staging.path(name), &positions[k]).map_err(|error| {
+            match error {
+                WriteError::Io { source, .. } => OutputError::File { path: out.join(name), source },
+                other => OutputError::Mesh { path: out.join(name), source: Told::new(&other) },
+            }
         })?;
         let mut written = describe(name, staging, out)?;
         // The request's first input is the body.
         written.unchanged = Some(written.content == request.inputs[k + 1].content);
         Ok(written)
     };
-    // All are written before the first fault is looked for, so that it is the same on any number of threads.
+    // All are written before the first fault is looked for, so that it is the same on any number of
+    // threads.
     let written: Vec<_> = spec.garments.par_iter().enumerate().map(one).collect();
     written.into_iter().collect()
 }

@@ -15,7 +15,11 @@ pub(crate) fn hide() {
 
 /// Where lines are drawn.
 pub(crate) fn target() -> ProgressDrawTarget {
-    if HIDDEN.load(Ordering::Relaxed) { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() }
+    if HIDDEN.load(Ordering::Relaxed) {
+        ProgressDrawTarget::hidden()
+    } else {
+        ProgressDrawTarget::stderr()
+    }
 }
 
 /// One line that says what is being done. Nothing is drawn where stderr is no terminal.
@@ -32,7 +36,11 @@ impl Line {
         let style = ProgressStyle::with_template("{spinner} {elapsed:>3} {wide_msg}");
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));
         bar.enable_steady_tick(Duration::from_millis(100));
-        let outfit = if outfits > 1 { format!("[{}/{outfits}] {outfit}: ", index + 1) } else { String::new() };
+        let outfit = if outfits > 1 {
+            format!("[{}/{outfits}] {outfit}: ", index + 1)
+        } else {
+            String::new()
+        };
         Self { bar, outfit }
     }
 
@@ -54,7 +62,8 @@ impl Line {
             Stage::Repair => "repair",
             Stage::Done => "done",
         };
-        let mut text = format!("{} ({}/{}) {stage}", progress.layer, progress.index + 1, progress.layers);
+        let mut text =
+            format!("{} ({}/{}) {stage}", progress.layer, progress.index + 1, progress.layers);
         if matches!(progress.stage, Stage::Settle | Stage::Repair) {
             let _ = write!(text, ", round {}", progress.round);
         }

@@ -26,7 +26,8 @@ pub(crate) struct Request {
     pub(crate) params: Value,
     /// From the units of the files to metres.
     pub(crate) scale: f64,
-    /// The body, then the garments, inner to outer, then what these name: material libraries and textures.
+    /// The body, then the garments, inner to outer, then what these name: material libraries and
+    /// textures.
     pub(crate) inputs: Vec<Input>,
 }
 
@@ -35,7 +36,8 @@ pub(crate) struct Request {
 pub(crate) struct Input {
     /// The layer's name.
     pub(crate) layer: String,
-    /// The path as the user wrote it; of what a garment's file names, that from the garment's folder.
+    /// The path as the user wrote it; of what a garment's file names, that from the garment's
+    /// folder.
     pub(crate) file: String,
     #[serde(flatten)]
     pub(crate) content: Content,
@@ -79,10 +81,13 @@ impl Request {
     pub(crate) fn is_finished(&self, out: &Path, outputs: &[String]) -> bool {
         let Some(receipt) = read(&out.join(FILE)) else { return false };
         let Some(request) = reread(self) else { return false };
-        let same = ["tool", "params", "scale", "inputs"].iter().all(|key| receipt.get(key) == request.get(key));
+        let same = ["tool", "params", "scale", "inputs"]
+            .iter()
+            .all(|key| receipt.get(key) == request.get(key));
         let written = receipt["outputs"].as_array().map_or(&[][..], Vec::as_slice);
         let intact = |output: &Value| {
-            let found = output["file"].as_str().and_then(|file| hash::of_file(&out.join(file)).ok());
+            let found =
+                output["file"].as_str().and_then(|file| hash::of_file(&out.join(file)).ok());
             found.is_some_and(|c| output["sha256"] == json!(c.sha256))
         };
         let all_there = outputs.iter().all(|name| written.iter().any(|o| o["file"] == json!(name)));
@@ -91,11 +96,17 @@ impl Request {
 }
 
 /// The text of a receipt.
-pub(crate) fn text(outfit: &str, request: &Request, done: &Done, timings: &Timings) -> Result<String, serde_json::Error> {
+pub(crate) fn text(
+    outfit: &str,
+    request: &Request,
+    done: &Done,
+    timings: &Timings,
+) -> Result<String, serde_json::Error> {
     let report = &done.report;
     let mut measures = serde_json::to_value(report)?;
     drop_seconds(&mut measures);
-    let layers: Map<String, Value> = report.layers.iter().map(|l| (l.name.clone(), json!(l.seconds))).collect();
+    let layers: Map<String, Value> =
+        report.layers.iter().map(|l| (l.name.clone(), json!(l.seconds))).collect();
     let receipt = json!({
         "receipt": 1,
         "outfit": outfit,

@@ -18,8 +18,9 @@ use if_outfit::content;
 use if_pipeline::asset::{LayerHint, Parts, Provenance};
 use if_pipeline::capture::{Capture, CaptureError};
 use if_pipeline::reconstruct::{
-    FrameMotion, MotionNetworkParams, MotionParams, MotionReport, MotionRound, PhiNetwork, PhiParams, Progress, ReconstructError,
-    ReconstructParams, ReconstructReport, Reconstruction, Stage, SurfaceError, reconstruct, write_frames,
+    FrameMotion, MotionNetworkParams, MotionParams, MotionReport, MotionRound, PhiNetwork,
+    PhiParams, Progress, ReconstructError, ReconstructParams, ReconstructReport, Reconstruction,
+    Stage, SurfaceError, reconstruct, write_frames,
 };
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
 use if_render::page::Page;
@@ -40,27 +41,31 @@ pub(crate) struct ReconstructArgs {
     /// The template body: a folder with body_clean.ply and skeleton.json.
     #[arg(long, value_name = "DIR")]
     pub(crate) body: PathBuf,
-    /// The wardrobe that gets the body and the garments; the clothed person and a report go to clothed/CAPTURE in it. A run
-    /// that was stopped goes on from its last round.
+    /// The wardrobe that gets the body and the garments; the clothed person and a report go to
+    /// clothed/CAPTURE in it. A run that was stopped goes on from its last round.
     #[arg(short, long, value_name = "ASSET_DIR")]
     pub(crate) out: PathBuf,
-    /// Put before each garment's name; by default the name of the capture's folder and an underscore.
+    /// Put before each garment's name; by default the name of the capture's folder and an
+    /// underscore.
     #[arg(long, value_name = "TEXT")]
     pub(crate) prefix: Option<String>,
     /// Side of the cells of the canonical mesh, with a unit; 8mm by default.
     #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
     pub(crate) cell: Option<f64>,
-    /// Steps of the fit of φ's network, which each garment gets as `phi.safetensors`; 150 by default, 0 leaves it out.
+    /// Steps of the fit of φ's network, which each garment gets as `phi.safetensors`; 150 by
+    /// default, 0 leaves it out.
     #[arg(long, value_name = "STEPS")]
     pub(crate) phi_steps: Option<u64>,
-    /// Write the canonical mesh in each frame, too: posed, and moved as the pictures of that frame and its neighbours show it.
+    /// Write the canonical mesh in each frame, too: posed, and moved as the pictures of that frame
+    /// and its neighbours show it.
     #[arg(long)]
     pub(crate) frames: bool,
-    /// Where the motion of single frames comes from: `solved` from the pictures, or `none`, the pose alone. Only with --frames.
+    /// Where the motion of single frames comes from: `solved` from the pictures, or `none`, the
+    /// pose alone. Only with --frames.
     #[arg(long, value_name = "HOW", requires = "frames", default_value = "solved")]
     pub(crate) motion: MotionFrom,
-    /// Steps of a fit of that motion as a network with an embedding for each frame, `deformation.safetensors` beside the frames'
-    /// folder; 0, as by default, leaves it out.
+    /// Steps of a fit of that motion as a network with an embedding for each frame,
+    /// `deformation.safetensors` beside the frames' folder; 0, as by default, leaves it out.
     #[arg(long, value_name = "STEPS", requires = "frames", default_value_t = 0)]
     pub(crate) motion_steps: u64,
     /// Print the report as JSON on stdout, and no summary.
@@ -92,7 +97,10 @@ struct Fault {
     source: Told,
 }
 
-fn fault<E: Error + 'static>(context: impl Into<String>, help: &'static str) -> impl FnOnce(E) -> Fault {
+fn fault<E: Error + 'static>(
+    context: impl Into<String>,
+    help: &'static str,
+) -> impl FnOnce(E) -> Fault {
     let context = context.into();
     move |error| Fault { context, help, source: Told::new(&error) }
 }
@@ -129,7 +137,8 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         "give a folder with body_clean.ply (or body.ply) and skeleton.json; see docs/capture.md",
     ))?;
     let prefix = args.prefix.clone().unwrap_or_else(|| format!("{name}_"));
-    let names = names::assets(&capture, &prefix).map_err(fault("cannot name the garments", "give --prefix another text"))?;
+    let names = names::assets(&capture, &prefix)
+        .map_err(fault("cannot name the garments", "give --prefix another text"))?;
     let mut params = ReconstructParams::default();
     if let Some(cell) = args.cell {
         params.cell = cell;
@@ -150,14 +159,20 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     const ROOM: &str = "make room there, or give --out another folder that you may write to";
     fs::create_dir_all(&args.out).map_err(fault(writing("anything"), ROOM))?;
     // A wardrobe that cannot be read is told of before the work, not after it.
-    let wardrobe = Wardrobe::open(&args.out)
-        .map_err(fault(format!("cannot open wardrobe `{}`", args.out.display()), "formats stand in docs/wardrobe.md"))?;
+    let wardrobe = Wardrobe::open(&args.out).map_err(fault(
+        format!("cannot open wardrobe `{}`", args.out.display()),
+        "formats stand in docs/wardrobe.md",
+    ))?;
     for name in &names {
-        if let Some(other) = wardrobe.garments().get(name).filter(|info| is_of_another(args, &info.provenance)) {
+        if let Some(other) =
+            wardrobe.garments().get(name).filter(|info| is_of_another(args, &info.provenance))
+        {
             let taken = Taken { garment: name.clone(), source_of: other.provenance.source.clone() };
-            return Err(
-                fault(format!("`{}` cannot be added", args.capture.display()), "give --prefix a text of its own")(taken).into()
-            );
+            return Err(fault(
+                format!("`{}` cannot be added", args.capture.display()),
+                "give --prefix a text of its own",
+            )(taken)
+            .into());
         }
     }
     drop(wardrobe);
@@ -176,17 +191,30 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         }
         Err(error) => {
             let help = help(&error);
-            return Err(fault(format!("cannot reconstruct `{}`", args.capture.display()), help)(error).into());
+            return Err(fault(format!("cannot reconstruct `{}`", args.capture.display()), help)(
+                error,
+            )
+            .into());
         }
     };
     let seconds = start.elapsed().as_secs_f64();
     line.say("writing");
-    let network = found.phi.as_ref().map(PhiNetwork::to_bytes).transpose().map_err(fault(writing("φ"), ROOM))?;
+    let network = found
+        .phi
+        .as_ref()
+        .map(PhiNetwork::to_bytes)
+        .transpose()
+        .map_err(fault(writing("φ"), ROOM))?;
     write_assets(args, &names, &capture, &found, network.as_deref()).map_err(|error| {
-        let help = if matches!(error, WardrobeError::Busy { .. }) { "run it again when the other process is done" } else { ROOM };
+        let help = if matches!(error, WardrobeError::Busy { .. }) {
+            "run it again when the other process is done"
+        } else {
+            ROOM
+        };
         fault(writing("assets"), help)(error)
     })?;
-    write_clothed(args, &name, &capture, &template, &found).map_err(fault(writing("the clothed body"), ROOM))?;
+    write_clothed(args, &name, &capture, &template, &found)
+        .map_err(fault(writing("the clothed body"), ROOM))?;
     let _ = fs::remove_file(&state); // of no use any more
     drop(line);
     if args.json {
@@ -203,9 +231,9 @@ fn help(error: &ReconstructError) -> &'static str {
         ReconstructError::Surface(SurfaceError::Checkpoint(_)) => {
             "what a stopped run has reached is the hidden file `.NAME.reconstruct.state` in --out; it can be removed"
         }
-        ReconstructError::Surface(SurfaceError::Capture(CaptureError::JointCount { .. } | CaptureError::JointName { .. })) => {
-            "give --body the folder of the body that the poses are of"
-        }
+        ReconstructError::Surface(SurfaceError::Capture(
+            CaptureError::JointCount { .. } | CaptureError::JointName { .. },
+        )) => "give --body the folder of the body that the poses are of",
         _ => "captures are specified in docs/capture.md",
     }
 }
@@ -236,7 +264,10 @@ fn told(progress: &Progress) -> String {
 fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> String {
     let surface = &report.surface;
     let used = surface.frames - surface.skipped.len();
-    let mut text = format!("{name}: {used} of {} frames, {} triangles, {seconds:.1} s\n", surface.frames, report.triangles);
+    let mut text = format!(
+        "{name}: {used} of {} frames, {} triangles, {seconds:.1} s\n",
+        surface.frames, report.triangles
+    );
     if let Some(filled) = &surface.start.filled {
         text += &format!(
             "  {} hangs loose about {}: {:.1} litres were filled\n",
@@ -271,7 +302,10 @@ fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> String {
         );
     }
     if let Some(phi) = &report.phi {
-        text += &format!("  φ as a network: off by {:.2} mm on average, 99 % by less than {:.1} mm\n", phi.mean_mm, phi.p99_mm);
+        text += &format!(
+            "  φ as a network: off by {:.2} mm on average, 99 % by less than {:.1} mm\n",
+            phi.mean_mm, phi.p99_mm
+        );
     }
     for garment in &report.garments {
         text += &format!(
@@ -280,7 +314,8 @@ fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> String {
             garment.triangles,
             garment.openings,
             match garment.most_openings {
-                Some(most) if most > garment.openings => format!(" (a closed garment of that name has {most})"),
+                Some(most) if most > garment.openings =>
+                    format!(" (a closed garment of that name has {most})"),
                 _ => String::new(),
             },
             garment.filled,
@@ -300,7 +335,8 @@ fn moved(motion: &MotionReport) -> String {
         motion.solved, motion.mean_mm, motion.max_mm
     );
     if !motion.skipped.is_empty() {
-        text += &format!("; {} bring nothing, and move as their neighbours do", motion.skipped.len());
+        text +=
+            &format!("; {} bring nothing, and move as their neighbours do", motion.skipped.len());
     }
     text + "\n"
 }
@@ -318,7 +354,11 @@ fn write_assets(
     let mesh = file("body_clean.ply").unwrap_or_else(|| args.body.join("body.ply"));
     let (template, skeleton) = (file("body.ply"), file("skeleton.json"));
     let name = names::last_name(&args.body, "body");
-    let new = NewBody { template: template.as_deref(), skeleton: skeleton.as_deref(), ..NewBody::new(&name, &mesh) };
+    let new = NewBody {
+        template: template.as_deref(),
+        skeleton: skeleton.as_deref(),
+        ..NewBody::new(&name, &mesh)
+    };
     let body = wardrobe.add_body_once(&new)?;
     let provenance = Provenance {
         source: args.capture.display().to_string(),
@@ -327,7 +367,11 @@ fn write_assets(
         licence: Vec::new(),
     };
     for garment in &found.garments {
-        let k = capture.garments().iter().position(|n| *n == garment.name).expect("garments are the capture's");
+        let k = capture
+            .garments()
+            .iter()
+            .position(|n| *n == garment.name)
+            .expect("garments are the capture's");
         wardrobe.add(&Parts {
             name: &names[k],
             hint: LayerHint::of_name(&garment.name),
@@ -352,16 +396,25 @@ fn write_clothed(
     found: &Reconstruction,
 ) -> io::Result<()> {
     let parent = args.out.join(CLOTHED);
-    let writer = Writer::wait(&parent, PATIENCE)?.ok_or_else(|| io::Error::other("another process is writing there"))?;
+    let writer = Writer::wait(&parent, PATIENCE)?
+        .ok_or_else(|| io::Error::other("another process is writing there"))?;
     writer.write(name, |folder| {
         let mut properties = found.skin.to_properties();
         properties.push(Property::new("label", Column::U8(found.labels.clone())));
         let file = PlyMesh { vertex_properties: properties, ..PlyMesh::new(found.mesh.clone()) };
         let path: PathBuf = folder.join("canonical.ply");
-        ply::write_path(&file, found.mesh.vertices(), &WriteParams::default(), &path).map_err(io::Error::other)?;
+        ply::write_path(&file, found.mesh.vertices(), &WriteParams::default(), &path)
+            .map_err(io::Error::other)?;
         if args.frames {
-            write_frames(&folder.join("frames"), &found.mesh, &found.skin, &template.skeleton, capture, found.motion.as_ref())
-                .map_err(io::Error::other)?;
+            write_frames(
+                &folder.join("frames"),
+                &found.mesh,
+                &found.skin,
+                &template.skeleton,
+                capture,
+                found.motion.as_ref(),
+            )
+            .map_err(io::Error::other)?;
         }
         if let Some(network) = &found.motion_network {
             fs::write(folder.join("deformation.safetensors"), network.to_bytes()?)?;
@@ -375,7 +428,11 @@ fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
     let report = &found.report;
     let mut page = Page::new(&format!("{name}, reconstructed"));
     let s = &report.seconds;
-    page.text(&summary(name, report, s.surface + s.extract + s.motion + s.motion_network + s.phi + s.garments));
+    page.text(&summary(
+        name,
+        report,
+        s.surface + s.extract + s.motion + s.motion_network + s.phi + s.garments,
+    ));
     page.heading("The person").picture("front, three quarters, back", &picture(&labelled(found))?);
     page.heading("The garments").picture("cut and cleaned", &picture(&garments(found))?);
     let row = |k: usize| {
@@ -390,7 +447,14 @@ fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
         ]
     };
     let rows: Vec<Vec<String>> = (0..report.surface.rounds.len()).map(row).collect();
-    let head = ["round", "silhouettes, mm", "normals, degrees", "step, mm", "rim vertices", "triangles seen"];
+    let head = [
+        "round",
+        "silhouettes, mm",
+        "normals, degrees",
+        "step, mm",
+        "rim vertices",
+        "triangles seen",
+    ];
     page.heading("Rounds, each as it began").table(&head, &rows);
     if let Some(motion) = &report.motion {
         let row = |(k, r): (usize, &MotionRound)| {
@@ -405,11 +469,21 @@ fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
         page.heading("Motion of single frames: rounds, each as it began, mean of the frames");
         page.text(&format!("{}It took {:.1} s.", moved(motion), s.motion)).table(&head[..4], &rows);
         let row = |f: &FrameMotion| {
-            let from = if f.solved { "its pictures and its neighbours'" } else { "its neighbours' motion" };
-            vec![f.frame.to_string(), from.into(), format!("{:.2}", f.mean_mm), format!("{:.2}", f.max_mm)]
+            let from = if f.solved {
+                "its pictures and its neighbours'"
+            } else {
+                "its neighbours' motion"
+            };
+            vec![
+                f.frame.to_string(),
+                from.into(),
+                format!("{:.2}", f.mean_mm),
+                format!("{:.2}", f.max_mm),
+            ]
         };
         let rows: Vec<Vec<String>> = motion.frames.iter().map(row).collect();
-        page.heading("Motion of single frames").table(&["frame", "from", "|d| on average, mm", "at most, mm"], &rows);
+        page.heading("Motion of single frames")
+            .table(&["frame", "from", "|d| on average, mm", "at most, mm"], &rows);
     }
     page.heading("Everything").json(&serde_json::to_value(report)?);
     Ok(page.html())
@@ -419,7 +493,11 @@ fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
 fn labelled(found: &Reconstruction) -> Vec<(usize, TriMesh)> {
     let most = found.labels.iter().copied().max().unwrap_or(0);
     let part = |label: u8| {
-        let mine = found.mesh.triangles().iter().filter(|t| t.iter().map(|v| found.labels[*v as usize]).max() == Some(label));
+        let mine = found
+            .mesh
+            .triangles()
+            .iter()
+            .filter(|t| t.iter().map(|v| found.labels[*v as usize]).max() == Some(label));
         let mesh = TriMesh::new(found.mesh.vertices().to_vec(), mine.copied().collect());
         (usize::from(label), mesh.expect("a part of a mesh is a mesh"))
     };
@@ -432,8 +510,10 @@ fn garments(found: &Reconstruction) -> Vec<(usize, TriMesh)> {
 
 fn picture(parts: &[(usize, TriMesh)]) -> io::Result<Vec<u8>> {
     let color = |label: &usize| PALETTE[label.saturating_sub(1) % PALETTE.len()];
-    let layers: Vec<RenderLayer> =
-        parts.iter().map(|(label, mesh)| RenderLayer { mesh, color: color(label), highlight: &[] }).collect();
+    let layers: Vec<RenderLayer> = parts
+        .iter()
+        .map(|(label, mesh)| RenderLayer { mesh, color: color(label), highlight: &[] })
+        .collect();
     let mut png = Vec::new();
     side_by_side(&layers, &[View::FRONT, View::THREE_QUARTER, View::BACK], SIZE[0], SIZE[1])
         .write_png(&mut png)

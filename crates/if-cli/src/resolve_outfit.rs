@@ -70,14 +70,22 @@ impl Done {
 /// Parameters that `resolve` refuses.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 #[error("outfit `{outfit}` cannot be resolved")]
-#[diagnostic(code(ifg::parameter), help("look at [params] in the outfit file, --clearance and --set"))]
+#[diagnostic(
+    code(ifg::parameter),
+    help("look at [params] in the outfit file, --clearance and --set")
+)]
 struct Refused {
     outfit: String,
     source: ResolveError,
 }
 
 /// Reads, resolves, verifies and writes one outfit.
-pub(crate) fn run(spec: &OutfitSpec, out: &Path, options: Options, line: &Line) -> Result<Outcome, Report> {
+pub(crate) fn run(
+    spec: &OutfitSpec,
+    out: &Path,
+    options: Options,
+    line: &Line,
+) -> Result<Outcome, Report> {
     let start = Instant::now();
     let names = outputs::names(spec, options.pictures);
     outputs::check(spec, out, &names, options.in_place)?;
@@ -91,13 +99,16 @@ pub(crate) fn run(spec: &OutfitSpec, out: &Path, options: Options, line: &Line) 
     let staging = Staging::open(out)?;
     let mut timings = Timings { read: start.elapsed().as_secs_f64(), ..Default::default() };
 
-    let Some((resolved, left)) = resolve_and_prove(spec, &mut loaded, line)? else { return Ok(Outcome::Cancelled) };
+    let Some((resolved, left)) = resolve_and_prove(spec, &mut loaded, line)? else {
+        return Ok(Outcome::Cancelled);
+    };
     timings.resolve = start.elapsed().as_secs_f64() - timings.read;
     let (notes, report) = (loaded.notes(), resolved.report);
     let mut done = Done { notes, report, outputs: vec![], left, seconds: 0.0 };
     if done.left.is_none() || options.write_unproven {
         line.say("writing");
-        done.outputs = outputs::write_garments(spec, &loaded, &resolved.positions, &request, (&staging, out))?;
+        done.outputs =
+            outputs::write_garments(spec, &loaded, &resolved.positions, &request, (&staging, out))?;
         done.outputs.extend(companions.write((&staging, out))?);
         done.notes.extend(companions.missing);
         timings.write = start.elapsed().as_secs_f64() - timings.read - timings.resolve;
@@ -109,12 +120,14 @@ pub(crate) fn run(spec: &OutfitSpec, out: &Path, options: Options, line: &Line) 
         timings.pictures = timings.total - timings.read - timings.resolve - timings.write;
         let text = receipt::text(&spec.name, &request, &done, &timings).into_diagnostic()?;
         let path = out.join(receipt::FILE);
-        std::fs::write(staging.path(receipt::FILE), text).map_err(|source| OutputError::File { path, source })?;
+        std::fs::write(staging.path(receipt::FILE), text)
+            .map_err(|source| OutputError::File { path, source })?;
         if cancel::asked() {
             return Ok(Outcome::Cancelled);
         }
         // The receipt comes last: where it is, all is.
-        let names: Vec<&str> = done.outputs.iter().map(|o| o.file.as_str()).chain([receipt::FILE]).collect();
+        let names: Vec<&str> =
+            done.outputs.iter().map(|o| o.file.as_str()).chain([receipt::FILE]).collect();
         staging.commit(&names)?;
     }
     done.seconds = start.elapsed().as_secs_f64();
@@ -132,17 +145,22 @@ struct AsWritten {
 
 /// Resolves an outfit, and makes sure that what will be written is proven; nothing if cancelled.
 /// Garments whose triangles were split are split in `loaded` too.
-fn resolve_and_prove(spec: &OutfitSpec, loaded: &mut Loaded, line: &Line) -> Result<Option<(AsWritten, Option<Left>)>, Report> {
+fn resolve_and_prove(
+    spec: &OutfitSpec,
+    loaded: &mut Loaded,
+    line: &Line,
+) -> Result<Option<(AsWritten, Option<Left>)>, Report> {
     let mut watch = |progress: &Progress| {
         line.show(progress);
         if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let (Resolved { mut outfit, mut report, splits }, triangles) = match resolve(&loaded.outfit, &spec.params, &mut watch) {
-        Ok(resolved) => (resolved, vec![]),
-        Err(ResolveError::Remaining { triangles, result, .. }) => (*result, triangles),
-        Err(ResolveError::Cancelled { .. }) => return Ok(None),
-        Err(source) => return Err(Refused { outfit: spec.name.clone(), source }.into()),
-    };
+    let (Resolved { mut outfit, mut report, splits }, triangles) =
+        match resolve(&loaded.outfit, &spec.params, &mut watch) {
+            Ok(resolved) => (resolved, vec![]),
+            Err(ResolveError::Remaining { triangles, result, .. }) => (*result, triangles),
+            Err(ResolveError::Cancelled { .. }) => return Ok(None),
+            Err(source) => return Err(Refused { outfit: spec.name.clone(), source }.into()),
+        };
     for (k, split) in splits.iter().enumerate() {
         if let Some(split) = split {
             loaded.split(spec, k, split)?;
@@ -150,8 +168,9 @@ fn resolve_and_prove(spec: &OutfitSpec, loaded: &mut Loaded, line: &Line) -> Res
     }
     let positions = loaded.positions(&outfit);
     if spec.scale != 1.0 || splits.iter().any(Option::is_some) {
-        // The files are not in metres, or hold vertices that splitting made, in one step where the solver may have made them in several: what
-        // a reader of them gets may differ by roundings from what was resolved. That is proven once more.
+        // The files are not in metres, or hold vertices that splitting made, in one step where the
+        // solver may have made them in several: what a reader of them gets may differ by roundings
+        // from what was resolved. That is proven once more.
         outfit = loaded.outfit_of(&positions).into_diagnostic()?;
         report.after = verify(&outfit).into_diagnostic()?;
         for (layer, own) in report.layers.iter_mut().zip(&report.after.own_pairs) {
@@ -169,7 +188,8 @@ fn draw(
     outputs: &mut Vec<Output>,
 ) -> Result<(), OutputError> {
     for (name, outfit) in [(pictures::BEFORE, before), (pictures::AFTER, after)] {
-        pictures::draw(outfit, &staging.path(name)).map_err(|source| OutputError::File { path: out.join(name), source })?;
+        pictures::draw(outfit, &staging.path(name))
+            .map_err(|source| OutputError::File { path: out.join(name), source })?;
         outputs.push(outputs::describe(name, staging, out)?);
     }
     Ok(())

@@ -25,7 +25,10 @@ pub(crate) enum OutputError {
     #[diagnostic(code(ifg::output::file), help("{}", advice(source)))]
     File { path: PathBuf, source: io::Error },
     #[error("cannot write `{}`", path.display())]
-    #[diagnostic(code(ifg::output::mesh), help("the format of the input cannot hold the result; convert the input"))]
+    #[diagnostic(
+        code(ifg::output::mesh),
+        help("the format of the input cannot hold the result; convert the input")
+    )]
     Mesh { path: PathBuf, source: Told },
     #[error("another ifg is writing into `{}`", path.display())]
     #[diagnostic(code(ifg::output::busy), help("wait for it, or give --out another place"))]
@@ -36,7 +39,9 @@ pub(crate) enum OutputError {
     #[error("`{first}` and `{second}` would both be written to `{name}`")]
     #[diagnostic(
         code(ifg::output::same_name),
-        help("give the files different names: each is written under its own (case does not count)")
+        help(
+            "give the files different names: each is written under its own (case does not count)"
+        )
     )]
     SameName { first: String, second: String, name: String },
     #[error("output `{}` is the input file `{written}` itself", path.display())]
@@ -51,7 +56,10 @@ pub(crate) enum OutputError {
         option: bool,
     },
     #[error("cannot write `{}`: its name does not end in .{extension}", path.display())]
-    #[diagnostic(code(ifg::output::extension), help("give --out a name that ends in .{extension}: that is what is written"))]
+    #[diagnostic(
+        code(ifg::output::extension),
+        help("give --out a name that ends in .{extension}: that is what is written")
+    )]
     Extension { path: PathBuf, extension: &'static str },
     #[error("outfits are written to --out DIR when they come as meshes")]
     #[diagnostic(code(ifg::output::none), help("add --out DIR"))]
@@ -64,13 +72,18 @@ fn advice(error: &io::Error) -> &'static str {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
             "make room there, or give --out a folder on another disk"
         }
-        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => "give --out a folder that you may write to",
-        io::ErrorKind::NotADirectory | io::ErrorKind::AlreadyExists => "a part of the path is a file; give --out another folder",
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+            "give --out a folder that you may write to"
+        }
+        io::ErrorKind::NotADirectory | io::ErrorKind::AlreadyExists => {
+            "a part of the path is a file; give --out another folder"
+        }
         _ => "give --out another folder, or look at the disk",
     }
 }
 
-/// An output folder, or some files in one, being written. Dropped before [`Staging::commit`], it leaves no trace.
+/// An output folder, or some files in one, being written. Dropped before [`Staging::commit`], it
+/// leaves no trace.
 pub(crate) struct Staging {
     out: PathBuf,
     partial: PathBuf,
@@ -88,7 +101,8 @@ impl Staging {
         Self::in_hidden(out, out.join(PARTIAL), out)
     }
 
-    /// The same for one file in a folder, with what comes beside it: other runs may write other files there at the same time.
+    /// The same for one file in a folder, with what comes beside it: other runs may write other
+    /// files there at the same time.
     pub(crate) fn open_for(out: &Path, name: &OsStr) -> Result<Self, OutputError> {
         let mut hidden = OsString::from(format!("{PARTIAL}-"));
         hidden.push(name);
@@ -106,7 +120,8 @@ impl Staging {
         for entry in fs::read_dir(&partial).map_err(fault)? {
             let path = entry.map_err(fault)?.path();
             if !path.ends_with(whole_folder::LOCK) {
-                if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) }.map_err(fault)?;
+                if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) }
+                    .map_err(fault)?;
             }
         }
         cancel::guard(&partial);
@@ -126,7 +141,8 @@ impl Staging {
         for name in names {
             let path = self.out.join(name);
             let folder = path.parent().unwrap_or(&self.out);
-            let moved = fs::create_dir_all(folder).and_then(|()| fs::rename(self.path(name), &path));
+            let moved =
+                fs::create_dir_all(folder).and_then(|()| fs::rename(self.path(name), &path));
             moved.map_err(|source| OutputError::File { path, source })?;
         }
         self.made.clear();
@@ -134,14 +150,18 @@ impl Staging {
     }
 }
 
-/// Whether a file can be moved to `path`: no folder stands there, and no file where one of its folders must be.
+/// Whether a file can be moved to `path`: no folder stands there, and no file where one of its
+/// folders must be.
 fn free(path: &Path) -> Result<(), OutputError> {
     if path.exists() && !path.is_file() {
         return Err(OutputError::InTheWay { path: path.into() });
     }
     let above = path.ancestors().skip(1).find(|folder| folder.exists());
     if above.is_some_and(|folder| !folder.is_dir()) {
-        return Err(OutputError::File { path: path.into(), source: io::ErrorKind::NotADirectory.into() });
+        return Err(OutputError::File {
+            path: path.into(),
+            source: io::ErrorKind::NotADirectory.into(),
+        });
     }
     Ok(())
 }
@@ -197,7 +217,10 @@ mod tests {
         assert!(matches!(&fault, OutputError::InTheWay { path } if path.ends_with("b")), "{fault}");
         for below in ["file/c", "file/c/d"] {
             let fault = commit(&["a", "new/x", below]).unwrap_err();
-            assert!(matches!(&fault, OutputError::File { path, .. } if path.ends_with(below)), "{fault}");
+            assert!(
+                matches!(&fault, OutputError::File { path, .. } if path.ends_with(below)),
+                "{fault}"
+            );
         }
         assert_eq!(fs::read(folder.path().join("a")).unwrap(), b"old");
         assert!(!folder.path().join("new").exists());
@@ -218,7 +241,9 @@ mod tests {
         assert!(Staging::open(folder.path()).is_ok());
         let one = Staging::open_for(folder.path(), "a".as_ref()).unwrap();
         let other = Staging::open_for(folder.path(), "b".as_ref()).unwrap();
-        assert!(matches!(Staging::open_for(folder.path(), "a".as_ref()), Err(OutputError::Busy { path }) if path.ends_with("a")));
+        assert!(
+            matches!(Staging::open_for(folder.path(), "a".as_ref()), Err(OutputError::Busy { path }) if path.ends_with("a"))
+        );
         drop((one, other));
         assert_eq!(read_dir(folder.path()).unwrap().count(), 0);
     }

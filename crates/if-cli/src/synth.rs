@@ -21,7 +21,10 @@ enum SynthFault {
     #[diagnostic(code(ifg::input::params), help("look at the options"))]
     Params { source: SynthError },
     #[error("no capture was written")]
-    #[diagnostic(code(ifg::output::folder), help("give --out the name of a folder that does not exist, where you may write"))]
+    #[diagnostic(
+        code(ifg::output::folder),
+        help("give --out the name of a folder that does not exist, where you may write")
+    )]
     Write { source: SynthError },
 }
 
@@ -53,14 +56,20 @@ pub(crate) fn run(args: &SynthArgs) -> Result<End, Report> {
             errors::note(&format!("cancelled; `{}` was not written", args.out.display()));
             return Ok(End::Cancelled);
         }
-        Err(source @ (SynthError::Param { .. } | SynthError::Mannequin(_))) => return Err(SynthFault::Params { source }.into()),
-        Err(source @ SynthError::Capture(CaptureError::BadName { .. })) => return Err(SynthFault::Params { source }.into()),
+        Err(source @ (SynthError::Param { .. } | SynthError::Mannequin(_))) => {
+            return Err(SynthFault::Params { source }.into());
+        }
+        Err(source @ SynthError::Capture(CaptureError::BadName { .. })) => {
+            return Err(SynthFault::Params { source }.into());
+        }
         Err(source) => return Err(SynthFault::Write { source }.into()),
     };
     drop(line);
     let seconds = start.elapsed().as_secs_f64();
     if args.json {
-        print_json(&json!({"out": args.out.display().to_string(), "params": params, "report": report, "seconds": seconds}))?;
+        print_json(
+            &json!({"out": args.out.display().to_string(), "params": params, "report": report, "seconds": seconds}),
+        )?;
     } else {
         print(&text(args, &report, seconds))?;
     }

@@ -35,10 +35,19 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
     }
     for layer in report.layers.iter().filter(|l| l.eased[0] > 0.0) {
         let [before, after] = layer.eased.map(|s| 100.0 * s);
-        let _ = writeln!(text, "{} was eased where it was drawn: largest strain {before:.0} -> {after:.0} %.", layer.name);
+        let _ = writeln!(
+            text,
+            "{} was eased where it was drawn: largest strain {before:.0} -> {after:.0} %.",
+            layer.name
+        );
     }
     for layer in report.layers.iter().filter(|l| l.split > 0) {
-        let _ = writeln!(text, "{}: {} triangles of the input were split into smaller ones.", layer.name, count(layer.split));
+        let _ = writeln!(
+            text,
+            "{}: {} triangles of the input were split into smaller ones.",
+            layer.name,
+            count(layer.split)
+        );
     }
     text
 }
@@ -49,7 +58,11 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
     let m = &report.manifold;
     let d = &m.degenerate;
     let told = |parts: &[(usize, &str)]| {
-        let parts: Vec<String> = parts.iter().filter(|p| p.0 > 0).map(|(n, what)| format!("{} {what}", count(*n))).collect();
+        let parts: Vec<String> = parts
+            .iter()
+            .filter(|p| p.0 > 0)
+            .map(|(n, what)| format!("{} {what}", count(*n)))
+            .collect();
         if parts.is_empty() { "nothing to do".to_owned() } else { parts.join(", ") }
     };
     let manifold = told(&[
@@ -68,7 +81,13 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
     let parts = match c.dropped.len() {
         0 => format!("nothing to do, {} kept", count(c.kept.len())),
         n => {
-            format!("{} dropped ({:.2} cm2), {} kept ({:.0} cm2)", count(n), area(&c.dropped), count(c.kept.len()), area(&c.kept))
+            format!(
+                "{} dropped ({:.2} cm2), {} kept ({:.0} cm2)",
+                count(n),
+                area(&c.dropped),
+                count(c.kept.len()),
+                area(&c.kept)
+            )
         }
     };
     steps.add_row([Cell::new("isolated elements"), Cell::new(parts)]);
@@ -91,16 +110,32 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
         (s.moved, "vertices moved"),
         (s.held_back, "held back"),
     ]);
-    steps.add_row([Cell::new("boundary"), Cell::new(format!("{smoothed}; at most {} mm", millimetres(s.farthest)))]);
-    let size = format!("{} -> {} triangles", count(report.before.triangles), count(report.after.triangles));
+    steps.add_row([
+        Cell::new("boundary"),
+        Cell::new(format!("{smoothed}; at most {} mm", millimetres(s.farthest))),
+    ]);
+    let size = format!(
+        "{} -> {} triangles",
+        count(report.before.triangles),
+        count(report.after.triangles)
+    );
     steps.add_row([Cell::new("in all"), Cell::new(size)]);
 
-    let mut loops = new_table(&["loop", "edges", "length cm", "after", "at x, y, z m", "result"], 1, colour);
+    let mut loops =
+        new_table(&["loop", "edges", "length cm", "after", "at x, y, z m", "result"], 1, colour);
     let at = |c: [f64; 3]| format!("{:.2}, {:.2}, {:.2}", c[0], c[1], c[2]);
     for (k, l) in s.loops.iter().enumerate() {
-        let (before, after) = (format!("{:.1}", l.length_before * 1e2), format!("{:.1}", l.rim.length * 1e2));
+        let (before, after) =
+            (format!("{:.1}", l.length_before * 1e2), format!("{:.1}", l.rim.length * 1e2));
         let name = format!("opening {}", k + 1);
-        loops.add_row(vec![name, count(l.rim.edges), before, after, at(l.rim.center), "kept open".into()]);
+        loops.add_row(vec![
+            name,
+            count(l.rim.edges),
+            before,
+            after,
+            at(l.rim.center),
+            "kept open".into(),
+        ]);
     }
     if s.loops.is_empty() {
         for (k, l) in h.openings.iter().enumerate() {
@@ -115,12 +150,20 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
             ]);
         }
     }
-    let mut holes: Vec<(&LoopShape, &str)> = h.filled.iter().map(|f| (&f.rim, shape(f.shape))).collect();
+    let mut holes: Vec<(&LoopShape, &str)> =
+        h.filled.iter().map(|f| (&f.rim, shape(f.shape))).collect();
     holes.extend(h.left.iter().map(|l| (l, "left: no patch fits")));
     holes.sort_by(|a, b| b.0.length.total_cmp(&a.0.length));
     for (k, (l, what)) in holes.iter().take(LOOPS).enumerate() {
         let name = format!("hole {}", k + 1);
-        loops.add_row(vec![name, count(l.edges), format!("{:.1}", l.length * 1e2), String::new(), at(l.center), (*what).into()]);
+        loops.add_row(vec![
+            name,
+            count(l.edges),
+            format!("{:.1}", l.length * 1e2),
+            String::new(),
+            at(l.center),
+            (*what).into(),
+        ]);
     }
     let mut text = String::new();
     section(&mut text, "What was done", &steps);
@@ -145,7 +188,11 @@ fn shape(shape: Shape) -> &'static str {
 
 /// What `check` prints.
 pub(crate) fn checked(found: &Verification, garments: &[String], colour: bool) -> String {
-    let mut table = new_table(&["outer", "inner", "pairs", "touching", "coplanar", "inside", "of", "deepest mm"], 2, colour);
+    let mut table = new_table(
+        &["outer", "inner", "pairs", "touching", "coplanar", "inside", "of", "deepest mm"],
+        2,
+        colour,
+    );
     for pair in &found.pairs {
         let bad = |value: usize| judged(count(value), value == 0);
         table.add_row(vec![
@@ -194,13 +241,20 @@ pub(crate) fn totals(before: &Verification, after: &Verification) -> String {
 }
 
 /// The pairs of layers before and after.
-pub(crate) fn pairs_before_after(before: &Verification, after: &Verification, colour: bool) -> Table {
-    let mut table = new_table(&["outer", "inner", "pairs", "vertices inside", "deepest mm"], 2, colour);
+pub(crate) fn pairs_before_after(
+    before: &Verification,
+    after: &Verification,
+    colour: bool,
+) -> Table {
+    let mut table =
+        new_table(&["outer", "inner", "pairs", "vertices inside", "deepest mm"], 2, colour);
     // The two reports list the same ordered pairs of layers.
     let rows: Vec<(&PairReport, &PairReport)> = before.pairs.iter().zip(&after.pairs).collect();
     let pairs = arrows(rows.iter().map(|(b, a)| (count(b.pairs.total()), count(a.pairs.total()))));
-    let inside = arrows(rows.iter().map(|(b, a)| (count(b.vertices_inside), count(a.vertices_inside))));
-    let deepest = arrows(rows.iter().map(|(b, a)| (millimetres(b.deepest), millimetres(a.deepest))));
+    let inside =
+        arrows(rows.iter().map(|(b, a)| (count(b.vertices_inside), count(a.vertices_inside))));
+    let deepest =
+        arrows(rows.iter().map(|(b, a)| (millimetres(b.deepest), millimetres(a.deepest))));
     for (k, (_, a)) in rows.iter().enumerate() {
         table.add_row(vec![
             Cell::new(&a.outer),
@@ -256,14 +310,20 @@ pub(crate) fn skipped(layers: &[LayerReport]) -> Option<String> {
         (sum(|l| l.skipped.queries), "nearest-point queries"),
         (sum(|l| l.skipped.sweeps), "sweeps"),
     ];
-    let parts: Vec<String> = parts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{} {what}", count(*n))).collect();
+    let parts: Vec<String> = parts
+        .iter()
+        .filter(|(n, _)| *n > 0)
+        .map(|(n, what)| format!("{} {what}", count(*n)))
+        .collect();
     (!parts.is_empty()).then(|| format!("Skipped: {}.", parts.join(", ")))
 }
 
 /// A table without lines but one under the header. The first `left` columns hold names.
 pub(crate) fn new_table(header: &[&str], left: usize, colour: bool) -> Table {
     let mut table = Table::new();
-    let style = TableStyle::new().header_lines(ContentLineStyle::none()).header_separator(LineStyle::none().fill('-'));
+    let style = TableStyle::new()
+        .header_lines(ContentLineStyle::none())
+        .header_separator(LineStyle::none().fill('-'));
     table.load_style(style.content_lines(ContentLineStyle::none())).force_no_tty();
     if colour {
         table.enforce_styling();
@@ -329,14 +389,18 @@ mod tests {
         let mut pair = PairReport::default();
         (pair.inner, pair.outer) = (inner.into(), outer.into());
         pair.pairs = PairCount { crossing, ..Default::default() };
-        (pair.vertices_inside, pair.vertices, pair.deepest) = (crossing / 2, 7703, crossing as f64 * 1e-5);
+        (pair.vertices_inside, pair.vertices, pair.deepest) =
+            (crossing / 2, 7703, crossing as f64 * 1e-5);
         pair
     }
 
     fn report() -> ResolveReport {
         let state = |n: usize| {
             let mut state = Verification::default();
-            state.pairs = vec![pair("suit_trousers", "body_clean", 29_859 * n), pair("suit_jacket", "suit_trousers", 7 * n)];
+            state.pairs = vec![
+                pair("suit_trousers", "body_clean", 29_859 * n),
+                pair("suit_jacket", "suit_trousers", 7 * n),
+            ];
             state.own_pairs = vec![0, 21];
             state
         };
@@ -362,14 +426,26 @@ mod tests {
     #[test]
     fn tables_fit_100_columns_and_are_plain() {
         let report = report();
-        let text = resolved(&report, false) + &checked(&report.before, &["a".into(), "b".into()], false);
+        let text =
+            resolved(&report, false) + &checked(&report.before, &["a".into(), "b".into()], false);
         println!("{text}");
         for line in text.lines() {
-            assert!(line.chars().count() <= 100 && line.is_ascii() && !line.contains('\x1b'), "{line}");
+            assert!(
+                line.chars().count() <= 100 && line.is_ascii() && !line.contains('\x1b'),
+                "{line}"
+            );
         }
         assert!(text.contains("29,859 -> 0") && text.contains("123.40"), "{text}");
-        assert!(text.contains("suit_jacket was pressed in below the layers above: 120 -> 3 vertices stick out"), "{text}");
-        assert!(text.contains("suit_jacket was eased where it was drawn: largest strain 400 -> 75 %."), "{text}");
+        assert!(
+            text.contains(
+                "suit_jacket was pressed in below the layers above: 120 -> 3 vertices stick out"
+            ),
+            "{text}"
+        );
+        assert!(
+            text.contains("suit_jacket was eased where it was drawn: largest strain 400 -> 75 %."),
+            "{text}"
+        );
         assert_eq!(
             skipped(&report.layers).as_deref(),
             Some("Skipped: 2 pairs of layers that do not meet, 18 nearest-point queries.")

@@ -1,4 +1,5 @@
-//! The file that a command writes, with what comes beside it: looked at, and the right to write it taken, before the work begins.
+//! The file that a command writes, with what comes beside it: looked at, and the right to write it
+//! taken, before the work begins.
 
 use crate::staging::{OutputError, Staging};
 use std::ffi::{OsStr, OsString};
@@ -10,11 +11,13 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Copy)]
 pub(crate) struct Input<'a> {
     pub(crate) path: &'a Path,
-    /// Whether the output may take its place, as --in-place says; `None` where the command has no such option.
+    /// Whether the output may take its place, as --in-place says; `None` where the command has no
+    /// such option.
     pub(crate) in_place: Option<bool>,
 }
 
-/// A file that is to be written, and others beside it. Dropped before [`Target::commit`], it leaves no trace.
+/// A file that is to be written, and others beside it. Dropped before [`Target::commit`], it leaves
+/// no trace.
 pub(crate) struct Target {
     folder: PathBuf,
     /// The file, then what comes beside it.
@@ -23,11 +26,16 @@ pub(crate) struct Target {
 }
 
 impl Target {
-    /// Looks whether `out` can be written, makes its folder where it is missing, and takes the right to write there. Where `out` is a link to a
-    /// file, that file is what is written.
+    /// Looks whether `out` can be written, makes its folder where it is missing, and takes the
+    /// right to write there. Where `out` is a link to a file, that file is what is written.
     ///
     /// What comes beside it has its name with an ending of `beside` in place of the extension.
-    pub(crate) fn open(out: &Path, extension: &'static str, beside: &[&str], inputs: &[Input<'_>]) -> Result<Self, OutputError> {
+    pub(crate) fn open(
+        out: &Path,
+        extension: &'static str,
+        beside: &[&str],
+        inputs: &[Input<'_>],
+    ) -> Result<Self, OutputError> {
         if !out.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension)) {
             return Err(OutputError::Extension { path: out.into(), extension });
         }
@@ -40,7 +48,11 @@ impl Target {
             name.push(ending);
             name
         }));
-        let folder = real.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_path_buf();
+        let folder = real
+            .parent()
+            .filter(|p| !p.as_os_str().is_empty())
+            .unwrap_or(Path::new("."))
+            .to_path_buf();
         // With the folder made, `none/../x` is `x`.
         let staging = Staging::open_for(&folder, &names[0])?;
         for name in &names {
@@ -49,8 +61,11 @@ impl Target {
             if !target.is_file() {
                 return Err(OutputError::InTheWay { path });
             }
-            if let Some(input) = inputs.iter().find(|i| is_same(i.path, &target) && i.in_place != Some(true)) {
-                let (written, option) = (input.path.display().to_string(), input.in_place.is_some());
+            if let Some(input) =
+                inputs.iter().find(|i| is_same(i.path, &target) && i.in_place != Some(true))
+            {
+                let (written, option) =
+                    (input.path.display().to_string(), input.in_place.is_some());
                 return Err(OutputError::OverInput { path, written, option });
             }
         }
@@ -67,10 +82,16 @@ impl Target {
         plain(&self.folder, &self.names[k])
     }
 
-    /// Writes the file and moves it into place, as often as is wanted. Where that fails, what stood there stays.
-    pub(crate) fn put(&self, fill: impl FnOnce(&mut File) -> io::Result<()>) -> Result<(), OutputError> {
+    /// Writes the file and moves it into place, as often as is wanted. Where that fails, what stood
+    /// there stays.
+    pub(crate) fn put(
+        &self,
+        fill: impl FnOnce(&mut File) -> io::Result<()>,
+    ) -> Result<(), OutputError> {
         let staged = self.staged(0);
-        let written = File::create(&staged).and_then(|mut file| fill(&mut file)).and_then(|()| fs::rename(&staged, self.path(0)));
+        let written = File::create(&staged)
+            .and_then(|mut file| fill(&mut file))
+            .and_then(|()| fs::rename(&staged, self.path(0)));
         written.map_err(|source| {
             // Half a file would take the room of the next one on a full disk.
             let _ = fs::remove_file(&staged);

@@ -48,22 +48,38 @@ impl Fault {
             WardrobeError::Body { source: OutfitError::Units { unit, scale, .. }, .. } => {
                 &format!("if the files are in {unit}, add --scale {scale}")
             }
-            WardrobeError::ScaleRange { .. } | WardrobeError::Scale { .. } | WardrobeError::Misfit(_) => {
+            WardrobeError::ScaleRange { .. }
+            | WardrobeError::Scale { .. }
+            | WardrobeError::Misfit(_) => {
                 "look at --scale, and whether --body is the body that it was made on"
             }
-            WardrobeError::NoBody { .. } | WardrobeError::NoGarment { .. } => "`ifg wardrobe list` tells what is there",
-            WardrobeError::ForeignBody { .. } => "add the body with `ifg wardrobe add --body NAME --mesh FILE`",
-            WardrobeError::Asset(AssetError::Name { .. }) => "give another name, or rename the file",
+            WardrobeError::NoBody { .. } | WardrobeError::NoGarment { .. } => {
+                "`ifg wardrobe list` tells what is there"
+            }
+            WardrobeError::ForeignBody { .. } => {
+                "add the body with `ifg wardrobe add --body NAME --mesh FILE`"
+            }
+            WardrobeError::Asset(AssetError::Name { .. }) => {
+                "give another name, or rename the file"
+            }
             WardrobeError::Busy { .. } => "wait for it, or take another folder",
-            WardrobeError::NoWardrobe { .. } => "look at the path; `ifg wardrobe add` makes a wardrobe",
+            WardrobeError::NoWardrobe { .. } => {
+                "look at the path; `ifg wardrobe add` makes a wardrobe"
+            }
             WardrobeError::InTheWay { .. } => "give --out another folder, or move it away",
-            WardrobeError::Body { .. } | WardrobeError::BodyFile(_) | WardrobeError::BodyMesh { .. } => {
+            WardrobeError::Body { .. }
+            | WardrobeError::BodyFile(_)
+            | WardrobeError::BodyMesh { .. } => {
                 "the body must be one closed PLY or OBJ mesh in metres, wound outwards"
             }
-            WardrobeError::AlignParams(_) | WardrobeError::Resolve(_) | WardrobeError::PictureHeight { .. } => {
+            WardrobeError::AlignParams(_)
+            | WardrobeError::Resolve(_)
+            | WardrobeError::PictureHeight { .. } => {
                 "give a value in the range that is named; docs/outfit.md has the parameters"
             }
-            WardrobeError::NoGarments { .. } | WardrobeError::Twice { .. } | WardrobeError::Outfit(_) => {
+            WardrobeError::NoGarments { .. }
+            | WardrobeError::Twice { .. }
+            | WardrobeError::Outfit(_) => {
                 "name the body, and different garments from inner to outer"
             }
             _ => "formats stand in docs/wardrobe.md",
@@ -83,7 +99,8 @@ pub(crate) fn open_or_begin(root: &Path) -> Result<Wardrobe, Report> {
 }
 
 fn opened(root: &Path, wardrobe: Result<Wardrobe, WardrobeError>) -> Result<Wardrobe, Report> {
-    let wardrobe = wardrobe.map_err(|e| Fault::new(format!("cannot open wardrobe `{}`", root.display()), &e))?;
+    let wardrobe = wardrobe
+        .map_err(|e| Fault::new(format!("cannot open wardrobe `{}`", root.display()), &e))?;
     for Unreadable { part, name, error } in wardrobe.faults() {
         crate::errors::note(&format!("{part} `{name}` is left out: {error}"));
     }

@@ -1,4 +1,5 @@
-//! What all else calls most: nearest points, exact triangle pairs, samples of a field. Each result is checked.
+//! What all else calls most: nearest points, exact triangle pairs, samples of a field. Each result
+//! is checked.
 
 #![allow(missing_docs)]
 
@@ -19,8 +20,9 @@ fn point(k: usize, salt: Real) -> Point {
 }
 
 fn nearest(c: &mut Criterion) {
-    let all: Vec<(Point, [Point; 3])> =
-        (0..COUNT).map(|k| (point(k, 0.3), [point(k, 1.1), point(k, 2.7), point(k, 4.9)])).collect();
+    let all: Vec<(Point, [Point; 3])> = (0..COUNT)
+        .map(|k| (point(k, 0.3), [point(k, 1.1), point(k, 2.7), point(k, 4.9)]))
+        .collect();
     let distance = |(p, [a, b, c]): &(Point, [Point; 3])| {
         let (w, _) = closest_on_triangle(p, a, b, c);
         (barycentric_point([a, b, c], w) - p).norm()
@@ -38,13 +40,16 @@ fn nearest(c: &mut Criterion) {
     }
     let mut group = c.benchmark_group("if-core/closest_on_triangle");
     group.throughput(Throughput::Elements(COUNT as u64));
-    group.bench_function(COUNT.to_string(), |b| b.iter(|| black_box(&all).iter().map(distance).sum::<Real>()));
+    group.bench_function(COUNT.to_string(), |b| {
+        b.iter(|| black_box(&all).iter().map(distance).sum::<Real>())
+    });
     group.finish();
 }
 
 fn contacts(c: &mut Criterion) {
     let floor = |k: usize| [point(k, 1.1), point(k, 2.7), point(k, 4.9)];
-    // The same triangle, lifted beyond reach, turned about its middle by a right angle, and moved in its plane.
+    // The same triangle, lifted beyond reach, turned about its middle by a right angle, and moved
+    // in its plane.
     let with = |k: usize, f: &dyn Fn(&[Point; 3]) -> [Point; 3]| (floor(k), f(&floor(k)));
     let lifted = |t: &[Point; 3]| t.map(|p| p + Vector::new(0.0, 0.0, 3.0));
     let pierced = |t: &[Point; 3]| {
@@ -78,11 +83,16 @@ fn samples(c: &mut Criterion) {
     let mut out = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; COUNT];
     torus.samples(&points, &mut out);
     for (p, s) in points.iter().zip(&out) {
-        assert!(torus.distance(&(p - s.gradient * s.distance)).abs() < 1e-9, "a step along the gradient ends on the torus");
+        assert!(
+            torus.distance(&(p - s.gradient * s.distance)).abs() < 1e-9,
+            "a step along the gradient ends on the torus"
+        );
     }
     let mut group = c.benchmark_group("if-core/torus_samples");
     group.throughput(Throughput::Elements(COUNT as u64));
-    group.bench_function(COUNT.to_string(), |b| b.iter(|| torus.samples(black_box(&points), black_box(&mut out))));
+    group.bench_function(COUNT.to_string(), |b| {
+        b.iter(|| torus.samples(black_box(&points), black_box(&mut out)))
+    });
     group.finish();
 }
 

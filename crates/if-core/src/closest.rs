@@ -40,9 +40,10 @@ through_pointers!(ClosestPoint {
     fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest>;
 });
 
-/// A triangle whose squared double area is below this part of its longest side to the fourth power is a needle: there
-/// rounding (1e-16 of the latter) decides between regions, and the edges are looked at too. At 1e-12 nearest points on
-/// needles are off by a thousandth of their length; at 1e-4 a tenth of all triangles of cloth pays for it.
+/// A triangle whose squared double area is below this part of its longest side to the fourth power
+/// is a needle: there rounding (1e-16 of the latter) decides between regions, and the edges are
+/// looked at too. At 1e-12 nearest points on needles are off by a thousandth of their length; at
+/// 1e-4 a tenth of all triangles of cloth pays for it.
 const NEEDLE: Real = 1e-8;
 
 /// The nearest point of the triangle `(a, b, c)` to `p`: barycentric coordinates and feature.
@@ -56,8 +57,8 @@ const NEEDLE: Real = 1e-8;
 ///
 /// # Accuracy
 ///
-/// No point of the triangle is nearer by more than 1e-7 of its size, also on needles, for lengths between 1e-70 and
-/// 1e70. Beyond them the coordinates are still three numbers ≥ 0 with sum 1.
+/// No point of the triangle is nearer by more than 1e-7 of its size, also on needles, for lengths
+/// between 1e-70 and 1e70. Beyond them the coordinates are still three numbers ≥ 0 with sum 1.
 pub fn closest_on_triangle(p: &Point, a: &Point, b: &Point, c: &Point) -> ([Real; 3], Feature) {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(&ap), ac.dot(&ap));
@@ -83,7 +84,8 @@ pub fn closest_on_triangle(p: &Point, a: &Point, b: &Point, c: &Point) -> ([Real
     }
 }
 
-/// The region of Voronoi, once those of the corners a and b are excluded; `None` where rounding left none.
+/// The region of Voronoi, once those of the corners a and b are excluded; `None` where rounding
+/// left none.
 #[inline]
 fn region([d1, d2, d3, d4, d5, d6]: [Real; 6]) -> Option<([Real; 3], Feature)> {
     let vc = d1 * d4 - d3 * d2;
@@ -115,12 +117,17 @@ fn region([d1, d2, d3, d4, d5, d6]: [Real; 6]) -> Option<([Real; 3], Feature)> {
 
 /// The nearer of what was found and of the three edges.
 #[cold]
-fn on_needle(p: &Point, t: [&Point; 3], found: Option<([Real; 3], Feature)>) -> ([Real; 3], Feature) {
+fn on_needle(
+    p: &Point,
+    t: [&Point; 3],
+    found: Option<([Real; 3], Feature)>,
+) -> ([Real; 3], Feature) {
     // Halved, so that no difference overflows, and of size one.
     let relative = t.map(|x| p.coords * 0.5 - x.coords * 0.5);
     let size = relative.iter().map(|x| x.amax()).fold(0.0, Real::max);
     let away = relative.map(|x| if size > 0.0 { x / size } else { x });
-    let distance = |b: &[Real; 3]| (away[0] * b[0] + away[1] * b[1] + away[2] * b[2]).norm_squared();
+    let distance =
+        |b: &[Real; 3]| (away[0] * b[0] + away[1] * b[1] + away[2] * b[2]).norm_squared();
     let mut best = ([1.0, 0.0, 0.0], Feature::Vertex(0), distance(&[1.0, 0.0, 0.0]));
     // Weights are finite where no product overflowed, and may miss 1 in sum on a needle.
     if let Some((b, feature)) = found
@@ -131,7 +138,8 @@ fn on_needle(p: &Point, t: [&Point; 3], found: Option<([Real; 3], Feature)>) -> 
     }
     for k in 0..3 {
         let next = (k + 1) % 3;
-        let s = closest_on_segment(&Point::origin(), &Point::from(away[k]), &Point::from(away[next]));
+        let s =
+            closest_on_segment(&Point::origin(), &Point::from(away[k]), &Point::from(away[next]));
         let mut b = [0.0; 3];
         b[k] = 1.0 - s;
         b[next] = s;
@@ -154,7 +162,11 @@ pub fn closest_on_segment(p: &Point, a: &Point, b: &Point) -> Real {
     let ab = b - a;
     let length2 = ab.norm_squared();
     let s = (p - a).dot(&ab) / length2;
-    if s.is_finite() && length2.is_finite() { s.clamp(0.0, 1.0) } else { on_extreme_segment(p, a, b) }
+    if s.is_finite() && length2.is_finite() {
+        s.clamp(0.0, 1.0)
+    } else {
+        on_extreme_segment(p, a, b)
+    }
 }
 
 /// The same where the square of the length is zero or overflows.
@@ -165,7 +177,8 @@ fn on_extreme_segment(p: &Point, a: &Point, b: &Point) -> Real {
     if size <= 0.0 {
         return 0.0;
     }
-    // Of size one each: the ratio of the sizes comes last, where it may overflow to the right answer.
+    // Of size one each: the ratio of the sizes comes last, where it may overflow to the right
+    // answer.
     let (along, far) = (ab / size, ap.amax());
     if far <= 0.0 {
         return 0.0;
@@ -203,8 +216,13 @@ mod tests {
                     let (b, _) = closest_on_triangle(&p, t[0], t[1], t[2]);
                     let d = (barycentric_point(t, b) - p).norm();
                     let reference = scan(&p, t);
-                    assert!(d <= reference + 1e-12 && d >= reference - 5e-3, "{p}: {d} against {reference}");
-                    assert!(b.iter().all(|w| *w >= 0.0) && (b.iter().sum::<Real>() - 1.0).abs() < 1e-12);
+                    assert!(
+                        d <= reference + 1e-12 && d >= reference - 5e-3,
+                        "{p}: {d} against {reference}"
+                    );
+                    assert!(
+                        b.iter().all(|w| *w >= 0.0) && (b.iter().sum::<Real>() - 1.0).abs() < 1e-12
+                    );
                 }
             }
         }
@@ -225,13 +243,16 @@ mod tests {
 
     #[test]
     fn nearest_points_on_needles_are_nearest() {
-        // A height of 1e-16 of the length: every product that tells the regions apart is rounding. Found by tests/stability.
-        let (a, b) = (Point::new(0.296_701, -0.0, 1.512_686), Point::new(-0.947_593, -0.0, -0.562_486));
+        // A height of 1e-16 of the length: every product that tells the regions apart is rounding.
+        // Found by tests/stability.
+        let (a, b) =
+            (Point::new(0.296_701, -0.0, 1.512_686), Point::new(-0.947_593, -0.0, -0.562_486));
         let c = Point::new(1.099_457, 0.0, 2.851_482);
         let p = Point::new(2.922_332, -0.319_107, -1.784_955);
         let (w, _) = closest_on_triangle(&p, &a, &b, &c);
         let found = (barycentric_point([&a, &b, &c], w) - p).norm();
-        let segment = |q: &Point, r: &Point| (q + (r - q) * closest_on_segment(&p, q, r) - p).norm();
+        let segment =
+            |q: &Point, r: &Point| (q + (r - q) * closest_on_segment(&p, q, r) - p).norm();
         let least = segment(&a, &b).min(segment(&b, &c)).min(segment(&c, &a));
         assert!(found <= least + 1e-12, "{found} found, {least} is there");
     }
@@ -241,9 +262,19 @@ mod tests {
         for size in [5e-324, 1e-310, 1e-200, 1e-100, 1e100, 1e200, 1.7e308] {
             let at = |x: Real, y: Real, z: Real| Point::new(x * size, y * size, z * size);
             let (a, b, c) = (at(0.0, 0.0, 0.0), at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0));
-            for p in [at(0.3, 0.3, 0.5), at(1.0, 1.0, 0.0), at(-1.0, 0.5, 1.0), at(0.5, -1.0, 0.0), at(1.0, -1.0, 1.0)] {
+            for p in [
+                at(0.3, 0.3, 0.5),
+                at(1.0, 1.0, 0.0),
+                at(-1.0, 0.5, 1.0),
+                at(0.5, -1.0, 0.0),
+                at(1.0, -1.0, 1.0),
+            ] {
                 let (w, _) = closest_on_triangle(&p, &a, &b, &c);
-                assert!(w.iter().all(|w| (0.0..=1.0).contains(w)) && (w.iter().sum::<Real>() - 1.0).abs() < 1e-15, "{w:?}");
+                assert!(
+                    w.iter().all(|w| (0.0..=1.0).contains(w))
+                        && (w.iter().sum::<Real>() - 1.0).abs() < 1e-15,
+                    "{w:?}"
+                );
                 assert!((0.0..=1.0).contains(&closest_on_segment(&p, &b, &c)));
             }
         }

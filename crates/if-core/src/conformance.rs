@@ -13,11 +13,11 @@ use rayon::prelude::*;
 pub struct FieldTolerances {
     /// Step of the central differences, in metres.
     pub step: Real,
-    /// Largest component of the gradient's error, a pure number. Central differences alone have about
-    /// `step² / 6` times the third derivative, and 1e-16 / `step`.
+    /// Largest component of the gradient's error, a pure number. Central differences alone have
+    /// about `step² / 6` times the third derivative, and 1e-16 / `step`.
     pub gradient: Real,
-    /// Where second differences divided by `step` exceed this there is a kink, and gradients are not
-    /// compared: one-sided slopes differ by that much.
+    /// Where second differences divided by `step` exceed this there is a kink, and gradients are
+    /// not compared: one-sided slopes differ by that much.
     pub kink: Real,
     /// Share of points that may lie near a kink, from 0 to 1.
     pub kinks: Real,
@@ -37,7 +37,9 @@ impl Default for FieldTolerances {
 #[non_exhaustive]
 pub enum FieldFault {
     /// NaN or −∞, or a gradient that is not finite.
-    #[error("point {index} {point}: the sample {sample:?} is not a number; return +∞ with a zero gradient for 'no constraint'")]
+    #[error(
+        "point {index} {point}: the sample {sample:?} is not a number; return +∞ with a zero gradient for 'no constraint'"
+    )]
     NotANumber {
         /// Which of the points.
         index: usize,
@@ -75,7 +77,9 @@ pub enum FieldFault {
         expected: Vector,
     },
     /// So many kinks that the gradient was hardly tested.
-    #[error("{kinks} of {points} points lie near a kink: the gradient was hardly tested; choose other points or tolerances")]
+    #[error(
+        "{kinks} of {points} points lie near a kink: the gradient was hardly tested; choose other points or tolerances"
+    )]
     Kinks {
         /// Points near a kink.
         kinks: usize,
@@ -83,7 +87,9 @@ pub enum FieldFault {
         points: usize,
     },
     /// The field is steeper than it says.
-    #[error("|φ({from}) − φ({to})| = {difference} over {length} m is steeper than lipschitz() = {lipschitz}")]
+    #[error(
+        "|φ({from}) − φ({to})| = {difference} over {length} m is steeper than lipschitz() = {lipschitz}"
+    )]
     Lipschitz {
         /// One end.
         from: Point,
@@ -109,8 +115,8 @@ pub enum FieldFault {
 /// Checks all that [`SignedDistance`] promises, at `points` and near them.
 ///
 /// - No value is NaN; +∞ is allowed, with a zero gradient.
-/// - `distance`, `sample`, `distances` and `samples` agree bit for bit, for slices of several lengths,
-///   on 1, 2 and 7 threads.
+/// - `distance`, `sample`, `distances` and `samples` agree bit for bit, for slices of several
+///   lengths, on 1, 2 and 7 threads.
 /// - The gradient is that of the value, away from kinks.
 /// - The value obeys `lipschitz()` on segments between points and on short ones.
 /// - The value is positive outside `bounds()`.
@@ -129,7 +135,8 @@ pub fn check_signed_distance(
 ) -> Result<(), FieldFault> {
     let expected: Vec<FieldSample> = points.iter().map(|p| field.sample(p)).collect();
     for (index, (point, sample)) in points.iter().zip(&expected).enumerate() {
-        let number = sample.distance > Real::NEG_INFINITY && sample.gradient.iter().all(|g| g.is_finite());
+        let number =
+            sample.distance > Real::NEG_INFINITY && sample.gradient.iter().all(|g| g.is_finite());
         if !number || (sample.distance == Real::INFINITY && sample.gradient != Vector::zeros()) {
             return Err(FieldFault::NotANumber { index, point: *point, sample: *sample });
         }
@@ -141,31 +148,47 @@ pub fn check_signed_distance(
 }
 
 fn same_bits(a: &FieldSample, b: &FieldSample) -> bool {
-    a.distance.to_bits() == b.distance.to_bits() && a.gradient.iter().zip(&b.gradient).all(|(x, y)| x.to_bits() == y.to_bits())
+    a.distance.to_bits() == b.distance.to_bits()
+        && a.gradient.iter().zip(&b.gradient).all(|(x, y)| x.to_bits() == y.to_bits())
 }
 
-fn check_calls(field: &(impl SignedDistance + ?Sized), points: &[Point], expected: &[FieldSample]) -> Result<(), FieldFault> {
-    let compare =
-        |call: &str, at: usize, got: &[FieldSample]| match got.iter().zip(&expected[at..]).position(|(g, e)| !same_bits(g, e)) {
-            Some(k) => Err(FieldFault::Disagreement {
-                index: at + k,
-                point: points[at + k],
-                call: call.to_owned(),
-                got: got[k],
-                expected: expected[at + k],
-            }),
-            None => Ok(()),
-        };
+fn check_calls(
+    field: &(impl SignedDistance + ?Sized),
+    points: &[Point],
+    expected: &[FieldSample],
+) -> Result<(), FieldFault> {
+    let compare = |call: &str, at: usize, got: &[FieldSample]| match got
+        .iter()
+        .zip(&expected[at..])
+        .position(|(g, e)| !same_bits(g, e))
+    {
+        Some(k) => Err(FieldFault::Disagreement {
+            index: at + k,
+            point: points[at + k],
+            call: call.to_owned(),
+            got: got[k],
+            expected: expected[at + k],
+        }),
+        None => Ok(()),
+    };
     // A value-only call is compared as a sample with the expected gradient.
     let as_samples = |values: &[Real], at: usize| -> Vec<FieldSample> {
-        values.iter().zip(&expected[at..]).map(|(v, e)| FieldSample { distance: *v, ..*e }).collect()
+        values
+            .iter()
+            .zip(&expected[at..])
+            .map(|(v, e)| FieldSample { distance: *v, ..*e })
+            .collect()
     };
     let scalars: Vec<Real> = points.iter().map(|p| field.distance(p)).collect();
     compare("distance", 0, &as_samples(&scalars, 0))?;
     let nothing = FieldSample { distance: Real::NAN, gradient: Vector::repeat(Real::NAN) };
     for threads in [1, 2, 7] {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a test machine can start seven threads");
-        for (at, length) in [(0, 0), (0, 1), (0, 7), (3, 64), (0, 257), (1, 600), (0, points.len())] {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .expect("a test machine can start seven threads");
+        for (at, length) in [(0, 0), (0, 1), (0, 7), (3, 64), (0, 257), (1, 600), (0, points.len())]
+        {
             let at = at.min(points.len());
             let slice = &points[at..(at + length).min(points.len())];
             let mut values = vec![Real::NAN; slice.len()];
@@ -174,8 +197,16 @@ fn check_calls(field: &(impl SignedDistance + ?Sized), points: &[Point], expecte
                 field.distances(slice, &mut values);
                 field.samples(slice, &mut samples);
             });
-            compare(&format!("distances of {} points on {threads} threads", slice.len()), at, &as_samples(&values, at))?;
-            compare(&format!("samples of {} points on {threads} threads", slice.len()), at, &samples)?;
+            compare(
+                &format!("distances of {} points on {threads} threads", slice.len()),
+                at,
+                &as_samples(&values, at),
+            )?;
+            compare(
+                &format!("samples of {} points on {threads} threads", slice.len()),
+                at,
+                &samples,
+            )?;
         }
     }
     Ok(())
@@ -204,7 +235,12 @@ fn check_gradients(
         }
         // A slight kink puts the differences off by half of what it bends.
         if (slope - sample.gradient).amax() > tolerances.gradient + worst {
-            return Err(FieldFault::Gradient { index, point: *point, got: sample.gradient, expected: slope });
+            return Err(FieldFault::Gradient {
+                index,
+                point: *point,
+                got: sample.gradient,
+                expected: slope,
+            });
         }
     }
     if kinks as Real > tolerances.kinks * points.len() as Real {
@@ -224,7 +260,13 @@ fn check_lipschitz(
         let (difference, length) = ((a - b).abs(), (from - to).norm());
         // With no bound at all, jumps to +∞ are no fault.
         if difference > lipschitz * length + tolerances.rounding && lipschitz < Real::INFINITY {
-            return Err(FieldFault::Lipschitz { from: *from, to: *to, difference, length, lipschitz });
+            return Err(FieldFault::Lipschitz {
+                from: *from,
+                to: *to,
+                difference,
+                length,
+                lipschitz,
+            });
         }
         Ok(())
     };
@@ -241,10 +283,18 @@ fn check_lipschitz(
     Ok(())
 }
 
-fn check_bounds(field: &(impl SignedDistance + ?Sized), points: &[Point], expected: &[FieldSample]) -> Result<(), FieldFault> {
+fn check_bounds(
+    field: &(impl SignedDistance + ?Sized),
+    points: &[Point],
+    expected: &[FieldSample],
+) -> Result<(), FieldFault> {
     let Some(bounds) = field.bounds() else { return Ok(()) };
     let check = |point: &Point, distance: Real| {
-        if bounds.contains(point) || distance > 0.0 { Ok(()) } else { Err(FieldFault::Bounds { point: *point, distance }) }
+        if bounds.contains(point) || distance > 0.0 {
+            Ok(())
+        } else {
+            Err(FieldFault::Bounds { point: *point, distance })
+        }
     };
     for (point, sample) in points.iter().zip(expected) {
         check(point, sample.distance)?;
@@ -252,8 +302,8 @@ fn check_bounds(field: &(impl SignedDistance + ?Sized), points: &[Point], expect
     if bounds.is_empty() {
         return Ok(());
     }
-    // Just off each side of the box, below and beside the points. A finite field is looked at from a
-    // millionth of its size away, so that rounding on the border does not count.
+    // Just off each side of the box, below and beside the points. A finite field is looked at from
+    // a millionth of its size away, so that rounding on the border does not count.
     let off = 1e-6 * bounds.diagonal().max(1e-6);
     for point in points.iter().filter(|p| p.iter().all(|x| x.is_finite())).take(512) {
         for k in 0..3 {
@@ -272,7 +322,9 @@ fn check_bounds(field: &(impl SignedDistance + ?Sized), points: &[Point], expect
 #[non_exhaustive]
 pub enum ClosestFault {
     /// Another point of the mesh is nearer, or the distance is not that to the point.
-    #[error("point {index} {point}: nearest point {got:?}, but all triangles give the distance {expected}")]
+    #[error(
+        "point {index} {point}: nearest point {got:?}, but all triangles give the distance {expected}"
+    )]
     Distance {
         /// Which of the points.
         index: usize,
@@ -338,12 +390,14 @@ pub fn check_closest_point(
     points: &[Point],
     tolerance: Real,
 ) -> Result<(), ClosestFault> {
-    let again: Vec<Option<Closest>> = points.par_iter().map(|p| surface.closest(p, Real::INFINITY)).collect();
+    let again: Vec<Option<Closest>> =
+        points.par_iter().map(|p| surface.closest(p, Real::INFINITY)).collect();
     for (index, (&point, again)) in points.iter().zip(again).enumerate() {
         let nearest = (0..mesh.triangles().len())
             .map(|t| {
                 let c = mesh.corners(t);
-                (barycentric_point(c, closest_on_triangle(&point, c[0], c[1], c[2]).0) - point).norm()
+                (barycentric_point(c, closest_on_triangle(&point, c[0], c[1], c[2]).0) - point)
+                    .norm()
             })
             .min_by(Real::total_cmp);
         let got = surface.closest(&point, Real::INFINITY);
@@ -354,7 +408,9 @@ pub fn check_closest_point(
             let expected = nearest.unwrap_or(Real::INFINITY);
             return Err(ClosestFault::Limit { index, point, limit: Real::INFINITY, got, expected });
         };
-        if (first.distance - expected).abs() > tolerance || ((first.point - point).norm() - expected).abs() > tolerance {
+        if (first.distance - expected).abs() > tolerance
+            || ((first.point - point).norm() - expected).abs() > tolerance
+        {
             return Err(ClosestFault::Distance { index, point, got: first, expected });
         }
         if again != Some(first) {
@@ -363,12 +419,16 @@ pub fn check_closest_point(
         if let Some(what) = misplaced(&first, mesh, tolerance) {
             return Err(ClosestFault::Place { index, point, what, got: first });
         }
-        for (limit, found) in [(expected * 1.01 + 2.0 * tolerance, true), (expected * 0.99 - 2.0 * tolerance, false)] {
+        for (limit, found) in
+            [(expected * 1.01 + 2.0 * tolerance, true), (expected * 0.99 - 2.0 * tolerance, false)]
+        {
             if limit < 0.0 {
                 continue;
             }
             let got = surface.closest(&point, limit);
-            if got.is_some() != found || got.is_some_and(|c| (c.distance - expected).abs() > tolerance) {
+            if got.is_some() != found
+                || got.is_some_and(|c| (c.distance - expected).abs() > tolerance)
+            {
                 return Err(ClosestFault::Limit { index, point, limit, got, expected });
             }
         }
@@ -400,8 +460,8 @@ mod tests {
     use super::*;
     use crate::aabb::Aabb;
     use crate::shapes::{
-        Capsule, Cuboid, Cylinder, Gyroid, Intersection, Offset, Plane, ScaledGradient, Sphere, Subtraction, Torus, Translated,
-        Union, meshes,
+        Capsule, Cuboid, Cylinder, Gyroid, Intersection, Offset, Plane, ScaledGradient, Sphere,
+        Subtraction, Torus, Translated, Union, meshes,
     };
 
     fn points(n: usize) -> Vec<Point> {
@@ -419,12 +479,17 @@ mod tests {
         let ball = Sphere { center: Point::new(0.1, -0.2, 0.3), radius: 0.7 };
         let cuboid = Cuboid { center: o, half: Vector::new(0.3, 0.9, 0.5) };
         let torus = Torus { center: o, major: 0.8, minor: 0.25 };
-        let tilted = Plane { point: Point::new(0.0, 0.1, 0.0), normal: Vector::new(0.48, 0.6, 0.64) };
+        let tilted =
+            Plane { point: Point::new(0.0, 0.1, 0.0), normal: Vector::new(0.48, 0.6, 0.64) };
         let fields: [&dyn SignedDistance; 13] = [
             &ball,
             &cuboid,
             &torus,
-            &Capsule { from: Point::new(-0.5, 0.0, 0.2), to: Point::new(0.4, 0.6, 0.1), radius: 0.3 },
+            &Capsule {
+                from: Point::new(-0.5, 0.0, 0.2),
+                to: Point::new(0.4, 0.6, 0.1),
+                radius: 0.3,
+            },
             &tilted,
             &Cylinder { center: o, radius: 0.5, half_height: 0.8 },
             &Gyroid { period: 0.9 },
@@ -436,7 +501,9 @@ mod tests {
             &ScaledGradient { field: ball, factor: 2.0 },
         ];
         for (k, field) in fields.into_iter().enumerate() {
-            if let Err(fault) = check_signed_distance(field, &points(700), &FieldTolerances::default()) {
+            if let Err(fault) =
+                check_signed_distance(field, &points(700), &FieldTolerances::default())
+            {
                 panic!("field {k}: {fault}");
             }
         }
@@ -455,7 +522,10 @@ mod tests {
         fn sample(&self, p: &Point) -> FieldSample {
             let slope = if self.0 == "gradient" { 1.01 } else { 1.0 };
             let steep = if self.0 == "steep" { 1.5 } else { 1.0 };
-            FieldSample { distance: self.distance(p), gradient: p.coords.normalize() * slope * steep }
+            FieldSample {
+                distance: self.distance(p),
+                gradient: p.coords.normalize() * slope * steep,
+            }
         }
         fn distances(&self, points: &[Point], out: &mut [Real]) {
             let lie = if self.0 == "batch" && points.len() > 100 { Real::EPSILON } else { 0.0 };
@@ -472,7 +542,8 @@ mod tests {
 
     #[test]
     fn each_lie_is_found_and_named() {
-        let check = |lie| check_signed_distance(&Liar(lie), &points(700), &FieldTolerances::default());
+        let check =
+            |lie| check_signed_distance(&Liar(lie), &points(700), &FieldTolerances::default());
         assert_eq!(check("none"), Ok(()));
         assert!(matches!(check("nan"), Err(FieldFault::NotANumber { .. })));
         assert!(matches!(check("batch"), Err(FieldFault::Disagreement { .. })));
@@ -489,7 +560,13 @@ mod tests {
                 let c = self.0.corners(t);
                 let (barycentric, feature) = closest_on_triangle(p, c[0], c[1], c[2]);
                 let point = barycentric_point(c, barycentric);
-                Closest { point, distance: (point - p).norm(), triangle: t as u32, barycentric, feature }
+                Closest {
+                    point,
+                    distance: (point - p).norm(),
+                    triangle: t as u32,
+                    barycentric,
+                    feature,
+                }
             });
             let mut best = all.min_by(|a, b| a.distance.total_cmp(&b.distance))?;
             match self.1 {
@@ -514,6 +591,9 @@ mod tests {
         assert!(matches!(check("feature"), Err(ClosestFault::Place { .. })));
         assert!(matches!(check("limit"), Err(ClosestFault::Limit { .. })));
         let nothing = TriMesh::default();
-        assert_eq!(check_closest_point(&Brute(&nothing, "none"), &nothing, &points(3), 0.0), Ok(()));
+        assert_eq!(
+            check_closest_point(&Brute(&nothing, "none"), &nothing, &points(3), 0.0),
+            Ok(())
+        );
     }
 }

@@ -19,8 +19,8 @@ pub struct Edges {
     pub of_triangle: Vec<[u32; 3]>,
 }
 
-/// For each vertex the smallest vertex of its part: parts hang together by edges of triangles. A vertex without a triangle is a
-/// part of its own.
+/// For each vertex the smallest vertex of its part: parts hang together by edges of triangles. A
+/// vertex without a triangle is a part of its own.
 pub fn parts(mesh: &TriMesh) -> Vec<u32> {
     let edges = mesh.triangles().iter().flat_map(|t| [[t[0], t[1]], [t[0], t[2]]]);
     parts_by_edges(edges, mesh.vertices().len())
@@ -132,8 +132,9 @@ impl Edges {
     }
 
     /// Boundary loops, each as its vertices in the direction of the triangles' winding, the loop of
-    /// the smallest first half-edge first. No loop comes through a vertex twice: where loops touch in one
-    /// (a bow-tie) each is closed there. A chain that cannot close (inconsistent winding) ends where it must.
+    /// the smallest first half-edge first. No loop comes through a vertex twice: where loops touch
+    /// in one (a bow-tie) each is closed there. A chain that cannot close (inconsistent winding)
+    /// ends where it must.
     pub fn boundary_loops(&self, mesh: &TriMesh) -> Vec<Vec<u32>> {
         let mut next: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices().len()];
         let mut starts = Vec::new();
@@ -220,10 +221,17 @@ mod tests {
     fn parts_are_told_by_their_smallest_vertices() {
         let one = grid(2);
         let n = one.vertices().len() as u32;
-        let vertices = one.vertices().iter().chain(one.vertices()).chain(&one.vertices()[..1]).copied().collect();
+        let vertices = one
+            .vertices()
+            .iter()
+            .chain(one.vertices())
+            .chain(&one.vertices()[..1])
+            .copied()
+            .collect();
         let shifted = one.triangles().iter().map(|t| t.map(|v| v + n));
         // The second part comes first, and the last vertex has no triangle.
-        let both = TriMesh::new(vertices, shifted.chain(one.triangles().iter().copied()).collect()).unwrap();
+        let both = TriMesh::new(vertices, shifted.chain(one.triangles().iter().copied()).collect())
+            .unwrap();
         let told: Vec<u32> = (0..2 * n).map(|v| v / n * n).chain([2 * n]).collect();
         assert_eq!((parts(&both), part_count(&both), part_count(&one)), (told, 3, 1));
     }
@@ -250,7 +258,8 @@ mod tests {
 
     #[test]
     fn loops_that_touch_are_closed_apart_in_any_order_of_the_triangles() {
-        let v: Vec<Point> = (0..6).map(|k| Point::new(f64::from(k), f64::from(k * k), 0.0)).collect();
+        let v: Vec<Point> =
+            (0..6).map(|k| Point::new(f64::from(k), f64::from(k * k), 0.0)).collect();
         let triangles = [[0, 1, 2], [3, 5, 4], [0, 2, 3]];
         for order in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
             let mesh = TriMesh::new(v.clone(), order.map(|t| triangles[t]).to_vec()).unwrap();

@@ -64,7 +64,8 @@ pub trait SignedDistance: Sync {
     /// A box outside which the field is positive, so that callers may skip; `None` where unknown.
     fn bounds(&self) -> Option<Aabb>;
 
-    /// A bound on |∇φ|: a point at distance φ may move φ / `lipschitz()` before its sign can change.
+    /// A bound on |∇φ|: a point at distance φ may move φ / `lipschitz()` before its sign can
+    /// change.
     fn lipschitz(&self) -> Real;
 }
 

@@ -1,7 +1,7 @@
 //! Exact triangle–triangle intersection.
 //!
-//! All decisions are exact for all finite coordinates, degenerate triangles included: a floating-point
-//! filter decides almost all, adaptive predicates the rest.
+//! All decisions are exact for all finite coordinates, degenerate triangles included: a
+//! floating-point filter decides almost all, adaptive predicates the rest.
 
 mod planar;
 mod predicates;
@@ -66,21 +66,26 @@ pub fn triangles(a: [&Point; 3], b: [&Point; 3]) -> Contact {
         return Contact::Disjoint;
     }
     // Three signs straddle only a plane, so that then neither triangle is degenerate.
-    if straddles(sa) && straddles(sb) { overlap_on_line(a, sa, b, sb) } else { grazing(a, sa, b, sb) }
+    if straddles(sa) && straddles(sb) {
+        overlap_on_line(a, sa, b, sb)
+    } else {
+        grazing(a, sa, b, sb)
+    }
 }
 
 /// What triangles `a` and `b` of one mesh have in common *beyond* the corners they share by index;
 /// `ia` and `ib` name their corners. [`Contact::Disjoint`] for neighbours that only meet in their
 /// common corner or edge.
 ///
-/// No shared corner: [`triangles`]. Three: the same triangle twice, a fault of connectivity and not of
-/// position, is [`Contact::Disjoint`].
+/// No shared corner: [`triangles`]. Three: the same triangle twice, a fault of connectivity and not
+/// of position, is [`Contact::Disjoint`].
 ///
 /// # Source
 ///
 /// Counts as libigl's `remesh_self_intersections` does (CGAL's exact kernel; the same number on 54
-/// garments, scans, noisy and grid-rounded meshes), which shares corners by equal coordinates too and
-/// leaves degenerate triangles out: give welded indices and skip [`is_degenerate`] triangles for that.
+/// garments, scans, noisy and grid-rounded meshes), which shares corners by equal coordinates too
+/// and leaves degenerate triangles out: give welded indices and skip [`is_degenerate`] triangles
+/// for that.
 pub fn triangles_sharing(a: [&Point; 3], ia: [u32; 3], b: [&Point; 3], ib: [u32; 3]) -> Contact {
     let mut shared = [(0, 0); 3];
     let mut n = 0;
@@ -114,21 +119,23 @@ pub struct Passage {
     pub direction: i8,
 }
 
-/// Where the closed segment from `p` to `q` meets the closed triangle `t`; `None` where it does not,
-/// and where both lie in one plane, or the triangle is degenerate, as there is no single place then.
+/// Where the closed segment from `p` to `q` meets the closed triangle `t`; `None` where it does
+/// not, and where both lie in one plane, or the triangle is degenerate, as there is no single place
+/// then.
 ///
 /// # Accuracy
 ///
-/// Whether they meet is decided exactly. The numbers are quotients of rounded volumes, always in their
-/// ranges; where the volumes themselves overflow or vanish (lengths beyond 1e100 or below 1e-100) they
-/// are the middle.
+/// Whether they meet is decided exactly. The numbers are quotients of rounded volumes, always in
+/// their ranges; where the volumes themselves overflow or vanish (lengths beyond 1e100 or below
+/// 1e-100) they are the middle.
 pub fn segment_triangle(p: &Point, q: &Point, t: [&Point; 3]) -> Option<Passage> {
     let plane = Plane::new(t);
     let (sp, sq) = (plane.side(p), plane.side(q));
     if sp == sq || !line_meets(p, q, t) {
         return None;
     }
-    let height = |x: &Point, sign: i8| if sign == 0 { 0.0 } else { plane.normal.dot(&(x - t[0])).abs() };
+    let height =
+        |x: &Point, sign: i8| if sign == 0 { 0.0 } else { plane.normal.dot(&(x - t[0])).abs() };
     let (hp, hq) = (height(p, sp), height(q, sq));
     let parameter = match hp / (hp + hq) {
         quotient if quotient.is_finite() => quotient,
@@ -141,7 +148,8 @@ pub fn segment_triangle(p: &Point, q: &Point, t: [&Point; 3]) -> Option<Passage>
         along.dot(&u.cross(&v)).abs()
     });
     let sum: Real = volumes.iter().sum();
-    let barycentric = volumes.map(|v| if sum > 0.0 && sum.is_finite() { v / sum } else { 1.0 / 3.0 });
+    let barycentric =
+        volumes.map(|v| if sum > 0.0 && sum.is_finite() { v / sum } else { 1.0 / 3.0 });
     Some(Passage { parameter, barycentric, direction: if sq > sp { 1 } else { -1 } })
 }
 
@@ -159,7 +167,9 @@ fn straddles(s: [i8; 3]) -> bool {
 /// The corner that is alone on its side of the other plane.
 #[inline]
 fn apex(s: [i8; 3]) -> usize {
-    (0..3).find(|&k| s[k] != 0 && s[(k + 1) % 3] != s[k] && s[(k + 2) % 3] != s[k]).expect("a straddling triangle has one")
+    (0..3)
+        .find(|&k| s[k] != 0 && s[(k + 1) % 3] != s[k] && s[(k + 2) % 3] != s[k])
+        .expect("a straddling triangle has one")
 }
 
 /// Both triangles cross the line in which their planes meet, each in an interval: do these overlap?
@@ -192,7 +202,8 @@ fn overlap_on_line(a: [&Point; 3], sa: [i8; 3], b: [&Point; 3], sb: [i8; 3]) -> 
 fn grazing(a: [&Point; 3], sa: [i8; 3], b: [&Point; 3], sb: [i8; 3]) -> Contact {
     for (t, s, other) in [(a, sa, b), (b, sb, a)] {
         if s != [0; 3] && !straddles(s) {
-            // `t` touches the other's plane from one side: what lies in the plane is a corner or an edge.
+            // `t` touches the other's plane from one side: what lies in the plane is a corner or an
+            // edge.
             let mut inside = [t[0]; 3];
             let mut n = 0;
             for k in 0..3 {
@@ -264,15 +275,17 @@ fn beyond_vertex(a: [&Point; 3], i: usize, b: [&Point; 3], j: usize) -> Contact 
         if is_degenerate(t) {
             // Two segments from the vertex, which end in the other corners.
             let hull = Hull::new(&other);
-            return [p, q].iter().zip(s).any(|(x, s)| s == 0 && *x != t[k] && planar::contact(&Hull::new(&[x]), &hull).is_some());
+            return [p, q].iter().zip(s).any(|(x, s)| {
+                s == 0 && *x != t[k] && planar::contact(&Hull::new(&[x]), &hull).is_some()
+            });
         }
         s[0] != s[1] || triangles([p, q, q], other).is_some()
     };
     if meets(a, i, sa, b) || meets(b, j, sb, a) { triangles(a, b) } else { Contact::Disjoint }
 }
 
-/// `a` and `b` share the edges opposite to `a[i]` and `b[j]`: they meet beyond it only where they lie
-/// in one plane, and on the same side of the edge.
+/// `a` and `b` share the edges opposite to `a[i]` and `b[j]`: they meet beyond it only where they
+/// lie in one plane, and on the same side of the edge.
 fn beyond_edge(a: [&Point; 3], i: usize, b: [&Point; 3], j: usize) -> Contact {
     let (e0, e1) = (a[(i + 1) % 3], a[(i + 2) % 3]);
     if side_of_plane(e0, e1, a[i], b[j]) != 0 {

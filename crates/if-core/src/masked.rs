@@ -8,7 +8,8 @@ use crate::pointers::through_pointers;
 
 /// Where a field binds, and how strongly.
 pub trait Mask: Sync {
-    /// Weight in [0, 1] and its gradient in 1/m: 1 where the field binds in full, 0 where it does not.
+    /// Weight in [0, 1] and its gradient in 1/m: 1 where the field binds in full, 0 where it does
+    /// not.
     fn weight(&self, p: &Point) -> (Real, Vector);
 
     /// Length over which a field fades with the weight, in metres. See [`Masked`].
@@ -128,16 +129,18 @@ impl<C: ClosestPoint> Mask for NearMask<C> {
 /// φₘ = φ + fade · (1/w − 1)
 /// ```
 ///
-/// So weight 1 gives the field itself, bit for bit; as the weight falls the surface draws back, without
-/// a step in value or gradient; and where the weight is 0 the distance is +∞ and the gradient zero,
-/// which is *no constraint*: farther than any clearance, and with no direction to push in.
+/// So weight 1 gives the field itself, bit for bit; as the weight falls the surface draws back,
+/// without a step in value or gradient; and where the weight is 0 the distance is +∞ and the
+/// gradient zero, which is *no constraint*: farther than any clearance, and with no direction to
+/// push in.
 ///
-/// `lipschitz()` is +∞: a point outside the mask may enter it and meet a surface at once, so callers
-/// may not rest on an old value. Where the weight is 1 the bound of the field itself holds.
+/// `lipschitz()` is +∞: a point outside the mask may enter it and meet a surface at once, so
+/// callers may not rest on an old value. Where the weight is 1 the bound of the field itself holds.
 ///
 /// # Source
 ///
-/// Appendix C of the supplement masks with the box, [`BoxMask`]. [`NearMask`] and the fading are ours.
+/// Appendix C of the supplement masks with the box, [`BoxMask`]. [`NearMask`] and the fading are
+/// ours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Masked<F, M> {
     /// The field that is masked.
@@ -161,13 +164,23 @@ impl<F: SignedDistance, M: Mask> Masked<F, M> {
         let distance = sample.distance + fade * (1.0 / w - 1.0);
         let gradient = sample.gradient - slope * (fade / (w * w));
         // So close to the outer radius that the quotients overflow.
-        if distance.is_finite() && gradient.iter().all(|g| g.is_finite()) { FieldSample { distance, gradient } } else { UNBOUND }
+        if distance.is_finite() && gradient.iter().all(|g| g.is_finite()) {
+            FieldSample { distance, gradient }
+        } else {
+            UNBOUND
+        }
     }
 
     /// Asks `call` for the points that the mask leaves, all at once: a network sees one batch.
-    fn batched<T: Clone>(&self, points: &[Point], unbound: T, call: impl Fn(&[Point], &[(Real, Vector)]) -> Vec<T>) -> Vec<T> {
+    fn batched<T: Clone>(
+        &self,
+        points: &[Point],
+        unbound: T,
+        call: impl Fn(&[Point], &[(Real, Vector)]) -> Vec<T>,
+    ) -> Vec<T> {
         use rayon::prelude::*;
-        let weights: Vec<(Real, Vector)> = points.par_iter().with_min_len(64).map(|p| self.mask.weight(p)).collect();
+        let weights: Vec<(Real, Vector)> =
+            points.par_iter().with_min_len(64).map(|p| self.mask.weight(p)).collect();
         let bound: Vec<usize> = (0..points.len()).filter(|&k| weights[k].0 > 0.0).collect();
         let mut all = vec![unbound; points.len()];
         if bound.is_empty() {
@@ -183,7 +196,8 @@ impl<F: SignedDistance, M: Mask> Masked<F, M> {
 }
 
 /// No constraint.
-const UNBOUND: FieldSample = FieldSample { distance: Real::INFINITY, gradient: Vector::new(0.0, 0.0, 0.0) };
+const UNBOUND: FieldSample =
+    FieldSample { distance: Real::INFINITY, gradient: Vector::new(0.0, 0.0, 0.0) };
 
 impl<F: SignedDistance, M: Mask> SignedDistance for Masked<F, M> {
     fn distance(&self, p: &Point) -> Real {
@@ -249,12 +263,19 @@ mod tests {
             let sample = self.0.sample(p);
             let distance = sample.distance.abs();
             let point = p - sample.gradient * sample.distance;
-            let place = Closest { point, distance, triangle: 0, barycentric: [1.0, 0.0, 0.0], feature: Feature::Vertex(0) };
+            let place = Closest {
+                point,
+                distance,
+                triangle: 0,
+                barycentric: [1.0, 0.0, 0.0],
+                feature: Feature::Vertex(0),
+            };
             (distance <= max_distance).then_some(place)
         }
     }
 
-    const BODY: Cylinder = Cylinder { center: Point::new(0.0, 0.0, 0.0), radius: 0.5, half_height: 1.0 };
+    const BODY: Cylinder =
+        Cylinder { center: Point::new(0.0, 0.0, 0.0), radius: 0.5, half_height: 1.0 };
 
     fn near() -> Masked<Cylinder, NearMask<Ball>> {
         let garment = Ball(Sphere { center: Point::origin(), radius: 0.6 });
@@ -271,7 +292,10 @@ mod tests {
         let field = boxed();
         let (inside, outside) = (Point::new(0.1, 0.2, 0.3), Point::new(0.1, 0.2f64.next_up(), 0.3));
         assert_eq!(field.sample(&inside), BODY.sample(&inside));
-        assert_eq!(field.sample(&outside), FieldSample { distance: Real::INFINITY, gradient: Vector::zeros() });
+        assert_eq!(
+            field.sample(&outside),
+            FieldSample { distance: Real::INFINITY, gradient: Vector::zeros() }
+        );
         assert_eq!((field.weight(&inside), field.weight(&outside)), (1.0, 0.0));
         assert_eq!(field.bounds().unwrap().max, Point::new(0.5, 0.2, 0.5));
         let nothing = Masked { field: BODY, mask: BoxMask::new(Aabb::EMPTY).unwrap() };
@@ -296,8 +320,16 @@ mod tests {
         assert!(last > 1.0, "and is gone at the outer radius");
         // Value and slope start smoothly at the inner radius.
         let h = 1e-6;
-        approx::assert_relative_eq!(field.distance(&at(0.05 + h)), BODY.distance(&at(0.05 + h)), epsilon = 1e-9);
-        approx::assert_relative_eq!(field.sample(&at(0.05 + h)).gradient, BODY.sample(&at(0.05)).gradient, epsilon = 1e-3);
+        approx::assert_relative_eq!(
+            field.distance(&at(0.05 + h)),
+            BODY.distance(&at(0.05 + h)),
+            epsilon = 1e-9
+        );
+        approx::assert_relative_eq!(
+            field.sample(&at(0.05 + h)).gradient,
+            BODY.sample(&at(0.05)).gradient,
+            epsilon = 1e-3
+        );
     }
 
     /// A field that is not a number.
@@ -335,8 +367,18 @@ mod tests {
     #[test]
     fn wrong_masks_are_refused() {
         let garment = || Ball(Sphere { center: Point::origin(), radius: 1.0 });
-        for (inner, outer) in [(0.2, 0.1), (0.1, 0.1), (-0.1, 0.1), (0.0, Real::INFINITY), (Real::NAN, 1.0), (0.0, Real::NAN)] {
-            assert!(matches!(NearMask::new(garment(), inner, outer), Err(MaskError::Ramp { .. })), "{inner} {outer}");
+        for (inner, outer) in [
+            (0.2, 0.1),
+            (0.1, 0.1),
+            (-0.1, 0.1),
+            (0.0, Real::INFINITY),
+            (Real::NAN, 1.0),
+            (0.0, Real::NAN),
+        ] {
+            assert!(
+                matches!(NearMask::new(garment(), inner, outer), Err(MaskError::Ramp { .. })),
+                "{inner} {outer}"
+            );
         }
         let aabb = Aabb { min: Point::new(0.0, Real::NAN, 0.0), max: Point::new(1.0, 1.0, 1.0) };
         assert!(BoxMask::new(aabb).unwrap_err().to_string().contains("NaN"));
@@ -354,7 +396,8 @@ mod tests {
         let points: Vec<Point> = (0..800).map(|_| Point::new(next(), next(), next())).collect();
         check_signed_distance(&boxed(), &points, &FieldTolerances::default()).unwrap();
         // Towards the outer radius the field is arbitrarily steep.
-        let tolerances = FieldTolerances { kink: 1.0, kinks: 0.3, gradient: 1e-2, ..FieldTolerances::default() };
+        let tolerances =
+            FieldTolerances { kink: 1.0, kinks: 0.3, gradient: 1e-2, ..FieldTolerances::default() };
         check_signed_distance(&near(), &points, &tolerances).unwrap();
     }
 }

@@ -22,7 +22,11 @@ pub fn unit_or_zero(v: &Vector) -> Vector {
     let w = v / scale;
     let length = w.norm();
     // The largest of some numbers may pass a NaN over; the length does not.
-    if scale > 0.0 && scale.is_finite() && length.is_finite() { w / length } else { Vector::zeros() }
+    if scale > 0.0 && scale.is_finite() && length.is_finite() {
+        w / length
+    } else {
+        Vector::zeros()
+    }
 }
 
 /// The point `Σ bₖ pₖ` of a triangle for barycentric coordinates `b`.

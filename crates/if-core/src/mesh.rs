@@ -43,7 +43,9 @@ pub enum MeshError {
         value: Real,
     },
     /// A triangle names a vertex that does not exist.
-    #[error("triangle {triangle}: corner {corner} names vertex {index}, but there are only {vertices} vertices (0 is the first)")]
+    #[error(
+        "triangle {triangle}: corner {corner} names vertex {index}, but there are only {vertices} vertices (0 is the first)"
+    )]
     IndexOutOfRange {
         /// Index of the triangle.
         triangle: usize,
@@ -55,7 +57,9 @@ pub enum MeshError {
         vertices: usize,
     },
     /// A triangle uses one vertex twice.
-    #[error("triangle {triangle} uses vertex {vertex} twice; drop it, or give it three different corners")]
+    #[error(
+        "triangle {triangle} uses vertex {vertex} twice; drop it, or give it three different corners"
+    )]
     RepeatedVertex {
         /// Index of the triangle.
         triangle: usize,
@@ -110,9 +114,15 @@ impl TriMesh {
     /// A wrong number of positions, or one that is not finite.
     pub fn with_vertices(&self, vertices: Vec<Point>) -> Result<Self, MeshError> {
         if vertices.len() != self.vertices.len() {
-            return Err(MeshError::VertexCount { expected: self.vertices.len(), got: vertices.len() });
+            return Err(MeshError::VertexCount {
+                expected: self.vertices.len(),
+                got: vertices.len(),
+            });
         }
-        Ok(Self { vertices: FinitePoints::new(vertices)?.into_vec(), triangles: self.triangles.clone() })
+        Ok(Self {
+            vertices: FinitePoints::new(vertices)?.into_vec(),
+            triangles: self.triangles.clone(),
+        })
     }
 
     /// The same mesh with all coordinates times `factor`: from other units to metres.
@@ -220,19 +230,30 @@ mod tests {
     use super::*;
 
     fn square() -> Vec<Point> {
-        vec![Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(1.0, 1.0, 0.0), Point::new(0.0, 1.0, 0.0)]
+        vec![
+            Point::origin(),
+            Point::new(1.0, 0.0, 0.0),
+            Point::new(1.0, 1.0, 0.0),
+            Point::new(0.0, 1.0, 0.0),
+        ]
     }
 
     #[test]
     fn faults_are_named_with_index_and_value() {
         let mut bad = square();
         bad[2].y = Real::NAN;
-        assert!(matches!(TriMesh::new(bad, vec![]), Err(MeshError::NonFinite { vertex: 2, axis: 1, .. })));
+        assert!(matches!(
+            TriMesh::new(bad, vec![]),
+            Err(MeshError::NonFinite { vertex: 2, axis: 1, .. })
+        ));
         assert_eq!(
             TriMesh::new(square(), vec![[0, 1, 2], [0, 2, 4]]),
             Err(MeshError::IndexOutOfRange { triangle: 1, corner: 2, index: 4, vertices: 4 })
         );
-        assert_eq!(TriMesh::new(square(), vec![[0, 3, 3]]), Err(MeshError::RepeatedVertex { triangle: 0, vertex: 3 }));
+        assert_eq!(
+            TriMesh::new(square(), vec![[0, 3, 3]]),
+            Err(MeshError::RepeatedVertex { triangle: 0, vertex: 3 })
+        );
         let mesh = TriMesh::new(square(), vec![[0, 1, 2]]).unwrap();
         assert_eq!(mesh.with_vertices(vec![]), Err(MeshError::VertexCount { expected: 4, got: 0 }));
         let text = TriMesh::new(square(), vec![[9, 1, 2]]).unwrap_err().to_string();

@@ -37,7 +37,8 @@ use std::ops::ControlFlow;
 pub struct Progress<'a> {
     /// The stage of the work: a fixed lower-case word such as `"settle"`.
     pub stage: &'static str,
-    /// What is worked on, such as the name of a layer or a file; empty where there is one thing only.
+    /// What is worked on, such as the name of a layer or a file; empty where there is one thing
+    /// only.
     pub item: &'a str,
     /// Steps done in this stage: rounds, samples, frames.
     pub done: usize,
@@ -108,6 +109,9 @@ mod tests {
     fn measures_are_found_by_name() {
         let measures = [("pairs", 3.0), ("inside", 0.0)];
         let progress = Progress { measures: &measures, ..Progress::stage("settle") }.of("coat");
-        assert_eq!((progress.item, progress.measure("pairs"), progress.measure("loss")), ("coat", Some(3.0), None));
+        assert_eq!(
+            (progress.item, progress.measure("pairs"), progress.measure("loss")),
+            ("coat", Some(3.0), None)
+        );
     }
 }

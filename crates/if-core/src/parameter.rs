@@ -36,11 +36,17 @@ impl ParameterError {
     /// # Errors
     ///
     /// The error that says that the parameter `name` with this `value` is outside `range`.
-    pub fn check(name: &'static str, value: Real, ok: bool, range: &'static str) -> Result<(), Self> {
+    pub fn check(
+        name: &'static str,
+        value: Real,
+        ok: bool,
+        range: &'static str,
+    ) -> Result<(), Self> {
         if ok { Ok(()) } else { Err(Self { name: name.into(), value, range }) }
     }
 
-    /// The same error for the parameters of a group: `within("cloth")` turns `sweeps` into `cloth.sweeps`.
+    /// The same error for the parameters of a group: `within("cloth")` turns `sweeps` into
+    /// `cloth.sweeps`.
     #[must_use]
     pub fn within(mut self, group: &str) -> Self {
         self.name = format!("{group}.{}", self.name).into();
@@ -61,7 +67,10 @@ mod tests {
 
     #[test]
     fn a_group_and_an_index_stand_in_the_name() {
-        let error = ParameterError::check("radius", Real::NAN, false, "positive (m)").unwrap_err().at(3).within("air");
+        let error = ParameterError::check("radius", Real::NAN, false, "positive (m)")
+            .unwrap_err()
+            .at(3)
+            .within("air");
         assert_eq!(error.to_string(), "parameter `air.radius[3]` is NaN; it must be positive (m)");
         assert!(ParameterError::check("radius", 1.0, true, "positive (m)").is_ok());
     }

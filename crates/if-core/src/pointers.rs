@@ -1,12 +1,13 @@
 //! What a trait's implementors can, references to them, boxes and [`std::sync::Arc`]s can too.
 
-/// Implements a trait whose methods take `&self` for `&T`, `Box<T>` and `Arc<T>`: every method is handed through, provided ones too,
-/// so that a cheaper batch stays one.
+/// Implements a trait whose methods take `&self` for `&T`, `Box<T>` and `Arc<T>`: every method is
+/// handed through, provided ones too, so that a cheaper batch stays one.
 macro_rules! through_pointers {
     ($of:ident $methods:tt) => {
         through_pointers!(impl [T: $of + ?Sized] $of for &T, $methods);
         through_pointers!(impl [T: $of + ?Sized] $of for Box<T>, $methods);
-        // What an `Arc` holds may be dropped by any thread, so that it must be `Send` for the `Arc` to be `Sync`.
+        // What an `Arc` holds may be dropped by any thread, so that it must be `Send` for the `Arc`
+        // to be `Sync`.
         through_pointers!(impl [T: $of + ?Sized + Send] $of for std::sync::Arc<T>, $methods);
     };
     (impl [$($bounds:tt)*] $of:ident for $pointer:ty, {
@@ -62,7 +63,13 @@ mod tests {
     impl ClosestPoint for Telling {
         fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest> {
             let distance = 0.5;
-            let place = Closest { point: *p, distance, triangle: 0, barycentric: [1.0, 0.0, 0.0], feature: Feature::Face };
+            let place = Closest {
+                point: *p,
+                distance,
+                triangle: 0,
+                barycentric: [1.0, 0.0, 0.0],
+                feature: Feature::Face,
+            };
             (distance <= max_distance).then_some(place)
         }
     }
@@ -73,7 +80,13 @@ mod tests {
         field.distances(&p, &mut values);
         field.samples(&p, &mut samples);
         assert_eq!(field.bounds(), BALL.bounds());
-        [field.distance(&p[0]), field.sample(&p[0]).distance, values[0], samples[0].distance, field.lipschitz()]
+        [
+            field.distance(&p[0]),
+            field.sample(&p[0]).distance,
+            values[0],
+            samples[0].distance,
+            field.lipschitz(),
+        ]
     }
 
     #[test]
@@ -81,7 +94,14 @@ mod tests {
         let field: &dyn SignedDistance = &Telling;
         let boxed: Box<dyn SignedDistance> = Box::new(Telling);
         let shared: Arc<dyn SignedDistance + Send> = Arc::new(Telling);
-        for told in [told(field), told(&boxed), told(boxed), told(&shared), told(shared), told(Arc::new(Telling))] {
+        for told in [
+            told(field),
+            told(&boxed),
+            told(boxed),
+            told(&shared),
+            told(shared),
+            told(Arc::new(Telling)),
+        ] {
             assert_eq!(told, [1.0, 2.0, 3.0, 4.0, 5.0]);
         }
     }
@@ -89,11 +109,18 @@ mod tests {
     #[test]
     fn what_takes_a_field_a_surface_or_a_mask_takes_a_pointer_to_one() {
         let p = Point::new(0.0, 0.0, 0.5);
-        let all = BoxMask::new(Aabb { min: Point::new(-1.0, -1.0, -1.0), max: Point::new(1.0, 1.0, 1.0) }).unwrap();
+        let all = BoxMask::new(Aabb {
+            min: Point::new(-1.0, -1.0, -1.0),
+            max: Point::new(1.0, 1.0, 1.0),
+        })
+        .unwrap();
         let field: &dyn SignedDistance = &BALL;
         assert_eq!(Masked { field, mask: all }.distance(&p), -0.5);
         let boxed: Box<dyn SignedDistance> = Box::new(BALL);
-        assert_eq!(Masked { field: boxed, mask: Box::new(all) as Box<dyn Mask> }.distance(&p), -0.5);
+        assert_eq!(
+            Masked { field: boxed, mask: Box::new(all) as Box<dyn Mask> }.distance(&p),
+            -0.5
+        );
         assert_eq!(Masked { field: Arc::new(BALL), mask: Arc::new(all) }.distance(&p), -0.5);
         assert_eq!(Union(field, Arc::new(BALL)).distance(&p), -0.5);
         // A garment that is lent, owned or shared.

@@ -8,8 +8,8 @@ pub struct Rows<T> {
 }
 
 impl<T: Copy + Default> Rows<T> {
-    /// `rows` rows with the items of `pairs`, each of which goes into the row that stands before it. In a row, items
-    /// keep the order in which they come. `pairs` is run through twice.
+    /// `rows` rows with the items of `pairs`, each of which goes into the row that stands before
+    /// it. In a row, items keep the order in which they come. `pairs` is run through twice.
     ///
     /// # Panics
     ///

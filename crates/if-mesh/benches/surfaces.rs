@@ -32,21 +32,30 @@ fn surface() -> TriMesh {
 /// Points round about the torus.
 fn points() -> Vec<Point> {
     let at = |k: usize, f: Real| (f * (k as Real + 1.0)).sin();
-    (0..POINTS).map(|k| Point::new(0.4 * at(k, 12.9898), 0.4 * at(k, 78.233), 0.12 * at(k, 37.719))).collect()
+    (0..POINTS)
+        .map(|k| Point::new(0.4 * at(k, 12.9898), 0.4 * at(k, 78.233), 0.12 * at(k, 37.719)))
+        .collect()
 }
 
 fn extraction(c: &mut Criterion) {
     let mut group = c.benchmark_group("if-mesh/extract");
     group.sample_size(20);
-    for (sampling, name, cells) in
-        [(Sampling::Sparse, "sparse", 64), (Sampling::Sparse, "sparse", 128), (Sampling::Dense, "dense", 64)]
-    {
-        let params = ExtractParams { resolution: Resolution::Cells(cells), sampling, ..Default::default() };
+    for (sampling, name, cells) in [
+        (Sampling::Sparse, "sparse", 64),
+        (Sampling::Sparse, "sparse", 128),
+        (Sampling::Dense, "dense", 64),
+    ] {
+        let params =
+            ExtractParams { resolution: Resolution::Cells(cells), sampling, ..Default::default() };
         let run = || extract(black_box(&TORUS), &params).expect("a torus has a surface").mesh;
         let mesh = run();
-        assert!(mesh.triangles().len() > 1000 && mesh.vertices().iter().all(|p| TORUS.distance(p).abs() < 1e-6));
-        group
-            .bench_function(format!("{name}{cells}"), |b| b.iter(|| assert_eq!(run().triangles().len(), mesh.triangles().len())));
+        assert!(
+            mesh.triangles().len() > 1000
+                && mesh.vertices().iter().all(|p| TORUS.distance(p).abs() < 1e-6)
+        );
+        group.bench_function(format!("{name}{cells}"), |b| {
+            b.iter(|| assert_eq!(run().triangles().len(), mesh.triangles().len()))
+        });
     }
     group.finish();
 }
@@ -56,21 +65,32 @@ fn queries(c: &mut Criterion) {
     let tree = Bvh::new(&mesh);
     let sdf = MeshSdf::closed(&mesh).expect("closed");
     let winding = Winding::new(&mesh);
-    let baked = Baked::new(&TORUS, &BakeParams { cell: 0.01, ..Default::default() }).expect("a torus bakes");
+    let baked = Baked::new(&TORUS, &BakeParams { cell: 0.01, ..Default::default() })
+        .expect("a torus bakes");
     let mut out = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; POINTS];
     sdf.samples(&points, &mut out);
     for (p, s) in points.iter().zip(&out) {
         let truth = TORUS.distance(p);
         assert!((s.distance - truth).abs() < CHORD);
-        assert!((tree.closest(p, Real::INFINITY).expect("there are triangles").distance - truth.abs()).abs() < CHORD);
+        assert!(
+            (tree.closest(p, Real::INFINITY).expect("there are triangles").distance - truth.abs())
+                .abs()
+                < CHORD
+        );
         assert!(truth.abs() < CHORD || (winding.at(p) > 0.5) == (truth < 0.0));
-        assert!(truth.abs() > baked.band() || (baked.distance(p) - truth).abs() <= baked.error_bound());
+        assert!(
+            truth.abs() > baked.band() || (baked.distance(p) - truth).abs() <= baked.error_bound()
+        );
     }
     let mut group = c.benchmark_group("if-mesh/queries");
     group.throughput(Throughput::Elements(POINTS as u64)).sample_size(20);
     let closest = |p: &Point| tree.closest(p, Real::INFINITY).map_or(0.0, |c| c.distance);
-    group.bench_function("closest", |b| b.iter(|| black_box(&points).iter().map(closest).sum::<Real>()));
-    group.bench_function("signed_distance", |b| b.iter(|| sdf.samples(black_box(&points), &mut out)));
+    group.bench_function("closest", |b| {
+        b.iter(|| black_box(&points).iter().map(closest).sum::<Real>())
+    });
+    group.bench_function("signed_distance", |b| {
+        b.iter(|| sdf.samples(black_box(&points), &mut out))
+    });
     group.bench_function("winding", |b| b.iter(|| winding.of(black_box(&points))));
     group.bench_function("baked", |b| b.iter(|| baked.samples(black_box(&points), &mut out)));
     group.bench_function("build_index", |b| b.iter(|| Bvh::new(black_box(&mesh)).len()));
@@ -92,7 +112,10 @@ fn clean(c: &mut Criterion) {
         .collect();
     let holed = TriMesh::new(whole.vertices().to_vec(), holed).expect("a part of a mesh");
     let attributes = VertexAttributes::none(holed.vertices().len());
-    let run = || cleanup(black_box(&holed), &attributes, None, &CleanupParams::default()).expect("a tube is cleaned");
+    let run = || {
+        cleanup(black_box(&holed), &attributes, None, &CleanupParams::default())
+            .expect("a tube is cleaned")
+    };
     let report = run().report;
     assert_eq!((report.holes.filled.len(), report.holes.openings.len()), (10, 2));
     let mut group = c.benchmark_group("if-mesh/cleanup");
@@ -103,14 +126,19 @@ fn clean(c: &mut Criterion) {
 fn files(c: &mut Criterion) {
     let ply = PlyMesh::new(surface());
     let path = std::env::temp_dir().join(format!("if-mesh-bench-{}.ply", std::process::id()));
-    let write = || write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &path).expect("a folder that takes files");
+    let write = || {
+        write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &path)
+            .expect("a folder that takes files")
+    };
     write();
     let bytes = std::fs::read(&path).expect("just written");
     let back = read_bytes(&bytes).expect("what we write we read");
     assert_eq!(back.mesh.triangles(), ply.mesh.triangles());
     let mut group = c.benchmark_group("if-mesh/ply");
     group.throughput(Throughput::Bytes(bytes.len() as u64)).sample_size(20);
-    group.bench_function("read40k", |b| b.iter(|| read_bytes(black_box(&bytes)).expect("as before")));
+    group.bench_function("read40k", |b| {
+        b.iter(|| read_bytes(black_box(&bytes)).expect("as before"))
+    });
     group.bench_function("write40k", |b| b.iter(write));
     group.finish();
     std::fs::remove_file(&path).expect("it is there");

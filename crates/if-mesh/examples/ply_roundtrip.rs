@@ -1,7 +1,7 @@
 //! Reads a PLY file and writes it again: `ply_roundtrip in.ply out.ply [portable|double]`.
 //!
-//! `portable` drops what meshio 5.3.5 cannot read; `double` writes coordinates of eight bytes. Used by
-//! `tests/meshio_interop.py`.
+//! `portable` drops what meshio 5.3.5 cannot read; `double` writes coordinates of eight bytes. Used
+//! by `tests/meshio_interop.py`.
 
 use if_mesh::ply::{self, CoordinateType, Keep, WriteParams};
 use std::error::Error;
@@ -9,7 +9,9 @@ use std::path::Path;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let [input, output, flags @ ..] = &args[..] else { return Err("usage: ply_roundtrip IN OUT [portable|double]".into()) };
+    let [input, output, flags @ ..] = &args[..] else {
+        return Err("usage: ply_roundtrip IN OUT [portable|double]".into());
+    };
     let file = ply::read_path(Path::new(input))?;
     let mut params = WriteParams { coordinates: file.coordinates, ..WriteParams::default() };
     for flag in flags {

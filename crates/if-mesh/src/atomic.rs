@@ -25,11 +25,18 @@ use std::path::{Path, PathBuf};
 /// assert_eq!(std::fs::read(&path)?, b"all of it");
 /// # Ok::<(), std::io::Error>(())
 /// ```
-pub fn write<E: From<io::Error>>(path: &Path, fill: impl FnOnce(&mut File) -> Result<(), E>) -> Result<(), E> {
+pub fn write<E: From<io::Error>>(
+    path: &Path,
+    fill: impl FnOnce(&mut File) -> Result<(), E>,
+) -> Result<(), E> {
     let target = match fs::symlink_metadata(path) {
         Ok(found) if found.is_symlink() => fs::canonicalize(path)?,
         Ok(found) if !found.is_file() => {
-            return Err(io::Error::new(ErrorKind::AlreadyExists, "a folder or device of this name is in the way").into());
+            return Err(io::Error::new(
+                ErrorKind::AlreadyExists,
+                "a folder or device of this name is in the way",
+            )
+            .into());
         }
         _ => path.to_path_buf(),
     };
@@ -82,7 +89,10 @@ mod tests {
     fn a_folder_that_is_missing_or_in_the_way_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let nothing = |_: &mut File| Ok::<(), io::Error>(());
-        assert_eq!(write(&folder.path().join("no/such/a.ply"), nothing).unwrap_err().kind(), ErrorKind::NotFound);
+        assert_eq!(
+            write(&folder.path().join("no/such/a.ply"), nothing).unwrap_err().kind(),
+            ErrorKind::NotFound
+        );
         assert_eq!(write(folder.path(), nothing).unwrap_err().kind(), ErrorKind::AlreadyExists);
     }
 
@@ -91,7 +101,8 @@ mod tests {
     fn the_file_is_readable_by_others_and_a_link_stays_a_link() {
         use std::os::unix::fs::{PermissionsExt, symlink};
         let folder = tempfile::tempdir().unwrap();
-        let (path, link, plain) = (folder.path().join("a"), folder.path().join("b"), folder.path().join("c"));
+        let (path, link, plain) =
+            (folder.path().join("a"), folder.path().join("b"), folder.path().join("c"));
         let text = |file: &mut File| file.write_all(b"text");
         write(&path, text).unwrap();
         fs::write(&plain, "made as any file is made").unwrap();

@@ -9,7 +9,8 @@ use serde::Serialize;
 pub enum Source {
     /// It is this vertex of the mesh before, or a copy of it.
     Vertex(u32),
-    /// It is new: vertices of the mesh before with weights above zero, that of the largest weight first.
+    /// It is new: vertices of the mesh before with weights above zero, that of the largest weight
+    /// first.
     Blend(Vec<(u32, Real)>),
 }
 
@@ -40,8 +41,8 @@ pub enum Rule {
     Majority,
     /// One of three components of a unit vector.
     Normal,
-    /// Joint ids and weights of linear-blend skinning: joints are united, the heaviest kept, and their
-    /// weights divided by their sum.
+    /// Joint ids and weights of linear-blend skinning: joints are united, the heaviest kept, and
+    /// their weights divided by their sum.
     Skinning,
     /// The list of the vertex that counts most.
     Nearest,
@@ -76,7 +77,9 @@ pub struct VertexAttributes {
 #[allow(missing_docs)] // the messages say what the fields are
 pub enum AttributeError {
     /// A property has another number of records than the mesh has vertices.
-    #[error("property `{name}` has {records} records for {vertices} vertices; leave it out, or give one for each vertex")]
+    #[error(
+        "property `{name}` has {records} records for {vertices} vertices; leave it out, or give one for each vertex"
+    )]
     Length { name: String, records: usize, vertices: usize },
 }
 
@@ -97,7 +100,11 @@ impl VertexAttributes {
     /// A property that is not as long as there are vertices.
     pub fn new(vertices: usize, properties: Vec<Property>) -> Result<Self, AttributeError> {
         if let Some(p) = properties.iter().find(|p| p.records() != vertices) {
-            return Err(AttributeError::Length { name: p.name.clone(), records: p.records(), vertices });
+            return Err(AttributeError::Length {
+                name: p.name.clone(),
+                records: p.records(),
+                vertices,
+            });
         }
         let has = |name: &str| properties.iter().any(|p| p.name == name && p.lists.is_none());
         let normals = ["nx", "ny", "nz"].into_iter().all(has);
@@ -161,7 +168,9 @@ impl VertexAttributes {
             for (p, rule) in self.rules.iter().enumerate() {
                 let old = |v: u32| get(&self.properties[p].values, v as usize);
                 let value = match rule {
-                    Rule::Mean | Rule::Normal => parts.iter().map(|&(v, w)| w * old(v)).sum::<Real>() / total,
+                    Rule::Mean | Rule::Normal => {
+                        parts.iter().map(|&(v, w)| w * old(v)).sum::<Real>() / total
+                    }
                     Rule::Majority => {
                         let value = majority(parts.iter().map(|&(v, w)| (old(v), w)));
                         // Its own bits: a real number does not hold all of 64.
@@ -221,8 +230,10 @@ impl VertexAttributes {
         if total.is_nan() || total <= 0.0 {
             return; // nothing holds this vertex: the copy of the nearest stays
         }
-        // Whole numbers stand for shares of their sum, 255 or 65535 as a rule; what rounding takes from it or adds the largest gets.
-        let whole = slots.iter().all(|s| !matches!(made[s.1].values, Column::F32(_) | Column::F64(_)));
+        // Whole numbers stand for shares of their sum, 255 or 65535 as a rule; what rounding takes
+        // from it or adds the largest gets.
+        let whole =
+            slots.iter().all(|s| !matches!(made[s.1].values, Column::F32(_) | Column::F64(_)));
         let of_all: Real = source.parts().iter().map(|(_, weight)| weight).sum();
         let sum = if whole { (all / of_all).round() } else { 1.0 };
         let mut shares: Vec<Real> = united.iter().map(|u| u.1 / total * sum).collect();
@@ -325,9 +336,14 @@ mod tests {
         ];
         let made = VertexAttributes::new(2, properties).unwrap();
         assert_eq!(made.rules(), [Rule::Mean, Rule::Majority, Rule::Majority]);
-        let made = made.derive(&[half(0, 1), Source::Blend(vec![(1, 0.6), (0, 0.4)]), Source::Vertex(0)]);
+        let made =
+            made.derive(&[half(0, 1), Source::Blend(vec![(1, 0.6), (0, 0.4)]), Source::Vertex(0)]);
         assert_eq!(made.properties()[0].values, Column::U8(vec![128, 153, 0]));
-        assert_eq!(made.properties()[1].values, Column::U8(vec![3, 7, 3]), "a tie goes to the smaller");
+        assert_eq!(
+            made.properties()[1].values,
+            Column::U8(vec![3, 7, 3]),
+            "a tie goes to the smaller"
+        );
         let Column::I64(big) = &made.properties()[2].values else { panic!("another type") };
         assert_eq!(big[2], i64::MAX - 1, "a copy keeps its bits");
     }
@@ -335,7 +351,9 @@ mod tests {
     #[test]
     fn ids_of_64_bits_keep_them_where_the_majority_decides() {
         let id = (1i64 << 53) + 1;
-        let made = VertexAttributes::new(3, vec![Property::new("id", Column::I64(vec![id, id, id]))]).unwrap();
+        let made =
+            VertexAttributes::new(3, vec![Property::new("id", Column::I64(vec![id, id, id]))])
+                .unwrap();
         let made = made.derive(&[Source::Blend(vec![(0, 0.4), (1, 0.3), (2, 0.3)])]);
         assert_eq!(made.properties()[0].values, Column::I64(vec![id]));
     }
@@ -353,7 +371,10 @@ mod tests {
         let made = VertexAttributes::new(2, properties).unwrap().derive(&[half(0, 1), half(0, 0)]);
         let column = |k: usize| made.properties()[k].values.clone();
         // 6: 127.5, 4: 64, 5: 63.5, of 255: two are rounded up, and the largest gives one back.
-        assert_eq!([column(0), column(1), column(2)], [Column::U8(vec![6, 4]), Column::U8(vec![4, 5]), Column::U8(vec![5, 6])]);
+        assert_eq!(
+            [column(0), column(1), column(2)],
+            [Column::U8(vec![6, 4]), Column::U8(vec![4, 5]), Column::U8(vec![5, 6])]
+        );
         assert_eq!(
             [column(3), column(4), column(5)],
             [Column::U8(vec![127, 128]), Column::U8(vec![64, 127]), Column::U8(vec![64, 0])]
@@ -368,7 +389,8 @@ mod tests {
             Property::new("w0", Column::F32(vec![0.5, 0.75])),
             Property::new("w1", Column::F32(vec![0.5, 0.25])),
         ];
-        let made = VertexAttributes::new(2, properties).unwrap().derive(&[half(0, 1), Source::Vertex(1)]);
+        let made =
+            VertexAttributes::new(2, properties).unwrap().derive(&[half(0, 1), Source::Vertex(1)]);
         // 9: 0.375, 4: 0.25 + 0.125, 5: 0.25. The two heaviest stay, 4 before 9.
         assert_eq!(made.properties()[0].values, Column::U8(vec![4, 9]));
         assert_eq!(made.properties()[1].values, Column::U8(vec![9, 4]));
@@ -382,9 +404,15 @@ mod tests {
             Property::new("nx", Column::F64(vec![1.0, 0.0])),
             Property::new("ny", Column::F64(vec![0.0, 1.0])),
             Property::new("nz", Column::F64(vec![0.0, 0.0])),
-            Property { name: "ids".into(), values: Column::I32(vec![1, 2, 3]), lists: Some(vec![0, 1, 3]) },
+            Property {
+                name: "ids".into(),
+                values: Column::I32(vec![1, 2, 3]),
+                lists: Some(vec![0, 1, 3]),
+            },
         ];
-        let made = VertexAttributes::new(2, properties).unwrap().derive(&[half(0, 1), Source::Blend(vec![(1, 0.9), (0, 0.1)])]);
+        let made = VertexAttributes::new(2, properties)
+            .unwrap()
+            .derive(&[half(0, 1), Source::Blend(vec![(1, 0.9), (0, 0.1)])]);
         let Column::F64(nx) = &made.properties()[0].values else { panic!("another type") };
         approx::assert_relative_eq!(nx[0], 0.5f64.sqrt(), max_relative = 1e-15);
         assert_eq!(made.properties()[3].lists, Some(vec![0, 1, 3]));

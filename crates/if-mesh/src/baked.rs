@@ -1,5 +1,5 @@
-//! A narrow-band grid of any signed distance field: tens of nanoseconds a query, whatever the source
-//! costs, and a stated error. Cells are as small as that error needs, each where it is.
+//! A narrow-band grid of any signed distance field: tens of nanoseconds a query, whatever the
+//! source costs, and a stated error. Cells are as small as that error needs, each where it is.
 
 mod accuracy;
 mod bricks;
@@ -32,11 +32,13 @@ const AHEAD: usize = 16;
 
 /// A baked field.
 ///
-/// In the band, between `−depth` and `band` metres from the surface, it differs from the distance by at
-/// most [`Baked::error_bound`]; within the reach that was asked for, by about the accuracy that was asked for. Outside the band the value is `band`, or the distance to the box of the
-/// surface where that is more: positive and never above the distance, by more than the error. Deeper
-/// than `depth` it is `−depth`. The field is continuous, and its gradient, zero where the value is
-/// constant, is its own: across cells of different size too, but for rounding to single precision.
+/// In the band, between `−depth` and `band` metres from the surface, it differs from the distance
+/// by at most [`Baked::error_bound`]; within the reach that was asked for, by about the accuracy
+/// that was asked for. Outside the band the value is `band`, or the distance to the box of the
+/// surface where that is more: positive and never above the distance, by more than the error.
+/// Deeper than `depth` it is `−depth`. The field is continuous, and its gradient, zero where the
+/// value is constant, is its own: across cells of different size too, but for rounding to single
+/// precision.
 ///
 /// # Examples
 ///
@@ -63,16 +65,21 @@ pub struct Baked {
 }
 
 impl Baked {
-    /// Bakes `source`: asks it at nodes of the largest cells and of those that were halved, in the middle of each cell near the surface, and at
-    /// some two hundred thousand random points to measure the error.
+    /// Bakes `source`: asks it at nodes of the largest cells and of those that were halved, in the
+    /// middle of each cell near the surface, and at some two hundred thousand random points to
+    /// measure the error.
     ///
-    /// Whether the accuracy was reached, [`Baked::error_bound_within`] says; [`Baked::with_accuracy`] makes it an error.
+    /// Whether the accuracy was reached, [`Baked::error_bound_within`] says;
+    /// [`Baked::with_accuracy`] makes it an error.
     ///
     /// # Errors
     ///
-    /// Absurd parameters or sizes, a source without bounds where no region is given, one that is NaN or
-    /// infinite in the band, or one whose inside leaves the region.
-    pub fn new(source: &(impl SignedDistance + ?Sized), params: &BakeParams) -> Result<Self, BakeError> {
+    /// Absurd parameters or sizes, a source without bounds where no region is given, one that is
+    /// NaN or infinite in the band, or one whose inside leaves the region.
+    pub fn new(
+        source: &(impl SignedDistance + ?Sized),
+        params: &BakeParams,
+    ) -> Result<Self, BakeError> {
         Self::bake(&source, params)
     }
 
@@ -100,19 +107,37 @@ impl Baked {
         } else {
             (refine::refine(&mut bricks, source, params, raw)?, 0.0)
         };
-        let (bytes, limit, cell, lipschitz) = (bricks.bytes(), params.memory, params.cell, source.lipschitz());
-        let bricks = bricks.compacted(params.band, params.depth).ok_or(BakeError::TooLarge { bytes, limit, cell, lipschitz })?;
+        let (bytes, limit, cell, lipschitz) =
+            (bricks.bytes(), params.memory, params.cell, source.lipschitz());
+        let bricks = bricks.compacted(params.band, params.depth).ok_or(BakeError::TooLarge {
+            bytes,
+            limit,
+            cell,
+            lipschitz,
+        })?;
         // Values are stored in single precision.
-        let unseen = cut + Real::from(bricks.nodes.iter().fold(0.0f32, |m, n| m.max(n[0].abs())) * f32::EPSILON);
+        let unseen = cut
+            + Real::from(bricks.nodes.iter().fold(0.0f32, |m, n| m.max(n[0].abs())) * f32::EPSILON);
         let surface = surface_box(&bricks);
         let lipschitz = accuracy::steepest(&bricks).max(1.0);
-        Ok(Self { bricks, band: params.band, depth: params.depth, surface, errors, unseen, lipschitz, redistanced })
+        Ok(Self {
+            bricks,
+            band: params.band,
+            depth: params.depth,
+            surface,
+            errors,
+            unseen,
+            lipschitz,
+            redistanced,
+        })
     }
 
-    /// How far a value in the band may be from the distance, in metres: one and a half times the largest error at some
-    /// two hundred thousand points, two thirds of them where the grid looks worst. Creases far from the surface decide it, such as
-    /// the middle of a limb; near the surface the error is smaller, see [`Baked::error_bound_within`]. Where values were re-distanced and the
-    /// surface has creases, a seventh of a cell is added for the corners that its extraction cuts.
+    /// How far a value in the band may be from the distance, in metres: one and a half times the
+    /// largest error at some two hundred thousand points, two thirds of them where the grid looks
+    /// worst. Creases far from the surface decide it, such as the middle of a limb; near the
+    /// surface the error is smaller, see [`Baked::error_bound_within`]. Where values were
+    /// re-distanced and the surface has creases, a seventh of a cell is added for the corners that
+    /// its extraction cuts.
     pub fn error_bound(&self) -> Real {
         self.error_bound_within(Real::INFINITY)
     }
@@ -192,11 +217,19 @@ impl SignedDistance for Baked {
 }
 
 impl Baked {
-    fn all<T: Send>(&self, points: &[Point], out: &mut [T], told: impl Fn(FieldSample) -> T + Sync) {
+    fn all<T: Send>(
+        &self,
+        points: &[Point],
+        out: &mut [T],
+        told: impl Fn(FieldSample) -> T + Sync,
+    ) {
         if points.len() <= CHUNK {
             self.each(points, out, told);
         } else {
-            points.par_chunks(CHUNK).zip(out.par_chunks_mut(CHUNK)).for_each(|(ps, os)| self.each(ps, os, &told));
+            points
+                .par_chunks(CHUNK)
+                .zip(out.par_chunks_mut(CHUNK))
+                .for_each(|(ps, os)| self.each(ps, os, &told));
         }
     }
 
@@ -252,15 +285,17 @@ fn is_distance(samples: &[FieldSample], params: &BakeParams) -> bool {
     off * 100 <= all
 }
 
-/// The box of all cells that may hold a point of the zero set or the inside, and of what is deeper than the band: outside it the
-/// field is positive.
+/// The box of all cells that may hold a point of the zero set or the inside, and of what is deeper
+/// than the band: outside it the field is positive.
 fn surface_box(bricks: &Bricks) -> Aabb {
     let mut surface = bricks.inside();
     for (brick, place) in bricks.places.iter().enumerate() {
         let cell = bricks.cell_of(place.level);
         for c in cells() {
             let slot = brick * BRICK + c;
-            let least = corners(&bricks.nodes, slot).into_iter().fold(Real::INFINITY, |m, n| m.min(n[0].into()));
+            let least = corners(&bricks.nodes, slot)
+                .into_iter()
+                .fold(Real::INFINITY, |m, n| m.min(n[0].into()));
             // Along each axis the blend is at most a quarter of the lowest bump below the corners.
             let dip = |b: [f32; 4]| b.into_iter().fold(0.0f32, f32::min);
             let dips: Real = bumps(&bricks.nodes, slot).map(|b| Real::from(dip(b))).iter().sum();

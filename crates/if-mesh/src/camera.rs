@@ -3,7 +3,8 @@
 use if_core::math::{Point, Real, Vector};
 use nalgebra::{Matrix3, Point2};
 
-/// A pinhole camera in the convention of OpenCV: in its own frame x points right, y down and z into the scene.
+/// A pinhole camera in the convention of OpenCV: in its own frame x points right, y down and z into
+/// the scene.
 ///
 /// ```text
 /// x_cam = R x_world + t        u = fx x/z + s y/z + cx,   v = fy y/z + cy
@@ -89,14 +90,15 @@ pub enum CameraError {
     },
 }
 
-/// How far R Rᵀ may lie from the identity. Files hold four to six decimals: ten times less refuses them, ten times
-/// more lets a scale of 0.5 % pass, which is 1 cm on a person.
+/// How far R Rᵀ may lie from the identity. Files hold four to six decimals: ten times less refuses
+/// them, ten times more lets a scale of 0.5 % pass, which is 1 cm on a person.
 const ORTHOGONAL: Real = 1e-3;
 /// Longest side of a picture in pixels: sums of pixels fit 32 bits.
 const MAX_SIDE: usize = 1 << 15;
 
 impl Camera {
-    /// A camera of `width` × `height` pixels with intrinsics K (pixels), rotation R and translation t (metres).
+    /// A camera of `width` × `height` pixels with intrinsics K (pixels), rotation R and translation
+    /// t (metres).
     ///
     /// # Errors
     ///
@@ -114,10 +116,17 @@ impl Camera {
         let rows = |m: &Matrix3<Real>, matrix, columns| {
             let all = (0..3).flat_map(|row| (0..columns).map(move |column| (row, column)));
             let mut bad = all.filter(|&(row, column)| !m[(row, column)].is_finite());
-            bad.next().map(|(row, column)| CameraError::NonFinite { matrix, row, column, value: m[(row, column)] })
+            bad.next().map(|(row, column)| CameraError::NonFinite {
+                matrix,
+                row,
+                column,
+                value: m[(row, column)],
+            })
         };
         let t = Matrix3::from_columns(&[translation, translation, translation]);
-        if let Some(error) = rows(&intrinsics, "K", 3).or(rows(&rotation, "R", 3)).or(rows(&t, "t", 1)) {
+        if let Some(error) =
+            rows(&intrinsics, "K", 3).or(rows(&rotation, "R", 3)).or(rows(&t, "t", 1))
+        {
             return Err(error);
         }
         let k = &intrinsics;
@@ -140,8 +149,9 @@ impl Camera {
         Ok(Self { width, height, intrinsics, rotation, translation })
     }
 
-    /// A camera at `eye` that looks at `target`, the top of the picture towards `up`, with square pixels and the
-    /// principal point in the middle. `vertical_angle` is that between the upper and the lower edge, in radians: above 0 and below π.
+    /// A camera at `eye` that looks at `target`, the top of the picture towards `up`, with square
+    /// pixels and the principal point in the middle. `vertical_angle` is that between the upper and
+    /// the lower edge, in radians: above 0 and below π.
     ///
     /// # Errors
     ///
@@ -158,9 +168,23 @@ impl Camera {
         }
         let forward = if_core::math::unit_or_zero(&(target - eye));
         let right = if_core::math::unit_or_zero(&forward.cross(up));
-        let rotation = Matrix3::from_rows(&[right.transpose(), forward.cross(&right).transpose(), forward.transpose()]);
+        let rotation = Matrix3::from_rows(&[
+            right.transpose(),
+            forward.cross(&right).transpose(),
+            forward.transpose(),
+        ]);
         let focal = 0.5 * height as Real / (0.5 * vertical_angle).tan();
-        let k = Matrix3::new(focal, 0.0, 0.5 * width as Real, 0.0, focal, 0.5 * height as Real, 0.0, 0.0, 1.0);
+        let k = Matrix3::new(
+            focal,
+            0.0,
+            0.5 * width as Real,
+            0.0,
+            focal,
+            0.5 * height as Real,
+            0.0,
+            0.0,
+            1.0,
+        );
         Self::new(width, height, k, rotation, -(rotation * eye.coords))
     }
 
@@ -200,7 +224,8 @@ impl Camera {
         Point::from(self.rotation * p.coords + self.translation)
     }
 
-    /// The pixel position of a point in the camera's frame with positive z; infinite or NaN where z is zero.
+    /// The pixel position of a point in the camera's frame with positive z; infinite or NaN where z
+    /// is zero.
     #[inline]
     pub fn to_pixel(&self, p: &Point) -> Point2<Real> {
         let k = &self.intrinsics;
@@ -215,8 +240,8 @@ impl Camera {
         (q.z > 0.0).then(|| self.to_pixel(&q))
     }
 
-    /// The direction, in the camera's frame and with z = 1, of what is seen at a pixel position: a depth times it is
-    /// the point there.
+    /// The direction, in the camera's frame and with z = 1, of what is seen at a pixel position: a
+    /// depth times it is the point there.
     #[inline]
     pub fn pixel_direction(&self, pixel: &Point2<Real>) -> Vector {
         let k = &self.intrinsics;
@@ -224,15 +249,15 @@ impl Camera {
         Vector::new((pixel.x - k[(0, 2)] - k[(0, 1)] * y) / k[(0, 0)], y, 1.0)
     }
 
-    /// The ray from the camera through a pixel position, in the world: its start, and the direction along which the
-    /// depth grows by one metre for each unit. Not of unit length.
+    /// The ray from the camera through a pixel position, in the world: its start, and the direction
+    /// along which the depth grows by one metre for each unit. Not of unit length.
     #[inline]
     pub fn ray(&self, pixel: &Point2<Real>) -> (Point, Vector) {
         (self.center(), self.rotation.transpose() * self.pixel_direction(pixel))
     }
 
-    /// The same view with `factor` times the pixels along each side, for coarse copies of pictures. Sides are rounded
-    /// up, so that no pixel is lost.
+    /// The same view with `factor` times the pixels along each side, for coarse copies of pictures.
+    /// Sides are rounded up, so that no pixel is lost.
     ///
     /// # Errors
     ///
@@ -263,12 +288,20 @@ mod tests {
             let z = camera.to_camera(&p).z;
             approx::assert_relative_eq!(from + direction * z, p, epsilon = 1e-13);
         }
-        assert!(camera.project(&(camera.center() - camera.rotation().row(2).transpose())).is_none());
+        assert!(
+            camera.project(&(camera.center() - camera.rotation().row(2).transpose())).is_none()
+        );
     }
 
     #[test]
     fn a_camera_before_the_front_sees_the_left_hand_on_its_right_side() {
-        let camera = Camera::looking_at((200, 100), &Point::new(0.0, 1.0, 3.0), &Point::new(0.0, 1.0, 0.0), &Vector::y(), 0.5);
+        let camera = Camera::looking_at(
+            (200, 100),
+            &Point::new(0.0, 1.0, 3.0),
+            &Point::new(0.0, 1.0, 0.0),
+            &Vector::y(),
+            0.5,
+        );
         let camera = camera.unwrap();
         let hand = camera.project(&Point::new(0.3, 1.2, 0.0)).unwrap();
         assert!(hand.x > 100.0 && hand.y < 50.0, "{hand}");
@@ -280,7 +313,8 @@ mod tests {
 
     #[test]
     fn a_scaled_camera_sees_the_same_at_scaled_pixels() {
-        let camera = Camera::new(255, 240, k(), Matrix3::identity(), Vector::new(0.0, 0.0, 2.0)).unwrap();
+        let camera =
+            Camera::new(255, 240, k(), Matrix3::identity(), Vector::new(0.0, 0.0, 2.0)).unwrap();
         let half = camera.scaled(0.5).unwrap();
         assert_eq!((half.width(), half.height()), (128, 120));
         let p = Point::new(0.2, -0.1, 0.3);
@@ -298,16 +332,31 @@ mod tests {
         assert_eq!(make(0, k(), id, zero), Err(CameraError::Size { width: 0, height: 10 }));
         let mut bad = k();
         bad[(1, 1)] = -3.0;
-        assert_eq!(make(9, bad, id, zero), Err(CameraError::Intrinsics { row: 1, column: 1, value: -3.0 }));
+        assert_eq!(
+            make(9, bad, id, zero),
+            Err(CameraError::Intrinsics { row: 1, column: 1, value: -3.0 })
+        );
         let nan = Vector::new(0.0, Real::NAN, 0.0);
-        assert!(matches!(make(9, k(), id, nan), Err(CameraError::NonFinite { matrix: "t", row: 1, column: 0, .. })));
+        assert!(matches!(
+            make(9, k(), id, nan),
+            Err(CameraError::NonFinite { matrix: "t", row: 1, column: 0, .. })
+        ));
         let mirror = Matrix3::from_diagonal(&Vector::new(1.0, 1.0, -1.0));
         assert!(matches!(make(9, k(), mirror, zero), Err(CameraError::Rotation { .. })));
         assert!(matches!(make(9, k(), id * 1.01, zero), Err(CameraError::Rotation { .. })));
         let up = Vector::z();
-        let flat = Camera::looking_at((8, 8), &Point::origin(), &Point::new(0.0, 0.0, 1.0), &up, 0.5);
+        let flat =
+            Camera::looking_at((8, 8), &Point::origin(), &Point::new(0.0, 0.0, 1.0), &up, 0.5);
         assert!(matches!(flat, Err(CameraError::Rotation { .. })), "{flat:?}");
-        let seen = |angle| Camera::looking_at((8, 8), &Point::origin(), &Point::new(0.0, 0.0, 1.0), &Vector::y(), angle);
+        let seen = |angle| {
+            Camera::looking_at(
+                (8, 8),
+                &Point::origin(),
+                &Point::new(0.0, 0.0, 1.0),
+                &Vector::y(),
+                angle,
+            )
+        };
         for angle in [0.0, -0.5, std::f64::consts::PI, 3.5, 6.5, 40.0, Real::NAN, Real::INFINITY] {
             assert!(matches!(seen(angle), Err(CameraError::Angle { .. })), "{angle}");
         }

@@ -70,8 +70,8 @@ pub struct CleanupParams {
     pub fill: Option<FillParams>,
     /// How the loops of openings are smoothed; `None` leaves them.
     pub smooth: Option<SmoothParams>,
-    /// Whether all positions are rounded to `f32`, because a file will hold them so: what is promised then holds for the
-    /// file. Positions of the input are not rounded.
+    /// Whether all positions are rounded to `f32`, because a file will hold them so: what is
+    /// promised then holds for the file. Positions of the input are not rounded.
     pub single_precision: bool,
 }
 
@@ -100,7 +100,9 @@ pub enum CleanupError {
     #[error(transparent)]
     Openings(#[from] OpeningsError),
     /// Attributes of another mesh.
-    #[error("attributes of {attributes} vertices for a mesh of {vertices}; give those of this mesh, or `VertexAttributes::none`")]
+    #[error(
+        "attributes of {attributes} vertices for a mesh of {vertices}; give those of this mesh, or `VertexAttributes::none`"
+    )]
     Attributes { attributes: usize, vertices: usize },
     /// The caller broke.
     #[error("the clean-up was cancelled")]
@@ -128,8 +130,18 @@ impl CleanupParams {
 }
 
 /// Refuses a number that is not from `low` to `high`.
-fn range(name: &'static str, value: Real, low: Real, high: Real, wanted: &'static str) -> Result<(), CleanupError> {
-    if (low..=high).contains(&value) { Ok(()) } else { Err(CleanupError::Range { name, value, wanted }) }
+fn range(
+    name: &'static str,
+    value: Real,
+    low: Real,
+    high: Real,
+    wanted: &'static str,
+) -> Result<(), CleanupError> {
+    if (low..=high).contains(&value) {
+        Ok(())
+    } else {
+        Err(CleanupError::Range { name, value, wanted })
+    }
 }
 
 /// What was done, step by step.
@@ -162,14 +174,19 @@ pub struct Counts {
 
 impl Counts {
     fn of(mesh: &TriMesh) -> Self {
-        Self { vertices: mesh.vertices().len(), triangles: mesh.triangles().len(), area: mesh.area() }
+        Self {
+            vertices: mesh.vertices().len(),
+            triangles: mesh.triangles().len(),
+            area: mesh.area(),
+        }
     }
 }
 
 /// A clean mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cleaned {
-    /// Manifold, consistently wound, and without isolated elements and holes, as far as the report says.
+    /// Manifold, consistently wound, and without isolated elements and holes, as far as the report
+    /// says.
     pub mesh: TriMesh,
     /// The properties of its vertices.
     pub attributes: VertexAttributes,
@@ -190,12 +207,15 @@ pub enum Step {
     Boundary,
 }
 
-/// Removes isolated elements, fills holes and smooths the boundary of a garment, and makes it manifold first.
+/// Removes isolated elements, fills holes and smooths the boundary of a garment, and makes it
+/// manifold first.
 ///
-/// No step adds an intersection of the mesh with itself. A second call without smoothing changes nothing, but where openings are told by shape
-/// (a loop that was an opening beside a large hole may be a hole once that is filled) or holes were left; with it, loops that
-/// are smooth stay as they are, and those where vertices were held back ([`SmoothReport`]) may go on. `field` is the clothed body's φ, negative inside, where there
-/// is one: patches and smoothed boundaries lie on its zero.
+/// No step adds an intersection of the mesh with itself. A second call without smoothing changes
+/// nothing, but where openings are told by shape (a loop that was an opening beside a large hole
+/// may be a hole once that is filled) or holes were left; with it, loops that are smooth stay as
+/// they are, and those where vertices were held back ([`SmoothReport`]) may go on. `field` is the
+/// clothed body's φ, negative inside, where there is one: patches and smoothed boundaries lie on
+/// its zero.
 ///
 /// # Source
 ///
@@ -243,12 +263,16 @@ pub fn cleanup_with(
 ) -> Result<Cleaned, CleanupError> {
     params.validate()?;
     if attributes.vertices() != mesh.vertices().len() {
-        return Err(CleanupError::Attributes { attributes: attributes.vertices(), vertices: mesh.vertices().len() });
+        return Err(CleanupError::Attributes {
+            attributes: attributes.vertices(),
+            vertices: mesh.vertices().len(),
+        });
     }
     let mut watch = Watch(progress);
     let mut work = Work::new(mesh);
     watch.at(Step::Manifold)?;
-    let (before, (manifold, mut twins)) = rayon::join(|| Counts::of(mesh), || manifold::resolve(&mut work));
+    let (before, (manifold, mut twins)) =
+        rayon::join(|| Counts::of(mesh), || manifold::resolve(&mut work));
     let mut report = CleanupReport { before, manifold, ..CleanupReport::default() };
     let mut rims;
     loop {
@@ -263,7 +287,15 @@ pub fn cleanup_with(
         }
         watch.at(Step::Holes)?;
         let (found, open) = match &params.fill {
-            Some(fill) => holes::fill(&mut work, &mut twins, field, &params.openings, fill, params.single_precision, &mut watch)?,
+            Some(fill) => holes::fill(
+                &mut work,
+                &mut twins,
+                field,
+                &params.openings,
+                fill,
+                params.single_precision,
+                &mut watch,
+            )?,
             None => (FillReport::default(), twins::loops(&work.triangles, &twins)),
         };
         rims = open;
@@ -281,11 +313,20 @@ pub fn cleanup_with(
     }
     watch.at(Step::Boundary)?;
     if let Some(smooth) = &params.smooth {
-        report.smoothing = boundary::smooth(&mut work, &twins, &rims, field, smooth, params.single_precision, &mut watch)?;
+        report.smoothing = boundary::smooth(
+            &mut work,
+            &twins,
+            &rims,
+            field,
+            smooth,
+            params.single_precision,
+            &mut watch,
+        )?;
         work.compact(); // tips of teeth that were cut off
     }
     let derived = work.finish();
-    let (after, attributes) = rayon::join(|| Counts::of(&derived.mesh), || attributes.derive(&derived.sources));
+    let (after, attributes) =
+        rayon::join(|| Counts::of(&derived.mesh), || attributes.derive(&derived.sources));
     report.after = after;
     Ok(Cleaned { mesh: derived.mesh, attributes, report })
 }

@@ -1,16 +1,17 @@
 //! A labelled mesh cut into one mesh for each label, along lines through its triangles.
 //!
-//! Every vertex belongs to the label of its highest score. An edge between vertices of labels l and m is cut where the
-//! two scores are equal, which for the two of them is the zero line of the score less the best other; a triangle with
-//! two labels is cut along a segment, one with three along three segments to its middle:
+//! Every vertex belongs to the label of its highest score. An edge between vertices of labels l and
+//! m is cut where the two scores are equal, which for the two of them is the zero line of the score
+//! less the best other; a triangle with two labels is cut along a segment, one with three along
+//! three segments to its middle:
 //!
 //! ```text
 //! s = (s_l − s_m)(a) / ((s_l − s_m)(a) − (s_l − s_m)(b))      the place from a to b
 //! ```
 //!
-//! So the pieces tile the mesh: neighbours share their border point for point. Each keeps the whole surroundings of
-//! its vertices, and a new vertex lies on one border line only: borders are 1-manifolds without bow-ties, but for those
-//! that the mesh itself has.
+//! So the pieces tile the mesh: neighbours share their border point for point. Each keeps the whole
+//! surroundings of its vertices, and a new vertex lies on one border line only: borders are
+//! 1-manifolds without bow-ties, but for those that the mesh itself has.
 
 use crate::smooth_labels::LabelScores;
 use if_core::edges::Edges;
@@ -22,7 +23,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CutParams {
-    /// Least share of an edge on either side of a cut, from 0 to ½: keeps slivers away, and moves the border by as much.
+    /// Least share of an edge on either side of a cut, from 0 to ½: keeps slivers away, and moves
+    /// the border by as much.
     pub least: Real,
 }
 
@@ -44,7 +46,8 @@ impl CutParams {
     }
 }
 
-/// Where a vertex of a piece comes from: the point of these weights between three vertices of the mesh.
+/// Where a vertex of a piece comes from: the point of these weights between three vertices of the
+/// mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Origin {
     /// Vertices of the mesh. Where fewer are needed, the first one stands in all remaining places.
@@ -63,7 +66,8 @@ impl Origin {
         (self.weights[0] == 1.0).then_some(self.vertices[0])
     }
 
-    /// The edge of the mesh that this vertex lies on, the smaller vertex first, and the share of the way from there.
+    /// The edge of the mesh that this vertex lies on, the smaller vertex first, and the share of
+    /// the way from there.
     pub fn edge(&self) -> Option<([u32; 2], Real)> {
         let [_, s, other] = self.weights;
         (s > 0.0 && other == 0.0).then_some(([self.vertices[0], self.vertices[1]], s))
@@ -72,13 +76,19 @@ impl Origin {
     /// A number that the vertices of the mesh have, interpolated.
     #[inline]
     pub fn value(&self, of: impl Fn(u32) -> Real) -> Real {
-        self.vertices.iter().zip(self.weights).filter(|(_, w)| *w > 0.0).map(|(v, w)| w * of(*v)).sum()
+        self.vertices
+            .iter()
+            .zip(self.weights)
+            .filter(|(_, w)| *w > 0.0)
+            .map(|(v, w)| w * of(*v))
+            .sum()
     }
 
-    /// The vertices of the mesh with weights above zero, that of the largest first, of equals the smaller index: for
-    /// attributes that are no quantities.
+    /// The vertices of the mesh with weights above zero, that of the largest first, of equals the
+    /// smaller index: for attributes that are no quantities.
     pub fn parts(&self) -> Vec<(u32, Real)> {
-        let mut parts: Vec<(u32, Real)> = self.vertices.into_iter().zip(self.weights).filter(|(_, w)| *w > 0.0).collect();
+        let mut parts: Vec<(u32, Real)> =
+            self.vertices.into_iter().zip(self.weights).filter(|(_, w)| *w > 0.0).collect();
         parts.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         parts
     }
@@ -124,7 +134,8 @@ pub enum CutError {
     Least(Real),
 }
 
-/// Cuts `mesh` into the pieces of all labels that it has, in ascending order; what is undecided is the piece of label 0.
+/// Cuts `mesh` into the pieces of all labels that it has, in ascending order; what is undecided is
+/// the piece of label 0.
 ///
 /// # Errors
 ///
@@ -147,13 +158,21 @@ pub enum CutError {
 /// assert_eq!(pieces[1].mesh.aabb().min.y, 2.0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub fn cut(mesh: &TriMesh, scores: &LabelScores, params: &CutParams) -> Result<Vec<Piece>, CutError> {
+pub fn cut(
+    mesh: &TriMesh,
+    scores: &LabelScores,
+    params: &CutParams,
+) -> Result<Vec<Piece>, CutError> {
     let n = mesh.vertices().len();
     if scores.vertices() != n {
         return Err(CutError::Vertices { got: scores.vertices(), expected: n });
     }
     if let Some(at) = scores.scores.iter().position(|s| !s.is_finite()) {
-        return Err(CutError::Score { vertex: at / scores.labels, label: at % scores.labels, value: scores.scores[at] });
+        return Err(CutError::Score {
+            vertex: at / scores.labels,
+            label: at % scores.labels,
+            value: scores.scores[at],
+        });
     }
     params.validate()?;
     let labels = scores.winners();
@@ -188,7 +207,9 @@ impl Tiles {
         for (e, &[a, b]) in edges.vertices.iter().enumerate() {
             let (l, m) = (labels[a as usize], labels[b as usize]);
             if l != m {
-                let lead = |v: u32| scores.of(v as usize)[usize::from(l)] - scores.of(v as usize)[usize::from(m)];
+                let lead = |v: u32| {
+                    scores.of(v as usize)[usize::from(l)] - scores.of(v as usize)[usize::from(m)]
+                };
                 let (from, to) = (lead(a), lead(b));
                 let s = if from > to { from / (from - to) } else { 0.5 };
                 let s = s.clamp(params.least, 1.0 - params.least);
@@ -208,8 +229,10 @@ impl Tiles {
                     this.push([a, ab, ca], of[k], t);
                     let rest = of[(k + 1) % 3];
                     let at = |v: u32| this.point(mesh, v);
-                    // The shorter diagonal of the rest; where both are equal, that of the smaller corner.
-                    let (to_b, to_c) = ((at(ca) - at(b)).norm_squared(), (at(ab) - at(c)).norm_squared());
+                    // The shorter diagonal of the rest; where both are equal, that of the smaller
+                    // corner.
+                    let (to_b, to_c) =
+                        ((at(ca) - at(b)).norm_squared(), (at(ab) - at(c)).norm_squared());
                     let halves = if to_b < to_c || (to_b == to_c && b < c) {
                         [[ab, b, ca], [b, c, ca]]
                     } else {
@@ -241,7 +264,10 @@ impl Tiles {
         for cut in cuts {
             let origin = self.origins[cut as usize];
             for k in 0..2 {
-                let corner = tri.iter().position(|v| *v == origin.vertices[k]).expect("a cut lies on an edge of its triangle");
+                let corner = tri
+                    .iter()
+                    .position(|v| *v == origin.vertices[k])
+                    .expect("a cut lies on an edge of its triangle");
                 weights[corner] += origin.weights[k] / 3.0;
             }
         }
@@ -253,12 +279,16 @@ impl Tiles {
         let origin = &self.origins[v as usize];
         match origin.source() {
             Some(v) => mesh.vertices()[v as usize],
-            None => barycentric_point(origin.vertices.map(|v| &mesh.vertices()[v as usize]), origin.weights),
+            None => barycentric_point(
+                origin.vertices.map(|v| &mesh.vertices()[v as usize]),
+                origin.weights,
+            ),
         }
     }
 
     fn piece(&self, mesh: &TriMesh, label: u8) -> Piece {
-        let of: Vec<usize> = (0..self.triangles.len()).filter(|t| self.labels[*t] == label).collect();
+        let of: Vec<usize> =
+            (0..self.triangles.len()).filter(|t| self.labels[*t] == label).collect();
         let mut used = vec![false; self.origins.len()];
         of.iter().for_each(|t| self.triangles[*t].iter().for_each(|v| used[*v as usize] = true));
         let kept: Vec<u32> = (0..used.len() as u32).filter(|v| used[*v as usize]).collect();
@@ -268,7 +298,8 @@ impl Tiles {
         let triangles = of.iter().map(|t| self.triangles[*t].map(|v| number[v as usize])).collect();
         Piece {
             label,
-            mesh: TriMesh::new(vertices, triangles).expect("points between finite points are finite, corners differ"),
+            mesh: TriMesh::new(vertices, triangles)
+                .expect("points between finite points are finite, corners differ"),
             origins: kept.iter().map(|v| self.origins[*v as usize]).collect(),
             sources: of.iter().map(|t| self.sources[*t]).collect(),
         }
@@ -293,10 +324,18 @@ mod tests {
         assert!(edges.valence.iter().all(|n| *n <= 2), "{what}");
         let round = VertexTriangles::new(mesh);
         for v in 0..mesh.vertices().len() {
-            let ends: Vec<usize> =
-                edges.vertices.iter().enumerate().filter(|(_, e)| e.contains(&(v as u32))).map(|(e, _)| e).collect();
+            let ends: Vec<usize> = edges
+                .vertices
+                .iter()
+                .enumerate()
+                .filter(|(_, e)| e.contains(&(v as u32)))
+                .map(|(e, _)| e)
+                .collect();
             let open = ends.iter().filter(|e| edges.valence[**e] == 1).count();
-            assert!(!round.of(v).is_empty() && (open == 0 || open == 2), "{what}: {open} border edges at vertex {v}");
+            assert!(
+                !round.of(v).is_empty() && (open == 0 || open == 2),
+                "{what}: {open} border edges at vertex {v}"
+            );
             // A closed fan and a second one would have as many edges as triangles too: walk it.
             let mut reached = vec![round.of(v)[0]];
             let mut k = 0;
@@ -329,7 +368,9 @@ mod tests {
             assert_manifold(&piece.mesh, "tube");
             let loops = Edges::new(&piece.mesh).boundary_loops(&piece.mesh);
             assert_eq!(loops.len(), 2);
-            let level = |l: &&Vec<u32>| l.iter().all(|v| (piece.mesh.vertices()[*v as usize].y - 0.43).abs() < 1e-12);
+            let level = |l: &&Vec<u32>| {
+                l.iter().all(|v| (piece.mesh.vertices()[*v as usize].y - 0.43).abs() < 1e-12)
+            };
             assert_eq!(loops.iter().filter(level).count(), 1);
         }
     }
@@ -359,7 +400,11 @@ mod tests {
             for (t, source) in piece.sources.iter().enumerate() {
                 let n = |m: &TriMesh, t: usize| m.face_normals()[t];
                 if t % 37 == 0 {
-                    approx::assert_relative_eq!(n(&piece.mesh, t), n(&mesh, *source as usize), epsilon = 1e-9);
+                    approx::assert_relative_eq!(
+                        n(&piece.mesh, t),
+                        n(&mesh, *source as usize),
+                        epsilon = 1e-9
+                    );
                 }
             }
         }
@@ -369,9 +414,12 @@ mod tests {
     fn pieces_of_any_labels_tile_the_mesh_with_borders_that_are_manifolds() {
         let mesh = torus(0.5, 0.2, 24, 12);
         let n = mesh.vertices().len();
-        // Labels as wild as they can be: five of them, undecided among them, scores equal in places.
+        // Labels as wild as they can be: five of them, undecided among them, scores equal in
+        // places.
         let hash = |v: usize, l: usize| ((v * 2_654_435_761 + l * 40_503) >> 7) % 8;
-        let scores = (0..n).flat_map(|v| (0..5).map(move |l| if l == 0 || v % 5 == 0 { 0.0 } else { hash(v, l) as Real / 7.0 }));
+        let scores = (0..n).flat_map(|v| {
+            (0..5).map(move |l| if l == 0 || v % 5 == 0 { 0.0 } else { hash(v, l) as Real / 7.0 })
+        });
         let scores = LabelScores { labels: 5, scores: scores.collect() };
         for least in [0.0, 0.05, 0.5] {
             let pieces = cut(&mesh, &scores, &CutParams { least }).unwrap();
@@ -394,14 +442,31 @@ mod tests {
         let one = two(&mesh, |_| 0.1);
         let pieces = cut(&mesh, &one, &CutParams::default()).unwrap();
         assert_eq!((pieces.len(), pieces[0].label, &pieces[0].mesh), (1, 2, &mesh));
-        assert!(cut(&TriMesh::default(), &LabelScores { labels: 3, scores: vec![] }, &CutParams::default()).unwrap().is_empty());
+        assert!(
+            cut(
+                &TriMesh::default(),
+                &LabelScores { labels: 3, scores: vec![] },
+                &CutParams::default()
+            )
+            .unwrap()
+            .is_empty()
+        );
         let few = LabelScores { labels: 3, scores: vec![0.5; 6] };
-        assert!(matches!(cut(&mesh, &few, &CutParams::default()), Err(CutError::Vertices { got: 2, .. })));
+        assert!(matches!(
+            cut(&mesh, &few, &CutParams::default()),
+            Err(CutError::Vertices { got: 2, .. })
+        ));
         let mut bad = one.clone();
         bad.scores[4] = Real::NAN;
-        assert!(matches!(cut(&mesh, &bad, &CutParams::default()), Err(CutError::Score { vertex: 1, label: 1, .. })));
+        assert!(matches!(
+            cut(&mesh, &bad, &CutParams::default()),
+            Err(CutError::Score { vertex: 1, label: 1, .. })
+        ));
         for least in [-0.1, 0.6, Real::NAN] {
-            assert!(matches!(cut(&mesh, &one, &CutParams { least }), Err(CutError::Least(_))), "{least}");
+            assert!(
+                matches!(cut(&mesh, &one, &CutParams { least }), Err(CutError::Least(_))),
+                "{least}"
+            );
         }
     }
 }

@@ -1,4 +1,5 @@
-//! Fewer triangles, by the library meshoptimizer (feature `decimate`: its build needs a C++ compiler, and no network).
+//! Fewer triangles, by the library meshoptimizer (feature `decimate`: its build needs a C++
+//! compiler, and no network).
 
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
@@ -53,13 +54,14 @@ pub struct Decimated {
     pub error: Real,
 }
 
-/// Collapses edges, those first that change the surface least, until there are as few triangles as asked for or the
-/// error is reached. Topology is kept: openings stay openings.
+/// Collapses edges, those first that change the surface least, until there are as few triangles as
+/// asked for or the error is reached. Topology is kept: openings stay openings.
 ///
 /// # Source
 ///
-/// meshoptimizer's `simplify`: Garland and Heckbert 1997, *Surface simplification using quadric error metrics*. It works in
-/// single precision, here relative to the middle of the mesh; the vertices that remain have their old coordinates to the bit.
+/// meshoptimizer's `simplify`: Garland and Heckbert 1997, *Surface simplification using quadric
+/// error metrics*. It works in single precision, here relative to the middle of the mesh; the
+/// vertices that remain have their old coordinates to the bit.
 ///
 /// # Errors
 ///
@@ -70,7 +72,8 @@ pub fn decimate(mesh: &TriMesh, params: &DecimateParams) -> Result<Decimated, De
     if mesh.triangles().is_empty() {
         return Ok(Decimated { mesh: TriMesh::default(), kept: Vec::new(), error: 0.0 });
     }
-    let rounded: Vec<[f32; 3]> = mesh.vertices().iter().map(|p| (p - middle).map(|x| x as f32).into()).collect();
+    let rounded: Vec<[f32; 3]> =
+        mesh.vertices().iter().map(|p| (p - middle).map(|x| x as f32).into()).collect();
     let mut options = SimplifyOptions::ErrorAbsolute;
     if params.lock_borders {
         options |= SimplifyOptions::LockBorder;
@@ -78,14 +81,16 @@ pub fn decimate(mesh: &TriMesh, params: &DecimateParams) -> Result<Decimated, De
     let mut error = 0.0;
     let indices = mesh.triangles().as_flattened();
     let target = 3 * params.triangles.min(mesh.triangles().len());
-    let left = simplify_decoder(indices, &rounded, target, params.error as f32, options, Some(&mut error));
+    let left =
+        simplify_decoder(indices, &rounded, target, params.error as f32, options, Some(&mut error));
     let mut number = vec![u32::MAX; mesh.vertices().len()];
     left.iter().for_each(|v| number[*v as usize] = 0);
     let kept: Vec<u32> = (0..number.len() as u32).filter(|v| number[*v as usize] == 0).collect();
     kept.iter().enumerate().for_each(|(k, v)| number[*v as usize] = k as u32);
     let vertices: Vec<Point> = kept.iter().map(|v| mesh.vertices()[*v as usize]).collect();
     let triangles = left.as_chunks::<3>().0.iter().map(|t| t.map(|v| number[v as usize])).collect();
-    let mesh = TriMesh::new(vertices, triangles).expect("triangles that are left have three corners among the old ones");
+    let mesh = TriMesh::new(vertices, triangles)
+        .expect("triangles that are left have three corners among the old ones");
     Ok(Decimated { mesh, kept, error: Real::from(error) })
 }
 
@@ -98,15 +103,28 @@ mod tests {
     #[test]
     fn a_ball_keeps_its_shape_and_a_sheet_its_border() {
         let ball = meshes::icosphere(1.0, 4);
-        let coarse = decimate(&ball, &DecimateParams { triangles: 500, error: 0.05, lock_borders: false }).unwrap();
-        assert!((400..=500).contains(&coarse.mesh.triangles().len()), "{}", coarse.mesh.triangles().len());
+        let coarse =
+            decimate(&ball, &DecimateParams { triangles: 500, error: 0.05, lock_borders: false })
+                .unwrap();
+        assert!(
+            (400..=500).contains(&coarse.mesh.triangles().len()),
+            "{}",
+            coarse.mesh.triangles().len()
+        );
         assert!(Edges::new(&coarse.mesh).valence.iter().all(|v| *v == 2) && coarse.error <= 0.05);
-        approx::assert_relative_eq!(coarse.mesh.signed_volume(), ball.signed_volume(), max_relative = 0.03);
+        approx::assert_relative_eq!(
+            coarse.mesh.signed_volume(),
+            ball.signed_volume(),
+            max_relative = 0.03
+        );
         for (p, old) in coarse.mesh.vertices().iter().zip(&coarse.kept) {
             assert_eq!(*p, ball.vertices()[*old as usize]);
         }
         let sheet = meshes::cloth(1.0, 1.0, 10, 10);
-        let locked = decimate(&sheet, &DecimateParams { lock_borders: true, ..DecimateParams::default() }).unwrap().mesh;
+        let locked =
+            decimate(&sheet, &DecimateParams { lock_borders: true, ..DecimateParams::default() })
+                .unwrap()
+                .mesh;
         let border = |m: &TriMesh| Edges::new(m).boundary_loops(m).concat().len();
         assert_eq!(border(&locked), 40);
         assert!(locked.triangles().len() < 80);
@@ -119,7 +137,10 @@ mod tests {
     fn nothing_and_degenerate_triangles_pass() {
         let point = TriMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
         for mesh in [TriMesh::default(), point] {
-            assert!(decimate(&mesh, &DecimateParams::default()).unwrap().mesh.triangles().len() <= mesh.triangles().len());
+            assert!(
+                decimate(&mesh, &DecimateParams::default()).unwrap().mesh.triangles().len()
+                    <= mesh.triangles().len()
+            );
         }
     }
 
@@ -127,9 +148,16 @@ mod tests {
     fn an_error_that_is_none_is_refused_and_more_triangles_than_there_are_are_all() {
         let ball = meshes::icosphere(1.0, 1);
         for error in [Real::NAN, -1e-3, Real::NEG_INFINITY] {
-            assert!(decimate(&ball, &DecimateParams { error, ..DecimateParams::default() }).is_err(), "{error}");
+            assert!(
+                decimate(&ball, &DecimateParams { error, ..DecimateParams::default() }).is_err(),
+                "{error}"
+            );
         }
-        let all = DecimateParams { triangles: usize::MAX, error: Real::INFINITY, ..DecimateParams::default() };
+        let all = DecimateParams {
+            triangles: usize::MAX,
+            error: Real::INFINITY,
+            ..DecimateParams::default()
+        };
         assert_eq!(decimate(&ball, &all).unwrap().mesh.triangles().len(), ball.triangles().len());
     }
 }

@@ -1,18 +1,20 @@
-//! Labels of least energy by minimum cuts: the alternative to [`crate::smooth_labels`] where borders should be short
-//! rather than fields smooth.
+//! Labels of least energy by minimum cuts: the alternative to [`crate::smooth_labels`] where
+//! borders should be short rather than fields smooth.
 //!
 //! ```text
 //! E(f) = Σ_v A_v (d_v − votes_v(f_v)) + λ Σ_edges |dual edge| [f_a ≠ f_b]
 //! ```
 //!
-//! with areas A and all votes d of a vertex: votes times square metres against λ times the length of borders. For two labels one
-//! cut finds the least energy exactly. For more, each label in turn may take over vertices from all others by one cut,
-//! until none gains: at most twice the least energy. What no frame saw costs nothing, and gets the label with the
-//! shortest border; a piece of the mesh without any votes stays undecided.
+//! with areas A and all votes d of a vertex: votes times square metres against λ times the length
+//! of borders. For two labels one cut finds the least energy exactly. For more, each label in turn
+//! may take over vertices from all others by one cut, until none gains: at most twice the least
+//! energy. What no frame saw costs nothing, and gets the label with the shortest border; a piece of
+//! the mesh without any votes stays undecided.
 //!
 //! # Source
 //!
-//! Boykov, Veksler and Zabih 2001 (expansion moves); Kolmogorov and Zabih 2004 (the graph of a move); Dinic 1970.
+//! Boykov, Veksler and Zabih 2001 (expansion moves); Kolmogorov and Zabih 2004 (the graph of a
+//! move); Dinic 1970.
 
 mod flow;
 
@@ -26,7 +28,8 @@ use if_core::mesh::TriMesh;
 /// How short borders should be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExpandParams {
-    /// λ, in metres: a spot that is wrong by one vote is put right where it is narrower than about 4 λ.
+    /// λ, in metres: a spot that is wrong by one vote is put right where it is narrower than about
+    /// 4 λ.
     pub border: Real,
     /// Rounds over all labels at most.
     pub rounds: usize,
@@ -51,13 +54,15 @@ pub struct Expanded {
 }
 
 impl Expanded {
-    /// Scores of 1 for the label of each vertex, for [`crate::cut::cut`], which then cuts edges in their middle.
+    /// Scores of 1 for the label of each vertex, for [`crate::cut::cut`], which then cuts edges in
+    /// their middle.
     pub fn scores(&self, labels: usize) -> LabelScores {
         LabelScores { labels, scores: LabelVotes::from_labels(&self.labels, labels).weights }
     }
 }
 
-/// The whole numbers that energies become: this many in the largest cost, so that sums over a million vertices fit.
+/// The whole numbers that energies become: this many in the largest cost, so that sums over a
+/// million vertices fit.
 const SCALE: Real = 1e9;
 
 /// Finds labels of least energy, from those with most votes on.
@@ -65,7 +70,11 @@ const SCALE: Real = 1e9;
 /// # Errors
 ///
 /// As [`crate::smooth_labels::smooth_labels`], but for the solve.
-pub fn expand_labels(mesh: &TriMesh, votes: &LabelVotes, params: &ExpandParams) -> Result<Expanded, SmoothLabelError> {
+pub fn expand_labels(
+    mesh: &TriMesh,
+    votes: &LabelVotes,
+    params: &ExpandParams,
+) -> Result<Expanded, SmoothLabelError> {
     votes.check(mesh.vertices().len())?;
     if !(params.border.is_finite() && params.border >= 0.0) {
         return Err(SmoothLabelError::Param { name: "border", value: params.border });
@@ -114,7 +123,8 @@ impl Problem {
             let [a, b] = edges.vertices[e].map(|v| mesh.vertices()[v as usize]);
             border * w * (b - a).norm()
         };
-        let lengths: Vec<Real> = dual_weights(mesh, &edges).into_iter().enumerate().map(length).collect();
+        let lengths: Vec<Real> =
+            dual_weights(mesh, &edges).into_iter().enumerate().map(length).collect();
         let largest = costs.iter().chain(&lengths).copied().fold(0.0, Real::max);
         let scale = if largest > 0.0 { SCALE / largest } else { 1.0 };
         let whole = |x: Real| (x * scale).round() as i64;
@@ -131,15 +141,21 @@ impl Problem {
     }
 
     fn energy(&self, labels: &[u8]) -> i64 {
-        let data: i64 = labels.iter().enumerate().map(|(v, l)| self.cost[v * self.labels + usize::from(*l)]).sum();
-        let cut = self.edges.iter().filter(|([a, b], _)| labels[*a as usize] != labels[*b as usize]);
+        let data: i64 = labels
+            .iter()
+            .enumerate()
+            .map(|(v, l)| self.cost[v * self.labels + usize::from(*l)])
+            .sum();
+        let cut =
+            self.edges.iter().filter(|([a, b], _)| labels[*a as usize] != labels[*b as usize]);
         data + cut.map(|(_, w)| w).sum::<i64>()
     }
 
     /// The best labels in which any vertices have changed to `alpha`, and no others.
     fn expansion(&self, labels: &[u8], alpha: u8) -> Vec<u8> {
         let n = labels.len();
-        // What it costs to keep the label rather than to take alpha: a node is on the source's side where it keeps.
+        // What it costs to keep the label rather than to take alpha: a node is on the source's side
+        // where it keeps.
         let cost = |v: usize, l: u8| self.cost[v * self.labels + usize::from(l)];
         let mut lead: Vec<i64> = (0..n).map(|v| cost(v, alpha) - cost(v, labels[v])).collect();
         let mut arcs: Vec<([u32; 2], i64)> = Vec::with_capacity(self.edges.len());
@@ -147,7 +163,11 @@ impl Problem {
             let (p, q) = (a as usize, b as usize);
             let price = |differ: bool| if differ { w } else { 0 };
             // Neither takes alpha; only b does; only a does. Both: nothing.
-            let (none, second, first) = (price(labels[p] != labels[q]), price(labels[p] != alpha), price(alpha != labels[q]));
+            let (none, second, first) = (
+                price(labels[p] != labels[q]),
+                price(labels[p] != alpha),
+                price(alpha != labels[q]),
+            );
             lead[p] += first - none;
             lead[q] -= first;
             // Paid where a keeps and b takes.
@@ -169,7 +189,8 @@ mod tests {
     use rand_pcg::Pcg64Mcg;
 
     fn random_votes(n: usize, labels: usize, rng: &mut Pcg64Mcg) -> LabelVotes {
-        let weight = |at: usize| if at.is_multiple_of(labels) { 0.0 } else { rng.random_range(0.0..2.0) };
+        let weight =
+            |at: usize| if at.is_multiple_of(labels) { 0.0 } else { rng.random_range(0.0..2.0) };
         LabelVotes { labels, weights: (0..n * labels).map(weight).collect() }
     }
 
@@ -194,9 +215,14 @@ mod tests {
         for (border, labels) in [(0.0, 3), (0.002, 3), (0.01, 3), (0.02, 3), (0.2, 3), (0.02, 4)] {
             let votes = random_votes(12, labels, &mut rng);
             let problem = Problem::new(&mesh, &votes, border);
-            let found = expand_labels(&mesh, &votes, &ExpandParams { border, ..Default::default() }).unwrap();
+            let found =
+                expand_labels(&mesh, &votes, &ExpandParams { border, ..Default::default() })
+                    .unwrap();
             let (got, wanted) = (problem.energy(&found.labels), least(&problem, 12, labels));
-            assert!(got >= wanted && (got == wanted || (labels > 3 && got <= 2 * wanted)), "{labels}: {got} for {wanted}");
+            assert!(
+                got >= wanted && (got == wanted || (labels > 3 && got <= 2 * wanted)),
+                "{labels}: {got} for {wanted}"
+            );
             // No label gains by another move.
             for alpha in 1..labels as u8 {
                 assert!(problem.energy(&problem.expansion(&found.labels, alpha)) >= got);
@@ -208,12 +234,16 @@ mod tests {
     fn spots_vanish_and_the_line_stays() {
         let mesh = tube(0.1, 1.0, 32, 40, true);
         let truth: Vec<u8> = mesh.vertices().iter().map(|p| 1 + u8::from(p.y > 0.51)).collect();
-        let noisy: Vec<u8> = truth.iter().enumerate().map(|(v, l)| if v % 9 == 4 { 3 - l } else { *l }).collect();
+        let noisy: Vec<u8> =
+            truth.iter().enumerate().map(|(v, l)| if v % 9 == 4 { 3 - l } else { *l }).collect();
         let votes = LabelVotes::from_labels(&noisy, 3);
-        let found = expand_labels(&mesh, &votes, &ExpandParams { border: 0.02, ..Default::default() }).unwrap();
+        let found =
+            expand_labels(&mesh, &votes, &ExpandParams { border: 0.02, ..Default::default() })
+                .unwrap();
         let wrong = found.labels.iter().zip(&truth).filter(|(a, b)| a != b).count();
         assert!(wrong <= 4, "{wrong} of {}", truth.len());
-        let pieces = crate::cut::cut(&mesh, &found.scores(3), &crate::cut::CutParams::default()).unwrap();
+        let pieces =
+            crate::cut::cut(&mesh, &found.scores(3), &crate::cut::CutParams::default()).unwrap();
         let loops = |k: usize| Edges::new(&pieces[k].mesh).boundary_loops(&pieces[k].mesh).len();
         assert_eq!((pieces.len(), loops(0), loops(1)), (2, 1, 1));
     }
@@ -222,15 +252,30 @@ mod tests {
     fn what_was_not_seen_is_filled_in_and_a_piece_without_votes_stays_undecided() {
         let (a, b) = (icosphere(0.2, 2), icosphere(0.1, 0));
         let n = a.vertices().len();
-        let triangles = a.triangles().iter().copied().chain(b.triangles().iter().map(|t| t.map(|v| v + n as u32))).collect();
+        let triangles = a
+            .triangles()
+            .iter()
+            .copied()
+            .chain(b.triangles().iter().map(|t| t.map(|v| v + n as u32)))
+            .collect();
         let mesh = TriMesh::new([a.vertices(), b.vertices()].concat(), triangles).unwrap();
-        let of: Vec<u8> = (0..mesh.vertices().len()).map(|v| if v < n && v % 3 > 0 { 1 } else { UNDECIDED }).collect();
-        let found = expand_labels(&mesh, &LabelVotes::from_labels(&of, 3), &ExpandParams::default()).unwrap();
-        assert!(found.labels[..n].iter().all(|l| *l == 1) && found.labels[n..].iter().all(|l| *l == UNDECIDED));
+        let of: Vec<u8> = (0..mesh.vertices().len())
+            .map(|v| if v < n && v % 3 > 0 { 1 } else { UNDECIDED })
+            .collect();
+        let found =
+            expand_labels(&mesh, &LabelVotes::from_labels(&of, 3), &ExpandParams::default())
+                .unwrap();
+        assert!(
+            found.labels[..n].iter().all(|l| *l == 1)
+                && found.labels[n..].iter().all(|l| *l == UNDECIDED)
+        );
         assert_eq!(found.energy, 0.0);
         let bad = ExpandParams { border: Real::NAN, ..Default::default() };
         let error = expand_labels(&mesh, &LabelVotes::from_labels(&of, 3), &bad).unwrap_err();
         assert!(matches!(error, SmoothLabelError::Param { name: "border", .. }));
-        assert!(expand_labels(&mesh, &LabelVotes::from_labels(&of[1..], 3), &ExpandParams::default()).is_err());
+        assert!(
+            expand_labels(&mesh, &LabelVotes::from_labels(&of[1..], 3), &ExpandParams::default())
+                .is_err()
+        );
     }
 }

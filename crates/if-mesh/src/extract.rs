@@ -9,9 +9,9 @@
 //! measure the error at points chosen by a seed; warn of what the lattice cannot show   [check]
 //! ```
 //!
-//! Every edge of the mesh has two triangles and every vertex one fan, whatever the values at the nodes are, but for
-//! the border where the surface leaves the region. Vertices and triangles come in the order of the lattice, and are
-//! those of the dense lattice.
+//! Every edge of the mesh has two triangles and every vertex one fan, whatever the values at the
+//! nodes are, but for the border where the surface leaves the region. Vertices and triangles come
+//! in the order of the lattice, and are those of the dense lattice.
 
 mod cases;
 mod check;
@@ -60,21 +60,23 @@ pub struct Extraction {
 ///
 /// # Source
 ///
-/// Lorensen and Cline 1987 for cases, which are made here from one rule for the sides of a cube: opposite inside
-/// corners stay apart, and no diagonal lies in a side. The paper extracts its garments by marching cubes on a dense
-/// lattice; this gives the same triangles.
+/// Lorensen and Cline 1987 for cases, which are made here from one rule for the sides of a cube:
+/// opposite inside corners stay apart, and no diagonal lies in a side. The paper extracts its
+/// garments by marching cubes on a dense lattice; this gives the same triangles.
 ///
 /// # Accuracy
 ///
-/// Vertices lie on the surface of a smooth field to 1e-9 cells after one Newton step; the centre of a triangle with sides a, b, c is off by
-/// κ (a² + b² + c²) / 18 where the surface has the curvature κ: of second order in the cell. Sheets and tubes thinner than a cell may be lost, which the report tells
-/// where the field's values show it. Nothing is lost that the dense lattice shows, as long as `slope` bounds |∇φ|; where
-/// values show that it does not, a larger bound is taken, cells next to the surface that is found are taken back, and the
-/// report says so.
+/// Vertices lie on the surface of a smooth field to 1e-9 cells after one Newton step; the centre of
+/// a triangle with sides a, b, c is off by κ (a² + b² + c²) / 18 where the surface has the
+/// curvature κ: of second order in the cell. Sheets and tubes thinner than a cell may be lost,
+/// which the report tells where the field's values show it. Nothing is lost that the dense lattice
+/// shows, as long as `slope` bounds |∇φ|; where values show that it does not, a larger bound is
+/// taken, cells next to the surface that is found are taken back, and the report says so.
 ///
 /// # Errors
 ///
-/// Parameters that are no such thing, no region, too many cells, more memory than allowed, a field that is not a number.
+/// Parameters that are no such thing, no region, too many cells, more memory than allowed, a field
+/// that is not a number.
 ///
 /// # Examples
 ///
@@ -86,7 +88,10 @@ pub struct Extraction {
 /// assert!(found.mesh.signed_volume() > 0.0041 && found.report.warnings.is_empty());
 /// # Ok::<(), if_mesh::extract::ExtractError>(())
 /// ```
-pub fn extract<F: SignedDistance + ?Sized>(field: &F, params: &ExtractParams) -> Result<Extraction, ExtractError> {
+pub fn extract<F: SignedDistance + ?Sized>(
+    field: &F,
+    params: &ExtractParams,
+) -> Result<Extraction, ExtractError> {
     extract_watched(field, params, &mut |_| ControlFlow::Continue(()))
 }
 
@@ -105,24 +110,33 @@ pub fn extract_watched<F: SignedDistance + ?Sized>(
     params.validate()?;
     let region = params.region.or_else(|| field.bounds()).ok_or(ExtractError::NoRegion)?;
     let size = region.size();
-    if region.is_empty() || !(0..3).all(|k| region.min[k].is_finite() && size[k].is_finite()) || size.max() <= 0.0 {
+    if region.is_empty()
+        || !(0..3).all(|k| region.min[k].is_finite() && size[k].is_finite())
+        || size.max() <= 0.0
+    {
         return Err(ExtractError::Region { region });
     }
     let mut watch = Watch { evaluations: 0, cell: 0.0, memory: params.memory, tell: watch };
     let bound = Bound { slope: params.slope.of(field, &region, &mut watch)?, noise: params.noise };
     match params.resolution {
         Resolution::Cell(cell) => attempt(field, &region, cell, &bound, params, &mut watch),
-        Resolution::Cells(cells) => attempt(field, &region, size.max() / Real::from(cells), &bound, params, &mut watch),
-        Resolution::Accuracy { error, finest } => to_accuracy(field, &region, (error, finest), &bound, params, &mut watch),
+        Resolution::Cells(cells) => {
+            attempt(field, &region, size.max() / Real::from(cells), &bound, params, &mut watch)
+        }
+        Resolution::Accuracy { error, finest } => {
+            to_accuracy(field, &region, (error, finest), &bound, params, &mut watch)
+        }
     }
 }
 
-/// Cells along the longest side of the first attempt at a requested accuracy: coarse enough to cost little, fine
-/// enough to see arms and legs of a person.
+/// Cells along the longest side of the first attempt at a requested accuracy: coarse enough to cost
+/// little, fine enough to see arms and legs of a person.
 const FIRST: Real = 48.0;
-/// Attempts, at most. The error is of second order, so that the second guess is near: three is usual.
+/// Attempts, at most. The error is of second order, so that the second guess is near: three is
+/// usual.
 const ATTEMPTS: usize = 8;
-/// The next cell is chosen for this share of the requested error, so that it is not missed by a little.
+/// The next cell is chosen for this share of the requested error, so that it is not missed by a
+/// little.
 const AIM: Real = 0.8;
 
 /// Extracts with smaller and smaller cells until the error is as requested.
@@ -150,7 +164,8 @@ fn to_accuracy(
             found.report.evaluations.total = watch.evaluations;
             return Ok(found);
         }
-        // Second order: half the cell has a quarter of the error. What hides shows in smaller cells only.
+        // Second order: half the cell has a quarter of the error. What hides shows in smaller cells
+        // only.
         let wanted = if reached > error { (AIM * error / reached).sqrt() } else { 0.5 };
         cell = (cell * wanted.clamp(0.2, 0.8)).max(finest);
     }
@@ -171,7 +186,8 @@ fn attempt(
     let mut clock = Instant::now();
     let mut lap = || std::mem::replace(&mut clock, Instant::now()).elapsed().as_secs_f64();
     let mut before = watch.evaluations;
-    let mut count = |watch: &Watch| watch.evaluations - std::mem::replace(&mut before, watch.evaluations);
+    let mut count =
+        |watch: &Watch| watch.evaluations - std::mem::replace(&mut before, watch.evaluations);
 
     let refined = match params.sampling {
         Sampling::Sparse => refine(field, &lattice, bound, watch)?,
@@ -184,17 +200,26 @@ fn attempt(
     if u32::try_from(crossings.count).is_err() {
         return Err(ExtractError::TooManyNodes { nodes: crossings.count });
     }
-    watch.room(held, memory::crossings(&refined.nodes.rows).saturating_add(memory::mesh(crossings.count, params.relax > 0)))?;
+    watch.room(
+        held,
+        memory::crossings(&refined.nodes.rows)
+            .saturating_add(memory::mesh(crossings.count, params.relax > 0)),
+    )?;
     let edges = crossings.edges(|value| refined.nodes.values[value]);
     let triangles = crossings.triangles();
     seconds.triangles = lap();
     let polished = polish::polish(field, &lattice, &edges, params.secant, params.newton, watch)?;
     (evaluations.polish, seconds.polish) = (count(watch), lap());
-    let mesh = TriMesh::new(polished.points, triangles).expect("vertices stay within a cell of their edge, and cases name them");
+    let mesh = TriMesh::new(polished.points, triangles)
+        .expect("vertices stay within a cell of their edge, and cases name them");
 
     let mut warnings = Vec::new();
     if refined.restored > 0 || refined.slope > bound.slope {
-        warnings.push(Warning::Slope { given: bound.slope, used: refined.slope, cells: refined.restored });
+        warnings.push(Warning::Slope {
+            given: bound.slope,
+            used: refined.slope,
+            cells: refined.restored,
+        });
     }
     let leaving = crossings.on_border();
     if leaving > 0 {
@@ -205,7 +230,8 @@ fn attempt(
     if hidden > 0 {
         warnings.push(Warning::Unresolved { cells: hidden });
     }
-    let near = check::near_sheets(&mesh, &polished.samples, &crossings.neighbours_on_lines(), &lattice);
+    let near =
+        check::near_sheets(&mesh, &polished.samples, &crossings.neighbours_on_lines(), &lattice);
     warnings.extend(near.warning());
     let skipped = 1.0 - refined.cells.count() as Real / lattice.volume();
     drop((edges, crossed));
@@ -237,8 +263,8 @@ fn attempt(
     Ok(Extraction { mesh, report })
 }
 
-/// A part of a cell by which a region may fall short of a whole number of cells, so that rounding (1e-13 of them)
-/// adds no layer of cells.
+/// A part of a cell by which a region may fall short of a whole number of cells, so that rounding
+/// (1e-13 of them) adds no layer of cells.
 const WHOLE: Real = 1e-6;
 
 fn lattice_of(region: &Aabb, cell: Real, phase: [Real; 3]) -> Result<Lattice, ExtractError> {
@@ -284,7 +310,10 @@ mod tests {
             assert_eq!(topology(&marched.mesh), (0, 2));
             assert!(marched.report.warnings.is_empty());
             let center = Point::new(0.013, -0.007, 0.021);
-            assert!(marched.mesh.vertices().iter().all(|p| ((p - center).norm() - 0.5).abs() < 1e-12), "exact after Newton");
+            assert!(
+                marched.mesh.vertices().iter().all(|p| ((p - center).norm() - 0.5).abs() < 1e-12),
+                "exact after Newton"
+            );
             exact - marched.mesh.signed_volume()
         });
         for pair in errors.windows(2) {
@@ -318,7 +347,8 @@ mod tests {
             let mut state = seed;
             let values = (0..Self::N.pow(3)).map(|n| {
                 state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-                let border = (0..3).any(|k| [0, Self::N - 1].contains(&(n / Self::N.pow(k) % Self::N)));
+                let border =
+                    (0..3).any(|k| [0, Self::N - 1].contains(&(n / Self::N.pow(k) % Self::N)));
                 let value = f64::from((state >> 33) as u32) / f64::from(u32::MAX) - 0.25;
                 if border { 1.0 } else { value }
             });
@@ -354,19 +384,27 @@ mod tests {
         let region = Aabb { min: Point::origin(), max: Point::new(8.0, 8.0, 8.0) };
         for seed in 0..12 {
             let field = Nodes::random(seed);
-            let params = ExtractParams { region: Some(region), phase: [0.0; 3], newton: 0, ..with(1.0) };
+            let params =
+                ExtractParams { region: Some(region), phase: [0.0; 3], newton: 0, ..with(1.0) };
             let mesh = extract(&field, &params).unwrap().mesh;
             let edges = Edges::new(&mesh);
-            assert!(mesh.triangles().len() > 500 && edges.valence.iter().all(|v| *v == 2), "seed {seed}");
+            assert!(
+                mesh.triangles().len() > 500 && edges.valence.iter().all(|v| *v == 2),
+                "seed {seed}"
+            );
             // One fan a vertex: its triangles are as many as its edges, and all are reached.
             let fans = VertexTriangles::new(&mesh);
             for v in 0..mesh.vertices().len() {
-                let fan: Vec<[u32; 3]> = fans.of(v).iter().map(|t| mesh.triangles()[*t as usize]).collect();
+                let fan: Vec<[u32; 3]> =
+                    fans.of(v).iter().map(|t| mesh.triangles()[*t as usize]).collect();
                 let next = |w: u32| {
-                    let t = fan.iter().find(|t| (0..3).any(|k| t[k] == v as u32 && t[(k + 1) % 3] == w))?;
+                    let t = fan
+                        .iter()
+                        .find(|t| (0..3).any(|k| t[k] == v as u32 && t[(k + 1) % 3] == w))?;
                     t.iter().copied().find(|u| *u != v as u32 && *u != w)
                 };
-                let start = *fan[0].iter().find(|u| **u != v as u32 && next(**u).is_some()).unwrap();
+                let start =
+                    *fan[0].iter().find(|u| **u != v as u32 && next(**u).is_some()).unwrap();
                 let (mut at, mut steps) = (next(start).unwrap(), 1);
                 while at != start {
                     (at, steps) = (next(at).unwrap(), steps + 1);
@@ -375,7 +413,11 @@ mod tests {
             }
             // Noise winds two sheets round one another in a cell now and then.
             let crossing = own_intersections(&mesh);
-            assert!(crossing * 500 <= mesh.triangles().len(), "seed {seed}: {crossing} of {}", mesh.triangles().len());
+            assert!(
+                crossing * 500 <= mesh.triangles().len(),
+                "seed {seed}: {crossing} of {}",
+                mesh.triangles().len()
+            );
         }
     }
 
@@ -385,9 +427,11 @@ mod tests {
         let mut pairs = 0;
         for t in 0..mesh.triangles().len() {
             bvh.overlapping(&Aabb::from_points(mesh.corners(t)), |u| {
-                let apart = mesh.triangles()[t].iter().all(|v| !mesh.triangles()[u as usize].contains(v));
+                let apart =
+                    mesh.triangles()[t].iter().all(|v| !mesh.triangles()[u as usize].contains(v));
                 if (u as usize) > t && apart {
-                    let meet = if_core::intersect::triangles(mesh.corners(t), mesh.corners(u as usize));
+                    let meet =
+                        if_core::intersect::triangles(mesh.corners(t), mesh.corners(u as usize));
                     pairs += usize::from(meet != if_core::intersect::Contact::Disjoint);
                 }
             });
@@ -402,7 +446,11 @@ mod tests {
         let region = Aabb { min: Point::origin(), max: Point::new(1.0, 1.0, 1.0) };
         let params = ExtractParams { region: Some(region), phase: [0.0; 3], ..with(0.125) };
         let marched = extract(&flat, &params).unwrap();
-        assert!(matches!(marched.report.warnings[..], [Warning::LeavesRegion { edges: 32 }]), "{:?}", marched.report.warnings);
+        assert!(
+            matches!(marched.report.warnings[..], [Warning::LeavesRegion { edges: 32 }]),
+            "{:?}",
+            marched.report.warnings
+        );
         assert_eq!(marched.mesh.triangles().len(), 128);
         approx::assert_relative_eq!(marched.mesh.area(), 1.0, max_relative = 1e-12);
         let ball = Sphere { center: Point::new(0.5, 0.5, 0.5), radius: 0.375 };
@@ -418,7 +466,8 @@ mod tests {
         let params = ExtractParams { region: Some(region), ..with(0.05) };
         assert_eq!(extract(&far, &params).unwrap().mesh, TriMesh::default());
         let labyrinth = extract(&Gyroid { period: 0.5 }, &params).unwrap();
-        let leaves = labyrinth.report.warnings.iter().any(|w| matches!(w, Warning::LeavesRegion { .. }));
+        let leaves =
+            labyrinth.report.warnings.iter().any(|w| matches!(w, Warning::LeavesRegion { .. }));
         assert!(leaves && Edges::new(&labyrinth.mesh).valence.iter().all(|v| *v <= 2));
     }
 
@@ -430,27 +479,52 @@ mod tests {
         for cell in [0.0, -1.0, Real::NAN, Real::INFINITY] {
             assert!(matches!(of(with(cell)), ExtractError::Cell { .. }));
             let slope = Slope::Given(cell);
-            assert_eq!(cell == Real::INFINITY, extract(&field, &ExtractParams { slope, ..with(0.1) }).is_ok());
+            assert_eq!(
+                cell == Real::INFINITY,
+                extract(&field, &ExtractParams { slope, ..with(0.1) }).is_ok()
+            );
             let resolution = Resolution::Accuracy { error: 1e-3, finest: cell };
-            assert!(matches!(of(ExtractParams { resolution, ..with(0.1) }), ExtractError::Accuracy { .. }));
+            assert!(matches!(
+                of(ExtractParams { resolution, ..with(0.1) }),
+                ExtractError::Accuracy { .. }
+            ));
         }
-        assert!(matches!(of(ExtractParams { phase: [0.0, 2.0, 0.0], ..with(0.1) }), ExtractError::Phase { axis: 1, .. }));
-        assert!(matches!(of(ExtractParams { noise: -1.0, ..with(0.1) }), ExtractError::Noise { .. }));
-        assert!(matches!(of(ExtractParams { resolution: Resolution::Cells(0), ..with(0.1) }), ExtractError::NoCells));
-        assert!(matches!(extract(&Gyroid { period: 1.0 }, &with(0.1)), Err(ExtractError::NoRegion)));
+        assert!(matches!(
+            of(ExtractParams { phase: [0.0, 2.0, 0.0], ..with(0.1) }),
+            ExtractError::Phase { axis: 1, .. }
+        ));
+        assert!(matches!(
+            of(ExtractParams { noise: -1.0, ..with(0.1) }),
+            ExtractError::Noise { .. }
+        ));
+        assert!(matches!(
+            of(ExtractParams { resolution: Resolution::Cells(0), ..with(0.1) }),
+            ExtractError::NoCells
+        ));
+        assert!(matches!(
+            extract(&Gyroid { period: 1.0 }, &with(0.1)),
+            Err(ExtractError::NoRegion)
+        ));
         let endless = Aabb { max: Point::new(1.0, Real::INFINITY, 1.0), ..region };
         let point = Aabb { min: Point::origin(), max: Point::origin() };
         for region in [Aabb::EMPTY, endless, point] {
-            assert!(matches!(of(ExtractParams { region: Some(region), ..with(0.1) }), ExtractError::Region { .. }));
+            assert!(matches!(
+                of(ExtractParams { region: Some(region), ..with(0.1) }),
+                ExtractError::Region { .. }
+            ));
         }
         assert!(matches!(of(with(1e-9)), ExtractError::TooFine { .. }));
         let unmeasured = Resolution::Accuracy { error: 1e-6, finest: 1e-4 };
-        assert_eq!(of(ExtractParams { resolution: unmeasured, check: 0, ..with(0.1) }), ExtractError::Unchecked);
+        assert_eq!(
+            of(ExtractParams { resolution: unmeasured, check: 0, ..with(0.1) }),
+            ExtractError::Unchecked
+        );
         let dense = ExtractParams { sampling: Sampling::Dense, ..with(1e-3) };
         assert!(matches!(of(dense), ExtractError::TooManyNodes { .. }));
         let hole = Nodes(vec![Real::NAN; Nodes::N.pow(3)]);
         let region = Aabb { min: Point::origin(), max: Point::new(8.0, 8.0, 8.0) };
-        let error = extract(&hole, &ExtractParams { region: Some(region), ..with(1.0) }).unwrap_err();
+        let error =
+            extract(&hole, &ExtractParams { region: Some(region), ..with(1.0) }).unwrap_err();
         assert!(matches!(error, ExtractError::NotANumber { .. }));
     }
 
@@ -459,22 +533,34 @@ mod tests {
         let field = Sphere { center: Point::origin(), radius: 0.5 };
         let of = |params: ExtractParams| extract(&field, &params);
         let refused = |params: ExtractParams| match of(params).unwrap_err() {
-            ExtractError::TooLarge { bytes, limit, cell } => assert!(bytes > limit && limit == params.memory && cell > 0.0),
+            ExtractError::TooLarge { bytes, limit, cell } => {
+                assert!(bytes > limit && limit == params.memory && cell > 0.0)
+            }
             other => panic!("{other}"),
         };
         let little = ExtractParams { memory: 1 << 24, ..ExtractParams::default() };
         refused(ExtractParams { resolution: Resolution::Cells(16_384), ..little });
         // A billion nodes.
-        let dense = ExtractParams { sampling: Sampling::Dense, resolution: Resolution::Cells(1024), ..ExtractParams::default() };
+        let dense = ExtractParams {
+            sampling: Sampling::Dense,
+            resolution: Resolution::Cells(1024),
+            ..ExtractParams::default()
+        };
         refused(dense);
         let slope = Slope::Sampled { points: usize::MAX, factor: 1.5, seed: 0 };
-        assert!(matches!(of(ExtractParams { slope, ..little }), Err(ExtractError::TooManyPoints { points: usize::MAX, .. })));
-        // What is just enough gives the same mesh, and less names what is missing; relaxing takes more.
+        assert!(matches!(
+            of(ExtractParams { slope, ..little }),
+            Err(ExtractError::TooManyPoints { points: usize::MAX, .. })
+        ));
+        // What is just enough gives the same mesh, and less names what is missing; relaxing takes
+        // more.
         let base = with(0.02);
         let mesh = of(base).unwrap().mesh;
         let least = |relax: usize| {
             let mut memory = 0;
-            while let Err(ExtractError::TooLarge { bytes, .. }) = of(ExtractParams { memory, relax, ..base }) {
+            while let Err(ExtractError::TooLarge { bytes, .. }) =
+                of(ExtractParams { memory, relax, ..base })
+            {
                 memory = bytes;
             }
             memory
@@ -484,7 +570,11 @@ mod tests {
         assert_eq!(of(ExtractParams { memory: plain, ..base }).unwrap().mesh, mesh);
         refused(ExtractParams { memory: plain - 1, ..base });
         // In proportion to the surface: some hundred bytes for each vertex.
-        assert!((100..1000).contains(&(plain / mesh.vertices().len())), "{plain} for {}", mesh.vertices().len());
+        assert!(
+            (100..1000).contains(&(plain / mesh.vertices().len())),
+            "{plain} for {}",
+            mesh.vertices().len()
+        );
     }
 
     #[test]
@@ -496,13 +586,20 @@ mod tests {
             let center = Point::from((a.coords + b.coords + c.coords) / 3.0);
             let off = 0.5 - (center - Point::new(0.013, -0.007, 0.021)).norm();
             // The curvature of a ball of half a metre is 2; terms of the fourth order are left out.
-            approx::assert_relative_eq!(off, 2.0 * squares / 18.0, max_relative = 0.01, epsilon = 1e-9);
+            approx::assert_relative_eq!(
+                off,
+                2.0 * squares / 18.0,
+                max_relative = 0.01,
+                epsilon = 1e-9
+            );
         }
     }
 
     #[test]
     fn one_thread_gives_the_bits_of_many() {
-        let on = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(|| ball(0.03));
+        let on = |n| {
+            rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(|| ball(0.03))
+        };
         let (one, many) = (on(1), on(5));
         assert_eq!(one.mesh, many.mesh);
         assert_eq!(one.report, ExtractReport { seconds: one.report.seconds, ..many.report });

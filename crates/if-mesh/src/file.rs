@@ -9,7 +9,8 @@ use if_core::mesh::{MeshError, TriMesh};
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-/// A mesh with the file it came from: what is written again has the same triangles, vertex order and attributes.
+/// A mesh with the file it came from: what is written again has the same triangles, vertex order
+/// and attributes.
 ///
 /// # Examples
 ///
@@ -135,11 +136,13 @@ impl MeshFile {
         let bytes = fs::read(path).map_err(|source| ReadError::Io { path: name(), source })?;
         Ok(match format {
             Format::Ply => {
-                let ply = ply::read_bytes(&bytes).map_err(|e| ReadError::Ply { path: name(), source: e.into() })?;
+                let ply = ply::read_bytes(&bytes)
+                    .map_err(|e| ReadError::Ply { path: name(), source: e.into() })?;
                 Self { bytes, content: Content::Ply(ply), is_split: false }
             }
             Format::Obj => {
-                let obj = obj::read(&bytes[..]).map_err(|e| ReadError::Obj { path: name(), source: e.into() })?;
+                let obj = obj::read(&bytes[..])
+                    .map_err(|e| ReadError::Obj { path: name(), source: e.into() })?;
                 Self { bytes: Vec::new(), content: Content::Obj(obj), is_split: false }
             }
         })
@@ -153,8 +156,9 @@ impl MeshFile {
         }
     }
 
-    /// The same file with its mesh split as `split` says, which is of a mesh with the same triangles, in whatever units. Attributes
-    /// come along: those of vertices, faces and corners ([`ply::split`], [`obj::split`]).
+    /// The same file with its mesh split as `split` says, which is of a mesh with the same
+    /// triangles, in whatever units. Attributes come along: those of vertices, faces and corners
+    /// ([`ply::split`], [`obj::split`]).
     ///
     /// # Errors
     ///
@@ -185,8 +189,8 @@ impl MeshFile {
         }
     }
 
-    /// Indices of the file's faces that use a vertex twice, and so give fewer triangles than they have
-    /// corners for. They are written again.
+    /// Indices of the file's faces that use a vertex twice, and so give fewer triangles than they
+    /// have corners for. They are written again.
     pub fn collapsed_faces(&self) -> &[u32] {
         match &self.content {
             Content::Ply(ply) => &ply.collapsed,
@@ -207,8 +211,9 @@ impl MeshFile {
         matches!(&self.content, Content::Ply(ply) if ply.coordinates == CoordinateType::Float)
     }
 
-    /// The positions as they will be read back: rounded to `f32` where the PLY file has coordinates of 4
-    /// bytes, else the same. Where nothing has moved, these are the positions of [`MeshFile::mesh`].
+    /// The positions as they will be read back: rounded to `f32` where the PLY file has coordinates
+    /// of 4 bytes, else the same. Where nothing has moved, these are the positions of
+    /// [`MeshFile::mesh`].
     pub fn positions_as_written(&self, positions: &[Point]) -> Vec<Point> {
         match &self.content {
             Content::Ply(ply) => quantise(positions, ply.coordinates),
@@ -217,8 +222,9 @@ impl MeshFile {
     }
 
     /// Writes the mesh with its vertices at `positions` and all its attributes, whole or not at all
-    /// ([`crate::atomic`]). Normals turn with the surface ([`Normals::Follow`]). Where nothing has moved, the file is
-    /// a copy of the one that was read; else PLY is written as binary, and of an OBJ file only the coordinates that moved change.
+    /// ([`crate::atomic`]). Normals turn with the surface ([`Normals::Follow`]). Where nothing has
+    /// moved, the file is a copy of the one that was read; else PLY is written as binary, and of an
+    /// OBJ file only the coordinates that moved change.
     ///
     /// # Errors
     ///
@@ -236,7 +242,8 @@ impl MeshFile {
         }
         if positions == self.mesh().vertices() && !self.is_split {
             let copy = |file: &mut fs::File| io::Write::write_all(file, self.bytes());
-            return crate::atomic::write(path, copy).map_err(|source| WriteError::Io { path: name(), source });
+            return crate::atomic::write(path, copy)
+                .map_err(|source| WriteError::Io { path: name(), source });
         }
         match &self.content {
             Content::Ply(ply) => {
@@ -246,12 +253,13 @@ impl MeshFile {
                     e => WriteError::Ply { path: name(), source: e.into() },
                 })
             }
-            Content::Obj(obj) => crate::atomic::write(path, |file| obj::write(obj, positions, Normals::Follow, file)).map_err(
-                |source| match source {
-                    obj::WriteError::Io(source) => WriteError::Io { path: name(), source },
-                    e => WriteError::Obj { path: name(), source: e.into() },
-                },
-            ),
+            Content::Obj(obj) => {
+                crate::atomic::write(path, |file| obj::write(obj, positions, Normals::Follow, file))
+                    .map_err(|source| match source {
+                        obj::WriteError::Io(source) => WriteError::Io { path: name(), source },
+                        e => WriteError::Obj { path: name(), source: e.into() },
+                    })
+            }
         }
     }
 }
@@ -271,7 +279,8 @@ mod tests {
         fs::write(&path, PLY).unwrap();
         let file = MeshFile::read(&path).unwrap();
         assert_eq!(file.positions_as_written(file.mesh().vertices()), file.mesh().vertices());
-        let moved: Vec<Point> = file.mesh().vertices().iter().map(|p| p + Vector::repeat(0.01)).collect();
+        let moved: Vec<Point> =
+            file.mesh().vertices().iter().map(|p| p + Vector::repeat(0.01)).collect();
         let foretold = file.positions_as_written(&moved);
         assert_ne!(foretold, moved);
         file.write(&out, &moved).unwrap();
@@ -296,7 +305,13 @@ mod tests {
     fn faults_name_the_file() {
         let folder = tempfile::tempdir().unwrap();
         let inside = |name: &str| folder.path().join(name);
-        for (name, text) in [("a.stl", ""), ("noextension", ""), ("empty.ply", ""), ("empty.obj", ""), ("bad.obj", "v 1 2 x\n")] {
+        for (name, text) in [
+            ("a.stl", ""),
+            ("noextension", ""),
+            ("empty.ply", ""),
+            ("empty.obj", ""),
+            ("bad.obj", "v 1 2 x\n"),
+        ] {
             fs::write(inside(name), text).unwrap();
             let fault = MeshFile::read(&inside(name)).unwrap_err().to_string();
             assert!(fault.contains(name), "{fault}");
@@ -306,8 +321,14 @@ mod tests {
         assert!(matches!(MeshFile::read(&inside("folder.ply")), Err(ReadError::NotAFile { .. })));
         fs::write(inside("a.ply"), PLY).unwrap();
         let file = MeshFile::read(&inside("a.ply")).unwrap();
-        assert!(matches!(file.write(&inside("a.obj"), file.mesh().vertices()), Err(WriteError::Extension { .. })));
-        assert!(matches!(file.write(&inside("no/a.ply"), file.mesh().vertices()), Err(WriteError::Io { .. })));
+        assert!(matches!(
+            file.write(&inside("a.obj"), file.mesh().vertices()),
+            Err(WriteError::Extension { .. })
+        ));
+        assert!(matches!(
+            file.write(&inside("no/a.ply"), file.mesh().vertices()),
+            Err(WriteError::Io { .. })
+        ));
         let too_far = vec![Point::new(1e39, 0.0, 0.0); 3];
         assert!(matches!(file.write(&inside("a.ply"), &too_far), Err(WriteError::Ply { .. })));
         assert_eq!(fs::read(inside("a.ply")).unwrap(), PLY.as_bytes());

@@ -2,10 +2,10 @@
 //! pairs of triangles of two meshes whose boxes overlap.
 //!
 //! Nodes are stored depth first, so that a left child follows its parent; the corners of the
-//! triangles are copied in leaf order, so that a leaf reads one stretch of memory. Splits are at the
-//! median of the longest side of the centroids' box, ties broken by triangle index: the tree, and
-//! with it every answer, depends on the mesh alone. [`Bvh::refit`] follows moved vertices without a
-//! rebuild.
+//! triangles are copied in leaf order, so that a leaf reads one stretch of memory. Splits are at
+//! the median of the longest side of the centroids' box, ties broken by triangle index: the tree,
+//! and with it every answer, depends on the mesh alone. [`Bvh::refit`] follows moved vertices
+//! without a rebuild.
 
 use if_core::aabb::Aabb;
 use if_core::closest::{Closest, ClosestPoint, Feature, closest_on_triangle};
@@ -66,7 +66,10 @@ impl Bvh {
             Item { place: [middle.x, middle.y, middle.z].map(rank), triangle: t as u32 }
         };
         let mut items: Vec<Item> = (0..n).into_par_iter().with_min_len(FORK).map(middle).collect();
-        let mut nodes = vec![Node { aabb: Aabb::EMPTY, at: 0, count: 0 }; if n > 0 { node_count(n) } else { 0 }];
+        let mut nodes = vec![
+            Node { aabb: Aabb::EMPTY, at: 0, count: 0 };
+            if n > 0 { node_count(n) } else { 0 }
+        ];
         let mut corners = vec![[Point::origin(); 3]; n];
         if n > 0 {
             build(mesh, &mut items, &mut corners, &mut nodes, 0, 0);
@@ -90,7 +93,10 @@ impl Bvh {
             let node = self.nodes[n];
             self.nodes[n].aabb = if node.count > 0 {
                 let first = node.at as usize;
-                self.corners[first..first + node.count as usize].iter().flatten().fold(Aabb::EMPTY, |b, p| b.grown_to(p))
+                self.corners[first..first + node.count as usize]
+                    .iter()
+                    .flatten()
+                    .fold(Aabb::EMPTY, |b, p| b.grown_to(p))
             } else {
                 self.nodes[n + 1].aabb.merged(&self.nodes[node.at as usize].aabb)
             };
@@ -133,7 +139,11 @@ impl Bvh {
     }
 
     /// The same with the corners of each triangle.
-    pub(crate) fn overlapping_corners(&self, region: &Aabb, mut visit: impl FnMut(u32, &[Point; 3])) {
+    pub(crate) fn overlapping_corners(
+        &self,
+        region: &Aabb,
+        mut visit: impl FnMut(u32, &[Point; 3]),
+    ) {
         let mut n = 0;
         let mut stack = [0u32; STACK];
         let mut top = 0;
@@ -165,7 +175,12 @@ impl Bvh {
 
     /// The first place where the segment from `from` to `to` meets a triangle for which `accept`
     /// holds. In floating point: a segment that grazes an edge may miss both triangles there.
-    pub fn first_hit(&self, from: &Point, to: &Point, mut accept: impl FnMut(u32) -> bool) -> Option<Hit> {
+    pub fn first_hit(
+        &self,
+        from: &Point,
+        to: &Point,
+        mut accept: impl FnMut(u32) -> bool,
+    ) -> Option<Hit> {
         let direction = to - from;
         let mut best: Option<Hit> = None;
         let mut stack = vec![0u32];
@@ -204,11 +219,14 @@ impl Bvh {
         other: &Bvh,
         keep: impl Fn(u32, &[Point; 3], u32, &[Point; 3]) -> Option<T> + Sync,
     ) -> Vec<T> {
-        self.near_pairs(other, |i, ti, j, tj| if corner_box(ti).overlaps(&corner_box(tj)) { keep(i, ti, j, tj) } else { None })
+        self.near_pairs(other, |i, ti, j, tj| {
+            if corner_box(ti).overlaps(&corner_box(tj)) { keep(i, ti, j, tj) } else { None }
+        })
     }
 
-    /// The same of pairs whose boxes overlap or are apart by the rounding to single precision: for tests of triangles that need no
-    /// boxes to be right, and say no in the time in which the exact boxes would be compared.
+    /// The same of pairs whose boxes overlap or are apart by the rounding to single precision: for
+    /// tests of triangles that need no boxes to be right, and say no in the time in which the exact
+    /// boxes would be compared.
     pub(crate) fn near_pairs<T: Send>(
         &self,
         other: &Bvh,
@@ -221,8 +239,9 @@ impl Bvh {
         self.search_pairs(other, &here, &there, false, keep)
     }
 
-    /// Pairs of two triangles of this tree whose boxes overlap, or are apart by the rounding to single precision, and for which `keep`
-    /// gives a value, each pair once, in a fixed order whatever the number of threads.
+    /// Pairs of two triangles of this tree whose boxes overlap, or are apart by the rounding to
+    /// single precision, and for which `keep` gives a value, each pair once, in a fixed order
+    /// whatever the number of threads.
     pub(crate) fn own_near_pairs<T: Send>(
         &self,
         keep: impl Fn(u32, &[Point; 3], u32, &[Point; 3]) -> Option<T> + Sync,
@@ -244,7 +263,11 @@ impl Bvh {
         keep: impl Fn(u32, &[Point; 3], u32, &[Point; 3]) -> Option<T> + Sync,
     ) -> Vec<T> {
         let open = |a: u32, b: u32, push: &mut dyn FnMut(u32, u32)| {
-            if own && a == b { here.open_with_itself(a, push) } else { here.open(there, a, b, push) }
+            if own && a == b {
+                here.open_with_itself(a, push)
+            } else {
+                here.open(there, a, b, push)
+            }
         };
         // Open the upper levels breadth first until there is work for many tasks, then go deep.
         let mut front = vec![(0u32, 0u32)];
@@ -284,7 +307,12 @@ impl Bvh {
                         let first = if own && a == b { i + 1 } else { nb.at as usize };
                         for j in first..(nb.at + nb.count) as usize {
                             if box_i.meets(&there.triangles[j])
-                                && let Some(value) = keep(self.order[i], &self.corners[i], other.order[j], &other.corners[j])
+                                && let Some(value) = keep(
+                                    self.order[i],
+                                    &self.corners[i],
+                                    other.order[j],
+                                    &other.corners[j],
+                                )
                             {
                                 found.push(value);
                             }
@@ -314,15 +342,19 @@ impl RoughBox {
 
     #[inline]
     fn meets(&self, other: &Self) -> bool {
-        (0..4).fold(true, |all, k| all & (self.min[k] <= other.max[k]) & (other.min[k] <= self.max[k]))
+        (0..4).fold(true, |all, k| {
+            all & (self.min[k] <= other.max[k]) & (other.min[k] <= self.max[k])
+        })
     }
 }
 
-/// More than the share that rounding to single precision, and then in the line that uses this, can take.
+/// More than the share that rounding to single precision, and then in the line that uses this, can
+/// take.
 const ULP: f32 = f32::EPSILON;
 
-/// A number in single precision below `x`, by two units in the last place at most and the smallest normal number. (Four operations,
-/// of three numbers at once: `next_down` took a twentieth of a search.)
+/// A number in single precision below `x`, by two units in the last place at most and the smallest
+/// normal number. (Four operations, of three numbers at once: `next_down` took a twentieth of a
+/// search.)
 #[inline]
 fn below(x: Real) -> f32 {
     let f = x as f32;
@@ -336,8 +368,8 @@ fn above(x: Real) -> f32 {
     -below(-x)
 }
 
-/// What the search for pairs visits most, packed: half the bytes of the exact boxes. Made anew for each
-/// search, which takes a hundredth of its time.
+/// What the search for pairs visits most, packed: half the bytes of the exact boxes. Made anew for
+/// each search, which takes a hundredth of its time.
 struct Rough {
     nodes: Vec<RoughBox>,
     links: Vec<Link>,
@@ -355,7 +387,8 @@ struct Link {
 
 impl Rough {
     fn new(tree: &Bvh) -> Self {
-        let link = |n: &Node| Link { at: n.at, count: n.count, extent: n.aabb.size().norm_squared() };
+        let link =
+            |n: &Node| Link { at: n.at, count: n.count, extent: n.aabb.size().norm_squared() };
         Self {
             nodes: tree.nodes.iter().map(|n| RoughBox::new(&n.aabb)).collect(),
             links: tree.nodes.iter().map(link).collect(),
@@ -363,8 +396,8 @@ impl Rough {
         }
     }
 
-    /// Replaces a pair of overlapping nodes by its overlapping children, the larger node opened. False,
-    /// and nothing pushed, for two leaves.
+    /// Replaces a pair of overlapping nodes by its overlapping children, the larger node opened.
+    /// False, and nothing pushed, for two leaves.
     #[inline]
     fn open(&self, other: &Rough, a: u32, b: u32, push: &mut dyn FnMut(u32, u32)) -> bool {
         let (na, nb) = (&self.links[a as usize], &other.links[b as usize]);
@@ -381,7 +414,8 @@ impl Rough {
         true
     }
 
-    /// Replaces a node paired with itself by the pairs of its children, each pair once. False, and nothing pushed, for a leaf.
+    /// Replaces a node paired with itself by the pairs of its children, each pair once. False, and
+    /// nothing pushed, for a leaf.
     #[inline]
     fn open_with_itself(&self, n: u32, push: &mut dyn FnMut(u32, u32)) -> bool {
         let link = &self.links[n as usize];
@@ -417,7 +451,8 @@ impl ClosestPoint for Bvh {
                 let (left, right) = (n + 1, node.at);
                 let dl = self.nodes[left as usize].aabb.distance_squared(p);
                 let dr = self.nodes[right as usize].aabb.distance_squared(p);
-                let (near, dn, far, df) = if dl <= dr { (left, dl, right, dr) } else { (right, dr, left, dl) };
+                let (near, dn, far, df) =
+                    if dl <= dr { (left, dl, right, dr) } else { (right, dr, left, dl) };
                 if df <= limit {
                     stack[top] = (far, df);
                     top += 1;
@@ -428,7 +463,8 @@ impl ClosestPoint for Bvh {
                 }
             } else {
                 for k in node.at as usize..(node.at + node.count) as usize {
-                    // Of most triangles their box says enough. (Within rounding it decides which of two equally near ones is named.)
+                    // Of most triangles their box says enough. (Within rounding it decides which of
+                    // two equally near ones is named.)
                     if corner_box(&self.corners[k]).distance_squared(p) > limit * (1.0 + 1e-12) {
                         continue;
                     }
@@ -467,7 +503,8 @@ fn node_count(n: usize) -> usize {
     if n <= LEAF { 1 } else { 1 + node_count(n / 2) + node_count(n - n / 2) }
 }
 
-/// Subtrees of more triangles than this are built by two tasks: 2048 take about 0.2 ms, a task some µs.
+/// Subtrees of more triangles than this are built by two tasks: 2048 take about 0.2 ms, a task some
+/// µs.
 const FORK: usize = 2048;
 
 /// A triangle to be put in its place.
@@ -511,9 +548,16 @@ fn split<const AXIS: usize>(items: &mut [Item], middle: usize) {
     });
 }
 
-/// Builds the tree over `items` into `nodes`, whose first is node `here` of the whole, and copies their
-/// corners in leaf order; `first` is the place of the first item. Returns the box.
-fn build(mesh: &TriMesh, items: &mut [Item], corners: &mut [[Point; 3]], nodes: &mut [Node], here: u32, first: u32) -> Aabb {
+/// Builds the tree over `items` into `nodes`, whose first is node `here` of the whole, and copies
+/// their corners in leaf order; `first` is the place of the first item. Returns the box.
+fn build(
+    mesh: &TriMesh,
+    items: &mut [Item],
+    corners: &mut [[Point; 3]],
+    nodes: &mut [Node],
+    here: u32,
+    first: u32,
+) -> Aabb {
     if items.len() <= LEAF {
         let mut aabb = Aabb::EMPTY;
         for (c, item) in corners.iter_mut().zip(items.iter()) {
@@ -537,8 +581,10 @@ fn build(mesh: &TriMesh, items: &mut [Item], corners: &mut [[Point; 3]], nodes: 
     let (left_nodes, right_nodes) = below.split_at_mut(node_count(middle));
     let child = here + 1 + left_nodes.len() as u32;
     let mut build_left = || build(mesh, left, left_corners, left_nodes, here + 1, first);
-    let mut build_right = || build(mesh, right, right_corners, right_nodes, child, first + middle as u32);
-    let (a, b) = if fork { rayon::join(build_left, build_right) } else { (build_left(), build_right()) };
+    let mut build_right =
+        || build(mesh, right, right_corners, right_nodes, child, first + middle as u32);
+    let (a, b) =
+        if fork { rayon::join(build_left, build_right) } else { (build_left(), build_right()) };
     let aabb = a.merged(&b);
     node[0] = Node { aabb, at: child, count: 0 };
     aabb
@@ -549,7 +595,12 @@ fn corner_box(c: &[Point; 3]) -> Aabb {
     Aabb { min: c[0].inf(&c[1]).inf(&c[2]), max: c[0].sup(&c[1]).sup(&c[2]) }
 }
 
-fn segment_meets_box(from: &Point, direction: &if_core::math::Vector, limit: Real, b: &Aabb) -> bool {
+fn segment_meets_box(
+    from: &Point,
+    direction: &if_core::math::Vector,
+    limit: Real,
+    b: &Aabb,
+) -> bool {
     let (mut t0, mut t1) = (0.0, limit);
     for k in 0..3 {
         if direction[k] == 0.0 {
@@ -567,7 +618,11 @@ fn segment_meets_box(from: &Point, direction: &if_core::math::Vector, limit: Rea
 }
 
 /// Möller and Trumbore 1997, both sides.
-fn segment_meets_triangle(from: &Point, direction: &if_core::math::Vector, [a, b, c]: &[Point; 3]) -> Option<Real> {
+fn segment_meets_triangle(
+    from: &Point,
+    direction: &if_core::math::Vector,
+    [a, b, c]: &[Point; 3],
+) -> Option<Real> {
     let (e1, e2) = (b - a, c - a);
     let h = direction.cross(&e2);
     let det = e1.dot(&h);
@@ -601,7 +656,10 @@ mod tests {
         for limit in [-1.0, -1e-300, Real::NEG_INFINITY, Real::NAN] {
             assert_eq!(tree.closest(&p, limit), None, "{limit}");
         }
-        assert!(tree.closest(&tree.corners[0][0], 0.0).is_some(), "what lies on it is at distance zero");
+        assert!(
+            tree.closest(&tree.corners[0][0], 0.0).is_some(),
+            "what lies on it is at distance zero"
+        );
     }
 
     /// A bumpy sheet with some far and some degenerate triangles.
@@ -661,18 +719,29 @@ mod tests {
         let mesh = sheet(20);
         let bvh = Bvh::new(&mesh);
         let to = |p: &Point| parry3d_f64::math::Vector::new(p.x, p.y, p.z);
-        let theirs =
-            parry3d_f64::shape::TriMesh::new(mesh.vertices().iter().map(to).collect(), mesh.triangles().to_vec()).unwrap();
+        let theirs = parry3d_f64::shape::TriMesh::new(
+            mesh.vertices().iter().map(to).collect(),
+            mesh.triangles().to_vec(),
+        )
+        .unwrap();
         for p in points(300) {
             let d = theirs.distance_to_local_point(to(&p), false);
-            approx::assert_relative_eq!(bvh.closest(&p, Real::INFINITY).unwrap().distance, d, epsilon = 1e-12);
+            approx::assert_relative_eq!(
+                bvh.closest(&p, Real::INFINITY).unwrap().distance,
+                d,
+                epsilon = 1e-12
+            );
         }
     }
 
     #[test]
     fn a_refitted_tree_answers_as_a_new_one() {
         let mesh = sheet(10);
-        let moved = mesh.with_vertices(mesh.vertices().iter().map(|p| Point::new(p.z, p.x * 2.0, p.y + p.x)).collect()).unwrap();
+        let moved = mesh
+            .with_vertices(
+                mesh.vertices().iter().map(|p| Point::new(p.z, p.x * 2.0, p.y + p.x)).collect(),
+            )
+            .unwrap();
         let mut refitted = Bvh::new(&mesh);
         refitted.refit(moved.vertices());
         let fresh = Bvh::new(&moved);
@@ -695,37 +764,47 @@ mod tests {
             .collect();
         assert_eq!(got, all);
 
-        let other =
-            mesh.with_vertices(mesh.vertices().iter().map(|p| Point::new(p.x + 0.03, p.y - 0.02, -p.z)).collect()).unwrap();
+        let other = mesh
+            .with_vertices(
+                mesh.vertices().iter().map(|p| Point::new(p.x + 0.03, p.y - 0.02, -p.z)).collect(),
+            )
+            .unwrap();
         let other_bvh = Bvh::new(&other);
         let mut pairs = bvh.overlapping_pairs(&other_bvh, |a, _, b, _| Some((a, b)));
         pairs.sort_unstable();
         let mut all = Vec::new();
         for a in 0..mesh.triangles().len() {
             for b in 0..other.triangles().len() {
-                if Aabb::from_points(mesh.corners(a)).overlaps(&Aabb::from_points(other.corners(b))) {
+                if Aabb::from_points(mesh.corners(a)).overlaps(&Aabb::from_points(other.corners(b)))
+                {
                     all.push((a as u32, b as u32));
                 }
             }
         }
         assert_eq!(pairs, all);
 
-        let hit = bvh.first_hit(&Point::new(0.52, 0.53, 1.0), &Point::new(0.52, 0.53, -1.0), |_| true).unwrap();
+        let hit = bvh
+            .first_hit(&Point::new(0.52, 0.53, 1.0), &Point::new(0.52, 0.53, -1.0), |_| true)
+            .unwrap();
         let z = 1.0 - 2.0 * hit.parameter;
         let [a, b, c] = mesh.corners(hit.triangle as usize);
         let n = if_core::math::area_vector(a, b, c);
         approx::assert_relative_eq!(n.dot(&(Point::new(0.52, 0.53, z) - a)), 0.0, epsilon = 1e-12);
-        assert!(bvh.first_hit(&Point::new(0.5, 0.5, 1.0), &Point::new(0.5, 0.5, 0.5), |_| true).is_none());
+        assert!(
+            bvh.first_hit(&Point::new(0.5, 0.5, 1.0), &Point::new(0.5, 0.5, 0.5), |_| true)
+                .is_none()
+        );
     }
 
     #[test]
     fn rough_numbers_lie_closely_on_their_sides_and_ranks_in_order() {
         let tiny = [0.0, 5e-324, 1e-310, 1e-45, 1.5e-45, 1e-38, 1.2e-38];
         let large = [3.4028234e38, 3.4028236e38, 1e39, Real::MAX, Real::INFINITY];
-        let middle = points(300)
-            .into_iter()
-            .flat_map(|p| [p.x, p.y * 1e-3, p.z * 1e9, f64::from(p.x as f32), f64::from((p.y as f32).next_up())]);
-        let all: Vec<Real> = tiny.into_iter().chain(large).chain(middle).flat_map(|x| [x, -x]).collect();
+        let middle = points(300).into_iter().flat_map(|p| {
+            [p.x, p.y * 1e-3, p.z * 1e9, f64::from(p.x as f32), f64::from((p.y as f32).next_up())]
+        });
+        let all: Vec<Real> =
+            tiny.into_iter().chain(large).chain(middle).flat_map(|x| [x, -x]).collect();
         for &x in &all {
             let (l, h) = (f64::from(below(x)), f64::from(above(x)));
             assert!(l <= x && x <= h, "{l} {x} {h}");
@@ -743,7 +822,9 @@ mod tests {
     fn an_empty_mesh_has_no_answers() {
         let bvh = Bvh::new(&TriMesh::default());
         assert!(bvh.is_empty() && bvh.closest(&Point::origin(), Real::INFINITY).is_none());
-        bvh.overlapping(&Aabb { min: Point::origin(), max: Point::origin() }, |_| panic!("nothing to visit"));
+        bvh.overlapping(&Aabb { min: Point::origin(), max: Point::origin() }, |_| {
+            panic!("nothing to visit")
+        });
         assert!(bvh.overlapping_pairs(&bvh, |a, _, b, _| Some((a, b))).is_empty());
     }
 }

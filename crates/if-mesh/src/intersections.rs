@@ -29,22 +29,29 @@ pub fn pairs(a: &Bvh, b: &Bvh) -> Vec<TrianglePair> {
     })
 }
 
-/// All pairs of triangles of one mesh that share a point beyond their common corners, sorted. Corners count
-/// as common where they are one vertex or have equal coordinates; triangles of zero area are left out.
+/// All pairs of triangles of one mesh that share a point beyond their common corners, sorted.
+/// Corners count as common where they are one vertex or have equal coordinates; triangles of zero
+/// area are left out.
 pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
-    let mut found =
-        tree.own_near_pairs(|i, ti, j, tj| if i < j { own_pair(mesh, i, ti, j, tj) } else { own_pair(mesh, j, tj, i, ti) });
+    let mut found = tree.own_near_pairs(|i, ti, j, tj| {
+        if i < j { own_pair(mesh, i, ti, j, tj) } else { own_pair(mesh, j, tj, i, ti) }
+    });
     found.sort_unstable();
     found
 }
 
-/// What [`pairs`] finds now, sorted, from what it found before some triangles of `b` moved: `before` are the sorted pairs of then. Only the
-/// triangles that `moved` names are looked at.
+/// What [`pairs`] finds now, sorted, from what it found before some triangles of `b` moved:
+/// `before` are the sorted pairs of then. Only the triangles that `moved` names are looked at.
 ///
 /// # Panics
 ///
 /// If `moved` or `before` are of a mesh with other triangles than `b`.
-pub fn pairs_after_motion(a: &Bvh, b: &TriMesh, moved: &MovedTriangles, before: &[TrianglePair]) -> Vec<TrianglePair> {
+pub fn pairs_after_motion(
+    a: &Bvh,
+    b: &TriMesh,
+    moved: &MovedTriangles,
+    before: &[TrianglePair],
+) -> Vec<TrianglePair> {
     let again = moved.list.par_iter().flat_map_iter(|&t| {
         let corners = b.corners(t as usize);
         let mut found = Vec::new();
@@ -67,7 +74,12 @@ pub fn pairs_after_motion(a: &Bvh, b: &TriMesh, moved: &MovedTriangles, before: 
 /// # Panics
 ///
 /// If `moved` or `before` are of a mesh with other triangles.
-pub fn own_pairs_after_motion(mesh: &TriMesh, tree: &Bvh, moved: &MovedTriangles, before: &[TrianglePair]) -> Vec<TrianglePair> {
+pub fn own_pairs_after_motion(
+    mesh: &TriMesh,
+    tree: &Bvh,
+    moved: &MovedTriangles,
+    before: &[TrianglePair],
+) -> Vec<TrianglePair> {
     let again = moved.list.par_iter().flat_map_iter(|&t| {
         let corners = mesh.corners(t as usize).map(|p| *p);
         let mut found = Vec::new();
@@ -86,7 +98,9 @@ pub fn own_pairs_after_motion(mesh: &TriMesh, tree: &Bvh, moved: &MovedTriangles
         found
     });
     let mut all: Vec<TrianglePair> = again.collect();
-    all.extend(before.iter().filter(|p| !moved.is_moved[p.a as usize] && !moved.is_moved[p.b as usize]));
+    all.extend(
+        before.iter().filter(|p| !moved.is_moved[p.a as usize] && !moved.is_moved[p.b as usize]),
+    );
     all.sort_unstable();
     all
 }
@@ -105,7 +119,8 @@ impl MovedTriangles {
     ///
     /// If `vertex_moved` has fewer values than the mesh has vertices.
     pub fn new(mesh: &TriMesh, vertex_moved: &[bool]) -> Self {
-        let is_moved: Vec<bool> = mesh.triangles().iter().map(|t| t.iter().any(|v| vertex_moved[*v as usize])).collect();
+        let is_moved: Vec<bool> =
+            mesh.triangles().iter().map(|t| t.iter().any(|v| vertex_moved[*v as usize])).collect();
         let list = (0..is_moved.len() as u32).filter(|t| is_moved[*t as usize]).collect();
         Self { is_moved, list }
     }
@@ -122,7 +137,13 @@ impl MovedTriangles {
 }
 
 /// Whether and how two triangles of one mesh, `i < j`, meet beyond their common corners.
-fn own_pair(mesh: &TriMesh, i: u32, ti: &[Point; 3], j: u32, tj: &[Point; 3]) -> Option<TrianglePair> {
+fn own_pair(
+    mesh: &TriMesh,
+    i: u32,
+    ti: &[Point; 3],
+    j: u32,
+    tj: &[Point; 3],
+) -> Option<TrianglePair> {
     let (mut ni, mut nj) = (mesh.triangles()[i as usize], mesh.triangles()[j as usize]);
     // Corners at one place go by one name.
     for k in 1..3 {
@@ -141,7 +162,8 @@ fn own_pair(mesh: &TriMesh, i: u32, ti: &[Point; 3], j: u32, tj: &[Point; 3]) ->
         return None;
     }
     let contact = triangles_sharing(ti.each_ref(), ni, tj.each_ref(), nj);
-    let counts = contact.is_some() && !is_degenerate(ti.each_ref()) && !is_degenerate(tj.each_ref());
+    let counts =
+        contact.is_some() && !is_degenerate(ti.each_ref()) && !is_degenerate(tj.each_ref());
     counts.then_some(TrianglePair { a: i, b: j, contact })
 }
 
@@ -220,7 +242,8 @@ mod tests {
         let (mut with_floor, mut own) = (sorted(pairs(&floor, &tree)), own_pairs(&sheet, &tree));
         let (mut changed, mut most_own) = (0, 0);
         for round in 0..12u32 {
-            let is_moved: Vec<bool> = (0..sheet.vertices().len() as u32).map(|v| (v * 7 + round * 31) % 97 < 9).collect();
+            let is_moved: Vec<bool> =
+                (0..sheet.vertices().len() as u32).map(|v| (v * 7 + round * 31) % 97 < 9).collect();
             let shift = |k: usize| f64::from((k as u32 * 37 + round * 11) % 29) / 29.0 - 0.5;
             let x = sheet.vertices().iter().enumerate().map(|(k, p)| {
                 let z = if is_moved[k] { 0.6 * shift(k) } else { 0.0 };
@@ -230,8 +253,10 @@ mod tests {
             tree.refit(sheet.vertices());
             let moved = MovedTriangles::new(&sheet, &is_moved);
             assert!(!moved.is_empty() && moved.len() < sheet.triangles().len());
-            let now =
-                (pairs_after_motion(&floor, &sheet, &moved, &with_floor), own_pairs_after_motion(&sheet, &tree, &moved, &own));
+            let now = (
+                pairs_after_motion(&floor, &sheet, &moved, &with_floor),
+                own_pairs_after_motion(&sheet, &tree, &moved, &own),
+            );
             assert_eq!(now.0, sorted(pairs(&floor, &tree)));
             assert_eq!(now.1, own_pairs(&sheet, &tree));
             changed += usize::from(now.0 != with_floor) + usize::from(now.1 != own);

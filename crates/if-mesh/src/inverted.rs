@@ -31,10 +31,12 @@ struct Part {
     tip: u32,
 }
 
-/// The first part of `mesh`, by its smallest vertex, that faces inwards though no other part encloses it; `None` where there is none.
+/// The first part of `mesh`, by its smallest vertex, that faces inwards though no other part
+/// encloses it; `None` where there is none.
 ///
-/// The mesh has to be closed, its neighbours have to wind alike. A part that faces inwards inside of one that faces outwards is
-/// a cavity, and right. Parts hang together by vertices ([`if_core::edges::parts`]).
+/// The mesh has to be closed, its neighbours have to wind alike. A part that faces inwards inside
+/// of one that faces outwards is a cavity, and right. Parts hang together by vertices
+/// ([`if_core::edges::parts`]).
 ///
 /// ```
 /// use if_core::{mesh::TriMesh, shapes::meshes};
@@ -50,8 +52,15 @@ pub fn inverted_part(mesh: &TriMesh) -> Option<InvertedPart> {
     let mut found: Vec<Option<Part>> = vec![None; mesh.vertices().len()];
     for (t, corners) in mesh.triangles().iter().enumerate() {
         let root = part_of[corners[0] as usize] as usize;
-        let part = found[root].get_or_insert(Part { first: t, triangles: 0, volume: 0.0, area: 0.0, tip: corners[0] });
-        // Volumes off a point of the part itself: far from the origin they would be lost to rounding.
+        let part = found[root].get_or_insert(Part {
+            first: t,
+            triangles: 0,
+            volume: 0.0,
+            area: 0.0,
+            tip: corners[0],
+        });
+        // Volumes off a point of the part itself: far from the origin they would be lost to
+        // rounding.
         let from = mesh.vertices()[root];
         let [a, b, c] = mesh.corners(t);
         part.triangles += 1;
@@ -64,8 +73,8 @@ pub fn inverted_part(mesh: &TriMesh) -> Option<InvertedPart> {
     let mut suspects = found.iter().flatten().filter(inwards).peekable();
     suspects.peek()?;
     let winding = Winding::new(mesh);
-    // At its outermost vertex a part fills at most a half space: it counts -1/2 to 0 there if it faces inwards, and 1 more where
-    // another part encloses it.
+    // At its outermost vertex a part fills at most a half space: it counts -1/2 to 0 there if it
+    // faces inwards, and 1 more where another part encloses it.
     let enclosed = |p: &Part| winding.at(&mesh.vertices()[p.tip as usize]) > 0.25;
     let part = suspects.find(|p| !enclosed(p))?;
     Some(InvertedPart { triangle: part.first, triangles: part.triangles, volume: part.volume })
@@ -98,7 +107,11 @@ mod tests {
         assert_eq!(inverted_part(&TriMesh::default()), None);
         assert_eq!(inverted_part(&balls(&[(0.0, 1.0, false), (3.0, 1.0, false)])), None);
         assert_eq!(inverted_part(&balls(&[(0.0, 1.0, false), (0.1, 0.5, true)])), None, "a cavity");
-        assert_eq!(inverted_part(&balls(&[(0.0, 1.0, false), (0.1, 0.5, true), (0.1, 0.2, false)])), None, "a stone in it");
+        assert_eq!(
+            inverted_part(&balls(&[(0.0, 1.0, false), (0.1, 0.5, true), (0.1, 0.2, false)])),
+            None,
+            "a stone in it"
+        );
         let found = inverted_part(&balls(&[(0.0, 1.0, false), (3.0, 0.5, true)])).unwrap();
         assert_eq!((found.triangle, found.triangles), (each, each));
         assert!(found.volume < -0.4 && found.volume > -0.53, "{found:?}");

@@ -1,5 +1,5 @@
-//! Triangle meshes of garments: files, spatial index, exact intersections, signed distance fields of
-//! meshes, the closed clothed-body field, and measures.
+//! Triangle meshes of garments: files, spatial index, exact intersections, signed distance fields
+//! of meshes, the closed clothed-body field, and measures.
 
 pub mod atomic;
 pub mod attributes;

@@ -1,4 +1,5 @@
-//! The means to make a good open mesh of an extracted surface: [`clip`], [`collapse`] and [`relax`].
+//! The means to make a good open mesh of an extracted surface: [`clip`], [`collapse`] and
+//! [`relax`].
 
 mod clip;
 mod collapse;

@@ -48,8 +48,8 @@ pub struct SurfaceDistance {
     pub max_first_to_second_mm: Real,
     /// The farthest point of the second surface from the first.
     pub max_second_to_first_mm: Real,
-    /// The larger of the two maxima: a lower bound of the Hausdorff distance, which it approaches as
-    /// the samples get denser.
+    /// The larger of the two maxima: a lower bound of the Hausdorff distance, which it approaches
+    /// as the samples get denser.
     pub hausdorff_mm: Real,
 }
 
@@ -74,8 +74,9 @@ pub fn displacement(before: &[Point], after: &[Point]) -> Displacement {
     Displacement { mean, p95: percentile(&moved, 95.0), max: percentile(&moved, 100.0), vertices }
 }
 
-/// Edges shorter than this, in metres, count as this long, so that the strain of a degenerate edge is finite.
-/// The referee's value: ten times more or less changes no garment, whose shortest edges are above 1e-5 m.
+/// Edges shorter than this, in metres, count as this long, so that the strain of a degenerate edge
+/// is finite. The referee's value: ten times more or less changes no garment, whose shortest edges
+/// are above 1e-5 m.
 const SHORTEST_EDGE: Real = 1e-12;
 
 /// How much the edges of `before` changed their length when its vertices moved to `after`. All zero
@@ -83,7 +84,8 @@ const SHORTEST_EDGE: Real = 1e-12;
 ///
 /// # Source
 ///
-/// As `cost` of the project's referee, which takes edges without length that stay so for strained by 100 %.
+/// As `cost` of the project's referee, which takes edges without length that stay so for strained
+/// by 100 %.
 ///
 /// # Panics
 ///
@@ -92,9 +94,14 @@ pub fn strain(before: &TriMesh, after: &[Point]) -> Strain {
     strain_of(&Edges::new(before).vertices, before.vertices(), after)
 }
 
-/// Change of an edge's length as a share of the length before. What has no length and gets none is not strained.
+/// Change of an edge's length as a share of the length before. What has no length and gets none is
+/// not strained.
 pub fn edge_strain(before: Real, after: Real) -> Real {
-    if before.max(after) < SHORTEST_EDGE { 0.0 } else { (after / before.max(SHORTEST_EDGE) - 1.0).abs() }
+    if before.max(after) < SHORTEST_EDGE {
+        0.0
+    } else {
+        (after / before.max(SHORTEST_EDGE) - 1.0).abs()
+    }
 }
 
 /// [`strain`] of edges that the caller has at hand.
@@ -109,7 +116,11 @@ pub fn strain_of(edges: &[[u32; 2]], before: &[Point], after: &[Point]) -> Strai
     let mut strains: Vec<Real> = edges.iter().map(change).collect();
     let squares: Vec<Real> = strains.iter().map(|s| s * s).collect();
     strains.sort_unstable_by(Real::total_cmp);
-    Strain { rms: mean(&squares).sqrt(), p99: percentile(&strains, 99.0), max: percentile(&strains, 100.0) }
+    Strain {
+        rms: mean(&squares).sqrt(),
+        p99: percentile(&strains, 99.0),
+        max: percentile(&strains, 100.0),
+    }
 }
 
 /// Two-sided distance of two surfaces by `samples` points on each, uniform by area and stratified:
@@ -146,7 +157,11 @@ const OTHER_SIDE: u64 = 0x5bd1_e995_9d5c_0a67;
 
 fn distances(points: &[Point], surface: &impl ClosestPoint) -> Vec<Real> {
     // `None` comes only from a surface without triangles: all or nothing.
-    points.par_iter().filter_map(|p| surface.closest(p, Real::INFINITY)).map(|c| c.distance).collect()
+    points
+        .par_iter()
+        .filter_map(|p| surface.closest(p, Real::INFINITY))
+        .map(|c| c.distance)
+        .collect()
 }
 
 /// Points on the surface of `mesh`, uniform by area and stratified; none where it has no area.
@@ -214,8 +229,8 @@ fn mean(values: &[Real]) -> Real {
     if values.is_empty() { 0.0 } else { values.iter().sum::<Real>() / values.len() as Real }
 }
 
-/// The value below which `percent` of the sorted `values` lie, linear between ranks; 0 where there is
-/// none.
+/// The value below which `percent` of the sorted `values` lie, linear between ranks; 0 where there
+/// is none.
 ///
 /// # Source
 ///
@@ -241,9 +256,16 @@ mod tests {
         fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest> {
             let on = |t: usize| {
                 let corners = self.0.corners(t);
-                let (barycentric, feature) = closest_on_triangle(p, corners[0], corners[1], corners[2]);
+                let (barycentric, feature) =
+                    closest_on_triangle(p, corners[0], corners[1], corners[2]);
                 let point = barycentric_point(corners, barycentric);
-                Closest { point, distance: (point - p).norm(), triangle: t as u32, barycentric, feature }
+                Closest {
+                    point,
+                    distance: (point - p).norm(),
+                    triangle: t as u32,
+                    barycentric,
+                    feature,
+                }
             };
             let all = (0..self.0.triangles().len()).map(on).filter(|c| c.distance <= max_distance);
             all.min_by(|a, b| a.distance.total_cmp(&b.distance))
@@ -251,16 +273,23 @@ mod tests {
     }
 
     fn square(side: Real, z: Real) -> TriMesh {
-        let v = [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)].map(|(x, y)| Point::new(x, y, z)).to_vec();
+        let v = [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side)]
+            .map(|(x, y)| Point::new(x, y, z))
+            .to_vec();
         TriMesh::new(v, vec![[0, 1, 2], [0, 2, 3]]).unwrap()
     }
 
     #[test]
     fn percentiles_are_those_of_numpy() {
         // numpy.percentile([1, 2, 4, 8], q) for q = 0, 25, 50, 95, 99, 100
-        let expected = [(0.0, 1.0), (25.0, 1.75), (50.0, 3.0), (95.0, 7.4), (99.0, 7.88), (100.0, 8.0)];
+        let expected =
+            [(0.0, 1.0), (25.0, 1.75), (50.0, 3.0), (95.0, 7.4), (99.0, 7.88), (100.0, 8.0)];
         for (q, value) in expected {
-            approx::assert_relative_eq!(percentile(&[1.0, 2.0, 4.0, 8.0], q), value, max_relative = 1e-15);
+            approx::assert_relative_eq!(
+                percentile(&[1.0, 2.0, 4.0, 8.0], q),
+                value,
+                max_relative = 1e-15
+            );
         }
         assert_eq!(percentile(&[], 95.0), 0.0);
         assert_eq!(percentile(&[7.0], 99.0), 7.0);
@@ -269,18 +298,24 @@ mod tests {
     #[test]
     fn a_shift_displaces_and_strains_nothing_and_a_stretch_strains_edges() {
         let mesh = square(1.0, 0.0);
-        let shifted: Vec<Point> = mesh.vertices().iter().map(|p| p + Vector::new(0.003, 0.004, 0.0)).collect();
+        let shifted: Vec<Point> =
+            mesh.vertices().iter().map(|p| p + Vector::new(0.003, 0.004, 0.0)).collect();
         let d = displacement(mesh.vertices(), &shifted);
         for moved in [d.mean, d.p95, d.max] {
             approx::assert_relative_eq!(moved, 5e-3, max_relative = 1e-12);
         }
         assert!(strain(&mesh, &shifted).max < 1e-14);
         // Doubled in x: of five edges two double, two stay, and the diagonal grows by √(5/2).
-        let wide: Vec<Point> = mesh.vertices().iter().map(|p| Point::new(2.0 * p.x, p.y, p.z)).collect();
+        let wide: Vec<Point> =
+            mesh.vertices().iter().map(|p| Point::new(2.0 * p.x, p.y, p.z)).collect();
         let s = strain(&mesh, &wide);
         let diagonal = 2.5f64.sqrt() - 1.0;
         approx::assert_relative_eq!(s.max, 1.0);
-        approx::assert_relative_eq!(s.rms, ((2.0 + diagonal * diagonal) / 5.0).sqrt(), max_relative = 1e-14);
+        approx::assert_relative_eq!(
+            s.rms,
+            ((2.0 + diagonal * diagonal) / 5.0).sqrt(),
+            max_relative = 1e-14
+        );
     }
 
     #[test]
@@ -301,7 +336,9 @@ mod tests {
     fn parallel_squares_are_as_far_apart_as_they_are() {
         let (a, b) = (square(1.0, 0.0), square(1.0, 0.025));
         let d = surface_distance((&a, &Slow(&a)), (&b, &Slow(&b)), 500, 7);
-        for mm in [d.chamfer_mm, d.hausdorff_mm, d.mean_first_to_second_mm, d.max_second_to_first_mm] {
+        for mm in
+            [d.chamfer_mm, d.hausdorff_mm, d.mean_first_to_second_mm, d.max_second_to_first_mm]
+        {
             approx::assert_relative_eq!(mm, 25.0, max_relative = 1e-12);
         }
         // A square of twice the side reaches √2 beyond the corner, and only one direction sees it.
@@ -329,7 +366,11 @@ mod tests {
     #[test]
     fn the_smallest_angle_is_that_of_school_geometry() {
         let triangle = |p: [[Real; 2]; 3]| {
-            TriMesh::new(p.map(|p| Point::new(p[0], p[1], 7.0)).to_vec(), vec![[0, 1, 2], [2, 0, 1]]).unwrap()
+            TriMesh::new(
+                p.map(|p| Point::new(p[0], p[1], 7.0)).to_vec(),
+                vec![[0, 1, 2], [2, 0, 1]],
+            )
+            .unwrap()
         };
         let cases = [
             ([[0.0, 0.0], [1.0, 0.0], [0.5, 0.75f64.sqrt()]], 60.0),

@@ -35,7 +35,11 @@ impl Turns {
     pub(crate) fn turned(&self, v: usize, n: &Vector) -> Option<Vector> {
         let (a, b) = (&self.before[v], &self.after[v]);
         let sum = a + b;
-        if a == b || *a == Vector::zeros() || *b == Vector::zeros() || n.iter().any(|x| !x.is_finite()) {
+        if a == b
+            || *a == Vector::zeros()
+            || *b == Vector::zeros()
+            || n.iter().any(|x| !x.is_finite())
+        {
             return None;
         }
         let s2 = sum.norm_squared();
@@ -47,7 +51,8 @@ impl Turns {
 }
 
 /// Squared length of a + b, for unit vectors, below which they count as opposite. Rounding leaves
-/// 1e-32 there; ten times more or less changes nothing for surfaces that are not folded onto themselves.
+/// 1e-32 there; ten times more or less changes nothing for surfaces that are not folded onto
+/// themselves.
 const OPPOSITE: f64 = 1e-24;
 
 #[cfg(test)]
@@ -55,7 +60,12 @@ mod tests {
     use super::*;
 
     fn flat() -> TriMesh {
-        let v = vec![Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(0.0, 1.0, 0.0), Point::new(9.0, 9.0, 9.0)];
+        let v = vec![
+            Point::origin(),
+            Point::new(1.0, 0.0, 0.0),
+            Point::new(0.0, 1.0, 0.0),
+            Point::new(9.0, 9.0, 9.0),
+        ];
         TriMesh::new(v, vec![[0, 1, 2]]).unwrap()
     }
 
@@ -63,12 +73,24 @@ mod tests {
     fn a_normal_turns_with_its_triangle() {
         let mesh = flat();
         // Turned by 90° about x: z becomes −y, y becomes z.
-        let moved: Vec<Point> = mesh.vertices().iter().map(|p| Point::new(p.x, -p.z, p.y)).collect();
+        let moved: Vec<Point> =
+            mesh.vertices().iter().map(|p| Point::new(p.x, -p.z, p.y)).collect();
         let turns = Turns::new(&mesh, &moved).unwrap();
-        approx::assert_relative_eq!(turns.turned(0, &Vector::z()).unwrap(), -Vector::y(), epsilon = 1e-15);
+        approx::assert_relative_eq!(
+            turns.turned(0, &Vector::z()).unwrap(),
+            -Vector::y(),
+            epsilon = 1e-15
+        );
         let slanted = Vector::new(0.6, 0.0, 0.8);
-        approx::assert_relative_eq!(turns.turned(1, &slanted).unwrap(), Vector::new(0.6, -0.8, 0.0), epsilon = 1e-15);
-        assert!(turns.turned(3, &Vector::z()).is_none(), "a vertex without triangles has no normal to follow");
+        approx::assert_relative_eq!(
+            turns.turned(1, &slanted).unwrap(),
+            Vector::new(0.6, -0.8, 0.0),
+            epsilon = 1e-15
+        );
+        assert!(
+            turns.turned(3, &Vector::z()).is_none(),
+            "a vertex without triangles has no normal to follow"
+        );
     }
 
     #[test]

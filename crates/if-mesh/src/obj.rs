@@ -2,15 +2,17 @@
 //! moved.
 //!
 //! [`read`] keeps the whole text. [`write()`] copies it, and replaces the coordinates on `v` lines of
-//! vertices that moved (and, see [`Normals`], the normals that turn with them) by the shortest decimals
-//! that are read back as the same `f64`. So UVs, groups, materials, smoothing groups, polygons, comments,
-//! colours behind the coordinates, line ends and the order of everything survive byte for byte.
+//! vertices that moved (and, see [`Normals`], the normals that turn with them) by the shortest
+//! decimals that are read back as the same `f64`. So UVs, groups, materials, smoothing groups,
+//! polygons, comments, colours behind the coordinates, line ends and the order of everything
+//! survive byte for byte.
 //!
 //! The vertices of the mesh are all `v` lines in the file's order, used by a face or not.
 //!
-//! `tobj` is the foreign tool in the tests, and not the reader: it numbers vertices anew in the order of their use
-//! and drops unused ones, which would lose the order; it rounds to `f32`, knows no continued lines, refuses
-//! a `vt` of one number, names no line in its errors, and overflows on some relative indices.
+//! `tobj` is the foreign tool in the tests, and not the reader: it numbers vertices anew in the
+//! order of their use and drops unused ones, which would lose the order; it rounds to `f32`, knows
+//! no continued lines, refuses a `vt` of one number, names no line in its errors, and overflows on
+//! some relative indices.
 
 mod error;
 mod materials;
@@ -66,20 +68,20 @@ enum User {
 }
 
 impl ObjMesh {
-    /// All `v` lines in the file's order, in the file's units, and the faces as triangles. Weights and
-    /// colours behind the coordinates are not looked at.
+    /// All `v` lines in the file's order, in the file's units, and the faces as triangles. Weights
+    /// and colours behind the coordinates are not looked at.
     pub fn mesh(&self) -> &TriMesh {
         &self.mesh
     }
 
-    /// The `f` lines as they stand, where they are not the triangles of the mesh: a face of n corners
-    /// is a fan of n − 2 triangles round its first corner.
+    /// The `f` lines as they stand, where they are not the triangles of the mesh: a face of n
+    /// corners is a fan of n − 2 triangles round its first corner.
     pub fn polygons(&self) -> Option<&Polygons> {
         self.polygons.as_ref()
     }
 
-    /// Indices of `f` lines that use a vertex twice. The triangles of their fans that do so are not in the mesh; the
-    /// lines are written again.
+    /// Indices of `f` lines that use a vertex twice. The triangles of their fans that do so are not
+    /// in the mesh; the lines are written again.
     pub fn collapsed(&self) -> &[u32] {
         &self.collapsed
     }
@@ -89,8 +91,8 @@ impl ObjMesh {
         &self.text
     }
 
-    /// What stands on the `mtllib` lines: a file name that may hold spaces, or several names between spaces. Paths start at the
-    /// folder of the file.
+    /// What stands on the `mtllib` lines: a file name that may hold spaces, or several names
+    /// between spaces. Paths start at the folder of the file.
     pub fn material_libraries(&self) -> Vec<String> {
         materials::libraries(&self.text)
     }
@@ -137,7 +139,12 @@ const BLOCK: usize = 1 << 18;
 /// # Errors
 ///
 /// Positions that do not fit or are not finite, and what `writer` returns.
-pub fn write(obj: &ObjMesh, positions: &[Point], normals: Normals, mut writer: impl Write) -> Result<(), WriteError> {
+pub fn write(
+    obj: &ObjMesh,
+    positions: &[Point],
+    normals: Normals,
+    mut writer: impl Write,
+) -> Result<(), WriteError> {
     let before = obj.mesh.vertices();
     if positions.len() != before.len() {
         return Err(MeshError::VertexCount { expected: before.len(), got: positions.len() }.into());
@@ -151,7 +158,9 @@ pub fn write(obj: &ObjMesh, positions: &[Point], normals: Normals, mut writer: i
         Normals::Follow if !obj.normals.is_empty() => Turns::new(&obj.mesh, positions),
         _ => None,
     };
-    let moved = (0..before.len()).filter(|&v| before[v] != positions[v]).map(|v| (obj.vertices[v], positions[v].coords));
+    let moved = (0..before.len())
+        .filter(|&v| before[v] != positions[v])
+        .map(|v| (obj.vertices[v], positions[v].coords));
     let turned = obj.normals.iter().filter_map(|n| match n.user {
         User::One(v) => Some((n.span, turns.as_ref()?.turned(v as usize, &n.value)?)),
         _ => None,
@@ -219,11 +228,14 @@ mod tests {
     fn a_normal_of_one_vertex_turns_with_it_and_a_shared_one_stays() {
         let obj = read(QUADS.as_bytes()).unwrap();
         assert_eq!(obj.shared_normals(), 1);
-        let turned: Vec<Point> = obj.mesh().vertices().iter().map(|p| Point::new(p.x, -p.z, p.y)).collect();
+        let turned: Vec<Point> =
+            obj.mesh().vertices().iter().map(|p| Point::new(p.x, -p.z, p.y)).collect();
         let text = again(&obj, &turned, Normals::Follow);
         let normals: Vec<&str> = text.lines().filter(|l| l.starts_with("vn")).collect();
         assert_eq!(normals[2], "vn 0 1 0");
-        let value = |l: &str| -> Vec<f64> { l.split_whitespace().skip(1).map(|w| w.parse().unwrap()).collect() };
+        let value = |l: &str| -> Vec<f64> {
+            l.split_whitespace().skip(1).map(|w| w.parse().unwrap()).collect()
+        };
         for (line, expected) in [(normals[0], [0.0, -1.0, 0.0]), (normals[1], [0.6, -0.8, 0.0])] {
             approx::assert_relative_eq!(value(line)[..], expected[..], epsilon = 1e-15);
         }

@@ -1,7 +1,7 @@
 //! The way out of closed layers, on the scale of centimetres.
 //!
-//! The nearest way out of a pleat or an armpit is through its wall. A coarse garment over it must go
-//! another way: up, where the whole is left. That direction is minus the gradient of the layers'
+//! The nearest way out of a pleat or an armpit is through its wall. A coarse garment over it must
+//! go another way: up, where the whole is left. That direction is minus the gradient of the layers'
 //! occupancy, blurred: three box filters each way, a good approximation of a Gaussian.
 
 use crate::solid::ClosedLayer;
@@ -28,15 +28,16 @@ const MAX_NODES: Real = 16_777_216.0;
 const FLAT: Real = 0.02;
 
 impl Outward {
-    /// Directions out of `layers` in `region`, on cells of `cell` metres (more, for a huge region). None at all in a region that is
-    /// empty or beyond the range of numbers.
+    /// Directions out of `layers` in `region`, on cells of `cell` metres (more, for a huge region).
+    /// None at all in a region that is empty or beyond the range of numbers.
     pub fn new(layers: &[&ClosedLayer], region: &Aabb, cell: Real) -> Self {
         let size = region.size();
         if !size.iter().all(|s| (0.0..Real::INFINITY).contains(s)) {
             return Self { origin: Point::origin(), cell, dims: [0; 3], occupancy: Vec::new() };
         }
         let border = 2.0 + 3.0 * RADIUS as Real;
-        let fits = |c: Real| (0..3).map(|k| size[k] / c + 2.0 * border).product::<Real>() <= MAX_NODES;
+        let fits =
+            |c: Real| (0..3).map(|k| size[k] / c + 2.0 * border).product::<Real>() <= MAX_NODES;
         let mut cell = cell;
         while !fits(cell) {
             cell *= 1.25;
@@ -50,7 +51,9 @@ impl Outward {
                 let start = origin + Vector::new(0.0, y as Real, z as Real) * cell;
                 for layer in layers {
                     let of_layer = layer.voxels().row(&start, cell, nx);
-                    of_layer.filter(|(_, v)| !matches!(v, Voxel::Outside | Voxel::Core)).for_each(|(x, _)| row[x] = 1.0);
+                    of_layer
+                        .filter(|(_, v)| !matches!(v, Voxel::Outside | Voxel::Core))
+                        .for_each(|(x, _)| row[x] = 1.0);
                 }
             }
         });
@@ -61,7 +64,8 @@ impl Outward {
         this
     }
 
-    /// One box filter each way. Rows, columns and stacks are summed whole rows at a time, from the lowest to the highest.
+    /// One box filter each way. Rows, columns and stacks are summed whole rows at a time, from the
+    /// lowest to the highest.
     fn blur(&mut self) {
         let [nx, ny, nz] = self.dims;
         let plane = nx * ny;
@@ -79,10 +83,14 @@ impl Outward {
             },
         );
         let source = self.occupancy.clone();
-        self.occupancy.par_chunks_mut(plane).enumerate().for_each(|(z, slab)| mean_of_lines(slab, &source, plane, z, nz));
+        self.occupancy
+            .par_chunks_mut(plane)
+            .enumerate()
+            .for_each(|(z, slab)| mean_of_lines(slab, &source, plane, z, nz));
     }
 
-    /// Unit direction out at `p`; `None` far outside, deep inside and beyond the box, where it is flat.
+    /// Unit direction out at `p`; `None` far outside, deep inside and beyond the box, where it is
+    /// flat.
     pub fn direction(&self, p: &Point) -> Option<Vector> {
         let rel = (p - self.origin) / self.cell;
         let base = [0, 1, 2].map(|k| rel[k].floor());
@@ -91,7 +99,9 @@ impl Outward {
         }
         let t = [0, 1, 2].map(|k| rel[k] - base[k]);
         let at = |x: usize, y: usize, z: usize| {
-            let i = ((base[2] as usize + z) * self.dims[1] + base[1] as usize + y) * self.dims[0] + base[0] as usize + x;
+            let i = ((base[2] as usize + z) * self.dims[1] + base[1] as usize + y) * self.dims[0]
+                + base[0] as usize
+                + x;
             Real::from(self.occupancy[i])
         };
         let mut g = Vector::zeros();
@@ -105,8 +115,10 @@ impl Outward {
                         c[u] = a;
                         c[v] = b;
                     }
-                    let weight = (if a == 0 { 1.0 - t[u] } else { t[u] }) * (if b == 0 { 1.0 - t[v] } else { t[v] });
-                    g[k] += weight * (at(c[0][0], c[0][1], c[0][2]) - at(c[1][0], c[1][1], c[1][2]));
+                    let weight = (if a == 0 { 1.0 - t[u] } else { t[u] })
+                        * (if b == 0 { 1.0 - t[v] } else { t[v] });
+                    g[k] +=
+                        weight * (at(c[0][0], c[0][1], c[0][2]) - at(c[1][0], c[1][1], c[1][2]));
                 }
             }
         }
@@ -117,12 +129,15 @@ impl Outward {
 /// The share of one value in the mean of a window.
 const SHARE: f32 = 1.0 / (2 * RADIUS + 1) as f32;
 
-/// `out` becomes the mean of the lines round the `k`-th of the `n` lines of `source`, each `length` long.
+/// `out` becomes the mean of the lines round the `k`-th of the `n` lines of `source`, each `length`
+/// long.
 fn mean_of_lines(out: &mut [f32], source: &[f32], length: usize, k: usize, n: usize) {
     let (from, to) = (k.saturating_sub(RADIUS), (k + RADIUS).min(n - 1));
     out.copy_from_slice(&source[from * length..(from + 1) * length]);
     for other in from + 1..=to {
-        out.iter_mut().zip(&source[other * length..(other + 1) * length]).for_each(|(a, b)| *a += b);
+        out.iter_mut()
+            .zip(&source[other * length..(other + 1) * length])
+            .for_each(|(a, b)| *a += b);
     }
     out.iter_mut().for_each(|a| *a *= SHARE);
 }

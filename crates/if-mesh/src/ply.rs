@@ -1,18 +1,19 @@
 //! PLY files: text and binary, with everything in them that is not understood here.
 //!
 //! [`read`] takes what any program writes: the three formats, all names of types with `int64` and
-//! `uint64`, elements and properties in any order, unknown elements, lists of any kind, faces of any
-//! number of corners, line ends of Unix and Windows. It holds the result and one block of input: 1.4 times
-//! the file for the usual million triangles, and below four times wherever a number takes four bytes or more (a `0` and a space
-//! of a text file become eight bytes, whatever a reader does). No count in the header is believed: where
-//! the size of the file is known it is checked against it, else room is made as records arrive.
+//! `uint64`, elements and properties in any order, unknown elements, lists of any kind, faces of
+//! any number of corners, line ends of Unix and Windows. It holds the result and one block of
+//! input: 1.4 times the file for the usual million triangles, and below four times wherever a
+//! number takes four bytes or more (a `0` and a space of a text file become eight bytes, whatever a
+//! reader does). No count in the header is believed: where the size of the file is known it is
+//! checked against it, else room is made as records arrive.
 //!
 //! [`write()`] writes `binary_little_endian` in the order that meshio 5.3.5 needs: vertices first,
 //! coordinates first among their properties, then faces. [`Keep`] says what of the rest is written.
 //!
-//! The grammar of the header is read by `ply-rs-bw`. Its payload reader is not used: it takes thirty
-//! times as long, stores each record as a map, and cannot read `nan` or 64-bit integers. It is the foreign
-//! tool in the tests.
+//! The grammar of the header is read by `ply-rs-bw`. Its payload reader is not used: it takes
+//! thirty times as long, stores each record as a map, and cannot read `nan` or 64-bit integers. It
+//! is the foreign tool in the tests.
 
 mod ascii;
 mod binary;
@@ -136,10 +137,15 @@ struct Plan<'h> {
 
 impl<'h> Plan<'h> {
     /// Reads all records of an element.
-    fn read<R: Read>(&self, layout: &'h ElementLayout, source: &mut Source<'_, R>) -> Result<Table<'h>, ReadError> {
+    fn read<R: Read>(
+        &self,
+        layout: &'h ElementLayout,
+        source: &mut Source<'_, R>,
+    ) -> Result<Table<'h>, ReadError> {
         let ascii = self.header.encoding == Encoding::Ascii;
         let corners = self.indices.filter(|_| layout.name == "face").map(|k| (k, self.vertices));
-        let joined = Some(self.axes).filter(|axes| !ascii && layout.name == "vertex" && are_joined(layout, *axes));
+        let joined = Some(self.axes)
+            .filter(|axes| !ascii && layout.name == "vertex" && are_joined(layout, *axes));
         let mut table = Table::new(layout, corners, joined, self.left);
         match self.header.encoding {
             Encoding::Ascii => ascii::read(source, &mut table)?,
@@ -150,19 +156,30 @@ impl<'h> Plan<'h> {
     }
 
     /// Reads `elements` one after the other.
-    fn in_turn<R: Read>(&self, elements: &'h [ElementLayout], source: &mut Source<'_, R>) -> Result<Vec<Table<'h>>, ReadError> {
+    fn in_turn<R: Read>(
+        &self,
+        elements: &'h [ElementLayout],
+        source: &mut Source<'_, R>,
+    ) -> Result<Vec<Table<'h>>, ReadError> {
         elements.iter().map(|layout| self.read(layout, source)).collect()
     }
 
-    /// Reads all from memory: where the first element ends at a byte that the header tells, it and the others at the same time. What is read does not
-    /// depend on that, nor what is reported: a fault of the first element comes before all others.
+    /// Reads all from memory: where the first element ends at a byte that the header tells, it and
+    /// the others at the same time. What is read does not depend on that, nor what is reported: a
+    /// fault of the first element comes before all others.
     fn apart(&self, source: &mut Source<'_, Empty>) -> Result<Vec<Table<'h>>, ReadError> {
         let elements = &self.header.elements[..];
-        let many = self.header.encoding != Encoding::Ascii && self.left.is_some_and(|left| left >= MANY);
-        let Some((first, others)) = elements.split_first().filter(|_| many) else { return self.in_turn(elements, source) };
+        let many =
+            self.header.encoding != Encoding::Ascii && self.left.is_some_and(|left| left >= MANY);
+        let Some((first, others)) = elements.split_first().filter(|_| many) else {
+            return self.in_turn(elements, source);
+        };
         let bytes = first.fixed_bytes().and_then(|n| usize::try_from(n).ok());
-        let Some(mut start) = bytes.and_then(|n| source.split_off(n)) else { return self.in_turn(elements, source) };
-        let (first, others) = rayon::join(|| self.read(first, &mut start), || self.in_turn(others, source));
+        let Some(mut start) = bytes.and_then(|n| source.split_off(n)) else {
+            return self.in_turn(elements, source);
+        };
+        let (first, others) =
+            rayon::join(|| self.read(first, &mut start), || self.in_turn(others, source));
         let mut tables = vec![first?];
         tables.append(&mut others?);
         Ok(tables)
@@ -179,7 +196,8 @@ fn read_from<R: Read>(
     let ascii = header.encoding == Encoding::Ascii;
     let left = size.map(|s| s.saturating_sub(source.offset()));
     check_claims(&header.elements, ascii, left)?;
-    let vertices = header.elements.iter().find(|e| e.name == "vertex").ok_or(ReadError::NoVertices)?;
+    let vertices =
+        header.elements.iter().find(|e| e.name == "vertex").ok_or(ReadError::NoVertices)?;
     let axes = axes(vertices)?;
     let indices = indices(&header.elements)?;
     let plan = Plan { header: &header, left, axes, vertices: vertices.count, indices };
@@ -192,7 +210,9 @@ fn read_from<R: Read>(
         match layout.name.as_str() {
             "vertex" => {
                 (points, ply.coordinates) = match joined {
-                    Some(points) if vertices.properties[axes[0]].scalar == ScalarType::F32 => (points, CoordinateType::Float),
+                    Some(points) if vertices.properties[axes[0]].scalar == ScalarType::F32 => {
+                        (points, CoordinateType::Float)
+                    }
                     Some(points) => (points, CoordinateType::Double),
                     None => {
                         let (points, coordinates) = positions(axes.map(|k| &properties[k].values));
@@ -207,7 +227,11 @@ fn read_from<R: Read>(
                 faces = list.unwrap_or_default();
                 ply.face_properties = properties;
             }
-            _ => ply.other_elements.push(Element { name: layout.name.clone(), count: layout.count as usize, properties }),
+            _ => ply.other_elements.push(Element {
+                name: layout.name.clone(),
+                count: layout.count as usize,
+                properties,
+            }),
         }
     }
     check_end(&mut source, ascii)?;
@@ -218,7 +242,11 @@ fn read_from<R: Read>(
 }
 
 /// Refuses counts that the bytes left cannot hold.
-fn check_claims(elements: &[ElementLayout], ascii: bool, left: Option<u64>) -> Result<(), ReadError> {
+fn check_claims(
+    elements: &[ElementLayout],
+    ascii: bool,
+    left: Option<u64>,
+) -> Result<(), ReadError> {
     let Some(left) = left else { return Ok(()) };
     let mut sum = 0u128;
     for e in elements {
@@ -236,13 +264,17 @@ fn check_claims(elements: &[ElementLayout], ascii: bool, left: Option<u64>) -> R
 fn axes(vertices: &ElementLayout) -> Result<[usize; 3], ReadError> {
     let mut found = [0; 3];
     for (k, axis) in ['x', 'y', 'z'].into_iter().enumerate() {
-        let named = |p: &header::PropertyLayout| p.length.is_none() && p.name.len() == 1 && p.name.starts_with(axis);
-        found[k] = vertices.properties.iter().position(named).ok_or(ReadError::NoCoordinate { axis })?;
+        let named = |p: &header::PropertyLayout| {
+            p.length.is_none() && p.name.len() == 1 && p.name.starts_with(axis)
+        };
+        found[k] =
+            vertices.properties.iter().position(named).ok_or(ReadError::NoCoordinate { axis })?;
     }
     Ok(found)
 }
 
-/// Whether coordinates are joined to positions as they are read: all have the same four or eight bytes, and all records the same size.
+/// Whether coordinates are joined to positions as they are read: all have the same four or eight
+/// bytes, and all records the same size.
 fn are_joined(vertices: &ElementLayout, axes: [usize; 3]) -> bool {
     let [x, y, z] = axes.map(|k| vertices.properties[k].scalar);
     let same = x == y && y == z && !x.is_integer();
@@ -255,7 +287,8 @@ fn indices(elements: &[ElementLayout]) -> Result<Option<usize>, ReadError> {
         let strips = elements.iter().any(|e| e.name == "tristrips" && e.count > 0);
         return if strips { Err(ReadError::TriangleStrips) } else { Ok(None) };
     };
-    let list = |name: &str| face.properties.iter().position(|p| p.name == name && p.length.is_some());
+    let list =
+        |name: &str| face.properties.iter().position(|p| p.name == name && p.length.is_some());
     match list("vertex_indices").or_else(|| list("vertex_index")) {
         Some(k) if !face.properties[k].scalar.is_integer() => {
             let p = &face.properties[k];
@@ -268,7 +301,11 @@ fn indices(elements: &[ElementLayout]) -> Result<Option<usize>, ReadError> {
 
 fn positions(columns: [&Column; 3]) -> (Vec<Point>, CoordinateType) {
     fn join<T: Copy + Into<f64>>(x: &[T], y: &[T], z: &[T]) -> Vec<Point> {
-        x.iter().zip(y).zip(z).map(|((&x, &y), &z)| Point::new(x.into(), y.into(), z.into())).collect()
+        x.iter()
+            .zip(y)
+            .zip(z)
+            .map(|((&x, &y), &z)| Point::new(x.into(), y.into(), z.into()))
+            .collect()
     }
     match columns {
         [Column::F32(x), Column::F32(y), Column::F32(z)] => (join(x, y, z), CoordinateType::Float),
@@ -285,7 +322,9 @@ fn check_end<R: Read>(source: &mut Source<'_, R>, ascii: bool) -> Result<(), Rea
     let (offset, line) = (source.offset(), source.line_number() + 1);
     let rest = source.peek(MAX_TRAILING_SPACE)?;
     if rest.len() >= MAX_TRAILING_SPACE || !rest.trim_ascii().is_empty() {
-        return Err(ReadError::Trailing { at: if ascii { At::Line(line) } else { At::Byte(offset) } });
+        return Err(ReadError::Trailing {
+            at: if ascii { At::Line(line) } else { At::Byte(offset) },
+        });
     }
     Ok(())
 }
@@ -295,6 +334,11 @@ fn check_end<R: Read>(source: &mut Source<'_, R>, ascii: bool) -> Result<(), Rea
 /// # Errors
 ///
 /// As [`write()`], and what the system says about the folder.
-pub fn write_path(ply: &PlyMesh, positions: &[Point], params: &WriteParams, path: &Path) -> Result<(), WriteError> {
+pub fn write_path(
+    ply: &PlyMesh,
+    positions: &[Point],
+    params: &WriteParams,
+    path: &Path,
+) -> Result<(), WriteError> {
     crate::atomic::write(path, |file| write(ply, positions, params, file))
 }

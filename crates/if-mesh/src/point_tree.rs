@@ -2,8 +2,9 @@
 
 use if_core::math::{Point, Real};
 
-/// Points that one leaf holds: fewer make more steps down, more make longer scans. A search for 30 neighbours among the vertices of a template body
-/// took 2.4 µs with 8 to 32, 2.8 µs with 64 and 3.9 µs with 4 (the quietest of three runs on a loaded machine).
+/// Points that one leaf holds: fewer make more steps down, more make longer scans. A search for 30
+/// neighbours among the vertices of a template body took 2.4 µs with 8 to 32, 2.8 µs with 64 and
+/// 3.9 µs with 4 (the quietest of three runs on a loaded machine).
 const LEAF: usize = 16;
 
 /// A balanced k-d tree over points: nearest neighbours by number.
@@ -22,7 +23,8 @@ const LEAF: usize = 16;
 pub struct PointTree {
     /// Points in the order of the leaves, with their indices.
     points: Vec<(Point, u32)>,
-    /// Axis and place of the plane that parts a range of `points` in its middle, in the order of an implicit binary tree.
+    /// Axis and place of the plane that parts a range of `points` in its middle, in the order of an
+    /// implicit binary tree.
     planes: Vec<(u8, Real)>,
 }
 
@@ -34,7 +36,8 @@ impl PointTree {
     /// If there are more than 2³² points.
     pub fn new(points: &[Point]) -> Self {
         assert!(u32::try_from(points.len()).is_ok(), "points are counted in 32 bits");
-        let mut points: Vec<(Point, u32)> = points.iter().enumerate().map(|(i, p)| (*p, i as u32)).collect();
+        let mut points: Vec<(Point, u32)> =
+            points.iter().enumerate().map(|(i, p)| (*p, i as u32)).collect();
         let mut planes = Vec::new();
         part(&mut points, 0, &mut planes);
         Self { points, planes }
@@ -50,8 +53,8 @@ impl PointTree {
         self.points.is_empty()
     }
 
-    /// Writes the `count` points nearest to `p` (fewer where there are fewer) into `found`, as squared distance and
-    /// index, the nearest first, and of equally near ones the smaller index.
+    /// Writes the `count` points nearest to `p` (fewer where there are fewer) into `found`, as
+    /// squared distance and index, the nearest first, and of equally near ones the smaller index.
     pub fn nearest(&self, p: &Point, count: usize, found: &mut Vec<(Real, u32)>) {
         found.clear();
         if count > 0 {
@@ -59,7 +62,8 @@ impl PointTree {
         }
     }
 
-    /// `gap` is the squared distance of `p` from the box of this node, `away` its parts along the axes.
+    /// `gap` is the squared distance of `p` from the box of this node, `away` its parts along the
+    /// axes.
     fn search(
         &self,
         p: &Point,
@@ -111,7 +115,8 @@ fn part(points: &mut [(Point, u32)], node: usize, planes: &mut Vec<(u8, Real)>) 
     let axis = (high - low).imax();
     let middle = points.len() / 2;
     // Equal coordinates are told apart by index: the same tree from the same points, always.
-    points.select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+    points
+        .select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
     planes[node] = (axis as u8, points[middle].0[axis]);
     let (left, right) = points.split_at_mut(middle);
     part(left, 2 * node + 1, planes);
@@ -158,8 +163,11 @@ mod tests {
                 let q = Point::new(q.x + 0.25 * (k % 3) as Real, q.y * 1.5 - 1.0, q.z);
                 for count in [0, 1, 7, 30] {
                     tree.nearest(&q, count, &mut found);
-                    let mut all: Vec<(Real, u32)> =
-                        points.iter().enumerate().map(|(i, p)| ((q - p).norm_squared(), i as u32)).collect();
+                    let mut all: Vec<(Real, u32)> = points
+                        .iter()
+                        .enumerate()
+                        .map(|(i, p)| ((q - p).norm_squared(), i as u32))
+                        .collect();
                     all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                     all.truncate(count);
                     assert_eq!(found, all, "{n} points, {count} nearest");

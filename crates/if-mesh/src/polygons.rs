@@ -1,4 +1,5 @@
-//! The faces of a file as they stand there, beside the triangles that the rest of the crate works on.
+//! The faces of a file as they stand there, beside the triangles that the rest of the crate works
+//! on.
 
 use if_core::mesh::Triangles;
 
@@ -35,11 +36,13 @@ impl Polygons {
         self.starts.windows(2).map(|w| &self.corners[w[0] as usize..w[1] as usize])
     }
 
-    /// Faces given by their corners, for meshes that are not read from a file. They belong to the mesh of [`Polygons::triangles`].
+    /// Faces given by their corners, for meshes that are not read from a file. They belong to the
+    /// mesh of [`Polygons::triangles`].
     ///
     /// # Errors
     ///
-    /// The index of the first face with fewer than three corners, or with which there are more corners than 32 bits count.
+    /// The index of the first face with fewer than three corners, or with which there are more
+    /// corners than 32 bits count.
     pub fn new<F: AsRef<[u32]>>(faces: impl IntoIterator<Item = F>) -> Result<Self, usize> {
         let mut made = Self { starts: vec![0], corners: Vec::new() };
         for (index, face) in faces.into_iter().enumerate() {
@@ -52,7 +55,8 @@ impl Polygons {
         Ok(made)
     }
 
-    /// The triangles that stand for the faces: fans round their first corners, without those that name a vertex twice.
+    /// The triangles that stand for the faces: fans round their first corners, without those that
+    /// name a vertex twice.
     pub fn triangles(&self) -> Vec<[u32; 3]> {
         self.fans().collect()
     }
@@ -62,7 +66,10 @@ impl Polygons {
     }
 
     fn from_triangles(triangles: &[[u32; 3]]) -> Self {
-        Self { starts: (0..=triangles.len() as u32).map(|t| 3 * t).collect(), corners: triangles.as_flattened().to_vec() }
+        Self {
+            starts: (0..=triangles.len() as u32).map(|t| 3 * t).collect(),
+            corners: triangles.as_flattened().to_vec(),
+        }
     }
 
     fn push(&mut self, face: &[u32]) {
@@ -79,8 +86,8 @@ fn fan(face: &[u32]) -> impl Iterator<Item = [u32; 3]> {
 /// Faces as they are read: triangles, and the polygons too as soon as one face is not a triangle.
 ///
 /// A face is cut into a fan round its first corner. A triangle of the fan that names a vertex twice
-/// is left out of the triangles (it has no area, and [`if_core::mesh::TriMesh`] refuses it) and stays
-/// in the polygons; the face is then listed in `collapsed`.
+/// is left out of the triangles (it has no area, and [`if_core::mesh::TriMesh`] refuses it) and
+/// stays in the polygons; the face is then listed in `collapsed`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FaceList {
     pub(crate) triangles: Triangles,
@@ -99,7 +106,8 @@ impl FaceList {
         self.polygons.as_ref().map_or(self.triangles.len(), Polygons::len)
     }
 
-    /// Appends a face of three corners or more; `false` where the corners are more than 32 bits can count.
+    /// Appends a face of three corners or more; `false` where the corners are more than 32 bits can
+    /// count.
     pub(crate) fn push(&mut self, face: &[u32]) -> bool {
         if let (None, &[a, b, c]) = (&self.polygons, face)
             && self.triangles.push([a, b, c]).is_ok()
@@ -107,7 +115,8 @@ impl FaceList {
             return self.triangles.len() <= MAX_CORNERS / 3;
         }
         let index = self.len();
-        let polygons = self.polygons.get_or_insert_with(|| Polygons::from_triangles(&self.triangles));
+        let polygons =
+            self.polygons.get_or_insert_with(|| Polygons::from_triangles(&self.triangles));
         if polygons.corners.len() + face.len() > MAX_CORNERS {
             return false;
         }
@@ -144,7 +153,10 @@ mod tests {
         }
         assert_eq!(faces.triangles[..], [[0, 1, 2], [3, 4, 5], [3, 5, 6], [3, 6, 7], [1, 2, 3]]);
         let polygons = faces.polygons.unwrap();
-        assert_eq!(polygons.iter().collect::<Vec<_>>(), [&[0, 1, 2][..], &[3, 4, 5, 6, 7], &[1, 2, 3]]);
+        assert_eq!(
+            polygons.iter().collect::<Vec<_>>(),
+            [&[0, 1, 2][..], &[3, 4, 5, 6, 7], &[1, 2, 3]]
+        );
         assert_eq!(polygons.face(1).len(), 5);
     }
 

@@ -118,8 +118,12 @@ mod tests {
     #[test]
     fn sides_of_a_thin_wedge_are_right_where_face_normals_would_fail() {
         // A tetrahedron with a sharp tip: beyond the tip, each face alone would err.
-        let v =
-            vec![Point::new(0.0, 0.0, 0.0), Point::new(1.0, 0.1, 0.0), Point::new(1.0, -0.1, 0.1), Point::new(1.0, -0.1, -0.1)];
+        let v = vec![
+            Point::new(0.0, 0.0, 0.0),
+            Point::new(1.0, 0.1, 0.0),
+            Point::new(1.0, -0.1, 0.1),
+            Point::new(1.0, -0.1, -0.1),
+        ];
         let mesh = TriMesh::new(v, vec![[0, 2, 1], [0, 3, 2], [0, 1, 3], [1, 2, 3]]).unwrap();
         assert!(mesh.signed_volume() > 0.0);
         let normals = PseudoNormals::new(&mesh, &Edges::new(&mesh));
@@ -146,6 +150,8 @@ mod tests {
         let bvh = Bvh::new(&mesh);
         let at = |x, y, z| bvh.closest(&Point::new(x, y, z), Real::INFINITY).unwrap();
         assert!(!normals.is_boundary(&at(0.2, 0.2, 0.5)));
-        assert!(normals.is_boundary(&at(0.5, -1.0, 0.5)) && normals.is_boundary(&at(-1.0, -1.0, 0.0)));
+        assert!(
+            normals.is_boundary(&at(0.5, -1.0, 0.5)) && normals.is_boundary(&at(-1.0, -1.0, 0.0))
+        );
     }
 }

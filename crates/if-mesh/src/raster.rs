@@ -7,9 +7,9 @@
 //!                         keep the triangle if it is nearer; at equal depth the smaller index stays
 //! ```
 //!
-//! Blocks and bands have fixed sizes and run on any number of threads with the same result. Tests of what is inside are
-//! exact, so that triangles that share an edge leave no gap and cover no pixel twice. What lies before the near plane,
-//! or far beside the picture, is clipped.
+//! Blocks and bands have fixed sizes and run on any number of threads with the same result. Tests
+//! of what is inside are exact, so that triangles that share an edge leave no gap and cover no
+//! pixel twice. What lies before the near plane, or far beside the picture, is clipped.
 
 mod clip;
 #[cfg(test)]
@@ -55,11 +55,12 @@ pub struct IdBuffer {
     pub depth: Vec<f32>,
 }
 
-/// Steps of a fixed-point coordinate in a pixel: 2 to this power. Ten bits move a corner by half a thousandth of a
-/// pixel; with [`GUARD`] below 2²⁰ pixels, products of differences stay below 2⁶².
+/// Steps of a fixed-point coordinate in a pixel: 2 to this power. Ten bits move a corner by half a
+/// thousandth of a pixel; with [`GUARD`] below 2²⁰ pixels, products of differences stay below 2⁶².
 const STEP_BITS: u32 = 10;
 const STEP: i32 = 1 << STEP_BITS;
-/// What lies further than this beside the picture, in pixels, is clipped. Pictures have at most 2¹⁵ on a side.
+/// What lies further than this beside the picture, in pixels, is clipped. Pictures have at most 2¹⁵
+/// on a side.
 const GUARD: Real = 262_144.0;
 /// Triangles that one task bins.
 const BLOCK: usize = 1 << 14;
@@ -92,9 +93,20 @@ impl Rasteriser {
     /// # Panics
     ///
     /// If there are not as many positions as vertices, or `near` is not positive.
-    pub fn look(&mut self, mesh: &TriMesh, positions: &[Point], camera: &Camera, params: &RasterParams, out: &mut IdBuffer) {
+    pub fn look(
+        &mut self,
+        mesh: &TriMesh,
+        positions: &[Point],
+        camera: &Camera,
+        params: &RasterParams,
+        out: &mut IdBuffer,
+    ) {
         assert_eq!(mesh.vertices().len(), positions.len(), "one position for each vertex");
-        assert!(params.near > 0.0, "the near plane lies before the camera, not at {} m", params.near);
+        assert!(
+            params.near > 0.0,
+            "the near plane lies before the camera, not at {} m",
+            params.near
+        );
         let (width, height) = (camera.width(), camera.height());
         (out.width, out.height) = (width, height);
         out.triangle.resize(width * height, NOTHING);
@@ -103,54 +115,70 @@ impl Rasteriser {
         let low = |c: Real| c.abs() <= GUARD;
         self.camera_points.resize(positions.len(), Point::origin());
         self.fixed.resize(positions.len(), OUTSIDE);
-        self.camera_points.par_chunks_mut(BLOCK).zip(self.fixed.par_chunks_mut(BLOCK)).zip(positions.par_chunks(BLOCK)).for_each(
-            |((points, fixed), positions)| {
+        self.camera_points
+            .par_chunks_mut(BLOCK)
+            .zip(self.fixed.par_chunks_mut(BLOCK))
+            .zip(positions.par_chunks(BLOCK))
+            .for_each(|((points, fixed), positions)| {
                 for ((q, f), p) in points.iter_mut().zip(fixed).zip(positions) {
                     *q = camera.to_camera(p);
                     let pixel = camera.to_pixel(q);
                     let holds = q.z >= params.near && low(pixel.x) && low(pixel.y);
                     *f = if holds { fixed_point(&pixel) } else { OUTSIDE };
                 }
-            },
-        );
+            });
 
         let bands = height.div_ceil(BAND);
         let blocks = mesh.triangles().len().div_ceil(BLOCK);
         self.bins.resize_with(blocks, Block::default);
         let (points, fixed) = (&self.camera_points, &self.fixed);
-        self.bins.par_iter_mut().zip(mesh.triangles().par_chunks(BLOCK)).enumerate().for_each(|(block, (bin, triangles))| {
-            bin.whole.resize_with(bands, Vec::new);
-            bin.whole.iter_mut().for_each(Vec::clear);
-            bin.pieces.clear();
-            for (t, tri) in triangles.iter().enumerate() {
-                let id = (block * BLOCK + t) as u32;
-                let corners = tri.map(|v| fixed[v as usize]);
-                if corners.contains(&OUTSIDE) {
-                    let ends = tri.map(|v| points[v as usize]);
-                    clip::pieces(*tri, &ends, camera, params.near, |piece| bin.pieces.push((id, piece)));
-                    continue;
+        self.bins.par_iter_mut().zip(mesh.triangles().par_chunks(BLOCK)).enumerate().for_each(
+            |(block, (bin, triangles))| {
+                bin.whole.resize_with(bands, Vec::new);
+                bin.whole.iter_mut().for_each(Vec::clear);
+                bin.pieces.clear();
+                for (t, tri) in triangles.iter().enumerate() {
+                    let id = (block * BLOCK + t) as u32;
+                    let corners = tri.map(|v| fixed[v as usize]);
+                    if corners.contains(&OUTSIDE) {
+                        let ends = tri.map(|v| points[v as usize]);
+                        clip::pieces(*tri, &ends, camera, params.near, |piece| {
+                            bin.pieces.push((id, piece))
+                        });
+                        continue;
+                    }
+                    let Some([_, _, top, bottom]) = pixels(&corners, width, height) else {
+                        continue;
+                    };
+                    if params.cull_back && area(&corners) >= 0 {
+                        continue;
+                    }
+                    for band in top as usize / BAND..=bottom as usize / BAND {
+                        bin.whole[band].push(id);
+                    }
                 }
-                let Some([_, _, top, bottom]) = pixels(&corners, width, height) else { continue };
-                if params.cull_back && area(&corners) >= 0 {
-                    continue;
-                }
-                for band in top as usize / BAND..=bottom as usize / BAND {
-                    bin.whole[band].push(id);
-                }
-            }
-        });
+            },
+        );
 
         let chunk = BAND * width;
         let bins = &self.bins;
-        out.triangle.par_chunks_mut(chunk).zip(out.depth.par_chunks_mut(chunk)).enumerate().for_each(
-            |(band, (triangle, depth))| {
+        out.triangle
+            .par_chunks_mut(chunk)
+            .zip(out.depth.par_chunks_mut(chunk))
+            .enumerate()
+            .for_each(|(band, (triangle, depth))| {
                 triangle.fill(NOTHING);
                 let mut nearness = vec![0.0; triangle.len()];
-                let mut target = Band { first: band * BAND, width, camera, triangle, nearness: &mut nearness };
+                let mut target =
+                    Band { first: band * BAND, width, camera, triangle, nearness: &mut nearness };
                 for bin in bins {
                     for &id in &bin.whole[band] {
                         let tri = mesh.triangles()[id as usize];
-                        target.fill(id, &tri.map(|v| fixed[v as usize]), &Plane::new(tri.map(|v| points[v as usize])));
+                        target.fill(
+                            id,
+                            &tri.map(|v| fixed[v as usize]),
+                            &Plane::new(tri.map(|v| points[v as usize])),
+                        );
                     }
                     for (id, corners) in &bin.pieces {
                         if params.cull_back && area(corners) >= 0 {
@@ -160,16 +188,26 @@ impl Rasteriser {
                         target.fill(*id, corners, &Plane::new(tri.map(|v| points[v as usize])));
                     }
                 }
-                depth.iter_mut().zip(&nearness).for_each(|(z, n)| *z = if *n > 0.0 { (1.0 / n) as f32 } else { f32::INFINITY });
-            },
-        );
+                depth.iter_mut().zip(&nearness).for_each(|(z, n)| {
+                    *z = if *n > 0.0 { (1.0 / n) as f32 } else { f32::INFINITY }
+                });
+            });
     }
 
-    /// Where, on the triangle it sees, the ray through the centre of a pixel ends, after [`Rasteriser::look`]: its
-    /// barycentric coordinates, clamped to the triangle, and the cosine between the triangle's normal and the way back
-    /// to the camera, negative where its back is seen. `None` where the triangle is seen from its edge.
-    pub fn hit(&self, mesh: &TriMesh, camera: &Camera, triangle: u32, column: usize, row: usize) -> Option<([Real; 3], Real)> {
-        let [a, b, c] = mesh.triangles()[triangle as usize].map(|v| self.camera_points[v as usize].coords);
+    /// Where, on the triangle it sees, the ray through the centre of a pixel ends, after
+    /// [`Rasteriser::look`]: its barycentric coordinates, clamped to the triangle, and the cosine
+    /// between the triangle's normal and the way back to the camera, negative where its back is
+    /// seen. `None` where the triangle is seen from its edge.
+    pub fn hit(
+        &self,
+        mesh: &TriMesh,
+        camera: &Camera,
+        triangle: u32,
+        column: usize,
+        row: usize,
+    ) -> Option<([Real; 3], Real)> {
+        let [a, b, c] =
+            mesh.triangles()[triangle as usize].map(|v| self.camera_points[v as usize].coords);
         let d = camera.pixel_direction(&center(column, row));
         // The volumes that the ray spans with the edges.
         let w = [d.dot(&b.cross(&c)), d.dot(&c.cross(&a)), d.dot(&a.cross(&b))];
@@ -203,7 +241,8 @@ fn center(column: usize, row: usize) -> Point2<Real> {
 /// The nearest fixed-point position; the pixel lies within [`GUARD`].
 fn fixed_point(pixel: &Point2<Real>) -> [i32; 2] {
     [pixel.x, pixel.y].map(|c| {
-        // Half a step goes away from zero, as `round` has it; that would be a call of the system's library.
+        // Half a step goes away from zero, as `round` has it; that would be a call of the system's
+        // library.
         let steps = c * Real::from(STEP);
         let whole = steps as i32;
         let rest = steps - Real::from(whole);
@@ -227,8 +266,8 @@ fn pixels(c: &[[i32; 2]; 3], width: usize, height: usize) -> Option<[i32; 4]> {
     (left <= right && top <= bottom).then_some([left, right, top, bottom])
 }
 
-/// Twice the area in steps², positive where the corners turn clockwise on the screen, whose y points down: a triangle
-/// that is seen from its front turns the other way.
+/// Twice the area in steps², positive where the corners turn clockwise on the screen, whose y
+/// points down: a triangle that is seen from its front turns the other way.
 #[inline]
 fn area(c: &[[i32; 2]; 3]) -> i64 {
     let d = |p: [i32; 2], k: usize| i64::from(p[k]) - i64::from(c[0][k]);
@@ -274,7 +313,10 @@ struct Band<'a> {
 impl Band<'_> {
     fn fill(&mut self, id: u32, corners: &[[i32; 2]; 3], plane: &Plane) {
         let rows = self.triangle.len() / self.width;
-        let Some([left, right, top, bottom]) = pixels(corners, self.width, self.first + rows) else { return };
+        let Some([left, right, top, bottom]) = pixels(corners, self.width, self.first + rows)
+        else {
+            return;
+        };
         let top = top.max(self.first as i32);
         let twice = area(corners);
         if twice == 0 || top > bottom {

@@ -10,9 +10,9 @@ use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 
-/// Nearer to the surface than this share of the mesh's size, the direction to the nearest point is lost
-/// to rounding (1e-16 of the size) and the pseudo-normal serves as gradient. A thousand times more would
-/// show as a wrong gradient beside creases.
+/// Nearer to the surface than this share of the mesh's size, the direction to the nearest point is
+/// lost to rounding (1e-16 of the size) and the pseudo-normal serves as gradient. A thousand times
+/// more would show as a wrong gradient beside creases.
 const TOUCHING: Real = 1e-12;
 
 /// Why a mesh has no signed distance.
@@ -49,7 +49,9 @@ pub enum SdfError {
         others: usize,
     },
     /// The whole mesh faces inwards, or encloses nothing.
-    #[error("the mesh encloses {volume} m³: it is inside out or flat; triangles must be counter-clockwise seen from outside")]
+    #[error(
+        "the mesh encloses {volume} m³: it is inside out or flat; triangles must be counter-clockwise seen from outside"
+    )]
     InsideOut {
         /// Signed volume, in cubic metres.
         volume: Real,
@@ -73,15 +75,15 @@ pub enum SdfError {
 
 /// The signed distance of a closed mesh, or of an open garment where it has a side.
 ///
-/// An open surface has no side beyond its rim: where the nearest point lies on a boundary edge, on one of
-/// more than two triangles, or on one whose triangles wind in opposite senses, [`MeshSdf::signed`] is
-/// `None`, and the field reads as *no constraint*: distance +∞, gradient zero. So too farther away than
-/// its reach.
+/// An open surface has no side beyond its rim: where the nearest point lies on a boundary edge, on
+/// one of more than two triangles, or on one whose triangles wind in opposite senses,
+/// [`MeshSdf::signed`] is `None`, and the field reads as *no constraint*: distance +∞, gradient
+/// zero. So too farther away than its reach.
 ///
 /// # Source
 ///
-/// Bærentzen and Aanæs 2005, *Signed distance computation using the angle weighted pseudonormal*: exact
-/// for closed surfaces without self-intersections.
+/// Bærentzen and Aanæs 2005, *Signed distance computation using the angle weighted pseudonormal*:
+/// exact for closed surfaces without self-intersections.
 ///
 /// # Examples
 ///
@@ -108,20 +110,26 @@ impl MeshSdf {
     ///
     /// # Errors
     ///
-    /// A mesh that is empty, open or non-manifold at an edge, of inconsistent winding, or inside out, as a whole or in a part.
+    /// A mesh that is empty, open or non-manifold at an edge, of inconsistent winding, or inside
+    /// out, as a whole or in a part.
     pub fn closed(mesh: &TriMesh) -> Result<Self, SdfError> {
         if mesh.triangles().is_empty() {
             return Err(SdfError::Empty);
         }
         let edges = Edges::new(mesh);
-        let unshared: Vec<usize> = (0..edges.valence.len()).filter(|e| edges.valence[*e] != 2).collect();
+        let unshared: Vec<usize> =
+            (0..edges.valence.len()).filter(|e| edges.valence[*e] != 2).collect();
         if let Some(e) = unshared.first() {
             let (edge, triangles) = (edges.vertices[*e], edges.valence[*e]);
             return Err(SdfError::NotClosed { edge, triangles, others: unshared.len() - 1 });
         }
-        let turned: Vec<usize> = (0..edges.valence.len()).filter(|e| is_turned(mesh, &edges, *e)).collect();
+        let turned: Vec<usize> =
+            (0..edges.valence.len()).filter(|e| is_turned(mesh, &edges, *e)).collect();
         if let Some(e) = turned.first() {
-            return Err(SdfError::Winding { triangles: edges.triangles[*e], others: turned.len() - 1 });
+            return Err(SdfError::Winding {
+                triangles: edges.triangles[*e],
+                others: turned.len() - 1,
+            });
         }
         let volume = mesh.signed_volume();
         if volume.is_nan() || volume <= 0.0 {
@@ -146,7 +154,9 @@ impl MeshSdf {
             return Err(SdfError::Reach { reach });
         }
         let edges = Edges::new(mesh);
-        let sideless: Vec<bool> = (0..edges.valence.len()).map(|e| edges.valence[e] != 2 || is_turned(mesh, &edges, e)).collect();
+        let sideless: Vec<bool> = (0..edges.valence.len())
+            .map(|e| edges.valence[e] != 2 || is_turned(mesh, &edges, e))
+            .collect();
         let mut ends = vec![false; mesh.vertices().len()];
         for (e, _) in sideless.iter().enumerate().filter(|(_, sideless)| **sideless) {
             edges.vertices[e].iter().for_each(|v| ends[*v as usize] = true);
@@ -158,7 +168,15 @@ impl MeshSdf {
         let surface = Bvh::new(mesh);
         let touching = TOUCHING * surface.aabb().diagonal();
         let normals = PseudoNormals::new(mesh, &edges);
-        Self { surface, normals, edge_of: edges.of_triangle, triangles: mesh.triangles().to_vec(), sideless, reach, touching }
+        Self {
+            surface,
+            normals,
+            edge_of: edges.of_triangle,
+            triangles: mesh.triangles().to_vec(),
+            sideless,
+            reach,
+            touching,
+        }
     }
 
     /// Distance and gradient at `p`; `None` where the surface has no side, or is out of reach.
@@ -166,15 +184,19 @@ impl MeshSdf {
         self.signed_within(p, self.reach)
     }
 
-    /// The same, but `None` also where the surface is farther than `limit` metres: the nearer, the faster.
+    /// The same, but `None` also where the surface is farther than `limit` metres: the nearer, the
+    /// faster.
     pub fn signed_within(&self, p: &Point, limit: Real) -> Option<FieldSample> {
         let c = self.surface.closest(p, limit.min(self.reach))?;
         if self.is_sideless(&c) {
             return None;
         }
         let side = if self.normals.side(p, &c) < 0.0 { -1.0 } else { 1.0 };
-        let gradient =
-            if c.distance > self.touching { (p - c.point) * (side / c.distance) } else { unit_or_zero(&self.normals.at(&c)) };
+        let gradient = if c.distance > self.touching {
+            (p - c.point) * (side / c.distance)
+        } else {
+            unit_or_zero(&self.normals.at(&c))
+        };
         Some(FieldSample { distance: side * c.distance, gradient })
     }
 
@@ -183,7 +205,9 @@ impl MeshSdf {
         match c.feature {
             Feature::Face => false,
             Feature::Edge(k) => edges[self.edge_of[c.triangle as usize][k as usize] as usize],
-            Feature::Vertex(k) => vertices[self.triangles[c.triangle as usize][k as usize] as usize],
+            Feature::Vertex(k) => {
+                vertices[self.triangles[c.triangle as usize][k as usize] as usize]
+            }
         }
     }
 
@@ -211,7 +235,8 @@ impl SignedDistance for MeshSdf {
     }
 
     fn sample(&self, p: &Point) -> FieldSample {
-        self.signed(p).unwrap_or(FieldSample { distance: Real::INFINITY, gradient: Vector::zeros() })
+        self.signed(p)
+            .unwrap_or(FieldSample { distance: Real::INFINITY, gradient: Vector::zeros() })
     }
 
     /// The box of a closed mesh; that of an open one, and its reach.
@@ -257,7 +282,12 @@ mod tests {
         for (mesh, truth, error) in &cases {
             let field = MeshSdf::closed(mesh).unwrap();
             let points = points(400, 0.8);
-            check_signed_distance(&field, &points, &FieldTolerances { kinks: 0.2, ..FieldTolerances::default() }).unwrap();
+            check_signed_distance(
+                &field,
+                &points,
+                &FieldTolerances { kinks: 0.2, ..FieldTolerances::default() },
+            )
+            .unwrap();
             check_closest_point(field.surface(), mesh, &points[..50], 1e-13).unwrap();
             for p in &points {
                 approx::assert_relative_eq!(field.distance(p), truth.distance(p), epsilon = *error);
@@ -284,7 +314,12 @@ mod tests {
         assert_eq!(at(0.1, 0.5), None, "out of reach");
         let none = field.sample(&Point::new(0.45, -0.01, 0.0));
         assert_eq!(none, FieldSample { distance: Real::INFINITY, gradient: Vector::zeros() });
-        check_signed_distance(&field, &points(400, 0.9), &FieldTolerances { kinks: 0.2, ..FieldTolerances::default() }).unwrap();
+        check_signed_distance(
+            &field,
+            &points(400, 0.9),
+            &FieldTolerances { kinks: 0.2, ..FieldTolerances::default() },
+        )
+        .unwrap();
     }
 
     #[test]
@@ -292,7 +327,9 @@ mod tests {
         let ball = meshes::icosphere(1.0, 1);
         let with = |t: Vec<[u32; 3]>| TriMesh::new(ball.vertices().to_vec(), t).unwrap();
         let turned: Vec<[u32; 3]> = ball.triangles().iter().map(|[a, b, c]| [*a, *c, *b]).collect();
-        assert!(matches!(MeshSdf::closed(&with(turned.clone())), Err(SdfError::InsideOut { volume }) if volume < -3.0));
+        assert!(
+            matches!(MeshSdf::closed(&with(turned.clone())), Err(SdfError::InsideOut { volume }) if volume < -3.0)
+        );
         let mut one = ball.triangles().to_vec();
         one[7] = turned[7];
         assert!(matches!(MeshSdf::closed(&with(one)), Err(SdfError::Winding { others: 2, .. })));
@@ -306,12 +343,21 @@ mod tests {
         let flat = TriMesh::new(ball.vertices().to_vec(), vec![[0, 1, 2], [0, 2, 1]]).unwrap();
         assert!(matches!(MeshSdf::closed(&flat), Err(SdfError::InsideOut { volume: 0.0 })));
         // A small ball beside it that faces inwards.
-        let beside = ball.vertices().iter().map(|p| Point::new(0.1 * p.x + 2.0, 0.1 * p.y, 0.1 * p.z));
+        let beside =
+            ball.vertices().iter().map(|p| Point::new(0.1 * p.x + 2.0, 0.1 * p.y, 0.1 * p.z));
         let both: Vec<Point> = ball.vertices().iter().copied().chain(beside).collect();
         let first = ball.vertices().len() as u32;
-        let triangles = ball.triangles().iter().copied().chain(turned.iter().map(|t| t.map(|v| v + first))).collect();
+        let triangles = ball
+            .triangles()
+            .iter()
+            .copied()
+            .chain(turned.iter().map(|t| t.map(|v| v + first)))
+            .collect();
         let error = MeshSdf::closed(&TriMesh::new(both, triangles).unwrap()).unwrap_err();
-        assert!(matches!(error, SdfError::PartInsideOut { part } if part.triangle == turned.len()), "{error}");
+        assert!(
+            matches!(error, SdfError::PartInsideOut { part } if part.triangle == turned.len()),
+            "{error}"
+        );
     }
 
     #[test]
@@ -325,7 +371,10 @@ mod tests {
         ];
         let above = Point::new(0.5, 0.0, 0.1);
         let sheet = TriMesh::new(v.clone(), vec![[0, 1, 2], [1, 0, 3]]).unwrap();
-        approx::assert_relative_eq!(MeshSdf::open(&sheet, 1.0).unwrap().signed(&above).unwrap().distance, 0.1);
+        approx::assert_relative_eq!(
+            MeshSdf::open(&sheet, 1.0).unwrap().signed(&above).unwrap().distance,
+            0.1
+        );
         let fin = TriMesh::new(v.clone(), vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]]).unwrap();
         assert_eq!(MeshSdf::open(&fin, 1.0).unwrap().signed(&above), None);
         let turned = TriMesh::new(v, vec![[0, 1, 2], [0, 1, 3]]).unwrap();

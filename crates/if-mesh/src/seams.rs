@@ -1,4 +1,5 @@
-//! Seams: borders that lie in one place, as exporters leave them where texture coordinates or normals jump.
+//! Seams: borders that lie in one place, as exporters leave them where texture coordinates or
+//! normals jump.
 
 use if_core::edges::{Edges, NONE};
 use if_core::math::Point;
@@ -7,8 +8,8 @@ use if_core::mesh::TriMesh;
 /// A mesh with its seams closed ([`sew`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sewn {
-    /// The same triangles in the same order. Of the vertices of a seam that stand in one place the first is left, and only
-    /// vertices that triangles use.
+    /// The same triangles in the same order. Of the vertices of a seam that stand in one place the
+    /// first is left, and only vertices that triangles use.
     pub mesh: TriMesh,
     /// For each vertex that came the one of `mesh` in its place; [`NONE`] for one of no triangle.
     pub place: Vec<u32>,
@@ -17,13 +18,18 @@ pub struct Sewn {
 }
 
 impl Sewn {
-    /// Positions for the mesh that came: those of its vertices in `mesh`, and `came` for those of no triangle.
+    /// Positions for the mesh that came: those of its vertices in `mesh`, and `came` for those of
+    /// no triangle.
     ///
     /// # Panics
     ///
     /// If `sewn` or `came` are not as many as the vertices of `mesh` or of the mesh that came.
     pub fn spread(&self, sewn: &[Point], came: &[Point]) -> Vec<Point> {
-        assert_eq!((sewn.len(), came.len()), (self.mesh.vertices().len(), self.place.len()), "one position for each vertex");
+        assert_eq!(
+            (sewn.len(), came.len()),
+            (self.mesh.vertices().len(), self.place.len()),
+            "one position for each vertex"
+        );
         // Where nothing moved the sign of a zero stays, too.
         let at = |(place, came): (&u32, &Point)| match sewn.get(*place as usize) {
             Some(p) if p != came => *p,
@@ -33,12 +39,13 @@ impl Sewn {
     }
 }
 
-/// Closes seams: two boundary edges whose ends stand in exactly the same places, of triangles that wind alike, become one.
-/// Vertices that no triangle uses are left out. `None` where there is nothing to do, which is found out in one pass over sorted
-/// positions.
+/// Closes seams: two boundary edges whose ends stand in exactly the same places, of triangles that
+/// wind alike, become one. Vertices that no triangle uses are left out. `None` where there is
+/// nothing to do, which is found out in one pass over sorted positions.
 ///
-/// Positions are compared exactly, so that no hem is sewn to another that only comes near. Edges where more than two
-/// triangles would meet stay open, as do both sides of a sheet that lies on itself and triangles that have two corners in one place.
+/// Positions are compared exactly, so that no hem is sewn to another that only comes near. Edges
+/// where more than two triangles would meet stay open, as do both sides of a sheet that lies on
+/// itself and triangles that have two corners in one place.
 ///
 /// ```
 /// use if_core::{math::Point, mesh::TriMesh};
@@ -70,7 +77,8 @@ pub fn sew(mesh: &TriMesh) -> Option<Sewn> {
         }
     }
     let triangles = mesh.triangles().iter().map(|t| t.map(|v| place[v as usize])).collect();
-    let mesh = TriMesh::new(vertices, triangles).expect("corners stay apart, and positions are those that came");
+    let mesh = TriMesh::new(vertices, triangles)
+        .expect("corners stay apart, and positions are those that came");
     Some(Sewn { mesh, place, edges })
 }
 
@@ -102,8 +110,8 @@ struct Border {
     across: u32,
 }
 
-/// Unites in `joined` the ends of boundary edges that lie in one place: each vertex names the first of its group. Returns how many
-/// edges are closed.
+/// Unites in `joined` the ends of boundary edges that lie in one place: each vertex names the first
+/// of its group. Returns how many edges are closed.
 fn join(mesh: &TriMesh, spots: &[u32], joined: &mut [u32]) -> usize {
     let edges = Edges::new(mesh);
     let mut borders = Vec::new();
@@ -111,9 +119,14 @@ fn join(mesh: &TriMesh, spots: &[u32], joined: &mut [u32]) -> usize {
         for k in 0..3 {
             let [a, b, c] = [0, 1, 2].map(|i| corners[(k + i) % 3]);
             let [from, to, across] = [a, b, c].map(|v| spots[v as usize]);
-            if edges.valence[edges.of_triangle[t][k] as usize] == 1 && from != to && across != from && across != to {
+            if edges.valence[edges.of_triangle[t][k] as usize] == 1
+                && from != to
+                && across != from
+                && across != to
+            {
                 let forward = from < to;
-                let (places, ends) = if forward { ([from, to], [a, b]) } else { ([to, from], [b, a]) };
+                let (places, ends) =
+                    if forward { ([from, to], [a, b]) } else { ([to, from], [b, a]) };
                 borders.push(Border { places, forward, ends, across });
             }
         }
@@ -141,7 +154,8 @@ fn join(mesh: &TriMesh, spots: &[u32], joined: &mut [u32]) -> usize {
         }
     }
     (0..joined.len() as u32).for_each(|v| joined[v as usize] = first(joined, v));
-    // A needle somewhere at the seam may have got two corners in one vertex: what meets there stays apart.
+    // A needle somewhere at the seam may have got two corners in one vertex: what meets there stays
+    // apart.
     let mut apart = vec![false; joined.len()];
     for t in mesh.triangles() {
         let [a, b, c] = t.map(|v| joined[v as usize]);
@@ -167,8 +181,10 @@ mod tests {
 
     /// Each triangle with corners of its own.
     fn unsewn(mesh: &TriMesh) -> TriMesh {
-        let vertices = mesh.triangles().as_flattened().iter().map(|v| mesh.vertices()[*v as usize]).collect();
-        let triangles = (0..mesh.triangles().len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let vertices =
+            mesh.triangles().as_flattened().iter().map(|v| mesh.vertices()[*v as usize]).collect();
+        let triangles =
+            (0..mesh.triangles().len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
         TriMesh::new(vertices, triangles).unwrap()
     }
 
@@ -200,10 +216,16 @@ mod tests {
 
     #[test]
     fn sheets_that_lie_on_one_another_or_wind_against_each_other_are_not_sewn() {
-        let v: Vec<Point> = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]].map(|[x, y]| Point::new(x, y, 0.0)).to_vec();
+        let v: Vec<Point> = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
+            .map(|[x, y]| Point::new(x, y, 0.0))
+            .to_vec();
         let with = |places: &[usize]| {
             let vertices = places.iter().map(|k| v[*k]).collect();
-            TriMesh::new(vertices, (0..places.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()).unwrap()
+            TriMesh::new(
+                vertices,
+                (0..places.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+            )
+            .unwrap()
         };
         assert_eq!(sew(&with(&[0, 1, 2, 0, 2, 1])), None, "front and back of one sheet");
         assert_eq!(sew(&with(&[0, 1, 2, 0, 1, 2])), None, "twice the same");
@@ -215,12 +237,18 @@ mod tests {
     #[test]
     fn needles_keep_their_corners_and_strays_stay_where_they_are() {
         // Two triangles of a square, and a needle with two corners in one end of the seam.
-        let v = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [3.0, -0.0]];
+        let v =
+            [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [3.0, -0.0]];
         let v: Vec<Point> = v.map(|[x, y]| Point::new(x, y, 0.0)).to_vec();
         let mesh = TriMesh::new(v, vec![[0, 1, 2], [3, 4, 5], [1, 3, 0]]).unwrap();
         let sewn = sew(&mesh).unwrap();
         assert_eq!(sewn.place, [0, 1, 2, 3, 4, 2, NONE]);
         let spread = sewn.spread(sewn.mesh.vertices(), mesh.vertices());
-        assert!(spread.iter().zip(mesh.vertices()).all(|(a, b)| a.coords.map(f64::to_bits) == b.coords.map(f64::to_bits)));
+        assert!(
+            spread
+                .iter()
+                .zip(mesh.vertices())
+                .all(|(a, b)| a.coords.map(f64::to_bits) == b.coords.map(f64::to_bits))
+        );
     }
 }

@@ -7,9 +7,9 @@
 //! (M D + ℓ² L) s = M votes             M: areas of vertices, L: Laplacian by cotangents, not below a floor
 //! ```
 //!
-//! The matrix is symmetric and positive, and an M-matrix: s lies between 0 and 1 and, as the rows of L sum to zero,
-//! the fields of all labels sum to 1. What no frame saw is filled in harmonically; a piece of the mesh of which nothing
-//! was seen at all stays at zero, undecided.
+//! The matrix is symmetric and positive, and an M-matrix: s lies between 0 and 1 and, as the rows
+//! of L sum to zero, the fields of all labels sum to 1. What no frame saw is filled in
+//! harmonically; a piece of the mesh of which nothing was seen at all stays at zero, undecided.
 
 use crate::votes::{LabelVotes, UNDECIDED, winner};
 use if_core::edges::Edges;
@@ -62,7 +62,8 @@ impl LabelScores {
         self.scores.len() / self.labels.max(1)
     }
 
-    /// The label of each vertex: that of the highest score, the smaller one of equals; [`UNDECIDED`] without any.
+    /// The label of each vertex: that of the highest score, the smaller one of equals;
+    /// [`UNDECIDED`] without any.
     pub fn winners(&self) -> Vec<u8> {
         (0..self.vertices()).map(|v| winner(self.of(v))).collect()
     }
@@ -97,7 +98,9 @@ pub enum SmoothLabelError {
         expected: usize,
     },
     /// A number of votes that is negative or not finite.
-    #[error("vertex {vertex} has {value} votes for label {label}; votes must be finite and not negative")]
+    #[error(
+        "vertex {vertex} has {value} votes for label {label}; votes must be finite and not negative"
+    )]
     Votes {
         /// The vertex.
         vertex: usize,
@@ -115,7 +118,9 @@ pub enum SmoothLabelError {
         value: Real,
     },
     /// The solver did not get there.
-    #[error("label {label}: the residual is still {residual:.1e} after {steps} steps; allow more, or a larger tolerance")]
+    #[error(
+        "label {label}: the residual is still {residual:.1e} after {steps} steps; allow more, or a larger tolerance"
+    )]
     NotConverged {
         /// The label.
         label: usize,
@@ -134,7 +139,11 @@ pub enum SmoothLabelError {
 /// # Errors
 ///
 /// Votes that do not fit or are no numbers, and a solve that does not converge.
-pub fn smooth_labels(mesh: &TriMesh, votes: &LabelVotes, params: &SmoothLabelParams) -> Result<LabelScores, SmoothLabelError> {
+pub fn smooth_labels(
+    mesh: &TriMesh,
+    votes: &LabelVotes,
+    params: &SmoothLabelParams,
+) -> Result<LabelScores, SmoothLabelError> {
     smooth_labels_watched(mesh, votes, params, &|_| ControlFlow::Continue(()))
 }
 
@@ -169,9 +178,13 @@ pub fn smooth_labels_watched(
         .into_par_iter()
         .map(|label| {
             let right: Vec<Real> = (0..n).map(|v| areas[v] * votes.of(v)[label]).collect();
-            let solved = matrix.solve(&right, params.tolerance, params.max_steps, &|step| watch(&SolveStep { label, step }));
+            let solved = matrix.solve(&right, params.tolerance, params.max_steps, &|step| {
+                watch(&SolveStep { label, step })
+            });
             solved.map_err(|fault| match fault {
-                Unsolved::Slow { steps, residual } => SmoothLabelError::NotConverged { label, steps, residual },
+                Unsolved::Slow { steps, residual } => {
+                    SmoothLabelError::NotConverged { label, steps, residual }
+                }
                 Unsolved::Cancelled => SmoothLabelError::Cancelled,
             })
         })
@@ -215,11 +228,12 @@ pub(crate) fn vertex_areas(mesh: &TriMesh) -> Vec<Real> {
     areas
 }
 
-/// Least weight of an edge; that of an edge between equilateral triangles is 0.58. Obtuse triangles have negative
-/// cotangents, which would let fields leave their range; ten times less would nearly cut slivers off, ten times more
-/// would make everything the graph's Laplacian.
+/// Least weight of an edge; that of an edge between equilateral triangles is 0.58. Obtuse triangles
+/// have negative cotangents, which would let fields leave their range; ten times less would nearly
+/// cut slivers off, ten times more would make everything the graph's Laplacian.
 const FLOOR: Real = 0.05;
-/// And the largest: a needle's cotangent is unbounded, and would tie its short side together before all else anyway.
+/// And the largest: a needle's cotangent is unbounded, and would tie its short side together before
+/// all else anyway.
 const CEILING: Real = 50.0;
 
 /// The cotangent of the angle at `at`; zero in a degenerate triangle.
@@ -229,7 +243,8 @@ fn cotangent(at: &Point, a: &Point, b: &Point) -> Real {
     if sine > 0.0 { u.dot(&v) / sine } else { 0.0 }
 }
 
-/// For each edge the length of its dual edge as a share of its own: half the sum of the cotangents opposite, between
+/// For each edge the length of its dual edge as a share of its own: half the sum of the cotangents
+/// opposite, between
 /// [`FLOOR`] and [`CEILING`].
 pub(crate) fn dual_weights(mesh: &TriMesh, edges: &Edges) -> Vec<Real> {
     let mut weights = vec![0.0; edges.len()];
@@ -237,7 +252,8 @@ pub(crate) fn dual_weights(mesh: &TriMesh, edges: &Edges) -> Vec<Real> {
         let corners = mesh.corners(t);
         for k in 0..3 {
             // The edge from corner k to k + 1 lies opposite corner k + 2.
-            weights[of[k] as usize] += 0.5 * cotangent(corners[(k + 2) % 3], corners[k], corners[(k + 1) % 3]);
+            weights[of[k] as usize] +=
+                0.5 * cotangent(corners[(k + 2) % 3], corners[k], corners[(k + 1) % 3]);
         }
     }
     weights.iter().map(|w| w.clamp(FLOOR, CEILING)).collect()
@@ -262,8 +278,10 @@ impl Matrix {
         let n = mesh.vertices().len();
         let edges = Edges::new(mesh);
         let weights = dual_weights(mesh, &edges);
-        let mut diagonal: Vec<Real> = (0..n).map(|v| areas[v] * votes.of(v).iter().sum::<Real>()).collect();
-        let links = edges.vertices.iter().zip(&weights).map(|(ends, w)| (*ends, length * length * w));
+        let mut diagonal: Vec<Real> =
+            (0..n).map(|v| areas[v] * votes.of(v).iter().sum::<Real>()).collect();
+        let links =
+            edges.vertices.iter().zip(&weights).map(|(ends, w)| (*ends, length * length * w));
         for ([a, b], w) in links.clone() {
             diagonal[a as usize] += w;
             diagonal[b as usize] += w;
@@ -274,12 +292,16 @@ impl Matrix {
 
     fn product(&self, x: &[Real], out: &mut [Real]) {
         for (v, out) in out.iter_mut().enumerate() {
-            *out = self.entries.of(v).iter().fold(self.diagonal[v] * x[v], |sum, (w, a)| sum + a * x[*w as usize]);
+            *out = self
+                .entries
+                .of(v)
+                .iter()
+                .fold(self.diagonal[v] * x[v], |sum, (w, a)| sum + a * x[*w as usize]);
         }
     }
 
-    /// Conjugate gradients, preconditioned by the diagonal, from zero. Pieces without votes have no right-hand side
-    /// and stay at zero.
+    /// Conjugate gradients, preconditioned by the diagonal, from zero. Pieces without votes have no
+    /// right-hand side and stay at zero.
     fn solve(
         &self,
         right: &[Real],
@@ -293,7 +315,8 @@ impl Matrix {
         if size == 0.0 {
             return Ok(x);
         }
-        let inverse: Vec<Real> = self.diagonal.iter().map(|d| if *d > 0.0 { 1.0 / d } else { 0.0 }).collect();
+        let inverse: Vec<Real> =
+            self.diagonal.iter().map(|d| if *d > 0.0 { 1.0 / d } else { 0.0 }).collect();
         let mut r = right.to_vec();
         let mut z: Vec<Real> = r.iter().zip(&inverse).map(|(r, i)| r * i).collect();
         let mut p = z.clone();
@@ -356,7 +379,12 @@ mod tests {
             let right = nalgebra::DVector::from_fn(n, |v, _| areas[v] * votes.of(v)[label]);
             let wanted = factor.solve(&right);
             for v in 0..n {
-                assert!((scores.of(v)[label] - wanted[v]).abs() < 1e-9, "{} {}", scores.of(v)[label], wanted[v]);
+                assert!(
+                    (scores.of(v)[label] - wanted[v]).abs() < 1e-9,
+                    "{} {}",
+                    scores.of(v)[label],
+                    wanted[v]
+                );
             }
         }
         // All fields sum to one.
@@ -369,14 +397,23 @@ mod tests {
     fn between_two_votes_a_tube_is_filled_in_linearly() {
         // Votes for 1 below and for 2 above, none between: harmonic, so linear in the height.
         let mesh = tube(0.1, 1.0, 16, 20, false);
-        let of: Vec<u8> = mesh.vertices().iter().map(|p| if p.y < 0.21 { 1 } else { 2 * u8::from(p.y > 0.79) }).collect();
+        let of: Vec<u8> = mesh
+            .vertices()
+            .iter()
+            .map(|p| if p.y < 0.21 { 1 } else { 2 * u8::from(p.y > 0.79) })
+            .collect();
         let mut votes = LabelVotes::from_labels(&of, 3);
         votes.weights.iter_mut().for_each(|w| *w *= 1e6); // votes that hold
         let scores = smooth_labels(&mesh, &votes, &exact(0.01)).unwrap();
         for (v, p) in mesh.vertices().iter().enumerate() {
             let wanted = ((p.y - 0.2) / 0.6).clamp(0.0, 1.0);
             // 20 rings: the one at 0.2 votes, and so does the one at 0.8.
-            assert!((scores.of(v)[2] - wanted).abs() < 1e-4, "y = {}: {} for {wanted}", p.y, scores.of(v)[2]);
+            assert!(
+                (scores.of(v)[2] - wanted).abs() < 1e-4,
+                "y = {}: {} for {wanted}",
+                p.y,
+                scores.of(v)[2]
+            );
         }
     }
 
@@ -385,7 +422,12 @@ mod tests {
         let (a, b) = (icosphere(0.2, 3), icosphere(0.1, 1));
         let n = a.vertices().len();
         let vertices = [a.vertices(), b.vertices()].concat();
-        let triangles = a.triangles().iter().copied().chain(b.triangles().iter().map(|t| t.map(|v| v + n as u32))).collect();
+        let triangles = a
+            .triangles()
+            .iter()
+            .copied()
+            .chain(b.triangles().iter().map(|t| t.map(|v| v + n as u32)))
+            .collect();
         let mesh = TriMesh::new(vertices, triangles).unwrap();
         let of: Vec<u8> = (0..mesh.vertices().len())
             .map(|v| {
@@ -400,7 +442,9 @@ mod tests {
             .collect();
         let scores = smooth_labels(&mesh, &LabelVotes::from_labels(&of, 3), &exact(0.1)).unwrap();
         let winners = scores.winners();
-        assert!(winners[..n].iter().all(|l| *l == 1) && winners[n..].iter().all(|l| *l == UNDECIDED));
+        assert!(
+            winners[..n].iter().all(|l| *l == 1) && winners[n..].iter().all(|l| *l == UNDECIDED)
+        );
     }
 
     #[test]
@@ -414,16 +458,28 @@ mod tests {
         let error = smooth_labels(&mesh, &bad, &exact(0.1)).unwrap_err();
         assert!(matches!(error, SmoothLabelError::Votes { vertex: 1, label: 2, .. }), "{error}");
         let few = LabelVotes::from_labels(&of[1..], 4);
-        assert!(matches!(smooth_labels(&mesh, &few, &exact(0.1)), Err(SmoothLabelError::Vertices { .. })));
-        assert!(matches!(smooth_labels(&mesh, &votes, &exact(-1.0)), Err(SmoothLabelError::Param { name: "length", .. })));
+        assert!(matches!(
+            smooth_labels(&mesh, &few, &exact(0.1)),
+            Err(SmoothLabelError::Vertices { .. })
+        ));
+        assert!(matches!(
+            smooth_labels(&mesh, &votes, &exact(-1.0)),
+            Err(SmoothLabelError::Param { name: "length", .. })
+        ));
         let hurried = SmoothLabelParams { max_steps: 1, ..exact(0.3) };
-        assert!(matches!(smooth_labels(&mesh, &votes, &hurried), Err(SmoothLabelError::NotConverged { steps: 1, .. })));
+        assert!(matches!(
+            smooth_labels(&mesh, &votes, &hurried),
+            Err(SmoothLabelError::NotConverged { steps: 1, .. })
+        ));
         let broken = smooth_labels_watched(&mesh, &votes, &exact(0.3), &|at| match at {
             SolveStep { label: 2, step: 3 } => ControlFlow::Break(()),
             _ => ControlFlow::Continue(()),
         });
         assert_eq!(broken.unwrap_err(), SmoothLabelError::Cancelled);
         let empty = LabelVotes { labels: 3, weights: vec![] };
-        assert_eq!(smooth_labels(&TriMesh::default(), &empty, &exact(0.1)).unwrap().scores, Vec::<Real>::new());
+        assert_eq!(
+            smooth_labels(&TriMesh::default(), &empty, &exact(0.1)).unwrap().scores,
+            Vec::<Real>::new()
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! The closed clothed-body field: one side for every point, whatever collars, lapels and hems do.
 //!
-//! A garment is an open sheet. Signs from its pseudo-normals flip at folded collars and mean nothing
-//! beyond a hem. A [`ClosedLayer`] closes it first:
+//! A garment is an open sheet. Signs from its pseudo-normals flip at folded collars and mean
+//! nothing beyond a hem. A [`ClosedLayer`] closes it first:
 //!
 //! ```text
 //! shadow  = what lies between a triangle of the garment and the part of the body nearest to it
@@ -12,12 +12,13 @@
 //! ```
 //!
 //! The shadow fills the gap between a tight garment and the body, and the pockets under collars and
-//! lapels; curtains and caps shut what hangs further away: a coat's hem, a wide skirt. Voxels settle the sign of
-//! points away from walls. Nearer, the nearest triangle does: each of its two sides was labelled
-//! *outside* or *inside* beforehand, by looking along its normal for the first voxel without a wall. A
-//! side that sees another triangle of the same garment first lies in a pocket, and is inside.
-//! Distances and nearest points are exact, to the triangles themselves; only the choice of the sign
-//! goes through voxels. The body, closed by itself, takes its sign from pseudo-normals alone.
+//! lapels; curtains and caps shut what hangs further away: a coat's hem, a wide skirt. Voxels
+//! settle the sign of points away from walls. Nearer, the nearest triangle does: each of its two
+//! sides was labelled *outside* or *inside* beforehand, by looking along its normal for the first
+//! voxel without a wall. A side that sees another triangle of the same garment first lies in a
+//! pocket, and is inside. Distances and nearest points are exact, to the triangles themselves; only
+//! the choice of the sign goes through voxels. The body, closed by itself, takes its sign from
+//! pseudo-normals alone.
 //!
 //! # Source
 //!
@@ -54,7 +55,8 @@ pub struct ClosedLayer {
 struct Closure {
     /// For each triangle whether its [front, back] is outside.
     outside: Vec<[bool; 2]>,
-    /// The triangles that part inside from outside, with their numbers in the mesh. None where all do.
+    /// The triangles that part inside from outside, with their numbers in the mesh. None where all
+    /// do.
     interface: Option<(Bvh, Vec<u32>)>,
 }
 
@@ -75,17 +77,19 @@ pub struct Sided {
 }
 
 /// Side of the voxels, as a share of the body's height: 4 mm for a person. Halving it costs eight
-/// times the memory and changes no sign on the test data; doubling it merges sleeves with the torso.
+/// times the memory and changes no sign on the test data; doubling it merges sleeves with the
+/// torso.
 const CELL: Real = 1.0 / 420.0;
-/// A triangle casts a shadow on a body that is no further than this share of the body's height away:
-/// 50 mm for a person, more than a collar stands off a neck.
+/// A triangle casts a shadow on a body that is no further than this share of the body's height
+/// away: 50 mm for a person, more than a collar stands off a neck.
 const SHADOW: Real = 1.0 / 34.0;
 /// Looks along a normal for a free voxel at these multiples of a voxel.
 const PROBES: [Real; 5] = [0.8, 1.2, 1.7, 2.2, 2.8];
 /// A wall's voxel further than this many cells from the garment's triangles is a wall of something
 /// else: its diagonal is 1.73.
 const NOT_OURS: Real = 1.8;
-/// Curtains reach this far, as a share of the body's height; a loop further away keeps its cap only.
+/// Curtains reach this far, as a share of the body's height; a loop further away keeps its cap
+/// only.
 const CURTAIN: Real = 0.25;
 
 impl ClosedLayer {
@@ -112,12 +116,16 @@ impl ClosedLayer {
     pub fn garment(mesh: &TriMesh, body: &ClosedLayer, body_mesh: &TriMesh) -> Self {
         let edges = Edges::new(mesh);
         let index = || (Bvh::new(mesh), PseudoNormals::new(mesh, &edges));
-        let ((bvh, normals), voxels) = rayon::join(index, || closed_voxels(mesh, &edges, body, body_mesh));
+        let ((bvh, normals), voxels) =
+            rayon::join(index, || closed_voxels(mesh, &edges, body, body_mesh));
         let outside = label_sides(mesh, &bvh, &normals, &voxels);
-        let keep: Vec<u32> = (0..mesh.triangles().len() as u32).filter(|&t| outside[t as usize] != [false; 2]).collect();
+        let keep: Vec<u32> = (0..mesh.triangles().len() as u32)
+            .filter(|&t| outside[t as usize] != [false; 2])
+            .collect();
         let interface = (keep.len() < mesh.triangles().len() && !keep.is_empty()).then(|| {
             let triangles = keep.iter().map(|&t| mesh.triangles()[t as usize]).collect();
-            let part = TriMesh::new(mesh.vertices().to_vec(), triangles).expect("a part of a mesh is a mesh");
+            let part = TriMesh::new(mesh.vertices().to_vec(), triangles)
+                .expect("a part of a mesh is a mesh");
             (Bvh::new(&part), keep)
         });
         Self {
@@ -156,8 +164,8 @@ impl ClosedLayer {
         self.vertices[v]
     }
 
-    /// What the layer's voxels say of `p`: for a body [`Voxel::Inside`] where it is inside, for a garment
-    /// between it and the body.
+    /// What the layer's voxels say of `p`: for a body [`Voxel::Inside`] where it is inside, for a
+    /// garment between it and the body.
     pub fn voxel(&self, p: &Point) -> Voxel {
         self.voxels.at(p)
     }
@@ -167,8 +175,8 @@ impl ClosedLayer {
         &self.voxels
     }
 
-    /// Unit direction out of the layer at vertex `v`; zero where the triangles round it do not agree, or
-    /// lie in a pocket.
+    /// Unit direction out of the layer at vertex `v`; zero where the triangles round it do not
+    /// agree, or lie in a pocket.
     pub fn vertex_normal(&self, v: usize) -> Vector {
         self.normals.vertex(v as u32) * self.vertex_orientations[v]
     }
@@ -183,9 +191,10 @@ impl ClosedLayer {
         self.bvh.aabb().distance_squared(p) > reach * reach
     }
 
-    /// Whether `p` is surely outside by the voxels alone, however near a triangle may be. Of a closed body nothing is needed:
-    /// true. While a point stays where this holds, its distance changes by no more than it moves; elsewhere it can jump, where
-    /// it passes a part of the closure that is no surface of the garment.
+    /// Whether `p` is surely outside by the voxels alone, however near a triangle may be. Of a
+    /// closed body nothing is needed: true. While a point stays where this holds, its distance
+    /// changes by no more than it moves; elsewhere it can jump, where it passes a part of the
+    /// closure that is no surface of the garment.
     pub fn is_outside_by_voxels(&self, p: &Point) -> bool {
         self.closure.is_none() || self.voxels.at(p) == Voxel::Outside
     }
@@ -195,20 +204,21 @@ impl ClosedLayer {
         self.sided_from(p, reach, None)
     }
 
-    /// The same answer as [`ClosedLayer::sided`], sooner where `hint` is a triangle near `p`: that of the answer to a
-    /// point near by, say. Any triangle of the layer may be named.
+    /// The same answer as [`ClosedLayer::sided`], sooner where `hint` is a triangle near `p`: that
+    /// of the answer to a point near by, say. Any triangle of the layer may be named.
     ///
     /// # Panics
     ///
     /// If there is no such triangle.
     pub fn sided_from(&self, p: &Point, reach: Real, hint: Option<u32>) -> Option<Sided> {
-        // What is further than the hint need not be looked at. The slack is more than rounding, of distances and of coordinates, so
-        // that nothing as near is lost.
+        // What is further than the hint need not be looked at. The slack is more than rounding, of
+        // distances and of coordinates, so that nothing as near is lost.
         let bound = hint.map_or(Real::INFINITY, |t| {
             let [a, b, c] = &self.corners(t);
             let (w, _) = closest_on_triangle(p, a, b, c);
             let distance = (p - barycentric_point([a, b, c], w)).norm();
-            distance * (1.0 + 1e-9) + 1e-12 * (p.coords.amax() + a.coords.amax() + b.coords.amax() + c.coords.amax())
+            distance * (1.0 + 1e-9)
+                + 1e-12 * (p.coords.amax() + a.coords.amax() + b.coords.amax() + c.coords.amax())
         });
         let Some(closure) = &self.closure else {
             // Beyond `reach` of a closed surface a point may still be deep inside it.
@@ -238,11 +248,15 @@ impl ClosedLayer {
             Voxel::Outside => false,
             // Inside the body, and beyond where this layer ends: no matter of this layer.
             Voxel::Core if boundary => false,
-            // A wall of the body or of a cap: this layer does not come near, so the side is that of the
-            // voxels round about.
-            Voxel::Wall if near.distance > NOT_OURS * self.voxels.cell() => self.voxels.around(p) == Voxel::Inside,
+            // A wall of the body or of a cap: this layer does not come near, so the side is that of
+            // the voxels round about.
+            Voxel::Wall if near.distance > NOT_OURS * self.voxels.cell() => {
+                self.voxels.around(p) == Voxel::Inside
+            }
             Voxel::Wall if boundary => self.beyond_boundary(p, &near, closure),
-            Voxel::Wall | Voxel::Core => !closure.outside[near.triangle as usize][usize::from(side < 0.0)],
+            Voxel::Wall | Voxel::Core => {
+                !closure.outside[near.triangle as usize][usize::from(side < 0.0)]
+            }
         };
         if !inside {
             if near.distance > reach {
@@ -303,11 +317,14 @@ impl ClosedLayer {
     }
 }
 
-/// Voxels whose walls are the garment, its shadow, the body, curtains and caps, flooded from outside.
+/// Voxels whose walls are the garment, its shadow, the body, curtains and caps, flooded from
+/// outside.
 fn closed_voxels(mesh: &TriMesh, edges: &Edges, body: &ClosedLayer, body_mesh: &TriMesh) -> Voxels {
     let height = body.bvh.aabb().size().max();
-    let extent = Aabb::from_points(mesh.triangles().iter().flatten().map(|v| &mesh.vertices()[*v as usize]));
-    let mut voxels = Voxels::new(&extent.inflated(height * CELL * PROBES[PROBES.len() - 1]), height * CELL);
+    let extent =
+        Aabb::from_points(mesh.triangles().iter().flatten().map(|v| &mesh.vertices()[*v as usize]));
+    let mut voxels =
+        Voxels::new(&extent.inflated(height * CELL * PROBES[PROBES.len() - 1]), height * CELL);
     for t in 0..mesh.triangles().len() {
         voxels.add_wall(mesh.corners(t));
     }
@@ -324,10 +341,13 @@ fn closed_voxels(mesh: &TriMesh, edges: &Edges, body: &ClosedLayer, body_mesh: &
 
 /// Fills what lies between each triangle and the body.
 fn cast_shadow(voxels: &mut Voxels, mesh: &TriMesh, body: &Bvh, reach: Real) {
-    let feet: Vec<Option<Point>> = mesh.vertices().par_iter().map(|p| body.closest(p, reach).map(|c| c.point)).collect();
+    let feet: Vec<Option<Point>> =
+        mesh.vertices().par_iter().map(|p| body.closest(p, reach).map(|c| c.point)).collect();
     let cell = voxels.cell();
-    let longest = |p: [&Point; 3]| (0..3).map(|k| (p[k] - p[(k + 1) % 3]).norm()).fold(0.0, Real::max);
-    // Each triangle that casts a shadow, where it falls, and into how many strips its sides are cut.
+    let longest =
+        |p: [&Point; 3]| (0..3).map(|k| (p[k] - p[(k + 1) % 3]).norm()).fold(0.0, Real::max);
+    // Each triangle that casts a shadow, where it falls, and into how many strips its sides are
+    // cut.
     let mut casting: Vec<(usize, [Point; 3], usize)> = Vec::new();
     let mut segments = 0;
     for (t, tri) in mesh.triangles().iter().enumerate() {
@@ -371,7 +391,8 @@ fn fill_shadows(voxels: &mut Voxels, mesh: &TriMesh, casting: &[(usize, [Point; 
 fn close_loop(voxels: &mut Voxels, mesh: &TriMesh, walk: &[u32], body: &Bvh, reach: Real) {
     let rim: Vec<Point> = walk.iter().map(|v| mesh.vertices()[*v as usize]).collect();
     let middle = Point::from(rim.iter().map(|p| p.coords).sum::<Vector>() / rim.len() as Real);
-    let feet: Vec<Option<Point>> = rim.par_iter().map(|p| body.closest(p, reach).map(|c| c.point)).collect();
+    let feet: Vec<Option<Point>> =
+        rim.par_iter().map(|p| body.closest(p, reach).map(|c| c.point)).collect();
     for k in 0..rim.len() {
         let next = (k + 1) % rim.len();
         voxels.add_wall([&rim[k], &rim[next], &middle]);
@@ -396,7 +417,12 @@ fn vertex_orientations(mesh: &TriMesh, outside: &[[bool; 2]]) -> Vec<Real> {
 }
 
 /// For each triangle whether its front and its back are outside.
-fn label_sides(mesh: &TriMesh, bvh: &Bvh, normals: &PseudoNormals, voxels: &Voxels) -> Vec<[bool; 2]> {
+fn label_sides(
+    mesh: &TriMesh,
+    bvh: &Bvh,
+    normals: &PseudoNormals,
+    voxels: &Voxels,
+) -> Vec<[bool; 2]> {
     (0..mesh.triangles().len())
         .into_par_iter()
         .map(|t| {
@@ -411,8 +437,9 @@ fn label_sides(mesh: &TriMesh, bvh: &Bvh, normals: &PseudoNormals, voxels: &Voxe
                     if seen == Voxel::Wall {
                         continue;
                     }
-                    let covered =
-                        bvh.first_hit(&middle, &to, |other| !mesh.triangles()[other as usize].iter().any(|v| own.contains(v)));
+                    let covered = bvh.first_hit(&middle, &to, |other| {
+                        !mesh.triangles()[other as usize].iter().any(|v| own.contains(v))
+                    });
                     return if covered.is_some() { None } else { Some(seen) };
                 }
                 None
@@ -432,8 +459,8 @@ fn label_sides(mesh: &TriMesh, bvh: &Bvh, normals: &PseudoNormals, voxels: &Voxe
 
 /// The union of closed layers, as one field: the clothed body that Appendix C corrects against.
 ///
-/// The distance is exact outside; inside, it is the largest depth in any one layer, which is a lower
-/// bound of the way out. It jumps across the caps that close a garment's openings.
+/// The distance is exact outside; inside, it is the largest depth in any one layer, which is a
+/// lower bound of the way out. It jumps across the caps that close a garment's openings.
 #[derive(Debug)]
 pub struct ClothedField<'a> {
     layers: Vec<&'a ClosedLayer>,
@@ -454,7 +481,8 @@ impl SignedDistance for ClothedField<'_> {
     fn sample(&self, p: &Point) -> FieldSample {
         let mut best = FieldSample { distance: Real::INFINITY, gradient: Vector::zeros() };
         for layer in &self.layers {
-            let reach = if best.distance.is_finite() { best.distance.max(0.0) } else { Real::INFINITY };
+            let reach =
+                if best.distance.is_finite() { best.distance.max(0.0) } else { Real::INFINITY };
             if let Some(s) = layer.sided(p, reach)
                 && s.distance < best.distance
             {
@@ -468,7 +496,8 @@ impl SignedDistance for ClothedField<'_> {
         Some(self.layers.iter().fold(Aabb::EMPTY, |b, l| b.merged(&l.bvh.aabb())))
     }
 
-    /// 1 where all layers are bodies; across the caps of garments the field jumps, and nothing bounds that.
+    /// 1 where all layers are bodies; across the caps of garments the field jumps, and nothing
+    /// bounds that.
     fn lipschitz(&self) -> Real {
         if self.layers.iter().all(|l| l.closure.is_none()) { 1.0 } else { Real::INFINITY }
     }
@@ -565,7 +594,10 @@ mod tests {
         let mesh = body();
         let solid = ClosedLayer::body(&mesh);
         // Up along the body, over a crease, and down again outside, 10 mm away: front becomes back.
-        let collar = lathe(&[(0.12, 0.8), (0.115, 1.0), (0.112, 1.1), (0.117, 1.105), (0.122, 1.1), (0.128, 1.02)], 64);
+        let collar = lathe(
+            &[(0.12, 0.8), (0.115, 1.0), (0.112, 1.1), (0.117, 1.105), (0.122, 1.1), (0.128, 1.02)],
+            64,
+        );
         let layer = ClosedLayer::garment(&collar, &solid, &mesh);
         check(
             &layer,
@@ -579,7 +611,11 @@ mod tests {
             ],
         );
         let s = layer.sided(&Point::new(0.0, 1.06, 0.118), 0.1).unwrap();
-        assert!(s.normal.z > 0.9, "the way out of the pocket leads through the flap: {:?}", s.normal);
+        assert!(
+            s.normal.z > 0.9,
+            "the way out of the pocket leads through the flap: {:?}",
+            s.normal
+        );
         assert!(layer.covered_triangles() > 0);
     }
 

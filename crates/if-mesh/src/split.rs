@@ -1,4 +1,5 @@
-//! Some triangles into four, their neighbours into two or three, with all that hangs on vertices and corners.
+//! Some triangles into four, their neighbours into two or three, with all that hangs on vertices
+//! and corners.
 
 use crate::attributes::Source;
 use if_core::edges::Edges;
@@ -8,9 +9,11 @@ use if_core::mesh::{MeshError, TriMesh};
 /// A mesh of which some triangles were split.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Split {
-    /// The old vertices first, in their order, then the new ones. The parts of a triangle stand in its place.
+    /// The old vertices first, in their order, then the new ones. The parts of a triangle stand in
+    /// its place.
     pub mesh: TriMesh,
-    /// What each vertex was made of: carries attributes along ([`crate::attributes::VertexAttributes::derive`]).
+    /// What each vertex was made of: carries attributes along
+    /// ([`crate::attributes::VertexAttributes::derive`]).
     pub sources: Vec<Source>,
     /// Where each triangle lies in one of the mesh before.
     pub parts: Vec<Part>,
@@ -37,8 +40,9 @@ impl Part {
     }
 }
 
-/// Splits the triangles that `marked` names at the middles of their edges into four. Their neighbours are split at the same middles, into two
-/// or three, so that no gap opens. The surface stays where it is.
+/// Splits the triangles that `marked` names at the middles of their edges into four. Their
+/// neighbours are split at the same middles, into two or three, so that no gap opens. The surface
+/// stays where it is.
 ///
 /// # Errors
 ///
@@ -50,8 +54,8 @@ impl Part {
 ///
 /// # Source
 ///
-/// Bank, Sherman and Weiser 1983, *Refinement algorithms and data structures for regular local mesh refinement* (the regular, "red",
-/// split and its closure).
+/// Bank, Sherman and Weiser 1983, *Refinement algorithms and data structures for regular local mesh
+/// refinement* (the regular, "red", split and its closure).
 ///
 /// # Examples
 ///
@@ -87,7 +91,9 @@ pub fn split(mesh: &TriMesh, marked: &[bool]) -> Result<Split, MeshError> {
         let of = edges.of_triangle[t].map(|e| e as usize);
         // Places 0 to 2 are the corners, 3 to 5 the middles of the edges that begin there.
         let at = |place: usize| if place < 3 { tri[place] } else { middle[of[place - 3]] };
-        let length = |p: usize, q: usize| (vertices[at(p) as usize] - vertices[at(q) as usize]).norm_squared();
+        let length = |p: usize, q: usize| {
+            (vertices[at(p) as usize] - vertices[at(q) as usize]).norm_squared()
+        };
         for corners in places(of.map(|e| cut[e]), length) {
             triangles.push(corners.map(at));
             parts.push(Part { parent: t as u32, corners: corners.map(weights) });
@@ -96,7 +102,8 @@ pub fn split(mesh: &TriMesh, marked: &[bool]) -> Result<Split, MeshError> {
     Ok(Split { mesh: TriMesh::new(vertices, triangles)?, sources, parts })
 }
 
-/// The parts of a triangle whose edges are `cut` at their middles, by places. A quadrilateral is halved at its shorter diagonal.
+/// The parts of a triangle whose edges are `cut` at their middles, by places. A quadrilateral is
+/// halved at its shorter diagonal.
 fn places(cut: [bool; 3], length: impl Fn(usize, usize) -> Real) -> Vec<[usize; 3]> {
     let number = cut.iter().filter(|c| **c).count();
     // Turned so that the edges that are cut, or the only one that is not, come first.
@@ -147,13 +154,15 @@ impl Split {
     pub fn then(&self, next: Split) -> Split {
         let sources = next.sources.iter().map(|s| match s {
             Source::Vertex(v) => self.sources[*v as usize].clone(),
-            Source::Blend(of) => {
-                blend(of.iter().flat_map(|(v, w)| self.sources[*v as usize].parts().into_iter().map(move |p| (p.0, w * p.1))))
-            }
+            Source::Blend(of) => blend(of.iter().flat_map(|(v, w)| {
+                self.sources[*v as usize].parts().into_iter().map(move |p| (p.0, w * p.1))
+            })),
         });
         let parts = next.parts.iter().map(|part| {
             let outer = &self.parts[part.parent as usize];
-            let corners = part.corners.map(|w| [0, 1, 2].map(|k| (0..3).map(|j| w[j] * outer.corners[j][k]).sum()));
+            let corners = part
+                .corners
+                .map(|w| [0, 1, 2].map(|k| (0..3).map(|j| w[j] * outer.corners[j][k]).sum()));
             Part { parent: outer.parent, corners }
         });
         Split { sources: sources.collect(), parts: parts.collect(), mesh: next.mesh }
@@ -171,7 +180,9 @@ impl Split {
     pub fn of(&self, positions: &[Point]) -> Result<TriMesh, MeshError> {
         let at = |s: &Source| match s {
             Source::Vertex(v) => positions[*v as usize],
-            Source::Blend(of) => Point::from(of.iter().map(|(v, w)| positions[*v as usize].coords * *w).sum::<Vector>()),
+            Source::Blend(of) => Point::from(
+                of.iter().map(|(v, w)| positions[*v as usize].coords * *w).sum::<Vector>(),
+            ),
         };
         self.mesh.with_vertices(self.sources.iter().map(at).collect())
     }
@@ -205,13 +216,22 @@ mod tests {
     fn check(before: &TriMesh, split: &Split) {
         assert_eq!(split.mesh.triangles().len(), split.parts.len());
         for (tri, part) in split.mesh.triangles().iter().zip(&split.parts) {
-            let parent = before.triangles()[part.parent as usize].map(|v| &before.vertices()[v as usize]);
+            let parent =
+                before.triangles()[part.parent as usize].map(|v| &before.vertices()[v as usize]);
             for (v, w) in tri.iter().zip(part.corners) {
                 let expected = barycentric_point(parent, w);
-                approx::assert_relative_eq!(split.mesh.vertices()[*v as usize], expected, epsilon = 1e-14);
+                approx::assert_relative_eq!(
+                    split.mesh.vertices()[*v as usize],
+                    expected,
+                    epsilon = 1e-14
+                );
             }
         }
-        approx::assert_relative_eq!(split.of(before.vertices()).unwrap().area(), before.area(), max_relative = 1e-12);
+        approx::assert_relative_eq!(
+            split.of(before.vertices()).unwrap().area(),
+            before.area(),
+            max_relative = 1e-12
+        );
         approx::assert_relative_eq!(split.mesh.area(), before.area(), max_relative = 1e-12);
     }
 
@@ -224,7 +244,11 @@ mod tests {
             check(&ball, &once);
             let edges = Edges::new(&once.mesh);
             assert!(edges.valence.iter().all(|v| *v == 2), "no gap, no third triangle at an edge");
-            approx::assert_relative_eq!(once.mesh.signed_volume(), ball.signed_volume(), max_relative = 1e-12);
+            approx::assert_relative_eq!(
+                once.mesh.signed_volume(),
+                ball.signed_volume(),
+                max_relative = 1e-12
+            );
             let again = split(&once.mesh, &vec![true; once.parts.len()]).unwrap();
             let both = once.then(again);
             check(&ball, &both);
@@ -243,11 +267,16 @@ mod tests {
 
     #[test]
     fn a_border_and_an_edge_of_three_triangles_are_split_too() {
-        let x = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]].map(Point::from);
+        let x =
+            [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]
+                .map(Point::from);
         let fin = TriMesh::new(x.to_vec(), vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]]).unwrap();
         let fine = split(&fin, &[true, false, false]).unwrap();
         check(&fin, &fine);
-        assert_eq!(fine.parts.iter().map(|p| p.parent).collect::<Vec<_>>(), [0, 0, 0, 0, 1, 1, 2, 2]);
+        assert_eq!(
+            fine.parts.iter().map(|p| p.parent).collect::<Vec<_>>(),
+            [0, 0, 0, 0, 1, 1, 2, 2]
+        );
         assert_eq!(fine.parents(), 3);
     }
 }

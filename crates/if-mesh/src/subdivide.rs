@@ -24,7 +24,8 @@ pub struct Subdivided {
     pub stencils: Stencils,
 }
 
-/// For each new vertex the old ones of which it is a weighted mean. Weights are not negative, and add up to 1.
+/// For each new vertex the old ones of which it is a weighted mean. Weights are not negative, and
+/// add up to 1.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Stencils {
     start: Vec<u32>,
@@ -51,8 +52,8 @@ impl Stencils {
         &self.entries[self.start[v] as usize..self.start[v + 1] as usize]
     }
 
-    /// Attributes of `channels` numbers a vertex, such as skinning weights or colours, at the new vertices. Weights that
-    /// added up to 1 still do.
+    /// Attributes of `channels` numbers a vertex, such as skinning weights or colours, at the new
+    /// vertices. Weights that added up to 1 still do.
     ///
     /// # Panics
     ///
@@ -69,8 +70,8 @@ impl Stencils {
         out
     }
 
-    /// Attributes that have no mean, such as labels: that of the old vertex of the largest weight, the smallest index among
-    /// equals.
+    /// Attributes that have no mean, such as labels: that of the old vertex of the largest weight,
+    /// the smallest index among equals.
     ///
     /// # Panics
     ///
@@ -96,7 +97,8 @@ impl Stencils {
 
 /// Splits each triangle into four.
 ///
-/// Borders, and edges of three or more triangles, follow the rules of curves; where borders meet, vertices stay.
+/// Borders, and edges of three or more triangles, follow the rules of curves; where borders meet,
+/// vertices stay.
 ///
 /// # Source
 ///
@@ -126,14 +128,23 @@ pub fn subdivide(mesh: &TriMesh, scheme: Scheme) -> Result<Subdivided, MeshError
     }
     for (e, &[a, b]) in edges.vertices.iter().enumerate() {
         let inner = scheme == Scheme::Loop && edges.valence[e] == 2;
-        let opposite =
-            edges.triangles[e].map(|t| mesh.triangles().get(t as usize).and_then(|t| t.iter().find(|v| ![a, b].contains(v))));
+        let opposite = edges.triangles[e].map(|t| {
+            mesh.triangles().get(t as usize).and_then(|t| t.iter().find(|v| ![a, b].contains(v)))
+        });
         match (inner, opposite) {
-            (true, [Some(c), Some(d)]) => stencils.push([(a, 0.375), (b, 0.375), (*c, 0.125), (*d, 0.125)]),
+            (true, [Some(c), Some(d)]) => {
+                stencils.push([(a, 0.375), (b, 0.375), (*c, 0.125), (*d, 0.125)])
+            }
             _ => stencils.push([(a, 0.5), (b, 0.5)]),
         }
     }
-    let at = |v: usize| stencils.of(v).iter().map(|(old, w)| mesh.vertices()[*old as usize].coords * *w).sum::<Vector>();
+    let at = |v: usize| {
+        stencils
+            .of(v)
+            .iter()
+            .map(|(old, w)| mesh.vertices()[*old as usize].coords * *w)
+            .sum::<Vector>()
+    };
     let vertices: Vec<Point> = (0..stencils.len()).map(|v| Point::from(at(v))).collect();
     let mut triangles = Vec::with_capacity(4 * mesh.triangles().len());
     for (t, &[a, b, c]) in mesh.triangles().iter().enumerate() {
@@ -175,13 +186,20 @@ mod tests {
         let flat = subdivide(&coarse, Scheme::Midpoint).unwrap().mesh;
         assert_eq!(flat.triangles().len(), 80);
         approx::assert_relative_eq!(flat.area(), coarse.area(), max_relative = 1e-12);
-        approx::assert_relative_eq!(flat.signed_volume(), coarse.signed_volume(), max_relative = 1e-12);
+        approx::assert_relative_eq!(
+            flat.signed_volume(),
+            coarse.signed_volume(),
+            max_relative = 1e-12
+        );
         let mut smooth = coarse;
         for _ in 0..3 {
             smooth = subdivide(&smooth, Scheme::Loop).unwrap().mesh;
         }
         let radii: Vec<Real> = smooth.vertices().iter().map(|p| p.coords.norm()).collect();
-        let (least, most) = (radii.iter().copied().fold(1.0, Real::min), radii.iter().copied().fold(0.0, Real::max));
+        let (least, most) = (
+            radii.iter().copied().fold(1.0, Real::min),
+            radii.iter().copied().fold(0.0, Real::max),
+        );
         assert!(most < 1.03 * least, "an icosahedron becomes nearly a ball: {least} {most}");
     }
 
@@ -191,16 +209,24 @@ mod tests {
         for scheme in [Scheme::Midpoint, Scheme::Loop] {
             let fine = subdivide(&sheet, scheme).unwrap();
             let linear = |p: &Point| 2.0 * p.x - 3.0 * p.y + 0.5 * p.z + 1.0;
-            let values: Vec<Real> = sheet.vertices().iter().flat_map(|p| [linear(p), 1.0]).collect();
+            let values: Vec<Real> =
+                sheet.vertices().iter().flat_map(|p| [linear(p), 1.0]).collect();
             for (v, two) in fine.stencils.mean(&values, 2).chunks_exact(2).enumerate() {
-                approx::assert_relative_eq!(two[0], linear(&fine.mesh.vertices()[v]), epsilon = 1e-12);
+                approx::assert_relative_eq!(
+                    two[0],
+                    linear(&fine.mesh.vertices()[v]),
+                    epsilon = 1e-12
+                );
                 approx::assert_relative_eq!(two[1], 1.0, epsilon = 1e-12);
             }
             let labels: Vec<u8> = (0..sheet.vertices().len()).map(|v| v as u8).collect();
             let picked = fine.stencils.pick(&labels);
             assert_eq!(picked[..labels.len()], labels, "old vertices keep their labels");
             let edges = Edges::new(&sheet);
-            assert_eq!(u32::from(picked[labels.len()]), edges.vertices[0][0].min(edges.vertices[0][1]));
+            assert_eq!(
+                u32::from(picked[labels.len()]),
+                edges.vertices[0][0].min(edges.vertices[0][1])
+            );
             assert_eq!(Edges::new(&fine.mesh).boundary_loops(&fine.mesh).len(), 1);
         }
     }
@@ -208,7 +234,8 @@ mod tests {
     #[test]
     fn degenerate_meshes_pass() {
         assert_eq!(subdivide(&TriMesh::default(), Scheme::Loop).unwrap().mesh, TriMesh::default());
-        let fin = TriMesh::new(vec![Point::origin(); 5], vec![[0, 1, 2], [0, 1, 3], [1, 0, 4]]).unwrap();
+        let fin =
+            TriMesh::new(vec![Point::origin(); 5], vec![[0, 1, 2], [0, 1, 3], [1, 0, 4]]).unwrap();
         let stray = TriMesh::new(vec![Point::origin(); 4], vec![[0, 1, 2]]).unwrap();
         for mesh in [fin, stray] {
             let fine = subdivide(&mesh, Scheme::Loop).unwrap();

@@ -15,7 +15,8 @@ pub struct TaubinParams {
     pub rounds: usize,
     /// Part of the way to the middle of the neighbours, from 0 to 1.
     pub lambda: Real,
-    /// Part of the way back: below −λ. 1/λ + 1/μ is the share of the highest frequency that passes unchanged.
+    /// Part of the way back: below −λ. 1/λ + 1/μ is the share of the highest frequency that passes
+    /// unchanged.
     pub mu: Real,
     /// What happens to borders.
     pub border: Border,
@@ -32,7 +33,8 @@ pub enum Border {
 }
 
 impl Default for TaubinParams {
-    /// Ten rounds of λ = 0.5 and μ = −0.53: waves of ten edges and more stay, and borders are smoothed as curves.
+    /// Ten rounds of λ = 0.5 and μ = −0.53: waves of ten edges and more stay, and borders are
+    /// smoothed as curves.
     fn default() -> Self {
         Self { rounds: 10, lambda: 0.5, mu: -0.53, border: Border::Curve }
     }
@@ -69,15 +71,16 @@ impl TaubinParams {
     }
 }
 
-/// Smooths positions by steps towards and away from the middle of the neighbours, which wear off noise and leave the size:
-/// a plain Laplacian shrinks a ball by 1 % a round, this by less than 0.01 %.
+/// Smooths positions by steps towards and away from the middle of the neighbours, which wear off
+/// noise and leave the size: a plain Laplacian shrinks a ball by 1 % a round, this by less than
+/// 0.01 %.
 ///
 /// ```text
 /// p ← p + λ (mean of neighbours − p)      p ← p + μ (mean of neighbours − p)
 /// ```
 ///
-/// Vertices at edges of three or more triangles, and where borders meet, stay. A mesh whose coordinates are so large that their differences
-/// overflow is returned as it is.
+/// Vertices at edges of three or more triangles, and where borders meet, stay. A mesh whose
+/// coordinates are so large that their differences overflow is returned as it is.
 ///
 /// # Source
 ///
@@ -125,7 +128,8 @@ fn neighbours(mesh: &TriMesh, border: Border) -> Rows<u32> {
         stays[v] |= rims[v] > 0 && (border == Border::Fixed || rims[v] != 2);
     }
     // A border vertex follows its border only.
-    let follows = |e: usize, v: u32| !stays[v as usize] && (rims[v as usize] == 0 || edges.valence[e] == 1);
+    let follows =
+        |e: usize, v: u32| !stays[v as usize] && (rims[v as usize] == 0 || edges.valence[e] == 1);
     let mut pairs: Vec<(u32, u32)> = Vec::with_capacity(2 * edges.len());
     for (e, &[a, b]) in edges.vertices.iter().enumerate() {
         pairs.extend([(a, b), (b, a)].into_iter().filter(|p| follows(e, p.0)));
@@ -144,7 +148,11 @@ mod tests {
     fn rough() -> TriMesh {
         let ball = meshes::icosphere(1.0, 4);
         let mut random = crate::measure::SplitMix64(3);
-        let noisy = ball.vertices().iter().map(|p| p * (1.0 + 0.01 * (2.0 * random.unit() - 1.0))).collect();
+        let noisy = ball
+            .vertices()
+            .iter()
+            .map(|p| p * (1.0 + 0.01 * (2.0 * random.unit() - 1.0)))
+            .collect();
         ball.with_vertices(noisy).unwrap()
     }
 
@@ -157,8 +165,17 @@ mod tests {
     fn noise_goes_and_the_size_stays() {
         let before = rough();
         let after = taubin(&before, &TaubinParams::default()).unwrap();
-        assert!(roughness(&after) < 0.5 * roughness(&before), "{} {}", roughness(&before), roughness(&after));
-        approx::assert_relative_eq!(after.signed_volume(), before.signed_volume(), max_relative = 5e-3);
+        assert!(
+            roughness(&after) < 0.5 * roughness(&before),
+            "{} {}",
+            roughness(&before),
+            roughness(&after)
+        );
+        approx::assert_relative_eq!(
+            after.signed_volume(),
+            before.signed_volume(),
+            max_relative = 5e-3
+        );
         let shrunk = taubin(&before, &TaubinParams { mu: 0.0, ..TaubinParams::default() }).unwrap();
         assert!(shrunk.signed_volume() < 0.98 * before.signed_volume());
     }
@@ -168,25 +185,41 @@ mod tests {
         let sheet = meshes::cloth(1.0, 1.0, 8, 8);
         let edges = Edges::new(&sheet);
         let rim = edges.boundary_vertices(sheet.vertices().len());
-        let bumpy: Vec<Point> =
-            sheet.vertices().iter().enumerate().map(|(v, p)| p + Vector::z() * if v % 2 == 0 { 0.02 } else { -0.02 }).collect();
+        let bumpy: Vec<Point> = sheet
+            .vertices()
+            .iter()
+            .enumerate()
+            .map(|(v, p)| p + Vector::z() * if v % 2 == 0 { 0.02 } else { -0.02 })
+            .collect();
         let bumpy = sheet.with_vertices(bumpy).unwrap();
-        let fixed = taubin(&bumpy, &TaubinParams { border: Border::Fixed, ..TaubinParams::default() }).unwrap();
+        let fixed =
+            taubin(&bumpy, &TaubinParams { border: Border::Fixed, ..TaubinParams::default() })
+                .unwrap();
         let curved = taubin(&bumpy, &TaubinParams::default()).unwrap();
         for v in (0..rim.len()).filter(|v| rim[*v]) {
             assert_eq!(fixed.vertices()[v], bumpy.vertices()[v]);
         }
-        let height = |mesh: &TriMesh| mesh.vertices().iter().map(|p| p.z.abs()).fold(0.0, Real::max);
-        assert!(height(&curved) < 0.3 * height(&bumpy) && height(&fixed) == height(&bumpy), "{}", height(&curved));
+        let height =
+            |mesh: &TriMesh| mesh.vertices().iter().map(|p| p.z.abs()).fold(0.0, Real::max);
+        assert!(
+            height(&curved) < 0.3 * height(&bumpy) && height(&fixed) == height(&bumpy),
+            "{}",
+            height(&curved)
+        );
     }
 
     #[test]
     fn degenerate_meshes_pass() {
         let point = TriMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
-        let huge =
-            TriMesh::new(vec![Point::origin(), Point::new(1e308, 0.0, 0.0), Point::new(-1e308, 1.0, 0.0)], vec![[0, 1, 2]]);
+        let huge = TriMesh::new(
+            vec![Point::origin(), Point::new(1e308, 0.0, 0.0), Point::new(-1e308, 1.0, 0.0)],
+            vec![[0, 1, 2]],
+        );
         for mesh in [TriMesh::default(), point, huge.unwrap()] {
-            assert_eq!(taubin(&mesh, &TaubinParams::default()).unwrap().triangles(), mesh.triangles());
+            assert_eq!(
+                taubin(&mesh, &TaubinParams::default()).unwrap().triangles(),
+                mesh.triangles()
+            );
         }
     }
 
@@ -194,11 +227,13 @@ mod tests {
     fn numbers_that_smooth_nothing_are_refused() {
         let ball = meshes::icosphere(1.0, 1);
         for bad in [Real::NAN, -0.1, 9.0, Real::INFINITY] {
-            let error = taubin(&ball, &TaubinParams { lambda: bad, ..TaubinParams::default() }).unwrap_err();
+            let error = taubin(&ball, &TaubinParams { lambda: bad, ..TaubinParams::default() })
+                .unwrap_err();
             assert_eq!(error.name, "lambda", "{bad}");
         }
         for bad in [Real::NAN, 0.1, -1.2, Real::NEG_INFINITY] {
-            let error = taubin(&ball, &TaubinParams { mu: bad, ..TaubinParams::default() }).unwrap_err();
+            let error =
+                taubin(&ball, &TaubinParams { mu: bad, ..TaubinParams::default() }).unwrap_err();
             assert_eq!(error.name, "mu", "{bad}");
         }
     }

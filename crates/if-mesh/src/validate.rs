@@ -21,13 +21,22 @@ pub enum Fault {
     #[error("there are no triangles ({vertices} vertices)")]
     NoTriangles { vertices: usize },
     /// Triangles without a normal.
-    #[error("{count} triangles have no area ({}); merge their vertices or drop them", list(triangles))]
+    #[error(
+        "{count} triangles have no area ({}); merge their vertices or drop them",
+        list(triangles)
+    )]
     ZeroArea { count: usize, triangles: Vec<u32> },
     /// Edges of three or more triangles.
-    #[error("{count} edges belong to more than two triangles ({}); split the surface there", pairs(edges))]
+    #[error(
+        "{count} edges belong to more than two triangles ({}); split the surface there",
+        pairs(edges)
+    )]
     NonManifold { count: usize, edges: Vec<[u32; 2]> },
     /// Neighbours that wind in opposite directions.
-    #[error("at {count} edges ({}) two triangles wind against each other; make the normals consistent", pairs(edges))]
+    #[error(
+        "at {count} edges ({}) two triangles wind against each other; make the normals consistent",
+        pairs(edges)
+    )]
     Winding { count: usize, edges: Vec<[u32; 2]> },
     /// A closed surface whose normals point inwards.
     #[error("the closed surface is inside out (volume {volume:.3e}); flip its triangles")]
@@ -39,7 +48,10 @@ pub enum Fault {
     )]
     PartInsideOut { triangle: usize, triangles: usize, volume: Real },
     /// Vertices in one place: a seam that is not sewn, or an export that split vertices.
-    #[error("{count} vertices lie exactly on others ({}); if they are no open seam, merge them", list(vertices))]
+    #[error(
+        "{count} vertices lie exactly on others ({}); if they are no open seam, merge them",
+        list(vertices)
+    )]
     Duplicates { count: usize, vertices: Vec<u32> },
     /// Vertices in which groups of triangles meet that share no edge there.
     #[error(
@@ -48,7 +60,10 @@ pub enum Fault {
     )]
     BowTies { count: usize, vertices: Vec<u32> },
     /// Vertices of no triangle.
-    #[error("{count} vertices belong to no triangle ({}); they are kept and do not move", list(vertices))]
+    #[error(
+        "{count} vertices belong to no triangle ({}); they are kept and do not move",
+        list(vertices)
+    )]
     Unused { count: usize, vertices: Vec<u32> },
     /// A size that no person has in metres.
     #[error("{} units high: {unit}", thousands(*height))]
@@ -88,10 +103,16 @@ impl fmt::Display for Unit {
 }
 
 impl Fault {
-    /// Whether it breaks what the solver relies on: normals, sides, neighbours. The others are worth
-    /// a warning.
+    /// Whether it breaks what the solver relies on: normals, sides, neighbours. The others are
+    /// worth a warning.
     pub fn is_defect(&self) -> bool {
-        !matches!(self, Self::BowTies { .. } | Self::Duplicates { .. } | Self::Unused { .. } | Self::Units { .. })
+        !matches!(
+            self,
+            Self::BowTies { .. }
+                | Self::Duplicates { .. }
+                | Self::Unused { .. }
+                | Self::Units { .. }
+        )
     }
 }
 
@@ -113,11 +134,12 @@ pub fn first_defect(mesh: &TriMesh) -> Result<(), Fault> {
 const LISTED: usize = 5;
 
 /// Height of a triangle over its longest edge, up to which it counts as having no area. Rounding
-/// makes 1e-13 of it for edges of 1 mm that lie 1 m from the origin, so at ten times less such triangles
-/// would be missed; at ten times more nothing real is flat yet (1e-10 mm on 10 mm).
+/// makes 1e-13 of it for edges of 1 mm that lie 1 m from the origin, so at ten times less such
+/// triangles would be missed; at ten times more nothing real is flat yet (1e-10 mm on 10 mm).
 const FLAT: Real = 1e-12;
 
-/// All that is to be said about a mesh, defects and warnings, each kind once. Empty for a sound one.
+/// All that is to be said about a mesh, defects and warnings, each kind once. Empty for a sound
+/// one.
 pub fn faults(mesh: &TriMesh) -> Vec<Fault> {
     let vertices = mesh.vertices().len();
     let mut found = Vec::new();
@@ -145,7 +167,9 @@ pub fn faults(mesh: &TriMesh) -> Vec<Fault> {
     let volume = mesh.signed_volume();
     if closed && volume < -NO_VOLUME * mesh.area().powf(1.5) {
         found.push(Fault::InsideOut { volume });
-    } else if let Some(InvertedPart { triangle, triangles, volume }) = closed.then(|| inverted_part(mesh)).flatten() {
+    } else if let Some(InvertedPart { triangle, triangles, volume }) =
+        closed.then(|| inverted_part(mesh)).flatten()
+    {
         found.push(Fault::PartInsideOut { triangle, triangles, volume });
     }
 
@@ -191,11 +215,13 @@ fn same_direction(mesh: &TriMesh, ends: [u32; 2], a: u32, b: u32) -> bool {
     forward(a) == forward(b)
 }
 
-/// Vertices in which several groups of triangles meet that share no edge there, ascending: the surface is no manifold
-/// in them, although its edges may be. A vertex with an edge of three or more triangles is one group there.
+/// Vertices in which several groups of triangles meet that share no edge there, ascending: the
+/// surface is no manifold in them, although its edges may be. A vertex with an edge of three or
+/// more triangles is one group there.
 pub fn bow_ties(mesh: &TriMesh, edges: &Edges) -> Vec<u32> {
     let fans = VertexTriangles::new(mesh);
-    // For each triangle round the vertex the group it belongs to, by the place of another one of the group.
+    // For each triangle round the vertex the group it belongs to, by the place of another one of
+    // the group.
     let mut group: Vec<usize> = Vec::new();
     fn root(group: &[usize], mut k: usize) -> usize {
         while group[k] != k {
@@ -210,8 +236,9 @@ pub fn bow_ties(mesh: &TriMesh, edges: &Edges) -> Vec<u32> {
         group.extend(0..round.len());
         let mut ends: Vec<(u32, usize)> = Vec::with_capacity(2 * round.len());
         for (k, t) in round.iter().enumerate() {
-            let at_vertex =
-                edges.of_triangle[*t as usize].into_iter().filter(|e| edges.vertices[*e as usize].contains(&(v as u32)));
+            let at_vertex = edges.of_triangle[*t as usize]
+                .into_iter()
+                .filter(|e| edges.vertices[*e as usize].contains(&(v as u32)));
             ends.extend(at_vertex.map(|e| (e, k)));
         }
         ends.sort_unstable();
@@ -275,7 +302,8 @@ fn thousands(x: Real) -> String {
         return format!("{x:.3}");
     }
     let digits = format!("{x:.0}");
-    let groups: Vec<&str> = digits.as_bytes().rchunks(3).rev().map(|g| std::str::from_utf8(g).unwrap_or("")).collect();
+    let groups: Vec<&str> =
+        digits.as_bytes().rchunks(3).rev().map(|g| std::str::from_utf8(g).unwrap_or("")).collect();
     groups.join(",")
 }
 
@@ -316,7 +344,12 @@ mod tests {
     fn fins_needles_doubles_and_strays_are_each_named_once() {
         let mut v = tetrahedron(1.0).vertices().to_vec();
         let mut t = tetrahedron(1.0).triangles().to_vec();
-        v.extend([Point::new(2.0, 2.0, 2.0), Point::new(-0.0, 0.0, 0.0), Point::new(0.5, 0.0, 0.0), Point::new(5.0, 5.0, 5.0)]);
+        v.extend([
+            Point::new(2.0, 2.0, 2.0),
+            Point::new(-0.0, 0.0, 0.0),
+            Point::new(0.5, 0.0, 0.0),
+            Point::new(5.0, 5.0, 5.0),
+        ]);
         t.extend([[0, 1, 4], [0, 1, 6]]);
         let mesh = TriMesh::new(v, t).unwrap();
         assert_eq!(
@@ -344,7 +377,10 @@ mod tests {
         let tied = TriMesh::new(v.clone(), t.clone()).unwrap();
         assert_eq!(
             faults(&tied),
-            [Fault::BowTies { count: 1, vertices: vec![0] }, Fault::Unused { count: 2, vertices: vec![7, 8] }]
+            [
+                Fault::BowTies { count: 1, vertices: vec![0] },
+                Fault::Unused { count: 2, vertices: vec![7, 8] }
+            ]
         );
         assert!(is_valid(&tied), "a warning, no defect");
         t.push([0, 7, 8]);
@@ -355,9 +391,18 @@ mod tests {
 
     #[test]
     fn a_body_in_other_units_is_noticed() {
-        assert_eq!(messages(&tetrahedron(1740.0)), ["1,740 units high: likely millimetres; scale by 0.001"]);
-        assert_eq!(messages(&tetrahedron(173.2)), ["173 units high: likely centimetres; scale by 0.01"]);
-        assert_eq!(messages(&tetrahedron(68.0)), ["68.000 units high: not metres; scale it to metres"]);
+        assert_eq!(
+            messages(&tetrahedron(1740.0)),
+            ["1,740 units high: likely millimetres; scale by 0.001"]
+        );
+        assert_eq!(
+            messages(&tetrahedron(173.2)),
+            ["173 units high: likely centimetres; scale by 0.01"]
+        );
+        assert_eq!(
+            messages(&tetrahedron(68.0)),
+            ["68.000 units high: not metres; scale it to metres"]
+        );
         for metres in [0.25, 0.4, 1.0, 1.9, 2.5] {
             assert!(is_valid(&tetrahedron(metres)) && messages(&tetrahedron(metres)).is_empty());
         }
@@ -368,7 +413,10 @@ mod tests {
     fn degenerate_meshes_are_described_and_never_panic() {
         assert_eq!(messages(&TriMesh::default()), ["there are no triangles (0 vertices)"]);
         let point = TriMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
-        assert!(matches!(faults(&point)[..], [Fault::ZeroArea { .. }, Fault::Duplicates { count: 2, .. }]));
+        assert!(matches!(
+            faults(&point)[..],
+            [Fault::ZeroArea { .. }, Fault::Duplicates { count: 2, .. }]
+        ));
         // A sheet folded onto itself is closed and encloses nothing.
         let v = tetrahedron(1.0).vertices()[..3].to_vec();
         let folded = TriMesh::new(v, vec![[0, 1, 2], [0, 2, 1]]).unwrap();

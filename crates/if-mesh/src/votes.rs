@@ -10,7 +10,8 @@
 //!
 //! # Source
 //!
-//! Our reading of the supplement, B, and of section 3 of the main method ("back-projected and voted").
+//! Our reading of the supplement, B, and of section 3 of the main method ("back-projected and
+//! voted").
 
 #[cfg(test)]
 mod tests;
@@ -22,30 +23,39 @@ use if_core::mesh::TriMesh;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// The label of what nothing is known about. In label images it is the background, and casts no vote.
+/// The label of what nothing is known about. In label images it is the background, and casts no
+/// vote.
 pub const UNDECIDED: u8 = 0;
 
 /// Which pixels vote.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VoteParams {
-    /// Pixels nearer than this to an edge do not vote: 0 lets all vote, 1 leaves out those that touch one.
+    /// Pixels nearer than this to an edge do not vote: 0 lets all vote, 1 leaves out those that
+    /// touch one.
     pub margin: usize,
     /// A step in depth from one pixel to the next that is an edge, in metres.
     pub step: Real,
     /// Votes (frames that see a vertex well) after which a vertex has enough.
     pub enough: Real,
-    /// A frame adds nothing where less than this share of the pixels that see the mesh lacks votes. From 0 to 1.
+    /// A frame adds nothing where less than this share of the pixels that see the mesh lacks votes.
+    /// From 0 to 1.
     pub least_gain: Real,
     /// How the mesh is looked at.
     pub raster: RasterParams,
 }
 
 impl Default for VoteParams {
-    /// 1 pixel (the margin with the least wrong vertices in `docs/labels.md`) and 3 cm; a frame is left out where 99.5 %
-    /// of what it shows has been seen well 24 times.
+    /// 1 pixel (the margin with the least wrong vertices in `docs/labels.md`) and 3 cm; a frame is
+    /// left out where 99.5 % of what it shows has been seen well 24 times.
     fn default() -> Self {
-        Self { margin: 1, step: 0.03, enough: 24.0, least_gain: 0.005, raster: RasterParams::default() }
+        Self {
+            margin: 1,
+            step: 0.03,
+            enough: 24.0,
+            least_gain: 0.005,
+            raster: RasterParams::default(),
+        }
     }
 }
 
@@ -75,7 +85,9 @@ impl VoteParams {
 #[non_exhaustive]
 pub enum VoteError {
     /// Another number of positions than vertices.
-    #[error("the frame has {got} positions for a mesh of {expected} vertices; all frames must have the vertices of the mesh")]
+    #[error(
+        "the frame has {got} positions for a mesh of {expected} vertices; all frames must have the vertices of the mesh"
+    )]
     Positions {
         /// Positions of the frame.
         got: usize,
@@ -150,7 +162,8 @@ pub struct VoteReport {
 pub struct LabelVotes {
     /// Number of labels, [`UNDECIDED`] among them.
     pub labels: usize,
-    /// `weights[v · labels + label]`: how many frames say so, those that see it well. Zero for [`UNDECIDED`].
+    /// `weights[v · labels + label]`: how many frames say so, those that see it well. Zero for
+    /// [`UNDECIDED`].
     pub weights: Vec<Real>,
 }
 
@@ -191,8 +204,8 @@ impl LabelVotes {
     }
 
     /// The logarithm of how much likelier `label` is than the best other one, in natural units:
-    /// `(votes − votes of the best other) ln(r (n − 1) / (1 − r))` for n labels that a parser gets right with
-    /// probability r, independently in each frame. Zero where nothing was seen.
+    /// `(votes − votes of the best other) ln(r (n − 1) / (1 − r))` for n labels that a parser gets
+    /// right with probability r, independently in each frame. Zero where nothing was seen.
     pub fn log_odds(&self, vertex: usize, label: u8, reliability: Real) -> Real {
         let votes = self.of(vertex);
         let known = (self.labels.max(3) - 1) as Real;
@@ -214,9 +227,10 @@ pub(crate) fn winner(weights: &[Real]) -> u8 {
     best as u8
 }
 
-/// Pixels' worth of a vertex at which a frame counts half: a corner that a frame touches with a hundredth of a pixel
-/// says little about it. A fine mesh has a tenth of a pixel for each vertex; ten times more would make its votes
-/// count for nothing beside the smoothing, ten times less would believe slivers.
+/// Pixels' worth of a vertex at which a frame counts half: a corner that a frame touches with a
+/// hundredth of a pixel says little about it. A fine mesh has a tenth of a pixel for each vertex;
+/// ten times more would make its votes count for nothing beside the smoothing, ten times less would
+/// believe slivers.
 const HALF: f32 = 0.1;
 
 /// Casts the votes of one frame after the other.
@@ -252,7 +266,11 @@ impl<'a> Voter<'a> {
     /// A parameter out of range.
     pub fn new(mesh: &'a TriMesh, labels: usize, params: &VoteParams) -> Result<Self, VoteError> {
         if !(2..=256).contains(&labels) {
-            return Err(VoteError::Param { name: "labels", value: labels as Real, expected: "from 2 to 256" });
+            return Err(VoteError::Param {
+                name: "labels",
+                value: labels as Real,
+                expected: "from 2 to 256",
+            });
         }
         params.validate()?;
         let n = mesh.vertices().len();
@@ -270,12 +288,18 @@ impl<'a> Voter<'a> {
         })
     }
 
-    /// Looks at the mesh with its vertices at `positions`, and lets the pixels vote unless the frame adds nothing.
+    /// Looks at the mesh with its vertices at `positions`, and lets the pixels vote unless the
+    /// frame adds nothing.
     ///
     /// # Errors
     ///
     /// Positions or pixels of another number, or a label that was not announced.
-    pub fn add(&mut self, positions: &[Point], camera: &Camera, labels: &[u8]) -> Result<Look, VoteError> {
+    pub fn add(
+        &mut self,
+        positions: &[Point],
+        camera: &Camera,
+        labels: &[u8],
+    ) -> Result<Look, VoteError> {
         let look = self.look(positions, camera)?;
         if look == Look::Gains {
             self.cast(labels)?;
@@ -283,8 +307,8 @@ impl<'a> Voter<'a> {
         Ok(look)
     }
 
-    /// Looks at the mesh with its vertices at `positions`. Where the frame adds nothing it is counted, and there is no
-    /// need to read its label image; else call [`Voter::cast`].
+    /// Looks at the mesh with its vertices at `positions`. Where the frame adds nothing it is
+    /// counted, and there is no need to read its label image; else call [`Voter::cast`].
     ///
     /// # Errors
     ///
@@ -299,11 +323,16 @@ impl<'a> Voter<'a> {
         let (total, enough, triangles) = (&self.total, self.params.enough, self.mesh.triangles());
         let count = |row: &[u32]| {
             let seen = row.iter().filter(|t| **t != NOTHING);
-            let lacks = |t: &&u32| triangles[**t as usize].iter().any(|v| total[*v as usize] < enough);
+            let lacks =
+                |t: &&u32| triangles[**t as usize].iter().any(|v| total[*v as usize] < enough);
             (seen.clone().count(), seen.filter(lacks).count())
         };
-        let (seen, lacking) =
-            self.seen.triangle.par_chunks(self.seen.width).map(count).reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        let (seen, lacking) = self
+            .seen
+            .triangle
+            .par_chunks(self.seen.width)
+            .map(count)
+            .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
         Ok(if seen == 0 {
             self.report.empty += 1;
             Look::Empty
@@ -319,7 +348,8 @@ impl<'a> Voter<'a> {
     ///
     /// # Errors
     ///
-    /// Pixels of another number than the camera has, or a label that was not announced. Then nothing has voted.
+    /// Pixels of another number than the camera has, or a label that was not announced. Then
+    /// nothing has voted.
     ///
     /// # Panics
     ///
@@ -353,12 +383,14 @@ impl<'a> Voter<'a> {
                         continue;
                     }
                     match rasteriser.hit(mesh, &camera, triangle, column, row) {
-                        Some((bary, cos)) if cos > 0.0 && labels[at] != UNDECIDED => ballots.push(Ballot {
-                            triangle,
-                            label: labels[at],
-                            bary: bary.map(|b| b as f32),
-                            weight: (cos * cos) as f32,
-                        }),
+                        Some((bary, cos)) if cos > 0.0 && labels[at] != UNDECIDED => {
+                            ballots.push(Ballot {
+                                triangle,
+                                label: labels[at],
+                                bary: bary.map(|b| b as f32),
+                                weight: (cos * cos) as f32,
+                            })
+                        }
                         _ => counts[2] += 1,
                     }
                 }
@@ -411,7 +443,8 @@ impl<'a> Voter<'a> {
     }
 }
 
-/// Pixels that are nearer than the margin to an edge: of labels, of the mesh, or of something before something else.
+/// Pixels that are nearer than the margin to an edge: of labels, of the mesh, or of something
+/// before something else.
 fn edges(seen: &IdBuffer, labels: &[u8], params: &VoteParams) -> Vec<bool> {
     let (width, height) = (seen.width, seen.height);
     let mut found = vec![false; width * height];
@@ -440,7 +473,8 @@ fn edges(seen: &IdBuffer, labels: &[u8], params: &VoteParams) -> Vec<bool> {
     let mut wide = vec![false; width * height];
     wide.par_chunks_mut(width).zip(found.par_chunks(width)).for_each(|(out, row)| {
         for (column, out) in out.iter_mut().enumerate() {
-            *out = row[column.saturating_sub(reach)..(column + reach + 1).min(width)].contains(&true);
+            *out =
+                row[column.saturating_sub(reach)..(column + reach + 1).min(width)].contains(&true);
         }
     });
     found.par_chunks_mut(width).enumerate().for_each(|(row, out)| {

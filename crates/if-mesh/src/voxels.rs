@@ -15,7 +15,8 @@ pub enum Voxel {
     Wall,
     /// Inside by decree: [`Voxels::fill`] marked it, and the flood stops there.
     Filled,
-    /// Connected to the border of the block, but not to infinity: inside a body that the block cuts.
+    /// Connected to the border of the block, but not to infinity: inside a body that the block
+    /// cuts.
     Core,
 }
 
@@ -47,7 +48,13 @@ impl Voxels {
         }
         let dims = [0, 1, 2].map(|k| (size[k] / cell).ceil() as usize + 5);
         let origin = region.min - Vector::repeat(2.0 * cell);
-        Self { origin, cell, per_metre: 1.0 / cell, dims, states: vec![Voxel::Inside; dims[0] * dims[1] * dims[2]] }
+        Self {
+            origin,
+            cell,
+            per_metre: 1.0 / cell,
+            dims,
+            states: vec![Voxel::Inside; dims[0] * dims[1] * dims[2]],
+        }
     }
 
     /// Side of a voxel, in metres.
@@ -55,8 +62,8 @@ impl Voxels {
         self.cell
     }
 
-    /// Makes every voxel that the triangle touches a wall, but for filled ones. The test errs on the
-    /// side of touching, so that no path between face neighbours leads through a triangle.
+    /// Makes every voxel that the triangle touches a wall, but for filled ones. The test errs on
+    /// the side of touching, so that no path between face neighbours leads through a triangle.
     pub fn add_wall(&mut self, corners: [&Point; 3]) {
         let rel = corners.map(|p| (p - self.origin) * self.per_metre);
         let low = rel[0].inf(&rel[1]).inf(&rel[2]);
@@ -66,7 +73,8 @@ impl Voxels {
             let to = (high[k].floor().min(self.dims[k] as Real - 1.0)).max(-1.0) as isize;
             (from, to)
         };
-        let ([x0, y0, z0], [x1, y1, z1]) = ([range(0).0, range(1).0, range(2).0], [range(0).1, range(1).1, range(2).1]);
+        let ([x0, y0, z0], [x1, y1, z1]) =
+            ([range(0).0, range(1).0, range(2).0], [range(0).1, range(1).1, range(2).1]);
         if x1 < x0 as isize || y1 < y0 as isize || z1 < z0 as isize {
             return;
         }
@@ -75,7 +83,9 @@ impl Voxels {
             for y in y0..=y1 as usize {
                 for x in x0..=x1 as usize {
                     let at = (z * self.dims[1] + y) * self.dims[0] + x;
-                    if self.states[at] == Voxel::Inside && slab.touches([x as Real, y as Real, z as Real]) {
+                    if self.states[at] == Voxel::Inside
+                        && slab.touches([x as Real, y as Real, z as Real])
+                    {
                         self.states[at] = Voxel::Wall;
                     }
                 }
@@ -91,7 +101,8 @@ impl Voxels {
         let (plane, thick) = (nx * ny, nz.div_ceil(SLABS));
         let (origin, per_metre) = (self.origin, self.per_metre);
         self.states.par_chunks_mut(thick * plane).enumerate().for_each(|(slab, states)| {
-            let (from, to) = ((slab * thick) as Real, (slab * thick + states.len() / plane) as Real);
+            let (from, to) =
+                ((slab * thick) as Real, (slab * thick + states.len() / plane) as Real);
             for [a, b] in segments {
                 let (a, b) = ((a - origin) * per_metre, (b - origin) * per_metre);
                 if a.z.max(b.z) < from || a.z.min(b.z) >= to {
@@ -102,8 +113,15 @@ impl Voxels {
                 for k in 0..=steps {
                     let p = a + step * k as Real;
                     // Truncation is the floor of what is not negative, without a call.
-                    if p.x >= 0.0 && p.y >= 0.0 && p.z >= from && p.x < nx as Real && p.y < ny as Real && p.z < to {
-                        let state = &mut states[((p.z - from) as usize * ny + p.y as usize) * nx + p.x as usize];
+                    if p.x >= 0.0
+                        && p.y >= 0.0
+                        && p.z >= from
+                        && p.x < nx as Real
+                        && p.y < ny as Real
+                        && p.z < to
+                    {
+                        let state = &mut states
+                            [((p.z - from) as usize * ny + p.y as usize) * nx + p.x as usize];
                         if *state == Voxel::Inside {
                             *state = Voxel::Filled;
                         }
@@ -113,8 +131,9 @@ impl Voxels {
         });
     }
 
-    /// Floods from the border, through faces, whatever no wall shuts off. A border voxel is a source
-    /// only where `is_source` says so of its centre: a body that the block cuts through is none.
+    /// Floods from the border, through faces, whatever no wall shuts off. A border voxel is a
+    /// source only where `is_source` says so of its centre: a body that the block cuts through is
+    /// none.
     pub fn flood(&mut self, mut is_source: impl FnMut(&Point) -> bool) {
         let [nx, ny, nz] = self.dims;
         let mut seeds: Vec<u32> = Vec::new();
@@ -126,7 +145,11 @@ impl Voxels {
                     let at = (z * ny + y) * nx + x;
                     // A component that touches the border is judged once, by the first voxel found.
                     if self.states[at] == Voxel::Inside {
-                        let to = if is_source(&self.center([x, y, z])) { Voxel::Outside } else { Voxel::Core };
+                        let to = if is_source(&self.center([x, y, z])) {
+                            Voxel::Outside
+                        } else {
+                            Voxel::Core
+                        };
                         self.flood_from(at, to, &mut seeds);
                     }
                 }
@@ -185,12 +208,17 @@ impl Voxels {
         self.states[index]
     }
 
-    /// The voxels of the points `start + k step` along x, for those k below `n` whose points the block holds.
+    /// The voxels of the points `start + k step` along x, for those k below `n` whose points the
+    /// block holds.
     pub fn row(&self, start: &Point, step: Real, n: usize) -> impl Iterator<Item = (usize, Voxel)> {
         let place = |x: Real, axis: usize| (x - self.origin[axis]) * self.per_metre;
         let held = |c: Real, axis: usize| c >= 0.0 && c < self.dims[axis] as Real;
         let (y, z) = (place(start.y, 1), place(start.z, 2));
-        let first = if held(y, 1) && held(z, 2) { (z as usize * self.dims[1] + y as usize) * self.dims[0] } else { 0 };
+        let first = if held(y, 1) && held(z, 2) {
+            (z as usize * self.dims[1] + y as usize) * self.dims[0]
+        } else {
+            0
+        };
         (0..if held(y, 1) && held(z, 2) { n } else { 0 }).filter_map(move |k| {
             let x = place(start.x + k as Real * step, 0);
             held(x, 0).then(|| (k, self.states[first + x as usize]))
@@ -202,7 +230,11 @@ impl Voxels {
     pub fn around(&self, p: &Point) -> Voxel {
         let mut found = Voxel::Wall;
         for k in 0..27 {
-            let step = Vector::new((k % 3) as Real - 1.0, (k / 3 % 3) as Real - 1.0, (k / 9) as Real - 1.0);
+            let step = Vector::new(
+                (k % 3) as Real - 1.0,
+                (k / 3 % 3) as Real - 1.0,
+                (k / 9) as Real - 1.0,
+            );
             match self.at(&(p + step * self.cell)) {
                 Voxel::Outside => return Voxel::Outside,
                 Voxel::Inside | Voxel::Filled => found = Voxel::Inside,
@@ -222,7 +254,8 @@ impl Voxels {
     }
 
     fn center(&self, c: [usize; 3]) -> Point {
-        self.origin + Vector::new(c[0] as Real + 0.5, c[1] as Real + 0.5, c[2] as Real + 0.5) * self.cell
+        self.origin
+            + Vector::new(c[0] as Real + 0.5, c[1] as Real + 0.5, c[2] as Real + 0.5) * self.cell
     }
 }
 
@@ -274,7 +307,8 @@ mod tests {
 
     fn box_walls(v: &mut Voxels, leave_out: usize) {
         let p = |k: usize| Point::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2 & 1) as f64);
-        let quads = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+        let quads =
+            [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
         for (i, q) in quads.iter().enumerate() {
             if i != leave_out {
                 let [a, b, c, d] = q.map(p);
@@ -306,8 +340,10 @@ mod tests {
         let mut v = Voxels::new(&unit(), 0.05);
         box_walls(&mut v, 0); // open at z = 0
         let place = |k: u32| (f64::from(k % 61) / 60.0, f64::from(k / 61) / 60.0);
-        let segments: Vec<[Point; 2]> =
-            (0..61 * 61).map(place).map(|(x, y)| [Point::new(x, y, 0.1), Point::new(x, y, 0.12)]).collect();
+        let segments: Vec<[Point; 2]> = (0..61 * 61)
+            .map(place)
+            .map(|(x, y)| [Point::new(x, y, 0.1), Point::new(x, y, 0.12)])
+            .collect();
         v.fill(&segments);
         v.flood(|_| true);
         assert_eq!(v.at(&Point::new(0.5, 0.5, 0.5)), Voxel::Inside);

@@ -16,30 +16,34 @@ pub const LOCK: &str = ".ifg-lock";
 /// What all names begin with that this module makes for a while.
 const HIDDEN: &str = ".ifg-";
 
-/// How long to wait for a process that writes one folder, such as an asset, which takes it a fraction of a second.
+/// How long to wait for a process that writes one folder, such as an asset, which takes it a
+/// fraction of a second.
 pub const PATIENCE: Duration = Duration::from_secs(30);
 /// Between two looks whether the other process is done.
 const BETWEEN: Duration = Duration::from_millis(20);
-/// How often a lock is asked for that others remove just then. Each time another writer was done in between, or the system
-/// says that what was made is not there, as in `/proc`.
+/// How often a lock is asked for that others remove just then. Each time another writer was done in
+/// between, or the system says that what was made is not there, as in `/proc`.
 const TRIES: usize = 100;
 
 /// The right to write into a folder of folders: one process at a time.
 ///
-/// What a killed process left half-filled is removed when the right is taken, and what it had moved away gets its name again.
+/// What a killed process left half-filled is removed when the right is taken, and what it had moved
+/// away gets its name again.
 #[derive(Debug)]
 pub struct Writer {
     parent: PathBuf,
     /// Locked for as long as it is open.
     _lock: File,
-    /// Folders that were made for this, innermost first: they go again where nothing came into them.
+    /// Folders that were made for this, innermost first: they go again where nothing came into
+    /// them.
     made: Vec<PathBuf>,
     /// Held while a folder takes the place of another: threads may write the same one.
     exchange: Mutex<()>,
 }
 
 impl Writer {
-    /// Makes the folder where it is missing, and takes the right to write there; `None` where another process has it.
+    /// Makes the folder where it is missing, and takes the right to write there; `None` where
+    /// another process has it.
     ///
     /// # Errors
     ///
@@ -56,7 +60,11 @@ impl Writer {
                 fs::remove_dir_all(entry.path())?;
             } else if let Some(name) = name.strip_prefix(OLD) {
                 let target = parent.join(name);
-                if is_there(&target) { remove(&entry.path()) } else { fs::rename(entry.path(), target) }?;
+                if is_there(&target) {
+                    remove(&entry.path())
+                } else {
+                    fs::rename(entry.path(), target)
+                }?;
             }
         }
         Ok(Some(writer))
@@ -82,14 +90,19 @@ impl Writer {
         &self.parent
     }
 
-    /// Fills the folder `name`: `fill` writes into a hidden folder beside it, which takes the name when all is there. A
-    /// folder of this name is replaced then, when the new one has reached the disk; a fault leaves it as it was, and what a kill
-    /// leaves between the two [`Writer::open`] and [`restore`] put right.
+    /// Fills the folder `name`: `fill` writes into a hidden folder beside it, which takes the name
+    /// when all is there. A folder of this name is replaced then, when the new one has reached the
+    /// disk; a fault leaves it as it was, and what a kill leaves between the two [`Writer::open`]
+    /// and [`restore`] put right.
     ///
     /// # Errors
     ///
     /// What `fill` returns, or what the system says.
-    pub fn write<T, E: From<io::Error>>(&self, name: &str, fill: impl FnOnce(&Path) -> Result<T, E>) -> Result<T, E> {
+    pub fn write<T, E: From<io::Error>>(
+        &self,
+        name: &str,
+        fill: impl FnOnce(&Path) -> Result<T, E>,
+    ) -> Result<T, E> {
         let partial = self.partial()?;
         let filled = fill(partial.path())?;
         let (target, old) = (self.parent.join(name), self.parent.join(format!("{OLD}{name}")));
@@ -107,9 +120,10 @@ impl Writer {
         Ok(filled)
     }
 
-    /// Puts files into the folder itself. `fill` writes them into a hidden folder there, and returns their names; when all are
-    /// there they are moved up in this order. Before that those of `earlier` are removed that are not among them. Files of other names
-    /// stay as they are, and a fault of `fill` leaves everything as it was.
+    /// Puts files into the folder itself. `fill` writes them into a hidden folder there, and
+    /// returns their names; when all are there they are moved up in this order. Before that those
+    /// of `earlier` are removed that are not among them. Files of other names stay as they are, and
+    /// a fault of `fill` leaves everything as it was.
     ///
     /// # Errors
     ///
@@ -160,7 +174,8 @@ impl Writer {
 
 impl Drop for Writer {
     fn drop(&mut self) {
-        // It is still locked: who has opened it by now sees that another file, or none, has its name. Where that cannot be seen it stays.
+        // It is still locked: who has opened it by now sees that another file, or none, has its
+        // name. Where that cannot be seen it stays.
         #[cfg(unix)]
         let _ = fs::remove_file(self.parent.join(LOCK));
         for folder in &self.made {
@@ -169,7 +184,8 @@ impl Drop for Writer {
     }
 }
 
-/// The lock of a folder, which is made where it is missing; `None` where another process holds it. Who holds it may remove it, the folder too.
+/// The lock of a folder, which is made where it is missing; `None` where another process holds it.
+/// Who holds it may remove it, the folder too.
 ///
 /// # Errors
 ///
@@ -255,14 +271,20 @@ fn is_there(path: &Path) -> bool {
 
 /// Removes a folder, a file or a link.
 fn remove(path: &Path) -> io::Result<()> {
-    if fs::symlink_metadata(path)?.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) }
+    if fs::symlink_metadata(path)?.is_dir() {
+        fs::remove_dir_all(path)
+    } else {
+        fs::remove_file(path)
+    }
 }
 
-/// Gives folders their names again that a killed process had moved away to replace them. For readers: who writes
-/// has it done by [`Writer::open`]. Where nothing may be written, nothing is done.
+/// Gives folders their names again that a killed process had moved away to replace them. For
+/// readers: who writes has it done by [`Writer::open`]. Where nothing may be written, nothing is
+/// done.
 pub fn restore(parent: &Path) {
     let Ok(entries) = fs::read_dir(parent) else { return };
-    let is_away = |name: &str| name.strip_prefix(OLD).is_some_and(|name| !is_there(&parent.join(name)));
+    let is_away =
+        |name: &str| name.strip_prefix(OLD).is_some_and(|name| !is_there(&parent.join(name)));
     if entries.flatten().any(|entry| is_away(&entry.file_name().to_string_lossy())) {
         // Another process may be just between the two steps.
         drop(Writer::wait(parent, PATIENCE));
@@ -412,13 +434,21 @@ mod tests {
         fs::write(out.join("mine"), "keep").unwrap();
         put(&["x", "y", "gone"], &["y", "z"]).unwrap();
         assert_eq!(fs::read(out.join("mine")).unwrap(), b"keep");
-        assert!(!out.join("x").exists() && out.join("y").exists() && out.join("z").exists() && out.join("sub").exists());
+        assert!(
+            !out.join("x").exists()
+                && out.join("y").exists()
+                && out.join("z").exists()
+                && out.join("sub").exists()
+        );
         let writer = Writer::open(&out).unwrap().unwrap();
-        let fault = writer.write_files(&["y".to_owned()], |_| Err::<((), _), _>(io::Error::from(io::ErrorKind::StorageFull)));
+        let fault = writer.write_files(&["y".to_owned()], |_| {
+            Err::<((), _), _>(io::Error::from(io::ErrorKind::StorageFull))
+        });
         assert!(fault.is_err() && out.join("y").exists());
     }
 
-    /// Without the look whether the locked file still has its name, two of them hold a lock at once now and then.
+    /// Without the look whether the locked file still has its name, two of them hold a lock at once
+    /// now and then.
     #[cfg(unix)]
     #[test]
     fn locks_that_are_removed_exclude_all_the_same() {

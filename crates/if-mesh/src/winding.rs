@@ -1,4 +1,5 @@
-//! How often a surface winds round a point: inside or outside for meshes that are open, or wound into themselves.
+//! How often a surface winds round a point: inside or outside for meshes that are open, or wound
+//! into themselves.
 
 use crate::index::{Branch, Bvh};
 use if_core::math::{Point, Real, Vector, area_vector};
@@ -13,17 +14,19 @@ use std::f64::consts::PI;
 /// w(q) = 1 / 4π · Σ solid angle of triangle t seen from q
 /// ```
 ///
-/// 1 inside a closed surface, 0 outside, and in between near the openings of an open one, where ½ is the natural border.
-/// Far groups of triangles count as one dipole and its first two moments.
+/// 1 inside a closed surface, 0 outside, and in between near the openings of an open one, where ½
+/// is the natural border. Far groups of triangles count as one dipole and its first two moments.
 ///
 /// # Source
 ///
-/// Jacobson, Kavan and Sorkine-Hornung 2013; the tree of Barill et al. 2018, *Fast winding numbers for soups and clouds*,
-/// with moments of the second order. Solid angles by van Oosterom and Strackee 1983.
+/// Jacobson, Kavan and Sorkine-Hornung 2013; the tree of Barill et al. 2018, *Fast winding numbers
+/// for soups and clouds*, with moments of the second order. Solid angles by van Oosterom and
+/// Strackee 1983.
 ///
 /// # Accuracy
 ///
-/// Within 0.005 of the sum over all triangles with the default `beta`, on surfaces with one and with two sheets.
+/// Within 0.005 of the sum over all triangles with the default `beta`, on surfaces with one and
+/// with two sheets.
 ///
 /// # Examples
 ///
@@ -60,14 +63,17 @@ struct Moments {
 
 /// A ratio of distance to radius that is none.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("beta is {beta}; it must be at least 1: nearer than its radius a group of triangles is not seen from outside")]
+#[error(
+    "beta is {beta}; it must be at least 1: nearer than its radius a group of triangles is not seen from outside"
+)]
 #[non_exhaustive]
 pub struct WindingError {
     /// What was given.
     pub beta: Real,
 }
 
-/// Distance in radii below which groups are opened by default. At twice as much the error is some twenty times smaller.
+/// Distance in radii below which groups are opened by default. At twice as much the error is some
+/// twenty times smaller.
 const BETA: Real = 2.0;
 
 impl Winding {
@@ -76,8 +82,8 @@ impl Winding {
         Self::prepared(mesh, BETA)
     }
 
-    /// The same with another ratio of distance to radius from which on groups count as one: larger is slower and more
-    /// exact; infinity sums over all triangles.
+    /// The same with another ratio of distance to radius from which on groups count as one: larger
+    /// is slower and more exact; infinity sums over all triangles.
     ///
     /// # Errors
     ///
@@ -107,7 +113,8 @@ impl Winding {
         Self { tree, moments, beta }
     }
 
-    /// The winding number of `p`. 0 for an empty mesh; on the surface it lies between those of its sides.
+    /// The winding number of `p`. 0 for an empty mesh; on the surface it lies between those of its
+    /// sides.
     pub fn at(&self, p: &Point) -> Real {
         let mut sum = 0.0;
         let mut stack = vec![0u32];
@@ -124,7 +131,9 @@ impl Winding {
             }
             match self.tree.branch(n) {
                 Branch::Inner(left, right) => stack.extend([right, left]),
-                Branch::Leaf(corners) => sum += corners.iter().map(|c| solid_angle(p, c)).sum::<Real>(),
+                Branch::Leaf(corners) => {
+                    sum += corners.iter().map(|c| solid_angle(p, c)).sum::<Real>()
+                }
             }
         }
         sum / (4.0 * PI)
@@ -149,15 +158,21 @@ impl Moments {
             dipole += vector;
         }
         // Without area all triangles count alike: they only matter for the radius.
-        let center =
-            if area > 0.0 { sum / area } else { parts.clone().map(|p| p.2).sum::<Vector>() / corners.len().max(1) as Real };
+        let center = if area > 0.0 {
+            sum / area
+        } else {
+            parts.clone().map(|p| p.2).sum::<Vector>() / corners.len().max(1) as Real
+        };
         let mut first = Matrix3::zeros();
         let mut second = [Matrix3::zeros(); 3];
         for ((vector, _, middle), triangle) in parts.zip(corners) {
             let offset = middle - center;
             first += offset * vector.transpose();
             // The second moment of a triangle about its middle is that of its corners over twelve.
-            let spread: Matrix3<Real> = triangle.iter().map(|p| (p.coords - middle) * (p.coords - middle).transpose()).sum();
+            let spread: Matrix3<Real> = triangle
+                .iter()
+                .map(|p| (p.coords - middle) * (p.coords - middle).transpose())
+                .sum();
             let about = offset * offset.transpose() + spread / 12.0;
             (0..3).for_each(|k| second[k] += about * vector[k]);
         }
@@ -192,8 +207,8 @@ impl Moments {
         (self.first + d * self.dipole.transpose(), second)
     }
 
-    /// The solid angle from a place at −`r` from the middle: Taylor's series of Σ n · (r + x) / |r + x|³ in the offsets x, to
-    /// the second order.
+    /// The solid angle from a place at −`r` from the middle: Taylor's series of Σ n · (r + x) / |r
+    /// + x|³ in the offsets x, to the second order.
     fn seen(&self, r: &Vector) -> Real {
         let r2 = r.norm_squared();
         let zeroth = self.dipole.dot(r);
@@ -232,12 +247,17 @@ mod tests {
     #[test]
     fn a_closed_ball_has_one_inside_and_zero_outside() {
         let ball = meshes::icosphere(1.0, 4);
-        let (fast, exact) = (Winding::new(&ball), Winding::with_beta(&ball, Real::INFINITY).unwrap());
+        let (fast, exact) =
+            (Winding::new(&ball), Winding::with_beta(&ball, Real::INFINITY).unwrap());
         for p in random_points(300, 1.6) {
             let distance = p.coords.norm();
             let w = exact.at(&p);
             if (distance - 1.0).abs() > 0.01 {
-                approx::assert_relative_eq!(w, if distance < 1.0 { 1.0 } else { 0.0 }, epsilon = 1e-12);
+                approx::assert_relative_eq!(
+                    w,
+                    if distance < 1.0 { 1.0 } else { 0.0 },
+                    epsilon = 1e-12
+                );
             }
             assert!((fast.at(&p) - w).abs() < 0.005, "{p}: {} for {w}", fast.at(&p));
         }
@@ -249,7 +269,8 @@ mod tests {
         let heights: Vec<Real> = ball.vertices().iter().map(|p| p.y).collect();
         let bowl = clip(&ball, &heights);
         let exact = Winding::with_beta(&bowl, Real::INFINITY).unwrap();
-        // Seen from the middle a half sphere fills half of all directions. Cuts keep a hundredth of an edge from vertices.
+        // Seen from the middle a half sphere fills half of all directions. Cuts keep a hundredth of
+        // an edge from vertices.
         approx::assert_relative_eq!(exact.at(&Point::origin()), 0.5, epsilon = 1e-3);
         let fast = Winding::new(&bowl);
         for p in random_points(300, 1.5) {
@@ -258,7 +279,12 @@ mod tests {
         let inner = meshes::icosphere(0.5, 3);
         let n = ball.vertices().len() as u32;
         let vertices = [ball.vertices(), inner.vertices()].concat();
-        let triangles = ball.triangles().iter().copied().chain(inner.triangles().iter().map(|t| t.map(|v| v + n))).collect();
+        let triangles = ball
+            .triangles()
+            .iter()
+            .copied()
+            .chain(inner.triangles().iter().map(|t| t.map(|v| v + n)))
+            .collect();
         let both = Winding::new(&TriMesh::new(vertices, triangles).unwrap());
         for (x, w) in [(0.1, 2.0), (0.7, 1.0), (1.3, 0.0)] {
             approx::assert_relative_eq!(both.at(&Point::new(x, 0.01, 0.02)), w, epsilon = 0.005);
@@ -272,7 +298,10 @@ mod tests {
             let error = Winding::with_beta(&ball, beta).unwrap_err();
             assert!(error.to_string().contains("at least 1"), "{error}");
         }
-        assert!(Winding::with_beta(&ball, 1.0).is_ok() && Winding::with_beta(&ball, Real::INFINITY).is_ok());
+        assert!(
+            Winding::with_beta(&ball, 1.0).is_ok()
+                && Winding::with_beta(&ball, Real::INFINITY).is_ok()
+        );
     }
 
     #[test]
@@ -280,7 +309,12 @@ mod tests {
         let point = TriMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
         for mesh in [TriMesh::default(), point, meshes::cloth(1.0, 1.0, 2, 2)] {
             let winding = Winding::new(&mesh);
-            for p in [Point::origin(), Point::new(0.25, 0.0, 0.25), Point::new(1e-300, 0.0, 0.0), Point::new(1e9, 0.0, 0.0)] {
+            for p in [
+                Point::origin(),
+                Point::new(0.25, 0.0, 0.25),
+                Point::new(1e-300, 0.0, 0.0),
+                Point::new(1e9, 0.0, 0.0),
+            ] {
                 assert!(winding.at(&p).abs() <= 0.5 + 1e-12, "{p}: {}", winding.at(&p));
             }
         }

@@ -36,8 +36,10 @@ fn fans(mesh: &TriMesh, v: usize) -> usize {
         fans += 1;
         let mut reached = vec![t];
         while let Some(t) = reached.pop() {
-            let others = |t: u32| mesh.triangles()[t as usize].into_iter().filter(|u| *u as usize != v);
-            let (near, far): (Vec<u32>, Vec<u32>) = left.iter().partition(|u| others(**u).any(|a| others(t).any(|b| a == b)));
+            let others =
+                |t: u32| mesh.triangles()[t as usize].into_iter().filter(|u| *u as usize != v);
+            let (near, far): (Vec<u32>, Vec<u32>) =
+                left.iter().partition(|u| others(**u).any(|a| others(t).any(|b| a == b)));
             reached.extend(near);
             left = far;
         }
@@ -50,7 +52,8 @@ fn check(before: &TriMesh, after: &Cleaned) {
     let mesh = &after.mesh;
     assert!(mesh.vertices().iter().all(|p| p.iter().all(|x| x.is_finite())));
     for fault in faults(mesh) {
-        // A soup, or a part of one, may be inside out; copies of split vertices lie where the others are.
+        // A soup, or a part of one, may be inside out; copies of split vertices lie where the
+        // others are.
         let allowed = matches!(
             fault,
             Fault::NoTriangles { .. }
@@ -65,30 +68,44 @@ fn check(before: &TriMesh, after: &Cleaned) {
         assert_eq!(fans(mesh, v), 1, "vertex {v}");
     }
     assert_eq!(after.attributes.vertices(), mesh.vertices().len());
-    // Against the manifold mesh: where flat triangles are mended, a triangle that was met already may become two.
+    // Against the manifold mesh: where flat triangles are mended, a triangle that was met already
+    // may become two.
     let (before, _) = make_manifold(before);
     let pairs = |mesh: &TriMesh| own_pairs(mesh, &Bvh::new(mesh)).len();
-    assert!(pairs(mesh) <= pairs(&before.mesh), "{} pairs became {}", pairs(&before.mesh), pairs(mesh));
+    assert!(
+        pairs(mesh) <= pairs(&before.mesh),
+        "{} pairs became {}",
+        pairs(&before.mesh),
+        pairs(mesh)
+    );
 }
 
-/// Triangles on a small grid of points: doubled, flat, non-manifold and through each other, as often as not.
+/// Triangles on a small grid of points: doubled, flat, non-manifold and through each other, as
+/// often as not.
 fn soups() -> impl Strategy<Value = TriMesh> {
     (4usize..24).prop_flat_map(|n| {
         let point = prop_oneof![
             (0i8..4, 0i8..4, 0i8..3).prop_map(|(x, y, z)| Point::new(x.into(), y.into(), z.into())),
             (0.0..3.0, 0.0..3.0, 0.0..2.0).prop_map(|(x, y, z)| Point::new(x, y, z)),
         ];
-        let triangle =
-            (0..n as u32, 0..n as u32, 0..n as u32).prop_filter("three corners", |(a, b, c)| a != b && b != c && c != a);
-        (proptest::collection::vec(point, n), proptest::collection::vec(triangle, 0..40)).prop_map(|(points, triangles)| {
-            TriMesh::new(points, triangles.into_iter().map(|(a, b, c)| [a, b, c]).collect()).unwrap()
-        })
+        let triangle = (0..n as u32, 0..n as u32, 0..n as u32)
+            .prop_filter("three corners", |(a, b, c)| a != b && b != c && c != a);
+        (proptest::collection::vec(point, n), proptest::collection::vec(triangle, 0..40)).prop_map(
+            |(points, triangles)| {
+                TriMesh::new(points, triangles.into_iter().map(|(a, b, c)| [a, b, c]).collect())
+                    .unwrap()
+            },
+        )
     })
 }
 
 /// Balls and tubes with triangles missing, doubled and turned over.
 fn damaged() -> impl Strategy<Value = TriMesh> {
-    let whole = prop_oneof![Just(icosphere(0.3, 2)), Just(tube(0.1, 0.3, 14, 7, false)), Just(tube(0.1, 0.3, 9, 5, true))];
+    let whole = prop_oneof![
+        Just(icosphere(0.3, 2)),
+        Just(tube(0.1, 0.3, 14, 7, false)),
+        Just(tube(0.1, 0.3, 9, 5, true))
+    ];
     (whole, any::<u64>(), 0.0..0.5).prop_map(|(mesh, seed, share)| {
         let mut state = seed | 1;
         let mut random = || {
@@ -105,7 +122,11 @@ fn damaged() -> impl Strategy<Value = TriMesh> {
                 _ => triangles.push(*t),
             }
         }
-        let points = mesh.vertices().iter().map(|p| p + Vector::new(random(), random(), random()) * 0.01).collect();
+        let points = mesh
+            .vertices()
+            .iter()
+            .map(|p| p + Vector::new(random(), random(), random()) * 0.01)
+            .collect();
         TriMesh::new(points, triangles).unwrap()
     })
 }
@@ -118,11 +139,13 @@ fn policies() -> impl Strategy<Value = CleanupParams> {
         Just(Openings::Near(vec![Point::origin()])),
         Just(Openings::Complement(Box::new(Complement::new(icosphere(1.0, 1))))),
     ];
-    (openings, any::<bool>(), any::<bool>()).prop_map(|(openings, all, single_precision)| CleanupParams {
-        openings,
-        components: (!all).then(ComponentParams::default),
-        single_precision,
-        ..CleanupParams::default()
+    (openings, any::<bool>(), any::<bool>()).prop_map(|(openings, all, single_precision)| {
+        CleanupParams {
+            openings,
+            components: (!all).then(ComponentParams::default),
+            single_precision,
+            ..CleanupParams::default()
+        }
     })
 }
 
@@ -141,8 +164,9 @@ proptest! {
 
     #[test]
     fn a_second_clean_up_changes_nothing_where_the_first_left_no_hole(mesh in prop_oneof![soups(), damaged()], params in policies()) {
-        // Smoothing stops where a loop is smooth or a vertex is held back, and the latter may go on from there.
-        // Openings by shape are judged against the area, to which patches add: a loop that was an opening can be a hole then.
+        // Smoothing stops where a loop is smooth or a vertex is held back, and the latter may go on
+        // from there. Openings by shape are judged against the area, to which patches add: a loop
+        // that was an opening can be a hole then.
         prop_assume!(!matches!(params.openings, Openings::Shape(_)));
         let params = CleanupParams { smooth: None, ..params };
         let first = clean(&mesh, &params);
@@ -156,7 +180,8 @@ proptest! {
 #[test]
 #[ignore = "stress"]
 fn many_more_soups() {
-    let config = ProptestConfig { cases: 4000, failure_persistence: None, ..ProptestConfig::default() };
+    let config =
+        ProptestConfig { cases: 4000, failure_persistence: None, ..ProptestConfig::default() };
     proptest!(config, |(mesh in prop_oneof![soups(), damaged()], params in policies())| check(&mesh, &clean(&mesh, &params)));
 }
 
@@ -164,17 +189,24 @@ fn many_more_soups() {
 fn holed(subdivisions: u32, holes: &[(Vector, Real)]) -> TriMesh {
     let ball = icosphere(0.3, subdivisions);
     let outside = |t: &[u32; 3]| {
-        let c = t.iter().fold(Vector::zeros(), |s, v| s + ball.vertices()[*v as usize].coords) / 3.0;
+        let c =
+            t.iter().fold(Vector::zeros(), |s, v| s + ball.vertices()[*v as usize].coords) / 3.0;
         holes.iter().all(|(at, r)| (c - at).norm() > *r)
     };
-    TriMesh::new(ball.vertices().to_vec(), ball.triangles().iter().filter(|t| outside(t)).copied().collect()).unwrap()
+    TriMesh::new(
+        ball.vertices().to_vec(),
+        ball.triangles().iter().filter(|t| outside(t)).copied().collect(),
+    )
+    .unwrap()
 }
 
 #[test]
 fn patches_go_on_as_the_surface_does_and_lie_on_the_field_where_there_is_one() {
     let mesh = holed(5, &[(Vector::new(0.3, 0.0, 0.0), 0.08), (Vector::new(0.0, 0.3, 0.0), 0.04)]);
     let params = CleanupParams { openings: Openings::Count(0), ..CleanupParams::default() };
-    let off = |c: &Cleaned| c.mesh.vertices().iter().map(|p| (p.coords.norm() - 0.3).abs()).fold(0.0, Real::max);
+    let off = |c: &Cleaned| {
+        c.mesh.vertices().iter().map(|p| (p.coords.norm() - 0.3).abs()).fold(0.0, Real::max)
+    };
     let fair = clean(&mesh, &params);
     assert_eq!(fair.report.holes.filled.len(), 2);
     assert!(fair.report.holes.filled.iter().all(|f| f.shape == Shape::Fair));
@@ -182,8 +214,13 @@ fn patches_go_on_as_the_surface_does_and_lie_on_the_field_where_there_is_one() {
     assert!(off(&fair) < 1.5e-3, "{}", off(&fair));
     assert_eq!(Edges::new(&fair.mesh).valence.iter().filter(|v| **v != 2).count(), 0, "closed");
     let sphere = Sphere { center: Point::origin(), radius: 0.3 };
-    let on =
-        cleanup(&mesh, &VertexAttributes::none(mesh.vertices().len()), Some(&sphere as &dyn SignedDistance), &params).unwrap();
+    let on = cleanup(
+        &mesh,
+        &VertexAttributes::none(mesh.vertices().len()),
+        Some(&sphere as &dyn SignedDistance),
+        &params,
+    )
+    .unwrap();
     assert!(on.report.holes.filled.iter().all(|f| f.shape == Shape::Projected));
     assert!(off(&on) < 1e-9, "{}", off(&on));
     let area = on.mesh.area();
@@ -196,19 +233,25 @@ fn a_garment_without_a_patch_of_its_body_gets_it_back_and_keeps_its_openings() {
     let body = icosphere(0.3, 4);
     let hole = Vector::new(0.0, -0.1, 0.28);
     let keep = |t: &[u32; 3]| {
-        let c = t.iter().fold(Vector::zeros(), |s, v| s + body.vertices()[*v as usize].coords) / 3.0;
+        let c =
+            t.iter().fold(Vector::zeros(), |s, v| s + body.vertices()[*v as usize].coords) / 3.0;
         c.y < 0.15 && (c - hole).norm() > 0.06
     };
     let triangles = body.triangles().iter().filter(|t| keep(t)).copied().collect();
     let garment = TriMesh::new(body.vertices().to_vec(), triangles).unwrap();
-    let params =
-        CleanupParams { openings: Openings::Complement(Box::new(Complement::new(body.clone()))), ..CleanupParams::default() };
+    let params = CleanupParams {
+        openings: Openings::Complement(Box::new(Complement::new(body.clone()))),
+        ..CleanupParams::default()
+    };
     let result = clean(&garment, &params);
     assert_eq!((result.report.holes.filled.len(), result.report.holes.openings.len()), (1, 1));
     // What surely belongs to something else is no hole, however small.
     let foreign = body.vertices().iter().map(|p| (p.coords - hole).norm() < 0.08).collect();
     let complement = Complement { foreign, ..Complement::new(body) };
-    let params = CleanupParams { openings: Openings::Complement(Box::new(complement)), ..CleanupParams::default() };
+    let params = CleanupParams {
+        openings: Openings::Complement(Box::new(complement)),
+        ..CleanupParams::default()
+    };
     assert_eq!(clean(&garment, &params).report.holes.openings.len(), 2);
 }
 
@@ -216,7 +259,8 @@ fn a_garment_without_a_patch_of_its_body_gets_it_back_and_keeps_its_openings() {
 fn attributes_go_along() {
     let mesh = holed(4, &[(Vector::new(0.3, 0.0, 0.0), 0.08)]);
     let n = mesh.vertices().len();
-    let (label, heat): (Vec<u8>, Vec<f64>) = mesh.vertices().iter().map(|p| (if p.y > 0.0 { 7 } else { 3 }, 20.0 + p.y)).unzip();
+    let (label, heat): (Vec<u8>, Vec<f64>) =
+        mesh.vertices().iter().map(|p| (if p.y > 0.0 { 7 } else { 3 }, 20.0 + p.y)).unzip();
     let properties = vec![
         Property::new("label", Column::U8(label)),
         Property::new("heat", Column::F64(heat)),
@@ -229,8 +273,12 @@ fn attributes_go_along() {
     let params = CleanupParams { openings: Openings::Count(0), ..CleanupParams::default() };
     let made = cleanup(&mesh, &attributes, None, &params).unwrap();
     assert!(made.report.holes.filled[0].vertices > 10);
-    let [label, heat, j0, _, w0, w1] = made.attributes.properties() else { panic!("six properties") };
-    let (Column::U8(label), Column::F64(heat)) = (&label.values, &heat.values) else { panic!("types stay") };
+    let [label, heat, j0, _, w0, w1] = made.attributes.properties() else {
+        panic!("six properties")
+    };
+    let (Column::U8(label), Column::F64(heat)) = (&label.values, &heat.values) else {
+        panic!("types stay")
+    };
     for (v, p) in made.mesh.vertices().iter().enumerate() {
         assert!((heat[v] - 20.0 - p.y).abs() < 0.04, "{} at {}", heat[v], p.y);
         if p.y.abs() > 0.03 {
@@ -238,7 +286,10 @@ fn attributes_go_along() {
         }
     }
     assert_eq!(j0.values, Column::U8(vec![1; heat.len()]));
-    assert_eq!((&w0.values, &w1.values), (&Column::F32(vec![0.75; heat.len()]), &Column::F32(vec![0.25; heat.len()])));
+    assert_eq!(
+        (&w0.values, &w1.values),
+        (&Column::F32(vec![0.75; heat.len()]), &Column::F32(vec![0.25; heat.len()]))
+    );
     let error = cleanup(&mesh, &VertexAttributes::none(3), None, &params).unwrap_err();
     assert!(matches!(error, CleanupError::Attributes { attributes: 3, .. }));
 }
@@ -281,9 +332,14 @@ fn the_surface_can_be_smoothed_and_its_boundary_left() {
     let whole = tube(0.15, 0.4, 60, 30, false);
     let n = whole.vertices().len();
     let bump = |k: usize, p: &Point| {
-        Point::new(p.x, p.y, p.z) + Vector::new(p.x, 0.0, p.z) * if k.is_multiple_of(2) { 0.01 } else { 0.0 }
+        Point::new(p.x, p.y, p.z)
+            + Vector::new(p.x, 0.0, p.z) * if k.is_multiple_of(2) { 0.01 } else { 0.0 }
     };
-    let bumpy = TriMesh::new((0..n).map(|k| bump(k, &whole.vertices()[k])).collect(), whole.triangles().to_vec()).unwrap();
+    let bumpy = TriMesh::new(
+        (0..n).map(|k| bump(k, &whole.vertices()[k])).collect(),
+        whole.triangles().to_vec(),
+    )
+    .unwrap();
     let smooth = SmoothParams { boundary: false, surface_passes: 2, ..SmoothParams::default() };
     let result = clean(&bumpy, &CleanupParams { smooth: Some(smooth), ..CleanupParams::default() });
     check(&bumpy, &result);
@@ -295,7 +351,12 @@ fn the_surface_can_be_smoothed_and_its_boundary_left() {
         (inner.iter().map(|r| (r - mean).powi(2)).sum::<Real>() / inner.len() as Real).sqrt()
     };
     assert_eq!(result.mesh.triangles(), bumpy.triangles());
-    assert!(spread(&result.mesh) < 0.5 * spread(&bumpy), "{} of {}", spread(&result.mesh), spread(&bumpy));
+    assert!(
+        spread(&result.mesh) < 0.5 * spread(&bumpy),
+        "{} of {}",
+        spread(&result.mesh),
+        spread(&bumpy)
+    );
     for (p, q) in result.mesh.vertices().iter().zip(bumpy.vertices()).filter(|(_, q)| on_rim(q)) {
         assert_eq!(p, q);
     }
@@ -303,12 +364,24 @@ fn the_surface_can_be_smoothed_and_its_boundary_left() {
 
 #[test]
 fn the_same_bits_for_any_number_of_threads() {
-    let mesh =
-        holed(4, &[(Vector::new(0.3, 0.0, 0.0), 0.1), (Vector::new(0.0, 0.3, 0.0), 0.05), (Vector::new(0.0, 0.0, 0.3), 0.02)]);
+    let mesh = holed(
+        4,
+        &[
+            (Vector::new(0.3, 0.0, 0.0), 0.1),
+            (Vector::new(0.0, 0.3, 0.0), 0.05),
+            (Vector::new(0.0, 0.0, 0.3), 0.02),
+        ],
+    );
     let params = CleanupParams::default();
     let results: Vec<Cleaned> = [1, 2, 5]
         .into_iter()
-        .map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(|| clean(&mesh, &params)))
+        .map(|n| {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(n)
+                .build()
+                .unwrap()
+                .install(|| clean(&mesh, &params))
+        })
         .collect();
     assert!(results.windows(2).all(|w| w[0] == w[1]));
 }
@@ -317,13 +390,18 @@ fn the_same_bits_for_any_number_of_threads() {
 fn numbers_that_make_no_sense_are_refused() {
     let mesh = icosphere(0.1, 1);
     let refused = |params: CleanupParams| {
-        cleanup(&mesh, &VertexAttributes::none(mesh.vertices().len()), None, &params).unwrap_err().to_string()
+        cleanup(&mesh, &VertexAttributes::none(mesh.vertices().len()), None, &params)
+            .unwrap_err()
+            .to_string()
     };
     let p = CleanupParams { openings: Openings::Longer(-1.0), ..CleanupParams::default() };
     assert!(refused(p).contains("-1"));
     let p = CleanupParams { openings: Openings::Shape(Real::NAN), ..CleanupParams::default() };
     assert!(refused(p).contains("NaN"));
-    let p = CleanupParams { openings: Openings::Near(vec![Point::new(0.0, Real::INFINITY, 0.0)]), ..CleanupParams::default() };
+    let p = CleanupParams {
+        openings: Openings::Near(vec![Point::new(0.0, Real::INFINITY, 0.0)]),
+        ..CleanupParams::default()
+    };
     assert!(refused(p).contains("point 0"));
     let p = CleanupParams {
         openings: Openings::Complement(Box::new(Complement::new(TriMesh::default()))),
@@ -346,17 +424,28 @@ fn numbers_that_make_no_sense_are_refused() {
 #[test]
 fn steps_by_themselves_do_what_clean_up_does_and_refuse_the_same_numbers() {
     let tube = tube(0.1, 0.4, 40, 20, false);
-    let holed = TriMesh::new(tube.vertices().to_vec(), [&tube.triangles()[..600], &tube.triangles()[604..]].concat()).unwrap();
+    let holed = TriMesh::new(
+        tube.vertices().to_vec(),
+        [&tube.triangles()[..600], &tube.triangles()[604..]].concat(),
+    )
+    .unwrap();
     let (fill, smooth) = (FillParams::default(), SmoothParams::default());
     let (filled, report) = fill_holes(&holed, None, &Openings::default(), &fill).unwrap();
     assert_eq!((report.filled.len(), report.openings.len()), (1, 2));
     let (smoothed, _) = smooth_boundary(&filled.mesh, None, &smooth).unwrap();
     let whole = clean(&holed, &CleanupParams::default());
     assert_eq!(smoothed.mesh.triangles().len(), whole.mesh.triangles().len());
-    // An openness of NaN would close neck and cuffs; so many edges by the exact method would take gigabytes.
-    assert!(matches!(fill_holes(&holed, None, &Openings::Shape(Real::NAN), &fill), Err(CleanupError::Openings(_))));
+    // An openness of NaN would close neck and cuffs; so many edges by the exact method would take
+    // gigabytes.
+    assert!(matches!(
+        fill_holes(&holed, None, &Openings::Shape(Real::NAN), &fill),
+        Err(CleanupError::Openings(_))
+    ));
     let endless = FillParams { exact_up_to: usize::MAX, ..fill };
-    assert!(matches!(fill_holes(&holed, None, &Openings::default(), &endless), Err(CleanupError::Range { .. })));
+    assert!(matches!(
+        fill_holes(&holed, None, &Openings::default(), &endless),
+        Err(CleanupError::Range { .. })
+    ));
     let params = CleanupParams { fill: Some(endless), ..CleanupParams::default() };
     assert!(matches!(params.validate(), Err(CleanupError::Range { .. })));
     let forever = SmoothParams { passes: usize::MAX, ..smooth };
@@ -377,9 +466,9 @@ fn a_caller_can_break_at_any_call_and_hears_each_pass() {
         ControlFlow::Continue(())
     });
     assert_eq!(whole.unwrap(), cleanup(&mesh, &none, None, &params).unwrap());
-    assert!(
-        heard.is_sorted_by_key(|s| [Step::Manifold, Step::Components, Step::Holes, Step::Boundary].iter().position(|t| t == s))
-    );
+    assert!(heard.is_sorted_by_key(|s| {
+        [Step::Manifold, Step::Components, Step::Holes, Step::Boundary].iter().position(|t| t == s)
+    }));
     assert!(heard.iter().filter(|s| **s == Step::Boundary).count() > 8, "{heard:?}");
     for last in 0..heard.len() {
         let mut calls = 0;

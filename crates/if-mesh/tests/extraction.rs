@@ -1,4 +1,5 @@
-//! Extraction on the matrix of fields: sparse against dense, vertices on the surface, manifolds, angles.
+//! Extraction on the matrix of fields: sparse against dense, vertices on the surface, manifolds,
+//! angles.
 #![allow(clippy::unwrap_used)] // also in what the tests share
 
 mod fields;
@@ -25,7 +26,11 @@ fn params(case: &Case, cells: u32) -> ExtractParams {
 fn sparse_is_dense(cells: u32) {
     for case in cases(cells) {
         let sparse = extract(&*case.field, &params(&case, cells)).unwrap();
-        let dense = extract(&*case.field, &ExtractParams { sampling: Sampling::Dense, ..params(&case, cells) }).unwrap();
+        let dense = extract(
+            &*case.field,
+            &ExtractParams { sampling: Sampling::Dense, ..params(&case, cells) },
+        )
+        .unwrap();
         assert!(sparse.mesh == dense.mesh, "{}: the triangles differ", case.name);
         let nodes: usize = dense.report.cells.iter().map(|c| *c as usize + 1).product();
         assert_eq!(dense.report.evaluations.refine, nodes);
@@ -40,17 +45,32 @@ fn surfaces_are_sound(cells: u32) {
         let (mesh, report) = (&found.mesh, &found.report);
         assert_eq!(report.evaluations.polish, 2 * mesh.vertices().len(), "{}", case.name);
         let worst = mesh.vertices().iter().map(|p| distance(&case, p)).fold(0.0, Real::max);
-        // Layers half a cell apart share edges whose ends both lie in one of them: the crease between them bends the
-        // field within the edge. Corners of the cuboid lie up to a cell's part off all edges.
+        // Layers half a cell apart share edges whose ends both lie in one of them: the crease
+        // between them bends the field within the edge. Corners of the cuboid lie up to a cell's
+        // part off all edges.
         let sharp = case.name.starts_with("zeros, cuboid");
-        assert!(worst <= if sharp { 0.01 * report.cell } else { 1e-6 * BOX + case.noise }, "{}: {worst:.2e} m", case.name);
-        assert_eq!(flaws(mesh, &report.region, report.cell), [0; 3], "{}: fins, bow-ties, holes", case.name);
+        assert!(
+            worst <= if sharp { 0.01 * report.cell } else { 1e-6 * BOX + case.noise },
+            "{}: {worst:.2e} m",
+            case.name
+        );
+        assert_eq!(
+            flaws(mesh, &report.region, report.cell),
+            [0; 3],
+            "{}: fins, bow-ties, holes",
+            case.name
+        );
         match case.name.as_str() {
             "empty" | "full" => assert!(mesh.triangles().is_empty() && report.skipped > 0.99),
             _ => assert!(mesh.triangles().len() > 100, "{}", case.name),
         }
         let leaves = report.warnings.iter().any(|w| matches!(w, Warning::LeavesRegion { .. }));
-        assert_eq!(leaves, ["gyroid", "through", "zeros, plane"].iter().any(|n| case.name.starts_with(n)), "{}", case.name);
+        assert_eq!(
+            leaves,
+            ["gyroid", "through", "zeros, plane"].iter().any(|n| case.name.starts_with(n)),
+            "{}",
+            case.name
+        );
     }
 }
 
@@ -62,10 +82,16 @@ fn distance(case: &Case, p: &Point) -> Real {
 
 fn no_slivers_after_relaxation(cells: u32) {
     for case in cases(cells).iter().filter(|c| c.resolved) {
-        let found = extract(&*case.field, &ExtractParams { relax: 5, ..params(case, cells) }).unwrap();
+        let found =
+            extract(&*case.field, &ExtractParams { relax: 5, ..params(case, cells) }).unwrap();
         let least = smallest_angles(&found.mesh).into_iter().fold(Real::INFINITY, Real::min);
         assert!(least > 10.0, "{}: {least}°", case.name);
-        assert_eq!(flaws(&found.mesh, &found.report.region, found.report.cell), [0; 3], "{}", case.name);
+        assert_eq!(
+            flaws(&found.mesh, &found.report.region, found.report.cell),
+            [0; 3],
+            "{}",
+            case.name
+        );
     }
 }
 
@@ -97,14 +123,21 @@ fn the_matrix_holds_at_128_and_256() {
 #[test]
 fn near_sheets_and_lost_ones_are_told() {
     let of = |field: &dyn SignedDistance, cells| {
-        let params = ExtractParams { region: Some(region()), resolution: Resolution::Cells(cells), ..ExtractParams::default() };
+        let params = ExtractParams {
+            region: Some(region()),
+            resolution: Resolution::Cells(cells),
+            ..ExtractParams::default()
+        };
         extract(field, &params).unwrap().report.warnings
     };
     // Gaps of 4 cells and of one cell.
     let h = BOX / 64.0;
     assert_eq!(of(&fields::layers(4.0 * h), 64), []);
     let near = of(&fields::layers(h), 64);
-    assert!(matches!(near[..], [Warning::NearSheets { pairs: 100.., gap }] if gap < 1.1 * h), "{near:?}");
+    assert!(
+        matches!(near[..], [Warning::NearSheets { pairs: 100.., gap }] if gap < 1.1 * h),
+        "{near:?}"
+    );
     // A shell of 8 mm in cells of 37 mm is lost in most places.
     let lost = of(&fields::shell(), 64);
     assert!(lost.iter().any(|w| matches!(w, Warning::Unresolved { cells: 100.. })), "{lost:?}");
@@ -116,8 +149,12 @@ fn relaxation_adds_no_intersections_where_sheets_are_nearer_than_a_cell() {
     let h = BOX / 64.0;
     let of = |half: Real, relax: usize| {
         let shell = fields::Shell { field: fields::sphere(), half };
-        let params =
-            ExtractParams { region: Some(region()), resolution: Resolution::Cells(64), relax, ..ExtractParams::default() };
+        let params = ExtractParams {
+            region: Some(region()),
+            resolution: Resolution::Cells(64),
+            relax,
+            ..ExtractParams::default()
+        };
         let mesh = extract(&shell, &params).unwrap().mesh;
         (own_pairs(&mesh, &Bvh::new(&mesh)).len(), mesh)
     };
@@ -132,12 +169,19 @@ fn relaxation_adds_no_intersections_where_sheets_are_nearer_than_a_cell() {
 #[test]
 fn a_wrong_slope_is_mended_and_told() {
     let steep = if_core::shapes::ScaledGradient { field: fields::torus(), factor: 2.0 };
-    let base = ExtractParams { region: Some(region()), resolution: Resolution::Cells(64), ..ExtractParams::default() };
+    let base = ExtractParams {
+        region: Some(region()),
+        resolution: Resolution::Cells(64),
+        ..ExtractParams::default()
+    };
     let honest = extract(&steep, &base).unwrap();
     for slope in [0.3, 0.9, 1.5] {
         let lying = extract(&steep, &ExtractParams { slope: Slope::Given(slope), ..base }).unwrap();
         let warned = &lying.report.warnings[..];
-        assert!(matches!(warned, [Warning::Slope { given, used, .. }] if *given == slope && *used > 1.9), "{slope}: {warned:?}");
+        assert!(
+            matches!(warned, [Warning::Slope { given, used, .. }] if *given == slope && *used > 1.9),
+            "{slope}: {warned:?}"
+        );
         assert_eq!(honest.mesh, lying.mesh);
     }
     let sampled = Slope::Sampled { points: 256, factor: 1.5, seed: 1 };
@@ -161,19 +205,26 @@ fn a_requested_accuracy_is_reached_with_few_cells() {
         assert!(report.error.worst() <= error && report.warnings.is_empty(), "{report:?}");
         let mesh = &found.mesh;
         let center = |t: usize| if_core::math::barycentric_point(mesh.corners(t), [1.0 / 3.0; 3]);
-        let worst = (0..mesh.triangles().len()).map(|t| fields::torus().distance(&center(t)).abs()).fold(0.0, Real::max);
-        // The sample misses the worst triangle by little; and the cell is not much finer than needed.
+        let worst = (0..mesh.triangles().len())
+            .map(|t| fields::torus().distance(&center(t)).abs())
+            .fold(0.0, Real::max);
+        // The sample misses the worst triangle by little; and the cell is not much finer than
+        // needed.
         assert!(worst <= 1.2 * error && worst >= 0.2 * error, "{error}: {worst}");
         assert_eq!(report.attempts.last().unwrap().cell, report.cell);
     }
-    let unreachable = ExtractParams { resolution: Resolution::Accuracy { error: 1e-9, finest: 0.05 }, ..ask(1.0) };
+    let unreachable = ExtractParams {
+        resolution: Resolution::Accuracy { error: 1e-9, finest: 0.05 },
+        ..ask(1.0)
+    };
     let found = extract(&fields::torus(), &unreachable).unwrap();
     assert!(matches!(found.report.warnings[..], [Warning::Inaccurate { .. }]));
 }
 
 #[test]
 fn progress_is_told_and_can_stop_the_work() {
-    let params = ExtractParams { resolution: Resolution::Cells(32), relax: 1, ..ExtractParams::default() };
+    let params =
+        ExtractParams { resolution: Resolution::Cells(32), relax: 1, ..ExtractParams::default() };
     let mut told = Vec::new();
     let found = if_mesh::extract::extract_watched(&fields::sphere(), &params, &mut |p| {
         told.push(*p);
@@ -181,7 +232,9 @@ fn progress_is_told_and_can_stop_the_work() {
     });
     assert!(told.is_sorted_by_key(|p| p.evaluations) && told.len() >= 6);
     assert_eq!(told.last().unwrap().evaluations, found.unwrap().report.evaluations.total);
-    let stopped = if_mesh::extract::extract_watched(&fields::sphere(), &params, &mut |_| std::ops::ControlFlow::Break(()));
+    let stopped = if_mesh::extract::extract_watched(&fields::sphere(), &params, &mut |_| {
+        std::ops::ControlFlow::Break(())
+    });
     assert!(matches!(stopped, Err(if_mesh::extract::ExtractError::Cancelled { .. })));
 }
 

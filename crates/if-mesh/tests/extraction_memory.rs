@@ -1,4 +1,5 @@
-//! An extraction takes no more memory than it says before it takes it, and says not much more than it takes.
+//! An extraction takes no more memory than it says before it takes it, and says not much more than
+//! it takes.
 //!
 //! ```text
 //! cargo test --release -p if-mesh --test extraction_memory -- --include-ignored --nocapture      prints the table of docs/extraction.md
@@ -21,9 +22,11 @@ static TURN: Mutex<()> = Mutex::new(());
 /// Where an extraction of less than this is looked at, threads and warnings count as much.
 const LITTLE: usize = 1 << 20;
 
-/// What an extraction says that it takes, and what it takes at most at once, in bytes; and its triangles.
+/// What an extraction says that it takes, and what it takes at most at once, in bytes; and its
+/// triangles.
 fn told_and_taken(case: &Case, base: ExtractParams) -> (usize, usize, usize) {
-    let params = ExtractParams { region: Some(region()), phase: case.phase, noise: case.noise, ..base };
+    let params =
+        ExtractParams { region: Some(region()), phase: case.phase, noise: case.noise, ..base };
     let mut told = 0;
     while let Err(error) = extract(&*case.field, &ExtractParams { memory: told, ..params }) {
         match error {
@@ -33,23 +36,33 @@ fn told_and_taken(case: &Case, base: ExtractParams) -> (usize, usize, usize) {
     }
     let before = HEAP.current_usage();
     HEAP.reset_peak_usage();
-    let found = extract(&*case.field, &ExtractParams { memory: told, ..params }).expect("it is enough");
+    let found =
+        extract(&*case.field, &ExtractParams { memory: told, ..params }).expect("it is enough");
     (told, HEAP.peak_usage() - before, found.mesh.triangles().len())
 }
 
 fn check(sizes: &[u32]) {
     let turn = TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    println!("| field | cells | way | triangles | told MB | taken MB | |\n| --- | --- | --- | --- | --- | --- | --- |");
+    println!(
+        "| field | cells | way | triangles | told MB | taken MB | |\n| --- | --- | --- | --- | --- | --- | --- |"
+    );
     let mut faults = Vec::new();
     for cells in sizes {
         for case in cases(*cells) {
-            for (way, sampling, relax) in
-                [("sparse", Sampling::Sparse, 0), ("relaxed", Sampling::Sparse, 3), ("dense", Sampling::Dense, 0)]
-            {
+            for (way, sampling, relax) in [
+                ("sparse", Sampling::Sparse, 0),
+                ("relaxed", Sampling::Sparse, 3),
+                ("dense", Sampling::Dense, 0),
+            ] {
                 if sampling == Sampling::Dense && *cells > 256 {
                     continue;
                 }
-                let base = ExtractParams { resolution: Resolution::Cells(*cells), sampling, relax, ..ExtractParams::default() };
+                let base = ExtractParams {
+                    resolution: Resolution::Cells(*cells),
+                    sampling,
+                    relax,
+                    ..ExtractParams::default()
+                };
                 let (told, taken, triangles) = told_and_taken(&case, base);
                 let (ratio, mb) = (told as f64 / taken as f64, |bytes: usize| bytes as f64 / 1e6);
                 let row = format!(

@@ -15,7 +15,8 @@ fn ascii(v: &str, f: &str, payload: &str) -> Vec<u8> {
 
 /// A binary file with this header behind the line `format`, and this payload.
 fn binary(header: &str, payload: &[u8]) -> Vec<u8> {
-    let mut bytes = format!("ply\nformat binary_little_endian 1.0\n{header}end_header\n").into_bytes();
+    let mut bytes =
+        format!("ply\nformat binary_little_endian 1.0\n{header}end_header\n").into_bytes();
     bytes.extend_from_slice(payload);
     bytes
 }
@@ -27,7 +28,10 @@ fn three() -> Vec<u8> {
 
 /// A binary file of three vertices, and faces from raw bytes.
 fn faces(count: u64, bytes: &[u8]) -> Vec<u8> {
-    binary(&format!("element vertex 3\n{VERTEX}element face {count}\n{FACE}"), &[three(), bytes.to_vec()].concat())
+    binary(
+        &format!("element vertex 3\n{VERTEX}element face {count}\n{FACE}"),
+        &[three(), bytes.to_vec()].concat(),
+    )
 }
 
 fn face(corners: &[i32]) -> Vec<u8> {
@@ -46,10 +50,13 @@ const DOT: &str = "0 0 0\n1 0 0\n0 1 0\n";
 #[test]
 fn every_malformed_file_is_refused_with_its_place() {
     let header = |text: &str| text.as_bytes().to_vec();
-    let after_format = |text: &str| format!("ply\nformat ascii 1.0\n{text}end_header\n").into_bytes();
+    let after_format =
+        |text: &str| format!("ply\nformat ascii 1.0\n{text}end_header\n").into_bytes();
     let list_of = |t: &str, n: &[u8]| {
         binary(
-            &format!("element vertex 3\n{VERTEX}element face 1\nproperty list {t} int vertex_indices\n"),
+            &format!(
+                "element vertex 3\n{VERTEX}element face 1\nproperty list {t} int vertex_indices\n"
+            ),
             &[&three(), n].concat(),
         )
     };
@@ -188,10 +195,15 @@ fn seed(k: usize) -> Vec<u8> {
         _ => {
             let mut ply: PlyMesh = ply::read_bytes(&seed(1)).unwrap();
             let lists = Some(vec![0, 1, 1, 3, 4]);
-            ply.vertex_properties.push(ply::Property { name: "l".into(), values: ply::Column::I16(vec![1, 2, 3, 4]), lists });
+            ply.vertex_properties.push(ply::Property {
+                name: "l".into(),
+                values: ply::Column::I16(vec![1, 2, 3, 4]),
+                lists,
+            });
             ply.comments.push("a comment".into());
             let mut bytes = Vec::new();
-            ply::write(&ply, ply.mesh.vertices(), &ply::WriteParams::default(), &mut bytes).unwrap();
+            ply::write(&ply, ply.mesh.vertices(), &ply::WriteParams::default(), &mut bytes)
+                .unwrap();
             bytes
         }
     }

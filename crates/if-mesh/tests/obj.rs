@@ -1,5 +1,5 @@
-//! OBJ files from outside: what is read is what a foreign reader reads, everything survives, and what
-//! is malformed is refused with its line.
+//! OBJ files from outside: what is read is what a foreign reader reads, everything survives, and
+//! what is malformed is refused with its line.
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // also in what the tests share
 
 use if_core::math::Point;
@@ -21,15 +21,22 @@ fn again(obj: &ObjMesh, positions: &[Point]) -> Vec<u8> {
 fn every_statement_survives_and_only_numbers_change() {
     let shirt = obj::read(SHIRT.as_bytes()).unwrap();
     assert_eq!(shirt.mesh().vertices().len(), 5);
-    assert_eq!(shirt.polygons().unwrap().iter().map(<[u32]>::len).collect::<Vec<_>>(), [4, 3, 3, 5]);
+    assert_eq!(
+        shirt.polygons().unwrap().iter().map(<[u32]>::len).collect::<Vec<_>>(),
+        [4, 3, 3, 5]
+    );
     assert_eq!(again(&shirt, shirt.mesh().vertices()), SHIRT.as_bytes());
-    let moved: Vec<Point> = shirt.mesh().vertices().iter().map(|p| Point::new(p.x / 3.0, p.y, 1e-7 - p.x)).collect();
+    let moved: Vec<Point> =
+        shirt.mesh().vertices().iter().map(|p| Point::new(p.x / 3.0, p.y, 1e-7 - p.x)).collect();
     let text = String::from_utf8(again(&shirt, &moved)).unwrap();
     let second = obj::read(text.as_bytes()).unwrap();
     assert_eq!(second.mesh().vertices(), moved);
     assert_eq!(second.polygons(), shirt.polygons());
     let rest = |text: &str| -> Vec<String> {
-        text.lines().filter(|l| !l.starts_with("v ") && !l.starts_with("vn ")).map(str::to_owned).collect()
+        text.lines()
+            .filter(|l| !l.starts_with("v ") && !l.starts_with("vn "))
+            .map(str::to_owned)
+            .collect()
     };
     assert_eq!(rest(&text), rest(SHIRT));
     assert!(text.contains(" 1 0.5 0.25\n"), "colours stay behind their vertices");
@@ -49,7 +56,13 @@ fn sheet(n: usize) -> String {
         }
         if k % n != n - 1 {
             let corner = |v: usize| format!("{0}/{0}/{0}", v + 1);
-            text += &format!("f {} {} {} {}\n", corner(k), corner(k + 1), corner(k + n + 1), corner(k + n));
+            text += &format!(
+                "f {} {} {} {}\n",
+                corner(k),
+                corner(k + 1),
+                corner(k + n + 1),
+                corner(k + n)
+            );
         }
     }
     text
@@ -59,17 +72,35 @@ fn sheet(n: usize) -> String {
 fn a_foreign_reader_sees_the_same_triangles() {
     let text = sheet(12);
     let ours = obj::read(text.as_bytes()).unwrap();
-    let moved: Vec<Point> = ours.mesh().vertices().iter().map(|p| p + if_core::math::Vector::new(0.1, -0.2, p.x)).collect();
-    for (bytes, positions) in [(text.clone().into_bytes(), ours.mesh().vertices()), (again(&ours, &moved), &moved[..])] {
-        let options = tobj::LoadOptions { triangulate: true, single_index: true, ..Default::default() };
-        let (models, _) = tobj::load_obj_buf(&mut &bytes[..], &options, |_| Err(tobj::LoadError::OpenFileFailed)).unwrap();
+    let moved: Vec<Point> = ours
+        .mesh()
+        .vertices()
+        .iter()
+        .map(|p| p + if_core::math::Vector::new(0.1, -0.2, p.x))
+        .collect();
+    for (bytes, positions) in
+        [(text.clone().into_bytes(), ours.mesh().vertices()), (again(&ours, &moved), &moved[..])]
+    {
+        let options =
+            tobj::LoadOptions { triangulate: true, single_index: true, ..Default::default() };
+        let (models, _) =
+            tobj::load_obj_buf(&mut &bytes[..], &options, |_| Err(tobj::LoadError::OpenFileFailed))
+                .unwrap();
         assert_eq!(models.len(), 2);
         let theirs: Vec<[f32; 3]> = models
             .iter()
-            .flat_map(|m| m.mesh.indices.iter().map(|&i| [0, 1, 2].map(|k| m.mesh.positions[3 * i as usize + k])))
+            .flat_map(|m| {
+                m.mesh
+                    .indices
+                    .iter()
+                    .map(|&i| [0, 1, 2].map(|k| m.mesh.positions[3 * i as usize + k]))
+            })
             .collect();
         let corners = ours.mesh().triangles().as_flattened();
-        let expected: Vec<[f32; 3]> = corners.iter().map(|&v| positions[v as usize].coords.map(|x| x as f32).into()).collect();
+        let expected: Vec<[f32; 3]> = corners
+            .iter()
+            .map(|&v| positions[v as usize].coords.map(|x| x as f32).into())
+            .collect();
         assert_eq!(theirs, expected);
         assert_eq!(models[1].mesh.texcoords.len() / 2, models[1].mesh.positions.len() / 3);
     }

@@ -9,14 +9,18 @@ use if_mesh::smooth_labels::SmoothLabelParams;
 use if_mesh::votes::VoteParams;
 use serde::{Serialize, de::DeserializeOwned};
 
-/// Written and read again it is the same; what is left out is the default; what nobody knows is refused.
-fn is_the_same_again<P: Serialize + DeserializeOwned + Default + PartialEq + std::fmt::Debug>(changed: P) {
+/// Written and read again it is the same; what is left out is the default; what nobody knows is
+/// refused.
+fn is_the_same_again<P: Serialize + DeserializeOwned + Default + PartialEq + std::fmt::Debug>(
+    changed: P,
+) {
     for params in [P::default(), changed] {
         let text = serde_json::to_string(&params).expect("text");
         assert_eq!(serde_json::from_str::<P>(&text).expect("its own text"), params, "{text}");
     }
     assert_eq!(serde_json::from_str::<P>("{}").expect("all defaults"), P::default());
-    let fault = serde_json::from_str::<P>(r#"{"celll": 0.01}"#).expect_err("no such field").to_string();
+    let fault =
+        serde_json::from_str::<P>(r#"{"celll": 0.01}"#).expect_err("no such field").to_string();
     assert!(fault.contains("unknown field `celll`"), "{fault}");
 }
 
@@ -41,7 +45,10 @@ fn parameters_are_the_same_after_writing_and_reading() {
 #[test]
 fn an_infinite_depth_is_a_word_and_other_words_are_refused() {
     let text = serde_json::to_string(&BakeParams::default()).unwrap();
-    assert!(text.contains(r#""depth":"infinite""#) && text.contains(r#""redistance":"when_needed""#), "{text}");
+    assert!(
+        text.contains(r#""depth":"infinite""#) && text.contains(r#""redistance":"when_needed""#),
+        "{text}"
+    );
     for bad in [r#"{"depth": "deep"}"#, r#"{"depth": null}"#, r#"{"cell": "infinite"}"#] {
         assert!(serde_json::from_str::<BakeParams>(bad).is_err(), "{bad}");
     }

@@ -3,7 +3,9 @@
 
 use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
-use if_mesh::ply::{self, Column, CoordinateType, Keep, PlyMesh, Property, WriteError, WriteParams};
+use if_mesh::ply::{
+    self, Column, CoordinateType, Keep, PlyMesh, Property, WriteError, WriteParams,
+};
 use if_mesh::polygons::Polygons;
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{self as foreign, Addable, DefaultElement, Encoding, Ply};
@@ -17,7 +19,10 @@ fn sheet(n: u32) -> TriMesh {
     for y in 0..=n {
         for x in 0..=n {
             let (x, y) = (f64::from(x) * step, f64::from(y) * step);
-            v.push(Point::new(x, y, 0.1 * (7.0 * x).sin() * (5.0 * y).cos()).map(|c| f64::from(c as f32)));
+            v.push(
+                Point::new(x, y, 0.1 * (7.0 * x).sin() * (5.0 * y).cos())
+                    .map(|c| f64::from(c as f32)),
+            );
         }
     }
     for y in 0..n {
@@ -36,7 +41,8 @@ fn written(ply: &PlyMesh, params: &WriteParams) -> Vec<u8> {
     bytes
 }
 
-/// Faces before vertices, an element nobody knows, lists everywhere, every type, mixed numbers of corners.
+/// Faces before vertices, an element nobody knows, lists everywhere, every type, mixed numbers of
+/// corners.
 const ODD: &str = "ply\r\nformat ascii 1.0\r\ncomment one\r\nobj_info two\r\nelement face 3\r\nproperty uchar flags\r\n\
     property list uchar uint vertex_index\r\nproperty list uchar float texcoord\r\nelement camera 1\r\nproperty int64 id\r\n\
     property list int short dims\r\nelement vertex 5\r\nproperty double quality\r\nproperty float z\r\nproperty float y\r\nproperty float x\r\n\
@@ -48,15 +54,24 @@ const ODD: &str = "ply\r\nformat ascii 1.0\r\ncomment one\r\nobj_info two\r\nele
 fn everything_of_an_odd_file_survives_a_round_trip() {
     let first = ply::read_bytes(ODD.as_bytes()).unwrap();
     assert_eq!(first.mesh.vertices()[0], Point::new(0.0, 1.0, 0.5));
-    assert_eq!(first.mesh.triangles(), [[0, 1, 2], [0, 1, 2], [0, 2, 3], [4, 3, 2], [4, 2, 1], [4, 1, 0]]);
+    assert_eq!(
+        first.mesh.triangles(),
+        [[0, 1, 2], [0, 1, 2], [0, 2, 3], [4, 3, 2], [4, 2, 1], [4, 1, 0]]
+    );
     assert_eq!(first.coordinates, CoordinateType::Float);
     assert_eq!(first.comments, ["one", "three"]);
     assert_eq!(first.obj_info, ["two"]);
-    assert_eq!(first.vertex_property("key").unwrap().values, Column::U64(vec![u64::MAX, 5, 6, 7, 8]));
+    assert_eq!(
+        first.vertex_property("key").unwrap().values,
+        Column::U64(vec![u64::MAX, 5, 6, 7, 8])
+    );
     let joints = first.vertex_property("joints").unwrap();
     assert_eq!(joints.lists, Some(vec![0, 2, 2, 3, 3, 3]));
     assert_eq!(first.face_properties[1].range(2), 2..3);
-    assert_eq!(first.other_elements[0].properties[0].values, Column::I64(vec![-9_007_199_254_740_993]));
+    assert_eq!(
+        first.other_elements[0].properties[0].values,
+        Column::I64(vec![-9_007_199_254_740_993])
+    );
     let second = ply::read_bytes(&written(&first, &WriteParams::default())).unwrap();
     assert_eq!(first, second);
     assert_eq!(written(&first, &WriteParams::default()), written(&second, &WriteParams::default()));
@@ -65,7 +80,8 @@ fn everything_of_an_odd_file_survives_a_round_trip() {
 #[test]
 fn polygons_are_made_from_code_and_refused_with_other_triangles() {
     let sheet = sheet(2);
-    let quads: Vec<[u32; 4]> = sheet.triangles().chunks(2).map(|t| [t[0][0], t[0][1], t[0][2], t[1][2]]).collect();
+    let quads: Vec<[u32; 4]> =
+        sheet.triangles().chunks(2).map(|t| [t[0][0], t[0][1], t[0][2], t[1][2]]).collect();
     let polygons = Polygons::new(&quads).unwrap();
     assert_eq!(polygons.triangles(), sheet.triangles());
     let made = PlyMesh { polygons: Some(polygons), ..PlyMesh::new(sheet.clone()) };
@@ -74,8 +90,12 @@ fn polygons_are_made_from_code_and_refused_with_other_triangles() {
     // As many triangles, turned over.
     let turned = sheet.triangles().iter().map(|&[a, b, c]| [a, c, b]).collect();
     let stale = PlyMesh { mesh: TriMesh::new(sheet.vertices().to_vec(), turned).unwrap(), ..made };
-    let error = ply::write(&stale, sheet.vertices(), &WriteParams::default(), &mut Vec::new()).unwrap_err();
-    assert!(matches!(error, WriteError::Polygons { polygon_triangles: 8, triangles: 8 }), "{error}");
+    let error =
+        ply::write(&stale, sheet.vertices(), &WriteParams::default(), &mut Vec::new()).unwrap_err();
+    assert!(
+        matches!(error, WriteError::Polygons { polygon_triangles: 8, triangles: 8 }),
+        "{error}"
+    );
     assert_eq!(Polygons::new([&[0, 1, 2][..], &[0, 1]]), Err(1));
 }
 
@@ -89,8 +109,15 @@ fn portable_files_hold_what_meshio_reads_and_nothing_else() {
     assert_eq!(names, ["quality", "key", "c", "s"]);
     assert!(second.face_properties.is_empty() && second.other_elements.is_empty());
     let header = String::from_utf8_lossy(&portable[..portable.len().min(600)]).into_owned();
-    assert!(header.contains("format binary_little_endian 1.0\n") && header.contains("property double key\n"), "{header}");
-    assert!(header.contains("element face 3\nproperty list uint8 int32 vertex_indices\nend_header\n"), "{header}");
+    assert!(
+        header.contains("format binary_little_endian 1.0\n")
+            && header.contains("property double key\n"),
+        "{header}"
+    );
+    assert!(
+        header.contains("element face 3\nproperty list uint8 int32 vertex_indices\nend_header\n"),
+        "{header}"
+    );
 }
 
 #[test]
@@ -117,10 +144,18 @@ fn the_three_formats_give_the_same_mesh() {
     theirs.header.elements.add(vertex);
     theirs.header.elements.add(face);
     let point = |p: &Point| -> DefaultElement {
-        [("x", p.x), ("y", p.y), ("z", p.z)].map(|(n, v)| (n.into(), foreign::Property::Float(v as f32))).into_iter().collect()
+        [("x", p.x), ("y", p.y), ("z", p.z)]
+            .map(|(n, v)| (n.into(), foreign::Property::Float(v as f32)))
+            .into_iter()
+            .collect()
     };
     let corners = |t: &[u32; 3]| -> DefaultElement {
-        [("vertex_index".into(), foreign::Property::ListUShort(t.iter().map(|&v| v as u16).collect()))].into_iter().collect()
+        [(
+            "vertex_index".into(),
+            foreign::Property::ListUShort(t.iter().map(|&v| v as u16).collect()),
+        )]
+        .into_iter()
+        .collect()
     };
     theirs.payload.insert("vertex".into(), mesh.vertices().iter().map(point).collect());
     theirs.payload.insert("face".into(), mesh.triangles().iter().map(corners).collect());
@@ -138,7 +173,9 @@ fn a_foreign_reader_reads_what_we_write() {
     let mut ours = PlyMesh::new(sheet(4));
     let count = ours.mesh.vertices().len();
     ours.vertex_properties.push(Property::new("label", Column::U8((0..count as u8).collect())));
-    let theirs = Parser::<DefaultElement>::new().read_ply(&mut &written(&ours, &WriteParams::default())[..]).unwrap();
+    let theirs = Parser::<DefaultElement>::new()
+        .read_ply(&mut &written(&ours, &WriteParams::default())[..])
+        .unwrap();
     assert_eq!(theirs.payload["vertex"].len(), count);
     for (k, (row, p)) in theirs.payload["vertex"].iter().zip(ours.mesh.vertices()).enumerate() {
         assert_eq!(row["y"], foreign::Property::Float(p.y as f32));
@@ -170,7 +207,10 @@ fn a_piecewise_reader_gives_the_same_as_one_block() {
 fn large_files_give_the_same_from_memory_as_from_a_stream_also_where_they_are_damaged() {
     let ply = PlyMesh::new(sheet(200));
     let good = written(&ply, &WriteParams::default());
-    assert!(good.len() > 1 << 20, "as many bytes as it takes to read vertices and faces at the same time");
+    assert!(
+        good.len() > 1 << 20,
+        "as many bytes as it takes to read vertices and faces at the same time"
+    );
     let vertices = good.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     let faces = vertices + 12 * ply.mesh.vertices().len();
     let nan = f32::NAN.to_le_bytes();
@@ -195,10 +235,16 @@ fn large_files_give_the_same_from_memory_as_from_a_stream_also_where_they_are_da
             threads(3).install(|| ply::read_bytes(&bytes)),
         ];
         match part {
-            None => assert!(all.iter().flatten().filter(|read| Some(*read) == all[0].as_ref().ok()).count() == 3),
+            None => assert!(
+                all.iter().flatten().filter(|read| Some(*read) == all[0].as_ref().ok()).count()
+                    == 3
+            ),
             Some(part) => {
                 let texts = all.map(|read| read.unwrap_err().to_string());
-                assert!(texts[0].contains(part) && texts.iter().all(|t| *t == texts[0]), "{texts:?}");
+                assert!(
+                    texts[0].contains(part) && texts.iter().all(|t| *t == texts[0]),
+                    "{texts:?}"
+                );
             }
         }
     }
@@ -207,7 +253,8 @@ fn large_files_give_the_same_from_memory_as_from_a_stream_also_where_they_are_da
 #[test]
 fn coordinates_are_read_back_as_they_were_foretold() {
     let mesh = sheet(3);
-    let moved: Vec<Point> = mesh.vertices().iter().map(|p| p + Vector::new(0.1, -1e-9, 1.0 / 3.0)).collect();
+    let moved: Vec<Point> =
+        mesh.vertices().iter().map(|p| p + Vector::new(0.1, -1e-9, 1.0 / 3.0)).collect();
     for coordinates in [CoordinateType::Float, CoordinateType::Double] {
         let mut bytes = Vec::new();
         let params = WriteParams { coordinates, ..WriteParams::default() };
@@ -224,9 +271,13 @@ fn normals_of_vertices_turn_with_the_surface() {
     let mut ply = PlyMesh::new(sheet(3));
     let normals = ply.mesh.vertex_normals();
     for (axis, name) in ["nx", "ny", "nz"].into_iter().enumerate() {
-        ply.vertex_properties.push(Property::new(name, Column::F32(normals.iter().map(|n| n[axis] as f32).collect())));
+        ply.vertex_properties.push(Property::new(
+            name,
+            Column::F32(normals.iter().map(|n| n[axis] as f32).collect()),
+        ));
     }
-    let turned: Vec<Point> = ply.mesh.vertices().iter().map(|p| Point::new(p.x, -p.z, p.y)).collect();
+    let turned: Vec<Point> =
+        ply.mesh.vertices().iter().map(|p| Point::new(p.x, -p.z, p.y)).collect();
     let mut bytes = Vec::new();
     ply::write(&ply, &turned, &WriteParams::default(), &mut bytes).unwrap();
     let again = ply::read_bytes(&bytes).unwrap();
@@ -247,7 +298,11 @@ fn what_cannot_be_written_is_refused_before_the_first_byte() {
     let short = with(Property::new("label", Column::U8(vec![0; 3])));
     let twice = with(Property::new("x", Column::U8(vec![0; count])));
     let words = with(Property::new("two words", Column::U8(vec![0; count])));
-    let lists = with(Property { name: "l".into(), values: Column::U8(vec![]), lists: Some(vec![0; count - 1]) });
+    let lists = with(Property {
+        name: "l".into(),
+        values: Column::U8(vec![]),
+        lists: Some(vec![0; count - 1]),
+    });
     let mut nan = good.mesh.vertices().to_vec();
     nan[4].y = f64::NAN;
     let mut far = good.mesh.vertices().to_vec();
@@ -262,7 +317,9 @@ fn what_cannot_be_written_is_refused_before_the_first_byte() {
         (&good, &nan[..8], "8 positions for a mesh of 9"),
     ] {
         let mut bytes = Vec::new();
-        let fault = ply::write(ply, positions, &WriteParams::default(), &mut bytes).unwrap_err().to_string();
+        let fault = ply::write(ply, positions, &WriteParams::default(), &mut bytes)
+            .unwrap_err()
+            .to_string();
         assert!(fault.contains(part), "{fault}");
         assert!(bytes.is_empty());
     }
@@ -286,7 +343,8 @@ fn a_disk_that_fills_up_is_an_error() {
     }
     let ply = PlyMesh::new(sheet(20));
     for room in [0, 10, 300, 3000, 6000] {
-        let fault = ply::write(&ply, ply.mesh.vertices(), &WriteParams::default(), Full(room)).unwrap_err();
+        let fault =
+            ply::write(&ply, ply.mesh.vertices(), &WriteParams::default(), Full(room)).unwrap_err();
         assert!(matches!(fault, WriteError::Io(e) if e.kind() == std::io::ErrorKind::StorageFull));
     }
 }
@@ -304,7 +362,10 @@ fn a_million_triangles_are_read_and_written_in_milliseconds() {
     // Processor time of this thread, where Linux tells it: a busy machine does not change it much.
     let cpu = || {
         let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-        text.split_whitespace().next().and_then(|w| w.parse().ok()).map_or(f64::NAN, |ns: f64| ns * 1e-6)
+        text.split_whitespace()
+            .next()
+            .and_then(|w| w.parse().ok())
+            .map_or(f64::NAN, |ns: f64| ns * 1e-6)
     };
     let times = |f: &mut dyn FnMut()| {
         let mut all: Vec<[f64; 2]> = (0..21)
@@ -321,12 +382,22 @@ fn a_million_triangles_are_read_and_written_in_milliseconds() {
     for ply in [PlyMesh::new(mesh), skinned] {
         for coordinates in [CoordinateType::Float, CoordinateType::Double] {
             let params = WriteParams { coordinates, ..WriteParams::default() };
-            let write = times(&mut || ply::write_path(&ply, ply.mesh.vertices(), &params, &path).unwrap());
+            let write =
+                times(&mut || ply::write_path(&ply, ply.mesh.vertices(), &params, &path).unwrap());
             let bytes = std::fs::read(&path).unwrap();
-            let from_path = times(&mut || assert_eq!(ply::read_path(&path).unwrap().mesh.triangles().len(), 1_002_528));
-            let from_memory = times(&mut || assert_eq!(ply::read_bytes(&bytes).unwrap().mesh.triangles().len(), 1_002_528));
+            let from_path = times(&mut || {
+                assert_eq!(ply::read_path(&path).unwrap().mesh.triangles().len(), 1_002_528)
+            });
+            let from_memory = times(&mut || {
+                assert_eq!(ply::read_bytes(&bytes).unwrap().mesh.triangles().len(), 1_002_528)
+            });
             // No reader is faster than making room for the result and filling it.
-            let copied = times(&mut || drop(std::hint::black_box((ply.mesh.vertices().to_vec(), ply.mesh.triangles().to_vec()))));
+            let copied = times(&mut || {
+                drop(std::hint::black_box((
+                    ply.mesh.vertices().to_vec(),
+                    ply.mesh.triangles().to_vec(),
+                )))
+            });
             println!(
                 "{coordinates:?}, {} properties, {:.1} MB, ms: read {from_path}, from memory {from_memory}, write {write}, a copy of the \
                  result {copied}",

@@ -1,7 +1,8 @@
-//! Time of the kernels on 1,024 points: value, value and gradient, and the training step; each is held against its twin in f64.
+//! Time of the kernels on 1,024 points: value, value and gradient, and the training step; each is
+//! held against its twin in f64.
 //!
-//! `cargo bench -p if-neural --bench kernels`. Rates against the machine's peak and against PyTorch:
-//! `benches/peers/neural.sh`.
+//! `cargo bench -p if-neural --bench kernels`. Rates against the machine's peak and against
+//! PyTorch: `benches/peers/neural.sh`.
 
 #![allow(missing_docs)]
 
@@ -35,28 +36,37 @@ fn parameters64(theta: &[f32]) -> Vec<f64> {
     theta.iter().map(|&v| f64::from(v)).collect()
 }
 
-/// A fast wrong answer fails: some values and samples against the f64 twin, by `docs/neural.md`'s bounds.
+/// A fast wrong answer fails: some values and samples against the f64 twin, by `docs/neural.md`'s
+/// bounds.
 fn check(twin: &ReferenceSdf, points: &[[f32; 3]], values: &[f32], samples: &[Sample32]) {
     for k in (0..POINTS).step_by(CHECK_EVERY) {
         let (value, gradient) = twin.sample(wide(points[k]));
         assert!((f64::from(values[k]) - value).abs() < 2e-6, "value {k}");
         assert!((f64::from(samples[k].value) - value).abs() < 2e-6, "value {k}");
         for axis in 0..3 {
-            assert!((f64::from(samples[k].gradient[axis]) - gradient[axis]).abs() < 1e-5, "gradient {k}");
+            assert!(
+                (f64::from(samples[k].gradient[axis]) - gradient[axis]).abs() < 1e-5,
+                "gradient {k}"
+            );
         }
     }
 }
 
-/// Derivatives by the parameters against those of f64, by `docs/neural.md`'s bounds: `share` of the largest.
+/// Derivatives by the parameters against those of f64, by `docs/neural.md`'s bounds: `share` of the
+/// largest.
 fn check_gradient(gradient: &[f32], exact: &[f64], share: f64) {
     let largest = exact.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
     assert!(largest > 0.0);
     for (k, (a, b)) in gradient.iter().zip(exact).enumerate() {
-        assert!((f64::from(*a) - b).abs() <= share * largest, "parameter {k}: {a} is {b} in f64, the largest {largest}");
+        assert!(
+            (f64::from(*a) - b).abs() <= share * largest,
+            "parameter {k}: {a} is {b} in f64, the largest {largest}"
+        );
     }
 }
 
-/// The loss at some of the points only: so a step on all of them has the derivatives of a twin's step on these.
+/// The loss at some of the points only: so a step on all of them has the derivatives of a twin's
+/// step on these.
 fn some<L: Default>(index: usize, loss: L) -> L {
     if index.is_multiple_of(CHECK_EVERY) { loss } else { L::default() }
 }
@@ -89,7 +99,8 @@ fn sdf(criterion: &mut Criterion) {
         // A filter on the command line may have left the bench above out.
         frozen.values(&points, &mut values);
         frozen.samples(&points, &mut samples);
-        let twin = ReferenceSdf::new(&config, parameters64(network.parameters())).expect("the same shape");
+        let twin =
+            ReferenceSdf::new(&config, parameters64(network.parameters())).expect("the same shape");
         check(&twin, &points, &values, &samples);
         let mut gradient = vec![0.0; network.parameters().len()];
         group.bench_function(format!("step/{name}"), |bencher| {
@@ -98,8 +109,13 @@ fn sdf(criterion: &mut Criterion) {
         network.loss_gradient(&points, &|n, sample| some(n, loss(n, sample)), &mut gradient);
         let checked: Vec<[f64; 3]> = points.iter().step_by(CHECK_EVERY).map(|x| wide(*x)).collect();
         let (_, exact) = twin.loss_gradient(&checked, |n, value, gradient| {
-            let at = loss(n, Sample32 { value: value as f32, gradient: gradient.map(|g| g as f32) });
-            PointLoss64 { loss: at.loss, d_value: at.d_value.into(), d_gradient: wide(at.d_gradient) }
+            let at =
+                loss(n, Sample32 { value: value as f32, gradient: gradient.map(|g| g as f32) });
+            PointLoss64 {
+                loss: at.loss,
+                d_value: at.d_value.into(),
+                d_gradient: wide(at.d_gradient),
+            }
         });
         check_gradient(&gradient, &exact, 2e-5);
     }
@@ -125,22 +141,38 @@ fn deformation(criterion: &mut Criterion) {
     });
     network.offsets(&points, &frames, &mut offsets);
     let bands = band_weights(network.config().bands, network.alpha());
-    let twin = ReferenceDeformation::new(network.config(), parameters64(network.parameters()), bands).expect("the same shape");
+    let twin =
+        ReferenceDeformation::new(network.config(), parameters64(network.parameters()), bands)
+            .expect("the same shape");
     for k in (0..POINTS).step_by(CHECK_EVERY) {
         let (offset, _) = twin.sample(wide(points[k]), frames[k] as usize);
-        assert!((0..3).all(|axis| (f64::from(offsets[k][axis]) - offset[axis]).abs() < 2e-6), "offset {k}");
+        assert!(
+            (0..3).all(|axis| (f64::from(offsets[k][axis]) - offset[axis]).abs() < 2e-6),
+            "offset {k}"
+        );
     }
     let mut gradient = vec![0.0; network.parameters().len()];
     group.bench_function("offset_step/512", |bencher| {
-        bencher.iter(|| network.loss_gradient(black_box(&points), &frames, &offset_loss, &mut gradient));
+        bencher.iter(|| {
+            network.loss_gradient(black_box(&points), &frames, &offset_loss, &mut gradient)
+        });
     });
-    network.loss_gradient(&points, &frames, &|n, sample| some(n, offset_loss(n, sample)), &mut gradient);
+    network.loss_gradient(
+        &points,
+        &frames,
+        &|n, sample| some(n, offset_loss(n, sample)),
+        &mut gradient,
+    );
     let checked: Vec<[f64; 3]> = points.iter().step_by(CHECK_EVERY).map(|x| wide(*x)).collect();
     let in_frames: Vec<u32> = frames.iter().step_by(CHECK_EVERY).copied().collect();
     let (_, exact) = twin.loss_gradient(&checked, &in_frames, |n, offset, jacobian| {
         let jacobian = jacobian.map(|row| row.map(|v| v as f32));
         let at = offset_loss(n, OffsetSample { offset: offset.map(|d| d as f32), jacobian });
-        OffsetLoss64 { loss: at.loss, d_offset: wide(at.d_offset), d_jacobian: at.d_jacobian.map(wide) }
+        OffsetLoss64 {
+            loss: at.loss,
+            d_offset: wide(at.d_offset),
+            d_jacobian: at.d_jacobian.map(wide),
+        }
     });
     check_gradient(&gradient, &exact, 1e-5);
 }

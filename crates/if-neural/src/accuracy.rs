@@ -65,9 +65,13 @@ impl HeldOut {
         self.beside.is_empty()
     }
 
-    /// Means of the coordinates and distances beside the surface and of the coordinates on it, in metres: those of another target are others.
+    /// Means of the coordinates and distances beside the surface and of the coordinates on it, in
+    /// metres: those of another target are others.
     pub(crate) fn means(&self) -> [Real; 7] {
-        let mean = |points: &[Point]| points.iter().fold(Vector::zeros(), |sum, p| sum + p.coords) / points.len().max(1) as Real;
+        let mean = |points: &[Point]| {
+            points.iter().fold(Vector::zeros(), |sum, p| sum + p.coords)
+                / points.len().max(1) as Real
+        };
         let (beside, on) = (mean(&self.beside), mean(&self.on));
         let distance = self.distances.iter().sum::<Real>() / self.distances.len().max(1) as Real;
         [beside.x, beside.y, beside.z, distance, on.x, on.y, on.z]
@@ -85,7 +89,8 @@ impl HeldOut {
         }
     }
 
-    /// The errors of a field, given by its values in network units. Not finite where the field is not.
+    /// The errors of a field, given by its values in network units. Not finite where the field is
+    /// not.
     pub fn error(&self, frame: &Frame, field: impl Fn(&[[f32; 3]], &mut [Sample32])) -> FieldError {
         let ask = |points: &[Point]| {
             let units: Vec<[f32; 3]> = points.iter().map(|p| frame.to_unit(p)).collect();
@@ -93,21 +98,35 @@ impl HeldOut {
             field(&units, &mut out);
             out
         };
-        let length = |s: &Sample32| s.gradient.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt();
+        let length =
+            |s: &Sample32| s.gradient.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt();
         let beside = ask(&self.beside);
-        let mut errors: Vec<Real> =
-            beside.iter().zip(&self.distances).map(|(s, d)| (f64::from(s.value) / frame.scale - d).abs()).collect();
+        let mut errors: Vec<Real> = beside
+            .iter()
+            .zip(&self.distances)
+            .map(|(s, d)| (f64::from(s.value) / frame.scale - d).abs())
+            .collect();
         let eikonal = mean(beside.iter().map(|s| (length(s) - 1.0).abs()));
         let on = ask(&self.on);
         let surface = mean(on.iter().map(|s| (f64::from(s.value) / frame.scale).abs()));
-        let angles = on.iter().zip(&self.normals).filter(|(s, n)| length(s) > 0.0 && n.norm_squared() > 0.0).map(|(s, n)| {
-            let cosine = (0..3).map(|k| f64::from(s.gradient[k]) * n[k]).sum::<f64>() / length(s);
-            cosine.clamp(-1.0, 1.0).acos().to_degrees()
-        });
+        let angles = on
+            .iter()
+            .zip(&self.normals)
+            .filter(|(s, n)| length(s) > 0.0 && n.norm_squared() > 0.0)
+            .map(|(s, n)| {
+                let cosine =
+                    (0..3).map(|k| f64::from(s.gradient[k]) * n[k]).sum::<f64>() / length(s);
+                cosine.clamp(-1.0, 1.0).acos().to_degrees()
+            });
         let normal_degrees = mean(angles);
         errors.sort_unstable_by(Real::total_cmp);
         let n = errors.len();
-        let rank = |share: Real| errors.get(((n as Real * share).ceil() as usize).saturating_sub(1)).copied().unwrap_or(0.0);
+        let rank = |share: Real| {
+            errors
+                .get(((n as Real * share).ceil() as usize).saturating_sub(1))
+                .copied()
+                .unwrap_or(0.0)
+        };
         FieldError {
             mean: mean(errors.iter().copied()),
             p99: rank(0.99),
@@ -123,7 +142,9 @@ impl HeldOut {
 impl FieldError {
     /// Whether all is finite.
     pub fn is_finite(&self) -> bool {
-        [self.mean, self.p99, self.max, self.surface, self.eikonal, self.normal_degrees].iter().all(|x| x.is_finite())
+        [self.mean, self.p99, self.max, self.surface, self.eikonal, self.normal_degrees]
+            .iter()
+            .all(|x| x.is_finite())
     }
 }
 

@@ -17,8 +17,8 @@ pub struct AdamParams {
     pub beta2: f32,
     /// ε, in the unit of the derivatives.
     pub epsilon: f32,
-    /// Leaves parameters alone whose derivative is exactly zero: nodes of a grid that no point of the batch is
-    /// near. Their moments wait too.
+    /// Leaves parameters alone whose derivative is exactly zero: nodes of a grid that no point of
+    /// the batch is near. Their moments wait too.
     pub sparse: bool,
 }
 
@@ -37,7 +37,11 @@ impl AdamParams {
     pub fn validate(&self) -> Result<(), ParameterError> {
         for (name, beta) in [("adam.beta1", self.beta1), ("adam.beta2", self.beta2)] {
             if !(0.0..1.0).contains(&beta) {
-                return Err(ParameterError { name, value: beta.into(), needs: "from 0 to below 1" });
+                return Err(ParameterError {
+                    name,
+                    value: beta.into(),
+                    needs: "from 0 to below 1",
+                });
             }
         }
         ParameterError::unless_above_zero("adam.epsilon", self.epsilon.into())
@@ -78,7 +82,10 @@ impl Adam {
     ///
     /// If `theta` or `gradient` is not as long as the moments.
     pub fn step(&mut self, theta: &mut [f32], gradient: &[f32], rate: f32) {
-        assert!(theta.len() == self.first.len() && gradient.len() == theta.len(), "one derivative for each parameter");
+        assert!(
+            theta.len() == self.first.len() && gradient.len() == theta.len(),
+            "one derivative for each parameter"
+        );
         self.steps += 1;
         let AdamParams { beta1, beta2, epsilon, sparse } = self.params;
         let t = self.steps.min(i32::MAX as u64) as i32;
@@ -97,7 +104,8 @@ impl Adam {
                     }
                     first[k] = beta1 * first[k] + (1.0 - beta1) * g;
                     second[k] = beta2 * second[k] + (1.0 - beta2) * g * g;
-                    theta[k] -= rate * (first[k] * unbias1) / ((second[k] * unbias2).sqrt() + epsilon);
+                    theta[k] -=
+                        rate * (first[k] * unbias1) / ((second[k] * unbias2).sqrt() + epsilon);
                 }
             });
     }
@@ -120,7 +128,8 @@ mod tests {
                 let g = if k == 0 { 2.0 * slow[0] } else { f64::from((t as f32).sin()) };
                 m[k] = 0.9 * m[k] + 0.1 * g;
                 v[k] = 0.999 * v[k] + 0.001 * g * g;
-                slow[k] -= 0.01 * (m[k] / (1.0 - 0.9f64.powi(t))) / ((v[k] / (1.0 - 0.999f64.powi(t))).sqrt() + 1e-8);
+                slow[k] -= 0.01 * (m[k] / (1.0 - 0.9f64.powi(t)))
+                    / ((v[k] / (1.0 - 0.999f64.powi(t))).sqrt() + 1e-8);
             }
         }
         for k in 0..2 {

@@ -7,11 +7,12 @@ use if_core::math::{Point, Real, Vector, unit_or_zero};
 
 /// Points of a leaf of the tree.
 const LEAF: usize = 8;
-/// Neighbours that an estimate rests on. With 8 the side is wrong twice as often beside noisy folds; 32 cost
-/// twice the time and blur no less.
+/// Neighbours that an estimate rests on. With 8 the side is wrong twice as often beside noisy
+/// folds; 32 cost twice the time and blur no less.
 const NEIGHBOURS: usize = 16;
 
-/// σ of the weights by normals, a length of nᵢ − n: at 30° a neighbour counts a third, at 60° a fiftieth.
+/// σ of the weights by normals, a length of nᵢ − n: at 30° a neighbour counts a third, at 60° a
+/// fiftieth.
 const FOLD: Real = 0.5;
 /// A mean normal shorter than this is none.
 const CANCELLED: Real = 0.15;
@@ -108,8 +109,8 @@ impl OrientedPoints {
     ///
     /// # Errors
     ///
-    /// Too few points, other than one normal each, a value that is not finite or a normal that is zero, and
-    /// normals that point inwards on the whole.
+    /// Too few points, other than one normal each, a value that is not finite or a normal that is
+    /// zero, and normals that point inwards on the whole.
     pub fn new(points: Vec<Point>, normals: Vec<Vector>) -> Result<Self, CloudError> {
         if points.len() != normals.len() {
             return Err(CloudError::Lengths { points: points.len(), normals: normals.len() });
@@ -130,9 +131,11 @@ impl OrientedPoints {
         if !(size > 0.0 && size.is_finite()) {
             return Err(CloudError::Flat { point: points[0] });
         }
-        // By the divergence theorem this is three times the volume for points spread evenly over a closed surface.
+        // By the divergence theorem this is three times the volume for points spread evenly over a
+        // closed surface.
         let middle = aabb.center();
-        let along = points.iter().zip(&unit).map(|(p, n)| n.dot(&(p - middle))).sum::<Real>() / (points.len() as Real * size);
+        let along = points.iter().zip(&unit).map(|(p, n)| n.dot(&(p - middle))).sum::<Real>()
+            / (points.len() as Real * size);
         if along < 0.0 {
             return Err(CloudError::InsideOut { along });
         }
@@ -170,7 +173,8 @@ impl OrientedPoints {
         self.aabb
     }
 
-    /// Median distance of a point to its fourth neighbour, in metres: about an edge of the mesh they come from.
+    /// Median distance of a point to its fourth neighbour, in metres: about an edge of the mesh
+    /// they come from.
     pub fn spacing(&self) -> Real {
         self.spacing
     }
@@ -224,20 +228,25 @@ impl OrientedPoints {
     /// f = Σ wᵢ ½(nᵢ + n)·(p − pᵢ) / Σ wᵢ,   wᵢ = exp(−(|p − pᵢ|² − d²) / h² − |nᵢ − n|² / σ²),   d = min |p − pᵢ|
     /// ```
     ///
-    /// with n the direction of Σ wᵢ nᵢ, found from weights without it, and twice more. A plane through pᵢ across nᵢ leaves a bent surface by
-    /// h² / 2r on one side, a plane across n on the other; the zero set of their mean is exact on spheres. Neighbours round a fold have other normals, and count less.
+    /// with n the direction of Σ wᵢ nᵢ, found from weights without it, and twice more. A plane
+    /// through pᵢ across nᵢ leaves a bent surface by h² / 2r on one side, a plane across n on the
+    /// other; the zero set of their mean is exact on spheres. Neighbours round a fold have other
+    /// normals, and count less.
     ///
-    /// Where d < h the distance is f, in which noise averages out; beyond 2h it is d with the side of the
-    /// winding number, as beside a hole the nearest normals may say anything; in between a blend. `h` is the
-    /// `smoothing`, in metres. The trust is the agreement of the normals, |Σ wᵢ nᵢ| / Σ wᵢ with weights by distance alone, near the surface and
-    /// the distance of the winding number from one half, doubled, beyond.
+    /// Where d < h the distance is f, in which noise averages out; beyond 2h it is d with the side
+    /// of the winding number, as beside a hole the nearest normals may say anything; in between a
+    /// blend. `h` is the `smoothing`, in metres. The trust is the agreement of the normals, |Σ wᵢ
+    /// nᵢ| / Σ wᵢ with weights by distance alone, near the surface and the distance of the winding
+    /// number from one half, doubled, beyond.
     ///
     /// # Source
     ///
-    /// Kolluri 2005, *Provably good moving least squares*; the mean of the two normals is that of Rusinkiewicz 2019, *A symmetric
-    /// objective function for ICP*; weights by normals are those of Öztireli et al. 2009. [`OrientedPoints::winding_number`]: the side.
+    /// Kolluri 2005, *Provably good moving least squares*; the mean of the two normals is that of
+    /// Rusinkiewicz 2019, *A symmetric objective function for ICP*; weights by normals are those of
+    /// Öztireli et al. 2009. [`OrientedPoints::winding_number`]: the side.
     ///
-    /// A point that is not finite, or too far away for a distance, has the distance NaN and no trust.
+    /// A point that is not finite, or too far away for a distance, has the distance NaN and no
+    /// trust.
     pub fn estimate(&self, p: &Point, smoothing: Real) -> Estimate {
         let mut found = [(0.0, 0); NEIGHBOURS];
         self.neighbours(p, &mut found);
@@ -255,7 +264,9 @@ impl OrientedPoints {
             sum / weights.iter().sum::<Real>()
         };
         // Normals that cancel have no mean: what is left of them points anywhere.
-        let direction = |mean: Vector| if mean.norm() < CANCELLED { Vector::zeros() } else { unit_or_zero(&mean) };
+        let direction = |mean: Vector| {
+            if mean.norm() < CANCELLED { Vector::zeros() } else { unit_or_zero(&mean) }
+        };
         let agreement = mean(&by_distance).norm();
         let mut normal = direction(mean(&by_distance));
         let mut weights = by_distance;
@@ -273,7 +284,8 @@ impl OrientedPoints {
             let across = if normal == Vector::zeros() { *n } else { (n + normal) * 0.5 };
             across.dot(&(p - self.points[*i as usize]))
         });
-        let f = planes.zip(&weights).map(|(d, w)| d * w).sum::<Real>() / weights.iter().sum::<Real>();
+        let f =
+            planes.zip(&weights).map(|(d, w)| d * w).sum::<Real>() / weights.iter().sum::<Real>();
         let far = ((nearest - smoothing) / smoothing.max(Real::MIN_POSITIVE)).clamp(0.0, 1.0);
         let (mut distance, mut trust) = (f, agreement);
         if far > 0.0 {
@@ -294,7 +306,9 @@ fn build(points: &[Point], order: &mut [u32], (from, to): (usize, usize), nodes:
     let size = Aabb::from_points(order.iter().map(|i| &points[*i as usize])).size();
     let axis = size.imax();
     let middle = order.len() / 2;
-    order.select_nth_unstable_by(middle, |a, b| points[*a as usize][axis].total_cmp(&points[*b as usize][axis]).then(a.cmp(b)));
+    order.select_nth_unstable_by(middle, |a, b| {
+        points[*a as usize][axis].total_cmp(&points[*b as usize][axis]).then(a.cmp(b))
+    });
     nodes[at].axis = axis as u8;
     nodes[at].split = points[order[middle] as usize][axis];
     let (first, second) = order.split_at_mut(middle);
@@ -318,10 +332,15 @@ mod tests {
         let (points, normals) = ball();
         let cloud = OrientedPoints::new(points, normals).unwrap();
         for k in 0..50 {
-            let p = Point::new((k as Real * 0.37).sin(), (k as Real * 0.73).cos() * 0.7, (k as Real * 1.1).sin() * 0.6);
+            let p = Point::new(
+                (k as Real * 0.37).sin(),
+                (k as Real * 0.73).cos() * 0.7,
+                (k as Real * 1.1).sin() * 0.6,
+            );
             let mut found = [(0.0, 0); NEIGHBOURS];
             cloud.neighbours(&p, &mut found);
-            let mut all: Vec<Real> = cloud.points().iter().map(|q| (q - p).norm_squared()).collect();
+            let mut all: Vec<Real> =
+                cloud.points().iter().map(|q| (q - p).norm_squared()).collect();
             all.sort_unstable_by(Real::total_cmp);
             for (f, a) in found.iter().zip(&all) {
                 assert_eq!(f.0, *a);
@@ -336,16 +355,26 @@ mod tests {
         let h = 1.5 * clean.spacing();
         let radius = |p: &Point| p.coords.norm() - 0.5;
         for k in 0..200 {
-            let p = Point::new((k as Real * 0.37).sin(), (k as Real * 0.73).cos() * 0.7, (k as Real * 1.1).sin() * 0.6);
+            let p = Point::new(
+                (k as Real * 0.37).sin(),
+                (k as Real * 0.73).cos() * 0.7,
+                (k as Real * 1.1).sin() * 0.6,
+            );
             let e = clean.estimate(&p, h);
             approx::assert_abs_diff_eq!(e.distance, radius(&p), epsilon = 0.01);
             assert!(e.trust > 0.5);
         }
-        let noisy: Vec<Point> =
-            points.iter().enumerate().map(|(i, p)| p + p.coords * (0.02 * (i as Real * 12.9898).sin())).collect();
+        let noisy: Vec<Point> = points
+            .iter()
+            .enumerate()
+            .map(|(i, p)| p + p.coords * (0.02 * (i as Real * 12.9898).sin()))
+            .collect();
         let noisy = OrientedPoints::new(noisy, normals).unwrap();
-        let mean = |f: &dyn Fn(&Point) -> Real| points.iter().map(f).sum::<Real>() / points.len() as Real;
-        let raw = mean(&|p| noisy.points().iter().map(|q| (q - p).norm()).fold(Real::INFINITY, Real::min));
+        let mean =
+            |f: &dyn Fn(&Point) -> Real| points.iter().map(f).sum::<Real>() / points.len() as Real;
+        let raw = mean(&|p| {
+            noisy.points().iter().map(|q| (q - p).norm()).fold(Real::INFINITY, Real::min)
+        });
         let estimated = mean(&|p| noisy.estimate(p, h).distance.abs());
         assert!(estimated < 0.6 * raw, "{estimated} {raw}");
     }
@@ -353,7 +382,8 @@ mod tests {
     #[test]
     fn faults_are_named() {
         let (points, normals) = ball();
-        let with = |p: Vec<Point>, n: Vec<Vector>| OrientedPoints::new(p, n).map(|_| ()).unwrap_err();
+        let with =
+            |p: Vec<Point>, n: Vec<Vector>| OrientedPoints::new(p, n).map(|_| ()).unwrap_err();
         assert_eq!(with(vec![], vec![]), CloudError::TooFew { got: 0, needed: NEIGHBOURS });
         assert!(matches!(with(points.clone(), vec![]), CloudError::Lengths { normals: 0, .. }));
         let mut bad = points.clone();
@@ -363,8 +393,13 @@ mod tests {
         bad[5] = Vector::zeros();
         assert!(matches!(with(points.clone(), bad), CloudError::NotOriented { index: 5, .. }));
         let inwards: Vec<Vector> = normals.iter().map(|n| -n).collect();
-        assert!(matches!(with(points.clone(), inwards), CloudError::InsideOut { along } if along < 0.0));
-        assert!(matches!(with(vec![points[0]; 40], normals[..40].to_vec()), CloudError::Flat { .. }));
+        assert!(
+            matches!(with(points.clone(), inwards), CloudError::InsideOut { along } if along < 0.0)
+        );
+        assert!(matches!(
+            with(vec![points[0]; 40], normals[..40].to_vec()),
+            CloudError::Flat { .. }
+        ));
         // Coincident points among others are no fault.
         let mut doubled = points.clone();
         doubled[..40].fill(points[0]);

@@ -1,5 +1,5 @@
-//! Fitting a deformation to sequences of corresponding points: where each material point of the canonical body
-//! is in each frame.
+//! Fitting a deformation to sequences of corresponding points: where each material point of the
+//! canonical body is in each frame.
 
 use crate::adam::{Adam, AdamParams};
 use crate::deformation::{DeformationNetwork, OffsetLoss, OffsetSample};
@@ -27,8 +27,8 @@ pub struct DeformParams {
     pub data: f64,
     /// Errors above this count linearly.
     pub data_scale: f64,
-    /// Weight of rigidity: ‖FᵀF − 1‖² / 4 with F = 1 + ∂d/∂x, forgiven beyond `rigidity_scale` as by Geman and
-    /// McClure.
+    /// Weight of rigidity: ‖FᵀF − 1‖² / 4 with F = 1 + ∂d/∂x, forgiven beyond `rigidity_scale` as
+    /// by Geman and McClure.
     pub rigidity: f64,
     /// c of the forgiving.
     pub rigidity_scale: f64,
@@ -36,8 +36,8 @@ pub struct DeformParams {
     pub small: f64,
     /// c of the forgiving.
     pub small_scale: f64,
-    /// Share of the points of a step that lie between the given ones instead of on them: rigidity and smallness
-    /// alone hold there. They are given points moved by N(0, `spread`).
+    /// Share of the points of a step that lie between the given ones instead of on them: rigidity
+    /// and smallness alone hold there. They are given points moved by N(0, `spread`).
     pub between: Real,
     /// How far.
     pub spread: Real,
@@ -67,7 +67,12 @@ impl Default for DeformParams {
             spread: 0.02,
             anneal: 4,
             schedule: Schedule { rate: 1e-3, warmup: 20, last: 0.02 },
-            adam: AdamParams { beta2: 0.999, epsilon: 1e-8, sparse: false, ..AdamParams::default() },
+            adam: AdamParams {
+                beta2: 0.999,
+                epsilon: 1e-8,
+                sparse: false,
+                ..AdamParams::default()
+            },
             seed: 1,
         }
     }
@@ -110,7 +115,9 @@ pub enum DeformError {
         place: String,
     },
     /// The network is not a number at the very start.
-    #[error("the network or its error at the held-out points is not a number before the first step; make it anew")]
+    #[error(
+        "the network or its error at the held-out points is not a number before the first step; make it anew"
+    )]
     NotANumber,
 }
 
@@ -119,9 +126,11 @@ pub enum DeformError {
 pub struct DeformReport {
     /// Steps done.
     pub steps: u64,
-    /// Step of the state that was kept: that with the least error at a check; 0 for the one it began with.
+    /// Step of the state that was kept: that with the least error at a check; 0 for the one it
+    /// began with.
     pub kept: u64,
-    /// Whether it ended as its loss or the network was no number any more, or as its error rose far above the least.
+    /// Whether it ended as its loss or the network was no number any more, or as its error rose far
+    /// above the least.
     pub diverged: bool,
     /// Whether the caller broke.
     pub cancelled: bool,
@@ -155,23 +164,27 @@ fn is_held_out(point: usize) -> bool {
     point % 10 == 3
 }
 
-/// Steps from one check on held-out points to the next. At ten times more a good state between two checks is lost; at ten times less
-/// the checks take as long as the steps.
+/// Steps from one check on held-out points to the next. At ten times more a good state between two
+/// checks is lost; at ten times less the checks take as long as the steps.
 const CHECK_EVERY: u64 = 50;
-/// Held-out points of a check, each of a frame: no more than a step has by default. The report has all of them.
+/// Held-out points of a check, each of a frame: no more than a step has by default. The report has
+/// all of them.
 const CHECKED: usize = 2048;
-/// A check that finds the error this many times the least one, or this many times `data_scale` where that is more, stops the fit as diverged.
+/// A check that finds the error this many times the least one, or this many times `data_scale`
+/// where that is more, stops the fit as diverged.
 const DIVERGED: Real = 50.0;
 
-/// Fits `network`, embeddings included, to `frames[i][k]`, where canonical point `k` is in frame `i`, in metres;
-/// `progress` hears of each step and its mean loss.
+/// Fits `network`, embeddings included, to `frames[i][k]`, where canonical point `k` is in frame
+/// `i`, in metres; `progress` hears of each step and its mean loss.
 ///
-/// Then the network has the parameters, and the α, of the check with the least error; the first check is before the first step, so
-/// that a fit never leaves more error at the checked points than there was.
+/// Then the network has the parameters, and the α, of the check with the least error; the first
+/// check is before the first step, so that a fit never leaves more error at the checked points than
+/// there was.
 ///
 /// # Errors
 ///
-/// Parameters out of range, positions that are missing or not finite, a network that is no number at the start.
+/// Parameters out of range, positions that are missing or not finite, a network that is no number
+/// at the start.
 pub fn fit_deformation(
     network: &mut DeformationNetwork,
     at: &Frame,
@@ -183,7 +196,12 @@ pub fn fit_deformation(
     params.validate()?;
     let data = Correspondences::new(network, at, canonical, frames)?;
     let checked = data.checked(params.seed);
-    let mut best = Best { step: 0, mean: checked.mean(network), alpha: network.alpha(), theta: network.parameters().to_vec() };
+    let mut best = Best {
+        step: 0,
+        mean: checked.mean(network),
+        alpha: network.alpha(),
+        theta: network.parameters().to_vec(),
+    };
     if !best.mean.is_finite() || !is_finite(network) {
         return Err(DeformError::NotANumber);
     }
@@ -208,7 +226,11 @@ pub fn fit_deformation(
             diverged = true;
             break;
         }
-        adam.step(network.parameters_mut(), &gradient, params.schedule.rate(step, done.max(timed)) as f32);
+        adam.step(
+            network.parameters_mut(),
+            &gradient,
+            params.schedule.rate(step, done.max(timed)) as f32,
+        );
         network.refresh();
         step += 1;
         if step.is_multiple_of(CHECK_EVERY) && !best.judge(network, step, &checked, params) {
@@ -223,14 +245,22 @@ pub fn fit_deformation(
     diverged = diverged || !best.judge(network, step, &checked, params);
     best.install(network);
     let error = data.error(network, at);
-    Ok(DeformReport { steps: step, kept: best.step, diverged, cancelled, seconds: start.elapsed().as_secs_f64(), error })
+    Ok(DeformReport {
+        steps: step,
+        kept: best.step,
+        diverged,
+        cancelled,
+        seconds: start.elapsed().as_secs_f64(),
+        error,
+    })
 }
 
 fn is_finite(network: &DeformationNetwork) -> bool {
     network.parameters().iter().all(|p| p.is_finite())
 }
 
-/// The state with the least error so far. Bands that the annealing did not reach were never trained: α belongs to it.
+/// The state with the least error so far. Bands that the annealing did not reach were never
+/// trained: α belongs to it.
 struct Best {
     step: u64,
     mean: Real,
@@ -240,7 +270,13 @@ struct Best {
 
 impl Best {
     /// Keeps the network's state if it is the best; false where it is hopeless.
-    fn judge(&mut self, network: &DeformationNetwork, step: u64, checked: &Checked, params: &DeformParams) -> bool {
+    fn judge(
+        &mut self,
+        network: &DeformationNetwork,
+        step: u64,
+        checked: &Checked,
+        params: &DeformParams,
+    ) -> bool {
         // A closed ReLU makes a 0 of NaN: the error alone does not tell.
         let mean = if is_finite(network) { checked.mean(network) } else { Real::NAN };
         if !mean.is_finite() || mean > DIVERGED * self.mean.max(params.data_scale) {
@@ -272,13 +308,20 @@ impl Checked {
     fn mean(&self, network: &DeformationNetwork) -> Real {
         let mut out = vec![[0.0; 3]; self.points.len()];
         network.offsets(&self.points, &self.frames, &mut out);
-        let off = |(d, w): (&[f32; 3], &[f32; 3])| Vector::from([0, 1, 2].map(|c| f64::from(d[c]) - f64::from(w[c]))).norm();
+        let off = |(d, w): (&[f32; 3], &[f32; 3])| {
+            Vector::from([0, 1, 2].map(|c| f64::from(d[c]) - f64::from(w[c]))).norm()
+        };
         out.iter().zip(&self.wanted).map(off).sum::<Real>() / out.len() as Real
     }
 }
 
 impl Correspondences {
-    fn new(network: &DeformationNetwork, at: &Frame, canonical: &[Point], frames: &[Vec<Point>]) -> Result<Self, DeformError> {
+    fn new(
+        network: &DeformationNetwork,
+        at: &Frame,
+        canonical: &[Point],
+        frames: &[Vec<Point>],
+    ) -> Result<Self, DeformError> {
         let finite = |points: &[Point], place: &dyn Fn() -> String| {
             let units: Vec<[f32; 3]> = points.iter().map(|p| at.to_unit(p)).collect();
             match units.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
@@ -299,13 +342,21 @@ impl Correspondences {
             return Err(DeformError::Positions { frame, got: frames[frame].len(), expected });
         }
         let moved = frames.iter().enumerate().map(|(i, f)| finite(f, &|| format!("frame {i}")));
-        Ok(Self { canonical: finite(canonical, &|| "the canonical points".into())?, frames: moved.collect::<Result<_, _>>()? })
+        Ok(Self {
+            canonical: finite(canonical, &|| "the canonical points".into())?,
+            frames: moved.collect::<Result<_, _>>()?,
+        })
     }
 
     /// Points, each with its frame, and the offset wanted there, if it is known.
     #[allow(clippy::type_complexity)]
-    fn batch(&self, params: &DeformParams, step: u64) -> (Vec<[f32; 3]>, Vec<(u32, Option<[f32; 3]>)>) {
-        let mut random = Pcg64Mcg::seed_from_u64(params.seed ^ (step + 1).wrapping_mul(0xd134_2543_de82_ef95));
+    fn batch(
+        &self,
+        params: &DeformParams,
+        step: u64,
+    ) -> (Vec<[f32; 3]>, Vec<(u32, Option<[f32; 3]>)>) {
+        let mut random =
+            Pcg64Mcg::seed_from_u64(params.seed ^ (step + 1).wrapping_mul(0xd134_2543_de82_ef95));
         let between = (params.batch as Real * params.between).round() as usize;
         let one = |k: usize| {
             let frame = random.random_range(0..self.frames.len());
@@ -357,7 +408,8 @@ impl Correspondences {
             network.samples(&points, &vec![i as u32; points.len()], &mut out);
             for ((k, p), s) in held.iter().zip(&points).zip(&out) {
                 let moved = [0, 1, 2].map(|c| f64::from(frame[*k][c] - p[c]));
-                let off = Vector::from([0, 1, 2].map(|c| f64::from(s.offset[c]) - moved[c])).norm() / at.scale;
+                let off = Vector::from([0, 1, 2].map(|c| f64::from(s.offset[c]) - moved[c])).norm()
+                    / at.scale;
                 error.mean += off;
                 error.max = error.max.max(off);
                 error.still += Vector::from(moved).norm() / at.scale;
@@ -365,7 +417,12 @@ impl Correspondences {
             }
         }
         let n = (held.len() * self.frames.len()) as Real;
-        OffsetError { mean: error.mean / n, still: error.still / n, strain: error.strain / n, ..error }
+        OffsetError {
+            mean: error.mean / n,
+            still: error.still / n,
+            strain: error.strain / n,
+            ..error
+        }
     }
 }
 
@@ -393,11 +450,19 @@ impl DeformParams {
         if !(0.0..=1.0).contains(&self.between) {
             return fault("between", self.between, "from 0 to 1");
         }
-        for (name, value) in [("data", self.data), ("rigidity", self.rigidity), ("small", self.small), ("spread", self.spread)] {
+        for (name, value) in [
+            ("data", self.data),
+            ("rigidity", self.rigidity),
+            ("small", self.small),
+            ("spread", self.spread),
+        ] {
             ParameterError::unless_at_least_zero(name, value)?;
         }
-        let scales =
-            [("data_scale", self.data_scale), ("rigidity_scale", self.rigidity_scale), ("small_scale", self.small_scale)];
+        let scales = [
+            ("data_scale", self.data_scale),
+            ("rigidity_scale", self.rigidity_scale),
+            ("small_scale", self.small_scale),
+        ];
         for (name, value) in scales.into_iter().chain(self.seconds.map(|s| ("seconds", s))) {
             ParameterError::unless_above_zero(name, value)?;
         }
@@ -411,7 +476,8 @@ impl DeformParams {
         let (mut loss, mut d_offset) = (0.0, [0.0; 3]);
         if let Some(wanted) = wanted {
             let e = [0, 1, 2].map(|k| d[k] - f64::from(wanted[k]));
-            let root = (e.iter().map(|x| x * x).sum::<f64>() + self.data_scale * self.data_scale).sqrt();
+            let root =
+                (e.iter().map(|x| x * x).sum::<f64>() + self.data_scale * self.data_scale).sqrt();
             loss += self.data * share * (root - self.data_scale);
             (0..3).for_each(|k| d_offset[k] += self.data * share * e[k] / root);
         }
@@ -439,9 +505,18 @@ mod tests {
 
     #[test]
     fn derivatives_of_the_loss_are_central_differences() {
-        let params =
-            DeformParams { rigidity: 0.7, small: 0.4, data: 0.9, data_scale: 0.1, small_scale: 0.5, ..Default::default() };
-        let sample = OffsetSample { offset: [0.1, -0.2, 0.05], jacobian: [[0.1, 0.3, -0.2], [0.0, -0.1, 0.4], [0.2, 0.1, 0.3]] };
+        let params = DeformParams {
+            rigidity: 0.7,
+            small: 0.4,
+            data: 0.9,
+            data_scale: 0.1,
+            small_scale: 0.5,
+            ..Default::default()
+        };
+        let sample = OffsetSample {
+            offset: [0.1, -0.2, 0.05],
+            jacobian: [[0.1, 0.3, -0.2], [0.0, -0.1, 0.4], [0.2, 0.1, 0.3]],
+        };
         let at = |s: &OffsetSample| params.loss(Some(&[0.3, 0.1, 0.0]), s, 0.5);
         let got = at(&sample);
         let h = 1e-3f32;
@@ -451,17 +526,28 @@ mod tests {
                 s.offset[k] += d;
                 at(&s).loss
             };
-            approx::assert_abs_diff_eq!(f64::from(got.d_offset[k]), (moved(h) - moved(-h)) / 2e-3, epsilon = 1e-4);
+            approx::assert_abs_diff_eq!(
+                f64::from(got.d_offset[k]),
+                (moved(h) - moved(-h)) / 2e-3,
+                epsilon = 1e-4
+            );
             for c in 0..3 {
                 let moved = |d: f32| {
                     let mut s = sample;
                     s.jacobian[k][c] += d;
                     at(&s).loss
                 };
-                approx::assert_abs_diff_eq!(f64::from(got.d_jacobian[k][c]), (moved(h) - moved(-h)) / 2e-3, epsilon = 1e-4);
+                approx::assert_abs_diff_eq!(
+                    f64::from(got.d_jacobian[k][c]),
+                    (moved(h) - moved(-h)) / 2e-3,
+                    epsilon = 1e-4
+                );
             }
         }
-        let turned = OffsetSample { offset: [0.0; 3], jacobian: [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0; 3]] };
+        let turned = OffsetSample {
+            offset: [0.0; 3],
+            jacobian: [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0; 3]],
+        };
         assert!(strain(&turned).norm() < 1e-12, "a turn by 90° is rigid");
     }
 
@@ -469,8 +555,9 @@ mod tests {
     fn bending() -> (Vec<Point>, Vec<Vec<Point>>) {
         let mut random = Pcg64Mcg::seed_from_u64(5);
         let mut within = |a: f64, b: f64| random.random_range(a..b);
-        let canonical: Vec<Point> =
-            (0..400).map(|_| Point::new(within(-0.1, 0.1), within(-0.9, 0.9), within(-0.1, 0.1))).collect();
+        let canonical: Vec<Point> = (0..400)
+            .map(|_| Point::new(within(-0.1, 0.1), within(-0.9, 0.9), within(-0.1, 0.1)))
+            .collect();
         let frames = (0..5).map(|i| {
             let bend = 0.3 * (i as f64 - 2.0) / 2.0;
             canonical.iter().map(|p| p + Vector::x() * (bend * p.y.max(0.0).powi(2))).collect()
@@ -490,10 +577,19 @@ mod tests {
             schedule: Schedule { rate: 5e-3, ..DeformParams::default().schedule },
             ..Default::default()
         };
-        let run =
-            fit_deformation(&mut network, &Frame::UNIT, &canonical, &frames, &params, &mut |_, _| ControlFlow::Continue(()));
+        let run = fit_deformation(
+            &mut network,
+            &Frame::UNIT,
+            &canonical,
+            &frames,
+            &params,
+            &mut |_, _| ControlFlow::Continue(()),
+        );
         let report = run.unwrap();
-        assert!(report.error.mean < 0.25 * report.error.still && report.error.still > 0.02, "{report:?}");
+        assert!(
+            report.error.mean < 0.25 * report.error.still && report.error.still > 0.02,
+            "{report:?}"
+        );
         assert!(report.error.strain < 0.5 && !report.diverged, "{report:?}");
     }
 
@@ -503,30 +599,60 @@ mod tests {
         let config = DeformationConfig { bands: 2, embedding: 8, frames: 5, width: 16, layers: 2 };
         let mut network = DeformationNetwork::new(&config, 1).unwrap();
         let mut run = |canonical: &[Point], frames: &[Vec<Point>], params: DeformParams| {
-            fit_deformation(&mut network, &Frame::UNIT, canonical, frames, &params, &mut |_, _| ControlFlow::Break(()))
+            fit_deformation(&mut network, &Frame::UNIT, canonical, frames, &params, &mut |_, _| {
+                ControlFlow::Break(())
+            })
         };
         let params = DeformParams { batch: 8, ..Default::default() };
         for few in 0..4 {
             let fault = run(&canonical[..few], &frames, params).unwrap_err();
-            assert!(fault == DeformError::Empty && fault.to_string().contains("fewer than 4 canonical points"), "{fault}");
+            assert!(
+                fault == DeformError::Empty
+                    && fault.to_string().contains("fewer than 4 canonical points"),
+                "{fault}"
+            );
         }
-        assert_eq!(run(&canonical, &frames[1..], params), Err(DeformError::Frames { got: 4, expected: 5 }));
+        assert_eq!(
+            run(&canonical, &frames[1..], params),
+            Err(DeformError::Frames { got: 4, expected: 5 })
+        );
         let mut short = frames.clone();
         short[3].pop();
-        assert_eq!(run(&canonical, &short, params), Err(DeformError::Positions { frame: 3, got: 399, expected: 400 }));
+        assert_eq!(
+            run(&canonical, &short, params),
+            Err(DeformError::Positions { frame: 3, got: 399, expected: 400 })
+        );
         let mut bad = frames.clone();
         bad[2][7].z = f64::NAN;
-        assert_eq!(run(&canonical, &bad, params), Err(DeformError::NotFinite { point: 7, place: "frame 2".into() }));
+        assert_eq!(
+            run(&canonical, &bad, params),
+            Err(DeformError::NotFinite { point: 7, place: "frame 2".into() })
+        );
         bad[2][7].z = 1e300;
-        assert_eq!(run(&canonical, &bad, params), Err(DeformError::NotFinite { point: 7, place: "frame 2".into() }));
+        assert_eq!(
+            run(&canonical, &bad, params),
+            Err(DeformError::NotFinite { point: 7, place: "frame 2".into() })
+        );
         for (bad, name) in [
             (DeformParams { batch: 0, ..params }, "batch"),
-            (DeformParams { adam: AdamParams { beta2: 1.0, ..params.adam }, ..params }, "adam.beta2"),
-            (DeformParams { adam: AdamParams { beta2: f32::NAN, ..params.adam }, ..params }, "adam.beta2"),
-            (DeformParams { schedule: Schedule { rate: 1e300, ..params.schedule }, ..params }, "schedule.rate"),
+            (
+                DeformParams { adam: AdamParams { beta2: 1.0, ..params.adam }, ..params },
+                "adam.beta2",
+            ),
+            (
+                DeformParams { adam: AdamParams { beta2: f32::NAN, ..params.adam }, ..params },
+                "adam.beta2",
+            ),
+            (
+                DeformParams { schedule: Schedule { rate: 1e300, ..params.schedule }, ..params },
+                "schedule.rate",
+            ),
         ] {
             let fault = run(&canonical, &frames, bad).unwrap_err();
-            assert!(matches!(fault, DeformError::Parameter(ParameterError { name: n, .. }) if n == name), "{fault}");
+            assert!(
+                matches!(fault, DeformError::Parameter(ParameterError { name: n, .. }) if n == name),
+                "{fault}"
+            );
         }
         let report = run(&canonical, &frames, params).unwrap();
         assert!(report.cancelled && report.steps == 1);
@@ -546,9 +672,16 @@ mod tests {
         let usual = DeformParams::default().schedule;
         let run = |rate: f64, steps: u64| {
             let mut network = start.clone();
-            let params = DeformParams { batch: 64, steps, schedule: Schedule { rate, ..usual }, ..Default::default() };
+            let params = DeformParams {
+                batch: 64,
+                steps,
+                schedule: Schedule { rate, ..usual },
+                ..Default::default()
+            };
             let go_on = &mut |_, _| ControlFlow::Continue(());
-            let report = fit_deformation(&mut network, &Frame::UNIT, &canonical, &frames, &params, go_on).unwrap();
+            let report =
+                fit_deformation(&mut network, &Frame::UNIT, &canonical, &frames, &params, go_on)
+                    .unwrap();
             (report, network)
         };
         let before = run(1e-3, 0).0.error;
@@ -556,8 +689,15 @@ mod tests {
         // Far off after a step; no numbers after the last step, or after one more.
         for (rate, steps) in [(1e6, 1), (1e30, 1), (1e38, 1), (1e38, 2), (1e38, CHECK_EVERY)] {
             let (report, network) = run(rate, steps);
-            assert_eq!((report.kept, report.diverged, report.error), (0, true, before), "rate {rate}: {report:?}");
-            assert!(network.parameters() == start.parameters() && network.alpha() == start.alpha(), "rate {rate}");
+            assert_eq!(
+                (report.kept, report.diverged, report.error),
+                (0, true, before),
+                "rate {rate}: {report:?}"
+            );
+            assert!(
+                network.parameters() == start.parameters() && network.alpha() == start.alpha(),
+                "rate {rate}"
+            );
         }
         // Too fast to learn: what is left is no worse than the start.
         let (report, network) = run(10.0, 300);

@@ -60,7 +60,8 @@ struct StepMemory {
 }
 
 impl DeformationNetwork {
-    /// A deformation that moves points by next to nothing, all bands in; the same for the same seed.
+    /// A deformation that moves points by next to nothing, all bands in; the same for the same
+    /// seed.
     ///
     /// # Errors
     ///
@@ -76,7 +77,10 @@ impl DeformationNetwork {
     ///
     /// [`ConfigError`], for a shape that cannot be built, or a θ of another length or with a
     /// number that is not finite.
-    pub fn from_parameters(config: &DeformationConfig, theta: Vec<f32>) -> Result<Self, ConfigError> {
+    pub fn from_parameters(
+        config: &DeformationConfig,
+        theta: Vec<f32>,
+    ) -> Result<Self, ConfigError> {
         DeformationNetwork::with_isa(config, theta, Isa::best())
     }
 
@@ -85,7 +89,11 @@ impl DeformationNetwork {
     /// # Errors
     ///
     /// As [`DeformationNetwork::from_parameters`].
-    pub fn with_isa(config: &DeformationConfig, theta: Vec<f32>, isa: Isa) -> Result<Self, ConfigError> {
+    pub fn with_isa(
+        config: &DeformationConfig,
+        theta: Vec<f32>,
+        isa: Isa,
+    ) -> Result<Self, ConfigError> {
         let layout = config.layout()?;
         check_parameters(&theta, layout.parameters + config.frames * config.embedding)?;
         let mut network = DeformationNetwork {
@@ -254,7 +262,11 @@ impl DeformationNetwork {
     fn check_frames(&self, points: &[[f32; 3]], frames: &[u32]) {
         assert_eq!(points.len(), frames.len(), "one frame per point");
         for (k, &frame) in frames.iter().enumerate() {
-            assert!((frame as usize) < self.config.frames, "point {k} is in frame {frame} of {}", self.config.frames);
+            assert!(
+                (frame as usize) < self.config.frames,
+                "point {k} is in frame {frame} of {}",
+                self.config.frames
+            );
         }
     }
 }
@@ -286,7 +298,8 @@ mod tests {
 
     fn inputs(count: usize, frames: usize) -> (Vec<[f32; 3]>, Vec<u32>) {
         let mut normal = Normal::seeded(7);
-        let points = (0..count).map(|_| std::array::from_fn(|_| 0.5 * normal.next() as f32)).collect();
+        let points =
+            (0..count).map(|_| std::array::from_fn(|_| 0.5 * normal.next() as f32)).collect();
         (points, (0..count).map(|n| ((n * 7) % frames) as u32).collect())
     }
 
@@ -342,14 +355,21 @@ mod tests {
                 let mut gradient = vec![f32::NAN; network.parameters().len()];
                 let total = network.loss_gradient(&points, &frames, &loss, &mut gradient);
                 let points: Vec<_> = points.iter().map(|x| x.map(f64::from)).collect();
-                let (exact_total, exact) = twin(&network).loss_gradient(&points, &frames, |i, d, j| {
-                    let at = loss(i, OffsetSample { offset: d.map(|v| v as f32), jacobian: j.map(|row| row.map(|v| v as f32)) });
-                    OffsetLoss64 {
-                        loss: at.loss,
-                        d_offset: at.d_offset.map(f64::from),
-                        d_jacobian: at.d_jacobian.map(|row| row.map(f64::from)),
-                    }
-                });
+                let (exact_total, exact) =
+                    twin(&network).loss_gradient(&points, &frames, |i, d, j| {
+                        let at = loss(
+                            i,
+                            OffsetSample {
+                                offset: d.map(|v| v as f32),
+                                jacobian: j.map(|row| row.map(|v| v as f32)),
+                            },
+                        );
+                        OffsetLoss64 {
+                            loss: at.loss,
+                            d_offset: at.d_offset.map(f64::from),
+                            d_jacobian: at.d_jacobian.map(|row| row.map(f64::from)),
+                        }
+                    });
                 assert!((total - exact_total).abs() < 1e-5 * exact_total);
                 let scale = exact.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
                 for (k, (a, b)) in gradient.iter().zip(&exact).enumerate() {

@@ -57,7 +57,13 @@ impl Tile {
     }
 
     /// d at up to [`TILE`] points.
-    pub(crate) fn offsets(&mut self, net: &Net<'_>, points: &[[f32; 3]], frames: &[u32], out: &mut [[f32; 3]]) {
+    pub(crate) fn offsets(
+        &mut self,
+        net: &Net<'_>,
+        points: &[[f32; 3]],
+        frames: &[u32],
+        out: &mut [[f32; 3]],
+    ) {
         self.encode(net, points, frames, TILE);
         self.forward(net, points.len(), TILE);
         let last = self.strides.len() - 1;
@@ -67,7 +73,13 @@ impl Tile {
     }
 
     /// d and its Jacobian at up to [`BLOCK`] points.
-    pub(crate) fn samples(&mut self, net: &Net<'_>, points: &[[f32; 3]], frames: &[u32], out: &mut [OffsetSample]) {
+    pub(crate) fn samples(
+        &mut self,
+        net: &Net<'_>,
+        points: &[[f32; 3]],
+        frames: &[u32],
+        out: &mut [OffsetSample],
+    ) {
         self.encode(net, points, frames, BLOCK);
         self.forward(net, points.len(), BLOCK);
         for (n, out) in out.iter_mut().enumerate() {

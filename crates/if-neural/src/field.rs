@@ -93,7 +93,9 @@ pub enum FieldError {
         sample: Sample32,
     },
     /// The inside reaches the border of the cube.
-    #[error("the network is {value} m in {point}, at the border of its cube: its inside must lie within")]
+    #[error(
+        "the network is {value} m in {point}, at the border of its cube: its inside must lie within"
+    )]
     Leaves {
         /// Where, in metres.
         point: Point,
@@ -108,11 +110,11 @@ pub enum FieldError {
 /// φ(x) = φ_net(u) / scale + |x − q|,   u = (q − center) · scale,   q the point of the cube nearest to x
 /// ```
 ///
-/// In the cube this is the network; beyond it, where networks are wild, its value at the border and the
-/// distance to the border. Both are continuous, the gradient of the second jumps at the border.
+/// In the cube this is the network; beyond it, where networks are wild, its value at the border and
+/// the distance to the border. Both are continuous, the gradient of the second jumps at the border.
 ///
-/// `lipschitz()` is measured: the steepest gradient at the nodes of a grid of 64 cells, and beside the surface,
-/// times [`SAFETY`]. It is no proof.
+/// `lipschitz()` is measured: the steepest gradient at the nodes of a grid of 64 cells, and beside
+/// the surface, times [`SAFETY`]. It is no proof.
 ///
 /// Points and gradients are rounded to f32, and values to about 1e-7 of the cube.
 #[derive(Clone, Debug)]
@@ -145,7 +147,10 @@ impl<N: Samples32> NeuralField<N> {
     /// If it is not a finite number above zero.
     #[must_use]
     pub fn with_lipschitz(self, lipschitz: Real) -> Self {
-        assert!(lipschitz > 0.0 && lipschitz.is_finite(), "a Lipschitz bound is a finite number above zero, not {lipschitz}");
+        assert!(
+            lipschitz > 0.0 && lipschitz.is_finite(),
+            "a Lipschitz bound is a finite number above zero, not {lipschitz}"
+        );
         Self { lipschitz, ..self }
     }
 
@@ -169,7 +174,10 @@ impl<N: Samples32> NeuralField<N> {
         let mut values = Vec::with_capacity(n * n * n);
         for first in (0..n * n * n).step_by(BATCH) {
             points.clear();
-            points.extend((first..(first + BATCH).min(n * n * n)).map(|i| node(i).map(|x| x as f32 * edge - 1.0)));
+            points.extend(
+                (first..(first + BATCH).min(n * n * n))
+                    .map(|i| node(i).map(|x| x as f32 * edge - 1.0)),
+            );
             let samples = &mut samples[..points.len()];
             self.network.samples32(&points, samples);
             for (point, s) in points.iter().zip(&*samples) {
@@ -195,9 +203,13 @@ impl<N: Samples32> NeuralField<N> {
                 let p = node(*i).map(|x| x as f32 * edge - 1.0);
                 // A value is trusted within half a cell of its node, in every direction.
                 for half in [-0.5, 0.5] {
-                    bounds = bounds.grown_to(&self.frame.to_metres(&p.map(|x| (x + half * edge).clamp(-1.0, 1.0))));
+                    bounds = bounds.grown_to(
+                        &self.frame.to_metres(&p.map(|x| (x + half * edge).clamp(-1.0, 1.0))),
+                    );
                 }
-                points.extend(offsets.map(|o| [0, 1, 2].map(|k| (p[k] + o[k] * edge).clamp(-1.0, 1.0))));
+                points.extend(
+                    offsets.map(|o| [0, 1, 2].map(|k| (p[k] + o[k] * edge).clamp(-1.0, 1.0))),
+                );
             }
             let samples = &mut samples[..points.len()];
             self.network.samples32(&points, samples);
@@ -298,7 +310,8 @@ mod tests {
     use std::panic::{AssertUnwindSafe, catch_unwind};
 
     fn ball() -> NeuralField<GridField> {
-        let grid = GridField::new(GridConfig { finest: 32, levels: 3, ..GridConfig::default() }).unwrap();
+        let grid =
+            GridField::new(GridConfig { finest: 32, levels: 3, ..GridConfig::default() }).unwrap();
         NeuralField::new(grid, Frame { center: Point::new(0.0, 1.0, 0.0), scale: 2.0 }).unwrap()
     }
 
@@ -310,9 +323,11 @@ mod tests {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             (state >> 11) as f64 / (1u64 << 53) as f64 * 1.4 - 0.7
         };
-        let points: Vec<Point> = (0..700).map(|_| Point::new(next(), 1.0 + next(), next())).collect();
+        let points: Vec<Point> =
+            (0..700).map(|_| Point::new(next(), 1.0 + next(), next())).collect();
         // f32 values are rounded to 1e-7: differences over 2 mm are good to 1e-4.
-        let tolerances = FieldTolerances { step: 2e-3, gradient: 2e-2, kink: 0.1, kinks: 0.3, rounding: 1e-6 };
+        let tolerances =
+            FieldTolerances { step: 2e-3, gradient: 2e-2, kink: 0.1, kinks: 0.3, rounding: 1e-6 };
         check_signed_distance(&field, &points, &tolerances).unwrap();
         for p in &points {
             let truth = (p - Point::new(0.0, 1.0, 0.0)).norm() - 0.25;
@@ -321,7 +336,10 @@ mod tests {
             }
         }
         let bounds = field.bounds().unwrap();
-        assert!(bounds.contains(&Point::new(0.25, 1.0, 0.0)) && bounds.size().x < 0.7, "{bounds:?}");
+        assert!(
+            bounds.contains(&Point::new(0.25, 1.0, 0.0)) && bounds.size().x < 0.7,
+            "{bounds:?}"
+        );
     }
 
     #[test]
@@ -335,7 +353,10 @@ mod tests {
         let inside_out = broken(&|p| p.iter_mut().for_each(|c| *c = -*c));
         assert!(matches!(inside_out, FieldError::Leaves { value, .. } if value < 0.0));
         let bad = Frame { scale: 0.0, ..Frame::UNIT };
-        assert!(matches!(NeuralField::new(ball().network().clone(), bad), Err(FieldError::Frame { .. })));
+        assert!(matches!(
+            NeuralField::new(ball().network().clone(), bad),
+            Err(FieldError::Frame { .. })
+        ));
     }
 
     #[test]

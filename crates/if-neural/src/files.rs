@@ -7,8 +7,9 @@
 //! | grid | `grid.0` (entries × features), …, `hidden.weight`, `hidden.bias`, `out.weight`, `out.bias` |
 //! | deformation | `lin0.weight`, `lin0.bias`, …, `embeddings` (frames × length) |
 //!
-//! The header's metadata hold one entry, `if_neural`: JSON with version, kind, configuration and frame.
-//! Readers judge the header first, and then take no more into memory than it says and the file has.
+//! The header's metadata hold one entry, `if_neural`: JSON with version, kind, configuration and
+//! frame. Readers judge the header first, and then take no more into memory than it says and the
+//! file has.
 
 mod checkpoint;
 mod tensors;
@@ -59,7 +60,9 @@ pub enum ReadError {
         message: String,
     },
     /// Written by a later version.
-    #[error("the file is of version {found}, this program knows versions up to {VERSION}; update it")]
+    #[error(
+        "the file is of version {found}, this program knows versions up to {VERSION}; update it"
+    )]
     Version {
         /// Of the file.
         found: u32,
@@ -144,7 +147,15 @@ struct Header {
 impl Header {
     fn new(kind: &str) -> Self {
         let kind = kind.to_owned();
-        Self { version: VERSION, kind, network: None, frame: None, deformation: None, alpha: None, state: None }
+        Self {
+            version: VERSION,
+            kind,
+            network: None,
+            frame: None,
+            deformation: None,
+            alpha: None,
+            state: None,
+        }
     }
 }
 
@@ -153,7 +164,12 @@ impl Header {
 /// # Errors
 ///
 /// What the writer says.
-pub fn write_network(writer: &mut impl Write, network: &Network, frame: &Frame, norm: WeightNorm) -> io::Result<()> {
+pub fn write_network(
+    writer: &mut impl Write,
+    network: &Network,
+    frame: &Frame,
+    norm: WeightNorm,
+) -> io::Result<()> {
     let mut header = Header::new("network");
     header.frame = Some(*frame);
     header.network = Some(network.config());
@@ -206,14 +222,19 @@ fn network_of(tensors: &Tensors, header: &Header) -> Result<(Network, Frame), Re
     Ok((Network::with_parameters(config, theta)?, frame))
 }
 
-/// Reads the weights of a network of the lineage (SelfRecon, IDR, IGR) from a file without our metadata:
-/// `{prefix}lin0.weight_v`, `.weight_g` and `.bias`, PyTorch's newer names `lin0.parametrizations.weight.original1` and
-/// `.original0`, or folded `lin0.weight`. Other tensors are passed over.
+/// Reads the weights of a network of the lineage (SelfRecon, IDR, IGR) from a file without our
+/// metadata: `{prefix}lin0.weight_v`, `.weight_g` and `.bias`, PyTorch's newer names
+/// `lin0.parametrizations.weight.original1` and `.original0`, or folded `lin0.weight`. Other
+/// tensors are passed over.
 ///
 /// # Errors
 ///
 /// See [`ReadError`].
-pub fn read_sdf_weights(reader: impl Read, config: &SdfConfig, prefix: &str) -> Result<SdfNetwork, ReadError> {
+pub fn read_sdf_weights(
+    reader: impl Read,
+    config: &SdfConfig,
+    prefix: &str,
+) -> Result<SdfNetwork, ReadError> {
     let tensors = Tensors::read(reader)?;
     let theta = sdf_theta(&tensors, config, prefix)?;
     Ok(SdfNetwork::from_parameters(config, theta).map_err(NetworkError::from)?)
@@ -224,7 +245,11 @@ pub fn read_sdf_weights(reader: impl Read, config: &SdfConfig, prefix: &str) -> 
 /// # Errors
 ///
 /// What the writer says.
-pub fn write_deformation(writer: &mut impl Write, network: &DeformationNetwork, frame: &Frame) -> io::Result<()> {
+pub fn write_deformation(
+    writer: &mut impl Write,
+    network: &DeformationNetwork,
+    frame: &Frame,
+) -> io::Result<()> {
     let mut header = Header::new("deformation");
     header.deformation = Some(network.config().clone());
     header.frame = Some(*frame);
@@ -257,7 +282,8 @@ pub fn read_deformation(reader: impl Read) -> Result<(DeformationNetwork, Frame)
         tensors.append(&format!("lin{l}.bias"), &[layer.rows], &mut theta)?;
     }
     tensors.append("embeddings", &[config.frames, config.embedding], &mut theta)?;
-    let mut network = DeformationNetwork::from_parameters(config, theta).map_err(NetworkError::from)?;
+    let mut network =
+        DeformationNetwork::from_parameters(config, theta).map_err(NetworkError::from)?;
     if let Some(alpha) = header.alpha {
         network.set_alpha(alpha);
     }
@@ -280,7 +306,11 @@ fn layer_parts<'a>(layout: &Layout, theta: &'a [f32]) -> Vec<Named<'a>> {
         let mut add = |what: &str, shape: Vec<usize>, range: std::ops::Range<usize>| {
             parts.push(Named { name: format!("lin{l}.{what}"), shape, data: &theta[range] });
         };
-        add(if layer.gain.is_some() { "weight_v" } else { "weight" }, vec![layer.rows, layer.columns], layer.weight.clone());
+        add(
+            if layer.gain.is_some() { "weight_v" } else { "weight" },
+            vec![layer.rows, layer.columns],
+            layer.weight.clone(),
+        );
         add("bias", vec![layer.rows], layer.bias.clone());
         if let Some(gain) = &layer.gain {
             add("weight_g", vec![layer.rows, 1], gain.clone());
@@ -296,7 +326,8 @@ fn fold(sdf: &SdfNetwork) -> Vec<f32> {
     for layer in &sdf.layout().layers {
         let rows = theta[layer.weight.clone()].chunks_exact(layer.columns);
         for (r, row) in rows.enumerate() {
-            let scale = layer.gain.as_ref().map_or(1.0, |gain| gain_by_length(theta[gain.start + r], row));
+            let scale =
+                layer.gain.as_ref().map_or(1.0, |gain| gain_by_length(theta[gain.start + r], row));
             out.extend(row.iter().map(|v| (f64::from(*v) * scale) as f32));
         }
         out.extend_from_slice(&theta[layer.bias.clone()]);
@@ -321,7 +352,10 @@ fn sdf_theta(tensors: &Tensors, config: &SdfConfig, prefix: &str) -> Result<Vec<
     for (l, layer) in layout.layers.iter().enumerate() {
         let name = |what: &str| format!("{prefix}lin{l}.{what}");
         let weight = [layer.rows, layer.columns];
-        let pairs = [["weight_v", "weight_g"], ["parametrizations.weight.original1", "parametrizations.weight.original0"]];
+        let pairs = [
+            ["weight_v", "weight_g"],
+            ["parametrizations.weight.original1", "parametrizations.weight.original0"],
+        ];
         let normed = pairs.iter().map(|pair| pair.map(&name)).find(|pair| tensors.has(&pair[0]));
         let bias = |theta: &mut Vec<f32>| tensors.append(&name("bias"), &[layer.rows], theta);
         match (&layer.gain, normed) {
@@ -334,7 +368,10 @@ fn sdf_theta(tensors: &Tensors, config: &SdfConfig, prefix: &str) -> Result<Vec<
             (Some(_), None) => {
                 let first = theta.len();
                 tensors.append(&name("weight"), &weight, &mut theta)?;
-                let gains: Vec<f32> = theta[first..].chunks_exact(layer.columns).map(|row| norm(row) as f32).collect();
+                let gains: Vec<f32> = theta[first..]
+                    .chunks_exact(layer.columns)
+                    .map(|row| norm(row) as f32)
+                    .collect();
                 bias(&mut theta)?;
                 theta.extend(gains);
             }

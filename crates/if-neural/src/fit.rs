@@ -16,15 +16,17 @@ use std::time::Instant;
 
 /// Held-out points of a check; the report has all of them.
 const CHECKED: usize = 2048;
-/// Checks from one look at all held-out points to the next, where the checks are below the accuracy that is asked for and all are not. All are ten times
-/// as many by default: at ten times less looking takes longer than checking, at ten times more a fit goes on for 2,000 steps too many.
+/// Checks from one look at all held-out points to the next, where the checks are below the accuracy
+/// that is asked for and all are not. All are ten times as many by default: at ten times less
+/// looking takes longer than checking, at ten times more a fit goes on for 2,000 steps too many.
 const LOOK_EVERY: u64 = 4;
 /// A check that finds the error this many times the best one's stops the fit as diverged.
 const DIVERGED: Real = 50.0;
-/// But errors below so many network units count as this much: the first values of a grid on a smooth surface are a thousand times better than
-/// the steps' own noise, which is no divergence.
+/// But errors below so many network units count as this much: the first values of a grid on a
+/// smooth surface are a thousand times better than the steps' own noise, which is no divergence.
 const NOISE: Real = 1e-4;
-/// Means of held-out points of one target differ by less than this, in network units, wherever they were drawn; those of another by some thousand times more.
+/// Means of held-out points of one target differ by less than this, in network units, wherever they
+/// were drawn; those of another by some thousand times more.
 const SAME_TARGET: Real = 1e-6;
 
 /// How to fit.
@@ -37,10 +39,11 @@ pub struct FitParams {
     pub far: Real,
     /// Steps at most.
     pub steps: Option<u64>,
-    /// Time at most, in seconds. With it the learning rate follows the clock, and two runs differ in their bits;
-    /// without it they do not.
+    /// Time at most, in seconds. With it the learning rate follows the clock, and two runs differ
+    /// in their bits; without it they do not.
     pub seconds: Option<Real>,
-    /// Stop when the mean error near the surface, at all held-out points, is at most this, in metres.
+    /// Stop when the mean error near the surface, at all held-out points, is at most this, in
+    /// metres.
     pub accuracy: Option<Real>,
     /// Steps from one check on held-out points to the next.
     pub check_every: u64,
@@ -55,8 +58,9 @@ pub struct FitParams {
 }
 
 impl Default for FitParams {
-    /// One minute. Batch, rates and weights were chosen by trials of [`crate::grid::GridField`] on clothed bodies of which no table was kept;
-    /// what they reach is in `docs/fitting.md`, and the example `fit_table` tries others (`--set`).
+    /// One minute. Batch, rates and weights were chosen by trials of [`crate::grid::GridField`] on
+    /// clothed bodies of which no table was kept; what they reach is in `docs/fitting.md`, and the
+    /// example `fit_table` tries others (`--set`).
     fn default() -> Self {
         Self {
             batch: 1 << 14,
@@ -84,7 +88,9 @@ pub enum FitError {
     #[error("the fit would never end: give `steps` or `seconds` (an accuracy need not be reached)")]
     Endless,
     /// The field is not a number at the very start.
-    #[error("a parameter of the field, or the field at the held-out points, is not a number before the first step; make it anew")]
+    #[error(
+        "a parameter of the field, or the field at the held-out points, is not a number before the first step; make it anew"
+    )]
     NotANumber,
     /// A state of another field.
     #[error("the state is of a field with {expected} parameters, this one has {got}")]
@@ -95,7 +101,9 @@ pub enum FitError {
         got: usize,
     },
     /// The fit was begun with other points.
-    #[error("the fit was begun with another target: give the training set that it began with, or begin a new fit")]
+    #[error(
+        "the fit was begun with another target: give the training set that it began with, or begin a new fit"
+    )]
     Target,
 }
 
@@ -180,7 +188,8 @@ pub struct FitReport {
     pub ended: Ended,
     /// Steps done.
     pub steps: u64,
-    /// Step of the parameters that were kept: those that reached the accuracy, or those with the least error at a check. Where the caller broke, the last.
+    /// Step of the parameters that were kept: those that reached the accuracy, or those with the
+    /// least error at a check. Where the caller broke, the last.
     pub kept: u64,
     /// Points seen.
     pub samples: u64,
@@ -198,8 +207,8 @@ pub(crate) struct Best {
     pub(crate) theta: Vec<f32>,
 }
 
-/// A fit that can stop, be stored and go on: with a number of steps instead of a time, the same bits come
-/// out as without a stop.
+/// A fit that can stop, be stored and go on: with a number of steps instead of a time, the same
+/// bits come out as without a stop.
 ///
 /// # Examples
 ///
@@ -237,7 +246,15 @@ impl Fit {
     /// Parameters out of range.
     pub fn new(params: FitParams) -> Result<Self, FitError> {
         params.validate()?;
-        Ok(Self { params, step: 0, seconds: 0.0, adam: None, best: None, missed: None, means: None })
+        Ok(Self {
+            params,
+            step: 0,
+            seconds: 0.0,
+            adam: None,
+            best: None,
+            missed: None,
+            means: None,
+        })
     }
 
     /// How it fits.
@@ -253,17 +270,22 @@ impl Fit {
     /// Whether it can go on with `set`: it has not begun, or it began with points of this target.
     pub fn is_of(&self, set: &TrainingSet) -> bool {
         let most = SAME_TARGET / set.frame.scale;
-        self.means.is_none_or(|means| means.iter().zip(set.held_out.means()).all(|(a, b)| (a - b).abs() <= most))
+        self.means.is_none_or(|means| {
+            means.iter().zip(set.held_out.means()).all(|(a, b)| (a - b).abs() <= most)
+        })
     }
 
-    /// Steps until one of the limits is met, the caller breaks, or it diverges. `progress` is called after each.
+    /// Steps until one of the limits is met, the caller breaks, or it diverges. `progress` is
+    /// called after each.
     ///
-    /// Then the field has the parameters that reached the accuracy, or those of the check with the least error; only if the caller broke it has
-    /// those of the last step, so that [`Fit::run`] can go on, and [`Fit::finish`] installs the best.
+    /// Then the field has the parameters that reached the accuracy, or those of the check with the
+    /// least error; only if the caller broke it has those of the last step, so that [`Fit::run`]
+    /// can go on, and [`Fit::finish`] installs the best.
     ///
     /// # Errors
     ///
-    /// A field that is no number at the start, or not the one that the fit began with; or another target.
+    /// A field that is no number at the start, or not the one that the fit began with; or another
+    /// target.
     pub fn run(
         &mut self,
         field: &mut (impl TrainableField + ?Sized),
@@ -291,14 +313,22 @@ impl Fit {
             if !is_finite(&error, field) {
                 return Err(FitError::NotANumber);
             }
-            self.best = Some(Best { step: self.step, mean: error.mean, theta: field.parameters().to_vec() });
+            self.best = Some(Best {
+                step: self.step,
+                mean: error.mean,
+                theta: field.parameters().to_vec(),
+            });
         }
         let mut gradient = vec![0.0; len];
         let mut batch = Samples::default();
         let ended = loop {
             let done = self.done();
             if done >= 1.0 {
-                break if self.params.steps.is_some_and(|s| self.step >= s) { Ended::Steps } else { Ended::Time };
+                break if self.params.steps.is_some_and(|s| self.step >= s) {
+                    Ended::Steps
+                } else {
+                    Ended::Time
+                };
             }
             if self.is_due(&error) {
                 let whole = check(field, set, &set.held_out);
@@ -309,7 +339,9 @@ impl Fit {
                 self.missed = Some(self.step);
             }
             let rate = self.params.schedule.rate(self.step, done);
-            let Some(loss) = self.one(field, set, &mut adam, &mut gradient, &mut batch, rate as f32) else {
+            let Some(loss) =
+                self.one(field, set, &mut adam, &mut gradient, &mut batch, rate as f32)
+            else {
                 break Ended::Diverged;
             };
             self.seconds = before + start.elapsed().as_secs_f64();
@@ -320,7 +352,13 @@ impl Fit {
                     break Ended::Diverged;
                 }
             }
-            let heard = FitProgress { step: self.step, done: self.done().min(1.0), seconds: self.seconds, loss, error };
+            let heard = FitProgress {
+                step: self.step,
+                done: self.done().min(1.0),
+                seconds: self.seconds,
+                loss,
+                error,
+            };
             if progress(&heard).is_break() {
                 break Ended::Cancelled;
             }
@@ -329,7 +367,13 @@ impl Fit {
         match ended {
             Ended::Cancelled => {}
             // Another state may be better at the points of a check, but was not found to be at all.
-            Ended::Accuracy => self.best = Some(Best { step: self.step, mean: error.mean, theta: field.parameters().to_vec() }),
+            Ended::Accuracy => {
+                self.best = Some(Best {
+                    step: self.step,
+                    mean: error.mean,
+                    theta: field.parameters().to_vec(),
+                })
+            }
             Ended::Diverged => self.keep_best(field),
             Ended::Steps | Ended::Time => {
                 let error = check(field, set, &held_out);
@@ -337,25 +381,41 @@ impl Fit {
                 self.keep_best(field);
             }
         }
-        let kept = if ended == Ended::Cancelled { self.step } else { self.best.as_ref().map_or(0, |b| b.step) };
+        let kept = if ended == Ended::Cancelled {
+            self.step
+        } else {
+            self.best.as_ref().map_or(0, |b| b.step)
+        };
         Ok(self.report(ended, kept, field, set))
     }
 
-    /// Ends a fit that the caller broke: its last state is judged as at a check, and the field gets the best one, of which the report speaks.
+    /// Ends a fit that the caller broke: its last state is judged as at a check, and the field gets
+    /// the best one, of which the report speaks.
     ///
-    /// An unbroken fit may not have checked there: what is to go on with the same bits is stored before.
+    /// An unbroken fit may not have checked there: what is to go on with the same bits is stored
+    /// before.
     ///
     /// # Panics
     ///
     /// If it is another field.
-    pub fn finish(mut self, field: &mut (impl TrainableField + ?Sized), set: &TrainingSet) -> FitReport {
+    pub fn finish(
+        mut self,
+        field: &mut (impl TrainableField + ?Sized),
+        set: &TrainingSet,
+    ) -> FitReport {
         let error = check(field, set, &set.held_out.thinned(CHECKED));
         self.judge(&error, field, set);
         self.keep_best(field);
         self.report(Ended::Cancelled, self.best.as_ref().map_or(self.step, |b| b.step), field, set)
     }
 
-    fn report(&self, ended: Ended, kept: u64, field: &(impl TrainableField + ?Sized), set: &TrainingSet) -> FitReport {
+    fn report(
+        &self,
+        ended: Ended,
+        kept: u64,
+        field: &(impl TrainableField + ?Sized),
+        set: &TrainingSet,
+    ) -> FitReport {
         FitReport {
             ended,
             steps: self.step,
@@ -380,7 +440,10 @@ impl Fit {
 
     /// Share of the fit that is done.
     fn done(&self) -> Real {
-        let steps = self.params.steps.map_or(0.0, |s| if s == 0 { 1.0 } else { self.step as Real / s as Real });
+        let steps = self
+            .params
+            .steps
+            .map_or(0.0, |s| if s == 0 { 1.0 } else { self.step as Real / s as Real });
         steps.max(self.params.seconds.map_or(0.0, |s| self.seconds / s))
     }
 
@@ -395,7 +458,9 @@ impl Fit {
         rate: f32,
     ) -> Option<Real> {
         // A stream for each step: nothing about the batches has to be stored.
-        let mut random = Pcg64Mcg::seed_from_u64(self.params.seed ^ (self.step + 1).wrapping_mul(0xd134_2543_de82_ef95));
+        let mut random = Pcg64Mcg::seed_from_u64(
+            self.params.seed ^ (self.step + 1).wrapping_mul(0xd134_2543_de82_ef95),
+        );
         batch.points.clear();
         batch.known.clear();
         let far = (self.params.batch as Real * self.params.far).round() as usize;
@@ -403,7 +468,8 @@ impl Fit {
         set.far.draw(far, &mut random, batch);
         let share = 1.0 / self.params.batch as f64;
         let (loss, known) = (self.params.loss, &batch.known);
-        let total = field.loss_gradient(&batch.points, &|i, s| loss.at(&known[i], s, share), gradient);
+        let total =
+            field.loss_gradient(&batch.points, &|i, s| loss.at(&known[i], s, share), gradient);
         if !total.is_finite() || !gradient.iter().all(|g| g.is_finite()) {
             return None;
         }
@@ -413,8 +479,8 @@ impl Fit {
         Some(total)
     }
 
-    /// Whether to look at all held-out points: right after a check that found the accuracy that is asked for, but not so soon after one
-    /// that was not borne out.
+    /// Whether to look at all held-out points: right after a check that found the accuracy that is
+    /// asked for, but not so soon after one that was not borne out.
     fn is_due(&self, error: &FieldError) -> bool {
         let FitParams { accuracy, check_every, .. } = self.params;
         accuracy.is_some_and(|a| error.mean <= a)
@@ -423,9 +489,16 @@ impl Fit {
     }
 
     /// Keeps the parameters if they are the best; false where they are hopeless.
-    fn judge(&mut self, error: &FieldError, field: &(impl TrainableField + ?Sized), set: &TrainingSet) -> bool {
+    fn judge(
+        &mut self,
+        error: &FieldError,
+        field: &(impl TrainableField + ?Sized),
+        set: &TrainingSet,
+    ) -> bool {
         let Some(best) = &mut self.best else { return error.is_finite() };
-        if !is_finite(error, field) || error.mean > DIVERGED * best.mean.max(NOISE / set.frame.scale) {
+        if !is_finite(error, field)
+            || error.mean > DIVERGED * best.mean.max(NOISE / set.frame.scale)
+        {
             return false;
         }
         if error.mean < best.mean {
@@ -437,12 +510,17 @@ impl Fit {
     }
 }
 
-/// Whether errors and parameters are: nodes of a grid that no held-out point is near do not show in the error.
+/// Whether errors and parameters are: nodes of a grid that no held-out point is near do not show in
+/// the error.
 fn is_finite(error: &FieldError, field: &(impl TrainableField + ?Sized)) -> bool {
     error.is_finite() && field.parameters().iter().all(|p| p.is_finite())
 }
 
-fn check(field: &(impl TrainableField + ?Sized), set: &TrainingSet, held_out: &HeldOut) -> FieldError {
+fn check(
+    field: &(impl TrainableField + ?Sized),
+    set: &TrainingSet,
+    held_out: &HeldOut,
+) -> FieldError {
     held_out.error(&set.frame, |points, out| field.samples32(points, out))
 }
 

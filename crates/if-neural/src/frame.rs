@@ -36,7 +36,12 @@ impl Frame {
         let fault = FrameError { aabb: *aabb, margin };
         let half = 0.5 * aabb.size().amax() + margin;
         let frame = Self { center: aabb.center(), scale: 1.0 / half };
-        if aabb.is_empty() || aabb.size().amax() <= 0.0 || !margin.is_finite() || margin < 0.0 || !frame.is_sound() {
+        if aabb.is_empty()
+            || aabb.size().amax() <= 0.0
+            || !margin.is_finite()
+            || margin < 0.0
+            || !frame.is_sound()
+        {
             return Err(fault);
         }
         Ok(frame)
@@ -75,7 +80,11 @@ mod tests {
         let aabb = Aabb { min: Point::new(-0.5, 0.0, 1.0), max: Point::new(0.5, 1.6, 1.2) };
         let frame = Frame::around(&aabb, 0.2).unwrap();
         assert_eq!(frame.to_unit(&Point::new(0.0, 1.8, 1.1)), [0.0, 1.0, 0.0]);
-        approx::assert_relative_eq!(frame.to_metres(&[0.0, -0.8, 0.0]), aabb.min + Vector::new(0.5, 0.0, 0.1), epsilon = 1e-7);
+        approx::assert_relative_eq!(
+            frame.to_metres(&[0.0, -0.8, 0.0]),
+            aabb.min + Vector::new(0.5, 0.0, 0.1),
+            epsilon = 1e-7
+        );
         approx::assert_relative_eq!(frame.aabb().size(), Vector::repeat(2.0), epsilon = 1e-12);
     }
 

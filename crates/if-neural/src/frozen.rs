@@ -60,7 +60,9 @@ impl Shape {
     pub(crate) fn join(&self, l: usize, rows: usize, encoded: &[f32], out: &mut [f32]) {
         if self.skip == Some(l + 1) {
             let width = self.encoding.width();
-            for (out, e) in out.chunks_exact_mut(self.stride).zip(encoded.chunks_exact(stride(width))) {
+            for (out, e) in
+                out.chunks_exact_mut(self.stride).zip(encoded.chunks_exact(stride(width)))
+            {
                 out[rows..rows + width].copy_from_slice(&e[..width]);
             }
         }
@@ -177,19 +179,22 @@ impl FrozenMlp {
         let outputs = self.shape.outputs;
         assert_eq!(points.len() * outputs, out.len(), "all outputs of every point");
         let tile = tile_of(points.len());
-        points.par_chunks(tile).zip(out.par_chunks_mut(tile * outputs)).for_each(|(points, out)| {
-            self.with_scratch(|scratch| {
-                self.forward(points, scratch, false);
-                let last = &self.packed.layers[self.shape.hidden];
-                let (a, b) = (scratch.a.as_slice(), scratch.b.as_mut_slice());
-                self.product(last, a, self.shape.stride, b, points.len());
-                for (row, out) in b.chunks_exact(self.shape.stride).zip(out.chunks_mut(outputs)) {
-                    out.copy_from_slice(&row[..outputs]);
-                }
-                // φ as `values` gives it, to the bit.
-                self.last(scratch, |n, value| out[n * outputs] = value, points.len());
-            });
-        });
+        points.par_chunks(tile).zip(out.par_chunks_mut(tile * outputs)).for_each(
+            |(points, out)| {
+                self.with_scratch(|scratch| {
+                    self.forward(points, scratch, false);
+                    let last = &self.packed.layers[self.shape.hidden];
+                    let (a, b) = (scratch.a.as_slice(), scratch.b.as_mut_slice());
+                    self.product(last, a, self.shape.stride, b, points.len());
+                    for (row, out) in b.chunks_exact(self.shape.stride).zip(out.chunks_mut(outputs))
+                    {
+                        out.copy_from_slice(&row[..outputs]);
+                    }
+                    // φ as `values` gives it, to the bit.
+                    self.last(scratch, |n, value| out[n * outputs] = value, points.len());
+                });
+            },
+        );
     }
 
     fn with_scratch(&self, work: impl FnOnce(&mut Scratch)) {
@@ -197,7 +202,14 @@ impl FrozenMlp {
     }
 
     /// `out = W x + b` for `n` points.
-    pub(crate) fn product(&self, layer: &PackedLayer, x: &[f32], x_stride: usize, out: &mut [f32], n: usize) {
+    pub(crate) fn product(
+        &self,
+        layer: &PackedLayer,
+        x: &[f32],
+        x_stride: usize,
+        out: &mut [f32],
+        n: usize,
+    ) {
         self.packed.isa.run(Product {
             x,
             x_stride,
@@ -214,7 +226,8 @@ impl FrozenMlp {
     /// for, the slopes of the activations.
     fn forward(&self, points: &[[f32; 3]], scratch: &mut Scratch, slopes: bool) {
         let shape = &self.shape;
-        let (encoded, encoded_slopes) = (scratch.encoded.as_mut_slice(), scratch.encoded_slopes.as_mut_slice());
+        let (encoded, encoded_slopes) =
+            (scratch.encoded.as_mut_slice(), scratch.encoded_slopes.as_mut_slice());
         let row = stride(shape.encoding.width());
         for (n, &x) in points.iter().enumerate() {
             let at = n * row;
@@ -246,7 +259,8 @@ impl FrozenMlp {
     fn last(&self, scratch: &Scratch, mut put: impl FnMut(usize, f32), points: usize) {
         let last = &self.packed.layers[self.shape.hidden];
         let weight = &last.weight[..last.columns];
-        for (n, a) in scratch.a.as_slice().chunks_exact(self.shape.stride).take(points).enumerate() {
+        for (n, a) in scratch.a.as_slice().chunks_exact(self.shape.stride).take(points).enumerate()
+        {
             put(n, self.packed.isa.run(Dot { a, b: weight, start: last.bias.as_slice()[0] }));
         }
     }
@@ -284,7 +298,11 @@ impl FrozenMlp {
                 let from = layer.columns - shape.encoding.width();
                 for (n, sample) in out.iter_mut().enumerate() {
                     let q = &q[n * shape.stride + from..];
-                    add_slopes(&scratch.encoded_slopes.as_slice()[n * row..][..shape.encoding.width()], q, &mut sample.gradient);
+                    add_slopes(
+                        &scratch.encoded_slopes.as_slice()[n * row..][..shape.encoding.width()],
+                        q,
+                        &mut sample.gradient,
+                    );
                 }
             }
             if l > 0 {

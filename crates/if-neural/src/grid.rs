@@ -31,7 +31,8 @@ pub struct GridConfig {
     pub levels: u32,
     /// Features of a node: 1, 2 or 4. The first also adds to φ directly.
     pub features: u32,
-    /// Entries of a level at most. A level of fewer nodes is dense; of more, rows of nodes share entries by a hash.
+    /// Entries of a level at most. A level of fewer nodes is dense; of more, rows of nodes share
+    /// entries by a hash.
     pub table: u32,
     /// Units of the hidden layer; 0 leaves the linear path alone.
     pub hidden: u32,
@@ -42,11 +43,21 @@ pub struct GridConfig {
 }
 
 impl Default for GridConfig {
-    /// For a clothed body of 1.7 m: finest cells of 10 mm, 2.3 million parameters. Measured on one body (`docs/fitting.md`): the first
-    /// values of 4 levels to 128 cells are off by 0.285 mm, these by 0.136 mm; at 128 cells, 2 features a node with a hidden
-    /// layer and 1 feature without one end within 4 % of one another after 15 s.
+    /// For a clothed body of 1.7 m: finest cells of 10 mm, 2.3 million parameters. Measured on one
+    /// body (`docs/fitting.md`): the first values of 4 levels to 128 cells are off by 0.285 mm,
+    /// these by 0.136 mm; at 128 cells, 2 features a node with a hidden layer and 1 feature without
+    /// one end within 4 % of one another after 15 s.
     fn default() -> Self {
-        Self { coarsest: 16, finest: 192, levels: 5, features: 1, table: 1 << 20, hidden: 16, softness: 0.25, seed: 1 }
+        Self {
+            coarsest: 16,
+            finest: 192,
+            levels: 5,
+            features: 1,
+            table: 1 << 20,
+            hidden: 16,
+            softness: 0.25,
+            seed: 1,
+        }
     }
 }
 
@@ -96,8 +107,13 @@ impl GridConfig {
         if !(self.coarsest..=4096).contains(&self.finest) {
             return fault("finest", self.finest.into(), "from `coarsest` to 4096 cells");
         }
-        if !(1..=16).contains(&self.levels) || (self.levels == 1) != (self.coarsest == self.finest) {
-            return fault("levels", self.levels.into(), "from 1 to 16; 1 exactly if `coarsest` is `finest`");
+        if !(1..=16).contains(&self.levels) || (self.levels == 1) != (self.coarsest == self.finest)
+        {
+            return fault(
+                "levels",
+                self.levels.into(),
+                "from 1 to 16; 1 exactly if `coarsest` is `finest`",
+            );
         }
         if ![1, 2, 4].contains(&self.features) {
             return fault("features", self.features.into(), "1, 2 or 4");
@@ -108,9 +124,14 @@ impl GridConfig {
         if !(self.softness >= 1e-6 && self.softness <= 1e6) {
             return fault("softness", self.softness.into(), "from 1e-6 to 1e6");
         }
-        let nodes = f64::from(self.table).max(f64::from(self.finest) + 3.0) * f64::from(self.levels);
+        let nodes =
+            f64::from(self.table).max(f64::from(self.finest) + 3.0) * f64::from(self.levels);
         if nodes * f64::from(self.features) > MOST {
-            return fault("table", self.table.into(), "so small that the grid has at most 2^30 parameters");
+            return fault(
+                "table",
+                self.table.into(),
+                "so small that the grid has at most 2^30 parameters",
+            );
         }
         Ok(())
     }
@@ -138,7 +159,8 @@ impl GridConfig {
                 level
             })
             .collect();
-        let linear = levels.iter().flat_map(|l| (0..f).map(|k| if k == 0 { l.cell } else { 0.0 })).collect();
+        let linear =
+            levels.iter().flat_map(|l| (0..f).map(|k| if k == 0 { l.cell } else { 0.0 })).collect();
         (levels, Head { linear, hidden: self.hidden as usize, softness: self.softness })
     }
 }
@@ -150,17 +172,19 @@ impl GridConfig {
 /// φ = Σ_l h_l f_l,0  +  v · σ(W f + b) + c,   σ(z) = (z + √(z² + s)) / 2
 /// ```
 ///
-/// B² is the uniform quadratic B-spline, so that φ has a continuous gradient: with trilinear features ∇φ jumps
-/// at every face of a cell, and the eikonal and normal terms of a fit, which are losses on ∇φ, could not be
-/// met. (Smoothed trilinear weights are continuous too, but make ∇φ vanish at the nodes.) σ is a softplus
-/// without transcendental functions, so that the same bits come out wherever products are fused.
+/// B² is the uniform quadratic B-spline, so that φ has a continuous gradient: with trilinear
+/// features ∇φ jumps at every face of a cell, and the eikonal and normal terms of a fit, which are
+/// losses on ∇φ, could not be met. (Smoothed trilinear weights are continuous too, but make ∇φ
+/// vanish at the nodes.) σ is a softplus without transcendental functions, so that the same bits
+/// come out wherever products are fused.
 ///
 /// Parameters: the tables level by level, entry by entry, feature by feature; then W, b, v and c.
 ///
 /// # Source
 ///
-/// Müller et al. 2022, *Instant neural graphics primitives*: grids of several resolutions with hashing. Splines,
-/// hashing of rows instead of nodes (three nodes of a row are neighbours in memory), and the linear path are ours.
+/// Müller et al. 2022, *Instant neural graphics primitives*: grids of several resolutions with
+/// hashing. Splines, hashing of rows instead of nodes (three nodes of a row are neighbours in
+/// memory), and the linear path are ours.
 #[derive(Clone, Debug)]
 pub struct GridField {
     config: GridConfig,
@@ -211,7 +235,8 @@ impl GridField {
     pub fn with_parameters(config: GridConfig, params: Vec<f32>) -> Result<Self, GridError> {
         config.validate()?;
         let (levels, head) = config.layout();
-        let expected = levels.last().map_or(0, |l| l.offset + l.entries * config.features as usize) + head.len();
+        let expected = levels.last().map_or(0, |l| l.offset + l.entries * config.features as usize)
+            + head.len();
         if params.len() != expected {
             return Err(GridError::Length { got: params.len(), expected });
         }
@@ -252,7 +277,8 @@ impl GridField {
         for (l, level) in self.levels.iter().enumerate() {
             let table = &self.params[level.offset..][..level.entries * F];
             for lane in 0..LANES {
-                let (value, gradient) = level.read::<S, F>(table, &points[lane.min(points.len() - 1)]);
+                let (value, gradient) =
+                    level.read::<S, F>(table, &points[lane.min(points.len() - 1)]);
                 for f in 0..F {
                     tile.f[l * F + f][lane] = value[f];
                     for k in 0..3 {
@@ -266,8 +292,14 @@ impl GridField {
 
 fn parts(config: &GridConfig, levels: &[Level], head: &Head) -> Vec<(String, Vec<usize>)> {
     let (f, d, h) = (config.features as usize, head.linear.len(), head.hidden);
-    let tables = levels.iter().enumerate().map(|(l, level)| (format!("grid.{l}"), vec![level.entries, f]));
-    let head = [("hidden.weight", vec![h, d]), ("hidden.bias", vec![h]), ("out.weight", vec![1, h]), ("out.bias", vec![1])];
+    let tables =
+        levels.iter().enumerate().map(|(l, level)| (format!("grid.{l}"), vec![level.entries, f]));
+    let head = [
+        ("hidden.weight", vec![h, d]),
+        ("hidden.bias", vec![h]),
+        ("out.weight", vec![1, h]),
+        ("out.bias", vec![1]),
+    ];
     tables.chain(head.map(|(name, shape)| (name.to_owned(), shape))).collect()
 }
 
@@ -287,9 +319,13 @@ impl<const F: usize> WithSimd for Read<'_, F> {
         let mut tile = Tile::new(head);
         for (points, out) in self.points.chunks(LANES).zip(self.out.chunks_mut(LANES)) {
             self.grid.read_tile::<S, F>(points, &mut tile);
-            let (value, gradient) = head.forward::<S>(&self.grid.params[self.grid.tables()..], &mut tile);
+            let (value, gradient) =
+                head.forward::<S>(&self.grid.params[self.grid.tables()..], &mut tile);
             for (lane, o) in out.iter_mut().enumerate() {
-                *o = Sample32 { value: value[lane], gradient: [gradient[0][lane], gradient[1][lane], gradient[2][lane]] };
+                *o = Sample32 {
+                    value: value[lane],
+                    gradient: [gradient[0][lane], gradient[1][lane], gradient[2][lane]],
+                };
             }
         }
     }
@@ -302,7 +338,8 @@ struct Reverse<'a, const F: usize> {
     /// Index of the first point.
     first: usize,
     loss: &'a (dyn Fn(usize, Sample32) -> PointLoss + Sync),
-    /// For each level and point of the block: derivatives by the value and the gradient of the F features.
+    /// For each level and point of the block: derivatives by the value and the gradient of the F
+    /// features.
     adjoint: &'a mut [[[f32; F]; 4]],
 }
 
@@ -323,7 +360,10 @@ impl<const F: usize> WithSimd for Reverse<'_, F> {
             // Lanes without a point have no loss.
             let (mut d_value, mut d_gradient) = (ZERO, [ZERO; 3]);
             for lane in 0..points.len() {
-                let sample = Sample32 { value: value[lane], gradient: [gradient[0][lane], gradient[1][lane], gradient[2][lane]] };
+                let sample = Sample32 {
+                    value: value[lane],
+                    gradient: [gradient[0][lane], gradient[1][lane], gradient[2][lane]],
+                };
                 let l = (self.loss)(self.first + t * LANES + lane, sample);
                 total += l.loss;
                 d_value[lane] = l.d_value;
@@ -367,7 +407,9 @@ impl<const F: usize> WithSimd for Scatter<'_, F> {
 impl GridField {
     fn samples_of<const F: usize>(&self, points: &[[f32; 3]], out: &mut [Sample32]) {
         let arch = pulp::Arch::new();
-        let one = |(points, out): (&[[f32; 3]], &mut [Sample32])| arch.dispatch(Read::<F> { grid: self, points, out });
+        let one = |(points, out): (&[[f32; 3]], &mut [Sample32])| {
+            arch.dispatch(Read::<F> { grid: self, points, out })
+        };
         if points.len() <= BLOCK {
             return points.chunks(BLOCK).zip(out.chunks_mut(BLOCK)).for_each(one);
         }
@@ -387,7 +429,9 @@ impl GridField {
             .par_chunks(BLOCK)
             .zip(adjoint.par_chunks_mut(BLOCK * levels))
             .enumerate()
-            .map(|(b, (points, adjoint))| arch.dispatch(Reverse::<F> { grid: self, points, first: b * BLOCK, loss, adjoint }))
+            .map(|(b, (points, adjoint))| {
+                arch.dispatch(Reverse::<F> { grid: self, points, first: b * BLOCK, loss, adjoint })
+            })
             .collect();
         let (mut tables, head) = gradient.split_at_mut(self.tables());
         head.fill(0.0);

@@ -88,8 +88,9 @@ pub(crate) fn norm(v: &[f32]) -> f64 {
 
 /// θ of a deformation that moves next to nothing, and embeddings that are smooth in time behind it.
 ///
-/// Hidden layers as PyTorch's `Linear` (uniform, variance 1/(3·columns)), last layer W ~ N(0, 1e-3),
-/// b = 0. Embeddings: a random combination of the first frames/5 vectors of the orthonormal DCT, × 0.1.
+/// Hidden layers as PyTorch's `Linear` (uniform, variance 1/(3·columns)), last layer W ~ N(0,
+/// 1e-3), b = 0. Embeddings: a random combination of the first frames/5 vectors of the orthonormal
+/// DCT, × 0.1.
 pub(crate) fn deformation(config: &DeformationConfig, layout: &Layout, seed: u64) -> Vec<f32> {
     let mut normal = Normal::seeded(seed);
     let mut theta = vec![0.0_f32; layout.parameters + config.frames * config.embedding];

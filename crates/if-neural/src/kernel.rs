@@ -14,8 +14,8 @@ pub(crate) mod product;
 pub(crate) mod sums;
 
 /// Most points of a tile. 96 rows of 256 features are 96 KiB: what a layer reads and writes stays
-/// in the second-level cache, and each panel of weights, fetched from the third, serves 16 groups of
-/// 6 points. With 48 the weights are fetched twice as often; with 192 the activations fall out.
+/// in the second-level cache, and each panel of weights, fetched from the third, serves 16 groups
+/// of 6 points. With 48 the weights are fetched twice as often; with 192 the activations fall out.
 pub(crate) const TILE: usize = 96;
 
 /// Points (rows) are padded to a multiple of this: the taller side of every micro-tile divides it.

@@ -17,7 +17,8 @@ pub struct Known {
     pub gradient_trust: f32,
 }
 
-/// Weights of the terms. With e = φ − d and ρ_s(x) = √(x² + s²) − s, quadratic below s and linear above:
+/// Weights of the terms. With e = φ − d and ρ_s(x) = √(x² + s²) − s, quadratic below s and linear
+/// above:
 ///
 /// ```text
 /// distance · ρ_distance_scale(e)  +  normal · ρ_normal_scale(|∇φ − n|)  +  eikonal · (|∇φ| − 1)² / 2
@@ -27,7 +28,8 @@ pub struct Known {
 pub struct LossParams {
     /// Weight of the distance.
     pub distance: f64,
-    /// Errors of φ above this, in network units, count linearly: noise, folds that are not resolved.
+    /// Errors of φ above this, in network units, count linearly: noise, folds that are not
+    /// resolved.
     pub distance_scale: f64,
     /// Weight of the gradient's direction and length.
     pub normal: f64,
@@ -91,7 +93,11 @@ impl LossParams {
     ///
     /// The first parameter out of range.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        for (name, value) in [("loss.distance", self.distance), ("loss.normal", self.normal), ("loss.eikonal", self.eikonal)] {
+        for (name, value) in [
+            ("loss.distance", self.distance),
+            ("loss.normal", self.normal),
+            ("loss.eikonal", self.eikonal),
+        ] {
             ParameterError::unless_at_least_zero(name, value)?;
         }
         ParameterError::unless_above_zero("loss.distance_scale", self.distance_scale)?;
@@ -105,15 +111,41 @@ mod tests {
 
     #[test]
     fn derivatives_are_central_differences() {
-        let params = LossParams { distance: 0.7, distance_scale: 0.2, normal: 0.4, normal_scale: 0.3, eikonal: 0.9 };
-        let known = Known { distance: 0.1, gradient: [0.6, 0.0, 0.8], distance_trust: 0.5, gradient_trust: 0.25 };
-        for (value, gradient) in [(0.4, [0.3, -0.2, 1.4]), (-3.0, [0.01, 0.0, 0.02]), (0.1, [0.6, 0.0, 0.8])] {
+        let params = LossParams {
+            distance: 0.7,
+            distance_scale: 0.2,
+            normal: 0.4,
+            normal_scale: 0.3,
+            eikonal: 0.9,
+        };
+        let known = Known {
+            distance: 0.1,
+            gradient: [0.6, 0.0, 0.8],
+            distance_trust: 0.5,
+            gradient_trust: 0.25,
+        };
+        for (value, gradient) in
+            [(0.4, [0.3, -0.2, 1.4]), (-3.0, [0.01, 0.0, 0.02]), (0.1, [0.6, 0.0, 0.8])]
+        {
             let at = |dv: f32, dg: [f32; 3]| {
-                params.at(&known, Sample32 { value: value + dv, gradient: [0, 1, 2].map(|k| gradient[k] + dg[k]) }, 0.5).loss
+                params
+                    .at(
+                        &known,
+                        Sample32 {
+                            value: value + dv,
+                            gradient: [0, 1, 2].map(|k| gradient[k] + dg[k]),
+                        },
+                        0.5,
+                    )
+                    .loss
             };
             let got = params.at(&known, Sample32 { value, gradient }, 0.5);
             let h = 1e-2f32;
-            approx::assert_abs_diff_eq!(f64::from(got.d_value), (at(h, [0.0; 3]) - at(-h, [0.0; 3])) / 0.02, epsilon = 2e-3);
+            approx::assert_abs_diff_eq!(
+                f64::from(got.d_value),
+                (at(h, [0.0; 3]) - at(-h, [0.0; 3])) / 0.02,
+                epsilon = 2e-3
+            );
             for k in 0..3 {
                 let mut d = [0.0; 3];
                 d[k] = 1e-3;
@@ -144,6 +176,9 @@ mod tests {
         ] {
             assert_eq!(bad.validate().map_err(|e| e.name), Err(name));
         }
-        assert_eq!(LossParams { distance: 0.0, normal: 0.0, eikonal: 0.0, ..good }.validate(), Ok(()));
+        assert_eq!(
+            LossParams { distance: 0.0, normal: 0.0, eikonal: 0.0, ..good }.validate(),
+            Ok(())
+        );
     }
 }

@@ -40,7 +40,16 @@ impl SdfConfig {
     /// The paper's: 8 × 512, skip at 4, β = 100, 256 features; 1,970,906 weights and biases and
     /// 4,314 gains.
     pub const fn paper() -> Self {
-        SdfConfig { bands: 6, width: 512, layers: 8, skip: Some(4), beta: 100.0, features: 256, weight_norm: true, radius: 0.6 }
+        SdfConfig {
+            bands: 6,
+            width: 512,
+            layers: 8,
+            skip: Some(4),
+            beta: 100.0,
+            features: 256,
+            weight_norm: true,
+            radius: 0.6,
+        }
     }
 
     /// The same 256 wide: 526,810 weights and biases, a quarter of the time.
@@ -154,7 +163,11 @@ fn checked_width(bands: usize, width: usize, layers: usize) -> Result<usize, Con
 }
 
 fn bounded(name: &'static str, value: usize, least: usize, most: usize) -> Result<(), ConfigError> {
-    if (least..=most).contains(&value) { Ok(()) } else { Err(ConfigError::Size { name, value, least, most }) }
+    if (least..=most).contains(&value) {
+        Ok(())
+    } else {
+        Err(ConfigError::Size { name, value, least, most })
+    }
 }
 
 fn positive(name: &'static str, value: f32) -> Result<(), ConfigError> {
@@ -319,6 +332,10 @@ mod tests {
             assert!(error.contains(field), "{error} does not name {field}");
         }
         assert!(DeformationConfig::paper(0).layout().is_err());
-        assert!(DeformationConfig { embedding: 1 << 40, ..DeformationConfig::paper(3) }.layout().is_err());
+        assert!(
+            DeformationConfig { embedding: 1 << 40, ..DeformationConfig::paper(3) }
+                .layout()
+                .is_err()
+        );
     }
 }

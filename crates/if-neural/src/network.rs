@@ -48,7 +48,9 @@ impl Network {
     /// Sizes out of range.
     pub fn new(config: &NetworkConfig, seed: u64) -> Result<Self, NetworkError> {
         Ok(match config {
-            NetworkConfig::Grid(config) => Self::Grid(GridField::new(GridConfig { seed, ..*config })?),
+            NetworkConfig::Grid(config) => {
+                Self::Grid(GridField::new(GridConfig { seed, ..*config })?)
+            }
             NetworkConfig::Sdf(config) => Self::Sdf(SdfNetwork::new(config, seed)?),
         })
     }

@@ -16,7 +16,11 @@ impl ParameterError {
     /// Refuses a `value` that is no finite number, or below zero.
     pub(crate) fn unless_at_least_zero(name: &'static str, value: f64) -> Result<(), Self> {
         let fine = value >= 0.0 && value.is_finite();
-        if fine { Ok(()) } else { Err(Self { name, value, needs: "a finite number, at least zero" }) }
+        if fine {
+            Ok(())
+        } else {
+            Err(Self { name, value, needs: "a finite number, at least zero" })
+        }
     }
 
     /// Refuses a `value` that is no finite number, or not above zero.

@@ -34,7 +34,10 @@ struct Dense64 {
 impl Dense64 {
     /// W a.
     fn apply(&self, a: &[f64]) -> Vec<f64> {
-        self.weight.chunks_exact(self.columns).map(|row| row.iter().zip(a).map(|(w, a)| w * a).sum()).collect()
+        self.weight
+            .chunks_exact(self.columns)
+            .map(|row| row.iter().zip(a).map(|(w, a)| w * a).sum())
+            .collect()
     }
 
     /// Wᵀ p.
@@ -82,7 +85,10 @@ impl ReferenceSdf {
     pub fn new(config: &SdfConfig, theta: Vec<f64>) -> Result<Self, ConfigError> {
         let layout = config.layout()?;
         if theta.len() != layout.parameters {
-            return Err(ConfigError::Parameters { expected: layout.parameters, found: theta.len() });
+            return Err(ConfigError::Parameters {
+                expected: layout.parameters,
+                found: theta.len(),
+            });
         }
         let layers = layout
             .layers
@@ -96,7 +102,12 @@ impl ReferenceSdf {
                         row.iter_mut().for_each(|v| *v *= scale);
                     }
                 }
-                Dense64 { rows: at.rows, columns: at.columns, weight, bias: theta[at.bias.clone()].to_vec() }
+                Dense64 {
+                    rows: at.rows,
+                    columns: at.columns,
+                    weight,
+                    bias: theta[at.bias.clone()].to_vec(),
+                }
             })
             .collect();
         Ok(ReferenceSdf { config: config.clone(), layout, theta, layers })
@@ -175,10 +186,12 @@ impl ReferenceSdf {
         }
     }
 
-    /// The reverse of [`Self::joined`]: what goes to the layer before; the rest is added to `encoded`.
+    /// The reverse of [`Self::joined`]: what goes to the layer before; the rest is added to
+    /// `encoded`.
     fn split(&self, l: usize, back: Vec<f64>, encoded: &mut [f64]) -> Vec<f64> {
         if self.config.skip == Some(l) {
-            let mut h: Vec<f64> = back.iter().map(|v| v * std::f64::consts::FRAC_1_SQRT_2).collect();
+            let mut h: Vec<f64> =
+                back.iter().map(|v| v * std::f64::consts::FRAC_1_SQRT_2).collect();
             let tail = h.split_off(h.len() - encoded.len());
             encoded.iter_mut().zip(&tail).for_each(|(e, t)| *e += t);
             h
@@ -191,20 +204,30 @@ impl ReferenceSdf {
     ///
     /// Forward; adjoint for ∇φ; then the reverse of both: a tangent pass in the direction
     /// ∂L/∂∇φ, and a reverse pass that takes up what the tangent left at σ′.
-    pub fn loss_gradient(&self, points: &[[f64; 3]], loss: impl Fn(usize, f64, [f64; 3]) -> PointLoss64) -> (f64, Vec<f64>) {
+    pub fn loss_gradient(
+        &self,
+        points: &[[f64; 3]],
+        loss: impl Fn(usize, f64, [f64; 3]) -> PointLoss64,
+    ) -> (f64, Vec<f64>) {
         let hidden = self.config.layers;
         let mut total = 0.0;
         let mut sums: Vec<Dense64> = self
             .layers
             .iter()
-            .map(|layer| Dense64 { weight: vec![0.0; layer.weight.len()], bias: vec![0.0; layer.rows], ..*layer })
+            .map(|layer| Dense64 {
+                weight: vec![0.0; layer.weight.len()],
+                bias: vec![0.0; layer.rows],
+                ..*layer
+            })
             .collect();
         for (index, &x) in points.iter().enumerate() {
             let trace = self.trace(x);
             let at = loss(index, trace.outputs[0], trace.gradient);
             total += at.loss;
             // Tangent pass.
-            let encoded: Vec<f64> = (trace.slopes.iter().enumerate()).map(|(o, slope)| slope * at.d_gradient[o % 3]).collect();
+            let encoded: Vec<f64> = (trace.slopes.iter().enumerate())
+                .map(|(o, slope)| slope * at.d_gradient[o % 3])
+                .collect();
             let mut tangent = encoded.clone();
             let mut from_slopes = Vec::new();
             for l in 0..=hidden {
@@ -213,7 +236,11 @@ impl ReferenceSdf {
                     break;
                 }
                 let moved = self.layers[l].apply(&tangent);
-                from_slopes.push((0..moved.len()).map(|i| moved[i] * trace.q[l][i] * trace.second[l][i]).collect::<Vec<f64>>());
+                from_slopes.push(
+                    (0..moved.len())
+                        .map(|i| moved[i] * trace.q[l][i] * trace.second[l][i])
+                        .collect::<Vec<f64>>(),
+                );
                 let out = moved.iter().zip(&trace.first[l]).map(|(m, s)| m * s).collect();
                 tangent = self.joined(l + 1, out, &encoded);
             }
@@ -228,7 +255,9 @@ impl ReferenceSdf {
                     break;
                 }
                 let back = self.split(l, self.layers[l].transposed(&delta), &mut unused);
-                delta = (0..back.len()).map(|i| back[i] * trace.first[l - 1][i] + from_slopes[l - 1][i]).collect();
+                delta = (0..back.len())
+                    .map(|i| back[i] * trace.first[l - 1][i] + from_slopes[l - 1][i])
+                    .collect();
             }
         }
         (total, self.unfolded(&sums))
@@ -284,7 +313,10 @@ mod tests {
     fn network(config: &SdfConfig) -> (Vec<f64>, Vec<[f64; 3]>) {
         let layout = config.layout().expect("a valid shape");
         let mut normal = Normal::seeded(5);
-        let theta = geometric(config, &layout, 7).iter().map(|&v| f64::from(v) * 1.1 + 0.1 * normal.next()).collect();
+        let theta = geometric(config, &layout, 7)
+            .iter()
+            .map(|&v| f64::from(v) * 1.1 + 0.1 * normal.next())
+            .collect();
         (theta, (0..4).map(|_| std::array::from_fn(|_| 0.6 * normal.next())).collect())
     }
 

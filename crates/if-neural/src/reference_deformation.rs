@@ -31,7 +31,11 @@ impl ReferenceDeformation {
     /// # Errors
     ///
     /// [`ConfigError`], for a shape that cannot be built or a θ of another length.
-    pub fn new(config: &DeformationConfig, theta: Vec<f64>, band_weights: Vec<f32>) -> Result<Self, ConfigError> {
+    pub fn new(
+        config: &DeformationConfig,
+        theta: Vec<f64>,
+        band_weights: Vec<f32>,
+    ) -> Result<Self, ConfigError> {
         let layout = config.layout()?;
         let expected = layout.parameters + config.frames * config.embedding;
         if theta.len() != expected {
@@ -64,7 +68,10 @@ impl ReferenceDeformation {
         for (l, at) in self.layout.layers.iter().enumerate() {
             let weight = &self.theta[at.weight.clone()];
             let mut out: [Vec<f64>; 4] = std::array::from_fn(|r| {
-                weight.chunks_exact(at.columns).map(|row| row.iter().zip(&input[r]).map(|(w, a)| w * a).sum()).collect()
+                weight
+                    .chunks_exact(at.columns)
+                    .map(|row| row.iter().zip(&input[r]).map(|(w, a)| w * a).sum())
+                    .collect()
             });
             out[0].iter_mut().zip(&self.theta[at.bias.clone()]).for_each(|(z, b)| *z += b);
             if l < self.config.layers {
@@ -144,7 +151,10 @@ mod tests {
         let config = DeformationConfig { bands: 2, embedding: 4, frames: 5, width: 20, layers: 2 };
         let layout = config.layout().expect("a valid shape");
         let mut normal = Normal::seeded(2);
-        let theta = deformation(&config, &layout, 4).iter().map(|&v| f64::from(v) + 0.1 * normal.next()).collect();
+        let theta = deformation(&config, &layout, 4)
+            .iter()
+            .map(|&v| f64::from(v) + 0.1 * normal.next())
+            .collect();
         (config, theta)
     }
 
@@ -168,7 +178,8 @@ mod tests {
     #[test]
     fn the_jacobian_is_that_of_central_differences() {
         let (config, theta) = small();
-        let net = ReferenceDeformation::new(&config, theta, band_weights(2, 1.3)).expect("a valid network");
+        let net = ReferenceDeformation::new(&config, theta, band_weights(2, 1.3))
+            .expect("a valid network");
         for (x, frame) in POINTS.iter().zip(FRAMES) {
             let (_, jacobian) = net.sample(*x, frame as usize);
             for j in 0..3 {
@@ -189,7 +200,8 @@ mod tests {
     fn the_gradient_by_every_parameter_is_that_of_central_differences() {
         let (config, theta) = small();
         let total = |theta: Vec<f64>| {
-            let net = ReferenceDeformation::new(&config, theta, band_weights(2, 1.3)).expect("a valid network");
+            let net = ReferenceDeformation::new(&config, theta, band_weights(2, 1.3))
+                .expect("a valid network");
             net.loss_gradient(&POINTS, &FRAMES, loss)
         };
         let (_, gradient) = total(theta.clone());

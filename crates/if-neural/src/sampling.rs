@@ -1,4 +1,5 @@
-//! Training and held-out points: many near the surface, some everywhere, the same for the same seed.
+//! Training and held-out points: many near the surface, some everywhere, the same for the same
+//! seed.
 
 mod surface;
 
@@ -13,7 +14,8 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How many points, and where. Lengths are in network units, halves of the cube's side, unless they say metres.
+/// How many points, and where. Lengths are in network units, halves of the cube's side, unless they
+/// say metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SamplingParams {
@@ -23,13 +25,16 @@ pub struct SamplingParams {
     pub far: usize,
     /// Held-out points near the surface.
     pub held_out: usize,
-    /// Standard deviations of the training points' distance from the surface; they are used in turn.
+    /// Standard deviations of the training points' distance from the surface; they are used in
+    /// turn.
     pub spread: [Real; 2],
     /// Standard deviation of the held-out points' distance from the surface.
     pub held_out_spread: Real,
-    /// Free space between the box of the target and the cube, in metres; `None` is 6 % of the longest side.
+    /// Free space between the box of the target and the cube, in metres; `None` is 6 % of the
+    /// longest side.
     pub margin: Option<Real>,
-    /// Of oriented points: width over which noise is averaged, in metres; `None` is 1.5 times their spacing.
+    /// Of oriented points: width over which noise is averaged, in metres; `None` is 1.5 times their
+    /// spacing.
     pub smoothing: Option<Real>,
     /// Seed of all points.
     pub seed: u64,
@@ -174,24 +179,38 @@ impl TrainingSet {
     /// # Errors
     ///
     /// See [`SamplingError`].
-    pub fn of_field(target: &(impl SignedDistance + ?Sized), params: &SamplingParams) -> Result<Self, SamplingError> {
+    pub fn of_field(
+        target: &(impl SignedDistance + ?Sized),
+        params: &SamplingParams,
+    ) -> Result<Self, SamplingError> {
         params.validate()?;
         let bounds = target.bounds().ok_or(SamplingError::Unbounded)?;
         let frame = params.frame(&bounds)?;
         let per_point = 4;
-        let surface = surface::points(target, &bounds, params.near.div_ceil(per_point), &mut params.random(1))?;
+        let surface = surface::points(
+            target,
+            &bounds,
+            params.near.div_ceil(per_point),
+            &mut params.random(1),
+        )?;
         let mut random = params.random(2);
         let near: Vec<Point> = (0..params.near)
-            .map(|k| surface[k / per_point] + gaussian(&mut random) * (params.spread[k % 2] / frame.scale))
+            .map(|k| {
+                surface[k / per_point]
+                    + gaussian(&mut random) * (params.spread[k % 2] / frame.scale)
+            })
             .collect();
         let far = anywhere(&frame, params.far, &mut params.random(3));
         let judged = surface::points(target, &bounds, params.held_out, &mut params.random(4))?;
         let mut random = params.random(5);
-        let beside: Vec<Point> =
-            judged.iter().map(|p| p + gaussian(&mut random) * (params.held_out_spread / frame.scale)).collect();
+        let beside: Vec<Point> = judged
+            .iter()
+            .map(|p| p + gaussian(&mut random) * (params.held_out_spread / frame.scale))
+            .collect();
         let near = known_of_field(target, &frame, near, 1.0)?;
         let far = known_of_field(target, &frame, far, 0.0)?;
-        let held_out = HeldOut::new(&beside, &sampled(target, &beside)?, &judged, &sampled(target, &judged)?);
+        let held_out =
+            HeldOut::new(&beside, &sampled(target, &beside)?, &judged, &sampled(target, &judged)?);
         Ok(Self { frame, near, far, held_out })
     }
 
@@ -200,7 +219,10 @@ impl TrainingSet {
     /// # Errors
     ///
     /// A parameter out of range.
-    pub fn of_points(cloud: &OrientedPoints, params: &SamplingParams) -> Result<Self, SamplingError> {
+    pub fn of_points(
+        cloud: &OrientedPoints,
+        params: &SamplingParams,
+    ) -> Result<Self, SamplingError> {
         params.validate()?;
         let frame = params.frame(&cloud.aabb())?;
         let smoothing = params.smoothing_of(cloud);
@@ -224,12 +246,24 @@ impl TrainingSet {
                     gradient_trust: if e.nearest <= 2.0 * smoothing { trust as f32 } else { 0.0 },
                 }
             });
-            Samples { known: known.collect(), points: points.iter().map(|p| frame.to_unit(p)).collect() }.sorted()
+            Samples {
+                known: known.collect(),
+                points: points.iter().map(|p| frame.to_unit(p)).collect(),
+            }
+            .sorted()
         };
         let held: Vec<usize> = (0..cloud.points().len()).filter(|i| i % 20 == 7).collect();
         let points: Vec<Point> = held.iter().map(|i| cloud.points()[*i]).collect();
-        let on: Vec<FieldSample> = held.iter().map(|i| FieldSample { distance: 0.0, gradient: cloud.normals()[*i] }).collect();
-        Ok(Self { frame, near: known(near, true), far: known(far, false), held_out: HeldOut::new(&points, &on, &points, &on) })
+        let on: Vec<FieldSample> = held
+            .iter()
+            .map(|i| FieldSample { distance: 0.0, gradient: cloud.normals()[*i] })
+            .collect();
+        Ok(Self {
+            frame,
+            near: known(near, true),
+            far: known(far, false),
+            held_out: HeldOut::new(&points, &on, &points, &on),
+        })
     }
 }
 
@@ -255,10 +289,16 @@ pub(crate) fn gaussian(random: &mut Pcg64Mcg) -> Vector {
     Vector::new(a, b, c)
 }
 
-fn sampled(target: &(impl SignedDistance + ?Sized), points: &[Point]) -> Result<Vec<FieldSample>, SamplingError> {
+fn sampled(
+    target: &(impl SignedDistance + ?Sized),
+    points: &[Point],
+) -> Result<Vec<FieldSample>, SamplingError> {
     let mut samples = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points.len()];
     target.samples(points, &mut samples);
-    match samples.iter().position(|s| !(s.distance.is_finite() && s.gradient.iter().all(|g| g.is_finite()))) {
+    match samples
+        .iter()
+        .position(|s| !(s.distance.is_finite() && s.gradient.iter().all(|g| g.is_finite())))
+    {
         Some(k) => Err(SamplingError::NotFinite { point: points[k], sample: samples[k] }),
         None => Ok(samples),
     }
@@ -280,12 +320,16 @@ fn known_of_field(
             gradient_trust: if n == Vector::zeros() { 0.0 } else { gradient_trust },
         }
     });
-    Ok(Samples { known: known.collect(), points: points.iter().map(|p| frame.to_unit(p)).collect() }.sorted())
+    Ok(Samples {
+        known: known.collect(),
+        points: points.iter().map(|p| frame.to_unit(p)).collect(),
+    }
+    .sorted())
 }
 
 impl Samples {
-    /// Along the curve of Morton 1966: a batch that takes one point of each stretch is spread evenly, and its
-    /// points read memory in order.
+    /// Along the curve of Morton 1966: a batch that takes one point of each stretch is spread
+    /// evenly, and its points read memory in order.
     fn sorted(self) -> Self {
         let spread = |x: u64| {
             let x = (x | x << 32) & 0x001f_0000_0000_ffff;
@@ -295,10 +339,12 @@ impl Samples {
             (x | x << 2) & 0x1249_2492_4924_9249
         };
         let code = |p: &[f32; 3]| {
-            let [x, y, z] = p.map(|x| spread(((x + 2.0) * 262_144.0).clamp(0.0, 1_048_575.0) as u64));
+            let [x, y, z] =
+                p.map(|x| spread(((x + 2.0) * 262_144.0).clamp(0.0, 1_048_575.0) as u64));
             x | y << 1 | z << 2
         };
-        let mut order: Vec<(u64, u32)> = self.points.iter().enumerate().map(|(i, p)| (code(p), i as u32)).collect();
+        let mut order: Vec<(u64, u32)> =
+            self.points.iter().enumerate().map(|(i, p)| (code(p), i as u32)).collect();
         order.sort_unstable();
         Self {
             points: order.iter().map(|(_, i)| self.points[*i as usize]).collect(),

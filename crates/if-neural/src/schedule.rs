@@ -42,7 +42,11 @@ impl Schedule {
         let fault = |name, value, needs| Err(ParameterError { name, value, needs });
         // The steps are taken in f32, where 1e300 is infinite.
         if !(self.rate > 0.0 && (self.rate as f32).is_finite()) {
-            return fault("schedule.rate", self.rate, "a number above zero that is finite in single precision");
+            return fault(
+                "schedule.rate",
+                self.rate,
+                "a number above zero that is finite in single precision",
+            );
         }
         if !(0.0..=1.0).contains(&self.last) {
             return fault("schedule.last", self.last, "from 0 to 1");
@@ -66,6 +70,9 @@ mod tests {
         for rate in [0.0, -1.0, f64::NAN, 1e300] {
             assert_eq!(Schedule { rate, ..s }.validate().map_err(|e| e.name), Err("schedule.rate"));
         }
-        assert_eq!(Schedule { last: 2.0, ..s }.validate().map_err(|e| e.name), Err("schedule.last"));
+        assert_eq!(
+            Schedule { last: 2.0, ..s }.validate().map_err(|e| e.name),
+            Err("schedule.last")
+        );
     }
 }

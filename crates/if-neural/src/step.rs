@@ -71,7 +71,13 @@ impl Tile {
             encoded_slopes: encoded(),
             encoded_tangent: encoded(),
             layers: (0..shape.hidden)
-                .map(|_| TileLayer { output: wide(), slopes: wide(), q: wide(), p: wide(), tangent: wide() })
+                .map(|_| TileLayer {
+                    output: wide(),
+                    slopes: wide(),
+                    q: wide(),
+                    p: wide(),
+                    tangent: wide(),
+                })
                 .collect(),
             delta: wide(),
             other: wide(),
@@ -121,7 +127,13 @@ pub(crate) fn loss_gradient(
 
 impl Tile {
     /// Adds the share of `points` (at most [`TILE`]) to `sums`.
-    fn add(&mut self, mlp: &FrozenMlp, points: &[[f32; 3]], loss: impl Fn(usize, Sample32) -> PointLoss, sums: &mut Sums) {
+    fn add(
+        &mut self,
+        mlp: &FrozenMlp,
+        points: &[[f32; 3]],
+        loss: impl Fn(usize, Sample32) -> PointLoss,
+        sums: &mut Sums,
+    ) {
         self.forward(mlp, points);
         self.adjoint(mlp, points.len());
         for n in 0..points.len() {
@@ -194,7 +206,11 @@ impl Tile {
                 let from = layer.columns - shape.encoding.width();
                 for (n, sample) in self.samples.iter_mut().take(points).enumerate() {
                     let slopes = &self.encoded_slopes.as_slice()[n * row..];
-                    add_slopes(&slopes[..shape.encoding.width()], &q[n * shape.stride + from..], &mut sample.gradient);
+                    add_slopes(
+                        &slopes[..shape.encoding.width()],
+                        &q[n * shape.stride + from..],
+                        &mut sample.gradient,
+                    );
                 }
             }
         }

@@ -57,13 +57,18 @@ impl Target<'_> {
         }
     }
 
-    /// Training points, and a network to begin with: of grids the first values are the target's, level by level,
+    /// Training points, and a network to begin with: of grids the first values are the target's,
+    /// level by level,
     /// [`GridField::seed`](crate::grid::GridField::seed); other networks begin as a sphere.
     ///
     /// # Errors
     ///
     /// A target that is none, parameters or sizes out of range.
-    pub fn begin(&self, config: &NetworkConfig, params: &SamplingParams) -> Result<(TrainingSet, Network), BeginError> {
+    pub fn begin(
+        &self,
+        config: &NetworkConfig,
+        params: &SamplingParams,
+    ) -> Result<(TrainingSet, Network), BeginError> {
         let mut network = Network::new(config, params.seed)?;
         let set = self.training_set(params)?;
         if let Network::Grid(grid) = &mut network {
@@ -75,7 +80,10 @@ impl Target<'_> {
                     Self::Field(field) => field.distances(&points, &mut distances),
                     Self::Points(cloud) => {
                         let smoothing = params.smoothing_of(cloud);
-                        points.par_iter().zip(&mut distances).for_each(|(p, d)| *d = cloud.estimate(p, smoothing).distance);
+                        points
+                            .par_iter()
+                            .zip(&mut distances)
+                            .for_each(|(p, d)| *d = cloud.estimate(p, smoothing).distance);
                     }
                 }
                 for (o, d) in out.iter_mut().zip(&distances) {
@@ -92,9 +100,13 @@ impl Target<'_> {
     pub fn loss(&self) -> LossParams {
         match self {
             Self::Field(_) => LossParams::default(),
-            Self::Points(_) => {
-                LossParams { distance_scale: 5e-3, normal: 0.01, normal_scale: 0.5, eikonal: 0.02, ..LossParams::default() }
-            }
+            Self::Points(_) => LossParams {
+                distance_scale: 5e-3,
+                normal: 0.01,
+                normal_scale: 0.5,
+                eikonal: 0.02,
+                ..LossParams::default()
+            },
         }
     }
 }
@@ -115,8 +127,8 @@ impl NetworkConfig {
         Self::Sdf(SdfConfig::fast())
     }
 
-    /// How to fit it: batches and rates that suit the kind of network. What they reach on clothed bodies is in `docs/fitting.md`; others were tried,
-    /// but not tabled.
+    /// How to fit it: batches and rates that suit the kind of network. What they reach on clothed
+    /// bodies is in `docs/fitting.md`; others were tried, but not tabled.
     pub fn fit_params(&self) -> FitParams {
         match self {
             Self::Grid(_) => FitParams::default(),
@@ -124,7 +136,12 @@ impl NetworkConfig {
                 batch: 2048,
                 check_every: 25,
                 schedule: Schedule { rate: 1e-3, warmup: 50, last: 0.02 },
-                adam: crate::adam::AdamParams { beta2: 0.999, epsilon: 1e-8, sparse: false, ..Default::default() },
+                adam: crate::adam::AdamParams {
+                    beta2: 0.999,
+                    epsilon: 1e-8,
+                    sparse: false,
+                    ..Default::default()
+                },
                 ..FitParams::default()
             },
         }

@@ -73,8 +73,8 @@ pub(crate) struct Cloth<'a> {
     own: Separations,
     /// Own pairs that `own` holds apart.
     parted: BTreeSet<[u32; 2]>,
-    /// Pairs (layer below, its triangle, triangle) that met lately, and for how many rounds they are still
-    /// held apart: let go at once, they would meet again every other round.
+    /// Pairs (layer below, its triangle, triangle) that met lately, and for how many rounds they
+    /// are still held apart: let go at once, they would meet again every other round.
     watched: BTreeMap<(usize, u32, u32), u32>,
     /// For each triangle how often it was found intersecting.
     found: BTreeMap<u32, u32>,
@@ -120,8 +120,12 @@ impl<'a> Cloth<'a> {
             neighbours: Neighbours::new(&edges, &x),
             bending: Stretch::new(hinge_edges(mesh, &edges), params.bending_softness),
             stretch: stretch_groups(&edges, &x, params.stretch_softness),
-            limit: StrainLimit::new(EdgeSet::of_mesh(mesh), (1.0 - params.strain_limit).max(0.0), 1.0 + params.strain_limit)
-                .expect("a limit that was checked"),
+            limit: StrainLimit::new(
+                EdgeSet::of_mesh(mesh),
+                (1.0 - params.strain_limit).max(0.0),
+                1.0 + params.strain_limit,
+            )
+            .expect("a limit that was checked"),
             garment,
             below,
             above,
@@ -156,9 +160,14 @@ impl<'a> Cloth<'a> {
     }
 
     /// Frees the vertices up to `influence` metres along the surface from `trouble`, and holds the
-    /// rest: the further away, the stiffer the anchors. A vertex outside the boxes of all layers below
-    /// is free only if it is in trouble itself.
-    pub(crate) fn free_near(&mut self, trouble: &BTreeSet<u32>, influence: Real, below: &[&ClosedLayer]) {
+    /// rest: the further away, the stiffer the anchors. A vertex outside the boxes of all layers
+    /// below is free only if it is in trouble itself.
+    pub(crate) fn free_near(
+        &mut self,
+        trouble: &BTreeSet<u32>,
+        influence: Real,
+        below: &[&ClosedLayer],
+    ) {
         let distances = self.neighbours.distances(trouble.iter().copied(), influence);
         let boxes: Vec<_> = below.iter().map(|l| l.bvh().aabb()).collect();
         let input = self.garment.mesh.vertices();
@@ -168,12 +177,13 @@ impl<'a> Cloth<'a> {
             self.inverse_masses[v] = Real::from(u8::from(free));
             self.ever_free[v] |= free;
             let near = 1.0 - (d / influence).min(1.0);
-            self.anchors.compliances_mut()[v] = STIFFEST_ANCHOR + (self.params.anchor_softness - STIFFEST_ANCHOR) * near * near;
+            self.anchors.compliances_mut()[v] =
+                STIFFEST_ANCHOR + (self.params.anchor_softness - STIFFEST_ANCHOR) * near * near;
         }
     }
 
-    /// Of the vertices that were ever free, frees those up to `influence` metres from `trouble` and holds
-    /// the rest where they are. Where there is no trouble, nothing changes.
+    /// Of the vertices that were ever free, frees those up to `influence` metres from `trouble` and
+    /// holds the rest where they are. Where there is no trouble, nothing changes.
     pub(crate) fn hold_far_from(&mut self, trouble: &BTreeSet<u32>, influence: Real) {
         if trouble.is_empty() {
             return;
@@ -190,7 +200,9 @@ impl<'a> Cloth<'a> {
     pub(crate) fn strained(&self, limit: Real) -> Vec<u32> {
         let rest = self.garment.mesh.vertices();
         let length = |x: &[Point], [a, b]: [u32; 2]| (x[a as usize] - x[b as usize]).norm();
-        let off = |e: &[u32; 2]| (length(&self.x, *e) - length(rest, *e)).abs() > limit * length(rest, *e);
+        let off = |e: &[u32; 2]| {
+            (length(&self.x, *e) - length(rest, *e)).abs() > limit * length(rest, *e)
+        };
         self.edges.vertices.iter().filter(|e| off(e)).flatten().copied().collect()
     }
 
@@ -204,7 +216,15 @@ impl<'a> Cloth<'a> {
     /// Finds the half-spaces that vertices and samples are to be kept in.
     fn find_planes(&mut self, tree: &Bvh) {
         let Self { x, inverse_masses: w, planes, .. } = self;
-        self.contacts.detect(x, self.garment.mesh.triangles(), tree, &self.gaps, w, &self.ways, planes);
+        self.contacts.detect(
+            x,
+            self.garment.mesh.triangles(),
+            tree,
+            &self.gaps,
+            w,
+            &self.ways,
+            planes,
+        );
         for (v, normal, point) in &self.parting {
             planes.push_vertex(*v, *normal, point, 0.0);
         }
@@ -288,8 +308,16 @@ impl<'a> Cloth<'a> {
     pub(crate) fn lead_out(&mut self, inside: &[u32]) {
         let mut most: Real = 0.0;
         for &v in inside {
-            let around: Vec<Point> = self.neighbours.of(v).iter().map(|(u, _)| self.x[*u as usize]).collect();
-            if let Some(q) = lead_out(&self.x[v as usize], &around, self.below, self.outward, PART, self.params.part_step) {
+            let around: Vec<Point> =
+                self.neighbours.of(v).iter().map(|(u, _)| self.x[*u as usize]).collect();
+            if let Some(q) = lead_out(
+                &self.x[v as usize],
+                &around,
+                self.below,
+                self.outward,
+                PART,
+                self.params.part_step,
+            ) {
                 most = most.max((q - self.x[v as usize]).norm());
                 self.x[v as usize] = q;
             }
@@ -297,8 +325,8 @@ impl<'a> Cloth<'a> {
         self.contacts.moved(most);
     }
 
-    /// Around `tangled` vertices, displacements are smoothed, and what is then inside a layer is lifted
-    /// out of it together with its neighbours.
+    /// Around `tangled` vertices, displacements are smoothed, and what is then inside a layer is
+    /// lifted out of it together with its neighbours.
     pub(crate) fn untangle(&mut self, tangled: &BTreeSet<u32>) {
         let rest = self.garment.mesh.vertices();
         let near = self.neighbours.distances(tangled.iter().copied(), SMOOTHED);
@@ -307,7 +335,15 @@ impl<'a> Cloth<'a> {
         let mut to: Vec<Vector> = self.x.iter().zip(rest).map(|(a, b)| a - b).collect();
         smooth(&mut to, &chosen, &self.neighbours);
         to.iter_mut().zip(rest).for_each(|(d, r)| *d += r.coords);
-        lift(&mut to, &chosen, &self.neighbours, self.below, self.outward, self.params.clearance, self.params.step);
+        lift(
+            &mut to,
+            &chosen,
+            &self.neighbours,
+            self.below,
+            self.outward,
+            self.params.clearance,
+            self.params.step,
+        );
         let mut most: Real = 0.0;
         for v in chosen.into_iter().map(|v| v as usize) {
             most = most.max((to[v] - self.x[v].coords).norm());
@@ -342,7 +378,10 @@ impl<'a> Cloth<'a> {
             let t = tri.map(|v| self.x[v as usize]);
             let middle = Point::from((t[0].coords + t[1].coords + t[2].coords) / 3.0);
             let layer = self.below[j];
-            let out = self.outward.direction(&middle).or_else(|| layer.sided(&middle, Real::INFINITY).map(|s| s.normal));
+            let out = self
+                .outward
+                .direction(&middle)
+                .or_else(|| layer.sided(&middle, Real::INFINITY).map(|s| s.normal));
             if let Some(out) = out {
                 let (normal, level) = parting_plane(&t, &layer.corners(a), &out);
                 let step = self.params.part_step * Real::from(self.found[&b].min(HASTE));
@@ -366,13 +405,19 @@ impl<'a> Cloth<'a> {
         let rest = self.garment.mesh.vertices();
         for pair in &state.fresh {
             if self.parted.insert(*pair) {
-                self.own.push(triangles[pair[0] as usize], triangles[pair[1] as usize], PART_OWN, rest);
+                self.own.push(
+                    triangles[pair[0] as usize],
+                    triangles[pair[1] as usize],
+                    PART_OWN,
+                    rest,
+                );
             }
         }
     }
 }
 
-/// How far along the surface from what is tangled displacements are smoothed, in metres: a fold or two.
+/// How far along the surface from what is tangled displacements are smoothed, in metres: a fold or
+/// two.
 const SMOOTHED: Real = 0.03;
 /// How much further than needed a query looks, in metres, to spare later ones.
 const RESERVE: Real = 0.012;
@@ -382,5 +427,6 @@ const PATIENCE: u32 = 4;
 const WATCHED: u32 = 8;
 /// A triangle that was found intersecting k times may part by k steps, up to this many.
 const HASTE: u32 = 6;
-/// Softness of the anchor of a vertex next to a held one: it goes a quarter of the way back at a visit.
+/// Softness of the anchor of a vertex next to a held one: it goes a quarter of the way back at a
+/// visit.
 const STIFFEST_ANCHOR: Real = 3.0;

@@ -1,4 +1,5 @@
-//! What holds a garment together in the solver: its edges by length, its hinges, its doubled points.
+//! What holds a garment together in the solver: its edges by length, its hinges, its doubled
+//! points.
 
 use if_core::edges::{Edges, NONE};
 use if_core::math::{Point, Real};
@@ -16,10 +17,12 @@ pub(crate) fn stretch_groups(edges: &Edges, x: &[Point], softness: Real) -> Vec<
     let group_of = |l: Real| BOUNDS.iter().take_while(|b| l > **b * mean).count();
     (0..=BOUNDS.len())
         .filter_map(|g| {
-            let ends: Vec<[u32; 2]> = edges.vertices.iter().filter(|e| group_of(length(e)) == g).copied().collect();
+            let ends: Vec<[u32; 2]> =
+                edges.vertices.iter().filter(|e| group_of(length(e)) == g).copied().collect();
             let rests: Vec<Real> = ends.iter().map(length).collect();
             let typical = rests.iter().sum::<Real>() / (rests.len().max(1) as Real * mean);
-            let set = EdgeSet::new(&ends, &rests, x.len()).expect("two different vertices of a mesh, and a finite length");
+            let set = EdgeSet::new(&ends, &rests, x.len())
+                .expect("two different vertices of a mesh, and a finite length");
             (!ends.is_empty()).then(|| Stretch::new(set, softness * typical * typical))
         })
         .collect()
@@ -36,7 +39,8 @@ pub(crate) fn short_edges(edges: &Edges, x: &[Point]) -> Vec<[u32; 2]> {
     edges.vertices.iter().filter(|e| length(e) < SHORT * mean).copied().collect()
 }
 
-/// For each inner edge the two corners across it: kept at their distance, they keep the fold's angle.
+/// For each inner edge the two corners across it: kept at their distance, they keep the fold's
+/// angle.
 pub(crate) fn hinge_edges(mesh: &TriMesh, edges: &Edges) -> EdgeSet {
     let x = mesh.vertices();
     let mut across = Vec::new();
@@ -46,7 +50,8 @@ pub(crate) fn hinge_edges(mesh: &TriMesh, edges: &Edges) -> EdgeSet {
         if u == NONE {
             continue;
         }
-        let opposite = |t: u32| mesh.triangles()[t as usize].into_iter().find(|v| *v != a && *v != b);
+        let opposite =
+            |t: u32| mesh.triangles()[t as usize].into_iter().find(|v| *v != a && *v != b);
         if let (Some(c), Some(d)) = (opposite(t), opposite(u))
             && c != d
         {
@@ -54,5 +59,6 @@ pub(crate) fn hinge_edges(mesh: &TriMesh, edges: &Edges) -> EdgeSet {
             rest.push((x[c as usize] - x[d as usize]).norm());
         }
     }
-    EdgeSet::new(&across, &rest, x.len()).expect("two different vertices of a mesh, and a finite length")
+    EdgeSet::new(&across, &rest, x.len())
+        .expect("two different vertices of a mesh, and a finite length")
 }

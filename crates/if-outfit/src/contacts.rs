@@ -2,12 +2,12 @@
 //!
 //! Two kinds of samples are looked at. *Own samples* are fixed on the garment: its vertices, the
 //! middles of long edges and of the triangles at them. *Foreign samples* follow the vertices of the
-//! layers below: each has a nearest point on the garment, and where a fine mesh pokes through a coarse
-//! triangle that point is the place to push.
+//! layers below: each has a nearest point on the garment, and where a fine mesh pokes through a
+//! coarse triangle that point is the place to push.
 //!
 //! A sample that is further from a layer than the clearance and a reserve is not looked at again
-//! before it has moved that far: a distance has Lipschitz bound 1. Samples whose vertices are all held
-//! are not looked at at all.
+//! before it has moved that far: a distance has Lipschitz bound 1. Samples whose vertices are all
+//! held are not looked at at all.
 
 use if_core::closest::ClosestPoint;
 use if_core::edges::Edges;
@@ -57,8 +57,9 @@ pub(crate) enum Way {
 struct Memory {
     /// Where the sample was when it last looked.
     seen_from: Point,
-    /// How far it was from the layer then, at least, in metres: 0 where it may have been in contact. (How far it can move
-    /// before it must look again depends on its gap, which can widen.)
+    /// How far it was from the layer then, at least, in metres: 0 where it may have been in
+    /// contact. (How far it can move before it must look again depends on its gap, which can
+    /// widen.)
     clear: Real,
     /// The triangle of the last answer, near which the next one is looked for.
     triangle: Option<u32>,
@@ -103,8 +104,8 @@ const POKES: Real = 0.3;
 /// Steps that a vertex which is led out at once may take in one round.
 const LEAP: Real = 4.0;
 /// Height over length below which a triangle's normal turns with every small motion, and no foreign
-/// sample is taken there. A long edge of 15 mm and a short one of 0.1 mm, in the coat of the test data,
-/// drew the short one to 3 mm at a tenth of this value.
+/// sample is taken there. A long edge of 15 mm and a short one of 0.1 mm, in the coat of the test
+/// data, drew the short one to 3 mm at a tenth of this value.
 const SLIVER: Real = 0.05;
 /// Cosine between the nearest way out and the one on the scale of centimetres under which the
 /// nearest one leads through a wall.
@@ -193,8 +194,8 @@ impl<'a> Contacts<'a> {
     }
 
     /// Fills `out` with the contacts of the garment at `x`. `tree` holds the garment at `x`; `gaps`
-    /// are the clearances of its vertices, in metres, and `stubborn` the ways they are led out; vertices of
-    /// inverse mass zero are held.
+    /// are the clearances of its vertices, in metres, and `stubborn` the ways they are led out;
+    /// vertices of inverse mass zero are held.
     pub(crate) fn detect(
         &mut self,
         x: &[Point],
@@ -210,7 +211,14 @@ impl<'a> Contacts<'a> {
         self.foreign_samples(x, triangles, tree, gaps, inverse_masses, out);
     }
 
-    fn own_samples(&mut self, x: &[Point], gaps: &[Real], inverse_masses: &[Real], stubborn: &[Way], out: &mut HalfSpaces) {
+    fn own_samples(
+        &mut self,
+        x: &[Point],
+        gaps: &[Real],
+        inverse_masses: &[Real],
+        stubborn: &[Way],
+        out: &mut HalfSpaces,
+    ) {
         let (below, outward, params) = (self.below, self.outward, self.params);
         let layers = below.len();
         let found: Vec<Found<(u32, Plane)>> = self
@@ -236,7 +244,9 @@ impl<'a> Contacts<'a> {
                             continue;
                         }
                         found.queries += 1;
-                        if let Some(plane) = look(&p, gap, way, layer, outward, &params, m).filter(|_| !held) {
+                        if let Some(plane) =
+                            look(&p, gap, way, layer, outward, &params, m).filter(|_| !held)
+                        {
                             found.contacts.push(((chunk * CHUNK + k) as u32, plane));
                         }
                     }
@@ -294,19 +304,29 @@ impl<'a> Contacts<'a> {
                             *next = path + near.distance;
                             continue;
                         }
-                        let sample = Sample { vertices: triangles[near.triangle as usize], weights: near.barycentric };
-                        if near.barycentric.iter().any(|b| *b > CORNER) || sample.is_held(inverse_masses) {
+                        let sample = Sample {
+                            vertices: triangles[near.triangle as usize],
+                            weights: near.barycentric,
+                        };
+                        if near.barycentric.iter().any(|b| *b > CORNER)
+                            || sample.is_held(inverse_masses)
+                        {
                             continue;
                         }
                         let [a, b, c] = sample.vertices.map(|v| &x[v as usize]);
                         let area = area_vector(a, b, c);
-                        let longest = (a - b).norm_squared().max((b - c).norm_squared()).max((c - a).norm_squared());
+                        let longest = (a - b)
+                            .norm_squared()
+                            .max((b - c).norm_squared())
+                            .max((c - a).norm_squared());
                         if area.norm() < SLIVER * longest {
                             continue;
                         }
                         let face = unit_or_zero(&area);
                         let over = face.dot(&(near.point - v));
-                        if face.dot(&layer.vertex_normal(number)) < POKES || over < -4.0 * params.step {
+                        if face.dot(&layer.vertex_normal(number)) < POKES
+                            || over < -4.0 * params.step
+                        {
                             continue;
                         }
                         let gap = sample.gap(gaps).min(over + params.step);
@@ -358,9 +378,11 @@ fn look(
             Some(Plane { normal: out, point: *p, gap: (gap - s.distance).min(LEAP * params.step) })
         }
         // The nearest way out leads sideways, through the wall of a fold or of an armpit.
-        Some(out) if s.normal.dot(&out) < SIDEWAYS => {
-            (s.distance < 0.0).then(|| Plane { normal: out, point: *p, gap: (gap - s.distance).min(params.step) })
-        }
+        Some(out) if s.normal.dot(&out) < SIDEWAYS => (s.distance < 0.0).then(|| Plane {
+            normal: out,
+            point: *p,
+            gap: (gap - s.distance).min(params.step),
+        }),
         _ => nearest(gap.min(s.distance + params.step)),
     }
 }

@@ -42,6 +42,9 @@ mod tests {
         let found = content(b"abc");
         assert_eq!(found.bytes, 3);
         // FIPS 180-2, appendix B.1.
-        assert_eq!(found.sha256, "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+        assert_eq!(
+            found.sha256,
+            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+        );
     }
 }

@@ -72,28 +72,34 @@ impl<'a> Dressing<'a> {
         let reach = garment.mesh.aabb().inflated(params.clearance + params.margin);
         let apart = below.iter().filter(|(_, c)| !c.bvh().aabb().overlaps(&reach)).count();
         let near: Vec<&ClosedLayer> = below.iter().map(|(_, c)| c.as_ref()).collect();
-        let found: Vec<PairReport> = report.before.pairs.iter().filter(|p| p.outer == garment.name).cloned().collect();
+        let found: Vec<PairReport> =
+            report.before.pairs.iter().filter(|p| p.outer == garment.name).cloned().collect();
         let ceilings = above.of(index);
         // Where all layers so far lie as they came, what was found before holds.
         let as_they_came = report.layers.iter().all(|l| l.moved.vertices == 0);
-        let needs_nothing = as_they_came && ceilings.is_empty() && found.iter().all(PairReport::is_clean);
+        let needs_nothing =
+            as_they_came && ceilings.is_empty() && found.iter().all(PairReport::is_clean);
         let settled = if needs_nothing {
             Settled::as_it_is(garment)
         } else {
             let above = Ceilings { layers: &ceilings, reach: above.reach() };
             let could_tuck = found.iter().any(|p| p.inner != outfit.body.name && !p.is_clean());
             let may_yield = !(may_halt && could_tuck);
-            let mut inform = |round, repairing, pairs| tell(if repairing { Stage::Repair } else { Stage::Settle }, round, pairs);
+            let mut inform = |round, repairing, pairs| {
+                tell(if repairing { Stage::Repair } else { Stage::Settle }, round, pairs)
+            };
             settle(garment, &near, above, may_yield, params, &mut inform)?
         };
-        let mesh = garment.mesh.with_vertices(settled.positions).expect("settled positions are finite");
+        let mesh =
+            garment.mesh.with_vertices(settled.positions).expect("settled positions are finite");
         let own = if needs_nothing {
             report.after.pairs.extend(found);
             report.before.own_pairs[index]
         } else {
             let verifying = Instant::now();
             let tree = Bvh::new(&mesh);
-            let names: Vec<(&str, &ClosedLayer)> = below.iter().map(|(n, c)| (n.as_str(), c.as_ref())).collect();
+            let names: Vec<(&str, &ClosedLayer)> =
+                below.iter().map(|(n, c)| (n.as_str(), c.as_ref())).collect();
             report.after.pairs.extend(against(garment, &mesh, &tree, &names));
             let own = own_pairs(&mesh, &tree).len();
             report.after.seconds += verifying.elapsed().as_secs_f64();

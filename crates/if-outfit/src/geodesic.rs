@@ -25,7 +25,11 @@ impl Neighbours {
 
     /// Length of the shortest path along edges from any of `sources` to every vertex, in metres;
     /// infinite where it is longer than `limit`.
-    pub(crate) fn distances(&self, sources: impl IntoIterator<Item = u32>, limit: Real) -> Vec<Real> {
+    pub(crate) fn distances(
+        &self,
+        sources: impl IntoIterator<Item = u32>,
+        limit: Real,
+    ) -> Vec<Real> {
         let mut distance = vec![Real::INFINITY; self.0.len()];
         let mut queue = BinaryHeap::new();
         for v in sources {
@@ -73,7 +77,8 @@ mod tests {
 
     #[test]
     fn distances_run_along_edges_and_stop_at_the_limit() {
-        let x: Vec<Point> = (0..6).map(|k| Point::new(f64::from(k / 2), f64::from(k % 2), 0.0)).collect();
+        let x: Vec<Point> =
+            (0..6).map(|k| Point::new(f64::from(k / 2), f64::from(k % 2), 0.0)).collect();
         let t = vec![[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]];
         let mesh = TriMesh::new(x.clone(), t).unwrap();
         let near = Neighbours::new(&Edges::new(&mesh), &x);

@@ -4,7 +4,9 @@ use crate::self_contact::GivenPairs;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::{MovedTriangles, TrianglePair, own_pairs, own_pairs_after_motion, pairs, pairs_after_motion};
+use if_mesh::intersections::{
+    MovedTriangles, TrianglePair, own_pairs, own_pairs_after_motion, pairs, pairs_after_motion,
+};
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -76,8 +78,13 @@ impl<'a> Inspector<'a> {
 
     /// Looks at the garment as it is now; `tree` holds it.
     pub(crate) fn inspect(&mut self, mesh: &TriMesh, tree: &Bvh) -> State {
-        let moved: Vec<bool> =
-            mesh.vertices().iter().zip(&self.seen).zip(&self.used).map(|((p, seen), used)| *used && p != seen).collect();
+        let moved: Vec<bool> = mesh
+            .vertices()
+            .iter()
+            .zip(&self.seen)
+            .zip(&self.used)
+            .map(|((p, seen), used)| *used && p != seen)
+            .collect();
         self.seen.copy_from_slice(mesh.vertices());
         let triangles = MovedTriangles::new(mesh, &moved);
         if triangles.len() as Real > MANY * mesh.triangles().len() as Real {
@@ -95,15 +102,23 @@ impl<'a> Inspector<'a> {
 
     fn look_at_sides(&mut self, moved: &[bool]) {
         let below = self.below;
-        (&self.seen, moved, &mut self.inside).into_par_iter().with_min_len(128).for_each(|(p, moved, inside)| {
-            if *moved {
-                *inside = below.iter().any(|l| l.sided(p, 0.0).is_some_and(|s| s.distance < 0.0));
-            }
-        });
+        (&self.seen, moved, &mut self.inside).into_par_iter().with_min_len(128).for_each(
+            |(p, moved, inside)| {
+                if *moved {
+                    *inside =
+                        below.iter().any(|l| l.sided(p, 0.0).is_some_and(|s| s.distance < 0.0));
+                }
+            },
+        );
     }
 
     fn state(&self) -> State {
-        let pairs = self.pairs.iter().enumerate().flat_map(|(j, found)| found.iter().map(move |p| (j, *p))).collect();
+        let pairs = self
+            .pairs
+            .iter()
+            .enumerate()
+            .flat_map(|(j, found)| found.iter().map(move |p| (j, *p)))
+            .collect();
         let inside = (0..self.inside.len() as u32).filter(|v| self.inside[*v as usize]).collect();
         let (fresh, excess) = self.given.fresh(&self.own);
         State { pairs, inside, fresh, excess }

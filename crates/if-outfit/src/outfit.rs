@@ -29,7 +29,10 @@ impl Layer {
     /// The mesh of a file in metres, whose positions will be written to a file of the same kind
     /// ([`MeshFile::write`](if_mesh::file::MeshFile::write)).
     pub fn of_file(name: impl Into<String>, file: &MeshFile) -> Self {
-        Self { single_precision: file.is_single_precision(), ..Self::new(name, file.mesh().clone()) }
+        Self {
+            single_precision: file.is_single_precision(),
+            ..Self::new(name, file.mesh().clone())
+        }
     }
 }
 
@@ -85,7 +88,9 @@ pub enum OutfitError {
         others: usize,
     },
     /// The body winds inwards.
-    #[error("body `{layer}` is inside out (signed volume {volume:.3e} m³); reverse the winding of its triangles")]
+    #[error(
+        "body `{layer}` is inside out (signed volume {volume:.3e} m³); reverse the winding of its triangles"
+    )]
     InsideOut {
         /// Its name.
         layer: String,
@@ -128,7 +133,9 @@ pub enum OutfitError {
         vertex: u32,
     },
     /// The body's height suggests other units.
-    #[error("body `{layer}` is {height:.1} units high, likely {unit}; scale all layers by {scale} (everything is in metres)")]
+    #[error(
+        "body `{layer}` is {height:.1} units high, likely {unit}; scale all layers by {scale} (everything is in metres)"
+    )]
     Units {
         /// Its name.
         layer: String,
@@ -141,7 +148,8 @@ pub enum OutfitError {
     },
 }
 
-/// Sizes of the body up to which a garment may be large: a train of twenty metres, and no vertex gone astray.
+/// Sizes of the body up to which a garment may be large: a train of twenty metres, and no vertex
+/// gone astray.
 const LARGEST: Real = 12.0;
 
 impl Outfit {
@@ -149,9 +157,10 @@ impl Outfit {
     ///
     /// # Errors
     ///
-    /// A layer without triangles, two of one name, a body that is open, inside out (as a whole, in a part or in single triangles) or not in metres
-    /// (taller than 20 units), a garment whose box is further from the body's than the body is tall, or twelve times as large.
-    /// Seams of the body count as closed ([`if_mesh::seams`]), and vertices of no triangle as none.
+    /// A layer without triangles, two of one name, a body that is open, inside out (as a whole, in
+    /// a part or in single triangles) or not in metres (taller than 20 units), a garment whose box
+    /// is further from the body's than the body is tall, or twelve times as large. Seams of the
+    /// body count as closed ([`if_mesh::seams`]), and vertices of no triangle as none.
     pub fn new(body: Layer, garments: Vec<Layer>) -> Result<Self, OutfitError> {
         let outfit = Self { body, garments };
         outfit.check()?;
@@ -183,15 +192,32 @@ impl Outfit {
             return Err(OutfitError::Units { layer: name(), height, unit, scale });
         }
         let edges = Edges::new(mesh);
-        let mut open = edges.valence.iter().enumerate().filter(|(_, v)| **v == 1).map(|(e, _)| edges.vertices[e]);
+        let mut open = edges
+            .valence
+            .iter()
+            .enumerate()
+            .filter(|(_, v)| **v == 1)
+            .map(|(e, _)| edges.vertices[e]);
         if let Some(first) = open.next() {
             // As the vertices are numbered in the file: the first that stands in each place.
-            let named = |v: u32| sewn.as_ref().and_then(|s| s.place.iter().position(|place| *place == v)).map_or(v, |v| v as u32);
-            return Err(OutfitError::OpenBody { layer: name(), open_edges: 1 + open.count(), first: first.map(named) });
+            let named = |v: u32| {
+                sewn.as_ref()
+                    .and_then(|s| s.place.iter().position(|place| *place == v))
+                    .map_or(v, |v| v as u32)
+            };
+            return Err(OutfitError::OpenBody {
+                layer: name(),
+                open_edges: 1 + open.count(),
+                first: first.map(named),
+            });
         }
         let mut turned = turned_edges(mesh, &edges);
         if let Some(e) = turned.next() {
-            return Err(OutfitError::Winding { layer: name(), triangles: edges.triangles[e], others: turned.count() });
+            return Err(OutfitError::Winding {
+                layer: name(),
+                triangles: edges.triangles[e],
+                others: turned.count(),
+            });
         }
         let volume = mesh.signed_volume();
         if volume <= 0.0 {
@@ -200,7 +226,9 @@ impl Outfit {
         if let Some(part) = inverted_part(mesh) {
             return Err(OutfitError::PartInsideOut { layer: name(), part });
         }
-        self.garments.iter().try_for_each(|garment| check_garment(&aabb, &garment.name, &garment.mesh))
+        self.garments
+            .iter()
+            .try_for_each(|garment| check_garment(&aabb, &garment.name, &garment.mesh))
     }
 
     /// The body, then the garments, inner to outer.
@@ -220,7 +248,8 @@ pub fn check_garment(body: &Aabb, name: &str, garment: &TriMesh) -> Result<(), O
     let size = extent.size().max();
     if size > LARGEST * height {
         let middle = nalgebra::center(&body.min, &body.max);
-        let far = |v: &&u32| (garment.vertices()[**v as usize] - middle).amax() >= 0.5 * LARGEST * height;
+        let far =
+            |v: &&u32| (garment.vertices()[**v as usize] - middle).amax() >= 0.5 * LARGEST * height;
         let vertex = garment.triangles().as_flattened().iter().find(far).map_or(0, |v| *v);
         return Err(OutfitError::TooLarge { layer: layer(), size, vertex });
     }
@@ -231,12 +260,14 @@ pub fn check_garment(body: &Aabb, name: &str, garment: &TriMesh) -> Result<(), O
     Ok(())
 }
 
-/// Edges that triangles do not run through as often in one direction as in the other: there no side is the inside.
+/// Edges that triangles do not run through as often in one direction as in the other: there no side
+/// is the inside.
 fn turned_edges(mesh: &TriMesh, edges: &Edges) -> impl Iterator<Item = usize> {
     let mut balance = vec![0i32; edges.len()];
     for (corners, of_triangle) in mesh.triangles().iter().zip(&edges.of_triangle) {
         for k in 0..3 {
-            balance[of_triangle[k] as usize] += if corners[k] < corners[(k + 1) % 3] { 1 } else { -1 };
+            balance[of_triangle[k] as usize] +=
+                if corners[k] < corners[(k + 1) % 3] { 1 } else { -1 };
         }
     }
     balance.into_iter().enumerate().filter(|(_, b)| *b != 0).map(|(e, _)| e)
@@ -253,7 +284,10 @@ fn suspicious_unit(height: Real) -> Option<(&'static str, Real)> {
 }
 
 fn box_distance(a: &Aabb, b: &Aabb) -> Real {
-    (0..3).map(|k| (a.min[k] - b.max[k]).max(b.min[k] - a.max[k]).max(0.0).powi(2)).sum::<Real>().sqrt()
+    (0..3)
+        .map(|k| (a.min[k] - b.max[k]).max(b.min[k] - a.max[k]).max(0.0).powi(2))
+        .sum::<Real>()
+        .sqrt()
 }
 
 #[cfg(test)]
@@ -274,20 +308,32 @@ mod tests {
     #[test]
     fn a_body_of_loose_triangles_is_closed_and_strays_do_not_count() {
         let whole = tetrahedron(1.0, 0.0);
-        let mut v: Vec<Point> = whole.triangles().as_flattened().iter().map(|v| whole.vertices()[*v as usize]).collect();
+        let mut v: Vec<Point> = whole
+            .triangles()
+            .as_flattened()
+            .iter()
+            .map(|v| whole.vertices()[*v as usize])
+            .collect();
         v.push(Point::new(1e300, 0.0, 0.0));
         let triangles: Vec<[u32; 3]> = (0..4).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-        let body = |triangles: &[[u32; 3]]| Layer::new("body", TriMesh::new(v.clone(), triangles.to_vec()).unwrap());
+        let body = |triangles: &[[u32; 3]]| {
+            Layer::new("body", TriMesh::new(v.clone(), triangles.to_vec()).unwrap())
+        };
         assert!(Outfit::new(body(&triangles), garment(body(&triangles).mesh)).is_ok());
         let open = Outfit::new(body(&triangles[1..]), garment(tetrahedron(1.0, 0.1)));
-        assert!(matches!(open, Err(OutfitError::OpenBody { open_edges: 3, first, .. }) if first.iter().all(|v| *v >= 3)));
+        assert!(
+            matches!(open, Err(OutfitError::OpenBody { open_edges: 3, first, .. }) if first.iter().all(|v| *v >= 3))
+        );
     }
 
     #[test]
     fn every_fault_has_its_own_error() {
         let body = || Layer::new("body", tetrahedron(1.0, 0.0));
         assert!(Outfit::new(body(), garment(tetrahedron(1.0, 0.1))).is_ok());
-        assert!(matches!(Outfit::new(body(), garment(TriMesh::default())), Err(OutfitError::Empty { .. })));
+        assert!(matches!(
+            Outfit::new(body(), garment(TriMesh::default())),
+            Err(OutfitError::Empty { .. })
+        ));
         let twin = vec![Layer::new("body", tetrahedron(1.0, 0.0))];
         assert!(matches!(Outfit::new(body(), twin), Err(OutfitError::DuplicateName { .. })));
         let mut two = tetrahedron(1.0, 0.0).vertices().to_vec();
@@ -297,20 +343,36 @@ mod tests {
         triangles.extend(triangles.clone().iter().map(|[a, b, c]| [a + 4, c + 4, b + 4]));
         let two = Layer::new("body", TriMesh::new(two, triangles).unwrap());
         let error = Outfit::new(two, garment(tetrahedron(1.0, 0.1)));
-        assert!(matches!(error, Err(OutfitError::PartInsideOut { part, .. }) if part.triangle == 4));
+        assert!(
+            matches!(error, Err(OutfitError::PartInsideOut { part, .. }) if part.triangle == 4)
+        );
         let mut astray = tetrahedron(1.0, 0.1).vertices().to_vec();
         astray[3].z = 1e200;
         let astray = TriMesh::new(astray, tetrahedron(1.0, 0.1).triangles().to_vec()).unwrap();
-        assert!(matches!(Outfit::new(body(), garment(astray)), Err(OutfitError::TooLarge { vertex: 3, .. })));
-        assert!(matches!(Outfit::new(body(), garment(tetrahedron(1.0, 50.0))), Err(OutfitError::FarFromBody { .. })));
+        assert!(matches!(
+            Outfit::new(body(), garment(astray)),
+            Err(OutfitError::TooLarge { vertex: 3, .. })
+        ));
+        assert!(matches!(
+            Outfit::new(body(), garment(tetrahedron(1.0, 50.0))),
+            Err(OutfitError::FarFromBody { .. })
+        ));
         let mut open = body();
-        open.mesh = TriMesh::new(open.mesh.vertices().to_vec(), open.mesh.triangles()[..3].to_vec()).unwrap();
-        assert!(matches!(Outfit::new(open, vec![]), Err(OutfitError::OpenBody { open_edges: 3, .. })));
+        open.mesh =
+            TriMesh::new(open.mesh.vertices().to_vec(), open.mesh.triangles()[..3].to_vec())
+                .unwrap();
+        assert!(matches!(
+            Outfit::new(open, vec![]),
+            Err(OutfitError::OpenBody { open_edges: 3, .. })
+        ));
         let mut turned = body();
         let t = [[0, 2, 1], [0, 1, 3], [0, 2, 3], [1, 2, 3]];
         turned.mesh = TriMesh::new(turned.mesh.vertices().to_vec(), t.to_vec()).unwrap();
         let error = Outfit::new(turned, vec![]).unwrap_err();
-        assert!(matches!(error, OutfitError::Winding { triangles: [0, 2], others: 2, .. }), "{error}");
+        assert!(
+            matches!(error, OutfitError::Winding { triangles: [0, 2], others: 2, .. }),
+            "{error}"
+        );
         let mut inverted = body();
         let t = inverted.mesh.triangles().iter().map(|t| [t[0], t[2], t[1]]).collect();
         inverted.mesh = TriMesh::new(inverted.mesh.vertices().to_vec(), t).unwrap();
@@ -321,6 +383,9 @@ mod tests {
     fn a_body_1740_units_high_is_likely_in_millimetres() {
         let error = Outfit::new(Layer::new("body", tetrahedron(1740.0, 0.0)), vec![]).unwrap_err();
         let text = error.to_string();
-        assert!(text.contains("1740.0") && text.contains("millimetres") && text.contains("0.001"), "{text}");
+        assert!(
+            text.contains("1740.0") && text.contains("millimetres") && text.contains("0.001"),
+            "{text}"
+        );
     }
 }

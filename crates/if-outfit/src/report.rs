@@ -104,14 +104,15 @@ pub struct LayerReport {
     pub own_pairs: [usize; 2],
     /// All rounds: of settling, of repair and of easing.
     pub rounds: usize,
-    /// Those of them that repaired what exact verification found, in which the cloth yielded, or that eased drawn edges.
+    /// Those of them that repaired what exact verification found, in which the cloth yielded, or
+    /// that eased drawn edges.
     pub repairs: usize,
     /// Sweeps of the solver over all constraints that can move something.
     pub sweeps: usize,
     /// Nearest-point queries made.
     pub queries: usize,
-    /// Vertices that stuck out of a layer above, before and after the garment was pressed in below it
-    /// ([`crate::resolve::Tuck`]); zeros where it was not.
+    /// Vertices that stuck out of a layer above, before and after the garment was pressed in below
+    /// it ([`crate::resolve::Tuck`]); zeros where it was not.
     #[serde(default)]
     pub tucked: [usize; 2],
     /// Largest edge strain before and after drawn edges of the clean garment were eased

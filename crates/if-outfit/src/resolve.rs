@@ -28,7 +28,8 @@ pub struct ResolveParams {
     pub repair_influence: Real,
     /// A violated contact is mended by at most this much in a round, in metres.
     pub step: Real,
-    /// A corner of an intersecting triangle is asked to part by at most this much in a round, in metres.
+    /// A corner of an intersecting triangle is asked to part by at most this much in a round, in
+    /// metres.
     pub part_step: Real,
     /// Contacts are kept for samples up to this far beyond the clearance, in metres.
     pub margin: Real,
@@ -50,13 +51,15 @@ pub struct ResolveParams {
     pub polish_rounds: usize,
     /// Largest edge strain of a garment that needs no relaxing.
     pub calm_strain: Real,
-    /// Edges of a clean garment that changed their length by more than this share are eased by guarded rounds, which end clean.
+    /// Edges of a clean garment that changed their length by more than this share are eased by
+    /// guarded rounds, which end clean.
     pub drawn_strain: Real,
     /// Guarded rounds at most; 0 leaves drawn edges as they are.
     pub ease_rounds: usize,
     /// A round that moves no vertex further than this has settled, in metres.
     pub tolerance: Real,
-    /// Compliance of edges: 0 is inextensible; at a visit a share 2 / (2 + s) of the violation goes.
+    /// Compliance of edges: 0 is inextensible; at a visit a share 2 / (2 + s) of the violation
+    /// goes.
     pub stretch_softness: Real,
     /// Edges that changed their length by more than this share are brought back to it.
     pub strain_limit: Real,
@@ -72,8 +75,8 @@ pub struct ResolveParams {
     pub tuck_reach: Real,
     /// Whether triangles may be split, as a last resort.
     pub split: Split,
-    /// Nearest points that a bound on the motion makes unnecessary are not looked for. Off is the slow twin, for tests and
-    /// benchmarks: the same bits, later.
+    /// Nearest points that a bound on the motion makes unnecessary are not looked for. Off is the
+    /// slow twin, for tests and benchmarks: the same bits, later.
     pub skip: bool,
 }
 
@@ -125,7 +128,12 @@ impl ResolveParams {
         let soft = |v: Real| (0.0..=1e12).contains(&v);
         let count = |n: usize| (1..=10_000).contains(&n);
         let checks = [
-            ("clearance", self.clearance, positive(self.clearance) && self.clearance < 0.1, "it must be between 0 and 0.1 m"),
+            (
+                "clearance",
+                self.clearance,
+                positive(self.clearance) && self.clearance < 0.1,
+                "it must be between 0 and 0.1 m",
+            ),
             ("influence", self.influence, positive(self.influence), POSITIVE),
             ("repair_influence", self.repair_influence, positive(self.repair_influence), POSITIVE),
             ("step", self.step, positive(self.step), POSITIVE),
@@ -138,14 +146,39 @@ impl ResolveParams {
             ("tolerance", self.tolerance, positive(self.tolerance), POSITIVE),
             ("sweeps", self.sweeps as Real, count(self.sweeps), COUNT),
             ("rounds", self.rounds as Real, count(self.rounds), COUNT),
-            ("calm_strain", self.calm_strain, soft(self.calm_strain), "it must be a share from 0 to 1e12"),
-            ("drawn_strain", self.drawn_strain, soft(self.drawn_strain), "it must be a share from 0 to 1e12"),
-            ("strain_limit", self.strain_limit, soft(self.strain_limit), "it must be a share from 0 to 1e12"),
+            (
+                "calm_strain",
+                self.calm_strain,
+                soft(self.calm_strain),
+                "it must be a share from 0 to 1e12",
+            ),
+            (
+                "drawn_strain",
+                self.drawn_strain,
+                soft(self.drawn_strain),
+                "it must be a share from 0 to 1e12",
+            ),
+            (
+                "strain_limit",
+                self.strain_limit,
+                soft(self.strain_limit),
+                "it must be a share from 0 to 1e12",
+            ),
             ("stretch_softness", self.stretch_softness, soft(self.stretch_softness), SOFTNESS),
             ("bending_softness", self.bending_softness, soft(self.bending_softness), SOFTNESS),
             ("anchor_softness", self.anchor_softness, soft(self.anchor_softness), SOFTNESS),
-            ("tuck_reach", self.tuck_reach, positive(self.tuck_reach) && self.tuck_reach < 0.2, "it must be between 0 and 0.2 m"),
-            ("inflation", self.inflation, (1.0..=2.0).contains(&self.inflation), "it must lie between 1 and 2"),
+            (
+                "tuck_reach",
+                self.tuck_reach,
+                positive(self.tuck_reach) && self.tuck_reach < 0.2,
+                "it must be between 0 and 0.2 m",
+            ),
+            (
+                "inflation",
+                self.inflation,
+                (1.0..=2.0).contains(&self.inflation),
+                "it must lie between 1 and 2",
+            ),
         ];
         match checks.into_iter().find(|c| !c.2) {
             Some((name, value, _, help)) => Err(ResolveError::Parameter { name, value, help }),
@@ -156,9 +189,10 @@ impl ResolveParams {
 
 /// When the inner of two garments gives way to the outer one.
 ///
-/// Layers are settled from the body outwards, and as in the paper only the outer of two garments moves. That cannot go well where the
-/// outer one is the smaller: it is stretched over what it should hold together. Then the inner garments, as far as the body leaves
-/// room, are pressed in below the layers above first.
+/// Layers are settled from the body outwards, and as in the paper only the outer of two garments
+/// moves. That cannot go well where the outer one is the smaller: it is stretched over what it
+/// should hold together. Then the inner garments, as far as the body leaves room, are pressed in
+/// below the layers above first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Tuck {
@@ -173,8 +207,9 @@ pub enum Tuck {
 
 /// When triangles are split into smaller ones.
 ///
-/// A garment of large triangles cannot lie round a body or a layer of fine ones without standing off, or stretching: a chord cuts through. Split, it can.
-/// Then it has more vertices and triangles than it came with: [`Resolved::splits`] says where they come from.
+/// A garment of large triangles cannot lie round a body or a layer of fine ones without standing
+/// off, or stretching: a chord cuts through. Split, it can. Then it has more vertices and triangles
+/// than it came with: [`Resolved::splits`] says where they come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Split {
@@ -220,10 +255,11 @@ pub enum Stage {
 /// An outfit free of intersections, and what it took.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resolved {
-    /// The same layers with the same triangles, unless [`ResolveParams::split`] allowed otherwise; garments that needed nothing are
-    /// bit-identical.
+    /// The same layers with the same triangles, unless [`ResolveParams::split`] allowed otherwise;
+    /// garments that needed nothing are bit-identical.
     pub outfit: Outfit,
-    /// For each garment how its triangles were split, as it came: `None` where they are those of the input.
+    /// For each garment how its triangles were split, as it came: `None` where they are those of
+    /// the input.
     pub splits: Vec<Option<if_mesh::split::Split>>,
     /// What was found and done.
     pub report: ResolveReport,
@@ -254,12 +290,13 @@ pub enum ResolveError {
         if outer == inner { "with itself".to_owned() } else { format!("over `{inner}`") }
     )]
     Remaining {
-        /// The layer above of the worst pair of layers; or the garment that meets itself, where that alone is left.
+        /// The layer above of the worst pair of layers; or the garment that meets itself, where
+        /// that alone is left.
         outer: String,
         /// The layer below of it; the same garment, where it meets itself.
         inner: String,
-        /// Some of the triangle pairs that are left there: (triangle of the inner layer, of the outer layer). None where only vertices
-        /// are on a wrong side.
+        /// Some of the triangle pairs that are left there: (triangle of the inner layer, of the
+        /// outer layer). None where only vertices are on a wrong side.
         triangles: Vec<[u32; 2]>,
         /// The outfit as far as it came, and its report.
         result: Box<Resolved>,
@@ -274,8 +311,8 @@ pub enum ResolveError {
 
 /// Makes an outfit free of intersections, moving garments as little as it can.
 ///
-/// Vertices that stand in one place along a seam ([`if_mesh::seams`]) move as one, unless triangles may be split; the report counts them
-/// once. Vertices of no triangle stay.
+/// Vertices that stand in one place along a seam ([`if_mesh::seams`]) move as one, unless triangles
+/// may be split; the report counts them once. Vertices of no triangle stay.
 ///
 /// `watch` is told of progress; it returns [`ControlFlow::Break`] to cancel.
 ///
@@ -313,7 +350,10 @@ fn split_where_needed(
     // Nothing left before little strain.
     let rank = |r: &Resolved| {
         let worst = r.report.layers.iter().map(|l| l.strain.rms).fold(0.0, Real::max);
-        (r.report.after.total_pairs() + r.report.after.total_inside() + r.report.new_own_pairs(), worst)
+        (
+            r.report.after.total_pairs() + r.report.after.total_inside() + r.report.new_own_pairs(),
+            worst,
+        )
     };
     let mut came = outfit.clone();
     for _ in 0..splitting::ROUNDS {
@@ -350,13 +390,16 @@ fn attempt(
     let (before, closed) = verify_layers(outfit);
     let layers = outfit.garments.len();
     // The garments that those below are pressed in under.
-    let mut tight: BTreeSet<usize> = if params.tuck == Tuck::Always { (0..layers).collect() } else { BTreeSet::new() };
+    let mut tight: BTreeSet<usize> =
+        if params.tuck == Tuck::Always { (0..layers).collect() } else { BTreeSet::new() };
     let mut above = Above::new(outfit, &before, &closed, &tight, params);
     let mut dressing = Dressing::new(outfit, before, &closed[0]);
     let mut index = 0;
     while index < layers {
         let name = &outfit.garments[index].name;
-        let mut tell = |stage, round, pairs| watch(&Progress { layer: name, index, layers, stage, round, pairs });
+        let mut tell = |stage, round, pairs| {
+            watch(&Progress { layer: name, index, layers, stage, round, pairs })
+        };
         let may_halt = params.tuck == Tuck::IfStuck && !tight.contains(&index);
         match dressing.put_on(index, closed.get(index + 1), &above, may_halt, params, &mut tell) {
             Ok(()) => index += 1,
@@ -377,14 +420,17 @@ fn attempt(
 /// The most triangle pairs that an error names.
 const NAMED: usize = 16;
 
-/// The error that names the worst pair of layers, or the garment with the most new intersections with itself.
+/// The error that names the worst pair of layers, or the garment with the most new intersections
+/// with itself.
 fn remaining(came: &Outfit, resolved: Resolved) -> ResolveError {
     if resolved.report.after.is_clean() {
         return meets_itself(came, resolved);
     }
-    let worst = resolved.report.after.pairs.iter().max_by_key(|p| (p.pairs.total(), p.vertices_inside));
+    let worst =
+        resolved.report.after.pairs.iter().max_by_key(|p| (p.pairs.total(), p.vertices_inside));
     let (inner, outer) = worst.map(|p| (p.inner.clone(), p.outer.clone())).unwrap_or_default();
-    let tree = |name: &str| resolved.outfit.layers().find(|l| l.name == name).map(|l| Bvh::new(&l.mesh));
+    let tree =
+        |name: &str| resolved.outfit.layers().find(|l| l.name == name).map(|l| Bvh::new(&l.mesh));
     let triangles = match (tree(&inner), tree(&outer)) {
         (Some(a), Some(b)) => pairs(&a, &b).iter().take(NAMED).map(|p| [p.a, p.b]).collect(),
         _ => Vec::new(),
@@ -402,11 +448,20 @@ fn meets_itself(came: &Outfit, resolved: Resolved) -> ResolveError {
         own_pairs(mesh, &Bvh::new(mesh)).iter().map(|p| [p.a, p.b]).collect()
     };
     // Triangles that were split have other numbers than those that came.
-    let given: BTreeSet<[u32; 2]> =
-        if resolved.splits[worst].is_none() { own(came).into_iter().collect() } else { BTreeSet::new() };
-    let triangles = own(&resolved.outfit).into_iter().filter(|p| !given.contains(p)).take(NAMED).collect();
+    let given: BTreeSet<[u32; 2]> = if resolved.splits[worst].is_none() {
+        own(came).into_iter().collect()
+    } else {
+        BTreeSet::new()
+    };
+    let triangles =
+        own(&resolved.outfit).into_iter().filter(|p| !given.contains(p)).take(NAMED).collect();
     let name = layers[worst].name.clone();
-    ResolveError::Remaining { outer: name.clone(), inner: name, triangles, result: Box::new(resolved) }
+    ResolveError::Remaining {
+        outer: name.clone(),
+        inner: name,
+        triangles,
+        result: Box::new(resolved),
+    }
 }
 
 #[cfg(test)]
@@ -424,14 +479,26 @@ mod tests {
         // Two triangles that cross as they came, and one that crosses the first in the result.
         let flat = |y| [corner(0.0, y, 0.0), corner(1.0, y, 0.0), corner(0.0, y, 1.0)];
         let upright = |x| [corner(x, -0.5, 0.2), corner(x, 0.5, 0.2), corner(x, 0.5, 0.3)];
-        let with =
-            |x| TriMesh::new([flat(0.0), upright(0.2), upright(x)].concat(), vec![[0, 1, 2], [3, 4, 5], [6, 7, 8]]).unwrap();
+        let with = |x| {
+            TriMesh::new(
+                [flat(0.0), upright(0.2), upright(x)].concat(),
+                vec![[0, 1, 2], [3, 4, 5], [6, 7, 8]],
+            )
+            .unwrap()
+        };
         let outfit = |shirt| Outfit {
             body: Layer::new("body", icosphere(1.0, 1)),
             garments: vec![Layer::new("vest", icosphere(1.1, 1)), Layer::new("shirt", shirt)],
         };
-        let layer = |name: &str, own_pairs| LayerReport { name: name.into(), own_pairs, ..LayerReport::default() };
-        let report = ResolveReport { layers: vec![layer("vest", [0, 0]), layer("shirt", [1, 2])], ..ResolveReport::default() };
+        let layer = |name: &str, own_pairs| LayerReport {
+            name: name.into(),
+            own_pairs,
+            ..LayerReport::default()
+        };
+        let report = ResolveReport {
+            layers: vec![layer("vest", [0, 0]), layer("shirt", [1, 2])],
+            ..ResolveReport::default()
+        };
         let resolved = Resolved { outfit: outfit(with(0.3)), splits: vec![None, None], report };
         let error = remaining(&outfit(with(5.0)), resolved);
         let text = error.to_string();
@@ -439,7 +506,9 @@ mod tests {
             text.ends_with("1 new intersections of a garment with itself are left; the worst is `shirt` with itself"),
             "{text}"
         );
-        let ResolveError::Remaining { outer, inner, triangles, .. } = error else { panic!("{error}") };
+        let ResolveError::Remaining { outer, inner, triangles, .. } = error else {
+            panic!("{error}")
+        };
         assert_eq!((outer.as_str(), inner.as_str(), triangles), ("shirt", "shirt", vec![[0, 2]]));
     }
 }

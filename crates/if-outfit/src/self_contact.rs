@@ -21,8 +21,8 @@ pub(crate) struct Facing {
     pub(crate) distance: Real,
 }
 
-/// Cosine between the offset and the triangle's normal below which a triangle lies beside the vertex,
-/// further on in the same sheet, rather than over it.
+/// Cosine between the offset and the triangle's normal below which a triangle lies beside the
+/// vertex, further on in the same sheet, rather than over it.
 const OVER: Real = 0.7;
 
 /// For each vertex the nearest triangle of another sheet within `reach` metres, where there is one.
@@ -67,9 +67,11 @@ impl GivenPairs {
         Self(given.iter().map(|p| [p.a, p.b]).collect())
     }
 
-    /// Those of the own pairs `now` that the input did not have, and by how many there are more of them than in the input.
+    /// Those of the own pairs `now` that the input did not have, and by how many there are more of
+    /// them than in the input.
     pub(crate) fn fresh(&self, now: &[TrianglePair]) -> (Vec<[u32; 2]>, usize) {
-        let fresh = now.iter().map(|p| [p.a, p.b]).filter(|p| self.0.binary_search(p).is_err()).collect();
+        let fresh =
+            now.iter().map(|p| [p.a, p.b]).filter(|p| self.0.binary_search(p).is_err()).collect();
         (fresh, now.len().saturating_sub(self.0.len()))
     }
 }

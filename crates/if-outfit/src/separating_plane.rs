@@ -8,10 +8,12 @@ const TOWARDS: Real = 0.3;
 /// The plane that parts triangle `t` from triangle `o` with the least motion of `t` towards unit
 /// vector `out`: its unit normal n, and the level that n·x must reach at all corners of `t`.
 ///
-/// The candidates are the separating axes of the two that lie within 72° of `out`, and `out` itself.
+/// The candidates are the separating axes of the two that lie within 72° of `out`, and `out`
+/// itself.
 pub(crate) fn parting_plane(t: &[Point; 3], o: &[Point; 3], out: &Vector) -> (Vector, Real) {
     let level = |n: &Vector| o.iter().map(|p| n.dot(&p.coords)).fold(Real::NEG_INFINITY, Real::max);
-    let depth = |n: &Vector| level(n) - t.iter().map(|p| n.dot(&p.coords)).fold(Real::INFINITY, Real::min);
+    let depth =
+        |n: &Vector| level(n) - t.iter().map(|p| n.dot(&p.coords)).fold(Real::INFINITY, Real::min);
     let mut best = (*out, depth(out));
     let mut consider = |axis: Vector| {
         let mut n = unit_or_zero(&axis);
@@ -32,12 +34,18 @@ pub(crate) fn parting_plane(t: &[Point; 3], o: &[Point; 3], out: &Vector) -> (Ve
     (best.0, level(&best.0))
 }
 
-/// The plane that parts triangle `t` from triangle `o` with the widest gap between them: its unit normal n, towards `t`, the level
-/// that n·x does not exceed on `o`, and the gap. `None` where they meet.
+/// The plane that parts triangle `t` from triangle `o` with the widest gap between them: its unit
+/// normal n, towards `t`, the level that n·x does not exceed on `o`, and the gap. `None` where they
+/// meet.
 pub(crate) fn widest_gap(t: &[Point; 3], o: &[Point; 3]) -> Option<(Vector, Real, Real)> {
     let normals = [area_vector(&t[0], &t[1], &t[2]), area_vector(&o[0], &o[1], &o[2])];
-    let across = (0..9).map(|k| (t[(k / 3 + 1) % 3] - t[k / 3]).cross(&(o[(k % 3 + 1) % 3] - o[k % 3])));
-    let axes = normals.into_iter().chain(across).map(|axis| unit_or_zero(&axis)).filter(|n| *n != Vector::zeros());
+    let across =
+        (0..9).map(|k| (t[(k / 3 + 1) % 3] - t[k / 3]).cross(&(o[(k % 3 + 1) % 3] - o[k % 3])));
+    let axes = normals
+        .into_iter()
+        .chain(across)
+        .map(|axis| unit_or_zero(&axis))
+        .filter(|n| *n != Vector::zeros());
     let gaps = axes.flat_map(|n| [n, -n]).map(|n| {
         let level = o.iter().map(|p| n.dot(&p.coords)).fold(Real::NEG_INFINITY, Real::max);
         (n, level, t.iter().map(|p| n.dot(&p.coords)).fold(Real::INFINITY, Real::min) - level)
@@ -71,7 +79,10 @@ mod tests {
             let moved = t.map(|p| p + n * (level - low + 1e-9));
             assert_eq!(triangles(moved.each_ref(), o.each_ref()), Contact::Disjoint);
             let up = t.iter().map(|p| p.z).fold(Real::INFINITY, Real::min);
-            assert!(level - low <= o.iter().map(|p| p.z).fold(Real::NEG_INFINITY, Real::max) - up + 1e-12);
+            assert!(
+                level - low
+                    <= o.iter().map(|p| p.z).fold(Real::NEG_INFINITY, Real::max) - up + 1e-12
+            );
         }
         assert!(met > 50);
     }
@@ -91,7 +102,10 @@ mod tests {
             let Some((n, level, gap)) = found else { continue };
             apart += 1;
             let heights = |c: &[Point; 3]| c.map(|p| n.dot(&p.coords));
-            assert!(heights(&o).iter().all(|h| *h <= level) && heights(&t).iter().all(|h| *h >= level + gap - 1e-12));
+            assert!(
+                heights(&o).iter().all(|h| *h <= level)
+                    && heights(&t).iter().all(|h| *h >= level + gap - 1e-12)
+            );
         }
         assert!((50..450).contains(&apart), "{apart}");
     }

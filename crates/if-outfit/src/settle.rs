@@ -34,7 +34,8 @@ use if_mesh::solid::ClosedLayer;
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
-/// Is told the round, whether it repairs, and the pairs left where they were counted; breaks to stop.
+/// Is told the round, whether it repairs, and the pairs left where they were counted; breaks to
+/// stop.
 pub(crate) type Watch<'a> = dyn FnMut(usize, bool, Option<usize>) -> ControlFlow<()> + 'a;
 
 /// Why a garment did not settle.
@@ -80,7 +81,8 @@ impl Settled {
     }
 }
 
-/// Brings `garment` outside the layers `below` (the body first), and as far as there is room below those `above`.
+/// Brings `garment` outside the layers `below` (the body first), and as far as there is room below
+/// those `above`.
 ///
 /// # Errors
 ///
@@ -102,7 +104,11 @@ pub(crate) fn settle(
         return Ok(Settled::as_it_is(garment));
     }
     let height = below[0].bvh().aabb().size().max();
-    let outward = Outward::new(below, &garment.mesh.surface_aabb().inflated(0.02 * height), params.outward_cell);
+    let outward = Outward::new(
+        below,
+        &garment.mesh.surface_aabb().inflated(0.02 * height),
+        params.outward_cell,
+    );
     let mut cloth = Cloth::new(garment, &tree, below, above, &outward, params);
     let mut trouble = input.trouble(garment.mesh.triangles());
     trouble.extend(sticking_out.iter().copied());
@@ -140,7 +146,8 @@ pub(crate) fn settle(
     Ok(settled)
 }
 
-/// What is least, in this order: how much is left, how many vertices stick out of a layer above, the rms strain.
+/// What is least, in this order: how much is left, how many vertices stick out of a layer above,
+/// the rms strain.
 type Rank = (usize, usize, Real);
 
 /// A garment on its way.
@@ -181,9 +188,14 @@ impl Settling<'_> {
     /// One round; breaks when the garment is as good as it gets.
     fn round(&mut self, round: usize) -> Result<ControlFlow<()>, Halt> {
         let repairing = self.is_repair(round);
-        let moved = if self.yielding > 0 { self.cloth.push_out(&self.tree) } else { self.cloth.round(&self.tree) };
+        let moved = if self.yielding > 0 {
+            self.cloth.push_out(&self.tree)
+        } else {
+            self.cloth.round(&self.tree)
+        };
         self.tree.refit(&self.cloth.x);
-        if moved >= self.params.tolerance && !repairing && !(round + 1).is_multiple_of(CHECK_EVERY) {
+        if moved >= self.params.tolerance && !repairing && !(round + 1).is_multiple_of(CHECK_EVERY)
+        {
             return Ok(ControlFlow::Continue(()));
         }
         let mesh = self.verify(repairing);
@@ -242,7 +254,13 @@ impl Settling<'_> {
     }
 
     /// Keeps the state if no other was as good; breaks when it is clean and will hardly get better.
-    fn keep(&mut self, mesh: &TriMesh, strained: &Strain, moved: Real, repairing: bool) -> ControlFlow<()> {
+    fn keep(
+        &mut self,
+        mesh: &TriMesh,
+        strained: &Strain,
+        moved: Real,
+        repairing: bool,
+    ) -> ControlFlow<()> {
         if repairing && !self.state.is_clean() {
             // What cannot be pressed in without trouble is not.
             self.cloth.release(&self.state.trouble(self.garment.mesh.triangles()));
@@ -264,9 +282,11 @@ impl Settling<'_> {
         ControlFlow::Continue(())
     }
 
-    /// A garment that was never clean in [`STALLED`] repairs goes back to its best state, from where the cloth yields.
+    /// A garment that was never clean in [`STALLED`] repairs goes back to its best state, from
+    /// where the cloth yields.
     fn yield_if_stalled(&mut self) -> Result<(), Halt> {
-        let stalled = self.yielding == 0 && self.repairs > 0 && self.repairs.is_multiple_of(STALLED);
+        let stalled =
+            self.yielding == 0 && self.repairs > 0 && self.repairs.is_multiple_of(STALLED);
         let Some(((1.., ..), x)) = self.best.as_ref().filter(|_| stalled) else { return Ok(()) };
         if !self.may_yield {
             return Err(Halt::Stuck);
@@ -290,12 +310,15 @@ impl Settling<'_> {
             return false;
         }
         self.pushes += usize::from(self.yielding < YIELDS);
-        self.cloth.hold_far_from(&self.state.trouble(self.garment.mesh.triangles()), self.params.repair_influence);
+        self.cloth.hold_far_from(
+            &self.state.trouble(self.garment.mesh.triangles()),
+            self.params.repair_influence,
+        );
         true
     }
 
-    /// Smooths the displacements of what is strained too far, or still in trouble after the cloth has yielded; breaks where a clean
-    /// garment no longer gains by it.
+    /// Smooths the displacements of what is strained too far, or still in trouble after the cloth
+    /// has yielded; breaks where a clean garment no longer gains by it.
     fn untangle(&mut self, round: usize, yielded: bool, strained: &Strain) -> ControlFlow<()> {
         let repairing = self.is_repair(round);
         let tangled = strained.max > TANGLED;
@@ -303,7 +326,8 @@ impl Settling<'_> {
         if is_clean && repairing && tangled && strained.rms > WORTHWHILE * self.relaxed_from {
             return ControlFlow::Break(());
         }
-        let again = if is_clean { repairing && tangled } else { tangled && round < EARLY || yielded };
+        let again =
+            if is_clean { repairing && tangled } else { tangled && round < EARLY || yielded };
         if !again {
             return ControlFlow::Continue(());
         }
@@ -334,7 +358,8 @@ impl Settling<'_> {
         } else {
             self.local = here;
         }
-        let wider = self.params.repair_influence * (1.0 + (round - self.params.settle_rounds) as Real / 10.0);
+        let wider = self.params.repair_influence
+            * (1.0 + (round - self.params.settle_rounds) as Real / 10.0);
         self.cloth.hold_far_from(&self.local, wider);
     }
 
@@ -355,7 +380,9 @@ impl Settling<'_> {
         };
         if is_clean {
             let mut told = |k| watch(rounds + k, true, Some(0));
-            let ControlFlow::Continue(eased) = self.cloth.ease(&settled.positions, &mut self.inspector, &mut told) else {
+            let ControlFlow::Continue(eased) =
+                self.cloth.ease(&settled.positions, &mut self.inspector, &mut told)
+            else {
                 return Err(Halt::Cancelled);
             };
             if let Some(eased) = eased {
@@ -378,7 +405,8 @@ const TANGLED: Real = 0.5;
 const EARLY: usize = 12;
 /// A clean garment is untangled again while its rms strain falls below this share of what it was.
 const WORTHWHILE: Real = 0.9;
-/// After so many rounds of repair, and again after as many more, a garment that was never clean yields.
+/// After so many rounds of repair, and again after as many more, a garment that was never clean
+/// yields.
 const STALLED: usize = 15;
 /// Rounds in which the cloth yields before what is left counts as tangled.
 const YIELDS: usize = 12;

@@ -14,12 +14,17 @@ use if_mesh::split::{self, split};
 pub(crate) const ROUNDS: usize = 3;
 /// Edge strain beyond which a triangle counts as too large, where its edges are long.
 const STRAINED: Real = 0.5;
-/// Edges that are to be split are longer than this many `long_edge`: none gets shorter than half of it. Where cloth is that fine, smaller triangles
-/// are no help.
+/// Edges that are to be split are longer than this many `long_edge`: none gets shorter than half of
+/// it. Where cloth is that fine, smaller triangles are no help.
 const LONG: Real = 2.0;
 
-/// The outfit with the triangles split that gave trouble in `resolved`, and for each garment how, or nothing where there are none.
-pub(crate) fn finer(outfit: &Outfit, resolved: &Resolved, params: &ResolveParams) -> Option<(Outfit, Vec<Option<split::Split>>)> {
+/// The outfit with the triangles split that gave trouble in `resolved`, and for each garment how,
+/// or nothing where there are none.
+pub(crate) fn finer(
+    outfit: &Outfit,
+    resolved: &Resolved,
+    params: &ResolveParams,
+) -> Option<(Outfit, Vec<Option<split::Split>>)> {
     let mut fine = outfit.clone();
     let mut splits = Vec::new();
     for (k, garment) in outfit.garments.iter().enumerate() {
@@ -33,7 +38,9 @@ pub(crate) fn finer(outfit: &Outfit, resolved: &Resolved, params: &ResolveParams
         let long = LONG * params.long_edge;
         let is_long = |e: u32| length(&garment.mesh, &edges, e) > long;
         let marked = with_neighbours(&garment.mesh, &bad);
-        let marked: Vec<bool> = (0..bad.len()).map(|t| marked[t] && edges.of_triangle[t].iter().any(|e| is_long(*e))).collect();
+        let marked: Vec<bool> = (0..bad.len())
+            .map(|t| marked[t] && edges.of_triangle[t].iter().any(|e| is_long(*e)))
+            .collect();
         let made = marked.iter().any(|m| *m).then(|| split(&garment.mesh, &marked).ok()).flatten();
         splits.push(made.map(|made| {
             let made = rounded(made, garment);
@@ -56,20 +63,25 @@ fn in_the_way(resolved: &Resolved, k: usize) -> Vec<bool> {
     let mut bad = vec![false; garment.mesh.triangles().len()];
     let tree = Bvh::new(&garment.mesh);
     for below in outfit.layers().take(k + 1) {
-        let meets = |p: &&crate::report::PairReport| p.outer == garment.name && p.inner == below.name && !p.is_clean();
+        let meets = |p: &&crate::report::PairReport| {
+            p.outer == garment.name && p.inner == below.name && !p.is_clean()
+        };
         if report.after.pairs.iter().find(meets).is_some() {
             pairs(&Bvh::new(&below.mesh), &tree).iter().for_each(|p| bad[p.b as usize] = true);
         }
     }
     if report.layers[k].own_pairs[1] > report.layers[k].own_pairs[0] {
-        own_pairs(&garment.mesh, &tree).iter().for_each(|p| [p.a, p.b].iter().for_each(|t| bad[*t as usize] = true));
+        own_pairs(&garment.mesh, &tree)
+            .iter()
+            .for_each(|p| [p.a, p.b].iter().for_each(|t| bad[*t as usize] = true));
     }
     bad
 }
 
 fn mark_strained(before: &TriMesh, after: &TriMesh, edges: &Edges, bad: &mut [bool]) {
-    let strained: Vec<bool> =
-        (0..edges.len() as u32).map(|e| (length(after, edges, e) / length(before, edges, e) - 1.0).abs() > STRAINED).collect();
+    let strained: Vec<bool> = (0..edges.len() as u32)
+        .map(|e| (length(after, edges, e) / length(before, edges, e) - 1.0).abs() > STRAINED)
+        .collect();
     for (t, of) in edges.of_triangle.iter().enumerate() {
         bad[t] |= of.iter().any(|e| strained[*e as usize]);
     }

@@ -11,7 +11,8 @@ use if_mesh::outward::Outward;
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 
-/// Times that displacements are averaged: over 3 cm of the test data's meshes nothing of a tangle is left.
+/// Times that displacements are averaged: over 3 cm of the test data's meshes nothing of a tangle
+/// is left.
 const SMOOTHINGS: usize = 40;
 /// Steps that a vertex is lifted at most.
 const LIFTS: u32 = 40;
@@ -50,7 +51,9 @@ pub(crate) fn lift(
         .map(|v| {
             let p = Point::from(at[*v as usize]);
             let Some(out) = outward.direction(&p) else { return (Vector::zeros(), 0.0) };
-            let lift = (0..LIFTS).map(|k| Real::from(k) * step).find(|t| is_clear(&(p + out * *t), below, clearance));
+            let lift = (0..LIFTS)
+                .map(|k| Real::from(k) * step)
+                .find(|t| is_clear(&(p + out * *t), below, clearance));
             (out, lift.unwrap_or(0.0))
         })
         .collect();
@@ -64,7 +67,10 @@ pub(crate) fn lift(
             lifted[v as usize] = needed[v as usize].max(sum / around.len().max(1) as Real);
         }
     }
-    chosen.iter().zip(&lifts).for_each(|(v, (out, _))| at[*v as usize] += out * lifted[*v as usize]);
+    chosen
+        .iter()
+        .zip(&lifts)
+        .for_each(|(v, (out, _))| at[*v as usize] += out * lifted[*v as usize]);
 }
 
 /// Where vertex `p` with neighbours `around` comes out of all layers, `part` metres outside, on the
@@ -77,9 +83,14 @@ pub(crate) fn lead_out(
     part: Real,
     step: Real,
 ) -> Option<Point> {
-    let nearest = below.iter().filter_map(|l| l.sided(p, part)).filter(|s| s.distance < 0.0).map(|s| s.normal);
+    let nearest = below
+        .iter()
+        .filter_map(|l| l.sided(p, part))
+        .filter(|s| s.distance < 0.0)
+        .map(|s| s.normal);
     let middle = around.iter().map(|q| q - p).sum::<Vector>();
-    let ways: Vec<Vector> = outward.direction(p).into_iter().chain(nearest).chain([unit_or_zero(&middle)]).collect();
+    let ways: Vec<Vector> =
+        outward.direction(p).into_iter().chain(nearest).chain([unit_or_zero(&middle)]).collect();
     (1..LEADS).find_map(|k| {
         let far = Real::from(k) * step;
         ways.iter().map(|w| p + w * far).find(|q| is_clear(q, below, part))

@@ -1,8 +1,10 @@
-//! Layers above, as ceilings of the one that settles: a loose garment gives way to a tight one worn over it.
+//! Layers above, as ceilings of the one that settles: a loose garment gives way to a tight one worn
+//! over it.
 //!
-//! Without ceilings only the outer of two layers moves, as in the paper. Where the inner one is the larger of the two, the outer one is
-//! then torn wide. With ceilings ([`Tuck`](crate::resolve::Tuck)) the inner one is first pressed in below it, as far as the body and the
-//! layers below leave room: contacts with those come later in every sweep, and win.
+//! Without ceilings only the outer of two layers moves, as in the paper. Where the inner one is the
+//! larger of the two, the outer one is then torn wide. With ceilings
+//! ([`Tuck`](crate::resolve::Tuck)) the inner one is first pressed in below it, as far as the body
+//! and the layers below leave room: contacts with those come later in every sweep, and win.
 
 use crate::outfit::Outfit;
 use crate::report::Verification;
@@ -33,13 +35,17 @@ pub(crate) struct Ceilings<'a> {
 }
 
 impl Ceilings<'_> {
-    /// The planes that `p` must stay behind: the inward normal and a point, one for each layer it sticks out of or lies closely
-    /// below.
+    /// The planes that `p` must stay behind: the inward normal and a point, one for each layer it
+    /// sticks out of or lies closely below.
     ///
-    /// Beyond the end of a layer nothing is pressed: a hem, a cuff or an open front covers nothing there.
+    /// Beyond the end of a layer nothing is pressed: a hem, a cuff or an open front covers nothing
+    /// there.
     fn planes<'a>(&'a self, p: &'a Point) -> impl Iterator<Item = (Vector, Point)> + 'a {
         self.layers.iter().filter_map(move |c| {
-            let s = c.layer.sided(p, self.reach).filter(|s| !s.boundary && s.distance > -c.gap - MARGIN)?;
+            let s = c
+                .layer
+                .sided(p, self.reach)
+                .filter(|s| !s.boundary && s.distance > -c.gap - MARGIN)?;
             Some((-s.normal, s.point - s.normal * c.gap))
         })
     }
@@ -49,14 +55,27 @@ impl Ceilings<'_> {
         if self.layers.is_empty() {
             return Vec::new();
         }
-        let out =
-            |p: &Point| self.layers.iter().any(|c| c.layer.sided(p, self.reach).is_some_and(|s| !s.boundary && s.distance > 0.0));
+        let out = |p: &Point| {
+            self.layers.iter().any(|c| {
+                c.layer.sided(p, self.reach).is_some_and(|s| !s.boundary && s.distance > 0.0)
+            })
+        };
         let n = 0..x.len() as u32;
-        n.into_par_iter().with_min_len(128).filter(|v| !released[*v as usize] && out(&x[*v as usize])).collect()
+        n.into_par_iter()
+            .with_min_len(128)
+            .filter(|v| !released[*v as usize] && out(&x[*v as usize]))
+            .collect()
     }
 
-    /// Fills `planes` with those that the free vertices of `x` must be pressed behind, unless `released`.
-    pub(crate) fn detect(&self, x: &[Point], inverse_masses: &[Real], released: &[bool], planes: &mut HalfSpaces) {
+    /// Fills `planes` with those that the free vertices of `x` must be pressed behind, unless
+    /// `released`.
+    pub(crate) fn detect(
+        &self,
+        x: &[Point],
+        inverse_masses: &[Real],
+        released: &[bool],
+        planes: &mut HalfSpaces,
+    ) {
         planes.clear();
         if self.layers.is_empty() {
             return;
@@ -84,7 +103,8 @@ pub(crate) struct Above {
 }
 
 impl Above {
-    /// The garments `outer` are what others are pressed in below. `closed` are the body and the garments from the innermost on, as they came.
+    /// The garments `outer` are what others are pressed in below. `closed` are the body and the
+    /// garments from the innermost on, as they came.
     pub(crate) fn new(
         outfit: &Outfit,
         before: &Verification,
@@ -94,16 +114,24 @@ impl Above {
     ) -> Self {
         let name = |k: usize| outfit.garments[k].name.as_str();
         let meet = |inner: usize, outer: usize| {
-            before.pairs.iter().any(|p| p.inner == name(inner) && p.outer == name(outer) && !p.is_clean())
+            before
+                .pairs
+                .iter()
+                .any(|p| p.inner == name(inner) && p.outer == name(outer) && !p.is_clean())
         };
         let close = |k: usize| match closed.get(k + 1) {
             Some(layer) => Arc::clone(layer),
-            None => Arc::new(ClosedLayer::garment(&outfit.garments[k].mesh, &closed[0], &outfit.body.mesh)),
+            None => Arc::new(ClosedLayer::garment(
+                &outfit.garments[k].mesh,
+                &closed[0],
+                &outfit.body.mesh,
+            )),
         };
         let garments = (0..outfit.garments.len())
             .into_par_iter()
             .map(|k| {
-                let below: Vec<usize> = (0..k).filter(|inner| outer.contains(&k) && meet(*inner, k)).collect();
+                let below: Vec<usize> =
+                    (0..k).filter(|inner| outer.contains(&k) && meet(*inner, k)).collect();
                 (!below.is_empty()).then(|| (close(k), below))
             })
             .collect();
@@ -113,9 +141,11 @@ impl Above {
     /// The ceilings of garment `index`, each with room for the layers between.
     pub(crate) fn of(&self, index: usize) -> Vec<Ceiling<'_>> {
         let over = self.garments.iter().enumerate().skip(index + 1);
-        over.filter_map(|(k, g)| g.as_ref().filter(|(_, below)| below.contains(&index)).map(|(layer, _)| (k, layer)))
-            .map(|(k, layer)| Ceiling { layer, gap: ROOM * self.clearance * (k - index) as Real })
-            .collect()
+        over.filter_map(|(k, g)| {
+            g.as_ref().filter(|(_, below)| below.contains(&index)).map(|(layer, _)| (k, layer))
+        })
+        .map(|(k, layer)| Ceiling { layer, gap: ROOM * self.clearance * (k - index) as Real })
+        .collect()
     }
 
     /// How far out of a ceiling a vertex may stick to be pressed in, in metres.
@@ -124,7 +154,9 @@ impl Above {
     }
 }
 
-/// Vertices that lie less than this below the gap are kept in, too, in metres: else they buckle out in the next round.
+/// Vertices that lie less than this below the gap are kept in, too, in metres: else they buckle out
+/// in the next round.
 const MARGIN: Real = 0.01;
-/// Clearances between a layer and a ceiling: one for each of the two when they settle, and one to spare for chords.
+/// Clearances between a layer and a ceiling: one for each of the two when they settle, and one to
+/// spare for chords.
 const ROOM: Real = 3.0;

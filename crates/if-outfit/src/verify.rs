@@ -1,4 +1,5 @@
-//! The proof: exact intersections of every layer with every layer below it, and sides by closed fields.
+//! The proof: exact intersections of every layer with every layer below it, and sides by closed
+//! fields.
 
 use crate::outfit::{Layer, Outfit, OutfitError};
 use crate::report::{PairCount, PairReport, Verification};
@@ -16,7 +17,8 @@ use std::time::Instant;
 /// Checks an outfit without changing it: intersecting triangle pairs of all layers, vertices on the
 /// wrong side of a layer below, and every garment's intersections with itself.
 ///
-/// Seams count as closed, vertices that stand in one place along them as one ([`if_mesh::seams`]), vertices of no triangle as none.
+/// Seams count as closed, vertices that stand in one place along them as one ([`if_mesh::seams`]),
+/// vertices of no triangle as none.
 ///
 /// # Errors
 ///
@@ -50,7 +52,12 @@ pub(crate) fn verify_layers(outfit: &Outfit) -> (Verification, Vec<Arc<ClosedLay
 }
 
 /// `outer`, with the positions of `mesh`, against the layers `below`.
-pub(crate) fn against(outer: &Layer, mesh: &TriMesh, tree: &Bvh, below: &[(&str, &ClosedLayer)]) -> Vec<PairReport> {
+pub(crate) fn against(
+    outer: &Layer,
+    mesh: &TriMesh,
+    tree: &Bvh,
+    below: &[(&str, &ClosedLayer)],
+) -> Vec<PairReport> {
     let used = mesh.used_vertices();
     below
         .iter()
@@ -62,7 +69,9 @@ pub(crate) fn against(outer: &Layer, mesh: &TriMesh, tree: &Bvh, below: &[(&str,
                 .par_iter()
                 .zip(&used)
                 .filter(|(_, used)| **used)
-                .filter_map(|(p, _)| inner.sided(p, 0.0).filter(|s| s.distance < 0.0).map(|s| -s.distance))
+                .filter_map(|(p, _)| {
+                    inner.sided(p, 0.0).filter(|s| s.distance < 0.0).map(|s| -s.distance)
+                })
                 .collect();
             PairReport {
                 inner: (*name).to_owned(),

@@ -1,4 +1,5 @@
-//! Outfits as they are solved and proven: without the seams of exporters, and rounded to what will be stored.
+//! Outfits as they are solved and proven: without the seams of exporters, and rounded to what will
+//! be stored.
 
 use crate::outfit::{Layer, Outfit};
 use if_core::math::Point;
@@ -7,8 +8,8 @@ use if_mesh::ply::{CoordinateType, quantise};
 use if_mesh::seams::{self, sew};
 use rayon::prelude::*;
 
-/// An outfit with the seams of its layers closed ([`sew`]), and the positions of garments in single precision rounded to it.
-/// Solved open the seams would gape, and each would be a hem.
+/// An outfit with the seams of its layers closed ([`sew`]), and the positions of garments in single
+/// precision rounded to it. Solved open the seams would gape, and each would be a hem.
 pub(crate) struct Sewn {
     pub(crate) outfit: Outfit,
     /// Of each garment; nothing where it has no seam.
@@ -16,8 +17,8 @@ pub(crate) struct Sewn {
 }
 
 impl Sewn {
-    /// `None` where the outfit is such a one as it came. The garments' seams stay where their triangles are to be
-    /// split: the two sides of a seam have attributes of their own.
+    /// `None` where the outfit is such a one as it came. The garments' seams stay where their
+    /// triangles are to be split: the two sides of a seam have attributes of their own.
     pub(crate) fn new(outfit: &Outfit, garments_too: bool) -> Option<Self> {
         let (body, garments) = rayon::join(
             || sew(&outfit.body.mesh),
@@ -30,7 +31,9 @@ impl Sewn {
                 outfit.garments.par_iter().map(prepare).collect::<Vec<_>>()
             },
         );
-        if body.is_none() && garments.iter().all(|(sewn, stored)| sewn.is_none() && stored.is_none()) {
+        if body.is_none()
+            && garments.iter().all(|(sewn, stored)| sewn.is_none() && stored.is_none())
+        {
             return None;
         }
         let with = |layer: &Layer, sewn: Option<&seams::Sewn>, stored: Option<TriMesh>| Layer {
@@ -53,12 +56,20 @@ impl Sewn {
     pub(crate) fn spread(&self, came: &Outfit, found: Outfit) -> Outfit {
         let opened = |((came, found), sewn): ((&Layer, Layer), &Option<seams::Sewn>)| match sewn {
             Some(sewn) => {
-                let positions: Vec<Point> = sewn.spread(found.mesh.vertices(), came.mesh.vertices());
-                Layer { mesh: came.mesh.with_vertices(positions).expect("positions of a mesh are finite"), ..found }
+                let positions: Vec<Point> =
+                    sewn.spread(found.mesh.vertices(), came.mesh.vertices());
+                Layer {
+                    mesh: came
+                        .mesh
+                        .with_vertices(positions)
+                        .expect("positions of a mesh are finite"),
+                    ..found
+                }
             }
             None => found,
         };
-        let garments = came.garments.iter().zip(found.garments).zip(&self.garments).map(opened).collect();
+        let garments =
+            came.garments.iter().zip(found.garments).zip(&self.garments).map(opened).collect();
         Outfit { body: came.body.clone(), garments }
     }
 }
@@ -66,11 +77,12 @@ impl Sewn {
 /// `mesh` as the file of `layer` will hold it, where that is another one.
 fn stored(layer: &Layer, mesh: &TriMesh) -> Option<TriMesh> {
     let single = layer.single_precision.then(|| rounded(mesh.vertices()))?;
-    (single != mesh.vertices()).then(|| mesh.with_vertices(single).expect("rounded positions are finite"))
+    (single != mesh.vertices())
+        .then(|| mesh.with_vertices(single).expect("rounded positions are finite"))
 }
 
-/// Positions in single precision. What is beyond its range stays: that can only be a vertex of no triangle, since a garment is refused
-/// as too large before.
+/// Positions in single precision. What is beyond its range stays: that can only be a vertex of no
+/// triangle, since a garment is refused as too large before.
 pub(crate) fn rounded(positions: &[Point]) -> Vec<Point> {
     let mut single = quantise(positions, CoordinateType::Float);
     for (single, p) in single.iter_mut().zip(positions) {

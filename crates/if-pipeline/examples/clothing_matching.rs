@@ -1,4 +1,5 @@
-//! Clothing matching by library calls: a wardrobe of one body, worn on another, in a folder that is removed at the end.
+//! Clothing matching by library calls: a wardrobe of one body, worn on another, in a folder that is
+//! removed at the end.
 //!
 //! ```text
 //! cargo run --release -p if-pipeline --example clothing_matching
@@ -23,10 +24,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
     let mut wardrobe = Wardrobe::open(&folder.path().join("wardrobe"))?;
 
-    // Two bodies. Here the second is the first, taller and wider; elsewhere it comes from another capture.
+    // Two bodies. Here the second is the first, taller and wider; elsewhere it comes from another
+    // capture.
     let scene = MannequinParams { resolution: 0.7, ..Default::default() };
     let slim = body(&scene);
-    let large = slim.with_vertices(slim.vertices().iter().map(|p| Point::new(p.x * 1.08, p.y * 1.04, p.z * 1.1)).collect())?;
+    let large = slim.with_vertices(
+        slim.vertices().iter().map(|p| Point::new(p.x * 1.08, p.y * 1.04, p.z * 1.1)).collect(),
+    )?;
     let mut made_on = None;
     for (name, mesh) in [("slim", &slim), ("large", &large)] {
         let path = folder.path().join(format!("{name}.ply"));
@@ -60,13 +64,23 @@ fn main() -> Result<(), Box<dyn Error>> {
     let garments = ["trousers", "tshirt", "jacket"].map(str::to_owned).to_vec();
     let combination = Combination { body: "large".into(), garments };
     let params = MatchParams { picture_height: 0, ..Default::default() };
-    let matched = run(&dresser, &combination, &params, &mut |_| ControlFlow::Continue(()))?.ok_or("cancelled")?;
+    let matched = run(&dresser, &combination, &params, &mut |_| ControlFlow::Continue(()))?
+        .ok_or("cancelled")?;
     println!("{combination}: {:?}", matched.result.state);
     for (name, a) in combination.garments.iter().zip(&matched.result.alignments) {
-        println!("  {name}: by {:?}, {:.1} mm on average, {:.1} % inside", a.method, a.moved.mean * 1e3, a.inside[1] * 1e2);
+        println!(
+            "  {name}: by {:?}, {:.1} mm on average, {:.1} % inside",
+            a.method,
+            a.moved.mean * 1e3,
+            a.inside[1] * 1e2
+        );
     }
     let report = matched.result.report.ok_or("not resolved")?;
-    println!("  {} pairs before, {} after", report.before.total_pairs(), report.after.total_pairs());
+    println!(
+        "  {} pairs before, {} after",
+        report.before.total_pairs(),
+        report.after.total_pairs()
+    );
 
     // φ of the second body in the aligned T-shirt, for whoever asks for a field.
     let tshirt = dresser.aligned("tshirt", "large")?;

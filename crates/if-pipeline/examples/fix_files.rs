@@ -1,6 +1,8 @@
-//! An outfit of files, resolved and written again with all attributes: what `ifg fix` does at its core, for programs that do it themselves.
+//! An outfit of files, resolved and written again with all attributes: what `ifg fix` does at its
+//! core, for programs that do it themselves.
 //!
-//! `cargo run --release -p if-pipeline --no-default-features --example fix_files -- OUT BODY INNER … OUTER`
+//! `cargo run --release -p if-pipeline --no-default-features --example fix_files -- OUT BODY INNER
+//! … OUTER`
 
 use if_mesh::file::MeshFile;
 use if_outfit::outfit::{Layer, Outfit};
@@ -30,7 +32,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let resolved = match resolve(&outfit, &ResolveParams::default(), &mut watch) {
         Ok(resolved) => resolved,
         Err(ResolveError::Remaining { outer, inner, triangles, .. }) => {
-            return Err(format!("{outer} cannot be brought over {inner}; look at their triangles {triangles:?}").into());
+            return Err(format!(
+                "{outer} cannot be brought over {inner}; look at their triangles {triangles:?}"
+            )
+            .into());
         }
         Err(e) => return Err(e.into()),
     };
@@ -47,6 +52,10 @@ fn main() -> Result<(), Box<dyn Error>> {
             100.0 * layer.strain.rms
         );
     }
-    println!("{} -> {} pairs", resolved.report.before.total_pairs(), resolved.report.after.total_pairs());
+    println!(
+        "{} -> {} pairs",
+        resolved.report.before.total_pairs(),
+        resolved.report.after.total_pairs()
+    );
     Ok(())
 }

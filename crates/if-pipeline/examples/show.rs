@@ -27,7 +27,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (mut trousers, mut naked) = (false, false);
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
-        let mut number = || args.next().ok_or("a number is missing")?.parse::<f64>().map_err(Box::<dyn Error>::from);
+        let mut number = || {
+            args.next().ok_or("a number is missing")?.parse::<f64>().map_err(Box::<dyn Error>::from)
+        };
         match arg.as_str() {
             "--trousers" => trousers = true,
             "--naked" => naked = true,
@@ -37,7 +39,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             path => files.push(path.to_owned()),
         }
     }
-    let out = out.ok_or("usage: show OUT.png [--trousers] [--naked] [--overlap X] [--resolution X] [FILES]")?;
+    let out = out.ok_or(
+        "usage: show OUT.png [--trousers] [--naked] [--overlap X] [--resolution X] [FILES]",
+    )?;
     params.validate()?;
 
     let start = Instant::now();
@@ -54,16 +58,28 @@ fn main() -> Result<(), Box<dyn Error>> {
     let red: Vec<Vec<u32>> = intersecting(&scene);
     for ((name, mesh), red) in scene.iter().zip(&red) {
         let (v, t) = (mesh.vertices().len(), mesh.triangles().len());
-        println!("{name}: {v} vertices, {t} triangles, {} of them intersect other layers", red.len());
+        println!(
+            "{name}: {v} vertices, {t} triangles, {} of them intersect other layers",
+            red.len()
+        );
     }
     let layers: Vec<RenderLayer> = scene
         .iter()
         .zip(&red)
         .enumerate()
-        .map(|(k, ((_, mesh), red))| RenderLayer { mesh, color: PALETTE[k % PALETTE.len()], highlight: red })
+        .map(|(k, ((_, mesh), red))| RenderLayer {
+            mesh,
+            color: PALETTE[k % PALETTE.len()],
+            highlight: red,
+        })
         .collect();
     let start = Instant::now();
-    let image = side_by_side(&layers, &[View::FRONT, View::THREE_QUARTER, View::BACK, View::HALF], 800, 1200);
+    let image = side_by_side(
+        &layers,
+        &[View::FRONT, View::THREE_QUARTER, View::BACK, View::HALF],
+        800,
+        1200,
+    );
     let drawn = start.elapsed();
     let start = Instant::now();
     image.write_png(std::io::BufWriter::new(std::fs::File::create(&out)?))?;

@@ -1,4 +1,5 @@
-//! A garment as an asset: a folder with its mesh and skinning weights, its φ where there is one, and what is known of it.
+//! A garment as an asset: a folder with its mesh and skinning weights, its φ where there is one,
+//! and what is known of it.
 //!
 //! ```text
 //! NAME/
@@ -9,8 +10,8 @@
 //!   thumbnail.png   front and back
 //! ```
 //!
-//! The folder is written whole or not at all ([`if_mesh::whole_folder`]); its files are named with their hashes in
-//! `asset.json`, which [`read`] checks.
+//! The folder is written whole or not at all ([`if_mesh::whole_folder`]); its files are named with
+//! their hashes in `asset.json`, which [`read`] checks.
 
 mod beside;
 mod class;
@@ -40,7 +41,8 @@ const GARMENT: &str = "garment.ply";
 const NETWORK: &str = "phi.safetensors";
 const BAKED: &str = "phi.baked";
 const THUMBNAIL: &str = "thumbnail.png";
-/// Weights may name any joint that a PLY file's byte can: the skeleton that has them belongs to the body.
+/// Weights may name any joint that a PLY file's byte can: the skeleton that has them belongs to the
+/// body.
 const JOINTS: usize = 256;
 
 /// A garment that was read.
@@ -67,7 +69,8 @@ pub struct Parts<'a> {
     pub hint: LayerHint,
     /// The body it was made on.
     pub body: &'a BodyRef,
-    /// The mesh, in the body's canonical pose and in metres. Positions are rounded to single precision.
+    /// The mesh, in the body's canonical pose and in metres. Positions are rounded to single
+    /// precision.
     pub mesh: &'a TriMesh,
     /// One record for each vertex.
     pub skin: Option<&'a SkinWeights>,
@@ -98,7 +101,10 @@ pub fn write(assets: &Writer, parts: &Parts) -> Result<AssetInfo, AssetError> {
         return Err(AssetError::SkinCount { name: parts.name.into(), vertices, records });
     }
     let rounded = ply::quantise(parts.mesh.vertices(), CoordinateType::Float);
-    let mesh = parts.mesh.with_vertices(rounded).map_err(|source| AssetError::Rounding { name: parts.name.into(), source })?;
+    let mesh = parts
+        .mesh
+        .with_vertices(rounded)
+        .map_err(|source| AssetError::Rounding { name: parts.name.into(), source })?;
     assets.write(parts.name, |folder| {
         let store = |file: &str, bytes: &[u8]| -> Result<FileInfo, AssetError> {
             let path = folder.join(file);
@@ -120,7 +126,9 @@ pub fn write(assets: &Writer, parts: &Parts) -> Result<AssetInfo, AssetError> {
         let network = parts.network.map(|bytes| store(NETWORK, bytes)).transpose()?;
         let baked = parts.baked.map(|field| store(BAKED, &field.to_bytes())).transpose()?;
         let mut png = Vec::new();
-        thumbnail::draw(&mesh).write_png(&mut png).map_err(|source| AssetError::Picture { name: parts.name.into(), source })?;
+        thumbnail::draw(&mesh)
+            .write_png(&mut png)
+            .map_err(|source| AssetError::Picture { name: parts.name.into(), source })?;
         store(THUMBNAIL, &png)?;
         let info = AssetInfo {
             asset: FORMAT,
@@ -135,8 +143,8 @@ pub fn write(assets: &Writer, parts: &Parts) -> Result<AssetInfo, AssetError> {
             openings: info::openings(&mesh),
             provenance: parts.provenance.clone(),
         };
-        let mut text =
-            serde_json::to_vec_pretty(&info).map_err(|e| AssetError::Json { path: folder.join(INFO), message: e.to_string() })?;
+        let mut text = serde_json::to_vec_pretty(&info)
+            .map_err(|e| AssetError::Json { path: folder.join(INFO), message: e.to_string() })?;
         text.push(b'\n');
         store(INFO, &text)?;
         Ok(info)
@@ -152,13 +160,21 @@ pub fn read(folder: &Path) -> Result<Asset, AssetError> {
     let info = read_info(folder)?;
     let bytes = load(folder, &info.garment)?;
     let path = || folder.join(&info.garment.file);
-    let ply = ply::read_bytes(&bytes).map_err(|e| AssetError::Garment { path: path(), source: e.into() })?;
+    let ply = ply::read_bytes(&bytes)
+        .map_err(|e| AssetError::Garment { path: path(), source: e.into() })?;
     let found = (ply.mesh.vertices().len(), ply.mesh.triangles().len());
     if found != (info.vertices, info.triangles) {
-        return Err(AssetError::Counts { path: path(), stated: (info.vertices, info.triangles), found });
+        return Err(AssetError::Counts {
+            path: path(),
+            stated: (info.vertices, info.triangles),
+            found,
+        });
     }
     let skin = match info.skinned {
-        true => Some(SkinWeights::from_ply(&ply, JOINTS).map_err(|source| AssetError::Skin { path: path(), source })?),
+        true => Some(
+            SkinWeights::from_ply(&ply, JOINTS)
+                .map_err(|source| AssetError::Skin { path: path(), source })?,
+        ),
         false => None,
     };
     let beside = Beside::of(&ply);
@@ -173,7 +189,8 @@ pub fn read(folder: &Path) -> Result<Asset, AssetError> {
 pub fn read_info(folder: &Path) -> Result<AssetInfo, AssetError> {
     let path = folder.join(INFO);
     let text = fs::read(&path).map_err(|source| AssetError::Io { path: path.clone(), source })?;
-    let json = |e: serde_json::Error| AssetError::Json { path: path.clone(), message: e.to_string() };
+    let json =
+        |e: serde_json::Error| AssetError::Json { path: path.clone(), message: e.to_string() };
     let value: serde_json::Value = serde_json::from_slice(&text).map_err(json)?;
     // Before anything else: of another version, other keys would be at fault.
     match value.get("asset").and_then(serde_json::Value::as_u64) {
@@ -208,8 +225,8 @@ impl Asset {
     pub fn baked(&self) -> Result<Option<Baked>, AssetError> {
         let Some(file) = &self.info.phi.baked else { return Ok(None) };
         let bytes = load(&self.folder, file)?;
-        let baked =
-            Baked::from_bytes(&bytes).map_err(|source| AssetError::Baked { path: self.folder.join(&file.file), source })?;
+        let baked = Baked::from_bytes(&bytes)
+            .map_err(|source| AssetError::Baked { path: self.folder.join(&file.file), source })?;
         Ok(Some(baked))
     }
 }
@@ -224,13 +241,17 @@ fn load(folder: &Path, file: &FileInfo) -> Result<Vec<u8>, AssetError> {
     let bytes = fs::read(&path).map_err(|source| AssetError::Io { path: path.clone(), source })?;
     let found = content(&bytes);
     if found != file.content {
-        return Err(AssetError::Changed { path, stated: file.content.sha256.clone(), found: found.sha256 });
+        return Err(AssetError::Changed {
+            path,
+            stated: file.content.sha256.clone(),
+            found: found.sha256,
+        });
     }
     Ok(bytes)
 }
 
-/// Whether a name can be that of a garment or body. Names become folders, on any system: 1 to 64 ASCII letters, digits, `_`, `-`
-/// and `.`, the last neither first nor at the end.
+/// Whether a name can be that of a garment or body. Names become folders, on any system: 1 to 64
+/// ASCII letters, digits, `_`, `-` and `.`, the last neither first nor at the end.
 ///
 /// # Errors
 ///
@@ -238,7 +259,12 @@ fn load(folder: &Path, file: &FileInfo) -> Result<Vec<u8>, AssetError> {
 pub fn check_name(name: &str) -> Result<(), AssetError> {
     const LONGEST: usize = 64;
     let fits = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
-    if name.is_empty() || name.len() > LONGEST || !name.chars().all(fits) || name.starts_with('.') || name.ends_with('.') {
+    if name.is_empty()
+        || name.len() > LONGEST
+        || !name.chars().all(fits)
+        || name.starts_with('.')
+        || name.ends_with('.')
+    {
         return Err(AssetError::Name { name: name.into() });
     }
     Ok(())

@@ -1,5 +1,5 @@
-//! A capture: a person in layered clothes who turns before one camera, as pictures that a human parser and a normal
-//! estimator made of a video. The folder is specified in `docs/capture.md`.
+//! A capture: a person in layered clothes who turns before one camera, as pictures that a human
+//! parser and a normal estimator made of a video. The folder is specified in `docs/capture.md`.
 //!
 //! [`Capture::open`] reads `meta.json` and looks at the head of every picture; pictures themselves are read frame by
 //! frame, and no frame is kept.
@@ -27,8 +27,9 @@ pub const SKIN: u8 = 1;
 /// Label of the innermost garment; the others follow, inner to outer.
 pub const FIRST_GARMENT: u8 = 2;
 
-/// Which subfolders hold the pictures. `None` takes what `meta.json` names under `channels`; where it names nothing,
-/// `mask_noisy` and `label_noisy` where there are such folders, else `mask` and `label`; and `normal`.
+/// Which subfolders hold the pictures. `None` takes what `meta.json` names under `channels`; where
+/// it names nothing, `mask_noisy` and `label_noisy` where there are such folders, else `mask` and
+/// `label`; and `normal`.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Channels {
     /// Of the foreground masks.
@@ -42,7 +43,11 @@ pub struct Channels {
 impl Channels {
     /// The clean pictures of a rendered capture: truth, for judging, never input.
     pub fn truth() -> Self {
-        Self { mask: Some("mask".into()), label: Some("label".into()), normal: Some("normal".into()) }
+        Self {
+            mask: Some("mask".into()),
+            label: Some("label".into()),
+            normal: Some("normal".into()),
+        }
     }
 }
 
@@ -89,12 +94,23 @@ impl Capture {
         let (camera, frames) = meta.checked(&folder.join(meta::FILE))?;
         let noisy = |kind: Kind, given: &Option<String>| {
             let name = given.as_deref().or_else(|| meta.channel(kind));
-            let found = || if folder.join(kind.noisy()).is_dir() { kind.noisy() } else { kind.folder() };
+            let found =
+                || if folder.join(kind.noisy()).is_dir() { kind.noisy() } else { kind.folder() };
             name.unwrap_or_else(found).to_owned()
         };
-        let channels =
-            [noisy(Kind::Mask, &channels.mask), noisy(Kind::Label, &channels.label), noisy(Kind::Normal, &channels.normal)];
-        let this = Self { folder: folder.into(), camera, labels: meta.labels, joints: meta.joints, frames, channels };
+        let channels = [
+            noisy(Kind::Mask, &channels.mask),
+            noisy(Kind::Label, &channels.label),
+            noisy(Kind::Normal, &channels.normal),
+        ];
+        let this = Self {
+            folder: folder.into(),
+            camera,
+            labels: meta.labels,
+            joints: meta.joints,
+            frames,
+            channels,
+        };
         for frame in 0..this.len() {
             for kind in Kind::ALL {
                 let path = this.path(frame, kind);
@@ -173,7 +189,11 @@ impl Capture {
     ///
     /// If `frame` is out of range.
     pub fn frame(&self, frame: usize) -> Result<Frame, CaptureError> {
-        Ok(Frame { mask: self.mask(frame)?, labels: self.label_image(frame)?, normals: self.normals(frame)? })
+        Ok(Frame {
+            mask: self.mask(frame)?,
+            labels: self.label_image(frame)?,
+            normals: self.normals(frame)?,
+        })
     }
 
     /// Reads the mask of a frame alone: `true` from half of full white on.
@@ -232,11 +252,18 @@ impl Capture {
     /// The first joint that differs.
     pub fn check_skeleton(&self, skeleton: &Skeleton) -> Result<(), CaptureError> {
         if self.joints.len() != skeleton.len() {
-            return Err(CaptureError::JointCount { capture: self.joints.len(), skeleton: skeleton.len() });
+            return Err(CaptureError::JointCount {
+                capture: self.joints.len(),
+                skeleton: skeleton.len(),
+            });
         }
         for (joint, (ours, theirs)) in self.joints.iter().zip(skeleton.names()).enumerate() {
             if ours != theirs {
-                return Err(CaptureError::JointName { joint, capture: ours.clone(), skeleton: theirs.into() });
+                return Err(CaptureError::JointName {
+                    joint,
+                    capture: ours.clone(),
+                    skeleton: theirs.into(),
+                });
             }
         }
         Ok(())

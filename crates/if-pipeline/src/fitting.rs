@@ -34,10 +34,15 @@ pub enum MeshTarget {
 #[non_exhaustive]
 pub enum MeshTargetError {
     /// It has no field.
-    #[error("the mesh has no signed distance; close it, or fit its vertices as points, which fills holes")]
+    #[error(
+        "the mesh has no signed distance; close it, or fit its vertices as points, which fills holes"
+    )]
     Field(#[source] SdfError),
-    /// It faces inwards, or neighbours face opposite ways: neither its field nor its normals have a side.
-    #[error("the mesh has no outside; turn its triangles so that all are counter-clockwise seen from outside")]
+    /// It faces inwards, or neighbours face opposite ways: neither its field nor its normals have a
+    /// side.
+    #[error(
+        "the mesh has no outside; turn its triangles so that all are counter-clockwise seen from outside"
+    )]
     Sides(#[source] SdfError),
     /// Its vertices are no target.
     #[error("the vertices of the mesh cannot be fitted")]
@@ -45,7 +50,8 @@ pub enum MeshTargetError {
 }
 
 impl MeshTarget {
-    /// Takes a mesh in metres. Vertices without a normal (of no triangle, or of flat ones) are left out of points.
+    /// Takes a mesh in metres. Vertices without a normal (of no triangle, or of flat ones) are left
+    /// out of points.
     ///
     /// # Errors
     ///
@@ -54,10 +60,16 @@ impl MeshTarget {
         if take != Take::Points {
             match MeshSdf::closed(mesh) {
                 Ok(field) => return Ok(Self::Field(field)),
-                Err(e @ (SdfError::InsideOut { .. } | SdfError::PartInsideOut { .. } | SdfError::Winding { .. })) => {
+                Err(
+                    e @ (SdfError::InsideOut { .. }
+                    | SdfError::PartInsideOut { .. }
+                    | SdfError::Winding { .. }),
+                ) => {
                     return Err(MeshTargetError::Sides(e));
                 }
-                Err(e) if take == Take::Field || e == SdfError::Empty => return Err(MeshTargetError::Field(e)),
+                Err(e) if take == Take::Field || e == SdfError::Empty => {
+                    return Err(MeshTargetError::Field(e));
+                }
                 Err(_) => {}
             }
         }
@@ -105,12 +117,27 @@ mod tests {
         assert!(matches!(MeshTarget::new(&ball, Take::Points), Ok(MeshTarget::Points(_))));
         let open = with(ball.triangles()[20..].to_vec());
         assert!(matches!(MeshTarget::new(&open, Take::Either), Ok(MeshTarget::Points(_))));
-        assert!(matches!(MeshTarget::new(&open, Take::Field), Err(MeshTargetError::Field(SdfError::NotClosed { .. }))));
+        assert!(matches!(
+            MeshTarget::new(&open, Take::Field),
+            Err(MeshTargetError::Field(SdfError::NotClosed { .. }))
+        ));
         let turned = with(ball.triangles().iter().map(|[a, b, c]| [*a, *c, *b]).collect());
-        assert!(matches!(MeshTarget::new(&turned, Take::Either), Err(MeshTargetError::Sides(SdfError::InsideOut { .. }))));
-        assert!(matches!(MeshTarget::new(&turned, Take::Points), Err(MeshTargetError::Points(CloudError::InsideOut { .. }))));
-        assert!(matches!(MeshTarget::new(&TriMesh::default(), Take::Either), Err(MeshTargetError::Field(SdfError::Empty))));
-        assert!(matches!(MeshTarget::new(&TriMesh::default(), Take::Points), Err(MeshTargetError::Points(_))));
+        assert!(matches!(
+            MeshTarget::new(&turned, Take::Either),
+            Err(MeshTargetError::Sides(SdfError::InsideOut { .. }))
+        ));
+        assert!(matches!(
+            MeshTarget::new(&turned, Take::Points),
+            Err(MeshTargetError::Points(CloudError::InsideOut { .. }))
+        ));
+        assert!(matches!(
+            MeshTarget::new(&TriMesh::default(), Take::Either),
+            Err(MeshTargetError::Field(SdfError::Empty))
+        ));
+        assert!(matches!(
+            MeshTarget::new(&TriMesh::default(), Take::Points),
+            Err(MeshTargetError::Points(_))
+        ));
     }
 
     /// A ball with a hole and noise comes out rounder than it went in, and closed.
@@ -119,9 +146,18 @@ mod tests {
         use if_core::field::SignedDistance;
         let ball = meshes::icosphere(0.5, 4);
         let noise = |i: usize| 0.004 * (i as f64 * 12.9898).sin();
-        let vertices: Vec<Point> = ball.vertices().iter().enumerate().map(|(i, p)| p + p.coords * (2.0 * noise(i))).collect();
-        let hole: Vec<[u32; 3]> =
-            ball.triangles().iter().filter(|t| t.iter().any(|v| vertices[*v as usize].y < 0.45)).copied().collect();
+        let vertices: Vec<Point> = ball
+            .vertices()
+            .iter()
+            .enumerate()
+            .map(|(i, p)| p + p.coords * (2.0 * noise(i)))
+            .collect();
+        let hole: Vec<[u32; 3]> = ball
+            .triangles()
+            .iter()
+            .filter(|t| t.iter().any(|v| vertices[*v as usize].y < 0.45))
+            .copied()
+            .collect();
         let mesh = TriMesh::new(vertices.clone(), hole).unwrap();
         let taken = MeshTarget::new(&mesh, Take::Either).unwrap();
         let mut config = NetworkConfig::grid();
@@ -130,17 +166,31 @@ mod tests {
         }
         let sampling = SamplingParams { near: 20_000, far: 2000, ..SamplingParams::default() };
         let (set, mut network) = taken.target().begin(&config, &sampling).unwrap();
-        let params =
-            FitParams { steps: Some(60), seconds: None, batch: 2048, loss: taken.target().loss(), ..config.fit_params() };
-        Fit::new(params).unwrap().run(&mut network, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+        let params = FitParams {
+            steps: Some(60),
+            seconds: None,
+            batch: 2048,
+            loss: taken.target().loss(),
+            ..config.fit_params()
+        };
+        Fit::new(params)
+            .unwrap()
+            .run(&mut network, &set, &mut |_| ControlFlow::Continue(()))
+            .unwrap();
         let field = NeuralField::new(network, set.frame).unwrap();
-        let mean = |points: &[Point], f: &dyn Fn(&Point) -> f64| points.iter().map(f).sum::<f64>() / points.len() as f64;
+        let mean = |points: &[Point], f: &dyn Fn(&Point) -> f64| {
+            points.iter().map(f).sum::<f64>() / points.len() as f64
+        };
         let raw = mean(&vertices, &|p| (p.coords.norm() - 0.5).abs());
         let on: Vec<Point> = ball.vertices().iter().copied().filter(|p| p.y < 0.4).collect();
         let fitted = mean(&on, &|p| field.distance(p).abs());
         // Noise of 2.5 mm on points 35 mm apart: the fit adds no error to the scan's.
         assert!(fitted < raw, "{fitted} {raw}");
-        // The cap over the hole bulges to the plane of its rim at least, and not far beyond the ball.
-        assert!(field.distance(&Point::new(0.0, 0.42, 0.0)) < 0.0 && field.distance(&Point::new(0.0, 0.58, 0.0)) > 0.0);
+        // The cap over the hole bulges to the plane of its rim at least, and not far beyond the
+        // ball.
+        assert!(
+            field.distance(&Point::new(0.0, 0.42, 0.0)) < 0.0
+                && field.distance(&Point::new(0.0, 0.58, 0.0)) > 0.0
+        );
     }
 }

@@ -13,8 +13,8 @@
 //! | garments, from label images | [`find_garments`] |
 //! | a baseline: the visual hull | [`VisualHull`] |
 //!
-//! What was measured stands in `docs/reconstruction.md`; the stages one after the other, with baselines, in the example
-//! `reconstruction_stages`.
+//! What was measured stands in `docs/reconstruction.md`; the stages one after the other, with
+//! baselines, in the example `reconstruction_stages`.
 
 mod canonical;
 mod checkpoint;
@@ -44,8 +44,9 @@ pub use frames::{FramesError, posed, write_frames};
 pub use garments::{Garment, GarmentParams, Garments, GarmentsError, find_garments, openings_of};
 pub use hull::{HullError, VisualHull};
 pub use motion::{
-    FrameMotion, MeshMotion, Motion, MotionError, MotionNetwork, MotionNetworkError, MotionNetworkParams, MotionNetworkReport,
-    MotionParams, MotionReport, MotionRound, distil_motion, fit_motion,
+    FrameMotion, MeshMotion, Motion, MotionError, MotionNetwork, MotionNetworkError,
+    MotionNetworkParams, MotionNetworkReport, MotionParams, MotionReport, MotionRound,
+    distil_motion, fit_motion,
 };
 pub use params::{ParamError, SurfaceParams};
 pub use phi::{PhiError, PhiNetwork, PhiParams, PhiReport, fit_phi};

@@ -1,4 +1,5 @@
-//! Clothing matching (Appendix D): a folder of bodies and garments, combined at will and made intersection-free.
+//! Clothing matching (Appendix D): a folder of bodies and garments, combined at will and made
+//! intersection-free.
 //!
 //! ```text
 //! WARDROBE/
@@ -6,7 +7,8 @@
 //!   garments/NAME/  an asset: crate::asset
 //! ```
 //!
-//! A [`Wardrobe`] knows what is there. A [`dresser::Dresser`] aligns garments on a body and keeps what it has aligned.
+//! A [`Wardrobe`] knows what is there. A [`dresser::Dresser`] aligns garments on a body and keeps
+//! what it has aligned.
 //! [`matching`] resolves one combination into a result folder; [`batch`] many, and goes on where it was stopped.
 
 pub mod batch;
@@ -70,15 +72,21 @@ pub struct Wardrobe {
 }
 
 impl Wardrobe {
-    /// Reads what is there; an empty or missing folder is an empty wardrobe. A body or garment that cannot be read does not stop
-    /// the others: see [`Wardrobe::faults`]. What a process that was killed had moved away is put back.
+    /// Reads what is there; an empty or missing folder is an empty wardrobe. A body or garment that
+    /// cannot be read does not stop the others: see [`Wardrobe::faults`]. What a process that was
+    /// killed had moved away is put back.
     ///
     /// # Errors
     ///
     /// A folder that the system does not give.
     pub fn open(root: &Path) -> Result<Self, WardrobeError> {
         let fault = |source| WardrobeError::Folder { path: root.into(), source };
-        let mut wardrobe = Self { root: root.into(), bodies: BTreeMap::new(), garments: BTreeMap::new(), faults: Vec::new() };
+        let mut wardrobe = Self {
+            root: root.into(),
+            bodies: BTreeMap::new(),
+            garments: BTreeMap::new(),
+            faults: Vec::new(),
+        };
         [BODIES, GARMENTS].iter().for_each(|part| whole_folder::restore(&root.join(part)));
         for name in whole_folder::names(&root.join(BODIES)).map_err(fault)? {
             match wardrobe.stored_body(&name) {
@@ -111,15 +119,17 @@ impl Wardrobe {
     ///
     /// # Errors
     ///
-    /// A name that is no folder's, a file that is missing or of no use, or another process that writes there and does not end.
+    /// A name that is no folder's, a file that is missing or of no use, or another process that
+    /// writes there and does not end.
     pub fn add_body(&mut self, new: &NewBody) -> Result<BodyRef, WardrobeError> {
         let writer = self.writer(BODIES)?;
         self.put_body(&writer, new.name, &BodyFiles::read(new)?)
     }
 
-    /// Adds a body unless one that has its files is there, whatever it is called, and replaces none that has another mesh: where the name
-    /// is taken the new one gets a number. So garments keep the body they were made on, also where several processes add bodies at once.
-    /// A body that has the mesh, but another template or skeleton, takes the new one; what is not given it keeps.
+    /// Adds a body unless one that has its files is there, whatever it is called, and replaces none
+    /// that has another mesh: where the name is taken the new one gets a number. So garments keep
+    /// the body they were made on, also where several processes add bodies at once. A body that has
+    /// the mesh, but another template or skeleton, takes the new one; what is not given it keeps.
     ///
     /// # Errors
     ///
@@ -135,12 +145,20 @@ impl Wardrobe {
             let (name, folder) = (body.name.clone(), self.root.join(BODIES).join(&body.name));
             return self.put_body(&writer, &name, &files.completed(&folder, body)?);
         }
-        let mut names = std::iter::once(new.name.to_owned()).chain((2..).map(|k| format!("{}_{k}", new.name)));
-        let name = names.find(|name| !self.root.join(BODIES).join(name).exists()).expect("some number is free");
+        let mut names =
+            std::iter::once(new.name.to_owned()).chain((2..).map(|k| format!("{}_{k}", new.name)));
+        let name = names
+            .find(|name| !self.root.join(BODIES).join(name).exists())
+            .expect("some number is free");
         self.put_body(&writer, &name, &files)
     }
 
-    fn put_body(&mut self, writer: &Writer, name: &str, files: &BodyFiles) -> Result<BodyRef, WardrobeError> {
+    fn put_body(
+        &mut self,
+        writer: &Writer,
+        name: &str,
+        files: &BodyFiles,
+    ) -> Result<BodyRef, WardrobeError> {
         asset::check_name(name)?;
         let info = body::write(writer, name, files)?;
         let found = info.reference();
@@ -153,7 +171,8 @@ impl Wardrobe {
     ///
     /// # Errors
     ///
-    /// A body that the wardrobe does not have, a garment too large for it or too far from it ([`if_outfit::outfit::Outfit::new`]), those of
+    /// A body that the wardrobe does not have, a garment too large for it or too far from it
+    /// ([`if_outfit::outfit::Outfit::new`]), those of
     /// [`asset::write`], or another process that writes there and does not end.
     pub fn add(&mut self, parts: &Parts) -> Result<&AssetInfo, WardrobeError> {
         let body = self.body_like(parts.name, parts.body)?;
@@ -169,11 +188,13 @@ impl Wardrobe {
 
     fn writer(&self, part: &str) -> Result<Writer, WardrobeError> {
         let path = self.root.join(part);
-        let opened = Writer::wait(&path, PATIENCE).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
+        let opened = Writer::wait(&path, PATIENCE)
+            .map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
         opened.ok_or(WardrobeError::Busy { path })
     }
 
-    /// What the folder of a body says. Whoever has renamed it has renamed the body; a name that no combination can have is an error.
+    /// What the folder of a body says. Whoever has renamed it has renamed the body; a name that no
+    /// combination can have is an error.
     fn stored_body(&self, name: &str) -> Result<BodyInfo, WardrobeError> {
         asset::check_name(name)?;
         Ok(BodyInfo { name: name.into(), ..body::read_info(&self.root.join(BODIES).join(name))? })
@@ -182,7 +203,10 @@ impl Wardrobe {
     /// The same of a garment.
     fn stored_garment(&self, name: &str) -> Result<AssetInfo, WardrobeError> {
         asset::check_name(name)?;
-        Ok(AssetInfo { name: name.into(), ..asset::read_info(&self.root.join(GARMENTS).join(name))? })
+        Ok(AssetInfo {
+            name: name.into(),
+            ..asset::read_info(&self.root.join(GARMENTS).join(name))?
+        })
     }
 
     /// Where it stands.
@@ -220,7 +244,9 @@ impl Wardrobe {
             self.stored_body(name)?; // says once more what is wrong
         }
         let known = || self.bodies.keys().cloned().collect::<Vec<_>>().join(", ");
-        self.bodies.get(name).ok_or_else(|| WardrobeError::NoBody { name: name.into(), known: known() })
+        self.bodies
+            .get(name)
+            .ok_or_else(|| WardrobeError::NoBody { name: name.into(), known: known() })
     }
 
     /// What is known of a garment.
@@ -233,7 +259,9 @@ impl Wardrobe {
             self.stored_garment(name)?;
         }
         let known = || self.garments.keys().cloned().collect::<Vec<_>>().join(", ");
-        self.garments.get(name).ok_or_else(|| WardrobeError::NoGarment { name: name.into(), known: known() })
+        self.garments
+            .get(name)
+            .ok_or_else(|| WardrobeError::NoGarment { name: name.into(), known: known() })
     }
 
     /// The body that a garment was made on: by its content, whatever it is called here.
@@ -242,10 +270,12 @@ impl Wardrobe {
     ///
     /// The wardrobe does not have it.
     pub fn body_like(&self, garment: &str, body: &BodyRef) -> Result<&BodyInfo, WardrobeError> {
-        self.bodies.values().find(|b| b.reference().sha256 == body.sha256).ok_or_else(|| WardrobeError::ForeignBody {
-            garment: garment.into(),
-            body: body.name.clone(),
-            sha256: body.sha256.clone(),
+        self.bodies.values().find(|b| b.reference().sha256 == body.sha256).ok_or_else(|| {
+            WardrobeError::ForeignBody {
+                garment: garment.into(),
+                body: body.name.clone(),
+                sha256: body.sha256.clone(),
+            }
         })
     }
 
@@ -279,7 +309,8 @@ impl Wardrobe {
         // Keys are made of what is known: another process may have replaced the folder since.
         if (&asset.info.garment, &asset.info.body) != (&known.garment, &known.body) {
             let path = folder.join(&known.garment.file);
-            let (stated, found) = (known.garment.content.sha256.clone(), asset.info.garment.content.sha256);
+            let (stated, found) =
+                (known.garment.content.sha256.clone(), asset.info.garment.content.sha256);
             return Err(AssetError::Changed { path, stated, found }.into());
         }
         Ok(asset)

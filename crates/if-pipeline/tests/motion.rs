@@ -10,10 +10,13 @@ use if_mesh::index::Bvh;
 use if_mesh::ply::{self, Column};
 use if_pipeline::capture::synth::{BODY, SynthParams, TRUTH, synth};
 use if_pipeline::capture::{Capture, SKIN};
-use if_pipeline::reconstruct::{MotionParams, Progress, SurfaceParams, fit_motion, fit_surface, posed};
+use if_pipeline::reconstruct::{
+    MotionParams, Progress, SurfaceParams, fit_motion, fit_surface, posed,
+};
 use std::ops::ControlFlow;
 
-/// Mean distance of the clothes as they are from the surface in each frame, without motion and with it, in millimetres.
+/// Mean distance of the clothes as they are from the surface in each frame, without motion and with
+/// it, in millimetres.
 fn errors(nonrigid: Real) -> [Real; 2] {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("capture");
@@ -35,13 +38,25 @@ fn errors(nonrigid: Real) -> [Real; 2] {
     let mut sums = [0.0; 2];
     let mut count = 0;
     for frame in (0..12).step_by(3) {
-        let truth = ply::read_path(&path.join(TRUTH).join(format!("frame_{frame:04}.ply"))).unwrap();
-        let Column::U8(labels) = &truth.vertex_properties[0].values else { panic!("labels are bytes") };
+        let truth =
+            ply::read_path(&path.join(TRUTH).join(format!("frame_{frame:04}.ply"))).unwrap();
+        let Column::U8(labels) = &truth.vertex_properties[0].values else {
+            panic!("labels are bytes")
+        };
         for (sum, d) in sums.iter_mut().zip([&[][..], &motion.offsets[frame][..]]) {
-            let points = posed(&surface.mesh, &surface.skin, &template.skeleton, capture.pose(frame), d).unwrap();
+            let points =
+                posed(&surface.mesh, &surface.skin, &template.skeleton, capture.pose(frame), d)
+                    .unwrap();
             let mesh = surface.mesh.with_vertices(points).unwrap();
             let tree = Bvh::new(&mesh);
-            for (p, _) in truth.mesh.vertices().iter().zip(labels).filter(|(_, label)| **label > SKIN).step_by(5) {
+            for (p, _) in truth
+                .mesh
+                .vertices()
+                .iter()
+                .zip(labels)
+                .filter(|(_, label)| **label > SKIN)
+                .step_by(5)
+            {
                 *sum += 1e3 * (tree.closest(p, Real::INFINITY).unwrap().point - p).norm();
                 count += 1;
             }

@@ -1,4 +1,5 @@
-//! A body that turns before a camera is found again, from pictures of an ellipsoid that have nothing to do with our rasteriser.
+//! A body that turns before a camera is found again, from pictures of an ellipsoid that have
+//! nothing to do with our rasteriser.
 
 #![allow(clippy::unwrap_used)] // also in what the tests share
 
@@ -15,8 +16,8 @@ use if_neural::files::read_network;
 use if_neural::network::NetworkConfig;
 use if_pipeline::capture::{Capture, CaptureWriter, FramePictures, Subject};
 use if_pipeline::reconstruct::{
-    MeshMotion, Motion, MotionError, MotionParams, PhiParams, ReconstructParams, Skipped, Stage, Surface, SurfaceError,
-    SurfaceParams, fit_motion, fit_surface, reconstruct, write_frames,
+    MeshMotion, Motion, MotionError, MotionParams, PhiParams, ReconstructParams, Skipped, Stage,
+    Surface, SurfaceError, SurfaceParams, fit_motion, fit_surface, reconstruct, write_frames,
 };
 use nalgebra::{Point2, UnitQuaternion};
 use std::ops::ControlFlow;
@@ -30,14 +31,23 @@ const FRAMES: usize = 12;
 
 fn ellipsoid(radii: [Real; 3]) -> TriMesh {
     let ball = icosphere(1.0, 4);
-    let points = ball.vertices().iter().map(|p| CENTER + p.coords.component_mul(&Vector::from(radii))).collect();
+    let points = ball
+        .vertices()
+        .iter()
+        .map(|p| CENTER + p.coords.component_mul(&Vector::from(radii)))
+        .collect();
     ball.with_vertices(points).unwrap()
 }
 
 fn template() -> TemplateBody {
     let mesh = ellipsoid(RADII.map(|r| r - 0.03));
     let n = mesh.vertices().len();
-    let joint = Joint { name: "root".into(), parent: None, head: Point::new(0.0, 0.4, 0.0), tail: Point::new(0.0, 0.6, 0.0) };
+    let joint = Joint {
+        name: "root".into(),
+        parent: None,
+        head: Point::new(0.0, 0.4, 0.0),
+        tail: Point::new(0.0, 0.6, 0.0),
+    };
     TemplateBody {
         mesh,
         skin: SkinWeights::new(vec![[0; 4]; n], vec![[1.0, 0.0, 0.0, 0.0]; n], 1).unwrap(),
@@ -51,7 +61,10 @@ fn legs() -> TemplateBody {
     let ball = icosphere(1.0, 4);
     let leg = |x: Real| -> Vec<Point> {
         let middle = CENTER + Vector::new(x, 0.0, 0.0);
-        ball.vertices().iter().map(|p| middle + p.coords.component_mul(&Vector::new(0.08, 0.42, 0.10))).collect()
+        ball.vertices()
+            .iter()
+            .map(|p| middle + p.coords.component_mul(&Vector::new(0.08, 0.42, 0.10)))
+            .collect()
     };
     let mut vertices = leg(-0.13);
     let n = vertices.len() as u32;
@@ -76,28 +89,45 @@ fn labelled(folder: &Path, hide: impl Fn(usize) -> bool, label: impl Fn(&Point) 
 
 /// A camera before the ellipsoid.
 fn camera() -> Camera {
-    Camera::looking_at((SIDE, SIDE), &Point::new(0.0, 0.6, 3.0), &CENTER, &Vector::y(), 0.36).unwrap()
+    Camera::looking_at((SIDE, SIDE), &Point::new(0.0, 0.6, 3.0), &CENTER, &Vector::y(), 0.36)
+        .unwrap()
 }
 
-/// Writes pictures of what `hit` says that a ray of a frame meets first, and of which normal, in canonical space.
+/// Writes pictures of what `hit` says that a ray of a frame meets first, and of which normal, in
+/// canonical space.
 fn drawn(
     folder: &Path,
     hit: impl Fn(usize, &Point, &Vector) -> Option<(Point, Vector)>,
     label: impl Fn(&Point) -> u8,
 ) -> Capture {
     let camera = camera();
-    let subject =
-        Subject { camera: camera.clone(), garments: vec!["top".into()], joints: vec!["root".into()], generator: "test".into() };
+    let subject = Subject {
+        camera: camera.clone(),
+        garments: vec!["top".into()],
+        joints: vec!["root".into()],
+        generator: "test".into(),
+    };
     let mut writer = CaptureWriter::create(folder, &subject).unwrap();
     let skeleton = template().skeleton;
     for frame in 0..FRAMES {
-        let turn = UnitQuaternion::from_axis_angle(&Vector::y_axis(), std::f64::consts::TAU * frame as Real / FRAMES as Real);
-        let pose = Pose { root_translation: Vector::new(0.02, 0.0, 0.01 * frame as Real), rotations: vec![turn] };
+        let turn = UnitQuaternion::from_axis_angle(
+            &Vector::y_axis(),
+            std::f64::consts::TAU * frame as Real / FRAMES as Real,
+        );
+        let pose = Pose {
+            root_translation: Vector::new(0.02, 0.0, 0.01 * frame as Real),
+            rotations: vec![turn],
+        };
         let place = skeleton.transforms(&pose).unwrap()[0];
         let (mut mask, mut labels, mut normals) = (Vec::new(), Vec::new(), Vec::new());
         for i in 0..SIDE * SIDE {
-            let (from, along) = camera.ray(&Point2::new((i % SIDE) as Real + 0.5, (i / SIDE) as Real + 0.5));
-            let hit = hit(frame, &place.inverse_transform_point(&from), &place.inverse_transform_vector(&along));
+            let (from, along) =
+                camera.ray(&Point2::new((i % SIDE) as Real + 0.5, (i / SIDE) as Real + 0.5));
+            let hit = hit(
+                frame,
+                &place.inverse_transform_point(&from),
+                &place.inverse_transform_vector(&along),
+            );
             mask.push(hit.is_some());
             labels.push(hit.map_or(0, |(point, _)| label(&point)));
             normals.push(hit.map_or([0.0; 3], |(_, normal)| {
@@ -105,7 +135,13 @@ fn drawn(
                 [n.x as f32, n.y as f32, n.z as f32]
             }));
         }
-        let pictures = FramePictures { mask: &mask, labels: &labels, normals: &normals, noisy_mask: None, noisy_labels: None };
+        let pictures = FramePictures {
+            mask: &mask,
+            labels: &labels,
+            normals: &normals,
+            noisy_mask: None,
+            noisy_labels: None,
+        };
         writer.push(&pose, &pictures).unwrap();
     }
     writer.finish().unwrap();
@@ -120,13 +156,16 @@ fn meets(from: &Point, along: &Vector) -> Option<(Point, Vector)> {
     let root = b * b - a * c;
     let t = (-b - root.max(0.0).sqrt()) / a;
     let point = from + along * t;
-    (root > 0.0).then(|| (point, unit_or_zero(&(point - CENTER).component_div(&radii.component_mul(&radii)))))
+    (root > 0.0).then(|| {
+        (point, unit_or_zero(&(point - CENTER).component_div(&radii.component_mul(&radii))))
+    })
 }
 
 /// How a wave runs over the ellipsoid: 15 mm and less.
 const WAVE: Real = 0.05;
 
-/// Of the ellipsoid with a wave: how far out a point is, as a share of its radii, and the slope of that.
+/// Of the ellipsoid with a wave: how far out a point is, as a share of its radii, and the slope of
+/// that.
 fn beyond_wave(frame: usize, p: &Point) -> (Real, Vector) {
     let radii = Vector::from(RADII);
     let q = (p - CENTER).component_div(&radii);
@@ -161,7 +200,11 @@ fn off(p: &Point) -> Real {
     (q.norm_squared() - 1.0) / (2.0 * q.component_div(&radii)).norm()
 }
 
-fn fit(capture: &Capture, checkpoint: Option<&Path>, stop_at: usize) -> Result<Surface, SurfaceError> {
+fn fit(
+    capture: &Capture,
+    checkpoint: Option<&Path>,
+    stop_at: usize,
+) -> Result<Surface, SurfaceError> {
     fit_surface(capture, &template(), &SurfaceParams::default(), checkpoint, &mut |p| {
         let stop = p.loss.is_some() && p.step >= stop_at;
         if stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -178,10 +221,20 @@ fn a_template_is_fitted_to_what_was_seen() {
     // A pixel is 11 mm wide; the template was off by 30 mm.
     assert!(mean < 0.003, "mean {mean}, most {}", errors.iter().copied().fold(0.0, Real::max));
     let report = &surface.report;
-    assert_eq!((report.frames, report.skipped.len(), report.rounds.len()), (FRAMES, 0, SurfaceParams::default().rounds));
-    let sum = report.pixels.no_normal + report.pixels.off_surface + report.pixels.contradicting + report.pixels.used;
+    assert_eq!(
+        (report.frames, report.skipped.len(), report.rounds.len()),
+        (FRAMES, 0, SurfaceParams::default().rounds)
+    );
+    let sum = report.pixels.no_normal
+        + report.pixels.off_surface
+        + report.pixels.contradicting
+        + report.pixels.used;
     assert_eq!(sum, report.pixels.person);
-    assert!(report.rounds[0].silhouette_mm > 10.0 * report.rounds[3].silhouette_mm, "{:?}", report.rounds);
+    assert!(
+        report.rounds[0].silhouette_mm > 10.0 * report.rounds[3].silhouette_mm,
+        "{:?}",
+        report.rounds
+    );
 }
 
 #[test]
@@ -190,7 +243,8 @@ fn a_capture_that_is_too_large_for_memory_is_refused_before_it_is_read() {
     let capture = pictures(&folder.path().join("capture"), |_| false);
     let memory = 22 * (SIDE * SIDE * FRAMES) as u64 - 1;
     let params = SurfaceParams { memory, ..Default::default() };
-    let refused = fit_surface(&capture, &template(), &params, None, &mut |_| panic!("nothing is read"));
+    let refused =
+        fit_surface(&capture, &template(), &params, None, &mut |_| panic!("nothing is read"));
     assert!(
         matches!(refused, Err(SurfaceError::Memory { frames: FRAMES, bytes, limit }) if bytes == limit + 1 && limit == memory)
     );
@@ -209,47 +263,79 @@ fn a_stopped_run_goes_on_to_the_same_bits_and_threads_do_not_matter() {
     assert_eq!(resumed.report, whole.report);
     for threads in [1, 3] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        assert_eq!(pool.install(|| fit(&capture, None, usize::MAX)).unwrap().mesh, whole.mesh, "{threads} threads");
+        assert_eq!(
+            pool.install(|| fit(&capture, None, usize::MAX)).unwrap().mesh,
+            whole.mesh,
+            "{threads} threads"
+        );
     }
 }
 
 #[test]
 fn what_a_skirt_spans_is_filled_and_what_no_garment_spans_is_not() {
     let folder = tempfile::tempdir().unwrap();
-    let fitted = |capture: &Capture, checkpoint: Option<&Path>, stop_at: usize, least_loose: Real| {
-        let params = SurfaceParams { loose_cell: 0.02, least_loose, ..SurfaceParams::default() };
-        fit_surface(capture, &legs(), &params, checkpoint, &mut |p| {
-            if p.loss.is_some() && p.step >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })
-    };
+    let fitted =
+        |capture: &Capture, checkpoint: Option<&Path>, stop_at: usize, least_loose: Real| {
+            let params =
+                SurfaceParams { loose_cell: 0.02, least_loose, ..SurfaceParams::default() };
+            fit_surface(capture, &legs(), &params, checkpoint, &mut |p| {
+                if p.loss.is_some() && p.step >= stop_at {
+                    ControlFlow::Break(())
+                } else {
+                    ControlFlow::Continue(())
+                }
+            })
+        };
     let skirt = labelled(&folder.path().join("skirt"), |_| false, |_| 2);
     let usual = SurfaceParams::default();
     let surface = fitted(&skirt, None, usize::MAX, usual.least_loose).unwrap();
     let filled = surface.report.start.filled.as_ref().unwrap();
-    assert_eq!((&filled.garments[..], &filled.joints[..]), (&["top".to_owned()][..], &["root".to_owned()][..]));
+    assert_eq!(
+        (&filled.garments[..], &filled.joints[..]),
+        (&["top".to_owned()][..], &["root".to_owned()][..])
+    );
     assert!(filled.certain_litres > 1.0 && filled.litres > filled.certain_litres, "{filled:?}");
-    assert_eq!((surface.report.rounds.len(), surface.skin.len()), (usual.loose_rounds, surface.mesh.vertices().len()));
+    assert_eq!(
+        (surface.report.rounds.len(), surface.skin.len()),
+        (usual.loose_rounds, surface.mesh.vertices().len())
+    );
     // One piece, and nowhere far from the ellipsoid, whose middle was between the legs.
     let parts = if_core::edges::parts(&surface.mesh);
     assert!(parts.iter().all(|p| *p == parts[0]));
     let errors: Vec<Real> = surface.mesh.vertices().iter().map(|p| off(p).abs()).collect();
-    let (mean, most) = (errors.iter().sum::<Real>() / errors.len() as Real, errors.iter().copied().fold(0.0, Real::max));
+    let (mean, most) = (
+        errors.iter().sum::<Real>() / errors.len() as Real,
+        errors.iter().copied().fold(0.0, Real::max),
+    );
     assert!(mean < 0.004 && most < 0.03, "mean {mean}, most {most}");
 
     // Stopped, it goes on to the same bits; threads do not matter.
     let state = folder.path().join("state");
-    assert!(matches!(fitted(&skirt, Some(&state), 2, usual.least_loose), Err(SurfaceError::Cancelled { rounds: 2 })));
+    assert!(matches!(
+        fitted(&skirt, Some(&state), 2, usual.least_loose),
+        Err(SurfaceError::Cancelled { rounds: 2 })
+    ));
     let resumed = fitted(&skirt, Some(&state), usize::MAX, usual.least_loose).unwrap();
     assert_eq!((&resumed.mesh, &resumed.report), (&surface.mesh, &surface.report));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-    assert_eq!(pool.install(|| fitted(&skirt, None, usize::MAX, usual.least_loose)).unwrap().mesh, surface.mesh);
+    assert_eq!(
+        pool.install(|| fitted(&skirt, None, usize::MAX, usual.least_loose)).unwrap().mesh,
+        surface.mesh
+    );
 
     // Skin spans nothing, and what is not looked for is not found.
     let skin = labelled(&folder.path().join("skin"), |_| false, |_| 1);
     for (capture, least) in [(&skin, usual.least_loose), (&skirt, 1.0)] {
         let surface = fitted(capture, None, usize::MAX, least).unwrap();
-        assert!(surface.report.start.filled.is_none() && surface.report.start.beside > 0.03, "{:?}", surface.report.start);
-        assert_eq!((surface.mesh.triangles(), surface.report.rounds.len()), (legs().mesh.triangles(), usual.rounds));
+        assert!(
+            surface.report.start.filled.is_none() && surface.report.start.beside > 0.03,
+            "{:?}",
+            surface.report.start
+        );
+        assert_eq!(
+            (surface.mesh.triangles(), surface.report.rounds.len()),
+            (legs().mesh.triangles(), usual.rounds)
+        );
     }
 }
 
@@ -266,11 +352,19 @@ fn empty_frames_are_left_out_and_named() {
 
 fn move_frames(capture: &Capture, surface: &Surface) -> Result<Motion, MotionError> {
     let (read, params) = (SurfaceParams::default(), MotionParams::default());
-    fit_motion(capture, &template().skeleton, surface, &read, &params, &mut |_| ControlFlow::Continue(()))
+    fit_motion(capture, &template().skeleton, surface, &read, &params, &mut |_| {
+        ControlFlow::Continue(())
+    })
 }
 
-/// Mean distance from what `truth` says of a frame of the vertices that face its camera, without motion and with it.
-fn seen_errors(capture: &Capture, surface: &Surface, motion: &Motion, truth: impl Fn(usize, &Point) -> Real) -> [Real; 2] {
+/// Mean distance from what `truth` says of a frame of the vertices that face its camera, without
+/// motion and with it.
+fn seen_errors(
+    capture: &Capture,
+    surface: &Surface,
+    motion: &Motion,
+    truth: impl Fn(usize, &Point) -> Real,
+) -> [Real; 2] {
     let (mut sums, mut count) = ([0.0; 2], 0);
     let eye = camera().center();
     for frame in 0..FRAMES {
@@ -307,7 +401,11 @@ fn a_wave_that_runs_over_the_body_is_followed_in_each_frame() {
     // Threads do not matter.
     for threads in [1, 2, 7] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        assert_eq!(pool.install(|| move_frames(&capture, &surface)).unwrap().offsets, motion.offsets, "{threads} threads");
+        assert_eq!(
+            pool.install(|| move_frames(&capture, &surface)).unwrap().offsets,
+            motion.offsets,
+            "{threads} threads"
+        );
     }
     // Frames are written with their motion.
     let carried = MeshMotion::new(motion.clone(), &surface.mesh, surface.mesh.vertices());
@@ -333,7 +431,11 @@ fn a_body_that_does_not_move_is_hardly_moved() {
     // Frames that show nothing lie between their neighbours.
     assert_eq!(motion.report.skipped, [3, 7]);
     for (v, d) in motion.offsets[3].iter().enumerate() {
-        approx::assert_relative_eq!(*d, (motion.offsets[2][v] + motion.offsets[4][v]) * 0.5, epsilon = 1e-15);
+        approx::assert_relative_eq!(
+            *d,
+            (motion.offsets[2][v] + motion.offsets[4][v]) * 0.5,
+            epsilon = 1e-15
+        );
     }
 }
 
@@ -344,16 +446,27 @@ fn motion_stops_when_told_to_and_names_bad_parameters() {
     let surface = fit(&capture, None, usize::MAX).unwrap();
     let run = |params: MotionParams, stop_at: usize| {
         let mut heard = 0;
-        fit_motion(&capture, &template().skeleton, &surface, &SurfaceParams::default(), &params, &mut |p| {
-            heard += usize::from(p.stage == Stage::Motion);
-            if heard > stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })
+        fit_motion(
+            &capture,
+            &template().skeleton,
+            &surface,
+            &SurfaceParams::default(),
+            &params,
+            &mut |p| {
+                heard += usize::from(p.stage == Stage::Motion);
+                if heard > stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            },
+        )
     };
     let twice = MotionParams { rounds: 2, ..Default::default() };
     assert!(matches!(run(twice.clone(), 0), Err(MotionError::Cancelled { rounds: 0 })));
     let whole = run(twice, usize::MAX).unwrap();
     assert_eq!(whole.report.rounds.len(), 2);
-    assert!(whole.report.rounds[1].step_mm < whole.report.rounds[0].step_mm, "{:?}", whole.report.rounds);
+    assert!(
+        whole.report.rounds[1].step_mm < whole.report.rounds[0].step_mm,
+        "{:?}",
+        whole.report.rounds
+    );
     let bad = run(MotionParams { bending: 0.0, ..Default::default() }, usize::MAX).unwrap_err();
     assert!(bad.to_string().contains("bending"), "{bad}");
 }
@@ -369,8 +482,16 @@ fn the_upper_half_is_cut_out_as_a_garment_with_one_opening() {
     (phi.sampling.near, phi.sampling.far, phi.sampling.held_out) = (20_000, 2_000, 2_000);
     let motion = Some(MotionParams::default());
     let params = ReconstructParams { cell: 0.02, phi: Some(phi), motion, ..Default::default() };
-    let found = reconstruct(&capture, &template(), &params, None, &mut |_| ControlFlow::Continue(())).unwrap();
-    let right = found.mesh.vertices().iter().zip(&found.labels).filter(|(p, l)| (p.y > CENTER.y) == (**l == 2)).count();
+    let found =
+        reconstruct(&capture, &template(), &params, None, &mut |_| ControlFlow::Continue(()))
+            .unwrap();
+    let right = found
+        .mesh
+        .vertices()
+        .iter()
+        .zip(&found.labels)
+        .filter(|(p, l)| (p.y > CENTER.y) == (**l == 2))
+        .count();
     assert!(right as Real > 0.97 * found.labels.len() as Real, "{right} of {}", found.labels.len());
     let [top] = &found.garments[..] else { panic!("{} garments", found.garments.len()) };
     assert_eq!((top.name.as_str(), top.skin.len()), ("top", top.mesh.vertices().len()));
@@ -378,24 +499,34 @@ fn the_upper_half_is_cut_out_as_a_garment_with_one_opening() {
     let hem = if_core::edges::Edges::new(&top.mesh).boundary_loops(&top.mesh);
     assert_eq!(hem.len(), 1);
     for v in &hem[0] {
-        assert!((top.mesh.vertices()[*v as usize].y - CENTER.y).abs() < 0.02, "{}", top.mesh.vertices()[*v as usize]);
+        assert!(
+            (top.mesh.vertices()[*v as usize].y - CENTER.y).abs() < 0.02,
+            "{}",
+            top.mesh.vertices()[*v as usize]
+        );
     }
     // The baked field is that of the mesh.
     use if_core::field::SignedDistance;
-    let worst = top.mesh.vertices().iter().map(|p| found.field.distance(p).abs()).fold(0.0, Real::max);
+    let worst =
+        top.mesh.vertices().iter().map(|p| found.field.distance(p).abs()).fold(0.0, Real::max);
     assert!(worst < 0.003, "{worst}");
     // So is the network, from its file.
     let network = found.phi.unwrap();
     let (read, frame) = read_network(&network.to_bytes().unwrap()[..]).unwrap();
     let field = NeuralField::new(read, frame).unwrap();
     let worst = top.mesh.vertices().iter().map(|p| field.distance(p).abs()).fold(0.0, Real::max);
-    assert!(worst < 0.01 && network.report.mean_mm < 1.0 && network.report.steps == 5, "{worst} {:?}", network.report);
+    assert!(
+        worst < 0.01 && network.report.mean_mm < 1.0 && network.report.steps == 5,
+        "{worst} {:?}",
+        network.report
+    );
     assert_eq!(found.report.phi, Some(network.report));
     let motion = found.motion.unwrap();
     assert_eq!(motion.offsets(0).len(), found.mesh.vertices().len());
     assert_eq!(found.report.motion.as_ref(), Some(&motion.motion().report));
     assert!(found.report.missing.is_empty() && found.report.labels.frames_cast > 0);
     // Told to stop, it stops.
-    let stopped = reconstruct(&capture, &template(), &params, None, &mut |_| ControlFlow::Break(()));
+    let stopped =
+        reconstruct(&capture, &template(), &params, None, &mut |_| ControlFlow::Break(()));
     assert!(stopped.unwrap_err().is_cancelled());
 }

@@ -64,7 +64,8 @@ impl Page {
         for row in rows {
             self.body += "<tr>";
             for cell in row {
-                let unit = [" %", " mm", " s"].iter().find_map(|u| cell.strip_suffix(u)).unwrap_or(cell);
+                let unit =
+                    [" %", " mm", " s"].iter().find_map(|u| cell.strip_suffix(u)).unwrap_or(cell);
                 let class = if unit.parse::<f64>().is_ok() { " class=\"n\"" } else { "" };
                 self.body += &format!("<td{class}>{}</td>", escaped(cell));
             }
@@ -162,10 +163,18 @@ mod tests {
     #[test]
     fn nothing_of_the_content_becomes_markup_and_nothing_is_fetched() {
         let mut page = Page::new("<a & b>");
-        page.heading("\"h\"").text("<script>").verdict(true, "well").table(&["<"], &[vec!["'".into()]]).picture("p", b"png");
+        page.heading("\"h\"")
+            .text("<script>")
+            .verdict(true, "well")
+            .table(&["<"], &[vec!["'".into()]])
+            .picture("p", b"png");
         page.json(&serde_json::json!({"<k>": 1})).link("there", "x/report.html");
         let html = page.html();
-        assert!(!html.contains("<script>") && !html.contains("<k>") && html.contains("&lt;a &amp; b&gt;"));
+        assert!(
+            !html.contains("<script>")
+                && !html.contains("<k>")
+                && html.contains("&lt;a &amp; b&gt;")
+        );
         assert!(!html.contains("http:") && !html.contains("https:"));
         assert!(html.contains("data:image/png;base64,cG5n"));
     }

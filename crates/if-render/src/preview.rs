@@ -5,8 +5,8 @@ use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::pairs;
 
-/// Draws the layers of an outfit, the body first, in different colours and triangles that meet another layer in red; `size` are the width and
-/// height of one view, in pixels.
+/// Draws the layers of an outfit, the body first, in different colours and triangles that meet
+/// another layer in red; `size` are the width and height of one view, in pixels.
 pub fn preview(layers: &[&TriMesh], views: &[View], size: [u32; 2]) -> Image {
     let red = intersecting(layers);
     let layers: Vec<RenderLayer> = layers
@@ -53,7 +53,8 @@ mod tests {
     fn triangles_that_meet_are_red_and_others_are_not() {
         let red = |radius| {
             let tube = tube(radius, 0.3, 60, 8, false);
-            let lowered = tube.vertices().iter().map(|p| Point::new(p.x, p.y - 0.15, p.z)).collect();
+            let lowered =
+                tube.vertices().iter().map(|p| Point::new(p.x, p.y - 0.15, p.z)).collect();
             let belt = tube.with_vertices(lowered).unwrap();
             let image = preview(&[&icosphere(0.2, 3), &belt], &[View::FRONT], [100, 160]);
             assert_eq!((image.width, image.height), (100, 160));

@@ -1,7 +1,8 @@
 //! Sparse symmetric positive definite systems: A x = b by A = L Lᵀ.
 //!
-//! The factorisation is faer's. Nothing here is generic, so that its kernels (for every instruction set) are compiled in this
-//! crate, once, and not again in each crate that solves a system, in each of its test programs, and after each of its changes.
+//! The factorisation is faer's. Nothing here is generic, so that its kernels (for every instruction
+//! set) are compiled in this crate, once, and not again in each crate that solves a system, in each
+//! of its test programs, and after each of its changes.
 
 use faer::Side;
 use faer::linalg::solvers::Solve;
@@ -49,13 +50,16 @@ pub struct Pattern {
 impl fmt::Debug for Pattern {
     /// Numbers only: a pattern is megabytes.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Pattern").field("n", &self.n).field("places", &self.places).finish_non_exhaustive()
+        f.debug_struct("Pattern")
+            .field("n", &self.n)
+            .field("places", &self.places)
+            .finish_non_exhaustive()
     }
 }
 
 impl Pattern {
-    /// The pattern of an n × n matrix with entries at `places` of its lower triangle (what stands above is not read). A place may
-    /// stand there more than once: its values add up.
+    /// The pattern of an n × n matrix with entries at `places` of its lower triangle (what stands
+    /// above is not read). A place may stand there more than once: its values add up.
     ///
     /// # Errors
     ///
@@ -63,7 +67,8 @@ impl Pattern {
     pub fn new(n: usize, places: &[Place]) -> Result<Self, CholeskyError> {
         let made = SymbolicSparseColMat::try_new_from_indices(n, n, places);
         let (symbolic, order) = made.map_err(|e| creation(n, &e))?;
-        let llt = SymbolicLlt::try_new(symbolic.as_ref(), Side::Lower).map_err(|_| CholeskyError::TooLarge { n })?;
+        let llt = SymbolicLlt::try_new(symbolic.as_ref(), Side::Lower)
+            .map_err(|_| CholeskyError::TooLarge { n })?;
         Ok(Self { n, places: places.len(), symbolic, order, llt })
     }
 
@@ -99,14 +104,17 @@ impl fmt::Debug for Cholesky {
 }
 
 impl Cholesky {
-    /// Factors the n × n matrix with these entries of its lower triangle (what stands above is not read). Entries of the same place add up.
+    /// Factors the n × n matrix with these entries of its lower triangle (what stands above is not
+    /// read). Entries of the same place add up.
     ///
     /// # Errors
     ///
     /// [`CholeskyError`]: an entry beyond the matrix, a matrix too large, or one that is not positive definite.
     pub fn new(n: usize, entries: &[Entry]) -> Result<Self, CholeskyError> {
-        let matrix = SparseColMat::try_new_from_triplets(n, n, entries).map_err(|e| creation(n, &e))?;
-        let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).map_err(|_| CholeskyError::TooLarge { n })?;
+        let matrix =
+            SparseColMat::try_new_from_triplets(n, n, entries).map_err(|e| creation(n, &e))?;
+        let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower)
+            .map_err(|_| CholeskyError::TooLarge { n })?;
         let llt = Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower);
         Ok(Self { n, llt: llt.map_err(|e| numeric(n, e))? })
     }

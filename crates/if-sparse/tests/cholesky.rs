@@ -46,7 +46,10 @@ fn a_loaded_chain_hangs_in_a_parabola() {
 fn matrices_that_cannot_be_factored_are_named() {
     let beyond = Cholesky::new(2, &[Entry::new(5, 1, 1.0)]).unwrap_err();
     assert_eq!(beyond, CholeskyError::Place { row: 5, column: 1, n: 2 });
-    assert_eq!(Pattern::new(2, &[Place::new(0, 2)]).unwrap_err(), CholeskyError::Place { row: 0, column: 2, n: 2 });
+    assert_eq!(
+        Pattern::new(2, &[Place::new(0, 2)]).unwrap_err(),
+        CholeskyError::Place { row: 0, column: 2, n: 2 }
+    );
     for value in [0.0, -1.0, f64::NAN] {
         let error = Cholesky::new(1, &[Entry::new(0, 0, value)]).unwrap_err();
         assert_eq!(error, CholeskyError::NotPositiveDefinite, "{value}");

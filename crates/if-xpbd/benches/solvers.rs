@@ -1,4 +1,5 @@
-//! The other ways to hold edges, and contacts with a field, on a 100 × 100 cloth. Each result is checked.
+//! The other ways to hold edges, and contacts with a field, on a 100 × 100 cloth. Each result is
+//! checked.
 
 #![allow(missing_docs)]
 
@@ -19,14 +20,18 @@ const N: u32 = 100;
 /// The paper's substep, in seconds.
 const H: f64 = 1e-3;
 
-/// A cloth of a square metre, pinned along one side, and 1 % too large with each vertex up to 0.2 mm off.
+/// A cloth of a square metre, pinned along one side, and 1 % too large with each vertex up to 0.2
+/// mm off.
 fn scene() -> (TriMesh, Vec<Point>, Vec<f64>) {
     let mesh = cloth(1.0, 1.0, N - 1, N - 1);
     let noise = |k: usize, s: f64| 0.0002 * (k as f64 * s).sin();
     let start = mesh.vertices().iter().enumerate();
-    let start = start.map(|(k, p)| p + p.coords * 0.01 + Vector::new(noise(k, 12.9), noise(k, 78.2), noise(k, 37.7)));
+    let start = start.map(|(k, p)| {
+        p + p.coords * 0.01 + Vector::new(noise(k, 12.9), noise(k, 78.2), noise(k, 37.7))
+    });
     let start: Vec<Point> = start.collect();
-    let weights = (0..mesh.vertices().len()).map(|k| f64::from(u8::from(k >= N as usize))).collect();
+    let weights =
+        (0..mesh.vertices().len()).map(|k| f64::from(u8::from(k >= N as usize))).collect();
     (mesh, start, weights)
 }
 
@@ -43,13 +48,25 @@ fn solves(c: &mut Criterion) {
         let mut p = start.clone();
         let strains = |p: &[Point]| edges.strains(p).iter().map(|s| s * s).sum::<f64>();
         once(constraint, &mut p);
-        assert!(strains(&p) < 0.5 * strains(&start), "{name}: {} of {}", strains(&p), strains(&start));
+        assert!(
+            strains(&p) < 0.5 * strains(&start),
+            "{name}: {} of {}",
+            strains(&p),
+            strains(&start)
+        );
         group.bench_function(name, |b| {
-            b.iter_batched_ref(|| start.clone(), |p| black_box(once(constraint, p)), BatchSize::LargeInput);
+            b.iter_batched_ref(
+                || start.clone(),
+                |p| black_box(once(constraint, p)),
+                BatchSize::LargeInput,
+            );
         });
     };
     bench("direct100x100", &mut DirectStretch::new(edges.clone(), 1e-7));
-    bench("global100x100", &mut GlobalStretch::new(edges.clone(), 1e-7).expect("a positive compliance"));
+    bench(
+        "global100x100",
+        &mut GlobalStretch::new(edges.clone(), 1e-7).expect("a positive compliance"),
+    );
     group.finish();
 }
 
@@ -66,9 +83,13 @@ fn contacts(c: &mut Criterion) {
     };
     let mut p = start.clone();
     once(&mut p);
-    let inside = |p: &[Point]| p.iter().zip(&weights).filter(|(p, w)| **w > 0.0 && field.distance(p) < -1e-9).count();
+    let inside = |p: &[Point]| {
+        p.iter().zip(&weights).filter(|(p, w)| **w > 0.0 && field.distance(p) < -1e-9).count()
+    };
     assert!(inside(&start) > 500 && inside(&p) == 0, "{} -> {}", inside(&start), inside(&p));
-    group.bench_function("torus10k", |b| b.iter_batched_ref(|| start.clone(), |p| black_box(once(p)), BatchSize::LargeInput));
+    group.bench_function("torus10k", |b| {
+        b.iter_batched_ref(|| start.clone(), |p| black_box(once(p)), BatchSize::LargeInput)
+    });
     group.finish();
 }
 

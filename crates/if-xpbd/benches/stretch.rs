@@ -33,11 +33,9 @@ fn sweep(c: &mut Criterion) {
     let w = vec![1.0; mesh.vertices().len()];
     // 1 % stretched, and each vertex up to 2 mm off.
     let noise = |k: usize, s: f64| 0.002 * (k as f64 * s).sin();
-    let start = mesh
-        .vertices()
-        .iter()
-        .enumerate()
-        .map(|(k, p)| Point::new(1.01 * p.x + noise(k, 12.9), 1.01 * p.y + noise(k, 78.2), noise(k, 37.7)));
+    let start = mesh.vertices().iter().enumerate().map(|(k, p)| {
+        Point::new(1.01 * p.x + noise(k, 12.9), 1.01 * p.y + noise(k, 78.2), noise(k, 37.7))
+    });
     let start: Vec<Point> = start.collect();
 
     // Rigid: 200 sweeps must take most of the strain out.
@@ -53,7 +51,8 @@ fn sweep(c: &mut Criterion) {
 
     let mut group = c.benchmark_group("if-xpbd/stretch");
     group.throughput(Throughput::Elements(edges.len() as u64));
-    // What is timed: the first sweep of a substep, from the same cloth each time. One must not leave more than there was.
+    // What is timed: the first sweep of a substep, from the same cloth each time. One must not
+    // leave more than there was.
     let mut stretch = Stretch::new(edges, 1e-5);
     let once = |stretch: &mut Stretch, p: &mut Vec<Point>| {
         stretch.begin_substep(&start, &start, &w, H);
@@ -64,7 +63,11 @@ fn sweep(c: &mut Criterion) {
     let after = stretch.residual(&p, H).rms();
     assert!(p != start && after < before, "a sweep left {after} m of {before} m");
     group.bench_function("100x100", |b| {
-        b.iter_batched_ref(|| start.clone(), |p| black_box(once(&mut stretch, p)), BatchSize::LargeInput);
+        b.iter_batched_ref(
+            || start.clone(),
+            |p| black_box(once(&mut stretch, p)),
+            BatchSize::LargeInput,
+        );
     });
     group.finish();
 }

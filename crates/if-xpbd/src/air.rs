@@ -12,8 +12,8 @@ pub enum AirReading {
     /// As printed, on all pairs, with p̂ on the moving layer: the constant −(p̂ − q̂) is added
     /// whenever n·(p − q̂) < 0. Outwards only for pairs that start penetrating.
     Literal,
-    /// F1. Line 13 is the exact projection of `C = n·(p − q̂)` at p = p̂: a half-space frozen at the
-    /// start, for the pairs that start penetrating.
+    /// F1. Line 13 is the exact projection of `C = n·(p − q̂)` at p = p̂: a half-space frozen at
+    /// the start, for the pairs that start penetrating.
     FrozenHalfSpace,
     /// F2. The gap is preserved: `C = n·(p − q) − g`, g = clamp(s₀, δ, δ_max), for all pairs.
     #[default]
@@ -44,8 +44,8 @@ pub struct AirParams {
     pub max_gap: Real,
     /// All vertices look for their feet anew after so many substeps; 0 never. F2 and F3 only.
     pub repair_every: u32,
-    /// A vertex looks for its foot anew once it slid this far along the inner layer, in edge lengths
-    /// of the triangle that holds its foot. Infinity never. F2 and F3 only.
+    /// A vertex looks for its foot anew once it slid this far along the inner layer, in edge
+    /// lengths of the triangle that holds its foot. Infinity never. F2 and F3 only.
     pub repair_slide: Real,
 }
 
@@ -102,9 +102,16 @@ impl AirParams {
     ///
     /// The first that is NaN or outside its range.
     pub fn validate(&self) -> Result<(), AirError> {
-        let check = |name, value, ok, range| if ok { Ok(()) } else { Err(AirError::OutOfRange { name, value, range }) };
+        let check = |name, value, ok, range| {
+            if ok { Ok(()) } else { Err(AirError::OutOfRange { name, value, range }) }
+        };
         check("max_distance", self.max_distance, self.max_distance > 0.0, "positive (metres)")?;
-        check("min_gap", self.min_gap, self.min_gap >= 0.0 && self.min_gap.is_finite(), "finite and at least 0 (metres)")?;
+        check(
+            "min_gap",
+            self.min_gap,
+            self.min_gap >= 0.0 && self.min_gap.is_finite(),
+            "finite and at least 0 (metres)",
+        )?;
         let ordered = self.max_gap >= self.min_gap && self.max_gap.is_finite();
         check("max_gap", self.max_gap, ordered, "finite and at least min_gap (metres)")?;
         check("repair_slide", self.repair_slide, self.repair_slide > 0.0, "positive (edge lengths)")
@@ -153,17 +160,33 @@ impl<'a> Air<'a> {
     ///
     /// # Errors
     ///
-    /// Parameters outside their range, other numbers of weights than of positions, a weight that is none.
-    pub fn new(inner: &'a InnerSurface<'a>, positions: &[Point], masks: &[Real], params: AirParams) -> Result<Self, AirError> {
+    /// Parameters outside their range, other numbers of weights than of positions, a weight that is
+    /// none.
+    pub fn new(
+        inner: &'a InnerSurface<'a>,
+        positions: &[Point],
+        masks: &[Real],
+        params: AirParams,
+    ) -> Result<Self, AirError> {
         params.validate()?;
         if masks.len() != positions.len() {
             return Err(AirError::Count { positions: positions.len(), masks: masks.len() });
         }
-        if let Some((vertex, &value)) = masks.iter().enumerate().find(|(_, m)| !(0.0..=1.0).contains(*m)) {
+        if let Some((vertex, &value)) =
+            masks.iter().enumerate().find(|(_, m)| !(0.0..=1.0).contains(*m))
+        {
             return Err(AirError::Mask { vertex, value });
         }
         let counters = Counters::default();
-        let mut air = Self { inner, params, pairs: Vec::new(), pushed: Vec::new(), substeps: 0, jumped: false, counters };
+        let mut air = Self {
+            inner,
+            params,
+            pairs: Vec::new(),
+            pushed: Vec::new(),
+            substeps: 0,
+            jumped: false,
+            counters,
+        };
         for (v, (p, &weight)) in positions.iter().zip(masks).enumerate() {
             if weight <= 0.0 {
                 air.counters.skipped_by_mask += 1;
@@ -206,7 +229,8 @@ impl<'a> Air<'a> {
             return;
         }
         self.substeps += 1;
-        let due = self.params.repair_every > 0 && self.substeps.is_multiple_of(self.params.repair_every);
+        let due =
+            self.params.repair_every > 0 && self.substeps.is_multiple_of(self.params.repair_every);
         let all = due || std::mem::take(&mut self.jumped);
         for pair in &mut self.pairs {
             let p = positions[pair.vertex as usize];
@@ -214,7 +238,8 @@ impl<'a> Air<'a> {
             let slide2 = (d - pair.normal * pair.normal.dot(&d)).norm_squared();
             if !all && !pair.away {
                 let [a, b, c] = self.inner.mesh().corners(pair.triangle as usize);
-                let edge2 = (b - a).norm_squared().min((c - b).norm_squared()).min((a - c).norm_squared());
+                let edge2 =
+                    (b - a).norm_squared().min((c - b).norm_squared()).min((a - c).norm_squared());
                 if slide2 <= self.params.repair_slide * self.params.repair_slide * edge2 {
                     self.counters.skipped_by_bound += 1;
                     continue;
@@ -249,7 +274,9 @@ impl<'a> Air<'a> {
                 }
                 half_space(0.0)
             }
-            AirReading::GapPreserving => half_space(pair.gap.clamp(self.params.min_gap, self.params.max_gap)),
+            AirReading::GapPreserving => {
+                half_space(pair.gap.clamp(self.params.min_gap, self.params.max_gap))
+            }
             AirReading::Element => {
                 let [a, b, c] = self.inner.mesh().corners(pair.triangle as usize);
                 let area = area_vector(a, b, c);
@@ -266,7 +293,13 @@ impl<'a> Air<'a> {
 }
 
 impl Constraint for Air<'_> {
-    fn begin_substep(&mut self, _previous: &[Point], positions: &[Point], _inverse_masses: &[Real], _h: Real) {
+    fn begin_substep(
+        &mut self,
+        _previous: &[Point],
+        positions: &[Point],
+        _inverse_masses: &[Real],
+        _h: Real,
+    ) {
         self.pushed.clear();
         self.repair(positions);
     }
@@ -347,12 +380,21 @@ mod tests {
 
     #[test]
     fn line_13_pushes_deeper_what_started_apart() {
-        // The push is along −(p̂ − q̂). With p̂ on the moving layer, as the group has it, that is outwards where the pair started inside, and
-        // inwards where it started apart; with the names swapped it is the other way round. So a pair that started apart and is inside now
+        // The push is along −(p̂ − q̂). With p̂ on the moving layer, as the group has it, that is
+        // outwards where the pair started inside, and inwards where it started apart; with the
+        // names swapped it is the other way round. So a pair that started apart and is inside now
         // is pushed deeper by the printed form, which says so with a negative height.
         let at = |z: Real| Point::new(0.11, 0.12, z);
-        assert_relative_eq!(settle(AirReading::Literal, at(-0.004), at(-0.004)).z, 0.0, epsilon = 1e-17);
-        assert_relative_eq!(settle(AirReading::Literal, at(0.004), at(-0.001)).z, -0.005, epsilon = 1e-17);
+        assert_relative_eq!(
+            settle(AirReading::Literal, at(-0.004), at(-0.004)).z,
+            0.0,
+            epsilon = 1e-17
+        );
+        assert_relative_eq!(
+            settle(AirReading::Literal, at(0.004), at(-0.001)).z,
+            -0.005,
+            epsilon = 1e-17
+        );
     }
 
     #[test]
@@ -379,13 +421,22 @@ mod tests {
     fn a_vertex_that_slides_finds_its_foot_anew() {
         // A floor that bends down at x = 0.1: its old plane would hold the vertex up.
         let flat = cloth(0.2, 0.2, 4, 4);
-        let bent = flat.vertices().iter().map(|p| Point::new(p.x, p.y, -(p.x - 0.1).max(0.0))).collect();
+        let bent =
+            flat.vertices().iter().map(|p| Point::new(p.x, p.y, -(p.x - 0.1).max(0.0))).collect();
         let all = All(flat.with_vertices(bent).unwrap());
         let inner = InnerSurface::new(&all.0, &all);
         for reading in [AirReading::GapPreserving, AirReading::Element] {
-            for (slide, every, expected) in [(0.5, 0, true), (Real::INFINITY, 1, true), (Real::INFINITY, 0, false)] {
-                let params = AirParams { reading, repair_slide: slide, repair_every: every, ..Default::default() };
-                let mut air = Air::new(&inner, &[Point::new(0.03, 0.1, 0.001)], &[1.0], params).unwrap();
+            for (slide, every, expected) in
+                [(0.5, 0, true), (Real::INFINITY, 1, true), (Real::INFINITY, 0, false)]
+            {
+                let params = AirParams {
+                    reading,
+                    repair_slide: slide,
+                    repair_every: every,
+                    ..Default::default()
+                };
+                let mut air =
+                    Air::new(&inner, &[Point::new(0.03, 0.1, 0.001)], &[1.0], params).unwrap();
                 let slid = Point::new(0.16, 0.1, -0.04);
                 let mut p = vec![slid];
                 air.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
@@ -408,8 +459,11 @@ mod tests {
         let at = |x: Real, z: Real| Point::new(x, 0.1, z);
         for reading in [AirReading::GapPreserving, AirReading::Element] {
             let start = at(0.1, 0.001);
-            let mut air = Air::new(&inner, &[start], &[1.0], AirParams { reading, ..Default::default() }).unwrap();
-            // The floor ends at x = 0.2. Beyond, back again, and 40 mm deep: x, z and z after a visit.
+            let mut air =
+                Air::new(&inner, &[start], &[1.0], AirParams { reading, ..Default::default() })
+                    .unwrap();
+            // The floor ends at x = 0.2. Beyond, back again, and 40 mm deep: x, z and z after a
+            // visit.
             for (x, z, after) in [(0.4, -0.01, -0.01), (0.1, -0.01, 0.001), (0.11, -0.04, 0.001)] {
                 let mut p = vec![at(x, z)];
                 air.begin_substep(&[start], &p.clone(), &[1.0], 1e-3);
@@ -424,11 +478,18 @@ mod tests {
         let all = floor();
         let inner = InnerSurface::new(&all.0, &all);
         let at = |z: Real| Point::new(0.11, 0.12, z);
-        for (reading, start) in
-            [(AirReading::FrozenHalfSpace, -0.004), (AirReading::GapPreserving, 0.004), (AirReading::Element, 0.004)]
-        {
-            let mut air =
-                Air::new(&inner, &[at(start), at(0.01)], &[1.0, 1.0], AirParams { reading, ..Default::default() }).unwrap();
+        for (reading, start) in [
+            (AirReading::FrozenHalfSpace, -0.004),
+            (AirReading::GapPreserving, 0.004),
+            (AirReading::Element, 0.004),
+        ] {
+            let mut air = Air::new(
+                &inner,
+                &[at(start), at(0.01)],
+                &[1.0, 1.0],
+                AirParams { reading, ..Default::default() },
+            )
+            .unwrap();
             let mut p = vec![at(-0.004), at(0.01)];
             air.begin_substep(&p.clone(), &p.clone(), &[1.0; 2], 1e-3);
             air.project(&mut p, &[1.0; 2], 1e-3);
@@ -452,7 +513,8 @@ mod tests {
     fn only_vertices_in_the_mask_and_near_have_pairs() {
         let all = floor();
         let inner = InnerSurface::new(&all.0, &all);
-        let p = [Point::new(0.1, 0.1, 0.01), Point::new(0.1, 0.1, 0.04), Point::new(0.1, 0.1, -0.01)];
+        let p =
+            [Point::new(0.1, 0.1, 0.01), Point::new(0.1, 0.1, 0.04), Point::new(0.1, 0.1, -0.01)];
         let air = Air::new(&inner, &p, &[1.0, 1.0, 0.0], AirParams::default()).unwrap();
         assert_eq!((air.len(), air.counters().skipped_by_mask), (1, 1));
         assert!(Air::new(&inner, &[], &[], AirParams::default()).unwrap().is_idle());

@@ -30,7 +30,9 @@ impl std::fmt::Debug for Below<'_> {
     /// Numbers only: the field cannot tell what it is.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut out = f.debug_struct("Below");
-        out.field("mask", &self.mask.len()).field("air", &self.air.as_ref().map(|a| &a.1)).finish_non_exhaustive()
+        out.field("mask", &self.mask.len())
+            .field("air", &self.air.as_ref().map(|a| &a.1))
+            .finish_non_exhaustive()
     }
 }
 

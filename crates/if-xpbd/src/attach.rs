@@ -30,7 +30,8 @@ impl Attachments {
         Self::default()
     }
 
-    /// Attaches particle `vertex` to `target` with `compliance` β in m/N, 0 or more (a step refuses another).
+    /// Attaches particle `vertex` to `target` with `compliance` β in m/N, 0 or more (a step refuses
+    /// another).
     pub fn push(&mut self, vertex: u32, target: Point, compliance: Real) {
         self.vertices.push(vertex);
         self.targets.push(target);
@@ -53,7 +54,9 @@ impl Attachments {
     /// If there are fewer inverse masses than particles named.
     pub fn movable(&self, inverse_masses: &[Real]) -> Self {
         let mut part = Self::new();
-        for (k, v) in self.vertices.iter().enumerate().filter(|(_, v)| inverse_masses[**v as usize] != 0.0) {
+        for (k, v) in
+            self.vertices.iter().enumerate().filter(|(_, v)| inverse_masses[**v as usize] != 0.0)
+        {
             part.push(*v, self.targets[k], self.compliances[k]);
         }
         part
@@ -81,7 +84,13 @@ impl Attachments {
 }
 
 impl Constraint for Attachments {
-    fn begin_substep(&mut self, _previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {
+    fn begin_substep(
+        &mut self,
+        _previous: &[Point],
+        _positions: &[Point],
+        _inverse_masses: &[Real],
+        _h: Real,
+    ) {
         self.lambda.fill(Vector::zeros());
     }
 
@@ -107,8 +116,16 @@ impl Constraint for Attachments {
     }
 
     fn check(&self) -> Result<(), GroupError> {
-        match self.compliances.iter().position(|c| GroupError::of_compliance("attachment", *c).is_err()) {
-            Some(index) => Err(GroupError::CompliancePer { group: "attachment", index, value: self.compliances[index] }),
+        match self
+            .compliances
+            .iter()
+            .position(|c| GroupError::of_compliance("attachment", *c).is_err())
+        {
+            Some(index) => Err(GroupError::CompliancePer {
+                group: "attachment",
+                index,
+                value: self.compliances[index],
+            }),
             None => Ok(()),
         }
     }
@@ -138,7 +155,11 @@ mod tests {
     fn an_attachment_gives_the_implicit_step_however_often_it_is_visited() {
         // (w⁻¹/h²)(p − 0) + (p − t)/β = 0 → p = t w / (w + β/h²).
         for visits in [1, 2, 50] {
-            assert_relative_eq!(visit(0.02, 2.0, visits), Point::new(0.5, 1.0, 1.5), epsilon = 1e-14);
+            assert_relative_eq!(
+                visit(0.02, 2.0, visits),
+                Point::new(0.5, 1.0, 1.5),
+                epsilon = 1e-14
+            );
         }
     }
 

@@ -7,9 +7,10 @@ use if_core::math::{Point, Real, Vector, area_vector};
 use if_core::mesh::TriMesh;
 use serde::{Deserialize, Serialize};
 
-/// Double area over the square of the longest edge below which a triangle has no area at rest: angles and cotangents of what
-/// is a line but for rounding are noise, and change with the place of the mesh. At a hundred times less cotangents carry
-/// 1e-4 of noise; at a hundred times more hinges of needles are dropped that 32-bit coordinates still tell from lines.
+/// Double area over the square of the longest edge below which a triangle has no area at rest:
+/// angles and cotangents of what is a line but for rounding are noise, and change with the place of
+/// the mesh. At a hundred times less cotangents carry 1e-4 of noise; at a hundred times more hinges
+/// of needles are dropped that 32-bit coordinates still tell from lines.
 const FLAT: Real = 1e-10;
 
 /// What is measured at a hinge.
@@ -37,13 +38,14 @@ pub enum BendingModel {
 /// |c| is L θ to first order, so that `k` means the same in both. θ is 0 for a flat hinge, and is
 /// found with `atan2`; its gradient divides by areas only, so 0° and 180° are like other angles.
 ///
-/// The angle bends the more, the farther it is turned at once: a visit moves no vertex farther than the
-/// longest distance between two corners of its hinge at rest. Without that bound rigid hinges that nothing
-/// holds together grow in every visit (to 1e57 of their size, in `tests/stability`); hinges of cloth at work
-/// stay far below it.
+/// The angle bends the more, the farther it is turned at once: a visit moves no vertex farther than
+/// the longest distance between two corners of its hinge at rest. Without that bound rigid hinges
+/// that nothing holds together grow in every visit (to 1e57 of their size, in `tests/stability`);
+/// hinges of cloth at work stay far below it.
 ///
-/// Hinges whose present state has a triangle without area are left alone and counted; those whose rest state has one, up
-/// to rounding, are left out. Edges with three or more triangles have no hinge. An infinite compliance makes the group idle.
+/// Hinges whose present state has a triangle without area are left alone and counted; those whose
+/// rest state has one, up to rounding, are left out. Edges with three or more triangles have no
+/// hinge. An infinite compliance makes the group idle.
 ///
 /// # Source
 ///
@@ -95,7 +97,12 @@ impl Bending {
     /// # Panics
     ///
     /// If a hinge names a vertex without a position.
-    pub fn of_hinges(hinges: &[[u32; 4]], positions: &[Point], model: BendingModel, compliance: Real) -> Self {
+    pub fn of_hinges(
+        hinges: &[[u32; 4]],
+        positions: &[Point],
+        model: BendingModel,
+        compliance: Real,
+    ) -> Self {
         let coloring = color(hinges, positions.len());
         let mut group = Self {
             vertices: Vec::new(),
@@ -116,7 +123,9 @@ impl Bending {
                 group.dropped += 1;
                 continue;
             }
-            let areas = 0.5 * (area_vector(&x[2], &x[0], &x[1]).norm() + area_vector(&x[3], &x[1], &x[0]).norm());
+            let areas = 0.5
+                * (area_vector(&x[2], &x[0], &x[1]).norm()
+                    + area_vector(&x[3], &x[1], &x[0]).norm());
             let (Some((angle, _)), Some(cotangents)) = (dihedral(&x), cotangents(&x)) else {
                 group.dropped += 1;
                 continue;
@@ -131,7 +140,8 @@ impl Bending {
             group.rest.push(rest);
             group.scale.push(scale);
             let between = |i: usize, j: usize| (x[i] - x[j]).norm_squared();
-            let longest = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(i, j)| between(i, j));
+            let longest =
+                [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].map(|(i, j)| between(i, j));
             group.reach2.push(longest.into_iter().fold(0.0, Real::max));
         }
         group.lambda = vec![0.0; group.vertices.len()];
@@ -163,7 +173,10 @@ impl Bending {
             return 0.0;
         }
         (0..self.len())
-            .filter_map(|k| self.evaluate(k, positions).map(|(c, _)| 0.5 * c * c / (self.compliance * self.scale[k])))
+            .filter_map(|k| {
+                self.evaluate(k, positions)
+                    .map(|(c, _)| 0.5 * c * c / (self.compliance * self.scale[k]))
+            })
             .sum()
     }
 
@@ -249,7 +262,13 @@ fn curvature(x: &[Point; 4], k: &[Real; 4]) -> Vector {
 }
 
 impl Constraint for Bending {
-    fn begin_substep(&mut self, _previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {
+    fn begin_substep(
+        &mut self,
+        _previous: &[Point],
+        _positions: &[Point],
+        _inverse_masses: &[Real],
+        _h: Real,
+    ) {
         self.lambda.fill(0.0);
     }
 
@@ -278,7 +297,8 @@ impl Constraint for Bending {
                 continue;
             }
             let mut delta = -violation / a;
-            let farthest2 = (0..4).map(|i| w[i] * w[i] * slopes2[i]).fold(0.0, Real::max) * (delta * delta);
+            let farthest2 =
+                (0..4).map(|i| w[i] * w[i] * slopes2[i]).fold(0.0, Real::max) * (delta * delta);
             if farthest2 > self.reach2[k] {
                 delta *= (self.reach2[k] / farthest2).sqrt();
             }
@@ -313,7 +333,12 @@ mod tests {
     /// A hinge about the y axis, opened by `angle` from flat.
     fn bent(angle: Real) -> Vec<Point> {
         let (s, c) = angle.sin_cos();
-        vec![Point::origin(), Point::new(0.0, 1.0, 0.0), Point::new(-0.8, 0.4, 0.0), Point::new(0.9 * c, 0.7, 0.9 * s)]
+        vec![
+            Point::origin(),
+            Point::new(0.0, 1.0, 0.0),
+            Point::new(-0.8, 0.4, 0.0),
+            Point::new(0.9 * c, 0.7, 0.9 * s),
+        ]
     }
 
     #[test]
@@ -342,7 +367,8 @@ mod tests {
 
     #[test]
     fn both_models_have_the_same_energy_for_a_slight_fold() {
-        let energy = |model, angle| Bending::of_hinges(&HINGE, &bent(0.0), model, 0.1).energy(&bent(angle));
+        let energy =
+            |model, angle| Bending::of_hinges(&HINGE, &bent(0.0), model, 0.1).energy(&bent(angle));
         let (a, b) = (energy(BendingModel::Dihedral, 0.01), energy(BendingModel::Isometric, 0.01));
         // They differ in the fourth power of the angle.
         assert_relative_eq!(a, b, max_relative = 1e-4);
@@ -352,7 +378,9 @@ mod tests {
     #[test]
     fn a_hinge_returns_to_its_rest_angle_also_from_zero_and_a_half_turn() {
         let pi = std::f64::consts::PI;
-        for (rest, start) in [(0.0, 1.0), (1.0, 0.0), (pi, pi - 0.5), (0.4, pi), (-pi + 0.1, pi - 0.1), (0.2, -0.3)] {
+        for (rest, start) in
+            [(0.0, 1.0), (1.0, 0.0), (pi, pi - 0.5), (0.4, pi), (-pi + 0.1, pi - 0.1), (0.2, -0.3)]
+        {
             let mut group = Bending::of_hinges(&HINGE, &bent(rest), BendingModel::Dihedral, 0.0);
             let rest = dihedral(&bent(rest).try_into().unwrap()).unwrap().0;
             let mut p = bent(start);
@@ -368,13 +396,16 @@ mod tests {
 
     #[test]
     fn rigid_hinges_that_nothing_holds_together_do_not_grow() {
-        // A crumpled ball of rigid hinges without any stretch: each visit turns by radians, far from where angles
-        // are linear, and overshoots in proportion to the size of the hinge. Unbounded, this grows beyond 1e6.
+        // A crumpled ball of rigid hinges without any stretch: each visit turns by radians, far
+        // from where angles are linear, and overshoots in proportion to the size of the hinge.
+        // Unbounded, this grows beyond 1e6.
         let mesh = if_core::shapes::meshes::icosphere(0.5, 1);
         let mut group = Bending::of_mesh(&mesh, BendingModel::Dihedral, 0.0);
         let noise = |k: usize, s: Real| 0.5 * (s * (k + 1) as Real).sin();
         let n = mesh.vertices().len();
-        let crumple = |(k, p): (usize, &Point)| p + Vector::new(noise(k, 12.9), noise(k, 78.2), noise(k, 37.7));
+        let crumple = |(k, p): (usize, &Point)| {
+            p + Vector::new(noise(k, 12.9), noise(k, 78.2), noise(k, 37.7))
+        };
         let mut p: Vec<Point> = mesh.vertices().iter().enumerate().map(crumple).collect();
         for _ in 0..100 {
             group.begin_substep(&[], &[], &[], 0.01);
@@ -389,7 +420,8 @@ mod tests {
         let turn = nalgebra::Rotation3::from_euler_angles(0.3, -1.1, 2.0);
         for model in [BendingModel::Dihedral, BendingModel::Isometric] {
             let mut group = Bending::of_hinges(&HINGE, &bent(0.7), model, 1e-3);
-            let mut p: Vec<Point> = bent(0.7).iter().map(|x| turn * x + Vector::new(1e3, -1e3, 1e3)).collect();
+            let mut p: Vec<Point> =
+                bent(0.7).iter().map(|x| turn * x + Vector::new(1e3, -1e3, 1e3)).collect();
             let r = group.project(&mut p, &[1.0; 4], 0.01);
             // Coordinates of 1e3 carry 1e-13.
             assert!(r.max < 1e-11, "{}", r.max);
@@ -415,7 +447,12 @@ mod tests {
 
     #[test]
     fn degenerate_hinges_are_left_alone() {
-        let flat = vec![Point::origin(), Point::new(0.0, 1.0, 0.0), Point::new(0.0, 2.0, 0.0), Point::new(1.0, 0.0, 0.0)];
+        let flat = vec![
+            Point::origin(),
+            Point::new(0.0, 1.0, 0.0),
+            Point::new(0.0, 2.0, 0.0),
+            Point::new(1.0, 0.0, 0.0),
+        ];
         for model in [BendingModel::Dihedral, BendingModel::Isometric] {
             assert_eq!(Bending::of_hinges(&HINGE, &flat, model, 1.0).dropped(), 1);
             assert_eq!(Bending::of_hinges(&HINGE, &[Point::origin(); 4], model, 1.0).len(), 0);
@@ -423,7 +460,11 @@ mod tests {
             for (height, dropped) in [(1e-16, 1), (1e-11, 1), (1e-6, 0)] {
                 let mut needle = bent(0.5);
                 needle[2] = Point::new(-height, 0.4, 0.0);
-                assert_eq!(Bending::of_hinges(&HINGE, &needle, model, 1.0).dropped(), dropped, "{height}");
+                assert_eq!(
+                    Bending::of_hinges(&HINGE, &needle, model, 1.0).dropped(),
+                    dropped,
+                    "{height}"
+                );
             }
             for compliance in [0.0, 1e-12, 1e3, Real::INFINITY] {
                 let mut group = Bending::of_hinges(&HINGE, &bent(0.5), model, compliance);

@@ -28,9 +28,11 @@ pub enum Push {
 /// with the mask's weight m in [0, 1]: a sample of weight 0 is never looked at (Appendix C).
 ///
 /// A sample that was at distance φ, and has since moved by less than (φ − δ) / L for the field's
-/// Lipschitz bound L, cannot violate, and is not asked for again; nor is one farther from the field's
-/// bounds than its δ (where φ is positive, and taken to be no less than the distance to them). [`Constraint::counters`] tells how often that was so. What was clear at the start of a visit, asked for or
-/// not, waits for the next one, wherever its neighbours' pushes carry it: the outcome does not depend on what was skipped.
+/// Lipschitz bound L, cannot violate, and is not asked for again; nor is one farther from the
+/// field's bounds than its δ (where φ is positive, and taken to be no less than the distance to
+/// them). [`Constraint::counters`] tells how often that was so. What was clear at the start of a
+/// visit, asked for or not, waits for the next one, wherever its neighbours' pushes carry it: the
+/// outcome does not depend on what was skipped.
 ///
 /// Where the gradient is zero, or the field answers NaN, nothing moves, and it is counted.
 ///
@@ -113,7 +115,11 @@ impl<'a> SdfCollision<'a> {
     /// # Errors
     ///
     /// The first weight or clearance that is not allowed.
-    pub fn new(field: &'a dyn SignedDistance, masks: &[Real], clearances: &[Real]) -> Result<Self, CollisionError> {
+    pub fn new(
+        field: &'a dyn SignedDistance,
+        masks: &[Real],
+        clearances: &[Real],
+    ) -> Result<Self, CollisionError> {
         checked(masks, clearances)?;
         let mut group = Self {
             field,
@@ -161,7 +167,9 @@ impl<'a> SdfCollision<'a> {
         let long: Vec<bool> = edges
             .vertices
             .iter()
-            .map(|&[a, b]| (mesh.vertices()[a as usize] - mesh.vertices()[b as usize]).norm() > longer_than)
+            .map(|&[a, b]| {
+                (mesh.vertices()[a as usize] - mesh.vertices()[b as usize]).norm() > longer_than
+            })
             .collect();
         for (e, &[a, b]) in edges.vertices.iter().enumerate() {
             if long[e] {
@@ -172,7 +180,8 @@ impl<'a> SdfCollision<'a> {
         const THIRD: Real = 1.0 / 3.0;
         for (t, &corners) in mesh.triangles().iter().enumerate() {
             if edges.of_triangle[t].iter().any(|e| long[*e as usize]) {
-                let mean = |x: &[Real]| corners.iter().map(|c| x[*c as usize]).sum::<Real>() * THIRD;
+                let mean =
+                    |x: &[Real]| corners.iter().map(|c| x[*c as usize]).sum::<Real>() * THIRD;
                 self.add(corners, [THIRD; 3], mean(masks), mean(clearances));
             }
         }
@@ -210,7 +219,8 @@ impl<'a> SdfCollision<'a> {
         for k in 0..self.vertices.len() {
             let x = sample(positions, &self.vertices[k], &self.weights[k]);
             let delta = self.clearances[k];
-            // Outside its bounds the field is positive; a distance field is over δ beyond δ from them.
+            // Outside its bounds the field is positive; a distance field is over δ beyond δ from
+            // them.
             if bounds.is_some_and(|b| b.distance_squared(&x) > delta * delta) {
                 self.counters.skipped_by_mask += 1;
                 continue;
@@ -221,7 +231,8 @@ impl<'a> SdfCollision<'a> {
                 self.counters.skipped_by_bound += 1;
                 continue;
             }
-            // What has run away is found at the end of the substep; a field is not to be asked there.
+            // What has run away is found at the end of the substep; a field is not to be asked
+            // there.
             if !x.iter().all(|c| c.is_finite()) {
                 self.counters.degenerate += 1;
                 continue;
@@ -230,7 +241,8 @@ impl<'a> SdfCollision<'a> {
             self.points.push(x);
         }
         self.counters.queries += self.asked.len() as u64;
-        self.answers.resize(self.points.len(), FieldSample { distance: 0.0, gradient: Vector::zeros() });
+        self.answers
+            .resize(self.points.len(), FieldSample { distance: 0.0, gradient: Vector::zeros() });
         self.field.samples(&self.points, &mut self.answers);
     }
 }
@@ -241,7 +253,9 @@ fn sample(positions: &[Point], v: &[u32; 3], b: &[Real; 3]) -> Point {
         return positions[v[0] as usize];
     }
     Point::from(
-        positions[v[0] as usize].coords * b[0] + positions[v[1] as usize].coords * b[1] + positions[v[2] as usize].coords * b[2],
+        positions[v[0] as usize].coords * b[0]
+            + positions[v[1] as usize].coords * b[1]
+            + positions[v[2] as usize].coords * b[2],
     )
 }
 
@@ -258,11 +272,18 @@ impl std::fmt::Debug for SdfCollision<'_> {
 }
 
 impl Constraint for SdfCollision<'_> {
-    fn begin_substep(&mut self, previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {
+    fn begin_substep(
+        &mut self,
+        previous: &[Point],
+        _positions: &[Point],
+        _inverse_masses: &[Real],
+        _h: Real,
+    ) {
         self.pushed.clear();
         self.anchors.clear();
         if self.friction > 0.0 {
-            let anchors = self.vertices.iter().zip(&self.weights).map(|(v, b)| sample(previous, v, b));
+            let anchors =
+                self.vertices.iter().zip(&self.weights).map(|(v, b)| sample(previous, v, b));
             self.anchors.extend(anchors);
         }
     }
@@ -316,7 +337,10 @@ impl Constraint for SdfCollision<'_> {
             };
             if self.friction > 0.0 && self.anchors.len() == self.len() {
                 let slid = x - self.anchors[k];
-                push -= friction(&(slid - normal * normal.dot(&slid)), self.friction * normal.dot(&push));
+                push -= friction(
+                    &(slid - normal * normal.dot(&slid)),
+                    self.friction * normal.dot(&push),
+                );
             }
             for c in 0..3 {
                 positions[v[c] as usize] += push * (w[c] * b[c] / sum);
@@ -370,7 +394,12 @@ mod tests {
 
     const BALL: Sphere = Sphere { center: Point::new(0.0, 0.0, 0.0), radius: 1.0 };
 
-    fn visit(field: &dyn SignedDistance, at: Point, clearance: Real, set: impl Fn(&mut SdfCollision<'_>)) -> (Point, Residual) {
+    fn visit(
+        field: &dyn SignedDistance,
+        at: Point,
+        clearance: Real,
+        set: impl Fn(&mut SdfCollision<'_>),
+    ) -> (Point, Residual) {
         let mut group = SdfCollision::new(field, &[1.0], &[clearance]).unwrap();
         set(&mut group);
         let mut p = vec![at];
@@ -416,14 +445,18 @@ mod tests {
         group.project(&mut p, &[1.0, 1.0, 0.0], 1e-3);
         assert_relative_eq!(p[0].x, 0.75, epsilon = 1e-15);
         assert_eq!((p[1].x, p[2].x), (0.5, 0.5));
-        assert_eq!((group.len(), group.counters().queries, group.counters().skipped_by_mask), (2, 2, 1));
+        assert_eq!(
+            (group.len(), group.counters().queries, group.counters().skipped_by_mask),
+            (2, 2, 1)
+        );
     }
 
     #[test]
     fn samples_between_the_vertices_of_long_edges_come_out_too() {
         // A square whose corners touch the ball and whose middle is inside.
         let mesh = cloth(1.2, 1.2, 1, 1);
-        let sunk: Vec<Point> = mesh.vertices().iter().map(|p| Point::new(p.x - 0.6, p.y - 0.6, 0.7)).collect();
+        let sunk: Vec<Point> =
+            mesh.vertices().iter().map(|p| Point::new(p.x - 0.6, p.y - 0.6, 0.7)).collect();
         let mesh = mesh.with_vertices(sunk).unwrap();
         let (masks, clearances) = ([1.0; 4], [0.0; 4]);
         let mut group = SdfCollision::new(&BALL, &masks, &clearances).unwrap();
@@ -469,7 +502,8 @@ mod tests {
         let clearances = vec![0.01; ones.len()];
         let run = |forget: bool| {
             let mut group = SdfCollision::new(&BALL, &ones, &clearances).unwrap();
-            let mut p: Vec<Point> = mesh.vertices().iter().map(|p| Point::new(p.x - 0.7, p.y - 0.8, 1.3)).collect();
+            let mut p: Vec<Point> =
+                mesh.vertices().iter().map(|p| Point::new(p.x - 0.7, p.y - 0.8, 1.3)).collect();
             for _ in 0..40 {
                 p.iter_mut().for_each(|p| p.z -= 0.01);
                 if forget {
@@ -501,7 +535,8 @@ mod tests {
 
     #[test]
     fn skipping_changes_no_bit_where_samples_share_vertices() {
-        // Friction that is no friction drags neighbours about: what was clear is carried inside within one visit.
+        // Friction that is no friction drags neighbours about: what was clear is carried inside
+        // within one visit.
         let mesh = cloth(3.0, 3.0, 5, 5);
         let ones = vec![1.0; mesh.vertices().len()];
         let clearances = vec![0.01; ones.len()];
@@ -509,7 +544,8 @@ mod tests {
             let mut group = SdfCollision::new(field, &ones, &clearances).unwrap();
             group.add_between(&mesh, 0.1, &ones, &clearances).unwrap();
             group.friction = 10.0;
-            let mut p: Vec<Point> = mesh.vertices().iter().map(|p| Point::new(p.x - 1.4, p.y - 1.6, 0.9)).collect();
+            let mut p: Vec<Point> =
+                mesh.vertices().iter().map(|p| Point::new(p.x - 1.4, p.y - 1.6, 0.9)).collect();
             for _ in 0..10 {
                 let before = p.clone();
                 p.iter_mut().for_each(|p| *p += Vector::new(0.3, 0.1, -0.2));
@@ -557,10 +593,16 @@ mod tests {
     fn weights_and_clearances_that_are_none_are_refused() {
         assert!(matches!(SdfCollision::new(&BALL, &[1.0], &[]), Err(CollisionError::Count { .. })));
         for bad in [-0.1, 1.1, Real::NAN] {
-            assert!(matches!(SdfCollision::new(&BALL, &[bad], &[0.0]), Err(CollisionError::Mask { vertex: 0, .. })));
+            assert!(matches!(
+                SdfCollision::new(&BALL, &[bad], &[0.0]),
+                Err(CollisionError::Mask { vertex: 0, .. })
+            ));
         }
         for bad in [-0.1, Real::INFINITY, Real::NAN] {
-            assert!(matches!(SdfCollision::new(&BALL, &[1.0], &[bad]), Err(CollisionError::Clearance { vertex: 0, .. })));
+            assert!(matches!(
+                SdfCollision::new(&BALL, &[1.0], &[bad]),
+                Err(CollisionError::Clearance { vertex: 0, .. })
+            ));
         }
     }
 }

@@ -88,7 +88,9 @@ impl Counters {
 #[non_exhaustive]
 pub enum GroupError {
     /// A compliance below zero, or none.
-    #[error("the compliance of the {group} constraints is {value} m/N; give one that is not negative (infinity makes them idle)")]
+    #[error(
+        "the compliance of the {group} constraints is {value} m/N; give one that is not negative (infinity makes them idle)"
+    )]
     Compliance {
         /// Which group: "stretch", "bending".
         group: &'static str,
@@ -116,7 +118,11 @@ impl GroupError {
     ///
     /// [`GroupError::Compliance`].
     pub fn of_compliance(group: &'static str, compliance: Real) -> Result<(), Self> {
-        if compliance >= 0.0 { Ok(()) } else { Err(GroupError::Compliance { group, value: compliance }) }
+        if compliance >= 0.0 {
+            Ok(())
+        } else {
+            Err(GroupError::Compliance { group, value: compliance })
+        }
     }
 }
 
@@ -126,7 +132,13 @@ impl GroupError {
 pub trait Constraint {
     /// Starts a substep of `h` seconds: line 4 (λ ← 0), and whatever the group remembers of
     /// `previous`, the positions at the start of the substep. `positions` are the predicted ones.
-    fn begin_substep(&mut self, previous: &[Point], positions: &[Point], inverse_masses: &[Real], h: Real);
+    fn begin_substep(
+        &mut self,
+        previous: &[Point],
+        positions: &[Point],
+        inverse_masses: &[Real],
+        h: Real,
+    );
 
     /// Visits every constraint of the group once, in an order that is always the same.
     fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real], h: Real) -> Residual;
@@ -136,9 +148,8 @@ pub trait Constraint {
         Stage::Elastic
     }
 
-    /// Takes out of `velocities` what only comes from pushing particles out of a penetration: groups of contacts do, elastic ones
-    /// leave them.
-    /// Called after line 24 where
+    /// Takes out of `velocities` what only comes from pushing particles out of a penetration:
+    /// groups of contacts do, elastic ones leave them. Called after line 24 where
     /// [`remove_depenetration_velocity`](crate::params::SolverParams::remove_depenetration_velocity)
     /// is set.
     fn correct_velocities(&self, _velocities: &mut [Vector]) {}

@@ -1,5 +1,6 @@
 //! All stretch constraints at once: "manifold projection" as Algorithm 1's text calls it. The slow
-//! twin of [`Stretch`](crate::stretch::Stretch), and an option where a few exact solves beat many sweeps.
+//! twin of [`Stretch`](crate::stretch::Stretch), and an option where a few exact solves beat many
+//! sweeps.
 
 use crate::constraint::{Constraint, Counters, GroupError, Residual};
 use crate::edge_set::EdgeSet;
@@ -7,13 +8,15 @@ use if_core::math::{Point, Real, Vector};
 use if_core::rows::Rows;
 use if_sparse::{Cholesky, Mat, Pattern, Place};
 
-/// Least addition to the diagonal, relative to each entry (so heavy edges among light ones converge as they do alone), so
-/// that rigid constraints of which some follow from others (every flat cloth has them) can be factored. At ten times less
-/// rounding makes such matrices indefinite; ten times more costs a rigid cloth a Newton step or two. A step that does not
-/// help, or a matrix that cannot be factored, is tried with a hundred times more (Levenberg and Marquardt), up to one.
+/// Least addition to the diagonal, relative to each entry (so heavy edges among light ones converge
+/// as they do alone), so that rigid constraints of which some follow from others (every flat cloth
+/// has them) can be factored. At ten times less rounding makes such matrices indefinite; ten times
+/// more costs a rigid cloth a Newton step or two. A step that does not help, or a matrix that
+/// cannot be factored, is tried with a hundred times more (Levenberg and Marquardt), up to one.
 const RIDGE: Real = 1e-9;
-/// How many times the rounding of an edge's ends and of `β̃ λ` its residual may be and count as none. At ten times less
-/// steps are made after noise, which the ridge of a rigid cloth turns into motion; ten times more is seen at 1 km in 1e-11 m.
+/// How many times the rounding of an edge's ends and of `β̃ λ` its residual may be and count as
+/// none. At ten times less steps are made after noise, which the ridge of a rigid cloth turns into
+/// motion; ten times more is seen at 1 km in 1e-11 m.
 const NOISE: Real = 4.0;
 /// Shortest Newton step tried, as a power of ½.
 const HALVINGS: u32 = 12;
@@ -28,8 +31,9 @@ const HALVINGS: u32 = 12;
 /// ```
 ///
 /// α is the first of 1, ½, ¼, … that makes |C + β̃ λ| smaller: without it a cloth stretched by 5 %
-/// diverges. The pattern is analysed once; a step costs one sparse Cholesky factorisation. Its entries are the pairs of edges that
-/// share a vertex: one of 10,000 edges brings 50 million. One visit makes up to
+/// diverges. The pattern is analysed once; a step costs one sparse Cholesky factorisation. Its
+/// entries are the pairs of edges that share a vertex: one of 10,000 edges brings 50 million. One
+/// visit makes up to
 /// [`iterations`](DirectStretch::iterations) steps.
 ///
 /// As printed, and as in XPBD, the change of J within a substep is not fed back into the inertia.
@@ -48,12 +52,14 @@ pub struct DirectStretch {
     pub compliance: Real,
     /// Most Newton steps in a visit.
     pub iterations: u32,
-    /// A visit ends once `max |C + β̃ λ|` is below this, in metres, or below what the rounding of positions leaves.
+    /// A visit ends once `max |C + β̃ λ|` is below this, in metres, or below what the rounding of
+    /// positions leaves.
     pub tolerance: Real,
 }
 
-/// A sum that remembers what its additions round away: multipliers of edges that follow from others are up to 1/[`RIDGE`]
-/// times larger than what is left of them at a vertex, where they cancel, and so would their rounding be.
+/// A sum that remembers what its additions round away: multipliers of edges that follow from others
+/// are up to 1/[`RIDGE`] times larger than what is left of them at a vertex, where they cancel, and
+/// so would their rounding be.
 #[derive(Clone, Copy)]
 struct Sum {
     total: Vector,
@@ -93,7 +99,8 @@ impl std::fmt::Debug for DirectStretch {
 }
 
 impl DirectStretch {
-    /// Constraints on `edges` with `compliance` β in m/N, 0 or more (a step refuses another): 20 steps at most, to 1e-12 m.
+    /// Constraints on `edges` with `compliance` β in m/N, 0 or more (a step refuses another): 20
+    /// steps at most, to 1e-12 m.
     pub fn new(edges: EdgeSet, compliance: Real) -> Self {
         let n = edges.len();
         let ends = (0..n).flat_map(|k| [(edges.a[k], k as u32), (edges.b[k], k as u32)]);
@@ -105,9 +112,21 @@ impl DirectStretch {
                 entries.extend(list[..=i].iter().map(|&l| [k, l, v as u32]));
             }
         }
-        let places: Vec<_> = entries.iter().map(|e| Place::new(e[0].max(e[1]) as usize, e[0].min(e[1]) as usize)).collect();
+        let places: Vec<_> = entries
+            .iter()
+            .map(|e| Place::new(e[0].max(e[1]) as usize, e[0].min(e[1]) as usize))
+            .collect();
         let pattern = Pattern::new(n, &places).ok();
-        Self { edges, lambda: vec![0.0; n], entries, pattern, failures: 0, compliance, iterations: 20, tolerance: 1e-12 }
+        Self {
+            edges,
+            lambda: vec![0.0; n],
+            entries,
+            pattern,
+            failures: 0,
+            compliance,
+            iterations: 20,
+            tolerance: 1e-12,
+        }
     }
 
     /// The edges, in the order of the multipliers.
@@ -115,7 +134,8 @@ impl DirectStretch {
         &self.edges
     }
 
-    /// Unit gradients (zero where the ends coincide) and `C + β̃ λ`; and what of its size is rounding.
+    /// Unit gradients (zero where the ends coincide) and `C + β̃ λ`; and what of its size is
+    /// rounding.
     fn evaluate(
         &self,
         positions: &[Point],
@@ -132,7 +152,8 @@ impl DirectStretch {
             let length = d.norm();
             let stress = softness * self.lambda[k];
             let c = length - self.edges.rest[k] + stress;
-            largest = largest.max(positions[self.edges.a[k] as usize].coords.amax() + length + stress.abs());
+            largest = largest
+                .max(positions[self.edges.a[k] as usize].coords.amax() + length + stress.abs());
             gradients.push(if length > 0.0 { d / length } else { Vector::zeros() });
             values.push(c);
             residual.add(c);
@@ -142,10 +163,17 @@ impl DirectStretch {
 
     /// Of both ends together.
     fn inverse_mass(&self, k: u32, inverse_masses: &[Real]) -> Real {
-        inverse_masses[self.edges.a[k as usize] as usize] + inverse_masses[self.edges.b[k as usize] as usize]
+        inverse_masses[self.edges.a[k as usize] as usize]
+            + inverse_masses[self.edges.b[k as usize] as usize]
     }
 
-    fn factor(&self, gradients: &[Vector], inverse_masses: &[Real], softness: Real, ridge: Real) -> Option<Cholesky> {
+    fn factor(
+        &self,
+        gradients: &[Vector],
+        inverse_masses: &[Real],
+        softness: Real,
+        ridge: Real,
+    ) -> Option<Cholesky> {
         let pattern = self.pattern.as_ref()?;
         let sign = |k: u32, v: u32| if self.edges.a[k as usize] == v { 1.0 } else { -1.0 };
         let mut values: Vec<Real> = Vec::with_capacity(self.entries.len());
@@ -154,7 +182,8 @@ impl DirectStretch {
             let mut value = w * gradients[k as usize].dot(&gradients[l as usize]);
             if k == l {
                 let own = self.inverse_mass(k, inverse_masses) + softness;
-                // An edge meets itself at both of its ends: half of its share at each. Pinned ones have any multiplier.
+                // An edge meets itself at both of its ends: half of its share at each. Pinned ones
+                // have any multiplier.
                 value += 0.5 * (softness + ridge * if own > 0.0 { own } else { 1.0 });
             }
             values.push(value);
@@ -164,7 +193,13 @@ impl DirectStretch {
 }
 
 impl Constraint for DirectStretch {
-    fn begin_substep(&mut self, _previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {
+    fn begin_substep(
+        &mut self,
+        _previous: &[Point],
+        _positions: &[Point],
+        _inverse_masses: &[Real],
+        _h: Real,
+    ) {
         self.lambda.fill(0.0);
     }
 
@@ -180,7 +215,8 @@ impl Constraint for DirectStretch {
             return Residual::default();
         }
         let (mut gradients, mut values) = (Vec::new(), Vec::new());
-        let (mut residual, mut noise) = self.evaluate(positions, softness, &mut gradients, &mut values);
+        let (mut residual, mut noise) =
+            self.evaluate(positions, softness, &mut gradients, &mut values);
         let mut ridge = RIDGE;
         for _ in 0..self.iterations {
             if residual.max <= self.tolerance.max(noise) {
@@ -202,7 +238,8 @@ impl Constraint for DirectStretch {
                 impulses[self.edges.a[k] as usize].add(impulse);
                 impulses[self.edges.b[k] as usize].add(-impulse);
             }
-            let push: Vec<Vector> = impulses.iter().zip(inverse_masses).map(|(s, w)| s.total() * *w).collect();
+            let push: Vec<Vector> =
+                impulses.iter().zip(inverse_masses).map(|(s, w)| s.total() * *w).collect();
             let (start, start_lambda) = (positions.to_vec(), self.lambda.clone());
             let mut alpha = 1.0;
             let mut better = false;
@@ -213,7 +250,8 @@ impl Constraint for DirectStretch {
                 for k in 0..self.lambda.len() {
                     self.lambda[k] = start_lambda[k] + alpha * delta[(k, 0)];
                 }
-                let (tried, rounding) = self.evaluate(positions, softness, &mut gradients, &mut values);
+                let (tried, rounding) =
+                    self.evaluate(positions, softness, &mut gradients, &mut values);
                 if tried.sum_squares < residual.sum_squares {
                     (residual, noise) = (tried, rounding);
                     better = true;
@@ -260,13 +298,18 @@ mod tests {
         let mesh = cloth(0.01 * f64::from(n), 0.01 * f64::from(n), n, n);
         let noise = |k: usize, s: Real| 1e-3 * (k as Real * s).sin();
         let p = mesh.vertices().iter().enumerate();
-        let p = p.map(|(k, x)| Point::from(x.coords * 1.05) + Vector::new(noise(k, 12.9), noise(k, 78.2), noise(k, 37.7)));
+        let p = p.map(|(k, x)| {
+            Point::from(x.coords * 1.05)
+                + Vector::new(noise(k, 12.9), noise(k, 78.2), noise(k, 37.7))
+        });
         (EdgeSet::of_mesh(&mesh), p.collect())
     }
 
     #[test]
     fn a_stretched_noisy_cloth_converges_for_soft_and_for_hard_springs() {
-        for (compliance, h, enough) in [(1e-5, 1e-3, 1e-12), (1e-5, 1e-1, 1e-12), (1e-9, 1e-2, 1e-12), (0.0, 1e-3, 1e-6)] {
+        for (compliance, h, enough) in
+            [(1e-5, 1e-3, 1e-12), (1e-5, 1e-1, 1e-12), (1e-9, 1e-2, 1e-12), (0.0, 1e-3, 1e-6)]
+        {
             let (edges, mut p) = stretched(12);
             let w = vec![1.0; p.len()];
             let mut group = DirectStretch::new(edges, compliance);
@@ -280,7 +323,9 @@ mod tests {
     #[test]
     fn sweeps_and_the_direct_solve_meet() {
         let (edges, start) = stretched(8);
-        let w: Vec<Real> = (0..start.len()).map(|k| if k == 0 { 0.0 } else { 1.0 + 0.5 * (k as Real).sin() }).collect();
+        let w: Vec<Real> = (0..start.len())
+            .map(|k| if k == 0 { 0.0 } else { 1.0 + 0.5 * (k as Real).sin() })
+            .collect();
         let h = 1e-3;
         let mut direct = DirectStretch::new(edges.clone(), 1e-5);
         let mut p = start.clone();

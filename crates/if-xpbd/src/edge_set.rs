@@ -32,7 +32,9 @@ pub enum EdgeSetError {
         rests: usize,
     },
     /// An end does not exist.
-    #[error("edge {edge} names vertex {vertex}, but there are only {vertices} vertices (0 is the first)")]
+    #[error(
+        "edge {edge} names vertex {vertex}, but there are only {vertices} vertices (0 is the first)"
+    )]
     IndexOutOfRange {
         /// Index of the edge.
         edge: usize,
@@ -65,14 +67,22 @@ impl EdgeSet {
     /// # Errors
     ///
     /// The first fault found.
-    pub fn new(edges: &[[u32; 2]], rests: &[Real], vertex_count: usize) -> Result<Self, EdgeSetError> {
+    pub fn new(
+        edges: &[[u32; 2]],
+        rests: &[Real],
+        vertex_count: usize,
+    ) -> Result<Self, EdgeSetError> {
         if edges.len() != rests.len() {
             return Err(EdgeSetError::Count { edges: edges.len(), rests: rests.len() });
         }
         for (edge, (&[a, b], &value)) in edges.iter().zip(rests).enumerate() {
             for vertex in [a, b] {
                 if vertex as usize >= vertex_count {
-                    return Err(EdgeSetError::IndexOutOfRange { edge, vertex, vertices: vertex_count });
+                    return Err(EdgeSetError::IndexOutOfRange {
+                        edge,
+                        vertex,
+                        vertices: vertex_count,
+                    });
                 }
             }
             if a == b {
@@ -98,18 +108,22 @@ impl EdgeSet {
     pub fn of_mesh(mesh: &TriMesh) -> Self {
         let edges = Edges::new(mesh).vertices;
         let rests: Vec<Real> = edges.iter().map(|e| length(mesh.vertices(), e)).collect();
-        Self::new(&edges, &rests, mesh.vertices().len()).expect("a checked mesh has sound edges of finite length")
+        Self::new(&edges, &rests, mesh.vertices().len())
+            .expect("a checked mesh has sound edges of finite length")
     }
 
-    /// The edges with an end that can move, whose inverse mass is not 0, in the same order of visiting: a sweep over them moves
-    /// every particle as a sweep over all does, to the bit. They count as given in the order in which they were given here.
+    /// The edges with an end that can move, whose inverse mass is not 0, in the same order of
+    /// visiting: a sweep over them moves every particle as a sweep over all does, to the bit. They
+    /// count as given in the order in which they were given here.
     ///
     /// # Panics
     ///
     /// If there are fewer inverse masses than [`EdgeSet::vertex_count`].
     pub fn movable(&self, inverse_masses: &[Real]) -> Self {
         let mut part = Self { vertex_count: self.vertex_count, ..Self::default() };
-        let can_move = |k: usize| inverse_masses[self.a[k] as usize] != 0.0 || inverse_masses[self.b[k] as usize] != 0.0;
+        let can_move = |k: usize| {
+            inverse_masses[self.a[k] as usize] != 0.0 || inverse_masses[self.b[k] as usize] != 0.0
+        };
         for range in &self.colors {
             let start = part.len();
             for k in range.clone() {
@@ -147,7 +161,8 @@ impl EdgeSet {
         (0..self.len()).map(|k| ([self.a[k], self.b[k]], self.rest[k]))
     }
 
-    /// Relative elongations `|pᵢ − pⱼ|/ℓ − 1` in the order in which the edges were given; 0 where ℓ = 0.
+    /// Relative elongations `|pᵢ − pⱼ|/ℓ − 1` in the order in which the edges were given; 0 where ℓ
+    /// = 0.
     ///
     /// # Panics
     ///
@@ -183,8 +198,14 @@ mod tests {
     fn faults_are_named() {
         use EdgeSetError::*;
         assert!(matches!(EdgeSet::new(&[[0, 1]], &[], 2), Err(Count { edges: 1, rests: 0 })));
-        assert!(matches!(EdgeSet::new(&[[0, 2]], &[1.0], 2), Err(IndexOutOfRange { edge: 0, vertex: 2, vertices: 2 })));
-        assert!(matches!(EdgeSet::new(&[[0, 1], [1, 1]], &[1.0; 2], 2), Err(SelfLoop { edge: 1, vertex: 1 })));
+        assert!(matches!(
+            EdgeSet::new(&[[0, 2]], &[1.0], 2),
+            Err(IndexOutOfRange { edge: 0, vertex: 2, vertices: 2 })
+        ));
+        assert!(matches!(
+            EdgeSet::new(&[[0, 1], [1, 1]], &[1.0; 2], 2),
+            Err(SelfLoop { edge: 1, vertex: 1 })
+        ));
         for bad in [-1.0, Real::NAN, Real::INFINITY] {
             assert!(matches!(EdgeSet::new(&[[0, 1]], &[bad], 2), Err(Rest { edge: 0, .. })));
         }
@@ -194,10 +215,17 @@ mod tests {
     #[test]
     fn edges_have_finite_lengths_however_far_their_ends_are() {
         for far in [1e-200, 1.0, 1e155, 1e308] {
-            let x = vec![Point::new(-far, 0.0, 0.0), Point::new(far, 0.0, 0.0), Point::new(0.0, 0.0, 0.0)];
+            let x = vec![
+                Point::new(-far, 0.0, 0.0),
+                Point::new(far, 0.0, 0.0),
+                Point::new(0.0, 0.0, 0.0),
+            ];
             let edges = EdgeSet::of_mesh(&TriMesh::new(x, vec![[0, 1, 2]]).unwrap());
             let longest = edges.rest.iter().copied().fold(0.0, Real::max);
-            assert!(longest.is_finite() && (far < 1e-100 || longest >= 1.9 * far.min(8e307)), "{far}: {longest}");
+            assert!(
+                longest.is_finite() && (far < 1e-100 || longest >= 1.9 * far.min(8e307)),
+                "{far}: {longest}"
+            );
         }
     }
 
@@ -207,11 +235,17 @@ mod tests {
         use crate::strain_limit::StrainLimit;
         use crate::stretch::Stretch;
         let mesh = if_core::shapes::meshes::cloth(0.3, 0.2, 13, 9);
-        let start: Vec<Point> =
-            mesh.vertices().iter().enumerate().map(|(k, p)| Point::new(1.2 * p.x, 0.8 * p.y, 0.01 * (k as Real).sin())).collect();
+        let start: Vec<Point> = mesh
+            .vertices()
+            .iter()
+            .enumerate()
+            .map(|(k, p)| Point::new(1.2 * p.x, 0.8 * p.y, 0.01 * (k as Real).sin()))
+            .collect();
         let all = EdgeSet::of_mesh(&mesh);
         for free in [0, 1, 17, 60, start.len()] {
-            let w: Vec<Real> = (0..start.len()).map(|k| Real::from(u8::from(k * 7 % start.len() < free))).collect();
+            let w: Vec<Real> = (0..start.len())
+                .map(|k| Real::from(u8::from(k * 7 % start.len() < free)))
+                .collect();
             let part = all.movable(&w);
             assert!(part.len() <= all.len() && part.is_empty() == (free == 0));
             let run = |edges: &EdgeSet| {
@@ -239,13 +273,19 @@ mod tests {
         // A part has those of its edges, in their order.
         let mesh = if_core::shapes::meshes::cloth(0.3, 0.2, 13, 9);
         let all = EdgeSet::of_mesh(&mesh);
-        let bent: Vec<Point> =
-            mesh.vertices().iter().enumerate().map(|(k, p)| Point::new(p.x, p.y, 0.01 * (k as Real).sin())).collect();
+        let bent: Vec<Point> = mesh
+            .vertices()
+            .iter()
+            .enumerate()
+            .map(|(k, p)| Point::new(p.x, p.y, 0.01 * (k as Real).sin()))
+            .collect();
         let w: Vec<Real> = (0..bent.len()).map(|k| Real::from(u8::from(k % 3 == 0))).collect();
         let edges = if_core::edges::Edges::new(&mesh).vertices;
         let of_all = all.strains(&bent).into_iter().zip(edges);
-        let expected: Vec<Real> =
-            of_all.filter(|(_, e)| e.iter().any(|v| w[*v as usize] > 0.0)).map(|(strain, _)| strain).collect();
+        let expected: Vec<Real> = of_all
+            .filter(|(_, e)| e.iter().any(|v| w[*v as usize] > 0.0))
+            .map(|(strain, _)| strain)
+            .collect();
         assert_eq!(all.movable(&w).strains(&bent), expected);
     }
 }

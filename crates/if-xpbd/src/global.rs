@@ -15,9 +15,11 @@ use if_sparse::{Cholesky, Entry, Mat};
 /// global:  (M/h² + k Σ SᵀS) p = M/h² p̃ + k Σ Sᵀ d
 /// ```
 ///
-/// The global step is solved for the correction of p, and the correction of each part that hangs on no pinned particle is then moved as a whole
-/// to where its centre of mass has to be: springs pull at both of their ends alike. Far stiffer springs than masses over h² hold the
-/// centre a million times less than the edges, and would otherwise cost a free cloth digits of its momentum. The fixed point is that of implicit Euler, as of XPBD's sweeps. A visit starts from p̃ and does
+/// The global step is solved for the correction of p, and the correction of each part that hangs on
+/// no pinned particle is then moved as a whole to where its centre of mass has to be: springs pull
+/// at both of their ends alike. Far stiffer springs than masses over h² hold the centre a million
+/// times less than the edges, and would otherwise cost a free cloth digits of its momentum. The
+/// fixed point is that of implicit Euler, as of XPBD's sweeps. A visit starts from p̃ and does
 /// everything: give the solver one sweep. Pinned particles go to the right-hand side.
 ///
 /// # Source
@@ -46,7 +48,9 @@ struct Factor {
 
 /// Why a compliance cannot be a stiffness.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("the compliance is {value}; a global solve needs it positive (m/N). For rigid edges use DirectStretch")]
+#[error(
+    "the compliance is {value}; a global solve needs it positive (m/N). For rigid edges use DirectStretch"
+)]
 #[non_exhaustive]
 pub struct GlobalStretchError {
     /// The compliance, in m/N.
@@ -73,7 +77,14 @@ impl GlobalStretch {
     /// A compliance that is not positive. Infinity is allowed, and makes the group idle.
     pub fn new(edges: EdgeSet, compliance: Real) -> Result<Self, GlobalStretchError> {
         if compliance > 0.0 && (1.0 / compliance).is_finite() {
-            Ok(Self { edges, compliance, factor: None, failures: 0, iterations: 200, tolerance: 1e-9 })
+            Ok(Self {
+                edges,
+                compliance,
+                factor: None,
+                failures: 0,
+                iterations: 200,
+                tolerance: 1e-9,
+            })
         } else {
             Err(GlobalStretchError { value: compliance })
         }
@@ -112,7 +123,8 @@ impl GlobalStretch {
     }
 }
 
-/// The particles of each part of two or more, joined by edges, of which none is pinned; in ascending order.
+/// The particles of each part of two or more, joined by edges, of which none is pinned; in
+/// ascending order.
 fn free_parts(edges: &EdgeSet, inverse_masses: &[Real]) -> Vec<Vec<u32>> {
     let part_of = parts_by_edges(edges.visited().map(|(ends, _)| ends), inverse_masses.len());
     let mut parts = vec![Vec::new(); inverse_masses.len()];
@@ -121,11 +133,22 @@ fn free_parts(edges: &EdgeSet, inverse_masses: &[Real]) -> Vec<Vec<u32>> {
         parts[part as usize].push(v as u32);
         held[part as usize] |= *w <= 0.0;
     }
-    parts.into_iter().zip(held).filter(|(part, held)| part.len() > 1 && !held).map(|(part, _)| part).collect()
+    parts
+        .into_iter()
+        .zip(held)
+        .filter(|(part, held)| part.len() > 1 && !held)
+        .map(|(part, _)| part)
+        .collect()
 }
 
 impl Constraint for GlobalStretch {
-    fn begin_substep(&mut self, _previous: &[Point], _positions: &[Point], inverse_masses: &[Real], h: Real) {
+    fn begin_substep(
+        &mut self,
+        _previous: &[Point],
+        _positions: &[Point],
+        inverse_masses: &[Real],
+        h: Real,
+    ) {
         if self.is_idle() {
             return;
         }
@@ -135,8 +158,8 @@ impl Constraint for GlobalStretch {
         }
     }
 
-    /// The residual is the elongation `| |S p| − ℓ |` at the start. Where the matrix cannot be factored,
-    /// or [`Constraint::begin_substep`] was not called, everything stays.
+    /// The residual is the elongation `| |S p| − ℓ |` at the start. Where the matrix cannot be
+    /// factored, or [`Constraint::begin_substep`] was not called, everything stays.
     ///
     /// # Panics
     ///
@@ -149,13 +172,16 @@ impl Constraint for GlobalStretch {
         for ([a, b], rest) in self.edges.visited() {
             residual.add((positions[a as usize] - positions[b as usize]).norm() - rest);
         }
-        let Some(Factor { inverse_masses, rows, free, cholesky, .. }) = &self.factor else { return residual };
+        let Some(Factor { inverse_masses, rows, free, cholesky, .. }) = &self.factor else {
+            return residual;
+        };
         let start = positions.to_vec();
         let mut right = Mat::zeros(rows.iter().flatten().count(), 3);
         let mut pushes = vec![Vector::zeros(); start.len()];
         let k = 1.0 / self.compliance;
         for _ in 0..self.iterations {
-            // What is missing at p, so that rounding goes with the size of the correction and not with that of p.
+            // What is missing at p, so that rounding goes with the size of the correction and not
+            // with that of p.
             for (v, row) in rows.iter().enumerate() {
                 if let Some(row) = *row {
                     let missing = (start[v] - positions[v]) / (inverse_masses[v] * h * h);
@@ -228,7 +254,10 @@ mod tests {
             .vertices()
             .iter()
             .enumerate()
-            .map(|(k, x)| Point::from(x.coords * 1.05) + Vector::new(noise(k, 12.9), noise(k, 78.2), noise(k, 37.7)))
+            .map(|(k, x)| {
+                Point::from(x.coords * 1.05)
+                    + Vector::new(noise(k, 12.9), noise(k, 78.2), noise(k, 37.7))
+            })
             .collect();
         let w: Vec<Real> = (0..start.len()).map(|k| if k == 0 { 0.0 } else { 1.0 }).collect();
         let (h, compliance) = (2e-3, 1e-5);
@@ -264,14 +293,15 @@ mod tests {
 
     #[test]
     fn a_free_cloth_of_the_stiffest_springs_keeps_its_momentum() {
-        // Springs 1e6 times stiffer than masses over h²: solved for positions, a thousand substeps lose 1e-5 of it, and
-        // without the shift 1e-10.
+        // Springs 1e6 times stiffer than masses over h²: solved for positions, a thousand substeps
+        // lose 1e-5 of it, and without the shift 1e-10.
         let mesh = cloth(1.0, 1.0, 4, 4);
         let mut group = GlobalStretch::new(EdgeSet::of_mesh(&mesh), 1e-12).unwrap();
         group.iterations = 20;
         let (h, n) = (1e-3, mesh.vertices().len());
         let mut p = mesh.vertices().to_vec();
-        let mut v: Vec<Vector> = (0..n).map(|k| Vector::new(1.0, (k as Real).sin(), (2.0 * k as Real).cos())).collect();
+        let mut v: Vec<Vector> =
+            (0..n).map(|k| Vector::new(1.0, (k as Real).sin(), (2.0 * k as Real).cos())).collect();
         let before: Vector = v.iter().sum();
         for _ in 0..1000 {
             let previous = p.clone();

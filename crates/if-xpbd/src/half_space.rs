@@ -35,9 +35,10 @@ pub struct HalfSpaces {
     pub friction: Real,
     /// The farthest that a sample may be pushed in one visit, in metres.
     pub max_push: Real,
-    /// The farthest that a visit may move a vertex, in times the sample's push: a vertex of weight b that alone is free, or
-    /// light, moves by 1/b of it. Infinite lands each sample on its gap at once, and throws the free corner of a triangle
-    /// that is pinned beside the sample; from 4 on, middles of edges and of triangles still land at once.
+    /// The farthest that a visit may move a vertex, in times the sample's push: a vertex of weight
+    /// b that alone is free, or light, moves by 1/b of it. Infinite lands each sample on its gap at
+    /// once, and throws the free corner of a triangle that is pinned beside the sample; from 4 on,
+    /// middles of edges and of triangles still land at once.
     pub max_lever: Real,
 }
 
@@ -88,7 +89,14 @@ impl HalfSpaces {
     ///
     /// A sample on an edge or a vertex repeats one of its vertices with weight 0.
     #[inline]
-    pub fn push(&mut self, vertices: [u32; 3], weights: [Real; 3], normal: Vector, q: &Point, gap: Real) {
+    pub fn push(
+        &mut self,
+        vertices: [u32; 3],
+        weights: [Real; 3],
+        normal: Vector,
+        q: &Point,
+        gap: Real,
+    ) {
         debug_assert!(weights.iter().all(|w| w.is_finite()) && gap.is_finite());
         self.vertices.push(vertices);
         self.weights.push(weights);
@@ -115,7 +123,8 @@ impl HalfSpaces {
     /// If there is no contact `k`, or no position for one of its vertices.
     #[inline]
     pub fn clearance(&self, k: usize, positions: &[Point]) -> Real {
-        self.normals[k].dot(&sample(positions, &self.vertices[k], &self.weights[k])) - self.levels[k]
+        self.normals[k].dot(&sample(positions, &self.vertices[k], &self.weights[k]))
+            - self.levels[k]
     }
 
     /// Visits all contacts once. See [`Constraint::project`], which does the same.
@@ -141,7 +150,11 @@ impl HalfSpaces {
                 residual.max = deficit;
             }
             residual.sum_squares += deficit * deficit;
-            let w = [inverse_masses[v[0] as usize], inverse_masses[v[1] as usize], inverse_masses[v[2] as usize]];
+            let w = [
+                inverse_masses[v[0] as usize],
+                inverse_masses[v[1] as usize],
+                inverse_masses[v[2] as usize],
+            ];
             let sum = w[0] * b[0] * b[0] + w[1] * b[1] * b[1] + w[2] * b[2] * b[2];
             if sum <= 0.0 {
                 continue;
@@ -177,15 +190,27 @@ pub(crate) fn friction(slide: &Vector, bound: Real) -> Vector {
 
 #[inline]
 fn sample(positions: &[Point], v: &[u32; 3], b: &[Real; 3]) -> Vector {
-    positions[v[0] as usize].coords * b[0] + positions[v[1] as usize].coords * b[1] + positions[v[2] as usize].coords * b[2]
+    positions[v[0] as usize].coords * b[0]
+        + positions[v[1] as usize].coords * b[1]
+        + positions[v[2] as usize].coords * b[2]
 }
 
 impl Constraint for HalfSpaces {
-    fn begin_substep(&mut self, previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {
+    fn begin_substep(
+        &mut self,
+        previous: &[Point],
+        _positions: &[Point],
+        _inverse_masses: &[Real],
+        _h: Real,
+    ) {
         self.pushed.fill(false);
         self.anchors.clear();
         if self.friction > 0.0 {
-            let anchors = self.vertices.iter().zip(&self.weights).map(|(v, b)| Point::from(sample(previous, v, b)));
+            let anchors = self
+                .vertices
+                .iter()
+                .zip(&self.weights)
+                .map(|(v, b)| Point::from(sample(previous, v, b)));
             self.anchors.extend(anchors);
         }
     }
@@ -285,7 +310,11 @@ mod tests {
 
     #[test]
     fn a_lever_that_is_bounded_throws_no_vertex_and_gets_there_in_the_end() {
-        let mut p = vec![Point::new(0.0, 0.0, -0.1), Point::new(1.0, 0.0, -0.1), Point::new(0.0, 1.0, -0.1)];
+        let mut p = vec![
+            Point::new(0.0, 0.0, -0.1),
+            Point::new(1.0, 0.0, -0.1),
+            Point::new(0.0, 1.0, -0.1),
+        ];
         let mut contacts = HalfSpaces { max_lever: 4.0, ..HalfSpaces::new() };
         contacts.push([0, 1, 2], [0.49, 0.01, 0.5], Vector::z(), &Point::origin(), 0.0);
         let (w, start) = ([0.0, 1.0, 0.0], p.clone());
@@ -296,7 +325,8 @@ mod tests {
             visits += 1;
             assert!((p[1] - before).norm() <= 4.0 * lacks + 1e-12 && visits < 1000);
         }
-        // Each takes 4 % of what is missing: ln(1e8) / 0.04 visits and some. At once, it is thrown by ten metres in the first.
+        // Each takes 4 % of what is missing: ln(1e8) / 0.04 visits and some. At once, it is thrown
+        // by ten metres in the first.
         assert!(visits > 400 && (p[0], p[2]) == (start[0], start[2]));
     }
 

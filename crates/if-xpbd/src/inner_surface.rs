@@ -5,7 +5,8 @@ use if_core::edges::{Edges, NONE};
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 
-/// The layer below: a mesh at rest, its nearest points, and the normals of its faces, edges and vertices.
+/// The layer below: a mesh at rest, its nearest points, and the normals of its faces, edges and
+/// vertices.
 pub struct InnerSurface<'a> {
     mesh: &'a TriMesh,
     closest: &'a dyn ClosestPoint,
@@ -24,7 +25,13 @@ impl std::fmt::Debug for InnerSurface<'_> {
 impl<'a> InnerSurface<'a> {
     /// `closest` must answer for `mesh`.
     pub fn new(mesh: &'a TriMesh, closest: &'a dyn ClosestPoint) -> Self {
-        Self { mesh, closest, edges: Edges::new(mesh), faces: mesh.face_normals(), vertices: mesh.vertex_normals() }
+        Self {
+            mesh,
+            closest,
+            edges: Edges::new(mesh),
+            faces: mesh.face_normals(),
+            vertices: mesh.vertex_normals(),
+        }
     }
 
     /// The mesh.
@@ -75,7 +82,8 @@ pub(crate) mod tests {
                 let point = barycentric_point(c, barycentric);
                 let distance = (p - point).norm();
                 if distance <= best.map_or(max_distance, |b| b.distance) {
-                    best = Some(Closest { point, distance, triangle: t as u32, barycentric, feature });
+                    best =
+                        Some(Closest { point, distance, triangle: t as u32, barycentric, feature });
                 }
             }
             best

@@ -17,7 +17,8 @@
 //! a push does not feed (24), or none at all (quasi-static).
 //!
 //! Beyond the paper: [`bending`], [`strain_limit`], [`attach`], contacts of moving vertices, faces
-//! and edges in [`pair_contact`], friction, early stop, and steps that are taken back when they go wrong.
+//! and edges in [`pair_contact`], friction, early stop, and steps that are taken back when they go
+//! wrong.
 //!
 //! A group of constraints is one object behind [`constraint::Constraint`]: a call through a vtable
 //! per group and sweep, and plain loops inside. Order and bits depend on the input alone, not on

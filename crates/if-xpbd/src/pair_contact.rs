@@ -9,10 +9,12 @@ use if_core::math::{Point, Real, Vector, area_vector};
 /// more drops contacts of ordinary meshes; at ten times less the normal carries 1e-12 of noise.
 const PARALLEL: Real = 1e-4;
 
-/// The farthest that a visit moves a vertex, in times what the contact lacks. The corner of a triangle moves a point of weight
-/// b by b: where only that corner is free, or light, it is moved by 1/b of what is missing. Up to 4 the centroid of a triangle
-/// and the middle of an edge are brought out at once; without a bound, a contact beside a pinned corner throws the free one
-/// across the scene (220 times its size, in `tests/stability`). Such a contact takes some visits more.
+/// The farthest that a visit moves a vertex, in times what the contact lacks. The corner of a
+/// triangle moves a point of weight b by b: where only that corner is free, or light, it is moved
+/// by 1/b of what is missing. Up to 4 the centroid of a triangle and the middle of an edge are
+/// brought out at once; without a bound, a contact beside a pinned corner throws the free one
+/// across the scene (220 times its size, in `tests/stability`). Such a contact takes some visits
+/// more.
 const LEVER: Real = 4.0;
 
 /// Vertex–face and edge–edge contacts with a remembered side.
@@ -45,7 +47,8 @@ pub struct PairContacts {
     sides: Vec<Real>,
     gaps: Vec<Real>,
     kinds: Vec<Kind>,
-    /// What each contact did in this substep; as long as the others only between `begin_substep` and the next change.
+    /// What each contact did in this substep; as long as the others only between `begin_substep`
+    /// and the next change.
     pushed: Vec<Pushed>,
     degenerate: u64,
     /// The farthest that the two sides may be pushed apart in one visit, in metres.
@@ -83,7 +86,8 @@ struct Pushed {
 }
 
 impl Pushed {
-    const NOT: Self = Self { direction: Vector::new(0.0, 0.0, 0.0), weights: [0.0; 4], shares: [0.0; 4] };
+    const NOT: Self =
+        Self { direction: Vector::new(0.0, 0.0, 0.0), weights: [0.0; 4], shares: [0.0; 4] };
 }
 
 /// Normal, signed distance along it, weights of the four vertices, sideways distance.
@@ -177,7 +181,8 @@ impl PairContacts {
                 }
                 if remembers {
                     let shares = [0, 1, 2, 3].map(|c| w[c] * m.weights[c] / sum);
-                    self.pushed[k] = Pushed { direction: m.normal * side, weights: m.weights, shares };
+                    self.pushed[k] =
+                        Pushed { direction: m.normal * side, weights: m.weights, shares };
                 }
             }
         }
@@ -249,7 +254,13 @@ fn meet_edge(x: &[Point; 4]) -> Option<Meeting> {
 }
 
 impl Constraint for PairContacts {
-    fn begin_substep(&mut self, _previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {
+    fn begin_substep(
+        &mut self,
+        _previous: &[Point],
+        _positions: &[Point],
+        _inverse_masses: &[Real],
+        _h: Real,
+    ) {
         self.pushed.clear();
         self.pushed.resize(self.vertices.len(), Pushed::NOT);
     }
@@ -262,13 +273,17 @@ impl Constraint for PairContacts {
         Stage::Contact
     }
 
-    /// Takes from the speed at which the two sides part, of each contact that pushed, in the order of pushing: momentum stays.
+    /// Takes from the speed at which the two sides part, of each contact that pushed, in the order
+    /// of pushing: momentum stays.
     fn correct_velocities(&self, velocities: &mut [Vector]) {
         for (v, pushed) in self.vertices.iter().zip(&self.pushed) {
-            let along = |c: usize| pushed.weights[c] * velocities[v[c] as usize].dot(&pushed.direction);
+            let along =
+                |c: usize| pushed.weights[c] * velocities[v[c] as usize].dot(&pushed.direction);
             let parting: Real = (0..4).map(along).sum();
             if parting > 0.0 {
-                (0..4).for_each(|c| velocities[v[c] as usize] -= pushed.direction * (parting * pushed.shares[c]));
+                (0..4).for_each(|c| {
+                    velocities[v[c] as usize] -= pushed.direction * (parting * pushed.shares[c])
+                });
             }
         }
     }
@@ -292,11 +307,21 @@ mod tests {
     use approx::assert_relative_eq;
 
     fn vertex_over_face(height: Real) -> Vec<Point> {
-        vec![Point::new(0.3, 0.2, height), Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(0.0, 1.0, 0.0)]
+        vec![
+            Point::new(0.3, 0.2, height),
+            Point::origin(),
+            Point::new(1.0, 0.0, 0.0),
+            Point::new(0.0, 1.0, 0.0),
+        ]
     }
 
     fn crossing_edges(height: Real) -> Vec<Point> {
-        vec![Point::new(-0.4, 0.1, height), Point::new(0.8, 0.1, height), Point::new(0.1, -0.3, 0.0), Point::new(0.1, 0.9, 0.0)]
+        vec![
+            Point::new(-0.4, 0.1, height),
+            Point::new(0.8, 0.1, height),
+            Point::new(0.1, -0.3, 0.0),
+            Point::new(0.1, 0.9, 0.0),
+        ]
     }
 
     fn face(side: Real, gap: Real) -> PairContacts {
@@ -334,8 +359,14 @@ mod tests {
 
     #[test]
     fn a_contact_beside_pinned_corners_does_not_throw_the_free_one() {
-        // The free corner has the weight 1e-3 at the contact: a thousand times the deficit would bring it out at once.
-        let mut p = vec![Point::new(1e-3, 1e-3, -0.01), Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(0.0, 1.0, 0.0)];
+        // The free corner has the weight 1e-3 at the contact: a thousand times the deficit would
+        // bring it out at once.
+        let mut p = vec![
+            Point::new(1e-3, 1e-3, -0.01),
+            Point::origin(),
+            Point::new(1.0, 0.0, 0.0),
+            Point::new(0.0, 1.0, 0.0),
+        ];
         let mut group = face(1.0, 0.01);
         let (w, mut last) = ([0.0, 0.0, 1.0, 0.0], Real::INFINITY);
         for _ in 0..1000 {
@@ -362,7 +393,9 @@ mod tests {
     #[test]
     fn momentum_and_angular_momentum_stay() {
         let w = [1.0, 0.5, 2.0, 4.0];
-        for (mut group, before) in [(face(1.0, 0.1), vertex_over_face(-0.05)), (edge(-1.0, 0.1), crossing_edges(0.02))] {
+        for (mut group, before) in
+            [(face(1.0, 0.1), vertex_over_face(-0.05)), (edge(-1.0, 0.1), crossing_edges(0.02))]
+        {
             let mut p = before.clone();
             group.project(&mut p, &w);
             let (mut linear, mut angular) = (Vector::zeros(), Vector::zeros());
@@ -378,7 +411,12 @@ mod tests {
     #[test]
     fn the_weights_are_the_gradient_of_the_distance() {
         let step = 1e-6;
-        let tilted = vec![Point::new(0.3, 0.2, 0.4), Point::origin(), Point::new(1.0, 0.1, 0.2), Point::new(0.1, 1.0, -0.3)];
+        let tilted = vec![
+            Point::new(0.3, 0.2, 0.4),
+            Point::origin(),
+            Point::new(1.0, 0.1, 0.2),
+            Point::new(0.1, 1.0, -0.3),
+        ];
         let mut edges = crossing_edges(0.3);
         edges[1].z += 0.2;
         for (kind, p) in [(Kind::VertexFace, tilted), (Kind::EdgeEdge, edges)] {
@@ -400,18 +438,27 @@ mod tests {
 
     #[test]
     fn a_push_leaves_no_parting_speed_and_momentum_stays() {
-        for (mut group, mut p) in [(face(1.0, 0.1), vertex_over_face(-0.05)), (edge(-1.0, 0.1), crossing_edges(0.02))] {
+        for (mut group, mut p) in
+            [(face(1.0, 0.1), vertex_over_face(-0.05)), (edge(-1.0, 0.1), crossing_edges(0.02))]
+        {
             for w in [[1.0, 0.5, 2.0, 4.0], [0.0, 1.0, 1.0, 3.0]] {
                 let before = p.clone();
                 group.begin_substep(&before, &before, &w, 0.01);
                 group.project(&mut p, &w);
                 // As line 24 has it, and a slide.
                 let slide = Vector::new(0.3, 0.2, 0.0);
-                let mut v: Vec<Vector> =
-                    (0..4).map(|c| if w[c] > 0.0 { (p[c] - before[c]) / 0.01 + slide } else { Vector::zeros() }).collect();
-                let momentum = |v: &[Vector]| (0..4).filter(|c| w[*c] > 0.0).map(|c| v[c] / w[c]).sum::<Vector>();
+                let mut v: Vec<Vector> = (0..4)
+                    .map(|c| {
+                        if w[c] > 0.0 { (p[c] - before[c]) / 0.01 + slide } else { Vector::zeros() }
+                    })
+                    .collect();
+                let momentum = |v: &[Vector]| {
+                    (0..4).filter(|c| w[*c] > 0.0).map(|c| v[c] / w[c]).sum::<Vector>()
+                };
                 let (first, pushed) = (momentum(&v), group.pushed[0]);
-                let parting = |v: &[Vector]| (0..4).map(|c| pushed.weights[c] * v[c].dot(&pushed.direction)).sum::<Real>();
+                let parting = |v: &[Vector]| {
+                    (0..4).map(|c| pushed.weights[c] * v[c].dot(&pushed.direction)).sum::<Real>()
+                };
                 assert!(parting(&v) > 1.0);
                 group.correct_velocities(&mut v);
                 assert_relative_eq!(parting(&v), 0.0, epsilon = 1e-12);
@@ -439,7 +486,12 @@ mod tests {
     fn degenerate_pairs_are_left_alone() {
         let o = Point::origin();
         let line = Point::new(1.0, 0.0, 0.0);
-        for x in [[o; 4], [line, o, o, line], [o, line, o, line], [o, line, o, Point::new(2.0, 1e-9, 0.0)]] {
+        for x in [
+            [o; 4],
+            [line, o, o, line],
+            [o, line, o, line],
+            [o, line, o, Point::new(2.0, 1e-9, 0.0)],
+        ] {
             let mut p = x.to_vec();
             for mut group in [face(1.0, 0.1), edge(1.0, 0.1)] {
                 group.project(&mut p, &[1.0; 4]);

@@ -32,18 +32,21 @@ pub enum Motion {
     /// v := 0 in each substep: the garment settles, and pushes leave no speed behind.
     #[default]
     QuasiStatic,
-    /// Velocities persist, and lose the fraction `1 − exp(−damping h)` in a substep; damping in 1/s.
+    /// Velocities persist, and lose the fraction `1 − exp(−damping h)` in a substep; damping in
+    /// 1/s.
     Dynamic {
         /// Damping rate, in 1/s; 0 as printed.
         damping: Real,
     },
 }
 
-/// Parameters of [`Solver`](crate::solver::Solver) and of [`settle`](crate::algorithm1::settle). `Default` is the corrected method,
+/// Parameters of [`Solver`](crate::solver::Solver) and of [`settle`](crate::algorithm1::settle).
+/// `Default` is the corrected method,
 /// [`SolverParams::literal`] lines 1 to 26 as printed.
 ///
-/// `compliance`, `lambda_form`, `push`, `friction`, `clearance` and `max_push` are those of the groups that `settle` makes. A `Solver`
-/// that is given its groups does not look at them: groups have their own.
+/// `compliance`, `lambda_form`, `push`, `friction`, `clearance` and `max_push` are those of the
+/// groups that `settle` makes. A `Solver` that is given its groups does not look at them: groups
+/// have their own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolverParams {
@@ -59,7 +62,8 @@ pub struct SolverParams {
     pub compliance: Real,
     /// What line 18 adds to C.
     pub lambda_form: LambdaForm,
-    /// How line 8 brings a vertex out of the field. [`Push::Literal`] knows no clearance, no mask weight between 0 and 1, and no `max_push`.
+    /// How line 8 brings a vertex out of the field. [`Push::Literal`] knows no clearance, no mask
+    /// weight between 0 and 1, and no `max_push`.
     pub push: Push,
     /// Where contacts stand in a substep.
     pub contact_order: ContactOrder,
@@ -77,17 +81,20 @@ pub struct SolverParams {
     pub clearance: Real,
     /// The farthest that one visit of a collision may push a vertex, in metres.
     pub max_push: Real,
-    /// Whether the speed gained by being pushed out of a penetration is taken away after line 24: of what a contact pushed in the
-    /// substep, the speed along its push. Without effect in a quasi-static run, which has none.
+    /// Whether the speed gained by being pushed out of a penetration is taken away after line 24:
+    /// of what a contact pushed in the substep, the speed along its push. Without effect in a
+    /// quasi-static run, which has none.
     pub remove_depenetration_velocity: bool,
     /// Most often that a step which went wrong is taken back and tried with h/2.
     pub retries: u32,
     /// A step of a dynamic run went wrong when its kinetic energy grew beyond this factor (counted
-    /// from that of 1 m/s at least), and beyond that of crossing the scene in Δt; infinity allows all that is finite.
+    /// from that of 1 m/s at least), and beyond that of crossing the scene in Δt; infinity allows
+    /// all that is finite.
     pub energy_jump: Real,
-    /// A step went wrong when a vertex moved farther than this many times the size of the scene: the diagonal of the
-    /// particles' box and what free flight covers in Δt (counted from 1 m at least); infinity allows all that is
-    /// finite. The only guard of a quasi-static run, which has no energy to look at.
+    /// A step went wrong when a vertex moved farther than this many times the size of the scene:
+    /// the diagonal of the particles' box and what free flight covers in Δt (counted from 1 m at
+    /// least); infinity allows all that is finite. The only guard of a quasi-static run, which has
+    /// no energy to look at.
     pub displacement_jump: Real,
 }
 
@@ -134,7 +141,8 @@ pub enum ParamsError {
 
 impl SolverParams {
     /// Algorithm 1 as printed: Δt = 0.01 s, 10 substeps, 360 steps, β = 10⁻⁵, contacts once and
-    /// before the stretch, `C + β λ`, `p − φ ∇φ`, no clearance, no limits, and velocities from the final `p`.
+    /// before the stretch, `C + β λ`, `p − φ ∇φ`, no clearance, no limits, and velocities from the
+    /// final `p`.
     pub fn literal() -> Self {
         Self {
             lambda_form: LambdaForm::Printed,
@@ -168,20 +176,55 @@ impl SolverParams {
         };
         let positive = |x: Real| x > 0.0 && x.is_finite();
         let not_negative = |x: Real| x >= 0.0 && x.is_finite();
-        check("time_step", self.time_step, positive(self.time_step), "positive and finite (seconds)")?;
+        check(
+            "time_step",
+            self.time_step,
+            positive(self.time_step),
+            "positive and finite (seconds)",
+        )?;
         check("substeps", self.substeps.into(), self.substeps > 0, "at least 1")?;
         let h2 = self.substep() * self.substep();
-        check("time_step", self.time_step, positive(h2), "such that the square of a substep is a positive number")?;
-        check("compliance", self.compliance, self.compliance >= 0.0, "at least 0 (m/N; infinity for no stretch constraint)")?;
+        check(
+            "time_step",
+            self.time_step,
+            positive(h2),
+            "such that the square of a substep is a positive number",
+        )?;
+        check(
+            "compliance",
+            self.compliance,
+            self.compliance >= 0.0,
+            "at least 0 (m/N; infinity for no stretch constraint)",
+        )?;
         for g in self.gravity {
             check("gravity", g, g.is_finite(), "finite (m/s²)")?;
         }
-        check("stop_below", self.stop_below, not_negative(self.stop_below), "finite and at least 0 (metres)")?;
+        check(
+            "stop_below",
+            self.stop_below,
+            not_negative(self.stop_below),
+            "finite and at least 0 (metres)",
+        )?;
         check("friction", self.friction, not_negative(self.friction), "finite and at least 0")?;
-        check("clearance", self.clearance, not_negative(self.clearance), "finite and at least 0 (metres)")?;
-        check("max_push", self.max_push, self.max_push > 0.0, "positive (metres; infinity for no limit)")?;
+        check(
+            "clearance",
+            self.clearance,
+            not_negative(self.clearance),
+            "finite and at least 0 (metres)",
+        )?;
+        check(
+            "max_push",
+            self.max_push,
+            self.max_push > 0.0,
+            "positive (metres; infinity for no limit)",
+        )?;
         check("retries", self.retries.into(), self.retries <= 30, "at most 30 (each halves h)")?;
-        check("energy_jump", self.energy_jump, self.energy_jump > 1.0, "above 1 (infinity for no limit)")?;
+        check(
+            "energy_jump",
+            self.energy_jump,
+            self.energy_jump > 1.0,
+            "above 1 (infinity for no limit)",
+        )?;
         let jump = self.displacement_jump;
         check("displacement_jump", jump, jump > 1.0, "above 1 (infinity for no limit)")?;
         if let Motion::Dynamic { damping } = self.motion {
@@ -199,7 +242,10 @@ mod tests {
     fn both_presets_are_valid_and_have_the_papers_numbers() {
         for params in [SolverParams::default(), SolverParams::literal()] {
             params.validate().unwrap();
-            assert_eq!((params.time_step, params.substeps, params.steps, params.compliance), (0.01, 10, 360, 1e-5));
+            assert_eq!(
+                (params.time_step, params.substeps, params.steps, params.compliance),
+                (0.01, 10, 360, 1e-5)
+            );
             assert_eq!(params.substep(), 0.001);
         }
     }

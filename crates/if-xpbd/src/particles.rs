@@ -29,7 +29,9 @@ pub enum ParticlesError {
         position: [Real; 3],
     },
     /// An inverse mass is negative, NaN or infinite.
-    #[error("particle {particle} has the inverse mass {value} 1/kg; it must be finite and at least 0 (0 pins it)")]
+    #[error(
+        "particle {particle} has the inverse mass {value} 1/kg; it must be finite and at least 0 (0 pins it)"
+    )]
     InverseMass {
         /// Index of the particle.
         particle: usize,
@@ -37,7 +39,9 @@ pub enum ParticlesError {
         value: Real,
     },
     /// There is not one inverse mass for each position.
-    #[error("{positions} positions but {inverse_masses} inverse masses; give one for each particle")]
+    #[error(
+        "{positions} positions but {inverse_masses} inverse masses; give one for each particle"
+    )]
     Count {
         /// Positions given.
         positions: usize,
@@ -45,7 +49,9 @@ pub enum ParticlesError {
         inverse_masses: usize,
     },
     /// The mass per area is not a positive number.
-    #[error("the area density is {value} kg/m²; it must be positive and finite (cloth has about 0.2)")]
+    #[error(
+        "the area density is {value} kg/m²; it must be positive and finite (cloth has about 0.2)"
+    )]
     Density {
         /// What was given.
         value: Real,
@@ -60,7 +66,10 @@ impl Particles {
     /// The first number that is not allowed.
     pub fn new(positions: Vec<Point>, inverse_masses: Vec<Real>) -> Result<Self, ParticlesError> {
         if positions.len() != inverse_masses.len() {
-            return Err(ParticlesError::Count { positions: positions.len(), inverse_masses: inverse_masses.len() });
+            return Err(ParticlesError::Count {
+                positions: positions.len(),
+                inverse_masses: inverse_masses.len(),
+            });
         }
         for (particle, p) in positions.iter().enumerate() {
             if !p.iter().all(|c| c.is_finite()) {
@@ -73,7 +82,12 @@ impl Particles {
             }
         }
         let n = positions.len();
-        Ok(Self { previous: positions.clone(), positions, velocities: vec![Vector::zeros(); n], inverse_masses })
+        Ok(Self {
+            previous: positions.clone(),
+            positions,
+            velocities: vec![Vector::zeros(); n],
+            inverse_masses,
+        })
     }
 
     /// Particles of one inverse mass (1/kg): the paper's unit masses for 1.
@@ -133,7 +147,12 @@ impl Particles {
 
     /// ½ Σ m v², in joules, over the particles that can move.
     pub fn kinetic_energy(&self) -> Real {
-        self.velocities.iter().zip(&self.inverse_masses).filter(|(_, w)| **w > 0.0).map(|(v, w)| 0.5 * v.norm_squared() / w).sum()
+        self.velocities
+            .iter()
+            .zip(&self.inverse_masses)
+            .filter(|(_, w)| **w > 0.0)
+            .map(|(v, w)| 0.5 * v.norm_squared() / w)
+            .sum()
     }
 
     /// Indices of the particles whose position or velocity is not finite, at most `most` of them.
@@ -154,15 +173,24 @@ mod tests {
     #[test]
     fn numbers_that_are_not_allowed_are_named() {
         let p = vec![Point::origin(), Point::new(1.0, Real::NAN, 0.0)];
-        assert!(matches!(Particles::uniform(p, 1.0), Err(ParticlesError::Position { particle: 1, .. })));
+        assert!(matches!(
+            Particles::uniform(p, 1.0),
+            Err(ParticlesError::Position { particle: 1, .. })
+        ));
         let p = vec![Point::origin(); 2];
         for bad in [-1.0, Real::NAN, Real::INFINITY] {
             let result = Particles::new(p.clone(), vec![1.0, bad]);
             assert!(matches!(result, Err(ParticlesError::InverseMass { particle: 1, .. })));
         }
-        assert!(matches!(Particles::new(p, vec![]), Err(ParticlesError::Count { positions: 2, inverse_masses: 0 })));
+        assert!(matches!(
+            Particles::new(p, vec![]),
+            Err(ParticlesError::Count { positions: 2, inverse_masses: 0 })
+        ));
         for bad in [0.0, -1.0, Real::NAN, Real::INFINITY] {
-            assert!(matches!(Particles::from_area_density(&TriMesh::default(), bad), Err(ParticlesError::Density { .. })));
+            assert!(matches!(
+                Particles::from_area_density(&TriMesh::default(), bad),
+                Err(ParticlesError::Density { .. })
+            ));
         }
     }
 

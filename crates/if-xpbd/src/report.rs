@@ -17,7 +17,8 @@ pub struct StepReport {
     pub elastic: Residual,
     /// Violation of the contact groups at their last visit.
     pub contact: Residual,
-    /// Kinetic energy at the end, in joules; in a quasi-static run that of the last substep's motion.
+    /// Kinetic energy at the end, in joules; in a quasi-static run that of the last substep's
+    /// motion.
     pub kinetic_energy: Real,
     /// Groups that had nothing to do.
     pub idle_groups: usize,
@@ -27,7 +28,8 @@ pub struct StepReport {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Stop {
-    /// No vertex moved farther than [`stop_below`](crate::params::SolverParams::stop_below) in a step.
+    /// No vertex moved farther than [`stop_below`](crate::params::SolverParams::stop_below) in a
+    /// step.
     Converged,
     /// The callback asked for it.
     Cancelled,
@@ -58,13 +60,17 @@ pub struct RunReport {
 #[non_exhaustive]
 pub enum StepError {
     /// The state was not finite before anything was done.
-    #[error("particles {vertices:?} are not finite before the step; give finite positions and velocities")]
+    #[error(
+        "particles {vertices:?} are not finite before the step; give finite positions and velocities"
+    )]
     Input {
         /// The first of them.
         vertices: Vec<u32>,
     },
     /// Slices of different lengths.
-    #[error("{positions} positions, {velocities} velocities and {inverse_masses} inverse masses; give one of each a particle")]
+    #[error(
+        "{positions} positions, {velocities} velocities and {inverse_masses} inverse masses; give one of each a particle"
+    )]
     Count {
         /// Positions given.
         positions: usize,

@@ -5,17 +5,17 @@ use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 
 /// Pairs of triangles held apart along the direction that parted them at rest.
 ///
-/// Two triangles that do not meet are parted by a plane whose normal n is one of their two normals or
-/// of the nine cross products of their edges. Kept as a vector of the world, it demands of every
+/// Two triangles that do not meet are parted by a plane whose normal n is one of their two normals
+/// or of the nine cross products of their edges. Kept as a vector of the world, it demands of every
 /// corner a of the lower and every corner b of the upper triangle
 ///
 /// ```text
 /// C = n·(x_b − x_a) − g ≥ 0        Δx_a = −w_a n max(0, −C) / (w_a + w_b),   Δx_b likewise, +
 /// ```
 ///
-/// with g nine tenths of the gap at rest, at most the one asked for. Corners they share are left out; then each other pair of
-/// corners keeps half of its own height at rest. As [`crate::tie::Ties`], it is meant for corrections without
-/// large rotations.
+/// with g nine tenths of the gap at rest, at most the one asked for. Corners they share are left
+/// out; then each other pair of corners keeps half of its own height at rest. As
+/// [`crate::tie::Ties`], it is meant for corrections without large rotations.
 ///
 /// # Source
 ///
@@ -73,7 +73,8 @@ impl Separations {
         // Triangles with a common corner have a gap of zero, but for rounding.
         let shares = s.iter().any(|v| t.contains(v));
         let rounding = 1e-12 * (p[0] - q[0]).norm().max((p[1] - p[0]).norm());
-        let Some((room, normal)) = best.filter(|(g, _)| *g >= if shares { -rounding } else { 0.0 }) else {
+        let Some((room, normal)) = best.filter(|(g, _)| *g >= if shares { -rounding } else { 0.0 })
+        else {
             return false;
         };
         for a in s {
@@ -83,7 +84,11 @@ impl Separations {
                     self.above.push(b);
                     self.normals.push(normal);
                     let own = normal.dot(&(rest[b as usize] - rest[a as usize]));
-                    self.gaps.push(if shares { gap.min(0.5 * own.max(0.0)) } else { gap.min(0.9 * room) });
+                    self.gaps.push(if shares {
+                        gap.min(0.5 * own.max(0.0))
+                    } else {
+                        gap.min(0.9 * room)
+                    });
                 }
             }
         }
@@ -92,7 +97,13 @@ impl Separations {
 }
 
 impl Constraint for Separations {
-    fn begin_substep(&mut self, _previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {
+    fn begin_substep(
+        &mut self,
+        _previous: &[Point],
+        _positions: &[Point],
+        _inverse_masses: &[Real],
+        _h: Real,
+    ) {
         self.pushed.clear();
         self.pushed.resize(self.gaps.len(), [0.0; 2]);
     }
@@ -151,7 +162,8 @@ mod tests {
     use if_core::intersect::{Contact, triangles_sharing};
 
     fn two(height: Real) -> Vec<Point> {
-        let f = |z: Real| [Point::new(0.0, 0.0, z), Point::new(1.0, 0.0, z), Point::new(0.0, 1.0, z)];
+        let f =
+            |z: Real| [Point::new(0.0, 0.0, z), Point::new(1.0, 0.0, z), Point::new(0.0, 1.0, z)];
         f(0.0).into_iter().chain(f(height)).collect()
     }
 
@@ -177,13 +189,19 @@ mod tests {
         let mut x = before.clone();
         group.begin_substep(&before, &before, &w, 0.01);
         group.project(&mut x, &w, 0.01);
-        let mut v: Vec<Vector> = x.iter().zip(&before).map(|(p, q)| (p - q) / 0.01 + Vector::new(0.3, 0.2, 0.0)).collect();
+        let mut v: Vec<Vector> = x
+            .iter()
+            .zip(&before)
+            .map(|(p, q)| (p - q) / 0.01 + Vector::new(0.3, 0.2, 0.0))
+            .collect();
         let momentum = |v: &[Vector]| v.iter().zip(&w).map(|(v, w)| v / *w).sum::<Vector>();
-        let energy = |v: &[Vector]| v.iter().zip(&w).map(|(v, w)| 0.5 * v.z * v.z / w).sum::<Real>();
+        let energy =
+            |v: &[Vector]| v.iter().zip(&w).map(|(v, w)| 0.5 * v.z * v.z / w).sum::<Real>();
         let (first, given) = (momentum(&v), energy(&v));
         group.correct_velocities(&mut v);
         approx::assert_relative_eq!(momentum(&v), first, epsilon = 1e-12);
-        // Nine pairs, taken one after another: each takes some away, and the later ones drag the corners of the first.
+        // Nine pairs, taken one after another: each takes some away, and the later ones drag the
+        // corners of the first.
         assert!(given > 10.0 && energy(&v) < 0.2 * given, "{given} {}", energy(&v));
         assert!(v.iter().all(|v| (v.x, v.y) == (0.3, 0.2)), "the slide stays");
     }

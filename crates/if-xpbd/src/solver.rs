@@ -23,10 +23,11 @@ const NAMED: usize = 16;
 ///   v ← (p − pᵢ) / h;  contacts take back their push       23, 24
 /// ```
 ///
-/// A step that ends in a state which is not finite, whose kinetic energy jumps, or in which a vertex moves
-/// absurdly far, is taken back and tried with h/2, at most [`retries`](SolverParams::retries) times. The
-/// whole state is taken back, islands that went well included: what they then repeat is what they did. A step reads and writes on
-/// one thread in a fixed order (fields may answer on several): the bits do not depend on threads.
+/// A step that ends in a state which is not finite, whose kinetic energy jumps, or in which a
+/// vertex moves absurdly far, is taken back and tried with h/2, at most
+/// [`retries`](SolverParams::retries) times. The whole state is taken back, islands that went well
+/// included: what they then repeat is what they did. A step reads and writes on one thread in a
+/// fixed order (fields may answer on several): the bits do not depend on threads.
 #[derive(Clone, Debug)]
 pub struct Solver {
     params: SolverParams,
@@ -53,15 +54,21 @@ impl Solver {
     ///
     /// # Errors
     ///
-    /// A state that is not finite, a group that [cannot be solved](Constraint::check), an energy jump or a displacement jump, which smaller substeps did not cure.
+    /// A state that is not finite, a group that [cannot be solved](Constraint::check), an energy
+    /// jump or a displacement jump, which smaller substeps did not cure.
     ///
     /// # Panics
     ///
     /// If a group names a particle that does not exist.
-    pub fn step(&mut self, particles: &mut Particles, groups: &mut [&mut dyn Constraint]) -> Result<StepReport, StepError> {
+    pub fn step(
+        &mut self,
+        particles: &mut Particles,
+        groups: &mut [&mut dyn Constraint],
+    ) -> Result<StepReport, StepError> {
         let n = particles.positions.len();
         if particles.velocities.len() != n || particles.inverse_masses.len() != n {
-            let (velocities, inverse_masses) = (particles.velocities.len(), particles.inverse_masses.len());
+            let (velocities, inverse_masses) =
+                (particles.velocities.len(), particles.inverse_masses.len());
             return Err(StepError::Count { positions: n, velocities, inverse_masses });
         }
         let vertices = particles.non_finite(NAMED);
@@ -71,7 +78,9 @@ impl Solver {
         groups.iter().try_for_each(|group| group.check())?;
         self.backup.clone_from(particles);
         // A quasi-static motion has no speed: its pushes over h would grow as h shrinks.
-        let allowed = if self.params.motion == Motion::QuasiStatic || self.params.energy_jump == Real::INFINITY {
+        let allowed = if self.params.motion == Motion::QuasiStatic
+            || self.params.energy_jump == Real::INFINITY
+        {
             Real::INFINITY
         } else {
             self.params.energy_jump * particles.kinetic_energy().max(0.5 * movable_mass(particles))
@@ -112,8 +121,14 @@ impl Solver {
         groups: &mut [&mut dyn Constraint],
         mut on_step: impl FnMut(u32, &StepReport) -> ControlFlow<()>,
     ) -> Result<RunReport, StepError> {
-        let mut run =
-            RunReport { steps: 0, substeps: 0, retries: 0, stop: Stop::Exhausted, last: None, counters: Counters::default() };
+        let mut run = RunReport {
+            steps: 0,
+            substeps: 0,
+            retries: 0,
+            stop: Stop::Exhausted,
+            last: None,
+            counters: Counters::default(),
+        };
         while run.steps < self.params.steps {
             let report = self.step(particles, groups)?;
             run.steps += 1;
@@ -149,11 +164,17 @@ impl Solver {
                     return Err(StepError::NonFinite { vertices, substeps, h });
                 }
             }
-            // What crosses the scene in a step is looked at only where the energy before would not do.
+            // What crosses the scene in a step is looked at only where the energy before would not
+            // do.
             if energy > allowed && energy > self.crossing() {
                 let allowed = allowed.max(self.crossing());
                 let speed = |k: usize| particles.velocities[k].norm_squared();
-                return Err(StepError::EnergyJump { vertices: most(particles.len(), speed), energy, allowed, h });
+                return Err(StepError::EnergyJump {
+                    vertices: most(particles.len(), speed),
+                    energy,
+                    allowed,
+                    h,
+                });
             }
             report.kinetic_energy = energy;
         }
@@ -165,13 +186,18 @@ impl Solver {
             particles.velocities.fill(Vector::zeros());
         }
         report.idle_groups = groups.iter().filter(|g| g.is_idle()).count();
-        let moved = particles.positions.iter().zip(&self.backup.positions).map(|(p, q)| (p - q).norm_squared());
+        let moved = particles
+            .positions
+            .iter()
+            .zip(&self.backup.positions)
+            .map(|(p, q)| (p - q).norm_squared());
         report.moved = moved.fold(0.0, Real::max).sqrt();
         // The size of the scene is looked at only where 1 m would not do.
         if report.moved > self.params.displacement_jump {
             let allowed = self.params.displacement_jump * self.size().max(1.0);
             if report.moved > allowed {
-                let far = |k: usize| (particles.positions[k] - self.backup.positions[k]).norm_squared();
+                let far =
+                    |k: usize| (particles.positions[k] - self.backup.positions[k]).norm_squared();
                 return Err(StepError::DisplacementJump {
                     vertices: most(particles.len(), far),
                     moved: report.moved,
@@ -183,8 +209,9 @@ impl Solver {
         Ok(report)
     }
 
-    /// The kinetic energy of all that can move at the speed that crosses the scene in Δt, in joules: a constraint that is far from
-    /// held carries its vertices across the scene at once, however large that is, and what it did is a speed from then on.
+    /// The kinetic energy of all that can move at the speed that crosses the scene in Δt, in
+    /// joules: a constraint that is far from held carries its vertices across the scene at once,
+    /// however large that is, and what it did is a speed from then on.
     fn crossing(&self) -> Real {
         let speed = self.size() / self.params.time_step;
         0.5 * movable_mass(&self.backup) * speed * speed
@@ -192,12 +219,20 @@ impl Solver {
 
     /// The diagonal of the box of the particles before the step, and what free flight covers in Δt.
     fn size(&self) -> Real {
-        let fastest = self.backup.velocities.iter().map(Vector::norm_squared).fold(0.0, Real::max).sqrt();
-        let flight = self.params.time_step * (fastest + self.params.time_step * Vector::from(self.params.gravity).norm());
+        let fastest =
+            self.backup.velocities.iter().map(Vector::norm_squared).fold(0.0, Real::max).sqrt();
+        let flight = self.params.time_step
+            * (fastest + self.params.time_step * Vector::from(self.params.gravity).norm());
         Aabb::from_points(&self.backup.positions).diagonal() + flight
     }
 
-    fn substep(&self, particles: &mut Particles, groups: &mut [&mut dyn Constraint], h: Real, report: &mut StepReport) {
+    fn substep(
+        &self,
+        particles: &mut Particles,
+        groups: &mut [&mut dyn Constraint],
+        h: Real,
+        report: &mut StepReport,
+    ) {
         let params = &self.params;
         let kick = Vector::from(params.gravity) * h;
         let Particles { positions, velocities, inverse_masses, previous } = particles;
@@ -205,7 +240,8 @@ impl Solver {
         for k in 0..positions.len() {
             // Line 3. A pinned particle stays, whatever speed it was given.
             if inverse_masses[k] > 0.0 {
-                let v = if params.motion == Motion::QuasiStatic { kick } else { velocities[k] + kick };
+                let v =
+                    if params.motion == Motion::QuasiStatic { kick } else { velocities[k] + kick };
                 positions[k] += v * h;
             }
         }
@@ -234,7 +270,11 @@ impl Solver {
             Motion::QuasiStatic => 1.0,
         };
         for k in 0..positions.len() {
-            velocities[k] = if inverse_masses[k] > 0.0 { (positions[k] - previous[k]) * (keep / h) } else { Vector::zeros() };
+            velocities[k] = if inverse_masses[k] > 0.0 {
+                (positions[k] - previous[k]) * (keep / h)
+            } else {
+                Vector::zeros()
+            };
         }
         if params.remove_depenetration_velocity && params.motion != Motion::QuasiStatic {
             groups.iter().filter(|g| !g.is_idle()).for_each(|g| g.correct_velocities(velocities));
@@ -285,7 +325,11 @@ mod tests {
     }
 
     fn three() -> Particles {
-        Particles::uniform(vec![Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(2.0, 0.0, 0.0)], 1.0).unwrap()
+        Particles::uniform(
+            vec![Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(2.0, 0.0, 0.0)],
+            1.0,
+        )
+        .unwrap()
     }
 
     fn dynamic() -> SolverParams {
@@ -309,9 +353,12 @@ mod tests {
         for speed in [Real::NAN, 1e9] {
             let mut trouble = Trouble { fine_from: 0.0, speed, resets: 0 };
             let mut p = three();
-            let error = Solver::new(dynamic()).unwrap().step(&mut p, &mut [&mut trouble]).unwrap_err();
+            let error =
+                Solver::new(dynamic()).unwrap().step(&mut p, &mut [&mut trouble]).unwrap_err();
             match &error {
-                StepError::NonFinite { vertices, substeps, .. } => assert_eq!((vertices.as_slice(), *substeps), (&[1][..], 80)),
+                StepError::NonFinite { vertices, substeps, .. } => {
+                    assert_eq!((vertices.as_slice(), *substeps), (&[1][..], 80))
+                }
                 StepError::EnergyJump { vertices, .. } => assert_eq!(vertices[0], 1),
                 other => panic!("{other}"),
             }
@@ -319,17 +366,26 @@ mod tests {
         }
         let mut p = three();
         p.positions[2].y = Real::INFINITY;
-        let error = Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut []).unwrap_err();
+        let error =
+            Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut []).unwrap_err();
         assert_eq!(error, StepError::Input { vertices: vec![2] });
         p.velocities.pop();
-        assert!(matches!(Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut []), Err(StepError::Count { .. })));
+        assert!(matches!(
+            Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut []),
+            Err(StepError::Count { .. })
+        ));
     }
 
     #[test]
     fn a_compliance_that_is_none_is_an_error_that_says_whose_and_leaves_the_state() {
         let edges = || EdgeSet::new(&[[0, 1], [1, 2]], &[1.0, 1.0], 3).unwrap();
         let hinge = [[0, 1, 2, 3]];
-        let bent = [Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(0.5, 1.0, 0.3), Point::new(0.5, -1.0, 0.0)];
+        let bent = [
+            Point::origin(),
+            Point::new(1.0, 0.0, 0.0),
+            Point::new(0.5, 1.0, 0.3),
+            Point::new(0.5, -1.0, 0.0),
+        ];
         for value in [-1e-9, Real::NAN, Real::NEG_INFINITY] {
             let mut attached = Attachments::new();
             attached.push(0, Point::origin(), 0.0);
@@ -337,13 +393,21 @@ mod tests {
             let groups: [(Box<dyn Constraint>, &str); 4] = [
                 (Box::new(Stretch::new(edges(), value)), "the stretch constraints"),
                 (Box::new(DirectStretch::new(edges(), value)), "the stretch constraints"),
-                (Box::new(Bending::of_hinges(&hinge, &bent, BendingModel::Dihedral, value)), "the bending constraints"),
+                (
+                    Box::new(Bending::of_hinges(&hinge, &bent, BendingModel::Dihedral, value)),
+                    "the bending constraints",
+                ),
                 (Box::new(attached), "attachment constraint 1"),
             ];
             for (mut group, says) in groups {
                 let mut p = three();
-                let error = Solver::new(dynamic()).unwrap().step(&mut p, &mut [&mut *group]).unwrap_err();
-                assert!(error.to_string().contains(says) && error.to_string().contains(&value.to_string()), "{error}");
+                let error =
+                    Solver::new(dynamic()).unwrap().step(&mut p, &mut [&mut *group]).unwrap_err();
+                assert!(
+                    error.to_string().contains(says)
+                        && error.to_string().contains(&value.to_string()),
+                    "{error}"
+                );
                 assert_eq!(p, three());
             }
         }
@@ -354,7 +418,8 @@ mod tests {
 
     #[test]
     fn a_speed_that_crosses_the_scene_in_a_step_is_no_jump_however_large_the_scene() {
-        // Three particles over two lengths, one of which is carried a tenth of a length in the step; then a hundred times as far.
+        // Three particles over two lengths, one of which is carried a tenth of a length in the
+        // step; then a hundred times as far.
         for length in [1e-3, 1.0, 1e6] {
             for (share, fine) in [(0.1, true), (10.0, length < 1.0)] {
                 let at = |x: Real| Point::new(x * length, 0.0, 0.0);
@@ -369,14 +434,21 @@ mod tests {
 
     #[test]
     fn a_vertex_that_moves_absurdly_far_is_taken_back_in_a_quasi_static_run_too() {
-        // Three particles over 2 m: 2e4 m are allowed. The default is quasi-static, where no energy is looked at.
+        // Three particles over 2 m: 2e4 m are allowed. The default is quasi-static, where no energy
+        // is looked at.
         let mut trouble = Trouble { fine_from: 3e-4, speed: 1e8, resets: 0 };
         let mut p = three();
-        let report = Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut [&mut trouble]).unwrap();
+        let report = Solver::new(SolverParams::default())
+            .unwrap()
+            .step(&mut p, &mut [&mut trouble])
+            .unwrap();
         assert_eq!((report.retries, report.substeps, p.positions), (2, 40, three().positions));
         let mut trouble = Trouble { fine_from: 0.0, speed: 1e8, resets: 0 };
         let mut p = three();
-        let error = Solver::new(SolverParams::default()).unwrap().step(&mut p, &mut [&mut trouble]).unwrap_err();
+        let error = Solver::new(SolverParams::default())
+            .unwrap()
+            .step(&mut p, &mut [&mut trouble])
+            .unwrap_err();
         match &error {
             StepError::DisplacementJump { vertices, moved, allowed, .. } => {
                 assert_eq!((vertices[0], *allowed), (1, 2e4));
@@ -395,7 +467,11 @@ mod tests {
         attach.push(0, Point::new(0.0, 0.1, 0.0), 1e-6);
         let mut solver = Solver::new(SolverParams::default()).unwrap();
         let mut p = three();
-        let run = solver.run(&mut p, &mut [&mut attach, &mut Attachments::new()], |_, _| ControlFlow::Continue(())).unwrap();
+        let run = solver
+            .run(&mut p, &mut [&mut attach, &mut Attachments::new()], |_, _| {
+                ControlFlow::Continue(())
+            })
+            .unwrap();
         assert_eq!(run.stop, Stop::Converged);
         assert!(run.steps < 20 && run.substeps == 10 * u64::from(run.steps));
         assert_eq!(run.last.unwrap().idle_groups, 1);

@@ -25,7 +25,9 @@ pub struct StrainLimit {
 
 /// Why two bounds are none.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("the strain limits are {min} and {max} times the rest length; 0 ≤ min ≤ 1 ≤ max is required")]
+#[error(
+    "the strain limits are {min} and {max} times the rest length; 0 ≤ min ≤ 1 ≤ max is required"
+)]
 #[non_exhaustive]
 pub struct StrainLimitError {
     /// The lower limit, as a multiple of the rest length.
@@ -35,7 +37,8 @@ pub struct StrainLimitError {
 }
 
 impl StrainLimit {
-    /// Limits on `edges`: lengths between `min` and `max` times the rest length. `max` may be infinite.
+    /// Limits on `edges`: lengths between `min` and `max` times the rest length. `max` may be
+    /// infinite.
     ///
     /// # Errors
     ///
@@ -63,7 +66,14 @@ impl StrainLimit {
 }
 
 impl Constraint for StrainLimit {
-    fn begin_substep(&mut self, _previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {}
+    fn begin_substep(
+        &mut self,
+        _previous: &[Point],
+        _positions: &[Point],
+        _inverse_masses: &[Real],
+        _h: Real,
+    ) {
+    }
 
     /// # Panics
     ///
@@ -122,7 +132,8 @@ mod tests {
 
     #[test]
     fn bounds_that_are_none_are_refused() {
-        for (min, max) in [(1.1, 1.2), (0.5, 0.9), (-0.1, 1.0), (Real::NAN, 1.0), (0.0, Real::NAN)] {
+        for (min, max) in [(1.1, 1.2), (0.5, 0.9), (-0.1, 1.0), (Real::NAN, 1.0), (0.0, Real::NAN)]
+        {
             assert!(StrainLimit::new(EdgeSet::default(), min, max).is_err());
         }
         assert!(StrainLimit::new(EdgeSet::default(), 0.0, Real::INFINITY).unwrap().is_idle());

@@ -6,8 +6,8 @@ use crate::params::LambdaForm;
 use if_core::math::{Point, Real};
 use std::ops::Range;
 
-/// Edges handled together, so that square roots and divisions run in SIMD registers: what AVX2 holds.
-/// Possible because edges of one colour share no vertex. Eight cost the same.
+/// Edges handled together, so that square roots and divisions run in SIMD registers: what AVX2
+/// holds. Possible because edges of one colour share no vertex. Eight cost the same.
 const LANES: usize = 4;
 
 /// Edge-length constraints with compliance: the stretch group of the solver.
@@ -49,10 +49,18 @@ impl Stretch {
     /// Constraints on `edges` with `compliance` β in m/N, 0 or more (a step refuses another).
     pub fn new(edges: EdgeSet, compliance: Real) -> Self {
         let n = edges.len();
-        Self { edges, lambda: vec![0.0; n], fresh: true, degenerate: 0, compliance, form: LambdaForm::Xpbd }
+        Self {
+            edges,
+            lambda: vec![0.0; n],
+            fresh: true,
+            degenerate: 0,
+            compliance,
+            form: LambdaForm::Xpbd,
+        }
     }
 
-    /// The same constraints on the edges with an end that can move ([`EdgeSet::movable`]), with multipliers of zero.
+    /// The same constraints on the edges with an end that can move ([`EdgeSet::movable`]), with
+    /// multipliers of zero.
     ///
     /// # Panics
     ///
@@ -107,7 +115,12 @@ struct Lanes<'a> {
 
 #[inline(always)]
 fn lanes<'a>(e: &'a EdgeSet, lambda: &'a mut [Real], r: Range<usize>) -> Lanes<'a> {
-    Lanes { a: &e.a[r.clone()], b: &e.b[r.clone()], rest: &e.rest[r.clone()], lambda: &mut lambda[r] }
+    Lanes {
+        a: &e.a[r.clone()],
+        b: &e.b[r.clone()],
+        rest: &e.rest[r.clone()],
+        lambda: &mut lambda[r],
+    }
 }
 
 /// What a sweep found: largest violations, sums of squares, edges without length.
@@ -117,7 +130,8 @@ struct Found<const N: usize> {
     flat: u32,
 }
 
-/// Visits edges of one colour, N at a time: gathers, computes in lanes, scatters. Returns how many it visited.
+/// Visits edges of one colour, N at a time: gathers, computes in lanes, scatters. Returns how many
+/// it visited.
 #[inline(always)]
 fn visit<const N: usize>(
     lanes: Lanes<'_>,
@@ -143,11 +157,15 @@ fn visit<const N: usize>(
             *lambda = [0.0; N];
         }
         // From here on lane by lane, each step by itself: this is what becomes SIMD.
-        let length: [Real; N] = std::array::from_fn(|l| (dx[l] * dx[l] + dy[l] * dy[l] + dz[l] * dz[l]).sqrt());
+        let length: [Real; N] =
+            std::array::from_fn(|l| (dx[l] * dx[l] + dy[l] * dy[l] + dz[l] * dz[l]).sqrt());
         let violation: [Real; N] = std::array::from_fn(|l| length[l] - rest[l] + scale * lambda[l]);
         // One division: Δλ / length, which is 0 where nothing has a gradient or can move.
         let divisor: [Real; N] = std::array::from_fn(|l| length[l] * (wi[l] + wj[l] + softness));
-        let factor: [Real; N] = std::array::from_fn(|l| if divisor[l] > 0.0 { -violation[l] / divisor[l] } else { 0.0 });
+        let factor: [Real; N] =
+            std::array::from_fn(
+                |l| if divisor[l] > 0.0 { -violation[l] / divisor[l] } else { 0.0 },
+            );
         for l in 0..N {
             lambda[l] += factor[l] * length[l];
             let size = violation[l].abs();
@@ -207,7 +225,13 @@ impl pulp::WithSimd for Sweep<'_> {
 }
 
 impl Constraint for Stretch {
-    fn begin_substep(&mut self, _previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {
+    fn begin_substep(
+        &mut self,
+        _previous: &[Point],
+        _positions: &[Point],
+        _inverse_masses: &[Real],
+        _h: Real,
+    ) {
         self.fresh = true;
     }
 
@@ -273,7 +297,8 @@ mod tests {
     #[test]
     fn more_sweeps_harden_the_printed_spring_and_not_the_xpbd_one() {
         for sweeps in [1_u32, 2, 5, 10] {
-            // As printed λ, times β instead of β̃, is next to nothing: each sweep takes the same share of what is left.
+            // As printed λ, times β instead of β̃, is next to nothing: each sweep takes the same
+            // share of what is left.
             let printed = 0.01 * (10.0_f64 / 12.0).powi(sweeps as i32);
             assert!((left(LambdaForm::Printed, sweeps) - printed).abs() < 5e-6);
             // β̃ = 10, two unit masses: 0.01 · 10/12.
@@ -322,7 +347,8 @@ mod tests {
         let mut group = pair(1.0, 1e-6);
         group.begin_substep(&[], &[], &w, H);
         group.project(&mut p, &w, H);
-        let turn: Vector = (0..2).map(|k| before[k].coords.cross(&((p[k] - before[k]) / w[k]))).sum();
+        let turn: Vector =
+            (0..2).map(|k| before[k].coords.cross(&((p[k] - before[k]) / w[k]))).sum();
         assert!(p[0] != before[0] && turn.norm() < 1e-15);
     }
 
@@ -331,8 +357,11 @@ mod tests {
         let mesh = cloth(0.3, 0.2, 6, 4);
         let turn = nalgebra::Rotation3::from_euler_angles(0.4, 1.0, -2.0);
         let away = Vector::new(1e3, -1e3, 1e3);
-        let start: Vec<Point> =
-            mesh.vertices().iter().map(|p: &Point| Point::new(1.1 * p.x, 0.9 * p.y, 0.02 * (40.0 * p.x).sin())).collect();
+        let start: Vec<Point> = mesh
+            .vertices()
+            .iter()
+            .map(|p: &Point| Point::new(1.1 * p.x, 0.9 * p.y, 0.02 * (40.0 * p.x).sin()))
+            .collect();
         let run = |mut p: Vec<Point>| {
             let mut group = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-6);
             group.begin_substep(&[], &[], &[1.0; 35], H);
@@ -354,9 +383,11 @@ mod tests {
         // A row of disjoint edges: one colour, all in lanes but the last three.
         let n = 4 * LANES as u32 + 3;
         let edges: Vec<[u32; 2]> = (0..n).map(|k| [2 * k, 2 * k + 1]).collect();
-        let start: Vec<Point> =
-            (0..2 * n).map(|k| Point::new(f64::from(k), f64::from(k * k % 7), 0.1 * f64::from(k % 3))).collect();
-        let mut group = Stretch::new(EdgeSet::new(&edges, &vec![1.0; n as usize], start.len()).unwrap(), 1e-6);
+        let start: Vec<Point> = (0..2 * n)
+            .map(|k| Point::new(f64::from(k), f64::from(k * k % 7), 0.1 * f64::from(k % 3)))
+            .collect();
+        let mut group =
+            Stretch::new(EdgeSet::new(&edges, &vec![1.0; n as usize], start.len()).unwrap(), 1e-6);
         let w: Vec<Real> = (0..2 * n).map(|k| f64::from(k % 4)).collect();
         let mut p = start.clone();
         for _ in 0..3 {
@@ -381,7 +412,10 @@ mod tests {
                 group.begin_substep(&p.clone(), &p.clone(), &w, H);
                 group.project(&mut p, &w, H);
                 assert_eq!(p, vec![Point::new(1.0, 1.0, 1.0); 2]);
-                assert_eq!(group.counters().degenerate, u64::from(!group.is_idle() && compliance < Real::MAX));
+                assert_eq!(
+                    group.counters().degenerate,
+                    u64::from(!group.is_idle() && compliance < Real::MAX)
+                );
                 let mut q = vec![Point::origin(), Point::new(2.0, 0.0, 0.0)];
                 group.project(&mut q, &w, H);
                 assert!(q.iter().all(|x| x.iter().all(|c| c.is_finite())));

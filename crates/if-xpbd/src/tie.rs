@@ -5,17 +5,17 @@ use if_core::math::{Point, Real, Vector};
 
 /// Vertices that move with a triangle, as the layers of a hem, a cuff or a lapel do.
 ///
-/// A vertex v near the point q = Σ bᵢ xᵢ of a triangle keeps its offset o from it as a vector of the
-/// world: the two have one displacement. A visit takes the share k ∈ [0, 1] of the way there:
+/// A vertex v near the point q = Σ bᵢ xᵢ of a triangle keeps its offset o from it as a vector of
+/// the world: the two have one displacement. A visit takes the share k ∈ [0, 1] of the way there:
 ///
 /// ```text
 /// C = x_v − Σ bᵢ xᵢ − o        Δx_v = −k w_v C / S,   Δxᵢ = k wᵢ bᵢ C / S,   S = w_v + Σ wᵢ bᵢ²
 /// ```
 ///
-/// The constraint is linear, so it is stable whatever the shape of the triangle, and momentum stays. It
-/// resists rotation: it is meant for corrections that are small against the garment. (Offsets in the
-/// triangle's own frame follow rotations, but frames of slivers spin, and what is tied to them with
-/// them: measured on a suit jacket, edge strain rms 12 % instead of 1 %.)
+/// The constraint is linear, so it is stable whatever the shape of the triangle, and momentum
+/// stays. It resists rotation: it is meant for corrections that are small against the garment.
+/// (Offsets in the triangle's own frame follow rotations, but frames of slivers spin, and what is
+/// tied to them with them: measured on a suit jacket, edge strain rms 12 % instead of 1 %.)
 ///
 /// # Source
 ///
@@ -62,9 +62,16 @@ impl Ties {
         part
     }
 
-    /// Ties `vertex` to the point `barycentric` of `triangle`, as both lie in `positions`, with `share`
-    /// k.
-    pub fn push(&mut self, vertex: u32, triangle: [u32; 3], barycentric: [Real; 3], share: Real, positions: &[Point]) {
+    /// Ties `vertex` to the point `barycentric` of `triangle`, as both lie in `positions`, with
+    /// `share` k.
+    pub fn push(
+        &mut self,
+        vertex: u32,
+        triangle: [u32; 3],
+        barycentric: [Real; 3],
+        share: Real,
+        positions: &[Point],
+    ) {
         let corners = triangle.map(|v| positions[v as usize]);
         let offset = positions[vertex as usize].coords - blend(&corners, barycentric);
         self.vertices.push([vertex, triangle[0], triangle[1], triangle[2]]);
@@ -75,7 +82,14 @@ impl Ties {
 }
 
 impl Constraint for Ties {
-    fn begin_substep(&mut self, _previous: &[Point], _positions: &[Point], _inverse_masses: &[Real], _h: Real) {}
+    fn begin_substep(
+        &mut self,
+        _previous: &[Point],
+        _positions: &[Point],
+        _inverse_masses: &[Real],
+        _h: Real,
+    ) {
+    }
 
     fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real], _h: Real) -> Residual {
         let mut residual = Residual { count: self.len(), ..Residual::default() };
@@ -89,7 +103,10 @@ impl Constraint for Ties {
             residual.sum_squares += size2;
             residual.max = residual.max.max(size2.sqrt());
             let w = [inverse_masses[v], inverse_masses[a], inverse_masses[b], inverse_masses[c]];
-            let sum = w[0] + w[1] * bary[0] * bary[0] + w[2] * bary[1] * bary[1] + w[3] * bary[2] * bary[2];
+            let sum = w[0]
+                + w[1] * bary[0] * bary[0]
+                + w[2] * bary[1] * bary[1]
+                + w[3] * bary[2] * bary[2];
             if sum > 0.0 {
                 let step = off * (self.shares[k] / sum);
                 positions[v] -= step * w[0];
@@ -115,7 +132,12 @@ mod tests {
     use super::*;
 
     fn folded() -> Vec<Point> {
-        vec![Point::new(0.3, 0.3, 0.002), Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(0.0, 1.0, 0.0)]
+        vec![
+            Point::new(0.3, 0.3, 0.002),
+            Point::origin(),
+            Point::new(1.0, 0.0, 0.0),
+            Point::new(0.0, 1.0, 0.0),
+        ]
     }
 
     #[test]

@@ -31,7 +31,12 @@ fn falling(h: Real, substeps: u32) -> SolverParams {
     }
 }
 
-fn steps(params: SolverParams, count: u32, particles: &mut Particles, groups: &mut [&mut dyn Constraint]) {
+fn steps(
+    params: SolverParams,
+    count: u32,
+    particles: &mut Particles,
+    groups: &mut [&mut dyn Constraint],
+) {
     let mut solver = Solver::new(params).unwrap();
     for _ in 0..count {
         solver.step(particles, groups).unwrap();
@@ -66,7 +71,8 @@ fn problem_2_the_oscillator_is_implicit_euler_to_the_last_digits() {
     for h in [1e-1, 1e-2, 1e-3] {
         let mut spring = Attachments::new();
         spring.push(0, Point::origin(), beta);
-        let mut particles = Particles::uniform(vec![Point::new(1.0, 0.0, 0.0)], 1.0 / mass).unwrap();
+        let mut particles =
+            Particles::uniform(vec![Point::new(1.0, 0.0, 0.0)], 1.0 / mass).unwrap();
         let mut solver = Solver::new(SolverParams { gravity: [0.0; 3], ..falling(h, 1) }).unwrap();
         // In the plane of x and v/ω a step is a turn by −atan(hω) and a shrinking by 1/√(1 + h²ω²).
         let state = |p: &Particles| (p.positions[0].x, p.velocities[0].x / omega);
@@ -75,8 +81,12 @@ fn problem_2_the_oscillator_is_implicit_euler_to_the_last_digits() {
             solver.step(&mut particles, &mut [&mut spring]).unwrap();
             let after = state(&particles);
             let ratio = after.0.hypot(after.1) / before.0.hypot(before.1);
-            let turn = (before.0 * after.1 - before.1 * after.0).atan2(before.0 * after.0 + before.1 * after.1);
-            assert!((ratio - 1.0 / (1.0 + (h * omega).powi(2)).sqrt()).abs() < 1e-13, "h {h}: ratio {ratio}");
+            let turn = (before.0 * after.1 - before.1 * after.0)
+                .atan2(before.0 * after.0 + before.1 * after.1);
+            assert!(
+                (ratio - 1.0 / (1.0 + (h * omega).powi(2)).sqrt()).abs() < 1e-13,
+                "h {h}: ratio {ratio}"
+            );
             assert!((turn + (h * omega).atan()).abs() < 1e-13, "h {h}: turn {turn}");
             before = after;
         }
@@ -84,7 +94,12 @@ fn problem_2_the_oscillator_is_implicit_euler_to_the_last_digits() {
 }
 
 /// Elongations of the links of a chain of unit masses at rest, after `count` steps.
-fn hung(n: usize, params: SolverParams, count: u32, make: impl Fn(EdgeSet) -> Box<dyn Constraint>) -> Vec<Real> {
+fn hung(
+    n: usize,
+    params: SolverParams,
+    count: u32,
+    make: impl Fn(EdgeSet) -> Box<dyn Constraint>,
+) -> Vec<Real> {
     let (p, edges) = chain(n, 1.0);
     let mut group = make(edges);
     let mut particles = Particles::uniform(p, 1.0).unwrap().pinned([0]);
@@ -120,7 +135,8 @@ fn one_sweep_lengthens_a_rigid_column_by_the_error_law() {
     // The error of one sweep, g h² n²/2, since the effective compliance is β + h² (wᵢ + wⱼ).
     let (n, h) = (31, 2e-3);
     let params = SolverParams { motion: Motion::Dynamic { damping: 2.0 }, ..falling(h, 1) };
-    let found: Real = hung(n, params, 4000, |edges| Box::new(Stretch::new(edges, 0.0))).iter().sum();
+    let found: Real =
+        hung(n, params, 4000, |edges| Box::new(Stretch::new(edges, 0.0))).iter().sum();
     let law = G * h * h * (n * n) as Real / 2.0;
     assert!((found / law - 1.0).abs() < 0.15, "{found} m, the law says {law} m");
 }
@@ -130,7 +146,8 @@ fn one_sweep_lengthens_a_rigid_column_by_the_error_law() {
 fn pendulum(h: Real) -> (Real, Real) {
     let edges = EdgeSet::new(&[[0, 1]], &[1.0], 2).unwrap();
     let mut rod = Stretch::new(edges, 0.0);
-    let mut particles = Particles::new(vec![Point::origin(), Point::new(1.0, 0.0, 0.0)], vec![0.0, 1.0]).unwrap();
+    let mut particles =
+        Particles::new(vec![Point::origin(), Point::new(1.0, 0.0, 0.0)], vec![0.0, 1.0]).unwrap();
     let mut solver = Solver::new(falling(h, 1)).unwrap();
     let count = (10.0 / h).round() as u32;
     let mut quarter = None;
@@ -174,11 +191,18 @@ fn problem_12_a_free_cloth_keeps_its_momentum() {
         let s = |f: Real| (f * k as Real).sin();
         *v = Vector::new(s(1.0), s(2.3), s(3.7));
     }
-    let momentum = |p: &Particles| -> Vector { p.velocities.iter().zip(&p.inverse_masses).map(|(v, w)| v / *w).sum() };
+    let momentum = |p: &Particles| -> Vector {
+        p.velocities.iter().zip(&p.inverse_masses).map(|(v, w)| v / *w).sum()
+    };
     let before = momentum(&particles);
     let mut stretch = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-5);
     let mut bending = Bending::of_mesh(&mesh, BendingModel::Dihedral, 1e4);
-    steps(SolverParams { gravity: [0.0; 3], ..falling(1e-3, 10) }, 20, &mut particles, &mut [&mut stretch, &mut bending]);
+    steps(
+        SolverParams { gravity: [0.0; 3], ..falling(1e-3, 10) },
+        20,
+        &mut particles,
+        &mut [&mut stretch, &mut bending],
+    );
     let after = momentum(&particles);
     // v is a difference of positions over h: 1e-17/1e-3 for each of 49 particles, 200 times.
     assert!((after - before).norm() < 1e-13, "{}", after - before);
@@ -190,7 +214,10 @@ fn slide(theta: Real, mu: Real, field: &dyn SignedDistance) -> Real {
     let corner = |a: Real, b: Real| Point::from(along * a + Vector::z() * b);
     let start = vec![corner(0.0, 0.0), corner(0.1, 0.0), corner(0.1, 0.1), corner(0.0, 0.1)];
     let edges = [[0, 1], [1, 2], [2, 3], [3, 0], [0, 2], [1, 3]];
-    let rests: Vec<Real> = edges.iter().map(|e: &[u32; 2]| (start[e[0] as usize] - start[e[1] as usize]).norm()).collect();
+    let rests: Vec<Real> = edges
+        .iter()
+        .map(|e: &[u32; 2]| (start[e[0] as usize] - start[e[1] as usize]).norm())
+        .collect();
     let mut ties = Stretch::new(EdgeSet::new(&edges, &rests, 4).unwrap(), 1e-9);
     let mut ground = SdfCollision::new(field, &[1.0; 4], &[0.0; 4]).unwrap();
     ground.friction = mu;
@@ -202,7 +229,8 @@ fn slide(theta: Real, mu: Real, field: &dyn SignedDistance) -> Real {
 #[test]
 fn problem_13_a_block_on_an_incline_sticks_exactly_when_friction_is_at_least_the_slope() {
     for theta in [0.1, 0.5, 1.0] as [Real; 3] {
-        let ground = Plane { point: Point::origin(), normal: Vector::new(theta.sin(), theta.cos(), 0.0) };
+        let ground =
+            Plane { point: Point::origin(), normal: Vector::new(theta.sin(), theta.cos(), 0.0) };
         let sticks = slide(theta, theta.tan() * 1.001, &ground);
         assert!(sticks.abs() < 1e-12, "θ {theta}: slides {sticks} m");
         let mu = theta.tan() * 0.9;

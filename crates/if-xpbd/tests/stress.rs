@@ -23,7 +23,8 @@ fn finite(p: &[Point]) -> bool {
 /// A cloth, half of it inside a ball, settled with `params`; everything scaled by `unit`.
 fn settled(mesh: &TriMesh, unit: Real, params: &SolverParams) -> Vec<Point> {
     let mesh = mesh.scaled(unit).unwrap();
-    let ball = Sphere { center: Point::new(0.05 * unit, 0.05 * unit, -0.19 * unit), radius: 0.2 * unit };
+    let ball =
+        Sphere { center: Point::new(0.05 * unit, 0.05 * unit, -0.19 * unit), radius: 0.2 * unit };
     let mask = vec![1.0; mesh.vertices().len()];
     let below = Below { field: &ball, mask: &mask, air: None };
     settle(&mesh, &below, params, |_, _| ControlFlow::Continue(())).unwrap().0
@@ -36,7 +37,14 @@ fn steps_sweeps_and_compliances_of_all_sizes_stay_finite() {
         for substeps in [1, 100] {
             for sweeps in [0, 1, 100] {
                 for compliance in [0.0, 1e-12, 1e3, Real::INFINITY] {
-                    let params = SolverParams { time_step, substeps, sweeps, compliance, steps: 2, ..Default::default() };
+                    let params = SolverParams {
+                        time_step,
+                        substeps,
+                        sweeps,
+                        compliance,
+                        steps: 2,
+                        ..Default::default()
+                    };
                     let p = settled(&mesh, 1.0, &params);
                     assert!(finite(&p), "{params:?}");
                     assert!(p.iter().all(|x| x.z.abs() < 0.05), "{params:?}");
@@ -57,8 +65,13 @@ fn degenerate_meshes_stay_finite() {
         }))
         .collect();
     let fan = (1..100).map(|k| [0, k, k + 1]).collect();
-    let quad =
-        vec![o, Point::new(0.1, 0.0, 0.0), Point::new(0.1, 0.1, 0.0), Point::new(0.0, 0.1, 0.0), Point::new(0.05, 0.0, 0.05)];
+    let quad = vec![
+        o,
+        Point::new(0.1, 0.0, 0.0),
+        Point::new(0.1, 0.1, 0.0),
+        Point::new(0.0, 0.1, 0.0),
+        Point::new(0.05, 0.0, 0.05),
+    ];
     let table = [
         ("empty", vec![], vec![]),
         ("one point", vec![o], vec![]),
@@ -75,7 +88,8 @@ fn degenerate_meshes_stay_finite() {
         let mut particles = Particles::from_area_density(&mesh, 0.2).unwrap();
         let mut stretch = Stretch::new(EdgeSet::of_mesh(&mesh), 0.0);
         let mut bending = Bending::of_mesh(&mesh, BendingModel::Dihedral, 1.0);
-        let mut solver = Solver::new(SolverParams { gravity: [0.0, 0.0, -9.81], ..Default::default() }).unwrap();
+        let mut solver =
+            Solver::new(SolverParams { gravity: [0.0, 0.0, -9.81], ..Default::default() }).unwrap();
         solver.step(&mut particles, &mut [&mut stretch, &mut bending]).unwrap();
         assert!(finite(&particles.positions), "{name}");
     }
@@ -86,8 +100,13 @@ fn mass_ratios_of_a_million_and_masses_of_nothing_are_fine() {
     let mesh = meshes::cloth(0.1, 0.1, 8, 8);
     let ball = Sphere { center: Point::new(0.05, 0.05, -0.15), radius: 0.2 };
     let n = mesh.vertices().len();
-    for weight in [|_: usize| 0.0, |k| if k % 2 == 0 { 1.0 } else { 1e6 }, |k| if k % 3 == 0 { 0.0 } else { 1e-6 }] {
-        let mut particles = Particles::new(mesh.vertices().to_vec(), (0..n).map(weight).collect()).unwrap();
+    for weight in [
+        |_: usize| 0.0,
+        |k| if k % 2 == 0 { 1.0 } else { 1e6 },
+        |k| if k % 3 == 0 { 0.0 } else { 1e-6 },
+    ] {
+        let mut particles =
+            Particles::new(mesh.vertices().to_vec(), (0..n).map(weight).collect()).unwrap();
         let mut stretch = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-5);
         let mut collision = SdfCollision::new(&ball, &vec![1.0; n], &vec![1e-3; n]).unwrap();
         let mut solver = Solver::new(SolverParams { sweeps: 5, ..Default::default() }).unwrap();
@@ -105,8 +124,12 @@ fn mass_ratios_of_a_million_and_masses_of_nothing_are_fine() {
 fn units_from_micrometres_to_kilometres_settle_alike() {
     let mesh = meshes::cloth(0.1, 0.1, 8, 8);
     let at = |unit: Real| {
-        let params =
-            SolverParams { clearance: 1e-3 * unit, max_push: 0.01 * unit, stop_below: 1e-6 * unit, ..Default::default() };
+        let params = SolverParams {
+            clearance: 1e-3 * unit,
+            max_push: 0.01 * unit,
+            stop_below: 1e-6 * unit,
+            ..Default::default()
+        };
         settled(&mesh, unit, &params)
     };
     let metres = at(1.0);
@@ -126,8 +149,12 @@ fn a_bounded_energy_stays_bounded_for_a_cloth_dropped_on_a_ball() {
     let mut stretch = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-7);
     let mut collision = SdfCollision::new(&ball, &vec![1.0; n], &vec![1e-3; n]).unwrap();
     collision.friction = 0.3;
-    let params =
-        SolverParams { motion: Motion::Dynamic { damping: 0.5 }, gravity: [0.0, 0.0, -9.81], sweeps: 4, ..Default::default() };
+    let params = SolverParams {
+        motion: Motion::Dynamic { damping: 0.5 },
+        gravity: [0.0, 0.0, -9.81],
+        sweeps: 4,
+        ..Default::default()
+    };
     let mut solver = Solver::new(params).unwrap();
     let mass: Real = particles.inverse_masses.iter().map(|w| 1.0 / w).sum();
     for step in 0..100 {

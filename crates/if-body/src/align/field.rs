@@ -6,14 +6,19 @@ use if_mesh::solid::{ClosedLayer, ClothedField};
 
 /// The field of `body` in `garment`, baked and re-distanced.
 ///
-/// A field that is carried to another body by a warp has gradients J⁻ᵀ∇φ, which are no longer of unit length, and it is the field of
-/// the old body in the garment, not of the new one. So the field is made anew, of the aligned mesh and the target's body, both closed
-/// ([`ClosedLayer`]), and its values are replaced by distances to its zero set.
+/// A field that is carried to another body by a warp has gradients J⁻ᵀ∇φ, which are no longer of
+/// unit length, and it is the field of the old body in the garment, not of the new one. So the
+/// field is made anew, of the aligned mesh and the target's body, both closed ([`ClosedLayer`]),
+/// and its values are replaced by distances to its zero set.
 ///
 /// # Errors
 ///
 /// [`BakeError`]: parameters out of range, or more memory than allowed.
-pub fn carried_field(body: &TriMesh, garment: &TriMesh, params: &BakeParams) -> Result<Baked, BakeError> {
+pub fn carried_field(
+    body: &TriMesh,
+    garment: &TriMesh,
+    params: &BakeParams,
+) -> Result<Baked, BakeError> {
     let solid = ClosedLayer::body(body);
     let layer = ClosedLayer::garment(garment, &solid, body);
     let field = ClothedField::new(vec![&solid, &layer]);

@@ -8,8 +8,8 @@ use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// What an alignment did to a garment. Strain is against the garment on its own body: most of it is the difference of
-/// the bodies, which a garment made for the other body has too.
+/// What an alignment did to a garment. Strain is against the garment on its own body: most of it is
+/// the difference of the bodies, which a garment made for the other body has too.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct AlignReport {
@@ -30,7 +30,11 @@ pub struct AlignReport {
 /// # Panics
 ///
 /// If the two garments have not equally many vertices.
-pub fn measure(map: &BodyMap, (before, own): (&TriMesh, &ClosedLayer), (after, other): (&TriMesh, &ClosedLayer)) -> AlignReport {
+pub fn measure(
+    map: &BodyMap,
+    (before, own): (&TriMesh, &ClosedLayer),
+    (after, other): (&TriMesh, &ClosedLayer),
+) -> AlignReport {
     AlignReport {
         method: map.method(),
         residual: map.residual(),
@@ -42,6 +46,8 @@ pub fn measure(map: &BodyMap, (before, own): (&TriMesh, &ClosedLayer), (after, o
 
 /// Share of a garment's vertices inside a body.
 pub fn inside(garment: &TriMesh, body: &ClosedLayer) -> Real {
-    let is_inside = |p: &&if_core::math::Point| body.sided(p, 0.0).is_some_and(|s| s.distance < 0.0);
-    garment.vertices().par_iter().filter(is_inside).count() as Real / garment.vertices().len().max(1) as Real
+    let is_inside =
+        |p: &&if_core::math::Point| body.sided(p, 0.0).is_some_and(|s| s.distance < 0.0);
+    garment.vertices().par_iter().filter(is_inside).count() as Real
+        / garment.vertices().len().max(1) as Real
 }

@@ -10,13 +10,15 @@ use serde::{Deserialize, Serialize};
 pub struct AlignParams {
     /// Sites that a point is carried by. Fewer make the field less smooth far from the body.
     pub neighbours: usize,
-    /// Width of the kernel next to the body, in metres. Wider averages over a limb: what is tight goes inside.
+    /// Width of the kernel next to the body, in metres. Wider averages over a limb: what is tight
+    /// goes inside.
     pub least_width: Real,
     /// Width of the kernel as a multiple of the distance to the body.
     pub growth: Real,
     /// Weight of a site that shares no joint with the point, against 1 of one that shares all.
     pub skin_floor: Real,
-    /// A registration whose mean distance to the target is more than this share of the body's height is given up.
+    /// A registration whose mean distance to the target is more than this share of the body's
+    /// height is given up.
     pub poor: Real,
     /// A registration that turns over more than this share of the source's area is given up.
     pub turned: Real,
@@ -24,7 +26,14 @@ pub struct AlignParams {
 
 impl Default for AlignParams {
     fn default() -> Self {
-        Self { neighbours: 160, least_width: 0.015, growth: 1.0, skin_floor: 0.1, poor: 0.004, turned: 0.02 }
+        Self {
+            neighbours: 160,
+            least_width: 0.015,
+            growth: 1.0,
+            skin_floor: 0.1,
+            poor: 0.004,
+            turned: 0.02,
+        }
     }
 }
 
@@ -38,11 +47,36 @@ impl AlignParams {
         let positive = |x: Real| x > 0.0 && x.is_finite();
         let checks = [
             ("neighbours", self.neighbours as Real, self.neighbours >= 4, "it must be at least 4"),
-            ("least_width", self.least_width, positive(self.least_width), "it must be a positive number of metres"),
-            ("growth", self.growth, self.growth >= 0.0 && self.growth.is_finite(), "it must be a number, zero or more"),
-            ("skin_floor", self.skin_floor, positive(self.skin_floor), "it must be a number above zero"),
-            ("poor", self.poor, self.poor >= 0.0 && self.poor.is_finite(), "it must be a share, zero or more"),
-            ("turned", self.turned, self.turned >= 0.0 && self.turned.is_finite(), "it must be a share, zero or more"),
+            (
+                "least_width",
+                self.least_width,
+                positive(self.least_width),
+                "it must be a positive number of metres",
+            ),
+            (
+                "growth",
+                self.growth,
+                self.growth >= 0.0 && self.growth.is_finite(),
+                "it must be a number, zero or more",
+            ),
+            (
+                "skin_floor",
+                self.skin_floor,
+                positive(self.skin_floor),
+                "it must be a number above zero",
+            ),
+            (
+                "poor",
+                self.poor,
+                self.poor >= 0.0 && self.poor.is_finite(),
+                "it must be a share, zero or more",
+            ),
+            (
+                "turned",
+                self.turned,
+                self.turned >= 0.0 && self.turned.is_finite(),
+                "it must be a share, zero or more",
+            ),
         ];
         match checks.into_iter().find(|c| !c.2) {
             Some((name, value, _, help)) => Err(AlignError::Parameter { name, value, help }),
@@ -72,7 +106,9 @@ pub enum AlignError {
     #[error("a vertex hangs on joint {joint}, but the pose has {joints} joints (0 is the first)")]
     Joint { joint: usize, joints: usize },
     /// The transforms of a vertex cancel one another.
-    #[error("the blended transform of vertex {vertex} has no inverse; correct its weights, or give another pose")]
+    #[error(
+        "the blended transform of vertex {vertex} has no inverse; correct its weights, or give another pose"
+    )]
     Singular { vertex: usize },
     /// A position is no number.
     #[error("{0}")]

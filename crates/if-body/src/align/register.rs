@@ -6,8 +6,8 @@
 //!     vertices += r, diffused n times over the edges, normalised by the diffused count of those that have an r
 //! ```
 //!
-//! Wide diffusion first moves whole limbs, narrow diffusion last fits details; vertices that find nothing follow their
-//! neighbours. The result depends on no order and no random choice.
+//! Wide diffusion first moves whole limbs, narrow diffusion last fits details; vertices that find
+//! nothing follow their neighbours. The result depends on no order and no random choice.
 
 use super::AlignParams;
 use if_core::closest::ClosestPoint;
@@ -22,7 +22,8 @@ use rayon::prelude::*;
 const ROUNDS: [usize; 16] = [256, 256, 256, 128, 128, 128, 64, 64, 32, 32, 16, 16, 8, 8, 4, 4];
 /// A nearest point counts up to this share of the target's height away.
 const REACH: Real = 0.06;
-/// Least cosine between the normals of a vertex and of its nearest point: fingers and folds face other ways.
+/// Least cosine between the normals of a vertex and of its nearest point: fingers and folds face
+/// other ways.
 const FACING: Real = 0.5;
 
 pub(super) struct Registered {
@@ -68,7 +69,10 @@ pub(super) fn register(source: &TriMesh, target: &TriMesh, start: Vec<Point>) ->
 pub(super) fn residual(points: impl Iterator<Item = Point>, target: &TriMesh) -> Real {
     let tree = Bvh::new(target);
     let points: Vec<Point> = points.collect();
-    let distances: Vec<Real> = points.par_iter().map(|p| tree.closest(p, Real::INFINITY).map_or(0.0, |c| c.distance)).collect();
+    let distances: Vec<Real> = points
+        .par_iter()
+        .map(|p| tree.closest(p, Real::INFINITY).map_or(0.0, |c| c.distance))
+        .collect();
     distances.iter().sum::<Real>() / distances.len().max(1) as Real
 }
 
@@ -76,7 +80,8 @@ pub(super) fn residual(points: impl Iterator<Item = Point>, target: &TriMesh) ->
 fn turned(mesh: &TriMesh, before: &[Point], after: &[Point]) -> Real {
     let (mut all, mut turned) = (0.0, 0.0);
     for t in mesh.triangles() {
-        let area = |p: &[Point]| area_vector(&p[t[0] as usize], &p[t[1] as usize], &p[t[2] as usize]);
+        let area =
+            |p: &[Point]| area_vector(&p[t[0] as usize], &p[t[1] as usize], &p[t[2] as usize]);
         let (a, b) = (area(before), area(after));
         all += a.norm();
         turned += if a.dot(&b) < 0.0 { a.norm() } else { 0.0 };
@@ -85,7 +90,9 @@ fn turned(mesh: &TriMesh, before: &[Point], after: &[Point]) -> Real {
 }
 
 fn face_normals(mesh: &TriMesh, at: &[Point]) -> Vec<Vector> {
-    let normal = |t: &[u32; 3]| unit_or_zero(&area_vector(&at[t[0] as usize], &at[t[1] as usize], &at[t[2] as usize]));
+    let normal = |t: &[u32; 3]| {
+        unit_or_zero(&area_vector(&at[t[0] as usize], &at[t[1] as usize], &at[t[2] as usize]))
+    };
     mesh.triangles().iter().map(normal).collect()
 }
 
@@ -107,10 +114,11 @@ impl Graph {
         Self(Edges::new(mesh).neighbours(mesh.vertices().len()))
     }
 
-    /// The values spread over the edges, `rounds` times half and half with the mean of the neighbours, and divided by what
-    /// the count of values spreads to. Zero where none arrives.
+    /// The values spread over the edges, `rounds` times half and half with the mean of the
+    /// neighbours, and divided by what the count of values spreads to. Zero where none arrives.
     fn diffused(&self, values: &[Option<Vector>], rounds: usize) -> Vec<Vector> {
-        let mut now: Vec<[Real; 4]> = values.iter().map(|v| v.map_or([0.0; 4], |v| [v.x, v.y, v.z, 1.0])).collect();
+        let mut now: Vec<[Real; 4]> =
+            values.iter().map(|v| v.map_or([0.0; 4], |v| [v.x, v.y, v.z, 1.0])).collect();
         let mut next = now.clone();
         for _ in 0..rounds {
             next.par_iter_mut().enumerate().with_min_len(2048).for_each(|(v, out)| {
@@ -125,6 +133,12 @@ impl Graph {
             });
             std::mem::swap(&mut now, &mut next);
         }
-        now.iter().map(|[x, y, z, n]| if *n > 0.0 { Vector::new(*x, *y, *z) / *n } else { Vector::zeros() }).collect()
+        now.iter()
+            .map(
+                |[x, y, z, n]| {
+                    if *n > 0.0 { Vector::new(*x, *y, *z) / *n } else { Vector::zeros() }
+                },
+            )
+            .collect()
     }
 }

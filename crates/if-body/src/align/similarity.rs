@@ -1,4 +1,5 @@
-//! One rotation, scale and translation from body to body; and, joint by joint, where a registration starts from.
+//! One rotation, scale and translation from body to body; and, joint by joint, where a registration
+//! starts from.
 
 use super::{AlignError, BodyShape};
 use if_core::aabb::Aabb;
@@ -18,12 +19,14 @@ pub struct Similarity {
 const JOINTS: usize = 3;
 
 impl Similarity {
-    /// The one that fits best in the least squares' sense from the joints of one body to those of the same names of the other;
-    /// where there are none, the one that keeps the axes and brings height, ground and middle together.
+    /// The one that fits best in the least squares' sense from the joints of one body to those of
+    /// the same names of the other; where there are none, the one that keeps the axes and brings
+    /// height, ground and middle together.
     ///
     /// # Source
     ///
-    /// Umeyama, *Least-squares estimation of transformation parameters between two point patterns*, 1991.
+    /// Umeyama, *Least-squares estimation of transformation parameters between two point patterns*,
+    /// 1991.
     ///
     /// # Errors
     ///
@@ -70,7 +73,8 @@ fn umeyama(pairs: &[(Point, Point)]) -> Option<Similarity> {
     let from = Point::from(pairs.iter().map(|p| p.0.coords).sum::<Vector>() / n);
     let to = Point::from(pairs.iter().map(|p| p.1.coords).sum::<Vector>() / n);
     let spread = pairs.iter().map(|p| (p.0 - from).norm_squared()).sum::<Real>() / n;
-    let covariance: Matrix3<Real> = pairs.iter().map(|p| (p.1 - to) * (p.0 - from).transpose()).sum::<Matrix3<Real>>() / n;
+    let covariance: Matrix3<Real> =
+        pairs.iter().map(|p| (p.1 - to) * (p.0 - from).transpose()).sum::<Matrix3<Real>>() / n;
     let svd = covariance.svd(true, true);
     let (u, v) = (svd.u?, svd.v_t?);
     // Joints along one line leave the turn about it open.
@@ -84,23 +88,35 @@ fn umeyama(pairs: &[(Point, Point)]) -> Option<Similarity> {
     (scale > 0.0).then_some(Similarity { rotation, scale, from, to })
 }
 
-/// Where the vertices of the source begin: moved with the bones, where both bodies have the same and the source has weights.
+/// Where the vertices of the source begin: moved with the bones, where both bodies have the same
+/// and the source has weights.
 pub(super) fn start(from: &BodyShape, to: &BodyShape, similarity: &Similarity) -> Vec<Point> {
     let all = || from.mesh.vertices().iter().map(|p| similarity.point(p)).collect();
-    let (Some(a), Some(b), Some(skin)) = (from.skeleton, to.skeleton, from.skin) else { return all() };
+    let (Some(a), Some(b), Some(skin)) = (from.skeleton, to.skeleton, from.skin) else {
+        return all();
+    };
     let bone = |k: usize| {
         let j = &a.joints()[k];
         let twin = b.joints().iter().find(|t| t.name == j.name)?;
         let (u, v) = (j.tail - j.head, twin.tail - twin.head);
-        let rotation = Rotation3::rotation_between(&u, &v).filter(|_| unit_or_zero(&u) != Vector::zeros())?;
+        let rotation =
+            Rotation3::rotation_between(&u, &v).filter(|_| unit_or_zero(&u) != Vector::zeros())?;
         // Bones differ in length by more than limbs do in girth.
-        Some(Similarity { rotation, scale: (v.norm() / u.norm() * similarity.scale).sqrt(), from: j.head, to: twin.head })
+        Some(Similarity {
+            rotation,
+            scale: (v.norm() / u.norm() * similarity.scale).sqrt(),
+            from: j.head,
+            to: twin.head,
+        })
     };
     let bones: Vec<Similarity> = (0..a.len()).map(|k| bone(k).unwrap_or(*similarity)).collect();
     let blend = |(v, p): (usize, &Point)| {
         let record = skin.joints()[v].iter().zip(&skin.weights()[v]);
-        let moved: Vector =
-            record.map(|(j, w)| bones.get(usize::from(*j)).unwrap_or(similarity).point(p).coords * Real::from(*w)).sum();
+        let moved: Vector = record
+            .map(|(j, w)| {
+                bones.get(usize::from(*j)).unwrap_or(similarity).point(p).coords * Real::from(*w)
+            })
+            .sum();
         let total: Real = skin.weights()[v].iter().map(|w| Real::from(*w)).sum();
         if total > 0.5 { Point::from(moved / total) } else { similarity.point(p) }
     };
@@ -119,8 +135,10 @@ mod tests {
             from: Point::new(0.1, 0.2, 0.3),
             to: Point::new(-1.0, 0.5, 2.0),
         };
-        let points = [[0.0, 0.0, 0.0], [1.0, 0.2, 0.0], [0.3, 1.0, -0.4], [0.2, -0.5, 0.9], [0.7, 0.7, 0.1]];
-        let pairs: Vec<(Point, Point)> = points.map(Point::from).iter().map(|p| (*p, truth.point(p))).collect();
+        let points =
+            [[0.0, 0.0, 0.0], [1.0, 0.2, 0.0], [0.3, 1.0, -0.4], [0.2, -0.5, 0.9], [0.7, 0.7, 0.1]];
+        let pairs: Vec<(Point, Point)> =
+            points.map(Point::from).iter().map(|p| (*p, truth.point(p))).collect();
         for n in [3, 5] {
             let fit = umeyama(&pairs[..n]).unwrap();
             approx::assert_relative_eq!(fit.scale, 1.3, max_relative = 1e-12);
@@ -129,7 +147,8 @@ mod tests {
             }
         }
         assert!(umeyama(&pairs[..2]).is_none());
-        let line: Vec<(Point, Point)> = (0..5).map(|k| Point::new(0.0, Real::from(k), 0.0)).map(|p| (p, p)).collect();
+        let line: Vec<(Point, Point)> =
+            (0..5).map(|k| Point::new(0.0, Real::from(k), 0.0)).map(|p| (p, p)).collect();
         assert!(umeyama(&line).is_none());
         assert!(umeyama(&[(Point::origin(), Point::origin()); 5]).is_none());
     }

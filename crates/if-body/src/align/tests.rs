@@ -21,7 +21,11 @@ fn shape(mesh: &TriMesh) -> BodyShape<'_> {
 
 fn inside(body: &TriMesh, garment: &TriMesh) -> Real {
     let layer = ClosedLayer::body(body);
-    let inside = garment.vertices().iter().filter(|p| layer.sided(p, 0.0).is_some_and(|s| s.distance < 0.0)).count();
+    let inside = garment
+        .vertices()
+        .iter()
+        .filter(|p| layer.sided(p, 0.0).is_some_and(|s| s.distance < 0.0))
+        .count();
     inside as Real / garment.vertices().len() as Real
 }
 
@@ -44,15 +48,22 @@ fn garments_follow_a_body_of_the_same_topology_there_and_back() {
     for kind in [Garment::Tshirt, Garment::Skirt, Garment::Coat] {
         let mesh = garment(kind, &COARSE);
         let moved = there.align(&mesh, None).unwrap();
-        assert!(inside(&to, &moved) <= inside(&from, &mesh) + 0.01, "{kind:?} {}", inside(&to, &moved));
-        // The map of the body is smooth, so it is known what the garment should do; farther from the body the ease is
-        // kept and not scaled, which is a tenth of at most 0.2 m.
+        assert!(
+            inside(&to, &moved) <= inside(&from, &mesh) + 0.01,
+            "{kind:?} {}",
+            inside(&to, &moved)
+        );
+        // The map of the body is smooth, so it is known what the garment should do; farther from
+        // the body the ease is kept and not scaled, which is a tenth of at most 0.2 m.
         let truth: Vec<Point> = mesh.vertices().iter().map(grown).collect();
         let off = displacement(&truth, moved.vertices());
         let again = back.align(&moved, None).unwrap();
         let round = displacement(mesh.vertices(), again.vertices());
         let strain = strain(&other(&mesh), moved.vertices());
-        assert!(off.mean < 0.012 && round.mean < 0.5e-3 && round.p95 < 1e-3, "{kind:?} {off:?} {round:?}");
+        assert!(
+            off.mean < 0.012 && round.mean < 0.5e-3 && round.p95 < 1e-3,
+            "{kind:?} {off:?} {round:?}"
+        );
         assert!(strain.rms < 0.08, "{kind:?} {strain:?}");
     }
 }
@@ -76,7 +87,8 @@ fn other_diagonals_are_the_same_topology_and_other_numbers_are_not() {
     }
     let other = TriMesh::new(mesh.vertices().to_vec(), triangles).unwrap();
     assert!(other.triangles() != mesh.triangles() && share_topology(&mesh, &other));
-    let backwards = mesh.triangles().iter().map(|t| t.map(|v| mesh.vertices().len() as u32 - 1 - v)).collect();
+    let backwards =
+        mesh.triangles().iter().map(|t| t.map(|v| mesh.vertices().len() as u32 - 1 - v)).collect();
     assert!(!share_topology(&mesh, &TriMesh::new(mesh.vertices().to_vec(), backwards).unwrap()));
     assert!(!share_topology(&TriMesh::default(), &TriMesh::default()));
 }
@@ -94,7 +106,11 @@ fn a_body_of_another_topology_is_registered() {
     let error = |map: &BodyMap| displacement(&truth, map.align(&mesh, None).unwrap().vertices());
     let similar = BodyMap::similar(&shape(&from), &shape(&to), &params).unwrap();
     assert_eq!(similar.method(), Method::Similarity);
-    assert!(error(&map).mean < 0.01 && error(&map).mean < error(&similar).mean, "{:?}", error(&map));
+    assert!(
+        error(&map).mean < 0.01 && error(&map).mean < error(&similar).mean,
+        "{:?}",
+        error(&map)
+    );
 }
 
 #[test]
@@ -102,7 +118,12 @@ fn where_no_registration_fits_there_is_a_similarity() {
     let from = body(&COARSE);
     // A ball of the same height.
     let ball = if_core::shapes::meshes::icosphere(0.85, 3);
-    let map = BodyMap::new(&shape(&from), &shape(&ball), &AlignParams { poor: 1e-5, ..Default::default() }).unwrap();
+    let map = BodyMap::new(
+        &shape(&from),
+        &shape(&ball),
+        &AlignParams { poor: 1e-5, ..Default::default() },
+    )
+    .unwrap();
     assert_eq!(map.method(), Method::Similarity);
     let feet = map.carry(&[Point::new(0.0, from.aabb().min.y, 0.0)], None).unwrap()[0];
     approx::assert_relative_eq!(feet.y, -0.85, epsilon = 1e-9);
@@ -110,19 +131,28 @@ fn where_no_registration_fits_there_is_a_similarity() {
 
 #[test]
 fn a_sleeve_follows_its_arm_and_not_the_trunk_beside_it() {
-    // Two sheets 4 cm apart; one moves, the other does not. A point between them belongs to one by its weights.
-    let grid = |x: Real| (0..400).map(move |k| Point::new(x, Real::from(k / 20) * 0.01, Real::from(k % 20) * 0.01));
+    // Two sheets 4 cm apart; one moves, the other does not. A point between them belongs to one by
+    // its weights.
+    let grid = |x: Real| {
+        (0..400).map(move |k| Point::new(x, Real::from(k / 20) * 0.01, Real::from(k % 20) * 0.01))
+    };
     let points: Vec<Point> = grid(0.0).chain(grid(0.04)).collect();
     let moved: Vec<Point> = grid(0.0).chain(grid(0.14)).collect();
     let triangles: Vec<[u32; 3]> = vec![[0, 1, 20], [400, 401, 420]];
-    let (from, to) = (TriMesh::new(points, triangles.clone()).unwrap(), TriMesh::new(moved, triangles).unwrap());
+    let (from, to) =
+        (TriMesh::new(points, triangles.clone()).unwrap(), TriMesh::new(moved, triangles).unwrap());
     let one = |joint: u16, n: usize| (vec![[joint, 0, 0, 0]; n], vec![[1.0f32, 0.0, 0.0, 0.0]; n]);
     let ((mut joints, mut weights), (j, w)) = (one(0, 400), one(1, 400));
     joints.extend(j);
     weights.extend(w);
     let skin = SkinWeights::new(joints, weights, 2).unwrap();
     let shape = |mesh| BodyShape { mesh, skin: Some(&skin), template: None, skeleton: None };
-    let map = BodyMap::new(&shape(&from), &shape(&to), &AlignParams { skin_floor: 1e-6, ..Default::default() }).unwrap();
+    let map = BodyMap::new(
+        &shape(&from),
+        &shape(&to),
+        &AlignParams { skin_floor: 1e-6, ..Default::default() },
+    )
+    .unwrap();
     let p = [Point::new(0.02, 0.1, 0.1)];
     let of = |joint| {
         let (j, w) = one(joint, 1);
@@ -143,21 +173,31 @@ fn faults_are_told() {
     let error = BodyMap::new(&shape(&body), &shape(&empty), &params).unwrap_err();
     assert!(matches!(error, AlignError::NoSurface { which: "target" }), "{error}");
     let cloud = TriMesh::new(body.vertices().to_vec(), vec![]).unwrap();
-    for error in [BodyMap::new(&shape(&cloud), &shape(&body), &params), BodyMap::similar(&shape(&cloud), &shape(&body), &params)]
-    {
+    for error in [
+        BodyMap::new(&shape(&cloud), &shape(&body), &params),
+        BodyMap::similar(&shape(&cloud), &shape(&body), &params),
+    ] {
         assert_eq!(error.unwrap_err(), AlignError::NoSurface { which: "source" });
     }
-    let flat = body.with_vertices(body.vertices().iter().map(|p| Point::new(p.x, 0.0, p.z)).collect()).unwrap();
+    let flat = body
+        .with_vertices(body.vertices().iter().map(|p| Point::new(p.x, 0.0, p.z)).collect())
+        .unwrap();
     let error = BodyMap::similar(&shape(&body), &shape(&flat), &params).unwrap_err();
     assert!(matches!(error, AlignError::NoHeight { which: "target", .. }), "{error}");
     let bad = AlignParams { least_width: Real::NAN, ..params };
-    assert!(matches!(BodyMap::new(&shape(&body), &shape(&body), &bad), Err(AlignError::Parameter { name: "least_width", .. })));
+    assert!(matches!(
+        BodyMap::new(&shape(&body), &shape(&body), &bad),
+        Err(AlignError::Parameter { name: "least_width", .. })
+    ));
     let skin = SkinWeights::new(vec![[0; 4]], vec![[1.0, 0.0, 0.0, 0.0]], 1).unwrap();
     let thin = BodyShape { skin: Some(&skin), ..shape(&body) };
     let count = AlignError::SkinCount { points: body.vertices().len(), records: 1 };
     assert_eq!(BodyMap::new(&thin, &shape(&other(&body)), &params).unwrap_err(), count);
     let map = BodyMap::new(&shape(&body), &shape(&body), &params).unwrap();
-    assert_eq!(map.align(&body, Some(&skin)), Err(AlignError::SkinCount { points: body.vertices().len(), records: 1 }));
+    assert_eq!(
+        map.align(&body, Some(&skin)),
+        Err(AlignError::SkinCount { points: body.vertices().len(), records: 1 })
+    );
 }
 
 #[test]
@@ -170,15 +210,23 @@ fn a_posed_garment_comes_back_to_the_canonical_pose() {
     let weights = shirt.vertices().iter().map(|p| [blend(p), 1.0 - blend(p), 0.0, 0.0]).collect();
     let skin = SkinWeights::new(vec![[0, 1, 0, 0]; n], weights, 2).unwrap();
     let turn = UnitQuaternion::from_euler_angles(0.4, -0.2, 0.7);
-    let transforms = [Isometry3::from_parts(Translation3::new(0.1, 0.2, -0.1), turn), Isometry3::identity()];
-    let posed = shirt.with_vertices(pose_points(shirt.vertices(), &blends(&skin, &transforms))).unwrap();
+    let transforms =
+        [Isometry3::from_parts(Translation3::new(0.1, 0.2, -0.1), turn), Isometry3::identity()];
+    let posed =
+        shirt.with_vertices(pose_points(shirt.vertices(), &blends(&skin, &transforms))).unwrap();
     let back = unposed(&posed, &skin, &transforms).unwrap();
     for (a, b) in shirt.vertices().iter().zip(back.vertices()) {
         approx::assert_relative_eq!(a, b, epsilon = 1e-9);
     }
-    assert!(matches!(unposed(&posed, &skin, &transforms[..1]), Err(AlignError::Joint { joint: 1, joints: 1 })));
+    assert!(matches!(
+        unposed(&posed, &skin, &transforms[..1]),
+        Err(AlignError::Joint { joint: 1, joints: 1 })
+    ));
     let opposite = [
-        Isometry3::from_parts(Translation3::identity(), UnitQuaternion::from_euler_angles(0.0, std::f64::consts::PI, 0.0)),
+        Isometry3::from_parts(
+            Translation3::identity(),
+            UnitQuaternion::from_euler_angles(0.0, std::f64::consts::PI, 0.0),
+        ),
         Isometry3::identity(),
     ];
     let half = SkinWeights::new(vec![[0, 1, 0, 0]; n], vec![[0.5, 0.5, 0.0, 0.0]; n], 2).unwrap();

@@ -1,7 +1,7 @@
 //! The patterns of garments: what a garment hangs on, how far from it, and where it is cut open.
 //!
-//! Each garment hangs on the parts of those below it and some of its own, with a wider ease: without dips, layers
-//! lie over one another without touching.
+//! Each garment hangs on the parts of those below it and some of its own, with a wider ease:
+//! without dips, layers lie over one another without touching.
 
 use crate::mannequin::Garment;
 use crate::mannequin::figure::{ELBOW, SHOULDER, WRIST, arms, figure, shins, thighs, torso};
@@ -40,8 +40,11 @@ pub(super) fn pattern(kind: Garment, overlap: Real) -> Pattern {
             Garment::Jacket => (vec![tshirt(), skirt()], 0.014, 0.30, 7, 0.0),
             Garment::Coat => (vec![jacket()], 0.020, 0.36, 9, 0.0),
         };
-        shape.dips =
-            Some(Dips { into, depth, weight: Box::new(move |p| overlap * ramp(waves(p, length, seed), above, above + 0.6)) });
+        shape.dips = Some(Dips {
+            into,
+            depth,
+            weight: Box::new(move |p| overlap * ramp(waves(p, length, seed), above, above + 0.6)),
+        });
     }
     Pattern { shape, cell, phase, cuts }
 }
@@ -51,9 +54,12 @@ fn trousers() -> Shape {
     parts.extend(thighs());
     parts.extend(shins());
     let (knee, hem) = (Point::new(0.104, 0.470, 0.006), Point::new(0.120, 0.040, -0.012));
-    let leg = Part::new(Solid::Cone { from: knee, to: hem, from_radius: 0.058, to_radius: 0.062 }, 0.03);
+    let leg =
+        Part::new(Solid::Cone { from: knee, to: hem, from_radius: 0.058, to_radius: 0.062 }, 0.03);
     parts.extend([leg.mirrored(), leg]);
-    shape(parts, [0.30, 0.06, 1.06], |p| 0.0065 + 0.010 * ramp(p.y, 0.80, 0.45) + 0.002 * waves(p, 0.11, 1))
+    shape(parts, [0.30, 0.06, 1.06], |p| {
+        0.0065 + 0.010 * ramp(p.y, 0.80, 0.45) + 0.002 * waves(p, 0.11, 1)
+    })
 }
 
 fn trousers_cuts() -> Vec<Formula> {
@@ -61,7 +67,9 @@ fn trousers_cuts() -> Vec<Formula> {
 }
 
 fn tshirt() -> Shape {
-    shape(shirt_parts(), [0.36, 0.88, 1.50], |p| 0.0125 + 0.009 * ramp(p.x.abs(), 0.17, 0.28) + 0.0015 * waves(p, 0.10, 3))
+    shape(shirt_parts(), [0.36, 0.88, 1.50], |p| {
+        0.0125 + 0.009 * ramp(p.x.abs(), 0.17, 0.28) + 0.0015 * waves(p, 0.10, 3)
+    })
 }
 
 fn tshirt_cuts() -> Vec<Formula> {
@@ -75,11 +83,16 @@ fn tshirt_cuts() -> Vec<Formula> {
 fn skirt() -> Shape {
     let mut parts = shirt_parts();
     parts.push(bell());
-    shape(parts, [0.32, 0.55, 1.07], |p| 0.0195 + 0.013 * ramp(p.y, 0.97, 0.62) * (11.0 * turn(p) + 0.7).cos())
+    shape(parts, [0.32, 0.55, 1.07], |p| {
+        0.0195 + 0.013 * ramp(p.y, 0.97, 0.62) * (11.0 * turn(p) + 0.7).cos()
+    })
 }
 
 fn skirt_cuts() -> Vec<Formula> {
-    vec![Box::new(|p| p.y - 1.035 - 0.06 * p.z), Box::new(|p| 0.60 - p.y + 0.005 * (11.0 * turn(p)).sin())]
+    vec![
+        Box::new(|p| p.y - 1.035 - 0.06 * p.z),
+        Box::new(|p| 0.60 - p.y + 0.005 * (11.0 * turn(p)).sin()),
+    ]
 }
 
 fn jacket() -> Shape {
@@ -147,7 +160,11 @@ fn bell() -> Part {
 }
 
 /// A shape within `region`: half its width, its lowest and its highest y.
-fn shape(parts: Vec<Part>, region: [Real; 3], ease: impl Fn(&Point) -> Real + Send + Sync + 'static) -> Shape {
+fn shape(
+    parts: Vec<Part>,
+    region: [Real; 3],
+    ease: impl Fn(&Point) -> Real + Send + Sync + 'static,
+) -> Shape {
     let [x, low, high] = region;
     Shape {
         parts,
@@ -163,7 +180,11 @@ fn waves(p: &Point, length: Real, seed: u32) -> Real {
     let k = TAU / length;
     let s = Real::from(seed);
     let phase = |n: Real| (12.9898 * s + 78.233 * n).sin() * 43.0;
-    let [a, b, c] = [Vector::new(0.78, 0.52, 0.35), Vector::new(-0.45, 0.61, 0.65), Vector::new(0.31, -0.74, 0.60)];
+    let [a, b, c] = [
+        Vector::new(0.78, 0.52, 0.35),
+        Vector::new(-0.45, 0.61, 0.65),
+        Vector::new(0.31, -0.74, 0.60),
+    ];
     let wave = |d: Vector, n: Real| (k * d.dot(&p.coords) + phase(n)).sin();
     (wave(a, 1.0) + wave(b, 2.0) + wave(c, 3.0)) / 3.0
 }
@@ -185,7 +206,8 @@ fn cuff(from: Point, to: Point, at: Real) -> Formula {
     })
 }
 
-/// A neckline that passes x = 0, z = −0.01 at `height`, falls by `slope` towards the front, and rises to the shoulders.
+/// A neckline that passes x = 0, z = −0.01 at `height`, falls by `slope` towards the front, and
+/// rises to the shoulders.
 fn neckline(p: &Point, height: Real, slope: Real) -> Real {
     p.y - height + slope * (p.z + 0.01) - 7.0 * p.x * p.x
 }

@@ -44,15 +44,21 @@ pub(super) fn torso() -> Vec<Part> {
         ring(1.540, 0.050, 0.052, 0.000),
     ];
     let mut parts = vec![Part::new(Solid::Loft { rings, round: 0.02 }, 0.02)];
-    parts.extend(both(cone(Point::new(0.030, 1.462, -0.030), 0.030, Point::new(0.132, 1.392, -0.026), 0.028), 0.040)); // shoulders
+    parts.extend(both(
+        cone(Point::new(0.030, 1.462, -0.030), 0.030, Point::new(0.132, 1.392, -0.026), 0.028),
+        0.040,
+    )); // shoulders
     parts.extend(both(egg([0.066, 1.240, 0.064], [0.056, 0.056, 0.044]), 0.050)); // breasts
     parts.extend(both(egg([0.078, 0.875, -0.055], [0.082, 0.095, 0.070]), 0.050)); // seat
     parts
 }
 
 /// The left hip, knee and ankle.
-pub(super) const LEG: [Point; 3] =
-    [Point::new(0.088, 0.880, -0.004), Point::new(0.102, 0.470, 0.012), Point::new(0.116, 0.080, -0.022)];
+pub(super) const LEG: [Point; 3] = [
+    Point::new(0.088, 0.880, -0.004),
+    Point::new(0.102, 0.470, 0.012),
+    Point::new(0.116, 0.080, -0.022),
+];
 
 /// Hips to knees.
 pub(super) fn thighs() -> Vec<Part> {
@@ -89,13 +95,20 @@ fn extremities() -> Vec<Part> {
     let across = (Vector::z() - along * along.z).normalize();
     let through = along.cross(&across);
     let axes = [along, across, through];
-    let mitt = |at: Real, aside: Real, radii| Solid::Ellipsoid { center: WRIST + along * at + across * aside, axes, radii };
+    let mitt = |at: Real, aside: Real, radii| Solid::Ellipsoid {
+        center: WRIST + along * at + across * aside,
+        axes,
+        radii,
+    };
     parts.extend(both(mitt(0.058, 0.0, [0.060, 0.038, 0.019]), 0.025));
     parts.extend(both(mitt(0.112, -0.002, [0.066, 0.033, 0.016]), 0.025));
     let thumb = WRIST + along * 0.035 + across * 0.026;
     parts.extend(both(cone(thumb, 0.014, thumb + along * 0.058 + across * 0.026, 0.011), 0.014));
-    let (ankle, heel, toe) =
-        (Point::new(0.116, 0.085, -0.024), Point::new(0.117, 0.030, -0.042), Point::new(0.136, 0.014, 0.136));
+    let (ankle, heel, toe) = (
+        Point::new(0.116, 0.085, -0.024),
+        Point::new(0.117, 0.030, -0.042),
+        Point::new(0.136, 0.014, 0.136),
+    );
     parts.extend(both(cone(heel, 0.036, toe, 0.030), 0.030));
     parts.extend(both(cone(ankle, 0.036, Point::new(0.126, 0.038, 0.050), 0.034), 0.030));
     parts

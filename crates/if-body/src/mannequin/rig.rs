@@ -35,24 +35,34 @@ fn mirrored(p: Point) -> Point {
 
 /// 13 joints: hips, spine, head, arms, forearms with the hands, thighs, shins and feet.
 pub fn skeleton() -> Skeleton {
-    let joint = |(name, parent, head, tail): (&str, Option<usize>, Point, Point)| Joint { name: name.into(), parent, head, tail };
-    Skeleton::new(bones().into_iter().map(joint).collect()).expect("the bones stand in order, under different names")
+    let joint = |(name, parent, head, tail): (&str, Option<usize>, Point, Point)| Joint {
+        name: name.into(),
+        parent,
+        head,
+        tail,
+    };
+    Skeleton::new(bones().into_iter().map(joint).collect())
+        .expect("the bones stand in order, under different names")
 }
 
-/// How fast a bone loses its hold with distance: a weight goes as distance to minus this power. 4 lets the torso drag
-/// the arms, 16 makes joints sharp.
+/// How fast a bone loses its hold with distance: a weight goes as distance to minus this power. 4
+/// lets the torso drag the arms, 16 makes joints sharp.
 const POWER: i32 = 8;
 /// Bones are this thick at least, in metres: nothing has distance zero.
 const THICKNESS: Real = 0.02;
 
-/// Weights by distance to the bones, the four nearest: the same for skin and for cloth at one place, so that layers
-/// move together.
+/// Weights by distance to the bones, the four nearest: the same for skin and for cloth at one
+/// place, so that layers move together.
 pub fn skin_weights(rest: &[Point]) -> SkinWeights {
     let bones = bones();
-    let (mut joints, mut weights) = (Vec::with_capacity(rest.len()), Vec::with_capacity(rest.len()));
+    let (mut joints, mut weights) =
+        (Vec::with_capacity(rest.len()), Vec::with_capacity(rest.len()));
     for p in rest {
-        let mut near: Vec<(Real, u16)> =
-            bones.iter().zip(0..).map(|((_, _, a, b), joint)| (to_segment(p, a, b).max(THICKNESS), joint)).collect();
+        let mut near: Vec<(Real, u16)> = bones
+            .iter()
+            .zip(0..)
+            .map(|((_, _, a, b), joint)| (to_segment(p, a, b).max(THICKNESS), joint))
+            .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let least = near[0].0;
         let hold: Vec<Real> = near[..4].iter().map(|(d, _)| (least / d).powi(POWER)).collect();
@@ -60,7 +70,8 @@ pub fn skin_weights(rest: &[Point]) -> SkinWeights {
         joints.push([0, 1, 2, 3].map(|k| near[k].1));
         weights.push([0, 1, 2, 3].map(|k| (hold[k] / sum) as f32));
     }
-    SkinWeights::new(joints, weights, bones.len()).expect("every bone is a joint, and shares sum to one")
+    SkinWeights::new(joints, weights, bones.len())
+        .expect("every bone is a joint, and shares sum to one")
 }
 
 fn to_segment(p: &Point, a: &Point, b: &Point) -> Real {
@@ -69,14 +80,17 @@ fn to_segment(p: &Point, a: &Point, b: &Point) -> Real {
     (p - (a + along * s)).norm()
 }
 
-/// The pose in one of `frames` frames of a full turn about the y axis, the arms swinging a little and the body swaying,
-/// as a person does who turns on the spot.
+/// The pose in one of `frames` frames of a full turn about the y axis, the arms swinging a little
+/// and the body swaying, as a person does who turns on the spot.
 pub fn turning_pose(frame: usize, frames: usize) -> Pose {
     let phase = TAU * frame as Real / frames.max(1) as Real;
     let skeleton = skeleton();
     let mut pose = Pose::rest(skeleton.len());
     let mut turn = |name: &str, axis: Vector, angle: Real| {
-        let joint = skeleton.names().position(|n| n == name).expect("joints that are turned are in the skeleton");
+        let joint = skeleton
+            .names()
+            .position(|n| n == name)
+            .expect("joints that are turned are in the skeleton");
         pose.rotations[joint] *= UnitQuaternion::new(axis * angle);
     };
     turn("hips", Vector::y(), phase);
@@ -100,14 +114,21 @@ mod tests {
     #[test]
     fn a_hand_hangs_on_its_forearm_and_the_navel_on_no_limb() {
         let skeleton = skeleton();
-        let skin = skin_weights(&[WRIST, Point::new(0.0, 1.10, 0.09), Point::new(-0.102, 0.47, 0.05)]);
+        let skin =
+            skin_weights(&[WRIST, Point::new(0.0, 1.10, 0.09), Point::new(-0.102, 0.47, 0.05)]);
         let weight = |v: usize, name: &str| {
             let joint = skeleton.names().position(|n| n == name).unwrap();
-            (0..4).filter(|k| usize::from(skin.joints()[v][*k]) == joint).map(|k| skin.weights()[v][k]).sum::<f32>()
+            (0..4)
+                .filter(|k| usize::from(skin.joints()[v][*k]) == joint)
+                .map(|k| skin.weights()[v][k])
+                .sum::<f32>()
         };
         assert!(weight(0, "left_forearm") > 0.99);
         assert!(weight(1, "spine") + weight(1, "hips") > 0.98);
-        assert!((weight(2, "right_thigh") - weight(2, "right_shin")).abs() < 0.1, "the knee is both's");
+        assert!(
+            (weight(2, "right_thigh") - weight(2, "right_shin")).abs() < 0.1,
+            "the knee is both's"
+        );
     }
 
     #[test]
@@ -118,7 +139,8 @@ mod tests {
             assert!(a.angle_to(b) < 1e-6);
         }
         for frame in 0..12 {
-            let foot = skeleton.transforms(&turning_pose(frame, 12)).unwrap()[9] * Point::new(0.13, 0.0, 0.05);
+            let foot = skeleton.transforms(&turning_pose(frame, 12)).unwrap()[9]
+                * Point::new(0.13, 0.0, 0.05);
             assert!(foot.y.abs() < 0.01, "{foot}");
         }
     }

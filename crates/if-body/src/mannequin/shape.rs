@@ -1,4 +1,5 @@
-//! Smooth shapes: round parts that melt into one another, and an ease that moves the surface outwards.
+//! Smooth shapes: round parts that melt into one another, and an ease that moves the surface
+//! outwards.
 
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
@@ -14,7 +15,8 @@ pub(super) enum Solid {
     Cone { from: Point, to: Point, from_radius: Real, to_radius: Real },
     /// `axes` have unit length and right angles.
     Ellipsoid { center: Point, axes: [Vector; 3], radii: [Real; 3] },
-    /// Horizontal ellipses about x = 0, smoothly joined, lowest first; its ends are rounded by `round` metres.
+    /// Horizontal ellipses about x = 0, smoothly joined, lowest first; its ends are rounded by
+    /// `round` metres.
     Loft { rings: Vec<Ring>, round: Real },
 }
 
@@ -41,11 +43,12 @@ pub(super) struct Part {
 impl Part {
     pub(super) fn new(solid: Solid, blend: Real) -> Self {
         let aabb = match &solid {
-            Solid::Cone { from, to, from_radius, to_radius } => {
-                Aabb { min: *from, max: *from }.inflated(*from_radius).merged(&Aabb { min: *to, max: *to }.inflated(*to_radius))
-            }
+            Solid::Cone { from, to, from_radius, to_radius } => Aabb { min: *from, max: *from }
+                .inflated(*from_radius)
+                .merged(&Aabb { min: *to, max: *to }.inflated(*to_radius)),
             Solid::Ellipsoid { center, axes, radii } => {
-                let reach = |k: usize| (0..3).map(|i| (axes[i][k] * radii[i]).powi(2)).sum::<Real>().sqrt();
+                let reach =
+                    |k: usize| (0..3).map(|i| (axes[i][k] * radii[i]).powi(2)).sum::<Real>().sqrt();
                 let half = Vector::new(reach(0), reach(1), reach(2));
                 Aabb { min: center - half, max: center + half }
             }
@@ -62,12 +65,17 @@ impl Part {
     pub(super) fn mirrored(&self) -> Self {
         let point = |p: &Point| Point::new(-p.x, p.y, p.z);
         let solid = match &self.solid {
-            Solid::Cone { from, to, from_radius, to_radius } => {
-                Solid::Cone { from: point(from), to: point(to), from_radius: *from_radius, to_radius: *to_radius }
-            }
-            Solid::Ellipsoid { center, axes, radii } => {
-                Solid::Ellipsoid { center: point(center), axes: axes.map(|a| Vector::new(-a.x, a.y, a.z)), radii: *radii }
-            }
+            Solid::Cone { from, to, from_radius, to_radius } => Solid::Cone {
+                from: point(from),
+                to: point(to),
+                from_radius: *from_radius,
+                to_radius: *to_radius,
+            },
+            Solid::Ellipsoid { center, axes, radii } => Solid::Ellipsoid {
+                center: point(center),
+                axes: axes.map(|a| Vector::new(-a.x, a.y, a.z)),
+                radii: *radii,
+            },
             loft @ Solid::Loft { .. } => loft.clone(),
         };
         Self::new(solid, self.blend)
@@ -83,7 +91,9 @@ impl Solid {
     /// About the distance: exact for cones, of the first order near the surface for the others.
     fn distance(&self, p: &Point) -> Real {
         match self {
-            Solid::Cone { from, to, from_radius, to_radius } => cone(p, from, to, *from_radius, *to_radius),
+            Solid::Cone { from, to, from_radius, to_radius } => {
+                cone(p, from, to, *from_radius, *to_radius)
+            }
             Solid::Ellipsoid { center, axes, radii } => {
                 let d = p - center;
                 let q = Vector::new(axes[0].dot(&d), axes[1].dot(&d), axes[2].dot(&d));
@@ -124,8 +134,8 @@ fn cone(p: &Point, from: &Point, to: &Point, r0: Real, r1: Real) -> Real {
     }
 }
 
-/// With u = x / a(y), w = (z − c(y)) / b(y) and r = √(u² + w²) the side is (r − 1) / |∇r|, the gradient taken
-/// where the ray from the axis leaves the ellipse; the ends are planes.
+/// With u = x / a(y), w = (z − c(y)) / b(y) and r = √(u² + w²) the side is (r − 1) / |∇r|, the
+/// gradient taken where the ray from the axis leaves the ellipse; the ends are planes.
 fn loft(p: &Point, rings: &[Ring], round: Real) -> Real {
     let (low, high) = (rings[0].y, rings[rings.len() - 1].y);
     let ([a, b, c], [da, db, dc]) = between(rings, p.y.clamp(low, high));
@@ -142,7 +152,8 @@ fn loft(p: &Point, rings: &[Ring], round: Real) -> Real {
 fn between(rings: &[Ring], y: Real) -> ([Real; 3], [Real; 3]) {
     let k = rings.partition_point(|r| r.y <= y).clamp(1, rings.len() - 1) - 1;
     let values = |r: &Ring| Vector::new(r.half_width, r.half_depth, r.z);
-    let chord = |i: usize| (values(&rings[i + 1]) - values(&rings[i])) / (rings[i + 1].y - rings[i].y);
+    let chord =
+        |i: usize| (values(&rings[i + 1]) - values(&rings[i])) / (rings[i + 1].y - rings[i].y);
     let tangent = |i: usize| match i {
         0 => chord(0),
         i if i + 1 == rings.len() => chord(i - 1),
@@ -153,7 +164,8 @@ fn between(rings: &[Ring], y: Real) -> ([Real; 3], [Real; 3]) {
     };
     let h = rings[k + 1].y - rings[k].y;
     let t = (y - rings[k].y) / h;
-    let (p, q, m, n) = (values(&rings[k]), values(&rings[k + 1]), tangent(k) * h, tangent(k + 1) * h);
+    let (p, q, m, n) =
+        (values(&rings[k]), values(&rings[k + 1]), tangent(k) * h, tangent(k + 1) * h);
     let c2 = (q - p) * 3.0 - m * 2.0 - n;
     let c3 = (p - q) * 2.0 + m + n;
     let value = p + (m + (c2 + c3 * t) * t) * t;
@@ -197,7 +209,8 @@ pub(super) struct Dips {
     pub(super) weight: Formula,
 }
 
-/// Blended solids and eases are steeper than distances. Sampled on the shapes here the slope stays below 2.
+/// Blended solids and eases are steeper than distances. Sampled on the shapes here the slope stays
+/// below 2.
 const LIPSCHITZ: Real = 2.5;
 /// Step of the differences that give the gradient, in metres: 1e-4 smaller than any detail here.
 const STEP: Real = 1e-6;
@@ -218,7 +231,8 @@ impl SignedDistance for Shape {
         if let Some(dips) = &self.dips {
             let weight = (dips.weight)(p);
             if weight > 0.0 {
-                let below = dips.into.iter().map(|shape| shape.distance(p)).fold(Real::INFINITY, Real::min);
+                let below =
+                    dips.into.iter().map(|shape| shape.distance(p)).fold(Real::INFINITY, Real::min);
                 d += weight * (below + dips.depth - d);
             }
         }
@@ -227,7 +241,8 @@ impl SignedDistance for Shape {
 
     /// Gradient by differences along four directions, of second order for smooth shapes.
     fn sample(&self, p: &Point) -> FieldSample {
-        const CORNERS: [[Real; 3]; 4] = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
+        const CORNERS: [[Real; 3]; 4] =
+            [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
         let (mut distance, mut gradient) = (0.0, Vector::zeros());
         for corner in CORNERS.map(Vector::from) {
             let d = self.distance(&(p + corner * STEP));

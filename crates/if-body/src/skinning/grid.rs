@@ -72,12 +72,14 @@ pub enum WeightGridError {
 
 /// Weights that a grid may have, nodes by joints: they take 2 GB, and smoothing as much again.
 const MOST_WEIGHTS: Real = 500e6;
-/// Nearer to a vertex than this, in metres, a node takes the weights as if it were so far away. A thousand times less
-/// than a cell: ten times more or less changes weights by less than the smoothing does.
+/// Nearer to a vertex than this, in metres, a node takes the weights as if it were so far away. A
+/// thousand times less than a cell: ten times more or less changes weights by less than the
+/// smoothing does.
 const NEAREST: Real = 2e-5;
 
-/// The body's skinning weights, spread into the space round it: at each node the inverse-distance mean of the nearest vertices'
-/// weights, then smoothed, read trilinearly. Outside its box, the value at the nearest point of the box.
+/// The body's skinning weights, spread into the space round it: at each node the inverse-distance
+/// mean of the nearest vertices' weights, then smoothed, read trilinearly. Outside its box, the
+/// value at the nearest point of the box.
 ///
 /// # Source
 ///
@@ -98,7 +100,12 @@ impl WeightGrid {
     /// # Errors
     ///
     /// [`WeightGridError`].
-    pub fn new(points: &[Point], skin: &SkinWeights, joints: usize, params: &WeightGridParams) -> Result<Self, WeightGridError> {
+    pub fn new(
+        points: &[Point],
+        skin: &SkinWeights,
+        joints: usize,
+        params: &WeightGridParams,
+    ) -> Result<Self, WeightGridError> {
         let (vertices, weights) = (points.len(), skin.len());
         if vertices == 0 || joints == 0 {
             return Err(WeightGridError::Empty { vertices, joints });
@@ -113,7 +120,8 @@ impl WeightGrid {
         if !(params.cell > 0.0 && params.cell.is_finite()) {
             return parameter("cell", params.cell, "a length above zero, in metres");
         }
-        if let Some(margin) = params.margin.iter().copied().find(|m| !(m.is_finite() && *m >= 0.0)) {
+        if let Some(margin) = params.margin.iter().copied().find(|m| !(m.is_finite() && *m >= 0.0))
+        {
             return parameter("margin", margin, "a length of at least zero, in metres");
         }
         if params.neighbours == 0 {
@@ -148,7 +156,8 @@ impl WeightGrid {
             let mut found = Vec::with_capacity(neighbours + 1);
             let mut sum = vec![0.0; self.joints];
             for (i, node) in out.chunks_exact_mut(self.joints).enumerate() {
-                let p = self.min + Vector::new(i as Real, (row % ny) as Real, (row / ny) as Real) * self.cell;
+                let p = self.min
+                    + Vector::new(i as Real, (row % ny) as Real, (row / ny) as Real) * self.cell;
                 tree.nearest(&p, neighbours, &mut found);
                 sum.fill(0.0);
                 let mut total = 0.0;
@@ -214,7 +223,8 @@ impl WeightGrid {
         Aabb { min: self.min, max: self.min + far }
     }
 
-    /// The eight nodes about `p`: for each its weight and where its numbers start; and the weight's slope along x, y, z, in 1/m.
+    /// The eight nodes about `p`: for each its weight and where its numbers start; and the weight's
+    /// slope along x, y, z, in 1/m.
     fn corners(&self, p: &Point) -> [(Real, Vector, usize); 8] {
         let mut low = [0usize; 3];
         let mut part = [0.0; 3];
@@ -232,10 +242,16 @@ impl WeightGrid {
         let [nx, ny, _] = self.nodes;
         std::array::from_fn(|c| {
             let bit = [c & 1, c >> 1 & 1, c >> 2];
-            let w: [Real; 3] = std::array::from_fn(|k| if bit[k] == 1 { part[k] } else { 1.0 - part[k] });
-            let s: [Real; 3] = std::array::from_fn(|k| if bit[k] == 1 { slope[k] } else { -slope[k] });
+            let w: [Real; 3] =
+                std::array::from_fn(|k| if bit[k] == 1 { part[k] } else { 1.0 - part[k] });
+            let s: [Real; 3] =
+                std::array::from_fn(|k| if bit[k] == 1 { slope[k] } else { -slope[k] });
             let at = ((low[2] + bit[2]) * ny + low[1] + bit[1]) * nx + low[0] + bit[0];
-            (w[0] * w[1] * w[2], Vector::new(s[0] * w[1] * w[2], w[0] * s[1] * w[2], w[0] * w[1] * s[2]), at * self.joints)
+            (
+                w[0] * w[1] * w[2],
+                Vector::new(s[0] * w[1] * w[2], w[0] * s[1] * w[2], w[0] * w[1] * s[2]),
+                at * self.joints,
+            )
         })
     }
 
@@ -248,7 +264,9 @@ impl WeightGrid {
         assert_eq!(out.len(), self.joints, "one weight for each joint");
         out.fill(0.0);
         for (w, _, at) in self.corners(p) {
-            out.iter_mut().zip(&self.weights[at..at + self.joints]).for_each(|(o, x)| *o += w * Real::from(*x));
+            out.iter_mut()
+                .zip(&self.weights[at..at + self.joints])
+                .for_each(|(o, x)| *o += w * Real::from(*x));
         }
     }
 
@@ -279,7 +297,11 @@ impl WeightGrid {
     /// # Panics
     ///
     /// If there is not one transform for each joint.
-    pub fn pose_with_jacobian(&self, p: &Point, transforms: &[Isometry3<Real>]) -> (Point, Matrix3<Real>) {
+    pub fn pose_with_jacobian(
+        &self,
+        p: &Point,
+        transforms: &[Isometry3<Real>],
+    ) -> (Point, Matrix3<Real>) {
         assert_eq!(transforms.len(), self.joints, "one transform for each joint");
         let corners = self.corners(p);
         let (mut place, mut jacobian) = (Vector::zeros(), Matrix3::zeros());
@@ -334,9 +356,17 @@ mod tests {
     #[test]
     fn weights_are_shares_and_far_from_a_joint_they_are_its_own() {
         let (points, skin) = elbow_body();
-        let grid = WeightGrid::new(&points, &skin, 2, &WeightGridParams { cell: 0.04, ..Default::default() }).unwrap();
+        let grid = WeightGrid::new(
+            &points,
+            &skin,
+            2,
+            &WeightGridParams { cell: 0.04, ..Default::default() },
+        )
+        .unwrap();
         let mut w = [0.0; 2];
-        for p in [Point::new(-0.35, 0.0, 0.0), Point::new(-9.0, 0.1, 0.0), Point::new(-0.4, 0.2, -0.2)] {
+        for p in
+            [Point::new(-0.35, 0.0, 0.0), Point::new(-9.0, 0.1, 0.0), Point::new(-0.4, 0.2, -0.2)]
+        {
             grid.weights_at(&p, &mut w);
             assert!((w[0] + w[1] - 1.0).abs() < 1e-6 && w[0] > 0.9, "{p}: {w:?}");
         }
@@ -349,12 +379,26 @@ mod tests {
     #[test]
     fn the_jacobian_is_the_slope_of_the_map() {
         let (points, skin) = elbow_body();
-        let grid = WeightGrid::new(&points, &skin, 2, &WeightGridParams { cell: 0.04, ..Default::default() }).unwrap();
+        let grid = WeightGrid::new(
+            &points,
+            &skin,
+            2,
+            &WeightGridParams { cell: 0.04, ..Default::default() },
+        )
+        .unwrap();
         let transforms = elbow(1.1);
         // Off the planes of the lattice, where the slope jumps; and beyond the box.
-        for p in [Point::new(0.013, 0.021, -0.017), Point::new(-0.21, -0.07, 0.05), Point::new(0.013, 3.0, 0.022)] {
+        for p in [
+            Point::new(0.013, 0.021, -0.017),
+            Point::new(-0.21, -0.07, 0.05),
+            Point::new(0.013, 3.0, 0.022),
+        ] {
             let (place, jacobian) = grid.pose_with_jacobian(&p, &transforms);
-            approx::assert_relative_eq!(place, grid.blend(&p, &transforms).point(&p), epsilon = 1e-12);
+            approx::assert_relative_eq!(
+                place,
+                grid.blend(&p, &transforms).point(&p),
+                epsilon = 1e-12
+            );
             let h = 1e-6;
             for k in 0..3 {
                 let mut step = Vector::zeros();
@@ -369,7 +413,8 @@ mod tests {
     #[test]
     fn what_makes_no_grid_is_named() {
         let (points, skin) = elbow_body();
-        let new = |p: &[Point], joints, params| WeightGrid::new(p, &skin, joints, &params).unwrap_err();
+        let new =
+            |p: &[Point], joints, params| WeightGrid::new(p, &skin, joints, &params).unwrap_err();
         let fine = WeightGridParams::default();
         assert!(matches!(new(&[], 2, fine), WeightGridError::Empty { vertices: 0, .. }));
         assert!(matches!(new(&points[1..], 2, fine), WeightGridError::Count { .. }));

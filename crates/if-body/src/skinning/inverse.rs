@@ -33,20 +33,28 @@ pub struct Unposed {
     pub joint: usize,
 }
 
-/// All canonical points that a pose takes to `p`: none, one, or several where the body touches itself.
+/// All canonical points that a pose takes to `p`: none, one, or several where the body touches
+/// itself.
 ///
-/// Newton's method on f(x) = p from one start for each joint, x₀ = Sⱼ⁻¹ p, that lies in the grid's box. Roots that lie
-/// within ten tolerances of one another are one. They come in the order of the joints that they were found from, those
-/// with more weight in them not before the others: the caller knows which part of the body it asks for.
+/// Newton's method on f(x) = p from one start for each joint, x₀ = Sⱼ⁻¹ p, that lies in the grid's
+/// box. Roots that lie within ten tolerances of one another are one. They come in the order of the
+/// joints that they were found from, those with more weight in them not before the others: the
+/// caller knows which part of the body it asks for.
 ///
 /// # Source
 ///
-/// The multiple starts are those of SNARF [Chen et al. 2021]; the map is that of [`WeightGrid`]'s weights.
+/// The multiple starts are those of SNARF [Chen et al. 2021]; the map is that of [`WeightGrid`]'s
+/// weights.
 ///
 /// # Panics
 ///
 /// If there is not one transform for each joint of the grid.
-pub fn unpose(grid: &WeightGrid, transforms: &[Isometry3<Real>], p: &Point, params: &UnposeParams) -> Vec<Unposed> {
+pub fn unpose(
+    grid: &WeightGrid,
+    transforms: &[Isometry3<Real>],
+    p: &Point,
+    params: &UnposeParams,
+) -> Vec<Unposed> {
     let bounds = grid.bounds();
     let mut roots: Vec<Unposed> = Vec::new();
     for (joint, transform) in transforms.iter().enumerate() {
@@ -127,20 +135,32 @@ pub(super) mod tests {
     pub(in crate::skinning) fn elbow(angle: Real) -> Vec<Isometry3<Real>> {
         let turn = UnitQuaternion::from_axis_angle(&Vector::z_axis(), angle);
         let moved = Translation3::new(0.2, 0.1, -0.3);
-        vec![Isometry3::from_parts(moved, UnitQuaternion::identity()), Isometry3::from_parts(moved, turn)]
+        vec![
+            Isometry3::from_parts(moved, UnitQuaternion::identity()),
+            Isometry3::from_parts(moved, turn),
+        ]
     }
 
     #[test]
     fn posed_points_come_back() {
         let (points, skin) = elbow_body();
-        let grid = WeightGrid::new(&points, &skin, 2, &WeightGridParams { cell: 0.04, ..Default::default() }).unwrap();
+        let grid = WeightGrid::new(
+            &points,
+            &skin,
+            2,
+            &WeightGridParams { cell: 0.04, ..Default::default() },
+        )
+        .unwrap();
         for angle in [0.0, 0.8, 1.5] {
             let transforms = elbow(angle);
             for (k, p) in points.iter().enumerate().step_by(7) {
                 let q = p + Vector::new(0.001 * (k % 5) as Real, 0.01, -0.013);
                 let posed = grid.blend(&q, &transforms).point(&q);
                 let roots = unpose(&grid, &transforms, &posed, &UnposeParams::default());
-                assert!(roots.iter().any(|r| (r.point - q).norm() < 1e-6), "angle {angle}, {q}: {roots:?}");
+                assert!(
+                    roots.iter().any(|r| (r.point - q).norm() < 1e-6),
+                    "angle {angle}, {q}: {roots:?}"
+                );
                 assert!(roots.iter().all(|r| r.residual <= 1e-8));
             }
         }
@@ -149,19 +169,37 @@ pub(super) mod tests {
     #[test]
     fn where_the_body_touches_itself_there_are_several_roots() {
         let (points, skin) = elbow_body();
-        let grid = WeightGrid::new(&points, &skin, 2, &WeightGridParams { cell: 0.04, ..Default::default() }).unwrap();
+        let grid = WeightGrid::new(
+            &points,
+            &skin,
+            2,
+            &WeightGridParams { cell: 0.04, ..Default::default() },
+        )
+        .unwrap();
         // Folded back: the lower half lies on the upper one.
         let transforms = elbow(std::f64::consts::PI * 0.97);
         let p = transforms[0] * Point::new(-0.25, -0.01, 0.0);
         let roots = unpose(&grid, &transforms, &p, &UnposeParams::default());
         assert!(roots.len() >= 2, "{roots:?}");
-        assert!(roots.iter().any(|r| r.point.x < -0.2) && roots.iter().any(|r| r.point.x > 0.2), "{roots:?}");
+        assert!(
+            roots.iter().any(|r| r.point.x < -0.2) && roots.iter().any(|r| r.point.x > 0.2),
+            "{roots:?}"
+        );
     }
 
     #[test]
     fn a_point_far_away_has_no_root() {
         let (points, skin) = elbow_body();
-        let grid = WeightGrid::new(&points, &skin, 2, &WeightGridParams { cell: 0.04, ..Default::default() }).unwrap();
-        assert_eq!(unpose(&grid, &elbow(0.5), &Point::new(5.0, 5.0, 5.0), &UnposeParams::default()), []);
+        let grid = WeightGrid::new(
+            &points,
+            &skin,
+            2,
+            &WeightGridParams { cell: 0.04, ..Default::default() },
+        )
+        .unwrap();
+        assert_eq!(
+            unpose(&grid, &elbow(0.5), &Point::new(5.0, 5.0, 5.0), &UnposeParams::default()),
+            []
+        );
     }
 }

@@ -27,7 +27,10 @@ const JOINTS: usize = 256;
 /// A file that is no garment.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 #[error("cannot add `{file}`")]
-#[diagnostic(code(ifg::wardrobe::garment), help("give a PLY or OBJ file with triangles; weights are j0..j3 and w0..w3"))]
+#[diagnostic(
+    code(ifg::wardrobe::garment),
+    help("give a PLY or OBJ file with triangles; weights are j0..j3 and w0..w3")
+)]
 struct Unusable {
     file: String,
     source: Told,
@@ -47,12 +50,18 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
     let body = match &args.mesh {
         Some(mesh) => {
             let (template, skeleton) = (args.template.as_deref(), args.skeleton.as_deref());
-            let new = NewBody { template, skeleton, scale: args.scale, ..NewBody::new(&args.body, mesh) };
-            let added = wardrobe.add_body(&new).map_err(|e| Fault::new(format!("cannot add body `{}`", args.body), &e))?;
+            let new =
+                NewBody { template, skeleton, scale: args.scale, ..NewBody::new(&args.body, mesh) };
+            let added = wardrobe
+                .add_body(&new)
+                .map_err(|e| Fault::new(format!("cannot add body `{}`", args.body), &e))?;
             print(&format!("body {}\n", args.body))?;
             added
         }
-        None => wardrobe.body_info(&args.body).map_err(|e| Fault::new("cannot add garments", &e))?.reference(),
+        None => wardrobe
+            .body_info(&args.body)
+            .map_err(|e| Fault::new("cannot add garments", &e))?
+            .reference(),
     };
     let loaded = match args.bake {
         true => Some(wardrobe.body(&args.body).map_err(|e| Fault::new("cannot bake", &e))?),
@@ -100,8 +109,14 @@ fn add(
     let file = MeshFile::read(path).map_err(|e| unusable(Told::new(&e)))?;
     let (skin, beside, licence, lost) = match file.content() {
         Content::Ply(ply) => {
-            let skin = ply.vertex_property("j0").map(|_| SkinWeights::from_ply(ply, JOINTS)).transpose();
-            (skin.map_err(|e| unusable(Told::new(&e)))?, Beside::of(ply), ply.comments.clone(), Vec::new())
+            let skin =
+                ply.vertex_property("j0").map(|_| SkinWeights::from_ply(ply, JOINTS)).transpose();
+            (
+                skin.map_err(|e| unusable(Told::new(&e)))?,
+                Beside::of(ply),
+                ply.comments.clone(),
+                Vec::new(),
+            )
         }
         Content::Obj(obj) => {
             let (ply, lost) = obj::to_ply(obj).map_err(|e| unusable(Told::new(&e)))?;
@@ -112,7 +127,10 @@ fn add(
     let mesh = file.mesh().scaled(args.scale).map_err(|e| unusable(Told::new(&e)))?;
     let name = name_of(args, path);
     let said = LayerHint::of_name(&name[args.prefix.len()..]);
-    let hint = LayerHint { class: args.class.map_or(said.class, Into::into), order: args.order.unwrap_or(said.order) };
+    let hint = LayerHint {
+        class: args.class.map_or(said.class, Into::into),
+        order: args.order.unwrap_or(said.order),
+    };
     let provenance = Provenance {
         source: path.display().to_string(),
         sha256: Some(content(file.bytes()).sha256),
@@ -134,8 +152,15 @@ fn add(
         network: None,
         baked: baked.as_ref(),
     };
-    let info = wardrobe.add(&parts).map_err(|e| Fault::new(format!("cannot add `{}`", path.display()), &e))?;
-    let told =
-        format!("{} ({:?}), {} triangles, {} openings\n", info.name, info.layer.class, info.triangles, info.openings.len());
+    let info = wardrobe
+        .add(&parts)
+        .map_err(|e| Fault::new(format!("cannot add `{}`", path.display()), &e))?;
+    let told = format!(
+        "{} ({:?}), {} triangles, {} openings\n",
+        info.name,
+        info.layer.class,
+        info.triangles,
+        info.openings.len()
+    );
     Ok(told + &announce::notes(&lost.iter().map(ToString::to_string).collect::<Vec<_>>()))
 }

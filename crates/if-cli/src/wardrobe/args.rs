@@ -13,7 +13,8 @@ pub(crate) struct WardrobeArgs {
 
 #[derive(Subcommand, Debug)]
 pub(crate) enum WardrobeCommand {
-    /// Add a body, or garments that were made on it, or both; what is there under the same name is replaced.
+    /// Add a body, or garments that were made on it, or both; what is there under the same name is
+    /// replaced.
     Add(AddArgs),
     /// Tell what is there.
     List(ListArgs),
@@ -28,7 +29,8 @@ pub(crate) struct AddArgs {
     /// The wardrobe's folder; made where it is missing.
     #[arg(value_name = "WARDROBE")]
     pub(crate) root: PathBuf,
-    /// Garments (.ply, .obj) in the canonical pose of the body, in metres or with --scale. Each is called after its file.
+    /// Garments (.ply, .obj) in the canonical pose of the body, in metres or with --scale. Each is
+    /// called after its file.
     #[arg(value_name = "GARMENTS", required_unless_present = "mesh")]
     pub(crate) garments: Vec<PathBuf>,
     /// The body that the garments were made on.
@@ -43,7 +45,8 @@ pub(crate) struct AddArgs {
     /// Its joints (skeleton.json).
     #[arg(long, value_name = "FILE", requires = "mesh")]
     pub(crate) skeleton: Option<PathBuf>,
-    /// Factor from the units of all these files to metres, such as 0.01 for centimetres; the wardrobe is in metres.
+    /// Factor from the units of all these files to metres, such as 0.01 for centimetres; the
+    /// wardrobe is in metres.
     #[arg(long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
     pub(crate) scale: f64,
     /// Put before each garment's name.
@@ -105,7 +108,8 @@ pub(crate) struct MatchArgs {
     /// Name of the body.
     #[arg(long, value_name = "NAME")]
     pub(crate) body: String,
-    /// Output folder; the files of a result that stands there are replaced by those of one that is no worse.
+    /// Output folder; the files of a result that stands there are replaced by those of one that is
+    /// no worse.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
     #[command(flatten)]
@@ -130,7 +134,12 @@ pub(crate) struct BatchArgs {
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
     /// A list of combinations (.toml or .json).
-    #[arg(long, value_name = "FILE", required_unless_present = "random", conflicts_with = "random")]
+    #[arg(
+        long,
+        value_name = "FILE",
+        required_unless_present = "random",
+        conflicts_with = "random"
+    )]
     pub(crate) list: Option<PathBuf>,
     /// Draw this many combinations.
     #[arg(long, value_name = "N")]
@@ -152,7 +161,8 @@ pub(crate) struct BatchArgs {
     pub(crate) body: Vec<String>,
     #[command(flatten)]
     pub(crate) params: ParamArgs,
-    /// Combinations done at once. More than one takes more memory, and pays where single steps do not fill all cores.
+    /// Combinations done at once. More than one takes more memory, and pays where single steps do
+    /// not fill all cores.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
     pub(crate) at_once: u16,
     /// Do everything again.

@@ -48,16 +48,25 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
     let watch = |event: &Event| {
         match event {
             Event::Working(index, progress) => {
-                bar.set_message(format!("{}: {} {:?}", combinations[*index], progress.layer, progress.stage));
+                bar.set_message(format!(
+                    "{}: {} {:?}",
+                    combinations[*index], progress.layer, progress.stage
+                ));
             }
             Event::Done(_, entry, before) => {
                 let told = || match (args.json, before) {
                     (true, _) => print_json(entry),
                     (false, true) => Ok(()),
                     (false, false) => {
-                        let error = entry.error.as_ref().map_or(String::new(), |e| format!(", {}", e.message));
+                        let error = entry
+                            .error
+                            .as_ref()
+                            .map_or(String::new(), |e| format!(", {}", e.message));
                         let seconds = entry.seconds.unwrap_or(0.0);
-                        print(&format!("{}: {:?}, {seconds:.2} s, {}{error}\n", entry.combination, entry.state, entry.folder))
+                        print(&format!(
+                            "{}: {:?}, {seconds:.2} s, {}{error}\n",
+                            entry.combination, entry.state, entry.folder
+                        ))
                     }
                 };
                 let printed = bar.suspend(told);
@@ -73,7 +82,8 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
     let batch = BatchParams { at_once: usize::from(args.at_once), again: args.again };
     let done = batch::run(&args.out, &dresser, &combinations, &params, &batch, &watch);
     bar.finish_and_clear();
-    let done = done.map_err(|e| Fault::new(format!("cannot go on in `{}`", args.out.display()), &e))?;
+    let done =
+        done.map_err(|e| Fault::new(format!("cannot go on in `{}`", args.out.display()), &e))?;
     if let Some(error) = unprinted.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(error);
     }
@@ -108,7 +118,8 @@ fn combinations(wardrobe: &Wardrobe, args: &BatchArgs) -> Result<Vec<Combination
 }
 
 fn read(path: &Path) -> Result<Combinations, ListError> {
-    let fault = |error: &dyn std::error::Error| ListError { path: path.into(), source: Told::new(error) };
+    let fault =
+        |error: &dyn std::error::Error| ListError { path: path.into(), source: Told::new(error) };
     let text = std::fs::read_to_string(path).map_err(|e| fault(&e))?;
     let list: Combinations = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
         serde_json::from_str(&text).map_err(|e| fault(&e))
@@ -133,7 +144,8 @@ struct NameError {
 /// A bar on stderr, where that is a terminal.
 fn progress(combinations: usize) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(combinations as u64), progress::target());
-    let style = ProgressStyle::with_template("{spinner} {elapsed:>3} {pos}/{len}, {eta} left  {wide_msg}");
+    let style =
+        ProgressStyle::with_template("{spinner} {elapsed:>3} {pos}/{len}, {eta} left  {wide_msg}");
     bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
     bar.enable_steady_tick(Duration::from_millis(100));
     bar

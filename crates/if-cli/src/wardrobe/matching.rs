@@ -24,7 +24,11 @@ const PICTURE_HEIGHT: u32 = 640;
 /// Runs the command.
 pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
     let wardrobe = open(&args.root)?;
-    let params = MatchParams { body: true, unproven: args.write_unproven, ..match_params(&args.params, PICTURE_HEIGHT)? };
+    let params = MatchParams {
+        body: true,
+        unproven: args.write_unproven,
+        ..match_params(&args.params, PICTURE_HEIGHT)?
+    };
     let combination = Combination { body: args.body.clone(), garments: args.garments.clone() };
     let dresser = Dresser::new(&wardrobe, params.align);
     let line = Line::new(&combination.to_string(), 0, 1);
@@ -50,7 +54,9 @@ pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
     }
     if placed == Placed::Nowhere {
         let out = args.out.display();
-        note(&format!("`{out}` holds a better result, and was left as it was; --out with another folder writes this one"));
+        note(&format!(
+            "`{out}` holds a better result, and was left as it was; --out with another folder writes this one"
+        ));
     }
     Ok(end_of(result.state))
 }
@@ -79,7 +85,10 @@ fn told(result: &MatchResult, out: &Path, placed: Placed) -> String {
         );
     }
     if let Some(report) = &result.report {
-        text += &format!("{}\n", table::pairs_before_after(&report.before, &report.after, table::coloured()));
+        text += &format!(
+            "{}\n",
+            table::pairs_before_after(&report.before, &report.after, table::coloured())
+        );
         for l in &report.layers {
             let (moved, strain) = (l.moved.max * 1e3, l.strain.rms * 1e2);
             text += &format!(

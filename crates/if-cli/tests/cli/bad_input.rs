@@ -100,7 +100,11 @@ fn a_garment_without_triangles() {
 
 #[test]
 fn a_body_in_millimetres() {
-    bad_body("mm.obj", obj(&moved(&body(), |p| p * (1740.0 / 1.8))), &["1740.0", "millimetres", "--scale 0.001"]);
+    bad_body(
+        "mm.obj",
+        obj(&moved(&body(), |p| p * (1740.0 / 1.8))),
+        &["1740.0", "millimetres", "--scale 0.001"],
+    );
 }
 
 #[test]
@@ -114,12 +118,20 @@ fn an_open_body() {
 fn an_inside_out_body() {
     let whole = body();
     let flipped = whole.triangles().iter().map(|t| [t[0], t[2], t[1]]).collect();
-    bad_body("inverted.obj", obj(&TriMesh::new(whole.vertices().to_vec(), flipped).unwrap()), &["inside out", "reverse"]);
+    bad_body(
+        "inverted.obj",
+        obj(&TriMesh::new(whole.vertices().to_vec(), flipped).unwrap()),
+        &["inside out", "reverse"],
+    );
 }
 
 #[test]
 fn a_garment_far_away() {
-    bad_garment("far.obj", obj(&moved(&body(), |p| p + Vector::x() * 50.0)), &["far", "from the body"]);
+    bad_garment(
+        "far.obj",
+        obj(&moved(&body(), |p| p + Vector::x() * 50.0)),
+        &["far", "from the body"],
+    );
 }
 
 #[test]
@@ -134,9 +146,17 @@ fn one_file_name_for_two_outputs() {
     let folder = Folder::new();
     std::fs::create_dir(folder.path("other")).unwrap();
     folder.write("other/Skirt.ply", folder.read("hoop.ply"));
-    fails(&folder, "fix --body body.ply skirt.ply other/Skirt.ply --out fixed", &["other/Skirt.ply", "both be written"]);
+    fails(
+        &folder,
+        "fix --body body.ply skirt.ply other/Skirt.ply --out fixed",
+        &["other/Skirt.ply", "both be written"],
+    );
     folder.write("other/outfit.toml", folder.read("outfit.toml"));
-    fails(&folder, "fix outfit.toml other/outfit.toml --out fixed", &["other/outfit.toml", "both be written"]);
+    fails(
+        &folder,
+        "fix outfit.toml other/outfit.toml --out fixed",
+        &["other/outfit.toml", "both be written"],
+    );
 }
 
 #[test]
@@ -145,13 +165,22 @@ fn an_outfit_file_at_fault() {
         ("body = ", &["broken.toml"][..]),
         ("", &["missing field `body`"]),
         ("body = 'body.ply'\n", &["no garment"]),
-        ("body = 'body.ply'\nbodice = 1\n[[garment]]\nfile = 'skirt.ply'\n", &["unknown field `bodice`", "expected", "garment"]),
-        ("body = 'body.ply'\n[[garment]]\nfiel = 'skirt.ply'\n", &["unknown field `fiel`", "`file`"]),
+        (
+            "body = 'body.ply'\nbodice = 1\n[[garment]]\nfile = 'skirt.ply'\n",
+            &["unknown field `bodice`", "expected", "garment"],
+        ),
+        (
+            "body = 'body.ply'\n[[garment]]\nfiel = 'skirt.ply'\n",
+            &["unknown field `fiel`", "`file`"],
+        ),
         (
             "body = 'body.ply'\n[[garment]]\nfile = 'skirt.ply'\n[params]\nclearence = 1\n",
             &["unknown field `clearence`", "`clearance`"],
         ),
-        ("body = 'body.ply'\n[[garment]]\nfile = 'skirt.ply'\n[params]\nclearance = 'wide'\n", &["clearance = 'wide'"]),
+        (
+            "body = 'body.ply'\n[[garment]]\nfile = 'skirt.ply'\n[params]\nclearance = 'wide'\n",
+            &["clearance = 'wide'"],
+        ),
         ("body = 'body.ply'\nscale = 0\n[[garment]]\nfile = 'skirt.ply'\n", &["scale is 0"]),
         ("body = 'body.ply'\n[[garment]]\nfile = '..'\n", &["names no file"]),
         ("body = 'body.ply'\n[[garment]]\nfile = 'gone.ply'\n", &["gone.ply", "No such file"]),
@@ -173,7 +202,11 @@ fn arguments_at_fault() {
     fails(&folder, "fix --body body.ply skirt.ply", &["--out"]);
     fails(&folder, "fix outfit.toml --clearance 1ft --out fixed", &["`ft`", "mm"]);
     fails(&folder, "fix outfit.toml --clearance -1mm --out fixed", &["-1mm", "negative"]);
-    fails(&folder, "fix outfit.toml --set clearence=1.0 --out fixed", &["clearence", "`clearance`"]);
+    fails(
+        &folder,
+        "fix outfit.toml --set clearence=1.0 --out fixed",
+        &["clearence", "`clearance`"],
+    );
     fails(&folder, "check outfit.toml --threads 0", &["--threads"]);
 }
 
@@ -204,7 +237,11 @@ fn an_output_folder_that_cannot_be() {
     fails(&folder, "fix outfit.toml --out other", &["other/cloth.mtl", "in the way"]);
     std::fs::remove_dir(folder.path("other/cloth.mtl")).unwrap();
     folder.write("other/maps", "a file");
-    fails(&folder, "fix outfit.toml --out other", &["other/maps/red.png", "a part of the path is a file"]);
+    fails(
+        &folder,
+        "fix outfit.toml --out other",
+        &["other/maps/red.png", "a part of the path is a file"],
+    );
 }
 
 #[cfg(target_os = "linux")]
@@ -216,7 +253,11 @@ fn a_material_library_that_cannot_be_read() {
     // A file whose beginning not even root can read.
     std::os::unix::fs::symlink("/proc/self/mem", folder.path("cloth.mtl")).unwrap();
     let run = folder.ifg("fix outfit.toml --out fixed").expect(2);
-    assert!(run.stderr.contains("cannot read `cloth.mtl`, which `shirt.obj` names"), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("cannot read `cloth.mtl`, which `shirt.obj` names"),
+        "{}",
+        run.stderr
+    );
     assert!(!folder.path("fixed").exists());
 }
 
@@ -227,7 +268,8 @@ fn an_output_that_is_an_input() {
     // The body is never written, in place or not.
     std::fs::create_dir(folder.path("other")).unwrap();
     folder.write("other/body.ply", folder.read("hoop.ply"));
-    folder.write("names.toml", "body='body.ply'\n[[garment]]\nfile='other/body.ply'\nname='hoop'\n");
+    folder
+        .write("names.toml", "body='body.ply'\n[[garment]]\nfile='other/body.ply'\nname='hoop'\n");
     fails(&folder, "fix names.toml --out . --in-place", &["body.ply", "input file"]);
 }
 
@@ -237,11 +279,19 @@ fn an_output_that_is_an_input() {
 fn a_full_disk_leaves_nothing_half_written() {
     let folder = Folder::new();
     let before = folder.files();
-    let script = format!("trap '' XFSZ; ulimit -f 1; exec {} fix outfit.toml --out fixed", env!("CARGO_BIN_EXE_ifg"));
+    let script = format!(
+        "trap '' XFSZ; ulimit -f 1; exec {} fix outfit.toml --out fixed",
+        env!("CARGO_BIN_EXE_ifg")
+    );
     let mut shell = std::process::Command::new("sh");
-    let run: crate::folder::Run = shell.arg("-c").arg(script).current_dir(folder.path(".")).output().unwrap().into();
+    let run: crate::folder::Run =
+        shell.arg("-c").arg(script).current_dir(folder.path(".")).output().unwrap().into();
     let run = run.expect(2);
-    assert!(run.stderr.contains("cannot write `fixed/") && run.stderr.contains("make room"), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("cannot write `fixed/") && run.stderr.contains("make room"),
+        "{}",
+        run.stderr
+    );
     assert!(folder.files() == before, "files changed");
 }
 
@@ -249,7 +299,8 @@ fn a_full_disk_leaves_nothing_half_written() {
 fn errors_are_json_too() {
     let folder = Folder::new();
     for command in ["fix --out fixed", "check"] {
-        let json = folder.ifg(&format!("{command} --json --body body.ply gone.ply")).expect(2).json();
+        let json =
+            folder.ifg(&format!("{command} --json --body body.ply gone.ply")).expect(2).json();
         assert_eq!(json["state"], "failed");
         assert_eq!(json["error"]["code"], "ifg::input::mesh");
         assert!(json["error"]["causes"][0].as_str().unwrap().contains("gone.ply"), "{json}");

@@ -21,18 +21,25 @@ fn each_outfit_has_its_folder_and_finished_ones_are_skipped() {
     let folder = batch();
     let run = folder.ifg("fix a.toml b.toml --out done").expect(0);
     assert!(run.stdout.contains("2 outfits: 2 clean"), "{}", run.stdout);
-    assert!(folder.path("done/a/receipt.json").exists() && folder.path("done/b/shirt.obj").exists());
+    assert!(
+        folder.path("done/a/receipt.json").exists() && folder.path("done/b/shirt.obj").exists()
+    );
     let before = folder.files();
     let run = folder.ifg("fix a.toml b.toml --out done").expect(0);
     assert_eq!(run.stdout.matches("finished before, skipped").count(), 2, "{}", run.stdout);
     assert!(folder.files() == before);
-    assert_eq!(states(&folder.ifg("fix a.toml b.toml --out done --json --again").expect(0)), ["clean", "clean"]);
+    assert_eq!(
+        states(&folder.ifg("fix a.toml b.toml --out done --json --again").expect(0)),
+        ["clean", "clean"]
+    );
 }
 
 #[test]
 fn what_has_changed_is_done_again() {
     let folder = batch();
-    let run = |args: &str| states(&folder.ifg(&format!("fix a.toml b.toml --out done --json {args}")).expect(0));
+    let run = |args: &str| {
+        states(&folder.ifg(&format!("fix a.toml b.toml --out done --json {args}")).expect(0))
+    };
     assert_eq!(run(""), ["clean", "clean"]);
     assert_eq!(run(""), ["finished", "finished"]);
     // Other parameters.
@@ -58,9 +65,12 @@ fn other_materials_and_textures_are_done_again() {
     assert_eq!(run(), ["clean", "clean"]);
     let receipt: Value = serde_json::from_slice(&folder.read("done/a/receipt.json")).unwrap();
     let inputs = receipt["inputs"].as_array().unwrap().iter().skip(3);
-    let inputs: Vec<_> = inputs.map(|i| (i["layer"].as_str().unwrap(), i["file"].as_str().unwrap())).collect();
+    let inputs: Vec<_> =
+        inputs.map(|i| (i["layer"].as_str().unwrap(), i["file"].as_str().unwrap())).collect();
     assert_eq!(inputs, [("top", "cloth.mtl"), ("top", "red.png")]);
-    for (name, content) in [("red.png", "crimson"), ("gone.png", "found again"), ("cloth.mtl", "map_Kd red.png\n")] {
+    for (name, content) in
+        [("red.png", "crimson"), ("gone.png", "found again"), ("cloth.mtl", "map_Kd red.png\n")]
+    {
         assert_eq!(run(), ["finished", "finished"]);
         folder.write(name, content);
         assert_eq!(run(), ["clean", "clean"], "{name}");
@@ -71,11 +81,15 @@ fn other_materials_and_textures_are_done_again() {
 #[test]
 fn what_was_left_is_tried_again() {
     let folder = batch();
-    let run = |args: &str, code| states(&folder.ifg(&format!("fix a.toml b.toml --out done --json {args}")).expect(code));
+    let run = |args: &str, code| {
+        states(&folder.ifg(&format!("fix a.toml b.toml --out done --json {args}")).expect(code))
+    };
     let unproven = format!("{TOO_FEW} --write-unproven");
     for _ in 0..2 {
         assert_eq!(run(&unproven, 1), ["remaining", "remaining"]);
-        assert!(folder.path("done/a/shirt.obj").exists() && folder.path("done/b/receipt.json").exists());
+        assert!(
+            folder.path("done/a/shirt.obj").exists() && folder.path("done/b/receipt.json").exists()
+        );
     }
     assert_eq!(run("", 0), ["clean", "clean"]);
 }
@@ -106,7 +120,8 @@ fn a_cancelled_batch_goes_on_where_it_stopped() {
         folder.write(&format!("o{k}.toml"), folder.read("outfit.toml"));
         args += &format!(" o{k}.toml");
     }
-    let mut child = folder.command(&args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let mut child =
+        folder.command(&args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let patience = Instant::now();
     while !folder.path("done/o0/receipt.json").exists() {
         assert!(patience.elapsed() < Duration::from_secs(30), "no outfit in 30 s");
@@ -114,7 +129,8 @@ fn a_cancelled_batch_goes_on_where_it_stopped() {
     }
     Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(130));
-    let finished = (0..OUTFITS).filter(|k| folder.path(&format!("done/o{k}/receipt.json")).exists()).count();
+    let finished =
+        (0..OUTFITS).filter(|k| folder.path(&format!("done/o{k}/receipt.json")).exists()).count();
     assert!(0 < finished && finished < OUTFITS, "{finished}");
     for (path, _) in folder.files() {
         assert!(!path.ends_with(".ifg-partial"), "{}", path.display());

@@ -11,14 +11,19 @@ fn raw(folder: &Folder) {
     let tube = tube(0.1, 0.4, 40, 20, false);
     let ball = icosphere(0.005, 1);
     let base = tube.vertices().len() as u32;
-    let vertices =
-        tube.vertices().iter().copied().chain(ball.vertices().iter().map(|p| p + if_core::math::Vector::x())).collect();
+    let vertices = tube
+        .vertices()
+        .iter()
+        .copied()
+        .chain(ball.vertices().iter().map(|p| p + if_core::math::Vector::x()))
+        .collect();
     let mut triangles = [&tube.triangles()[..600], &tube.triangles()[606..]].concat();
     triangles.extend(ball.triangles().iter().map(|t| t.map(|v| v + base)));
     let mesh = TriMesh::new(vertices, triangles).unwrap();
     let label = Property::new("label", Column::U8(vec![3; mesh.vertices().len()]));
     let ply = PlyMesh { vertex_properties: vec![label], ..PlyMesh::new(mesh) };
-    ply::write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &folder.path("raw.ply")).unwrap();
+    ply::write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &folder.path("raw.ply"))
+        .unwrap();
 }
 
 #[test]
@@ -26,7 +31,14 @@ fn clean_drops_fills_and_keeps_openings_and_attributes() {
     let folder = Folder::new();
     raw(&folder);
     let run = folder.ifg("clean raw.ply --out clean.ply").expect(0);
-    for word in ["isolated elements", "1 dropped", "1 filled", "2 openings kept", "clean_before.png", "Wrote clean.ply"] {
+    for word in [
+        "isolated elements",
+        "1 dropped",
+        "1 filled",
+        "2 openings kept",
+        "clean_before.png",
+        "Wrote clean.ply",
+    ] {
         assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
     }
     let file = MeshFile::read(&folder.path("clean.ply")).unwrap();
@@ -34,7 +46,10 @@ fn clean_drops_fills_and_keeps_openings_and_attributes() {
     let label = ply.vertex_property("label").unwrap();
     assert_eq!(label.values, Column::U8(vec![3; ply.mesh.vertices().len()]));
     assert!(folder.read("clean_after.png").starts_with(b"\x89PNG"));
-    let json = folder.ifg("clean raw.ply --out all.ply --openings 0 --no-pictures --json").expect(0).json();
+    let json = folder
+        .ifg("clean raw.ply --out all.ply --openings 0 --no-pictures --json")
+        .expect(0)
+        .json();
     assert_eq!(json["report"]["holes"]["filled"].as_array().unwrap().len(), 3);
     assert_eq!(json["written"].as_array().unwrap().len(), 1);
 }
@@ -80,8 +95,12 @@ fn a_body_may_stand_beside_openings_to_project_onto() {
 fn ctrl_c_ends_the_passes_over_the_surface() {
     let folder = Folder::new();
     let fine = PlyMesh::new(tube(0.1, 0.4, 300, 300, false));
-    ply::write_path(&fine, fine.mesh.vertices(), &WriteParams::default(), &folder.path("fine.ply")).unwrap();
-    let run = folder.interrupt("clean fine.ply --out new/clean.ply --surface-passes 10000", "new/.ifg-partial-clean.ply");
+    ply::write_path(&fine, fine.mesh.vertices(), &WriteParams::default(), &folder.path("fine.ply"))
+        .unwrap();
+    let run = folder.interrupt(
+        "clean fine.ply --out new/clean.ply --surface-passes 10000",
+        "new/.ifg-partial-clean.ply",
+    );
     assert!(run.stderr.contains("cancelled; `new/clean.ply` was not written"), "{}", run.stderr);
 }
 
@@ -90,7 +109,8 @@ fn at_most_so_many_parts_are_kept_however_small() {
     let folder = Folder::new();
     raw(&folder);
     let parts = |args: &str| {
-        let args = format!("clean raw.ply --out clean.ply --no-pictures --json --least-share 0 {args}");
+        let args =
+            format!("clean raw.ply --out clean.ply --no-pictures --json --least-share 0 {args}");
         let json = folder.ifg(&args).expect(0).json();
         ["kept", "dropped"].map(|what| json["report"]["components"][what].as_array().unwrap().len())
     };
@@ -108,13 +128,19 @@ fn the_boundary_is_left_as_it_is_where_that_is_asked_for() {
         p + if_core::math::Vector::y() * up
     });
     let ply = PlyMesh::new(tube.with_vertices(ragged.collect()).unwrap());
-    ply::write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &folder.path("ragged.ply")).unwrap();
+    ply::write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &folder.path("ragged.ply"))
+        .unwrap();
     let moved = |args: &str| {
-        let args = format!("clean ragged.ply --out clean.ply --openings 2 --no-pictures --json {args}");
+        let args =
+            format!("clean ragged.ply --out clean.ply --openings 2 --no-pictures --json {args}");
         let json = folder.ifg(&args).expect(0).json();
-        let vertices = |name: &str| MeshFile::read(&folder.path(name)).unwrap().mesh().vertices().to_vec();
+        let vertices =
+            |name: &str| MeshFile::read(&folder.path(name)).unwrap().mesh().vertices().to_vec();
         let (before, after) = (vertices("ragged.ply"), vertices("clean.ply"));
-        (json["report"]["smoothing"]["moved"].as_u64().unwrap(), after.iter().filter(|p| !before.contains(p)).count())
+        (
+            json["report"]["smoothing"]["moved"].as_u64().unwrap(),
+            after.iter().filter(|p| !before.contains(p)).count(),
+        )
     };
     let (told, found) = moved("");
     assert!(told > 0 && found > 0, "{told} {found}");

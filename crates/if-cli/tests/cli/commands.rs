@@ -9,7 +9,11 @@ fn check_is_0_for_clean_and_1_for_not_clean_and_changes_nothing() {
     let folder = Folder::new();
     let before = folder.files();
     let clean = folder.ifg("check --body body.ply hoop.ply").expect(0);
-    assert!(clean.stdout.contains("0 intersecting pairs") && clean.stdout.contains(": clean"), "{}", clean.stdout);
+    assert!(
+        clean.stdout.contains("0 intersecting pairs") && clean.stdout.contains(": clean"),
+        "{}",
+        clean.stdout
+    );
     let found = folder.ifg("check outfit.toml").expect(1);
     assert!(found.stdout.contains("not clean") && found.stdout.contains("top"), "{}", found.stdout);
     assert_eq!(folder.files(), before);
@@ -21,7 +25,10 @@ fn check_counts_as_json() {
     let json = folder.ifg("check outfit.toml --json").expect(1).json();
     assert_eq!(json["state"], "not clean");
     let pairs = json["report"]["pairs"].as_array().unwrap();
-    let names: Vec<_> = pairs.iter().map(|p| (p["inner"].as_str().unwrap(), p["outer"].as_str().unwrap())).collect();
+    let names: Vec<_> = pairs
+        .iter()
+        .map(|p| (p["inner"].as_str().unwrap(), p["outer"].as_str().unwrap()))
+        .collect();
     assert_eq!(names, [("body", "skirt"), ("body", "top"), ("skirt", "top")]);
     assert!(pairs[0]["pairs"]["crossing"].as_u64().unwrap() > 0);
 }
@@ -30,7 +37,15 @@ fn check_counts_as_json() {
 fn fix_writes_what_check_then_finds_clean() {
     let folder = Folder::new();
     let run = folder.ifg_drawing("fix outfit.toml --out fixed").expect(0);
-    for word in ["outer", "pairs", "-> 0", "moved", "strain", "seconds", "Wrote fixed: skirt.ply, shirt.obj"] {
+    for word in [
+        "outer",
+        "pairs",
+        "-> 0",
+        "moved",
+        "strain",
+        "seconds",
+        "Wrote fixed: skirt.ply, shirt.obj",
+    ] {
         assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
     }
     assert!(run.stderr.is_empty(), "{}", run.stderr);
@@ -40,8 +55,10 @@ fn fix_writes_what_check_then_finds_clean() {
     }
     assert!(!folder.path("fixed/body.ply").exists());
     assert!(!folder.path("fixed/.ifg-partial").exists());
-    let (old, new) =
-        (MeshFile::read(&folder.path("skirt.ply")).unwrap(), MeshFile::read(&folder.path("fixed/skirt.ply")).unwrap());
+    let (old, new) = (
+        MeshFile::read(&folder.path("skirt.ply")).unwrap(),
+        MeshFile::read(&folder.path("fixed/skirt.ply")).unwrap(),
+    );
     assert_eq!(old.mesh().triangles(), new.mesh().triangles());
     assert_ne!(old.mesh().vertices(), new.mesh().vertices());
 }
@@ -51,12 +68,19 @@ fn what_is_left_is_named_and_written_only_where_that_is_asked_for() {
     let folder = Folder::new();
     let before = folder.files();
     let run = folder.ifg(&format!("fix outfit.toml --out fixed {TOO_FEW}")).expect(1);
-    let named = ["`body`", "`skirt`", "`top`"].iter().filter(|name| run.stderr.contains(**name)).count();
+    let named =
+        ["`body`", "`skirt`", "`top`"].iter().filter(|name| run.stderr.contains(**name)).count();
     assert!(named >= 2 && run.stderr.contains("intersecting triangle pairs"), "{}", run.stderr);
-    assert!(run.stderr.contains("--write-unproven") && run.stdout.contains("Nothing written"), "{}{}", run.stdout, run.stderr);
+    assert!(
+        run.stderr.contains("--write-unproven") && run.stdout.contains("Nothing written"),
+        "{}{}",
+        run.stdout,
+        run.stderr
+    );
     assert!(folder.files() == before, "files changed");
     folder.ifg(&format!("fix outfit.toml --out fixed {TOO_FEW} --write-unproven")).expect(1);
-    let receipt: serde_json::Value = serde_json::from_slice(&folder.read("fixed/receipt.json")).unwrap();
+    let receipt: serde_json::Value =
+        serde_json::from_slice(&folder.read("fixed/receipt.json")).unwrap();
     assert_eq!(receipt["state"], "remaining");
     folder.ifg("check --body body.ply fixed/skirt.ply fixed/shirt.obj").expect(1);
 }
@@ -69,7 +93,9 @@ fn ctrl_c_is_heard_to_the_end_of_the_last_check() {
     assert!(std::process::Command::new("mkfifo").arg(&fifo).status().unwrap().success());
     let outfit = folder.read("outfit.toml");
     // It can be written when it is opened to be read.
-    folder.interrupt_printing("check slow.toml", || std::fs::write(&fifo, outfit).unwrap()).expect(130);
+    folder
+        .interrupt_printing("check slow.toml", || std::fs::write(&fifo, outfit).unwrap())
+        .expect(130);
 }
 
 #[test]
@@ -81,12 +107,20 @@ fn large_triangles_are_split_with_all_that_hangs_on_them_where_that_is_asked_for
     folder.write("inner.ply", ply(&band(0.2)));
     let mesh = band(-0.2);
     let (n, texture) = (mesh.vertices().len(), "vt 0 0\nvt 1 0\nvt 0 1\nusemtl red\n");
-    let faces = mesh.triangles().iter().map(|t| format!("f {}/1 {}/2 {}/3\n", t[0] + 1, t[1] + 1, t[2] + 1)).collect::<String>();
-    let vertices = mesh.vertices().iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z)).collect::<String>();
+    let faces = mesh
+        .triangles()
+        .iter()
+        .map(|t| format!("f {}/1 {}/2 {}/3\n", t[0] + 1, t[1] + 1, t[2] + 1))
+        .collect::<String>();
+    let vertices =
+        mesh.vertices().iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z)).collect::<String>();
     folder.write("outer.obj", vertices + texture + &faces);
     let fix = "fix --body large.ply inner.ply outer.obj --scale 0.001 --out";
     folder.ifg(&format!("{fix} same")).expect(0);
-    assert_eq!(MeshFile::read(&folder.path("same/outer.obj")).unwrap().mesh().triangles(), mesh.triangles());
+    assert_eq!(
+        MeshFile::read(&folder.path("same/outer.obj")).unwrap().mesh().triangles(),
+        mesh.triangles()
+    );
     let run = folder.ifg(&format!("{fix} finer --set split=if_strained")).expect(0);
     assert!(run.stdout.contains("outer: 12 triangles of the input were split"), "{}", run.stdout);
     folder.ifg("check --body large.ply finer/inner.ply finer/outer.obj --scale 0.001").expect(0);
@@ -97,17 +131,26 @@ fn large_triangles_are_split_with_all_that_hangs_on_them_where_that_is_asked_for
     let outer = String::from_utf8(folder.read("finer/outer.obj")).unwrap();
     let lines = |keyword: &str| outer.lines().filter(|l| l.starts_with(keyword)).count();
     assert!(
-        lines("v ") > n && lines("vt ") >= 3 + 3 && lines("f ") > mesh.triangles().len() && lines("usemtl red") == 1,
+        lines("v ") > n
+            && lines("vt ") >= 3 + 3
+            && lines("f ") > mesh.triangles().len()
+            && lines("usemtl red") == 1,
         "{outer}"
     );
-    assert!(outer.lines().filter(|l| l.starts_with("f ")).all(|l| l.matches('/').count() == 3), "{outer}");
+    assert!(
+        outer.lines().filter(|l| l.starts_with("f ")).all(|l| l.matches('/').count() == 3),
+        "{outer}"
+    );
 }
 
 #[test]
 fn material_libraries_and_textures_are_copied_along() {
     let folder = Folder::new();
     let shirt = String::from_utf8(folder.read("shirt.obj")).unwrap();
-    folder.write("shirt.obj", format!("mtllib cloth of shirt.mtl\nmtllib gone.mtl\nmtllib ../body.ply\n{shirt}"));
+    folder.write(
+        "shirt.obj",
+        format!("mtllib cloth of shirt.mtl\nmtllib gone.mtl\nmtllib ../body.ply\n{shirt}"),
+    );
     std::fs::create_dir(folder.path("maps")).unwrap();
     folder.write(
         "cloth of shirt.mtl",
@@ -118,8 +161,12 @@ fn material_libraries_and_textures_are_copied_along() {
     for name in ["cloth of shirt.mtl", "maps/red cloth.png"] {
         assert_eq!(folder.read(&format!("fixed/{name}")), folder.read(name), "{name}");
     }
-    for word in ["`gone.mtl` is not", "`../body.ply` is not", "`missing.png` is not", "skirt.ply, shirt.obj, cloth of shirt.mtl"]
-    {
+    for word in [
+        "`gone.mtl` is not",
+        "`../body.ply` is not",
+        "`missing.png` is not",
+        "skirt.ply, shirt.obj, cloth of shirt.mtl",
+    ] {
         assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
     }
     assert!(!folder.path("fixed/.ifg-partial").exists() && !folder.path("fixed/body.ply").exists());
@@ -130,7 +177,11 @@ fn material_libraries_and_textures_are_copied_along() {
     folder.write("cloth of shirt.mtl", "map_Kd receipt.json\n");
     folder.write("receipt.json", "{}");
     let refused = folder.ifg("fix outfit.toml --out other").expect(2);
-    assert!(refused.stderr.contains("receipt.json") && !folder.path("other").exists(), "{}", refused.stderr);
+    assert!(
+        refused.stderr.contains("receipt.json") && !folder.path("other").exists(),
+        "{}",
+        refused.stderr
+    );
 }
 
 #[test]
@@ -139,7 +190,8 @@ fn the_receipt_says_what_went_in_and_came_out() {
     let json = folder.ifg("fix outfit.toml --out fixed --clearance 1mm --json").expect(0).json();
     assert_eq!((&json["state"], &json["out"]), (&"clean".into(), &"fixed".into()));
     assert!(json["report"]["before"]["pairs"].as_array().unwrap().len() == 3);
-    let receipt: serde_json::Value = serde_json::from_slice(&folder.read("fixed/receipt.json")).unwrap();
+    let receipt: serde_json::Value =
+        serde_json::from_slice(&folder.read("fixed/receipt.json")).unwrap();
     assert_eq!(receipt["params"]["clearance"], 0.001);
     assert_eq!(receipt["inputs"][2]["layer"], "top");
     assert_eq!(receipt["inputs"][2]["bytes"], folder.read("shirt.obj").len());
@@ -157,11 +209,17 @@ fn harmless_faults_are_noted_and_kept() {
     let content = String::from_utf8(folder.read("shirt.obj")).unwrap() + "v 0.3 0.1 0\nf 1 1 2\n";
     folder.write("shirt.obj", content);
     let check = folder.ifg("check outfit.toml").expect(1);
-    assert!(check.stdout.contains("Note: `top`: 1 vertices belong to no triangle"), "{}", check.stdout);
+    assert!(
+        check.stdout.contains("Note: `top`: 1 vertices belong to no triangle"),
+        "{}",
+        check.stdout
+    );
     assert!(check.stdout.contains("Note: `top`: 1 faces use a vertex twice"), "{}", check.stdout);
     folder.ifg("fix outfit.toml --out fixed").expect(0);
     let (old, new) = (folder.read("shirt.obj"), folder.read("fixed/shirt.obj"));
-    let lines = |bytes: Vec<u8>, key: &str| String::from_utf8(bytes).unwrap().lines().filter(|l| l.starts_with(key)).count();
+    let lines = |bytes: Vec<u8>, key: &str| {
+        String::from_utf8(bytes).unwrap().lines().filter(|l| l.starts_with(key)).count()
+    };
     assert_eq!(lines(old.clone(), "v "), lines(new.clone(), "v "));
     assert_eq!(lines(old, "f "), lines(new, "f "));
     let receipt = String::from_utf8(folder.read("fixed/receipt.json")).unwrap();
@@ -198,14 +256,20 @@ fn millimetres_are_scaled_and_come_back_as_millimetres() {
     folder.ifg("check --body body_mm.obj mm/skirt_mm.obj --scale 0.001").expect(0);
     let read = |name: &str| MeshFile::read(&folder.path(name)).unwrap().mesh().clone();
     let (before, after): (TriMesh, TriMesh) = (read("skirt_mm.obj"), read("mm/skirt_mm.obj"));
-    let most = before.vertices().iter().zip(after.vertices()).map(|(p, q)| (p - q).norm()).fold(0.0, f64::max);
+    let most = before
+        .vertices()
+        .iter()
+        .zip(after.vertices())
+        .map(|(p, q)| (p - q).norm())
+        .fold(0.0, f64::max);
     assert!(0.0 < most && most < 50.0, "{most} mm");
 }
 
 #[test]
 fn parameters_come_from_the_file_and_then_from_the_command_line() {
     let folder = Folder::new();
-    let toml = String::from_utf8(folder.read("outfit.toml")).unwrap() + "[params]\nclearance = 0.002\n";
+    let toml =
+        String::from_utf8(folder.read("outfit.toml")).unwrap() + "[params]\nclearance = 0.002\n";
     folder.write("loose.toml", toml);
     let clearance = |args: &str| {
         folder.ifg(&format!("fix loose.toml --out fixed {args}")).expect(0);
@@ -235,7 +299,11 @@ fn the_demo_is_resolved_and_can_be_fixed_again_from_its_files() {
 fn the_other_variant_of_the_demo_wears_trousers_and_what_is_left_is_written() {
     let folder = Folder::new();
     let run = folder.ifg(&format!("demo --variant trousers --size coarse {TOO_FEW}")).expect(1);
-    assert!(run.stdout.contains("trousers") && run.stdout.contains("Wrote out/demo"), "{}", run.stdout);
+    assert!(
+        run.stdout.contains("trousers") && run.stdout.contains("Wrote out/demo"),
+        "{}",
+        run.stdout
+    );
     let outfit = String::from_utf8(folder.read("out/demo/input/demo.toml")).unwrap();
     assert!(outfit.contains("trousers.ply") && !outfit.contains("skirt"), "{outfit}");
     assert!(folder.path("out/demo/trousers.ply").exists());

@@ -9,7 +9,8 @@ use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams, read_bytes, wri
 use if_pipeline::capture::Capture;
 use if_pipeline::capture::synth::BODY;
 
-/// A closed tube, trousers below 0.4 and a shirt above, every eleventh vertex wrong or unknown; and a height.
+/// A closed tube, trousers below 0.4 and a shirt above, every eleventh vertex wrong or unknown; and
+/// a height.
 fn labelled(folder: &Folder) {
     let mesh = tube(0.2, 1.0, 32, 40, true);
     let label = |(v, y): (usize, f64)| match v % 11 {
@@ -33,23 +34,48 @@ fn labelled(folder: &Folder) {
 fn cut_writes_one_mesh_for_each_label_with_attributes_and_a_table() {
     let folder = Folder::new();
     labelled(&folder);
-    let run = folder.ifg("cut labelled.ply --out pieces --smooth 10cm --name 2=trousers --name 3=shirt").expect(0);
-    for word in ["trousers", "shirt", "borders", "labels changed", "unknown ones filled in", "labels_after.png"] {
+    let run = folder
+        .ifg("cut labelled.ply --out pieces --smooth 10cm --name 2=trousers --name 3=shirt")
+        .expect(0);
+    for word in [
+        "trousers",
+        "shirt",
+        "borders",
+        "labels changed",
+        "unknown ones filled in",
+        "labels_after.png",
+    ] {
         assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
     }
     assert!(!run.stdout.contains("skin.ply"), "the skin was outvoted everywhere\n{}", run.stdout);
-    assert!(run.stdout.contains("Note: label 1 (skin) has no file: none of its "), "{}", run.stdout);
+    assert!(
+        run.stdout.contains("Note: label 1 (skin) has no file: none of its "),
+        "{}",
+        run.stdout
+    );
     assert!(folder.read("pieces/labels_before.png").starts_with(b"\x89PNG"));
     let shirt = read_bytes(&folder.read("pieces/shirt.ply")).unwrap();
-    assert_eq!(shirt.vertex_property("label").unwrap().values, Column::U8(vec![3; shirt.mesh.vertices().len()]));
+    assert_eq!(
+        shirt.vertex_property("label").unwrap().values,
+        Column::U8(vec![3; shirt.mesh.vertices().len()])
+    );
     let heights = shirt.vertex_property("height").unwrap().values.to_f64();
     for (p, height) in shirt.mesh.vertices().iter().zip(heights) {
         assert!((p.y - height).abs() < 1e-6 && p.y > 0.36, "{p} {height}");
     }
-    let json = folder.ifg("cut labelled.ply --out again --smooth 10cm --json --no-pictures").expect(0).json();
-    let borders: Vec<_> = json["pieces"].as_array().unwrap().iter().map(|p| (p["name"].clone(), p["borders"].clone())).collect();
+    let json = folder
+        .ifg("cut labelled.ply --out again --smooth 10cm --json --no-pictures")
+        .expect(0)
+        .json();
+    let borders: Vec<_> = json["pieces"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|p| (p["name"].clone(), p["borders"].clone()))
+        .collect();
     assert_eq!(borders, [("label_2".into(), 1.into()), ("label_3".into(), 1.into())]);
-    let files: Vec<_> = std::fs::read_dir(folder.path("again")).unwrap().map(|f| f.unwrap().file_name()).collect();
+    let files: Vec<_> =
+        std::fs::read_dir(folder.path("again")).unwrap().map(|f| f.unwrap().file_name()).collect();
     assert_eq!(files.len(), 2, "{files:?}");
 }
 
@@ -66,17 +92,26 @@ fn large_labels_are_cut_as_small_ones_are() {
     write(&ply, ply.mesh.vertices(), &WriteParams::default(), &mut bytes).unwrap();
     folder.write("large.ply", bytes);
     let cut = |mesh: &str, out: &str| {
-        let mut json = folder.ifg(&format!("cut {mesh} --out {out} --smooth 10cm --no-pictures --json")).expect(0).json();
+        let mut json = folder
+            .ifg(&format!("cut {mesh} --out {out} --smooth 10cm --no-pictures --json"))
+            .expect(0)
+            .json();
         let told = json.as_object_mut().unwrap();
-        ["mesh", "out", "pieces", "notes", "seconds"].iter().for_each(|key| drop(told.remove(*key).unwrap()));
+        ["mesh", "out", "pieces", "notes", "seconds"]
+            .iter()
+            .for_each(|key| drop(told.remove(*key).unwrap()));
         json
     };
     assert_eq!(cut("labelled.ply", "small"), cut("large.ply", "large"));
     let piece = |name: &str| read_bytes(&folder.read(name)).unwrap();
     for (small, large, label) in [("label_2", "label_200", 200), ("label_3", "label_254", 254)] {
-        let (small, large) = (piece(&format!("small/{small}.ply")), piece(&format!("large/{large}.ply")));
+        let (small, large) =
+            (piece(&format!("small/{small}.ply")), piece(&format!("large/{large}.ply")));
         assert_eq!(small.mesh, large.mesh);
-        assert_eq!(large.vertex_property("label").unwrap().values, Column::U8(vec![label; large.mesh.vertices().len()]));
+        assert_eq!(
+            large.vertex_property("label").unwrap().values,
+            Column::U8(vec![label; large.mesh.vertices().len()])
+        );
     }
 }
 
@@ -99,11 +134,16 @@ fn what_is_in_no_file_is_told() {
     let ball = icosphere(0.1, 2);
     let n = ball.vertices().len();
     let balls = (0..3).map(|k| ball.vertices().iter().map(move |p| p + Vector::x() * f64::from(k)));
-    let triangles = (0..3u32).flat_map(|k| ball.triangles().iter().map(move |t| t.map(|v| v + k * n as u32)));
+    let triangles =
+        (0..3u32).flat_map(|k| ball.triangles().iter().map(move |t| t.map(|v| v + k * n as u32)));
     let mesh = TriMesh::new(balls.flatten().collect(), triangles.collect()).unwrap();
     let labels = (0..3 * n).map(|v| if v == 5 { 4 } else { [2, 3, 0][v / n] }).collect();
-    let ply = PlyMesh { vertex_properties: vec![Property::new("label", Column::U8(labels))], ..PlyMesh::new(mesh) };
-    ply::write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &folder.path("balls.ply")).unwrap();
+    let ply = PlyMesh {
+        vertex_properties: vec![Property::new("label", Column::U8(labels))],
+        ..PlyMesh::new(mesh)
+    };
+    ply::write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &folder.path("balls.ply"))
+        .unwrap();
     let run = folder.ifg("cut balls.ply --out o --no-pictures --smooth 10cm").expect(0);
     for words in [
         "162 vertices stay unknown and are in no file: 320 triangles, 0.12",
@@ -111,14 +151,23 @@ fn what_is_in_no_file_is_told() {
     ] {
         assert!(run.stdout.contains(words), "{words}\n{}", run.stdout);
     }
-    let json = folder.ifg("cut balls.ply --out p --no-pictures --smooth 10cm --json --name 4=pocket").expect(0).json();
+    let json = folder
+        .ifg("cut balls.ply --out p --no-pictures --smooth 10cm --json --name 4=pocket")
+        .expect(0)
+        .json();
     let undecided = &json["undecided"];
     assert_eq!(
         (&undecided["vertices"], &undecided["triangles"], &undecided["components"]),
         (&162.into(), &320.into(), &1.into())
     );
-    assert!((undecided["area_m2"].as_f64().unwrap() / ball.area() - 1.0).abs() < 1e-4, "{undecided}");
-    assert_eq!(json["labels_lost"], serde_json::json!([{"label": 4, "name": "pocket", "vertices": 1}]));
+    assert!(
+        (undecided["area_m2"].as_f64().unwrap() / ball.area() - 1.0).abs() < 1e-4,
+        "{undecided}"
+    );
+    assert_eq!(
+        json["labels_lost"],
+        serde_json::json!([{"label": 4, "name": "pocket", "vertices": 1}])
+    );
     assert_eq!(json["pieces"].as_array().unwrap().len(), 2);
     assert_eq!(json["notes"].as_array().unwrap().len(), 2);
 }
@@ -141,8 +190,12 @@ fn ctrl_c_ends_the_smoothing_of_labels() {
             }
         })
         .collect();
-    let ply = PlyMesh { vertex_properties: vec![Property::new("label", Column::U8(labels))], ..PlyMesh::new(mesh) };
-    ply::write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &folder.path("long.ply")).unwrap();
+    let ply = PlyMesh {
+        vertex_properties: vec![Property::new("label", Column::U8(labels))],
+        ..PlyMesh::new(mesh)
+    };
+    ply::write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &folder.path("long.ply"))
+        .unwrap();
     let run = folder.interrupt("cut long.ply --out o", "o/.ifg-partial");
     assert!(run.stderr.contains("cancelled; nothing was written into `o`"), "{}", run.stderr);
 }
@@ -172,14 +225,27 @@ fn labels_that_are_missing_or_none_and_names_that_are_none_are_named() {
 #[test]
 fn a_synthetic_capture_is_one_and_is_not_overwritten() {
     let folder = Folder::new();
-    let run = folder.ifg("capture synth --out turn --frames 2 --size 48 --garments skirt,tshirt").expect(0);
-    assert!(run.stdout.contains("skirt") && run.stdout.contains("2 frames of 48x48"), "{}", run.stdout);
+    let run = folder
+        .ifg("capture synth --out turn --frames 2 --size 48 --garments skirt,tshirt")
+        .expect(0);
+    assert!(
+        run.stdout.contains("skirt") && run.stdout.contains("2 frames of 48x48"),
+        "{}",
+        run.stdout
+    );
     let capture = Capture::open(&folder.path("turn")).unwrap();
-    assert_eq!((capture.len(), capture.garments()), (2, &["tshirt".to_owned(), "skirt".to_owned()][..]));
+    assert_eq!(
+        (capture.len(), capture.garments()),
+        (2, &["tshirt".to_owned(), "skirt".to_owned()][..])
+    );
     let template = TemplateBody::read(&folder.path("turn").join(BODY)).unwrap();
     capture.check_skeleton(&template.skeleton).unwrap();
     let again = folder.ifg("capture synth --out turn --frames 2 --size 48").expect(2);
     assert!(again.stderr.contains("already there"), "{}", again.stderr);
     let none = folder.ifg("capture synth --out none --noise 2").expect(2);
-    assert!(none.stderr.contains("label_noise") && !folder.path("none").exists(), "{}", none.stderr);
+    assert!(
+        none.stderr.contains("label_noise") && !folder.path("none").exists(),
+        "{}",
+        none.stderr
+    );
 }

@@ -14,7 +14,13 @@ use if_mesh::sdf::MeshSdf;
 fn a_body_is_remeshed_and_what_was_done_is_told() {
     let folder = Folder::new();
     let run = folder.ifg("extract body.ply --out round.ply --cell 2cm --relax 5").expect(0);
-    for word in ["triangles", "least angle", "field evaluated", "skipped", "wrote round.ply, round.before.png, round.after.png"] {
+    for word in [
+        "triangles",
+        "least angle",
+        "field evaluated",
+        "skipped",
+        "wrote round.ply, round.before.png, round.after.png",
+    ] {
         assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
     }
     let mesh = MeshFile::read(&folder.path("round.ply")).unwrap().mesh().clone();
@@ -45,18 +51,33 @@ fn a_fitted_network_becomes_the_mesh_that_it_was_fitted_to() {
     for word in ["least angle", "field evaluated", "wrote again.ply, again.after.png"] {
         assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
     }
-    assert!(!run.stdout.contains("distance of the meshes") && !folder.path("again.before.png").exists());
+    assert!(
+        !run.stdout.contains("distance of the meshes") && !folder.path("again.before.png").exists()
+    );
     let read = |name: &str| MeshFile::read(&folder.path(name)).unwrap().mesh().clone();
     let (before, after) = (read("body.ply"), read("again.ply"));
     assert!(if_mesh::validate::is_valid(&after));
-    let apart = surface_distance((&before, &Bvh::new(&before)), (&after, &Bvh::new(&after)), 5_000, 0);
-    // The fit is held to 1 mm (tests of `ifg fit`), cells of 1 cm cut a body of 10 cm radius by 0.1 mm.
+    let apart =
+        surface_distance((&before, &Bvh::new(&before)), (&after, &Bvh::new(&after)), 5_000, 0);
+    // The fit is held to 1 mm (tests of `ifg fit`), cells of 1 cm cut a body of 10 cm radius by 0.1
+    // mm.
     assert!(apart.chamfer_mm < 1.0 && apart.hausdorff_mm < 6.0, "{apart:?}");
-    let json = folder.ifg("extract body.safetensors --out c.ply --cell 2cm --no-pictures --json").expect(0).json();
-    assert!(json["before"].is_null() && json["distance"].is_null() && json["after"]["triangles"].as_u64().unwrap() > 100);
+    let json = folder
+        .ifg("extract body.safetensors --out c.ply --cell 2cm --no-pictures --json")
+        .expect(0)
+        .json();
+    assert!(
+        json["before"].is_null()
+            && json["distance"].is_null()
+            && json["after"]["triangles"].as_u64().unwrap() > 100
+    );
     folder.write("cut.safetensors", &folder.read("body.safetensors")[..5000]);
     let cut = folder.ifg("extract cut.safetensors --out d.ply").expect(2);
-    assert!(cut.stderr.contains("cut.safetensors") && cut.stderr.contains("cut short"), "{}", cut.stderr);
+    assert!(
+        cut.stderr.contains("cut.safetensors") && cut.stderr.contains("cut short"),
+        "{}",
+        cut.stderr
+    );
     let scaled = folder.ifg("extract body.safetensors --out d.ply --scale 0.01").expect(2);
     assert!(scaled.stderr.contains("metres"), "{}", scaled.stderr);
     assert!(!folder.path("d.ply").exists());
@@ -66,11 +87,19 @@ fn a_fitted_network_becomes_the_mesh_that_it_was_fitted_to() {
 fn what_is_no_field_is_refused() {
     let folder = Folder::new();
     let open = folder.ifg("extract skirt.ply --out a.ply").expect(2);
-    assert!(open.stderr.contains("skirt.ply") && open.stderr.contains("not closed"), "{}", open.stderr);
+    assert!(
+        open.stderr.contains("skirt.ply") && open.stderr.contains("not closed"),
+        "{}",
+        open.stderr
+    );
     folder.ifg("extract nothing.ply --out a.ply").expect(2);
     folder.ifg("extract body.ply --out a.ply --cell 0mm").expect(2);
     let lost = folder.ifg("extract body.ply --out a.ply --cell 5m").expect(2);
-    assert!(lost.stderr.contains("nothing is left") && lost.stderr.contains("5000.00 mm"), "{}", lost.stderr);
+    assert!(
+        lost.stderr.contains("nothing is left") && lost.stderr.contains("5000.00 mm"),
+        "{}",
+        lost.stderr
+    );
     assert!(!folder.path("a.ply").exists());
 }
 
@@ -96,7 +125,10 @@ fn what_would_be_lost_is_not_overwritten_and_a_bad_name_is_refused_before_the_wo
         assert!(folder.files() == before, "{command}: files changed");
     }
     folder.ifg("extract body.ply --out new/folder/a.ply --cell 5cm").expect(0);
-    let names: Vec<_> = std::fs::read_dir(folder.path("new/folder")).unwrap().map(|f| f.unwrap().file_name()).collect();
+    let names: Vec<_> = std::fs::read_dir(folder.path("new/folder"))
+        .unwrap()
+        .map(|f| f.unwrap().file_name())
+        .collect();
     assert_eq!(names.len(), 3, "{names:?}");
 }
 
@@ -111,7 +143,9 @@ fn a_link_is_followed_and_never_to_the_input() {
     let run = folder.ifg("extract body.ply --out same.ply --cell 5cm").expect(2);
     assert!(run.stderr.contains("input file `body.ply`"), "{}", run.stderr);
     folder.ifg("extract body.ply --out link.ply --cell 5cm --no-pictures").expect(0);
-    assert!(folder.path("link.ply").is_symlink() && folder.read("store/real.ply").starts_with(b"ply"));
+    assert!(
+        folder.path("link.ply").is_symlink() && folder.read("store/real.ply").starts_with(b"ply")
+    );
 }
 
 /// Far away, where coordinates of 4 bytes are 0.06 mm apart.
@@ -123,14 +157,22 @@ fn errors_are_those_of_the_file_in_the_precision_of_the_input() {
         let ply = PlyMesh { coordinates, ..PlyMesh::new(far.clone()) };
         let how = WriteParams { coordinates, ..WriteParams::default() };
         ply::write_path(&ply, far.vertices(), &how, &folder.path("far.ply")).unwrap();
-        let json = folder.ifg("extract far.ply --out near.ply --cell 3cm --no-pictures --json").expect(0).json();
+        let json = folder
+            .ifg("extract far.ply --out near.ply --cell 3cm --no-pictures --json")
+            .expect(0)
+            .json();
         let error = &json["report"]["error"];
         let read = |name: &str| MeshFile::read(&folder.path(name)).unwrap();
         let (before, after) = (read("far.ply"), read("near.ply"));
         assert_eq!(after.is_single_precision(), coordinates == CoordinateType::Float);
-        assert_eq!(error["checked"].as_u64(), Some(after.mesh().vertices().len() as u64), "all are checked");
+        assert_eq!(
+            error["checked"].as_u64(),
+            Some(after.mesh().vertices().len() as u64),
+            "all are checked"
+        );
         let field = MeshSdf::closed(before.mesh()).unwrap();
-        let worst = after.mesh().vertices().iter().map(|p| field.distance(p).abs()).fold(0.0, f64::max);
+        let worst =
+            after.mesh().vertices().iter().map(|p| field.distance(p).abs()).fold(0.0, f64::max);
         let told = error["vertex_max"].as_f64().unwrap();
         assert!((told - worst).abs() <= 1e-3 * worst + 1e-12, "{told} is said, {worst} is");
         assert!(worst < most, "{worst}");
@@ -149,6 +191,9 @@ fn paths_that_are_not_utf_8_are_told_all_the_same() {
     let mut command = folder.command("extract --cell 5cm --no-pictures --json --out");
     let run = crate::folder::Run::from(command.args([out, field]).output().unwrap()).expect(0);
     let json = run.json();
-    assert_eq!((&json["field"], &json["files"][0]), (&"b\u{fffd}dy.ply".into(), &"r\u{fffd}und.ply".into()));
+    assert_eq!(
+        (&json["field"], &json["files"][0]),
+        (&"b\u{fffd}dy.ply".into(), &"r\u{fffd}und.ply".into())
+    );
     assert!(folder.path("").join(out).exists());
 }

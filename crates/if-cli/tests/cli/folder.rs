@@ -13,8 +13,7 @@ use tempfile::TempDir;
 pub(crate) struct Folder(TempDir);
 
 /// With these no outfit of the folder is resolved.
-pub(crate) const TOO_FEW: &str =
-    "--set rounds=1 --set settle_rounds=1 --set sweeps=1 --set step=1e-5 --set max_push=1e-5 --set ease_rounds=0";
+pub(crate) const TOO_FEW: &str = "--set rounds=1 --set settle_rounds=1 --set sweeps=1 --set step=1e-5 --set max_push=1e-5 --set ease_rounds=0";
 
 /// What the binary did.
 pub(crate) struct Run {
@@ -26,7 +25,11 @@ pub(crate) struct Run {
 impl From<Output> for Run {
     fn from(output: Output) -> Self {
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("ifg writes UTF-8");
-        Self { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+        Self {
+            code: output.status.code(),
+            stdout: text(output.stdout),
+            stderr: text(output.stderr),
+        }
     }
 }
 
@@ -53,12 +56,16 @@ pub(crate) fn body() -> TriMesh {
 /// A tube about the body's middle, from `y = from` to `to`. Of `radius` 1 it touches the body at
 /// `y = 0`; a smaller one passes through it.
 pub(crate) fn belt(radius: Real, from: Real, to: Real) -> TriMesh {
-    moved(&tube(radius, 1.0, 24, 4, false), |p| drawn_out(&Point::new(p.x, (from + p.y * (to - from)) / 0.9, p.z)))
+    moved(&tube(radius, 1.0, 24, 4, false), |p| {
+        drawn_out(&Point::new(p.x, (from + p.y * (to - from)) / 0.9, p.z))
+    })
 }
 
 /// The same of three flat sides.
 pub(crate) fn angular_belt(radius: Real, from: Real, to: Real) -> TriMesh {
-    moved(&tube(radius, 1.0, 3, 2, false), |p| drawn_out(&Point::new(p.x, (from + p.y * (to - from)) / 0.9, p.z)))
+    moved(&tube(radius, 1.0, 3, 2, false), |p| {
+        drawn_out(&Point::new(p.x, (from + p.y * (to - from)) / 0.9, p.z))
+    })
 }
 
 fn drawn_out(p: &Point) -> Point {
@@ -83,7 +90,8 @@ pub(crate) fn ply(mesh: &TriMesh) -> String {
         "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty float y\nproperty float z\n\
          property uchar label\nelement face {m}\nproperty list uchar int vertex_indices\nend_header\n"
     );
-    let v = mesh.vertices().iter().map(|p| format!("{} {} {} 7\n", p.x as f32, p.y as f32, p.z as f32));
+    let v =
+        mesh.vertices().iter().map(|p| format!("{} {} {} 7\n", p.x as f32, p.y as f32, p.z as f32));
     let f = mesh.triangles().iter().map(|t| format!("3 {} {} {}\n", t[0], t[1], t[2]));
     header + &v.chain(f).collect::<String>()
 }
@@ -123,7 +131,8 @@ impl Folder {
 
     pub(crate) fn ifg(&self, args: &str) -> Run {
         // Pictures take longer than all the rest.
-        let pictures = if args.starts_with("fix") || args.starts_with("demo") { " --no-pictures" } else { "" };
+        let pictures =
+            if args.starts_with("fix") || args.starts_with("demo") { " --no-pictures" } else { "" };
         self.ifg_drawing(&format!("{args}{pictures}"))
     }
 
@@ -132,8 +141,9 @@ impl Folder {
         self.command(args).output().expect("ifg starts").into()
     }
 
-    /// Starts the binary, waits until it works on `out`, whose hidden folder is then there, interrupts it a moment later, and makes sure that
-    /// it ends soon with the exit code of that, and that no file but those before are there.
+    /// Starts the binary, waits until it works on `out`, whose hidden folder is then there,
+    /// interrupts it a moment later, and makes sure that it ends soon with the exit code of that,
+    /// and that no file but those before are there.
     #[cfg(unix)]
     #[track_caller]
     pub(crate) fn interrupt(&self, args: &str, hidden: &str) -> Run {
@@ -143,14 +153,22 @@ impl Folder {
         /// How long a test waits for what takes a moment.
         const PATIENCE: Duration = Duration::from_secs(20);
         let before = self.files();
-        let mut child = self.command(args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("ifg starts");
+        let mut child = self
+            .command(args)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("ifg starts");
         let start = Instant::now();
         while !self.path(hidden).exists() {
             assert!(start.elapsed() < PATIENCE, "no {hidden}");
             sleep(Duration::from_millis(2));
         }
         sleep(Duration::from_millis(500));
-        Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill is there");
+        Command::new("kill")
+            .args(["-INT", &child.id().to_string()])
+            .status()
+            .expect("kill is there");
         let start = Instant::now();
         while child.try_wait().expect("it is our child").is_none() {
             if start.elapsed() > PATIENCE {
@@ -164,8 +182,8 @@ impl Folder {
         run
     }
 
-    /// Starts the binary with a full pipe for its stdout, so that it waits where it first prints; interrupts it a moment after `ready` returns, and
-    /// lets it go on.
+    /// Starts the binary with a full pipe for its stdout, so that it waits where it first prints;
+    /// interrupts it a moment after `ready` returns, and lets it go on.
     #[cfg(unix)]
     #[track_caller]
     pub(crate) fn interrupt_printing(&self, args: &str, ready: impl FnOnce()) -> Run {
@@ -177,10 +195,14 @@ impl Folder {
         let stdout = writer.try_clone().expect("the same pipe");
         // More than any pipe holds.
         let filling = spawn(move || writer.write_all(&vec![b'\n'; 1 << 21]));
-        let child = self.command(args).stdout(stdout).stderr(Stdio::piped()).spawn().expect("ifg starts");
+        let child =
+            self.command(args).stdout(stdout).stderr(Stdio::piped()).spawn().expect("ifg starts");
         ready();
         sleep(Duration::from_millis(300));
-        Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill is there");
+        Command::new("kill")
+            .args(["-INT", &child.id().to_string()])
+            .status()
+            .expect("kill is there");
         sleep(Duration::from_millis(100));
         reader.read_to_end(&mut Vec::new()).expect("a pipe");
         filling.join().expect("it does not panic").expect("a pipe");

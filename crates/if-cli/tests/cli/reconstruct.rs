@@ -17,7 +17,8 @@ fn edit(folder: &Folder, change: impl FnOnce(&mut Value)) {
 /// The names of the folders in a folder.
 fn names(folder: &Folder, parent: &str) -> Vec<String> {
     let entries = fs::read_dir(folder.path(parent)).unwrap();
-    let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    let mut names: Vec<String> =
+        entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
     names.retain(|n| !n.starts_with('.'));
     names.sort();
     names
@@ -29,7 +30,8 @@ fn what_is_wrong_is_said_before_anything_is_written() {
     folder.ifg(CAPTURE).expect(0);
     let meta = folder.read("cap/meta.json");
     let refused = |args: &str, words: &[&str]| {
-        let stderr = folder.ifg(&format!("reconstruct cap --body cap/body --out w {args}")).expect(2).stderr;
+        let stderr =
+            folder.ifg(&format!("reconstruct cap --body cap/body --out w {args}")).expect(2).stderr;
         for word in words {
             assert!(stderr.contains(word), "`{word}` is missing:\n{stderr}");
         }
@@ -51,7 +53,11 @@ fn what_is_wrong_is_said_before_anything_is_written() {
     refused("", &["frame 4", "12 rotations for 13 joints"]);
     edit(&folder, |meta| {
         meta["joints"].as_array_mut().unwrap().pop();
-        meta["frames"].as_array_mut().unwrap().iter_mut().for_each(|f| drop(f["rot"].as_array_mut().unwrap().pop()));
+        meta["frames"]
+            .as_array_mut()
+            .unwrap()
+            .iter_mut()
+            .for_each(|f| drop(f["rot"].as_array_mut().unwrap().pop()));
     });
     refused("", &["12 joints", "has 13", "give --body"]);
     edit(&folder, |meta| meta["t"] = json!([0.0, 0.0, -50.0]));
@@ -86,12 +92,15 @@ fn captures_of_several_bodies_share_a_wardrobe_also_at_once() {
     ply.splice(at..at, b"comment of another person\n".iter().copied());
     folder.write("other/body/body_clean.ply", ply);
     folder.write("other/body/skeleton.json", folder.read("cap/body/skeleton.json"));
-    let command =
-        |body: &str, prefix: &str| folder.command(&format!("reconstruct cap --body {body} --out w --prefix {prefix} {QUICK}"));
+    let command = |body: &str, prefix: &str| {
+        folder.command(&format!("reconstruct cap --body {body} --out w --prefix {prefix} {QUICK}"))
+    };
     let runs = [("cap/body", "a_"), ("other/body", "b_"), ("cap/body", "c_")];
     let started: Vec<_> = runs[..2]
         .iter()
-        .map(|(body, prefix)| command(body, prefix).stdout(std::process::Stdio::null()).spawn().unwrap())
+        .map(|(body, prefix)| {
+            command(body, prefix).stdout(std::process::Stdio::null()).spawn().unwrap()
+        })
         .collect();
     for mut child in started {
         assert!(child.wait().unwrap().success());
@@ -100,7 +109,9 @@ fn captures_of_several_bodies_share_a_wardrobe_also_at_once() {
     assert_eq!(names(&folder, "w/bodies"), ["body", "body_2"]);
     assert_eq!(names(&folder, "w/garments").len(), 6);
     let body = |garment: &str| {
-        let info: Value = serde_json::from_slice(&folder.read(&format!("w/garments/{garment}/asset.json"))).unwrap();
+        let info: Value =
+            serde_json::from_slice(&folder.read(&format!("w/garments/{garment}/asset.json")))
+                .unwrap();
         info["body"]["name"].clone()
     };
     assert_eq!(body("a_white_shirt"), body("c_trousers"));

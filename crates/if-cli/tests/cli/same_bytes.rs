@@ -40,7 +40,9 @@ fn two_runs_and_any_number_of_threads_give_the_same_bytes() {
 fn pictures_are_the_same_too() {
     let folder = Folder::new();
     let run = |out: &str, threads: usize| {
-        folder.ifg_drawing(&format!("fix --body body.ply hoop.ply --out {out} --threads {threads}")).expect(0);
+        folder
+            .ifg_drawing(&format!("fix --body body.ply hoop.ply --out {out} --threads {threads}"))
+            .expect(0);
         result(&folder, out)
     };
     let once = run("one", 1);

@@ -12,7 +12,10 @@ use std::time::{Duration, Instant};
 
 /// The mesh, a little larger.
 fn larger(mesh: &TriMesh) -> TriMesh {
-    mesh.with_vertices(mesh.vertices().iter().map(|p| Point::new(p.x * 1.1, p.y * 1.02, p.z * 1.1)).collect()).unwrap()
+    mesh.with_vertices(
+        mesh.vertices().iter().map(|p| Point::new(p.x * 1.1, p.y * 1.02, p.z * 1.1)).collect(),
+    )
+    .unwrap()
 }
 
 /// A wardrobe `w` of two bodies and six belts made on the first.
@@ -23,7 +26,10 @@ fn belts() -> Folder {
     folder.ifg("wardrobe add w --body large --mesh large.ply").expect(0);
     for k in 0..6 {
         let from = -0.3 + 0.1 * f64::from(k);
-        folder.write(&format!("belt{k}.ply"), ply(&belt(0.97 + 0.01 * f64::from(k % 3), from, from + 0.3)));
+        folder.write(
+            &format!("belt{k}.ply"),
+            ply(&belt(0.97 + 0.01 * f64::from(k % 3), from, from + 0.3)),
+        );
         folder.ifg(&format!("wardrobe add w --body slim belt{k}.ply")).expect(0);
     }
     folder
@@ -48,13 +54,18 @@ fn mannequins() -> Folder {
 /// Files of an output folder, but for those that hold seconds.
 fn results(folder: &Folder, out: &str) -> Vec<(PathBuf, Vec<u8>)> {
     let root = folder.path(out);
-    let timed = |p: &Path| ["timings.json", "report.html", "summary.csv", ".ifg-lock"].iter().any(|n| p.ends_with(n));
-    let files = folder.files().into_iter().filter(|(p, _)| p.starts_with(&root) && p.is_file() && !timed(p));
+    let timed = |p: &Path| {
+        ["timings.json", "report.html", "summary.csv", ".ifg-lock"].iter().any(|n| p.ends_with(n))
+    };
+    let files = folder
+        .files()
+        .into_iter()
+        .filter(|(p, _)| p.starts_with(&root) && p.is_file() && !timed(p));
     files.map(|(p, bytes)| (p.strip_prefix(&root).unwrap().to_owned(), bytes)).collect()
 }
 
-/// Kills a batch again and again at random moments; what it leaves in the end are the bytes of one that ran in peace.
-/// Returns how many of the kills struck before the batch was done.
+/// Kills a batch again and again at random moments; what it leaves in the end are the bytes of one
+/// that ran in peace. Returns how many of the kills struck before the batch was done.
 #[cfg(unix)]
 fn kill_and_resume(folder: &Folder, batch: &str, kills: usize) -> usize {
     let start = Instant::now();
@@ -65,8 +76,12 @@ fn kill_and_resume(folder: &Folder, batch: &str, kills: usize) -> usize {
     for _ in 0..kills {
         random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         let share = (random >> 11) as f64 / (1u64 << 53) as f64;
-        let mut child =
-            folder.command(&format!("{batch} --out killed")).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let mut child = folder
+            .command(&format!("{batch} --out killed"))
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
         // On average a kill for each part of the work.
         std::thread::sleep(Duration::from_secs_f64(2.0 * share * seconds / kills as f64));
         child.kill().unwrap(); // SIGKILL: nothing can be tidied up
@@ -74,11 +89,22 @@ fn kill_and_resume(folder: &Folder, batch: &str, kills: usize) -> usize {
         // Whatever stands under a result's name is whole.
         for (path, bytes) in results(folder, "killed") {
             let name = path.to_string_lossy();
-            if name.starts_with("results/") && !name.contains(".ifg-") && name.ends_with("result.json") {
+            if name.starts_with("results/")
+                && !name.contains(".ifg-")
+                && name.ends_with("result.json")
+            {
                 let result: Value = serde_json::from_slice(&bytes).unwrap();
                 for output in result["outputs"].as_array().unwrap() {
-                    let file = folder.path("killed").join(&path).with_file_name(output["file"].as_str().unwrap());
-                    assert_eq!(file.metadata().unwrap().len(), output["bytes"].as_u64().unwrap(), "{}", file.display());
+                    let file = folder
+                        .path("killed")
+                        .join(&path)
+                        .with_file_name(output["file"].as_str().unwrap());
+                    assert_eq!(
+                        file.metadata().unwrap().len(),
+                        output["bytes"].as_u64().unwrap(),
+                        "{}",
+                        file.display()
+                    );
                 }
             }
         }
@@ -92,7 +118,11 @@ fn kill_and_resume(folder: &Folder, batch: &str, kills: usize) -> usize {
 #[test]
 fn a_killed_batch_goes_on_and_leaves_the_same_bytes() {
     let folder = belts();
-    let struck = kill_and_resume(&folder, "wardrobe batch w --random 24 --any-order --most 3 --no-pictures", 6);
+    let struck = kill_and_resume(
+        &folder,
+        "wardrobe batch w --random 24 --any-order --most 3 --no-pictures",
+        6,
+    );
     assert!(struck > 0, "no kill struck");
 }
 
@@ -114,28 +144,51 @@ fn a_wardrobe_is_filled_listed_and_matched() {
     assert!(folder.ifg("wardrobe list w").expect(0).stdout.contains("belt3"));
     let run = folder.ifg("wardrobe match w --body large belt0 belt1 --out look").expect(0);
     assert!(run.stdout.contains("Topology") && run.stdout.contains("look"), "{}", run.stdout);
-    for name in ["belt0.ply", "belt1.ply", "large.ply", "before.png", "after.png", "result.json", "report.html"] {
+    for name in [
+        "belt0.ply",
+        "belt1.ply",
+        "large.ply",
+        "before.png",
+        "after.png",
+        "result.json",
+        "report.html",
+    ] {
         assert!(folder.path("look").join(name).exists(), "{name}");
     }
     let page = String::from_utf8(folder.read("look/report.html")).unwrap();
-    assert!(page.contains("data:image/png;base64,") && !page.contains("http"), "one file, no network");
+    assert!(
+        page.contains("data:image/png;base64,") && !page.contains("http"),
+        "one file, no network"
+    );
     // The garments as they were written, checked as any others.
     folder.ifg("check --body look/large.ply look/belt0.ply look/belt1.ply").expect(0);
-    assert!(folder.ifg("wardrobe match w --body large belt0 belt1 --out look").expect(0).stdout.contains("was there already"));
+    assert!(
+        folder
+            .ifg("wardrobe match w --body large belt0 belt1 --out look")
+            .expect(0)
+            .stdout
+            .contains("was there already")
+    );
     // Another combination takes its place, and what is not of the first one stays.
     folder.write("look/notes.txt", "mine");
     std::fs::create_dir(folder.path("look/sub")).unwrap();
     folder.write("look/sub/notes.txt", "mine too");
     folder.ifg("wardrobe match w --body slim belt2 --out look").expect(0);
     assert!(!folder.path("look/belt0.ply").exists() && folder.path("look/slim.ply").exists());
-    assert_eq!((folder.read("look/notes.txt"), folder.read("look/sub/notes.txt")), (b"mine".into(), b"mine too".into()));
+    assert_eq!(
+        (folder.read("look/notes.txt"), folder.read("look/sub/notes.txt")),
+        (b"mine".into(), b"mine too".into())
+    );
     // A file of the user's is not replaced.
     folder.write("look/belt1.ply", "mine");
     let before = folder.files();
     let refused = folder.ifg("wardrobe match w --body slim belt1 --out look").expect(2).stderr;
     assert!(refused.contains("belt1.ply` is in the way") && folder.files() == before, "{refused}");
     #[cfg(unix)]
-    assert!(folder.files().iter().all(|(path, _)| !path.ends_with(".ifg-lock")), "locks are removed");
+    assert!(
+        folder.files().iter().all(|(path, _)| !path.ends_with(".ifg-lock")),
+        "locks are removed"
+    );
 }
 
 #[test]
@@ -146,13 +199,24 @@ fn a_result_is_not_replaced_by_a_worse_one() {
     let run = folder.ifg("wardrobe match w --body slim belt0 belt0 --out look").expect(2);
     assert!(run.stderr.contains("`belt0` stands twice"), "{}", run.stderr);
     const TOO_FEW: &str = "--set rounds=1 --set settle_rounds=1 --set ease_rounds=0";
-    let run = folder.ifg(&format!("wardrobe match w --body slim belt0 belt1 --out look {TOO_FEW}")).expect(1);
-    assert!(run.stderr.contains("`look` holds a better result") && run.stdout.contains("Nothing written"), "{}", run.stderr);
+    let run = folder
+        .ifg(&format!("wardrobe match w --body slim belt0 belt1 --out look {TOO_FEW}"))
+        .expect(1);
+    assert!(
+        run.stderr.contains("`look` holds a better result")
+            && run.stdout.contains("Nothing written"),
+        "{}",
+        run.stderr
+    );
     assert!(folder.files() == before);
     // Where nothing better stands the report is written; asked for, the meshes are, too.
     folder.ifg(&format!("wardrobe match w --body slim belt0 belt1 --out left {TOO_FEW}")).expect(1);
     assert!(folder.path("left/report.html").exists() && !folder.path("left/belt0.ply").exists());
-    folder.ifg(&format!("wardrobe match w --body slim belt0 belt1 --out look {TOO_FEW} --write-unproven")).expect(1);
+    folder
+        .ifg(&format!(
+            "wardrobe match w --body slim belt0 belt1 --out look {TOO_FEW} --write-unproven"
+        ))
+        .expect(1);
     assert!(folder.path("look/belt1.ply").exists());
 }
 
@@ -166,7 +230,8 @@ fn matches_beside_one_another_run_at_once_and_leave_no_locks() {
     for mut child in ["a", "b", "c"].map(start) {
         assert!(child.wait().unwrap().success());
     }
-    let mut names: Vec<_> = std::fs::read_dir(folder.path("par")).unwrap().map(|e| e.unwrap().file_name()).collect();
+    let mut names: Vec<_> =
+        std::fs::read_dir(folder.path("par")).unwrap().map(|e| e.unwrap().file_name()).collect();
     names.sort();
     assert_eq!(names, ["a", "b", "c"]);
     #[cfg(unix)]
@@ -177,7 +242,8 @@ fn matches_beside_one_another_run_at_once_and_leave_no_locks() {
 fn what_was_being_replaced_at_a_kill_is_there_again() {
     let folder = belts();
     let before = folder.files();
-    let rename = |from: &str, to: &str| std::fs::rename(folder.path(from), folder.path(to)).unwrap();
+    let rename =
+        |from: &str, to: &str| std::fs::rename(folder.path(from), folder.path(to)).unwrap();
     rename("w/garments/belt0", "w/garments/.ifg-old-belt0");
     std::fs::create_dir(folder.path("w/garments/.ifg-whole-x")).unwrap();
     rename("w/bodies/slim", "w/bodies/.ifg-old-slim");
@@ -193,7 +259,10 @@ fn a_stray_folder_does_not_stop_the_others() {
     let run = folder.ifg("wardrobe match w --body slim belt0 --out look").expect(0);
     assert!(run.stderr.contains("body `junk` is left out"), "{}", run.stderr);
     let list = folder.ifg("wardrobe list w --json").expect(2).json();
-    assert_eq!((&list["faults"][0]["part"], &list["faults"][0]["name"]), (&"body".into(), &"junk".into()));
+    assert_eq!(
+        (&list["faults"][0]["part"], &list["faults"][0]["name"]),
+        (&"body".into(), &"junk".into())
+    );
     let stderr = folder.ifg("wardrobe match w --body junk belt0 --out other").expect(2).stderr;
     assert!(stderr.contains("body.json"), "{stderr}");
     // A body that is added anew is mended, and the garments of one that is gone are marked.
@@ -201,7 +270,13 @@ fn a_stray_folder_does_not_stop_the_others() {
     folder.ifg("wardrobe list w").expect(0);
     std::fs::remove_dir_all(folder.path("w/bodies/slim")).unwrap();
     assert!(folder.ifg("wardrobe list w").expect(0).stdout.contains("slim (not there)"));
-    assert_eq!(folder.ifg("wardrobe list w --json").expect(0).json()["without_body"].as_array().unwrap().len(), 6);
+    assert_eq!(
+        folder.ifg("wardrobe list w --json").expect(0).json()["without_body"]
+            .as_array()
+            .unwrap()
+            .len(),
+        6
+    );
 }
 
 #[test]
@@ -222,7 +297,10 @@ fn what_a_file_holds_beside_its_mesh_goes_through_a_wardrobe() {
             Property::new("ny", up(1)),
             Property::new("nz", up(2)),
         ],
-        face_properties: vec![texcoord, Property::new("texnumber", Column::I32((0..m as i32).collect()))],
+        face_properties: vec![
+            texcoord,
+            Property::new("texnumber", Column::I32((0..m as i32).collect())),
+        ],
         comments: vec!["TextureFile wool.png".into(), "CC0".into()],
         ..PlyMesh::new(mesh.clone())
     };
@@ -230,7 +308,8 @@ fn what_a_file_holds_beside_its_mesh_goes_through_a_wardrobe() {
     // The same of three flat sides from another program.
     let coarse = angular_belt(1.2, 0.2, 0.3);
     let count = coarse.vertices().len();
-    let vertices: String = coarse.vertices().iter().map(|p| format!("v {} {} {} 1 0.2 0\n", p.x, p.y, p.z)).collect();
+    let vertices: String =
+        coarse.vertices().iter().map(|p| format!("v {} {} {} 1 0.2 0\n", p.x, p.y, p.z)).collect();
     let texture: String = (0..count).map(|k| format!("vt {k} 0.5\n")).collect();
     let corner = |v: u32| format!("{0}/{0}", v + 1);
     let faces = coarse.triangles().iter().map(|t| format!("f {}\n", t.map(corner).join(" ")));
@@ -238,28 +317,46 @@ fn what_a_file_holds_beside_its_mesh_goes_through_a_wardrobe() {
     let text = format!("mtllib felt.mtl\n{vertices}{texture}g a\nusemtl felt\n{faces}g b\n");
     folder.write("felt.obj", text);
     let told = folder.ifg("wardrobe add w --body slim wool.ply felt.obj").expect(0).stdout;
-    assert!(told.contains("felt.mtl") && told.contains("groups and objects are not kept: a, b"), "{told}");
+    assert!(
+        told.contains("felt.mtl") && told.contains("groups and objects are not kept: a, b"),
+        "{told}"
+    );
 
-    folder.ifg("wardrobe match w --body slim felt wool --out look --set split=if_strained").expect(0);
+    folder
+        .ifg("wardrobe match w --body slim felt wool --out look --set split=if_strained")
+        .expect(0);
     let read = |name: &str| read_bytes(&folder.read(name)).unwrap();
     let wool = read("look/wool.ply");
     assert_ne!(wool.mesh.vertices(), mesh.vertices());
-    assert_eq!((&wool.face_properties, wool.vertex_property("red")), (&file.face_properties, file.vertex_property("red")));
+    assert_eq!(
+        (&wool.face_properties, wool.vertex_property("red")),
+        (&file.face_properties, file.vertex_property("red"))
+    );
     assert_eq!(wool.comments, file.comments);
-    let Column::F32(nz) = &wool.vertex_property("nz").unwrap().values else { panic!("another type") };
+    let Column::F32(nz) = &wool.vertex_property("nz").unwrap().values else {
+        panic!("another type")
+    };
     assert!(nz.iter().any(|z| *z != 1.0), "normals turn with the surface");
     let felt = read("look/felt.ply");
     assert_eq!(felt.comments, ["material 0 felt", "mtllib felt.mtl"]);
-    let [texcoord, material] = &felt.face_properties[..] else { panic!("{:?}", felt.face_properties) };
-    assert_eq!((texcoord.values.len(), material.values.len()), (6 * felt.mesh.triangles().len(), felt.mesh.triangles().len()));
-    let Column::U8(green) = &felt.vertex_property("green").unwrap().values else { panic!("another type") };
+    let [texcoord, material] = &felt.face_properties[..] else {
+        panic!("{:?}", felt.face_properties)
+    };
+    assert_eq!(
+        (texcoord.values.len(), material.values.len()),
+        (6 * felt.mesh.triangles().len(), felt.mesh.triangles().len())
+    );
+    let Column::U8(green) = &felt.vertex_property("green").unwrap().values else {
+        panic!("another type")
+    };
     assert!(green.iter().all(|g| *g == 51) && green.len() == felt.mesh.vertices().len());
     assert!(felt.mesh.vertices().len() > count, "it was split");
     // In a batch, too; and the body is the user's file.
     folder.write("list.toml", "[[outfit]]\nbody='slim'\ngarments=['wool']\n");
     folder.ifg("wardrobe batch w --list list.toml --out listed --no-pictures").expect(0);
     let summary: Value = serde_json::from_slice(&folder.read("listed/summary.json")).unwrap();
-    let path = format!("listed/results/{}/wool.ply", summary["entries"][0]["folder"].as_str().unwrap());
+    let path =
+        format!("listed/results/{}/wool.ply", summary["entries"][0]["folder"].as_str().unwrap());
     assert_eq!(read(&path).face_properties, file.face_properties);
     assert_eq!(folder.read("look/slim.ply"), folder.read("body.ply"));
 }
@@ -268,7 +365,9 @@ fn what_a_file_holds_beside_its_mesh_goes_through_a_wardrobe() {
 fn a_body_may_be_an_obj_file() {
     let folder = Folder::new();
     folder.write("body.obj", obj(&body()));
-    folder.ifg("wardrobe add w --body anna --mesh body.obj --template body.obj skirt.ply").expect(0);
+    folder
+        .ifg("wardrobe add w --body anna --mesh body.obj --template body.obj skirt.ply")
+        .expect(0);
     folder.ifg("wardrobe match w --body anna skirt --out look").expect(0);
     let anna = read_bytes(&folder.read("look/anna.ply")).unwrap().mesh;
     assert_eq!(anna, body(), "without loss");
@@ -280,9 +379,16 @@ fn files_may_be_in_centimetres() {
     let folder = Folder::new();
     std::fs::create_dir(folder.path("cm")).unwrap();
     folder.write("cm/body.ply", ply(&body().scaled(100.0).unwrap()));
-    folder.write("cm/skirt.obj", obj(&read_bytes(&folder.read("skirt.ply")).unwrap().mesh.scaled(100.0).unwrap()));
+    folder.write(
+        "cm/skirt.obj",
+        obj(&read_bytes(&folder.read("skirt.ply")).unwrap().mesh.scaled(100.0).unwrap()),
+    );
     let run = folder.ifg("wardrobe add w --body anna --mesh cm/body.ply cm/skirt.obj").expect(2);
-    assert!(run.stderr.contains("if the files are in centimetres, add --scale 0.01"), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("if the files are in centimetres, add --scale 0.01"),
+        "{}",
+        run.stderr
+    );
     folder.ifg("wardrobe add w --body anna --mesh cm/body.ply cm/skirt.obj --scale 0.01").expect(0);
     folder.ifg("wardrobe match w --body anna skirt --out look").expect(0);
     folder.ifg("check --body body.ply look/skirt.ply").expect(0);
@@ -290,7 +396,11 @@ fn files_may_be_in_centimetres() {
     assert!(info["provenance"]["tool"].as_str().unwrap().ends_with("--scale 0.01"));
     // Forgotten for the garment alone, or for a body that is in metres.
     let run = folder.ifg("wardrobe add w --body anna cm/skirt.obj").expect(2);
-    assert!(run.stderr.contains("times the body") && run.stderr.contains("--scale"), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("times the body") && run.stderr.contains("--scale"),
+        "{}",
+        run.stderr
+    );
     let run = folder.ifg("wardrobe add w --body anna skirt.ply --scale 0").expect(2);
     assert!(run.stderr.contains("positive"), "{}", run.stderr);
 }
@@ -303,30 +413,62 @@ fn faults_say_what_to_do() {
     assert!(stderr("wardrobe match w --body nobody belt0 --out look").contains("large, slim"));
     assert!(stderr("wardrobe add w --body nobody belt0.ply").contains("nobody"));
     assert!(stderr("wardrobe add w --body slim gone.ply").contains("gone.ply"));
-    folder.write("far.ply", ply(&crate::folder::moved(&belt(1.0, 0.0, 0.1), |p| Point::new(p.x + 9.0, p.y, p.z))));
+    folder.write(
+        "far.ply",
+        ply(&crate::folder::moved(&belt(1.0, 0.0, 0.1), |p| Point::new(p.x + 9.0, p.y, p.z))),
+    );
     assert!(stderr("wardrobe add w --body slim far.ply").contains("from the body"));
     assert!(!folder.path("w/garments/far").exists());
     let open = stderr("wardrobe add w --body open --mesh belt0.ply");
-    assert!(open.contains("boundary edges") && open.contains("belt0.ply") && !open.contains("combination"), "{open}");
-    for command in ["list gone", "match gone --body slim belt0 --out look", "batch gone --random 2 --out many"] {
-        assert!(stderr(&format!("wardrobe {command}")).contains("there is no wardrobe `gone`"), "{command}");
+    assert!(
+        open.contains("boundary edges")
+            && open.contains("belt0.ply")
+            && !open.contains("combination"),
+        "{open}"
+    );
+    for command in
+        ["list gone", "match gone --body slim belt0 --out look", "batch gone --random 2 --out many"]
+    {
+        assert!(
+            stderr(&format!("wardrobe {command}")).contains("there is no wardrobe `gone`"),
+            "{command}"
+        );
     }
-    assert!(!folder.path("gone").exists() && !folder.path("look").exists() && !folder.path("many").exists());
+    assert!(
+        !folder.path("gone").exists()
+            && !folder.path("look").exists()
+            && !folder.path("many").exists()
+    );
     assert!(stderr("wardrobe batch w --random 5000 --out many").contains("different combinations"));
     folder.write("list.toml", "[[outfit]]\nbody = 'slim'\ngarment = ['belt0']\n");
     assert!(stderr("wardrobe batch w --list list.toml --out listed").contains("list.toml"));
     // One failing combination is recorded, and the others are done.
-    folder.write("list.toml", "[[outfit]]\nbody='slim'\ngarments=['hat']\n[[outfit]]\nbody='slim'\ngarments=['belt0']\n");
+    folder.write(
+        "list.toml",
+        "[[outfit]]\nbody='slim'\ngarments=['hat']\n[[outfit]]\nbody='slim'\ngarments=['belt0']\n",
+    );
     let run = folder.ifg("wardrobe batch w --list list.toml --out listed --no-pictures").expect(2);
-    assert!(run.stdout.contains("1 clean (50.0 %)") && run.stdout.contains("no garment `hat`"), "{}", run.stdout);
+    assert!(
+        run.stdout.contains("1 clean (50.0 %)") && run.stdout.contains("no garment `hat`"),
+        "{}",
+        run.stdout
+    );
     let summary: Value = serde_json::from_slice(&folder.read("listed/summary.json")).unwrap();
     assert_eq!(summary["entries"][0]["error"]["kind"], "no_garment");
     // Names that would break the tables.
     folder.write("list.toml", "[[outfit]]\nbody='slim'\ngarments=['belt0']\n[[outfit]]\nbody='slim'\ngarments=[\"a,b\\nc\"]\n");
     let refused = stderr("wardrobe batch w --list list.toml --out named");
-    assert!(refused.contains("outfit 2") && refused.contains("is no name") && !folder.path("named").exists(), "{refused}");
+    assert!(
+        refused.contains("outfit 2")
+            && refused.contains("is no name")
+            && !folder.path("named").exists(),
+        "{refused}"
+    );
     // A file where a folder should be, and a folder of the user's.
-    assert!(stderr("wardrobe match w --body slim belt0 --out belt1.ply").contains("it is a file, and should be a folder"));
+    assert!(
+        stderr("wardrobe match w --body slim belt0 --out belt1.ply")
+            .contains("it is a file, and should be a folder")
+    );
     std::fs::create_dir(folder.path("mine")).unwrap();
     folder.write("mine/note.txt", "keep");
     assert!(stderr("wardrobe match w --body slim belt0 --out mine").contains("in the way"));
@@ -339,7 +481,8 @@ fn the_field_of_the_clothed_body_is_baked_where_that_is_asked_for() {
     folder.ifg("wardrobe add w --body slim --mesh body.ply --bake skirt.ply").expect(0);
     folder.ifg("wardrobe add w --body slim hoop.ply").expect(0);
     let baked = |name: &str| {
-        let info: Value = serde_json::from_slice(&folder.read(&format!("w/garments/{name}/asset.json"))).unwrap();
+        let info: Value =
+            serde_json::from_slice(&folder.read(&format!("w/garments/{name}/asset.json"))).unwrap();
         info["phi"]["baked"]["file"].clone()
     };
     assert_eq!((baked("skirt"), baked("hoop")), ("phi.baked".into(), Value::Null));
@@ -351,10 +494,16 @@ fn the_field_of_the_clothed_body_is_baked_where_that_is_asked_for() {
 fn a_line_that_cannot_be_printed_is_told_and_is_no_cancellation() {
     let folder = belts();
     for (random, json) in [(2, ""), (1, "--json")] {
-        let args = format!("wardrobe batch w --random {random} --any-order --most 2 --no-pictures --out many {json}");
+        let args = format!(
+            "wardrobe batch w --random {random} --any-order --most 2 --no-pictures --out many {json}"
+        );
         let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
         let run = Run::from(folder.command(&args).stdout(full).output().unwrap()).expect(2);
-        assert!(run.stderr.contains("No space left") && !run.stderr.contains("cancelled"), "{}", run.stderr);
+        assert!(
+            run.stderr.contains("No space left") && !run.stderr.contains("cancelled"),
+            "{}",
+            run.stderr
+        );
     }
 }
 

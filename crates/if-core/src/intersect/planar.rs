@@ -59,23 +59,32 @@ pub(super) fn contact(a: &Hull<'_>, b: &Hull<'_>) -> Contact {
     }
 }
 
-/// `(e0, e1, a)` and `(e0, e1, b)` lie in one plane: what they have in common beyond the hull of `e0`
-/// and `e1`.
+/// `(e0, e1, a)` and `(e0, e1, b)` lie in one plane: what they have in common beyond the hull of
+/// `e0` and `e1`.
 pub(super) fn beyond_edge(e0: &Point, e1: &Point, a: &Point, b: &Point) -> Contact {
     match (axis_of([e0, e1, a]), axis_of([e0, e1, b])) {
         (Some(axis), Some(_)) => {
             let [e0, e1, a, b] = [e0, e1, a, b].map(|p| project(p, axis));
-            if side_of_line(e0, e1, a) == side_of_line(e0, e1, b) { Contact::Coplanar } else { Contact::Disjoint }
+            if side_of_line(e0, e1, a) == side_of_line(e0, e1, b) {
+                Contact::Coplanar
+            } else {
+                Contact::Disjoint
+            }
         }
         (None, None) => {
             // Two segments. Off one line they meet in the edge, which is a point then.
             if axis_of([e0, a, b]).is_some() || axis_of([e1, a, b]).is_some() {
                 return Contact::Disjoint;
             }
-            let (a, b, edge) = (Hull::new(&[e0, e1, a]), Hull::new(&[e0, e1, b]), Hull::new(&[e0, e1]));
+            let (a, b, edge) =
+                (Hull::new(&[e0, e1, a]), Hull::new(&[e0, e1, b]), Hull::new(&[e0, e1]));
             let low = [a.points[0], b.points[0]].into_iter().max_by(|p, q| order(p, q));
             let high = [a.points[1], b.points[1]].into_iter().min_by(|p, q| order(p, q));
-            if low == Some(edge.points[0]) && high == Some(edge.points[1]) { Contact::Disjoint } else { Contact::Coplanar }
+            if low == Some(edge.points[0]) && high == Some(edge.points[1]) {
+                Contact::Disjoint
+            } else {
+                Contact::Coplanar
+            }
         }
         // A segment on the line of a triangle's edge does not reach beyond it.
         _ => Contact::Disjoint,
@@ -90,7 +99,9 @@ fn order(p: &Point, q: &Point) -> Ordering {
 /// An axis along which the triangle projects to one of non-zero area; `None` if it is degenerate.
 fn axis_of([a, b, c]: [&Point; 3]) -> Option<usize> {
     let first = (b - a).cross(&(c - a)).iamax();
-    (0..3).map(|k| (first + k) % 3).find(|&axis| side_of_line(project(a, axis), project(b, axis), project(c, axis)) != 0)
+    (0..3)
+        .map(|k| (first + k) % 3)
+        .find(|&axis| side_of_line(project(a, axis), project(b, axis), project(c, axis)) != 0)
 }
 
 fn project(p: &Point, axis: usize) -> Point2 {
@@ -112,14 +123,18 @@ impl Polygon {
         Self { corners, len: hull.len }
     }
 
-    /// The largest sign of the other's corners seen from each edge: −1 separates strictly, 0 weakly.
-    /// A segment has an edge there and an edge back, a point none.
+    /// The largest sign of the other's corners seen from each edge: −1 separates strictly, 0
+    /// weakly. A segment has an edge there and an edge back, a point none.
     fn worst(&self, other: &Polygon) -> i8 {
         let edges = if self.len == 1 { 0 } else { self.len };
         (0..edges)
             .map(|k| {
                 let (from, to) = (self.corners[k], self.corners[(k + 1) % self.len]);
-                other.corners[..other.len].iter().map(|p| side_of_line(from, to, *p)).max().unwrap_or(1)
+                other.corners[..other.len]
+                    .iter()
+                    .map(|p| side_of_line(from, to, *p))
+                    .max()
+                    .unwrap_or(1)
             })
             .min()
             .unwrap_or(1)

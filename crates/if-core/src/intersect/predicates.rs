@@ -1,16 +1,17 @@
 //! Exact signs of determinants: on which side of a plane or a line a point lies.
 //!
-//! Three stages, each entered only where the one before cannot decide: a floating-point filter whose
-//! error bound holds with underflow and overflow; the adaptive predicates of the crate `robust`,
-//! which are exact while no product of three coordinates leaves the range of `f64`; and integers of
-//! any length ([`super::wide`]). Together they are exact for all finite input.
+//! Three stages, each entered only where the one before cannot decide: a floating-point filter
+//! whose error bound holds with underflow and overflow; the adaptive predicates of the crate
+//! `robust`, which are exact while no product of three coordinates leaves the range of `f64`; and
+//! integers of any length ([`super::wide`]). Together they are exact for all finite input.
 
 use super::wide;
 use crate::math::{Point, Real, Vector};
 
-/// Bound of the filter, relative to the sum of the products' magnitudes. Eight roundings lie between
-/// the input and the result, 8 · 2⁻⁵³ = 8.9e-16; the rest covers the rounding of the bound itself.
-/// Smaller would be wrong, ten times larger sends ten times as many calls to the slower stages.
+/// Bound of the filter, relative to the sum of the products' magnitudes. Eight roundings lie
+/// between the input and the result, 8 · 2⁻⁵³ = 8.9e-16; the rest covers the rounding of the bound
+/// itself. Smaller would be wrong, ten times larger sends ten times as many calls to the slower
+/// stages.
 const FILTER: Real = 1.2e-15;
 /// Added to every magnitude: times [`FILTER`] it exceeds what underflow can take from a product.
 const UNDERFLOW: Real = 1e-300;
@@ -36,12 +37,16 @@ impl<'a> Plane<'a> {
         let (yz, zy) = (u.y * v.z, u.z * v.y);
         let (zx, xz) = (u.z * v.x, u.x * v.z);
         let normal = Vector::new(yz - zy, zx - xz, xy - yx);
-        let magnitude =
-            Vector::new(yz.abs() + zy.abs() + UNDERFLOW, zx.abs() + xz.abs() + UNDERFLOW, xy.abs() + yx.abs() + UNDERFLOW);
+        let magnitude = Vector::new(
+            yz.abs() + zy.abs() + UNDERFLOW,
+            zx.abs() + xz.abs() + UNDERFLOW,
+            xy.abs() + yx.abs() + UNDERFLOW,
+        );
         Self { corners, normal, magnitude }
     }
 
-    /// +1 where `p` sees the corners counter-clockwise, −1 where clockwise, 0 in the plane, exactly.
+    /// +1 where `p` sees the corners counter-clockwise, −1 where clockwise, 0 in the plane,
+    /// exactly.
     #[inline]
     pub(super) fn side(&self, p: &Point) -> i8 {
         let d = p - self.corners[0];
@@ -59,8 +64,8 @@ impl<'a> Plane<'a> {
     }
 }
 
-/// Sign of `((b − a) × (c − a)) · (p − a)`, exactly, for all finite input: +1 where `p` sees `a`, `b`,
-/// `c` counter-clockwise, −1 where clockwise, 0 where the four lie in one plane.
+/// Sign of `((b − a) × (c − a)) · (p − a)`, exactly, for all finite input: +1 where `p` sees `a`,
+/// `b`, `c` counter-clockwise, −1 where clockwise, 0 where the four lie in one plane.
 #[inline]
 pub fn side_of_plane(a: &Point, b: &Point, c: &Point, p: &Point) -> i8 {
     Plane::new([a, b, c]).side(p)
@@ -121,8 +126,13 @@ mod tests {
     fn a_point_one_ulp_off_the_plane_is_seen_at_every_scale() {
         for exponent in [-1070, -700, -350, -300, -100, 0, 100, 320, 330, 340, 1000] {
             // 2^exponent itself may be denormal: all products below are exact multiples of it.
-            let s = if exponent < -1000 { f64::MIN_POSITIVE * 2.0f64.powi(exponent + 1022) } else { 2.0f64.powi(exponent) };
-            let [a, b, c] = [Point::new(s, 0.0, 0.0), Point::new(0.0, s, 0.0), Point::new(0.0, 0.0, s)];
+            let s = if exponent < -1000 {
+                f64::MIN_POSITIVE * 2.0f64.powi(exponent + 1022)
+            } else {
+                2.0f64.powi(exponent)
+            };
+            let [a, b, c] =
+                [Point::new(s, 0.0, 0.0), Point::new(0.0, s, 0.0), Point::new(0.0, 0.0, s)];
             let third = s * 0.25;
             let on = Point::new(s * 0.5, third, third);
             assert_eq!(side_of_plane(&a, &b, &c, &on), 0, "2^{exponent}");
@@ -151,7 +161,12 @@ mod tests {
         assert_eq!(side_of_plane(&a, &b, &c, &Point::new(-5e-324, 0.0, 1.0)), -1);
         let m = f64::MAX;
         assert_eq!(
-            side_of_plane(&Point::new(m, m, -m), &Point::new(-m, m, -m), &Point::new(m, -m, -m), &Point::new(0.0, 0.0, m)),
+            side_of_plane(
+                &Point::new(m, m, -m),
+                &Point::new(-m, m, -m),
+                &Point::new(m, -m, -m),
+                &Point::new(0.0, 0.0, m)
+            ),
             1
         );
     }

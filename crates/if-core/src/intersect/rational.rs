@@ -1,7 +1,8 @@
-//! What rational arithmetic says of two triangles, and pairs that are hard to tell. Part of the tests of `intersect`, and of the
-//! benches (`benches/error_vs_time`).
+//! What rational arithmetic says of two triangles, and pairs that are hard to tell. Part of the
+//! tests of `intersect`, and of the benches (`benches/error_vs_time`).
 //!
-//! One triangle is clipped by the other's half-spaces; where the middle of what is left lies tells the rest.
+//! One triangle is clipped by the other's half-spaces; where the middle of what is left lies tells
+//! the rest.
 
 use super::{Contact, Point};
 use num_bigint::BigInt;
@@ -51,9 +52,14 @@ pub(super) struct Set<T> {
 
 pub(super) fn set<T: Exact>(t: &[V<T>; 3]) -> Set<T> {
     let n = cross(&sub(&t[1], &t[0]), &sub(&t[2], &t[0]));
-    let units = [[T::one(), T::zero(), T::zero()], [T::zero(), T::one(), T::zero()], [T::zero(), T::zero(), T::one()]];
+    let units = [
+        [T::one(), T::zero(), T::zero()],
+        [T::zero(), T::one(), T::zero()],
+        [T::zero(), T::zero(), T::one()],
+    ];
     if !is_zero(&n) {
-        let within = (0..3).map(|k| (t[k].clone(), cross(&n, &sub(&t[(k + 1) % 3], &t[k])))).collect();
+        let within =
+            (0..3).map(|k| (t[k].clone(), cross(&n, &sub(&t[(k + 1) % 3], &t[k])))).collect();
         return Set { equal: vec![(t[0].clone(), n)], within, hull: t.to_vec() };
     }
     // The longest of three sides is the segment.
@@ -64,9 +70,14 @@ pub(super) fn set<T: Exact>(t: &[V<T>; 3]) -> Set<T> {
     let (p, q) = (t[k.unwrap()].clone(), t[(k.unwrap() + 1) % 3].clone());
     let d = sub(&q, &p);
     if is_zero(&d) {
-        return Set { equal: units.into_iter().map(|u| (p.clone(), u)).collect(), within: vec![], hull: vec![p] };
+        return Set {
+            equal: units.into_iter().map(|u| (p.clone(), u)).collect(),
+            within: vec![],
+            hull: vec![p],
+        };
     }
-    let equal = units.iter().map(|u| (p.clone(), cross(&d, u))).filter(|(_, n)| !is_zero(n)).collect();
+    let equal =
+        units.iter().map(|u| (p.clone(), cross(&d, u))).filter(|(_, n)| !is_zero(n)).collect();
     let back = [0, 1, 2].map(|k| -d[k].clone());
     Set { equal, within: vec![(p.clone(), d), (q.clone(), back)], hull: vec![p, q] }
 }
@@ -75,7 +86,11 @@ pub(super) fn height<T: Exact>(plane: &(V<T>, V<T>), p: &V<T>) -> T {
     dot(&plane.1, &sub(p, &plane.0))
 }
 
-pub(super) fn clip<T: Exact>(polygon: Vec<V<T>>, plane: &(V<T>, V<T>), only_zero: bool) -> Vec<V<T>> {
+pub(super) fn clip<T: Exact>(
+    polygon: Vec<V<T>>,
+    plane: &(V<T>, V<T>),
+    only_zero: bool,
+) -> Vec<V<T>> {
     let h: Vec<T> = polygon.iter().map(|p| height(plane, p)).collect();
     let n = polygon.len();
     let mut out = Vec::new();
@@ -84,9 +99,12 @@ pub(super) fn clip<T: Exact>(polygon: Vec<V<T>>, plane: &(V<T>, V<T>), only_zero
             out.push(polygon[i].clone());
         }
         let j = (i + 1) % n;
-        if (h[i].is_positive() && h[j].is_negative()) || (h[i].is_negative() && h[j].is_positive()) {
+        if (h[i].is_positive() && h[j].is_negative()) || (h[i].is_negative() && h[j].is_positive())
+        {
             let t = h[i].clone() / (h[i].clone() - h[j].clone());
-            out.push([0, 1, 2].map(|k| polygon[i][k].clone() + t.clone() * (polygon[j][k].clone() - polygon[i][k].clone())));
+            out.push([0, 1, 2].map(|k| {
+                polygon[i][k].clone() + t.clone() * (polygon[j][k].clone() - polygon[i][k].clone())
+            }));
         }
     }
     out
@@ -117,11 +135,13 @@ pub(super) fn reference<T: Exact>(a: [&Point; 3], b: [&Point; 3]) -> Contact {
         return Contact::Disjoint;
     }
     let count = common.iter().fold(T::zero(), |n, _| n + T::one());
-    let middle = [0, 1, 2].map(|k| common.iter().fold(T::zero(), |s, p| s + p[k].clone()) / count.clone());
+    let middle =
+        [0, 1, 2].map(|k| common.iter().fold(T::zero(), |s, p| s + p[k].clone()) / count.clone());
     if sa.within.iter().chain(&sb.within).any(|plane| !height(plane, &middle).is_positive()) {
         return Contact::Touching;
     }
-    let flat = |s: &Set<T>, others: &[V<T>; 3]| others.iter().all(|p| height(&s.equal[0], p).is_zero());
+    let flat =
+        |s: &Set<T>, others: &[V<T>; 3]| others.iter().all(|p| height(&s.equal[0], p).is_zero());
     let coplanar = match (sa.hull.len(), sb.hull.len()) {
         (3, _) => flat(&sa, &tb),
         (_, 3) => flat(&sb, &ta),
@@ -145,7 +165,8 @@ impl Random {
     }
 }
 
-/// Triangles with corners on a small integer grid: most pairs touch, lie in one plane or are degenerate.
+/// Triangles with corners on a small integer grid: most pairs touch, lie in one plane or are
+/// degenerate.
 pub(super) fn grid(random: &mut Random, n: u64) -> [Point; 6] {
     let flat = random.below(4) == 0;
     [(); 6].map(|()| {
@@ -156,7 +177,9 @@ pub(super) fn grid(random: &mut Random, n: u64) -> [Point; 6] {
 
 /// Corners in general position, or on the other triangle's corners, edges or plane up to rounding.
 pub(super) fn near_degenerate(random: &mut Random, scale: f64) -> [Point; 6] {
-    let mut p = [(); 6].map(|()| Point::new(random.unit() - 0.5, random.unit() - 0.5, random.unit() - 0.5) * scale);
+    let mut p = [(); 6].map(|()| {
+        Point::new(random.unit() - 0.5, random.unit() - 0.5, random.unit() - 0.5) * scale
+    });
     for k in 3..6 {
         let (i, j) = (random.below(3) as usize, random.below(3) as usize);
         let (u, v) = (random.unit(), random.unit());
@@ -183,7 +206,20 @@ pub(super) fn near_degenerate(random: &mut Random, scale: f64) -> [Point; 6] {
 
 /// Coordinates from both ends of the range in one pair, some of them shared or a last digit apart.
 pub(super) fn mixed(random: &mut Random) -> [Point; 6] {
-    const ENDS: [f64; 12] = [0.0, 5e-324, 1e-310, f64::MIN_POSITIVE, 1e-160, 1e-16, 1.0, 3.0, 1e16, 1e154, 1e300, f64::MAX];
+    const ENDS: [f64; 12] = [
+        0.0,
+        5e-324,
+        1e-310,
+        f64::MIN_POSITIVE,
+        1e-160,
+        1e-16,
+        1.0,
+        3.0,
+        1e16,
+        1e154,
+        1e300,
+        f64::MAX,
+    ];
     let mut p = [(); 6].map(|()| {
         let mut c = || {
             let x = ENDS[random.below(12) as usize] * if random.below(2) == 0 { 1.0 } else { -1.0 };
@@ -192,7 +228,8 @@ pub(super) fn mixed(random: &mut Random) -> [Point; 6] {
         Point::new(c(), c(), c())
     });
     for _ in 0..random.below(8) {
-        let (i, j, k) = (random.below(6) as usize, random.below(6) as usize, random.below(3) as usize);
+        let (i, j, k) =
+            (random.below(6) as usize, random.below(6) as usize, random.below(3) as usize);
         match random.below(4) {
             0 => p[i] = p[j],
             1 => p[i][k] = p[j][k].next_down(),

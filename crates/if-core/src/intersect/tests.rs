@@ -5,14 +5,16 @@ use super::*;
 use num_rational::{BigRational, Ratio};
 use num_traits::Zero;
 
-/// The slow twin of [`triangles_sharing`]: is a corner of the common part off the hull of the shared ones?
+/// The slow twin of [`triangles_sharing`]: is a corner of the common part off the hull of the
+/// shared ones?
 fn reference_sharing<T: Exact>(a: [&Point; 3], b: [&Point; 3], shared: usize) -> bool {
     let (ta, tb) = (exact::<T>(a), exact(b));
     let common = common_part(&set(&ta), &set(&tb));
     let edge = set(&[ta[0].clone(), ta[shared - 1].clone(), ta[0].clone()]);
-    common
-        .iter()
-        .any(|p| edge.equal.iter().any(|e| !height(e, p).is_zero()) || edge.within.iter().any(|e| height(e, p).is_negative()))
+    common.iter().any(|p| {
+        edge.equal.iter().any(|e| !height(e, p).is_zero())
+            || edge.within.iter().any(|e| height(e, p).is_negative())
+    })
 }
 
 fn check<T: Exact>(p: &[Point; 6], counts: &mut [usize; 4]) {
@@ -23,7 +25,11 @@ fn check<T: Exact>(p: &[Point; 6], counts: &mut [usize; 4]) {
         let a = [a[turn], a[(turn + 1) % 3], a[(turn + 2) % 3]];
         assert_eq!(triangles(a, b), expected, "{p:?}, corners turned by {turn}");
         let b = [b[2], b[1], b[0]];
-        assert_eq!(triangles(b, a), expected, "{p:?} the other way round, corners turned by {turn}");
+        assert_eq!(
+            triangles(b, a),
+            expected,
+            "{p:?} the other way round, corners turned by {turn}"
+        );
     }
 }
 
@@ -79,15 +85,27 @@ fn compare_sharing(pairs: usize, seed: u64) {
         let indices = [[0, 1, 2], if n == 1 { [0, 4, 5] } else { [0, 1, 5] }];
         indices[1].iter().enumerate().for_each(|(i, v)| p[3 + i] = p[*v as usize]);
         let (a, b) = ([&p[0], &p[1], &p[2]], [&p[3], &p[4], &p[5]]);
-        let expected = if reference_sharing::<Ratio<i128>>(a, b, n) { reference::<Ratio<i128>>(a, b) } else { Contact::Disjoint };
+        let expected = if reference_sharing::<Ratio<i128>>(a, b, n) {
+            reference::<Ratio<i128>>(a, b)
+        } else {
+            Contact::Disjoint
+        };
         counts[n - 1][expected as usize] += 1;
         for turn in 0..3 {
             let at = |t: [&'_ Point; 3], i: [u32; 3]| -> ([Point; 3], [u32; 3]) {
                 ([0, 1, 2].map(|k| *t[(k + turn) % 3]), [0, 1, 2].map(|k| i[(k + turn) % 3]))
             };
             let ((ta, ia), ([x, y, z], [i, j, k])) = (at(a, indices[0]), at(b, indices[1]));
-            assert_eq!(triangles_sharing(ta.each_ref(), ia, [&z, &y, &x], [k, j, i]), expected, "{p:?} {indices:?}");
-            assert_eq!(triangles_sharing([&x, &y, &z], [i, j, k], ta.each_ref(), ia), expected, "{p:?} {indices:?}");
+            assert_eq!(
+                triangles_sharing(ta.each_ref(), ia, [&z, &y, &x], [k, j, i]),
+                expected,
+                "{p:?} {indices:?}"
+            );
+            assert_eq!(
+                triangles_sharing([&x, &y, &z], [i, j, k], ta.each_ref(), ia),
+                expected,
+                "{p:?} {indices:?}"
+            );
         }
     }
     assert!(
@@ -117,21 +135,32 @@ fn a_segment_passes_where_rational_arithmetic_says_so() {
         let p = grid(&mut random, 3 + (k % 3) as u64);
         let (t, needle) = ([&p[0], &p[1], &p[2]], [&p[3], &p[4], &p[4]]);
         let (st, sn) = (set(&exact::<Ratio<i128>>(t)), set(&exact::<Ratio<i128>>(needle)));
-        let one_plane = st.hull.len() < 3 || sn.hull.iter().all(|x| height(&st.equal[0], x).is_zero());
+        let one_plane =
+            st.hull.len() < 3 || sn.hull.iter().all(|x| height(&st.equal[0], x).is_zero());
         let common = common_part(&sn, &st);
         let got = segment_triangle(needle[0], needle[1], t);
         assert_eq!(got.is_some(), !one_plane && !common.is_empty(), "{p:?}");
         if let Some(passage) = got {
-            let place: Vec<f64> = common[0].iter().map(|x| *x.numer() as f64 / *x.denom() as f64).collect();
+            let place: Vec<f64> =
+                common[0].iter().map(|x| *x.numer() as f64 / *x.denom() as f64).collect();
             let place = Point::new(place[0], place[1], place[2]);
             let on_segment = needle[0] + (needle[1] - needle[0]) * passage.parameter;
             // The coordinates are below 5: a few roundings.
             approx::assert_relative_eq!(on_segment, place, epsilon = 1e-14);
-            approx::assert_relative_eq!(crate::math::barycentric_point(t, passage.barycentric), place, epsilon = 1e-14);
+            approx::assert_relative_eq!(
+                crate::math::barycentric_point(t, passage.barycentric),
+                place,
+                epsilon = 1e-14
+            );
             assert_eq!(
                 passage.direction,
                 if needle[1] == &on_segment { -1 } else { 1 }
-                    * side_of_plane(t[0], t[1], t[2], if needle[1] == &on_segment { needle[0] } else { needle[1] })
+                    * side_of_plane(
+                        t[0],
+                        t[1],
+                        t[2],
+                        if needle[1] == &on_segment { needle[0] } else { needle[1] }
+                    )
             );
             passages += 1;
         }
@@ -142,8 +171,12 @@ fn a_segment_passes_where_rational_arithmetic_says_so() {
 #[test]
 fn a_passage_keeps_its_numbers_in_range_at_every_scale() {
     for scale in [1e-320, 1e-160, 1.0, 1e160, 1e307] {
-        let t = [Point::new(0.0, 0.0, 0.0), Point::new(scale, 0.0, 0.0), Point::new(0.0, scale, 0.0)];
-        let (p, q) = (Point::new(scale * 0.25, scale * 0.25, scale), Point::new(scale * 0.25, scale * 0.25, -scale));
+        let t =
+            [Point::new(0.0, 0.0, 0.0), Point::new(scale, 0.0, 0.0), Point::new(0.0, scale, 0.0)];
+        let (p, q) = (
+            Point::new(scale * 0.25, scale * 0.25, scale),
+            Point::new(scale * 0.25, scale * 0.25, -scale),
+        );
         let hit = segment_triangle(&p, &q, t.each_ref()).unwrap();
         assert_eq!(hit.direction, -1);
         assert!((0.0..=1.0).contains(&hit.parameter), "{hit:?}");

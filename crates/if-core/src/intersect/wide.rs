@@ -18,7 +18,8 @@ pub(super) fn side_of_plane(a: &Point, b: &Point, c: &Point, p: &Point) -> i8 {
     let row = |q: &Point| [d(q, 0), d(q, 1), d(q, 2)];
     let (u, v, w) = (row(b), row(c), row(p));
     let minor = |i: usize, j: usize| u[i].times(&v[j]).minus(&u[j].times(&v[i]));
-    let sum = minor(1, 2).times(&w[0]).plus(&minor(2, 0).times(&w[1])).plus(&minor(0, 1).times(&w[2]));
+    let sum =
+        minor(1, 2).times(&w[0]).plus(&minor(2, 0).times(&w[1])).plus(&minor(0, 1).times(&w[2]));
     sum.sign()
 }
 
@@ -39,7 +40,8 @@ fn split(x: Real) -> (u64, i32) {
     let bits = x.to_bits();
     let exponent = ((bits >> 52) & 0x7ff) as i32;
     let fraction = bits & ((1 << 52) - 1);
-    let (m, e) = if exponent == 0 { (fraction, -1074) } else { (fraction | (1 << 52), exponent - 1075) };
+    let (m, e) =
+        if exponent == 0 { (fraction, -1074) } else { (fraction | (1 << 52), exponent - 1075) };
     let zeros = m.trailing_zeros();
     (m >> zeros, e + zeros as i32)
 }
@@ -101,12 +103,18 @@ impl Wide {
                 .collect();
             return Self { negative: self.negative, limbs }.trimmed();
         }
-        let order = self.limbs.len().cmp(&other.limbs.len()).then_with(|| self.limbs.iter().rev().cmp(other.limbs.iter().rev()));
+        let order = self
+            .limbs
+            .len()
+            .cmp(&other.limbs.len())
+            .then_with(|| self.limbs.iter().rev().cmp(other.limbs.iter().rev()));
         let (large, small) = if order.is_lt() { (other, self) } else { (self, other) };
         let mut borrow = 0i64;
         let limbs = (0..large.limbs.len())
             .map(|k| {
-                let t = i64::from(large.limbs[k]) - i64::from(small.limbs.get(k).copied().unwrap_or(0)) - borrow;
+                let t = i64::from(large.limbs[k])
+                    - i64::from(small.limbs.get(k).copied().unwrap_or(0))
+                    - borrow;
                 borrow = i64::from(t < 0);
                 t as u32
             })
@@ -128,7 +136,8 @@ mod tests {
         let mut state = 1u64;
         let mut next = || {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            ((state >> 33) as i64 - (1 << 30)) as f64 * [1.0, 2.0, 1024.0, 65536.0][(state >> 20 & 3) as usize]
+            ((state >> 33) as i64 - (1 << 30)) as f64
+                * [1.0, 2.0, 1024.0, 65536.0][(state >> 20 & 3) as usize]
         };
         let back = |w: &Wide| {
             let m = w.limbs.iter().rev().fold(0i128, |s, l| (s << 32) + i128::from(*l));

@@ -1,4 +1,5 @@
-//! Vertices and triangles that are checked as they come, block by block, while they are still in the cache.
+//! Vertices and triangles that are checked as they come, block by block, while they are still in
+//! the cache.
 
 use super::MeshError;
 use crate::math::{Point, Real};
@@ -45,11 +46,13 @@ impl FinitePoints {
     ///
     /// # Errors
     ///
-    /// The first coordinate that is not finite; then none of the block is taken. The vertex is counted from the first of all points.
+    /// The first coordinate that is not finite; then none of the block is taken. The vertex is
+    /// counted from the first of all points.
     pub fn extend(&mut self, block: impl IntoIterator<Item = Point>) -> Result<(), MeshError> {
         let before = self.0.len();
         let mut good = true;
-        #[allow(clippy::manual_inspect)] // room would be looked for at each: `inspect` hides how many there are
+        #[allow(clippy::manual_inspect)]
+        // room would be looked for at each: `inspect` hides how many there are
         self.0.extend(block.into_iter().map(|p| {
             good &= is_finite(&p);
             p
@@ -109,9 +112,14 @@ impl Triangles {
     ///
     /// # Errors
     ///
-    /// The first that names another one, or one twice; then none of the block is taken. The triangle is counted from the first of all.
+    /// The first that names another one, or one twice; then none of the block is taken. The
+    /// triangle is counted from the first of all.
     #[inline]
-    pub fn extend_below(&mut self, limit: u32, block: impl IntoIterator<Item = [u32; 3]>) -> Result<(), MeshError> {
+    pub fn extend_below(
+        &mut self,
+        limit: u32,
+        block: impl IntoIterator<Item = [u32; 3]>,
+    ) -> Result<(), MeshError> {
         let before = self.list.len();
         self.list.extend(block);
         let checked = check_triangles(&self.list[before..], before, limit);
@@ -148,11 +156,17 @@ impl Deref for Triangles {
 
 /// How many vertices there are, where 32-bit indices can name them all.
 pub(super) fn limit(vertices: &[Point]) -> Result<u32, MeshError> {
-    u32::try_from(vertices.len()).map_err(|_| MeshError::TooManyVertices { vertices: vertices.len() })
+    u32::try_from(vertices.len())
+        .map_err(|_| MeshError::TooManyVertices { vertices: vertices.len() })
 }
 
-/// Refuses triangles that do not name three different vertices before `limit`. The first has the index `first`.
-pub(super) fn check_triangles(triangles: &[[u32; 3]], first: usize, limit: u32) -> Result<(), MeshError> {
+/// Refuses triangles that do not name three different vertices before `limit`. The first has the
+/// index `first`.
+pub(super) fn check_triangles(
+    triangles: &[[u32; 3]],
+    first: usize,
+    limit: u32,
+) -> Result<(), MeshError> {
     if are_good(triangles, limit) {
         return Ok(());
     }
@@ -160,7 +174,12 @@ pub(super) fn check_triangles(triangles: &[[u32; 3]], first: usize, limit: u32) 
     for (triangle, t) in (first..).zip(triangles) {
         for (corner, &index) in t.iter().enumerate() {
             if index >= limit {
-                return Err(MeshError::IndexOutOfRange { triangle, corner, index, vertices: limit as usize });
+                return Err(MeshError::IndexOutOfRange {
+                    triangle,
+                    corner,
+                    index,
+                    vertices: limit as usize,
+                });
             }
         }
         if let Some(vertex) = repeated(t) {
@@ -173,7 +192,8 @@ pub(super) fn check_triangles(triangles: &[[u32; 3]], first: usize, limit: u32) 
 /// Whether all name three different vertices before `limit`.
 fn are_good(triangles: &[[u32; 3]], limit: u32) -> bool {
     let all = triangles.as_flattened();
-    // Four triangles at once: each corner against the next and the one after. At the end only those are asked that are of the same triangle.
+    // Four triangles at once: each corner against the next and the one after. At the end only those
+    // are asked that are of the same triangle.
     let (mut is_next, mut is_second, mut is_beyond) = ([0; LANES], [0; LANES], [0; LANES]);
     let mut done = 0;
     while let Some(corners) = all[done..].first_chunk::<{ LANES + 2 }>() {
@@ -184,8 +204,13 @@ fn are_good(triangles: &[[u32; 3]], limit: u32) -> bool {
         }
         done += LANES;
     }
-    let is_bad = |k| is_beyond[k] != 0 || (k % 3 < 2 && is_next[k] != 0) || (k % 3 == 0 && is_second[k] != 0);
-    !(0..LANES).any(is_bad) && triangles[done / 3..].iter().all(|t| t.iter().all(|v| *v < limit) && repeated(t).is_none())
+    let is_bad = |k| {
+        is_beyond[k] != 0 || (k % 3 < 2 && is_next[k] != 0) || (k % 3 == 0 && is_second[k] != 0)
+    };
+    !(0..LANES).any(is_bad)
+        && triangles[done / 3..]
+            .iter()
+            .all(|t| t.iter().all(|v| *v < limit) && repeated(t).is_none())
 }
 
 /// The vertex that `triangle` names twice.
@@ -228,7 +253,9 @@ mod tests {
 
     /// Eight corners of a cube, some of them not finite.
     fn points(faults: &[(usize, usize, Real)]) -> Vec<Point> {
-        let mut points = (0..8).map(|k| Point::new((k & 1) as Real, (k >> 1 & 1) as Real, (k >> 2) as Real)).collect::<Vec<_>>();
+        let mut points = (0..8)
+            .map(|k| Point::new((k & 1) as Real, (k >> 1 & 1) as Real, (k >> 2) as Real))
+            .collect::<Vec<_>>();
         faults.iter().for_each(|&(vertex, axis, value)| points[vertex][axis] = value);
         points
     }
@@ -244,14 +271,22 @@ mod tests {
             assert_eq!(taken.len(), 5 / block * block, "none of the block at fault is taken");
         }
         let good: Vec<[u32; 3]> = (0..2000).map(|k| [k % 8, (k + 1) % 8, (k + 3) % 8]).collect();
-        for (at, bad) in [(0, [0, 1, 8]), (511, [3, 3, 1]), (512, [3, 1, 3]), (513, [1, 3, 3]), (1999, [0, u32::MAX, 1])] {
+        for (at, bad) in [
+            (0, [0, 1, 8]),
+            (511, [3, 3, 1]),
+            (512, [3, 1, 3]),
+            (513, [1, 3, 3]),
+            (1999, [0, u32::MAX, 1]),
+        ] {
             let mut triangles = good.clone();
             triangles[1999] = [9, 9, 9]; // a later fault
             triangles[at] = bad;
             let fault = TriMesh::new(points(&[]), triangles.clone()).unwrap_err();
             for block in [1, 7, 512, 600, 2000] {
                 let mut taken = Triangles::with_capacity(10);
-                let found = triangles.chunks(block).try_for_each(|b| taken.extend_below(8, b.iter().copied()));
+                let found = triangles
+                    .chunks(block)
+                    .try_for_each(|b| taken.extend_below(8, b.iter().copied()));
                 assert_eq!(found.unwrap_err(), fault);
                 assert_eq!(taken[..], triangles[..at / block * block]);
             }
@@ -263,7 +298,10 @@ mod tests {
         let of = |n: usize| FinitePoints::new(points(&[])[..n].to_vec()).unwrap();
         let mut triangles = Triangles::default();
         triangles.push([0, 1, 2]).unwrap();
-        assert_eq!(triangles.push([4, 5, 4]), Err(MeshError::RepeatedVertex { triangle: 1, vertex: 4 }));
+        assert_eq!(
+            triangles.push([4, 5, 4]),
+            Err(MeshError::RepeatedVertex { triangle: 1, vertex: 4 })
+        );
         triangles.push([0, 7, 3]).unwrap();
         let fault = MeshError::IndexOutOfRange { triangle: 1, corner: 1, index: 7, vertices: 7 };
         assert_eq!(TriMesh::from_parts(of(7), triangles.clone()), Err(fault));

@@ -34,8 +34,8 @@ pub struct Translated<F> {
     pub by: Vector,
 }
 
-/// The same surface with all values, and so the gradient, multiplied: `factor · φ`. What a warped or
-/// badly trained field looks like, for stress.
+/// The same surface with all values, and so the gradient, multiplied: `factor · φ`. What a warped
+/// or badly trained field looks like, for stress.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScaledGradient<F> {
     /// What is scaled.
@@ -85,7 +85,11 @@ impl<A: SignedDistance, B: SignedDistance> SignedDistance for Subtraction<A, B> 
     }
     fn sample(&self, p: &Point) -> FieldSample {
         let (a, b) = (self.0.sample(p), self.1.sample(p));
-        if -b.distance > a.distance { FieldSample { distance: -b.distance, gradient: -b.gradient } } else { a }
+        if -b.distance > a.distance {
+            FieldSample { distance: -b.distance, gradient: -b.gradient }
+        } else {
+            a
+        }
     }
     fn bounds(&self) -> Option<Aabb> {
         self.0.bounds()
@@ -103,7 +107,8 @@ impl<F: SignedDistance> SignedDistance for Offset<F> {
         let s = self.field.sample(p);
         FieldSample { distance: s.distance - self.by, ..s }
     }
-    /// `None` for an offset outwards: a field that is no true distance may stay below `by` anywhere.
+    /// `None` for an offset outwards: a field that is no true distance may stay below `by`
+    /// anywhere.
     fn bounds(&self) -> Option<Aabb> {
         if self.by > 0.0 { None } else { self.field.bounds() }
     }
@@ -154,7 +159,9 @@ mod tests {
         let b = Translated { field: a, by: Vector::x() };
         let lens = Point::new(0.5, 0.0, 0.0);
         let left = Point::new(-0.5, 0.0, 0.0);
-        for (p, in_a, in_b) in [(lens, true, true), (left, true, false), (Point::new(1.5, 0.0, 0.0), false, true)] {
+        for (p, in_a, in_b) in
+            [(lens, true, true), (left, true, false), (Point::new(1.5, 0.0, 0.0), false, true)]
+        {
             assert_eq!(a.distance(&p) < 0.0, in_a);
             assert_eq!(b.distance(&p) < 0.0, in_b);
             assert_eq!(Union(a, b).distance(&p) < 0.0, in_a || in_b);
@@ -171,7 +178,11 @@ mod tests {
         let p = Point::new(0.3, -2.0, 0.7);
         let small = Sphere { center: Point::origin(), radius: 1.0 };
         let large = Sphere { radius: 1.25, ..small };
-        approx::assert_relative_eq!(Offset { field: small, by: 0.25 }.distance(&p), large.distance(&p), epsilon = 1e-15);
+        approx::assert_relative_eq!(
+            Offset { field: small, by: 0.25 }.distance(&p),
+            large.distance(&p),
+            epsilon = 1e-15
+        );
         assert_eq!(Offset { field: small, by: 0.25 }.bounds(), None);
         assert_eq!(ScaledGradient { field: small, factor: 2.0 }.sample(&p).gradient.norm(), 2.0);
     }

@@ -5,14 +5,17 @@ use crate::mesh::TriMesh;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// A sphere about the origin: the icosahedron, its triangles split into four `subdivisions` times and
-/// pushed onto the sphere. `20 · 4ⁿ` triangles, `10 · 4ⁿ + 2` vertices, all on the sphere.
+/// A sphere about the origin: the icosahedron, its triangles split into four `subdivisions` times
+/// and pushed onto the sphere. `20 · 4ⁿ` triangles, `10 · 4ⁿ + 2` vertices, all on the sphere.
 ///
 /// # Panics
 ///
 /// If there are more than 12 subdivisions, which 32-bit indices cannot name.
 pub fn icosphere(radius: Real, subdivisions: u32) -> TriMesh {
-    assert!(subdivisions <= 12, "an icosphere of {subdivisions} subdivisions has too many vertices");
+    assert!(
+        subdivisions <= 12,
+        "an icosphere of {subdivisions} subdivisions has too many vertices"
+    );
     let g = (1.0 + 5.0f64.sqrt()) / 2.0;
     let mut v: Vec<Vector> = [
         [-1.0, g, 0.0],
@@ -55,15 +58,18 @@ pub fn icosphere(radius: Real, subdivisions: u32) -> TriMesh {
     checked(v.iter().map(|n| Point::from(n * radius)).collect(), t)
 }
 
-/// A tube about the y axis, from `y = 0` to `height`: `around` corners in each of `along + 1` rings.
-/// Open at both ends, or `closed` by a fan each, when its volume is
-/// `height · radius² · around · sin(2π / around) / 2`.
+/// A tube about the y axis, from `y = 0` to `height`: `around` corners in each of `along + 1`
+/// rings. Open at both ends, or `closed` by a fan each, when its volume is `height · radius² ·
+/// around · sin(2π / around) / 2`.
 ///
 /// # Panics
 ///
 /// If `around` is below 3 or `along` is 0.
 pub fn tube(radius: Real, height: Real, around: u32, along: u32, closed: bool) -> TriMesh {
-    assert!(around >= 3 && along >= 1, "a tube needs 3 corners around and 1 step along, not {around} and {along}");
+    assert!(
+        around >= 3 && along >= 1,
+        "a tube needs 3 corners around and 1 step along, not {around} and {along}"
+    );
     let mut v = Vec::new();
     for y in 0..=along {
         for k in 0..around {
@@ -95,7 +101,10 @@ pub fn tube(radius: Real, height: Real, around: u32, along: u32, closed: bool) -
 ///
 /// If `around` or `across` is below 3.
 pub fn torus(major: Real, minor: Real, around: u32, across: u32) -> TriMesh {
-    assert!(around >= 3 && across >= 3, "a ring needs 3 corners around and across, not {around} and {across}");
+    assert!(
+        around >= 3 && across >= 3,
+        "a ring needs 3 corners around and across, not {around} and {across}"
+    );
     let mut v = Vec::new();
     let mut t = Vec::new();
     for i in 0..around {
@@ -112,8 +121,8 @@ pub fn torus(major: Real, minor: Real, around: u32, across: u32) -> TriMesh {
     checked(v, t)
 }
 
-/// A flat sheet in `z = 0` from the origin to `(width, height)`, facing +z: `nx · ny` squares, each cut
-/// from its lower left to its upper right corner.
+/// A flat sheet in `z = 0` from the origin to `(width, height)`, facing +z: `nx · ny` squares, each
+/// cut from its lower left to its upper right corner.
 ///
 /// # Panics
 ///
@@ -123,7 +132,11 @@ pub fn cloth(width: Real, height: Real, nx: u32, ny: u32) -> TriMesh {
     let mut v = Vec::new();
     for y in 0..=ny {
         for x in 0..=nx {
-            v.push(Point::new(width * Real::from(x) / Real::from(nx), height * Real::from(y) / Real::from(ny), 0.0));
+            v.push(Point::new(
+                width * Real::from(x) / Real::from(nx),
+                height * Real::from(y) / Real::from(ny),
+                0.0,
+            ));
         }
     }
     let mut t = Vec::new();
@@ -153,7 +166,8 @@ pub fn cuboid(half: Vector) -> TriMesh {
 }
 
 fn checked(v: Vec<Point>, t: Vec<[u32; 3]>) -> TriMesh {
-    TriMesh::new(v, t).expect("the indices are made for the vertices, which are finite for finite sizes")
+    TriMesh::new(v, t)
+        .expect("the indices are made for the vertices, which are finite for finite sizes")
 }
 
 #[cfg(test)]
@@ -176,9 +190,17 @@ mod tests {
         approx::assert_relative_eq!(sphere.signed_volume(), pi / 6.0, max_relative = 5e-3);
         approx::assert_relative_eq!(sphere.area(), pi, max_relative = 5e-3);
         let ring = torus(1.0, 0.25, 96, 48);
-        approx::assert_relative_eq!(ring.signed_volume(), 2.0 * pi * pi / 16.0, max_relative = 5e-3);
+        approx::assert_relative_eq!(
+            ring.signed_volume(),
+            2.0 * pi * pi / 16.0,
+            max_relative = 5e-3
+        );
         let tin = tube(0.5, 2.0, 7, 3, true);
-        approx::assert_relative_eq!(tin.signed_volume(), 2.0 * 0.25 * 7.0 * (TAU / 7.0).sin() / 2.0, max_relative = 1e-12);
+        approx::assert_relative_eq!(
+            tin.signed_volume(),
+            2.0 * 0.25 * 7.0 * (TAU / 7.0).sin() / 2.0,
+            max_relative = 1e-12
+        );
         let brick = cuboid(Vector::new(0.5, 1.0, 1.5));
         approx::assert_relative_eq!(brick.signed_volume(), 6.0, max_relative = 1e-15);
         approx::assert_relative_eq!(brick.area(), 22.0, max_relative = 1e-15);
@@ -195,12 +217,9 @@ mod tests {
         approx::assert_relative_eq!(cloth(1.0, 2.0, 3, 4).area(), 2.0, max_relative = 1e-14);
         assert!(cloth(1.0, 2.0, 3, 4).face_normals().iter().all(|n| n.z > 0.999));
         let wall = tube(0.5, 2.0, 64, 1, false);
-        assert!(
-            wall.face_normals()
-                .iter()
-                .enumerate()
-                .all(|(t, n)| n.dot(&(wall.corners(t)[0] - Point::new(0.0, wall.corners(t)[0].y, 0.0))) > 0.0)
-        );
+        assert!(wall.face_normals().iter().enumerate().all(|(t, n)| {
+            n.dot(&(wall.corners(t)[0] - Point::new(0.0, wall.corners(t)[0].y, 0.0))) > 0.0
+        }));
     }
 
     #[test]

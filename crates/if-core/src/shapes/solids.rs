@@ -223,7 +223,8 @@ impl SignedDistance for Gyroid {
     }
     fn sample(&self, p: &Point) -> FieldSample {
         let k = std::f64::consts::TAU / self.period;
-        let ((sx, cx), (sy, cy), (sz, cz)) = ((k * p.x).sin_cos(), (k * p.y).sin_cos(), (k * p.z).sin_cos());
+        let ((sx, cx), (sy, cy), (sz, cz)) =
+            ((k * p.x).sin_cos(), (k * p.y).sin_cos(), (k * p.z).sin_cos());
         let slope = 1.0 / 3.0f64.sqrt();
         FieldSample {
             distance: (sx * cy + sy * cz + sz * cx) * slope / k,

@@ -9,7 +9,8 @@ use rayon::prelude::*;
 
 /// Errors at the probed points times this are the stated bound.
 pub(super) const SAFETY: Real = 1.5;
-/// Distances from the surface, in shares of the reach, at which the statistics of errors are kept apart.
+/// Distances from the surface, in shares of the reach, at which the statistics of errors are kept
+/// apart.
 const BINS: [Real; 8] = [0.0, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
 /// Of each bin, cells looked at for their bad looks, and points in each.
 const WORST: [usize; 2] = [2048, 8];
@@ -18,8 +19,9 @@ const EVEN: [usize; 2] = [4096, 2];
 
 /// What |∇φ| of the blend nowhere exceeds.
 ///
-/// In a cell ∇φ is M + E: M is affine in each coordinate, so that |M| is largest in a corner, where E is zero; and of E each
-/// component is at most a quarter of the bumps' differences along its axis ([`blend`]).
+/// In a cell ∇φ is M + E: M is affine in each coordinate, so that |M| is largest in a corner, where
+/// E is zero; and of E each component is at most a quarter of the bumps' differences along its axis
+/// ([`blend`]).
 pub(super) fn steepest(bricks: &Bricks) -> Real {
     (0..bricks.places.len())
         .into_par_iter()
@@ -27,15 +29,17 @@ pub(super) fn steepest(bricks: &Bricks) -> Real {
             let inverse = 1.0 / bricks.cell_of(bricks.places[brick].level);
             let at = |k: usize| [k & 1, k >> 1 & 1, k >> 2 & 1].map(|b| b as Real);
             cells().map(|c| brick * BRICK + c).fold(0.0, |most: Real, slot| {
-                let corners = (0..8).map(|k| blend(&bricks.nodes, slot, at(k), inverse).1.norm()).fold(0.0, Real::max);
+                let corners = (0..8)
+                    .map(|k| blend(&bricks.nodes, slot, at(k), inverse).1.norm())
+                    .fold(0.0, Real::max);
                 most.max(corners + between(bumps(&bricks.nodes, slot)) * inverse)
             })
         })
         .reduce(|| 0.0, Real::max)
 }
 
-/// What the bumps of a cell may add to its gradient between the corners, times its edge. `bumps[a]` are those of the four edges along
-/// axis `a`, the lower of the other two axes first.
+/// What the bumps of a cell may add to its gradient between the corners, times its edge. `bumps[a]`
+/// are those of the four edges along axis `a`, the lower of the other two axes first.
 fn between(bumps: [[f32; 4]; 3]) -> Real {
     let mut most = [0.0f32; 3];
     for (axis, b) in bumps.into_iter().enumerate() {
@@ -72,8 +76,8 @@ fn bin(reach: Real, distance: Real) -> usize {
     BINS.iter().rposition(|from| from * reach < distance.abs()).unwrap_or(0)
 }
 
-/// Whether an error counts at a point whose true distance is `truth`: it lies in the band, and no farther from the surface than
-/// the reach and `more`, in metres.
+/// Whether an error counts at a point whose true distance is `truth`: it lies in the band, and no
+/// farther from the surface than the reach and `more`, in metres.
 pub(super) fn counts(truth: Real, more: Real, params: &BakeParams) -> bool {
     -params.depth <= truth && truth <= params.band && truth.abs() <= params.reach + more
 }
@@ -81,16 +85,20 @@ pub(super) fn counts(truth: Real, more: Real, params: &BakeParams) -> bool {
 /// Whether a cell may hold points where errors count.
 pub(super) fn matters(nodes: &[Node], slot: usize, cell: Real, params: &BakeParams) -> bool {
     let values = corners(nodes, slot).map(|n| Real::from(n[0]));
-    values.iter().any(|v| -params.depth <= *v && *v <= params.band) && values.iter().any(|v| v.abs() <= params.reach + 2.0 * cell)
+    values.iter().any(|v| -params.depth <= *v && *v <= params.band)
+        && values.iter().any(|v| v.abs() <= params.reach + 2.0 * cell)
 }
 
-/// How far the blend in a cell is from the trilinear one, in metres: where fields have creases, it errs by as much.
+/// How far the blend in a cell is from the trilinear one, in metres: where fields have creases, it
+/// errs by as much.
 pub(super) fn bend(nodes: &[Node], slot: usize) -> Real {
-    bumps(nodes, slot).into_iter().flatten().fold(0.0, |m, b| Real::max(m, Real::from(b.abs()))) * 0.25
+    bumps(nodes, slot).into_iter().flatten().fold(0.0, |m, b| Real::max(m, Real::from(b.abs())))
+        * 0.25
 }
 
-/// Adds the largest differences between the blend and the source at random points of the band: near the surface, which are in bins
-/// below the reach, or else in the others. Returns the bricks, ascending, in which they exceed `tolerance` within the reach.
+/// Adds the largest differences between the blend and the source at random points of the band: near
+/// the surface, which are in bins below the reach, or else in the others. Returns the bricks,
+/// ascending, in which they exceed `tolerance` within the reach.
 pub(super) fn measure(
     errors: &mut Errors,
     bricks: &Bricks,
@@ -126,7 +134,12 @@ pub(super) fn measure(
 }
 
 /// Places in the cells that look worst, and in some of all others: brick, cell, and where in it.
-fn probes(bricks: &Bricks, params: &BakeParams, near: bool, seed: u64) -> Vec<(u32, usize, Vector)> {
+fn probes(
+    bricks: &Bricks,
+    params: &BakeParams,
+    near: bool,
+    seed: u64,
+) -> Vec<(u32, usize, Vector)> {
     let leaves = bricks.leaves();
     let all: Vec<(usize, Real, u32, usize)> = leaves
         .par_iter()
@@ -143,15 +156,23 @@ fn probes(bricks: &Bricks, params: &BakeParams, near: bool, seed: u64) -> Vec<(u
     let mut points = Vec::new();
     let mut add = |b: u32, c: usize, count: usize| {
         let mut random = SplitMix64((u64::from(b) * BRICK as u64 + c as u64) * 0x1_0001 + seed);
-        points.extend((0..count).map(|_| (b, c, Vector::new(random.unit(), random.unit(), random.unit()))));
+        points.extend(
+            (0..count).map(|_| (b, c, Vector::new(random.unit(), random.unit(), random.unit()))),
+        );
     };
     for bin in (0..BINS.len()).filter(|b| (BINS[*b] < 1.0) == near) {
-        let mut some: Vec<(Real, u32, usize)> = all.iter().filter(|c| c.0 == bin).map(|c| (c.1, c.2, c.3)).collect();
+        let mut some: Vec<(Real, u32, usize)> =
+            all.iter().filter(|c| c.0 == bin).map(|c| (c.1, c.2, c.3)).collect();
         let stride = some.len().div_ceil(EVEN[0]).max(1);
-        some.iter().skip(seed as usize % stride).step_by(stride).for_each(|(_, b, c)| add(*b, *c, EVEN[1]));
+        some.iter()
+            .skip(seed as usize % stride)
+            .step_by(stride)
+            .for_each(|(_, b, c)| add(*b, *c, EVEN[1]));
         let worst = WORST[0].min(some.len());
         if worst > 0 {
-            some.select_nth_unstable_by(worst - 1, |a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+            some.select_nth_unstable_by(worst - 1, |a, b| {
+                b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2)))
+            });
             some.truncate(worst);
             some.sort_unstable_by_key(|c| (c.1, c.2));
             some.iter().for_each(|(_, b, c)| add(*b, *c, WORST[1]));

@@ -33,7 +33,10 @@ pub(super) struct Place {
 impl Place {
     /// One of the eight places that it is split into: bit k of `half` is the half along axis k.
     pub(super) fn half(&self, half: usize) -> Self {
-        Self { level: self.level + 1, at: [0, 1, 2].map(|a| 2 * self.at[a] + (half >> a & 1) as u32) }
+        Self {
+            level: self.level + 1,
+            at: [0, 1, 2].map(|a| 2 * self.at[a] + (half >> a & 1) as u32),
+        }
     }
 }
 
@@ -84,12 +87,21 @@ pub(super) enum Spot {
 
 impl Bricks {
     /// A grid of level 0 with a brick at each of `kept`, ascending; elsewhere `roots` stay.
-    pub(super) fn new(origin: Point, cell: Real, size: [usize; 3], mut roots: Vec<u32>, kept: &[u32]) -> Self {
+    pub(super) fn new(
+        origin: Point,
+        cell: Real,
+        size: [usize; 3],
+        mut roots: Vec<u32>,
+        kept: &[u32],
+    ) -> Self {
         let mut places = Vec::with_capacity(kept.len());
         for (brick, root) in kept.iter().enumerate() {
             let r = *root as usize;
             roots[r] = brick as u32;
-            places.push(Place { level: 0, at: [r % size[0], r / size[0] % size[1], r / size[0] / size[1]].map(|b| b as u32) });
+            places.push(Place {
+                level: 0,
+                at: [r % size[0], r / size[0] % size[1], r / size[0] / size[1]].map(|b| b as u32),
+            });
         }
         let nodes = vec![[0.0; 4]; places.len() * BRICK];
         Self::from_parts(origin, cell, size, roots, Vec::new(), places, nodes)
@@ -106,10 +118,22 @@ impl Bricks {
         nodes: Vec<Node>,
     ) -> Self {
         let inverse_side = 1.0 / (cell * SIDE as Real);
-        Self { origin, cell, inverse_cell: 1.0 / cell, inverse_side, size, roots, splits, places, nodes, index: Index::default() }
+        Self {
+            origin,
+            cell,
+            inverse_cell: 1.0 / cell,
+            inverse_side,
+            size,
+            roots,
+            splits,
+            places,
+            nodes,
+            index: Index::default(),
+        }
     }
 
-    /// With the tables that find the brick of a point; `None` where they would have more than `most` entries ([`Index::new`]).
+    /// With the tables that find the brick of a point; `None` where they would have more than
+    /// `most` entries ([`Index::new`]).
     pub(super) fn indexed(mut self, most: usize) -> Option<Self> {
         self.index = Index::new(&self.roots, &self.splits, &self.places, most)?;
         Some(self)
@@ -125,7 +149,8 @@ impl Bricks {
         (b[2] * self.size[1] + b[1]) * self.size[0] + b[0]
     }
 
-    /// Position of a node given by its coordinates at a level: a node of several levels has the same bits.
+    /// Position of a node given by its coordinates at a level: a node of several levels has the
+    /// same bits.
     pub(super) fn at(&self, level: u32, node: [u32; 3]) -> Point {
         let cell = self.cell_of(level);
         Point::from([0, 1, 2].map(|k| self.origin[k] + Real::from(node[k]) * cell))
@@ -137,13 +162,15 @@ impl Bricks {
         [0, 1, 2].map(|k| place.at[k] * SIDE as u32 + local[k] as u32)
     }
 
-    /// The entry that covers the brick that would stand at `place`, and its level: at most that of `place`.
+    /// The entry that covers the brick that would stand at `place`, and its level: at most that of
+    /// `place`.
     pub(super) fn entry(&self, place: &Place) -> (u32, u32) {
         let mut entry = self.roots[self.root_index(place.at.map(|b| (b >> place.level) as usize))];
         let mut level = 0;
         while (SPLIT..INSIDE).contains(&entry) && level < place.level {
             level += 1;
-            let half = (0..3).fold(0, |h, k| h | ((place.at[k] >> (place.level - level) & 1) as usize) << k);
+            let half = (0..3)
+                .fold(0, |h, k| h | ((place.at[k] >> (place.level - level) & 1) as usize) << k);
             entry = self.splits[(entry - SPLIT) as usize][half];
         }
         (entry, level)
@@ -156,7 +183,9 @@ impl Bricks {
         while let Some(entry) = stack.pop() {
             match entry {
                 OUTSIDE | INSIDE => {}
-                split if split >= SPLIT => stack.extend(self.splits[(split - SPLIT) as usize].iter().rev()),
+                split if split >= SPLIT => {
+                    stack.extend(self.splits[(split - SPLIT) as usize].iter().rev())
+                }
                 brick => out.push(brick),
             }
         }
@@ -167,7 +196,11 @@ impl Bricks {
     pub(super) fn inside(&self) -> Aabb {
         let mut found = Aabb::EMPTY;
         for (root, entry) in self.roots.iter().enumerate() {
-            let at = [root % self.size[0], root / self.size[0] % self.size[1], root / self.size[0] / self.size[1]];
+            let at = [
+                root % self.size[0],
+                root / self.size[0] % self.size[1],
+                root / self.size[0] / self.size[1],
+            ];
             self.inside_of(*entry, Place { level: 0, at: at.map(|b| b as u32) }, &mut found);
         }
         found
@@ -234,11 +267,20 @@ impl Bricks {
         }
     }
 
-    /// The same grid without what holds no node with a value in [−depth, band], in the order of [`Bricks::leaves`]; `None` where its
-    /// bricks are more than an index can count.
+    /// The same grid without what holds no node with a value in [−depth, band], in the order of
+    /// [`Bricks::leaves`]; `None` where its bricks are more than an index can count.
     pub(super) fn compacted(&self, band: Real, depth: Real) -> Option<Self> {
-        let mut out = Self::from_parts(self.origin, self.cell, self.size, Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        out.roots = self.roots.iter().map(|entry| self.copy_kept(*entry, band, depth, &mut out)).collect();
+        let mut out = Self::from_parts(
+            self.origin,
+            self.cell,
+            self.size,
+            Vec::new(),
+            Vec::new(),
+            Vec::new(),
+            Vec::new(),
+        );
+        out.roots =
+            self.roots.iter().map(|entry| self.copy_kept(*entry, band, depth, &mut out)).collect();
         out.indexed(index::MOST)
     }
 
@@ -249,7 +291,8 @@ impl Bricks {
         if entry >= SPLIT {
             let number = out.splits.len();
             out.splits.push([OUTSIDE; 8]);
-            let halves = self.splits[(entry - SPLIT) as usize].map(|half| self.copy_kept(half, band, depth, out));
+            let halves = self.splits[(entry - SPLIT) as usize]
+                .map(|half| self.copy_kept(half, band, depth, out));
             if halves[0] >= INSIDE && halves.iter().all(|h| *h == halves[0]) {
                 out.splits.pop();
                 return halves[0];
@@ -279,17 +322,20 @@ impl Bricks {
     }
 }
 
-/// The blend in the cell whose lowest corner is `slot`, at `u` in [0, 1]³; `inverse` is 1 / its edge h:
+/// The blend in the cell whose lowest corner is `slot`, at `u` in [0, 1]³; `inverse` is 1 / its
+/// edge h:
 ///
 /// ```text
 /// φ = T(φₖ) + Σ_axes uₐ (1 − uₐ) B(bₐ),   bₐ = ½ h (∂ₐφ at the edge's start − ∂ₐφ at its end)
 /// ```
 ///
-/// with T the trilinear blend of the corners, and B the bilinear one of the four edges along the axis. This is the
-/// half-Taylor blend `Σ wₖ (φₖ + ½ gₖ · (p − xₖ))`: the trilinear blend of the values errs by +½ Σ u (1 − u) h² ∂²φ, that of whole Taylor
-/// expansions by the opposite, and half of the slope is exact for quadratic fields. On a side of the cell it depends on that
-/// side alone; and the blend in a part of a cell, with values and bumps that are the cell's own there, is the cell's blend to the
-/// last term, so that small cells join large ones without a gap ([`super::join`]). The gradient is the blend's own.
+/// with T the trilinear blend of the corners, and B the bilinear one of the four edges along the
+/// axis. This is the half-Taylor blend `Σ wₖ (φₖ + ½ gₖ · (p − xₖ))`: the trilinear blend of the
+/// values errs by +½ Σ u (1 − u) h² ∂²φ, that of whole Taylor expansions by the opposite, and half
+/// of the slope is exact for quadratic fields. On a side of the cell it depends on that side alone;
+/// and the blend in a part of a cell, with values and bumps that are the cell's own there, is the
+/// cell's blend to the last term, so that small cells join large ones without a gap
+/// ([`super::join`]). The gradient is the blend's own.
 #[inline]
 pub(super) fn blend(nodes: &[Node], slot: usize, u: [Real; 3], inverse: Real) -> (Real, Vector) {
     let n = &nodes[slot..slot + NODES * NODES + NODES + 2];
@@ -305,7 +351,8 @@ pub(super) fn blend(nodes: &[Node], slot: usize, u: [Real; 3], inverse: Real) ->
         (a + ux * (rise + cx * bump), rise + (cx - ux) * bump)
     };
     let [(a, da), (b, db), (c, dc), (d, dd)] = [row(0), row(Y), row(Z), row(Y + Z)];
-    // Bumps along y at both ends along z, and along z at both ends along y: values and slopes along x.
+    // Bumps along y at both ends along z, and along z at both ends along y: values and slopes along
+    // x.
     let line = |at: usize, k: usize| {
         let rise = get(at + 1, k) - get(at, k);
         (get(at, k) + rise * ux, rise)
@@ -316,7 +363,8 @@ pub(super) fn blend(nodes: &[Node], slot: usize, u: [Real; 3], inverse: Real) ->
     let (bump_y, bump_z) = (mix(y0, y1, uz), mix(z0, z1, uy));
     let (wy, wz) = (uy * cy, uz * cz);
     let value = mix(low, high, uz) + wy * bump_y + wz * bump_z;
-    let gx = mix(mix(da, db, uy), mix(dc, dd, uy), uz) + wy * mix(dy0, dy1, uz) + wz * mix(dz0, dz1, uy);
+    let gx =
+        mix(mix(da, db, uy), mix(dc, dd, uy), uz) + wy * mix(dy0, dy1, uz) + wz * mix(dz0, dz1, uy);
     let gy = mix(b - a, d - c, uz) + (cy - uy) * bump_y + wz * (z1 - z0);
     let gz = high - low + wy * (y1 - y0) + (cz - uz) * bump_z;
     (value, Vector::new(gx, gy, gz) * inverse)
@@ -324,10 +372,12 @@ pub(super) fn blend(nodes: &[Node], slot: usize, u: [Real; 3], inverse: Real) ->
 
 /// Indices in a brick of the lowest corners of its cells.
 pub(super) fn cells() -> impl Iterator<Item = usize> {
-    (0..SIDE * SIDE * SIDE).map(|c| ((c / SIDE / SIDE) * NODES + c / SIDE % SIDE) * NODES + c % SIDE)
+    (0..SIDE * SIDE * SIDE)
+        .map(|c| ((c / SIDE / SIDE) * NODES + c / SIDE % SIDE) * NODES + c % SIDE)
 }
 
-/// The eight corners of the cell whose lowest is `slot`: bit k of the index is the step along axis k.
+/// The eight corners of the cell whose lowest is `slot`: bit k of the index is the step along axis
+/// k.
 pub(super) fn corners(nodes: &[Node], slot: usize) -> [&Node; 8] {
     const Z: usize = NODES * NODES;
     [0, 1, NODES, NODES + 1, Z, Z + 1, Z + NODES, Z + NODES + 1].map(|d| &nodes[slot + d])
@@ -358,8 +408,12 @@ mod tests {
     use super::*;
 
     fn quadratic(p: &Point) -> (Real, Vector) {
-        let value = 0.3 + p.x - 2.0 * p.y + 0.5 * p.z + p.x * p.x - p.x * p.y + 2.0 * p.y * p.z - 0.7 * p.z * p.z;
-        (value, Vector::new(1.0 + 2.0 * p.x - p.y, -2.0 - p.x + 2.0 * p.z, 0.5 + 2.0 * p.y - 1.4 * p.z))
+        let value = 0.3 + p.x - 2.0 * p.y + 0.5 * p.z + p.x * p.x - p.x * p.y + 2.0 * p.y * p.z
+            - 0.7 * p.z * p.z;
+        (
+            value,
+            Vector::new(1.0 + 2.0 * p.x - p.y, -2.0 - p.x + 2.0 * p.z, 0.5 + 2.0 * p.y - 1.4 * p.z),
+        )
     }
 
     fn filled(bricks: &mut Bricks, f: impl Fn(&Point) -> (Real, Vector)) {
@@ -372,7 +426,11 @@ mod tests {
                     let mut next = at;
                     next[k] += 1;
                     let end = f(&bricks.at(level, next)).1[k];
-                    if l[k] < SIDE { (0.5 * bricks.cell_of(level) * (g[k] - end)) as f32 } else { 0.0 }
+                    if l[k] < SIDE {
+                        (0.5 * bricks.cell_of(level) * (g[k] - end)) as f32
+                    } else {
+                        0.0
+                    }
                 };
                 bricks.nodes[brick * BRICK + i] = [v as f32, bump(0), bump(1), bump(2)];
             }
@@ -383,7 +441,9 @@ mod tests {
     fn split() -> Bricks {
         let place = |level, x, y, z| Place { level, at: [x, y, z] };
         let halves = |level, at: [u32; 3]| {
-            (0..8u32).map(move |k| place(level, at[0] + (k & 1), at[1] + (k >> 1 & 1), at[2] + (k >> 2 & 1)))
+            (0..8u32).map(move |k| {
+                place(level, at[0] + (k & 1), at[1] + (k >> 1 & 1), at[2] + (k >> 2 & 1))
+            })
         };
         let mut places = vec![place(0, 0, 0, 0)];
         places.extend(halves(1, [2, 0, 0]).skip(1));
@@ -391,9 +451,17 @@ mod tests {
         let roots = vec![0, SPLIT, INSIDE];
         let splits = vec![[SPLIT + 1, 1, 2, 3, 4, 5, 6, 7], [8, 9, 10, 11, 12, 13, 14, 15]];
         let nodes = vec![[0.0; 4]; places.len() * BRICK];
-        Bricks::from_parts(Point::new(-0.5, 0.0, 0.25), 0.25, [3, 1, 1], roots, splits, places, nodes)
-            .indexed(index::MOST)
-            .unwrap()
+        Bricks::from_parts(
+            Point::new(-0.5, 0.0, 0.25),
+            0.25,
+            [3, 1, 1],
+            roots,
+            splits,
+            places,
+            nodes,
+        )
+        .indexed(index::MOST)
+        .unwrap()
     }
 
     #[test]
@@ -420,7 +488,10 @@ mod tests {
         // Far from quadratic: each level has another field.
         filled(&mut bricks, |p| {
             let (a, b, c) = (9.0 * p.x, 7.0 * p.y, 8.0 * p.z);
-            (a.sin() * b.cos() + c.sin(), Vector::new(9.0 * a.cos() * b.cos(), -7.0 * a.sin() * b.sin(), 8.0 * c.cos()))
+            (
+                a.sin() * b.cos() + c.sin(),
+                Vector::new(9.0 * a.cos() * b.cos(), -7.0 * a.sin() * b.sin(), 8.0 * c.cos()),
+            )
         });
         let gap = |bricks: &Bricks| {
             let mut gap: Real = 0.0;
@@ -435,7 +506,8 @@ mod tests {
                     (Point::new(1.0, 0.5, 0.25 + 0.5 * s(0.414)), 0),
                 ] {
                     let off = Vector::ith(axis, 1e-12);
-                    let [Reading::Blend(a, _), Reading::Blend(b, _)] = [bricks.read(&(on - off)), bricks.read(&(on + off))]
+                    let [Reading::Blend(a, _), Reading::Blend(b, _)] =
+                        [bricks.read(&(on - off)), bricks.read(&(on + off))]
                     else {
                         panic!("{on} is in a brick")
                     };
@@ -456,7 +528,9 @@ mod tests {
         let (mut places, mut splits) = (Vec::new(), Vec::new());
         for level in 1..=5u32 {
             let first = places.len() as u32;
-            let halves: [u32; 8] = std::array::from_fn(|k| if k == 7 && level < 5 { SPLIT + level } else { first + k as u32 });
+            let halves: [u32; 8] = std::array::from_fn(|k| {
+                if k == 7 && level < 5 { SPLIT + level } else { first + k as u32 }
+            });
             for k in (0..8u32).take(if level < 5 { 7 } else { 8 }) {
                 let at = [0, 1, 2].map(|a| (1 << level) - 2 + (k >> a & 1));
                 places.push(Place { level, at });
@@ -464,15 +538,21 @@ mod tests {
             splits.push(halves);
         }
         let nodes = vec![[0.0; 4]; places.len() * BRICK];
-        let bricks = Bricks::from_parts(Point::origin(), 0.5, [1, 1, 1], vec![SPLIT], splits, places, nodes);
+        let bricks =
+            Bricks::from_parts(Point::origin(), 0.5, [1, 1, 1], vec![SPLIT], splits, places, nodes);
         let bricks = bricks.indexed(index::MOST).unwrap();
         for (brick, place) in bricks.places.iter().enumerate() {
             assert_eq!(bricks.entry(place), (brick as u32, place.level));
             for i in 0..BRICK {
                 if local(i).iter().all(|l| *l < SIDE) {
                     let p = bricks.at(place.level, bricks.node(brick, i)) + Vector::repeat(1e-9);
-                    let Spot::Cell { slot, u, .. } = bricks.spot(&p) else { panic!("{p} is in a brick") };
-                    assert!(slot == brick * BRICK + i && u.iter().all(|u| *u < 1e-6), "{place:?} {i}");
+                    let Spot::Cell { slot, u, .. } = bricks.spot(&p) else {
+                        panic!("{p} is in a brick")
+                    };
+                    assert!(
+                        slot == brick * BRICK + i && u.iter().all(|u| *u < 1e-6),
+                        "{place:?} {i}"
+                    );
                 }
             }
         }
@@ -486,9 +566,15 @@ mod tests {
         assert_eq!(leaves, (0..16).collect::<Vec<u32>>());
         for (brick, place) in bricks.places.iter().enumerate() {
             assert_eq!(bricks.entry(place), (brick as u32, place.level));
-            let middle = bricks.at(place.level, bricks.node(brick, BRICK / 2)) + Vector::repeat(1e-9);
-            let Spot::Cell { slot, inverse, .. } = bricks.spot(&middle) else { panic!("{middle} is in a brick") };
-            assert_eq!((slot, inverse), (brick * BRICK + BRICK / 2, 1.0 / bricks.cell_of(place.level)));
+            let middle =
+                bricks.at(place.level, bricks.node(brick, BRICK / 2)) + Vector::repeat(1e-9);
+            let Spot::Cell { slot, inverse, .. } = bricks.spot(&middle) else {
+                panic!("{middle} is in a brick")
+            };
+            assert_eq!(
+                (slot, inverse),
+                (brick * BRICK + BRICK / 2, 1.0 / bricks.cell_of(place.level))
+            );
         }
     }
 }

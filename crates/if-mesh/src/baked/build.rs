@@ -17,16 +17,28 @@ pub(super) fn region(source: &dyn SignedDistance, params: &BakeParams) -> Result
 }
 
 /// The bricks that may hold a point of the band: all others are excluded by the Lipschitz bound.
-pub(super) fn band_bricks(source: &dyn SignedDistance, region: &Aabb, params: &BakeParams) -> Result<Bricks, BakeError> {
+pub(super) fn band_bricks(
+    source: &dyn SignedDistance,
+    region: &Aabb,
+    params: &BakeParams,
+) -> Result<Bricks, BakeError> {
     let lipschitz = source.lipschitz();
     if lipschitz.is_nan() || lipschitz <= 0.0 {
-        return Err(BakeError::Parameter { name: "lipschitz() of the source", value: lipschitz, needs: "a number above zero" });
+        return Err(BakeError::Parameter {
+            name: "lipschitz() of the source",
+            value: lipschitz,
+            needs: "a number above zero",
+        });
     }
     let side = SIDE as Real * params.cell;
     let domain = region.inflated(params.band + params.cell);
     let counts = domain.size().map(|s| (s / side).ceil().max(1.0));
-    let too_large =
-        |bytes: Real| BakeError::TooLarge { bytes: bytes as usize, limit: params.memory, cell: params.cell, lipschitz };
+    let too_large = |bytes: Real| BakeError::TooLarge {
+        bytes: bytes as usize,
+        limit: params.memory,
+        cell: params.cell,
+        lipschitz,
+    };
     // 12 bytes a place: the directory, and the value in the middle while bricks are excluded.
     let places = counts.x * counts.y * counts.z;
     if places * 12.0 > params.memory as Real
@@ -52,7 +64,10 @@ pub(super) fn band_bricks(source: &dyn SignedDistance, region: &Aabb, params: &B
         source.distances(&middles, &mut values[..middles.len()]);
         for (k, value) in values[..middles.len()].iter().enumerate() {
             if !value.is_finite() {
-                return Err(BakeError::NotFinite { point: middles[k], sample: source.sample(&middles[k]) });
+                return Err(BakeError::NotFinite {
+                    point: middles[k],
+                    sample: source.sample(&middles[k]),
+                });
             }
             if *value > lipschitz * (reach + params.band) {
                 continue;
@@ -72,8 +87,8 @@ pub(super) fn band_bricks(source: &dyn SignedDistance, region: &Aabb, params: &B
     Ok(Bricks::new(origin, params.cell, size, directory, &kept))
 }
 
-/// Where bricks end: inside the grid a missing brick is on the same side as the border, and at the end
-/// of the grid all is outside.
+/// Where bricks end: inside the grid a missing brick is on the same side as the border, and at the
+/// end of the grid all is outside.
 pub(super) fn check_border(bricks: &Bricks) -> Result<(), BakeError> {
     for (slot, value) in bricks.nodes.iter().enumerate() {
         let (distance, brick) = (Real::from(value[0]), slot / BRICK);
@@ -100,7 +115,11 @@ pub(super) fn check_border(bricks: &Bricks) -> Result<(), BakeError> {
         }
     }
     for (at, entry) in bricks.roots.iter().enumerate() {
-        let b = [at % bricks.size[0], at / bricks.size[0] % bricks.size[1], at / bricks.size[0] / bricks.size[1]];
+        let b = [
+            at % bricks.size[0],
+            at / bricks.size[0] % bricks.size[1],
+            at / bricks.size[0] / bricks.size[1],
+        ];
         if *entry == INSIDE && (0..3).any(|k| b[k] == 0 || b[k] + 1 == bricks.size[k]) {
             let point = bricks.at(0, b.map(|k| (k * SIDE) as u32));
             return Err(BakeError::Leaves { point, distance: Real::NEG_INFINITY });

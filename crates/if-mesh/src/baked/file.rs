@@ -20,10 +20,11 @@ use if_core::math::{Point, Real};
 
 const MAGIC: &[u8; 10] = b"ifg-baked\0";
 const VERSION: u32 = 2;
-/// Roots of a directory at most: a cube of 2 m with cells of 0.1 mm in bricks of 4 has 1.3e11 of them, one with 1 mm 1.3e8.
+/// Roots of a directory at most: a cube of 2 m with cells of 0.1 mm in bricks of 4 has 1.3e11 of
+/// them, one with 1 mm 1.3e8.
 const MAX_PLACES: u64 = 1 << 28;
-/// Part of a number that rounding may have in another order of sums (1e-16 each): a slope or a box that is off by a thousand times more
-/// would change a bound by a millionth.
+/// Part of a number that rounding may have in another order of sums (1e-16 each): a slope or a box
+/// that is off by a thousand times more would change a bound by a millionth.
 const ROUNDING: Real = 1e-9;
 
 /// Why bytes are no baked field.
@@ -61,10 +62,13 @@ impl Baked {
     /// The field as bytes: the same field gives the same bytes, and the bytes give the same field.
     pub fn to_bytes(&self) -> Vec<u8> {
         let b = &self.bricks;
-        let mut out = Vec::with_capacity(256 + b.roots.len() + 10 * b.splits.len() + 16 * b.nodes.len());
+        let mut out =
+            Vec::with_capacity(256 + b.roots.len() + 10 * b.splits.len() + 16 * b.nodes.len());
         out.extend_from_slice(MAGIC);
         out.extend_from_slice(&VERSION.to_le_bytes());
-        let reals = |out: &mut Vec<u8>, values: &[Real]| values.iter().for_each(|v| out.extend_from_slice(&v.to_le_bytes()));
+        let reals = |out: &mut Vec<u8>, values: &[Real]| {
+            values.iter().for_each(|v| out.extend_from_slice(&v.to_le_bytes()))
+        };
         let count = |out: &mut Vec<u8>, n: usize| out.extend_from_slice(&(n as u32).to_le_bytes());
         reals(&mut out, b.origin.coords.as_slice());
         reals(&mut out, &[b.cell, self.band, self.depth, self.unseen, self.lipschitz]);
@@ -138,31 +142,47 @@ impl Baked {
             _ => return Err(r.fault("a flag")),
         };
         let size = [r.u32()? as usize, r.u32()? as usize, r.u32()? as usize];
-        let all = size.iter().try_fold(1u64, |n, s| n.checked_mul(*s as u64)).filter(|n| *n <= MAX_PLACES);
+        let all = size
+            .iter()
+            .try_fold(1u64, |n, s| n.checked_mul(*s as u64))
+            .filter(|n| *n <= MAX_PLACES);
         let longest = size.into_iter().max().unwrap_or(0).saturating_mul(SIDE);
-        let all = all.filter(|_| longest < MAX_COORDINATE).ok_or_else(|| r.fault("the size of the grid"))? as usize;
+        let all = all
+            .filter(|_| longest < MAX_COORDINATE)
+            .ok_or_else(|| r.fault("the size of the grid"))? as usize;
         let end = origin.coords.map(|x| x.abs() + longest as Real * cell);
         if !end.iter().all(|x| x.is_finite()) {
             return Err(r.fault("a grid without end"));
         }
         // As often as baking halves cells of a grid so large.
-        let levels = (0..MAX_LEVELS).take_while(|l| longest << l < MAX_COORDINATE / 2).count() as u32;
+        let levels =
+            (0..MAX_LEVELS).take_while(|l| longest << l < MAX_COORDINATE / 2).count() as u32;
         let codes = r.counted()?;
         let tree_at = r.at;
         // Nothing is made before it is known that the nodes are there.
         let count = codes.iter().filter(|code| **code == 2).count();
         let needed = count as u64 * BRICK as u64 * 16;
         if (bytes.len() - r.at) as u64 != needed {
-            return Err(BakedFileError::Length { found: bytes.len() as u64, expected: r.at as u64 + needed });
+            return Err(BakedFileError::Length {
+                found: bytes.len() as u64,
+                expected: r.at as u64 + needed,
+            });
         }
         let faulty = BakedFileError::Value { byte: tree_at, what: "the tree" };
         if all > codes.len() || count > BRICKS {
             return Err(faulty);
         }
-        let tree = Tree { size, levels, roots: Vec::with_capacity(all), splits: Vec::new(), places: Vec::with_capacity(count) };
+        let tree = Tree {
+            size,
+            levels,
+            roots: Vec::with_capacity(all),
+            splits: Vec::new(),
+            places: Vec::with_capacity(count),
+        };
         let tree = tree.read(codes, all).ok_or_else(|| faulty.clone())?;
         let nodes = vec![[0.0; 4]; count * BRICK];
-        let mut bricks = Bricks::from_parts(origin, cell, size, tree.roots, tree.splits, tree.places, nodes);
+        let mut bricks =
+            Bricks::from_parts(origin, cell, size, tree.roots, tree.splits, tree.places, nodes);
         for node in bricks.nodes.iter_mut().flatten() {
             let [a, b, c, d] = *r.take(4)? else { return Err(r.fault("a node")) };
             *node = f32::from_le_bytes([a, b, c, d]);
@@ -170,22 +190,30 @@ impl Baked {
                 return Err(r.fault("a node"));
             }
         }
-        // A chain of eight splits above each brick would make three tables of 512 entries for its 2000 bytes: no field has more entries
-        // than bytes. Splits without bricks could.
+        // A chain of eight splits above each brick would make three tables of 512 entries for its
+        // 2000 bytes: no field has more entries than bytes. Splits without bricks could.
         let bricks = bricks.indexed(bytes.len()).ok_or(faulty)?;
         // Beyond the band the field is a distance: as steep as 1.
         if lipschitz * (1.0 + ROUNDING) < steepest(&bricks).max(1.0) {
-            return Err(BakedFileError::Value { byte: lipschitz_at, what: "a bound on the slope below that of the nodes" });
+            return Err(BakedFileError::Value {
+                byte: lipschitz_at,
+                what: "a bound on the slope below that of the nodes",
+            });
         }
         let (held, hair) = (surface_box(&bricks), ROUNDING * cell);
         let fits = if held.is_empty() {
             surface == Aabb::EMPTY
         } else {
             let within = surface.inflated(hair);
-            within.contains(&held.min) && within.contains(&held.max) && surface.size().iter().all(|s| s.is_finite())
+            within.contains(&held.min)
+                && within.contains(&held.max)
+                && surface.size().iter().all(|s| s.is_finite())
         };
         if !fits {
-            return Err(BakedFileError::Value { byte: surface_at, what: "a box of the surface that does not hold it" });
+            return Err(BakedFileError::Value {
+                byte: surface_at,
+                what: "a box of the surface that does not hold it",
+            });
         }
         Ok(Self { bricks, band, depth, surface, errors, unseen, lipschitz, redistanced })
     }
@@ -200,7 +228,10 @@ impl<'a> Reader<'a> {
     fn take(&mut self, n: usize) -> Result<&'a [u8], BakedFileError> {
         let end = self.at.saturating_add(n);
         let found = self.bytes.get(self.at..end);
-        let found = found.ok_or(BakedFileError::Length { found: self.bytes.len() as u64, expected: end as u64 })?;
+        let found = found.ok_or(BakedFileError::Length {
+            found: self.bytes.len() as u64,
+            expected: end as u64,
+        })?;
         self.at = end;
         Ok(found)
     }
@@ -260,7 +291,11 @@ impl Tree {
     fn read(mut self, codes: &[u8], roots: usize) -> Option<Self> {
         let mut codes = codes.iter();
         for root in 0..roots {
-            let at = [root % self.size[0], root / self.size[0] % self.size[1], root / self.size[0] / self.size[1]];
+            let at = [
+                root % self.size[0],
+                root / self.size[0] % self.size[1],
+                root / self.size[0] / self.size[1],
+            ];
             let entry = self.entry(&mut codes, Place { level: 0, at: at.map(|b| b as u32) });
             self.roots.push(entry?);
         }
@@ -297,8 +332,13 @@ mod tests {
 
     fn field(depth: Real) -> Baked {
         let ball = Sphere { center: Point::new(0.01, 0.02, -0.03), radius: 0.2 };
-        let limb = Capsule { from: Point::new(-0.1, -0.2, 0.0), to: Point::new(0.15, 0.1, 0.05), radius: 0.06 };
-        Baked::new(&Union(ball, limb), &BakeParams { cell: 0.01, depth, ..BakeParams::default() }).unwrap()
+        let limb = Capsule {
+            from: Point::new(-0.1, -0.2, 0.0),
+            to: Point::new(0.15, 0.1, 0.05),
+            radius: 0.06,
+        };
+        Baked::new(&Union(ball, limb), &BakeParams { cell: 0.01, depth, ..BakeParams::default() })
+            .unwrap()
     }
 
     #[test]
@@ -343,17 +383,27 @@ mod tests {
         for slope in [-5.0, 0.0, 0.5, 0.999 * lipschitz] {
             refused(&[(7, slope)], if slope > 0.0 { "slope" } else { "a length" });
         }
-        assert_eq!(with_numbers(&bytes, &[(7, 2.0 * lipschitz)]).unwrap().lipschitz(), 2.0 * lipschitz, "a looser bound is one");
+        assert_eq!(
+            with_numbers(&bytes, &[(7, 2.0 * lipschitz)]).unwrap().lipschitz(),
+            2.0 * lipschitz,
+            "a looser bound is one"
+        );
         // The first measured error.
         let mut other = bytes.clone();
         other[138..146].copy_from_slice(&(-1e-9f64).to_le_bytes());
         assert!(Baked::from_bytes(&other).unwrap_err().to_string().contains("an error below zero"));
-        // The box of the surface: numbers 8 to 13. Too small on each side, turned round, without end, none.
+        // The box of the surface: numbers 8 to 13. Too small on each side, turned round, without
+        // end, none.
         for k in 8..14 {
             refused(&[(k, 0.0)], "a box of the surface");
-            refused(&[(k, if k < 11 { Real::NEG_INFINITY } else { Real::INFINITY })], "a box of the surface");
+            refused(
+                &[(k, if k < 11 { Real::NEG_INFINITY } else { Real::INFINITY })],
+                "a box of the surface",
+            );
         }
-        let none: Vec<(usize, Real)> = (8..14).map(|k| (k, if k < 11 { Real::INFINITY } else { Real::NEG_INFINITY })).collect();
+        let none: Vec<(usize, Real)> = (8..14)
+            .map(|k| (k, if k < 11 { Real::INFINITY } else { Real::NEG_INFINITY }))
+            .collect();
         refused(&none, "a box of the surface");
         // Cells whose inverse is infinite, and a grid that ends there.
         refused(&[(3, 1e-308)], "a cell so small");
@@ -363,7 +413,8 @@ mod tests {
     #[test]
     fn a_tree_of_splits_without_bricks_takes_no_memory() {
         let bytes = field(0.03).to_bytes();
-        // One root: three halvings above nothing, which make a table of 512 entries of its 25 bytes.
+        // One root: three halvings above nothing, which make a table of 512 entries of its 25
+        // bytes.
         let mut one = vec![3u8, 3, 3];
         one.extend([0; 22]);
         let file = |size: [u32; 3], tree: &[u8]| {
@@ -378,7 +429,8 @@ mod tests {
             other => panic!("{other}"),
         };
         assert_eq!(refused([10_000, 1, 1], &one.repeat(10_000)), "the tree");
-        // Of all it could be, the size is checked before anything is made: more roots than codes, coordinates beyond 32 bits.
+        // Of all it could be, the size is checked before anything is made: more roots than codes,
+        // coordinates beyond 32 bits.
         assert_eq!(refused([1 << 9; 3], &[0]), "the tree");
         assert_eq!(refused([1 << 28, 1, 1], &[0]), "the size of the grid");
         assert_eq!(refused([u32::MAX; 3], &[0]), "the size of the grid");
@@ -409,7 +461,11 @@ mod tests {
             let end = (at + 8).min(other.len());
             other[at..end].fill(0xff);
             if let Ok(read) = Baked::from_bytes(&other) {
-                assert!(!read.error_bound().is_nan() && !read.distance(&Point::new(0.1, 0.1, 0.1)).is_nan(), "{at}");
+                assert!(
+                    !read.error_bound().is_nan()
+                        && !read.distance(&Point::new(0.1, 0.1, 0.1)).is_nan(),
+                    "{at}"
+                );
             }
         }
     }

@@ -10,12 +10,14 @@ const LEVEL: u32 = 27;
 /// An entry from [`SPLIT`] on is a table: above this bit its span less one, below where it begins.
 const SPAN_BIT: u32 = 29;
 
-/// Entries of all tables together, at most: where a table begins has so many bits, and 2³² bytes hold them.
+/// Entries of all tables together, at most: where a table begins has so many bits, and 2³² bytes
+/// hold them.
 pub(super) const MOST: usize = 1 << SPAN_BIT;
 /// Bricks, at most: an entry has so many bits for their number. They take 268 GB.
 pub(super) const BRICKS: usize = 1 << LEVEL;
 
-/// Tables made of the splits: the pattern of steps is that of the tables, not that of the halvings, which a processor cannot foresee.
+/// Tables made of the splits: the pattern of steps is that of the tables, not that of the halvings,
+/// which a processor cannot foresee.
 #[derive(Clone, Default)]
 pub(super) struct Index {
     roots: Vec<u32>,
@@ -23,9 +25,15 @@ pub(super) struct Index {
 }
 
 impl Index {
-    /// The tables for roots and splits ([`super::bricks::Bricks`]); `None` where they would have more than `most` entries, or than
+    /// The tables for roots and splits ([`super::bricks::Bricks`]); `None` where they would have
+    /// more than `most` entries, or than
     /// [`MOST`], or where there are more than [`BRICKS`] bricks.
-    pub(super) fn new(roots: &[u32], splits: &[[u32; 8]], places: &[Place], most: usize) -> Option<Self> {
+    pub(super) fn new(
+        roots: &[u32],
+        splits: &[[u32; 8]],
+        places: &[Place],
+        most: usize,
+    ) -> Option<Self> {
         if places.len() > BRICKS {
             return None;
         }
@@ -38,7 +46,13 @@ impl Index {
         Some(index)
     }
 
-    fn entry(&mut self, entry: u32, splits: &[[u32; 8]], places: &[Place], most: usize) -> Option<u32> {
+    fn entry(
+        &mut self,
+        entry: u32,
+        splits: &[[u32; 8]],
+        places: &[Place],
+        most: usize,
+    ) -> Option<u32> {
         if entry >= INSIDE {
             return Some(entry);
         }
@@ -66,7 +80,8 @@ impl Index {
         Some(SPLIT | (span - 1) << SPAN_BIT | first as u32)
     }
 
-    /// The brick at `f` in [0, 1)³ of a root, and its level; or [`INSIDE`] or [`super::bricks::OUTSIDE`].
+    /// The brick at `f` in [0, 1)³ of a root, and its level; or [`INSIDE`] or
+    /// [`super::bricks::OUTSIDE`].
     #[inline]
     pub(super) fn find(&self, root: usize, f: [Real; 3]) -> (u32, u32) {
         let mut entry = self.roots[root];
@@ -103,5 +118,9 @@ fn depth(entry: u32, splits: &[[u32; 8]], most: u32) -> u32 {
     if most == 0 || !(SPLIT..INSIDE).contains(&entry) {
         return 0;
     }
-    1 + splits[(entry - SPLIT) as usize].iter().map(|half| depth(*half, splits, most - 1)).max().unwrap_or(0)
+    1 + splits[(entry - SPLIT) as usize]
+        .iter()
+        .map(|half| depth(*half, splits, most - 1))
+        .max()
+        .unwrap_or(0)
 }

@@ -1,8 +1,9 @@
 //! Joins small cells to large ones without a gap.
 //!
-//! On the border to larger cells, nodes and edges of smaller ones take what the larger cell's blend has there. On each side of a cell
-//! the blend is bilinear but for terms u (1 − u) that are linear in the other coordinate; a part of the side has as many values
-//! and bumps as fix such a function. So both blends agree on all of the border, and the field is continuous but for rounding.
+//! On the border to larger cells, nodes and edges of smaller ones take what the larger cell's blend
+//! has there. On each side of a cell the blend is bilinear but for terms u (1 − u) that are linear
+//! in the other coordinate; a part of the side has as many values and bumps as fix such a function.
+//! So both blends agree on all of the border, and the field is continuous but for rounding.
 
 use super::bricks::{BRICK, Bricks, INSIDE, NODES, Node, Place, SIDE, SPLIT, blend, local};
 use if_core::math::Real;
@@ -27,7 +28,8 @@ pub(super) fn join(bricks: &mut Bricks) {
             .filter_map(|b| joined(bricks, *b as usize).map(|nodes| (*b, nodes)))
             .collect();
         for (brick, nodes) in changed {
-            bricks.nodes[brick as usize * BRICK..(brick as usize + 1) * BRICK].copy_from_slice(&nodes);
+            bricks.nodes[brick as usize * BRICK..(brick as usize + 1) * BRICK]
+                .copy_from_slice(&nodes);
         }
     }
 }
@@ -79,8 +81,13 @@ fn larger_neighbours(bricks: &Bricks, place: &Place) -> [Option<Larger>; 27] {
     out
 }
 
-/// Of the bricks that touch a node, or the edge that leads from it along `axis`, the largest, if it is larger than the node's own.
-fn largest(neighbours: &[Option<Larger>; 27], l: [usize; 3], axis: Option<usize>) -> Option<Larger> {
+/// Of the bricks that touch a node, or the edge that leads from it along `axis`, the largest, if it
+/// is larger than the node's own.
+fn largest(
+    neighbours: &[Option<Larger>; 27],
+    l: [usize; 3],
+    axis: Option<usize>,
+) -> Option<Larger> {
     let reach = |k: usize| match l[k] {
         _ if axis == Some(k) => 1..=1,
         0 => 0..=1,
@@ -102,7 +109,8 @@ fn largest(neighbours: &[Option<Larger>; 27], l: [usize; 3], axis: Option<usize>
     found
 }
 
-/// The cell of `larger` that has the point `at`, given in nodes of the level of `place`; where in it; and the ratio of the cells.
+/// The cell of `larger` that has the point `at`, given in nodes of the level of `place`; where in
+/// it; and the ratio of the cells.
 fn within(larger: &Larger, place: &Place, at: [Real; 3]) -> (usize, [Real; 3], Real) {
     let ratio = Real::from(1u32 << (place.level - larger.place.level));
     let (mut slot, mut u) = (larger.brick * BRICK, [0.0; 3]);

@@ -14,10 +14,11 @@ pub enum Redistance {
     /// Where the gradient of the source is not of unit length: scaled, warped or learned fields.
     #[default]
     WhenNeeded,
-    /// Always: also for fields such as unions, whose gradient is of unit length everywhere but whose
-    /// inside is no distance.
+    /// Always: also for fields such as unions, whose gradient is of unit length everywhere but
+    /// whose inside is no distance.
     Always,
-    /// Never: the source is a distance, or at least never above it, with a gradient of at most unit length.
+    /// Never: the source is a distance, or at least never above it, with a gradient of at most unit
+    /// length.
     Never,
 }
 
@@ -28,34 +29,36 @@ pub(super) const MAX_LEVELS: u32 = 8;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BakeParams {
-    /// Edge of the largest cells, in metres. The error falls with its third to fourth power where the field is
-    /// smooth, and with its first at creases.
+    /// Edge of the largest cells, in metres. The error falls with its third to fourth power where
+    /// the field is smooth, and with its first at creases.
     pub cell: Real,
-    /// How far a value may be from the field, in metres, at points no farther than `reach` from the surface: cells are halved
-    /// where it is more. Infinite leaves all cells as they are.
+    /// How far a value may be from the field, in metres, at points no farther than `reach` from the
+    /// surface: cells are halved where it is more. Infinite leaves all cells as they are.
     #[serde(with = "length_or_word")]
     pub accuracy: Real,
-    /// How far from the surface `accuracy` is asked for, in metres. What lies deeper or farther keeps the largest cells.
+    /// How far from the surface `accuracy` is asked for, in metres. What lies deeper or farther
+    /// keeps the largest cells.
     pub reach: Real,
     /// How often cells may be halved. Where a field jumps no cell is small enough.
     pub levels: u32,
     /// How far outside the surface values are kept, in metres: a cell at least.
     pub band: Real,
-    /// How far inside, in metres. Infinite keeps all of the inside, which for a body takes less room than
-    /// the band.
+    /// How far inside, in metres. Infinite keeps all of the inside, which for a body takes less
+    /// room than the band.
     #[serde(with = "length_or_word")]
     pub depth: Real,
     /// Where the zero set lies; `None` takes the source's `bounds()`.
     pub region: Option<Aabb>,
     /// When to re-distance.
     pub redistance: Redistance,
-    /// Memory that baking may take, in bytes. Cells are not halved any more where that would take more.
+    /// Memory that baking may take, in bytes. Cells are not halved any more where that would take
+    /// more.
     pub memory: usize,
 }
 
 impl Default for BakeParams {
-    /// For a body of 2 m: 1 mm within 2 cm of the surface, with cells of 12 mm, at fingers and folds down to 1.5 mm
-    /// (`docs/fitting.md`).
+    /// For a body of 2 m: 1 mm within 2 cm of the surface, with cells of 12 mm, at fingers and
+    /// folds down to 1.5 mm (`docs/fitting.md`).
     fn default() -> Self {
         Self {
             cell: 0.012,
@@ -90,7 +93,11 @@ mod length_or_word {
     }
 
     pub(super) fn serialize<S: Serializer>(length: &Real, to: S) -> Result<S::Ok, S::Error> {
-        let written = if *length == Real::INFINITY { Written::Word(Word::Infinite) } else { Written::Length(*length) };
+        let written = if *length == Real::INFINITY {
+            Written::Word(Word::Infinite)
+        } else {
+            Written::Length(*length)
+        };
         written.serialize(to)
     }
 
@@ -207,7 +214,8 @@ impl BakeParams {
         if self.levels > MAX_LEVELS {
             return fault("levels", Real::from(self.levels), "at most 8");
         }
-        // Where a surface crosses an edge of the grid, an end of it is nearer than a cell: a narrower band loses the surface.
+        // Where a surface crosses an edge of the grid, an end of it is nearer than a cell: a
+        // narrower band loses the surface.
         if self.band < self.cell {
             return fault("band", self.band, "at least a cell; take smaller cells or a wider band");
         }

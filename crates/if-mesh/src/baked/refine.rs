@@ -12,13 +12,14 @@ use rayon::prelude::*;
 
 /// Random points in a cell that bends so much that its middle alone tells too little.
 const EXTRA: usize = 4;
-/// Cells with an error above this share of the accuracy are halved: a margin below 1 / [`SAFETY`] for errors that no point has shown.
+/// Cells with an error above this share of the accuracy are halved: a margin below 1 / [`SAFETY`]
+/// for errors that no point has shown.
 const AIM: Real = 0.5;
 /// Rounds in which what the last measurement finds is halved too, at most: two or three are usual.
 const ROUNDS: u64 = 6;
 
-/// Halves cells of the filled grid `bricks` of level 0 until the blend is accurate enough, and joins them. `known` are the samples
-/// at its nodes.
+/// Halves cells of the filled grid `bricks` of level 0 until the blend is accurate enough, and
+/// joins them. `known` are the samples at its nodes.
 ///
 /// ```text
 /// level by level: compare with the source in the middle of each cell near the surface, and at random places of those that bend most;
@@ -39,8 +40,15 @@ pub(super) fn refine(
 ) -> Result<accuracy::Errors, BakeError> {
     let all: Vec<u32> = (0..bricks.places.len() as u32).collect();
     let longest = bricks.size[0].max(bricks.size[1]).max(bricks.size[2]) * super::bricks::SIDE;
-    let levels = (0..params.levels).take_while(|l| longest << l < MAX_COORDINATE / 2).count() as u32;
-    let mut work = Refinement { bricks, source, params, levels, frontiers: vec![Vec::new(); levels as usize + 1] };
+    let levels =
+        (0..params.levels).take_while(|l| longest << l < MAX_COORDINATE / 2).count() as u32;
+    let mut work = Refinement {
+        bricks,
+        source,
+        params,
+        levels,
+        frontiers: vec![Vec::new(); levels as usize + 1],
+    };
     work.frontiers[0] = all;
     work.run(known)?;
     let mut round = 0;
@@ -48,7 +56,13 @@ pub(super) fn refine(
         let mut joined = work.bricks.clone();
         join(&mut joined);
         let mut errors = accuracy::Errors { reach: params.reach, ..Default::default() };
-        let offenders = accuracy::measure(&mut errors, &joined, source, params, (true, round, AIM * params.accuracy));
+        let offenders = accuracy::measure(
+            &mut errors,
+            &joined,
+            source,
+            params,
+            (true, round, AIM * params.accuracy),
+        );
         let offenders: Vec<u32> = offenders.into_iter().filter(|b| work.can_split(*b)).collect();
         let reached = errors.within(params.reach) <= params.accuracy / SAFETY;
         if reached || round == ROUNDS || offenders.is_empty() || !work.fits(offenders.len()) {
@@ -100,7 +114,8 @@ impl Refinement<'_> {
     }
 
     fn sample(&mut self, level: u32, some: &[u32], known: &Samples) -> Result<Samples, BakeError> {
-        let samples = Samples::ask(self.source, self.bricks, level, node_keys(self.bricks, some), known)?;
+        let samples =
+            Samples::ask(self.source, self.bricks, level, node_keys(self.bricks, some), known)?;
         fill(self.bricks, some, &samples);
         Ok(samples)
     }
@@ -146,8 +161,8 @@ impl Refinement<'_> {
         halves
     }
 
-    /// The bricks of `frontier` with an error above the tolerance; and the samples in the middles of their cells, with keys of
-    /// the next level.
+    /// The bricks of `frontier` with an error above the tolerance; and the samples in the middles
+    /// of their cells, with keys of the next level.
     fn inaccurate(&self, level: u32, frontier: &[u32]) -> Result<(Vec<u32>, Samples), BakeError> {
         let (bricks, params) = (&*self.bricks, self.params);
         let tolerance = AIM * params.accuracy;
@@ -158,12 +173,17 @@ impl Refinement<'_> {
         let near: Vec<(u32, usize)> = frontier
             .par_iter()
             .flat_map_iter(|b| cells().map(move |c| (*b, c)))
-            .filter(|(b, c)| accuracy::matters(&bricks.nodes, *b as usize * BRICK + c, cell, params))
+            .filter(|(b, c)| {
+                accuracy::matters(&bricks.nodes, *b as usize * BRICK + c, cell, params)
+            })
             .collect();
-        let middle = |brick: u32, index: usize| key(bricks.node(brick as usize, index).map(|n| 2 * n + 1));
+        let middle =
+            |brick: u32, index: usize| key(bricks.node(brick as usize, index).map(|n| 2 * n + 1));
         let keys = near.par_iter().map(|(b, c)| middle(*b, *c)).collect();
         let middles = Samples::ask(self.source, bricks, level + 1, keys, &Samples::default())?;
-        let is_off = |value: Real, truth: Real| (value - truth).abs() > tolerance && accuracy::counts(truth, 0.5 * cell, params);
+        let is_off = |value: Real, truth: Real| {
+            (value - truth).abs() > tolerance && accuracy::counts(truth, 0.5 * cell, params)
+        };
         let mut bad: Vec<u32> = near
             .par_iter()
             .filter(|(b, c)| {
@@ -176,17 +196,24 @@ impl Refinement<'_> {
         // Only bricks that may still be good need a closer look.
         let bending: Vec<(u32, usize)> = near
             .into_iter()
-            .filter(|(b, c)| bad.binary_search(b).is_err() && accuracy::bend(&bricks.nodes, *b as usize * BRICK + c) > tolerance)
+            .filter(|(b, c)| {
+                bad.binary_search(b).is_err()
+                    && accuracy::bend(&bricks.nodes, *b as usize * BRICK + c) > tolerance
+            })
             .collect();
         let places: Vec<(u32, usize, Vector)> = bending
             .iter()
             .flat_map(|(b, c)| {
                 let mut random = SplitMix64(middle(*b, *c));
-                (0..EXTRA).map(move |_| (*b, *c, Vector::new(random.unit(), random.unit(), random.unit())))
+                (0..EXTRA).map(move |_| {
+                    (*b, *c, Vector::new(random.unit(), random.unit(), random.unit()))
+                })
             })
             .collect();
-        let points: Vec<Point> =
-            places.iter().map(|(b, c, u)| bricks.at(level, bricks.node(*b as usize, *c)) + u * cell).collect();
+        let points: Vec<Point> = places
+            .iter()
+            .map(|(b, c, u)| bricks.at(level, bricks.node(*b as usize, *c)) + u * cell)
+            .collect();
         let mut truth = vec![0.0; points.len()];
         self.source.distances(&points, &mut truth);
         for ((b, c, u), truth) in places.iter().zip(truth) {

@@ -48,16 +48,20 @@ impl Samples {
         let nothing = FieldSample { distance: 0.0, gradient: Vector::zeros() };
         let found: Vec<Option<usize>> = keys.par_iter().map(|k| known.find(*k)).collect();
         let missing: Vec<usize> = (0..keys.len()).filter(|i| found[*i].is_none()).collect();
-        let mut samples: Vec<FieldSample> = found.iter().map(|f| f.map_or(nothing, |f| known.samples[f])).collect();
+        let mut samples: Vec<FieldSample> =
+            found.iter().map(|f| f.map_or(nothing, |f| known.samples[f])).collect();
         let mut batch = vec![nothing; BATCH.min(missing.len())];
         for some in missing.chunks(BATCH) {
-            let points: Vec<Point> = some.iter().map(|i| bricks.at(level, node(keys[*i]))).collect();
+            let points: Vec<Point> =
+                some.iter().map(|i| bricks.at(level, node(keys[*i]))).collect();
             let batch = &mut batch[..points.len()];
             source.samples(&points, batch);
             for ((i, sample), point) in some.iter().zip(batch.iter()).zip(&points) {
                 // Nodes are stored in single precision.
                 let finite = |x: Real| (x as f32).is_finite();
-                if !(finite(sample.distance) && sample.gradient.iter().all(|g| finite(*g) && finite(g * bricks.cell))) {
+                if !(finite(sample.distance)
+                    && sample.gradient.iter().all(|g| finite(*g) && finite(g * bricks.cell)))
+                {
                     return Err(BakeError::NotFinite { point: *point, sample: *sample });
                 }
                 samples[*i] = *sample;
@@ -80,11 +84,14 @@ impl Samples {
         self.find(key).map(|i| &self.samples[i])
     }
 
-    /// The nodes of one level and the middles of its cells, whose keys are those of the next level, as nodes of that.
+    /// The nodes of one level and the middles of its cells, whose keys are those of the next level,
+    /// as nodes of that.
     pub(super) fn doubled(&self, middles: &Samples) -> Self {
         let nodes = self.keys.iter().map(|k| k << 1).zip(&self.samples);
-        let mut all: Vec<(u64, FieldSample)> =
-            nodes.chain(middles.keys.iter().copied().zip(&middles.samples)).map(|(k, s)| (k, *s)).collect();
+        let mut all: Vec<(u64, FieldSample)> = nodes
+            .chain(middles.keys.iter().copied().zip(&middles.samples))
+            .map(|(k, s)| (k, *s))
+            .collect();
         all.par_sort_unstable_by_key(|(k, _)| *k);
         let (keys, samples) = all.into_iter().unzip();
         Self { keys, samples }
@@ -93,7 +100,9 @@ impl Samples {
 
 /// Keys of all nodes of some bricks.
 pub(super) fn node_keys(bricks: &Bricks, some: &[u32]) -> Vec<u64> {
-    some.par_iter().flat_map_iter(|b| (0..BRICK).map(|i| key(bricks.node(*b as usize, i)))).collect()
+    some.par_iter()
+        .flat_map_iter(|b| (0..BRICK).map(|i| key(bricks.node(*b as usize, i))))
+        .collect()
 }
 
 /// Values and bumps of some bricks, from samples at all of their nodes.
@@ -103,7 +112,8 @@ pub(super) fn fill(bricks: &mut Bricks, some: &[u32], samples: &Samples) {
         .map(|b| {
             let brick = *b as usize;
             let half = 0.5 * bricks.cell_of(bricks.places[brick].level);
-            let at = |i: usize| *samples.get(key(bricks.node(brick, i))).expect("all nodes were asked");
+            let at =
+                |i: usize| *samples.get(key(bricks.node(brick, i))).expect("all nodes were asked");
             let all: [FieldSample; BRICK] = std::array::from_fn(at);
             std::array::from_fn(|i| {
                 let l = local(i);
@@ -116,6 +126,7 @@ pub(super) fn fill(bricks: &mut Bricks, some: &[u32], samples: &Samples) {
         })
         .collect();
     for (brick, nodes) in some.iter().zip(nodes) {
-        bricks.nodes[*brick as usize * BRICK..(*brick as usize + 1) * BRICK].copy_from_slice(&nodes);
+        bricks.nodes[*brick as usize * BRICK..(*brick as usize + 1) * BRICK]
+            .copy_from_slice(&nodes);
     }
 }

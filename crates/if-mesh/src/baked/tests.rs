@@ -1,7 +1,8 @@
 use super::*;
 use if_core::conformance::{FieldTolerances, check_signed_distance};
 use if_core::shapes::{
-    Capsule, Cuboid, Cylinder, Gyroid, Intersection, Plane, ScaledGradient, Sphere, Subtraction, Torus, Union,
+    Capsule, Cuboid, Cylinder, Gyroid, Intersection, Plane, ScaledGradient, Sphere, Subtraction,
+    Torus, Union,
 };
 
 struct Random(u64);
@@ -17,9 +18,12 @@ impl Random {
 
 const BALL: Sphere = Sphere { center: Point::new(0.01, 0.02, -0.03), radius: 0.2 };
 const TORUS: Torus = Torus { center: Point::new(0.0, 0.01, 0.0), major: 0.2, minor: 0.07 };
-const BRICK_SHAPE: Cuboid = Cuboid { center: Point::new(0.0, 0.0, 0.003), half: Vector::new(0.1, 0.17, 0.13) };
-const LIMB: Capsule = Capsule { from: Point::new(-0.1, -0.2, 0.0), to: Point::new(0.15, 0.1, 0.05), radius: 0.06 };
-const TIN: Cylinder = Cylinder { center: Point::new(0.0, 0.0, 0.0), radius: 0.13, half_height: 0.2 };
+const BRICK_SHAPE: Cuboid =
+    Cuboid { center: Point::new(0.0, 0.0, 0.003), half: Vector::new(0.1, 0.17, 0.13) };
+const LIMB: Capsule =
+    Capsule { from: Point::new(-0.1, -0.2, 0.0), to: Point::new(0.15, 0.1, 0.05), radius: 0.06 };
+const TIN: Cylinder =
+    Cylinder { center: Point::new(0.0, 0.0, 0.0), radius: 0.13, half_height: 0.2 };
 
 /// A source, and the distance that it should read as.
 struct Case(&'static str, Box<dyn SignedDistance>, Box<dyn SignedDistance>);
@@ -39,7 +43,13 @@ fn cases() -> Vec<Case> {
         same("tin", TIN),
         same("union", Union(BALL, LIMB)),
         same("subtraction", Subtraction(BALL, LIMB)),
-        same("half ball", Intersection(BALL, Plane { point: Point::new(0.0, 0.05, 0.0), normal: Vector::new(0.0, 0.8, 0.6) })),
+        same(
+            "half ball",
+            Intersection(
+                BALL,
+                Plane { point: Point::new(0.0, 0.05, 0.0), normal: Vector::new(0.0, 0.8, 0.6) },
+            ),
+        ),
         scaled("ball / 2", BALL, 0.5),
         scaled("ball × 2", BALL, 2.0),
         scaled("torus / 2", TORUS, 0.5),
@@ -61,14 +71,21 @@ fn check_error(points: usize, cell: Real) {
             let (got, expected) = (baked.distance(&p), truth.distance(&p));
             let bound = baked.error_bound();
             if expected > baked.band() - bound {
-                // Beyond the band, or where the blend says so, the value is at least the band and at most the distance. That is
-                // more than what an intersection says, and more than the distance to its box.
+                // Beyond the band, or where the blend says so, the value is at least the band and
+                // at most the distance. That is more than what an intersection says, and more than
+                // the distance to its box.
                 let least = expected.min(baked.band()) - bound;
                 let expected = expected.max(solid.distance_squared(&p).sqrt());
-                assert!(least <= got && got <= expected + bound, "{name}: {got} for {expected} at {p}");
+                assert!(
+                    least <= got && got <= expected + bound,
+                    "{name}: {got} for {expected} at {p}"
+                );
             } else {
                 let bound = baked.error_bound_within(expected.abs());
-                assert!((got - expected).abs() <= bound, "{name}: {got} for {expected} at {p}, bound {bound}");
+                assert!(
+                    (got - expected).abs() <= bound,
+                    "{name}: {got} for {expected} at {p}, bound {bound}"
+                );
             }
         }
     }
@@ -107,10 +124,17 @@ fn smooth_surfaces_are_exact_to_a_hundredth_of_a_millimetre() {
 fn a_tighter_grid_has_a_smaller_error() {
     let mut last = Real::INFINITY;
     for cell in [0.032, 0.016, 0.008] {
-        let baked =
-            Baked::new(&ScaledGradient { field: TORUS, factor: 2.0 }, &BakeParams { cell, ..BakeParams::default() }).unwrap();
+        let baked = Baked::new(
+            &ScaledGradient { field: TORUS, factor: 2.0 },
+            &BakeParams { cell, ..BakeParams::default() },
+        )
+        .unwrap();
         // Fourth order, but for the finest: single precision ends it at about a micrometre.
-        assert!(baked.error_bound_within(0.01) < last / 5.0, "{cell}: {} after {last}", baked.error_bound_within(0.01));
+        assert!(
+            baked.error_bound_within(0.01) < last / 5.0,
+            "{cell}: {} after {last}",
+            baked.error_bound_within(0.01)
+        );
         last = baked.error_bound_within(0.01);
     }
 }
@@ -119,12 +143,19 @@ fn a_tighter_grid_has_a_smaller_error() {
 fn baked_fields_conform() {
     for (k, Case(name, source, _)) in cases().into_iter().enumerate() {
         let depth = [Real::INFINITY, 0.03][k % 2];
-        let baked = Baked::new(&*source, &BakeParams { cell: 0.02, depth, ..BakeParams::default() }).unwrap();
+        let baked =
+            Baked::new(&*source, &BakeParams { cell: 0.02, depth, ..BakeParams::default() })
+                .unwrap();
         let region = source.bounds().unwrap().inflated(0.1);
         let mut random = Random(1);
         let points: Vec<Point> = (0..250).map(|_| random.point(&region)).collect();
-        // Faces of cells are slight kinks. At the border of the band the value may jump by the error.
-        let tolerances = FieldTolerances { rounding: 2.0 * baked.error_bound(), kinks: 0.2, ..FieldTolerances::default() };
+        // Faces of cells are slight kinks. At the border of the band the value may jump by the
+        // error.
+        let tolerances = FieldTolerances {
+            rounding: 2.0 * baked.error_bound(),
+            kinks: 0.2,
+            ..FieldTolerances::default()
+        };
         if let Err(fault) = check_signed_distance(&baked, &points, &tolerances) {
             panic!("{name}: {fault}");
         }
@@ -175,22 +206,38 @@ fn what_cannot_be_baked_is_refused_with_a_reason() {
     let bake = |params: BakeParams| Baked::new(&BALL, &params).map(|b| b.bytes());
     let with = BakeParams::default();
     for cell in [0.0, -1.0, Real::NAN, Real::INFINITY] {
-        assert!(matches!(bake(BakeParams { cell, ..with }), Err(BakeError::Parameter { name: "cell", .. })));
+        assert!(matches!(
+            bake(BakeParams { cell, ..with }),
+            Err(BakeError::Parameter { name: "cell", .. })
+        ));
     }
-    assert!(matches!(bake(BakeParams { band: Real::NAN, ..with }), Err(BakeError::Parameter { name: "band", .. })));
-    // Narrower than a cell, the band has no node near the surface, which is then lost with a stated error of nothing.
+    assert!(matches!(
+        bake(BakeParams { band: Real::NAN, ..with }),
+        Err(BakeError::Parameter { name: "band", .. })
+    ));
+    // Narrower than a cell, the band has no node near the surface, which is then lost with a stated
+    // error of nothing.
     let narrow = BakeParams { band: 0.9 * with.cell, ..with };
     assert!(matches!(bake(narrow), Err(BakeError::Parameter { name: "band", .. })));
-    assert!(matches!(bake(BakeParams { depth: 0.0, ..with }), Err(BakeError::Parameter { name: "depth", .. })));
+    assert!(matches!(
+        bake(BakeParams { depth: 0.0, ..with }),
+        Err(BakeError::Parameter { name: "depth", .. })
+    ));
     for cell in [1e-3, 1e-6, 1e-12, 1e-300] {
         let error = bake(BakeParams { cell, memory: 1 << 24, ..with }).unwrap_err();
         assert!(matches!(error, BakeError::TooLarge { limit: 0x100_0000, .. }), "{error}");
     }
-    assert!(matches!(bake(BakeParams { region: Some(Aabb::EMPTY), ..with }), Err(BakeError::Region { .. })));
+    assert!(matches!(
+        bake(BakeParams { region: Some(Aabb::EMPTY), ..with }),
+        Err(BakeError::Region { .. })
+    ));
     let endless = Plane { point: Point::origin(), normal: Vector::y() };
     assert_eq!(Baked::new(&endless, &with).unwrap_err(), BakeError::Unbounded);
     let region = Some(Aabb { min: Point::new(-0.2, -0.2, -0.2), max: Point::new(0.2, 0.2, 0.2) });
-    assert!(matches!(Baked::new(&endless, &BakeParams { region, ..with }), Err(BakeError::Leaves { .. })));
+    assert!(matches!(
+        Baked::new(&endless, &BakeParams { region, ..with }),
+        Err(BakeError::Leaves { .. })
+    ));
     assert!(matches!(
         Baked::new(&Gyroid { period: 0.3 }, &BakeParams { region, depth: 0.01, ..with }),
         Err(BakeError::Leaves { .. })
@@ -210,7 +257,10 @@ fn a_surface_that_is_not_there_leaves_an_empty_field() {
     let nothing = Intersection(BALL, Sphere { center: Point::new(9.0, 0.0, 0.0), radius: 1.0 });
     let region = BALL.bounds();
     let baked = Baked::new(&nothing, &BakeParams { region, ..BakeParams::default() }).unwrap();
-    assert_eq!(baked.sample(&Point::origin()), FieldSample { distance: 0.05, gradient: Vector::zeros() });
+    assert_eq!(
+        baked.sample(&Point::origin()),
+        FieldSample { distance: 0.05, gradient: Vector::zeros() }
+    );
     assert_eq!(baked.bounds(), Some(Aabb::EMPTY));
 }
 
@@ -218,7 +268,9 @@ fn a_surface_that_is_not_there_leaves_an_empty_field() {
 fn a_wall_thinner_than_a_cell_keeps_its_sign_and_halved_cells_give_it_its_depth() {
     // 3 mm in 12 mm cells: no two nodes lie inside, the slopes tell.
     let wall = Cuboid { center: Point::new(0.0, 0.0, 0.0041), half: Vector::new(0.1, 0.1, 0.0015) };
-    let whole = Baked::new(&wall, &BakeParams { accuracy: Real::INFINITY, ..BakeParams::default() }).unwrap();
+    let whole =
+        Baked::new(&wall, &BakeParams { accuracy: Real::INFINITY, ..BakeParams::default() })
+            .unwrap();
     let halved = Baked::new(&wall, &BakeParams::default()).unwrap();
     for k in 0..50 {
         let p = Point::new(0.0031 * f64::from(k) - 0.08, 0.011, 0.0041);
@@ -226,7 +278,9 @@ fn a_wall_thinner_than_a_cell_keeps_its_sign_and_halved_cells_give_it_its_depth(
         approx::assert_relative_eq!(halved.distance(&p), -0.0015, epsilon = 1e-3);
     }
     assert!(whole.error_bound_within(0.001) > 1e-3, "and its bound says that the depth is poor");
-    assert!(halved.error_bound_within(0.001) <= 1e-3 && halved.smallest_cell() < whole.smallest_cell());
+    assert!(
+        halved.error_bound_within(0.001) <= 1e-3 && halved.smallest_cell() < whole.smallest_cell()
+    );
 }
 
 #[test]
@@ -234,13 +288,19 @@ fn cells_are_small_only_where_that_is_needed() {
     // A limb as thick as an arm that carries one as thin as a finger.
     let field = Union(
         Capsule { from: Point::new(-0.3, 0.0, 0.0), to: Point::new(0.0, 0.0, 0.0), radius: 0.05 },
-        Capsule { from: Point::new(0.0, 0.0, 0.0), to: Point::new(0.15, 0.01, 0.02), radius: 0.007 },
+        Capsule {
+            from: Point::new(0.0, 0.0, 0.0),
+            to: Point::new(0.15, 0.01, 0.02),
+            radius: 0.007,
+        },
     );
     for source in [ScaledGradient { field, factor: 1.0 }, ScaledGradient { field, factor: 2.0 }] {
         let baked = Baked::new(&source, &BakeParams::default()).unwrap();
         let bound = baked.error_bound_within(0.02);
-        // Cells of 1.5 mm, as small as the default allows, leave that much at an axis; where the limbs meet is a crease.
-        let crease = if baked.is_redistanced() { 0.25 * baked.cell() / Real::sqrt(3.0) } else { 0.0 };
+        // Cells of 1.5 mm, as small as the default allows, leave that much at an axis; where the
+        // limbs meet is a crease.
+        let crease =
+            if baked.is_redistanced() { 0.25 * baked.cell() / Real::sqrt(3.0) } else { 0.0 };
         assert!(bound <= 1.5e-3 + crease, "{bound}");
         let mut random = Random(5);
         let mut worst: Real = 0.0;
@@ -255,7 +315,8 @@ fn cells_are_small_only_where_that_is_needed() {
         assert!(worst <= bound && bound - crease < 4.0 * worst, "{worst} {bound}");
         // As many bricks as if all cells were as small as the smallest.
         let bricks = baked.bricks_by_level();
-        let even: usize = bricks.iter().enumerate().map(|(l, n)| n << (3 * (bricks.len() - 1 - l))).sum();
+        let even: usize =
+            bricks.iter().enumerate().map(|(l, n)| n << (3 * (bricks.len() - 1 - l))).sum();
         assert!(even > 10 * bricks.iter().sum::<usize>(), "{bricks:?}");
     }
 }
@@ -265,7 +326,9 @@ fn baking_gives_the_same_bits_on_any_number_of_threads() {
     let source = ScaledGradient { field: Union(TORUS, LIMB), factor: 0.5 };
     let bake = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| Baked::new(&source, &BakeParams { cell: 0.02, ..BakeParams::default() }).unwrap())
+        pool.install(|| {
+            Baked::new(&source, &BakeParams { cell: 0.02, ..BakeParams::default() }).unwrap()
+        })
     };
     let (one, seven) = (bake(1), bake(7));
     assert_eq!(one.bricks.nodes, seven.bricks.nodes);

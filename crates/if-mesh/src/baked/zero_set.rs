@@ -11,32 +11,36 @@ use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use rayon::prelude::*;
 
-/// Triangles have edges of this share of a cell of level 0: of 3 mm for cells of 12 mm. They are where nearest points are looked for
-/// first; what is thinner may be lost.
+/// Triangles have edges of this share of a cell of level 0: of 3 mm for cells of 12 mm. They are
+/// where nearest points are looked for first; what is thinner may be lost.
 const EDGE: Real = 0.25;
 /// At least and at most so many edges along the region.
 const EDGES: [Real; 2] = [48.0, 1024.0];
-/// A point is on the zero set when a Newton step moves it by less than this share of an edge: it is then off by the square of that
-/// times the curvature, 1e-9 m.
+/// A point is on the zero set when a Newton step moves it by less than this share of an edge: it is
+/// then off by the square of that times the curvature, 1e-9 m.
 const SETTLED: Real = 1e-3;
 /// It is the nearest when it would slide by less than this share of an edge.
 const NEAREST: Real = 1e-3;
-/// Nearer than so many edges the gradient is the normal at the nearest point, farther the direction from there.
+/// Nearer than so many edges the gradient is the normal at the nearest point, farther the direction
+/// from there.
 const NORMAL: Real = 4.0;
 /// Steps at most: nearly all settle in four. Creases, where two points are nearest, do not.
 const STEPS: usize = 12;
 /// Points asked at once.
 const BATCH: usize = 1 << 14;
-/// Points that follow one another and are likely near: each begins with the nearest point of the one before.
+/// Points that follow one another and are likely near: each begins with the nearest point of the
+/// one before.
 const NEIGHBOURS: usize = 64;
 /// Networks have values in single precision.
 const NOISE: Real = 1e-6;
 
 /// Nearer than so many edges, something thin that the mesh does not show is looked for.
 const FAR: Real = 8.0;
-/// Where the source is below this share of the distance to the mesh, something is nearer than the mesh. Below what scaled fields are, as a rule.
+/// Where the source is below this share of the distance to the mesh, something is nearer than the
+/// mesh. Below what scaled fields are, as a rule.
 const THIN: Real = 0.3;
-/// Triangles that meet under a larger angle than that of this cosine, 35°, show a crease: a finger bends by 25° from one to the next.
+/// Triangles that meet under a larger angle than that of this cosine, 35°, show a crease: a finger
+/// bends by 25° from one to the next.
 const CREASE: Real = 0.82;
 /// Slopes are at most this times the steepest that was seen.
 const STEEPER: Real = 1.5;
@@ -51,8 +55,9 @@ const STEEPER: Real = 1.5;
 /// φ' = ±|p − q|,   ∇φ' = ±(p − q) / |p − q|
 /// ```
 ///
-/// α is the step of Barzilai and Borwein 1988: where the surface bends at distance d with the curvature κ, it comes to
-/// 1 / (1 + d κ) by itself. Of all q that were on the zero set the nearest counts, so that the distance is never too small.
+/// α is the step of Barzilai and Borwein 1988: where the surface bends at distance d with the
+/// curvature κ, it comes to 1 / (1 + d κ) by itself. Of all q that were on the zero set the nearest
+/// counts, so that the distance is never too small.
 pub(super) struct ZeroSet<'a> {
     source: &'a dyn SignedDistance,
     surface: Bvh,
@@ -64,7 +69,8 @@ pub(super) struct ZeroSet<'a> {
 }
 
 impl<'a> ZeroSet<'a> {
-    /// Extracts the surface. `samples` are some of the source's; `far` is how far beyond the band a distance is wanted, in metres.
+    /// Extracts the surface. `samples` are some of the source's; `far` is how far beyond the band a
+    /// distance is wanted, in metres.
     pub(super) fn new(
         source: &'a dyn SignedDistance,
         region: &Aabb,
@@ -74,7 +80,8 @@ impl<'a> ZeroSet<'a> {
     ) -> Result<Self, BakeError> {
         let longest = region.size().max();
         let edge = (EDGE * params.cell).clamp(longest / EDGES[1], longest / EDGES[0]);
-        // A bound that holds everywhere may be far above the slopes there are; too low a one is noticed and mended there.
+        // A bound that holds everywhere may be far above the slopes there are; too low a one is
+        // noticed and mended there.
         let steepest = samples.iter().map(|s| s.gradient.norm()).fold(0.0, Real::max);
         let slope = (STEEPER * steepest).max(1e-3).min(source.lipschitz());
         let size = region.size().max().max(region.max.coords.amax()).max(region.min.coords.amax());
@@ -88,7 +95,9 @@ impl<'a> ZeroSet<'a> {
             ..ExtractParams::default()
         };
         let mesh = extract(source, &extraction).map_err(|error| match error {
-            ExtractError::NotANumber { point } => BakeError::NotFinite { point, sample: source.sample(&point) },
+            ExtractError::NotANumber { point } => {
+                BakeError::NotFinite { point, sample: source.sample(&point) }
+            }
             error => BakeError::Surface(error),
         })?;
         let limits = [params.band + far, params.depth + far];
@@ -96,8 +105,8 @@ impl<'a> ZeroSet<'a> {
         Ok(Self { source, surface: Bvh::new(&mesh.mesh), edge, unseen, limits })
     }
 
-    /// What distances may be too large by, in metres: a corner is cut by the lattice of the extraction, and no slide along a side ends
-    /// in it. 0 where the mesh bends nowhere so much.
+    /// What distances may be too large by, in metres: a corner is cut by the lattice of the
+    /// extraction, and no slide along a side ends in it. 0 where the mesh bends nowhere so much.
     pub(super) fn unseen(&self) -> Real {
         self.unseen
     }
@@ -106,7 +115,9 @@ impl<'a> ZeroSet<'a> {
     fn start(&self, p: &Point, value: Real, before: Option<&Foot>) -> Foot {
         let most = self.limits[usize::from(value < 0.0)];
         // A point of the mesh that a neighbour found: none farther needs to be looked at.
-        let known = before.and_then(|b| b.closest).map_or(Real::INFINITY, |c| (p - c.point).norm() + 1e-6 * self.edge);
+        let known = before
+            .and_then(|b| b.closest)
+            .map_or(Real::INFINITY, |c| (p - c.point).norm() + 1e-6 * self.edge);
         let closest = self.surface.closest(p, most.min(known));
         let at = match &closest {
             // Something thin that the mesh does not show is nearer.
@@ -172,12 +183,20 @@ impl<'a> ZeroSet<'a> {
                 // A foot that is off by t turns the arm by t / d, the normal by t κ.
                 let near = if b.settled { NORMAL } else { NEAREST } * self.edge;
                 let arm = p - b.at;
-                // A blob too small for the mesh is no inside: away from the surface a point is on the surface's side.
-                let side = if b.settled && b.distance > near { Real::signum(arm.dot(&b.normal)) } else { foot.side };
+                // A blob too small for the mesh is no inside: away from the surface a point is on
+                // the surface's side.
+                let side = if b.settled && b.distance > near {
+                    Real::signum(arm.dot(&b.normal))
+                } else {
+                    foot.side
+                };
                 let gradient = if b.distance > near { arm * (side / b.distance) } else { b.normal };
                 FieldSample { distance: side * b.distance, gradient }
             }
-            None => FieldSample { distance: foot.side * mesh.distance, gradient: unit_or_zero(&(p - mesh.point)) * foot.side },
+            None => FieldSample {
+                distance: foot.side * mesh.distance,
+                gradient: unit_or_zero(&(p - mesh.point)) * foot.side,
+            },
         }
     }
 }
@@ -230,7 +249,8 @@ impl SignedDistance for ZeroSet<'_> {
                     feet
                 })
                 .collect();
-            let mut active: Vec<usize> = (0..points.len()).filter(|k| feet[*k].closest.is_some()).collect();
+            let mut active: Vec<usize> =
+                (0..points.len()).filter(|k| feet[*k].closest.is_some()).collect();
             let mut here = vec![nothing; points.len()];
             for _ in 0..STEPS {
                 let at: Vec<Point> = active.iter().map(|k| feet[*k].at).collect();
@@ -275,7 +295,8 @@ fn has_creases(mesh: &TriMesh) -> bool {
     let edges = Edges::new(mesh);
     // What has no area has no normal, and shows nothing.
     edges.triangles.par_iter().any(|[s, t]| {
-        let inner = (*s as usize) < mesh.triangles().len() && (*t as usize) < mesh.triangles().len();
+        let inner =
+            (*s as usize) < mesh.triangles().len() && (*t as usize) < mesh.triangles().len();
         inner && {
             let (a, b) = (normal(*s), normal(*t));
             a != Vector::zeros() && b != Vector::zeros() && a.dot(&b) < CREASE

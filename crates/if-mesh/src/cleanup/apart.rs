@@ -1,23 +1,29 @@
 //! Pairs of triangles that clearly do not meet, told in floating point.
 //!
-//! The exact test costs a microsecond where two triangles lie in one plane, as those of a flat cloth or of a subdivided mesh do. A
-//! direction along which all of one lies before all of the other, by more than rounding can feign, settles most of these pairs.
+//! The exact test costs a microsecond where two triangles lie in one plane, as those of a flat
+//! cloth or of a subdivided mesh do. A direction along which all of one lies before all of the
+//! other, by more than rounding can feign, settles most of these pairs.
 
 use if_core::math::{Point, Real, Vector};
 
-/// Rounding of a scalar product of two differences is below 2e-15 of the product of their lengths. Ten times larger sends a few more pairs
-/// to the exact test; ten thousand times smaller would be wrong.
+/// Rounding of a scalar product of two differences is below 2e-15 of the product of their lengths.
+/// Ten times larger sends a few more pairs to the exact test; ten thousand times smaller would be
+/// wrong.
 const MARGIN: Real = 1e-13;
 
-/// Whether triangles `a` and `b` surely share no point beyond their common corners: `common[i]` is the corner of `b` that is corner i of `a`.
-/// False where that takes a closer look.
+/// Whether triangles `a` and `b` surely share no point beyond their common corners: `common[i]` is
+/// the corner of `b` that is corner i of `a`. False where that takes a closer look.
 pub(super) fn clearly_apart(a: [&Point; 3], b: [&Point; 3], common: [Option<usize>; 3]) -> bool {
     match common.iter().flatten().count() {
         0 => apart(a, b),
         1 => {
             let i = common.iter().position(Option::is_some).unwrap_or(0);
             let j = common[i].unwrap_or(0);
-            apart_beyond_corner(a[i], [a[(i + 1) % 3], a[(i + 2) % 3]], [b[(j + 1) % 3], b[(j + 2) % 3]])
+            apart_beyond_corner(
+                a[i],
+                [a[(i + 1) % 3], a[(i + 2) % 3]],
+                [b[(j + 1) % 3], b[(j + 2) % 3]],
+            )
         }
         2 => {
             // Corner i of a is not common; the edge runs from i + 1 to i + 2 in a.
@@ -32,8 +38,8 @@ pub(super) fn clearly_apart(a: [&Point; 3], b: [&Point; 3], common: [Option<usiz
     }
 }
 
-/// Whether triangles that have vertices in common, by their numbers, surely share no point beyond them. False where that takes a closer look, and for
-/// triangles that have none.
+/// Whether triangles that have vertices in common, by their numbers, surely share no point beyond
+/// them. False where that takes a closer look, and for triangles that have none.
 #[inline]
 pub(super) fn surely_go_on(a: [&Point; 3], ia: [u32; 3], b: [&Point; 3], ib: [u32; 3]) -> bool {
     // Bit 3i + j: corner i of the one is corner j of the other.
@@ -50,8 +56,12 @@ pub(super) fn surely_go_on(a: [&Point; 3], ia: [u32; 3], b: [&Point; 3], ib: [u3
     let [i, j] = place(common);
     let more = common & (common - 1);
     if more == 0 {
-        let (pa, pb) = ([a[NEXT[i]] - a[i], a[PREVIOUS[i]] - a[i]], [b[NEXT[j]] - a[i], b[PREVIOUS[j]] - a[i]]);
-        return separates((pb[0] + pb[1]) - (pa[0] + pa[1]), pa, pb) || separates(across_gap(&pa, &pb), pa, pb);
+        let (pa, pb) = (
+            [a[NEXT[i]] - a[i], a[PREVIOUS[i]] - a[i]],
+            [b[NEXT[j]] - a[i], b[PREVIOUS[j]] - a[i]],
+        );
+        return separates((pb[0] + pb[1]) - (pa[0] + pa[1]), pa, pb)
+            || separates(across_gap(&pa, &pb), pa, pb);
     }
     if more & (more - 1) != 0 {
         return false;
@@ -64,7 +74,8 @@ pub(super) fn surely_go_on(a: [&Point; 3], ia: [u32; 3], b: [&Point; 3], ib: [u3
 const NEXT: [usize; 3] = [1, 2, 0];
 const PREVIOUS: [usize; 3] = [2, 0, 1];
 /// i and j of 3i + j.
-const PLACES: [[usize; 2]; 9] = [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2], [2, 0], [2, 1], [2, 2]];
+const PLACES: [[usize; 2]; 9] =
+    [[0, 0], [0, 1], [0, 2], [1, 0], [1, 1], [1, 2], [2, 0], [2, 1], [2, 2]];
 
 fn apart(a: [&Point; 3], b: [&Point; 3]) -> bool {
     let o = a[0];
@@ -89,7 +100,8 @@ fn apart(a: [&Point; 3], b: [&Point; 3]) -> bool {
     })
 }
 
-/// Triangles with one corner in common, of which all else lies on different sides of a plane through it.
+/// Triangles with one corner in common, of which all else lies on different sides of a plane
+/// through it.
 fn apart_beyond_corner(o: &Point, a: [&Point; 2], b: [&Point; 2]) -> bool {
     let (pa, pb) = ([a[0] - o, a[1] - o], [b[0] - o, b[1] - o]);
     let unit = |v: &Vector| v / v.norm().max(Real::MIN_POSITIVE);
@@ -98,7 +110,8 @@ fn apart_beyond_corner(o: &Point, a: [&Point; 2], b: [&Point; 2]) -> bool {
     pa.iter().all(|v| d.dot(v) < -margin(v)) && pb.iter().all(|v| d.dot(v) > margin(v))
 }
 
-/// Across the gap between the nearest two of the sides that leave a common corner, one of each triangle.
+/// Across the gap between the nearest two of the sides that leave a common corner, one of each
+/// triangle.
 fn across_gap(pa: &[Vector; 2], pb: &[Vector; 2]) -> Vector {
     let unit = |v: &Vector| v * v.norm_squared().max(Real::MIN_POSITIVE).sqrt().recip();
     let (ua, ub) = (pa.map(|v| unit(&v)), pb.map(|v| unit(&v)));
@@ -114,7 +127,8 @@ fn across_gap(pa: &[Vector; 2], pb: &[Vector; 2]) -> Vector {
     d
 }
 
-/// Whether the plane across `d` through the common corner of two triangles has all else of them on different sides. Squares save the roots.
+/// Whether the plane across `d` through the common corner of two triangles has all else of them on
+/// different sides. Squares save the roots.
 fn separates(d: Vector, pa: [Vector; 2], pb: [Vector; 2]) -> bool {
     let least = MARGIN * MARGIN * d.norm_squared();
     let beyond = |along: Real, v: &Vector| along > 0.0 && along * along > least * v.norm_squared();
@@ -124,7 +138,8 @@ fn separates(d: Vector, pa: [Vector; 2], pb: [Vector; 2]) -> bool {
         && beyond(d.dot(&pb[1]), &pb[1])
 }
 
-/// Neighbours at an edge that wind the same way meet beyond it only where they lie in one plane with opposite normals.
+/// Neighbours at an edge that wind the same way meet beyond it only where they lie in one plane
+/// with opposite normals.
 fn go_on(a: [&Point; 3], b: [&Point; 3]) -> bool {
     let (ua, va, ub, vb) = (a[1] - a[0], a[2] - a[0], b[1] - b[0], b[2] - b[0]);
     let along = ua.cross(&va).dot(&ub.cross(&vb));
@@ -172,7 +187,8 @@ mod tests {
             told_by_number += usize::from(by_number);
             told[shared][usize::from(apart)] += usize::from(!meets);
         }
-        // Of those that do not meet, a third at least is seen to at once; of neighbours in a mesh, nearly all.
+        // Of those that do not meet, a third at least is seen to at once; of neighbours in a mesh,
+        // nearly all.
         assert!(told.iter().all(|[no, yes]| 3 * yes > *no), "{told:?}");
         assert!(told_by_number > 5_000, "{told_by_number}");
     }

@@ -15,32 +15,35 @@ use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use serde::Serialize;
 
-/// Passes and rounds, at most, where clean-up takes them from a caller: a hundred times what flattens a scan's noise, while the work still ends.
+/// Passes and rounds, at most, where clean-up takes them from a caller: a hundred times what
+/// flattens a scan's noise, while the work still ends.
 pub const MOST_PASSES: usize = 10_000;
 
 /// How boundary loops are smoothed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SmoothParams {
-    /// Whether the loops are smoothed. Without, they stay as they are, and only the passes over the surface are made.
+    /// Whether the loops are smoothed. Without, they stay as they are, and only the passes over the
+    /// surface are made.
     pub boundary: bool,
     /// λ: the share of the way to the mean of its neighbours that a vertex goes.
     pub lambda: Real,
     /// μ: the share of the way back, below −λ, so that loops do not shrink.
     pub mu: Real,
-    /// A loop is smooth, and left alone, where its mean turn from edge to edge (root of the mean square, in radians) is at most
-    /// this much above that of the regular polygon of as many edges.
+    /// A loop is smooth, and left alone, where its mean turn from edge to edge (root of the mean
+    /// square, in radians) is at most this much above that of the regular polygon of as many edges.
     pub roughness: Real,
     /// Passes (one step of λ, one of μ) over a loop in a round, at most.
     pub passes: usize,
-    /// Rounds, at most: where vertices were held back and a loop is still rough, it is smoothed again from where it has come to.
+    /// Rounds, at most: where vertices were held back and a loop is still rough, it is smoothed
+    /// again from where it has come to.
     pub rounds: usize,
     /// Rings of vertices beside the loop that go with it, less and less; more where it moves far.
     pub rings: usize,
-    /// Whether triangles with two edges on a rough loop, which smoothing would press flat, are first joined to those below them or
-    /// cut off, and narrow notches filled.
+    /// Whether triangles with two edges on a rough loop, which smoothing would press flat, are
+    /// first joined to those below them or cut off, and narrow notches filled.
     pub trim: bool,
-    /// Passes of Laplacian smoothing (λ without μ) over all vertices that are not on a loop, against the noise of a scan: 0, as in
-    /// the paper, leaves the surface as it is.
+    /// Passes of Laplacian smoothing (λ without μ) over all vertices that are not on a loop,
+    /// against the noise of a scan: 0, as in the paper, leaves the surface as it is.
     pub surface_passes: usize,
 }
 
@@ -88,7 +91,8 @@ pub struct SmoothReport {
     pub moved: usize,
     /// The farthest move, in metres.
     pub farthest: Real,
-    /// Vertices that went a part of their way or none in the last round, because a triangle would have turned over or met another one.
+    /// Vertices that went a part of their way or none in the last round, because a triangle would
+    /// have turned over or met another one.
     pub held_back: usize,
 }
 
@@ -103,17 +107,29 @@ impl SmoothParams {
         range("μ", self.mu, -1.1, 0.0, "a number from −1.1 to 0, a little below −λ")?;
         range("the roughness", self.roughness, 1e-3, 10.0, "an angle in radians, from 0.001")?;
         let most = MOST_PASSES as Real;
-        range("the number of passes over a loop", self.passes as Real, 0.0, most, "at most 10,000")?;
+        range(
+            "the number of passes over a loop",
+            self.passes as Real,
+            0.0,
+            most,
+            "at most 10,000",
+        )?;
         range("the number of rounds", self.rounds as Real, 0.0, most, "at most 10,000")?;
         range("the number of rings", self.rings as Real, 0.0, most, "at most 10,000")?;
-        range("the number of passes over the surface", self.surface_passes as Real, 0.0, most, "at most 10,000")
+        range(
+            "the number of passes over the surface",
+            self.surface_passes as Real,
+            0.0,
+            most,
+            "at most 10,000",
+        )
     }
 }
 
-/// Smooths all boundary loops of `mesh` that are rough: Taubin's filter along the loop, spread over some rings of
-/// vertices, and brought back to the zero of `field` where there is one. No vertex moves so far that a triangle turns
-/// over, loses its area, or meets another one that it did not meet before. A mesh that is not manifold is made so
-/// first ([`super::manifold::make_manifold`]).
+/// Smooths all boundary loops of `mesh` that are rough: Taubin's filter along the loop, spread over
+/// some rings of vertices, and brought back to the zero of `field` where there is one. No vertex
+/// moves so far that a triangle turns over, loses its area, or meets another one that it did not
+/// meet before. A mesh that is not manifold is made so first ([`super::manifold::make_manifold`]).
 ///
 /// # Source
 ///
@@ -138,11 +154,12 @@ pub fn smooth_boundary(
 
 /// Loops of fewer edges have no shape to be smoothed to.
 pub(super) const FEWEST: usize = 8;
-/// A further round is worth its while if the one before took at least this share of the loops' roughness: of the clean extractions' loops the
-/// second round takes a third, the fourth a tenth.
+/// A further round is worth its while if the one before took at least this share of the loops'
+/// roughness: of the clean extractions' loops the second round takes a third, the fourth a tenth.
 const GAIN: Real = 0.05;
 
-/// In further rounds, what goes on along a loop: so many vertices to either side of one that was held back. The rest has got where it should.
+/// In further rounds, what goes on along a loop: so many vertices to either side of one that was
+/// held back. The rest has got where it should.
 const AGAIN: usize = 10;
 
 /// [`smooth_boundary`] in place, of the loops `rims`. Vertices of no triangle may stay.
@@ -164,16 +181,23 @@ pub(super) fn smooth(
     watch: &mut Watch<'_>,
 ) -> Result<SmoothReport, Cancelled> {
     let mut report = SmoothReport::default();
-    let line = |work: &Work, rim: &[u32]| -> Vec<u32> { rim.iter().map(|&h| ends(&work.triangles, h)[0]).collect() };
-    let at = |work: &Work, line: &[u32]| -> Vec<Point> { line.iter().map(|v| work.points[*v as usize]).collect() };
+    let line = |work: &Work, rim: &[u32]| -> Vec<u32> {
+        rim.iter().map(|&h| ends(&work.triangles, h)[0]).collect()
+    };
+    let at = |work: &Work, line: &[u32]| -> Vec<Point> {
+        line.iter().map(|v| work.points[*v as usize]).collect()
+    };
     let measure = |work: &Work, rim: &[u32]| {
         let points = at(work, &line(work, rim));
         (length(&points), roughness(&points))
     };
-    let is_rough = |rim: &[u32], rough: Real| params.boundary && rim.len() >= FEWEST && rough > params.roughness;
+    let is_rough = |rim: &[u32], rough: Real| {
+        params.boundary && rim.len() >= FEWEST && rough > params.roughness
+    };
     let before: Vec<(Real, Real)> = rims.iter().map(|rim| measure(work, rim)).collect();
     let rough: Vec<bool> = rims.iter().zip(&before).map(|(rim, b)| is_rough(rim, b.1)).collect();
-    // A vertex of each loop stays what it is through trimming: loops are found again by those vertices.
+    // A vertex of each loop stays what it is through trimming: loops are found again by those
+    // vertices.
     let (mut twins, mut rims) = (twins.clone(), rims.to_vec());
     if params.trim && rough.contains(&true) {
         (twins, rims) = trim(work, twins, rims, &rough, &mut report);
@@ -212,7 +236,12 @@ pub(super) fn smooth(
                 passes[k] += 1;
             }
             line.iter().zip(&points).for_each(|(v, p)| target[*v as usize] = *p);
-            seeds.extend(line.iter().zip(&points).filter(|(v, p)| work.points[**v as usize] != **p).map(|(v, _)| *v));
+            seeds.extend(
+                line.iter()
+                    .zip(&points)
+                    .filter(|(v, p)| work.points[**v as usize] != **p)
+                    .map(|(v, _)| *v),
+            );
         }
         let surface_passes = if round == 0 { params.surface_passes } else { 0 };
         if (seeds.is_empty() && surface_passes == 0) || sum > (1.0 - GAIN) * still {
@@ -233,7 +262,8 @@ pub(super) fn smooth(
         moving.iter().for_each(|v| twins.around(leaving[*v as usize], |h| touched.push(h / 3)));
         touched.sort_unstable();
         touched.dedup();
-        let paths = Paths { start: &start, old: &old, target: &target, moving: &moving, touched: &touched };
+        let paths =
+            Paths { start: &start, old: &old, target: &target, moving: &moving, touched: &touched };
         let back = move_safely(work, &paths, single_precision, watch)?;
         for v in moving.iter().map(|v| *v as usize) {
             old[v] = work.points[v];

@@ -11,24 +11,29 @@ use rayon::prelude::*;
 
 /// The clothed body that a garment was cut from.
 ///
-/// The garment is a part of its surface; the rest, the complement, falls into parts: head, hands, legs, and patches
-/// that belong to the garment but were not given to it. A loop that bounds a large part is an opening.
+/// The garment is a part of its surface; the rest, the complement, falls into parts: head, hands,
+/// legs, and patches that belong to the garment but were not given to it. A loop that bounds a
+/// large part is an opening.
 #[derive(Clone, Debug)]
 pub struct Complement {
-    /// The clothed body's surface: closed, or what was scanned of it; where it is missing, nothing is bounded.
+    /// The clothed body's surface: closed, or what was scanned of it; where it is missing, nothing
+    /// is bounded.
     pub body: TriMesh,
-    /// A part of the complement with less than this share of the garment's area is a patch of the garment.
+    /// A part of the complement with less than this share of the garment's area is a patch of the
+    /// garment.
     pub least_share: Real,
-    /// For each vertex of the body, whether it surely belongs to something else (skin, another garment). A small part
-    /// most of whose vertices do is an opening all the same. Empty where nothing is known.
+    /// For each vertex of the body, whether it surely belongs to something else (skin, another
+    /// garment). A small part most of whose vertices do is an opening all the same. Empty where
+    /// nothing is known.
     pub foreign: Vec<bool>,
-    /// Distance up to which the body is covered by the garment, in metres; `None` for 1.5 mean edges of the garment.
+    /// Distance up to which the body is covered by the garment, in metres; `None` for 1.5 mean
+    /// edges of the garment.
     pub reach: Option<Real>,
 }
 
 impl Complement {
-    /// Of this clothed body; parts from 1.5 % of the garment's area are openings: a hand without its cuff has 3 to 4 %, the
-    /// largest armpit hole of `data/clothed/*_raw.ply` 0.5 %.
+    /// Of this clothed body; parts from 1.5 % of the garment's area are openings: a hand without
+    /// its cuff has 3 to 4 %, the largest armpit hole of `data/clothed/*_raw.ply` 0.5 %.
     pub fn new(body: TriMesh) -> Self {
         Self { body, least_share: 0.015, foreign: Vec::new(), reach: None }
     }
@@ -43,7 +48,9 @@ pub enum ComplementError {
     #[error("the clothed body has no triangles; give the surface that the garment was cut from")]
     NoBody,
     /// Marks for other vertices.
-    #[error("{got} marks of foreign vertices for a clothed body of {vertices}; give one for each, or none")]
+    #[error(
+        "{got} marks of foreign vertices for a clothed body of {vertices}; give one for each, or none"
+    )]
     Foreign { got: usize, vertices: usize },
     /// A number out of range.
     #[error("{name} of the complement is {value}; give a number of at least 0")]
@@ -59,7 +66,9 @@ impl Complement {
         if !self.foreign.is_empty() && self.foreign.len() != vertices {
             return Err(ComplementError::Foreign { got: self.foreign.len(), vertices });
         }
-        for (name, value) in [("the least share", self.least_share), ("the reach", self.reach.unwrap_or(0.0))] {
+        for (name, value) in
+            [("the least share", self.least_share), ("the reach", self.reach.unwrap_or(0.0))]
+        {
             if !value.is_finite() || value < 0.0 {
                 return Err(ComplementError::Negative { name, value });
             }
@@ -101,7 +110,8 @@ impl Complement {
                 f.1 += 3;
             }
         }
-        let open: Vec<bool> = parts.iter().zip(&foreign).map(|(p, f)| p.area >= least || 2 * f.0 > f.1).collect();
+        let open: Vec<bool> =
+            parts.iter().zip(&foreign).map(|(p, f)| p.area >= least || 2 * f.0 > f.1).collect();
         let rest_mesh = rest.finish().mesh;
         let rest_tree = Bvh::new(&rest_mesh);
         // A loop bounds what lies just beyond most of its length.

@@ -17,7 +17,8 @@ pub struct ComponentParams {
 }
 
 impl Default for ComponentParams {
-    /// 1 % of the largest: on the extractions of `data/clothed` the largest stray part has 0.07 % (clean votes).
+    /// 1 % of the largest: on the extractions of `data/clothed` the largest stray part has 0.07 %
+    /// (clean votes).
     fn default() -> Self {
         Self { least_share: 0.01, most: None }
     }
@@ -59,7 +60,10 @@ impl ComponentParams {
 /// # Errors
 ///
 /// Parameters out of range.
-pub fn remove_isolated(mesh: &TriMesh, params: &ComponentParams) -> Result<(Derived, ComponentReport), CleanupError> {
+pub fn remove_isolated(
+    mesh: &TriMesh,
+    params: &ComponentParams,
+) -> Result<(Derived, ComponentReport), CleanupError> {
     params.validate()?;
     let mut work = Work::new(mesh);
     let (report, _) = drop_small(&mut work, &Twins::of_mesh(mesh), params);
@@ -67,19 +71,27 @@ pub fn remove_isolated(mesh: &TriMesh, params: &ComponentParams) -> Result<(Deri
 }
 
 /// [`remove_isolated`] in place; the triangles that went, ascending.
-pub(super) fn drop_small(work: &mut Work, twins: &Twins, params: &ComponentParams) -> (ComponentReport, Vec<u32>) {
+pub(super) fn drop_small(
+    work: &mut Work,
+    twins: &Twins,
+    params: &ComponentParams,
+) -> (ComponentReport, Vec<u32>) {
     let (part_of, parts) = components(work, twins);
     let mut order: Vec<u32> = (0..parts.len() as u32).collect();
-    order.sort_by(|&a, &b| parts[b as usize].area.total_cmp(&parts[a as usize].area).then(a.cmp(&b)));
+    order.sort_by(|&a, &b| {
+        parts[b as usize].area.total_cmp(&parts[a as usize].area).then(a.cmp(&b))
+    });
     let largest = order.first().map_or(0.0, |&k| parts[k as usize].area);
     let mut keep = vec![false; parts.len()];
     let mut report = ComponentReport::default();
     for (rank, &k) in order.iter().enumerate() {
         let part = parts[k as usize];
-        keep[k as usize] = params.most.is_none_or(|most| rank < most) && part.area >= params.least_share * largest;
+        keep[k as usize] =
+            params.most.is_none_or(|most| rank < most) && part.area >= params.least_share * largest;
         if keep[k as usize] { &mut report.kept } else { &mut report.dropped }.push(part);
     }
-    let gone: Vec<u32> = (0..).zip(&part_of).filter(|(_, part)| !keep[**part as usize]).map(|(t, _)| t).collect();
+    let gone: Vec<u32> =
+        (0..).zip(&part_of).filter(|(_, part)| !keep[**part as usize]).map(|(t, _)| t).collect();
     if !gone.is_empty() {
         work.remove(&gone);
         work.compact();
@@ -89,9 +101,12 @@ pub(super) fn drop_small(work: &mut Work, twins: &Twins, params: &ComponentParam
 
 /// The part of each triangle, and the parts in the order of their first triangles.
 pub(super) fn components(work: &Work, twins: &Twins) -> (Vec<u32>, Vec<Component>) {
-    let ((part_of, names), areas) =
-        rayon::join(|| labels(work, twins), || (0..work.triangles.len()).map(|t| work.area(t)).collect::<Vec<Real>>());
-    let none = Component { triangles: 0, area: 0.0, aabb: [[Real::INFINITY; 3], [Real::NEG_INFINITY; 3]] };
+    let ((part_of, names), areas) = rayon::join(
+        || labels(work, twins),
+        || (0..work.triangles.len()).map(|t| work.area(t)).collect::<Vec<Real>>(),
+    );
+    let none =
+        Component { triangles: 0, area: 0.0, aabb: [[Real::INFINITY; 3], [Real::NEG_INFINITY; 3]] };
     let mut parts = vec![none; names as usize];
     // Most triangles are of the part that the one before them is of.
     let (mut part, mut at) = (none, 0);
@@ -178,13 +193,16 @@ mod tests {
         approx::assert_relative_eq!(gone.area, icosphere(0.01, 2).area(), max_relative = 1e-12);
         approx::assert_relative_eq!(gone.aabb[0][0], 0.99, epsilon = 1e-3);
         assert_eq!(left.mesh.triangles().len(), 2 * gone.triangles);
-        let (one, _) = remove_isolated(&left.mesh, &ComponentParams { most: Some(1), ..Default::default() }).unwrap();
+        let (one, _) =
+            remove_isolated(&left.mesh, &ComponentParams { most: Some(1), ..Default::default() })
+                .unwrap();
         assert_eq!(one.mesh.triangles(), icosphere(0.3, 2).triangles());
     }
 
     #[test]
     fn no_mesh_has_no_parts() {
-        let (left, report) = remove_isolated(&TriMesh::default(), &ComponentParams::default()).unwrap();
+        let (left, report) =
+            remove_isolated(&TriMesh::default(), &ComponentParams::default()).unwrap();
         assert!(left.mesh.triangles().is_empty());
         assert_eq!(report, ComponentReport::default());
     }

@@ -19,7 +19,11 @@ pub(super) fn roughness(points: &[Point]) -> Real {
         size += (c - b).norm_squared();
         a = Some(b);
     }
-    if size > 0.0 { ((turn / size).sqrt() - 2.0 * (std::f64::consts::PI / n as Real).sin()).max(0.0) } else { 0.0 }
+    if size > 0.0 {
+        ((turn / size).sqrt() - 2.0 * (std::f64::consts::PI / n as Real).sin()).max(0.0)
+    } else {
+        0.0
+    }
 }
 
 /// One step of λ and one of μ along a closed line.
@@ -29,7 +33,8 @@ pub(super) fn taubin_loop(points: &mut [Point], params: &SmoothParams) {
     }
 }
 
-/// Replaces each point of a closed line by what `make` makes of the one before it, itself, and the one after it, as they were.
+/// Replaces each point of a closed line by what `make` makes of the one before it, itself, and the
+/// one after it, as they were.
 pub(super) fn each_of_loop(points: &mut [Point], make: impl Fn(&Point, &Point, &Point) -> Point) {
     let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return };
     let mut before = last;

@@ -14,21 +14,22 @@ pub struct DegenerateReport {
     pub doubled: usize,
     /// Edges without length, whose ends became one vertex.
     pub collapsed: usize,
-    /// Triangles without area whose longest edge was turned, so that they take part of their neighbour.
+    /// Triangles without area whose longest edge was turned, so that they take part of their
+    /// neighbour.
     pub turned: usize,
     /// Triangles without area that could only be dropped.
     pub dropped: usize,
 }
 
-/// The shortest edge of a triangle without area over its longest, up to which its ends are one place. A needle
-/// has 1e-12; a triangle with its three corners spread along a line has more.
+/// The shortest edge of a triangle without area over its longest, up to which its ends are one
+/// place. A needle has 1e-12; a triangle with its three corners spread along a line has more.
 const NEEDLE: Real = 1e-9;
 /// Rounds, at most. Real meshes need one or two; what is left then is dropped.
 const ROUNDS: usize = 6;
 
-/// Removes triangles that stand twice, and those without area: needles by making one vertex of the two ends of their
-/// short edge, the others by turning their longest edge, as far as that can be done.
-/// Returns the twins of what is left, too.
+/// Removes triangles that stand twice, and those without area: needles by making one vertex of the
+/// two ends of their short edge, the others by turning their longest edge, as far as that can be
+/// done. Returns the twins of what is left, too.
 pub(super) fn mend(work: &mut Work) -> (DegenerateReport, Twins) {
     let (doubled, mut twins) = drop_doubles(work);
     let mut report = DegenerateReport { doubled, ..DegenerateReport::default() };
@@ -94,7 +95,8 @@ fn step(work: &mut Work, flat: &[u32], report: &mut DegenerateReport) -> usize {
             changed += 1;
             continue;
         }
-        // t = (a, b, c) with c between a and b; across (b, a) lies (b, a, d). They become (c, d, b) and (d, c, a).
+        // t = (a, b, c) with c between a and b; across (b, a) lies (b, a, d). They become (c, d, b)
+        // and (d, c, a).
         let [a, b] = ends(&work.triangles, h);
         let c = ends(&work.triangles, previous(h))[0];
         let d = ends(&work.triangles, previous(twin))[0];
@@ -118,18 +120,24 @@ fn step(work: &mut Work, flat: &[u32], report: &mut DegenerateReport) -> usize {
     changed
 }
 
-/// Keeps the first of triangles with the same three vertices, whichever way they wind. How many went, and the twins of the others.
+/// Keeps the first of triangles with the same three vertices, whichever way they wind. How many
+/// went, and the twins of the others.
 fn drop_doubles(work: &mut Work) -> (usize, Twins) {
     let twins = Twins::new(work.points.len(), &work.triangles);
     let crowd = twins.crowded.iter().flatten().chain(twins.against.iter().flatten()).map(|h| h / 3);
     let folded = (0..work.triangles.len() as u32).filter(|&t| {
         let side = |k: u32| twins.of[(3 * t + k) as usize];
-        side(0) != NONE && side(1) != NONE && side(0) / 3 == side(1) / 3 && side(1) / 3 == side(2) / 3
+        side(0) != NONE
+            && side(1) != NONE
+            && side(0) / 3 == side(1) / 3
+            && side(1) / 3 == side(2) / 3
     });
-    let mut suspects: Vec<([u32; 3], u32)> = crowd.chain(folded).map(|t| (sorted(work.triangles[t as usize]), t)).collect();
+    let mut suspects: Vec<([u32; 3], u32)> =
+        crowd.chain(folded).map(|t| (sorted(work.triangles[t as usize]), t)).collect();
     suspects.sort_unstable();
     suspects.dedup();
-    let mut doubles: Vec<u32> = suspects.windows(2).filter(|w| w[0].0 == w[1].0).map(|w| w[1].1).collect();
+    let mut doubles: Vec<u32> =
+        suspects.windows(2).filter(|w| w[0].0 == w[1].0).map(|w| w[1].1).collect();
     doubles.sort_unstable();
     if doubles.is_empty() {
         return (0, twins);
@@ -150,13 +158,19 @@ mod tests {
     use if_core::mesh::TriMesh;
 
     fn work(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Work {
-        Work::new(&TriMesh::new(points.iter().map(|p| Point::from(*p)).collect(), triangles.to_vec()).unwrap())
+        Work::new(
+            &TriMesh::new(points.iter().map(|p| Point::from(*p)).collect(), triangles.to_vec())
+                .unwrap(),
+        )
     }
 
     #[test]
     fn a_cap_takes_part_of_its_neighbour() {
         // c lies on the edge (a, b) of the triangle (b, a, d).
-        let mut w = work(&[[0., 0., 0.], [2., 0., 0.], [1., 0., 0.], [1., -1., 0.]], &[[0, 1, 2], [1, 0, 3]]);
+        let mut w = work(
+            &[[0., 0., 0.], [2., 0., 0.], [1., 0., 0.], [1., -1., 0.]],
+            &[[0, 1, 2], [1, 0, 3]],
+        );
         let (report, twins) = mend(&mut w);
         assert_eq!(twins.of, Twins::new(w.points.len(), &w.triangles).of);
         assert_eq!(report, DegenerateReport { turned: 1, ..Default::default() });
@@ -178,7 +192,10 @@ mod tests {
 
     #[test]
     fn what_has_no_area_at_all_goes() {
-        let mut w = work(&[[0., 0., 0.], [1., 0., 0.], [2., 0., 0.], [3., 0., 0.]], &[[0, 1, 2], [1, 3, 2], [0, 2, 3]]);
+        let mut w = work(
+            &[[0., 0., 0.], [1., 0., 0.], [2., 0., 0.], [3., 0., 0.]],
+            &[[0, 1, 2], [1, 3, 2], [0, 2, 3]],
+        );
         mend(&mut w);
         assert!(w.triangles.is_empty());
         let mut w = work(&[[1., 1., 1.]; 3], &[[0, 1, 2]]);

@@ -5,9 +5,11 @@ use if_core::math::{Point, Real, Vector};
 use if_core::rows::Rows;
 use if_sparse::{Cholesky, Entry, Mat};
 
-/// Rounds, each with weights of the shape before. The first finds the shape, the second makes the spacing even.
+/// Rounds, each with weights of the shape before. The first finds the shape, the second makes the
+/// spacing even.
 const ROUNDS: usize = 2;
-/// Edges shorter than this share of the mean count as this long, so that weights stay within 100 of each other.
+/// Edges shorter than this share of the mean count as this long, so that weights stay within 100 of
+/// each other.
 const SHORTEST: Real = 0.01;
 
 /// Moves the vertices inside `patch` to the minimum of the squared Laplacian
@@ -16,9 +18,10 @@ const SHORTEST: Real = 0.01;
 /// Σᵢ |L xᵢ|²,   L xᵢ = Σⱼ wᵢⱼ (xⱼ − xᵢ) / Σⱼ wᵢⱼ,   wᵢⱼ = 1 / |xⱼ − xᵢ|
 /// ```
 ///
-/// over the vertices of patch and loop; `around` holds for each vertex of the loop its neighbours outside, so that
-/// position and slope go on across the loop: the discrete biharmonic surface. Solved for displacements, by sparse
-/// Cholesky. `false`, and nothing moved, where the system cannot be factored.
+/// over the vertices of patch and loop; `around` holds for each vertex of the loop its neighbours
+/// outside, so that position and slope go on across the loop: the discrete biharmonic surface.
+/// Solved for displacements, by sparse Cholesky. `false`, and nothing moved, where the system
+/// cannot be factored.
 ///
 /// # Source
 ///
@@ -26,7 +29,9 @@ const SHORTEST: Real = 0.01;
 pub(super) fn fair(patch: &mut Patch, around: &[Vec<Point>]) -> bool {
     let before = patch.points.clone();
     for _ in 0..ROUNDS {
-        if round(patch, around).is_none() || patch.points.iter().any(|p| !p.iter().all(|x| x.is_finite())) {
+        if round(patch, around).is_none()
+            || patch.points.iter().any(|p| !p.iter().all(|x| x.is_finite()))
+        {
             patch.points = before;
             return false;
         }
@@ -40,24 +45,38 @@ fn round(patch: &mut Patch, around: &[Vec<Point>]) -> Option<()> {
     if unknowns == 0 {
         return Some(());
     }
-    let mut pairs: Vec<(u32, u32)> =
-        patch.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, a), (b, c), (c, b), (c, a), (a, c)]).collect();
+    let mut pairs: Vec<(u32, u32)> = patch
+        .triangles
+        .iter()
+        .flat_map(|&[a, b, c]| [(a, b), (b, a), (b, c), (c, b), (c, a), (a, c)])
+        .collect();
     pairs.sort_unstable();
     pairs.dedup();
     let neighbours = Rows::new(n, pairs.into_iter());
-    let (sum, count) = (0..n).map(|v| (v, neighbours.of(v))).fold((0.0, 0usize), |(s, c), (v, list)| {
-        (s + list.iter().map(|u| (patch.points[*u as usize] - patch.points[v]).norm()).sum::<Real>(), c + list.len())
-    });
+    let (sum, count) =
+        (0..n).map(|v| (v, neighbours.of(v))).fold((0.0, 0usize), |(s, c), (v, list)| {
+            (
+                s + list
+                    .iter()
+                    .map(|u| (patch.points[*u as usize] - patch.points[v]).norm())
+                    .sum::<Real>(),
+                c + list.len(),
+            )
+        });
     let shortest = (SHORTEST * sum / count.max(1) as Real).max(Real::MIN_POSITIVE);
     let mut entries = Vec::new();
     let mut right = Mat::zeros(unknowns, 3);
     for v in 0..n {
         let here = patch.points[v];
         let weight = |p: &Point| 1.0 / (p - here).norm().max(shortest);
-        let mut row: Vec<(usize, Real)> =
-            neighbours.of(v).iter().map(|u| (*u as usize, weight(&patch.points[*u as usize]))).collect();
+        let mut row: Vec<(usize, Real)> = neighbours
+            .of(v)
+            .iter()
+            .map(|u| (*u as usize, weight(&patch.points[*u as usize])))
+            .collect();
         let outside = around.get(v).map_or(&[][..], |a| &a[..]);
-        let total = row.iter().map(|r| r.1).sum::<Real>() + outside.iter().map(weight).sum::<Real>();
+        let total =
+            row.iter().map(|r| r.1).sum::<Real>() + outside.iter().map(weight).sum::<Real>();
         // L of the shape as it is: what the displacements have to take away.
         let mut laplacian = Vector::zeros();
         for (u, w) in &mut row {
@@ -68,10 +87,12 @@ fn round(patch: &mut Patch, around: &[Vec<Point>]) -> Option<()> {
             laplacian += (p - here) * (weight(p) / total);
         }
         row.push((v, -1.0));
-        let own: Vec<(usize, Real)> = row.iter().filter(|r| r.0 >= rim).map(|r| (r.0 - rim, r.1)).collect();
+        let own: Vec<(usize, Real)> =
+            row.iter().filter(|r| r.0 >= rim).map(|r| (r.0 - rim, r.1)).collect();
         for &(i, a) in &own {
             (0..3).for_each(|k| right[(i, k)] -= a * laplacian[k]);
-            entries.extend(own.iter().filter(|(j, _)| *j <= i).map(|&(j, b)| Entry::new(i, j, a * b)));
+            entries
+                .extend(own.iter().filter(|(j, _)| *j <= i).map(|&(j, b)| Entry::new(i, j, a * b)));
         }
     }
     Cholesky::new(unknowns, &entries).ok()?.solve_in_place(&mut right);
@@ -100,7 +121,8 @@ mod tests {
         let around = (0..n).map(|k| vec![on(ring, k as Real), on(ring, k as Real + 1.0)]).collect();
         let outside: Vec<Vector> = points.iter().map(|p| unit_or_zero(&p.coords)).collect();
         let taken = Chords::new();
-        let triangles = Lid { points: &points, outside: &outside, taken: &taken }.triangulate(64).unwrap();
+        let triangles =
+            Lid { points: &points, outside: &outside, taken: &taken }.triangulate(64).unwrap();
         let mut patch = Patch { rim: n, points, triangles };
         refine(&mut patch, &vec![edge; n], &taken, 10_000);
         (patch, around)
@@ -109,10 +131,12 @@ mod tests {
     #[test]
     fn a_lid_in_a_sphere_bulges_like_the_sphere() {
         let (mut patch, around) = cap(40, 0.5);
-        let error = |p: &Patch| p.points.iter().map(|q| (q.coords.norm() - 1.0).abs()).fold(0.0, Real::max);
+        let error =
+            |p: &Patch| p.points.iter().map(|q| (q.coords.norm() - 1.0).abs()).fold(0.0, Real::max);
         let flat = error(&patch);
         assert!(fair(&mut patch, &around));
-        // A plane cap is 0.122 too low in its middle; the biharmonic one goes on with about the right slope.
+        // A plane cap is 0.122 too low in its middle; the biharmonic one goes on with about the
+        // right slope.
         assert!(flat > 0.1 && error(&patch) < 0.03, "{flat} {}", error(&patch));
     }
 
@@ -124,18 +148,26 @@ mod tests {
         let energy = |patch: &Patch| -> Real {
             (0..patch.points.len())
                 .map(|v| {
-                    let mut list: Vec<u32> =
-                        patch.triangles.iter().filter(|t| t.contains(&(v as u32))).flatten().copied().collect();
+                    let mut list: Vec<u32> = patch
+                        .triangles
+                        .iter()
+                        .filter(|t| t.contains(&(v as u32)))
+                        .flatten()
+                        .copied()
+                        .collect();
                     list.sort_unstable();
                     list.dedup();
                     list.retain(|u| *u != v as u32);
                     let w = |p: &Point| 1.0 / (p - weights.points[v]).norm();
                     let outside = around.get(v).map_or(&[][..], |a| &a[..]);
                     let total: Real =
-                        list.iter().map(|u| w(&weights.points[*u as usize])).sum::<Real>() + outside.iter().map(w).sum::<Real>();
+                        list.iter().map(|u| w(&weights.points[*u as usize])).sum::<Real>()
+                            + outside.iter().map(w).sum::<Real>();
                     let mut l = Vector::zeros();
                     for u in list {
-                        l += (patch.points[u as usize] - patch.points[v]) * w(&weights.points[u as usize]) / total;
+                        l += (patch.points[u as usize] - patch.points[v])
+                            * w(&weights.points[u as usize])
+                            / total;
                     }
                     for p in outside {
                         l += (p - patch.points[v]) * w(p) / total;
@@ -144,7 +176,8 @@ mod tests {
                 })
                 .sum()
         };
-        // Central differences of a quadratic function are exact but for rounding, 1e-16 of an energy of 1e-2 over the step.
+        // Central differences of a quadratic function are exact but for rounding, 1e-16 of an
+        // energy of 1e-2 over the step.
         for v in [patch.rim, patch.rim + 5, patch.points.len() - 1] {
             for axis in 0..3 {
                 let moved = |by: Real| {

@@ -7,20 +7,28 @@ use if_core::intersect::{is_degenerate, triangles_sharing};
 use if_core::math::{Point, Real};
 use rayon::prelude::*;
 
-/// Side of a fine cell over the mean side of the suspects' boxes: a triangle lies in two to four cells, and a cell holds few.
+/// Side of a fine cell over the mean side of the suspects' boxes: a triangle lies in two to four
+/// cells, and a cell holds few.
 const CELL: Real = 1.5;
-/// Entries in fine cells for each triangle, at most; else cells are doubled. Few triangles that are large beside the others do not
-/// fill the memory.
+/// Entries in fine cells for each triangle, at most; else cells are doubled. Few triangles that are
+/// large beside the others do not fill the memory.
 const ENTRIES: usize = 16;
 /// Suspects for a task: each takes a microsecond.
 const TASK: usize = 512;
 
-/// Pairs of triangles that meet beyond their common corners and of which one at least is in `suspects`, ascending.
-pub(super) fn meeting(points: &[Point], triangles: &[[u32; 3]], suspects: &[u32], vicinity: &mut Vicinity) -> Vec<[u32; 2]> {
+/// Pairs of triangles that meet beyond their common corners and of which one at least is in
+/// `suspects`, ascending.
+pub(super) fn meeting(
+    points: &[Point],
+    triangles: &[[u32; 3]],
+    suspects: &[u32],
+    vicinity: &mut Vicinity,
+) -> Vec<[u32; 2]> {
     Guard::new(points, triangles, suspects, points, vicinity).meeting(points, triangles, suspects)
 }
 
-/// What suspects can meet while their corners go anywhere between two places: looked for once, asked often.
+/// What suspects can meet while their corners go anywhere between two places: looked for once,
+/// asked often.
 pub(super) struct Guard {
     /// The triangles that a suspect can meet, suspects included, ascending.
     near: Vec<u32>,
@@ -29,8 +37,8 @@ pub(super) struct Guard {
 }
 
 impl Guard {
-    /// Of `suspects`, ascending, whose corners stay between `points` and `target`, give or take a rounding to single precision. All
-    /// other triangles stay where they are in `points`.
+    /// Of `suspects`, ascending, whose corners stay between `points` and `target`, give or take a
+    /// rounding to single precision. All other triangles stay where they are in `points`.
     pub(super) fn new(
         points: &[Point],
         triangles: &[[u32; 3]],
@@ -40,14 +48,29 @@ impl Guard {
     ) -> Self {
         let place = |t: &u32| {
             let corners = triangles[*t as usize];
-            let b = bounds(corners.map(|v| &points[v as usize])).merged(&bounds(corners.map(|v| &target[v as usize])));
-            (*t, b.inflated(b.min.coords.amax().max(b.max.coords.amax()) * Real::from(f32::EPSILON)))
+            let b = bounds(corners.map(|v| &points[v as usize]))
+                .merged(&bounds(corners.map(|v| &target[v as usize])));
+            (
+                *t,
+                b.inflated(b.min.coords.amax().max(b.max.coords.amax()) * Real::from(f32::EPSILON)),
+            )
         };
-        Self::of_places(points, triangles, &suspects.iter().map(place).collect::<Vec<_>>(), vicinity)
+        Self::of_places(
+            points,
+            triangles,
+            &suspects.iter().map(place).collect::<Vec<_>>(),
+            vicinity,
+        )
     }
 
-    /// Of suspects, ascending, with a box each that holds all their places. All other triangles stay where they are in `points`.
-    pub(super) fn of_places(points: &[Point], triangles: &[[u32; 3]], suspects: &[(u32, Aabb)], vicinity: &mut Vicinity) -> Self {
+    /// Of suspects, ascending, with a box each that holds all their places. All other triangles
+    /// stay where they are in `points`.
+    pub(super) fn of_places(
+        points: &[Point],
+        triangles: &[[u32; 3]],
+        suspects: &[(u32, Aabb)],
+        vicinity: &mut Vicinity,
+    ) -> Self {
         if suspects.is_empty() {
             return Self { near: Vec::new(), cells: Cells::default() };
         }
@@ -57,7 +80,9 @@ impl Guard {
             .iter()
             .map(|t| match next.next_if(|s| s.0 == *t) {
                 Some((_, b)) => SmallBox::round(b),
-                None => SmallBox::round(&bounds(triangles[*t as usize].map(|v| &points[v as usize]))),
+                None => {
+                    SmallBox::round(&bounds(triangles[*t as usize].map(|v| &points[v as usize])))
+                }
             })
             .collect();
         let region = suspects.iter().fold(Aabb::EMPTY, |b, s| b.merged(&s.1));
@@ -66,11 +91,21 @@ impl Guard {
         Self { near, cells }
     }
 
-    /// Pairs of triangles that meet at `points` beyond their common corners and of which one at least is in `suspects`,
-    /// ascending. `suspects`, ascending, are some of those that this was made for.
-    pub(super) fn meeting(&self, points: &[Point], triangles: &[[u32; 3]], suspects: &[u32]) -> Vec<[u32; 2]> {
+    /// Pairs of triangles that meet at `points` beyond their common corners and of which one at
+    /// least is in `suspects`, ascending. `suspects`, ascending, are some of those that this was
+    /// made for.
+    pub(super) fn meeting(
+        &self,
+        points: &[Point],
+        triangles: &[[u32; 3]],
+        suspects: &[u32],
+    ) -> Vec<[u32; 2]> {
         let mut is_suspect = vec![false; self.near.len()];
-        let places: Vec<u32> = suspects.iter().filter_map(|t| self.near.binary_search(t).ok()).map(|k| k as u32).collect();
+        let places: Vec<u32> = suspects
+            .iter()
+            .filter_map(|t| self.near.binary_search(t).ok())
+            .map(|k| k as u32)
+            .collect();
         places.iter().for_each(|k| is_suspect[*k as usize] = true);
         let of = |places: &[u32]| {
             let mut found = Vec::new();
@@ -78,11 +113,14 @@ impl Guard {
             for &k in places {
                 let t = self.near[k as usize];
                 let a = triangles[t as usize];
-                let corners = [&points[a[0] as usize], &points[a[1] as usize], &points[a[2] as usize]];
+                let corners =
+                    [&points[a[0] as usize], &points[a[1] as usize], &points[a[2] as usize]];
                 others.clear();
                 self.cells.reached(&SmallBox::round(&bounds(corners)), &mut others);
                 // A pair of two suspects is the smaller one's.
-                keep(&mut others, 0, |other| (other > k) | ((other < k) & !is_suspect[other as usize]));
+                keep(&mut others, 0, |other| {
+                    (other > k) | ((other < k) & !is_suspect[other as usize])
+                });
                 for &other in &others {
                     let u = self.near[other as usize];
                     if meet(points, a, triangles[u as usize]) {
@@ -92,8 +130,11 @@ impl Guard {
             }
             found
         };
-        let mut pairs: Vec<[u32; 2]> =
-            if places.len() <= TASK { of(&places) } else { places.par_chunks(TASK).map(of).collect::<Vec<_>>().concat() };
+        let mut pairs: Vec<[u32; 2]> = if places.len() <= TASK {
+            of(&places)
+        } else {
+            places.par_chunks(TASK).map(of).collect::<Vec<_>>().concat()
+        };
         pairs.sort_unstable();
         pairs.dedup();
         pairs
@@ -109,7 +150,8 @@ pub(super) fn bounds(t: [&Point; 3]) -> Aabb {
     Aabb { min: t[0].inf(t[1]).inf(t[2]), max: t[0].sup(t[1]).sup(t[2]) }
 }
 
-/// Whether triangles meet beyond their common corners, as [`own_pairs`](crate::intersections::own_pairs) has it: corners at one place are common, and
+/// Whether triangles meet beyond their common corners, as
+/// [`own_pairs`](crate::intersections::own_pairs) has it: corners at one place are common, and
 /// triangles without area meet nothing.
 fn meet(points: &[Point], ia: [u32; 3], ib: [u32; 3]) -> bool {
     let a = [&points[ia[0] as usize], &points[ia[1] as usize], &points[ia[2] as usize]];
@@ -138,8 +180,8 @@ fn meet(points: &[Point], ia: [u32; 3], ib: [u32; 3]) -> bool {
     triangles_sharing(a, [0, 1, 2], b, names).is_some() && !is_degenerate(a) && !is_degenerate(b)
 }
 
-/// A box in single precision, rounded outwards: many are looked at for each that is of use, and they should lie close together. The fourth numbers are 0:
-/// four are compared at once.
+/// A box in single precision, rounded outwards: many are looked at for each that is of use, and
+/// they should lie close together. The fourth numbers are 0: four are compared at once.
 #[derive(Clone, Copy, Debug, Default)]
 struct SmallBox {
     min: [f32; 4],
@@ -149,14 +191,19 @@ struct SmallBox {
 impl SmallBox {
     #[inline]
     fn round(b: &Aabb) -> Self {
-        let down = |x: Real| if Real::from(x as f32) > x { (x as f32).next_down() } else { x as f32 };
+        let down =
+            |x: Real| if Real::from(x as f32) > x { (x as f32).next_down() } else { x as f32 };
         let up = |x: Real| if Real::from(x as f32) < x { (x as f32).next_up() } else { x as f32 };
-        Self { min: [down(b.min.x), down(b.min.y), down(b.min.z), 0.0], max: [up(b.max.x), up(b.max.y), up(b.max.z), 0.0] }
+        Self {
+            min: [down(b.min.x), down(b.min.y), down(b.min.z), 0.0],
+            max: [up(b.max.x), up(b.max.y), up(b.max.z), 0.0],
+        }
     }
 
     #[inline]
     fn overlaps(&self, other: &Self) -> bool {
-        let along = |axis: usize| (self.min[axis] <= other.max[axis]) & (other.min[axis] <= self.max[axis]);
+        let along =
+            |axis: usize| (self.min[axis] <= other.max[axis]) & (other.min[axis] <= self.max[axis]);
         along(0) & along(1) & along(2) & along(3)
     }
 }
@@ -232,7 +279,9 @@ impl Cells {
     #[inline]
     fn cell(&self, p: [f32; 4]) -> Cell {
         // Out of range it saturates.
-        let along = |axis: usize| (((Real::from(p[axis]) - self.min[axis]) * self.scale) as i32).clamp(0, self.last[axis]);
+        let along = |axis: usize| {
+            (((Real::from(p[axis]) - self.min[axis]) * self.scale) as i32).clamp(0, self.last[axis])
+        };
         [along(0), along(1), along(2)]
     }
 
@@ -261,7 +310,8 @@ impl Cells {
     }
 }
 
-/// Drops the numbers from place `from` on that `stays` does not hold for: without a branch for each, as nobody can foretell it.
+/// Drops the numbers from place `from` on that `stays` does not hold for: without a branch for
+/// each, as nobody can foretell it.
 #[inline]
 fn keep(found: &mut Vec<u32>, from: usize, mut stays: impl FnMut(u32) -> bool) {
     let mut to = from;
@@ -287,11 +337,13 @@ fn for_each_cell([low, high]: [Cell; 2], mut visit: impl FnMut(Cell)) {
 /// Cells in a block of two along each axis, whose buckets lie side by side.
 const BLOCK: usize = 8;
 
-/// A bucket for a cell; `buckets` is a power of two, at least [`BLOCK`]. The factors are those of Teschner et al. 2003.
+/// A bucket for a cell; `buckets` is a power of two, at least [`BLOCK`]. The factors are those of
+/// Teschner et al. 2003.
 #[inline]
 fn bucket(cell: Cell, buckets: usize) -> usize {
     let [i, j, k] = cell.map(|c| u64::from(c as u32 >> 1));
-    let mixed = i.wrapping_mul(73_856_093) ^ j.wrapping_mul(19_349_663) ^ k.wrapping_mul(83_492_791);
+    let mixed =
+        i.wrapping_mul(73_856_093) ^ j.wrapping_mul(19_349_663) ^ k.wrapping_mul(83_492_791);
     let within = cell.iter().fold(0, |b, c| 2 * b + (*c as usize & 1));
     (BLOCK * (mixed ^ (mixed >> 15)) as usize + within) & (buckets - 1)
 }
@@ -316,12 +368,14 @@ mod tests {
         let mut triangles = a.triangles().to_vec();
         triangles.extend(b.triangles().iter().map(|t| t.map(|v| v + base)));
         let mesh = TriMesh::new(points.clone(), triangles.clone()).unwrap();
-        let all: Vec<[u32; 2]> = own_pairs(&mesh, &Bvh::new(&mesh)).iter().map(|p| [p.a, p.b]).collect();
+        let all: Vec<[u32; 2]> =
+            own_pairs(&mesh, &Bvh::new(&mesh)).iter().map(|p| [p.a, p.b]).collect();
         assert!(all.len() > 20);
         let everyone: Vec<u32> = (0..triangles.len() as u32).collect();
         assert_eq!(meeting(&points, &triangles, &everyone, &mut Vicinity::default()), all);
         let some: Vec<u32> = (0..triangles.len() as u32).filter(|t| t % 7 == 0).collect();
-        let of_some: Vec<[u32; 2]> = all.iter().filter(|p| p[0] % 7 == 0 || p[1] % 7 == 0).copied().collect();
+        let of_some: Vec<[u32; 2]> =
+            all.iter().filter(|p| p[0] % 7 == 0 || p[1] % 7 == 0).copied().collect();
         assert_eq!(meeting(&points, &triangles, &some, &mut Vicinity::default()), of_some);
         assert!(meeting(&points, &triangles, &[], &mut Vicinity::default()).is_empty());
     }
@@ -331,7 +385,8 @@ mod tests {
         let mut rng = Pcg64Mcg::seed_from_u64(3);
         for round in 0..60 {
             let n = 30 + 10 * (round % 5);
-            // Few large triangles among small ones, corners on a lattice, in one plane, all at one place.
+            // Few large triangles among small ones, corners on a lattice, in one plane, all at one
+            // place.
             let mut points: Vec<Point> = (0..n)
                 .map(|k| {
                     let size = if k % 7 == 0 { 1.0 } else { 0.1 };
@@ -359,19 +414,30 @@ mod tests {
             }
             // All that have a corner that moves are suspects.
             let moves = |v: &u32| points[*v as usize] != target[*v as usize];
-            let suspects: Vec<u32> =
-                (0..triangles.len() as u32).filter(|t| t % 3 == 0 || triangles[*t as usize].iter().any(moves)).collect();
-            let guard = Guard::new(&points, &triangles, &suspects, &target, &mut Vicinity::default());
+            let suspects: Vec<u32> = (0..triangles.len() as u32)
+                .filter(|t| t % 3 == 0 || triangles[*t as usize].iter().any(moves))
+                .collect();
+            let guard =
+                Guard::new(&points, &triangles, &suspects, &target, &mut Vicinity::default());
             let start = points.clone();
             for share in [0.0, 0.37, 1.0] {
                 points = start.iter().zip(&target).map(|(p, q)| p + (q - p) * share).collect();
                 let mesh = TriMesh::new(points.clone(), triangles.clone()).unwrap();
-                let mut all: Vec<[u32; 2]> = own_pairs(&mesh, &Bvh::new(&mesh)).iter().map(|p| [p.a, p.b]).collect();
+                let mut all: Vec<[u32; 2]> =
+                    own_pairs(&mesh, &Bvh::new(&mesh)).iter().map(|p| [p.a, p.b]).collect();
                 all.retain(|p| p.iter().any(|t| suspects.binary_search(t).is_ok()));
-                assert_eq!(guard.meeting(&points, &triangles, &suspects), all, "round {round}, share {share}");
+                assert_eq!(
+                    guard.meeting(&points, &triangles, &suspects),
+                    all,
+                    "round {round}, share {share}"
+                );
                 let some: Vec<u32> = suspects.iter().copied().filter(|t| t % 2 == 0).collect();
                 all.retain(|p| p.iter().any(|t| some.binary_search(t).is_ok()));
-                assert_eq!(guard.meeting(&points, &triangles, &some), all, "round {round}, share {share}");
+                assert_eq!(
+                    guard.meeting(&points, &triangles, &some),
+                    all,
+                    "round {round}, share {share}"
+                );
             }
         }
     }

@@ -26,7 +26,8 @@ pub(super) struct Hole {
     is_scrap: bool,
 }
 
-/// Rounds of averaging wanted lengths along the rim: single short edges, left by cutting, should not draw crowds of vertices.
+/// Rounds of averaging wanted lengths along the rim: single short edges, left by cutting, should
+/// not draw crowds of vertices.
 const EVEN: usize = 8;
 /// Wanted lengths are kept between the mean over the rim divided and multiplied by this.
 const SPREAD: Real = 2.0;
@@ -39,8 +40,11 @@ impl Hole {
         let vertices: Vec<u32> = backwards.iter().map(|&h| start(h)).collect();
         let points: Vec<Point> = vertices.iter().map(|v| work.points[*v as usize]).collect();
         // From place k to k + 1 runs the half-edge that starts at place k + 1.
-        let outside = (0..n).map(|k| unit_or_zero(&work.area_vector(backwards[(k + 1) % n] as usize / 3))).collect();
-        let mut places: Vec<(u32, u32)> = vertices.iter().enumerate().map(|(k, v)| (*v, k as u32)).collect();
+        let outside = (0..n)
+            .map(|k| unit_or_zero(&work.area_vector(backwards[(k + 1) % n] as usize / 3)))
+            .collect();
+        let mut places: Vec<(u32, u32)> =
+            vertices.iter().enumerate().map(|(k, v)| (*v, k as u32)).collect();
         places.sort_unstable();
         let mut taken = Chords::new();
         let around = (0..n)
@@ -59,19 +63,27 @@ impl Hole {
                 near.iter().map(|v| work.points[*v as usize]).collect()
             })
             .collect();
-        let mut lengths: Vec<Real> = backwards.iter().map(|&h| work.edge_length_at(twins, h)).collect();
+        let mut lengths: Vec<Real> =
+            backwards.iter().map(|&h| work.edge_length_at(twins, h)).collect();
         let mean = lengths.iter().sum::<Real>() / n.max(1) as Real;
         lengths.iter_mut().for_each(|l| *l = l.clamp(mean / SPREAD, mean * SPREAD));
         for _ in 0..EVEN {
             let old = lengths.clone();
-            (0..n).for_each(|k| lengths[k] = (old[(k + n - 1) % n] + old[k] + old[(k + 1) % n]) / 3.0);
+            (0..n).for_each(|k| {
+                lengths[k] = (old[(k + n - 1) % n] + old[k] + old[(k + 1) % n]) / 3.0
+            });
         }
         let is_scrap = n == 3 && rim.iter().all(|h| h / 3 == rim[0] / 3);
         Self { vertices, points, outside, lengths, around, taken, is_scrap }
     }
 
     /// A patch of at most this quality, and the one it has.
-    pub(super) fn patch(&self, shape: Shape, field: Option<&dyn SignedDistance>, params: &FillParams) -> Option<(Patch, Shape)> {
+    pub(super) fn patch(
+        &self,
+        shape: Shape,
+        field: Option<&dyn SignedDistance>,
+        params: &FillParams,
+    ) -> Option<(Patch, Shape)> {
         if self.is_scrap {
             return None;
         }
@@ -107,16 +119,20 @@ impl Hole {
         work.triangles.extend(patch.triangles.iter().map(|t| t.map(name)));
     }
 
-    /// Vertices of the rim by inverse squared distance: the nearest, and others evenly spread along it.
+    /// Vertices of the rim by inverse squared distance: the nearest, and others evenly spread along
+    /// it.
     fn blend(&self, work: &Work, p: &Point) -> Vec<(u32, Real)> {
         /// More parts than this change little, and cost memory.
         const SPREAD: usize = 48;
         const NEAREST: usize = 4;
         let stride = self.points.len().div_ceil(SPREAD);
         let distance = |k: usize| (p - self.points[k]).norm_squared();
-        let mut near: Vec<(Real, usize)> = (0..self.points.len()).map(|k| (distance(k), k)).collect();
-        let by_distance = |a: &(Real, usize), b: &(Real, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-        // A rim may have thousands of vertices, and many a patch as many of its own: only what is taken is sorted.
+        let mut near: Vec<(Real, usize)> =
+            (0..self.points.len()).map(|k| (distance(k), k)).collect();
+        let by_distance =
+            |a: &(Real, usize), b: &(Real, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        // A rim may have thousands of vertices, and many a patch as many of its own: only what is
+        // taken is sorted.
         if near.len() > NEAREST {
             near.select_nth_unstable_by(NEAREST, by_distance);
         }
@@ -124,12 +140,16 @@ impl Hole {
         spread.retain(|n| n.1.is_multiple_of(stride));
         near.sort_unstable_by(by_distance);
         spread.sort_unstable_by(by_distance);
-        let near: Vec<(Real, u32)> = near.into_iter().chain(spread).map(|(d, k)| (d, self.vertices[k])).collect();
+        let near: Vec<(Real, u32)> =
+            near.into_iter().chain(spread).map(|(d, k)| (d, self.vertices[k])).collect();
         let nearest = near.first().map_or(1.0, |n| n.0).max(Real::MIN_POSITIVE);
         let mut parts: Vec<(u32, Real)> = Vec::new();
         for (d, v) in near {
             let weight = nearest / d.max(nearest);
-            let add = |parts: &mut Vec<(u32, Real)>, v: u32, w: Real| match parts.iter_mut().find(|p| p.0 == v) {
+            let add = |parts: &mut Vec<(u32, Real)>, v: u32, w: Real| match parts
+                .iter_mut()
+                .find(|p| p.0 == v)
+            {
                 Some(p) => p.1 += w,
                 None => parts.push((v, w)),
             };

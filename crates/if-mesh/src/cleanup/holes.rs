@@ -21,16 +21,19 @@ use serde::Serialize;
 /// How holes are closed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FillParams {
-    /// Loops of up to this many edges get the best of all triangulations, in O(n³); longer ones are closed ear by ear.
+    /// Loops of up to this many edges get the best of all triangulations, in O(n³); longer ones are
+    /// closed ear by ear.
     pub exact_up_to: usize,
     /// Whether the patch gets vertices until its edges are as long as those round it.
     pub refine: bool,
-    /// Whether the patch is bent so that it goes on as the surface round it does (biharmonic). Needs `refine`.
+    /// Whether the patch is bent so that it goes on as the surface round it does (biharmonic).
+    /// Needs `refine`.
     pub fair: bool,
     /// New vertices of one hole, at most.
     pub most_vertices: usize,
-    /// Times that a hole, into which no patch fits, is widened by the triangles on its rim and tried again. What a scan has
-    /// at the border of what nobody saw is often bent inwards or through itself.
+    /// Times that a hole, into which no patch fits, is widened by the triangles on its rim and
+    /// tried again. What a scan has at the border of what nobody saw is often bent inwards or
+    /// through itself.
     pub widenings: usize,
 }
 
@@ -51,8 +54,20 @@ impl FillParams {
     /// The first that does not.
     pub fn validate(&self) -> Result<(), CleanupError> {
         let exact = self.exact_up_to as Real;
-        range("the number of edges up to which a loop gets the best triangulation", exact, 0.0, MOST_EXACT, "at most 1,024")?;
-        range("the number of new vertices of a hole", self.most_vertices as Real, 0.0, 1e7, "at most 10 million")?;
+        range(
+            "the number of edges up to which a loop gets the best triangulation",
+            exact,
+            0.0,
+            MOST_EXACT,
+            "at most 1,024",
+        )?;
+        range(
+            "the number of new vertices of a hole",
+            self.most_vertices as Real,
+            0.0,
+            1e7,
+            "at most 10 million",
+        )?;
         range("the number of widenings", self.widenings as Real, 0.0, 1000.0, "at most 1,000")
     }
 }
@@ -91,7 +106,8 @@ pub struct FilledHole {
 pub struct FillReport {
     /// Holes that were closed.
     pub filled: Vec<FilledHole>,
-    /// Holes that stay as they are, because every patch tried meets the mesh or repeats an edge of it.
+    /// Holes that stay as they are, because every patch tried meets the mesh or repeats an edge of
+    /// it.
     pub left: Vec<LoopShape>,
     /// Triangles cut away round holes so that a patch fits.
     pub cut_away: usize,
@@ -99,9 +115,10 @@ pub struct FillReport {
     pub openings: Vec<LoopShape>,
 }
 
-/// Closes the loops of `mesh` that `openings` takes for holes: triangulation by the smallest sharpest fold, refinement
-/// to the edge length of the rim, and a biharmonic shape or, where there is a `field`, its zero. No triangle is
-/// added that meets another one. A mesh that is not manifold is made so first ([`super::manifold::make_manifold`]).
+/// Closes the loops of `mesh` that `openings` takes for holes: triangulation by the smallest
+/// sharpest fold, refinement to the edge length of the rim, and a biharmonic shape or, where there
+/// is a `field`, its zero. No triangle is added that meets another one. A mesh that is not manifold
+/// is made so first ([`super::manifold::make_manifold`]).
 ///
 /// New vertices are blends of the rim's, by inverse squared distance.
 ///
@@ -122,7 +139,8 @@ pub fn fill_holes(
     openings.validate()?;
     let mut work = Work::new(mesh);
     let (_, mut twins) = resolve(&mut work);
-    let (report, _) = unwatched(|watch| fill(&mut work, &mut twins, field, openings, params, false, watch));
+    let (report, _) =
+        unwatched(|watch| fill(&mut work, &mut twins, field, openings, params, false, watch));
     Ok((work.finish(), report))
 }
 
@@ -207,10 +225,12 @@ fn fill_once(
     let rims = loops(&work.triangles, twins);
     if work.vicinity.is_unknown() {
         let corners = |h: &u32| work.triangles[*h as usize / 3].map(|v| &work.points[v as usize]);
-        let places: Vec<(u32, Aabb)> = rims.iter().flatten().map(|h| (h / 3, bounds(corners(h)))).collect();
+        let places: Vec<(u32, Aabb)> =
+            rims.iter().flatten().map(|h| (h / 3, bounds(corners(h)))).collect();
         work.vicinity.find(&work.points, &work.triangles, &places);
     }
-    let shapes: Vec<LoopShape> = rims.par_iter().map(|rim| LoopShape::new(work, twins, rim)).collect();
+    let shapes: Vec<LoopShape> =
+        rims.par_iter().map(|rim| LoopShape::new(work, twins, rim)).collect();
     let verdicts = openings.judge(work, &rims, &shapes);
     let mut report = FillReport::default();
     let mut jobs = Vec::new();
@@ -224,11 +244,14 @@ fn fill_once(
     let make = |hole: &Hole, shape: Shape| {
         let mut patch = hole.patch(shape, field, params)?;
         if single_precision {
-            patch.0.points[hole.points.len()..].iter_mut().for_each(|p| *p = p.map(|x| Real::from(x as f32)));
+            patch.0.points[hole.points.len()..]
+                .iter_mut()
+                .for_each(|p| *p = p.map(|x| Real::from(x as f32)));
         }
         Some(patch)
     };
-    let mut patches: Vec<Option<(Patch, Shape)>> = jobs.par_iter().map(|(_, hole)| make(hole, first)).collect();
+    let mut patches: Vec<Option<(Patch, Shape)>> =
+        jobs.par_iter().map(|(_, hole)| make(hole, first)).collect();
     let (points, base) = (work.points.len(), work.triangles.len());
     loop {
         watch.at(Step::Holes)?;
@@ -240,10 +263,15 @@ fn fill_once(
             }
         }
         let added: Vec<u32> = (base as u32..work.triangles.len() as u32).collect();
-        let flat = added.iter().filter(|t| is_flat(work.triangles[**t as usize].map(|v| &work.points[v as usize])));
+        let flat = added
+            .iter()
+            .filter(|t| is_flat(work.triangles[**t as usize].map(|v| &work.points[v as usize])));
         let meets = meeting(&work.points, &work.triangles, &added, &mut work.vicinity);
-        let mut bad: Vec<usize> =
-            flat.chain(meets.iter().flatten()).filter(|t| **t as usize >= base).map(|t| owner[*t as usize - base]).collect();
+        let mut bad: Vec<usize> = flat
+            .chain(meets.iter().flatten())
+            .filter(|t| **t as usize >= base)
+            .map(|t| owner[*t as usize - base])
+            .collect();
         bad.sort_unstable();
         bad.dedup();
         if bad.is_empty() {
@@ -271,8 +299,18 @@ fn fill_once(
             }),
         }
     }
-    let left = jobs.iter().zip(&patches).filter(|(_, p)| p.is_none()).map(|((k, _), _)| rims[*k].clone()).collect();
-    let open = rims.into_iter().zip(&verdicts).filter(|(_, v)| **v == Verdict::Opening).map(|(rim, _)| rim).collect();
+    let left = jobs
+        .iter()
+        .zip(&patches)
+        .filter(|(_, p)| p.is_none())
+        .map(|((k, _), _)| rims[*k].clone())
+        .collect();
+    let open = rims
+        .into_iter()
+        .zip(&verdicts)
+        .filter(|(_, v)| **v == Verdict::Opening)
+        .map(|(rim, _)| rim)
+        .collect();
     Ok(Try { report, open, left })
 }
 

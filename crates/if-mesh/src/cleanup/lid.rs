@@ -12,7 +12,8 @@ pub(super) type Chords = HashSet<(u32, u32)>;
 pub(super) struct Lid<'a> {
     /// Its vertices.
     pub(super) points: &'a [Point],
-    /// The unit normal of the triangle beyond the edge from each vertex to the next; zero where there is none.
+    /// The unit normal of the triangle beyond the edge from each vertex to the next; zero where
+    /// there is none.
     pub(super) outside: &'a [Vector],
     /// Edges that must not come again.
     pub(super) taken: &'a Chords,
@@ -26,12 +27,14 @@ struct Weight {
 }
 
 const IMPOSSIBLE: Weight = Weight { fold: Real::INFINITY, area: Real::INFINITY };
-/// Fold of a triangle without area: more than any that can be seen (2), so that it is taken as the last resort.
+/// Fold of a triangle without area: more than any that can be seen (2), so that it is taken as the
+/// last resort.
 const NO_NORMAL: Real = 3.0;
 
 impl Lid<'_> {
-    /// Triangles of places on the loop, that close it with the smallest sharpest fold and, among those, the smallest area;
-    /// loops of more than `exact_up_to` edges by cutting ears. `None` where edges that are taken leave no way.
+    /// Triangles of places on the loop, that close it with the smallest sharpest fold and, among
+    /// those, the smallest area; loops of more than `exact_up_to` edges by cutting ears. `None`
+    /// where edges that are taken leave no way.
     ///
     /// # Source
     ///
@@ -76,7 +79,9 @@ impl Lid<'_> {
                     let twice = area_vector(&self.points[i], &self.points[m], &self.points[k]);
                     let area = left.area + right.area + 0.5 * twice.norm();
                     let normal = unit_or_zero(&twice);
-                    let mut worst = below.max(fold(&normal, &normals[at(i, m)])).max(fold(&normal, &normals[at(m, k)]));
+                    let mut worst = below
+                        .max(fold(&normal, &normals[at(i, m)]))
+                        .max(fold(&normal, &normals[at(m, k)]));
                     if closing {
                         worst = worst.max(fold(&normal, &self.outside[n - 1]));
                     }
@@ -106,7 +111,8 @@ impl Lid<'_> {
         Some(triangles)
     }
 
-    /// Cuts the ear whose fold against its neighbours and whose new edge are smallest, again and again.
+    /// Cuts the ear whose fold against its neighbours and whose new edge are smallest, again and
+    /// again.
     fn ears(&self) -> Option<Vec<[u32; 3]>> {
         let n = self.points.len();
         let mut next: Vec<usize> = (0..n).map(|k| (k + 1) % n).collect();
@@ -115,7 +121,8 @@ impl Lid<'_> {
         let mut stamp = vec![0u32; n];
         let mut left = n;
         let mut triangles = Vec::with_capacity(n - 2);
-        let mut heap: BinaryHeap<Ear> = (0..n).filter_map(|k| self.ear(k, [previous[k], next[k]], &beyond, 0, left)).collect();
+        let mut heap: BinaryHeap<Ear> =
+            (0..n).filter_map(|k| self.ear(k, [previous[k], next[k]], &beyond, 0, left)).collect();
         while let Some(ear) = heap.pop() {
             let (k, a, b) = (ear.tip, previous[ear.tip], next[ear.tip]);
             if stamp[k] != ear.stamp {
@@ -127,7 +134,8 @@ impl Lid<'_> {
                 return Some(triangles);
             }
             stamp[k] = u32::MAX;
-            beyond[a] = unit_or_zero(&area_vector(&self.points[a], &self.points[k], &self.points[b]));
+            beyond[a] =
+                unit_or_zero(&area_vector(&self.points[a], &self.points[k], &self.points[b]));
             (next[a], previous[b]) = (b, a);
             for v in [a, b] {
                 stamp[v] += 1;
@@ -137,14 +145,24 @@ impl Lid<'_> {
         None
     }
 
-    fn ear(&self, tip: usize, [a, b]: [usize; 2], beyond: &[Vector], stamp: u32, left: usize) -> Option<Ear> {
+    fn ear(
+        &self,
+        tip: usize,
+        [a, b]: [usize; 2],
+        beyond: &[Vector],
+        stamp: u32,
+        left: usize,
+    ) -> Option<Ear> {
         if left > 3 && self.is_taken(a, b) {
             return None;
         }
-        let normal = unit_or_zero(&area_vector(&self.points[a], &self.points[tip], &self.points[b]));
+        let normal =
+            unit_or_zero(&area_vector(&self.points[a], &self.points[tip], &self.points[b]));
         let worst = fold(&normal, &beyond[a]).max(fold(&normal, &beyond[tip]));
-        // An ear that folds by less than 60° costs up to 1.5 times its chord; one that folds back, up to 30 times.
-        let cost = (self.points[b] - self.points[a]).norm() * (1.0 + worst + 8.0 * (worst - 0.5).max(0.0).powi(2));
+        // An ear that folds by less than 60° costs up to 1.5 times its chord; one that folds back,
+        // up to 30 times.
+        let cost = (self.points[b] - self.points[a]).norm()
+            * (1.0 + worst + 8.0 * (worst - 0.5).max(0.0).powi(2));
         Some(Ear { cost, tip, stamp })
     }
 }
@@ -169,7 +187,11 @@ struct Ear {
 impl Ord for Ear {
     /// The cheapest is the greatest; of equal ones the first.
     fn cmp(&self, other: &Self) -> Ordering {
-        other.cost.total_cmp(&self.cost).then(other.tip.cmp(&self.tip)).then(other.stamp.cmp(&self.stamp))
+        other
+            .cost
+            .total_cmp(&self.cost)
+            .then(other.tip.cmp(&self.tip))
+            .then(other.stamp.cmp(&self.stamp))
     }
 }
 impl PartialOrd for Ear {
@@ -200,7 +222,14 @@ mod tests {
     fn area(points: &[Point], triangles: &[[u32; 3]]) -> Real {
         triangles
             .iter()
-            .map(|t| 0.5 * area_vector(&points[t[0] as usize], &points[t[1] as usize], &points[t[2] as usize]).norm())
+            .map(|t| {
+                0.5 * area_vector(
+                    &points[t[0] as usize],
+                    &points[t[1] as usize],
+                    &points[t[2] as usize],
+                )
+                .norm()
+            })
             .sum()
     }
 
@@ -240,17 +269,24 @@ mod tests {
     #[test]
     fn the_programme_finds_the_sharpest_fold_that_trying_all_finds() {
         let points = circle(8, |k| 0.4 * (2.3 * k as Real).sin());
-        let outside: Vec<Vector> = (0..8).map(|k| unit_or_zero(&Vector::new(0.3 * k as Real, 0.2, 1.0))).collect();
+        let outside: Vec<Vector> =
+            (0..8).map(|k| unit_or_zero(&Vector::new(0.3 * k as Real, 0.2, 1.0))).collect();
         let taken = Chords::new();
         let lid = Lid { points: &points, outside: &outside, taken: &taken };
         let triangles = lid.triangulate(8).unwrap();
-        let normal =
-            |t: &[u32; 3]| unit_or_zero(&area_vector(&points[t[0] as usize], &points[t[1] as usize], &points[t[2] as usize]));
+        let normal = |t: &[u32; 3]| {
+            unit_or_zero(&area_vector(
+                &points[t[0] as usize],
+                &points[t[1] as usize],
+                &points[t[2] as usize],
+            ))
+        };
         let mut sharpest: Real = 0.0;
         for t in &triangles {
             for k in 0..3 {
                 let (a, b) = (t[k], t[(k + 1) % 3]);
-                let other = triangles.iter().find(|u| (0..3).any(|j| (u[j], u[(j + 1) % 3]) == (b, a)));
+                let other =
+                    triangles.iter().find(|u| (0..3).any(|j| (u[j], u[(j + 1) % 3]) == (b, a)));
                 let beyond = other.map_or(outside[a as usize], &normal);
                 sharpest = sharpest.max(fold(&normal(t), &beyond));
             }

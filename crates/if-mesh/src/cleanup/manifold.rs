@@ -16,7 +16,8 @@ pub struct ManifoldReport {
     pub turned_over: usize,
     /// Edges with neighbours that wind against each other all the same (a Möbius strip): cut.
     pub one_sided_edges: usize,
-    /// Edges of more than two triangles: the two that go on flattest stay together, others in further pairs.
+    /// Edges of more than two triangles: the two that go on flattest stay together, others in
+    /// further pairs.
     pub crowded_edges: usize,
     /// Triangles dropped because cutting at their edges does not make them manifold.
     pub dropped: usize,
@@ -33,12 +34,13 @@ impl ManifoldReport {
     }
 }
 
-/// Makes `mesh` manifold and consistently wound, without moving a vertex: at most two triangles at an edge, one fan
-/// at a vertex, no triangle without area, none twice, no vertex without a triangle.
+/// Makes `mesh` manifold and consistently wound, without moving a vertex: at most two triangles at
+/// an edge, one fan at a vertex, no triangle without area, none twice, no vertex without a
+/// triangle.
 ///
-/// Where more than two triangles meet at an edge, pairs are formed, the flattest first, and the surface is cut between
-/// pairs; where fans of triangles meet in one vertex, each gets its own. Vertices that are added lie where the others
-/// are. A mesh that is in order comes back bit by bit.
+/// Where more than two triangles meet at an edge, pairs are formed, the flattest first, and the
+/// surface is cut between pairs; where fans of triangles meet in one vertex, each gets its own.
+/// Vertices that are added lie where the others are. A mesh that is in order comes back bit by bit.
 ///
 /// # Source
 ///
@@ -68,8 +70,13 @@ pub(super) fn resolve(work: &mut Work) -> (ManifoldReport, Twins) {
         }
         twins = Twins::new(work.points.len(), &work.triangles);
         // Sheets that a cut edge does not separate, because they go together round both its ends.
-        let left: Vec<u32> =
-            twins.crowded.iter().flat_map(|c| &c[1..]).chain(twins.against.iter().map(|a| &a[1])).copied().collect();
+        let left: Vec<u32> = twins
+            .crowded
+            .iter()
+            .flat_map(|c| &c[1..])
+            .chain(twins.against.iter().map(|a| &a[1]))
+            .copied()
+            .collect();
         if left.is_empty() {
             break;
         }
@@ -84,7 +91,8 @@ pub(super) fn resolve(work: &mut Work) -> (ManifoldReport, Twins) {
     (report, twins)
 }
 
-/// Turns triangles so that neighbours across edges of two wind the same way, the smaller area of each part.
+/// Turns triangles so that neighbours across edges of two wind the same way, the smaller area of
+/// each part.
 fn orient(work: &mut Work, twins: &Twins) -> usize {
     let n = work.triangles.len();
     let mut against = vec![NONE; 3 * n];
@@ -126,7 +134,8 @@ fn orient(work: &mut Work, twins: &Twins) -> usize {
     turned
 }
 
-/// Pairs half-edges of crowded edges: one of each direction, those whose triangles go on flattest first.
+/// Pairs half-edges of crowded edges: one of each direction, those whose triangles go on flattest
+/// first.
 fn pair_crowds(work: &Work, twins: &mut Twins) {
     for crowd in &twins.crowded {
         let away: Vec<Vector> = crowd.iter().map(|&h| across(work, h)).collect();
@@ -149,7 +158,8 @@ fn pair_crowds(work: &Work, twins: &mut Twins) {
     }
 }
 
-/// The unit vector in the triangle of `h` that points away from that edge; zero where there is none.
+/// The unit vector in the triangle of `h` that points away from that edge; zero where there is
+/// none.
 fn across(work: &Work, h: u32) -> Vector {
     let [a, b] = ends(&work.triangles, h).map(|v| work.points[v as usize]);
     let c = work.points[ends(&work.triangles, previous(h))[0] as usize];
@@ -158,8 +168,8 @@ fn across(work: &Work, h: u32) -> Vector {
     unit_or_zero(&(to - along * along.dot(&to)))
 }
 
-/// Takes triangles out of a manifold mesh, which stays one: where several fans meet in a vertex now, each gets its own. `gone` is ascending.
-/// Vertices of no triangle stay.
+/// Takes triangles out of a manifold mesh, which stays one: where several fans meet in a vertex
+/// now, each gets its own. `gone` is ascending. Vertices of no triangle stay.
 pub(super) fn take_out(work: &mut Work, twins: &Twins, gone: &[u32]) -> Twins {
     // What leaves the vertices of those triangles, and stays.
     let mut leaving = Vec::new();
@@ -181,8 +191,8 @@ pub(super) fn take_out(work: &mut Work, twins: &Twins, gone: &[u32]) -> Twins {
     twins
 }
 
-/// Gives each fan of triangles its own vertex; the fan of the first triangle keeps the old one. `leaving` are the half-edges that leave the
-/// vertices in question, ascending.
+/// Gives each fan of triangles its own vertex; the fan of the first triangle keeps the old one.
+/// `leaving` are the half-edges that leave the vertices in question, ascending.
 fn split_fans(work: &mut Work, twins: &Twins, leaving: impl IntoIterator<Item = u32>) -> usize {
     let mut seen = vec![false; 3 * work.triangles.len()];
     let mut taken = vec![false; work.points.len()];
@@ -229,7 +239,10 @@ mod tests {
 
     #[test]
     fn a_bow_tie_gets_a_vertex_for_each_fan() {
-        let tie = mesh(&[[0., 0., 0.], [1., 1., 0.], [1., -1., 0.], [-1., 1., 0.], [-1., -1., 0.]], &[[0, 2, 1], [0, 3, 4]]);
+        let tie = mesh(
+            &[[0., 0., 0.], [1., 1., 0.], [1., -1., 0.], [-1., 1., 0.], [-1., -1., 0.]],
+            &[[0, 2, 1], [0, 3, 4]],
+        );
         let (split, report) = make_manifold(&tie);
         assert_eq!((report.split_vertices, split.mesh.vertices().len()), (1, 6));
         assert_eq!(split.sources[5], Source::Vertex(0));
@@ -238,8 +251,10 @@ mod tests {
 
     #[test]
     fn at_a_fin_the_flat_sheet_stays_whole() {
-        let fin =
-            mesh(&[[0., 0., 0.], [0., 1., 0.], [1., 0., 0.], [-1., 0., 0.], [0., 0., 1.]], &[[0, 1, 4], [1, 0, 2], [0, 1, 3]]);
+        let fin = mesh(
+            &[[0., 0., 0.], [0., 1., 0.], [1., 0., 0.], [-1., 0., 0.], [0., 0., 1.]],
+            &[[0, 1, 4], [1, 0, 2], [0, 1, 3]],
+        );
         let (cut, report) = make_manifold(&fin);
         assert_eq!((report.crowded_edges, report.split_vertices, report.dropped), (1, 2, 0));
         let twins = Twins::of_mesh(&cut.mesh);
@@ -285,7 +300,8 @@ mod tests {
         // Eight triangles on one edge, in both directions, two of them the same.
         let mut v = vec![[0., 0., 0.], [0., 0., 1.]];
         v.extend((0..7).map(|k| [f64::from(k).cos(), f64::from(k).sin(), 0.5]));
-        let mut t: Vec<[u32; 3]> = (2..9).map(|k| if k % 3 == 0 { [0, 1, k] } else { [1, 0, k] }).collect();
+        let mut t: Vec<[u32; 3]> =
+            (2..9).map(|k| if k % 3 == 0 { [0, 1, k] } else { [1, 0, k] }).collect();
         t.push([0, 1, 5]);
         let (cut, report) = make_manifold(&mesh(&v, &t));
         assert_eq!(report.degenerate.doubled, 1);

@@ -6,12 +6,14 @@ use if_core::math::{Point, Real};
 /// A box as the cells that it reaches, the first and the last along each axis.
 pub(super) type CellBox = [[u8; 3]; 2];
 
-/// Cells along each side of the region: a row of them is a word of bits. Of a garment of 1 m a cell is 1.6 cm.
+/// Cells along each side of the region: a row of them is a word of bits. Of a garment of 1 m a cell
+/// is 1.6 cm.
 const CELLS: u8 = u64::BITS as u8;
 /// Rows along each of the two other sides, with those of what lies outside.
 const ROWS: usize = CELLS as usize + 2;
 
-/// Coarse cells, and which of them are marked. The first and last along each axis are what lies outside the region, and never are.
+/// Coarse cells, and which of them are marked. The first and last along each axis are what lies
+/// outside the region, and never are.
 #[derive(Clone, Debug)]
 pub(super) struct Marks {
     min: Point,
@@ -24,7 +26,8 @@ impl Marks {
     /// Cells of the box round all `places`, marked where they reach into one of them.
     pub(super) fn new(places: &[Aabb]) -> Self {
         let region = places.iter().fold(Aabb::EMPTY, |b, p| b.merged(p));
-        let scale = [0, 1, 2].map(|axis| Real::from(CELLS) / region.size()[axis].max(Real::MIN_POSITIVE));
+        let scale =
+            [0, 1, 2].map(|axis| Real::from(CELLS) / region.size()[axis].max(Real::MIN_POSITIVE));
         let mut marks = Self { min: region.min, scale, marked: Vec::new() };
         marks = marks.with(places.iter().map(|b| marks.range(b)));
         marks
@@ -87,7 +90,9 @@ impl Marks {
     pub(super) fn hold(&self, [low, high]: CellBox) -> bool {
         let bits = bits(low[2], high[2]);
         let inside = low[2] > 0 && high[2] <= CELLS;
-        inside && (low[0]..=high[0]).all(|x| (low[1]..=high[1]).all(|y| self.marked[row(x, y)] & bits == bits))
+        inside
+            && (low[0]..=high[0])
+                .all(|x| (low[1]..=high[1]).all(|y| self.marked[row(x, y)] & bits == bits))
     }
 }
 
@@ -106,8 +111,9 @@ fn bits(low: u8, high: u8) -> u64 {
 /// The smallest that holds both.
 #[inline]
 pub(super) fn merged(a: CellBox, b: CellBox) -> CellBox {
-    let of =
-        |end: usize, pick: fn(u8, u8) -> u8| [pick(a[end][0], b[end][0]), pick(a[end][1], b[end][1]), pick(a[end][2], b[end][2])];
+    let of = |end: usize, pick: fn(u8, u8) -> u8| {
+        [pick(a[end][0], b[end][0]), pick(a[end][1], b[end][1]), pick(a[end][2], b[end][2])]
+    };
     [of(0, u8::min), of(1, u8::max)]
 }
 
@@ -129,11 +135,14 @@ mod tests {
                 [low, low.map(|c| (c + rng.random_range(0..=size)).min(CELLS + 1))]
             };
             let marks = Marks::new(&[region]).with([cells(40), cells(60), cells(60)].into_iter());
-            let is_marked = |c: [u8; 3]| c[2] > 0 && c[2] <= CELLS && marks.marked[row(c[0], c[1])] >> (c[2] - 1) & 1 == 1;
+            let is_marked = |c: [u8; 3]| {
+                c[2] > 0 && c[2] <= CELLS && marks.marked[row(c[0], c[1])] >> (c[2] - 1) & 1 == 1
+            };
             let asked = cells(3);
             let reached = || {
                 let along = |axis: usize| asked[0][axis]..=asked[1][axis];
-                along(0).flat_map(move |x| along(1).flat_map(move |y| along(2).map(move |z| [x, y, z])))
+                along(0)
+                    .flat_map(move |x| along(1).flat_map(move |y| along(2).map(move |z| [x, y, z])))
             };
             assert_eq!(marks.touch(asked), reached().any(is_marked));
             assert_eq!(marks.hold(asked), reached().all(is_marked));

@@ -8,12 +8,13 @@ use if_core::math::{Point, Real};
 
 /// How openings (neck, cuffs, hem, front) are told from holes (armpits, what nobody saw).
 ///
-/// A closed top, a dress or a pullover has 4 openings, an open jacket 3 (its hem, front and neck are one), trousers
-/// 3, a skirt 2.
+/// A closed top, a dress or a pullover has 4 openings, an open jacket 3 (its hem, front and neck
+/// are one), trousers 3, a skirt 2.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Openings {
-    /// By shape: a loop where a tube ends is an opening, one in a sheet is a hole. It is an opening if its
+    /// By shape: a loop where a tube ends is an opening, one in a sheet is a hole. It is an opening
+    /// if its
     /// [openness](LoopShape) is at least this share of the garment's area.
     Shape(Real),
     /// As many as the garment has, those of the largest openness.
@@ -22,15 +23,18 @@ pub enum Openings {
     Longer(Real),
     /// The loop nearest to each of these points, in metres.
     Near(Vec<Point>),
-    /// By what is not the garment: a loop that bounds a large part of the rest of the clothed body is an opening.
+    /// By what is not the garment: a loop that bounds a large part of the rest of the clothed body
+    /// is an opening.
     Complement(Box<Complement>),
-    /// One after the other: each judges the loops that all before it take for openings. What any of them calls a hole is one.
+    /// One after the other: each judges the loops that all before it take for openings. What any of
+    /// them calls a hole is one.
     Each(Vec<Openings>),
 }
 
 impl Default for Openings {
-    /// By shape, from 0.1 % of the area. Of the loops of `data/clothed/*_raw.ply`, the least open opening (an armhole of
-    /// the dress) has 0.14 %, the most open hole (a slit between the legs) 0.07 %.
+    /// By shape, from 0.1 % of the area. Of the loops of `data/clothed/*_raw.ply`, the least open
+    /// opening (an armhole of the dress) has 0.14 %, the most open hole (a slit between the legs)
+    /// 0.07 %.
     fn default() -> Self {
         Self::Shape(1e-3)
     }
@@ -69,15 +73,21 @@ impl Openings {
     /// The first that does not.
     pub fn validate(&self) -> Result<(), OpeningsError> {
         let at_least_zero = |name, value: Real| {
-            if value.is_finite() && value >= 0.0 { Ok(()) } else { Err(OpeningsError::Negative { name, value }) }
+            if value.is_finite() && value >= 0.0 {
+                Ok(())
+            } else {
+                Err(OpeningsError::Negative { name, value })
+            }
         };
         match self {
             Self::Shape(share) => at_least_zero("the share of an opening", *share),
             Self::Longer(length) => at_least_zero("the length of an opening", *length),
-            Self::Near(points) => match points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-                Some(index) => Err(OpeningsError::Point { index }),
-                None => Ok(()),
-            },
+            Self::Near(points) => {
+                match points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
+                    Some(index) => Err(OpeningsError::Point { index }),
+                    None => Ok(()),
+                }
+            }
             Self::Complement(c) => Ok(c.validate()?),
             Self::Each(policies) => policies.iter().try_for_each(Self::validate),
             Self::Count(_) => Ok(()),
@@ -85,7 +95,12 @@ impl Openings {
     }
 
     /// The verdict on each loop.
-    pub(super) fn judge(&self, work: &Work, rims: &[Vec<u32>], shapes: &[LoopShape]) -> Vec<Verdict> {
+    pub(super) fn judge(
+        &self,
+        work: &Work,
+        rims: &[Vec<u32>],
+        shapes: &[LoopShape],
+    ) -> Vec<Verdict> {
         let of = |open: bool| if open { Verdict::Opening } else { Verdict::Hole };
         match self {
             Self::Shape(share) => {
@@ -96,7 +111,10 @@ impl Openings {
                 let mut order: Vec<usize> = (0..shapes.len()).collect();
                 order.sort_by(|&a, &b| {
                     let (x, y) = (&shapes[a], &shapes[b]);
-                    y.openness.total_cmp(&x.openness).then(y.length.total_cmp(&x.length)).then(a.cmp(&b))
+                    y.openness
+                        .total_cmp(&x.openness)
+                        .then(y.length.total_cmp(&x.length))
+                        .then(a.cmp(&b))
                 });
                 let mut verdicts = vec![Verdict::Hole; shapes.len()];
                 order.iter().take(*count).for_each(|&k| verdicts[k] = Verdict::Opening);
@@ -108,10 +126,13 @@ impl Openings {
                 for p in points {
                     let distance = |rim: &[u32]| {
                         let at = |h: u32| work.points[ends(&work.triangles, h)[0] as usize];
-                        rim.iter().map(|&h| (at(h) - p).norm_squared()).fold(Real::INFINITY, Real::min)
+                        rim.iter()
+                            .map(|&h| (at(h) - p).norm_squared())
+                            .fold(Real::INFINITY, Real::min)
                     };
-                    let near =
-                        (0..rims.len()).map(|k| (distance(&rims[k]), k)).min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+                    let near = (0..rims.len())
+                        .map(|k| (distance(&rims[k]), k))
+                        .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
                     if let Some((_, k)) = near {
                         verdicts[k] = Verdict::Opening;
                     }
@@ -125,7 +146,12 @@ impl Openings {
                     let rims: Vec<Vec<u32>> = open.iter().map(|&k| rims[k].clone()).collect();
                     let shapes: Vec<LoopShape> = open.iter().map(|&k| shapes[k]).collect();
                     let verdicts = policy.judge(work, &rims, &shapes);
-                    open = open.into_iter().zip(verdicts).filter(|(_, v)| *v == Verdict::Opening).map(|(k, _)| k).collect();
+                    open = open
+                        .into_iter()
+                        .zip(verdicts)
+                        .filter(|(_, v)| *v == Verdict::Opening)
+                        .map(|(k, _)| k)
+                        .collect();
                 }
                 let mut verdicts = vec![Verdict::Hole; rims.len()];
                 open.iter().for_each(|&k| verdicts[k] = Verdict::Opening);
@@ -151,7 +177,8 @@ mod tests {
         let mesh = TriMesh::new(tube.vertices().to_vec(), triangles).unwrap();
         let (work, twins) = (Work::new(&mesh), Twins::of_mesh(&mesh));
         let rims = loops(mesh.triangles(), &twins);
-        let shapes: Vec<LoopShape> = rims.iter().map(|rim| LoopShape::new(&work, &twins, rim)).collect();
+        let shapes: Vec<LoopShape> =
+            rims.iter().map(|rim| LoopShape::new(&work, &twins, rim)).collect();
         let verdicts = openings.judge(&work, &rims, &shapes);
         shapes.iter().zip(verdicts).map(|(s, v)| (s.edges, v == Verdict::Opening)).collect()
     }
@@ -159,18 +186,24 @@ mod tests {
     #[test]
     fn of_several_policies_each_has_the_say_over_what_the_others_leave() {
         let open = |openings: &Openings| -> Vec<usize> {
-            let mut open: Vec<usize> = judged(openings).iter().filter(|l| l.1).map(|l| l.0).collect();
+            let mut open: Vec<usize> =
+                judged(openings).iter().filter(|l| l.1).map(|l| l.0).collect();
             open.sort_unstable();
             open
         };
         let upper = Openings::Near(vec![Point::new(0.0, 1.0, 0.0)]);
         assert_eq!(judged(&Openings::Each(Vec::new())).iter().filter(|l| l.1).count(), 4);
         assert_eq!(open(&Openings::Each(vec![Openings::default()])), [40, 40]);
-        assert_eq!(open(&Openings::Each(vec![Openings::Longer(0.06), Openings::default()])), [40, 40]);
+        assert_eq!(
+            open(&Openings::Each(vec![Openings::Longer(0.06), Openings::default()])),
+            [40, 40]
+        );
         assert_eq!(open(&Openings::Each(vec![upper.clone(), Openings::Count(3)])), [40]);
         // The count is of what is left: the larger of the two holes, not an end of the tube.
-        let holes = judged(&Openings::default()).iter().filter(|l| !l.1).map(|l| l.0).max().unwrap();
-        let at_holes = Openings::Near(vec![Point::new(-0.1, 0.15, 0.0), Point::new(0.0, 0.07, -0.1)]);
+        let holes =
+            judged(&Openings::default()).iter().filter(|l| !l.1).map(|l| l.0).max().unwrap();
+        let at_holes =
+            Openings::Near(vec![Point::new(-0.1, 0.15, 0.0), Point::new(0.0, 0.07, -0.1)]);
         assert!(open(&at_holes).iter().all(|n| *n < 40));
         assert_eq!(open(&Openings::Each(vec![at_holes, Openings::Count(1)])), [holes]);
         let bad = Openings::Each(vec![Openings::Count(1), Openings::Longer(-1.0)]);

@@ -15,17 +15,20 @@ pub(super) struct Patch {
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
-/// A triangle is split if its centre is farther from each corner than the corner's edge length over this.
+/// A triangle is split if its centre is farther from each corner than the corner's edge length over
+/// this.
 const DENSITY: Real = std::f64::consts::SQRT_2;
-/// Rounds of turning edges after each round of splitting, at most: they end by themselves on flat patches.
+/// Rounds of turning edges after each round of splitting, at most: they end by themselves on flat
+/// patches.
 const TURNS: usize = 20;
 /// Rounds of splitting, at most; each divides lengths by 1.7.
 const SPLITS: usize = 40;
-/// Sum of the cotangents of two opposite angles below which an edge is turned. Zero would turn the diagonals of squares for ever.
+/// Sum of the cotangents of two opposite angles below which an edge is turned. Zero would turn the
+/// diagonals of squares for ever.
 const NOT_DELAUNAY: Real = -1e-9;
 
-/// Splits the triangles of `patch` until their edges are as long as `lengths` say at the loop's vertices, in metres, and
-/// turns edges so that angles are large. Stops at `most` new vertices.
+/// Splits the triangles of `patch` until their edges are as long as `lengths` say at the loop's
+/// vertices, in metres, and turns edges so that angles are large. Stops at `most` new vertices.
 ///
 /// # Source
 ///
@@ -66,8 +69,19 @@ fn key(a: u32, b: u32) -> (u32, u32) {
 impl<'a> Net<'a> {
     fn new(patch: &Patch, lengths: &[Real], taken: &'a Chords) -> Self {
         let twins = Twins::new(patch.points.len(), &patch.triangles).of;
-        let edges = patch.triangles.iter().flat_map(|t| [key(t[0], t[1]), key(t[1], t[2]), key(t[2], t[0])]).collect();
-        Self { points: patch.points.clone(), lengths: lengths.to_vec(), triangles: patch.triangles.clone(), twins, edges, taken }
+        let edges = patch
+            .triangles
+            .iter()
+            .flat_map(|t| [key(t[0], t[1]), key(t[1], t[2]), key(t[2], t[0])])
+            .collect();
+        Self {
+            points: patch.points.clone(),
+            lengths: lengths.to_vec(),
+            triangles: patch.triangles.clone(),
+            twins,
+            edges,
+            taken,
+        }
     }
 
     fn join(&mut self, g: u32, h: u32) {
@@ -82,7 +96,9 @@ impl<'a> Net<'a> {
     /// Puts a vertex into the middle of a triangle that is too large.
     fn split(&mut self, t: u32) -> bool {
         let corners = self.triangles[t as usize];
-        let center = Point::from(corners.iter().fold(Vector::zeros(), |s, v| s + self.points[*v as usize].coords) / 3.0);
+        let center = Point::from(
+            corners.iter().fold(Vector::zeros(), |s, v| s + self.points[*v as usize].coords) / 3.0,
+        );
         let wanted = corners.iter().map(|v| self.lengths[*v as usize]).sum::<Real>() / 3.0;
         let is_far = |v: &u32| {
             let d = DENSITY * (self.points[*v as usize] - center).norm();
@@ -126,7 +142,8 @@ impl<'a> Net<'a> {
         }
     }
 
-    /// Turns the edge of `h` if the angles opposite to it sum to more than 180°, and nothing is in the way.
+    /// Turns the edge of `h` if the angles opposite to it sum to more than 180°, and nothing is in
+    /// the way.
     fn turn_if_better(&mut self, h: u32) -> bool {
         let g = self.twins[h as usize];
         if g == NONE {
@@ -141,8 +158,13 @@ impl<'a> Net<'a> {
         if self.edges.contains(&key(c, d)) || self.taken.contains(&key(c, d)) {
             return false;
         }
-        let normal =
-            |i: u32, j: u32, k: u32| area_vector(&self.points[i as usize], &self.points[j as usize], &self.points[k as usize]);
+        let normal = |i: u32, j: u32, k: u32| {
+            area_vector(
+                &self.points[i as usize],
+                &self.points[j as usize],
+                &self.points[k as usize],
+            )
+        };
         let both = normal(a, b, c) + normal(b, a, d);
         if normal(a, d, c).dot(&both) <= 0.0 || normal(b, c, d).dot(&both) <= 0.0 {
             return false;
@@ -192,7 +214,8 @@ mod tests {
             })
             .collect();
         let (outside, taken) = (vec![Vector::z(); n], Chords::new());
-        let triangles = Lid { points: &points, outside: &outside, taken: &taken }.triangulate(64).unwrap();
+        let triangles =
+            Lid { points: &points, outside: &outside, taken: &taken }.triangulate(64).unwrap();
         let mut patch = Patch { rim: n, points, triangles };
         let edge = 2.0 * (std::f64::consts::PI / n as Real).sin();
         refine(&mut patch, &vec![edge; n], &taken, 10_000);
@@ -200,13 +223,19 @@ mod tests {
         assert!(twins.crowded.is_empty() && twins.against.is_empty());
         assert_eq!(twins.rim().count(), n);
         assert_eq!(patch.triangles.len(), 2 * (patch.points.len() - n) + n - 2);
-        // Equilateral triangles of that edge would be 423; those that are left are up to 1.7 times as long.
+        // Equilateral triangles of that edge would be 423; those that are left are up to 1.7 times
+        // as long.
         assert!((150..900).contains(&patch.triangles.len()), "{}", patch.triangles.len());
         let areas: Vec<Real> = patch
             .triangles
             .iter()
             .map(|t| {
-                area_vector(&patch.points[t[0] as usize], &patch.points[t[1] as usize], &patch.points[t[2] as usize]).z / 2.0
+                area_vector(
+                    &patch.points[t[0] as usize],
+                    &patch.points[t[1] as usize],
+                    &patch.points[t[2] as usize],
+                )
+                .z / 2.0
             })
             .collect();
         assert!(areas.iter().all(|a| *a > 0.0));

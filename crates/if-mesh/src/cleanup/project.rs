@@ -6,14 +6,16 @@ use if_core::math::{Point, Real, Vector};
 
 /// Rounds of evening out the vertices of a projected patch.
 const RELAXATIONS: usize = 10;
-/// Newton steps to the field's zero in each round. A distance needs one; a network's field, two or three.
+/// Newton steps to the field's zero in each round. A distance needs one; a network's field, two or
+/// three.
 const STEPS: usize = 3;
 
 /// Brings the vertices inside the patch to the zero of the field, evenly spaced.
 pub(super) fn project(patch: &mut Patch, field: &dyn SignedDistance) {
     let rim = patch.rim;
     let size = if_core::aabb::Aabb::from_points(&patch.points).diagonal();
-    let mut samples = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; patch.points.len() - rim];
+    let mut samples =
+        vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; patch.points.len() - rim];
     let mut onto = |points: &mut [Point]| {
         for _ in 0..STEPS {
             field.samples(&points[rim..], &mut samples);
@@ -45,7 +47,8 @@ pub(super) fn project(patch: &mut Patch, field: &dyn SignedDistance) {
     }
 }
 
-/// The step to φ = 0 along the gradient, at most `longest`; `None` where the field has no gradient or is not finite.
+/// The step to φ = 0 along the gradient, at most `longest`; `None` where the field has no gradient
+/// or is not finite.
 pub(super) fn newton(sample: &FieldSample, longest: Real) -> Option<Vector> {
     let squared = sample.gradient.norm_squared();
     if !(squared > 1e-12 && squared.is_finite() && sample.distance.is_finite()) {

@@ -17,8 +17,9 @@ pub struct LoopShape {
     pub center: [Real; 3],
     /// Least and largest coordinates, in metres.
     pub aabb: [[Real; 3]; 2],
-    /// How much of an opening it is: 0 for a hole in a flat sheet. `A (1 − n·a) min(1, 4πA / L²)`, with A a the loop's
-    /// vector area, n the mean normal of the triangles along it, L its length after smoothing.
+    /// How much of an opening it is: 0 for a hole in a flat sheet. `A (1 − n·a) min(1, 4πA / L²)`,
+    /// with A a the loop's vector area, n the mean normal of the triangles along it, L its length
+    /// after smoothing.
     pub openness: Real,
 }
 
@@ -29,10 +30,11 @@ impl LoopShape {
     /// openness = A (1 − n·a) min(1, 4πA / L²),   A a = −½ ∮ x × dx,   n = ∮ N ds / ∮ ds
     /// ```
     ///
-    /// in square metres: A is the area that the loop spans and `a` the direction out of which its lid would look; N is the
-    /// surface's normal along it, and L the length of the loop without its ragged edge. Round a hole in a sheet, the
-    /// sheet looks where the lid does: n·a = 1. Where a tube ends it looks sideways, n·a = 0. At the rim of a flat
-    /// cloth the lid looks the other way: −1. The last factor takes out narrow slits such as those between the legs.
+    /// in square metres: A is the area that the loop spans and `a` the direction out of which its
+    /// lid would look; N is the surface's normal along it, and L the length of the loop without its
+    /// ragged edge. Round a hole in a sheet, the sheet looks where the lid does: n·a = 1. Where a
+    /// tube ends it looks sideways, n·a = 0. At the rim of a flat cloth the lid looks the other
+    /// way: −1. The last factor takes out narrow slits such as those between the legs.
     pub(super) fn new(work: &Work, twins: &Twins, rim: &[u32]) -> Self {
         let at = |h: u32| work.points[ends(&work.triangles, h)[0] as usize];
         let points: Vec<Point> = rim.iter().map(|&h| at(h)).collect();
@@ -49,7 +51,8 @@ impl LoopShape {
         let area = span.norm();
         let openness = if area > 0.0 && length > 0.0 {
             let along = normal.dot(&span) / (area * length);
-            let round = 2.0 * std::f64::consts::TAU * area / smoothed_length(points.clone()).powi(2).max(Real::MIN_POSITIVE);
+            let round = 2.0 * std::f64::consts::TAU * area
+                / smoothed_length(points.clone()).powi(2).max(Real::MIN_POSITIVE);
             area * (1.0 - along).max(0.0) * round.min(1.0)
         } else {
             0.0
@@ -72,14 +75,18 @@ const FEW: usize = 64;
 /// Rounds before every other point is left out.
 const BEFORE_HALVING: usize = 8;
 
-/// Length of a loop of n edges after n / 6 rounds of averaging: without teeth of up to about √n edges.
+/// Length of a loop of n edges after n / 6 rounds of averaging: without teeth of up to about √n
+/// edges.
 ///
-/// The width of what is averaged grows with the root of the rounds. So of a smooth loop every other point will do, for a quarter of the
-/// rounds: the time is linear in the points, and the length the same to a thousandth.
+/// The width of what is averaged grows with the root of the rounds. So of a smooth loop every other
+/// point will do, for a quarter of the rounds: the time is linear in the points, and the length the
+/// same to a thousandth.
 fn smoothed_length(mut points: Vec<Point>) -> Real {
     let smooth = |points: &mut [Point], rounds: usize| {
         for _ in 0..rounds {
-            each_of_loop(points, |a, b, c| Point::from((a.coords + b.coords * 2.0 + c.coords) / 4.0));
+            each_of_loop(points, |a, b, c| {
+                Point::from((a.coords + b.coords * 2.0 + c.coords) / 4.0)
+            });
         }
     };
     let mut rounds = (points.len() / 6).max(4);
@@ -114,7 +121,8 @@ mod tests {
         let mut triangles = tube(0.1, 0.4, 60, 20, false).triangles().to_vec();
         let tube = tube(0.1, 0.4, 60, 20, false);
         triangles.retain(|t| {
-            let c = t.iter().fold(Vector::zeros(), |s, v| s + tube.vertices()[*v as usize].coords) / 3.0;
+            let c = t.iter().fold(Vector::zeros(), |s, v| s + tube.vertices()[*v as usize].coords)
+                / 3.0;
             (c - Vector::new(0.1, 0.2, 0.0)).norm() > 0.035
         });
         let mut found = shapes(&TriMesh::new(tube.vertices().to_vec(), triangles).unwrap());
@@ -123,7 +131,11 @@ mod tests {
         let disc = std::f64::consts::PI * 0.1f64.powi(2);
         for end in &found[..2] {
             approx::assert_relative_eq!(end.openness, disc, max_relative = 0.02);
-            approx::assert_relative_eq!(end.length, std::f64::consts::TAU * 0.1, max_relative = 0.01);
+            approx::assert_relative_eq!(
+                end.length,
+                std::f64::consts::TAU * 0.1,
+                max_relative = 0.01
+            );
         }
         assert!(found[2].openness < 0.01 * disc, "{}", found[2].openness);
     }
@@ -134,16 +146,23 @@ mod tests {
             // A bent and wavy circle with a ragged edge.
             let at = |k: usize| {
                 let angle = std::f64::consts::TAU * k as Real / n as Real;
-                let ragged = if k.is_multiple_of(3) { 1.01 } else { 1.0 } + 0.05 * (20.0 * angle).sin();
+                let ragged =
+                    if k.is_multiple_of(3) { 1.01 } else { 1.0 } + 0.05 * (20.0 * angle).sin();
                 Point::new(ragged * angle.cos(), 0.3 * (2.0 * angle).sin(), ragged * angle.sin())
             };
             let points: Vec<Point> = (0..n).map(at).collect();
             let mut slowly = points.clone();
             for _ in 0..n / 6 {
-                each_of_loop(&mut slowly, |a, b, c| Point::from((a.coords + b.coords * 2.0 + c.coords) / 4.0));
+                each_of_loop(&mut slowly, |a, b, c| {
+                    Point::from((a.coords + b.coords * 2.0 + c.coords) / 4.0)
+                });
             }
             assert!(length(&points) > 1.2 * length(&slowly), "{n}");
-            approx::assert_relative_eq!(smoothed_length(points), length(&slowly), max_relative = 2e-3);
+            approx::assert_relative_eq!(
+                smoothed_length(points),
+                length(&slowly),
+                max_relative = 2e-3
+            );
         }
     }
 

@@ -12,7 +12,8 @@ use rayon::prelude::*;
 const HALVINGS: u8 = 5;
 /// A triangle may turn by less than 60°.
 const LEAST_COSINE: Real = 0.5;
-/// Height over longest edge above which the normal of a triangle means something, and may not turn over.
+/// Height over longest edge above which the normal of a triangle means something, and may not turn
+/// over.
 const SLIVER: Real = 0.02;
 
 /// Triangles for a task, at least.
@@ -31,8 +32,9 @@ pub(super) struct Paths<'a> {
     pub(super) touched: &'a [u32],
 }
 
-/// Moves vertices to their targets, or as far that way as does no harm: no triangle loses its area, turns over against how it lay at the start,
-/// or meets one that it did not meet before. Says which vertices were held back.
+/// Moves vertices to their targets, or as far that way as does no harm: no triangle loses its area,
+/// turns over against how it lay at the start, or meets one that it did not meet before. Says which
+/// vertices were held back.
 ///
 /// ```text
 /// moved ← all vertices that are to move; share of each ← 1
@@ -67,7 +69,12 @@ pub(super) fn move_safely(
                 _ => moved,
             };
         }
-        let mut bad: Vec<u32> = suspects.par_iter().with_min_len(TASK).filter(|t| harms(work, start, **t)).copied().collect();
+        let mut bad: Vec<u32> = suspects
+            .par_iter()
+            .with_min_len(TASK)
+            .filter(|t| harms(work, start, **t))
+            .copied()
+            .collect();
         let meets = guard.meeting(&work.points, &work.triangles, &suspects);
         bad.extend(meets.iter().filter(|pair| !Guard::met(old, &work.triangles, **pair)).flatten());
         changed.iter().for_each(|v| is_changed[*v as usize] = false);
@@ -86,7 +93,8 @@ pub(super) fn move_safely(
     Ok(halved.iter().map(|h| *h > 0).collect())
 }
 
-/// Whether a triangle has an area and lies nearly as `twice` says, by more than rounding can feign: most do, and squares save roots and divisions.
+/// Whether a triangle has an area and lies nearly as `twice` says, by more than rounding can feign:
+/// most do, and squares save roots and divisions.
 fn surely_fine(twice: &Vector, [a, b, c]: [&Point; 3]) -> bool {
     /// Above the square of the height over the longest edge up to which a triangle is flat.
     const HEIGHT: Real = 1e-20;
@@ -94,10 +102,13 @@ fn surely_fine(twice: &Vector, [a, b, c]: [&Point; 3]) -> bool {
     const COSINE: Real = 0.26;
     let (u, v) = (b - a, c - a);
     let now = u.cross(&v);
-    let (size, longest) = (now.norm_squared(), u.norm_squared().max(v.norm_squared()).max((c - b).norm_squared()));
+    let (size, longest) =
+        (now.norm_squared(), u.norm_squared().max(v.norm_squared()).max((c - b).norm_squared()));
     let along = now.dot(twice);
     // Numbers so small that squares lose digits take a closer look.
-    let fits = size > HEIGHT * (longest * longest) && along > 0.0 && along * along > COSINE * (size * twice.norm_squared());
+    let fits = size > HEIGHT * (longest * longest)
+        && along > 0.0
+        && along * along > COSINE * (size * twice.norm_squared());
     fits && along > 1e-100 && along < 1e100
 }
 

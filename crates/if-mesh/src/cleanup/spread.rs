@@ -9,8 +9,8 @@ use super::work::Work;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
 
-/// The moves of a loop are spread at least over so many times their mean: where triangles are small beside the teeth of a
-/// loop, a few rings would be pressed together.
+/// The moves of a loop are spread at least over so many times their mean: where triangles are small
+/// beside the teeth of a loop, a few rings would be pressed together.
 const DEPTH: Real = 3.0;
 /// Rings, at most, if that is above what is asked for.
 const MOST_RINGS: usize = 12;
@@ -30,19 +30,35 @@ pub(super) struct Spread<'a> {
 impl<'a> Spread<'a> {
     pub(super) fn new(twins: &'a Twins, leaving: &'a [u32], fixed: &'a [bool]) -> Self {
         let vertices = leaving.len();
-        Self { twins, leaving, fixed, ring_of: vec![NONE; vertices], moves: vec![Vector::zeros(); vertices] }
+        Self {
+            twins,
+            leaving,
+            fixed,
+            ring_of: vec![NONE; vertices],
+            moves: vec![Vector::zeros(); vertices],
+        }
     }
 
-    /// Gives the vertices of `rings` rings round `seeds` the mean move of the ring before them, less and less of it. All vertices that were given one,
-    /// seeds included.
-    pub(super) fn spread(&mut self, work: &Work, target: &mut [Point], seeds: &[u32], rings: usize) -> Vec<u32> {
+    /// Gives the vertices of `rings` rings round `seeds` the mean move of the ring before them,
+    /// less and less of it. All vertices that were given one, seeds included.
+    pub(super) fn spread(
+        &mut self,
+        work: &Work,
+        target: &mut [Point],
+        seeds: &[u32],
+        rings: usize,
+    ) -> Vec<u32> {
         let (twins, leaving, fixed) = (self.twins, self.leaving, self.fixed);
         let (mut far, mut edge) = (0.0, 0.0);
         for &v in seeds {
             far += (target[v as usize] - work.points[v as usize]).norm();
             edge += work.edge_length_at(twins, leaving[v as usize]);
         }
-        let rings = if edge > 0.0 { ((DEPTH * far / edge).ceil() as usize).clamp(rings, MOST_RINGS.max(rings)) } else { rings };
+        let rings = if edge > 0.0 {
+            ((DEPTH * far / edge).ceil() as usize).clamp(rings, MOST_RINGS.max(rings))
+        } else {
+            rings
+        };
         for &v in seeds {
             self.ring_of[v as usize] = 0;
             self.moves[v as usize] = target[v as usize] - work.points[v as usize];
@@ -95,7 +111,8 @@ pub(super) fn surface(
         let old = target.to_vec();
         for v in (0..target.len()).filter(|v| !fixed[*v] && leaving[*v] != NONE) {
             neighbours_into(work, twins, leaving[v], &mut near);
-            let mean = near.iter().fold(Vector::zeros(), |s, u| s + old[*u as usize].coords) / near.len().max(1) as Real;
+            let mean = near.iter().fold(Vector::zeros(), |s, u| s + old[*u as usize].coords)
+                / near.len().max(1) as Real;
             target[v] = old[v] + (Point::from(mean) - old[v]) * params.lambda;
         }
     }

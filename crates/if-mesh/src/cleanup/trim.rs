@@ -9,9 +9,11 @@ use crate::validate::is_flat;
 use if_core::aabb::Aabb;
 use if_core::math::{Real, Vector, unit_or_zero};
 
-/// A tooth is a triangle with two edges on the loop, of which the third has less than this share: tips sharper than 128°.
+/// A tooth is a triangle with two edges on the loop, of which the third has less than this share:
+/// tips sharper than 128°.
 const TOOTH: Real = 0.9;
-/// A notch is filled where that shortens its two edges to less than this share: notches narrower than 60°.
+/// A notch is filled where that shortens its two edges to less than this share: notches narrower
+/// than 60°.
 const NOTCH: Real = 0.5;
 
 /// A notch is filled only where its lid turns by less than 60° from the surface beside it.
@@ -19,9 +21,10 @@ const FLAT_COSINE: Real = 0.5;
 /// Rounds of trimming, at most.
 const TRIMS: usize = 4;
 
-/// Makes rough loops ready to be smoothed: the inner edge of a tooth is turned, so that its tip stands on two triangles that can be
-/// pressed without getting flat; where that cannot be, the tooth is cut off; narrow notches are filled. Returns the twins and
-/// loops of what is left, in the same order.
+/// Makes rough loops ready to be smoothed: the inner edge of a tooth is turned, so that its tip
+/// stands on two triangles that can be pressed without getting flat; where that cannot be, the
+/// tooth is cut off; narrow notches are filled. Returns the twins and loops of what is left, in the
+/// same order.
 pub(super) fn trim(
     work: &mut Work,
     mut twins: Twins,
@@ -34,7 +37,9 @@ pub(super) fn trim(
         let mut gone = Vec::new();
         let mut added = Vec::new();
         let mut turns: Vec<([u32; 2], [[u32; 3]; 2])> = Vec::new();
-        for rim in rims.iter().zip(rough).filter(|(rim, rough)| **rough && rim.len() > FEWEST).map(|r| r.0) {
+        for rim in
+            rims.iter().zip(rough).filter(|(rim, rough)| **rough && rim.len() > FEWEST).map(|r| r.0)
+        {
             let n = rim.len();
             for k in 0..n {
                 let (g, h) = (rim[k], rim[(k + 1) % n]); // a → v → b
@@ -43,7 +48,8 @@ pub(super) fn trim(
                     continue;
                 }
                 let [pa, pv, pb] = [a, v, b].map(|v| work.points[v as usize]);
-                let share = (pb - pa).norm() / ((pv - pa).norm() + (pb - pv).norm()).max(Real::MIN_POSITIVE);
+                let share = (pb - pa).norm()
+                    / ((pv - pa).norm() + (pb - pv).norm()).max(Real::MIN_POSITIVE);
                 if g / 3 == h / 3 {
                     let inner = twins.of[next(h) as usize];
                     if share >= TOOTH || inner == NONE {
@@ -54,7 +60,8 @@ pub(super) fn trim(
                         continue;
                     }
                     let pw = work.points[w as usize];
-                    let both = work.area_vector(g as usize / 3) + work.area_vector(inner as usize / 3);
+                    let both =
+                        work.area_vector(g as usize / 3) + work.area_vector(inner as usize / 3);
                     let fits = |n: Vector| n.dot(&both) > 0.0;
                     if fits((pv - pa).cross(&(pw - pa))) && fits((pb - pv).cross(&(pw - pv))) {
                         let [t, u] = [g / 3, inner / 3];
@@ -76,12 +83,14 @@ pub(super) fn trim(
                 }
             }
         }
-        // Turns and lids that meet something, or have no area, are taken back, until none is left that does.
+        // Turns and lids that meet something, or have no area, are taken back, until none is left
+        // that does.
         let base = work.triangles.len() as u32;
         work.triangles.extend(&added);
         let mut new: Vec<u32> = (base..work.triangles.len() as u32).collect();
         let corners = |t: [u32; 3]| Aabb::from_points(t.map(|v| &work.points[v as usize]));
-        let mut places: Vec<(u32, Aabb)> = new.iter().map(|&t| (t, corners(work.triangles[t as usize]))).collect();
+        let mut places: Vec<(u32, Aabb)> =
+            new.iter().map(|&t| (t, corners(work.triangles[t as usize]))).collect();
         for (ids, old) in &turns {
             let both = corners(old[0]).merged(&corners(old[1]));
             places.extend(ids.map(|t| (t, both)));
@@ -89,9 +98,12 @@ pub(super) fn trim(
         places.sort_unstable_by_key(|p| p.0);
         let guard = Guard::of_places(&work.points, &work.triangles, &places, &mut work.vicinity);
         loop {
-            let mut suspects: Vec<u32> = turns.iter().flat_map(|t| t.0).chain(new.iter().copied()).collect();
+            let mut suspects: Vec<u32> =
+                turns.iter().flat_map(|t| t.0).chain(new.iter().copied()).collect();
             suspects.sort_unstable();
-            let flat = suspects.iter().filter(|t| is_flat(work.triangles[**t as usize].map(|v| &work.points[v as usize])));
+            let flat = suspects.iter().filter(|t| {
+                is_flat(work.triangles[**t as usize].map(|v| &work.points[v as usize]))
+            });
             let mut bad: Vec<u32> = flat.copied().collect();
             bad.extend(guard.meeting(&work.points, &work.triangles, &suspects).iter().flatten());
             bad.sort_unstable();
@@ -120,20 +132,30 @@ pub(super) fn trim(
             break;
         }
         // Each loop is found again by one of its vertices that stays.
-        let mark: Vec<Vec<u32>> = rims.iter().map(|rim| rim.iter().map(|&h| ends(&work.triangles, h)[0]).collect()).collect();
-        let changed: Vec<u32> = turns.iter().flat_map(|t| t.0).chain(base..work.triangles.len() as u32).collect();
+        let mark: Vec<Vec<u32>> = rims
+            .iter()
+            .map(|rim| rim.iter().map(|&h| ends(&work.triangles, h)[0]).collect())
+            .collect();
+        let changed: Vec<u32> =
+            turns.iter().flat_map(|t| t.0).chain(base..work.triangles.len() as u32).collect();
         twins.update(&work.triangles, &changed);
         if !gone.is_empty() {
             gone.sort_unstable();
             work.remove(&gone);
             twins = twins.without(&gone);
         }
-        // Tips are of no triangle now; they stay until the caller compacts, so that vertices keep their numbers.
+        // Tips are of no triangle now; they stay until the caller compacts, so that vertices keep
+        // their numbers.
         let mut owner = vec![usize::MAX; work.points.len()];
-        mark.iter().enumerate().for_each(|(k, vertices)| vertices.iter().for_each(|v| owner[*v as usize] = k));
+        mark.iter()
+            .enumerate()
+            .for_each(|(k, vertices)| vertices.iter().for_each(|v| owner[*v as usize] = k));
         let mut again = vec![Vec::new(); rims.len()];
         for rim in loops(&work.triangles, &twins) {
-            let k = rim.iter().map(|&h| owner[ends(&work.triangles, h)[0] as usize]).find(|k| *k != usize::MAX);
+            let k = rim
+                .iter()
+                .map(|&h| owner[ends(&work.triangles, h)[0] as usize])
+                .find(|k| *k != usize::MAX);
             if let Some(k) = k {
                 again[k] = rim;
             }

@@ -6,7 +6,8 @@ use if_core::mesh::TriMesh;
 /// No half-edge.
 pub(crate) const NONE: u32 = u32::MAX;
 
-/// The half-edge after `h` in its triangle. Half-edge `3t + k` runs from corner k to corner k + 1 of triangle t.
+/// The half-edge after `h` in its triangle. Half-edge `3t + k` runs from corner k to corner k + 1
+/// of triangle t.
 #[inline]
 pub(crate) fn next(h: u32) -> u32 {
     if h % 3 == 2 { h - 2 } else { h + 1 }
@@ -28,8 +29,8 @@ pub(crate) fn ends(triangles: &[[u32; 3]], h: u32) -> [u32; 2] {
 /// The half-edges of a mesh.
 #[derive(Debug, Default)]
 pub(crate) struct Twins {
-    /// For each half-edge the one that faces it: the only other one between its two vertices, in the
-    /// opposite direction. [`NONE`] else.
+    /// For each half-edge the one that faces it: the only other one between its two vertices, in
+    /// the opposite direction. [`NONE`] else.
     pub(crate) of: Vec<u32>,
     /// Pairs of half-edges alone between their vertices that run in the same direction.
     pub(crate) against: Vec<[u32; 2]>,
@@ -54,13 +55,15 @@ struct Edge {
     /// The next edge with the same smaller end.
     next: u32,
     first: u32,
-    /// The second half-edge, or [`FROM_NEAR`] or [`FROM_FAR`]: there is none yet, and where the first one starts.
+    /// The second half-edge, or [`FROM_NEAR`] or [`FROM_FAR`]: there is none yet, and where the
+    /// first one starts.
     second: u32,
 }
 
 const FROM_NEAR: u32 = NONE;
 const FROM_FAR: u32 = NONE - 1;
-/// Steps along chains of edges for each triangle, at most, before all are sorted instead: meshes take about five.
+/// Steps along chains of edges for each triangle, at most, before all are sorted instead: meshes
+/// take about five.
 const STEPS: usize = 30;
 
 impl Twins {
@@ -71,7 +74,8 @@ impl Twins {
 
     /// Pairs the half-edges of `triangles`.
     pub(crate) fn new(vertices: usize, triangles: &[[u32; 3]]) -> Self {
-        Self::by_chains(vertices, triangles).unwrap_or_else(|| Self::by_sorting(vertices, triangles))
+        Self::by_chains(vertices, triangles)
+            .unwrap_or_else(|| Self::by_sorting(vertices, triangles))
     }
 
     fn unpaired(triangles: &[[u32; 3]]) -> Self {
@@ -84,8 +88,10 @@ impl Twins {
     fn by_chains(vertices: usize, triangles: &[[u32; 3]]) -> Option<Self> {
         let mut twins = Self::unpaired(triangles);
         let mut head = vec![NONE; vertices];
-        let mut edges: Vec<Edge> = Vec::with_capacity(3 * triangles.len() / 2 + triangles.len() / 8);
-        // Edges of two half-edges that start at the same end, and further half-edges of an edge, by both ends.
+        let mut edges: Vec<Edge> =
+            Vec::with_capacity(3 * triangles.len() / 2 + triangles.len() / 8);
+        // Edges of two half-edges that start at the same end, and further half-edges of an edge, by
+        // both ends.
         let mut against: Vec<([u32; 2], [u32; 2])> = Vec::new();
         let mut crowd: Vec<([u32; 2], u32)> = Vec::new();
         let mut steps = STEPS * triangles.len();
@@ -199,14 +205,19 @@ impl Twins {
         for (k, end) in (0..).zip(gone.iter().map(|t| 3 * t).chain([self.of.len() as u32])) {
             // Most twins lie between the same two that go.
             let here = first..end;
-            of.extend(self.of[first as usize..end as usize].iter().map(|h| if here.contains(h) { h - 3 * k } else { name(*h) }));
+            of.extend(
+                self.of[first as usize..end as usize]
+                    .iter()
+                    .map(|h| if here.contains(h) { h - 3 * k } else { name(*h) }),
+            );
             first = end + 3;
         }
         Self { of, ..Self::default() }
     }
 
-    /// Pairs the half-edges of triangles that changed, or were added at the end. The edges of `changed` now must be no edges of triangles that are
-    /// not among them, but for rims and what they were joined to before.
+    /// Pairs the half-edges of triangles that changed, or were added at the end. The edges of
+    /// `changed` now must be no edges of triangles that are not among them, but for rims and what
+    /// they were joined to before.
     pub(crate) fn update(&mut self, triangles: &[[u32; 3]], changed: &[u32]) {
         self.of.resize(3 * triangles.len(), NONE);
         for &t in changed {
@@ -217,7 +228,8 @@ impl Twins {
                 }
             }
         }
-        // What is open now: rims, and the sides of what changed. Only edges of the latter can find a twin.
+        // What is open now: rims, and the sides of what changed. Only edges of the latter can find
+        // a twin.
         let key = |h: u32| {
             let [a, b] = ends(triangles, h);
             [a.min(b), a.max(b)]
@@ -248,12 +260,15 @@ impl Twins {
         /// Half-edges looked at together: rims are rare.
         const MANY: usize = 32;
         let blocks = (0..).step_by(MANY).zip(self.of.chunks(MANY));
-        let open = blocks.filter(|(_, block)| block.iter().fold(false, |open, h| open | (*h == NONE)));
-        open.flat_map(|(base, block)| (base..).zip(block).filter(|(_, t)| **t == NONE).map(|(h, _)| h))
+        let open =
+            blocks.filter(|(_, block)| block.iter().fold(false, |open, h| open | (*h == NONE)));
+        open.flat_map(|(base, block)| {
+            (base..).zip(block).filter(|(_, t)| **t == NONE).map(|(h, _)| h)
+        })
     }
 
-    /// The half-edges that leave a vertex, round it from `h`, which is one of them: towards its twin first, and where
-    /// a rim ends that walk, the other way.
+    /// The half-edges that leave a vertex, round it from `h`, which is one of them: towards its
+    /// twin first, and where a rim ends that walk, the other way.
     pub(crate) fn around(&self, h: u32, mut visit: impl FnMut(u32)) {
         visit(h);
         let mut at = h;
@@ -293,7 +308,8 @@ fn sort(bucket: &mut [(u32, u32)]) {
     }
 }
 
-/// For each vertex a half-edge that leaves it, [`NONE`] for one of no triangle. On the rim, the one along it.
+/// For each vertex a half-edge that leaves it, [`NONE`] for one of no triangle. On the rim, the one
+/// along it.
 pub(crate) fn leaving(vertices: usize, triangles: &[[u32; 3]], twins: &Twins) -> Vec<u32> {
     let mut first = vec![NONE; vertices];
     for (t, tri) in triangles.iter().enumerate() {
@@ -307,9 +323,11 @@ pub(crate) fn leaving(vertices: usize, triangles: &[[u32; 3]], twins: &Twins) ->
     first
 }
 
-/// Rims as loops of half-edges, each in the direction of its triangles, that of the smallest half-edge first.
+/// Rims as loops of half-edges, each in the direction of its triangles, that of the smallest
+/// half-edge first.
 ///
-/// In a manifold mesh one rim half-edge leaves each rim vertex; elsewhere a loop ends where it cannot go on.
+/// In a manifold mesh one rim half-edge leaves each rim vertex; elsewhere a loop ends where it
+/// cannot go on.
 pub(crate) fn loops(triangles: &[[u32; 3]], twins: &Twins) -> Vec<Vec<u32>> {
     let rim: Vec<u32> = twins.rim().collect();
     let mut seen = vec![false; rim.len()];
@@ -376,7 +394,10 @@ mod tests {
                 .collect();
             let sorted = Twins::by_sorting(n as usize, &triangles);
             let chained = Twins::new(n as usize, &triangles);
-            assert_eq!((&chained.of, &chained.against, &chained.crowded), (&sorted.of, &sorted.against, &sorted.crowded));
+            assert_eq!(
+                (&chained.of, &chained.against, &chained.crowded),
+                (&sorted.of, &sorted.against, &sorted.crowded)
+            );
             seen[0] += sorted.of.iter().filter(|h| **h != NONE).count();
             seen[1] += sorted.against.len();
             seen[2] += sorted.crowded.len();
@@ -384,7 +405,10 @@ mod tests {
         assert!(seen.iter().all(|n| *n > 300), "{seen:?}");
         // All edges of one vertex: a chain as long as the fan, looked through for each triangle.
         let fan: Vec<[u32; 3]> = (1..2000).map(|k| [0, k, k + 1]).collect();
-        assert!(Twins::by_chains(2001, &fan.iter().rev().step_by(2).copied().collect::<Vec<_>>()).is_none());
+        assert!(
+            Twins::by_chains(2001, &fan.iter().rev().step_by(2).copied().collect::<Vec<_>>())
+                .is_none()
+        );
         assert_eq!(Twins::new(2001, &fan).of, Twins::by_sorting(2001, &fan).of);
     }
 
@@ -408,7 +432,11 @@ mod tests {
         // An edge turned: (a, b, c) and (b, a, d) become (c, d, b) and (d, c, a).
         let h = (30..).find(|h| twins.of[*h as usize] != NONE).unwrap();
         let twin = twins.of[h as usize];
-        let ([a, b], c, d) = (ends(&triangles, h), ends(&triangles, previous(h))[0], ends(&triangles, previous(twin))[0]);
+        let ([a, b], c, d) = (
+            ends(&triangles, h),
+            ends(&triangles, previous(h))[0],
+            ends(&triangles, previous(twin))[0],
+        );
         triangles[h as usize / 3] = [c, d, b];
         triangles[twin as usize / 3] = [d, c, a];
         twins.update(&triangles, &[h / 3, twin / 3]);
@@ -424,8 +452,9 @@ mod tests {
             let mut found = Vec::new();
             twins.around(h, |h| found.push(h / 3));
             found.sort_unstable();
-            let all: Vec<u32> =
-                (0..mesh.triangles().len() as u32).filter(|t| mesh.triangles()[*t as usize].contains(&(v as u32))).collect();
+            let all: Vec<u32> = (0..mesh.triangles().len() as u32)
+                .filter(|t| mesh.triangles()[*t as usize].contains(&(v as u32)))
+                .collect();
             assert_eq!(found, all);
         }
     }

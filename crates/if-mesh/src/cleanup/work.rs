@@ -11,8 +11,8 @@ use if_core::mesh::TriMesh;
 pub struct Derived {
     /// The mesh.
     pub mesh: TriMesh,
-    /// For each of its vertices, what it was made of: what [`VertexAttributes::derive`](crate::attributes::VertexAttributes::derive)
-    /// asks for.
+    /// For each of its vertices, what it was made of: what
+    /// [`VertexAttributes::derive`](crate::attributes::VertexAttributes::derive) asks for.
     pub sources: Vec<Source>,
 }
 
@@ -25,7 +25,8 @@ pub(crate) struct Work {
     origins: Vec<u32>,
     blends: Vec<Vec<(u32, Real)>>,
     before: u32,
-    /// Where rims are: kept while triangles go by [`Work::remove`] and [`Work::truncate`], or are added at the end.
+    /// Where rims are: kept while triangles go by [`Work::remove`] and [`Work::truncate`], or are
+    /// added at the end.
     pub(super) vicinity: Vicinity,
 }
 
@@ -102,7 +103,8 @@ impl Work {
         let Some(&first) = gone.first() else { return };
         let mut to = first as usize;
         for (k, &t) in gone.iter().enumerate() {
-            let (from, until) = (t as usize + 1, gone.get(k + 1).map_or(self.triangles.len(), |t| *t as usize));
+            let (from, until) =
+                (t as usize + 1, gone.get(k + 1).map_or(self.triangles.len(), |t| *t as usize));
             self.triangles.copy_within(from..until, to);
             to += until - from;
         }
@@ -138,17 +140,25 @@ impl Work {
         let (before, mut blends) = (self.before, self.blends);
         // A copy of a blend, as a rim cut open has it, is one of its own.
         let mut count = vec![0; blends.len()];
-        self.origins.iter().filter(|o| **o >= before).for_each(|o| count[(o - before) as usize] += 1);
+        self.origins
+            .iter()
+            .filter(|o| **o >= before)
+            .for_each(|o| count[(o - before) as usize] += 1);
         let source = |origin: u32| match origin.checked_sub(before) {
             None => Source::Vertex(origin),
             Some(k) => {
                 let k = k as usize;
                 count[k] -= 1;
-                Source::Blend(if count[k] == 0 { std::mem::take(&mut blends[k]) } else { blends[k].clone() })
+                Source::Blend(if count[k] == 0 {
+                    std::mem::take(&mut blends[k])
+                } else {
+                    blends[k].clone()
+                })
             }
         };
         let sources = self.origins.into_iter().map(source).collect();
-        let mesh = TriMesh::new(self.points, self.triangles).expect("each step keeps positions finite and triangles proper");
+        let mesh = TriMesh::new(self.points, self.triangles)
+            .expect("each step keeps positions finite and triangles proper");
         Derived { mesh, sources }
     }
 
@@ -164,7 +174,8 @@ impl Work {
         area_vector(a, b, c)
     }
 
-    /// Unit normal of the vertex that half-edge `h` leaves, weighted by the triangles' areas; zero where there is none.
+    /// Unit normal of the vertex that half-edge `h` leaves, weighted by the triangles' areas; zero
+    /// where there is none.
     pub(crate) fn normal_at(&self, twins: &Twins, h: u32) -> Vector {
         let mut sum = Vector::zeros();
         twins.around(h, |h| sum += self.area_vector(h as usize / 3));

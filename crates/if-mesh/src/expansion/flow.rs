@@ -18,7 +18,8 @@ pub(super) struct Flow {
 }
 
 impl Flow {
-    /// Nodes with arcs of these capacities. A positive `lead` ties a node to the source, a negative one to the sink.
+    /// Nodes with arcs of these capacities. A positive `lead` ties a node to the source, a negative
+    /// one to the sink.
     pub(super) fn new(nodes: usize, arcs: &[([u32; 2], i64)], lead: &[i64]) -> Self {
         let mut start = vec![0u32; nodes + 1];
         arcs.iter().flat_map(|(ends, _)| ends).for_each(|v| start[*v as usize + 1] += 1);
@@ -26,7 +27,8 @@ impl Flow {
             start[v + 1] += start[v];
         }
         let mut fill = start.clone();
-        let (mut head, mut back, mut capacity) = (vec![0; 2 * arcs.len()], vec![0; 2 * arcs.len()], vec![0; 2 * arcs.len()]);
+        let (mut head, mut back, mut capacity) =
+            (vec![0; 2 * arcs.len()], vec![0; 2 * arcs.len()], vec![0; 2 * arcs.len()]);
         for &([a, b], c) in arcs {
             let (there, here) = (fill[a as usize], fill[b as usize]);
             fill[a as usize] += 1;
@@ -78,7 +80,10 @@ impl Flow {
         let mut v = s;
         loop {
             if self.sink[v] > 0 {
-                let narrowest = path.iter().map(|a| self.capacity[*a]).fold(self.source[s].min(self.sink[v]), i64::min);
+                let narrowest = path
+                    .iter()
+                    .map(|a| self.capacity[*a])
+                    .fold(self.source[s].min(self.sink[v]), i64::min);
                 self.source[s] -= narrowest;
                 self.sink[v] -= narrowest;
                 for a in path.drain(..) {
@@ -91,8 +96,10 @@ impl Flow {
                 v = s;
                 continue;
             }
-            let onward = (next[v]..self.start[v + 1])
-                .find(|a| self.capacity[*a as usize] > 0 && level[self.head[*a as usize] as usize] == level[v].wrapping_add(1));
+            let onward = (next[v]..self.start[v + 1]).find(|a| {
+                self.capacity[*a as usize] > 0
+                    && level[self.head[*a as usize] as usize] == level[v].wrapping_add(1)
+            });
             match onward {
                 Some(a) => {
                     next[v] = a;

@@ -1,16 +1,18 @@
 //! The 256 cases of a cube, made from one rule for its faces.
 //!
-//! Corner `c` of the cube has the coordinates `(c & 1, c >> 1 & 1, c >> 2 & 1)`. An edge is named by
-//! its lower corner and its axis, as `3 · corner + axis`.
+//! Corner `c` of the cube has the coordinates `(c & 1, c >> 1 & 1, c >> 2 & 1)`. An edge is named
+//! by its lower corner and its axis, as `3 · corner + axis`.
 
 use std::sync::LazyLock;
 
-/// For each set of inside corners (bit `c` for corner `c`) the triangles of the surface, each as three
-/// edges of the cube, counter-clockwise seen from outside.
-pub(super) static CASES: LazyLock<Vec<Vec<[u8; 3]>>> = LazyLock::new(|| (0..=255).map(triangles).collect());
+/// For each set of inside corners (bit `c` for corner `c`) the triangles of the surface, each as
+/// three edges of the cube, counter-clockwise seen from outside.
+pub(super) static CASES: LazyLock<Vec<Vec<[u8; 3]>>> =
+    LazyLock::new(|| (0..=255).map(triangles).collect());
 
 /// The corners of the six sides, counter-clockwise seen from outside the cube.
-const SIDES: [[u8; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+const SIDES: [[u8; 4]; 6] =
+    [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
 /// No edge.
 const NONE: u8 = u8::MAX;
@@ -20,18 +22,18 @@ fn edge(a: u8, b: u8) -> u8 {
     3 * a.min(b) + (a ^ b).trailing_zeros() as u8
 }
 
-/// Whether two edges lie on one side of the cube. A diagonal between them would lie in that side, where
-/// the neighbouring cube may draw the same one: four triangles would meet there.
+/// Whether two edges lie on one side of the cube. A diagonal between them would lie in that side,
+/// where the neighbouring cube may draw the same one: four triangles would meet there.
 fn share_a_side(a: u8, b: u8) -> bool {
     let on = |e: u8, side: &[u8; 4]| (0..4).any(|k| edge(side[k], side[(k + 1) % 4]) == e);
     SIDES.iter().any(|side| on(a, side) && on(b, side))
 }
 
 fn triangles(inside: u8) -> Vec<[u8; 3]> {
-    // On each side, each run of inside corners is cut off by one segment, from the edge where the walk
-    // round the side enters the run to the edge where it leaves. Two opposite inside corners are two
-    // runs: this is the one rule for ambiguous sides, and as it looks at nothing but the side, the
-    // cube beyond draws the same segments.
+    // On each side, each run of inside corners is cut off by one segment, from the edge where the
+    // walk round the side enters the run to the edge where it leaves. Two opposite inside corners
+    // are two runs: this is the one rule for ambiguous sides, and as it looks at nothing but the
+    // side, the cube beyond draws the same segments.
     let is_in = |c: u8| inside >> c & 1 == 1;
     let mut next = [NONE; 24];
     for side in &SIDES {
@@ -62,15 +64,16 @@ fn triangles(inside: u8) -> Vec<[u8; 3]> {
     out
 }
 
-/// Fills the part `from ..= to` of a loop, closed by the diagonal between its ends, with as few diagonals
-/// in sides of the cube as can be; returns their number.
+/// Fills the part `from ..= to` of a loop, closed by the diagonal between its ends, with as few
+/// diagonals in sides of the cube as can be; returns their number.
 fn fill(cycle: &[u8], from: usize, to: usize, out: &mut Vec<[u8; 3]>) -> usize {
     if to - from < 2 {
         return 0;
     }
     let mut best: Option<(usize, Vec<[u8; 3]>)> = None;
     for middle in from + 1..to {
-        let diagonal = |i: usize, j: usize| usize::from(j - i > 1 && share_a_side(cycle[i], cycle[j]));
+        let diagonal =
+            |i: usize, j: usize| usize::from(j - i > 1 && share_a_side(cycle[i], cycle[j]));
         let mut part = vec![[cycle[from], cycle[middle], cycle[to]]];
         let mut cost = diagonal(from, middle) + diagonal(middle, to);
         cost += fill(cycle, from, middle, &mut part) + fill(cycle, middle, to, &mut part);
@@ -95,7 +98,11 @@ mod tests {
         corner.sort_unstable();
         assert_eq!((CASES[1].len(), corner), (1, [0, 1, 2]));
         let first = CASES[1][0].iter().position(|e| *e == 0).unwrap();
-        assert_eq!([0, 1, 2].map(|k| CASES[1][0][(first + k) % 3]), [0, 1, 2], "x, y, z: counter-clockwise from (1, 1, 1)");
+        assert_eq!(
+            [0, 1, 2].map(|k| CASES[1][0][(first + k) % 3]),
+            [0, 1, 2],
+            "x, y, z: counter-clockwise from (1, 1, 1)"
+        );
     }
 
     #[test]
@@ -107,7 +114,10 @@ mod tests {
                     *sides.entry((t[k], t[(k + 1) % 3])).or_insert(0) += 1;
                 }
             }
-            assert!(sides.values().all(|n| *n == 1), "case {case}: an edge of two triangles in one direction");
+            assert!(
+                sides.values().all(|n| *n == 1),
+                "case {case}: an edge of two triangles in one direction"
+            );
             for &(a, b) in sides.keys() {
                 if sides.contains_key(&(b, a)) {
                     assert!(!share_a_side(a, b), "case {case}: diagonal {a} {b} in a side");

@@ -12,8 +12,9 @@ use if_core::math::{Point, Real, Vector, barycentric_point, unit_or_zero};
 use if_core::mesh::TriMesh;
 use std::collections::HashSet;
 
-/// Normals of two sheets that face one another, or away from one another: their cosine is below this. On one smooth
-/// sheet two crossings of a lattice line within two cells have nearly the same normal where the line grazes it.
+/// Normals of two sheets that face one another, or away from one another: their cosine is below
+/// this. On one smooth sheet two crossings of a lattice line within two cells have nearly the same
+/// normal where the line grazes it.
 const FACING: Real = -0.5;
 
 /// Sheets that face one another nearer than two cells.
@@ -35,14 +36,21 @@ impl NearSheets {
     }
 }
 
-/// Where sheets are nearer than two cells: by `pairs` of vertices on lattice lines, and the field's gradient
-/// at all vertices. Nothing where there are no gradients.
-pub(super) fn near_sheets(mesh: &TriMesh, samples: &[FieldSample], pairs: &[[u32; 2]], lattice: &Lattice) -> NearSheets {
+/// Where sheets are nearer than two cells: by `pairs` of vertices on lattice lines, and the field's
+/// gradient at all vertices. Nothing where there are no gradients.
+pub(super) fn near_sheets(
+    mesh: &TriMesh,
+    samples: &[FieldSample],
+    pairs: &[[u32; 2]],
+    lattice: &Lattice,
+) -> NearSheets {
     let mut near = NearSheets { pairs: 0, gap: Real::INFINITY };
     for [a, b] in pairs.iter().map(|p| p.map(|v| v as usize)) {
         let (Some(at), Some(bt)) = (samples.get(a), samples.get(b)) else { continue };
         let gap = (mesh.vertices()[a] - mesh.vertices()[b]).norm();
-        if gap < 2.0 * lattice.cell && unit_or_zero(&at.gradient).dot(&unit_or_zero(&bt.gradient)) < FACING {
+        if gap < 2.0 * lattice.cell
+            && unit_or_zero(&at.gradient).dot(&unit_or_zero(&bt.gradient)) < FACING
+        {
             near.pairs += 1;
             near.gap = near.gap.min(gap);
         }
@@ -50,8 +58,8 @@ pub(super) fn near_sheets(mesh: &TriMesh, samples: &[FieldSample], pairs: &[[u32
     near
 }
 
-/// `relaxed`, with vertices put back to where they are in `plain` until no triangles meet that do not meet there. Ends, as what is
-/// put back stays.
+/// `relaxed`, with vertices put back to where they are in `plain` until no triangles meet that do
+/// not meet there. Ends, as what is put back stays.
 pub(super) fn without_new_intersections(plain: &TriMesh, relaxed: TriMesh) -> TriMesh {
     let pairs = |mesh: &TriMesh| own_pairs(mesh, &Bvh::new(mesh));
     let given: HashSet<[u32; 2]> = pairs(plain).iter().map(|p| [p.a, p.b]).collect();
@@ -88,17 +96,28 @@ pub(super) fn check(
     // One from each of equal parts, so that no part of the surface is left out.
     let mut choose = |n: usize| -> Vec<usize> {
         let count = params.check.min(n);
-        (0..count).map(|k| ((((k as Real) + random.unit()) / count as Real * n as Real) as usize).min(n - 1)).collect()
+        (0..count)
+            .map(|k| {
+                ((((k as Real) + random.unit()) / count as Real * n as Real) as usize).min(n - 1)
+            })
+            .collect()
     };
-    let mut points: Vec<Point> = choose(mesh.vertices().len()).into_iter().map(|v| mesh.vertices()[v]).collect();
+    let mut points: Vec<Point> =
+        choose(mesh.vertices().len()).into_iter().map(|v| mesh.vertices()[v]).collect();
     let vertices = points.len();
-    points.extend(choose(mesh.triangles().len()).into_iter().map(|t| barycentric_point(mesh.corners(t), [1.0 / 3.0; 3])));
+    points.extend(
+        choose(mesh.triangles().len())
+            .into_iter()
+            .map(|t| barycentric_point(mesh.corners(t), [1.0 / 3.0; 3])),
+    );
     let mut samples = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points.len()];
     field.samples(&points, &mut samples);
     watch.evaluated(Stage::Check, points.len())?;
     let (vertex_max, vertex_rms) = summary(&samples[..vertices]);
     let (center_max, center_rms) = summary(&samples[vertices..]);
-    Ok(Checked { error: ErrorEstimate { vertex_max, vertex_rms, center_max, center_rms, checked: vertices } })
+    Ok(Checked {
+        error: ErrorEstimate { vertex_max, vertex_rms, center_max, center_rms, checked: vertices },
+    })
 }
 
 /// Largest and root mean square of the distances |φ| / |∇φ|.
@@ -106,6 +125,9 @@ fn summary(samples: &[FieldSample]) -> (Real, Real) {
     /// A field that is flatter is no distance here: its value stands as it is.
     const FLAT: Real = 0.1;
     let distance = |s: &FieldSample| s.distance.abs() / s.gradient.norm().max(FLAT);
-    let (most, squares) = samples.iter().map(distance).fold((0.0, 0.0), |(m, q): (Real, Real), d| (m.max(d), q + d * d));
+    let (most, squares) = samples
+        .iter()
+        .map(distance)
+        .fold((0.0, 0.0), |(m, q): (Real, Real), d| (m.max(d), q + d * d));
     (most, (squares / samples.len().max(1) as Real).sqrt())
 }

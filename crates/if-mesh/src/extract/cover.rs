@@ -1,9 +1,10 @@
-//! Which boxes hold no zero of a field: a node's value φ clears the ball of radius |φ| / L round it.
+//! Which boxes hold no zero of a field: a node's value φ clears the ball of radius |φ| / L round
+//! it.
 
 use if_core::math::Real;
 
-/// Part of a radius that is given away, so that rounding (1e-16 of the coordinates) cannot clear a box that a zero
-/// touches. A million times more would keep one box in a thousand more.
+/// Part of a radius that is given away, so that rounding (1e-16 of the coordinates) cannot clear a
+/// box that a zero touches. A million times more would keep one box in a thousand more.
 const SLACK: Real = 1e-9;
 
 /// The balls without zeros round the corners of a box; lengths in cells.
@@ -16,11 +17,14 @@ pub(super) struct Balls {
 impl Balls {
     /// From the corners and the radii of their balls. Negative and NaN radii are none.
     pub(super) fn new(centres: [[Real; 3]; 8], radii: [Real; 8]) -> Self {
-        Self { centres, radii: radii.map(|r| if r > 0.0 { (r * (1.0 - SLACK)).powi(2) } else { 0.0 }) }
+        Self {
+            centres,
+            radii: radii.map(|r| if r > 0.0 { (r * (1.0 - SLACK)).powi(2) } else { 0.0 }),
+        }
     }
 
-    /// Whether the union of the balls certainly holds the box: whether the box, or each of its eight parts, and so on
-    /// `depth` times, lies within one of the balls.
+    /// Whether the union of the balls certainly holds the box: whether the box, or each of its
+    /// eight parts, and so on `depth` times, lies within one of the balls.
     pub(super) fn cover(&self, lo: [Real; 3], hi: [Real; 3], depth: u32) -> bool {
         let middle = [0, 1, 2].map(|k| 0.5 * (lo[k] + hi[k]));
         let half = [0, 1, 2].map(|k| 0.5 * (hi[k] - lo[k]));
@@ -54,7 +58,10 @@ mod tests {
 
     /// The unit cube's corners with these radii.
     fn unit(radii: [Real; 8]) -> Balls {
-        Balls::new([0, 1, 2, 3, 4, 5, 6, 7].map(|c| [0, 1, 2].map(|k| f64::from(c >> k & 1))), radii)
+        Balls::new(
+            [0, 1, 2, 3, 4, 5, 6, 7].map(|c| [0, 1, 2].map(|k| f64::from(c >> k & 1))),
+            radii,
+        )
     }
 
     #[test]
@@ -89,7 +96,8 @@ mod tests {
                 covered += 1;
                 for _ in 0..200 {
                     let p = [0, 1, 2].map(|k| lo[k] + (hi[k] - lo[k]) * random());
-                    let distance = |c: &[Real; 3]| (0..3).map(|k| (p[k] - c[k]).powi(2)).sum::<Real>().sqrt();
+                    let distance =
+                        |c: &[Real; 3]| (0..3).map(|k| (p[k] - c[k]).powi(2)).sum::<Real>().sqrt();
                     assert!(balls.centres.iter().zip(radii).any(|(c, r)| distance(c) <= r));
                 }
             }

@@ -51,12 +51,14 @@ pub enum GridError {
     },
 }
 
-/// The surface of a field given at the nodes of a grid, linear on its edges. `values` has x fastest and z slowest; node
-/// (0, 0, 0) lies at `min`, and neighbours are `cell` metres apart. The triangles are those of [`crate::extract::extract`].
+/// The surface of a field given at the nodes of a grid, linear on its edges. `values` has x fastest
+/// and z slowest; node (0, 0, 0) lies at `min`, and neighbours are `cell` metres apart. The
+/// triangles are those of [`crate::extract::extract`].
 ///
 /// # Errors
 ///
-/// A wrong or too large number of values, a cell that is no length, a grid beyond the range of numbers, a value that is NaN.
+/// A wrong or too large number of values, a cell that is no length, a grid beyond the range of
+/// numbers, a value that is NaN.
 pub fn surface_of_grid<T: Copy + Into<Real> + Sync>(
     values: &[T],
     nodes: [u32; 3],
@@ -64,7 +66,8 @@ pub fn surface_of_grid<T: Copy + Into<Real> + Sync>(
     cell: Real,
 ) -> Result<TriMesh, GridError> {
     // In steps that are checked: three numbers of 32 bits may have a product of 96.
-    let needed = nodes.iter().try_fold(1usize, |all, n| all.checked_mul(*n as usize)).unwrap_or(usize::MAX);
+    let needed =
+        nodes.iter().try_fold(1usize, |all, n| all.checked_mul(*n as usize)).unwrap_or(usize::MAX);
     if u32::try_from(needed).is_err() {
         return Err(GridError::TooMany { nodes: needed });
     }
@@ -96,7 +99,8 @@ pub fn surface_of_grid<T: Copy + Into<Real> + Sync>(
         },
         || crossings.triangles(),
     );
-    Ok(TriMesh::new(vertices, triangles).expect("vertices lie on edges of a finite grid, and cases name them"))
+    Ok(TriMesh::new(vertices, triangles)
+        .expect("vertices lie on edges of a finite grid, and cases name them"))
 }
 
 /// The signs of all nodes. A word with a NaN has a bit inside that is not known.
@@ -112,9 +116,11 @@ fn signs<T: Copy + Into<Real> + Sync>(values: &[T], nodes: [u32; 3]) -> Rows<Nod
                 *byte = u8::from(value < 0.0);
                 nan |= value.is_nan();
             }
-            let known = if part.len() < WORD as usize { below(part.len() as u32) } else { u64::MAX };
+            let known =
+                if part.len() < WORD as usize { below(part.len() as u32) } else { u64::MAX };
             let inside = pack(&bytes);
-            let word = NodeWord { x: x as u32, base: (first + x * WORD as usize) as u32, known, inside };
+            let word =
+                NodeWord { x: x as u32, base: (first + x * WORD as usize) as u32, known, inside };
             out.push(if nan { NodeWord { known: 0, inside: u64::MAX, ..word } } else { word });
         }
     })
@@ -162,7 +168,10 @@ mod tests {
         let values: Vec<Real> = (0..71 * 70 * 65)
             .map(|k| {
                 ring.distance(
-                    &Point::new(f64::from(k % 71), f64::from(k / 71 % 70), f64::from(k / 71 / 70)).coords.scale(cell).into(),
+                    &Point::new(f64::from(k % 71), f64::from(k / 71 % 70), f64::from(k / 71 / 70))
+                        .coords
+                        .scale(cell)
+                        .into(),
                 )
             })
             .collect();
@@ -177,23 +186,35 @@ mod tests {
         let expected = extract(&ring, &params).unwrap().mesh;
         assert_eq!(surface_of_grid(&values, nodes, Point::origin(), cell).unwrap(), expected);
         let single: Vec<f32> = values.iter().map(|v| *v as f32).collect();
-        assert_eq!(surface_of_grid(&single, nodes, Point::origin(), cell).unwrap().triangles(), expected.triangles());
+        assert_eq!(
+            surface_of_grid(&single, nodes, Point::origin(), cell).unwrap().triangles(),
+            expected.triangles()
+        );
     }
 
     #[test]
     fn grids_that_are_none_are_refused() {
-        let grid = |values: &[Real], nodes, cell| surface_of_grid(values, nodes, Point::origin(), cell);
-        assert!(matches!(grid(&[0.0; 7], [2; 3], 1.0), Err(GridError::Count { needed: 8, got: 7, .. })));
+        let grid =
+            |values: &[Real], nodes, cell| surface_of_grid(values, nodes, Point::origin(), cell);
+        assert!(matches!(
+            grid(&[0.0; 7], [2; 3], 1.0),
+            Err(GridError::Count { needed: 8, got: 7, .. })
+        ));
         assert!(matches!(grid(&[0.0; 8], [2; 3], 0.0), Err(GridError::Cell { .. })));
         // A product of 2⁶⁴ is not 0.
-        assert_eq!(grid(&[], [1 << 22, 1 << 22, 1 << 20], 1.0), Err(GridError::TooMany { nodes: usize::MAX }));
+        assert_eq!(
+            grid(&[], [1 << 22, 1 << 22, 1 << 20], 1.0),
+            Err(GridError::TooMany { nodes: usize::MAX })
+        );
         assert!(matches!(grid(&[0.0; 8], [2; 3], 1e308), Err(GridError::Region { .. })));
-        let nowhere = surface_of_grid(&[-1.0, 1.0], [2, 1, 1], Point::new(Real::NAN, 0.0, 0.0), 1.0);
+        let nowhere =
+            surface_of_grid(&[-1.0, 1.0], [2, 1, 1], Point::new(Real::NAN, 0.0, 0.0), 1.0);
         assert!(matches!(nowhere, Err(GridError::Region { .. })));
         let mut holed = vec![1.0; 300];
         holed[217] = Real::NAN;
         assert_eq!(grid(&holed, [100, 3, 1], 1.0), Err(GridError::NotANumber { index: 217 }));
-        for (values, nodes) in [(&[][..], [0, 5, 5]), (&[-1.0], [1; 3]), (&[-1.0, 1.0], [2, 1, 1])] {
+        for (values, nodes) in [(&[][..], [0, 5, 5]), (&[-1.0], [1; 3]), (&[-1.0, 1.0], [2, 1, 1])]
+        {
             assert_eq!(grid(values, nodes, 1.0).unwrap().triangles().len(), 0);
         }
     }

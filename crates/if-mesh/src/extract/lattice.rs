@@ -3,12 +3,13 @@
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
 
-/// Cells along an axis, at most: their nodes are counted in 32 bits, and a row table of one number for each row
-/// along x must fit into memory.
+/// Cells along an axis, at most: their nodes are counted in 32 bits, and a row table of one number
+/// for each row along x must fit into memory.
 pub(super) const MAX_CELLS: Real = 32_768.0;
 
-/// Boxes along the longest side with which refinement starts. They take 729 evaluations, a five-hundredth of what
-/// follows at 256 cells, and show how steep the field is before anything is dropped.
+/// Boxes along the longest side with which refinement starts. They take 729 evaluations, a
+/// five-hundredth of what follows at 256 cells, and show how steep the field is before anything is
+/// dropped.
 const FIRST: u32 = 8;
 
 /// A lattice of cubes.
@@ -39,8 +40,8 @@ impl Lattice {
     }
 }
 
-/// One level of refinement: boxes of `step`³ cells. The last box along an axis may be smaller, so that no box
-/// leaves the lattice.
+/// One level of refinement: boxes of `step`³ cells. The last box along an axis may be smaller, so
+/// that no box leaves the lattice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Level {
     /// Cells along a box: a power of two.
@@ -54,7 +55,8 @@ impl Level {
         Self { step, boxes: lattice.cells.map(|c| c.div_ceil(step)) }
     }
 
-    /// The level to start from: [`FIRST`] / 2 to [`FIRST`] boxes along the longest side, or single cells.
+    /// The level to start from: [`FIRST`] / 2 to [`FIRST`] boxes along the longest side, or single
+    /// cells.
     pub(super) fn first(lattice: &Lattice) -> Self {
         let longest = lattice.cells.into_iter().max().unwrap_or(1);
         Self::new(lattice, (longest.next_power_of_two() / FIRST).max(1))
@@ -98,7 +100,8 @@ mod tests {
                     if let Some(node) = found {
                         assert_eq!(coarse.finest(&lattice, node), here);
                     }
-                    let on = [0, 1, 2].map(|k| here[k].is_multiple_of(4) || here[k] == lattice.cells[k]);
+                    let on =
+                        [0, 1, 2].map(|k| here[k].is_multiple_of(4) || here[k] == lattice.cells[k]);
                     assert_eq!(found.is_some(), on == [true; 3], "{x} {y} {z}");
                 }
             }

@@ -1,6 +1,7 @@
 //! How much memory comes next, told before it is taken: a system that has no more ends the program.
 //!
-//! Counted is what an extraction holds at once, copies while parts are joined included; not what the field takes itself.
+//! Counted is what an extraction holds at once, copies while parts are joined included; not what
+//! the field takes itself.
 
 use crate::extract::ExtractError;
 use crate::extract::nodes::NodeWord;
@@ -11,13 +12,14 @@ use crate::extract::rows::{Bits, Rows, Word};
 const ROW: usize = 8;
 /// Of a word while it is made: in its plane, and joined to the others.
 const TWICE: usize = 2;
-/// Of a point that the field is asked for: number and place, in a plane and joined, both in vectors that grow by doubling, and the value.
+/// Of a point that the field is asked for: number and place, in a plane and joined, both in vectors
+/// that grow by doubling, and the value.
 const ASKED: usize = 120;
-/// Of a vertex: its edge (32 bytes), two triangles (24), place (24), value (8) and sample (32), and the copies of planes (up to 72) while no
-/// samples are there.
+/// Of a vertex: its edge (32 bytes), two triangles (24), place (24), value (8) and sample (32), and
+/// the copies of planes (up to 72) while no samples are there.
 const VERTEX: usize = 136;
-/// Of a vertex that is relaxed: mesh, its copy, samples, three edges and six corners in tables, normals and places; or both meshes and
-/// the tree that finds triangles of them that meet.
+/// Of a vertex that is relaxed: mesh, its copy, samples, three edges and six corners in tables,
+/// normals and places; or both meshes and the tree that finds triangles of them that meet.
 const RELAXED: usize = 560;
 
 /// Bytes of the rows of a set of so many places along each axis while it is made.
@@ -41,7 +43,9 @@ pub(super) fn children(cells: &Rows<Bits>, finer: [u32; 3], quad: usize) -> usiz
 
 /// All cells of a lattice, and the nodes at their corners.
 pub(super) fn full(cells: [u32; 3]) -> usize {
-    let count = (cells[0] as usize / 64 + 1).saturating_mul(cells[1] as usize).saturating_mul(cells[2] as usize);
+    let count = (cells[0] as usize / 64 + 1)
+        .saturating_mul(cells[1] as usize)
+        .saturating_mul(cells[2] as usize);
     words::<Bits>(count).saturating_add(rows(cells))
 }
 
@@ -60,7 +64,11 @@ pub(super) fn nodes(places: &Rows<Bits>, count: usize, at_once: usize) -> usize 
 
 /// Crossed edges beside the words of `nodes`, and the cells round them.
 pub(super) fn crossings(nodes: &Rows<NodeWord>) -> usize {
-    nodes.words().len().saturating_mul((32 + size_of::<Bits>()) * TWICE).saturating_add(rows(nodes.size).saturating_mul(2))
+    nodes
+        .words()
+        .len()
+        .saturating_mul((32 + size_of::<Bits>()) * TWICE)
+        .saturating_add(rows(nodes.size).saturating_mul(2))
 }
 
 /// The mesh of so many vertices.

@@ -9,8 +9,8 @@ use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
 use rayon::prelude::*;
 
-/// Points in one call of the field, at most but for the rest of a plane: 24 MB of points. Levels of surfaces up to
-/// a million nodes are one call.
+/// Points in one call of the field, at most but for the rest of a plane: 24 MB of points. Levels of
+/// surfaces up to a million nodes are one call.
 const BATCH: usize = 1 << 20;
 
 /// 64 nodes along x.
@@ -58,7 +58,8 @@ impl Nodes {
         (word.known >> bit & 1 == 1).then(|| self.values[word.value(bit)])
     }
 
-    /// The steepest slope between neighbours along an axis that are known, but for `noise` in their values.
+    /// The steepest slope between neighbours along an axis that are known, but for `noise` in their
+    /// values.
     pub(super) fn steepest(&self, lattice: &Lattice, level: &Level, noise: Real) -> Real {
         let last = self.rows.size.map(|s| s.saturating_sub(1));
         (0..self.rows.size[2])
@@ -74,7 +75,8 @@ impl Nodes {
                                 let mut up = node;
                                 up[axis] += 1;
                                 if let Some(there) = self.get(up) {
-                                    let cells = level.finest(lattice, up)[axis] - level.finest(lattice, node)[axis];
+                                    let cells = level.finest(lattice, up)[axis]
+                                        - level.finest(lattice, node)[axis];
                                     let length = Real::from(cells) * lattice.cell;
                                     most = most.max(((there - here).abs() - 2.0 * noise) / length);
                                 }
@@ -87,7 +89,8 @@ impl Nodes {
             .reduce(|| 0.0, Real::max)
     }
 
-    /// Evaluates the field at the corners of `cells` of a level, but for those that `known` knows. `held` bytes are taken beside them.
+    /// Evaluates the field at the corners of `cells` of a level, but for those that `known` knows.
+    /// `held` bytes are taken beside them.
     pub(super) fn evaluate(
         field: &dyn SignedDistance,
         lattice: &Lattice,
@@ -103,10 +106,17 @@ impl Nodes {
         if u32::try_from(total).is_err() {
             return Err(ExtractError::TooManyNodes { nodes: total });
         }
-        let of_plane =
-            |z| -> usize { places.words()[places.planes(z..z + 1)].iter().map(|w| w.bits.count_ones() as usize).sum() };
+        let of_plane = |z| -> usize {
+            places.words()[places.planes(z..z + 1)]
+                .iter()
+                .map(|w| w.bits.count_ones() as usize)
+                .sum()
+        };
         let largest = (0..places.size[2]).map(of_plane).max().unwrap_or(0);
-        watch.room(held + places.bytes(), memory::nodes(&places, total, largest.max(BATCH).min(total)))?;
+        watch.room(
+            held + places.bytes(),
+            memory::nodes(&places, total, largest.max(BATCH).min(total)),
+        )?;
         let mut rows = numbered(&places);
         drop(places);
         let mut values = vec![0.0; total];
@@ -144,7 +154,12 @@ impl Nodes {
 /// The words of a set of nodes, their values numbered.
 fn numbered(places: &Rows<Bits>) -> Rows<NodeWord> {
     let mut rows = Rows::build(places.size, |y, z, out| {
-        out.extend(places.row(y, z).0.iter().map(|w| NodeWord { x: w.x, base: 0, known: w.bits, inside: 0 }));
+        out.extend(places.row(y, z).0.iter().map(|w| NodeWord {
+            x: w.x,
+            base: 0,
+            known: w.bits,
+            inside: 0,
+        }));
     });
     let mut base = 0;
     for w in rows.words_mut() {

@@ -11,33 +11,37 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ExtractParams {
-    /// The box in which the surface lies; by default the field's bounds. The lattice covers it, and at most one cell
-    /// more on each side.
+    /// The box in which the surface lies; by default the field's bounds. The lattice covers it, and
+    /// at most one cell more on each side.
     pub region: Option<Aabb>,
     /// How fine.
     pub resolution: Resolution,
-    /// Where the lattice lies: node (0, 0, 0) is this many cells below the lower corner of the region, from 0 to 1.
-    /// Layers that are extracted on one lattice touch in degenerate ways: give each its [`layer_phase`].
+    /// Where the lattice lies: node (0, 0, 0) is this many cells below the lower corner of the
+    /// region, from 0 to 1. Layers that are extracted on one lattice touch in degenerate ways: give
+    /// each its [`layer_phase`].
     pub phase: [Real; 3],
     /// Where the field is evaluated.
     pub sampling: Sampling,
     /// What bounds the field's slope.
     pub slope: Slope,
-    /// The field's values may be off by this much, in metres: boxes are kept accordingly. Values of networks in single
-    /// precision are off by about 1e-6 of their largest.
+    /// The field's values may be off by this much, in metres: boxes are kept accordingly. Values of
+    /// networks in single precision are off by about 1e-6 of their largest.
     pub noise: Real,
     /// Whether vertices take a secant step along their edge: one evaluation each.
     pub secant: bool,
-    /// Newton steps that then carry the vertices onto the surface: one evaluation with gradient each.
+    /// Newton steps that then carry the vertices onto the surface: one evaluation with gradient
+    /// each.
     pub newton: usize,
-    /// Rounds of relaxation along the surface, which make slivers into triangles: one evaluation with gradient for each
-    /// vertex and round. 3 to 5 are enough.
+    /// Rounds of relaxation along the surface, which make slivers into triangles: one evaluation
+    /// with gradient for each vertex and round. 3 to 5 are enough.
     pub relax: usize,
-    /// Vertices and triangle centres at which the error is measured, each: one evaluation with gradient.
+    /// Vertices and triangle centres at which the error is measured, each: one evaluation with
+    /// gradient.
     pub check: usize,
     /// Chooses these.
     pub seed: u64,
-    /// Memory that extracting may take, in bytes, without what the field takes itself: told before it is taken.
+    /// Memory that extracting may take, in bytes, without what the field takes itself: told before
+    /// it is taken.
     pub memory: usize,
 }
 
@@ -74,7 +78,8 @@ pub enum Resolution {
     Accuracy {
         /// Distance of triangles from the surface, in metres.
         error: Real,
-        /// The smallest cell to try, in metres: bounds the cost where a field has creases, or is rough.
+        /// The smallest cell to try, in metres: bounds the cost where a field has creases, or is
+        /// rough.
         finest: Real,
     },
 }
@@ -99,7 +104,8 @@ pub enum Slope {
     Field,
     /// This.
     Given(Real),
-    /// The largest gradient at points chosen by a seed, times a factor: for networks, whose provable bounds are useless.
+    /// The largest gradient at points chosen by a seed, times a factor: for networks, whose
+    /// provable bounds are useless.
     Sampled {
         /// Points, uniform in the region.
         points: usize,
@@ -112,7 +118,12 @@ pub enum Slope {
 
 impl Slope {
     /// The bound for a field.
-    pub(super) fn of(&self, field: &dyn SignedDistance, region: &Aabb, watch: &mut Watch) -> Result<Real, ExtractError> {
+    pub(super) fn of(
+        &self,
+        field: &dyn SignedDistance,
+        region: &Aabb,
+        watch: &mut Watch,
+    ) -> Result<Real, ExtractError> {
         let slope = match *self {
             Self::Field => field.lipschitz(),
             Self::Given(slope) => slope,
@@ -125,9 +136,14 @@ impl Slope {
                 let mut random = SplitMix64(seed);
                 let size = region.size();
                 let places: Vec<Point> = (0..points)
-                    .map(|_| region.min + Vector::new(random.unit(), random.unit(), random.unit()).component_mul(&size))
+                    .map(|_| {
+                        region.min
+                            + Vector::new(random.unit(), random.unit(), random.unit())
+                                .component_mul(&size)
+                    })
                     .collect();
-                let mut samples = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points];
+                let mut samples =
+                    vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points];
                 field.samples(&places, &mut samples);
                 watch.evaluated(Stage::Check, points)?;
                 factor * samples.iter().map(|s| s.gradient.norm()).fold(0.0, Real::max)
@@ -137,12 +153,13 @@ impl Slope {
     }
 }
 
-/// The lattice's place for layer `k` of an outfit: no two of the first thousand layers are nearer than a twentieth of
-/// a cell, so that extracted layers do not touch in degenerate ways.
+/// The lattice's place for layer `k` of an outfit: no two of the first thousand layers are nearer
+/// than a twentieth of a cell, so that extracted layers do not touch in degenerate ways.
 ///
 /// # Source
 ///
-/// The additive sequence of the plastic number's three-dimensional kin: the powers of 1 / g with g⁴ = g + 1.
+/// The additive sequence of the plastic number's three-dimensional kin: the powers of 1 / g with g⁴
+/// = g + 1.
 pub fn layer_phase(layer: usize) -> [Real; 3] {
     const G: Real = 1.220_744_084_605_759_5;
     let n = layer as Real;
@@ -163,7 +180,9 @@ pub enum ExtractError {
     #[error("0 cells along the longest side; at least one is needed")]
     NoCells,
     /// The accuracy is not a length.
-    #[error("an error of {error} m with cells of at least {finest} m; both must be above zero and finite")]
+    #[error(
+        "an error of {error} m with cells of at least {finest} m; both must be above zero and finite"
+    )]
     Accuracy {
         /// What was given.
         error: Real,
@@ -185,7 +204,9 @@ pub enum ExtractError {
         noise: Real,
     },
     /// Nothing bounds the field's slope.
-    #[error("the field's slope is bounded by {slope}; give a bound above zero (1 for a distance), or Slope::Sampled")]
+    #[error(
+        "the field's slope is bounded by {slope}; give a bound above zero (1 for a distance), or Slope::Sampled"
+    )]
     Slope {
         /// What was given, said or found.
         slope: Real,
@@ -200,10 +221,14 @@ pub enum ExtractError {
         region: Aabb,
     },
     /// An accuracy that nothing measures.
-    #[error("an accuracy is asked for, and no points at which it is measured; give `check` at least 1, or the cells")]
+    #[error(
+        "an accuracy is asked for, and no points at which it is measured; give `check` at least 1, or the cells"
+    )]
     Unchecked,
     /// More cells than can be counted.
-    #[error("a region of {size} m in cells of {cell} m has too many cells along one side; at most 32,768 are possible")]
+    #[error(
+        "a region of {size} m in cells of {cell} m has too many cells along one side; at most 32,768 are possible"
+    )]
     TooFine {
         /// Longest side of the region, in metres.
         size: Real,
@@ -211,7 +236,9 @@ pub enum ExtractError {
         cell: Real,
     },
     /// More nodes or vertices than can be counted.
-    #[error("{nodes} nodes of the lattice would be needed, more than 32 bits count; take larger cells")]
+    #[error(
+        "{nodes} nodes of the lattice would be needed, more than 32 bits count; take larger cells"
+    )]
     TooManyNodes {
         /// How many.
         nodes: usize,
@@ -230,7 +257,9 @@ pub enum ExtractError {
         cell: Real,
     },
     /// The points that bound the slope take more memory than allowed.
-    #[error("the slope at {points} points would take {bytes} bytes, {limit} are allowed; sample fewer")]
+    #[error(
+        "the slope at {points} points would take {bytes} bytes, {limit} are allowed; sample fewer"
+    )]
     TooManyPoints {
         /// What was given.
         points: usize,

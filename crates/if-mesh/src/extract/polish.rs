@@ -8,12 +8,14 @@ use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
 use rayon::prelude::*;
 
-/// Vertices keep this part of a cell from the nodes of the lattice, so that triangles round a node that
-/// lies on the surface keep an area. At ten times more, vertices lie off a surface that Newton does not reach by
-/// a tenth of a cell; at ten times less, a cell of 1 cm has edges of 10 µm, which single precision keeps to 1 %.
+/// Vertices keep this part of a cell from the nodes of the lattice, so that triangles round a node
+/// that lies on the surface keep an area. At ten times more, vertices lie off a surface that Newton
+/// does not reach by a tenth of a cell; at ten times less, a cell of 1 cm has edges of 10 µm, which
+/// single precision keeps to 1 %.
 const MARGIN: Real = 0.01;
 
-/// A Newton step is at most this part of a cell long: a vertex stays nearer to its edge than to the next one.
+/// A Newton step is at most this part of a cell long: a vertex stays nearer to its edge than to the
+/// next one.
 const STEP: Real = 0.5;
 
 /// Vertices, and the field at the places from which the last Newton step started.
@@ -34,11 +36,12 @@ fn on_edge(lattice: &Lattice, edge: &Edge, t: Real) -> Point {
     p
 }
 
-/// Linear along the edge, one secant step along the edge (one evaluation), then `newton` steps along the gradient (one
-/// sample each).
+/// Linear along the edge, one secant step along the edge (one evaluation), then `newton` steps
+/// along the gradient (one sample each).
 ///
-/// The secant step stays between the ends and on the side where the sign changes, and so folds nothing. It mends the
-/// kink between two near sheets, where the gradient jumps and Newton's step alone would go astray.
+/// The secant step stays between the ends and on the side where the sign changes, and so folds
+/// nothing. It mends the kink between two near sheets, where the gradient jumps and Newton's step
+/// alone would go astray.
 pub(super) fn polish(
     field: &dyn SignedDistance,
     lattice: &Lattice,
@@ -61,22 +64,31 @@ pub(super) fn polish(
     let mut samples = vec![none; if newton > 0 { points.len() } else { 0 }];
     for _ in 0..if edges.is_empty() { 0 } else { newton } {
         field.samples(&points, &mut samples);
-        points.par_iter_mut().zip(&samples).for_each(|(p, s)| *p -= newton_step(s, STEP * lattice.cell));
+        points
+            .par_iter_mut()
+            .zip(&samples)
+            .for_each(|(p, s)| *p -= newton_step(s, STEP * lattice.cell));
         watch.evaluated(Stage::Polish, points.len())?;
     }
     Ok(Polished { points, samples })
 }
 
-/// The zero of the line between the value at `t` and the end of the other sign. `t` itself where it has no value.
+/// The zero of the line between the value at `t` and the end of the other sign. `t` itself where it
+/// has no value.
 fn secant_step(ends: [Real; 2], t: Real, value: Real) -> Real {
     if value.is_nan() {
         return t;
     }
-    let (low, high) = if (value < 0.0) == (ends[0] < 0.0) { ((t, value), (1.0, ends[1])) } else { ((0.0, ends[0]), (t, value)) };
+    let (low, high) = if (value < 0.0) == (ends[0] < 0.0) {
+        ((t, value), (1.0, ends[1]))
+    } else {
+        ((0.0, ends[0]), (t, value))
+    };
     (low.0 + (high.0 - low.0) * linear(low.1, high.1)).clamp(MARGIN, 1.0 - MARGIN)
 }
 
-/// Where the linear function with values `a` at 0 and `b` at 1 vanishes; 0.5 where it has no such place.
+/// Where the linear function with values `a` at 0 and `b` at 1 vanishes; 0.5 where it has no such
+/// place.
 fn linear(a: Real, b: Real) -> Real {
     let t = a / (a - b);
     if t.is_finite() { t } else { 0.5 }
@@ -86,10 +98,11 @@ fn crossing(a: Real, b: Real) -> Real {
     linear(a, b).clamp(MARGIN, 1.0 - MARGIN)
 }
 
-/// The step φ ∇φ / |∇φ|² to the surface, at most `limit` long. Zero where the gradient is too small to
-/// tell a direction.
+/// The step φ ∇φ / |∇φ|² to the surface, at most `limit` long. Zero where the gradient is too small
+/// to tell a direction.
 pub(crate) fn newton_step(s: &FieldSample, limit: Real) -> Vector {
-    /// A distance has a gradient of length 1; below a tenth the linear model of the field means nothing.
+    /// A distance has a gradient of length 1; below a tenth the linear model of the field means
+    /// nothing.
     const FLAT: Real = 0.1;
     let g2 = s.gradient.norm_squared();
     if !(s.distance.is_finite() && g2 >= FLAT * FLAT && g2.is_finite()) {
@@ -124,10 +137,14 @@ mod tests {
 
     #[test]
     fn a_newton_step_is_bounded_and_needs_a_slope() {
-        let step = |distance, slope| newton_step(&FieldSample { distance, gradient: Vector::new(0.0, slope, 0.0) }, 0.5);
+        let step = |distance, slope| {
+            newton_step(&FieldSample { distance, gradient: Vector::new(0.0, slope, 0.0) }, 0.5)
+        };
         assert_eq!(step(0.25, 2.0).y, 0.125);
         assert_eq!(step(-9.0, 1.0).y, -0.5);
-        for (distance, slope) in [(1.0, 0.01), (Real::INFINITY, 1.0), (1.0, Real::NAN), (Real::NAN, 1.0)] {
+        for (distance, slope) in
+            [(1.0, 0.01), (Real::INFINITY, 1.0), (1.0, Real::NAN), (Real::NAN, 1.0)]
+        {
             assert_eq!(step(distance, slope), Vector::zeros());
         }
     }

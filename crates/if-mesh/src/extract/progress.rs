@@ -46,7 +46,9 @@ impl Watch<'_> {
         self.evaluations += points;
         match (self.tell)(&Progress { stage, cell: self.cell, evaluations: self.evaluations }) {
             ControlFlow::Continue(()) => Ok(()),
-            ControlFlow::Break(()) => Err(ExtractError::Cancelled { evaluations: self.evaluations }),
+            ControlFlow::Break(()) => {
+                Err(ExtractError::Cancelled { evaluations: self.evaluations })
+            }
         }
     }
 }

@@ -12,8 +12,9 @@ use if_core::field::SignedDistance;
 use if_core::math::Real;
 use rayon::prelude::*;
 
-/// How often a child box is halved to find out whether balls cover it together. 2 leaves 3 to 6 % fewer evaluations
-/// than 1 on the fields of `docs/extraction.md`; 3 leaves 1 % fewer again, and takes four times as long to ask.
+/// How often a child box is halved to find out whether balls cover it together. 2 leaves 3 to 6 %
+/// fewer evaluations than 1 on the fields of `docs/extraction.md`; 3 leaves 1 % fewer again, and
+/// takes four times as long to ask.
 const DEPTH: u32 = 2;
 
 /// What is known of the field's slope.
@@ -35,20 +36,22 @@ pub(super) struct Refined {
     pub(super) slope: Real,
 }
 
-/// A field is called steeper than its bound from this factor on. Rounding makes 1e-10 of a cell's length; what is steeper
-/// by a thousandth can hide a thousandth of a cell at most.
+/// A field is called steeper than its bound from this factor on. Rounding makes 1e-10 of a cell's
+/// length; what is steeper by a thousandth can hide a thousandth of a cell at most.
 const STEEPER: Real = 1.001;
 /// The bound that follows is this much above what was seen.
 const MARGIN: Real = 1.25;
 
 /// Halves boxes down to cells, each level a batch.
 ///
-/// A node's value clears the ball of radius (|φ| − noise) / L round it. A box is dropped when balls round the corners of the
-/// box above cover it: nothing in it is evaluated any more. Corners are shared by all boxes and all levels.
+/// A node's value clears the ball of radius (|φ| − noise) / L round it. A box is dropped when balls
+/// round the corners of the box above cover it: nothing in it is evaluated any more. Corners are
+/// shared by all boxes and all levels.
 ///
-/// Where L is wrong this can drop boxes through which the surface passes. Neighbouring nodes whose values differ by more than
-/// L allows show it: then all begins anew with a larger L. And a cell is taken back where one of its edges has ends of both
-/// signs, until there is none, so that the surface has no holes.
+/// Where L is wrong this can drop boxes through which the surface passes. Neighbouring nodes whose
+/// values differ by more than L allows show it: then all begins anew with a larger L. And a cell is
+/// taken back where one of its edges has ends of both signs, until there is none, so that the
+/// surface has no holes.
 pub(super) fn refine(
     field: &dyn SignedDistance,
     lattice: &Lattice,
@@ -59,7 +62,12 @@ pub(super) fn refine(
     loop {
         match levels(field, lattice, &bound, watch)? {
             Ok((cells, nodes)) => {
-                return complete(field, lattice, Refined { cells, nodes, restored: 0, slope: bound.slope }, watch);
+                return complete(
+                    field,
+                    lattice,
+                    Refined { cells, nodes, restored: 0, slope: bound.slope },
+                    watch,
+                );
             }
             // An infinite slope bounds everything, so that this ends.
             Err(seen) => bound.slope = MARGIN * seen,
@@ -76,7 +84,8 @@ fn levels(
 ) -> Result<Result<(Rows<Bits>, Nodes), Real>, ExtractError> {
     let mut level = Level::first(lattice);
     let mut cells = Rows::full(level.boxes);
-    let mut nodes = Nodes::evaluate(field, lattice, &level, &cells, |_| None, cells.bytes(), watch)?;
+    let mut nodes =
+        Nodes::evaluate(field, lattice, &level, &cells, |_| None, cells.bytes(), watch)?;
     loop {
         let seen = nodes.steepest(lattice, &level, bound.noise);
         if seen > STEEPER * bound.slope {
@@ -86,10 +95,21 @@ fn levels(
             return Ok(Ok((cells, nodes)));
         }
         let finer = Level::new(lattice, level.step / 2);
-        watch.room(cells.bytes() + nodes.bytes(), memory::children(&cells, finer.boxes, size_of::<Quad>()))?;
+        watch.room(
+            cells.bytes() + nodes.bytes(),
+            memory::children(&cells, finer.boxes, size_of::<Quad>()),
+        )?;
         cells = children(lattice, &level, &finer, &cells, &nodes, bound);
         let known = |node| nodes.get(finer.in_coarser(&level, node)?);
-        nodes = Nodes::evaluate(field, lattice, &finer, &cells, known, cells.bytes() + nodes.bytes(), watch)?;
+        nodes = Nodes::evaluate(
+            field,
+            lattice,
+            &finer,
+            &cells,
+            known,
+            cells.bytes() + nodes.bytes(),
+            watch,
+        )?;
         level = finer;
     }
 }
@@ -102,7 +122,11 @@ pub(super) fn dense(
     watch: &mut Watch,
 ) -> Result<Refined, ExtractError> {
     let level = Level::new(lattice, 1);
-    let all = level.boxes.iter().try_fold(1usize, |all, boxes| all.checked_mul(*boxes as usize + 1)).unwrap_or(usize::MAX);
+    let all = level
+        .boxes
+        .iter()
+        .try_fold(1usize, |all, boxes| all.checked_mul(*boxes as usize + 1))
+        .unwrap_or(usize::MAX);
     if u32::try_from(all).is_err() {
         return Err(ExtractError::TooManyNodes { nodes: all });
     }
@@ -114,10 +138,18 @@ pub(super) fn dense(
 }
 
 /// The children of `cells` that are not covered by balls round the corners of their parents.
-fn children(lattice: &Lattice, level: &Level, finer: &Level, cells: &Rows<Bits>, nodes: &Nodes, bound: &Bound) -> Rows<Bits> {
+fn children(
+    lattice: &Lattice,
+    level: &Level,
+    finer: &Level,
+    cells: &Rows<Bits>,
+    nodes: &Nodes,
+    bound: &Bound,
+) -> Rows<Bits> {
     let reach = 1.0 / (bound.slope * lattice.cell);
     let words = finer.boxes[0].div_ceil(WORD) as usize;
-    // Rows (2 y, 2 z), (2 y + 1, 2 z), … of the children of one row: made together, by the row of the parents.
+    // Rows (2 y, 2 z), (2 y + 1, 2 z), … of the children of one row: made together, by the row of
+    // the parents.
     let made: Rows<Quad> = Rows::build([1, level.boxes[1], level.boxes[2]], |y, z, out| {
         let mut scratch = [0, 1, 2, 3].map(|_| Scratch::new(words));
         let mut any = false;
@@ -127,7 +159,8 @@ fn children(lattice: &Lattice, level: &Level, finer: &Level, cells: &Rows<Bits>,
                 let parent = [word.x * WORD + bit, y, z];
                 let radii = corners.values(nodes, bit).map(|v| (v.abs() - bound.noise) * reach);
                 let at = |node| level.finest(lattice, node).map(Real::from);
-                let centres = [0, 1, 2, 3, 4, 5, 6, 7].map(|c| at([parent[0] + (c & 1), y + (c >> 1 & 1), z + (c >> 2)]));
+                let centres = [0, 1, 2, 3, 4, 5, 6, 7]
+                    .map(|c| at([parent[0] + (c & 1), y + (c >> 1 & 1), z + (c >> 2)]));
                 let balls = Balls::new(centres, radii);
                 for c in 0..8u32 {
                     let child = [0, 1, 2].map(|k| 2 * parent[k] + (c >> k & 1));
@@ -184,12 +217,14 @@ impl Corners {
         }))
     }
 
-    /// The values at the corners of cell `bit`, corner `c` at (c & 1, c >> 1 & 1, c >> 2). NaN where one is not known.
+    /// The values at the corners of cell `bit`, corner `c` at (c & 1, c >> 1 & 1, c >> 2). NaN
+    /// where one is not known.
     pub(super) fn values(&self, nodes: &Nodes, bit: u32) -> [Real; 8] {
         [0, 1, 2, 3, 4, 5, 6, 7].map(|c| {
             let bit = bit + (c & 1);
             let word = self.0[(c >> 1) as usize][(bit / WORD) as usize];
-            word.filter(|w| w.known >> (bit % WORD) & 1 == 1).map_or(Real::NAN, |w| nodes.values[w.value(bit % WORD)])
+            word.filter(|w| w.known >> (bit % WORD) & 1 == 1)
+                .map_or(Real::NAN, |w| nodes.values[w.value(bit % WORD)])
         })
     }
 }
@@ -212,14 +247,27 @@ fn complete(
         }
         let cells = refined.cells.union(&missing);
         let before = &refined.nodes;
-        let nodes = Nodes::evaluate(field, lattice, &level, &cells, |node| before.get(node), held + cells.bytes(), watch)?;
+        let nodes = Nodes::evaluate(
+            field,
+            lattice,
+            &level,
+            &cells,
+            |node| before.get(node),
+            held + cells.bytes(),
+            watch,
+        )?;
         refined = Refined { cells, nodes, restored: refined.restored + count, ..refined };
     }
 }
 
-/// Cells without a change of sign, in themselves or in a cell that touches them, which the values at their corners do
-/// not clear: something smaller than a cell may hide there.
-pub(super) fn unresolved(lattice: &Lattice, noise: Real, refined: &Refined, crossed: &Rows<Bits>) -> usize {
+/// Cells without a change of sign, in themselves or in a cell that touches them, which the values
+/// at their corners do not clear: something smaller than a cell may hide there.
+pub(super) fn unresolved(
+    lattice: &Lattice,
+    noise: Real,
+    refined: &Refined,
+    crossed: &Rows<Bits>,
+) -> usize {
     let doubtful = refined.cells.minus(&crossed.dilated());
     let reach = 1.0 / (refined.slope * lattice.cell);
     (0..doubtful.size[2])
@@ -230,9 +278,15 @@ pub(super) fn unresolved(lattice: &Lattice, noise: Real, refined: &Refined, cros
                 for word in doubtful.row(y, z).0 {
                     let corners = Corners::of(&refined.nodes, word.x, y, z);
                     each_bit(word.bits, |bit| {
-                        let radii = corners.values(&refined.nodes, bit).map(|v| (v.abs() - noise) * reach);
-                        let unit = [0, 1, 2, 3, 4, 5, 6, 7].map(|c| [0, 1, 2].map(|k| Real::from(c >> k & 1u32)));
-                        count += usize::from(!Balls::new(unit, radii).cover([0.0; 3], [1.0; 3], DEPTH + 1));
+                        let radii =
+                            corners.values(&refined.nodes, bit).map(|v| (v.abs() - noise) * reach);
+                        let unit = [0, 1, 2, 3, 4, 5, 6, 7]
+                            .map(|c| [0, 1, 2].map(|k| Real::from(c >> k & 1u32)));
+                        count += usize::from(!Balls::new(unit, radii).cover(
+                            [0.0; 3],
+                            [1.0; 3],
+                            DEPTH + 1,
+                        ));
                     });
                 }
             }

@@ -45,8 +45,8 @@ pub struct Evaluations {
     pub total: usize,
 }
 
-/// Distances of the mesh from the surface, in metres: |φ| / |∇φ| at vertices and at centres of triangles chosen by a
-/// seed. Zero for a mesh without triangles.
+/// Distances of the mesh from the surface, in metres: |φ| / |∇φ| at vertices and at centres of
+/// triangles chosen by a seed. Zero for a mesh without triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize)]
 pub struct ErrorEstimate {
     /// The largest of the chosen vertices.
@@ -110,7 +110,8 @@ pub enum Warning {
         /// Lattice edges on the region's border that it crosses.
         edges: usize,
     },
-    /// Two sheets that face one another are nearer than two cells: they are told apart, but their triangles may meet.
+    /// Two sheets that face one another are nearer than two cells: they are told apart, but their
+    /// triangles may meet.
     NearSheets {
         /// Pairs of vertices on lattice lines.
         pairs: usize,
@@ -128,8 +129,8 @@ pub enum Warning {
         given: Real,
         /// The bound that was used instead, as values of the field asked for it.
         used: Real,
-        /// Cells that had been cleared all the same and hold a part of the surface. They were taken back; a part of the
-        /// surface that is not connected to the rest may be missing.
+        /// Cells that had been cleared all the same and hold a part of the surface. They were taken
+        /// back; a part of the surface that is not connected to the rest may be missing.
         cells: usize,
     },
     /// The accuracy is not reached, with the smallest cell allowed or after the last attempt.
@@ -147,7 +148,10 @@ impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::LeavesRegion { edges } => {
-                write!(f, "the surface leaves the region through {edges} edges of the lattice; enlarge the region to close it")
+                write!(
+                    f,
+                    "the surface leaves the region through {edges} edges of the lattice; enlarge the region to close it"
+                )
             }
             Self::NearSheets { pairs, gap } => write!(
                 f,
@@ -155,7 +159,10 @@ impl fmt::Display for Warning {
                 1e3 * gap
             ),
             Self::Unresolved { cells } => {
-                write!(f, "something thinner than a cell may be lost in {cells} cells; take smaller cells")
+                write!(
+                    f,
+                    "something thinner than a cell may be lost in {cells} cells; take smaller cells"
+                )
             }
             Self::Slope { given, used, cells } => write!(
                 f,

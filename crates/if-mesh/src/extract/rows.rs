@@ -1,6 +1,7 @@
 //! Sets of places of a three-dimensional lattice, as bits: rows along x of words of 64 places.
 //!
-//! Words without a place are not stored, so that memory follows the set, but for one number for each row.
+//! Words without a place are not stored, so that memory follows the set, but for one number for
+//! each row.
 
 use rayon::prelude::*;
 
@@ -174,7 +175,12 @@ impl Rows<Bits> {
         let words = size[0].div_ceil(WORD) as usize;
         Self::build(size, |y, z, out| {
             let mut scratch = Scratch::new(words);
-            for (y, z) in [(y.wrapping_sub(1), z.wrapping_sub(1)), (y, z.wrapping_sub(1)), (y.wrapping_sub(1), z), (y, z)] {
+            for (y, z) in [
+                (y.wrapping_sub(1), z.wrapping_sub(1)),
+                (y, z.wrapping_sub(1)),
+                (y.wrapping_sub(1), z),
+                (y, z),
+            ] {
                 for w in self.row(y, z).0 {
                     scratch.or(w.x, w.bits);
                     scratch.or_up(w.x, w.bits);
@@ -219,7 +225,13 @@ impl Scratch {
 
     /// The words that are not empty.
     pub(super) fn push_into(&self, out: &mut Vec<Bits>) {
-        out.extend(self.0.iter().enumerate().filter(|w| *w.1 != 0).map(|(x, bits)| Bits { x: x as u32, bits: *bits }));
+        out.extend(
+            self.0
+                .iter()
+                .enumerate()
+                .filter(|w| *w.1 != 0)
+                .map(|(x, bits)| Bits { x: x as u32, bits: *bits }),
+        );
     }
 
     /// Drops the places from `size` on.
@@ -253,7 +265,9 @@ mod tests {
     fn set(size: [u32; 3], contains: impl Fn(u32, u32, u32) -> bool + Sync) -> Rows<Bits> {
         Rows::build(size, |y, z, out| {
             let mut scratch = Scratch::new(size[0].div_ceil(WORD) as usize);
-            (0..size[0]).filter(|x| contains(*x, y, z)).for_each(|x| scratch.or(x / WORD, 1 << (x % WORD)));
+            (0..size[0])
+                .filter(|x| contains(*x, y, z))
+                .for_each(|x| scratch.or(x / WORD, 1 << (x % WORD)));
             scratch.push_into(out);
         })
     }
@@ -261,7 +275,9 @@ mod tests {
     #[test]
     fn sets_hold_what_was_put_in_and_their_corners() {
         let size = [150, 3, 2];
-        let rule = |x: u32, y: u32, z: u32| (x * 7 + y * 3 + z).is_multiple_of(11) || [63, 64, 127].contains(&x);
+        let rule = |x: u32, y: u32, z: u32| {
+            (x * 7 + y * 3 + z).is_multiple_of(11) || [63, 64, 127].contains(&x)
+        };
         let cells = set(size, rule);
         let nodes = cells.corners();
         assert_eq!(nodes.size, [151, 4, 3]);
@@ -275,7 +291,11 @@ mod tests {
                         count += usize::from(rule(x, y, z));
                     }
                     let corner = (0..8).any(|c| {
-                        let [x, y, z] = [x.wrapping_sub(c & 1), y.wrapping_sub(c >> 1 & 1), z.wrapping_sub(c >> 2)];
+                        let [x, y, z] = [
+                            x.wrapping_sub(c & 1),
+                            y.wrapping_sub(c >> 1 & 1),
+                            z.wrapping_sub(c >> 2),
+                        ];
                         inside(x, y, z) && rule(x, y, z)
                     });
                     assert_eq!(nodes.contains(x, y, z), corner, "{x} {y} {z}");

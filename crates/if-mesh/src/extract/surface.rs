@@ -1,4 +1,5 @@
-//! Where the surface crosses the lattice: edges, their vertices, and the triangles between them, 64 cells at a time.
+//! Where the surface crosses the lattice: edges, their vertices, and the triangles between them, 64
+//! cells at a time.
 
 use crate::extract::cases::CASES;
 use crate::extract::nodes::NodeWord;
@@ -8,8 +9,8 @@ use rayon::prelude::*;
 
 /// The lattice edges with ends of both signs: one vertex each.
 ///
-/// Vertices are numbered by the lower node of their edge, in the order of the lattice, then by the edge's axis. The
-/// numbering depends on the signs alone, and not on which other nodes are known.
+/// Vertices are numbered by the lower node of their edge, in the order of the lattice, then by the
+/// edge's axis. The numbering depends on the signs alone, and not on which other nodes are known.
 pub(super) struct Crossings<'a> {
     rows: &'a Rows<NodeWord>,
     /// Beside each word of nodes.
@@ -96,9 +97,12 @@ impl<'a> Crossings<'a> {
                     for (k, w) in row.iter().enumerate() {
                         let next = row.get(k + 1).filter(|n| n.x == w.x + 1);
                         let (known, inside) = next.map_or((0, 0), |n| (n.known, n.inside));
-                        let along = (w.inside ^ shifted(w.inside, inside)) & w.known & shifted(w.known, known);
-                        let [y, z] =
-                            up.each_mut().map(|up| up.to(w.x).map_or(0, |u| (w.inside ^ u.0.inside) & w.known & u.0.known));
+                        let along = (w.inside ^ shifted(w.inside, inside))
+                            & w.known
+                            & shifted(w.known, known);
+                        let [y, z] = up.each_mut().map(|up| {
+                            up.to(w.x).map_or(0, |u| (w.inside ^ u.0.inside) & w.known & u.0.known)
+                        });
                         out.push(Crossed { axes: [along, y, z], first: 0 });
                     }
                 }
@@ -114,7 +118,8 @@ impl<'a> Crossings<'a> {
         Self { rows, words, count }
     }
 
-    /// The crossed edges in the order of their vertices. `value` gives the field by a value's number.
+    /// The crossed edges in the order of their vertices. `value` gives the field by a value's
+    /// number.
     pub(super) fn edges(&self, value: impl Fn(usize) -> Real + Sync) -> Vec<Edge> {
         let rows = self.rows;
         let planes: Vec<Vec<Edge>> = (0..rows.size[2])
@@ -134,11 +139,27 @@ impl<'a> Crossings<'a> {
                         let above = up.each_mut().map(|up| up.to(w.x).map(|u| u.0));
                         each_bit(any, |bit| {
                             let low = value(w.value(bit));
-                            let along = || if bit + 1 < WORD { Some(w.value(bit + 1)) } else { next.map(|n| n.value(0)) };
-                            let ends = [along(), above[0].map(|u| u.value(bit)), above[1].map(|u| u.value(bit))];
-                            for (axis, end) in ends.into_iter().enumerate().filter(|e| axes[e.0] >> bit & 1 == 1) {
+                            let along = || {
+                                if bit + 1 < WORD {
+                                    Some(w.value(bit + 1))
+                                } else {
+                                    next.map(|n| n.value(0))
+                                }
+                            };
+                            let ends = [
+                                along(),
+                                above[0].map(|u| u.value(bit)),
+                                above[1].map(|u| u.value(bit)),
+                            ];
+                            for (axis, end) in
+                                ends.into_iter().enumerate().filter(|e| axes[e.0] >> bit & 1 == 1)
+                            {
                                 let high = end.map_or(low, &value);
-                                out.push(Edge { node: [w.x * WORD + bit, y, z], axis: axis as u8, values: [low, high] });
+                                out.push(Edge {
+                                    node: [w.x * WORD + bit, y, z],
+                                    axis: axis as u8,
+                                    values: [low, high],
+                                });
                             }
                         });
                     }
@@ -155,7 +176,8 @@ impl<'a> Crossings<'a> {
             .into_par_iter()
             .map(|z| {
                 let mut out = Vec::new();
-                (0..self.rows.size[1].saturating_sub(1)).for_each(|y| self.triangles_of_row(y, z, &mut out));
+                (0..self.rows.size[1].saturating_sub(1))
+                    .for_each(|y| self.triangles_of_row(y, z, &mut out));
                 out
             })
             .collect();
@@ -184,7 +206,9 @@ impl<'a> Crossings<'a> {
             let any = low.iter().chain(&high).fold(0, |any, bits| any | bits);
             let all = low.iter().chain(&high).fold(u64::MAX, |all, bits| all & bits);
             each_bit(any & !all & known, |bit| {
-                let case = (0..4).fold(0, |case, r| case | ((low[r] >> bit & 1) | (high[r] >> bit & 1) << 1) << (2 * r));
+                let case = (0..4).fold(0, |case, r| {
+                    case | ((low[r] >> bit & 1) | (high[r] >> bit & 1) << 1) << (2 * r)
+                });
                 let vertex = |edge: u8| {
                     let (corner, axis) = (edge / 3, edge % 3);
                     let bit = bit + u32::from(corner & 1);
@@ -209,8 +233,10 @@ impl<'a> Crossings<'a> {
             for (r, (row, first)) in node_rows.into_iter().enumerate() {
                 for (k, w) in row.iter().enumerate() {
                     let axes = self.words[first + k].axes;
-                    // Edges along y are shared by the cells beside them in x and z, but not in y; along z likewise.
-                    let beside = if r & 1 == 0 { axes[1] } else { 0 } | if r >> 1 == 0 { axes[2] } else { 0 };
+                    // Edges along y are shared by the cells beside them in x and z, but not in y;
+                    // along z likewise.
+                    let beside = if r & 1 == 0 { axes[1] } else { 0 }
+                        | if r >> 1 == 0 { axes[2] } else { 0 };
                     scratch.or(w.x, axes[0] | beside);
                     scratch.or_down(w.x, beside);
                 }
@@ -220,7 +246,8 @@ impl<'a> Crossings<'a> {
         })
     }
 
-    /// How many crossed edges lie in the border of the lattice: where the surface goes on beyond it.
+    /// How many crossed edges lie in the border of the lattice: where the surface goes on beyond
+    /// it.
     pub(super) fn on_border(&self) -> usize {
         let last = self.rows.size.map(|s| s - 1);
         let on = |k: usize, c: u32| c == 0 || c == last[k];
@@ -244,7 +271,8 @@ impl<'a> Crossings<'a> {
         count
     }
 
-    /// Vertices that follow one another on a line of the lattice, one or two edges apart: where sheets are near.
+    /// Vertices that follow one another on a line of the lattice, one or two edges apart: where
+    /// sheets are near.
     pub(super) fn neighbours_on_lines(&self) -> Vec<[u32; 2]> {
         let rows = self.rows;
         let crossed = |w: Option<usize>, axis: usize| w.map_or(0, |w| self.words[w].axes[axis]);
@@ -263,7 +291,10 @@ impl<'a> Crossings<'a> {
                                     1 => rows.find(w.x, y + apart, z),
                                     _ => rows.find(w.x, y, z + apart),
                                 };
-                                let next = row.get(k + 1).filter(|n| n.x == w.x + 1).map(|_| first + k + 1);
+                                let next = row
+                                    .get(k + 1)
+                                    .filter(|n| n.x == w.x + 1)
+                                    .map(|_| first + k + 1);
                                 let other = if axis == 0 {
                                     here.axes[0] >> apart | crossed(next, 0) << (WORD - apart)
                                 } else {

@@ -4,15 +4,15 @@ use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use std::collections::BTreeMap;
 
-/// How near to a corner an edge may be cut, as a part of its length. Nearer cuts would leave triangles
-/// whose normals drown in rounding; at ten times more, borders become visibly jagged.
+/// How near to a corner an edge may be cut, as a part of its length. Nearer cuts would leave
+/// triangles whose normals drown in rounding; at ten times more, borders become visibly jagged.
 const MARGIN: Real = 0.01;
 
 /// The part of a mesh where a function, given at the vertices and linear on triangles, is negative.
 ///
-/// Triangles that the zero line crosses are split there; neighbours share the new vertices. The vertices
-/// that are kept come first, in their order, then the new ones by the edge they lie on. Zero and NaN
-/// count as outside. The new border passes each of its vertices once.
+/// Triangles that the zero line crosses are split there; neighbours share the new vertices. The
+/// vertices that are kept come first, in their order, then the new ones by the edge they lie on.
+/// Zero and NaN count as outside. The new border passes each of its vertices once.
 ///
 /// # Panics
 ///
@@ -55,7 +55,9 @@ pub fn clip(mesh: &TriMesh, values: &[Real]) -> TriMesh {
     let mut triangles = Vec::new();
     for t in mesh.triangles() {
         // Turned so that corner 0 is the odd one out.
-        let odd = |k: &usize| inside(t[*k]) != inside(t[(k + 1) % 3]) && inside(t[*k]) != inside(t[(k + 2) % 3]);
+        let odd = |k: &usize| {
+            inside(t[*k]) != inside(t[(k + 1) % 3]) && inside(t[*k]) != inside(t[(k + 2) % 3])
+        };
         let Some(k) = (0..3).find(odd) else {
             if inside(t[0]) {
                 triangles.push(t.map(|v| number[v as usize]));
@@ -68,7 +70,8 @@ pub fn clip(mesh: &TriMesh, values: &[Real]) -> TriMesh {
             triangles.push([number[a as usize], ab, ca]);
         } else {
             let (b, c) = (number[b as usize], number[c as usize]);
-            let length = |i: u32, j: u32| (vertices[i as usize] - vertices[j as usize]).norm_squared();
+            let length =
+                |i: u32, j: u32| (vertices[i as usize] - vertices[j as usize]).norm_squared();
             if length(ab, c) <= length(b, ca) {
                 triangles.extend([[ab, b, c], [ab, c, ca]]);
             } else {
@@ -76,7 +79,8 @@ pub fn clip(mesh: &TriMesh, values: &[Real]) -> TriMesh {
             }
         }
     }
-    TriMesh::new(vertices, triangles).expect("points between finite points are finite, and pieces have three corners")
+    TriMesh::new(vertices, triangles)
+        .expect("points between finite points are finite, and pieces have three corners")
 }
 
 struct Pieces<'a> {
@@ -130,10 +134,23 @@ mod tests {
             assert_manifold(&bowl);
             let loops = Edges::new(&bowl).boundary_loops(&bowl);
             assert_eq!(loops.len(), 1, "height {height}");
-            assert!(loops[0].iter().all(|v| (bowl.vertices()[*v as usize].y - height).abs() < 0.01 * 0.1));
+            assert!(
+                loops[0]
+                    .iter()
+                    .all(|v| (bowl.vertices()[*v as usize].y - height).abs() < 0.01 * 0.1)
+            );
             // Zone of a sphere; the chords of 5120 triangles lose about 0.4 %.
-            approx::assert_relative_eq!(bowl.area(), std::f64::consts::TAU * (1.0 + height), max_relative = 8e-3);
-            assert!(bowl.face_normals().iter().enumerate().all(|(t, n)| n.dot(&bowl.corners(t)[0].coords) > 0.0));
+            approx::assert_relative_eq!(
+                bowl.area(),
+                std::f64::consts::TAU * (1.0 + height),
+                max_relative = 8e-3
+            );
+            assert!(
+                bowl.face_normals()
+                    .iter()
+                    .enumerate()
+                    .all(|(t, n)| n.dot(&bowl.corners(t)[0].coords) > 0.0)
+            );
         }
     }
 
@@ -146,7 +163,8 @@ mod tests {
                 .vertices()
                 .iter()
                 .map(|_| {
-                    state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                    state =
+                        state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
                     f64::from((state >> 60) as u32) - 7.5
                 })
                 .collect();

@@ -4,18 +4,18 @@ use if_core::edges::{Edges, VertexTriangles};
 use if_core::math::{Point, Real, Vector, area_vector};
 use if_core::mesh::TriMesh;
 
-/// Passes over the edges, at most. A pass collapses edges whose neighbourhoods are apart, about a tenth of those
-/// that can go where all are short.
+/// Passes over the edges, at most. A pass collapses edges whose neighbourhoods are apart, about a
+/// tenth of those that can go where all are short.
 const PASSES: usize = 16;
-/// The smallest cosine between the normals of a triangle before and after: a turn of 45°, beyond which
-/// a smooth surface gets folds.
+/// The smallest cosine between the normals of a triangle before and after: a turn of 45°, beyond
+/// which a smooth surface gets folds.
 const TURN: Real = 0.7;
 
-/// Collapses edges shorter than `shortest` (metres) into their midpoint, or into the end that lies on a
-/// border, the shortest first.
+/// Collapses edges shorter than `shortest` (metres) into their midpoint, or into the end that lies
+/// on a border, the shortest first.
 ///
-/// An edge stays where its collapse would change the topology, turn a triangle over, or make an edge longer
-/// than 3 `shortest`. Borders keep their loops; vertices that remain keep their order.
+/// An edge stays where its collapse would change the topology, turn a triangle over, or make an
+/// edge longer than 3 `shortest`. Borders keep their loops; vertices that remain keep their order.
 pub fn collapse(mesh: &TriMesh, shortest: Real) -> TriMesh {
     let mut mesh = mesh.clone();
     for _ in 0..PASSES {
@@ -37,7 +37,8 @@ fn pass(mesh: &TriMesh, shortest: Real) -> (TriMesh, usize) {
         let [a, b] = edges.vertices[e].map(|v| mesh.vertices()[v as usize]);
         (a - b).norm()
     };
-    let mut short: Vec<(Real, usize)> = (0..edges.len()).map(|e| (length(e), e)).filter(|e| e.0 < shortest).collect();
+    let mut short: Vec<(Real, usize)> =
+        (0..edges.len()).map(|e| (length(e), e)).filter(|e| e.0 < shortest).collect();
     short.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let mut positions = mesh.vertices().to_vec();
     let mut into: Vec<u32> = (0..positions.len() as u32).collect();
@@ -50,12 +51,17 @@ fn pass(mesh: &TriMesh, shortest: Real) -> (TriMesh, usize) {
             (false, true) => positions[b as usize],
             _ => nalgebra::center(&positions[a as usize], &positions[b as usize]),
         };
-        let mut ring: Vec<u32> =
-            [a, b].iter().flat_map(|v| fans.of(*v as usize)).flat_map(|t| mesh.triangles()[*t as usize]).collect();
+        let mut ring: Vec<u32> = [a, b]
+            .iter()
+            .flat_map(|v| fans.of(*v as usize))
+            .flat_map(|t| mesh.triangles()[*t as usize])
+            .collect();
         ring.sort_unstable();
         ring.dedup();
         let free = !ring.iter().any(|v| touched[*v as usize]);
-        if free && keeps_topology(mesh, &edges, &fans, &on_border, e) && keeps_shape(mesh, &fans, [a, b], &target, 3.0 * shortest)
+        if free
+            && keeps_topology(mesh, &edges, &fans, &on_border, e)
+            && keeps_shape(mesh, &fans, [a, b], &target, 3.0 * shortest)
         {
             positions[a as usize] = target;
             into[b as usize] = a;
@@ -75,19 +81,35 @@ fn pass(mesh: &TriMesh, shortest: Real) -> (TriMesh, usize) {
         .map(|t| t.map(|v| number[into[v as usize] as usize]))
         .filter(|t| t[0] != t[1] && t[1] != t[2] && t[2] != t[0])
         .collect();
-    (TriMesh::new(kept, triangles).expect("midpoints are finite, and collapsed triangles are dropped"), collapsed)
+    (
+        TriMesh::new(kept, triangles)
+            .expect("midpoints are finite, and collapsed triangles are dropped"),
+        collapsed,
+    )
 }
 
-/// The link condition: the ends have no common neighbours but the corners opposite of the edge, and the edge
-/// is no bridge between two borders. No triangle or tetrahedron disappears altogether.
-fn keeps_topology(mesh: &TriMesh, edges: &Edges, fans: &VertexTriangles, on_border: &[bool], e: usize) -> bool {
+/// The link condition: the ends have no common neighbours but the corners opposite of the edge, and
+/// the edge is no bridge between two borders. No triangle or tetrahedron disappears altogether.
+fn keeps_topology(
+    mesh: &TriMesh,
+    edges: &Edges,
+    fans: &VertexTriangles,
+    on_border: &[bool],
+    e: usize,
+) -> bool {
     let [a, b] = edges.vertices[e];
-    if edges.valence[e] > 2 || (edges.valence[e] == 2 && on_border[a as usize] && on_border[b as usize]) {
+    if edges.valence[e] > 2
+        || (edges.valence[e] == 2 && on_border[a as usize] && on_border[b as usize])
+    {
         return false;
     }
     let neighbours = |v: u32| {
-        let mut out: Vec<u32> =
-            fans.of(v as usize).iter().flat_map(|t| mesh.triangles()[*t as usize]).filter(|n| *n != v).collect();
+        let mut out: Vec<u32> = fans
+            .of(v as usize)
+            .iter()
+            .flat_map(|t| mesh.triangles()[*t as usize])
+            .filter(|n| *n != v)
+            .collect();
         out.sort_unstable();
         out.dedup();
         out
@@ -95,7 +117,10 @@ fn keeps_topology(mesh: &TriMesh, edges: &Edges, fans: &VertexTriangles, on_bord
     let (of_a, of_b) = (neighbours(a), neighbours(b));
     let common = of_a.iter().filter(|v| of_b.binary_search(v).is_ok()).count();
     let has_room = |v: u32, n: usize| n > 3 || on_border[v as usize];
-    common == edges.valence[e] as usize && has_room(a, of_a.len()) && has_room(b, of_b.len()) && loop_is_long(edges, fans, e)
+    common == edges.valence[e] as usize
+        && has_room(a, of_a.len())
+        && has_room(b, of_b.len())
+        && loop_is_long(edges, fans, e)
 }
 
 /// A border of three edges would close.
@@ -115,7 +140,13 @@ fn loop_is_long(edges: &Edges, fans: &VertexTriangles, e: usize) -> bool {
     ends(a, b) != ends(b, a)
 }
 
-fn keeps_shape(mesh: &TriMesh, fans: &VertexTriangles, ends: [u32; 2], target: &Point, longest: Real) -> bool {
+fn keeps_shape(
+    mesh: &TriMesh,
+    fans: &VertexTriangles,
+    ends: [u32; 2],
+    target: &Point,
+    longest: Real,
+) -> bool {
     ends.iter().flat_map(|v| fans.of(*v as usize)).all(|t| {
         let t = mesh.triangles()[*t as usize];
         if ends.iter().all(|v| t.contains(v)) {
@@ -138,7 +169,11 @@ mod tests {
 
     fn lengths(mesh: &TriMesh) -> Vec<Real> {
         let edges = Edges::new(mesh);
-        edges.vertices.iter().map(|e| (mesh.vertices()[e[0] as usize] - mesh.vertices()[e[1] as usize]).norm()).collect()
+        edges
+            .vertices
+            .iter()
+            .map(|e| (mesh.vertices()[e[0] as usize] - mesh.vertices()[e[1] as usize]).norm())
+            .collect()
     }
 
     #[test]
@@ -168,7 +203,12 @@ mod tests {
 
     #[test]
     fn what_cannot_go_stays() {
-        for mesh in [cloth(1.0, 1.0, 1, 1), icosphere(1.0, 0), TriMesh::default(), tube(1.0, 1.0, 3, 1, false)] {
+        for mesh in [
+            cloth(1.0, 1.0, 1, 1),
+            icosphere(1.0, 0),
+            TriMesh::default(),
+            tube(1.0, 1.0, 3, 1, false),
+        ] {
             let same = collapse(&mesh, 100.0);
             let edges = Edges::new(&same);
             let before = Edges::new(&mesh);

@@ -28,7 +28,9 @@ impl Default for RelaxParams {
 
 /// A step that leads nowhere.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("the step is {step}; give the part of the way to the middle of the neighbours, from 0 to 1")]
+#[error(
+    "the step is {step}; give the part of the way to the middle of the neighbours, from 0 to 1"
+)]
 #[non_exhaustive]
 pub struct RelaxError {
     /// What was given.
@@ -46,27 +48,38 @@ impl RelaxParams {
     }
 }
 
-/// Moves vertices along the surface towards the middle of their neighbours and then, by one Newton step,
-/// onto `φ = 0`: slivers become triangles.
+/// Moves vertices along the surface towards the middle of their neighbours and then, by one Newton
+/// step, onto `φ = 0`: slivers become triangles.
 ///
-/// Vertices of a border slide along it, and stay where it has a corner. No triangle turns away from the
-/// normals of its vertices: where one would, its corners stay for this round.
+/// Vertices of a border slide along it, and stay where it has a corner. No triangle turns away from
+/// the normals of its vertices: where one would, its corners stay for this round.
 ///
 /// # Errors
 ///
 /// A step that is not from 0 to 1.
-pub fn relax<F: SignedDistance + ?Sized>(mesh: &TriMesh, field: &F, params: &RelaxParams) -> Result<TriMesh, RelaxError> {
+pub fn relax<F: SignedDistance + ?Sized>(
+    mesh: &TriMesh,
+    field: &F,
+    params: &RelaxParams,
+) -> Result<TriMesh, RelaxError> {
     params.validate()?;
     Ok(relax_within(mesh, &field, params, None))
 }
 
-/// The same, with a step from 0 to 1; a vertex that would leave `region` stays for that round. Beside jumps of a field Newton steps lead anywhere.
-pub(crate) fn relax_within(mesh: &TriMesh, field: &dyn SignedDistance, params: &RelaxParams, region: Option<&Aabb>) -> TriMesh {
+/// The same, with a step from 0 to 1; a vertex that would leave `region` stays for that round.
+/// Beside jumps of a field Newton steps lead anywhere.
+pub(crate) fn relax_within(
+    mesh: &TriMesh,
+    field: &dyn SignedDistance,
+    params: &RelaxParams,
+    region: Option<&Aabb>,
+) -> TriMesh {
     let edges = Edges::new(mesh);
     let fans = VertexTriangles::new(mesh);
     let borders = border_neighbours(mesh, &edges);
     let mut mesh = mesh.clone();
-    let mut samples = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; mesh.vertices().len()];
+    let mut samples =
+        vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; mesh.vertices().len()];
     for _ in 0..params.rounds {
         let normals = mesh.vertex_normals();
         let mut moved: Vec<Point> = (0..mesh.vertices().len())
@@ -90,7 +103,9 @@ pub(crate) fn relax_within(mesh: &TriMesh, field: &dyn SignedDistance, params: &
             }
         });
         keep_orientation(&mesh, &normals, &mut moved);
-        mesh = mesh.with_vertices(moved).expect("steps are bounded by the lengths of edges, which are finite");
+        mesh = mesh
+            .with_vertices(moved)
+            .expect("steps are bounded by the lengths of edges, which are finite");
     }
     mesh
 }
@@ -105,7 +120,8 @@ enum Border {
     Fixed,
 }
 
-/// A border has a corner where it turns by more than this: its cosine. Hems of 20 edges turn by 18° at a vertex.
+/// A border has a corner where it turns by more than this: its cosine. Hems of 20 edges turn by 18°
+/// at a vertex.
 const CORNER: Real = 0.7;
 
 fn border_neighbours(mesh: &TriMesh, edges: &Edges) -> Vec<Border> {
@@ -125,7 +141,11 @@ fn border_neighbours(mesh: &TriMesh, edges: &Edges) -> Vec<Border> {
         out[v] = match (out[v], run) {
             (Border::Inside, [(_, a), (_, b)]) => {
                 let towards = |w: u32| unit_or_zero(&(mesh.vertices()[w as usize] - p));
-                if -towards(*a).dot(&towards(*b)) > CORNER { Border::Between(*a, *b) } else { Border::Fixed }
+                if -towards(*a).dot(&towards(*b)) > CORNER {
+                    Border::Between(*a, *b)
+                } else {
+                    Border::Fixed
+                }
             }
             _ => Border::Fixed,
         };
@@ -160,14 +180,17 @@ fn along_border(mesh: &TriMesh, v: usize, a: u32, b: u32) -> Vector {
 /// Length of the longest edge at a vertex, in metres.
 fn reach(mesh: &TriMesh, fans: &VertexTriangles, v: usize) -> Real {
     let p = mesh.vertices()[v];
-    fans.of(v).iter().flat_map(|t| mesh.corners(*t as usize)).fold(0.0, |r, q| r.max((q - p).norm()))
+    fans.of(v)
+        .iter()
+        .flat_map(|t| mesh.corners(*t as usize))
+        .fold(0.0, |r, q| r.max((q - p).norm()))
 }
 
-/// Puts back the corners of triangles that turned away from the normals of their vertices, until none is left
-/// that was better before. Ends, as a vertex is put back only once.
+/// Puts back the corners of triangles that turned away from the normals of their vertices, until
+/// none is left that was better before. Ends, as a vertex is put back only once.
 fn keep_orientation(mesh: &TriMesh, normals: &[Vector], moved: &mut [Point]) {
-    /// Cosine between a triangle and the sum of its vertices' normals. Well-shaped triangles have 0.9 and more
-    /// also where the surface is strongly curved; below zero they are turned over.
+    /// Cosine between a triangle and the sum of its vertices' normals. Well-shaped triangles have
+    /// 0.9 and more also where the surface is strongly curved; below zero they are turned over.
     const LEAST: Real = 0.5;
     loop {
         let bad: Vec<u32> = (0..mesh.triangles().len())
@@ -175,7 +198,8 @@ fn keep_orientation(mesh: &TriMesh, normals: &[Vector], moved: &mut [Point]) {
             .filter_map(|t| {
                 let tri = mesh.triangles()[t].map(|v| v as usize);
                 let axis = unit_or_zero(&tri.iter().map(|v| normals[*v]).sum());
-                let cosine = |p: [&Point; 3]| unit_or_zero(&area_vector(p[0], p[1], p[2])).dot(&axis);
+                let cosine =
+                    |p: [&Point; 3]| unit_or_zero(&area_vector(p[0], p[1], p[2])).dot(&axis);
                 let after = cosine(tri.map(|v| &moved[v]));
                 (after < LEAST && after < cosine(mesh.corners(t))).then_some(t as u32)
             })
@@ -207,7 +231,11 @@ mod tests {
     const BALL: Sphere = Sphere { center: Point::new(0.0, 0.0, 0.0), radius: 1.0 };
 
     fn marched(cell: Real) -> TriMesh {
-        let params = ExtractParams { resolution: Resolution::Cell(cell), phase: [0.3, 0.7, 0.1], ..ExtractParams::default() };
+        let params = ExtractParams {
+            resolution: Resolution::Cell(cell),
+            phase: [0.3, 0.7, 0.1],
+            ..ExtractParams::default()
+        };
         extract(&BALL, &params).unwrap().mesh
     }
 
@@ -215,7 +243,11 @@ mod tests {
     fn slivers_of_a_marched_ball_become_triangles_on_the_ball() {
         let before = marched(0.05);
         let after = relax(&before, &BALL, &RelaxParams::default()).unwrap();
-        assert!(smallest_angle(&before) < 2.0 && smallest_angle(&after) > 10.0, "{}", smallest_angle(&after));
+        assert!(
+            smallest_angle(&before) < 2.0 && smallest_angle(&after) > 10.0,
+            "{}",
+            smallest_angle(&after)
+        );
         assert!(after.vertices().iter().all(|p| BALL.distance(p).abs() < 1e-4));
         let t = after.face_normals();
         assert!(t.iter().enumerate().all(|(t, n)| n.dot(&after.corners(t)[0].coords) > 0.9));
@@ -226,7 +258,8 @@ mod tests {
         let ball = marched(0.08);
         let values: Vec<Real> = ball.vertices().iter().map(|p| p.y - 0.3).collect();
         let bowl = clip(&ball, &values);
-        let after = relax(&bowl, &BALL, &RelaxParams { rounds: 8, ..RelaxParams::default() }).unwrap();
+        let after =
+            relax(&bowl, &BALL, &RelaxParams { rounds: 8, ..RelaxParams::default() }).unwrap();
         let edges = Edges::new(&after);
         let on_border = edges.boundary_vertices(after.vertices().len());
         let (mut shortest, mut longest) = (Real::INFINITY, 0.0f64);
@@ -280,7 +313,10 @@ mod tests {
         approx::assert_relative_eq!(after.area(), 1.0, max_relative = 1e-12);
         let point = TriMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
         assert_eq!(relax(&point, &Flat, &RelaxParams::default()), Ok(point));
-        assert_eq!(relax(&TriMesh::default(), &Flat, &RelaxParams::default()), Ok(TriMesh::default()));
+        assert_eq!(
+            relax(&TriMesh::default(), &Flat, &RelaxParams::default()),
+            Ok(TriMesh::default())
+        );
     }
 
     #[test]

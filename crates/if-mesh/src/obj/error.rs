@@ -48,13 +48,19 @@ pub enum ReadError {
     #[error("line {line}: {text:?} behind `{keyword}` is not a number")]
     Value { line: u64, keyword: &'static str, text: String },
     /// A coordinate is NaN or infinite.
-    #[error("line {line}: vertex {vertex} (0 is the first) has the coordinate {text}; every coordinate must be finite")]
+    #[error(
+        "line {line}: vertex {vertex} (0 is the first) has the coordinate {text}; every coordinate must be finite"
+    )]
     NonFinite { line: u64, vertex: usize, text: String },
     /// A corner is not written as v, v/vt, v//vn or v/vt/vn.
-    #[error("line {line}: corner {text:?} of the face is none of v, v/vt, v//vn and v/vt/vn, with whole numbers")]
+    #[error(
+        "line {line}: corner {text:?} of the face is none of v, v/vt, v//vn and v/vt/vn, with whole numbers"
+    )]
     Corner { line: u64, text: String },
     /// An index names nothing.
-    #[error("line {line}: {what} {index} does not exist; there are {count}, and 1 is the first (−1 the one before this line)")]
+    #[error(
+        "line {line}: {what} {index} does not exist; there are {count}, and 1 is the first (−1 the one before this line)"
+    )]
     Index { line: u64, what: Index, index: i64, count: usize },
     /// A face of one or two corners.
     #[error("line {line}: the face has {corners} corners; a face needs at least 3")]

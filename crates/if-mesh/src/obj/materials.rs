@@ -5,8 +5,8 @@ pub(super) fn libraries(text: &[u8]) -> Vec<String> {
     statements(text).filter(|(key, _)| key == "mtllib").map(|(_, rest)| rest).collect()
 }
 
-/// What stands on the lines of a material library (`.mtl`) that name a texture: options, as the format has them, and a file name that
-/// may hold spaces. Paths start at the folder of the library.
+/// What stands on the lines of a material library (`.mtl`) that name a texture: options, as the
+/// format has them, and a file name that may hold spaces. Paths start at the folder of the library.
 ///
 /// # Examples
 ///
@@ -16,10 +16,16 @@ pub(super) fn libraries(text: &[u8]) -> Vec<String> {
 /// ```
 pub fn textures(mtl: &[u8]) -> Vec<String> {
     const MAPS: [&str; 5] = ["bump", "disp", "decal", "refl", "norm"];
-    let names_one = |key: &str| key.to_ascii_lowercase().starts_with("map_") || MAPS.contains(&key.to_ascii_lowercase().as_str());
+    let names_one = |key: &str| {
+        key.to_ascii_lowercase().starts_with("map_")
+            || MAPS.contains(&key.to_ascii_lowercase().as_str())
+    };
     // These say how textures are read, not which.
     let is_switch = |key: &str| key.eq_ignore_ascii_case("map_aat");
-    statements(mtl).filter(|(key, _)| names_one(key) && !is_switch(key)).map(|(_, rest)| rest).collect()
+    statements(mtl)
+        .filter(|(key, _)| names_one(key) && !is_switch(key))
+        .map(|(_, rest)| rest)
+        .collect()
 }
 
 /// The first word of each line, and the rest of it without comment.

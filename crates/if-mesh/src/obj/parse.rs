@@ -41,19 +41,30 @@ struct Face {
     before: [u32; 3],
 }
 
-/// Two passes: first vertices, normals and the places of faces, then the faces, which may name what stands
-/// behind them.
+/// Two passes: first vertices, normals and the places of faces, then the faces, which may name what
+/// stands behind them.
 pub(super) fn parse(text: &[u8]) -> Result<Parsed, ReadError> {
-    let mut parsed = Parsed { points: Vec::new(), vertices: Vec::new(), normals: Vec::new(), faces: FaceList::default() };
+    let mut parsed = Parsed {
+        points: Vec::new(),
+        vertices: Vec::new(),
+        normals: Vec::new(),
+        faces: FaceList::default(),
+    };
     let mut faces = Vec::new();
     let mut textures = 0;
     let mut words = Words { text, at: if text.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 } };
     while words.at < text.len() {
         match words.next().map(|w| words.bytes(w)) {
             Some(b"v") => {
-                let (p, span) = words.numbers("v", 3, &[0, 1, 3, 4], "3, and behind them a weight or a colour at most")?;
+                let (p, span) = words.numbers(
+                    "v",
+                    3,
+                    &[0, 1, 3, 4],
+                    "3, and behind them a weight or a colour at most",
+                )?;
                 if let Some(k) = p.iter().position(|x| !x.is_finite()) {
-                    let (line, vertex, text) = (words.line_of(span.start as usize), parsed.points.len(), p[k].to_string());
+                    let (line, vertex, text) =
+                        (words.line_of(span.start as usize), parsed.points.len(), p[k].to_string());
                     return Err(ReadError::NonFinite { line, vertex, text });
                 }
                 parsed.points.push(Point::new(p[0], p[1], p[2]));
@@ -61,7 +72,11 @@ pub(super) fn parse(text: &[u8]) -> Result<Parsed, ReadError> {
             }
             Some(b"vn") => {
                 let (n, span) = words.numbers("vn", 3, &[0], "3")?;
-                parsed.normals.push(NormalLine { span, value: Vector::new(n[0], n[1], n[2]), user: User::None });
+                parsed.normals.push(NormalLine {
+                    span,
+                    value: Vector::new(n[0], n[1], n[2]),
+                    user: User::None,
+                });
             }
             Some(b"vt") => {
                 words.numbers("vt", 1, &[0, 1, 2], "1 to 3")?;
@@ -91,11 +106,18 @@ pub(super) fn parse(text: &[u8]) -> Result<Parsed, ReadError> {
             corners.push(v);
             if let Some(n) = n {
                 let user = &mut parsed.normals[n as usize].user;
-                *user = if matches!(*user, User::None) || *user == User::One(v) { User::One(v) } else { User::Several };
+                *user = if matches!(*user, User::None) || *user == User::One(v) {
+                    User::One(v)
+                } else {
+                    User::Several
+                };
             }
         }
         if corners.len() < 3 {
-            return Err(ReadError::FaceTooShort { line: words.line_of(face.at as usize), corners: corners.len() });
+            return Err(ReadError::FaceTooShort {
+                line: words.line_of(face.at as usize),
+                corners: corners.len(),
+            });
         }
         if !parsed.faces.push(&corners) {
             return Err(ReadError::TooLarge);
@@ -104,7 +126,8 @@ pub(super) fn parse(text: &[u8]) -> Result<Parsed, ReadError> {
     Ok(parsed)
 }
 
-/// Everything that faces name, with all its numbers, and where faces stand: for texts that are written anew.
+/// Everything that faces name, with all its numbers, and where faces stand: for texts that are
+/// written anew.
 #[derive(Default)]
 pub(super) struct Listing {
     pub(super) vertices: Vec<Vec<f64>>,
@@ -144,7 +167,9 @@ pub(super) fn listing(text: &[u8]) -> Result<Listing, ReadError> {
             let is_relative = || rest.iter().any(|w| words.bytes(*w).contains(&b'-'));
             match (kind, words.bytes(keyword)) {
                 (Some(kind), _) => {
-                    let number = |w: &(usize, usize)| std::str::from_utf8(words.bytes(*w)).ok()?.parse::<f64>().ok();
+                    let number = |w: &(usize, usize)| {
+                        std::str::from_utf8(words.bytes(*w)).ok()?.parse::<f64>().ok()
+                    };
                     let row = rest.iter().map_while(number).collect();
                     [&mut all.vertices, &mut all.textures, &mut all.normals][kind].push(row);
                     words.skip_line();
@@ -152,9 +177,17 @@ pub(super) fn listing(text: &[u8]) -> Result<Listing, ReadError> {
                     continue;
                 }
                 (None, b"f" | b"fo") => {
-                    let before = [all.vertices.len() as u32, all.textures.len() as u32, all.normals.len() as u32];
+                    let before = [
+                        all.vertices.len() as u32,
+                        all.textures.len() as u32,
+                        all.normals.len() as u32,
+                    ];
                     let (start, end) = (keyword.0, rest.last().map_or(keyword.1, |w| w.1));
-                    faces.push((ListedFace { start, end, corners: vec![], is_relative: is_relative() }, rest, before));
+                    faces.push((
+                        ListedFace { start, end, corners: vec![], is_relative: is_relative() },
+                        rest,
+                        before,
+                    ));
                 }
                 (None, b"l" | b"p") if all.relative_line.is_none() && is_relative() => {
                     all.relative_line = Some(words.line_of(begin))
@@ -166,7 +199,10 @@ pub(super) fn listing(text: &[u8]) -> Result<Listing, ReadError> {
     }
     let counts = [all.vertices.len() as u32, all.textures.len() as u32, all.normals.len() as u32];
     for (mut face, rest, before) in faces {
-        face.corners = rest.into_iter().map(|word| words.corner(word, &before, &counts)).collect::<Result<_, _>>()?;
+        face.corners = rest
+            .into_iter()
+            .map(|word| words.corner(word, &before, &counts))
+            .collect::<Result<_, _>>()?;
         all.faces.push(face);
     }
     Ok(all)
@@ -229,8 +265,8 @@ impl<'a> Words<'a> {
         1 + self.text[..at].iter().filter(|b| **b == b'\n').count() as u64
     }
 
-    /// The numbers of the rest of the statement: `needed` ones, and behind them as many as `more` allows.
-    /// At most the first three are returned.
+    /// The numbers of the rest of the statement: `needed` ones, and behind them as many as `more`
+    /// allows. At most the first three are returned.
     fn numbers(
         &mut self,
         keyword: &'static str,
@@ -241,9 +277,14 @@ impl<'a> Words<'a> {
         let mut values = [0.0; 3];
         let (begin, mut span, mut found) = (self.at, (self.at, self.at), 0);
         while let Some(word) = self.next() {
-            let number = std::str::from_utf8(self.bytes(word)).ok().and_then(|t| t.parse::<f64>().ok());
+            let number =
+                std::str::from_utf8(self.bytes(word)).ok().and_then(|t| t.parse::<f64>().ok());
             let Some(number) = number else {
-                return Err(ReadError::Value { line: self.line_of(word.0), keyword, text: self.shown(word) });
+                return Err(ReadError::Value {
+                    line: self.line_of(word.0),
+                    keyword,
+                    text: self.shown(word),
+                });
             };
             if found == 0 {
                 span.0 = word.0;
@@ -255,13 +296,23 @@ impl<'a> Words<'a> {
             found += 1;
         }
         if found < needed || !more.contains(&(found - needed)) {
-            return Err(ReadError::ValueCount { line: self.line_of(begin), keyword, expected, found });
+            return Err(ReadError::ValueCount {
+                line: self.line_of(begin),
+                keyword,
+                expected,
+                found,
+            });
         }
         Ok((values, Span { start: span.0 as u32, end: span.1 as u32 }))
     }
 
     /// The indices of a corner, from 0.
-    fn corner(&self, word: (usize, usize), before: &[u32; 3], counts: &[u32; 3]) -> Result<[Option<u32>; 3], ReadError> {
+    fn corner(
+        &self,
+        word: (usize, usize),
+        before: &[u32; 3],
+        counts: &[u32; 3],
+    ) -> Result<[Option<u32>; 3], ReadError> {
         let mut indices = [None; 3];
         for (k, part) in self.bytes(word).split(|b| *b == b'/').enumerate() {
             if k > 2 {
@@ -270,8 +321,12 @@ impl<'a> Words<'a> {
             if part.is_empty() {
                 continue;
             }
-            let index: i64 = std::str::from_utf8(part).ok().and_then(|t| t.parse().ok()).ok_or_else(|| self.bad_corner(word))?;
-            let absolute = if index < 0 { index.saturating_add(before[k].into()) } else { index - 1 };
+            let index: i64 = std::str::from_utf8(part)
+                .ok()
+                .and_then(|t| t.parse().ok())
+                .ok_or_else(|| self.bad_corner(word))?;
+            let absolute =
+                if index < 0 { index.saturating_add(before[k].into()) } else { index - 1 };
             if index == 0 || absolute < 0 || absolute >= counts[k].into() {
                 let what = [Index::Vertex, Index::Texture, Index::Normal][k];
                 let count = if index < 0 { before[k] } else { counts[k] } as usize;
@@ -293,7 +348,8 @@ mod tests {
 
     #[test]
     fn corners_come_in_four_forms_and_count_from_both_ends() {
-        let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nf 1 2/1 3//1\nf -3/-1/-1 -2 4\nv 5 5 5\n";
+        let text =
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nf 1 2/1 3//1\nf -3/-1/-1 -2 4\nv 5 5 5\n";
         let parsed = parse(text.as_bytes()).unwrap();
         assert_eq!(parsed.faces.triangles[..], [[0, 1, 2], [0, 1, 3]]);
         assert_eq!(parsed.normals[0].user, User::Several);
@@ -301,7 +357,8 @@ mod tests {
 
     #[test]
     fn a_continued_line_is_one_statement_and_a_comment_is_not_continued() {
-        let text = "\u{feff}v 0 \\\n 0 0\n# C:\\\nv 1 0 0\nv 0 1 0 # C:\\\nv 0 0 1\nf 1 \\\r\n2\\\n 3\n";
+        let text =
+            "\u{feff}v 0 \\\n 0 0\n# C:\\\nv 1 0 0\nv 0 1 0 # C:\\\nv 0 0 1\nf 1 \\\r\n2\\\n 3\n";
         let parsed = parse(text.as_bytes()).unwrap();
         assert_eq!(parsed.points.len(), 4);
         assert_eq!(parsed.faces.triangles[..], [[0, 1, 2]]);

@@ -14,7 +14,9 @@ use std::fmt::Write;
 #[non_exhaustive]
 pub enum SplitError {
     /// An `l` or `p` line counts back from itself, past vertices that would be new.
-    #[error("line {line} counts vertices backwards; store the file with positive indices, or without lines and points")]
+    #[error(
+        "line {line} counts vertices backwards; store the file with positive indices, or without lines and points"
+    )]
     Relative {
         /// The line, from 1.
         line: u64,
@@ -26,8 +28,9 @@ pub enum SplitError {
 
 /// The same file with its mesh split as `split` says, at the positions of `mesh`.
 ///
-/// New `v`, `vt` and `vn` lines follow the last ones of their kind, so that all indices stay; a face with a triangle that is split becomes triangles, where it stood.
-/// Texture coordinates and normals of new corners, and numbers behind the coordinates of new vertices, are means.
+/// New `v`, `vt` and `vn` lines follow the last ones of their kind, so that all indices stay; a
+/// face with a triangle that is split becomes triangles, where it stood. Texture coordinates and
+/// normals of new corners, and numbers behind the coordinates of new vertices, are means.
 ///
 /// # Errors
 ///
@@ -49,16 +52,23 @@ pub fn split(obj: &ObjMesh, split: &Split, mesh: &TriMesh) -> Result<ObjMesh, Sp
     for face in &old.faces {
         let of = |k: usize| face.corners[k][0];
         let fan = (1..face.corners.len() - 1).map(|k| [0, k, k + 1]);
-        let fan: Vec<[usize; 3]> = fan.filter(|[a, b, c]| of(*a) != of(*b) && of(*b) != of(*c) && of(*c) != of(*a)).collect();
+        let fan: Vec<[usize; 3]> = fan
+            .filter(|[a, b, c]| of(*a) != of(*b) && of(*b) != of(*c) && of(*c) != of(*a))
+            .collect();
         let last = triangle + fan.len() as u32;
-        let parts = &split.parts[next..][..split.parts[next..].iter().take_while(|p| p.parent < last).count()];
+        let parts = &split.parts[next..]
+            [..split.parts[next..].iter().take_while(|p| p.parent < last).count()];
         let lines: Vec<String> = if parts.iter().all(Part::is_whole) {
             if face.is_relative { vec![line(face.corners.iter().copied())] } else { vec![] }
         } else {
             let part = |(k, part): (usize, &Part)| {
                 let corners = fan[(part.parent - triangle) as usize].map(|c| face.corners[c]);
                 let vertices = split.mesh.triangles()[next + k];
-                line((0..3).map(|c| made.corner(vertices[c], &corners, &part.corners[c])).collect::<Vec<_>>())
+                line(
+                    (0..3)
+                        .map(|c| made.corner(vertices[c], &corners, &part.corners[c]))
+                        .collect::<Vec<_>>(),
+                )
             };
             parts.iter().enumerate().map(part).collect()
         };
@@ -70,7 +80,8 @@ pub fn split(obj: &ObjMesh, split: &Split, mesh: &TriMesh) -> Result<ObjMesh, Sp
     }
     assert_eq!(next, split.parts.len(), "a split of these triangles");
     let vertices = mesh.vertices().iter().zip(&split.sources).skip(old.vertices.len());
-    let vertices = vertices.map(|(p, source)| numbers("v", p.iter().copied().chain(old.behind(source))));
+    let vertices =
+        vertices.map(|(p, source)| numbers("v", p.iter().copied().chain(old.behind(source))));
     for (at, lines) in [
         (old.ends[0], vertices.collect::<Vec<_>>()),
         (old.ends[1], made.lines("vt", &made.textures, &old.textures, false)),
@@ -78,11 +89,18 @@ pub fn split(obj: &ObjMesh, split: &Split, mesh: &TriMesh) -> Result<ObjMesh, Sp
     ] {
         if !lines.is_empty() {
             let open = at > 0 && obj.text[at - 1] != b'\n';
-            edits.push((at, at, lines.iter().fold(String::from(if open { end } else { "" }), |all, l| all + l + end)));
+            edits.push((
+                at,
+                at,
+                lines
+                    .iter()
+                    .fold(String::from(if open { end } else { "" }), |all, l| all + l + end),
+            ));
         }
     }
     edits.sort_by_key(|e| (e.0, e.1));
-    let mut text = Vec::with_capacity(obj.text.len() + edits.iter().map(|e| e.2.len()).sum::<usize>());
+    let mut text =
+        Vec::with_capacity(obj.text.len() + edits.iter().map(|e| e.2.len()).sum::<usize>());
     let mut copied = 0;
     for (from, to, instead) in edits {
         text.extend_from_slice(&obj.text[copied..from]);
@@ -125,11 +143,18 @@ impl Made<'_> {
     }
 
     /// The lines of new means, in the order of their indices.
-    fn lines(&self, keyword: &str, made: &BTreeMap<Key, u32>, old: &[Vec<f64>], unit: bool) -> Vec<String> {
+    fn lines(
+        &self,
+        keyword: &str,
+        made: &BTreeMap<Key, u32>,
+        old: &[Vec<f64>],
+        unit: bool,
+    ) -> Vec<String> {
         let mut sorted: Vec<(&Key, u32)> = made.iter().map(|(key, index)| (key, *index)).collect();
         sorted.sort_by_key(|e| e.1);
         let line = |key: &Key| {
-            let parts: Vec<(u32, f64)> = key.iter().map(|(k, w)| (*k, f64::from_bits(*w))).collect();
+            let parts: Vec<(u32, f64)> =
+                key.iter().map(|(k, w)| (*k, f64::from_bits(*w))).collect();
             let mut mean = mean(&parts, old, 0);
             let length = mean.iter().map(|v| v * v).sum::<f64>().sqrt();
             if unit && length > 0.0 {
@@ -152,7 +177,9 @@ impl Listing {
 fn mean(parts: &[(u32, f64)], rows: &[Vec<f64>], from: usize) -> Vec<f64> {
     let shortest = parts.iter().map(|(k, _)| rows[*k as usize].len()).min().unwrap_or(0);
     let total: f64 = parts.iter().map(|p| p.1).sum();
-    (from..shortest).map(|axis| parts.iter().map(|(k, w)| w * rows[*k as usize][axis]).sum::<f64>() / total).collect()
+    (from..shortest)
+        .map(|axis| parts.iter().map(|(k, w)| w * rows[*k as usize][axis]).sum::<f64>() / total)
+        .collect()
 }
 
 fn numbers(keyword: &str, values: impl IntoIterator<Item = f64>) -> String {
@@ -200,7 +227,10 @@ mod tests {
     fn nothing_split_is_the_same_text_but_for_indices_that_count_back() {
         let obj = read(SQUARES.as_bytes()).unwrap();
         let same = split(&obj, &Split::none(&obj.mesh), &obj.mesh).unwrap();
-        assert_eq!(String::from_utf8(same.text().to_vec()).unwrap(), SQUARES.replace("-5/1 -2/2 -1/3", "2/1 5/2 6/3"));
+        assert_eq!(
+            String::from_utf8(same.text().to_vec()).unwrap(),
+            SQUARES.replace("-5/1 -2/2 -1/3", "2/1 5/2 6/3")
+        );
     }
 
     #[test]

@@ -18,7 +18,9 @@ pub enum Lost {
     #[error("colours of vertices are not kept: only {coloured} of {vertices} have one")]
     Colours { coloured: usize, vertices: usize },
     /// Weights of rational surfaces.
-    #[error("numbers behind the coordinates of {vertices} vertices that are no colours are not kept")]
+    #[error(
+        "numbers behind the coordinates of {vertices} vertices that are no colours are not kept"
+    )]
     Weights { vertices: usize },
     /// The third of three numbers.
     #[error("the third texture coordinate is not kept")]
@@ -27,7 +29,9 @@ pub enum Lost {
     #[error("texture coordinates of {faces} faces are not kept: not all of their corners have one")]
     Texture { faces: usize },
     /// Files that a PLY file does not name.
-    #[error("material libraries are not copied ({names}); each face keeps the number of its material, and comments name them")]
+    #[error(
+        "material libraries are not copied ({names}); each face keeps the number of its material, and comments name them"
+    )]
     Libraries { names: String },
     /// More than one group or object.
     #[error("groups and objects are not kept: {names}")]
@@ -93,8 +97,12 @@ pub fn to_ply(obj: &ObjMesh) -> Result<(PlyMesh, Vec<Lost>), ReadError> {
             0 => -1,
             k => changes[k - 1].1,
         };
-        ply.face_properties.push(Property::new("material", Column::I32(all.faces.iter().map(|f| of(f.start)).collect())));
-        ply.comments.extend(names.iter().enumerate().map(|(k, name)| format!("material {k} {name}")));
+        ply.face_properties.push(Property::new(
+            "material",
+            Column::I32(all.faces.iter().map(|f| of(f.start)).collect()),
+        ));
+        ply.comments
+            .extend(names.iter().enumerate().map(|(k, name)| format!("material {k} {name}")));
     }
     let libraries = obj.material_libraries();
     if !libraries.is_empty() {
@@ -102,7 +110,8 @@ pub fn to_ply(obj: &ObjMesh) -> Result<(PlyMesh, Vec<Lost>), ReadError> {
         lost.push(Lost::Libraries { names: libraries.join(", ") });
     }
     if said.objects.len() > 1 || said.groups.len() > 1 {
-        let names: Vec<&str> = said.objects.iter().chain(&said.groups).map(String::as_str).collect();
+        let names: Vec<&str> =
+            said.objects.iter().chain(&said.groups).map(String::as_str).collect();
         lost.push(Lost::Groups { names: names.join(", ") });
     }
     if said.smoothing.len() > 1 {
@@ -140,7 +149,12 @@ fn colours(all: &Listing, lost: &mut Vec<Lost>) -> Vec<Property> {
         Some(scale) => Column::U8(rows.iter().map(|r| (scale * r[3 + k]).round() as u8).collect()),
         None => Column::F32(rows.iter().map(|r| r[3 + k] as f32).collect()),
     };
-    ["red", "green", "blue", "alpha"].iter().take(channels).enumerate().map(|(k, name)| Property::new(*name, column(k))).collect()
+    ["red", "green", "blue", "alpha"]
+        .iter()
+        .take(channels)
+        .enumerate()
+        .map(|(k, name)| Property::new(*name, column(k)))
+        .collect()
 }
 
 /// One normal for each vertex. Vertices without a face have zeros.
@@ -168,7 +182,9 @@ fn normals(all: &Listing, lost: &mut Vec<Lost>) -> Vec<Property> {
         return Vec::new();
     }
     let axis = |k: usize| {
-        let of = |n: &Option<Option<u32>>| n.flatten().map_or(0.0, |n| all.normals[n as usize][k] as f32);
+        let of = |n: &Option<Option<u32>>| {
+            n.flatten().map_or(0.0, |n| all.normals[n as usize][k] as f32)
+        };
         Column::F32(found.iter().map(of).collect())
     };
     ["nx", "ny", "nz"].iter().enumerate().map(|(k, name)| Property::new(*name, axis(k))).collect()
@@ -184,7 +200,8 @@ fn texcoord(all: &Listing, lost: &mut Vec<Lost>) -> Option<Property> {
         mapped |= is_whole;
         partly += usize::from(n > 0 && !is_whole);
         for corner in &face.corners {
-            let row = corner[1].filter(|_| is_whole).map_or(&[][..], |t| &all.textures[t as usize][..]);
+            let row =
+                corner[1].filter(|_| is_whole).map_or(&[][..], |t| &all.textures[t as usize][..]);
             values.extend([0, 1].map(|k| row.get(k).copied().unwrap_or(0.0) as f32));
             deep |= row.get(2).is_some_and(|w| *w != 0.0);
         }
@@ -196,7 +213,11 @@ fn texcoord(all: &Listing, lost: &mut Vec<Lost>) -> Option<Property> {
     if partly > 0 {
         lost.push(Lost::Texture { faces: partly });
     }
-    mapped.then(|| Property { name: "texcoord".into(), values: Column::F32(values), lists: Some(lists) })
+    mapped.then(|| Property {
+        name: "texcoord".into(),
+        values: Column::F32(values),
+        lists: Some(lists),
+    })
 }
 
 /// Statements that say something of the faces that follow.
@@ -216,8 +237,10 @@ impl Said {
         let mut said = Self::default();
         let mut at = 0;
         for line in text.split_inclusive(|b| *b == b'\n') {
-            let statement = String::from_utf8_lossy(line.split(|b| *b == b'#').next().unwrap_or_default());
-            let (key, rest) = statement.trim().split_once(char::is_whitespace).unwrap_or((statement.trim(), ""));
+            let statement =
+                String::from_utf8_lossy(line.split(|b| *b == b'#').next().unwrap_or_default());
+            let (key, rest) =
+                statement.trim().split_once(char::is_whitespace).unwrap_or((statement.trim(), ""));
             let name = || rest.trim().to_owned();
             match key {
                 "usemtl" => said.materials.push((at, name())),
@@ -247,17 +270,26 @@ mod tests {
     fn what_a_ply_file_can_hold_comes_along() {
         let obj = read(TEXT.as_bytes()).unwrap();
         let (ply, lost) = to_ply(&obj).unwrap();
-        assert_eq!((&ply.mesh, ply.polygons.as_ref(), &ply.collapsed[..]), (obj.mesh(), obj.polygons(), obj.collapsed()));
+        assert_eq!(
+            (&ply.mesh, ply.polygons.as_ref(), &ply.collapsed[..]),
+            (obj.mesh(), obj.polygons(), obj.collapsed())
+        );
         let column = |name: &str| ply.vertex_property(name).unwrap().values.clone();
         assert_eq!(column("red"), Column::U8(vec![255, 0, 0, 51, 0]));
         assert_eq!(column("blue"), Column::U8(vec![0, 0, 255, 153, 0]));
         assert_eq!(column("nz"), Column::F32(vec![1.0; 5]), "equal normals of two lines are one");
         let [texcoord, material] = &ply.face_properties[..] else { panic!("two properties") };
         assert_eq!(texcoord.lists.as_ref().unwrap(), &[0, 6, 14, 20, 28]);
-        assert_eq!(texcoord.values.to_f64()[4..14], [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]);
+        assert_eq!(
+            texcoord.values.to_f64()[4..14],
+            [0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]
+        );
         assert_eq!(material.values, Column::I32(vec![-1, 0, 1, 0]));
         assert_eq!(ply.comments, ["material 0 red cloth", "material 1 blue", "mtllib a b.mtl"]);
-        let expected = [Lost::Libraries { names: "a b.mtl".into() }, Lost::Groups { names: "shirt, back, front".into() }];
+        let expected = [
+            Lost::Libraries { names: "a b.mtl".into() },
+            Lost::Groups { names: "shirt, back, front".into() },
+        ];
         assert_eq!(lost, expected);
         // It is a file that is written, read, and split.
         let mut bytes = Vec::new();
@@ -268,27 +300,52 @@ mod tests {
         let after = crate::ply::split(&again, &fine, fine.mesh.clone()).unwrap();
         assert_eq!(after.face_properties[1].values.len(), after.face_properties[0].records());
         let texcoord = &after.face_properties[0];
-        assert!((0..texcoord.records()).all(|f| [6, 8].contains(&texcoord.range(f).len())), "two numbers for each corner");
+        assert!(
+            (0..texcoord.records()).all(|f| [6, 8].contains(&texcoord.range(f).len())),
+            "two numbers for each corner"
+        );
     }
 
     #[test]
     fn what_it_cannot_hold_is_told() {
         let lost = |from: &str, to: &str| {
             assert!(TEXT.contains(from));
-            let (ply, lost) = to_ply(&read(TEXT.replacen(from, to, 1).as_bytes()).unwrap()).unwrap();
-            (ply, lost.into_iter().filter(|l| !matches!(l, Lost::Libraries { .. } | Lost::Groups { .. })).collect::<Vec<_>>())
+            let (ply, lost) =
+                to_ply(&read(TEXT.replacen(from, to, 1).as_bytes()).unwrap()).unwrap();
+            (
+                ply,
+                lost.into_iter()
+                    .filter(|l| !matches!(l, Lost::Libraries { .. } | Lost::Groups { .. }))
+                    .collect::<Vec<_>>(),
+            )
         };
         assert_eq!(lost("vn 0 0 1.0", "vn 0 1 0").1, [Lost::Normals { vertices: 1 }]);
         assert_eq!(lost("f 2//1 3//1", "f 2 3//1").1, [Lost::Normals { vertices: 1 }]);
-        assert_eq!(lost("v 2 0 0 0 0 0", "v 2 0 0").1, [Lost::Colours { coloured: 4, vertices: 5 }]);
+        assert_eq!(
+            lost("v 2 0 0 0 0 0", "v 2 0 0").1,
+            [Lost::Colours { coloured: 4, vertices: 5 }]
+        );
         let (_, weighted) = lost("v 2 0 0 0 0 0", "v 2 0 0 1");
-        assert_eq!(weighted, [Lost::Weights { vertices: 1 }, Lost::Colours { coloured: 4, vertices: 5 }]);
+        assert_eq!(
+            weighted,
+            [Lost::Weights { vertices: 1 }, Lost::Colours { coloured: 4, vertices: 5 }]
+        );
         assert_eq!(lost("vt 1 1 0", "vt 1 1 0.5").1, [Lost::Depth]);
         assert_eq!(lost("f 5/1/1 3/2/1", "f 5/1/1 3//1").1, [Lost::Texture { faces: 1 }]);
-        assert_eq!(lost("s 1", "s 1\ns 2\nl 1 2\np 1").1, [Lost::Smoothing, Lost::Elements { count: 2 }]);
+        assert_eq!(
+            lost("s 1", "s 1\ns 2\nl 1 2\np 1").1,
+            [Lost::Smoothing, Lost::Elements { count: 2 }]
+        );
         let (ply, _) = lost("0.2 0.4 0.6", "200 0 1");
-        assert_eq!(ply.vertex_property("red").unwrap().values, Column::U8(vec![1, 0, 0, 200, 0]), "whole numbers to 255");
+        assert_eq!(
+            ply.vertex_property("red").unwrap().values,
+            Column::U8(vec![1, 0, 0, 200, 0]),
+            "whole numbers to 255"
+        );
         let (ply, _) = lost("0.2 0.4 0.6", "1.5 0 1");
-        assert_eq!(ply.vertex_property("red").unwrap().values, Column::F32(vec![1.0, 0.0, 0.0, 1.5, 0.0]));
+        assert_eq!(
+            ply.vertex_property("red").unwrap().values,
+            Column::F32(vec![1.0, 0.0, 0.0, 1.5, 0.0])
+        );
     }
 }

@@ -9,7 +9,10 @@ use std::io::Read;
 ///
 /// Numbers are read as the type that the header names, so that a `float` of text equals the `float`
 /// of a binary file.
-pub(super) fn read<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>) -> Result<(), ReadError> {
+pub(super) fn read<R: Read>(
+    source: &mut Source<'_, R>,
+    table: &mut Table<'_>,
+) -> Result<(), ReadError> {
     let mut indices = Vec::new();
     while table.done < table.layout.count {
         let number = source.line_number() + 1;
@@ -22,7 +25,12 @@ pub(super) fn read<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>) -
     Ok(())
 }
 
-fn record(line: &[u8], at: At, table: &mut Table<'_>, indices: &mut Vec<i64>) -> Result<(), ReadError> {
+fn record(
+    line: &[u8],
+    at: At,
+    table: &mut Table<'_>,
+    indices: &mut Vec<i64>,
+) -> Result<(), ReadError> {
     let mut words = Words { line, found: 0 };
     for k in 0..table.slots.len() {
         let property = &table.layout.properties[k];

@@ -8,7 +8,11 @@ use if_core::mesh::Triangles;
 use std::io::Read;
 
 /// Reads all records of an element.
-pub(super) fn read<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>, big_endian: bool) -> Result<(), ReadError> {
+pub(super) fn read<R: Read>(
+    source: &mut Source<'_, R>,
+    table: &mut Table<'_>,
+    big_endian: bool,
+) -> Result<(), ReadError> {
     if table.layout.properties.iter().all(|p| p.length.is_none()) {
         return scalars(source, table, big_endian);
     }
@@ -25,7 +29,11 @@ pub(super) fn read<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>, b
 }
 
 /// Records without lists.
-fn scalars<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>, big_endian: bool) -> Result<(), ReadError> {
+fn scalars<R: Read>(
+    source: &mut Source<'_, R>,
+    table: &mut Table<'_>,
+    big_endian: bool,
+) -> Result<(), ReadError> {
     let stride: usize = table.layout.properties.iter().map(|p| p.scalar.size()).sum();
     let mut offsets = vec![0; table.slots.len()];
     while table.done < table.layout.count {
@@ -47,7 +55,13 @@ fn scalars<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>, big_endia
         }
         if let Some(points) = &mut table.points {
             let at = points.axes.map(|k| offsets[k]);
-            points.extend(block, stride, at, table.layout.properties[points.axes[0]].scalar, big_endian);
+            points.extend(
+                block,
+                stride,
+                at,
+                table.layout.properties[points.axes[0]].scalar,
+                big_endian,
+            );
         }
         source.consume(records * stride);
         table.done += records as u64;
@@ -56,9 +70,14 @@ fn scalars<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>, big_endia
 }
 
 /// One record of any layout.
-fn record<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>, big_endian: bool) -> Result<(), ReadError> {
+fn record<R: Read>(
+    source: &mut Source<'_, R>,
+    table: &mut Table<'_>,
+    big_endian: bool,
+) -> Result<(), ReadError> {
     for k in 0..table.slots.len() {
-        let (length, scalar) = (table.layout.properties[k].length, table.layout.properties[k].scalar);
+        let (length, scalar) =
+            (table.layout.properties[k].length, table.layout.properties[k].scalar);
         let mut values = 1;
         if let Some(t) = length {
             let at = At::Byte(source.offset());
@@ -71,7 +90,10 @@ fn record<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>, big_endian
         let bytes = exactly(source, size, table)?;
         match &mut table.faces {
             Some(faces) if faces.property == k => {
-                faces.push(bytes.chunks_exact(scalar.size()).map(|b| scalar.get_i64(b, big_endian)), at)?;
+                faces.push(
+                    bytes.chunks_exact(scalar.size()).map(|b| scalar.get_i64(b, big_endian)),
+                    at,
+                )?;
             }
             _ => {
                 table.slots[k].values.extend_packed(bytes, big_endian);
@@ -86,7 +108,11 @@ fn record<R: Read>(source: &mut Source<'_, R>, table: &mut Table<'_>, big_endian
     Ok(())
 }
 
-fn exactly<'s, R: Read>(source: &'s mut Source<'_, R>, n: usize, table: &Table<'_>) -> Result<&'s [u8], ReadError> {
+fn exactly<'s, R: Read>(
+    source: &'s mut Source<'_, R>,
+    n: usize,
+    table: &Table<'_>,
+) -> Result<&'s [u8], ReadError> {
     let offset = source.offset();
     let there = source.peek(n)?;
     if there.len() < n {
@@ -101,7 +127,8 @@ const PLAIN: usize = 13;
 /// Such triangles that are decoded before they are checked: what stays in the first-level cache.
 const AT_ONCE: usize = 512;
 
-/// Takes records of nothing but a triangle; `false`, and none is taken, where one of them is no triangle of vertices before `limit`.
+/// Takes records of nothing but a triangle; `false`, and none is taken, where one of them is no
+/// triangle of vertices before `limit`.
 fn plain(records: &[[u8; PLAIN]], limit: u32, triangles: &mut Triangles) -> bool {
     let before = triangles.len();
     let mut lengths = 0;
@@ -110,7 +137,11 @@ fn plain(records: &[[u8; PLAIN]], limit: u32, triangles: &mut Triangles) -> bool
         records.iter().map(|r| {
             let [n, a0, a1, a2, a3, b0, b1, b2, b3, c0, c1, c2, c3] = *r;
             lengths |= n ^ 3;
-            [u32::from_le_bytes([a0, a1, a2, a3]), u32::from_le_bytes([b0, b1, b2, b3]), u32::from_le_bytes([c0, c1, c2, c3])]
+            [
+                u32::from_le_bytes([a0, a1, a2, a3]),
+                u32::from_le_bytes([b0, b1, b2, b3]),
+                u32::from_le_bytes([c0, c1, c2, c3]),
+            ]
         }),
     );
     if lengths != 0 {
@@ -133,11 +164,15 @@ impl TriangleRecord {
     /// `None` where the layout has other lists, or indices of other than 32 bits.
     fn of(table: &Table<'_>) -> Option<Self> {
         let list = table.faces.as_ref()?.property;
-        let mut found = Self { stride: 0, list: 0, length: ScalarType::U8, signed: false, scalars: Vec::new() };
+        let mut found =
+            Self { stride: 0, list: 0, length: ScalarType::U8, signed: false, scalars: Vec::new() };
         for (k, p) in table.layout.properties.iter().enumerate() {
             match p.length {
-                Some(length) if k == list && matches!(p.scalar, ScalarType::I32 | ScalarType::U32) => {
-                    (found.list, found.length, found.signed) = (found.stride, length, p.scalar == ScalarType::I32);
+                Some(length)
+                    if k == list && matches!(p.scalar, ScalarType::I32 | ScalarType::U32) =>
+                {
+                    (found.list, found.length, found.signed) =
+                        (found.stride, length, p.scalar == ScalarType::I32);
                     found.stride += length.size() + 12;
                 }
                 Some(_) => return None,
@@ -150,9 +185,14 @@ impl TriangleRecord {
         Some(found)
     }
 
-    /// Takes the triangles that are buffered, up to the first other or faulty face; `false` where there
-    /// is none, and [`record`] must look.
-    fn run<R: Read>(&self, source: &mut Source<'_, R>, table: &mut Table<'_>, big_endian: bool) -> Result<bool, ReadError> {
+    /// Takes the triangles that are buffered, up to the first other or faulty face; `false` where
+    /// there is none, and [`record`] must look.
+    fn run<R: Read>(
+        &self,
+        source: &mut Source<'_, R>,
+        table: &mut Table<'_>,
+        big_endian: bool,
+    ) -> Result<bool, ReadError> {
         let left = usize::try_from(table.layout.count - table.done).unwrap_or(usize::MAX);
         let Some(faces) = &mut table.faces else { return Ok(false) };
         if faces.list.polygons.is_some() {
@@ -178,14 +218,26 @@ impl TriangleRecord {
         for r in block[done..].chunks_exact(self.stride) {
             let length = self.length.get_i64(&r[self.list..], big_endian);
             let c = &r[indices..indices + 12];
-            let t = [u32::get(c, big_endian), u32::get(&c[4..], big_endian), u32::get(&c[8..], big_endian)];
-            if length != 3 || t.iter().any(|&index| index >= limit) || faces.list.triangles.push(t).is_err() {
+            let t = [
+                u32::get(c, big_endian),
+                u32::get(&c[4..], big_endian),
+                u32::get(&c[8..], big_endian),
+            ];
+            if length != 3
+                || t.iter().any(|&index| index >= limit)
+                || faces.list.triangles.push(t).is_err()
+            {
                 break;
             }
         }
         let run = faces.list.triangles.len() - before;
         for &(offset, k) in &self.scalars {
-            table.slots[k].values.extend_strided(&block[..run * self.stride], self.stride, offset, big_endian);
+            table.slots[k].values.extend_strided(
+                &block[..run * self.stride],
+                self.stride,
+                offset,
+                big_endian,
+            );
         }
         source.consume(run * self.stride);
         table.done += run as u64;

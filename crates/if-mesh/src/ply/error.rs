@@ -38,25 +38,35 @@ pub enum ReadError {
     #[error("line 1 is {found:?}, but a PLY file begins with a line `ply`")]
     NotPly { found: String },
     /// The header does not end.
-    #[error("the header has no line `end_header` within {bytes} bytes ({lines} lines); the file is cut off or no PLY file")]
+    #[error(
+        "the header has no line `end_header` within {bytes} bytes ({lines} lines); the file is cut off or no PLY file"
+    )]
     HeaderEnd { bytes: u64, lines: u64 },
     /// A line of the header is none of PLY.
     #[error("line {line} of the header is not understood: {text:?}")]
     HeaderLine { line: u64, text: String },
     /// There is no line `format`, or it names another version.
-    #[error("the header needs a line `format ascii 1.0`, `format binary_little_endian 1.0` or `format binary_big_endian 1.0`")]
+    #[error(
+        "the header needs a line `format ascii 1.0`, `format binary_little_endian 1.0` or `format binary_big_endian 1.0`"
+    )]
     Format,
     /// Two elements of one name.
     #[error("line {line}: the header has a second element `{name}`; each needs its own name")]
     DuplicateElement { line: u64, name: String },
     /// Two properties of one name.
-    #[error("line {line}: element `{element}` has a second property `{name}`; each needs its own name")]
+    #[error(
+        "line {line}: element `{element}` has a second property `{name}`; each needs its own name"
+    )]
     DuplicateProperty { line: u64, element: String, name: String },
     /// Records of no bytes, so that any count would fit.
-    #[error("element `{element}` has no property, yet claims {count} records; remove it, or set its count to 0")]
+    #[error(
+        "element `{element}` has no property, yet claims {count} records; remove it, or set its count to 0"
+    )]
     NoProperties { element: String, count: u64 },
     /// The length of a list must be a whole number.
-    #[error("list `{property}` of element `{element}` has its length as {found}; it must be an integer type")]
+    #[error(
+        "list `{property}` of element `{element}` has its length as {found}; it must be an integer type"
+    )]
     ListLengthType { element: String, property: String, found: ScalarType },
     /// More records than the bytes that follow can hold.
     #[error(
@@ -70,19 +80,34 @@ pub enum ReadError {
     )]
     Truncated { at: At, element: String, record: u64, count: u64 },
     /// Something follows after the last record.
-    #[error("{at}: something follows the last record; the counts in the header are too small, or the file is damaged")]
+    #[error(
+        "{at}: something follows the last record; the counts in the header are too small, or the file is damaged"
+    )]
     Trailing { at: At },
     /// A line of values is too short or too long.
     #[error("{at}: record {record} of element `{element}` has {found} values, expected {expected}")]
     ValueCount { at: At, element: String, record: u64, expected: u64, found: u64 },
     /// A value is not a number of its type.
-    #[error("{at}: `{property}` of record {record} of element `{element}` is {text:?}, which is not a number of type {expected}")]
-    Value { at: At, element: String, record: u64, property: String, text: String, expected: ScalarType },
+    #[error(
+        "{at}: `{property}` of record {record} of element `{element}` is {text:?}, which is not a number of type {expected}"
+    )]
+    Value {
+        at: At,
+        element: String,
+        record: u64,
+        property: String,
+        text: String,
+        expected: ScalarType,
+    },
     /// A list of less than no values.
-    #[error("{at}: list `{property}` of record {record} of element `{element}` has the length {length}; it cannot be negative")]
+    #[error(
+        "{at}: list `{property}` of record {record} of element `{element}` has the length {length}; it cannot be negative"
+    )]
     ListLength { at: At, element: String, record: u64, property: String, length: i64 },
     /// The vertices lack a coordinate.
-    #[error("element `vertex` needs the properties x, y and z, each one number, but has none for {axis}")]
+    #[error(
+        "element `vertex` needs the properties x, y and z, each one number, but has none for {axis}"
+    )]
     NoCoordinate { axis: char },
     /// No element `vertex`.
     #[error("the file has no element `vertex`")]
@@ -91,10 +116,14 @@ pub enum ReadError {
     #[error("element `face` has {count} records, but no list `vertex_indices` or `vertex_index`")]
     NoIndices { count: u64 },
     /// The surface stands in another form.
-    #[error("the surface stands in `tristrips`, which are not read; store it as element `face` with a list `vertex_indices`")]
+    #[error(
+        "the surface stands in `tristrips`, which are not read; store it as element `face` with a list `vertex_indices`"
+    )]
     TriangleStrips,
     /// Vertex indices that are no whole numbers.
-    #[error("list `{property}` of element `face` has values of type {found}; vertex indices need an integer type")]
+    #[error(
+        "list `{property}` of element `face` has values of type {found}; vertex indices need an integer type"
+    )]
     IndexType { property: String, found: ScalarType },
     /// A face of one or two corners.
     #[error("{at}: face {face} has {corners} corners; a face needs at least 3")]
@@ -122,13 +151,19 @@ pub enum WriteError {
     #[error(transparent)]
     Mesh(#[from] MeshError),
     /// A coordinate that is finite in `f64` and not in `f32`.
-    #[error("vertex {vertex}: coordinate {value:?} is too large for a 4-byte float; write `double` instead")]
+    #[error(
+        "vertex {vertex}: coordinate {value:?} is too large for a 4-byte float; write `double` instead"
+    )]
     TooLarge { vertex: usize, value: f64 },
     /// A property does not have one value or list for each record.
-    #[error("property `{property}` of element `{element}` has {found} records, expected {expected}")]
+    #[error(
+        "property `{property}` of element `{element}` has {found} records, expected {expected}"
+    )]
     PropertyLength { element: String, property: String, expected: usize, found: usize },
     /// A name that a header cannot hold.
-    #[error("`{name}` cannot name an element or property: names are one word of printable ASCII, and each stands once")]
+    #[error(
+        "`{name}` cannot name an element or property: names are one word of printable ASCII, and each stands once"
+    )]
     Name { name: String },
     /// The faces kept from the file are not those of the mesh.
     #[error(

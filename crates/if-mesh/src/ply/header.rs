@@ -8,8 +8,8 @@ use ply_rs_bw::ply::{DefaultElement, Encoding, PropertyType, ScalarType as Their
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 
-/// Bytes a header may have: some ten thousand lines. Without a limit a file that is no PLY file, or a
-/// device that never ends, would be read into memory in search of `end_header`.
+/// Bytes a header may have: some ten thousand lines. Without a limit a file that is no PLY file, or
+/// a device that never ends, would be read into memory in search of `end_header`.
 const MAX_HEADER: u64 = 1 << 20;
 
 pub(super) struct Header {
@@ -62,7 +62,12 @@ pub(super) fn read<R: Read>(source: &mut Source<'_, R>) -> Result<Header, ReadEr
     loop {
         let line = match source.line(MAX_HEADER as usize)? {
             Some(line) => decode(line.trim_ascii()),
-            None => return Err(ReadError::HeaderEnd { bytes: source.offset(), lines: source.line_number() }),
+            None => {
+                return Err(ReadError::HeaderEnd {
+                    bytes: source.offset(),
+                    lines: source.line_number(),
+                });
+            }
         };
         if source.offset() > MAX_HEADER {
             return Err(ReadError::HeaderEnd { bytes: MAX_HEADER, lines: source.line_number() });
@@ -76,12 +81,15 @@ pub(super) fn read<R: Read>(source: &mut Source<'_, R>) -> Result<Header, ReadEr
             break;
         }
     }
-    let parsed = Parser::<DefaultElement>::new().read_header(&mut Reader::new(text.as_bytes())).map_err(|e| match e.line() {
-        Some(k) if k < numbers.len() => {
-            ReadError::HeaderLine { line: numbers[k], text: text.lines().nth(k - 1).unwrap_or_default().to_owned() }
-        }
-        _ => ReadError::Format,
-    })?;
+    let parsed = Parser::<DefaultElement>::new()
+        .read_header(&mut Reader::new(text.as_bytes()))
+        .map_err(|e| match e.line() {
+            Some(k) if k < numbers.len() => ReadError::HeaderLine {
+                line: numbers[k],
+                text: text.lines().nth(k - 1).unwrap_or_default().to_owned(),
+            },
+            _ => ReadError::Format,
+        })?;
     if (parsed.version.major, parsed.version.minor) != (1, 0) {
         return Err(ReadError::Format);
     }
@@ -92,7 +100,9 @@ pub(super) fn read<R: Read>(source: &mut Source<'_, R>) -> Result<Header, ReadEr
         }
         let mut properties = Vec::with_capacity(element.properties.len());
         for (p, (property, def)) in element.properties.into_iter().enumerate() {
-            let of = |slot, t: &Theirs| names.wide.get(&(e, p, slot)).copied().unwrap_or_else(|| ours(t));
+            let of = |slot, t: &Theirs| {
+                names.wide.get(&(e, p, slot)).copied().unwrap_or_else(|| ours(t))
+            };
             let (length, scalar) = match &def.data_type {
                 PropertyType::Scalar(t) => (None, of(1, t)),
                 PropertyType::List(n, t) => (Some(of(2, n)), of(3, t)),
@@ -104,7 +114,12 @@ pub(super) fn read<R: Read>(source: &mut Source<'_, R>) -> Result<Header, ReadEr
         }
         elements.push(ElementLayout { name, count: element.count as u64, properties });
     }
-    Ok(Header { encoding: parsed.encoding, elements, comments: parsed.comments, obj_info: parsed.obj_infos })
+    Ok(Header {
+        encoding: parsed.encoding,
+        elements,
+        comments: parsed.comments,
+        obj_info: parsed.obj_infos,
+    })
 }
 
 /// What `ply-rs-bw` does not look at: it drops the first of two elements of one name, and knows no
@@ -128,13 +143,21 @@ impl Names {
                 self.properties.clear();
                 self.current = words[1].to_owned();
                 if !self.elements.insert(words[1].to_owned()) {
-                    return Err(ReadError::DuplicateElement { line: number, name: words[1].to_owned() });
+                    return Err(ReadError::DuplicateElement {
+                        line: number,
+                        name: words[1].to_owned(),
+                    });
                 }
             }
             "property" if words.len() >= 3 => {
-                let (element, property) = (self.elements.len().wrapping_sub(1), self.properties.len());
+                let (element, property) =
+                    (self.elements.len().wrapping_sub(1), self.properties.len());
                 if !self.properties.insert(last.clone()) {
-                    return Err(ReadError::DuplicateProperty { line: number, element: self.current.clone(), name: last });
+                    return Err(ReadError::DuplicateProperty {
+                        line: number,
+                        element: self.current.clone(),
+                        name: last,
+                    });
                 }
                 let slots = if words[1] == "list" { 2..words.len() - 1 } else { 1..2 };
                 for slot in slots {
@@ -186,10 +209,12 @@ mod tests {
     #[test]
     fn all_names_of_types_are_known_and_line_ends_may_be_those_of_windows() {
         let names = [
-            "char", "int8", "uchar", "uint8", "short", "int16", "ushort", "uint16", "int", "int32", "uint", "uint32", "int64",
-            "uint64", "float", "float32", "double", "float64",
+            "char", "int8", "uchar", "uint8", "short", "int16", "ushort", "uint16", "int", "int32",
+            "uint", "uint32", "int64", "uint64", "float", "float32", "double", "float64",
         ];
-        let mut text = String::from("ply\r\nformat binary_big_endian 1.0\r\nobj_info made by hand\r\n\r\nelement vertex 2\r\n");
+        let mut text = String::from(
+            "ply\r\nformat binary_big_endian 1.0\r\nobj_info made by hand\r\n\r\nelement vertex 2\r\n",
+        );
         for (k, n) in names.iter().enumerate() {
             text += &format!("property {n} p{k}\r\n");
         }
@@ -206,7 +231,8 @@ mod tests {
 
     #[test]
     fn the_line_of_the_file_is_named_although_empty_lines_are_skipped() {
-        let fault = header("ply\nformat ascii 1.0\n\n\nelement vertex -3\nend_header\n").err().unwrap();
+        let fault =
+            header("ply\nformat ascii 1.0\n\n\nelement vertex -3\nend_header\n").err().unwrap();
         assert!(matches!(fault, ReadError::HeaderLine { line: 5, .. }), "{fault}");
         assert!(fault.to_string().contains("element vertex -3"), "{fault}");
     }

@@ -18,8 +18,8 @@ pub enum ScalarType {
     F64,
 }
 
-/// One property of all records of an element. A property of lists holds the values of all lists, one
-/// list after the other.
+/// One property of all records of an element. A property of lists holds the values of all lists,
+/// one list after the other.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs)] // the names are the types
 pub enum Column {
@@ -97,7 +97,8 @@ macro_rules! scalar {
         })*
 
         impl ScalarType {
-            /// The name that the writer uses; meshio knows those of int8, uint8, uint16, int32, uint32, float and double.
+            /// The name that the writer uses; meshio knows those of int8, uint8, uint16, int32,
+            /// uint32, float and double.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$variant => $text,)* }
             }
@@ -180,8 +181,20 @@ impl Column {
     }
 
     /// Appends the numbers that stand at byte `offset` of each record of `stride` bytes.
-    pub(super) fn extend_strided(&mut self, records: &[u8], stride: usize, offset: usize, big_endian: bool) {
-        fn run<T: Scalar>(out: &mut Vec<T>, records: &[u8], stride: usize, offset: usize, big_endian: bool) {
+    pub(super) fn extend_strided(
+        &mut self,
+        records: &[u8],
+        stride: usize,
+        offset: usize,
+        big_endian: bool,
+    ) {
+        fn run<T: Scalar>(
+            out: &mut Vec<T>,
+            records: &[u8],
+            stride: usize,
+            offset: usize,
+            big_endian: bool,
+        ) {
             out.extend(records.chunks_exact(stride).map(|r| T::get(&r[offset..], big_endian)));
         }
         with_column!(self, v => run(v, records, stride, offset, big_endian));
@@ -201,7 +214,13 @@ impl Column {
     }
 
     /// Writes values `first..` to byte `offset` of each record of `stride` bytes, little-endian.
-    pub(super) fn put_strided(&self, first: usize, records: &mut [u8], stride: usize, offset: usize) {
+    pub(super) fn put_strided(
+        &self,
+        first: usize,
+        records: &mut [u8],
+        stride: usize,
+        offset: usize,
+    ) {
         fn run<T: Scalar>(values: &[T], records: &mut [u8], stride: usize, offset: usize) {
             records.chunks_exact_mut(stride).zip(values).for_each(|(r, x)| x.put(&mut r[offset..]));
         }

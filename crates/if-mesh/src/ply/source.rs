@@ -22,10 +22,18 @@ pub(super) struct Source<'a, R> {
 impl<'a> Source<'a, Empty> {
     /// What is in memory is not copied.
     pub(super) fn of(bytes: &'a [u8]) -> Self {
-        Self { inner: io::empty(), buffer: Cow::Borrowed(bytes), start: 0, end: bytes.len(), offset: 0, line: 0 }
+        Self {
+            inner: io::empty(),
+            buffer: Cow::Borrowed(bytes),
+            start: 0,
+            end: bytes.len(),
+            offset: 0,
+            line: 0,
+        }
     }
 
-    /// A source of the next `n` bytes, which knows where in the whole it stands; this one steps over them. `None` where there are fewer.
+    /// A source of the next `n` bytes, which knows where in the whole it stands; this one steps
+    /// over them. `None` where there are fewer.
     pub(super) fn split_off(&mut self, n: usize) -> Option<Self> {
         let end = self.start.checked_add(n).filter(|end| *end <= self.end)?;
         let first = Self { inner: io::empty(), buffer: self.buffer.clone(), end, ..*self };

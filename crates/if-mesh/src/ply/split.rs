@@ -9,8 +9,9 @@ use if_core::mesh::TriMesh;
 
 /// The same file with its mesh split as `split` says, which is of a mesh with the same triangles.
 ///
-/// Vertex properties follow the rules of [`VertexAttributes`]; a part of a face has the face's properties, and its own share of texture
-/// coordinates that stand at the corners (`texcoord`). A polygon with a triangle that is split becomes triangles.
+/// Vertex properties follow the rules of [`VertexAttributes`]; a part of a face has the face's
+/// properties, and its own share of texture coordinates that stand at the corners (`texcoord`). A
+/// polygon with a triangle that is split becomes triangles.
 ///
 /// # Errors
 ///
@@ -30,8 +31,12 @@ pub fn split(ply: &PlyMesh, split: &Split, mesh: TriMesh) -> Result<PlyMesh, Att
     }
     assert_eq!(*faces.triangles, *split.mesh.triangles(), "a split of these triangles");
     let count = ply.polygons.as_ref().map_or(ply.mesh.triangles().len(), |p| p.len());
-    let mut face_properties = VertexAttributes::new(count, ply.face_properties.clone())?.derive(&origins).into_properties();
-    for (after, before) in face_properties.iter_mut().zip(&ply.face_properties).filter(|(_, p)| p.name == "texcoord") {
+    let mut face_properties = VertexAttributes::new(count, ply.face_properties.clone())?
+        .derive(&origins)
+        .into_properties();
+    for (after, before) in
+        face_properties.iter_mut().zip(&ply.face_properties).filter(|(_, p)| p.name == "texcoord")
+    {
         if let Some(texcoord) = at_corners(before, &records) {
             *after = texcoord;
         }
@@ -62,9 +67,11 @@ fn records(ply: &PlyMesh, split: &Split) -> Vec<Record> {
     let (mut triangle, mut next) = (0u32, 0);
     let mut add = |face: u32, corners: &[u32]| {
         let fan = (1..corners.len() - 1).map(|k| [0, k, k + 1]);
-        let fan: Vec<[usize; 3]> = fan.filter(|[a, b, c]| distinct(corners[*a], corners[*b], corners[*c])).collect();
+        let fan: Vec<[usize; 3]> =
+            fan.filter(|[a, b, c]| distinct(corners[*a], corners[*b], corners[*c])).collect();
         let end = triangle + fan.len() as u32;
-        let parts = &split.parts[next..][..split.parts[next..].iter().take_while(|p| p.parent < end).count()];
+        let parts = &split.parts[next..]
+            [..split.parts[next..].iter().take_while(|p| p.parent < end).count()];
         if parts.iter().all(|p| p.is_whole()) {
             records.push(Record { face, corners: corners.to_vec(), part: None });
         } else {
@@ -78,8 +85,12 @@ fn records(ply: &PlyMesh, split: &Split) -> Vec<Record> {
         next += parts.len();
     };
     match &ply.polygons {
-        Some(polygons) => polygons.iter().enumerate().for_each(|(f, corners)| add(f as u32, corners)),
-        None => ply.mesh.triangles().iter().enumerate().for_each(|(f, corners)| add(f as u32, corners)),
+        Some(polygons) => {
+            polygons.iter().enumerate().for_each(|(f, corners)| add(f as u32, corners))
+        }
+        None => {
+            ply.mesh.triangles().iter().enumerate().for_each(|(f, corners)| add(f as u32, corners))
+        }
     }
     records
 }
@@ -88,7 +99,8 @@ fn distinct(a: u32, b: u32, c: u32) -> bool {
     a != b && b != c && c != a
 }
 
-/// Two numbers for each corner of a face, one corner after the other; `None` where the property is something else.
+/// Two numbers for each corner of a face, one corner after the other; `None` where the property is
+/// something else.
 fn at_corners(property: &Property, records: &[Record]) -> Option<Property> {
     let values = property.values.to_f64();
     let mut lists = vec![0u32];
@@ -104,7 +116,9 @@ fn at_corners(property: &Property, records: &[Record]) -> Option<Property> {
                     return None;
                 }
                 for w in weights {
-                    out.extend([0, 1].map(|axis| (0..3).filter_map(|j| Some(w[j] * corner(fan[j], axis)?)).sum::<Real>()));
+                    out.extend([0, 1].map(|axis| {
+                        (0..3).filter_map(|j| Some(w[j] * corner(fan[j], axis)?)).sum::<Real>()
+                    }));
                 }
             }
         }
@@ -138,9 +152,12 @@ mod tests {
         assert_eq!(after.mesh.vertices().len(), 9);
         let Column::U8(parts) = &after.face_properties[0].values else { panic!("another type") };
         assert_eq!(parts, &[7, 7, 7, 8, 8, 9, 9, 9, 9]);
-        let Column::U8(red) = &after.vertex_property("red").unwrap().values else { panic!("another type") };
+        let Column::U8(red) = &after.vertex_property("red").unwrap().values else {
+            panic!("another type")
+        };
         assert_eq!(red[..6], [0, 255, 255, 0, 100, 100]);
-        // s is linear in x in this file, and so is texcoord of the last two faces, x − 1 over 2 and y over 2.
+        // s is linear in x in this file, and so is texcoord of the last two faces, x − 1 over 2 and
+        // y over 2.
         let s = after.vertex_property("s").unwrap().values.to_f64();
         assert!(s.iter().zip(after.mesh.vertices()).all(|(s, p)| (s - p.x).abs() < 1e-7));
         let texcoord = &after.face_properties[1];
@@ -149,7 +166,11 @@ mod tests {
             let [scale, shift] = if parts[t] == 7 { [1.0, 0.0] } else { [0.5, 1.0] };
             for (k, v) in tri.iter().enumerate() {
                 let p = after.mesh.vertices()[*v as usize];
-                assert_eq!([uv[2 * k], uv[2 * k + 1]], [scale * (p.x - shift), scale * p.y], "face {t}, corner {k}");
+                assert_eq!(
+                    [uv[2 * k], uv[2 * k + 1]],
+                    [scale * (p.x - shift), scale * p.y],
+                    "face {t}, corner {k}"
+                );
             }
         }
         let mut file = Vec::new();
@@ -159,14 +180,20 @@ mod tests {
 
     #[test]
     fn faces_that_are_not_split_stay_polygons() {
-        let ply =
-            crate::ply::read_bytes(SQUARES.replace("9 6", "9 4").replace("0 0 .5 .5 0 .5", "0 0 .5 .5").as_bytes()).unwrap();
+        let ply = crate::ply::read_bytes(
+            SQUARES.replace("9 6", "9 4").replace("0 0 .5 .5 0 .5", "0 0 .5 .5").as_bytes(),
+        )
+        .unwrap();
         let apart = split_mesh(&ply.mesh, &[false; 4]).unwrap();
         assert_eq!(split(&ply, &apart, apart.mesh.clone()).unwrap(), ply);
         // The triangle 0 2 3 of the square has no neighbour but the other half of it.
         let fine = split_mesh(&ply.mesh, &[false, true, false, false]).unwrap();
         let after = split(&ply, &fine, fine.mesh.clone()).unwrap();
         assert_eq!(after.polygons, None, "triangles alone");
-        assert_eq!(after.face_properties[1].values.len(), 6 * 6 + 6 + 4, "a list that is not one of corners is left as it is");
+        assert_eq!(
+            after.face_properties[1].values.len(),
+            6 * 6 + 6 + 4,
+            "a list that is not one of corners is left as it is"
+        );
     }
 }

@@ -36,7 +36,9 @@ impl Property {
     ///
     /// If `record` is out of range.
     pub fn range(&self, record: usize) -> Range<usize> {
-        self.lists.as_ref().map_or(record..record + 1, |l| l[record] as usize..l[record + 1] as usize)
+        self.lists
+            .as_ref()
+            .map_or(record..record + 1, |l| l[record] as usize..l[record + 1] as usize)
     }
 }
 
@@ -58,7 +60,8 @@ pub(super) struct Table<'a> {
     pub(super) slots: Vec<Property>,
     /// The list of vertex indices, where this is the element `face`.
     pub(super) faces: Option<Faces>,
-    /// Positions, where this is the element `vertex` and its coordinates are all of four bytes, or all of eight: their properties stay empty.
+    /// Positions, where this is the element `vertex` and its coordinates are all of four bytes, or
+    /// all of eight: their properties stay empty.
     pub(super) points: Option<Points>,
     /// Records read so far.
     pub(super) done: u64,
@@ -79,16 +82,27 @@ pub(super) struct Points {
     /// Which properties x, y and z are.
     pub(super) axes: [usize; 3],
     list: FinitePoints,
-    /// The first that is not finite. None is taken after it: it is reported when the file is understood to its end.
+    /// The first that is not finite. None is taken after it: it is reported when the file is
+    /// understood to its end.
     fault: Option<MeshError>,
 }
 
 impl Points {
-    /// Appends the positions of records of `stride` bytes, whose coordinates stand at `offsets`, as `scalar`: of four or eight bytes.
-    pub(super) fn extend(&mut self, records: &[u8], stride: usize, offsets: [usize; 3], scalar: ScalarType, big_endian: bool) {
+    /// Appends the positions of records of `stride` bytes, whose coordinates stand at `offsets`, as
+    /// `scalar`: of four or eight bytes.
+    pub(super) fn extend(
+        &mut self,
+        records: &[u8],
+        stride: usize,
+        offsets: [usize; 3],
+        scalar: ScalarType,
+        big_endian: bool,
+    ) {
         let alone = stride == 3 * scalar.size() && offsets == [0, 1, 2].map(|k| k * scalar.size());
         match scalar {
-            ScalarType::F32 if alone && !big_endian => self.alone::<4, 12>(records, |b| f32::from_le_bytes(b).into()),
+            ScalarType::F32 if alone && !big_endian => {
+                self.alone::<4, 12>(records, |b| f32::from_le_bytes(b).into())
+            }
             ScalarType::F32 => self.among::<f32>(records, stride, offsets, big_endian),
             _ if alone && !big_endian => self.alone::<8, 24>(records, f64::from_le_bytes),
             _ => self.among::<f64>(records, stride, offsets, big_endian),
@@ -96,7 +110,11 @@ impl Points {
     }
 
     /// Records of three numbers of N bytes and nothing else, R bytes in all.
-    fn alone<const N: usize, const R: usize>(&mut self, records: &[u8], number: impl Fn([u8; N]) -> f64) {
+    fn alone<const N: usize, const R: usize>(
+        &mut self,
+        records: &[u8],
+        number: impl Fn([u8; N]) -> f64,
+    ) {
         self.take(records.as_chunks::<R>().0.iter().map(|r| {
             let numbers = r.as_chunks::<N>().0;
             Point::new(number(numbers[0]), number(numbers[1]), number(numbers[2]))
@@ -104,9 +122,19 @@ impl Points {
     }
 
     /// Numbers among others.
-    fn among<T: Scalar + Into<f64>>(&mut self, records: &[u8], stride: usize, [x, y, z]: [usize; 3], big_endian: bool) {
+    fn among<T: Scalar + Into<f64>>(
+        &mut self,
+        records: &[u8],
+        stride: usize,
+        [x, y, z]: [usize; 3],
+        big_endian: bool,
+    ) {
         let get = |bytes: &[u8]| T::get(bytes, big_endian).into();
-        self.take(records.chunks_exact(stride).map(|r| Point::new(get(&r[x..]), get(&r[y..]), get(&r[z..]))));
+        self.take(
+            records
+                .chunks_exact(stride)
+                .map(|r| Point::new(get(&r[x..]), get(&r[y..]), get(&r[z..]))),
+        );
     }
 
     fn take(&mut self, points: impl Iterator<Item = Point>) {
@@ -120,7 +148,8 @@ impl Points {
 const UNSEEN: u64 = 1 << 16;
 
 impl<'a> Table<'a> {
-    /// `faces` names the property with the vertex indices, and the number of vertices; `axes` the coordinates that are to be joined to positions.
+    /// `faces` names the property with the vertex indices, and the number of vertices; `axes` the
+    /// coordinates that are to be joined to positions.
     pub(super) fn new(
         layout: &'a ElementLayout,
         faces: Option<(usize, u64)>,
@@ -128,7 +157,11 @@ impl<'a> Table<'a> {
         left: Option<u64>,
     ) -> Self {
         // With the size known, the count was checked against it.
-        let room = if left.is_some() { layout.count } else { layout.count.min(UNSEEN / layout.properties.len().max(1) as u64) };
+        let room = if left.is_some() {
+            layout.count
+        } else {
+            layout.count.min(UNSEEN / layout.properties.len().max(1) as u64)
+        };
         let slots = layout.properties.iter().enumerate().map(|(k, p)| {
             let lists = p.length.map(|_| {
                 let mut starts = Vec::with_capacity(room as usize + 1);
@@ -138,7 +171,11 @@ impl<'a> Table<'a> {
             let is_face = faces.is_some_and(|(property, _)| property == k);
             let is_axis = axes.is_some_and(|axes| axes.contains(&k));
             let room = if p.length.is_some() || is_axis { 0 } else { room as usize };
-            Property { name: p.name.clone(), values: p.scalar.column(room), lists: lists.filter(|_| !is_face) }
+            Property {
+                name: p.name.clone(),
+                values: p.scalar.column(room),
+                lists: lists.filter(|_| !is_face),
+            }
         });
         Self {
             layout,
@@ -148,12 +185,18 @@ impl<'a> Table<'a> {
                 vertices,
                 // A triangle takes 4 bytes at least (its length and three indices), 8 as text.
                 list: FaceList {
-                    triangles: Triangles::with_capacity(room.min(left.unwrap_or(u64::MAX) / 4) as usize),
+                    triangles: Triangles::with_capacity(
+                        room.min(left.unwrap_or(u64::MAX) / 4) as usize
+                    ),
                     ..FaceList::default()
                 },
                 scratch: Vec::new(),
             }),
-            points: axes.map(|axes| Points { axes, list: FinitePoints::with_capacity(room as usize), fault: None }),
+            points: axes.map(|axes| Points {
+                axes,
+                list: FinitePoints::with_capacity(room as usize),
+                fault: None,
+            }),
             done: 0,
         }
     }
@@ -161,22 +204,36 @@ impl<'a> Table<'a> {
     /// Closes the list of this record in property `k`, whose values were appended.
     pub(super) fn end_list(&mut self, k: usize) -> Result<(), ReadError> {
         let slot = &mut self.slots[k];
-        let end = u32::try_from(slot.values.len()).map_err(|_| ReadError::TooLarge { element: self.layout.name.clone() })?;
+        let end = u32::try_from(slot.values.len())
+            .map_err(|_| ReadError::TooLarge { element: self.layout.name.clone() })?;
         slot.lists.as_mut().expect("only lists are closed").push(end);
         Ok(())
     }
 
     pub(super) fn truncated(&self, at: At) -> ReadError {
-        ReadError::Truncated { at, element: self.layout.name.clone(), record: self.done, count: self.layout.count }
+        ReadError::Truncated {
+            at,
+            element: self.layout.name.clone(),
+            record: self.done,
+            count: self.layout.count,
+        }
     }
 
     pub(super) fn negative_length(&self, at: At, k: usize, length: i64) -> ReadError {
         let property = self.layout.properties[k].name.clone();
-        ReadError::ListLength { at, element: self.layout.name.clone(), record: self.done, property, length }
+        ReadError::ListLength {
+            at,
+            element: self.layout.name.clone(),
+            record: self.done,
+            property,
+            length,
+        }
     }
 
     /// The properties without the vertex indices, the faces, and the positions.
-    pub(super) fn finish(self) -> (Vec<Property>, Option<FaceList>, Option<Result<FinitePoints, MeshError>>) {
+    pub(super) fn finish(
+        self,
+    ) -> (Vec<Property>, Option<FaceList>, Option<Result<FinitePoints, MeshError>>) {
         let mut slots = self.slots;
         let list = self.faces.map(|f| {
             slots.remove(f.property);
@@ -188,12 +245,22 @@ impl<'a> Table<'a> {
 
 impl Faces {
     /// Appends a face.
-    pub(super) fn push(&mut self, indices: impl Iterator<Item = i64>, at: At) -> Result<(), ReadError> {
+    pub(super) fn push(
+        &mut self,
+        indices: impl Iterator<Item = i64>,
+        at: At,
+    ) -> Result<(), ReadError> {
         let face = self.list.len() as u64;
         self.scratch.clear();
         for (corner, index) in indices.enumerate() {
             if index < 0 || index as u64 >= self.vertices {
-                return Err(ReadError::Index { at, face, corner: corner as u64, index, vertices: self.vertices });
+                return Err(ReadError::Index {
+                    at,
+                    face,
+                    corner: corner as u64,
+                    index,
+                    vertices: self.vertices,
+                });
             }
             self.scratch.push(index as u32);
         }

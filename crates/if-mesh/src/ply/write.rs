@@ -24,8 +24,9 @@ pub enum CoordinateType {
 /// What is written beside vertices and triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Keep {
-    /// Every property and element, with its type; only numbers of vertices in `int16`, which meshio cannot read,
-    /// become `int32`. meshio reads the file unless it has lists beside the faces, properties of faces, or other elements.
+    /// Every property and element, with its type; only numbers of vertices in `int16`, which meshio
+    /// cannot read, become `int32`. meshio reads the file unless it has lists beside the faces,
+    /// properties of faces, or other elements.
     #[default]
     All,
     /// What other programs read too: one number for each vertex and property, 64-bit integers as
@@ -50,7 +51,9 @@ pub struct WriteParams {
 /// A coordinate beyond the range of `float` becomes infinite; [`write()`] refuses it.
 pub fn quantise(positions: &[Point], coordinates: CoordinateType) -> Vec<Point> {
     match coordinates {
-        CoordinateType::Float => positions.iter().map(|p| p.map(|x| Real::from(x as f32))).collect(),
+        CoordinateType::Float => {
+            positions.iter().map(|p| p.map(|x| Real::from(x as f32))).collect()
+        }
         CoordinateType::Double => positions.to_vec(),
     }
 }
@@ -62,15 +65,22 @@ pub fn quantise(positions: &[Point], coordinates: CoordinateType) -> Vec<Point> 
 ///
 /// # Errors
 ///
-/// Positions that do not fit, are not finite, or are too large for `float`; properties whose lengths or
-/// names do not fit; and what `writer` returns.
-pub fn write(ply: &PlyMesh, positions: &[Point], params: &WriteParams, mut writer: impl Write) -> Result<(), WriteError> {
+/// Positions that do not fit, are not finite, or are too large for `float`; properties whose
+/// lengths or names do not fit; and what `writer` returns.
+pub fn write(
+    ply: &PlyMesh,
+    positions: &[Point],
+    params: &WriteParams,
+    mut writer: impl Write,
+) -> Result<(), WriteError> {
     check_positions(&ply.mesh, positions, params.coordinates)?;
     let polygons = ply.polygons.as_ref();
     if let Some(p) = polygons {
-        let (polygon_triangles, triangles) = (p.iter().map(|f| f.len() - 2).sum(), ply.mesh.triangles().len());
+        let (polygon_triangles, triangles) =
+            (p.iter().map(|f| f.len() - 2).sum(), ply.mesh.triangles().len());
         let fewer = polygon_triangles > triangles && !ply.collapsed.is_empty();
-        let unlike = (polygon_triangles != triangles && !fewer) || p.iter().flatten().any(|&v| v as usize >= positions.len());
+        let unlike = (polygon_triangles != triangles && !fewer)
+            || p.iter().flatten().any(|&v| v as usize >= positions.len());
         if unlike || !p.fans().eq(ply.mesh.triangles().iter().copied()) {
             return Err(WriteError::Polygons { polygon_triangles, triangles });
         }
@@ -81,10 +91,19 @@ pub fn write(ply: &PlyMesh, positions: &[Point], params: &WriteParams, mut write
     let all = params.keep == Keep::All;
     // Positions alone go straight to the file.
     let alone = ply.vertex_properties.iter().all(|p| !is_kept(p, params.keep));
-    let vertex = (!alone).then(|| Rows::new("vertex", positions.len(), vertex_properties(ply, positions, params)));
+    let vertex = (!alone)
+        .then(|| Rows::new("vertex", positions.len(), vertex_properties(ply, positions, params)));
     let face_count = polygons.map_or(ply.mesh.triangles().len(), |p| p.len());
-    let face = Rows::new("face", face_count, if all { borrowed(&ply.face_properties) } else { Vec::new() });
-    let others = ply.other_elements.iter().filter(|_| all).map(|e| Rows::new(&e.name, e.count, borrowed(&e.properties)));
+    let face = Rows::new(
+        "face",
+        face_count,
+        if all { borrowed(&ply.face_properties) } else { Vec::new() },
+    );
+    let others = ply
+        .other_elements
+        .iter()
+        .filter(|_| all)
+        .map(|e| Rows::new(&e.name, e.count, borrowed(&e.properties)));
     let others: Vec<Rows<'_>> = others.collect();
 
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
@@ -96,9 +115,15 @@ pub fn write(ply: &PlyMesh, positions: &[Point], params: &WriteParams, mut write
     match &vertex {
         Some(vertex) => vertex.declare(&mut header, None)?,
         None => {
-            let number = if params.coordinates == CoordinateType::Float { ScalarType::F32 } else { ScalarType::F64 };
-            header +=
-                &format!("element vertex {}\nproperty {number} x\nproperty {number} y\nproperty {number} z\n", positions.len());
+            let number = if params.coordinates == CoordinateType::Float {
+                ScalarType::F32
+            } else {
+                ScalarType::F64
+            };
+            header += &format!(
+                "element vertex {}\nproperty {number} x\nproperty {number} y\nproperty {number} z\n",
+                positions.len()
+            );
         }
     }
     face.declare(&mut header, Some(format!("property list {length} {index} vertex_indices\n")))?;
@@ -114,8 +139,12 @@ pub fn write(ply: &PlyMesh, positions: &[Point], params: &WriteParams, mut write
     writer.write_all(header.as_bytes())?;
     match (vertex, params.coordinates) {
         (Some(vertex), _) => vertex.write(&mut writer)?,
-        (None, CoordinateType::Float) => places::<4, 12>(positions, |x| (x as f32).to_le_bytes(), &mut writer)?,
-        (None, CoordinateType::Double) => places::<8, 24>(positions, Real::to_le_bytes, &mut writer)?,
+        (None, CoordinateType::Float) => {
+            places::<4, 12>(positions, |x| (x as f32).to_le_bytes(), &mut writer)?
+        }
+        (None, CoordinateType::Double) => {
+            places::<8, 24>(positions, Real::to_le_bytes, &mut writer)?
+        }
     }
     match polygons {
         None if face.properties.is_empty() => triangles(ply.mesh.triangles(), &mut writer)?,
@@ -152,13 +181,19 @@ fn places<const N: usize, const R: usize>(
     Ok(())
 }
 
-fn check_positions(mesh: &TriMesh, positions: &[Point], coordinates: CoordinateType) -> Result<(), WriteError> {
+fn check_positions(
+    mesh: &TriMesh,
+    positions: &[Point],
+    coordinates: CoordinateType,
+) -> Result<(), WriteError> {
     let expected = mesh.vertices().len();
     if positions.len() != expected {
         return Err(MeshError::VertexCount { expected, got: positions.len() }.into());
     }
-    let largest = if coordinates == CoordinateType::Float { Real::from(f32::MAX) } else { Real::MAX };
-    let is_good = |p: &Point| (p.x.abs() <= largest) & (p.y.abs() <= largest) & (p.z.abs() <= largest);
+    let largest =
+        if coordinates == CoordinateType::Float { Real::from(f32::MAX) } else { Real::MAX };
+    let is_good =
+        |p: &Point| (p.x.abs() <= largest) & (p.y.abs() <= largest) & (p.z.abs() <= largest);
     if positions.iter().fold(true, |good, p| good & is_good(p)) {
         return Ok(());
     }
@@ -177,12 +212,18 @@ fn check_positions(mesh: &TriMesh, positions: &[Point], coordinates: CoordinateT
 }
 
 /// The properties of the vertices, coordinates first.
-fn vertex_properties<'a>(ply: &'a PlyMesh, positions: &[Point], params: &WriteParams) -> Vec<Cow<'a, Property>> {
+fn vertex_properties<'a>(
+    ply: &'a PlyMesh,
+    positions: &[Point],
+    params: &WriteParams,
+) -> Vec<Cow<'a, Property>> {
     let coordinate = |axis: usize| match params.coordinates {
         CoordinateType::Float => Column::F32(positions.iter().map(|p| p[axis] as f32).collect()),
         CoordinateType::Double => Column::F64(positions.iter().map(|p| p[axis]).collect()),
     };
-    let mut properties: Vec<_> = (0..3).map(|axis| Cow::Owned(Property::new(["x", "y", "z"][axis], coordinate(axis)))).collect();
+    let mut properties: Vec<_> = (0..3)
+        .map(|axis| Cow::Owned(Property::new(["x", "y", "z"][axis], coordinate(axis))))
+        .collect();
     let kept = ply.vertex_properties.iter().filter(|p| is_kept(p, params.keep));
     properties.extend(kept.map(|p| readable(p, params.keep)));
     if params.normals == Normals::Follow {
@@ -200,8 +241,12 @@ fn readable(p: &Property, keep: Keep) -> Cow<'_, Property> {
     let values = match &p.values {
         _ if p.lists.is_some() => return Cow::Borrowed(p),
         Column::I16(v) => Column::I32(v.iter().map(|&x| x.into()).collect()),
-        Column::I64(v) if keep == Keep::Portable => Column::F64(v.iter().map(|&x| x as f64).collect()),
-        Column::U64(v) if keep == Keep::Portable => Column::F64(v.iter().map(|&x| x as f64).collect()),
+        Column::I64(v) if keep == Keep::Portable => {
+            Column::F64(v.iter().map(|&x| x as f64).collect())
+        }
+        Column::U64(v) if keep == Keep::Portable => {
+            Column::F64(v.iter().map(|&x| x as f64).collect())
+        }
         _ => return Cow::Borrowed(p),
     };
     Cow::Owned(Property::new(p.name.clone(), values))
@@ -209,12 +254,15 @@ fn readable(p: &Property, keep: Keep) -> Cow<'_, Property> {
 
 /// Turns nx, ny and nz with the surface.
 fn follow(properties: &mut [Cow<'_, Property>], mesh: &TriMesh, positions: &[Point]) {
-    let place = ["nx", "ny", "nz"].map(|n| properties.iter().position(|p| p.name == n && p.values.len() == positions.len()));
+    let place = ["nx", "ny", "nz"]
+        .map(|n| properties.iter().position(|p| p.name == n && p.values.len() == positions.len()));
     let [Some(x), Some(y), Some(z)] = place else { return };
     let Some(turns) = Turns::new(mesh, positions) else { return };
     let old = [x, y, z].map(|k| properties[k].values.to_f64());
     for v in 0..positions.len() {
-        let Some(n) = turns.turned(v, &Vector::new(old[0][v], old[1][v], old[2][v])) else { continue };
+        let Some(n) = turns.turned(v, &Vector::new(old[0][v], old[1][v], old[2][v])) else {
+            continue;
+        };
         for (axis, k) in [x, y, z].into_iter().enumerate() {
             match &mut properties[k].to_mut().values {
                 Column::F32(c) => c[v] = n[axis] as f32,
@@ -240,14 +288,16 @@ struct Rows<'a> {
 impl<'a> Rows<'a> {
     fn new(name: &'a str, count: usize, properties: Vec<Cow<'a, Property>>) -> Self {
         let length = |p: &Cow<'_, Property>| {
-            let longest = p.lists.as_ref()?.windows(2).map(|w| w[1].saturating_sub(w[0])).max().unwrap_or(0);
+            let longest =
+                p.lists.as_ref()?.windows(2).map(|w| w[1].saturating_sub(w[0])).max().unwrap_or(0);
             Some(if longest > u32::from(u8::MAX) { ScalarType::U32 } else { ScalarType::U8 })
         };
         let lengths = properties.iter().map(length).collect();
         Self { name, count, properties, lengths }
     }
 
-    /// Checks the element and appends its lines to the header; `first` is a line for a first property.
+    /// Checks the element and appends its lines to the header; `first` is a line for a first
+    /// property.
     fn declare(&self, header: &mut String, first: Option<String>) -> Result<(), WriteError> {
         let mut names: BTreeSet<&str> = first.iter().map(|_| "vertex_indices").collect();
         *header += &format!("element {} {}\n", checked(self.name)?, self.count);
@@ -257,11 +307,18 @@ impl<'a> Rows<'a> {
                 return Err(WriteError::Name { name: p.name.clone() });
             }
             let in_order = p.lists.as_ref().is_none_or(|l| {
-                l.is_sorted() && l.first() == Some(&0) && l.last().is_some_and(|&n| n as usize == p.values.len())
+                l.is_sorted()
+                    && l.first() == Some(&0)
+                    && l.last().is_some_and(|&n| n as usize == p.values.len())
             });
             if p.records() != self.count || !in_order {
                 let (element, property) = (self.name.to_owned(), p.name.clone());
-                return Err(WriteError::PropertyLength { element, property, expected: self.count, found: p.records() });
+                return Err(WriteError::PropertyLength {
+                    element,
+                    property,
+                    expected: self.count,
+                    found: p.records(),
+                });
             }
             let list = length.map_or(String::new(), |t| format!("list {t} "));
             *header += &format!("property {list}{} {}\n", p.values.scalar_type(), p.name);

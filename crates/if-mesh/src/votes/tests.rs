@@ -21,12 +21,14 @@ fn camera(turn: Real) -> Camera {
     Camera::looking_at((96, 96), &eye, &Point::new(0.0, 0.5, 0.0), &Vector::y(), 0.42).unwrap()
 }
 
-/// What the label image must be: each ray meets the round cylinder by formula, none of its triangles.
+/// What the label image must be: each ray meets the round cylinder by formula, none of its
+/// triangles.
 fn labels(camera: &Camera) -> Vec<u8> {
     let one = |at: usize| {
         let pixel = nalgebra::Point2::new((at % 96) as Real + 0.5, (at / 96) as Real + 0.5);
         let (o, d) = camera.ray(&pixel);
-        let (a, b, c) = (d.x * d.x + d.z * d.z, o.x * d.x + o.z * d.z, o.x * o.x + o.z * o.z - 0.04);
+        let (a, b, c) =
+            (d.x * d.x + d.z * d.z, o.x * d.x + o.z * d.z, o.x * o.x + o.z * o.z - 0.04);
         let (top, disc) = ((1.0 - o.y) / d.y, b * b - a * c);
         let side = if disc > 0.0 { (-b - disc.sqrt()) / a } else { Real::INFINITY };
         let y = o.y + side * d.y;
@@ -45,8 +47,12 @@ fn labels(camera: &Camera) -> Vec<u8> {
 /// Votes of `frames` frames of a full turn with labels replaced at random with this probability.
 fn turned(mesh: &TriMesh, frames: usize, noise: Real) -> (LabelVotes, VoteReport) {
     let mut rng = Pcg64Mcg::seed_from_u64(3);
-    let mut voter =
-        Voter::new(mesh, LABELS, &VoteParams { margin: if noise > 0.0 { 0 } else { 2 }, ..Default::default() }).unwrap();
+    let mut voter = Voter::new(
+        mesh,
+        LABELS,
+        &VoteParams { margin: if noise > 0.0 { 0 } else { 2 }, ..Default::default() },
+    )
+    .unwrap();
     for k in 0..frames {
         let camera = camera(k as Real / frames as Real);
         let mut image = labels(&camera);
@@ -88,7 +94,10 @@ fn a_cylinder_gets_its_line_back_and_its_bottom_stays_undecided_until_it_is_smoo
     let winners = scores.winners();
     let (false_labels, undecided) = wrong(&mesh, |v| winners[v]);
     assert!(false_labels <= 48 && undecided == 0, "{false_labels} {undecided}");
-    assert!(votes.log_odds(bottom, 1, 0.9) == 0.0 && votes.log_odds(0, 1, 0.9) == -votes.log_odds(0, 2, 0.9));
+    assert!(
+        votes.log_odds(bottom, 1, 0.9) == 0.0
+            && votes.log_odds(0, 1, 0.9) == -votes.log_odds(0, 2, 0.9)
+    );
 }
 
 #[test]
@@ -98,10 +107,15 @@ fn labels_that_are_wrong_in_every_third_pixel_are_put_right_by_many_frames() {
     let few = wrong(&mesh, |v| two.winner(v)).0;
     let (votes, _) = turned(&mesh, 24, 0.5);
     let before = wrong(&mesh, |v| votes.winner(v));
-    let scores = smooth_labels(&mesh, &votes, &SmoothLabelParams { length: 0.06, ..Default::default() }).unwrap();
+    let scores =
+        smooth_labels(&mesh, &votes, &SmoothLabelParams { length: 0.06, ..Default::default() })
+            .unwrap();
     let winners = scores.winners();
     let after = wrong(&mesh, |v| winners[v]);
-    assert!(few > 100 && before.0 < few && after.0 <= before.0 && after.0 <= 60 && after.1 == 0, "{few} {before:?} {after:?}");
+    assert!(
+        few > 100 && before.0 < few && after.0 <= before.0 && after.0 <= 60 && after.1 == 0,
+        "{few} {before:?} {after:?}"
+    );
 }
 
 #[test]
@@ -109,16 +123,23 @@ fn frames_that_add_nothing_are_left_out_and_counted() {
     let mesh = cylinder();
     let front = camera(0.0);
     let image = labels(&front);
-    // What is seen at a slant, and what is near edges, never has enough; all the rest has after some frames.
+    // What is seen at a slant, and what is near edges, never has enough; all the rest has after
+    // some frames.
     let params = VoteParams { enough: 2.0, least_gain: 0.5, ..Default::default() };
     let mut eager = Voter::new(&mesh, LABELS, &params).unwrap();
-    let looks: Vec<Look> = (0..12).map(|_| eager.add(mesh.vertices(), &front, &image).unwrap()).collect();
-    let first = looks.iter().position(|l| *l == Look::Covered).expect("half has enough at some time");
+    let looks: Vec<Look> =
+        (0..12).map(|_| eager.add(mesh.vertices(), &front, &image).unwrap()).collect();
+    let first =
+        looks.iter().position(|l| *l == Look::Covered).expect("half has enough at some time");
     assert!(first >= 2 && looks[first..].iter().all(|l| *l == Look::Covered), "{first}");
     assert_eq!(eager.report().covered, 12 - first);
-    let away: Vec<Point> = mesh.vertices().iter().map(|p| p + Vector::new(50.0, 0.0, 0.0)).collect();
+    let away: Vec<Point> =
+        mesh.vertices().iter().map(|p| p + Vector::new(50.0, 0.0, 0.0)).collect();
     assert_eq!(eager.add(&away, &front, &image).unwrap(), Look::Empty);
-    assert_eq!(eager.add(mesh.vertices(), &camera(0.5), &labels(&camera(0.5))).unwrap(), Look::Gains);
+    assert_eq!(
+        eager.add(mesh.vertices(), &camera(0.5), &labels(&camera(0.5))).unwrap(),
+        Look::Gains
+    );
     assert_eq!((eager.report().empty, eager.report().cast), (1, first + 1));
 }
 
@@ -152,15 +173,24 @@ fn faults_are_named_and_cast_no_vote() {
     let image = labels(&front);
     let got = voter.add(&mesh.vertices()[1..], &front, &image);
     assert!(matches!(got, Err(VoteError::Positions { .. })));
-    assert!(matches!(voter.add(mesh.vertices(), &front, &image[1..]), Err(VoteError::Pixels { .. })));
+    assert!(matches!(
+        voter.add(mesh.vertices(), &front, &image[1..]),
+        Err(VoteError::Pixels { .. })
+    ));
     let mut bad = image.clone();
     bad[3 * 96 + 5] = 3;
     let error = voter.add(mesh.vertices(), &front, &bad).unwrap_err();
     assert_eq!(error, VoteError::Label { column: 5, row: 3, label: 3, labels: 3 });
     assert_eq!(voter.report().cast, 0);
     assert!(voter.finish().0.weights.iter().all(|w| *w == 0.0));
-    for params in [VoteParams { step: 0.0, ..Default::default() }, VoteParams { least_gain: Real::NAN, ..Default::default() }] {
+    for params in [
+        VoteParams { step: 0.0, ..Default::default() },
+        VoteParams { least_gain: Real::NAN, ..Default::default() },
+    ] {
         assert!(matches!(Voter::new(&mesh, LABELS, &params), Err(VoteError::Param { .. })));
     }
-    assert!(matches!(Voter::new(&mesh, 1, &VoteParams::default()), Err(VoteError::Param { name: "labels", .. })));
+    assert!(matches!(
+        Voter::new(&mesh, 1, &VoteParams::default()),
+        Err(VoteError::Param { name: "labels", .. })
+    ));
 }

@@ -1,4 +1,5 @@
-//! The fields on which extraction is measured, with what is known of them. Shared by tests and examples.
+//! The fields on which extraction is measured, with what is known of them. Shared by tests and
+//! examples.
 #![allow(dead_code)] // each user takes what it needs
 
 use if_core::aabb::Aabb;
@@ -15,7 +16,8 @@ pub(crate) const BOX: Real = 2.4;
 pub(crate) struct Case {
     pub(crate) name: String,
     pub(crate) field: Box<dyn SignedDistance>,
-    /// Features are thicker than two cells, and the surface has no creases: triangles come out well-shaped.
+    /// Features are thicker than two cells, and the surface has no creases: triangles come out
+    /// well-shaped.
     pub(crate) resolved: bool,
     /// Where the lattice lies.
     pub(crate) phase: [Real; 3],
@@ -135,14 +137,29 @@ pub(crate) fn cases(cells: u32) -> Vec<Case> {
         case("sphere, slope 2", Box::new(ScaledGradient { field: sphere(), factor: 2.0 }), true),
         case("gyroid, slope 0.5", Box::new(ScaledGradient { field: gyroid, factor: 0.5 }), true),
         case("gyroid, slope 2", Box::new(ScaledGradient { field: gyroid, factor: 2.0 }), true),
-        Case { noise: 1e-6, ..case("sphere, noise 1e-6", Box::new(Noisy { field: sphere(), amplitude: 1e-6 }), true) },
+        Case {
+            noise: 1e-6,
+            ..case("sphere, noise 1e-6", Box::new(Noisy { field: sphere(), amplitude: 1e-6 }), true)
+        },
         // Nodes lie on the surface: at the poles, and on all of the cuboid's sides.
-        case("zeros, sphere", Box::new(Sphere { center: Point::origin(), radius: 0.25 * BOX }), true),
-        case("zeros, cuboid", Box::new(Cuboid { center: Point::origin(), half: Vector::repeat(0.25 * BOX) }), false),
+        case(
+            "zeros, sphere",
+            Box::new(Sphere { center: Point::origin(), radius: 0.25 * BOX }),
+            true,
+        ),
+        case(
+            "zeros, cuboid",
+            Box::new(Cuboid { center: Point::origin(), half: Vector::repeat(0.25 * BOX) }),
+            false,
+        ),
         case("zeros, plane", Box::new(Plane { point: Point::origin(), normal: Vector::y() }), true),
         case("empty", Box::new(Constant(1.0)), true),
         case("full", Box::new(Constant(-1.0)), true),
-        case("through the box", Box::new(Sphere { center: Point::new(0.9, 0.1, 0.2), radius: 0.9 }), true),
+        case(
+            "through the box",
+            Box::new(Sphere { center: Point::new(0.9, 0.1, 0.2), radius: 0.9 }),
+            true,
+        ),
         Case { phase: [0.31, 0.55, 0.77], ..case("sphere, phase", Box::new(sphere()), true) },
     ];
     for times in [0.5, 1.0, 2.0, 4.0] {
@@ -151,24 +168,33 @@ pub(crate) fn cases(cells: u32) -> Vec<Case> {
     all
 }
 
-/// What is wrong with a mesh as a manifold: edges of three or more triangles, vertices of two or more fans, and border
-/// edges of which no end lies in the border of `region`.
+/// What is wrong with a mesh as a manifold: edges of three or more triangles, vertices of two or
+/// more fans, and border edges of which no end lies in the border of `region`.
 pub(crate) fn flaws(mesh: &TriMesh, region: &Aabb, cell: Real) -> [usize; 3] {
     let edges = Edges::new(mesh);
     let fins = edges.valence.iter().filter(|v| **v > 2).count();
-    let at_border = |p: &Point| (0..3).any(|k| (p[k] - region.min[k]).min(region.max[k] - p[k]) < cell);
+    let at_border =
+        |p: &Point| (0..3).any(|k| (p[k] - region.min[k]).min(region.max[k] - p[k]) < cell);
     let holes = (0..edges.len())
-        .filter(|e| edges.valence[*e] == 1 && !edges.vertices[*e].iter().any(|v| at_border(&mesh.vertices()[*v as usize])))
+        .filter(|e| {
+            edges.valence[*e] == 1
+                && !edges.vertices[*e].iter().any(|v| at_border(&mesh.vertices()[*v as usize]))
+        })
         .count();
     let fans = VertexTriangles::new(mesh);
-    let bow_ties = (0..mesh.vertices().len()).filter(|v| fans_at(mesh, &edges, fans.of(*v), *v as u32) > 1).count();
+    let bow_ties = (0..mesh.vertices().len())
+        .filter(|v| fans_at(mesh, &edges, fans.of(*v), *v as u32) > 1)
+        .count();
     [fins, bow_ties, holes]
 }
 
 /// How many groups of triangles that share edges meet in a vertex.
 fn fans_at(mesh: &TriMesh, edges: &Edges, triangles: &[u32], v: u32) -> usize {
-    let edge_of =
-        |t: u32| (0..3).map(move |k| edges.of_triangle[t as usize][k]).filter(|e| edges.vertices[*e as usize].contains(&v));
+    let edge_of = |t: u32| {
+        (0..3)
+            .map(move |k| edges.of_triangle[t as usize][k])
+            .filter(|e| edges.vertices[*e as usize].contains(&v))
+    };
     let mut left: Vec<u32> = triangles.to_vec();
     let mut fans = 0;
     while let Some(first) = left.pop() {

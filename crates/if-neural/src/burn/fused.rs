@@ -77,8 +77,15 @@ impl FusedSdf {
         };
         let mut samples = vec![Sample32::default(); points.len()];
         network.samples32(points, &mut samples);
-        let rows = samples.iter().flat_map(|s| [s.value, s.gradient[0], s.gradient[1], s.gradient[2]]).collect();
-        let saved = Saved { network: Some(network), points: points.to_vec(), spare: Arc::clone(&self.spare) };
+        let rows = samples
+            .iter()
+            .flat_map(|s| [s.value, s.gradient[0], s.gradient[1], s.gradient[2]])
+            .collect();
+        let saved = Saved {
+            network: Some(network),
+            points: points.to_vec(),
+            spare: Arc::clone(&self.spare),
+        };
         let output = primitive::<B, 2>(rows, [points.len(), 4], &device);
         let theta = theta.into_primitive().tensor();
         let operation = Samples.prepare::<C>([theta.node.clone()]).compute_bound().stateful();
@@ -97,7 +104,12 @@ struct Samples;
 impl<B: Backend> Backward<B, 1> for Samples {
     type State = Arc<Saved>;
 
-    fn backward(self, ops: Ops<Self::State, 1>, gradients: &mut Gradients, _checkpointer: &mut Checkpointer) {
+    fn backward(
+        self,
+        ops: Ops<Self::State, 1>,
+        gradients: &mut Gradients,
+        _checkpointer: &mut Checkpointer,
+    ) {
         let by_output = gradients.consume::<B>(&ops.node);
         let [Some(parent)] = &ops.parents else { return };
         let by_output = Tensor::<B, 2>::from_primitive(TensorPrimitive::Float(by_output));
@@ -115,7 +127,11 @@ impl<B: Backend> Backward<B, 1> for Samples {
     }
 }
 
-fn primitive<B: Backend, const D: usize>(values: Vec<f32>, shape: [usize; D], device: &B::Device) -> B::FloatTensorPrimitive {
+fn primitive<B: Backend, const D: usize>(
+    values: Vec<f32>,
+    shape: [usize; D],
+    device: &B::Device,
+) -> B::FloatTensorPrimitive {
     Tensor::<B, D>::from_data(TensorData::new(values, shape), device).into_primitive().tensor()
 }
 
@@ -131,7 +147,8 @@ mod tests {
     type Plain = Autodiff<NdArray>;
 
     fn configs() -> [SdfConfig; 2] {
-        let base = SdfConfig { width: 64, layers: 4, skip: Some(2), features: 3, ..SdfConfig::fast() };
+        let base =
+            SdfConfig { width: 64, layers: 4, skip: Some(2), features: 3, ..SdfConfig::fast() };
         [base.clone(), SdfConfig { weight_norm: false, skip: None, beta: 20.0, ..base }]
     }
 
@@ -159,7 +176,11 @@ mod tests {
         value.powi_scalar(2).sum() + length.sub_scalar(1.0).powi_scalar(2).sum()
     }
 
-    fn fused_loss(fused: &FusedSdf, module: &SdfModule<Plain>, at: &[[f32; 3]]) -> Tensor<Plain, 1> {
+    fn fused_loss(
+        fused: &FusedSdf,
+        module: &SdfModule<Plain>,
+        at: &[[f32; 3]],
+    ) -> Tensor<Plain, 1> {
         let out = fused.samples(module.theta(), at).expect("finite parameters");
         loss(out.clone().narrow(1, 0, 1), out.narrow(1, 1, 3))
     }
@@ -265,7 +286,10 @@ mod tests {
         let fused = FusedSdf::new(config);
         let count = config.layout().expect("a valid shape").parameters;
         let theta = |value: f32, count: usize| {
-            Tensor::<Plain, 1>::from_data(TensorData::new(vec![value; count], [count]), &Default::default())
+            Tensor::<Plain, 1>::from_data(
+                TensorData::new(vec![value; count], [count]),
+                &Default::default(),
+            )
         };
         let error = fused.samples(theta(f32::NAN, count), &[[0.0; 3]]).expect_err("no number");
         assert!(matches!(error, ConfigError::NotFinite { index: 0, .. }));

@@ -43,7 +43,11 @@ impl<B: Backend> SdfModule<B> {
                 })
                 .collect(),
             biases: layers.iter().map(|at| vector(&theta[at.bias.clone()])).collect(),
-            gains: layers.iter().filter_map(|at| at.gain.clone()).map(|gain| vector(&theta[gain])).collect(),
+            gains: layers
+                .iter()
+                .filter_map(|at| at.gain.clone())
+                .map(|gain| vector(&theta[gain]))
+                .collect(),
             config: Ignored(network.config().clone()),
         }
     }
@@ -93,7 +97,8 @@ impl<B: Backend> SdfModule<B> {
             if config.skip == Some(l) {
                 a = Tensor::cat(vec![a, encoded.clone()], 1).div_scalar(std::f32::consts::SQRT_2);
             }
-            let z = a.matmul(weights[l].clone().transpose()) + self.biases[l].val().unsqueeze_dim(0);
+            let z =
+                a.matmul(weights[l].clone().transpose()) + self.biases[l].val().unsqueeze_dim(0);
             let (value, slope) = softplus(z, config.beta);
             a = value;
             slopes.push(slope);

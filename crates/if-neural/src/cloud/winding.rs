@@ -4,8 +4,8 @@ use super::{Node, OrientedPoints};
 use if_core::math::{Point, Real, Vector};
 use rayon::prelude::*;
 
-/// A node farther away than this many radii counts as one dipole. With 3 the number is off by at most 0.05 on the torus of
-/// the tests, which decides no side; with 2 by 0.06 and more.
+/// A node farther away than this many radii counts as one dipole. With 3 the number is off by at
+/// most 0.05 on the torus of the tests, which decides no side; with 2 by 0.06 and more.
 const FAR: Real = 3.0;
 
 /// A node as a dipole.
@@ -23,14 +23,20 @@ pub(super) fn areas(cloud: &OrientedPoints) -> Vec<Real> {
         let mut found = [(0.0, 0); super::NEIGHBOURS];
         cloud.neighbours(p, &mut found);
         // Of points spread at random the k-th neighbour's disc has k times the area, on average.
-        let (sum, count) = found.iter().enumerate().fold((0.0, 0), |(s, n), (k, f)| (s + f.0, n + k));
+        let (sum, count) =
+            found.iter().enumerate().fold((0.0, 0), |(s, n), (k, f)| (s + f.0, n + k));
         std::f64::consts::PI * sum / count as Real
     };
     cloud.points.par_iter().map(one).collect()
 }
 
 /// A dipole for each node.
-pub(super) fn dipoles(nodes: &[Node], points: &[Point], normals: &[Vector], areas: &[Real]) -> Vec<Dipole> {
+pub(super) fn dipoles(
+    nodes: &[Node],
+    points: &[Point],
+    normals: &[Vector],
+    areas: &[Real],
+) -> Vec<Dipole> {
     let one = |node: &Node| {
         let range = node.from as usize..node.to as usize;
         let (mut sum, mut center, mut moment) = (0.0, Vector::zeros(), Vector::zeros());
@@ -89,15 +95,20 @@ mod tests {
     fn it_is_one_inside_zero_outside_and_a_hole_does_not_change_the_side() {
         let mesh = meshes::icosphere(0.5, 5);
         for open in [false, true] {
-            let points: Vec<Point> = mesh.vertices().iter().copied().filter(|p| !open || p.y > -0.4).collect();
-            let cloud = OrientedPoints::new(points.clone(), points.iter().map(|p| p.coords).collect()).unwrap();
-            let (inside, below, beside) = (Point::origin(), Point::new(0.0, -0.9, 0.0), Point::new(0.7, 0.0, 0.1));
+            let points: Vec<Point> =
+                mesh.vertices().iter().copied().filter(|p| !open || p.y > -0.4).collect();
+            let cloud =
+                OrientedPoints::new(points.clone(), points.iter().map(|p| p.coords).collect())
+                    .unwrap();
+            let (inside, below, beside) =
+                (Point::origin(), Point::new(0.0, -0.9, 0.0), Point::new(0.7, 0.0, 0.1));
             // On a regular mesh the areas come out a tenth too large.
             let slack = if open { 0.25 } else { 0.15 };
             approx::assert_abs_diff_eq!(cloud.winding_number(&inside), 1.0, epsilon = slack);
             approx::assert_abs_diff_eq!(cloud.winding_number(&below), 0.0, epsilon = slack);
             approx::assert_abs_diff_eq!(cloud.winding_number(&beside), 0.0, epsilon = slack);
-            // Below the hole the nearest points face sideways and down: the side comes from all of them.
+            // Below the hole the nearest points face sideways and down: the side comes from all of
+            // them.
             assert!(cloud.estimate(&Point::new(0.05, -0.8, 0.0), 0.02).distance > 0.1);
             assert!(cloud.estimate(&Point::new(0.05, -0.2, 0.0), 0.02).distance < -0.1);
         }
@@ -108,7 +119,11 @@ mod tests {
         let mesh = meshes::torus(0.5, 0.2, 60, 30);
         let cloud = OrientedPoints::new(mesh.vertices().to_vec(), mesh.vertex_normals()).unwrap();
         for k in 0..200 {
-            let p = Point::new((k as Real * 0.37).sin(), (k as Real * 0.73).cos() * 0.4, (k as Real * 1.1).sin());
+            let p = Point::new(
+                (k as Real * 0.37).sin(),
+                (k as Real * 0.73).cos() * 0.4,
+                (k as Real * 1.1).sin(),
+            );
             let all: Real = (0..cloud.points.len())
                 .map(|i| {
                     let off = cloud.points[i] - p;
@@ -116,7 +131,11 @@ mod tests {
                     cloud.areas[i] * cloud.normals[i].dot(&off) / (d * d * d)
                 })
                 .sum();
-            approx::assert_abs_diff_eq!(cloud.winding_number(&p), all / (4.0 * std::f64::consts::PI), epsilon = 0.05);
+            approx::assert_abs_diff_eq!(
+                cloud.winding_number(&p),
+                all / (4.0 * std::f64::consts::PI),
+                epsilon = 0.05
+            );
         }
     }
 }

@@ -12,7 +12,8 @@ use crate::trainable::TrainableField;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Read, Write};
 
-/// Steps of a fit that are believed: those of months, and times the largest batch still a number of points.
+/// Steps of a fit that are believed: those of months, and times the largest batch still a number of
+/// points.
 const MOST_STEPS: u64 = 1 << 39;
 
 #[derive(Serialize, Deserialize)]
@@ -33,7 +34,12 @@ struct State {
 /// # Errors
 ///
 /// What the writer says.
-pub fn write_checkpoint(writer: &mut impl Write, fit: &Fit, network: &Network, frame: &Frame) -> io::Result<()> {
+pub fn write_checkpoint(
+    writer: &mut impl Write,
+    fit: &Fit,
+    network: &Network,
+    frame: &Frame,
+) -> io::Result<()> {
     let mut header = Header::new("checkpoint");
     header.network = Some(network.config());
     header.frame = Some(*frame);
@@ -52,7 +58,9 @@ pub fn write_checkpoint(writer: &mut impl Write, fit: &Fit, network: &Network, f
         Network::Grid(grid) => grid_parts(grid),
         Network::Sdf(sdf) => layer_parts(sdf.layout(), sdf.parameters()),
     };
-    let mut add = |name: &str, data| parts.push(Named { name: name.to_owned(), shape: vec![network.parameters().len()], data });
+    let mut add = |name: &str, data| {
+        parts.push(Named { name: name.to_owned(), shape: vec![network.parameters().len()], data })
+    };
     if let Some(adam) = &fit.adam {
         add("adam.first", adam.first.as_slice());
         add("adam.second", adam.second.as_slice());
@@ -63,7 +71,8 @@ pub fn write_checkpoint(writer: &mut impl Write, fit: &Fit, network: &Network, f
     tensors::write(writer, &header, &parts)
 }
 
-/// Reads what [`write_checkpoint`] wrote. The training set is made anew, from the same target and parameters.
+/// Reads what [`write_checkpoint`] wrote. The training set is made anew, from the same target and
+/// parameters.
 ///
 /// # Errors
 ///
@@ -73,17 +82,27 @@ pub fn read_checkpoint(reader: impl Read) -> Result<(Fit, Network, Frame), ReadE
     let header = tensors.header("checkpoint")?;
     let (network, frame) = network_of(&tensors, &header)?;
     let fault = |what: String| ReadError::Checkpoint { what };
-    let state: State = serde_json::from_value(header.state.ok_or_else(|| fault("it has no state".into()))?)
-        .map_err(|e| fault(format!("its state cannot be understood: {e}")))?;
+    let state: State =
+        serde_json::from_value(header.state.ok_or_else(|| fault("it has no state".into()))?)
+            .map_err(|e| fault(format!("its state cannot be understood: {e}")))?;
     let mut fit = Fit::new(state.params).map_err(|e| fault(e.to_string()))?;
     if !(state.seconds >= 0.0 && state.seconds.is_finite()) {
         return Err(fault(format!("it took {} seconds", state.seconds)));
     }
     if state.step > MOST_STEPS {
-        return Err(fault(format!("it has done {} steps; none does more than {MOST_STEPS}", state.step)));
+        return Err(fault(format!(
+            "it has done {} steps; none does more than {MOST_STEPS}",
+            state.step
+        )));
     }
-    let steps = [("looked at", state.missed), ("was best at", state.best_step), ("moved its parameters up to", state.adam_steps)];
-    if let Some((what, Some(step))) = steps.into_iter().find(|(_, step)| step.is_some_and(|s| s > state.step)) {
+    let steps = [
+        ("looked at", state.missed),
+        ("was best at", state.best_step),
+        ("moved its parameters up to", state.adam_steps),
+    ];
+    if let Some((what, Some(step))) =
+        steps.into_iter().find(|(_, step)| step.is_some_and(|s| s > state.step))
+    {
         return Err(fault(format!("it {what} step {step} and has done {}", state.step)));
     }
     if let Some(mean) = state.best_mean.filter(|m| !(*m >= 0.0 && m.is_finite())) {
@@ -92,7 +111,8 @@ pub fn read_checkpoint(reader: impl Read) -> Result<(Fit, Network, Frame), ReadE
     if let Some(mean) = state.means.into_iter().flatten().find(|m| !m.is_finite()) {
         return Err(fault(format!("a mean of its held-out points is {mean}")));
     }
-    (fit.step, fit.seconds, fit.missed, fit.means) = (state.step, state.seconds, state.missed, state.means);
+    (fit.step, fit.seconds, fit.missed, fit.means) =
+        (state.step, state.seconds, state.missed, state.means);
     let len = network.parameters().len();
     let array = |name: &str| -> Result<Vec<f32>, ReadError> {
         let mut data = Vec::new();
@@ -105,14 +125,21 @@ pub fn read_checkpoint(reader: impl Read) -> Result<(Fit, Network, Frame), ReadE
     if let Some(steps) = state.adam_steps {
         let (first, second) = (array("adam.first")?, array("adam.second")?);
         if let Some(k) = second.iter().position(|v| *v < 0.0) {
-            return Err(fault(format!("`adam.second` is {} at {k}, and a mean of squares", second[k])));
+            return Err(fault(format!(
+                "`adam.second` is {} at {k}, and a mean of squares",
+                second[k]
+            )));
         }
         fit.adam = Some(Adam { params: state.params.adam, steps, first, second });
     }
     fit.best = match (state.best_step, state.best_mean) {
         (Some(step), Some(mean)) => Some(Best { step, mean, theta: array("best")? }),
         (None, None) => None,
-        (step, mean) => return Err(fault(format!("its best step is {step:?}, the error there {mean:?}: both, or none"))),
+        (step, mean) => {
+            return Err(fault(format!(
+                "its best step is {step:?}, the error there {mean:?}: both, or none"
+            )));
+        }
     };
     Ok((fit, network, frame))
 }

@@ -21,10 +21,17 @@ pub(super) struct Named<'a> {
 }
 
 /// Writes arrays; the same bytes for the same arrays.
-pub(super) fn write(writer: &mut impl Write, header: &Header, parts: &[Named<'_>]) -> io::Result<()> {
-    let bytes: Vec<Vec<u8>> = parts.iter().map(|p| p.data.iter().flat_map(|v| v.to_le_bytes()).collect()).collect();
+pub(super) fn write(
+    writer: &mut impl Write,
+    header: &Header,
+    parts: &[Named<'_>],
+) -> io::Result<()> {
+    let bytes: Vec<Vec<u8>> =
+        parts.iter().map(|p| p.data.iter().flat_map(|v| v.to_le_bytes()).collect()).collect();
     let views = parts.iter().zip(&bytes).map(|(p, b)| {
-        TensorView::new(Dtype::F32, p.shape.clone(), b).map(|view| (p.name.as_str(), view)).map_err(io::Error::other)
+        TensorView::new(Dtype::F32, p.shape.clone(), b)
+            .map(|view| (p.name.as_str(), view))
+            .map_err(io::Error::other)
     });
     let views = views.collect::<io::Result<Vec<_>>>()?;
     // One entry: a map of several would be written in an order that changes.
@@ -41,14 +48,16 @@ pub(super) struct Tensors {
 }
 
 impl Tensors {
-    /// The header is judged before the data are read, and of these no more is read than it speaks of.
+    /// The header is judged before the data are read, and of these no more is read than it speaks
+    /// of.
     pub(super) fn read(mut reader: impl Read) -> Result<Self, ReadError> {
         let fault = |e: SafeTensorError| ReadError::Header { message: e.to_string() };
         let mut next = |count: u64| {
             let mut bytes = Vec::new();
             reader.by_ref().take(count).read_to_end(&mut bytes).map(|_| bytes)
         };
-        let length: [u8; 8] = next(8)?.try_into().map_err(|_| fault(SafeTensorError::HeaderTooSmall))?;
+        let length: [u8; 8] =
+            next(8)?.try_into().map_err(|_| fault(SafeTensorError::HeaderTooSmall))?;
         let length = u64::from_le_bytes(length);
         if length > LONGEST_HEADER {
             return Err(fault(SafeTensorError::HeaderTooLarge));
@@ -57,8 +66,8 @@ impl Tensors {
         if header.len() as u64 != length {
             return Err(fault(SafeTensorError::InvalidHeaderLength));
         }
-        let metadata: Metadata =
-            serde_json::from_slice(&header).map_err(|e| fault(SafeTensorError::InvalidHeaderDeserialization(e)))?;
+        let metadata: Metadata = serde_json::from_slice(&header)
+            .map_err(|e| fault(SafeTensorError::InvalidHeaderDeserialization(e)))?;
         let expected = metadata.data_len() as u64;
         if expected > LONGEST - length {
             return Err(ReadError::TooLarge { limit: LONGEST });
@@ -72,7 +81,12 @@ impl Tensors {
     }
 
     pub(super) fn header(&self, wanted: &'static str) -> Result<Header, ReadError> {
-        let text = self.metadata.metadata().as_ref().and_then(|m| m.get(KEY)).ok_or(ReadError::NoMetadata)?;
+        let text = self
+            .metadata
+            .metadata()
+            .as_ref()
+            .and_then(|m| m.get(KEY))
+            .ok_or(ReadError::NoMetadata)?;
         let fault = |e: serde_json::Error| ReadError::Metadata { message: e.to_string() };
         // The version first: a later one may have anything beside it.
         let value: serde_json::Value = serde_json::from_str(text).map_err(fault)?;
@@ -98,13 +112,26 @@ impl Tensors {
     }
 
     /// Appends an array of the given shape.
-    pub(super) fn append(&self, name: &str, shape: &[usize], to: &mut Vec<f32>) -> Result<(), ReadError> {
-        let (info, data) = self.find(name).ok_or_else(|| ReadError::Missing { name: name.to_owned() })?;
+    pub(super) fn append(
+        &self,
+        name: &str,
+        shape: &[usize],
+        to: &mut Vec<f32>,
+    ) -> Result<(), ReadError> {
+        let (info, data) =
+            self.find(name).ok_or_else(|| ReadError::Missing { name: name.to_owned() })?;
         if info.shape != shape {
-            return Err(ReadError::Shape { name: name.to_owned(), found: info.shape.clone(), expected: shape.to_vec() });
+            return Err(ReadError::Shape {
+                name: name.to_owned(),
+                found: info.shape.clone(),
+                expected: shape.to_vec(),
+            });
         }
         if info.dtype != Dtype::F32 {
-            return Err(ReadError::Type { name: name.to_owned(), found: format!("{:?}", info.dtype) });
+            return Err(ReadError::Type {
+                name: name.to_owned(),
+                found: format!("{:?}", info.dtype),
+            });
         }
         to.extend(data.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)));
         Ok(())

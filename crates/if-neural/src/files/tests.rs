@@ -8,12 +8,32 @@ fn frame() -> Frame {
 }
 
 fn small_sdf(weight_norm: bool) -> SdfConfig {
-    SdfConfig { bands: 2, width: 24, layers: 4, skip: Some(2), beta: 100.0, features: 3, weight_norm, radius: 0.5 }
+    SdfConfig {
+        bands: 2,
+        width: 24,
+        layers: 4,
+        skip: Some(2),
+        beta: 100.0,
+        features: 3,
+        weight_norm,
+        radius: 0.5,
+    }
 }
 
 fn networks() -> Vec<Network> {
-    let grid = GridConfig { coarsest: 4, finest: 9, levels: 2, hidden: 3, table: 500, ..GridConfig::default() };
-    let configs = [NetworkConfig::Grid(grid), NetworkConfig::Sdf(small_sdf(true)), NetworkConfig::Sdf(small_sdf(false))];
+    let grid = GridConfig {
+        coarsest: 4,
+        finest: 9,
+        levels: 2,
+        hidden: 3,
+        table: 500,
+        ..GridConfig::default()
+    };
+    let configs = [
+        NetworkConfig::Grid(grid),
+        NetworkConfig::Sdf(small_sdf(true)),
+        NetworkConfig::Sdf(small_sdf(false)),
+    ];
     configs.iter().map(|c| Network::new(c, 5).unwrap()).collect()
 }
 
@@ -24,7 +44,8 @@ fn written(network: &Network, norm: WeightNorm) -> Vec<u8> {
 }
 
 fn values(network: &Network) -> Vec<Sample32> {
-    let points: Vec<[f32; 3]> = (0..50).map(|k| [0.3, 0.7, 1.1].map(|s| (s * k as f32).sin() * 0.9)).collect();
+    let points: Vec<[f32; 3]> =
+        (0..50).map(|k| [0.3, 0.7, 1.1].map(|s| (s * k as f32).sin() * 0.9)).collect();
     let mut out = vec![Sample32::default(); points.len()];
     network.samples32(&points, &mut out);
     out
@@ -54,7 +75,9 @@ fn folded_weights_give_the_same_field_to_rounding() {
     for other in [&folded, &unfolded, &plain] {
         for (a, b) in values(&network).iter().zip(values(other)) {
             approx::assert_abs_diff_eq!(a.value, b.value, epsilon = 1e-5);
-            (0..3).for_each(|k| approx::assert_abs_diff_eq!(a.gradient[k], b.gradient[k], epsilon = 1e-3));
+            (0..3).for_each(|k| {
+                approx::assert_abs_diff_eq!(a.gradient[k], b.gradient[k], epsilon = 1e-3)
+            });
         }
     }
 }
@@ -89,7 +112,10 @@ fn weights_are_found_behind_a_prefix() {
     let missing = read_sdf_weights(prefixed.as_slice(), &small_sdf(true), "").unwrap_err();
     assert!(matches!(&missing, ReadError::Missing { name } if name == "lin0.weight"), "{missing}");
     let missing = read_sdf_weights(file.as_slice(), &small_sdf(true), "module.").unwrap_err();
-    assert!(matches!(&missing, ReadError::Missing { name } if name == "module.lin0.weight"), "{missing}");
+    assert!(
+        matches!(&missing, ReadError::Missing { name } if name == "module.lin0.weight"),
+        "{missing}"
+    );
 }
 
 #[test]
@@ -132,19 +158,32 @@ fn files_at_fault_are_refused_with_a_reason() {
             h.replace(from, to)
         }))
     };
-    assert!(matches!(changed("\\\"version\\\":1", "\\\"version\\\":9"), ReadError::Version { found: 9 }));
+    assert!(matches!(
+        changed("\\\"version\\\":1", "\\\"version\\\":9"),
+        ReadError::Version { found: 9 }
+    ));
     assert!(matches!(changed("if_neural", "something"), ReadError::NoMetadata));
-    assert!(matches!(changed("\\\"kind\\\":\\\"network\\\"", "\\\"kind\\\":\\\"teapot\\\""), ReadError::Kind { .. }));
+    assert!(matches!(
+        changed("\\\"kind\\\":\\\"network\\\"", "\\\"kind\\\":\\\"teapot\\\""),
+        ReadError::Kind { .. }
+    ));
     assert!(matches!(changed("\\\"width\\\":24", "\\\"width\\\":25"), ReadError::Shape { .. }));
-    assert!(matches!(changed("\\\"width\\\":24", "\\\"width\\\":999999999999"), ReadError::Network(_)));
+    assert!(matches!(
+        changed("\\\"width\\\":24", "\\\"width\\\":999999999999"),
+        ReadError::Network(_)
+    ));
     assert!(matches!(changed("\\\"width\\\":24", "\\\"wide\\\":24"), ReadError::Metadata { .. }));
-    assert!(matches!(changed("lin1.bias", "lin9.bias"), ReadError::Missing { name } if name == "lin1.bias"));
+    assert!(
+        matches!(changed("lin1.bias", "lin9.bias"), ReadError::Missing { name } if name == "lin1.bias")
+    );
     assert!(matches!(changed("\\\"scale\\\":1", "\\\"scale\\\":-1"), ReadError::Frame { .. }));
     assert!(matches!(changed("[24,15]", "[15,24]"), ReadError::Shape { .. }));
     // A shape of 2^62 numbers does not fit the data.
     assert!(matches!(changed("[24,15]", "[2147483648,2147483648]"), ReadError::Header { .. }));
     let grid = written(&networks[0], WeightNorm::Kept);
-    let table = |n: &str| with_header(&grid, |h| h.replace("\\\"table\\\":500", &format!("\\\"table\\\":{n}")));
+    let table = |n: &str| {
+        with_header(&grid, |h| h.replace("\\\"table\\\":500", &format!("\\\"table\\\":{n}")))
+    };
     assert!(matches!(read(&table("900")), ReadError::Shape { .. }));
     assert!(matches!(read(&table("4000000000")), ReadError::Network(_)));
     let mut nan = file.clone();
@@ -160,7 +199,8 @@ fn files_at_fault_are_refused_with_a_reason() {
 #[test]
 fn tensors_of_another_type_and_files_too_large_for_any_network_are_refused() {
     let file = written(&networks()[1], WeightNorm::Kept);
-    let whole_numbers = with_header(&file, |h| h.replacen("\"dtype\":\"F32\"", "\"dtype\":\"I32\"", 1));
+    let whole_numbers =
+        with_header(&file, |h| h.replacen("\"dtype\":\"F32\"", "\"dtype\":\"I32\"", 1));
     let fault = read_network(whole_numbers.as_slice()).map(|_| ()).unwrap_err();
     assert!(matches!(&fault, ReadError::Type { found, .. } if found == "I32"), "{fault}");
     // 2^35 numbers in a file of a hundred bytes.
@@ -171,7 +211,8 @@ fn tensors_of_another_type_and_files_too_large_for_any_network_are_refused() {
     assert!(matches!(fault, ReadError::TooLarge { limit } if limit == 1 << 36), "{fault}");
 }
 
-/// A file that never ends, and counts what is taken of it: `head`, and then zeros. After 16 MiB it fails.
+/// A file that never ends, and counts what is taken of it: `head`, and then zeros. After 16 MiB it
+/// fails.
 struct Endless<'a> {
     head: &'a [u8],
     taken: usize,
@@ -183,7 +224,11 @@ impl Read for Endless<'_> {
             *byte = self.head.get(self.taken).copied().unwrap_or(0);
             self.taken += 1;
         }
-        if self.taken > 1 << 24 { Err(io::Error::other("far too much is read")) } else { Ok(buffer.len()) }
+        if self.taken > 1 << 24 {
+            Err(io::Error::other("far too much is read"))
+        } else {
+            Ok(buffer.len())
+        }
     }
 }
 
@@ -209,9 +254,16 @@ fn a_checkpoint_with_numbers_that_no_fit_has_is_refused() {
     use if_core::shapes::Sphere;
     use std::ops::ControlFlow;
     let ball = Sphere { center: Point::new(0.0, 1.0, 0.0), radius: 0.3 };
-    let sampling = SamplingParams { near: 1000, far: 100, held_out: 200, ..SamplingParams::default() };
+    let sampling =
+        SamplingParams { near: 1000, far: 100, held_out: 200, ..SamplingParams::default() };
     let config = networks()[1].config();
-    let params = FitParams { batch: 64, steps: Some(3), seconds: None, check_every: 1, ..config.fit_params() };
+    let params = FitParams {
+        batch: 64,
+        steps: Some(3),
+        seconds: None,
+        check_every: 1,
+        ..config.fit_params()
+    };
     let (set, mut network) = Target::Field(&ball).begin(&config, &sampling).unwrap();
     let mut fit = Fit::new(params).unwrap();
     fit.run(&mut network, &set, &mut |_| ControlFlow::Continue(())).unwrap();
@@ -260,16 +312,27 @@ fn a_fit_goes_on_from_a_file_with_the_same_bits() {
     use if_core::shapes::Sphere;
     use std::ops::ControlFlow;
     let ball = Sphere { center: Point::new(0.0, 1.0, 0.0), radius: 0.3 };
-    let sampling = SamplingParams { near: 1000, far: 100, held_out: 200, ..SamplingParams::default() };
+    let sampling =
+        SamplingParams { near: 1000, far: 100, held_out: 200, ..SamplingParams::default() };
     for config in [networks()[0].config(), NetworkConfig::Sdf(small_sdf(true))] {
-        let params = FitParams { batch: 64, steps: Some(12), seconds: None, check_every: 4, ..config.fit_params() };
+        let params = FitParams {
+            batch: 64,
+            steps: Some(12),
+            seconds: None,
+            check_every: 4,
+            ..config.fit_params()
+        };
         let begin = || Target::Field(&ball).begin(&config, &sampling).unwrap();
         let (set, mut whole) = begin();
-        Fit::new(params).unwrap().run(&mut whole, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+        Fit::new(params)
+            .unwrap()
+            .run(&mut whole, &set, &mut |_| ControlFlow::Continue(()))
+            .unwrap();
         let (set, mut part) = begin();
         let mut fit = Fit::new(params).unwrap();
-        let stop =
-            &mut |p: &crate::fit::FitProgress| if p.step == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        let stop = &mut |p: &crate::fit::FitProgress| {
+            if p.step == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
         fit.run(&mut part, &set, stop).unwrap();
         fit.missed = Some(4);
         let mut file = Vec::new();

@@ -8,16 +8,24 @@ use if_core::shapes::Torus;
 
 fn set() -> TrainingSet {
     let ring = Torus { center: Point::new(1.0, 2.0, 3.0), major: 0.5, minor: 0.2 };
-    let params = SamplingParams { near: 8000, far: 1000, held_out: 1000, ..SamplingParams::default() };
+    let params =
+        SamplingParams { near: 8000, far: 1000, held_out: 1000, ..SamplingParams::default() };
     TrainingSet::of_field(&ring, &params).unwrap()
 }
 
 fn grid() -> GridField {
-    GridField::new(GridConfig { coarsest: 8, finest: 24, levels: 3, ..GridConfig::default() }).unwrap()
+    GridField::new(GridConfig { coarsest: 8, finest: 24, levels: 3, ..GridConfig::default() })
+        .unwrap()
 }
 
 fn params(steps: u64) -> FitParams {
-    FitParams { batch: 512, steps: Some(steps), seconds: None, check_every: 10, ..FitParams::default() }
+    FitParams {
+        batch: 512,
+        steps: Some(steps),
+        seconds: None,
+        check_every: 10,
+        ..FitParams::default()
+    }
 }
 
 fn bits(field: &GridField) -> Vec<u32> {
@@ -27,7 +35,11 @@ fn bits(field: &GridField) -> Vec<u32> {
 #[test]
 fn a_fit_learns_and_says_so() {
     let (set, mut field) = (set(), grid());
-    let mut fit = Fit::new(FitParams { schedule: Schedule { rate: 0.02, ..Schedule::default() }, ..params(200) }).unwrap();
+    let mut fit = Fit::new(FitParams {
+        schedule: Schedule { rate: 0.02, ..Schedule::default() },
+        ..params(200)
+    })
+    .unwrap();
     let mut losses = Vec::new();
     let report = fit
         .run(&mut field, &set, &mut |p| {
@@ -50,13 +62,18 @@ fn a_fit_learns_and_says_so() {
 fn a_fit_that_was_interrupted_has_the_bits_of_one_that_was_not() {
     let set = set();
     let mut whole = grid();
-    Fit::new(params(40)).unwrap().run(&mut whole, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+    Fit::new(params(40))
+        .unwrap()
+        .run(&mut whole, &set, &mut |_| ControlFlow::Continue(()))
+        .unwrap();
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let mut field = grid();
             let mut fit = Fit::new(params(40)).unwrap();
-            let stop = &mut |p: &FitProgress| if p.step == 17 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+            let stop = &mut |p: &FitProgress| {
+                if p.step == 17 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            };
             assert_eq!(fit.run(&mut field, &set, stop).unwrap().ended, Ended::Cancelled);
             let (mut later, mut other) = (fit.clone(), field.clone());
             later.run(&mut other, &set, &mut |_| ControlFlow::Continue(())).unwrap();
@@ -70,12 +87,18 @@ fn a_fit_that_was_interrupted_has_the_bits_of_one_that_was_not() {
 fn a_fit_goes_on_with_its_own_target_only() {
     let set = set();
     let thinner = Torus { center: Point::new(1.0, 2.0, 3.0), major: 0.5, minor: 0.19 };
-    let params_of_set = SamplingParams { near: 8000, far: 1000, held_out: 1000, ..SamplingParams::default() };
-    let other = TrainingSet { frame: set.frame, ..TrainingSet::of_field(&thinner, &params_of_set).unwrap() };
+    let params_of_set =
+        SamplingParams { near: 8000, far: 1000, held_out: 1000, ..SamplingParams::default() };
+    let other = TrainingSet {
+        frame: set.frame,
+        ..TrainingSet::of_field(&thinner, &params_of_set).unwrap()
+    };
     let mut field = grid();
     let mut fit = Fit::new(params(40)).unwrap();
     assert!(fit.is_of(&set) && fit.is_of(&other), "it has not begun");
-    let stop = &mut |p: &FitProgress| if p.step == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    let stop = &mut |p: &FitProgress| {
+        if p.step == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
     fit.run(&mut field, &set, stop).unwrap();
     assert!(fit.is_of(&set) && !fit.is_of(&other));
     let before = fit.clone();
@@ -87,25 +110,34 @@ fn a_fit_goes_on_with_its_own_target_only() {
 fn it_stops_at_an_accuracy_and_at_a_time() {
     let set = set();
     let mut field = grid();
-    let mut fit =
-        Fit::new(FitParams { accuracy: Some(0.01), schedule: Schedule { rate: 0.02, ..Schedule::default() }, ..params(2000) })
-            .unwrap();
+    let mut fit = Fit::new(FitParams {
+        accuracy: Some(0.01),
+        schedule: Schedule { rate: 0.02, ..Schedule::default() },
+        ..params(2000)
+    })
+    .unwrap();
     let report = fit.run(&mut field, &set, &mut |_| ControlFlow::Continue(())).unwrap();
     assert_eq!(report.ended, Ended::Accuracy);
     assert!(report.steps < 2000 && report.error.mean <= 0.01, "{report:?}");
     let mut fit = Fit::new(FitParams { steps: None, seconds: Some(0.05), ..params(0) }).unwrap();
-    assert_eq!(fit.run(&mut grid(), &set, &mut |_| ControlFlow::Continue(())).unwrap().ended, Ended::Time);
+    assert_eq!(
+        fit.run(&mut grid(), &set, &mut |_| ControlFlow::Continue(())).unwrap().ended,
+        Ended::Time
+    );
 }
 
-/// The training set of [`set`] with 4,000 held-out points, of which a check sees every second; the target of the others is `off` farther.
+/// The training set of [`set`] with 4,000 held-out points, of which a check sees every second; the
+/// target of the others is `off` farther.
 fn unlike_its_checks(off: Real) -> TrainingSet {
     let ring = Torus { center: Point::new(1.0, 2.0, 3.0), major: 0.5, minor: 0.2 };
-    let params = SamplingParams { near: 8000, far: 1000, held_out: 4000, ..SamplingParams::default() };
+    let params =
+        SamplingParams { near: 8000, far: 1000, held_out: 4000, ..SamplingParams::default() };
     let mut set = TrainingSet::of_field(&ring, &params).unwrap();
     let mut distances = set.held_out.beside().1.to_vec();
     distances.iter_mut().skip(1).step_by(2).for_each(|d| *d += off);
     let points = set.held_out.beside().0.to_vec();
-    let samples: Vec<FieldSample> = distances.iter().map(|d| FieldSample { distance: *d, gradient: Vector::x() }).collect();
+    let samples: Vec<FieldSample> =
+        distances.iter().map(|d| FieldSample { distance: *d, gradient: Vector::x() }).collect();
     set.held_out = HeldOut::new(&points, &samples, &points[..100], &samples[..100]);
     set
 }
@@ -141,7 +173,8 @@ impl TrainableField for Counting {
 #[test]
 fn an_accuracy_that_the_checks_see_and_the_rest_does_not_is_not_reached() {
     let schedule = Schedule { rate: 0.02, ..Schedule::default() };
-    // Half of the points are 5 cm off: a mean of 1 cm is out of reach, and looked for once in four checks.
+    // Half of the points are 5 cm off: a mean of 1 cm is out of reach, and looked for once in four
+    // checks.
     let asked = FitParams { accuracy: Some(0.01), schedule, ..params(200) };
     let mut field = Counting { inner: grid(), whole: 0.into() };
     let mut fit = Fit::new(asked).unwrap();
@@ -169,12 +202,23 @@ fn an_accuracy_that_the_checks_see_and_the_rest_does_not_is_not_reached() {
         })
         .unwrap();
     assert_eq!((whole.ended, whole.kept), (Ended::Accuracy, whole.steps));
-    assert!(whole.error.mean <= 0.012 && first.is_some_and(|f| f < whole.steps), "{whole:?} {first:?}");
+    assert!(
+        whole.error.mean <= 0.012 && first.is_some_and(|f| f < whole.steps),
+        "{whole:?} {first:?}"
+    );
     let (mut fit, mut part) = (Fit::new(asked).unwrap(), grid());
-    let stop =
-        &mut |p: &FitProgress| if p.step == first.unwrap() + 7 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    let stop = &mut |p: &FitProgress| {
+        if p.step == first.unwrap() + 7 {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    };
     assert_eq!(fit.run(&mut part, &set, stop).unwrap().ended, Ended::Cancelled);
-    assert_eq!(fit.run(&mut part, &set, &mut |_| ControlFlow::Continue(())).unwrap().steps, whole.steps);
+    assert_eq!(
+        fit.run(&mut part, &set, &mut |_| ControlFlow::Continue(())).unwrap().steps,
+        whole.steps
+    );
     assert!(bits(&part) == bits(&field));
 }
 
@@ -220,8 +264,12 @@ fn a_fit_that_diverges_ends_with_the_last_good_state() {
     let set = set();
     for explodes in [false, true] {
         let mut field = Faulty { inner: grid(), calls: 0.into(), explodes };
-        let params = FitParams { schedule: Schedule { rate: 0.05, ..Schedule::default() }, ..params(400) };
-        let report = Fit::new(params).unwrap().run(&mut field, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+        let params =
+            FitParams { schedule: Schedule { rate: 0.05, ..Schedule::default() }, ..params(400) };
+        let report = Fit::new(params)
+            .unwrap()
+            .run(&mut field, &set, &mut |_| ControlFlow::Continue(()))
+            .unwrap();
         assert_eq!(report.ended, Ended::Diverged);
         assert!(report.kept <= 20 && report.steps >= 10, "{report:?}");
         assert!(report.error.is_finite() && report.error.mean < 0.2, "{report:?}");
@@ -231,7 +279,8 @@ fn a_fit_that_diverges_ends_with_the_last_good_state() {
         let mut field = grid();
         field.parameters_mut().iter_mut().take(count).for_each(|p| *p = f32::NAN);
         assert_eq!(check(&field, &set, &set.held_out).is_finite(), count == 1);
-        let fault = Fit::new(params(5)).unwrap().run(&mut field, &set, &mut |_| ControlFlow::Continue(()));
+        let fault =
+            Fit::new(params(5)).unwrap().run(&mut field, &set, &mut |_| ControlFlow::Continue(()));
         assert_eq!(fault.unwrap_err(), FitError::NotANumber);
     }
 }
@@ -246,7 +295,8 @@ fn the_noise_of_steps_beside_fine_first_values_is_no_divergence() {
         fit.best = Some(Best { step: 0, mean: best * unit, theta: field.parameters().to_vec() });
         fit.judge(&FieldError { mean: mean * unit, ..found }, &field, &set)
     };
-    // A thousand times worse than splines through a smooth surface, and yet a tenth of a millimetre.
+    // A thousand times worse than splines through a smooth surface, and yet a tenth of a
+    // millimetre.
     assert!(judged(1e-6, 1e-3));
     assert!(!judged(1e-6, 1e-2));
     assert!(judged(1e-3, 4e-2) && !judged(1e-3, 6e-2));
@@ -262,10 +312,19 @@ fn parameters_out_of_range_are_refused() {
         (FitParams { seconds: Some(-1.0), ..base }, "seconds"),
         (FitParams { accuracy: Some(0.0), ..base }, "accuracy"),
         (FitParams { adam: AdamParams { beta2: 1.0, ..base.adam }, ..base }, "adam.beta2"),
-        (FitParams { schedule: Schedule { rate: 1e300, ..base.schedule }, ..base }, "schedule.rate"),
-        (FitParams { loss: LossParams { normal: f64::INFINITY, ..base.loss }, ..base }, "loss.normal"),
+        (
+            FitParams { schedule: Schedule { rate: 1e300, ..base.schedule }, ..base },
+            "schedule.rate",
+        ),
+        (
+            FitParams { loss: LossParams { normal: f64::INFINITY, ..base.loss }, ..base },
+            "loss.normal",
+        ),
     ] {
-        assert!(matches!(Fit::new(bad), Err(FitError::Parameter(ParameterError { name: n, .. })) if n == name), "{name}");
+        assert!(
+            matches!(Fit::new(bad), Err(FitError::Parameter(ParameterError { name: n, .. })) if n == name),
+            "{name}"
+        );
     }
     assert_eq!(Fit::new(FitParams { steps: None, ..base }).unwrap_err(), FitError::Endless);
     let mut fit = Fit::new(base).unwrap();

@@ -9,14 +9,15 @@ const ROUNDING: f64 = 1e-4;
 impl GridField {
     /// A number that |∇φ| exceeds nowhere in the cube: a certificate, where sampling only guesses.
     ///
-    /// Along an axis the slope of a quadratic spline is a mean of the differences of neighbouring nodes, and σ′ lies
-    /// between 0 and 1. So in each of `blocks`³ boxes every component of ∇φ lies in an interval that the nodes round the
-    /// box give; the bound is the longest vector of all those intervals. More blocks bring it nearer to the truth.
+    /// Along an axis the slope of a quadratic spline is a mean of the differences of neighbouring
+    /// nodes, and σ′ lies between 0 and 1. So in each of `blocks`³ boxes every component of ∇φ lies
+    /// in an interval that the nodes round the box give; the bound is the longest vector of all
+    /// those intervals. More blocks bring it nearer to the truth.
     ///
     /// # Accuracy
     ///
-    /// With 64 blocks on a fitted body about 1.5 to 3 times the steepest gradient there is: the levels' extremes are
-    /// added as if they met in one point.
+    /// With 64 blocks on a fitted body about 1.5 to 3 times the steepest gradient there is: the
+    /// levels' extremes are added as if they met in one point.
     ///
     /// # Panics
     ///
@@ -57,12 +58,14 @@ impl GridField {
         let features = self.config.features as usize;
         let mut component = [[0.0f64; 2]; 3];
         for (l, level) in self.levels.iter().enumerate() {
-            // Nodes that some point of the block reads, also if its place is rounded: half a cell is left on each side.
+            // Nodes that some point of the block reads, also if its place is rounded: half a cell
+            // is left on each side.
             let first = block.map(|b| b * level.cells / blocks);
             let last = block.map(|b| ((b + 1) * level.cells).div_ceil(blocks) + 2);
             for f in 0..features {
-                let value =
-                    |i: usize, j: usize, k: usize| f64::from(self.params[level.offset + (level.row(j, k) + i) * features + f]);
+                let value = |i: usize, j: usize, k: usize| {
+                    f64::from(self.params[level.offset + (level.row(j, k) + i) * features + f])
+                };
                 let mut range = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
                 for k in first[2]..=last[2] {
                     for j in first[1]..=last[1] {
@@ -87,7 +90,8 @@ impl GridField {
                 let d = l * features + f;
                 let q = head[d].map(|s| s + f64::from(self.head.linear[d]));
                 for (axis, c) in component.iter_mut().enumerate() {
-                    let products = [0, 1, 2, 3].map(|s| q[s & 1] * range[axis][s >> 1] * f64::from(level.inverse));
+                    let products = [0, 1, 2, 3]
+                        .map(|s| q[s & 1] * range[axis][s >> 1] * f64::from(level.inverse));
                     c[0] += products.iter().copied().fold(f64::INFINITY, f64::min);
                     c[1] += products.iter().copied().fold(f64::NEG_INFINITY, f64::max);
                 }

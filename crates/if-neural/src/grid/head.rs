@@ -11,7 +11,8 @@ pub(super) type Lanes = [f32; LANES];
 /// Zeros.
 pub(super) const ZERO: Lanes = [0.0; LANES];
 
-/// Sizes of the network. Its parameters are W (hidden × inputs), b (hidden), v (hidden) and c (1), in this order:
+/// Sizes of the network. Its parameters are W (hidden × inputs), b (hidden), v (hidden) and c (1),
+/// in this order:
 ///
 /// ```text
 /// φ = Σ linear_d f_d + c + Σ_j v_j σ(z_j),   z = W f + b,   σ(z) = (z + √(z² + s)) / 2
@@ -113,8 +114,9 @@ impl Head {
         (value, gradient)
     }
 
-    /// After [`Head::forward`]: adds the derivatives by the parameters, lane by lane, to `sums`, and leaves
-    /// those by the features in `tile.adjoint`. (Those by the features' gradients are `q · d_gradient`.)
+    /// After [`Head::forward`]: adds the derivatives by the parameters, lane by lane, to `sums`,
+    /// and leaves those by the features in `tile.adjoint`. (Those by the features' gradients are `q
+    /// · d_gradient`.)
     #[inline(always)]
     pub(super) fn reverse<S: Simd>(
         &self,

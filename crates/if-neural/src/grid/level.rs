@@ -94,7 +94,11 @@ impl Level {
 
     /// The features at a point and their gradients.
     #[inline(always)]
-    pub(super) fn read<S: Simd, const F: usize>(&self, table: &[f32], p: &[f32; 3]) -> ([f32; F], [[f32; F]; 3]) {
+    pub(super) fn read<S: Simd, const F: usize>(
+        &self,
+        table: &[f32],
+        p: &[f32; 3],
+    ) -> ([f32; F], [[f32; F]; 3]) {
         let s = self.stencil(p);
         let (mut value, mut gradient) = ([0.0; F], [[0.0; F]; 3]);
         for r in 0..9 {
@@ -122,10 +126,15 @@ impl Level {
         (value, gradient)
     }
 
-    /// The reverse of [`Level::read`]: adds what a loss with derivatives `value` and `gradient` by the
-    /// features and their gradients has by the nodes.
+    /// The reverse of [`Level::read`]: adds what a loss with derivatives `value` and `gradient` by
+    /// the features and their gradients has by the nodes.
     #[inline(always)]
-    pub(super) fn scatter<S: Simd, const F: usize>(&self, table: &mut [f32], p: &[f32; 3], adjoint: &[[f32; F]; 4]) {
+    pub(super) fn scatter<S: Simd, const F: usize>(
+        &self,
+        table: &mut [f32],
+        p: &[f32; 3],
+        adjoint: &[[f32; F]; 4],
+    ) {
         let s = self.stencil(p);
         let [value, x, y, z] = adjoint;
         for r in 0..9 {
@@ -133,13 +142,20 @@ impl Level {
             let row = &mut table[s.rows[r] as usize * F..][..3 * F];
             let w = s.weight[1][j] * s.weight[2][k];
             let wi = w * self.inverse;
-            let (wy, wz) = (s.slope[1][j] * s.weight[2][k] * self.inverse, s.weight[1][j] * s.slope[2][k] * self.inverse);
+            let (wy, wz) = (
+                s.slope[1][j] * s.weight[2][k] * self.inverse,
+                s.weight[1][j] * s.slope[2][k] * self.inverse,
+            );
             for f in 0..F {
                 let along = mul_add::<S>(w, value[f], mul_add::<S>(wy, y[f], wz * z[f]));
                 let sloped = wi * x[f];
                 for i in 0..3 {
                     let at = &mut row[i * F + f];
-                    *at = mul_add::<S>(s.weight[0][i], along, mul_add::<S>(s.slope[0][i], sloped, *at));
+                    *at = mul_add::<S>(
+                        s.weight[0][i],
+                        along,
+                        mul_add::<S>(s.slope[0][i], sloped, *at),
+                    );
                 }
             }
         }

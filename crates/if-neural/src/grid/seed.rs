@@ -3,8 +3,8 @@
 use super::GridField;
 use crate::trainable::{Sample32, TrainableField};
 
-/// Finer levels are seeded this many cells to each side of the surface: the splines of a point on it reach
-/// 1.5, and training samples lie up to about 2 cells off.
+/// Finer levels are seeded this many cells to each side of the surface: the splines of a point on
+/// it reach 1.5, and training samples lie up to about 2 cells off.
 const REACH: f32 = 4.0;
 /// Nodes of a brick, along each side.
 const BRICK: usize = 8;
@@ -14,11 +14,12 @@ const BATCH: usize = 1 << 15;
 const LARGEST: usize = 512;
 
 impl GridField {
-    /// Sets the linear path of the `levels` coarsest levels to a target given by its values: the coarsest level
-    /// everywhere, finer ones near the surface. The rest of the grid is left as it is.
+    /// Sets the linear path of the `levels` coarsest levels to a target given by its values: the
+    /// coarsest level everywhere, finer ones near the surface. The rest of the grid is left as it
+    /// is.
     ///
-    /// Values at the nodes are turned into spline coefficients by `c = r − Δ²r / 8` along each axis, which
-    /// reproduces quadratics. Where rows share entries, the mean is taken.
+    /// Values at the nodes are turned into spline coefficients by `c = r − Δ²r / 8` along each
+    /// axis, which reproduces quadratics. Where rows share entries, the mean is taken.
     pub fn seed(&mut self, levels: usize, mut target: impl FnMut(&[[f32; 3]], &mut [f32])) {
         let features = self.config.features as usize;
         for l in 0..levels.min(self.levels.len()) {
@@ -27,10 +28,12 @@ impl GridField {
                 return;
             }
             let mut residual = vec![f32::NAN; level.side.pow(3)];
-            let nodes = if l == 0 { (0..level.side.pow(3)).collect() } else { self.near_surface(l) };
+            let nodes =
+                if l == 0 { (0..level.side.pow(3)).collect() } else { self.near_surface(l) };
             let mut values = [vec![0.0; BATCH], vec![0.0; BATCH]];
             for nodes in nodes.chunks(BATCH) {
-                let points: Vec<[f32; 3]> = nodes.iter().map(|n| level.node(level.split(*n))).collect();
+                let points: Vec<[f32; 3]> =
+                    nodes.iter().map(|n| level.node(level.split(*n))).collect();
                 let [wanted, got] = &mut values;
                 target(&points, &mut wanted[..points.len()]);
                 if l > 0 {
@@ -64,8 +67,10 @@ impl GridField {
     fn near_surface(&self, l: usize) -> Vec<usize> {
         let level = self.levels[l];
         let bricks = level.side.div_ceil(BRICK);
-        let middle =
-            |b: [usize; 3]| b.map(|x| (x * BRICK) as f32 + 0.5 * (BRICK as f32 - 1.0)).map(|i| (i - 1.0) * level.cell - 1.0);
+        let middle = |b: [usize; 3]| {
+            b.map(|x| (x * BRICK) as f32 + 0.5 * (BRICK as f32 - 1.0))
+                .map(|i| (i - 1.0) * level.cell - 1.0)
+        };
         let split = |b: usize| [b % bricks, b / bricks % bricks, b / bricks / bricks];
         let middles: Vec<[f32; 3]> = (0..bricks.pow(3)).map(|b| middle(split(b))).collect();
         let mut values = vec![0.0; middles.len()];
@@ -76,7 +81,11 @@ impl GridField {
         for (b, _) in values.iter().enumerate().filter(|(_, v)| v.abs() <= reach) {
             let first = split(b).map(|x| x * BRICK);
             for n in 0..BRICK.pow(3) {
-                let at = [first[0] + n % BRICK, first[1] + n / BRICK % BRICK, first[2] + n / BRICK / BRICK];
+                let at = [
+                    first[0] + n % BRICK,
+                    first[1] + n / BRICK % BRICK,
+                    first[2] + n / BRICK / BRICK,
+                ];
                 if at.iter().all(|i| *i < level.side) {
                     nodes.push((at[2] * level.side + at[1]) * level.side + at[0]);
                 }
@@ -85,8 +94,12 @@ impl GridField {
         let points: Vec<[f32; 3]> = nodes.iter().map(|n| level.node(level.split(*n))).collect();
         let mut values = vec![0.0; points.len()];
         self.values(&points, &mut values);
-        let mut near: Vec<usize> =
-            nodes.iter().zip(&values).filter(|(_, v)| v.abs() <= 1.1 * REACH * level.cell).map(|(n, _)| *n).collect();
+        let mut near: Vec<usize> = nodes
+            .iter()
+            .zip(&values)
+            .filter(|(_, v)| v.abs() <= 1.1 * REACH * level.cell)
+            .map(|(n, _)| *n)
+            .collect();
         near.sort_unstable();
         near
     }
@@ -98,7 +111,8 @@ impl super::level::Level {
     }
 }
 
-/// The spline coefficient at a node; along an axis where a neighbour has no value the value is kept.
+/// The spline coefficient at a node; along an axis where a neighbour has no value the value is
+/// kept.
 fn sharpened(values: &[f32], side: usize, n: usize) -> f32 {
     let here = values[n];
     let mut out = here;

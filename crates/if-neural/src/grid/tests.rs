@@ -6,7 +6,16 @@ fn points(n: usize, seed: u64) -> Vec<[f32; 3]> {
 }
 
 fn small(features: u32, hidden: u32, table: u32) -> GridField {
-    let config = GridConfig { coarsest: 4, finest: 9, levels: 3, features, table, hidden, softness: 0.3, seed: 7 };
+    let config = GridConfig {
+        coarsest: 4,
+        finest: 9,
+        levels: 3,
+        features,
+        table,
+        hidden,
+        softness: 0.3,
+        seed: 7,
+    };
     let mut grid = GridField::new(config).unwrap();
     let mut random = Pcg64Mcg::seed_from_u64(3);
     for p in grid.parameters_mut() {
@@ -32,7 +41,9 @@ fn slow(grid: &GridField, params: &[f64], p: [f64; 3]) -> f64 {
                     let w: f64 = [i, j, k]
                         .iter()
                         .zip(p)
-                        .map(|(n, x)| spline((x + 1.0) * level.cells as f64 / 2.0 + 1.0 - *n as f64))
+                        .map(|(n, x)| {
+                            spline((x + 1.0) * level.cells as f64 / 2.0 + 1.0 - *n as f64)
+                        })
                         .product();
                     let at = level.offset + (level.row(j, k) + i) * f;
                     (0..f).for_each(|c| sum[c] += w * params[at + c]);
@@ -73,15 +84,22 @@ fn double(x: &[f32]) -> Vec<f64> {
 fn value_and_gradient_are_those_of_the_formula_dense_and_hashed() {
     for (features, hidden, table) in [(1, 0, 1 << 20), (2, 5, 1 << 20), (4, 3, 300), (1, 4, 300)] {
         let grid = small(features, hidden, table);
-        let points: Vec<[f32; 3]> =
-            points(37, 5).into_iter().map(|p| p.map(|x| x.clamp(-0.999, 0.999))).chain([[0.0; 3], [1.0, -1.0, 1.0]]).collect();
+        let points: Vec<[f32; 3]> = points(37, 5)
+            .into_iter()
+            .map(|p| p.map(|x| x.clamp(-0.999, 0.999)))
+            .chain([[0.0; 3], [1.0, -1.0, 1.0]])
+            .collect();
         let mut out = vec![Sample32::default(); points.len()];
         grid.samples32(&points, &mut out);
         let params = double(grid.parameters());
         for (p, s) in points.iter().zip(&out) {
             let p = p.map(f64::from);
             // Features of order 1 in f32: 1e-7 each, some hundred of them.
-            approx::assert_abs_diff_eq!(f64::from(s.value), slow(&grid, &params, p), epsilon = 1e-5);
+            approx::assert_abs_diff_eq!(
+                f64::from(s.value),
+                slow(&grid, &params, p),
+                epsilon = 1e-5
+            );
             for (got, expected) in s.gradient.iter().zip(slow_gradient(&grid, &params, p)) {
                 approx::assert_abs_diff_eq!(f64::from(*got), expected, epsilon = 3e-4);
             }
@@ -106,7 +124,8 @@ fn loss(i: usize, s: Sample32) -> PointLoss {
 fn parameter_derivatives_are_central_differences_of_the_formula() {
     for (features, hidden, table) in [(1, 0, 1 << 20), (2, 3, 300)] {
         let grid = small(features, hidden, table);
-        let points: Vec<[f32; 3]> = points(19, 11).into_iter().map(|p| p.map(|x| 0.95 * x)).collect();
+        let points: Vec<[f32; 3]> =
+            points(19, 11).into_iter().map(|p| p.map(|x| 0.95 * x)).collect();
         let mut gradient = vec![f32::NAN; grid.parameters().len()];
         grid.loss_gradient(&points, &loss, &mut gradient);
         let params = double(grid.parameters());
@@ -126,7 +145,8 @@ fn parameter_derivatives_are_central_differences_of_the_formula() {
         let scale = gradient.iter().fold(0.0f32, |m, g| m.max(g.abs()));
         let tables = grid.tables();
         let stride = (tables / 12).max(1);
-        let chosen = (0..tables).step_by(stride).chain(tables..params.len()).chain([tables / 2 + 1]);
+        let chosen =
+            (0..tables).step_by(stride).chain(tables..params.len()).chain([tables / 2 + 1]);
         let mut seen = 0;
         for k in chosen {
             let at = |d: f64| {
@@ -136,7 +156,11 @@ fn parameter_derivatives_are_central_differences_of_the_formula() {
             };
             let expected = (at(1e-4) - at(-1e-4)) / 2e-4;
             seen += usize::from(expected != 0.0);
-            approx::assert_abs_diff_eq!(f64::from(gradient[k]), expected, epsilon = 2e-4 * f64::from(scale));
+            approx::assert_abs_diff_eq!(
+                f64::from(gradient[k]),
+                expected,
+                epsilon = 2e-4 * f64::from(scale)
+            );
         }
         assert!(seen > 3, "hardly a derivative was other than zero");
     }
@@ -199,11 +223,17 @@ fn absurd_sizes_are_refused_before_memory_is_taken() {
         (GridConfig { hidden: 1 << 20, ..base }, "hidden"),
         (GridConfig { softness: f32::NAN, ..base }, "softness"),
     ] {
-        assert!(matches!(GridField::new(config), Err(GridError::Parameter { name: n, .. }) if n == name), "{config:?}");
+        assert!(
+            matches!(GridField::new(config), Err(GridError::Parameter { name: n, .. }) if n == name),
+            "{config:?}"
+        );
     }
     assert_eq!(
-        GridField::with_parameters(GridConfig { hidden: 0, levels: 2, finest: 17, features: 2, ..base }, vec![0.0; 3])
-            .unwrap_err(),
+        GridField::with_parameters(
+            GridConfig { hidden: 0, levels: 2, finest: 17, features: 2, ..base },
+            vec![0.0; 3]
+        )
+        .unwrap_err(),
         GridError::Length { got: 3, expected: 2 * (19usize.pow(3) + 20usize.pow(3)) + 1 }
     );
 }
@@ -214,11 +244,14 @@ fn no_gradient_is_steeper_than_the_certificate() {
         let grid = small(features, hidden, table);
         let [rough, fine] = [3, 24].map(|blocks| grid.certified_slope(blocks));
         assert!(fine <= rough);
-        let points: Vec<[f32; 3]> = points(20_000, 8).into_iter().map(|p| p.map(|x| x.clamp(-1.0, 1.0))).collect();
+        let points: Vec<[f32; 3]> =
+            points(20_000, 8).into_iter().map(|p| p.map(|x| x.clamp(-1.0, 1.0))).collect();
         let mut out = vec![Sample32::default(); points.len()];
         grid.samples32(&points, &mut out);
-        let steepest =
-            out.iter().map(|s| s.gradient.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt()).fold(0.0, f64::max);
+        let steepest = out
+            .iter()
+            .map(|s| s.gradient.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt())
+            .fold(0.0, f64::max);
         assert!(steepest <= fine && fine < 6.0 * steepest, "{steepest} {fine} {rough}");
     }
 }

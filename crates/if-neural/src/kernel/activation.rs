@@ -277,7 +277,14 @@ mod tests {
                 let (features, mut slopes) = (z.len(), vec![0.0; z.len()]);
                 let stride = features;
                 let slopes_of = &mut slopes;
-                isa.run(Softplus { z: &mut z, slopes: slopes_of, stride, features, points: 1, beta });
+                isa.run(Softplus {
+                    z: &mut z,
+                    slopes: slopes_of,
+                    stride,
+                    features,
+                    points: 1,
+                    beta,
+                });
                 for (k, &at) in zs.iter().enumerate() {
                     let t = f64::from(beta) * f64::from(at);
                     let value = (t.max(0.0) + (-t.abs()).exp().ln_1p()) / f64::from(beta);
@@ -294,7 +301,11 @@ mod tests {
                     assert!(error <= bound + shut, "{}: slope at {at}", isa.name());
                     // Below the normal numbers some processors are a hundred times slower.
                     for number in [z[k], slopes[k]] {
-                        assert!(number.is_normal() && number * 1e-16 >= f32::MIN_POSITIVE, "{}: {number} at {at}", isa.name());
+                        assert!(
+                            number.is_normal() && number * 1e-16 >= f32::MIN_POSITIVE,
+                            "{}: {number} at {at}",
+                            isa.name()
+                        );
                     }
                 }
             }

@@ -11,7 +11,12 @@ use crate::mlp::{LayerLayout, Layout};
 
 /// [`fill`] into memory of its own.
 #[cfg(test)]
-pub(crate) fn pack(isa: Isa, outputs: usize, depth: usize, at: impl Fn(usize, usize) -> f32) -> Aligned {
+pub(crate) fn pack(
+    isa: Isa,
+    outputs: usize,
+    depth: usize,
+    at: impl Fn(usize, usize) -> f32,
+) -> Aligned {
     let width = isa.run(PanelWidth);
     let mut panels = Aligned::zeroed(panelled(width, outputs) * depth);
     fill(panels.as_mut_slice(), width, outputs, depth, at);
@@ -21,7 +26,13 @@ pub(crate) fn pack(isa: Isa, outputs: usize, depth: usize, at: impl Fn(usize, us
 /// Weights `at(j, k)` for `outputs` j and a depth of k as panels: outputs in groups of a panel's
 /// `width` (the last perhaps of half; what is behind the last output stays as it is, zero), in each
 /// group k by k.
-fn fill(panels: &mut [f32], width: usize, outputs: usize, depth: usize, at: impl Fn(usize, usize) -> f32) {
+fn fill(
+    panels: &mut [f32],
+    width: usize,
+    outputs: usize,
+    depth: usize,
+    at: impl Fn(usize, usize) -> f32,
+) {
     let mut first = 0;
     for panel in panels.chunks_mut(depth * width) {
         let width = panel.len() / depth;
@@ -65,7 +76,8 @@ impl PackedLayers {
     /// Memory for the layers of `layout`; `joined` is the layer whose input is scaled by 1/√2.
     pub(crate) fn new(isa: Isa, layout: &Layout, joined: Option<usize>) -> Self {
         let width = isa.run(PanelWidth);
-        let panels = |outputs: usize, depth: usize| Aligned::zeroed(panelled(width, outputs) * depth);
+        let panels =
+            |outputs: usize, depth: usize| Aligned::zeroed(panelled(width, outputs) * depth);
         let layers = (layout.layers.iter().enumerate())
             .map(|(l, at)| PackedLayer {
                 rows: at.rows,
@@ -84,7 +96,10 @@ impl PackedLayers {
     /// Folds and packs θ.
     pub(crate) fn refresh(&mut self, layout: &Layout, theta: &[f32]) {
         let width = self.isa.run(PanelWidth);
-        self.layers.par_iter_mut().zip(&layout.layers).for_each(|(layer, at)| layer.refresh(at, theta, width));
+        self.layers
+            .par_iter_mut()
+            .zip(&layout.layers)
+            .for_each(|(layer, at)| layer.refresh(at, theta, width));
     }
 }
 
@@ -153,7 +168,8 @@ impl PackedLayer {
             let along = f64::from(self.scale) * dot / norm;
             out[gain.start - base + row] = along as f32;
             let scale = f64::from(theta[gain.start + row]) / norm;
-            let (by_d, by_v) = ((scale * f64::from(self.scale)) as f32, (scale * along / norm) as f32);
+            let (by_d, by_v) =
+                ((scale * f64::from(self.scale)) as f32, (scale * along / norm) as f32);
             for ((out, v), d) in out[span].iter_mut().zip(v).zip(dw) {
                 *out = by_d * d - by_v * v;
             }

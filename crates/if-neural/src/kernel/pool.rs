@@ -21,7 +21,8 @@ impl<T> Clone for Pool<T> {
 }
 
 impl<T> Pool<T> {
-    /// Runs `work` with a buffer, made by `make` if none is free. A buffer is lost when `work` panics.
+    /// Runs `work` with a buffer, made by `make` if none is free. A buffer is lost when `work`
+    /// panics.
     pub(crate) fn with<R>(&self, make: impl FnOnce() -> T, work: impl FnOnce(&mut T) -> R) -> R {
         // A poisoned lock holds whole buffers: they are pushed and popped whole.
         let free = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();

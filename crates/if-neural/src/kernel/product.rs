@@ -4,8 +4,8 @@ use pulp::{Simd, WithSimd};
 
 use super::isa::fma;
 
-/// How many entries of a row are multiplied before the sum goes to memory: 128 × 64 weights are
-/// two thirds of a first-level cache. Twice of it is a little faster where a core is ours alone, and
+/// How many entries of a row are multiplied before the sum goes to memory: 128 × 64 weights are two
+/// thirds of a first-level cache. Twice of it is a little faster where a core is ours alone, and
 /// slower where its other hardware thread is at work.
 const DEPTH: usize = 128;
 
@@ -53,7 +53,8 @@ pub(crate) struct Product<'a> {
     /// The left side, row by row.
     pub(crate) x: &'a [f32],
     pub(crate) x_stride: usize,
-    /// Weights: panel after panel, each `depth` rows of a panel's width, the last one perhaps of half.
+    /// Weights: panel after panel, each `depth` rows of a panel's width, the last one perhaps of
+    /// half.
     pub(crate) panels: &'a [f32],
     /// Entries of a row of x that are multiplied.
     pub(crate) depth: usize,
@@ -92,7 +93,12 @@ fn product<S: Simd, const V: usize, const H: usize, const P: usize>(simd: S, mut
 
 /// The features from `j` on, as many as the panel has.
 #[inline(always)]
-fn product_of_panel<S: Simd, const V: usize, const P: usize>(simd: S, on: &mut Product<'_>, panel: &[f32], j: usize) {
+fn product_of_panel<S: Simd, const V: usize, const P: usize>(
+    simd: S,
+    on: &mut Product<'_>,
+    panel: &[f32],
+    j: usize,
+) {
     let width = V * S::F32_LANES;
     let Product { x, x_stride, depth, bias, ref mut out, out_stride, points, .. } = *on;
     let (panel, _) = S::as_simd_f32s(panel);
@@ -264,7 +270,10 @@ mod tests {
                     for i in 0..rows {
                         let exact: f64 = f64::from(bias[i])
                             + (0..columns)
-                                .map(|k| f64::from(x[n * stride(columns) + k]) * f64::from(weight[i * columns + k]))
+                                .map(|k| {
+                                    f64::from(x[n * stride(columns) + k])
+                                        * f64::from(weight[i * columns + k])
+                                })
                                 .sum::<f64>();
                         let got = f64::from(out[n * stride(rows) + i]);
                         // 600 terms of size 1: √600 roundings of 6e-8 of a sum of about 25.
@@ -289,7 +298,10 @@ mod tests {
                 for i in 0..rows {
                     for j in 0..columns {
                         let exact: f64 = (0..points)
-                            .map(|n| 2.0 * f64::from(d[n * stride(rows) + i]) * f64::from(a[n * stride(columns) + j]))
+                            .map(|n| {
+                                2.0 * f64::from(d[n * stride(rows) + i])
+                                    * f64::from(a[n * stride(columns) + j])
+                            })
                             .sum::<f64>()
                             + 1.0;
                         let got = f64::from(sum[i * sum_stride + j]);

@@ -54,7 +54,13 @@ impl Sums {
     }
 
     /// Writes the derivatives by θ over the head of `gradient`; returns L.
-    pub(crate) fn unfold(&self, layers: &PackedLayers, layout: &Layout, theta: &[f32], gradient: &mut [f32]) -> f64 {
+    pub(crate) fn unfold(
+        &self,
+        layers: &PackedLayers,
+        layout: &Layout,
+        theta: &[f32],
+        gradient: &mut [f32],
+    ) -> f64 {
         // Each layer of the gradient is a slice of its own.
         let mut slices = Vec::with_capacity(layout.layers.len());
         let mut tail = gradient;

@@ -19,9 +19,9 @@ const PATIENCE: usize = 20;
 
 /// `n` points on the surface within `bounds`.
 ///
-/// Cells that cannot hold the surface by the field's Lipschitz bound are dropped, and halved; from the middle of
-/// nowhere in a cell that is left, Newton steps lead to the surface. A point is taken where they end on it, no
-/// farther than two cells away.
+/// Cells that cannot hold the surface by the field's Lipschitz bound are dropped, and halved; from
+/// the middle of nowhere in a cell that is left, Newton steps lead to the surface. A point is taken
+/// where they end on it, no farther than two cells away.
 pub(super) fn points(
     target: &(impl SignedDistance + ?Sized),
     bounds: &Aabb,
@@ -76,7 +76,10 @@ pub(super) fn points(
 }
 
 /// Lower corners of the cells that may hold the surface, and their edge.
-fn cells(target: &(impl SignedDistance + ?Sized), bounds: &Aabb) -> Result<(Vec<Point>, Real), SamplingError> {
+fn cells(
+    target: &(impl SignedDistance + ?Sized),
+    bounds: &Aabb,
+) -> Result<(Vec<Point>, Real), SamplingError> {
     let mut edge = bounds.size().amax() / FIRST;
     // One cell more on each side: a flat box, or a surface on its border.
     let low = bounds.min - Vector::repeat(edge);
@@ -92,14 +95,18 @@ fn cells(target: &(impl SignedDistance + ?Sized), bounds: &Aabb) -> Result<(Vec<
     }
     let lipschitz = if target.lipschitz().is_finite() { target.lipschitz() } else { 1.0 };
     for halving in 0..=HALVINGS {
-        let middles: Vec<Point> = cells.iter().map(|(c, _)| c + Vector::repeat(0.5 * edge)).collect();
+        let middles: Vec<Point> =
+            cells.iter().map(|(c, _)| c + Vector::repeat(0.5 * edge)).collect();
         let mut values = vec![0.0; middles.len()];
         target.distances(&middles, &mut values);
         let reach = lipschitz * 0.5 * edge * (3.0 as Real).sqrt();
         let mut kept = Vec::new();
         for ((cell, border), (middle, value)) in cells.iter().zip(middles.iter().zip(&values)) {
             if !value.is_finite() {
-                return Err(SamplingError::NotFinite { point: *middle, sample: target.sample(middle) });
+                return Err(SamplingError::NotFinite {
+                    point: *middle,
+                    sample: target.sample(middle),
+                });
             }
             if halving == 0 && *border && *value < 0.0 && !bounds.contains(middle) {
                 return Err(SamplingError::InsideOut { point: *middle, distance: *value });
@@ -112,7 +119,9 @@ fn cells(target: &(impl SignedDistance + ?Sized), bounds: &Aabb) -> Result<(Vec<
             return Ok((kept, edge));
         }
         edge *= 0.5;
-        let corner = |k: usize| Vector::new((k & 1) as Real, (k >> 1 & 1) as Real, (k >> 2 & 1) as Real) * edge;
+        let corner = |k: usize| {
+            Vector::new((k & 1) as Real, (k >> 1 & 1) as Real, (k >> 2 & 1) as Real) * edge
+        };
         cells = kept.iter().flat_map(|c| (0..8).map(move |k| (*c + corner(k), false))).collect();
     }
     Ok((Vec::new(), edge))

@@ -14,9 +14,19 @@ fn ring() -> Torus {
 fn what_is_known_is_what_the_target_says() {
     let set = TrainingSet::of_field(&ring(), &small()).unwrap();
     assert_eq!((set.near.points.len(), set.far.points.len()), (4000, 500));
-    for (u, known) in set.near.points.iter().chain(&set.far.points).zip(set.near.known.iter().chain(&set.far.known)) {
+    for (u, known) in set
+        .near
+        .points
+        .iter()
+        .chain(&set.far.points)
+        .zip(set.near.known.iter().chain(&set.far.known))
+    {
         let s = ring().sample(&set.frame.to_metres(u));
-        approx::assert_abs_diff_eq!(f64::from(known.distance) / set.frame.scale, s.distance, epsilon = 1e-6);
+        approx::assert_abs_diff_eq!(
+            f64::from(known.distance) / set.frame.scale,
+            s.distance,
+            epsilon = 1e-6
+        );
     }
     let beyond = set.near.known.iter().filter(|k| k.distance.abs() > 0.08).count();
     assert!(beyond < 4, "{beyond} points lie four deviations off");
@@ -27,7 +37,8 @@ fn points_lie_evenly_on_the_surface() {
     // Of a torus the outer half has the share (π + 2κ) / 2π, κ = minor / major.
     let mut random = small().random(1);
     let points = surface::points(&ring(), &ring().bounds().unwrap(), 4000, &mut random).unwrap();
-    let outer = points.iter().filter(|p| (p.x - 1.0).hypot(p.z - 3.0) > 0.5).count() as Real / 4000.0;
+    let outer =
+        points.iter().filter(|p| (p.x - 1.0).hypot(p.z - 3.0) > 0.5).count() as Real / 4000.0;
     let expected = 0.5 + 0.2 / 0.5 / std::f64::consts::PI;
     assert!((outer - expected).abs() < 0.03, "{outer} {expected}");
     assert!(points.iter().all(|p| ring().distance(p).abs() < 1e-5));
@@ -95,9 +106,14 @@ impl SignedDistance for Turned {
 
 #[test]
 fn targets_that_are_none_are_refused_with_a_reason() {
-    let of = |target: &dyn SignedDistance| TrainingSet::of_field(target, &small()).map(|_| ()).unwrap_err();
+    let of = |target: &dyn SignedDistance| {
+        TrainingSet::of_field(target, &small()).map(|_| ()).unwrap_err()
+    };
     let text = of(&Open).to_string();
-    assert!(matches!(of(&Open), SamplingError::NotFinite { .. }) && text.contains("oriented points"), "{text}");
+    assert!(
+        matches!(of(&Open), SamplingError::NotFinite { .. }) && text.contains("oriented points"),
+        "{text}"
+    );
     assert!(matches!(of(&Turned), SamplingError::InsideOut { distance, .. } if distance < 0.0));
     let point = Sphere { center: Point::origin(), radius: 0.0 };
     assert!(matches!(of(&point), SamplingError::Frame(_)));
@@ -106,7 +122,10 @@ fn targets_that_are_none_are_refused_with_a_reason() {
         SamplingParams { spread: [Real::NAN, 0.1], ..small() },
         SamplingParams { margin: Some(-1.0), ..small() },
     ] {
-        assert!(matches!(TrainingSet::of_field(&ring(), &bad), Err(SamplingError::Parameter { .. })));
+        assert!(matches!(
+            TrainingSet::of_field(&ring(), &bad),
+            Err(SamplingError::Parameter { .. })
+        ));
     }
 }
 
@@ -119,7 +138,11 @@ fn oriented_points_say_the_distance_near_them_and_the_side_far_away() {
     for (samples, error) in [(&set.near, 0.02), (&set.far, 0.02)] {
         for (u, k) in samples.points.iter().zip(&samples.known) {
             let truth = set.frame.to_metres(u).coords.norm() - 0.5;
-            approx::assert_abs_diff_eq!(f64::from(k.distance) / set.frame.scale, truth, epsilon = error);
+            approx::assert_abs_diff_eq!(
+                f64::from(k.distance) / set.frame.scale,
+                truth,
+                epsilon = error
+            );
         }
     }
     assert_eq!(set.held_out.len(), (mesh.vertices().len() - 7).div_ceil(20));

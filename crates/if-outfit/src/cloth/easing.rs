@@ -1,9 +1,12 @@
-//! The last step of a garment that is clean but drawn out in places: guarded rounds, each of which ends clean again.
+//! The last step of a garment that is clean but drawn out in places: guarded rounds, each of which
+//! ends clean again.
 //!
-//! Repairs end as soon as nothing meets. Where they had to push a garment far, in an armpit above all, single vertices are left
-//! drawn out, and ordinary rounds that would relax them make triangles meet on the way. A guarded round goes from one clean state to
-//! the next: of what contacts and cloth propose, vertices of triangles that meet are taken back, in part and then wholly, until exact
-//! verification finds nothing; rounds that follow keep the planes that part those triangles.
+//! Repairs end as soon as nothing meets. Where they had to push a garment far, in an armpit above
+//! all, single vertices are left drawn out, and ordinary rounds that would relax them make
+//! triangles meet on the way. A guarded round goes from one clean state to the next: of what
+//! contacts and cloth propose, vertices of triangles that meet are taken back, in part and then
+//! wholly, until exact verification finds nothing; rounds that follow keep the planes that part
+//! those triangles.
 
 use super::{Cloth, PART, PART_OWN};
 use crate::inspector::{Inspector, State};
@@ -18,12 +21,13 @@ use std::ops::ControlFlow;
 
 /// Rounds without a state that is clearly better after which it is given up.
 const IN_VAIN: usize = 6;
-/// A state is clearly better with this share of the excess strain at most. With 0.98 the jacket of o5, five layers, takes 33
-/// rounds more to get from 60 to 59 %.
+/// A state is clearly better with this share of the excess strain at most. With 0.98 the jacket of
+/// o5, five layers, takes 33 rounds more to get from 60 to 59 %.
 const BETTER: Real = 0.9;
 /// The most that a vertex moves in a round, in metres.
 const LEAP: Real = 4e-3;
-/// What a vertex of a triangle that meets another keeps of its motion; the second time it keeps none.
+/// What a vertex of a triangle that meets another keeps of its motion; the second time it keeps
+/// none.
 const SHARE: Real = 0.3;
 /// Times that vertices are taken back in a round; then all are.
 const TRIES: usize = 12;
@@ -63,8 +67,9 @@ impl Met {
 }
 
 impl Cloth<'_> {
-    /// Eases the neighbourhoods of edges that changed their length by more than `drawn_strain`. `from` are clean positions, and so
-    /// are those returned; `None` where no edge is drawn so far, or nothing better was found. `watch` is told the round.
+    /// Eases the neighbourhoods of edges that changed their length by more than `drawn_strain`.
+    /// `from` are clean positions, and so are those returned; `None` where no edge is drawn so far,
+    /// or nothing better was found. `watch` is told the round.
     pub(crate) fn ease(
         &mut self,
         from: &[Point],
@@ -82,7 +87,8 @@ impl Cloth<'_> {
         let (mut met, mut best, mut largest) = (Met::default(), None, start.max);
         let (mut least, mut vain, mut rounds) = (self.excess(from), 0, 0);
         while rounds < self.params.ease_rounds && vain < IN_VAIN {
-            let drawn: BTreeSet<u32> = self.strained(self.params.drawn_strain).into_iter().collect();
+            let drawn: BTreeSet<u32> =
+                self.strained(self.params.drawn_strain).into_iter().collect();
             if drawn.is_empty() {
                 break;
             }
@@ -114,12 +120,23 @@ impl Cloth<'_> {
         ControlFlow::Continue(best.map(|positions| Eased { positions, rounds, strain }))
     }
 
-    /// As much of the way from the positions `clean` to those proposed as exact verification finds clean, ready to be stored; what
-    /// met on the way is added to `met`. `None` if `clean` is not.
-    fn guarded(&mut self, clean: &[Point], inspector: &mut Inspector<'_>, tree: &mut Bvh, met: &mut Met) -> Option<Vec<Point>> {
+    /// As much of the way from the positions `clean` to those proposed as exact verification finds
+    /// clean, ready to be stored; what met on the way is added to `met`. `None` if `clean` is not.
+    fn guarded(
+        &mut self,
+        clean: &[Point],
+        inspector: &mut Inspector<'_>,
+        tree: &mut Bvh,
+        met: &mut Met,
+    ) -> Option<Vec<Point>> {
         let triangles = self.garment.mesh.triangles();
         let mut moved: Vec<usize> = (0..clean.len()).filter(|v| self.x[*v] != clean[*v]).collect();
-        let mut way: Vec<_> = self.x.iter().zip(clean).map(|(x, c)| (x - c) * (LEAP / (x - c).norm().max(LEAP))).collect();
+        let mut way: Vec<_> = self
+            .x
+            .iter()
+            .zip(clean)
+            .map(|(x, c)| (x - c) * (LEAP / (x - c).norm().max(LEAP)))
+            .collect();
         moved.iter().for_each(|v| self.x[*v] = clean[*v] + way[*v]);
         let mut taken_back = vec![false; clean.len()];
         for tries in 0.. {
@@ -170,7 +187,11 @@ impl Cloth<'_> {
         let rest = self.garment.mesh.vertices();
         let length = |x: &[Point], [a, b]: [u32; 2]| (x[a as usize] - x[b as usize]).norm();
         let strain = |e: &[u32; 2]| edge_strain(length(rest, *e), length(x, *e));
-        self.edges.vertices.iter().map(|e| (strain(e) - self.params.drawn_strain).max(0.0).powi(2)).sum()
+        self.edges
+            .vertices
+            .iter()
+            .map(|e| (strain(e) - self.params.drawn_strain).max(0.0).powi(2))
+            .sum()
     }
 
     fn strain_at(&self, x: &[Point]) -> Strain {
@@ -193,12 +214,20 @@ mod tests {
     use if_mesh::solid::ClosedLayer;
 
     /// A ball of 0.3 m, and a band of `radius` round it, on edges of 2 cm.
-    fn with_band<T>(radius: Real, then: impl FnOnce(&Layer, &[&ClosedLayer], &mut Cloth, &mut Inspector) -> T) -> T {
+    fn with_band<T>(
+        radius: Real,
+        then: impl FnOnce(&Layer, &[&ClosedLayer], &mut Cloth, &mut Inspector) -> T,
+    ) -> T {
         let tube = tube(radius, 0.2, 96, 10, false);
-        let band = tube.with_vertices(tube.vertices().iter().map(|p| Point::new(p.x, p.y - 0.1, p.z)).collect()).unwrap();
+        let band = tube
+            .with_vertices(
+                tube.vertices().iter().map(|p| Point::new(p.x, p.y - 0.1, p.z)).collect(),
+            )
+            .unwrap();
         let (garment, ball) = (Layer::new("band", band), ClosedLayer::body(&icosphere(0.3, 4)));
         let (below, params, tree) = ([&ball], ResolveParams::default(), Bvh::new(&garment.mesh));
-        let outward = Outward::new(&below, &garment.mesh.aabb().inflated(0.05), params.outward_cell);
+        let outward =
+            Outward::new(&below, &garment.mesh.aabb().inflated(0.05), params.outward_cell);
         let mut cloth = Cloth::new(&garment, &tree, &below, Ceilings::default(), &outward, &params);
         cloth.ever_free.fill(true);
         let mut inspector = Inspector::new(&garment.mesh, &tree, &below).0;
@@ -215,7 +244,9 @@ mod tests {
         with_band(0.302, |garment, below, cloth, inspector| {
             let rest = garment.mesh.vertices();
             let v = (0..rest.len())
-                .max_by(|a, b| (rest[*a].z - rest[*a].y.abs()).total_cmp(&(rest[*b].z - rest[*b].y.abs())))
+                .max_by(|a, b| {
+                    (rest[*a].z - rest[*a].y.abs()).total_cmp(&(rest[*b].z - rest[*b].y.abs()))
+                })
                 .unwrap();
             let mut from = rest.to_vec();
             from[v] += (rest[v] - Point::origin()) * 0.25;
@@ -223,7 +254,12 @@ mod tests {
                 ControlFlow::Continue(Some(eased)) => eased,
                 _ => panic!("not eased"),
             };
-            assert!(eased.strain[0] > 2.0 && eased.strain[1] < 0.5 && eased.rounds > 3, "{:?} {}", eased.strain, eased.rounds);
+            assert!(
+                eased.strain[0] > 2.0 && eased.strain[1] < 0.5 && eased.rounds > 3,
+                "{:?} {}",
+                eased.strain,
+                eased.rounds
+            );
             assert_eq!(cloth.strain_at(&eased.positions).max, eased.strain[1]);
             assert!(is_clean(garment, below, &eased.positions));
             let far = (0..rest.len()).filter(|u| (rest[*u] - rest[v]).norm() > 0.2);
@@ -248,21 +284,28 @@ mod tests {
             let to = cloth.guarded(rest, inspector, &mut tree, &mut met).unwrap();
             assert!(is_clean(garment, below, &to));
             let gone = |v: usize| (to[v] - rest[v]).norm() / (proposed[v] - rest[v]).norm();
-            let (wholly, not) =
-                (0..to.len()).fold((0, 0), |(w, n), v| (w + usize::from(gone(v) > 0.999), n + usize::from(gone(v) < 0.001)));
+            let (wholly, not) = (0..to.len()).fold((0, 0), |(w, n), v| {
+                (w + usize::from(gone(v) > 0.999), n + usize::from(gone(v) < 0.001))
+            });
             assert!(wholly > 200 && not > 50, "{wholly} {not}");
             // What met is held where it lies.
             assert!(!met.layers.is_empty());
             cloth.keep_apart(&met, &to);
             assert!(cloth.parting.len() > 30);
-            assert!(cloth.parting.iter().all(|(v, n, point)| n.dot(&(to[*v as usize] - point)) > -1e-12));
+            assert!(
+                cloth
+                    .parting
+                    .iter()
+                    .all(|(v, n, point)| n.dot(&(to[*v as usize] - point)) > -1e-12)
+            );
         });
     }
 
     #[test]
     fn what_is_not_clean_is_not_eased() {
         with_band(0.25, |garment, _, cloth, inspector| {
-            let from: Vec<Point> = garment.mesh.vertices().iter().map(|p| p + (p - Point::origin()) * 0.02).collect();
+            let from: Vec<Point> =
+                garment.mesh.vertices().iter().map(|p| p + (p - Point::origin()) * 0.02).collect();
             cloth.x.copy_from_slice(&from);
             let (mut tree, mut met) = (Bvh::new(&garment.mesh), Met::default());
             assert!(cloth.guarded(&from, inspector, &mut tree, &mut met).is_none());

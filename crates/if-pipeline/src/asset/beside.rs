@@ -4,8 +4,9 @@ use if_body::skin_weights::SkinWeights;
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{CoordinateType, PlyMesh};
 
-/// What a garment's file holds beside positions, triangles and weights: texture coordinates, colours, materials, polygons, comments,
-/// whatever stands there. It goes through a wardrobe and its results as it is.
+/// What a garment's file holds beside positions, triangles and weights: texture coordinates,
+/// colours, materials, polygons, comments, whatever stands there. It goes through a wardrobe and
+/// its results as it is.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Beside(PlyMesh);
 
@@ -25,7 +26,8 @@ impl Beside {
         })
     }
 
-    /// The file again, with a mesh of as many vertices and the same triangles. Weights replace those of the file.
+    /// The file again, with a mesh of as many vertices and the same triangles. Weights replace
+    /// those of the file.
     pub fn file(&self, mesh: TriMesh, skin: Option<&SkinWeights>) -> PlyMesh {
         let mut file = PlyMesh { mesh, ..self.0.clone() };
         if let Some(skin) = skin {

@@ -3,7 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 /// What a garment covers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum GarmentClass {
     /// Trousers and shorts.
@@ -22,8 +24,8 @@ pub enum GarmentClass {
 }
 
 impl GarmentClass {
-    /// Openings that such a garment has at most: those through which head, limbs and trunk pass. Fewer where it has no
-    /// sleeves or hangs open in front; `None` where nothing is known.
+    /// Openings that such a garment has at most: those through which head, limbs and trunk pass.
+    /// Fewer where it has no sleeves or hangs open in front; `None` where nothing is known.
     pub fn most_openings(self) -> Option<usize> {
         match self {
             Self::Skirt => Some(2),
@@ -40,12 +42,13 @@ impl GarmentClass {
 pub struct LayerHint {
     /// What it covers.
     pub class: GarmentClass,
-    /// Within its class: 0 next to the skin. Of tops 2 and more hang over waistbands and are not tucked in.
+    /// Within its class: 0 next to the skin. Of tops 2 and more hang over waistbands and are not
+    /// tucked in.
     pub order: u8,
 }
 
-/// Words in names, with class and order. The first that occurs counts, so that `suit_trousers` are trousers, and a
-/// `cardigan` is no `coat`.
+/// Words in names, with class and order. The first that occurs counts, so that `suit_trousers` are
+/// trousers, and a `cardigan` is no `coat`.
 const WORDS: [(&str, GarmentClass, u8); 26] = [
     ("trousers", GarmentClass::Legs, 0),
     ("pants", GarmentClass::Legs, 0),
@@ -83,7 +86,8 @@ impl LayerHint {
         found.map_or(Self::default(), |(_, class, order)| Self { class: *class, order: *order })
     }
 
-    /// Whether a garment of hint `outer` may be worn right or further above this one, and in one outfit with it.
+    /// Whether a garment of hint `outer` may be worn right or further above this one, and in one
+    /// outfit with it.
     pub fn may_be_under(&self, outer: &Self) -> bool {
         use GarmentClass::{Dress, Legs, Other, Outer, Skirt, Top};
         match (self.class, outer.class) {
@@ -95,7 +99,9 @@ impl LayerHint {
             (Top, Top) | (Outer, Outer) => self.order < outer.order,
             // Thin tops can be tucked in.
             (Top, Legs | Skirt | Dress) => self.order < 2,
-            (Legs | Skirt | Dress, Top) | (Legs, Skirt | Dress) | (Legs | Skirt | Dress | Top, Outer) => true,
+            (Legs | Skirt | Dress, Top)
+            | (Legs, Skirt | Dress)
+            | (Legs | Skirt | Dress | Top, Outer) => true,
         }
     }
 }
@@ -123,9 +129,18 @@ mod tests {
     #[test]
     fn a_coat_goes_over_a_sweater_and_not_under_it() {
         let of = LayerHint::of_name;
-        let wearable = |names: &[&str]| is_wearable(&names.iter().map(|n| of(n)).collect::<Vec<_>>());
-        assert!(wearable(&["jeans", "tshirt", "sweater", "coat"]) && wearable(&["tshirt", "skirt"]));
-        assert!(!wearable(&["coat", "sweater"]) && !wearable(&["sweater", "jeans"]) && !wearable(&["jeans", "trousers"]));
-        assert!(!wearable(&["coat", "coat"]) && wearable(&["thing", "coat", "thing"]) && wearable(&[]));
+        let wearable =
+            |names: &[&str]| is_wearable(&names.iter().map(|n| of(n)).collect::<Vec<_>>());
+        assert!(
+            wearable(&["jeans", "tshirt", "sweater", "coat"]) && wearable(&["tshirt", "skirt"])
+        );
+        assert!(
+            !wearable(&["coat", "sweater"])
+                && !wearable(&["sweater", "jeans"])
+                && !wearable(&["jeans", "trousers"])
+        );
+        assert!(
+            !wearable(&["coat", "coat"]) && wearable(&["thing", "coat", "thing"]) && wearable(&[])
+        );
     }
 }

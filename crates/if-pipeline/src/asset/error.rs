@@ -14,16 +14,22 @@ use std::path::PathBuf;
 #[allow(missing_docs)] // the messages say what the fields are
 pub enum AssetError {
     /// A name that cannot be a folder's.
-    #[error("`{name}` is no name for an asset: take up to 64 letters, digits, `_`, `-` and `.`, without a dot at an end")]
+    #[error(
+        "`{name}` is no name for an asset: take up to 64 letters, digits, `_`, `-` and `.`, without a dot at an end"
+    )]
     Name { name: String },
     /// A garment without triangles.
     #[error("garment `{name}` has no triangles")]
     Empty { name: String },
     /// Weights for another mesh.
-    #[error("garment `{name}` has {vertices} vertices, but {records} records of skinning weights; one each is needed")]
+    #[error(
+        "garment `{name}` has {vertices} vertices, but {records} records of skinning weights; one each is needed"
+    )]
     SkinCount { name: String, vertices: usize, records: usize },
     /// A position beyond single precision.
-    #[error("garment `{name}` does not fit into single precision: {source}; everything is in metres")]
+    #[error(
+        "garment `{name}` does not fit into single precision: {source}; everything is in metres"
+    )]
     Rounding { name: String, source: MeshError },
     /// The mesh cannot be written.
     #[error("garment `{name}`: {source}")]

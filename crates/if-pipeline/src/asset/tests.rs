@@ -25,7 +25,10 @@ fn beside() -> Beside {
     };
     Beside::of(&PlyMesh {
         vertex_properties: vec![Property::new("red", Column::U8((0..n).map(byte).collect()))],
-        face_properties: vec![texcoord, Property::new("material", Column::I32((0..m as i32).collect()))],
+        face_properties: vec![
+            texcoord,
+            Property::new("material", Column::I32((0..m as i32).collect())),
+        ],
         comments: vec!["TextureFile shirt.png".into()],
         ..PlyMesh::new(mesh)
     })
@@ -34,10 +37,15 @@ fn beside() -> Beside {
 fn write_shirt(writer: &Writer, name: &str) -> Result<AssetInfo, AssetError> {
     let mesh = shirt();
     let n = mesh.vertices().len();
-    let skin = SkinWeights::new(vec![[3, 200, 0, 0]; n], vec![[0.25, 0.75, 0.0, 0.0]; n], 256).unwrap();
+    let skin =
+        SkinWeights::new(vec![[3, 200, 0, 0]; n], vec![[0.25, 0.75, 0.0, 0.0]; n], 256).unwrap();
     let ball = Sphere { center: Point::new(0.0, 1.0, 0.0), radius: 0.2 };
     let baked = Baked::new(&ball, &BakeParams { cell: 0.02, ..Default::default() }).unwrap();
-    let provenance = Provenance { source: "mannequin".into(), licence: vec!["CC0\n1.0".into()], ..Default::default() };
+    let provenance = Provenance {
+        source: "mannequin".into(),
+        licence: vec!["CC0\n1.0".into()],
+        ..Default::default()
+    };
     let parts = Parts {
         name,
         hint: LayerHint::of_name("tshirt"),
@@ -64,7 +72,10 @@ fn an_asset_is_read_as_it_was_written() {
     assert_eq!(asset.skin.as_ref().unwrap().joints()[5], [3, 200, 0, 0]);
     let file = asset.file();
     let given = beside().file(file.mesh.clone(), asset.skin.as_ref());
-    assert_eq!((&file.vertex_properties, &file.face_properties), (&given.vertex_properties, &given.face_properties));
+    assert_eq!(
+        (&file.vertex_properties, &file.face_properties),
+        (&given.vertex_properties, &given.face_properties)
+    );
     assert_eq!(file.vertex_properties.len(), 9, "the colour, four joints and weights");
     assert_eq!(file.comments, ["TextureFile shirt.png", "licence CC0 1.0"]);
     assert_eq!(asset.network().unwrap().unwrap(), b"weights");
@@ -97,7 +108,10 @@ fn every_fault_has_its_own_error() {
         read(&folder).unwrap_err()
     };
     assert!(matches!(read(&root.path().join("none")), Err(AssetError::Io { .. })));
-    assert!(matches!(edit("\"asset\": 1", "\"asset\": 7"), AssetError::Version { found: Some(7), .. }));
+    assert!(matches!(
+        edit("\"asset\": 1", "\"asset\": 7"),
+        AssetError::Version { found: Some(7), .. }
+    ));
     assert!(matches!(edit("\"asset\": 1,", ""), AssetError::Version { found: None, .. }));
     assert!(matches!(edit("\"name\"", "\"nom\""), AssetError::Json { .. }));
     assert!(matches!(edit("{", "{{"), AssetError::Json { .. }));
@@ -112,7 +126,10 @@ fn every_fault_has_its_own_error() {
         let asset = read(&folder);
         assert_eq!(asset.is_ok(), is_lazy, "{file}");
         let error = asset.and_then(|a| a.network().and(a.baked().map(drop))).unwrap_err();
-        assert!(matches!(error, AssetError::Changed { .. }) && error.to_string().contains(file), "{error}");
+        assert!(
+            matches!(error, AssetError::Changed { .. }) && error.to_string().contains(file),
+            "{error}"
+        );
         fs::remove_file(&path).unwrap();
         let error = read(&folder).and_then(|a| a.network().and(a.baked().map(drop))).unwrap_err();
         assert!(matches!(error, AssetError::Io { .. }), "{error}");

@@ -57,10 +57,14 @@ pub enum CaptureError {
     #[error("{}: the pixel in column {column}, row {row} has the label {label}, but only {names} labels have names", path.display())]
     Label { path: PathBuf, column: usize, row: usize, label: u8, names: usize },
     /// The skeleton has more or fewer joints.
-    #[error("the capture's poses turn {capture} joints, but the skeleton has {skeleton}; use the skeleton it was posed with")]
+    #[error(
+        "the capture's poses turn {capture} joints, but the skeleton has {skeleton}; use the skeleton it was posed with"
+    )]
     JointCount { capture: usize, skeleton: usize },
     /// A joint has another name.
-    #[error("joint {joint} is `{capture}` in the capture but `{skeleton}` in the skeleton; use the skeleton it was posed with")]
+    #[error(
+        "joint {joint} is `{capture}` in the capture but `{skeleton}` in the skeleton; use the skeleton it was posed with"
+    )]
     JointName { joint: usize, capture: String, skeleton: String },
     /// The folder to write is there already.
     #[error("{}: already there; a capture is written into a new folder", path.display())]

@@ -48,8 +48,7 @@ pub(super) struct FrameMeta {
 }
 
 /// Written into files, for people.
-pub(super) const CONVENTION: &str =
-    "x_cam = R x_world + t; OpenCV axes (x right, y down, z forward); metres; pixel centre (i + 0.5); rot (w, x, y, z)";
+pub(super) const CONVENTION: &str = "x_cam = R x_world + t; OpenCV axes (x right, y down, z forward); metres; pixel centre (i + 0.5); rot (w, x, y, z)";
 
 /// A matrix from its rows.
 fn matrix(rows: &[[Real; 3]; 3]) -> Matrix3<Real> {
@@ -63,8 +62,10 @@ pub(super) fn rows(m: &Matrix3<Real>) -> [[Real; 3]; 3] {
 
 impl Meta {
     pub(super) fn read(path: &Path) -> Result<Self, CaptureError> {
-        let bytes = std::fs::read(path).map_err(|source| CaptureError::Io { path: path.into(), source })?;
-        serde_json::from_slice(&bytes).map_err(|source| CaptureError::Json { path: path.into(), source })
+        let bytes =
+            std::fs::read(path).map_err(|source| CaptureError::Io { path: path.into(), source })?;
+        serde_json::from_slice(&bytes)
+            .map_err(|source| CaptureError::Json { path: path.into(), source })
     }
 
     /// The subfolder that is named for pictures of this kind.
@@ -79,35 +80,56 @@ impl Meta {
         for name in self.channels.values() {
             check_name(path, name)?;
         }
-        let camera = Camera::new(self.width, self.height, matrix(&self.k), matrix(&self.r), self.t.into())
-            .map_err(|source| CaptureError::Camera { path: at(), source })?;
+        let camera =
+            Camera::new(self.width, self.height, matrix(&self.k), matrix(&self.r), self.t.into())
+                .map_err(|source| CaptureError::Camera { path: at(), source })?;
         if self.frames.is_empty() {
             return Err(CaptureError::NoFrames { path: at() });
         }
         let mut frames: Vec<(u32, Pose)> = Vec::with_capacity(self.frames.len());
         for (frame, f) in self.frames.iter().enumerate() {
-            if let Some((previous, _)) = frames.last().filter(|(previous, _)| f.index <= *previous) {
-                return Err(CaptureError::FrameOrder { path: at(), frame, index: f.index, previous: *previous });
+            if let Some((previous, _)) = frames.last().filter(|(previous, _)| f.index <= *previous)
+            {
+                return Err(CaptureError::FrameOrder {
+                    path: at(),
+                    frame,
+                    index: f.index,
+                    previous: *previous,
+                });
             }
             let fault = |source| CaptureError::Pose { path: at(), frame, source };
             if f.rot.len() != self.joints.len() {
-                return Err(fault(PoseError::Count { got: f.rot.len(), expected: self.joints.len() }));
+                return Err(fault(PoseError::Count {
+                    got: f.rot.len(),
+                    expected: self.joints.len(),
+                }));
             }
-            frames.push((f.index, Pose::from_quaternions(Vector::from(f.root_t), &f.rot).map_err(fault)?));
+            frames.push((
+                f.index,
+                Pose::from_quaternions(Vector::from(f.root_t), &f.rot).map_err(fault)?,
+            ));
         }
         Ok((camera, frames))
     }
 }
 
 /// Whether labels and layers name the same garments, each once.
-pub(super) fn check_names(path: &Path, labels: &[String], layers: &[String]) -> Result<(), CaptureError> {
+pub(super) fn check_names(
+    path: &Path,
+    labels: &[String],
+    layers: &[String],
+) -> Result<(), CaptureError> {
     let at = || path.to_path_buf();
     if !(2..=255).contains(&labels.len()) {
         return Err(CaptureError::LabelCount { path: at(), count: labels.len() });
     }
     for (index, name) in ["background", "skin"].iter().enumerate() {
         if labels[index] != *name {
-            return Err(CaptureError::LabelName { path: at(), index, found: labels[index].clone() });
+            return Err(CaptureError::LabelName {
+                path: at(),
+                index,
+                found: labels[index].clone(),
+            });
         }
     }
     let garments = &labels[2..];
@@ -115,7 +137,12 @@ pub(super) fn check_names(path: &Path, labels: &[String], layers: &[String]) -> 
         let (label, layer) = (garments.get(index), layers.get(index));
         if label != layer {
             let name = |n: Option<&String>| n.map_or("missing".into(), Clone::clone);
-            return Err(CaptureError::LayerName { path: at(), index, label: name(label), layer: name(layer) });
+            return Err(CaptureError::LayerName {
+                path: at(),
+                index,
+                label: name(label),
+                layer: name(layer),
+            });
         }
     }
     for (second, name) in layers.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! The project's own capture: the mannequin in its clothes, turning before a camera, seen as a noisy human parser and a
-//! normal estimator would see it.
+//! The project's own capture: the mannequin in its clothes, turning before a camera, seen as a
+//! noisy human parser and a normal estimator would see it.
 
 mod motion;
 mod noise;
@@ -124,20 +124,26 @@ impl SynthParams {
 
 /// The subfolder with the template body: what a reconstruction may use beside the pictures.
 pub const BODY: &str = "body";
-/// The subfolder with the body and the garments as they are, with skinning weights: for judging. Where clothes move by themselves, it has
-/// all layers posed in each frame, too: `frame_NNNN.ply`, with their labels.
+/// The subfolder with the body and the garments as they are, with skinning weights: for judging.
+/// Where clothes move by themselves, it has all layers posed in each frame, too: `frame_NNNN.ply`,
+/// with their labels.
 pub const TRUTH: &str = "truth";
 
-/// Renders the capture into `folder`, which must not exist. `progress` is told how many frames are done, and returns
-/// whether to go on.
+/// Renders the capture into `folder`, which must not exist. `progress` is told how many frames are
+/// done, and returns whether to go on.
 ///
-/// Beside what every capture has, the folder holds the clean masks and labels (`mask`, `label`) where there is noise,
+/// Beside what every capture has, the folder holds the clean masks and labels (`mask`, `label`)
+/// where there is noise,
 /// [`BODY`] and [`TRUTH`].
 ///
 /// # Errors
 ///
 /// Parameters out of range, or files that cannot be written; nothing is left then.
-pub fn synth(params: &SynthParams, folder: &Path, progress: &mut dyn FnMut(usize) -> bool) -> Result<SynthReport, SynthError> {
+pub fn synth(
+    params: &SynthParams,
+    folder: &Path,
+    progress: &mut dyn FnMut(usize) -> bool,
+) -> Result<SynthReport, SynthError> {
     params.validate()?;
     let scene = Scene::new(params);
     let camera = camera(params.size);
@@ -153,7 +159,11 @@ pub fn synth(params: &SynthParams, folder: &Path, progress: &mut dyn FnMut(usize
     let mut writer = CaptureWriter::create(folder, &subject)?;
     let mut report = SynthReport {
         frames: params.frames,
-        labels: ["background", "skin"].map(String::from).into_iter().chain(subject.garments.clone()).collect(),
+        labels: ["background", "skin"]
+            .map(String::from)
+            .into_iter()
+            .chain(subject.garments.clone())
+            .collect(),
         pixels: vec![0; worn.len() + 2],
         wrong_labels: 0,
         wrong_mask: 0,
@@ -162,7 +172,9 @@ pub fn synth(params: &SynthParams, folder: &Path, progress: &mut dyn FnMut(usize
     let mut rasteriser = Rasteriser::default();
     let make = |name: &str| {
         let path = writer.folder().join(name);
-        std::fs::create_dir(&path).map(|()| path.clone()).map_err(|source| CaptureError::Io { path, source })
+        std::fs::create_dir(&path)
+            .map(|()| path.clone())
+            .map_err(|source| CaptureError::Io { path, source })
     };
     let (body, truth) = (make(BODY)?, make(TRUTH)?);
     let waves = Waves::new(params.nonrigid, params.seed);
@@ -181,8 +193,10 @@ pub fn synth(params: &SynthParams, folder: &Path, progress: &mut dyn FnMut(usize
         }
         let seen = scene.seen(&moved, &camera, &mut rasteriser);
         // Each frame has its own noise, whatever the number of frames before it.
-        let mut rng = Pcg64Mcg::seed_from_u64(params.seed.wrapping_mul(1_000_003).wrapping_add(frame as u64));
-        let noisy_labels = noise::labels(&seen.labels, size, params.label_noise, worn.len() as u8 + 2, &mut rng);
+        let mut rng =
+            Pcg64Mcg::seed_from_u64(params.seed.wrapping_mul(1_000_003).wrapping_add(frame as u64));
+        let noisy_labels =
+            noise::labels(&seen.labels, size, params.label_noise, worn.len() as u8 + 2, &mut rng);
         let noisy_mask = noise::mask(&seen.mask, size, params.mask_noise, &mut rng);
         let pictures = FramePictures {
             mask: &seen.mask,
@@ -193,14 +207,18 @@ pub fn synth(params: &SynthParams, folder: &Path, progress: &mut dyn FnMut(usize
         };
         writer.push(&pose, &pictures)?;
         seen.labels.iter().for_each(|l| report.pixels[usize::from(*l)] += 1);
-        report.wrong_labels += seen.labels.iter().zip(&noisy_labels).filter(|(a, b)| a != b).count();
+        report.wrong_labels +=
+            seen.labels.iter().zip(&noisy_labels).filter(|(a, b)| a != b).count();
         report.wrong_mask += seen.mask.iter().zip(&noisy_mask).filter(|(a, b)| a != b).count();
     }
     scene.template().write(&body)?;
     for (k, layer) in scene.layers.iter().enumerate() {
         let name = if k == 0 { "body" } else { &subject.garments[k - 1] };
         let path = truth.join(format!("{name}.ply"));
-        let ply = PlyMesh { vertex_properties: layer.skin.to_properties(), ..PlyMesh::new(layer.mesh.clone()) };
+        let ply = PlyMesh {
+            vertex_properties: layer.skin.to_properties(),
+            ..PlyMesh::new(layer.mesh.clone())
+        };
         ply::write_path(&ply, layer.mesh.vertices(), &WriteParams::default(), &path)
             .map_err(|source| SynthError::Mesh { path, source })?;
     }
@@ -212,7 +230,8 @@ pub fn synth(params: &SynthParams, folder: &Path, progress: &mut dyn FnMut(usize
 fn camera(size: usize) -> Camera {
     let (angle, height) = (32.0f64.to_radians(), 1.72);
     let distance = 0.56 * height / (0.5 * angle).tan() + 0.25;
-    let (eye, target) = (Point::new(0.0, 0.55 * height, distance), Point::new(0.0, 0.5 * height, 0.0));
+    let (eye, target) =
+        (Point::new(0.0, 0.55 * height, distance), Point::new(0.0, 0.5 * height, 0.0));
     Camera::looking_at((size, size), &eye, &target, &Vector::y(), angle)
         .expect("the size is in range, and the eye is not the target")
 }
@@ -247,7 +266,8 @@ impl Scene {
         worn.dedup();
         let meshes = std::iter::once(mannequin::body(&params.mannequin))
             .chain(worn.iter().map(|kind| mannequin::garment(*kind, &params.mannequin)));
-        let layers: Vec<Layer> = meshes.map(|mesh| Layer { skin: rig::skin_weights(mesh.vertices()), mesh }).collect();
+        let layers: Vec<Layer> =
+            meshes.map(|mesh| Layer { skin: rig::skin_weights(mesh.vertices()), mesh }).collect();
         let (mut vertices, mut triangles, mut first) = (Vec::new(), Vec::new(), Vec::new());
         for layer in &layers {
             let n = vertices.len() as u32;
@@ -261,27 +281,38 @@ impl Scene {
 
     fn template(&self) -> TemplateBody {
         let body = &self.layers[0];
-        TemplateBody { mesh: body.mesh.clone(), skin: body.skin.clone(), skeleton: self.skeleton.clone() }
+        TemplateBody {
+            mesh: body.mesh.clone(),
+            skin: body.skin.clone(),
+            skeleton: self.skeleton.clone(),
+        }
     }
 
     /// For each vertex of all layers the label.
     fn labels(&self) -> Vec<u8> {
-        let one = |(k, layer): (usize, &Layer)| vec![k as u8 + super::SKIN; layer.mesh.vertices().len()];
+        let one =
+            |(k, layer): (usize, &Layer)| vec![k as u8 + super::SKIN; layer.mesh.vertices().len()];
         self.layers.iter().enumerate().flat_map(one).collect()
     }
 
     /// All layers in a pose, the garments moved by `waves` before.
     fn posed(&self, pose: &Pose, waves: &Waves, turn: Real) -> TriMesh {
-        let transforms = self.skeleton.transforms(pose).expect("the pose has the joints of the rig");
+        let transforms =
+            self.skeleton.transforms(pose).expect("the pose has the joints of the rig");
         let mut posed = Vec::with_capacity(self.all.vertices().len());
         for (k, layer) in self.layers.iter().enumerate() {
             let mut rest = layer.mesh.vertices().to_vec();
             if k > 0 && !waves.still() {
-                rest.iter_mut().zip(layer.mesh.vertex_normals()).for_each(|(p, n)| *p += n * waves.at(p, turn));
+                rest.iter_mut()
+                    .zip(layer.mesh.vertex_normals())
+                    .for_each(|(p, n)| *p += n * waves.at(p, turn));
             }
             let hang = layer.skin.joints().iter().zip(layer.skin.weights()).zip(&rest);
             posed.extend(hang.map(|((joints, weights), p)| {
-                let parts = joints.iter().zip(weights).map(|(j, w)| (transforms[usize::from(*j)] * p).coords * Real::from(*w));
+                let parts = joints
+                    .iter()
+                    .zip(weights)
+                    .map(|(j, w)| (transforms[usize::from(*j)] * p).coords * Real::from(*w));
                 Point::from(parts.sum::<Vector>())
             }));
         }
@@ -291,9 +322,14 @@ impl Scene {
     fn seen(&self, moved: &TriMesh, camera: &Camera, rasteriser: &mut Rasteriser) -> Seen {
         let mut ids = IdBuffer::default();
         rasteriser.look(moved, moved.vertices(), camera, &RasterParams::default(), &mut ids);
-        let normals: Vec<Vector> = moved.vertex_normals().iter().map(|n| camera.rotation() * n).collect();
+        let normals: Vec<Vector> =
+            moved.vertex_normals().iter().map(|n| camera.rotation() * n).collect();
         let (width, n) = (camera.width(), ids.triangle.len());
-        let mut seen = Seen { mask: vec![false; n], labels: vec![super::BACKGROUND; n], normals: vec![[0.0; 3]; n] };
+        let mut seen = Seen {
+            mask: vec![false; n],
+            labels: vec![super::BACKGROUND; n],
+            normals: vec![[0.0; 3]; n],
+        };
         for (at, &id) in ids.triangle.iter().enumerate().filter(|(_, id)| **id != NOTHING) {
             let layer = self.first.partition_point(|first| *first <= id as usize) - 1;
             seen.mask[at] = true;
@@ -354,7 +390,10 @@ mod tests {
         assert!(moved.iter().all(|n| *n > 0), "{moved:?}");
         assert!(counts == report.pixels && counts.iter().all(|n| *n > 100), "{counts:?}");
         let total: usize = report.pixels[1..].iter().sum();
-        assert!((0.005..0.2).contains(&(report.wrong_labels as Real / total as Real)), "{report:?}");
+        assert!(
+            (0.005..0.2).contains(&(report.wrong_labels as Real / total as Real)),
+            "{report:?}"
+        );
     }
 
     #[test]
@@ -380,7 +419,9 @@ mod tests {
         let pose = rig::turning_pose(1, 8);
         let moved = scene.posed(&pose, &Waves::new(0.0, 0), 0.0);
         let seen = scene.seen(&moved, &camera, &mut Rasteriser::default());
-        for (joint, frame) in scene.skeleton.joints().iter().zip(scene.skeleton.frames(&pose).unwrap()) {
+        for (joint, frame) in
+            scene.skeleton.joints().iter().zip(scene.skeleton.frames(&pose).unwrap())
+        {
             let pixel = camera.project(&Point::from(frame.translation.vector)).unwrap();
             let at = pixel.y as usize * 64 + pixel.x as usize;
             assert!(seen.mask[at], "{} at {pixel}", joint.name);
@@ -397,7 +438,10 @@ mod tests {
         let stopped = folder.path().join("stopped");
         assert!(matches!(synth(&small(0.0), &stopped, &mut |k| k < 2), Err(SynthError::Cancelled)));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-        for bad in [SynthParams { frames: 0, ..small(0.0) }, SynthParams { label_noise: Real::NAN, ..small(0.0) }] {
+        for bad in [
+            SynthParams { frames: 0, ..small(0.0) },
+            SynthParams { label_noise: Real::NAN, ..small(0.0) },
+        ] {
             assert!(matches!(synth(&bad, &stopped, &mut |_| true), Err(SynthError::Param { .. })));
         }
     }

@@ -10,9 +10,21 @@ const W: usize = 5;
 const H: usize = 3;
 
 fn subject() -> Subject {
-    let camera = Camera::looking_at((W, H), &Point::new(0.0, 1.0, 3.0), &Point::new(0.0, 1.0, 0.0), &Vector::y(), 0.5).unwrap();
+    let camera = Camera::looking_at(
+        (W, H),
+        &Point::new(0.0, 1.0, 3.0),
+        &Point::new(0.0, 1.0, 0.0),
+        &Vector::y(),
+        0.5,
+    )
+    .unwrap();
     let name = |s: &str| s.to_owned();
-    Subject { camera, garments: vec![name("shirt")], joints: vec![name("hips"), name("head")], generator: name("a test") }
+    Subject {
+        camera,
+        garments: vec![name("shirt")],
+        joints: vec![name("hips"), name("head")],
+        generator: name("a test"),
+    }
 }
 
 /// What frame `k` shows: all different.
@@ -31,15 +43,23 @@ fn frame(k: usize) -> Frame {
 
 fn pose(k: usize) -> Pose {
     let turn = UnitQuaternion::from_axis_angle(&Vector::y_axis(), 0.3 * k as f64);
-    Pose { root_translation: Vector::new(0.0, 0.1 * k as f64, 0.0), rotations: vec![turn, UnitQuaternion::identity()] }
+    Pose {
+        root_translation: Vector::new(0.0, 0.1 * k as f64, 0.0),
+        rotations: vec![turn, UnitQuaternion::identity()],
+    }
 }
 
 fn write(folder: &Path, frames: usize) {
     let mut writer = CaptureWriter::create(folder, &subject()).unwrap();
     for k in 0..frames {
         let f = frame(k);
-        let pictures =
-            FramePictures { mask: &f.mask, labels: &f.labels, normals: &f.normals, noisy_mask: None, noisy_labels: None };
+        let pictures = FramePictures {
+            mask: &f.mask,
+            labels: &f.labels,
+            normals: &f.normals,
+            noisy_mask: None,
+            noisy_labels: None,
+        };
         writer.push(&pose(k), &pictures).unwrap();
     }
     writer.finish().unwrap();
@@ -77,7 +97,10 @@ fn a_written_capture_is_read_again() {
             assert!(*b == [0.0; 3] && *a == *b || cos > 0.4f32.to_radians().cos(), "{a:?} {b:?}");
         }
         let angle = capture.pose(k).rotations[0].angle_to(&pose(k).rotations[0]);
-        assert!(angle < 1e-7 && capture.pose(k).root_translation == pose(k).root_translation, "{angle}");
+        assert!(
+            angle < 1e-7 && capture.pose(k).root_translation == pose(k).root_translation,
+            "{angle}"
+        );
     }
 }
 
@@ -108,8 +131,12 @@ fn noisy_pictures_are_preferred_unless_the_truth_is_asked_for() {
         noisy_labels: Some(&noisy.labels),
     };
     writer.push(&pose(0), &pictures).unwrap();
-    let error = writer.push(&pose(0), &FramePictures { noisy_labels: None, ..pictures }).unwrap_err();
-    assert!(matches!(error, CaptureError::NoisyPicture { frame: 1, what: "label image" }), "{error}");
+    let error =
+        writer.push(&pose(0), &FramePictures { noisy_labels: None, ..pictures }).unwrap_err();
+    assert!(
+        matches!(error, CaptureError::NoisyPicture { frame: 1, what: "label image" }),
+        "{error}"
+    );
     writer.finish().unwrap();
     assert_eq!(Capture::open(&path).unwrap().frame(0).unwrap().labels, noisy.labels);
     let truth = Capture::open_with(&path, &Channels::truth()).unwrap();
@@ -128,10 +155,16 @@ fn pictures_that_are_missing_or_wrong_are_named_when_the_capture_is_opened() {
     assert!(matches!(error, CaptureError::Missing { frame: 1, frames: 3, .. }), "{error}");
     fs::write(&picture, b"no picture").unwrap();
     let error = Capture::open(&path).unwrap_err();
-    assert!(matches!(error, CaptureError::Picture { frame: 1, source: PictureError::Decode(_), .. }), "{error:?}");
+    assert!(
+        matches!(error, CaptureError::Picture { frame: 1, source: PictureError::Decode(_), .. }),
+        "{error:?}"
+    );
     fs::copy(path.join("mask/0001.png"), &picture).unwrap();
     let error = Capture::open(&path).unwrap_err();
-    assert!(matches!(error, CaptureError::Picture { source: PictureError::Format { .. }, .. }), "{error}");
+    assert!(
+        matches!(error, CaptureError::Picture { source: PictureError::Format { .. }, .. }),
+        "{error}"
+    );
     // The head is sound, and the rest is cut off: found when the frame is read.
     fs::write(&picture, &sound[..sound.len() - 30]).unwrap();
     let capture = Capture::open(&path).unwrap();
@@ -141,7 +174,13 @@ fn pictures_that_are_missing_or_wrong_are_named_when_the_capture_is_opened() {
     edit(&path, |m| m["width"] = json!(6));
     let error = Capture::open(&path).unwrap_err();
     assert!(
-        matches!(error, CaptureError::Picture { source: PictureError::Size { width: 5, expected_width: 6, .. }, .. }),
+        matches!(
+            error,
+            CaptureError::Picture {
+                source: PictureError::Size { width: 5, expected_width: 6, .. },
+                ..
+            }
+        ),
         "{error}"
     );
 }
@@ -151,9 +190,13 @@ fn a_label_without_a_name_is_named_with_its_pixel() {
     let (_parent, path) = captured();
     let mut labels = frame(2).labels;
     labels[2 * W + 3] = 7;
-    picture::write_labels(fs::File::create(path.join("label/0002.png")).unwrap(), (W, H), &labels).unwrap();
+    picture::write_labels(fs::File::create(path.join("label/0002.png")).unwrap(), (W, H), &labels)
+        .unwrap();
     let error = Capture::open(&path).unwrap().frame(2).unwrap_err();
-    assert!(matches!(error, CaptureError::Label { column: 3, row: 2, label: 7, names: 3, .. }), "{error}");
+    assert!(
+        matches!(error, CaptureError::Label { column: 3, row: 2, label: 7, names: 3, .. }),
+        "{error}"
+    );
 }
 
 /// A change of `meta.json`, and the error it must give.
@@ -168,13 +211,31 @@ fn faults_of_meta_json_are_named() {
         (|m| m["t"] = json!([0, 0]), |e| matches!(e, E::Json { .. })),
         (|m| m["K"] = json!("wide"), |e| matches!(e, E::Json { .. })),
         (|m| m["frames"] = json!([]), |e| matches!(e, E::NoFrames { .. })),
-        (|m| m["frames"][1]["index"] = json!(0), |e| matches!(e, E::FrameOrder { frame: 1, index: 0, previous: 0, .. })),
-        (|m| m["frames"][1]["rot"] = json!([[1, 0, 0, 0]]), |e| matches!(e, E::Pose { frame: 1, .. })),
-        (|m| m["frames"][2]["rot"][1] = json!([0, 0, 0, 0]), |e| matches!(e, E::Pose { frame: 2, .. })),
-        (|m| m["labels"] = json!(["skin", "background", "shirt"]), |e| matches!(e, E::LabelName { index: 0, .. })),
+        (
+            |m| m["frames"][1]["index"] = json!(0),
+            |e| matches!(e, E::FrameOrder { frame: 1, index: 0, previous: 0, .. }),
+        ),
+        (
+            |m| m["frames"][1]["rot"] = json!([[1, 0, 0, 0]]),
+            |e| matches!(e, E::Pose { frame: 1, .. }),
+        ),
+        (
+            |m| m["frames"][2]["rot"][1] = json!([0, 0, 0, 0]),
+            |e| matches!(e, E::Pose { frame: 2, .. }),
+        ),
+        (
+            |m| m["labels"] = json!(["skin", "background", "shirt"]),
+            |e| matches!(e, E::LabelName { index: 0, .. }),
+        ),
         (|m| m["labels"] = json!(["background"]), |e| matches!(e, E::LabelCount { count: 1, .. })),
-        (|m| m["layers_inner_to_outer"] = json!(["coat"]), |e| matches!(e, E::LayerName { index: 0, .. })),
-        (|m| m["layers_inner_to_outer"] = json!([]), |e| matches!(e, E::LayerName { index: 0, .. })),
+        (
+            |m| m["layers_inner_to_outer"] = json!(["coat"]),
+            |e| matches!(e, E::LayerName { index: 0, .. }),
+        ),
+        (
+            |m| m["layers_inner_to_outer"] = json!([]),
+            |e| matches!(e, E::LayerName { index: 0, .. }),
+        ),
         (|m| m["channels"] = json!({"label": "../../secret"}), |e| matches!(e, E::BadName { .. })),
         (
             |m| {
@@ -212,7 +273,11 @@ fn a_skeleton_that_does_not_match_is_named() {
     let count = capture.check_skeleton(&skeleton(&["hips"]));
     assert!(matches!(count, Err(CaptureError::JointCount { capture: 2, skeleton: 1 })));
     let name = capture.check_skeleton(&skeleton(&["hips", "neck"])).unwrap_err();
-    assert!(matches!(name, CaptureError::JointName { joint: 1, .. }) && name.to_string().contains("`neck`"), "{name}");
+    assert!(
+        matches!(name, CaptureError::JointName { joint: 1, .. })
+            && name.to_string().contains("`neck`"),
+        "{name}"
+    );
 }
 
 /// Runs only where the shared data are.

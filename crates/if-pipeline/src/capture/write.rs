@@ -39,7 +39,8 @@ pub struct FramePictures<'a> {
     pub noisy_labels: Option<&'a [u8]>,
 }
 
-/// A capture that is being written: into a temporary folder beside the final one, which takes its name in
+/// A capture that is being written: into a temporary folder beside the final one, which takes its
+/// name in
 /// [`CaptureWriter::finish`]. Dropped before, it leaves nothing.
 #[derive(Debug)]
 pub struct CaptureWriter {
@@ -61,7 +62,11 @@ impl CaptureWriter {
         if folder.exists() {
             return Err(CaptureError::InTheWay { path: folder.into() });
         }
-        let labels: Vec<String> = ["background", "skin"].map(String::from).into_iter().chain(subject.garments.clone()).collect();
+        let labels: Vec<String> = ["background", "skin"]
+            .map(String::from)
+            .into_iter()
+            .chain(subject.garments.clone())
+            .collect();
         meta::check_names(folder, &labels, &subject.garments)?;
         let parent = match folder.parent() {
             Some(p) if !p.as_os_str().is_empty() => p,
@@ -107,8 +112,8 @@ impl CaptureWriter {
     ///
     /// # Errors
     ///
-    /// Pictures of another size, noisy ones in some frames only, a pose of another number of joints, a label without a
-    /// name, or what the system says.
+    /// Pictures of another size, noisy ones in some frames only, a pose of another number of
+    /// joints, a label without a name, or what the system says.
     pub fn push(&mut self, pose: &Pose, pictures: &FramePictures) -> Result<(), CaptureError> {
         let frame = self.meta.frames.len();
         let counts = [
@@ -137,11 +142,15 @@ impl CaptureWriter {
             return Err(CaptureError::NoisyPicture { frame, what: ["mask", "label image"][k] });
         }
         if pose.rotations.len() != self.meta.joints.len() {
-            let source = if_body::skeleton::PoseError::Count { got: pose.rotations.len(), expected: self.meta.joints.len() };
+            let source = if_body::skeleton::PoseError::Count {
+                got: pose.rotations.len(),
+                expected: self.meta.joints.len(),
+            };
             return Err(CaptureError::Pose { path: self.target.clone(), frame, source });
         }
         for labels in [Some(pictures.labels), pictures.noisy_labels].into_iter().flatten() {
-            if let Some(at) = labels.iter().position(|l| usize::from(*l) >= self.meta.labels.len()) {
+            if let Some(at) = labels.iter().position(|l| usize::from(*l) >= self.meta.labels.len())
+            {
                 let (path, names) = (self.target.clone(), self.meta.labels.len());
                 return Err(CaptureError::Label {
                     path,
@@ -154,15 +163,23 @@ impl CaptureWriter {
         }
         let size = self.size;
         self.file(frame, Kind::Mask.folder(), |f| picture::write_mask(f, size, pictures.mask))?;
-        self.file(frame, Kind::Label.folder(), |f| picture::write_labels(f, size, pictures.labels))?;
-        self.file(frame, Kind::Normal.folder(), |f| picture::write_normals(f, size, pictures.normals))?;
+        self.file(frame, Kind::Label.folder(), |f| {
+            picture::write_labels(f, size, pictures.labels)
+        })?;
+        self.file(frame, Kind::Normal.folder(), |f| {
+            picture::write_normals(f, size, pictures.normals)
+        })?;
         if let Some(mask) = pictures.noisy_mask {
             self.file(frame, Kind::Mask.noisy(), |f| picture::write_mask(f, size, mask))?;
         }
         if let Some(labels) = pictures.noisy_labels {
             self.file(frame, Kind::Label.noisy(), |f| picture::write_labels(f, size, labels))?;
         }
-        self.meta.frames.push(FrameMeta { index: frame as u32, root_t: pose.root_translation.into(), rot: pose.quaternions() });
+        self.meta.frames.push(FrameMeta {
+            index: frame as u32,
+            root_t: pose.root_translation.into(),
+            rot: pose.quaternions(),
+        });
         Ok(())
     }
 
@@ -174,7 +191,8 @@ impl CaptureWriter {
     pub fn finish(self) -> Result<(), CaptureError> {
         let path = self.part.path().join(meta::FILE);
         self.meta.checked(&path)?;
-        let text = serde_json::to_vec(&self.meta).map_err(|source| CaptureError::Json { path: path.clone(), source })?;
+        let text = serde_json::to_vec(&self.meta)
+            .map_err(|source| CaptureError::Json { path: path.clone(), source })?;
         fs::write(&path, text).map_err(|source| CaptureError::Io { path, source })?;
         if self.target.exists() {
             return Err(CaptureError::InTheWay { path: self.target });
@@ -193,7 +211,8 @@ impl CaptureWriter {
         write: impl FnOnce(BufWriter<File>) -> Result<(), PictureError>,
     ) -> Result<(), CaptureError> {
         let path = self.part.path().join(folder).join(meta::file_name(frame as u32));
-        let done = File::create(&path).map_err(PictureError::Io).and_then(|f| write(BufWriter::new(f)));
+        let done =
+            File::create(&path).map_err(PictureError::Io).and_then(|f| write(BufWriter::new(f)));
         done.map_err(|source| CaptureError::Picture { frame, path, source })
     }
 }

@@ -12,16 +12,20 @@ use if_mesh::sdf::{MeshSdf, SdfError};
 use if_mesh::voxels::{Voxel, Voxels};
 use rayon::prelude::*;
 
-/// Side of the voxels that settle what is outside, as a share of the mesh's size: 4 mm for a person. On the two sample captures twice as much
-/// doubles the tunnels of the canonical mesh (24 and 19 for 12 and 8) and takes it 0.1 mm farther from the truth; half as much
-/// takes eight times the memory and 2.6 s for 0.7 s, and comes 0.05 mm nearer, but loses more of what is thin (62 mm at most for 35).
+/// Side of the voxels that settle what is outside, as a share of the mesh's size: 4 mm for a
+/// person. On the two sample captures twice as much doubles the tunnels of the canonical mesh (24
+/// and 19 for 12 and 8) and takes it 0.1 mm farther from the truth; half as much takes eight times
+/// the memory and 2.6 s for 0.7 s, and comes 0.05 mm nearer, but loses more of what is thin (62 mm
+/// at most for 35).
 const VOXEL: Real = 1.0 / 420.0;
 
-/// The signed distance of a closed mesh that may pass through itself, as a surface does that was moved.
+/// The signed distance of a closed mesh that may pass through itself, as a surface does that was
+/// moved.
 ///
-/// Pseudo-normals say nothing right inside folds, and hollow a body out from there. Here what infinity reaches without crossing
-/// the surface is outside, and what it does not reach is inside, by voxels; only in voxels that hold a triangle the nearest
-/// triangle's pseudo-normal decides. Distances are those from the nearest triangle, also from one in the inside.
+/// Pseudo-normals say nothing right inside folds, and hollow a body out from there. Here what
+/// infinity reaches without crossing the surface is outside, and what it does not reach is inside,
+/// by voxels; only in voxels that hold a triangle the nearest triangle's pseudo-normal decides.
+/// Distances are those from the nearest triangle, also from one in the inside.
 #[derive(Clone, Debug)]
 pub struct FloodedField {
     exact: MeshSdf,
@@ -49,7 +53,8 @@ impl FloodedField {
 }
 
 impl FloodedField {
-    /// Whether a point lies inside: the sign of [`SignedDistance::distance`], without it where voxels know.
+    /// Whether a point lies inside: the sign of [`SignedDistance::distance`], without it where
+    /// voxels know.
     pub fn contains(&self, p: &Point) -> bool {
         match self.voxels.at(p) {
             Voxel::Wall => self.exact.distance(p) < 0.0,
@@ -71,7 +76,11 @@ impl SignedDistance for FloodedField {
             Voxel::Outside => false,
             _ => true,
         };
-        if inside == (s.distance < 0.0) { s } else { FieldSample { distance: -s.distance, gradient: -s.gradient } }
+        if inside == (s.distance < 0.0) {
+            s
+        } else {
+            FieldSample { distance: -s.distance, gradient: -s.gradient }
+        }
     }
 
     fn bounds(&self) -> Option<Aabb> {
@@ -83,31 +92,42 @@ impl SignedDistance for FloodedField {
     }
 }
 
-/// Weights for `points`, from the nearest point of a skinned surface each: its corners' weights in their barycentric parts, of
-/// which the four largest are kept.
+/// Weights for `points`, from the nearest point of a skinned surface each: its corners' weights in
+/// their barycentric parts, of which the four largest are kept.
 ///
 /// # Panics
 ///
 /// If the surface has no triangles, or not one record of weights for each vertex.
-pub fn carried_weights(surface: &TriMesh, skin: &SkinWeights, joints: usize, points: &[Point]) -> SkinWeights {
+pub fn carried_weights(
+    surface: &TriMesh,
+    skin: &SkinWeights,
+    joints: usize,
+    points: &[Point],
+) -> SkinWeights {
     assert_eq!(surface.vertices().len(), skin.len(), "one record for each vertex");
     let tree = Bvh::new(surface);
     let of = |p: &Point| four_largest(nearest_weights(&tree, surface, skin, p).1);
     let (on, weights) = points.par_iter().with_min_len(256).map(of).unzip();
-    SkinWeights::new(on, weights, joints).expect("the four largest parts of weights are positive, and were divided by their sum")
+    SkinWeights::new(on, weights, joints)
+        .expect("the four largest parts of weights are positive, and were divided by their sum")
 }
 
 /// Joints, and their parts of a place.
 pub(super) type Shares = Vec<(u16, Real)>;
 
 /// For each of `points` its distance from a skinned surface, and the weights there.
-pub(super) fn carried_to(surface: &TriMesh, skin: &SkinWeights, points: &[Point]) -> Vec<(Real, Shares)> {
+pub(super) fn carried_to(
+    surface: &TriMesh,
+    skin: &SkinWeights,
+    points: &[Point],
+) -> Vec<(Real, Shares)> {
     let tree = Bvh::new(surface);
     points.par_iter().with_min_len(256).map(|p| nearest_weights(&tree, surface, skin, p)).collect()
 }
 
 fn nearest_weights(tree: &Bvh, surface: &TriMesh, skin: &SkinWeights, p: &Point) -> (Real, Shares) {
-    let near = tree.closest(p, Real::INFINITY).expect("a surface with triangles has a nearest point");
+    let near =
+        tree.closest(p, Real::INFINITY).expect("a surface with triangles has a nearest point");
     let mut sums = Shares::with_capacity(12);
     for (v, b) in surface.triangles()[near.triangle as usize].iter().zip(near.barycentric) {
         let v = *v as usize;
@@ -134,8 +154,8 @@ pub(super) fn four_largest(mut sums: Shares) -> ([u16; 4], [f32; 4]) {
     (on, weights)
 }
 
-/// The largest piece of a mesh, by area; pieces hang together by edges of triangles. What an extraction finds beside the person
-/// are bubbles in folds of the surface.
+/// The largest piece of a mesh, by area; pieces hang together by edges of triangles. What an
+/// extraction finds beside the person are bubbles in folds of the surface.
 pub fn largest_piece(mesh: &TriMesh) -> TriMesh {
     let part = parts(mesh);
     let mut areas = vec![0.0; mesh.vertices().len()];
@@ -143,7 +163,8 @@ pub fn largest_piece(mesh: &TriMesh) -> TriMesh {
         let [a, b, c] = mesh.corners(t);
         areas[part[tri[0] as usize] as usize] += if_core::math::area_vector(a, b, c).norm();
     }
-    let Some(best) = (0..areas.len()).max_by(|a, b| areas[*a].total_cmp(&areas[*b]).then(b.cmp(a))) else {
+    let Some(best) = (0..areas.len()).max_by(|a, b| areas[*a].total_cmp(&areas[*b]).then(b.cmp(a)))
+    else {
         return mesh.clone();
     };
     let mut number = vec![u32::MAX; mesh.vertices().len()];
@@ -172,7 +193,8 @@ mod tests {
         // The weight of joint 1 grows along the first axis in which the sheet has a size.
         let axis = (0..3).find(|k| sheet.aabb().size()[*k] > 0.5).unwrap();
         let part = |p: &Point| (p[axis] - low[axis]) as f32;
-        let weights: Vec<[f32; 4]> = sheet.vertices().iter().map(|p| [1.0 - part(p), part(p), 0.0, 0.0]).collect();
+        let weights: Vec<[f32; 4]> =
+            sheet.vertices().iter().map(|p| [1.0 - part(p), part(p), 0.0, 0.0]).collect();
         let skin = SkinWeights::new(vec![[2, 5, 0, 0]; weights.len()], weights, 6).unwrap();
         let normal = sheet.vertex_normals()[0];
         let points: Vec<Point> = [0.1, 0.37, 0.9]
@@ -192,21 +214,31 @@ mod tests {
 
     #[test]
     fn a_body_that_passes_through_itself_stays_solid() {
-        // A ball whose cap was pushed down, through the bottom: pseudo-normals call what is beside the cap there inside.
+        // A ball whose cap was pushed down, through the bottom: pseudo-normals call what is beside
+        // the cap there inside.
         let ball = meshes::icosphere(0.5, 4);
-        let pushed = ball.vertices().iter().map(|p| if p.y > 0.42 { Point::new(p.x, -0.3 - p.y, p.z) } else { *p });
+        let pushed = ball
+            .vertices()
+            .iter()
+            .map(|p| if p.y > 0.42 { Point::new(p.x, -0.3 - p.y, p.z) } else { *p });
         let folded = ball.with_vertices(pushed.collect()).unwrap();
         let field = FloodedField::new(&folded).unwrap();
         let exact = MeshSdf::closed(&folded).unwrap();
         let below = Point::new(0.4, -0.65, 0.0);
         assert!(exact.distance(&below) < 0.0 && field.distance(&below) > 0.0);
-        for p in [Point::new(0.35, 0.0, 0.0), Point::new(-0.35, -0.1, 0.1), Point::new(0.7, 0.0, 0.0), below] {
+        for p in [
+            Point::new(0.35, 0.0, 0.0),
+            Point::new(-0.35, -0.1, 0.1),
+            Point::new(0.7, 0.0, 0.0),
+            below,
+        ] {
             let (s, e) = (field.sample(&p), exact.sample(&p));
             assert_eq!(s.distance.abs(), e.distance.abs());
             assert_eq!(field.contains(&p), s.distance < 0.0);
             assert_eq!(s.distance < 0.0, p.coords.norm() < 0.5, "{p}: {}", s.distance);
             let h = 1e-6;
-            let along = field.distance(&(p + s.gradient * h)) - field.distance(&(p - s.gradient * h));
+            let along =
+                field.distance(&(p + s.gradient * h)) - field.distance(&(p - s.gradient * h));
             assert!((along / (2.0 * h) - 1.0).abs() < 1e-4, "{along}");
         }
         assert!(FloodedField::new(&TriMesh::default()).is_err());
@@ -216,7 +248,8 @@ mod tests {
     fn bubbles_are_left_out() {
         let (ball, bubble) = (meshes::icosphere(0.5, 2), meshes::icosphere(0.05, 1));
         let n = bubble.vertices().len() as u32;
-        let mut vertices: Vec<Point> = bubble.vertices().iter().map(|p| p + Vector::new(2.0, 0.0, 0.0)).collect();
+        let mut vertices: Vec<Point> =
+            bubble.vertices().iter().map(|p| p + Vector::new(2.0, 0.0, 0.0)).collect();
         vertices.extend(ball.vertices());
         let mut triangles = bubble.triangles().to_vec();
         triangles.extend(ball.triangles().iter().map(|t| t.map(|v| v + n)));

@@ -43,7 +43,12 @@ pub(super) struct Checkpoint {
 }
 
 /// What the state depends on.
-pub(super) fn key(capture: &Capture, start: &Start, params: &SurfaceParams, frames: &[Observation]) -> [u8; 32] {
+pub(super) fn key(
+    capture: &Capture,
+    start: &Start,
+    params: &SurfaceParams,
+    frames: &[Observation],
+) -> [u8; 32] {
     let mut hash = Sha256::new();
     let mut number = |x: Real| hash.update(x.to_le_bytes());
     // All but the number of rounds: a longer run may go on where a shorter one ended.
@@ -94,25 +99,39 @@ impl Checkpoint {
         bytes.extend_from_slice(&(self.rounds.len() as u64).to_le_bytes());
         bytes.extend_from_slice(&(self.vertices.len() as u64).to_le_bytes());
         for r in &self.rounds {
-            let row: [Real; ROUND] =
-                [r.silhouette_mm, r.normal_degrees, r.step_mm, r.rim_vertices as Real, r.seen_triangles as Real];
+            let row: [Real; ROUND] = [
+                r.silhouette_mm,
+                r.normal_degrees,
+                r.step_mm,
+                r.rim_vertices as Real,
+                r.seen_triangles as Real,
+            ];
             row.iter().for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
         }
-        self.vertices.iter().flat_map(|p| p.iter()).for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
+        self.vertices
+            .iter()
+            .flat_map(|p| p.iter())
+            .for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
         let digest = Sha256::digest(&bytes);
         bytes.extend_from_slice(&digest);
         if_mesh::atomic::write::<io::Error>(path, |file| file.write_all(&bytes))
             .map_err(|source| CheckpointError::Io { path: path.into(), source })
     }
 
-    /// What the file holds; `None` where there is none, or it is of other input, or of more rounds than `most`.
-    pub(super) fn read(path: &Path, key: &[u8; 32], most: usize) -> Result<Option<Self>, CheckpointError> {
+    /// What the file holds; `None` where there is none, or it is of other input, or of more rounds
+    /// than `most`.
+    pub(super) fn read(
+        path: &Path,
+        key: &[u8; 32],
+        most: usize,
+    ) -> Result<Option<Self>, CheckpointError> {
         let bytes = match std::fs::read(path) {
             Ok(bytes) => bytes,
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
             Err(source) => return Err(CheckpointError::Io { path: path.into(), source }),
         };
-        let (known_key, state) = Self::parse(&bytes).ok_or_else(|| CheckpointError::Broken { path: path.into() })?;
+        let (known_key, state) =
+            Self::parse(&bytes).ok_or_else(|| CheckpointError::Broken { path: path.into() })?;
         Ok((known_key == *key && state.rounds.len() <= most).then_some(state))
     }
 
@@ -124,10 +143,17 @@ impl Checkpoint {
         let rest = bytes.strip_prefix(MAGIC)?;
         let (key, rest) = rest.split_at_checked(32)?;
         let (counts, rest) = rest.split_at_checked(16)?;
-        let count = |k: usize| usize::try_from(u64::from_le_bytes(counts[8 * k..8 * k + 8].try_into().ok()?)).ok();
+        let count = |k: usize| {
+            usize::try_from(u64::from_le_bytes(counts[8 * k..8 * k + 8].try_into().ok()?)).ok()
+        };
         let (rounds, vertices) = (count(0)?, count(1)?);
-        let numbers: Vec<Real> = rest.chunks_exact(8).map(|c| Real::from_le_bytes(c.try_into().expect("eight bytes"))).collect();
-        if rest.len() % 8 != 0 || numbers.len() != rounds.checked_mul(ROUND)?.checked_add(vertices.checked_mul(3)?)? {
+        let numbers: Vec<Real> = rest
+            .chunks_exact(8)
+            .map(|c| Real::from_le_bytes(c.try_into().expect("eight bytes")))
+            .collect();
+        if rest.len() % 8 != 0
+            || numbers.len() != rounds.checked_mul(ROUND)?.checked_add(vertices.checked_mul(3)?)?
+        {
             return None;
         }
         let (rows, points) = numbers.split_at(rounds * ROUND);
@@ -154,8 +180,15 @@ mod tests {
     fn a_written_state_is_read_bit_for_bit_and_a_broken_one_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("state");
-        let round = Round { silhouette_mm: 0.1 + 0.2, normal_degrees: 1e-300, step_mm: 3.0, rim_vertices: 7, seen_triangles: 9 };
-        let state = Checkpoint { vertices: vec![Point::new(0.1, -0.0, 1.0 / 3.0)], rounds: vec![round; 2] };
+        let round = Round {
+            silhouette_mm: 0.1 + 0.2,
+            normal_degrees: 1e-300,
+            step_mm: 3.0,
+            rim_vertices: 7,
+            seen_triangles: 9,
+        };
+        let state =
+            Checkpoint { vertices: vec![Point::new(0.1, -0.0, 1.0 / 3.0)], rounds: vec![round; 2] };
         assert_eq!(Checkpoint::read(&path, &[1; 32], 9).unwrap(), None);
         state.write(&path, &[1; 32]).unwrap();
         let read = Checkpoint::read(&path, &[1; 32], 2).unwrap().unwrap();
@@ -166,11 +199,17 @@ mod tests {
         let whole = std::fs::read(&path).unwrap();
         for bad in [&whole[..whole.len() - 1], &whole[..20], &[][..]] {
             std::fs::write(&path, bad).unwrap();
-            assert!(matches!(Checkpoint::read(&path, &[1; 32], 9), Err(CheckpointError::Broken { .. })));
+            assert!(matches!(
+                Checkpoint::read(&path, &[1; 32], 9),
+                Err(CheckpointError::Broken { .. })
+            ));
         }
         let mut flipped = whole;
         flipped[80] ^= 1;
         std::fs::write(&path, flipped).unwrap();
-        assert!(matches!(Checkpoint::read(&path, &[1; 32], 9), Err(CheckpointError::Broken { .. })));
+        assert!(matches!(
+            Checkpoint::read(&path, &[1; 32], 9),
+            Err(CheckpointError::Broken { .. })
+        ));
     }
 }

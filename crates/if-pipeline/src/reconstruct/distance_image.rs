@@ -12,8 +12,9 @@ pub(crate) struct DistanceImage {
 }
 
 impl DistanceImage {
-    /// The signed distance of each pixel's centre from the border of `mask`, in pixels: positive outside. The border lies half a
-    /// pixel from the centres on both of its sides. Exact, then smoothed by a Gaussian of `blur` pixels (0 for none).
+    /// The signed distance of each pixel's centre from the border of `mask`, in pixels: positive
+    /// outside. The border lies half a pixel from the centres on both of its sides. Exact, then
+    /// smoothed by a Gaussian of `blur` pixels (0 for none).
     ///
     /// # Source
     ///
@@ -22,7 +23,8 @@ impl DistanceImage {
         debug_assert_eq!(mask.len(), width * height);
         let outside = squared_distances(mask, width, height, true);
         let inside = squared_distances(mask, width, height, false);
-        let signed = |i: usize| if mask[i] { 0.5 - inside[i].sqrt() } else { outside[i].sqrt() - 0.5 };
+        let signed =
+            |i: usize| if mask[i] { 0.5 - inside[i].sqrt() } else { outside[i].sqrt() - 0.5 };
         let mut values: Vec<f64> = (0..mask.len()).map(signed).collect();
         if blur > 0.0 {
             values = blurred(&values, width, height, blur);
@@ -30,20 +32,28 @@ impl DistanceImage {
         Self { width, height, values: values.into_iter().map(|v| v as f32).collect() }
     }
 
-    /// The value at a pixel position, bilinear between centres; beyond them the value at the nearest one.
+    /// The value at a pixel position, bilinear between centres; beyond them the value at the
+    /// nearest one.
     pub(crate) fn at(&self, u: f64, v: f64) -> f64 {
         let x = (u - 0.5).clamp(0.0, (self.width - 1) as f64);
         let y = (v - 0.5).clamp(0.0, (self.height - 1) as f64);
-        let (i, j) = ((x as usize).min(self.width.saturating_sub(2)), (y as usize).min(self.height.saturating_sub(2)));
+        let (i, j) = (
+            (x as usize).min(self.width.saturating_sub(2)),
+            (y as usize).min(self.height.saturating_sub(2)),
+        );
         let (a, b) = (x - i as f64, y - j as f64);
         let (i1, j1) = ((i + 1).min(self.width - 1), (j + 1).min(self.height - 1));
         let value = |i: usize, j: usize| f64::from(self.values[j * self.width + i]);
-        (value(i, j) * (1.0 - a) + value(i1, j) * a) * (1.0 - b) + (value(i, j1) * (1.0 - a) + value(i1, j1) * a) * b
+        (value(i, j) * (1.0 - a) + value(i1, j) * a) * (1.0 - b)
+            + (value(i, j1) * (1.0 - a) + value(i1, j1) * a) * b
     }
 
     /// The slope at a pixel position, by central differences over two pixels.
     pub(crate) fn slope(&self, u: f64, v: f64) -> [f64; 2] {
-        [0.5 * (self.at(u + 1.0, v) - self.at(u - 1.0, v)), 0.5 * (self.at(u, v + 1.0) - self.at(u, v - 1.0))]
+        [
+            0.5 * (self.at(u + 1.0, v) - self.at(u - 1.0, v)),
+            0.5 * (self.at(u, v + 1.0) - self.at(u, v - 1.0)),
+        ]
     }
 
     /// The value at a pixel's centre.
@@ -54,7 +64,8 @@ impl DistanceImage {
 
 /// The squared distance of each pixel from the nearest one whose mask is `wanted`.
 fn squared_distances(mask: &[bool], width: usize, height: usize, wanted: bool) -> Vec<f64> {
-    let mut image: Vec<f64> = mask.iter().map(|m| if *m == wanted { 0.0 } else { FAR * FAR }).collect();
+    let mut image: Vec<f64> =
+        mask.iter().map(|m| if *m == wanted { 0.0 } else { FAR * FAR }).collect();
     let longest = width.max(height);
     let (mut line, mut out) = (vec![0.0; longest], vec![0.0; longest]);
     let mut scratch = Envelope { sites: vec![0; longest], from: vec![0.0; longest + 1] };
@@ -84,7 +95,9 @@ impl Envelope {
         sites[0] = 0;
         (from[0], from[1]) = (f64::NEG_INFINITY, f64::INFINITY);
         for q in 1..line.len() {
-            let meet = |p: usize| ((line[q] + (q * q) as f64) - (line[p] + (p * p) as f64)) / (2 * (q - p)) as f64;
+            let meet = |p: usize| {
+                ((line[q] + (q * q) as f64) - (line[p] + (p * p) as f64)) / (2 * (q - p)) as f64
+            };
             let mut s = meet(sites[last]);
             while s <= from[last] {
                 last -= 1;
@@ -108,7 +121,8 @@ impl Envelope {
 /// Smoothed by a Gaussian of `sigma` pixels, cut at three, with the edge repeated beyond it.
 fn blurred(image: &[f64], width: usize, height: usize, sigma: f64) -> Vec<f64> {
     let reach = (3.0 * sigma).ceil() as i64;
-    let kernel: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
+    let kernel: Vec<f64> =
+        (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
     let sum: f64 = kernel.iter().sum();
     let pass = |from: &[f64], dx: i64, dy: i64| -> Vec<f64> {
         let clamp = |v: i64, n: usize| v.clamp(0, n as i64 - 1) as usize;
@@ -141,7 +155,9 @@ mod tests {
             for i in 0..w * h {
                 let near = |wanted: bool| {
                     let others = (0..w * h).filter(|k| mask[*k] == wanted);
-                    let distance = |k: usize| ((i % w) as f64 - (k % w) as f64).hypot((i / w) as f64 - (k / w) as f64);
+                    let distance = |k: usize| {
+                        ((i % w) as f64 - (k % w) as f64).hypot((i / w) as f64 - (k / w) as f64)
+                    };
                     others.map(distance).fold(f64::INFINITY, f64::min)
                 };
                 let expected = if mask[i] { 0.5 - near(false) } else { near(true) - 0.5 };
@@ -160,10 +176,16 @@ mod tests {
         let mask: Vec<bool> = (0..w * h).map(|i| i % w < 8).collect();
         for blur in [0.0, 1.0] {
             let image = DistanceImage::new(&mask, w, h, blur);
-            assert!((image.at(8.0, 7.3)).abs() < 1e-6 && (image.at(10.25, 4.0) - 2.25).abs() < 1e-3, "{blur}");
+            assert!(
+                (image.at(8.0, 7.3)).abs() < 1e-6 && (image.at(10.25, 4.0) - 2.25).abs() < 1e-3,
+                "{blur}"
+            );
             let [du, dv] = image.slope(9.0, 8.0);
             assert!((du - 1.0).abs() < 1e-3 && dv.abs() < 1e-6, "{du} {dv}");
         }
-        assert_eq!(DistanceImage::new(&[true], 1, 1, 0.0).at(5.0, -3.0), f64::from((0.5 - FAR) as f32));
+        assert_eq!(
+            DistanceImage::new(&[true], 1, 1, 0.0).at(5.0, -3.0),
+            f64::from((0.5 - FAR) as f32)
+        );
     }
 }

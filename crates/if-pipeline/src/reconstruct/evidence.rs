@@ -11,29 +11,35 @@ use if_mesh::camera::Camera;
 use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
 use rayon::prelude::*;
 
-// "Mean" below is the mean distance to and from the truth (2.0 to 2.4 mm) of the surfaces fitted to the two sample captures of `docs/reconstruction.md`,
-// all else being as it is.
+// "Mean" below is the mean distance to and from the truth (2.0 to 2.4 mm) of the surfaces fitted to
+// the two sample captures of `docs/reconstruction.md`, all else being as it is.
 
-/// Cosine between a seen normal and the surface's below which they are not of one place. From 0.1 to 0.4 the mean changes by less than 0.03 mm.
+/// Cosine between a seen normal and the surface's below which they are not of one place. From 0.1
+/// to 0.4 the mean changes by less than 0.03 mm.
 const SAME_PLACE: Real = 0.2;
-/// Pixels within which a vertex must have both the figure and its surroundings to lie on the silhouette. Less than the pixel's
-/// diagonal and vertices on it are missed, more and others are pulled along: at 4 the mean rises by 0.8 mm. At 1.5 trousers, sweater
-/// and suit are 0.1 mm better, a dress that is off by 11 mm 0.2 to 0.3 mm worse.
+/// Pixels within which a vertex must have both the figure and its surroundings to lie on the
+/// silhouette. Less than the pixel's diagonal and vertices on it are missed, more and others are
+/// pulled along: at 4 the mean rises by 0.8 mm. At 1.5 trousers, sweater and suit are 0.1 mm
+/// better, a dress that is off by 11 mm 0.2 to 0.3 mm worse.
 const BESIDE: Real = 2.0;
-/// Cosine between a rim vertex's normal and the direction to the mask's border below which they are not of one border. From 0.25 to
-/// 0.75 the mean changes by less than 0.04 mm; 1 leaves no silhouette.
+/// Cosine between a rim vertex's normal and the direction to the mask's border below which they are
+/// not of one border. From 0.25 to 0.75 the mean changes by less than 0.04 mm; 1 leaves no
+/// silhouette.
 const SAME_BORDER: Real = 0.5;
-/// Cosine between normal and line of sight at which a rim vertex no longer counts: it lies round the corner. From 0.25 to
-/// 1 the mean changes by less than 0.02 mm.
+/// Cosine between normal and line of sight at which a rim vertex no longer counts: it lies round
+/// the corner. From 0.25 to 1 the mean changes by less than 0.02 mm.
 const ROUND_THE_CORNER: Real = 0.5;
-/// Frames that are looked at together: bounds the memory of their evidence, which is 40 bytes for each pixel that sees the person. The result does not depend on it.
+/// Frames that are looked at together: bounds the memory of their evidence, which is 40 bytes for
+/// each pixel that sees the person. The result does not depend on it.
 const TOGETHER: usize = 16;
 
 /// What all frames together say.
 pub(super) struct Evidence {
-    /// For each triangle the weighted sum of its seen normals in canonical space, and of the weights.
+    /// For each triangle the weighted sum of its seen normals in canonical space, and of the
+    /// weights.
     pub(super) normals: Vec<(Vector, Real)>,
-    /// For each vertex the weighted sum of the ways along its normal to the masks' borders (metres), and of the weights.
+    /// For each vertex the weighted sum of the ways along its normal to the masks' borders
+    /// (metres), and of the weights.
     pub(super) rim: Vec<(Real, Real)>,
     /// What became of the pixels.
     pub(super) pixels: Pixels,
@@ -49,7 +55,8 @@ struct Glance {
     overlap: Real,
 }
 
-/// Looks at the canonical surface `mesh` in all frames; silhouettes farther than `reach` metres from the mask's border do not count.
+/// Looks at the canonical surface `mesh` in all frames; silhouettes farther than `reach` metres
+/// from the mask's border do not count.
 pub(super) fn gather(
     mesh: &TriMesh,
     edges: &Edges,
@@ -69,7 +76,14 @@ pub(super) fn gather(
     for group in frames.chunks(TOGETHER) {
         let glances: Vec<Glance> = group
             .par_iter()
-            .map(|frame| Figure::new(mesh, edges, skin, camera, frame).glance(frame, &vertex_normals, &face_normals, reach))
+            .map(|frame| {
+                Figure::new(mesh, edges, skin, camera, frame).glance(
+                    frame,
+                    &vertex_normals,
+                    &face_normals,
+                    reach,
+                )
+            })
             .collect();
         // Summed in the order of the frames: the same bits on any number of threads.
         for glance in glances {
@@ -105,7 +119,13 @@ struct Figure<'a> {
 }
 
 impl<'a> Figure<'a> {
-    fn new(mesh: &'a TriMesh, edges: &'a Edges, skin: &SkinWeights, camera: &'a Camera, frame: &Observation) -> Self {
+    fn new(
+        mesh: &'a TriMesh,
+        edges: &'a Edges,
+        skin: &SkinWeights,
+        camera: &'a Camera,
+        frame: &Observation,
+    ) -> Self {
         let maps = blends(skin, &frame.transforms);
         let world = pose_points(mesh.vertices(), &maps);
         let mut buffer = IdBuffer::default();
@@ -114,8 +134,19 @@ impl<'a> Figure<'a> {
         Self { mesh, edges, camera, maps, points, seen: buffer.triangle }
     }
 
-    fn glance(&self, frame: &Observation, vertex_normals: &[Vector], face_normals: &[Vector], reach: Real) -> Glance {
-        let mut glance = Glance { normals: Vec::new(), rim: Vec::new(), pixels: Pixels::default(), overlap: 0.0 };
+    fn glance(
+        &self,
+        frame: &Observation,
+        vertex_normals: &[Vector],
+        face_normals: &[Vector],
+        reach: Real,
+    ) -> Glance {
+        let mut glance = Glance {
+            normals: Vec::new(),
+            rim: Vec::new(),
+            pixels: Pixels::default(),
+            overlap: 0.0,
+        };
         self.look_at_normals(frame, face_normals, &mut glance);
         self.look_at_rim(frame, vertex_normals, reach, &mut glance);
         glance
@@ -143,10 +174,13 @@ impl<'a> Figure<'a> {
             let n = Vector::new(n[0].into(), n[1].into(), n[2].into());
             // Aᵀ n with the mean of the corners' maps: triangles are small against bones.
             let corners = self.mesh.triangles()[t as usize];
-            let linear = corners.iter().fold(nalgebra::Matrix3::zeros(), |sum, v| sum + self.maps[*v as usize].linear);
+            let linear = corners
+                .iter()
+                .fold(nalgebra::Matrix3::zeros(), |sum, v| sum + self.maps[*v as usize].linear);
             let canonical = unit_or_zero(&(linear.transpose() * n));
             let agreement = canonical.dot(&face_normals[t as usize]) - SAME_PLACE;
-            let center = nalgebra::Point2::new((i % width) as Real + 0.5, (i / width) as Real + 0.5);
+            let center =
+                nalgebra::Point2::new((i % width) as Real + 0.5, (i / width) as Real + 0.5);
             let sight = self.camera.rotation().transpose() * self.camera.pixel_direction(&center);
             let facing = -n.dot(&unit_or_zero(&sight));
             if agreement <= 0.0 || facing <= 0.0 {
@@ -160,7 +194,13 @@ impl<'a> Figure<'a> {
     }
 
     /// Vertices where front meets back, and the figure its surroundings.
-    fn look_at_rim(&self, frame: &Observation, vertex_normals: &[Vector], reach: Real, glance: &mut Glance) {
+    fn look_at_rim(
+        &self,
+        frame: &Observation,
+        vertex_normals: &[Vector],
+        reach: Real,
+        glance: &mut Glance,
+    ) {
         let (width, height) = (self.camera.width() as Real, self.camera.height() as Real);
         let front: Vec<bool> = (0..self.mesh.triangles().len())
             .map(|t| {
@@ -170,7 +210,9 @@ impl<'a> Figure<'a> {
             .collect();
         let mut rim = vec![false; self.points.len()];
         for (e, sides) in self.edges.triangles.iter().enumerate() {
-            if sides[1] != if_core::edges::NONE && front[sides[0] as usize] != front[sides[1] as usize] {
+            if sides[1] != if_core::edges::NONE
+                && front[sides[0] as usize] != front[sides[1] as usize]
+            {
                 self.edges.vertices[e].iter().for_each(|v| rim[*v as usize] = true);
             }
         }
@@ -182,7 +224,10 @@ impl<'a> Figure<'a> {
                 continue;
             }
             let pixel = self.camera.to_pixel(p);
-            if !(0.0..width).contains(&pixel.x) || !(0.0..height).contains(&pixel.y) || !self.on_silhouette(pixel.x, pixel.y) {
+            if !(0.0..width).contains(&pixel.x)
+                || !(0.0..height).contains(&pixel.y)
+                || !self.on_silhouette(pixel.x, pixel.y)
+            {
                 continue;
             }
             let away = frame.outside.at(pixel.x, pixel.y);

@@ -5,25 +5,31 @@ use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::rows::Rows;
 
-// "Mean" below is the mean distance to and from the truth (2.0 to 2.4 mm) of the surfaces fitted to the two sample captures of
-// `docs/reconstruction.md`, all else being as it is; "own" their own intersecting pairs (500 to 700).
+// "Mean" below is the mean distance to and from the truth (2.0 to 2.4 mm) of the surfaces fitted to
+// the two sample captures of `docs/reconstruction.md`, all else being as it is; "own" their own
+// intersecting pairs (500 to 700).
 
-/// Weight of seen normals from which on a triangle is known: three pixels seen head-on. Half and twice as much change the mean by less than
-/// 0.02 mm.
+/// Weight of seen normals from which on a triangle is known: three pixels seen head-on. Half and
+/// twice as much change the mean by less than 0.02 mm.
 const KNOWN: Real = 3.0;
-/// Weight of the silhouettes from which on a vertex's place is known, though its triangles are not: half
-/// that of one frame that sees it in profile. Half and twice as much change the mean by less than 0.03 mm.
+/// Weight of the silhouettes from which on a vertex's place is known, though its triangles are not:
+/// half that of one frame that sees it in profile. Half and twice as much change the mean by less
+/// than 0.03 mm.
 const ON_RIM: Real = 0.5;
-/// Passes over the unseen, and over folds. Without any there are 1,700 own; with 5, 10, 20 on the first capture 815, 713, 663, and the mean distance
-/// to the truth is 2.15, 2.04, 1.95 mm, that from it 2.17, 2.22, 2.26 mm: more only trade one for the other.
+/// Passes over the unseen, and over folds. Without any there are 1,700 own; with 5, 10, 20 on the
+/// first capture 815, 713, 663, and the mean distance to the truth is 2.15, 2.04, 1.95 mm, that
+/// from it 2.17, 2.22, 2.26 mm: more only trade one for the other.
 const PASSES: usize = 10;
-/// Share of the way that a vertex goes in a pass: the usual half. A quarter and all of it act as half and twice as many passes do.
+/// Share of the way that a vertex goes in a pass: the usual half. A quarter and all of it act as
+/// half and twice as many passes do.
 const SHARE: Real = 0.5;
-/// Cosine between a triangle's normal and what it should be, below which it is folded. At 0.2 and 0.8 there are 781 and 408 own on the first capture, 645 and
-/// 429 on the second, and the mean distance to the truth changes by up to 0.1 mm for the better, that from it by 0.03 mm for the worse.
+/// Cosine between a triangle's normal and what it should be, below which it is folded. At 0.2 and
+/// 0.8 there are 781 and 408 own on the first capture, 645 and 429 on the second, and the mean
+/// distance to the truth changes by up to 0.1 mm for the better, that from it by 0.03 mm for the
+/// worse.
 const FOLDED: Real = 0.4;
-/// Twice the area over the square of the longest edge, below which a triangle is a sliver: 1/10 is an angle of 6°. Half and twice as much change
-/// the mean by less than 0.04 mm, and own by a sixth.
+/// Twice the area over the square of the longest edge, below which a triangle is a sliver: 1/10 is
+/// an angle of 6°. Half and twice as much change the mean by less than 0.04 mm, and own by a sixth.
 const SLIVER: Real = 0.1;
 
 /// Mends the surface `x`, whose triangles and evidence are those of `rest`, the template.
@@ -33,7 +39,12 @@ const SLIVER: Real = 0.1;
 /// unseen and not hollow  towards the place that its neighbours' displacement from the template gives it
 /// folded, or a sliver    towards the middle of its neighbours
 /// ```
-pub(super) fn mend(rest: &TriMesh, mut x: Vec<Point>, neighbours: &Rows<u32>, evidence: &Evidence) -> Vec<Point> {
+pub(super) fn mend(
+    rest: &TriMesh,
+    mut x: Vec<Point>,
+    neighbours: &Rows<u32>,
+    evidence: &Evidence,
+) -> Vec<Point> {
     let doubt = doubt(rest, evidence);
     let normals = normals(rest.triangles(), &x);
     for _ in 0..PASSES {
@@ -43,7 +54,11 @@ pub(super) fn mend(rest: &TriMesh, mut x: Vec<Point>, neighbours: &Rows<u32>, ev
                     return x[v];
                 }
                 let way = to_middle(&x, neighbours, v);
-                let way = if way.dot(&normals[v]) > 0.0 { way } else { way - to_middle(rest.vertices(), neighbours, v) };
+                let way = if way.dot(&normals[v]) > 0.0 {
+                    way
+                } else {
+                    way - to_middle(rest.vertices(), neighbours, v)
+                };
                 x[v] + way * (SHARE * doubt[v])
             })
             .collect();
@@ -54,14 +69,15 @@ pub(super) fn mend(rest: &TriMesh, mut x: Vec<Point>, neighbours: &Rows<u32>, ev
         if !folded.contains(&true) {
             break;
         }
-        let next = |v: usize| if folded[v] { x[v] + to_middle(&x, neighbours, v) * SHARE } else { x[v] };
+        let next =
+            |v: usize| if folded[v] { x[v] + to_middle(&x, neighbours, v) * SHARE } else { x[v] };
         x = (0..x.len()).map(next).collect();
     }
     x
 }
 
-/// How little is known of each vertex: 0 where all of its triangles were seen, or it was on silhouettes; squared, so that
-/// only places that are hardly seen move.
+/// How little is known of each vertex: 0 where all of its triangles were seen, or it was on
+/// silhouettes; squared, so that only places that are hardly seen move.
 fn doubt(mesh: &TriMesh, evidence: &Evidence) -> Vec<Real> {
     let mut sums = vec![(0.0, 0.0); mesh.vertices().len()];
     for (tri, (_, weight)) in mesh.triangles().iter().zip(&evidence.normals) {
@@ -92,13 +108,22 @@ fn normals(triangles: &[[u32; 3]], x: &[Point]) -> Vec<Vector> {
     sums.iter().map(unit_or_zero).collect()
 }
 
-/// The corners of triangles that face away from what was seen there (or, unseen, from their surroundings), or are slivers.
-fn folded(triangles: &[[u32; 3]], x: &[Point], neighbours: &Rows<u32>, expected: &[Vector]) -> Vec<bool> {
+/// The corners of triangles that face away from what was seen there (or, unseen, from their
+/// surroundings), or are slivers.
+fn folded(
+    triangles: &[[u32; 3]],
+    x: &[Point],
+    neighbours: &Rows<u32>,
+    expected: &[Vector],
+) -> Vec<bool> {
     let mut smooth = normals(triangles, x);
     for _ in 0..2 {
         smooth = (0..x.len())
             .map(|v| {
-                let sum = neighbours.of(v).iter().fold(Vector::zeros(), |sum, u| sum + smooth[*u as usize]);
+                let sum = neighbours
+                    .of(v)
+                    .iter()
+                    .fold(Vector::zeros(), |sum, u| sum + smooth[*u as usize]);
                 unit_or_zero(&(smooth[v] + sum / neighbours.of(v).len().max(1) as Real))
             })
             .collect();
@@ -107,7 +132,8 @@ fn folded(triangles: &[[u32; 3]], x: &[Point], neighbours: &Rows<u32>, expected:
     for (tri, seen) in triangles.iter().zip(expected) {
         let corners = tri.map(|v| &x[v as usize]);
         let area = area_vector(corners[0], corners[1], corners[2]);
-        let longest = (0..3).map(|k| (corners[k] - corners[(k + 1) % 3]).norm_squared()).fold(0.0, Real::max);
+        let longest =
+            (0..3).map(|k| (corners[k] - corners[(k + 1) % 3]).norm_squared()).fold(0.0, Real::max);
         let should = if *seen == Vector::zeros() {
             unit_or_zero(&tri.iter().fold(Vector::zeros(), |sum, v| sum + smooth[*v as usize]))
         } else {
@@ -152,7 +178,8 @@ mod tests {
         let ball = meshes::icosphere(0.2, 3);
         let nothing = seen(&ball, 0.0);
         // All of a ball is convex: what was carried along with its displacement stays.
-        let moved: Vec<Point> = ball.vertices().iter().map(|p| p + Vector::new(0.0, 0.01, 0.0)).collect();
+        let moved: Vec<Point> =
+            ball.vertices().iter().map(|p| p + Vector::new(0.0, 0.01, 0.0)).collect();
         let x = mend(&ball, moved.clone(), &neighbours(&ball), &nothing);
         for (p, q) in x.iter().zip(&moved) {
             approx::assert_relative_eq!(p, q, epsilon = 1e-12);

@@ -1,4 +1,5 @@
-//! The canonical mesh as it stands in each frame: the same triangles, and vertex k is the same material point in all.
+//! The canonical mesh as it stands in each frame: the same triangles, and vertex k is the same
+//! material point in all.
 
 use super::motion::MeshMotion;
 use crate::capture::Capture;
@@ -41,8 +42,8 @@ pub enum FramesError {
     },
 }
 
-/// LBS(x + d) of the vertices of a canonical mesh in a pose, in the world. `offsets` are the d of the frame, in canonical
-/// space; empty for none.
+/// LBS(x + d) of the vertices of a canonical mesh in a pose, in the world. `offsets` are the d of
+/// the frame, in canonical space; empty for none.
 ///
 /// # Errors
 ///
@@ -67,8 +68,8 @@ pub fn posed(
     Ok(pose_points(&moved, &maps))
 }
 
-/// Writes `frame_NNNN.ply` for each frame of a capture into `folder`, which is made: binary, in metres, in the world. Vertices are
-/// LBS(x + d), with the d of `motion`, or with none.
+/// Writes `frame_NNNN.ply` for each frame of a capture into `folder`, which is made: binary, in
+/// metres, in the world. Vertices are LBS(x + d), with the d of `motion`, or with none.
 ///
 /// # Errors
 ///
@@ -76,7 +77,8 @@ pub fn posed(
 ///
 /// # Panics
 ///
-/// If there is not one record of weights for each vertex, or the motion is of another mesh or capture.
+/// If there is not one record of weights for each vertex, or the motion is of another mesh or
+/// capture.
 pub fn write_frames(
     folder: &Path,
     mesh: &TriMesh,
@@ -85,12 +87,13 @@ pub fn write_frames(
     capture: &Capture,
     motion: Option<&MeshMotion>,
 ) -> Result<(), FramesError> {
-    std::fs::create_dir_all(folder).map_err(|source| FramesError::Folder { path: folder.into(), source })?;
+    std::fs::create_dir_all(folder)
+        .map_err(|source| FramesError::Folder { path: folder.into(), source })?;
     let file = PlyMesh::new(mesh.clone());
     for frame in 0..capture.len() {
         let offsets = motion.map(|m| m.offsets(frame)).unwrap_or_default();
-        let points =
-            posed(mesh, skin, skeleton, capture.pose(frame), &offsets).map_err(|source| FramesError::Pose { frame, source })?;
+        let points = posed(mesh, skin, skeleton, capture.pose(frame), &offsets)
+            .map_err(|source| FramesError::Pose { frame, source })?;
         let path = folder.join(format!("frame_{:04}.ply", capture.number(frame)));
         ply::write_path(&file, &points, &WriteParams::default(), &path)
             .map_err(|source| FramesError::File { path: path.clone(), source: Box::new(source) })?;

@@ -29,7 +29,8 @@ pub struct GarmentParams {
     pub smoothness: SmoothLabelParams,
     /// How triangles are cut.
     pub cut: CutParams,
-    /// What is done to each piece. Its `openings` are told as [`openings_of`] says, whatever stands here.
+    /// What is done to each piece. Its `openings` are told as [`openings_of`] says, whatever stands
+    /// here.
     pub cleanup: CleanupParams,
 }
 
@@ -115,14 +116,16 @@ pub enum GarmentsError {
     Cancelled,
 }
 
-/// Votes on the labels of a canonical mesh by all frames, cuts it along them, and cleans the pieces.
+/// Votes on the labels of a canonical mesh by all frames, cuts it along them, and cleans the
+/// pieces.
 ///
-/// `field` is the signed distance of the canonical mesh: patches and hems are laid on it. `underside` tells what is no cloth though nobody
-/// saw it ([`Underside::of`]).
+/// `field` is the signed distance of the canonical mesh: patches and hems are laid on it.
+/// `underside` tells what is no cloth though nobody saw it ([`Underside::of`]).
 ///
 /// # Source
 ///
-/// Supplement, Appendix B, for the clean-up; votes and cut are ours. The steps are [`if_mesh::votes`], [`if_mesh::smooth_labels`], [`if_mesh::cut`] and
+/// Supplement, Appendix B, for the clean-up; votes and cut are ours. The steps are
+/// [`if_mesh::votes`], [`if_mesh::smooth_labels`], [`if_mesh::cut`] and
 /// [`if_mesh::cleanup`].
 ///
 /// # Errors
@@ -147,14 +150,19 @@ pub fn find_garments(
     let mut clock = Clock::new();
     let steps = capture.len() + capture.garments().len();
     let mut tell = |step| {
-        if watch(&clock.at(Stage::Garments, step, steps, None)).is_break() { Err(GarmentsError::Cancelled) } else { Ok(()) }
+        if watch(&clock.at(Stage::Garments, step, steps, None)).is_break() {
+            Err(GarmentsError::Cancelled)
+        } else {
+            Ok(())
+        }
     };
-    let mut voter = Voter::new(mesh, capture.labels().len(), &params.votes).map_err(GarmentsError::Votes)?;
+    let mut voter =
+        Voter::new(mesh, capture.labels().len(), &params.votes).map_err(GarmentsError::Votes)?;
     for frame in 0..capture.len() {
         tell(frame)?;
         let offsets = motion.map(|m| m.offsets(frame)).unwrap_or_default();
-        let at =
-            posed(mesh, skin, skeleton, capture.pose(frame), &offsets).map_err(|source| GarmentsError::Pose { frame, source })?;
+        let at = posed(mesh, skin, skeleton, capture.pose(frame), &offsets)
+            .map_err(|source| GarmentsError::Pose { frame, source })?;
         let vote = |source| GarmentsError::Vote { frame, source };
         if voter.look(&at, capture.camera()).map_err(vote)? == Look::Gains {
             voter.cast(&capture.label_image(frame)?).map_err(vote)?;
@@ -172,11 +180,14 @@ pub fn find_garments(
     for (k, name) in capture.garments().iter().enumerate() {
         tell(capture.len() + k)?;
         let label = FIRST_GARMENT + k as u8;
-        let Some(piece) = pieces.iter().find(|p| p.label == label && !p.mesh.triangles().is_empty()) else {
+        let Some(piece) =
+            pieces.iter().find(|p| p.label == label && !p.mesh.triangles().is_empty())
+        else {
             found.missing.push(name.clone());
             continue;
         };
-        let cleaning = CleanupParams { openings: openings_of(name, mesh), ..params.cleanup.clone() };
+        let cleaning =
+            CleanupParams { openings: openings_of(name, mesh), ..params.cleanup.clone() };
         let carried = attributes.derive(&sources(piece));
         let clean = cleanup(&piece.mesh, &carried, Some(field), &cleaning)
             .map_err(|source| GarmentsError::Cleanup { name: name.clone(), source })?;
@@ -184,25 +195,37 @@ pub fn find_garments(
             found.missing.push(name.clone());
             continue;
         }
-        let ply = PlyMesh { vertex_properties: clean.attributes.into_properties(), ..PlyMesh::new(clean.mesh) };
-        let skin =
-            SkinWeights::from_ply(&ply, skeleton.len()).map_err(|source| GarmentsError::Skin { name: name.clone(), source })?;
-        found.garments.push(Garment { name: name.clone(), label, mesh: ply.mesh, skin, cleanup: clean.report });
+        let ply = PlyMesh {
+            vertex_properties: clean.attributes.into_properties(),
+            ..PlyMesh::new(clean.mesh)
+        };
+        let skin = SkinWeights::from_ply(&ply, skeleton.len())
+            .map_err(|source| GarmentsError::Skin { name: name.clone(), source })?;
+        found.garments.push(Garment {
+            name: name.clone(),
+            label,
+            mesh: ply.mesh,
+            skin,
+            cleanup: clean.report,
+        });
     }
     Ok(found)
 }
 
 /// Which loops of the garment `name`, cut out of `body`, stay open: those that
 ///
-/// - bound a large part of what is not the garment: [`Complement`]. Islands of other labels within a garment are holes of it,
-///   like what nobody saw; no vertex is marked as foreign;
-/// - let something pass: the openness of [`Openings::default`]. Where a garment's border meets another one the extracted surface may
-///   hold a tunnel of one cell, whose section bounds the other garment as the hem does, but is 2 cm long;
-/// - are among as many of the most open as a garment of its class has: [`GarmentClass::most_openings`].
+/// - bound a large part of what is not the garment: [`Complement`]. Islands of other labels within
+///   a garment are holes of it, like what nobody saw; no vertex is marked as foreign;
+/// - let something pass: the openness of [`Openings::default`]. Where a garment's border meets
+///   another one the extracted surface may hold a tunnel of one cell, whose section bounds the
+///   other garment as the hem does, but is 2 cm long;
+/// - are among as many of the most open as a garment of its class has:
+///   [`GarmentClass::most_openings`].
 ///
 /// [`GarmentClass::most_openings`]: crate::asset::GarmentClass::most_openings
 pub fn openings_of(name: &str, body: &TriMesh) -> Openings {
-    let mut policies = vec![Openings::Complement(Box::new(Complement::new(body.clone()))), Openings::default()];
+    let mut policies =
+        vec![Openings::Complement(Box::new(Complement::new(body.clone()))), Openings::default()];
     policies.extend(LayerHint::of_name(name).class.most_openings().map(Openings::Count));
     Openings::Each(policies)
 }
@@ -212,8 +235,13 @@ fn sources(piece: &Piece) -> Vec<Source> {
     let of = |origin: &if_mesh::cut::Origin| match origin.source() {
         Some(v) => Source::Vertex(v),
         None => {
-            let mut parts: Vec<(u32, f64)> =
-                origin.vertices.iter().copied().zip(origin.weights).filter(|(_, w)| *w > 0.0).collect();
+            let mut parts: Vec<(u32, f64)> = origin
+                .vertices
+                .iter()
+                .copied()
+                .zip(origin.weights)
+                .filter(|(_, w)| *w > 0.0)
+                .collect();
             parts.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
             Source::Blend(parts)
         }
@@ -227,23 +255,28 @@ mod tests {
     use if_core::math::{Point, Real};
     use std::f64::consts::TAU;
 
-    /// A closed drum with a tunnel of 2 to 3 cm radius along its axis, and its upper half: mantle and lid.
+    /// A closed drum with a tunnel of 2 to 3 cm radius along its axis, and its upper half: mantle
+    /// and lid.
     fn drum_with_a_tunnel() -> (TriMesh, TriMesh) {
         const AROUND: u32 = 48;
         const STEPS: u32 = 20;
-        // The profile from the lower end of the mantle up, inwards over the lid, and down the tunnel, which widens.
+        // The profile from the lower end of the mantle up, inwards over the lid, and down the
+        // tunnel, which widens.
         let corners = [[0.2, 0.0], [0.2, 1.0], [0.02, 1.0], [0.03, 0.0]];
         let side = |k: usize| (0..STEPS).map(move |i| (k, Real::from(i) / Real::from(STEPS)));
         let profile: Vec<[Real; 2]> = (0..4)
             .flat_map(side)
-            .map(|(k, s)| [0, 1].map(|axis| corners[k][axis] * (1.0 - s) + corners[(k + 1) % 4][axis] * s))
+            .map(|(k, s)| {
+                [0, 1].map(|axis| corners[k][axis] * (1.0 - s) + corners[(k + 1) % 4][axis] * s)
+            })
             .collect();
         let rows = profile.len() as u32;
         let at = |[r, y]: [Real; 2], k: u32| {
             let (sin, cos) = (TAU * Real::from(k) / Real::from(AROUND)).sin_cos();
             Point::new(r * cos, y, r * sin)
         };
-        let vertices: Vec<Point> = profile.iter().flat_map(|p| (0..AROUND).map(move |k| at(*p, k))).collect();
+        let vertices: Vec<Point> =
+            profile.iter().flat_map(|p| (0..AROUND).map(move |k| at(*p, k))).collect();
         let quad = |j: u32, k: u32| {
             let (j1, k1) = ((j + 1) % rows, (k + 1) % AROUND);
             let [a, b, c, d] = [j * AROUND + k, j * AROUND + k1, j1 * AROUND + k1, j1 * AROUND + k];
@@ -265,7 +298,8 @@ mod tests {
             let report = cleanup(&piece, &none, None, &params).unwrap().report;
             (report.holes.openings.len(), report.holes.filled.len())
         };
-        // What lies beyond the tunnel is the other half: what the loop bounds does not tell the two apart.
+        // What lies beyond the tunnel is the other half: what the loop bounds does not tell the two
+        // apart.
         assert_eq!(loops(Openings::Complement(Box::new(Complement::new(body.clone())))), (2, 0));
         for name in ["sweater", "thing"] {
             assert_eq!(loops(openings_of(name, &body)), (1, 1), "{name}");

@@ -10,11 +10,13 @@ use if_core::math::{Point, Real, Vector};
 use if_mesh::camera::Camera;
 use nalgebra::Isometry3;
 
-/// A bound on the slope of the hull's field: distances in pictures have slope 1, and posing stretches space, most where
-/// weights change fast. Of 20,000 differences over 8 mm in each of the two sample captures the steepest is 2.2, 99.9 % are below 1.6.
+/// A bound on the slope of the hull's field: distances in pictures have slope 1, and posing
+/// stretches space, most where weights change fast. Of 20,000 differences over 8 mm in each of the
+/// two sample captures the steepest is 2.2, 99.9 % are below 1.6.
 const SLOPE: Real = 3.0;
-/// Step of the differences that give its gradient, in metres: a seventh of a pixel of the sample captures, so that a difference stays within
-/// one patch of the distance image's interpolation, and far above the rounding of its single precision.
+/// Step of the differences that give its gradient, in metres: a seventh of a pixel of the sample
+/// captures, so that a difference stays within one patch of the distance image's interpolation, and
+/// far above the rounding of its single precision.
 const STEP: Real = 1e-3;
 
 /// Why there is no hull.
@@ -42,14 +44,15 @@ pub enum HullError {
     },
 }
 
-/// Canonical space carved by the masks: a point is inside where the pose of (nearly) every frame takes it into the mask.
+/// Canonical space carved by the masks: a point is inside where the pose of (nearly) every frame
+/// takes it into the mask.
 ///
 /// ```text
 /// h(x) = the (allowed + 1)-th largest, over the frames i, of  z/f · D_i(project(pose_i(x)))
 /// ```
 ///
-/// with D the distance from the mask's border in pixels, positive outside. Clothes that hang, as skirts, follow the nearest
-/// part of the body.
+/// with D the distance from the mask's border in pixels, positive outside. Clothes that hang, as
+/// skirts, follow the nearest part of the body.
 pub struct VisualHull<'a> {
     grid: &'a WeightGrid,
     camera: Camera,
@@ -62,7 +65,9 @@ impl std::fmt::Debug for VisualHull<'_> {
     /// Numbers only: the pictures are megabytes.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut out = f.debug_struct("VisualHull");
-        out.field("views", &self.views.len()).field("allowed", &self.allowed).finish_non_exhaustive()
+        out.field("views", &self.views.len())
+            .field("allowed", &self.allowed)
+            .finish_non_exhaustive()
     }
 }
 
@@ -72,7 +77,12 @@ impl<'a> VisualHull<'a> {
     /// # Errors
     ///
     /// [`HullError`].
-    pub fn new(capture: &Capture, skeleton: &Skeleton, grid: &'a WeightGrid, allowed: usize) -> Result<Self, HullError> {
+    pub fn new(
+        capture: &Capture,
+        skeleton: &Skeleton,
+        grid: &'a WeightGrid,
+        allowed: usize,
+    ) -> Result<Self, HullError> {
         capture.check_skeleton(skeleton)?;
         if skeleton.len() != grid.joints() {
             return Err(HullError::Joints { skeleton: skeleton.len(), grid: grid.joints() });
@@ -84,10 +94,18 @@ impl<'a> VisualHull<'a> {
         for frame in 0..capture.len() {
             let mask = capture.mask(frame)?;
             let image = DistanceImage::new(&mask, camera.width(), camera.height(), 0.0);
-            let transforms = skeleton.transforms(capture.pose(frame)).map_err(|source| HullError::Pose { frame, source })?;
+            let transforms = skeleton
+                .transforms(capture.pose(frame))
+                .map_err(|source| HullError::Pose { frame, source })?;
             views.push((transforms.iter().map(in_camera(&camera)).collect(), image));
         }
-        Ok(Self { grid, camera, pixels_per_metre, allowed: allowed.min(views.len().saturating_sub(1)), views })
+        Ok(Self {
+            grid,
+            camera,
+            pixels_per_metre,
+            allowed: allowed.min(views.len().saturating_sub(1)),
+            views,
+        })
     }
 }
 
@@ -103,7 +121,8 @@ impl SignedDistance for VisualHull<'_> {
     fn distance(&self, p: &Point) -> Real {
         let mut weights = vec![0.0; self.grid.joints()];
         self.grid.weights_at(p, &mut weights);
-        let carried: Vec<(usize, Real)> = weights.iter().copied().enumerate().filter(|(_, w)| *w > 0.0).collect();
+        let carried: Vec<(usize, Real)> =
+            weights.iter().copied().enumerate().filter(|(_, w)| *w > 0.0).collect();
         // The largest, in descending order.
         let mut most = vec![Real::NEG_INFINITY; self.allowed + 1];
         for (maps, image) in &self.views {
@@ -133,7 +152,10 @@ impl SignedDistance for VisualHull<'_> {
             step[k] = STEP;
             (self.distance(&(p + step)) - self.distance(&(p - step))) / (2.0 * STEP)
         };
-        FieldSample { distance: self.distance(p), gradient: Vector::new(slope(0), slope(1), slope(2)) }
+        FieldSample {
+            distance: self.distance(p),
+            gradient: Vector::new(slope(0), slope(1), slope(2)),
+        }
     }
 
     fn bounds(&self) -> Option<Aabb> {

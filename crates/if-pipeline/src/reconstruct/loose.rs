@@ -14,16 +14,20 @@ use if_mesh::camera::Camera;
 use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
 use rayon::prelude::*;
 
-/// Part of the frames whose masks may contradict a voxel that is filled: noise, and clothes that do not follow the skeleton.
+/// Part of the frames whose masks may contradict a voxel that is filled: noise, and clothes that do
+/// not follow the skeleton.
 const ALLOWED: Real = 1.0 / 12.0;
-/// Part of the frames, and at least two, that must see a voxel beside the template for it to be certain.
+/// Part of the frames, and at least two, that must see a voxel beside the template for it to be
+/// certain.
 const CERTAIN: Real = 1.0 / 12.0;
-/// Part of the garments' pixels beside the template from which on a garment is a loose one. Parsers mistake a few in a hundred.
+/// Part of the garments' pixels beside the template from which on a garment is a loose one. Parsers
+/// mistake a few in a hundred.
 const LOOSE: Real = 0.2;
-/// Part of the frames that see a voxel which may see something else than loose clothes there. The poorest parser of
-/// `docs/capture.md` is wrong at one pixel in ten.
+/// Part of the frames that see a voxel which may see something else than loose clothes there. The
+/// poorest parser of `docs/capture.md` is wrong at one pixel in ten.
 const ELSEWHERE: Real = 0.25;
-/// Part of the certain voxels from which on the joint that most moves them is one that loose clothes hang about.
+/// Part of the certain voxels from which on the joint that most moves them is one that loose
+/// clothes hang about.
 const HANGS: Real = 0.02;
 /// Voxels at most: 64 MB. Beyond it they are made larger.
 const MOST_VOXELS: Real = 8e6;
@@ -44,17 +48,28 @@ pub(super) struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    /// Poses the template; `loose` is the distance from which on a pixel lies far beside it, in metres.
-    pub(super) fn new(mesh: &TriMesh, skin: &SkinWeights, camera: &Camera, frame: &'a Observation, loose: Real) -> Self {
+    /// Poses the template; `loose` is the distance from which on a pixel lies far beside it, in
+    /// metres.
+    pub(super) fn new(
+        mesh: &TriMesh,
+        skin: &SkinWeights,
+        camera: &Camera,
+        frame: &'a Observation,
+        loose: Real,
+    ) -> Self {
         let world = pose_points(mesh.vertices(), &blends(skin, &frame.transforms));
         let mut buffer = IdBuffer::default();
         Rasteriser::default().look(mesh, &world, camera, &RasterParams::default(), &mut buffer);
         let figure: Vec<bool> = buffer.triangle.iter().map(|t| *t != NOTHING).collect();
-        let seen: Vec<Real> = buffer.depth.iter().filter(|z| z.is_finite()).map(|z| Real::from(*z)).collect();
+        let seen: Vec<Real> =
+            buffer.depth.iter().filter(|z| z.is_finite()).map(|z| Real::from(*z)).collect();
         let depth = seen.iter().sum::<Real>() / seen.len().max(1) as Real;
         let away = DistanceImage::new(&figure, camera.width(), camera.height(), 0.0);
-        let pixels = if depth > 0.0 { loose * pixels_per_metre(camera) / depth } else { Real::INFINITY };
-        let beside = (0..figure.len()).map(|i| frame.outside.pixel(i) < 0.0 && Real::from(away.pixel(i)) > pixels).collect();
+        let pixels =
+            if depth > 0.0 { loose * pixels_per_metre(camera) / depth } else { Real::INFINITY };
+        let beside = (0..figure.len())
+            .map(|i| frame.outside.pixel(i) < 0.0 && Real::from(away.pixel(i)) > pixels)
+            .collect();
         let maps = frame.transforms.iter().map(in_camera(camera)).collect();
         Self { maps, outside: &frame.outside, depth: buffer.depth, beside, labels: Vec::new() }
     }
@@ -82,7 +97,8 @@ pub(super) fn loose_labels(views: &[View], labels: usize) -> Vec<bool> {
     }
     let first = usize::from(FIRST_GARMENT).min(labels);
     let all: usize = counts[first..].iter().sum();
-    let enough = |(k, n): (usize, &usize)| k >= first && *n > 0 && *n as Real >= LOOSE * all as Real;
+    let enough =
+        |(k, n): (usize, &usize)| k >= first && *n > 0 && *n as Real >= LOOSE * all as Real;
     counts.iter().enumerate().map(enough).collect()
 }
 
@@ -113,7 +129,10 @@ impl Lattice {
     /// The middle of cube `i`; x runs fastest.
     pub(super) fn center(&self, i: usize) -> Point {
         let [nx, ny, _] = self.counts;
-        self.min + (Vector::new((i % nx) as Real, (i / nx % ny) as Real, (i / (nx * ny)) as Real).add_scalar(0.5)) * self.cell
+        self.min
+            + (Vector::new((i % nx) as Real, (i / nx % ny) as Real, (i / (nx * ny)) as Real)
+                .add_scalar(0.5))
+                * self.cell
     }
 
     /// The cubes that share a face with cube `i`.
@@ -136,7 +155,8 @@ pub(super) enum Space {
     Open,
     /// Inside the template.
     Body,
-    /// Outside of it, but nothing speaks against clothes: the joint that moves it most, and whether it was seen beside the template.
+    /// Outside of it, but nothing speaks against clothes: the joint that moves it most, and whether
+    /// it was seen beside the template.
     Maybe { joint: u16, certain: bool },
     /// Inside clothes.
     Filled,
@@ -163,8 +183,9 @@ pub(super) struct Filling {
 ///                         and what that shuts in
 /// ```
 ///
-/// With arms down masks do not tell what lies between arms and torso; nothing is certain there, and the arms are not of J.
-/// `None` where nothing is certain. `parents` are those of the skeleton's joints, `loose` the labels of loose garments.
+/// With arms down masks do not tell what lies between arms and torso; nothing is certain there, and
+/// the arms are not of J. `None` where nothing is certain. `parents` are those of the skeleton's
+/// joints, `loose` the labels of loose garments.
 pub(super) fn fill(
     lattice: Lattice,
     grid: &WeightGrid,
@@ -184,7 +205,8 @@ pub(super) fn fill(
             Some(v) => Space::Maybe { joint: v.joint, certain: v.certain },
         }
     };
-    let mut space: Vec<Space> = (0..lattice.len()).into_par_iter().with_min_len(1024).map(state).collect();
+    let mut space: Vec<Space> =
+        (0..lattice.len()).into_par_iter().with_min_len(1024).map(state).collect();
 
     let mut moved = vec![0usize; grid.joints()];
     for s in &space {
@@ -196,7 +218,8 @@ pub(super) fn fill(
     if (certain as Real) * lattice.cell.powi(3) < LEAST_CERTAIN {
         return None;
     }
-    let mut about: Vec<bool> = moved.iter().map(|n| *n as Real >= HANGS * certain as Real).collect();
+    let mut about: Vec<bool> =
+        moved.iter().map(|n| *n as Real >= HANGS * certain as Real).collect();
     let joints: Vec<usize> = (0..about.len()).filter(|j| about[*j]).collect();
     joints.iter().filter_map(|j| parents[*j]).for_each(|p| about[p] = true);
 
@@ -220,7 +243,8 @@ pub(super) fn fill(
 fn shut_in(lattice: &Lattice, space: &mut [Space]) {
     let solid = |s: Space| matches!(s, Space::Filled | Space::Body);
     let mut reached = vec![false; space.len()];
-    let mut next: Vec<usize> = (0..space.len()).filter(|i| lattice.beside(*i).count() < 6 && !solid(space[*i])).collect();
+    let mut next: Vec<usize> =
+        (0..space.len()).filter(|i| lattice.beside(*i).count() < 6 && !solid(space[*i])).collect();
     next.iter().for_each(|i| reached[*i] = true);
     while let Some(i) = next.pop() {
         for k in lattice.beside(i) {
@@ -252,15 +276,18 @@ struct Verdict {
 }
 
 impl Judge<'_> {
-    /// What the frames say about a point of canonical space; `None` where it lies outside the masks, or is hardly in any picture.
+    /// What the frames say about a point of canonical space; `None` where it lies outside the
+    /// masks, or is hardly in any picture.
     fn maybe(&self, p: &Point) -> Option<Verdict> {
         let (width, height) = (self.camera.width(), self.camera.height());
         let mut weights = vec![0.0; self.grid.joints()];
         self.grid.weights_at(p, &mut weights);
-        let carried: Vec<(usize, Real)> = weights.iter().copied().enumerate().filter(|(_, w)| *w > 0.0).collect();
+        let carried: Vec<(usize, Real)> =
+            weights.iter().copied().enumerate().filter(|(_, w)| *w > 0.0).collect();
         let most = carried.iter().max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))?.0;
         let frames = self.views.len() as Real;
-        let (mut seen, mut out, mut beside, mut agree, mut against) = (0usize, 0usize, 0usize, 0usize, 0usize);
+        let (mut seen, mut out, mut beside, mut agree, mut against) =
+            (0usize, 0usize, 0usize, 0usize, 0usize);
         for view in self.views {
             let mut q = Vector::zeros();
             for (j, w) in &carried {
@@ -270,7 +297,11 @@ impl Judge<'_> {
                 continue;
             }
             let pixel = self.camera.to_pixel(&Point::from(q));
-            if !(pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < width as Real && pixel.y < height as Real) {
+            if !(pixel.x >= 0.0
+                && pixel.y >= 0.0
+                && pixel.x < width as Real
+                && pixel.y < height as Real)
+            {
                 continue;
             }
             let i = pixel.y as usize * width + pixel.x as usize;
@@ -293,7 +324,11 @@ impl Judge<'_> {
             return None;
         }
         let refuted = agree == 0 || against as Real > ELSEWHERE * (agree + against) as Real;
-        Some(Verdict { joint: most as u16, certain: beside as Real >= (CERTAIN * frames).max(2.0), refuted })
+        Some(Verdict {
+            joint: most as u16,
+            certain: beside as Real >= (CERTAIN * frames).max(2.0),
+            refuted,
+        })
     }
 }
 
@@ -313,11 +348,18 @@ mod tests {
             for k in l.beside(i) {
                 assert!(((l.center(k) - p).norm() - 0.5).abs() < 1e-12);
             }
-            let border = (0..3).map(|k| usize::from(p[k] < 0.5) + usize::from(p[k] > 0.5 * (l.counts[k] - 1) as Real));
+            let border = (0..3).map(|k| {
+                usize::from(p[k] < 0.5) + usize::from(p[k] > 0.5 * (l.counts[k] - 1) as Real)
+            });
             assert_eq!(l.beside(i).count() + border.sum::<usize>(), 6, "{i}");
         }
-        let fine = Lattice::new(&Aabb::from_points(&[Point::origin(), Point::new(1.0, 2.0, 1.0)]), 1e-4);
-        assert!(fine.len() as Real <= MOST_VOXELS && fine.len() as Real > 0.3 * MOST_VOXELS, "{}", fine.len());
+        let fine =
+            Lattice::new(&Aabb::from_points(&[Point::origin(), Point::new(1.0, 2.0, 1.0)]), 1e-4);
+        assert!(
+            fine.len() as Real <= MOST_VOXELS && fine.len() as Real > 0.3 * MOST_VOXELS,
+            "{}",
+            fine.len()
+        );
         assert_eq!(Lattice::new(&Aabb::from_points(&[Point::origin()]), 0.1).counts, [2; 3]);
     }
 

@@ -6,7 +6,9 @@ mod params;
 mod report;
 
 pub use mesh::MeshMotion;
-pub use network::{MotionNetwork, MotionNetworkError, MotionNetworkParams, MotionNetworkReport, distil_motion};
+pub use network::{
+    MotionNetwork, MotionNetworkError, MotionNetworkParams, MotionNetworkReport, distil_motion,
+};
 pub use params::MotionParams;
 pub use report::{FrameMotion, MotionReport, MotionRound};
 
@@ -24,11 +26,12 @@ use if_core::math::{Point, Real, Vector};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 
-/// d: where each vertex of the fitted surface lies in each frame, beside where the pose alone puts it.
+/// d: where each vertex of the fitted surface lies in each frame, beside where the pose alone puts
+/// it.
 #[derive(Clone, Debug)]
 pub struct Motion {
-    /// For each frame of the capture d of each vertex of the surface, in metres of canonical space: vertices of the frame are
-    /// LBS(x + d). Empty where it is zero.
+    /// For each frame of the capture d of each vertex of the surface, in metres of canonical space:
+    /// vertices of the frame are LBS(x + d). Empty where it is zero.
     pub offsets: Vec<Vec<Vector>>,
     /// What was used, left out and reached.
     pub report: MotionReport,
@@ -53,7 +56,9 @@ pub enum MotionError {
         source: PoseError,
     },
     /// The equations of a frame have no finite solution.
-    #[error("the motion of frame {frame} has no finite solution in round {round}; normals or weights are out of any scale")]
+    #[error(
+        "the motion of frame {frame} has no finite solution in round {round}; normals or weights are out of any scale"
+    )]
     Singular {
         /// Its place in the capture.
         frame: usize,
@@ -80,8 +85,8 @@ impl From<ObserveError> for MotionError {
 /// Frames for each thread between two reports of progress.
 const TOGETHER: usize = 2;
 
-/// Solves, for each frame of a capture, how the surface that [`fit_surface`](super::fit_surface) found for all frames together
-/// moves there, from that frame and its neighbours in time alone.
+/// Solves, for each frame of a capture, how the surface that [`fit_surface`](super::fit_surface)
+/// found for all frames together moves there, from that frame and its neighbours in time alone.
 ///
 /// ```text
 /// dᵢ ← 0
@@ -91,9 +96,10 @@ const TOGETHER: usize = 2;
 ///     move x + dᵢ along its normals: the same least-squares problem, with more bending, and stay · dᵢ² for staying at x
 /// ```
 ///
-/// Motion along the surface is not seen, and stays zero. Places that no frame of the window sees stay, but for what bending carries
-/// there. Frames that `surface.report` names as left out get what lies between their neighbours' d in time. `read` says how
-/// pictures are read, as for the surface.
+/// Motion along the surface is not seen, and stays zero. Places that no frame of the window sees
+/// stay, but for what bending carries there. Frames that `surface.report` names as left out get
+/// what lies between their neighbours' d in time. `read` says how pictures are read, as for the
+/// surface.
 ///
 /// `watch` is told of progress every few frames, and stops the work with [`ControlFlow::Break`].
 ///
@@ -146,7 +152,9 @@ pub fn fit_motion(
                 found.push(one.ok_or(MotionError::Singular { frame, round })?);
             }
         }
-        let mean = |of: fn(&Round) -> Real| found.iter().map(|(_, r)| of(r)).sum::<Real>() / n.max(1) as Real;
+        let mean = |of: fn(&Round) -> Real| {
+            found.iter().map(|(_, r)| of(r)).sum::<Real>() / n.max(1) as Real
+        };
         rounds.push(MotionRound {
             silhouette_mm: mean(|r| r.silhouette_mm),
             normal_degrees: mean(|r| r.normal_degrees),
@@ -154,7 +162,12 @@ pub fn fit_motion(
         });
         offsets = found.into_iter().map(|(d, _)| d).collect();
     }
-    let _ = watch(&clock.at(Stage::Motion, steps, steps, rounds.last().map(|r: &MotionRound| r.silhouette_mm)));
+    let _ = watch(&clock.at(
+        Stage::Motion,
+        steps,
+        steps,
+        rounds.last().map(|r: &MotionRound| r.silhouette_mm),
+    ));
 
     let known: Vec<usize> = scene.frames.iter().map(|f| f.frame).collect();
     let offsets = in_all_frames(&known, offsets, capture.len());
@@ -197,13 +210,15 @@ impl Scene<'_> {
         let at = self.frames[k].frame;
         let near = |f: &Observation| f.frame.abs_diff(at) <= self.params.window;
         let first = self.frames[..k].iter().rposition(|f| !near(f)).map_or(0, |f| f + 1);
-        let end = self.frames[k..].iter().position(|f| !near(f)).map_or(self.frames.len(), |f| k + f);
+        let end =
+            self.frames[k..].iter().position(|f| !near(f)).map_or(self.frames.len(), |f| k + f);
         first..end
     }
 }
 
-/// The motion of all `count` frames: of those that are not `known`, in proportion to time between that of the known before and
-/// after; before the first and after the last that of the nearest; without any, zero.
+/// The motion of all `count` frames: of those that are not `known`, in proportion to time between
+/// that of the known before and after; before the first and after the last that of the nearest;
+/// without any, zero.
 fn in_all_frames(known: &[usize], offsets: Vec<Vec<Vector>>, count: usize) -> Vec<Vec<Vector>> {
     let mut all = vec![Vec::new(); count];
     for frame in 0..count {
@@ -212,7 +227,11 @@ fn in_all_frames(known: &[usize], offsets: Vec<Vec<Vector>>, count: usize) -> Ve
             (_, Some(k)) if *k == frame => offsets[after].clone(),
             (Some(before), Some(k)) => {
                 let share = (frame - known[before]) as Real / (k - known[before]) as Real;
-                offsets[before].iter().zip(&offsets[after]).map(|(a, b)| a * (1.0 - share) + b * share).collect()
+                offsets[before]
+                    .iter()
+                    .zip(&offsets[after])
+                    .map(|(a, b)| a * (1.0 - share) + b * share)
+                    .collect()
             }
             (Some(before), None) => offsets[before].clone(),
             (None, Some(_)) => offsets[after].clone(),

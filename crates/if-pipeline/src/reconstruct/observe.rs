@@ -9,8 +9,8 @@ use if_core::math::Vector;
 use if_mesh::camera::Camera;
 use nalgebra::Isometry3;
 
-/// Less of the picture than this is no person, but specks: 65 pixels of 256². Ten times more would lose a person who
-/// stands far away.
+/// Less of the picture than this is no person, but specks: 65 pixels of 256². Ten times more would
+/// lose a person who stands far away.
 const LEAST_PERSON: f64 = 1e-3;
 
 /// A frame that brings something.
@@ -21,7 +21,8 @@ pub(super) struct Observation {
     pub(super) transforms: Vec<Isometry3<f64>>,
     /// Signed distance from the border of the mask, in pixels, positive outside.
     pub(super) outside: DistanceImage,
-    /// Unit normals in the world; zero where there is none, or too near to the border of the mask to be trusted.
+    /// Unit normals in the world; zero where there is none, or too near to the border of the mask
+    /// to be trusted.
     pub(super) normals: Vec<[f32; 3]>,
 }
 
@@ -32,7 +33,9 @@ pub(super) fn observe(
     frame: usize,
     params: &SurfaceParams,
 ) -> Result<Result<Observation, Skipped>, ObserveError> {
-    let transforms = skeleton.transforms(capture.pose(frame)).map_err(|source| ObserveError::Pose { frame, source })?;
+    let transforms = skeleton
+        .transforms(capture.pose(frame))
+        .map_err(|source| ObserveError::Pose { frame, source })?;
     let mask = capture.mask(frame)?;
     let pixels = mask.iter().filter(|m| **m).count();
     if (pixels as f64) < LEAST_PERSON * mask.len() as f64 {

@@ -3,8 +3,8 @@
 use if_core::math::Real;
 use serde::{Deserialize, Serialize};
 
-/// How a surface is fitted to masks and normals. The defaults were chosen on the two sample captures of the project's
-/// data (`docs/reconstruction.md`).
+/// How a surface is fitted to masks and normals. The defaults were chosen on the two sample
+/// captures of the project's data (`docs/reconstruction.md`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SurfaceParams {
@@ -18,30 +18,38 @@ pub struct SurfaceParams {
     pub bending: Real,
     /// Normals nearer than this to the border of the mask are not used, in pixels.
     pub normal_margin: Real,
-    /// Standard deviation of the Gaussian that smooths the distance from the mask's border, in pixels.
+    /// Standard deviation of the Gaussian that smooths the distance from the mask's border, in
+    /// pixels.
     pub border_blur: Real,
-    /// A silhouette that lies farther than this from the mask's border is not pulled there, in metres. Halved each round.
+    /// A silhouette that lies farther than this from the mask's border is not pulled there, in
+    /// metres. Halved each round.
     pub reach: Real,
     /// What `reach` does not fall below, in metres.
     pub least_reach: Real,
     /// Longest step of a vertex in a round, in metres.
     pub longest_step: Real,
-    /// Share of the way to the middle of its neighbours that a vertex slides along the surface after each round.
+    /// Share of the way to the middle of its neighbours that a vertex slides along the surface
+    /// after each round.
     pub slide: Real,
     /// A frame whose mask and posed template share less than this part of their union is skipped.
     pub least_overlap: Real,
-    /// Pixels of the person farther than this from the posed template, in metres, belong to loose clothes.
+    /// Pixels of the person farther than this from the posed template, in metres, belong to loose
+    /// clothes.
     pub loose: Real,
-    /// Where less than this share of the masks' pixels is such, the surface starts from the template as it is. 1 for always.
+    /// Where less than this share of the masks' pixels is such, the surface starts from the
+    /// template as it is. 1 for always.
     pub least_loose: Real,
-    /// Side of the voxels in which the inside of loose clothes is found, and of the cells of the surface that starts there, in metres.
+    /// Side of the voxels in which the inside of loose clothes is found, and of the cells of the
+    /// surface that starts there, in metres.
     pub loose_cell: Real,
     /// Rounds, where the surface starts from the union with loose clothes.
     pub loose_rounds: usize,
-    /// Weight of the silhouettes there. Of folds they only show the ridges, and the mesh is finer than the template.
+    /// Weight of the silhouettes there. Of folds they only show the ridges, and the mesh is finer
+    /// than the template.
     pub loose_silhouettes: Real,
-    /// Bytes that the images of all frames may take: they are kept from the first round to the last. More is an error before any is read.
-    /// Changes no result, so that a checkpoint holds for any.
+    /// Bytes that the images of all frames may take: they are kept from the first round to the
+    /// last. More is an error before any is read. Changes no result, so that a checkpoint holds for
+    /// any.
     pub memory: u64,
 }
 
@@ -118,7 +126,11 @@ impl SurfaceParams {
                 return Err(ParamError { name, value, needs: "a number above zero" });
             }
         }
-        for (name, value) in [("slide", self.slide), ("least_overlap", self.least_overlap), ("least_loose", self.least_loose)] {
+        for (name, value) in [
+            ("slide", self.slide),
+            ("least_overlap", self.least_overlap),
+            ("least_loose", self.least_loose),
+        ] {
             if !(0.0..=1.0).contains(&value) {
                 return Err(ParamError { name, value, needs: "a number from 0 to 1" });
             }

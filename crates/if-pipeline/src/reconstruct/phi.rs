@@ -26,8 +26,8 @@ pub struct PhiParams {
 }
 
 impl Default for PhiParams {
-    /// The grid encoding and 150 steps: its first values are the field's own, and steps correct them
-    /// (docs/reconstruction.md says by how much).
+    /// The grid encoding and 150 steps: its first values are the field's own, and steps correct
+    /// them (docs/reconstruction.md says by how much).
     fn default() -> Self {
         Self { network: NetworkConfig::grid(), steps: 150, sampling: SamplingParams::default() }
     }
@@ -41,7 +41,8 @@ impl PhiParams {
     /// The first that is not.
     pub fn validate(&self) -> Result<(), PhiError> {
         self.sampling.validate().map_err(BeginError::from)?;
-        Ok(FitParams { steps: Some(self.steps), seconds: None, ..self.network.fit_params() }.validate()?)
+        Ok(FitParams { steps: Some(self.steps), seconds: None, ..self.network.fit_params() }
+            .validate()?)
     }
 }
 
@@ -102,19 +103,31 @@ pub fn fit_phi(
     }
     let target = Target::Field(field);
     let (set, mut network) = target.begin(&params.network, &params.sampling)?;
-    let fit = FitParams { steps: Some(params.steps), seconds: None, loss: target.loss(), ..params.network.fit_params() };
-    let found = Fit::new(fit)?
-        .run(&mut network, &set, &mut |p| watch(&clock.at(Stage::Field, p.step as usize, steps, Some(1e3 * p.error.mean))))?;
+    let fit = FitParams {
+        steps: Some(params.steps),
+        seconds: None,
+        loss: target.loss(),
+        ..params.network.fit_params()
+    };
+    let found = Fit::new(fit)?.run(&mut network, &set, &mut |p| {
+        watch(&clock.at(Stage::Field, p.step as usize, steps, Some(1e3 * p.error.mean)))
+    })?;
     if found.ended == Ended::Cancelled {
         return Err(PhiError::Cancelled);
     }
     let (e, frame) = (&found.error, set.frame);
-    let report = PhiReport { steps: found.steps, mean_mm: 1e3 * e.mean, p99_mm: 1e3 * e.p99, eikonal: e.eikonal };
+    let report = PhiReport {
+        steps: found.steps,
+        mean_mm: 1e3 * e.mean,
+        p99_mm: 1e3 * e.p99,
+        eikonal: e.eikonal,
+    };
     Ok(PhiNetwork { network, frame, report })
 }
 
 impl PhiNetwork {
-    /// The bytes of its file, `phi.safetensors` of an asset; [`if_neural::files::read_network`] reads them.
+    /// The bytes of its file, `phi.safetensors` of an asset; [`if_neural::files::read_network`]
+    /// reads them.
     ///
     /// # Errors
     ///

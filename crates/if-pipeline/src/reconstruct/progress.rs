@@ -11,12 +11,13 @@ pub enum Stage {
     Read,
     /// Loose clothes are looked for, and what the surface starts from is made.
     Start,
-    /// The surface is fitted to masks and normals; the loss is the silhouettes' distance from the masks' borders, in millimetres.
+    /// The surface is fitted to masks and normals; the loss is the silhouettes' distance from the
+    /// masks' borders, in millimetres.
     Surface,
     /// The canonical mesh is extracted.
     Extract,
-    /// The motion of single frames is solved; the loss is the silhouettes' distance from the masks' borders before it, in millimetres, mean
-    /// of the round's frames so far.
+    /// The motion of single frames is solved; the loss is the silhouettes' distance from the masks'
+    /// borders before it, in millimetres, mean of the round's frames so far.
     Motion,
     /// The network of that motion is fitted.
     MotionNetwork,
@@ -58,10 +59,18 @@ impl Clock {
     }
 
     /// What to tell before step `step` of `steps`.
-    pub(super) fn at(&mut self, stage: Stage, step: usize, steps: usize, loss: Option<Real>) -> Progress {
+    pub(super) fn at(
+        &mut self,
+        stage: Stage,
+        step: usize,
+        steps: usize,
+        loss: Option<Real>,
+    ) -> Progress {
         let first = *self.first.get_or_insert(step);
         let done = step - first.min(step);
-        let left = |n: usize| self.start.elapsed().as_secs_f64() / n as Real * (steps - step.min(steps)) as Real;
+        let left = |n: usize| {
+            self.start.elapsed().as_secs_f64() / n as Real * (steps - step.min(steps)) as Real
+        };
         Progress { stage, step, steps, loss, seconds_left: (done > 0).then(|| left(done)) }
     }
 }

@@ -16,10 +16,11 @@ const KNOWN: Real = 3.0;
 const UNSEEN: Real = 0.02;
 /// Weight of the silhouettes from which on a vertex's place is known: on the rim in three frames.
 const ON_RIM: Real = 3.0;
-/// Weight with which a vertex stays where it is: makes the system regular where nothing was seen. A hundred times more
-/// would slow the rounds down, a hundred times less leave unseen places adrift.
+/// Weight with which a vertex stays where it is: makes the system regular where nothing was seen. A
+/// hundred times more would slow the rounds down, a hundred times less leave unseen places adrift.
 const STAY: Real = 1e-4;
-/// Rounds of smoothing of the directions along which vertices move, so that neighbours do not run into one another.
+/// Rounds of smoothing of the directions along which vertices move, so that neighbours do not run
+/// into one another.
 const DIRECTION_ROUNDS: usize = 3;
 
 /// Moves each vertex along its smoothed normal by the s that minimises
@@ -30,9 +31,10 @@ const DIRECTION_ROUNDS: usize = 3;
 /// + c Σ (s − mean of its neighbours' s)² + 1e-4 Σ s²
 /// ```
 ///
-/// with weights w of at most 1, by sparse Cholesky factorisation; then slides vertices along the surface towards the middle of
-/// their neighbours. `None` where the system cannot be factored, which finite input does not cause.
-/// What was not seen, and what folded, is mended after the template `rest`.
+/// with weights w of at most 1, by sparse Cholesky factorisation; then slides vertices along the
+/// surface towards the middle of their neighbours. `None` where the system cannot be factored,
+/// which finite input does not cause. What was not seen, and what folded, is mended after the
+/// template `rest`.
 pub(super) fn step(
     rest: &TriMesh,
     mesh: &TriMesh,
@@ -64,8 +66,9 @@ impl Weights {
     }
 }
 
-/// The step alone, and the neighbours of each vertex. `home` is for each vertex the way to the place where it would stay, which
-/// counts as far as it lies along its direction; empty where each would stay where it is.
+/// The step alone, and the neighbours of each vertex. `home` is for each vertex the way to the
+/// place where it would stay, which counts as far as it lies along its direction; empty where each
+/// would stay where it is.
 pub(super) fn solved(
     mesh: &TriMesh,
     edges: &Edges,
@@ -146,8 +149,9 @@ pub(super) fn solved(
             continue;
         }
         let share = -1.0 / neighbours.of(v).len() as Real;
-        let row: Vec<(usize, Real)> =
-            std::iter::once((v, 1.0)).chain(neighbours.of(v).iter().map(|u| (*u as usize, share))).collect();
+        let row: Vec<(usize, Real)> = std::iter::once((v, 1.0))
+            .chain(neighbours.of(v).iter().map(|u| (*u as usize, share)))
+            .collect();
         for &(i, a) in &row {
             let lower = row.iter().filter(|(j, _)| *j <= i);
             entries.extend(lower.map(|&(j, b)| Entry::new(i, j, params.bending * a * b)));
@@ -170,7 +174,8 @@ fn smoothed(normals: &[Vector], neighbours: &Rows<u32>) -> Vec<Vector> {
     for _ in 0..DIRECTION_ROUNDS {
         out = (0..out.len())
             .map(|v| {
-                let mean = neighbours.of(v).iter().fold(Vector::zeros(), |sum, u| sum + out[*u as usize]);
+                let mean =
+                    neighbours.of(v).iter().fold(Vector::zeros(), |sum, u| sum + out[*u as usize]);
                 unit_or_zero(&(out[v] + mean / neighbours.of(v).len().max(1) as Real))
             })
             .collect();
@@ -178,7 +183,8 @@ fn smoothed(normals: &[Vector], neighbours: &Rows<u32>) -> Vec<Vector> {
     out
 }
 
-/// Vertices moved by `share` of the way to the mean of their neighbours, as far as that lies along the surface.
+/// Vertices moved by `share` of the way to the mean of their neighbours, as far as that lies along
+/// the surface.
 fn slid(mesh: &TriMesh, moved: Vec<Point>, neighbours: &Rows<u32>, share: Real) -> Vec<Point> {
     let Ok(mesh) = mesh.with_vertices(moved) else { return mesh.vertices().to_vec() };
     let x = mesh.vertices();
@@ -186,7 +192,8 @@ fn slid(mesh: &TriMesh, moved: Vec<Point>, neighbours: &Rows<u32>, share: Real) 
         if neighbours.of(v).is_empty() {
             return x[v];
         }
-        let sum = neighbours.of(v).iter().fold(Vector::zeros(), |sum, u| sum + x[*u as usize].coords);
+        let sum =
+            neighbours.of(v).iter().fold(Vector::zeros(), |sum, u| sum + x[*u as usize].coords);
         let way = sum / neighbours.of(v).len() as Real - x[v].coords;
         x[v] + (way - n * n.dot(&way)) * share
     };
@@ -214,7 +221,8 @@ mod tests {
     #[test]
     fn without_evidence_nothing_moves() {
         let ball = meshes::icosphere(0.3, 3);
-        let (moved, _, round) = solved(&ball, &Edges::new(&ball), &nothing(&ball), &usual(), &[]).unwrap();
+        let (moved, _, round) =
+            solved(&ball, &Edges::new(&ball), &nothing(&ball), &usual(), &[]).unwrap();
         for (p, q) in moved.iter().zip(ball.vertices()) {
             approx::assert_relative_eq!(p, q, epsilon = 1e-12);
         }
@@ -223,7 +231,8 @@ mod tests {
 
     #[test]
     fn silhouettes_move_the_surface_and_normals_carry_their_shape() {
-        // A ball, of which a rim is seen 2 cm farther out everywhere, and normals of the ball itself: it grows as a ball.
+        // A ball, of which a rim is seen 2 cm farther out everywhere, and normals of the ball
+        // itself: it grows as a ball.
         let ball = meshes::icosphere(0.3, 3);
         let mut evidence = nothing(&ball);
         for (v, p) in ball.vertices().iter().enumerate() {
@@ -237,7 +246,8 @@ mod tests {
         let mut mesh = ball.clone();
         let edges = Edges::new(&ball);
         for k in 0..4 {
-            let (moved, round) = step(&ball, &mesh, &edges, &evidence, &SurfaceParams::default()).unwrap();
+            let (moved, round) =
+                step(&ball, &mesh, &edges, &evidence, &SurfaceParams::default()).unwrap();
             mesh = mesh.with_vertices(moved).unwrap();
             if k == 0 {
                 assert!((round.silhouette_mm - 20.0).abs() < 1e-9);
@@ -258,16 +268,20 @@ mod tests {
         let mut evidence = nothing(&mesh);
         for (t, n) in mesh.face_normals().iter().enumerate() {
             let w = 1.0 + (t % 5) as Real;
-            evidence.normals[t] = (unit_or_zero(&(n + Vector::new(0.1, -0.05 * (t % 3) as Real, 0.02))) * w, w);
+            evidence.normals[t] =
+                (unit_or_zero(&(n + Vector::new(0.1, -0.05 * (t % 3) as Real, 0.02))) * w, w);
         }
         for v in (0..mesh.vertices().len()).step_by(4) {
             evidence.rim[v] = (0.001 * (v % 7) as Real, 0.5 + (v % 4) as Real);
         }
         let weights = Weights { stay: 0.01, ..usual() };
-        let home: Vec<Vector> = (0..mesh.vertices().len()).map(|v| Vector::new(0.0, 1e-4 * (v % 5) as Real, 2e-4)).collect();
+        let home: Vec<Vector> = (0..mesh.vertices().len())
+            .map(|v| Vector::new(0.0, 1e-4 * (v % 5) as Real, 2e-4))
+            .collect();
         let (moved, neighbours, _) = solved(&mesh, &edges, &evidence, &weights, &home).unwrap();
         let directions = smoothed(&mesh.vertex_normals(), &neighbours);
-        let s: Vec<Real> = (0..moved.len()).map(|v| (moved[v] - mesh.vertices()[v]).dot(&directions[v])).collect();
+        let s: Vec<Real> =
+            (0..moved.len()).map(|v| (moved[v] - mesh.vertices()[v]).dot(&directions[v])).collect();
         let area = |t: usize| {
             let [a, b, c] = mesh.corners(t);
             0.5 * if_core::math::area_vector(a, b, c).norm()
@@ -277,9 +291,11 @@ mod tests {
             let at = |v: u32| mesh.vertices()[v as usize] + directions[v as usize] * s[v as usize];
             let mut sum = 0.0;
             for (t, tri) in mesh.triangles().iter().enumerate() {
-                let (n, w) = (unit_or_zero(&evidence.normals[t].0), (evidence.normals[t].1 / 3.0).min(1.0));
+                let (n, w) =
+                    (unit_or_zero(&evidence.normals[t].0), (evidence.normals[t].1 / 3.0).min(1.0));
                 for k in 0..3 {
-                    sum += w * area(t) / mean_area * n.dot(&(at(tri[(k + 1) % 3]) - at(tri[k]))).powi(2);
+                    sum += w * area(t) / mean_area
+                        * n.dot(&(at(tri[(k + 1) % 3]) - at(tri[k]))).powi(2);
                 }
             }
             for v in 0..s.len() {
@@ -287,8 +303,10 @@ mod tests {
                 if w > 0.0 {
                     sum += (w / 3.0).min(1.0) * (s[v] - way / w).powi(2);
                 }
-                let mean: Real = neighbours.of(v).iter().map(|u| s[*u as usize]).sum::<Real>() / neighbours.of(v).len() as Real;
-                sum += 0.5 * (s[v] - mean).powi(2) + 0.01 * (s[v] - home[v].dot(&directions[v])).powi(2);
+                let mean: Real = neighbours.of(v).iter().map(|u| s[*u as usize]).sum::<Real>()
+                    / neighbours.of(v).len() as Real;
+                sum += 0.5 * (s[v] - mean).powi(2)
+                    + 0.01 * (s[v] - home[v].dot(&directions[v])).powi(2);
             }
             sum
         };

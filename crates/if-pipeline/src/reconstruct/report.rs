@@ -33,7 +33,9 @@ impl Skipped {
     /// Its place in the capture.
     pub fn frame(&self) -> usize {
         match self {
-            Self::NoPerson { frame, .. } | Self::NoBorder { frame } | Self::Elsewhere { frame, .. } => *frame,
+            Self::NoPerson { frame, .. }
+            | Self::NoBorder { frame }
+            | Self::Elsewhere { frame, .. } => *frame,
         }
     }
 }
@@ -42,7 +44,9 @@ impl std::fmt::Display for Skipped {
     /// `frame 3 shows no person (its mask has 12 pixels)`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::NoPerson { frame, pixels } => write!(f, "frame {frame} shows no person (its mask has {pixels} pixels)"),
+            Self::NoPerson { frame, pixels } => {
+                write!(f, "frame {frame} shows no person (its mask has {pixels} pixels)")
+            }
             Self::NoBorder { frame } => write!(f, "the mask of frame {frame} fills the picture"),
             Self::Elsewhere { frame, overlap } => {
                 let percent = overlap * 100.0;
@@ -64,7 +68,8 @@ pub struct Pixels {
     pub no_normal: usize,
     /// Left out: the surface is not there yet.
     pub off_surface: usize,
-    /// Left out: the normal points elsewhere than the surface's, as where another part of the body was seen.
+    /// Left out: the normal points elsewhere than the surface's, as where another part of the body
+    /// was seen.
     pub contradicting: usize,
     /// Used.
     pub used: usize,
@@ -73,7 +78,8 @@ pub struct Pixels {
 /// A round of looking and solving.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct Round {
-    /// Root of the mean square distance of the surface's silhouettes from the masks' borders before the round, in millimetres.
+    /// Root of the mean square distance of the surface's silhouettes from the masks' borders before
+    /// the round, in millimetres.
     pub silhouette_mm: Real,
     /// Mean angle between the surface's normals and those seen before the round, in degrees.
     pub normal_degrees: Real,

@@ -1,4 +1,5 @@
-//! What the fit of a surface starts from: the template, or its union with the inside of loose clothes.
+//! What the fit of a surface starts from: the template, or its union with the inside of loose
+//! clothes.
 
 use super::canonical::{FloodedField, Shares, carried_to, four_largest, largest_piece};
 use super::loose::{Filling, Lattice, Space, View, fill, loose_labels};
@@ -19,10 +20,11 @@ use rayon::prelude::*;
 
 /// How far what is filled reaches into the template, in voxels: more than it is smoothed by.
 const INTO: usize = 3;
-/// Passes of the (1 2 1)/4 filter over what is filled: a Gaussian of a voxel's side times the root of half as many.
+/// Passes of the (1 2 1)/4 filter over what is filled: a Gaussian of a voxel's side times the root
+/// of half as many.
 const SMOOTH: usize = 4;
-/// Distance from the template, in metres, over which weights go over from the template's to those of the grid, in which the
-/// space was filled.
+/// Distance from the template, in metres, over which weights go over from the template's to those
+/// of the grid, in which the space was filled.
 const OVER: Real = 0.03;
 
 /// A surface with weights.
@@ -32,8 +34,8 @@ pub(super) struct Start {
     pub(super) report: StartReport,
 }
 
-/// Looks for loose clothes: pixels of the person that lie far beside the posed template. Label images are only read where there are
-/// such.
+/// Looks for loose clothes: pixels of the person that lie far beside the posed template. Label
+/// images are only read where there are such.
 ///
 /// # Errors
 ///
@@ -45,10 +47,16 @@ pub(super) fn start(
     frames: &[Observation],
 ) -> Result<Start, SurfaceError> {
     let (mesh, skin, camera) = (&template.mesh, &template.skin, capture.camera());
-    let mut views: Vec<View> = frames.par_iter().map(|f| View::new(mesh, skin, camera, f, params.loose)).collect();
-    let (person, beside) = views.iter().map(View::counts).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
+    let mut views: Vec<View> =
+        frames.par_iter().map(|f| View::new(mesh, skin, camera, f, params.loose)).collect();
+    let (person, beside) =
+        views.iter().map(View::counts).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
     let beside = if person == 0 { 0.0 } else { beside as Real / person as Real };
-    let as_it_is = || Start { mesh: mesh.clone(), skin: skin.clone(), report: StartReport { beside, filled: None } };
+    let as_it_is = || Start {
+        mesh: mesh.clone(),
+        skin: skin.clone(),
+        report: StartReport { beside, filled: None },
+    };
     if beside < params.least_loose {
         return Ok(as_it_is());
     }
@@ -65,17 +73,26 @@ pub(super) fn start(
     let solid = FloodedField::new(mesh)?;
     let lattice = Lattice::new(&grid.bounds(), params.loose_cell);
     let parents: Vec<Option<usize>> = template.skeleton.joints().iter().map(|j| j.parent).collect();
-    let Some(filling) = fill(lattice, &grid, &solid, camera, &views, &loose, &parents) else { return Ok(as_it_is()) };
+    let Some(filling) = fill(lattice, &grid, &solid, camera, &views, &loose, &parents) else {
+        return Ok(as_it_is());
+    };
 
     let union = Union::new(solid, &filling);
-    let cells =
-        ExtractParams { resolution: Resolution::Cell(filling.lattice.cell), newton: 0, check: 0, ..ExtractParams::default() };
+    let cells = ExtractParams {
+        resolution: Resolution::Cell(filling.lattice.cell),
+        newton: 0,
+        check: 0,
+        ..ExtractParams::default()
+    };
     let mesh = largest_piece(&extract(&union, &cells)?.mesh);
     let skin = weights(template, &grid, &mesh);
     let voxels = filling.space.iter().filter(|s| **s == Space::Filled).count();
     let name = |j: &usize| template.skeleton.joints()[*j].name.clone();
     let filled = Filled {
-        garments: (0..loose.len()).filter(|k| loose[*k]).map(|k| capture.labels()[k].clone()).collect(),
+        garments: (0..loose.len())
+            .filter(|k| loose[*k])
+            .map(|k| capture.labels()[k].clone())
+            .collect(),
         joints: filling.joints.iter().map(name).collect(),
         litres: voxels as Real * filling.lattice.cell.powi(3) * 1e3,
         certain_litres: filling.certain as Real * filling.lattice.cell.powi(3) * 1e3,
@@ -93,7 +110,13 @@ fn weights(template: &TemplateBody, grid: &WeightGrid, mesh: &TriMesh) -> SkinWe
         grid.weights_at(p, &mut sums);
         sums.iter_mut().for_each(|w| *w *= far);
         carried.iter().for_each(|(j, w)| sums[usize::from(*j)] += (1.0 - far) * w);
-        four_largest(sums.into_iter().enumerate().filter(|(_, w)| *w > 0.0).map(|(j, w)| (j as u16, w)).collect())
+        four_largest(
+            sums.into_iter()
+                .enumerate()
+                .filter(|(_, w)| *w > 0.0)
+                .map(|(j, w)| (j as u16, w))
+                .collect(),
+        )
     };
     let (on, weights) = mesh.vertices().par_iter().zip(&near).with_min_len(256).map(of).unzip();
     SkinWeights::new(on, weights, grid.joints())
@@ -113,10 +136,13 @@ struct Union {
 impl Union {
     fn new(template: FloodedField, filling: &Filling) -> Self {
         let Filling { lattice, space, .. } = filling;
-        // What is filled, and of the body what lies next to it, so that there is no sheet of air between them.
+        // What is filled, and of the body what lies next to it, so that there is no sheet of air
+        // between them.
         let mut solid: Vec<bool> = space.iter().map(|s| *s == Space::Filled).collect();
         for _ in 0..INTO {
-            let next = |i: usize| solid[i] || (space[i] == Space::Body && lattice.beside(i).any(|k| solid[k]));
+            let next = |i: usize| {
+                solid[i] || (space[i] == Space::Body && lattice.beside(i).any(|k| solid[k]))
+            };
             solid = (0..solid.len()).into_par_iter().with_min_len(4096).map(next).collect();
         }
         let mut share: Vec<f32> = solid.iter().map(|s| if *s { 1.0 } else { 0.0 }).collect();
@@ -124,9 +150,11 @@ impl Union {
             share = smoothed(lattice, share);
         }
         // The slope of a smoothed step at its middle is that of the Gaussian's peak.
-        let spread = (0.5 * SMOOTH as Real).sqrt() * (2.0 * std::f64::consts::PI).sqrt() * lattice.cell;
+        let spread =
+            (0.5 * SMOOTH as Real).sqrt() * (2.0 * std::f64::consts::PI).sqrt() * lattice.cell;
         let values = share.into_iter().map(|s| ((0.5 - Real::from(s)) * spread) as f32).collect();
-        let filled: Vec<Point> = (0..solid.len()).filter(|i| solid[*i]).map(|i| lattice.center(i)).collect();
+        let filled: Vec<Point> =
+            (0..solid.len()).filter(|i| solid[*i]).map(|i| lattice.center(i)).collect();
         let near = Aabb::from_points(&filled).inflated((SMOOTH + 2) as Real * lattice.cell);
         Self { template, lattice: lattice.clone(), values, near }
     }
@@ -137,14 +165,16 @@ impl Union {
         let (mut low, mut part) = ([0; 3], [0.0; 3]);
         for k in 0..3 {
             let last = self.lattice.counts[k] - 1;
-            let place = ((p[k] - self.lattice.min[k]) / self.lattice.cell - 0.5).clamp(0.0, last as Real);
+            let place =
+                ((p[k] - self.lattice.min[k]) / self.lattice.cell - 0.5).clamp(0.0, last as Real);
             low[k] = (place as usize).min(last.saturating_sub(1));
             part[k] = place - low[k] as Real;
         }
         let mut sum = 0.0;
         for c in 0..8 {
             let bit = [c & 1, c >> 1 & 1, c >> 2];
-            let w: Real = (0..3).map(|k| if bit[k] == 1 { part[k] } else { 1.0 - part[k] }).product();
+            let w: Real =
+                (0..3).map(|k| if bit[k] == 1 { part[k] } else { 1.0 - part[k] }).product();
             if w > 0.0 {
                 let at = ((low[2] + bit[2]) * ny + low[1] + bit[1]) * nx + low[0] + bit[0];
                 sum += w * Real::from(self.values[at]);
@@ -212,7 +242,8 @@ mod tests {
     fn two_balls() -> (TriMesh, Filling) {
         let ball = icosphere(0.1, 3);
         let n = ball.vertices().len() as u32;
-        let mut vertices: Vec<Point> = ball.vertices().iter().map(|p| p - Vector::new(0.14, 0.0, 0.0)).collect();
+        let mut vertices: Vec<Point> =
+            ball.vertices().iter().map(|p| p - Vector::new(0.14, 0.0, 0.0)).collect();
         vertices.extend(ball.vertices().iter().map(|p| p + Vector::new(0.14, 0.0, 0.0)));
         let mut triangles = ball.triangles().to_vec();
         triangles.extend(ball.triangles().iter().map(|t| t.map(|v| v + n)));
@@ -240,7 +271,9 @@ mod tests {
         // The bridge is 7 cm thick, and its smoothing takes less than a voxel off.
         let side = union.distance(&Point::new(0.0, 0.07, 0.0));
         assert!(side.abs() < 0.01, "{side}");
-        for p in [Point::new(0.25, 0.0, 0.0), Point::new(-0.245, 0.0, 0.0), Point::new(0.9, 0.0, 0.0)] {
+        for p in
+            [Point::new(0.25, 0.0, 0.0), Point::new(-0.245, 0.0, 0.0), Point::new(0.9, 0.0, 0.0)]
+        {
             assert_eq!(union.distance(&p), union.template.distance(&p), "{p}");
         }
         // Nowhere is it steeper than it says, and it does not jump, also where what is filled ends.
@@ -255,7 +288,11 @@ mod tests {
             let slope = (union.distance(&p) - union.distance(&q)).abs() / (p - q).norm();
             assert!(slope <= union.lipschitz(), "{p}: {slope}");
         }
-        let cells = ExtractParams { resolution: Resolution::Cell(0.01), newton: 0, ..ExtractParams::default() };
+        let cells = ExtractParams {
+            resolution: Resolution::Cell(0.01),
+            newton: 0,
+            ..ExtractParams::default()
+        };
         let found = extract(&union, &cells).unwrap().mesh;
         assert_eq!(largest_piece(&found), found);
         assert!(found.signed_volume() > mesh.signed_volume() * 1.1);
@@ -266,16 +303,36 @@ mod tests {
         let (mesh, _) = two_balls();
         let half = mesh.vertices().len() / 2;
         let of = |v: usize| if v < half { [1.0, 0.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0, 0.0] };
-        let skin = SkinWeights::new(vec![[0, 1, 0, 0]; 2 * half], (0..2 * half).map(of).collect(), 2).unwrap();
-        let joint = |name: &str, parent| Joint { name: name.into(), parent, head: Point::origin(), tail: Point::origin() };
+        let skin =
+            SkinWeights::new(vec![[0, 1, 0, 0]; 2 * half], (0..2 * half).map(of).collect(), 2)
+                .unwrap();
+        let joint = |name: &str, parent| Joint {
+            name: name.into(),
+            parent,
+            head: Point::origin(),
+            tail: Point::origin(),
+        };
         let skeleton = Skeleton::new(vec![joint("left", None), joint("right", Some(0))]).unwrap();
         let template = TemplateBody { mesh, skin, skeleton };
-        let grid = WeightGrid::new(template.mesh.vertices(), &template.skin, 2, &WeightGridParams::default()).unwrap();
-        let points =
-            TriMesh::new(vec![Point::new(-0.2, 0.08, 0.0), Point::origin(), Point::new(-0.05, 0.05, 0.0)], vec![[0, 1, 2]])
-                .unwrap();
+        let grid = WeightGrid::new(
+            template.mesh.vertices(),
+            &template.skin,
+            2,
+            &WeightGridParams::default(),
+        )
+        .unwrap();
+        let points = TriMesh::new(
+            vec![Point::new(-0.2, 0.08, 0.0), Point::origin(), Point::new(-0.05, 0.05, 0.0)],
+            vec![[0, 1, 2]],
+        )
+        .unwrap();
         let found = weights(&template, &grid, &points);
-        let left = |v: usize| (0..4).filter(|k| found.joints()[v][*k] == 0).map(|k| found.weights()[v][k]).sum::<f32>();
+        let left = |v: usize| {
+            (0..4)
+                .filter(|k| found.joints()[v][*k] == 0)
+                .map(|k| found.weights()[v][k])
+                .sum::<f32>()
+        };
         assert!(left(0) > 0.999, "{}", left(0));
         assert!((left(1) - 0.5).abs() < 0.05, "{}", left(1)); // 4 cm from both
         assert!(left(2) > 0.6 && left(2) < 1.0, "{}", left(2));

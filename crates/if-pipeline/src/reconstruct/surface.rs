@@ -44,7 +44,9 @@ pub enum SurfaceError {
     #[error("the template body has no triangles")]
     NoTemplate,
     /// The template's weights are those of another mesh.
-    #[error("the template body has {vertices} vertices and {weights} records of skinning weights; one each is needed")]
+    #[error(
+        "the template body has {vertices} vertices and {weights} records of skinning weights; one each is needed"
+    )]
     Skin {
         /// Vertices of the template.
         vertices: usize,
@@ -52,7 +54,9 @@ pub enum SurfaceError {
         weights: usize,
     },
     /// The template's weights are those of another skeleton.
-    #[error("vertex {vertex} of the template body hangs on joint {joint}; its skeleton has {joints} joints (0 is the first)")]
+    #[error(
+        "vertex {vertex} of the template body hangs on joint {joint}; its skeleton has {joints} joints (0 is the first)"
+    )]
     Joint {
         /// The vertex.
         vertex: usize,
@@ -123,7 +127,8 @@ impl From<ObserveError> for SurfaceError {
 /// The clothed person in canonical space, and how it was found.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// The template's triangles at the places that were seen; or, in loose clothes, those of its union with what they fill.
+    /// The template's triangles at the places that were seen; or, in loose clothes, those of its
+    /// union with what they fill.
     pub mesh: TriMesh,
     /// The weights of its vertices.
     pub skin: SkinWeights,
@@ -133,7 +138,8 @@ pub struct Surface {
 
 /// Frames that are read together.
 const TOGETHER: usize = 8;
-/// Of a frame: its distances and normals, and while loose clothes are looked for depth, marks and labels.
+/// Of a frame: its distances and normals, and while loose clothes are looked for depth, marks and
+/// labels.
 const BYTES_A_PIXEL: u64 = 16 + 6;
 
 /// Fits the template body's surface to the masks and normals of a capture.
@@ -147,14 +153,16 @@ const BYTES_A_PIXEL: u64 = 16 + 6;
 ///     move the vertices along their normals: one linear least-squares problem
 /// ```
 ///
-/// `watch` is told of progress before each frame group and round, and stops the work with [`ControlFlow::Break`]. With a
-/// `checkpoint` path, the state is written there after each round, and taken up from there where the file is of the same
-/// capture, template and parameters: the result has the same bits as that of an uninterrupted run. The file is left
-/// there for the caller to remove.
+/// `watch` is told of progress before each frame group and round, and stops the work with
+/// [`ControlFlow::Break`]. With a `checkpoint` path, the state is written there after each round,
+/// and taken up from there where the file is of the same capture, template and parameters: the
+/// result has the same bits as that of an uninterrupted run. The file is left there for the caller
+/// to remove.
 ///
 /// # Source
 ///
-/// Instead of the paper's φ and d by implicit differentiation: see `docs/reconstruction.md` for the reasons and the numbers.
+/// Instead of the paper's φ and d by implicit differentiation: see `docs/reconstruction.md` for the
+/// reasons and the numbers.
 ///
 /// # Errors
 ///
@@ -192,7 +200,8 @@ pub fn fit_surface(
         if watch(&clock.at(Stage::Read, group[0], capture.len(), None)).is_break() {
             return Err(SurfaceError::Cancelled { rounds: 0 });
         }
-        let read: Vec<_> = group.par_iter().map(|k| observe(capture, &template.skeleton, *k, params)).collect();
+        let read: Vec<_> =
+            group.par_iter().map(|k| observe(capture, &template.skeleton, *k, params)).collect();
         for frame in read {
             match frame? {
                 Ok(frame) => frames.push(frame),
@@ -201,7 +210,11 @@ pub fn fit_surface(
         }
     }
     // The nearer the surface is, the less far away a border can be its own.
-    let look = |mesh: &TriMesh, edges: &Edges, skin: &SkinWeights, frames: &[Observation], round: usize| {
+    let look = |mesh: &TriMesh,
+                edges: &Edges,
+                skin: &SkinWeights,
+                frames: &[Observation],
+                round: usize| {
         let reach = (params.reach * 0.5f64.powi(round as i32)).max(params.least_reach);
         gather(mesh, edges, skin, capture.camera(), frames, reach)
     };
@@ -212,13 +225,19 @@ pub fn fit_surface(
     let overlap = std::mem::take(&mut evidence.overlap);
     if overlap.iter().any(|o| *o < params.least_overlap) {
         let elsewhere = frames.iter().zip(&overlap).filter(|(_, o)| **o < params.least_overlap);
-        report.skipped.extend(elsewhere.map(|(f, o)| Skipped::Elsewhere { frame: f.frame, overlap: *o }));
+        report
+            .skipped
+            .extend(elsewhere.map(|(f, o)| Skipped::Elsewhere { frame: f.frame, overlap: *o }));
         let mut keep = overlap.iter().map(|o| *o >= params.least_overlap);
         frames.retain(|_| keep.next() == Some(true));
         evidence = look(&template.mesh, &edges, &template.skin, &frames, 0);
     }
     if frames.is_empty() {
-        let first = report.skipped.into_iter().min_by_key(Skipped::frame).expect("a capture has frames, and all were skipped");
+        let first = report
+            .skipped
+            .into_iter()
+            .min_by_key(Skipped::frame)
+            .expect("a capture has frames, and all were skipped");
         return Err(SurfaceError::NothingSeen { frames: capture.len(), first });
     }
     if watch(&clock.at(Stage::Start, 0, 1, None)).is_break() {
@@ -249,12 +268,13 @@ pub fn fit_surface(
         if watch(&clock.at(Stage::Surface, round, params.rounds, loss)).is_break() {
             return Err(SurfaceError::Cancelled { rounds: round });
         }
-        let (moved, done) =
-            refine::step(&start.mesh, &mesh, &edges, &evidence, params).ok_or(SurfaceError::Singular { round })?;
+        let (moved, done) = refine::step(&start.mesh, &mesh, &edges, &evidence, params)
+            .ok_or(SurfaceError::Singular { round })?;
         mesh = mesh.with_vertices(moved)?;
         report.rounds.push(done);
         if let (Some(path), Some(key)) = (checkpoint, &key) {
-            Checkpoint { vertices: mesh.vertices().to_vec(), rounds: report.rounds.clone() }.write(path, key)?;
+            Checkpoint { vertices: mesh.vertices().to_vec(), rounds: report.rounds.clone() }
+                .write(path, key)?;
         }
         evidence = look(&mesh, &edges, skin, &frames, report.rounds.len());
     }

@@ -3,7 +3,8 @@
 use super::canonical::{FloodedField, carried_weights, largest_piece};
 use super::garments::{Garment, GarmentParams, Garments, GarmentsError, find_garments};
 use super::motion::{
-    MeshMotion, MotionError, MotionNetwork, MotionNetworkError, MotionNetworkParams, MotionParams, distil_motion, fit_motion,
+    MeshMotion, MotionError, MotionNetwork, MotionNetworkError, MotionNetworkParams, MotionParams,
+    distil_motion, fit_motion,
 };
 use super::phi::{PhiError, PhiNetwork, PhiParams, fit_phi};
 use super::progress::{Clock, Progress, Stage};
@@ -58,14 +59,20 @@ impl Default for ReconstructParams {
 }
 
 impl ReconstructParams {
-    /// Whether all parameters are in range. [`reconstruct`] asks first of all: the surface takes minutes.
+    /// Whether all parameters are in range. [`reconstruct`] asks first of all: the surface takes
+    /// minutes.
     ///
     /// # Errors
     ///
     /// The first that is not.
     pub fn validate(&self) -> Result<(), ReconstructError> {
         if !(self.cell > 0.0 && self.cell.is_finite()) {
-            return Err(ParamError { name: "cell", value: self.cell, needs: "a length above zero, in metres" }.into());
+            return Err(ParamError {
+                name: "cell",
+                value: self.cell,
+                needs: "a length above zero, in metres",
+            }
+            .into());
         }
         self.surface.validate()?;
         self.motion.as_ref().map_or(Ok(()), MotionParams::validate)?;
@@ -162,7 +169,8 @@ impl ReconstructError {
 /// garments  ← the frames' labels voted on the posed mesh, cut, cleaned    find_garments
 /// ```
 ///
-/// `watch` and `checkpoint` are those of [`fit_surface`]; the steps after it take seconds and are done again.
+/// `watch` and `checkpoint` are those of [`fit_surface`]; the steps after it take seconds and are
+/// done again.
 ///
 /// # Errors
 ///
@@ -193,13 +201,15 @@ pub fn reconstruct(
         &ExtractParams {
             region: Some(surface.mesh.aabb().inflated(params.cell)),
             resolution: Resolution::Cell(params.cell),
-            // Where the surface passes through itself gradients jump: vertices stay on the edges of their cells.
+            // Where the surface passes through itself gradients jump: vertices stay on the edges of
+            // their cells.
             newton: 0,
             ..ExtractParams::default()
         },
     )?;
     let mesh = largest_piece(&found.mesh);
-    let skin = carried_weights(&surface.mesh, &surface.skin, template.skeleton.len(), mesh.vertices());
+    let skin =
+        carried_weights(&surface.mesh, &surface.skin, template.skeleton.len(), mesh.vertices());
     if watch(&clock.at(Stage::Extract, 1, 2, None)).is_break() {
         return Err(ReconstructError::Cancelled);
     }
@@ -209,7 +219,8 @@ pub fn reconstruct(
     let motion = match &params.motion {
         None => None,
         Some(p) => {
-            let motion = fit_motion(capture, &template.skeleton, &surface, &params.surface, p, watch)?;
+            let motion =
+                fit_motion(capture, &template.skeleton, &surface, &params.surface, p, watch)?;
             Some(MeshMotion::new(motion, &surface.mesh, mesh.vertices()))
         }
     };
@@ -278,17 +289,31 @@ mod tests {
             spoil(&mut params);
             params.validate().unwrap_err()
         };
-        assert!(matches!(spoiled(&|p| p.cell = Real::NAN), ReconstructError::Params(e) if e.name == "cell"));
-        assert!(matches!(spoiled(&|p| p.surface.bending = 0.0), ReconstructError::Params(e) if e.name == "bending"));
+        assert!(
+            matches!(spoiled(&|p| p.cell = Real::NAN), ReconstructError::Params(e) if e.name == "cell")
+        );
+        assert!(
+            matches!(spoiled(&|p| p.surface.bending = 0.0), ReconstructError::Params(e) if e.name == "bending")
+        );
         let motion = MotionParams { stay: -1.0, ..Default::default() };
-        assert!(matches!(spoiled(&|p| p.motion = Some(motion.clone())), ReconstructError::Params(e) if e.name == "stay"));
-        let rate = |p: &mut ReconstructParams| p.motion_network.as_mut().unwrap().fit.schedule.rate = Real::NAN;
-        assert!(matches!(spoiled(&rate), ReconstructError::MotionNetwork(MotionNetworkError::Fit(_))));
+        assert!(
+            matches!(spoiled(&|p| p.motion = Some(motion.clone())), ReconstructError::Params(e) if e.name == "stay")
+        );
+        let rate = |p: &mut ReconstructParams| {
+            p.motion_network.as_mut().unwrap().fit.schedule.rate = Real::NAN
+        };
+        assert!(matches!(
+            spoiled(&rate),
+            ReconstructError::MotionNetwork(MotionNetworkError::Fit(_))
+        ));
         assert!(matches!(spoiled(&|p| p.bake.cell = 0.0), ReconstructError::Bake(_)));
         let sampling = SamplingParams { near: 0, ..Default::default() };
         let phi = |p: &mut ReconstructParams| p.phi.as_mut().unwrap().sampling = sampling;
         assert!(matches!(spoiled(&phi), ReconstructError::Phi(_)));
-        assert!(matches!(spoiled(&|p| p.garments.votes.enough = 0.0), ReconstructError::Garments(GarmentsError::Votes(_))));
+        assert!(matches!(
+            spoiled(&|p| p.garments.votes.enough = 0.0),
+            ReconstructError::Garments(GarmentsError::Votes(_))
+        ));
         assert!(matches!(
             spoiled(&|p| p.garments.smoothness.length = -1.0),
             ReconstructError::Garments(GarmentsError::Smooth(_))
@@ -296,7 +321,12 @@ mod tests {
         let cut = |p: &mut ReconstructParams| p.garments.cut = CutParams { least: 0.9 };
         assert!(matches!(spoiled(&cut), ReconstructError::Garments(GarmentsError::Cut(_))));
         let fill = FillParams { exact_up_to: usize::MAX, ..Default::default() };
-        let cleanup = |p: &mut ReconstructParams| p.garments.cleanup = CleanupParams { fill: Some(fill), ..Default::default() };
-        assert!(matches!(spoiled(&cleanup), ReconstructError::Garments(GarmentsError::CleanupParams(_))));
+        let cleanup = |p: &mut ReconstructParams| {
+            p.garments.cleanup = CleanupParams { fill: Some(fill), ..Default::default() }
+        };
+        assert!(matches!(
+            spoiled(&cleanup),
+            ReconstructError::Garments(GarmentsError::CleanupParams(_))
+        ));
     }
 }

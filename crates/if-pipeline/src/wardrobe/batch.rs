@@ -9,7 +9,9 @@
 
 use super::combination::Combination;
 use super::dresser::Dresser;
-use super::matching::{self, Fault, MatchParams, MatchResult, State, finished, folder_name, request, run_into};
+use super::matching::{
+    self, Fault, MatchParams, MatchResult, State, finished, folder_name, request, run_into,
+};
 use super::{WardrobeError, pages};
 use if_mesh::atomic;
 use if_mesh::whole_folder::Writer;
@@ -103,13 +105,14 @@ impl std::fmt::Display for BatchSummary {
     }
 }
 
-/// Does all combinations, and writes `summary.json`, `summary.csv` and `report.html` when the last is done. An error of one is
-/// recorded, and does not stop the others. Nothing comes back where it was cancelled: what is done stays, and the
-/// next run goes on from there.
+/// Does all combinations, and writes `summary.json`, `summary.csv` and `report.html` when the last
+/// is done. An error of one is recorded, and does not stop the others. Nothing comes back where it
+/// was cancelled: what is done stays, and the next run goes on from there.
 ///
 /// # Errors
 ///
-/// Parameters out of range, another process that writes into `out`, or what the system says about it: a disk that is full stops all.
+/// Parameters out of range, another process that writes into `out`, or what the system says about
+/// it: a disk that is full stops all.
 pub fn run(
     out: &Path,
     dresser: &Dresser,
@@ -120,7 +123,8 @@ pub fn run(
 ) -> Result<Option<BatchSummary>, WardrobeError> {
     params.validate()?;
     let path = out.join(RESULTS);
-    let opened = Writer::open(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
+    let opened = Writer::open(&path)
+        .map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
     let results = opened.ok_or(WardrobeError::Busy { path })?;
     let next = AtomicUsize::new(0);
     let cancelled = AtomicBool::new(false);
@@ -131,15 +135,18 @@ pub fn run(
             let index = next.fetch_add(1, Ordering::SeqCst);
             let Some(combination) = combinations.get(index) else { break };
             let mut tell = |progress: &Progress| {
-                if cancelled.load(Ordering::SeqCst) || watch(&Event::Working(index, progress)).is_break() {
+                if cancelled.load(Ordering::SeqCst)
+                    || watch(&Event::Working(index, progress)).is_break()
+                {
                     cancelled.store(true, Ordering::SeqCst);
                     return ControlFlow::Break(());
                 }
                 ControlFlow::Continue(())
             };
             let one = || run_into(&results, dresser, combination, params, batch.again, &mut tell);
-            let outcome = catch_unwind(AssertUnwindSafe(one))
-                .unwrap_or_else(|panic| Err(WardrobeError::Panic { message: said(panic.as_ref()) }));
+            let outcome = catch_unwind(AssertUnwindSafe(one)).unwrap_or_else(|panic| {
+                Err(WardrobeError::Panic { message: said(panic.as_ref()) })
+            });
             let (entry, before) = match outcome {
                 Ok(Some((result, before))) => (entry(&result, results.parent()), before),
                 Ok(None) => {
@@ -169,10 +176,16 @@ pub fn run(
         return Err(error);
     }
     let entries = entries.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let Some(entries) = entries.into_iter().collect::<Option<Vec<Entry>>>() else { return Ok(None) };
+    let Some(entries) = entries.into_iter().collect::<Option<Vec<Entry>>>() else {
+        return Ok(None);
+    };
     let count = |state| entries.iter().filter(|e| e.state == state).count();
-    let summary =
-        BatchSummary { clean: count(State::Clean), remaining: count(State::Remaining), failed: count(State::Failed), entries };
+    let summary = BatchSummary {
+        clean: count(State::Clean),
+        remaining: count(State::Remaining),
+        failed: count(State::Failed),
+        entries,
+    };
     write_summary(out, &summary)?;
     Ok(Some(summary))
 }
@@ -182,7 +195,12 @@ pub fn run(
 /// # Errors
 ///
 /// A body or garment that the wardrobe does not have.
-pub fn done(out: &Path, dresser: &Dresser, combinations: &[Combination], params: &MatchParams) -> Result<usize, WardrobeError> {
+pub fn done(
+    out: &Path,
+    dresser: &Dresser,
+    combinations: &[Combination],
+    params: &MatchParams,
+) -> Result<usize, WardrobeError> {
     let mut count = 0;
     for combination in combinations {
         let (key, _) = request(dresser.wardrobe(), combination, params)?;
@@ -194,8 +212,9 @@ pub fn done(out: &Path, dresser: &Dresser, combinations: &[Combination], params:
 fn entry(result: &MatchResult, results: &Path) -> Entry {
     let folder = folder_name(&result.key).to_owned();
     let report = result.report.as_ref();
-    let largest =
-        |of: fn(&if_outfit::report::LayerReport) -> f64| report.map_or(0.0, |r| r.layers.iter().map(of).fold(0.0, f64::max));
+    let largest = |of: fn(&if_outfit::report::LayerReport) -> f64| {
+        report.map_or(0.0, |r| r.layers.iter().map(of).fold(0.0, f64::max))
+    };
     Entry {
         combination: result.combination.clone(),
         state: result.state,
@@ -225,21 +244,31 @@ fn failure(combination: &Combination, error: &WardrobeError) -> Entry {
 
 /// What a panic said.
 fn said(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().map(ToString::to_string).or_else(|| panic.downcast_ref::<String>().cloned());
+    let text = panic
+        .downcast_ref::<&str>()
+        .map(ToString::to_string)
+        .or_else(|| panic.downcast_ref::<String>().cloned());
     text.unwrap_or_else(|| "it did not say why".into())
 }
 
-/// A field of a table, in quotes where it needs them (RFC 4180): names that no garment has may hold anything.
+/// A field of a table, in quotes where it needs them (RFC 4180): names that no garment has may hold
+/// anything.
 fn csv_field(text: &str) -> String {
-    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
 }
 
 fn write_summary(out: &Path, summary: &BatchSummary) -> Result<(), WardrobeError> {
     let write = |name: &str, bytes: &[u8]| {
         let path = out.join(name);
-        atomic::write(&path, |file| file.write_all(bytes)).map_err(|source| WardrobeError::Folder { path, source })
+        atomic::write(&path, |file| file.write_all(bytes))
+            .map_err(|source| WardrobeError::Folder { path, source })
     };
-    let mut json = serde_json::to_vec_pretty(summary).map_err(|e| WardrobeError::Json { message: e.to_string() })?;
+    let mut json = serde_json::to_vec_pretty(summary)
+        .map_err(|e| WardrobeError::Json { message: e.to_string() })?;
     json.push(b'\n');
     write(SUMMARY, &json)?;
     let mut csv = String::from(
@@ -253,9 +282,14 @@ fn write_summary(out: &Path, summary: &BatchSummary) -> Result<(), WardrobeError
         let (moved, strain) = (e.moved * 1e3, e.strain * 1e2);
         let combination = csv_field(&e.combination.to_string());
         // Writing to a string cannot fail.
-        let _ = writeln!(csv, "{combination},{state},{error},{p0},{p1},{i0},{i1},{moved:.2},{strain:.2},{seconds},{}", e.folder);
+        let _ = writeln!(
+            csv,
+            "{combination},{state},{error},{p0},{p1},{i0},{i1},{moved:.2},{strain:.2},{seconds},{}",
+            e.folder
+        );
     }
     write(CSV, csv.as_bytes())?;
-    let picture = |entry: &Entry| std::fs::read(out.join(RESULTS).join(&entry.folder).join("after.png")).ok();
+    let picture =
+        |entry: &Entry| std::fs::read(out.join(RESULTS).join(&entry.folder).join("after.png")).ok();
     write(REPORT, pages::batch(summary, picture).as_bytes())
 }

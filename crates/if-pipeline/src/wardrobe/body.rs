@@ -95,8 +95,11 @@ impl BodyFiles {
         if !(new.scale.is_finite() && new.scale > 0.0) {
             return Err(WardrobeError::ScaleRange { scale: new.scale });
         }
-        let mesh = |path: &Path| Ok::<_, WardrobeError>(Source::new(path, ply_bytes(path, new.scale)?));
-        let skeleton = |path: &Path| Ok::<_, WardrobeError>(Source::new(path, skeleton_bytes(path, new.scale)?));
+        let mesh =
+            |path: &Path| Ok::<_, WardrobeError>(Source::new(path, ply_bytes(path, new.scale)?));
+        let skeleton = |path: &Path| {
+            Ok::<_, WardrobeError>(Source::new(path, skeleton_bytes(path, new.scale)?))
+        };
         Ok(Self {
             mesh: mesh(new.mesh)?,
             template: new.template.map(mesh).transpose()?,
@@ -112,9 +115,12 @@ impl BodyFiles {
     /// Whether `body` has all these files.
     pub(super) fn are_of(&self, body: &BodyInfo) -> bool {
         let same = |new: &Option<Source>, file: &Option<FileInfo>| {
-            new.is_none() || new.as_ref().map(|source| &source.content) == file.as_ref().map(|f| &f.content)
+            new.is_none()
+                || new.as_ref().map(|source| &source.content) == file.as_ref().map(|f| &f.content)
         };
-        self.has_mesh_of(body) && same(&self.template, &body.template) && same(&self.skeleton, &body.skeleton)
+        self.has_mesh_of(body)
+            && same(&self.template, &body.template)
+            && same(&self.skeleton, &body.skeleton)
     }
 
     /// With the template and the skeleton of the `body` in `folder` where there is no new one.
@@ -123,7 +129,8 @@ impl BodyFiles {
             (None, Some(file)) => load(folder, file).map(Some),
             (new, _) => Ok(new),
         };
-        let (template, skeleton) = (kept(self.template, &body.template)?, kept(self.skeleton, &body.skeleton)?);
+        let (template, skeleton) =
+            (kept(self.template, &body.template)?, kept(self.skeleton, &body.skeleton)?);
         Ok(Self { mesh: self.mesh, template, skeleton })
     }
 }
@@ -156,7 +163,11 @@ impl WardrobeBody {
 }
 
 /// Stores the files of a body, if they are of use.
-pub(super) fn write(bodies: &Writer, name: &str, files: &BodyFiles) -> Result<BodyInfo, WardrobeError> {
+pub(super) fn write(
+    bodies: &Writer,
+    name: &str,
+    files: &BodyFiles,
+) -> Result<BodyInfo, WardrobeError> {
     let parsed = parse(name, files)?;
     // A body that no outfit could have is refused here, and not at every combination.
     if_outfit::outfit::Outfit::new(if_outfit::outfit::Layer::new(name, parsed.mesh), vec![])
@@ -177,21 +188,24 @@ pub(super) fn write(bodies: &Writer, name: &str, files: &BodyFiles) -> Result<Bo
             template: files.template.as_ref().map(|source| store(TEMPLATE, source)).transpose()?,
             skeleton: files.skeleton.as_ref().map(|source| store(SKELETON, source)).transpose()?,
         };
-        let mut text = serde_json::to_vec_pretty(&info).map_err(|e| WardrobeError::Json { message: e.to_string() })?;
+        let mut text = serde_json::to_vec_pretty(&info)
+            .map_err(|e| WardrobeError::Json { message: e.to_string() })?;
         text.push(b'\n');
         put(INFO, &text)?;
         Ok(info)
     })
 }
 
-/// A mesh file as the wardrobe keeps it: a PLY file in metres as it is, what has other units in double precision, and so the mesh of an OBJ file.
+/// A mesh file as the wardrobe keeps it: a PLY file in metres as it is, what has other units in
+/// double precision, and so the mesh of an OBJ file.
 fn ply_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
     let file = MeshFile::read(path)?;
     if let (Content::Ply(_), true) = (file.content(), scale == 1.0) {
         return Ok(file.bytes().to_vec());
     }
     let scaled = file.mesh().scaled(scale);
-    let mesh = scaled.map_err(|source| WardrobeError::Scale { path: path.into(), scale, source })?;
+    let mesh =
+        scaled.map_err(|source| WardrobeError::Scale { path: path.into(), scale, source })?;
     let (positions, mut bytes) = (mesh.vertices().to_vec(), Vec::new());
     let params = WriteParams { coordinates: CoordinateType::Double, ..WriteParams::default() };
     let written = match file.content() {
@@ -204,12 +218,14 @@ fn ply_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
 
 /// The same of a skeleton.
 fn skeleton_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
-    let bytes = fs::read(path).map_err(|source| WardrobeError::Folder { path: path.into(), source })?;
+    let bytes =
+        fs::read(path).map_err(|source| WardrobeError::Folder { path: path.into(), source })?;
     if scale == 1.0 {
         return Ok(bytes);
     }
     let fault = |source| WardrobeError::Skeleton { path: path.into(), source };
-    let scaled = Skeleton::read(&bytes[..]).and_then(|skeleton| skeleton.scaled(scale)).map_err(fault)?;
+    let scaled =
+        Skeleton::read(&bytes[..]).and_then(|skeleton| skeleton.scaled(scale)).map_err(fault)?;
     let mut bytes = Vec::new();
     scaled.write(&mut bytes)?;
     Ok(bytes)
@@ -223,17 +239,22 @@ pub(super) fn read_mesh(folder: &Path, info: &BodyInfo) -> Result<Vec<u8>, Wardr
 /// The box of a body's surface.
 pub(super) fn read_box(bodies: &Path, info: &BodyInfo) -> Result<Aabb, WardrobeError> {
     let Source { path, bytes, .. } = load(&bodies.join(&info.name), &info.mesh)?;
-    let ply = ply::read_bytes(&bytes).map_err(|e| WardrobeError::BodyMesh { path, source: e.into() })?;
+    let ply =
+        ply::read_bytes(&bytes).map_err(|e| WardrobeError::BodyMesh { path, source: e.into() })?;
     Ok(ply.mesh.surface_aabb())
 }
 
 pub(super) fn read_info(folder: &Path) -> Result<BodyInfo, WardrobeError> {
     let path = folder.join(INFO);
-    let text = fs::read(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
-    let info: BodyInfo =
-        serde_json::from_slice(&text).map_err(|e| WardrobeError::BodyInfo { path: path.clone(), message: e.to_string() })?;
+    let text =
+        fs::read(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
+    let info: BodyInfo = serde_json::from_slice(&text)
+        .map_err(|e| WardrobeError::BodyInfo { path: path.clone(), message: e.to_string() })?;
     if info.body != FORMAT {
-        let message = format!("the version of the body is {}, known is {FORMAT}; add the body again", info.body);
+        let message = format!(
+            "the version of the body is {}, known is {FORMAT}; add the body again",
+            info.body
+        );
         return Err(WardrobeError::BodyInfo { path, message });
     }
     Ok(info)
@@ -252,7 +273,8 @@ pub(super) fn read(folder: &Path, info: &BodyInfo) -> Result<WardrobeBody, Wardr
 /// The bytes of a file, if they are those that were stated.
 fn load(folder: &Path, file: &FileInfo) -> Result<Source, WardrobeError> {
     let path = folder.join(&file.file);
-    let bytes = fs::read(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
+    let bytes =
+        fs::read(&path).map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
     let source = Source::new(&path, bytes);
     if source.content != file.content {
         let message = "the file has changed since the body was added; add it again".into();
@@ -263,15 +285,18 @@ fn load(folder: &Path, file: &FileInfo) -> Result<Source, WardrobeError> {
 
 fn parse(name: &str, files: &BodyFiles) -> Result<WardrobeBody, WardrobeError> {
     let read = |Source { path, bytes, .. }: &Source| {
-        Skeleton::read(&bytes[..]).map_err(|source| WardrobeError::Skeleton { path: path.clone(), source })
+        Skeleton::read(&bytes[..])
+            .map_err(|source| WardrobeError::Skeleton { path: path.clone(), source })
     };
     let skeleton = files.skeleton.as_ref().map(read).transpose()?;
     let joints = skeleton.as_ref().map_or(JOINTS, Skeleton::len);
     let skinned = |Source { path, bytes, .. }: &Source| {
-        let ply = ply::read_bytes(bytes).map_err(|e| WardrobeError::BodyMesh { path: path.clone(), source: e.into() })?;
+        let ply = ply::read_bytes(bytes)
+            .map_err(|e| WardrobeError::BodyMesh { path: path.clone(), source: e.into() })?;
         let skin = match ply.vertex_property("j0") {
             Some(_) => Some(
-                SkinWeights::from_ply(&ply, joints).map_err(|source| WardrobeError::BodySkin { path: path.clone(), source })?,
+                SkinWeights::from_ply(&ply, joints)
+                    .map_err(|source| WardrobeError::BodySkin { path: path.clone(), source })?,
             ),
             None => None,
         };

@@ -46,7 +46,9 @@ impl Combination {
     ///
     /// The first that cannot.
     pub fn check_names(&self) -> Result<(), WardrobeError> {
-        Ok(std::iter::once(&self.body).chain(&self.garments).try_for_each(|name| check_name(name))?)
+        Ok(std::iter::once(&self.body)
+            .chain(&self.garments)
+            .try_for_each(|name| check_name(name))?)
     }
 }
 
@@ -68,7 +70,8 @@ pub struct Combinations {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Order {
-    /// As a person could wear them, by their layer hints: a coat over a sweater, one pair of trousers.
+    /// As a person could wear them, by their layer hints: a coat over a sweater, one pair of
+    /// trousers.
     #[default]
     Worn,
     /// In any: a coat below a T-shirt, two pairs of trousers.
@@ -99,29 +102,42 @@ impl Default for RandomParams {
     }
 }
 
-/// Draws different combinations. The number of garments is drawn first, so that small and large ones are equally frequent.
+/// Draws different combinations. The number of garments is drawn first, so that small and large
+/// ones are equally frequent.
 ///
 /// # Errors
 ///
 /// A body that is not there, a range that is none, or too few combinations.
-pub fn random(wardrobe: &Wardrobe, params: &RandomParams) -> Result<Vec<Combination>, WardrobeError> {
+pub fn random(
+    wardrobe: &Wardrobe,
+    params: &RandomParams,
+) -> Result<Vec<Combination>, WardrobeError> {
     let RandomParams { count, least, most, .. } = *params;
     if least < 1 || least > most {
         return Err(WardrobeError::Sizes { least, most });
     }
-    let bodies: Vec<String> =
-        if params.bodies.is_empty() { wardrobe.bodies().keys().cloned().collect() } else { params.bodies.clone() };
+    let bodies: Vec<String> = if params.bodies.is_empty() {
+        wardrobe.bodies().keys().cloned().collect()
+    } else {
+        params.bodies.clone()
+    };
     for body in &bodies {
         wardrobe.body_info(body)?;
     }
     // What lost its body when that was replaced cannot be worn.
-    let has_body = |(name, info): &(&String, &AssetInfo)| wardrobe.body_like(name, &info.body).is_ok();
-    let garments: Vec<(&String, LayerHint)> =
-        wardrobe.garments().iter().filter(has_body).map(|(name, info)| (name, info.layer)).collect();
+    let has_body =
+        |(name, info): &(&String, &AssetInfo)| wardrobe.body_like(name, &info.body).is_ok();
+    let garments: Vec<(&String, LayerHint)> = wardrobe
+        .garments()
+        .iter()
+        .filter(has_body)
+        .map(|(name, info)| (name, info.layer))
+        .collect();
     let mut random = Random(params.seed);
     let mut seen = BTreeSet::new();
     let mut found: Vec<Combination> = Vec::new();
-    // About one draw of four garments in a hundred is wearable; after so many in vain there is nothing new to be found.
+    // About one draw of four garments in a hundred is wearable; after so many in vain there is
+    // nothing new to be found.
     const PATIENCE: usize = 20_000;
     let mut vain = 0;
     while found.len() < count && vain < PATIENCE && !bodies.is_empty() {

@@ -50,8 +50,8 @@ pub struct Dressed {
     pub garments: Vec<Arc<AlignedGarment>>,
 }
 
-/// Bodies, maps or garments that are kept, each: beyond, all go, and are made again where they are asked for. A garment of 10,000 vertices
-/// takes 3 MB with its file.
+/// Bodies, maps or garments that are kept, each: beyond, all go, and are made again where they are
+/// asked for. A garment of 10,000 vertices takes 3 MB with its file.
 const MOST: usize = 256;
 
 /// What was made once. Two threads may make the same at once; they make the same.
@@ -93,8 +93,8 @@ impl<'a> Dresser<'a> {
         self.wardrobe
     }
 
-    /// Forgets what it has read and aligned, at most some hundred garments on their bodies: a program that runs for long gets the memory
-    /// back once nobody else holds them.
+    /// Forgets what it has read and aligned, at most some hundred garments on their bodies: a
+    /// program that runs for long gets the memory back once nobody else holds them.
     pub fn clear(&self) {
         self.bodies.clear();
         self.maps.clear();
@@ -130,14 +130,20 @@ impl<'a> Dresser<'a> {
             let own_name = self.wardrobe.body_like(garment, &info.body)?.name.clone();
             let asset = self.wardrobe.garment(garment)?;
             let (own, other) = (self.dummy(&own_name)?, self.dummy(body)?);
-            let align = |source| WardrobeError::Align { garment: garment.into(), body: body.into(), source };
+            let align = |source| WardrobeError::Align {
+                garment: garment.into(),
+                body: body.into(),
+                source,
+            };
             let map = self.maps.get((own_name, body.to_owned()), || {
                 BodyMap::new(&own.body.shape(), &other.body.shape(), &self.params).map_err(align)
             })?;
             let moved = map.align(&asset.mesh, asset.skin.as_ref()).map_err(align)?;
             // What will be proven must be what a reader of the file gets.
             let rounded = quantise(moved.vertices(), CoordinateType::Float);
-            let mesh = moved.with_vertices(rounded).map_err(|e| align(if_body::align::AlignError::Mesh(e)))?;
+            let mesh = moved
+                .with_vertices(rounded)
+                .map_err(|e| align(if_body::align::AlignError::Mesh(e)))?;
             let report = measure(&map, (&asset.mesh, &own.closed), (&mesh, &other.closed));
             Ok(AlignedGarment { asset, mesh, report })
         })
@@ -147,13 +153,21 @@ impl<'a> Dresser<'a> {
     ///
     /// # Errors
     ///
-    /// A body or garment that is not there or of no use, one that is named twice, or layers that make no outfit.
+    /// A body or garment that is not there or of no use, one that is named twice, or layers that
+    /// make no outfit.
     pub fn dress(&self, combination: &Combination) -> Result<Dressed, WardrobeError> {
         combination.check()?;
         let names = &combination.garments;
         let dummy = self.dummy(&combination.body)?;
-        let garments = names.iter().map(|name| self.aligned(name, &combination.body)).collect::<Result<Vec<_>, _>>()?;
-        let layer = |name: &str, mesh: &TriMesh| Layer { name: name.into(), mesh: mesh.clone(), single_precision: true };
+        let garments = names
+            .iter()
+            .map(|name| self.aligned(name, &combination.body))
+            .collect::<Result<Vec<_>, _>>()?;
+        let layer = |name: &str, mesh: &TriMesh| Layer {
+            name: name.into(),
+            mesh: mesh.clone(),
+            single_precision: true,
+        };
         let layers = names.iter().zip(&garments).map(|(name, g)| layer(name, &g.mesh)).collect();
         let outfit = Outfit::new(layer(&combination.body, &dummy.body.mesh), layers)?;
         Ok(Dressed { outfit, garments })

@@ -41,7 +41,9 @@ pub enum WardrobeError {
     #[error("the wardrobe has no garment `{name}`; it has: {}", listed(known))]
     NoGarment { name: String, known: String },
     /// A garment made on a body that is not there.
-    #[error("garment `{garment}` was made on body `{body}` (SHA-256 {sha256}), which the wardrobe does not have; add it")]
+    #[error(
+        "garment `{garment}` was made on body `{body}` (SHA-256 {sha256}), which the wardrobe does not have; add it"
+    )]
     ForeignBody { garment: String, body: String, sha256: String },
     /// A body's description is at fault.
     #[error("{}: {message}", path.display())]
@@ -74,7 +76,9 @@ pub enum WardrobeError {
     #[error(transparent)]
     Misfit(OutfitError),
     /// A garment that is named twice.
-    #[error("garment `{name}` stands twice in a combination; leave one out, or add it again under another name")]
+    #[error(
+        "garment `{name}` stands twice in a combination; leave one out, or add it again under another name"
+    )]
     Twice { name: String },
     /// A garment cannot be aligned.
     #[error("garment `{garment}` cannot be aligned on body `{body}`: {source}")]
@@ -106,7 +110,9 @@ pub enum WardrobeError {
     )]
     TooFew { found: usize, count: usize, least: usize, most: usize },
     /// Numbers of garments that make no range.
-    #[error("combinations of {least} to {most} garments; the first must be at least 1 and not above the second")]
+    #[error(
+        "combinations of {least} to {most} garments; the first must be at least 1 and not above the second"
+    )]
     Sizes { least: usize, most: usize },
     /// A height of pictures that cannot be drawn.
     #[error("pictures {height} pixels high; draw none (0), or from 16 to 8192")]
@@ -136,7 +142,10 @@ impl WardrobeError {
             | Self::Body { .. }
             | Self::BodySkin { .. }
             | Self::Skeleton { .. } => "body",
-            Self::NoGarments { .. } | Self::Twice { .. } | Self::TooFew { .. } | Self::Sizes { .. } => "combination",
+            Self::NoGarments { .. }
+            | Self::Twice { .. }
+            | Self::TooFew { .. }
+            | Self::Sizes { .. } => "combination",
             Self::Align { .. } | Self::AlignParams(_) => "align",
             Self::Outfit(_) | Self::Misfit(_) => "outfit",
             Self::Resolve(ResolveError::Remaining { .. }) => "remaining",

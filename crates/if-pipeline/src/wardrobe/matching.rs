@@ -1,4 +1,5 @@
-//! One combination: aligned, resolved, drawn, and written as a folder that is there whole or not at all.
+//! One combination: aligned, resolved, drawn, and written as a folder that is there whole or not at
+//! all.
 //!
 //! ```text
 //! KEY/
@@ -8,7 +9,8 @@
 //!   timings.json, report.html   seconds: these differ from run to run
 //! ```
 //!
-//! The key is the hash of all that decides the result: versions, parameters, the hashes of body and garments in their order.
+//! The key is the hash of all that decides the result: versions, parameters, the hashes of body and
+//! garments in their order.
 
 use super::combination::Combination;
 use super::dresser::{Dressed, Dresser};
@@ -58,7 +60,8 @@ impl MatchParams {
     ///
     /// # Errors
     ///
-    /// A height of pictures that cannot be drawn, a parameter of the alignment or of resolving that is out of range.
+    /// A height of pictures that cannot be drawn, a parameter of the alignment or of resolving that
+    /// is out of range.
     pub fn validate(&self) -> Result<(), WardrobeError> {
         if self.picture_height != 0 && !PICTURE_HEIGHTS.contains(&self.picture_height) {
             return Err(WardrobeError::PictureHeight { height: self.picture_height });
@@ -150,8 +153,8 @@ pub struct Matched {
     pub before: Option<Outfit>,
     /// As it was resolved, as far as it went.
     pub after: Option<Outfit>,
-    /// The file of each garment in the wardrobe, inner to outer, split where the garment was: what is beside its positions is
-    /// written again.
+    /// The file of each garment in the wardrobe, inner to outer, split where the garment was: what
+    /// is beside its positions is written again.
     pub files: Vec<PlyMesh>,
     /// Pictures of the two.
     pub pictures: Option<[Image; 2]>,
@@ -167,7 +170,11 @@ const VIEWS: [View; 3] = [View::FRONT, View::BACK, View::HALF];
 /// # Errors
 ///
 /// A body or garment that the wardrobe does not have.
-pub fn request(wardrobe: &Wardrobe, combination: &Combination, params: &MatchParams) -> Result<(String, Value), WardrobeError> {
+pub fn request(
+    wardrobe: &Wardrobe,
+    combination: &Combination,
+    params: &MatchParams,
+) -> Result<(String, Value), WardrobeError> {
     let body = wardrobe.body_info(&combination.body)?;
     let mut garments = Vec::new();
     for name in &combination.garments {
@@ -176,7 +183,8 @@ pub fn request(wardrobe: &Wardrobe, combination: &Combination, params: &MatchPar
         garments.push(json!({"name": name, "mesh": info.garment.content.sha256, "skinned": info.skinned, "body": own}));
     }
     let request = json!({"format": FORMAT, "params": params, "body": body, "garments": garments});
-    let text = serde_json::to_string(&request).map_err(|e| WardrobeError::Json { message: e.to_string() })?;
+    let text = serde_json::to_string(&request)
+        .map_err(|e| WardrobeError::Json { message: e.to_string() })?;
     Ok((content(text.as_bytes()).sha256, request))
 }
 
@@ -192,11 +200,13 @@ pub fn folder_name(key: &str) -> &str {
 
 /// Aligns and resolves a combination. What is wrong with it is part of the result.
 ///
-/// `watch` is told of progress, and returns [`ControlFlow::Break`] to cancel: then there is no result.
+/// `watch` is told of progress, and returns [`ControlFlow::Break`] to cancel: then there is no
+/// result.
 ///
 /// # Errors
 ///
-/// Parameters out of range, or a body or garment that the wardrobe does not have, so that nothing can be recorded under a key.
+/// Parameters out of range, or a body or garment that the wardrobe does not have, so that nothing
+/// can be recorded under a key.
 pub fn run(
     dresser: &Dresser,
     combination: &Combination,
@@ -230,7 +240,10 @@ pub fn run(
         Ok(true) => {}
         Ok(false) => return Ok(None),
         Err(error) if error.is_passing() => return Err(error),
-        Err(error) => matched.result.error = Some(Fault { kind: error.kind().into(), message: error.to_string() }),
+        Err(error) => {
+            matched.result.error =
+                Some(Fault { kind: error.kind().into(), message: error.to_string() })
+        }
     }
     matched.timings.total = start.elapsed().as_secs_f64();
     Ok(Some(matched))
@@ -257,7 +270,9 @@ fn settle(
         Err(ResolveError::Cancelled { .. }) => return Ok(false),
         Err(error) => {
             let fault = Fault { kind: "remaining".into(), message: error.to_string() };
-            let ResolveError::Remaining { result, .. } = error else { return Err(WardrobeError::Resolve(error)) };
+            let ResolveError::Remaining { result, .. } = error else {
+                return Err(WardrobeError::Resolve(error));
+            };
             matched.result.state = State::Remaining;
             matched.result.error = Some(fault);
             *result
@@ -266,7 +281,8 @@ fn settle(
     for (file, split) in matched.files.iter_mut().zip(splits) {
         if let Some(split) = split {
             let mesh = split.of(file.mesh.vertices()).expect("middles of single precision");
-            *file = ply::split(file, &split, mesh).expect("properties that were read with the mesh");
+            *file =
+                ply::split(file, &split, mesh).expect("properties that were read with the mesh");
         }
     }
     matched.result.report = Some(report.without_seconds());
@@ -275,7 +291,8 @@ fn settle(
     {
         let drawing = Instant::now();
         let size = [params.picture_height * 5 / 8, params.picture_height];
-        matched.pictures = Some([before, &outfit].map(|o| preview::preview(&meshes(o), &VIEWS, size)));
+        matched.pictures =
+            Some([before, &outfit].map(|o| preview::preview(&meshes(o), &VIEWS, size)));
         matched.timings.pictures = drawing.elapsed().as_secs_f64();
     }
     matched.after = Some(outfit);
@@ -305,7 +322,9 @@ pub fn run_into(
         return Ok(Some((found, true)));
     }
     let Some(mut matched) = run(dresser, combination, params, watch)? else { return Ok(None) };
-    results.write(name, |folder| result_folder::fill(folder, &mut matched, params, dresser.wardrobe()))?;
+    results.write(name, |folder| {
+        result_folder::fill(folder, &mut matched, params, dresser.wardrobe())
+    })?;
     Ok(Some((matched.result, false)))
 }
 
@@ -316,19 +335,22 @@ pub enum Placed {
     Before,
     /// It was written there.
     Written,
-    /// It was not written: the folder holds a better one, such as a clean one where this has failed.
+    /// It was not written: the folder holds a better one, such as a clean one where this has
+    /// failed.
     Nowhere,
 }
 
-/// Does a combination into a folder of the user's, or takes what that holds of it already; nothing where it was cancelled.
+/// Does a combination into a folder of the user's, or takes what that holds of it already; nothing
+/// where it was cancelled.
 ///
-/// The files of a result that stands there are replaced, those of others stay. A result that is worse than the one there (failed rather
-/// than clean, say) is not written, unless `params` ask for meshes that are not proven.
+/// The files of a result that stands there are replaced, those of others stay. A result that is
+/// worse than the one there (failed rather than clean, say) is not written, unless `params` ask for
+/// meshes that are not proven.
 ///
 /// # Errors
 ///
-/// As [`run`]; a combination that is none; another process that writes there, or a file of the user's where one of the result would go: all
-/// these before anything is done.
+/// As [`run`]; a combination that is none; another process that writes there, or a file of the
+/// user's where one of the result would go: all these before anything is done.
 pub fn run_into_folder(
     out: &Path,
     dresser: &Dresser,
@@ -345,7 +367,8 @@ pub fn run_into_folder(
     }
     let names = result_folder::names(combination, params);
     result_folder::Earlier::of(out, &names)?; // a folder of the user's is not even locked
-    let opened = Writer::open(out).map_err(|source| WardrobeError::Folder { path: out.into(), source })?;
+    let opened =
+        Writer::open(out).map_err(|source| WardrobeError::Folder { path: out.into(), source })?;
     let writer = opened.ok_or_else(|| WardrobeError::Busy { path: out.into() })?;
     let earlier = result_folder::Earlier::of(out, &names)?;
     let Some(mut matched) = run(dresser, combination, params, watch)? else { return Ok(None) };
@@ -356,17 +379,23 @@ pub fn run_into_folder(
     }
     writer.write_files(&earlier.files, |folder| {
         result_folder::fill(folder, &mut matched, params, dresser.wardrobe())?;
-        // The list of the others comes first: what stands on it is never taken for a file of the user's.
+        // The list of the others comes first: what stands on it is never taken for a file of the
+        // user's.
         let outputs = matched.result.outputs.iter().map(|output| output.file.clone());
-        Ok::<_, WardrobeError>(((), result_folder::OWN.map(str::to_owned).into_iter().chain(outputs).collect()))
+        Ok::<_, WardrobeError>((
+            (),
+            result_folder::OWN.map(str::to_owned).into_iter().chain(outputs).collect(),
+        ))
     })?;
     Ok(Some((matched.result, Placed::Written)))
 }
 
-/// The result that a folder holds, where it is that of `key` and all its files are as it says. One that failed because a file of the
-/// wardrobe could not be read is none: the file may be back.
+/// The result that a folder holds, where it is that of `key` and all its files are as it says. One
+/// that failed because a file of the wardrobe could not be read is none: the file may be back.
 pub fn finished(folder: &Path, key: &str) -> Option<MatchResult> {
-    let lasts = |r: &MatchResult| r.error.as_ref().is_none_or(|e| !matches!(e.kind.as_str(), "asset" | "body"));
+    let lasts = |r: &MatchResult| {
+        r.error.as_ref().is_none_or(|e| !matches!(e.kind.as_str(), "asset" | "body"))
+    };
     result_folder::read(folder).filter(|r| r.key == key && r.result == FORMAT && lasts(r))
 }
 

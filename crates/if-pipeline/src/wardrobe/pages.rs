@@ -29,9 +29,13 @@ pub(super) fn result(result: &MatchResult, timings: &Timings, pngs: &[Vec<u8>]) 
     let seconds = |x: f64| format!("{x:.2} s");
     page.heading("Timings").table(
         &["align", "resolve", "pictures", "write", "all"],
-        &[[timings.align, timings.resolve, timings.pictures, timings.write, timings.total].map(seconds).to_vec()],
+        &[[timings.align, timings.resolve, timings.pictures, timings.write, timings.total]
+            .map(seconds)
+            .to_vec()],
     );
-    page.heading("What decides the result").text(&format!("Key {}.", result.key)).json(&result.request);
+    page.heading("What decides the result")
+        .text(&format!("Key {}.", result.key))
+        .json(&result.request);
     page.html()
 }
 
@@ -63,7 +67,16 @@ fn alignments(page: &mut Page, result: &MatchResult) {
         })
         .collect();
     page.heading("Alignment").table(
-        &["garment", "bodies by", "residual", "moved, mean", "max", "strain, rms", "inside its own body", "inside this body"],
+        &[
+            "garment",
+            "bodies by",
+            "residual",
+            "moved, mean",
+            "max",
+            "strain, rms",
+            "inside its own body",
+            "inside this body",
+        ],
         &rows,
     );
 }
@@ -86,7 +99,8 @@ fn layers(page: &mut Page, report: &ResolveReport) {
             ]
         })
         .collect();
-    let head = ["layer", "moved, mean", "p95", "max", "strain, rms", "p99", "max", "own pairs", "rounds"];
+    let head =
+        ["layer", "moved, mean", "p95", "max", "strain, rms", "p99", "max", "own pairs", "rounds"];
     page.heading("Resolving").table(&head, &rows);
     for layer in report.layers.iter().filter(|l| l.tucked[0] > 0) {
         let [before, after] = layer.tucked;
@@ -96,7 +110,10 @@ fn layers(page: &mut Page, report: &ResolveReport) {
         ));
     }
     for layer in report.layers.iter().filter(|l| l.split > 0) {
-        page.text(&format!("{}: {} triangles of the input were split into smaller ones.", layer.name, layer.split));
+        page.text(&format!(
+            "{}: {} triangles of the input were split into smaller ones.",
+            layer.name, layer.split
+        ));
     }
 }
 
@@ -119,7 +136,8 @@ fn pairs(page: &mut Page, report: &ResolveReport) {
             ]
         })
         .collect();
-    let head = ["layers", "pairs before", "after", "vertices inside before", "after", "deepest before"];
+    let head =
+        ["layers", "pairs before", "after", "vertices inside before", "after", "deepest before"];
     page.heading("Intersections").table(&head, &rows);
 }
 
@@ -138,7 +156,17 @@ pub(super) fn batch(summary: &BatchSummary, picture: impl Fn(&Entry) -> Option<V
     }
     let rows: Vec<Vec<String>> = summary.entries.iter().map(row).collect();
     page.heading("All").table(
-        &["combination", "state", "pairs before", "after", "moved, max", "strain, max", "seconds", "folder", "error"],
+        &[
+            "combination",
+            "state",
+            "pairs before",
+            "after",
+            "moved, max",
+            "strain, max",
+            "seconds",
+            "folder",
+            "error",
+        ],
         &rows,
     );
     page.html()

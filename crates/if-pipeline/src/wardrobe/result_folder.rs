@@ -26,7 +26,12 @@ pub(super) const OWN: [&str; 3] = [RESULT, TIMINGS, REPORT];
 /// All files that a result may have.
 pub(super) fn names(combination: &Combination, params: &MatchParams) -> Vec<String> {
     let body = params.body.then_some(&combination.body);
-    let meshes = combination.garments.iter().chain(body).filter(|_| params.meshes).map(|name| mesh_name(name));
+    let meshes = combination
+        .garments
+        .iter()
+        .chain(body)
+        .filter(|_| params.meshes)
+        .map(|name| mesh_name(name));
     let pictures = PICTURES.iter().filter(|_| params.picture_height > 0).map(ToString::to_string);
     OWN.iter().map(ToString::to_string).chain(meshes).chain(pictures).collect()
 }
@@ -52,7 +57,8 @@ impl Earlier {
     /// Something of the user's is in the way, or the system does not say.
     pub(super) fn of(out: &Path, names: &[String]) -> Result<Self, WardrobeError> {
         let fault = |source| WardrobeError::Folder { path: out.into(), source };
-        let in_the_way = |path: &Path, what| Err(WardrobeError::InTheWay { path: path.into(), what });
+        let in_the_way =
+            |path: &Path, what| Err(WardrobeError::InTheWay { path: path.into(), what });
         let found = match fs::metadata(out) {
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Self::default()),
             found => found.map_err(fault)?,
@@ -64,7 +70,9 @@ impl Earlier {
         let text = match fs::read(&path) {
             Err(e) if e.kind() == io::ErrorKind::NotFound => {
                 for entry in fs::read_dir(out).map_err(fault)? {
-                    if !whole_folder::is_hidden(&entry.map_err(fault)?.file_name().to_string_lossy()) {
+                    if !whole_folder::is_hidden(
+                        &entry.map_err(fault)?.file_name().to_string_lossy(),
+                    ) {
                         return in_the_way(out, "it holds other files, and no result");
                     }
                 }
@@ -96,7 +104,12 @@ impl Earlier {
 }
 
 /// Writes all files of a result into a folder.
-pub(super) fn fill(folder: &Path, matched: &mut Matched, params: &MatchParams, wardrobe: &Wardrobe) -> Result<(), WardrobeError> {
+pub(super) fn fill(
+    folder: &Path,
+    matched: &mut Matched,
+    params: &MatchParams,
+    wardrobe: &Wardrobe,
+) -> Result<(), WardrobeError> {
     let start = Instant::now();
     let mut outputs = Vec::new();
     let mut store = |name: &str, bytes: &[u8]| -> Result<(), WardrobeError> {
@@ -143,7 +156,8 @@ fn mesh_bytes(path: &Path, file: &PlyMesh, positions: &[Point]) -> Result<Vec<u8
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WardrobeError> {
-    let mut text = serde_json::to_vec_pretty(value).map_err(|e| WardrobeError::Json { message: e.to_string() })?;
+    let mut text = serde_json::to_vec_pretty(value)
+        .map_err(|e| WardrobeError::Json { message: e.to_string() })?;
     text.push(b'\n');
     fs::write(path, text).map_err(|source| WardrobeError::Folder { path: path.into(), source })
 }
@@ -151,7 +165,9 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WardrobeError> 
 /// The result that a folder holds, where all its files are as it says.
 pub(super) fn read(folder: &Path) -> Option<MatchResult> {
     let result: MatchResult = serde_json::from_slice(&fs::read(folder.join(RESULT)).ok()?).ok()?;
-    let intact = |file: &FileInfo| of_file(&folder.join(&file.file)).is_ok_and(|found| found == file.content);
+    let intact = |file: &FileInfo| {
+        of_file(&folder.join(&file.file)).is_ok_and(|found| found == file.content)
+    };
     result.outputs.iter().all(intact).then_some(result)
 }
 

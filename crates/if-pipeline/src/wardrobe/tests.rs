@@ -40,8 +40,23 @@ fn filled(root: &Path) -> Wardrobe {
     wardrobe
 }
 
-fn parts<'a>(name: &'a str, mesh: &'a TriMesh, body: &'a BodyRef, provenance: &'a Provenance) -> Parts<'a> {
-    Parts { name, hint: LayerHint::of_name(name), body, mesh, skin: None, beside: None, provenance, network: None, baked: None }
+fn parts<'a>(
+    name: &'a str,
+    mesh: &'a TriMesh,
+    body: &'a BodyRef,
+    provenance: &'a Provenance,
+) -> Parts<'a> {
+    Parts {
+        name,
+        hint: LayerHint::of_name(name),
+        body,
+        mesh,
+        skin: None,
+        beside: None,
+        provenance,
+        network: None,
+        baked: None,
+    }
 }
 
 fn on(body: &str, garments: &[&str]) -> Combination {
@@ -56,7 +71,9 @@ fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     }
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        let timed = ["timings.json", "report.html", "summary.csv", ".ifg-lock"].iter().any(|n| path.ends_with(n));
+        let timed = ["timings.json", "report.html", "summary.csv", ".ifg-lock"]
+            .iter()
+            .any(|n| path.ends_with(n));
         if path.is_file() && !timed {
             found.push((path.clone(), fs::read(&path).unwrap()));
         }
@@ -77,7 +94,9 @@ fn a_wardrobe_is_found_as_it_was_left() {
     assert_eq!((wardrobe.bodies(), wardrobe.garments()), (made.bodies(), made.garments()));
     assert_eq!(wardrobe.garments().len(), 5);
     assert!(wardrobe.garment("coat").unwrap().mesh.vertices().len() > 100);
-    assert!(matches!(wardrobe.garment("hat"), Err(WardrobeError::NoGarment { known, .. }) if known.contains("coat, jacket")));
+    assert!(
+        matches!(wardrobe.garment("hat"), Err(WardrobeError::NoGarment { known, .. }) if known.contains("coat, jacket"))
+    );
     assert!(matches!(wardrobe.body("nobody"), Err(WardrobeError::NoBody { .. })));
     // One broken garment does not hide the others.
     fs::write(root.path().join("garments/coat/asset.json"), "{").unwrap();
@@ -95,7 +114,10 @@ fn a_wardrobe_is_found_as_it_was_left() {
     assert!(matches!(wardrobe.body("slim"), Err(WardrobeError::BodyInfo { .. })));
     assert!(matches!(wardrobe.body("junk"), Err(WardrobeError::Folder { .. })));
     assert!(matches!(wardrobe.garment("coat"), Err(WardrobeError::Asset(_))));
-    assert!(matches!(Wardrobe::open_existing(&root.path().join("files")), Err(WardrobeError::NoWardrobe { .. })));
+    assert!(matches!(
+        Wardrobe::open_existing(&root.path().join("files")),
+        Err(WardrobeError::NoWardrobe { .. })
+    ));
 }
 
 #[test]
@@ -115,7 +137,12 @@ fn a_body_that_is_added_again_keeps_what_it_has() {
     let mut wardrobe = filled(root.path());
     let (slim, large) = (root.path().join("files/slim.ply"), root.path().join("files/large.ply"));
     let skeleton = root.path().join("files/skeleton.json");
-    let joint = Joint { name: "hips".into(), parent: None, head: Point::origin(), tail: Point::new(0.0, 0.2, 0.0) };
+    let joint = Joint {
+        name: "hips".into(),
+        parent: None,
+        head: Point::origin(),
+        tail: Point::new(0.0, 0.2, 0.0),
+    };
     Skeleton::new(vec![joint]).unwrap().write(fs::File::create(&skeleton).unwrap()).unwrap();
     let new = NewBody::new("other", &slim);
     let with_template = NewBody { template: Some(&large), ..new };
@@ -142,28 +169,60 @@ fn files_in_centimetres_are_stored_in_metres() {
     let mut ply = PlyMesh::new(large.clone());
     ply.comments.push("in centimetres".into());
     write_path(&ply, large.vertices(), &WriteParams::default(), &body).unwrap();
-    let joint = Joint { name: "hips".into(), parent: None, head: Point::new(0.0, 100.0, 0.0), tail: Point::new(0.0, 120.0, 0.0) };
+    let joint = Joint {
+        name: "hips".into(),
+        parent: None,
+        head: Point::new(0.0, 100.0, 0.0),
+        tail: Point::new(0.0, 120.0, 0.0),
+    };
     Skeleton::new(vec![joint]).unwrap().write(fs::File::create(&skeleton).unwrap()).unwrap();
-    let new = NewBody { template: Some(&body), skeleton: Some(&skeleton), ..NewBody::new("cm", &body) };
+    let new =
+        NewBody { template: Some(&body), skeleton: Some(&skeleton), ..NewBody::new("cm", &body) };
     let error = wardrobe.add_body(&new).unwrap_err();
-    assert!(matches!(&error, WardrobeError::Body { source: OutfitError::Units { scale: 0.01, .. }, .. }), "{error}");
+    assert!(
+        matches!(
+            &error,
+            WardrobeError::Body { source: OutfitError::Units { scale: 0.01, .. }, .. }
+        ),
+        "{error}"
+    );
     let added = wardrobe.add_body(&NewBody { scale: 0.01, ..new }).unwrap();
     // What is there already is known again, in units of its own.
-    assert_eq!(wardrobe.add_body_once(&NewBody { scale: 0.01, ..NewBody::new("other", &body) }).unwrap(), added);
+    assert_eq!(
+        wardrobe.add_body_once(&NewBody { scale: 0.01, ..NewBody::new("other", &body) }).unwrap(),
+        added
+    );
     let stored = wardrobe.body("cm").unwrap();
     assert_eq!(stored.skeleton.unwrap().joints()[0].tail.y, 1.2);
     for mesh in [stored.mesh, stored.template.unwrap().0] {
-        let off = mesh.vertices().iter().zip(metres.vertices()).map(|(p, q)| (p - q).amax()).fold(0.0, f64::max);
+        let off = mesh
+            .vertices()
+            .iter()
+            .zip(metres.vertices())
+            .map(|(p, q)| (p - q).amax())
+            .fold(0.0, f64::max);
         assert!(mesh.triangles() == metres.triangles() && off < 1e-6, "{off}");
     }
-    assert!(String::from_utf8_lossy(&wardrobe.body_file("cm").unwrap()).contains("comment in centimetres"));
+    assert!(
+        String::from_utf8_lossy(&wardrobe.body_file("cm").unwrap())
+            .contains("comment in centimetres")
+    );
     for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(matches!(wardrobe.add_body(&NewBody { scale, ..new }), Err(WardrobeError::ScaleRange { .. })));
+        assert!(matches!(
+            wardrobe.add_body(&NewBody { scale, ..new }),
+            Err(WardrobeError::ScaleRange { .. })
+        ));
     }
-    assert!(matches!(wardrobe.add_body(&NewBody { scale: 1e307, ..new }), Err(WardrobeError::Scale { .. })));
+    assert!(matches!(
+        wardrobe.add_body(&NewBody { scale: 1e307, ..new }),
+        Err(WardrobeError::Scale { .. })
+    ));
     // A garment in other units than its body is refused too.
     let shirt = garment(Garment::Tshirt, &COARSE).scaled(100.0).unwrap();
-    let error = wardrobe.add(&parts("shirt", &shirt, &added, &Provenance::default())).map(drop).unwrap_err();
+    let error = wardrobe
+        .add(&parts("shirt", &shirt, &added, &Provenance::default()))
+        .map(drop)
+        .unwrap_err();
     assert!(matches!(error, WardrobeError::Misfit(OutfitError::TooLarge { .. })), "{error}");
     assert!(!root.path().join("garments/shirt").exists());
 }
@@ -196,12 +255,25 @@ fn what_failed_for_want_of_a_file_is_tried_again() {
     let params = MatchParams { picture_height: 0, ..Default::default() };
     let run = || {
         let dresser = Dresser::new(&wardrobe, Default::default());
-        batch::run(&out, &dresser, &list, &params, &BatchParams { at_once: 8, again: false }, &keep_on).unwrap().unwrap()
+        batch::run(
+            &out,
+            &dresser,
+            &list,
+            &params,
+            &BatchParams { at_once: 8, again: false },
+            &keep_on,
+        )
+        .unwrap()
+        .unwrap()
     };
-    let (file, away) = (root.path().join("garments/tshirt/garment.ply"), root.path().join("away.ply"));
+    let (file, away) =
+        (root.path().join("garments/tshirt/garment.ply"), root.path().join("away.ply"));
     fs::rename(&file, &away).unwrap();
     let summary = run();
-    assert_eq!((summary.failed, summary.entries[0].error.as_ref().unwrap().kind.as_str()), (1, "asset"));
+    assert_eq!(
+        (summary.failed, summary.entries[0].error.as_ref().unwrap().kind.as_str()),
+        (1, "asset")
+    );
     fs::rename(&away, &file).unwrap();
     assert_eq!(run().clean, 1);
 }
@@ -214,8 +286,14 @@ fn pictures_that_cannot_be_drawn_are_refused_before_the_work() {
     let never = |_: &batch::Event| -> ControlFlow<()> { panic!("nothing is begun") };
     for height in [1, 15, 8193, u32::MAX] {
         let params = MatchParams { picture_height: height, ..Default::default() };
-        let ran =
-            batch::run(&root.path().join("out"), &dresser, &[on("slim", &["tshirt"])], &params, &BatchParams::default(), &never);
+        let ran = batch::run(
+            &root.path().join("out"),
+            &dresser,
+            &[on("slim", &["tshirt"])],
+            &params,
+            &BatchParams::default(),
+            &never,
+        );
         assert!(matches!(ran, Err(WardrobeError::PictureHeight { height: h }) if h == height));
     }
 }
@@ -227,7 +305,16 @@ fn a_table_holds_any_name() {
     let dresser = Dresser::new(&wardrobe, Default::default());
     let out = root.path().join("out");
     let list = [on("slim", &["a,b\nc \"d\""])];
-    let summary = batch::run(&out, &dresser, &list, &MatchParams::default(), &BatchParams::default(), &keep_on).unwrap().unwrap();
+    let summary = batch::run(
+        &out,
+        &dresser,
+        &list,
+        &MatchParams::default(),
+        &BatchParams::default(),
+        &keep_on,
+    )
+    .unwrap()
+    .unwrap();
     assert_eq!(summary.failed, 1);
     let csv = fs::read_to_string(out.join("summary.csv")).unwrap();
     assert!(csv.contains("\n\"a,b\nc \"\"d\"\" on slim\",failed,"), "{csv}");
@@ -239,12 +326,22 @@ fn garments_of_an_unknown_body_and_open_bodies_are_refused() {
     let mut wardrobe = filled(root.path());
     let shirt = garment(Garment::Tshirt, &COARSE);
     let stranger = BodyRef { name: "stranger".into(), sha256: "1".repeat(64) };
-    let error = wardrobe.add(&parts("shirt", &shirt, &stranger, &Provenance::default())).map(drop).unwrap_err();
+    let error = wardrobe
+        .add(&parts("shirt", &shirt, &stranger, &Provenance::default()))
+        .map(drop)
+        .unwrap_err();
     assert!(matches!(error, WardrobeError::ForeignBody { .. }), "{error}");
     let path = root.path().join("open.ply");
-    write_path(&PlyMesh::new(shirt.clone()), shirt.vertices(), &WriteParams::default(), &path).unwrap();
+    write_path(&PlyMesh::new(shirt.clone()), shirt.vertices(), &WriteParams::default(), &path)
+        .unwrap();
     let error = wardrobe.add_body(&NewBody::new("open", &path)).unwrap_err();
-    assert!(matches!(error, WardrobeError::Body { source: if_outfit::outfit::OutfitError::OpenBody { .. }, .. }), "{error}");
+    assert!(
+        matches!(
+            error,
+            WardrobeError::Body { source: if_outfit::outfit::OutfitError::OpenBody { .. }, .. }
+        ),
+        "{error}"
+    );
     assert!(!root.path().join("bodies/open").exists());
 }
 
@@ -255,11 +352,20 @@ fn a_garment_of_one_body_is_worn_on_the_other() {
     let dresser = Dresser::new(&wardrobe, Default::default());
     let dressed = dresser.dress(&on("large", &["tshirt", "jacket"])).unwrap();
     assert_eq!(dressed.garments[0].report.method, Method::Topology);
-    assert!(dressed.garments[1].mesh.aabb().size().x > garment(Garment::Jacket, &COARSE).aabb().size().x * 1.03);
+    assert!(
+        dressed.garments[1].mesh.aabb().size().x
+            > garment(Garment::Jacket, &COARSE).aabb().size().x * 1.03
+    );
     let own = dresser.dress(&on("slim", &["tshirt"])).unwrap();
-    assert_eq!((own.garments[0].report.method, own.garments[0].report.moved.max), (Method::Same, 0.0));
+    assert_eq!(
+        (own.garments[0].report.method, own.garments[0].report.moved.max),
+        (Method::Same, 0.0)
+    );
     assert!(matches!(dresser.dress(&on("slim", &[])), Err(WardrobeError::NoGarments { .. })));
-    assert!(matches!(dresser.dress(&on("slim", &["coat", "coat"])), Err(WardrobeError::Twice { .. })));
+    assert!(matches!(
+        dresser.dress(&on("slim", &["coat", "coat"])),
+        Err(WardrobeError::Twice { .. })
+    ));
 }
 
 #[test]
@@ -267,7 +373,12 @@ fn a_batch_is_cached_by_content_and_one_failure_does_not_stop_it() {
     let root = tempfile::tempdir().unwrap();
     let wardrobe = filled(root.path());
     let dresser = Dresser::new(&wardrobe, Default::default());
-    let list = [on("slim", &["tshirt", "jacket"]), on("slim", &["hat"]), on("large", &["tshirt"]), on("slim", &["coat", "coat"])];
+    let list = [
+        on("slim", &["tshirt", "jacket"]),
+        on("slim", &["hat"]),
+        on("large", &["tshirt"]),
+        on("slim", &["coat", "coat"]),
+    ];
     let params = MatchParams { picture_height: 64, ..Default::default() };
     let out = root.path().join("out");
     let run = |out: &Path, params: &MatchParams, at_once| {
@@ -279,22 +390,35 @@ fn a_batch_is_cached_by_content_and_one_failure_does_not_stop_it() {
             keep_on(event)
         };
         let batch = BatchParams { at_once, again: false };
-        (batch::run(out, &dresser, &list, params, &batch, &watch).unwrap().unwrap(), count.into_inner())
+        (
+            batch::run(out, &dresser, &list, params, &batch, &watch).unwrap().unwrap(),
+            count.into_inner(),
+        )
     };
     let (summary, made) = run(&out, &params, 1);
     assert_eq!((summary.clean, summary.remaining, summary.failed, made), (2, 0, 2, 4));
-    let kinds: Vec<_> = summary.entries.iter().map(|e| e.error.as_ref().map(|f| f.kind.as_str())).collect();
+    let kinds: Vec<_> =
+        summary.entries.iter().map(|e| e.error.as_ref().map(|f| f.kind.as_str())).collect();
     assert_eq!(kinds, [None, Some("no_garment"), None, Some("combination")]);
     assert!(summary.entries[0].pairs[0] > 0 && summary.entries[0].pairs[1] == 0);
     let first = files(&out);
-    for name in ["result.json", "tshirt.ply", "jacket.ply", "before.png", "after.png", "timings.json", "report.html"] {
+    for name in [
+        "result.json",
+        "tshirt.ply",
+        "jacket.ply",
+        "before.png",
+        "after.png",
+        "timings.json",
+        "report.html",
+    ] {
         assert!(out.join("results").join(&summary.entries[0].folder).join(name).exists(), "{name}");
     }
     // Nothing is done twice: only what has no folder is looked at again.
     assert_eq!(run(&out, &params, 1), (summary.clone(), 1));
     assert!(files(&out) == first);
     // A damaged output is made again, and two at once give the same bytes in another folder.
-    fs::write(out.join("results").join(&summary.entries[0].folder).join("tshirt.ply"), "half").unwrap();
+    fs::write(out.join("results").join(&summary.entries[0].folder).join("tshirt.ply"), "half")
+        .unwrap();
     assert_eq!(run(&out, &params, 1).1, 2);
     assert!(files(&out) == first);
     let other = root.path().join("other");
@@ -321,11 +445,16 @@ fn a_cancelled_batch_leaves_whole_results_only() {
         batch::Event::Working(1, _) => ControlFlow::Break(()),
         _ => ControlFlow::Continue(()),
     };
-    assert_eq!(batch::run(&out, &dresser, &list, &params, &BatchParams::default(), &stop).unwrap(), None);
+    assert_eq!(
+        batch::run(&out, &dresser, &list, &params, &BatchParams::default(), &stop).unwrap(),
+        None
+    );
     assert_eq!(whole_folder::names(&out.join("results")).unwrap().len(), 1);
     assert!(!out.join("summary.json").exists());
     assert_eq!(batch::done(&out, &dresser, &list, &params).unwrap(), 1);
-    let summary = batch::run(&out, &dresser, &list, &params, &BatchParams::default(), &keep_on).unwrap().unwrap();
+    let summary = batch::run(&out, &dresser, &list, &params, &BatchParams::default(), &keep_on)
+        .unwrap()
+        .unwrap();
     assert_eq!((summary.clean, summary.entries[1].state), (2, State::Clean));
 }
 
@@ -343,9 +472,16 @@ fn random_combinations_are_wearable_different_and_the_same_for_a_seed() {
         let at = |name: &str| c.garments.iter().position(|g| g == name);
         assert!(at("coat").is_none_or(|k| k + 1 == c.garments.len()), "{c}");
     }
-    let any = random(&wardrobe, &RandomParams { count: 100, order: Order::Any, ..params.clone() }).unwrap();
+    let any = random(&wardrobe, &RandomParams { count: 100, order: Order::Any, ..params.clone() })
+        .unwrap();
     assert!(any.iter().any(|c| c.garments[0] == "coat"));
-    assert!(matches!(random(&wardrobe, &RandomParams { count: 5000, ..params.clone() }), Err(WardrobeError::TooFew { .. })));
-    assert!(matches!(random(&wardrobe, &RandomParams { least: 3, most: 2, ..params.clone() }), Err(WardrobeError::Sizes { .. })));
+    assert!(matches!(
+        random(&wardrobe, &RandomParams { count: 5000, ..params.clone() }),
+        Err(WardrobeError::TooFew { .. })
+    ));
+    assert!(matches!(
+        random(&wardrobe, &RandomParams { least: 3, most: 2, ..params.clone() }),
+        Err(WardrobeError::Sizes { .. })
+    ));
     assert!(random(&wardrobe, &RandomParams { bodies: vec!["nobody".into()], ..params }).is_err());
 }

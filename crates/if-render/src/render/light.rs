@@ -7,7 +7,8 @@ use crate::render::scene::{Scene, Seen};
 const RED: [f32; 3] = [0.80, 0.010, 0.012];
 /// How deep below the surface what is highlighted shows through, in metres.
 const SHINES_THROUGH: f32 = 0.03;
-/// Directions to the lights in axes right, up, towards the eye, of unit length, and their strengths.
+/// Directions to the lights in axes right, up, towards the eye, of unit length, and their
+/// strengths.
 const LIGHTS: [([f32; 3], f32); 2] = [([-0.45, 0.62, 0.643], 0.62), ([0.70, 0.10, 0.707], 0.20)];
 
 /// Linear light of an sRGB colour.
@@ -44,7 +45,8 @@ pub(super) fn facing_normal(layer: &Seen, t: usize, w: &[f32; 3]) -> ([f32; 3], 
     // y points down: seen from the front, corners run clockwise here.
     let back = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0;
     let sign = if back { -1.0 } else { 1.0 };
-    let mut n = [0, 1, 2].map(|k| sign * (0..3).map(|i| w[i] * layer.normals[tri[i] as usize][k]).sum::<f32>());
+    let mut n = [0, 1, 2]
+        .map(|k| sign * (0..3).map(|i| w[i] * layer.normals[tri[i] as usize][k]).sum::<f32>());
     n[2] = n[2].max(0.0); // smooth normals may look away at silhouettes
     let length = n.iter().map(|v| v * v).sum::<f32>().sqrt();
     if length > 0.0 { (n.map(|v| v / length), back) } else { ([0.0, 0.0, 1.0], back) }
@@ -98,7 +100,8 @@ fn background(scene: &Scene, x: f32, y: f32, height: f32) -> [f32; 3] {
     if shadow.radii[0] <= 0.0 || shadow.radii[1] <= 0.0 {
         return base;
     }
-    let (u, v) = ((x - shadow.center[0]) / shadow.radii[0], (y - shadow.center[1]) / shadow.radii[1]);
+    let (u, v) =
+        ((x - shadow.center[0]) / shadow.radii[0], (y - shadow.center[1]) / shadow.radii[1]);
     let dark = 0.38 * (-(u * u + v * v) * 1.6).exp();
     base.map(|c| c * (1.0 - dark))
 }

@@ -15,8 +15,8 @@ const TAPS: usize = 28;
 ///
 /// # Source
 ///
-/// McGuire et al. 2011, *The Alchemy screen-space ambient obscurance algorithm*, with a fixed spiral
-/// instead of a random one.
+/// McGuire et al. 2011, *The Alchemy screen-space ambient obscurance algorithm*, with a fixed
+/// spiral instead of a random one.
 pub(super) fn occlusion(scene: &Scene, samples: &Samples, width: usize, height: usize) -> Vec<f32> {
     let golden = std::f32::consts::PI * (3.0 - 5.0f32.sqrt());
     let taps: Vec<[f32; 2]> = (0..TAPS)
@@ -47,7 +47,11 @@ pub(super) fn occlusion(scene: &Scene, samples: &Samples, width: usize, height: 
                 if samples.depth[there].is_infinite() {
                     continue;
                 }
-                let d = [tap[0] / scene.scale, -tap[1] / scene.scale, samples.depth[here] - samples.depth[there]];
+                let d = [
+                    tap[0] / scene.scale,
+                    -tap[1] / scene.scale,
+                    samples.depth[here] - samples.depth[there],
+                ];
                 let d2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
                 let up = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
                 let near = (1.0 - d2 / (4.0 * RADIUS * RADIUS)).max(0.0);

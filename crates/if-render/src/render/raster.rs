@@ -60,8 +60,12 @@ impl Samples {
         let chunk = (BAND * width).max(1);
         let mut highlights: Vec<&mut [f32]> = this.highlight.chunks_mut(chunk).collect();
         highlights.resize_with(bands, || &mut []);
-        this.seen.par_chunks_mut(chunk).zip(this.depth.par_chunks_mut(chunk)).zip(highlights).enumerate().for_each(
-            |(band, ((seen, depth), highlight))| {
+        this.seen
+            .par_chunks_mut(chunk)
+            .zip(this.depth.par_chunks_mut(chunk))
+            .zip(highlights)
+            .enumerate()
+            .for_each(|(band, ((seen, depth), highlight))| {
                 let mut target = Band { first: band * BAND, width, seen, depth, highlight };
                 for &id in &triangles[band] {
                     target.triangle(scene, id);
@@ -69,8 +73,7 @@ impl Samples {
                 for &k in &lines[band] {
                     target.line(&scene.lines[k as usize], k);
                 }
-            },
-        );
+            });
         this
     }
 }
@@ -86,12 +89,18 @@ struct Band<'a> {
 
 impl Band<'_> {
     /// The rows and columns of this band between the given corners.
-    fn window(&self, low: [f32; 2], high: [f32; 2]) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
+    fn window(
+        &self,
+        low: [f32; 2],
+        high: [f32; 2],
+    ) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
         let rows = self.seen.len() / self.width.max(1);
         let clamp = |v: f32, n: usize| v.clamp(0.0, n as f32) as usize;
         let first = self.first as f32;
-        let y = clamp((low[1] - 0.5).ceil() - first, rows)..clamp((high[1] - 0.5).floor() + 1.0 - first, rows);
-        let x = clamp((low[0] - 0.5).ceil(), self.width)..clamp((high[0] - 0.5).floor() + 1.0, self.width);
+        let y = clamp((low[1] - 0.5).ceil() - first, rows)
+            ..clamp((high[1] - 0.5).floor() + 1.0 - first, rows);
+        let x = clamp((low[0] - 0.5).ceil(), self.width)
+            ..clamp((high[0] - 0.5).floor() + 1.0, self.width);
         (y, x)
     }
 
@@ -145,7 +154,11 @@ impl Band<'_> {
         for row in rows {
             for column in columns.clone() {
                 let p = [column as f32 + 0.5 - a[0], (self.first + row) as f32 + 0.5 - a[1]];
-                let s = if length2 > 0.0 { ((p[0] * d[0] + p[1] * d[1]) / length2).clamp(0.0, 1.0) } else { 0.0 };
+                let s = if length2 > 0.0 {
+                    ((p[0] * d[0] + p[1] * d[1]) / length2).clamp(0.0, 1.0)
+                } else {
+                    0.0
+                };
                 let (x, y) = (p[0] - s * d[0], p[1] - s * d[1]);
                 let z = a[2] + s * (b[2] - a[2]) - LINE_LIFT;
                 let at = row * self.width + column;

@@ -1,4 +1,5 @@
-//! The scene as the eye sees it: x to the right and y down in samples, z away from the eye in metres.
+//! The scene as the eye sees it: x to the right and y down in samples, z away from the eye in
+//! metres.
 
 use crate::render::{RenderLayer, View, light};
 use if_core::edges::Edges;
@@ -23,8 +24,12 @@ pub(super) struct Frame {
 impl Frame {
     pub(super) fn new(scene: &[RenderLayer], views: &[View], width: usize, height: usize) -> Self {
         let aabb = scene.iter().fold(if_core::aabb::Aabb::EMPTY, |b, l| b.merged(&l.mesh.aabb()));
-        let mut frame =
-            Self { middle: Point::origin(), scale: 1.0, offset: [0.5 * width as Real, 0.5 * height as Real], floor: 0.0 };
+        let mut frame = Self {
+            middle: Point::origin(),
+            scale: 1.0,
+            offset: [0.5 * width as Real, 0.5 * height as Real],
+            floor: 0.0,
+        };
         if aabb.is_empty() {
             return frame;
         }
@@ -32,7 +37,8 @@ impl Frame {
         let mut reach = [0.0f64; 2];
         for axes in views.iter().map(axes) {
             for p in scene.iter().flat_map(|l| l.mesh.vertices()) {
-                (0..2).for_each(|k| reach[k] = reach[k].max(axes[k].dot(&(p - frame.middle)).abs()));
+                (0..2)
+                    .for_each(|k| reach[k] = reach[k].max(axes[k].dot(&(p - frame.middle)).abs()));
             }
         }
         let fits = |k: usize| (1.0 - 2.0 * MARGIN) * frame.offset[k] / reach[k];
@@ -46,7 +52,11 @@ impl Frame {
 fn axes(view: &View) -> [Vector; 3] {
     let (sa, ca) = view.azimuth.to_radians().sin_cos();
     let (se, ce) = view.elevation.to_radians().sin_cos();
-    [Vector::new(ca, 0.0, -sa), Vector::new(-se * sa, ce, -se * ca), Vector::new(-ce * sa, -se, -ce * ca)]
+    [
+        Vector::new(ca, 0.0, -sa),
+        Vector::new(-se * sa, ce, -se * ca),
+        Vector::new(-ce * sa, -se, -ce * ca),
+    ]
 }
 
 /// A layer before the eye.
@@ -106,7 +116,11 @@ impl Scene {
             .map(|layer| {
                 let triangles = layer.mesh.triangles().to_vec();
                 let mut highlighted = vec![false; triangles.len()];
-                layer.highlight.iter().filter(|t| (**t as usize) < triangles.len()).for_each(|t| highlighted[*t as usize] = true);
+                layer
+                    .highlight
+                    .iter()
+                    .filter(|t| (**t as usize) < triangles.len())
+                    .for_each(|t| highlighted[*t as usize] = true);
                 let start = first;
                 first += triangles.len() as u32;
                 Seen {
@@ -115,12 +129,15 @@ impl Scene {
                         .mesh
                         .vertex_normals()
                         .par_iter()
-                        .map(|n| [axes[0].dot(n) as f32, axes[1].dot(n) as f32, -axes[2].dot(n) as f32])
+                        .map(|n| {
+                            [axes[0].dot(n) as f32, axes[1].dot(n) as f32, -axes[2].dot(n) as f32]
+                        })
                         .collect(),
                     triangles,
                     highlighted,
                     color: light::decode(layer.color),
-                    solid: view.cut.is_some() && Edges::new(layer.mesh).valence.iter().all(|v| *v == 2),
+                    solid: view.cut.is_some()
+                        && Edges::new(layer.mesh).valence.iter().all(|v| *v == 2),
                     first: start,
                 }
             })
@@ -168,6 +185,9 @@ fn shadow(scene: &[RenderLayer], frame: &Frame, axes: &[Vector; 3]) -> Shadow {
             (frame.offset[0] + axes[0].dot(&d) * frame.scale) as f32,
             (frame.offset[1] - axes[1].dot(&d) * frame.scale) as f32,
         ],
-        radii: [(reach(&axes[0]) * frame.scale) as f32, (reach(&axes[1]) * frame.scale).max(0.01 * frame.scale) as f32],
+        radii: [
+            (reach(&axes[0]) * frame.scale) as f32,
+            (reach(&axes[1]) * frame.scale).max(0.01 * frame.scale) as f32,
+        ],
     }
 }

@@ -1,4 +1,5 @@
-//! How clothes move by themselves: waves along their normals that run over them while the body turns.
+//! How clothes move by themselves: waves along their normals that run over them while the body
+//! turns.
 
 use if_core::math::{Point, Real, Vector};
 use rand::{RngExt, SeedableRng};
@@ -28,7 +29,8 @@ impl Waves {
         Self { amount, waves: (0..WAVES).map(wave).collect() }
     }
 
-    /// How far a place of the rest is out along its normal when `turn` of a whole turn is done, in metres.
+    /// How far a place of the rest is out along its normal when `turn` of a whole turn is done, in
+    /// metres.
     pub(super) fn at(&self, p: &Point, turn: Real) -> Real {
         let one = |(along, phase, cycles): &(Vector, Real, Real)| {
             (along.dot(&p.coords) + phase + std::f64::consts::TAU * cycles * turn).sin()
@@ -54,7 +56,11 @@ mod tests {
             let k = Real::from(k);
             let p = Point::new((0.37 * k).fract(), (0.61 * k).fract() * 2.0, (0.83 * k).fract());
             let turn = (0.29 * k).fract();
-            approx::assert_relative_eq!(waves.at(&p, turn), waves.at(&p, turn + 1.0), epsilon = 1e-12);
+            approx::assert_relative_eq!(
+                waves.at(&p, turn),
+                waves.at(&p, turn + 1.0),
+                epsilon = 1e-12
+            );
             square += waves.at(&p, turn).powi(2) / 1000.0;
         }
         assert!((0.006..0.008).contains(&square.sqrt()), "{}", square.sqrt());

@@ -1,11 +1,12 @@
-//! Faults as human parsers make them: borders that wander, patches of a wrong label, specks on the background, and now
-//! and then two garments taken for one another.
+//! Faults as human parsers make them: borders that wander, patches of a wrong label, specks on the
+//! background, and now and then two garments taken for one another.
 
 use if_core::math::Real;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-/// A smooth random field with values of about ±1, made of random numbers on a lattice of this many pixels.
+/// A smooth random field with values of about ±1, made of random numbers on a lattice of this many
+/// pixels.
 fn field((width, height): (usize, usize), spacing: Real, rng: &mut Pcg64Mcg) -> Vec<Real> {
     let columns = (width as Real / spacing).ceil() as usize + 2;
     let rows = (height as Real / spacing).ceil() as usize + 2;
@@ -17,28 +18,46 @@ fn field((width, height): (usize, usize), spacing: Real, rng: &mut Pcg64Mcg) -> 
         let (x, y) = ((at % width) as Real / spacing, (at / width) as Real / spacing);
         let (i, j, s, t) = (x as usize, y as usize, smooth(x.fract()), smooth(y.fract()));
         let l = |i: usize, j: usize| lattice[j * columns + i];
-        let (top, bottom) = (l(i, j) + s * (l(i + 1, j) - l(i, j)), l(i, j + 1) + s * (l(i + 1, j + 1) - l(i, j + 1)));
+        let (top, bottom) = (
+            l(i, j) + s * (l(i + 1, j) - l(i, j)),
+            l(i, j + 1) + s * (l(i + 1, j + 1) - l(i, j + 1)),
+        );
         top + t * (bottom - top)
     };
     (0..width * height).map(value).collect()
 }
 
 /// The picture with every pixel taken from up to some pixels away.
-fn wander<T: Copy>(picture: &[T], (width, height): (usize, usize), amplitude: Real, rng: &mut Pcg64Mcg) -> Vec<T> {
+fn wander<T: Copy>(
+    picture: &[T],
+    (width, height): (usize, usize),
+    amplitude: Real,
+    rng: &mut Pcg64Mcg,
+) -> Vec<T> {
     let spacing = (width as Real / 35.0).max(4.0);
     let (dx, dy) = (field((width, height), spacing, rng), field((width, height), spacing, rng));
     let take = |at: usize| {
-        let go = |from: usize, by: Real, n: usize| (from as Real + amplitude * by).round().clamp(0.0, n as Real - 1.0) as usize;
+        let go = |from: usize, by: Real, n: usize| {
+            (from as Real + amplitude * by).round().clamp(0.0, n as Real - 1.0) as usize
+        };
         picture[go(at / width, dy[at], height) * width + go(at % width, dx[at], width)]
     };
     (0..picture.len()).map(take).collect()
 }
 
 /// Calls `set` for every pixel of an ellipse.
-fn ellipse((width, height): (usize, usize), center: [Real; 2], radii: [Real; 2], angle: Real, mut set: impl FnMut(usize)) {
+fn ellipse(
+    (width, height): (usize, usize),
+    center: [Real; 2],
+    radii: [Real; 2],
+    angle: Real,
+    mut set: impl FnMut(usize),
+) {
     let (s, c) = angle.sin_cos();
     let reach = radii[0].max(radii[1]);
-    let span = |x: Real, n: usize| (x - reach).max(0.0) as usize..((x + reach).max(0.0) as usize + 1).min(n);
+    let span = |x: Real, n: usize| {
+        (x - reach).max(0.0) as usize..((x + reach).max(0.0) as usize + 1).min(n)
+    };
     for row in span(center[1], height) {
         for column in span(center[0], width) {
             let (x, y) = (column as Real - center[0], row as Real - center[1]);
@@ -63,8 +82,15 @@ fn poisson(mean: Real, rng: &mut Pcg64Mcg) -> usize {
     }
 }
 
-/// A label image as a parser with this noise, from 0 to 1, gives it. `names` is the number of labels.
-pub(super) fn labels(truth: &[u8], size: (usize, usize), noise: Real, names: u8, rng: &mut Pcg64Mcg) -> Vec<u8> {
+/// A label image as a parser with this noise, from 0 to 1, gives it. `names` is the number of
+/// labels.
+pub(super) fn labels(
+    truth: &[u8],
+    size: (usize, usize),
+    noise: Real,
+    names: u8,
+    rng: &mut Pcg64Mcg,
+) -> Vec<u8> {
     if noise <= 0.0 {
         return truth.to_vec();
     }
@@ -103,8 +129,17 @@ pub(super) fn labels(truth: &[u8], size: (usize, usize), noise: Real, names: u8,
 }
 
 /// A mask with an outline that wanders by as much as this noise, from 0 to 1, lets it.
-pub(super) fn mask(truth: &[bool], size: (usize, usize), noise: Real, rng: &mut Pcg64Mcg) -> Vec<bool> {
-    if noise <= 0.0 { truth.to_vec() } else { wander(truth, size, 0.6 * noise * size.0 as Real / 100.0, rng) }
+pub(super) fn mask(
+    truth: &[bool],
+    size: (usize, usize),
+    noise: Real,
+    rng: &mut Pcg64Mcg,
+) -> Vec<bool> {
+    if noise <= 0.0 {
+        truth.to_vec()
+    } else {
+        wander(truth, size, 0.6 * noise * size.0 as Real / 100.0, rng)
+    }
 }
 
 #[cfg(test)]
@@ -115,16 +150,29 @@ mod tests {
     #[test]
     fn more_noise_is_more_wrong_and_none_is_none() {
         let size = (64, 48);
-        let truth: Vec<u8> =
-            (0..64 * 48).map(|at| if (20..44).contains(&(at % 64)) { 1 + u8::from(at / 64 > 20) } else { 0 }).collect();
+        let truth: Vec<u8> = (0..64 * 48)
+            .map(|at| if (20..44).contains(&(at % 64)) { 1 + u8::from(at / 64 > 20) } else { 0 })
+            .collect();
         let wrong = |noise| {
             let mut rng = Pcg64Mcg::seed_from_u64(5);
             (0..20)
-                .map(|_| labels(&truth, size, noise, 3, &mut rng).iter().zip(&truth).filter(|(a, b)| a != b).count())
+                .map(|_| {
+                    labels(&truth, size, noise, 3, &mut rng)
+                        .iter()
+                        .zip(&truth)
+                        .filter(|(a, b)| a != b)
+                        .count()
+                })
                 .sum::<usize>()
         };
         let counts = [0.0, 0.1, 0.3, 1.0].map(wrong);
-        assert!(counts[0] == 0 && counts.is_sorted() && counts[1] < counts[3] && counts[3] < 20 * truth.len() / 4, "{counts:?}");
+        assert!(
+            counts[0] == 0
+                && counts.is_sorted()
+                && counts[1] < counts[3]
+                && counts[3] < 20 * truth.len() / 4,
+            "{counts:?}"
+        );
     }
 
     #[test]
@@ -133,6 +181,8 @@ mod tests {
         let square = f.iter().map(|v| v * v).sum::<Real>() / 8000.0;
         assert!((0.2..1.5).contains(&square), "{square}");
         // From one pixel to the next at most 1.5 / 8 of the largest difference, 6.
-        assert!(f.chunks(100).all(|row| row.windows(2).all(|w| (w[0] - w[1]).abs() < 1.5 / 8.0 * 6.0)));
+        assert!(
+            f.chunks(100).all(|row| row.windows(2).all(|w| (w[0] - w[1]).abs() < 1.5 / 8.0 * 6.0))
+        );
     }
 }

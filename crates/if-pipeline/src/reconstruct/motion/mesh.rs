@@ -7,8 +7,8 @@ use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use rayon::prelude::*;
 
-/// d of each frame at the vertices of a mesh beside the fitted surface, such as the canonical mesh: that of the surface's nearest
-/// point.
+/// d of each frame at the vertices of a mesh beside the fitted surface, such as the canonical mesh:
+/// that of the surface's nearest point.
 #[derive(Clone, Debug)]
 pub struct MeshMotion {
     motion: Motion,
@@ -24,16 +24,22 @@ impl MeshMotion {
     /// If the surface has no triangles, or is not the motion's.
     pub fn new(motion: Motion, surface: &TriMesh, points: &[Point]) -> Self {
         let n = surface.vertices().len();
-        assert!(motion.offsets.iter().all(|d| d.is_empty() || d.len() == n), "one offset for each vertex of the surface");
+        assert!(
+            motion.offsets.iter().all(|d| d.is_empty() || d.len() == n),
+            "one offset for each vertex of the surface"
+        );
         let tree = Bvh::new(surface);
         let place = |p: &Point| {
-            let near = tree.closest(p, Real::INFINITY).expect("a surface with triangles has a nearest point");
+            let near = tree
+                .closest(p, Real::INFINITY)
+                .expect("a surface with triangles has a nearest point");
             (surface.triangles()[near.triangle as usize], near.barycentric)
         };
         Self { places: points.par_iter().with_min_len(256).map(place).collect(), motion }
     }
 
-    /// d of a frame of the capture at each vertex, in metres of canonical space; empty where it is zero.
+    /// d of a frame of the capture at each vertex, in metres of canonical space; empty where it is
+    /// zero.
     ///
     /// # Panics
     ///
@@ -43,7 +49,9 @@ impl MeshMotion {
         if of.is_empty() {
             return Vec::new();
         }
-        let at = |(on, parts): &([u32; 3], [Real; 3])| -> Vector { (0..3).map(|k| of[on[k] as usize] * parts[k]).sum() };
+        let at = |(on, parts): &([u32; 3], [Real; 3])| -> Vector {
+            (0..3).map(|k| of[on[k] as usize] * parts[k]).sum()
+        };
         self.places.iter().map(at).collect()
     }
 
@@ -65,15 +73,21 @@ mod tests {
         let normal = sheet.vertex_normals()[0];
         // Linear over the sheet, so that barycentric parts give it exactly.
         let d = |p: &Point| Vector::new(0.01 * p.x, 0.02 * p.y - 0.03 * p.z, 0.001);
-        let motion =
-            Motion { offsets: vec![sheet.vertices().iter().map(d).collect(), Vec::new()], report: MotionReport::default() };
+        let motion = Motion {
+            offsets: vec![sheet.vertices().iter().map(d).collect(), Vec::new()],
+            report: MotionReport::default(),
+        };
         let feet: Vec<Point> = (0..sheet.triangles().len())
             .map(|t| {
                 let [a, b, c] = sheet.corners(t);
                 Point::from(a.coords * 0.2 + b.coords * 0.5 + c.coords * 0.3)
             })
             .collect();
-        let points: Vec<Point> = feet.iter().enumerate().map(|(k, p)| p + normal * (0.01 * (k % 3) as Real - 0.01)).collect();
+        let points: Vec<Point> = feet
+            .iter()
+            .enumerate()
+            .map(|(k, p)| p + normal * (0.01 * (k % 3) as Real - 0.01))
+            .collect();
         let carried = MeshMotion::new(motion, &sheet, &points);
         for (foot, at) in feet.iter().zip(carried.offsets(0)) {
             approx::assert_relative_eq!(d(foot), at, epsilon = 1e-12);

@@ -16,7 +16,8 @@ use std::ops::ControlFlow;
 /// Room about the surface in the network's cube, in metres.
 const MARGIN: Real = 0.05;
 
-/// How d becomes a network. By steps and not by the clock, so that the same capture gives the same bits.
+/// How d becomes a network. By steps and not by the clock, so that the same capture gives the same
+/// bits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionNetworkParams {
     /// The network; its number of frames is that of the capture.
@@ -120,12 +121,18 @@ pub fn distil_motion(
         return Err(MotionNetworkError::Diverged { steps: found.steps });
     }
     let e = &found.error;
-    let report = MotionNetworkReport { steps: found.steps, mean_mm: 1e3 * e.mean, max_mm: 1e3 * e.max, still_mm: 1e3 * e.still };
+    let report = MotionNetworkReport {
+        steps: found.steps,
+        mean_mm: 1e3 * e.mean,
+        max_mm: 1e3 * e.max,
+        still_mm: 1e3 * e.still,
+    };
     Ok(MotionNetwork { network, frame: at, report })
 }
 
 impl MotionNetwork {
-    /// The bytes of its file, `deformation.safetensors`; [`if_neural::files::read_deformation`] reads them.
+    /// The bytes of its file, `deformation.safetensors`; [`if_neural::files::read_deformation`]
+    /// reads them.
     ///
     /// # Errors
     ///
@@ -165,7 +172,8 @@ mod tests {
         };
         let network = DeformationConfig { bands: 3, embedding: 8, frames: 1, width: 32, layers: 2 };
         let params = MotionNetworkParams { network, fit, ..Default::default() };
-        let found = distil_motion(&motion, &ball, &params, &mut |_| ControlFlow::Continue(())).unwrap();
+        let found =
+            distil_motion(&motion, &ball, &params, &mut |_| ControlFlow::Continue(())).unwrap();
         let r = found.report;
         assert!(r.mean_mm < 0.3 * r.still_mm && r.still_mm > 5.0 && r.steps == 300, "{r:?}");
         let (network, frame) = read_deformation(&found.to_bytes().unwrap()[..]).unwrap();

@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 /// A round of looking and solving, mean of the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct MotionRound {
-    /// Root of the mean square distance of the surface's silhouettes from the masks' borders before the round, in millimetres.
+    /// Root of the mean square distance of the surface's silhouettes from the masks' borders before
+    /// the round, in millimetres.
     pub silhouette_mm: Real,
     /// Mean angle between the surface's normals and those seen before the round, in degrees.
     pub normal_degrees: Real,
@@ -41,7 +42,8 @@ impl FrameMotion {
 pub struct MotionReport {
     /// Frames that were solved.
     pub solved: usize,
-    /// Frames that bring nothing, by their place in the capture: theirs lies between that of their neighbours in time.
+    /// Frames that bring nothing, by their place in the capture: theirs lies between that of their
+    /// neighbours in time.
     pub skipped: Vec<usize>,
     /// Mean |d| over the vertices of the solved frames, in millimetres.
     pub mean_mm: Real,
@@ -55,7 +57,8 @@ pub struct MotionReport {
 
 impl MotionReport {
     pub(super) fn of(offsets: &[Vec<Vector>], solved: &[bool], rounds: Vec<MotionRound>) -> Self {
-        let frames: Vec<FrameMotion> = (0..offsets.len()).map(|k| FrameMotion::of(k, solved[k], &offsets[k])).collect();
+        let frames: Vec<FrameMotion> =
+            (0..offsets.len()).map(|k| FrameMotion::of(k, solved[k], &offsets[k])).collect();
         let of_solved = || frames.iter().filter(|f| f.solved);
         let count = of_solved().count();
         Self {
