@@ -19,7 +19,7 @@ impl Aabb {
         max: Point::new(Real::NEG_INFINITY, Real::NEG_INFINITY, Real::NEG_INFINITY),
     };
 
-    /// The smallest box round `points`; [`Aabb::EMPTY`] where there are none.
+    /// The smallest box around `points`; [`Aabb::EMPTY`] without points.
     pub fn from_points<'a>(points: impl IntoIterator<Item = &'a Point>) -> Self {
         points.into_iter().fold(Self::EMPTY, |b, p| b.grown_to(p))
     }
@@ -30,7 +30,7 @@ impl Aabb {
         Self { min: self.min.inf(p), max: self.max.sup(p) }
     }
 
-    /// The smallest box round both.
+    /// The smallest box around both.
     #[inline]
     pub fn merged(&self, other: &Self) -> Self {
         Self { min: self.min.inf(&other.min), max: self.max.sup(&other.max) }
@@ -84,7 +84,7 @@ impl Aabb {
         self.size().norm()
     }
 
-    /// The middle of the box. Meaningless for the empty box.
+    /// The centre of the box. Meaningless for the empty box.
     #[inline]
     pub fn center(&self) -> Point {
         nalgebra::center(&self.min, &self.max)

@@ -29,10 +29,10 @@ pub struct Closest {
     pub feature: Feature,
 }
 
-/// Surfaces that can tell their nearest point.
+/// A surface that computes the nearest point to a query.
 pub trait ClosestPoint: Sync {
-    /// The nearest point at most `max_distance` (metres, may be infinite) from `p`; `None` where
-    /// there is none, hence always where it is negative.
+    /// The nearest point at most `max_distance` (metres, may be infinite) from `p`; `None` if
+    /// all points are farther, hence always if it is negative.
     fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest>;
 }
 
@@ -42,7 +42,7 @@ through_pointers!(ClosestPoint {
 
 /// A triangle whose squared double area is below this part of its longest side to the fourth power
 /// is a needle: there rounding (1e-16 of the latter) decides between regions, and the edges are
-/// looked at too. At 1e-12 nearest points on needles are off by a thousandth of their length; at
+/// compared too. At 1e-12 nearest points on needles are off by a thousandth of their length; at
 /// 1e-4 a tenth of all triangles of cloth pays for it.
 const NEEDLE: Real = 1e-8;
 
@@ -52,7 +52,7 @@ const NEEDLE: Real = 1e-8;
 ///
 /// # Source
 ///
-/// Ericson 2005, *Real-Time Collision Detection*, 5.1.5 (regions of Voronoi), with the division of
+/// Ericson 2005, *Real-Time Collision Detection*, 5.1.5 (Voronoi regions), with the division of
 /// each region guarded.
 ///
 /// # Accuracy
@@ -72,10 +72,10 @@ pub fn closest_on_triangle(p: &Point, a: &Point, b: &Point, c: &Point) -> ([Real
     }
     let cp = p - c;
     let (d5, d6) = (ab.dot(&cp), ac.dot(&cp));
-    // |ab|², |ac|² and ab·ac, from what is there.
+    // |ab|², |ac|² and ab·ac, from the products above.
     let (bb, cc, bc) = (d1 - d3, d2 - d6, d1 - d5);
     let longest = bb.max(cc);
-    // False where a number is lost to overflow, too.
+    // Also false if a product overflows.
     let sound = bb * cc - bc * bc > NEEDLE * longest * longest;
     let found = region([d1, d2, d3, d4, d5, d6]);
     match found {
@@ -84,8 +84,8 @@ pub fn closest_on_triangle(p: &Point, a: &Point, b: &Point, c: &Point) -> ([Real
     }
 }
 
-/// The region of Voronoi, once those of the corners a and b are excluded; `None` where rounding
-/// left none.
+/// The Voronoi region, once those of the corners a and b are excluded; `None` if rounding excludes
+/// all of them.
 #[inline]
 fn region([d1, d2, d3, d4, d5, d6]: [Real; 6]) -> Option<([Real; 3], Feature)> {
     let vc = d1 * d4 - d3 * d2;
@@ -177,8 +177,8 @@ fn on_extreme_segment(p: &Point, a: &Point, b: &Point) -> Real {
     if size <= 0.0 {
         return 0.0;
     }
-    // Of size one each: the ratio of the sizes comes last, where it may overflow to the right
-    // answer.
+    // Both scaled to size one. The ratio of the sizes comes last: if it overflows, clamping still
+    // gives the right end.
     let (along, far) = (ab / size, ap.amax());
     if far <= 0.0 {
         return 0.0;
@@ -243,7 +243,7 @@ mod tests {
 
     #[test]
     fn nearest_points_on_needles_are_nearest() {
-        // A height of 1e-16 of the length: every product that tells the regions apart is rounding.
+        // A height of 1e-16 of the length: every product that separates the regions is rounding.
         // Found by tests/stability.
         let (a, b) =
             (Point::new(0.296_701, -0.0, 1.512_686), Point::new(-0.947_593, -0.0, -0.562_486));

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 pub struct FieldSample {
     /// Distance, negative inside, in metres.
     pub distance: Real,
-    /// ∇φ: of unit length for a true distance. Zero where the field has none.
+    /// ∇φ: of unit length for a true distance. Zero where the field has no gradient.
     pub gradient: Vector,
 }
 
@@ -61,7 +61,7 @@ pub trait SignedDistance: Sync {
         });
     }
 
-    /// A box outside which the field is positive, so that callers may skip; `None` where unknown.
+    /// A box outside which the field is positive, so that callers can skip it; `None` if unknown.
     fn bounds(&self) -> Option<Aabb>;
 
     /// A bound on |∇φ|: a point at distance φ may move φ / `lipschitz()` before its sign can

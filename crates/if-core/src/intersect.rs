@@ -77,8 +77,8 @@ pub fn triangles(a: [&Point; 3], b: [&Point; 3]) -> Contact {
 /// `ia` and `ib` name their corners. [`Contact::Disjoint`] for neighbours that only meet in their
 /// common corner or edge.
 ///
-/// No shared corner: [`triangles`]. Three: the same triangle twice, a fault of connectivity and not
-/// of position, is [`Contact::Disjoint`].
+/// No shared corner: [`triangles`]. Three: the same triangle twice, which is an error of connectivity
+/// and not of position: [`Contact::Disjoint`].
 ///
 /// # Source
 ///
@@ -119,9 +119,9 @@ pub struct Passage {
     pub direction: i8,
 }
 
-/// Where the closed segment from `p` to `q` meets the closed triangle `t`; `None` where it does
-/// not, and where both lie in one plane, or the triangle is degenerate, as there is no single place
-/// then.
+/// Where the closed segment from `p` to `q` meets the closed triangle `t`; `None` if they do
+/// not meet, and if both lie in one plane or the triangle is degenerate: then the common points are
+/// not a single place.
 ///
 /// # Accuracy
 ///

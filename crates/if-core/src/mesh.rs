@@ -8,7 +8,7 @@ use crate::aabb::Aabb;
 use crate::math::{Point, Real, Vector, area_vector, unit_or_zero};
 
 /// Vertices and triangles. Every coordinate is finite, every index is in range, and the three
-/// corners of a triangle are three different vertices. Nothing else is promised: a mesh may be
+/// corners of a triangle are three different vertices. Nothing else is guaranteed: a mesh may be
 /// open, of several pieces, non-manifold, or hold triangles of zero area.
 ///
 /// # Examples
@@ -28,7 +28,7 @@ pub struct TriMesh {
     triangles: Vec<[u32; 3]>,
 }
 
-/// Why vertices and triangles do not make a mesh.
+/// Why vertices and triangles are not a valid mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshError {
@@ -39,7 +39,7 @@ pub enum MeshError {
         vertex: usize,
         /// 0, 1 or 2 for x, y or z.
         axis: usize,
-        /// What stands there.
+        /// The coordinate.
         value: Real,
     },
     /// A triangle names a vertex that does not exist.
@@ -83,12 +83,12 @@ pub enum MeshError {
 }
 
 impl TriMesh {
-    /// Checks and takes `vertices` (metres) and `triangles` (indices, counter-clockwise seen from
-    /// outside).
+    /// Checks `vertices` (metres) and `triangles` (indices, counter-clockwise seen from outside),
+    /// and keeps them.
     ///
     /// # Errors
     ///
-    /// The first fault found, vertices before triangles.
+    /// The first invalid entry, vertices before triangles.
     pub fn new(vertices: Vec<Point>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshError> {
         let limit = parts::limit(&vertices)?;
         let vertices = FinitePoints::new(vertices)?;
@@ -96,11 +96,11 @@ impl TriMesh {
         Ok(Self { vertices: vertices.into_vec(), triangles })
     }
 
-    /// A mesh of parts that were checked as they came: nothing is looked at again.
+    /// A mesh of parts that are checked already: nothing is checked twice.
     ///
     /// # Errors
     ///
-    /// A triangle that names a vertex that is not there.
+    /// A triangle names a vertex that does not exist.
     pub fn from_parts(vertices: FinitePoints, triangles: Triangles) -> Result<Self, MeshError> {
         let limit = parts::limit(&vertices)?;
         triangles.check_below(limit)?;
@@ -111,7 +111,7 @@ impl TriMesh {
     ///
     /// # Errors
     ///
-    /// A wrong number of positions, or one that is not finite.
+    /// The number of positions is wrong, or a position is not finite.
     pub fn with_vertices(&self, vertices: Vec<Point>) -> Result<Self, MeshError> {
         if vertices.len() != self.vertices.len() {
             return Err(MeshError::VertexCount {
@@ -129,7 +129,7 @@ impl TriMesh {
     ///
     /// # Errors
     ///
-    /// A coordinate that is not finite then.
+    /// A scaled coordinate is not finite.
     pub fn scaled(&self, factor: Real) -> Result<Self, MeshError> {
         self.with_vertices(self.vertices.iter().map(|p| p * factor).collect())
     }
@@ -157,17 +157,17 @@ impl TriMesh {
         [&self.vertices[a as usize], &self.vertices[b as usize], &self.vertices[c as usize]]
     }
 
-    /// The box round all vertices, used by a triangle or not.
+    /// The box around all vertices, used by a triangle or not.
     pub fn aabb(&self) -> Aabb {
         Aabb::from_points(&self.vertices)
     }
 
-    /// The box round the vertices of triangles: without those of none.
+    /// The box around the vertices that a triangle uses.
     pub fn surface_aabb(&self) -> Aabb {
         Aabb::from_points(self.triangles.as_flattened().iter().map(|v| &self.vertices[*v as usize]))
     }
 
-    /// For each vertex whether a triangle has it.
+    /// For each vertex, whether a triangle uses it.
     pub fn used_vertices(&self) -> Vec<bool> {
         let mut used = vec![false; self.vertices.len()];
         self.triangles.as_flattened().iter().for_each(|v| used[*v as usize] = true);
@@ -184,8 +184,8 @@ impl TriMesh {
             .sum()
     }
 
-    /// Signed volume by the divergence theorem, in cubic metres. Means something for closed meshes
-    /// only: positive where triangles wind counter-clockwise seen from outside.
+    /// Signed volume by the divergence theorem, in cubic metres. Meaningful for closed
+    /// meshes only: positive where triangles wind counter-clockwise seen from outside.
     pub fn signed_volume(&self) -> Real {
         let o = self.vertices.first().copied().unwrap_or_else(Point::origin);
         (0..self.triangles.len())
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_named_with_index_and_value() {
+    fn errors_name_index_and_value() {
         let mut bad = square();
         bad[2].y = Real::NAN;
         assert!(matches!(

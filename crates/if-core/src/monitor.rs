@@ -2,7 +2,7 @@
 //!
 //! Functions that may run for more than a second take a `&mut dyn` [`Monitor`]. They call
 //! [`Monitor::report`] at least every few hundred milliseconds and return their error's `Cancelled`
-//! variant when it asks them to stop.
+//! variant if it returns [`Cancelled`].
 //!
 //! # Examples
 //!
@@ -32,24 +32,23 @@
 use crate::math::Real;
 use std::ops::ControlFlow;
 
-/// What long work is doing.
+/// The state of long work.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress<'a> {
     /// The stage of the work: a fixed lower-case word such as `"settle"`.
     pub stage: &'static str,
-    /// What is worked on, such as the name of a layer or a file; empty where there is one thing
-    /// only.
+    /// The layer, file or outfit that is processed; empty if there is only one.
     pub item: &'a str,
     /// Steps done in this stage: rounds, samples, frames.
     pub done: usize,
     /// Steps of this stage, if known.
     pub total: Option<usize>,
-    /// Numbers worth showing, with their names: `("pairs", 12.0)`, `("loss", 3e-4)`.
+    /// Named numbers of the current state: `("pairs", 12.0)`, `("loss", 3e-4)`.
     pub measures: &'a [(&'static str, Real)],
 }
 
 impl<'a> Progress<'a> {
-    /// The beginning of a stage, with nothing else said.
+    /// The beginning of a stage, without an item, a total or measures.
     pub fn stage(stage: &'static str) -> Self {
         Self { stage, item: "", done: 0, total: None, measures: &[] }
     }
@@ -78,7 +77,7 @@ pub trait Monitor {
     ///
     /// # Errors
     ///
-    /// [`Cancelled`] stops the work. It may be reported several times before everything has stopped.
+    /// [`Cancelled`] stops the work. Further reports may follow before everything has stopped.
     fn report(&mut self, progress: &Progress<'_>) -> Result<(), Cancelled>;
 }
 

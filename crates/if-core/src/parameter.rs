@@ -1,4 +1,4 @@
-//! Parameters that are out of range: one error for all crates.
+//! One error for parameters out of range, in all crates.
 
 use crate::math::Real;
 use std::borrow::Cow;
@@ -35,7 +35,7 @@ impl ParameterError {
     ///
     /// # Errors
     ///
-    /// The error that says that the parameter `name` with this `value` is outside `range`.
+    /// Otherwise the error for the parameter `name`, with its `value` and the `range` it must be in.
     pub fn check(
         name: &'static str,
         value: Real,
@@ -43,6 +43,33 @@ impl ParameterError {
         range: &'static str,
     ) -> Result<(), Self> {
         if ok { Ok(()) } else { Err(Self { name: name.into(), value, range }) }
+    }
+
+    /// `Ok` if `value` is finite and above zero.
+    ///
+    /// # Errors
+    ///
+    /// The error for the parameter `name` if it is not.
+    pub fn check_positive(name: &'static str, value: Real) -> Result<(), Self> {
+        Self::check(name, value, value > 0.0 && value.is_finite(), "finite and above zero")
+    }
+
+    /// `Ok` if `value` is finite, and zero or above.
+    ///
+    /// # Errors
+    ///
+    /// The error for the parameter `name` if it is not.
+    pub fn check_not_negative(name: &'static str, value: Real) -> Result<(), Self> {
+        Self::check(name, value, value >= 0.0 && value.is_finite(), "finite, and zero or above")
+    }
+
+    /// `Ok` if `value` is from 0 to 1.
+    ///
+    /// # Errors
+    ///
+    /// The error for the parameter `name` if it is not.
+    pub fn check_share(name: &'static str, value: Real) -> Result<(), Self> {
+        Self::check(name, value, (0.0..=1.0).contains(&value), "from 0 to 1")
     }
 
     /// The same error for the parameters of a group: `within("cloth")` turns `sweeps` into
@@ -66,7 +93,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_group_and_an_index_stand_in_the_name() {
+    fn finite_ranges_exclude_nan_and_infinity() {
+        for bad in [Real::NAN, Real::INFINITY, -1e-9] {
+            assert!(ParameterError::check_positive("x", bad).is_err(), "{bad}");
+            assert!(ParameterError::check_not_negative("x", bad).is_err(), "{bad}");
+            assert!(ParameterError::check_share("x", bad).is_err(), "{bad}");
+        }
+        assert!(ParameterError::check_positive("x", 0.0).is_err());
+        assert!(ParameterError::check_not_negative("x", 0.0).is_ok());
+        assert!(ParameterError::check_share("x", 1.0).is_ok());
+    }
+
+    #[test]
+    fn group_and_index_are_part_of_the_name() {
         let error = ParameterError::check("radius", Real::NAN, false, "positive (m)")
             .unwrap_err()
             .at(3)

@@ -1,13 +1,12 @@
-//! What a trait's implementors can, references to them, boxes and [`std::sync::Arc`]s can too.
+//! References, boxes and [`std::sync::Arc`]s of a trait's implementors implement the trait too.
 
-/// Implements a trait whose methods take `&self` for `&T`, `Box<T>` and `Arc<T>`: every method is
-/// handed through, provided ones too, so that a cheaper batch stays one.
+/// Implements a trait whose methods take `&self` for `&T`, `Box<T>` and `Arc<T>`. Every method is
+/// forwarded, provided ones too, so that an overridden batch stays in use.
 macro_rules! through_pointers {
     ($of:ident $methods:tt) => {
         through_pointers!(impl [T: $of + ?Sized] $of for &T, $methods);
         through_pointers!(impl [T: $of + ?Sized] $of for Box<T>, $methods);
-        // What an `Arc` holds may be dropped by any thread, so that it must be `Send` for the `Arc`
-        // to be `Sync`.
+        // Any thread may drop the content of an `Arc`: it must be `Send` for the `Arc` to be `Sync`.
         through_pointers!(impl [T: $of + ?Sized + Send] $of for std::sync::Arc<T>, $methods);
     };
     (impl [$($bounds:tt)*] $of:ident for $pointer:ty, {
@@ -38,9 +37,9 @@ mod tests {
 
     const BALL: Sphere = Sphere { center: Point::new(0.0, 0.0, 0.0), radius: 1.0 };
 
-    /// A ball that tells its batches apart from its single calls.
-    struct Telling;
-    impl SignedDistance for Telling {
+    /// A field that returns another value from each method.
+    struct Distinct;
+    impl SignedDistance for Distinct {
         fn distance(&self, _: &Point) -> Real {
             1.0
         }
@@ -60,7 +59,7 @@ mod tests {
             5.0
         }
     }
-    impl ClosestPoint for Telling {
+    impl ClosestPoint for Distinct {
         fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest> {
             let distance = 0.5;
             let place = Closest {
@@ -74,7 +73,7 @@ mod tests {
         }
     }
 
-    fn told(field: impl SignedDistance) -> [Real; 5] {
+    fn values(field: impl SignedDistance) -> [Real; 5] {
         let none = FieldSample { distance: 0.0, gradient: Vector::zeros() };
         let (p, mut values, mut samples) = ([Point::origin()], [0.0], [none]);
         field.distances(&p, &mut values);
@@ -90,24 +89,24 @@ mod tests {
     }
 
     #[test]
-    fn pointers_to_fields_are_fields_with_the_same_answers() {
-        let field: &dyn SignedDistance = &Telling;
-        let boxed: Box<dyn SignedDistance> = Box::new(Telling);
-        let shared: Arc<dyn SignedDistance + Send> = Arc::new(Telling);
-        for told in [
-            told(field),
-            told(&boxed),
-            told(boxed),
-            told(&shared),
-            told(shared),
-            told(Arc::new(Telling)),
+    fn pointers_to_fields_forward_every_method() {
+        let field: &dyn SignedDistance = &Distinct;
+        let boxed: Box<dyn SignedDistance> = Box::new(Distinct);
+        let shared: Arc<dyn SignedDistance + Send> = Arc::new(Distinct);
+        for found in [
+            values(field),
+            values(&boxed),
+            values(boxed),
+            values(&shared),
+            values(shared),
+            values(Arc::new(Distinct)),
         ] {
-            assert_eq!(told, [1.0, 2.0, 3.0, 4.0, 5.0]);
+            assert_eq!(found, [1.0, 2.0, 3.0, 4.0, 5.0]);
         }
     }
 
     #[test]
-    fn what_takes_a_field_a_surface_or_a_mask_takes_a_pointer_to_one() {
+    fn pointers_to_fields_surfaces_and_masks_are_accepted() {
         let p = Point::new(0.0, 0.0, 0.5);
         let all = BoxMask::new(Aabb {
             min: Point::new(-1.0, -1.0, -1.0),
@@ -123,11 +122,11 @@ mod tests {
         );
         assert_eq!(Masked { field: Arc::new(BALL), mask: Arc::new(all) }.distance(&p), -0.5);
         assert_eq!(Union(field, Arc::new(BALL)).distance(&p), -0.5);
-        // A garment that is lent, owned or shared.
+        // A garment that is borrowed, owned or shared.
         let weight = |mask: &dyn Mask| mask.weight(&p).0;
-        assert_eq!(weight(&NearMask::new(&Telling, 0.6, 1.0).unwrap()), 1.0);
-        assert_eq!(weight(&NearMask::new(&Telling as &dyn ClosestPoint, 0.0, 1.0).unwrap()), 0.5);
-        assert_eq!(weight(&NearMask::new(Box::new(Telling), 0.0, 0.4).unwrap()), 0.0);
-        assert_eq!(weight(&&NearMask::new(Arc::new(Telling), 0.0, 1.0).unwrap()), 0.5);
+        assert_eq!(weight(&NearMask::new(&Distinct, 0.6, 1.0).unwrap()), 1.0);
+        assert_eq!(weight(&NearMask::new(&Distinct as &dyn ClosestPoint, 0.0, 1.0).unwrap()), 0.5);
+        assert_eq!(weight(&NearMask::new(Box::new(Distinct), 0.0, 0.4).unwrap()), 0.0);
+        assert_eq!(weight(&&NearMask::new(Arc::new(Distinct), 0.0, 1.0).unwrap()), 0.5);
     }
 }

@@ -1,4 +1,4 @@
-//! What rational arithmetic says of two triangles, and pairs that are hard to tell. Part of the
+//! What rational arithmetic says of two triangles, and pairs that are hard to decide. Part of the
 //! tests of `intersect`, and of the benches (`benches/error_vs_time`).
 //!
 //! One triangle is clipped by the other's half-spaces; where the middle of what is left lies tells

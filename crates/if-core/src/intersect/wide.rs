@@ -1,7 +1,6 @@
 //! Signs of determinants in integers of any length: the last resort of the predicates, for
 //! coordinates whose products leave the range of `f64`. Slow (microseconds to a millisecond).
 
-use super::predicates::Point2;
 use crate::math::{Point, Real};
 
 /// An integer: sign and magnitude, least significant limb first, without leading zeros.
@@ -11,7 +10,7 @@ struct Wide {
     limbs: Vec<u32>,
 }
 
-/// As [`super::predicates::side_of_plane`].
+/// Sign of `((b − a) × (c − a)) · (p − a)`.
 pub(super) fn side_of_plane(a: &Point, b: &Point, c: &Point, p: &Point) -> i8 {
     let shift = common_shift([a, b, c, p].iter().flat_map(|q| q.iter()));
     let d = |q: &Point, k: usize| Wide::new(q[k], shift).minus(&Wide::new(a[k], shift));
@@ -23,10 +22,10 @@ pub(super) fn side_of_plane(a: &Point, b: &Point, c: &Point, p: &Point) -> i8 {
     sum.sign()
 }
 
-/// As [`super::predicates::side_of_line`].
-pub(super) fn side_of_line(a: Point2, b: Point2, p: Point2) -> i8 {
+/// Sign of `(b − a) × (p − a)`.
+pub(super) fn side_of_line(a: [Real; 2], b: [Real; 2], p: [Real; 2]) -> i8 {
     let shift = common_shift([a, b, p].iter().flatten());
-    let d = |q: Point2, k: usize| Wide::new(q[k], shift).minus(&Wide::new(a[k], shift));
+    let d = |q: [Real; 2], k: usize| Wide::new(q[k], shift).minus(&Wide::new(a[k], shift));
     d(b, 0).times(&d(p, 1)).minus(&d(b, 1).times(&d(p, 0))).sign()
 }
 

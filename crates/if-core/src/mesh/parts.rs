@@ -1,5 +1,4 @@
-//! Vertices and triangles that are checked as they come, block by block, while they are still in
-//! the cache.
+//! Vertices and triangles that are checked block by block while they are read, still in the cache.
 
 use super::MeshError;
 use crate::math::{Point, Real};
@@ -27,12 +26,12 @@ const LANES: usize = 12;
 pub struct FinitePoints(Vec<Point>);
 
 impl FinitePoints {
-    /// None yet, and room for so many.
+    /// An empty list with this capacity.
     pub fn with_capacity(points: usize) -> Self {
         Self(Vec::with_capacity(points))
     }
 
-    /// Takes `points`.
+    /// Checks `points`.
     ///
     /// # Errors
     ///
@@ -46,13 +45,13 @@ impl FinitePoints {
     ///
     /// # Errors
     ///
-    /// The first coordinate that is not finite; then none of the block is taken. The vertex is
-    /// counted from the first of all points.
+    /// The first coordinate that is not finite; then the whole block is dropped. The error
+    /// counts vertices from the first of all points.
     pub fn extend(&mut self, block: impl IntoIterator<Item = Point>) -> Result<(), MeshError> {
         let before = self.0.len();
         let mut good = true;
         #[allow(clippy::manual_inspect)]
-        // room would be looked for at each: `inspect` hides how many there are
+        // `inspect` hides the size hint, and each push would check the capacity
         self.0.extend(block.into_iter().map(|p| {
             good &= is_finite(&p);
             p
@@ -65,7 +64,7 @@ impl FinitePoints {
         fault
     }
 
-    /// The points, no longer known to be finite.
+    /// The points; finiteness is no longer guaranteed by the type.
     pub fn into_vec(self) -> Vec<Point> {
         self.0
     }
@@ -88,7 +87,7 @@ pub struct Triangles {
 }
 
 impl Triangles {
-    /// None yet, and room for so many.
+    /// An empty list with this capacity.
     pub fn with_capacity(triangles: usize) -> Self {
         Self { list: Vec::with_capacity(triangles), end: 0 }
     }
@@ -130,17 +129,17 @@ impl Triangles {
         checked
     }
 
-    /// Drops all but the first so many.
+    /// Keeps only the first `triangles` triangles.
     pub fn truncate(&mut self, triangles: usize) {
         self.list.truncate(triangles);
     }
 
-    /// The triangles, no longer known to be in order.
+    /// The triangles; validity is no longer guaranteed by the type.
     pub fn into_vec(self) -> Vec<[u32; 3]> {
         self.list
     }
 
-    /// Refuses a corner that is not below `limit`.
+    /// Rejects a corner that is not below `limit`.
     pub(super) fn check_below(&self, limit: u32) -> Result<(), MeshError> {
         if self.end <= limit.into() { Ok(()) } else { check_triangles(&self.list, 0, limit) }
     }
@@ -154,13 +153,13 @@ impl Deref for Triangles {
     }
 }
 
-/// How many vertices there are, where 32-bit indices can name them all.
+/// The number of vertices, if 32-bit indices can name them all.
 pub(super) fn limit(vertices: &[Point]) -> Result<u32, MeshError> {
     u32::try_from(vertices.len())
         .map_err(|_| MeshError::TooManyVertices { vertices: vertices.len() })
 }
 
-/// Refuses triangles that do not name three different vertices before `limit`. The first has the
+/// Rejects triangles that do not name three different vertices before `limit`. The first has the
 /// index `first`.
 pub(super) fn check_triangles(
     triangles: &[[u32; 3]],
@@ -170,7 +169,7 @@ pub(super) fn check_triangles(
     if are_good(triangles, limit) {
         return Ok(());
     }
-    // Nearly all meshes are in order; which triangle is not is looked for afterwards.
+    // Nearly all meshes are valid: search for the invalid triangle only if there is one.
     for (triangle, t) in (first..).zip(triangles) {
         for (corner, &index) in t.iter().enumerate() {
             if index >= limit {
@@ -192,8 +191,8 @@ pub(super) fn check_triangles(
 /// Whether all name three different vertices before `limit`.
 fn are_good(triangles: &[[u32; 3]], limit: u32) -> bool {
     let all = triangles.as_flattened();
-    // Four triangles at once: each corner against the next and the one after. At the end only those
-    // are asked that are of the same triangle.
+    // Four triangles at once: each corner against the next and the one after. `is_bad` then
+    // reads only the comparisons within one triangle.
     let (mut is_next, mut is_second, mut is_beyond) = ([0; LANES], [0; LANES], [0; LANES]);
     let mut done = 0;
     while let Some(corners) = all[done..].first_chunk::<{ LANES + 2 }>() {
@@ -268,7 +267,7 @@ mod tests {
             let mut taken = FinitePoints::default();
             let found = all.chunks(block).try_for_each(|b| taken.extend(b.iter().copied()));
             assert_eq!(found.unwrap_err(), fault);
-            assert_eq!(taken.len(), 5 / block * block, "none of the block at fault is taken");
+            assert_eq!(taken.len(), 5 / block * block, "the invalid block is dropped as a whole");
         }
         let good: Vec<[u32; 3]> = (0..2000).map(|k| [k % 8, (k + 1) % 8, (k + 3) % 8]).collect();
         for (at, bad) in [

@@ -34,8 +34,8 @@ pub struct Translated<F> {
     pub by: Vector,
 }
 
-/// The same surface with all values, and so the gradient, multiplied: `factor · φ`. What a warped
-/// or badly trained field looks like, for stress.
+/// The same surface with all values, and so the gradient, multiplied: `factor · φ`. Imitates a
+/// warped or badly trained field, for stress tests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScaledGradient<F> {
     /// What is scaled.

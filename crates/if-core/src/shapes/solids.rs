@@ -66,7 +66,7 @@ pub struct Cylinder {
     pub half_height: Real,
 }
 
-/// An endless labyrinth whose walls are no true distance: |∇φ| lies between 0 and 1.
+/// An infinite labyrinth whose values are not true distances: |∇φ| lies between 0 and 1.
 ///
 /// ```text
 /// φ = (sin kx cos ky + sin ky cos kz + sin kz cos kx) / (√3 k),   k = 2π / period
