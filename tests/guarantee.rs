@@ -10,6 +10,7 @@ use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, Stage, resolve};
+use if_outfit::storage::Storage;
 use if_outfit::verify::verify;
 use rayon::prelude::*;
 use scenes::{
@@ -156,7 +157,7 @@ fn seams_of_exporters_neither_gape_nor_change_the_result() {
 #[test]
 fn positions_that_are_no_single_precision_are_rounded_before_they_are_proven() {
     let mut outfit = mannequin(&LAYERED, 0.0);
-    outfit.garments.iter_mut().for_each(|g| g.single_precision = true);
+    outfit.garments.iter_mut().for_each(|g| g.storage = Storage::F32);
     let result = assert_clean(&outfit, resolved(&outfit));
     let single = |p: &Point| p.iter().all(|x| f64::from(*x as f32) == *x);
     assert!(result.outfit.garments.iter().all(|g| g.mesh.vertices().iter().all(single)));
@@ -240,7 +241,7 @@ fn positions_in_single_precision_are_proven_as_they_are_stored() {
     let mut outfit = mannequin(&[Garment::Tshirt, Garment::Jacket], 1.0);
     for layer in std::iter::once(&mut outfit.body).chain(&mut outfit.garments) {
         layer.mesh = moved(&layer.mesh, |p| p.map(|x| f64::from(x as f32)));
-        layer.single_precision = true;
+        layer.storage = Storage::F32;
     }
     let result = assert_clean(&outfit, resolved(&outfit));
     for garment in &result.outfit.garments {

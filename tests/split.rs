@@ -8,6 +8,7 @@ use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, Split, resolve};
+use if_outfit::storage::Storage;
 use if_outfit::verify::verify;
 use scenes::moved;
 use std::ops::ControlFlow;
@@ -20,7 +21,7 @@ fn angular(sides: u32) -> Outfit {
         moved(&tube(0.33, 0.1, sides, 1, false), |p| Point::new(p.x, p.y - 0.05, p.z).map(single));
     Outfit::new(
         Layer::new("ball", icosphere(0.3, 4)),
-        vec![Layer { single_precision: true, ..Layer::new("band", band) }],
+        vec![Layer { storage: Storage::F32, ..Layer::new("band", band) }],
     )
     .unwrap()
 }
@@ -101,8 +102,8 @@ fn vertices_of_no_triangle_stay_and_count_nowhere() {
         let band = &mut outfit.garments[0];
         let single = moved(&band.mesh, |p| p.map(|x| Real::from(x as f32)));
         let vertices = [single.vertices(), &strays].concat();
-        (band.mesh, band.single_precision) =
-            (TriMesh::new(vertices, single.triangles().to_vec()).unwrap(), true);
+        (band.mesh, band.storage) =
+            (TriMesh::new(vertices, single.triangles().to_vec()).unwrap(), Storage::F32);
         outfit
     };
     for split in [Split::Never, Split::IfLeft, Split::IfStrained] {

@@ -21,6 +21,7 @@ use if_mesh::measure::displacement;
 use if_mesh::solid::ClosedLayer;
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, resolve};
+use if_outfit::storage::Storage;
 use if_xpbd::params::SolverParams;
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -37,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("Scene: {}", folder.display());
         let read = |name: &str, path: &str| -> Result<Layer, Box<dyn Error>> {
             let mesh = MeshFile::read(&folder.join(path))?.mesh().clone();
-            Ok(Layer { single_precision: true, ..Layer::new(name, mesh) })
+            Ok(Layer { storage: Storage::F32, ..Layer::new(name, mesh) })
         };
         let garments = ["pencil_skirt", "tshirt", "suit_jacket"]
             .map(|n| read(n, &format!("garments/{n}.ply")));

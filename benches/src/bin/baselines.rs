@@ -25,6 +25,7 @@ use if_mesh::measure::{displacement, strain};
 use if_mesh::solid::{ClosedLayer, ClothedField};
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, resolve};
+use if_outfit::storage::Storage;
 use if_xpbd::air::{AirParams, AirReading};
 use if_xpbd::inner_surface::InnerSurface;
 use if_xpbd::params::SolverParams;
@@ -112,7 +113,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn outfits(folder: &Path) -> Result<Vec<(String, Outfit)>, Box<dyn Error>> {
     let layer = |name: &str, path: PathBuf| -> Result<Layer, Box<dyn Error>> {
         let mesh = MeshFile::read(&path)?.mesh().clone();
-        Ok(Layer { single_precision: true, ..Layer::new(name, mesh) })
+        Ok(Layer { storage: Storage::F32, ..Layer::new(name, mesh) })
     };
     let body = layer("body", folder.join("body_clean.ply"))?;
     let list: serde_json::Map<String, serde_json::Value> =

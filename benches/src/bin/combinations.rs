@@ -16,6 +16,7 @@ use if_mesh::file::MeshFile;
 use if_mesh::ply::{CoordinateType, quantise};
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, Tuck, resolve};
+use if_outfit::storage::Storage;
 use if_outfit::verify::verify;
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
@@ -192,7 +193,7 @@ fn load(path: &Path, name: &str) -> Result<Layer, Box<dyn Error>> {
     let mesh = MeshFile::read(path)?.mesh().clone();
     // As `ifg fix` does: the files hold single precision.
     let rounded = quantise(mesh.vertices(), CoordinateType::Float);
-    Ok(Layer { name: name.to_owned(), mesh: mesh.with_vertices(rounded)?, single_precision: true })
+    Ok(Layer { name: name.to_owned(), mesh: mesh.with_vertices(rounded)?, storage: Storage::F32 })
 }
 
 /// Finished rows of an earlier run; none where there is no file.

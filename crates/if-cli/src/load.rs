@@ -8,6 +8,7 @@ use if_mesh::file::{MeshFile, ReadError};
 use if_mesh::split::Split;
 use if_mesh::validate::faults;
 use if_outfit::outfit::{Layer, Outfit, OutfitError};
+use if_outfit::storage::Storage;
 use miette::Diagnostic;
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -183,8 +184,8 @@ fn to_layer(layer: &LayerSpec, file: &MeshFile, scale: f64) -> Result<Layer, Loa
         source,
     })?;
     // Elsewhere the pipeline would round in metres what is written in other units.
-    let single_precision = scale == 1.0 && file.is_single_precision();
-    Ok(Layer { name: layer.name.clone(), mesh, single_precision })
+    let storage = if scale == 1.0 { Storage::of(file) } else { Storage::F64 };
+    Ok(Layer { name: layer.name.clone(), mesh, storage })
 }
 
 /// The layer that the error is about.

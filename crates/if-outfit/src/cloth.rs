@@ -12,7 +12,6 @@ use crate::self_contact::facing_sheets;
 use crate::separating_plane::parting_plane;
 use crate::untangle::{lead_out, lift, smooth};
 use crate::upper_layers::Ceilings;
-use crate::welded::rounded;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_mesh::index::Bvh;
@@ -156,7 +155,7 @@ impl<'a> Cloth<'a> {
 
     /// Positions as they will be stored.
     pub(crate) fn stored(&self) -> Vec<Point> {
-        if self.garment.single_precision { rounded(&self.x) } else { self.x.clone() }
+        self.garment.storage.round(&self.x)
     }
 
     /// Frees the vertices up to `influence` metres along the surface from `trouble`, and holds the

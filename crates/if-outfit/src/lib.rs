@@ -39,6 +39,7 @@ mod self_contact;
 mod separating_plane;
 mod settle;
 mod splitting;
+pub mod storage;
 mod untangle;
 mod upper_layers;
 pub mod verify;

@@ -1,5 +1,6 @@
 //! What is to be made free of intersections: a closed body and the garments over it.
 
+use crate::storage::Storage;
 use if_core::aabb::Aabb;
 use if_core::edges::Edges;
 use if_core::math::Real;
@@ -15,24 +16,20 @@ pub struct Layer {
     pub name: String,
     /// Its surface, in metres, wound counter-clockwise seen from outside.
     pub mesh: TriMesh,
-    /// Whether the positions will be stored in single precision. They are then rounded before they
-    /// are verified, so that what was proven is what a reader of the file gets.
-    pub single_precision: bool,
+    /// How its positions will be stored. They are rounded to that form before they are verified.
+    pub storage: Storage,
 }
 
 impl Layer {
-    /// A layer whose positions stay in double precision.
+    /// A layer whose positions stay in double precision ([`Storage::F64`]).
     pub fn new(name: impl Into<String>, mesh: TriMesh) -> Self {
-        Self { name: name.into(), mesh, single_precision: false }
+        Self { name: name.into(), mesh, storage: Storage::F64 }
     }
 
     /// The mesh of a file in metres, whose positions will be written to a file of the same kind
     /// ([`MeshFile::write`](if_mesh::file::MeshFile::write)).
     pub fn of_file(name: impl Into<String>, file: &MeshFile) -> Self {
-        Self {
-            single_precision: file.is_single_precision(),
-            ..Self::new(name, file.mesh().clone())
-        }
+        Self { storage: Storage::of(file), ..Self::new(name, file.mesh().clone()) }
     }
 }
 

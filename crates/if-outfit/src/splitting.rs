@@ -7,7 +7,6 @@ use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::{own_pairs, pairs};
-use if_mesh::ply::{CoordinateType, quantise};
 use if_mesh::split::{self, split};
 
 /// A triangle is split at most so often.
@@ -98,11 +97,9 @@ fn with_neighbours(mesh: &TriMesh, bad: &[bool]) -> Vec<bool> {
 
 /// With new vertices as a file stores them: the surface to start from is that of the file.
 fn rounded(mut made: split::Split, garment: &Layer) -> split::Split {
-    if garment.single_precision {
-        let old = garment.mesh.vertices();
-        let mut stored = quantise(made.mesh.vertices(), CoordinateType::Float);
-        stored[..old.len()].copy_from_slice(old);
-        made.mesh = made.mesh.with_vertices(stored).unwrap_or(made.mesh);
-    }
+    let old = garment.mesh.vertices();
+    let mut stored = garment.storage.round(made.mesh.vertices());
+    stored[..old.len()].copy_from_slice(old);
+    made.mesh = made.mesh.with_vertices(stored).expect("rounded positions are finite");
     made
 }

@@ -2,9 +2,9 @@
 //! be stored.
 
 use crate::outfit::{Layer, Outfit};
+use crate::storage::Storage;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
-use if_mesh::ply::{CoordinateType, quantise};
 use if_mesh::seams::{self, sew};
 use rayon::prelude::*;
 
@@ -39,7 +39,7 @@ impl Sewn {
         let with = |layer: &Layer, sewn: Option<&seams::Sewn>, stored: Option<TriMesh>| Layer {
             name: layer.name.clone(),
             mesh: stored.unwrap_or_else(|| sewn.map_or(&layer.mesh, |s| &s.mesh).clone()),
-            single_precision: layer.single_precision,
+            storage: layer.storage,
         };
         let body = with(&outfit.body, body.as_ref(), None);
         let (layers, garments) = outfit
@@ -76,19 +76,10 @@ impl Sewn {
 
 /// `mesh` as the file of `layer` will hold it, where that is another one.
 fn stored(layer: &Layer, mesh: &TriMesh) -> Option<TriMesh> {
-    let single = layer.single_precision.then(|| rounded(mesh.vertices()))?;
-    (single != mesh.vertices())
-        .then(|| mesh.with_vertices(single).expect("rounded positions are finite"))
-}
-
-/// Positions in single precision. What is beyond its range stays: that can only be a vertex of no
-/// triangle, since a garment is refused as too large before.
-pub(crate) fn rounded(positions: &[Point]) -> Vec<Point> {
-    let mut single = quantise(positions, CoordinateType::Float);
-    for (single, p) in single.iter_mut().zip(positions) {
-        if !single.iter().all(|x| x.is_finite()) {
-            *single = *p;
-        }
+    if layer.storage == Storage::F64 {
+        return None;
     }
-    single
+    let rounded = layer.storage.round(mesh.vertices());
+    (rounded != mesh.vertices())
+        .then(|| mesh.with_vertices(rounded).expect("rounded positions are finite"))
 }

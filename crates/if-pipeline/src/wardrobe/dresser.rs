@@ -8,6 +8,7 @@ use if_core::mesh::TriMesh;
 use if_mesh::ply::{CoordinateType, quantise};
 use if_mesh::solid::ClosedLayer;
 use if_outfit::outfit::{Layer, Outfit};
+use if_outfit::storage::Storage;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -166,7 +167,7 @@ impl<'a> Dresser<'a> {
         let layer = |name: &str, mesh: &TriMesh| Layer {
             name: name.into(),
             mesh: mesh.clone(),
-            single_precision: true,
+            storage: Storage::F32,
         };
         let layers = names.iter().zip(&garments).map(|(name, g)| layer(name, &g.mesh)).collect();
         let outfit = Outfit::new(layer(&combination.body, &dummy.body.mesh), layers)?;
