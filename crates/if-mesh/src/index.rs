@@ -714,27 +714,6 @@ mod tests {
     }
 
     #[test]
-    fn nearest_points_agree_with_parry() {
-        use parry3d_f64::query::PointQuery;
-        let mesh = sheet(20);
-        let bvh = Bvh::new(&mesh);
-        let to = |p: &Point| parry3d_f64::math::Vector::new(p.x, p.y, p.z);
-        let theirs = parry3d_f64::shape::TriMesh::new(
-            mesh.vertices().iter().map(to).collect(),
-            mesh.triangles().to_vec(),
-        )
-        .unwrap();
-        for p in points(300) {
-            let d = theirs.distance_to_local_point(to(&p), false);
-            approx::assert_relative_eq!(
-                bvh.closest(&p, Real::INFINITY).unwrap().distance,
-                d,
-                epsilon = 1e-12
-            );
-        }
-    }
-
-    #[test]
     fn a_refitted_tree_answers_as_a_new_one() {
         let mesh = sheet(10);
         let moved = mesh
