@@ -5,12 +5,12 @@ mod scenes;
 
 use if_core::math::{Point, Real};
 use if_core::mesh::{MeshError, TriMesh};
+use if_core::monitor::Silent;
 use if_core::shapes::meshes::{cloth, icosphere, tube};
 use if_outfit::outfit::{Layer, Outfit, OutfitError};
 use if_outfit::resolve::{ResolveError, ResolveParams, resolve};
 use if_outfit::verify::verify;
 use scenes::{assert_clean_or_left, ball_in_tube, flipped, moved, resolved};
-use std::ops::ControlFlow;
 
 fn ball() -> Layer {
     Layer::new("ball", icosphere(0.3, 3))
@@ -168,7 +168,7 @@ fn odd_but_usable_garments_end_clean_or_with_what_is_left() {
     for (case, mesh) in cases {
         let start = std::time::Instant::now();
         let outfit = outfit_with(mesh);
-        let outcome = resolve(&outfit, &params, &mut |_| ControlFlow::Continue(()));
+        let outcome = resolve(&outfit, &params, &mut Silent);
         clean.extend(outcome.is_ok().then_some(case));
         assert_clean_or_left(&outfit, outcome);
         println!("{case}: {:.1} s", start.elapsed().as_secs_f64());
@@ -185,16 +185,16 @@ fn a_garment_beside_the_body_is_left_alone() {
     assert_eq!(result.outfit, outfit);
 }
 
-fn refusal(change: impl Fn(&mut ResolveParams)) -> Option<&'static str> {
+fn refusal(change: impl Fn(&mut ResolveParams)) -> Option<String> {
     let mut params = ResolveParams::default();
     change(&mut params);
-    match resolve(&ball_in_tube("band", 0.295), &params, &mut |_| ControlFlow::Continue(())) {
-        Err(ResolveError::Parameter { name, value, help }) => {
+    match resolve(&ball_in_tube("band", 0.295), &params, &mut Silent) {
+        Err(ResolveError::Parameter(error)) => {
             assert!(
-                !help.is_empty() && (!value.is_finite() || value <= 0.0),
-                "{name} = {value}: {help}"
+                !error.range.is_empty() && (!error.value.is_finite() || error.value <= 0.0),
+                "{error}"
             );
-            Some(name)
+            Some(error.name.into_owned())
         }
         _ => None,
     }
@@ -221,8 +221,8 @@ fn parameters_that_are_not_numbers_or_negative_are_refused_by_name() {
     ];
     for (name, set) in parameters {
         for bad in [Real::NAN, Real::INFINITY, -1.0] {
-            assert_eq!(refusal(|p| set(p, bad)), Some(name), "{name} = {bad}");
+            assert_eq!(refusal(|p| set(p, bad)).as_deref(), Some(name), "{name} = {bad}");
         }
     }
-    assert_eq!(refusal(|p| p.outward_cell = 0.0), Some("outward_cell"));
+    assert_eq!(refusal(|p| p.outward_cell = 0.0).as_deref(), Some("outward_cell"));
 }

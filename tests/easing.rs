@@ -3,15 +3,13 @@
 mod scenes;
 
 use if_body::mannequin::Garment::{Coat, Jacket, Tshirt};
+use if_core::monitor::Silent;
 use if_outfit::outfit::Outfit;
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
 use scenes::{assert_clean, mannequin};
-use std::ops::ControlFlow;
 
 fn run(outfit: &Outfit, ease_rounds: usize) -> Result<Resolved, ResolveError> {
-    resolve(outfit, &ResolveParams { ease_rounds, ..ResolveParams::default() }, &mut |_| {
-        ControlFlow::Continue(())
-    })
+    resolve(outfit, &ResolveParams { ease_rounds, ..ResolveParams::default() }, &mut Silent)
 }
 
 #[test]

@@ -8,8 +8,9 @@ use if_core::aabb::Aabb;
 use if_core::intersect;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
+use if_core::monitor::{Cancelled, Progress, Silent};
 use if_outfit::outfit::{Layer, Outfit};
-use if_outfit::resolve::{ResolveError, ResolveParams, Stage, resolve};
+use if_outfit::resolve::{ResolveError, ResolveParams, resolve};
 use if_outfit::storage::Storage;
 use if_outfit::verify::verify;
 use rayon::prelude::*;
@@ -327,27 +328,25 @@ fn a_naked_body_is_clean() {
 }
 
 #[test]
-fn whoever_watches_can_cancel_at_any_time() {
+fn a_monitor_can_cancel_at_any_time() {
     let outfit = ball_in_tube("band", 0.295);
     let mut stages = Vec::new();
-    let result = resolve(&outfit, &ResolveParams::default(), &mut |p| {
+    let result = resolve(&outfit, &ResolveParams::default(), &mut |p: &Progress| {
         stages.push(p.stage);
         ControlFlow::Continue(())
     });
     assert_clean(&outfit, result);
     assert!(
-        stages.contains(&Stage::Verify)
-            && stages.contains(&Stage::Settle)
-            && stages.last() == Some(&Stage::Done)
+        stages.contains(&"verify") && stages.contains(&"settle") && stages.last() == Some(&"done")
     );
     for stop in 0..stages.len() {
         let mut calls = 0;
-        let result = resolve(&outfit, &ResolveParams::default(), &mut |_| {
+        let result = resolve(&outfit, &ResolveParams::default(), &mut |_: &Progress| {
             calls += 1;
             if calls > stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
-        assert_eq!(result.unwrap_err(), ResolveError::Cancelled { layer: "band".into() });
-        assert_eq!(calls, stop + 1, "nothing is told after the break");
+        assert_eq!(result.unwrap_err(), ResolveError::Cancelled(Cancelled));
+        assert_eq!(calls, stop + 1, "no progress is reported after the cancellation");
     }
 }
 
@@ -364,7 +363,7 @@ fn what_is_not_done_in_the_rounds_is_an_error_that_names_the_pairs() {
         ease_rounds: 0,
         ..ResolveParams::default()
     };
-    let outcome = resolve(&outfit, &slow, &mut |_| ControlFlow::Continue(()));
+    let outcome = resolve(&outfit, &slow, &mut Silent);
     let Err(ResolveError::Remaining { outer, inner, triangles, result }) = &outcome else {
         panic!("{outcome:?}")
     };
@@ -382,7 +381,9 @@ fn what_is_not_done_in_the_rounds_is_an_error_that_names_the_pairs() {
 #[test]
 fn no_rounds_at_all_are_refused() {
     let params = ResolveParams { rounds: 0, ..ResolveParams::default() };
-    let outcome =
-        resolve(&ball_in_tube("band", 0.295), &params, &mut |_| ControlFlow::Continue(()));
-    assert!(matches!(outcome, Err(ResolveError::Parameter { name: "rounds", .. })), "{outcome:?}");
+    let outcome = resolve(&ball_in_tube("band", 0.295), &params, &mut Silent);
+    assert!(
+        matches!(&outcome, Err(ResolveError::Parameter(error)) if error.name == "rounds"),
+        "{outcome:?}"
+    );
 }

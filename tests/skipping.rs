@@ -10,13 +10,13 @@ use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::masked::{BoxMask, Masked};
 use if_core::math::{Point, Real, Vector};
+use if_core::monitor::Silent;
 use if_core::shapes::Torus;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_mesh::baked::{BakeParams, Baked};
 use if_mesh::extract::{ExtractParams, Sampling, extract};
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveParams, resolve};
-use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 fn scene() -> Outfit {
@@ -32,8 +32,7 @@ fn resolve_gives_the_same_bits_whether_it_skips_or_not() {
     let outfit = scene();
     let run = |skip| {
         let params = ResolveParams { skip, ..Default::default() };
-        resolve(&outfit, &params, &mut |_| ControlFlow::Continue(()))
-            .expect("the built-in scene comes out clean")
+        resolve(&outfit, &params, &mut Silent).expect("the built-in scene comes out clean")
     };
     let (with, without) = (run(true), run(false));
     assert!(with.outfit == without.outfit, "skipping changed the result");
@@ -52,9 +51,8 @@ fn resolve_gives_the_same_bits_whether_it_skips_or_not() {
 #[test]
 fn a_scene_that_needs_nothing_is_only_looked_at() {
     let params = ResolveParams::default();
-    let clean =
-        resolve(&scene(), &params, &mut |_| ControlFlow::Continue(())).expect("clean").outfit;
-    let again = resolve(&clean, &params, &mut |_| ControlFlow::Continue(())).expect("still clean");
+    let clean = resolve(&scene(), &params, &mut Silent).expect("clean").outfit;
+    let again = resolve(&clean, &params, &mut Silent).expect("still clean");
     assert!(again.outfit == clean, "a clean scene was changed");
     for layer in &again.report.layers {
         assert_eq!(
@@ -87,8 +85,7 @@ fn a_layer_that_does_not_meet_another_is_counted_and_ends_with_the_same_bits_wit
     };
     let worn = |garments| {
         let outfit = Outfit::new(Layer::new("body", body.clone()), garments).expect("an outfit");
-        resolve(&outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(()))
-            .expect("clean")
+        resolve(&outfit, &ResolveParams::default(), &mut Silent).expect("clean")
     };
     let both = worn(vec![band("low", -0.25), band("high", 0.15)]);
     let alone = worn(vec![band("high", 0.15)]);

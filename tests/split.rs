@@ -5,13 +5,13 @@ mod scenes;
 
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, Split, resolve};
 use if_outfit::storage::Storage;
 use if_outfit::verify::verify;
 use scenes::moved;
-use std::ops::ControlFlow;
 
 /// A ball of 0.3 m radius in a band of `sides` flat sides whose corners are 0.33 m from the axis,
 /// as a file in single precision holds it.
@@ -28,7 +28,7 @@ fn angular(sides: u32) -> Outfit {
 
 fn run(outfit: &Outfit, split: Split, rounds: usize) -> Result<Resolved, ResolveError> {
     let params = ResolveParams { split, rounds, ..ResolveParams::default() };
-    resolve(outfit, &params, &mut |_| ControlFlow::Continue(()))
+    resolve(outfit, &params, &mut Silent)
 }
 
 /// What was split is the input's surface, with its vertices first.

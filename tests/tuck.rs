@@ -3,11 +3,11 @@
 mod scenes;
 
 use if_core::math::Point;
+use if_core::monitor::Silent;
 use if_mesh::solid::ClosedLayer;
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, Tuck, resolve};
 use scenes::{assert_clean, assert_clean_or_left, ball_in_tube, moved};
-use std::ops::ControlFlow;
 
 /// A ball of 0.3 m radius in a band of 0.36 m, and over that a wider one of 0.33 m.
 fn tight_over_loose() -> Outfit {
@@ -18,7 +18,7 @@ fn tight_over_loose() -> Outfit {
 }
 
 fn run(outfit: &Outfit, params: &ResolveParams) -> Result<Resolved, ResolveError> {
-    resolve(outfit, params, &mut |_| ControlFlow::Continue(()))
+    resolve(outfit, params, &mut Silent)
 }
 
 fn with(tuck: Tuck) -> ResolveParams {

@@ -4,11 +4,11 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use if_body::mannequin::{MannequinParams, layered};
+use if_core::monitor::Silent;
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveParams, resolve};
 use if_outfit::verify::verify;
 use std::hint::black_box;
-use std::ops::ControlFlow;
 use std::time::Duration;
 
 fn scene(resolution: f64) -> Outfit {
@@ -23,11 +23,7 @@ fn bench(c: &mut Criterion) {
     group.sample_size(10).measurement_time(Duration::from_secs(20));
     for (name, resolution) in [("coarse", 0.7), ("demo", 1.0)] {
         let outfit = scene(resolution);
-        let run = || {
-            resolve(black_box(&outfit), &ResolveParams::default(), &mut |_| {
-                ControlFlow::Continue(())
-            })
-        };
+        let run = || resolve(black_box(&outfit), &ResolveParams::default(), &mut Silent);
         let first = run().expect("the built-in scene comes out clean");
         assert!(verify(&first.outfit).expect("it is an outfit").is_clean());
         group.bench_function(name, |b| {

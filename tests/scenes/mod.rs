@@ -5,11 +5,11 @@
 use if_body::mannequin::{Garment, MannequinParams, body, garment};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
 use if_outfit::verify::verify;
-use std::ops::ControlFlow;
 
 /// The coarsest mannequin, with these garments, each dipping into those below by `overlap`.
 pub fn mannequin(garments: &[Garment], overlap: f64) -> Outfit {
@@ -37,7 +37,7 @@ pub fn flipped(mesh: &TriMesh) -> TriMesh {
 
 /// Resolves with the default parameters.
 pub fn resolved(outfit: &Outfit) -> Result<Resolved, ResolveError> {
-    resolve(outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(()))
+    resolve(outfit, &ResolveParams::default(), &mut Silent)
 }
 
 /// Checks what is promised of every outcome, and that this one is clean.

@@ -5,11 +5,11 @@ use crate::meshes;
 use crate::scenes::assert_clean;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
 use if_outfit::verify::verify;
-use std::ops::ControlFlow;
 
 fn mapped(mesh: &TriMesh, f: impl Fn(&Point) -> Point) -> TriMesh {
     mesh.with_vertices(mesh.vertices().iter().map(f).collect()).unwrap()
@@ -84,7 +84,7 @@ fn params() -> ResolveParams {
 }
 
 fn run(outfit: &Outfit) -> Result<Resolved, ResolveError> {
-    resolve(outfit, &params(), &mut |_| ControlFlow::Continue(()))
+    resolve(outfit, &params(), &mut Silent)
 }
 
 /// What is promised where something is left: the same triangles, and a report that says what an

@@ -4,10 +4,10 @@
 
 use crate::record::{Record, Run, timed};
 use if_body::mannequin::{MannequinParams, layered};
+use if_core::monitor::Silent;
 use if_mesh::file::MeshFile;
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, Split, Tuck, resolve};
-use std::ops::ControlFlow;
 use std::path::Path;
 
 const DATA: &str = "../shared/data/body_a";
@@ -86,7 +86,7 @@ fn sweep(record: &mut Record, name: &str, outfit: &Outfit) {
     for (method, setting, change) in changes {
         let mut params = ResolveParams::default();
         change(&mut params);
-        let (ms, found) = timed(|| resolve(outfit, &params, &mut |_| ControlFlow::Continue(())));
+        let (ms, found) = timed(|| resolve(outfit, &params, &mut Silent));
         let (report, clean) = match found {
             Ok(done) => (done.report, true),
             Err(ResolveError::Remaining { result, .. }) => (result.report, false),

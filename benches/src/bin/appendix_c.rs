@@ -16,6 +16,7 @@ use if_body::mannequin::{Garment, MannequinParams, body, garment};
 use if_core::masked::Mask;
 use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_mesh::file::MeshFile;
 use if_mesh::measure::displacement;
 use if_mesh::solid::ClosedLayer;
@@ -24,7 +25,6 @@ use if_outfit::resolve::{ResolveError, ResolveParams, resolve};
 use if_outfit::storage::Storage;
 use if_xpbd::params::SolverParams;
 use std::error::Error;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 /// How far the built-in jacket is off its place, in metres.
@@ -60,12 +60,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         garments[2].mesh = jacket.with_vertices(shifted)?;
         Outfit::new(Layer::new("body", body(&params)), garments.to_vec())?
     };
-    let resolved =
-        match resolve(&outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(())) {
-            Ok(resolved) => resolved,
-            Err(ResolveError::Remaining { result, .. }) => *result,
-            Err(other) => return Err(other.into()),
-        };
+    let resolved = match resolve(&outfit, &ResolveParams::default(), &mut Silent) {
+        Ok(resolved) => resolved,
+        Err(ResolveError::Remaining { result, .. }) => *result,
+        Err(other) => return Err(other.into()),
+    };
     let jacket = &outfit.garments[2].mesh;
     let closed_body = ClosedLayer::body(&outfit.body.mesh);
     let inner = [0, 1].map(|k| {

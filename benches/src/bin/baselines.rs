@@ -18,6 +18,7 @@ use if_benches::baselines::laplacian::{LaplacianParams, deform};
 use if_benches::baselines::push::{Inflate, InflateParams, inflated, naive};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_mesh::file::MeshFile;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::own_pairs;
@@ -30,7 +31,6 @@ use if_xpbd::air::{AirParams, AirReading};
 use if_xpbd::inner_surface::InnerSurface;
 use if_xpbd::params::SolverParams;
 use std::error::Error;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -137,12 +137,11 @@ fn outfits(folder: &Path) -> Result<Vec<(String, Outfit)>, Box<dyn Error>> {
 
 /// Every method on every layer.
 fn compare(name: &str, outfit: &Outfit, quick: bool) -> Result<Vec<Outcome>, Box<dyn Error>> {
-    let resolved =
-        match resolve(outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(())) {
-            Ok(resolved) => resolved,
-            Err(ResolveError::Remaining { result, .. }) => *result,
-            Err(other) => return Err(other.into()),
-        };
+    let resolved = match resolve(outfit, &ResolveParams::default(), &mut Silent) {
+        Ok(resolved) => resolved,
+        Err(ResolveError::Remaining { result, .. }) => *result,
+        Err(other) => return Err(other.into()),
+    };
     let mut outcomes = Vec::new();
     let mut below = vec![ClosedLayer::body(&outfit.body.mesh)];
     let mut inner = &outfit.body.mesh;

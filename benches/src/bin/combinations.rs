@@ -12,6 +12,7 @@
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
+use if_core::monitor::Silent;
 use if_mesh::file::MeshFile;
 use if_mesh::ply::{CoordinateType, quantise};
 use if_outfit::outfit::{Layer, Outfit};
@@ -22,7 +23,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::fs::{self, OpenOptions};
 use std::io::Write;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -212,9 +212,7 @@ fn rows(path: &Path) -> Result<Vec<Vec<String>>, Box<dyn Error>> {
 
 fn row(title: &str, outfit: &Outfit, tuck: Tuck) -> Result<Vec<String>, Box<dyn Error>> {
     let start = Instant::now();
-    let outcome = resolve(outfit, &ResolveParams { tuck, ..Default::default() }, &mut |_| {
-        ControlFlow::Continue(())
-    });
+    let outcome = resolve(outfit, &ResolveParams { tuck, ..Default::default() }, &mut Silent);
     let seconds = start.elapsed().as_secs_f64();
     let (state, resolved): (&str, Resolved) = match outcome {
         Ok(resolved) => ("clean", resolved),

@@ -14,6 +14,7 @@ use if_body::mannequin::{MannequinParams, layered};
 use if_core::edges::Edges;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_mesh::file::MeshFile;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::pairs;
@@ -22,7 +23,6 @@ use if_outfit::resolve::{ResolveError, ResolveParams, resolve};
 use if_outfit::verify::verify;
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -52,11 +52,10 @@ fn main() -> Result<(), Box<dyn Error>> {
             .sum();
         let alone = start.elapsed().as_secs_f64();
         let start = Instant::now();
-        let result =
-            match resolve(&outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(())) {
-                Err(ResolveError::Remaining { result, .. }) => *result,
-                other => other?,
-            };
+        let result = match resolve(&outfit, &ResolveParams::default(), &mut Silent) {
+            Err(ResolveError::Remaining { result, .. }) => *result,
+            other => other?,
+        };
         let now = [triangles as f64, start.elapsed().as_secs_f64(), verified, alone];
         // Time grows as triangles to this power.
         let exponent = |k: usize| {

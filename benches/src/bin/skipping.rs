@@ -13,12 +13,12 @@
 
 use if_body::mannequin::{MannequinParams, layered};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_mesh::file::MeshFile;
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
 use if_outfit::verify::verify;
 use std::error::Error;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -63,9 +63,7 @@ fn load(path: &Path) -> Result<TriMesh, Box<dyn Error>> {
 
 fn run(outfit: &Outfit, skip: bool) -> Result<(f64, Resolved), Box<dyn Error>> {
     let start = Instant::now();
-    let found = resolve(outfit, &ResolveParams { skip, ..Default::default() }, &mut |_| {
-        ControlFlow::Continue(())
-    });
+    let found = resolve(outfit, &ResolveParams { skip, ..Default::default() }, &mut Silent);
     let seconds = start.elapsed().as_secs_f64();
     match found {
         Err(ResolveError::Remaining { result, .. }) => Ok((seconds, *result)),

@@ -1,6 +1,6 @@
 //! Progress on stderr, where that is a terminal.
 
-use if_outfit::resolve::{Progress, Stage};
+use if_core::monitor::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::fmt::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -56,19 +56,14 @@ impl Line {
 
     /// Says how far the resolving is.
     pub(crate) fn show(&self, progress: &Progress) {
-        let stage = match progress.stage {
-            Stage::Verify => "verify",
-            Stage::Settle => "settle",
-            Stage::Repair => "repair",
-            Stage::Done => "done",
-        };
-        let mut text =
-            format!("{} ({}/{}) {stage}", progress.layer, progress.index + 1, progress.layers);
-        if matches!(progress.stage, Stage::Settle | Stage::Repair) {
-            let _ = write!(text, ", round {}", progress.round);
+        let mut text = progress.item.to_owned();
+        let garment = (progress.measure("garment"), progress.measure("garments"));
+        if let (Some(index), Some(count)) = garment {
+            let _ = write!(text, " ({index}/{count})");
         }
-        if let Some(pairs) = progress.pairs {
-            let _ = write!(text, ", {pairs} pairs left");
+        let _ = write!(text, " {}", progress.stage);
+        if let Some(pairs) = progress.measure("pairs") {
+            let _ = write!(text, ", round {}, {pairs} pairs left", progress.done);
         }
         self.say(&text);
     }

@@ -11,9 +11,10 @@ use crate::pictures;
 use crate::progress::Line;
 use crate::receipt::{self, Output, Request, Timings};
 use crate::staging::{OutputError, Staging};
+use if_core::monitor::Progress;
 use if_outfit::outfit::Outfit;
 use if_outfit::report::ResolveReport;
-use if_outfit::resolve::{Progress, ResolveError, Resolved, resolve};
+use if_outfit::resolve::{ResolveError, Resolved, resolve};
 use if_outfit::verify::verify;
 use miette::{Diagnostic, IntoDiagnostic, Report};
 use std::ops::ControlFlow;
@@ -158,7 +159,7 @@ fn resolve_and_prove(
         match resolve(&loaded.outfit, &spec.params, &mut watch) {
             Ok(resolved) => (resolved, vec![]),
             Err(ResolveError::Remaining { triangles, result, .. }) => (*result, triangles),
-            Err(ResolveError::Cancelled { .. }) => return Ok(None),
+            Err(ResolveError::Cancelled(_)) => return Ok(None),
             Err(source) => return Err(Refused { outfit: spec.name.clone(), source }.into()),
         };
     for (k, split) in splits.iter().enumerate() {

@@ -1,16 +1,16 @@
 //! The body with the garments put on so far, inner to outer: each settled, verified and frozen.
 
 use crate::outfit::Outfit;
+use crate::progress::{DONE, GarmentProgress, VERIFY};
 use crate::report::{LayerReport, PairReport, ResolveReport, Skipped, Verification};
-use crate::resolve::{ResolveParams, Stage};
-use crate::settle::{Halt, Settled, settle};
+use crate::resolve::ResolveParams;
+use crate::settle::{SettleError, Settled, settle};
 use crate::upper_layers::{Above, Ceilings};
 use crate::verify::against;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::own_pairs;
 use if_mesh::measure::{displacement, strain};
 use if_mesh::solid::ClosedLayer;
-use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -52,8 +52,8 @@ impl<'a> Dressing<'a> {
     ///
     /// # Errors
     ///
-    /// [`Halt::Cancelled`] when `tell` asked to stop; [`Halt::Stuck`] where the garment comes to a standstill over others that it met
-    /// and `may_halt`.
+    /// [`SettleError::Cancelled`] if the monitor cancels; [`SettleError::Stuck`] if the garment makes
+    /// no progress over others that it met, and `may_halt`.
     pub(crate) fn put_on(
         &mut self,
         index: usize,
@@ -61,14 +61,12 @@ impl<'a> Dressing<'a> {
         above: &Above,
         may_halt: bool,
         params: &ResolveParams,
-        tell: &mut dyn FnMut(Stage, usize, Option<usize>) -> ControlFlow<()>,
-    ) -> Result<(), Halt> {
+        progress: &mut GarmentProgress<'_>,
+    ) -> Result<(), SettleError> {
         let (outfit, report, below) = (self.outfit, &mut self.report, &mut self.below);
         let garment = &outfit.garments[index];
         let begun = Instant::now();
-        if tell(Stage::Verify, 0, None).is_break() {
-            return Err(Halt::Cancelled);
-        }
+        progress.report(VERIFY, 0, None)?;
         let reach = garment.mesh.aabb().inflated(params.clearance + params.margin);
         let apart = below.iter().filter(|(_, c)| !c.bvh().aabb().overlaps(&reach)).count();
         let near: Vec<&ClosedLayer> = below.iter().map(|(_, c)| c.as_ref()).collect();
@@ -85,10 +83,7 @@ impl<'a> Dressing<'a> {
             let above = Ceilings { layers: &ceilings, reach: above.reach() };
             let could_tuck = found.iter().any(|p| p.inner != outfit.body.name && !p.is_clean());
             let may_yield = !(may_halt && could_tuck);
-            let mut inform = |round, repairing, pairs| {
-                tell(if repairing { Stage::Repair } else { Stage::Settle }, round, pairs)
-            };
-            settle(garment, &near, above, may_yield, params, &mut inform)?
+            settle(garment, &near, above, may_yield, params, progress)?
         };
         let mesh =
             garment.mesh.with_vertices(settled.positions).expect("settled positions are finite");
@@ -135,9 +130,6 @@ impl<'a> Dressing<'a> {
             below.push((garment.name.clone(), layer));
         }
         self.result.garments[index].mesh = mesh;
-        match tell(Stage::Done, settled.rounds, None) {
-            ControlFlow::Continue(()) => Ok(()),
-            ControlFlow::Break(()) => Err(Halt::Cancelled),
-        }
+        Ok(progress.report(DONE, settled.rounds, None)?)
     }
 }

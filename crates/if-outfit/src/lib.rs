@@ -13,14 +13,14 @@
 //! ```
 //! use if_body::mannequin;
 //! use if_outfit::{outfit::{Layer, Outfit}, resolve::{ResolveParams, resolve}, verify::verify};
-//! use std::ops::ControlFlow;
+//! use if_core::monitor::Silent;
 //!
 //! let scene = mannequin::MannequinParams { resolution: 0.7, ..Default::default() };
 //! let tshirt = mannequin::garment(mannequin::Garment::Tshirt, &scene);
 //! let outfit = Outfit::new(Layer::new("body", mannequin::body(&scene)), vec![Layer::new("tshirt", tshirt)])?;
 //! assert!(!verify(&outfit)?.is_clean());
 //!
-//! let resolved = resolve(&outfit, &ResolveParams::default(), &mut |_| ControlFlow::Continue(()))?;
+//! let resolved = resolve(&outfit, &ResolveParams::default(), &mut Silent)?;
 //! assert!(verify(&resolved.outfit)?.is_clean());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -33,6 +33,7 @@ mod dressing;
 mod geodesic;
 mod inspector;
 pub mod outfit;
+mod progress;
 pub mod report;
 pub mod resolve;
 mod self_contact;

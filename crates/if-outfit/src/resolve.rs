@@ -2,18 +2,20 @@
 
 use crate::dressing::Dressing;
 use crate::outfit::{Outfit, OutfitError};
+use crate::progress::GarmentProgress;
 use crate::report::ResolveReport;
-use crate::settle::Halt;
+use crate::settle::SettleError;
 use crate::splitting;
 use crate::upper_layers::Above;
 use crate::verify::verify_layers;
 use crate::welded::Sewn;
 use if_core::math::Real;
+use if_core::monitor::{Cancelled, Monitor};
+use if_core::parameter::ParameterError;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::{own_pairs, pairs};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 /// What [`resolve`] aims at, and how hard it tries.
@@ -119,71 +121,43 @@ impl ResolveParams {
     ///
     /// # Errors
     ///
-    /// [`ResolveError::Parameter`] with the first that is not.
-    pub fn validate(&self) -> Result<(), ResolveError> {
-        const POSITIVE: &str = "it must be a number of metres above 0, at most 10";
-        const SOFTNESS: &str = "it must be a number from 0 (rigid) to 1e12";
-        const COUNT: &str = "it must be 1 to 10,000";
-        let positive = |v: Real| v > 0.0 && v <= 10.0;
-        let soft = |v: Real| (0.0..=1e12).contains(&v);
-        let count = |n: usize| (1..=10_000).contains(&n);
-        let checks = [
-            (
-                "clearance",
-                self.clearance,
-                positive(self.clearance) && self.clearance < 0.1,
-                "it must be between 0 and 0.1 m",
-            ),
-            ("influence", self.influence, positive(self.influence), POSITIVE),
-            ("repair_influence", self.repair_influence, positive(self.repair_influence), POSITIVE),
-            ("step", self.step, positive(self.step), POSITIVE),
-            ("part_step", self.part_step, positive(self.part_step), POSITIVE),
-            ("margin", self.margin, positive(self.margin), POSITIVE),
-            ("max_push", self.max_push, positive(self.max_push), POSITIVE),
-            ("long_edge", self.long_edge, positive(self.long_edge), POSITIVE),
-            ("fold", self.fold, positive(self.fold), POSITIVE),
-            ("outward_cell", self.outward_cell, positive(self.outward_cell), POSITIVE),
-            ("tolerance", self.tolerance, positive(self.tolerance), POSITIVE),
-            ("sweeps", self.sweeps as Real, count(self.sweeps), COUNT),
-            ("rounds", self.rounds as Real, count(self.rounds), COUNT),
-            (
-                "calm_strain",
-                self.calm_strain,
-                soft(self.calm_strain),
-                "it must be a share from 0 to 1e12",
-            ),
-            (
-                "drawn_strain",
-                self.drawn_strain,
-                soft(self.drawn_strain),
-                "it must be a share from 0 to 1e12",
-            ),
-            (
-                "strain_limit",
-                self.strain_limit,
-                soft(self.strain_limit),
-                "it must be a share from 0 to 1e12",
-            ),
-            ("stretch_softness", self.stretch_softness, soft(self.stretch_softness), SOFTNESS),
-            ("bending_softness", self.bending_softness, soft(self.bending_softness), SOFTNESS),
-            ("anchor_softness", self.anchor_softness, soft(self.anchor_softness), SOFTNESS),
-            (
-                "tuck_reach",
-                self.tuck_reach,
-                positive(self.tuck_reach) && self.tuck_reach < 0.2,
-                "it must be between 0 and 0.2 m",
-            ),
-            (
-                "inflation",
-                self.inflation,
-                (1.0..=2.0).contains(&self.inflation),
-                "it must lie between 1 and 2",
-            ),
-        ];
-        match checks.into_iter().find(|c| !c.2) {
-            Some((name, value, _, help)) => Err(ResolveError::Parameter { name, value, help }),
-            None => Ok(()),
-        }
+    /// The first parameter that is out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        const METRES: &str = "above 0 and at most 10 m";
+        const SHARE: &str = "a share from 0 to 1e12";
+        const COMPLIANCE: &str = "from 0 (rigid) to 1e12";
+        const COUNT: &str = "from 1 to 10,000";
+        let length = |name, v: Real| ParameterError::check(name, v, v > 0.0 && v <= 10.0, METRES);
+        let from_zero =
+            |name, v, range| ParameterError::check(name, v, (0.0..=1e12).contains(&v), range);
+        let count = |name, n: usize| {
+            ParameterError::check(name, n as Real, (1..=10_000).contains(&n), COUNT)
+        };
+        let below = |name, v: Real, limit, range| {
+            ParameterError::check(name, v, v > 0.0 && v < limit, range)
+        };
+        below("clearance", self.clearance, 0.1, "between 0 and 0.1 m")?;
+        length("influence", self.influence)?;
+        length("repair_influence", self.repair_influence)?;
+        length("step", self.step)?;
+        length("part_step", self.part_step)?;
+        length("margin", self.margin)?;
+        length("max_push", self.max_push)?;
+        length("long_edge", self.long_edge)?;
+        length("fold", self.fold)?;
+        length("outward_cell", self.outward_cell)?;
+        length("tolerance", self.tolerance)?;
+        count("sweeps", self.sweeps)?;
+        count("rounds", self.rounds)?;
+        from_zero("calm_strain", self.calm_strain, SHARE)?;
+        from_zero("drawn_strain", self.drawn_strain, SHARE)?;
+        from_zero("strain_limit", self.strain_limit, SHARE)?;
+        from_zero("stretch_softness", self.stretch_softness, COMPLIANCE)?;
+        from_zero("bending_softness", self.bending_softness, COMPLIANCE)?;
+        from_zero("anchor_softness", self.anchor_softness, COMPLIANCE)?;
+        below("tuck_reach", self.tuck_reach, 0.2, "between 0 and 0.2 m")?;
+        let inflation = (1.0..=2.0).contains(&self.inflation);
+        ParameterError::check("inflation", self.inflation, inflation, "from 1 to 2")
     }
 }
 
@@ -222,36 +196,6 @@ pub enum Split {
     IfStrained,
 }
 
-/// What is being done, for progress bars.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Progress<'a> {
-    /// The garment at work.
-    pub layer: &'a str,
-    /// Its index, 0 for the innermost garment.
-    pub index: usize,
-    /// Number of garments.
-    pub layers: usize,
-    /// What is being done.
-    pub stage: Stage,
-    /// Round of detection and settling, or of repair.
-    pub round: usize,
-    /// Intersecting pairs left, where they were counted.
-    pub pairs: Option<usize>,
-}
-
-/// The stages of a layer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// Looking at the input.
-    Verify,
-    /// Contacts and cloth settle.
-    Settle,
-    /// What exact verification found is repaired.
-    Repair,
-    /// The layer is done.
-    Done,
-}
-
 /// An outfit free of intersections, and what it took.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resolved {
@@ -273,15 +217,8 @@ pub enum ResolveError {
     #[error(transparent)]
     Outfit(#[from] OutfitError),
     /// A parameter is out of range.
-    #[error("parameter `{name}` is {value}; {help}")]
-    Parameter {
-        /// Its name.
-        name: &'static str,
-        /// Its value.
-        value: Real,
-        /// What it must be.
-        help: &'static str,
-    },
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
     /// Intersections are left.
     #[error(
         "{} intersecting triangle pairs, {} vertices on a wrong side and {} new intersections of a garment with itself \
@@ -301,12 +238,9 @@ pub enum ResolveError {
         /// The outfit as far as it came, and its report.
         result: Box<Resolved>,
     },
-    /// The caller asked to stop.
-    #[error("cancelled while working on `{layer}`")]
-    Cancelled {
-        /// The garment at work.
-        layer: String,
-    },
+    /// The monitor cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 /// Makes an outfit free of intersections, moving garments as little as it can.
@@ -314,7 +248,9 @@ pub enum ResolveError {
 /// Vertices that stand in one place along a seam ([`if_mesh::seams`]) move as one, unless triangles
 /// may be split; the report counts them once. Vertices of no triangle stay.
 ///
-/// `watch` is told of progress; it returns [`ControlFlow::Break`] to cancel.
+/// `monitor` receives the stages `"verify"`, `"settle"`, `"repair"` and `"done"` of each garment. `done`
+/// is the round; the measures are `"garment"` of `"garments"`, counted from 1, and `"pairs"`, the
+/// intersecting triangle pairs that remain.
 ///
 /// # Errors
 ///
@@ -322,16 +258,16 @@ pub enum ResolveError {
 pub fn resolve(
     outfit: &Outfit,
     params: &ResolveParams,
-    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    monitor: &mut dyn Monitor,
 ) -> Result<Resolved, ResolveError> {
     params.validate()?;
     outfit.check()?;
     let start = Instant::now();
     let sewn = Sewn::new(outfit, params.split == Split::Never);
     let solved = sewn.as_ref().map_or(outfit, |s| &s.outfit);
-    let mut resolved = attempt(solved, params, watch)?;
+    let mut resolved = attempt(solved, params, monitor)?;
     if params.split != Split::Never {
-        resolved = split_where_needed(solved, resolved, params, watch)?;
+        resolved = split_where_needed(solved, resolved, params, monitor)?;
     }
     if let Some(sewn) = sewn {
         resolved.outfit = sewn.spread(outfit, resolved.outfit);
@@ -345,7 +281,7 @@ fn split_where_needed(
     outfit: &Outfit,
     mut best: Resolved,
     params: &ResolveParams,
-    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    monitor: &mut dyn Monitor,
 ) -> Result<Resolved, ResolveError> {
     // Nothing left before little strain.
     let rank = |r: &Resolved| {
@@ -359,7 +295,7 @@ fn split_where_needed(
     for _ in 0..splitting::ROUNDS {
         let Some((finer, made)) = splitting::finer(&came, &best, params) else { break };
         tracing::debug!(garments = made.iter().flatten().count(), "large triangles are split");
-        let mut next = attempt(&finer, params, watch)?;
+        let mut next = attempt(&finer, params, monitor)?;
         if rank(&next) >= rank(&best) {
             break;
         }
@@ -385,7 +321,7 @@ fn split_where_needed(
 fn attempt(
     outfit: &Outfit,
     params: &ResolveParams,
-    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    monitor: &mut dyn Monitor,
 ) -> Result<Resolved, ResolveError> {
     let (before, closed) = verify_layers(outfit);
     let layers = outfit.garments.len();
@@ -397,14 +333,13 @@ fn attempt(
     let mut index = 0;
     while index < layers {
         let name = &outfit.garments[index].name;
-        let mut tell = |stage, round, pairs| {
-            watch(&Progress { layer: name, index, layers, stage, round, pairs })
-        };
+        let mut progress = GarmentProgress { monitor, name, index, count: layers };
         let may_halt = params.tuck == Tuck::IfStuck && !tight.contains(&index);
-        match dressing.put_on(index, closed.get(index + 1), &above, may_halt, params, &mut tell) {
+        let as_it_came = closed.get(index + 1);
+        match dressing.put_on(index, as_it_came, &above, may_halt, params, &mut progress) {
             Ok(()) => index += 1,
-            Err(Halt::Cancelled) => return Err(ResolveError::Cancelled { layer: name.clone() }),
-            Err(Halt::Stuck) => {
+            Err(SettleError::Cancelled(cancelled)) => return Err(cancelled.into()),
+            Err(SettleError::Stuck) => {
                 tracing::debug!(garment = name, "stuck: the layers below are pressed in");
                 tight.insert(index);
                 above = Above::new(outfit, &dressing.report.before, &closed, &tight, params);

@@ -23,10 +23,12 @@
 use crate::cloth::Cloth;
 use crate::inspector::{Inspector, State};
 use crate::outfit::Layer;
+use crate::progress::{GarmentProgress, REPAIR, SETTLE};
 use crate::resolve::ResolveParams;
 use crate::upper_layers::Ceilings;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Cancelled;
 use if_mesh::index::Bvh;
 use if_mesh::measure::{Strain, strain};
 use if_mesh::outward::Outward;
@@ -34,16 +36,18 @@ use if_mesh::solid::ClosedLayer;
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
-/// Is told the round, whether it repairs, and the pairs left where they were counted; breaks to
-/// stop.
-pub(crate) type Watch<'a> = dyn FnMut(usize, bool, Option<usize>) -> ControlFlow<()> + 'a;
-
 /// Why a garment did not settle.
-pub(crate) enum Halt {
-    /// The caller asked to stop.
-    Cancelled,
-    /// Repairs came to a standstill, and the cloth may not yield.
+pub(crate) enum SettleError {
+    /// The monitor cancelled.
+    Cancelled(Cancelled),
+    /// Repairs made no progress, and the cloth must not yield.
     Stuck,
+}
+
+impl From<Cancelled> for SettleError {
+    fn from(cancelled: Cancelled) -> Self {
+        Self::Cancelled(cancelled)
+    }
 }
 
 /// What became of a garment.
@@ -86,16 +90,16 @@ impl Settled {
 ///
 /// # Errors
 ///
-/// [`Halt::Cancelled`] when `watch` asked to stop.
-/// [`Halt::Stuck`] instead of yielding, where `may_yield` forbids that.
+/// [`SettleError::Cancelled`] if the monitor cancels.
+/// [`SettleError::Stuck`] instead of yielding, if `may_yield` is false.
 pub(crate) fn settle(
     garment: &Layer,
     below: &[&ClosedLayer],
     above: Ceilings<'_>,
     may_yield: bool,
     params: &ResolveParams,
-    watch: &mut Watch<'_>,
-) -> Result<Settled, Halt> {
+    progress: &mut GarmentProgress<'_>,
+) -> Result<Settled, SettleError> {
     let tree = Bvh::new(&garment.mesh);
     let (inspector, input) = Inspector::new(&garment.mesh, &tree, below);
     let strays: Vec<bool> = garment.mesh.used_vertices().iter().map(|used| !used).collect();
@@ -134,14 +138,13 @@ pub(crate) fn settle(
     let mut rounds = 0;
     for round in 0..params.rounds {
         rounds = round + 1;
-        if watch(round, work.is_repair(round), Some(work.state.pairs.len())).is_break() {
-            return Err(Halt::Cancelled);
-        }
+        let stage = if work.is_repair(round) { REPAIR } else { SETTLE };
+        progress.report(stage, round, Some(work.state.pairs.len()))?;
         if work.round(round)?.is_break() {
             break;
         }
     }
-    let mut settled = work.finish(rounds, watch)?;
+    let mut settled = work.finish(rounds, progress)?;
     settled.tucked = [sticking_out.len(), above.sticking_out(&settled.positions, &strays).len()];
     Ok(settled)
 }
@@ -186,7 +189,7 @@ impl Settling<'_> {
     }
 
     /// One round; breaks when the garment is as good as it gets.
-    fn round(&mut self, round: usize) -> Result<ControlFlow<()>, Halt> {
+    fn round(&mut self, round: usize) -> Result<ControlFlow<()>, SettleError> {
         let repairing = self.is_repair(round);
         let moved = if self.yielding > 0 {
             self.cloth.push_out(&self.tree)
@@ -284,12 +287,12 @@ impl Settling<'_> {
 
     /// A garment that was never clean in [`STALLED`] repairs goes back to its best state, from
     /// where the cloth yields.
-    fn yield_if_stalled(&mut self) -> Result<(), Halt> {
+    fn yield_if_stalled(&mut self) -> Result<(), SettleError> {
         let stalled =
             self.yielding == 0 && self.repairs > 0 && self.repairs.is_multiple_of(STALLED);
         let Some(((1.., ..), x)) = self.best.as_ref().filter(|_| stalled) else { return Ok(()) };
         if !self.may_yield {
-            return Err(Halt::Stuck);
+            return Err(SettleError::Stuck);
         }
         self.repairs += 1;
         self.cloth.go_to(x);
@@ -364,7 +367,11 @@ impl Settling<'_> {
     }
 
     /// The best state, eased where it is clean.
-    fn finish(mut self, rounds: usize, watch: &mut Watch<'_>) -> Result<Settled, Halt> {
+    fn finish(
+        mut self,
+        rounds: usize,
+        progress: &mut GarmentProgress<'_>,
+    ) -> Result<Settled, SettleError> {
         let is_clean = self.best.as_ref().is_some_and(|(rank, _)| rank.0 == 0);
         let positions = self.best.map_or_else(|| self.cloth.stored(), |(_, x)| x);
         let mut settled = Settled {
@@ -379,12 +386,8 @@ impl Settling<'_> {
             held: 0,
         };
         if is_clean {
-            let mut told = |k| watch(rounds + k, true, Some(0));
-            let ControlFlow::Continue(eased) =
-                self.cloth.ease(&settled.positions, &mut self.inspector, &mut told)
-            else {
-                return Err(Halt::Cancelled);
-            };
+            let mut report = |k| progress.report(REPAIR, rounds + k, Some(0));
+            let eased = self.cloth.ease(&settled.positions, &mut self.inspector, &mut report)?;
             if let Some(eased) = eased {
                 (settled.positions, settled.eased) = (eased.positions, eased.strain);
                 settled.rounds += eased.rounds;

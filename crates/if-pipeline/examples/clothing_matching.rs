@@ -10,6 +10,7 @@
 use if_body::align::{AlignParams, carried_field};
 use if_body::mannequin::{Garment, MannequinParams, body, garment};
 use if_core::math::Point;
+use if_core::monitor::Silent;
 use if_mesh::baked::BakeParams;
 use if_mesh::ply::{PlyMesh, WriteParams, write_path};
 use if_pipeline::asset::{LayerHint, Parts, Provenance};
@@ -18,7 +19,6 @@ use if_pipeline::wardrobe::dresser::Dresser;
 use if_pipeline::wardrobe::matching::{MatchParams, run};
 use if_pipeline::wardrobe::{NewBody, Wardrobe};
 use std::error::Error;
-use std::ops::ControlFlow;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
@@ -64,8 +64,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let garments = ["trousers", "tshirt", "jacket"].map(str::to_owned).to_vec();
     let combination = Combination { body: "large".into(), garments };
     let params = MatchParams { picture_height: 0, ..Default::default() };
-    let matched = run(&dresser, &combination, &params, &mut |_| ControlFlow::Continue(()))?
-        .ok_or("cancelled")?;
+    let matched = run(&dresser, &combination, &params, &mut Silent)?.ok_or("cancelled")?;
     println!("{combination}: {:?}", matched.result.state);
     for (name, a) in combination.garments.iter().zip(&matched.result.alignments) {
         println!(

@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let outfit = Outfit::new(body, garments.collect())?;
 
     // `watch` is called often; a window would draw a bar, and break when its button is pressed.
-    let mut watch = |_: &if_outfit::resolve::Progress| ControlFlow::Continue(());
+    let mut watch = |_: &if_core::monitor::Progress| ControlFlow::Continue(());
     let resolved = match resolve(&outfit, &ResolveParams::default(), &mut watch) {
         Ok(resolved) => resolved,
         Err(ResolveError::Remaining { outer, inner, triangles, .. }) => {

@@ -49,8 +49,8 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
         match event {
             Event::Working(index, progress) => {
                 bar.set_message(format!(
-                    "{}: {} {:?}",
-                    combinations[*index], progress.layer, progress.stage
+                    "{}: {} {}",
+                    combinations[*index], progress.item, progress.stage
                 ));
             }
             Event::Done(_, entry, before) => {

@@ -9,7 +9,7 @@ use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::staging::OutputError;
 use crate::table;
-use if_outfit::resolve::Progress;
+use if_core::monitor::Progress;
 use if_pipeline::wardrobe::WardrobeError;
 use if_pipeline::wardrobe::combination::Combination;
 use if_pipeline::wardrobe::dresser::Dresser;

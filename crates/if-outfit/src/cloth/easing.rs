@@ -13,11 +13,11 @@ use crate::inspector::{Inspector, State};
 use crate::separating_plane::widest_gap;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Cancelled;
 use if_mesh::index::Bvh;
 use if_mesh::measure::{Strain, edge_strain, strain_of};
 use if_xpbd::separation::Separations;
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::ControlFlow;
 
 /// Rounds without a state that is clearly better after which it is given up.
 const IN_VAIN: usize = 6;
@@ -69,16 +69,16 @@ impl Met {
 impl Cloth<'_> {
     /// Eases the neighbourhoods of edges that changed their length by more than `drawn_strain`.
     /// `from` are clean positions, and so are those returned; `None` where no edge is drawn so far,
-    /// or nothing better was found. `watch` is told the round.
+    /// or nothing better was found. `report` receives the round.
     pub(crate) fn ease(
         &mut self,
         from: &[Point],
         inspector: &mut Inspector<'_>,
-        watch: &mut dyn FnMut(usize) -> ControlFlow<()>,
-    ) -> ControlFlow<(), Option<Eased>> {
+        report: &mut dyn FnMut(usize) -> Result<(), Cancelled>,
+    ) -> Result<Option<Eased>, Cancelled> {
         let start = self.strain_at(from);
         if start.max <= self.params.drawn_strain || self.params.ease_rounds == 0 {
-            return ControlFlow::Continue(None);
+            return Ok(None);
         }
         let mut clean = from.to_vec();
         let mut tree = Bvh::new(&self.mesh_at(&clean));
@@ -92,7 +92,7 @@ impl Cloth<'_> {
             if drawn.is_empty() {
                 break;
             }
-            watch(rounds)?;
+            report(rounds)?;
             rounds += 1;
             vain += 1;
             self.hold_far_from(&drawn, self.params.repair_influence);
@@ -117,7 +117,7 @@ impl Cloth<'_> {
             }
         }
         let strain = [start.max, largest];
-        ControlFlow::Continue(best.map(|positions| Eased { positions, rounds, strain }))
+        Ok(best.map(|positions| Eased { positions, rounds, strain }))
     }
 
     /// As much of the way from the positions `clean` to those proposed as exact verification finds
@@ -250,10 +250,7 @@ mod tests {
                 .unwrap();
             let mut from = rest.to_vec();
             from[v] += (rest[v] - Point::origin()) * 0.25;
-            let eased = match cloth.ease(&from, inspector, &mut |_| ControlFlow::Continue(())) {
-                ControlFlow::Continue(Some(eased)) => eased,
-                _ => panic!("not eased"),
-            };
+            let eased = cloth.ease(&from, inspector, &mut |_| Ok(())).unwrap().expect("eased");
             assert!(
                 eased.strain[0] > 2.0 && eased.strain[1] < 0.5 && eased.rounds > 3,
                 "{:?} {}",
@@ -266,7 +263,7 @@ mod tests {
             assert!(far.map(|u| assert_eq!(eased.positions[u], rest[u])).count() > 500);
             // Then there is nothing to do.
             let again = cloth.ease(&eased.positions, inspector, &mut |_| panic!("a round"));
-            assert!(matches!(again, ControlFlow::Continue(None)));
+            assert!(matches!(again, Ok(None)));
         });
     }
 

@@ -13,9 +13,9 @@ use super::matching::{
     self, Fault, MatchParams, MatchResult, State, finished, folder_name, request, run_into,
 };
 use super::{WardrobeError, pages};
+use if_core::monitor::Progress;
 use if_mesh::atomic;
 use if_mesh::whole_folder::Writer;
-use if_outfit::resolve::Progress;
 use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::fmt::Write as _;

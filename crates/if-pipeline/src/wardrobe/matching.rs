@@ -18,17 +18,18 @@ use super::result_folder;
 use super::{Wardrobe, WardrobeError};
 use if_body::align::{AlignParams, AlignReport};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Monitor;
 use if_mesh::ply::{self, PlyMesh};
 use if_mesh::whole_folder::Writer;
 use if_outfit::content::content;
 use if_outfit::outfit::Outfit;
 use if_outfit::report::ResolveReport;
-use if_outfit::resolve::{Progress, ResolveError, ResolveParams, Resolved, resolve};
+use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
 use if_render::preview;
 use if_render::render::{Image, View};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use std::ops::{ControlFlow, RangeInclusive};
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::time::Instant;
 
@@ -67,7 +68,7 @@ impl MatchParams {
             return Err(WardrobeError::PictureHeight { height: self.picture_height });
         }
         self.align.validate().map_err(WardrobeError::AlignParams)?;
-        self.resolve.validate().map_err(WardrobeError::Resolve)
+        self.resolve.validate().map_err(|e| WardrobeError::Resolve(e.into()))
     }
 }
 
@@ -200,8 +201,7 @@ pub fn folder_name(key: &str) -> &str {
 
 /// Aligns and resolves a combination. What is wrong with it is part of the result.
 ///
-/// `watch` is told of progress, and returns [`ControlFlow::Break`] to cancel: then there is no
-/// result.
+/// `monitor` receives progress and may cancel: then there is no result.
 ///
 /// # Errors
 ///
@@ -211,7 +211,7 @@ pub fn run(
     dresser: &Dresser,
     combination: &Combination,
     params: &MatchParams,
-    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    monitor: &mut dyn Monitor,
 ) -> Result<Option<Matched>, WardrobeError> {
     params.validate()?;
     let start = Instant::now();
@@ -236,7 +236,7 @@ pub fn run(
     };
     let dressed = dresser.dress(combination);
     matched.timings.align = start.elapsed().as_secs_f64();
-    match dressed.and_then(|dressed| settle(dressed, params, &mut matched, watch)) {
+    match dressed.and_then(|dressed| settle(dressed, params, &mut matched, monitor)) {
         Ok(true) => {}
         Ok(false) => return Ok(None),
         Err(error) if error.is_passing() => return Err(error),
@@ -254,12 +254,12 @@ fn settle(
     dressed: Dressed,
     params: &MatchParams,
     matched: &mut Matched,
-    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    monitor: &mut dyn Monitor,
 ) -> Result<bool, WardrobeError> {
     let start = Instant::now();
     matched.result.alignments = dressed.garments.iter().map(|g| g.report).collect();
     matched.files = dressed.garments.iter().map(|g| g.asset.file()).collect();
-    let outcome = resolve(&dressed.outfit, &params.resolve, watch);
+    let outcome = resolve(&dressed.outfit, &params.resolve, monitor);
     matched.timings.resolve = start.elapsed().as_secs_f64();
     matched.before = Some(dressed.outfit);
     let Resolved { outfit, report, splits } = match outcome {
@@ -267,7 +267,7 @@ fn settle(
             matched.result.state = State::Clean;
             resolved
         }
-        Err(ResolveError::Cancelled { .. }) => return Ok(false),
+        Err(ResolveError::Cancelled(_)) => return Ok(false),
         Err(error) => {
             let fault = Fault { kind: "remaining".into(), message: error.to_string() };
             let ResolveError::Remaining { result, .. } = error else {
@@ -314,14 +314,14 @@ pub fn run_into(
     combination: &Combination,
     params: &MatchParams,
     again: bool,
-    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    monitor: &mut dyn Monitor,
 ) -> Result<Option<(MatchResult, bool)>, WardrobeError> {
     let (key, _) = request(dresser.wardrobe(), combination, params)?;
     let name = folder_name(&key);
     if !again && let Some(found) = finished(&results.parent().join(name), &key) {
         return Ok(Some((found, true)));
     }
-    let Some(mut matched) = run(dresser, combination, params, watch)? else { return Ok(None) };
+    let Some(mut matched) = run(dresser, combination, params, monitor)? else { return Ok(None) };
     results.write(name, |folder| {
         result_folder::fill(folder, &mut matched, params, dresser.wardrobe())
     })?;
@@ -357,7 +357,7 @@ pub fn run_into_folder(
     combination: &Combination,
     params: &MatchParams,
     again: bool,
-    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    monitor: &mut dyn Monitor,
 ) -> Result<Option<(MatchResult, Placed)>, WardrobeError> {
     combination.check()?;
     params.validate()?;
@@ -371,7 +371,7 @@ pub fn run_into_folder(
         Writer::open(out).map_err(|source| WardrobeError::Folder { path: out.into(), source })?;
     let writer = opened.ok_or_else(|| WardrobeError::Busy { path: out.into() })?;
     let earlier = result_folder::Earlier::of(out, &names)?;
-    let Some(mut matched) = run(dresser, combination, params, watch)? else { return Ok(None) };
+    let Some(mut matched) = run(dresser, combination, params, monitor)? else { return Ok(None) };
     let state = matched.result.state;
     let is_asked_for = params.unproven && state == State::Remaining;
     if !is_asked_for && earlier.state.is_some_and(|there| there < state) {
