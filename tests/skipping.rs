@@ -134,8 +134,12 @@ fn torus() -> Counted<Torus> {
 fn certified_empty_boxes_are_not_evaluated_and_the_triangles_are_the_same() {
     let run = |sampling| {
         let field = torus();
-        let found = extract(&field, &ExtractParams { sampling, check: 0, ..Default::default() })
-            .expect("a torus has a surface");
+        let found = extract(
+            &field,
+            &ExtractParams { sampling, check: 0, ..Default::default() },
+            &mut Silent,
+        )
+        .expect("a torus has a surface");
         (found.mesh, field.asked.into_inner())
     };
     let ((sparse, few), (dense, many)) = (run(Sampling::Sparse), run(Sampling::Dense));
@@ -149,7 +153,7 @@ fn bricks_far_from_the_surface_are_not_baked_and_what_is_baked_is_right() {
     let (cell, band) = (0.008, 0.03);
     let params =
         BakeParams { cell, accuracy: Real::INFINITY, band, depth: band, ..Default::default() };
-    let baked = Baked::new(&field, &params).expect("a torus can be baked");
+    let baked = Baked::new(&field, &params, &mut Silent).expect("a torus can be baked");
     let asked = field.asked.load(Ordering::Relaxed);
     let size: Vector = field.bounds().expect("a torus has bounds").inflated(band).size();
     let nodes = (size.x / cell) * (size.y / cell) * (size.z / cell);

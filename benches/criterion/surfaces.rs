@@ -7,6 +7,7 @@ use if_core::closest::ClosestPoint;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_core::shapes::Torus;
 use if_core::shapes::meshes::{torus, tube};
 use if_mesh::attributes::VertexAttributes;
@@ -47,7 +48,9 @@ fn extraction(c: &mut Criterion) {
     ] {
         let params =
             ExtractParams { resolution: Resolution::Cells(cells), sampling, ..Default::default() };
-        let run = || extract(black_box(&TORUS), &params).expect("a torus has a surface").mesh;
+        let run = || {
+            extract(black_box(&TORUS), &params, &mut Silent).expect("a torus has a surface").mesh
+        };
         let mesh = run();
         assert!(
             mesh.triangles().len() > 1000
@@ -65,7 +68,7 @@ fn queries(c: &mut Criterion) {
     let tree = Bvh::new(&mesh);
     let sdf = MeshSdf::closed(&mesh).expect("closed");
     let winding = Winding::new(&mesh);
-    let baked = Baked::new(&TORUS, &BakeParams { cell: 0.01, ..Default::default() })
+    let baked = Baked::new(&TORUS, &BakeParams { cell: 0.01, ..Default::default() }, &mut Silent)
         .expect("a torus bakes");
     let mut out = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; POINTS];
     sdf.samples(&points, &mut out);

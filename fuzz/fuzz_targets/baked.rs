@@ -9,6 +9,7 @@
 //! the tree has bricks. Else nearly all would be refused at once.
 #![no_main]
 
+use if_core::monitor::Silent;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Vector};
 use if_core::shapes::{Capsule, Sphere, Union};
@@ -28,7 +29,7 @@ fn files() -> &'static [Vec<u8>; 4] {
         let ball = Sphere { center: Point::new(0.01, 0.02, -0.03), radius: 0.1 };
         let limb = Capsule { from: Point::new(-0.05, -0.1, 0.0), to: Point::new(0.07, 0.05, 0.02), radius: 0.03 };
         let coarse = BakeParams { cell: 0.02, band: 0.02, depth: 0.02, accuracy: f64::INFINITY, ..BakeParams::default() };
-        let bake = |params: BakeParams| Baked::new(&Union(ball, limb), &params).expect("a field that can be baked").to_bytes();
+        let bake = |params: BakeParams| Baked::new(&Union(ball, limb), &params, &mut Silent).expect("a field that can be baked").to_bytes();
         let region = if_core::aabb::Aabb { min: Point::new(1.0, 1.0, 1.0), max: Point::new(1.2, 1.2, 1.2) };
         [
             bake(BakeParams { region: Some(region), ..coarse }),

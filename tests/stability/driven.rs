@@ -7,6 +7,7 @@ use crate::meshes;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_core::shapes::meshes::cloth;
 use if_core::shapes::{Cuboid, Sphere, Translated};
 use if_mesh::baked::{BakeParams, Baked};
@@ -62,7 +63,7 @@ impl Drive {
                     band: 2.0 * cell,
                     ..BakeParams::default()
                 };
-                (false, Box::new(Baked::new(&ball, &params).unwrap()))
+                (false, Box::new(Baked::new(&ball, &params, &mut Silent).unwrap()))
             }
             _ => (true, Box::new(ball)),
         };

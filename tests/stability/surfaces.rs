@@ -8,6 +8,7 @@ use if_core::edges::Edges;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_core::shapes::meshes::{cuboid, icosphere, tube};
 use if_mesh::baked::{BakeError, BakeParams, Baked, Redistance};
 use if_mesh::extract::{ExtractError, ExtractParams, Resolution, Sampling, Slope, extract};
@@ -62,7 +63,7 @@ fn extracted(count: u32) -> Tally {
     cases("extraction", count, |r| {
         let (field, params) = drawn(r);
         let told = || format!("{field:?} {params:?}");
-        let found = match extract(&field, &params) {
+        let found = match extract(&field, &params, &mut Silent) {
             Ok(found) => found,
             Err(error) => {
                 let faultless = matches!(field.fault, Fault::None) && field.solid != Solid::Ground;
@@ -82,7 +83,11 @@ fn extracted(count: u32) -> Tally {
         // The slow twin, where the bound on the slope is true.
         if params.sampling == Sampling::Sparse && field.is_honest() && params.slope == Slope::Field
         {
-            let dense = extract(&field, &ExtractParams { sampling: Sampling::Dense, ..params });
+            let dense = extract(
+                &field,
+                &ExtractParams { sampling: Sampling::Dense, ..params },
+                &mut Silent,
+            );
             check(dense.is_ok_and(|d| d.mesh == found.mesh), || {
                 format!("not as on the dense lattice: {}", told())
             })?;
@@ -107,7 +112,7 @@ fn many_surfaces_of_hostile_fields_stay_in_their_region_or_are_refused() {
 fn surfaces_have_the_same_bits_on_any_number_of_threads() {
     let tally = cases("extraction on threads", 20, |r| {
         let (field, params) = drawn(r);
-        let found = same_on_all_threads(|| extract(&field, &params).map(|f| f.mesh))?;
+        let found = same_on_all_threads(|| extract(&field, &params, &mut Silent).map(|f| f.mesh))?;
         Ok(match found {
             Ok(mesh) if mesh.triangles().is_empty() => "no surface",
             Ok(_) => "surface",
@@ -137,7 +142,7 @@ fn baked(count: u32) -> Tally {
             memory: 64 << 20,
         };
         let told = || format!("{field:?} {params:?}");
-        let baked = match Baked::new(&field, &params) {
+        let baked = match Baked::new(&field, &params, &mut Silent) {
             Ok(baked) => baked,
             Err(error) => {
                 let faultless = field.fault == Fault::None && field.solid != Solid::Ground;
@@ -145,7 +150,7 @@ fn baked(count: u32) -> Tally {
                 let refusable = narrow || matches!(error, BakeError::TooLarge { .. });
                 check(!faultless || refusable, || format!("{error}: {}", told()))?;
                 return Ok(match error {
-                    BakeError::Parameter { name: "band", .. } if narrow => "narrow band",
+                    BakeError::Parameter(e) if narrow && e.name == "band" => "narrow band",
                     BakeError::NotFinite { .. } => "not finite",
                     BakeError::Steep { .. } => "steep",
                     BakeError::Leaves { .. } => "leaves",

@@ -6,6 +6,7 @@ use crate::chains::{G, falling};
 use crate::record::{Record, Run, timed};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
+use if_core::monitor::Silent;
 use if_core::shapes::meshes::icosphere;
 use if_core::shapes::{Cuboid, Plane, ScaledGradient, Sphere};
 use if_mesh::baked::{BakeParams, Baked};
@@ -19,7 +20,8 @@ use if_xpbd::stretch::Stretch;
 const BALL: Sphere = Sphere { center: Point::new(0.1, 0.1, -0.19), radius: 0.2 };
 
 pub(crate) fn run(record: &mut Record) {
-    let baked = Baked::new(&BALL, &BakeParams { cell: 0.01, ..Default::default() }).unwrap();
+    let baked =
+        Baked::new(&BALL, &BakeParams { cell: 0.01, ..Default::default() }, &mut Silent).unwrap();
     let cuboid = Cuboid { center: BALL.center, half: Vector::new(0.2, 0.15, 0.1) };
     let fields: [(&str, &dyn SignedDistance, Box<dyn SignedDistance>); 5] = [
         ("ball, exact", &BALL, Box::new(BALL)),

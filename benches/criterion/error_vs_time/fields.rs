@@ -5,6 +5,7 @@ use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_core::shapes::{Gyroid, Sphere, Torus};
 use if_mesh::baked::{BakeParams, Baked};
 use if_mesh::extract::{ExtractParams, Resolution, Sampling, extract};
@@ -19,7 +20,7 @@ pub(crate) fn run(record: &mut Record) {
     let cells: &[Real] =
         if record.quick { &[0.024, 0.012] } else { &[0.048, 0.024, 0.012, 0.006, 0.004] };
     baking(record, "torus", &torus, cells);
-    let mesh = extract(&torus, &ExtractParams::default()).unwrap().mesh;
+    let mesh = extract(&torus, &ExtractParams::default(), &mut Silent).unwrap().mesh;
     let exact = MeshSdf::closed(&mesh).unwrap();
     baking(
         record,
@@ -69,7 +70,7 @@ fn extraction(record: &mut Record, name: &str, field: &dyn SignedDistance) {
             if params.sampling == Sampling::Dense && cells > 128 {
                 continue; // 17 million evaluations show nothing new
             }
-            let (ms, found) = timed(|| extract(field, &params).unwrap());
+            let (ms, found) = timed(|| extract(field, &params, &mut Silent).unwrap());
             let nodes: u64 = found.report.cells.iter().map(|n| u64::from(*n) + 1).product();
             let made = found.report.evaluations.total as u64;
             let skipped = nodes.saturating_sub(found.report.evaluations.refine as u64);
@@ -142,7 +143,7 @@ fn baking(record: &mut Record, name: &str, field: &dyn SignedDistance, cells: &[
     let bands = [0.015, 0.15].map(|band| BakeParams { band, ..Default::default() });
     for params in even.chain(halved).chain(bands) {
         let default = params == BakeParams::default();
-        let (baking_ms, baked) = timed(|| Baked::new(field, &params).unwrap());
+        let (baking_ms, baked) = timed(|| Baked::new(field, &params, &mut Silent).unwrap());
         let (ms, error) = query(&baked);
         // On record: 1.7e-7 m of the torus, 2.6e-5 m of its mesh, whose edges show.
         assert!(!default || error < 1e-4, "{name}: {error} m");

@@ -6,6 +6,7 @@ use crate::chains::{G, Method, falling};
 use crate::record::{Record, Run, timed};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
+use if_core::monitor::Silent;
 use if_core::shapes::meshes::cloth;
 use if_core::shapes::{Gyroid, Torus};
 use if_mesh::baked::{BakeParams, Baked};
@@ -96,7 +97,8 @@ fn momentum(record: &mut Record) {
 /// step says anything.
 fn gradients(record: &mut Record) {
     let torus = Torus { center: Point::new(0.013, 0.021, -0.017), major: 0.6, minor: 0.25 };
-    let baked = Baked::new(&torus, &BakeParams { cell: 0.02, ..Default::default() }).unwrap();
+    let baked =
+        Baked::new(&torus, &BakeParams { cell: 0.02, ..Default::default() }, &mut Silent).unwrap();
     let config = SdfConfig::fast();
     let network = SdfNetwork::new(&config, 1).unwrap();
     let twin =

@@ -3,6 +3,7 @@
 use if_core::closest::ClosestPoint;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
+use if_core::monitor::Silent;
 use if_core::shapes::Torus;
 use if_core::shapes::meshes::{cloth, torus};
 use if_mesh::baked::{BakeParams, Baked};
@@ -61,14 +62,18 @@ fn intersecting(times: u32) {
 fn extracted(times: u32) {
     for _ in 0..times {
         assert!(
-            black_box(extract(&TORUS, &ExtractParams::default()).unwrap()).mesh.triangles().len()
+            black_box(extract(&TORUS, &ExtractParams::default(), &mut Silent).unwrap())
+                .mesh
+                .triangles()
+                .len()
                 > 1000
         );
     }
 }
 
 fn baked(times: u32) {
-    let baked = Baked::new(&TORUS, &BakeParams { cell: 0.02, ..Default::default() }).unwrap();
+    let baked =
+        Baked::new(&TORUS, &BakeParams { cell: 0.02, ..Default::default() }, &mut Silent).unwrap();
     let points = points(20_000);
     let mut out = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points.len()];
     for _ in 0..times {

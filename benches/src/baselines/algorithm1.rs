@@ -5,6 +5,7 @@ use if_core::field::{FieldSample, SignedDistance};
 use if_core::masked::{Mask, Masked};
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_mesh::baked::{BakeError, BakeParams, Baked, Redistance};
 use if_mesh::solid::{ClosedLayer, ClothedField};
 use if_xpbd::air::AirParams;
@@ -53,7 +54,7 @@ pub fn bake(below: &[&ClosedLayer], region: Aabb, cell: Real) -> Result<Baked, B
         redistance: Redistance::Never,
         ..Default::default()
     };
-    Baked::new(&cut, &params)
+    Baked::new(&cut, &params, &mut Silent)
 }
 
 /// A field's inside within a box. It jumps at the caps of openings, so it has no Lipschitz bound.

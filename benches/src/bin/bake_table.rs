@@ -16,6 +16,7 @@
 
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
+use if_core::monitor::Silent;
 use if_mesh::baked::{BakeParams, Baked, Redistance};
 use if_mesh::extract::{ExtractParams, Resolution, extract};
 use if_mesh::sdf::MeshSdf;
@@ -66,6 +67,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mesh = extract(
         &field,
         &ExtractParams { resolution: Resolution::Cell(0.0015), ..ExtractParams::default() },
+        &mut Silent,
     )?
     .mesh;
     let exact = MeshSdf::closed(&mesh)?;
@@ -89,7 +91,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let name = accuracy.map_or_else(|| "default".into(), |a| format!("{:.3}", a * 1e3));
         let start = Instant::now();
         let baked = match accuracy {
-            None => Baked::new(&field, &BakeParams::default()),
+            None => Baked::new(&field, &BakeParams::default(), &mut Silent),
             Some(a) => {
                 let params = BakeParams {
                     redistance,
@@ -98,7 +100,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                     memory: 8 << 30,
                     ..BakeParams::default()
                 };
-                Baked::with_accuracy(&field, a, REACH, &params)
+                Baked::with_accuracy(&field, a, REACH, &params, &mut Silent)
             }
         };
         let baked = match baked {

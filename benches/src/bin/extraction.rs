@@ -15,6 +15,7 @@ use if_core::closest::ClosestPoint;
 use if_core::edges::Edges;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, barycentric_point};
+use if_core::monitor::Silent;
 use if_mesh::extract::{ExtractParams, Extraction, Resolution, Sampling, extract, surface_of_grid};
 use if_mesh::index::Bvh;
 use if_mesh::intersections::own_pairs;
@@ -93,7 +94,7 @@ fn measure(field: &dyn SignedDistance, found: &Extraction, truth: &[Point]) -> E
 fn truth(case: &Case, cells: u32) -> Vec<Point> {
     let fine =
         ExtractParams { phase: [0.21, 0.43, 0.87], newton: 2, check: 0, ..params(case, 2 * cells) };
-    let mesh = extract(&*case.field, &fine).unwrap().mesh;
+    let mesh = extract(&*case.field, &fine, &mut Silent).unwrap().mesh;
     let inside = region().inflated(-BOX / Real::from(cells));
     mesh.vertices().iter().copied().filter(|p| inside.contains(p)).collect()
 }
@@ -108,13 +109,17 @@ fn errors(sizes: &[u32]) {
             let dense = extract(
                 &*case.field,
                 &ExtractParams { sampling: Sampling::Dense, ..params(&case, *cells) },
+                &mut Silent,
             )
             .unwrap();
             let truth = truth(&case, *cells);
             for relax in [0, 3, 5] {
-                let found =
-                    extract(&*case.field, &ExtractParams { relax, ..params(&case, *cells) })
-                        .unwrap();
+                let found = extract(
+                    &*case.field,
+                    &ExtractParams { relax, ..params(&case, *cells) },
+                    &mut Silent,
+                )
+                .unwrap();
                 let (mesh, report) = (&found.mesh, &found.report);
                 let same = relax > 0 || *mesh == dense.mesh;
                 let e = measure(&*case.field, &found, &truth);
@@ -166,6 +171,7 @@ fn curves(sizes: &[u32]) {
                 let found = extract(
                     &*case.field,
                     &ExtractParams { sampling, relax, check: 0, ..params(&case, *cells) },
+                    &mut Silent,
                 )
                 .unwrap();
                 let e = measure(&*case.field, &found, &truth);
@@ -202,7 +208,7 @@ fn evaluations(sizes: &[u32]) {
                 check: 0,
                 ..ExtractParams::default()
             };
-            let found = extract(&*field, &params).unwrap();
+            let found = extract(&*field, &params, &mut Silent).unwrap();
             let r = &found.report;
             println!(
                 "{cells},{name},{},{},{:.3}",

@@ -16,6 +16,7 @@ use if_benches::baselines::algorithm1::{ClothedBody, run};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_mesh::baked::{BakeParams, Baked};
 use if_mesh::file::MeshFile;
 use if_mesh::index::Bvh;
@@ -40,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("the mesh's field: made in {:.2} s", start.elapsed().as_secs_f64());
     let learned = NeuralField::new(network, frame)?;
     let start = Instant::now();
-    let baked = Baked::new(&learned, &BakeParams::default())?;
+    let baked = Baked::new(&learned, &BakeParams::default(), &mut Silent)?;
     let bound = baked.error_bound_within(BakeParams::default().reach);
     println!(
         "the network baked: in {:.2} s, {:.1} MB, within {:.3} mm of the network's distance",

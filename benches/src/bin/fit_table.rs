@@ -20,6 +20,7 @@
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_mesh::extract::{ExtractParams, Resolution, extract};
 use if_mesh::file::MeshFile;
 use if_mesh::sdf::MeshSdf;
@@ -271,7 +272,7 @@ fn picture(
         resolution: Resolution::Cell(0.005),
         ..ExtractParams::default()
     };
-    let marched = extract(field, &params)?;
+    let marched = extract(field, &params, &mut Silent)?;
     println!("(extracted: {} triangles)", marched.mesh.triangles().len());
     let views = [View::FRONT, View::THREE_QUARTER];
     for (mesh, path) in

@@ -14,6 +14,7 @@
 use if_body::skinning::{WeightGrid, WeightGridParams};
 use if_body::template::TemplateBody;
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_mesh::extract::{ExtractParams, Resolution, extract};
 use if_mesh::index::Bvh;
 use if_mesh::ply::{Column, PlyMesh, Property, WriteParams};
@@ -92,7 +93,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         check: 0,
         ..ExtractParams::default()
     };
-    let carved = largest_piece(&extract(&hull, &cells)?.mesh);
+    let carved = largest_piece(&extract(&hull, &cells, &mut Silent)?.mesh);
     judge("hull", &carved, start.elapsed().as_secs_f64());
     write("hull", &carved, Vec::new())?;
 
@@ -122,7 +123,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         newton: 0,
         ..ExtractParams::default()
     };
-    let mesh = largest_piece(&extract(&FloodedField::new(&surface.mesh)?, &cells)?.mesh);
+    let mesh =
+        largest_piece(&extract(&FloodedField::new(&surface.mesh)?, &cells, &mut Silent)?.mesh);
     let skin = carried_weights(&surface.mesh, &surface.skin, joints, mesh.vertices());
     judge("canonical", &mesh, start.elapsed().as_secs_f64());
 

@@ -9,6 +9,7 @@ mod shape;
 
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_mesh::extract::{ExtractParams, Resolution, extract};
 use if_mesh::marching::{RelaxParams, clip, collapse, relax};
 use serde::{Deserialize, Serialize};
@@ -158,7 +159,7 @@ fn surface(shape: &shape::Shape, cell: Real, phase: [Real; 3], cuts: &[shape::Fo
         check: 0,
         ..ExtractParams::default()
     };
-    let mut mesh = extract(shape, &params)
+    let mut mesh = extract(shape, &params, &mut Silent)
         .expect("every shape here has bounds, and formulas are finite in finite boxes")
         .mesh;
     for cut in cuts {

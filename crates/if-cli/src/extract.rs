@@ -12,9 +12,10 @@ use crate::target::{Input, Target};
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Vector, barycentric_point};
 use if_core::mesh::{MeshError, TriMesh};
+use if_core::monitor::Progress;
 use if_mesh::extract::{
-    ErrorEstimate, ExtractError, ExtractParams, Extraction, Resolution, Slope, Stage, Warning,
-    extract_watched, layer_phase,
+    ErrorEstimate, ExtractError, ExtractParams, Extraction, Resolution, Slope, Warning, extract,
+    layer_phase,
 };
 use if_mesh::file::MeshFile;
 use if_mesh::index::Bvh;
@@ -127,22 +128,23 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
         Source::Network(field) => (&**field, SLOPE, ROUNDING * field.frame().aabb().diagonal()),
     };
     let params = ExtractParams { slope, noise, ..params(args) };
-    let mut watch = |p: &if_mesh::extract::Progress| {
+    let mut monitor = |p: &Progress| {
+        let millimetres = |name| 1e3 * p.measure(name).unwrap_or(0.0);
         let stage = match p.stage {
-            Stage::Refine { step } => format!("boxes of {:.2} mm", 1e3 * p.cell * f64::from(step)),
-            Stage::Polish => "vertices".into(),
-            Stage::Relax => "relaxing".into(),
+            "refine" => format!("boxes of {:.2} mm", millimetres("box")),
+            "polish" => "vertices".into(),
+            "relax" => "relaxing".into(),
             _ => "measuring".into(),
         };
         line.say(&format!(
             "cells of {:.2} mm: {stage}, {} evaluations",
-            1e3 * p.cell,
-            table::count(p.evaluations)
+            millimetres("cell"),
+            table::count(p.done)
         ));
         if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let mut found = match extract_watched(field, &params, &mut watch) {
-        Err(ExtractError::Cancelled { .. }) => return Ok(cancelled(args, line)),
+    let mut found = match extract(field, &params, &mut monitor) {
+        Err(ExtractError::Cancelled(_)) => return Ok(cancelled(args, line)),
         other => {
             other.map_err(|source| ExtractFault::Surface { path: args.field.clone(), source })?
         }

@@ -5,107 +5,89 @@
 //! inside is φ < 0; a vertex on each lattice edge with one end inside                   [surface]
 //! the vertex: linear, one secant step along the edge, a bounded Newton step along ∇φ   [polish]
 //! triangles of each cell by its case, one rule for ambiguous sides                     [cases]
-//! if wanted, rounds of tangential relaxation behind a flip test                        [crate::marching::relax]
+//! if requested, rounds of tangential relaxation behind a flip test                     [crate::marching::relax]
 //! measure the error at points chosen by a seed; warn of what the lattice cannot show   [check]
 //! ```
 //!
 //! Every edge of the mesh has two triangles and every vertex one fan, whatever the values at the
-//! nodes are, but for the border where the surface leaves the region. Vertices and triangles come
+//! nodes are, except at the border where the surface leaves the region. Vertices and triangles are
 //! in the order of the lattice, and are those of the dense lattice.
 
+mod accuracy;
+mod attempt;
+mod budget;
 mod cases;
 mod check;
 mod cover;
+mod error;
 mod grid;
 mod lattice;
 mod memory;
 mod nodes;
 mod params;
 mod polish;
-mod progress;
 mod refine;
 mod report;
 mod rows;
+mod slope;
 mod surface;
+#[cfg(test)]
+mod tests;
 
+pub use error::ExtractError;
 pub use grid::{GridError, surface_of_grid};
-pub use params::{ExtractError, ExtractParams, Resolution, Sampling, Slope, layer_phase};
-pub(crate) use polish::newton_step;
-pub use progress::{Progress, Stage};
-pub use report::{Attempt, ErrorEstimate, Evaluations, ExtractReport, Seconds, Warning};
+pub use params::{ExtractParams, Resolution, Sampling, Slope, layer_phase};
+pub use report::{
+    Attempt, ErrorEstimate, Evaluations, ExtractReport, Extraction, Seconds, Warning,
+};
 
-use crate::marching::{RelaxParams, relax_within};
-use check::Checked;
-use if_core::aabb::Aabb;
 use if_core::field::SignedDistance;
-use if_core::math::{Real, Vector};
-use if_core::mesh::TriMesh;
-use lattice::{Lattice, MAX_CELLS};
-use progress::Watch;
-use refine::{Bound, dense, refine, unresolved};
-use std::ops::ControlFlow;
-use std::time::Instant;
-use surface::Crossings;
+use if_core::math::Real;
+use if_core::monitor::Monitor;
 
-/// A surface, and how it came about.
-#[derive(Clone, Debug)]
-pub struct Extraction {
-    /// The surface, counter-clockwise seen from outside. Closed unless it leaves the region.
-    pub mesh: TriMesh,
-    /// What it cost, how exact it is, and what to be aware of.
-    pub report: ExtractReport,
-}
-
-/// The surface `φ = 0` of a field, by certified sparse marching cubes.
+/// Computes the surface `φ = 0` of a field, by certified sparse marching cubes.
+///
+/// `monitor` receives the stages `slope`, `refine`, `polish`, `relax` and `check` with the measures
+/// `evaluations` (points at which the field was evaluated, in all attempts), `cell` (side of the
+/// cells in metres) and `box` (side of the boxes that are being refined, in metres).
 ///
 /// # Source
 ///
-/// Lorensen and Cline 1987 for cases, which are made here from one rule for the sides of a cube:
-/// opposite inside corners stay apart, and no diagonal lies in a side. The paper extracts its
-/// garments by marching cubes on a dense lattice; this gives the same triangles.
+/// Lorensen and Cline 1987 for the cases, which are derived here from one rule for the sides of a
+/// cube: opposite inside corners stay apart, and no diagonal lies in a side. The paper extracts its
+/// garments by marching cubes on a dense lattice; this returns the same triangles.
 ///
 /// # Accuracy
 ///
 /// Vertices lie on the surface of a smooth field to 1e-9 cells after one Newton step; the centre of
 /// a triangle with sides a, b, c is off by κ (a² + b² + c²) / 18 where the surface has the
-/// curvature κ: of second order in the cell. Sheets and tubes thinner than a cell may be lost,
-/// which the report tells where the field's values show it. Nothing is lost that the dense lattice
-/// shows, as long as `slope` bounds |∇φ|; where values show that it does not, a larger bound is
-/// taken, cells next to the surface that is found are taken back, and the report says so.
+/// curvature κ: of second order in the cell. Sheets and tubes thinner than a cell may be lost; the
+/// report warns of it where the field's values show it. Nothing is lost that the dense lattice
+/// has, as long as `slope` bounds |∇φ|; where values show that it does not, a larger bound is used,
+/// dropped cells next to the surface are restored, and the report contains a warning.
 ///
 /// # Errors
 ///
-/// Parameters that are no such thing, no region, too many cells, more memory than allowed, a field
-/// that is not a number.
+/// [`ExtractError`]: parameters out of range, a missing region, too many cells, more memory than
+/// allowed, a field that is NaN, or cancelled.
 ///
 /// # Examples
 ///
 /// ```
-/// use if_core::{math::Point, shapes::Sphere};
+/// use if_core::{math::Point, monitor::Silent, shapes::Sphere};
 /// use if_mesh::extract::{ExtractParams, Resolution, extract};
 /// let ball = Sphere { center: Point::origin(), radius: 0.1 };
-/// let found = extract(&ball, &ExtractParams { resolution: Resolution::Cell(0.01), ..ExtractParams::default() })?;
+/// let params = ExtractParams { resolution: Resolution::Cell(0.01), ..ExtractParams::default() };
+/// let found = extract(&ball, &params, &mut Silent)?;
 /// assert!(found.mesh.signed_volume() > 0.0041 && found.report.warnings.is_empty());
 /// # Ok::<(), if_mesh::extract::ExtractError>(())
 /// ```
 pub fn extract<F: SignedDistance + ?Sized>(
     field: &F,
     params: &ExtractParams,
+    monitor: &mut dyn Monitor,
 ) -> Result<Extraction, ExtractError> {
-    extract_watched(field, params, &mut |_| ControlFlow::Continue(()))
-}
-
-/// [`extract`], telling `watch` how far it is after each batch. `Break` ends it.
-///
-/// # Errors
-///
-/// As [`extract`], and [`ExtractError::Cancelled`].
-pub fn extract_watched<F: SignedDistance + ?Sized>(
-    field: &F,
-    params: &ExtractParams,
-    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Extraction, ExtractError> {
-    // From here on code is made once, and not for each kind of field: it asks for batches.
+    // From here on code is compiled once, and not for each type of field: calls are batched.
     let field: &dyn SignedDistance = &field;
     params.validate()?;
     let region = params.region.or_else(|| field.bounds()).ok_or(ExtractError::NoRegion)?;
@@ -116,492 +98,16 @@ pub fn extract_watched<F: SignedDistance + ?Sized>(
     {
         return Err(ExtractError::Region { region });
     }
-    let mut watch = Watch { evaluations: 0, cell: 0.0, memory: params.memory, tell: watch };
-    let bound = Bound { slope: params.slope.of(field, &region, &mut watch)?, noise: params.noise };
+    let mut budget = budget::Budget { evaluations: 0, cell: 0.0, memory: params.memory, monitor };
+    let slope = slope::slope_bound(&params.slope, field, &region, &mut budget)?;
+    let bound = slope::Bound { slope, noise: params.noise };
+    let mut with_cell =
+        |cell: Real| attempt::attempt(field, &region, cell, &bound, params, &mut budget);
     match params.resolution {
-        Resolution::Cell(cell) => attempt(field, &region, cell, &bound, params, &mut watch),
-        Resolution::Cells(cells) => {
-            attempt(field, &region, size.max() / Real::from(cells), &bound, params, &mut watch)
-        }
+        Resolution::Cell(cell) => with_cell(cell),
+        Resolution::Cells(cells) => with_cell(size.max() / Real::from(cells)),
         Resolution::Accuracy { error, finest } => {
-            to_accuracy(field, &region, (error, finest), &bound, params, &mut watch)
+            accuracy::to_accuracy(field, &region, (error, finest), &bound, params, &mut budget)
         }
-    }
-}
-
-/// Cells along the longest side of the first attempt at a requested accuracy: coarse enough to cost
-/// little, fine enough to see arms and legs of a person.
-const FIRST: Real = 48.0;
-/// Attempts, at most. The error is of second order, so that the second guess is near: three is
-/// usual.
-const ATTEMPTS: usize = 8;
-/// The next cell is chosen for this share of the requested error, so that it is not missed by a
-/// little.
-const AIM: Real = 0.8;
-
-/// Extracts with smaller and smaller cells until the error is as requested.
-fn to_accuracy(
-    field: &dyn SignedDistance,
-    region: &Aabb,
-    (error, finest): (Real, Real),
-    bound: &Bound,
-    params: &ExtractParams,
-    watch: &mut Watch,
-) -> Result<Extraction, ExtractError> {
-    let mut cell = (region.size().max() / FIRST).max(finest);
-    let mut attempts = Vec::new();
-    loop {
-        let mut found = attempt(field, region, cell, bound, params, watch)?;
-        let reached = found.report.error.worst();
-        attempts.push(Attempt { cell, error: reached, triangles: found.mesh.triangles().len() });
-        let hidden = found.report.warnings.iter().any(|w| matches!(w, Warning::Unresolved { .. }));
-        let enough = reached <= error && !hidden;
-        if enough || cell <= finest || attempts.len() == ATTEMPTS {
-            if reached > error {
-                found.report.warnings.push(Warning::Inaccurate { requested: error, reached, cell });
-            }
-            found.report.attempts = attempts;
-            found.report.evaluations.total = watch.evaluations;
-            return Ok(found);
-        }
-        // Second order: half the cell has a quarter of the error. What hides shows in smaller cells
-        // only.
-        let wanted = if reached > error { (AIM * error / reached).sqrt() } else { 0.5 };
-        cell = (cell * wanted.clamp(0.2, 0.8)).max(finest);
-    }
-}
-
-fn attempt(
-    field: &dyn SignedDistance,
-    region: &Aabb,
-    cell: Real,
-    bound: &Bound,
-    params: &ExtractParams,
-    watch: &mut Watch,
-) -> Result<Extraction, ExtractError> {
-    let lattice = lattice_of(region, cell, params.phase)?;
-    watch.cell = cell;
-    let mut evaluations = Evaluations::default();
-    let mut seconds = Seconds::default();
-    let mut clock = Instant::now();
-    let mut lap = || std::mem::replace(&mut clock, Instant::now()).elapsed().as_secs_f64();
-    let mut before = watch.evaluations;
-    let mut count =
-        |watch: &Watch| watch.evaluations - std::mem::replace(&mut before, watch.evaluations);
-
-    let refined = match params.sampling {
-        Sampling::Sparse => refine(field, &lattice, bound, watch)?,
-        Sampling::Dense => dense(field, &lattice, bound, watch)?,
-    };
-    (evaluations.refine, seconds.refine) = (count(watch), lap());
-    let held = refined.cells.bytes() + refined.nodes.bytes();
-    watch.room(held, memory::crossings(&refined.nodes.rows))?;
-    let crossings = Crossings::of(&refined.nodes.rows);
-    if u32::try_from(crossings.count).is_err() {
-        return Err(ExtractError::TooManyNodes { nodes: crossings.count });
-    }
-    watch.room(
-        held,
-        memory::crossings(&refined.nodes.rows)
-            .saturating_add(memory::mesh(crossings.count, params.relax > 0)),
-    )?;
-    let edges = crossings.edges(|value| refined.nodes.values[value]);
-    let triangles = crossings.triangles();
-    seconds.triangles = lap();
-    let polished = polish::polish(field, &lattice, &edges, params.secant, params.newton, watch)?;
-    (evaluations.polish, seconds.polish) = (count(watch), lap());
-    let mesh = TriMesh::new(polished.points, triangles)
-        .expect("vertices stay within a cell of their edge, and cases name them");
-
-    let mut warnings = Vec::new();
-    if refined.restored > 0 || refined.slope > bound.slope {
-        warnings.push(Warning::Slope {
-            given: bound.slope,
-            used: refined.slope,
-            cells: refined.restored,
-        });
-    }
-    let leaving = crossings.on_border();
-    if leaving > 0 {
-        warnings.push(Warning::LeavesRegion { edges: leaving });
-    }
-    let crossed = crossings.cells();
-    let hidden = unresolved(&lattice, bound.noise, &refined, &crossed);
-    if hidden > 0 {
-        warnings.push(Warning::Unresolved { cells: hidden });
-    }
-    let near =
-        check::near_sheets(&mesh, &polished.samples, &crossings.neighbours_on_lines(), &lattice);
-    warnings.extend(near.warning());
-    let skipped = 1.0 - refined.cells.count() as Real / lattice.volume();
-    drop((edges, crossed));
-
-    let mesh = if params.relax > 0 {
-        let rounds = RelaxParams { rounds: params.relax, ..RelaxParams::default() };
-        let relaxed = relax_within(&mesh, field, &rounds, Some(&lattice.aabb().inflated(cell)));
-        watch.evaluated(Stage::Relax, params.relax * mesh.vertices().len())?;
-        if near.within(cell) { check::without_new_intersections(&mesh, relaxed) } else { relaxed }
-    } else {
-        mesh
-    };
-    (evaluations.relax, seconds.relax) = (count(watch), lap());
-    let Checked { error } = check::check(field, &mesh, params, watch)?;
-    (evaluations.check, seconds.check) = (count(watch), lap());
-    evaluations.total = watch.evaluations;
-    let report = ExtractReport {
-        region: lattice.aabb(),
-        cell,
-        cells: lattice.cells,
-        slope: refined.slope,
-        evaluations,
-        skipped,
-        error,
-        attempts: Vec::new(),
-        warnings,
-        seconds,
-    };
-    Ok(Extraction { mesh, report })
-}
-
-/// A part of a cell by which a region may fall short of a whole number of cells, so that rounding
-/// (1e-13 of them) adds no layer of cells.
-const WHOLE: Real = 1e-6;
-
-fn lattice_of(region: &Aabb, cell: Real, phase: [Real; 3]) -> Result<Lattice, ExtractError> {
-    let size = region.size();
-    let phase = Vector::from(phase);
-    let cells = [0, 1, 2].map(|k| (size[k] / cell + phase[k] - WHOLE).ceil().max(1.0));
-    if !cells.iter().all(|c| *c <= MAX_CELLS) {
-        return Err(ExtractError::TooFine { size: size.max(), cell });
-    }
-    Ok(Lattice { min: region.min - phase * cell, cell, cells: cells.map(|c| c as u32) })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::index::Bvh;
-    use if_core::edges::{Edges, VertexTriangles};
-    use if_core::field::FieldSample;
-    use if_core::math::Point;
-    use if_core::shapes::{Gyroid, Plane, Sphere, Torus, Union};
-
-    /// Edges of other than two triangles, and Euler's characteristic.
-    fn topology(mesh: &TriMesh) -> (usize, i64) {
-        let edges = Edges::new(mesh);
-        let odd = edges.valence.iter().filter(|v| **v != 2).count();
-        (odd, mesh.vertices().len() as i64 + mesh.triangles().len() as i64 - edges.len() as i64)
-    }
-
-    fn with(cell: Real) -> ExtractParams {
-        ExtractParams { resolution: Resolution::Cell(cell), ..ExtractParams::default() }
-    }
-
-    fn ball(cell: Real) -> Extraction {
-        let field = Sphere { center: Point::new(0.013, -0.007, 0.021), radius: 0.5 };
-        extract(&field, &with(cell)).unwrap()
-    }
-
-    #[test]
-    fn a_ball_is_closed_of_euler_characteristic_two_and_its_volume_of_second_order() {
-        let exact = std::f64::consts::PI / 6.0;
-        let errors = [0.08, 0.04, 0.02].map(|cell| {
-            let marched = ball(cell);
-            assert_eq!(topology(&marched.mesh), (0, 2));
-            assert!(marched.report.warnings.is_empty());
-            let center = Point::new(0.013, -0.007, 0.021);
-            assert!(
-                marched.mesh.vertices().iter().all(|p| ((p - center).norm() - 0.5).abs() < 1e-12),
-                "exact after Newton"
-            );
-            exact - marched.mesh.signed_volume()
-        });
-        for pair in errors.windows(2) {
-            let order = (pair[0] / pair[1]).log2();
-            assert!((1.9..2.1).contains(&order), "{errors:?}");
-        }
-    }
-
-    #[test]
-    fn shapes_keep_their_genus_and_the_work_follows_the_surface() {
-        let ring = Torus { center: Point::origin(), major: 0.4, minor: 0.15 };
-        let coarse = extract(&ring, &with(0.04)).unwrap();
-        let fine = extract(&ring, &with(0.01)).unwrap();
-        assert_eq!((topology(&coarse.mesh), topology(&fine.mesh)), ((0, 0), (0, 0)));
-        // 16 times the surface; 64 times would be the volume.
-        let of = |e: &Extraction| e.report.evaluations.refine;
-        assert!(of(&fine) < 20 * of(&coarse), "{} {}", of(&fine), of(&coarse));
-        let one = Sphere { center: Point::new(-0.3, 0.0, 0.0), radius: 0.2 };
-        let two = Union(one, Sphere { center: Point::new(0.3, 0.0, 0.0), ..one });
-        let both = extract(&two, &with(0.03)).unwrap();
-        assert_eq!(topology(&both.mesh), (0, 4));
-    }
-
-    /// A field given at the nodes of a lattice and nowhere else, positive on the border.
-    struct Nodes(Vec<Real>);
-
-    impl Nodes {
-        const N: usize = 9;
-
-        fn random(seed: u64) -> Self {
-            let mut state = seed;
-            let values = (0..Self::N.pow(3)).map(|n| {
-                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-                let border =
-                    (0..3).any(|k| [0, Self::N - 1].contains(&(n / Self::N.pow(k) % Self::N)));
-                let value = f64::from((state >> 33) as u32) / f64::from(u32::MAX) - 0.25;
-                if border { 1.0 } else { value }
-            });
-            Self(values.collect())
-        }
-    }
-
-    impl SignedDistance for Nodes {
-        /// Trilinear.
-        fn distance(&self, p: &Point) -> Real {
-            let base = [0, 1, 2].map(|k| (p[k].floor() as usize).min(Self::N - 2));
-            (0..8)
-                .map(|c| {
-                    let at = [0, 1, 2].map(|k| base[k] + (c >> k & 1));
-                    let w: Real = (0..3).map(|k| 1.0 - (p[k] - at[k] as Real).abs()).product();
-                    w * self.0[at[0] + Self::N * (at[1] + Self::N * at[2])]
-                })
-                .sum()
-        }
-        fn sample(&self, p: &Point) -> FieldSample {
-            FieldSample { distance: self.distance(p), gradient: Vector::zeros() }
-        }
-        fn bounds(&self) -> Option<Aabb> {
-            None
-        }
-        fn lipschitz(&self) -> Real {
-            Real::INFINITY
-        }
-    }
-
-    #[test]
-    fn any_values_at_the_nodes_give_a_manifold_almost_without_intersections() {
-        let region = Aabb { min: Point::origin(), max: Point::new(8.0, 8.0, 8.0) };
-        for seed in 0..12 {
-            let field = Nodes::random(seed);
-            let params =
-                ExtractParams { region: Some(region), phase: [0.0; 3], newton: 0, ..with(1.0) };
-            let mesh = extract(&field, &params).unwrap().mesh;
-            let edges = Edges::new(&mesh);
-            assert!(
-                mesh.triangles().len() > 500 && edges.valence.iter().all(|v| *v == 2),
-                "seed {seed}"
-            );
-            // One fan a vertex: its triangles are as many as its edges, and all are reached.
-            let fans = VertexTriangles::new(&mesh);
-            for v in 0..mesh.vertices().len() {
-                let fan: Vec<[u32; 3]> =
-                    fans.of(v).iter().map(|t| mesh.triangles()[*t as usize]).collect();
-                let next = |w: u32| {
-                    let t = fan
-                        .iter()
-                        .find(|t| (0..3).any(|k| t[k] == v as u32 && t[(k + 1) % 3] == w))?;
-                    t.iter().copied().find(|u| *u != v as u32 && *u != w)
-                };
-                let start =
-                    *fan[0].iter().find(|u| **u != v as u32 && next(**u).is_some()).unwrap();
-                let (mut at, mut steps) = (next(start).unwrap(), 1);
-                while at != start {
-                    (at, steps) = (next(at).unwrap(), steps + 1);
-                }
-                assert_eq!(steps, fan.len(), "seed {seed}, vertex {v}");
-            }
-            // Noise winds two sheets round one another in a cell now and then.
-            let crossing = own_intersections(&mesh);
-            assert!(
-                crossing * 500 <= mesh.triangles().len(),
-                "seed {seed}: {crossing} of {}",
-                mesh.triangles().len()
-            );
-        }
-    }
-
-    /// Triangle pairs without common corners that meet.
-    fn own_intersections(mesh: &TriMesh) -> usize {
-        let bvh = Bvh::new(mesh);
-        let mut pairs = 0;
-        for t in 0..mesh.triangles().len() {
-            bvh.overlapping(&Aabb::from_points(mesh.corners(t)), |u| {
-                let apart =
-                    mesh.triangles()[t].iter().all(|v| !mesh.triangles()[u as usize].contains(v));
-                if (u as usize) > t && apart {
-                    let meet =
-                        if_core::intersect::triangles(mesh.corners(t), mesh.corners(u as usize));
-                    pairs += usize::from(meet != if_core::intersect::Contact::Disjoint);
-                }
-            });
-        }
-        pairs
-    }
-
-    #[test]
-    fn zeros_on_the_nodes_make_no_holes() {
-        // The surface passes exactly through nodes, edges and sides of the lattice.
-        let flat = Plane { point: Point::new(0.0, 0.5, 0.0), normal: Vector::y() };
-        let region = Aabb { min: Point::origin(), max: Point::new(1.0, 1.0, 1.0) };
-        let params = ExtractParams { region: Some(region), phase: [0.0; 3], ..with(0.125) };
-        let marched = extract(&flat, &params).unwrap();
-        assert!(
-            matches!(marched.report.warnings[..], [Warning::LeavesRegion { edges: 32 }]),
-            "{:?}",
-            marched.report.warnings
-        );
-        assert_eq!(marched.mesh.triangles().len(), 128);
-        approx::assert_relative_eq!(marched.mesh.area(), 1.0, max_relative = 1e-12);
-        let ball = Sphere { center: Point::new(0.5, 0.5, 0.5), radius: 0.375 };
-        let mesh = extract(&ball, &params).unwrap().mesh;
-        assert_eq!(topology(&mesh), (0, 2));
-        assert!((0..mesh.triangles().len()).all(|t| mesh.corners(t)[0] != mesh.corners(t)[1]));
-    }
-
-    #[test]
-    fn a_field_without_a_surface_gives_an_empty_mesh_and_a_labyrinth_an_open_one() {
-        let region = Aabb { min: Point::origin(), max: Point::new(1.0, 1.0, 1.0) };
-        let far = Sphere { center: Point::new(9.0, 0.0, 0.0), radius: 1.0 };
-        let params = ExtractParams { region: Some(region), ..with(0.05) };
-        assert_eq!(extract(&far, &params).unwrap().mesh, TriMesh::default());
-        let labyrinth = extract(&Gyroid { period: 0.5 }, &params).unwrap();
-        let leaves =
-            labyrinth.report.warnings.iter().any(|w| matches!(w, Warning::LeavesRegion { .. }));
-        assert!(leaves && Edges::new(&labyrinth.mesh).valence.iter().all(|v| *v <= 2));
-    }
-
-    #[test]
-    fn wrong_input_is_named() {
-        let field = Sphere { center: Point::origin(), radius: 1.0 };
-        let region = field.bounds().unwrap();
-        let of = |params: ExtractParams| extract(&field, &params).unwrap_err();
-        for cell in [0.0, -1.0, Real::NAN, Real::INFINITY] {
-            assert!(matches!(of(with(cell)), ExtractError::Cell { .. }));
-            let slope = Slope::Given(cell);
-            assert_eq!(
-                cell == Real::INFINITY,
-                extract(&field, &ExtractParams { slope, ..with(0.1) }).is_ok()
-            );
-            let resolution = Resolution::Accuracy { error: 1e-3, finest: cell };
-            assert!(matches!(
-                of(ExtractParams { resolution, ..with(0.1) }),
-                ExtractError::Accuracy { .. }
-            ));
-        }
-        assert!(matches!(
-            of(ExtractParams { phase: [0.0, 2.0, 0.0], ..with(0.1) }),
-            ExtractError::Phase { axis: 1, .. }
-        ));
-        assert!(matches!(
-            of(ExtractParams { noise: -1.0, ..with(0.1) }),
-            ExtractError::Noise { .. }
-        ));
-        assert!(matches!(
-            of(ExtractParams { resolution: Resolution::Cells(0), ..with(0.1) }),
-            ExtractError::NoCells
-        ));
-        assert!(matches!(
-            extract(&Gyroid { period: 1.0 }, &with(0.1)),
-            Err(ExtractError::NoRegion)
-        ));
-        let endless = Aabb { max: Point::new(1.0, Real::INFINITY, 1.0), ..region };
-        let point = Aabb { min: Point::origin(), max: Point::origin() };
-        for region in [Aabb::EMPTY, endless, point] {
-            assert!(matches!(
-                of(ExtractParams { region: Some(region), ..with(0.1) }),
-                ExtractError::Region { .. }
-            ));
-        }
-        assert!(matches!(of(with(1e-9)), ExtractError::TooFine { .. }));
-        let unmeasured = Resolution::Accuracy { error: 1e-6, finest: 1e-4 };
-        assert_eq!(
-            of(ExtractParams { resolution: unmeasured, check: 0, ..with(0.1) }),
-            ExtractError::Unchecked
-        );
-        let dense = ExtractParams { sampling: Sampling::Dense, ..with(1e-3) };
-        assert!(matches!(of(dense), ExtractError::TooManyNodes { .. }));
-        let hole = Nodes(vec![Real::NAN; Nodes::N.pow(3)]);
-        let region = Aabb { min: Point::origin(), max: Point::new(8.0, 8.0, 8.0) };
-        let error =
-            extract(&hole, &ExtractParams { region: Some(region), ..with(1.0) }).unwrap_err();
-        assert!(matches!(error, ExtractError::NotANumber { .. }));
-    }
-
-    #[test]
-    fn more_memory_than_is_allowed_is_refused_before_it_is_taken() {
-        let field = Sphere { center: Point::origin(), radius: 0.5 };
-        let of = |params: ExtractParams| extract(&field, &params);
-        let refused = |params: ExtractParams| match of(params).unwrap_err() {
-            ExtractError::TooLarge { bytes, limit, cell } => {
-                assert!(bytes > limit && limit == params.memory && cell > 0.0)
-            }
-            other => panic!("{other}"),
-        };
-        let little = ExtractParams { memory: 1 << 24, ..ExtractParams::default() };
-        refused(ExtractParams { resolution: Resolution::Cells(16_384), ..little });
-        // A billion nodes.
-        let dense = ExtractParams {
-            sampling: Sampling::Dense,
-            resolution: Resolution::Cells(1024),
-            ..ExtractParams::default()
-        };
-        refused(dense);
-        let slope = Slope::Sampled { points: usize::MAX, factor: 1.5, seed: 0 };
-        assert!(matches!(
-            of(ExtractParams { slope, ..little }),
-            Err(ExtractError::TooManyPoints { points: usize::MAX, .. })
-        ));
-        // What is just enough gives the same mesh, and less names what is missing; relaxing takes
-        // more.
-        let base = with(0.02);
-        let mesh = of(base).unwrap().mesh;
-        let least = |relax: usize| {
-            let mut memory = 0;
-            while let Err(ExtractError::TooLarge { bytes, .. }) =
-                of(ExtractParams { memory, relax, ..base })
-            {
-                memory = bytes;
-            }
-            memory
-        };
-        let (plain, relaxed) = (least(0), least(1));
-        assert!(plain < relaxed, "{plain} {relaxed}");
-        assert_eq!(of(ExtractParams { memory: plain, ..base }).unwrap().mesh, mesh);
-        refused(ExtractParams { memory: plain - 1, ..base });
-        // In proportion to the surface: some hundred bytes for each vertex.
-        assert!(
-            (100..1000).contains(&(plain / mesh.vertices().len())),
-            "{plain} for {}",
-            mesh.vertices().len()
-        );
-    }
-
-    #[test]
-    fn the_centre_of_a_triangle_is_off_by_its_sides_and_the_curvature() {
-        let found = ball(0.03).mesh;
-        for t in 0..found.triangles().len() {
-            let [a, b, c] = found.corners(t);
-            let squares = (a - b).norm_squared() + (b - c).norm_squared() + (c - a).norm_squared();
-            let center = Point::from((a.coords + b.coords + c.coords) / 3.0);
-            let off = 0.5 - (center - Point::new(0.013, -0.007, 0.021)).norm();
-            // The curvature of a ball of half a metre is 2; terms of the fourth order are left out.
-            approx::assert_relative_eq!(
-                off,
-                2.0 * squares / 18.0,
-                max_relative = 0.01,
-                epsilon = 1e-9
-            );
-        }
-    }
-
-    #[test]
-    fn one_thread_gives_the_bits_of_many() {
-        let on = |n| {
-            rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(|| ball(0.03))
-        };
-        let (one, many) = (on(1), on(5));
-        assert_eq!(one.mesh, many.mesh);
-        assert_eq!(one.report, ExtractReport { seconds: one.report.seconds, ..many.report });
     }
 }

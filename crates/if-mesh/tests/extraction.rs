@@ -7,10 +7,13 @@ mod fields;
 use fields::{BOX, Case, cases, flaws, region};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
+use if_core::monitor::{Progress, Silent};
+use if_mesh::extract::ExtractError;
 use if_mesh::extract::{ExtractParams, Resolution, Sampling, Slope, Warning, extract};
 use if_mesh::index::Bvh;
 use if_mesh::intersections::own_pairs;
 use if_mesh::measure::smallest_angles;
+use std::ops::ControlFlow;
 
 fn params(case: &Case, cells: u32) -> ExtractParams {
     ExtractParams {
@@ -25,10 +28,11 @@ fn params(case: &Case, cells: u32) -> ExtractParams {
 /// The mesh of the sparse lattice is that of the dense one, bit by bit.
 fn sparse_is_dense(cells: u32) {
     for case in cases(cells) {
-        let sparse = extract(&*case.field, &params(&case, cells)).unwrap();
+        let sparse = extract(&*case.field, &params(&case, cells), &mut Silent).unwrap();
         let dense = extract(
             &*case.field,
             &ExtractParams { sampling: Sampling::Dense, ..params(&case, cells) },
+            &mut Silent,
         )
         .unwrap();
         assert!(sparse.mesh == dense.mesh, "{}: the triangles differ", case.name);
@@ -41,7 +45,7 @@ fn sparse_is_dense(cells: u32) {
 /// Vertices lie on the surface after two evaluations each, edges and vertices are manifold.
 fn surfaces_are_sound(cells: u32) {
     for case in cases(cells) {
-        let found = extract(&*case.field, &params(&case, cells)).unwrap();
+        let found = extract(&*case.field, &params(&case, cells), &mut Silent).unwrap();
         let (mesh, report) = (&found.mesh, &found.report);
         assert_eq!(report.evaluations.polish, 2 * mesh.vertices().len(), "{}", case.name);
         let worst = mesh.vertices().iter().map(|p| distance(&case, p)).fold(0.0, Real::max);
@@ -83,7 +87,8 @@ fn distance(case: &Case, p: &Point) -> Real {
 fn no_slivers_after_relaxation(cells: u32) {
     for case in cases(cells).iter().filter(|c| c.resolved) {
         let found =
-            extract(&*case.field, &ExtractParams { relax: 5, ..params(case, cells) }).unwrap();
+            extract(&*case.field, &ExtractParams { relax: 5, ..params(case, cells) }, &mut Silent)
+                .unwrap();
         let least = smallest_angles(&found.mesh).into_iter().fold(Real::INFINITY, Real::min);
         assert!(least > 10.0, "{}: {least}°", case.name);
         assert_eq!(
@@ -128,7 +133,7 @@ fn near_sheets_and_lost_ones_are_told() {
             resolution: Resolution::Cells(cells),
             ..ExtractParams::default()
         };
-        extract(field, &params).unwrap().report.warnings
+        extract(field, &params, &mut Silent).unwrap().report.warnings
     };
     // Gaps of 4 cells and of one cell.
     let h = BOX / 64.0;
@@ -155,7 +160,7 @@ fn relaxation_adds_no_intersections_where_sheets_are_nearer_than_a_cell() {
             relax,
             ..ExtractParams::default()
         };
-        let mesh = extract(&shell, &params).unwrap().mesh;
+        let mesh = extract(&shell, &params, &mut Silent).unwrap().mesh;
         (own_pairs(&mesh, &Bvh::new(&mesh)).len(), mesh)
     };
     let ((plain, _), (relaxed, _)) = (of(0.4 * h, 0), of(0.4 * h, 3));
@@ -174,9 +179,11 @@ fn a_wrong_slope_is_mended_and_told() {
         resolution: Resolution::Cells(64),
         ..ExtractParams::default()
     };
-    let honest = extract(&steep, &base).unwrap();
+    let honest = extract(&steep, &base, &mut Silent).unwrap();
     for slope in [0.3, 0.9, 1.5] {
-        let lying = extract(&steep, &ExtractParams { slope: Slope::Given(slope), ..base }).unwrap();
+        let lying =
+            extract(&steep, &ExtractParams { slope: Slope::Given(slope), ..base }, &mut Silent)
+                .unwrap();
         let warned = &lying.report.warnings[..];
         assert!(
             matches!(warned, [Warning::Slope { given, used, .. }] if *given == slope && *used > 1.9),
@@ -185,7 +192,7 @@ fn a_wrong_slope_is_mended_and_told() {
         assert_eq!(honest.mesh, lying.mesh);
     }
     let sampled = Slope::Sampled { points: 256, factor: 1.5, seed: 1 };
-    let sampled = extract(&steep, &ExtractParams { slope: sampled, ..base }).unwrap();
+    let sampled = extract(&steep, &ExtractParams { slope: sampled, ..base }, &mut Silent).unwrap();
     approx::assert_relative_eq!(sampled.report.slope, 3.0, max_relative = 1e-12);
     assert_eq!(honest.mesh, sampled.mesh);
     assert!(honest.report.evaluations.refine < sampled.report.evaluations.refine);
@@ -200,7 +207,7 @@ fn a_requested_accuracy_is_reached_with_few_cells() {
         ..ExtractParams::default()
     };
     for error in [5e-3, 5e-4] {
-        let found = extract(&fields::torus(), &ask(error)).unwrap();
+        let found = extract(&fields::torus(), &ask(error), &mut Silent).unwrap();
         let report = &found.report;
         assert!(report.error.worst() <= error && report.warnings.is_empty(), "{report:?}");
         let mesh = &found.mesh;
@@ -217,25 +224,25 @@ fn a_requested_accuracy_is_reached_with_few_cells() {
         resolution: Resolution::Accuracy { error: 1e-9, finest: 0.05 },
         ..ask(1.0)
     };
-    let found = extract(&fields::torus(), &unreachable).unwrap();
+    let found = extract(&fields::torus(), &unreachable, &mut Silent).unwrap();
     assert!(matches!(found.report.warnings[..], [Warning::Inaccurate { .. }]));
 }
 
 #[test]
-fn progress_is_told_and_can_stop_the_work() {
+fn progress_is_reported_and_the_monitor_can_cancel() {
     let params =
         ExtractParams { resolution: Resolution::Cells(32), relax: 1, ..ExtractParams::default() };
-    let mut told = Vec::new();
-    let found = if_mesh::extract::extract_watched(&fields::sphere(), &params, &mut |p| {
-        told.push(*p);
-        std::ops::ControlFlow::Continue(())
-    });
-    assert!(told.is_sorted_by_key(|p| p.evaluations) && told.len() >= 6);
-    assert_eq!(told.last().unwrap().evaluations, found.unwrap().report.evaluations.total);
-    let stopped = if_mesh::extract::extract_watched(&fields::sphere(), &params, &mut |_| {
-        std::ops::ControlFlow::Break(())
-    });
-    assert!(matches!(stopped, Err(if_mesh::extract::ExtractError::Cancelled { .. })));
+    let mut evaluations = Vec::new();
+    let mut monitor = |p: &Progress| {
+        evaluations.push(p.measure("evaluations").expect("every report has it") as usize);
+        ControlFlow::Continue(())
+    };
+    let found = extract(&fields::sphere(), &params, &mut monitor).unwrap();
+    assert!(evaluations.is_sorted() && evaluations.len() >= 6);
+    assert_eq!(evaluations.last(), Some(&found.report.evaluations.total));
+    let mut stop = |_: &Progress| ControlFlow::Break(());
+    let stopped = extract(&fields::sphere(), &params, &mut stop);
+    assert!(matches!(stopped, Err(ExtractError::Cancelled(_))));
 }
 
 #[test]
@@ -247,7 +254,7 @@ fn layers_on_lattices_of_their_own_do_not_touch() {
             phase: if_mesh::extract::layer_phase(layer),
             ..ExtractParams::default()
         };
-        extract(&fields::sphere(), &params).unwrap().mesh
+        extract(&fields::sphere(), &params, &mut Silent).unwrap().mesh
     };
     let (a, b) = (at(0), at(1));
     assert!(a.vertices().iter().all(|p| b.vertices().iter().all(|q| (p - q).norm() > 1e-6)));

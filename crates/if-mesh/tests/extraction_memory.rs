@@ -10,6 +10,7 @@
 mod fields;
 
 use fields::{Case, cases, region};
+use if_core::monitor::Silent;
 use if_mesh::extract::{ExtractError, ExtractParams, Resolution, Sampling, extract};
 use peak_alloc::PeakAlloc;
 use std::sync::Mutex;
@@ -28,7 +29,9 @@ fn told_and_taken(case: &Case, base: ExtractParams) -> (usize, usize, usize) {
     let params =
         ExtractParams { region: Some(region()), phase: case.phase, noise: case.noise, ..base };
     let mut told = 0;
-    while let Err(error) = extract(&*case.field, &ExtractParams { memory: told, ..params }) {
+    while let Err(error) =
+        extract(&*case.field, &ExtractParams { memory: told, ..params }, &mut Silent)
+    {
         match error {
             ExtractError::TooLarge { bytes, .. } => told = bytes,
             other => panic!("{}: {other}", case.name),
@@ -36,8 +39,8 @@ fn told_and_taken(case: &Case, base: ExtractParams) -> (usize, usize, usize) {
     }
     let before = HEAP.current_usage();
     HEAP.reset_peak_usage();
-    let found =
-        extract(&*case.field, &ExtractParams { memory: told, ..params }).expect("it is enough");
+    let found = extract(&*case.field, &ExtractParams { memory: told, ..params }, &mut Silent)
+        .expect("it is enough");
     (told, HEAP.peak_usage() - before, found.mesh.triangles().len())
 }
 

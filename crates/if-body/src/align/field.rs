@@ -1,6 +1,7 @@
 //! φ of the clothed body in the space that the garments share.
 
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_mesh::baked::{BakeError, BakeParams, Baked, Redistance};
 use if_mesh::solid::{ClosedLayer, ClothedField};
 
@@ -23,5 +24,5 @@ pub fn carried_field(
     let layer = ClosedLayer::garment(garment, &solid, body);
     let field = ClothedField::new(vec![&solid, &layer]);
     // Its inside is the larger depth in one layer, which is no distance.
-    Baked::new(&field, &BakeParams { redistance: Redistance::Always, ..*params })
+    Baked::new(&field, &BakeParams { redistance: Redistance::Always, ..*params }, &mut Silent)
 }

@@ -1,23 +1,25 @@
-//! How far a baked field is from the true one.
+//! The error of a baked field.
 
-use super::bricks::{BRICK, Bricks, Node, blend, bumps, cells, corners};
+use super::blend::{BRICK, Node, blend, bumps, cells, corners};
+use super::bricks::Bricks;
 use super::params::BakeParams;
 use crate::measure::SplitMix64;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
+use if_core::monitor::{Cancelled, Monitor, Progress};
 use rayon::prelude::*;
 
-/// Errors at the probed points times this are the stated bound.
+/// The bound is this times the largest error at the probed points.
 pub(super) const SAFETY: Real = 1.5;
 /// Distances from the surface, in shares of the reach, at which the statistics of errors are kept
 /// apart.
 const BINS: [Real; 8] = [0.0, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
-/// Of each bin, cells looked at for their bad looks, and points in each.
+/// Of each bin, cells with the largest curvature, and points in each.
 const WORST: [usize; 2] = [2048, 8];
 /// Of each bin, cells spread evenly, and points in each.
 const EVEN: [usize; 2] = [4096, 2];
 
-/// What |∇φ| of the blend nowhere exceeds.
+/// Upper bound on |∇φ| of the blend.
 ///
 /// In a cell ∇φ is M + E: M is affine in each coordinate, so that |M| is largest in a corner, where
 /// E is zero; and of E each component is at most a quarter of the bumps' differences along its axis
@@ -38,7 +40,7 @@ pub(super) fn steepest(bricks: &Bricks) -> Real {
         .reduce(|| 0.0, Real::max)
 }
 
-/// What the bumps of a cell may add to its gradient between the corners, times its edge. `bumps[a]`
+/// Upper bound on the part of a cell's gradient between the corners that its bumps add, times its edge. `bumps[a]`
 /// are those of the four edges along axis `a`, the lower of the other two axes first.
 fn between(bumps: [[f32; 4]; 3]) -> Real {
     let mut most = [0.0f32; 3];
@@ -56,7 +58,7 @@ fn between(bumps: [[f32; 4]; 3]) -> Real {
 pub(super) struct Errors {
     /// The largest of each bin, in metres.
     pub(super) largest: [Real; BINS.len()],
-    /// What the bins are shares of, in metres.
+    /// The length of which bins are shares, in metres.
     pub(super) reach: Real,
 }
 
@@ -89,8 +91,8 @@ pub(super) fn matters(nodes: &[Node], slot: usize, cell: Real, params: &BakePara
         && values.iter().any(|v| v.abs() <= params.reach + 2.0 * cell)
 }
 
-/// How far the blend in a cell is from the trilinear one, in metres: where fields have creases, it
-/// errs by as much.
+/// Difference between the blend in a cell and the trilinear one, in metres: at creases of fields the
+/// error is as large.
 pub(super) fn bend(nodes: &[Node], slot: usize) -> Real {
     bumps(nodes, slot).into_iter().flatten().fold(0.0, |m, b| Real::max(m, Real::from(b.abs())))
         * 0.25
@@ -105,7 +107,8 @@ pub(super) fn measure(
     source: &dyn SignedDistance,
     params: &BakeParams,
     (near, seed, tolerance): (bool, u64, Real),
-) -> Vec<u32> {
+    monitor: &mut dyn Monitor,
+) -> Result<Vec<u32>, Cancelled> {
     let probes = probes(bricks, params, near, seed);
     let points: Vec<Point> = probes
         .iter()
@@ -116,6 +119,7 @@ pub(super) fn measure(
         .collect();
     let mut truth = vec![0.0; points.len()];
     source.distances(&points, &mut truth);
+    monitor.report(&Progress { done: points.len(), ..Progress::stage("measure") })?;
     let mut off_in = Vec::new();
     for ((b, c, u), truth) in probes.iter().zip(truth) {
         if -params.depth <= truth && truth <= params.band {
@@ -130,10 +134,11 @@ pub(super) fn measure(
     }
     off_in.sort_unstable();
     off_in.dedup();
-    off_in
+    Ok(off_in)
 }
 
-/// Places in the cells that look worst, and in some of all others: brick, cell, and where in it.
+/// Random points in the cells with the largest curvature, and in some of all others: brick, cell, and
+/// position in it.
 fn probes(
     bricks: &Bricks,
     params: &BakeParams,

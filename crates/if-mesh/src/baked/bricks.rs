@@ -1,44 +1,10 @@
 //! A sparse grid of bricks of 4³ cells, whose cells may be halved where that is needed.
 
+use super::blend::{BRICK, NODES, Node, SIDE, blend, bumps, cells, corners, local};
+use super::directory::{INSIDE, OUTSIDE, Place, SPLIT};
 use super::index::{self, Index, power};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
-
-/// Cells along the side of a brick.
-pub(super) const SIDE: usize = 4;
-/// Nodes along the side of a brick. Nodes on the border are stored in every brick that has them, so
-/// that a query reads one brick.
-pub(super) const NODES: usize = SIDE + 1;
-/// Nodes of a brick.
-pub(super) const BRICK: usize = NODES * NODES * NODES;
-/// Entry of the directory: no brick, and the field is above the band there.
-pub(super) const OUTSIDE: u32 = u32::MAX;
-/// Entry of the directory: no brick, and the field is below the band there.
-pub(super) const INSIDE: u32 = u32::MAX - 1;
-/// Entries from here to [`INSIDE`] are split into eight; below are bricks.
-pub(super) const SPLIT: u32 = 1 << 31;
-
-/// Value at a node, and the bumps of the edges that lead from it along x, y and z; all in metres.
-pub(super) type Node = [f32; 4];
-
-/// Where a brick stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Place {
-    /// How often cells were halved.
-    pub(super) level: u32,
-    /// Counted in bricks of that level.
-    pub(super) at: [u32; 3],
-}
-
-impl Place {
-    /// One of the eight places that it is split into: bit k of `half` is the half along axis k.
-    pub(super) fn half(&self, half: usize) -> Self {
-        Self {
-            level: self.level + 1,
-            at: [0, 1, 2].map(|a| 2 * self.at[a] + (half >> a & 1) as u32),
-        }
-    }
-}
 
 /// The grid.
 #[derive(Clone)]
@@ -55,15 +21,15 @@ pub(super) struct Bricks {
     pub(super) roots: Vec<u32>,
     /// Entries of the eight halves of what is split: bit k of the index is the half along axis k.
     pub(super) splits: Vec<[u32; 8]>,
-    /// Where the bricks stand, in the order in which `nodes` stores them.
+    /// Positions of the bricks, in the order of `nodes`.
     pub(super) places: Vec<Place>,
     /// [`BRICK`] nodes for each brick; x fastest.
     pub(super) nodes: Vec<Node>,
-    /// Made by [`Bricks::indexed`]: points cannot be looked up before.
+    /// Built by [`Bricks::indexed`]; queries need it.
     index: Index,
 }
 
-/// What a point reads.
+/// The result of a query.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Reading {
     /// The blend in its cell.
@@ -74,7 +40,7 @@ pub(super) enum Reading {
     Inside,
 }
 
-/// Where a point lies.
+/// The location of a point.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Spot {
     /// In the cell whose lowest corner is `slot`, at `u` in [0, 1)³; `inverse` is 1 / its edge.
@@ -107,7 +73,7 @@ impl Bricks {
         Self::from_parts(origin, cell, size, roots, Vec::new(), places, nodes)
     }
 
-    /// A grid of its parts.
+    /// A grid from its parts.
     pub(super) fn from_parts(
         origin: Point,
         cell: Real,
@@ -132,8 +98,8 @@ impl Bricks {
         }
     }
 
-    /// With the tables that find the brick of a point; `None` where they would have more than
-    /// `most` entries ([`Index::new`]).
+    /// Adds the tables that find the brick of a point; `None` if they would have more than `most`
+    /// entries ([`Index::new`]).
     pub(super) fn indexed(mut self, most: usize) -> Option<Self> {
         self.index = Index::new(&self.roots, &self.splits, &self.places, most)?;
         Some(self)
@@ -162,8 +128,7 @@ impl Bricks {
         [0, 1, 2].map(|k| place.at[k] * SIDE as u32 + local[k] as u32)
     }
 
-    /// The entry that covers the brick that would stand at `place`, and its level: at most that of
-    /// `place`.
+    /// The entry that covers a brick at `place`, and its level: at most that of `place`.
     pub(super) fn entry(&self, place: &Place) -> (u32, u32) {
         let mut entry = self.roots[self.root_index(place.at.map(|b| (b >> place.level) as usize))];
         let mut level = 0;
@@ -192,7 +157,7 @@ impl Bricks {
         out
     }
 
-    /// The boxes of what is deeper than the band: no brick stands there.
+    /// The box of all space deeper than the band, where there are no bricks.
     pub(super) fn inside(&self) -> Aabb {
         let mut found = Aabb::EMPTY;
         for (root, entry) in self.roots.iter().enumerate() {
@@ -217,7 +182,7 @@ impl Bricks {
         }
     }
 
-    /// Where `p` lies.
+    /// Locates `p`.
     #[inline]
     pub(super) fn spot(&self, p: &Point) -> Spot {
         let (mut b, mut f) = ([0u32; 3], [0.0; 3]);
@@ -254,7 +219,7 @@ impl Bricks {
         self.reading(&self.spot(p))
     }
 
-    /// Value and gradient at a point that lies there.
+    /// Value and gradient at a located point.
     #[inline]
     pub(super) fn reading(&self, spot: &Spot) -> Reading {
         match spot {
@@ -267,8 +232,8 @@ impl Bricks {
         }
     }
 
-    /// The same grid without what holds no node with a value in [−depth, band], in the order of
-    /// [`Bricks::leaves`]; `None` where its bricks are more than an index can count.
+    /// The same grid without bricks of which no node has a value in [−depth, band], in the order of
+    /// [`Bricks::leaves`]; `None` if there are more bricks than an index can count.
     pub(super) fn compacted(&self, band: Real, depth: Real) -> Option<Self> {
         let mut out = Self::from_parts(
             self.origin,
@@ -313,86 +278,37 @@ impl Bricks {
         }
     }
 
-    /// Bytes that the grid takes.
+    /// The box of all cells that may hold a point of the zero set or the inside, and of what is
+    /// deeper than the band: outside it the field is positive.
+    pub(super) fn surface_box(&self) -> Aabb {
+        let mut surface = self.inside();
+        for (brick, place) in self.places.iter().enumerate() {
+            let cell = self.cell_of(place.level);
+            for c in cells() {
+                let slot = brick * BRICK + c;
+                let least = corners(&self.nodes, slot)
+                    .into_iter()
+                    .fold(Real::INFINITY, |m, n| m.min(n[0].into()));
+                // Along each axis the blend is at most a quarter of the lowest bump below the
+                // corners.
+                let dip = |b: [f32; 4]| b.into_iter().fold(0.0f32, f32::min);
+                let dips: Real = bumps(&self.nodes, slot).map(|b| Real::from(dip(b))).iter().sum();
+                if least + 0.25 * dips <= 0.0 {
+                    let low = self.at(place.level, self.node(brick, c));
+                    surface = surface.grown_to(&low).grown_to(&(low + Vector::repeat(cell)));
+                }
+            }
+        }
+        surface
+    }
+
+    /// Bytes of the grid.
     pub(super) fn bytes(&self) -> usize {
         self.places.len() * (BRICK * size_of::<Node>() + size_of::<Place>())
             + self.splits.len() * 32
             + self.roots.len() * 4
             + self.index.bytes()
     }
-}
-
-/// The blend in the cell whose lowest corner is `slot`, at `u` in [0, 1]³; `inverse` is 1 / its
-/// edge h:
-///
-/// ```text
-/// φ = T(φₖ) + Σ_axes uₐ (1 − uₐ) B(bₐ),   bₐ = ½ h (∂ₐφ at the edge's start − ∂ₐφ at its end)
-/// ```
-///
-/// with T the trilinear blend of the corners, and B the bilinear one of the four edges along the
-/// axis. This is the half-Taylor blend `Σ wₖ (φₖ + ½ gₖ · (p − xₖ))`: the trilinear blend of the
-/// values errs by +½ Σ u (1 − u) h² ∂²φ, that of whole Taylor expansions by the opposite, and half
-/// of the slope is exact for quadratic fields. On a side of the cell it depends on that side alone;
-/// and the blend in a part of a cell, with values and bumps that are the cell's own there, is the
-/// cell's blend to the last term, so that small cells join large ones without a gap
-/// ([`super::join`]). The gradient is the blend's own.
-#[inline]
-pub(super) fn blend(nodes: &[Node], slot: usize, u: [Real; 3], inverse: Real) -> (Real, Vector) {
-    let n = &nodes[slot..slot + NODES * NODES + NODES + 2];
-    let [ux, uy, uz] = u;
-    let [cx, cy, cz] = [1.0 - ux, 1.0 - uy, 1.0 - uz];
-    let get = |at: usize, k: usize| Real::from(n[at][k]);
-    let mix = |a: Real, b: Real, t: Real| a + (b - a) * t;
-    const Y: usize = NODES;
-    const Z: usize = NODES * NODES;
-    // Along x: the value, and its slope.
-    let row = |at: usize| {
-        let (a, rise, bump) = (get(at, 0), get(at + 1, 0) - get(at, 0), get(at, 1));
-        (a + ux * (rise + cx * bump), rise + (cx - ux) * bump)
-    };
-    let [(a, da), (b, db), (c, dc), (d, dd)] = [row(0), row(Y), row(Z), row(Y + Z)];
-    // Bumps along y at both ends along z, and along z at both ends along y: values and slopes along
-    // x.
-    let line = |at: usize, k: usize| {
-        let rise = get(at + 1, k) - get(at, k);
-        (get(at, k) + rise * ux, rise)
-    };
-    let [(y0, dy0), (y1, dy1)] = [line(0, 2), line(Z, 2)];
-    let [(z0, dz0), (z1, dz1)] = [line(0, 3), line(Y, 3)];
-    let (low, high) = (mix(a, b, uy), mix(c, d, uy));
-    let (bump_y, bump_z) = (mix(y0, y1, uz), mix(z0, z1, uy));
-    let (wy, wz) = (uy * cy, uz * cz);
-    let value = mix(low, high, uz) + wy * bump_y + wz * bump_z;
-    let gx =
-        mix(mix(da, db, uy), mix(dc, dd, uy), uz) + wy * mix(dy0, dy1, uz) + wz * mix(dz0, dz1, uy);
-    let gy = mix(b - a, d - c, uz) + (cy - uy) * bump_y + wz * (z1 - z0);
-    let gz = high - low + wy * (y1 - y0) + (cz - uz) * bump_z;
-    (value, Vector::new(gx, gy, gz) * inverse)
-}
-
-/// Indices in a brick of the lowest corners of its cells.
-pub(super) fn cells() -> impl Iterator<Item = usize> {
-    (0..SIDE * SIDE * SIDE)
-        .map(|c| ((c / SIDE / SIDE) * NODES + c / SIDE % SIDE) * NODES + c % SIDE)
-}
-
-/// The eight corners of the cell whose lowest is `slot`: bit k of the index is the step along axis
-/// k.
-pub(super) fn corners(nodes: &[Node], slot: usize) -> [&Node; 8] {
-    const Z: usize = NODES * NODES;
-    [0, 1, NODES, NODES + 1, Z, Z + 1, Z + NODES, Z + NODES + 1].map(|d| &nodes[slot + d])
-}
-
-/// The twelve bumps of a cell, in threes for each axis of their edges.
-pub(super) fn bumps(nodes: &[Node], slot: usize) -> [[f32; 4]; 3] {
-    const Z: usize = NODES * NODES;
-    let at = [[0, NODES, Z, Z + NODES], [0, 1, Z, Z + 1], [0, 1, NODES, NODES + 1]];
-    [0, 1, 2].map(|axis| at[axis].map(|d| nodes[slot + d][axis + 1]))
-}
-
-/// Coordinates of a node in its brick.
-pub(super) fn local(index: usize) -> [usize; 3] {
-    [index % NODES, index / NODES % NODES, index / NODES / NODES]
 }
 
 impl std::fmt::Debug for Bricks {
@@ -404,177 +320,4 @@ impl std::fmt::Debug for Bricks {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn quadratic(p: &Point) -> (Real, Vector) {
-        let value = 0.3 + p.x - 2.0 * p.y + 0.5 * p.z + p.x * p.x - p.x * p.y + 2.0 * p.y * p.z
-            - 0.7 * p.z * p.z;
-        (
-            value,
-            Vector::new(1.0 + 2.0 * p.x - p.y, -2.0 - p.x + 2.0 * p.z, 0.5 + 2.0 * p.y - 1.4 * p.z),
-        )
-    }
-
-    fn filled(bricks: &mut Bricks, f: impl Fn(&Point) -> (Real, Vector)) {
-        for brick in 0..bricks.places.len() {
-            let level = bricks.places[brick].level;
-            for i in 0..BRICK {
-                let (l, at) = (local(i), bricks.node(brick, i));
-                let (v, g) = f(&bricks.at(level, at));
-                let bump = |k: usize| {
-                    let mut next = at;
-                    next[k] += 1;
-                    let end = f(&bricks.at(level, next)).1[k];
-                    if l[k] < SIDE {
-                        (0.5 * bricks.cell_of(level) * (g[k] - end)) as f32
-                    } else {
-                        0.0
-                    }
-                };
-                bricks.nodes[brick * BRICK + i] = [v as f32, bump(0), bump(1), bump(2)];
-            }
-        }
-    }
-
-    /// Two bricks that share a side, the second split, and one half of that again.
-    fn split() -> Bricks {
-        let place = |level, x, y, z| Place { level, at: [x, y, z] };
-        let halves = |level, at: [u32; 3]| {
-            (0..8u32).map(move |k| {
-                place(level, at[0] + (k & 1), at[1] + (k >> 1 & 1), at[2] + (k >> 2 & 1))
-            })
-        };
-        let mut places = vec![place(0, 0, 0, 0)];
-        places.extend(halves(1, [2, 0, 0]).skip(1));
-        places.extend(halves(2, [4, 0, 0]));
-        let roots = vec![0, SPLIT, INSIDE];
-        let splits = vec![[SPLIT + 1, 1, 2, 3, 4, 5, 6, 7], [8, 9, 10, 11, 12, 13, 14, 15]];
-        let nodes = vec![[0.0; 4]; places.len() * BRICK];
-        Bricks::from_parts(
-            Point::new(-0.5, 0.0, 0.25),
-            0.25,
-            [3, 1, 1],
-            roots,
-            splits,
-            places,
-            nodes,
-        )
-        .indexed(index::MOST)
-        .unwrap()
-    }
-
-    #[test]
-    fn quadratic_fields_are_exact_at_every_level() {
-        let mut bricks = split();
-        filled(&mut bricks, quadratic);
-        for k in 0..500 {
-            let s = |m: Real| (Real::from(k) * m).fract();
-            let p = Point::new(-0.5 + 2.0 * s(0.618), s(0.414), 0.25 + s(0.732));
-            let (value, gradient) = quadratic(&p);
-            let Reading::Blend(v, g) = bricks.read(&p) else { panic!("{p} is in a brick") };
-            // Single precision of values of about 5.
-            approx::assert_relative_eq!(v, value, epsilon = 2e-6);
-            approx::assert_relative_eq!(g, gradient, epsilon = 1e-4);
-        }
-        assert_eq!(bricks.read(&Point::new(1.6, 0.5, 0.5)), Reading::Inside);
-        assert_eq!(bricks.read(&Point::new(-0.6, 0.5, 0.5)), Reading::Outside);
-        assert_eq!(bricks.read(&Point::new(2.6, 0.5, 0.5)), Reading::Outside);
-    }
-
-    #[test]
-    fn joined_cells_of_three_sizes_leave_no_gap() {
-        let mut bricks = split();
-        // Far from quadratic: each level has another field.
-        filled(&mut bricks, |p| {
-            let (a, b, c) = (9.0 * p.x, 7.0 * p.y, 8.0 * p.z);
-            (
-                a.sin() * b.cos() + c.sin(),
-                Vector::new(9.0 * a.cos() * b.cos(), -7.0 * a.sin() * b.sin(), 8.0 * c.cos()),
-            )
-        });
-        let gap = |bricks: &Bricks| {
-            let mut gap: Real = 0.0;
-            for k in 0..4000 {
-                let s = |m: Real| (Real::from(k) * m).fract();
-                // On the border of levels 0 and 1 and 2, on those of 1 and 2, and on edges of them.
-                for (on, axis) in [
-                    (Point::new(0.5, s(0.618), 0.25 + s(0.414)), 0),
-                    (Point::new(1.0, 0.5 * s(0.618), 0.25 + 0.5 * s(0.414)), 0),
-                    (Point::new(0.5 + 0.5 * s(0.618), 0.5, 0.25 + 0.5 * s(0.414)), 1),
-                    (Point::new(0.5 + 0.5 * s(0.618), 0.5 * s(0.414), 0.75), 2),
-                    (Point::new(1.0, 0.5, 0.25 + 0.5 * s(0.414)), 0),
-                ] {
-                    let off = Vector::ith(axis, 1e-12);
-                    let [Reading::Blend(a, _), Reading::Blend(b, _)] =
-                        [bricks.read(&(on - off)), bricks.read(&(on + off))]
-                    else {
-                        panic!("{on} is in a brick")
-                    };
-                    gap = gap.max((a - b).abs());
-                }
-            }
-            gap
-        };
-        let before = gap(&bricks);
-        super::super::join::join(&mut bricks);
-        // Values of 2 in single precision.
-        assert!(before > 1e-2 && gap(&bricks) < 1e-6, "{before} {}", gap(&bricks));
-    }
-
-    #[test]
-    fn five_halvings_are_found_through_two_tables() {
-        // One corner of the root is halved five times.
-        let (mut places, mut splits) = (Vec::new(), Vec::new());
-        for level in 1..=5u32 {
-            let first = places.len() as u32;
-            let halves: [u32; 8] = std::array::from_fn(|k| {
-                if k == 7 && level < 5 { SPLIT + level } else { first + k as u32 }
-            });
-            for k in (0..8u32).take(if level < 5 { 7 } else { 8 }) {
-                let at = [0, 1, 2].map(|a| (1 << level) - 2 + (k >> a & 1));
-                places.push(Place { level, at });
-            }
-            splits.push(halves);
-        }
-        let nodes = vec![[0.0; 4]; places.len() * BRICK];
-        let bricks =
-            Bricks::from_parts(Point::origin(), 0.5, [1, 1, 1], vec![SPLIT], splits, places, nodes);
-        let bricks = bricks.indexed(index::MOST).unwrap();
-        for (brick, place) in bricks.places.iter().enumerate() {
-            assert_eq!(bricks.entry(place), (brick as u32, place.level));
-            for i in 0..BRICK {
-                if local(i).iter().all(|l| *l < SIDE) {
-                    let p = bricks.at(place.level, bricks.node(brick, i)) + Vector::repeat(1e-9);
-                    let Spot::Cell { slot, u, .. } = bricks.spot(&p) else {
-                        panic!("{p} is in a brick")
-                    };
-                    assert!(
-                        slot == brick * BRICK + i && u.iter().all(|u| *u < 1e-6),
-                        "{place:?} {i}"
-                    );
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn the_directory_finds_every_brick() {
-        let bricks = split();
-        let mut leaves = bricks.leaves();
-        leaves.sort_unstable();
-        assert_eq!(leaves, (0..16).collect::<Vec<u32>>());
-        for (brick, place) in bricks.places.iter().enumerate() {
-            assert_eq!(bricks.entry(place), (brick as u32, place.level));
-            let middle =
-                bricks.at(place.level, bricks.node(brick, BRICK / 2)) + Vector::repeat(1e-9);
-            let Spot::Cell { slot, inverse, .. } = bricks.spot(&middle) else {
-                panic!("{middle} is in a brick")
-            };
-            assert_eq!(
-                (slot, inverse),
-                (brick * BRICK + BRICK / 2, 1.0 / bricks.cell_of(place.level))
-            );
-        }
-    }
-}
+mod tests;

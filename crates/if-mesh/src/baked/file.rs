@@ -10,11 +10,13 @@
 //! Version 1, with bricks of 8³ cells of one size, is refused: its fields are to be baked again.
 
 use super::accuracy::{Errors, steepest};
-use super::bricks::{BRICK, Bricks, INSIDE, OUTSIDE, Place, SIDE, SPLIT};
+use super::blend::{BRICK, SIDE};
+use super::bricks::Bricks;
+use super::directory::{INSIDE, OUTSIDE, Place, SPLIT};
+use super::field::Baked;
 use super::index::BRICKS;
 use super::params::MAX_LEVELS;
 use super::samples::MAX_COORDINATE;
-use super::{Baked, surface_box};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real};
 
@@ -200,7 +202,7 @@ impl Baked {
                 what: "a bound on the slope below that of the nodes",
             });
         }
-        let (held, hair) = (surface_box(&bricks), ROUNDING * cell);
+        let (held, hair) = (bricks.surface_box(), ROUNDING * cell);
         let fits = if held.is_empty() {
             surface == Aabb::EMPTY
         } else {
@@ -328,6 +330,7 @@ mod tests {
     use super::*;
     use crate::baked::BakeParams;
     use if_core::field::SignedDistance;
+    use if_core::monitor::Silent;
     use if_core::shapes::{Capsule, Sphere, Union};
 
     fn field(depth: Real) -> Baked {
@@ -337,8 +340,12 @@ mod tests {
             to: Point::new(0.15, 0.1, 0.05),
             radius: 0.06,
         };
-        Baked::new(&Union(ball, limb), &BakeParams { cell: 0.01, depth, ..BakeParams::default() })
-            .unwrap()
+        Baked::new(
+            &Union(ball, limb),
+            &BakeParams { cell: 0.01, depth, ..BakeParams::default() },
+            &mut Silent,
+        )
+        .unwrap()
     }
 
     #[test]

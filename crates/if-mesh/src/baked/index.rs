@@ -1,23 +1,23 @@
-//! Where the brick of a point is: one or two steps, however often cells were halved.
+//! Finds the brick of a point in one or two steps, however often cells were halved.
 
-use super::bricks::{INSIDE, Place, SPLIT};
+use super::directory::{INSIDE, Place, SPLIT};
 use if_core::math::Real;
 
-/// Halvings that one table spans at most: 8³ entries of 4 bytes.
+/// Maximum halvings that one table spans: 8³ entries of 4 bytes.
 const SPAN: u32 = 3;
 /// An entry below [`SPLIT`] is a brick, and above this bit its level.
 const LEVEL: u32 = 27;
 /// An entry from [`SPLIT`] on is a table: above this bit its span less one, below where it begins.
 const SPAN_BIT: u32 = 29;
 
-/// Entries of all tables together, at most: where a table begins has so many bits, and 2³² bytes
+/// Maximum entries of all tables together: the start of a table has so many bits, and 2³² bytes
 /// hold them.
 pub(super) const MOST: usize = 1 << SPAN_BIT;
-/// Bricks, at most: an entry has so many bits for their number. They take 268 GB.
+/// Maximum number of bricks: an entry has so many bits for it. They need 268 GB.
 pub(super) const BRICKS: usize = 1 << LEVEL;
 
-/// Tables made of the splits: the pattern of steps is that of the tables, not that of the halvings,
-/// which a processor cannot foresee.
+/// Tables built from the splits: the number of steps follows the tables, not the halvings, so that
+/// branches are predictable.
 #[derive(Clone, Default)]
 pub(super) struct Index {
     roots: Vec<u32>,
@@ -25,9 +25,8 @@ pub(super) struct Index {
 }
 
 impl Index {
-    /// The tables for roots and splits ([`super::bricks::Bricks`]); `None` where they would have
-    /// more than `most` entries, or than
-    /// [`MOST`], or where there are more than [`BRICKS`] bricks.
+    /// The tables for roots and splits ([`super::bricks::Bricks`]); `None` if they would have more
+    /// than `most` or [`MOST`] entries, or if there are more than [`BRICKS`] bricks.
     pub(super) fn new(
         roots: &[u32],
         splits: &[[u32; 8]],
@@ -81,7 +80,7 @@ impl Index {
     }
 
     /// The brick at `f` in [0, 1)³ of a root, and its level; or [`INSIDE`] or
-    /// [`super::bricks::OUTSIDE`].
+    /// [`super::directory::OUTSIDE`].
     #[inline]
     pub(super) fn find(&self, root: usize, f: [Real; 3]) -> (u32, u32) {
         let mut entry = self.roots[root];
@@ -101,7 +100,7 @@ impl Index {
         (entry & ((1 << LEVEL) - 1), entry >> LEVEL)
     }
 
-    /// Bytes that the tables take.
+    /// Bytes of the tables.
     pub(super) fn bytes(&self) -> usize {
         (self.roots.len() + self.tables.len()) * 4
     }

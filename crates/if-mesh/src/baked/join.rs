@@ -5,7 +5,9 @@
 //! in the other coordinate; a part of the side has as many values and bumps as fix such a function.
 //! So both blends agree on all of the border, and the field is continuous but for rounding.
 
-use super::bricks::{BRICK, Bricks, INSIDE, NODES, Node, Place, SIDE, SPLIT, blend, local};
+use super::blend::{BRICK, NODES, Node, SIDE, blend, local};
+use super::bricks::Bricks;
+use super::directory::{INSIDE, Place, SPLIT};
 use if_core::math::Real;
 use rayon::prelude::*;
 

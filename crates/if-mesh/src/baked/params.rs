@@ -1,17 +1,16 @@
-//! How to bake, and why a field cannot be baked.
+//! Parameters of baking.
 
-use crate::extract::ExtractError;
 use if_core::aabb::Aabb;
-use if_core::field::FieldSample;
-use if_core::math::{Point, Real};
+use if_core::math::Real;
+use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
-/// When to replace the values of the source by distances to its zero set.
+/// Whether to replace the values of the source by distances to its zero set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Redistance {
-    /// Where the gradient of the source is not of unit length: scaled, warped or learned fields.
+    /// If the gradient of the source is not of unit length: scaled, warped or learned fields.
     #[default]
     WhenNeeded,
     /// Always: also for fields such as unions, whose gradient is of unit length everywhere but
@@ -22,37 +21,37 @@ pub enum Redistance {
     Never,
 }
 
-/// Cells can be halved so often: to 47 µm from 12 mm.
+/// Maximum number of halvings of a cell: from 12 mm to 47 µm.
 pub(super) const MAX_LEVELS: u32 = 8;
 
-/// How to bake. Infinite lengths are written as the word `infinite`: JSON has no such number.
+/// Parameters of [`Baked::new`](super::Baked::new). Infinite lengths are written as the word
+/// `infinite`, as JSON has no such number.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BakeParams {
     /// Edge of the largest cells, in metres. The error falls with its third to fourth power where
     /// the field is smooth, and with its first at creases.
     pub cell: Real,
-    /// How far a value may be from the field, in metres, at points no farther than `reach` from the
-    /// surface: cells are halved where it is more. Infinite leaves all cells as they are.
+    /// Maximum error, in metres, at points within `reach` of the surface: cells are halved where it
+    /// is larger. Infinite halves no cells.
     #[serde(with = "length_or_word")]
     pub accuracy: Real,
-    /// How far from the surface `accuracy` is asked for, in metres. What lies deeper or farther
-    /// keeps the largest cells.
+    /// Distance from the surface up to which `accuracy` holds, in metres. Beyond it cells are the
+    /// largest.
     pub reach: Real,
-    /// How often cells may be halved. Where a field jumps no cell is small enough.
+    /// Maximum number of halvings. Where a field jumps no cell is small enough.
     pub levels: u32,
-    /// How far outside the surface values are kept, in metres: a cell at least.
+    /// Distance outside the surface up to which values are stored, in metres: at least `cell`.
     pub band: Real,
-    /// How far inside, in metres. Infinite keeps all of the inside, which for a body takes less
-    /// room than the band.
+    /// Distance inside, in metres. Infinite stores all of the inside, which for a body needs less
+    /// memory than the band.
     #[serde(with = "length_or_word")]
     pub depth: Real,
-    /// Where the zero set lies; `None` takes the source's `bounds()`.
+    /// The box of the zero set; `None` uses the source's `bounds()`.
     pub region: Option<Aabb>,
     /// When to re-distance.
     pub redistance: Redistance,
-    /// Memory that baking may take, in bytes. Cells are not halved any more where that would take
-    /// more.
+    /// Maximum memory of baking, in bytes. Cells are not halved where that would exceed it.
     pub memory: usize,
 }
 
@@ -109,119 +108,25 @@ mod length_or_word {
     }
 }
 
-/// Why a field cannot be baked.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum BakeError {
-    /// A parameter is out of range.
-    #[error("{name} = {value}: {needs}")]
-    Parameter {
-        /// Its name.
-        name: &'static str,
-        /// Its value.
-        value: Real,
-        /// What it has to be.
-        needs: &'static str,
-    },
-    /// Nobody says where the surface is.
-    #[error("the source has no bounds(); give the region in which its zero set lies")]
-    Unbounded,
-    /// The region is empty or not finite.
-    #[error("the region from {} to {} is empty or not finite", region.min, region.max)]
-    Region {
-        /// The region.
-        region: Aabb,
-    },
-    /// More memory than allowed.
-    #[error(
-        "baking would take {bytes} bytes, {limit} are allowed; take cells larger than {cell} m, a narrower band, or more memory (a \
-         source whose lipschitz() is {lipschitz} keeps every brick that it cannot exclude)"
-    )]
-    TooLarge {
-        /// What it would take.
-        bytes: usize,
-        /// What is allowed.
-        limit: usize,
-        /// Edge of a cell, in metres.
-        cell: Real,
-        /// Of the source.
-        lipschitz: Real,
-    },
-    /// The source is not a number somewhere.
-    #[error("the source is {} with gradient {} in {point}; it must be finite there (mask a field after baking it, not before)", sample.distance, sample.gradient)]
-    NotFinite {
-        /// Where.
-        point: Point,
-        /// What it is.
-        sample: FieldSample,
-    },
-    /// The accuracy is not reached.
-    #[error(
-        "with cells down to {cell} m the error is still up to {bound} m, not {accuracy} m; ask for less, for a smaller reach, or give more memory"
-    )]
-    Inaccurate {
-        /// What was asked for, in metres.
-        accuracy: Real,
-        /// The bound that was reached, in metres.
-        bound: Real,
-        /// The smallest cells, in metres.
-        cell: Real,
-    },
-    /// The zero set is not found, from which distances are measured.
-    #[error("the zero set cannot be extracted: {0}")]
-    Surface(ExtractError),
-    /// The source is steeper than its `lipschitz()`.
-    #[error(
-        "the source is {distance} in {point}, although its lipschitz() excludes the surface from there on; correct the bound"
-    )]
-    Steep {
-        /// Where.
-        point: Point,
-        /// The distance there.
-        distance: Real,
-    },
-    /// The source is negative at the border of the grid.
-    #[error(
-        "the source is {distance} in {point}, at the border of the region and its band: enlarge the region until all of the inside lies in it"
-    )]
-    Leaves {
-        /// Where.
-        point: Point,
-        /// The distance there.
-        distance: Real,
-    },
-}
-
 impl BakeParams {
     /// Checks the ranges.
     ///
     /// # Errors
     ///
-    /// The first parameter out of range.
-    pub fn validate(&self) -> Result<(), BakeError> {
-        let fault = |name, value, needs| Err(BakeError::Parameter { name, value, needs });
-        if !(self.cell > 0.0 && self.cell.is_finite()) {
-            return fault("cell", self.cell, "a finite length above zero, in metres");
-        }
-        if !(self.band > 0.0 && self.band.is_finite()) {
-            return fault("band", self.band, "a finite length above zero, in metres");
+    /// The first parameter that is out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let check = ParameterError::check;
+        for (name, value) in [("cell", self.cell), ("band", self.band)] {
+            check(name, value, value > 0.0 && value.is_finite(), "positive and finite (m)")?;
         }
         for (name, value) in [("accuracy", self.accuracy), ("reach", self.reach)] {
-            if value.is_nan() || value <= 0.0 {
-                return fault(name, value, "a length above zero, in metres");
-            }
+            check(name, value, value > 0.0, "positive (m)")?;
         }
-        if self.levels > MAX_LEVELS {
-            return fault("levels", Real::from(self.levels), "at most 8");
-        }
+        check("levels", self.levels.into(), self.levels <= MAX_LEVELS, "at most 8")?;
         // Where a surface crosses an edge of the grid, an end of it is nearer than a cell: a
         // narrower band loses the surface.
-        if self.band < self.cell {
-            return fault("band", self.band, "at least a cell; take smaller cells or a wider band");
-        }
-        if self.depth.is_nan() || self.depth <= 0.0 {
-            return fault("depth", self.depth, "a length above zero, in metres, or infinity");
-        }
-        Ok(())
+        let (band, wide) = (self.band, self.band >= self.cell);
+        check("band", band, wide, "at least `cell`; use smaller cells or a wider band")?;
+        check("depth", self.depth, self.depth > 0.0, "positive or infinite (m)")
     }
 }

@@ -1,21 +1,25 @@
 //! Halves cells where the blend is not accurate enough.
 
 use super::accuracy::{self, SAFETY};
-use super::bricks::{BRICK, Bricks, Place, SPLIT, blend, cells};
+use super::blend::{BRICK, SIDE, blend, cells};
+use super::bricks::Bricks;
+use super::directory::{Place, SPLIT};
+use super::error::BakeError;
 use super::join::join;
-use super::params::{BakeError, BakeParams};
+use super::params::BakeParams;
 use super::samples::{MAX_COORDINATE, Samples, fill, key, node_keys};
 use crate::measure::SplitMix64;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
+use if_core::monitor::Monitor;
 use rayon::prelude::*;
 
-/// Random points in a cell that bends so much that its middle alone tells too little.
+/// Random points in a cell with so much curvature that its middle is not enough.
 const EXTRA: usize = 4;
 /// Cells with an error above this share of the accuracy are halved: a margin below 1 / [`SAFETY`]
-/// for errors that no point has shown.
+/// for errors that no point has found.
 const AIM: Real = 0.5;
-/// Rounds in which what the last measurement finds is halved too, at most: two or three are usual.
+/// Maximum rounds of halving where the last measurement finds errors: two or three are usual.
 const ROUNDS: u64 = 6;
 
 /// Halves cells of the filled grid `bricks` of level 0 until the blend is accurate enough, and
@@ -31,15 +35,16 @@ const ROUNDS: u64 = 6;
 ///
 /// # Errors
 ///
-/// A source that is not finite somewhere.
+/// A source that is not finite somewhere, or cancelled.
 pub(super) fn refine(
     bricks: &mut Bricks,
     source: &dyn SignedDistance,
     params: &BakeParams,
     known: Samples,
+    monitor: &mut dyn Monitor,
 ) -> Result<accuracy::Errors, BakeError> {
     let all: Vec<u32> = (0..bricks.places.len() as u32).collect();
-    let longest = bricks.size[0].max(bricks.size[1]).max(bricks.size[2]) * super::bricks::SIDE;
+    let longest = bricks.size[0].max(bricks.size[1]).max(bricks.size[2]) * SIDE;
     let levels =
         (0..params.levels).take_while(|l| longest << l < MAX_COORDINATE / 2).count() as u32;
     let mut work = Refinement {
@@ -48,6 +53,7 @@ pub(super) fn refine(
         params,
         levels,
         frontiers: vec![Vec::new(); levels as usize + 1],
+        monitor,
     };
     work.frontiers[0] = all;
     work.run(known)?;
@@ -62,11 +68,19 @@ pub(super) fn refine(
             source,
             params,
             (true, round, AIM * params.accuracy),
-        );
+            work.monitor,
+        )?;
         let offenders: Vec<u32> = offenders.into_iter().filter(|b| work.can_split(*b)).collect();
         let reached = errors.within(params.reach) <= params.accuracy / SAFETY;
         if reached || round == ROUNDS || offenders.is_empty() || !work.fits(offenders.len()) {
-            accuracy::measure(&mut errors, &joined, source, params, (false, round, Real::INFINITY));
+            accuracy::measure(
+                &mut errors,
+                &joined,
+                source,
+                params,
+                (false, round, Real::INFINITY),
+                work.monitor,
+            )?;
             *bricks = joined;
             return Ok(errors);
         }
@@ -90,12 +104,13 @@ struct Refinement<'a> {
     source: &'a dyn SignedDistance,
     params: &'a BakeParams,
     levels: u32,
-    /// By level, bricks that were not yet looked at.
+    /// By level, bricks that were not yet checked.
     frontiers: Vec<Vec<u32>>,
+    monitor: &'a mut dyn Monitor,
 }
 
 impl Refinement<'_> {
-    /// Looks at all frontiers. `known` are samples at nodes of level 0.
+    /// Checks all frontiers. `known` are samples at nodes of level 0.
     fn run(&mut self, mut known: Samples) -> Result<(), BakeError> {
         for level in 0..self.levels {
             let frontier = std::mem::take(&mut self.frontiers[level as usize]);
@@ -114,8 +129,14 @@ impl Refinement<'_> {
     }
 
     fn sample(&mut self, level: u32, some: &[u32], known: &Samples) -> Result<Samples, BakeError> {
-        let samples =
-            Samples::ask(self.source, self.bricks, level, node_keys(self.bricks, some), known)?;
+        let samples = Samples::evaluate(
+            self.source,
+            self.bricks,
+            level,
+            node_keys(self.bricks, some),
+            known,
+            self.monitor,
+        )?;
         fill(self.bricks, some, &samples);
         Ok(samples)
     }
@@ -124,13 +145,13 @@ impl Refinement<'_> {
         self.bricks.places[brick as usize].level < self.levels
     }
 
-    /// Whether so many more bricks may be split. Baking holds the grid twice, and samples.
+    /// Whether memory allows to split `more` bricks. Baking holds the grid twice, and samples.
     fn fits(&self, more: usize) -> bool {
         let bytes = self.bricks.bytes() + more * 8 * (BRICK * 16 + 16);
         3 * bytes <= self.params.memory
     }
 
-    /// Eight bricks in the place of one; their nodes are not yet filled.
+    /// Replaces a brick by eight; their nodes are not yet filled.
     fn split(&mut self, brick: u32) -> [u32; 8] {
         let place = self.bricks.places[brick as usize];
         let Place { level, at } = place;
@@ -163,7 +184,11 @@ impl Refinement<'_> {
 
     /// The bricks of `frontier` with an error above the tolerance; and the samples in the middles
     /// of their cells, with keys of the next level.
-    fn inaccurate(&self, level: u32, frontier: &[u32]) -> Result<(Vec<u32>, Samples), BakeError> {
+    fn inaccurate(
+        &mut self,
+        level: u32,
+        frontier: &[u32],
+    ) -> Result<(Vec<u32>, Samples), BakeError> {
         let (bricks, params) = (&*self.bricks, self.params);
         let tolerance = AIM * params.accuracy;
         if frontier.is_empty() || tolerance == Real::INFINITY {
@@ -180,7 +205,14 @@ impl Refinement<'_> {
         let middle =
             |brick: u32, index: usize| key(bricks.node(brick as usize, index).map(|n| 2 * n + 1));
         let keys = near.par_iter().map(|(b, c)| middle(*b, *c)).collect();
-        let middles = Samples::ask(self.source, bricks, level + 1, keys, &Samples::default())?;
+        let middles = Samples::evaluate(
+            self.source,
+            bricks,
+            level + 1,
+            keys,
+            &Samples::default(),
+            self.monitor,
+        )?;
         let is_off = |value: Real, truth: Real| {
             (value - truth).abs() > tolerance && accuracy::counts(truth, 0.5 * cell, params)
         };
@@ -193,7 +225,7 @@ impl Refinement<'_> {
             .map(|(b, _)| *b)
             .collect();
         bad.dedup();
-        // Only bricks that may still be good need a closer look.
+        // Bricks that passed get more points in the cells with the largest curvature.
         let bending: Vec<(u32, usize)> = near
             .into_iter()
             .filter(|(b, c)| {

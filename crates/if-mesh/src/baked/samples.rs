@@ -1,19 +1,21 @@
-//! What a source says at the nodes of a level, each asked once.
+//! Samples of a source at the nodes of a level, each evaluated once.
 
-use super::bricks::{BRICK, Bricks, NODES, SIDE, local};
-use super::params::BakeError;
+use super::blend::{BRICK, NODES, SIDE, local};
+use super::bricks::Bricks;
+use super::error::BakeError;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
+use if_core::monitor::{Monitor, Progress};
 use rayon::prelude::*;
 
 /// Bits of a coordinate in a key.
 const BITS: u32 = 21;
 /// Coordinates stay below this, so that keys can be doubled.
 pub(super) const MAX_COORDINATE: usize = 1 << (BITS - 1);
-/// Points asked at once.
+/// Points of one call of the source.
 const BATCH: usize = 1 << 15;
 
-/// A node of a level as one number.
+/// The coordinates of a node of a level as one number.
 pub(super) fn key(node: [u32; 3]) -> u64 {
     u64::from(node[0]) | u64::from(node[1]) << BITS | u64::from(node[2]) << (2 * BITS)
 }
@@ -23,7 +25,7 @@ fn node(key: u64) -> [u32; 3] {
     [0, 1, 2].map(|k| (key >> (k * BITS) & MASK) as u32)
 }
 
-/// Samples by key, ascending.
+/// Samples in ascending order of their keys.
 #[derive(Default)]
 pub(super) struct Samples {
     keys: Vec<u64>,
@@ -31,17 +33,18 @@ pub(super) struct Samples {
 }
 
 impl Samples {
-    /// Samples at the nodes `keys` of a level, of which some are `known`.
+    /// Samples at the nodes `keys` of a level. Those in `known` are not evaluated again.
     ///
     /// # Errors
     ///
-    /// A value or slope that is not finite.
-    pub(super) fn ask(
+    /// A value or slope that is not finite, or cancelled.
+    pub(super) fn evaluate(
         source: &dyn SignedDistance,
         bricks: &Bricks,
         level: u32,
         mut keys: Vec<u64>,
         known: &Samples,
+        monitor: &mut dyn Monitor,
     ) -> Result<Self, BakeError> {
         keys.par_sort_unstable();
         keys.dedup();
@@ -51,11 +54,15 @@ impl Samples {
         let mut samples: Vec<FieldSample> =
             found.iter().map(|f| f.map_or(nothing, |f| known.samples[f])).collect();
         let mut batch = vec![nothing; BATCH.min(missing.len())];
+        let mut done = 0;
         for some in missing.chunks(BATCH) {
             let points: Vec<Point> =
                 some.iter().map(|i| bricks.at(level, node(keys[*i]))).collect();
             let batch = &mut batch[..points.len()];
             source.samples(&points, batch);
+            done += points.len();
+            let total = Some(missing.len());
+            monitor.report(&Progress { done, total, ..Progress::stage("sample") })?;
             for ((i, sample), point) in some.iter().zip(batch.iter()).zip(&points) {
                 // Nodes are stored in single precision.
                 let finite = |x: Real| (x as f32).is_finite();
@@ -71,9 +78,13 @@ impl Samples {
     }
 
     /// Samples at all nodes of a grid of level 0.
-    pub(super) fn of_all(source: &dyn SignedDistance, bricks: &Bricks) -> Result<Self, BakeError> {
+    pub(super) fn of_all(
+        source: &dyn SignedDistance,
+        bricks: &Bricks,
+        monitor: &mut dyn Monitor,
+    ) -> Result<Self, BakeError> {
         let all: Vec<u32> = (0..bricks.places.len() as u32).collect();
-        Self::ask(source, bricks, 0, node_keys(bricks, &all), &Self::default())
+        Self::evaluate(source, bricks, 0, node_keys(bricks, &all), &Self::default(), monitor)
     }
 
     fn find(&self, key: u64) -> Option<usize> {
@@ -112,8 +123,9 @@ pub(super) fn fill(bricks: &mut Bricks, some: &[u32], samples: &Samples) {
         .map(|b| {
             let brick = *b as usize;
             let half = 0.5 * bricks.cell_of(bricks.places[brick].level);
-            let at =
-                |i: usize| *samples.get(key(bricks.node(brick, i))).expect("all nodes were asked");
+            let at = |i: usize| {
+                *samples.get(key(bricks.node(brick, i))).expect("all nodes were sampled")
+            };
             let all: [FieldSample; BRICK] = std::array::from_fn(at);
             std::array::from_fn(|i| {
                 let l = local(i);

@@ -1,6 +1,7 @@
 //! The distance to the zero set of any field.
 
-use super::params::{BakeError, BakeParams};
+use super::error::BakeError;
+use super::params::BakeParams;
 use crate::extract::{ExtractError, ExtractParams, Resolution, Slope, extract};
 use crate::index::Bvh;
 use if_core::aabb::Aabb;
@@ -9,12 +10,13 @@ use if_core::edges::Edges;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Monitor;
 use rayon::prelude::*;
 
-/// Triangles have edges of this share of a cell of level 0: of 3 mm for cells of 12 mm. They are
-/// where nearest points are looked for first; what is thinner may be lost.
+/// Edges of triangles as a share of a cell of level 0: 3 mm for cells of 12 mm. The search for
+/// nearest points starts on them; details that are thinner may be lost.
 const EDGE: Real = 0.25;
-/// At least and at most so many edges along the region.
+/// Minimum and maximum number of edges along the region.
 const EDGES: [Real; 2] = [48.0, 1024.0];
 /// A point is on the zero set when a Newton step moves it by less than this share of an edge: it is
 /// then off by the square of that times the curvature, 1e-9 m.
@@ -24,17 +26,16 @@ const NEAREST: Real = 1e-3;
 /// Nearer than so many edges the gradient is the normal at the nearest point, farther the direction
 /// from there.
 const NORMAL: Real = 4.0;
-/// Steps at most: nearly all settle in four. Creases, where two points are nearest, do not.
+/// Maximum number of steps: nearly all settle in four. Creases, where two points are nearest, do not.
 const STEPS: usize = 12;
-/// Points asked at once.
+/// Points of one call of the source.
 const BATCH: usize = 1 << 14;
-/// Points that follow one another and are likely near: each begins with the nearest point of the
-/// one before.
+/// Consecutive points, which are likely near: each starts from the nearest point of the one before.
 const NEIGHBOURS: usize = 64;
 /// Networks have values in single precision.
 const NOISE: Real = 1e-6;
 
-/// Nearer than so many edges, something thin that the mesh does not show is looked for.
+/// Nearer than so many edges, the search includes thin details that the mesh does not have.
 const FAR: Real = 8.0;
 /// Where the source is below this share of the distance to the mesh, something is nearer than the
 /// mesh. Below what scaled fields are, as a rule.
@@ -62,9 +63,9 @@ pub(super) struct ZeroSet<'a> {
     source: &'a dyn SignedDistance,
     surface: Bvh,
     edge: Real,
-    /// How far from the mesh the zero set may be where no step finds it, in metres: at corners.
+    /// Maximum distance of the zero set from the mesh where no step finds it, in metres: at corners.
     unseen: Real,
-    /// No distance is looked for beyond these, outside and inside.
+    /// Maximum distances of the search, outside and inside.
     limits: [Real; 2],
 }
 
@@ -77,6 +78,7 @@ impl<'a> ZeroSet<'a> {
         params: &BakeParams,
         samples: &[FieldSample],
         far: Real,
+        monitor: &mut dyn Monitor,
     ) -> Result<Self, BakeError> {
         let longest = region.size().max();
         let edge = (EDGE * params.cell).clamp(longest / EDGES[1], longest / EDGES[0]);
@@ -94,7 +96,8 @@ impl<'a> ZeroSet<'a> {
             memory: params.memory,
             ..ExtractParams::default()
         };
-        let mesh = extract(source, &extraction).map_err(|error| match error {
+        let mesh = extract(source, &extraction, monitor).map_err(|error| match error {
+            ExtractError::Cancelled(cancelled) => BakeError::Cancelled(cancelled),
             ExtractError::NotANumber { point } => {
                 BakeError::NotFinite { point, sample: source.sample(&point) }
             }
@@ -105,22 +108,22 @@ impl<'a> ZeroSet<'a> {
         Ok(Self { source, surface: Bvh::new(&mesh.mesh), edge, unseen, limits })
     }
 
-    /// What distances may be too large by, in metres: a corner is cut by the lattice of the
-    /// extraction, and no slide along a side ends in it. 0 where the mesh bends nowhere so much.
+    /// Amount by which distances may be too large, in metres: a corner is cut by the lattice of the
+    /// extraction, and no slide along a side ends in it. 0 if the mesh has no creases.
     pub(super) fn unseen(&self) -> Real {
         self.unseen
     }
 
-    /// What is known before any step.
+    /// The state before the first step.
     fn start(&self, p: &Point, value: Real, before: Option<&Foot>) -> Foot {
         let most = self.limits[usize::from(value < 0.0)];
-        // A point of the mesh that a neighbour found: none farther needs to be looked at.
+        // The nearest point of the mesh for the neighbour bounds the search.
         let known = before
             .and_then(|b| b.closest)
             .map_or(Real::INFINITY, |c| (p - c.point).norm() + 1e-6 * self.edge);
         let closest = self.surface.closest(p, most.min(known));
         let at = match &closest {
-            // Something thin that the mesh does not show is nearer.
+            // A thin detail that the mesh does not have is nearer.
             Some(c) if c.distance < FAR * self.edge && value.abs() < THIN * c.distance => *p,
             Some(c) => c.point,
             None => *p,
@@ -128,7 +131,7 @@ impl<'a> ZeroSet<'a> {
         Foot { side: if value < 0.0 { -1.0 } else { 1.0 }, closest, at, step: None, best: None }
     }
 
-    /// One step of a foot, from the source's sample there; `false` when there is none left to do.
+    /// One step of a foot, from the source's sample there; `false` if no step is left.
     fn step(&self, p: &Point, foot: &mut Foot, here: &FieldSample) -> bool {
         let slope = here.gradient.norm();
         if !(slope > 0.0 && slope.is_finite() && here.distance.is_finite()) {
@@ -177,7 +180,7 @@ impl<'a> ZeroSet<'a> {
             let far = if limit.is_finite() { limit } else { self.limits[0] };
             return FieldSample { distance: foot.side * far, gradient: Vector::zeros() };
         };
-        // A foot that wandered off has met something else than the surface.
+        // A foot that moved away has reached another part of the surface.
         match foot.best.filter(|b| b.distance <= mesh.distance + self.edge) {
             Some(b) => {
                 // A foot that is off by t turns the arm by t / d, the normal by t κ.
@@ -206,7 +209,7 @@ struct Foot {
     side: Real,
     closest: Option<Closest>,
     at: Point,
-    /// How far it would have slid, and how far it did.
+    /// The full slide of the last step, and the part of it that was taken.
     step: Option<(Vector, Vector)>,
     best: Option<Best>,
 }

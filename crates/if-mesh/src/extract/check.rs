@@ -1,8 +1,8 @@
-//! How far a mesh is from the surface, and what the lattice cannot show.
+//! The distance of a mesh from the surface, and sheets that are too near for the lattice.
 
+use crate::extract::budget::Budget;
 use crate::extract::lattice::Lattice;
-use crate::extract::params::{ExtractError, ExtractParams};
-use crate::extract::progress::{Stage, Watch};
+use crate::extract::params::ExtractParams;
 use crate::extract::report::{ErrorEstimate, Warning};
 use crate::index::Bvh;
 use crate::intersections::own_pairs;
@@ -10,18 +10,19 @@ use crate::measure::SplitMix64;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, barycentric_point, unit_or_zero};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Cancelled;
 use std::collections::HashSet;
 
-/// Normals of two sheets that face one another, or away from one another: their cosine is below
-/// this. On one smooth sheet two crossings of a lattice line within two cells have nearly the same
-/// normal where the line grazes it.
+/// Maximum cosine between the normals of two sheets that face one another, or away from one another.
+/// On one smooth sheet two crossings of a lattice line within two cells have nearly the same normal
+/// where the line grazes it.
 const FACING: Real = -0.5;
 
 /// Sheets that face one another nearer than two cells.
 pub(super) struct NearSheets {
     /// Pairs of vertices.
     pairs: usize,
-    /// The least distance of a pair, in metres.
+    /// Smallest distance of a pair, in metres.
     gap: Real,
 }
 
@@ -36,8 +37,8 @@ impl NearSheets {
     }
 }
 
-/// Where sheets are nearer than two cells: by `pairs` of vertices on lattice lines, and the field's
-/// gradient at all vertices. Nothing where there are no gradients.
+/// Sheets nearer than two cells, found by `pairs` of vertices on lattice lines and the field's
+/// gradient at all vertices. None are found without gradients.
 pub(super) fn near_sheets(
     mesh: &TriMesh,
     samples: &[FieldSample],
@@ -58,8 +59,8 @@ pub(super) fn near_sheets(
     near
 }
 
-/// `relaxed`, with vertices put back to where they are in `plain` until no triangles meet that do
-/// not meet there. Ends, as what is put back stays.
+/// `relaxed`, with vertices moved back to their positions in `plain` until no triangles intersect
+/// that do not intersect there. Terminates, as vertices that were moved back stay.
 pub(super) fn without_new_intersections(plain: &TriMesh, relaxed: TriMesh) -> TriMesh {
     let pairs = |mesh: &TriMesh| own_pairs(mesh, &Bvh::new(mesh));
     let given: HashSet<[u32; 2]> = pairs(plain).iter().map(|p| [p.a, p.b]).collect();
@@ -78,22 +79,18 @@ pub(super) fn without_new_intersections(plain: &TriMesh, relaxed: TriMesh) -> Tr
     }
 }
 
-pub(super) struct Checked {
-    pub(super) error: ErrorEstimate,
-}
-
 /// Measures the error at vertices and triangle centres chosen by the seed.
-pub(super) fn check(
+pub(super) fn error_estimate(
     field: &dyn SignedDistance,
     mesh: &TriMesh,
     params: &ExtractParams,
-    watch: &mut Watch,
-) -> Result<Checked, ExtractError> {
+    budget: &mut Budget,
+) -> Result<ErrorEstimate, Cancelled> {
     if mesh.triangles().is_empty() || params.check == 0 {
-        return Ok(Checked { error: ErrorEstimate::default() });
+        return Ok(ErrorEstimate::default());
     }
     let mut random = SplitMix64(params.seed);
-    // One from each of equal parts, so that no part of the surface is left out.
+    // Stratified: one from each of equal parts.
     let mut choose = |n: usize| -> Vec<usize> {
         let count = params.check.min(n);
         (0..count)
@@ -112,17 +109,15 @@ pub(super) fn check(
     );
     let mut samples = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points.len()];
     field.samples(&points, &mut samples);
-    watch.evaluated(Stage::Check, points.len())?;
+    budget.evaluated("check", points.len())?;
     let (vertex_max, vertex_rms) = summary(&samples[..vertices]);
     let (center_max, center_rms) = summary(&samples[vertices..]);
-    Ok(Checked {
-        error: ErrorEstimate { vertex_max, vertex_rms, center_max, center_rms, checked: vertices },
-    })
+    Ok(ErrorEstimate { vertex_max, vertex_rms, center_max, center_rms, checked: vertices })
 }
 
 /// Largest and root mean square of the distances |φ| / |∇φ|.
 fn summary(samples: &[FieldSample]) -> (Real, Real) {
-    /// A field that is flatter is no distance here: its value stands as it is.
+    /// Below this slope the field is no distance, and its value is used as it is.
     const FLAT: Real = 0.1;
     let distance = |s: &FieldSample| s.distance.abs() / s.gradient.norm().max(FLAT);
     let (most, squares) = samples

@@ -1,15 +1,15 @@
-//! Surfaces of fields that were sampled beforehand.
+//! Surfaces of fields that are given as values on a grid.
 
 use crate::extract::lattice::Lattice;
-use crate::extract::nodes::NodeWord;
 use crate::extract::polish::guess;
-use crate::extract::rows::{Rows, WORD, below};
+use crate::extract::rows::{NodeWord, Rows, WORD, below};
 use crate::extract::surface::Crossings;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
 use rayon::prelude::*;
 
-/// Why a grid has no surface.
+/// Why [`surface_of_grid`] fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GridError {
@@ -23,22 +23,19 @@ pub enum GridError {
         /// Values given.
         got: usize,
     },
-    /// Too many values for 32-bit numbers.
-    #[error("{nodes} nodes are more than 32 bits count; extract parts of the grid")]
+    /// More values than 32 bits can number.
+    #[error("{nodes} nodes are more than 32 bits can number; extract parts of the grid")]
     TooMany {
-        /// How many.
+        /// Number of nodes.
         nodes: usize,
     },
-    /// The cell is not a length.
-    #[error("the cell is {cell} m; it must be above zero and finite")]
-    Cell {
-        /// What was given.
-        cell: Real,
-    },
-    /// The grid leaves the range of numbers.
-    #[error("a grid from {min} on with cells of {cell} m has nodes that are no finite points")]
+    /// The cell is out of range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// Nodes of the grid are not finite.
+    #[error("a grid from {min} on with cells of {cell} m has nodes that are not finite")]
     Region {
-        /// Node (0, 0, 0).
+        /// Position of node (0, 0, 0).
         min: Point,
         /// The cell, in metres.
         cell: Real,
@@ -46,26 +43,27 @@ pub enum GridError {
     /// A value is not a number.
     #[error("value {index} is not a number")]
     NotANumber {
-        /// The first such value in its row.
+        /// Index of a NaN.
         index: usize,
     },
 }
 
-/// The surface of a field given at the nodes of a grid, linear on its edges. `values` has x fastest
-/// and z slowest; node (0, 0, 0) lies at `min`, and neighbours are `cell` metres apart. The
-/// triangles are those of [`crate::extract::extract`].
+/// Computes the surface of a field given at the nodes of a grid, linear on its edges.
+///
+/// `values` has x fastest and z slowest; node (0, 0, 0) is at `min`, and neighbours are `cell`
+/// metres apart. The triangles are those of [`crate::extract::extract`].
 ///
 /// # Errors
 ///
-/// A wrong or too large number of values, a cell that is no length, a grid beyond the range of
-/// numbers, a value that is NaN.
+/// A wrong or too large number of values, a cell out of range, nodes that are not finite, a value
+/// that is NaN.
 pub fn surface_of_grid<T: Copy + Into<Real> + Sync>(
     values: &[T],
     nodes: [u32; 3],
     min: Point,
     cell: Real,
 ) -> Result<TriMesh, GridError> {
-    // In steps that are checked: three numbers of 32 bits may have a product of 96.
+    // Checked at each step: the product of three 32-bit numbers may have 96 bits.
     let needed =
         nodes.iter().try_fold(1usize, |all, n| all.checked_mul(*n as usize)).unwrap_or(usize::MAX);
     if u32::try_from(needed).is_err() {
@@ -74,9 +72,8 @@ pub fn surface_of_grid<T: Copy + Into<Real> + Sync>(
     if values.len() != needed {
         return Err(GridError::Count { nodes, needed, got: values.len() });
     }
-    if !(cell > 0.0 && cell.is_finite()) {
-        return Err(GridError::Cell { cell });
-    }
+    let length = cell > 0.0 && cell.is_finite();
+    ParameterError::check("cell", cell, length, "positive and finite (m)")?;
     let far = [0, 1, 2].map(|k| min[k] + cell * Real::from(nodes[k]));
     if !min.iter().chain(&far).all(|x| x.is_finite()) {
         return Err(GridError::Region { min, cell });
@@ -103,7 +100,7 @@ pub fn surface_of_grid<T: Copy + Into<Real> + Sync>(
         .expect("vertices lie on edges of a finite grid, and cases name them"))
 }
 
-/// The signs of all nodes. A word with a NaN has a bit inside that is not known.
+/// The signs of all nodes. A word with a NaN has bits in `inside` that are not in `known`.
 fn signs<T: Copy + Into<Real> + Sync>(values: &[T], nodes: [u32; 3]) -> Rows<NodeWord> {
     let nx = nodes[0] as usize;
     Rows::build(nodes, |y, z, out| {
@@ -128,7 +125,7 @@ fn signs<T: Copy + Into<Real> + Sync>(values: &[T], nodes: [u32; 3]) -> Rows<Nod
 
 /// Bit k from byte k, each of which is 0 or 1.
 fn pack(bytes: &[u8; 64]) -> u64 {
-    /// Moves byte k of eight to bit 56 + k: the products of no two bytes meet.
+    /// Moves byte k of eight to bit 56 + k: the products of two bytes never overlap.
     const GATHER: u64 = 0x0102_0408_1020_4080;
     let mut out = 0;
     for (k, eight) in bytes.chunks_exact(8).enumerate() {
@@ -183,7 +180,7 @@ mod tests {
             newton: 0,
             ..ExtractParams::default()
         };
-        let expected = extract(&ring, &params).unwrap().mesh;
+        let expected = extract(&ring, &params, &mut if_core::monitor::Silent).unwrap().mesh;
         assert_eq!(surface_of_grid(&values, nodes, Point::origin(), cell).unwrap(), expected);
         let single: Vec<f32> = values.iter().map(|v| *v as f32).collect();
         assert_eq!(
@@ -193,14 +190,14 @@ mod tests {
     }
 
     #[test]
-    fn grids_that_are_none_are_refused() {
+    fn invalid_grids_are_refused() {
         let grid =
             |values: &[Real], nodes, cell| surface_of_grid(values, nodes, Point::origin(), cell);
         assert!(matches!(
             grid(&[0.0; 7], [2; 3], 1.0),
             Err(GridError::Count { needed: 8, got: 7, .. })
         ));
-        assert!(matches!(grid(&[0.0; 8], [2; 3], 0.0), Err(GridError::Cell { .. })));
+        assert!(matches!(grid(&[0.0; 8], [2; 3], 0.0), Err(GridError::Parameter(_))));
         // A product of 2⁶⁴ is not 0.
         assert_eq!(
             grid(&[], [1 << 22, 1 << 22, 1 << 20], 1.0),

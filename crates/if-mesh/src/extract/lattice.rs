@@ -1,14 +1,14 @@
-//! Where the nodes of a lattice are, and what belongs to its levels.
+//! A lattice of cubes, its nodes and its levels of refinement.
 
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
 
-/// Cells along an axis, at most: their nodes are counted in 32 bits, and a row table of one number
-/// for each row along x must fit into memory.
+/// Maximum number of cells along an axis: nodes are numbered in 32 bits, and a table with one number
+/// per row along x must fit into memory.
 pub(super) const MAX_CELLS: Real = 32_768.0;
 
-/// Boxes along the longest side with which refinement starts. They take 729 evaluations, a
-/// five-hundredth of what follows at 256 cells, and show how steep the field is before anything is
+/// Boxes along the longest side with which refinement starts. They need 729 evaluations, a
+/// five-hundredth of what follows at 256 cells, and show how steep the field is before any box is
 /// dropped.
 const FIRST: u32 = 8;
 

@@ -1,38 +1,36 @@
-//! How much memory comes next, told before it is taken: a system that has no more ends the program.
+//! Estimates of the memory of each step, checked before it is allocated: a system without memory
+//! ends the program.
 //!
-//! Counted is what an extraction holds at once, copies while parts are joined included; not what
-//! the field takes itself.
+//! The estimates include what an extraction holds at once and copies while parts are joined, but
+//! not the memory of the field itself.
 
-use crate::extract::ExtractError;
-use crate::extract::nodes::NodeWord;
-use crate::extract::progress::Watch;
-use crate::extract::rows::{Bits, Rows, Word};
+use crate::extract::rows::{Bits, NodeWord, Rows, Word};
 
-/// Of each row along x of a set of places: its first word, and its last while planes are joined.
+/// Bytes for each row along x of a set: its first word, and its last while planes are joined.
 const ROW: usize = 8;
-/// Of a word while it is made: in its plane, and joined to the others.
+/// Copies of a word while a set is built: in its plane, and joined to the others.
 const TWICE: usize = 2;
-/// Of a point that the field is asked for: number and place, in a plane and joined, both in vectors
+/// Bytes for a point that is evaluated: number and position, in a plane and joined, both in vectors
 /// that grow by doubling, and the value.
-const ASKED: usize = 120;
-/// Of a vertex: its edge (32 bytes), two triangles (24), place (24), value (8) and sample (32), and
-/// the copies of planes (up to 72) while no samples are there.
+const EVALUATED: usize = 120;
+/// Bytes for a vertex: its edge (32), two triangles (24), position (24), value (8) and sample (32),
+/// and the copies of planes (up to 72) before there are samples.
 const VERTEX: usize = 136;
-/// Of a vertex that is relaxed: mesh, its copy, samples, three edges and six corners in tables,
-/// normals and places; or both meshes and the tree that finds triangles of them that meet.
+/// Bytes for a vertex that is relaxed: mesh, its copy, samples, three edges and six corners in
+/// tables, normals and positions; or both meshes and the tree that finds intersecting triangles.
 const RELAXED: usize = 560;
 
-/// Bytes of the rows of a set of so many places along each axis while it is made.
+/// Bytes of the rows of a set with `size` places along each axis while it is built.
 fn rows(size: [u32; 3]) -> usize {
     (size[1] as usize).saturating_mul(size[2] as usize).saturating_mul(ROW)
 }
 
-/// Bytes that `count` words of a set take while it is made.
+/// Bytes of `count` words of a set while it is built.
 fn words<T: Word>(count: usize) -> usize {
     count.saturating_mul(size_of::<T>() * TWICE)
 }
 
-/// The halves of `cells`, of which there are `finer` along each axis: at most eight words for one.
+/// The children of `cells`, `finer` along each axis: at most eight words for one.
 pub(super) fn children(cells: &Rows<Bits>, finer: [u32; 3], quad: usize) -> usize {
     let most = cells.words().len().saturating_mul(8);
     most.saturating_mul(quad * TWICE)
@@ -49,20 +47,20 @@ pub(super) fn full(cells: [u32; 3]) -> usize {
     words::<Bits>(count).saturating_add(rows(cells))
 }
 
-/// The corners of `cells`: at most eight words for one, and no more than there are.
+/// The corners of `cells`: at most eight words for one, and at most all nodes.
 pub(super) fn corners(cells: &Rows<Bits>) -> usize {
     let nodes = cells.size.map(|s| s + 1);
     let most = (cells.words().len().saturating_mul(8)).min(full(nodes) / size_of::<Bits>());
     words::<Bits>(most).saturating_add(rows(nodes))
 }
 
-/// The values at `places`, of which at most `at_once` are asked for at once.
+/// The values at `places`, of which at most `at_once` are evaluated at once.
 pub(super) fn nodes(places: &Rows<Bits>, count: usize, at_once: usize) -> usize {
     let words = words::<NodeWord>(places.words().len()).saturating_add(rows(places.size));
-    words.saturating_add(count.saturating_mul(8)).saturating_add(at_once.saturating_mul(ASKED))
+    words.saturating_add(count.saturating_mul(8)).saturating_add(at_once.saturating_mul(EVALUATED))
 }
 
-/// Crossed edges beside the words of `nodes`, and the cells round them.
+/// Crossed edges beside the words of `nodes`, and the cells around them.
 pub(super) fn crossings(nodes: &Rows<NodeWord>) -> usize {
     nodes
         .words()
@@ -71,18 +69,7 @@ pub(super) fn crossings(nodes: &Rows<NodeWord>) -> usize {
         .saturating_add(rows(nodes.size).saturating_mul(2))
 }
 
-/// The mesh of so many vertices.
+/// A mesh of `vertices` vertices.
 pub(super) fn mesh(vertices: usize, relaxed: bool) -> usize {
     vertices.saturating_mul(if relaxed { RELAXED } else { VERTEX })
-}
-
-impl Watch<'_> {
-    /// Whether `held` bytes, and `more`, are allowed.
-    pub(super) fn room(&self, held: usize, more: usize) -> Result<(), ExtractError> {
-        let bytes = held.saturating_add(more);
-        if bytes > self.memory {
-            return Err(ExtractError::TooLarge { bytes, limit: self.memory, cell: self.cell });
-        }
-        Ok(())
-    }
 }

@@ -1,43 +1,17 @@
-//! The nodes of a level that are needed, and the field there.
+//! The nodes of a level that are needed, and the values of the field there.
 
-use crate::extract::ExtractError;
+use crate::extract::budget::Budget;
+use crate::extract::error::ExtractError;
 use crate::extract::lattice::{Lattice, Level};
 use crate::extract::memory;
-use crate::extract::progress::{Stage, Watch};
-use crate::extract::rows::{Bits, Rows, WORD, Word, below, each_bit};
+use crate::extract::rows::{Bits, NodeWord, Rows, WORD, each_bit};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
 use rayon::prelude::*;
 
-/// Points in one call of the field, at most but for the rest of a plane: 24 MB of points. Levels of
+/// Maximum points in one call of the field, rounded up to whole planes: 24 MB of points. Levels of
 /// surfaces up to a million nodes are one call.
 const BATCH: usize = 1 << 20;
-
-/// 64 nodes along x.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct NodeWord {
-    pub(super) x: u32,
-    /// Number of the first known node's value.
-    pub(super) base: u32,
-    /// Nodes whose value is known.
-    pub(super) known: u64,
-    /// Of these the ones with a value below zero.
-    pub(super) inside: u64,
-}
-
-impl Word for NodeWord {
-    fn x(&self) -> u32 {
-        self.x
-    }
-}
-
-impl NodeWord {
-    /// Number of the value of a known node of this word.
-    #[inline]
-    pub(super) fn value(&self, bit: u32) -> usize {
-        self.base as usize + (self.known & below(bit)).count_ones() as usize
-    }
-}
 
 /// Nodes with values, in the order of the lattice: x fastest, z slowest.
 pub(super) struct Nodes {
@@ -46,7 +20,7 @@ pub(super) struct Nodes {
 }
 
 impl Nodes {
-    /// Bytes that they take.
+    /// Bytes of all nodes.
     pub(super) fn bytes(&self) -> usize {
         self.rows.bytes() + self.values.len() * size_of::<Real>()
     }
@@ -58,8 +32,7 @@ impl Nodes {
         (word.known >> bit & 1 == 1).then(|| self.values[word.value(bit)])
     }
 
-    /// The steepest slope between neighbours along an axis that are known, but for `noise` in their
-    /// values.
+    /// The steepest slope between known neighbours along an axis, less `noise` in their values.
     pub(super) fn steepest(&self, lattice: &Lattice, level: &Level, noise: Real) -> Real {
         let last = self.rows.size.map(|s| s.saturating_sub(1));
         (0..self.rows.size[2])
@@ -89,8 +62,8 @@ impl Nodes {
             .reduce(|| 0.0, Real::max)
     }
 
-    /// Evaluates the field at the corners of `cells` of a level, but for those that `known` knows.
-    /// `held` bytes are taken beside them.
+    /// Evaluates the field at the corners of `cells` of a level, except those for which `known`
+    /// returns a value. The caller holds `held` bytes beside them.
     pub(super) fn evaluate(
         field: &dyn SignedDistance,
         lattice: &Lattice,
@@ -98,9 +71,9 @@ impl Nodes {
         cells: &Rows<Bits>,
         known: impl Fn([u32; 3]) -> Option<Real> + Sync,
         held: usize,
-        watch: &mut Watch,
+        budget: &mut Budget,
     ) -> Result<Self, ExtractError> {
-        watch.room(held, memory::corners(cells))?;
+        budget.room(held, memory::corners(cells))?;
         let places = cells.corners();
         let total = places.count();
         if u32::try_from(total).is_err() {
@@ -113,10 +86,11 @@ impl Nodes {
                 .sum()
         };
         let largest = (0..places.size[2]).map(of_plane).max().unwrap_or(0);
-        watch.room(
+        budget.room(
             held + places.bytes(),
             memory::nodes(&places, total, largest.max(BATCH).min(total)),
         )?;
+        // Values are evaluated in batches of whole planes.
         let mut rows = numbered(&places);
         drop(places);
         let mut values = vec![0.0; total];
@@ -134,9 +108,10 @@ impl Nodes {
                 }
                 (count, end) = (count + next, end + 1);
             }
-            evaluate_planes(field, lattice, level, &rows, z..end, &known, &mut values, watch)?;
+            evaluate_planes(field, lattice, level, &rows, z..end, &known, &mut values, budget)?;
             z = end;
         }
+        // Signs, one bit a node.
         let all = &values;
         rows.words_mut().par_iter_mut().for_each(|w| {
             let mut at = w.base as usize;
@@ -151,7 +126,7 @@ impl Nodes {
     }
 }
 
-/// The words of a set of nodes, their values numbered.
+/// The words of a set of nodes, with indices of their values.
 fn numbered(places: &Rows<Bits>) -> Rows<NodeWord> {
     let mut rows = Rows::build(places.size, |y, z, out| {
         out.extend(places.row(y, z).0.iter().map(|w| NodeWord {
@@ -169,10 +144,10 @@ fn numbered(places: &Rows<Bits>) -> Rows<NodeWord> {
     rows
 }
 
-/// Nodes of one plane: indices and values that were known, indices and points that were not.
+/// Nodes of one plane: indices and values of the known ones, indices and positions of the others.
 type PlaneNodes = (Vec<(u32, Real)>, Vec<u32>, Vec<Point>);
 
-/// Values at the nodes of some planes.
+/// Evaluates the field at the nodes of `planes`.
 fn evaluate_planes(
     field: &dyn SignedDistance,
     lattice: &Lattice,
@@ -181,7 +156,7 @@ fn evaluate_planes(
     planes: std::ops::Range<u32>,
     known: &(impl Fn([u32; 3]) -> Option<Real> + Sync),
     values: &mut [Real],
-    watch: &mut Watch,
+    budget: &mut Budget,
 ) -> Result<(), ExtractError> {
     let parts: Vec<PlaneNodes> = planes
         .into_par_iter()
@@ -218,5 +193,5 @@ fn evaluate_planes(
         return Err(ExtractError::NotANumber { point: points[k] });
     }
     missing.iter().zip(&fresh).for_each(|(at, value)| values[*at as usize] = *value);
-    watch.evaluated(Stage::Refine { step: level.step }, points.len())
+    Ok(budget.refined(level.step, points.len())?)
 }

@@ -1,11 +1,12 @@
 //! Vertices: from the linear guess on an edge onto the surface.
 
-use crate::extract::ExtractError;
+use crate::extract::budget::Budget;
 use crate::extract::lattice::Lattice;
-use crate::extract::progress::{Stage, Watch};
 use crate::extract::surface::Edge;
+use crate::marching::newton_step;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
+use if_core::monitor::Cancelled;
 use rayon::prelude::*;
 
 /// Vertices keep this part of a cell from the nodes of the lattice, so that triangles round a node
@@ -48,8 +49,8 @@ pub(super) fn polish(
     edges: &[Edge],
     secant: bool,
     newton: usize,
-    watch: &mut Watch,
-) -> Result<Polished, ExtractError> {
+    budget: &mut Budget,
+) -> Result<Polished, Cancelled> {
     let mut points: Vec<Point> = edges.par_iter().map(|e| guess(lattice, e)).collect();
     if secant && !edges.is_empty() {
         let mut values = vec![0.0; points.len()];
@@ -58,7 +59,7 @@ pub(super) fn polish(
             let t = crossing(edge.values[0], edge.values[1]);
             *p = on_edge(lattice, edge, secant_step(edge.values, t, *value));
         });
-        watch.evaluated(Stage::Polish, points.len())?;
+        budget.evaluated("polish", points.len())?;
     }
     let none = FieldSample { distance: 0.0, gradient: Vector::zeros() };
     let mut samples = vec![none; if newton > 0 { points.len() } else { 0 }];
@@ -68,7 +69,7 @@ pub(super) fn polish(
             .par_iter_mut()
             .zip(&samples)
             .for_each(|(p, s)| *p -= newton_step(s, STEP * lattice.cell));
-        watch.evaluated(Stage::Polish, points.len())?;
+        budget.evaluated("polish", points.len())?;
     }
     Ok(Polished { points, samples })
 }
@@ -98,21 +99,6 @@ fn crossing(a: Real, b: Real) -> Real {
     linear(a, b).clamp(MARGIN, 1.0 - MARGIN)
 }
 
-/// The step φ ∇φ / |∇φ|² to the surface, at most `limit` long. Zero where the gradient is too small
-/// to tell a direction.
-pub(crate) fn newton_step(s: &FieldSample, limit: Real) -> Vector {
-    /// A distance has a gradient of length 1; below a tenth the linear model of the field means
-    /// nothing.
-    const FLAT: Real = 0.1;
-    let g2 = s.gradient.norm_squared();
-    if !(s.distance.is_finite() && g2 >= FLAT * FLAT && g2.is_finite()) {
-        return Vector::zeros();
-    }
-    let step = s.gradient * (s.distance / g2);
-    let length = step.norm();
-    if length > limit { step * (limit / length) } else { step }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -133,19 +119,5 @@ mod tests {
         approx::assert_relative_eq!(secant_step([-1.0, 1.0], 0.5, 0.5), 1.0 / 3.0);
         assert_eq!(secant_step([-1.0, 1.0], 0.5, 0.0), 0.5);
         assert_eq!(secant_step([-1.0, 1.0], 0.5, Real::NAN), 0.5);
-    }
-
-    #[test]
-    fn a_newton_step_is_bounded_and_needs_a_slope() {
-        let step = |distance, slope| {
-            newton_step(&FieldSample { distance, gradient: Vector::new(0.0, slope, 0.0) }, 0.5)
-        };
-        assert_eq!(step(0.25, 2.0).y, 0.125);
-        assert_eq!(step(-9.0, 1.0).y, -0.5);
-        for (distance, slope) in
-            [(1.0, 0.01), (Real::INFINITY, 1.0), (1.0, Real::NAN), (Real::NAN, 1.0)]
-        {
-            assert_eq!(step(distance, slope), Vector::zeros());
-        }
     }
 }

@@ -1,12 +1,13 @@
 //! Which cells may hold a piece of the surface, found level by level.
 
-use crate::extract::ExtractError;
+use crate::extract::budget::Budget;
 use crate::extract::cover::Balls;
+use crate::extract::error::ExtractError;
 use crate::extract::lattice::{Lattice, Level};
 use crate::extract::memory;
-use crate::extract::nodes::{NodeWord, Nodes};
-use crate::extract::progress::Watch;
-use crate::extract::rows::{Bits, Rows, Scratch, WORD, each_bit};
+use crate::extract::nodes::Nodes;
+use crate::extract::rows::{Bits, NodeWord, Rows, Scratch, WORD, each_bit};
+use crate::extract::slope::Bound;
 use crate::extract::surface::Crossings;
 use if_core::field::SignedDistance;
 use if_core::math::Real;
@@ -16,15 +17,6 @@ use rayon::prelude::*;
 /// fewer evaluations than 1 on the fields of `docs/extraction.md`; 3 leaves 1 % fewer again, and
 /// takes four times as long to ask.
 const DEPTH: u32 = 2;
-
-/// What is known of the field's slope.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Bound {
-    /// A bound on |∇φ|.
-    pub(super) slope: Real,
-    /// Values may be off by this much.
-    pub(super) noise: Real,
-}
 
 /// The cells that could not be cleared, and the field at their corners.
 pub(super) struct Refined {
@@ -56,17 +48,17 @@ pub(super) fn refine(
     field: &dyn SignedDistance,
     lattice: &Lattice,
     bound: &Bound,
-    watch: &mut Watch,
+    budget: &mut Budget,
 ) -> Result<Refined, ExtractError> {
     let mut bound = *bound;
     loop {
-        match levels(field, lattice, &bound, watch)? {
+        match levels(field, lattice, &bound, budget)? {
             Ok((cells, nodes)) => {
                 return complete(
                     field,
                     lattice,
                     Refined { cells, nodes, restored: 0, slope: bound.slope },
-                    watch,
+                    budget,
                 );
             }
             // An infinite slope bounds everything, so that this ends.
@@ -80,12 +72,12 @@ fn levels(
     field: &dyn SignedDistance,
     lattice: &Lattice,
     bound: &Bound,
-    watch: &mut Watch,
+    budget: &mut Budget,
 ) -> Result<Result<(Rows<Bits>, Nodes), Real>, ExtractError> {
     let mut level = Level::first(lattice);
     let mut cells = Rows::full(level.boxes);
     let mut nodes =
-        Nodes::evaluate(field, lattice, &level, &cells, |_| None, cells.bytes(), watch)?;
+        Nodes::evaluate(field, lattice, &level, &cells, |_| None, cells.bytes(), budget)?;
     loop {
         let seen = nodes.steepest(lattice, &level, bound.noise);
         if seen > STEEPER * bound.slope {
@@ -95,7 +87,7 @@ fn levels(
             return Ok(Ok((cells, nodes)));
         }
         let finer = Level::new(lattice, level.step / 2);
-        watch.room(
+        budget.room(
             cells.bytes() + nodes.bytes(),
             memory::children(&cells, finer.boxes, size_of::<Quad>()),
         )?;
@@ -108,7 +100,7 @@ fn levels(
             &cells,
             known,
             cells.bytes() + nodes.bytes(),
-            watch,
+            budget,
         )?;
         level = finer;
     }
@@ -119,7 +111,7 @@ pub(super) fn dense(
     field: &dyn SignedDistance,
     lattice: &Lattice,
     bound: &Bound,
-    watch: &mut Watch,
+    budget: &mut Budget,
 ) -> Result<Refined, ExtractError> {
     let level = Level::new(lattice, 1);
     let all = level
@@ -131,9 +123,9 @@ pub(super) fn dense(
         return Err(ExtractError::TooManyNodes { nodes: all });
     }
     // The cells, and a value for each node at last.
-    watch.room(all.saturating_mul(size_of::<Real>()), memory::full(level.boxes))?;
+    budget.room(all.saturating_mul(size_of::<Real>()), memory::full(level.boxes))?;
     let cells = Rows::full(level.boxes);
-    let nodes = Nodes::evaluate(field, lattice, &level, &cells, |_| None, cells.bytes(), watch)?;
+    let nodes = Nodes::evaluate(field, lattice, &level, &cells, |_| None, cells.bytes(), budget)?;
     Ok(Refined { cells, nodes, restored: 0, slope: bound.slope })
 }
 
@@ -234,12 +226,12 @@ fn complete(
     field: &dyn SignedDistance,
     lattice: &Lattice,
     mut refined: Refined,
-    watch: &mut Watch,
+    budget: &mut Budget,
 ) -> Result<Refined, ExtractError> {
     let level = Level::new(lattice, 1);
     loop {
         let held = refined.cells.bytes() + refined.nodes.bytes();
-        watch.room(held, memory::crossings(&refined.nodes.rows))?;
+        budget.room(held, memory::crossings(&refined.nodes.rows))?;
         let missing = Crossings::of(&refined.nodes.rows).cells().minus(&refined.cells);
         let count = missing.count();
         if count == 0 {
@@ -254,7 +246,7 @@ fn complete(
             &cells,
             |node| before.get(node),
             held + cells.bytes(),
-            watch,
+            budget,
         )?;
         refined = Refined { cells, nodes, restored: refined.restored + count, ..refined };
     }

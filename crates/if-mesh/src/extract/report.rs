@@ -1,12 +1,24 @@
-//! What an extraction says of itself.
+//! The result of an extraction: mesh, cost, accuracy and warnings.
 
 use if_core::aabb::Aabb;
 use if_core::math::Real;
+use if_core::mesh::TriMesh;
 use serde::Serialize;
 use std::fmt;
 
-/// What an extraction cost, how exact it is, and what to be aware of.
+/// A surface and its report.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Extraction {
+    /// The surface, counter-clockwise seen from outside. Closed unless it leaves the region.
+    pub mesh: TriMesh,
+    /// Cost, accuracy and warnings.
+    pub report: ExtractReport,
+}
+
+/// Cost, accuracy and warnings of an extraction.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct ExtractReport {
     /// The box that the lattice covers.
     pub region: Aabb,
@@ -18,30 +30,31 @@ pub struct ExtractReport {
     pub slope: Real,
     /// Points at which the field was evaluated.
     pub evaluations: Evaluations,
-    /// Share of the region's volume that was cleared without looking at its cells.
+    /// Share of the region's volume that was dropped without evaluating its cells.
     pub skipped: Real,
-    /// How far the mesh is from the surface.
+    /// Distance of the mesh from the surface.
     pub error: ErrorEstimate,
-    /// With a requested accuracy: what was tried, the last of which this is.
+    /// With a requested accuracy: all attempts; the last one is this mesh.
     pub attempts: Vec<Attempt>,
-    /// What to be aware of.
+    /// Limits of the result.
     pub warnings: Vec<Warning>,
-    /// Where the time went.
+    /// Time of each part.
     pub seconds: Seconds,
 }
 
 /// Points at which a field was evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize)]
+#[non_exhaustive]
 pub struct Evaluations {
     /// Nodes of the lattice.
     pub refine: usize,
-    /// Vertices: secant and Newton steps. The latter with gradient.
+    /// Vertices: secant steps, and Newton steps with gradient.
     pub polish: usize,
     /// Vertices, with gradient.
     pub relax: usize,
-    /// Places where the error was measured, with gradient.
+    /// Points at which the error was measured, with gradient.
     pub check: usize,
-    /// All of them, of all attempts, and those that bounded the slope.
+    /// All of them, of all attempts, and those that bound the slope.
     pub total: usize,
 }
 
@@ -57,7 +70,7 @@ pub struct ErrorEstimate {
     pub center_max: Real,
     /// Their root mean square.
     pub center_rms: Real,
-    /// How many of each there were.
+    /// Number of vertices checked.
     pub checked: usize,
 }
 
@@ -68,29 +81,29 @@ impl ErrorEstimate {
     }
 }
 
-/// One cell size that was tried for a requested accuracy.
+/// One attempt at a requested accuracy.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Attempt {
     /// Side of the cells, in metres.
     pub cell: Real,
     /// [`ErrorEstimate::worst`], in metres.
     pub error: Real,
-    /// Triangles.
+    /// Number of triangles.
     pub triangles: usize,
 }
 
-/// Seconds of each part, by the clock.
+/// Wall-clock seconds of each part.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize)]
 pub struct Seconds {
     /// Finding and evaluating cells.
     pub refine: f64,
     /// Edges and triangles.
     pub triangles: f64,
-    /// Vertices.
+    /// Positions of vertices.
     pub polish: f64,
     /// Warnings and relaxation.
     pub relax: f64,
-    /// Measuring.
+    /// Measuring the error.
     pub check: f64,
 }
 
@@ -101,17 +114,17 @@ impl Seconds {
     }
 }
 
-/// What to be aware of.
+/// A limit of the result.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub enum Warning {
-    /// The surface goes on beyond the region: the mesh has a border there.
+    /// The surface continues beyond the region: the mesh has a border there.
     LeavesRegion {
         /// Lattice edges on the region's border that it crosses.
         edges: usize,
     },
-    /// Two sheets that face one another are nearer than two cells: they are told apart, but their
-    /// triangles may meet.
+    /// Two sheets that face one another are nearer than two cells: they are separate, but their
+    /// triangles may intersect.
     NearSheets {
         /// Pairs of vertices on lattice lines.
         pairs: usize,
@@ -120,26 +133,26 @@ pub enum Warning {
     },
     /// Something smaller than a cell may have been lost.
     Unresolved {
-        /// Cells that neither show a surface nor can be cleared.
+        /// Cells without a surface that the bound on the slope cannot rule out.
         cells: usize,
     },
-    /// The bound on the field's slope is wrong.
+    /// The bound on the field's slope is too small.
     Slope {
-        /// The bound given, or said by the field.
+        /// The bound given, or returned by the field.
         given: Real,
-        /// The bound that was used instead, as values of the field asked for it.
+        /// The larger bound that was used instead, from values of the field.
         used: Real,
-        /// Cells that had been cleared all the same and hold a part of the surface. They were taken
-        /// back; a part of the surface that is not connected to the rest may be missing.
+        /// Cells with a part of the surface that had been dropped, and were restored. A part of the
+        /// surface that is not connected to the rest may be missing.
         cells: usize,
     },
-    /// The accuracy is not reached, with the smallest cell allowed or after the last attempt.
+    /// The accuracy is not reached with the smallest cell allowed, or after the last attempt.
     Inaccurate {
         /// The error requested, in metres.
         requested: Real,
         /// The error reached, in metres.
         reached: Real,
-        /// The cell, in metres.
+        /// Side of the cells, in metres.
         cell: Real,
     },
 }
@@ -155,22 +168,22 @@ impl fmt::Display for Warning {
             }
             Self::NearSheets { pairs, gap } => write!(
                 f,
-                "sheets are nearer than two cells at {pairs} places, the nearest {:.3} mm apart; halve the cell to part them well",
+                "sheets are nearer than two cells at {pairs} places, the nearest {:.3} mm apart; halve the cell to separate them well",
                 1e3 * gap
             ),
             Self::Unresolved { cells } => {
                 write!(
                     f,
-                    "something thinner than a cell may be lost in {cells} cells; take smaller cells"
+                    "details thinner than a cell may be lost in {cells} cells; use smaller cells"
                 )
             }
             Self::Slope { given, used, cells } => write!(
                 f,
-                "the field is steeper than {given}, so {used:.3} was used and {cells} cells were taken back; give a larger slope"
+                "the field is steeper than {given}, so {used:.3} was used and {cells} cells were restored; give a larger slope"
             ),
             Self::Inaccurate { requested, reached, cell } => write!(
                 f,
-                "the error is {:.4} mm where {:.4} mm was asked for, with cells of {:.4} mm; allow smaller ones, or ask for less",
+                "the error is {:.4} mm, requested is {:.4} mm, with cells of {:.4} mm; allow smaller cells or a larger error",
                 1e3 * reached,
                 1e3 * requested,
                 1e3 * cell

@@ -1,7 +1,6 @@
 //! Sets of places of a three-dimensional lattice, as bits: rows along x of words of 64 places.
 //!
-//! Words without a place are not stored, so that memory follows the set, but for one number for
-//! each row.
+//! Empty words are not stored, so that memory follows the set, except for one number per row.
 
 use rayon::prelude::*;
 
@@ -18,13 +17,13 @@ pub(super) struct Rows<T> {
     words: Vec<T>,
 }
 
-/// What a row is made of.
+/// An element of a row: 64 places.
 pub(super) trait Word: Copy + Send + Sync {
-    /// Which 64 places along x.
+    /// Index of the word along x: its first place is 64 times this.
     fn x(&self) -> u32;
 }
 
-/// Some of 64 places.
+/// A subset of 64 places.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bits {
     pub(super) x: u32,
@@ -37,13 +36,39 @@ impl Word for Bits {
     }
 }
 
+/// 64 nodes along x.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct NodeWord {
+    pub(super) x: u32,
+    /// Index of the value of the first known node.
+    pub(super) base: u32,
+    /// Bits of the nodes whose value is known.
+    pub(super) known: u64,
+    /// Bits of those with a negative value.
+    pub(super) inside: u64,
+}
+
+impl Word for NodeWord {
+    fn x(&self) -> u32 {
+        self.x
+    }
+}
+
+impl NodeWord {
+    /// Index of the value of a known node of this word.
+    #[inline]
+    pub(super) fn value(&self, bit: u32) -> usize {
+        self.base as usize + (self.known & below(bit)).count_ones() as usize
+    }
+}
+
 impl<T: Word> Rows<T> {
-    /// Bytes that the set takes.
+    /// Bytes of the set.
     pub(super) fn bytes(&self) -> usize {
         self.start.len() * size_of::<u32>() + self.words.len() * size_of::<T>()
     }
 
-    /// Makes each row by `row(y, z, out)`, which pushes the row's words, ascending.
+    /// Builds each row by `row(y, z, out)`, which pushes the row's words in ascending order.
     pub(super) fn build(size: [u32; 3], row: impl Fn(u32, u32, &mut Vec<T>) + Sync) -> Self {
         let planes: Vec<(Vec<u32>, Vec<T>)> = (0..size[2])
             .into_par_iter()
@@ -72,12 +97,12 @@ impl<T: Word> Rows<T> {
         &self.words
     }
 
-    /// The same, to be changed; their places along x must stay.
+    /// The same, mutable; their indices along x must not change.
     pub(super) fn words_mut(&mut self) -> &mut [T] {
         &mut self.words
     }
 
-    /// Words of one row, and the number of its first. None beyond the rows.
+    /// Words of one row, and the index of the first. Empty beyond the rows.
     #[inline]
     pub(super) fn row(&self, y: u32, z: u32) -> (&[T], usize) {
         if y >= self.size[1] || z >= self.size[2] {
@@ -88,17 +113,17 @@ impl<T: Word> Rows<T> {
         (&self.words[from..to], from)
     }
 
-    /// The numbers of the words of planes `z`.
+    /// Indices of the words of planes `z`.
     pub(super) fn planes(&self, z: std::ops::Range<u32>) -> std::ops::Range<usize> {
         let at = |z: u32| self.start[(self.size[1] * z) as usize] as usize;
         at(z.start)..at(z.end)
     }
 
-    /// Number of the word of row (y, z) that holds places `64 x ..`, if there is one.
+    /// Index of the word of row (y, z) with places `64 x ..`, if it is stored.
     #[inline]
     pub(super) fn find(&self, x: u32, y: u32, z: u32) -> Option<usize> {
         let (row, first) = self.row(y, z);
-        // Where rows are whole, the word stands at its place.
+        // In a complete row a word is stored at its own index.
         if row.get(x as usize).is_some_and(|w| w.x() == x) {
             return Some(first + x as usize);
         }
@@ -117,7 +142,7 @@ impl Rows<Bits> {
         })
     }
 
-    /// How many places.
+    /// Number of places.
     pub(super) fn count(&self) -> usize {
         self.words.iter().map(|w| w.bits.count_ones() as usize).sum()
     }
@@ -151,13 +176,13 @@ impl Rows<Bits> {
         })
     }
 
-    /// The places of this set and the 26 round each of them.
+    /// The places of this set and their 26 neighbours.
     pub(super) fn dilated(&self) -> Self {
         let words = self.size[0].div_ceil(WORD) as usize;
         Self::build(self.size, |y, z, out| {
             let mut scratch = Scratch::new(words);
             for r in 0..9 {
-                // Below the first row wraps to beyond the last, where there is nothing.
+                // An index below the first row wraps beyond the last, where rows are empty.
                 for w in self.row((y + r % 3).wrapping_sub(1), (z + r / 3).wrapping_sub(1)).0 {
                     scratch.or(w.x, w.bits);
                     scratch.or_up(w.x, w.bits);
@@ -191,7 +216,7 @@ impl Rows<Bits> {
     }
 }
 
-/// One row as all of its words, to collect bits in.
+/// One row with all of its words, to collect bits.
 pub(super) struct Scratch(Vec<u64>);
 
 impl Scratch {
@@ -214,7 +239,7 @@ impl Scratch {
         self.or(x + 1, bits >> (WORD - 1));
     }
 
-    /// Adds the places one back along x. There is none before the first.
+    /// Adds the places one back along x, from the second on.
     #[inline]
     pub(super) fn or_down(&mut self, x: u32, bits: u64) {
         self.or(x, bits >> 1);
@@ -223,7 +248,7 @@ impl Scratch {
         }
     }
 
-    /// The words that are not empty.
+    /// Pushes the words that are not empty.
     pub(super) fn push_into(&self, out: &mut Vec<Bits>) {
         out.extend(
             self.0
@@ -234,7 +259,7 @@ impl Scratch {
         );
     }
 
-    /// Drops the places from `size` on.
+    /// Removes the places from `size` on.
     pub(super) fn cut(&mut self, size: u32) {
         for (x, word) in self.0.iter_mut().enumerate() {
             let valid = size.saturating_sub(x as u32 * WORD);

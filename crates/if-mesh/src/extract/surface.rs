@@ -2,8 +2,7 @@
 //! cells at a time.
 
 use crate::extract::cases::CASES;
-use crate::extract::nodes::NodeWord;
-use crate::extract::rows::{Bits, Rows, Scratch, WORD, below, each_bit};
+use crate::extract::rows::{Bits, NodeWord, Rows, Scratch, WORD, below, each_bit};
 use if_core::math::Real;
 use rayon::prelude::*;
 

@@ -1,11 +1,12 @@
 //! Better triangles on the same surface.
 
-use crate::extract::newton_step;
+use crate::marching::newton::newton_step;
 use if_core::aabb::Aabb;
 use if_core::edges::{Edges, VertexTriangles};
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -26,25 +27,15 @@ impl Default for RelaxParams {
     }
 }
 
-/// A step that leads nowhere.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "the step is {step}; give the part of the way to the middle of the neighbours, from 0 to 1"
-)]
-#[non_exhaustive]
-pub struct RelaxError {
-    /// What was given.
-    pub step: Real,
-}
-
 impl RelaxParams {
     /// Checks the range of the step.
     ///
     /// # Errors
     ///
-    /// One that is not from 0 to 1.
-    pub fn validate(&self) -> Result<(), RelaxError> {
-        if (0.0..=1.0).contains(&self.step) { Ok(()) } else { Err(RelaxError { step: self.step }) }
+    /// A step out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let ok = (0.0..=1.0).contains(&self.step);
+        ParameterError::check("step", self.step, ok, "from 0 to 1")
     }
 }
 
@@ -61,7 +52,7 @@ pub fn relax<F: SignedDistance + ?Sized>(
     mesh: &TriMesh,
     field: &F,
     params: &RelaxParams,
-) -> Result<TriMesh, RelaxError> {
+) -> Result<TriMesh, ParameterError> {
     params.validate()?;
     Ok(relax_within(mesh, &field, params, None))
 }
@@ -221,6 +212,7 @@ mod tests {
     use crate::extract::{ExtractParams, Resolution, extract};
     use crate::marching::clip;
     use crate::measure::smallest_angles;
+    use if_core::monitor::Silent;
     use if_core::shapes::{Sphere, meshes};
 
     /// Smallest angle of any triangle, in degrees.
@@ -236,7 +228,7 @@ mod tests {
             phase: [0.3, 0.7, 0.1],
             ..ExtractParams::default()
         };
-        extract(&BALL, &params).unwrap().mesh
+        extract(&BALL, &params, &mut Silent).unwrap().mesh
     }
 
     #[test]

@@ -1,6 +1,7 @@
 use super::*;
 use if_body::mannequin::{Garment, MannequinParams, garment};
 use if_core::math::Point;
+use if_core::monitor::Silent;
 use if_core::shapes::Sphere;
 use if_mesh::baked::BakeParams;
 use if_mesh::ply::{Column, Property};
@@ -40,7 +41,8 @@ fn write_shirt(writer: &Writer, name: &str) -> Result<AssetInfo, AssetError> {
     let skin =
         SkinWeights::new(vec![[3, 200, 0, 0]; n], vec![[0.25, 0.75, 0.0, 0.0]; n], 256).unwrap();
     let ball = Sphere { center: Point::new(0.0, 1.0, 0.0), radius: 0.2 };
-    let baked = Baked::new(&ball, &BakeParams { cell: 0.02, ..Default::default() }).unwrap();
+    let baked =
+        Baked::new(&ball, &BakeParams { cell: 0.02, ..Default::default() }, &mut Silent).unwrap();
     let provenance = Provenance {
         source: "mannequin".into(),
         licence: vec!["CC0\n1.0".into()],

@@ -15,6 +15,7 @@ use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_mesh::extract::{ExtractParams, Resolution, extract};
 use rayon::prelude::*;
 
@@ -84,7 +85,7 @@ pub(super) fn start(
         check: 0,
         ..ExtractParams::default()
     };
-    let mesh = largest_piece(&extract(&union, &cells)?.mesh);
+    let mesh = largest_piece(&extract(&union, &cells, &mut Silent)?.mesh);
     let skin = weights(template, &grid, &mesh);
     let voxels = filling.space.iter().filter(|s| **s == Space::Filled).count();
     let name = |j: &usize| template.skeleton.joints()[*j].name.clone();
@@ -293,7 +294,7 @@ mod tests {
             newton: 0,
             ..ExtractParams::default()
         };
-        let found = extract(&union, &cells).unwrap().mesh;
+        let found = extract(&union, &cells, &mut Silent).unwrap().mesh;
         assert_eq!(largest_piece(&found), found);
         assert!(found.signed_volume() > mesh.signed_volume() * 1.1);
     }

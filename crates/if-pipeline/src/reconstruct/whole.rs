@@ -17,6 +17,7 @@ use if_body::skin_weights::SkinWeights;
 use if_body::template::TemplateBody;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_mesh::baked::{BakeError, BakeParams, Baked, Redistance};
 use if_mesh::extract::{ExtractError, ExtractParams, Resolution, extract};
 use if_mesh::sdf::{MeshSdf, SdfError};
@@ -79,7 +80,7 @@ impl ReconstructParams {
         if let Some(network) = &self.motion_network {
             network.fit.validate().map_err(|e| MotionNetworkError::Fit(e.into()))?;
         }
-        self.bake.validate()?;
+        self.bake.validate().map_err(BakeError::from)?;
         self.phi.as_ref().map_or(Ok(()), PhiParams::validate)?;
         Ok(self.garments.validate()?)
     }
@@ -206,6 +207,7 @@ pub fn reconstruct(
             newton: 0,
             ..ExtractParams::default()
         },
+        &mut Silent,
     )?;
     let mesh = largest_piece(&found.mesh);
     let skin =
@@ -214,7 +216,7 @@ pub fn reconstruct(
         return Err(ReconstructError::Cancelled);
     }
     let exact = MeshSdf::closed(&mesh)?;
-    let field = Baked::new(&exact, &params.bake)?;
+    let field = Baked::new(&exact, &params.bake, &mut Silent)?;
     lap(&mut seconds.extract);
     let motion = match &params.motion {
         None => None,

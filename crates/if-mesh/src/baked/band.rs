@@ -1,11 +1,15 @@
-//! Where the bricks of level 0 stand.
+//! The bricks of level 0 that may hold a point of the band.
 
-use super::bricks::{BRICK, Bricks, INSIDE, Node, OUTSIDE, SIDE, SPLIT, local};
-use super::params::{BakeError, BakeParams};
+use super::blend::{BRICK, Node, SIDE, local};
+use super::bricks::Bricks;
+use super::directory::{INSIDE, OUTSIDE, SPLIT};
+use super::error::BakeError;
+use super::params::BakeParams;
 use super::samples::MAX_COORDINATE;
 use if_core::aabb::Aabb;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
+use if_core::monitor::{Monitor, Progress};
 
 /// The box in which the zero set lies.
 pub(super) fn region(source: &dyn SignedDistance, params: &BakeParams) -> Result<Aabb, BakeError> {
@@ -21,14 +25,11 @@ pub(super) fn band_bricks(
     source: &dyn SignedDistance,
     region: &Aabb,
     params: &BakeParams,
+    monitor: &mut dyn Monitor,
 ) -> Result<Bricks, BakeError> {
     let lipschitz = source.lipschitz();
     if lipschitz.is_nan() || lipschitz <= 0.0 {
-        return Err(BakeError::Parameter {
-            name: "lipschitz() of the source",
-            value: lipschitz,
-            needs: "a number above zero",
-        });
+        return Err(BakeError::Slope { lipschitz });
     }
     let side = SIDE as Real * params.cell;
     let domain = region.inflated(params.band + params.cell);
@@ -39,7 +40,7 @@ pub(super) fn band_bricks(
         cell: params.cell,
         lipschitz,
     };
-    // 12 bytes a place: the directory, and the value in the middle while bricks are excluded.
+    // 12 bytes a place: the entry, and the value in the middle while bricks are excluded.
     let places = counts.x * counts.y * counts.z;
     if places * 12.0 > params.memory as Real
         || places >= Real::from(SPLIT)
@@ -62,6 +63,8 @@ pub(super) fn band_bricks(
     for first in (0..places).step_by(BATCH) {
         let middles: Vec<Point> = (first..(first + BATCH).min(places)).map(middle).collect();
         source.distances(&middles, &mut values[..middles.len()]);
+        let done = first + middles.len();
+        monitor.report(&Progress { done, total: Some(places), ..Progress::stage("band") })?;
         for (k, value) in values[..middles.len()].iter().enumerate() {
             if !value.is_finite() {
                 return Err(BakeError::NotFinite {
@@ -79,7 +82,7 @@ pub(super) fn band_bricks(
             }
         }
     }
-    // The grid, and what the source says at its nodes.
+    // The grid, and the samples at its nodes.
     let bytes = (kept.len() * 3 * BRICK * size_of::<Node>()) as Real;
     if bytes > params.memory as Real {
         return Err(too_large(bytes));
@@ -87,8 +90,8 @@ pub(super) fn band_bricks(
     Ok(Bricks::new(origin, params.cell, size, directory, &kept))
 }
 
-/// Where bricks end: inside the grid a missing brick is on the same side as the border, and at the
-/// end of the grid all is outside.
+/// Checks the border of the bricks: inside the grid a missing brick is on the same side as the
+/// border, and at the end of the grid all is outside.
 pub(super) fn check_border(bricks: &Bricks) -> Result<(), BakeError> {
     for (slot, value) in bricks.nodes.iter().enumerate() {
         let (distance, brick) = (Real::from(value[0]), slot / BRICK);
