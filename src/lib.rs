@@ -1,8 +1,41 @@
-//! Intersection-free layered garments: the whole of if-garments behind one name.
+//! Intersection-free layered garments: all crates of if-garments behind one name.
 //!
-//! [`outfit::resolve`] takes an [`outfit::Outfit`] (a closed body and its garments, inner to outer)
-//! and returns it without intersections between its layers, proven by exact predicates.
-//! [`pipeline`] makes garments from videos and matches them on other bodies.
+//! [`resolve`] takes an [`Outfit`] (a closed body and its garments, inner to outer) and returns it
+//! without intersections between its layers, proven by exact predicates. [`verify`] is the proof
+//! alone. With the feature `reconstruct` (on by default), [`pipeline`] makes garments from captures
+//! of videos and combines them on other bodies.
+//!
+//! | module | what is in it |
+//! |---|---|
+//! | [`core`] | points, [`TriMesh`], signed distance fields, exact intersection, [`Monitor`] |
+//! | [`mesh`] | files, spatial index, closed layers, baked fields, extraction, clean-up, measures |
+//! | [`xpbd`] | the cloth solver: particles, constraint groups, Algorithm 1 of the paper |
+//! | `neural` | networks as signed distance fields, and their fits; feature `reconstruct` |
+//! | [`outfit`] | [`resolve`], [`verify`], reports, outfits of files |
+//! | [`body`] | skeletons, skinning, alignment between bodies, the built-in mannequin |
+//! | [`render`] | pictures in software, report pages |
+//! | [`pipeline`] | captures, reconstruction, wardrobes |
+//!
+//! # Examples
+//!
+//! A T-shirt that goes through the body, before and after:
+//!
+//! ```
+//! use if_garments::body::mannequin::{self, Garment, MannequinParams};
+//! use if_garments::{Layer, Outfit, ResolveParams, resolve, verify};
+//! use std::ops::ControlFlow;
+//!
+//! let scene = MannequinParams { resolution: 0.7, ..Default::default() };
+//! let body = Layer::new("body", mannequin::body(&scene));
+//! let tshirt = Layer::new("tshirt", mannequin::garment(Garment::Tshirt, &scene));
+//! let outfit = Outfit::new(body, vec![tshirt])?;
+//! assert!(!verify(&outfit)?.is_clean());
+//!
+//! let params = ResolveParams { clearance: 0.0005, ..Default::default() };
+//! let resolved = resolve(&outfit, &params, &mut |_| ControlFlow::Continue(()))?;
+//! assert!(verify(&resolved.outfit)?.is_clean());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub use if_body as body;
 pub use if_core as core;
@@ -14,7 +47,23 @@ pub use if_pipeline as pipeline;
 pub use if_render as render;
 pub use if_xpbd as xpbd;
 
-/// The example in the project's README is a test.
+pub use if_core::mesh::TriMesh;
+pub use if_core::monitor::{Cancelled, Monitor, Progress, Silent};
+pub use if_mesh::file::MeshFile;
+pub use if_outfit::outfit::{Layer, Outfit, OutfitError};
+pub use if_outfit::report::{ResolveReport, Verification};
+pub use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
+pub use if_outfit::verify::verify;
+
+/// The examples in the README and in the guides are tests.
 #[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;
+mod guides {
+    #[doc = include_str!("../README.md")]
+    struct Readme;
+    #[doc = include_str!("../docs/get-started.md")]
+    struct GetStarted;
+    #[doc = include_str!("../docs/resolve-an-outfit.md")]
+    struct ResolveAnOutfit;
+    #[doc = include_str!("../docs/neural-fields.md")]
+    struct NeuralFields;
+}
