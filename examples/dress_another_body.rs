@@ -16,7 +16,7 @@ use if_garments::pipeline::wardrobe::combination::Combination;
 use if_garments::pipeline::wardrobe::dresser::Dresser;
 use if_garments::pipeline::wardrobe::matching::{MatchParams, run};
 use if_garments::pipeline::wardrobe::{NewBody, Wardrobe};
-use std::ops::ControlFlow;
+use if_garments::{Silent, TriMesh};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = tempfile::tempdir()?;
@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let slim = body(&scene);
     let wider = slim.vertices().iter().map(|p| Point::new(p.x * 1.08, p.y * 1.04, p.z * 1.1));
     let large = slim.with_vertices(wider.collect())?;
-    let mut add = |name: &str, mesh: &if_garments::TriMesh| {
+    let mut add = |name: &str, mesh: &TriMesh| {
         let path = folder.path().join(format!("{name}.ply"));
         write_path(&PlyMesh::new(mesh.clone()), mesh.vertices(), &WriteParams::default(), &path)?;
         Ok::<_, Box<dyn std::error::Error>>(wardrobe.add_body(&NewBody::new(name, &path))?)
@@ -56,8 +56,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let garments = ["trousers", "tshirt", "jacket"].map(str::to_owned).to_vec();
     let combination = Combination { body: "large".into(), garments };
     let params = MatchParams { picture_height: 0, ..Default::default() };
-    let matched = run(&dresser, &combination, &params, &mut |_| ControlFlow::Continue(()))?
-        .ok_or("cancelled")?;
+    let matched = run(&dresser, &combination, &params, &mut Silent)?.ok_or("cancelled")?;
     let report = matched.result.report.ok_or("not resolved")?;
     println!("{} pairs -> {}", report.before.total_pairs(), report.after.total_pairs());
     assert!(report.before.total_pairs() > 0 && report.is_proven());

@@ -7,8 +7,7 @@
 #![allow(clippy::print_stdout)] // a program for the terminal
 
 use if_garments::body::mannequin::{MannequinParams, body, layered};
-use if_garments::outfit::resolve::Progress;
-use if_garments::{Layer, Outfit, ResolveParams, resolve, verify};
+use if_garments::{Layer, Outfit, Progress, ResolveParams, resolve, verify};
 use std::ops::ControlFlow;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -22,8 +22,7 @@
 //!
 //! ```
 //! use if_garments::body::mannequin::{self, Garment, MannequinParams};
-//! use if_garments::{Layer, Outfit, ResolveParams, resolve, verify};
-//! use std::ops::ControlFlow;
+//! use if_garments::{Layer, Outfit, ResolveParams, Silent, resolve, verify};
 //!
 //! let scene = MannequinParams { resolution: 0.7, ..Default::default() };
 //! let body = Layer::new("body", mannequin::body(&scene));
@@ -32,7 +31,7 @@
 //! assert!(!verify(&outfit)?.is_clean());
 //!
 //! let params = ResolveParams { clearance: 0.0005, ..Default::default() };
-//! let resolved = resolve(&outfit, &params, &mut |_| ControlFlow::Continue(()))?;
+//! let resolved = resolve(&outfit, &params, &mut Silent)?;
 //! assert!(verify(&resolved.outfit)?.is_clean());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
