@@ -3,8 +3,8 @@
 
     benches/cleanup.py [--data ../shared/data] [--out OUT] [--only PART_OF_NAME] [--samples 100000] [--no-peers]
 
-Runs the example `cleanup` of if-mesh (build it first: cargo build --release -p if-mesh --example cleanup) on
-clothed/*_raw.ply and *_raw_hard.ply against *_ref.ply, and on scans/*_damaged.ply against the originals, and trimesh, pymeshlab and open3d on
+Runs the program `cleanup` of if-benches (build it first: cargo build --release -p if-benches --bin
+cleanup) on clothed/*_raw.ply and *_raw_hard.ply against *_ref.ply, and on scans/*_damaged.ply against the originals, and trimesh, pymeshlab and open3d on
 the same files. Judged by ../shared/tools/compare.py. Writes OUT/cleanup.csv and prints it.
 
 Needs: pip install numpy scipy libigl meshio trimesh pymeshlab open3d
@@ -21,7 +21,7 @@ import igl  # noqa: E402
 from compare import load, one_way, own_pairs, sample, topology, unique_edges  # noqa: E402
 
 TARGET = os.environ.get("CARGO_TARGET_DIR", "target")
-OURS = os.path.join(TARGET, "release/examples/cleanup")
+OURS = os.path.join(TARGET, "release/cleanup")
 
 
 def write(path, V, F):

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Judges meshes of single frames against the posed truth that ../shared/tools/render_sequence.py writes with --meshes.
 
-    benches/motion.py CAPTURE BODY OUT [--every 3]     OUT as the example `motion` writes it; needs numpy, libigl, meshio, pillow
+    benches/motion.py CAPTURE BODY OUT [--every 3]     OUT as the program `motion` of if-benches writes it; needs numpy, libigl, meshio, pillow
 
 For each folder of OUT with frame_NNNN.ply, mean of every third frame, of the garments, in mm:
   there    from our surface, where the truth's nearest triangle is a garment's, to the truth: mean and p95

@@ -6,6 +6,7 @@
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
+use if_garments::Silent;
 use if_garments::core::aabb::Aabb;
 use if_garments::core::field::{FieldSample, SignedDistance};
 use if_garments::core::math::{Point, Real, Vector};
@@ -38,7 +39,7 @@ impl SignedDistance for Rippled {
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let params =
         ExtractParams { resolution: Resolution::Cell(0.005), relax: 3, ..Default::default() };
-    let found = extract(&Rippled, &params)?;
+    let found = extract(&Rippled, &params, &mut Silent)?;
     let off = found.mesh.vertices().iter().map(|p| Rippled.sample(p).distance.abs());
     let worst = off.fold(0.0, Real::max);
     println!("{} triangles, vertices {worst:.1e} off", found.mesh.triangles().len());

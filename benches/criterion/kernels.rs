@@ -1,7 +1,7 @@
 //! Time of the kernels on 1,024 points: value, value and gradient, and the training step; each is
 //! held against its twin in f64.
 //!
-//! `cargo bench -p if-neural --bench kernels`. Rates against the machine's peak and against
+//! `cargo bench -p if-benches --bench kernels`. Rates against the machine's peak and against
 //! PyTorch: `benches/peers/neural.sh`.
 
 #![allow(missing_docs)]
@@ -36,8 +36,8 @@ fn parameters64(theta: &[f32]) -> Vec<f64> {
     theta.iter().map(|&v| f64::from(v)).collect()
 }
 
-/// A fast wrong answer fails: some values and samples against the f64 twin, by `docs/neural.md`'s
-/// bounds.
+/// A fast wrong answer fails: some values and samples against the f64 twin, by
+/// `docs/evidence/neural.md`'s bounds.
 fn check(twin: &ReferenceSdf, points: &[[f32; 3]], values: &[f32], samples: &[Sample32]) {
     for k in (0..POINTS).step_by(CHECK_EVERY) {
         let (value, gradient) = twin.sample(wide(points[k]));
@@ -52,8 +52,8 @@ fn check(twin: &ReferenceSdf, points: &[[f32; 3]], values: &[f32], samples: &[Sa
     }
 }
 
-/// Derivatives by the parameters against those of f64, by `docs/neural.md`'s bounds: `share` of the
-/// largest.
+/// Derivatives by the parameters against those of f64, by `docs/evidence/neural.md`'s bounds:
+/// `share` of the largest.
 fn check_gradient(gradient: &[f32], exact: &[f64], share: f64) {
     let largest = exact.iter().fold(0.0_f64, |m, g| m.max(g.abs()));
     assert!(largest > 0.0);

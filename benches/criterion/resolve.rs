@@ -1,4 +1,5 @@
-//! The built-in scene, resolved: `cargo bench --bench resolve`. The result is checked.
+//! The built-in scene, resolved: `cargo bench -p if-benches --bench resolve`. The result is
+//! checked.
 
 #![allow(missing_docs)]
 

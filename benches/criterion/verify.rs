@@ -1,7 +1,7 @@
 //! Exact verification of two layers of 100 000 triangles each: both trees built, all pairs found.
 //!
-//! `cargo bench --bench verify`; with IFG_PEER_MESHES=DIR it writes the meshes there instead, times
-//! itself as `peers/igl_predicates.py` does, and prints the medians.
+//! `cargo bench -p if-benches --bench verify`; with IFG_PEER_MESHES=DIR it writes the meshes there
+//! instead, times itself as `peers/igl_predicates.py` does, and prints the medians.
 
 #![allow(missing_docs, clippy::print_stdout)]
 

@@ -2,7 +2,7 @@
 
     flying_edges.py EXTRACTION [NODES [THREADS]]
 
-EXTRACTION is the built example `extraction` of if-mesh (release). Prints the median and the least of seven runs of each, the
+EXTRACTION is the built program `extraction` of if-benches (release). Prints the median and the least of seven runs of each, the
 number of triangles, and exit status 1 where ours is slower by its median. VTK interpolates in single precision into one array of
 points and one of triangles; ours in double precision, and the mesh is checked. Needs: pip install vtk numpy
 """

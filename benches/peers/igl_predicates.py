@@ -3,9 +3,9 @@
 
     igl_predicates.py FOLDER
 
-FOLDER holds the meshes that `cargo bench --bench verify` wrote with IFG_PEER_MESHES, and ours.txt, what
+FOLDER holds the meshes that `cargo bench -p if-benches --bench verify` wrote with IFG_PEER_MESHES, and ours.txt, what
 it printed: lines of name, pairs, median seconds. Both sides build their trees within the time. Prints
-the table of docs/accuracy.md. Exit status 1 where the pair counts differ or the ratio is below 2.
+the table of docs/evidence/solver.md. Exit status 1 where the pair counts differ or the ratio is below 2.
 Needs: pip install numpy libigl meshio
 """
 import sys

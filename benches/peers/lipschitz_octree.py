@@ -2,7 +2,7 @@
 
     lipschitz_octree.py EXTRACTION [DEPTH]
 
-EXTRACTION is the built example `extraction` of if-mesh. libigl's count is of the centres it asks for, level by level, and of the
+EXTRACTION is the built program `extraction` of if-benches. libigl's count is of the centres it asks for, level by level, and of the
 unique corners of the leaves that are left, without which there are no triangles; ours is of all nodes. Both use the slope 1 that the
 fields have, on the same lattice of 2^DEPTH cells along 2.4 m. Exit status 1 where ours is above 0.8 of libigl's. Needs: pip install
 libigl numpy

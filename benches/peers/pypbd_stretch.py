@@ -1,6 +1,6 @@
 """Time of one PositionBasedDynamics visit of a distance constraint, on one thread.
 
-The same 100 x 100 cloth as `cargo bench -p if-xpbd --bench stretch` (29,601 edges, 1 % stretched,
+The same 100 x 100 cloth as `cargo bench -p if-benches --bench stretch` (29,601 edges, 1 % stretched,
 noise of 2 mm). A step also predicts, updates velocities and so on: the time of a visit is the slope
 between 10 and 60 iterations a step; that of a whole step of one iteration stands beside it. It prints the median and the fastest of 15 runs of each, for
 the plain and the XPBD constraint, after a check that the iterations did relax the cloth.

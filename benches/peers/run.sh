@@ -9,5 +9,5 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 folder="$(mktemp -d)"
 trap 'rm -rf "$folder"' EXIT
-IFG_PEER_MESHES="$folder" cargo bench --bench verify -- --quiet | grep '^100k' > "$folder/ours.txt"
+IFG_PEER_MESHES="$folder" cargo bench -p if-benches --bench verify -- --quiet | grep '^100k' > "$folder/ours.txt"
 "${PYTHON:-python3}" benches/peers/igl_predicates.py "$folder"

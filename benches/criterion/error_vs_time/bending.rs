@@ -1,6 +1,6 @@
-//! Problems 10 and 11 of `docs/accuracy.md`: a clamped strip that bends under its weight, against
-//! the elastica by shooting; and rigid motions and uniform stretches of a cloth, which have closed
-//! forms at every size.
+//! Problems 10 and 11 of `docs/evidence/solver.md`: a clamped strip that bends under its weight,
+//! against the elastica by shooting; and rigid motions and uniform stretches of a cloth, which have
+//! closed forms at every size.
 
 use crate::chains::{G, falling};
 use crate::record::{Record, Run, timed};

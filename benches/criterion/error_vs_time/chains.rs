@@ -1,5 +1,5 @@
-//! Problems 1 to 6 of `docs/accuracy.md`: springs, chains, catenaries and the pendulum, against
-//! closed forms.
+//! Problems 1 to 6 of `docs/evidence/solver.md`: springs, chains, catenaries and the pendulum,
+//! against closed forms.
 
 use crate::record::{Record, Run, timed};
 use if_core::math::{Point, Real};

@@ -1,5 +1,5 @@
-//! Problems 7 to 9 of `docs/accuracy.md`: cloth against implicit Euler that is solved to the last
-//! digits, on the same mesh.
+//! Problems 7 to 9 of `docs/evidence/solver.md`: cloth against implicit Euler that is solved to the
+//! last digits, on the same mesh.
 
 use crate::chains::{G, Method, falling, settled};
 use crate::implicit::Springs;

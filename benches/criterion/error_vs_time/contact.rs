@@ -1,5 +1,5 @@
-//! Problem 13 of `docs/accuracy.md`: points inside a ball or a box, brought onto its surface by
-//! lines 6 to 10 as printed and as corrected, with fields whose gradients are too long or too
+//! Problem 13 of `docs/evidence/solver.md`: points inside a ball or a box, brought onto its surface
+//! by lines 6 to 10 as printed and as corrected, with fields whose gradients are too long or too
 //! short; and a block on an incline, which sticks iff μ ≥ tan θ.
 
 use crate::chains::{G, falling};

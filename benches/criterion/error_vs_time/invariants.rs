@@ -1,6 +1,6 @@
-//! Problem 12 of `docs/accuracy.md`: what must not change. Momentum and angular momentum of a cloth
-//! that flies, gradients beside central differences, and the same scene turned and moved by a
-//! kilometre.
+//! Problem 12 of `docs/evidence/solver.md`: what must not change. Momentum and angular momentum of
+//! a cloth that flies, gradients beside central differences, and the same scene turned and moved by
+//! a kilometre.
 
 use crate::chains::{G, Method, falling};
 use crate::record::{Record, Run, timed};

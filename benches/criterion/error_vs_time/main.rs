@@ -2,10 +2,14 @@
 //! answers.
 //!
 //! ```sh
-//! cargo bench --bench error_vs_time -- --out docs/records/NAME        # all; about half an hour
-//! cargo bench --bench error_vs_time -- --only cloth,extract           # some, into the system's temporary folder
-//! cargo bench --bench error_vs_time -- --quick                        # coarse: some minutes
-//! RAYON_NUM_THREADS=1 cargo bench --bench error_vs_time -- --processor # processor time, where others compute too
+//! # all; about half an hour
+//! cargo bench -p if-benches --bench error_vs_time -- --out docs/evidence/records/NAME
+//! # some, into the system's temporary folder
+//! cargo bench -p if-benches --bench error_vs_time -- --only cloth,extract
+//! # coarse: some minutes
+//! cargo bench -p if-benches --bench error_vs_time -- --quick
+//! # processor time, where others compute too
+//! RAYON_NUM_THREADS=1 cargo bench -p if-benches --bench error_vs_time -- --processor
 //! ```
 //!
 //! OUT gets `runs.csv` (one row a run: problem, method, parameter, milliseconds, error, its unit,

@@ -58,7 +58,7 @@ fn precision(record: &mut Record, name: &str, config: &SdfConfig) {
             .zip(&exact)
             .map(|(s, e)| (f64::from(s.value) - e.0).abs())
             .fold(0.0, f64::max);
-        // docs/neural.md: 6.4e-7.
+        // docs/evidence/neural.md: 6.4e-7.
         assert!(worst < 2e-6, "{name}, {}: {worst}", isa.name());
         let method = format!("f32, {}", isa.name());
         push(&method, isa.name() == chosen, ms, worst);

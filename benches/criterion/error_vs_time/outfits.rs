@@ -1,6 +1,6 @@
-//! Problem 15 of `docs/accuracy.md`: outfits that `resolve` makes clean, one parameter off its
-//! default at a time. What is clean is clean exactly; the errors are how far vertices moved and how
-//! much edges strained.
+//! Problem 15 of `docs/evidence/solver.md`: outfits that `resolve` makes clean, one parameter off
+//! its default at a time. What is clean is clean exactly; the errors are how far vertices moved and
+//! how much edges strained.
 
 use crate::record::{Record, Run, timed};
 use if_body::mannequin::{MannequinParams, layered};

@@ -1,5 +1,6 @@
-//! Problem 14 of `docs/accuracy.md`: do two triangles meet? Time against wrong answers, judged by
-//! rational arithmetic, on pairs in general position and on pairs that nearly or exactly touch.
+//! Problem 14 of `docs/evidence/solver.md`: do two triangles meet? Time against wrong answers,
+//! judged by rational arithmetic, on pairs in general position and on pairs that nearly or exactly
+//! touch.
 
 use crate::record::{Record, Run, timed};
 use if_core::intersect::{Contact, triangles};

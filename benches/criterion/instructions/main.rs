@@ -1,8 +1,10 @@
 //! Instruction counts of the kernels that everything else stands on, against those on record.
 //!
 //! ```sh
-//! cargo bench --bench instructions                 # compares; exit code 1 where a kernel needs 5 % more or less
-//! cargo bench --bench instructions -- --record     # writes benches/instructions/counts.csv
+//! # compares; exit code 1 where a kernel needs 5 % more or less
+//! cargo bench -p if-benches --bench instructions
+//! # writes benches/criterion/instructions/counts.csv
+//! cargo bench -p if-benches --bench instructions -- --record
 //! ```
 //!
 //! Each kernel runs under `valgrind --tool=callgrind`, once and three times, and half of the
@@ -38,7 +40,7 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
 }
 
 fn file() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/instructions/counts.csv")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("criterion/instructions/counts.csv")
 }
 
 fn compiler() -> Result<String, Box<dyn Error>> {

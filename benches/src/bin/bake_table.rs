@@ -2,7 +2,8 @@
 //! time of a query.
 //!
 //! ```text
-//! cargo run --release -p if-pipeline --example bake_table -- body.safetensors [--points 1000000] [--accuracy 1e-3,3e-4] [--redistance]
+//! cargo run --release -p if-benches --bin bake_table -- body.safetensors [--points 1000000] \
+//!     [--accuracy 1e-3,3e-4] [--redistance]
 //! ```
 //!
 //! The first row is that of `BakeParams::default()`. Each accuracy is then baked as it is, which is

@@ -1,7 +1,8 @@
 //! Baselines beside `resolve`, on the outfits of data folders.
 //!
 //! ```text
-//! cargo run --release -p if-pipeline --example baselines -- [FOLDER …] [--outfit NAME] [--layers] [--quick]
+//! cargo run --release -p if-benches --bin baselines -- [FOLDER …] [--outfit NAME] [--layers] \
+//!     [--quick]
 //! ```
 //!
 //! A FOLDER holds `body_clean.ply`, `garments/*.ply` and `outfits.json`; without one,

@@ -2,7 +2,8 @@
 //! wear, and writes one CSV row for each.
 //!
 //! ```text
-//! cargo run --release -p if-pipeline --example combinations -- OUT.csv [--every N] [--only "A < B < C"]... [--data DIR] [--tuck never|if_stuck|always]
+//! cargo run --release -p if-benches --bin combinations -- OUT.csv [--every N] \
+//!     [--only "A < B < C"]... [--data DIR] [--tuck never|if_stuck|always]
 //! ```
 //!
 //! Rows that OUT.csv holds already are skipped, so that a run can be continued; start a new file
@@ -258,7 +259,7 @@ fn row(title: &str, outfit: &Outfit, tuck: Tuck) -> Result<Vec<String>, Box<dyn 
     ])
 }
 
-/// Prints the figures of `docs/accuracy.md`. Returns how many outfits are not clean.
+/// Prints the figures of `docs/evidence/outfits.md`. Returns how many outfits are not clean.
 fn summary(rows: &[Vec<String>]) -> usize {
     let number = |row: &Vec<String>, k: usize| row[k].parse::<f64>().unwrap_or(f64::NAN);
     let sorted = |k: usize| {

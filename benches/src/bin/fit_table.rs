@@ -1,11 +1,15 @@
 //! Error against time of fits to meshes, for the grid encoding and the paper's networks.
 //!
 //! ```text
-//! cargo run --release -p if-pipeline --example fit_table -- FILES [--networks grid,fast,paper] [--seconds 30,60,120,300]
+//! cargo run --release -p if-benches --bin fit_table -- FILES [--networks grid,fast,paper] \
+//!     [--seconds 30,60,120,300]
+//!     \
 //!     [--truth SOLID.ply]    fit the files' vertices as oriented points, and judge the result by this closed mesh
 //!     [--height 1.7]         scale every file to this height, in metres
+//!     \
 //!     [--set key=value …]    batch, rate, far, near, spread0, spread1, distance_scale, normal, normal_scale, eikonal, finest, coarsest,
 //!                            levels, features, hidden, table, smoothing
+//!     \
 //!     [--dump DIR]           write the training and held-out points for crates/if-neural/tests/pytorch_fit.py
 //!     [--save OUT.safetensors] the last network
 //!     [--picture OUT.png]    the last fit, extracted at 5 mm and drawn beside its target

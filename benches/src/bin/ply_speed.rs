@@ -2,7 +2,8 @@
 //! its bytes into new memory.
 //!
 //! ```text
-//! RAYON_NUM_THREADS=1 cargo run --release -p if-mesh --example ply_speed [TURNS [copy|read|write|mesh]]
+//! RAYON_NUM_THREADS=1 cargo run --release -p if-benches --bin ply_speed [TURNS \
+//!     [copy|read|write|mesh]]
 //! ```
 //!
 //! With a word only that is done, so that on a busy machine the time of the processor can be taken:

@@ -2,7 +2,8 @@
 //! results have the same bits.
 //!
 //! ```text
-//! cargo run --release -p if-pipeline --example skipping [-- DATA_DIR…]      # ../shared/data/body_a and body_b
+//! # ../shared/data/body_a and body_b
+//! cargo run --release -p if-benches --bin skipping [-- DATA_DIR…]
 //! ```
 //!
 //! Prints a row for each outfit of DATA_DIR/outfits.json, or one for the built-in scene where there
