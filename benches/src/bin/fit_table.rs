@@ -37,7 +37,7 @@ use if_neural::network::{Network, NetworkConfig};
 use if_neural::sampling::{SamplingParams, TrainingSet};
 use if_neural::target::Target;
 use if_neural::trainable::TrainableField;
-use if_render::render::{PALETTE, RenderLayer, View, side_by_side};
+use if_render::{PALETTE, RenderLayer, View, side_by_side};
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::ops::ControlFlow;

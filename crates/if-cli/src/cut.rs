@@ -20,7 +20,7 @@ use if_mesh::smooth_labels::{
     SmoothLabelError, SmoothLabelParams, SolveStep, smooth_labels_watched,
 };
 use if_mesh::votes::{LabelVotes, UNDECIDED};
-use if_render::render::{PALETTE, RenderLayer, View, side_by_side};
+use if_render::{PALETTE, RenderLayer, View, side_by_side};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -26,7 +26,7 @@ use if_mesh::validate::faults;
 use if_neural::field::NeuralField;
 use if_neural::files::read_network;
 use if_neural::network::Network;
-use if_render::render::{PALETTE, RenderLayer, View, side_by_side};
+use if_render::{PALETTE, RenderLayer, View, side_by_side};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
 use serde_json::json;

@@ -2,8 +2,8 @@
 
 use if_core::mesh::TriMesh;
 use if_outfit::outfit::Outfit;
-use if_render::preview::preview;
-use if_render::render::{Image, PALETTE, RenderLayer, View, side_by_side};
+use if_render::preview;
+use if_render::{Image, PALETTE, RenderLayer, View, side_by_side};
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;

@@ -23,8 +23,8 @@ use if_pipeline::reconstruct::{
     Stage, SurfaceError, reconstruct, write_frames,
 };
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
-use if_render::page::Page;
-use if_render::render::{PALETTE, RenderLayer, View, side_by_side};
+use if_render::Page;
+use if_render::{PALETTE, RenderLayer, View, side_by_side};
 use miette::{Diagnostic, Report};
 use std::error::Error;
 use std::fs;

@@ -1,8 +1,25 @@
-//! Pictures of layered meshes, and pages that show them.
+//! Pictures of layered meshes by software rasterisation, and report pages.
 //!
-//! [`preview::preview`] draws the layers of an outfit with intersections in red; [`render`] has the
-//! rasteriser, [`page`] the one-file HTML reports.
+//! [`preview`] draws the layers of an outfit with intersecting triangles in red. [`render`] and
+//! [`side_by_side`] draw any [`RenderLayer`]s from any [`View`] into an [`Image`], which writes
+//! itself as PNG. A [`Page`] is a report as one HTML file.
+//!
+#![doc = include_str!("../README.md")]
 
-pub mod page;
-pub mod preview;
-pub mod render;
+mod color;
+mod image;
+mod light;
+mod occlusion;
+mod page;
+mod preview;
+mod raster;
+mod render;
+mod scene;
+mod section;
+mod view;
+
+pub use image::{Image, PngError};
+pub use page::Page;
+pub use preview::preview;
+pub use render::{render, side_by_side};
+pub use view::{Cut, PALETTE, RenderLayer, View};

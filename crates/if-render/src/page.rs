@@ -1,16 +1,6 @@
-//! Reports as one HTML file that needs no network: its style and its pictures are in it.
-//!
-//! # Examples
-//!
-//! ```
-//! use if_render::page::Page;
-//! let mut page = Page::new("A run");
-//! page.heading("What it took").table(&["what", "seconds"], &[vec!["all".into(), "1.5".into()]]);
-//! let html = page.html();
-//! assert!(html.starts_with("<!DOCTYPE html>") && html.contains(">1.5</td>"));
-//! ```
+//! Reports as single HTML files with embedded style and pictures.
 
-use serde_json::Value;
+use serde::Serialize;
 
 const STYLE: &str = "\
 :root{color-scheme:light dark}
@@ -23,7 +13,15 @@ figure{margin:.5rem 1rem .5rem 0;display:inline-block}figcaption{color:#888}
 img{max-width:100%;height:auto}pre{overflow:auto;background:#8881;padding:.7rem}
 .good{color:#197a3d}.bad{color:#c22}";
 
-/// A page that is being written.
+/// An HTML report: one file that needs no network.
+///
+/// # Examples
+///
+/// ```
+/// let mut page = if_render::Page::new("A run");
+/// page.heading("Times").table(&["what", "seconds"], &[vec!["all".into(), "1.5".into()]]);
+/// assert!(page.html().contains(">1.5</td>"));
+/// ```
 #[derive(Clone, Debug)]
 pub struct Page {
     title: String,
@@ -49,14 +47,14 @@ impl Page {
         self
     }
 
-    /// A paragraph in green where something is well, else in red.
+    /// A paragraph, in green if `good`, else in red.
     pub fn verdict(&mut self, good: bool, text: &str) -> &mut Self {
         let class = if good { "good" } else { "bad" };
         self.body += &format!("<p class=\"{class}\"><strong>{}</strong></p>\n", escaped(text));
         self
     }
 
-    /// A table. Cells that are numbers stand to the right. A row may be shorter than the head.
+    /// A table. Numbers are aligned to the right. A row may be shorter than the head.
     pub fn table(&mut self, head: &[&str], rows: &[Vec<String>]) -> &mut Self {
         self.body += "<table><tr>";
         head.iter().for_each(|cell| self.body += &format!("<th>{}</th>", escaped(cell)));
@@ -91,8 +89,8 @@ impl Page {
         self
     }
 
-    /// Parameters or records, as they stand in JSON.
-    pub fn json(&mut self, value: &Value) -> &mut Self {
+    /// Parameters or records, as JSON.
+    pub fn json(&mut self, value: &impl Serialize) -> &mut Self {
         let text = serde_json::to_string_pretty(value).unwrap_or_else(|e| e.to_string());
         self.body += &format!("<pre>{}</pre>\n", escaped(&text));
         self
@@ -108,7 +106,7 @@ impl Page {
     }
 }
 
-/// Text that is nothing but text in HTML.
+/// Escapes text for HTML.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -143,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn base64_is_that_of_the_standard() {
+    fn base64_matches_the_examples_of_rfc_4648() {
         // RFC 4648, section 10.
         let cases = [
             ("", ""),
@@ -161,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_of_the_content_becomes_markup_and_nothing_is_fetched() {
+    fn content_never_becomes_markup_and_nothing_is_fetched() {
         let mut page = Page::new("<a & b>");
         page.heading("\"h\"")
             .text("<script>")

@@ -1,12 +1,14 @@
-//! Pictures of layers over one another, triangles that meet another layer in red.
+//! Pictures of outfits, with intersecting triangles in red.
 
-use crate::render::{Image, PALETTE, RenderLayer, View, side_by_side};
+use crate::image::Image;
+use crate::render::side_by_side;
+use crate::view::{PALETTE, RenderLayer, View};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::pairs;
 
-/// Draws the layers of an outfit, the body first, in different colours and triangles that meet
-/// another layer in red; `size` are the width and height of one view, in pixels.
+/// Draws the layers of an outfit, body first, in different colours, and triangles that intersect
+/// another layer in red. `size` is the width and height of one view, in pixels.
 pub fn preview(layers: &[&TriMesh], views: &[View], size: [u32; 2]) -> Image {
     let red = intersecting(layers);
     let layers: Vec<RenderLayer> = layers
@@ -18,13 +20,13 @@ pub fn preview(layers: &[&TriMesh], views: &[View], size: [u32; 2]) -> Image {
     side_by_side(&layers, views, size[0], size[1])
 }
 
-/// Skin first; more garments than colours begin again after the skin.
+/// The colour of a layer; garments reuse the palette without its first colour, the skin's.
 fn color(layer: usize) -> [u8; 3] {
     let [skin, cloths @ ..] = PALETTE;
     if layer == 0 { skin } else { cloths[(layer - 1) % cloths.len()] }
 }
 
-/// Of each layer the triangles that meet another layer, ascending.
+/// The triangles of each layer that intersect another layer, in ascending order.
 fn intersecting(layers: &[&TriMesh]) -> Vec<Vec<u32>> {
     let trees: Vec<Bvh> = layers.iter().map(|mesh| Bvh::new(mesh)).collect();
     let mut found = vec![Vec::new(); trees.len()];
@@ -50,7 +52,7 @@ mod tests {
     use if_core::shapes::meshes::{icosphere, tube};
 
     #[test]
-    fn triangles_that_meet_are_red_and_others_are_not() {
+    fn intersecting_triangles_are_red_and_others_are_not() {
         let red = |radius| {
             let tube = tube(radius, 0.3, 60, 8, false);
             let lowered =

@@ -4,7 +4,7 @@ use if_body::skin_weights::SkinWeightsError;
 use if_core::mesh::MeshError;
 use if_mesh::baked::BakedFileError;
 use if_mesh::ply;
-use if_render::render::PngError;
+use if_render::PngError;
 use std::io;
 use std::path::PathBuf;
 

@@ -1,7 +1,7 @@
 //! The small picture of a garment: front and back.
 
 use if_core::mesh::TriMesh;
-use if_render::render::{Image, PALETTE, RenderLayer, View, side_by_side};
+use if_render::{Image, PALETTE, RenderLayer, View, side_by_side};
 
 /// Pixels of one view.
 const SIZE: [u32; 2] = [160, 200];

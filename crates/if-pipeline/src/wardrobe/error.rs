@@ -10,7 +10,7 @@ use if_mesh::file;
 use if_mesh::ply;
 use if_outfit::outfit::OutfitError;
 use if_outfit::resolve::ResolveError;
-use if_render::render::PngError;
+use if_render::PngError;
 use std::io;
 use std::path::PathBuf;
 

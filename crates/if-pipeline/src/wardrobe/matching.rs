@@ -26,7 +26,7 @@ use if_outfit::outfit::Outfit;
 use if_outfit::report::ResolveReport;
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
 use if_render::preview;
-use if_render::render::{Image, View};
+use if_render::{Image, View};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
@@ -291,8 +291,7 @@ fn settle(
     {
         let drawing = Instant::now();
         let size = [params.picture_height * 5 / 8, params.picture_height];
-        matched.pictures =
-            Some([before, &outfit].map(|o| preview::preview(&meshes(o), &VIEWS, size)));
+        matched.pictures = Some([before, &outfit].map(|o| preview(&meshes(o), &VIEWS, size)));
         matched.timings.pictures = drawing.elapsed().as_secs_f64();
     }
     matched.after = Some(outfit);

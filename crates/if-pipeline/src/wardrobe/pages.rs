@@ -3,7 +3,7 @@
 use super::batch::{BatchSummary, Entry};
 use super::matching::{MatchResult, State, Timings};
 use if_outfit::report::ResolveReport;
-use if_render::page::Page;
+use if_render::Page;
 
 /// Of one result.
 pub(super) fn result(result: &MatchResult, timings: &Timings, pngs: &[Vec<u8>]) -> String {

@@ -1,20 +1,22 @@
-//! The scene as the eye sees it: x to the right and y down in samples, z away from the eye in
+//! The scene in view coordinates: x to the right and y down in samples, z away from the eye in
 //! metres.
 
-use crate::render::{RenderLayer, View, light};
+use crate::color;
+use crate::section::{self, Line};
+use crate::view::{RenderLayer, View};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use rayon::prelude::*;
 
-/// Part of the picture that stays free on each side.
+/// Empty margin on each side, as a share of the picture.
 const MARGIN: Real = 0.04;
 
 /// The common scale and place of several views.
-pub(super) struct Frame {
-    /// Where views turn about, and what stands in their middle.
+pub(crate) struct Frame {
+    /// Centre of rotation and of the picture.
     middle: Point,
     /// Samples a metre.
-    pub(super) scale: Real,
+    pub(crate) scale: Real,
     /// Samples to the middle of the picture.
     offset: [Real; 2],
     /// Height of the floor, in metres.
@@ -22,7 +24,7 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    pub(super) fn new(scene: &[RenderLayer], views: &[View], width: usize, height: usize) -> Self {
+    pub(crate) fn new(scene: &[RenderLayer], views: &[View], width: usize, height: usize) -> Self {
         let aabb = scene.iter().fold(if_core::aabb::Aabb::EMPTY, |b, l| b.merged(&l.mesh.aabb()));
         let mut frame = Self {
             middle: Point::origin(),
@@ -34,14 +36,16 @@ impl Frame {
             return frame;
         }
         (frame.middle, frame.floor) = (aabb.center(), aabb.min.y);
-        let mut reach = [0.0f64; 2];
+        // The largest extent over all views, so that they have one scale.
+        let mut extent = [0.0f64; 2];
         for axes in views.iter().map(axes) {
             for p in scene.iter().flat_map(|l| l.mesh.vertices()) {
-                (0..2)
-                    .for_each(|k| reach[k] = reach[k].max(axes[k].dot(&(p - frame.middle)).abs()));
+                (0..2).for_each(|k| {
+                    extent[k] = extent[k].max(axes[k].dot(&(p - frame.middle)).abs())
+                });
             }
         }
-        let fits = |k: usize| (1.0 - 2.0 * MARGIN) * frame.offset[k] / reach[k];
+        let fits = |k: usize| (1.0 - 2.0 * MARGIN) * frame.offset[k] / extent[k];
         let scale = fits(0).min(fits(1));
         frame.scale = if scale.is_finite() && scale > 0.0 { scale } else { 1.0 };
         frame
@@ -59,51 +63,46 @@ fn axes(view: &View) -> [Vector; 3] {
     ]
 }
 
-/// A layer before the eye.
-pub(super) struct Seen {
+/// A layer in view coordinates.
+pub(crate) struct Seen {
     /// Vertices: samples to the right, samples down, metres away.
-    pub(super) points: Vec<[f32; 3]>,
+    pub(crate) points: Vec<[f32; 3]>,
     /// Vertex normals in axes right, up, towards the eye.
-    pub(super) normals: Vec<[f32; 3]>,
+    pub(crate) normals: Vec<[f32; 3]>,
     /// Corners.
-    pub(super) triangles: Vec<[u32; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
     /// Whether each triangle is highlighted.
-    pub(super) highlighted: Vec<bool>,
+    pub(crate) highlighted: Vec<bool>,
     /// Linear red, green and blue.
-    pub(super) color: [f32; 3],
+    pub(crate) color: [f32; 3],
     /// Whether a cut shows the inside of a solid.
-    pub(super) solid: bool,
+    pub(crate) solid: bool,
     /// Index of its first triangle among those of all layers.
-    pub(super) first: u32,
+    pub(crate) first: u32,
 }
 
-/// All layers before the eye.
-pub(super) struct Scene {
-    pub(super) layers: Vec<Seen>,
+/// All layers in view coordinates.
+pub(crate) struct Scene {
+    pub(crate) layers: Vec<Seen>,
     /// Samples a metre.
-    pub(super) scale: f32,
-    /// What is left out: points in the coordinates of [`Seen::points`] with `n · p > n[3]`.
-    pub(super) cut: Option<[f32; 4]>,
-    /// Where layers meet the cut.
-    pub(super) lines: Vec<Line>,
+    pub(crate) scale: f32,
+    /// The half-space that is cut away: points in the coordinates of [`Seen::points`] with
+    /// `n · p > n[3]`.
+    pub(crate) cut: Option<[f32; 4]>,
+    /// Intersections of the layers with the plane of the cut.
+    pub(crate) lines: Vec<Line>,
     /// The shadow on the floor.
-    pub(super) shadow: Shadow,
-}
-
-/// A piece of a line, as points of [`Seen::points`].
-pub(super) struct Line {
-    pub(super) ends: [[f32; 3]; 2],
-    pub(super) color: [f32; 3],
+    pub(crate) shadow: Shadow,
 }
 
 /// An ellipse in the picture.
-pub(super) struct Shadow {
-    pub(super) center: [f32; 2],
-    pub(super) radii: [f32; 2],
+pub(crate) struct Shadow {
+    pub(crate) center: [f32; 2],
+    pub(crate) radii: [f32; 2],
 }
 
 impl Scene {
-    pub(super) fn new(scene: &[RenderLayer], view: &View, frame: &Frame) -> Self {
+    pub(crate) fn new(scene: &[RenderLayer], view: &View, frame: &Frame) -> Self {
         let axes = axes(view);
         let project = |p: &Point| {
             let d = p - frame.middle;
@@ -135,7 +134,7 @@ impl Scene {
                         .collect(),
                     triangles,
                     highlighted,
-                    color: light::decode(layer.color),
+                    color: color::decode(layer.color),
                     solid: view.cut.is_some()
                         && Edges::new(layer.mesh).valence.iter().all(|v| *v == 2),
                     first: start,
@@ -152,9 +151,10 @@ impl Scene {
             // n · (right · x + up · y + away · z) with x and y in samples from the middle.
             let plane = [along[0] / s, -along[1] / s, along[2]];
             let at_middle = plane[0] * frame.offset[0] + plane[1] * frame.offset[1];
-            cut = Some([plane[0], plane[1], plane[2], offset + at_middle].map(|v| v as f32));
+            let plane = [plane[0], plane[1], plane[2], offset + at_middle].map(|v| v as f32);
+            cut = Some(plane);
             for layer in &layers {
-                lines.extend(crate::render::section::lines(layer, &cut.unwrap_or_default()));
+                lines.extend(section::lines(&layer.points, &layer.triangles, layer.color, &plane));
             }
         }
         let shadow = shadow(scene, frame, &axes);
@@ -162,13 +162,13 @@ impl Scene {
     }
 
     /// Layer and triangle of a number among the triangles of all layers.
-    pub(super) fn triangle(&self, id: u32) -> (&Seen, usize) {
+    pub(crate) fn triangle(&self, id: u32) -> (&Seen, usize) {
         let layer = &self.layers[self.layers.partition_point(|l| l.first <= id) - 1];
         (layer, (id - layer.first) as usize)
     }
 }
 
-/// A soft spot under whatever stands on the floor.
+/// A soft shadow under everything that stands on the floor.
 fn shadow(scene: &[RenderLayer], frame: &Frame, axes: &[Vector; 3]) -> Shadow {
     /// Height up to which something stands on the floor, in metres.
     const STANDS: Real = 0.1;
@@ -179,15 +179,15 @@ fn shadow(scene: &[RenderLayer], frame: &Frame, axes: &[Vector; 3]) -> Shadow {
     }
     let d = Point::new(aabb.center().x, frame.floor, aabb.center().z) - frame.middle;
     let half = 0.5 * aabb.size() + Vector::repeat(0.09);
-    let reach = |a: &Vector| (a.x * half.x).abs() + (a.z * half.z).abs();
+    let extent = |a: &Vector| (a.x * half.x).abs() + (a.z * half.z).abs();
     Shadow {
         center: [
             (frame.offset[0] + axes[0].dot(&d) * frame.scale) as f32,
             (frame.offset[1] - axes[1].dot(&d) * frame.scale) as f32,
         ],
         radii: [
-            (reach(&axes[0]) * frame.scale) as f32,
-            (reach(&axes[1]) * frame.scale).max(0.01 * frame.scale) as f32,
+            (extent(&axes[0]) * frame.scale) as f32,
+            (extent(&axes[1]) * frame.scale).max(0.01 * frame.scale) as f32,
         ],
     }
 }

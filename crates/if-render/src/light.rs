@@ -1,33 +1,18 @@
-//! Colours: of light, of surfaces, of pixels. Computed in linear light, stored in sRGB.
+//! Shading: the linear light that a sample receives.
 
-use crate::render::raster::{LINE, NOTHING, Samples};
-use crate::render::scene::{Scene, Seen};
+use crate::raster::{LINE, NOTHING, Samples};
+use crate::scene::{Scene, Seen};
 
-/// Linear red of what is highlighted.
+/// Linear red of highlighted triangles.
 const RED: [f32; 3] = [0.80, 0.010, 0.012];
-/// How deep below the surface what is highlighted shows through, in metres.
+/// Depth below the surface to which highlighted triangles show through, in metres.
 const SHINES_THROUGH: f32 = 0.03;
 /// Directions to the lights in axes right, up, towards the eye, of unit length, and their
 /// strengths.
 const LIGHTS: [([f32; 3], f32); 2] = [([-0.45, 0.62, 0.643], 0.62), ([0.70, 0.10, 0.707], 0.20)];
 
-/// Linear light of an sRGB colour.
-pub(super) fn decode(color: [u8; 3]) -> [f32; 3] {
-    color.map(|c| {
-        let c = f32::from(c) / 255.0;
-        if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
-    })
-}
-
-/// The sRGB value of linear light, clamped.
-pub(super) fn encode(c: f32) -> u8 {
-    let c = c.clamp(0.0, 1.0);
-    let c = if c <= 0.0031308 { 12.92 * c } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 };
-    (255.0 * c + 0.5) as u8
-}
-
 /// Barycentric coordinates of a sample in a triangle; (1, 0, 0) in one seen edge-on.
-pub(super) fn at(layer: &Seen, t: usize, x: f32, y: f32) -> [f32; 3] {
+pub(crate) fn at(layer: &Seen, t: usize, x: f32, y: f32) -> [f32; 3] {
     let [a, b, c] = layer.triangles[t].map(|v| layer.points[v as usize]);
     let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     if area == 0.0 {
@@ -38,8 +23,8 @@ pub(super) fn at(layer: &Seen, t: usize, x: f32, y: f32) -> [f32; 3] {
     [wa, wb, 1.0 - wa - wb]
 }
 
-/// The interpolated normal, turned towards the eye, and whether the back is seen.
-pub(super) fn facing_normal(layer: &Seen, t: usize, w: &[f32; 3]) -> ([f32; 3], bool) {
+/// The interpolated normal, turned towards the eye, and whether the back faces the eye.
+pub(crate) fn facing_normal(layer: &Seen, t: usize, w: &[f32; 3]) -> ([f32; 3], bool) {
     let tri = layer.triangles[t];
     let [a, b, c] = tri.map(|v| layer.points[v as usize]);
     // y points down: seen from the front, corners run clockwise here.
@@ -52,8 +37,8 @@ pub(super) fn facing_normal(layer: &Seen, t: usize, w: &[f32; 3]) -> ([f32; 3], 
     if length > 0.0 { (n.map(|v| v / length), back) } else { ([0.0, 0.0, 1.0], back) }
 }
 
-/// Linear light that a sample sees. `free` is the part of the sky that is not hidden.
-pub(super) fn sample(scene: &Scene, samples: &Samples, index: usize, free: f32) -> [f32; 3] {
+/// Linear light of a sample. `free` is the visible share of the sky.
+pub(crate) fn sample(scene: &Scene, samples: &Samples, index: usize, free: f32) -> [f32; 3] {
     let (x, y) = ((index % samples.width) as f32 + 0.5, (index / samples.width) as f32 + 0.5);
     let id = samples.seen[index];
     if id == NOTHING {

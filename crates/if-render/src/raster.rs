@@ -1,34 +1,38 @@
-//! Which triangle each sample sees.
+//! Visibility: the nearest triangle of each sample.
 
-use crate::render::scene::{Line, Scene};
+use crate::scene::Scene;
+use crate::section::Line;
 use rayon::prelude::*;
 
+/// Samples along each side of a pixel.
+pub(crate) const SUPER: usize = 2;
 /// No triangle.
-pub(super) const NOTHING: u32 = u32::MAX;
+pub(crate) const NOTHING: u32 = u32::MAX;
 /// Bit that marks the number of a line instead of a triangle.
-pub(super) const LINE: u32 = 1 << 31;
+pub(crate) const LINE: u32 = 1 << 31;
 /// Rows of samples that one task draws.
 const BAND: usize = 32;
 /// Half the width of lines, in samples.
 const LINE_WIDTH: f32 = 2.2;
-/// How far lines stand out before what they are drawn on, in metres.
+/// Offset of lines towards the eye, in metres, so that surfaces do not hide them.
 const LINE_LIFT: f32 = 0.004;
 
-/// What the samples of a picture see.
-pub(super) struct Samples {
+/// What is visible in each sample of a picture.
+pub(crate) struct Samples {
     /// Samples in a row.
-    pub(super) width: usize,
+    pub(crate) width: usize,
     /// Nearest triangle, [`NOTHING`], or a line.
-    pub(super) seen: Vec<u32>,
-    /// How far away it is, in metres; infinite for nothing.
-    pub(super) depth: Vec<f32>,
-    /// How far away the nearest highlighted triangle is; empty where none is highlighted.
-    pub(super) highlight: Vec<f32>,
+    pub(crate) seen: Vec<u32>,
+    /// Its distance, in metres; infinite where nothing is visible.
+    pub(crate) depth: Vec<f32>,
+    /// Distance of the nearest highlighted triangle; empty if no triangle is highlighted.
+    pub(crate) highlight: Vec<f32>,
 }
 
 impl Samples {
-    pub(super) fn new(scene: &Scene, width: usize, height: usize) -> Self {
+    pub(crate) fn new(scene: &Scene, width: usize, height: usize) -> Self {
         let bands = height.div_ceil(BAND);
+        // Triangles and lines are sorted into bands of rows, which are drawn in parallel.
         let mut triangles: Vec<Vec<u32>> = vec![Vec::new(); bands];
         let rows = |low: f32, high: f32| {
             let (low, high) = (low.max(0.0) as usize, high.min(height as f32 - 1.0));

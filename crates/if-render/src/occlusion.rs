@@ -1,23 +1,22 @@
-//! How much of the sky the surroundings of a pixel hide.
+//! Ambient occlusion: how much of the sky the surroundings of a pixel hide.
 
-use crate::render::SUPER;
-use crate::render::light::{at, facing_normal};
-use crate::render::raster::{LINE, Samples};
-use crate::render::scene::Scene;
+use crate::light::{at, facing_normal};
+use crate::raster::{LINE, SUPER, Samples};
+use crate::scene::Scene;
 use rayon::prelude::*;
 
 /// Radius of the surroundings, in metres.
 const RADIUS: f32 = 0.06;
-/// Points looked at.
+/// Points sampled around each pixel.
 const TAPS: usize = 28;
 
-/// For each pixel the part of the sky that is free, from 0 to 1; 1 where nothing is seen.
+/// Visible share of the sky for each pixel, from 0 to 1; 1 on the background.
 ///
 /// # Source
 ///
 /// McGuire et al. 2011, *The Alchemy screen-space ambient obscurance algorithm*, with a fixed
 /// spiral instead of a random one.
-pub(super) fn occlusion(scene: &Scene, samples: &Samples, width: usize, height: usize) -> Vec<f32> {
+pub(crate) fn occlusion(scene: &Scene, samples: &Samples, width: usize, height: usize) -> Vec<f32> {
     let golden = std::f32::consts::PI * (3.0 - 5.0f32.sqrt());
     let taps: Vec<[f32; 2]> = (0..TAPS)
         .map(|k| {

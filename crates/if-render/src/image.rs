@@ -1,4 +1,4 @@
-//! Pixels, and PNG files of them.
+//! Pictures, and PNG files of them.
 
 use std::io::Write;
 
@@ -13,9 +13,9 @@ pub struct Image {
     pub rgb: Vec<u8>,
 }
 
-/// Why a picture is not written.
+/// A picture could not be written.
 #[derive(Debug, thiserror::Error)]
-#[error("the picture of {width} × {height} pixels is not written: {source}")]
+#[error("cannot write the picture of {width} × {height} pixels: {source}")]
 pub struct PngError {
     width: u32,
     height: u32,
@@ -24,7 +24,7 @@ pub struct PngError {
 
 impl Image {
     /// A black picture.
-    pub(super) fn new(width: u32, height: u32) -> Self {
+    pub(crate) fn new(width: u32, height: u32) -> Self {
         Self { width, height, rgb: vec![0; 3 * width as usize * height as usize] }
     }
 
