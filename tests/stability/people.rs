@@ -2,11 +2,11 @@
 
 use crate::cases::{Random, Tally, cases, check, finite, share};
 use crate::files::mutated;
-use if_body::skeleton::{Joint, Pose, Skeleton};
-use if_body::skin_weights::SkinWeights;
+use if_body::SkinWeights;
 use if_body::skinning::{
     UnposeParams, WeightGrid, WeightGridParams, blends, pose_points, unpose, unpose_points,
 };
+use if_body::{Joint, Pose, Skeleton};
 use if_core::math::{Point, Real, Vector};
 use if_mesh::camera::Camera;
 use if_pipeline::capture::{Capture, CaptureWriter, FramePictures, Subject};

@@ -57,10 +57,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         (flag("--register"), from.template.as_ref(), to.template.as_ref())
     {
         // Where the vertices of one template are on the other is known.
-        let carried = there.carry(a.vertices(), skin.as_ref())?;
+        let carried = there.map_points(a.vertices(), skin.as_ref())?;
         let off = displacement(b.vertices(), &carried);
-        let similar =
-            BodyMap::similar(&from.shape(), &to.shape(), &params)?.carry(a.vertices(), None)?;
+        let similar = BodyMap::similar(&from.shape(), &to.shape(), &params)?
+            .map_points(a.vertices(), None)?;
         let similar = displacement(b.vertices(), &similar);
         println!(
             "template carried by the registration: {:.2} mm from the truth on average, p95 {:.2}, max {:.2} (similarity {:.2}, {:.2}, {:.2})",

@@ -12,8 +12,8 @@
 
 #![allow(clippy::print_stdout, clippy::print_stderr)] // that is what it is for
 
-use if_body::skeleton::Skeleton;
-use if_body::skin_weights::SkinWeights;
+use if_body::Skeleton;
+use if_body::SkinWeights;
 use if_core::closest::ClosestPoint;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};

@@ -10,7 +10,7 @@
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
-use if_body::template::TemplateBody;
+use if_body::TemplateBody;
 use if_mesh::ply::{self, PlyMesh, WriteParams};
 use if_pipeline::capture::Capture;
 use if_pipeline::reconstruct::{

@@ -11,8 +11,8 @@
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
+use if_body::TemplateBody;
 use if_body::skinning::{WeightGrid, WeightGridParams};
-use if_body::template::TemplateBody;
 use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;
 use if_mesh::extract::{ExtractParams, Resolution, extract};

@@ -1,9 +1,8 @@
-//! Garments from one body onto another.
+//! Alignment: transfers garments from one body to another.
 //!
-//! All garments hang in the canonical pose of the body that they were made on (one that was seen in
-//! another pose is brought there by [`unposed`]). What differs is the body. A [`BodyMap`] knows for
-//! sites all over the source body where they are on the target body, and carries any point near it
-//! along:
+//! Garments are in the canonical pose of the body that they were made on ([`unposed`] brings posed
+//! ones there). A [`BodyMap`] holds sites all over the source body with their positions on the
+//! target body, and interpolates their offsets at any point near the body:
 //!
 //! ```text
 //! y = x + u(x),   u(x) = Σ gᵢ (tᵢ − sᵢ) / Σ gᵢ      over the k sites sᵢ nearest to x
@@ -11,19 +10,19 @@
 //! σ  = max(least width, growth · d),   d and r: distances of the nearest and of the k-th site
 //! ```
 //!
-//! Near the body u is that of the skin below, so that what is tight stays as tight. Farther off the
-//! sum runs over a patch as wide as the garment stands off, so that a coat or a skirt follows the
-//! body as a whole and is not crumpled by its details. The ease (the gap to the body) is kept in
-//! metres and not scaled. The skinning weights keep a sleeve to its arm where that is close to the
-//! trunk.
+//! Near the body u is the offset of the skin below, so that tight garments stay tight. Farther away
+//! the sum averages over a patch as wide as the distance to the body, so that a coat or skirt
+//! follows the body as a whole, without its details. The ease (the gap to the body) is kept in
+//! metres and not scaled. The skinning weights keep a sleeve with its arm where the arm is close to
+//! the trunk.
 //!
-//! Where the sites come from is a [`Method`]: the same vertices of two bodies of one topology, else
-//! a registration of one surface onto the other, else one similarity for all.
+//! The sites come from one [`Method`] of three: the vertices of two bodies with the same topology,
+//! else a registration of one surface onto the other, else one similarity for all points.
 //!
 //! # Source
 //!
 //! Ours: a smooth field of offsets over the nearest sites, with a similarity as the fallback. The
-//! paper says that garments of several videos are aligned, and not how.
+//! paper aligns garments of several videos, but does not describe how.
 
 mod field;
 mod measure;
@@ -37,7 +36,7 @@ pub use params::{AlignError, AlignParams};
 pub use similarity::Similarity;
 
 use crate::skeleton::Skeleton;
-use crate::skin_weights::SkinWeights;
+use crate::skin_weights::{SkinError, SkinWeights};
 use crate::skinning::{blends, unpose_points};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
@@ -47,35 +46,35 @@ use nalgebra::Isometry3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// A body as alignment needs it, in its canonical pose.
+/// The input of alignment: a body in its canonical pose.
 #[derive(Clone, Copy, Debug)]
 pub struct BodyShape<'a> {
     /// Its closed surface, in metres.
     pub mesh: &'a TriMesh,
     /// The weights of its vertices.
     pub skin: Option<&'a SkinWeights>,
-    /// A mesh of the same body whose vertices mean the same on every body, such as MakeHuman's, and
-    /// its weights.
+    /// A mesh of the same body in a topology that other bodies share, such as MakeHuman's, and its
+    /// weights.
     pub template: Option<(&'a TriMesh, Option<&'a SkinWeights>)>,
     /// Its joints.
     pub skeleton: Option<&'a Skeleton>,
 }
 
-/// How it is known where the points of one body are on the other.
+/// How points of one body correspond to points of the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Method {
-    /// The bodies are the same: nothing moves.
+    /// The bodies are equal: nothing moves.
     Same,
-    /// Two meshes of one topology: vertex by vertex.
+    /// Two meshes with the same topology, vertex by vertex.
     Topology,
-    /// The source's surface was bent onto the target's.
+    /// Non-rigid registration of the source's surface onto the target's.
     Registered,
     /// One rotation, scale and translation for all points.
     Similarity,
 }
 
-/// Carries points near one body to where they are on another.
+/// Maps points near one body to corresponding points near another.
 #[derive(Clone, Debug)]
 pub struct BodyMap {
     kind: Kind,
@@ -99,17 +98,18 @@ struct Sites {
 }
 
 impl BodyMap {
-    /// Finds out where the points of `from` are on `to`.
+    /// The map from the body `from` to the body `to`.
     ///
     /// # Errors
     ///
-    /// Parameters out of range, bodies without triangles or extent, or with weights for another
-    /// number of vertices.
+    /// Parameters out of range, bodies without triangles or height, or weights for another number of
+    /// vertices.
     pub fn new(from: &BodyShape, to: &BodyShape, params: &AlignParams) -> Result<Self, AlignError> {
         params.validate()?;
-        checked(from, "source")?;
-        checked(to, "target")?;
+        check_body(from, "source")?;
+        check_body(to, "target")?;
         let map = |kind, method, residual| Self { kind, method, residual, params: *params };
+        // The methods in order: equal bodies, shared topology, registration, similarity.
         if from.mesh == to.mesh {
             return Ok(map(Kind::Same, Method::Same, 0.0));
         }
@@ -133,7 +133,7 @@ impl BodyMap {
         Ok(map(Kind::Similar(similarity), Method::Similarity, residual))
     }
 
-    /// The fallback alone: one similarity for all points.
+    /// The fallback: one similarity for all points.
     ///
     /// # Errors
     ///
@@ -144,8 +144,8 @@ impl BodyMap {
         params: &AlignParams,
     ) -> Result<Self, AlignError> {
         params.validate()?;
-        checked(from, "source")?;
-        checked(to, "target")?;
+        check_body(from, "source")?;
+        check_body(to, "target")?;
         let similarity = Similarity::between(from, to)?;
         let residual =
             register::residual(from.mesh.vertices().iter().map(|p| similarity.point(p)), to.mesh);
@@ -157,33 +157,28 @@ impl BodyMap {
         })
     }
 
-    /// How it knows.
+    /// The method that was used.
     pub fn method(&self) -> Method {
         self.method
     }
 
-    /// Mean distance of the source's vertices, where they are taken, from the target's surface, in
-    /// metres. Zero where they are its vertices.
+    /// Mean distance of the mapped source vertices from the target's surface, in metres; zero for a
+    /// shared topology.
     pub fn residual(&self) -> Real {
         self.residual
     }
 
-    /// Where points near the source body are on the target; `skin` are their weights, where they
-    /// have some.
+    /// Maps points near the source body to the target; `skin` are their weights, if known.
     ///
     /// # Errors
     ///
-    /// Weights for another number of points.
-    pub fn carry(
+    /// The weights are for another number of points.
+    pub fn map_points(
         &self,
         points: &[Point],
         skin: Option<&SkinWeights>,
     ) -> Result<Vec<Point>, AlignError> {
-        if let Some(skin) = skin
-            && skin.len() != points.len()
-        {
-            return Err(AlignError::SkinCount { points: points.len(), records: skin.len() });
-        }
+        skin.map_or(Ok(()), |skin| skin.check_len(points.len()))?;
         let one = |found: &mut Vec<(Real, u32)>, (v, p): (usize, &Point)| match &self.kind {
             Kind::Same => *p,
             Kind::Similar(similarity) => similarity.point(p),
@@ -192,46 +187,39 @@ impl BodyMap {
         Ok(points.par_iter().enumerate().with_min_len(256).map_init(Vec::new, one).collect())
     }
 
-    /// The garment on the target body: the same triangles.
+    /// The garment on the target body, with the same triangles.
     ///
     /// # Errors
     ///
-    /// Weights for another number of vertices, or a position that is no number.
+    /// The weights are for another number of vertices, or a position is not finite.
     pub fn align(
         &self,
         garment: &TriMesh,
         skin: Option<&SkinWeights>,
     ) -> Result<TriMesh, AlignError> {
-        let moved = self.carry(garment.vertices(), skin)?;
-        garment.with_vertices(moved).map_err(AlignError::Mesh)
+        let moved = self.map_points(garment.vertices(), skin)?;
+        Ok(garment.with_vertices(moved)?)
     }
 }
 
-/// Refuses a body that is no surface, or whose weights are those of another one.
-fn checked(body: &BodyShape, which: &'static str) -> Result<(), AlignError> {
+/// Checks that a body is a surface, and that its weights match it.
+fn check_body(body: &BodyShape, which: &'static str) -> Result<(), AlignError> {
     let of_template = body.template.into_iter();
     for (mesh, skin) in of_template.chain([(body.mesh, body.skin)]) {
         if mesh.triangles().is_empty() {
             return Err(AlignError::NoSurface { which });
         }
-        if let Some(skin) = skin
-            && skin.len() != mesh.vertices().len()
-        {
-            return Err(AlignError::SkinCount {
-                points: mesh.vertices().len(),
-                records: skin.len(),
-            });
-        }
+        skin.map_or(Ok(()), |skin| skin.check_len(mesh.vertices().len()))?;
     }
     Ok(())
 }
 
-/// Share of edges that two meshes of as many vertices have in common at least to be taken for one
-/// topology: quads are parted along either diagonal, which leaves 93 % of the edges of MakeHuman's
-/// bodies, and a mesh whose vertices are numbered otherwise shares next to none.
+/// Least share of common edges of two meshes with the same topology. Quads may be split along
+/// either diagonal, which leaves 93 % of the edges of MakeHuman's bodies; a mesh with other vertex
+/// numbers shares almost none.
 const SHARED_EDGES: Real = 0.8;
 
-/// Whether vertex k of one mesh means what vertex k of the other does.
+/// Whether vertex k of one mesh corresponds to vertex k of the other.
 fn share_topology(a: &TriMesh, b: &TriMesh) -> bool {
     if a.vertices().len() != b.vertices().len() || a.triangles().is_empty() {
         return false;
@@ -270,24 +258,23 @@ impl Sites {
         let (mut sum, mut total) = (Vector::zeros(), 0.0);
         for &(d2, site) in found.iter() {
             let edge = if far > 0.0 { 1.0 - d2 / far } else { 1.0 };
-            let alike = match (&self.skin, skin) {
+            let similar = match (&self.skin, skin) {
                 (Some(own), Some((skin, v))) => {
-                    params.skin_floor + alike(own, site as usize, skin, v)
+                    params.skin_floor + cosine(own, site as usize, skin, v)
                 }
                 _ => 1.0,
             };
-            let g = (-(d2 - near) / (2.0 * width * width)).exp() * edge * edge * alike;
+            let g = (-(d2 - near) / (2.0 * width * width)).exp() * edge * edge * similar;
             sum += self.offsets[site as usize] * g;
             total += g;
         }
-        // All sites at one distance: the rim takes the weight from all of them.
+        // If all sites are at the same distance, the kernel is zero at all of them.
         if total > 0.0 { sum / total } else { self.offsets[nearest as usize] }
     }
 }
 
-/// Cosine of two records of weights: 1 where the same joints carry both in the same shares, 0 where
-/// they share none.
-fn alike(a: &SkinWeights, i: usize, b: &SkinWeights, j: usize) -> Real {
+/// Cosine of two records of weights: 1 for equal weights, 0 if they share no joint.
+fn cosine(a: &SkinWeights, i: usize, b: &SkinWeights, j: usize) -> Real {
     let (ja, wa, jb, wb) = (a.joints()[i], a.weights()[i], b.joints()[j], b.weights()[j]);
     let square = |w: [f32; 4]| w.iter().map(|x| Real::from(x * x)).sum::<Real>();
     let mut dot = 0.0;
@@ -302,31 +289,29 @@ fn alike(a: &SkinWeights, i: usize, b: &SkinWeights, j: usize) -> Real {
     if scale > 0.0 { (dot / scale).min(1.0) } else { 0.0 }
 }
 
-/// A posed garment back in the canonical pose of its body, by inverse skinning: `transforms` are
-/// those of the pose's joints.
+/// Brings a posed garment back to the canonical pose of its body by inverse skinning; `transforms`
+/// are those of the pose's joints.
 ///
 /// # Errors
 ///
-/// Weights for another number of vertices or for joints that have no transform, or a vertex whose
-/// blend of transforms has no inverse.
+/// The weights are for another number of vertices or name joints without transforms, or the blended
+/// transform of a vertex has no inverse.
 pub fn unposed(
     garment: &TriMesh,
     skin: &SkinWeights,
     transforms: &[Isometry3<Real>],
 ) -> Result<TriMesh, AlignError> {
-    let points = garment.vertices().len();
-    if skin.len() != points {
-        return Err(AlignError::SkinCount { points, records: skin.len() });
-    }
+    skin.check_len(garment.vertices().len())?;
+    let count = transforms.len();
     let named = skin.joints().iter().zip(skin.weights()).flat_map(|(j, w)| j.iter().zip(w));
-    if let Some((joint, _)) =
-        named.filter(|(_, w)| **w != 0.0).find(|(j, _)| usize::from(**j) >= transforms.len())
-    {
-        return Err(AlignError::Joint { joint: usize::from(*joint), joints: transforms.len() });
+    // Joints of weight zero need no transform.
+    if let Some(k) = named.map(|(j, w)| *w != 0.0 && usize::from(*j) >= count).position(|bad| bad) {
+        let (vertex, joint) = (k / 4, skin.joints()[k / 4][k % 4].into());
+        return Err(SkinError::Joint { vertex, joint, count }.into());
     }
     let back = unpose_points(garment.vertices(), &blends(skin, transforms))
         .map_err(|vertex| AlignError::Singular { vertex })?;
-    garment.with_vertices(back).map_err(AlignError::Mesh)
+    Ok(garment.with_vertices(back)?)
 }
 
 #[cfg(test)]

@@ -1,12 +1,23 @@
-//! People who wear garments: skeletons, skinning, and garments brought from one body to another.
+//! People who wear garments: skeletons, poses, skinning, and alignment of garments between bodies.
 //!
-//! [`template::TemplateBody`] is a body with a [`skeleton`] and [`skin_weights`]; [`skinning`] poses
-//! and unposes it; [`align`] maps garments between bodies; [`mannequin`] makes a dressed body to
-//! try all of this on.
+//! A [`TemplateBody`] is a mesh with [`SkinWeights`] for the joints of a [`Skeleton`]; a [`Pose`]
+//! moves it by linear blend [`skinning`]. A [`BodyMap`] aligns garments from one [`BodyShape`] to
+//! another. The [`mannequin`] is a built-in dressed person to try all of this on.
+//!
+#![doc = include_str!("../README.md")]
 
 pub mod align;
 pub mod mannequin;
-pub mod skeleton;
-pub mod skin_weights;
+mod pose;
+mod skeleton;
+mod skin_weights;
 pub mod skinning;
-pub mod template;
+mod template;
+mod upright;
+
+pub use align::{AlignError, AlignParams, BodyMap, BodyShape};
+pub use pose::{Pose, PoseError};
+pub use skeleton::{Joint, Skeleton, SkeletonError};
+pub use skin_weights::{SkinError, SkinWeights};
+pub use template::{TemplateBody, TemplateError};
+pub use upright::{NotUpright, check_upright};

@@ -1,4 +1,4 @@
-//! The project's own scene: a person in layered clothes, made of formulas alone.
+//! The built-in scene: a person in layered clothes, made of formulas alone.
 //!
 //! Lengths are in metres, y points up, the person faces +z and stands on y = 0.
 
@@ -10,41 +10,27 @@ mod shape;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;
+use if_core::parameter::ParameterError;
 use if_mesh::extract::{ExtractParams, Resolution, extract};
 use if_mesh::marching::{RelaxParams, clip, collapse, relax};
 use serde::{Deserialize, Serialize};
 
-/// How fine the meshes are, and how far the layers go through one another.
+/// Parameters of the mannequin: how fine its meshes are, and how deep layers intersect.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MannequinParams {
-    /// Divides the length of edges: with 2 the meshes have four times the triangles. From 0.7 to 8.
+    /// Divides the edge length: 2 gives four times as many triangles. From 0.7 to 8.
     pub resolution: Real,
-    /// 0 hangs the layers cleanly over one another; with 1 each dips 1 to 2 cm into those below.
-    /// From 0 to 1.
+    /// Depth of intersections: with 0 layers are free of intersections, with 1 each dips 1 to 2 cm
+    /// into those below. From 0 to 1.
     pub overlap: Real,
 }
 
 impl Default for MannequinParams {
-    /// Edges of 10 to 25 mm, and deep overlaps.
+    /// Edges of 10 to 25 mm, and deep intersections.
     fn default() -> Self {
         Self { resolution: 1.0, overlap: 1.0 }
     }
-}
-
-/// A parameter out of its range.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("parameter `{name}` of the mannequin is {value}; it must lie between {least} and {most}")]
-#[non_exhaustive]
-pub struct MannequinError {
-    /// Its name.
-    pub name: &'static str,
-    /// Its value.
-    pub value: Real,
-    /// The smallest value possible.
-    pub least: Real,
-    /// The largest.
-    pub most: Real,
 }
 
 impl MannequinParams {
@@ -52,20 +38,16 @@ impl MannequinParams {
     ///
     /// # Errors
     ///
-    /// The first parameter that lies out of its range or is NaN.
-    pub fn validate(&self) -> Result<(), MannequinError> {
-        let ranges =
-            [("resolution", self.resolution, 0.7, 8.0), ("overlap", self.overlap, 0.0, 1.0)];
-        for (name, value, least, most) in ranges {
-            if !(least..=most).contains(&value) {
-                return Err(MannequinError { name, value, least, most });
-            }
-        }
-        Ok(())
+    /// The first parameter that is out of range or NaN.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let Self { resolution, overlap } = *self;
+        let check = ParameterError::check;
+        check("resolution", resolution, (0.7..=8.0).contains(&resolution), "from 0.7 to 8")?;
+        check("overlap", overlap, (0.0..=1.0).contains(&overlap), "from 0 to 1")
     }
 }
 
-/// What the mannequin can wear.
+/// The garments of the mannequin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Garment {
@@ -82,7 +64,7 @@ pub enum Garment {
 }
 
 impl Garment {
-    /// All of them, in the order in which they are worn, inner to outer.
+    /// All garments, inner to outer.
     pub const ALL: [Garment; 5] =
         [Garment::Trousers, Garment::Tshirt, Garment::Skirt, Garment::Jacket, Garment::Coat];
 
@@ -98,8 +80,7 @@ impl Garment {
     }
 }
 
-/// The naked mannequin: 1.70 m, arms 42° from the body. Closed, of one piece, without
-/// intersections.
+/// The body: 1.70 m high, arms 42° from the trunk; closed, connected, without intersections.
 ///
 /// # Panics
 ///
@@ -110,7 +91,7 @@ pub fn body(params: &MannequinParams) -> TriMesh {
     surface(&figure, cell, [0.31, 0.55, 0.77], &[])
 }
 
-/// One garment: open, of one piece, facing outwards.
+/// One garment: open, connected, wound outwards.
 ///
 /// # Panics
 ///
@@ -151,7 +132,7 @@ fn checked(params: &MannequinParams) -> &MannequinParams {
     params
 }
 
-/// Extracts a shape, cuts it open, and makes its triangles even.
+/// Extracts a shape, cuts it open, and evens out its triangles.
 fn surface(shape: &shape::Shape, cell: Real, phase: [Real; 3], cuts: &[shape::Formula]) -> TriMesh {
     let params = ExtractParams {
         resolution: Resolution::Cell(cell),
@@ -259,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn the_body_is_closed_of_one_piece_and_as_high_as_it_says() {
+    fn the_body_is_closed_connected_and_1_7_m_high() {
         let body = body(&coarse(1.0));
         assert_sound("body", &body, 0, 2);
         let aabb = body.aabb();
@@ -268,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn garments_are_of_one_piece_and_have_their_openings() {
+    fn garments_are_connected_and_have_their_openings() {
         // A tube with n borders has Euler characteristic 2 − n; what is open in front has one
         // border less.
         let openings = [
@@ -284,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn without_overlap_no_layers_meet() {
+    fn without_overlap_no_layers_intersect() {
         let params = coarse(0.0);
         let kinds = Garment::ALL;
         let layers: Vec<TriMesh> = std::iter::once(body(&params))
@@ -318,11 +299,7 @@ mod tests {
             ("jacket, skirt", inside(&jacket, &shape(Garment::Skirt)), 0.02..0.30, 0.008..0.020),
             ("coat, jacket", inside(&coat, &shape(Garment::Jacket)), 0.10..0.40, 0.014..0.024),
         ];
-        for (name, (share, depth), _, _) in &cases {
-            println!("LIST {name}: {share:.3} {depth:.4}");
-        }
         for (name, (share, depth), shares, depths) in cases {
-            println!("{name}: {share:.3} {depth:.4}");
             assert!(
                 shares.contains(&share) && depths.contains(&depth),
                 "{name}: {share} of the vertices, {depth} m deep"
@@ -335,7 +312,6 @@ mod tests {
         for kind in Garment::ALL {
             let [shortest, longest, mean, share] =
                 edge_lengths(&garment(kind, &MannequinParams::default()));
-            println!("{kind:?} {shortest} {longest} {mean} {share}");
             assert!(
                 shortest > 0.003 && longest < 0.040 && (0.014..0.020).contains(&mean),
                 "{kind:?} {shortest} {longest} {mean}"
@@ -345,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn parameters_out_of_range_are_named() {
+    fn parameters_out_of_range_are_errors() {
         assert!(MannequinParams::default().validate().is_ok());
         for resolution in [0.0, -1.0, 100.0, Real::NAN] {
             let error = MannequinParams { resolution, ..MannequinParams::default() }

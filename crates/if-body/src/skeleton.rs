@@ -1,15 +1,16 @@
-//! The joints of a person, and where a pose puts them.
+//! Skeletons: the joints of a person, and their transforms in a pose.
 //!
-//! In rest all frames of joints are parallel to the world. A pose turns each joint j in the frame
-//! of its parent, and moves the roots:
+//! In the rest pose all joint frames are parallel to the world. A pose rotates each joint j in the
+//! frame of its parent and translates the roots:
 //!
 //! ```text
 //! G_root = T(t + head_root) R_root        G_j = G_parent T(head_j − head_parent) R_j
-//! S_j = G_j T(−head_j)                    where what hangs on j goes
+//! S_j = G_j T(−head_j)                    the skinning transform of j
 //! ```
 
-use if_core::math::{Point, Real, Vector};
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use crate::pose::{Pose, PoseError};
+use if_core::math::{Point, Real};
+use nalgebra::{Isometry3, Translation3};
 use serde::{Deserialize, Serialize};
 use std::io::{self, Read};
 use std::path::Path;
@@ -17,136 +18,52 @@ use std::path::Path;
 /// A joint and the bone that begins there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// Its name, different from all others.
+    /// Its name, unique in the skeleton.
     pub name: String,
-    /// Index of the joint that carries it, smaller than its own; `None` for a root.
+    /// Index of its parent, smaller than its own; `None` for a root.
     pub parent: Option<usize>,
-    /// Where it turns about, in rest.
+    /// Its centre of rotation in the rest pose.
     pub head: Point,
-    /// Where its bone ends, in rest.
+    /// The end of its bone in the rest pose.
     pub tail: Point,
 }
 
-/// Joints, parents before children.
+/// A tree of joints, parents before children.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Skeleton {
     joints: Vec<Joint>,
 }
 
-/// How a person stands.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Pose {
-    /// By how much the roots are moved from their place in rest, in metres.
-    pub root_translation: Vector,
-    /// How each joint is turned in the frame of its parent.
-    pub rotations: Vec<UnitQuaternion<Real>>,
-}
-
-impl Pose {
-    /// Nothing turned, nothing moved.
-    pub fn rest(joints: usize) -> Self {
-        Self {
-            root_translation: Vector::zeros(),
-            rotations: vec![UnitQuaternion::identity(); joints],
-        }
-    }
-}
-
-/// Why joints make no skeleton.
+/// A skeleton cannot be read, or is invalid.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages say what the fields are
 pub enum SkeletonError {
-    /// The system does not give the file.
+    /// The file cannot be read.
     #[error("cannot read the skeleton: {0}")]
     Io(#[from] io::Error),
-    /// The text has another form.
-    #[error("the skeleton is not what docs/capture.md describes: {0}")]
+    /// The file is not as docs/capture.md specifies.
+    #[error("the skeleton is not as docs/capture.md specifies: {0}")]
     Json(#[from] serde_json::Error),
-    /// No joints.
+    /// There are no joints.
     #[error("the skeleton has no joints")]
     Empty,
     /// Ids must count from 0.
     #[error(
-        "joint {index} (`{name}`) has the id {id}; joints must stand in the order of their ids, from 0"
+        "joint {index} (`{name}`) has the id {id}; joints must be in the order of their ids, from 0"
     )]
     Order { index: usize, name: String, id: i64 },
-    /// A joint hangs on nothing known.
+    /// The parent of a joint is not an earlier joint.
     #[error(
-        "joint {index} (`{name}`) has the parent {parent}; a parent must stand before its children, and a root has -1"
+        "joint {index} (`{name}`) has the parent {parent}; a parent must come before its children, and a root has -1"
     )]
     Parent { index: usize, name: String, parent: i64 },
-    /// Two joints of one name.
+    /// Two joints have the same name.
     #[error("joints {first} and {second} are both called `{name}`; each needs its own name")]
     SameName { first: usize, second: usize, name: String },
     /// A coordinate is NaN or infinite.
     #[error("joint {index} (`{name}`): its {end} is {at:?}; coordinates must be finite")]
     NonFinite { index: usize, name: String, end: &'static str, at: Point },
-}
-
-/// Why a pose does not fit a skeleton.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-#[allow(missing_docs)] // the messages say what the fields are
-pub enum PoseError {
-    /// Too many or too few rotations.
-    #[error("the pose has {got} rotations for {expected} joints")]
-    Count { got: usize, expected: usize },
-    /// A number is NaN or infinite, or farther off than any place on Earth.
-    #[error(
-        "the pose moves the root by {0:?}; coordinates must be metres, and at most {FARTHEST:e}"
-    )]
-    Translation(Vector),
-    /// A quaternion (w, x, y, z) is none of a rotation.
-    #[error(
-        "rotation {joint} is {rotation:?}, of length {length}; it must be a unit quaternion (w, x, y, z)"
-    )]
-    Rotation { joint: usize, rotation: [Real; 4], length: Real },
-}
-
-/// How far the length of a quaternion in a file may lie from 1. Files hold 4 to 7 decimals, which
-/// is 2e-4 at worst; ten times more would take a quaternion for one that was never normalised.
-const UNIT: Real = 2e-3;
-
-/// How far a pose may move the root, in metres: the circumference of the Earth. What lies farther
-/// off is no person before a camera, and overflows the single precision of files.
-const FARTHEST: Real = 4e7;
-
-impl Pose {
-    /// A pose from quaternions (w, x, y, z), which are normalised.
-    ///
-    /// # Errors
-    ///
-    /// Numbers that are not finite or beyond any place on Earth, or a quaternion whose length is
-    /// not 1 but for rounding in files.
-    pub fn from_quaternions(
-        root_translation: Vector,
-        rotations: &[[Real; 4]],
-    ) -> Result<Self, PoseError> {
-        if !root_translation.iter().all(|x| x.abs() <= FARTHEST) {
-            return Err(PoseError::Translation(root_translation));
-        }
-        let turn = |(joint, &rotation): (usize, &[Real; 4])| {
-            let [w, x, y, z] = rotation;
-            let q = Quaternion::new(w, x, y, z);
-            let length = q.norm();
-            // A NaN fails this, too.
-            if (length - 1.0).abs() <= UNIT {
-                Ok(UnitQuaternion::from_quaternion(q))
-            } else {
-                Err(PoseError::Rotation { joint, rotation, length })
-            }
-        };
-        Ok(Self {
-            root_translation,
-            rotations: rotations.iter().enumerate().map(turn).collect::<Result<_, _>>()?,
-        })
-    }
-
-    /// The quaternions (w, x, y, z).
-    pub fn quaternions(&self) -> Vec<[Real; 4]> {
-        self.rotations.iter().map(|q| [q.w, q.i, q.j, q.k]).collect()
-    }
 }
 
 /// `skeleton.json`.
@@ -170,11 +87,11 @@ const CONVENTION: &str = "metres, y up. Rest joint frames are world-aligned: G_j
     root G = T(root_t + head_root) R_root; skin matrix S_j = G_j T(-head_j). parent -1 is a root";
 
 impl Skeleton {
-    /// Checks and takes joints.
+    /// A skeleton of these joints.
     ///
     /// # Errors
     ///
-    /// The first joint that does not fit.
+    /// The first invalid joint.
     pub fn new(joints: Vec<Joint>) -> Result<Self, SkeletonError> {
         if joints.is_empty() {
             return Err(SkeletonError::Empty);
@@ -200,7 +117,7 @@ impl Skeleton {
     ///
     /// # Errors
     ///
-    /// [`SkeletonError`], with the joint.
+    /// [`SkeletonError`], with the index of the joint.
     pub fn read(reader: impl Read) -> Result<Self, SkeletonError> {
         let file: File = serde_json::from_reader(reader)?;
         let joint = |(index, j): (usize, JointFile)| {
@@ -233,7 +150,7 @@ impl Skeleton {
     ///
     /// # Errors
     ///
-    /// What the writer returns.
+    /// Errors of the writer.
     pub fn write(&self, mut writer: impl io::Write) -> io::Result<()> {
         let joint = |(id, j): (usize, &Joint)| JointFile {
             id: id as i64,
@@ -250,11 +167,11 @@ impl Skeleton {
         writer.write_all(b"\n")
     }
 
-    /// The same joints with all coordinates times `factor`: from other units to metres.
+    /// The skeleton with all coordinates multiplied by `factor`, to convert units to metres.
     ///
     /// # Errors
     ///
-    /// A coordinate that is not finite then.
+    /// A scaled coordinate is not finite.
     pub fn scaled(&self, factor: Real) -> Result<Self, SkeletonError> {
         let scaled =
             |j: &Joint| Joint { head: j.head * factor, tail: j.tail * factor, ..j.clone() };
@@ -271,21 +188,21 @@ impl Skeleton {
         self.joints.len()
     }
 
-    /// Never: a skeleton has a joint.
+    /// Always `false`: a skeleton has at least one joint.
     pub fn is_empty(&self) -> bool {
         false
     }
 
-    /// Their names.
+    /// The names of all joints.
     pub fn names(&self) -> impl ExactSizeIterator<Item = &str> {
         self.joints.iter().map(|j| j.name.as_str())
     }
 
-    /// The frames G of all joints in a pose: the translation is where a joint is.
+    /// The frames G of all joints in a pose; their translations are the joints' positions.
     ///
     /// # Errors
     ///
-    /// A pose of another number of joints.
+    /// The pose has another number of joints.
     pub fn frames(&self, pose: &Pose) -> Result<Vec<Isometry3<Real>>, PoseError> {
         if pose.rotations.len() != self.joints.len() {
             return Err(PoseError::Count {
@@ -312,12 +229,12 @@ impl Skeleton {
         Ok(frames)
     }
 
-    /// The skin transforms S of all joints in a pose: where each takes a point that hangs on it
-    /// alone. In rest they are all the identity.
+    /// The skinning transforms S of all joints in a pose, which map rest positions to posed ones.
+    /// In the rest pose they are identities.
     ///
     /// # Errors
     ///
-    /// A pose of another number of joints.
+    /// The pose has another number of joints.
     pub fn transforms(&self, pose: &Pose) -> Result<Vec<Isometry3<Real>>, PoseError> {
         let frames = self.frames(pose)?;
         Ok(frames
@@ -331,6 +248,8 @@ impl Skeleton {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_core::math::Vector;
+    use nalgebra::UnitQuaternion;
     use std::f64::consts::FRAC_PI_2;
 
     fn joint(name: &str, parent: Option<usize>, head: [Real; 3]) -> Joint {
@@ -383,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn joints_that_make_no_skeleton_are_named() {
+    fn invalid_joints_are_errors() {
         let read = |text: &str| Skeleton::read(text.as_bytes()).unwrap_err();
         let joint = |id: i32, name: &str, parent: i32| {
             format!(
@@ -408,18 +327,5 @@ mod tests {
         }
         let twice = read(&all(&[joint(0, "a", -1), joint(1, "a", 0)]));
         assert!(twice.to_string().contains("0 and 1 are both called `a`"), "{twice}");
-    }
-
-    #[test]
-    fn quaternions_that_are_no_rotation_are_named() {
-        let pose = |q| Pose::from_quaternions(Vector::zeros(), &[[1.0, 0.0, 0.0, 0.0], q]);
-        assert!(pose([0.6, 0.0, 0.8, 0.0]).is_ok() && pose([0.6001, 0.0, 0.8, 0.0]).is_ok());
-        for q in [[0.0; 4], [0.7, 0.0, 0.8, 0.0], [Real::NAN, 0.0, 0.0, 0.0]] {
-            assert!(matches!(pose(q), Err(PoseError::Rotation { joint: 1, .. })), "{q:?}");
-        }
-        for far in [Real::INFINITY, -1e300, Real::NAN] {
-            let error = Pose::from_quaternions(Vector::new(0.0, far, 0.0), &[]);
-            assert!(matches!(error, Err(PoseError::Translation(_))), "{far}");
-        }
     }
 }

@@ -1,35 +1,41 @@
-//! Which joints each vertex hangs on.
+//! Skinning weights: up to four joints for each vertex.
 
+use if_core::parameter::ParameterError;
 use if_mesh::ply::{Column, PlyMesh, Property};
 
-/// Up to four joints and their weights for each vertex. Weights are not negative and sum to 1.
+/// Up to four joints and their weights for each vertex. Weights are non-negative and sum to 1.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct SkinWeights {
     joints: Vec<[u16; 4]>,
     weights: Vec<[f32; 4]>,
 }
 
-/// Why numbers make no skinning weights.
+/// Skinning weights are invalid, or do not match a mesh or skeleton.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages say what the fields are
-pub enum SkinWeightsError {
-    /// The file has no such property.
+pub enum SkinError {
+    /// A property of the PLY file is missing.
     #[error(
         "the mesh has no vertex property `{name}`; skinning needs integers j0 to j3 and floats w0 to w3"
     )]
     Missing { name: String },
-    /// The file has it with another type.
+    /// A property of the PLY file has the wrong type.
     #[error(
-        "vertex property `{name}` has the type {found}; j0 to j3 must be integers, w0 to w3 floats, and none lists"
+        "vertex property `{name}` has the type {found}; j0 to j3 must be integers, w0 to w3 floats; lists are not allowed"
     )]
     Type { name: String, found: String },
-    /// Lists of different lengths.
-    #[error("{joints} vertices have joints, but {weights} have weights")]
-    Count { joints: usize, weights: usize },
-    /// A joint that the skeleton does not have.
+    /// Not one record for each vertex.
+    #[error("{vertices} vertices have {records} records of skinning weights; give one for each")]
+    Count { vertices: usize, records: usize },
+    /// There is nothing to interpolate.
     #[error(
-        "vertex {vertex} hangs on joint {joint}, but the skeleton has only {count} (0 is the first)"
+        "a grid of skinning weights needs vertices and joints; there are {vertices} and {joints}"
+    )]
+    Empty { vertices: usize, joints: usize },
+    /// A joint is missing from the skeleton.
+    #[error(
+        "vertex {vertex} has a weight for joint {joint}, but there are {count} joints (0 is the first)"
     )]
     Joint { vertex: usize, joint: i64, count: usize },
     /// A weight is negative, NaN or infinite.
@@ -37,62 +43,64 @@ pub enum SkinWeightsError {
         "weight {slot} of vertex {vertex} is {weight}; weights must be finite and not negative"
     )]
     Weight { vertex: usize, slot: usize, weight: f32 },
-    /// All weights of a vertex are zero, or they are far from 1 in sum.
+    /// The weights of a vertex do not sum to 1.
     #[error("the weights of vertex {vertex} sum to {sum}; they must sum to 1")]
     Sum { vertex: usize, sum: f32 },
+    /// The parameters of a grid are out of range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
 }
 
-/// How far the sum of a vertex's weights may lie from 1 before they are normalised. Four weights of
-/// two decimals can miss 0.02; ten times more would hide a lost joint.
+/// Tolerance of the sum of a vertex's weights before they are normalised. Four weights rounded to
+/// two decimals can differ from 1 by 0.02; ten times more would hide a lost joint.
 const SUM: f32 = 0.03;
 
 impl SkinWeights {
-    /// Checks, normalises and takes the joints and weights of each vertex, for a skeleton of
-    /// `count` joints.
+    /// Validates and normalises the joints and weights of each vertex, for a skeleton of `count`
+    /// joints.
     ///
     /// # Errors
     ///
-    /// The first vertex that does not fit. A joint of weight zero must exist all the same.
+    /// The first invalid vertex. Joints of weight zero must exist, too.
     pub fn new(
         joints: Vec<[u16; 4]>,
         mut weights: Vec<[f32; 4]>,
         count: usize,
-    ) -> Result<Self, SkinWeightsError> {
+    ) -> Result<Self, SkinError> {
         if joints.len() != weights.len() {
-            return Err(SkinWeightsError::Count { joints: joints.len(), weights: weights.len() });
+            return Err(SkinError::Count { vertices: joints.len(), records: weights.len() });
         }
         for (vertex, (j, w)) in joints.iter().zip(&mut weights).enumerate() {
             for slot in 0..4 {
                 if usize::from(j[slot]) >= count {
-                    return Err(SkinWeightsError::Joint { vertex, joint: j[slot].into(), count });
+                    return Err(SkinError::Joint { vertex, joint: j[slot].into(), count });
                 }
                 if !(w[slot].is_finite() && w[slot] >= 0.0) {
-                    return Err(SkinWeightsError::Weight { vertex, slot, weight: w[slot] });
+                    return Err(SkinError::Weight { vertex, slot, weight: w[slot] });
                 }
             }
             let sum: f32 = w.iter().sum();
             if (sum - 1.0).abs() > SUM {
-                return Err(SkinWeightsError::Sum { vertex, sum });
+                return Err(SkinError::Sum { vertex, sum });
             }
             *w = w.map(|x| x / sum);
         }
         Ok(Self { joints, weights })
     }
 
-    /// The properties j0 to j3 and w0 to w3 of a PLY file, for a skeleton of `count` joints.
+    /// Reads the properties j0 to j3 and w0 to w3 of a PLY file, for a skeleton of `count` joints.
     ///
     /// # Errors
     ///
-    /// A property that is missing or of another type, and as [`SkinWeights::new`].
-    pub fn from_ply(ply: &PlyMesh, count: usize) -> Result<Self, SkinWeightsError> {
+    /// A property is missing or of the wrong type, and as [`SkinWeights::new`].
+    pub fn from_ply(ply: &PlyMesh, count: usize) -> Result<Self, SkinError> {
         let property = |name: String| {
-            let found = ply
-                .vertex_property(&name)
-                .ok_or(SkinWeightsError::Missing { name: name.clone() })?;
+            let found =
+                ply.vertex_property(&name).ok_or(SkinError::Missing { name: name.clone() })?;
             let integer = found.values.scalar_type().is_integer();
             if found.lists.is_some() || integer != name.starts_with('j') {
                 let list = if found.lists.is_some() { "list of " } else { "" };
-                return Err(SkinWeightsError::Type {
+                return Err(SkinError::Type {
                     name,
                     found: format!("{list}{}", found.values.scalar_type()),
                 });
@@ -104,7 +112,7 @@ impl SkinWeights {
         for slot in 0..4 {
             for (vertex, j) in property(format!("j{slot}"))?.into_iter().enumerate() {
                 if !(0.0..count as f64).contains(&j) || j > f64::from(u16::MAX) {
-                    return Err(SkinWeightsError::Joint { vertex, joint: j as i64, count });
+                    return Err(SkinError::Joint { vertex, joint: j as i64, count });
                 }
                 joints[vertex][slot] = j as u16;
             }
@@ -135,12 +143,30 @@ impl SkinWeights {
         out
     }
 
-    /// The first vertex that names a joint beyond the first `count`, and that joint: `None` where
-    /// the weights fit a skeleton of `count` joints.
-    pub fn beyond(&self, count: usize) -> Option<(usize, u16)> {
-        self.joints.iter().enumerate().find_map(|(vertex, on)| {
-            on.iter().find(|j| usize::from(**j) >= count).map(|j| (vertex, *j))
-        })
+    /// Checks that there is one record for each of `vertices`, and that all joints are among the
+    /// first `count`.
+    ///
+    /// # Errors
+    ///
+    /// [`SkinError::Count`] or [`SkinError::Joint`].
+    pub fn check(&self, vertices: usize, count: usize) -> Result<(), SkinError> {
+        self.check_len(vertices)?;
+        for (vertex, joints) in self.joints.iter().enumerate() {
+            if let Some(joint) = joints.iter().find(|j| usize::from(**j) >= count) {
+                return Err(SkinError::Joint { vertex, joint: (*joint).into(), count });
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks that there is one record for each of `vertices`.
+    ///
+    /// # Errors
+    ///
+    /// [`SkinError::Count`].
+    pub fn check_len(&self, vertices: usize) -> Result<(), SkinError> {
+        let records = self.len();
+        if records == vertices { Ok(()) } else { Err(SkinError::Count { vertices, records }) }
     }
 
     /// Number of vertices.
@@ -148,7 +174,7 @@ impl SkinWeights {
         self.joints.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no vertices.
     pub fn is_empty(&self) -> bool {
         self.joints.is_empty()
     }
@@ -158,7 +184,7 @@ impl SkinWeights {
         &self.joints
     }
 
-    /// The weights of each vertex: finite, not negative, of sum 1.
+    /// The weights of each vertex: finite, non-negative, summing to 1.
     pub fn weights(&self) -> &[[f32; 4]] {
         &self.weights
     }
@@ -188,34 +214,31 @@ mod tests {
     fn properties_give_the_same_weights_again() {
         assert_eq!(SkinWeights::from_ply(&ply(), 3).unwrap(), two());
         let joint = SkinWeights::from_ply(&ply(), 2);
-        assert_eq!(joint, Err(SkinWeightsError::Joint { vertex: 1, joint: 2, count: 2 }));
+        assert_eq!(joint, Err(SkinError::Joint { vertex: 1, joint: 2, count: 2 }));
         let mut lacking = ply();
         lacking.vertex_properties.retain(|p| p.name != "w2");
         assert_eq!(
             SkinWeights::from_ply(&lacking, 3),
-            Err(SkinWeightsError::Missing { name: "w2".into() })
+            Err(SkinError::Missing { name: "w2".into() })
         );
         let mut swapped = ply();
         swapped.vertex_properties[0].values = Column::F32(vec![0.0; 2]);
-        assert!(matches!(SkinWeights::from_ply(&swapped, 3), Err(SkinWeightsError::Type { .. })));
+        assert!(matches!(SkinWeights::from_ply(&swapped, 3), Err(SkinError::Type { .. })));
     }
 
     #[test]
-    fn weights_that_are_none_are_named() {
+    fn invalid_weights_are_errors() {
         let new = |w: [f32; 4]| SkinWeights::new(vec![[0; 4]], vec![w], 1);
         assert_eq!(new([0.5, 0.49, 0.0, 0.0]).unwrap().weights()[0].iter().sum::<f32>(), 1.0);
         for w in [[0.0; 4], [0.5, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]] {
-            assert!(matches!(new(w), Err(SkinWeightsError::Sum { vertex: 0, .. })), "{w:?}");
+            assert!(matches!(new(w), Err(SkinError::Sum { vertex: 0, .. })), "{w:?}");
         }
         for w in [[-0.5, 1.5, 0.0, 0.0], [f32::NAN, 1.0, 0.0, 0.0]] {
-            assert!(
-                matches!(new(w), Err(SkinWeightsError::Weight { vertex: 0, slot: 0, .. })),
-                "{w:?}"
-            );
+            assert!(matches!(new(w), Err(SkinError::Weight { vertex: 0, slot: 0, .. })), "{w:?}");
         }
         assert_eq!(
             SkinWeights::new(vec![[0; 4]], vec![], 1),
-            Err(SkinWeightsError::Count { joints: 1, weights: 0 })
+            Err(SkinError::Count { vertices: 1, records: 0 })
         );
     }
 }

@@ -1,5 +1,4 @@
-//! Linear blend skinning: where a pose takes the points of a body, of its clothes, and of the space
-//! about it, and back.
+//! Linear blend skinning, and its inverse, for bodies, clothes and the space around them.
 //!
 //! ```text
 //! f(x) = Σ wⱼ(x) Sⱼ x = A x + b,     A = Σ wⱼ rotation(Sⱼ),  b = Σ wⱼ translation(Sⱼ)
@@ -9,10 +8,12 @@
 //! inverse has a closed form; or to all of canonical space ([`WeightGrid`]), where the inverse is
 //! found by Newton's method ([`unpose`]).
 
+#[cfg(test)]
+mod elbow;
 mod grid;
 mod inverse;
 
-pub use grid::{WeightGrid, WeightGridError, WeightGridParams};
+pub use grid::{WeightGrid, WeightGridParams};
 pub use inverse::{UnposeParams, Unposed, unpose};
 
 use crate::skin_weights::SkinWeights;
@@ -20,10 +21,10 @@ use if_core::math::{Point, Real, Vector, unit_or_zero};
 use nalgebra::{Isometry3, Matrix3};
 use rayon::prelude::*;
 
-/// x ↦ A x + b: where a point goes whose weights are held fixed.
+/// The map x ↦ A x + b of a point with fixed weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Affine {
-    /// A. A rotation where one joint has all the weight, else a blend of rotations, which shrinks.
+    /// A: a rotation if one joint has all the weight, else a blend of rotations, which shrinks.
     pub linear: Matrix3<Real>,
     /// b, in metres.
     pub offset: Vector,
@@ -35,24 +36,31 @@ impl Affine {
         offset: Vector::new(0.0, 0.0, 0.0),
     };
 
+    /// The map of a point that follows one joint.
+    fn rigid(transform: &Isometry3<Real>) -> Self {
+        let mut one = Self::ZERO;
+        one.add(1.0, transform);
+        one
+    }
+
     fn add(&mut self, weight: Real, transform: &Isometry3<Real>) {
         self.linear += transform.rotation.to_rotation_matrix().into_inner() * weight;
         self.offset += transform.translation.vector * weight;
     }
 
-    /// Where `p` goes.
+    /// The posed point of `p`.
     #[inline]
     pub fn point(&self, p: &Point) -> Point {
         Point::from(self.linear * p.coords + self.offset)
     }
 
-    /// Where a posed point comes from; `None` where the blend is singular (opposite rotations in
-    /// equal parts).
+    /// The canonical point of a posed one; `None` if the blend is singular (opposite rotations with
+    /// equal weights).
     pub fn inverse_point(&self, p: &Point) -> Option<Point> {
         self.linear.try_inverse().map(|inverse| Point::from(inverse * (p.coords - self.offset)))
     }
 
-    /// The unit normal of the posed surface, from that of the canonical one: A⁻ᵀ n. Zero where the
+    /// The unit normal of the posed surface, from that of the canonical one: A⁻ᵀ n. Zero if the
     /// blend is singular.
     pub fn normal(&self, n: &Vector) -> Vector {
         self.linear
@@ -67,14 +75,14 @@ impl Affine {
     }
 }
 
-/// The map of each vertex: the joints' `transforms` ([`crate::skeleton::Skeleton::transforms`])
-/// blended with its weights.
+/// The map of each vertex: the joints' `transforms` ([`crate::Skeleton::transforms`]), blended by
+/// its weights.
 ///
 /// # Panics
 ///
-/// If a weight names a joint that has no transform.
+/// If a joint of the weights has no transform.
 pub fn blends(skin: &SkinWeights, transforms: &[Isometry3<Real>]) -> Vec<Affine> {
-    let joints: Vec<Affine> = transforms.iter().map(whole).collect();
+    let joints: Vec<Affine> = transforms.iter().map(Affine::rigid).collect();
     (0..skin.len())
         .into_par_iter()
         .with_min_len(1024)
@@ -93,13 +101,7 @@ pub fn blends(skin: &SkinWeights, transforms: &[Isometry3<Real>]) -> Vec<Affine>
         .collect()
 }
 
-fn whole(transform: &Isometry3<Real>) -> Affine {
-    let mut one = Affine::ZERO;
-    one.add(1.0, transform);
-    one
-}
-
-/// The vertices in a pose.
+/// The posed points of vertices.
 ///
 /// # Panics
 ///
@@ -109,12 +111,11 @@ pub fn pose_points(points: &[Point], maps: &[Affine]) -> Vec<Point> {
     points.iter().zip(maps).map(|(p, map)| map.point(p)).collect()
 }
 
-/// The vertices back in canonical space, by the closed form x = A⁻¹ (y − b). The first whose map
-/// has no inverse is the error.
+/// The canonical points of posed vertices, by the closed form x = A⁻¹ (y − b).
 ///
 /// # Errors
 ///
-/// The index of a vertex whose blend is singular.
+/// The index of the first vertex whose map is singular.
 ///
 /// # Panics
 ///
@@ -127,7 +128,8 @@ pub fn unpose_points(posed: &[Point], maps: &[Affine]) -> Result<Vec<Point>, usi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::skeleton::{Joint, Pose, Skeleton};
+    use crate::pose::Pose;
+    use crate::skeleton::{Joint, Skeleton};
 
     /// Three joints in two poses, with numbers from `skin_mats` and `lbs` of the project's
     /// `render_sequence.py`: heads (0, 1, 0), (0.1, 1.5, 0), (0.4, 1.4, 0.1); parents −1, 0, 1.
@@ -170,7 +172,7 @@ mod tests {
         [[-0.061412, 1.3524, 0.079484], [-0.5117024, 1.18448, -0.0621632]];
 
     #[test]
-    fn vertices_and_normals_come_back() {
+    fn unposing_inverts_posing_of_vertices_and_normals() {
         let (skeleton, pose) = posed();
         let maps = blends(
             &SkinWeights::new(

@@ -1,54 +1,57 @@
-//! A body with its skeleton: what a capture is reconstructed from, and what garments are aligned
-//! on.
+//! Template bodies: a closed mesh with skinning weights and a skeleton.
 
 use crate::skeleton::{Skeleton, SkeletonError};
-use crate::skin_weights::{SkinWeights, SkinWeightsError};
+use crate::skin_weights::{SkinError, SkinWeights};
+use crate::upright::{NotUpright, check_upright};
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{self, CoordinateType, Keep, PlyMesh, WriteParams};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// A closed body in rest, the joints in it, and how its vertices hang on them.
+/// A closed body in its rest pose, with its joints and skinning weights: what captures are
+/// reconstructed from.
 #[derive(Clone, Debug)]
 pub struct TemplateBody {
-    /// In rest, in metres.
+    /// The surface, in metres; y points up, and the person faces +z.
     pub mesh: TriMesh,
-    /// One record for each vertex of the mesh.
+    /// The weights of its vertices.
     pub skin: SkinWeights,
     /// The joints.
     pub skeleton: Skeleton,
 }
 
-/// Why a folder holds no template body.
+/// A template body cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages say what the fields are
 pub enum TemplateError {
-    /// The skeleton is at fault.
+    /// The skeleton is missing or invalid.
     #[error("{}: {source}", path.display())]
     Skeleton { path: PathBuf, source: SkeletonError },
-    /// The mesh is at fault.
+    /// The mesh is missing or invalid.
     #[error("{}: {source}", path.display())]
     Mesh { path: PathBuf, source: Box<ply::ReadError> },
-    /// Its weights are at fault.
+    /// The skinning weights are missing or invalid.
     #[error("{}: {source}", path.display())]
-    Weights { path: PathBuf, source: SkinWeightsError },
-    /// The files cannot be written.
+    Weights { path: PathBuf, source: SkinError },
+    /// The body does not stand along y.
+    #[error("{}: {source}", path.display())]
+    NotUpright { path: PathBuf, source: NotUpright },
+    /// A file cannot be written.
     #[error("{}: {source}", path.display())]
     Write { path: PathBuf, source: Box<dyn std::error::Error + Send + Sync> },
 }
 
-/// The mesh of a template body, in the order in which they are looked for.
+/// Names of the mesh in a folder, in order of preference.
 const MESHES: [&str; 2] = ["body_clean.ply", "body.ply"];
 const SKELETON: &str = "skeleton.json";
 
 impl TemplateBody {
-    /// Reads `skeleton.json` and `body_clean.ply` (or, where that is missing, `body.ply`) of a
-    /// folder.
+    /// Reads `skeleton.json` and `body_clean.ply` (or, if that is missing, `body.ply`) of a folder.
     ///
     /// # Errors
     ///
-    /// [`TemplateError`], with the file.
+    /// [`TemplateError`], with the path of the file.
     pub fn read(folder: &Path) -> Result<Self, TemplateError> {
         let mesh = MESHES
             .iter()
@@ -62,7 +65,7 @@ impl TemplateBody {
     ///
     /// # Errors
     ///
-    /// [`TemplateError`], with the file.
+    /// [`TemplateError`], with the path of the file.
     pub fn read_files(mesh: &Path, skeleton: &Path) -> Result<Self, TemplateError> {
         let fault = |source| TemplateError::Skeleton { path: skeleton.into(), source };
         let skeleton = Skeleton::read_path(skeleton).map_err(fault)?;
@@ -71,15 +74,16 @@ impl TemplateBody {
             .map_err(|e| TemplateError::Mesh { path: path(), source: e.into() })?;
         let skin = SkinWeights::from_ply(&ply, skeleton.len());
         let skin = skin.map_err(|source| TemplateError::Weights { path: path(), source })?;
+        check_upright(&ply.mesh, Some(&skeleton))
+            .map_err(|source| TemplateError::NotUpright { path: path(), source })?;
         Ok(Self { mesh: ply.mesh, skin, skeleton })
     }
 
-    /// Writes `body_clean.ply` and `skeleton.json` into a folder that exists, each whole or not at
-    /// all.
+    /// Writes `body_clean.ply` and `skeleton.json` into an existing folder, each atomically.
     ///
     /// # Errors
     ///
-    /// What the system says.
+    /// [`TemplateError::Write`].
     pub fn write(&self, folder: &Path) -> Result<(), TemplateError> {
         let (mesh, skeleton) = (folder.join(MESHES[0]), folder.join(SKELETON));
         if_mesh::atomic::write::<io::Error>(&skeleton, |file| self.skeleton.write(file))
@@ -129,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_name_the_file() {
+    fn errors_name_the_file() {
         let folder = tempfile::tempdir().unwrap();
         let error = TemplateBody::read(folder.path()).unwrap_err();
         assert!(
@@ -158,5 +162,16 @@ mod tests {
             matches!(&error, TemplateError::Weights { .. }) && error.to_string().contains("`j0`"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn a_body_that_lies_down_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let flat = |p: &Point| Point::new(p.x, 0.1 * p.y, p.z);
+        let mesh = template().mesh;
+        let mesh = mesh.with_vertices(mesh.vertices().iter().map(flat).collect()).unwrap();
+        TemplateBody { mesh, ..template() }.write(folder.path()).unwrap();
+        let error = TemplateBody::read(folder.path()).unwrap_err();
+        assert!(matches!(&error, TemplateError::NotUpright { .. }), "{error}");
     }
 }

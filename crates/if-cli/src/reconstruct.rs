@@ -9,7 +9,7 @@ use crate::errors::{self, Told};
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use clap::Args;
-use if_body::template::TemplateBody;
+use if_body::TemplateBody;
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
 use if_mesh::whole_folder::{PATIENCE, Writer};

@@ -56,7 +56,7 @@ pub(crate) fn run(args: &SynthArgs) -> Result<End, Report> {
             errors::note(&format!("cancelled; `{}` was not written", args.out.display()));
             return Ok(End::Cancelled);
         }
-        Err(source @ (SynthError::Param { .. } | SynthError::Mannequin(_))) => {
+        Err(source @ SynthError::Parameter(_)) => {
             return Err(SynthFault::Params { source }.into());
         }
         Err(source @ SynthError::Capture(CaptureError::BadName { .. })) => {

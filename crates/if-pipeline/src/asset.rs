@@ -24,7 +24,7 @@ pub use class::{GarmentClass, LayerHint, is_wearable};
 pub use error::AssetError;
 pub use info::{AssetInfo, BodyRef, FileInfo, Opening, Phi, Provenance};
 
-use if_body::skin_weights::SkinWeights;
+use if_body::SkinWeights;
 use if_core::mesh::TriMesh;
 use if_mesh::baked::Baked;
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};

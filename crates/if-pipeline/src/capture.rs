@@ -14,7 +14,7 @@ pub use error::CaptureError;
 pub use picture::PictureError;
 pub use write::{CaptureWriter, FramePictures, Subject};
 
-use if_body::skeleton::{Pose, Skeleton};
+use if_body::{Pose, Skeleton};
 use if_mesh::camera::Camera;
 use meta::Meta;
 use picture::Kind;

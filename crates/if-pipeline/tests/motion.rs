@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // also in what the tests share
 
+use if_body::TemplateBody;
 use if_body::mannequin::{Garment, MannequinParams};
-use if_body::template::TemplateBody;
 use if_core::closest::ClosestPoint;
 use if_core::math::Real;
 use if_mesh::index::Bvh;

@@ -3,9 +3,9 @@
 
 #![allow(clippy::unwrap_used)] // also in what the tests share
 
-use if_body::skeleton::{Joint, Pose, Skeleton};
-use if_body::skin_weights::SkinWeights;
-use if_body::template::TemplateBody;
+use if_body::SkinWeights;
+use if_body::TemplateBody;
+use if_body::{Joint, Pose, Skeleton};
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::icosphere;

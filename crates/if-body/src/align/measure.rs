@@ -1,4 +1,4 @@
-//! What an alignment did to a garment.
+//! Reports of alignments.
 
 use super::{BodyMap, Method};
 use if_core::math::Real;
@@ -8,20 +8,20 @@ use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// What an alignment did to a garment. Strain is against the garment on its own body: most of it is
-/// the difference of the bodies, which a garment made for the other body has too.
+/// Report of an alignment. Strain is relative to the garment on its own body: most of it is the
+/// difference of the bodies, which a garment made for the other body would have, too.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct AlignReport {
-    /// How the bodies were brought together.
+    /// How the bodies were matched.
     pub method: Method,
     /// [`BodyMap::residual`], in metres.
     pub residual: Real,
-    /// How far vertices moved.
+    /// Displacement of the vertices.
     pub moved: Displacement,
-    /// How much edges changed.
+    /// Strain of the edges.
     pub strain: Strain,
-    /// Share of vertices inside the body: on the garment's own one before, on the other after.
+    /// Share of vertices inside the body: the source body before, the target body after.
     pub inside: [Real; 2],
 }
 
@@ -29,7 +29,7 @@ pub struct AlignReport {
 ///
 /// # Panics
 ///
-/// If the two garments have not equally many vertices.
+/// If the two garments have different numbers of vertices.
 pub fn measure(
     map: &BodyMap,
     (before, own): (&TriMesh, &ClosedLayer),

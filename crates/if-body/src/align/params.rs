@@ -1,26 +1,30 @@
-//! How to align, and why it cannot be done.
+//! Parameters and errors of alignment.
 
+use crate::skin_weights::SkinError;
 use if_core::math::Real;
 use if_core::mesh::MeshError;
+use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
-/// How [`super::BodyMap`] carries points.
+/// Parameters of [`BodyMap`](crate::BodyMap).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AlignParams {
-    /// Sites that a point is carried by. Fewer make the field less smooth far from the body.
+    /// Number of nearest sites that move a point. Fewer make the field less smooth far from the
+    /// body.
     pub neighbours: usize,
-    /// Width of the kernel next to the body, in metres. Wider averages over a limb: what is tight
-    /// goes inside.
+    /// Width of the kernel at the body, in metres. A larger width averages over a limb, so that
+    /// tight garments end up inside the body.
     pub least_width: Real,
     /// Width of the kernel as a multiple of the distance to the body.
     pub growth: Real,
-    /// Weight of a site that shares no joint with the point, against 1 of one that shares all.
+    /// Weight of a site that shares no joint with the point, relative to 1 for equal weights.
     pub skin_floor: Real,
-    /// A registration whose mean distance to the target is more than this share of the body's
-    /// height is given up.
+    /// Largest mean distance of a registration from the target, as a share of the body's height.
+    /// Beyond, a similarity is used instead.
     pub poor: Real,
-    /// A registration that turns over more than this share of the source's area is given up.
+    /// Largest share of the source's area that a registration may flip. Beyond, a similarity is
+    /// used instead.
     pub turned: Real,
 }
 
@@ -42,75 +46,44 @@ impl AlignParams {
     ///
     /// # Errors
     ///
-    /// [`AlignError::Parameter`] with the first out of range.
-    pub fn validate(&self) -> Result<(), AlignError> {
+    /// The first parameter that is out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
         let positive = |x: Real| x > 0.0 && x.is_finite();
-        let checks = [
-            ("neighbours", self.neighbours as Real, self.neighbours >= 4, "it must be at least 4"),
-            (
-                "least_width",
-                self.least_width,
-                positive(self.least_width),
-                "it must be a positive number of metres",
-            ),
-            (
-                "growth",
-                self.growth,
-                self.growth >= 0.0 && self.growth.is_finite(),
-                "it must be a number, zero or more",
-            ),
-            (
-                "skin_floor",
-                self.skin_floor,
-                positive(self.skin_floor),
-                "it must be a number above zero",
-            ),
-            (
-                "poor",
-                self.poor,
-                self.poor >= 0.0 && self.poor.is_finite(),
-                "it must be a share, zero or more",
-            ),
-            (
-                "turned",
-                self.turned,
-                self.turned >= 0.0 && self.turned.is_finite(),
-                "it must be a share, zero or more",
-            ),
-        ];
-        match checks.into_iter().find(|c| !c.2) {
-            Some((name, value, _, help)) => Err(AlignError::Parameter { name, value, help }),
-            None => Ok(()),
-        }
+        let non_negative = |x: Real| x >= 0.0 && x.is_finite();
+        let Self { neighbours, least_width, growth, skin_floor, poor, turned } = *self;
+        let check = ParameterError::check;
+        check("neighbours", neighbours as Real, neighbours >= 4, "at least 4")?;
+        check("least_width", least_width, positive(least_width), "positive (m)")?;
+        check("growth", growth, non_negative(growth), "zero or positive")?;
+        check("skin_floor", skin_floor, positive(skin_floor), "positive")?;
+        check("poor", poor, non_negative(poor), "zero or positive")?;
+        check("turned", turned, non_negative(turned), "zero or positive")
     }
 }
 
-/// Why a garment is not aligned.
+/// A garment cannot be aligned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages say what the fields are
 pub enum AlignError {
     /// A parameter is out of range.
-    #[error("parameter `{name}` of the alignment is {value}; {help}")]
-    Parameter { name: &'static str, value: Real, help: &'static str },
-    /// A body that is a point or nothing.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// A body has no height.
     #[error("the {which} body is {height} m high; give a mesh of a person, in metres")]
     NoHeight { which: &'static str, height: Real },
-    /// A body without triangles.
-    #[error("the {which} body has no triangles; give a surface, not a cloud of points")]
+    /// A body has no triangles.
+    #[error("the {which} body has no triangles; give a surface, not a point cloud")]
     NoSurface { which: &'static str },
-    /// Weights for another mesh.
-    #[error("{records} records of skinning weights for {points} points; one each is needed")]
-    SkinCount { points: usize, records: usize },
-    /// A weight for a joint that the pose does not have.
-    #[error("a vertex hangs on joint {joint}, but the pose has {joints} joints (0 is the first)")]
-    Joint { joint: usize, joints: usize },
-    /// The transforms of a vertex cancel one another.
+    /// Skinning weights do not match a mesh or a pose.
+    #[error(transparent)]
+    Skin(#[from] SkinError),
+    /// The blended transform of a vertex is singular.
     #[error(
         "the blended transform of vertex {vertex} has no inverse; correct its weights, or give another pose"
     )]
     Singular { vertex: usize },
-    /// A position is no number.
-    #[error("{0}")]
-    Mesh(MeshError),
+    /// A position is not finite.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
 }

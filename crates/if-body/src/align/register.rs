@@ -1,13 +1,13 @@
-//! Bends the surface of one body onto that of another.
+//! Non-rigid registration: deforms the surface of one body onto that of another.
 //!
 //! ```text
 //! for rounds of diffusion n = 256, 256, 128, …, 4:
 //!     r = nearest point of the target − vertex    where it is near and faces the same way
-//!     vertices += r, diffused n times over the edges, normalised by the diffused count of those that have an r
+//!     vertices += r, diffused n times over the edges, normalised by the diffused count of vertices with an r
 //! ```
 //!
-//! Wide diffusion first moves whole limbs, narrow diffusion last fits details; vertices that find
-//! nothing follow their neighbours. The result depends on no order and no random choice.
+//! Wide diffusion moves whole limbs first, narrow diffusion fits details last; vertices without r
+//! follow their neighbours. The result is deterministic and independent of the order of vertices.
 
 use super::AlignParams;
 use if_core::closest::ClosestPoint;
@@ -20,16 +20,16 @@ use rayon::prelude::*;
 
 /// Rounds of diffusion, one entry for each search of nearest points.
 const ROUNDS: [usize; 16] = [256, 256, 256, 128, 128, 128, 64, 64, 32, 32, 16, 16, 8, 8, 4, 4];
-/// A nearest point counts up to this share of the target's height away.
-const REACH: Real = 0.06;
-/// Least cosine between the normals of a vertex and of its nearest point: fingers and folds face
-/// other ways.
+/// Largest distance of a nearest point, as a share of the target's height.
+const SEARCH_RADIUS: Real = 0.06;
+/// Least cosine between the normals of a vertex and of its nearest point, to reject opposite sides
+/// of fingers and folds.
 const FACING: Real = 0.5;
 
 pub(super) struct Registered {
-    /// Of the source's vertices.
+    /// Positions of the source's vertices.
     pub(super) positions: Vec<Point>,
-    /// Mean distance of them from the target's surface, in metres.
+    /// Their mean distance from the target's surface, in metres.
     pub(super) residual: Real,
     /// Share of the source's area whose triangles turned by more than a right angle.
     pub(super) turned: Real,
@@ -41,19 +41,19 @@ impl Registered {
     }
 }
 
-/// Bends `source`, whose vertices begin at `start`, onto `target`.
+/// Registers `source`, whose vertices start at `start`, with `target`.
 pub(super) fn register(source: &TriMesh, target: &TriMesh, start: Vec<Point>) -> Registered {
     let (tree, normals) = (Bvh::new(target), face_normals(target, target.vertices()));
-    let reach = REACH * target.aabb().size().y;
+    let radius = SEARCH_RADIUS * target.aabb().size().y;
     let graph = Graph::new(source);
     let mut positions = start.clone();
     for rounds in ROUNDS {
-        let own = vertex_normals(source, &positions);
+        let vertex_normals = vertex_normals(source, &positions);
         let found: Vec<Option<Vector>> = positions
             .par_iter()
-            .zip(&own)
+            .zip(&vertex_normals)
             .map(|(p, n)| {
-                let near = tree.closest(p, reach)?;
+                let near = tree.closest(p, radius)?;
                 (normals[near.triangle as usize].dot(n) >= FACING).then(|| near.point - p)
             })
             .collect();
@@ -65,7 +65,7 @@ pub(super) fn register(source: &TriMesh, target: &TriMesh, start: Vec<Point>) ->
     Registered { positions, residual, turned }
 }
 
-/// Mean distance of points from a surface, in metres; zero where there are none.
+/// Mean distance of points from a surface, in metres; zero for no points.
 pub(super) fn residual(points: impl Iterator<Item = Point>, target: &TriMesh) -> Real {
     let tree = Bvh::new(target);
     let points: Vec<Point> = points.collect();
@@ -76,7 +76,7 @@ pub(super) fn residual(points: impl Iterator<Item = Point>, target: &TriMesh) ->
     distances.iter().sum::<Real>() / distances.len().max(1) as Real
 }
 
-/// Share of the area whose normals point away from where they did.
+/// Share of the area whose normals turned by more than a right angle.
 fn turned(mesh: &TriMesh, before: &[Point], after: &[Point]) -> Real {
     let (mut all, mut turned) = (0.0, 0.0);
     for t in mesh.triangles() {
@@ -96,7 +96,7 @@ fn face_normals(mesh: &TriMesh, at: &[Point]) -> Vec<Vector> {
     mesh.triangles().iter().map(normal).collect()
 }
 
-/// Weighted by area; zero where a vertex has no triangles.
+/// Area-weighted; zero for vertices without triangles.
 fn vertex_normals(mesh: &TriMesh, at: &[Point]) -> Vec<Vector> {
     let mut normals = vec![Vector::zeros(); at.len()];
     for t in mesh.triangles() {
@@ -114,8 +114,9 @@ impl Graph {
         Self(Edges::new(mesh).neighbours(mesh.vertices().len()))
     }
 
-    /// The values spread over the edges, `rounds` times half and half with the mean of the
-    /// neighbours, and divided by what the count of values spreads to. Zero where none arrives.
+    /// Normalised diffusion: `rounds` times each value becomes the mean of itself and the mean of
+    /// its neighbours, then the sum is divided by the diffused count of values. Zero where that
+    /// count is zero.
     fn diffused(&self, values: &[Option<Vector>], rounds: usize) -> Vec<Vector> {
         let mut now: Vec<[Real; 4]> =
             values.iter().map(|v| v.map_or([0.0; 4], |v| [v.x, v.y, v.z, 1.0])).collect();

@@ -1,12 +1,11 @@
-//! One rotation, scale and translation from body to body; and, joint by joint, where a registration
-//! starts from.
+//! Similarities between bodies, and the bone-wise start of a registration.
 
 use super::{AlignError, BodyShape};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use nalgebra::{Matrix3, Rotation3};
 
-/// y = s R (x − a) + b.
+/// A similarity: y = s R (x − a) + b.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Similarity {
     rotation: Rotation3<Real>,
@@ -15,13 +14,12 @@ pub struct Similarity {
     to: Point,
 }
 
-/// Joints of the same name that a rotation is taken from at least.
-const JOINTS: usize = 3;
+/// Least number of common joints to estimate a rotation.
+const LEAST_JOINTS: usize = 3;
 
 impl Similarity {
-    /// The one that fits best in the least squares' sense from the joints of one body to those of
-    /// the same names of the other; where there are none, the one that keeps the axes and brings
-    /// height, ground and middle together.
+    /// The least-squares similarity between the joints that have the same names on both bodies;
+    /// without enough of them, the one without rotation that matches height, ground and centre.
     ///
     /// # Source
     ///
@@ -30,7 +28,7 @@ impl Similarity {
     ///
     /// # Errors
     ///
-    /// A body without height.
+    /// A body has no height.
     pub fn between(from: &BodyShape, to: &BodyShape) -> Result<Self, AlignError> {
         let (a, b) = (from.mesh.aabb(), to.mesh.aabb());
         let height = |aabb: &Aabb, which| {
@@ -46,7 +44,7 @@ impl Similarity {
         Ok(Self { rotation: Rotation3::identity(), scale, from: foot(&a), to: foot(&b) })
     }
 
-    /// Where a point goes.
+    /// The image of a point.
     #[inline]
     pub fn point(&self, p: &Point) -> Point {
         self.to + self.rotation * (p - self.from) * self.scale
@@ -58,7 +56,7 @@ impl Similarity {
     }
 }
 
-/// Heads of the joints that both bodies have.
+/// Positions of the joints that have the same names on both bodies.
 fn same_joints(from: &BodyShape, to: &BodyShape) -> Vec<(Point, Point)> {
     let (Some(a), Some(b)) = (from.skeleton, to.skeleton) else { return Vec::new() };
     let twin = |name: &str| b.joints().iter().find(|j| j.name == name);
@@ -66,7 +64,7 @@ fn same_joints(from: &BodyShape, to: &BodyShape) -> Vec<(Point, Point)> {
 }
 
 fn umeyama(pairs: &[(Point, Point)]) -> Option<Similarity> {
-    if pairs.len() < JOINTS {
+    if pairs.len() < LEAST_JOINTS {
         return None;
     }
     let n = pairs.len() as Real;
@@ -77,7 +75,7 @@ fn umeyama(pairs: &[(Point, Point)]) -> Option<Similarity> {
         pairs.iter().map(|p| (p.1 - to) * (p.0 - from).transpose()).sum::<Matrix3<Real>>() / n;
     let svd = covariance.svd(true, true);
     let (u, v) = (svd.u?, svd.v_t?);
-    // Joints along one line leave the turn about it open.
+    // Collinear joints do not determine the rotation about their line.
     if spread <= 0.0 || svd.singular_values[1] <= 1e-9 * svd.singular_values[0] {
         return None;
     }
@@ -88,8 +86,8 @@ fn umeyama(pairs: &[(Point, Point)]) -> Option<Similarity> {
     (scale > 0.0).then_some(Similarity { rotation, scale, from, to })
 }
 
-/// Where the vertices of the source begin: moved with the bones, where both bodies have the same
-/// and the source has weights.
+/// The start of a registration: vertices moved with the bones, if both bodies have bones of the same
+/// names and the source has weights; else by the similarity.
 pub(super) fn start(from: &BodyShape, to: &BodyShape, similarity: &Similarity) -> Vec<Point> {
     let all = || from.mesh.vertices().iter().map(|p| similarity.point(p)).collect();
     let (Some(a), Some(b), Some(skin)) = (from.skeleton, to.skeleton, from.skin) else {
@@ -101,7 +99,7 @@ pub(super) fn start(from: &BodyShape, to: &BodyShape, similarity: &Similarity) -
         let (u, v) = (j.tail - j.head, twin.tail - twin.head);
         let rotation =
             Rotation3::rotation_between(&u, &v).filter(|_| unit_or_zero(&u) != Vector::zeros())?;
-        // Bones differ in length by more than limbs do in girth.
+        // The geometric mean: bones differ more in length than limbs do in girth.
         Some(Similarity {
             rotation,
             scale: (v.norm() / u.norm() * similarity.scale).sqrt(),
@@ -128,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_similarity_of_points_that_have_one_is_found() {
+    fn an_exact_similarity_is_recovered() {
         let truth = Similarity {
             rotation: Rotation3::from_euler_angles(0.3, -0.7, 1.1),
             scale: 1.3,

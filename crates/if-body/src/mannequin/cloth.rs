@@ -1,7 +1,7 @@
-//! The patterns of garments: what a garment hangs on, how far from it, and where it is cut open.
+//! The patterns of garments: the parts below them, their ease, and where they are cut open.
 //!
-//! Each garment hangs on the parts of those below it and some of its own, with a wider ease:
-//! without dips, layers lie over one another without touching.
+//! Each garment covers the parts of those below it and some of its own, with a wider ease: without
+//! dips, layers do not touch.
 
 use crate::mannequin::Garment;
 use crate::mannequin::figure::{ELBOW, SHOULDER, WRIST, arms, figure, shins, thighs, torso};
@@ -10,15 +10,15 @@ use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
 use std::f64::consts::TAU;
 
-/// All that makes a garment.
+/// The pattern of a garment.
 pub(super) struct Pattern {
     /// Its surface, closed.
     pub(super) shape: Shape,
-    /// Cell of the lattice on which it is marched, in metres.
+    /// Cell size of the lattice of the extraction, in metres.
     pub(super) cell: Real,
-    /// Where that lattice lies: different for each garment.
+    /// Offset of that lattice, different for each garment.
     pub(super) phase: [Real; 3],
-    /// What is cut off: where a formula is positive.
+    /// Cuts: the surface is removed where a formula is positive.
     pub(super) cuts: Vec<Formula>,
 }
 
@@ -32,7 +32,7 @@ pub(super) fn pattern(kind: Garment, overlap: Real) -> Pattern {
         Garment::Coat => (coat(), 0.0165, [0.28, 0.87, 0.33], coat_cuts()),
     };
     if overlap > 0.0 {
-        // The last number is the height of the waves above which they dip.
+        // The layers it dips into, depth, wavelength, seed, and the wave height above which it dips.
         let (into, depth, length, seed, above) = match kind {
             Garment::Trousers => (vec![figure()], 0.005, 0.24, 1, -0.1),
             Garment::Tshirt => (vec![figure()], 0.008, 0.23, 4, -0.2),
@@ -128,7 +128,7 @@ fn coat_cuts() -> Vec<Formula> {
     ]
 }
 
-/// What a T-shirt, and everything over it, hangs on.
+/// The parts that a T-shirt, and everything over it, covers.
 fn shirt_parts() -> Vec<Part> {
     let mut parts = torso();
     parts.extend(thighs());
@@ -145,7 +145,7 @@ fn shirt_parts() -> Vec<Part> {
     parts
 }
 
-/// What a skirt, and everything over it, hangs on below the waist.
+/// The bell that a skirt, and everything over it, covers below the waist.
 fn bell() -> Part {
     let ring = |y, half_width, half_depth, z| Ring { y, half_width, half_depth, z };
     let rings = vec![
@@ -196,7 +196,7 @@ fn turn(p: &Point) -> Real {
 
 /// Cuts both sleeves `at` metres behind `from` on the way to `to`.
 fn cuff(from: Point, to: Point, at: Real) -> Formula {
-    /// Half the width of a sleeve, at most. Beyond, it is no sleeve.
+    /// Largest half width of a sleeve, in metres: farther away the cut has no effect.
     const SLEEVE: Real = 0.14;
     let axis = (to - from).normalize();
     Box::new(move |p| {

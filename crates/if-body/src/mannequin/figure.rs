@@ -11,7 +11,7 @@ pub(super) const ELBOW: Point = Point::new(0.346, 1.152, -0.028);
 /// The left wrist.
 pub(super) const WRIST: Point = Point::new(0.506, 0.964, 0.012);
 
-/// A part and its mirror image.
+/// A part, and its mirror image in x = 0.
 fn both(solid: Solid, blend: Real) -> [Part; 2] {
     let left = Part::new(solid, blend);
     [left.clone(), left.mirrored()]
@@ -80,7 +80,7 @@ pub(super) fn arms() -> Vec<Part> {
     parts
 }
 
-/// What looks out of clothes: head, hands and feet.
+/// Parts that clothes do not cover: head, hands and feet.
 fn extremities() -> Vec<Part> {
     let mut parts = vec![
         Part::new(egg([0.0, 1.598, 0.008], [0.072, 0.096, 0.090]), 0.020), // skull

@@ -1,13 +1,14 @@
-//! The joints of the mannequin, and how its skin and clothes hang on them.
+//! The skeleton, skinning weights and poses of the mannequin.
 
 use crate::mannequin::figure::{ELBOW, LEG, SHOULDER, WRIST};
-use crate::skeleton::{Joint, Pose, Skeleton};
+use crate::pose::Pose;
+use crate::skeleton::{Joint, Skeleton};
 use crate::skin_weights::SkinWeights;
 use if_core::math::{Point, Real, Vector};
 use nalgebra::UnitQuaternion;
 use std::f64::consts::TAU;
 
-/// Name, parent, where the bone begins and where it ends, on the left side of the body.
+/// Name, parent, head and tail of each bone.
 fn bones() -> Vec<(&'static str, Option<usize>, Point, Point)> {
     let middle = |y: Real, z: Real| Point::new(0.0, y, z);
     let hand = WRIST + (WRIST - ELBOW) * 0.4;
@@ -42,17 +43,17 @@ pub fn skeleton() -> Skeleton {
         tail,
     };
     Skeleton::new(bones().into_iter().map(joint).collect())
-        .expect("the bones stand in order, under different names")
+        .expect("parents come before children, and names are unique")
 }
 
-/// How fast a bone loses its hold with distance: a weight goes as distance to minus this power. 4
-/// lets the torso drag the arms, 16 makes joints sharp.
+/// Exponent of the decay of weights with distance. With 4 the torso pulls the arms along, with 16
+/// joints are sharp.
 const POWER: i32 = 8;
-/// Bones are this thick at least, in metres: nothing has distance zero.
+/// Least distance to a bone, in metres: no distance is zero.
 const THICKNESS: Real = 0.02;
 
-/// Weights by distance to the bones, the four nearest: the same for skin and for cloth at one
-/// place, so that layers move together.
+/// Weights by the distance to the four nearest bones: equal for skin and cloth at one position, so
+/// that layers move together.
 pub fn skin_weights(rest: &[Point]) -> SkinWeights {
     let bones = bones();
     let (mut joints, mut weights) =
@@ -65,13 +66,13 @@ pub fn skin_weights(rest: &[Point]) -> SkinWeights {
             .collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let least = near[0].0;
-        let hold: Vec<Real> = near[..4].iter().map(|(d, _)| (least / d).powi(POWER)).collect();
-        let sum: Real = hold.iter().sum();
+        let share: Vec<Real> = near[..4].iter().map(|(d, _)| (least / d).powi(POWER)).collect();
+        let sum: Real = share.iter().sum();
         joints.push([0, 1, 2, 3].map(|k| near[k].1));
-        weights.push([0, 1, 2, 3].map(|k| (hold[k] / sum) as f32));
+        weights.push([0, 1, 2, 3].map(|k| (share[k] / sum) as f32));
     }
     SkinWeights::new(joints, weights, bones.len())
-        .expect("every bone is a joint, and shares sum to one")
+        .expect("every bone is a joint, and weights sum to one")
 }
 
 fn to_segment(p: &Point, a: &Point, b: &Point) -> Real {
@@ -80,8 +81,8 @@ fn to_segment(p: &Point, a: &Point, b: &Point) -> Real {
     (p - (a + along * s)).norm()
 }
 
-/// The pose in one of `frames` frames of a full turn about the y axis, the arms swinging a little
-/// and the body swaying, as a person does who turns on the spot.
+/// The pose in one of `frames` frames of a full turn about the y axis, with slightly swinging arms
+/// and swaying body.
 pub fn turning_pose(frame: usize, frames: usize) -> Pose {
     let phase = TAU * frame as Real / frames.max(1) as Real;
     let skeleton = skeleton();
@@ -112,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hand_hangs_on_its_forearm_and_the_navel_on_no_limb() {
+    fn the_hand_follows_the_forearm_and_the_navel_no_limb() {
         let skeleton = skeleton();
         let skin =
             skin_weights(&[WRIST, Point::new(0.0, 1.10, 0.09), Point::new(-0.102, 0.47, 0.05)]);

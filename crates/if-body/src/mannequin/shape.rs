@@ -1,19 +1,18 @@
-//! Smooth shapes: round parts that melt into one another, and an ease that moves the surface
-//! outwards.
+//! Implicit shapes: smoothly blended parts, and an ease that offsets the surface outwards.
 
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
 
-/// A number at each point, such as a length in metres.
+/// A function of position, such as a length in metres.
 pub(super) type Formula = Box<dyn Fn(&Point) -> Real + Send + Sync>;
 
-/// A solid that stands for a piece of body or cloth.
+/// A solid part of a body or garment.
 #[derive(Clone, Debug)]
 pub(super) enum Solid {
-    /// All points between two balls and in them.
+    /// The convex hull of two balls.
     Cone { from: Point, to: Point, from_radius: Real, to_radius: Real },
-    /// `axes` have unit length and right angles.
+    /// An ellipsoid; `axes` are orthonormal.
     Ellipsoid { center: Point, axes: [Vector; 3], radii: [Real; 3] },
     /// Horizontal ellipses about x = 0, smoothly joined, lowest first; its ends are rounded by
     /// `round` metres.
@@ -29,13 +28,13 @@ pub(super) struct Ring {
     pub(super) z: Real,
 }
 
-/// A solid and how it joins what stands before it in the list.
+/// A solid, and its blend with the parts before it in the list.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     solid: Solid,
-    /// Width of the seam where it melts into what is there already, in metres.
+    /// Width of the blend with the parts before it, in metres.
     blend: Real,
-    /// A ball round it.
+    /// Its bounding ball.
     center: Point,
     radius: Real,
 }
@@ -47,13 +46,13 @@ impl Part {
                 .inflated(*from_radius)
                 .merged(&Aabb { min: *to, max: *to }.inflated(*to_radius)),
             Solid::Ellipsoid { center, axes, radii } => {
-                let reach =
+                let extent =
                     |k: usize| (0..3).map(|i| (axes[i][k] * radii[i]).powi(2)).sum::<Real>().sqrt();
-                let half = Vector::new(reach(0), reach(1), reach(2));
+                let half = Vector::new(extent(0), extent(1), extent(2));
                 Aabb { min: center - half, max: center + half }
             }
             Solid::Loft { rings, .. } => rings.iter().fold(Aabb::EMPTY, |b, r| {
-                // Between rings the width may exceed both by a little.
+                // Between two rings the width may slightly exceed both.
                 let (w, d) = (1.03 * r.half_width, 1.03 * r.half_depth);
                 b.grown_to(&Point::new(-w, r.y, r.z - d)).grown_to(&Point::new(w, r.y, r.z + d))
             }),
@@ -61,7 +60,7 @@ impl Part {
         Self { solid, blend, center: aabb.center(), radius: 0.5 * aabb.diagonal() }
     }
 
-    /// The same part on the other side of x = 0.
+    /// The mirror image in x = 0.
     pub(super) fn mirrored(&self) -> Self {
         let point = |p: &Point| Point::new(-p.x, p.y, p.z);
         let solid = match &self.solid {
@@ -81,14 +80,14 @@ impl Part {
         Self::new(solid, self.blend)
     }
 
-    /// The same part with another seam.
+    /// The part with another blend.
     pub(super) fn blended(self, blend: Real) -> Self {
         Self { blend, ..self }
     }
 }
 
 impl Solid {
-    /// About the distance: exact for cones, of the first order near the surface for the others.
+    /// Signed distance: exact for cones, of first order near the surface for the others.
     fn distance(&self, p: &Point) -> Real {
         match self {
             Solid::Cone { from, to, from_radius, to_radius } => {
@@ -117,7 +116,7 @@ fn cone(p: &Point, from: &Point, to: &Point, r0: Real, r1: Real) -> Real {
     let rr = r0 - r1;
     let a2 = length2 - rr * rr;
     if a2 <= 0.0 {
-        // One ball holds the other.
+        // One ball contains the other.
         return d.norm().min(Real::INFINITY) - r0.max(r1);
     }
     let y = d.dot(&axis);
@@ -173,7 +172,7 @@ fn between(rings: &[Ring], y: Real) -> ([Real; 3], [Real; 3]) {
     (value.into(), slope.into())
 }
 
-/// The smaller of two numbers, with a seam of width `k` where they are alike.
+/// Smooth minimum with blend width `k`.
 pub(super) fn smooth_min(a: Real, b: Real, k: Real) -> Real {
     let h = (k - (a - b).abs()).max(0.0);
     if h > 0.0 { a.min(b) - h * h / (4.0 * k) } else { a.min(b) }
@@ -185,43 +184,43 @@ pub(super) fn ramp(x: Real, from: Real, to: Real) -> Real {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Parts that melt into one another, moved outwards by an ease, with dips.
+/// Blended parts, offset outwards by an ease, with dips.
 pub(super) struct Shape {
-    /// Each melts into those before it.
+    /// Each is blended with those before it.
     pub(super) parts: Vec<Part>,
-    /// How far the surface lies outside of the parts, in metres.
+    /// Offset of the surface from the parts, in metres.
     pub(super) ease: Formula,
-    /// Where the surface bends inwards.
+    /// Regions in which the surface bends inwards.
     pub(super) dips: Option<Dips>,
-    /// Everything below is cut off by a plane; −∞ for nothing.
+    /// Height of the plane below which the shape is cut off; −∞ for none.
     pub(super) floor: Real,
-    /// Where it is of interest. Its surface may go on beyond.
+    /// The box to extract. The surface may extend beyond it.
     pub(super) region: Aabb,
 }
 
-/// Spots where a surface reaches into shapes below.
+/// Regions in which a surface dips into shapes below.
 pub(super) struct Dips {
     /// The shapes below.
     pub(super) into: Vec<Shape>,
-    /// How deep it reaches into them, in metres.
+    /// Depth below their surface, in metres.
     pub(super) depth: Real,
-    /// 0 outside of the spots, 1 where the full depth is reached.
+    /// 0 outside the regions, 1 at full depth.
     pub(super) weight: Formula,
 }
 
-/// Blended solids and eases are steeper than distances. Sampled on the shapes here the slope stays
-/// below 2.
+/// Bound on the slope: blends and eases are steeper than distances. Samples of the shapes here have
+/// slopes below 2.
 const LIPSCHITZ: Real = 2.5;
 /// Step of the differences that give the gradient, in metres: 1e-4 smaller than any detail here.
 const STEP: Real = 1e-6;
-/// Width of the edge between the floor and the shape, in metres.
+/// Width of the rounded edge between the floor and the shape, in metres.
 const SOLE: Real = 0.012;
 
 impl SignedDistance for Shape {
     fn distance(&self, p: &Point) -> Real {
         let mut d = Real::INFINITY;
         for part in &self.parts {
-            // A ball round the part tells whether it matters here.
+            // Parts whose bounding ball is too far away have no effect here.
             let least = (p - part.center).norm() - part.radius;
             if least < d + part.blend {
                 d = smooth_min(d, part.solid.distance(p), part.blend);
@@ -239,7 +238,7 @@ impl SignedDistance for Shape {
         -smooth_min(-d, p.y - self.floor, SOLE)
     }
 
-    /// Gradient by differences along four directions, of second order for smooth shapes.
+    /// Gradient by differences along four directions; second-order accurate for smooth shapes.
     fn sample(&self, p: &Point) -> FieldSample {
         const CORNERS: [[Real; 3]; 4] =
             [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];

@@ -1,89 +1,62 @@
-//! Skinning weights for all points of canonical space.
+//! Skinning weights at all points of canonical space.
 
-use super::{Affine, whole};
-use crate::skin_weights::SkinWeights;
+mod spread;
+
+use super::Affine;
+use crate::skin_weights::{SkinError, SkinWeights};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
-use if_mesh::point_tree::PointTree;
+use if_core::parameter::ParameterError;
 use nalgebra::{Isometry3, Matrix3};
 use rayon::prelude::*;
 
-/// How [`WeightGrid`] is made.
+/// Parameters of [`WeightGrid::new`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WeightGridParams {
-    /// Distance of neighbouring nodes, in metres.
+    /// Distance between neighbouring nodes, in metres.
     pub cell: Real,
-    /// How far the grid goes beyond the body's box, along each axis, in metres.
+    /// Margin around the body's bounding box along each axis, in metres.
     pub margin: Vector,
-    /// How many of the body's vertices a node takes the mean of.
+    /// Number of nearest vertices whose weights are averaged at a node.
     pub neighbours: usize,
     /// Rounds of smoothing over the six neighbours.
     pub rounds: usize,
 }
 
 impl Default for WeightGridParams {
-    /// The margins, neighbours and rounds of the lineage; nodes 2 cm apart.
+    /// The margins, neighbours and rounds of SelfRecon; nodes 2 cm apart.
     fn default() -> Self {
         Self { cell: 0.02, margin: Vector::new(0.15, 0.15, 0.20), neighbours: 30, rounds: 30 }
     }
 }
 
-/// Why there is no grid.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum WeightGridError {
-    /// Nothing to take weights from.
-    #[error("a grid of weights needs vertices and joints; there are {vertices} and {joints}")]
-    Empty {
-        /// Vertices given.
-        vertices: usize,
-        /// Joints given.
-        joints: usize,
-    },
-    /// Not one record for each vertex.
-    #[error("{vertices} vertices with {weights} records of weights")]
-    Count {
-        /// Vertices given.
-        vertices: usize,
-        /// Records given.
-        weights: usize,
-    },
-    /// A vertex hangs on a joint that is not there.
-    #[error("vertex {vertex} hangs on joint {joint}, but there are only {joints}")]
-    Joint {
-        /// Which vertex.
-        vertex: usize,
-        /// The joint it names.
-        joint: u16,
-        /// How many there are.
-        joints: usize,
-    },
-    /// A parameter is out of range.
-    #[error("{name} = {value}: {needs}")]
-    Parameter {
-        /// Its name.
-        name: &'static str,
-        /// Its value.
-        value: Real,
-        /// What it has to be.
-        needs: &'static str,
-    },
+impl WeightGridParams {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter that is out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let check = ParameterError::check;
+        check("cell", self.cell, self.cell > 0.0 && self.cell.is_finite(), "positive (m)")?;
+        for margin in self.margin.iter().copied() {
+            check("margin", margin, margin.is_finite() && margin >= 0.0, "zero or positive (m)")?;
+        }
+        check("neighbours", self.neighbours as Real, self.neighbours > 0, "at least 1")
+    }
 }
 
-/// Weights that a grid may have, nodes by joints: they take 2 GB, and smoothing as much again.
+/// Largest number of weights, nodes times joints: 2 GB, and smoothing needs as much again.
 const MOST_WEIGHTS: Real = 500e6;
-/// Nearer to a vertex than this, in metres, a node takes the weights as if it were so far away. A
-/// thousand times less than a cell: ten times more or less changes weights by less than the
-/// smoothing does.
-const NEAREST: Real = 2e-5;
-
-/// The body's skinning weights, spread into the space round it: at each node the inverse-distance
-/// mean of the nearest vertices' weights, then smoothed, read trilinearly. Outside its box, the
-/// value at the nearest point of the box.
+/// A body's skinning weights, extended into the space around it.
+///
+/// A node holds the inverse-distance mean of the nearest vertices' weights, smoothed over its
+/// neighbours. Between nodes weights are trilinear; outside the box they are those at the nearest
+/// point of the box.
 ///
 /// # Source
 ///
-/// The lineage of SelfRecon [Jiang et al. 2022]; the numbers are ours.
+/// SelfRecon [Jiang et al. 2022] and its predecessors; the numbers are ours.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WeightGrid {
     min: Point,
@@ -95,50 +68,32 @@ pub struct WeightGrid {
 }
 
 impl WeightGrid {
-    /// Spreads the weights of a body's vertices (canonical, metres) over the grid.
+    /// Extends the weights of a body's vertices (canonical space, metres).
     ///
     /// # Errors
     ///
-    /// [`WeightGridError`].
+    /// [`SkinError`]: no vertices or joints, weights of another mesh or skeleton, or parameters out
+    /// of range.
     pub fn new(
         points: &[Point],
         skin: &SkinWeights,
         joints: usize,
         params: &WeightGridParams,
-    ) -> Result<Self, WeightGridError> {
-        let (vertices, weights) = (points.len(), skin.len());
+    ) -> Result<Self, SkinError> {
+        let vertices = points.len();
         if vertices == 0 || joints == 0 {
-            return Err(WeightGridError::Empty { vertices, joints });
+            return Err(SkinError::Empty { vertices, joints });
         }
-        if vertices != weights {
-            return Err(WeightGridError::Count { vertices, weights });
-        }
-        if let Some((vertex, joint)) = skin.beyond(joints) {
-            return Err(WeightGridError::Joint { vertex, joint, joints });
-        }
-        let parameter = |name, value, needs| Err(WeightGridError::Parameter { name, value, needs });
-        if !(params.cell > 0.0 && params.cell.is_finite()) {
-            return parameter("cell", params.cell, "a length above zero, in metres");
-        }
-        if let Some(margin) = params.margin.iter().copied().find(|m| !(m.is_finite() && *m >= 0.0))
-        {
-            return parameter("margin", margin, "a length of at least zero, in metres");
-        }
-        if params.neighbours == 0 {
-            return parameter("neighbours", 0.0, "at least 1");
-        }
+        skin.check(vertices, joints)?;
+        params.validate()?;
         let body = Aabb::from_points(points);
         let min = body.min - params.margin;
         let size = (body.max - body.min) + 2.0 * params.margin;
         let counts = [0, 1, 2].map(|k| (size[k] / params.cell).ceil() + 1.0);
-        let fits = counts.iter().product::<Real>() * joints as Real <= MOST_WEIGHTS; // false where points are no numbers
-        if !fits {
-            return parameter(
-                "cell",
-                params.cell,
-                "longer: the grid would have more than 500 million weights, one for each node and joint",
-            );
-        }
+        // False for positions that are not finite, too.
+        let fits = counts.iter().product::<Real>() * joints as Real <= MOST_WEIGHTS;
+        let range = "larger: the grid would have more than 500 million weights, one for each node and joint";
+        ParameterError::check("cell", params.cell, fits, range)?;
         let nodes = counts.map(|n| (n as usize).max(2));
         let mut grid = Self { min, cell: params.cell, nodes, joints, weights: Vec::new() };
         grid.weights = grid.gathered(points, skin, params.neighbours);
@@ -148,83 +103,19 @@ impl WeightGrid {
         Ok(grid)
     }
 
-    fn gathered(&self, points: &[Point], skin: &SkinWeights, neighbours: usize) -> Vec<f32> {
-        let tree = PointTree::new(points);
-        let [nx, ny, nz] = self.nodes;
-        let mut out = vec![0.0; nx * ny * nz * self.joints];
-        out.par_chunks_mut(nx * self.joints).enumerate().for_each(|(row, out)| {
-            let mut found = Vec::with_capacity(neighbours + 1);
-            let mut sum = vec![0.0; self.joints];
-            for (i, node) in out.chunks_exact_mut(self.joints).enumerate() {
-                let p = self.min
-                    + Vector::new(i as Real, (row % ny) as Real, (row / ny) as Real) * self.cell;
-                tree.nearest(&p, neighbours, &mut found);
-                sum.fill(0.0);
-                let mut total = 0.0;
-                for (squared, v) in &found {
-                    let near = 1.0 / squared.sqrt().max(NEAREST);
-                    total += near;
-                    let v = *v as usize;
-                    for (j, w) in skin.joints()[v].iter().zip(&skin.weights()[v]) {
-                        sum[usize::from(*j)] += near * Real::from(*w);
-                    }
-                }
-                node.iter_mut().zip(&sum).for_each(|(o, s)| *o = (s / total) as f32);
-            }
-        });
-        out
-    }
-
-    /// Each node becomes the mean of its neighbours (fewer on the border), renormalised.
-    fn smoothed(&self) -> Vec<f32> {
-        let [nx, ny, nz] = self.nodes;
-        let n = self.joints;
-        let mut out = vec![0.0; self.weights.len()];
-        out.par_chunks_mut(nx * n).enumerate().for_each(|(row, out)| {
-            let (y, z) = (row % ny, row / ny);
-            for (x, node) in out.chunks_exact_mut(n).enumerate() {
-                let mut add = |x: usize, y: usize, z: usize| {
-                    let from = &self.weights[((z * ny + y) * nx + x) * n..][..n];
-                    node.iter_mut().zip(from).for_each(|(o, w)| *o += w);
-                };
-                if x > 0 {
-                    add(x - 1, y, z);
-                }
-                if x + 1 < nx {
-                    add(x + 1, y, z);
-                }
-                if y > 0 {
-                    add(x, y - 1, z);
-                }
-                if y + 1 < ny {
-                    add(x, y + 1, z);
-                }
-                if z > 0 {
-                    add(x, y, z - 1);
-                }
-                if z + 1 < nz {
-                    add(x, y, z + 1);
-                }
-                let sum: f32 = node.iter().sum();
-                node.iter_mut().for_each(|o| *o /= sum);
-            }
-        });
-        out
-    }
-
     /// Number of joints.
     pub fn joints(&self) -> usize {
         self.joints
     }
 
-    /// The box it covers.
+    /// Its bounding box.
     pub fn bounds(&self) -> Aabb {
         let far = Vector::from(self.nodes.map(|n| (n - 1) as Real)) * self.cell;
         Aabb { min: self.min, max: self.min + far }
     }
 
-    /// The eight nodes about `p`: for each its weight and where its numbers start; and the weight's
-    /// slope along x, y, z, in 1/m.
+    /// The eight nodes around `p`: for each its trilinear weight, the gradient of that weight in
+    /// 1/m, and the index of its first number.
     fn corners(&self, p: &Point) -> [(Real, Vector, usize); 8] {
         let mut low = [0usize; 3];
         let mut part = [0.0; 3];
@@ -233,7 +124,7 @@ impl WeightGrid {
             let last = (self.nodes[k] - 1) as Real;
             let place = (p[k] - self.min[k]) / self.cell;
             if !(0.0..=last).contains(&place) {
-                slope[k] = 0.0; // beyond the box nothing changes
+                slope[k] = 0.0; // outside the box weights are constant
             }
             let place = place.clamp(0.0, last);
             low[k] = (place as usize).min(self.nodes[k] - 2);
@@ -259,7 +150,7 @@ impl WeightGrid {
     ///
     /// # Panics
     ///
-    /// If `out` has not one place for each joint.
+    /// If `out` does not have one element for each joint.
     pub fn weights_at(&self, p: &Point, out: &mut [Real]) {
         assert_eq!(out.len(), self.joints, "one weight for each joint");
         out.fill(0.0);
@@ -270,7 +161,7 @@ impl WeightGrid {
         }
     }
 
-    /// The map of the point `p`: the joints' `transforms` blended with its weights.
+    /// The map at the point `p`: the joints' `transforms`, blended by the weights there.
     ///
     /// # Panics
     ///
@@ -288,7 +179,7 @@ impl WeightGrid {
         sum
     }
 
-    /// Where `p` goes, and the Jacobian of that.
+    /// The posed point of `p`, and the Jacobian of the map.
     ///
     /// ```text
     /// J = Σ wⱼ rotation(Sⱼ) + Σ (Sⱼ x) ∇wⱼᵀ
@@ -315,7 +206,7 @@ impl WeightGrid {
             if w == 0.0 && slope == Vector::zeros() {
                 continue;
             }
-            let joint = whole(transform);
+            let joint = Affine::rigid(transform);
             let to = joint.point(p).coords;
             place += to * w;
             jacobian += joint.linear * w + to * slope.transpose();
@@ -323,12 +214,12 @@ impl WeightGrid {
         (Point::from(place), jacobian)
     }
 
-    /// Where points of canonical space go.
+    /// The posed points of points in canonical space.
     pub fn pose(&self, points: &[Point], transforms: &[Isometry3<Real>]) -> Vec<Point> {
         points.par_iter().with_min_len(256).map(|p| self.blend(p, transforms).point(p)).collect()
     }
 
-    /// Weights for vertices at `points`: the four largest at each, renormalised.
+    /// Weights for vertices at `points`: the four largest at each, normalised.
     pub fn skin(&self, points: &[Point]) -> SkinWeights {
         let four = |p: &Point| {
             let mut all = vec![0.0; self.joints];
@@ -351,10 +242,10 @@ impl WeightGrid {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::skinning::inverse::tests::{elbow, elbow_body};
+    use crate::skinning::elbow::{elbow, elbow_body};
 
     #[test]
-    fn weights_are_shares_and_far_from_a_joint_they_are_its_own() {
+    fn weights_sum_to_one_and_near_a_bone_they_are_its_own() {
         let (points, skin) = elbow_body();
         let grid = WeightGrid::new(
             &points,
@@ -371,7 +262,8 @@ mod tests {
             assert!((w[0] + w[1] - 1.0).abs() < 1e-6 && w[0] > 0.9, "{p}: {w:?}");
         }
         grid.weights_at(&Point::origin(), &mut w);
-        assert!((w[0] - 0.5).abs() < 0.03, "{w:?}"); // the body is the same on both sides, but for the lattice
+        // The body is symmetric, the lattice is not.
+        assert!((w[0] - 0.5).abs() < 0.03, "{w:?}");
         let skinned = grid.skin(&[Point::new(-0.35, 0.0, 0.0)]);
         assert_eq!(skinned.joints()[0][0], 0);
     }
@@ -387,7 +279,7 @@ mod tests {
         )
         .unwrap();
         let transforms = elbow(1.1);
-        // Off the planes of the lattice, where the slope jumps; and beyond the box.
+        // Not on the planes of the lattice, where the slope is discontinuous; one outside the box.
         for p in [
             Point::new(0.013, 0.021, -0.017),
             Point::new(-0.21, -0.07, 0.05),
@@ -411,19 +303,19 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_grid_is_named() {
+    fn invalid_input_is_an_error() {
         let (points, skin) = elbow_body();
         let new =
             |p: &[Point], joints, params| WeightGrid::new(p, &skin, joints, &params).unwrap_err();
         let fine = WeightGridParams::default();
-        assert!(matches!(new(&[], 2, fine), WeightGridError::Empty { vertices: 0, .. }));
-        assert!(matches!(new(&points[1..], 2, fine), WeightGridError::Count { .. }));
-        assert!(matches!(new(&points, 1, fine), WeightGridError::Joint { joint: 1, .. }));
+        assert!(matches!(new(&[], 2, fine), SkinError::Empty { vertices: 0, .. }));
+        assert!(matches!(new(&points[1..], 2, fine), SkinError::Count { .. }));
+        assert!(matches!(new(&points, 1, fine), SkinError::Joint { joint: 1, .. }));
         for cell in [0.0, -1.0, Real::NAN, 1e-4] {
             let error = new(&points, 2, WeightGridParams { cell, ..fine });
-            assert!(matches!(error, WeightGridError::Parameter { name: "cell", .. }), "{error}");
+            assert!(matches!(&error, SkinError::Parameter(e) if e.name == "cell"), "{error}");
         }
         let error = new(&points, 2, WeightGridParams { neighbours: 0, ..fine });
-        assert!(matches!(error, WeightGridError::Parameter { name: "neighbours", .. }));
+        assert!(matches!(error, SkinError::Parameter(e) if e.name == "neighbours"));
     }
 }

@@ -1,15 +1,15 @@
-//! From posed space back to canonical space.
+//! Inverse skinning: from posed space to canonical space.
 
 use super::WeightGrid;
 use if_core::math::{Point, Real};
 use nalgebra::Isometry3;
 
-/// How [`unpose`] searches.
+/// Parameters of [`unpose`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnposeParams {
-    /// A root is good when it poses this near to the point, in metres.
+    /// Largest residual of a root, in metres.
     pub tolerance: Real,
-    /// Newton steps from each start.
+    /// Largest number of Newton steps from each start.
     pub steps: usize,
     /// Longest step, in metres: Newton's method on trilinear weights overshoots.
     pub longest: Real,
@@ -22,29 +22,27 @@ impl Default for UnposeParams {
     }
 }
 
-/// A canonical point, and how well it poses to the point it was sought for.
+/// A canonical point that a pose maps to the given point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unposed {
     /// In canonical space.
     pub point: Point,
-    /// Distance of its posed place from the point that was asked for, in metres.
+    /// Distance of its posed point from the given one, in metres.
     pub residual: Real,
-    /// The start it was found from: the joint whose rigid inverse it is.
+    /// The joint whose rigid inverse was the start of the search.
     pub joint: usize,
 }
 
-/// All canonical points that a pose takes to `p`: none, one, or several where the body touches
+/// All canonical points that a pose maps to `p`: none, one, or several where the body touches
 /// itself.
 ///
-/// Newton's method on f(x) = p from one start for each joint, x₀ = Sⱼ⁻¹ p, that lies in the grid's
-/// box. Roots that lie within ten tolerances of one another are one. They come in the order of the
-/// joints that they were found from, those with more weight in them not before the others: the
-/// caller knows which part of the body it asks for.
+/// Solves f(x) = p by Newton's method, from the start x₀ = Sⱼ⁻¹ p of each joint j whose start lies
+/// in the grid's box. Roots within ten tolerances of each other count as one. The result is in the
+/// order of the joints, not of their weights: the caller chooses the body part it needs.
 ///
 /// # Source
 ///
-/// The multiple starts are those of SNARF [Chen et al. 2021]; the map is that of [`WeightGrid`]'s
-/// weights.
+/// Multiple starts as in SNARF [Chen et al. 2021], with the weights of [`WeightGrid`].
 ///
 /// # Panics
 ///
@@ -63,14 +61,15 @@ pub fn unpose(
             continue;
         }
         let Some(root) = newton(grid, transforms, p, start, params) else { continue };
-        let near = |known: &Unposed| (known.point - root.0).norm() <= 10.0 * params.tolerance;
-        if !roots.iter().any(near) {
+        let is_known = |known: &Unposed| (known.point - root.0).norm() <= 10.0 * params.tolerance;
+        if !roots.iter().any(is_known) {
             roots.push(Unposed { point: root.0, residual: root.1, joint });
         }
     }
     roots
 }
 
+/// A root near the start `x`, and its residual; `None` if the iteration does not converge.
 fn newton(
     grid: &WeightGrid,
     transforms: &[Isometry3<Real>],
@@ -89,13 +88,14 @@ fn newton(
         if length > params.longest {
             step *= params.longest / length;
         }
-        // Halved until it brings us nearer: across planes of the lattice the Jacobian jumps.
+        // The step is halved until the residual decreases: the Jacobian is discontinuous across the
+        // planes of the lattice.
         let mut accepted = false;
         for _ in 0..6 {
             let next = grid.pose_with_jacobian(&(x + step), transforms);
-            let left = (p - next.0).norm();
-            if left < residual {
-                (x, place, jacobian, residual) = (x + step, next.0, next.1, left);
+            let remaining = (p - next.0).norm();
+            if remaining < residual {
+                (x, place, jacobian, residual) = (x + step, next.0, next.1, remaining);
                 accepted = true;
                 break;
             }
@@ -109,40 +109,14 @@ fn newton(
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use super::*;
-    use crate::skin_weights::SkinWeights;
     use crate::skinning::WeightGridParams;
+    use crate::skinning::elbow::{elbow, elbow_body};
     use if_core::math::Vector;
-    use nalgebra::{Translation3, UnitQuaternion};
-
-    /// A tube along x with a joint in the origin that bends about z.
-    pub(in crate::skinning) fn elbow_body() -> (Vec<Point>, SkinWeights) {
-        let mut points = Vec::new();
-        let mut weights = Vec::new();
-        for i in -20..=20 {
-            for k in 0..12 {
-                let (s, c) = (Real::from(k) * std::f64::consts::TAU / 12.0).sin_cos();
-                points.push(Point::new(0.02 * Real::from(i), 0.05 * c, 0.05 * s));
-                let lower = (0.5 + 0.1 * i as f32).clamp(0.0, 1.0);
-                weights.push([1.0 - lower, lower, 0.0, 0.0]);
-            }
-        }
-        (points.clone(), SkinWeights::new(vec![[0, 1, 0, 0]; points.len()], weights, 2).unwrap())
-    }
-
-    /// Its two transforms at an angle.
-    pub(in crate::skinning) fn elbow(angle: Real) -> Vec<Isometry3<Real>> {
-        let turn = UnitQuaternion::from_axis_angle(&Vector::z_axis(), angle);
-        let moved = Translation3::new(0.2, 0.1, -0.3);
-        vec![
-            Isometry3::from_parts(moved, UnitQuaternion::identity()),
-            Isometry3::from_parts(moved, turn),
-        ]
-    }
 
     #[test]
-    fn posed_points_come_back() {
+    fn posed_points_are_unposed_to_their_origin() {
         let (points, skin) = elbow_body();
         let grid = WeightGrid::new(
             &points,

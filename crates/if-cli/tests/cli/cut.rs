@@ -1,7 +1,7 @@
 //! `ifg cut` and `ifg capture synth`.
 
 use crate::folder::Folder;
-use if_body::template::TemplateBody;
+use if_body::TemplateBody;
 use if_core::math::Vector;
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::{icosphere, tube};

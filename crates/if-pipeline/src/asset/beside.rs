@@ -1,6 +1,6 @@
 //! What a garment's file holds beside positions, triangles and weights.
 
-use if_body::skin_weights::SkinWeights;
+use if_body::SkinWeights;
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{CoordinateType, PlyMesh};
 

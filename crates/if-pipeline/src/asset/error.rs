@@ -1,6 +1,6 @@
 //! What can be at fault with an asset.
 
-use if_body::skin_weights::SkinWeightsError;
+use if_body::SkinError;
 use if_core::mesh::MeshError;
 use if_mesh::baked::BakedFileError;
 use if_mesh::ply;
@@ -63,7 +63,7 @@ pub enum AssetError {
     Counts { path: PathBuf, stated: (usize, usize), found: (usize, usize) },
     /// The weights are at fault.
     #[error("{}: {source}", path.display())]
-    Skin { path: PathBuf, source: SkinWeightsError },
+    Skin { path: PathBuf, source: SkinError },
     /// The grid is at fault.
     #[error("{}: {source}", path.display())]
     Baked { path: PathBuf, source: BakedFileError },

@@ -1,7 +1,7 @@
 //! Why a folder is no capture.
 
 use super::picture::PictureError;
-use if_body::skeleton::PoseError;
+use if_body::PoseError;
 use if_mesh::camera::CameraError;
 use std::io;
 use std::path::PathBuf;

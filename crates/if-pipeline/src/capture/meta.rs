@@ -2,7 +2,7 @@
 
 use super::error::CaptureError;
 use super::picture::Kind;
-use if_body::skeleton::{Pose, PoseError};
+use if_body::{Pose, PoseError};
 use if_core::math::{Real, Vector};
 use if_mesh::camera::Camera;
 use nalgebra::Matrix3;

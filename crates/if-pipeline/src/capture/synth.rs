@@ -5,12 +5,13 @@ mod motion;
 mod noise;
 
 use super::{CaptureError, CaptureWriter, FramePictures, Subject};
-use if_body::mannequin::{self, Garment, MannequinError, MannequinParams, rig};
-use if_body::skeleton::{Pose, Skeleton};
-use if_body::skin_weights::SkinWeights;
-use if_body::template::{TemplateBody, TemplateError};
+use if_body::SkinWeights;
+use if_body::mannequin::{self, Garment, MannequinParams, rig};
+use if_body::{Pose, Skeleton};
+use if_body::{TemplateBody, TemplateError};
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
 use if_mesh::camera::Camera;
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
 use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
@@ -79,12 +80,9 @@ pub struct SynthReport {
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages say what the fields are
 pub enum SynthError {
-    /// A parameter out of its range.
-    #[error("parameter `{name}` of the capture is {value}; it must lie between {least} and {most}")]
-    Param { name: &'static str, value: Real, least: Real, most: Real },
-    /// The same for the mannequin.
+    /// A parameter is out of range.
     #[error(transparent)]
-    Mannequin(#[from] MannequinError),
+    Parameter(#[from] ParameterError),
     /// The capture cannot be written.
     #[error(transparent)]
     Capture(#[from] CaptureError),
@@ -104,21 +102,17 @@ impl SynthParams {
     ///
     /// # Errors
     ///
-    /// The first parameter that lies out of its range or is NaN.
-    pub fn validate(&self) -> Result<(), SynthError> {
-        let ranges = [
-            ("frames", self.frames as Real, 1.0, 10_000.0),
-            ("size", self.size as Real, 16.0, 4096.0),
-            ("label_noise", self.label_noise, 0.0, 1.0),
-            ("mask_noise", self.mask_noise, 0.0, 1.0),
-            ("nonrigid", self.nonrigid, 0.0, 0.1),
-        ];
-        for (name, value, least, most) in ranges {
-            if !(least..=most).contains(&value) {
-                return Err(SynthError::Param { name, value, least, most });
-            }
-        }
-        Ok(self.mannequin.validate()?)
+    /// The first parameter that is out of range or NaN.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let Self { frames, size, label_noise, mask_noise, nonrigid, .. } = *self;
+        let unit = |x: Real| (0.0..=1.0).contains(&x);
+        let check = ParameterError::check;
+        check("frames", frames as Real, (1..=10_000).contains(&frames), "from 1 to 10000")?;
+        check("size", size as Real, (16..=4096).contains(&size), "from 16 to 4096 (pixels)")?;
+        check("label_noise", label_noise, unit(label_noise), "from 0 to 1")?;
+        check("mask_noise", mask_noise, unit(mask_noise), "from 0 to 1")?;
+        check("nonrigid", nonrigid, (0.0..=0.1).contains(&nonrigid), "from 0 to 0.1 (m)")?;
+        self.mannequin.validate().map_err(|e| e.within("mannequin"))
     }
 }
 
@@ -442,7 +436,7 @@ mod tests {
             SynthParams { frames: 0, ..small(0.0) },
             SynthParams { label_noise: Real::NAN, ..small(0.0) },
         ] {
-            assert!(matches!(synth(&bad, &stopped, &mut |_| true), Err(SynthError::Param { .. })));
+            assert!(matches!(synth(&bad, &stopped, &mut |_| true), Err(SynthError::Parameter(_))));
         }
     }
 }

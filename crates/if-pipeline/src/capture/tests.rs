@@ -1,5 +1,5 @@
 use super::*;
-use if_body::skeleton::Joint;
+use if_body::Joint;
 use if_core::math::{Point, Vector};
 use nalgebra::UnitQuaternion;
 use serde_json::{Value, json};

@@ -3,7 +3,7 @@
 use super::error::CaptureError;
 use super::meta::{self, CONVENTION, FrameMeta, Meta};
 use super::picture::{self, Kind, PictureError};
-use if_body::skeleton::Pose;
+use if_body::Pose;
 use if_mesh::camera::Camera;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -142,7 +142,7 @@ impl CaptureWriter {
             return Err(CaptureError::NoisyPicture { frame, what: ["mask", "label image"][k] });
         }
         if pose.rotations.len() != self.meta.joints.len() {
-            let source = if_body::skeleton::PoseError::Count {
+            let source = if_body::PoseError::Count {
                 got: pose.rotations.len(),
                 expected: self.meta.joints.len(),
             };

@@ -1,6 +1,6 @@
 //! One canonical mesh for all frames.
 
-use if_body::skin_weights::SkinWeights;
+use if_body::SkinWeights;
 use if_core::aabb::Aabb;
 use if_core::closest::ClosestPoint;
 use if_core::edges::parts;

@@ -2,7 +2,7 @@
 
 use super::observe::Observation;
 use super::report::Pixels;
-use if_body::skin_weights::SkinWeights;
+use if_body::SkinWeights;
 use if_body::skinning::{Affine, blends, pose_points};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, unit_or_zero};

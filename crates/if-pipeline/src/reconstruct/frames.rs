@@ -3,9 +3,9 @@
 
 use super::motion::MeshMotion;
 use crate::capture::Capture;
-use if_body::skeleton::{Pose, PoseError, Skeleton};
-use if_body::skin_weights::SkinWeights;
+use if_body::SkinWeights;
 use if_body::skinning::{blends, pose_points};
+use if_body::{Pose, PoseError, Skeleton};
 use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{self, PlyMesh, WriteError, WriteParams};

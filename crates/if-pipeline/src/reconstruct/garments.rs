@@ -6,8 +6,8 @@ use super::progress::{Clock, Progress, Stage};
 use super::underside::Underside;
 use crate::asset::LayerHint;
 use crate::capture::{Capture, CaptureError, FIRST_GARMENT};
-use if_body::skeleton::{PoseError, Skeleton};
-use if_body::skin_weights::{SkinWeights, SkinWeightsError};
+use if_body::{PoseError, Skeleton};
+use if_body::{SkinError, SkinWeights};
 use if_core::field::SignedDistance;
 use if_core::mesh::TriMesh;
 use if_mesh::attributes::{AttributeError, Source, VertexAttributes};
@@ -110,7 +110,7 @@ pub enum GarmentsError {
     Attributes(#[from] AttributeError),
     /// Weights of a cleaned piece that are none.
     #[error("garment `{name}`: {source}")]
-    Skin { name: String, source: SkinWeightsError },
+    Skin { name: String, source: SkinError },
     /// `watch` asked to stop.
     #[error("cancelled")]
     Cancelled,

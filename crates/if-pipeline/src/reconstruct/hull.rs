@@ -2,8 +2,8 @@
 
 use super::distance_image::DistanceImage;
 use crate::capture::{Capture, CaptureError};
-use if_body::skeleton::{PoseError, Skeleton};
 use if_body::skinning::{Affine, WeightGrid};
+use if_body::{PoseError, Skeleton};
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};

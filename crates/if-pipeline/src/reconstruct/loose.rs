@@ -5,7 +5,7 @@ use super::distance_image::DistanceImage;
 use super::hull::in_camera;
 use super::observe::Observation;
 use crate::capture::FIRST_GARMENT;
-use if_body::skin_weights::SkinWeights;
+use if_body::SkinWeights;
 use if_body::skinning::{Affine, WeightGrid, blends, pose_points};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};

@@ -20,7 +20,7 @@ use super::refine::{self, Weights};
 use super::report::Round;
 use super::surface::Surface;
 use crate::capture::{Capture, CaptureError};
-use if_body::skeleton::{PoseError, Skeleton};
+use if_body::{PoseError, Skeleton};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use rayon::prelude::*;

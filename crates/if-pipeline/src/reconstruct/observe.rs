@@ -4,7 +4,7 @@ use super::distance_image::DistanceImage;
 use super::params::SurfaceParams;
 use super::report::Skipped;
 use crate::capture::{Capture, CaptureError};
-use if_body::skeleton::{PoseError, Skeleton};
+use if_body::{PoseError, Skeleton};
 use if_core::math::Vector;
 use if_mesh::camera::Camera;
 use nalgebra::Isometry3;

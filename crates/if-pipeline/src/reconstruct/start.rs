@@ -8,9 +8,9 @@ use super::params::SurfaceParams;
 use super::report::{Filled, StartReport};
 use super::surface::SurfaceError;
 use crate::capture::Capture;
-use if_body::skin_weights::SkinWeights;
+use if_body::SkinWeights;
+use if_body::TemplateBody;
 use if_body::skinning::{WeightGrid, WeightGridParams};
-use if_body::template::TemplateBody;
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
@@ -236,7 +236,7 @@ impl SignedDistance for Union {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_body::skeleton::{Joint, Skeleton};
+    use if_body::{Joint, Skeleton};
     use if_core::shapes::meshes::icosphere;
 
     /// Two balls of 10 cm side by side, 8 cm apart, and what lies between them.

@@ -9,10 +9,10 @@ use super::refine;
 use super::report::{Skipped, SurfaceReport};
 use super::start::{Start, start};
 use crate::capture::{Capture, CaptureError};
-use if_body::skeleton::PoseError;
-use if_body::skin_weights::SkinWeights;
-use if_body::skinning::WeightGridError;
-use if_body::template::TemplateBody;
+use if_body::PoseError;
+use if_body::SkinError;
+use if_body::SkinWeights;
+use if_body::TemplateBody;
 use if_core::edges::Edges;
 use if_core::math::Real;
 use if_core::mesh::{MeshError, TriMesh};
@@ -43,28 +43,9 @@ pub enum SurfaceError {
     /// The template has no triangles.
     #[error("the template body has no triangles")]
     NoTemplate,
-    /// The template's weights are those of another mesh.
-    #[error(
-        "the template body has {vertices} vertices and {weights} records of skinning weights; one each is needed"
-    )]
-    Skin {
-        /// Vertices of the template.
-        vertices: usize,
-        /// Records of weights.
-        weights: usize,
-    },
-    /// The template's weights are those of another skeleton.
-    #[error(
-        "vertex {vertex} of the template body hangs on joint {joint}; its skeleton has {joints} joints (0 is the first)"
-    )]
-    Joint {
-        /// The vertex.
-        vertex: usize,
-        /// The joint that its weights name.
-        joint: usize,
-        /// Joints of the skeleton.
-        joints: usize,
-    },
+    /// The template's weights do not match its mesh or skeleton.
+    #[error("the template body: {0}")]
+    Skin(#[from] SkinError),
     /// The capture is too large.
     #[error(
         "the images of {frames} frames would take {bytes} bytes at once, {limit} are allowed; take fewer frames or smaller images, or \
@@ -89,9 +70,6 @@ pub enum SurfaceError {
     /// The template has no inside, which its union with loose clothes needs.
     #[error("the template has no inside: {0}; make it closed, or set `least_loose` to 1")]
     Inside(#[from] SdfError),
-    /// The template's weights cannot be spread into space.
-    #[error(transparent)]
-    Weights(#[from] WeightGridError),
     /// The union of template and loose clothes cannot be extracted.
     #[error(transparent)]
     Extract(#[from] ExtractError),
@@ -179,14 +157,9 @@ pub fn fit_surface(
     if template.mesh.triangles().is_empty() {
         return Err(SurfaceError::NoTemplate);
     }
-    let (vertices, weights) = (template.mesh.vertices().len(), template.skin.len());
-    if vertices != weights {
-        return Err(SurfaceError::Skin { vertices, weights });
-    }
+    let vertices = template.mesh.vertices().len();
     let joints = template.skeleton.len();
-    if let Some((vertex, joint)) = template.skin.beyond(joints) {
-        return Err(SurfaceError::Joint { vertex, joint: joint.into(), joints });
-    }
+    template.skin.check(vertices, joints)?;
     let (camera, count) = (capture.camera(), capture.len());
     let bytes = BYTES_A_PIXEL * camera.width() as u64 * camera.height() as u64 * count as u64;
     if bytes > params.memory {

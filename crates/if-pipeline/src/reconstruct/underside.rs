@@ -3,7 +3,7 @@
 use super::canonical::carried_to;
 use super::surface::Surface;
 use crate::capture::Capture;
-use if_body::template::TemplateBody;
+use if_body::TemplateBody;
 use if_core::edges::parts;
 use if_core::math::{Real, area_vector};
 use if_core::mesh::TriMesh;

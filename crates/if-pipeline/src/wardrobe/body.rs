@@ -2,9 +2,9 @@
 
 use super::WardrobeError;
 use crate::asset::{BodyRef, FileInfo};
+use if_body::Skeleton;
+use if_body::SkinWeights;
 use if_body::align::BodyShape;
-use if_body::skeleton::Skeleton;
-use if_body::skin_weights::SkinWeights;
 use if_core::aabb::Aabb;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;

@@ -142,9 +142,7 @@ impl<'a> Dresser<'a> {
             let moved = map.align(&asset.mesh, asset.skin.as_ref()).map_err(align)?;
             // What will be proven must be what a reader of the file gets.
             let rounded = quantise(moved.vertices(), CoordinateType::Float);
-            let mesh = moved
-                .with_vertices(rounded)
-                .map_err(|e| align(if_body::align::AlignError::Mesh(e)))?;
+            let mesh = moved.with_vertices(rounded).map_err(|e| align(e.into()))?;
             let report = measure(&map, (&asset.mesh, &own.closed), (&mesh, &other.closed));
             Ok(AlignedGarment { asset, mesh, report })
         })

@@ -1,11 +1,12 @@
 //! What can be at fault with a wardrobe and what is made of it.
 
 use crate::asset::AssetError;
+use if_body::SkeletonError;
+use if_body::SkinError;
 use if_body::align::AlignError;
-use if_body::skeleton::SkeletonError;
-use if_body::skin_weights::SkinWeightsError;
 use if_core::math::Real;
 use if_core::mesh::MeshError;
+use if_core::parameter::ParameterError;
 use if_mesh::file;
 use if_mesh::ply;
 use if_outfit::outfit::OutfitError;
@@ -65,7 +66,7 @@ pub enum WardrobeError {
     Body { path: PathBuf, source: OutfitError },
     /// A body's weights are at fault.
     #[error("{}: {source}", path.display())]
-    BodySkin { path: PathBuf, source: SkinWeightsError },
+    BodySkin { path: PathBuf, source: SkinError },
     /// A body's skeleton is at fault.
     #[error("{}: {source}", path.display())]
     Skeleton { path: PathBuf, source: SkeletonError },
@@ -89,9 +90,9 @@ pub enum WardrobeError {
     /// The outfit cannot be resolved.
     #[error("{0}")]
     Resolve(ResolveError),
-    /// Parameters of the alignment are out of range.
+    /// A parameter is out of range.
     #[error(transparent)]
-    AlignParams(AlignError),
+    Parameter(#[from] ParameterError),
     /// A file or folder of the user's stands where outputs go.
     #[error("`{}` is in the way: {what}", path.display())]
     InTheWay { path: PathBuf, what: &'static str },
@@ -146,11 +147,11 @@ impl WardrobeError {
             | Self::Twice { .. }
             | Self::TooFew { .. }
             | Self::Sizes { .. } => "combination",
-            Self::Align { .. } | Self::AlignParams(_) => "align",
+            Self::Align { .. } => "align",
             Self::Outfit(_) | Self::Misfit(_) => "outfit",
             Self::Resolve(ResolveError::Remaining { .. }) => "remaining",
             Self::Resolve(_) => "resolve",
-            Self::PictureHeight { .. } => "parameter",
+            Self::PictureHeight { .. } | Self::Parameter(_) => "parameter",
             Self::Picture(_) | Self::Write { .. } | Self::Json { .. } => "write",
             Self::Panic { .. } => "panic",
         }

@@ -67,8 +67,8 @@ impl MatchParams {
         if self.picture_height != 0 && !PICTURE_HEIGHTS.contains(&self.picture_height) {
             return Err(WardrobeError::PictureHeight { height: self.picture_height });
         }
-        self.align.validate().map_err(WardrobeError::AlignParams)?;
-        self.resolve.validate().map_err(|e| WardrobeError::Resolve(e.into()))
+        self.align.validate().map_err(|e| e.within("align"))?;
+        Ok(self.resolve.validate().map_err(|e| e.within("resolve"))?)
     }
 }
 

@@ -132,7 +132,7 @@ fn a_damaged_body_is_not_replaced_by_another_of_its_name() {
 
 #[test]
 fn a_body_that_is_added_again_keeps_what_it_has() {
-    use if_body::skeleton::{Joint, Skeleton};
+    use if_body::{Joint, Skeleton};
     let root = tempfile::tempdir().unwrap();
     let mut wardrobe = filled(root.path());
     let (slim, large) = (root.path().join("files/slim.ply"), root.path().join("files/large.ply"));
@@ -158,7 +158,7 @@ fn a_body_that_is_added_again_keeps_what_it_has() {
 
 #[test]
 fn files_in_centimetres_are_stored_in_metres() {
-    use if_body::skeleton::{Joint, Skeleton};
+    use if_body::{Joint, Skeleton};
     use if_outfit::outfit::OutfitError;
     let root = tempfile::tempdir().unwrap();
     let mut wardrobe = filled(root.path());
