@@ -11,13 +11,13 @@
 #![allow(clippy::print_stdout)] // a program for the terminal
 
 use if_body::TemplateBody;
+use if_core::monitor::Silent;
 use if_mesh::ply::{self, PlyMesh, WriteParams};
 use if_pipeline::capture::Capture;
 use if_pipeline::reconstruct::{
     MeshMotion, MotionParams, SurfaceParams, fit_motion, fit_surface, write_frames,
 };
 use std::error::Error;
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -33,8 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (capture, template) = (Capture::open(capture)?, TemplateBody::read(body)?);
     let (read, skeleton) = (SurfaceParams::default(), &template.skeleton);
     let mut start = Instant::now();
-    let surface =
-        fit_surface(&capture, &template, &read, None, &mut |_| ControlFlow::Continue(()))?;
+    let surface = fit_surface(&capture, &template, &read, None, &mut Silent)?;
     println!(
         "surface: {:.2} s, {} vertices",
         start.elapsed().as_secs_f64(),
@@ -51,9 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     write_frames(&out.join("none"), &surface.mesh, &surface.skin, skeleton, &capture, None)?;
     for (k, params) in several.iter().enumerate() {
         start = Instant::now();
-        let motion = fit_motion(&capture, skeleton, &surface, &read, params, &mut |_| {
-            ControlFlow::Continue(())
-        })?;
+        let motion = fit_motion(&capture, skeleton, &surface, &read, params, &mut Silent)?;
         let seconds = start.elapsed().as_secs_f64();
         let (r, mesh) = (&motion.report, &surface.mesh);
         println!(

@@ -14,7 +14,7 @@
 use if_body::TemplateBody;
 use if_body::skinning::{WeightGrid, WeightGridParams};
 use if_core::mesh::TriMesh;
-use if_core::monitor::Silent;
+use if_core::monitor::{Progress, Silent};
 use if_mesh::extract::{ExtractParams, Resolution, extract};
 use if_mesh::index::Bvh;
 use if_mesh::ply::{Column, PlyMesh, Property, WriteParams};
@@ -22,9 +22,9 @@ use if_mesh::sdf::MeshSdf;
 use if_mesh::{measure, ply};
 use if_pipeline::capture::Capture;
 use if_pipeline::reconstruct::{
-    FloodedField, GarmentParams, MeshMotion, MotionParams, MotionReport, SurfaceParams, Underside,
-    VisualHull, carried_weights, find_garments, fit_motion, fit_surface, largest_piece,
-    write_frames,
+    ClothedPerson, FloodedField, GarmentParams, MeshMotion, MotionParams, MotionReport,
+    SurfaceParams, Underside, VisualHull, carried_weights, find_garments, fit_motion, fit_surface,
+    largest_piece, write_frames,
 };
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -99,17 +99,14 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // The surface, from masks and normals.
     start = Instant::now();
-    let surface = fit_surface(&capture, &template, &SurfaceParams::default(), None, &mut |p| {
-        if let Some(loss) = p.loss {
-            println!(
-                "  round {} of {}: silhouettes {loss:.2} mm, {:.1} s left",
-                p.step,
-                p.steps,
-                p.seconds_left.unwrap_or(0.0)
-            );
+    let mut print_rounds = |p: &Progress| {
+        if let Some(mm) = p.measure("silhouette_mm") {
+            println!("  {} rounds: silhouettes {mm:.2} mm", p.done);
         }
         ControlFlow::Continue(())
-    })?;
+    };
+    let params = SurfaceParams::default();
+    let surface = fit_surface(&capture, &template, &params, None, &mut print_rounds)?;
     println!("  start: {:?}", surface.report.start);
     judge("surface", &surface.mesh, start.elapsed().as_secs_f64());
     write("surface", &surface.mesh, surface.skin.to_properties())?;
@@ -131,9 +128,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     // What single frames show otherwise, and the same mesh in each of them.
     start = Instant::now();
     let (read, usual) = (SurfaceParams::default(), MotionParams::default());
-    let motion = fit_motion(&capture, &template.skeleton, &surface, &read, &usual, &mut |_| {
-        ControlFlow::Continue(())
-    })?;
+    let skeleton = &template.skeleton;
+    let motion = fit_motion(&capture, skeleton, &surface, &read, &usual, &mut Silent)?;
     let MotionReport { solved, mean_mm, max_mm, .. } = motion.report;
     let seconds = start.elapsed().as_secs_f64();
     println!(
@@ -146,17 +142,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     start = Instant::now();
     let field = MeshSdf::closed(&mesh)?;
     let underside = Underside::of(&surface, &template, &capture, &mesh);
-    let found = find_garments(
-        &capture,
-        &template.skeleton,
-        &mesh,
-        &skin,
-        &field,
-        Some(&motion),
-        underside.as_ref(),
-        &GarmentParams::default(),
-        &mut |_| ControlFlow::Continue(()),
-    )?;
+    let person = ClothedPerson {
+        skeleton,
+        mesh: &mesh,
+        skin: &skin,
+        field: &field,
+        motion: Some(&motion),
+        underside: underside.as_ref(),
+    };
+    let found = find_garments(&capture, &person, &GarmentParams::default(), &mut Silent)?;
     println!("garments {:.2} s; {:?}", start.elapsed().as_secs_f64(), found.votes);
     let mut properties = skin.to_properties();
     properties.push(Property::new("label", Column::U8(found.labels.clone())));

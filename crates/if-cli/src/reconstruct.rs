@@ -11,6 +11,7 @@ use crate::progress::Line;
 use clap::Args;
 use if_body::TemplateBody;
 use if_core::mesh::TriMesh;
+use if_core::monitor::Progress;
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
 use if_mesh::whole_folder::{PATIENCE, Writer};
 use if_neural::deform::DeformParams;
@@ -19,12 +20,11 @@ use if_pipeline::asset::{LayerHint, Parts, Provenance};
 use if_pipeline::capture::{Capture, CaptureError};
 use if_pipeline::reconstruct::{
     FrameMotion, MotionNetworkParams, MotionParams, MotionReport, MotionRound, PhiNetwork,
-    PhiParams, Progress, ReconstructError, ReconstructParams, ReconstructReport, Reconstruction,
-    Stage, SurfaceError, reconstruct, write_frames,
+    PhiParams, ReconstructError, ReconstructParams, ReconstructReport, Reconstruction, reconstruct,
+    write_frames,
 };
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
-use if_render::Page;
-use if_render::{PALETTE, RenderLayer, View, side_by_side};
+use if_render::{PALETTE, Page, RenderLayer, View, side_by_side};
 use miette::{Diagnostic, Report};
 use std::error::Error;
 use std::fs;
@@ -178,13 +178,14 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     drop(wardrobe);
     let state = args.out.join(format!(".{name}.{STATE}"));
     let start = Instant::now();
-    let found = reconstruct(&capture, &template, &params, Some(&state), &mut |progress| {
-        line.say(&told(progress));
+    let mut pace = Pace::new();
+    let found = reconstruct(&capture, &template, &params, Some(&state), &mut |p: &Progress| {
+        line.say(&described(p, pace.seconds_left(p)));
         if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     let found = match found {
         Ok(found) => found,
-        Err(error) if error.is_cancelled() => {
+        Err(ReconstructError::Cancelled(_)) => {
             drop(line);
             errors::note("cancelled; the same command goes on from what is done");
             return Ok(End::Cancelled);
@@ -228,34 +229,59 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
 /// What to do where nothing could be reconstructed.
 fn help(error: &ReconstructError) -> &'static str {
     match error {
-        ReconstructError::Surface(SurfaceError::Checkpoint(_)) => {
+        ReconstructError::Checkpoint { .. } | ReconstructError::BrokenCheckpoint { .. } => {
             "what a stopped run has reached is the hidden file `.NAME.reconstruct.state` in --out; it can be removed"
         }
-        ReconstructError::Surface(SurfaceError::Capture(
+        ReconstructError::Capture(
             CaptureError::JointCount { .. } | CaptureError::JointName { .. },
-        )) => "give --body the folder of the body that the poses are of",
+        ) => "give --body the folder of the body that the poses are of",
         _ => "captures are specified in docs/capture.md",
     }
 }
 
-fn told(progress: &Progress) -> String {
-    let what = match progress.stage {
-        Stage::Read => "reading frames",
-        Stage::Start => "looking for loose clothes",
-        Stage::Surface => "fitting the surface",
-        Stage::Extract => "extracting the canonical mesh",
-        Stage::Motion => "solving the motion of single frames",
-        Stage::MotionNetwork => "fitting the network of the motion",
-        Stage::Field => "fitting the network of φ",
-        Stage::Garments => "finding garments",
-        _ => "working",
-    };
-    let mut text = format!("{what} {}/{}", progress.step, progress.steps);
-    if let Some(loss) = progress.loss {
-        let what = if progress.stage == Stage::Field { "φ" } else { "silhouettes" };
-        text += &format!(", {what} off by {loss:.1} mm");
+/// Estimates the remaining time of a stage by the time of its steps so far.
+struct Pace {
+    stage: &'static str,
+    first: usize,
+    start: Instant,
+}
+
+impl Pace {
+    fn new() -> Self {
+        Self { stage: "", first: 0, start: Instant::now() }
     }
-    if let Some(left) = progress.seconds_left {
+
+    /// Seconds until the stage ends; `None` at its first step.
+    fn seconds_left(&mut self, progress: &Progress) -> Option<f64> {
+        if progress.stage != self.stage {
+            *self = Self { stage: progress.stage, first: progress.done, start: Instant::now() };
+        }
+        let done = progress.done.saturating_sub(self.first);
+        let left = progress.total?.saturating_sub(progress.done);
+        (done > 0).then(|| self.start.elapsed().as_secs_f64() / done as f64 * left as f64)
+    }
+}
+
+fn described(progress: &Progress, seconds_left: Option<f64>) -> String {
+    let what = match progress.stage {
+        "read" => "reading frames",
+        "start" => "looking for loose clothes",
+        "surface" => "fitting the surface",
+        "extract" => "extracting the canonical mesh",
+        "motion" => "solving the motion of single frames",
+        "motion_network" => "fitting the network of the motion",
+        "phi" => "fitting the network of φ",
+        "garments" => "finding garments",
+        stage => stage,
+    };
+    let mut text = format!("{what} {}/{}", progress.done, progress.total.unwrap_or(0));
+    if let Some(mm) = progress.measure("silhouette_mm") {
+        text += &format!(", silhouettes off by {mm:.1} mm");
+    }
+    if let Some(mm) = progress.measure("mean_mm") {
+        text += &format!(", φ off by {mm:.1} mm");
+    }
+    if let Some(left) = seconds_left {
         text += &format!(", {left:.0} s left");
     }
     text
@@ -485,7 +511,7 @@ fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
         page.heading("Motion of single frames")
             .table(&["frame", "from", "|d| on average, mm", "at most, mm"], &rows);
     }
-    page.heading("Everything").json(&serde_json::to_value(report)?);
+    page.heading("Everything").json(report);
     Ok(page.html())
 }
 

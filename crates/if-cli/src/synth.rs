@@ -7,11 +7,13 @@ use crate::errors;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::table::count;
+use if_core::monitor::Progress;
 use if_pipeline::capture::CaptureError;
 use if_pipeline::capture::synth::{SynthError, SynthParams, SynthReport, synth};
 use miette::{Diagnostic, Report};
 use serde_json::json;
 use std::fmt::Write;
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 /// Why there is no capture.
@@ -45,13 +47,13 @@ pub(crate) fn run(args: &SynthArgs) -> Result<End, Report> {
     }
     let line = Line::new("capture", 0, 1);
     line.say("making the scene");
-    let mut progress = |frame: usize| {
-        line.say(&format!("frame {} of {}", frame + 1, args.frames));
-        !cancel::asked()
+    let mut progress = |p: &Progress| {
+        line.say(&format!("frame {} of {}", p.done + 1, args.frames));
+        if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let report = match synth(&params, &args.out, &mut progress) {
         Ok(report) => report,
-        Err(SynthError::Cancelled) => {
+        Err(SynthError::Cancelled(_)) => {
             drop(line);
             errors::note(&format!("cancelled; `{}` was not written", args.out.display()));
             return Ok(End::Cancelled);

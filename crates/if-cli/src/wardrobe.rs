@@ -72,7 +72,7 @@ impl Fault {
             | WardrobeError::BodyMesh { .. } => {
                 "the body must be one closed PLY or OBJ mesh in metres, wound outwards"
             }
-            WardrobeError::AlignParams(_)
+            WardrobeError::Parameter(_)
             | WardrobeError::Resolve(_)
             | WardrobeError::PictureHeight { .. } => {
                 "give a value in the range that is named; docs/outfit.md has the parameters"

@@ -6,14 +6,12 @@ use if_body::TemplateBody;
 use if_body::mannequin::{Garment, MannequinParams};
 use if_core::closest::ClosestPoint;
 use if_core::math::Real;
+use if_core::monitor::Silent;
 use if_mesh::index::Bvh;
 use if_mesh::ply::{self, Column};
 use if_pipeline::capture::synth::{BODY, SynthParams, TRUTH, synth};
 use if_pipeline::capture::{Capture, SKIN};
-use if_pipeline::reconstruct::{
-    MotionParams, Progress, SurfaceParams, fit_motion, fit_surface, posed,
-};
-use std::ops::ControlFlow;
+use if_pipeline::reconstruct::{MotionParams, SurfaceParams, fit_motion, fit_surface, posed};
 
 /// Mean distance of the clothes as they are from the surface in each frame, without motion and with
 /// it, in millimetres.
@@ -28,13 +26,13 @@ fn errors(nonrigid: Real) -> [Real; 2] {
         mannequin: MannequinParams { resolution: 0.7, overlap: 0.0 },
         ..SynthParams::default()
     };
-    synth(&scene, &path, &mut |_| true).unwrap();
+    synth(&scene, &path, &mut Silent).unwrap();
     let capture = Capture::open(&path).unwrap();
     let template = TemplateBody::read(&path.join(BODY)).unwrap();
     let (read, params) = (SurfaceParams::default(), MotionParams::default());
-    let go = &mut |_: &Progress| ControlFlow::Continue(());
-    let surface = fit_surface(&capture, &template, &read, None, go).unwrap();
-    let motion = fit_motion(&capture, &template.skeleton, &surface, &read, &params, go).unwrap();
+    let surface = fit_surface(&capture, &template, &read, None, &mut Silent).unwrap();
+    let motion =
+        fit_motion(&capture, &template.skeleton, &surface, &read, &params, &mut Silent).unwrap();
     let mut sums = [0.0; 2];
     let mut count = 0;
     for frame in (0..12).step_by(3) {

@@ -8,6 +8,7 @@ use if_body::TemplateBody;
 use if_body::{Joint, Pose, Skeleton};
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
+use if_core::monitor::{Progress, Silent};
 use if_core::shapes::meshes::icosphere;
 use if_mesh::camera::Camera;
 use if_mesh::ply;
@@ -16,8 +17,8 @@ use if_neural::files::read_network;
 use if_neural::network::NetworkConfig;
 use if_pipeline::capture::{Capture, CaptureWriter, FramePictures, Subject};
 use if_pipeline::reconstruct::{
-    MeshMotion, Motion, MotionError, MotionParams, PhiParams, ReconstructParams, Skipped, Stage,
-    Surface, SurfaceError, SurfaceParams, fit_motion, fit_surface, reconstruct, write_frames,
+    MeshMotion, Motion, MotionParams, PhiParams, ReconstructError, ReconstructParams, Skipped,
+    Surface, SurfaceParams, fit_motion, fit_surface, reconstruct, write_frames,
 };
 use nalgebra::{Point2, UnitQuaternion};
 use std::ops::ControlFlow;
@@ -204,9 +205,9 @@ fn fit(
     capture: &Capture,
     checkpoint: Option<&Path>,
     stop_at: usize,
-) -> Result<Surface, SurfaceError> {
-    fit_surface(capture, &template(), &SurfaceParams::default(), checkpoint, &mut |p| {
-        let stop = p.loss.is_some() && p.step >= stop_at;
+) -> Result<Surface, ReconstructError> {
+    fit_surface(capture, &template(), &SurfaceParams::default(), checkpoint, &mut |p: &Progress| {
+        let stop = p.measure("silhouette_mm").is_some() && p.done >= stop_at;
         if stop { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })
 }
@@ -243,10 +244,11 @@ fn a_capture_that_is_too_large_for_memory_is_refused_before_it_is_read() {
     let capture = pictures(&folder.path().join("capture"), |_| false);
     let memory = 22 * (SIDE * SIDE * FRAMES) as u64 - 1;
     let params = SurfaceParams { memory, ..Default::default() };
-    let refused =
-        fit_surface(&capture, &template(), &params, None, &mut |_| panic!("nothing is read"));
+    let refused = fit_surface(&capture, &template(), &params, None, &mut |_: &Progress| {
+        panic!("nothing is read")
+    });
     assert!(
-        matches!(refused, Err(SurfaceError::Memory { frames: FRAMES, bytes, limit }) if bytes == limit + 1 && limit == memory)
+        matches!(refused, Err(ReconstructError::Memory { frames: FRAMES, bytes, limit }) if bytes == limit + 1 && limit == memory)
     );
 }
 
@@ -257,7 +259,7 @@ fn a_stopped_run_goes_on_to_the_same_bits_and_threads_do_not_matter() {
     let whole = fit(&capture, None, usize::MAX).unwrap();
     let state = folder.path().join("state");
     let stopped = fit(&capture, Some(&state), 2);
-    assert!(matches!(stopped, Err(SurfaceError::Cancelled { rounds: 2 })), "{stopped:?}");
+    assert!(matches!(stopped, Err(ReconstructError::Cancelled(_))), "{stopped:?}");
     let resumed = fit(&capture, Some(&state), usize::MAX).unwrap();
     assert_eq!(resumed.mesh, whole.mesh);
     assert_eq!(resumed.report, whole.report);
@@ -278,8 +280,8 @@ fn what_a_skirt_spans_is_filled_and_what_no_garment_spans_is_not() {
         |capture: &Capture, checkpoint: Option<&Path>, stop_at: usize, least_loose: Real| {
             let params =
                 SurfaceParams { loose_cell: 0.02, least_loose, ..SurfaceParams::default() };
-            fit_surface(capture, &legs(), &params, checkpoint, &mut |p| {
-                if p.loss.is_some() && p.step >= stop_at {
+            fit_surface(capture, &legs(), &params, checkpoint, &mut |p: &Progress| {
+                if p.measure("silhouette_mm").is_some() && p.done >= stop_at {
                     ControlFlow::Break(())
                 } else {
                     ControlFlow::Continue(())
@@ -313,7 +315,7 @@ fn what_a_skirt_spans_is_filled_and_what_no_garment_spans_is_not() {
     let state = folder.path().join("state");
     assert!(matches!(
         fitted(&skirt, Some(&state), 2, usual.least_loose),
-        Err(SurfaceError::Cancelled { rounds: 2 })
+        Err(ReconstructError::Cancelled(_))
     ));
     let resumed = fitted(&skirt, Some(&state), usize::MAX, usual.least_loose).unwrap();
     assert_eq!((&resumed.mesh, &resumed.report), (&surface.mesh, &surface.report));
@@ -347,14 +349,12 @@ fn empty_frames_are_left_out_and_named() {
     assert_eq!(surface.report.skipped, [3, 7].map(|frame| Skipped::NoPerson { frame, pixels: 0 }));
     let dark = pictures(&folder.path().join("dark"), |_| true);
     let error = fit(&dark, None, usize::MAX).unwrap_err();
-    assert!(matches!(error, SurfaceError::NothingSeen { frames: FRAMES, .. }), "{error}");
+    assert!(matches!(error, ReconstructError::NothingSeen { frames: FRAMES, .. }), "{error}");
 }
 
-fn move_frames(capture: &Capture, surface: &Surface) -> Result<Motion, MotionError> {
+fn move_frames(capture: &Capture, surface: &Surface) -> Result<Motion, ReconstructError> {
     let (read, params) = (SurfaceParams::default(), MotionParams::default());
-    fit_motion(capture, &template().skeleton, surface, &read, &params, &mut |_| {
-        ControlFlow::Continue(())
-    })
+    fit_motion(capture, &template().skeleton, surface, &read, &params, &mut Silent)
 }
 
 /// Mean distance from what `truth` says of a frame of the vertices that face its camera, without
@@ -440,7 +440,7 @@ fn a_body_that_does_not_move_is_hardly_moved() {
 }
 
 #[test]
-fn motion_stops_when_told_to_and_names_bad_parameters() {
+fn motion_can_be_cancelled_and_invalid_parameters_are_errors() {
     let folder = tempfile::tempdir().unwrap();
     let capture = pictures(&folder.path().join("capture"), |_| false);
     let surface = fit(&capture, None, usize::MAX).unwrap();
@@ -452,14 +452,14 @@ fn motion_stops_when_told_to_and_names_bad_parameters() {
             &surface,
             &SurfaceParams::default(),
             &params,
-            &mut |p| {
-                heard += usize::from(p.stage == Stage::Motion);
+            &mut |p: &Progress| {
+                heard += usize::from(p.stage == "motion");
                 if heard > stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             },
         )
     };
     let twice = MotionParams { rounds: 2, ..Default::default() };
-    assert!(matches!(run(twice.clone(), 0), Err(MotionError::Cancelled { rounds: 0 })));
+    assert!(matches!(run(twice.clone(), 0), Err(ReconstructError::Cancelled(_))));
     let whole = run(twice, usize::MAX).unwrap();
     assert_eq!(whole.report.rounds.len(), 2);
     assert!(
@@ -482,9 +482,7 @@ fn the_upper_half_is_cut_out_as_a_garment_with_one_opening() {
     (phi.sampling.near, phi.sampling.far, phi.sampling.held_out) = (20_000, 2_000, 2_000);
     let motion = Some(MotionParams::default());
     let params = ReconstructParams { cell: 0.02, phi: Some(phi), motion, ..Default::default() };
-    let found =
-        reconstruct(&capture, &template(), &params, None, &mut |_| ControlFlow::Continue(()))
-            .unwrap();
+    let found = reconstruct(&capture, &template(), &params, None, &mut Silent).unwrap();
     let right = found
         .mesh
         .vertices()
@@ -525,8 +523,9 @@ fn the_upper_half_is_cut_out_as_a_garment_with_one_opening() {
     assert_eq!(motion.offsets(0).len(), found.mesh.vertices().len());
     assert_eq!(found.report.motion.as_ref(), Some(&motion.motion().report));
     assert!(found.report.missing.is_empty() && found.report.labels.frames_cast > 0);
-    // Told to stop, it stops.
-    let stopped =
-        reconstruct(&capture, &template(), &params, None, &mut |_| ControlFlow::Break(()));
-    assert!(stopped.unwrap_err().is_cancelled());
+    // Cancelling stops it.
+    let stopped = reconstruct(&capture, &template(), &params, None, &mut |_: &Progress| {
+        ControlFlow::Break(())
+    });
+    assert!(matches!(stopped, Err(ReconstructError::Cancelled(_))));
 }

@@ -11,6 +11,7 @@ use crate::progress::Line;
 use crate::staging::OutputError;
 use if_body::SkinWeights;
 use if_body::align::carried_field;
+use if_core::monitor::Silent;
 use if_mesh::baked::BakeParams;
 use if_mesh::file::{Content, MeshFile};
 use if_mesh::obj;
@@ -138,7 +139,7 @@ fn add(
         licence,
     };
     let baked = loaded
-        .map(|body| carried_field(&body.mesh, &mesh, &BakeParams::default()))
+        .map(|body| carried_field(&body.mesh, &mesh, &BakeParams::default(), &mut Silent))
         .transpose()
         .map_err(|e| unusable(Told::new(&e)))?;
     let parts = Parts {

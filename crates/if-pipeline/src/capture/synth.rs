@@ -1,50 +1,49 @@
-//! The project's own capture: the mannequin in its clothes, turning before a camera, seen as a
-//! noisy human parser and a normal estimator would see it.
+//! Synthetic captures: the dressed mannequin turns in front of a camera, seen with the errors of a
+//! human parser and a normal estimator.
 
 mod motion;
 mod noise;
+mod scene;
 
 use super::{CaptureError, CaptureWriter, FramePictures, Subject};
-use if_body::SkinWeights;
-use if_body::mannequin::{self, Garment, MannequinParams, rig};
-use if_body::{Pose, Skeleton};
-use if_body::{TemplateBody, TemplateError};
-use if_core::math::{Point, Real, Vector, unit_or_zero};
-use if_core::mesh::TriMesh;
+use if_body::TemplateError;
+use if_body::mannequin::{Garment, MannequinParams, rig};
+use if_core::math::Real;
+use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_core::parameter::ParameterError;
-use if_mesh::camera::Camera;
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
-use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
+use if_mesh::raster::Rasteriser;
 use motion::Waves;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
+use scene::{Scene, camera};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// What is captured, and how badly.
+/// Parameters of [`synth`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SynthParams {
-    /// What the mannequin wears.
+    /// The garments of the mannequin.
     pub garments: Vec<Garment>,
-    /// Pictures of one full turn, from 1 on.
+    /// Number of frames of one full turn, from 1 to 10000.
     pub frames: usize,
-    /// Pixels on each side, from 16 to 4096.
+    /// Width and height of the images in pixels, from 16 to 4096.
     pub size: usize,
-    /// How badly labels are seen: 0 as they are, 1 as by a poor parser. From 0 to 1.
+    /// Noise of the labels, from 0 (none) to 1 (a poor parser).
     pub label_noise: Real,
-    /// How badly the outline is seen. From 0 to 1.
+    /// Noise of the outlines, from 0 to 1.
     pub mask_noise: Real,
-    /// How far clothes move by themselves, in metres along their normals. From 0 to 0.1.
+    /// Amplitude of the clothes' own motion along their normals, in metres, from 0 to 0.1.
     pub nonrigid: Real,
-    /// Another number, another noise and another motion.
+    /// Random seed of noise and motion.
     pub seed: u64,
-    /// The mannequin. Its layers should not overlap: a camera would see through them.
+    /// The mannequin. Its layers should not intersect, since intersections would be visible.
     pub mannequin: MannequinParams,
 }
 
 impl Default for SynthParams {
-    /// T-shirt, trousers and jacket in 24 pictures of 256 pixels, seen with a third of the noise.
+    /// T-shirt, trousers and jacket in 24 frames of 256 × 256 pixels, with a third of the noise.
     fn default() -> Self {
         Self {
             garments: vec![Garment::Trousers, Garment::Tshirt, Garment::Jacket],
@@ -59,23 +58,23 @@ impl Default for SynthParams {
     }
 }
 
-/// What was captured.
+/// Report of [`synth`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct SynthReport {
-    /// Pictures.
+    /// Number of frames.
     pub frames: usize,
     /// Names of the labels.
     pub labels: Vec<String>,
-    /// Pixels of each label in all pictures, as they are.
+    /// Pixels of each label in all frames, without noise.
     pub pixels: Vec<usize>,
-    /// Pixels whose noisy label is another one.
+    /// Pixels whose noisy label is wrong.
     pub wrong_labels: usize,
-    /// Pixels whose noisy mask is another one.
+    /// Pixels whose noisy mask is wrong.
     pub wrong_mask: usize,
 }
 
-/// Why there is no capture.
+/// A synthetic capture cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages say what the fields are
@@ -92,9 +91,9 @@ pub enum SynthError {
     /// A mesh cannot be written.
     #[error("{}: {source}", path.display())]
     Mesh { path: PathBuf, source: ply::WriteError },
-    /// The caller asked to stop; nothing is left.
-    #[error("cancelled")]
-    Cancelled,
+    /// The monitor cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }
 
 impl SynthParams {
@@ -116,37 +115,31 @@ impl SynthParams {
     }
 }
 
-/// The subfolder with the template body: what a reconstruction may use beside the pictures.
+/// The subfolder with the template body, an input of reconstructions.
 pub const BODY: &str = "body";
-/// The subfolder with the body and the garments as they are, with skinning weights: for judging.
-/// Where clothes move by themselves, it has all layers posed in each frame, too: `frame_NNNN.ply`,
-/// with their labels.
+/// The subfolder with the true body and garments, with skinning weights, for evaluation. If clothes
+/// have their own motion, it also has all layers posed in each frame, with labels: `frame_NNNN.ply`.
 pub const TRUTH: &str = "truth";
 
-/// Renders the capture into `folder`, which must not exist. `progress` is told how many frames are
-/// done, and returns whether to go on.
+/// Renders the capture into `folder`, which must not exist.
 ///
-/// Beside what every capture has, the folder holds the clean masks and labels (`mask`, `label`)
-/// where there is noise,
-/// [`BODY`] and [`TRUTH`].
+/// Besides the files of every capture, the folder has the clean masks and labels (`mask`, `label`)
+/// if there is noise, [`BODY`] and [`TRUTH`]. Progress is reported as stage `render`.
 ///
 /// # Errors
 ///
-/// Parameters out of range, or files that cannot be written; nothing is left then.
+/// [`SynthError`]. No files are left.
 pub fn synth(
     params: &SynthParams,
     folder: &Path,
-    progress: &mut dyn FnMut(usize) -> bool,
+    monitor: &mut dyn Monitor,
 ) -> Result<SynthReport, SynthError> {
     params.validate()?;
     let scene = Scene::new(params);
     let camera = camera(params.size);
-    let mut worn = params.garments.clone();
-    worn.sort();
-    worn.dedup();
     let subject = Subject {
         camera: camera.clone(),
-        garments: worn.iter().map(|g| g.name().to_owned()).collect(),
+        garments: scene.worn.iter().map(|g| g.name().to_owned()).collect(),
         joints: scene.skeleton.names().map(String::from).collect(),
         generator: "ifg capture synth".into(),
     };
@@ -158,11 +151,12 @@ pub fn synth(
             .into_iter()
             .chain(subject.garments.clone())
             .collect(),
-        pixels: vec![0; worn.len() + 2],
+        pixels: vec![0; subject.garments.len() + 2],
         wrong_labels: 0,
         wrong_mask: 0,
     };
     let size = (params.size, params.size);
+    let names = report.labels.len() as u8;
     let mut rasteriser = Rasteriser::default();
     let make = |name: &str| {
         let path = writer.folder().join(name);
@@ -173,9 +167,8 @@ pub fn synth(
     let (body, truth) = (make(BODY)?, make(TRUTH)?);
     let waves = Waves::new(params.nonrigid, params.seed);
     for frame in 0..params.frames {
-        if !progress(frame) {
-            return Err(SynthError::Cancelled);
-        }
+        let total = Some(params.frames);
+        monitor.report(&Progress { done: frame, total, ..Progress::stage("render") })?;
         let pose = rig::turning_pose(frame, params.frames);
         let moved = scene.posed(&pose, &waves, frame as Real / params.frames as Real);
         if !waves.still() {
@@ -186,11 +179,10 @@ pub fn synth(
                 .map_err(|source| SynthError::Mesh { path, source })?;
         }
         let seen = scene.seen(&moved, &camera, &mut rasteriser);
-        // Each frame has its own noise, whatever the number of frames before it.
+        // The noise of a frame does not depend on the number of frames.
         let mut rng =
             Pcg64Mcg::seed_from_u64(params.seed.wrapping_mul(1_000_003).wrapping_add(frame as u64));
-        let noisy_labels =
-            noise::labels(&seen.labels, size, params.label_noise, worn.len() as u8 + 2, &mut rng);
+        let noisy_labels = noise::labels(&seen.labels, size, params.label_noise, names, &mut rng);
         let noisy_mask = noise::mask(&seen.mask, size, params.mask_noise, &mut rng);
         let pictures = FramePictures {
             mask: &seen.mask,
@@ -220,132 +212,15 @@ pub fn synth(
     Ok(report)
 }
 
-/// Before the person, at breast height, 32° from top to bottom.
-fn camera(size: usize) -> Camera {
-    let (angle, height) = (32.0f64.to_radians(), 1.72);
-    let distance = 0.56 * height / (0.5 * angle).tan() + 0.25;
-    let (eye, target) =
-        (Point::new(0.0, 0.55 * height, distance), Point::new(0.0, 0.5 * height, 0.0));
-    Camera::looking_at((size, size), &eye, &target, &Vector::y(), angle)
-        .expect("the size is in range, and the eye is not the target")
-}
-
-struct Layer {
-    mesh: TriMesh,
-    skin: SkinWeights,
-}
-
-/// The mannequin in its clothes, in rest.
-struct Scene {
-    skeleton: Skeleton,
-    /// The body, then garments from inside.
-    layers: Vec<Layer>,
-    /// All layers in one mesh.
-    all: TriMesh,
-    /// Triangle from which each layer begins in it.
-    first: Vec<usize>,
-}
-
-/// Truth of one frame.
-struct Seen {
-    mask: Vec<bool>,
-    labels: Vec<u8>,
-    normals: Vec<[f32; 3]>,
-}
-
-impl Scene {
-    fn new(params: &SynthParams) -> Self {
-        let mut worn = params.garments.clone();
-        worn.sort();
-        worn.dedup();
-        let meshes = std::iter::once(mannequin::body(&params.mannequin))
-            .chain(worn.iter().map(|kind| mannequin::garment(*kind, &params.mannequin)));
-        let layers: Vec<Layer> =
-            meshes.map(|mesh| Layer { skin: rig::skin_weights(mesh.vertices()), mesh }).collect();
-        let (mut vertices, mut triangles, mut first) = (Vec::new(), Vec::new(), Vec::new());
-        for layer in &layers {
-            let n = vertices.len() as u32;
-            first.push(triangles.len());
-            vertices.extend_from_slice(layer.mesh.vertices());
-            triangles.extend(layer.mesh.triangles().iter().map(|t| t.map(|v| v + n)));
-        }
-        let all = TriMesh::new(vertices, triangles).expect("meshes side by side are a mesh");
-        Self { skeleton: rig::skeleton(), layers, all, first }
-    }
-
-    fn template(&self) -> TemplateBody {
-        let body = &self.layers[0];
-        TemplateBody {
-            mesh: body.mesh.clone(),
-            skin: body.skin.clone(),
-            skeleton: self.skeleton.clone(),
-        }
-    }
-
-    /// For each vertex of all layers the label.
-    fn labels(&self) -> Vec<u8> {
-        let one =
-            |(k, layer): (usize, &Layer)| vec![k as u8 + super::SKIN; layer.mesh.vertices().len()];
-        self.layers.iter().enumerate().flat_map(one).collect()
-    }
-
-    /// All layers in a pose, the garments moved by `waves` before.
-    fn posed(&self, pose: &Pose, waves: &Waves, turn: Real) -> TriMesh {
-        let transforms =
-            self.skeleton.transforms(pose).expect("the pose has the joints of the rig");
-        let mut posed = Vec::with_capacity(self.all.vertices().len());
-        for (k, layer) in self.layers.iter().enumerate() {
-            let mut rest = layer.mesh.vertices().to_vec();
-            if k > 0 && !waves.still() {
-                rest.iter_mut()
-                    .zip(layer.mesh.vertex_normals())
-                    .for_each(|(p, n)| *p += n * waves.at(p, turn));
-            }
-            let hang = layer.skin.joints().iter().zip(layer.skin.weights()).zip(&rest);
-            posed.extend(hang.map(|((joints, weights), p)| {
-                let parts = joints
-                    .iter()
-                    .zip(weights)
-                    .map(|(j, w)| (transforms[usize::from(*j)] * p).coords * Real::from(*w));
-                Point::from(parts.sum::<Vector>())
-            }));
-        }
-        self.all.with_vertices(posed).expect("rotations keep coordinates finite")
-    }
-
-    fn seen(&self, moved: &TriMesh, camera: &Camera, rasteriser: &mut Rasteriser) -> Seen {
-        let mut ids = IdBuffer::default();
-        rasteriser.look(moved, moved.vertices(), camera, &RasterParams::default(), &mut ids);
-        let normals: Vec<Vector> =
-            moved.vertex_normals().iter().map(|n| camera.rotation() * n).collect();
-        let (width, n) = (camera.width(), ids.triangle.len());
-        let mut seen = Seen {
-            mask: vec![false; n],
-            labels: vec![super::BACKGROUND; n],
-            normals: vec![[0.0; 3]; n],
-        };
-        for (at, &id) in ids.triangle.iter().enumerate().filter(|(_, id)| **id != NOTHING) {
-            let layer = self.first.partition_point(|first| *first <= id as usize) - 1;
-            seen.mask[at] = true;
-            seen.labels[at] = layer as u8 + super::SKIN;
-            if let Some((bary, cos)) = rasteriser.hit(moved, camera, id, at % width, at / width) {
-                let corners = moved.triangles()[id as usize];
-                let sum: Vector = (0..3).map(|k| normals[corners[k] as usize] * bary[k]).sum();
-                // Where a back is seen, an estimator gives the side that it sees.
-                let normal = unit_or_zero(&sum) * if cos < 0.0 { -1.0 } else { 1.0 };
-                seen.normals[at] = [normal.x as f32, normal.y as f32, normal.z as f32];
-            }
-        }
-        seen
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::capture::{Capture, Channels};
+    use if_body::TemplateBody;
+    use if_core::monitor::Silent;
+    use std::ops::ControlFlow;
 
-    fn small(noise: Real) -> SynthParams {
+    pub(super) fn small(noise: Real) -> SynthParams {
         SynthParams {
             garments: vec![Garment::Jacket, Garment::Trousers],
             frames: 3,
@@ -358,11 +233,11 @@ mod tests {
     }
 
     #[test]
-    fn a_synthetic_capture_is_read_again_and_is_the_same_twice() {
+    fn a_synthetic_capture_is_read_again_and_is_reproducible() {
         let folder = tempfile::tempdir().unwrap();
         let (a, b) = (folder.path().join("a"), folder.path().join("b"));
-        let report = synth(&small(0.3), &a, &mut |_| true).unwrap();
-        assert_eq!(report, synth(&small(0.3), &b, &mut |_| true).unwrap());
+        let report = synth(&small(0.3), &a, &mut Silent).unwrap();
+        assert_eq!(report, synth(&small(0.3), &b, &mut Silent).unwrap());
         let capture = Capture::open(&a).unwrap();
         assert_eq!(capture.garments(), ["trousers", "jacket"], "inner to outer");
         let template = TemplateBody::read(&a.join(BODY)).unwrap();
@@ -377,10 +252,10 @@ mod tests {
             moved[1] += usize::from(noisy.mask != clean.mask);
             clean.labels.iter().for_each(|l| counts[usize::from(*l)] += 1);
             assert!(clean.labels.iter().zip(&clean.mask).all(|(l, m)| (*l > 0) == *m));
-            // What faces the camera has normals against the view.
+            // Visible surfaces face the camera.
             assert!(clean.normals.iter().zip(&clean.mask).all(|(n, m)| !m || n[2] < 0.35));
         }
-        // Blobs and outlines move by about a pixel of this size: not in each frame.
+        // Noise moves outlines by about a pixel of this size, so not every frame changes.
         assert!(moved.iter().all(|n| *n > 0), "{moved:?}");
         assert!(counts == report.pixels && counts.iter().all(|n| *n > 100), "{counts:?}");
         let total: usize = report.pixels[1..].iter().sum();
@@ -391,52 +266,24 @@ mod tests {
     }
 
     #[test]
-    fn clothes_that_move_by_themselves_move_as_far_as_said_and_the_body_does_not() {
-        let scene = Scene::new(&small(0.0));
-        let pose = rig::turning_pose(1, 8);
-        let still = scene.posed(&pose, &Waves::new(0.0, 1), 0.25);
-        let moved = scene.posed(&pose, &Waves::new(0.01, 1), 0.25);
-        let mut square = [(0.0, 0.0); 2];
-        for ((p, q), label) in still.vertices().iter().zip(moved.vertices()).zip(scene.labels()) {
-            let sum = &mut square[usize::from(label > super::super::SKIN)];
-            *sum = (sum.0 + (p - q).norm_squared(), sum.1 + 1.0);
-        }
-        assert_eq!(square[0].0, 0.0);
-        let high = (square[1].0 / square[1].1 as Real).sqrt();
-        assert!((0.003..0.015).contains(&high), "{high}");
-    }
-
-    #[test]
-    fn the_outline_of_a_pose_lies_where_its_joints_do() {
-        let scene = Scene::new(&small(0.0));
-        let camera = camera(64);
-        let pose = rig::turning_pose(1, 8);
-        let moved = scene.posed(&pose, &Waves::new(0.0, 0), 0.0);
-        let seen = scene.seen(&moved, &camera, &mut Rasteriser::default());
-        for (joint, frame) in
-            scene.skeleton.joints().iter().zip(scene.skeleton.frames(&pose).unwrap())
-        {
-            let pixel = camera.project(&Point::from(frame.translation.vector)).unwrap();
-            let at = pixel.y as usize * 64 + pixel.x as usize;
-            assert!(seen.mask[at], "{} at {pixel}", joint.name);
-        }
-    }
-
-    #[test]
-    fn without_noise_there_are_no_noisy_pictures_and_what_is_cancelled_leaves_nothing() {
+    fn without_noise_there_are_no_noisy_images_and_cancelling_leaves_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("clean");
-        let report = synth(&small(0.0), &path, &mut |_| true).unwrap();
+        let report = synth(&small(0.0), &path, &mut Silent).unwrap();
         assert_eq!((report.wrong_labels, report.wrong_mask), (0, 0));
         assert!(!path.join("label_noisy").exists() && !path.join("mask_noisy").exists());
         let stopped = folder.path().join("stopped");
-        assert!(matches!(synth(&small(0.0), &stopped, &mut |k| k < 2), Err(SynthError::Cancelled)));
+        let mut stop_at_2 = |p: &Progress| {
+            if p.done == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let cancelled = synth(&small(0.0), &stopped, &mut stop_at_2);
+        assert!(matches!(cancelled, Err(SynthError::Cancelled(_))), "{cancelled:?}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
         for bad in [
             SynthParams { frames: 0, ..small(0.0) },
             SynthParams { label_noise: Real::NAN, ..small(0.0) },
         ] {
-            assert!(matches!(synth(&bad, &stopped, &mut |_| true), Err(SynthError::Parameter(_))));
+            assert!(matches!(synth(&bad, &stopped, &mut Silent), Err(SynthError::Parameter(_))));
         }
     }
 }

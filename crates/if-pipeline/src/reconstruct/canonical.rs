@@ -1,4 +1,4 @@
-//! One canonical mesh for all frames.
+//! The canonical mesh: signed distance of a self-intersecting surface, weights, largest piece.
 
 use if_body::SkinWeights;
 use if_core::aabb::Aabb;
@@ -12,20 +12,19 @@ use if_mesh::sdf::{MeshSdf, SdfError};
 use if_mesh::voxels::{Voxel, Voxels};
 use rayon::prelude::*;
 
-/// Side of the voxels that settle what is outside, as a share of the mesh's size: 4 mm for a
-/// person. On the two sample captures twice as much doubles the tunnels of the canonical mesh (24
-/// and 19 for 12 and 8) and takes it 0.1 mm farther from the truth; half as much takes eight times
-/// the memory and 2.6 s for 0.7 s, and comes 0.05 mm nearer, but loses more of what is thin (62 mm
-/// at most for 35).
+/// Size of the voxels that classify the outside, as a share of the mesh's size: 4 mm for a person.
+/// On the two sample captures twice as much doubles the tunnels of the canonical mesh (24 and 19
+/// instead of 12 and 8) and increases its error by 0.1 mm; half as much needs eight times the memory
+/// and 2.6 s instead of 0.7 s, reduces the error by 0.05 mm, but loses more thin parts (error up to
+/// 62 mm instead of 35).
 const VOXEL: Real = 1.0 / 420.0;
 
-/// The signed distance of a closed mesh that may pass through itself, as a surface does that was
-/// moved.
+/// The signed distance of a closed mesh that may intersect itself, such as a fitted surface.
 ///
-/// Pseudo-normals say nothing right inside folds, and hollow a body out from there. Here what
-/// infinity reaches without crossing the surface is outside, and what it does not reach is inside,
-/// by voxels; only in voxels that hold a triangle the nearest triangle's pseudo-normal decides.
-/// Distances are those from the nearest triangle, also from one in the inside.
+/// Signs by pseudo-normals are wrong inside folds. Here a flood fill of voxels decides: what is
+/// connected to infinity without crossing the surface is outside, everything else is inside. Only in
+/// voxels that contain a triangle the pseudo-normal of the nearest triangle decides. Distances are
+/// those from the nearest triangle, even if it lies inside.
 #[derive(Clone, Debug)]
 pub struct FloodedField {
     exact: MeshSdf,
@@ -34,11 +33,11 @@ pub struct FloodedField {
 }
 
 impl FloodedField {
-    /// Of a mesh without border.
+    /// The field of a closed mesh.
     ///
     /// # Errors
     ///
-    /// A mesh that is empty, open, of inconsistent winding, or inside out.
+    /// The mesh is empty, open, of inconsistent winding, or inside out.
     pub fn new(mesh: &TriMesh) -> Result<Self, SdfError> {
         let exact = MeshSdf::closed(mesh)?;
         let bounds = mesh.aabb();
@@ -53,8 +52,8 @@ impl FloodedField {
 }
 
 impl FloodedField {
-    /// Whether a point lies inside: the sign of [`SignedDistance::distance`], without it where
-    /// voxels know.
+    /// Whether a point lies inside: the sign of [`SignedDistance::distance`], without computing the
+    /// distance where voxels decide.
     pub fn contains(&self, p: &Point) -> bool {
         match self.voxels.at(p) {
             Voxel::Wall => self.exact.distance(p) < 0.0,
@@ -92,8 +91,8 @@ impl SignedDistance for FloodedField {
     }
 }
 
-/// Weights for `points`, from the nearest point of a skinned surface each: its corners' weights in
-/// their barycentric parts, of which the four largest are kept.
+/// Skinning weights for `points`, interpolated at the nearest point of a skinned surface; the four
+/// largest are kept.
 ///
 /// # Panics
 ///
@@ -112,10 +111,10 @@ pub fn carried_weights(
         .expect("the four largest parts of weights are positive, and were divided by their sum")
 }
 
-/// Joints, and their parts of a place.
+/// Joints and their weights at a point.
 pub(super) type Shares = Vec<(u16, Real)>;
 
-/// For each of `points` its distance from a skinned surface, and the weights there.
+/// The distance of each of `points` from a skinned surface, and the weights at the nearest point.
 pub(super) fn carried_to(
     surface: &TriMesh,
     skin: &SkinWeights,
@@ -142,7 +141,7 @@ fn nearest_weights(tree: &Bvh, surface: &TriMesh, skin: &SkinWeights, p: &Point)
     ((near.point - p).norm(), sums)
 }
 
-/// The four largest of a vertex's weights, made to sum to one.
+/// The four largest weights, normalised.
 pub(super) fn four_largest(mut sums: Shares) -> ([u16; 4], [f32; 4]) {
     sums.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     sums.truncate(4);
@@ -154,8 +153,8 @@ pub(super) fn four_largest(mut sums: Shares) -> ([u16; 4], [f32; 4]) {
     (on, weights)
 }
 
-/// The largest piece of a mesh, by area; pieces hang together by edges of triangles. What an
-/// extraction finds beside the person are bubbles in folds of the surface.
+/// The connected component of a mesh with the largest area. Other components of an extraction are
+/// bubbles in folds of the surface.
 pub fn largest_piece(mesh: &TriMesh) -> TriMesh {
     let part = parts(mesh);
     let mut areas = vec![0.0; mesh.vertices().len()];
@@ -187,7 +186,7 @@ mod tests {
     use if_core::shapes::meshes;
 
     #[test]
-    fn weights_are_those_of_the_nearest_place() {
+    fn weights_are_those_of_the_nearest_point() {
         let sheet = meshes::cloth(1.0, 1.0, 4, 4);
         let low = sheet.aabb().min;
         // The weight of joint 1 grows along the first axis in which the sheet has a size.
@@ -213,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_body_that_passes_through_itself_stays_solid() {
+    fn a_self_intersecting_body_stays_solid() {
         // A ball whose cap was pushed down, through the bottom: pseudo-normals call what is beside
         // the cap there inside.
         let ball = meshes::icosphere(0.5, 4);
@@ -245,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn bubbles_are_left_out() {
+    fn bubbles_are_removed() {
         let (ball, bubble) = (meshes::icosphere(0.5, 2), meshes::icosphere(0.05, 1));
         let n = bubble.vertices().len() as u32;
         let mut vertices: Vec<Point> =

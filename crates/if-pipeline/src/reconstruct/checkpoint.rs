@@ -1,5 +1,6 @@
-//! What a reconstruction has reached, in a file.
+//! Checkpoints of the surface: the state after a round, in a file.
 
+use super::error::ReconstructError;
 use super::observe::Observation;
 use super::params::SurfaceParams;
 use super::report::Round;
@@ -8,32 +9,12 @@ use crate::capture::Capture;
 use if_core::math::{Point, Real};
 use sha2::{Digest, Sha256};
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// What the file begins with.
+/// The first bytes of the file.
 const MAGIC: &[u8; 16] = b"ifg surface v1\n\0";
 /// Numbers of a round in the file.
 const ROUND: usize = 5;
-
-/// Why a checkpoint cannot be read or written.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum CheckpointError {
-    /// The system does not give or take the file.
-    #[error("checkpoint {}: {source}", path.display())]
-    Io {
-        /// Which file.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// The file is not a checkpoint, or only a part of one.
-    #[error("{} is no whole checkpoint of a reconstruction; remove it to begin anew", path.display())]
-    Broken {
-        /// Which file.
-        path: PathBuf,
-    },
-}
 
 /// The state between two rounds.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,7 +23,7 @@ pub(super) struct Checkpoint {
     pub(super) rounds: Vec<Round>,
 }
 
-/// What the state depends on.
+/// A hash of everything that the state depends on.
 pub(super) fn key(
     capture: &Capture,
     start: &Start,
@@ -51,7 +32,7 @@ pub(super) fn key(
 ) -> [u8; 32] {
     let mut hash = Sha256::new();
     let mut number = |x: Real| hash.update(x.to_le_bytes());
-    // All but the number of rounds: a longer run may go on where a shorter one ended.
+    // All parameters but the number of rounds: a longer run may continue a shorter one.
     let p = params;
     let values = [
         p.normals,
@@ -91,8 +72,8 @@ pub(super) fn key(
 }
 
 impl Checkpoint {
-    /// Writes the file, whole or not at all.
-    pub(super) fn write(&self, path: &Path, key: &[u8; 32]) -> Result<(), CheckpointError> {
+    /// Writes the file atomically.
+    pub(super) fn write(&self, path: &Path, key: &[u8; 32]) -> Result<(), ReconstructError> {
         let mut bytes = Vec::with_capacity(64 + 24 * self.vertices.len());
         bytes.extend_from_slice(MAGIC);
         bytes.extend_from_slice(key);
@@ -115,23 +96,22 @@ impl Checkpoint {
         let digest = Sha256::digest(&bytes);
         bytes.extend_from_slice(&digest);
         if_mesh::atomic::write::<io::Error>(path, |file| file.write_all(&bytes))
-            .map_err(|source| CheckpointError::Io { path: path.into(), source })
+            .map_err(|source| ReconstructError::Checkpoint { path: path.into(), source })
     }
 
-    /// What the file holds; `None` where there is none, or it is of other input, or of more rounds
-    /// than `most`.
+    /// Reads the file; `None` if it is missing, of other input, or of more rounds than `most`.
     pub(super) fn read(
         path: &Path,
         key: &[u8; 32],
         most: usize,
-    ) -> Result<Option<Self>, CheckpointError> {
+    ) -> Result<Option<Self>, ReconstructError> {
         let bytes = match std::fs::read(path) {
             Ok(bytes) => bytes,
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(source) => return Err(CheckpointError::Io { path: path.into(), source }),
+            Err(source) => return Err(ReconstructError::Checkpoint { path: path.into(), source }),
         };
-        let (known_key, state) =
-            Self::parse(&bytes).ok_or_else(|| CheckpointError::Broken { path: path.into() })?;
+        let (known_key, state) = Self::parse(&bytes)
+            .ok_or_else(|| ReconstructError::BrokenCheckpoint { path: path.into() })?;
         Ok((known_key == *key && state.rounds.len() <= most).then_some(state))
     }
 
@@ -177,7 +157,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_written_state_is_read_bit_for_bit_and_a_broken_one_is_refused() {
+    fn a_checkpoint_is_read_bit_for_bit_and_a_broken_one_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("state");
         let round = Round {
@@ -201,7 +181,7 @@ mod tests {
             std::fs::write(&path, bad).unwrap();
             assert!(matches!(
                 Checkpoint::read(&path, &[1; 32], 9),
-                Err(CheckpointError::Broken { .. })
+                Err(ReconstructError::BrokenCheckpoint { .. })
             ));
         }
         let mut flipped = whole;
@@ -209,7 +189,7 @@ mod tests {
         std::fs::write(&path, flipped).unwrap();
         assert!(matches!(
             Checkpoint::read(&path, &[1; 32], 9),
-            Err(CheckpointError::Broken { .. })
+            Err(ReconstructError::BrokenCheckpoint { .. })
         ));
     }
 }

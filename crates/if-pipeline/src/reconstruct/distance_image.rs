@@ -1,11 +1,11 @@
-//! How far each pixel lies from the border of a mask.
+//! Signed distance of each pixel from the border of a mask.
 
-/// Pixels that a point may lie away from all mask pixels, where a mask is empty.
+/// Distance in pixels that replaces infinity for empty masks.
 const FAR: f64 = 1e6;
 
-/// A picture of one number for each pixel, rows from the top, read between pixel centres.
+/// An image of one number per pixel, rows from the top, interpolated between pixel centres.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct DistanceImage {
+pub(super) struct DistanceImage {
     width: usize,
     height: usize,
     values: Vec<f32>,
@@ -19,7 +19,7 @@ impl DistanceImage {
     /// # Source
     ///
     /// Felzenszwalb and Huttenlocher 2012.
-    pub(crate) fn new(mask: &[bool], width: usize, height: usize, blur: f64) -> Self {
+    pub(super) fn new(mask: &[bool], width: usize, height: usize, blur: f64) -> Self {
         debug_assert_eq!(mask.len(), width * height);
         let outside = squared_distances(mask, width, height, true);
         let inside = squared_distances(mask, width, height, false);
@@ -32,9 +32,8 @@ impl DistanceImage {
         Self { width, height, values: values.into_iter().map(|v| v as f32).collect() }
     }
 
-    /// The value at a pixel position, bilinear between centres; beyond them the value at the
-    /// nearest one.
-    pub(crate) fn at(&self, u: f64, v: f64) -> f64 {
+    /// The value at a pixel position: bilinear between centres, constant outside.
+    pub(super) fn at(&self, u: f64, v: f64) -> f64 {
         let x = (u - 0.5).clamp(0.0, (self.width - 1) as f64);
         let y = (v - 0.5).clamp(0.0, (self.height - 1) as f64);
         let (i, j) = (
@@ -48,8 +47,8 @@ impl DistanceImage {
             + (value(i, j1) * (1.0 - a) + value(i1, j1) * a) * b
     }
 
-    /// The slope at a pixel position, by central differences over two pixels.
-    pub(crate) fn slope(&self, u: f64, v: f64) -> [f64; 2] {
+    /// The gradient at a pixel position, by central differences over two pixels.
+    pub(super) fn slope(&self, u: f64, v: f64) -> [f64; 2] {
         [
             0.5 * (self.at(u + 1.0, v) - self.at(u - 1.0, v)),
             0.5 * (self.at(u, v + 1.0) - self.at(u, v - 1.0)),
@@ -57,7 +56,7 @@ impl DistanceImage {
     }
 
     /// The value at a pixel's centre.
-    pub(crate) fn pixel(&self, i: usize) -> f32 {
+    pub(super) fn pixel(&self, i: usize) -> f32 {
         self.values[i]
     }
 }
@@ -141,7 +140,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn distances_are_those_of_a_scan_of_all_pixels() {
+    fn distances_match_brute_force() {
         let (w, h) = (17, 11);
         let mut state = 3u32;
         for trial in 0..5 {

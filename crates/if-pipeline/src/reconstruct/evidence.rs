@@ -1,6 +1,7 @@
-//! What the frames say about the surface as it is now.
+//! The evidence of all frames for the current surface: observed normals and silhouettes.
 
 use super::observe::Observation;
+use super::projection::pixels_per_metre;
 use super::report::Pixels;
 use if_body::SkinWeights;
 use if_body::skinning::{Affine, blends, pose_points};
@@ -14,40 +15,39 @@ use rayon::prelude::*;
 // "Mean" below is the mean distance to and from the truth (2.0 to 2.4 mm) of the surfaces fitted to
 // the two sample captures of `docs/reconstruction.md`, all else being as it is.
 
-/// Cosine between a seen normal and the surface's below which they are not of one place. From 0.1
-/// to 0.4 the mean changes by less than 0.03 mm.
+/// Least cosine between an observed normal and the surface's for both to be of one point. From 0.1 to
+/// 0.4 the mean changes by less than 0.03 mm.
 const SAME_PLACE: Real = 0.2;
-/// Pixels within which a vertex must have both the figure and its surroundings to lie on the
-/// silhouette. Less than the pixel's diagonal and vertices on it are missed, more and others are
-/// pulled along: at 4 the mean rises by 0.8 mm. At 1.5 trousers, sweater and suit are 0.1 mm
-/// better, a dress that is off by 11 mm 0.2 to 0.3 mm worse.
+/// Radius in pixels within which a silhouette vertex must have pixels of both the figure and its
+/// surroundings. Below the pixel's diagonal vertices are missed; larger radii include vertices off
+/// the silhouette: at 4 the mean rises by 0.8 mm. At 1.5 trousers, sweater and suit are 0.1 mm
+/// better, a dress with an error of 11 mm is 0.2 to 0.3 mm worse.
 const BESIDE: Real = 2.0;
-/// Cosine between a rim vertex's normal and the direction to the mask's border below which they are
-/// not of one border. From 0.25 to 0.75 the mean changes by less than 0.04 mm; 1 leaves no
-/// silhouette.
+/// Least cosine between a rim vertex's normal and the direction to the mask's border for both to be
+/// of one border. From 0.25 to 0.75 the mean changes by less than 0.04 mm; 1 leaves no silhouette.
 const SAME_BORDER: Real = 0.5;
-/// Cosine between normal and line of sight at which a rim vertex no longer counts: it lies round
-/// the corner. From 0.25 to 1 the mean changes by less than 0.02 mm.
+/// Cosine between normal and line of sight at which the weight of a rim vertex becomes zero. From
+/// 0.25 to 1 the mean changes by less than 0.02 mm.
 const ROUND_THE_CORNER: Real = 0.5;
-/// Frames that are looked at together: bounds the memory of their evidence, which is 40 bytes for
-/// each pixel that sees the person. The result does not depend on it.
+/// Frames evaluated in parallel: bounds the memory of their evidence, 40 bytes for each pixel of the
+/// person. The result does not depend on it.
 const TOGETHER: usize = 16;
 
-/// What all frames together say.
+/// The evidence of all frames.
 pub(super) struct Evidence {
-    /// For each triangle the weighted sum of its seen normals in canonical space, and of the
-    /// weights.
+    /// For each triangle the weighted sum of its observed normals in canonical space, and the sum of
+    /// the weights.
     pub(super) normals: Vec<(Vector, Real)>,
-    /// For each vertex the weighted sum of the ways along its normal to the masks' borders
-    /// (metres), and of the weights.
+    /// For each vertex the weighted sum of the offsets along its normal to the masks' borders, in
+    /// metres, and the sum of the weights.
     pub(super) rim: Vec<(Real, Real)>,
-    /// What became of the pixels.
+    /// Counts of pixels.
     pub(super) pixels: Pixels,
-    /// For each frame, which part of the union its mask and the figure share.
+    /// For each frame the overlap (intersection over union) of its mask and the figure.
     pub(super) overlap: Vec<Real>,
 }
 
-/// What one frame says.
+/// The evidence of one frame.
 struct Glance {
     normals: Vec<(u32, Vector, Real)>,
     rim: Vec<(u32, Real, Real)>,
@@ -55,8 +55,8 @@ struct Glance {
     overlap: Real,
 }
 
-/// Looks at the canonical surface `mesh` in all frames; silhouettes farther than `reach` metres
-/// from the mask's border do not count.
+/// Collects the evidence of all frames for the canonical surface `mesh`; silhouettes farther than
+/// `reach` metres from the mask's border are ignored.
 pub(super) fn gather(
     mesh: &TriMesh,
     edges: &Edges,
@@ -85,7 +85,7 @@ pub(super) fn gather(
                 )
             })
             .collect();
-        // Summed in the order of the frames: the same bits on any number of threads.
+        // Sums are in the order of the frames: the same bits on any number of threads.
         for glance in glances {
             for (t, n, w) in glance.normals {
                 let sum = &mut all.normals[t as usize];
@@ -107,13 +107,13 @@ pub(super) fn gather(
     all
 }
 
-/// The surface in the pose of a frame.
+/// The surface, posed and rasterised in a frame.
 struct Figure<'a> {
     mesh: &'a TriMesh,
     edges: &'a Edges,
     camera: &'a Camera,
     maps: Vec<Affine>,
-    /// In the camera's frame.
+    /// Vertices in the camera's frame.
     points: Vec<Point>,
     seen: Vec<u32>,
 }
@@ -147,12 +147,13 @@ impl<'a> Figure<'a> {
             pixels: Pixels::default(),
             overlap: 0.0,
         };
-        self.look_at_normals(frame, face_normals, &mut glance);
-        self.look_at_rim(frame, vertex_normals, reach, &mut glance);
+        self.collect_normals(frame, face_normals, &mut glance);
+        self.collect_rim(frame, vertex_normals, reach, &mut glance);
         glance
     }
 
-    fn look_at_normals(&self, frame: &Observation, face_normals: &[Vector], glance: &mut Glance) {
+    /// Collects observed normals, and the overlap of mask and figure.
+    fn collect_normals(&self, frame: &Observation, face_normals: &[Vector], glance: &mut Glance) {
         let width = self.camera.width();
         let (mut both, mut either) = (0usize, 0usize);
         let pixels = &mut glance.pixels;
@@ -172,7 +173,7 @@ impl<'a> Figure<'a> {
                 continue;
             }
             let n = Vector::new(n[0].into(), n[1].into(), n[2].into());
-            // Aᵀ n with the mean of the corners' maps: triangles are small against bones.
+            // Aᵀ n with the mean of the corners' maps: triangles are small compared with bones.
             let corners = self.mesh.triangles()[t as usize];
             let linear = corners
                 .iter()
@@ -193,8 +194,8 @@ impl<'a> Figure<'a> {
         glance.overlap = if either == 0 { 0.0 } else { both as Real / either as Real };
     }
 
-    /// Vertices where front meets back, and the figure its surroundings.
-    fn look_at_rim(
+    /// Collects rim vertices (between front and back faces) on the silhouette.
+    fn collect_rim(
         &self,
         frame: &Observation,
         vertex_normals: &[Vector],
@@ -208,6 +209,7 @@ impl<'a> Figure<'a> {
                 (b - a).cross(&(c - a)).dot(&a.coords) < 0.0
             })
             .collect();
+        // Edges between a front and a back face.
         let mut rim = vec![false; self.points.len()];
         for (e, sides) in self.edges.triangles.iter().enumerate() {
             if sides[1] != if_core::edges::NONE
@@ -216,8 +218,7 @@ impl<'a> Figure<'a> {
                 self.edges.vertices[e].iter().for_each(|v| rim[*v as usize] = true);
             }
         }
-        let k = self.camera.intrinsics();
-        let pixels_per_metre = 0.5 * (k[(0, 0)] + k[(1, 1)]); // at a depth of one metre
+        let pixels_per_metre = pixels_per_metre(self.camera);
         for v in (0..rim.len()).filter(|v| rim[*v]) {
             let p = &self.points[v];
             if p.z <= 0.0 {
@@ -250,7 +251,7 @@ impl<'a> Figure<'a> {
         }
     }
 
-    /// Whether both a pixel of the figure and one beside it lie within [`BESIDE`] pixels.
+    /// Whether pixels both on and off the figure lie within [`BESIDE`] pixels.
     fn on_silhouette(&self, u: Real, v: Real) -> bool {
         let (width, height) = (self.camera.width() as i64, self.camera.height() as i64);
         let (mut figure, mut beside) = (false, false);

@@ -1,4 +1,4 @@
-//! What a step leaves to mend: places that nobody saw, and folds.
+//! Repair after a step: unseen regions, and folds.
 
 use super::evidence::Evidence;
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
@@ -6,40 +6,38 @@ use if_core::mesh::TriMesh;
 use if_core::rows::Rows;
 
 // "Mean" below is the mean distance to and from the truth (2.0 to 2.4 mm) of the surfaces fitted to
-// the two sample captures of `docs/reconstruction.md`, all else being as it is; "own" their own
-// intersecting pairs (500 to 700).
+// the two sample captures of `docs/reconstruction.md`, all else being equal; "pairs" the number of
+// their self-intersecting pairs (500 to 700).
 
-/// Weight of seen normals from which on a triangle is known: three pixels seen head-on. Half and
-/// twice as much change the mean by less than 0.02 mm.
+/// Weight of observed normals at which a triangle counts as known: three pixels seen head-on. Half
+/// and twice as much change the mean by less than 0.02 mm.
 const KNOWN: Real = 3.0;
-/// Weight of the silhouettes from which on a vertex's place is known, though its triangles are not:
-/// half that of one frame that sees it in profile. Half and twice as much change the mean by less
-/// than 0.03 mm.
+/// Weight of the silhouettes at which the position of a vertex counts as known although its
+/// triangles are not: half that of one frame that sees it in profile. Half and twice as much change
+/// the mean by less than 0.03 mm.
 const ON_RIM: Real = 0.5;
-/// Passes over the unseen, and over folds. Without any there are 1,700 own; with 5, 10, 20 on the
-/// first capture 815, 713, 663, and the mean distance to the truth is 2.15, 2.04, 1.95 mm, that
-/// from it 2.17, 2.22, 2.26 mm: more only trade one for the other.
+/// Passes over unseen regions, and over folds. Without any there are 1,700 pairs; with 5, 10, 20 on
+/// the first capture 815, 713, 663, and the mean distance to the truth is 2.15, 2.04, 1.95 mm, that
+/// from it 2.17, 2.22, 2.26 mm: more passes only trade one for the other.
 const PASSES: usize = 10;
-/// Share of the way that a vertex goes in a pass: the usual half. A quarter and all of it act as
-/// half and twice as many passes do.
+/// Relaxation factor of a pass. A quarter and 1 act like half and twice as many passes.
 const SHARE: Real = 0.5;
-/// Cosine between a triangle's normal and what it should be, below which it is folded. At 0.2 and
-/// 0.8 there are 781 and 408 own on the first capture, 645 and 429 on the second, and the mean
-/// distance to the truth changes by up to 0.1 mm for the better, that from it by 0.03 mm for the
-/// worse.
+/// Cosine between the normal of a triangle and the expected one below which it is folded. At 0.2 and
+/// 0.8 there are 781 and 408 pairs on the first capture, 645 and 429 on the second, and the mean
+/// distance to the truth improves by up to 0.1 mm, that from it worsens by 0.03 mm.
 const FOLDED: Real = 0.4;
 /// Twice the area over the square of the longest edge, below which a triangle is a sliver: 1/10 is
-/// an angle of 6°. Half and twice as much change the mean by less than 0.04 mm, and own by a sixth.
+/// an angle of 6°. Half and twice as much change the mean by less than 0.04 mm, and pairs by a sixth.
 const SLIVER: Real = 0.1;
 
-/// Mends the surface `x`, whose triangles and evidence are those of `rest`, the template.
+/// Repairs the surface `x`, whose triangles and evidence are those of `rest`, the template.
 ///
 /// ```text
-/// unseen and hollow      towards the middle of its neighbours: clothes span the folds of the body
-/// unseen and not hollow  towards the place that its neighbours' displacement from the template gives it
-/// folded, or a sliver    towards the middle of its neighbours
+/// unseen and concave      towards the mean of its neighbours: clothes span the folds of the body
+/// unseen and not concave  towards the position that the neighbours' displacement from the template predicts
+/// folded, or a sliver     towards the mean of its neighbours
 /// ```
-pub(super) fn mend(
+pub(super) fn repair(
     rest: &TriMesh,
     mut x: Vec<Point>,
     neighbours: &Rows<u32>,
@@ -53,11 +51,11 @@ pub(super) fn mend(
                 if doubt[v] == 0.0 || neighbours.of(v).is_empty() {
                     return x[v];
                 }
-                let way = to_middle(&x, neighbours, v);
+                let way = to_mean(&x, neighbours, v);
                 let way = if way.dot(&normals[v]) > 0.0 {
                     way
                 } else {
-                    way - to_middle(rest.vertices(), neighbours, v)
+                    way - to_mean(rest.vertices(), neighbours, v)
                 };
                 x[v] + way * (SHARE * doubt[v])
             })
@@ -70,14 +68,14 @@ pub(super) fn mend(
             break;
         }
         let next =
-            |v: usize| if folded[v] { x[v] + to_middle(&x, neighbours, v) * SHARE } else { x[v] };
+            |v: usize| if folded[v] { x[v] + to_mean(&x, neighbours, v) * SHARE } else { x[v] };
         x = (0..x.len()).map(next).collect();
     }
     x
 }
 
-/// How little is known of each vertex: 0 where all of its triangles were seen, or it was on
-/// silhouettes; squared, so that only places that are hardly seen move.
+/// Uncertainty of each vertex: 0 if all of its triangles were seen, or if it was on silhouettes;
+/// squared, so that only poorly seen vertices move.
 fn doubt(mesh: &TriMesh, evidence: &Evidence) -> Vec<Real> {
     let mut sums = vec![(0.0, 0.0); mesh.vertices().len()];
     for (tri, (_, weight)) in mesh.triangles().iter().zip(&evidence.normals) {
@@ -92,7 +90,8 @@ fn doubt(mesh: &TriMesh, evidence: &Evidence) -> Vec<Real> {
     sums.iter().zip(&evidence.rim).map(doubt).collect()
 }
 
-fn to_middle(x: &[Point], neighbours: &Rows<u32>, v: usize) -> Vector {
+/// The offset of a vertex from the mean of its neighbours.
+fn to_mean(x: &[Point], neighbours: &Rows<u32>, v: usize) -> Vector {
     let sum = neighbours.of(v).iter().fold(Vector::zeros(), |sum, u| sum + x[*u as usize].coords);
     sum / neighbours.of(v).len().max(1) as Real - x[v].coords
 }
@@ -108,8 +107,8 @@ fn normals(triangles: &[[u32; 3]], x: &[Point]) -> Vec<Vector> {
     sums.iter().map(unit_or_zero).collect()
 }
 
-/// The corners of triangles that face away from what was seen there (or, unseen, from their
-/// surroundings), or are slivers.
+/// The corners of triangles that are slivers, or face away from the observed normal (or, unseen, from
+/// their surroundings).
 fn folded(
     triangles: &[[u32; 3]],
     x: &[Point],
@@ -167,9 +166,9 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_that_was_seen_and_is_not_folded_stays() {
+    fn a_seen_surface_without_folds_stays() {
         let ball = meshes::icosphere(0.2, 3);
-        let x = mend(&ball, ball.vertices().to_vec(), &neighbours(&ball), &seen(&ball, 9.0));
+        let x = repair(&ball, ball.vertices().to_vec(), &neighbours(&ball), &seen(&ball, 9.0));
         assert_eq!(x, ball.vertices());
     }
 
@@ -180,13 +179,13 @@ mod tests {
         // All of a ball is convex: what was carried along with its displacement stays.
         let moved: Vec<Point> =
             ball.vertices().iter().map(|p| p + Vector::new(0.0, 0.01, 0.0)).collect();
-        let x = mend(&ball, moved.clone(), &neighbours(&ball), &nothing);
+        let x = repair(&ball, moved.clone(), &neighbours(&ball), &nothing);
         for (p, q) in x.iter().zip(&moved) {
             approx::assert_relative_eq!(p, q, epsilon = 1e-12);
         }
         let mut dented = ball.vertices().to_vec();
         dented[40] *= 0.9;
-        let x = mend(&ball, dented, &neighbours(&ball), &nothing);
+        let x = repair(&ball, dented, &neighbours(&ball), &nothing);
         assert!(x[40].coords.norm() > 0.19, "{}", x[40].coords.norm());
     }
 
@@ -201,7 +200,7 @@ mod tests {
         let around = neighbours(&sheet);
         let expected = sheet.face_normals();
         assert!(folded(sheet.triangles(), &x, &around, &expected).contains(&true));
-        let x = mend(&sheet, x, &around, &evidence);
+        let x = repair(&sheet, x, &around, &evidence);
         assert!(!folded(sheet.triangles(), &x, &around, &expected).contains(&true));
     }
 }

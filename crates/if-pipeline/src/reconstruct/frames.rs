@@ -1,6 +1,6 @@
-//! The canonical mesh as it stands in each frame: the same triangles, and vertex k is the same
-//! material point in all.
+//! The canonical mesh in each frame: vertex k is the same material point in all frames.
 
+use super::error::ReconstructError;
 use super::motion::MeshMotion;
 use crate::capture::Capture;
 use if_body::SkinWeights;
@@ -8,46 +8,15 @@ use if_body::skinning::{blends, pose_points};
 use if_body::{Pose, PoseError, Skeleton};
 use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
-use if_mesh::ply::{self, PlyMesh, WriteError, WriteParams};
-use std::io;
-use std::path::{Path, PathBuf};
+use if_mesh::ply::{self, PlyMesh, WriteParams};
+use std::path::Path;
 
-/// Why frames cannot be written.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum FramesError {
-    /// The folder cannot be made.
-    #[error("cannot make the folder {}: {source}", path.display())]
-    Folder {
-        /// Which folder.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// A file cannot be written.
-    #[error("cannot write {}: {source}", path.display())]
-    File {
-        /// Which file.
-        path: PathBuf,
-        /// What is at fault.
-        source: Box<WriteError>,
-    },
-    /// A pose does not fit the skeleton.
-    #[error("frame {frame}: {source}")]
-    Pose {
-        /// Its place in the capture.
-        frame: usize,
-        /// What is wrong with it.
-        source: PoseError,
-    },
-}
-
-/// LBS(x + d) of the vertices of a canonical mesh in a pose, in the world. `offsets` are the d of
+/// The vertices LBS(x + d) of a canonical mesh in a pose, in world space. `offsets` are the d of
 /// the frame, in canonical space; empty for none.
 ///
 /// # Errors
 ///
-/// A pose of another number of joints.
+/// The pose has another number of joints.
 ///
 /// # Panics
 ///
@@ -68,12 +37,12 @@ pub fn posed(
     Ok(pose_points(&moved, &maps))
 }
 
-/// Writes `frame_NNNN.ply` for each frame of a capture into `folder`, which is made: binary, in
-/// metres, in the world. Vertices are LBS(x + d), with the d of `motion`, or with none.
+/// Creates `folder` and writes `frame_NNNN.ply` for each frame of a capture: binary, in metres, in
+/// world space. Vertices are LBS(x + d), with the d of `motion` if given.
 ///
 /// # Errors
 ///
-/// [`FramesError`].
+/// [`ReconstructError`].
 ///
 /// # Panics
 ///
@@ -86,17 +55,18 @@ pub fn write_frames(
     skeleton: &Skeleton,
     capture: &Capture,
     motion: Option<&MeshMotion>,
-) -> Result<(), FramesError> {
+) -> Result<(), ReconstructError> {
     std::fs::create_dir_all(folder)
-        .map_err(|source| FramesError::Folder { path: folder.into(), source })?;
+        .map_err(|source| ReconstructError::FramesFolder { path: folder.into(), source })?;
     let file = PlyMesh::new(mesh.clone());
     for frame in 0..capture.len() {
         let offsets = motion.map(|m| m.offsets(frame)).unwrap_or_default();
         let points = posed(mesh, skin, skeleton, capture.pose(frame), &offsets)
-            .map_err(|source| FramesError::Pose { frame, source })?;
+            .map_err(|source| ReconstructError::Pose { frame, source })?;
         let path = folder.join(format!("frame_{:04}.ply", capture.number(frame)));
-        ply::write_path(&file, &points, &WriteParams::default(), &path)
-            .map_err(|source| FramesError::File { path: path.clone(), source: Box::new(source) })?;
+        ply::write_path(&file, &points, &WriteParams::default(), &path).map_err(|source| {
+            ReconstructError::FrameFile { path: path.clone(), source: Box::new(source) }
+        })?;
     }
     Ok(())
 }

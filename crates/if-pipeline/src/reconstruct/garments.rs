@@ -1,226 +1,216 @@
-//! Labels of the frames become garments of their own.
+//! Garments, cut out of the canonical mesh along the labels that frames vote for.
 
+use super::error::ReconstructError;
 use super::frames::posed;
 use super::motion::MeshMotion;
-use super::progress::{Clock, Progress, Stage};
+use super::progress;
 use super::underside::Underside;
 use crate::asset::LayerHint;
-use crate::capture::{Capture, CaptureError, FIRST_GARMENT};
-use if_body::{PoseError, Skeleton};
-use if_body::{SkinError, SkinWeights};
+use crate::capture::{Capture, FIRST_GARMENT};
+use if_body::{Skeleton, SkinWeights};
 use if_core::field::SignedDistance;
 use if_core::mesh::TriMesh;
-use if_mesh::attributes::{AttributeError, Source, VertexAttributes};
+use if_core::monitor::Monitor;
+use if_mesh::attributes::{Source, VertexAttributes};
 use if_mesh::cleanup::complement::Complement;
 use if_mesh::cleanup::openings::Openings;
-use if_mesh::cleanup::{CleanupError, CleanupParams, CleanupReport, cleanup};
-use if_mesh::cut::{CutError, CutParams, Piece, cut};
+use if_mesh::cleanup::{CleanupParams, CleanupReport, cleanup};
+use if_mesh::cut::{CutParams, Piece, cut};
 use if_mesh::ply::PlyMesh;
-use if_mesh::smooth_labels::{SmoothLabelError, SmoothLabelParams, smooth_labels};
-use if_mesh::votes::{Look, VoteError, VoteParams, VoteReport, Voter};
-use std::ops::ControlFlow;
+use if_mesh::smooth_labels::{SmoothLabelParams, smooth_labels};
+use if_mesh::votes::{Look, VoteParams, VoteReport, Voter};
 
-/// How garments are found.
+/// Parameters of [`find_garments`].
 #[derive(Clone, Debug, Default)]
 pub struct GarmentParams {
-    /// Which pixels vote.
+    /// Votes of pixels.
     pub votes: VoteParams,
-    /// How smooth labels are on the surface.
+    /// Smoothing of labels on the surface.
     pub smoothness: SmoothLabelParams,
-    /// How triangles are cut.
+    /// Cutting of triangles.
     pub cut: CutParams,
-    /// What is done to each piece. Its `openings` are told as [`openings_of`] says, whatever stands
-    /// here.
+    /// Clean-up of each piece. Its `openings` are replaced by [`openings_of`].
     pub cleanup: CleanupParams,
 }
 
 impl GarmentParams {
-    /// Whether all parameters are in range.
+    /// Checks the ranges.
     ///
     /// # Errors
     ///
-    /// The first that is not.
-    pub fn validate(&self) -> Result<(), GarmentsError> {
-        self.votes.validate().map_err(GarmentsError::Votes)?;
+    /// The first parameter that is out of range.
+    pub fn validate(&self) -> Result<(), ReconstructError> {
+        self.votes.validate()?;
         self.smoothness.validate()?;
         self.cut.validate()?;
-        self.cleanup.validate().map_err(GarmentsError::CleanupParams)
+        Ok(self.cleanup.validate()?)
     }
 }
 
-/// A garment on its own.
+/// A separate garment.
 #[derive(Clone, Debug)]
 pub struct Garment {
-    /// What the capture calls it.
+    /// Its name in the capture.
     pub name: String,
     /// Its label in the capture.
     pub label: u8,
     /// Its surface in canonical space, in metres.
     pub mesh: TriMesh,
-    /// Its weights.
+    /// Its skinning weights.
     pub skin: SkinWeights,
-    /// What was done to the piece that was cut out.
+    /// Report of the clean-up.
     pub cleanup: CleanupReport,
 }
 
-/// Garments, and the labels they were cut by.
+/// All garments, and the labels that separate them.
 #[derive(Clone, Debug)]
 pub struct Garments {
-    /// The label of each vertex of the canonical mesh; 0 where nothing is known.
+    /// The label of each vertex of the canonical mesh; 0 if unknown.
     pub labels: Vec<u8>,
-    /// What became of the frames' pixels.
+    /// Report of the votes.
     pub votes: VoteReport,
-    /// In the order of the capture, inner to outer. Those of which nothing was seen are not there.
+    /// The garments in the order of the capture, inner to outer, without the missing ones.
     pub garments: Vec<Garment>,
-    /// Those of which nothing was seen.
+    /// Garments that no frame shows.
     pub missing: Vec<String>,
 }
 
-/// Why garments cannot be found.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-#[allow(missing_docs)] // the messages say what the fields are
-pub enum GarmentsError {
-    /// The capture is at fault.
-    #[error(transparent)]
-    Capture(#[from] CaptureError),
-    /// A pose does not fit the skeleton.
-    #[error("frame {frame}: {source}")]
-    Pose { frame: usize, source: PoseError },
-    /// A frame cannot vote.
-    #[error("frame {frame}: {source}")]
-    Vote { frame: usize, source: VoteError },
-    /// The votes' parameters are out of range.
-    #[error(transparent)]
-    Votes(VoteError),
-    /// Labels cannot be made smooth.
-    #[error(transparent)]
-    Smooth(#[from] SmoothLabelError),
-    /// The mesh cannot be cut.
-    #[error(transparent)]
-    Cut(#[from] CutError),
-    /// The parameters of the clean-up are out of range.
-    #[error(transparent)]
-    CleanupParams(CleanupError),
-    /// A piece cannot be cleaned.
-    #[error("garment `{name}`: {source}")]
-    Cleanup { name: String, source: CleanupError },
-    /// Weights that do not belong to the mesh.
-    #[error(transparent)]
-    Attributes(#[from] AttributeError),
-    /// Weights of a cleaned piece that are none.
-    #[error("garment `{name}`: {source}")]
-    Skin { name: String, source: SkinError },
-    /// `watch` asked to stop.
-    #[error("cancelled")]
-    Cancelled,
+/// The clothed person in canonical space, as [`find_garments`] needs it.
+#[derive(Clone, Copy)]
+pub struct ClothedPerson<'a> {
+    /// The skeleton that the capture's poses are of.
+    pub skeleton: &'a Skeleton,
+    /// The canonical mesh, in metres.
+    pub mesh: &'a TriMesh,
+    /// Its skinning weights.
+    pub skin: &'a SkinWeights,
+    /// Its signed distance: hole patches and hems are projected onto it.
+    pub field: &'a dyn SignedDistance,
+    /// The motion of single frames, if solved.
+    pub motion: Option<&'a MeshMotion>,
+    /// The undersides of loose clothes ([`Underside::of`]).
+    pub underside: Option<&'a Underside>,
 }
 
-/// Votes on the labels of a canonical mesh by all frames, cuts it along them, and cleans the
-/// pieces.
+impl std::fmt::Debug for ClothedPerson<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (vertices, triangles) = (self.mesh.vertices().len(), self.mesh.triangles().len());
+        f.debug_struct("ClothedPerson")
+            .field("vertices", &vertices)
+            .field("triangles", &triangles)
+            .field("motion", &self.motion.is_some())
+            .field("underside", &self.underside.is_some())
+            .finish_non_exhaustive()
+    }
+}
+
+/// Labels a canonical mesh by votes of all frames, cuts it along the borders of the labels, and
+/// cleans the pieces.
 ///
-/// `field` is the signed distance of the canonical mesh: patches and hems are laid on it.
-/// `underside` tells what is no cloth though nobody saw it ([`Underside::of`]).
+/// Stages: `garments`, a step for each frame and garment.
 ///
 /// # Source
 ///
 /// Supplement, Appendix B, for the clean-up; votes and cut are ours. The steps are
-/// [`if_mesh::votes`], [`if_mesh::smooth_labels`], [`if_mesh::cut`] and
-/// [`if_mesh::cleanup`].
+/// [`if_mesh::votes`], [`if_mesh::smooth_labels`], [`if_mesh::cut`] and [`if_mesh::cleanup`].
 ///
 /// # Errors
 ///
-/// [`GarmentsError`].
+/// [`ReconstructError`].
 ///
 /// # Panics
 ///
-/// If `underside` is of another mesh or capture.
-#[allow(clippy::too_many_arguments)] // what a stage needs of those before it
+/// If the motion or underside is of another mesh or capture.
 pub fn find_garments(
     capture: &Capture,
-    skeleton: &Skeleton,
-    mesh: &TriMesh,
-    skin: &SkinWeights,
-    field: &dyn SignedDistance,
-    motion: Option<&MeshMotion>,
-    underside: Option<&Underside>,
+    person: &ClothedPerson,
     params: &GarmentParams,
-    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Garments, GarmentsError> {
-    let mut clock = Clock::new();
+    monitor: &mut dyn Monitor,
+) -> Result<Garments, ReconstructError> {
+    let ClothedPerson { skeleton, mesh, skin, field, motion, underside } = *person;
     let steps = capture.len() + capture.garments().len();
-    let mut tell = |step| {
-        if watch(&clock.at(Stage::Garments, step, steps, None)).is_break() {
-            Err(GarmentsError::Cancelled)
-        } else {
-            Ok(())
-        }
-    };
-    let mut voter =
-        Voter::new(mesh, capture.labels().len(), &params.votes).map_err(GarmentsError::Votes)?;
+    let mut report = |step| progress::report(monitor, "garments", (step, steps), None);
+
+    // Each frame that adds information votes with its label image.
+    let mut voter = Voter::new(mesh, capture.labels().len(), &params.votes)?;
     for frame in 0..capture.len() {
-        tell(frame)?;
+        report(frame)?;
         let offsets = motion.map(|m| m.offsets(frame)).unwrap_or_default();
         let at = posed(mesh, skin, skeleton, capture.pose(frame), &offsets)
-            .map_err(|source| GarmentsError::Pose { frame, source })?;
-        let vote = |source| GarmentsError::Vote { frame, source };
+            .map_err(|source| ReconstructError::Pose { frame, source })?;
+        let vote = |source| ReconstructError::Vote { frame, source };
         if voter.look(&at, capture.camera()).map_err(vote)? == Look::Gains {
             voter.cast(&capture.label_image(frame)?).map_err(vote)?;
         }
     }
-    let (votes, report) = voter.finish();
+
+    // Labels are smoothed, once more with votes against loose garments on their undersides.
+    let (votes, vote_report) = voter.finish();
     let mut scores = smooth_labels(mesh, &votes, &params.smoothness)?;
     if let Some(underside) = underside {
         scores = smooth_labels(mesh, &underside.voted(mesh, &votes, &scores), &params.smoothness)?;
     }
     let labels = scores.winners();
+
+    // The mesh is cut, and each garment cleaned.
     let pieces = cut(mesh, &scores, &params.cut)?;
     let attributes = VertexAttributes::new(mesh.vertices().len(), skin.to_properties())?;
-    let mut found = Garments { labels, votes: report, garments: Vec::new(), missing: Vec::new() };
+    let mut found =
+        Garments { labels, votes: vote_report, garments: Vec::new(), missing: Vec::new() };
     for (k, name) in capture.garments().iter().enumerate() {
-        tell(capture.len() + k)?;
+        report(capture.len() + k)?;
         let label = FIRST_GARMENT + k as u8;
-        let Some(piece) =
-            pieces.iter().find(|p| p.label == label && !p.mesh.triangles().is_empty())
-        else {
-            found.missing.push(name.clone());
-            continue;
+        let piece = pieces.iter().find(|p| p.label == label && !p.mesh.triangles().is_empty());
+        let garment = match piece {
+            Some(piece) => {
+                let carried = attributes.derive(&sources(piece));
+                cleaned(name, label, person, (&piece.mesh, &carried), field, &params.cleanup)?
+            }
+            None => None,
         };
-        let cleaning =
-            CleanupParams { openings: openings_of(name, mesh), ..params.cleanup.clone() };
-        let carried = attributes.derive(&sources(piece));
-        let clean = cleanup(&piece.mesh, &carried, Some(field), &cleaning)
-            .map_err(|source| GarmentsError::Cleanup { name: name.clone(), source })?;
-        if clean.mesh.triangles().is_empty() {
-            found.missing.push(name.clone());
-            continue;
+        match garment {
+            Some(garment) => found.garments.push(garment),
+            None => found.missing.push(name.clone()),
         }
-        let ply = PlyMesh {
-            vertex_properties: clean.attributes.into_properties(),
-            ..PlyMesh::new(clean.mesh)
-        };
-        let skin = SkinWeights::from_ply(&ply, skeleton.len())
-            .map_err(|source| GarmentsError::Skin { name: name.clone(), source })?;
-        found.garments.push(Garment {
-            name: name.clone(),
-            label,
-            mesh: ply.mesh,
-            skin,
-            cleanup: clean.report,
-        });
     }
     Ok(found)
 }
 
-/// Which loops of the garment `name`, cut out of `body`, stay open: those that
+/// Cleans the piece of a garment; `None` if nothing of it remains.
+fn cleaned(
+    name: &str,
+    label: u8,
+    person: &ClothedPerson,
+    (piece, carried): (&TriMesh, &VertexAttributes),
+    field: &dyn SignedDistance,
+    params: &CleanupParams,
+) -> Result<Option<Garment>, ReconstructError> {
+    let params = CleanupParams { openings: openings_of(name, person.mesh), ..params.clone() };
+    let clean = cleanup(piece, carried, Some(field), &params)
+        .map_err(|source| ReconstructError::Cleanup { name: name.into(), source })?;
+    if clean.mesh.triangles().is_empty() {
+        return Ok(None);
+    }
+    let ply = PlyMesh {
+        vertex_properties: clean.attributes.into_properties(),
+        ..PlyMesh::new(clean.mesh)
+    };
+    let skin = SkinWeights::from_ply(&ply, person.skeleton.len())
+        .map_err(|source| ReconstructError::GarmentSkin { name: name.into(), source })?;
+    let (name, mesh, cleanup) = (name.to_owned(), ply.mesh, clean.report);
+    Ok(Some(Garment { name, label, mesh, skin, cleanup }))
+}
+
+/// The policy that decides which boundary loops of the garment `name`, cut out of `body`, are
+/// openings and stay open: those that
 ///
-/// - bound a large part of what is not the garment: [`Complement`]. Islands of other labels within
-///   a garment are holes of it, like what nobody saw; no vertex is marked as foreign;
-/// - let something pass: the openness of [`Openings::default`]. Where a garment's border meets
-///   another one the extracted surface may hold a tunnel of one cell, whose section bounds the
-///   other garment as the hem does, but is 2 cm long;
-/// - are among as many of the most open as a garment of its class has:
-///   [`GarmentClass::most_openings`].
+/// - bound a large part of the rest of the body ([`Complement`]): islands of other labels within a
+///   garment are holes, and so are unseen patches;
+/// - are wide enough ([`Openings::default`]): where two garments meet, the extracted surface may
+///   have a tunnel of one cell, whose section bounds the other garment like a hem, but is only 2 cm
+///   long;
+/// - are among the most open ones, as many as garments of this class have
+///   ([`GarmentClass::most_openings`]).
 ///
 /// [`GarmentClass::most_openings`]: crate::asset::GarmentClass::most_openings
 pub fn openings_of(name: &str, body: &TriMesh) -> Openings {
@@ -230,7 +220,7 @@ pub fn openings_of(name: &str, body: &TriMesh) -> Openings {
     Openings::Each(policies)
 }
 
-/// What the vertices of a piece are made of.
+/// The vertices of the canonical mesh from which the vertices of a piece are interpolated.
 fn sources(piece: &Piece) -> Vec<Source> {
     let of = |origin: &if_mesh::cut::Origin| match origin.source() {
         Some(v) => Source::Vertex(v),
@@ -290,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tunnel_to_another_garment_is_no_opening() {
+    fn a_tunnel_to_another_garment_is_not_an_opening() {
         let (body, piece) = drum_with_a_tunnel();
         let loops = |openings: Openings| {
             let params = CleanupParams { openings, smooth: None, ..CleanupParams::default() };
@@ -298,8 +288,8 @@ mod tests {
             let report = cleanup(&piece, &none, None, &params).unwrap().report;
             (report.holes.openings.len(), report.holes.filled.len())
         };
-        // What lies beyond the tunnel is the other half: what the loop bounds does not tell the two
-        // apart.
+        // The tunnel, too, bounds the other half of the body: the complement alone does not
+        // distinguish them.
         assert_eq!(loops(Openings::Complement(Box::new(Complement::new(body.clone())))), (2, 0));
         for name in ["sweater", "thing"] {
             assert_eq!(loops(openings_of(name, &body)), (1, 1), "{name}");

@@ -1,55 +1,52 @@
-//! What clothes fill that the template body has apart: the inside of a skirt, between the legs.
+//! The inside of loose clothes, such as the space between the legs in a skirt.
 
 use super::canonical::FloodedField;
 use super::distance_image::DistanceImage;
-use super::hull::in_camera;
+use super::lattice::Lattice;
 use super::observe::Observation;
+use super::projection::{in_camera, pixels_per_metre};
 use crate::capture::FIRST_GARMENT;
 use if_body::SkinWeights;
 use if_body::skinning::{Affine, WeightGrid, blends, pose_points};
-use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::camera::Camera;
 use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
 use rayon::prelude::*;
 
-/// Part of the frames whose masks may contradict a voxel that is filled: noise, and clothes that do
-/// not follow the skeleton.
+/// Largest share of frames whose masks may contradict a filled voxel: noise, and clothes that do not
+/// follow the skeleton.
 const ALLOWED: Real = 1.0 / 12.0;
-/// Part of the frames, and at least two, that must see a voxel beside the template for it to be
+/// Least share of frames, and at least two, that must see a voxel beside the template for it to be
 /// certain.
 const CERTAIN: Real = 1.0 / 12.0;
-/// Part of the garments' pixels beside the template from which on a garment is a loose one. Parsers
-/// mistake a few in a hundred.
+/// Least share of the garment pixels beside the template for a garment to be loose. Parsers confuse
+/// a few per cent.
 const LOOSE: Real = 0.2;
-/// Part of the frames that see a voxel which may see something else than loose clothes there. The
+/// Largest share of the frames seeing a voxel that may see something other than loose clothes. The
 /// poorest parser of `docs/capture.md` is wrong at one pixel in ten.
 const ELSEWHERE: Real = 0.25;
-/// Part of the certain voxels from which on the joint that most moves them is one that loose
-/// clothes hang about.
+/// Least share of the certain voxels that a joint must move most for loose clothes to hang around
+/// it.
 const HANGS: Real = 0.02;
-/// Voxels at most: 64 MB. Beyond it they are made larger.
-const MOST_VOXELS: Real = 8e6;
-/// Less that is certain than this is noise, in cubic metres: a tenth of a litre.
+/// Least certain volume, in cubic metres: a tenth of a litre. Less is noise.
 const LEAST_CERTAIN: Real = 1e-4;
 
-/// A frame, as it is looked at from the inside of clothes.
+/// A frame with the posed template.
 pub(super) struct View<'a> {
-    /// Each joint's transform, straight into the camera's frame.
+    /// The transform of each joint into the camera's frame.
     maps: Vec<Affine>,
     outside: &'a DistanceImage,
-    /// The depth of the posed template, infinite beside it.
+    /// Depth of the posed template, infinite beside it.
     depth: Vec<f32>,
-    /// Pixels of the person that lie far beside the posed template.
+    /// Pixels of the person far from the posed template.
     pub(super) beside: Vec<bool>,
-    /// Empty until they are read.
+    /// Label image; empty until it is read.
     pub(super) labels: Vec<u8>,
 }
 
 impl<'a> View<'a> {
-    /// Poses the template; `loose` is the distance from which on a pixel lies far beside it, in
-    /// metres.
+    /// Poses the template; `loose` is the distance beyond which a pixel is far from it, in metres.
     pub(super) fn new(
         mesh: &TriMesh,
         skin: &SkinWeights,
@@ -74,20 +71,14 @@ impl<'a> View<'a> {
         Self { maps, outside: &frame.outside, depth: buffer.depth, beside, labels: Vec::new() }
     }
 
-    /// Pixels of the person, and of these such far beside the template.
+    /// Number of pixels of the person, and of those far from the template.
     pub(super) fn counts(&self) -> (usize, usize) {
         let person = (0..self.beside.len()).filter(|i| self.outside.pixel(*i) < 0.0).count();
         (person, self.beside.iter().filter(|b| **b).count())
     }
 }
 
-/// Pixels of a length of one metre at a depth of one metre.
-fn pixels_per_metre(camera: &Camera) -> Real {
-    let k = camera.intrinsics();
-    0.5 * (k[(0, 0)] + k[(1, 1)])
-}
-
-/// Which labels are of loose garments: those of a good part of the pixels far beside the template.
+/// The labels of loose garments: those of a large share of the pixels far from the template.
 pub(super) fn loose_labels(views: &[View], labels: usize) -> Vec<bool> {
     let mut counts = vec![0usize; labels];
     for view in views {
@@ -102,73 +93,27 @@ pub(super) fn loose_labels(views: &[View], labels: usize) -> Vec<bool> {
     counts.iter().enumerate().map(enough).collect()
 }
 
-/// Cubes of equal size over a box.
-#[derive(Clone, Debug)]
-pub(super) struct Lattice {
-    pub(super) min: Point,
-    pub(super) cell: Real,
-    pub(super) counts: [usize; 3],
-}
-
-impl Lattice {
-    /// Two on each side at least.
-    pub(super) fn new(region: &Aabb, cell: Real) -> Self {
-        let size = region.size();
-        let counts = |cell: Real| [0, 1, 2].map(|k| (size[k] / cell).ceil().max(2.0));
-        let mut cell = cell;
-        while counts(cell).iter().product::<Real>() > MOST_VOXELS {
-            cell *= 1.25;
-        }
-        Self { min: region.min, cell, counts: counts(cell).map(|n| n as usize) }
-    }
-
-    pub(super) fn len(&self) -> usize {
-        self.counts.iter().product()
-    }
-
-    /// The middle of cube `i`; x runs fastest.
-    pub(super) fn center(&self, i: usize) -> Point {
-        let [nx, ny, _] = self.counts;
-        self.min
-            + (Vector::new((i % nx) as Real, (i / nx % ny) as Real, (i / (nx * ny)) as Real)
-                .add_scalar(0.5))
-                * self.cell
-    }
-
-    /// The cubes that share a face with cube `i`.
-    pub(super) fn beside(&self, i: usize) -> impl Iterator<Item = usize> + use<> {
-        let [nx, ny, nz] = self.counts;
-        let at = [i % nx, i / nx % ny, i / (nx * ny)];
-        let steps = [1, nx, nx * ny];
-        (0..3).flat_map(move |k| {
-            let low = (at[k] > 0).then(|| i - steps[k]);
-            let high = (at[k] + 1 < [nx, ny, nz][k]).then(|| i + steps[k]);
-            low.into_iter().chain(high)
-        })
-    }
-}
-
-/// A voxel.
+/// The state of a voxel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Space {
     /// Not known to be filled.
     Open,
     /// Inside the template.
     Body,
-    /// Outside of it, but nothing speaks against clothes: the joint that moves it most, and whether
-    /// it was seen beside the template.
+    /// Outside the template, and possibly inside clothes: the joint that moves it most, and whether
+    /// frames see it beside the template.
     Maybe { joint: u16, certain: bool },
     /// Inside clothes.
     Filled,
 }
 
-/// What is filled, and why.
+/// The filled voxels.
 pub(super) struct Filling {
     pub(super) lattice: Lattice,
     pub(super) space: Vec<Space>,
-    /// Voxels that frames see beside the template.
+    /// Number of voxels that frames see beside the template.
     pub(super) certain: usize,
-    /// Joints about which the clothes hang.
+    /// Joints around which the clothes hang.
     pub(super) joints: Vec<usize>,
 }
 
@@ -183,8 +128,8 @@ pub(super) struct Filling {
 ///                         and what that shuts in
 /// ```
 ///
-/// With arms down masks do not tell what lies between arms and torso; nothing is certain there, and
-/// the arms are not of J. `None` where nothing is certain. `parents` are those of the skeleton's
+/// With arms down, masks do not show the space between arms and torso; nothing is certain there, and
+/// the arms are not in J. `None` if nothing is certain. `parents` are those of the skeleton's
 /// joints, `loose` the labels of loose garments.
 pub(super) fn fill(
     lattice: Lattice,
@@ -208,6 +153,7 @@ pub(super) fn fill(
     let mut space: Vec<Space> =
         (0..lattice.len()).into_par_iter().with_min_len(1024).map(state).collect();
 
+    // J: the joints that move certain voxels most, and their parents.
     let mut moved = vec![0usize; grid.joints()];
     for s in &space {
         if let Space::Maybe { joint, certain: true } = s {
@@ -223,6 +169,7 @@ pub(super) fn fill(
     let joints: Vec<usize> = (0..about.len()).filter(|j| about[*j]).collect();
     joints.iter().filter_map(|j| parents[*j]).for_each(|p| about[p] = true);
 
+    // Flood fill from the certain voxels.
     let passes = |s: Space| matches!(s, Space::Maybe { joint, .. } if about[usize::from(joint)]);
     let is_certain = |s: Space| passes(s) && matches!(s, Space::Maybe { certain: true, .. });
     let mut next: Vec<usize> = (0..space.len()).filter(|i| is_certain(space[*i])).collect();
@@ -239,7 +186,7 @@ pub(super) fn fill(
     Some(Filling { lattice, space, certain, joints })
 }
 
-/// Fills what the border of the lattice does not reach.
+/// Fills voxels that are not connected to the border of the lattice.
 fn shut_in(lattice: &Lattice, space: &mut [Space]) {
     let solid = |s: Space| matches!(s, Space::Filled | Space::Body);
     let mut reached = vec![false; space.len()];
@@ -271,13 +218,13 @@ struct Judge<'a> {
 struct Verdict {
     joint: u16,
     certain: bool,
-    /// Frames see something else than loose clothes there.
+    /// Whether frames see something other than loose clothes there.
     refuted: bool,
 }
 
 impl Judge<'_> {
-    /// What the frames say about a point of canonical space; `None` where it lies outside the
-    /// masks, or is hardly in any picture.
+    /// The verdict of all frames on a point of canonical space; `None` if it lies outside the masks,
+    /// or in too few pictures.
     fn maybe(&self, p: &Point) -> Option<Verdict> {
         let (width, height) = (self.camera.width(), self.camera.height());
         let mut weights = vec![0.0; self.grid.joints()];
@@ -314,7 +261,7 @@ impl Judge<'_> {
                 continue;
             }
             beside += usize::from(view.beside[i]);
-            // What the template hides, or the parser lost, says nothing.
+            // Pixels that the template hides, or that have no label, do not count.
             let label = view.labels[i];
             if Real::from(view.depth[i]) >= q.z && label > 0 {
                 if self.loose[usize::from(label)] { agree += 1 } else { against += 1 }
@@ -336,36 +283,9 @@ impl Judge<'_> {
 mod tests {
     use super::*;
 
-    fn lattice(counts: [usize; 3]) -> Lattice {
-        Lattice { min: Point::origin(), cell: 0.5, counts }
-    }
-
     #[test]
-    fn cubes_know_their_places_and_neighbours() {
-        let l = lattice([3, 4, 2]);
-        for i in 0..l.len() {
-            let p = l.center(i);
-            for k in l.beside(i) {
-                assert!(((l.center(k) - p).norm() - 0.5).abs() < 1e-12);
-            }
-            let border = (0..3).map(|k| {
-                usize::from(p[k] < 0.5) + usize::from(p[k] > 0.5 * (l.counts[k] - 1) as Real)
-            });
-            assert_eq!(l.beside(i).count() + border.sum::<usize>(), 6, "{i}");
-        }
-        let fine =
-            Lattice::new(&Aabb::from_points(&[Point::origin(), Point::new(1.0, 2.0, 1.0)]), 1e-4);
-        assert!(
-            fine.len() as Real <= MOST_VOXELS && fine.len() as Real > 0.3 * MOST_VOXELS,
-            "{}",
-            fine.len()
-        );
-        assert_eq!(Lattice::new(&Aabb::from_points(&[Point::origin()]), 0.1).counts, [2; 3]);
-    }
-
-    #[test]
-    fn what_is_shut_in_is_filled_and_what_is_open_stays() {
-        let l = lattice([5, 5, 5]);
+    fn enclosed_voxels_are_filled_and_open_ones_are_not() {
+        let l = Lattice { min: Point::origin(), cell: 0.5, counts: [5; 3] };
         let mut space = vec![Space::Open; l.len()];
         let at = |x: usize, y: usize, z: usize| (z * 5 + y) * 5 + x;
         for (x, y, z) in [(1, 2, 2), (3, 2, 2), (2, 1, 2), (2, 3, 2), (2, 2, 1)] {
@@ -373,7 +293,7 @@ mod tests {
         }
         let open = space.clone();
         shut_in(&l, &mut space);
-        assert_eq!(space, open); // one side is missing
+        assert_eq!(space, open); // open on one side
         space[at(2, 2, 3)] = Space::Body;
         shut_in(&l, &mut space);
         assert_eq!(space[at(2, 2, 2)], Space::Filled);
@@ -381,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn loose_are_the_garments_of_many_pixels_beside_the_template() {
+    fn garments_with_many_pixels_beside_the_template_are_loose() {
         let outside = DistanceImage::new(&[true; 8], 8, 1, 0.0);
         let view = |labels: Vec<u8>| View {
             maps: Vec::new(),
@@ -390,7 +310,7 @@ mod tests {
             beside: vec![true, true, true, true, true, true, false, false],
             labels,
         };
-        // Skin is none, 3 has one of five, 4 lies before the template.
+        // Skin is not a garment, label 3 has one pixel of five, label 4 is in front of the template.
         let views = [view(vec![1, 2, 2, 2, 2, 3, 4, 4]), view(vec![1, 2, 2, 2, 2, 0, 4, 4])];
         assert_eq!(loose_labels(&views, 5), [false, false, true, false, false]);
         assert_eq!(loose_labels(&views[..1], 5), [false, false, true, true, false]);

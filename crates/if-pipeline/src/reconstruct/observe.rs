@@ -1,41 +1,42 @@
-//! What a frame says, made ready.
+//! Observations: the images of a frame, prepared for fitting.
 
 use super::distance_image::DistanceImage;
+use super::error::ReconstructError;
 use super::params::SurfaceParams;
 use super::report::Skipped;
-use crate::capture::{Capture, CaptureError};
-use if_body::{PoseError, Skeleton};
+use crate::capture::Capture;
+use if_body::Skeleton;
 use if_core::math::Vector;
 use if_mesh::camera::Camera;
 use nalgebra::Isometry3;
 
-/// Less of the picture than this is no person, but specks: 65 pixels of 256². Ten times more would
-/// lose a person who stands far away.
+/// Least share of the picture that a person covers; less is noise: 65 pixels of 256². Ten times
+/// more would lose a person far away.
 const LEAST_PERSON: f64 = 1e-3;
 
-/// A frame that brings something.
+/// A usable frame.
 pub(super) struct Observation {
-    /// Its place in the capture.
+    /// Its index in the capture.
     pub(super) frame: usize,
-    /// Where the pose takes each joint.
+    /// The skinning transforms of the pose.
     pub(super) transforms: Vec<Isometry3<f64>>,
     /// Signed distance from the border of the mask, in pixels, positive outside.
     pub(super) outside: DistanceImage,
-    /// Unit normals in the world; zero where there is none, or too near to the border of the mask
-    /// to be trusted.
+    /// Unit normals in world space; zero where missing, or too close to the border of the mask to
+    /// be reliable.
     pub(super) normals: Vec<[f32; 3]>,
 }
 
-/// Reads a frame of a capture.
+/// Reads a frame of a capture; the inner error is the reason to skip it.
 pub(super) fn observe(
     capture: &Capture,
     skeleton: &Skeleton,
     frame: usize,
     params: &SurfaceParams,
-) -> Result<Result<Observation, Skipped>, ObserveError> {
+) -> Result<Result<Observation, Skipped>, ReconstructError> {
     let transforms = skeleton
         .transforms(capture.pose(frame))
-        .map_err(|source| ObserveError::Pose { frame, source })?;
+        .map_err(|source| ReconstructError::Pose { frame, source })?;
     let mask = capture.mask(frame)?;
     let pixels = mask.iter().filter(|m| **m).count();
     if (pixels as f64) < LEAST_PERSON * mask.len() as f64 {
@@ -48,16 +49,7 @@ pub(super) fn observe(
     Ok(Ok(prepared(camera, frame, transforms, &mask, capture.normals(frame)?, params)))
 }
 
-/// Why a frame cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum ObserveError {
-    #[error(transparent)]
-    Capture(#[from] CaptureError),
-    #[error("frame {frame}: {source}")]
-    Pose { frame: usize, source: PoseError },
-}
-
-/// Makes pictures ready. `normals` are in the camera's frame.
+/// Prepares the images of a frame. `normals` are in the camera's frame.
 pub(super) fn prepared(
     camera: &Camera,
     frame: usize,

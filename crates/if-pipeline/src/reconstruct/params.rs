@@ -1,55 +1,54 @@
-//! How the surface is found.
+//! Parameters of the surface.
 
 use if_core::math::Real;
+use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
-/// How a surface is fitted to masks and normals. The defaults were chosen on the two sample
+/// Parameters of [`fit_surface`](super::fit_surface). The defaults were chosen on the two sample
 /// captures of the project's data (`docs/reconstruction.md`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SurfaceParams {
-    /// Rounds of looking and solving.
+    /// Rounds of gathering evidence and solving.
     pub rounds: usize,
     /// Weight of the normals.
     pub normals: Real,
     /// Weight of the silhouettes.
     pub silhouettes: Real,
-    /// Weight of a step's bending.
+    /// Weight of the bending of a step.
     pub bending: Real,
-    /// Normals nearer than this to the border of the mask are not used, in pixels.
+    /// Distance from the border of the mask within which normals are ignored, in pixels.
     pub normal_margin: Real,
-    /// Standard deviation of the Gaussian that smooths the distance from the mask's border, in
-    /// pixels.
+    /// Standard deviation of the Gaussian filter of the distance to the mask's border, in pixels.
     pub border_blur: Real,
-    /// A silhouette that lies farther than this from the mask's border is not pulled there, in
-    /// metres. Halved each round.
+    /// Largest distance of a silhouette from the mask's border at which the border attracts it, in
+    /// metres. Halved in each round.
     pub reach: Real,
-    /// What `reach` does not fall below, in metres.
+    /// Lower bound of `reach`, in metres.
     pub least_reach: Real,
-    /// Longest step of a vertex in a round, in metres.
+    /// Largest step of a vertex in a round, in metres.
     pub longest_step: Real,
-    /// Share of the way to the middle of its neighbours that a vertex slides along the surface
-    /// after each round.
+    /// Tangential smoothing after each round: the share of the way to the mean of its neighbours
+    /// that a vertex moves along the surface.
     pub slide: Real,
-    /// A frame whose mask and posed template share less than this part of their union is skipped.
+    /// Least overlap (intersection over union) of mask and posed template; other frames are skipped.
     pub least_overlap: Real,
-    /// Pixels of the person farther than this from the posed template, in metres, belong to loose
-    /// clothes.
+    /// Distance from the posed template, in metres, beyond which pixels of the person belong to
+    /// loose clothes.
     pub loose: Real,
-    /// Where less than this share of the masks' pixels is such, the surface starts from the
-    /// template as it is. 1 for always.
+    /// Least share of such pixels for a start from the union with loose clothes; below, the surface
+    /// starts from the template. 1 for always.
     pub least_loose: Real,
-    /// Side of the voxels in which the inside of loose clothes is found, and of the cells of the
-    /// surface that starts there, in metres.
+    /// Size of the voxels that fill loose clothes, and of the cells of the surface extracted from
+    /// them, in metres.
     pub loose_cell: Real,
-    /// Rounds, where the surface starts from the union with loose clothes.
+    /// Rounds, if the surface starts from the union with loose clothes.
     pub loose_rounds: usize,
-    /// Weight of the silhouettes there. Of folds they only show the ridges, and the mesh is finer
-    /// than the template.
+    /// Weight of the silhouettes in that case. They show only the ridges of folds, and the mesh is
+    /// finer than the template.
     pub loose_silhouettes: Real,
-    /// Bytes that the images of all frames may take: they are kept from the first round to the
-    /// last. More is an error before any is read. Changes no result, so that a checkpoint holds for
-    /// any.
+    /// Memory limit for the images of all frames, in bytes; they stay in memory for all rounds. It
+    /// does not change results, so checkpoints are valid for any limit.
     pub memory: u64,
 }
 
@@ -77,42 +76,27 @@ impl Default for SurfaceParams {
     }
 }
 
-/// A parameter that is out of range.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{name} = {value}: {needs}")]
-#[non_exhaustive]
-pub struct ParamError {
-    /// Its name.
-    pub name: &'static str,
-    /// Its value.
-    pub value: Real,
-    /// What it has to be.
-    pub needs: &'static str,
-}
-
 impl SurfaceParams {
-    /// Those for a surface that starts from the union with loose clothes.
+    /// The parameters for a surface that starts from the union with loose clothes.
     pub(super) fn in_loose_clothes(&self) -> Self {
         Self { rounds: self.loose_rounds, silhouettes: self.loose_silhouettes, ..self.clone() }
     }
 
-    /// Whether all parameters are in range.
+    /// Checks the ranges.
     ///
     /// # Errors
     ///
-    /// The first that is not.
-    pub fn validate(&self) -> Result<(), ParamError> {
-        let at_least_zero = [
+    /// The first parameter that is out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let check = ParameterError::check;
+        for (name, value) in [
             ("normals", self.normals),
             ("silhouettes", self.silhouettes),
             ("loose_silhouettes", self.loose_silhouettes),
             ("normal_margin", self.normal_margin),
             ("border_blur", self.border_blur),
-        ];
-        for (name, value) in at_least_zero {
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(ParamError { name, value, needs: "a number of at least zero" });
-            }
+        ] {
+            check(name, value, value.is_finite() && value >= 0.0, "zero or positive")?;
         }
         for (name, value) in [
             ("bending", self.bending),
@@ -122,18 +106,14 @@ impl SurfaceParams {
             ("loose", self.loose),
             ("loose_cell", self.loose_cell),
         ] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(ParamError { name, value, needs: "a number above zero" });
-            }
+            check(name, value, value.is_finite() && value > 0.0, "positive")?;
         }
         for (name, value) in [
             ("slide", self.slide),
             ("least_overlap", self.least_overlap),
             ("least_loose", self.least_loose),
         ] {
-            if !(0.0..=1.0).contains(&value) {
-                return Err(ParamError { name, value, needs: "a number from 0 to 1" });
-            }
+            check(name, value, (0.0..=1.0).contains(&value), "from 0 to 1")?;
         }
         Ok(())
     }
@@ -144,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_out_of_range_is_named() {
+    fn parameters_out_of_range_are_errors() {
         assert_eq!(SurfaceParams::default().validate(), Ok(()));
         let nan = SurfaceParams { silhouettes: Real::NAN, ..Default::default() };
         assert_eq!(nan.validate().unwrap_err().name, "silhouettes");

@@ -1,4 +1,4 @@
-//! One step of the surface towards what was seen.
+//! One step of the surface towards the evidence: a linear least-squares problem.
 
 use super::evidence::Evidence;
 use super::fair;
@@ -10,31 +10,30 @@ use if_core::mesh::TriMesh;
 use if_core::rows::Rows;
 use if_sparse::{Cholesky, Entry, Mat};
 
-/// Weight of the seen normals from which on a triangle is known: three pixels seen head-on.
+/// Weight of observed normals at which a triangle counts as known: three pixels seen head-on.
 const KNOWN: Real = 3.0;
-/// Part of the weight of a known normal with which an unseen triangle keeps its own.
+/// Weight with which an unseen triangle keeps its normal, relative to a known one.
 const UNSEEN: Real = 0.02;
-/// Weight of the silhouettes from which on a vertex's place is known: on the rim in three frames.
+/// Weight of silhouettes at which the position of a vertex counts as known: on the rim in three
+/// frames.
 const ON_RIM: Real = 3.0;
-/// Weight with which a vertex stays where it is: makes the system regular where nothing was seen. A
-/// hundred times more would slow the rounds down, a hundred times less leave unseen places adrift.
+/// Weight of not moving, which makes the system regular where there is no evidence. A hundred times
+/// more slows convergence, a hundred times less lets unseen regions drift.
 const STAY: Real = 1e-4;
-/// Rounds of smoothing of the directions along which vertices move, so that neighbours do not run
-/// into one another.
+/// Smoothing rounds of the directions along which vertices move, so that neighbours do not collide.
 const DIRECTION_ROUNDS: usize = 3;
 
 /// Moves each vertex along its smoothed normal by the s that minimises
 ///
 /// ```text
-/// a Σ wₜ (Nₜ · (x′ᵢ − x′ⱼ))²    over the edges ij of each triangle t with the normal Nₜ that was seen
-/// + b Σ wᵥ (sᵥ − δᵥ)²           δᵥ the mean way of a rim vertex to the masks' borders
+/// a Σ wₜ (Nₜ · (x′ᵢ − x′ⱼ))²    over the edges ij of each triangle t with the observed normal Nₜ
+/// + b Σ wᵥ (sᵥ − δᵥ)²           δᵥ the mean offset of a rim vertex from the masks' borders
 /// + c Σ (s − mean of its neighbours' s)² + 1e-4 Σ s²
 /// ```
 ///
-/// with weights w of at most 1, by sparse Cholesky factorisation; then slides vertices along the
-/// surface towards the middle of their neighbours. `None` where the system cannot be factored,
-/// which finite input does not cause. What was not seen, and what folded, is mended after the
-/// template `rest`.
+/// with weights w of at most 1, by sparse Cholesky factorisation. Then slides vertices along the
+/// surface towards the mean of their neighbours, and repairs unseen and folded regions after the
+/// template `rest`. `None` if the system cannot be factorised, which finite input does not cause.
 pub(super) fn step(
     rest: &TriMesh,
     mesh: &TriMesh,
@@ -44,18 +43,18 @@ pub(super) fn step(
 ) -> Option<(Vec<Point>, Round)> {
     let (moved, neighbours, round) = solved(mesh, edges, evidence, &Weights::of(params), &[])?;
     let moved = slid(mesh, moved, &neighbours, params.slide);
-    Some((fair::mend(rest, moved, &neighbours, evidence), round))
+    Some((fair::repair(rest, moved, &neighbours, evidence), round))
 }
 
-/// What a step weighs.
+/// Weights of the terms of a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Weights {
     pub(super) normals: Real,
     pub(super) silhouettes: Real,
     pub(super) bending: Real,
-    /// Of staying, or of going where the caller wants vertices to stay.
+    /// Of the rest position: the current one, or the one given by `home`.
     pub(super) stay: Real,
-    /// In metres.
+    /// Largest step of a vertex, in metres.
     pub(super) longest_step: Real,
 }
 
@@ -66,9 +65,9 @@ impl Weights {
     }
 }
 
-/// The step alone, and the neighbours of each vertex. `home` is for each vertex the way to the
-/// place where it would stay, which counts as far as it lies along its direction; empty where each
-/// would stay where it is.
+/// The solution of the least-squares problem, and the neighbours of each vertex. `home` is the offset
+/// of each vertex to its rest position, of which the component along its direction counts; empty if
+/// that is the current position.
 pub(super) fn solved(
     mesh: &TriMesh,
     edges: &Edges,
@@ -84,7 +83,7 @@ pub(super) fn solved(
     let mut right = Mat::zeros(n, 1);
     let mut round = Round::default();
 
-    // Normals.
+    // The term of the normals.
     let areas: Vec<Real> = (0..mesh.triangles().len())
         .map(|t| {
             let [a, b, c] = mesh.corners(t);
@@ -122,7 +121,7 @@ pub(super) fn solved(
     }
     round.normal_degrees = if seen_area > 0.0 { (angle / seen_area).to_degrees() } else { 0.0 };
 
-    // Silhouettes, and staying.
+    // The terms of silhouettes and of the rest positions.
     let (mut squares, mut rim_weight) = (0.0, 0.0);
     for v in 0..n {
         let (way, weight) = evidence.rim[v];
@@ -143,7 +142,7 @@ pub(super) fn solved(
     }
     round.silhouette_mm = if rim_weight > 0.0 { (squares / rim_weight).sqrt() * 1e3 } else { 0.0 };
 
-    // Bending of the step.
+    // The bending term of the step.
     for v in 0..n {
         if neighbours.of(v).is_empty() {
             continue;
@@ -183,8 +182,8 @@ fn smoothed(normals: &[Vector], neighbours: &Rows<u32>) -> Vec<Vector> {
     out
 }
 
-/// Vertices moved by `share` of the way to the mean of their neighbours, as far as that lies along
-/// the surface.
+/// Tangential smoothing: vertices move by `share` of the offset to the mean of their neighbours,
+/// projected onto the surface.
 fn slid(mesh: &TriMesh, moved: Vec<Point>, neighbours: &Rows<u32>, share: Real) -> Vec<Point> {
     let Ok(mesh) = mesh.with_vertices(moved) else { return mesh.vertices().to_vec() };
     let x = mesh.vertices();
@@ -219,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn without_evidence_nothing_moves() {
+    fn without_evidence_the_surface_stays() {
         let ball = meshes::icosphere(0.3, 3);
         let (moved, _, round) =
             solved(&ball, &Edges::new(&ball), &nothing(&ball), &usual(), &[]).unwrap();
@@ -261,8 +260,8 @@ mod tests {
     }
 
     #[test]
-    fn the_step_has_no_slope_left() {
-        // The energy, written down plainly, has a vanishing slope at the step.
+    fn the_gradient_of_the_energy_vanishes_at_the_step() {
+        // The energy, written out term by term.
         let mesh = meshes::icosphere(0.2, 2);
         let edges = Edges::new(&mesh);
         let mut evidence = nothing(&mesh);

@@ -1,36 +1,36 @@
-//! What a reconstruction used, left out and reached.
+//! The report of the surface.
 
 use if_core::math::Real;
 use serde::{Deserialize, Serialize};
 
-/// A frame that brings nothing.
+/// Why a frame was skipped.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "because")]
 #[non_exhaustive]
 pub enum Skipped {
-    /// Its mask is empty but for specks.
+    /// Its mask has almost no pixels.
     NoPerson {
-        /// Its place in the capture.
+        /// Its index in the capture.
         frame: usize,
         /// Pixels of the mask.
         pixels: usize,
     },
-    /// Its mask fills the picture.
+    /// Its mask fills the image.
     NoBorder {
-        /// Its place in the capture.
+        /// Its index in the capture.
         frame: usize,
     },
-    /// The posed template lies elsewhere: the pose or the mask is another's.
+    /// Mask and posed template hardly overlap: pose or mask is wrong.
     Elsewhere {
-        /// Its place in the capture.
+        /// Its index in the capture.
         frame: usize,
-        /// Which part of their union the mask and the template share.
+        /// Intersection over union of mask and template.
         overlap: Real,
     },
 }
 
 impl Skipped {
-    /// Its place in the capture.
+    /// Its index in the capture.
     pub fn frame(&self) -> usize {
         match self {
             Self::NoPerson { frame, .. }
@@ -59,75 +59,74 @@ impl std::fmt::Display for Skipped {
     }
 }
 
-/// What became of the pixels of all masks, in the last round.
+/// Counts of the pixels of all masks in the last round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Pixels {
-    /// All of the masks of the frames that were used.
+    /// All pixels of the masks of the used frames.
     pub person: usize,
-    /// Left out: without a normal, or too near to the border of the mask.
+    /// Skipped: without a normal, or too close to the border of the mask.
     pub no_normal: usize,
-    /// Left out: the surface is not there yet.
+    /// Skipped: not on the current surface.
     pub off_surface: usize,
-    /// Left out: the normal points elsewhere than the surface's, as where another part of the body
-    /// was seen.
+    /// Skipped: the normal contradicts the surface's, as where another part of the body is visible.
     pub contradicting: usize,
     /// Used.
     pub used: usize,
 }
 
-/// A round of looking and solving.
+/// A round of gathering evidence and solving.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct Round {
     /// Root of the mean square distance of the surface's silhouettes from the masks' borders before
     /// the round, in millimetres.
     pub silhouette_mm: Real,
-    /// Mean angle between the surface's normals and those seen before the round, in degrees.
+    /// Mean angle between the surface's normals and the observed ones before the round, in degrees.
     pub normal_degrees: Real,
     /// Root of the mean square step of the vertices, in millimetres.
     pub step_mm: Real,
     /// Vertices that lay on a silhouette in some frame.
     pub rim_vertices: usize,
-    /// Triangles with a normal.
+    /// Triangles with an observed normal.
     pub seen_triangles: usize,
 }
 
-/// What the inside of loose clothes adds to the template.
+/// The filled inside of loose clothes.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct Filled {
-    /// The garments that hang loose.
+    /// The loose garments.
     pub garments: Vec<String>,
-    /// The joints about which they hang.
+    /// The joints around which they hang.
     pub joints: Vec<String>,
-    /// What is filled, in litres of canonical space.
+    /// Filled volume, in litres of canonical space.
     pub litres: Real,
-    /// Of this, what frames see far beside the posed template.
+    /// Volume that frames see far from the posed template, in litres.
     pub certain_litres: Real,
-    /// Vertices of the surface that the fit starts from.
+    /// Vertices of the surface with which the fit starts.
     pub vertices: usize,
 }
 
-/// What the fit of a surface starts from.
+/// Report of the start of the surface.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct StartReport {
-    /// Share of the masks' pixels that lie far beside the posed template.
+    /// Share of the masks' pixels that are far from the posed template.
     pub beside: Real,
-    /// What was added to the template; `None` where it is as it is.
+    /// The inside of loose clothes, added to the template; `None` if nothing was added.
     pub filled: Option<Filled>,
 }
 
-/// How a surface was found.
+/// Report of the surface.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct SurfaceReport {
     /// Frames of the capture.
     pub frames: usize,
-    /// Those left out.
+    /// Skipped frames.
     pub skipped: Vec<Skipped>,
-    /// What the fit started from.
+    /// The start of the fit.
     #[serde(default)]
     pub start: StartReport,
-    /// What became of the pixels.
+    /// Counts of pixels.
     pub pixels: Pixels,
     /// All rounds.
     pub rounds: Vec<Round>,

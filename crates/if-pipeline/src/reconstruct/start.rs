@@ -1,12 +1,12 @@
-//! What the fit of a surface starts from: the template, or its union with the inside of loose
-//! clothes.
+//! The start of the fit of a surface: the template, or its union with the inside of loose clothes.
 
 use super::canonical::{FloodedField, Shares, carried_to, four_largest, largest_piece};
-use super::loose::{Filling, Lattice, Space, View, fill, loose_labels};
+use super::error::ReconstructError;
+use super::lattice::Lattice;
+use super::loose::{Filling, Space, View, fill, loose_labels};
 use super::observe::Observation;
 use super::params::SurfaceParams;
 use super::report::{Filled, StartReport};
-use super::surface::SurfaceError;
 use crate::capture::Capture;
 use if_body::SkinWeights;
 use if_body::TemplateBody;
@@ -15,17 +15,17 @@ use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
-use if_core::monitor::Silent;
+use if_core::monitor::Monitor;
 use if_mesh::extract::{ExtractParams, Resolution, extract};
 use rayon::prelude::*;
 
-/// How far what is filled reaches into the template, in voxels: more than it is smoothed by.
+/// Overlap of the filled region with the template, in voxels: more than the smoothing removes.
 const INTO: usize = 3;
-/// Passes of the (1 2 1)/4 filter over what is filled: a Gaussian of a voxel's side times the root
-/// of half as many.
+/// Passes of the (1 2 1)/4 filter over the filled region: a Gaussian whose deviation is the voxel
+/// size times √(passes / 2).
 const SMOOTH: usize = 4;
-/// Distance from the template, in metres, over which weights go over from the template's to those
-/// of the grid, in which the space was filled.
+/// Distance from the template, in metres, over which skinning weights blend from the template's to
+/// those of the grid.
 const OVER: Real = 0.03;
 
 /// A surface with weights.
@@ -35,19 +35,21 @@ pub(super) struct Start {
     pub(super) report: StartReport,
 }
 
-/// Looks for loose clothes: pixels of the person that lie far beside the posed template. Label
-/// images are only read where there are such.
+/// Detects loose clothes by pixels of the person far from the posed template, and fills them. Label
+/// images are read only if there are such pixels.
 ///
 /// # Errors
 ///
-/// Label images that cannot be read; a template that has no inside, where one is needed.
+/// Label images cannot be read, or the template is not closed although its inside is needed.
 pub(super) fn start(
     capture: &Capture,
     template: &TemplateBody,
     params: &SurfaceParams,
     frames: &[Observation],
-) -> Result<Start, SurfaceError> {
+    monitor: &mut dyn Monitor,
+) -> Result<Start, ReconstructError> {
     let (mesh, skin, camera) = (&template.mesh, &template.skin, capture.camera());
+    // Pixels of the person far from the posed template, in all frames.
     let mut views: Vec<View> =
         frames.par_iter().map(|f| View::new(mesh, skin, camera, f, params.loose)).collect();
     let (person, beside) =
@@ -69,15 +71,17 @@ pub(super) fn start(
     if !loose.contains(&true) {
         return Ok(as_it_is());
     }
+    // The space inside loose clothes, filled by voxels.
     let joints = template.skeleton.len();
     let grid = WeightGrid::new(mesh.vertices(), skin, joints, &WeightGridParams::default())?;
-    let solid = FloodedField::new(mesh)?;
+    let solid = FloodedField::new(mesh).map_err(ReconstructError::TemplateInside)?;
     let lattice = Lattice::new(&grid.bounds(), params.loose_cell);
     let parents: Vec<Option<usize>> = template.skeleton.joints().iter().map(|j| j.parent).collect();
     let Some(filling) = fill(lattice, &grid, &solid, camera, &views, &loose, &parents) else {
         return Ok(as_it_is());
     };
 
+    // The surface of the union, with weights.
     let union = Union::new(solid, &filling);
     let cells = ExtractParams {
         resolution: Resolution::Cell(filling.lattice.cell),
@@ -85,7 +89,7 @@ pub(super) fn start(
         check: 0,
         ..ExtractParams::default()
     };
-    let mesh = largest_piece(&extract(&union, &cells, &mut Silent)?.mesh);
+    let mesh = largest_piece(&extract(&union, &cells, monitor)?.mesh);
     let skin = weights(template, &grid, &mesh);
     let voxels = filling.space.iter().filter(|s| **s == Space::Filled).count();
     let name = |j: &usize| template.skeleton.joints()[*j].name.clone();
@@ -102,7 +106,7 @@ pub(super) fn start(
     Ok(Start { mesh, skin, report: StartReport { beside, filled: Some(filled) } })
 }
 
-/// On the template its weights, away from it those of the grid.
+/// Skinning weights of the start: the template's on it, those of the grid away from it.
 fn weights(template: &TemplateBody, grid: &WeightGrid, mesh: &TriMesh) -> SkinWeights {
     let near = carried_to(&template.mesh, &template.skin, mesh.vertices());
     let of = |(p, (distance, carried)): (&Point, &(Real, Shares))| {
@@ -124,21 +128,20 @@ fn weights(template: &TemplateBody, grid: &WeightGrid, mesh: &TriMesh) -> SkinWe
         .expect("the four largest parts of weights are positive, and were divided by their sum")
 }
 
-/// The template, and what is filled: voxels made smooth.
+/// The union of the template and the filled voxels, which are smoothed.
 struct Union {
     template: FloodedField,
     lattice: Lattice,
-    /// About metres from the surface of what is filled, negative inside.
+    /// Approximate signed distance from the filled region, in metres.
     values: Vec<f32>,
-    /// Outside of this nothing is filled.
+    /// Bounding box of the filled region.
     near: Aabb,
 }
 
 impl Union {
     fn new(template: FloodedField, filling: &Filling) -> Self {
         let Filling { lattice, space, .. } = filling;
-        // What is filled, and of the body what lies next to it, so that there is no sheet of air
-        // between them.
+        // The filled voxels, and the adjacent voxels of the body: no gap remains between them.
         let mut solid: Vec<bool> = space.iter().map(|s| *s == Space::Filled).collect();
         for _ in 0..INTO {
             let next = |i: usize| {
@@ -160,7 +163,7 @@ impl Union {
         Self { template, lattice: lattice.clone(), values, near }
     }
 
-    /// Trilinear between the voxels' middles.
+    /// Trilinear interpolation between the centres of the voxels.
     fn filled(&self, p: &Point) -> Real {
         let [nx, ny, _] = self.lattice.counts;
         let (mut low, mut part) = ([0; 3], [0.0; 3]);
@@ -181,12 +184,12 @@ impl Union {
                 sum += w * Real::from(self.values[at]);
             }
         }
-        // Beyond them nothing is filled.
+        // Outside the box nothing is filled.
         sum + self.near.distance_squared(p).sqrt()
     }
 }
 
-/// One pass of (1 2 1)/4 along each axis; nothing lies beyond the lattice.
+/// One pass of the (1 2 1)/4 filter along each axis, with zeros outside the lattice.
 fn smoothed(lattice: &Lattice, mut values: Vec<f32>) -> Vec<f32> {
     let [nx, ny, nz] = lattice.counts;
     for (step, n) in [(1, nx), (nx, ny), (nx * ny, nz)] {
@@ -201,7 +204,7 @@ fn smoothed(lattice: &Lattice, mut values: Vec<f32>) -> Vec<f32> {
     values
 }
 
-/// Step of the differences that give a gradient, as a share of a voxel.
+/// Step of the finite differences of the gradient, as a share of a voxel.
 const STEP: Real = 0.1;
 
 impl SignedDistance for Union {
@@ -237,6 +240,7 @@ impl SignedDistance for Union {
 mod tests {
     use super::*;
     use if_body::{Joint, Skeleton};
+    use if_core::monitor::Silent;
     use if_core::shapes::meshes::icosphere;
 
     /// Two balls of 10 cm side by side, 8 cm apart, and what lies between them.

@@ -1,208 +1,91 @@
-//! The canonical surface of a capture.
+//! The surface of the clothed person in canonical space, fitted to all frames.
 
-use super::checkpoint::{self, Checkpoint, CheckpointError};
+use super::checkpoint::{self, Checkpoint};
+use super::error::ReconstructError;
 use super::evidence::{Evidence, gather};
-use super::observe::{Observation, ObserveError, observe};
-use super::params::{ParamError, SurfaceParams};
-use super::progress::{Clock, Progress, Stage};
-use super::refine;
+use super::observe::{Observation, observe};
+use super::params::SurfaceParams;
 use super::report::{Skipped, SurfaceReport};
 use super::start::{Start, start};
-use crate::capture::{Capture, CaptureError};
-use if_body::PoseError;
-use if_body::SkinError;
-use if_body::SkinWeights;
-use if_body::TemplateBody;
+use super::{progress, refine};
+use crate::capture::Capture;
+use if_body::{SkinWeights, TemplateBody};
 use if_core::edges::Edges;
 use if_core::math::Real;
-use if_core::mesh::{MeshError, TriMesh};
-use if_mesh::extract::ExtractError;
-use if_mesh::sdf::SdfError;
+use if_core::mesh::TriMesh;
+use if_core::monitor::Monitor;
 use rayon::prelude::*;
-use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Why no surface was found.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SurfaceError {
-    /// A parameter is out of range.
-    #[error(transparent)]
-    Params(#[from] ParamError),
-    /// The capture is at fault.
-    #[error(transparent)]
-    Capture(#[from] CaptureError),
-    /// A pose does not fit the skeleton.
-    #[error("frame {frame}: {source}")]
-    Pose {
-        /// Its place in the capture.
-        frame: usize,
-        /// What is wrong with it.
-        source: PoseError,
-    },
-    /// The template has no triangles.
-    #[error("the template body has no triangles")]
-    NoTemplate,
-    /// The template's weights do not match its mesh or skeleton.
-    #[error("the template body: {0}")]
-    Skin(#[from] SkinError),
-    /// The capture is too large.
-    #[error(
-        "the images of {frames} frames would take {bytes} bytes at once, {limit} are allowed; take fewer frames or smaller images, or \
-         allow more (`memory`)"
-    )]
-    Memory {
-        /// Frames of the capture.
-        frames: usize,
-        /// What they would take.
-        bytes: u64,
-        /// What is allowed.
-        limit: u64,
-    },
-    /// No frame brings anything.
-    #[error("none of the {frames} frames can be used: {first}; check masks, poses and camera")]
-    NothingSeen {
-        /// Frames of the capture.
-        frames: usize,
-        /// Why the first was skipped.
-        first: Skipped,
-    },
-    /// The template has no inside, which its union with loose clothes needs.
-    #[error("the template has no inside: {0}; make it closed, or set `least_loose` to 1")]
-    Inside(#[from] SdfError),
-    /// The union of template and loose clothes cannot be extracted.
-    #[error(transparent)]
-    Extract(#[from] ExtractError),
-    /// The equations of a round have no finite solution.
-    #[error("round {round} has no finite solution; normals or weights are out of any scale")]
-    Singular {
-        /// Which round, from 0.
-        round: usize,
-    },
-    /// The surface of a checkpoint is another one.
-    #[error("the checkpoint's surface does not fit: {0}")]
-    Mesh(#[from] MeshError),
-    /// The checkpoint cannot be read or written.
-    #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
-    /// `watch` asked to stop. What was reached is in the checkpoint.
-    #[error("cancelled after {rounds} rounds")]
-    Cancelled {
-        /// Rounds that were finished.
-        rounds: usize,
-    },
-}
-
-impl From<ObserveError> for SurfaceError {
-    fn from(error: ObserveError) -> Self {
-        match error {
-            ObserveError::Capture(source) => Self::Capture(source),
-            ObserveError::Pose { frame, source } => Self::Pose { frame, source },
-        }
-    }
-}
-
-/// The clothed person in canonical space, and how it was found.
+/// The fitted surface.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// The template's triangles at the places that were seen; or, in loose clothes, those of its
-    /// union with what they fill.
+    /// The template's triangles, moved; in loose clothes those of its union with their inside.
     pub mesh: TriMesh,
     /// The weights of its vertices.
     pub skin: SkinWeights,
-    /// What was used, left out and reached.
+    /// Report.
     pub report: SurfaceReport,
 }
 
-/// Frames that are read together.
+/// Frames that are read in parallel.
 const TOGETHER: usize = 8;
-/// Of a frame: its distances and normals, and while loose clothes are looked for depth, marks and
-/// labels.
+/// Bytes per pixel of a frame: distance and normal, and for the detection of loose clothes depth,
+/// marks and labels.
 const BYTES_A_PIXEL: u64 = 16 + 6;
 
 /// Fits the template body's surface to the masks and normals of a capture.
 ///
 /// ```text
-/// surface ← the template; in clothes that span what it has apart, such as skirts, its union with the inside of the clothes
+/// surface ← the template; for clothes that span gaps of the body, such as skirts, its union with their inside
 /// for each round
 ///     pose the surface in each frame and rasterise it
-///     collect, in canonical space, the normals that each triangle was seen with,
-///         and the way of each silhouette vertex to the border of the mask
+///     collect, in canonical space, the observed normals of each triangle,
+///         and the offset of each silhouette vertex from the border of the mask
 ///     move the vertices along their normals: one linear least-squares problem
 /// ```
 ///
-/// `watch` is told of progress before each frame group and round, and stops the work with
-/// [`ControlFlow::Break`]. With a `checkpoint` path, the state is written there after each round,
-/// and taken up from there where the file is of the same capture, template and parameters: the
-/// result has the same bits as that of an uninterrupted run. The file is left there for the caller
-/// to remove.
+/// With a `checkpoint` path, the state is written there after each round. If the file exists and is
+/// of the same capture, template and parameters, the fit continues from it, and its result has the
+/// same bits as that of an uninterrupted run. The caller deletes the file.
+///
+/// Stages: `read`, `start`, and `surface` with the measure `silhouette_mm`.
 ///
 /// # Source
 ///
-/// Instead of the paper's φ and d by implicit differentiation: see `docs/reconstruction.md` for the
+/// Replaces the paper's φ and d by implicit differentiation: `docs/reconstruction.md` has the
 /// reasons and the numbers.
 ///
 /// # Errors
 ///
-/// [`SurfaceError`].
+/// [`ReconstructError`].
 pub fn fit_surface(
     capture: &Capture,
     template: &TemplateBody,
     params: &SurfaceParams,
     checkpoint: Option<&Path>,
-    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Surface, SurfaceError> {
+    monitor: &mut dyn Monitor,
+) -> Result<Surface, ReconstructError> {
     params.validate()?;
-    capture.check_skeleton(&template.skeleton)?;
-    if template.mesh.triangles().is_empty() {
-        return Err(SurfaceError::NoTemplate);
-    }
-    let vertices = template.mesh.vertices().len();
-    let joints = template.skeleton.len();
-    template.skin.check(vertices, joints)?;
-    let (camera, count) = (capture.camera(), capture.len());
-    let bytes = BYTES_A_PIXEL * camera.width() as u64 * camera.height() as u64 * count as u64;
-    if bytes > params.memory {
-        return Err(SurfaceError::Memory { frames: count, bytes, limit: params.memory });
-    }
-    let mut clock = Clock::new();
-    let mut frames: Vec<Observation> = Vec::new();
+    check_input(capture, template, params)?;
     let mut report = SurfaceReport { frames: capture.len(), ..Default::default() };
-    let numbers: Vec<usize> = (0..capture.len()).collect();
-    for group in numbers.chunks(TOGETHER) {
-        if watch(&clock.at(Stage::Read, group[0], capture.len(), None)).is_break() {
-            return Err(SurfaceError::Cancelled { rounds: 0 });
-        }
-        let read: Vec<_> =
-            group.par_iter().map(|k| observe(capture, &template.skeleton, *k, params)).collect();
-        for frame in read {
-            match frame? {
-                Ok(frame) => frames.push(frame),
-                Err(skipped) => report.skipped.push(skipped),
-            }
-        }
-    }
-    // The nearer the surface is, the less far away a border can be its own.
+    let frames = read_frames(capture, template, params, &mut report, monitor)?;
     let look = |mesh: &TriMesh,
                 edges: &Edges,
                 skin: &SkinWeights,
                 frames: &[Observation],
                 round: usize| {
+        // The closer the surface is, the closer are the borders that can belong to it.
         let reach = (params.reach * 0.5f64.powi(round as i32)).max(params.least_reach);
         gather(mesh, edges, skin, capture.camera(), frames, reach)
     };
 
-    // Frames in which the template lies elsewhere are left out, once.
+    // Frames in which the template does not overlap the mask are skipped, once.
     let mut edges = Edges::new(&template.mesh);
     let mut evidence = look(&template.mesh, &edges, &template.skin, &frames, 0);
     let overlap = std::mem::take(&mut evidence.overlap);
-    if overlap.iter().any(|o| *o < params.least_overlap) {
-        let elsewhere = frames.iter().zip(&overlap).filter(|(_, o)| **o < params.least_overlap);
-        report
-            .skipped
-            .extend(elsewhere.map(|(f, o)| Skipped::Elsewhere { frame: f.frame, overlap: *o }));
-        let mut keep = overlap.iter().map(|o| *o >= params.least_overlap);
-        frames.retain(|_| keep.next() == Some(true));
+    let frames = without_elsewhere(frames, &overlap, params.least_overlap, &mut report);
+    if frames.len() < overlap.len() {
         evidence = look(&template.mesh, &edges, &template.skin, &frames, 0);
     }
     if frames.is_empty() {
@@ -211,12 +94,12 @@ pub fn fit_surface(
             .into_iter()
             .min_by_key(Skipped::frame)
             .expect("a capture has frames, and all were skipped");
-        return Err(SurfaceError::NothingSeen { frames: capture.len(), first });
+        return Err(ReconstructError::NothingSeen { frames: capture.len(), first });
     }
-    if watch(&clock.at(Stage::Start, 0, 1, None)).is_break() {
-        return Err(SurfaceError::Cancelled { rounds: 0 });
-    }
-    let start: Start = start(capture, template, params, &frames)?;
+
+    // The start: the template, or its union with loose clothes, or the state of a checkpoint.
+    progress::report(monitor, "start", (0, 1), None)?;
+    let start: Start = start(capture, template, params, &frames, monitor)?;
     report.start = start.report.clone();
     let (mut mesh, skin) = (start.mesh.clone(), &start.skin);
     let key = checkpoint.map(|_| checkpoint::key(capture, &start, params, &frames));
@@ -234,15 +117,13 @@ pub fn fit_surface(
         evidence = look(&mesh, &edges, skin, &frames, report.rounds.len());
     }
 
-    clock.restart();
+    let off =
+        |report: &SurfaceReport| report.rounds.last().map(|r| ("silhouette_mm", r.silhouette_mm));
     while report.rounds.len() < params.rounds {
         let round = report.rounds.len();
-        let loss = report.rounds.last().map(|r| r.silhouette_mm);
-        if watch(&clock.at(Stage::Surface, round, params.rounds, loss)).is_break() {
-            return Err(SurfaceError::Cancelled { rounds: round });
-        }
+        progress::report(monitor, "surface", (round, params.rounds), off(&report))?;
         let (moved, done) = refine::step(&start.mesh, &mesh, &edges, &evidence, params)
-            .ok_or(SurfaceError::Singular { round })?;
+            .ok_or(ReconstructError::SurfaceDiverged { round })?;
         mesh = mesh.with_vertices(moved)?;
         report.rounds.push(done);
         if let (Some(path), Some(key)) = (checkpoint, &key) {
@@ -253,7 +134,67 @@ pub fn fit_surface(
     }
     let Evidence { pixels, .. } = evidence;
     report.pixels = pixels;
-    let loss: Option<Real> = report.rounds.last().map(|r| r.silhouette_mm);
-    let _ = watch(&clock.at(Stage::Surface, params.rounds, params.rounds, loss));
+    // Everything is done: cancelling has no effect any more.
+    let _ = progress::report(monitor, "surface", (params.rounds, params.rounds), off(&report));
     Ok(Surface { mesh, skin: start.skin, report })
+}
+
+/// Checks that capture and template belong together, and that the images fit into memory.
+fn check_input(
+    capture: &Capture,
+    template: &TemplateBody,
+    params: &SurfaceParams,
+) -> Result<(), ReconstructError> {
+    capture.check_skeleton(&template.skeleton)?;
+    if template.mesh.triangles().is_empty() {
+        return Err(ReconstructError::NoTemplate);
+    }
+    template.skin.check(template.mesh.vertices().len(), template.skeleton.len())?;
+    let (camera, frames) = (capture.camera(), capture.len());
+    let bytes = BYTES_A_PIXEL * camera.width() as u64 * camera.height() as u64 * frames as u64;
+    if bytes > params.memory {
+        return Err(ReconstructError::Memory { frames, bytes, limit: params.memory });
+    }
+    Ok(())
+}
+
+/// Reads all frames in order; unusable ones are recorded in the report.
+fn read_frames(
+    capture: &Capture,
+    template: &TemplateBody,
+    params: &SurfaceParams,
+    report: &mut SurfaceReport,
+    monitor: &mut dyn Monitor,
+) -> Result<Vec<Observation>, ReconstructError> {
+    let mut frames: Vec<Observation> = Vec::new();
+    let numbers: Vec<usize> = (0..capture.len()).collect();
+    for group in numbers.chunks(TOGETHER) {
+        progress::report(monitor, "read", (group[0], capture.len()), None)?;
+        let read: Vec<_> =
+            group.par_iter().map(|k| observe(capture, &template.skeleton, *k, params)).collect();
+        for frame in read {
+            match frame? {
+                Ok(frame) => frames.push(frame),
+                Err(skipped) => report.skipped.push(skipped),
+            }
+        }
+    }
+    Ok(frames)
+}
+
+/// The frames whose `overlap` with the template is at least `least`; others are recorded in the
+/// report.
+fn without_elsewhere(
+    mut frames: Vec<Observation>,
+    overlap: &[Real],
+    least: Real,
+    report: &mut SurfaceReport,
+) -> Vec<Observation> {
+    let elsewhere = frames.iter().zip(overlap).filter(|(_, o)| **o < least);
+    report
+        .skipped
+        .extend(elsewhere.map(|(f, o)| Skipped::Elsewhere { frame: f.frame, overlap: *o }));
+    let mut keep = overlap.iter().map(|o| *o >= least);
+    frames.retain(|_| keep.next() == Some(true));
+    frames
 }

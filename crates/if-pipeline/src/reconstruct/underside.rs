@@ -1,4 +1,4 @@
-//! What nobody saw of loose clothes: their underside.
+//! The undersides of loose clothes, which no frame sees.
 
 use super::canonical::carried_to;
 use super::surface::Surface;
@@ -10,31 +10,30 @@ use if_core::mesh::TriMesh;
 use if_mesh::smooth_labels::LabelScores;
 use if_mesh::votes::LabelVotes;
 
-/// Distance from the template from which on a place is spanned by clothes, in metres: as far as
-/// weights go over to those of space.
+/// Distance from the template beyond which a vertex is spanned by clothes, in metres: the distance
+/// over which weights blend to those of the grid.
 const SPANNED: Real = 0.03;
-/// Fewer votes than this, and a vertex was not seen: one frame that sees it well.
+/// Least votes for a vertex to count as seen: one frame that sees it well.
 const UNSEEN: Real = 1.0;
-/// Area of a patch that nobody saw, in square metres, below which it is a fold of the clothes: a
-/// square of 12 cm. The undersides of a dress and a skirt have 0.03 to 0.1.
+/// Least area of an unseen patch, in square metres: a square of 12 cm. Smaller ones are folds; the
+/// undersides of a dress and a skirt have 0.03 to 0.1.
 const LEAST: Real = 0.015;
-/// Votes against the garment of a place that was not seen: one frame.
+/// Votes against the garment at an unseen vertex: one frame.
 const VOTE: Real = 1.0;
 
-/// Places between a skirt's hem and the legs close the surface, but are no cloth: what no frame
-/// sees of what loose clothes span does not belong to them.
+/// The parts of the surface between a skirt's hem and the legs close it, but are not cloth: spanned
+/// vertices that no frame sees do not belong to the loose garments.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Underside {
-    /// For each vertex of the canonical mesh whether it lies where clothes span what the template
-    /// has apart.
+    /// Whether each vertex of the canonical mesh lies where clothes span a gap of the template.
     pub spanned: Vec<bool>,
-    /// For each label of the capture whether it is that of a loose garment.
+    /// Whether each label of the capture is that of a loose garment.
     pub loose: Vec<bool>,
 }
 
 impl Underside {
-    /// Of a surface that was fitted in loose clothes, on its canonical `mesh`; `None` where it
-    /// started from the template.
+    /// The undersides on the canonical `mesh` of a surface; `None` if it started from the template
+    /// alone.
     pub fn of(
         surface: &Surface,
         template: &TemplateBody,
@@ -49,8 +48,8 @@ impl Underside {
         })
     }
 
-    /// Votes once more, with one vote for the best label that is not loose at each place of a
-    /// spanned patch that nobody saw; `scores` are the smooth ones of `votes`.
+    /// The votes, with one more for the best label that is not loose at each vertex of an unseen
+    /// spanned patch; `scores` are the smoothed ones of `votes`.
     pub(super) fn voted(
         &self,
         mesh: &TriMesh,
@@ -62,7 +61,7 @@ impl Underside {
         let unseen =
             |v: usize| self.spanned[v] && votes.weights[row(v)].iter().sum::<Real>() < UNSEEN;
         for v in patches(mesh, unseen) {
-            // Label 0 is what nothing is known about.
+            // Label 0 means unknown.
             let other = (1..votes.labels).filter(|l| !self.loose[*l]);
             if let Some(best) =
                 other.max_by(|a, b| scores.of(v)[*a].total_cmp(&scores.of(v)[*b]).then(b.cmp(a)))
@@ -74,7 +73,7 @@ impl Underside {
     }
 }
 
-/// The vertices of which `wanted` is true, in patches of at least the least area; in ascending
+/// The vertices for which `wanted` is true in patches of at least the least area, in ascending
 /// order.
 fn patches(mesh: &TriMesh, wanted: impl Fn(usize) -> bool) -> Vec<usize> {
     let n = mesh.vertices().len();
@@ -102,7 +101,7 @@ mod tests {
     use if_core::shapes::meshes;
 
     #[test]
-    fn only_a_large_patch_that_is_spanned_and_unseen_is_taken_from_loose_garments() {
+    fn only_large_unseen_spanned_patches_are_removed_from_loose_garments() {
         // A square metre of 11 × 11 vertices: two unseen strips are spanned, one of them only two
         // triangles wide.
         let sheet = meshes::cloth(1.0, 0.2, 10, 2);

@@ -1,46 +1,45 @@
 //! From a capture to garments, in one call.
 
 use super::canonical::{FloodedField, carried_weights, largest_piece};
-use super::garments::{Garment, GarmentParams, Garments, GarmentsError, find_garments};
+use super::error::ReconstructError;
+use super::garments::{ClothedPerson, Garment, GarmentParams, Garments, find_garments};
 use super::motion::{
-    MeshMotion, MotionError, MotionNetwork, MotionNetworkError, MotionNetworkParams, MotionParams,
-    distil_motion, fit_motion,
+    MeshMotion, MotionNetwork, MotionNetworkParams, MotionParams, distil_motion, fit_motion,
 };
-use super::phi::{PhiError, PhiNetwork, PhiParams, fit_phi};
-use super::progress::{Clock, Progress, Stage};
-use super::surface::{SurfaceError, fit_surface};
+use super::params::SurfaceParams;
+use super::phi::{PhiNetwork, PhiParams, fit_phi};
+use super::progress;
+use super::surface::{Surface, fit_surface};
 use super::underside::Underside;
 use super::whole_report::{GarmentReport, LabelReport, ReconstructReport, Seconds};
-use super::{ParamError, SurfaceParams};
 use crate::capture::Capture;
-use if_body::SkinWeights;
-use if_body::TemplateBody;
+use if_body::{SkinWeights, TemplateBody};
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
-use if_core::monitor::Silent;
-use if_mesh::baked::{BakeError, BakeParams, Baked, Redistance};
-use if_mesh::extract::{ExtractError, ExtractParams, Resolution, extract};
-use if_mesh::sdf::{MeshSdf, SdfError};
-use std::ops::ControlFlow;
+use if_core::monitor::Monitor;
+use if_core::parameter::ParameterError;
+use if_mesh::baked::{BakeParams, Baked, Redistance};
+use if_mesh::extract::{ExtractParams, Resolution, extract};
+use if_mesh::sdf::MeshSdf;
 use std::path::Path;
 use std::time::Instant;
 
-/// How a capture is reconstructed.
+/// Parameters of [`reconstruct`].
 #[derive(Clone, Debug)]
 pub struct ReconstructParams {
-    /// How the surface is found.
+    /// The fit of the surface.
     pub surface: SurfaceParams,
-    /// Cells of the extraction, in metres: about the mean edge length of the canonical mesh.
+    /// Cell size of the extraction, in metres: about the mean edge length of the canonical mesh.
     pub cell: Real,
-    /// How the motion of single frames is solved; `None` skips it, for who writes no frames.
+    /// The motion of single frames; `None` skips this step when frames are not exported.
     pub motion: Option<MotionParams>,
-    /// How that motion becomes a network; `None` skips it, and so does no motion.
+    /// The network of that motion; `None` skips it. Ignored without `motion`.
     pub motion_network: Option<MotionNetworkParams>,
-    /// How φ is baked; its `region` is chosen here where it is not given.
+    /// The baking of φ.
     pub bake: BakeParams,
-    /// How φ is fitted as a network; `None` skips it.
+    /// The network of φ; `None` skips it.
     pub phi: Option<PhiParams>,
-    /// How garments are found.
+    /// Votes, cuts and clean-up of the garments.
     pub garments: GarmentParams,
 }
 
@@ -60,118 +59,60 @@ impl Default for ReconstructParams {
 }
 
 impl ReconstructParams {
-    /// Whether all parameters are in range. [`reconstruct`] asks first of all: the surface takes
-    /// minutes.
+    /// Checks the ranges. [`reconstruct`] does this before it starts.
     ///
     /// # Errors
     ///
-    /// The first that is not.
+    /// The first parameter that is out of range.
     pub fn validate(&self) -> Result<(), ReconstructError> {
-        if !(self.cell > 0.0 && self.cell.is_finite()) {
-            return Err(ParamError {
-                name: "cell",
-                value: self.cell,
-                needs: "a length above zero, in metres",
-            }
-            .into());
-        }
+        let positive = self.cell > 0.0 && self.cell.is_finite();
+        ParameterError::check("cell", self.cell, positive, "positive (m)")?;
         self.surface.validate()?;
         self.motion.as_ref().map_or(Ok(()), MotionParams::validate)?;
         if let Some(network) = &self.motion_network {
-            network.fit.validate().map_err(|e| MotionNetworkError::Fit(e.into()))?;
+            network.fit.validate().map_err(if_neural::deform::DeformError::from)?;
         }
-        self.bake.validate().map_err(BakeError::from)?;
+        self.bake.validate().map_err(|e| e.within("bake"))?;
         self.phi.as_ref().map_or(Ok(()), PhiParams::validate)?;
-        Ok(self.garments.validate()?)
+        self.garments.validate()
     }
 }
 
 /// A person in clothes, and the clothes.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
-    /// The surface in canonical space: closed, extracted once for all frames.
+    /// The clothed person in canonical space: one closed mesh for all frames.
     pub mesh: TriMesh,
-    /// Its weights.
+    /// Its skinning weights.
     pub skin: SkinWeights,
     /// The label of each of its vertices.
     pub labels: Vec<u8>,
-    /// d of single frames at its vertices, where it was asked for.
+    /// The motion d of its vertices in single frames, if requested.
     pub motion: Option<MeshMotion>,
-    /// d as a network, where it was asked for.
+    /// That motion as a network, if requested.
     pub motion_network: Option<MotionNetwork>,
-    /// φ: its signed distance, baked.
+    /// φ: the signed distance of the mesh, baked.
     pub field: Baked,
-    /// φ as a network, where one was asked for.
+    /// φ as a network, if requested.
     pub phi: Option<PhiNetwork>,
     /// The garments, inner to outer.
     pub garments: Vec<Garment>,
-    /// What was used, left out and reached.
+    /// Report.
     pub report: ReconstructReport,
-}
-
-/// Why a capture cannot be reconstructed.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ReconstructError {
-    /// A parameter is out of range.
-    #[error(transparent)]
-    Params(#[from] ParamError),
-    /// No surface was found.
-    #[error(transparent)]
-    Surface(#[from] SurfaceError),
-    /// The surface has no inside.
-    #[error("the surface that was found has no inside: {0}")]
-    Field(#[from] SdfError),
-    /// The canonical mesh cannot be extracted.
-    #[error(transparent)]
-    Extract(#[from] ExtractError),
-    /// The motion of single frames cannot be solved.
-    #[error(transparent)]
-    Motion(#[from] MotionError),
-    /// The motion of single frames cannot be made a network.
-    #[error(transparent)]
-    MotionNetwork(#[from] MotionNetworkError),
-    /// φ cannot be baked.
-    #[error(transparent)]
-    Bake(#[from] BakeError),
-    /// φ cannot be fitted.
-    #[error(transparent)]
-    Phi(#[from] PhiError),
-    /// Garments cannot be found.
-    #[error(transparent)]
-    Garments(#[from] GarmentsError),
-    /// `watch` asked to stop.
-    #[error("cancelled")]
-    Cancelled,
-}
-
-impl ReconstructError {
-    /// Whether `watch` asked to stop.
-    pub fn is_cancelled(&self) -> bool {
-        matches!(
-            self,
-            Self::Cancelled
-                | Self::Surface(SurfaceError::Cancelled { .. })
-                | Self::Motion(MotionError::Cancelled { .. })
-                | Self::MotionNetwork(MotionNetworkError::Cancelled)
-                | Self::Phi(PhiError::Cancelled)
-                | Self::Garments(GarmentsError::Cancelled)
-        )
-    }
 }
 
 /// Reconstructs a person in clothes and each garment from a capture.
 ///
 /// ```text
-/// surface   ← the template, fitted to masks and normals              fit_surface
-/// mesh      ← the zero set of the surface's signed distance, once; its largest piece; weights of the nearest place of the surface
-/// motion    ← d of each frame, where it is asked for, and as a network       fit_motion, distil_motion
-/// φ         ← the mesh's signed distance, baked; and as a network        fit_phi
-/// garments  ← the frames' labels voted on the posed mesh, cut, cleaned    find_garments
+/// surface   ← the template, fitted to masks and normals                      fit_surface
+/// canonical ← zero set of its signed distance, weights, φ baked
+/// motion    ← d of each frame, and as a network, if requested                fit_motion, distil_motion
+/// φ         ← the signed distance of the mesh as a network                   fit_phi
+/// garments  ← labels voted by all frames; cut, cleaned                       find_garments
 /// ```
 ///
-/// `watch` and `checkpoint` are those of [`fit_surface`]; the steps after it take seconds and are
-/// done again.
+/// `checkpoint` is that of [`fit_surface`]; the later stages take seconds and are repeated. The
+/// monitor receives the stages of all calls, and `extract`.
 ///
 /// # Errors
 ///
@@ -181,85 +122,55 @@ pub fn reconstruct(
     template: &TemplateBody,
     params: &ReconstructParams,
     checkpoint: Option<&Path>,
-    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    monitor: &mut dyn Monitor,
 ) -> Result<Reconstruction, ReconstructError> {
     params.validate()?;
+    let skeleton = &template.skeleton;
     let mut seconds = Seconds::default();
-    let mut start = Instant::now();
-    let mut lap = |slot: &mut Real| {
-        *slot = start.elapsed().as_secs_f64();
-        start = Instant::now();
-    };
-    let surface = fit_surface(capture, template, &params.surface, checkpoint, watch)?;
-    lap(&mut seconds.surface);
+    let mut lap = Lap::start();
 
-    let mut clock = Clock::new();
-    if watch(&clock.at(Stage::Extract, 0, 2, None)).is_break() {
-        return Err(ReconstructError::Cancelled);
-    }
-    let found = extract(
-        &FloodedField::new(&surface.mesh)?,
-        &ExtractParams {
-            region: Some(surface.mesh.aabb().inflated(params.cell)),
-            resolution: Resolution::Cell(params.cell),
-            // Where the surface passes through itself gradients jump: vertices stay on the edges of
-            // their cells.
-            newton: 0,
-            ..ExtractParams::default()
-        },
-        &mut Silent,
-    )?;
-    let mesh = largest_piece(&found.mesh);
-    let skin =
-        carried_weights(&surface.mesh, &surface.skin, template.skeleton.len(), mesh.vertices());
-    if watch(&clock.at(Stage::Extract, 1, 2, None)).is_break() {
-        return Err(ReconstructError::Cancelled);
-    }
-    let exact = MeshSdf::closed(&mesh)?;
-    let field = Baked::new(&exact, &params.bake, &mut Silent)?;
-    lap(&mut seconds.extract);
+    let surface = fit_surface(capture, template, &params.surface, checkpoint, monitor)?;
+    lap.end(&mut seconds.surface);
+
+    let Canonical { mesh, skin, exact, field } = canonical(&surface, template, params, monitor)?;
+    lap.end(&mut seconds.extract);
+
     let motion = match &params.motion {
-        None => None,
         Some(p) => {
-            let motion =
-                fit_motion(capture, &template.skeleton, &surface, &params.surface, p, watch)?;
+            let motion = fit_motion(capture, skeleton, &surface, &params.surface, p, monitor)?;
             Some(MeshMotion::new(motion, &surface.mesh, mesh.vertices()))
         }
+        None => None,
     };
-    lap(&mut seconds.motion);
+    lap.end(&mut seconds.motion);
+
     let motion_network = match (&motion, &params.motion_network) {
-        (Some(motion), Some(p)) => Some(distil_motion(motion.motion(), &surface.mesh, p, watch)?),
+        (Some(motion), Some(p)) => Some(distil_motion(motion.motion(), &surface.mesh, p, monitor)?),
         _ => None,
     };
-    lap(&mut seconds.motion_network);
-    let phi = params.phi.as_ref().map(|p| fit_phi(&exact, p, watch)).transpose()?;
-    lap(&mut seconds.phi);
+    lap.end(&mut seconds.motion_network);
+
+    let phi = params.phi.as_ref().map(|p| fit_phi(&exact, p, monitor)).transpose()?;
+    lap.end(&mut seconds.phi);
 
     let underside = Underside::of(&surface, template, capture, &mesh);
-    let Garments { labels, votes, garments, missing } = find_garments(
-        capture,
-        &template.skeleton,
-        &mesh,
-        &skin,
-        &exact,
-        motion.as_ref(),
-        underside.as_ref(),
-        &params.garments,
-        watch,
-    )?;
-    lap(&mut seconds.garments);
+    let person = ClothedPerson {
+        skeleton,
+        mesh: &mesh,
+        skin: &skin,
+        field: &exact,
+        motion: motion.as_ref(),
+        underside: underside.as_ref(),
+    };
+    let Garments { labels, votes, garments, missing } =
+        find_garments(capture, &person, &params.garments, monitor)?;
+    lap.end(&mut seconds.garments);
+
     let report = ReconstructReport {
         surface: surface.report,
         vertices: mesh.vertices().len(),
         triangles: mesh.triangles().len(),
-        labels: LabelReport {
-            frames_cast: votes.cast,
-            frames_empty: votes.empty,
-            frames_covered: votes.covered,
-            pixels: votes.pixels,
-            near_edge: votes.near_edge,
-            mute: votes.mute,
-        },
+        labels: LabelReport::of(&votes),
         motion: motion.as_ref().map(|m| m.motion().report.clone()),
         motion_network: motion_network.as_ref().map(|n| n.report),
         phi: phi.as_ref().map(|p| p.report),
@@ -268,6 +179,58 @@ pub fn reconstruct(
         seconds,
     };
     Ok(Reconstruction { mesh, skin, labels, motion, motion_network, field, phi, garments, report })
+}
+
+/// The canonical mesh.
+struct Canonical {
+    mesh: TriMesh,
+    skin: SkinWeights,
+    /// Its signed distance.
+    exact: MeshSdf,
+    /// The same, baked.
+    field: Baked,
+}
+
+/// Extracts one closed mesh from the fitted surface, which may intersect itself, and bakes its
+/// signed distance.
+fn canonical(
+    surface: &Surface,
+    template: &TemplateBody,
+    params: &ReconstructParams,
+    monitor: &mut dyn Monitor,
+) -> Result<Canonical, ReconstructError> {
+    progress::report(monitor, "extract", (0, 2), None)?;
+    let flooded = FloodedField::new(&surface.mesh).map_err(ReconstructError::Inside)?;
+    let cells = ExtractParams {
+        region: Some(surface.mesh.aabb().inflated(params.cell)),
+        resolution: Resolution::Cell(params.cell),
+        // Where the surface intersects itself gradients are discontinuous: vertices stay on the
+        // edges of their cells.
+        newton: 0,
+        ..ExtractParams::default()
+    };
+    let mesh = largest_piece(&extract(&flooded, &cells, monitor)?.mesh);
+    let joints = template.skeleton.len();
+    let skin = carried_weights(&surface.mesh, &surface.skin, joints, mesh.vertices());
+    progress::report(monitor, "extract", (1, 2), None)?;
+    let exact = MeshSdf::closed(&mesh).map_err(ReconstructError::Inside)?;
+    let field = Baked::new(&exact, &params.bake, monitor)?;
+    Ok(Canonical { mesh, skin, exact, field })
+}
+
+/// Measures consecutive stages.
+struct Lap(Instant);
+
+impl Lap {
+    fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    /// Stores the seconds since the last call, and starts the next stage.
+    fn end(&mut self, seconds: &mut Real) {
+        *seconds = self.0.elapsed().as_secs_f64();
+        self.0 = Instant::now();
+    }
 }
 
 #[cfg(test)]
@@ -279,7 +242,7 @@ mod tests {
     use if_neural::sampling::SamplingParams;
 
     #[test]
-    fn every_part_is_looked_at_before_the_work() {
+    fn the_parameters_of_all_stages_are_validated() {
         let good = ReconstructParams {
             motion: Some(MotionParams::default()),
             motion_network: Some(MotionNetworkParams::default()),
@@ -292,43 +255,49 @@ mod tests {
             params.validate().unwrap_err()
         };
         assert!(
-            matches!(spoiled(&|p| p.cell = Real::NAN), ReconstructError::Params(e) if e.name == "cell")
+            matches!(spoiled(&|p| p.cell = Real::NAN), ReconstructError::Parameter(e) if e.name == "cell")
         );
         assert!(
-            matches!(spoiled(&|p| p.surface.bending = 0.0), ReconstructError::Params(e) if e.name == "bending")
+            matches!(spoiled(&|p| p.surface.bending = 0.0), ReconstructError::Parameter(e) if e.name == "bending")
         );
         let motion = MotionParams { stay: -1.0, ..Default::default() };
         assert!(
-            matches!(spoiled(&|p| p.motion = Some(motion.clone())), ReconstructError::Params(e) if e.name == "stay")
+            matches!(spoiled(&|p| p.motion = Some(motion.clone())), ReconstructError::Parameter(e) if e.name == "stay")
         );
         let rate = |p: &mut ReconstructParams| {
             p.motion_network.as_mut().unwrap().fit.schedule.rate = Real::NAN
         };
         assert!(matches!(
             spoiled(&rate),
-            ReconstructError::MotionNetwork(MotionNetworkError::Fit(_))
+            ReconstructError::MotionFit(_) | ReconstructError::Parameter(_)
         ));
-        assert!(matches!(spoiled(&|p| p.bake.cell = 0.0), ReconstructError::Bake(_)));
+        assert!(matches!(
+            spoiled(&|p| p.bake.cell = 0.0),
+            ReconstructError::Bake(_) | ReconstructError::Parameter(_)
+        ));
         let sampling = SamplingParams { near: 0, ..Default::default() };
         let phi = |p: &mut ReconstructParams| p.phi.as_mut().unwrap().sampling = sampling;
-        assert!(matches!(spoiled(&phi), ReconstructError::Phi(_)));
+        assert!(matches!(
+            spoiled(&phi),
+            ReconstructError::PhiTarget(_) | ReconstructError::Parameter(_)
+        ));
         assert!(matches!(
             spoiled(&|p| p.garments.votes.enough = 0.0),
-            ReconstructError::Garments(GarmentsError::Votes(_))
+            ReconstructError::Votes(_) | ReconstructError::Parameter(_)
         ));
         assert!(matches!(
             spoiled(&|p| p.garments.smoothness.length = -1.0),
-            ReconstructError::Garments(GarmentsError::Smooth(_))
+            ReconstructError::Smooth(_) | ReconstructError::Parameter(_)
         ));
         let cut = |p: &mut ReconstructParams| p.garments.cut = CutParams { least: 0.9 };
-        assert!(matches!(spoiled(&cut), ReconstructError::Garments(GarmentsError::Cut(_))));
+        assert!(matches!(spoiled(&cut), ReconstructError::Cut(_) | ReconstructError::Parameter(_)));
         let fill = FillParams { exact_up_to: usize::MAX, ..Default::default() };
         let cleanup = |p: &mut ReconstructParams| {
             p.garments.cleanup = CleanupParams { fill: Some(fill), ..Default::default() }
         };
         assert!(matches!(
             spoiled(&cleanup),
-            ReconstructError::Garments(GarmentsError::CleanupParams(_))
+            ReconstructError::CleanupParams(_) | ReconstructError::Parameter(_)
         ));
     }
 }

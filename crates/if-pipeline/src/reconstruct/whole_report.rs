@@ -1,4 +1,4 @@
-//! A whole reconstruction in numbers.
+//! The report of a whole reconstruction.
 
 use super::garments::Garment;
 use super::motion::{MotionNetworkReport, MotionReport};
@@ -6,48 +6,62 @@ use super::phi::PhiReport;
 use super::report::SurfaceReport;
 use crate::asset::LayerHint;
 use if_core::math::Real;
+use if_mesh::votes::VoteReport;
 use serde::{Deserialize, Serialize};
 
-/// What became of the label images.
+/// Votes of the label images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct LabelReport {
     /// Frames whose pixels voted.
     pub frames_cast: usize,
-    /// Frames left out because they show nothing of the mesh.
+    /// Frames skipped because they show nothing of the mesh.
     pub frames_empty: usize,
-    /// Frames left out because all they show had votes enough.
+    /// Frames skipped because everything they show had enough votes.
     pub frames_covered: usize,
-    /// Pixels that saw the mesh in the frames that voted.
+    /// Pixels on the mesh in the frames that voted.
     pub pixels: usize,
-    /// Of these, left out near an edge.
+    /// Of these, skipped near an edge.
     pub near_edge: usize,
-    /// Of these, left out as background, or as seeing a back.
+    /// Of these, skipped as background, or because they see a back side.
     pub mute: usize,
 }
 
-/// A garment in numbers.
+/// Report of a garment.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct GarmentReport {
-    /// What the capture calls it.
+    /// Its name in the capture.
     pub name: String,
     /// Vertices of its mesh.
     pub vertices: usize,
     /// Triangles of its mesh.
     pub triangles: usize,
-    /// In square metres.
+    /// Area, in square metres.
     pub area: Real,
-    /// Loops that stay open: neck, cuffs, hem.
+    /// Boundary loops that stay open: neck, cuffs, hem.
     pub openings: usize,
-    /// As many as a garment of its class has at most, where its name tells the class.
+    /// Largest number of openings for its class, if the name determines the class.
     pub most_openings: Option<usize>,
     /// Holes that were filled.
     pub filled: usize,
     /// Holes that could not be filled.
     pub holes_left: usize,
-    /// Isolated pieces that were dropped.
+    /// Isolated pieces that were removed.
     pub dropped: usize,
+}
+
+impl LabelReport {
+    pub(super) fn of(votes: &VoteReport) -> Self {
+        Self {
+            frames_cast: votes.cast,
+            frames_empty: votes.empty,
+            frames_covered: votes.covered,
+            pixels: votes.pixels,
+            near_edge: votes.near_edge,
+            mute: votes.mute,
+        }
+    }
 }
 
 impl GarmentReport {
@@ -67,11 +81,11 @@ impl GarmentReport {
     }
 }
 
-/// What each step took, in seconds of the clock.
+/// Wall-clock seconds of each step.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Seconds {
-    /// Reading, and fitting the surface.
+    /// Reading frames and fitting the surface.
     pub surface: Real,
     /// Extracting the canonical mesh, and baking φ.
     pub extract: Real,
@@ -83,34 +97,34 @@ pub struct Seconds {
     pub motion_network: Real,
     /// Fitting φ as a network.
     pub phi: Real,
-    /// Votes, cuts and cleaning.
+    /// Votes, cuts and clean-up.
     pub garments: Real,
 }
 
-/// How a capture was reconstructed.
+/// Report of a reconstruction.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct ReconstructReport {
-    /// How the surface was found.
+    /// The fit of the surface.
     pub surface: SurfaceReport,
     /// Vertices of the canonical mesh.
     pub vertices: usize,
     /// Triangles of the canonical mesh.
     pub triangles: usize,
-    /// What became of the label images.
+    /// Votes of the label images.
     pub labels: LabelReport,
-    /// How the motion of single frames was found, where it was asked for.
+    /// The motion of single frames, if requested.
     #[serde(default)]
     pub motion: Option<MotionReport>,
-    /// Errors of that motion's network, where one was asked for.
+    /// Errors of the network of that motion, if requested.
     #[serde(default)]
     pub motion_network: Option<MotionNetworkReport>,
-    /// Errors of φ's network, where one was asked for.
+    /// Errors of the network of φ, if requested.
     pub phi: Option<PhiReport>,
     /// The garments.
     pub garments: Vec<GarmentReport>,
-    /// Garments of which nothing was seen.
+    /// Garments that no frame shows.
     pub missing: Vec<String>,
-    /// What it took.
+    /// Wall-clock seconds.
     pub seconds: Seconds,
 }

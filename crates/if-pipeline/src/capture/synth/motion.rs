@@ -1,24 +1,23 @@
-//! How clothes move by themselves: waves along their normals that run over them while the body
-//! turns.
+//! The clothes' own motion: waves along their normals that travel while the body turns.
 
 use if_core::math::{Point, Real, Vector};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// Waves that are laid over one another.
+/// Number of superposed waves.
 const WAVES: usize = 6;
-/// Radians a metre, at most and along each axis: a wave is at least 20 cm long.
+/// Largest wave number along each axis, in radians per metre: wavelengths are at least 20 cm.
 const LARGEST: Real = 18.0;
 
 /// A sum of waves.
 pub(super) struct Waves {
     amount: Real,
-    /// Wave vector, phase, and how often each comes by in one turn.
+    /// Wave vector, phase, and periods per turn of each wave.
     waves: Vec<(Vector, Real, Real)>,
 }
 
 impl Waves {
-    /// Of about `amount` metres: the root of their mean square is 0.7 of it.
+    /// Waves of about `amount` metres; their root mean square is 0.7 of it.
     pub(super) fn new(amount: Real, seed: u64) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         let mut within = |a: Real, b: Real| random.random_range(a..b);
@@ -29,7 +28,7 @@ impl Waves {
         Self { amount, waves: (0..WAVES).map(wave).collect() }
     }
 
-    /// How far a place of the rest is out along its normal when `turn` of a whole turn is done, in
+    /// Displacement of a rest position along its normal after a share `turn` of a full turn, in
     /// metres.
     pub(super) fn at(&self, p: &Point, turn: Real) -> Real {
         let one = |(along, phase, cycles): &(Vector, Real, Real)| {
@@ -38,7 +37,7 @@ impl Waves {
         self.amount * self.waves.iter().map(one).sum::<Real>() / (WAVES as Real).sqrt()
     }
 
-    /// Whether nothing moves.
+    /// Whether the amplitude is zero.
     pub(super) fn still(&self) -> bool {
         self.amount == 0.0
     }
@@ -49,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn waves_are_as_high_as_said_and_come_back_after_a_turn() {
+    fn waves_have_the_given_amplitude_and_repeat_after_a_turn() {
         let waves = Waves::new(0.01, 3);
         let mut square = 0.0;
         for k in 0..1000 {

@@ -1,16 +1,16 @@
-//! Faults as human parsers make them: borders that wander, patches of a wrong label, specks on the
-//! background, and now and then two garments taken for one another.
+//! Errors of human parsers: displaced borders, patches of a wrong label, specks on the background,
+//! and occasionally two confused garments.
 
 use if_core::math::Real;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-/// A smooth random field with values of about ±1, made of random numbers on a lattice of this many
+/// A smooth random field with values of about ±1, interpolated on a lattice of this spacing in
 /// pixels.
 fn field((width, height): (usize, usize), spacing: Real, rng: &mut Pcg64Mcg) -> Vec<Real> {
     let columns = (width as Real / spacing).ceil() as usize + 2;
     let rows = (height as Real / spacing).ceil() as usize + 2;
-    // A sum of uniform numbers is near enough to a normal one; of deviation one.
+    // A sum of three uniform numbers approximates a normal distribution of deviation one.
     let mut normal = || (0..3).map(|_| rng.random_range(-1.0..1.0)).sum::<Real>();
     let lattice: Vec<Real> = (0..columns * rows).map(|_| normal()).collect();
     let smooth = |s: Real| s * s * (3.0 - 2.0 * s);
@@ -27,8 +27,8 @@ fn field((width, height): (usize, usize), spacing: Real, rng: &mut Pcg64Mcg) -> 
     (0..width * height).map(value).collect()
 }
 
-/// The picture with every pixel taken from up to some pixels away.
-fn wander<T: Copy>(
+/// Displaces the pixels of an image smoothly by about `amplitude` pixels.
+fn displaced<T: Copy>(
     picture: &[T],
     (width, height): (usize, usize),
     amplitude: Real,
@@ -36,13 +36,13 @@ fn wander<T: Copy>(
 ) -> Vec<T> {
     let spacing = (width as Real / 35.0).max(4.0);
     let (dx, dy) = (field((width, height), spacing, rng), field((width, height), spacing, rng));
-    let take = |at: usize| {
-        let go = |from: usize, by: Real, n: usize| {
+    let source = |at: usize| {
+        let moved = |from: usize, by: Real, n: usize| {
             (from as Real + amplitude * by).round().clamp(0.0, n as Real - 1.0) as usize
         };
-        picture[go(at / width, dy[at], height) * width + go(at % width, dx[at], width)]
+        picture[moved(at / width, dy[at], height) * width + moved(at % width, dx[at], width)]
     };
-    (0..picture.len()).map(take).collect()
+    (0..picture.len()).map(source).collect()
 }
 
 /// Calls `set` for every pixel of an ellipse.
@@ -69,7 +69,7 @@ fn ellipse(
     }
 }
 
-/// How many of something rare there are, `mean` on average: a Poisson number, by Knuth.
+/// A Poisson-distributed number, by Knuth's algorithm.
 fn poisson(mean: Real, rng: &mut Pcg64Mcg) -> usize {
     let limit = (-mean).exp();
     let (mut product, mut n) = (1.0, 0);
@@ -82,7 +82,7 @@ fn poisson(mean: Real, rng: &mut Pcg64Mcg) -> usize {
     }
 }
 
-/// A label image as a parser with this noise, from 0 to 1, gives it. `names` is the number of
+/// A label image with the errors of a parser, for `noise` from 0 to 1. `names` is the number of
 /// labels.
 pub(super) fn labels(
     truth: &[u8],
@@ -95,11 +95,12 @@ pub(super) fn labels(
         return truth.to_vec();
     }
     let width = size.0 as Real;
-    let mut out = wander(truth, size, 0.6 * noise * width / 64.0, rng);
+    let mut out = displaced(truth, size, 0.6 * noise * width / 64.0, rng);
     let person: Vec<usize> = (0..truth.len()).filter(|at| truth[*at] > 0).collect();
     if person.is_empty() {
         return out;
     }
+    // Patches of a wrong label on the person.
     for _ in 0..poisson(6.0 * noise, rng) {
         let at = person[rng.random_range(0..person.len())];
         let center = [(at % size.0) as Real, (at / size.0) as Real];
@@ -111,6 +112,7 @@ pub(super) fn labels(
             }
         });
     }
+    // Specks on the background.
     for _ in 0..poisson(5.0 * noise, rng) {
         let center = [rng.random_range(0.0..width), rng.random_range(0.0..size.1 as Real)];
         let (radius, label) = (rng.random_range(0.003..0.012) * width, rng.random_range(1..names));
@@ -120,6 +122,7 @@ pub(super) fn labels(
             }
         });
     }
+    // Two confused garments.
     if names > 3 && rng.random_bool(0.15 * noise) {
         let a = rng.random_range(2..names);
         let b = if a + 1 < names { a + 1 } else { 2 };
@@ -128,7 +131,7 @@ pub(super) fn labels(
     out
 }
 
-/// A mask with an outline that wanders by as much as this noise, from 0 to 1, lets it.
+/// A mask with a displaced outline, for `noise` from 0 to 1.
 pub(super) fn mask(
     truth: &[bool],
     size: (usize, usize),
@@ -138,7 +141,7 @@ pub(super) fn mask(
     if noise <= 0.0 {
         truth.to_vec()
     } else {
-        wander(truth, size, 0.6 * noise * size.0 as Real / 100.0, rng)
+        displaced(truth, size, 0.6 * noise * size.0 as Real / 100.0, rng)
     }
 }
 
@@ -148,7 +151,7 @@ mod tests {
     use rand::SeedableRng;
 
     #[test]
-    fn more_noise_is_more_wrong_and_none_is_none() {
+    fn more_noise_makes_more_errors_and_no_noise_none() {
         let size = (64, 48);
         let truth: Vec<u8> = (0..64 * 48)
             .map(|at| if (20..44).contains(&(at % 64)) { 1 + u8::from(at / 64 > 20) } else { 0 })

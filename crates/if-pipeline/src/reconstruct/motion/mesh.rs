@@ -1,23 +1,23 @@
-//! The motion of the fitted surface, carried to another mesh of the same person.
+//! The motion of the fitted surface, transferred to another mesh of the person.
 
-use super::Motion;
+use super::report::Motion;
 use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use rayon::prelude::*;
 
-/// d of each frame at the vertices of a mesh beside the fitted surface, such as the canonical mesh:
-/// that of the surface's nearest point.
+/// d of each frame at the vertices of a mesh near the fitted surface, such as the canonical mesh:
+/// that of the nearest point of the surface.
 #[derive(Clone, Debug)]
 pub struct MeshMotion {
     motion: Motion,
-    /// For each vertex the corners of the nearest triangle, and their parts.
+    /// The corners of the nearest triangle of each vertex, and their barycentric coordinates.
     places: Vec<([u32; 3], [Real; 3])>,
 }
 
 impl MeshMotion {
-    /// Of the motion of a `surface`, at `points`.
+    /// Transfers the motion of a `surface` to `points`.
     ///
     /// # Panics
     ///
@@ -38,12 +38,11 @@ impl MeshMotion {
         Self { places: points.par_iter().with_min_len(256).map(place).collect(), motion }
     }
 
-    /// d of a frame of the capture at each vertex, in metres of canonical space; empty where it is
-    /// zero.
+    /// d of a frame of the capture at each vertex, in metres of canonical space; empty if zero.
     ///
     /// # Panics
     ///
-    /// If the capture has no such frame.
+    /// If `frame` is out of range.
     pub fn offsets(&self, frame: usize) -> Vec<Vector> {
         let of = &self.motion.offsets[frame];
         if of.is_empty() {
@@ -68,7 +67,7 @@ mod tests {
     use if_core::shapes::meshes;
 
     #[test]
-    fn a_point_beside_the_surface_moves_as_its_nearest_point_does() {
+    fn a_point_near_the_surface_moves_as_its_nearest_point_does() {
         let sheet = meshes::cloth(1.0, 1.0, 5, 5);
         let normal = sheet.vertex_normals()[0];
         // Linear over the sheet, so that barycentric parts give it exactly.

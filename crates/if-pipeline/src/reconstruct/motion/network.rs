@@ -1,30 +1,32 @@
-//! d of all frames as one network with an embedding for each frame.
+//! The motion of all frames as one network, with an embedding for each frame.
 
-use super::Motion;
-use crate::reconstruct::progress::{Clock, Progress, Stage};
+use super::report::Motion;
+use crate::reconstruct::error::ReconstructError;
+use crate::reconstruct::progress::report;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
-use if_neural::deform::{DeformError, DeformParams, fit_deformation};
+use if_core::monitor::{Cancelled, Monitor};
+use if_neural::deform::{DeformParams, fit_deformation};
 use if_neural::deformation::DeformationNetwork;
 use if_neural::files::write_deformation;
-use if_neural::frame::{Frame, FrameError};
-use if_neural::mlp::{ConfigError, DeformationConfig};
+use if_neural::frame::Frame;
+use if_neural::mlp::DeformationConfig;
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::ops::ControlFlow;
 
-/// Room about the surface in the network's cube, in metres.
+/// Margin around the surface in the network's unit cube, in metres.
 const MARGIN: Real = 0.05;
 
-/// How d becomes a network. By steps and not by the clock, so that the same capture gives the same
-/// bits.
+/// Parameters of [`distil_motion`]. The fit has a fixed number of steps, not of seconds, so that the
+/// same capture gives the same bits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionNetworkParams {
-    /// The network; its number of frames is that of the capture.
+    /// The network; its number of frames is replaced by that of the capture.
     pub network: DeformationConfig,
-    /// Seed of its first values.
+    /// Seed of its initial values.
     pub seed: u64,
-    /// The fit.
+    /// Parameters of the fit.
     pub fit: DeformParams,
 }
 
@@ -39,55 +41,31 @@ impl Default for MotionNetworkParams {
 pub struct MotionNetwork {
     /// The network.
     pub network: DeformationNetwork,
-    /// Metres to its cube and back.
+    /// The map from metres to the network's unit cube.
     pub frame: Frame,
-    /// What it is off.
+    /// Its errors.
     pub report: MotionNetworkReport,
 }
 
-/// Errors of d's network at vertices that it was not fitted to, every tenth, in all frames.
+/// Errors of the motion's network at held-out vertices, every tenth, in all frames.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct MotionNetworkReport {
-    /// Steps done.
+    /// Steps of the fit.
     pub steps: u64,
-    /// Mean distance from the solved d, in millimetres.
+    /// Mean error, in millimetres.
     pub mean_mm: Real,
-    /// The largest, in millimetres.
+    /// Largest error, in millimetres.
     pub max_mm: Real,
-    /// The mean for d = 0: mean |d|, in millimetres.
+    /// Mean |d| for comparison, in millimetres: the error of d = 0.
     pub still_mm: Real,
-}
-
-/// Why there is no network of d.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum MotionNetworkError {
-    /// A surface without extent.
-    #[error(transparent)]
-    Frame(#[from] FrameError),
-    /// A network of sizes out of range.
-    #[error(transparent)]
-    Network(#[from] ConfigError),
-    /// Parameters of the fit, or a motion with numbers that are not finite.
-    #[error(transparent)]
-    Fit(#[from] DeformError),
-    /// The fit's loss was no number any more.
-    #[error("the network of d diverged after {steps} steps; lower `fit.schedule.rate`")]
-    Diverged {
-        /// Steps that were done.
-        steps: u64,
-    },
-    /// `watch` asked to stop.
-    #[error("cancelled")]
-    Cancelled,
 }
 
 /// Fits a network, with an embedding for each frame, to the `motion` of a `surface`.
 ///
 /// # Errors
 ///
-/// [`MotionNetworkError`].
+/// [`ReconstructError`].
 ///
 /// # Panics
 ///
@@ -96,8 +74,8 @@ pub fn distil_motion(
     motion: &Motion,
     surface: &TriMesh,
     params: &MotionNetworkParams,
-    watch: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<MotionNetwork, MotionNetworkError> {
+    monitor: &mut dyn Monitor,
+) -> Result<MotionNetwork, ReconstructError> {
     let rest = surface.vertices();
     let moved = |d: &Vec<_>| -> Vec<Point> {
         assert!(d.is_empty() || d.len() == rest.len(), "one offset for each vertex of the surface");
@@ -107,27 +85,34 @@ pub fn distil_motion(
     let at = Frame::around(&surface.aabb(), MARGIN)?;
     let config = DeformationConfig { frames: frames.len(), ..params.network.clone() };
     let mut network = DeformationNetwork::new(&config, params.seed)?;
-    let (mut clock, steps) = (Clock::new(), params.fit.steps as usize);
-    if watch(&clock.at(Stage::MotionNetwork, 0, steps, None)).is_break() {
-        return Err(MotionNetworkError::Cancelled);
-    }
-    let found = fit_deformation(&mut network, &at, rest, &frames, &params.fit, &mut |step, _| {
-        watch(&clock.at(Stage::MotionNetwork, step as usize, steps, None))
-    })?;
+    let steps = params.fit.steps as usize;
+    report(monitor, "motion_network", (0, steps), None)?;
+    let found =
+        fit_deformation(
+            &mut network,
+            &at,
+            rest,
+            &frames,
+            &params.fit,
+            &mut |step, _| match report(monitor, "motion_network", (step as usize, steps), None) {
+                Ok(()) => ControlFlow::Continue(()),
+                Err(Cancelled) => ControlFlow::Break(()),
+            },
+        )?;
     if found.cancelled {
-        return Err(MotionNetworkError::Cancelled);
+        return Err(Cancelled.into());
     }
     if found.diverged {
-        return Err(MotionNetworkError::Diverged { steps: found.steps });
+        return Err(ReconstructError::NetworkDiverged { steps: found.steps });
     }
     let e = &found.error;
-    let report = MotionNetworkReport {
+    let errors = MotionNetworkReport {
         steps: found.steps,
         mean_mm: 1e3 * e.mean,
         max_mm: 1e3 * e.max,
         still_mm: 1e3 * e.still,
     };
-    Ok(MotionNetwork { network, frame: at, report })
+    Ok(MotionNetwork { network, frame: at, report: errors })
 }
 
 impl MotionNetwork {
@@ -136,7 +121,7 @@ impl MotionNetwork {
     ///
     /// # Errors
     ///
-    /// None while memory lasts.
+    /// None, unless memory is exhausted.
     pub fn to_bytes(&self) -> io::Result<Vec<u8>> {
         let mut bytes = Vec::new();
         write_deformation(&mut bytes, &self.network, &self.frame)?;
@@ -149,12 +134,13 @@ mod tests {
     use super::*;
     use crate::reconstruct::MotionReport;
     use if_core::math::Vector;
+    use if_core::monitor::{Progress, Silent};
     use if_core::shapes::meshes;
     use if_neural::files::read_deformation;
     use if_neural::schedule::Schedule;
 
     #[test]
-    fn a_motion_is_learned_and_its_file_gives_it_again() {
+    fn a_motion_is_fitted_and_its_file_is_read_again() {
         let ball = meshes::icosphere(0.5, 3);
         let wave = |frame: usize| {
             let d = |p: &Point| Vector::y() * (0.02 * (4.0 * p.x + frame as Real).sin());
@@ -172,8 +158,7 @@ mod tests {
         };
         let network = DeformationConfig { bands: 3, embedding: 8, frames: 1, width: 32, layers: 2 };
         let params = MotionNetworkParams { network, fit, ..Default::default() };
-        let found =
-            distil_motion(&motion, &ball, &params, &mut |_| ControlFlow::Continue(())).unwrap();
+        let found = distil_motion(&motion, &ball, &params, &mut Silent).unwrap();
         let r = found.report;
         assert!(r.mean_mm < 0.3 * r.still_mm && r.still_mm > 5.0 && r.steps == 300, "{r:?}");
         let (network, frame) = read_deformation(&found.to_bytes().unwrap()[..]).unwrap();
@@ -183,9 +168,9 @@ mod tests {
         let metres = |d: [f32; 3]| Real::from(d[1]) / frame.scale;
         assert!((metres(d[0]) - 0.02 * (0.4 as Real).sin()).abs() < 0.006, "{d:?}");
         assert!(metres(d[1]).abs() < 0.006, "{d:?}");
-        let stopped = distil_motion(&motion, &ball, &params, &mut |p| {
-            if p.step == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        let stopped = distil_motion(&motion, &ball, &params, &mut |p: &Progress| {
+            if p.done == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
-        assert!(matches!(stopped, Err(MotionNetworkError::Cancelled)));
+        assert!(matches!(stopped, Err(ReconstructError::Cancelled(_))));
     }
 }

@@ -1,32 +1,32 @@
 //! Parameters of the motion of single frames.
 
-use crate::reconstruct::params::ParamError;
 use if_core::math::Real;
+use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
-/// How the motion of single frames is solved.
+/// Parameters of [`fit_motion`](crate::reconstruct::fit_motion).
 ///
-/// The weights are those of the equations of the surface (docs/reconstruction.md), where that of
-/// the silhouettes is 1 and that of bending 0.5.
+/// The weights are those of the equations of the surface (docs/reconstruction.md), where the
+/// silhouettes have weight 1 and bending 0.5.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotionParams {
-    /// Frames before and after each that are looked at with it.
+    /// Number of frames before and after each frame that are evaluated with it.
     pub window: usize,
-    /// Rounds of looking and solving.
+    /// Rounds of gathering evidence and solving.
     pub rounds: usize,
     /// Weight of the normals.
     pub normals: Real,
     /// Weight of the silhouettes.
     pub silhouettes: Real,
-    /// Weight of a step's bending.
+    /// Weight of the bending of a step.
     pub bending: Real,
-    /// Weight of staying at d = 0.
+    /// Weight of d = 0.
     pub stay: Real,
-    /// A silhouette that lies farther than this from the mask's border is not pulled there, in
+    /// Largest distance of a silhouette from the mask's border at which the border attracts it, in
     /// metres.
     pub reach: Real,
-    /// Longest step of a vertex in a round, in metres.
+    /// Largest step of a vertex in a round, in metres.
     pub longest_step: Real,
 }
 
@@ -48,27 +48,23 @@ impl Default for MotionParams {
 }
 
 impl MotionParams {
-    /// Whether all parameters are in range.
+    /// Checks the ranges.
     ///
     /// # Errors
     ///
-    /// The first that is not.
-    pub fn validate(&self) -> Result<(), ParamError> {
+    /// The first parameter that is out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let check = ParameterError::check;
         for (name, value) in [("normals", self.normals), ("silhouettes", self.silhouettes)] {
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(ParamError { name, value, needs: "a number of at least zero" });
-            }
+            check(name, value, value.is_finite() && value >= 0.0, "zero or positive")?;
         }
-        let above_zero = [
+        for (name, value) in [
             ("bending", self.bending),
             ("stay", self.stay),
             ("reach", self.reach),
             ("longest_step", self.longest_step),
-        ];
-        for (name, value) in above_zero {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(ParamError { name, value, needs: "a number above zero" });
-            }
+        ] {
+            check(name, value, value.is_finite() && value > 0.0, "positive")?;
         }
         Ok(())
     }
@@ -79,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_out_of_range_is_named() {
+    fn parameters_out_of_range_are_errors() {
         let usual = MotionParams::default();
         assert_eq!(usual.validate(), Ok(()));
         for (bad, name) in [

@@ -1,9 +1,19 @@
-//! The motion of single frames in numbers.
+//! The motion of single frames, and its report.
 
 use if_core::math::{Real, Vector};
 use serde::{Deserialize, Serialize};
 
-/// A round of looking and solving, mean of the frames.
+/// The motion d of each vertex of the fitted surface in each frame, relative to the pose.
+#[derive(Clone, Debug)]
+pub struct Motion {
+    /// d of each vertex in each frame of the capture, in metres of canonical space: the posed
+    /// vertices are LBS(x + d). Empty for frames in which d is zero.
+    pub offsets: Vec<Vec<Vector>>,
+    /// Report.
+    pub report: MotionReport,
+}
+
+/// A round of gathering evidence and solving: means over the frames.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct MotionRound {
     /// Root of the mean square distance of the surface's silhouettes from the masks' borders before
@@ -15,16 +25,16 @@ pub struct MotionRound {
     pub step_mm: Real,
 }
 
-/// |d| of a frame over the vertices of the fitted surface.
+/// |d| in a frame, over the vertices of the fitted surface.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct FrameMotion {
-    /// Its place in the capture.
+    /// Its index in the capture.
     pub frame: usize,
-    /// Whether it was solved; else it is between that of its neighbours in time.
+    /// Whether it was solved; else it is interpolated between its neighbours in time.
     pub solved: bool,
     /// Mean, in millimetres.
     pub mean_mm: Real,
-    /// The largest, in millimetres.
+    /// Largest, in millimetres.
     pub max_mm: Real,
 }
 
@@ -36,18 +46,17 @@ impl FrameMotion {
     }
 }
 
-/// How the motion of single frames was found.
+/// Report of the motion of single frames.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct MotionReport {
-    /// Frames that were solved.
+    /// Number of solved frames.
     pub solved: usize,
-    /// Frames that bring nothing, by their place in the capture: theirs lies between that of their
-    /// neighbours in time.
+    /// Indices of unusable frames, which are interpolated between their neighbours in time.
     pub skipped: Vec<usize>,
     /// Mean |d| over the vertices of the solved frames, in millimetres.
     pub mean_mm: Real,
-    /// The largest |d|, in millimetres.
+    /// Largest |d|, in millimetres.
     pub max_mm: Real,
     /// All rounds.
     pub rounds: Vec<MotionRound>,

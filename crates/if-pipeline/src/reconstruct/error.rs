@@ -1,0 +1,172 @@
+//! The error of all stages.
+
+use super::report::Skipped;
+use crate::capture::CaptureError;
+use if_body::{PoseError, SkinError};
+use if_core::mesh::MeshError;
+use if_core::monitor::Cancelled;
+use if_core::parameter::ParameterError;
+use if_mesh::attributes::AttributeError;
+use if_mesh::baked::BakeError;
+use if_mesh::cleanup::CleanupError;
+use if_mesh::cut::CutError;
+use if_mesh::extract::ExtractError;
+use if_mesh::ply::WriteError;
+use if_mesh::sdf::SdfError;
+use if_mesh::smooth_labels::SmoothLabelError;
+use if_mesh::votes::VoteError;
+use if_neural::deform::DeformError;
+use if_neural::fit::FitError;
+use if_neural::frame::FrameError;
+use if_neural::mlp::ConfigError;
+use if_neural::target::BeginError;
+use std::io;
+use std::path::PathBuf;
+
+/// A capture cannot be reconstructed: the error of [`reconstruct`](super::reconstruct) and of its
+/// stages.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages say what the fields are
+pub enum ReconstructError {
+    /// A parameter is out of range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The monitor cancelled. Finished rounds of the surface are in the checkpoint.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// The capture cannot be read, or does not match the skeleton.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// The pose of a frame does not match the skeleton.
+    #[error("frame {frame}: {source}")]
+    Pose { frame: usize, source: PoseError },
+    /// The skeleton does not match a grid of skinning weights.
+    #[error(
+        "the skeleton has {skeleton} joints, the grid of skinning weights {grid}; use one body"
+    )]
+    Joints { skeleton: usize, grid: usize },
+
+    // The surface.
+    /// The template body has no triangles.
+    #[error("the template body has no triangles")]
+    NoTemplate,
+    /// The template's skinning weights do not match its mesh or skeleton.
+    #[error("the template body: {0}")]
+    TemplateSkin(#[from] SkinError),
+    /// The template is not closed, which its union with loose clothes needs.
+    #[error("the template has no inside: {0}; close it, or set `least_loose` to 1")]
+    TemplateInside(#[source] SdfError),
+    /// The images of the capture need too much memory.
+    #[error(
+        "the images of {frames} frames need {bytes} bytes, {limit} are allowed; use fewer frames or smaller images, or allow more (`memory`)"
+    )]
+    Memory { frames: usize, bytes: u64, limit: u64 },
+    /// No frame is usable.
+    #[error("none of the {frames} frames can be used: {first}; check masks, poses and camera")]
+    NothingSeen { frames: usize, first: Skipped },
+    /// The equations of a round of the surface have no finite solution.
+    #[error(
+        "round {round} of the surface has no finite solution; check the scale of normals and weights"
+    )]
+    SurfaceDiverged { round: usize },
+    /// A mesh has positions that are not finite, or a checkpoint is of another mesh.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// The checkpoint cannot be read or written.
+    #[error("checkpoint {}: {source}", path.display())]
+    Checkpoint { path: PathBuf, source: io::Error },
+    /// The checkpoint is incomplete, or another kind of file.
+    #[error("{} is not a complete checkpoint of a reconstruction; delete it to start again", path.display())]
+    BrokenCheckpoint { path: PathBuf },
+
+    // The canonical mesh and φ.
+    /// A mesh cannot be extracted.
+    #[error(transparent)]
+    Extract(#[source] ExtractError),
+    /// The fitted surface is not closed.
+    #[error("the fitted surface has no inside: {0}")]
+    Inside(#[source] SdfError),
+    /// φ cannot be baked.
+    #[error(transparent)]
+    Bake(#[source] BakeError),
+    /// The network of φ cannot be set up.
+    #[error(transparent)]
+    PhiTarget(#[from] BeginError),
+    /// The network of φ cannot be fitted.
+    #[error(transparent)]
+    PhiFit(#[from] FitError),
+
+    // The motion of single frames.
+    /// The equations of a frame's motion have no finite solution.
+    #[error(
+        "the motion of frame {frame} has no finite solution in round {round}; check the scale of normals and weights"
+    )]
+    MotionDiverged { frame: usize, round: usize },
+    /// The surface has no extent.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+    /// The sizes of the motion's network are out of range.
+    #[error(transparent)]
+    MotionNetwork(#[from] ConfigError),
+    /// The network of the motion cannot be fitted.
+    #[error(transparent)]
+    MotionFit(#[from] DeformError),
+    /// The fit of the motion's network diverged.
+    #[error("the network of the motion diverged after {steps} steps; lower `fit.schedule.rate`")]
+    NetworkDiverged { steps: u64 },
+
+    // Garments.
+    /// Parameters of the votes are out of range.
+    #[error(transparent)]
+    Votes(#[from] VoteError),
+    /// A frame cannot vote.
+    #[error("frame {frame}: {source}")]
+    Vote { frame: usize, source: VoteError },
+    /// Labels cannot be smoothed.
+    #[error(transparent)]
+    Smooth(#[from] SmoothLabelError),
+    /// The mesh cannot be cut.
+    #[error(transparent)]
+    Cut(#[from] CutError),
+    /// Parameters of the clean-up are out of range.
+    #[error(transparent)]
+    CleanupParams(#[from] CleanupError),
+    /// A garment cannot be cleaned.
+    #[error("garment `{name}`: {source}")]
+    Cleanup { name: String, source: CleanupError },
+    /// The skinning weights do not match the canonical mesh.
+    #[error(transparent)]
+    Attributes(#[from] AttributeError),
+    /// The skinning weights of a cleaned garment are invalid.
+    #[error("garment `{name}`: {source}")]
+    GarmentSkin { name: String, source: SkinError },
+
+    // Posed frames.
+    /// The folder of the frames cannot be created.
+    #[error("cannot create the folder {}: {source}", path.display())]
+    FramesFolder { path: PathBuf, source: io::Error },
+    /// A frame cannot be written.
+    #[error("cannot write {}: {source}", path.display())]
+    FrameFile { path: PathBuf, source: Box<WriteError> },
+}
+
+impl From<ExtractError> for ReconstructError {
+    fn from(error: ExtractError) -> Self {
+        match error {
+            ExtractError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            ExtractError::Parameter(parameter) => Self::Parameter(parameter),
+            other => Self::Extract(other),
+        }
+    }
+}
+
+impl From<BakeError> for ReconstructError {
+    fn from(error: BakeError) -> Self {
+        match error {
+            BakeError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            BakeError::Parameter(parameter) => Self::Parameter(parameter),
+            other => Self::Bake(other),
+        }
+    }
+}
