@@ -83,13 +83,13 @@ pub enum ReconstructError {
     // The canonical mesh and φ.
     /// A mesh cannot be extracted.
     #[error(transparent)]
-    Extract(#[source] ExtractError),
+    Extract(ExtractError),
     /// The fitted surface is not closed.
     #[error("the fitted surface has no inside: {0}")]
     Inside(#[source] SdfError),
     /// φ cannot be baked.
     #[error(transparent)]
-    Bake(#[source] BakeError),
+    Bake(BakeError),
     /// The network of φ cannot be set up.
     #[error(transparent)]
     PhiTarget(#[from] BeginError),
