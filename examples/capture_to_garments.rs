@@ -7,25 +7,24 @@
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
+use if_garments::Silent;
+use if_garments::body::TemplateBody;
 use if_garments::body::mannequin::Garment;
-use if_garments::body::template::TemplateBody;
 use if_garments::pipeline::capture::Capture;
 use if_garments::pipeline::capture::synth::{SynthParams, synth};
 use if_garments::pipeline::reconstruct::{ReconstructParams, reconstruct};
-use std::ops::ControlFlow;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = tempfile::tempdir()?;
     let turn = folder.path().join("turn");
     let garments = vec![Garment::Trousers, Garment::Tshirt];
     let scene = SynthParams { garments, frames: 12, size: 192, ..Default::default() };
-    synth(&scene, &turn, &mut |_| true)?;
+    synth(&scene, &turn, &mut Silent)?;
 
     let capture = Capture::open(&turn)?;
     let template = TemplateBody::read(&turn.join("body"))?;
     let params = ReconstructParams { phi: None, ..Default::default() };
-    let mut silent = |_: &_| ControlFlow::Continue(());
-    let found = reconstruct(&capture, &template, &params, None, &mut silent)?;
+    let found = reconstruct(&capture, &template, &params, None, &mut Silent)?;
 
     for garment in &found.garments {
         let openings = garment.cleanup.holes.openings.len();

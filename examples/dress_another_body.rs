@@ -7,7 +7,7 @@
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
-use if_garments::body::align::AlignParams;
+use if_garments::body::AlignParams;
 use if_garments::body::mannequin::{Garment, MannequinParams, body, garment};
 use if_garments::core::math::Point;
 use if_garments::mesh::ply::{PlyMesh, WriteParams, write_path};

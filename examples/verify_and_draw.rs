@@ -8,8 +8,7 @@
 
 use if_garments::body::mannequin::{MannequinParams, layered};
 use if_garments::core::mesh::TriMesh;
-use if_garments::render::preview::preview;
-use if_garments::render::render::View;
+use if_garments::render::{View, preview};
 use if_garments::{Layer, Outfit, verify};
 use std::fs::File;
 
