@@ -18,23 +18,30 @@ use if_mesh::index::Bvh;
 use if_mesh::outward::Outward;
 use if_mesh::solid::ClosedLayer;
 use if_xpbd::attach::Attachments;
-use if_xpbd::constraint::Constraint;
+use if_xpbd::constraint::{Constraint, Stage};
 use if_xpbd::edge_set::EdgeSet;
+use if_xpbd::fixed_offsets::FixedOffsets;
 use if_xpbd::half_space::HalfSpaces;
+use if_xpbd::params::{LambdaForm, Motion, SolverParams};
+use if_xpbd::particles::Particles;
+use if_xpbd::report::StepError;
 use if_xpbd::separation::Separations;
+use if_xpbd::solver::Solver;
 use if_xpbd::strain_limit::StrainLimit;
 use if_xpbd::stretch::Stretch;
 use if_xpbd::tie::Ties;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The time step of the quasi-static solver. Nothing moves on its own, so only β / h² matters, and
-/// with h = 1 s and unit masses compliances are numbers: a share k of the violation goes at a visit
-/// for β = 2 / k − 2 on an edge, β = 1 / k − 1 on an anchor.
-const H: Real = 1.0;
+/// The time step of the quasi-static solver, in seconds. Nothing moves on its own, so only β / h²
+/// matters, and with h = 1 s and unit masses compliances are numbers: a visit removes a share k of
+/// the violation for β = 2 / k − 2 on an edge, β = 1 / k − 1 on an anchor.
+const TIME_STEP: Real = 1.0;
 /// A clearance grows to this much at most, in metres.
 const MAX_GAP: Real = 0.03;
 /// Visits of the contacts alone after the last sweep.
-const LAST_VISITS: usize = 3;
+const LAST_VISITS: u32 = 3;
+/// Why the parameters of [`quasi_static`] are valid.
+const IN_RANGE: &str = "ResolveParams::validate checks the number of sweeps";
 /// How far triangles that intersect are parted beyond contact, in metres. Ten times less is lost
 /// when positions are rounded to single precision; ten times more is seen.
 const PART: Real = 0.15e-3;
@@ -55,7 +62,7 @@ pub(crate) struct Cloth<'a> {
     gaps: Vec<Real>,
     edges: Edges,
     /// Edges so short that contacts cannot tell their ends apart: they only translate.
-    short: Vec<[u32; 2]>,
+    short: FixedOffsets,
     neighbours: Neighbours,
     pub(crate) contacts: Contacts<'a>,
     anchors: Attachments,
@@ -81,6 +88,9 @@ pub(crate) struct Cloth<'a> {
     stuck: Vec<u32>,
     ways: Vec<Way>,
     pub(crate) sweeps: usize,
+    solver: Solver,
+    /// The solver's memory: positions and masses are exchanged with `x` and `inverse_masses`.
+    particles: Particles,
 }
 
 impl<'a> Cloth<'a> {
@@ -102,11 +112,18 @@ impl<'a> Cloth<'a> {
             ties.push(f.vertex, mesh.triangles()[f.triangle as usize], f.barycentric, share, &x);
         }
         let mut anchors = Attachments::new();
+        anchors.form = LambdaForm::Pbd;
         (0..n).for_each(|v| anchors.push(v as u32, x[v], params.anchor_softness));
         let mut planes = HalfSpaces::new();
         planes.max_push = params.max_push;
         // Middles of edges and triangles land at once; a corner that alone is free is not thrown.
         planes.max_lever = 4.0;
+        let mut pressed = planes.clone();
+        pressed.stage = Stage::Elastic;
+        let mut bending = Stretch::new(hinge_edges(mesh, &edges), params.bending_softness);
+        bending.form = LambdaForm::Pbd;
+        let mut stretch = stretch_groups(&edges, &x, params.stretch_softness);
+        stretch.iter_mut().for_each(|group| group.form = LambdaForm::Pbd);
         let lengths = ContactParams {
             step: params.step,
             margin: params.margin,
@@ -117,8 +134,8 @@ impl<'a> Cloth<'a> {
         Self {
             contacts: Contacts::new(mesh, &edges, below, outward, lengths),
             neighbours: Neighbours::new(&edges, &x),
-            bending: Stretch::new(hinge_edges(mesh, &edges), params.bending_softness),
-            stretch: stretch_groups(&edges, &x, params.stretch_softness),
+            bending,
+            stretch,
             limit: StrainLimit::new(
                 EdgeSet::of_mesh(mesh),
                 (1.0 - params.strain_limit).max(0.0),
@@ -128,12 +145,12 @@ impl<'a> Cloth<'a> {
             garment,
             below,
             above,
-            pressed: planes.clone(),
+            pressed,
             // Vertices of no triangle stay, wherever they are.
             released: mesh.used_vertices().iter().map(|used| !used).collect(),
             outward,
             params,
-            short: short_edges(&edges, &x),
+            short: FixedOffsets::new(short_edges(&edges, &x), &x),
             x,
             inverse_masses: vec![0.0; n],
             ever_free: vec![false; n],
@@ -150,6 +167,8 @@ impl<'a> Cloth<'a> {
             stuck: vec![0; n],
             ways: vec![Way::default(); n],
             sweeps: 0,
+            solver: Solver::new(SolverParams::default()).expect("the defaults are in range"),
+            particles: Particles { velocities: vec![Vector::zeros(); n], ..Particles::default() },
         }
     }
 
@@ -240,67 +259,48 @@ impl<'a> Cloth<'a> {
     }
 
     /// One round of contacts alone: the cloth yields. Returns the largest motion.
-    pub(crate) fn push_out(&mut self, tree: &Bvh) -> Real {
+    ///
+    /// # Errors
+    ///
+    /// As [`Cloth::round`].
+    pub(crate) fn push_out(&mut self, tree: &Bvh) -> Result<Real, StepError> {
         self.find_planes(tree);
-        let Self { x, inverse_masses: w, planes, .. } = self;
-        let start = x.clone();
-        for _ in 0..LAST_VISITS {
-            planes.project(x, w);
-            self.own.project(x, w, H);
-        }
-        let moved = x.iter().zip(&start).map(|(a, b)| (a - b).norm()).fold(0.0, Real::max);
+        let Self { x, inverse_masses, planes, own, solver, particles, .. } = self;
+        solver.set_params(quasi_static(0, LAST_VISITS, 0)).expect(IN_RANGE);
+        let moved = step(solver, particles, x, inverse_masses, &mut [planes, own])?;
         self.contacts.moved(moved);
-        moved
+        Ok(moved)
     }
 
     /// One round: contacts, and sweeps until they and the cloth agree. Returns the largest motion.
-    pub(crate) fn round(&mut self, tree: &Bvh) -> Real {
+    ///
+    /// # Errors
+    ///
+    /// If the step fails ([`Solver::step`]); the positions are then as before.
+    pub(crate) fn round(&mut self, tree: &Bvh) -> Result<Real, StepError> {
         self.find_planes(tree);
         self.above.detect(&self.x, &self.inverse_masses, &self.released, &mut self.pressed);
-        let Self { x, inverse_masses: w, planes, pressed, .. } = self;
-        let start = x.clone();
-        let visits = if self.own.is_empty() { 1 } else { 2 };
+        let Self { x, inverse_masses: w, planes, pressed, own, short, solver, particles, .. } =
+            self;
+        // Own separations disturb the planes, and need a visit more.
+        let visits = if own.is_empty() { 1 } else { 2 };
+        let params = quasi_static(self.params.sweeps as u32, visits, LAST_VISITS);
+        solver.set_params(params).expect(IN_RANGE);
         // What is held on all its vertices does nothing, and is left out.
         let mut anchors = self.anchors.movable(w);
         let mut bending = self.bending.movable(w);
         let mut stretch: Vec<Stretch> = self.stretch.iter().map(|group| group.movable(w)).collect();
         let mut ties = self.ties.movable(w);
         let mut limit = self.limit.movable(w);
-        for _ in 0..self.params.sweeps {
-            anchors.begin_substep(&start, x, w, H);
-            anchors.project(x, w, H);
-            bending.begin_substep(&start, x, w, H);
-            bending.project(x, w, H);
-            for group in &mut stretch {
-                group.begin_substep(&start, x, w, H);
-                group.project(x, w, H);
-            }
-            ties.project(x, w, H);
-            limit.project(x, w, H);
-            pressed.project(x, w);
-            for _ in 0..visits {
-                planes.project(x, w);
-                self.own.project(x, w, H);
-            }
-            self.sweeps += 1;
-        }
-        for _ in 0..LAST_VISITS {
-            planes.project(x, w);
-            self.own.project(x, w, H);
-        }
-        let rest = self.garment.mesh.vertices();
-        for &[a, b] in &self.short {
-            let (a, b) = (a as usize, b as usize);
-            let sum = w[a] + w[b];
-            if sum > 0.0 {
-                let off = (x[b] - x[a]) - (rest[b] - rest[a]);
-                x[a] += off * (w[a] / sum);
-                x[b] -= off * (w[b] / sum);
-            }
-        }
-        let moved = x.iter().zip(&start).map(|(a, b)| (a - b).norm()).fold(0.0, Real::max);
+        // In the order of visiting. Planes of layers above come before those of layers below,
+        // which win.
+        let mut groups: Vec<&mut dyn Constraint> = vec![&mut anchors, &mut bending];
+        groups.extend(stretch.iter_mut().map(|group| group as &mut dyn Constraint));
+        groups.extend([&mut ties as &mut dyn Constraint, &mut limit, pressed, planes, own, short]);
+        let moved = step(solver, particles, x, w, &mut groups)?;
+        self.sweeps += self.params.sweeps;
         self.contacts.moved(moved);
-        moved
+        Ok(moved)
     }
 
     /// Leads each of the few vertices `inside` straight out of all layers.
@@ -413,6 +413,37 @@ impl<'a> Cloth<'a> {
             }
         }
     }
+}
+
+/// One substep of [`TIME_STEP`] without inertia. A step that fails is not tried again with a
+/// smaller one, which would be another cloth: its compliances are shares of a violation.
+fn quasi_static(sweeps: u32, contact_visits: u32, final_contact_visits: u32) -> SolverParams {
+    SolverParams {
+        time_step: TIME_STEP,
+        substeps: 1,
+        sweeps,
+        contact_visits,
+        final_contact_visits,
+        motion: Motion::QuasiStatic,
+        retries: 0,
+        ..SolverParams::default()
+    }
+}
+
+/// One step of `solver`; `particles` lends its memory. Returns the largest motion.
+fn step(
+    solver: &mut Solver,
+    particles: &mut Particles,
+    x: &mut Vec<Point>,
+    inverse_masses: &mut Vec<Real>,
+    groups: &mut [&mut dyn Constraint],
+) -> Result<Real, StepError> {
+    std::mem::swap(&mut particles.positions, x);
+    std::mem::swap(&mut particles.inverse_masses, inverse_masses);
+    let report = solver.step(particles, groups);
+    std::mem::swap(&mut particles.positions, x);
+    std::mem::swap(&mut particles.inverse_masses, inverse_masses);
+    Ok(report?.moved)
 }
 
 /// How far along the surface from what is tangled displacements are smoothed, in metres: a fold or

@@ -53,7 +53,8 @@ impl<'a> Dressing<'a> {
     /// # Errors
     ///
     /// [`SettleError::Cancelled`] if the monitor cancels; [`SettleError::Stuck`] if the garment makes
-    /// no progress over others that it met, and `may_halt`.
+    /// no progress over others that it met, and `may_halt`; [`SettleError::Step`] if a step of the
+    /// solver fails.
     pub(crate) fn put_on(
         &mut self,
         index: usize,

@@ -14,6 +14,7 @@ use if_core::monitor::{Cancelled, Monitor};
 use if_core::parameter::ParameterError;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::{own_pairs, pairs};
+use if_xpbd::report::StepError;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -238,6 +239,14 @@ pub enum ResolveError {
         /// The outfit as far as it came, and its report.
         result: Box<Resolved>,
     },
+    /// A step of the cloth solver failed.
+    #[error("`{layer}` cannot be settled: {source}; check the positions and units of its vertices")]
+    Step {
+        /// The garment that was being settled.
+        layer: String,
+        /// The solver's error.
+        source: StepError,
+    },
     /// The monitor cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -339,6 +348,9 @@ fn attempt(
         match dressing.put_on(index, as_it_came, &above, may_halt, params, &mut progress) {
             Ok(()) => index += 1,
             Err(SettleError::Cancelled(cancelled)) => return Err(cancelled.into()),
+            Err(SettleError::Step(source)) => {
+                return Err(ResolveError::Step { layer: name.clone(), source });
+            }
             Err(SettleError::Stuck) => {
                 tracing::debug!(garment = name, "stuck: the layers below are pressed in");
                 tight.insert(index);

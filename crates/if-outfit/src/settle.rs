@@ -33,6 +33,7 @@ use if_mesh::index::Bvh;
 use if_mesh::measure::{Strain, strain};
 use if_mesh::outward::Outward;
 use if_mesh::solid::ClosedLayer;
+use if_xpbd::report::StepError;
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
@@ -42,6 +43,14 @@ pub(crate) enum SettleError {
     Cancelled(Cancelled),
     /// Repairs made no progress, and the cloth must not yield.
     Stuck,
+    /// A step of the solver failed.
+    Step(StepError),
+}
+
+impl From<StepError> for SettleError {
+    fn from(error: StepError) -> Self {
+        Self::Step(error)
+    }
 }
 
 impl From<Cancelled> for SettleError {
@@ -192,9 +201,9 @@ impl Settling<'_> {
     fn round(&mut self, round: usize) -> Result<ControlFlow<()>, SettleError> {
         let repairing = self.is_repair(round);
         let moved = if self.yielding > 0 {
-            self.cloth.push_out(&self.tree)
+            self.cloth.push_out(&self.tree)?
         } else {
-            self.cloth.round(&self.tree)
+            self.cloth.round(&self.tree)?
         };
         self.tree.refit(&self.cloth.x);
         if moved >= self.params.tolerance && !repairing && !(round + 1).is_multiple_of(CHECK_EVERY)

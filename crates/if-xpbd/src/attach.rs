@@ -1,6 +1,7 @@
 //! Soft attachments of particles to target positions.
 
 use crate::constraint::{Constraint, GroupError, Residual};
+use crate::params::LambdaForm;
 use if_core::math::{Point, Real, Vector};
 
 /// Attachments `C(p) = p − t`, one vector constraint for each attached particle.
@@ -22,6 +23,8 @@ pub struct Attachments {
     targets: Vec<Point>,
     compliances: Vec<Real>,
     lambda: Vec<Vector>,
+    /// What is added to C.
+    pub form: LambdaForm,
 }
 
 impl Attachments {
@@ -53,7 +56,7 @@ impl Attachments {
     ///
     /// If there are fewer inverse masses than particles named.
     pub fn movable(&self, inverse_masses: &[Real]) -> Self {
-        let mut part = Self::new();
+        let mut part = Self { form: self.form, ..Self::default() };
         for (k, v) in
             self.vertices.iter().enumerate().filter(|(_, v)| inverse_masses[**v as usize] != 0.0)
         {
@@ -106,7 +109,12 @@ impl Constraint for Attachments {
             if softness == Real::INFINITY || w + softness <= 0.0 {
                 continue;
             }
-            let c = positions[v] - self.targets[k] + self.lambda[k] * softness;
+            let scale = match self.form {
+                LambdaForm::Xpbd => softness,
+                LambdaForm::Printed => self.compliances[k],
+                LambdaForm::Pbd => 0.0,
+            };
+            let c = positions[v] - self.targets[k] + self.lambda[k] * scale;
             residual.add(c.norm());
             let delta = c * (-1.0 / (w + softness));
             self.lambda[k] += delta;

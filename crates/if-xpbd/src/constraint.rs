@@ -10,6 +10,8 @@ pub enum Stage {
     /// Lines 6 to 15: collision, air, contacts. Where they stand is
     /// [`SolverParams::contact_order`](crate::params::SolverParams::contact_order).
     Contact,
+    /// After all sweeps and contacts, once: what must hold exactly at the end of the substep.
+    Final,
 }
 
 /// How far a group was from being satisfied when it was visited, before its corrections.

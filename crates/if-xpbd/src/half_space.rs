@@ -40,6 +40,9 @@ pub struct HalfSpaces {
     /// once, and throws the free corner of a triangle that is pinned beside the sample; from 4 on,
     /// middles of edges and of triangles still land at once.
     pub max_lever: Real,
+    /// When the contacts are visited. Those of [`Stage::Elastic`] give way to those of
+    /// [`Stage::Contact`], which come later in every sweep.
+    pub stage: Stage,
 }
 
 impl Default for HalfSpaces {
@@ -54,6 +57,7 @@ impl Default for HalfSpaces {
             friction: 0.0,
             max_push: Real::INFINITY,
             max_lever: Real::INFINITY,
+            stage: Stage::Contact,
         }
     }
 }
@@ -220,7 +224,7 @@ impl Constraint for HalfSpaces {
     }
 
     fn stage(&self) -> Stage {
-        Stage::Contact
+        self.stage
     }
 
     fn correct_velocities(&self, velocities: &mut [Vector]) {

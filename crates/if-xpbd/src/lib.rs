@@ -52,6 +52,7 @@ pub mod coloring;
 pub mod constraint;
 pub mod direct;
 pub mod edge_set;
+pub mod fixed_offsets;
 pub mod global;
 pub mod half_space;
 pub mod inner_surface;

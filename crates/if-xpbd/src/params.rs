@@ -12,6 +12,10 @@ pub enum LambdaForm {
     Xpbd,
     /// `C + β λ`, as line 18 prints it: more sweeps make a softer spring harder.
     Printed,
+    /// `C` alone, as position-based dynamics has it [Müller et al. 2007]: each visit removes the
+    /// share `w / (w + β̃)` of the violation, w being the sum of the inverse masses. More sweeps
+    /// make a softer spring harder.
+    Pbd,
 }
 
 /// Where in a substep contacts are visited.
@@ -56,8 +60,13 @@ pub struct SolverParams {
     pub substeps: u32,
     /// Time steps for each garment.
     pub steps: u32,
-    /// Visits of the elastic groups in a substep; 0 visits none.
+    /// Visits of the elastic groups in a substep; 0 visits none, and the contacts once.
     pub sweeps: u32,
+    /// Visits of the contact groups wherever [`contact_order`](Self::contact_order) has them: one
+    /// more where contacts disturb each other.
+    pub contact_visits: u32,
+    /// Visits of the contact groups alone at the end of a substep, after the last sweep.
+    pub final_contact_visits: u32,
     /// β of line 5 for the stretch group, in m/N.
     pub compliance: Real,
     /// What line 18 adds to C.
@@ -105,6 +114,8 @@ impl Default for SolverParams {
             substeps: 10,
             steps: 360,
             sweeps: 1,
+            contact_visits: 1,
+            final_contact_visits: 0,
             compliance: 1e-5,
             lambda_form: LambdaForm::Xpbd,
             push: Push::Corrected,
@@ -183,6 +194,7 @@ impl SolverParams {
             "positive and finite (seconds)",
         )?;
         check("substeps", self.substeps.into(), self.substeps > 0, "at least 1")?;
+        check("contact_visits", self.contact_visits.into(), self.contact_visits > 0, "at least 1")?;
         let h2 = self.substep() * self.substep();
         check(
             "time_step",
@@ -253,11 +265,12 @@ mod tests {
     #[test]
     fn a_number_that_cannot_be_worked_with_is_named() {
         type Spoil = fn(&mut SolverParams);
-        let table: [(&str, Spoil); 14] = [
+        let table: [(&str, Spoil); 15] = [
             ("time_step", |p| p.time_step = Real::NAN),
             ("time_step", |p| p.time_step = 0.0),
             ("time_step", |p| p.time_step = 1e-200),
             ("substeps", |p| p.substeps = 0),
+            ("contact_visits", |p| p.contact_visits = 0),
             ("compliance", |p| p.compliance = -1.0),
             ("compliance", |p| p.compliance = Real::NAN),
             ("gravity", |p| p.gravity[1] = Real::INFINITY),

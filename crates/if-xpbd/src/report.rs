@@ -17,6 +17,8 @@ pub struct StepReport {
     pub elastic: Residual,
     /// Violation of the contact groups at their last visit.
     pub contact: Residual,
+    /// Violation of the final groups at their visit.
+    pub last: Residual,
     /// Kinetic energy at the end, in joules; in a quasi-static run that of the last substep's
     /// motion.
     pub kinetic_energy: Real,

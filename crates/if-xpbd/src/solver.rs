@@ -20,6 +20,7 @@ const NAMED: usize = 16;
 ///   every group: λ ← 0, β̃ ← β / h²                         4, 5
 ///   [contacts]                                             6 to 15, where they stand as printed
 ///   for each sweep: elastic groups; [contacts]             16 to 22, and the correction
+///   [contacts alone];  final groups                        ours
 ///   v ← (p − pᵢ) / h;  contacts take back their push       23, 24
 /// ```
 ///
@@ -43,6 +44,17 @@ impl Solver {
     pub fn new(params: SolverParams) -> Result<Self, ParamsError> {
         params.validate()?;
         Ok(Self { params, backup: Particles::default() })
+    }
+
+    /// Replaces the parameters; memory is kept.
+    ///
+    /// # Errors
+    ///
+    /// See [`SolverParams::validate`]. The old parameters are then kept.
+    pub fn set_params(&mut self, params: SolverParams) -> Result<(), ParamsError> {
+        params.validate()?;
+        self.params = params;
+        Ok(())
     }
 
     /// The parameters.
@@ -76,7 +88,8 @@ impl Solver {
             return Err(StepError::Input { vertices });
         }
         groups.iter().try_for_each(|group| group.check())?;
-        self.backup.clone_from(particles);
+        // The inverse masses are not written: groups receive them read-only.
+        copy_state(particles, &mut self.backup);
         // A quasi-static motion has no speed: its pushes over h would grow as h shrinks.
         let allowed = if self.params.motion == Motion::QuasiStatic
             || self.params.energy_jump == Real::INFINITY
@@ -95,7 +108,7 @@ impl Solver {
                 }
                 Err(fault) => fault,
             };
-            particles.clone_from(&self.backup);
+            copy_state(&self.backup, particles);
             groups.iter_mut().for_each(|g| g.reset());
             if retries == self.params.retries {
                 return Err(fault);
@@ -166,8 +179,8 @@ impl Solver {
             }
             // What crosses the scene in a step is looked at only where the energy before would not
             // do.
-            if energy > allowed && energy > self.crossing() {
-                let allowed = allowed.max(self.crossing());
+            if energy > allowed && energy > self.crossing(movable_mass(particles)) {
+                let allowed = allowed.max(self.crossing(movable_mass(particles)));
                 let speed = |k: usize| particles.velocities[k].norm_squared();
                 return Err(StepError::EnergyJump {
                     vertices: most(particles.len(), speed),
@@ -212,9 +225,9 @@ impl Solver {
     /// The kinetic energy of all that can move at the speed that crosses the scene in Δt, in
     /// joules: a constraint that is far from held carries its vertices across the scene at once,
     /// however large that is, and what it did is a speed from then on.
-    fn crossing(&self) -> Real {
+    fn crossing(&self, movable_mass: Real) -> Real {
         let speed = self.size() / self.params.time_step;
-        0.5 * movable_mass(&self.backup) * speed * speed
+        0.5 * movable_mass * speed * speed
     }
 
     /// The diagonal of the box of the particles before the step, and what free flight covers in Δt.
@@ -237,12 +250,14 @@ impl Solver {
         let kick = Vector::from(params.gravity) * h;
         let Particles { positions, velocities, inverse_masses, previous } = particles;
         previous.clone_from(positions);
-        for k in 0..positions.len() {
-            // Line 3. A pinned particle stays, whatever speed it was given.
-            if inverse_masses[k] > 0.0 {
-                let v =
-                    if params.motion == Motion::QuasiStatic { kick } else { velocities[k] + kick };
-                positions[k] += v * h;
+        let quasi_static = params.motion == Motion::QuasiStatic;
+        // Line 3. A pinned particle stays, whatever speed it was given.
+        if !(quasi_static && kick == Vector::zeros()) {
+            for k in 0..positions.len() {
+                if inverse_masses[k] > 0.0 {
+                    let v = if quasi_static { kick } else { velocities[k] + kick };
+                    positions[k] += v * h;
+                }
             }
         }
         for group in groups.iter_mut().filter(|g| !g.is_idle()) {
@@ -255,15 +270,21 @@ impl Solver {
             }
             residual
         };
-        if params.contact_order != ContactOrder::AfterStretch || params.sweeps == 0 {
+        let first = params.contact_order != ContactOrder::AfterStretch || params.sweeps == 0;
+        let later = params.contact_order != ContactOrder::BeforeStretch;
+        for _ in 0..if first { params.contact_visits } else { 0 } {
             report.contact = visit(Stage::Contact);
         }
         for _ in 0..params.sweeps {
             report.elastic = visit(Stage::Elastic);
-            if params.contact_order != ContactOrder::BeforeStretch {
+            for _ in 0..if later { params.contact_visits } else { 0 } {
                 report.contact = visit(Stage::Contact);
             }
         }
+        for _ in 0..params.final_contact_visits {
+            report.contact = visit(Stage::Contact);
+        }
+        report.last = visit(Stage::Final);
         // Line 24.
         let keep = match params.motion {
             Motion::Dynamic { damping } => (-damping * h).exp(),
@@ -276,10 +297,17 @@ impl Solver {
                 Vector::zeros()
             };
         }
-        if params.remove_depenetration_velocity && params.motion != Motion::QuasiStatic {
+        if params.remove_depenetration_velocity && !quasi_static {
             groups.iter().filter(|g| !g.is_idle()).for_each(|g| g.correct_velocities(velocities));
         }
     }
+}
+
+/// Copies what a step changes, into memory that is reused.
+fn copy_state(from: &Particles, to: &mut Particles) {
+    to.positions.clone_from(&from.positions);
+    to.velocities.clone_from(&from.velocities);
+    to.previous.clone_from(&from.previous);
 }
 
 fn movable_mass(particles: &Particles) -> Real {

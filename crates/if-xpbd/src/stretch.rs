@@ -30,8 +30,8 @@ const LANES: usize = 4;
 /// # Source
 ///
 /// Supplement, Algorithm 1, lines 4, 5 and 16 to 22. Line 18 prints `β λ` where XPBD
-/// [Macklin et al. 2016] has `β̃ λ`; we follow XPBD, unless [`LambdaForm::Printed`] is asked for.
-/// The two agree on the first sweep, where λ = 0.
+/// [Macklin et al. 2016] has `β̃ λ`; we follow XPBD unless
+/// [`form`](Stretch::form) is another. All agree on the first sweep, where λ = 0.
 #[derive(Clone, Debug)]
 pub struct Stretch {
     edges: EdgeSet,
@@ -101,6 +101,7 @@ impl Stretch {
         match self.form {
             LambdaForm::Xpbd => self.compliance / (h * h),
             LambdaForm::Printed => self.compliance,
+            LambdaForm::Pbd => 0.0,
         }
     }
 }

@@ -98,7 +98,11 @@ impl Cloth<'_> {
             self.hold_far_from(&drawn, self.params.repair_influence);
             self.keep_apart(&met, &clean);
             met.age();
-            self.round(&tree);
+            // A clean garment stays as it is where a step fails.
+            if let Err(error) = self.round(&tree) {
+                tracing::warn!(garment = self.garment.name, %error, "easing ends early");
+                break;
+            }
             let Some(to) = self.guarded(&clean, inspector, &mut tree, &mut met) else { break };
             clean = to;
             self.go_to(&clean);
