@@ -56,7 +56,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let garments = ["trousers", "tshirt", "jacket"].map(str::to_owned).to_vec();
     let combination = Combination { body: "large".into(), garments };
     let params = MatchParams { picture_height: 0, ..Default::default() };
-    let matched = run(&dresser, &combination, &params, &mut Silent)?.ok_or("cancelled")?;
+    let matched = run(&dresser, &combination, &params, &mut Silent)?;
     let report = matched.result.report.ok_or("not resolved")?;
     println!("{} pairs -> {}", report.before.total_pairs(), report.after.total_pairs());
     assert!(report.before.total_pairs() > 0 && report.is_proven());

@@ -1,43 +1,54 @@
-//! Ctrl-C and SIGTERM: the first asks the work to stop, the second stops the program.
+//! Ctrl-C and SIGTERM: the first asks the work to end, the second ends the program.
 
+use crate::end::{CANCELLED, End};
+use crate::errors;
+use if_core::monitor::Cancelled;
 use std::path::{Path, PathBuf};
 use std::process::exit;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The exit code of a program that a signal stopped.
-pub(crate) const CANCELLED: u8 = 130;
-
-static ASKED: AtomicBool = AtomicBool::new(false);
-/// What a sudden stop must remove.
+static REQUESTED: AtomicBool = AtomicBool::new(false);
+/// What a sudden end must remove.
 static PARTIAL: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Starts listening. Where the system refuses, signals stop the program as they always do.
+/// Starts listening. Where the system has no handlers, signals end the program as they always do.
 pub(crate) fn listen() {
-    let heard = ctrlc::set_handler(|| {
-        if ASKED.swap(true, Ordering::SeqCst) {
+    let installed = ctrlc::set_handler(|| {
+        if REQUESTED.swap(true, Ordering::SeqCst) {
             for path in PARTIAL.lock().map(|mut p| std::mem::take(&mut *p)).unwrap_or_default() {
                 let _ = std::fs::remove_dir_all(path);
             }
             exit(i32::from(CANCELLED));
         }
     });
-    drop(heard);
+    drop(installed);
 }
 
-/// Whether the user asked to stop.
-pub(crate) fn asked() -> bool {
-    ASKED.load(Ordering::SeqCst)
+/// Whether the user has cancelled.
+pub(crate) fn is_requested() -> bool {
+    REQUESTED.load(Ordering::SeqCst)
 }
 
-/// Names a folder that a sudden stop must remove.
+/// [`is_requested`] in the form that monitors return.
+pub(crate) fn check() -> Result<(), Cancelled> {
+    if is_requested() { Err(Cancelled) } else { Ok(()) }
+}
+
+/// The end of a cancelled command, with a line that names what was not written.
+pub(crate) fn end(unwritten: impl std::fmt::Display) -> End {
+    errors::note(&format!("cancelled; `{unwritten}` was not written"));
+    End::Cancelled
+}
+
+/// Registers a folder that a sudden end must remove.
 pub(crate) fn guard(partial: &Path) {
     if let Ok(mut all) = PARTIAL.lock() {
         all.push(partial.to_path_buf());
     }
 }
 
-/// Takes the name back.
+/// Removes the folder from the register.
 pub(crate) fn unguard(partial: &Path) {
     if let Ok(mut all) = PARTIAL.lock() {
         all.retain(|p| p != partial);

@@ -1,18 +1,24 @@
 //! `ifg check`: looks at outfits and changes nothing.
 
-use crate::announce::{self, Style};
-use crate::args::{CheckArgs, ParamArgs};
 use crate::cancel;
 use crate::end::End;
+use crate::inputs::{InputArgs, ParamArgs};
 use crate::load;
 use crate::outfit_file::{OutfitSpec, SpecError, outfits};
-use crate::print::{print, print_json};
+use crate::print::{note_lines, print, print_json};
 use crate::progress::Line;
+use crate::report_output::{self, Style};
 use crate::table;
-use if_outfit::verify::verify;
+use clap::Args;
 use miette::{IntoDiagnostic, Report};
 use serde_json::json;
 use std::time::Instant;
+
+#[derive(Args, Debug, Clone)]
+pub(crate) struct CheckArgs {
+    #[command(flatten)]
+    pub(crate) input: InputArgs,
+}
 
 /// Runs the command. Errors of one outfit are shown, and do not stop the others.
 pub(crate) fn run(args: &CheckArgs) -> Result<End, Report> {
@@ -20,19 +26,21 @@ pub(crate) fn run(args: &CheckArgs) -> Result<End, Report> {
     let (n, json) = (specs.len(), args.input.json);
     let mut worst = End::Clean;
     for (k, spec) in specs.into_iter().enumerate() {
-        if cancel::asked() {
+        if cancel::is_requested() {
             return Ok(End::Cancelled);
         }
         let file = args.input.files[k].display().to_string();
         let end = match one(spec, (k, n), json) {
             Ok(end) => end,
-            Err(error) => {
-                announce::failure(&file, &error, if json { Style::Json } else { Style::Tables })?
-            }
+            Err(error) => report_output::failure(
+                &file,
+                &error,
+                if json { Style::Json } else { Style::Tables },
+            )?,
         };
         worst = worst.max(end);
     }
-    Ok(if cancel::asked() { End::Cancelled } else { worst })
+    Ok(if cancel::is_requested() { End::Cancelled } else { worst })
 }
 
 /// Checks outfit `k` of `n`.
@@ -44,22 +52,22 @@ fn one(
     let start = Instant::now();
     let spec = spec?;
     let line = Line::new(&spec.name, k, n);
-    line.say("reading");
-    let loaded = load::load(&spec)?;
-    line.say("verifying");
-    let found = verify(&loaded.outfit).into_diagnostic()?;
+    line.message("reading");
+    let files = load::load(&spec)?;
+    line.message("verifying");
+    let found = files.verify().into_diagnostic()?;
     drop(line);
     let clean = found.is_clean();
     let verdict = if clean { "clean" } else { "not clean" };
     if json {
         print_json(
-            &json!({"outfit": spec.name, "state": verdict, "notes": loaded.notes(), "report": found}),
+            &json!({"outfit": spec.name, "state": verdict, "notes": files.notes(), "report": found}),
         )?;
     } else {
         let garments: Vec<String> = spec.garments.iter().map(|l| l.name.clone()).collect();
-        let mut text = announce::title(&spec);
+        let mut text = report_output::title(&spec);
         text += &table::checked(&found, &garments, table::coloured());
-        text += &announce::notes(&loaded.notes());
+        text += &note_lines(&files.notes());
         let (pairs, inside) =
             (table::count(found.total_pairs()), table::count(found.total_inside()));
         let seconds = start.elapsed().as_secs_f64();

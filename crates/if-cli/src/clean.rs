@@ -1,19 +1,23 @@
 //! `ifg clean`: a garment without isolated elements and holes, its boundary smooth.
 
-use crate::args::{CleanArgs, Openness};
 use crate::cancel;
 use crate::end::End;
-use crate::errors::{self, Told};
+use crate::errors::ErrorChain;
+use crate::not_kept::not_kept;
 use crate::pictures;
-use crate::print::{print, print_json};
+use crate::print::{note_lines, print, print_json};
 use crate::progress::Line;
 use crate::staging::OutputError;
+use crate::table;
 use crate::target::{Input, Target};
-use crate::{announce, table};
+use crate::values::{length, point};
+use clap::Args;
+use clap::builder::TypedValueParser;
 use if_core::field::SignedDistance;
+use if_core::math::Point;
 use if_core::mesh::{MeshError, TriMesh};
 use if_mesh::attributes::{AttributeError, VertexAttributes};
-use if_mesh::cleanup::boundary::SmoothParams;
+use if_mesh::cleanup::boundary::{MOST_PASSES, SmoothParams};
 use if_mesh::cleanup::complement::Complement;
 use if_mesh::cleanup::components::ComponentParams;
 use if_mesh::cleanup::holes::FillParams;
@@ -29,12 +33,71 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+#[derive(Args, Debug, Clone)]
+pub(crate) struct CleanArgs {
+    /// The garment (.ply, .obj), in metres.
+    #[arg(value_name = "MESH")]
+    pub(crate) file: PathBuf,
+    /// The clean garment (.ply), with all properties of the vertices.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+    #[command(flatten)]
+    pub(crate) open: Openness,
+    /// The clothed body that the garment was cut from: a loop that bounds a large part of the rest
+    /// of it is an opening. Instead of --openings, --longer and --open-at, but for --project.
+    #[arg(long, value_name = "MESH")]
+    pub(crate) body: Option<PathBuf>,
+    /// Put patches and smoothed boundaries onto the surface of --body, which must be closed.
+    #[arg(long)]
+    pub(crate) project: bool,
+    /// Drop parts with less than this share of the largest part's area, in percent.
+    #[arg(long, value_name = "PERCENT", default_value_t = 1.0)]
+    pub(crate) least_share: f64,
+    /// Keep at most so many parts, the largest.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..).map(|n| n as usize))]
+    pub(crate) parts: Option<usize>,
+    /// Leave holes open.
+    #[arg(long, conflicts_with = "Openness")]
+    pub(crate) no_fill: bool,
+    /// Leave the boundary as it is.
+    #[arg(long)]
+    pub(crate) no_smooth: bool,
+    /// Smooth the whole surface but for its boundary, by so many passes of Laplacian smoothing.
+    #[arg(long, value_name = "N", default_value_t = 0,
+          value_parser = clap::value_parser!(u64).range(0..=MOST_PASSES as u64).map(|n| n as usize))]
+    pub(crate) surface_passes: usize,
+    /// Allow the output to replace the input.
+    #[arg(long)]
+    pub(crate) in_place: bool,
+    /// Print the report as JSON on stdout, and no table.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Do not draw FILE_before.png and FILE_after.png.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
+}
+
+/// How openings are told from holes; by their shape where nothing is said.
+#[derive(Args, Debug, Clone, Default)]
+#[group(multiple = false)]
+pub(crate) struct Openness {
+    /// The garment has so many openings: 4 for a top or a dress, 3 for trousers, 2 for a skirt.
+    #[arg(long, value_name = "N")]
+    pub(crate) openings: Option<usize>,
+    /// Loops from this length are openings, such as 20cm.
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
+    pub(crate) longer: Option<f64>,
+    /// The loop nearest to this point is an opening; once for each.
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    pub(crate) open_at: Vec<Point>,
+}
+
 /// Why a mesh was not cleaned.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 enum CleanError {
     #[error("cannot read `{}`", path.display())]
     #[diagnostic(code(ifg::input::mesh), help("repair it at the place named, or export it again"))]
-    Read { path: PathBuf, source: Told },
+    Read { path: PathBuf, source: ErrorChain },
     #[error("the properties of `{}` do not fit its vertices", path.display())]
     #[diagnostic(code(ifg::input::attributes), help("export it again"))]
     Attributes { path: PathBuf, source: AttributeError },
@@ -77,7 +140,7 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
     }
     let target = target(args)?;
     let line = Line::new(&args.file.display().to_string(), 0, 1);
-    line.say("reading");
+    line.message("reading");
     let file = read(&args.file)?;
     let body = args.body.as_deref().map(read).transpose()?;
     let field = match (&body, args.project) {
@@ -99,13 +162,13 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
     let params =
         params(args, body.as_ref().map(MeshFile::mesh), ply.coordinates == CoordinateType::Float);
     let say = &mut |step: Step| {
-        line.say(match step {
+        line.message(match step {
             Step::Manifold => "making it manifold",
             Step::Components => "removing isolated elements",
             Step::Holes => "filling holes",
             Step::Boundary => "smoothing",
         });
-        if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if cancel::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let field = field.as_ref().map(|f| f as &dyn SignedDistance);
     let clean = match cleanup_with(mesh, &attributes, field, &params, say) {
@@ -118,7 +181,7 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
     if clean.mesh.triangles().is_empty() {
         return Err(CleanError::Empty { path: args.file.clone() }.into());
     }
-    line.say("writing");
+    line.message("writing");
     let positions = ply::quantise(clean.mesh.vertices(), ply.coordinates);
     (ply.mesh, ply.polygons, ply.collapsed) = (clean.mesh, None, Vec::new());
     ply.face_properties.clear();
@@ -126,7 +189,7 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
     ply.vertex_properties = clean.attributes.into_properties();
     let how = WriteParams { coordinates: ply.coordinates, ..WriteParams::default() };
     ply::write_path(&ply, &positions, &how, &target.staged(0))
-        .map_err(|e| OutputError::Mesh { path: args.out.clone(), source: Told::new(&e) })?;
+        .map_err(|e| OutputError::Mesh { path: args.out.clone(), source: ErrorChain::new(&e) })?;
     if !args.no_pictures {
         let written =
             ply.mesh.with_vertices(positions).map_err(|source| CleanError::Precision { source })?;
@@ -135,7 +198,7 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
             pictures::draw_one(mesh, &target.staged(k)).map_err(fault)?;
         }
     }
-    if cancel::asked() {
+    if cancel::is_requested() {
         drop(line);
         return Ok(cancelled(args));
     }
@@ -145,8 +208,7 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
 }
 
 fn cancelled(args: &CleanArgs) -> End {
-    errors::note(&format!("cancelled; `{}` was not written", args.out.display()));
-    End::Cancelled
+    cancel::end(args.out.display())
 }
 
 /// What tells openings in place of --body.
@@ -162,7 +224,8 @@ fn instead_of_body(args: &CleanArgs) -> Option<&'static str> {
 }
 
 fn read(path: &Path) -> Result<MeshFile, CleanError> {
-    MeshFile::read(path).map_err(|e| CleanError::Read { path: path.into(), source: Told::new(&e) })
+    MeshFile::read(path)
+        .map_err(|e| CleanError::Read { path: path.into(), source: ErrorChain::new(&e) })
 }
 
 /// The mesh, and the pictures.
@@ -208,26 +271,6 @@ fn notes(file: &MeshFile, ply: &PlyMesh) -> Vec<String> {
     notes
 }
 
-/// What only the vertices of a PLY file keep.
-pub(crate) fn not_kept(ply: &PlyMesh) -> Vec<String> {
-    let mut notes = Vec::new();
-    let faces: Vec<&str> = ply.face_properties.iter().map(|p| p.name.as_str()).collect();
-    if !faces.is_empty() {
-        notes.push(format!("properties of faces are not kept: {}", faces.join(", ")));
-    }
-    let others: Vec<&str> = ply.other_elements.iter().map(|e| e.name.as_str()).collect();
-    if !others.is_empty() {
-        notes.push(format!(
-            "elements beside vertices and faces are not kept: {}",
-            others.join(", ")
-        ));
-    }
-    if ply.polygons.is_some() {
-        notes.push("faces of more than three corners are written as triangles".into());
-    }
-    notes
-}
-
 fn say_it(
     args: &CleanArgs,
     report: &CleanupReport,
@@ -249,7 +292,7 @@ fn say_it(
     }
     let mut text = format!("{}\n\n", args.file.display());
     text += &table::cleaned(report, table::coloured());
-    text += &announce::notes(notes);
+    text += &note_lines(notes);
     text += &format!("Wrote {}, {seconds:.2} s\n", names.join(", "));
     print(&text)?;
     Ok(End::Clean)

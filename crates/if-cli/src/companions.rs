@@ -1,12 +1,13 @@
 //! What OBJ files name: material libraries and their textures, which are copied along.
 
-use crate::hash::{self, Content as Hashed};
+use crate::file_record::{InputFile, OutputFile};
 use crate::outfit_file::OutfitSpec;
 use crate::outputs;
-use crate::receipt::{self, Input, Output};
+use crate::receipt;
 use crate::staging::{OutputError, Staging};
 use if_mesh::file::{Content, MeshFile};
 use if_mesh::obj::textures;
+use if_outfit::content::{Content as FileContent, content};
 use miette::Diagnostic;
 use std::collections::BTreeMap;
 use std::fs;
@@ -34,7 +35,7 @@ struct Companion {
     /// The garment that names it, and its file as the user wrote it.
     layer: String,
     of: String,
-    content: Hashed,
+    content: FileContent,
 }
 
 /// The material libraries and textures that the garments' OBJ files name.
@@ -50,14 +51,14 @@ impl Companions {
     ///
     /// Only files in the garment's folder or below are taken. The names `taken` are those of other
     /// outputs.
-    pub(crate) fn find(
+    pub(crate) fn find<'f>(
         spec: &OutfitSpec,
-        files: &[MeshFile],
+        files: impl Iterator<Item = &'f MeshFile>,
         taken: &[String],
     ) -> Result<Self, CompanionError> {
         let mut found: BTreeMap<String, Companion> = BTreeMap::new();
         let mut missing = Vec::new();
-        for (layer, file) in spec.garments.iter().zip(files.iter().skip(1)) {
+        for (layer, file) in spec.garments.iter().zip(files.skip(1)) {
             let Content::Obj(obj) = file.content() else { continue };
             let folder = layer.path.parent().unwrap_or(Path::new(""));
             let read = |path: &Path, of: &str| {
@@ -69,7 +70,7 @@ impl Companions {
             };
             let mut add =
                 |name: String, source: PathBuf, bytes: &[u8]| -> Result<(), CompanionError> {
-                    let content = hash::content(bytes);
+                    let content = content(bytes);
                     let other =
                         found.get(&name).filter(|o| o.content != content).map(|o| o.of.clone());
                     let of_ours = taken
@@ -121,8 +122,8 @@ impl Companions {
     }
 
     /// What they hold, in the order of their names.
-    pub(crate) fn inputs(&self) -> impl Iterator<Item = Input> {
-        let input = |(name, c): (&String, &Companion)| Input {
+    pub(crate) fn inputs(&self) -> impl Iterator<Item = InputFile> {
+        let input = |(name, c): (&String, &Companion)| InputFile {
             layer: c.layer.clone(),
             file: name.clone(),
             content: c.content.clone(),
@@ -135,7 +136,7 @@ impl Companions {
     pub(crate) fn write(
         &self,
         (staging, out): (&Staging, &Path),
-    ) -> Result<Vec<Output>, CompanionError> {
+    ) -> Result<Vec<OutputFile>, CompanionError> {
         let mut written = Vec::new();
         for (name, Companion { source, of, .. }) in &self.found {
             let target = out.join(name);

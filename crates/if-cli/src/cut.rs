@@ -1,16 +1,16 @@
 //! `ifg cut`: a labelled mesh, cut into one mesh for each label along smooth lines.
 
-use crate::announce;
-use crate::args::CutArgs;
 use crate::cancel;
-use crate::clean::not_kept;
 use crate::end::End;
-use crate::errors::{self, Told};
-use crate::print::{print, print_json};
+use crate::errors::ErrorChain;
+use crate::not_kept::not_kept;
+use crate::print::{note_lines, print, print_json};
 use crate::progress::Line;
 use crate::staging::{OutputError, Staging};
 use crate::table::count;
 use crate::target::is_same;
+use crate::values::{label_name, length};
+use clap::Args;
 use if_core::edges::{Edges, part_count};
 use if_core::mesh::TriMesh;
 use if_mesh::attributes::{AttributeError, Source, VertexAttributes};
@@ -31,6 +31,31 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+#[derive(Args, Debug, Clone)]
+pub(crate) struct CutArgs {
+    /// The mesh (.ply), in metres, with a label at each vertex.
+    #[arg(value_name = "MESH")]
+    pub(crate) mesh: PathBuf,
+    /// Output folder: NAME.ply for each label, and pictures.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// The vertex property that holds the labels: 0 unknown, 1 skin, garments from 2 on.
+    #[arg(long, value_name = "PROPERTY", default_value = "label")]
+    pub(crate) labels: String,
+    /// What a label is called, such as 2=trousers; once for each.
+    #[arg(long = "name", value_name = "LABEL=NAME", value_parser = label_name)]
+    pub(crate) names: Vec<(u8, String)>,
+    /// How far labels are smoothed, with a unit; 0 cuts between the vertices as they are labelled.
+    #[arg(long, value_name = "LENGTH", value_parser = length, default_value = "30mm")]
+    pub(crate) smooth: f64,
+    /// Print the report as JSON on stdout, and no table.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Do not draw labels_before.png and labels_after.png.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
+}
+
 /// The labelled mesh, and the pieces.
 const PICTURES: [&str; 2] = ["labels_before.png", "labels_after.png"];
 
@@ -42,7 +67,7 @@ enum CutFault {
         code(ifg::input::mesh),
         help("labels stand in PLY files; repair it at the place named, or export it again")
     )]
-    Read { path: PathBuf, source: Told },
+    Read { path: PathBuf, source: ErrorChain },
     #[error("`{}` has no vertex property `{name}`", path.display())]
     #[diagnostic(
         code(ifg::input::labels),
@@ -153,9 +178,9 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
     let start = Instant::now();
     let staging = Staging::open(&args.out)?;
     let line = Line::new(&args.mesh.display().to_string(), 0, 1);
-    line.say("reading");
+    line.message("reading");
     let mut ply = ply::read_path(&args.mesh)
-        .map_err(|e| CutFault::Read { path: args.mesh.clone(), source: Told::new(&e) })?;
+        .map_err(|e| CutFault::Read { path: args.mesh.clone(), source: ErrorChain::new(&e) })?;
     let given = labels(args, &ply)?;
     let names = Names::new(args, &given)?;
     for name in names.of.values() {
@@ -169,18 +194,18 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
             .into());
         }
     }
-    line.say("smoothing");
+    line.message("smoothing");
     let Dense { present, places } = Dense::new(&given);
     let votes = LabelVotes::from_labels(&places, present.len());
     let params = SmoothLabelParams { length: args.smooth, ..SmoothLabelParams::default() };
     let watch = |_: &SolveStep| {
-        if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if cancel::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let scores = match smooth_labels_watched(&ply.mesh, &votes, &params, &watch) {
         Err(SmoothLabelError::Cancelled) => return Ok(cancelled(args, line)),
         other => other.map_err(|source| CutFault::Smooth { source: of_label(source, &present) })?,
     };
-    line.say("cutting");
+    line.message("cutting");
     let mut pieces = cut(&ply.mesh, &scores, &CutParams::default())
         .map_err(|source| CutFault::Cut { source })?;
     pieces.iter_mut().for_each(|p| p.label = present[usize::from(p.label)]);
@@ -198,16 +223,16 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
     )
     .map_err(|source| CutFault::Attributes { path: args.mesh.clone(), source })?;
 
-    line.say("writing");
+    line.message("writing");
     let rows: Vec<Row> =
         pieces.iter().map(|piece| row(piece, names.of[&piece.label].clone())).collect();
     let mut files: Vec<&str> = Vec::new();
     for (piece, row) in pieces.iter().zip(&rows) {
-        if cancel::asked() {
+        if cancel::is_requested() {
             return Ok(cancelled(args, line));
         }
         write(piece, &attributes, &ply, args, &staging.path(&row.file)).map_err(|e| {
-            OutputError::Mesh { path: args.out.join(&row.file), source: Told::new(&e) }
+            OutputError::Mesh { path: args.out.join(&row.file), source: ErrorChain::new(&e) }
         })?;
         files.push(&row.file);
     }
@@ -221,7 +246,7 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
             files.push(name);
         }
     }
-    if cancel::asked() {
+    if cancel::is_requested() {
         return Ok(cancelled(args, line));
     }
     staging.commit(&files)?;
@@ -250,7 +275,7 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
             100.0 * changed as f64 / n,
             count(decided),
         );
-        text += &announce::notes(&notes);
+        text += &note_lines(&notes);
         text += &format!("Wrote {}: {}\n", args.out.display(), files.join(", "));
         print(&text)?;
     }
@@ -259,8 +284,7 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
 
 fn cancelled(args: &CutArgs, line: Line) -> End {
     drop(line);
-    errors::note(&format!("cancelled; nothing was written into `{}`", args.out.display()));
-    End::Cancelled
+    cancel::end(args.out.display())
 }
 
 /// Labels without gaps between them: a field for each takes memory by their number, not by the

@@ -1,18 +1,57 @@
 //! `ifg demo`: the built-in scene, written as files and resolved like any other outfit.
 
-use crate::announce::{self, Style};
-use crate::args::{DemoArgs, Size, Variant};
 use crate::end::End;
+use crate::inputs::ParamArgs;
 use crate::outfit_file;
 use crate::progress::Line;
+use crate::report_output::{self, Style};
 use crate::resolve_outfit::{self, Options};
 use crate::staging::{OutputError, Staging};
+use clap::{Args, ValueEnum};
 use if_body::mannequin::{self, MannequinParams};
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{PlyMesh, WriteParams, write_path};
 use miette::{IntoDiagnostic, Report};
 use std::fmt::Write;
 use std::path::PathBuf;
+
+#[derive(Args, Debug, Clone)]
+pub(crate) struct DemoArgs {
+    /// Output folder.
+    #[arg(short, long, value_name = "DIR", default_value = "out/demo")]
+    pub(crate) out: PathBuf,
+    /// T-shirt, skirt, jacket and coat; or trousers, T-shirt, jacket and coat.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) variant: Variant,
+    /// How fine the meshes are: coarse has half, fine four times the triangles of normal.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) size: Size,
+    #[command(flatten)]
+    pub(crate) params: ParamArgs,
+    /// Print the report as JSON on stdout, and no tables.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Do not draw before.png and after.png.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
+}
+
+/// Scenes of the demo.
+#[derive(ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Variant {
+    #[default]
+    Skirt,
+    Trousers,
+}
+
+/// Sizes of the demo.
+#[derive(ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Size {
+    Coarse,
+    #[default]
+    Normal,
+    Fine,
+}
 
 /// The folder below the output folder that holds the scene as it was before.
 const INPUT: &str = "input";
@@ -22,14 +61,14 @@ const OUTFIT: &str = "demo.toml";
 /// Runs the command.
 pub(crate) fn run(args: &DemoArgs) -> Result<End, Report> {
     let line = Line::new("demo", 0, 1);
-    line.say("making the scene");
+    line.message("making the scene");
     let outfit = write_scene(args)?;
     let spec = outfit_file::with_args(outfit_file::read(&outfit)?, None, &args.params)?;
     let options =
         Options { pictures: !args.no_pictures, write_unproven: true, ..Default::default() };
     let outcome = resolve_outfit::run(&spec, &args.out, options, &line)?;
     drop(line);
-    announce::outcome(
+    report_output::outcome(
         &spec,
         &args.out,
         outcome,
@@ -88,7 +127,6 @@ fn params(size: Size) -> MannequinParams {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::ValueEnum;
 
     #[test]
     fn the_mannequin_takes_every_size() {

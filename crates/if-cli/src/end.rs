@@ -1,7 +1,9 @@
 //! How a command ends, and its exit code.
 
-use crate::cancel;
 use std::process::ExitCode;
+
+/// The exit code of a cancelled program.
+pub(crate) const CANCELLED: u8 = 130;
 
 /// How a command ended. Of a batch the worst counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -10,9 +12,9 @@ pub(crate) enum End {
     Clean,
     /// Intersections found, or left.
     NotClean,
-    /// An argument, an input or the output folder was of no use.
+    /// An argument, an input or the output folder cannot be used.
     Unusable,
-    /// The user asked to stop.
+    /// The user cancelled.
     Cancelled,
 }
 
@@ -22,7 +24,7 @@ impl From<End> for ExitCode {
             End::Clean => 0,
             End::NotClean => 1,
             End::Unusable => 2,
-            End::Cancelled => cancel::CANCELLED,
+            End::Cancelled => CANCELLED,
         })
     }
 }

@@ -21,12 +21,12 @@ pub(crate) fn install() {
 }
 
 /// An error and its causes in one text. Some messages repeat those of their causes; drawn one below
-/// the other, as miette does, the same words would stand there twice.
+/// the other, as miette does, the same words would appear twice.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub(crate) struct Told(String);
+pub(crate) struct ErrorChain(String);
 
-impl Told {
+impl ErrorChain {
     pub(crate) fn new(error: &dyn std::error::Error) -> Self {
         let mut text = error.to_string();
         let mut cause = error.source();

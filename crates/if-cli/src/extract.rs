@@ -1,14 +1,16 @@
 //! `ifg extract`: the surface of a field as a mesh.
 
-use crate::args::ExtractArgs;
 use crate::cancel;
 use crate::end::End;
-use crate::errors::{Told, note};
+use crate::errors::ErrorChain;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::staging::OutputError;
 use crate::table;
 use crate::target::{Input, Target};
+use crate::values::{above_zero, positive};
+use clap::Args;
+use clap::builder::TypedValueParser;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Vector, barycentric_point};
 use if_core::mesh::{MeshError, TriMesh};
@@ -35,6 +37,48 @@ use std::io::{self, BufWriter, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+#[derive(Args, Debug, Clone)]
+pub(crate) struct ExtractArgs {
+    /// The field: a closed mesh (.ply, .obj), whose signed distance it is, or a network that `ifg
+    /// fit` wrote (.safetensors).
+    #[arg(value_name = "FIELD")]
+    pub(crate) field: PathBuf,
+    /// The mesh to write (.ply). Pictures come beside it, as .before.png (of a mesh) and
+    /// .after.png, slivers in red.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+    /// Side of the cells, with a unit: about the mean edge length that comes out.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, conflicts_with_all = ["cells", "accuracy"])]
+    pub(crate) cell: Option<f64>,
+    /// Cells along the longest side.
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=16384),
+          conflicts_with = "accuracy")]
+    pub(crate) cells: u32,
+    /// Choose the cells so that triangles are this near to the surface, with a unit.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
+    pub(crate) accuracy: Option<f64>,
+    /// The smallest cells that --accuracy may choose, with a unit.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, default_value = "1mm", requires = "accuracy")]
+    pub(crate) finest: f64,
+    /// Rounds of relaxation, which make slivers into triangles; 0 is plain marching cubes.
+    #[arg(long, value_name = "ROUNDS", default_value_t = 3, value_parser = clap::value_parser!(u64).range(0..=100).map(|n| n as usize))]
+    pub(crate) relax: usize,
+    /// Number of the layer: each has a lattice of its own, so that layers do not touch in
+    /// degenerate ways.
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    pub(crate) layer: usize,
+    /// Factor from the units of a mesh to metres; the output keeps its units. Networks are in
+    /// metres.
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    pub(crate) scale: Option<f64>,
+    /// Print the report as JSON on stdout, and no tables.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Do not draw pictures.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
+}
+
 /// Why there is no mesh.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 enum ExtractFault {
@@ -45,7 +89,7 @@ enum ExtractFault {
             "give a .ply or .obj file of a closed mesh, or a .safetensors file that `ifg fit` wrote"
         )
     )]
-    Read { path: PathBuf, source: Told },
+    Read { path: PathBuf, source: ErrorChain },
     #[error("`{}` cannot be scaled by {scale}", path.display())]
     #[diagnostic(code(ifg::extract::scale), help("look at --scale"))]
     Scale { path: PathBuf, scale: f64, source: MeshError },
@@ -121,7 +165,7 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
         args.field.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let target = target(args)?;
     let line = Line::new(&name, 0, 1);
-    line.say("reading");
+    line.message("reading");
     let source = Source::read(args)?;
     let (field, slope, noise): (&dyn SignedDistance, Slope, f64) = match &source {
         Source::Mesh { field, .. } => (&**field, Slope::Field, 0.0),
@@ -136,12 +180,12 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
             "relax" => "relaxing".into(),
             _ => "measuring".into(),
         };
-        line.say(&format!(
+        line.message(&format!(
             "cells of {:.2} mm: {stage}, {} evaluations",
             millimetres("cell"),
             table::count(p.done)
         ));
-        if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if cancel::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let mut found = match extract(field, &params, &mut monitor) {
         Err(ExtractError::Cancelled(_)) => return Ok(cancelled(args, line)),
@@ -154,7 +198,7 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
             ExtractFault::Empty { path: args.field.clone(), cell: found.report.cell }.into()
         );
     }
-    line.say("comparing");
+    line.message("comparing");
     let positions = as_written(args, &mut found, field, &source)?;
     let before = source.mesh();
     let apart = before.map(|before| {
@@ -162,9 +206,9 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
         surface_distance((before, &old), (&found.mesh, &new), SAMPLES, 0)
     });
     let looks = (before.map(Looks::of), Looks::of(&found.mesh));
-    line.say("writing");
+    line.message("writing");
     write(args, &target, &source, &found, &positions)?;
-    if cancel::asked() {
+    if cancel::is_requested() {
         return Ok(cancelled(args, line));
     }
     let files = target.commit()?;
@@ -186,8 +230,7 @@ pub(crate) fn run(args: &ExtractArgs) -> Result<End, Report> {
 
 fn cancelled(args: &ExtractArgs, line: Line) -> End {
     drop(line);
-    note(&format!("cancelled; `{}` was not written", args.out.display()));
-    End::Cancelled
+    cancel::end(args.out.display())
 }
 
 /// Values of a network, in single precision, are off by this share of its cube's diagonal: some
@@ -213,8 +256,10 @@ fn is_network(field: &Path) -> bool {
 impl Source {
     fn read(args: &ExtractArgs) -> Result<Self, ExtractFault> {
         let path = || args.field.clone();
-        let read =
-            |e: &dyn std::error::Error| ExtractFault::Read { path: path(), source: Told::new(e) };
+        let read = |e: &dyn std::error::Error| ExtractFault::Read {
+            path: path(),
+            source: ErrorChain::new(e),
+        };
         if is_network(&args.field) {
             if args.scale.is_some() {
                 return Err(ExtractFault::Units { path: path() });
@@ -347,7 +392,7 @@ fn write(
     write_path(&PlyMesh::new(found.mesh.clone()), positions, &params, &target.staged(0)).map_err(
         |e| match e {
             WriteError::Io(source) => fault(0, source),
-            other => OutputError::Mesh { path: args.out.clone(), source: Told::new(&other) },
+            other => OutputError::Mesh { path: args.out.clone(), source: ErrorChain::new(&other) },
         },
     )?;
     if !args.no_pictures {

@@ -1,14 +1,15 @@
 //! `ifg fit`: a neural signed distance field from a mesh.
 
-use crate::args::{FitArgs, NetworkName};
 use crate::cancel;
 use crate::end::End;
-use crate::errors::{self, Told};
+use crate::errors::{self, ErrorChain};
 use crate::load::reading_advice;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::table;
 use crate::target::{Input, Target};
+use crate::values::{above_zero, positive};
+use clap::{Args, ValueEnum};
 use comfy_table::Cell;
 use if_core::mesh::{MeshError, TriMesh};
 use if_mesh::file::MeshFile;
@@ -24,6 +25,63 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+#[derive(Args, Debug, Clone)]
+pub(crate) struct FitArgs {
+    /// The mesh (.ply, .obj), in metres, wound outwards. Of an open mesh, such as a scan, the
+    /// vertices are fitted as points with normals: noise is averaged and holes are closed.
+    #[arg(value_name = "MESH")]
+    pub(crate) mesh: PathBuf,
+    /// Where to write the network (.safetensors).
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
+    /// Time for the whole fit; 60 where neither steps nor an accuracy are given, 600 with an
+    /// accuracy.
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    pub(crate) seconds: Option<f64>,
+    /// Stop as soon as the mean error near the surface is at most this: 0.5mm, 0.0005m; metres
+    /// without unit.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, allow_hyphen_values = true)]
+    pub(crate) accuracy: Option<f64>,
+    /// Stop after so many steps; the same steps give the same bits, on any number of threads.
+    #[arg(long, value_name = "N", conflicts_with = "seconds")]
+    pub(crate) steps: Option<u64>,
+    /// Which network.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) network: NetworkName,
+    /// Fit the vertices as points even where the mesh is closed.
+    #[arg(long)]
+    pub(crate) points: bool,
+    /// Factor from the units of the file to metres; the network is in metres.
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    pub(crate) scale: Option<f64>,
+    /// Seed of sampling and first values.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// Store the fit here (.safetensors) once a minute and on Ctrl-C, so that --resume can go on
+    /// with it.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) checkpoint: Option<PathBuf>,
+    /// Go on with the fit that --checkpoint stored: the same mesh, --points and --scale must be
+    /// given; network, seed and limits are those of the fit.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["seconds", "accuracy", "steps", "network", "seed"])]
+    pub(crate) resume: Option<PathBuf>,
+    /// Print the report as JSON on stdout, and no table.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Networks of `fit`.
+#[derive(ValueEnum, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum NetworkName {
+    /// Features on grids with a small network: the most accurate in a given time.
+    #[default]
+    Grid,
+    /// The network of Appendix E, 256 wide.
+    Fast,
+    /// The network of Appendix E, 512 wide.
+    Paper,
+}
+
 /// Seconds where nothing else says when to stop, and where only an accuracy does.
 const SECONDS: [f64; 2] = [60.0, 600.0];
 /// Least time that is left for steps when reading and sampling took long.
@@ -35,7 +93,7 @@ const STORE_EVERY: f64 = 60.0;
 enum FitFault {
     #[error("cannot read the mesh")]
     #[diagnostic(code(ifg::input::mesh), help("{}", advice))]
-    Mesh { advice: &'static str, source: Told },
+    Mesh { advice: &'static str, source: ErrorChain },
     #[error("`{}` cannot be scaled by {scale}", path.display())]
     #[diagnostic(code(ifg::input::scale), help("look at --scale"))]
     Scale { path: PathBuf, scale: f64, source: MeshError },
@@ -44,7 +102,7 @@ enum FitFault {
     Target { path: PathBuf, source: MeshTargetError },
     #[error("cannot go on with `{}`", path.display())]
     #[diagnostic(code(ifg::fit::resume), help("give --resume a file that --checkpoint wrote"))]
-    Resume { path: PathBuf, source: Told },
+    Resume { path: PathBuf, source: ErrorChain },
     #[error("`{}` is a fit of something else than `{}`", path.display(), mesh.display())]
     #[diagnostic(
         code(ifg::fit::resume),
@@ -56,7 +114,7 @@ enum FitFault {
         code(ifg::fit::checkpoint),
         help("give --checkpoint another name, or move it away")
     )]
-    NoCheckpoint { path: PathBuf, source: Told },
+    NoCheckpoint { path: PathBuf, source: ErrorChain },
     #[error("--checkpoint and --out are both `{}`", path.display())]
     #[diagnostic(code(ifg::fit::checkpoint), help("give --checkpoint another name"))]
     SamePlace { path: PathBuf },
@@ -65,7 +123,7 @@ enum FitFault {
         code(ifg::fit::run),
         help("the mesh may be in other units than metres: look at --scale")
     )]
-    Fit { path: PathBuf, source: Told },
+    Fit { path: PathBuf, source: ErrorChain },
 }
 
 fn target_advice(error: &MeshTargetError) -> &'static str {
@@ -83,19 +141,19 @@ pub(crate) fn run(args: &FitArgs) -> Result<End, Report> {
     let start = Instant::now();
     let (target, checkpoint) = targets(args)?;
     let line = Line::new("", 0, 1);
-    line.say("reading");
+    line.message("reading");
     let mesh = mesh(args)?;
     let path = || args.mesh.clone();
     let take = if args.points { Take::Points } else { Take::Either };
     let taken =
         MeshTarget::new(&mesh, take).map_err(|source| FitFault::Target { path: path(), source })?;
-    line.say("sampling");
+    line.message("sampling");
     let Begun { set, mut network, mut fit } = match &args.resume {
         Some(file) => resumed(args, file, &taken)?,
         None => begun(args, &taken, start)?,
     };
     // What stands at --out may be better than a network that has learned nothing yet.
-    if cancel::asked() {
+    if cancel::is_requested() {
         drop(line);
         errors::note(&format!(
             "cancelled before the first step; `{}` was not written",
@@ -107,11 +165,11 @@ pub(crate) fn run(args: &FitArgs) -> Result<End, Report> {
     tracing::debug!(from = fit.steps(), "fitting begins");
     let ran = run_storing(&mut fit, &mut network, &set, &line, checkpoint.as_ref(), STORE_EVERY);
     let Ran { report, lost } =
-        ran.map_err(|e| FitFault::Fit { path: path(), source: Told::new(&e) })?;
+        ran.map_err(|e| FitFault::Fit { path: path(), source: ErrorChain::new(&e) })?;
     // The checkpoint has the last state, the network the best.
     let report =
         if report.ended == Ended::Cancelled { fit.finish(&mut network, &set) } else { report };
-    line.say("writing");
+    line.message("writing");
     target.put(|file| write_network(file, &network, &set.frame, WeightNorm::Kept))?;
     drop(line);
     if let (Ended::Cancelled, Some(file)) = (report.ended, &args.checkpoint) {
@@ -147,7 +205,9 @@ fn targets(args: &FitArgs) -> Result<(Target, Option<Target>), Report> {
     if let Ok(file) = File::open(path)
         && let Err(e) = read_checkpoint(file)
     {
-        return Err(FitFault::NoCheckpoint { path: path.clone(), source: Told::new(&e) }.into());
+        return Err(
+            FitFault::NoCheckpoint { path: path.clone(), source: ErrorChain::new(&e) }.into()
+        );
     }
     Ok((target, Some(checkpoint)))
 }
@@ -161,8 +221,10 @@ struct Begun {
 
 /// A fit at its beginning.
 fn begun(args: &FitArgs, taken: &MeshTarget, start: Instant) -> Result<Begun, FitFault> {
-    let told =
-        |e: &dyn std::error::Error| FitFault::Fit { path: args.mesh.clone(), source: Told::new(e) };
+    let told = |e: &dyn std::error::Error| FitFault::Fit {
+        path: args.mesh.clone(),
+        source: ErrorChain::new(e),
+    };
     let config = match args.network {
         NetworkName::Grid => NetworkConfig::grid(),
         NetworkName::Fast => NetworkConfig::fast(),
@@ -190,12 +252,15 @@ fn begun(args: &FitArgs, taken: &MeshTarget, start: Instant) -> Result<Begun, Fi
 
 /// A fit where it was stored.
 fn resumed(args: &FitArgs, path: &Path, taken: &MeshTarget) -> Result<Begun, FitFault> {
-    let read =
-        |e: &dyn std::error::Error| FitFault::Resume { path: path.into(), source: Told::new(e) };
+    let read = |e: &dyn std::error::Error| FitFault::Resume {
+        path: path.into(),
+        source: ErrorChain::new(e),
+    };
     let file = File::open(path).map_err(|e| read(&e))?;
     let (fit, network, frame) = read_checkpoint(file).map_err(|e| read(&e))?;
     let set = taken.target().training_set(&sampling(fit.params().seed));
-    let set = set.map_err(|e| FitFault::Fit { path: args.mesh.clone(), source: Told::new(&e) })?;
+    let set =
+        set.map_err(|e| FitFault::Fit { path: args.mesh.clone(), source: ErrorChain::new(&e) })?;
     if frame != set.frame || fit.params().loss != taken.target().loss() || !fit.is_of(&set) {
         return Err(FitFault::OtherMesh { path: path.into(), mesh: args.mesh.clone() });
     }
@@ -233,13 +298,13 @@ fn run_storing(
         let mut watch = |p: &FitProgress| {
             if p.step.is_multiple_of(5) {
                 let (done, error) = (100.0 * p.done, p.error.mean * 1e3);
-                line.say(&format!("step {}, {done:.0} %, error {error:.3} mm", p.step));
+                line.message(&format!("step {}, {done:.0} %, error {error:.3} mm", p.step));
             }
             // Right after a check a fit goes on as if nothing had been.
             let is_due = checkpoint.is_some()
                 && p.step.is_multiple_of(check_every)
                 && start.elapsed().as_secs_f64() >= every;
-            if is_due || cancel::asked() {
+            if is_due || cancel::is_requested() {
                 ControlFlow::Break(())
             } else {
                 ControlFlow::Continue(())
@@ -249,8 +314,8 @@ fn run_storing(
         let Some(place) = checkpoint.filter(|_| report.ended == Ended::Cancelled) else {
             return Ok(Ran { report, lost: false });
         };
-        let is_last = cancel::asked();
-        line.say("storing");
+        let is_last = cancel::is_requested();
+        line.message("storing");
         let stored = place.put(|file| write_checkpoint(file, fit, network, &set.frame));
         let lost = stored.is_err();
         if let Err(error) = stored
@@ -272,7 +337,7 @@ fn run_storing(
 
 fn mesh(args: &FitArgs) -> Result<TriMesh, FitFault> {
     let file = MeshFile::read(&args.mesh)
-        .map_err(|e| FitFault::Mesh { advice: reading_advice(&e), source: Told::new(&e) })?;
+        .map_err(|e| FitFault::Mesh { advice: reading_advice(&e), source: ErrorChain::new(&e) })?;
     let Some(scale) = args.scale else { return Ok(file.mesh().clone()) };
     file.mesh().scaled(scale).map_err(|source| FitFault::Scale {
         path: args.mesh.clone(),

@@ -1,17 +1,42 @@
 //! `ifg fix`: outfits from files, resolved into folders.
 
-use crate::announce::{self, Style};
-use crate::args::FixArgs;
 use crate::cancel;
 use crate::end::End;
+use crate::inputs::{InputArgs, ParamArgs};
 use crate::outfit_file::outfits;
 use crate::print::print;
 use crate::progress::Line;
+use crate::report_output::{self, Style};
 use crate::resolve_outfit::{self, Options};
 use crate::staging::OutputError;
+use clap::Args;
 use miette::Report;
 use std::path::PathBuf;
 use std::time::Instant;
+
+#[derive(Args, Debug, Clone)]
+pub(crate) struct FixArgs {
+    #[command(flatten)]
+    pub(crate) input: InputArgs,
+    #[command(flatten)]
+    pub(crate) params: ParamArgs,
+    /// Output folder. Several outfits go into one folder each below it, named after their files.
+    /// Default for outfit files: `out/NAME`; needed with --body.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Allow outputs to replace the input files.
+    #[arg(long)]
+    pub(crate) in_place: bool,
+    /// Write what was reached even where intersections are left (the exit code is 1 all the same).
+    #[arg(long)]
+    pub(crate) write_unproven: bool,
+    /// In a batch, do finished outfits again.
+    #[arg(long)]
+    pub(crate) again: bool,
+    /// Do not draw before.png and after.png.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
+}
 
 /// Runs the command. The error of one outfit is shown, and does not stop the others.
 pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
@@ -32,7 +57,7 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
     };
     let mut ends = Vec::with_capacity(n);
     for (k, (spec, out)) in specs.into_iter().zip(&outs).enumerate() {
-        if cancel::asked() {
+        if cancel::is_requested() {
             ends.push(End::Cancelled);
             break;
         }
@@ -40,12 +65,12 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
             let line = Line::new(&spec.name, k, n);
             let outcome = resolve_outfit::run(&spec, out, options, &line)?;
             drop(line);
-            announce::outcome(&spec, out, outcome, style)
+            report_output::outcome(&spec, out, outcome, style)
         });
         ends.push(match one {
             Ok(end) => end,
             Err(error) => {
-                announce::failure(&args.input.files[k].display().to_string(), &error, style)?
+                report_output::failure(&args.input.files[k].display().to_string(), &error, style)?
             }
         });
     }

@@ -1,40 +1,47 @@
 //! `ifg`: layered outfits made intersection-free, from the command line.
+//!
+//! [`cli`] holds the commands; each command's file holds its arguments and what it does. The other
+//! files are shared by several commands.
 
-mod announce;
-mod args;
-mod cancel;
+// Commands.
 mod check;
 mod clean;
-mod companions;
+mod cli;
 mod cut;
 mod demo;
-mod end;
-mod errors;
 mod extract;
 mod fit;
 mod fix;
-mod hash;
-mod left;
+mod reconstruct;
+mod synth;
+mod wardrobe;
+// Arguments and inputs.
+mod companions;
+mod inputs;
 mod load;
 mod outfit_file;
+mod values;
+// Work and output.
+mod cancel;
+mod end;
+mod errors;
+mod file_record;
+mod not_kept;
 mod outputs;
 mod pictures;
 mod print;
 mod progress;
 mod receipt;
-mod reconstruct;
+mod report_output;
 mod resolve_outfit;
 mod staging;
-mod synth;
 mod table;
 mod target;
-mod wardrobe;
 
-use args::{CaptureCommand, Cli, Command};
 use clap::Parser;
+use cli::Cli;
 use end::End;
 use miette::{IntoDiagnostic, Report};
-use std::io::IsTerminal;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
@@ -50,28 +57,8 @@ fn run(cli: &Cli) -> Result<End, Report> {
     let threads = cli.threads.map_or(0, usize::from); // 0 is all cores
     rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().into_diagnostic()?;
     if cli.verbose {
-        progress::hide();
-        let stderr = std::io::stderr;
-        let events = tracing_subscriber::fmt()
-            .with_max_level(tracing::Level::DEBUG)
-            .with_target(false)
-            .with_writer(stderr);
-        let events = events
-            .with_ansi(stderr().is_terminal())
-            .with_timer(tracing_subscriber::fmt::time::uptime());
-        events.try_init().map_err(|e| miette::miette!("{e}"))?;
+        progress::log_instead()?;
     }
     cancel::listen();
-    match &cli.command {
-        Command::Demo(args) => demo::run(args),
-        Command::Fit(args) => fit::run(args),
-        Command::Fix(args) => fix::run(args),
-        Command::Check(args) => check::run(args),
-        Command::Clean(args) => clean::run(args),
-        Command::Cut(args) => cut::run(args),
-        Command::Capture(CaptureCommand::Synth(args)) => synth::run(args),
-        Command::Extract(args) => extract::run(args),
-        Command::Wardrobe(args) => wardrobe::run(args),
-        Command::Reconstruct(args) => reconstruct::run(args),
-    }
+    cli.command.run()
 }

@@ -1,6 +1,6 @@
 //! What outfits are made of: from an outfit file (TOML, `docs/outfit.md`) or from the command line.
 
-use crate::args::{InputArgs, ParamArgs};
+use crate::inputs::{InputArgs, ParamArgs};
 use if_outfit::resolve::ResolveParams;
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use serde::Deserialize;

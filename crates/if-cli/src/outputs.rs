@@ -1,14 +1,13 @@
 //! Which files an outfit becomes, and how they are written.
 
-use crate::errors::Told;
-use crate::hash;
-use crate::load::Loaded;
+use crate::errors::ErrorChain;
+use crate::file_record::OutputFile;
 use crate::outfit_file::{LayerSpec, OutfitSpec};
 use crate::pictures;
-use crate::receipt::{Output, Request};
 use crate::staging::{OutputError, Staging};
-use if_core::math::Point;
-use if_mesh::file::WriteError;
+use if_mesh::file::{MeshFile, WriteError};
+use if_outfit::content::content;
+use if_outfit::files::{OutfitFiles, ResolvedFiles};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -22,7 +21,7 @@ pub(crate) fn names(spec: &OutfitSpec, pictures: bool) -> Vec<String> {
         .collect()
 }
 
-/// Faults that can be seen before anything is read: two outputs of one name, an output over an
+/// Errors that can be found before anything is read: two outputs of one name, an output over an
 /// input, something in the way.
 pub(crate) fn check(
     spec: &OutfitSpec,
@@ -63,33 +62,34 @@ pub(crate) fn check(
 /// Writes all garments into the staging folder; those that did not move are copies of their files.
 pub(crate) fn write_garments(
     spec: &OutfitSpec,
-    loaded: &Loaded,
-    positions: &[Vec<Point>],
-    request: &Request,
+    files: &OutfitFiles,
+    resolved: &ResolvedFiles,
     (staging, out): (&Staging, &Path),
-) -> Result<Vec<Output>, OutputError> {
+) -> Result<Vec<OutputFile>, OutputError> {
+    let inputs: Vec<&MeshFile> = files.files().skip(1).collect(); // the body's comes first
     let one = |(k, layer): (usize, &LayerSpec)| {
         let name = &layer.file_name;
-        loaded.garment_file(k).write(&staging.path(name), &positions[k]).map_err(|error| {
-            match error {
-                WriteError::Io { source, .. } => OutputError::File { path: out.join(name), source },
-                other => OutputError::Mesh { path: out.join(name), source: Told::new(&other) },
-            }
+        let path = staging.path(name);
+        resolved.write_garment(k, &path).map_err(|error| match error {
+            WriteError::Io { source, .. } => OutputError::File { path: out.join(name), source },
+            other => OutputError::Mesh { path: out.join(name), source: ErrorChain::new(&other) },
         })?;
         let mut written = describe(name, staging, out)?;
-        // The request's first input is the body.
-        written.unchanged = Some(written.content == request.inputs[k + 1].content);
+        written.unchanged = Some(written.content == content(inputs[k].bytes()));
         Ok(written)
     };
-    // All are written before the first fault is looked for, so that it is the same on any number of
+    // All are written before the first error is returned, so that it is the same on any number of
     // threads.
     let written: Vec<_> = spec.garments.par_iter().enumerate().map(one).collect();
     written.into_iter().collect()
 }
 
-/// What a staged file holds.
-pub(crate) fn describe(name: &str, staging: &Staging, out: &Path) -> Result<Output, OutputError> {
-    let fault = |source| OutputError::File { path: out.join(name), source };
-    let content = hash::of_file(&staging.path(name)).map_err(fault)?;
-    Ok(Output { file: name.to_owned(), content, unchanged: None })
+/// The record of a staged file.
+pub(crate) fn describe(
+    name: &str,
+    staging: &Staging,
+    out: &Path,
+) -> Result<OutputFile, OutputError> {
+    OutputFile::of(name, &staging.path(name))
+        .map_err(|source| OutputError::File { path: out.join(name), source })
 }

@@ -16,3 +16,8 @@ pub(crate) fn print(text: &str) -> miette::Result<()> {
 pub(crate) fn print_json(value: &impl serde::Serialize) -> miette::Result<()> {
     print(&format!("{}\n", serde_json::to_string(value).into_diagnostic()?))
 }
+
+/// One line for each note.
+pub(crate) fn note_lines(notes: &[String]) -> String {
+    notes.iter().map(|note| format!("Note: {note}\n")).collect()
+}

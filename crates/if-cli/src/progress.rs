@@ -1,16 +1,26 @@
-//! Progress on stderr, where that is a terminal.
+//! A line of progress on stderr, if that is a terminal.
 
-use if_core::monitor::Progress;
+use crate::cancel;
+use if_core::monitor::{Cancelled, Monitor, Progress};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::fmt::Write;
+use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 static HIDDEN: AtomicBool = AtomicBool::new(false);
 
-/// From now on no line is drawn: something else writes to stderr.
-pub(crate) fn hide() {
+/// Logs events on stderr instead of drawing lines, from now on.
+pub(crate) fn log_instead() -> miette::Result<()> {
     HIDDEN.store(true, Ordering::Relaxed);
+    let stderr = std::io::stderr;
+    let events = tracing_subscriber::fmt()
+        .with_max_level(tracing::Level::DEBUG)
+        .with_target(false)
+        .with_writer(stderr)
+        .with_ansi(stderr().is_terminal())
+        .with_timer(tracing_subscriber::fmt::time::uptime());
+    events.try_init().map_err(|e| miette::miette!("{e}"))
 }
 
 /// Where lines are drawn.
@@ -22,7 +32,7 @@ pub(crate) fn target() -> ProgressDrawTarget {
     }
 }
 
-/// One line that says what is being done. Nothing is drawn where stderr is no terminal.
+/// A line that shows what is being done. Nothing is drawn if stderr is no terminal.
 pub(crate) struct Line {
     bar: ProgressBar,
     /// Which outfit of how many, and its name.
@@ -44,8 +54,8 @@ impl Line {
         Self { bar, outfit }
     }
 
-    /// Says what is being done.
-    pub(crate) fn say(&self, what: &str) {
+    /// Shows what is being done.
+    pub(crate) fn message(&self, what: &str) {
         self.bar.set_message(format!("{}{what}", self.outfit));
     }
 
@@ -53,24 +63,52 @@ impl Line {
     pub(crate) fn aside(&self, write: impl FnOnce()) {
         self.bar.suspend(write);
     }
+}
 
-    /// Says how far the resolving is.
-    pub(crate) fn show(&self, progress: &Progress) {
-        let mut text = progress.item.to_owned();
-        let garment = (progress.measure("garment"), progress.measure("garments"));
-        if let (Some(index), Some(count)) = garment {
-            let _ = write!(text, " ({index}/{count})");
-        }
-        let _ = write!(text, " {}", progress.stage);
-        if let Some(pairs) = progress.measure("pairs") {
-            let _ = write!(text, ", round {}, {pairs} pairs left", progress.done);
-        }
-        self.say(&text);
+/// Shows progress, and cancels on Ctrl-C.
+impl Monitor for &Line {
+    fn report(&mut self, progress: &Progress<'_>) -> Result<(), Cancelled> {
+        self.message(&text(progress));
+        cancel::check()
     }
+}
+
+/// `jacket (2/3) settle, round 7, 12 pairs left`.
+fn text(progress: &Progress<'_>) -> String {
+    let mut text = progress.item.to_owned();
+    if let (Some(k), Some(n)) = (progress.measure("garment"), progress.measure("garments")) {
+        let _ = write!(text, " ({k}/{n})");
+    }
+    let separator = if text.is_empty() { "" } else { " " };
+    let _ = write!(text, "{separator}{}", progress.stage);
+    match (progress.total, progress.done) {
+        (Some(total), done) => write!(text, ", {done} of {total}"),
+        (None, 1..) => write!(text, ", round {}", progress.done),
+        (None, 0) => Ok(()),
+    }
+    .expect("a string takes any text");
+    if let Some(pairs) = progress.measure("pairs") {
+        let _ = write!(text, ", {pairs} pairs left");
+    }
+    text
 }
 
 impl Drop for Line {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_line_shows_what_is_known() {
+        let measures = [("garment", 2.0), ("garments", 3.0), ("pairs", 12.0)];
+        let round = Progress { done: 7, measures: &measures, ..Progress::stage("settle") };
+        assert_eq!(text(&round.of("jacket")), "jacket (2/3) settle, round 7, 12 pairs left");
+        let frame = Progress { done: 3, total: Some(24), ..Progress::stage("render") };
+        assert_eq!(text(&frame), "render, 3 of 24");
     }
 }

@@ -2,11 +2,11 @@
 //!
 //! Two runs on the same input with the same parameters give the same bytes, but for `timings`.
 
-use crate::companions::Companions;
-use crate::hash::{self, Content};
+use crate::file_record::{InputFile, OutputFile};
 use crate::outfit_file::{LayerSpec, OutfitSpec};
-use crate::resolve_outfit::Done;
 use if_mesh::file::MeshFile;
+use if_outfit::content::{content, of_file};
+use if_outfit::report::ResolveReport;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::path::Path;
@@ -28,30 +28,7 @@ pub(crate) struct Request {
     pub(crate) scale: f64,
     /// The body, then the garments, inner to outer, then what these name: material libraries and
     /// textures.
-    pub(crate) inputs: Vec<Input>,
-}
-
-/// One input file.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Input {
-    /// The layer's name.
-    pub(crate) layer: String,
-    /// The path as the user wrote it; of what a garment's file names, that from the garment's
-    /// folder.
-    pub(crate) file: String,
-    #[serde(flatten)]
-    pub(crate) content: Content,
-}
-
-/// One output file.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Output {
-    /// Its name in the output folder.
-    pub(crate) file: String,
-    #[serde(flatten)]
-    pub(crate) content: Content,
-    /// Whether it is the input file byte by byte; nothing for pictures.
-    pub(crate) unchanged: Option<bool>,
+    pub(crate) inputs: Vec<InputFile>,
 }
 
 /// Seconds spent, in the order spent.
@@ -65,14 +42,18 @@ pub(crate) struct Timings {
 }
 
 impl Request {
-    /// The request that an outfit with these files (the body's first) and what they name makes.
-    pub(crate) fn new(spec: &OutfitSpec, files: &[MeshFile], companions: &Companions) -> Self {
-        let input = |(layer, file): (&LayerSpec, &MeshFile)| Input {
+    /// The request of an outfit with these files (the body's first) and the files that they name.
+    pub(crate) fn new<'f>(
+        spec: &OutfitSpec,
+        files: impl Iterator<Item = &'f MeshFile>,
+        companions: impl Iterator<Item = InputFile>,
+    ) -> Self {
+        let input = |(layer, file): (&LayerSpec, &MeshFile)| InputFile {
             layer: layer.name.clone(),
             file: layer.written.clone(),
-            content: hash::content(file.bytes()),
+            content: content(file.bytes()),
         };
-        let inputs = spec.layers().zip(files).map(input).chain(companions.inputs()).collect();
+        let inputs = spec.layers().zip(files).map(input).chain(companions).collect();
         Self { tool: tool(), params: json!(spec.params), scale: spec.scale, inputs }
     }
 
@@ -86,8 +67,7 @@ impl Request {
             .all(|key| receipt.get(key) == request.get(key));
         let written = receipt["outputs"].as_array().map_or(&[][..], Vec::as_slice);
         let intact = |output: &Value| {
-            let found =
-                output["file"].as_str().and_then(|file| hash::of_file(&out.join(file)).ok());
+            let found = output["file"].as_str().and_then(|file| of_file(&out.join(file)).ok());
             found.is_some_and(|c| output["sha256"] == json!(c.sha256))
         };
         let all_there = outputs.iter().all(|name| written.iter().any(|o| o["file"] == json!(name)));
@@ -95,42 +75,50 @@ impl Request {
     }
 }
 
-/// The text of a receipt.
-pub(crate) fn text(
-    outfit: &str,
-    request: &Request,
-    done: &Done,
-    timings: &Timings,
-) -> Result<String, serde_json::Error> {
-    let report = &done.report;
-    let mut measures = serde_json::to_value(report)?;
-    drop_seconds(&mut measures);
-    let layers: Map<String, Value> =
-        report.layers.iter().map(|l| (l.name.clone(), json!(l.seconds))).collect();
-    let receipt = json!({
-        "receipt": 1,
-        "outfit": outfit,
-        "state": done.state(),
-        "tool": request.tool,
-        "params": request.params,
-        "scale": request.scale,
-        "inputs": request.inputs,
-        "outputs": done.outputs,
-        "notes": done.notes,
-        "report": measures,
-        "timings": {
-            "read": timings.read,
-            "resolve": timings.resolve,
-            "verify_before": report.before.seconds,
-            "layers": layers,
-            "verify_after": report.after.seconds,
-            "write": timings.write,
-            "pictures": timings.pictures,
-            "total": timings.total,
-            "threads": rayon::current_num_threads(),
-        },
-    });
-    Ok(serde_json::to_string_pretty(&receipt)? + "\n")
+/// What a receipt holds.
+pub(crate) struct Receipt<'a> {
+    pub(crate) outfit: &'a str,
+    pub(crate) state: &'a str,
+    pub(crate) request: &'a Request,
+    pub(crate) outputs: &'a [OutputFile],
+    pub(crate) notes: &'a [String],
+    pub(crate) report: &'a ResolveReport,
+    pub(crate) timings: &'a Timings,
+}
+
+impl Receipt<'_> {
+    /// The text of the file.
+    pub(crate) fn text(&self) -> Result<String, serde_json::Error> {
+        let Self { request, report, timings, .. } = self;
+        let mut measures = serde_json::to_value(report)?;
+        drop_seconds(&mut measures);
+        let layers: Map<String, Value> =
+            report.layers.iter().map(|l| (l.name.clone(), json!(l.seconds))).collect();
+        let receipt = json!({
+            "receipt": 1,
+            "outfit": self.outfit,
+            "state": self.state,
+            "tool": request.tool,
+            "params": request.params,
+            "scale": request.scale,
+            "inputs": request.inputs,
+            "outputs": self.outputs,
+            "notes": self.notes,
+            "report": measures,
+            "timings": {
+                "read": timings.read,
+                "resolve": timings.resolve,
+                "verify_before": report.before.seconds,
+                "layers": layers,
+                "verify_after": report.after.seconds,
+                "write": timings.write,
+                "pictures": timings.pictures,
+                "total": timings.total,
+                "threads": rayon::current_num_threads(),
+            },
+        });
+        Ok(serde_json::to_string_pretty(&receipt)? + "\n")
+    }
 }
 
 /// Versions of everything that numbers depend on.
@@ -172,7 +160,6 @@ fn reread(value: &impl Serialize) -> Option<Value> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_outfit::report::ResolveReport;
 
     #[test]
     fn a_receipt_holds_times_in_one_place_only() {
@@ -181,9 +168,16 @@ mod tests {
             let mut report = ResolveReport::default();
             report.seconds = seconds;
             let timings = Timings { read: seconds, ..Default::default() };
-            let done = Done { notes: vec![], report, outputs: vec![], left: None, seconds };
-            let text = text("o", &request, &done, &timings).unwrap();
-            let mut value: Value = serde_json::from_str(&text).unwrap();
+            let receipt = Receipt {
+                outfit: "o",
+                state: CLEAN,
+                request: &request,
+                outputs: &[],
+                notes: &[],
+                report: &report,
+                timings: &timings,
+            };
+            let mut value: Value = serde_json::from_str(&receipt.text().unwrap()).unwrap();
             value.as_object_mut().unwrap().remove("timings").unwrap();
             value
         };

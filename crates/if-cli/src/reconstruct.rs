@@ -2,12 +2,12 @@
 
 mod names;
 
-use crate::args::above_zero;
 use crate::cancel;
 use crate::end::End;
-use crate::errors::{self, Told};
+use crate::errors::{self, ErrorChain};
 use crate::print::{print, print_json};
 use crate::progress::Line;
+use crate::values::above_zero;
 use clap::Args;
 use if_body::TemplateBody;
 use if_core::mesh::TriMesh;
@@ -94,7 +94,7 @@ const SIZE: [u32; 2] = [360, 600];
 struct Fault {
     context: String,
     help: &'static str,
-    source: Told,
+    source: ErrorChain,
 }
 
 fn fault<E: Error + 'static>(
@@ -102,7 +102,7 @@ fn fault<E: Error + 'static>(
     help: &'static str,
 ) -> impl FnOnce(E) -> Fault {
     let context = context.into();
-    move |error| Fault { context, help, source: Told::new(&error) }
+    move |error| Fault { context, help, source: ErrorChain::new(&error) }
 }
 
 /// A garment that is somebody else's.
@@ -127,7 +127,7 @@ fn meta_of(args: &ReconstructArgs) -> Option<String> {
 pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     let name = names::last_name(&args.capture, "capture");
     let line = Line::new(&name, 0, 1);
-    line.say("reading");
+    line.message("reading");
     let capture = Capture::open(&args.capture).map_err(fault(
         format!("cannot read capture `{}`", args.capture.display()),
         "captures are specified in docs/capture.md",
@@ -180,8 +180,8 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     let start = Instant::now();
     let mut pace = Pace::new();
     let found = reconstruct(&capture, &template, &params, Some(&state), &mut |p: &Progress| {
-        line.say(&described(p, pace.seconds_left(p)));
-        if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        line.message(&described(p, pace.seconds_left(p)));
+        if cancel::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     let found = match found {
         Ok(found) => found,
@@ -199,7 +199,7 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         }
     };
     let seconds = start.elapsed().as_secs_f64();
-    line.say("writing");
+    line.message("writing");
     let network = found
         .phi
         .as_ref()

@@ -4,7 +4,7 @@
 //! is there. A run that ends early, for whatever reason, leaves what stood in the output folder.
 
 use crate::cancel;
-use crate::errors::Told;
+use crate::errors::ErrorChain;
 use if_mesh::whole_folder;
 use miette::Diagnostic;
 use std::ffi::{OsStr, OsString};
@@ -29,7 +29,7 @@ pub(crate) enum OutputError {
         code(ifg::output::mesh),
         help("the format of the input cannot hold the result; convert the input")
     )]
-    Mesh { path: PathBuf, source: Told },
+    Mesh { path: PathBuf, source: ErrorChain },
     #[error("another ifg is writing into `{}`", path.display())]
     #[diagnostic(code(ifg::output::busy), help("wait for it, or give --out another place"))]
     Busy { path: PathBuf },

@@ -1,12 +1,13 @@
 //! `ifg capture synth`: the project's own capture, for trying the whole chain.
 
-use crate::args::SynthArgs;
 use crate::cancel;
 use crate::end::End;
-use crate::errors;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::table::count;
+use crate::values::above_zero;
+use clap::{Args, ValueEnum};
+use if_body::mannequin::Garment;
 use if_core::monitor::Progress;
 use if_pipeline::capture::CaptureError;
 use if_pipeline::capture::synth::{SynthError, SynthParams, SynthReport, synth};
@@ -14,7 +15,65 @@ use miette::{Diagnostic, Report};
 use serde_json::json;
 use std::fmt::Write;
 use std::ops::ControlFlow;
+use std::path::PathBuf;
 use std::time::Instant;
+
+#[derive(Args, Debug, Clone)]
+pub(crate) struct SynthArgs {
+    /// Output folder. It must not exist.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// What the mannequin wears, with commas; trousers, T-shirt and jacket by default.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "GARMENTS")]
+    pub(crate) garments: Vec<Worn>,
+    /// Pictures of one full turn.
+    #[arg(long, value_name = "N", default_value_t = 24)]
+    pub(crate) frames: usize,
+    /// Pixels on each side.
+    #[arg(long, value_name = "PIXELS", default_value_t = 256)]
+    pub(crate) size: usize,
+    /// How badly labels and masks are seen, from 0 to 1.
+    #[arg(long, value_name = "NOISE", default_value_t = 0.3)]
+    pub(crate) noise: f64,
+    /// The same for the labels alone.
+    #[arg(long, value_name = "NOISE")]
+    pub(crate) label_noise: Option<f64>,
+    /// The same for the masks alone.
+    #[arg(long, value_name = "NOISE")]
+    pub(crate) mask_noise: Option<f64>,
+    /// How far clothes move by themselves, with a unit, such as 1cm; each frame as it is goes to
+    /// truth/ then.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
+    pub(crate) nonrigid: Option<f64>,
+    /// Random seed of the noise and the motion.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Print the report as JSON on stdout, and no table.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// What the mannequin can wear.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Worn {
+    Trousers,
+    Tshirt,
+    Skirt,
+    Jacket,
+    Coat,
+}
+
+impl From<Worn> for Garment {
+    fn from(worn: Worn) -> Self {
+        match worn {
+            Worn::Trousers => Self::Trousers,
+            Worn::Tshirt => Self::Tshirt,
+            Worn::Skirt => Self::Skirt,
+            Worn::Jacket => Self::Jacket,
+            Worn::Coat => Self::Coat,
+        }
+    }
+}
 
 /// Why there is no capture.
 #[derive(Debug, thiserror::Error, Diagnostic)]
@@ -46,17 +105,16 @@ pub(crate) fn run(args: &SynthArgs) -> Result<End, Report> {
         params.garments = args.garments.iter().map(|g| (*g).into()).collect();
     }
     let line = Line::new("capture", 0, 1);
-    line.say("making the scene");
+    line.message("making the scene");
     let mut progress = |p: &Progress| {
-        line.say(&format!("frame {} of {}", p.done + 1, args.frames));
-        if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        line.message(&format!("frame {} of {}", p.done + 1, args.frames));
+        if cancel::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let report = match synth(&params, &args.out, &mut progress) {
         Ok(report) => report,
         Err(SynthError::Cancelled(_)) => {
             drop(line);
-            errors::note(&format!("cancelled; `{}` was not written", args.out.display()));
-            return Ok(End::Cancelled);
+            return Ok(cancel::end(args.out.display()));
         }
         Err(source @ SynthError::Parameter(_)) => {
             return Err(SynthFault::Params { source }.into());

@@ -1,26 +1,34 @@
-//! `ifg wardrobe`: a folder of bodies and garments, and what is made of it.
+//! `ifg wardrobe`: a folder of bodies and garments, and outfits made from it.
 
 mod add;
-mod args;
 mod batch;
 mod list;
 mod matching;
+mod opening;
+mod results;
 
-pub(crate) use args::WardrobeArgs;
-
-use crate::args::ParamArgs;
 use crate::end::End;
-use crate::errors::Told;
-use crate::outfit_file::override_params;
-use crate::receipt;
-use args::WardrobeCommand;
-use if_outfit::outfit::OutfitError;
-use if_outfit::resolve::ResolveParams;
-use if_pipeline::asset::AssetError;
-use if_pipeline::wardrobe::matching::{MatchParams, State};
-use if_pipeline::wardrobe::{Unreadable, Wardrobe, WardrobeError};
-use miette::{Diagnostic, Report};
-use std::path::Path;
+use clap::{Args, Subcommand};
+use miette::Report;
+
+#[derive(Args, Debug)]
+pub(crate) struct WardrobeArgs {
+    #[command(subcommand)]
+    pub(crate) command: WardrobeCommand,
+}
+
+#[derive(Subcommand, Debug)]
+pub(crate) enum WardrobeCommand {
+    /// Add a body, or garments that were made on it, or both; what is there under the same name is
+    /// replaced.
+    Add(add::AddArgs),
+    /// List what is there.
+    List(list::ListArgs),
+    /// Put garments on a body, inner to outer, and make them intersection-free.
+    Match(matching::MatchArgs),
+    /// Do many combinations; a run that was stopped goes on where it was.
+    Batch(batch::BatchArgs),
+}
 
 /// Runs the command.
 pub(crate) fn run(args: &WardrobeArgs) -> Result<End, Report> {
@@ -29,94 +37,5 @@ pub(crate) fn run(args: &WardrobeArgs) -> Result<End, Report> {
         WardrobeCommand::List(args) => list::run(args),
         WardrobeCommand::Match(args) => matching::run(args),
         WardrobeCommand::Batch(args) => batch::run(args),
-    }
-}
-
-/// What is wrong with a wardrobe.
-#[derive(Debug, thiserror::Error, Diagnostic)]
-#[error("{context}")]
-#[diagnostic(code(ifg::wardrobe), help("{help}"))]
-pub(crate) struct Fault {
-    context: String,
-    help: String,
-    source: Told,
-}
-
-impl Fault {
-    pub(crate) fn new(context: impl Into<String>, error: &WardrobeError) -> Self {
-        let help = match error {
-            WardrobeError::Body { source: OutfitError::Units { unit, scale, .. }, .. } => {
-                &format!("if the files are in {unit}, add --scale {scale}")
-            }
-            WardrobeError::ScaleRange { .. }
-            | WardrobeError::Scale { .. }
-            | WardrobeError::Misfit(_) => {
-                "look at --scale, and whether --body is the body that it was made on"
-            }
-            WardrobeError::NoBody { .. } | WardrobeError::NoGarment { .. } => {
-                "`ifg wardrobe list` tells what is there"
-            }
-            WardrobeError::ForeignBody { .. } => {
-                "add the body with `ifg wardrobe add --body NAME --mesh FILE`"
-            }
-            WardrobeError::Asset(AssetError::Name { .. }) => {
-                "give another name, or rename the file"
-            }
-            WardrobeError::Busy { .. } => "wait for it, or take another folder",
-            WardrobeError::NoWardrobe { .. } => {
-                "look at the path; `ifg wardrobe add` makes a wardrobe"
-            }
-            WardrobeError::InTheWay { .. } => "give --out another folder, or move it away",
-            WardrobeError::Body { .. }
-            | WardrobeError::BodyFile(_)
-            | WardrobeError::BodyMesh { .. } => {
-                "the body must be one closed PLY or OBJ mesh in metres, wound outwards"
-            }
-            WardrobeError::Parameter(_)
-            | WardrobeError::Resolve(_)
-            | WardrobeError::PictureHeight { .. } => {
-                "give a value in the range that is named; docs/outfit.md has the parameters"
-            }
-            WardrobeError::NoGarments { .. }
-            | WardrobeError::Twice { .. }
-            | WardrobeError::Outfit(_) => {
-                "name the body, and different garments from inner to outer"
-            }
-            _ => "formats stand in docs/wardrobe.md",
-        };
-        Self { context: context.into(), help: help.to_owned(), source: Told::new(error) }
-    }
-}
-
-/// Opens a wardrobe that is there, and says what cannot be read in it.
-pub(crate) fn open(root: &Path) -> Result<Wardrobe, Report> {
-    opened(root, Wardrobe::open_existing(root))
-}
-
-/// The same where a wardrobe may be new.
-pub(crate) fn open_or_begin(root: &Path) -> Result<Wardrobe, Report> {
-    opened(root, Wardrobe::open(root))
-}
-
-fn opened(root: &Path, wardrobe: Result<Wardrobe, WardrobeError>) -> Result<Wardrobe, Report> {
-    let wardrobe = wardrobe
-        .map_err(|e| Fault::new(format!("cannot open wardrobe `{}`", root.display()), &e))?;
-    for Unreadable { part, name, error } in wardrobe.faults() {
-        crate::errors::note(&format!("{part} `{name}` is left out: {error}"));
-    }
-    Ok(wardrobe)
-}
-
-/// What results depend on, with what the command line says.
-pub(crate) fn match_params(args: &ParamArgs, picture_height: u32) -> Result<MatchParams, Report> {
-    let resolve = override_params(&ResolveParams::default(), args)?;
-    Ok(MatchParams { resolve, picture_height, tool: receipt::tool(), ..MatchParams::default() })
-}
-
-fn end_of(state: State) -> End {
-    match state {
-        State::Clean => End::Clean,
-        State::Remaining => End::NotClean,
-        State::Failed => End::Unusable,
     }
 }

@@ -32,8 +32,8 @@ pub struct MeshFile {
     /// The file, where `content` does not hold it already.
     bytes: Vec<u8>,
     content: Content,
-    /// Whether the content is no longer that of the file.
-    is_split: bool,
+    /// Whether the content differs from `bytes`, so that no copy of them may be written.
+    is_new: bool,
 }
 
 /// What a file holds.
@@ -138,14 +138,19 @@ impl MeshFile {
             Format::Ply => {
                 let ply = ply::read_bytes(&bytes)
                     .map_err(|e| ReadError::Ply { path: name(), source: e.into() })?;
-                Self { bytes, content: Content::Ply(ply), is_split: false }
+                Self { bytes, content: Content::Ply(ply), is_new: false }
             }
             Format::Obj => {
                 let obj = obj::read(&bytes[..])
                     .map_err(|e| ReadError::Obj { path: name(), source: e.into() })?;
-                Self { bytes: Vec::new(), content: Content::Obj(obj), is_split: false }
+                Self { bytes: Vec::new(), content: Content::Obj(obj), is_new: false }
             }
         })
+    }
+
+    /// A file for a mesh from memory. It is always written anew, never copied.
+    pub fn from_ply(ply: PlyMesh) -> Self {
+        Self { bytes: Vec::new(), content: Content::Ply(ply), is_new: true }
     }
 
     /// Vertices in the file's order and units, and triangles.
@@ -173,7 +178,7 @@ impl MeshFile {
             Content::Ply(ply) => Content::Ply(ply::split(ply, split, mesh)?),
             Content::Obj(obj) => Content::Obj(obj::split(obj, split, &mesh)?),
         };
-        Ok(Self { bytes: self.bytes.clone(), content, is_split: true })
+        Ok(Self { bytes: self.bytes.clone(), content, is_new: true })
     }
 
     /// The attributes.
@@ -181,7 +186,7 @@ impl MeshFile {
         &self.content
     }
 
-    /// The file as it was read, byte for byte: for hashes.
+    /// The file as it was read, byte for byte: for hashes. Empty for a mesh from memory.
     pub fn bytes(&self) -> &[u8] {
         match &self.content {
             Content::Ply(_) => &self.bytes,
@@ -240,7 +245,7 @@ impl MeshFile {
             let from = if format == Format::Ply { "a PLY" } else { "an OBJ" };
             return Err(WriteError::Extension { path: name(), from, extension });
         }
-        if positions == self.mesh().vertices() && !self.is_split {
+        if positions == self.mesh().vertices() && !self.is_new {
             let copy = |file: &mut fs::File| io::Write::write_all(file, self.bytes());
             return crate::atomic::write(path, copy)
                 .map_err(|source| WriteError::Io { path: name(), source });

@@ -280,6 +280,28 @@ fn suspicious_unit(height: Real) -> Option<(&'static str, Real)> {
     }
 }
 
+/// A note if a body does not seem to stand upright along +y, as when it is z-up or lies; `None`
+/// otherwise.
+///
+/// [`resolve`](crate::resolve::resolve) works in any orientation. Pictures, the alignment between
+/// bodies and reconstruction need y to point up.
+pub fn orientation_note(body: &TriMesh) -> Option<String> {
+    /// Share of the longest side below which a height along y is too small for a person who stands
+    /// or sits, whatever the arms do.
+    const UPRIGHT: Real = 0.5;
+    let size = body.surface_aabb().size();
+    let longest = size.imax();
+    (size.y < UPRIGHT * size[longest]).then(|| {
+        format!(
+            "the body is {:.2} m along {} and {:.2} m along y: it lies on its side, or was stored \
+             with another axis up; y must point up in pictures and wherever garments change bodies",
+            size[longest],
+            ["x", "y", "z"][longest],
+            size.y
+        )
+    })
+}
+
 fn box_distance(a: &Aabb, b: &Aabb) -> Real {
     (0..3)
         .map(|k| (a.min[k] - b.max[k]).max(b.min[k] - a.max[k]).max(0.0).powi(2))
@@ -374,6 +396,23 @@ mod tests {
         let t = inverted.mesh.triangles().iter().map(|t| [t[0], t[2], t[1]]).collect();
         inverted.mesh = TriMesh::new(inverted.mesh.vertices().to_vec(), t).unwrap();
         assert!(matches!(Outfit::new(inverted, vec![]), Err(OutfitError::InsideOut { .. })));
+    }
+
+    #[test]
+    fn a_body_that_is_not_upright_gets_a_note() {
+        let body = |size: [Real; 3]| {
+            let corners = tetrahedron(1.0, 0.0);
+            let scaled = corners
+                .vertices()
+                .iter()
+                .map(|p| Point::new(p.x * size[0], p.y * size[1], p.z * size[2]));
+            corners.with_vertices(scaled.collect()).unwrap()
+        };
+        assert_eq!(orientation_note(&body([1.8, 1.7, 0.3])), None, "a T-pose");
+        assert_eq!(orientation_note(&body([0.5, 1.2, 0.9])), None, "seated");
+        let z_up = orientation_note(&body([1.8, 0.3, 1.7])).unwrap();
+        assert!(z_up.contains("1.80 m along x and 0.30 m along y"), "{z_up}");
+        assert!(orientation_note(&body([0.5, 0.3, 1.7])).unwrap().contains("along z"));
     }
 
     #[test]

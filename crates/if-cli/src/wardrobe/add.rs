@@ -1,14 +1,14 @@
 //! `ifg wardrobe add`.
 
-use super::args::AddArgs;
-use super::{Fault, open_or_begin};
-use crate::announce;
+use super::opening::{Fault, open_or_begin};
 use crate::cancel;
 use crate::end::End;
-use crate::errors::{Told, show};
-use crate::print::print;
+use crate::errors::{ErrorChain, show};
+use crate::print::{note_lines, print};
 use crate::progress::Line;
 use crate::staging::OutputError;
+use crate::values::positive;
+use clap::{Args, ValueEnum};
 use if_body::SkinWeights;
 use if_body::align::carried_field;
 use if_core::monitor::Silent;
@@ -16,11 +16,74 @@ use if_mesh::baked::BakeParams;
 use if_mesh::file::{Content, MeshFile};
 use if_mesh::obj;
 use if_outfit::content::content;
-use if_pipeline::asset::{Beside, BodyRef, LayerHint, Parts, Provenance};
+use if_pipeline::asset::{Beside, BodyRef, GarmentClass, LayerHint, Parts, Provenance};
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeBody};
 use miette::{Diagnostic, Report};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+
+#[derive(Args, Debug)]
+pub(crate) struct AddArgs {
+    /// The wardrobe's folder; made where it is missing.
+    #[arg(value_name = "WARDROBE")]
+    pub(crate) root: PathBuf,
+    /// Garments (.ply, .obj) in the canonical pose of the body, in metres or with --scale. Each is
+    /// called after its file.
+    #[arg(value_name = "GARMENTS", required_unless_present = "mesh")]
+    pub(crate) garments: Vec<PathBuf>,
+    /// The body that the garments were made on.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) body: String,
+    /// Adds the body, with this mesh (.ply, .obj): closed, in metres or with --scale.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) mesh: Option<PathBuf>,
+    /// A mesh (.ply, .obj) of the same body whose topology other bodies share.
+    #[arg(long, value_name = "FILE", requires = "mesh")]
+    pub(crate) template: Option<PathBuf>,
+    /// Its joints (skeleton.json).
+    #[arg(long, value_name = "FILE", requires = "mesh")]
+    pub(crate) skeleton: Option<PathBuf>,
+    /// Factor from the units of all these files to metres, such as 0.01 for centimetres; the
+    /// wardrobe is in metres.
+    #[arg(long, value_name = "FACTOR", value_parser = positive, default_value_t = 1.0)]
+    pub(crate) scale: f64,
+    /// Put before each garment's name.
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    pub(crate) prefix: String,
+    /// Where the garments are worn; by default their names tell (jeans, tshirt, coat …).
+    #[arg(long, value_enum)]
+    pub(crate) class: Option<Class>,
+    /// Place within the class, 0 next to the skin; by default their names tell.
+    #[arg(long, value_name = "N")]
+    pub(crate) order: Option<u8>,
+    /// Bake the field of the clothed body beside each garment.
+    #[arg(long)]
+    pub(crate) bake: bool,
+}
+
+/// [`GarmentClass`] as an argument.
+#[derive(ValueEnum, Clone, Copy, Debug)]
+pub(crate) enum Class {
+    Legs,
+    Skirt,
+    Dress,
+    Top,
+    Outer,
+    Other,
+}
+
+impl From<Class> for GarmentClass {
+    fn from(class: Class) -> Self {
+        match class {
+            Class::Legs => Self::Legs,
+            Class::Skirt => Self::Skirt,
+            Class::Dress => Self::Dress,
+            Class::Top => Self::Top,
+            Class::Outer => Self::Outer,
+            Class::Other => Self::Other,
+        }
+    }
+}
 
 /// Joints that a byte of a PLY file can name.
 const JOINTS: usize = 256;
@@ -34,7 +97,7 @@ const JOINTS: usize = 256;
 )]
 struct Unusable {
     file: String,
-    source: Told,
+    source: ErrorChain,
 }
 
 /// Runs the command. The fault of one garment does not stop the others.
@@ -70,11 +133,11 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
     };
     let mut end = End::Clean;
     for (k, path) in args.garments.iter().enumerate() {
-        if cancel::asked() {
+        if cancel::is_requested() {
             return Ok(End::Cancelled);
         }
         let line = Line::new(&path.display().to_string(), k, args.garments.len());
-        line.say("adding");
+        line.message("adding");
         let added = add(&mut wardrobe, args, path, &body, loaded.as_ref());
         drop(line);
         match added {
@@ -85,7 +148,7 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
             }
         }
     }
-    Ok(if cancel::asked() { End::Cancelled } else { end })
+    Ok(if cancel::is_requested() { End::Cancelled } else { end })
 }
 
 /// What a garment is called.
@@ -107,25 +170,25 @@ fn add(
     loaded: Option<&WardrobeBody>,
 ) -> Result<String, Report> {
     let unusable = |source| Unusable { file: path.display().to_string(), source };
-    let file = MeshFile::read(path).map_err(|e| unusable(Told::new(&e)))?;
+    let file = MeshFile::read(path).map_err(|e| unusable(ErrorChain::new(&e)))?;
     let (skin, beside, licence, lost) = match file.content() {
         Content::Ply(ply) => {
             let skin =
                 ply.vertex_property("j0").map(|_| SkinWeights::from_ply(ply, JOINTS)).transpose();
             (
-                skin.map_err(|e| unusable(Told::new(&e)))?,
+                skin.map_err(|e| unusable(ErrorChain::new(&e)))?,
                 Beside::of(ply),
                 ply.comments.clone(),
                 Vec::new(),
             )
         }
         Content::Obj(obj) => {
-            let (ply, lost) = obj::to_ply(obj).map_err(|e| unusable(Told::new(&e)))?;
+            let (ply, lost) = obj::to_ply(obj).map_err(|e| unusable(ErrorChain::new(&e)))?;
             (None, Beside::of(&ply), Vec::new(), lost)
         }
         _ => (None, Beside::default(), Vec::new(), Vec::new()),
     };
-    let mesh = file.mesh().scaled(args.scale).map_err(|e| unusable(Told::new(&e)))?;
+    let mesh = file.mesh().scaled(args.scale).map_err(|e| unusable(ErrorChain::new(&e)))?;
     let name = name_of(args, path);
     let said = LayerHint::of_name(&name[args.prefix.len()..]);
     let hint = LayerHint {
@@ -141,7 +204,7 @@ fn add(
     let baked = loaded
         .map(|body| carried_field(&body.mesh, &mesh, &BakeParams::default(), &mut Silent))
         .transpose()
-        .map_err(|e| unusable(Told::new(&e)))?;
+        .map_err(|e| unusable(ErrorChain::new(&e)))?;
     let parts = Parts {
         name: &name,
         hint,
@@ -163,5 +226,5 @@ fn add(
         info.triangles,
         info.openings.len()
     );
-    Ok(told + &announce::notes(&lost.iter().map(ToString::to_string).collect::<Vec<_>>()))
+    Ok(told + &note_lines(&lost.iter().map(ToString::to_string).collect::<Vec<_>>()))
 }

@@ -1,12 +1,14 @@
 //! `ifg wardrobe batch`.
 
-use super::args::BatchArgs;
-use super::{Fault, end_of, match_params, open};
+use super::opening::{Fault, open};
+use super::results::{end_of, match_params};
 use crate::cancel;
 use crate::end::End;
-use crate::errors::{Told, note};
+use crate::errors::{ErrorChain, note};
+use crate::inputs::ParamArgs;
 use crate::print::{print, print_json};
 use crate::progress;
+use clap::Args;
 use if_pipeline::wardrobe::batch::{self, BatchParams, Event};
 use if_pipeline::wardrobe::combination::{Combination, Combinations, Order, RandomParams, random};
 use if_pipeline::wardrobe::dresser::Dresser;
@@ -18,6 +20,60 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
+
+#[derive(Args, Debug)]
+pub(crate) struct BatchArgs {
+    /// The wardrobe's folder.
+    #[arg(value_name = "WARDROBE")]
+    pub(crate) root: PathBuf,
+    /// Output folder; what is done there already is taken.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// A list of combinations (.toml or .json).
+    #[arg(
+        long,
+        value_name = "FILE",
+        required_unless_present = "random",
+        conflicts_with = "random"
+    )]
+    pub(crate) list: Option<PathBuf>,
+    /// Draw this many combinations.
+    #[arg(long, value_name = "N")]
+    pub(crate) random: Option<usize>,
+    /// For --random: the same seed draws the same.
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "random")]
+    pub(crate) seed: u64,
+    /// For --random: garments at least.
+    #[arg(long, value_name = "N", default_value_t = 2, requires = "random")]
+    pub(crate) least: usize,
+    /// For --random: garments at most.
+    #[arg(long, value_name = "N", default_value_t = 4, requires = "random")]
+    pub(crate) most: usize,
+    /// For --random: any order and any garments, also a coat below a T-shirt.
+    #[arg(long, requires = "random")]
+    pub(crate) any_order: bool,
+    /// For --random: bodies, which take turns; all by default.
+    #[arg(long, value_name = "NAME", requires = "random")]
+    pub(crate) body: Vec<String>,
+    #[command(flatten)]
+    pub(crate) params: ParamArgs,
+    /// Combinations done at once. More than one takes more memory, and pays where single steps do
+    /// not fill all cores.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub(crate) at_once: u16,
+    /// Do everything again.
+    #[arg(long)]
+    pub(crate) again: bool,
+    /// Do not write meshes.
+    #[arg(long)]
+    pub(crate) no_meshes: bool,
+    /// Do not draw.
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
+    /// Print one JSON line for each combination.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
 
 /// Pixels.
 const PICTURE_HEIGHT: u32 = 400;
@@ -31,7 +87,7 @@ const PICTURE_HEIGHT: u32 = 400;
 )]
 struct ListError {
     path: PathBuf,
-    source: Told,
+    source: ErrorChain,
 }
 
 /// Runs the command.
@@ -77,7 +133,7 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
                 }
             }
         }
-        if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if cancel::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let batch = BatchParams { at_once: usize::from(args.at_once), again: args.again };
     let done = batch::run(&args.out, &dresser, &combinations, &params, &batch, &watch);
@@ -118,8 +174,10 @@ fn combinations(wardrobe: &Wardrobe, args: &BatchArgs) -> Result<Vec<Combination
 }
 
 fn read(path: &Path) -> Result<Combinations, ListError> {
-    let fault =
-        |error: &dyn std::error::Error| ListError { path: path.into(), source: Told::new(error) };
+    let fault = |error: &dyn std::error::Error| ListError {
+        path: path.into(),
+        source: ErrorChain::new(error),
+    };
     let text = std::fs::read_to_string(path).map_err(|e| fault(&e))?;
     let list: Combinations = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
         serde_json::from_str(&text).map_err(|e| fault(&e))

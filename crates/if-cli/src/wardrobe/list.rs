@@ -1,14 +1,25 @@
 //! `ifg wardrobe list`.
 
-use super::args::ListArgs;
-use super::open;
+use super::opening::open;
 use crate::end::End;
 use crate::print::{print, print_json};
 use crate::table::{coloured, new_table};
+use clap::Args;
 use if_pipeline::asset::AssetInfo;
 use if_pipeline::wardrobe::Unreadable;
 use miette::Report;
 use serde_json::json;
+use std::path::PathBuf;
+
+#[derive(Args, Debug)]
+pub(crate) struct ListArgs {
+    /// The wardrobe's folder.
+    #[arg(value_name = "WARDROBE")]
+    pub(crate) root: PathBuf,
+    /// Print one JSON object, and no table.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
 
 /// Runs the command. Bodies and garments that cannot be read are told of on stderr, and in the exit
 /// code.

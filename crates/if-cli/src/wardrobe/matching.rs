@@ -1,22 +1,50 @@
 //! `ifg wardrobe match`.
 
-use super::args::MatchArgs;
-use super::{Fault, end_of, match_params, open};
+use super::opening::{Fault, open};
+use super::results::{end_of, match_params};
 use crate::cancel;
 use crate::end::End;
 use crate::errors::note;
+use crate::inputs::ParamArgs;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::staging::OutputError;
 use crate::table;
-use if_core::monitor::Progress;
+use clap::Args;
 use if_pipeline::wardrobe::WardrobeError;
 use if_pipeline::wardrobe::combination::Combination;
 use if_pipeline::wardrobe::dresser::Dresser;
 use if_pipeline::wardrobe::matching::{MatchParams, MatchResult, Placed, run_into_folder};
 use miette::Report;
-use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+#[derive(Args, Debug)]
+pub(crate) struct MatchArgs {
+    /// The wardrobe's folder.
+    #[arg(value_name = "WARDROBE")]
+    pub(crate) root: PathBuf,
+    /// Names of garments, innermost first.
+    #[arg(value_name = "GARMENTS", required = true)]
+    pub(crate) garments: Vec<String>,
+    /// Name of the body.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) body: String,
+    /// Output folder; the files of a result that stands there are replaced by those of one that is
+    /// no worse.
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    #[command(flatten)]
+    pub(crate) params: ParamArgs,
+    /// Write the meshes even where intersections are left.
+    #[arg(long)]
+    pub(crate) write_unproven: bool,
+    /// Do it again even if it is done.
+    #[arg(long)]
+    pub(crate) again: bool,
+    /// Print the result as JSON, and no tables.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
 
 /// Pixels.
 const PICTURE_HEIGHT: u32 = 640;
@@ -32,22 +60,18 @@ pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
     let combination = Combination { body: args.body.clone(), garments: args.garments.clone() };
     let dresser = Dresser::new(&wardrobe, params.align);
     let line = Line::new(&combination.to_string(), 0, 1);
-    line.say("aligning");
-    let mut watch = |progress: &Progress| {
-        line.show(progress);
-        if cancel::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    };
-    let done = run_into_folder(&args.out, &dresser, &combination, &params, args.again, &mut watch);
+    line.message("aligning");
+    let done = run_into_folder(&args.out, &dresser, &combination, &params, args.again, &mut &line);
     drop(line);
-    let done = done.map_err(|e| refused(&args.out, &combination, e))?;
-    let Some((result, placed)) = done else {
-        note(&format!("cancelled; `{}` was not written", args.out.display()));
-        return Ok(End::Cancelled);
+    let (result, placed) = match done {
+        Ok(done) => done,
+        Err(WardrobeError::Cancelled(_)) => return Ok(cancel::end(args.out.display())),
+        Err(error) => return Err(failure(&args.out, &combination, error)),
     };
     if args.json {
         print_json(&result)?;
     } else {
-        print(&told(&result, &args.out, placed))?;
+        print(&text(&result, &args.out, placed))?;
     }
     if let Some(error) = &result.error {
         note(&format!("{}: {}", error.kind, error.message));
@@ -61,8 +85,8 @@ pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
     Ok(end_of(result.state))
 }
 
-/// Why nothing was matched.
-fn refused(out: &Path, combination: &Combination, error: WardrobeError) -> Report {
+/// The error of a combination that was not resolved.
+fn failure(out: &Path, combination: &Combination, error: WardrobeError) -> Report {
     match error {
         WardrobeError::Busy { path } => OutputError::Busy { path }.into(),
         WardrobeError::Folder { path, source } if path.starts_with(out) => {
@@ -73,7 +97,7 @@ fn refused(out: &Path, combination: &Combination, error: WardrobeError) -> Repor
     }
 }
 
-fn told(result: &MatchResult, out: &Path, placed: Placed) -> String {
+fn text(result: &MatchResult, out: &Path, placed: Placed) -> String {
     let mut text = format!("{}\n", result.combination);
     for (name, a) in result.combination.garments.iter().zip(&result.alignments) {
         text += &format!(

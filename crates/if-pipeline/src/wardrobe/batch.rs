@@ -134,7 +134,7 @@ pub fn run(
         while !cancelled.load(Ordering::SeqCst) {
             let index = next.fetch_add(1, Ordering::SeqCst);
             let Some(combination) = combinations.get(index) else { break };
-            let mut tell = |progress: &Progress| {
+            let mut monitor = |progress: &Progress<'_>| {
                 if cancelled.load(Ordering::SeqCst)
                     || watch(&Event::Working(index, progress)).is_break()
                 {
@@ -143,13 +143,14 @@ pub fn run(
                 }
                 ControlFlow::Continue(())
             };
-            let one = || run_into(&results, dresser, combination, params, batch.again, &mut tell);
+            let one =
+                || run_into(&results, dresser, combination, params, batch.again, &mut monitor);
             let outcome = catch_unwind(AssertUnwindSafe(one)).unwrap_or_else(|panic| {
                 Err(WardrobeError::Panic { message: said(panic.as_ref()) })
             });
             let (entry, before) = match outcome {
-                Ok(Some((result, before))) => (entry(&result, results.parent()), before),
-                Ok(None) => {
+                Ok((result, before)) => (entry(&result, results.parent()), before),
+                Err(WardrobeError::Cancelled(_)) => {
                     cancelled.store(true, Ordering::SeqCst);
                     break;
                 }

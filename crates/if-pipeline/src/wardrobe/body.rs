@@ -8,7 +8,7 @@ use if_body::align::BodyShape;
 use if_core::aabb::Aabb;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
-use if_mesh::file::{Content, MeshFile};
+use if_mesh::file::{self, Content, MeshFile};
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
 use if_mesh::whole_folder::Writer;
 use if_outfit::content;
@@ -212,7 +212,7 @@ fn ply_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
         Content::Ply(ply) => ply::write(ply, &positions, &params, &mut bytes),
         _ => ply::write(&PlyMesh::new(mesh), &positions, &params, &mut bytes),
     };
-    written.map_err(|e| WardrobeError::Write { path: path.into(), source: e.into() })?;
+    written.map_err(|e| file::WriteError::Ply { path: path.into(), source: e.into() })?;
     Ok(bytes)
 }
 

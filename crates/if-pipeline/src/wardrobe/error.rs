@@ -6,9 +6,11 @@ use if_body::SkinError;
 use if_body::align::AlignError;
 use if_core::math::Real;
 use if_core::mesh::MeshError;
+use if_core::monitor::Cancelled;
 use if_core::parameter::ParameterError;
 use if_mesh::file;
 use if_mesh::ply;
+use if_outfit::files::FilesError;
 use if_outfit::outfit::OutfitError;
 use if_outfit::resolve::ResolveError;
 use if_render::PngError;
@@ -100,8 +102,14 @@ pub enum WardrobeError {
     #[error(transparent)]
     Picture(#[from] PngError),
     /// A mesh cannot be written.
-    #[error("{}: {source}", path.display())]
-    Write { path: PathBuf, source: Box<ply::WriteError> },
+    #[error(transparent)]
+    Write(#[from] file::WriteError),
+    /// A garment's file cannot hold the result.
+    #[error(transparent)]
+    Files(FilesError),
+    /// The monitor cancelled. Nothing is recorded.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     /// A report cannot be written.
     #[error("{message}")]
     Json { message: String },
@@ -150,16 +158,17 @@ impl WardrobeError {
             Self::Align { .. } => "align",
             Self::Outfit(_) | Self::Misfit(_) => "outfit",
             Self::Resolve(ResolveError::Remaining { .. }) => "remaining",
-            Self::Resolve(_) => "resolve",
+            Self::Resolve(_) | Self::Files(_) => "resolve",
             Self::PictureHeight { .. } | Self::Parameter(_) => "parameter",
-            Self::Picture(_) | Self::Write { .. } | Self::Json { .. } => "write",
+            Self::Picture(_) | Self::Write(_) | Self::Json { .. } => "write",
+            Self::Cancelled(_) => "cancelled",
             Self::Panic { .. } => "panic",
         }
     }
 
     /// Whether a later run may do better without any change of the inputs: such an end is not kept.
     pub(crate) fn is_passing(&self) -> bool {
-        matches!(self.kind(), "io" | "busy" | "write")
+        matches!(self.kind(), "io" | "busy" | "write" | "cancelled")
     }
 }
 

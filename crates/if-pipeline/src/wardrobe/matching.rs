@@ -18,13 +18,14 @@ use super::result_folder;
 use super::{Wardrobe, WardrobeError};
 use if_body::align::{AlignParams, AlignReport};
 use if_core::mesh::TriMesh;
-use if_core::monitor::Monitor;
-use if_mesh::ply::{self, PlyMesh};
+use if_core::monitor::{Cancelled, Monitor};
+use if_mesh::file::MeshFile;
 use if_mesh::whole_folder::Writer;
 use if_outfit::content::content;
+use if_outfit::files::{FilesError, OutfitFiles, ResolvedFiles};
 use if_outfit::outfit::Outfit;
 use if_outfit::report::ResolveReport;
-use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
+use if_outfit::resolve::{ResolveError, ResolveParams};
 use if_render::preview;
 use if_render::{Image, View};
 use serde::{Deserialize, Serialize};
@@ -152,11 +153,8 @@ pub struct Matched {
     pub result: MatchResult,
     /// As it was aligned, where it got so far.
     pub before: Option<Outfit>,
-    /// As it was resolved, as far as it went.
-    pub after: Option<Outfit>,
-    /// The file of each garment in the wardrobe, inner to outer, split where the garment was: what
-    /// is beside its positions is written again.
-    pub files: Vec<PlyMesh>,
+    /// As it was resolved, as far as it went, with the files of its garments.
+    pub after: Option<ResolvedFiles>,
     /// Pictures of the two.
     pub pictures: Option<[Image; 2]>,
     /// Seconds.
@@ -201,18 +199,16 @@ pub fn folder_name(key: &str) -> &str {
 
 /// Aligns and resolves a combination. What is wrong with it is part of the result.
 ///
-/// `monitor` receives progress and may cancel: then there is no result.
-///
 /// # Errors
 ///
 /// Parameters out of range, or a body or garment that the wardrobe does not have, so that nothing
-/// can be recorded under a key.
+/// can be recorded under a key; and [`WardrobeError::Cancelled`].
 pub fn run(
     dresser: &Dresser,
     combination: &Combination,
     params: &MatchParams,
     monitor: &mut dyn Monitor,
-) -> Result<Option<Matched>, WardrobeError> {
+) -> Result<Matched, WardrobeError> {
     params.validate()?;
     let start = Instant::now();
     let (key, request) = request(dresser.wardrobe(), combination, params)?;
@@ -230,15 +226,13 @@ pub fn run(
         },
         before: None,
         after: None,
-        files: Vec::new(),
         pictures: None,
         timings: Timings::default(),
     };
     let dressed = dresser.dress(combination);
     matched.timings.align = start.elapsed().as_secs_f64();
     match dressed.and_then(|dressed| settle(dressed, params, &mut matched, monitor)) {
-        Ok(true) => {}
-        Ok(false) => return Ok(None),
+        Ok(()) => {}
         Err(error) if error.is_passing() => return Err(error),
         Err(error) => {
             matched.result.error =
@@ -246,63 +240,60 @@ pub fn run(
         }
     }
     matched.timings.total = start.elapsed().as_secs_f64();
-    Ok(Some(matched))
+    Ok(matched)
 }
 
-/// Resolves and draws. False where it was cancelled.
+/// Resolves and draws.
 fn settle(
     dressed: Dressed,
     params: &MatchParams,
     matched: &mut Matched,
     monitor: &mut dyn Monitor,
-) -> Result<bool, WardrobeError> {
+) -> Result<(), WardrobeError> {
     let start = Instant::now();
     matched.result.alignments = dressed.garments.iter().map(|g| g.report).collect();
-    matched.files = dressed.garments.iter().map(|g| g.asset.file()).collect();
-    let outcome = resolve(&dressed.outfit, &params.resolve, monitor);
+    let files = dressed.garments.iter().map(|g| MeshFile::from_ply(g.asset.file())).collect();
+    let files = OutfitFiles::from_memory(dressed.outfit, files);
+    let outcome = files.resolve(&params.resolve, monitor);
     matched.timings.resolve = start.elapsed().as_secs_f64();
-    matched.before = Some(dressed.outfit);
-    let Resolved { outfit, report, splits } = match outcome {
+    matched.before = Some(files.outfit().clone());
+    let resolved = match outcome {
         Ok(resolved) => {
             matched.result.state = State::Clean;
             resolved
         }
-        Err(ResolveError::Cancelled(_)) => return Ok(false),
-        Err(error) => {
-            let fault = Fault { kind: "remaining".into(), message: error.to_string() };
-            let ResolveError::Remaining { result, .. } = error else {
-                return Err(WardrobeError::Resolve(error));
-            };
+        Err(FilesError::Unresolved { unresolved, result }) => {
+            let fault = Fault { kind: "remaining".into(), message: unresolved.to_string() };
             matched.result.state = State::Remaining;
             matched.result.error = Some(fault);
             *result
         }
-    };
-    for (file, split) in matched.files.iter_mut().zip(splits) {
-        if let Some(split) = split {
-            let mesh = split.of(file.mesh.vertices()).expect("middles of single precision");
-            *file =
-                ply::split(file, &split, mesh).expect("properties that were read with the mesh");
+        Err(FilesError::Resolve(ResolveError::Cancelled { .. })) => {
+            return Err(WardrobeError::Cancelled(Cancelled));
         }
-    }
-    matched.result.report = Some(report.without_seconds());
+        Err(FilesError::Resolve(error)) => return Err(WardrobeError::Resolve(error)),
+        Err(error) => return Err(WardrobeError::Files(error)),
+    };
+    matched.result.report = Some(resolved.report.clone().without_seconds());
     if params.picture_height > 0
         && let Some(before) = &matched.before
     {
         let drawing = Instant::now();
         let size = [params.picture_height * 5 / 8, params.picture_height];
-        matched.pictures = Some([before, &outfit].map(|o| preview(&meshes(o), &VIEWS, size)));
+        matched.pictures =
+            Some([before, &resolved.outfit].map(|o| preview(&meshes(o), &VIEWS, size)));
         matched.timings.pictures = drawing.elapsed().as_secs_f64();
     }
-    matched.after = Some(outfit);
-    Ok(true)
+    matched.after = Some(resolved);
+    Ok(())
 }
 
 fn meshes(outfit: &Outfit) -> Vec<&TriMesh> {
     outfit.layers().map(|l| &l.mesh).collect()
 }
 
-/// Does a combination, or takes what `results` holds of it already; nothing where it was cancelled.
+/// Resolves a combination, or takes what `results` holds of it already. Returns `true` in the second
+/// case.
 ///
 /// # Errors
 ///
@@ -314,17 +305,17 @@ pub fn run_into(
     params: &MatchParams,
     again: bool,
     monitor: &mut dyn Monitor,
-) -> Result<Option<(MatchResult, bool)>, WardrobeError> {
+) -> Result<(MatchResult, bool), WardrobeError> {
     let (key, _) = request(dresser.wardrobe(), combination, params)?;
     let name = folder_name(&key);
     if !again && let Some(found) = finished(&results.parent().join(name), &key) {
-        return Ok(Some((found, true)));
+        return Ok((found, true));
     }
-    let Some(mut matched) = run(dresser, combination, params, monitor)? else { return Ok(None) };
+    let mut matched = run(dresser, combination, params, monitor)?;
     results.write(name, |folder| {
         result_folder::fill(folder, &mut matched, params, dresser.wardrobe())
     })?;
-    Ok(Some((matched.result, false)))
+    Ok((matched.result, false))
 }
 
 /// Where a result of [`run_into_folder`] is.
@@ -339,8 +330,7 @@ pub enum Placed {
     Nowhere,
 }
 
-/// Does a combination into a folder of the user's, or takes what that holds of it already; nothing
-/// where it was cancelled.
+/// Resolves a combination into a folder of the user's, or takes what that holds of it already.
 ///
 /// The files of a result that stands there are replaced, those of others stay. A result that is
 /// worse than the one there (failed rather than clean, say) is not written, unless `params` ask for
@@ -357,12 +347,12 @@ pub fn run_into_folder(
     params: &MatchParams,
     again: bool,
     monitor: &mut dyn Monitor,
-) -> Result<Option<(MatchResult, Placed)>, WardrobeError> {
+) -> Result<(MatchResult, Placed), WardrobeError> {
     combination.check()?;
     params.validate()?;
     let (key, _) = request(dresser.wardrobe(), combination, params)?;
     if !again && let Some(found) = finished(out, &key) {
-        return Ok(Some((found, Placed::Before)));
+        return Ok((found, Placed::Before));
     }
     let names = result_folder::names(combination, params);
     result_folder::Earlier::of(out, &names)?; // a folder of the user's is not even locked
@@ -370,11 +360,11 @@ pub fn run_into_folder(
         Writer::open(out).map_err(|source| WardrobeError::Folder { path: out.into(), source })?;
     let writer = opened.ok_or_else(|| WardrobeError::Busy { path: out.into() })?;
     let earlier = result_folder::Earlier::of(out, &names)?;
-    let Some(mut matched) = run(dresser, combination, params, monitor)? else { return Ok(None) };
+    let mut matched = run(dresser, combination, params, monitor)?;
     let state = matched.result.state;
     let is_asked_for = params.unproven && state == State::Remaining;
     if !is_asked_for && earlier.state.is_some_and(|there| there < state) {
-        return Ok(Some((matched.result, Placed::Nowhere)));
+        return Ok((matched.result, Placed::Nowhere));
     }
     writer.write_files(&earlier.files, |folder| {
         result_folder::fill(folder, &mut matched, params, dresser.wardrobe())?;
@@ -386,7 +376,7 @@ pub fn run_into_folder(
             result_folder::OWN.map(str::to_owned).into_iter().chain(outputs).collect(),
         ))
     })?;
-    Ok(Some((matched.result, Placed::Written)))
+    Ok((matched.result, Placed::Written))
 }
 
 /// The result that a folder holds, where it is that of `key` and all its files are as it says. One

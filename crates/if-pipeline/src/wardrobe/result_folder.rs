@@ -4,8 +4,6 @@ use super::combination::Combination;
 use super::matching::{MatchParams, MatchResult, Matched, State, Timings};
 use super::{Wardrobe, WardrobeError, pages};
 use crate::asset::FileInfo;
-use if_core::math::Point;
-use if_mesh::ply::{self, PlyMesh, WriteParams};
 use if_mesh::whole_folder;
 use if_outfit::content::{content, of_file};
 use serde::{Deserialize, Serialize};
@@ -112,28 +110,32 @@ pub(super) fn fill(
 ) -> Result<(), WardrobeError> {
     let start = Instant::now();
     let mut outputs = Vec::new();
-    let mut store = |name: &str, bytes: &[u8]| -> Result<(), WardrobeError> {
+    let store = |name: &str, bytes: &[u8]| -> Result<FileInfo, WardrobeError> {
         let path = folder.join(name);
         fs::write(&path, bytes).map_err(|source| WardrobeError::Folder { path, source })?;
-        outputs.push(FileInfo { file: name.into(), content: content(bytes) });
-        Ok(())
+        Ok(FileInfo { file: name.into(), content: content(bytes) })
     };
     let proven = matched.result.state == State::Clean || params.unproven;
-    if let (true, true, Some(outfit)) = (params.meshes, proven, &matched.after) {
-        for (layer, file) in outfit.garments.iter().zip(&matched.files) {
-            let name = mesh_name(&layer.name);
-            store(&name, &mesh_bytes(&folder.join(&name), file, layer.mesh.vertices())?)?;
+    if let (true, true, Some(resolved)) = (params.meshes, proven, &matched.after) {
+        for (k, garment) in resolved.outfit.garments.iter().enumerate() {
+            let file = mesh_name(&garment.name);
+            let path = folder.join(&file);
+            resolved.write_garment(k, &path)?;
+            let content =
+                of_file(&path).map_err(|source| WardrobeError::Folder { path, source })?;
+            outputs.push(FileInfo { file, content });
         }
         if params.body {
-            // No garment bears its name, or it would be no outfit.
-            store(&mesh_name(&outfit.body.name), &wardrobe.body_file(&outfit.body.name)?)?;
+            // The names of layers differ, so this replaces no garment.
+            let body = &resolved.outfit.body.name;
+            outputs.push(store(&mesh_name(body), &wardrobe.body_file(body)?)?);
         }
     }
     let mut pngs = Vec::new();
     for (name, image) in PICTURES.iter().zip(matched.pictures.iter().flatten()) {
         let mut png = Vec::new();
         image.write_png(&mut png)?;
-        store(name, &png)?;
+        outputs.push(store(name, &png)?);
         pngs.push(png);
     }
     matched.result.outputs = outputs;
@@ -145,14 +147,6 @@ pub(super) fn fill(
     let page = pages::result(&matched.result, &matched.timings, &pngs);
     let path = folder.join(REPORT);
     fs::write(&path, page).map_err(|source| WardrobeError::Folder { path, source })
-}
-
-/// A garment's file with its vertices elsewhere. Normals turn with the surface.
-fn mesh_bytes(path: &Path, file: &PlyMesh, positions: &[Point]) -> Result<Vec<u8>, WardrobeError> {
-    let mut bytes = Vec::new();
-    ply::write(file, positions, &WriteParams::default(), &mut bytes)
-        .map_err(|e| WardrobeError::Write { path: path.into(), source: e.into() })?;
-    Ok(bytes)
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WardrobeError> {

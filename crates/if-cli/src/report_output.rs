@@ -1,17 +1,19 @@
-//! Says how an outfit went: tables for people, one line of a batch, or JSON.
+//! Reports how an outfit ended: tables for people, one line of a batch, or JSON.
 
+use crate::cancel;
 use crate::end::End;
 use crate::errors::{self, ErrorJson};
+use crate::file_record::OutputFile;
 use crate::outfit_file::OutfitSpec;
-use crate::print::{print, print_json};
-use crate::receipt::{self, Output};
+use crate::print::{note_lines, print, print_json};
+use crate::receipt;
 use crate::resolve_outfit::{Done, Outcome};
 use crate::table;
 use miette::Report;
 use serde_json::json;
 use std::path::Path;
 
-/// How much to say.
+/// How much to print.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Style {
     /// Tables.
@@ -22,7 +24,7 @@ pub(crate) enum Style {
     Json,
 }
 
-/// Says how one outfit went.
+/// Reports how one outfit ended.
 pub(crate) fn outcome(
     spec: &OutfitSpec,
     out: &Path,
@@ -34,8 +36,7 @@ pub(crate) fn outcome(
     }
     let done = match outcome {
         Outcome::Cancelled => {
-            errors::note(&format!("cancelled; `{}` was not written", spec.name));
-            return Ok(End::Cancelled);
+            return Ok(cancel::end(&spec.name));
         }
         Outcome::Finished => {
             if style != Style::Json {
@@ -54,8 +55,8 @@ pub(crate) fn outcome(
         Style::Tables => print(&in_tables(spec, out, &done))?,
     }
     let end = done.end();
-    if let Some(left) = done.left {
-        errors::show(&left.into());
+    if let Some(unresolved) = done.unresolved {
+        errors::show(&unresolved.into());
     }
     Ok(end)
 }
@@ -75,11 +76,6 @@ pub(crate) fn title(spec: &OutfitSpec) -> String {
     format!("{}: {} over {}\n\n", spec.name, garments.join(" < "), spec.body.name)
 }
 
-/// One line for each note.
-pub(crate) fn notes(notes: &[String]) -> String {
-    notes.iter().map(|note| format!("Note: {note}\n")).collect()
-}
-
 fn in_tables(spec: &OutfitSpec, out: &Path, done: &Done) -> String {
     let skipped = table::skipped(&done.report.layers).map_or(String::new(), |line| line + "\n");
     let written = match done.outputs.as_slice() {
@@ -93,7 +89,7 @@ fn in_tables(spec: &OutfitSpec, out: &Path, done: &Done) -> String {
         title(spec),
         table::resolved(&done.report, table::coloured()),
         skipped,
-        notes(&done.notes),
+        note_lines(&done.notes),
         format!(
             "{}, {:.2} s\n",
             table::totals(&done.report.before, &done.report.after),
@@ -104,7 +100,7 @@ fn in_tables(spec: &OutfitSpec, out: &Path, done: &Done) -> String {
     .concat()
 }
 
-fn named(output: &Output) -> String {
+fn named(output: &OutputFile) -> String {
     let note = if output.unchanged == Some(true) { " (unchanged)" } else { "" };
     format!("{}{note}", output.file)
 }
@@ -119,7 +115,7 @@ fn in_one_line(name: &str, out: &Path, done: &Done) -> String {
         moved * 1e3,
         done.seconds
     );
-    line + &notes(&done.notes)
+    line + &note_lines(&done.notes)
 }
 
 fn print_outcome_json(name: &str, out: &Path, outcome: &Outcome) -> Result<(), Report> {

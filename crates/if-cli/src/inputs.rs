@@ -1,0 +1,35 @@
+//! Arguments that several commands have: which outfits, and which parameters.
+
+use crate::values::{assignment, length, positive};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Which outfits.
+#[derive(Args, Debug, Clone)]
+pub(crate) struct InputArgs {
+    /// Outfit files (.toml); or, with --body, the garments (.ply, .obj), innermost first.
+    #[arg(required = true, value_name = "FILES")]
+    pub(crate) files: Vec<PathBuf>,
+    /// The body: closed, wound outwards, in metres. It never moves.
+    #[arg(long, value_name = "MESH")]
+    pub(crate) body: Option<PathBuf>,
+    /// Factor from the units of the files to metres, such as 0.001 for millimetres; output files
+    /// keep the units of the input.
+    #[arg(long, value_name = "FACTOR", value_parser = positive)]
+    pub(crate) scale: Option<f64>,
+    /// Print reports as JSON on stdout, one line an outfit, and no tables.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// What to aim at.
+#[derive(Args, Debug, Clone, Default)]
+pub(crate) struct ParamArgs {
+    /// Gap to keep between layers, with a unit: 0.5mm, 0.0005m; metres without one.
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
+    pub(crate) clearance: Option<f64>,
+    /// Any other parameter, as in the `params` table of an outfit file; may be given more than
+    /// once.
+    #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
+    pub(crate) set: Vec<(String, toml::Value)>,
+}

@@ -1,0 +1,23 @@
+//! Notes on what an output does not keep of its input.
+
+use if_mesh::ply::PlyMesh;
+
+/// Notes on what is lost where only the vertices of a PLY file are kept.
+pub(crate) fn not_kept(ply: &PlyMesh) -> Vec<String> {
+    let mut notes = Vec::new();
+    let faces: Vec<&str> = ply.face_properties.iter().map(|p| p.name.as_str()).collect();
+    if !faces.is_empty() {
+        notes.push(format!("properties of faces are not kept: {}", faces.join(", ")));
+    }
+    let others: Vec<&str> = ply.other_elements.iter().map(|e| e.name.as_str()).collect();
+    if !others.is_empty() {
+        notes.push(format!(
+            "elements beside vertices and faces are not kept: {}",
+            others.join(", ")
+        ));
+    }
+    if ply.polygons.is_some() {
+        notes.push("faces of more than three corners are written as triangles".into());
+    }
+    notes
+}

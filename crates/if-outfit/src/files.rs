@@ -1,0 +1,290 @@
+//! Outfits as files: read, checked, resolved, verified exactly as they are stored, and written back.
+//!
+//! [`OutfitFiles::read`] takes mesh files (PLY, OBJ) in any unit. [`OutfitFiles::resolve`] resolves
+//! the outfit in metres, brings the result into the units and the precision of each file, splits
+//! attributes where triangles were split, and verifies exactly the positions that a reader of the
+//! files gets. [`ResolvedFiles::write`] writes each garment back with its triangles, their order and
+//! all its attributes, in the format it came in. A garment that did not move is a byte-for-byte
+//! copy.
+//!
+//! # Examples
+//!
+//! ```
+//! # use if_body::mannequin::{self, Garment, MannequinParams};
+//! # use if_mesh::ply::{PlyMesh, WriteParams, write_path};
+//! # let folder = tempfile::tempdir()?;
+//! # let scene = MannequinParams { resolution: 0.7, ..Default::default() };
+//! # let store = |name: &str, mesh| -> Result<_, Box<dyn std::error::Error>> {
+//! #     let (path, ply) = (folder.path().join(name), PlyMesh::new(mesh));
+//! #     write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &path)?;
+//! #     Ok(path)
+//! # };
+//! # let body = store("body.ply", mannequin::body(&scene))?;
+//! # let tshirt = store("tshirt.ply", mannequin::garment(Garment::Tshirt, &scene))?;
+//! # let out = folder.path().join("out");
+//! use if_core::monitor::Silent;
+//! use if_outfit::files::{LayerFile, OutfitFiles};
+//! use if_outfit::resolve::ResolveParams;
+//!
+//! let files = OutfitFiles::read(LayerFile::new(body), vec![LayerFile::new(tshirt)], 1.0)?;
+//! let resolved = files.resolve(&ResolveParams::default(), &mut Silent)?;
+//! resolved.write(&out)?; // out/tshirt.ply
+//! assert!(resolved.report.is_proven());
+//! # assert!(out.join("tshirt.ply").is_file());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod error;
+mod notes;
+mod resolved;
+
+pub use error::FilesError;
+pub use resolved::ResolvedFiles;
+
+use crate::outfit::{Layer, Outfit, OutfitError};
+use crate::report::Verification;
+use crate::resolve::{ResolveError, ResolveParams, Resolved, resolve};
+use crate::storage::Storage;
+use crate::unresolved::Unresolved;
+use crate::verify::verify;
+use if_core::math::{Point, Real};
+use if_core::monitor::Monitor;
+use if_mesh::file::MeshFile;
+use if_mesh::split::Split;
+use rayon::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A mesh file and the name of its layer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LayerFile {
+    /// What reports and errors call the layer.
+    pub name: String,
+    /// The file (`.ply`, `.obj`).
+    pub path: PathBuf,
+}
+
+impl LayerFile {
+    /// A layer named after its file, without the extension.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        let path = path.into();
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Self { name, path }
+    }
+}
+
+/// An outfit and the files that hold it.
+#[derive(Clone, Debug)]
+pub struct OutfitFiles {
+    /// In metres.
+    outfit: Outfit,
+    /// The body's file; `None` for an outfit from memory.
+    body: Option<MeshFile>,
+    /// Of the garments, inner to outer.
+    files: Vec<Arc<MeshFile>>,
+    /// Of the garments; empty for those from memory.
+    paths: Vec<PathBuf>,
+    /// From the units of the files to metres.
+    scale: Real,
+}
+
+impl OutfitFiles {
+    /// Reads a body and its garments, inner to outer, and checks that they are a valid outfit.
+    /// `scale` is the factor from the units of the files to metres, such as 0.001 for millimetres.
+    ///
+    /// # Errors
+    ///
+    /// A scale that is not positive, a file that cannot be read, or an invalid outfit
+    /// ([`Outfit::new`]).
+    pub fn read(
+        body: LayerFile,
+        garments: Vec<LayerFile>,
+        scale: Real,
+    ) -> Result<Self, FilesError> {
+        if !(scale.is_finite() && scale > 0.0) {
+            return Err(FilesError::ScaleRange { scale });
+        }
+        let layers: Vec<&LayerFile> = std::iter::once(&body).chain(&garments).collect();
+        let read = |layer: &&LayerFile| {
+            MeshFile::read(&layer.path)
+                .map_err(|source| FilesError::Read { layer: layer.name.clone(), source })
+        };
+        // All are read before the first error is returned, so that it is the same on any number of
+        // threads.
+        let files: Vec<_> = layers.par_iter().map(read).collect();
+        let mut files = files.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let in_metres = |(layer, file): (&&LayerFile, &MeshFile)| to_layer(layer, file, scale);
+        let mut meshes = layers.iter().zip(&files).map(in_metres).collect::<Result<Vec<_>, _>>()?;
+        let outfit = Outfit::new(meshes.remove(0), meshes).map_err(|source| {
+            let LayerFile { name: layer, path } = faulty(&body, &garments, &source).clone();
+            FilesError::Outfit { layer, path, source }
+        })?;
+        let body = Some(files.remove(0));
+        let files = files.into_iter().map(Arc::new).collect();
+        let paths = garments.into_iter().map(|layer| layer.path).collect();
+        Ok(Self { outfit, body, files, paths, scale })
+    }
+
+    /// An outfit from memory whose garments will be stored as `files`, in metres. Each file has the
+    /// triangles and the vertex order of its garment; its vertices may be elsewhere, such as in
+    /// another pose.
+    ///
+    /// Each garment's [`Layer::storage`] is set to that of its file.
+    ///
+    /// # Panics
+    ///
+    /// If the files are not as many as the garments.
+    pub fn from_memory(mut outfit: Outfit, files: Vec<MeshFile>) -> Self {
+        assert_eq!(outfit.garments.len(), files.len(), "one file for each garment");
+        for (garment, file) in outfit.garments.iter_mut().zip(&files) {
+            garment.storage = Storage::of(file);
+        }
+        let paths = vec![PathBuf::new(); files.len()];
+        let files = files.into_iter().map(Arc::new).collect();
+        Self { outfit, body: None, files, paths, scale: 1.0 }
+    }
+
+    /// The outfit in metres.
+    pub fn outfit(&self) -> &Outfit {
+        &self.outfit
+    }
+
+    /// The body's file, then the garments', inner to outer. An outfit from memory has no file of
+    /// its body.
+    pub fn files(&self) -> impl Iterator<Item = &MeshFile> {
+        self.body.iter().chain(self.files.iter().map(Arc::as_ref))
+    }
+
+    /// What a person should know about the meshes. None of it stops the work.
+    pub fn notes(&self) -> Vec<String> {
+        notes::of(self)
+    }
+
+    /// Verifies the outfit as it is stored, without changing it ([`verify`]).
+    ///
+    /// # Errors
+    ///
+    /// None that [`OutfitFiles::read`] has not returned before; an outfit from memory may be
+    /// invalid.
+    pub fn verify(&self) -> Result<Verification, OutfitError> {
+        verify(&self.outfit)
+    }
+
+    /// Resolves the outfit ([`resolve`]), and verifies exactly what [`ResolvedFiles::write`] stores.
+    ///
+    /// # Errors
+    ///
+    /// [`FilesError::Unresolved`] if intersections remain, with the result as far as it came; as
+    /// [`resolve`] otherwise; and a file that cannot hold its split triangles.
+    pub fn resolve(
+        &self,
+        params: &ResolveParams,
+        monitor: &mut dyn Monitor,
+    ) -> Result<ResolvedFiles, FilesError> {
+        let Resolved { outfit, mut report, splits } = match resolve(&self.outfit, params, monitor) {
+            Ok(resolved) => resolved,
+            Err(ResolveError::Remaining { result, .. }) => *result,
+            Err(error) => return Err(FilesError::Resolve(error)),
+        };
+        let fine = self.split(&splits)?;
+        let positions = fine.positions(&outfit);
+        let stored = fine.outfit_of(&positions)?;
+        // Files in other units round differently, and so may vertices that splitting made, in one
+        // step here where the solver made them in several.
+        if splits.iter().any(Option::is_some) || stored != outfit {
+            report.after =
+                verify(&stored).map_err(ResolveError::from).map_err(FilesError::Resolve)?;
+            for (layer, own) in report.layers.iter_mut().zip(&report.after.own_pairs) {
+                layer.own_pairs[1] = *own;
+            }
+        }
+        let resolved = Resolved { outfit: stored, report, splits };
+        let unresolved = Unresolved::of(&self.outfit, &resolved);
+        let Resolved { outfit, report, .. } = resolved;
+        let resolved = ResolvedFiles::new(outfit, report, fine.files, fine.paths, positions);
+        match unresolved {
+            None => Ok(resolved),
+            Some(unresolved) => {
+                Err(FilesError::Unresolved { unresolved, result: Box::new(resolved) })
+            }
+        }
+    }
+
+    /// The same outfit with triangles split, in the files too.
+    fn split(&self, splits: &[Option<Split>]) -> Result<Self, FilesError> {
+        let mut fine = self.clone();
+        for (k, split) in splits.iter().enumerate() {
+            let Some(split) = split else { continue };
+            let file = self.files[k].split(split).map_err(|source| FilesError::Split {
+                layer: self.outfit.garments[k].name.clone(),
+                path: self.paths[k].clone(),
+                source,
+            })?;
+            fine.files[k] = Arc::new(file);
+            fine.outfit.garments[k].mesh = split.mesh.clone();
+        }
+        Ok(fine)
+    }
+
+    /// The positions of each garment of `moved` as a reader of its file gets them, in the units of
+    /// the file. Vertices that did not move keep the bits of the file.
+    fn positions(&self, moved: &Outfit) -> Vec<Vec<Point>> {
+        let garments = self.outfit.garments.iter().zip(&moved.garments).zip(&self.files);
+        let stored = |((came, moved), file): ((&Layer, &Layer), &Arc<MeshFile>)| {
+            let vertices = came.mesh.vertices().iter().zip(moved.mesh.vertices());
+            let back = |((came, moved), original): ((&Point, &Point), &Point)| {
+                // The file of a garment from memory may hold another pose.
+                let is_original = moved == came && original * self.scale == *came;
+                if is_original { *original } else { moved / self.scale }
+            };
+            let back: Vec<Point> = vertices.zip(file.mesh().vertices()).map(back).collect();
+            file.positions_as_written(&back)
+        };
+        garments.map(stored).collect()
+    }
+
+    /// The outfit in metres of positions in the units of the files.
+    fn outfit_of(&self, positions: &[Vec<Point>]) -> Result<Outfit, FilesError> {
+        let mut outfit = self.outfit.clone();
+        for (k, (garment, positions)) in outfit.garments.iter_mut().zip(positions).enumerate() {
+            let in_metres = positions.iter().map(|p| p * self.scale).collect();
+            garment.mesh = garment.mesh.with_vertices(in_metres).map_err(|source| {
+                let layer = garment.name.clone();
+                FilesError::Scale { layer, path: self.paths[k].clone(), scale: self.scale, source }
+            })?;
+        }
+        Ok(outfit)
+    }
+}
+
+/// A layer in metres.
+fn to_layer(layer: &LayerFile, file: &MeshFile, scale: Real) -> Result<Layer, FilesError> {
+    let LayerFile { name, path } = layer.clone();
+    let mesh = file.mesh().scaled(scale).map_err(|source| FilesError::Scale {
+        layer: name.clone(),
+        path,
+        scale,
+        source,
+    })?;
+    // What is stored in other units is not rounded in metres. `OutfitFiles::resolve` rounds and
+    // verifies it at the end.
+    let storage = if scale == 1.0 { Storage::of(file) } else { Storage::F64 };
+    Ok(Layer { storage, ..Layer::new(name, mesh) })
+}
+
+/// The layer that the error is about.
+fn faulty<'a>(
+    body: &'a LayerFile,
+    garments: &'a [LayerFile],
+    error: &OutfitError,
+) -> &'a LayerFile {
+    match error {
+        OutfitError::Empty { layer }
+        | OutfitError::DuplicateName { layer }
+        | OutfitError::TooLarge { layer, .. }
+        | OutfitError::FarFromBody { layer, .. } => {
+            garments.iter().rfind(|garment| garment.name == *layer).unwrap_or(body)
+        }
+        _ => body,
+    }
+}

@@ -1,0 +1,54 @@
+//! Errors of outfits as files.
+
+use super::ResolvedFiles;
+use crate::outfit::OutfitError;
+use crate::resolve::ResolveError;
+use crate::unresolved::Unresolved;
+use if_core::math::Real;
+use if_core::mesh::MeshError;
+use if_mesh::file::{ReadError, SplitError, WriteError};
+use std::path::PathBuf;
+
+/// An outfit cannot be read, resolved or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // The messages name the fields.
+pub enum FilesError {
+    /// The factor to metres is out of range.
+    #[error(
+        "the scale is {scale}; it must be a positive number, such as 0.001 for files in millimetres"
+    )]
+    ScaleRange { scale: Real },
+    /// A file cannot be read.
+    #[error("cannot read layer `{layer}`: {source}")]
+    Read { layer: String, source: ReadError },
+    /// A mesh is not finite in metres, or in the units of its file.
+    #[error("`{}` ({layer}) cannot be scaled by {scale}: {source}", path.display())]
+    Scale { layer: String, path: PathBuf, scale: Real, source: MeshError },
+    /// The layers are not a valid outfit.
+    #[error("`{}` ({layer}) does not fit into an outfit: {source}", path.display())]
+    Outfit { layer: String, path: PathBuf, source: OutfitError },
+    /// A parameter is out of range, the monitor cancelled, or the outfit is invalid.
+    #[error(transparent)]
+    Resolve(ResolveError),
+    /// A file cannot hold its triangles split.
+    #[error("the triangles of `{}` ({layer}) cannot be split: {source}", path.display())]
+    Split { layer: String, path: PathBuf, source: SplitError },
+    /// Intersections remain in what would be stored.
+    #[error("{unresolved}")]
+    Unresolved {
+        /// Which.
+        unresolved: Unresolved,
+        /// The result as far as it came.
+        result: Box<ResolvedFiles>,
+    },
+    /// A garment cannot be written.
+    #[error("cannot write layer `{layer}`: {source}")]
+    Write { layer: String, source: WriteError },
+    /// Two garments have one file name, so that one output would replace the other.
+    #[error("garments `{first}` and `{second}` would both be written to `{}`; rename a file", file.display())]
+    SameFile { first: String, second: String, file: PathBuf },
+    /// The output folder cannot be made.
+    #[error("cannot make folder `{}`: {source}", path.display())]
+    Folder { path: PathBuf, source: std::io::Error },
+}

@@ -1,0 +1,199 @@
+//! What is not proven of a resolved outfit.
+
+use crate::outfit::Outfit;
+use crate::report::{PairReport, ResolveReport};
+use crate::resolve::Resolved;
+use if_mesh::index::Bvh;
+use if_mesh::intersections::{own_pairs, pairs};
+use std::collections::BTreeSet;
+use std::fmt;
+
+/// Intersections that could not be removed: those between layers, with the two layers where most
+/// remain, and those that a garment newly has with itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Unresolved {
+    /// What remains between layers; `None` if nothing does.
+    pub between: Option<Between>,
+    /// Garments that intersect themselves more than before, and in how many more pairs.
+    pub own: Vec<(String, usize)>,
+    /// Some of the triangle pairs: (triangle of the inner layer, of the outer layer) of the worst
+    /// two layers; or new pairs of the garment that newly intersects itself most, if nothing
+    /// remains between layers. Empty if only vertices are on a wrong side.
+    pub triangles: Vec<[u32; 2]>,
+}
+
+/// What remains between layers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Between {
+    /// Intersecting triangle pairs of all layers.
+    pub pairs: usize,
+    /// Vertices on the wrong side of a layer below, of all layers.
+    pub inside: usize,
+    /// The upper one of the two layers where most remains.
+    pub outer: String,
+    /// The lower one.
+    pub inner: String,
+}
+
+/// The largest number of triangle pairs in [`Unresolved::triangles`].
+const NAMED: usize = 16;
+
+impl Unresolved {
+    /// Finds what remains in `resolved`, which was resolved from `given`; `None` if it is proven
+    /// ([`ResolveReport::is_proven`]).
+    pub(crate) fn of(given: &Outfit, resolved: &Resolved) -> Option<Self> {
+        let mut found = Self::in_report(&resolved.report)?;
+        found.triangles = match (&found.between, found.own.iter().max_by_key(|own| own.1)) {
+            (Some(between), _) => between.triangles(&resolved.outfit),
+            (None, Some((name, _))) => new_own_triangles(name, given, resolved),
+            (None, None) => Vec::new(),
+        };
+        Some(found)
+    }
+
+    /// What remains according to a report, without triangles; `None` if it is proven.
+    pub fn in_report(report: &ResolveReport) -> Option<Self> {
+        if report.is_proven() {
+            return None;
+        }
+        let count = |p: &&PairReport| (p.pairs.total(), p.vertices_inside);
+        let after = &report.after;
+        let worst = after.pairs.iter().max_by_key(count).filter(|p| !p.is_clean());
+        let between = worst.map(|worst| Between {
+            pairs: after.total_pairs(),
+            inside: after.total_inside(),
+            outer: worst.outer.clone(),
+            inner: worst.inner.clone(),
+        });
+        let more = report
+            .layers
+            .iter()
+            .map(|l| (l.name.clone(), l.own_pairs[1].saturating_sub(l.own_pairs[0])));
+        let own = more.filter(|(_, n)| *n > 0).collect();
+        Some(Self { between, own, triangles: Vec::new() })
+    }
+}
+
+impl Between {
+    /// Some of the triangle pairs of the worst two layers.
+    fn triangles(&self, outfit: &Outfit) -> Vec<[u32; 2]> {
+        let tree = |name: &str| {
+            outfit.layers().find(|layer| layer.name == name).map(|layer| Bvh::new(&layer.mesh))
+        };
+        let (Some(inner), Some(outer)) = (tree(&self.inner), tree(&self.outer)) else {
+            return Vec::new();
+        };
+        pairs(&inner, &outer).iter().take(NAMED).map(|p| [p.a, p.b]).collect()
+    }
+}
+
+/// Some of the triangle pairs in which the garment `name` newly intersects itself.
+fn new_own_triangles(name: &str, given: &Outfit, resolved: &Resolved) -> Vec<[u32; 2]> {
+    let own = |outfit: &Outfit| -> Vec<[u32; 2]> {
+        let garment = outfit.garments.iter().find(|garment| garment.name == name);
+        let pairs = garment.map(|g| own_pairs(&g.mesh, &Bvh::new(&g.mesh))).unwrap_or_default();
+        pairs.iter().map(|p| [p.a, p.b]).collect()
+    };
+    // Triangles that were split have other numbers than those that came.
+    let index = given.garments.iter().position(|garment| garment.name == name);
+    let is_split = index.is_some_and(|k| resolved.splits[k].is_some());
+    let before: BTreeSet<[u32; 2]> =
+        if is_split { BTreeSet::new() } else { own(given).into_iter().collect() };
+    own(&resolved.outfit).into_iter().filter(|p| !before.contains(p)).take(NAMED).collect()
+}
+
+impl fmt::Display for Unresolved {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let between = self.between.iter().map(|b| {
+            let Between { pairs, inside, outer, inner } = b;
+            format!(
+                "{pairs} intersecting triangle pairs and {inside} vertices on a wrong side, most \
+                 of them of `{outer}` over `{inner}`,"
+            )
+        });
+        let own = self
+            .own
+            .iter()
+            .map(|(name, n)| format!("{n} new intersections of `{name}` with itself"));
+        let parts: Vec<String> = between.chain(own).collect();
+        write!(f, "{} remain", parts.join(" and "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::outfit::Layer;
+    use crate::report::{LayerReport, PairCount};
+    use if_core::math::{Point, Real};
+    use if_core::mesh::TriMesh;
+    use if_core::shapes::meshes::icosphere;
+
+    fn layer(name: &str, own_pairs: [usize; 2]) -> LayerReport {
+        LayerReport { name: name.into(), own_pairs, ..LayerReport::default() }
+    }
+
+    #[test]
+    fn the_worst_pair_of_layers_is_named_and_a_clean_outfit_has_none() {
+        let pair = |outer: &str, crossing, vertices_inside| PairReport {
+            inner: "body".into(),
+            outer: outer.into(),
+            pairs: PairCount { crossing, ..Default::default() },
+            vertices_inside,
+            vertices: 10,
+            deepest: 0.0,
+        };
+        let found = |pairs| {
+            let mut report = ResolveReport::default();
+            report.after.pairs = pairs;
+            Unresolved::in_report(&report)
+        };
+        assert!(found(vec![pair("a", 0, 0)]).is_none());
+        let text = found(vec![pair("a", 1, 0), pair("b", 3, 5)]).unwrap().to_string();
+        assert_eq!(
+            text,
+            "4 intersecting triangle pairs and 5 vertices on a wrong side, most of them of `b` \
+             over `body`, remain"
+        );
+        let outer = |pairs| found(pairs).unwrap().between.unwrap().outer;
+        assert_eq!(outer(vec![pair("a", 1, 0), pair("b", 3, 0), pair("c", 2, 9)]), "b");
+        assert_eq!(outer(vec![pair("a", 0, 1), pair("b", 0, 2)]), "b");
+    }
+
+    #[test]
+    fn new_own_intersections_are_unresolved_and_old_ones_are_not() {
+        let found = |layers| Unresolved::in_report(&ResolveReport { layers, ..Default::default() });
+        assert!(found(vec![layer("a", [7, 7]), layer("b", [9, 2])]).is_none());
+        let text = found(vec![layer("a", [7, 7]), layer("coat", [1, 3])]).unwrap().to_string();
+        assert_eq!(text, "2 new intersections of `coat` with itself remain");
+    }
+
+    #[test]
+    fn the_triangles_of_new_own_intersections_are_named() {
+        let corner = |x: Real, y: Real, z: Real| Point::new(x, y, z);
+        // Two triangles that cross as they came, and one that crosses the first in the result.
+        let flat = |y| [corner(0.0, y, 0.0), corner(1.0, y, 0.0), corner(0.0, y, 1.0)];
+        let upright = |x| [corner(x, -0.5, 0.2), corner(x, 0.5, 0.2), corner(x, 0.5, 0.3)];
+        let with = |x| {
+            TriMesh::new(
+                [flat(0.0), upright(0.2), upright(x)].concat(),
+                vec![[0, 1, 2], [3, 4, 5], [6, 7, 8]],
+            )
+            .unwrap()
+        };
+        let outfit = |shirt| Outfit {
+            body: Layer::new("body", icosphere(1.0, 1)),
+            garments: vec![Layer::new("vest", icosphere(1.1, 1)), Layer::new("shirt", shirt)],
+        };
+        let report = ResolveReport {
+            layers: vec![layer("vest", [0, 0]), layer("shirt", [1, 2])],
+            ..ResolveReport::default()
+        };
+        let resolved = Resolved { outfit: outfit(with(0.3)), splits: vec![None, None], report };
+        let found = Unresolved::of(&outfit(with(5.0)), &resolved).unwrap();
+        assert_eq!(found.triangles, vec![[0, 2]]);
+        assert_eq!(found.to_string(), "1 new intersections of `shirt` with itself remain");
+    }
+}
