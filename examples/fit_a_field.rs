@@ -6,6 +6,7 @@
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
+use if_garments::Silent;
 use if_garments::core::field::SignedDistance;
 use if_garments::core::math::Point;
 use if_garments::core::shapes::meshes::torus;
@@ -16,7 +17,6 @@ use if_garments::neural::fit::{Fit, FitParams};
 use if_garments::neural::network::NetworkConfig;
 use if_garments::neural::sampling::SamplingParams;
 use if_garments::neural::target::Target;
-use std::ops::ControlFlow;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let truth = MeshSdf::closed(&torus(0.3, 0.1, 96, 48))?;
@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let target = Target::Field(&truth);
     let (set, mut network) = target.begin(&config, &sampling)?;
     let params = FitParams { steps: Some(50), loss: target.loss(), ..config.fit_params() };
-    let report = Fit::new(params)?.run(&mut network, &set, &mut |_| ControlFlow::Continue(()))?;
+    let report = Fit::new(params)?.run(&mut network, &set, &mut Silent)?;
     println!("{} steps, mean error {:.3} mm", report.steps, 1e3 * report.error.mean);
     assert!(report.error.mean < 1e-3);
 

@@ -5,6 +5,7 @@ use crate::fields::{Fault, Hostile, Solid};
 use crate::files::mutated;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
+use if_core::monitor::Silent;
 use if_neural::adam::AdamParams;
 use if_neural::cloud::OrientedPoints;
 use if_neural::deformation::DeformationNetwork;
@@ -22,7 +23,6 @@ use if_neural::network::{Network, NetworkConfig};
 use if_neural::sampling::{SamplingParams, TrainingSet};
 use if_neural::schedule::Schedule;
 use if_neural::trainable::{Sample32, TrainableField};
-use std::ops::ControlFlow;
 
 /// A small network of either kind.
 fn config(r: &mut Random) -> NetworkConfig {
@@ -179,7 +179,7 @@ fn fitted(r: &mut Random, many: bool) -> Result<Option<(FitReport, Vec<u32>, boo
     let mut network = Network::new(&config, 1).map_err(|e| e.to_string())?;
     let told = || format!("{config:?} {params:?} {target:?}");
     let Ok(mut fit) = Fit::new(params) else { return Ok(None) };
-    let Ok(mut report) = fit.run(&mut network, &set, &mut |_| ControlFlow::Continue(())) else {
+    let Ok(mut report) = fit.run(&mut network, &set, &mut Silent) else {
         return Ok(None);
     };
     report.seconds = 0.0;

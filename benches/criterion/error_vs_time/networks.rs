@@ -5,6 +5,7 @@ use crate::record::{Record, Run, timed};
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, unit_or_zero};
+use if_core::monitor::Silent;
 use if_neural::fit::{Fit, FitParams};
 use if_neural::frozen::FrozenMlp;
 use if_neural::grid::GridConfig;
@@ -16,7 +17,6 @@ use if_neural::sampling::SamplingParams;
 use if_neural::sdf::SdfNetwork;
 use if_neural::target::Target;
 use if_neural::trainable::{Sample32, TrainableField};
-use std::ops::ControlFlow;
 
 pub(crate) fn run(record: &mut Record) {
     precision(record, "fast", &SdfConfig::fast());
@@ -117,10 +117,7 @@ fn fits(record: &mut Record) {
             let (set, mut network) = target.begin(&config, &sampling).unwrap();
             let params =
                 FitParams { seconds: Some(limit), loss: target.loss(), ..config.fit_params() };
-            let report = Fit::new(params)
-                .unwrap()
-                .run(&mut network, &set, &mut |_| ControlFlow::Continue(()))
-                .unwrap();
+            let report = Fit::new(params).unwrap().run(&mut network, &set, &mut Silent).unwrap();
             // Its first values are the target's, at cells of 6 mm, and the best state is kept.
             let error = report.error.mean;
             assert!(

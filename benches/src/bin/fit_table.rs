@@ -40,7 +40,6 @@ use if_neural::trainable::TrainableField;
 use if_render::{PALETTE, RenderLayer, View, side_by_side};
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -176,15 +175,15 @@ fn one(
         dump(&set, Path::new(folder))?;
     }
     let prepared = start.elapsed().as_secs_f64();
-    let seeded = set.held_out.error(&set.frame, |p, o| network.samples32(p, o));
+    let seeded = set.held_out.accuracy(&set.frame, |p, o| network.samples32(p, o));
     fit.seconds = Some((seconds - prepared).max(0.1));
-    let report = Fit::new(fit)?.run(&mut network, &set, &mut |_| ControlFlow::Continue(()))?;
+    let report = Fit::new(fit)?.run(&mut network, &set, &mut Silent)?;
     let mut error = report.error;
     if let Some(truth) = truth {
         let field = MeshSdf::closed(truth)?;
         let judge =
             TrainingSet::of_field(&field, &SamplingParams { near: 64, far: 64, ..sampling })?;
-        error = judge.held_out.error(&set.frame, |p, o| network.samples32(p, o));
+        error = judge.held_out.accuracy(&set.frame, |p, o| network.samples32(p, o));
         let raw: Vec<Real> = mesh.vertices().iter().map(|p| field.distance(p).abs()).collect();
         let raw_mean = raw.iter().sum::<Real>() / raw.len() as Real;
         println!("(the scan's own vertices: mean {:.3} mm from the truth)", raw_mean * 1e3);

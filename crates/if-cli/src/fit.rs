@@ -12,9 +12,11 @@ use crate::values::{above_zero, positive};
 use clap::{Args, ValueEnum};
 use comfy_table::Cell;
 use if_core::mesh::{MeshError, TriMesh};
+use if_core::monitor::Progress;
 use if_mesh::file::MeshFile;
+use if_neural::FitError;
 use if_neural::files::{WeightNorm, read_checkpoint, write_checkpoint, write_network};
-use if_neural::fit::{Ended, Fit, FitError, FitParams, FitProgress, FitReport};
+use if_neural::fit::{Ended, Fit, FitParams, FitReport};
 use if_neural::network::{Network, NetworkConfig};
 use if_neural::sampling::{SamplingParams, TrainingSet};
 use if_pipeline::fitting::{MeshTarget, MeshTargetError, Take};
@@ -167,8 +169,7 @@ pub(crate) fn run(args: &FitArgs) -> Result<End, Report> {
     let Ran { report, lost } =
         ran.map_err(|e| FitFault::Fit { path: path(), source: ErrorChain::new(&e) })?;
     // The checkpoint has the last state, the network the best.
-    let report =
-        if report.ended == Ended::Cancelled { fit.finish(&mut network, &set) } else { report };
+    let report = report.unwrap_or_else(|| fit.finish(&mut network, &set));
     line.message("writing");
     target.put(|file| write_network(file, &network, &set.frame, WeightNorm::Kept))?;
     drop(line);
@@ -261,7 +262,7 @@ fn resumed(args: &FitArgs, path: &Path, taken: &MeshTarget) -> Result<Begun, Fit
     let set = taken.target().training_set(&sampling(fit.params().seed));
     let set =
         set.map_err(|e| FitFault::Fit { path: args.mesh.clone(), source: ErrorChain::new(&e) })?;
-    if frame != set.frame || fit.params().loss != taken.target().loss() || !fit.is_of(&set) {
+    if frame != set.frame || fit.params().loss != taken.target().loss() || !fit.matches(&set) {
         return Err(FitFault::OtherMesh { path: path.into(), mesh: args.mesh.clone() });
     }
     Ok(Begun { set, network, fit })
@@ -274,7 +275,8 @@ fn sampling(seed: u64) -> SamplingParams {
 /// How a fit that is stored on its way went.
 #[derive(Debug)]
 struct Ran {
-    report: FitReport,
+    /// `None` if the user cancelled it.
+    report: Option<FitReport>,
     /// Whether the user cancelled it and it could not be stored, which was told.
     lost: bool,
 }
@@ -295,14 +297,15 @@ fn run_storing(
     let mut is_told = false;
     loop {
         let start = Instant::now();
-        let mut watch = |p: &FitProgress| {
-            if p.step.is_multiple_of(5) {
-                let (done, error) = (100.0 * p.done, p.error.mean * 1e3);
-                line.message(&format!("step {}, {done:.0} %, error {error:.3} mm", p.step));
+        let mut watch = |p: &Progress<'_>| {
+            if p.done.is_multiple_of(5) {
+                let measure = |name, unit| unit * p.measure(name).unwrap_or_default();
+                let (share, error) = (measure("share", 100.0), measure("error", 1e3));
+                line.message(&format!("step {}, {share:.0} %, error {error:.3} mm", p.done));
             }
             // Right after a check a fit goes on as if nothing had been.
             let is_due = checkpoint.is_some()
-                && p.step.is_multiple_of(check_every)
+                && (p.done as u64).is_multiple_of(check_every)
                 && start.elapsed().as_secs_f64() >= every;
             if is_due || cancel::is_requested() {
                 ControlFlow::Break(())
@@ -310,8 +313,11 @@ fn run_storing(
                 ControlFlow::Continue(())
             }
         };
-        let report = fit.run(network, set, &mut watch)?;
-        let Some(place) = checkpoint.filter(|_| report.ended == Ended::Cancelled) else {
+        let report = match fit.run(network, set, &mut watch) {
+            Err(FitError::Cancelled(_)) => None,
+            result => Some(result?),
+        };
+        let Some(place) = checkpoint.filter(|_| report.is_none()) else {
             return Ok(Ran { report, lost: false });
         };
         let is_last = cancel::is_requested();
@@ -421,24 +427,22 @@ fn errors_of(report: &FitReport) -> String {
 mod tests {
     use super::*;
     use if_core::math::Point;
+    use if_core::monitor::Silent;
     use if_core::shapes::{Sphere, Torus};
-    use if_neural::accuracy::FieldError;
     use if_neural::grid::GridConfig;
     use if_neural::schedule::Schedule;
     use if_neural::target::Target as Field;
     use if_neural::trainable::TrainableField;
 
     fn report(ended: Ended) -> FitReport {
-        let error = FieldError {
-            mean: 2e-4,
-            p99: 1.9e-3,
-            max: 0.0123,
-            surface: 1e-4,
-            eikonal: 0.04,
-            normal_degrees: 3.9,
-            points: 9,
-        };
-        FitReport { ended, steps: 9, kept: 9, samples: 99, seconds: 1.0, error }
+        let error = json!({
+            "mean": 2e-4, "p99": 1.9e-3, "max": 0.0123, "surface": 1e-4,
+            "eikonal": 0.04, "normal_degrees": 3.9, "points": 9,
+        });
+        serde_json::from_value(json!({
+            "ended": ended, "steps": 9, "kept": 9, "samples": 99, "seconds": 1.0, "error": error,
+        }))
+        .unwrap()
     }
 
     #[test]
@@ -488,18 +492,16 @@ mod tests {
         };
         let mut fit = Fit::new(params).unwrap();
         let mut first = 0.0;
-        let mut stop = |p: &FitProgress| {
-            first = p.error.mean;
-            if p.step == 20 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        let mut stop = |p: &Progress<'_>| {
+            first = p.measure("error").unwrap();
+            if p.done == 20 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
-        let broken = fit.run(&mut network, &set, &mut stop).unwrap();
-        assert_eq!((broken.ended, broken.kept), (Ended::Cancelled, 20));
+        let stopped = fit.run(&mut network, &set, &mut stop);
+        assert!(matches!(stopped, Err(FitError::Cancelled(_))));
         let last = network.clone();
         let report = fit.clone().finish(&mut network, &set);
-        assert_eq!(
-            (report.ended, report.steps, report.kept, report.error),
-            (Ended::Cancelled, 20, 20, broken.error)
-        );
+        let last_error = report.error.mean;
+        assert_eq!((report.ended, report.steps, report.kept), (Ended::Cancelled, 20, 20));
         assert!(
             report.error.mean < first && network.parameters() == last.parameters(),
             "{report:?} {first}"
@@ -507,7 +509,7 @@ mod tests {
         // A last state that is worse than the first one is not kept.
         network.parameters_mut().iter_mut().for_each(|p| *p += 1.0);
         let report = fit.finish(&mut network, &set);
-        assert!(report.kept == 0 && report.error.mean > broken.error.mean, "{report:?}");
+        assert!(report.kept == 0 && report.error.mean > last_error, "{report:?}");
         assert!(network.parameters() == Network::new(&config, 1).unwrap().parameters());
     }
 
@@ -535,7 +537,7 @@ mod tests {
             (Fit::new(params).unwrap(), first.clone())
         };
         let (mut fit, mut whole) = begin();
-        fit.run(&mut whole, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+        fit.run(&mut whole, &set, &mut Silent).unwrap();
         let (mut fit, mut stored) = begin();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("fit.safetensors");
@@ -543,6 +545,7 @@ mod tests {
         let line = Line::new("", 0, 1);
         let Ran { report, lost } =
             run_storing(&mut fit, &mut stored, &set, &line, Some(&place), 0.0).unwrap();
+        let report = report.unwrap();
         assert_eq!((report.ended, report.steps, lost), (Ended::Steps, 10, false));
         assert!(stored.parameters() == whole.parameters());
         let (mut fit, mut later, frame) = read_checkpoint(File::open(&path).unwrap()).unwrap();
@@ -555,6 +558,7 @@ mod tests {
         std::fs::create_dir(&path).unwrap();
         let Ran { report, lost } =
             run_storing(&mut fit, &mut unstored, &set, &line, Some(&place), 0.0).unwrap();
+        let report = report.unwrap();
         assert_eq!((report.ended, report.steps, lost), (Ended::Steps, 10, false));
         assert!(unstored.parameters() == whole.parameters() && !place.staged(0).exists());
     }

@@ -1,4 +1,4 @@
-//! How far a field is from its target, at points that no fit saw.
+//! How far a field is from its target, at held-out points.
 
 use crate::frame::Frame;
 use crate::trainable::Sample32;
@@ -6,7 +6,7 @@ use if_core::field::FieldSample;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use serde::{Deserialize, Serialize};
 
-/// Points beside and on the surface, with the target's values there, in metres.
+/// Held-out points beside and on the surface, with the target's values there, in metres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeldOut {
     beside: Vec<Point>,
@@ -17,7 +17,8 @@ pub struct HeldOut {
 
 /// Errors against the target, in metres and degrees.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct FieldError {
+#[non_exhaustive]
+pub struct FieldAccuracy {
     /// Mean of |φ − d| near the surface, in metres.
     pub mean: Real,
     /// 99 % of these errors are at most this, in metres.
@@ -39,7 +40,7 @@ impl HeldOut {
     ///
     /// # Panics
     ///
-    /// If there is not one sample for each point.
+    /// If the numbers of points and samples differ.
     pub fn new(beside: &[Point], at: &[FieldSample], on: &[Point], there: &[FieldSample]) -> Self {
         assert!(beside.len() == at.len() && on.len() == there.len(), "one sample for each point");
         Self {
@@ -60,13 +61,13 @@ impl HeldOut {
         (&self.beside, &self.distances)
     }
 
-    /// Whether there are none.
+    /// Whether there are no points beside the surface.
     pub fn is_empty(&self) -> bool {
         self.beside.is_empty()
     }
 
     /// Means of the coordinates and distances beside the surface and of the coordinates on it, in
-    /// metres: those of another target are others.
+    /// metres: a fingerprint of the target.
     pub(crate) fn means(&self) -> [Real; 7] {
         let mean = |points: &[Point]| {
             points.iter().fold(Vector::zeros(), |sum, p| sum + p.coords)
@@ -91,8 +92,12 @@ impl HeldOut {
 
     /// The errors of a field, given by its values in network units. Not finite where the field is
     /// not.
-    pub fn error(&self, frame: &Frame, field: impl Fn(&[[f32; 3]], &mut [Sample32])) -> FieldError {
-        let ask = |points: &[Point]| {
+    pub fn accuracy(
+        &self,
+        frame: &Frame,
+        field: impl Fn(&[[f32; 3]], &mut [Sample32]),
+    ) -> FieldAccuracy {
+        let evaluate = |points: &[Point]| {
             let units: Vec<[f32; 3]> = points.iter().map(|p| frame.to_unit(p)).collect();
             let mut out = vec![Sample32::default(); units.len()];
             field(&units, &mut out);
@@ -100,14 +105,14 @@ impl HeldOut {
         };
         let length =
             |s: &Sample32| s.gradient.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt();
-        let beside = ask(&self.beside);
+        let beside = evaluate(&self.beside);
         let mut errors: Vec<Real> = beside
             .iter()
             .zip(&self.distances)
             .map(|(s, d)| (f64::from(s.value) / frame.scale - d).abs())
             .collect();
         let eikonal = mean(beside.iter().map(|s| (length(s) - 1.0).abs()));
-        let on = ask(&self.on);
+        let on = evaluate(&self.on);
         let surface = mean(on.iter().map(|s| (f64::from(s.value) / frame.scale).abs()));
         let angles = on
             .iter()
@@ -127,7 +132,7 @@ impl HeldOut {
                 .copied()
                 .unwrap_or(0.0)
         };
-        FieldError {
+        FieldAccuracy {
             mean: mean(errors.iter().copied()),
             p99: rank(0.99),
             max: rank(1.0),
@@ -139,7 +144,7 @@ impl HeldOut {
     }
 }
 
-impl FieldError {
+impl FieldAccuracy {
     /// Whether all is finite.
     pub fn is_finite(&self) -> bool {
         [self.mean, self.p99, self.max, self.surface, self.eikonal, self.normal_degrees]
@@ -148,7 +153,7 @@ impl FieldError {
     }
 }
 
-/// The mean, 0 of nothing.
+/// The mean; 0 of an empty list.
 fn mean(values: impl Iterator<Item = Real>) -> Real {
     let (sum, n) = values.fold((0.0, 0usize), |(s, n), v| (s + v, n + 1));
     if n == 0 { 0.0 } else { sum / n as Real }
@@ -167,7 +172,7 @@ mod tests {
         let beside: Vec<FieldSample> = points.iter().map(|p| sample(p.x)).collect();
         let held = HeldOut::new(&points, &beside, &points[..1], &[sample(0.0)]);
         // 1 mm off at one point of a hundred, 0.1 mm elsewhere; 10 % too steep; turned by 90°.
-        let error = held.error(&frame, |units, out| {
+        let error = held.accuracy(&frame, |units, out| {
             for (u, o) in units.iter().zip(out) {
                 let off = if u[0] > 0.49 { 5e-4 } else { 5e-5 };
                 *o = Sample32 { value: u[0] + off, gradient: [0.0, 1.1, 0.0] };
@@ -183,10 +188,10 @@ mod tests {
     }
 
     #[test]
-    fn a_field_that_is_no_number_has_no_finite_error() {
+    fn a_field_that_is_nan_has_no_finite_error() {
         let p = [Point::origin()];
         let s = [FieldSample { distance: 0.0, gradient: Vector::x() }];
         let held = HeldOut::new(&p, &s, &p, &s);
-        assert!(!held.error(&Frame::UNIT, |_, out| out[0].value = f32::NAN).is_finite());
+        assert!(!held.accuracy(&Frame::UNIT, |_, out| out[0].value = f32::NAN).is_finite());
     }
 }

@@ -1,6 +1,6 @@
 //! Adam, as a state that can be stored.
 
-use crate::parameter_error::ParameterError;
+use if_core::parameter::ParameterError;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -17,8 +17,8 @@ pub struct AdamParams {
     pub beta2: f32,
     /// ε, in the unit of the derivatives.
     pub epsilon: f32,
-    /// Leaves parameters alone whose derivative is exactly zero: nodes of a grid that no point of
-    /// the batch is near. Their moments wait too.
+    /// Skips parameters, and their moments, whose derivative is exactly zero: nodes of a grid that
+    /// no point of the batch is near.
     pub sparse: bool,
 }
 
@@ -35,16 +35,11 @@ impl AdamParams {
     ///
     /// The first parameter out of range.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        for (name, beta) in [("adam.beta1", self.beta1), ("adam.beta2", self.beta2)] {
-            if !(0.0..1.0).contains(&beta) {
-                return Err(ParameterError {
-                    name,
-                    value: beta.into(),
-                    needs: "from 0 to below 1",
-                });
-            }
+        for (name, beta) in [("beta1", self.beta1), ("beta2", self.beta2)] {
+            let ok = (0.0..1.0).contains(&beta);
+            ParameterError::check(name, beta.into(), ok, "from 0 to below 1")?;
         }
-        ParameterError::unless_above_zero("adam.epsilon", self.epsilon.into())
+        ParameterError::check_positive("epsilon", self.epsilon.into())
     }
 }
 
@@ -66,7 +61,7 @@ pub struct Adam {
 }
 
 impl Adam {
-    /// No step done yet, for `len` parameters.
+    /// The state before the first step, for `len` parameters.
     ///
     /// # Errors
     ///
@@ -138,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn what_no_point_is_near_stays_as_it_is() {
+    fn parameters_without_a_derivative_stay_unchanged() {
         let mut adam = Adam::new(AdamParams::default(), 3).unwrap();
         let mut theta = [1.0f32; 3];
         adam.step(&mut theta, &[1.0, 1.0, 0.0], 0.1);
@@ -149,17 +144,17 @@ mod tests {
     }
 
     #[test]
-    fn rates_that_divide_by_zero_are_refused() {
+    fn rates_that_divide_by_zero_are_rejected() {
         let good = AdamParams::default();
         for (bad, name) in [
-            (AdamParams { beta1: 1.0, ..good }, "adam.beta1"),
-            (AdamParams { beta1: f32::NAN, ..good }, "adam.beta1"),
-            (AdamParams { beta2: 1.0, ..good }, "adam.beta2"),
-            (AdamParams { beta2: -0.1, ..good }, "adam.beta2"),
-            (AdamParams { epsilon: 0.0, ..good }, "adam.epsilon"),
-            (AdamParams { epsilon: f32::INFINITY, ..good }, "adam.epsilon"),
+            (AdamParams { beta1: 1.0, ..good }, "beta1"),
+            (AdamParams { beta1: f32::NAN, ..good }, "beta1"),
+            (AdamParams { beta2: 1.0, ..good }, "beta2"),
+            (AdamParams { beta2: -0.1, ..good }, "beta2"),
+            (AdamParams { epsilon: 0.0, ..good }, "epsilon"),
+            (AdamParams { epsilon: f32::INFINITY, ..good }, "epsilon"),
         ] {
-            assert_eq!(Adam::new(bad, 1).map_err(|e| e.name), Err(name));
+            assert_eq!(Adam::new(bad, 1).map_err(|e| e.name), Err(name.into()));
         }
         assert_eq!(AdamParams { beta1: 0.0, beta2: 0.0, ..good }.validate(), Ok(()));
     }

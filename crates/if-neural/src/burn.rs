@@ -1,9 +1,12 @@
 //! φ in burn (feature `burn`): the network as a module on any backend, and the fused kernels as an
 //! operation that burn differentiates by a hand-written backward pass.
 //!
-//! Nothing else in the workspace names burn: fits run on the kernels beside it. Here they serve
-//! those who train with burn's optimisers, losses and records, and the plain graph is the slow
-//! twin that the kernels are held against.
+//! Only this module uses burn: fits run on the kernels without it. It is for those who train with
+//! burn's optimisers, losses and records. The plain graph is the slow twin that the kernels are
+//! compared with, in `tests/burn.rs`.
 
-pub mod fused;
-pub mod module;
+mod fused;
+mod module;
+
+pub use fused::FusedSdf;
+pub use module::SdfModule;

@@ -1,7 +1,8 @@
-//! Oriented points, such as a scan's vertices and normals, and what they say about the distance.
+//! Oriented points, such as a scan's vertices and normals, and the distance estimated from them.
 
 mod winding;
 
+use crate::error::TargetError;
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 
@@ -14,59 +15,10 @@ const NEIGHBOURS: usize = 16;
 /// σ of the weights by normals, a length of nᵢ − n: at 30° a neighbour counts a third, at 60° a
 /// fiftieth.
 const FOLD: Real = 0.5;
-/// A mean normal shorter than this is none.
+/// A mean normal shorter than this has no direction.
 const CANCELLED: Real = 0.15;
-/// Times that the weights follow the mean normal. A third changes no error by a hundredth.
+/// Rounds in which the weights follow the mean normal. A third changes no error by a hundredth.
 const REWEIGHTED: usize = 2;
-
-/// Why points are no target.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum CloudError {
-    /// Fewer points than an estimate needs.
-    #[error("{got} oriented points; at least {needed} are needed")]
-    TooFew {
-        /// Points given.
-        got: usize,
-        /// Points needed.
-        needed: usize,
-    },
-    /// Not one normal for each point.
-    #[error("{points} points but {normals} normals; give one normal for each point")]
-    Lengths {
-        /// Points given.
-        points: usize,
-        /// Normals given.
-        normals: usize,
-    },
-    /// A point or a normal is NaN, infinite or zero.
-    #[error(
-        "point {index} at {point} has the normal {normal}: the point must be finite and the normal other than zero; leave it out"
-    )]
-    NotOriented {
-        /// Which.
-        index: usize,
-        /// Where.
-        point: Point,
-        /// Its normal.
-        normal: Vector,
-    },
-    /// All points coincide.
-    #[error("all points lie in {point}")]
-    Flat {
-        /// Where.
-        point: Point,
-    },
-    /// The normals point inwards.
-    #[error(
-        "the normals point inwards on the whole (their mean along the way out from the middle is {along}); turn them, or the triangles \
-         they come from, round"
-    )]
-    InsideOut {
-        /// Mean of n · (p − middle) / |p − middle|.
-        along: Real,
-    },
-}
 
 /// Points with outward unit normals, and a tree over them.
 #[derive(Clone, Debug)]
@@ -91,7 +43,7 @@ struct Node {
     second: u32,
 }
 
-/// What the points near a place say about it.
+/// The estimate of the surface from the points near a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
     /// Distance to the surface, negative inside, in metres.
@@ -105,31 +57,31 @@ pub struct Estimate {
 }
 
 impl OrientedPoints {
-    /// Takes points (metres) and outward normals of any length.
+    /// Builds the tree over points (metres) with outward normals of any length.
     ///
     /// # Errors
     ///
-    /// Too few points, other than one normal each, a value that is not finite or a normal that is
-    /// zero, and normals that point inwards on the whole.
-    pub fn new(points: Vec<Point>, normals: Vec<Vector>) -> Result<Self, CloudError> {
+    /// Too few points, another number of normals, a value that is not finite, a normal that is zero,
+    /// all points in one place, or normals that point inwards.
+    pub fn new(points: Vec<Point>, normals: Vec<Vector>) -> Result<Self, TargetError> {
         if points.len() != normals.len() {
-            return Err(CloudError::Lengths { points: points.len(), normals: normals.len() });
+            return Err(TargetError::NormalCount { points: points.len(), normals: normals.len() });
         }
         if points.len() < NEIGHBOURS {
-            return Err(CloudError::TooFew { got: points.len(), needed: NEIGHBOURS });
+            return Err(TargetError::TooFewPoints { got: points.len(), needed: NEIGHBOURS });
         }
         let mut unit = Vec::with_capacity(normals.len());
         for (index, (point, normal)) in points.iter().zip(&normals).enumerate() {
             let n = unit_or_zero(normal);
             if n == Vector::zeros() || !point.iter().all(|x| x.is_finite()) {
-                return Err(CloudError::NotOriented { index, point: *point, normal: *normal });
+                return Err(TargetError::NotOriented { index, point: *point, normal: *normal });
             }
             unit.push(n);
         }
         let aabb = Aabb::from_points(&points);
         let size = aabb.diagonal();
         if !(size > 0.0 && size.is_finite()) {
-            return Err(CloudError::Flat { point: points[0] });
+            return Err(TargetError::NoExtent { aabb });
         }
         // By the divergence theorem this is three times the volume for points spread evenly over a
         // closed surface.
@@ -137,7 +89,7 @@ impl OrientedPoints {
         let along = points.iter().zip(&unit).map(|(p, n)| n.dot(&(p - middle))).sum::<Real>()
             / (points.len() as Real * size);
         if along < 0.0 {
-            return Err(CloudError::InsideOut { along });
+            return Err(TargetError::InwardNormals { along });
         }
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         let mut nodes = Vec::new();
@@ -168,7 +120,7 @@ impl OrientedPoints {
         &self.normals
     }
 
-    /// The box round the points.
+    /// The box around the points.
     pub fn aabb(&self) -> Aabb {
         self.aabb
     }
@@ -230,11 +182,11 @@ impl OrientedPoints {
     ///
     /// with n the direction of Σ wᵢ nᵢ, found from weights without it, and twice more. A plane
     /// through pᵢ across nᵢ leaves a bent surface by h² / 2r on one side, a plane across n on the
-    /// other; the zero set of their mean is exact on spheres. Neighbours round a fold have other
+    /// other; the zero set of their mean is exact on spheres. Neighbours across a fold have other
     /// normals, and count less.
     ///
     /// Where d < h the distance is f, in which noise averages out; beyond 2h it is d with the side
-    /// of the winding number, as beside a hole the nearest normals may say anything; in between a
+    /// of the winding number, as the nearest normals are arbitrary beside a hole; in between a
     /// blend. `h` is the `smoothing`, in metres. The trust is the agreement of the normals, |Σ wᵢ
     /// nᵢ| / Σ wᵢ with weights by distance alone, near the surface and the distance of the winding
     /// number from one half, doubled, beyond.
@@ -245,8 +197,8 @@ impl OrientedPoints {
     /// Rusinkiewicz 2019, *A symmetric objective function for ICP*; weights by normals are those of
     /// Öztireli et al. 2009. [`OrientedPoints::winding_number`]: the side.
     ///
-    /// A point that is not finite, or too far away for a distance, has the distance NaN and no
-    /// trust.
+    /// At a point that is not finite, or too far away for a distance, the distance is NaN and the
+    /// trust 0.
     pub fn estimate(&self, p: &Point, smoothing: Real) -> Estimate {
         let mut found = [(0.0, 0); NEIGHBOURS];
         self.neighbours(p, &mut found);
@@ -263,7 +215,7 @@ impl OrientedPoints {
             let sum = weights.iter().zip(&normals).map(|(w, n)| n * *w).sum::<Vector>();
             sum / weights.iter().sum::<Real>()
         };
-        // Normals that cancel have no mean: what is left of them points anywhere.
+        // Normals that cancel have no mean: the direction of their sum is arbitrary.
         let direction = |mean: Vector| {
             if mean.norm() < CANCELLED { Vector::zeros() } else { unit_or_zero(&mean) }
         };
@@ -380,27 +332,30 @@ mod tests {
     }
 
     #[test]
-    fn faults_are_named() {
+    fn invalid_points_are_named() {
         let (points, normals) = ball();
         let with =
             |p: Vec<Point>, n: Vec<Vector>| OrientedPoints::new(p, n).map(|_| ()).unwrap_err();
-        assert_eq!(with(vec![], vec![]), CloudError::TooFew { got: 0, needed: NEIGHBOURS });
-        assert!(matches!(with(points.clone(), vec![]), CloudError::Lengths { normals: 0, .. }));
+        assert_eq!(with(vec![], vec![]), TargetError::TooFewPoints { got: 0, needed: NEIGHBOURS });
+        assert!(matches!(
+            with(points.clone(), vec![]),
+            TargetError::NormalCount { normals: 0, .. }
+        ));
         let mut bad = points.clone();
         bad[3].x = Real::NAN;
-        assert!(matches!(with(bad, normals.clone()), CloudError::NotOriented { index: 3, .. }));
+        assert!(matches!(with(bad, normals.clone()), TargetError::NotOriented { index: 3, .. }));
         let mut bad = normals.clone();
         bad[5] = Vector::zeros();
-        assert!(matches!(with(points.clone(), bad), CloudError::NotOriented { index: 5, .. }));
+        assert!(matches!(with(points.clone(), bad), TargetError::NotOriented { index: 5, .. }));
         let inwards: Vec<Vector> = normals.iter().map(|n| -n).collect();
         assert!(
-            matches!(with(points.clone(), inwards), CloudError::InsideOut { along } if along < 0.0)
+            matches!(with(points.clone(), inwards), TargetError::InwardNormals { along } if along < 0.0)
         );
         assert!(matches!(
             with(vec![points[0]; 40], normals[..40].to_vec()),
-            CloudError::Flat { .. }
+            TargetError::NoExtent { .. }
         ));
-        // Coincident points among others are no fault.
+        // Coincident points among others are allowed.
         let mut doubled = points.clone();
         doubled[..40].fill(points[0]);
         assert!(OrientedPoints::new(doubled, normals).is_ok());

@@ -8,6 +8,7 @@ use crate::trainable::{Sample32, TrainableField};
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
+use if_core::parameter::ParameterError;
 
 /// φ and ∇φ in network units: all that evaluation needs.
 pub trait Samples32: Sync {
@@ -67,34 +68,31 @@ impl<N: Samples32> Samples32 for &N {
     }
 }
 
-/// Cells along a side of the cube in which gradients are looked at, and the surface is boxed.
+/// Cells along a side of the cube, in which the gradients and the box of the inside are measured.
 const CELLS: usize = 64;
-/// The steepest gradient seen times this is the Lipschitz bound, unless the caller says more.
+/// The steepest gradient seen times this is the Lipschitz bound, unless the caller gives one.
 pub const SAFETY: Real = 1.25;
-/// Points asked at once.
+/// Points of one call.
 const BATCH: usize = 1 << 14;
 
-/// Why a network is no field.
+/// A network cannot be used as a field.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FieldError {
-    /// The frame is no frame.
-    #[error("the frame has the scale {} and the middle {}; both must be finite, the scale above zero", frame.scale, frame.center)]
-    Frame {
-        /// The frame.
-        frame: Frame,
-    },
-    /// The network is not a number somewhere.
-    #[error("the network gives {} with gradient {:?} in {point:?} (network units): its parameters are no numbers, or too large", sample.value, sample.gradient)]
+    /// The frame has numbers that are not finite, or a scale that is not above zero.
+    #[error(transparent)]
+    Frame(#[from] ParameterError),
+    /// The network is NaN or infinite at a point.
+    #[error("the network is {} with gradient {:?} at {point:?} (network units): its parameters are not finite, or too large", sample.value, sample.gradient)]
     NotANumber {
         /// Where, in network units.
         point: [f32; 3],
-        /// What it gives.
+        /// The sample there.
         sample: Sample32,
     },
     /// The inside reaches the border of the cube.
     #[error(
-        "the network is {value} m in {point}, at the border of its cube: its inside must lie within"
+        "the network is {value} m at {point}, on the border of its cube: the inside must lie within"
     )]
     Leaves {
         /// Where, in metres.
@@ -114,7 +112,7 @@ pub enum FieldError {
 /// the distance to the border. Both are continuous, the gradient of the second jumps at the border.
 ///
 /// `lipschitz()` is measured: the steepest gradient at the nodes of a grid of 64 cells, and beside
-/// the surface, times [`SAFETY`]. It is no proof.
+/// the surface, times [`SAFETY`]. It is an estimate, not a proof.
 ///
 /// Points and gradients are rounded to f32, and values to about 1e-7 of the cube.
 #[derive(Clone, Debug)]
@@ -126,21 +124,20 @@ pub struct NeuralField<N> {
 }
 
 impl<N: Samples32> NeuralField<N> {
-    /// Measures the network's steepness and the box of its inside; some 300,000 points are asked.
+    /// Measures the network's steepness and the box of its inside; evaluates some 300,000
+    /// points.
     ///
     /// # Errors
     ///
-    /// A frame that is none, a network that is no number or negative at the border of the cube.
+    /// The frame is invalid, or the network is not finite, or negative at the border of the cube.
     pub fn new(network: N, frame: Frame) -> Result<Self, FieldError> {
-        if !frame.is_sound() {
-            return Err(FieldError::Frame { frame });
-        }
+        frame.validate()?;
         let mut field = Self { network, frame, bounds: frame.aabb(), lipschitz: 1.0 };
         field.measure()?;
         Ok(field)
     }
 
-    /// The same with a Lipschitz bound of the network that the caller knows.
+    /// The same with a Lipschitz bound of the network from the caller.
     ///
     /// # Panics
     ///
@@ -192,7 +189,7 @@ impl<N: Samples32> NeuralField<N> {
                 }
             }
         }
-        // Cells near the surface are looked at more closely.
+        // Cells near the surface are sampled more densely.
         let reach = (SAFETY * steepest.max(1.0)) as f32 * edge * 0.5 * 3.0f32.sqrt();
         let near: Vec<usize> = (0..values.len()).filter(|i| values[*i] <= reach).collect();
         let mut bounds = Aabb::EMPTY;
@@ -225,7 +222,7 @@ impl<N: Samples32> NeuralField<N> {
         Ok(())
     }
 
-    /// From the network's answer at the nearest point of the cube.
+    /// The sample in metres, from that of the network at the nearest point of the cube.
     #[inline]
     fn in_metres(&self, p: &Point, s: &Sample32) -> FieldSample {
         let cube = self.frame.aabb();
@@ -343,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_field_is_refused() {
+    fn invalid_networks_and_frames_are_rejected() {
         let broken = |change: &dyn Fn(&mut [f32])| {
             let mut grid = ball().network().clone();
             change(grid.parameters_mut());
@@ -355,12 +352,12 @@ mod tests {
         let bad = Frame { scale: 0.0, ..Frame::UNIT };
         assert!(matches!(
             NeuralField::new(ball().network().clone(), bad),
-            Err(FieldError::Frame { .. })
+            Err(FieldError::Frame(_))
         ));
     }
 
     #[test]
-    fn a_lipschitz_bound_that_is_none_is_refused() {
+    fn invalid_lipschitz_bounds_panic() {
         let field = ball();
         assert_eq!(field.clone().with_lipschitz(3.0).lipschitz(), 3.0f64.hypot(1.0));
         for bad in [0.0, -1.0, Real::NAN, Real::INFINITY] {

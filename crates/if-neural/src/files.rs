@@ -8,55 +8,58 @@
 //! | deformation | `lin0.weight`, `lin0.bias`, …, `embeddings` (frames × length) |
 //!
 //! The header's metadata hold one entry, `if_neural`: JSON with version, kind, configuration and
-//! frame. Readers judge the header first, and then take no more into memory than it says and the
-//! file has.
+//! frame. Readers check the header first, and read no more than it announces and the file has.
 
 mod checkpoint;
 mod tensors;
+mod weights;
 
 #[cfg(feature = "train")]
 pub use checkpoint::{read_checkpoint, write_checkpoint};
 
 use crate::deformation::DeformationNetwork;
+use crate::error::NetworkError;
 use crate::frame::Frame;
 use crate::grid::GridField;
 use crate::mlp::{DeformationConfig, Layout, SdfConfig};
-use crate::network::{Network, NetworkConfig, NetworkError};
+use crate::network::{Network, NetworkConfig};
 use crate::sdf::SdfNetwork;
 use crate::trainable::TrainableField;
+use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Read, Write};
 use tensors::{Named, Tensors};
+use weights::{fold, sdf_theta};
 
-/// The version that is written. Readers refuse later ones.
+/// The version that is written. Readers reject later ones.
 pub const VERSION: u32 = 1;
 
-/// Why a file gives no network.
+/// A file cannot be read as a network.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadError {
-    /// The system does not give the file.
+    /// The system cannot read the file.
     #[error("cannot read the file: {0}")]
     Io(#[from] io::Error),
-    /// The header speaks of more than any network has.
-    #[error("the header speaks of a file of more than {limit} bytes; no network is that large")]
+    /// The header announces more bytes than any network has.
+    #[error("the header announces more than {limit} bytes; no network is that large")]
     TooLarge {
-        /// What is allowed.
+        /// The limit, in bytes.
         limit: u64,
     },
     /// Not safetensors, cut short, or a header that does not fit the data.
     #[error("not a whole safetensors file ({message}): it was cut short, or is of another format")]
     Header {
-        /// What the parser says.
+        /// Message of the parser.
         message: String,
     },
-    /// No configuration inside.
+    /// The configuration is missing.
     #[error("the file has no metadata `if_neural`; give the configuration, with read_sdf_weights")]
     NoMetadata,
-    /// A configuration that cannot be understood.
-    #[error("the metadata `if_neural` cannot be understood: {message}")]
+    /// The configuration is invalid.
+    #[error("the metadata `if_neural` is invalid: {message}")]
     Metadata {
-        /// What the parser says.
+        /// Message of the parser.
         message: String,
     },
     /// Written by a later version.
@@ -64,34 +67,34 @@ pub enum ReadError {
         "the file is of version {found}, this program knows versions up to {VERSION}; update it"
     )]
     Version {
-        /// Of the file.
+        /// Version of the file.
         found: u32,
     },
-    /// Of another kind.
+    /// The file is of another kind.
     #[error("the file holds a {found}, not a {wanted}")]
     Kind {
-        /// What it holds.
+        /// Kind of the file.
         found: String,
-        /// What was asked for.
+        /// Kind expected.
         wanted: &'static str,
     },
-    /// A tensor is not there.
+    /// A tensor is missing.
     #[error("tensor `{name}` is missing")]
     Missing {
         /// Its name.
         name: String,
     },
-    /// A tensor has another shape than the configuration says.
-    #[error("tensor `{name}` has the shape {found:?}, the configuration says {expected:?}")]
+    /// The shape of a tensor does not match the configuration.
+    #[error("tensor `{name}` has the shape {found:?}; the configuration needs {expected:?}")]
     Shape {
         /// Its name.
         name: String,
-        /// Of the file.
+        /// Version of the file.
         found: Vec<usize>,
-        /// By the configuration.
+        /// Shape of the configuration.
         expected: Vec<usize>,
     },
-    /// A tensor is not of single precision.
+    /// A tensor is not in single precision.
     #[error("tensor `{name}` holds {found}; convert it to F32")]
     Type {
         /// Its name.
@@ -99,19 +102,16 @@ pub enum ReadError {
         /// Its type.
         found: String,
     },
-    /// Sizes out of range, or parameters that are no numbers.
+    /// A size of the network or a number of the frame is out of range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The parameters do not match the configuration, or are not finite.
     #[error(transparent)]
     Network(#[from] NetworkError),
-    /// A frame that is none.
-    #[error("the frame has the scale {} and the middle {}; both must be finite, the scale above zero", frame.scale, frame.center)]
-    Frame {
-        /// The frame.
-        frame: Frame,
-    },
-    /// A checkpoint whose parts do not fit together.
-    #[error("the checkpoint is at fault: {what}")]
+    /// The parts of a checkpoint do not match.
+    #[error("the checkpoint is invalid: {what}")]
     Checkpoint {
-        /// What does not fit.
+        /// What does not match.
         what: String,
     },
 }
@@ -126,7 +126,7 @@ pub enum WeightNorm {
     Folded,
 }
 
-/// What the metadata say.
+/// The metadata.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Header {
     version: u32,
@@ -137,7 +137,7 @@ struct Header {
     frame: Option<Frame>,
     #[serde(skip_serializing_if = "Option::is_none")]
     deformation: Option<DeformationConfig>,
-    /// α of the annealing; none is all bands.
+    /// α of the annealing; `None` is all bands.
     #[serde(skip_serializing_if = "Option::is_none")]
     alpha: Option<f32>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -163,7 +163,7 @@ impl Header {
 ///
 /// # Errors
 ///
-/// What the writer says.
+/// Errors of the writer.
 pub fn write_network(
     writer: &mut impl Write,
     network: &Network,
@@ -181,7 +181,7 @@ pub fn write_network(
             folded = fold(sdf);
             let parts = match config.layout() {
                 Ok(layout) => layer_parts(&layout, &folded),
-                Err(_) => Vec::new(), // It was a network with these sizes.
+                Err(_) => Vec::new(), // unreachable: the network has these sizes
             };
             header.network = Some(NetworkConfig::Sdf(config));
             parts
@@ -206,13 +206,11 @@ fn network_of(tensors: &Tensors, header: &Header) -> Result<(Network, Frame), Re
     let fault = |what: &str| ReadError::Metadata { message: format!("{what} is missing") };
     let config = header.network.as_ref().ok_or_else(|| fault("`network`"))?;
     let frame = header.frame.ok_or_else(|| fault("`frame`"))?;
-    if !frame.is_sound() {
-        return Err(ReadError::Frame { frame });
-    }
+    frame.validate()?;
     let theta = match config {
         NetworkConfig::Grid(config) => {
             let mut theta = Vec::new();
-            for (name, shape) in GridField::parts_of(config).map_err(NetworkError::from)? {
+            for (name, shape) in GridField::parts_of(config)? {
                 tensors.append(&name, &shape, &mut theta)?;
             }
             theta
@@ -237,14 +235,14 @@ pub fn read_sdf_weights(
 ) -> Result<SdfNetwork, ReadError> {
     let tensors = Tensors::read(reader)?;
     let theta = sdf_theta(&tensors, config, prefix)?;
-    Ok(SdfNetwork::from_parameters(config, theta).map_err(NetworkError::from)?)
+    Ok(SdfNetwork::from_parameters(config, theta)?)
 }
 
 /// Writes a deformation.
 ///
 /// # Errors
 ///
-/// What the writer says.
+/// Errors of the writer.
 pub fn write_deformation(
     writer: &mut impl Write,
     network: &DeformationNetwork,
@@ -272,18 +270,15 @@ pub fn read_deformation(reader: impl Read) -> Result<(DeformationNetwork, Frame)
     let fault = |what: &str| ReadError::Metadata { message: format!("{what} is missing") };
     let config = header.deformation.as_ref().ok_or_else(|| fault("`deformation`"))?;
     let frame = header.frame.ok_or_else(|| fault("`frame`"))?;
-    if !frame.is_sound() {
-        return Err(ReadError::Frame { frame });
-    }
-    let layout = config.layout().map_err(NetworkError::from)?;
+    frame.validate()?;
+    let layout = config.layout()?;
     let mut theta = Vec::new();
     for (l, layer) in layout.layers.iter().enumerate() {
         tensors.append(&format!("lin{l}.weight"), &[layer.rows, layer.columns], &mut theta)?;
         tensors.append(&format!("lin{l}.bias"), &[layer.rows], &mut theta)?;
     }
     tensors.append("embeddings", &[config.frames, config.embedding], &mut theta)?;
-    let mut network =
-        DeformationNetwork::from_parameters(config, theta).map_err(NetworkError::from)?;
+    let mut network = DeformationNetwork::from_parameters(config, theta)?;
     if let Some(alpha) = header.alpha {
         network.set_alpha(alpha);
     }
@@ -317,83 +312,6 @@ fn layer_parts<'a>(layout: &Layout, theta: &'a [f32]) -> Vec<Named<'a>> {
         }
     }
     parts
-}
-
-/// θ of the same network without weight norm.
-fn fold(sdf: &SdfNetwork) -> Vec<f32> {
-    let theta = sdf.parameters();
-    let mut out = Vec::new();
-    for layer in &sdf.layout().layers {
-        let rows = theta[layer.weight.clone()].chunks_exact(layer.columns);
-        for (r, row) in rows.enumerate() {
-            let scale =
-                layer.gain.as_ref().map_or(1.0, |gain| gain_by_length(theta[gain.start + r], row));
-            out.extend(row.iter().map(|v| (f64::from(*v) * scale) as f32));
-        }
-        out.extend_from_slice(&theta[layer.bias.clone()]);
-    }
-    out
-}
-
-/// g / |v|. A row of zeros has no direction: it stays zero, whatever its gain.
-fn gain_by_length(gain: f32, row: &[f32]) -> f64 {
-    let norm = norm(row);
-    if norm > 0.0 { f64::from(gain) / norm } else { 0.0 }
-}
-
-fn norm(row: &[f32]) -> f64 {
-    row.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt()
-}
-
-/// θ in the order of the layout: weight, bias and gain of each layer.
-fn sdf_theta(tensors: &Tensors, config: &SdfConfig, prefix: &str) -> Result<Vec<f32>, ReadError> {
-    let layout = config.layout().map_err(NetworkError::from)?;
-    let mut theta = Vec::new();
-    for (l, layer) in layout.layers.iter().enumerate() {
-        let name = |what: &str| format!("{prefix}lin{l}.{what}");
-        let weight = [layer.rows, layer.columns];
-        let pairs = [
-            ["weight_v", "weight_g"],
-            ["parametrizations.weight.original1", "parametrizations.weight.original0"],
-        ];
-        let normed = pairs.iter().map(|pair| pair.map(&name)).find(|pair| tensors.has(&pair[0]));
-        let bias = |theta: &mut Vec<f32>| tensors.append(&name("bias"), &[layer.rows], theta);
-        match (&layer.gain, normed) {
-            (Some(_), Some([v, g])) => {
-                tensors.append(&v, &weight, &mut theta)?;
-                bias(&mut theta)?;
-                tensors.append(&g, &[layer.rows, 1], &mut theta)?;
-            }
-            // A folded file for a network with weight norm: g = |v|.
-            (Some(_), None) => {
-                let first = theta.len();
-                tensors.append(&name("weight"), &weight, &mut theta)?;
-                let gains: Vec<f32> = theta[first..]
-                    .chunks_exact(layer.columns)
-                    .map(|row| norm(row) as f32)
-                    .collect();
-                bias(&mut theta)?;
-                theta.extend(gains);
-            }
-            // And the other way round.
-            (None, Some([v, g])) => {
-                let first = theta.len();
-                tensors.append(&v, &weight, &mut theta)?;
-                let mut gains = Vec::new();
-                tensors.append(&g, &[layer.rows, 1], &mut gains)?;
-                for (row, gain) in theta[first..].chunks_exact_mut(layer.columns).zip(gains) {
-                    let scale = gain_by_length(gain, row);
-                    row.iter_mut().for_each(|w| *w = (f64::from(*w) * scale) as f32);
-                }
-                bias(&mut theta)?;
-            }
-            (None, None) => {
-                tensors.append(&name("weight"), &weight, &mut theta)?;
-                bias(&mut theta)?;
-            }
-        }
-    }
-    Ok(theta)
 }
 
 #[cfg(test)]

@@ -1,35 +1,35 @@
-//! Fitting a field with parameters to a training set: steps, stops, and what is kept.
+//! Fitting a network for φ to a training set.
 
-use crate::accuracy::{FieldError, HeldOut};
-use crate::adam::{Adam, AdamParams};
+use crate::accuracy::{FieldAccuracy, HeldOut};
+use crate::adam::AdamParams;
+use crate::error::FitError;
 use crate::loss::LossParams;
-use crate::parameter_error::ParameterError;
+use crate::network::NetworkConfig;
 use crate::sampling::{Samples, TrainingSet};
 use crate::schedule::Schedule;
 use crate::trainable::TrainableField;
+use crate::training::{Plan, Problem, Training, random_of_step};
 use if_core::math::Real;
-use rand::SeedableRng;
-use rand_pcg::Pcg64Mcg;
+use if_core::monitor::Monitor;
+use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
-use std::ops::ControlFlow;
-use std::time::Instant;
+
+pub use crate::training::Ended;
 
 /// Held-out points of a check; the report has all of them.
 const CHECKED: usize = 2048;
-/// Checks from one look at all held-out points to the next, where the checks are below the accuracy
-/// that is asked for and all are not. All are ten times as many by default: at ten times less
-/// looking takes longer than checking, at ten times more a fit goes on for 2,000 steps too many.
-const LOOK_EVERY: u64 = 4;
-/// A check that finds the error this many times the best one's stops the fit as diverged.
-const DIVERGED: Real = 50.0;
-/// But errors below so many network units count as this much: the first values of a grid on a
-/// smooth surface are a thousand times better than the steps' own noise, which is no divergence.
+/// Checks from one evaluation of all held-out points to the next, while the checks are below the
+/// accuracy and all points are not. All are ten times as many by default: with ten times less they
+/// take longer than the checks, with ten times more a fit goes on for 2,000 steps too many.
+const CONFIRM_EVERY: u64 = 4;
+/// Errors below so many network units are no divergence: the first values of a grid on a smooth
+/// surface are a thousand times better than the noise of the steps.
 const NOISE: Real = 1e-4;
-/// Means of held-out points of one target differ by less than this, in network units, wherever they
-/// were drawn; those of another by some thousand times more.
+/// Means of held-out points of one target differ by less than this, in network units, for any
+/// seed; those of another target by some thousand times more.
 const SAME_TARGET: Real = 1e-6;
 
-/// How to fit.
+/// How to fit a field.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FitParams {
@@ -77,164 +77,96 @@ impl Default for FitParams {
     }
 }
 
-/// Why there is no fit.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum FitError {
-    /// A parameter is out of range.
-    #[error(transparent)]
-    Parameter(#[from] ParameterError),
-    /// Neither steps nor seconds are limited.
-    #[error("the fit would never end: give `steps` or `seconds` (an accuracy need not be reached)")]
-    Endless,
-    /// The field is not a number at the very start.
-    #[error(
-        "a parameter of the field, or the field at the held-out points, is not a number before the first step; make it anew"
-    )]
-    NotANumber,
-    /// A state of another field.
-    #[error("the state is of a field with {expected} parameters, this one has {got}")]
-    Parameters {
-        /// Of the state.
-        expected: usize,
-        /// Of the field.
-        got: usize,
-    },
-    /// The fit was begun with other points.
-    #[error(
-        "the fit was begun with another target: give the training set that it began with, or begin a new fit"
-    )]
-    Target,
-}
-
 impl FitParams {
     /// Checks the ranges.
     ///
     /// # Errors
     ///
-    /// The first parameter out of range, or no limit at all.
-    pub fn validate(&self) -> Result<(), FitError> {
-        let fault = |name, value, needs| Err(ParameterError { name, value, needs }.into());
-        if !(1..=1 << 24).contains(&self.batch) {
-            return fault("batch", self.batch as f64, "from 1 to 2^24 points");
-        }
-        if !(0.0..=1.0).contains(&self.far) {
-            return fault("far", self.far, "from 0 to 1");
-        }
-        if self.check_every == 0 {
-            return fault("check_every", 0.0, "at least 1 step");
-        }
+    /// The first parameter out of range, or neither steps nor seconds are limited.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let batch = (1..=1 << 24).contains(&self.batch);
+        ParameterError::check("batch", self.batch as Real, batch, "from 1 to 2^24 points")?;
+        ParameterError::check_share("far", self.far)?;
+        let check_every = self.check_every;
+        ParameterError::check("check_every", 0.0, check_every > 0, "at least 1 step")?;
         for (name, value) in [("seconds", self.seconds), ("accuracy", self.accuracy)] {
-            value.map_or(Ok(()), |v| ParameterError::unless_above_zero(name, v))?;
+            value.map_or(Ok(()), |v| ParameterError::check_positive(name, v))?;
         }
-        self.adam.validate()?;
-        self.schedule.validate()?;
-        self.loss.validate()?;
-        if self.steps.is_none() && self.seconds.is_none() {
-            return Err(FitError::Endless);
-        }
-        Ok(())
+        self.adam.validate().map_err(|e| e.within("adam"))?;
+        self.schedule.validate().map_err(|e| e.within("schedule"))?;
+        self.loss.validate().map_err(|e| e.within("loss"))?;
+        let limited = self.steps.is_some() || self.seconds.is_some();
+        let needs = "limited, or `seconds` must be: an accuracy may never be reached";
+        ParameterError::check("steps", Real::INFINITY, limited, needs)
     }
 }
 
-/// Why a fit ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[non_exhaustive]
-pub enum Ended {
-    /// All steps were done.
-    Steps,
-    /// The time was over.
-    Time,
-    /// The accuracy was reached, at all held-out points.
-    Accuracy,
-    /// The caller asked to stop.
-    Cancelled,
-    /// The loss or the field was no number any more, or the error rose far above the best.
-    Diverged,
-}
-
-impl std::fmt::Display for Ended {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Steps => "all done",
-            Self::Time => "the time was over",
-            Self::Accuracy => "accuracy reached",
-            Self::Cancelled => "cancelled",
-            Self::Diverged => "it diverged, the last good state was kept",
-        })
+impl NetworkConfig {
+    /// How to fit it: batches and rates that suit the kind of network. What they reach on clothed
+    /// bodies is in `docs/fitting.md`; others were tried, but not tabled.
+    pub fn fit_params(&self) -> FitParams {
+        match self {
+            Self::Grid(_) => FitParams::default(),
+            Self::Sdf(_) => FitParams {
+                batch: 2048,
+                check_every: 25,
+                schedule: Schedule { rate: 1e-3, warmup: 50, last: 0.02 },
+                adam: AdamParams {
+                    beta2: 0.999,
+                    epsilon: 1e-8,
+                    sparse: false,
+                    ..Default::default()
+                },
+                ..FitParams::default()
+            },
+        }
     }
 }
 
-/// What a caller hears after each step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FitProgress {
-    /// Steps done.
-    pub step: u64,
-    /// Share of the steps or of the time that is done, whichever is more.
-    pub done: Real,
-    /// Seconds of all steps so far.
-    pub seconds: Real,
-    /// Mean loss of the batch.
-    pub loss: Real,
-    /// Errors at the last check.
-    pub error: FieldError,
-}
-
-/// How a fit went.
+/// How a fit ended, and how accurate the field is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct FitReport {
     /// Why it ended.
     pub ended: Ended,
     /// Steps done.
     pub steps: u64,
     /// Step of the parameters that were kept: those that reached the accuracy, or those with the
-    /// least error at a check. Where the caller broke, the last.
+    /// least error at a check.
     pub kept: u64,
-    /// Points seen.
+    /// Training points of all steps.
     pub samples: u64,
     /// Seconds of the steps and checks.
     pub seconds: Real,
     /// Errors at all held-out points.
-    pub error: FieldError,
+    pub error: FieldAccuracy,
 }
 
-/// The best parameters so far.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Best {
-    pub(crate) step: u64,
-    pub(crate) mean: Real,
-    pub(crate) theta: Vec<f32>,
-}
-
-/// A fit that can stop, be stored and go on: with a number of steps instead of a time, the same
+/// A fit that can be cancelled, stored and resumed: with a limit of steps instead of time, the same
 /// bits come out as without a stop.
 ///
 /// # Examples
 ///
 /// ```
-/// use if_core::{math::Point, shapes::Sphere};
-/// use if_neural::{fit::{Fit, FitParams}, grid::{GridConfig, GridField}, sampling::{SamplingParams, TrainingSet}};
-/// use std::ops::ControlFlow;
+/// use if_core::{Point, Silent, shapes::Sphere};
+/// use if_neural::{Fit, FitParams, GridConfig, SamplingParams, TrainingSet, grid::GridField};
+///
 /// let ball = Sphere { center: Point::new(0.0, 1.0, 0.0), radius: 0.3 };
-/// let set = TrainingSet::of_field(&ball, &SamplingParams { near: 5000, far: 500, held_out: 500, ..Default::default() })?;
+/// let sampling = SamplingParams { near: 5000, far: 500, held_out: 500, ..Default::default() };
+/// let set = TrainingSet::of_field(&ball, &sampling)?;
 /// let mut field = GridField::new(GridConfig { finest: 32, levels: 2, ..Default::default() })?;
-/// let mut fit = Fit::new(FitParams { steps: Some(300), seconds: None, batch: 1024, ..Default::default() })?;
-/// let report = fit.run(&mut field, &set, &mut |_| ControlFlow::Continue(()))?;
+/// let params = FitParams { steps: Some(300), seconds: None, batch: 1024, ..Default::default() };
+/// let report = Fit::new(params)?.run(&mut field, &set, &mut Silent)?;
 /// assert!(report.error.mean < 1e-3, "{report:?}");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
     pub(crate) params: FitParams,
-    pub(crate) step: u64,
-    pub(crate) seconds: Real,
-    /// None before the first run.
-    pub(crate) adam: Option<Adam>,
-    pub(crate) best: Option<Best>,
-    /// Step of the last look at all held-out points that found less accuracy than the check.
+    pub(crate) training: Training,
+    /// Step of the last evaluation of all held-out points that found less accuracy than the check.
     pub(crate) missed: Option<u64>,
-    /// Of the held-out points: none before the first run.
+    /// Means of the held-out points ([`HeldOut::means`]); `None` before the first run.
     pub(crate) means: Option<[Real; 7]>,
 }
 
@@ -243,285 +175,190 @@ impl Fit {
     ///
     /// # Errors
     ///
-    /// Parameters out of range.
-    pub fn new(params: FitParams) -> Result<Self, FitError> {
+    /// A parameter is out of range.
+    pub fn new(params: FitParams) -> Result<Self, ParameterError> {
         params.validate()?;
-        Ok(Self {
-            params,
-            step: 0,
-            seconds: 0.0,
-            adam: None,
-            best: None,
-            missed: None,
-            means: None,
-        })
+        Ok(Self { params, training: Training::default(), missed: None, means: None })
     }
 
-    /// How it fits.
+    /// The parameters.
     pub fn params(&self) -> &FitParams {
         &self.params
     }
 
     /// Steps done.
     pub fn steps(&self) -> u64 {
-        self.step
+        self.training.step
     }
 
-    /// Whether it can go on with `set`: it has not begun, or it began with points of this target.
-    pub fn is_of(&self, set: &TrainingSet) -> bool {
+    /// Whether the fit can go on with `set`: it has not begun, or it began with points of this
+    /// target.
+    pub fn matches(&self, set: &TrainingSet) -> bool {
         let most = SAME_TARGET / set.frame.scale;
         self.means.is_none_or(|means| {
             means.iter().zip(set.held_out.means()).all(|(a, b)| (a - b).abs() <= most)
         })
     }
 
-    /// Steps until one of the limits is met, the caller breaks, or it diverges. `progress` is
-    /// called after each.
+    /// Steps until a limit is met, the monitor cancels, or the fit diverges.
     ///
-    /// Then the field has the parameters that reached the accuracy, or those of the check with the
-    /// least error; only if the caller broke it has those of the last step, so that [`Fit::run`]
-    /// can go on, and [`Fit::finish`] installs the best.
+    /// Progress is reported after each step, with the measures `loss` (mean of the batch), `error`
+    /// (mean near the surface at the last check, in metres), `seconds` (of all steps so far) and
+    /// `share` (of the steps or of the time, whichever is larger, from 0 to 1).
+    ///
+    /// Afterwards the field has the parameters that reached the accuracy, or those of the check with
+    /// the least error. If the monitor cancels it has those of the last step, so that [`Fit::run`]
+    /// can resume; [`Fit::finish`] installs the best.
     ///
     /// # Errors
     ///
-    /// A field that is no number at the start, or not the one that the fit began with; or another
-    /// target.
+    /// [`FitError::Cancelled`]; a field that is not finite at the start, or of another size than the
+    /// fit began with; another target.
     pub fn run(
         &mut self,
         field: &mut (impl TrainableField + ?Sized),
         set: &TrainingSet,
-        progress: &mut dyn FnMut(&FitProgress) -> ControlFlow<()>,
+        monitor: &mut dyn Monitor,
     ) -> Result<FitReport, FitError> {
-        if !self.is_of(set) {
+        if !self.matches(set) {
             return Err(FitError::Target);
         }
-        let len = field.parameters().len();
-        let mut adam = match self.adam.take() {
-            Some(adam) => adam,
-            None => Adam::new(self.params.adam, len)?,
-        };
-        if adam.first.len() != len {
-            let expected = adam.first.len();
-            self.adam = Some(adam);
-            return Err(FitError::Parameters { expected, got: len });
-        }
         self.means = Some(set.held_out.means());
-        let held_out = set.held_out.thinned(CHECKED);
-        let (before, start) = (self.seconds, Instant::now());
-        let mut error = check(field, set, &held_out);
-        if self.best.is_none() {
-            if !is_finite(&error, field) {
-                return Err(FitError::NotANumber);
-            }
-            self.best = Some(Best {
-                step: self.step,
-                mean: error.mean,
-                theta: field.parameters().to_vec(),
-            });
-        }
-        let mut gradient = vec![0.0; len];
-        let mut batch = Samples::default();
-        let ended = loop {
-            let done = self.done();
-            if done >= 1.0 {
-                break if self.params.steps.is_some_and(|s| self.step >= s) {
-                    Ended::Steps
-                } else {
-                    Ended::Time
-                };
-            }
-            if self.is_due(&error) {
-                let whole = check(field, set, &set.held_out);
-                self.seconds = before + start.elapsed().as_secs_f64();
-                if self.params.accuracy.is_some_and(|a| whole.mean <= a) {
-                    break Ended::Accuracy;
-                }
-                self.missed = Some(self.step);
-            }
-            let rate = self.params.schedule.rate(self.step, done);
-            let Some(loss) =
-                self.one(field, set, &mut adam, &mut gradient, &mut batch, rate as f32)
-            else {
-                break Ended::Diverged;
-            };
-            self.seconds = before + start.elapsed().as_secs_f64();
-            if self.step.is_multiple_of(self.params.check_every) {
-                error = check(field, set, &held_out);
-                self.seconds = before + start.elapsed().as_secs_f64();
-                if !self.judge(&error, field, set) {
-                    break Ended::Diverged;
-                }
-            }
-            let heard = FitProgress {
-                step: self.step,
-                done: self.done().min(1.0),
-                seconds: self.seconds,
-                loss,
-                error,
-            };
-            if progress(&heard).is_break() {
-                break Ended::Cancelled;
-            }
-        };
-        self.adam = Some(adam);
+        let FitParams { steps, seconds, check_every, schedule, adam, .. } = self.params;
+        let plan = Plan { stage: "fit", steps, seconds, check_every, schedule, adam };
+        let mut problem = FieldProblem::new(field, set, &self.params, &mut self.missed);
+        let ended = self.training.run(&mut problem, &plan, monitor)?;
         match ended {
-            Ended::Cancelled => {}
-            // Another state may be better at the points of a check, but was not found to be at all.
-            Ended::Accuracy => {
-                self.best = Some(Best {
-                    step: self.step,
-                    mean: error.mean,
-                    theta: field.parameters().to_vec(),
-                })
-            }
-            Ended::Diverged => self.keep_best(field),
-            Ended::Steps | Ended::Time => {
-                let error = check(field, set, &held_out);
-                self.judge(&error, field, set);
-                self.keep_best(field);
+            // The last state is not finite, far off, or already kept.
+            Ended::Diverged | Ended::Accuracy => self.training.restore_best(&mut problem),
+            _ => {
+                self.training.finish(&mut problem);
             }
         }
-        let kept = if ended == Ended::Cancelled {
-            self.step
-        } else {
-            self.best.as_ref().map_or(0, |b| b.step)
-        };
-        Ok(self.report(ended, kept, field, set))
+        Ok(self.report(ended, field, set))
     }
 
-    /// Ends a fit that the caller broke: its last state is judged as at a check, and the field gets
-    /// the best one, of which the report speaks.
+    /// Ends a cancelled fit: its last state is judged as at a check, and the field gets the best
+    /// one, which the report describes.
     ///
-    /// An unbroken fit may not have checked there: what is to go on with the same bits is stored
-    /// before.
+    /// A fit without a stop may not check at this step: store a fit that is to go on with the same
+    /// bits before.
     ///
     /// # Panics
     ///
-    /// If it is another field.
+    /// If the field has another number of parameters.
     pub fn finish(
         mut self,
         field: &mut (impl TrainableField + ?Sized),
         set: &TrainingSet,
     ) -> FitReport {
-        let error = check(field, set, &set.held_out.thinned(CHECKED));
-        self.judge(&error, field, set);
-        self.keep_best(field);
-        self.report(Ended::Cancelled, self.best.as_ref().map_or(self.step, |b| b.step), field, set)
+        let mut problem = FieldProblem::new(field, set, &self.params, &mut self.missed);
+        self.training.finish(&mut problem);
+        self.report(Ended::Cancelled, field, set)
     }
 
     fn report(
         &self,
         ended: Ended,
-        kept: u64,
         field: &(impl TrainableField + ?Sized),
         set: &TrainingSet,
     ) -> FitReport {
         FitReport {
             ended,
-            steps: self.step,
-            kept,
-            samples: self.step * self.params.batch as u64,
-            seconds: self.seconds,
-            error: check(field, set, &set.held_out),
+            steps: self.training.step,
+            kept: self.training.best_step(),
+            samples: self.training.step * self.params.batch as u64,
+            seconds: self.training.seconds,
+            error: evaluate(field, set, &set.held_out),
         }
     }
+}
 
-    /// Gives the field the best parameters so far.
-    ///
-    /// # Panics
-    ///
-    /// If it is another field.
-    pub fn keep_best(&self, field: &mut (impl TrainableField + ?Sized)) {
-        if let Some(best) = &self.best {
-            field.parameters_mut().copy_from_slice(&best.theta);
-            field.refresh();
-        }
+/// A field and its training set, as the loop sees them.
+struct FieldProblem<'a, F: ?Sized> {
+    field: &'a mut F,
+    set: &'a TrainingSet,
+    params: &'a FitParams,
+    missed: &'a mut Option<u64>,
+    /// The held-out points of a check.
+    checked: HeldOut,
+    batch: Samples,
+}
+
+impl<'a, F: TrainableField + ?Sized> FieldProblem<'a, F> {
+    fn new(
+        field: &'a mut F,
+        set: &'a TrainingSet,
+        params: &'a FitParams,
+        missed: &'a mut Option<u64>,
+    ) -> Self {
+        let checked = set.held_out.thinned(CHECKED);
+        Self { field, set, params, missed, checked, batch: Samples::default() }
+    }
+}
+
+impl<F: TrainableField + ?Sized> Problem for FieldProblem<'_, F> {
+    fn parameters(&self) -> &[f32] {
+        self.field.parameters()
     }
 
-    /// Share of the fit that is done.
-    fn done(&self) -> Real {
-        let steps = self
-            .params
-            .steps
-            .map_or(0.0, |s| if s == 0 { 1.0 } else { self.step as Real / s as Real });
-        steps.max(self.params.seconds.map_or(0.0, |s| self.seconds / s))
+    fn parameters_mut(&mut self) -> &mut [f32] {
+        self.field.parameters_mut()
     }
 
-    /// One step; the mean loss, or none where it is no number: then nothing was changed.
-    fn one(
-        &mut self,
-        field: &mut (impl TrainableField + ?Sized),
-        set: &TrainingSet,
-        adam: &mut Adam,
-        gradient: &mut [f32],
-        batch: &mut Samples,
-        rate: f32,
-    ) -> Option<Real> {
-        // A stream for each step: nothing about the batches has to be stored.
-        let mut random = Pcg64Mcg::seed_from_u64(
-            self.params.seed ^ (self.step + 1).wrapping_mul(0xd134_2543_de82_ef95),
-        );
+    fn refresh(&mut self) {
+        self.field.refresh();
+    }
+
+    fn loss_gradient(&mut self, step: u64, gradient: &mut [f32]) -> f64 {
+        let FitParams { batch: size, far, loss, seed, .. } = *self.params;
+        let batch = &mut self.batch;
+        let mut random = random_of_step(seed, step);
         batch.points.clear();
         batch.known.clear();
-        let far = (self.params.batch as Real * self.params.far).round() as usize;
-        set.near.draw(self.params.batch - far, &mut random, batch);
-        set.far.draw(far, &mut random, batch);
-        let share = 1.0 / self.params.batch as f64;
-        let (loss, known) = (self.params.loss, &batch.known);
-        let total =
-            field.loss_gradient(&batch.points, &|i, s| loss.at(&known[i], s, share), gradient);
-        if !total.is_finite() || !gradient.iter().all(|g| g.is_finite()) {
-            return None;
-        }
-        adam.step(field.parameters_mut(), gradient, rate);
-        field.refresh();
-        self.step += 1;
-        Some(total)
+        let far = (size as Real * far).round() as usize;
+        self.set.near.draw(size - far, &mut random, batch);
+        self.set.far.draw(far, &mut random, batch);
+        let share = 1.0 / size as f64;
+        let known = &batch.known;
+        self.field.loss_gradient(&batch.points, &|i, s| loss.at(&known[i], s, share), gradient)
     }
 
-    /// Whether to look at all held-out points: right after a check that found the accuracy that is
-    /// asked for, but not so soon after one that was not borne out.
-    fn is_due(&self, error: &FieldError) -> bool {
-        let FitParams { accuracy, check_every, .. } = self.params;
-        accuracy.is_some_and(|a| error.mean <= a)
-            && self.step.is_multiple_of(check_every)
-            && self.missed.is_none_or(|m| self.step - m >= check_every.saturating_mul(LOOK_EVERY))
+    fn error(&self) -> Real {
+        let found = evaluate(self.field, self.set, &self.checked);
+        // Nodes of a grid that no held-out point is near do not show in the error.
+        let finite = found.is_finite() && self.field.parameters().iter().all(|p| p.is_finite());
+        if finite { found.mean } else { Real::NAN }
     }
 
-    /// Keeps the parameters if they are the best; false where they are hopeless.
-    fn judge(
-        &mut self,
-        error: &FieldError,
-        field: &(impl TrainableField + ?Sized),
-        set: &TrainingSet,
-    ) -> bool {
-        let Some(best) = &mut self.best else { return error.is_finite() };
-        if !is_finite(error, field)
-            || error.mean > DIVERGED * best.mean.max(NOISE / set.frame.scale)
-        {
+    fn noise(&self) -> Real {
+        NOISE / self.set.frame.scale
+    }
+
+    /// Evaluates all held-out points right after a check that found the accuracy, but not too soon
+    /// after an evaluation that did not confirm it.
+    fn is_reached(&mut self, step: u64, error: Real) -> bool {
+        let FitParams { accuracy, check_every, .. } = *self.params;
+        let Some(accuracy) = accuracy.filter(|a| error <= *a) else { return false };
+        let is_due = step.is_multiple_of(check_every)
+            && self.missed.is_none_or(|m| step - m >= check_every.saturating_mul(CONFIRM_EVERY));
+        if !is_due {
             return false;
         }
-        if error.mean < best.mean {
-            best.step = self.step;
-            best.mean = error.mean;
-            best.theta.copy_from_slice(field.parameters());
+        if evaluate(self.field, self.set, &self.set.held_out).mean <= accuracy {
+            return true;
         }
-        true
+        *self.missed = Some(step);
+        false
     }
 }
 
-/// Whether errors and parameters are: nodes of a grid that no held-out point is near do not show in
-/// the error.
-fn is_finite(error: &FieldError, field: &(impl TrainableField + ?Sized)) -> bool {
-    error.is_finite() && field.parameters().iter().all(|p| p.is_finite())
-}
-
-fn check(
+fn evaluate(
     field: &(impl TrainableField + ?Sized),
     set: &TrainingSet,
     held_out: &HeldOut,
-) -> FieldError {
-    held_out.error(&set.frame, |points, out| field.samples32(points, out))
+) -> FieldAccuracy {
+    held_out.accuracy(&set.frame, |points, out| field.samples32(points, out))
 }
 
 #[cfg(test)]

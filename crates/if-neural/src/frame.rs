@@ -1,26 +1,18 @@
 //! From metres to the cube [−1, 1]³ in which networks live, and back.
 
+use crate::error::TargetError;
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
+use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
 /// `u = (x − center) · scale`: the only seam between metres in f64 and network units in f32.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Frame {
-    /// What lies in the middle of the cube, in metres.
+    /// The centre of the cube, in metres.
     pub center: Point,
-    /// Network units a metre.
+    /// Network units per metre.
     pub scale: Real,
-}
-
-/// Why a box gives no frame.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("the box from {} to {} with a margin of {margin} m is empty, flat or not finite; a fit needs a body of some size", aabb.min, aabb.max)]
-pub struct FrameError {
-    /// The box, in metres.
-    pub aabb: Aabb,
-    /// The margin, in metres.
-    pub margin: Real,
 }
 
 impl Frame {
@@ -31,25 +23,28 @@ impl Frame {
     ///
     /// # Errors
     ///
-    /// A box that is empty, a point, or not finite.
-    pub fn around(aabb: &Aabb, margin: Real) -> Result<Self, FrameError> {
-        let fault = FrameError { aabb: *aabb, margin };
+    /// A box that is empty, a point, or not finite; a margin that is negative or not finite.
+    pub fn around(aabb: &Aabb, margin: Real) -> Result<Self, TargetError> {
+        ParameterError::check_not_negative("margin", margin)?;
         let half = 0.5 * aabb.size().amax() + margin;
         let frame = Self { center: aabb.center(), scale: 1.0 / half };
-        if aabb.is_empty()
-            || aabb.size().amax() <= 0.0
-            || !margin.is_finite()
-            || margin < 0.0
-            || !frame.is_sound()
-        {
-            return Err(fault);
+        if aabb.is_empty() || aabb.size().amax() <= 0.0 || frame.validate().is_err() {
+            return Err(TargetError::NoExtent { aabb: *aabb });
         }
         Ok(frame)
     }
 
-    /// Whether all numbers are finite and the scale is above zero.
-    pub fn is_sound(&self) -> bool {
-        self.scale.is_normal() && self.scale > 0.0 && self.center.iter().all(|x| x.is_finite())
+    /// Checks that all numbers are finite and the scale is above zero.
+    ///
+    /// # Errors
+    ///
+    /// The first number that is not.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        for x in self.center.iter() {
+            ParameterError::check("frame.center", *x, x.is_finite(), "finite (m)")?;
+        }
+        let scale = self.scale > 0.0 && self.scale.is_normal();
+        ParameterError::check("frame.scale", self.scale, scale, "finite and above zero")
     }
 
     /// A point in network units.
@@ -89,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_size_has_no_frame() {
+    fn a_box_without_extent_has_no_frame() {
         let p = Point::new(1.0, 2.0, 3.0);
         for (aabb, margin) in [
             (Aabb::EMPTY, 0.1),

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::encoding::PositionalEncoding;
+use crate::error::NetworkError;
 use crate::kernel::activation::{Dot, Scale, Softplus};
 use crate::kernel::aligned::Aligned;
 use crate::kernel::isa::Isa;
@@ -10,7 +11,7 @@ use crate::kernel::packed::{PackedLayer, PackedLayers};
 use crate::kernel::pool::Pool;
 use crate::kernel::product::Product;
 use crate::kernel::{ROWS, TILE, stride};
-use crate::mlp::{ConfigError, Layout, SdfConfig, check_parameters};
+use crate::mlp::{Layout, SdfConfig, check_parameters};
 use crate::trainable::Sample32;
 
 /// φ and ∇φ of a network with fixed weights, as fast as the machine multiplies.
@@ -30,7 +31,7 @@ pub struct FrozenMlp {
     scratch: Pool<Scratch>,
 }
 
-/// What a tile needs to know of the config.
+/// The sizes that a tile needs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shape {
     pub(crate) encoding: PositionalEncoding,
@@ -100,9 +101,9 @@ impl FrozenMlp {
     ///
     /// # Errors
     ///
-    /// [`ConfigError`], for a shape that cannot be built, or a θ of another length or with a
+    /// [`NetworkError`], for a shape that cannot be built, or a θ of another length or with a
     /// number that is not finite.
-    pub fn new(config: &SdfConfig, theta: &[f32]) -> Result<Self, ConfigError> {
+    pub fn new(config: &SdfConfig, theta: &[f32]) -> Result<Self, NetworkError> {
         FrozenMlp::with_isa(config, theta, Isa::best())
     }
 
@@ -111,7 +112,7 @@ impl FrozenMlp {
     /// # Errors
     ///
     /// As [`FrozenMlp::new`].
-    pub fn with_isa(config: &SdfConfig, theta: &[f32], isa: Isa) -> Result<Self, ConfigError> {
+    pub fn with_isa(config: &SdfConfig, theta: &[f32], isa: Isa) -> Result<Self, NetworkError> {
         let layout = config.layout()?;
         check_parameters(theta, layout.parameters)?;
         let mut frozen = FrozenMlp {
@@ -222,7 +223,7 @@ impl FrozenMlp {
         });
     }
 
-    /// Leaves the last hidden layer's output in `scratch.a`, the encoding's slopes, and, if asked
+    /// Leaves the last hidden layer's output in `scratch.a`, the encoding's slopes, and, if requested
     /// for, the slopes of the activations.
     fn forward(&self, points: &[[f32; 3]], scratch: &mut Scratch, slopes: bool) {
         let shape = &self.shape;

@@ -1,6 +1,6 @@
 //! What the networks compute with: matrix products and activations over tiles of points.
 //!
-//! A tile is up to 96 points. Its arrays stand row by row, a row per point; vectors run along the
+//! A tile is up to 96 points. Its arrays are row-major, a row per point; vectors run along the
 //! features. A product broadcasts the entries of a row against packed weights, an outer product
 //! broadcasts one side against the other: no array is ever transposed, and each result is summed
 //! in an order that depends neither on the tile nor on the threads.

@@ -1,7 +1,7 @@
 //! The loss of a fit at one point.
 
-use crate::parameter_error::ParameterError;
 use crate::trainable::{PointLoss, Sample32};
+use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
 /// What is known at a training point, in network units.
@@ -11,9 +11,9 @@ pub struct Known {
     pub distance: f32,
     /// ∇φ wanted there, of unit length; anything where `normal` weighs nothing.
     pub gradient: [f32; 3],
-    /// How far the distance is trusted, from 0 to 1.
+    /// Weight of the distance, from 0 to 1.
     pub distance_trust: f32,
-    /// How far the gradient is trusted, from 0 to 1.
+    /// Weight of the gradient, from 0 to 1.
     pub gradient_trust: f32,
 }
 
@@ -54,7 +54,7 @@ fn robust(square: f64, s: f64) -> (f64, f64) {
 }
 
 impl LossParams {
-    /// The loss of `sample` where `known` is known, divided by `share`.
+    /// The loss of `sample` against `known`, times `share`.
     #[inline]
     pub fn at(&self, known: &Known, sample: Sample32, share: f64) -> PointLoss {
         let g = sample.gradient.map(f64::from);
@@ -79,7 +79,7 @@ impl LossParams {
             let length = g.iter().map(|x| x * x).sum::<f64>().sqrt();
             let w = self.eikonal * share;
             loss += 0.5 * w * (length - 1.0).powi(2);
-            // Where ∇φ vanishes no direction is better than another.
+            // Where ∇φ vanishes the term has no gradient.
             if length > 0.0 {
                 (0..3).for_each(|k| d_gradient[k] += w * (length - 1.0) * g[k] / length);
             }
@@ -93,15 +93,13 @@ impl LossParams {
     ///
     /// The first parameter out of range.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        for (name, value) in [
-            ("loss.distance", self.distance),
-            ("loss.normal", self.normal),
-            ("loss.eikonal", self.eikonal),
-        ] {
-            ParameterError::unless_at_least_zero(name, value)?;
+        for (name, value) in
+            [("distance", self.distance), ("normal", self.normal), ("eikonal", self.eikonal)]
+        {
+            ParameterError::check_not_negative(name, value)?;
         }
-        ParameterError::unless_above_zero("loss.distance_scale", self.distance_scale)?;
-        ParameterError::unless_above_zero("loss.normal_scale", self.normal_scale)
+        ParameterError::check_positive("distance_scale", self.distance_scale)?;
+        ParameterError::check_positive("normal_scale", self.normal_scale)
     }
 }
 
@@ -156,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn a_vanishing_gradient_and_no_trust_are_finite_and_nothing() {
+    fn a_zero_gradient_without_trust_has_finite_loss_and_no_derivative() {
         let params = LossParams::default();
         let none = Known::default();
         let flat = params.at(&none, Sample32::default(), 1.0);
@@ -165,16 +163,16 @@ mod tests {
     }
 
     #[test]
-    fn weights_and_scales_out_of_range_are_refused() {
+    fn weights_and_scales_out_of_range_are_rejected() {
         let good = LossParams::default();
         for (bad, name) in [
-            (LossParams { distance: -1.0, ..good }, "loss.distance"),
-            (LossParams { normal: f64::INFINITY, ..good }, "loss.normal"),
-            (LossParams { eikonal: f64::NAN, ..good }, "loss.eikonal"),
-            (LossParams { distance_scale: 0.0, ..good }, "loss.distance_scale"),
-            (LossParams { normal_scale: f64::NAN, ..good }, "loss.normal_scale"),
+            (LossParams { distance: -1.0, ..good }, "distance"),
+            (LossParams { normal: f64::INFINITY, ..good }, "normal"),
+            (LossParams { eikonal: f64::NAN, ..good }, "eikonal"),
+            (LossParams { distance_scale: 0.0, ..good }, "distance_scale"),
+            (LossParams { normal_scale: f64::NAN, ..good }, "normal_scale"),
         ] {
-            assert_eq!(bad.validate().map_err(|e| e.name), Err(name));
+            assert_eq!(bad.validate().map_err(|e| e.name), Err(name.into()));
         }
         assert_eq!(
             LossParams { distance: 0.0, normal: 0.0, eikonal: 0.0, ..good }.validate(),

@@ -1,10 +1,12 @@
 //! The shapes of the two networks: what is a parameter, the presets, and where θ keeps what.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
+use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
 use crate::encoding::PositionalEncoding;
+use crate::error::NetworkError;
 
 /// Shape of the canonical field φ: encoding → `layers` × `width`, softplus → distance and features.
 ///
@@ -66,20 +68,19 @@ impl SdfConfig {
     ///
     /// # Errors
     ///
-    /// [`ConfigError`], for a shape that cannot be built.
-    pub fn layout(&self) -> Result<Layout, ConfigError> {
+    /// The first size out of range.
+    pub fn layout(&self) -> Result<Layout, ParameterError> {
         let encoded = checked_width(self.bands, self.width, self.layers)?;
         if let Some(skip) = self.skip {
-            if skip == 0 || skip >= self.layers {
-                return Err(ConfigError::Skip { skip, layers: self.layers });
-            }
-            if self.width <= encoded {
-                return Err(ConfigError::SkipWidth { width: self.width, encoded });
-            }
+            let needs = "from 1 to `layers` − 1, or missing";
+            ParameterError::check("skip", skip as f64, skip > 0 && skip < self.layers, needs)?;
+            let needs =
+                "larger than the count of features of the encoding, 3 + 6 `bands`, with `skip`";
+            ParameterError::check("width", self.width as f64, self.width > encoded, needs)?;
         }
-        bounded("features", self.features, 0, MAX_WIDTH)?;
-        positive("beta", self.beta)?;
-        positive("radius", self.radius)?;
+        bounded("features", self.features, 0..=MAX_WIDTH, "from 0 to 4096")?;
+        ParameterError::check_positive("beta", self.beta.into())?;
+        ParameterError::check_positive("radius", self.radius.into())?;
         let mut shapes = Vec::with_capacity(self.layers + 1);
         for layer in 0..=self.layers {
             let columns = if layer == 0 { encoded } else { self.width };
@@ -128,15 +129,15 @@ impl DeformationConfig {
         PositionalEncoding { bands: self.bands }
     }
 
-    /// Where θ keeps each linear layer; the embeddings stand behind them, frame by frame.
+    /// Where θ keeps each linear layer; the embeddings follow, frame by frame.
     ///
     /// # Errors
     ///
-    /// [`ConfigError`], for a shape that cannot be built.
-    pub fn layout(&self) -> Result<Layout, ConfigError> {
+    /// The first size out of range.
+    pub fn layout(&self) -> Result<Layout, ParameterError> {
         let encoded = checked_width(self.bands, self.width, self.layers)?;
-        bounded("embedding", self.embedding, 0, MAX_WIDTH)?;
-        bounded("frames", self.frames, 1, MAX_FRAMES)?;
+        bounded("embedding", self.embedding, 0..=MAX_WIDTH, "from 0 to 4096")?;
+        bounded("frames", self.frames, 1..=MAX_FRAMES, "from 1 to 2^20")?;
         let mut shapes = Vec::with_capacity(self.layers + 1);
         for layer in 0..=self.layers {
             let columns = if layer == 0 { encoded + self.embedding } else { self.width };
@@ -155,81 +156,20 @@ pub const MAX_LAYERS: usize = 64;
 /// Most frames of a deformation.
 pub const MAX_FRAMES: usize = 1 << 20;
 
-fn checked_width(bands: usize, width: usize, layers: usize) -> Result<usize, ConfigError> {
-    bounded("bands", bands, 0, MAX_BANDS)?;
-    bounded("width", width, 1, MAX_WIDTH)?;
-    bounded("layers", layers, 1, MAX_LAYERS)?;
+fn checked_width(bands: usize, width: usize, layers: usize) -> Result<usize, ParameterError> {
+    bounded("bands", bands, 0..=MAX_BANDS, "from 0 to 16")?;
+    bounded("width", width, 1..=MAX_WIDTH, "from 1 to 4096")?;
+    bounded("layers", layers, 1..=MAX_LAYERS, "from 1 to 64")?;
     Ok(PositionalEncoding { bands }.width())
 }
 
-fn bounded(name: &'static str, value: usize, least: usize, most: usize) -> Result<(), ConfigError> {
-    if (least..=most).contains(&value) {
-        Ok(())
-    } else {
-        Err(ConfigError::Size { name, value, least, most })
-    }
-}
-
-fn positive(name: &'static str, value: f32) -> Result<(), ConfigError> {
-    if value.is_finite() && value > 0.0 { Ok(()) } else { Err(ConfigError::Number { name, value }) }
-}
-
-/// Why a network cannot be built.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ConfigError {
-    /// A count is out of its range.
-    #[error("{name} = {value}: choose {least} to {most}")]
-    Size {
-        /// The field of the config.
-        name: &'static str,
-        /// What it holds.
-        value: usize,
-        /// Least value.
-        least: usize,
-        /// Greatest value.
-        most: usize,
-    },
-    /// A number is not finite and positive.
-    #[error("{name} = {value}: it must be finite and above zero")]
-    Number {
-        /// The field of the config.
-        name: &'static str,
-        /// What it holds.
-        value: f32,
-    },
-    /// The skip joins no layer.
-    #[error("skip = {skip} with {layers} hidden layers: choose 1 to layers − 1, or none")]
-    Skip {
-        /// The layer named.
-        skip: usize,
-        /// Count of hidden layers.
-        layers: usize,
-    },
-    /// The joined layer has no room for the encoding.
-    #[error("a skip needs width > {encoded}, the encoding's features; it is {width}")]
-    SkipWidth {
-        /// Outputs of a hidden layer.
-        width: usize,
-        /// Features of the encoding.
-        encoded: usize,
-    },
-    /// θ has another length than the shape asks for.
-    #[error("{found} parameters where the shape asks for {expected}")]
-    Parameters {
-        /// Length that the shape asks for.
-        expected: usize,
-        /// Length given.
-        found: usize,
-    },
-    /// θ holds a number that is not finite.
-    #[error("parameter {index} is {value}: the weights are spoilt")]
-    NotFinite {
-        /// Its index in θ.
-        index: usize,
-        /// What stands there.
-        value: f32,
-    },
+fn bounded(
+    name: &'static str,
+    value: usize,
+    range: RangeInclusive<usize>,
+    needs: &'static str,
+) -> Result<(), ParameterError> {
+    ParameterError::check(name, value as f64, range.contains(&value), needs)
 }
 
 /// Where θ keeps the linear layers of a network.
@@ -282,13 +222,13 @@ impl Layout {
     }
 }
 
-/// Refuses a θ of another length, or with a number that is not finite.
-pub(crate) fn check_parameters(theta: &[f32], expected: usize) -> Result<(), ConfigError> {
+/// Rejects a θ of another length, or with a number that is not finite.
+pub(crate) fn check_parameters(theta: &[f32], expected: usize) -> Result<(), NetworkError> {
     if theta.len() != expected {
-        return Err(ConfigError::Parameters { expected, found: theta.len() });
+        return Err(NetworkError::Length { expected, got: theta.len() });
     }
     match theta.iter().position(|value| !value.is_finite()) {
-        Some(index) => Err(ConfigError::NotFinite { index, value: theta[index] }),
+        Some(index) => Err(NetworkError::NotFinite { index, value: theta[index] }),
         None => Ok(()),
     }
 }
@@ -312,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn absurd_shapes_are_refused_with_the_field_and_the_number() {
+    fn shapes_out_of_range_are_rejected_with_field_and_number() {
         let base = SdfConfig::fast();
         let table = [
             (SdfConfig { width: usize::MAX, ..base.clone() }, "width"),
@@ -325,10 +265,10 @@ mod tests {
             (SdfConfig { radius: 0.0, ..base.clone() }, "radius"),
             (SdfConfig { skip: Some(0), ..base.clone() }, "skip"),
             (SdfConfig { skip: Some(8), ..base.clone() }, "skip"),
-            (SdfConfig { width: 39, ..base.clone() }, "skip"),
+            (SdfConfig { width: 39, ..base.clone() }, "width"),
         ];
         for (config, field) in table {
-            let error = config.layout().expect_err("an absurd shape").to_string();
+            let error = config.layout().expect_err("a shape out of range").to_string();
             assert!(error.contains(field), "{error} does not name {field}");
         }
         assert!(DeformationConfig::paper(0).layout().is_err());

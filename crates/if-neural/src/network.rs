@@ -1,7 +1,8 @@
-//! One of the networks for φ, chosen when the program runs.
+//! One of the networks for φ, chosen at run time.
 
-use crate::grid::{GridConfig, GridError, GridField};
-use crate::mlp::{ConfigError, SdfConfig};
+use crate::error::NetworkError;
+use crate::grid::{GridConfig, GridField};
+use crate::mlp::SdfConfig;
 use crate::sdf::SdfNetwork;
 use crate::trainable::{PointLoss, Sample32, TrainableField};
 use serde::{Deserialize, Serialize};
@@ -17,16 +18,21 @@ pub enum NetworkConfig {
     Sdf(SdfConfig),
 }
 
-/// Why a network cannot be made.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum NetworkError {
-    /// Sizes of the grid.
-    #[error(transparent)]
-    Grid(#[from] GridError),
-    /// Sizes of the network of Appendix E.
-    #[error(transparent)]
-    Sdf(#[from] ConfigError),
+impl NetworkConfig {
+    /// The grid encoding.
+    pub fn grid() -> Self {
+        Self::Grid(GridConfig::default())
+    }
+
+    /// The paper's sizes.
+    pub fn paper() -> Self {
+        Self::Sdf(SdfConfig::paper())
+    }
+
+    /// The paper's network, 256 wide.
+    pub fn fast() -> Self {
+        Self::Sdf(SdfConfig::fast())
+    }
 }
 
 /// A network for φ with its parameters.
@@ -41,11 +47,11 @@ pub enum Network {
 }
 
 impl Network {
-    /// A network that holds about a sphere; the same for the same seed.
+    /// A network close to a sphere; the same for the same seed.
     ///
     /// # Errors
     ///
-    /// Sizes out of range.
+    /// A size is out of range.
     pub fn new(config: &NetworkConfig, seed: u64) -> Result<Self, NetworkError> {
         Ok(match config {
             NetworkConfig::Grid(config) => {
@@ -55,11 +61,11 @@ impl Network {
         })
     }
 
-    /// A network of given parameters.
+    /// The network with the parameters `theta`.
     ///
     /// # Errors
     ///
-    /// Sizes out of range, or parameters that do not fit.
+    /// A size is out of range, or the parameters do not match.
     pub fn with_parameters(config: &NetworkConfig, theta: Vec<f32>) -> Result<Self, NetworkError> {
         Ok(match config {
             NetworkConfig::Grid(config) => Self::Grid(GridField::with_parameters(*config, theta)?),
@@ -67,7 +73,7 @@ impl Network {
         })
     }
 
-    /// Its sizes.
+    /// The sizes.
     pub fn config(&self) -> NetworkConfig {
         match self {
             Self::Grid(grid) => NetworkConfig::Grid(*grid.config()),

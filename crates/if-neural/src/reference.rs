@@ -1,6 +1,7 @@
 //! φ in f64 and plain loops: the slow twin that the fused kernels are held against.
 
-use crate::mlp::{ConfigError, Layout, SdfConfig};
+use crate::error::NetworkError;
+use crate::mlp::{Layout, SdfConfig};
 
 /// The loss of one point in f64: what [`crate::trainable::PointLoss`] is in f32.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -81,14 +82,11 @@ impl ReferenceSdf {
     ///
     /// # Errors
     ///
-    /// [`ConfigError`], for a shape that cannot be built or a θ of another length.
-    pub fn new(config: &SdfConfig, theta: Vec<f64>) -> Result<Self, ConfigError> {
+    /// [`NetworkError`], for a shape that cannot be built or a θ of another length.
+    pub fn new(config: &SdfConfig, theta: Vec<f64>) -> Result<Self, NetworkError> {
         let layout = config.layout()?;
         if theta.len() != layout.parameters {
-            return Err(ConfigError::Parameters {
-                expected: layout.parameters,
-                found: theta.len(),
-            });
+            return Err(NetworkError::Length { expected: layout.parameters, got: theta.len() });
         }
         let layers = layout
             .layers

@@ -1,6 +1,7 @@
 //! d in f64 and plain loops: the slow twin of the deformation's kernels.
 
-use crate::mlp::{ConfigError, DeformationConfig, Layout};
+use crate::error::NetworkError;
+use crate::mlp::{DeformationConfig, Layout};
 
 /// The loss of one point in f64: what [`crate::deformation::OffsetLoss`] is in f32.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -30,16 +31,16 @@ impl ReferenceDeformation {
     ///
     /// # Errors
     ///
-    /// [`ConfigError`], for a shape that cannot be built or a θ of another length.
+    /// [`NetworkError`], for a shape that cannot be built or a θ of another length.
     pub fn new(
         config: &DeformationConfig,
         theta: Vec<f64>,
         band_weights: Vec<f32>,
-    ) -> Result<Self, ConfigError> {
+    ) -> Result<Self, NetworkError> {
         let layout = config.layout()?;
         let expected = layout.parameters + config.frames * config.embedding;
         if theta.len() != expected {
-            return Err(ConfigError::Parameters { expected, found: theta.len() });
+            return Err(NetworkError::Length { expected, got: theta.len() });
         }
         Ok(ReferenceDeformation { config: config.clone(), layout, theta, band_weights })
     }

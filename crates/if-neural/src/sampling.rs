@@ -5,17 +5,20 @@ mod surface;
 
 use crate::accuracy::HeldOut;
 use crate::cloud::OrientedPoints;
-use crate::frame::{Frame, FrameError};
+use crate::error::TargetError;
+use crate::frame::Frame;
 use crate::loss::Known;
+use crate::random::gaussian;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, unit_or_zero};
+use if_core::parameter::ParameterError;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How many points, and where. Lengths are in network units, halves of the cube's side, unless they
-/// say metres.
+/// Counts and places of training points. Lengths are in network units, halves of the cube's side, unless
+/// they are given in metres.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SamplingParams {
@@ -55,84 +58,23 @@ impl Default for SamplingParams {
     }
 }
 
-/// Why there is nothing to learn from.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SamplingError {
-    /// A parameter is out of range.
-    #[error("{name} = {value}: {needs}")]
-    Parameter {
-        /// Its name.
-        name: &'static str,
-        /// Its value.
-        value: Real,
-        /// What it has to be.
-        needs: &'static str,
-    },
-    /// Nobody says where the target is.
-    #[error("the target has no bounds(); wrap it into one that says in which box its inside lies")]
-    Unbounded,
-    /// The target has no size.
-    #[error(transparent)]
-    Frame(#[from] FrameError),
-    /// The target is not a number somewhere.
-    #[error(
-        "the target is {} with gradient {} in {point}; it must be finite in its box. The field of an open mesh ends where it has no \
-         side: close the mesh, or fit its vertices as oriented points", sample.distance, sample.gradient
-    )]
-    NotFinite {
-        /// Where.
-        point: Point,
-        /// What it is.
-        sample: FieldSample,
-    },
-    /// No surface was found.
-    #[error(
-        "only {found} of {wanted} points on the surface were found in the box of the target: it has no zero set there, or next to none"
-    )]
-    NoSurface {
-        /// Points found.
-        found: usize,
-        /// Points wanted.
-        wanted: usize,
-    },
-    /// The inside is outside.
-    #[error(
-        "the target is {distance} at the border of its box, {point}: inside must be negative and lie within the box. Of an inside-out \
-         mesh, turn all triangles round"
-    )]
-    InsideOut {
-        /// Where.
-        point: Point,
-        /// The distance there.
-        distance: Real,
-    },
-}
-
 impl SamplingParams {
     /// Checks the ranges.
     ///
     /// # Errors
     ///
     /// The first parameter out of range.
-    pub fn validate(&self) -> Result<(), SamplingError> {
-        let fault = |name, value, needs| Err(SamplingError::Parameter { name, value, needs });
+    pub fn validate(&self) -> Result<(), ParameterError> {
         for (name, count) in [("near", self.near), ("far", self.far), ("held_out", self.held_out)] {
-            if !(64..=1 << 28).contains(&count) {
-                return fault(name, count as Real, "from 64 to 2^28 points");
-            }
+            let ok = (64..=1 << 28).contains(&count);
+            ParameterError::check(name, count as Real, ok, "from 64 to 2^28 points")?;
         }
-        for spread in self.spread.into_iter().chain([self.held_out_spread]) {
-            if !(0.0..=1.0).contains(&spread) {
-                return fault("spread", spread, "from 0 to 1 network units");
-            }
+        for (index, spread) in self.spread.into_iter().enumerate() {
+            ParameterError::check_share("spread", spread).map_err(|e| e.at(index))?;
         }
+        ParameterError::check_share("held_out_spread", self.held_out_spread)?;
         for (name, length) in [("margin", self.margin), ("smoothing", self.smoothing)] {
-            if let Some(length) = length
-                && !(length > 0.0 && length.is_finite())
-            {
-                return fault(name, length, "a finite length above zero, in metres");
-            }
+            length.map_or(Ok(()), |length| ParameterError::check_positive(name, length))?;
         }
         Ok(())
     }
@@ -142,7 +84,7 @@ impl SamplingParams {
         self.smoothing.unwrap_or(1.5 * cloud.spacing())
     }
 
-    fn frame(&self, aabb: &if_core::aabb::Aabb) -> Result<Frame, FrameError> {
+    fn frame(&self, aabb: &if_core::aabb::Aabb) -> Result<Frame, TargetError> {
         Frame::around(aabb, self.margin.unwrap_or(0.06 * aabb.size().amax()))
     }
 
@@ -160,7 +102,7 @@ pub struct Samples {
     pub known: Vec<Known>,
 }
 
-/// All that a fit learns from and is judged by.
+/// Training points, and held-out points to measure at.
 #[derive(Clone, Debug)]
 pub struct TrainingSet {
     /// Where the cube lies.
@@ -169,7 +111,7 @@ pub struct TrainingSet {
     pub near: Samples,
     /// Points anywhere in the cube.
     pub far: Samples,
-    /// Points that no step sees.
+    /// Points that no step uses.
     pub held_out: HeldOut,
 }
 
@@ -178,13 +120,13 @@ impl TrainingSet {
     ///
     /// # Errors
     ///
-    /// See [`SamplingError`].
+    /// See [`TargetError`].
     pub fn of_field(
         target: &(impl SignedDistance + ?Sized),
         params: &SamplingParams,
-    ) -> Result<Self, SamplingError> {
+    ) -> Result<Self, TargetError> {
         params.validate()?;
-        let bounds = target.bounds().ok_or(SamplingError::Unbounded)?;
+        let bounds = target.bounds().ok_or(TargetError::Unbounded)?;
         let frame = params.frame(&bounds)?;
         let per_point = 4;
         let surface = surface::points(
@@ -219,10 +161,7 @@ impl TrainingSet {
     /// # Errors
     ///
     /// A parameter out of range.
-    pub fn of_points(
-        cloud: &OrientedPoints,
-        params: &SamplingParams,
-    ) -> Result<Self, SamplingError> {
+    pub fn of_points(cloud: &OrientedPoints, params: &SamplingParams) -> Result<Self, TargetError> {
         params.validate()?;
         let frame = params.frame(&cloud.aabb())?;
         let smoothing = params.smoothing_of(cloud);
@@ -237,7 +176,7 @@ impl TrainingSet {
         let known = |points: Vec<Point>, near: bool| -> Samples {
             let known = points.par_iter().map(|p| {
                 let e = cloud.estimate(p, smoothing);
-                // Beyond the points' reach only side and rough distance are known.
+                // Far from the points only the side and a rough distance are known.
                 let trust = e.trust * if near { 1.0 } else { 0.3 };
                 Known {
                     distance: (e.distance * frame.scale) as f32,
@@ -267,7 +206,7 @@ impl TrainingSet {
     }
 }
 
-/// The index itself, or its neighbour's where the point is held out.
+/// The index itself, or that of its neighbour if the point is held out.
 fn kept(i: usize) -> usize {
     if i % 20 == 7 { i - 1 } else { i }
 }
@@ -276,30 +215,17 @@ fn anywhere(frame: &Frame, n: usize, random: &mut Pcg64Mcg) -> Vec<Point> {
     (0..n).map(|_| frame.to_metres(&[0; 3].map(|_| random.random_range(-1.0..1.0)))).collect()
 }
 
-/// Three independent numbers of mean 0 and deviation 1 (Box and Muller 1958).
-pub(crate) fn gaussian(random: &mut Pcg64Mcg) -> Vector {
-    let mut pair = || {
-        let u: Real = 1.0 - random.random::<Real>(); // above zero
-        let v: Real = random.random();
-        let r = (-2.0 * u.ln()).sqrt();
-        let (s, c) = (2.0 * std::f64::consts::PI * v).sin_cos();
-        [r * s, r * c]
-    };
-    let ([a, b], [c, _]) = (pair(), pair());
-    Vector::new(a, b, c)
-}
-
 fn sampled(
     target: &(impl SignedDistance + ?Sized),
     points: &[Point],
-) -> Result<Vec<FieldSample>, SamplingError> {
+) -> Result<Vec<FieldSample>, TargetError> {
     let mut samples = vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; points.len()];
     target.samples(points, &mut samples);
     match samples
         .iter()
         .position(|s| !(s.distance.is_finite() && s.gradient.iter().all(|g| g.is_finite())))
     {
-        Some(k) => Err(SamplingError::NotFinite { point: points[k], sample: samples[k] }),
+        Some(k) => Err(TargetError::NotFinite { point: points[k], sample: samples[k] }),
         None => Ok(samples),
     }
 }
@@ -309,7 +235,7 @@ fn known_of_field(
     frame: &Frame,
     points: Vec<Point>,
     gradient_trust: f32,
-) -> Result<Samples, SamplingError> {
+) -> Result<Samples, TargetError> {
     let samples = sampled(target, &points)?;
     let known = samples.iter().map(|s| {
         let n = unit_or_zero(&s.gradient);

@@ -1,9 +1,9 @@
 //! The learning rate over a fit.
 
-use crate::parameter_error::ParameterError;
+use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
-/// A rise over the first steps, then half a cosine down to a small rest:
+/// A rise over the first steps, then half a cosine down to a small share:
 ///
 /// ```text
 /// rate · min(1, (step + 1) / warmup) · (last + (1 − last) (1 + cos π·progress) / 2)
@@ -15,7 +15,7 @@ pub struct Schedule {
     pub rate: f64,
     /// Steps of the rise.
     pub warmup: u64,
-    /// What is left of the rate at the end, from 0 to 1.
+    /// Share of the rate at the end, from 0 to 1.
     pub last: f64,
 }
 
@@ -39,19 +39,11 @@ impl Schedule {
     ///
     /// The first parameter out of range.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        let fault = |name, value, needs| Err(ParameterError { name, value, needs });
         // The steps are taken in f32, where 1e300 is infinite.
-        if !(self.rate > 0.0 && (self.rate as f32).is_finite()) {
-            return fault(
-                "schedule.rate",
-                self.rate,
-                "a number above zero that is finite in single precision",
-            );
-        }
-        if !(0.0..=1.0).contains(&self.last) {
-            return fault("schedule.last", self.last, "from 0 to 1");
-        }
-        Ok(())
+        let rate = self.rate > 0.0 && (self.rate as f32).is_finite();
+        let needs = "above zero, and finite in single precision";
+        ParameterError::check("rate", self.rate, rate, needs)?;
+        ParameterError::check_share("last", self.last)
     }
 }
 
@@ -60,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_rises_then_falls_to_the_rest() {
+    fn it_rises_then_falls_to_the_last_share() {
         let s = Schedule { rate: 2.0, warmup: 4, last: 0.1 };
         assert_eq!([0, 1, 3].map(|k| s.rate(k, 0.0)), [0.5, 1.0, 2.0]);
         approx::assert_relative_eq!(s.rate(9, 0.5), 2.0 * 0.55, epsilon = 1e-12);
@@ -68,11 +60,8 @@ mod tests {
         assert_eq!(s.rate(9, 7.0), s.rate(9, 1.0));
         assert_eq!(s.validate(), Ok(()));
         for rate in [0.0, -1.0, f64::NAN, 1e300] {
-            assert_eq!(Schedule { rate, ..s }.validate().map_err(|e| e.name), Err("schedule.rate"));
+            assert_eq!(Schedule { rate, ..s }.validate().map_err(|e| e.name), Err("rate".into()));
         }
-        assert_eq!(
-            Schedule { last: 2.0, ..s }.validate().map_err(|e| e.name),
-            Err("schedule.last")
-        );
+        assert_eq!(Schedule { last: 2.0, ..s }.validate().map_err(|e| e.name), Err("last".into()));
     }
 }

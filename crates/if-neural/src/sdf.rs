@@ -1,9 +1,10 @@
 //! The canonical signed distance field φ as a network with parameters.
 
+use crate::error::NetworkError;
 use crate::frozen::FrozenMlp;
 use crate::init::geometric;
 use crate::kernel::isa::Isa;
-use crate::mlp::{ConfigError, Layout, SdfConfig};
+use crate::mlp::{Layout, SdfConfig};
 use crate::step::{StepMemory, loss_gradient};
 use crate::trainable::{PointLoss, Sample32, TrainableField};
 
@@ -24,19 +25,19 @@ impl SdfNetwork {
     ///
     /// # Errors
     ///
-    /// [`ConfigError`], for a shape that cannot be built.
-    pub fn new(config: &SdfConfig, seed: u64) -> Result<Self, ConfigError> {
+    /// [`NetworkError`], for a shape that cannot be built.
+    pub fn new(config: &SdfConfig, seed: u64) -> Result<Self, NetworkError> {
         let theta = geometric(config, &config.layout()?, seed);
         SdfNetwork::from_parameters(config, theta)
     }
 
-    /// The network of `config` with the parameters `theta`, laid out as [`SdfConfig::layout`] says.
+    /// The network of `config` with the parameters `theta`, in the order of [`SdfConfig::layout`].
     ///
     /// # Errors
     ///
-    /// [`ConfigError`], for a shape that cannot be built, or a θ of another length or with a
+    /// [`NetworkError`], for a shape that cannot be built, or a θ of another length or with a
     /// number that is not finite.
-    pub fn from_parameters(config: &SdfConfig, theta: Vec<f32>) -> Result<Self, ConfigError> {
+    pub fn from_parameters(config: &SdfConfig, theta: Vec<f32>) -> Result<Self, NetworkError> {
         SdfNetwork::with_isa(config, theta, Isa::best())
     }
 
@@ -45,7 +46,7 @@ impl SdfNetwork {
     /// # Errors
     ///
     /// As [`SdfNetwork::from_parameters`].
-    pub fn with_isa(config: &SdfConfig, theta: Vec<f32>, isa: Isa) -> Result<Self, ConfigError> {
+    pub fn with_isa(config: &SdfConfig, theta: Vec<f32>, isa: Isa) -> Result<Self, NetworkError> {
         let frozen = FrozenMlp::with_isa(config, &theta, isa)?;
         let layout = config.layout()?;
         let memory = StepMemory::default();
@@ -334,7 +335,7 @@ mod tests {
         theta.pop();
         assert!(matches!(
             SdfNetwork::from_parameters(config, theta),
-            Err(ConfigError::Parameters { .. })
+            Err(NetworkError::Length { .. })
         ));
     }
 }

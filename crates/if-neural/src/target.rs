@@ -1,13 +1,10 @@
 //! What a network is fitted to, and how a fit begins.
 
 use crate::cloud::OrientedPoints;
-use crate::fit::FitParams;
-use crate::grid::GridConfig;
+use crate::error::TargetError;
 use crate::loss::LossParams;
-use crate::mlp::SdfConfig;
-use crate::network::{Network, NetworkConfig, NetworkError};
-use crate::sampling::{SamplingError, SamplingParams, TrainingSet};
-use crate::schedule::Schedule;
+use crate::network::{Network, NetworkConfig};
+use crate::sampling::{SamplingParams, TrainingSet};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
 use rayon::prelude::*;
@@ -23,7 +20,7 @@ pub enum Target<'a> {
 }
 
 impl std::fmt::Debug for Target<'_> {
-    /// Without the field, which cannot tell what it is.
+    /// Without the field, which need not implement `Debug`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Field(_) => f.debug_tuple("Field").finish_non_exhaustive(),
@@ -32,25 +29,13 @@ impl std::fmt::Debug for Target<'_> {
     }
 }
 
-/// Why a fit cannot begin.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum BeginError {
-    /// The target or the sampling parameters.
-    #[error(transparent)]
-    Sampling(#[from] SamplingError),
-    /// The sizes of the network.
-    #[error(transparent)]
-    Network(#[from] NetworkError),
-}
-
 impl Target<'_> {
     /// Training and held-out points.
     ///
     /// # Errors
     ///
-    /// See [`SamplingError`].
-    pub fn training_set(&self, params: &SamplingParams) -> Result<TrainingSet, SamplingError> {
+    /// See [`TargetError`].
+    pub fn training_set(&self, params: &SamplingParams) -> Result<TrainingSet, TargetError> {
         match self {
             Self::Field(field) => TrainingSet::of_field(*field, params),
             Self::Points(cloud) => TrainingSet::of_points(cloud, params),
@@ -63,12 +48,12 @@ impl Target<'_> {
     ///
     /// # Errors
     ///
-    /// A target that is none, parameters or sizes out of range.
+    /// An invalid target, or parameters or sizes out of range.
     pub fn begin(
         &self,
         config: &NetworkConfig,
         params: &SamplingParams,
-    ) -> Result<(TrainingSet, Network), BeginError> {
+    ) -> Result<(TrainingSet, Network), TargetError> {
         let mut network = Network::new(config, params.seed)?;
         let set = self.training_set(params)?;
         if let Network::Grid(grid) = &mut network {
@@ -87,7 +72,7 @@ impl Target<'_> {
                     }
                 }
                 for (o, d) in out.iter_mut().zip(&distances) {
-                    // Nodes of a field that is not finite everywhere keep out of the way.
+                    // Where the field is not finite, nodes start outside the surface.
                     let d: Real = if d.is_finite() { *d } else { 1.0 / set.frame.scale };
                     *o = (d * set.frame.scale) as f32;
                 }
@@ -96,7 +81,7 @@ impl Target<'_> {
         Ok((set, network))
     }
 
-    /// The losses that suit the target: errors of points are forgiven up to their noise.
+    /// The losses that suit the target: points are weighted for noise.
     pub fn loss(&self) -> LossParams {
         match self {
             Self::Field(_) => LossParams::default(),
@@ -106,43 +91,6 @@ impl Target<'_> {
                 normal_scale: 0.5,
                 eikonal: 0.02,
                 ..LossParams::default()
-            },
-        }
-    }
-}
-
-impl NetworkConfig {
-    /// The grid encoding.
-    pub fn grid() -> Self {
-        Self::Grid(GridConfig::default())
-    }
-
-    /// The paper's sizes.
-    pub fn paper() -> Self {
-        Self::Sdf(SdfConfig::paper())
-    }
-
-    /// The paper's network, 256 wide.
-    pub fn fast() -> Self {
-        Self::Sdf(SdfConfig::fast())
-    }
-
-    /// How to fit it: batches and rates that suit the kind of network. What they reach on clothed
-    /// bodies is in `docs/fitting.md`; others were tried, but not tabled.
-    pub fn fit_params(&self) -> FitParams {
-        match self {
-            Self::Grid(_) => FitParams::default(),
-            Self::Sdf(_) => FitParams {
-                batch: 2048,
-                check_every: 25,
-                schedule: Schedule { rate: 1e-3, warmup: 50, last: 0.02 },
-                adam: crate::adam::AdamParams {
-                    beta2: 0.999,
-                    epsilon: 1e-8,
-                    sparse: false,
-                    ..Default::default()
-                },
-                ..FitParams::default()
             },
         }
     }

@@ -1,4 +1,4 @@
-//! What a fit asks of a field with parameters.
+//! Fields with parameters, as fits use them.
 
 /// Value and input gradient of a field at one point, in the network's own precision.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

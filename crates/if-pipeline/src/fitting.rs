@@ -4,7 +4,8 @@ use if_core::aabb::Aabb;
 use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::sdf::{MeshSdf, SdfError};
-use if_neural::cloud::{CloudError, OrientedPoints};
+use if_neural::TargetError;
+use if_neural::cloud::OrientedPoints;
 use if_neural::target::Target;
 
 /// How to take a mesh.
@@ -46,7 +47,7 @@ pub enum MeshTargetError {
     Sides(#[source] SdfError),
     /// Its vertices are no target.
     #[error("the vertices of the mesh cannot be fitted")]
-    Points(#[from] CloudError),
+    Points(#[from] TargetError),
 }
 
 impl MeshTarget {
@@ -99,12 +100,12 @@ impl MeshTarget {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_core::monitor::Silent;
     use if_core::shapes::meshes;
     use if_neural::field::NeuralField;
     use if_neural::fit::{Fit, FitParams};
     use if_neural::network::NetworkConfig;
     use if_neural::sampling::SamplingParams;
-    use std::ops::ControlFlow;
 
     fn with(triangles: Vec<[u32; 3]>) -> TriMesh {
         TriMesh::new(meshes::icosphere(0.5, 4).vertices().to_vec(), triangles).unwrap()
@@ -128,7 +129,7 @@ mod tests {
         ));
         assert!(matches!(
             MeshTarget::new(&turned, Take::Points),
-            Err(MeshTargetError::Points(CloudError::InsideOut { .. }))
+            Err(MeshTargetError::Points(TargetError::InwardNormals { .. }))
         ));
         assert!(matches!(
             MeshTarget::new(&TriMesh::default(), Take::Either),
@@ -173,10 +174,7 @@ mod tests {
             loss: taken.target().loss(),
             ..config.fit_params()
         };
-        Fit::new(params)
-            .unwrap()
-            .run(&mut network, &set, &mut |_| ControlFlow::Continue(()))
-            .unwrap();
+        Fit::new(params).unwrap().run(&mut network, &set, &mut Silent).unwrap();
         let field = NeuralField::new(network, set.frame).unwrap();
         let mean = |points: &[Point], f: &dyn Fn(&Point) -> f64| {
             points.iter().map(f).sum::<f64>() / points.len() as f64

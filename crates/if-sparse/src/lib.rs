@@ -1,42 +1,140 @@
-//! Sparse symmetric positive definite systems: A x = b by A = L Lᵀ.
+//! Sparse symmetric positive definite systems A x = b, solved by Cholesky factorisation, A = L Lᵀ.
+//!
+//! [`Cholesky::new`] factors the matrix with given [`Entry`]s; [`Cholesky::solve_in_place`] solves for
+//! the columns of a [`Mat`]. A [`Pattern`] analyses the places once, for matrices that differ in
+//! their values only.
 //!
 //! The factorisation is faer's. Nothing here is generic, so that its kernels (for every instruction
-//! set) are compiled in this crate, once, and not again in each crate that solves a system, in each
-//! of its test programs, and after each of its changes.
+//! set) are compiled once, in this crate, and not in each crate that solves a system.
+//!
+//! # Examples
+//!
+//! ```
+//! use if_sparse::{Cholesky, Entry, Mat};
+//!
+//! // |  2 −1 | x = | 1 |
+//! // | −1  2 |     | 0 |
+//! let lower = [Entry::new(0, 0, 2.0), Entry::new(1, 0, -1.0), Entry::new(1, 1, 2.0)];
+//! let mut x = Mat::zeros(2, 1);
+//! x[(0, 0)] = 1.0;
+//! Cholesky::new(2, &lower)?.solve_in_place(&mut x);
+//! assert!((x[(0, 0)] - 2.0 / 3.0).abs() < 1e-15 && (x[(1, 0)] - 1.0 / 3.0).abs() < 1e-15);
+//! # Ok::<(), if_sparse::CholeskyError>(())
+//! ```
 
 use faer::Side;
 use faer::linalg::solvers::Solve;
 use faer::sparse::linalg::LltError;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{Argsort, CreationError, SparseColMat, SymbolicSparseColMat};
+use faer::sparse::{Argsort, CreationError, Pair, SparseColMat, SymbolicSparseColMat, Triplet};
 use std::fmt;
+use std::ops::{Index, IndexMut};
 
-pub use faer::Mat;
-/// A place in a matrix: row, column.
-pub type Place = faer::sparse::Pair<usize, usize>;
-/// An entry of a matrix: row, column, value.
-pub type Entry = faer::sparse::Triplet<usize, usize, f64>;
+/// A place in a matrix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Row, counted from 0.
+    pub row: usize,
+    /// Column, counted from 0.
+    pub column: usize,
+}
 
-/// Why a matrix cannot be factored.
+impl Place {
+    /// The place in this row and column.
+    pub fn new(row: usize, column: usize) -> Self {
+        Self { row, column }
+    }
+}
+
+/// An entry of a matrix.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Entry {
+    /// Row, counted from 0.
+    pub row: usize,
+    /// Column, counted from 0.
+    pub column: usize,
+    /// The value.
+    pub value: f64,
+}
+
+impl Entry {
+    /// The entry `value` in this row and column.
+    pub fn new(row: usize, column: usize, value: f64) -> Self {
+        Self { row, column, value }
+    }
+}
+
+/// A dense matrix: the right-hand sides of a system, and then its solutions, one in each column.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mat(faer::Mat<f64>);
+
+impl Mat {
+    /// The zero matrix.
+    pub fn zeros(rows: usize, columns: usize) -> Self {
+        Self(faer::Mat::zeros(rows, columns))
+    }
+
+    /// The matrix of the values `f(row, column)`.
+    pub fn from_fn(rows: usize, columns: usize, f: impl FnMut(usize, usize) -> f64) -> Self {
+        Self(faer::Mat::from_fn(rows, columns, f))
+    }
+}
+
+/// The value in (row, column).
+///
+/// # Panics
+///
+/// If either is out of range.
+impl Index<(usize, usize)> for Mat {
+    type Output = f64;
+
+    #[inline]
+    fn index(&self, at: (usize, usize)) -> &f64 {
+        &self.0[at]
+    }
+}
+
+impl IndexMut<(usize, usize)> for Mat {
+    #[inline]
+    fn index_mut(&mut self, at: (usize, usize)) -> &mut f64 {
+        &mut self.0[at]
+    }
+}
+
+/// A matrix cannot be factored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-#[allow(missing_docs)] // the messages say what the fields are
 pub enum CholeskyError {
-    /// An entry beyond the matrix.
-    #[error("an entry stands in row {row}, column {column} of a matrix of {n} rows and columns")]
-    Place { row: usize, column: usize, n: usize },
-    /// More or fewer values than the pattern has places.
-    #[error("{values} values for a pattern of {places} places")]
-    Count { values: usize, places: usize },
-    /// Not positive definite, or with a number that is not finite.
-    #[error("the matrix is not positive definite, or has a number that is not finite")]
+    /// An entry is outside the matrix.
+    #[error("an entry is in row {row}, column {column} of a matrix of {n} rows and columns")]
+    Place {
+        /// Row of the entry.
+        row: usize,
+        /// Column of the entry.
+        column: usize,
+        /// Rows and columns of the matrix.
+        n: usize,
+    },
+    /// The number of values differs from that of places in the pattern.
+    #[error("{values} values for a pattern of {places} places; give one for each")]
+    Count {
+        /// Values given.
+        values: usize,
+        /// Places of the pattern.
+        places: usize,
+    },
+    /// The matrix is not positive definite, or a value is not finite.
+    #[error("the matrix is not positive definite, or a value is not finite")]
     NotPositiveDefinite,
     /// The matrix or its factor has more entries than memory, or an index, can hold.
     #[error("the matrix of {n} rows and columns, or its factor, is too large for the memory")]
-    TooLarge { n: usize },
+    TooLarge {
+        /// Rows and columns of the matrix.
+        n: usize,
+    },
 }
 
-/// Where the entries of a matrix are, analysed: for matrices of the same pattern and other values.
+/// The places of a matrix's entries, analysed once for matrices that differ in their values.
 #[derive(Clone)]
 pub struct Pattern {
     n: usize,
@@ -58,14 +156,15 @@ impl fmt::Debug for Pattern {
 }
 
 impl Pattern {
-    /// The pattern of an n × n matrix with entries at `places` of its lower triangle (what stands
-    /// above is not read). A place may stand there more than once: its values add up.
+    /// The pattern of an n × n matrix with entries at `places` of its lower triangle; places above
+    /// the diagonal are ignored. The values of repeated places add up.
     ///
     /// # Errors
     ///
-    /// [`CholeskyError`]: a place beyond the matrix, or a matrix too large.
+    /// [`CholeskyError`]: a place is outside the matrix, or the matrix is too large.
     pub fn new(n: usize, places: &[Place]) -> Result<Self, CholeskyError> {
-        let made = SymbolicSparseColMat::try_new_from_indices(n, n, places);
+        let pairs: Vec<_> = places.iter().map(|p| Pair::new(p.row, p.column)).collect();
+        let made = SymbolicSparseColMat::try_new_from_indices(n, n, &pairs);
         let (symbolic, order) = made.map_err(|e| creation(n, &e))?;
         let llt = SymbolicLlt::try_new(symbolic.as_ref(), Side::Lower)
             .map_err(|_| CholeskyError::TooLarge { n })?;
@@ -76,7 +175,7 @@ impl Pattern {
     ///
     /// # Errors
     ///
-    /// [`CholeskyError`]: another number of values, or a matrix that is not positive definite.
+    /// [`CholeskyError`]: the number of values is wrong, or the matrix is not positive definite.
     pub fn factor(&self, values: &[f64]) -> Result<Cholesky, CholeskyError> {
         let (n, places) = (self.n, self.places);
         if values.len() != places {
@@ -104,15 +203,19 @@ impl fmt::Debug for Cholesky {
 }
 
 impl Cholesky {
-    /// Factors the n × n matrix with these entries of its lower triangle (what stands above is not
-    /// read). Entries of the same place add up.
+    /// Factors the n × n matrix with these entries of its lower triangle; entries above the diagonal
+    /// are ignored. Entries of the same place add up.
     ///
     /// # Errors
     ///
-    /// [`CholeskyError`]: an entry beyond the matrix, a matrix too large, or one that is not positive definite.
+    /// [`CholeskyError`]: an entry is outside the matrix, or the matrix is too large or not positive
+    /// definite.
     pub fn new(n: usize, entries: &[Entry]) -> Result<Self, CholeskyError> {
+        let triplets: Vec<_> =
+            entries.iter().map(|e| Triplet::new(e.row, e.column, e.value)).collect();
         let matrix =
-            SparseColMat::try_new_from_triplets(n, n, entries).map_err(|e| creation(n, &e))?;
+            SparseColMat::try_new_from_triplets(n, n, &triplets).map_err(|e| creation(n, &e))?;
+        drop(triplets);
         let symbolic = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower)
             .map_err(|_| CholeskyError::TooLarge { n })?;
         let llt = Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower);
@@ -124,9 +227,9 @@ impl Cholesky {
     /// # Panics
     ///
     /// If `right` has another number of rows than the matrix.
-    pub fn solve_in_place(&self, right: &mut Mat<f64>) {
-        assert_eq!(right.nrows(), self.n, "one row for each of the matrix");
-        self.llt.solve_in_place(right.as_mut());
+    pub fn solve_in_place(&self, right: &mut Mat) {
+        assert_eq!(right.0.nrows(), self.n, "one row for each of the matrix");
+        self.llt.solve_in_place(right.0.as_mut());
     }
 }
 
@@ -143,3 +246,8 @@ fn numeric(n: usize, error: LltError) -> CholeskyError {
         LltError::Generic(_) => CholeskyError::TooLarge { n },
     }
 }
+
+/// The example in the README is a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -8,7 +8,7 @@ fn chain(n: usize) -> Vec<Entry> {
     diagonal.chain((1..n).map(|i| Entry::new(i, i - 1, -1.0))).collect()
 }
 
-/// The chain's answer to a load of 1 everywhere: a parabola.
+/// The chain's displacement under a load of 1 everywhere: a parabola.
 fn check(cholesky: &Cholesky, n: usize) {
     let mut right = Mat::from_fn(n, 2, |_, k| 1.0 + k as f64);
     cholesky.solve_in_place(&mut right);
@@ -25,9 +25,9 @@ fn a_loaded_chain_hangs_in_a_parabola() {
         let entries = chain(n);
         check(&Cholesky::new(n, &entries).unwrap(), n);
         // The same by a pattern; then with other values.
-        let places: Vec<Place> = entries.iter().map(|e| Place::new(e.row, e.col)).collect();
+        let places: Vec<Place> = entries.iter().map(|e| Place::new(e.row, e.column)).collect();
         let pattern = Pattern::new(n, &places).unwrap();
-        let mut values: Vec<f64> = entries.iter().map(|e| e.val).collect();
+        let mut values: Vec<f64> = entries.iter().map(|e| e.value).collect();
         check(&pattern.factor(&values).unwrap(), n);
         values.iter_mut().for_each(|v| *v *= 4.0);
         let mut right = Mat::from_fn(n, 1, |_, _| 4.0);
@@ -60,6 +60,6 @@ fn matrices_that_cannot_be_factored_are_named() {
 
 #[test]
 #[should_panic(expected = "one row for each")]
-fn a_right_side_of_another_size_is_refused() {
+fn a_right_side_of_another_size_panics() {
     Cholesky::new(1, &[Entry::new(0, 0, 1.0)]).unwrap().solve_in_place(&mut Mat::zeros(2, 1));
 }

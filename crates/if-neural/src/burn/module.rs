@@ -5,7 +5,8 @@ use burn::tensor::activation::sigmoid;
 use burn::tensor::backend::Backend;
 use burn::tensor::{Tensor, TensorData};
 
-use crate::mlp::{ConfigError, SdfConfig};
+use crate::error::NetworkError;
+use crate::mlp::SdfConfig;
 use crate::sdf::SdfNetwork;
 use crate::trainable::TrainableField;
 
@@ -56,8 +57,8 @@ impl<B: Backend> SdfModule<B> {
     ///
     /// # Errors
     ///
-    /// [`ConfigError::NotFinite`], if training has diverged.
-    pub fn to_network(&self) -> Result<SdfNetwork, ConfigError> {
+    /// [`NetworkError::NotFinite`] if training has diverged.
+    pub fn to_network(&self) -> Result<SdfNetwork, NetworkError> {
         SdfNetwork::from_parameters(&self.config.0, floats(self.theta()))
     }
 

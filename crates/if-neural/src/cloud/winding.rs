@@ -17,7 +17,7 @@ pub(super) struct Dipole {
     radius: Real,
 }
 
-/// Area of each point: what its neighbours leave it.
+/// Area of each point, from the distances of its neighbours.
 pub(super) fn areas(cloud: &OrientedPoints) -> Vec<Real> {
     let one = |p: &Point| {
         let mut found = [(0.0, 0); super::NEIGHBOURS];

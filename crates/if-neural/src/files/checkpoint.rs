@@ -1,18 +1,19 @@
-//! A fit that was interrupted, in a file.
+//! A cancelled fit in a file.
 
 #![cfg(feature = "train")]
 
 use super::tensors::{self, Named, Tensors};
 use super::{Header, ReadError, grid_parts, layer_parts, network_of};
 use crate::adam::Adam;
-use crate::fit::{Best, Fit, FitParams};
+use crate::fit::{Fit, FitParams};
 use crate::frame::Frame;
 use crate::network::Network;
 use crate::trainable::TrainableField;
+use crate::training::Best;
 use serde::{Deserialize, Serialize};
 use std::io::{self, Read, Write};
 
-/// Steps of a fit that are believed: those of months, and times the largest batch still a number of
+/// Largest valid number of steps: months of them, and times the largest batch still a number of
 /// points.
 const MOST_STEPS: u64 = 1 << 39;
 
@@ -25,15 +26,15 @@ struct State {
     best_step: Option<u64>,
     best_mean: Option<f64>,
     missed: Option<u64>,
-    /// Versions that did not ask have none: their fits go on with any target.
+    /// Missing in files of earlier versions: their fits go on with any target.
     means: Option<[f64; 7]>,
 }
 
-/// Writes a fit and the network it is fitting, as [`Fit::run`] left them after the caller broke.
+/// Writes a fit and its network, as [`Fit::run`] leaves them when the monitor cancels.
 ///
 /// # Errors
 ///
-/// What the writer says.
+/// Errors of the writer.
 pub fn write_checkpoint(
     writer: &mut impl Write,
     fit: &Fit,
@@ -45,11 +46,11 @@ pub fn write_checkpoint(
     header.frame = Some(*frame);
     let state = State {
         params: fit.params,
-        step: fit.step,
-        seconds: fit.seconds,
-        adam_steps: fit.adam.as_ref().map(|a| a.steps),
-        best_step: fit.best.as_ref().map(|b| b.step),
-        best_mean: fit.best.as_ref().map(|b| b.mean),
+        step: fit.training.step,
+        seconds: fit.training.seconds,
+        adam_steps: fit.training.adam.as_ref().map(|a| a.steps),
+        best_step: fit.training.best.as_ref().map(|b| b.step),
+        best_mean: fit.training.best.as_ref().map(|b| b.mean),
         missed: fit.missed,
         means: fit.means,
     };
@@ -61,11 +62,11 @@ pub fn write_checkpoint(
     let mut add = |name: &str, data| {
         parts.push(Named { name: name.to_owned(), shape: vec![network.parameters().len()], data })
     };
-    if let Some(adam) = &fit.adam {
+    if let Some(adam) = &fit.training.adam {
         add("adam.first", adam.first.as_slice());
         add("adam.second", adam.second.as_slice());
     }
-    if let Some(best) = &fit.best {
+    if let Some(best) = &fit.training.best {
         add("best", best.theta.as_slice());
     }
     tensors::write(writer, &header, &parts)
@@ -83,8 +84,8 @@ pub fn read_checkpoint(reader: impl Read) -> Result<(Fit, Network, Frame), ReadE
     let (network, frame) = network_of(&tensors, &header)?;
     let fault = |what: String| ReadError::Checkpoint { what };
     let state: State =
-        serde_json::from_value(header.state.ok_or_else(|| fault("it has no state".into()))?)
-            .map_err(|e| fault(format!("its state cannot be understood: {e}")))?;
+        serde_json::from_value(header.state.ok_or_else(|| fault("the state is missing".into()))?)
+            .map_err(|e| fault(format!("the state is invalid: {e}")))?;
     let mut fit = Fit::new(state.params).map_err(|e| fault(e.to_string()))?;
     if !(state.seconds >= 0.0 && state.seconds.is_finite()) {
         return Err(fault(format!("it took {} seconds", state.seconds)));
@@ -96,7 +97,7 @@ pub fn read_checkpoint(reader: impl Read) -> Result<(Fit, Network, Frame), ReadE
         )));
     }
     let steps = [
-        ("looked at", state.missed),
+        ("evaluated all held-out points at", state.missed),
         ("was best at", state.best_step),
         ("moved its parameters up to", state.adam_steps),
     ];
@@ -111,7 +112,7 @@ pub fn read_checkpoint(reader: impl Read) -> Result<(Fit, Network, Frame), ReadE
     if let Some(mean) = state.means.into_iter().flatten().find(|m| !m.is_finite()) {
         return Err(fault(format!("a mean of its held-out points is {mean}")));
     }
-    (fit.step, fit.seconds, fit.missed, fit.means) =
+    (fit.training.step, fit.training.seconds, fit.missed, fit.means) =
         (state.step, state.seconds, state.missed, state.means);
     let len = network.parameters().len();
     let array = |name: &str| -> Result<Vec<f32>, ReadError> {
@@ -130,9 +131,9 @@ pub fn read_checkpoint(reader: impl Read) -> Result<(Fit, Network, Frame), ReadE
                 second[k]
             )));
         }
-        fit.adam = Some(Adam { params: state.params.adam, steps, first, second });
+        fit.training.adam = Some(Adam { params: state.params.adam, steps, first, second });
     }
-    fit.best = match (state.best_step, state.best_mean) {
+    fit.training.best = match (state.best_step, state.best_mean) {
         (Some(step), Some(mean)) => Some(Best { step, mean, theta: array("best")? }),
         (None, None) => None,
         (step, mean) => {

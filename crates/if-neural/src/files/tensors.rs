@@ -1,4 +1,4 @@
-//! The container: named arrays of f32 behind a JSON header, checked before it is believed.
+//! The container: named arrays of f32 behind a JSON header, checked before it is used.
 
 use super::{Header, ReadError, VERSION};
 use safetensors::tensor::{Metadata, TensorInfo, TensorView};
@@ -43,13 +43,12 @@ pub(super) fn write(
 /// A file in memory.
 pub(super) struct Tensors {
     metadata: Metadata,
-    /// What stands behind the header.
+    /// The bytes after the header.
     data: Vec<u8>,
 }
 
 impl Tensors {
-    /// The header is judged before the data are read, and of these no more is read than it speaks
-    /// of.
+    /// Checks the header before the data are read. No more data are read than it announces.
     pub(super) fn read(mut reader: impl Read) -> Result<Self, ReadError> {
         let fault = |e: SafeTensorError| ReadError::Header { message: e.to_string() };
         let mut next = |count: u64| {
@@ -88,7 +87,7 @@ impl Tensors {
             .and_then(|m| m.get(KEY))
             .ok_or(ReadError::NoMetadata)?;
         let fault = |e: serde_json::Error| ReadError::Metadata { message: e.to_string() };
-        // The version first: a later one may have anything beside it.
+        // The version first: the rest of a later one may be unknown.
         let value: serde_json::Value = serde_json::from_str(text).map_err(fault)?;
         let version = value.get("version").and_then(serde_json::Value::as_u64).unwrap_or(0);
         if version == 0 || version > u64::from(VERSION) {

@@ -170,13 +170,13 @@ fn files_at_fault_are_refused_with_a_reason() {
     assert!(matches!(changed("\\\"width\\\":24", "\\\"width\\\":25"), ReadError::Shape { .. }));
     assert!(matches!(
         changed("\\\"width\\\":24", "\\\"width\\\":999999999999"),
-        ReadError::Network(_)
+        ReadError::Parameter(_)
     ));
     assert!(matches!(changed("\\\"width\\\":24", "\\\"wide\\\":24"), ReadError::Metadata { .. }));
     assert!(
         matches!(changed("lin1.bias", "lin9.bias"), ReadError::Missing { name } if name == "lin1.bias")
     );
-    assert!(matches!(changed("\\\"scale\\\":1", "\\\"scale\\\":-1"), ReadError::Frame { .. }));
+    assert!(matches!(changed("\\\"scale\\\":1", "\\\"scale\\\":-1"), ReadError::Parameter(_)));
     assert!(matches!(changed("[24,15]", "[15,24]"), ReadError::Shape { .. }));
     // A shape of 2^62 numbers does not fit the data.
     assert!(matches!(changed("[24,15]", "[2147483648,2147483648]"), ReadError::Header { .. }));
@@ -185,7 +185,7 @@ fn files_at_fault_are_refused_with_a_reason() {
         with_header(&grid, |h| h.replace("\\\"table\\\":500", &format!("\\\"table\\\":{n}")))
     };
     assert!(matches!(read(&table("900")), ReadError::Shape { .. }));
-    assert!(matches!(read(&table("4000000000")), ReadError::Network(_)));
+    assert!(matches!(read(&table("4000000000")), ReadError::Parameter(_)));
     let mut nan = file.clone();
     let end = nan.len();
     nan[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
@@ -251,8 +251,8 @@ fn a_checkpoint_with_numbers_that_no_fit_has_is_refused() {
     use crate::fit::{Fit, FitParams};
     use crate::sampling::SamplingParams;
     use crate::target::Target;
+    use if_core::monitor::Silent;
     use if_core::shapes::Sphere;
-    use std::ops::ControlFlow;
     let ball = Sphere { center: Point::new(0.0, 1.0, 0.0), radius: 0.3 };
     let sampling =
         SamplingParams { near: 1000, far: 100, held_out: 200, ..SamplingParams::default() };
@@ -266,7 +266,7 @@ fn a_checkpoint_with_numbers_that_no_fit_has_is_refused() {
     };
     let (set, mut network) = Target::Field(&ball).begin(&config, &sampling).unwrap();
     let mut fit = Fit::new(params).unwrap();
-    fit.run(&mut network, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+    fit.run(&mut network, &set, &mut Silent).unwrap();
     let checkpoint = |change: fn(&mut Fit)| {
         let (mut fit, mut file) = (fit.clone(), Vec::new());
         change(&mut fit);
@@ -281,21 +281,21 @@ fn a_checkpoint_with_numbers_that_no_fit_has_is_refused() {
     assert!(read_checkpoint(sound.as_slice()).unwrap().0 == fit);
     type Spoil = fn(&mut Fit);
     let cases: [(&str, Spoil); 8] = [
-        ("`adam.second` is -0.001 at 2", |f| f.adam.as_mut().unwrap().second[2] = -1e-3),
-        ("parameters up to step 4 and has done 3", |f| f.adam.as_mut().unwrap().steps = 4),
-        ("best at step 4 and has done 3", |f| f.best.as_mut().unwrap().step = 4),
-        ("looked at step 4 and has done 3", |f| f.missed = Some(4)),
-        ("least error is -0.001 m", |f| f.best.as_mut().unwrap().mean = -1e-3),
-        ("it has done 1099511627776 steps", |f| f.step = 1 << 40),
+        ("`adam.second` is -0.001 at 2", |f| f.training.adam.as_mut().unwrap().second[2] = -1e-3),
+        ("parameters up to step 4 and has done 3", |f| f.training.adam.as_mut().unwrap().steps = 4),
+        ("best at step 4 and has done 3", |f| f.training.best.as_mut().unwrap().step = 4),
+        ("held-out points at step 4 and has done 3", |f| f.missed = Some(4)),
+        ("least error is -0.001 m", |f| f.training.best.as_mut().unwrap().mean = -1e-3),
+        ("it has done 1099511627776 steps", |f| f.training.step = 1 << 40),
         // JSON has neither: null is written.
-        ("both, or none", |f| f.best.as_mut().unwrap().mean = f64::NAN),
-        ("both, or none", |f| f.best.as_mut().unwrap().mean = f64::INFINITY),
+        ("both, or none", |f| f.training.best.as_mut().unwrap().mean = f64::NAN),
+        ("both, or none", |f| f.training.best.as_mut().unwrap().mean = f64::INFINITY),
     ];
     for (expected, change) in cases {
         let said = refusal(&checkpoint(change));
         assert!(said.contains(expected), "{said}, not {expected}");
     }
-    let step = format!("\\\"best_step\\\":{}", fit.best.as_ref().unwrap().step);
+    let step = format!("\\\"best_step\\\":{}", fit.training.best.as_ref().unwrap().step);
     let halved = with_header(&sound, |h| {
         assert!(h.contains(&step), "{h}");
         h.replace(&step, "\\\"best_step\\\":null")
@@ -309,6 +309,7 @@ fn a_fit_goes_on_from_a_file_with_the_same_bits() {
     use crate::fit::{Fit, FitParams};
     use crate::sampling::SamplingParams;
     use crate::target::Target;
+    use if_core::monitor::{Progress, Silent};
     use if_core::shapes::Sphere;
     use std::ops::ControlFlow;
     let ball = Sphere { center: Point::new(0.0, 1.0, 0.0), radius: 0.3 };
@@ -324,22 +325,19 @@ fn a_fit_goes_on_from_a_file_with_the_same_bits() {
         };
         let begin = || Target::Field(&ball).begin(&config, &sampling).unwrap();
         let (set, mut whole) = begin();
-        Fit::new(params)
-            .unwrap()
-            .run(&mut whole, &set, &mut |_| ControlFlow::Continue(()))
-            .unwrap();
+        Fit::new(params).unwrap().run(&mut whole, &set, &mut Silent).unwrap();
         let (set, mut part) = begin();
         let mut fit = Fit::new(params).unwrap();
-        let stop = &mut |p: &crate::fit::FitProgress| {
-            if p.step == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        let mut stop = |p: &Progress<'_>| {
+            if p.done == 5 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
-        fit.run(&mut part, &set, stop).unwrap();
+        fit.run(&mut part, &set, &mut stop).unwrap_err();
         fit.missed = Some(4);
         let mut file = Vec::new();
         write_checkpoint(&mut file, &fit, &part, &set.frame).unwrap();
         let (mut again, mut network, frame) = read_checkpoint(file.as_slice()).unwrap();
         assert!(again == fit && frame == set.frame);
-        again.run(&mut network, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+        again.run(&mut network, &set, &mut Silent).unwrap();
         assert!(network.parameters() == whole.parameters());
         assert!(matches!(read_network(file.as_slice()), Err(ReadError::Kind { .. })));
         let broken = with_header(&file, |h| h.replace("\\\"batch\\\":64", "\\\"batch\\\":0"));

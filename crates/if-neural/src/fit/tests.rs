@@ -2,9 +2,12 @@ use super::*;
 use crate::grid::{GridConfig, GridField};
 use crate::sampling::SamplingParams;
 use crate::trainable::{PointLoss, Sample32};
+use crate::training::Best;
 use if_core::field::FieldSample;
 use if_core::math::{Point, Vector};
+use if_core::monitor::{Cancelled, Progress, Silent};
 use if_core::shapes::Torus;
+use std::ops::ControlFlow;
 
 fn set() -> TrainingSet {
     let ring = Torus { center: Point::new(1.0, 2.0, 3.0), major: 0.5, minor: 0.2 };
@@ -28,12 +31,17 @@ fn params(steps: u64) -> FitParams {
     }
 }
 
+/// Cancels after `step` steps.
+fn stop_at(step: usize) -> impl FnMut(&Progress<'_>) -> ControlFlow<()> {
+    move |p| if p.done == step { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+}
+
 fn bits(field: &GridField) -> Vec<u32> {
     field.parameters().iter().map(|p| p.to_bits()).collect()
 }
 
 #[test]
-fn a_fit_learns_and_says_so() {
+fn a_fit_learns_and_reports_it() {
     let (set, mut field) = (set(), grid());
     let mut fit = Fit::new(FitParams {
         schedule: Schedule { rate: 0.02, ..Schedule::default() },
@@ -42,8 +50,8 @@ fn a_fit_learns_and_says_so() {
     .unwrap();
     let mut losses = Vec::new();
     let report = fit
-        .run(&mut field, &set, &mut |p| {
-            losses.push(p.loss);
+        .run(&mut field, &set, &mut |p: &Progress<'_>| {
+            losses.push(p.measure("loss").unwrap());
             ControlFlow::Continue(())
         })
         .unwrap();
@@ -54,7 +62,7 @@ fn a_fit_learns_and_says_so() {
     assert_eq!((report.ended, report.steps, report.samples), (Ended::Steps, 200, 200 * 512));
     // The ring is 1.4 m wide and its tube, 0.2 m, four cells.
     assert!(report.error.mean < 2e-3 && report.error.eikonal < 0.06, "{report:?}");
-    let again = check(&field, &set, &set.held_out);
+    let again = evaluate(&field, &set, &set.held_out);
     assert_eq!(again, report.error);
 }
 
@@ -62,21 +70,16 @@ fn a_fit_learns_and_says_so() {
 fn a_fit_that_was_interrupted_has_the_bits_of_one_that_was_not() {
     let set = set();
     let mut whole = grid();
-    Fit::new(params(40))
-        .unwrap()
-        .run(&mut whole, &set, &mut |_| ControlFlow::Continue(()))
-        .unwrap();
+    Fit::new(params(40)).unwrap().run(&mut whole, &set, &mut Silent).unwrap();
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let mut field = grid();
             let mut fit = Fit::new(params(40)).unwrap();
-            let stop = &mut |p: &FitProgress| {
-                if p.step == 17 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-            };
-            assert_eq!(fit.run(&mut field, &set, stop).unwrap().ended, Ended::Cancelled);
+            let stopped = fit.run(&mut field, &set, &mut stop_at(17));
+            assert_eq!(stopped, Err(FitError::Cancelled(Cancelled)));
             let (mut later, mut other) = (fit.clone(), field.clone());
-            later.run(&mut other, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+            later.run(&mut other, &set, &mut Silent).unwrap();
             bits(&other)
         })
     };
@@ -95,14 +98,11 @@ fn a_fit_goes_on_with_its_own_target_only() {
     };
     let mut field = grid();
     let mut fit = Fit::new(params(40)).unwrap();
-    assert!(fit.is_of(&set) && fit.is_of(&other), "it has not begun");
-    let stop = &mut |p: &FitProgress| {
-        if p.step == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    };
-    fit.run(&mut field, &set, stop).unwrap();
-    assert!(fit.is_of(&set) && !fit.is_of(&other));
+    assert!(fit.matches(&set) && fit.matches(&other), "it has not begun");
+    fit.run(&mut field, &set, &mut stop_at(3)).unwrap_err();
+    assert!(fit.matches(&set) && !fit.matches(&other));
     let before = fit.clone();
-    assert_eq!(fit.run(&mut field, &other, stop), Err(FitError::Target));
+    assert_eq!(fit.run(&mut field, &other, &mut Silent), Err(FitError::Target));
     assert_eq!(fit, before, "nothing was lost");
 }
 
@@ -116,14 +116,11 @@ fn it_stops_at_an_accuracy_and_at_a_time() {
         ..params(2000)
     })
     .unwrap();
-    let report = fit.run(&mut field, &set, &mut |_| ControlFlow::Continue(())).unwrap();
+    let report = fit.run(&mut field, &set, &mut Silent).unwrap();
     assert_eq!(report.ended, Ended::Accuracy);
     assert!(report.steps < 2000 && report.error.mean <= 0.01, "{report:?}");
     let mut fit = Fit::new(FitParams { steps: None, seconds: Some(0.05), ..params(0) }).unwrap();
-    assert_eq!(
-        fit.run(&mut grid(), &set, &mut |_| ControlFlow::Continue(())).unwrap().ended,
-        Ended::Time
-    );
+    assert_eq!(fit.run(&mut grid(), &set, &mut Silent).unwrap().ended, Ended::Time);
 }
 
 /// The training set of [`set`] with 4,000 held-out points, of which a check sees every second; the
@@ -142,7 +139,7 @@ fn unlike_its_checks(off: Real) -> TrainingSet {
     set
 }
 
-/// A grid that counts the times it is asked about all held-out points.
+/// A grid that counts its evaluations at all held-out points.
 struct Counting {
     inner: GridField,
     whole: std::sync::atomic::AtomicU64,
@@ -173,22 +170,22 @@ impl TrainableField for Counting {
 #[test]
 fn an_accuracy_that_the_checks_see_and_the_rest_does_not_is_not_reached() {
     let schedule = Schedule { rate: 0.02, ..Schedule::default() };
-    // Half of the points are 5 cm off: a mean of 1 cm is out of reach, and looked for once in four
+    // Half of the points are 5 cm off: a mean of 1 cm is out of reach, and evaluated once in four
     // checks.
     let asked = FitParams { accuracy: Some(0.01), schedule, ..params(200) };
     let mut field = Counting { inner: grid(), whole: 0.into() };
     let mut fit = Fit::new(asked).unwrap();
     let mut below = 0;
     let report = fit
-        .run(&mut field, &unlike_its_checks(0.05), &mut |p| {
-            below += u32::from(p.step.is_multiple_of(10) && p.error.mean <= 0.01);
+        .run(&mut field, &unlike_its_checks(0.05), &mut |p: &Progress<'_>| {
+            below += u32::from(p.done.is_multiple_of(10) && p.measure("error").unwrap() <= 0.01);
             ControlFlow::Continue(())
         })
         .unwrap();
     assert_eq!(report.ended, Ended::Steps);
     assert!(report.error.mean > 0.02 && below > 8, "{report:?}, {below}");
     let looks = field.whole.into_inner() - 1;
-    assert!((2..=5).contains(&looks), "{looks}, and one for the report");
+    assert!((2..=5).contains(&looks), "{looks} evaluations beside that of the report");
     // 1.6 cm off they are in reach, a while after the checks: with a stop on the way as without.
     let asked = FitParams { accuracy: Some(0.012), ..asked };
     let set = unlike_its_checks(0.016);
@@ -196,29 +193,20 @@ fn an_accuracy_that_the_checks_see_and_the_rest_does_not_is_not_reached() {
     let mut first = None;
     let whole = Fit::new(asked)
         .unwrap()
-        .run(&mut field, &set, &mut |p| {
-            first = first.or((p.error.mean <= 0.012).then_some(p.step));
+        .run(&mut field, &set, &mut |p: &Progress<'_>| {
+            first = first.or((p.measure("error").unwrap() <= 0.012).then_some(p.done));
             ControlFlow::Continue(())
         })
         .unwrap();
     assert_eq!((whole.ended, whole.kept), (Ended::Accuracy, whole.steps));
     assert!(
-        whole.error.mean <= 0.012 && first.is_some_and(|f| f < whole.steps),
+        whole.error.mean <= 0.012 && first.is_some_and(|f| (f as u64) < whole.steps),
         "{whole:?} {first:?}"
     );
     let (mut fit, mut part) = (Fit::new(asked).unwrap(), grid());
-    let stop = &mut |p: &FitProgress| {
-        if p.step == first.unwrap() + 7 {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
-    };
-    assert_eq!(fit.run(&mut part, &set, stop).unwrap().ended, Ended::Cancelled);
-    assert_eq!(
-        fit.run(&mut part, &set, &mut |_| ControlFlow::Continue(())).unwrap().steps,
-        whole.steps
-    );
+    let stopped = fit.run(&mut part, &set, &mut stop_at(first.unwrap() + 7));
+    assert_eq!(stopped, Err(FitError::Cancelled(Cancelled)));
+    assert_eq!(fit.run(&mut part, &set, &mut Silent).unwrap().steps, whole.steps);
     assert!(bits(&part) == bits(&field));
 }
 
@@ -249,7 +237,7 @@ impl TrainableField for Faulty {
         let call = self.calls.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         let total = self.inner.loss_gradient(points, loss, gradient);
         if self.explodes && call >= 10 {
-            // Adam's steps keep their length: turned round, they run away.
+            // Adam's steps keep their length: reversed, they run away.
             gradient.iter_mut().for_each(|g| *g = -1.0);
         }
         if !self.explodes && call == 20 {
@@ -266,10 +254,7 @@ fn a_fit_that_diverges_ends_with_the_last_good_state() {
         let mut field = Faulty { inner: grid(), calls: 0.into(), explodes };
         let params =
             FitParams { schedule: Schedule { rate: 0.05, ..Schedule::default() }, ..params(400) };
-        let report = Fit::new(params)
-            .unwrap()
-            .run(&mut field, &set, &mut |_| ControlFlow::Continue(()))
-            .unwrap();
+        let report = Fit::new(params).unwrap().run(&mut field, &set, &mut Silent).unwrap();
         assert_eq!(report.ended, Ended::Diverged);
         assert!(report.kept <= 20 && report.steps >= 10, "{report:?}");
         assert!(report.error.is_finite() && report.error.mean < 0.2, "{report:?}");
@@ -278,22 +263,17 @@ fn a_fit_that_diverges_ends_with_the_last_good_state() {
     for count in [usize::MAX, 1] {
         let mut field = grid();
         field.parameters_mut().iter_mut().take(count).for_each(|p| *p = f32::NAN);
-        assert_eq!(check(&field, &set, &set.held_out).is_finite(), count == 1);
-        let fault =
-            Fit::new(params(5)).unwrap().run(&mut field, &set, &mut |_| ControlFlow::Continue(()));
-        assert_eq!(fault.unwrap_err(), FitError::NotANumber);
+        assert_eq!(evaluate(&field, &set, &set.held_out).is_finite(), count == 1);
+        let error = Fit::new(params(5)).unwrap().run(&mut field, &set, &mut Silent);
+        assert_eq!(error.unwrap_err(), FitError::NotANumber);
     }
 }
 
 #[test]
 fn the_noise_of_steps_beside_fine_first_values_is_no_divergence() {
-    let (set, field) = (set(), grid());
-    let unit = 1.0 / set.frame.scale;
-    let found = check(&field, &set, &set.held_out);
-    let judged = |best: Real, mean: Real| {
-        let mut fit = Fit::new(params(5)).unwrap();
-        fit.best = Some(Best { step: 0, mean: best * unit, theta: field.parameters().to_vec() });
-        fit.judge(&FieldError { mean: mean * unit, ..found }, &field, &set)
+    let judged = |best: Real, error: Real| {
+        let best = Some(Best { step: 0, mean: best, theta: vec![0.0] });
+        Training { best, ..Training::default() }.judge(&[1.0], error, NOISE)
     };
     // A thousand times worse than splines through a smooth surface, and yet a tenth of a
     // millimetre.
@@ -321,15 +301,13 @@ fn parameters_out_of_range_are_refused() {
             "loss.normal",
         ),
     ] {
-        assert!(
-            matches!(Fit::new(bad), Err(FitError::Parameter(ParameterError { name: n, .. })) if n == name),
-            "{name}"
-        );
+        assert!(Fit::new(bad).is_err_and(|e| e.name == name), "{name}");
     }
-    assert_eq!(Fit::new(FitParams { steps: None, ..base }).unwrap_err(), FitError::Endless);
+    let endless = Fit::new(FitParams { steps: None, ..base }).unwrap_err();
+    assert!(endless.name == "steps" && endless.range.contains("`seconds`"), "{endless}");
     let mut fit = Fit::new(base).unwrap();
-    fit.run(&mut grid(), &set(), &mut |_| ControlFlow::Break(())).unwrap();
+    fit.run(&mut grid(), &set(), &mut stop_at(1)).unwrap_err();
     let mut other = GridField::new(GridConfig { finest: 32, ..*grid().config() }).unwrap();
-    let fault = fit.run(&mut other, &set(), &mut |_| ControlFlow::Break(())).unwrap_err();
-    assert!(matches!(fault, FitError::Parameters { .. }));
+    let error = fit.run(&mut other, &set(), &mut Silent).unwrap_err();
+    assert!(matches!(error, FitError::Length { .. }));
 }

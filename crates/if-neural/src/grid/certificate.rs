@@ -11,7 +11,7 @@ impl GridField {
     ///
     /// Along an axis the slope of a quadratic spline is a mean of the differences of neighbouring
     /// nodes, and σ′ lies between 0 and 1. So in each of `blocks`³ boxes every component of ∇φ lies
-    /// in an interval that the nodes round the box give; the bound is the longest vector of all
+    /// in an interval that the nodes around the box give; the bound is the longest vector of all
     /// those intervals. More blocks bring it nearer to the truth.
     ///
     /// # Accuracy

@@ -25,7 +25,7 @@ pub(super) struct Level {
     pub(super) offset: usize,
 }
 
-/// The 27 nodes round a point: nine rows of three, and the weights along each axis.
+/// The 27 nodes around a point: nine rows of three, and the weights along each axis.
 pub(super) struct Stencil {
     rows: [u32; 9],
     weight: [[f32; 3]; 3],

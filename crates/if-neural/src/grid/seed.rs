@@ -8,7 +8,7 @@ use crate::trainable::{Sample32, TrainableField};
 const REACH: f32 = 4.0;
 /// Nodes of a brick, along each side.
 const BRICK: usize = 8;
-/// Points asked at once.
+/// Points of one call.
 const BATCH: usize = 1 << 15;
 /// Levels with more nodes along a side are not seeded: the residual takes 4 bytes a node.
 const LARGEST: usize = 512;

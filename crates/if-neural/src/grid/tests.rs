@@ -211,7 +211,7 @@ fn a_seeded_grid_holds_its_target() {
 }
 
 #[test]
-fn absurd_sizes_are_refused_before_memory_is_taken() {
+fn sizes_out_of_range_are_rejected_before_memory_is_allocated() {
     let base = GridConfig::default();
     for (config, name) in [
         (GridConfig { table: u32::MAX, ..base }, "table"),
@@ -224,7 +224,7 @@ fn absurd_sizes_are_refused_before_memory_is_taken() {
         (GridConfig { softness: f32::NAN, ..base }, "softness"),
     ] {
         assert!(
-            matches!(GridField::new(config), Err(GridError::Parameter { name: n, .. }) if n == name),
+            matches!(GridField::new(config), Err(NetworkError::Parameter(e)) if e.name == name),
             "{config:?}"
         );
     }
@@ -234,7 +234,7 @@ fn absurd_sizes_are_refused_before_memory_is_taken() {
             vec![0.0; 3]
         )
         .unwrap_err(),
-        GridError::Length { got: 3, expected: 2 * (19usize.pow(3) + 20usize.pow(3)) + 1 }
+        NetworkError::Length { got: 3, expected: 2 * (19usize.pow(3) + 20usize.pow(3)) + 1 }
     );
 }
 

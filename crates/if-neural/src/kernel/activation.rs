@@ -68,14 +68,14 @@ fn softplus<S: Simd>(simd: S, z: S::f32s, beta: S::f32s, inverse: S::f32s) -> (S
         l = fma(simd, l, e, simd.splat_f32s(LOG[k]));
     }
     let l = simd.mul_f32s(l, e);
-    // By comparisons rather than `max`, which may answer a number where z is none.
+    // By comparisons rather than `max`, which may return a number for a NaN z.
     let shut = simd.less_than_or_equal_f32s(t, zero);
     let value = fma(simd, l, inverse, simd.select_f32s(shut, zero, z));
     let slope = simd.select_f32s(shut, simd.mul_f32s(e, reciprocal), reciprocal);
     (value, slope)
 }
 
-/// z → softplus in place, its slopes to `slopes` (left alone if it is empty). The first `features`
+/// z → softplus in place, its slopes to `slopes` (unchanged if it is empty). The first `features`
 /// of each of the `points` rows, rounded up to vectors.
 pub(crate) struct Softplus<'a> {
     pub(crate) z: &'a mut [f32],
@@ -200,7 +200,7 @@ impl WithSimd for ScaleAdd<'_> {
 }
 
 /// Closes rows where a ReLU is shut: `rows[b][n][k] ← 0` where `z[n][k] ≤ 0`, for the blocks b of
-/// `block` rows each, the first `points` rows of each. `z` empty stands for the first block.
+/// `block` rows each, the first `points` rows of each. An empty `z` means the first block.
 pub(crate) struct Relu<'a> {
     pub(crate) z: &'a [f32],
     pub(crate) rows: &'a mut [f32],
@@ -220,7 +220,7 @@ impl WithSimd for Relu<'_> {
         let (stride, step) = (self.stride / S::F32_LANES, self.block * self.stride / S::F32_LANES);
         for at in 0..self.points * stride {
             let z = if z.is_empty() { rows[at] } else { z[at] };
-            // Not "where it is above 0": a z that is no number must not vanish.
+            // Not "where it is above 0": NaN must not become 0.
             let shut = simd.less_than_or_equal_f32s(z, zero);
             let mut at = at;
             while at < rows.len() {

@@ -9,7 +9,7 @@ use super::isa::fma;
 /// slower where its other hardware thread is at work.
 const DEPTH: usize = 128;
 
-/// Entries of a row from one look at the loop's counter to the next.
+/// Entries of a row from one test of the loop's counter to the next.
 const UNROLL: usize = 4;
 
 /// Calls a kernel made for the lanes of a vector: with the vectors of its micro-tile along the
@@ -75,7 +75,7 @@ impl WithSimd for Product<'_> {
     }
 }
 
-/// V vectors for the panels, H, half of them, for what is left.
+/// V vectors for the panels, H, half of them, for the rest.
 #[inline(always)]
 fn product<S: Simd, const V: usize, const H: usize, const P: usize>(simd: S, mut on: Product<'_>) {
     let (width, half) = (V * S::F32_LANES, H * S::F32_LANES);

@@ -1,33 +1,33 @@
 //! Points on the zero set of a field, spread about evenly.
 
-use super::SamplingError;
+use crate::error::TargetError;
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-/// Cells along the longest side at first, and how often they are halved: the last are 1/128 of it.
+/// Cells along the longest side at first, and times they are halved: the last are 1/128 of it.
 const FIRST: Real = 16.0;
 const HALVINGS: usize = 3;
 /// Candidates of one round.
 const ROUND: usize = 1 << 13;
 /// Newton steps. Of a distance one is enough but where another part of the surface is nearer.
 const STEPS: usize = 6;
-/// Candidates for each point wanted, at most.
+/// Most candidates for each point wanted.
 const PATIENCE: usize = 20;
 
 /// `n` points on the surface within `bounds`.
 ///
 /// Cells that cannot hold the surface by the field's Lipschitz bound are dropped, and halved; from
-/// the middle of nowhere in a cell that is left, Newton steps lead to the surface. A point is taken
+/// a random point of a remaining cell, Newton steps lead to the surface. A point is taken
 /// where they end on it, no farther than two cells away.
 pub(super) fn points(
     target: &(impl SignedDistance + ?Sized),
     bounds: &Aabb,
     n: usize,
     random: &mut Pcg64Mcg,
-) -> Result<Vec<Point>, SamplingError> {
+) -> Result<Vec<Point>, TargetError> {
     let (cells, edge) = cells(target, bounds)?;
     let touching = 1e-4 * edge;
     let nothing = FieldSample { distance: 0.0, gradient: Vector::zeros() };
@@ -45,13 +45,13 @@ pub(super) fn points(
         let mut open: Vec<usize> = (0..at.len()).collect();
         let mut arrived = vec![false; at.len()];
         for _ in 0..=STEPS {
-            let asked: Vec<Point> = open.iter().map(|k| at[*k]).collect();
-            let mut samples = vec![nothing; asked.len()];
-            target.samples(&asked, &mut samples);
+            let current: Vec<Point> = open.iter().map(|k| at[*k]).collect();
+            let mut samples = vec![nothing; current.len()];
+            target.samples(&current, &mut samples);
             let mut next = Vec::new();
             for (k, s) in open.iter().zip(&samples) {
                 if !s.distance.is_finite() {
-                    return Err(SamplingError::NotFinite { point: at[*k], sample: *s });
+                    return Err(TargetError::NotFinite { point: at[*k], sample: *s });
                 }
                 let steepness = s.gradient.norm_squared();
                 if s.distance.abs() <= touching {
@@ -70,7 +70,7 @@ pub(super) fn points(
         }
     }
     if out.len() < n {
-        return Err(SamplingError::NoSurface { found: out.len(), wanted: n });
+        return Err(TargetError::NoSurface { found: out.len(), wanted: n });
     }
     Ok(out)
 }
@@ -79,9 +79,9 @@ pub(super) fn points(
 fn cells(
     target: &(impl SignedDistance + ?Sized),
     bounds: &Aabb,
-) -> Result<(Vec<Point>, Real), SamplingError> {
+) -> Result<(Vec<Point>, Real), TargetError> {
     let mut edge = bounds.size().amax() / FIRST;
-    // One cell more on each side: a flat box, or a surface on its border.
+    // One more cell on each side, for a flat box or a surface on its border.
     let low = bounds.min - Vector::repeat(edge);
     let counts = [0, 1, 2].map(|k| (bounds.size()[k] / edge).ceil() as usize + 2);
     let mut cells = Vec::new();
@@ -103,13 +103,13 @@ fn cells(
         let mut kept = Vec::new();
         for ((cell, border), (middle, value)) in cells.iter().zip(middles.iter().zip(&values)) {
             if !value.is_finite() {
-                return Err(SamplingError::NotFinite {
+                return Err(TargetError::NotFinite {
                     point: *middle,
                     sample: target.sample(middle),
                 });
             }
             if halving == 0 && *border && *value < 0.0 && !bounds.contains(middle) {
-                return Err(SamplingError::InsideOut { point: *middle, distance: *value });
+                return Err(TargetError::InsideOut { point: *middle, distance: *value });
             }
             if value.abs() <= reach {
                 kept.push(*cell);

@@ -105,32 +105,29 @@ impl SignedDistance for Turned {
 }
 
 #[test]
-fn targets_that_are_none_are_refused_with_a_reason() {
+fn invalid_targets_are_rejected_with_a_reason() {
     let of = |target: &dyn SignedDistance| {
         TrainingSet::of_field(target, &small()).map(|_| ()).unwrap_err()
     };
     let text = of(&Open).to_string();
     assert!(
-        matches!(of(&Open), SamplingError::NotFinite { .. }) && text.contains("oriented points"),
+        matches!(of(&Open), TargetError::NotFinite { .. }) && text.contains("oriented points"),
         "{text}"
     );
-    assert!(matches!(of(&Turned), SamplingError::InsideOut { distance, .. } if distance < 0.0));
+    assert!(matches!(of(&Turned), TargetError::InsideOut { distance, .. } if distance < 0.0));
     let point = Sphere { center: Point::origin(), radius: 0.0 };
-    assert!(matches!(of(&point), SamplingError::Frame(_)));
+    assert!(matches!(of(&point), TargetError::NoExtent { .. }));
     for bad in [
         SamplingParams { near: 0, ..small() },
         SamplingParams { spread: [Real::NAN, 0.1], ..small() },
         SamplingParams { margin: Some(-1.0), ..small() },
     ] {
-        assert!(matches!(
-            TrainingSet::of_field(&ring(), &bad),
-            Err(SamplingError::Parameter { .. })
-        ));
+        assert!(matches!(TrainingSet::of_field(&ring(), &bad), Err(TargetError::Parameter(_))));
     }
 }
 
 #[test]
-fn oriented_points_say_the_distance_near_them_and_the_side_far_away() {
+fn oriented_points_give_the_distance_near_them_and_the_side_far_away() {
     let mesh = meshes::icosphere(0.5, 4);
     let normals = mesh.vertices().iter().map(|p| p.coords).collect();
     let cloud = OrientedPoints::new(mesh.vertices().to_vec(), normals).unwrap();

@@ -15,11 +15,7 @@ use if_mesh::ply::WriteError;
 use if_mesh::sdf::SdfError;
 use if_mesh::smooth_labels::SmoothLabelError;
 use if_mesh::votes::VoteError;
-use if_neural::deform::DeformError;
-use if_neural::fit::FitError;
-use if_neural::frame::FrameError;
-use if_neural::mlp::ConfigError;
-use if_neural::target::BeginError;
+use if_neural::{FitError, NetworkError, TargetError};
 use std::io;
 use std::path::PathBuf;
 
@@ -90,12 +86,17 @@ pub enum ReconstructError {
     /// φ cannot be baked.
     #[error(transparent)]
     Bake(BakeError),
-    /// The network of φ cannot be set up.
+
+    // Networks of φ and of the motion.
+    /// The surface or its field cannot be fitted.
     #[error(transparent)]
-    PhiTarget(#[from] BeginError),
-    /// The network of φ cannot be fitted.
+    Target(TargetError),
+    /// The network cannot be made.
     #[error(transparent)]
-    PhiFit(#[from] FitError),
+    Network(NetworkError),
+    /// The network cannot be fitted.
+    #[error(transparent)]
+    Fit(FitError),
 
     // The motion of single frames.
     /// The equations of a frame's motion have no finite solution.
@@ -103,15 +104,6 @@ pub enum ReconstructError {
         "the motion of frame {frame} has no finite solution in round {round}; check the scale of normals and weights"
     )]
     MotionDiverged { frame: usize, round: usize },
-    /// The surface has no extent.
-    #[error(transparent)]
-    Frame(#[from] FrameError),
-    /// The sizes of the motion's network are out of range.
-    #[error(transparent)]
-    MotionNetwork(#[from] ConfigError),
-    /// The network of the motion cannot be fitted.
-    #[error(transparent)]
-    MotionFit(#[from] DeformError),
     /// The fit of the motion's network diverged.
     #[error("the network of the motion diverged after {steps} steps; lower `fit.schedule.rate`")]
     NetworkDiverged { steps: u64 },
@@ -167,6 +159,34 @@ impl From<BakeError> for ReconstructError {
             BakeError::Cancelled(cancelled) => Self::Cancelled(cancelled),
             BakeError::Parameter(parameter) => Self::Parameter(parameter),
             other => Self::Bake(other),
+        }
+    }
+}
+
+impl From<TargetError> for ReconstructError {
+    fn from(error: TargetError) -> Self {
+        match error {
+            TargetError::Parameter(parameter) => Self::Parameter(parameter),
+            other => Self::Target(other),
+        }
+    }
+}
+
+impl From<NetworkError> for ReconstructError {
+    fn from(error: NetworkError) -> Self {
+        match error {
+            NetworkError::Parameter(parameter) => Self::Parameter(parameter),
+            other => Self::Network(other),
+        }
+    }
+}
+
+impl From<FitError> for ReconstructError {
+    fn from(error: FitError) -> Self {
+        match error {
+            FitError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            FitError::Parameter(parameter) => Self::Parameter(parameter),
+            other => Self::Fit(other),
         }
     }
 }

@@ -1,20 +1,19 @@
 //! φ of the clothed person, as a network.
 
 use super::error::ReconstructError;
-use super::progress::report;
+use super::progress::{control, report};
 use if_core::field::SignedDistance;
 use if_core::math::Real;
-use if_core::monitor::{Cancelled, Monitor};
+use if_core::monitor::{Monitor, Progress};
 use if_neural::field::NeuralField;
 use if_neural::files::{WeightNorm, write_network};
-use if_neural::fit::{Ended, Fit, FitParams};
+use if_neural::fit::{Fit, FitParams};
 use if_neural::frame::Frame;
 use if_neural::network::{Network, NetworkConfig};
 use if_neural::sampling::SamplingParams;
-use if_neural::target::{BeginError, Target};
+use if_neural::target::Target;
 use serde::{Deserialize, Serialize};
 use std::io;
-use std::ops::ControlFlow;
 
 /// Parameters of [`fit_phi`]. The fit has a fixed number of steps, not of seconds, so that the same
 /// capture gives the same bits.
@@ -43,7 +42,7 @@ impl PhiParams {
     ///
     /// The first parameter that is out of range.
     pub fn validate(&self) -> Result<(), ReconstructError> {
-        self.sampling.validate().map_err(BeginError::from)?;
+        self.sampling.validate()?;
         Ok(FitParams { steps: Some(self.steps), seconds: None, ..self.network.fit_params() }
             .validate()?)
     }
@@ -94,16 +93,11 @@ pub fn fit_phi(
         loss: target.loss(),
         ..params.network.fit_params()
     };
-    let found = Fit::new(fit)?.run(&mut network, &set, &mut |p| {
-        let mean = Some(("mean_mm", 1e3 * p.error.mean));
-        match report(monitor, "phi", (p.step as usize, steps), mean) {
-            Ok(()) => ControlFlow::Continue(()),
-            Err(Cancelled) => ControlFlow::Break(()),
-        }
-    })?;
-    if found.ended == Ended::Cancelled {
-        return Err(Cancelled.into());
-    }
+    let mut progress = |p: &Progress<'_>| {
+        let mean = p.measure("error").map(|metres| ("mean_mm", 1e3 * metres));
+        control(report(monitor, "phi", (p.done, steps), mean))
+    };
+    let found = Fit::new(fit)?.run(&mut network, &set, &mut progress)?;
     let (e, frame) = (&found.error, set.frame);
     let errors = PhiReport {
         steps: found.steps,

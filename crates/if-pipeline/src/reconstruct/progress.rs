@@ -2,6 +2,7 @@
 
 use if_core::math::Real;
 use if_core::monitor::{Cancelled, Monitor, Progress};
+use std::ops::ControlFlow;
 
 /// Reports that `done` of `total` steps of a stage are finished, with a measure if there is one.
 pub(super) fn report(
@@ -12,4 +13,12 @@ pub(super) fn report(
 ) -> Result<(), Cancelled> {
     let measures = measure.as_slice();
     monitor.report(&Progress { done, total: Some(total), measures, ..Progress::stage(stage) })
+}
+
+/// The result of a report, for closures that are monitors.
+pub(super) fn control(result: Result<(), Cancelled>) -> ControlFlow<()> {
+    match result {
+        Ok(()) => ControlFlow::Continue(()),
+        Err(Cancelled) => ControlFlow::Break(()),
+    }
 }

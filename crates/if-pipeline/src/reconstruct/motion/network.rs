@@ -2,10 +2,11 @@
 
 use super::report::Motion;
 use crate::reconstruct::error::ReconstructError;
-use crate::reconstruct::progress::report;
+use crate::reconstruct::progress::{control, report};
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
-use if_core::monitor::{Cancelled, Monitor};
+use if_core::monitor::{Monitor, Progress};
+use if_neural::Ended;
 use if_neural::deform::{DeformParams, fit_deformation};
 use if_neural::deformation::DeformationNetwork;
 use if_neural::files::write_deformation;
@@ -13,7 +14,6 @@ use if_neural::frame::Frame;
 use if_neural::mlp::DeformationConfig;
 use serde::{Deserialize, Serialize};
 use std::io;
-use std::ops::ControlFlow;
 
 /// Margin around the surface in the network's unit cube, in metres.
 const MARGIN: Real = 0.05;
@@ -87,22 +87,10 @@ pub fn distil_motion(
     let mut network = DeformationNetwork::new(&config, params.seed)?;
     let steps = params.fit.steps as usize;
     report(monitor, "motion_network", (0, steps), None)?;
-    let found =
-        fit_deformation(
-            &mut network,
-            &at,
-            rest,
-            &frames,
-            &params.fit,
-            &mut |step, _| match report(monitor, "motion_network", (step as usize, steps), None) {
-                Ok(()) => ControlFlow::Continue(()),
-                Err(Cancelled) => ControlFlow::Break(()),
-            },
-        )?;
-    if found.cancelled {
-        return Err(Cancelled.into());
-    }
-    if found.diverged {
+    let mut progress =
+        |p: &Progress<'_>| control(report(monitor, "motion_network", (p.done, steps), None));
+    let found = fit_deformation(&mut network, &at, rest, &frames, &params.fit, &mut progress)?;
+    if found.ended == Ended::Diverged {
         return Err(ReconstructError::NetworkDiverged { steps: found.steps });
     }
     let e = &found.error;
@@ -138,6 +126,7 @@ mod tests {
     use if_core::shapes::meshes;
     use if_neural::files::read_deformation;
     use if_neural::schedule::Schedule;
+    use std::ops::ControlFlow;
 
     #[test]
     fn a_motion_is_fitted_and_its_file_is_read_again() {
