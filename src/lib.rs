@@ -2,7 +2,8 @@
 //!
 //! [`resolve`] takes an [`Outfit`] (a closed body and its garments, inner to outer) and returns it
 //! without intersections between its layers, proven by exact predicates. [`verify`] is the proof
-//! alone. With the feature `reconstruct` (on by default), [`pipeline`] makes garments from captures
+//! alone. [`OutfitFiles`] does the same for mesh files, and proves exactly what it writes. With the
+//! feature `reconstruct` (on by default), [`pipeline`] makes garments from captures
 //! of videos and combines them on other bodies.
 //!
 //! | module | what is in it |
@@ -48,7 +49,9 @@ pub use if_xpbd as xpbd;
 
 pub use if_core::mesh::TriMesh;
 pub use if_core::monitor::{Cancelled, Monitor, Progress, Silent};
+pub use if_core::{ParameterError, nalgebra};
 pub use if_mesh::file::MeshFile;
+pub use if_outfit::files::{FilesError, LayerFile, OutfitFiles, ResolvedFiles};
 pub use if_outfit::outfit::{Layer, Outfit, OutfitError};
 pub use if_outfit::report::{ResolveReport, Verification};
 pub use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
