@@ -7,10 +7,10 @@
 #![allow(clippy::print_stdout)] // a program for the terminal
 
 use if_garments::core::mesh::TriMesh;
+use if_garments::core::monitor::Silent;
 use if_garments::core::shapes::meshes::tube;
 use if_garments::mesh::attributes::VertexAttributes;
-use if_garments::mesh::cleanup::openings::Openings;
-use if_garments::mesh::cleanup::{CleanupParams, cleanup};
+use if_garments::mesh::cleanup::{CleanupParams, Openings, cleanup};
 use if_garments::mesh::validate::is_valid;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // Two openings are known here. The default decides by the shape of each loop.
     let params = CleanupParams { openings: Openings::Count(2), ..Default::default() };
     let attributes = VertexAttributes::none(damaged.vertices().len());
-    let clean = cleanup(&damaged, &attributes, None, &params)?;
+    let clean = cleanup(&damaged, &attributes, None, &params, &mut Silent)?;
     let holes = &clean.report.holes;
     println!("{} filled, {} openings kept", holes.filled.len(), holes.openings.len());
     assert_eq!((holes.filled.len(), holes.openings.len()), (1, 2));

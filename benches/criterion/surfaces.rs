@@ -116,7 +116,7 @@ fn clean(c: &mut Criterion) {
     let holed = TriMesh::new(whole.vertices().to_vec(), holed).expect("a part of a mesh");
     let attributes = VertexAttributes::none(holed.vertices().len());
     let run = || {
-        cleanup(black_box(&holed), &attributes, None, &CleanupParams::default())
+        cleanup(black_box(&holed), &attributes, None, &CleanupParams::default(), &mut Silent)
             .expect("a tube is cleaned")
     };
     let report = run().report;

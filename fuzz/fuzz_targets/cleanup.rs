@@ -9,13 +9,12 @@
 
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_core::shapes::meshes::icosphere;
 use if_mesh::attributes::VertexAttributes;
-use if_mesh::cleanup::complement::Complement;
-use if_mesh::cleanup::components::ComponentParams;
-use if_mesh::cleanup::manifold::make_manifold;
-use if_mesh::cleanup::openings::Openings;
-use if_mesh::cleanup::{CleanupParams, cleanup};
+use if_mesh::cleanup::{
+    CleanupParams, Complement, ComponentParams, Openings, cleanup, make_manifold,
+};
 use if_mesh::index::Bvh;
 use if_mesh::intersections::own_pairs;
 use if_mesh::validate::{Fault, faults};
@@ -59,7 +58,7 @@ fuzz_target!(|bytes: &[u8]| {
     };
     let components = (choice & 64 == 0).then(ComponentParams::default);
     let params = CleanupParams { openings, components, single_precision: choice & 128 == 0, ..CleanupParams::default() };
-    let clean = cleanup(&mesh, &VertexAttributes::none(mesh.vertices().len()), None, &params).expect("numbers that make sense");
+    let clean = cleanup(&mesh, &VertexAttributes::none(mesh.vertices().len()), None, &params, &mut Silent).expect("parameters in range");
     assert!(clean.mesh.vertices().iter().all(|p| p.iter().all(|x| x.is_finite())));
     for fault in faults(&clean.mesh) {
         let allowed =

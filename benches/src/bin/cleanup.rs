@@ -13,10 +13,9 @@
 use if_core::edges::Edges;
 use if_core::field::SignedDistance;
 use if_core::mesh::TriMesh;
+use if_core::monitor::Progress;
 use if_mesh::attributes::{Source, VertexAttributes};
-use if_mesh::cleanup::complement::Complement;
-use if_mesh::cleanup::openings::Openings;
-use if_mesh::cleanup::{CleanupParams, cleanup_with};
+use if_mesh::cleanup::{CleanupParams, Complement, Openings, cleanup};
 use if_mesh::ply::{self, WriteParams};
 use if_mesh::sdf::MeshSdf;
 use std::collections::BTreeMap;
@@ -84,13 +83,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     for _ in 0..number("repeat")?.unwrap_or(1.0) as usize {
         let start = Instant::now();
         let (mut steps, mut last) = (vec![start], None);
-        let mut watch = |step| {
-            if last.replace(step) != Some(step) {
+        let mut monitor = |progress: &Progress<'_>| {
+            if last.replace(progress.stage) != Some(progress.stage) {
                 steps.push(Instant::now());
             }
             ControlFlow::Continue(())
         };
-        clean = Some(cleanup_with(&mesh, &attributes, field, &params, &mut watch)?);
+        clean = Some(cleanup(&mesh, &attributes, field, &params, &mut monitor)?);
         steps.push(Instant::now());
         if options.contains_key("steps") {
             let ms: Vec<String> = steps

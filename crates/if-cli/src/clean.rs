@@ -16,13 +16,12 @@ use clap::builder::TypedValueParser;
 use if_core::field::SignedDistance;
 use if_core::math::Point;
 use if_core::mesh::{MeshError, TriMesh};
+use if_core::monitor::Progress;
 use if_mesh::attributes::{AttributeError, VertexAttributes};
-use if_mesh::cleanup::boundary::{MOST_PASSES, SmoothParams};
-use if_mesh::cleanup::complement::Complement;
-use if_mesh::cleanup::components::ComponentParams;
-use if_mesh::cleanup::holes::FillParams;
-use if_mesh::cleanup::openings::Openings;
-use if_mesh::cleanup::{CleanupError, CleanupParams, CleanupReport, Step, cleanup_with};
+use if_mesh::cleanup::{
+    CleanupError, CleanupParams, CleanupReport, Complement, ComponentParams, FillParams,
+    MAX_PASSES, Openings, SmoothParams, cleanup,
+};
 use if_mesh::file::{Content, MeshFile};
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
 use if_mesh::sdf::{MeshSdf, SdfError};
@@ -64,7 +63,7 @@ pub(crate) struct CleanArgs {
     pub(crate) no_smooth: bool,
     /// Smooth the whole surface but for its boundary, by so many passes of Laplacian smoothing.
     #[arg(long, value_name = "N", default_value_t = 0,
-          value_parser = clap::value_parser!(u64).range(0..=MOST_PASSES as u64).map(|n| n as usize))]
+          value_parser = clap::value_parser!(u64).range(0..=MAX_PASSES as u64).map(|n| n as usize))]
     pub(crate) surface_passes: usize,
     /// Allow the output to replace the input.
     #[arg(long)]
@@ -161,18 +160,18 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
             .map_err(|source| CleanError::Attributes { path: args.file.clone(), source })?;
     let params =
         params(args, body.as_ref().map(MeshFile::mesh), ply.coordinates == CoordinateType::Float);
-    let say = &mut |step: Step| {
-        line.message(match step {
-            Step::Manifold => "making it manifold",
-            Step::Components => "removing isolated elements",
-            Step::Holes => "filling holes",
-            Step::Boundary => "smoothing",
+    let monitor = &mut |progress: &Progress<'_>| {
+        line.message(match progress.stage {
+            "manifold" => "making it manifold",
+            "components" => "removing isolated elements",
+            "holes" => "filling holes",
+            _ => "smoothing",
         });
         if cancel::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let field = field.as_ref().map(|f| f as &dyn SignedDistance);
-    let clean = match cleanup_with(mesh, &attributes, field, &params, say) {
-        Err(CleanupError::Cancelled) => {
+    let clean = match cleanup(mesh, &attributes, field, &params, monitor) {
+        Err(CleanupError::Cancelled(_)) => {
             drop(line);
             return Ok(cancelled(args));
         }

@@ -2,10 +2,7 @@
 
 use comfy_table::{Cell, CellAlignment, Color, Table, TableStyle};
 use comfy_table::{ContentLineStyle, LineStyle};
-use if_mesh::cleanup::CleanupReport;
-use if_mesh::cleanup::components::Component;
-use if_mesh::cleanup::holes::Shape;
-use if_mesh::cleanup::rim::LoopShape;
+use if_mesh::cleanup::{CleanupReport, Component, LoopShape, PatchShape};
 use if_outfit::report::{LayerReport, PairReport, ResolveReport, Verification};
 use std::fmt::Write;
 use std::io::IsTerminal;
@@ -66,12 +63,12 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
         if parts.is_empty() { "nothing to do".to_owned() } else { parts.join(", ") }
     };
     let manifold = told(&[
-        (d.doubled, "doubled triangles dropped"),
-        (d.collapsed + d.turned, "flat triangles mended"),
+        (d.duplicates, "doubled triangles dropped"),
+        (d.collapsed + d.flipped, "flat triangles mended"),
         (d.dropped + m.dropped, "triangles dropped"),
-        (m.turned_over, "turned over"),
-        (m.crowded_edges, "non-manifold edges cut"),
-        (m.one_sided_edges, "one-sided edges cut"),
+        (m.reoriented, "turned over"),
+        (m.non_manifold_edges, "non-manifold edges cut"),
+        (m.non_orientable_edges, "one-sided edges cut"),
         (m.split_vertices, "vertices split off bow-ties"),
         (m.unused_vertices, "unused vertices dropped"),
     ]);
@@ -105,8 +102,8 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
     let s = &report.smoothing;
     let smoothed = told(&[
         (s.loops.iter().filter(|l| l.passes > 0).count(), "loops smoothed"),
-        (s.turned + s.teeth, "teeth mended"),
-        (s.notches, "notches filled"),
+        (s.ears_flipped + s.ears_removed, "teeth mended"),
+        (s.notches_filled, "notches filled"),
         (s.moved, "vertices moved"),
         (s.held_back, "held back"),
     ]);
@@ -126,14 +123,14 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
     let at = |c: [f64; 3]| format!("{:.2}, {:.2}, {:.2}", c[0], c[1], c[2]);
     for (k, l) in s.loops.iter().enumerate() {
         let (before, after) =
-            (format!("{:.1}", l.length_before * 1e2), format!("{:.1}", l.rim.length * 1e2));
+            (format!("{:.1}", l.length_before * 1e2), format!("{:.1}", l.boundary.length * 1e2));
         let name = format!("opening {}", k + 1);
         loops.add_row(vec![
             name,
-            count(l.rim.edges),
+            count(l.boundary.edges),
             before,
             after,
-            at(l.rim.center),
+            at(l.boundary.center),
             "kept open".into(),
         ]);
     }
@@ -151,7 +148,7 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
         }
     }
     let mut holes: Vec<(&LoopShape, &str)> =
-        h.filled.iter().map(|f| (&f.rim, shape(f.shape))).collect();
+        h.filled.iter().map(|f| (&f.boundary, shape(f.shape))).collect();
     holes.extend(h.left.iter().map(|l| (l, "left: no patch fits")));
     holes.sort_by(|a, b| b.0.length.total_cmp(&a.0.length));
     for (k, (l, what)) in holes.iter().take(LOOPS).enumerate() {
@@ -177,12 +174,12 @@ pub(crate) fn cleaned(report: &CleanupReport, colour: bool) -> String {
 /// Holes that the table lists, the longest first.
 const LOOPS: usize = 12;
 
-fn shape(shape: Shape) -> &'static str {
+fn shape(shape: PatchShape) -> &'static str {
     match shape {
-        Shape::Projected => "filled, on the body",
-        Shape::Fair => "filled, fair",
-        Shape::Refined => "filled, refined",
-        Shape::Plain => "filled, plain",
+        PatchShape::Projected => "filled, on the body",
+        PatchShape::Fair => "filled, fair",
+        PatchShape::Refined => "filled, refined",
+        PatchShape::Plain => "filled, plain",
     }
 }
 

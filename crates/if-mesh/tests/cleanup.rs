@@ -6,16 +6,15 @@ use if_core::edges::{Edges, VertexTriangles};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
+use if_core::monitor::{Cancelled, Progress, Silent};
 use if_core::shapes::Sphere;
 use if_core::shapes::meshes::{icosphere, tube};
 use if_mesh::attributes::VertexAttributes;
-use if_mesh::cleanup::boundary::{MOST_PASSES, SmoothParams, smooth_boundary};
-use if_mesh::cleanup::complement::Complement;
-use if_mesh::cleanup::components::{ComponentParams, remove_isolated};
-use if_mesh::cleanup::holes::{FillParams, Shape, fill_holes};
-use if_mesh::cleanup::manifold::make_manifold;
-use if_mesh::cleanup::openings::Openings;
-use if_mesh::cleanup::{Cleaned, CleanupError, CleanupParams, Step, cleanup, cleanup_with};
+use if_mesh::cleanup::{
+    Cleaned, CleanupError, CleanupParams, Complement, ComponentParams, FillParams, MAX_PASSES,
+    Openings, PatchShape, SmoothParams, cleanup, fill_holes, make_manifold, remove_isolated,
+    smooth_boundary,
+};
 use if_mesh::index::Bvh;
 use if_mesh::intersections::own_pairs;
 use if_mesh::ply::{Column, Property};
@@ -24,7 +23,8 @@ use proptest::prelude::*;
 use std::ops::ControlFlow;
 
 fn clean(mesh: &TriMesh, params: &CleanupParams) -> Cleaned {
-    cleanup(mesh, &VertexAttributes::none(mesh.vertices().len()), None, params).unwrap()
+    let attributes = VertexAttributes::none(mesh.vertices().len());
+    cleanup(mesh, &attributes, None, params, &mut Silent).unwrap()
 }
 
 /// Fans of triangles round each vertex that is used, by brute force.
@@ -209,7 +209,7 @@ fn patches_go_on_as_the_surface_does_and_lie_on_the_field_where_there_is_one() {
     };
     let fair = clean(&mesh, &params);
     assert_eq!(fair.report.holes.filled.len(), 2);
-    assert!(fair.report.holes.filled.iter().all(|f| f.shape == Shape::Fair));
+    assert!(fair.report.holes.filled.iter().all(|f| f.shape == PatchShape::Fair));
     // A flat lid would be 11 mm too low; the biharmonic one is off by a tenth of that.
     assert!(off(&fair) < 1.5e-3, "{}", off(&fair));
     assert_eq!(Edges::new(&fair.mesh).valence.iter().filter(|v| **v != 2).count(), 0, "closed");
@@ -219,9 +219,10 @@ fn patches_go_on_as_the_surface_does_and_lie_on_the_field_where_there_is_one() {
         &VertexAttributes::none(mesh.vertices().len()),
         Some(&sphere as &dyn SignedDistance),
         &params,
+        &mut Silent,
     )
     .unwrap();
-    assert!(on.report.holes.filled.iter().all(|f| f.shape == Shape::Projected));
+    assert!(on.report.holes.filled.iter().all(|f| f.shape == PatchShape::Projected));
     assert!(off(&on) < 1e-9, "{}", off(&on));
     let area = on.mesh.area();
     assert!((area / icosphere(0.3, 5).area() - 1.0).abs() < 1e-3, "{area}");
@@ -271,7 +272,7 @@ fn attributes_go_along() {
     ];
     let attributes = VertexAttributes::new(n, properties).unwrap();
     let params = CleanupParams { openings: Openings::Count(0), ..CleanupParams::default() };
-    let made = cleanup(&mesh, &attributes, None, &params).unwrap();
+    let made = cleanup(&mesh, &attributes, None, &params, &mut Silent).unwrap();
     assert!(made.report.holes.filled[0].vertices > 10);
     let [label, heat, j0, _, w0, w1] = made.attributes.properties() else {
         panic!("six properties")
@@ -290,7 +291,7 @@ fn attributes_go_along() {
         (&w0.values, &w1.values),
         (&Column::F32(vec![0.75; heat.len()]), &Column::F32(vec![0.25; heat.len()]))
     );
-    let error = cleanup(&mesh, &VertexAttributes::none(3), None, &params).unwrap_err();
+    let error = cleanup(&mesh, &VertexAttributes::none(3), None, &params, &mut Silent).unwrap_err();
     assert!(matches!(error, CleanupError::Attributes { attributes: 3, .. }));
 }
 
@@ -318,12 +319,12 @@ fn a_ragged_hem_gets_smooth_and_keeps_its_length() {
     let round = std::f64::consts::TAU * 0.15;
     for l in &report.loops {
         assert!(l.roughness[1] <= 0.2, "{l:?}");
-        assert!((l.rim.length / round - 1.0).abs() < 0.05, "{l:?}");
+        assert!((l.boundary.length / round - 1.0).abs() < 0.05, "{l:?}");
     }
     let hem = report.loops.iter().find(|l| l.passes > 0).expect("the ragged one");
-    assert!(hem.length_before > 1.15 * round && hem.rim.length < 1.05 * round, "{hem:?}");
+    assert!(hem.length_before > 1.15 * round && hem.boundary.length < 1.05 * round, "{hem:?}");
     let end = report.loops.iter().find(|l| l.passes == 0).expect("the other one");
-    assert_eq!(end.length_before, end.rim.length);
+    assert_eq!(end.length_before, end.boundary.length);
 }
 
 #[test]
@@ -387,12 +388,11 @@ fn the_same_bits_for_any_number_of_threads() {
 }
 
 #[test]
-fn numbers_that_make_no_sense_are_refused() {
+fn parameters_out_of_range_are_rejected() {
     let mesh = icosphere(0.1, 1);
     let refused = |params: CleanupParams| {
-        cleanup(&mesh, &VertexAttributes::none(mesh.vertices().len()), None, &params)
-            .unwrap_err()
-            .to_string()
+        let attributes = VertexAttributes::none(mesh.vertices().len());
+        cleanup(&mesh, &attributes, None, &params, &mut Silent).unwrap_err().to_string()
     };
     let p = CleanupParams { openings: Openings::Longer(-1.0), ..CleanupParams::default() };
     assert!(refused(p).contains("-1"));
@@ -402,15 +402,15 @@ fn numbers_that_make_no_sense_are_refused() {
         openings: Openings::Near(vec![Point::new(0.0, Real::INFINITY, 0.0)]),
         ..CleanupParams::default()
     };
-    assert!(refused(p).contains("point 0"));
+    assert!(refused(p).contains("openings.near[0]"));
     let p = CleanupParams {
         openings: Openings::Complement(Box::new(Complement::new(TriMesh::default()))),
         ..CleanupParams::default()
     };
-    assert!(refused(p).contains("no triangles"));
+    assert!(refused(p).contains("openings.complement.body.triangles"));
     let components = Some(ComponentParams { least_share: 2.0, most: None });
     assert!(refused(CleanupParams { components, ..CleanupParams::default() }).contains("share"));
-    let many = MOST_PASSES + 1;
+    let many = MAX_PASSES + 1;
     for smooth in [
         SmoothParams { passes: many, ..SmoothParams::default() },
         SmoothParams { rounds: many, ..SmoothParams::default() },
@@ -422,7 +422,7 @@ fn numbers_that_make_no_sense_are_refused() {
 }
 
 #[test]
-fn steps_by_themselves_do_what_clean_up_does_and_refuse_the_same_numbers() {
+fn single_steps_do_what_cleanup_does_and_check_their_parameters() {
     let tube = tube(0.1, 0.4, 40, 20, false);
     let holed = TriMesh::new(
         tube.vertices().to_vec(),
@@ -430,52 +430,54 @@ fn steps_by_themselves_do_what_clean_up_does_and_refuse_the_same_numbers() {
     )
     .unwrap();
     let (fill, smooth) = (FillParams::default(), SmoothParams::default());
-    let (filled, report) = fill_holes(&holed, None, &Openings::default(), &fill).unwrap();
+    let (filled, report) =
+        fill_holes(&holed, None, &Openings::default(), &fill, &mut Silent).unwrap();
     assert_eq!((report.filled.len(), report.openings.len()), (1, 2));
-    let (smoothed, _) = smooth_boundary(&filled.mesh, None, &smooth).unwrap();
+    let (smoothed, _) = smooth_boundary(&filled.mesh, None, &smooth, &mut Silent).unwrap();
     let whole = clean(&holed, &CleanupParams::default());
     assert_eq!(smoothed.mesh.triangles().len(), whole.mesh.triangles().len());
-    // An openness of NaN would close neck and cuffs; so many edges by the exact method would take
-    // gigabytes.
-    assert!(matches!(
-        fill_holes(&holed, None, &Openings::Shape(Real::NAN), &fill),
-        Err(CleanupError::Openings(_))
-    ));
+    // An openness of NaN would close neck and cuffs; the minimum-weight triangulation of so many
+    // edges would take gigabytes.
+    let rejected = |error: CleanupError| {
+        let CleanupError::Parameter(error) = error else { panic!("{error}") };
+        error.name.into_owned()
+    };
+    let nan = Openings::Shape(Real::NAN);
+    let error = fill_holes(&holed, None, &nan, &fill, &mut Silent).unwrap_err();
+    assert_eq!(rejected(error), "shape");
     let endless = FillParams { exact_up_to: usize::MAX, ..fill };
-    assert!(matches!(
-        fill_holes(&holed, None, &Openings::default(), &endless),
-        Err(CleanupError::Range { .. })
-    ));
+    let error = fill_holes(&holed, None, &Openings::default(), &endless, &mut Silent).unwrap_err();
+    assert_eq!(rejected(error), "exact_up_to");
     let params = CleanupParams { fill: Some(endless), ..CleanupParams::default() };
-    assert!(matches!(params.validate(), Err(CleanupError::Range { .. })));
+    assert_eq!(params.validate().unwrap_err().name, "fill.exact_up_to");
     let forever = SmoothParams { passes: usize::MAX, ..smooth };
-    assert!(matches!(smooth_boundary(&holed, None, &forever), Err(CleanupError::Range { .. })));
+    let error = smooth_boundary(&holed, None, &forever, &mut Silent).unwrap_err();
+    assert_eq!(rejected(error), "passes");
     let none = ComponentParams { least_share: Real::NAN, ..ComponentParams::default() };
-    assert!(matches!(remove_isolated(&holed, &none), Err(CleanupError::Range { .. })));
+    assert_eq!(remove_isolated(&holed, &none).unwrap_err().name, "least_share");
 }
 
 #[test]
-fn a_caller_can_break_at_any_call_and_hears_each_pass() {
+fn a_monitor_can_cancel_at_any_report() {
     let mesh = holed(3, &[(Vector::new(0.3, 0.0, 0.0), 0.1), (Vector::new(0.0, 0.3, 0.0), 0.05)]);
     let none = VertexAttributes::none(mesh.vertices().len());
     let smooth = SmoothParams { surface_passes: 7, ..SmoothParams::default() };
     let params = CleanupParams { smooth: Some(smooth), ..CleanupParams::default() };
-    let mut heard = Vec::new();
-    let whole = cleanup_with(&mesh, &none, None, &params, &mut |step| {
-        heard.push(step);
+    let mut stages = Vec::new();
+    let whole = cleanup(&mesh, &none, None, &params, &mut |p: &Progress<'_>| {
+        stages.push(p.stage);
         ControlFlow::Continue(())
     });
-    assert_eq!(whole.unwrap(), cleanup(&mesh, &none, None, &params).unwrap());
-    assert!(heard.is_sorted_by_key(|s| {
-        [Step::Manifold, Step::Components, Step::Holes, Step::Boundary].iter().position(|t| t == s)
-    }));
-    assert!(heard.iter().filter(|s| **s == Step::Boundary).count() > 8, "{heard:?}");
-    for last in 0..heard.len() {
+    assert_eq!(whole.unwrap(), clean(&mesh, &params));
+    let order = ["manifold", "components", "holes", "boundary"];
+    assert!(stages.is_sorted_by_key(|s| order.iter().position(|t| t == s)));
+    assert!(stages.iter().filter(|s| **s == "boundary").count() > 8, "{stages:?}");
+    for last in 0..stages.len() {
         let mut calls = 0;
-        let broken = cleanup_with(&mesh, &none, None, &params, &mut |_| {
+        let cancelled = cleanup(&mesh, &none, None, &params, &mut |_: &Progress<'_>| {
             calls += 1;
             if calls > last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
-        assert_eq!((broken, calls), (Err(CleanupError::Cancelled), last + 1));
+        assert_eq!((cancelled, calls), (Err(CleanupError::Cancelled(Cancelled)), last + 1));
     }
 }

@@ -1,61 +1,15 @@
-//! Isolated elements: parts that no edge joins to the rest.
+//! Connected components, and the removal of isolated elements.
 
-use super::twins::{NONE, Twins};
-use super::work::{Derived, Work};
-use super::{CleanupError, range};
+use super::edit_mesh::{Derived, EditMesh};
+use super::half_edges::{HalfEdges, NONE};
+use super::params::ComponentParams;
+use super::report::{Component, ComponentReport};
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
-use serde::Serialize;
+use if_core::parameter::ParameterError;
 
-/// What is an isolated element.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ComponentParams {
-    /// A part is kept if it has at least this share of the area of the largest part, from 0 to 1.
-    pub least_share: Real,
-    /// At most this many parts are kept, the largest; `None` for no limit.
-    pub most: Option<usize>,
-}
-
-impl Default for ComponentParams {
-    /// 1 % of the largest: on the extractions of `data/clothed` the largest stray part has 0.07 %
-    /// (clean votes).
-    fn default() -> Self {
-        Self { least_share: 0.01, most: None }
-    }
-}
-
-/// A part of a mesh that edges hold together.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Component {
-    /// Number of triangles.
-    pub triangles: usize,
-    /// Area, in square metres.
-    pub area: Real,
-    /// Least and largest coordinates, in metres.
-    pub aabb: [[Real; 3]; 2],
-}
-
-/// What was kept and dropped.
-#[derive(Clone, Debug, PartialEq, Default, Serialize)]
-pub struct ComponentReport {
-    /// Parts that stay, the largest first.
-    pub kept: Vec<Component>,
-    /// Parts that were dropped, the largest first.
-    pub dropped: Vec<Component>,
-}
-
-impl ComponentParams {
-    /// Whether all numbers make sense.
-    ///
-    /// # Errors
-    ///
-    /// A share that is none.
-    pub fn validate(&self) -> Result<(), CleanupError> {
-        range("the least share of a part", self.least_share, 0.0, 1.0, "a share from 0 to 1")
-    }
-}
-
-/// Drops parts that are small beside the largest one. What meets in a vertex only is not joined.
+/// Removes components that are small compared to the largest one. Parts that touch only in a vertex
+/// are separate components.
 ///
 /// # Errors
 ///
@@ -63,20 +17,20 @@ impl ComponentParams {
 pub fn remove_isolated(
     mesh: &TriMesh,
     params: &ComponentParams,
-) -> Result<(Derived, ComponentReport), CleanupError> {
+) -> Result<(Derived, ComponentReport), ParameterError> {
     params.validate()?;
-    let mut work = Work::new(mesh);
-    let (report, _) = drop_small(&mut work, &Twins::of_mesh(mesh), params);
+    let mut work = EditMesh::new(mesh);
+    let (report, _) = drop_small(&mut work, &HalfEdges::of_mesh(mesh), params);
     Ok((work.finish(), report))
 }
 
-/// [`remove_isolated`] in place; the triangles that went, ascending.
+/// [`remove_isolated`] in place; also returns the removed triangles, ascending.
 pub(super) fn drop_small(
-    work: &mut Work,
-    twins: &Twins,
+    work: &mut EditMesh,
+    half_edges: &HalfEdges,
     params: &ComponentParams,
 ) -> (ComponentReport, Vec<u32>) {
-    let (part_of, parts) = components(work, twins);
+    let (part_of, parts) = components(work, half_edges);
     let mut order: Vec<u32> = (0..parts.len() as u32).collect();
     order.sort_by(|&a, &b| {
         parts[b as usize].area.total_cmp(&parts[a as usize].area).then(a.cmp(&b))
@@ -99,16 +53,16 @@ pub(super) fn drop_small(
     (report, gone)
 }
 
-/// The part of each triangle, and the parts in the order of their first triangles.
-pub(super) fn components(work: &Work, twins: &Twins) -> (Vec<u32>, Vec<Component>) {
+/// The component of each triangle, and the components in the order of their first triangles.
+pub(super) fn components(work: &EditMesh, half_edges: &HalfEdges) -> (Vec<u32>, Vec<Component>) {
     let ((part_of, names), areas) = rayon::join(
-        || labels(work, twins),
+        || labels(work, half_edges),
         || (0..work.triangles.len()).map(|t| work.area(t)).collect::<Vec<Real>>(),
     );
     let none =
         Component { triangles: 0, area: 0.0, aabb: [[Real::INFINITY; 3], [Real::NEG_INFINITY; 3]] };
     let mut parts = vec![none; names as usize];
-    // Most triangles are of the part that the one before them is of.
+    // Most triangles belong to the component of the one before: it is kept in registers.
     let (mut part, mut at) = (none, 0);
     let mut aabb = part.aabb;
     for (t, name) in part_of.iter().enumerate() {
@@ -122,7 +76,7 @@ pub(super) fn components(work: &Work, twins: &Twins) -> (Vec<u32>, Vec<Component
         for v in work.triangles[t] {
             let p = work.points[v as usize];
             for axis in 0..3 {
-                // Positions are finite.
+                // Comparisons suffice: positions are finite.
                 aabb[0][axis] = if p[axis] < aabb[0][axis] { p[axis] } else { aabb[0][axis] };
                 aabb[1][axis] = if p[axis] > aabb[1][axis] { p[axis] } else { aabb[1][axis] };
             }
@@ -134,11 +88,11 @@ pub(super) fn components(work: &Work, twins: &Twins) -> (Vec<u32>, Vec<Component
     (part_of, parts)
 }
 
-/// The part of each triangle, and how many there are, in the order of their first triangles.
-fn labels(work: &Work, twins: &Twins) -> (Vec<u32>, u32) {
-    // Each triangle points to an earlier one of its part, the first to itself.
+/// The component of each triangle, numbered in the order of their first triangles, and their number.
+fn labels(work: &EditMesh, half_edges: &HalfEdges) -> (Vec<u32>, u32) {
+    // Union-find: each triangle points to an earlier one of its component, the first to itself.
     let mut first: Vec<u32> = Vec::with_capacity(work.triangles.len());
-    for (t, sides) in (0..work.triangles.len() as u32).zip(twins.of.as_chunks::<3>().0) {
+    for (t, sides) in (0..work.triangles.len() as u32).zip(half_edges.twin.as_chunks::<3>().0) {
         first.push(t);
         let mut mine = t;
         for twin in sides.iter().filter(|twin| **twin != NONE && **twin / 3 < t) {
@@ -158,7 +112,7 @@ fn labels(work: &Work, twins: &Twins) -> (Vec<u32>, u32) {
     (part_of, names)
 }
 
-/// The first triangle that `t` leads to; the way there gets shorter.
+/// The root of `t`, with path halving.
 fn find(first: &mut [u32], mut t: u32) -> u32 {
     while first[t as usize] != t {
         let next = first[t as usize];
@@ -186,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn small_parts_go_and_are_reported_with_area_and_box() {
+    fn small_components_are_removed_and_reported_with_area_and_box() {
         let (left, report) = remove_isolated(&three_balls(), &ComponentParams::default()).unwrap();
         assert_eq!((report.kept.len(), report.dropped.len()), (2, 1));
         let gone = report.dropped[0];
@@ -200,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn no_mesh_has_no_parts() {
+    fn an_empty_mesh_has_no_components() {
         let (left, report) =
             remove_isolated(&TriMesh::default(), &ComponentParams::default()).unwrap();
         assert!(left.mesh.triangles().is_empty());

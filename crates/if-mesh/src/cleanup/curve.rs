@@ -1,15 +1,16 @@
-//! How rough a closed line is, and Taubin's filter along it.
+//! Closed polylines: roughness, and Taubin's filter.
 
-use super::boundary::SmoothParams;
+use super::params::SmoothParams;
 use if_core::math::{Point, Real};
 
-/// The mean turn from edge to edge above that of a regular polygon, as the root of
+/// The root mean square turning angle from edge to edge, above that of a regular polygon: the root
+/// of
 ///
 /// ```text
 /// Σ |pᵢ₋₁ − 2pᵢ + pᵢ₊₁|² / Σ |pᵢ₊₁ − pᵢ|²
 /// ```
 ///
-/// less 2 sin(π/n), in radians; 0 for a loop without length.
+/// less 2 sin(π/n), in radians. 0 for a loop of zero length.
 pub(super) fn roughness(points: &[Point]) -> Real {
     let n = points.len();
     let (mut turn, mut size) = (0.0, 0.0);
@@ -26,22 +27,22 @@ pub(super) fn roughness(points: &[Point]) -> Real {
     }
 }
 
-/// One step of λ and one of μ along a closed line.
+/// One step of λ and one of μ along a closed polyline.
 pub(super) fn taubin_loop(points: &mut [Point], params: &SmoothParams) {
     for factor in [params.lambda, params.mu] {
-        each_of_loop(points, |a, b, c| b + (nalgebra::center(a, c) - b) * factor);
+        map_loop(points, |a, b, c| b + (nalgebra::center(a, c) - b) * factor);
     }
 }
 
-/// Replaces each point of a closed line by what `make` makes of the one before it, itself, and the
-/// one after it, as they were.
-pub(super) fn each_of_loop(points: &mut [Point], make: impl Fn(&Point, &Point, &Point) -> Point) {
+/// Replaces each point of a closed polyline by a function of the old positions of its predecessor,
+/// itself and its successor.
+pub(super) fn map_loop(points: &mut [Point], map: impl Fn(&Point, &Point, &Point) -> Point) {
     let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return };
     let mut before = last;
     for k in 0..points.len() {
         let here = points[k];
         let after = points.get(k + 1).copied().unwrap_or(first);
-        points[k] = make(&before, &here, &after);
+        points[k] = map(&before, &here, &after);
         before = here;
     }
 }

@@ -1,15 +1,15 @@
-//! A filled hole made to go on as the surface round it does.
+//! Fairing: a patch continues the slope of the surface around it.
 
 use super::patch::Patch;
 use if_core::math::{Point, Real, Vector};
 use if_core::rows::Rows;
 use if_sparse::{Cholesky, Entry, Mat};
 
-/// Rounds, each with weights of the shape before. The first finds the shape, the second makes the
+/// Rounds, each with weights from the last shape. The first finds the shape, the second makes the
 /// spacing even.
 const ROUNDS: usize = 2;
-/// Edges shorter than this share of the mean count as this long, so that weights stay within 100 of
-/// each other.
+/// Shorter edges than this share of the mean count as this long, so that weights differ by at most
+/// a factor of 100.
 const SHORTEST: Real = 0.01;
 
 /// Moves the vertices inside `patch` to the minimum of the squared Laplacian
@@ -19,9 +19,9 @@ const SHORTEST: Real = 0.01;
 /// ```
 ///
 /// over the vertices of patch and loop; `around` holds for each vertex of the loop its neighbours
-/// outside, so that position and slope go on across the loop: the discrete biharmonic surface.
-/// Solved for displacements, by sparse Cholesky. `false`, and nothing moved, where the system
-/// cannot be factored.
+/// outside, so that position and slope are continuous across the loop: the discrete biharmonic
+/// surface. Solved for displacements, by sparse Cholesky. Returns `false`, with nothing moved, if
+/// the system cannot be factorised.
 ///
 /// # Source
 ///
@@ -40,8 +40,8 @@ pub(super) fn fair(patch: &mut Patch, around: &[Vec<Point>]) -> bool {
 }
 
 fn round(patch: &mut Patch, around: &[Vec<Point>]) -> Option<()> {
-    let (n, rim) = (patch.points.len(), patch.rim);
-    let unknowns = n - rim;
+    let (n, boundary) = (patch.points.len(), patch.boundary);
+    let unknowns = n - boundary;
     if unknowns == 0 {
         return Some(());
     }
@@ -77,7 +77,7 @@ fn round(patch: &mut Patch, around: &[Vec<Point>]) -> Option<()> {
         let outside = around.get(v).map_or(&[][..], |a| &a[..]);
         let total =
             row.iter().map(|r| r.1).sum::<Real>() + outside.iter().map(weight).sum::<Real>();
-        // L of the shape as it is: what the displacements have to take away.
+        // L of the present shape, which the displacements must cancel.
         let mut laplacian = Vector::zeros();
         for (u, w) in &mut row {
             *w /= total;
@@ -87,24 +87,25 @@ fn round(patch: &mut Patch, around: &[Vec<Point>]) -> Option<()> {
             laplacian += (p - here) * (weight(p) / total);
         }
         row.push((v, -1.0));
-        let own: Vec<(usize, Real)> =
-            row.iter().filter(|r| r.0 >= rim).map(|r| (r.0 - rim, r.1)).collect();
-        for &(i, a) in &own {
+        let inner: Vec<(usize, Real)> =
+            row.iter().filter(|r| r.0 >= boundary).map(|r| (r.0 - boundary, r.1)).collect();
+        for &(i, a) in &inner {
             (0..3).for_each(|k| right[(i, k)] -= a * laplacian[k]);
-            entries
-                .extend(own.iter().filter(|(j, _)| *j <= i).map(|&(j, b)| Entry::new(i, j, a * b)));
+            entries.extend(
+                inner.iter().filter(|(j, _)| *j <= i).map(|&(j, b)| Entry::new(i, j, a * b)),
+            );
         }
     }
     Cholesky::new(unknowns, &entries).ok()?.solve_in_place(&mut right);
     for i in 0..unknowns {
-        patch.points[rim + i] += Vector::new(right[(i, 0)], right[(i, 1)], right[(i, 2)]);
+        patch.points[boundary + i] += Vector::new(right[(i, 0)], right[(i, 1)], right[(i, 2)]);
     }
     Some(())
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::lid::{Chords, Lid};
+    use super::super::loop_triangulation::{Chords, LoopPolygon};
     use super::super::patch::refine;
     use super::*;
     use if_core::math::unit_or_zero;
@@ -120,28 +121,28 @@ mod tests {
         let ring = opening + edge;
         let around = (0..n).map(|k| vec![on(ring, k as Real), on(ring, k as Real + 1.0)]).collect();
         let outside: Vec<Vector> = points.iter().map(|p| unit_or_zero(&p.coords)).collect();
-        let taken = Chords::new();
-        let triangles =
-            Lid { points: &points, outside: &outside, taken: &taken }.triangulate(64).unwrap();
-        let mut patch = Patch { rim: n, points, triangles };
-        refine(&mut patch, &vec![edge; n], &taken, 10_000);
+        let forbidden = Chords::new();
+        let triangles = LoopPolygon { points: &points, outside: &outside, forbidden: &forbidden }
+            .triangulate(64)
+            .unwrap();
+        let mut patch = Patch { boundary: n, points, triangles };
+        refine(&mut patch, &vec![edge; n], &forbidden, 10_000);
         (patch, around)
     }
 
     #[test]
-    fn a_lid_in_a_sphere_bulges_like_the_sphere() {
+    fn a_patch_in_a_sphere_bulges_like_the_sphere() {
         let (mut patch, around) = cap(40, 0.5);
         let error =
             |p: &Patch| p.points.iter().map(|q| (q.coords.norm() - 1.0).abs()).fold(0.0, Real::max);
         let flat = error(&patch);
         assert!(fair(&mut patch, &around));
-        // A plane cap is 0.122 too low in its middle; the biharmonic one goes on with about the
-        // right slope.
+        // A plane cap is 0.122 too low in its middle; the biharmonic one has about the right slope.
         assert!(flat > 0.1 && error(&patch) < 0.03, "{flat} {}", error(&patch));
     }
 
     #[test]
-    fn the_energy_has_no_gradient_at_the_result() {
+    fn the_gradient_of_the_energy_vanishes_at_the_result() {
         let (mut patch, around) = cap(16, 0.4);
         let weights = patch.clone();
         assert!(round(&mut patch, &around).is_some());
@@ -178,7 +179,7 @@ mod tests {
         };
         // Central differences of a quadratic function are exact but for rounding, 1e-16 of an
         // energy of 1e-2 over the step.
-        for v in [patch.rim, patch.rim + 5, patch.points.len() - 1] {
+        for v in [patch.boundary, patch.boundary + 5, patch.points.len() - 1] {
             for axis in 0..3 {
                 let moved = |by: Real| {
                     let mut p = patch.clone();

@@ -1,45 +1,45 @@
-//! The inside of a filled hole: refined to the size of the triangles round it.
+//! A patch that fills a hole, refined to the size of the triangles around it.
 
-use super::lid::Chords;
-use super::twins::{NONE, Twins, ends, next, previous};
+use super::half_edges::{HalfEdges, NONE, ends, next, previous};
+use super::loop_triangulation::Chords;
 use if_core::math::{Point, Real, Vector, area_vector};
 use std::collections::HashSet;
 
-/// A triangulated piece of surface whose first vertices are those of the loop it closes.
+/// A triangulated piece of surface; its first vertices are those of the loop it closes.
 #[derive(Clone, Debug)]
 pub(super) struct Patch {
-    /// Vertices of the loop.
-    pub(super) rim: usize,
+    /// Number of vertices on the loop.
+    pub(super) boundary: usize,
     /// The loop's vertices, then those inside.
     pub(super) points: Vec<Point>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
-/// A triangle is split if its centre is farther from each corner than the corner's edge length over
-/// this.
+/// A triangle is split if its centre is farther from each corner than the corner's wanted edge length
+/// over this.
 const DENSITY: Real = std::f64::consts::SQRT_2;
-/// Rounds of turning edges after each round of splitting, at most: they end by themselves on flat
-/// patches.
-const TURNS: usize = 20;
-/// Rounds of splitting, at most; each divides lengths by 1.7.
-const SPLITS: usize = 40;
-/// Sum of the cotangents of two opposite angles below which an edge is turned. Zero would turn the
+/// Maximum number of rounds of edge flips after each round of splits: on flat patches they end by
+/// themselves.
+const FLIP_ROUNDS: usize = 20;
+/// Maximum number of rounds of splits; each divides lengths by 1.7.
+const SPLIT_ROUNDS: usize = 40;
+/// Sum of the cotangents of two opposite angles below which an edge is flipped. Zero would flip the
 /// diagonals of squares for ever.
 const NOT_DELAUNAY: Real = -1e-9;
 
-/// Splits the triangles of `patch` until their edges are as long as `lengths` say at the loop's
-/// vertices, in metres, and turns edges so that angles are large. Stops at `most` new vertices.
+/// Splits the triangles of `patch` until their edges are as long as `lengths` at the loop's vertices,
+/// in metres, and flips edges towards a Delaunay triangulation. Stops at `most` new vertices.
 ///
 /// # Source
 ///
 /// Liepa 2003, section 4.
-pub(super) fn refine(patch: &mut Patch, lengths: &[Real], taken: &Chords, most: usize) {
-    let mut net = Net::new(patch, lengths, taken);
+pub(super) fn refine(patch: &mut Patch, lengths: &[Real], forbidden: &Chords, most: usize) {
+    let mut net = Net::new(patch, lengths, forbidden);
     net.relax();
-    for _ in 0..SPLITS {
+    for _ in 0..SPLIT_ROUNDS {
         let mut split = false;
         for t in 0..net.triangles.len() as u32 {
-            if net.points.len() - patch.rim >= most {
+            if net.points.len() - patch.boundary >= most {
                 break;
             }
             split |= net.split(t);
@@ -52,6 +52,7 @@ pub(super) fn refine(patch: &mut Patch, lengths: &[Real], taken: &Chords, most: 
     (patch.points, patch.triangles) = (net.points, net.triangles);
 }
 
+/// A patch with the twins of its half-edges.
 struct Net<'a> {
     points: Vec<Point>,
     /// Wanted edge length at each vertex.
@@ -59,7 +60,7 @@ struct Net<'a> {
     triangles: Vec<[u32; 3]>,
     twins: Vec<u32>,
     edges: HashSet<(u32, u32)>,
-    taken: &'a Chords,
+    forbidden: &'a Chords,
 }
 
 fn key(a: u32, b: u32) -> (u32, u32) {
@@ -67,8 +68,8 @@ fn key(a: u32, b: u32) -> (u32, u32) {
 }
 
 impl<'a> Net<'a> {
-    fn new(patch: &Patch, lengths: &[Real], taken: &'a Chords) -> Self {
-        let twins = Twins::new(patch.points.len(), &patch.triangles).of;
+    fn new(patch: &Patch, lengths: &[Real], forbidden: &'a Chords) -> Self {
+        let twins = HalfEdges::new(patch.points.len(), &patch.triangles).twin;
         let edges = patch
             .triangles
             .iter()
@@ -80,7 +81,7 @@ impl<'a> Net<'a> {
             triangles: patch.triangles.clone(),
             twins,
             edges,
-            taken,
+            forbidden,
         }
     }
 
@@ -93,7 +94,7 @@ impl<'a> Net<'a> {
         }
     }
 
-    /// Puts a vertex into the middle of a triangle that is too large.
+    /// Splits a triangle at its centre if it is too large.
     fn split(&mut self, t: u32) -> bool {
         let corners = self.triangles[t as usize];
         let center = Point::from(
@@ -124,27 +125,27 @@ impl<'a> Net<'a> {
         self.join(3 * t2 + 1, 3 * t + 2);
         self.edges.extend([key(a, x), key(b, x), key(c, x)]);
         for h in [3 * t, 3 * t1, 3 * t2] {
-            self.turn_if_better(h);
+            self.flip_if_better(h);
         }
         true
     }
 
-    /// Turns edges until no turn helps.
+    /// Flips edges until no flip helps.
     fn relax(&mut self) {
-        for _ in 0..TURNS {
-            let mut turned = false;
+        for _ in 0..FLIP_ROUNDS {
+            let mut flipped = false;
             for h in 0..self.twins.len() as u32 {
-                turned |= self.turn_if_better(h);
+                flipped |= self.flip_if_better(h);
             }
-            if !turned {
+            if !flipped {
                 break;
             }
         }
     }
 
-    /// Turns the edge of `h` if the angles opposite to it sum to more than 180°, and nothing is in
-    /// the way.
-    fn turn_if_better(&mut self, h: u32) -> bool {
+    /// Flips the edge of `h` if the angles opposite to it sum to more than 180°, the new edge does
+    /// not exist yet, and no triangle turns over.
+    fn flip_if_better(&mut self, h: u32) -> bool {
         let g = self.twins[h as usize];
         if g == NONE {
             return false;
@@ -155,7 +156,7 @@ impl<'a> Net<'a> {
         if c == d || self.cotangent(c, a, b) + self.cotangent(d, b, a) >= NOT_DELAUNAY {
             return false;
         }
-        if self.edges.contains(&key(c, d)) || self.taken.contains(&key(c, d)) {
+        if self.edges.contains(&key(c, d)) || self.forbidden.contains(&key(c, d)) {
             return false;
         }
         let normal = |i: u32, j: u32, k: u32| {
@@ -184,7 +185,7 @@ impl<'a> Net<'a> {
         true
     }
 
-    /// Cotangent of the angle at `p` in the triangle (p, q, r); large and negative for a flat one.
+    /// Cotangent of the angle at `p` in the triangle (p, q, r); large and negative for an angle of 180°.
     fn cotangent(&self, p: u32, q: u32, r: u32) -> Real {
         let [p, q, r] = [p, q, r].map(|v| self.points[v as usize]);
         let (u, v) = (q - p, r - p);
@@ -201,11 +202,11 @@ impl<'a> Net<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::lid::Lid;
+    use super::super::loop_triangulation::LoopPolygon;
     use super::*;
 
     #[test]
-    fn a_disc_is_filled_with_even_triangles() {
+    fn a_disc_is_filled_with_triangles_of_even_size() {
         let n = 48;
         let points: Vec<Point> = (0..n)
             .map(|k| {
@@ -213,15 +214,16 @@ mod tests {
                 Point::new(a.cos(), a.sin(), 0.0)
             })
             .collect();
-        let (outside, taken) = (vec![Vector::z(); n], Chords::new());
-        let triangles =
-            Lid { points: &points, outside: &outside, taken: &taken }.triangulate(64).unwrap();
-        let mut patch = Patch { rim: n, points, triangles };
+        let (outside, forbidden) = (vec![Vector::z(); n], Chords::new());
+        let triangles = LoopPolygon { points: &points, outside: &outside, forbidden: &forbidden }
+            .triangulate(64)
+            .unwrap();
+        let mut patch = Patch { boundary: n, points, triangles };
         let edge = 2.0 * (std::f64::consts::PI / n as Real).sin();
-        refine(&mut patch, &vec![edge; n], &taken, 10_000);
-        let twins = Twins::new(patch.points.len(), &patch.triangles);
-        assert!(twins.crowded.is_empty() && twins.against.is_empty());
-        assert_eq!(twins.rim().count(), n);
+        refine(&mut patch, &vec![edge; n], &forbidden, 10_000);
+        let half_edges = HalfEdges::new(patch.points.len(), &patch.triangles);
+        assert!(half_edges.non_manifold.is_empty() && half_edges.inconsistent.is_empty());
+        assert_eq!(half_edges.boundary().count(), n);
         assert_eq!(patch.triangles.len(), 2 * (patch.points.len() - n) + n - 2);
         // Equilateral triangles of that edge would be 423; those that are left are up to 1.7 times
         // as long.
@@ -247,9 +249,9 @@ mod tests {
     }
 
     #[test]
-    fn refining_ends_at_the_vertices_allowed() {
+    fn refinement_stops_at_the_maximum_number_of_vertices() {
         let points = vec![Point::origin(), Point::new(1.0, 0.0, 0.0), Point::new(0.0, 1.0, 0.0)];
-        let mut patch = Patch { rim: 3, points, triangles: vec![[0, 1, 2]] };
+        let mut patch = Patch { boundary: 3, points, triangles: vec![[0, 1, 2]] };
         refine(&mut patch, &[1e-9; 3], &Chords::new(), 500);
         assert_eq!(patch.points.len(), 503);
     }

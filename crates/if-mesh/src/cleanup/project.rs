@@ -1,25 +1,28 @@
-//! Onto the zero of a field.
+//! Projection onto the zero set of a field.
 
+use super::edit_mesh::EditMesh;
 use super::patch::Patch;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
 
 /// Rounds of evening out the vertices of a projected patch.
 const RELAXATIONS: usize = 10;
-/// Newton steps to the field's zero in each round. A distance needs one; a network's field, two or
-/// three.
+/// Newton steps to the field's zero set in each round. A distance needs one; a network's field, two
+/// or three.
 const STEPS: usize = 3;
 
-/// Brings the vertices inside the patch to the zero of the field, evenly spaced.
+/// Moves the inner vertices of the patch to the zero set of the field, evenly spaced.
 pub(super) fn project(patch: &mut Patch, field: &dyn SignedDistance) {
-    let rim = patch.rim;
+    let boundary = patch.boundary;
     let size = if_core::aabb::Aabb::from_points(&patch.points).diagonal();
-    let mut samples =
-        vec![FieldSample { distance: 0.0, gradient: Vector::zeros() }; patch.points.len() - rim];
+    let mut samples = vec![
+        FieldSample { distance: 0.0, gradient: Vector::zeros() };
+        patch.points.len() - boundary
+    ];
     let mut onto = |points: &mut [Point]| {
         for _ in 0..STEPS {
-            field.samples(&points[rim..], &mut samples);
-            for (p, s) in points[rim..].iter_mut().zip(&samples) {
+            field.samples(&points[boundary..], &mut samples);
+            for (p, s) in points[boundary..].iter_mut().zip(&samples) {
                 if let Some(step) = newton(s, 0.5 * size) {
                     *p += step;
                 }
@@ -37,7 +40,7 @@ pub(super) fn project(patch: &mut Patch, field: &dyn SignedDistance) {
                 }
             }
         }
-        for v in rim..patch.points.len() {
+        for v in boundary..patch.points.len() {
             if sums[v].1 > 0.0 {
                 let mean = Point::from(sums[v].0 / sums[v].1);
                 patch.points[v] = nalgebra::center(&patch.points[v], &mean);
@@ -57,4 +60,22 @@ pub(super) fn newton(sample: &FieldSample, longest: Real) -> Option<Vector> {
     let step = -sample.gradient * (sample.distance / squared);
     let length = step.norm();
     Some(if length > longest { step * (longest / length) } else { step })
+}
+
+/// Moves the targets of `moving` vertices back to φ = 0, by at most the length of their move.
+pub(super) fn project_back(
+    work: &EditMesh,
+    field: &dyn SignedDistance,
+    target: &mut [Point],
+    moving: &[u32],
+) {
+    for &v in moving {
+        let p = &mut target[v as usize];
+        let move_length = (*p - work.points[v as usize]).norm();
+        if move_length > 0.0
+            && let Some(step) = newton(&field.sample(p), move_length)
+        {
+            *p += step;
+        }
+    }
 }

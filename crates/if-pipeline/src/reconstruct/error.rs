@@ -121,9 +121,6 @@ pub enum ReconstructError {
     /// The mesh cannot be cut.
     #[error(transparent)]
     Cut(#[from] CutError),
-    /// Parameters of the clean-up are out of range.
-    #[error(transparent)]
-    CleanupParams(#[from] CleanupError),
     /// A garment cannot be cleaned.
     #[error("garment `{name}`: {source}")]
     Cleanup { name: String, source: CleanupError },

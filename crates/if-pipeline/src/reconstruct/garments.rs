@@ -10,11 +10,9 @@ use crate::capture::{Capture, FIRST_GARMENT};
 use if_body::{Skeleton, SkinWeights};
 use if_core::field::SignedDistance;
 use if_core::mesh::TriMesh;
-use if_core::monitor::Monitor;
+use if_core::monitor::{Monitor, Silent};
 use if_mesh::attributes::{Source, VertexAttributes};
-use if_mesh::cleanup::complement::Complement;
-use if_mesh::cleanup::openings::Openings;
-use if_mesh::cleanup::{CleanupParams, CleanupReport, cleanup};
+use if_mesh::cleanup::{CleanupParams, CleanupReport, Complement, Openings, cleanup};
 use if_mesh::cut::{CutParams, Piece, cut};
 use if_mesh::ply::PlyMesh;
 use if_mesh::smooth_labels::{SmoothLabelParams, smooth_labels};
@@ -186,7 +184,7 @@ fn cleaned(
     params: &CleanupParams,
 ) -> Result<Option<Garment>, ReconstructError> {
     let params = CleanupParams { openings: openings_of(name, person.mesh), ..params.clone() };
-    let clean = cleanup(piece, carried, Some(field), &params)
+    let clean = cleanup(piece, carried, Some(field), &params, &mut Silent)
         .map_err(|source| ReconstructError::Cleanup { name: name.into(), source })?;
     if clean.mesh.triangles().is_empty() {
         return Ok(None);
@@ -217,7 +215,7 @@ pub fn openings_of(name: &str, body: &TriMesh) -> Openings {
     let mut policies =
         vec![Openings::Complement(Box::new(Complement::new(body.clone()))), Openings::default()];
     policies.extend(LayerHint::of_name(name).class.most_openings().map(Openings::Count));
-    Openings::Each(policies)
+    Openings::Sequence(policies)
 }
 
 /// The vertices of the canonical mesh from which the vertices of a piece are interpolated.
@@ -285,7 +283,7 @@ mod tests {
         let loops = |openings: Openings| {
             let params = CleanupParams { openings, smooth: None, ..CleanupParams::default() };
             let none = VertexAttributes::none(piece.vertices().len());
-            let report = cleanup(&piece, &none, None, &params).unwrap().report;
+            let report = cleanup(&piece, &none, None, &params, &mut Silent).unwrap().report;
             (report.holes.openings.len(), report.holes.filled.len())
         };
         // The tunnel, too, bounds the other half of the body: the complement alone does not

@@ -1,25 +1,25 @@
-//! Triangles that close a loop.
+//! Triangulation of a closed loop: minimum weight, or ear clipping for long loops.
 
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashSet};
 
-/// Pairs of places on a loop, the smaller first, that an edge of the mesh joins already.
+/// Pairs of places on a loop, the smaller first, that are joined by an edge.
 pub(super) type Chords = HashSet<(u32, u32)>;
 
 /// A loop to close, in the direction of the triangles that will close it.
 #[derive(Clone, Debug)]
-pub(super) struct Lid<'a> {
+pub(super) struct LoopPolygon<'a> {
     /// Its vertices.
     pub(super) points: &'a [Point],
-    /// The unit normal of the triangle beyond the edge from each vertex to the next; zero where
-    /// there is none.
+    /// The unit normal of the triangle beyond the edge from each vertex to the next; zero if there
+    /// is no triangle.
     pub(super) outside: &'a [Vector],
-    /// Edges that must not come again.
-    pub(super) taken: &'a Chords,
+    /// Chords that are edges of the mesh already, and must not be repeated.
+    pub(super) forbidden: &'a Chords,
 }
 
-/// How bad a choice is: the sharpest fold, as 1 − cos, before the area.
+/// Weight of a triangulation: the sharpest fold, as 1 − cos, before the area.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
 struct Weight {
     fold: Real,
@@ -27,14 +27,13 @@ struct Weight {
 }
 
 const IMPOSSIBLE: Weight = Weight { fold: Real::INFINITY, area: Real::INFINITY };
-/// Fold of a triangle without area: more than any that can be seen (2), so that it is taken as the
-/// last resort.
+/// Fold of a triangle of zero area: more than that of any other (2), so that it is the last resort.
 const NO_NORMAL: Real = 3.0;
 
-impl Lid<'_> {
-    /// Triangles of places on the loop, that close it with the smallest sharpest fold and, among
-    /// those, the smallest area; loops of more than `exact_up_to` edges by cutting ears. `None`
-    /// where edges that are taken leave no way.
+impl LoopPolygon<'_> {
+    /// Triangulates the loop: the smallest sharpest fold and, among equals, the smallest area; loops
+    /// of more than `exact_up_to` edges by ear clipping. `None` if the forbidden chords admit no
+    /// triangulation.
     ///
     /// # Source
     ///
@@ -42,17 +41,17 @@ impl Lid<'_> {
     pub(super) fn triangulate(&self, exact_up_to: usize) -> Option<Vec<[u32; 3]>> {
         match self.points.len() {
             0..=2 => None,
-            n if n <= exact_up_to => self.exact(),
-            _ => self.ears(),
+            n if n <= exact_up_to => self.minimum_weight(),
+            _ => self.clip_ears(),
         }
     }
 
-    fn is_taken(&self, i: usize, j: usize) -> bool {
-        self.taken.contains(&(i.min(j) as u32, i.max(j) as u32))
+    fn is_forbidden(&self, i: usize, j: usize) -> bool {
+        self.forbidden.contains(&(i.min(j) as u32, i.max(j) as u32))
     }
 
-    /// The dynamic programme over all triangulations, in O(n³).
-    fn exact(&self) -> Option<Vec<[u32; 3]>> {
+    /// Dynamic programming over all triangulations, in O(n³).
+    fn minimum_weight(&self) -> Option<Vec<[u32; 3]>> {
         let n = self.points.len();
         let at = |i: usize, k: usize| i * n + k;
         let mut weights = vec![IMPOSSIBLE; n * n];
@@ -62,14 +61,16 @@ impl Lid<'_> {
             weights[at(i, i + 1)] = Weight { fold: 0.0, area: 0.0 };
             normals[at(i, i + 1)] = self.outside[i];
         }
+        // Best triangulation below each chord (i, k), shorter chords first.
         for span in 2..n {
             for i in 0..n - span {
                 let k = i + span;
                 let closing = span == n - 1;
-                if !closing && self.is_taken(i, k) {
+                if !closing && self.is_forbidden(i, k) {
                     continue;
                 }
                 let mut best = IMPOSSIBLE;
+                // Apex m of the triangle on the chord (i, k).
                 for m in i + 1..k {
                     let (left, right) = (weights[at(i, m)], weights[at(m, k)]);
                     let below = left.fold.max(right.fold);
@@ -99,6 +100,7 @@ impl Lid<'_> {
             return None;
         }
         let mut triangles = Vec::with_capacity(n - 2);
+        // Collect the triangles from the apices.
         let mut open = vec![(0, n - 1)];
         while let Some((i, k)) = open.pop() {
             if k < i + 2 {
@@ -111,13 +113,13 @@ impl Lid<'_> {
         Some(triangles)
     }
 
-    /// Cuts the ear whose fold against its neighbours and whose new edge are smallest, again and
-    /// again.
-    fn ears(&self) -> Option<Vec<[u32; 3]>> {
+    /// Clips the ear of least cost (a short new edge, a small fold) until the loop is closed.
+    fn clip_ears(&self) -> Option<Vec<[u32; 3]>> {
         let n = self.points.len();
         let mut next: Vec<usize> = (0..n).map(|k| (k + 1) % n).collect();
         let mut previous: Vec<usize> = (0..n).map(|k| (k + n - 1) % n).collect();
         let mut beyond = self.outside.to_vec(); // normal beyond the edge from k to next[k]
+        // Entries of the heap with an older stamp are out of date.
         let mut stamp = vec![0u32; n];
         let mut left = n;
         let mut triangles = Vec::with_capacity(n - 2);
@@ -153,7 +155,7 @@ impl Lid<'_> {
         stamp: u32,
         left: usize,
     ) -> Option<Ear> {
-        if left > 3 && self.is_taken(a, b) {
+        if left > 3 && self.is_forbidden(a, b) {
             return None;
         }
         let normal =
@@ -172,7 +174,7 @@ fn fold(a: &Vector, b: &Vector) -> Real {
     if *a == Vector::zeros() {
         NO_NORMAL
     } else if *b == Vector::zeros() {
-        0.0 // nothing is known beyond that edge
+        0.0 // there is no triangle beyond that edge
     } else {
         1.0 - a.dot(b)
     }
@@ -185,7 +187,7 @@ struct Ear {
 }
 
 impl Ord for Ear {
-    /// The cheapest is the greatest; of equal ones the first.
+    /// The cheapest is the greatest; of equal ones the first. `BinaryHeap` pops the greatest.
     fn cmp(&self, other: &Self) -> Ordering {
         other
             .cost
@@ -233,8 +235,8 @@ mod tests {
             .sum()
     }
 
-    /// Smallest (fold, area) of all triangulations, by trying them all.
-    fn brute(lid: &Lid, i: usize, k: usize, above: &Vector) -> Option<(Real, Real)> {
+    /// The smallest (fold, area) of all triangulations, by trying them all.
+    fn brute(lid: &LoopPolygon, i: usize, k: usize, above: &Vector) -> Option<(Real, Real)> {
         if k == i + 1 {
             return Some((fold(above, &lid.outside[i]), 0.0));
         }
@@ -254,10 +256,10 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_loop_is_closed_flat_either_way() {
-        let (points, taken) = (circle(40, |_| 0.0), Chords::new());
+    fn both_methods_close_a_flat_loop_with_a_flat_lid() {
+        let (points, forbidden) = (circle(40, |_| 0.0), Chords::new());
         let outside = vec![Vector::z(); 40];
-        let lid = Lid { points: &points, outside: &outside, taken: &taken };
+        let lid = LoopPolygon { points: &points, outside: &outside, forbidden: &forbidden };
         for limit in [3, 64] {
             let triangles = lid.triangulate(limit).unwrap();
             assert_eq!(triangles.len(), 38);
@@ -267,12 +269,12 @@ mod tests {
     }
 
     #[test]
-    fn the_programme_finds_the_sharpest_fold_that_trying_all_finds() {
+    fn the_dynamic_programme_agrees_with_trying_all_triangulations() {
         let points = circle(8, |k| 0.4 * (2.3 * k as Real).sin());
         let outside: Vec<Vector> =
             (0..8).map(|k| unit_or_zero(&Vector::new(0.3 * k as Real, 0.2, 1.0))).collect();
-        let taken = Chords::new();
-        let lid = Lid { points: &points, outside: &outside, taken: &taken };
+        let forbidden = Chords::new();
+        let lid = LoopPolygon { points: &points, outside: &outside, forbidden: &forbidden };
         let triangles = lid.triangulate(8).unwrap();
         let normal = |t: &[u32; 3]| {
             unit_or_zero(&area_vector(
@@ -296,15 +298,15 @@ mod tests {
     }
 
     #[test]
-    fn edges_that_are_taken_do_not_come_again() {
+    fn forbidden_chords_are_not_repeated() {
         let (points, outside) = (circle(4, |_| 0.0), vec![Vector::z(); 4]);
         for limit in [3, 64] {
             let one = Chords::from([(0, 2)]);
-            let lid = Lid { points: &points, outside: &outside, taken: &one };
+            let lid = LoopPolygon { points: &points, outside: &outside, forbidden: &one };
             let triangles = lid.triangulate(limit).unwrap();
             assert!(triangles.iter().all(|t| t.contains(&1) && t.contains(&3)));
             let both = Chords::from([(0, 2), (1, 3)]);
-            assert_eq!(Lid { taken: &both, ..lid }.triangulate(limit), None);
+            assert_eq!(LoopPolygon { forbidden: &both, ..lid }.triangulate(limit), None);
         }
     }
 }

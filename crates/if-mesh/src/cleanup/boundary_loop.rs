@@ -1,12 +1,12 @@
 //! Boundary loops and their shape.
 
-use super::curve::each_of_loop;
-use super::twins::{Twins, ends};
-use super::work::Work;
+use super::curve::map_loop;
+use super::edit_mesh::EditMesh;
+use super::half_edges::{HalfEdges, ends};
 use if_core::math::{Point, Real, Vector};
 use serde::Serialize;
 
-/// A boundary loop in numbers.
+/// Size, place and openness of a boundary loop.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LoopShape {
     /// Number of its edges.
@@ -17,9 +17,9 @@ pub struct LoopShape {
     pub center: [Real; 3],
     /// Least and largest coordinates, in metres.
     pub aabb: [[Real; 3]; 2],
-    /// How much of an opening it is: 0 for a hole in a flat sheet. `A (1 − n·a) min(1, 4πA / L²)`,
-    /// with A a the loop's vector area, n the mean normal of the triangles along it, L its length
-    /// after smoothing.
+    /// How much it looks like an opening, in square metres: 0 for a hole in a flat sheet. It is
+    /// `A (1 − n·a) min(1, 4πA / L²)` with the loop's vector area A a, the mean normal n of the
+    /// triangles along it, and its length L after smoothing.
     pub openness: Real,
 }
 
@@ -30,14 +30,13 @@ impl LoopShape {
     /// openness = A (1 − n·a) min(1, 4πA / L²),   A a = −½ ∮ x × dx,   n = ∮ N ds / ∮ ds
     /// ```
     ///
-    /// in square metres: A is the area that the loop spans and `a` the direction out of which its
-    /// lid would look; N is the surface's normal along it, and L the length of the loop without its
-    /// ragged edge. Round a hole in a sheet, the sheet looks where the lid does: n·a = 1. Where a
-    /// tube ends it looks sideways, n·a = 0. At the rim of a flat cloth the lid looks the other
-    /// way: −1. The last factor takes out narrow slits such as those between the legs.
-    pub(super) fn new(work: &Work, twins: &Twins, rim: &[u32]) -> Self {
+    /// in square metres: A is the area that the loop spans and `a` the normal of a lid over it; N is
+    /// the surface's normal along the loop, and L the length of the loop without its ragged edge.
+    /// For a hole in a sheet, n·a = 1; at the end of a tube, n·a = 0; at the boundary of a flat
+    /// cloth, n·a = −1. The last factor excludes narrow slits such as those between the legs.
+    pub(super) fn new(work: &EditMesh, half_edges: &HalfEdges, boundary: &[u32]) -> Self {
         let at = |h: u32| work.points[ends(&work.triangles, h)[0] as usize];
-        let points: Vec<Point> = rim.iter().map(|&h| at(h)).collect();
+        let points: Vec<Point> = boundary.iter().map(|&h| at(h)).collect();
         let n = points.len();
         let center = points.iter().fold(Vector::zeros(), |s, p| s + p.coords) / n.max(1) as Real;
         let (mut span, mut normal, mut length) = (Vector::zeros(), Vector::zeros(), 0.0);
@@ -45,7 +44,7 @@ impl LoopShape {
             let (p, q) = (points[k], points[(k + 1) % n]);
             let step = (q - p).norm();
             span -= (p.coords - center).cross(&(q.coords - center)) / 2.0;
-            normal += work.normal_at(twins, rim[k]) * step;
+            normal += work.normal_at(half_edges, boundary[k]) * step;
             length += step;
         }
         let area = span.norm();
@@ -68,25 +67,23 @@ impl LoopShape {
     }
 }
 
-/// Points of a loop up to which it is smoothed as it is.
+/// Maximum number of points of a loop that is smoothed at full resolution.
 const FINE: usize = 1024;
-/// Rounds for which a loop is smoothed as it is.
+/// Number of rounds up to which a loop is smoothed at full resolution.
 const FEW: usize = 64;
-/// Rounds before every other point is left out.
+/// Rounds before every other point is dropped.
 const BEFORE_HALVING: usize = 8;
 
-/// Length of a loop of n edges after n / 6 rounds of averaging: without teeth of up to about √n
+/// Length of a loop of n edges after n / 6 rounds of averaging, which remove teeth of up to about √n
 /// edges.
 ///
-/// The width of what is averaged grows with the root of the rounds. So of a smooth loop every other
-/// point will do, for a quarter of the rounds: the time is linear in the points, and the length the
-/// same to a thousandth.
+/// The width of the average grows with the root of the rounds. So once a loop is smooth, every other
+/// point suffices for a quarter of the rounds: the time is linear in the points, and the length
+/// changes by less than a thousandth.
 fn smoothed_length(mut points: Vec<Point>) -> Real {
     let smooth = |points: &mut [Point], rounds: usize| {
         for _ in 0..rounds {
-            each_of_loop(points, |a, b, c| {
-                Point::from((a.coords + b.coords * 2.0 + c.coords) / 4.0)
-            });
+            map_loop(points, |a, b, c| Point::from((a.coords + b.coords * 2.0 + c.coords) / 4.0));
         }
     };
     let mut rounds = (points.len() / 6).max(4);
@@ -106,14 +103,17 @@ pub(super) fn length(points: &[Point]) -> Real {
 
 #[cfg(test)]
 mod tests {
-    use super::super::twins::loops;
+    use super::super::half_edges::boundary_loops;
     use super::*;
     use if_core::mesh::TriMesh;
     use if_core::shapes::meshes::{cloth, tube};
 
     fn shapes(mesh: &TriMesh) -> Vec<LoopShape> {
-        let (work, twins) = (Work::new(mesh), Twins::of_mesh(mesh));
-        loops(mesh.triangles(), &twins).iter().map(|l| LoopShape::new(&work, &twins, l)).collect()
+        let (work, half_edges) = (EditMesh::new(mesh), HalfEdges::of_mesh(mesh));
+        boundary_loops(mesh.triangles(), &half_edges)
+            .iter()
+            .map(|l| LoopShape::new(&work, &half_edges, l))
+            .collect()
     }
 
     #[test]
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn long_loops_are_smoothed_as_short_ones_are() {
+    fn coarsening_long_loops_does_not_change_their_smoothed_length() {
         for n in [1025, 4000, 20_001] {
             // A bent and wavy circle with a ragged edge.
             let at = |k: usize| {
@@ -153,7 +153,7 @@ mod tests {
             let points: Vec<Point> = (0..n).map(at).collect();
             let mut slowly = points.clone();
             for _ in 0..n / 6 {
-                each_of_loop(&mut slowly, |a, b, c| {
+                map_loop(&mut slowly, |a, b, c| {
                     Point::from((a.coords + b.coords * 2.0 + c.coords) / 4.0)
                 });
             }
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rim_of_a_cloth_is_an_opening() {
+    fn the_boundary_of_a_cloth_is_an_opening() {
         let found = shapes(&cloth(0.3, 0.3, 6, 6));
         assert_eq!(found.len(), 1);
         assert!(found[0].openness > 0.1, "{}", found[0].openness);

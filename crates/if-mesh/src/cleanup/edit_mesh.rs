@@ -1,73 +1,63 @@
-//! A surface while it is being mended.
+//! A mesh under editing: positions, triangles, and what each vertex was made of.
 
-use super::twins::{Twins, next, previous};
-use super::vicinity::Vicinity;
+use super::broad_phase::BroadPhase;
+use super::half_edges::{HalfEdges, clone_with_spare, next, previous};
 use crate::attributes::Source;
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 
-/// A mesh, and where each of its vertices comes from.
+/// A mesh derived from another one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derived {
     /// The mesh.
     pub mesh: TriMesh,
-    /// For each of its vertices, what it was made of: what
-    /// [`VertexAttributes::derive`](crate::attributes::VertexAttributes::derive) asks for.
+    /// For each vertex its sources in the mesh before, for
+    /// [`VertexAttributes::derive`](crate::attributes::VertexAttributes::derive).
     pub sources: Vec<Source>,
 }
 
-/// Positions, triangles and origins that a step changes.
+/// Positions, triangles and sources, changed in place by the steps of the clean-up.
 #[derive(Debug)]
-pub(crate) struct Work {
+pub(crate) struct EditMesh {
     pub(crate) points: Vec<Point>,
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// For each vertex that of the mesh before, or `before` more than the number of its blend.
+    /// For each vertex its vertex in the mesh before, or `before` plus the index of its blend.
     origins: Vec<u32>,
     blends: Vec<Vec<(u32, Real)>>,
+    /// Number of vertices of the mesh before.
     before: u32,
-    /// Where rims are: kept while triangles go by [`Work::remove`] and [`Work::truncate`], or are
-    /// added at the end.
-    pub(super) vicinity: Vicinity,
+    /// Follows removals and truncations; triangles may also be added at the end.
+    pub(super) broad_phase: BroadPhase,
 }
 
-/// Clones have room for this share more, so that what a step adds does not copy all again.
-const ROOM: usize = 16;
-
-/// A clone with room to grow.
-pub(super) fn roomy<T: Copy>(of: &[T]) -> Vec<T> {
-    let mut clone = Vec::with_capacity(of.len() + of.len() / ROOM);
-    clone.extend_from_slice(of);
-    clone
-}
-
-impl Clone for Work {
+impl Clone for EditMesh {
     fn clone(&self) -> Self {
         Self {
-            points: roomy(&self.points),
-            triangles: roomy(&self.triangles),
-            origins: roomy(&self.origins),
+            points: clone_with_spare(&self.points),
+            triangles: clone_with_spare(&self.triangles),
+            origins: clone_with_spare(&self.origins),
             blends: self.blends.clone(),
             before: self.before,
-            vicinity: self.vicinity.clone(),
+            broad_phase: self.broad_phase.clone(),
         }
     }
 }
 
-impl Work {
+impl EditMesh {
     pub(crate) fn new(mesh: &TriMesh) -> Self {
         let before = mesh.vertices().len() as u32;
         Self {
-            points: roomy(mesh.vertices()),
-            triangles: roomy(mesh.triangles()),
+            points: clone_with_spare(mesh.vertices()),
+            triangles: clone_with_spare(mesh.triangles()),
             origins: (0..before).collect(),
             blends: Vec::new(),
             before,
-            vicinity: Vicinity::default(),
+            broad_phase: BroadPhase::default(),
         }
     }
 
-    /// What vertex `v` is made of: vertices of the mesh before, with weights.
-    pub(super) fn parts(&self, v: u32) -> impl Iterator<Item = (u32, Real)> {
+    /// The sources of vertex `v`: vertices of the mesh before, with weights.
+    pub(super) fn sources_of(&self, v: u32) -> impl Iterator<Item = (u32, Real)> {
         let origin = self.origins[v as usize];
         let (alone, parts) = match origin.checked_sub(self.before) {
             None => (Some((origin, 1.0)), &[][..]),
@@ -76,29 +66,29 @@ impl Work {
         alone.into_iter().chain(parts.iter().copied())
     }
 
-    /// Adds a vertex, which is a copy of `v`.
-    pub(super) fn copy(&mut self, v: u32) -> u32 {
+    /// Adds a copy of vertex `v` and returns its number.
+    pub(super) fn add_copy(&mut self, v: u32) -> u32 {
         self.points.push(self.points[v as usize]);
         self.origins.push(self.origins[v as usize]);
         self.points.len() as u32 - 1
     }
 
-    /// Adds a vertex that is made of others.
-    pub(super) fn add(&mut self, point: Point, parts: Vec<(u32, Real)>) {
+    /// Adds a vertex that is a blend of vertices of the mesh before.
+    pub(super) fn add_blend(&mut self, point: Point, parts: Vec<(u32, Real)>) {
         self.points.push(point);
         self.origins.push(self.before + self.blends.len() as u32);
         self.blends.push(parts);
     }
 
-    /// Takes back what was added last: only the first `points` and `triangles` are left.
+    /// Removes the last additions: only the first `points` and `triangles` remain.
     pub(super) fn truncate(&mut self, points: usize, triangles: usize) {
         self.points.truncate(points);
         self.origins.truncate(points);
         self.triangles.truncate(triangles);
-        self.vicinity.truncate(triangles);
+        self.broad_phase.truncate(triangles);
     }
 
-    /// Drops triangles; `gone` is ascending.
+    /// Removes triangles; `gone` is ascending.
     pub(super) fn remove(&mut self, gone: &[u32]) {
         let Some(&first) = gone.first() else { return };
         let mut to = first as usize;
@@ -109,16 +99,16 @@ impl Work {
             to += until - from;
         }
         self.triangles.truncate(to);
-        self.vicinity.without(gone);
+        self.broad_phase.remove(gone);
     }
 
-    /// Drops vertices of no triangle, keeping the order of the others; says how many.
+    /// Removes vertices of no triangle, keeping the order of the others, and returns their number.
     pub(crate) fn compact(&mut self) -> usize {
         let before = self.points.len();
         let mut used = vec![0u32; before];
         self.triangles.as_flattened().iter().for_each(|&v| used[v as usize] = 1);
         let Some(first) = used.iter().position(|u| *u == 0) else { return 0 };
-        // All before the first that is not used stay where they are.
+        // Vertices before the first unused one keep their numbers.
         let mut to = first;
         for (v, name) in used.iter_mut().enumerate().skip(first) {
             if std::mem::replace(name, to as u32) == 1 {
@@ -136,9 +126,10 @@ impl Work {
         before - to
     }
 
+    /// The finished mesh and the sources of its vertices.
     pub(crate) fn finish(self) -> Derived {
         let (before, mut blends) = (self.before, self.blends);
-        // A copy of a blend, as a rim cut open has it, is one of its own.
+        // Vertices of the same blend (copies at cut edges) share it; the last one takes it.
         let mut count = vec![0; blends.len()];
         self.origins
             .iter()
@@ -168,24 +159,24 @@ impl Work {
         0.5 * self.area_vector(t).norm()
     }
 
+    /// Normal of triangle `t`, with twice its area as length.
     #[inline]
     pub(crate) fn area_vector(&self, t: usize) -> Vector {
         let [a, b, c] = self.triangles[t].map(|v| &self.points[v as usize]);
         area_vector(a, b, c)
     }
 
-    /// Unit normal of the vertex that half-edge `h` leaves, weighted by the triangles' areas; zero
-    /// where there is none.
-    pub(crate) fn normal_at(&self, twins: &Twins, h: u32) -> Vector {
+    /// Area-weighted unit normal at the vertex that half-edge `h` leaves; zero if undefined.
+    pub(crate) fn normal_at(&self, half_edges: &HalfEdges, h: u32) -> Vector {
         let mut sum = Vector::zeros();
-        twins.around(h, |h| sum += self.area_vector(h as usize / 3));
+        half_edges.around(h, |h| sum += self.area_vector(h as usize / 3));
         unit_or_zero(&sum)
     }
 
     /// Mean length of the edges at the vertex that half-edge `h` leaves, in metres.
-    pub(crate) fn edge_length_at(&self, twins: &Twins, h: u32) -> Real {
+    pub(crate) fn edge_length_at(&self, half_edges: &HalfEdges, h: u32) -> Real {
         let (mut sum, mut count) = (0.0, 0);
-        twins.around(h, |h| {
+        half_edges.around(h, |h| {
             let at = |h: u32| self.points[self.triangles[h as usize / 3][h as usize % 3] as usize];
             sum += (at(next(h)) - at(h)).norm() + (at(previous(h)) - at(h)).norm();
             count += 2;

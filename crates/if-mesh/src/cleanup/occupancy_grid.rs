@@ -1,55 +1,54 @@
-//! Coarse cells of space, some of which are marked.
+//! A coarse grid of occupied cells.
 
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real};
 
-/// A box as the cells that it reaches, the first and the last along each axis.
+/// The cells that a box overlaps: the first and the last along each axis.
 pub(super) type CellBox = [[u8; 3]; 2];
 
-/// Cells along each side of the region: a row of them is a word of bits. Of a garment of 1 m a cell
-/// is 1.6 cm.
+/// Cells along each side of the region: a row of them is one word. For a garment of 1 m a cell is
+/// 1.6 cm.
 const CELLS: u8 = u64::BITS as u8;
-/// Rows along each of the two other sides, with those of what lies outside.
+/// Rows along each of the two other sides, with a border for what lies outside.
 const ROWS: usize = CELLS as usize + 2;
 
-/// Coarse cells, and which of them are marked. The first and last along each axis are what lies
-/// outside the region, and never are.
+/// A coarse grid of 64³ cells, each occupied or free, as bits. The first and last cells along each
+/// axis stand for what lies outside the region, and are always free.
 #[derive(Clone, Debug)]
-pub(super) struct Marks {
+pub(super) struct OccupancyGrid {
     min: Point,
     scale: [Real; 3],
-    /// A word for each row along z.
-    marked: Vec<u64>,
+    /// One word for each row along z.
+    occupied: Vec<u64>,
 }
 
-impl Marks {
-    /// Cells of the box round all `places`, marked where they reach into one of them.
-    pub(super) fn new(places: &[Aabb]) -> Self {
-        let region = places.iter().fold(Aabb::EMPTY, |b, p| b.merged(p));
+impl OccupancyGrid {
+    /// A grid of the box around all `boxes`; cells that overlap one of them are occupied.
+    pub(super) fn new(boxes: &[Aabb]) -> Self {
+        let region = boxes.iter().fold(Aabb::EMPTY, |b, p| b.merged(p));
         let scale =
             [0, 1, 2].map(|axis| Real::from(CELLS) / region.size()[axis].max(Real::MIN_POSITIVE));
-        let mut marks = Self { min: region.min, scale, marked: Vec::new() };
-        marks = marks.with(places.iter().map(|b| marks.range(b)));
-        marks
+        let grid = Self { min: region.min, scale, occupied: Vec::new() };
+        grid.with(boxes.iter().map(|b| grid.cells_of(b)))
     }
 
-    /// The same cells, with others marked: those inside the region that `boxes` reach.
+    /// The same grid with other occupied cells: those of `boxes` inside the region.
     pub(super) fn with(&self, boxes: impl Iterator<Item = CellBox>) -> Self {
-        let mut marks = Self { marked: vec![0; ROWS * ROWS], ..*self };
+        let mut grid = Self { occupied: vec![0; ROWS * ROWS], ..*self };
         for [low, high] in boxes {
             let inside = |c: [u8; 3]| c.map(|c| c.clamp(1, CELLS));
             let (low, high) = (inside(low), inside(high));
             let bits = bits(low[2], high[2]);
             for x in low[0]..=high[0] {
                 for y in low[1]..=high[1] {
-                    marks.marked[row(x, y)] |= bits;
+                    grid.occupied[row(x, y)] |= bits;
                 }
             }
         }
-        marks
+        grid
     }
 
-    /// The cell of a point. Each coordinate grows with the point's.
+    /// The cell of a point: monotonic in each coordinate.
     #[inline]
     pub(super) fn cell(&self, p: &Point) -> [u8; 3] {
         let along = |axis: usize| {
@@ -67,18 +66,18 @@ impl Marks {
     }
 
     /// The cells of a box.
-    pub(super) fn range(&self, b: &Aabb) -> CellBox {
+    pub(super) fn cells_of(&self, b: &Aabb) -> CellBox {
         [self.cell(&b.min), self.cell(&b.max)]
     }
 
-    /// Whether a box reaches a marked cell.
+    /// Whether a box overlaps an occupied cell.
     #[inline]
-    pub(super) fn touch(&self, [low, high]: CellBox) -> bool {
+    pub(super) fn overlaps(&self, [low, high]: CellBox) -> bool {
         let bits = bits(low[2], high[2]);
         let rows = usize::from(high[1] - low[1]) + 1;
         let mut first = row(low[0], low[1]);
         for _ in low[0]..=high[0] {
-            if self.marked[first..first + rows].iter().any(|row| row & bits != 0) {
+            if self.occupied[first..first + rows].iter().any(|row| row & bits != 0) {
                 return true;
             }
             first += ROWS;
@@ -86,13 +85,13 @@ impl Marks {
         false
     }
 
-    /// Whether all cells that a box reaches are marked.
-    pub(super) fn hold(&self, [low, high]: CellBox) -> bool {
+    /// Whether all cells of a box are occupied.
+    pub(super) fn contains(&self, [low, high]: CellBox) -> bool {
         let bits = bits(low[2], high[2]);
         let inside = low[2] > 0 && high[2] <= CELLS;
         inside
             && (low[0]..=high[0])
-                .all(|x| (low[1]..=high[1]).all(|y| self.marked[row(x, y)] & bits == bits))
+                .all(|x| (low[1]..=high[1]).all(|y| self.occupied[row(x, y)] & bits == bits))
     }
 }
 
@@ -101,14 +100,14 @@ fn row(x: u8, y: u8) -> usize {
     usize::from(x) * ROWS + usize::from(y)
 }
 
-/// The cells inside the region from `low` to `high` along z.
+/// The bits of the cells inside the region from `low` to `high` along z.
 #[inline]
 fn bits(low: u8, high: u8) -> u64 {
     let (low, high) = (low.max(1), high.min(CELLS));
     if low > high { 0 } else { (u64::MAX << (low - 1)) & (u64::MAX >> (CELLS - high)) }
 }
 
-/// The smallest that holds both.
+/// The smallest box of cells that contains both.
 #[inline]
 pub(super) fn merged(a: CellBox, b: CellBox) -> CellBox {
     let of = |end: usize, pick: fn(u8, u8) -> u8| {
@@ -124,31 +123,32 @@ mod tests {
     use rand_pcg::Pcg64Mcg;
 
     #[test]
-    fn words_of_cells_say_what_single_cells_say() {
+    fn words_of_cells_agree_with_single_cells() {
         let mut rng = Pcg64Mcg::seed_from_u64(5);
-        let mut told = [0; 4];
+        let mut answers = [0; 4];
         let region = Aabb { min: Point::origin(), max: Point::new(1.0, 1.0, 1.0) };
         for _ in 0..2000 {
-            // Cells, those outside among them, and boxes of up to `size` more along each axis.
+            // A random cell, also outside the region, and a box of up to `size` more along each axis.
             let mut cells = |size: u8| -> CellBox {
                 let low = [0; 3].map(|_: u8| rng.random_range(0..=CELLS + 1));
                 [low, low.map(|c| (c + rng.random_range(0..=size)).min(CELLS + 1))]
             };
-            let marks = Marks::new(&[region]).with([cells(40), cells(60), cells(60)].into_iter());
-            let is_marked = |c: [u8; 3]| {
-                c[2] > 0 && c[2] <= CELLS && marks.marked[row(c[0], c[1])] >> (c[2] - 1) & 1 == 1
+            let grid =
+                OccupancyGrid::new(&[region]).with([cells(40), cells(60), cells(60)].into_iter());
+            let is_occupied = |c: [u8; 3]| {
+                c[2] > 0 && c[2] <= CELLS && grid.occupied[row(c[0], c[1])] >> (c[2] - 1) & 1 == 1
             };
-            let asked = cells(3);
+            let queried = cells(3);
             let reached = || {
-                let along = |axis: usize| asked[0][axis]..=asked[1][axis];
+                let along = |axis: usize| queried[0][axis]..=queried[1][axis];
                 along(0)
                     .flat_map(move |x| along(1).flat_map(move |y| along(2).map(move |z| [x, y, z])))
             };
-            assert_eq!(marks.touch(asked), reached().any(is_marked));
-            assert_eq!(marks.hold(asked), reached().all(is_marked));
-            told[usize::from(marks.touch(asked))] += 1;
-            told[2 + usize::from(marks.hold(asked))] += 1;
+            assert_eq!(grid.overlaps(queried), reached().any(is_occupied));
+            assert_eq!(grid.contains(queried), reached().all(is_occupied));
+            answers[usize::from(grid.overlaps(queried))] += 1;
+            answers[2 + usize::from(grid.contains(queried))] += 1;
         }
-        assert!(told.iter().all(|n| *n > 50), "{told:?}");
+        assert!(answers.iter().all(|n| *n > 50), "{answers:?}");
     }
 }

@@ -1,0 +1,22 @@
+//! Errors of the clean-up.
+
+use if_core::monitor::Cancelled;
+use if_core::parameter::ParameterError;
+
+/// Why a mesh was not cleaned.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages explain the fields
+pub enum CleanupError {
+    /// A parameter is out of range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The attributes belong to another mesh.
+    #[error(
+        "attributes of {attributes} vertices for a mesh of {vertices}; give those of this mesh, or `VertexAttributes::none`"
+    )]
+    Attributes { attributes: usize, vertices: usize },
+    /// The monitor cancelled the work.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
