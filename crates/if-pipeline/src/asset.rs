@@ -1,17 +1,16 @@
-//! A garment as an asset: a folder with its mesh and skinning weights, its φ where there is one,
-//! and what is known of it.
+//! Garments as assets: folders with the mesh, skinning weights, φ and metadata.
 //!
 //! ```text
 //! NAME/
-//!   asset.json      what is known: AssetInfo
+//!   asset.json      metadata: AssetInfo
 //!   garment.ply     the mesh in the body's canonical pose, single precision, weights as j0..j3 and w0..w3, and what else its source has
-//!   phi.safetensors φ as a network, where there is one
-//!   phi.baked       φ of the clothed body as a narrow-band grid, where there is one
+//!   phi.safetensors φ as a network (optional)
+//!   phi.baked       φ of the clothed body as a narrow-band grid (optional)
 //!   thumbnail.png   front and back
 //! ```
 //!
-//! The folder is written whole or not at all ([`if_mesh::whole_folder`]); its files are named with
-//! their hashes in `asset.json`, which [`read`] checks.
+//! The folder is written atomically ([`if_mesh::whole_folder`]). `asset.json` has the hashes of the
+//! files, which [`read`] checks.
 
 mod beside;
 mod class;
@@ -35,48 +34,48 @@ use std::path::{Path, PathBuf};
 
 /// The version of the format that is written.
 pub const FORMAT: u32 = 1;
-/// What is known of the garment.
+/// The file of the metadata.
 pub const INFO: &str = "asset.json";
 const GARMENT: &str = "garment.ply";
 const NETWORK: &str = "phi.safetensors";
 const BAKED: &str = "phi.baked";
 const THUMBNAIL: &str = "thumbnail.png";
-/// Weights may name any joint that a PLY file's byte can: the skeleton that has them belongs to the
+/// Largest number of joints: PLY files store their indices as bytes. The skeleton belongs to the
 /// body.
 const JOINTS: usize = 256;
 
-/// A garment that was read.
+/// A garment, read from its folder.
 #[derive(Clone, Debug)]
 pub struct Asset {
-    /// What is known of it.
+    /// Metadata.
     pub info: AssetInfo,
     /// Its surface in the canonical pose of the body it was made on, in metres.
     pub mesh: TriMesh,
-    /// Its skinning weights, where it has some.
+    /// Its skinning weights, if it has any.
     pub skin: Option<SkinWeights>,
-    /// What else its file holds.
+    /// Other content of its file.
     pub beside: Beside,
-    /// Where it stands.
+    /// Its folder.
     pub folder: PathBuf,
 }
 
-/// What an asset is made of.
+/// The input of [`write()`].
 #[derive(Clone, Copy, Debug)]
 pub struct Parts<'a> {
-    /// What it is called, and its folder too.
+    /// Its name, and that of its folder.
     pub name: &'a str,
-    /// Where it is worn.
+    /// Its layer.
     pub hint: LayerHint,
     /// The body it was made on.
     pub body: &'a BodyRef,
     /// The mesh, in the body's canonical pose and in metres. Positions are rounded to single
     /// precision.
     pub mesh: &'a TriMesh,
-    /// One record for each vertex.
+    /// Skinning weights, one record for each vertex.
     pub skin: Option<&'a SkinWeights>,
-    /// What its file holds beside.
+    /// Other content of its file.
     pub beside: Option<&'a Beside>,
-    /// Where it comes from.
+    /// Its origin.
     pub provenance: &'a Provenance,
     /// φ as a network: the bytes of a checkpoint.
     pub network: Option<&'a [u8]>,
@@ -84,22 +83,21 @@ pub struct Parts<'a> {
     pub baked: Option<&'a Baked>,
 }
 
-/// Writes an asset as the folder `parts.name` of `assets`, in place of one of that name.
+/// Writes an asset as the folder `parts.name` of `assets`, replacing one of that name.
 ///
 /// # Errors
 ///
-/// [`AssetError`]: a name that is no folder's, a mesh without triangles, weights or properties for other vertices, or the system.
+/// [`AssetError`]: the name is invalid, the mesh has no triangles, weights or properties are for
+/// other vertices, or files cannot be written.
 pub fn write(assets: &Writer, parts: &Parts) -> Result<AssetInfo, AssetError> {
     check_name(parts.name)?;
     if parts.mesh.triangles().is_empty() {
         return Err(AssetError::Empty { name: parts.name.into() });
     }
-    if let Some(skin) = parts.skin
-        && skin.len() != parts.mesh.vertices().len()
-    {
-        let (vertices, records) = (parts.mesh.vertices().len(), skin.len());
-        return Err(AssetError::SkinCount { name: parts.name.into(), vertices, records });
-    }
+    parts
+        .skin
+        .map_or(Ok(()), |skin| skin.check_len(parts.mesh.vertices().len()))
+        .map_err(|source| AssetError::SkinCount { name: parts.name.into(), source })?;
     let rounded = ply::quantise(parts.mesh.vertices(), CoordinateType::Float);
     let mesh = parts
         .mesh
@@ -113,10 +111,10 @@ pub fn write(assets: &Writer, parts: &Parts) -> Result<AssetInfo, AssetError> {
         };
         let mut garment = parts.beside.unwrap_or(&Beside::default()).file(mesh.clone(), parts.skin);
         for licence in &parts.provenance.licence {
-            let told = format!("licence {}", one_line(licence));
-            // The file of an asset that is added again says so already.
-            if !garment.comments.contains(licence) && !garment.comments.contains(&told) {
-                garment.comments.push(told);
+            let comment = format!("licence {}", one_line(licence));
+            // The file of an asset that is added again already has the comment.
+            if !garment.comments.contains(licence) && !garment.comments.contains(&comment) {
+                garment.comments.push(comment);
             }
         }
         let mut bytes = Vec::new();
@@ -151,11 +149,11 @@ pub fn write(assets: &Writer, parts: &Parts) -> Result<AssetInfo, AssetError> {
     })
 }
 
-/// Reads an asset, and checks that its files are those that `asset.json` names.
+/// Reads an asset, and checks the hash of its mesh.
 ///
 /// # Errors
 ///
-/// [`AssetError`], with the file at fault.
+/// [`AssetError`], with the path of the file.
 pub fn read(folder: &Path) -> Result<Asset, AssetError> {
     let info = read_info(folder)?;
     let bytes = load(folder, &info.garment)?;
@@ -181,18 +179,18 @@ pub fn read(folder: &Path) -> Result<Asset, AssetError> {
     Ok(Asset { info, mesh: ply.mesh, skin, beside, folder: folder.into() })
 }
 
-/// Reads `asset.json` alone.
+/// Reads only `asset.json`.
 ///
 /// # Errors
 ///
-/// [`AssetError`]: a file that is missing, is no JSON, or has another version.
+/// [`AssetError`]: the file is missing, not valid JSON, or of another version.
 pub fn read_info(folder: &Path) -> Result<AssetInfo, AssetError> {
     let path = folder.join(INFO);
     let text = fs::read(&path).map_err(|source| AssetError::Io { path: path.clone(), source })?;
     let json =
         |e: serde_json::Error| AssetError::Json { path: path.clone(), message: e.to_string() };
     let value: serde_json::Value = serde_json::from_slice(&text).map_err(json)?;
-    // Before anything else: of another version, other keys would be at fault.
+    // The version first: errors of other versions' keys would be misleading.
     match value.get("asset").and_then(serde_json::Value::as_u64) {
         Some(v) if v == u64::from(FORMAT) => {}
         found => return Err(AssetError::Version { path, found, known: FORMAT }),
@@ -203,25 +201,25 @@ pub fn read_info(folder: &Path) -> Result<AssetInfo, AssetError> {
 }
 
 impl Asset {
-    /// The garment's file, as it was read.
+    /// The content of the garment's file.
     pub fn file(&self) -> PlyMesh {
         self.beside.file(self.mesh.clone(), self.skin.as_ref())
     }
 
-    /// The checkpoint of φ's network, where the asset has one.
+    /// The checkpoint of φ's network, if the asset has one.
     ///
     /// # Errors
     ///
-    /// A file that is missing or has changed.
+    /// The file is missing or has changed.
     pub fn network(&self) -> Result<Option<Vec<u8>>, AssetError> {
         self.info.phi.network.as_ref().map(|file| load(&self.folder, file)).transpose()
     }
 
-    /// φ of the clothed body as a grid, where the asset has one.
+    /// φ of the clothed body as a grid, if the asset has one.
     ///
     /// # Errors
     ///
-    /// A file that is missing, has changed, or is no grid.
+    /// The file is missing, has changed, or is not a valid grid.
     pub fn baked(&self) -> Result<Option<Baked>, AssetError> {
         let Some(file) = &self.info.phi.baked else { return Ok(None) };
         let bytes = load(&self.folder, file)?;
@@ -231,7 +229,7 @@ impl Asset {
     }
 }
 
-/// The bytes of a file, if they are those that were stated.
+/// Reads a file and checks its hash.
 fn load(folder: &Path, file: &FileInfo) -> Result<Vec<u8>, AssetError> {
     let name = Path::new(&file.file);
     if name.components().count() != 1 || name.file_name().is_none() {
@@ -250,8 +248,8 @@ fn load(folder: &Path, file: &FileInfo) -> Result<Vec<u8>, AssetError> {
     Ok(bytes)
 }
 
-/// Whether a name can be that of a garment or body. Names become folders, on any system: 1 to 64
-/// ASCII letters, digits, `_`, `-` and `.`, the last neither first nor at the end.
+/// Checks the name of a garment or body. Names become folders on any system: 1 to 64 ASCII letters,
+/// digits, `_`, `-` and `.`, without a dot at either end.
 ///
 /// # Errors
 ///

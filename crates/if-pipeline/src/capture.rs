@@ -1,8 +1,8 @@
-//! A capture: a person in layered clothes who turns before one camera, as pictures that a human
-//! parser and a normal estimator made of a video. The folder is specified in `docs/capture.md`.
+//! Captures: a person in layered clothes who turns in front of one camera, as images that a human
+//! parser and a normal estimator computed from a video. `docs/capture.md` specifies the folder.
 //!
-//! [`Capture::open`] reads `meta.json` and looks at the head of every picture; pictures themselves are read frame by
-//! frame, and no frame is kept.
+//! [`Capture::open`] reads `meta.json` and the header of every image. Images are read frame by frame
+//! and not kept.
 
 mod error;
 mod meta;
@@ -20,28 +20,27 @@ use meta::Meta;
 use picture::Kind;
 use std::path::{Path, PathBuf};
 
-/// Label of what is not the person.
+/// Label of the background.
 pub const BACKGROUND: u8 = 0;
-/// Label of the person where no garment covers them.
+/// Label of the person's skin.
 pub const SKIN: u8 = 1;
-/// Label of the innermost garment; the others follow, inner to outer.
+/// Label of the innermost garment; the labels of the others follow, inner to outer.
 pub const FIRST_GARMENT: u8 = 2;
 
-/// Which subfolders hold the pictures. `None` takes what `meta.json` names under `channels`; where
-/// it names nothing, `mask_noisy` and `label_noisy` where there are such folders, else `mask` and
-/// `label`; and `normal`.
+/// Subfolders of the images. `None` uses the folder named by `channels` in `meta.json`; without that,
+/// `mask_noisy` and `label_noisy` if they exist, else `mask` and `label`; and `normal`.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Channels {
-    /// Of the foreground masks.
+    /// Subfolder of the foreground masks.
     pub mask: Option<String>,
-    /// Of the label images.
+    /// Subfolder of the label images.
     pub label: Option<String>,
-    /// Of the normals.
+    /// Subfolder of the normals.
     pub normal: Option<String>,
 }
 
 impl Channels {
-    /// The clean pictures of a rendered capture: truth, for judging, never input.
+    /// The noise-free images of a rendered capture, for evaluation only.
     pub fn truth() -> Self {
         Self {
             mask: Some("mask".into()),
@@ -51,18 +50,19 @@ impl Channels {
     }
 }
 
-/// The pictures of one frame, each with one value for each pixel, rows from the top.
+/// The images of one frame, one value per pixel, rows from the top.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Frame {
     /// Whether a pixel shows the person.
     pub mask: Vec<bool>,
-    /// [`BACKGROUND`], [`SKIN`], or a garment from [`FIRST_GARMENT`] on; smaller than the number of label names.
+    /// [`BACKGROUND`], [`SKIN`], or a garment from [`FIRST_GARMENT`] on; less than the number of
+    /// label names.
     pub labels: Vec<u8>,
-    /// Unit normals in the frame of the camera (x right, y down, z away), zero where there is none.
+    /// Unit normals in the camera's frame (x right, y down, z away), zero where missing.
     pub normals: Vec<[f32; 3]>,
 }
 
-/// An opened capture. Cheap to keep: no pictures are in it.
+/// An opened capture. It holds no images.
 #[derive(Clone, Debug)]
 pub struct Capture {
     folder: PathBuf,
@@ -75,16 +75,17 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// Opens the capture in `folder` with the pictures that a front end gave.
+    /// Opens the capture in `folder` with its default images ([`Channels`]).
     ///
     /// # Errors
     ///
-    /// [`CaptureError`]: a `meta.json` that is missing or wrong, a picture that is missing, has another size or kind.
+    /// [`CaptureError`]: `meta.json` is missing or invalid, or an image is missing or has the wrong
+    /// size or format.
     pub fn open(folder: &Path) -> Result<Self, CaptureError> {
         Self::open_with(folder, &Channels::default())
     }
 
-    /// Opens the capture in `folder` with the given pictures.
+    /// Opens the capture in `folder` with the given images.
     ///
     /// # Errors
     ///
@@ -136,17 +137,17 @@ impl Capture {
         &self.camera
     }
 
-    /// Number of frames, one at least.
+    /// Number of frames, at least one.
     pub fn len(&self) -> usize {
         self.frames.len()
     }
 
-    /// Never: a capture has a frame.
+    /// Always `false`: a capture has at least one frame.
     pub fn is_empty(&self) -> bool {
         self.frames.is_empty()
     }
 
-    /// What each label means: `background`, `skin`, and the garments from inside.
+    /// The name of each label: `background`, `skin`, and the garments from inner to outer.
     pub fn labels(&self) -> &[String] {
         &self.labels
     }
@@ -156,12 +157,12 @@ impl Capture {
         &self.labels[usize::from(FIRST_GARMENT)..]
     }
 
-    /// Names of the joints that poses turn.
+    /// Names of the joints that the poses rotate.
     pub fn joints(&self) -> &[String] {
         &self.joints
     }
 
-    /// How the person stands in a frame.
+    /// The pose in a frame.
     ///
     /// # Panics
     ///
@@ -179,11 +180,11 @@ impl Capture {
         self.frames[frame].0
     }
 
-    /// Reads the pictures of a frame.
+    /// Reads the images of a frame.
     ///
     /// # Errors
     ///
-    /// A picture that cannot be decoded, or a label without a name.
+    /// An image cannot be decoded, or a label has no name.
     ///
     /// # Panics
     ///
@@ -196,11 +197,11 @@ impl Capture {
         })
     }
 
-    /// Reads the mask of a frame alone: `true` from half of full white on.
+    /// Reads only the mask of a frame: `true` from half of full white on.
     ///
     /// # Errors
     ///
-    /// A picture that cannot be decoded.
+    /// The image cannot be decoded.
     ///
     /// # Panics
     ///
@@ -209,11 +210,11 @@ impl Capture {
         self.read(frame, Kind::Mask, picture::mask)
     }
 
-    /// Reads the label image of a frame alone.
+    /// Reads only the label image of a frame.
     ///
     /// # Errors
     ///
-    /// A picture that cannot be decoded, or a label without a name.
+    /// The image cannot be decoded, or a label has no name.
     ///
     /// # Panics
     ///
@@ -232,11 +233,11 @@ impl Capture {
         }
     }
 
-    /// Reads the normals of a frame alone.
+    /// Reads only the normals of a frame.
     ///
     /// # Errors
     ///
-    /// A picture that cannot be decoded.
+    /// The image cannot be decoded.
     ///
     /// # Panics
     ///
@@ -245,11 +246,11 @@ impl Capture {
         self.read(frame, Kind::Normal, picture::normals)
     }
 
-    /// Whether the poses are those of this skeleton: the same joints in the same order.
+    /// Checks that the poses are for this skeleton: the same joints in the same order.
     ///
     /// # Errors
     ///
-    /// The first joint that differs.
+    /// The first different joint.
     pub fn check_skeleton(&self, skeleton: &Skeleton) -> Result<(), CaptureError> {
         if self.joints.len() != skeleton.len() {
             return Err(CaptureError::JointCount {

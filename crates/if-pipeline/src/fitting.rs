@@ -1,4 +1,5 @@
-//! What a mesh, closed or not, offers a fit.
+//! Meshes, closed or open, as targets of neural fits. Here, because `if-neural` does not depend on
+//! `if-mesh`.
 
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Vector};
@@ -8,55 +9,54 @@ use if_neural::TargetError;
 use if_neural::cloud::OrientedPoints;
 use if_neural::target::Target;
 
-/// How to take a mesh.
+/// How a mesh becomes a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Take {
-    /// By its field if it is closed, by its vertices if it is open.
+    /// The field if the mesh is closed, else its vertices.
     #[default]
     Either,
-    /// By its field: exact; only closed meshes have one.
+    /// The signed distance: exact, for closed meshes only.
     Field,
-    /// By its vertices and their normals: averages noise and closes holes.
+    /// The vertices with their normals: averages noise and closes holes.
     Points,
 }
 
-/// A mesh as a target; borrow it as [`MeshTarget::target`].
+/// A mesh as a target; [`MeshTarget::target`] borrows it.
 #[derive(Clone, Debug)]
 #[allow(clippy::large_enum_variant)] // one per program
 pub enum MeshTarget {
-    /// The field of a closed mesh.
+    /// The signed distance of a closed mesh.
     Field(MeshSdf),
     /// The vertices of a mesh, with their normals.
     Points(OrientedPoints),
 }
 
-/// Why a mesh is no target.
+/// A mesh cannot be a target.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshTargetError {
-    /// It has no field.
+    /// The mesh has no signed distance.
     #[error(
         "the mesh has no signed distance; close it, or fit its vertices as points, which fills holes"
     )]
     Field(#[source] SdfError),
-    /// It faces inwards, or neighbours face opposite ways: neither its field nor its normals have a
-    /// side.
+    /// The mesh is wound inwards or inconsistently, so neither field nor normals have a sign.
     #[error(
         "the mesh has no outside; turn its triangles so that all are counter-clockwise seen from outside"
     )]
     Sides(#[source] SdfError),
-    /// Its vertices are no target.
+    /// The vertices cannot be fitted.
     #[error("the vertices of the mesh cannot be fitted")]
     Points(#[from] TargetError),
 }
 
 impl MeshTarget {
-    /// Takes a mesh in metres. Vertices without a normal (of no triangle, or of flat ones) are left
-    /// out of points.
+    /// The target of a mesh in metres. Points exclude vertices without a normal (without triangles, or
+    /// of degenerate ones only).
     ///
     /// # Errors
     ///
-    /// See [`MeshTargetError`]; each says what can be done.
+    /// [`MeshTargetError`], with advice.
     pub fn new(mesh: &TriMesh, take: Take) -> Result<Self, MeshTargetError> {
         if take != Take::Points {
             match MeshSdf::closed(mesh) {
@@ -80,7 +80,7 @@ impl MeshTarget {
         Ok(Self::Points(OrientedPoints::new(points, normals)?))
     }
 
-    /// As a fit wants it.
+    /// The target for a fit.
     pub fn target(&self) -> Target<'_> {
         match self {
             Self::Field(field) => Target::Field(field),
@@ -88,7 +88,7 @@ impl MeshTarget {
         }
     }
 
-    /// The box round it.
+    /// Its bounding box.
     pub fn aabb(&self) -> Aabb {
         match self {
             Self::Field(field) => field.surface().aabb(),
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn closed_meshes_are_taken_by_their_field_and_open_ones_by_their_vertices() {
+    fn closed_meshes_use_their_field_and_open_ones_their_vertices() {
         let ball = meshes::icosphere(0.5, 4);
         assert!(matches!(MeshTarget::new(&ball, Take::Either), Ok(MeshTarget::Field(_))));
         assert!(matches!(MeshTarget::new(&ball, Take::Points), Ok(MeshTarget::Points(_))));

@@ -1,17 +1,12 @@
-//! From videos to wardrobes of layered garments: the whole way of IF-Garments.
+//! From captures of videos to garments, and to wardrobes of garments that fit any body.
 //!
-//! [`capture`] reads what off-the-shelf tools make of a video of a turning person, [`reconstruct`]
-//! makes single garments of it, [`asset`] and [`wardrobe`] keep garments and combine them on any
-//! body, free of intersections.
+//! A [`Capture`] holds the masks, labels, normals and poses that off-the-shelf tools extract from a
+//! video of a turning person; [`reconstruct()`] makes a clothed person and single garments of it. A
+//! [`Wardrobe`] stores bodies and garments ([`Asset`]); a [`Dresser`] aligns garments on a body, and
+//! [`wardrobe::matching`] resolves the outfit.
 //!
-//! # Features
-//!
-//! All are on by default.
-//!
-//! - `wardrobe`: [`asset`], [`wardrobe`].
-//! - `reconstruct` (with `wardrobe`): [`capture`], [`reconstruct`], [`fitting`]; needs `if-neural`.
+#![doc = include_str!("../README.md")]
 
-#[cfg(feature = "wardrobe")]
 pub mod asset;
 #[cfg(feature = "reconstruct")]
 pub mod capture;
@@ -19,5 +14,19 @@ pub mod capture;
 pub mod fitting;
 #[cfg(feature = "reconstruct")]
 pub mod reconstruct;
-#[cfg(feature = "wardrobe")]
 pub mod wardrobe;
+
+pub use asset::{Asset, AssetError};
+#[cfg(feature = "reconstruct")]
+pub use capture::{Capture, CaptureError};
+#[cfg(feature = "reconstruct")]
+pub use fitting::MeshTarget;
+#[cfg(feature = "reconstruct")]
+pub use reconstruct::{ReconstructError, ReconstructParams, Reconstruction, reconstruct};
+pub use wardrobe::dresser::Dresser;
+pub use wardrobe::{Wardrobe, WardrobeError};
+
+pub use if_body::{Pose, Skeleton, TemplateBody};
+pub use if_core::mesh::TriMesh;
+pub use if_core::monitor::{Cancelled, Monitor, Progress, Silent};
+pub use if_outfit::resolve::ResolveParams;

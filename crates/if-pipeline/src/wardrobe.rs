@@ -1,15 +1,14 @@
-//! Clothing matching (Appendix D): a folder of bodies and garments, combined at will and made
-//! intersection-free.
+//! Wardrobes and clothing matching (Appendix D): folders of bodies and garments, whose combinations
+//! are made free of intersections.
 //!
 //! ```text
 //! WARDROBE/
-//!   bodies/NAME/    body.json, body.ply (closed), and where there are any template.ply and skeleton.json
+//!   bodies/NAME/    body.json, body.ply (closed), optionally template.ply and skeleton.json
 //!   garments/NAME/  an asset: crate::asset
 //! ```
 //!
-//! A [`Wardrobe`] knows what is there. A [`dresser::Dresser`] aligns garments on a body and keeps
-//! what it has aligned.
-//! [`matching`] resolves one combination into a result folder; [`batch`] many, and goes on where it was stopped.
+//! A [`Wardrobe`] lists its content. A [`dresser::Dresser`] aligns garments on a body. [`matching`]
+//! resolves one combination into a result folder, [`batch`] many.
 
 pub mod batch;
 mod body;
@@ -18,7 +17,9 @@ pub mod dresser;
 mod error;
 pub mod matching;
 mod pages;
+mod result;
 mod result_folder;
+mod summary;
 
 pub use body::{BodyInfo, NewBody, WardrobeBody};
 pub use error::WardrobeError;
@@ -51,18 +52,18 @@ impl std::fmt::Display for Part {
     }
 }
 
-/// A folder of a wardrobe that cannot be read.
+/// An unreadable folder of a wardrobe.
 #[derive(Debug)]
 pub struct Unreadable {
-    /// What it should be.
+    /// Body or garment.
     pub part: Part,
     /// Its name.
     pub name: String,
-    /// Why.
+    /// The error.
     pub error: WardrobeError,
 }
 
-/// What a folder of bodies and garments holds.
+/// A folder of bodies and garments.
 #[derive(Debug)]
 pub struct Wardrobe {
     root: PathBuf,
@@ -72,13 +73,12 @@ pub struct Wardrobe {
 }
 
 impl Wardrobe {
-    /// Reads what is there; an empty or missing folder is an empty wardrobe. A body or garment that
-    /// cannot be read does not stop the others: see [`Wardrobe::faults`]. What a process that was
-    /// killed had moved away is put back.
+    /// Opens a wardrobe; an empty or missing folder is an empty wardrobe. Unreadable bodies and
+    /// garments are listed in [`Wardrobe::faults`]. Interrupted writes of killed processes are undone.
     ///
     /// # Errors
     ///
-    /// A folder that the system does not give.
+    /// The folder cannot be read.
     pub fn open(root: &Path) -> Result<Self, WardrobeError> {
         let fault = |source| WardrobeError::Folder { path: root.into(), source };
         let mut wardrobe = Self {
@@ -103,11 +103,11 @@ impl Wardrobe {
         Ok(wardrobe)
     }
 
-    /// As [`Wardrobe::open`], for those who have nothing to add.
+    /// Opens an existing wardrobe.
     ///
     /// # Errors
     ///
-    /// Also a folder that is missing, or that holds neither bodies nor garments.
+    /// As [`Wardrobe::open`]; or the folder is missing, or has neither bodies nor garments.
     pub fn open_existing(root: &Path) -> Result<Self, WardrobeError> {
         if [BODIES, GARMENTS].iter().any(|part| root.join(part).is_dir()) {
             return Self::open(root);
@@ -119,24 +119,25 @@ impl Wardrobe {
     ///
     /// # Errors
     ///
-    /// A name that is no folder's, a file that is missing or of no use, or another process that
-    /// writes there and does not end.
+    /// The name is invalid, a file is missing or invalid, the body does not stand along y, or another
+    /// process writes there for too long.
     pub fn add_body(&mut self, new: &NewBody) -> Result<BodyRef, WardrobeError> {
         let writer = self.writer(BODIES)?;
         self.put_body(&writer, new.name, &BodyFiles::read(new)?)
     }
 
-    /// Adds a body unless one that has its files is there, whatever it is called, and replaces none
-    /// that has another mesh: where the name is taken the new one gets a number. So garments keep
-    /// the body they were made on, also where several processes add bodies at once. A body that has
-    /// the mesh, but another template or skeleton, takes the new one; what is not given it keeps.
+    /// Adds a body unless the wardrobe has one with the same files, under any name. Bodies with other
+    /// meshes are not replaced: if the name is taken, a number is appended. So garments keep the body
+    /// they were made on, even if several processes add bodies concurrently. A body with the same
+    /// mesh but another template or skeleton gets the new ones; files that are not given are kept.
     ///
     /// # Errors
     ///
     /// As [`Wardrobe::add_body`].
     pub fn add_body_once(&mut self, new: &NewBody) -> Result<BodyRef, WardrobeError> {
         let writer = self.writer(BODIES)?;
-        self.bodies = Self::open(&self.root)?.bodies; // what others have added
+        // Other processes may have added bodies.
+        self.bodies = Self::open(&self.root)?.bodies;
         let files = BodyFiles::read(new)?;
         if let Some(body) = self.bodies.values().find(|body| files.are_of(body)) {
             return Ok(body.reference());
@@ -171,9 +172,9 @@ impl Wardrobe {
     ///
     /// # Errors
     ///
-    /// A body that the wardrobe does not have, a garment too large for it or too far from it
-    /// ([`if_outfit::outfit::Outfit::new`]), those of
-    /// [`asset::write`], or another process that writes there and does not end.
+    /// The wardrobe does not have the body, the garment is too large or too far from it
+    /// ([`if_outfit::outfit::Outfit::new`]), the errors of [`asset::write()`], or another process
+    /// writes there for too long.
     pub fn add(&mut self, parts: &Parts) -> Result<&AssetInfo, WardrobeError> {
         let body = self.body_like(parts.name, parts.body)?;
         if !parts.mesh.triangles().is_empty() {
@@ -193,14 +194,13 @@ impl Wardrobe {
         opened.ok_or(WardrobeError::Busy { path })
     }
 
-    /// What the folder of a body says. Whoever has renamed it has renamed the body; a name that no
-    /// combination can have is an error.
+    /// The metadata of a body's folder. Renaming the folder renames the body.
     fn stored_body(&self, name: &str) -> Result<BodyInfo, WardrobeError> {
         asset::check_name(name)?;
         Ok(BodyInfo { name: name.into(), ..body::read_info(&self.root.join(BODIES).join(name))? })
     }
 
-    /// The same of a garment.
+    /// The metadata of a garment's folder.
     fn stored_garment(&self, name: &str) -> Result<AssetInfo, WardrobeError> {
         asset::check_name(name)?;
         Ok(AssetInfo {
@@ -209,7 +209,7 @@ impl Wardrobe {
         })
     }
 
-    /// Where it stands.
+    /// The folder of the wardrobe.
     pub fn root(&self) -> &Path {
         &self.root
     }
@@ -224,24 +224,24 @@ impl Wardrobe {
         &self.garments
     }
 
-    /// Folders of bodies and garments that cannot be read, and why.
+    /// Unreadable folders of bodies and garments.
     pub fn faults(&self) -> &[Unreadable] {
         &self.faults
     }
 
-    /// Whether the folder of this name cannot be read.
+    /// Whether the folder of this name is unreadable.
     fn is_faulty(&self, part: Part, name: &str) -> bool {
         self.faults.iter().any(|f| (f.part, f.name.as_str()) == (part, name))
     }
 
-    /// What is known of a body.
+    /// The metadata of a body.
     ///
     /// # Errors
     ///
-    /// There is none of this name, or it cannot be read.
+    /// There is no body of this name, or it is unreadable.
     pub fn body_info(&self, name: &str) -> Result<&BodyInfo, WardrobeError> {
         if self.is_faulty(Part::Body, name) {
-            self.stored_body(name)?; // says once more what is wrong
+            self.stored_body(name)?; // returns the error again
         }
         let known = || self.bodies.keys().cloned().collect::<Vec<_>>().join(", ");
         self.bodies
@@ -249,11 +249,11 @@ impl Wardrobe {
             .ok_or_else(|| WardrobeError::NoBody { name: name.into(), known: known() })
     }
 
-    /// What is known of a garment.
+    /// The metadata of a garment.
     ///
     /// # Errors
     ///
-    /// There is none of this name, or it cannot be read.
+    /// There is no garment of this name, or it is unreadable.
     pub fn garment_info(&self, name: &str) -> Result<&AssetInfo, WardrobeError> {
         if self.is_faulty(Part::Garment, name) {
             self.stored_garment(name)?;
@@ -264,7 +264,7 @@ impl Wardrobe {
             .ok_or_else(|| WardrobeError::NoGarment { name: name.into(), known: known() })
     }
 
-    /// The body that a garment was made on: by its content, whatever it is called here.
+    /// The body that a garment was made on, identified by its hash.
     ///
     /// # Errors
     ///
@@ -283,7 +283,7 @@ impl Wardrobe {
     ///
     /// # Errors
     ///
-    /// There is none of this name, or a file of it has changed.
+    /// There is none of this name, or its files have changed.
     pub fn body(&self, name: &str) -> Result<WardrobeBody, WardrobeError> {
         body::read(&self.root.join(BODIES).join(name), self.body_info(name)?)
     }
@@ -292,7 +292,7 @@ impl Wardrobe {
     ///
     /// # Errors
     ///
-    /// There is none of this name, or the file has changed.
+    /// There is none of this name, or its file has changed.
     pub fn body_file(&self, name: &str) -> Result<Vec<u8>, WardrobeError> {
         body::read_mesh(&self.root.join(BODIES).join(name), self.body_info(name)?)
     }
@@ -301,12 +301,12 @@ impl Wardrobe {
     ///
     /// # Errors
     ///
-    /// There is none of this name, or a file of it has changed.
+    /// There is none of this name, or its files have changed.
     pub fn garment(&self, name: &str) -> Result<Asset, WardrobeError> {
         let known = self.garment_info(name)?;
         let folder = self.root.join(GARMENTS).join(name);
         let asset = asset::read(&folder)?;
-        // Keys are made of what is known: another process may have replaced the folder since.
+        // Keys are hashes of the known metadata; another process may have replaced the folder.
         if (&asset.info.garment, &asset.info.body) != (&known.garment, &known.body) {
             let path = folder.join(&known.garment.file);
             let (stated, found) =

@@ -23,9 +23,8 @@ impl Fault {
             WardrobeError::Body { source: OutfitError::Units { unit, scale, .. }, .. } => {
                 &format!("if the files are in {unit}, add --scale {scale}")
             }
-            WardrobeError::ScaleRange { .. }
-            | WardrobeError::Scale { .. }
-            | WardrobeError::Misfit(_) => {
+            WardrobeError::Parameter(p) if p.name == "scale" => "look at --scale",
+            WardrobeError::Scale { .. } | WardrobeError::Misfit(_) => {
                 "look at --scale, and whether --body is the body that it was made on"
             }
             WardrobeError::NoBody { .. } | WardrobeError::NoGarment { .. } => {
@@ -47,9 +46,8 @@ impl Fault {
             | WardrobeError::BodyMesh { .. } => {
                 "the body must be one closed PLY or OBJ mesh in metres, wound outwards"
             }
-            WardrobeError::Parameter(_)
-            | WardrobeError::Resolve(_)
-            | WardrobeError::PictureHeight { .. } => {
+            WardrobeError::NotUpright { .. } => "rotate the files, and add them again",
+            WardrobeError::Parameter(_) | WardrobeError::Resolve(_) => {
                 "give a value in the range that is named; docs/outfit.md has the parameters"
             }
             WardrobeError::NoGarments { .. }

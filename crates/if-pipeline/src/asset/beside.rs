@@ -1,17 +1,16 @@
-//! What a garment's file holds beside positions, triangles and weights.
+//! The content of a garment's file other than positions, triangles and weights.
 
 use if_body::SkinWeights;
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{CoordinateType, PlyMesh};
 
-/// What a garment's file holds beside positions, triangles and weights: texture coordinates,
-/// colours, materials, polygons, comments, whatever stands there. It goes through a wardrobe and
-/// its results as it is.
+/// The content of a garment's file other than positions, triangles and weights: texture coordinates,
+/// colours, materials, polygons, comments. Wardrobes and their results preserve it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Beside(PlyMesh);
 
 impl Beside {
-    /// All of a file but its mesh.
+    /// The content of a file without its mesh.
     pub fn of(ply: &PlyMesh) -> Self {
         Self(PlyMesh {
             mesh: TriMesh::default(),
@@ -26,8 +25,8 @@ impl Beside {
         })
     }
 
-    /// The file again, with a mesh of as many vertices and the same triangles. Weights replace
-    /// those of the file.
+    /// The file with a mesh of as many vertices and the same triangles. Weights replace those of the
+    /// file.
     pub fn file(&self, mesh: TriMesh, skin: Option<&SkinWeights>) -> PlyMesh {
         let mut file = PlyMesh { mesh, ..self.0.clone() };
         if let Some(skin) = skin {

@@ -1,8 +1,8 @@
-//! Where a garment is worn: what may go over what.
+//! Classes of garments, and which may be worn over which.
 
 use serde::{Deserialize, Serialize};
 
-/// What a garment covers.
+/// The class of a garment.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]
@@ -18,14 +18,14 @@ pub enum GarmentClass {
     Top,
     /// Cardigans, jackets, coats.
     Outer,
-    /// Anything else: it goes over and under everything.
+    /// Anything else: worn over and under everything.
     #[default]
     Other,
 }
 
 impl GarmentClass {
-    /// Openings that such a garment has at most: those through which head, limbs and trunk pass.
-    /// Fewer where it has no sleeves or hangs open in front; `None` where nothing is known.
+    /// Largest number of openings, those for head, limbs and trunk. Garments without sleeves, or open
+    /// in front, have fewer. `None` if unknown.
     pub fn most_openings(self) -> Option<usize> {
         match self {
             Self::Skirt => Some(2),
@@ -36,19 +36,19 @@ impl GarmentClass {
     }
 }
 
-/// Where a garment is worn. A hint: outfits in any other order can be asked for.
+/// The layer of a garment. A hint: outfits may have any other order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LayerHint {
-    /// What it covers.
+    /// Its class.
     pub class: GarmentClass,
-    /// Within its class: 0 next to the skin. Of tops 2 and more hang over waistbands and are not
-    /// tucked in.
+    /// The order within its class, 0 innermost. Tops of order 2 and more hang over waistbands and are
+    /// not tucked in.
     pub order: u8,
 }
 
-/// Words in names, with class and order. The first that occurs counts, so that `suit_trousers` are
-/// trousers, and a `cardigan` is no `coat`.
+/// Words in names, with class and order. The first match counts, so that `suit_trousers` are trousers
+/// and a `cardigan` is not a `coat`.
 const WORDS: [(&str, GarmentClass, u8); 26] = [
     ("trousers", GarmentClass::Legs, 0),
     ("pants", GarmentClass::Legs, 0),
@@ -79,15 +79,14 @@ const WORDS: [(&str, GarmentClass, u8); 26] = [
 ];
 
 impl LayerHint {
-    /// What the name says, in English; [`GarmentClass::Other`] where it says nothing.
+    /// The hint of an English name; [`GarmentClass::Other`] if no word matches.
     pub fn of_name(name: &str) -> Self {
         let name = name.to_ascii_lowercase();
         let found = WORDS.iter().find(|(word, ..)| name.contains(word));
         found.map_or(Self::default(), |(_, class, order)| Self { class: *class, order: *order })
     }
 
-    /// Whether a garment of hint `outer` may be worn right or further above this one, and in one
-    /// outfit with it.
+    /// Whether a garment of hint `outer` may be worn over this one, directly or with layers between.
     pub fn may_be_under(&self, outer: &Self) -> bool {
         use GarmentClass::{Dress, Legs, Other, Outer, Skirt, Top};
         match (self.class, outer.class) {
@@ -106,7 +105,7 @@ impl LayerHint {
     }
 }
 
-/// Whether a person could wear these, inner to outer: each may go under all that follow.
+/// Whether an outfit, inner to outer, is wearable: each garment may be worn under all that follow.
 pub fn is_wearable(outfit: &[LayerHint]) -> bool {
     (1..outfit.len()).all(|k| outfit[..k].iter().all(|inner| inner.may_be_under(&outfit[k])))
 }
@@ -116,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_tell_where_a_garment_is_worn() {
+    fn names_determine_class_and_order() {
         let of = |name| (LayerHint::of_name(name).class, LayerHint::of_name(name).order);
         assert_eq!(of("a_suit_trousers"), (GarmentClass::Legs, 0));
         assert_eq!(of("suit_jacket"), (GarmentClass::Outer, 1));

@@ -1,4 +1,4 @@
-//! What is known of a garment: `asset.json`.
+//! Metadata of garments: `asset.json`.
 
 use super::LayerHint;
 use if_core::edges::Edges;
@@ -7,31 +7,31 @@ use if_core::mesh::TriMesh;
 use if_outfit::content::Content;
 use serde::{Deserialize, Serialize};
 
-/// What is known of a garment.
+/// Metadata of a garment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AssetInfo {
     /// The version of the format: [`super::FORMAT`].
     pub asset: u32,
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// Where it is worn.
+    /// Its layer.
     pub layer: LayerHint,
     /// The body it was made on.
     pub body: BodyRef,
-    /// Of the mesh.
+    /// Vertices of the mesh.
     pub vertices: usize,
-    /// Of the mesh.
+    /// Triangles of the mesh.
     pub triangles: usize,
     /// Whether the mesh has skinning weights.
     pub skinned: bool,
     /// The mesh.
     pub garment: FileInfo,
-    /// φ, where there is one.
+    /// φ, if stored.
     pub phi: Phi,
-    /// Where the garment is open: neck, cuffs, hem. The longest first.
+    /// Openings: neck, cuffs, hem; the longest first.
     pub openings: Vec<Opening>,
-    /// Where it comes from.
+    /// Its origin.
     pub provenance: Provenance,
 }
 
@@ -39,9 +39,9 @@ pub struct AssetInfo {
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodyRef {
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// Of its mesh file: what counts.
+    /// Hash of its mesh file, which identifies the body.
     pub sha256: String,
 }
 
@@ -50,7 +50,7 @@ pub struct BodyRef {
 pub struct FileInfo {
     /// Its name.
     pub file: String,
-    /// What it holds.
+    /// Its size and hash.
     #[serde(flatten)]
     pub content: Content,
 }
@@ -69,7 +69,7 @@ pub struct Phi {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Opening {
-    /// Its edges.
+    /// Number of edges.
     pub edges: usize,
     /// Its length, in metres.
     pub length: Real,
@@ -77,15 +77,15 @@ pub struct Opening {
     pub center: [Real; 3],
 }
 
-/// Where a garment comes from.
+/// The origin of a garment.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Provenance {
-    /// The file or capture, as the user named it.
+    /// The file or capture, as given by the user.
     pub source: String,
-    /// Its hash, where it is one file.
+    /// Its hash, if it is one file.
     pub sha256: Option<String>,
-    /// What made the asset, with its version.
+    /// The program that made the asset, with its version.
     pub tool: String,
     /// Comments of the source, such as its licence.
     pub licence: Vec<String>,

@@ -94,7 +94,7 @@ fn an_asset_is_read_as_it_was_written() {
 }
 
 #[test]
-fn every_fault_has_its_own_error() {
+fn invalid_assets_are_errors_that_say_why() {
     let root = tempfile::tempdir().unwrap();
     let writer = Writer::open(root.path()).unwrap().unwrap();
     for name in ["", ".hidden", "a/b", "..", "a.", "ä", &"x".repeat(65)] {

@@ -1,4 +1,4 @@
-//! The small picture of a garment: front and back.
+//! Thumbnails of garments: front and back.
 
 use if_core::mesh::TriMesh;
 use if_render::{Image, PALETTE, RenderLayer, View, side_by_side};

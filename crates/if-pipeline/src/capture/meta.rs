@@ -13,12 +13,12 @@ use std::path::Path;
 /// Its name in the folder of a capture.
 pub(super) const FILE: &str = "meta.json";
 
-/// The name of the pictures of a frame.
+/// The file name of the images of a frame.
 pub(super) fn file_name(index: u32) -> String {
     format!("{index:04}.png")
 }
 
-/// What is read; anything else in the file is left alone.
+/// The content of the file; other keys are ignored.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Meta {
     #[serde(default, skip_serializing_if = "String::is_empty")]
@@ -47,7 +47,7 @@ pub(super) struct FrameMeta {
     pub(super) rot: Vec<[Real; 4]>,
 }
 
-/// Written into files, for people.
+/// The conventions, written into files for readers.
 pub(super) const CONVENTION: &str = "x_cam = R x_world + t; OpenCV axes (x right, y down, z forward); metres; pixel centre (i + 0.5); rot (w, x, y, z)";
 
 /// A matrix from its rows.
@@ -68,12 +68,12 @@ impl Meta {
             .map_err(|source| CaptureError::Json { path: path.into(), source })
     }
 
-    /// The subfolder that is named for pictures of this kind.
+    /// The subfolder named for images of this kind.
     pub(super) fn channel(&self, kind: Kind) -> Option<&str> {
         self.channels.get(kind.folder()).map(String::as_str)
     }
 
-    /// The camera and the frames, where everything is in order. `path` is for messages.
+    /// Validates the file and returns camera and frames. `path` is for messages.
     pub(super) fn checked(&self, path: &Path) -> Result<(Camera, Vec<(u32, Pose)>), CaptureError> {
         let at = || path.to_path_buf();
         check_names(path, &self.labels, &self.layers_inner_to_outer)?;
@@ -113,7 +113,7 @@ impl Meta {
     }
 }
 
-/// Whether labels and layers name the same garments, each once.
+/// Checks that labels and layers name the same garments, each once.
 pub(super) fn check_names(
     path: &Path,
     labels: &[String],
@@ -154,7 +154,7 @@ pub(super) fn check_names(
     Ok(())
 }
 
-/// Names become names of files and folders.
+/// Checks that a name is valid in file names.
 fn check_name(path: &Path, name: &str) -> Result<(), CaptureError> {
     let fits = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | '.' | ' ');
     if name.is_empty() || name.starts_with('.') || !name.chars().all(fits) {

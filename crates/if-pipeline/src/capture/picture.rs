@@ -1,11 +1,12 @@
-//! The PNG files of a capture.
+//! The PNG images of a capture: data in the pixels, unlike the pictures of `if-render`.
 
 use png::{BitDepth, ColorType, Decoder, Encoder, Transformations};
+use std::error::Error;
 use std::fs::File;
 use std::io::{self, BufReader, Write};
 use std::path::Path;
 
-/// What a picture shows.
+/// The content of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     Mask = 0,
@@ -21,7 +22,7 @@ impl Kind {
         ["mask", "label", "normal"][self as usize]
     }
 
-    /// The subfolder of noisy pictures.
+    /// The subfolder of noisy images.
     pub(super) fn noisy(self) -> &'static str {
         ["mask_noisy", "label_noisy", "normal_noisy"][self as usize]
     }
@@ -46,40 +47,49 @@ impl Kind {
     }
 }
 
-/// Why a picture cannot be used.
+/// An image cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages say what the fields are
 pub enum PictureError {
-    /// The system does not give or take the file.
+    /// The file cannot be read or written.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// It is no PNG file, or a damaged one.
-    #[error("not a sound PNG file: {0}")]
-    Decode(png::DecodingError),
-    /// It cannot be written.
+    /// The file is not a valid PNG file.
+    #[error("not a valid PNG file: {0}")]
+    Decode(Box<dyn Error + Send + Sync>),
+    /// The image cannot be encoded.
     #[error("cannot be written: {0}")]
-    Encode(#[from] png::EncodingError),
-    /// It has another size.
+    Encode(Box<dyn Error + Send + Sync>),
+    /// The size is not the camera's.
     #[error(
         "{width} × {height} pixels, but the camera in meta.json has {expected_width} × {expected_height}"
     )]
     Size { width: usize, height: usize, expected_width: usize, expected_height: usize },
-    /// It has other channels or bits.
-    #[error("the pixels are {color:?} of {bits} bits; it must be {expected}")]
-    Format { color: ColorType, bits: u8, expected: &'static str },
+    /// The channels or bits are wrong.
+    #[error("the pixels are {found}; they must be {expected}")]
+    Format { found: String, expected: &'static str },
 }
 
 impl From<png::DecodingError> for PictureError {
     fn from(error: png::DecodingError) -> Self {
         match error {
             png::DecodingError::IoError(e) => Self::Io(e),
-            other => Self::Decode(other),
+            other => Self::Decode(other.into()),
         }
     }
 }
 
-/// Looks at the head of the file: size and kind of pixels.
+impl From<png::EncodingError> for PictureError {
+    fn from(error: png::EncodingError) -> Self {
+        match error {
+            png::EncodingError::IoError(e) => Self::Io(e),
+            other => Self::Encode(other.into()),
+        }
+    }
+}
+
+/// Checks size and format by the header of the file.
 pub(super) fn check(path: &Path, kind: Kind, size: (usize, usize)) -> Result<(), PictureError> {
     let mut decoder = Decoder::new(BufReader::with_capacity(256, File::open(path)?));
     check_info(decoder.read_header_info()?, kind, size)
@@ -95,22 +105,17 @@ fn check_info(
         return Err(PictureError::Size { width, height, expected_width, expected_height });
     }
     if !kind.accepts(info.color_type, info.bit_depth) {
-        let bits = info.bit_depth as u8;
-        return Err(PictureError::Format {
-            color: info.color_type,
-            bits,
-            expected: kind.expects(),
-        });
+        let found = format!("{:?} of {} bits", info.color_type, info.bit_depth as u8);
+        return Err(PictureError::Format { found, expected: kind.expects() });
     }
     Ok(())
 }
 
-/// The samples of a picture of this size, in big-endian order where they have 16 bits, and whether
-/// they have.
+/// The samples of an image, and whether they have 16 bits (in big-endian order).
 fn read(path: &Path, kind: Kind, size: (usize, usize)) -> Result<(Vec<u8>, bool), PictureError> {
     let mut decoder = Decoder::new(BufReader::new(File::open(path)?));
     check_info(decoder.read_header_info()?, kind, size)?;
-    // Less than 8 bits become 8; a palette of labels stays one.
+    // Masks are expanded to at least 8 bits; palette indices of labels are kept.
     decoder.set_transformations(if kind == Kind::Mask {
         Transformations::EXPAND
     } else {
@@ -135,13 +140,12 @@ pub(super) fn labels(path: &Path, size: (usize, usize)) -> Result<Vec<u8>, Pictu
     Ok(read(path, Kind::Label, size)?.0)
 }
 
-/// Length below which a decoded normal is none. An estimator writes grey, zero in all three, where
-/// it knows nothing; rounding to 8 bits leaves 0.007 there, and true normals have length 1 but for
-/// 0.01.
+/// Length below which a decoded normal counts as missing. Estimators write grey, a zero vector, where
+/// they have no normal; rounding to 8 bits leaves 0.007, and valid normals have length 1 ± 0.01.
 const NO_NORMAL: f32 = 0.1;
 
-/// The unit normal of each pixel, from (n · ½ + ½) in full range; zero where the pixel is black or
-/// says nothing.
+/// The unit normal of each pixel, encoded as (n · ½ + ½) in full range; zero where the pixel is black
+/// or grey.
 pub(super) fn normals(path: &Path, size: (usize, usize)) -> Result<Vec<[f32; 3]>, PictureError> {
     let (samples, wide) = read(path, Kind::Normal, size)?;
     let unit = |code: [f32; 3]| {
@@ -177,7 +181,7 @@ fn encode(
     Ok(writer.finish()?)
 }
 
-/// Writes what [`mask`] reads.
+/// Writes an image that [`mask`] reads.
 pub(super) fn write_mask(
     out: impl Write,
     size: (usize, usize),
@@ -187,7 +191,7 @@ pub(super) fn write_mask(
     encode(out, size, ColorType::Grayscale, BitDepth::Eight, &samples)
 }
 
-/// Writes what [`labels`] reads.
+/// Writes an image that [`labels`] reads.
 pub(super) fn write_labels(
     out: impl Write,
     size: (usize, usize),
@@ -196,7 +200,7 @@ pub(super) fn write_labels(
     encode(out, size, ColorType::Grayscale, BitDepth::Eight, labels)
 }
 
-/// Writes what [`normals`] reads, in 8 bits: within 0.4° of what was given.
+/// Writes an image that [`normals`] reads, in 8 bits: exact to 0.4°.
 pub(super) fn write_normals(
     out: impl Write,
     size: (usize, usize),

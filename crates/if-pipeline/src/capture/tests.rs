@@ -105,7 +105,7 @@ fn a_written_capture_is_read_again() {
 }
 
 #[test]
-fn a_writer_that_is_dropped_leaves_nothing_and_a_folder_is_not_overwritten() {
+fn a_dropped_writer_leaves_nothing_and_a_folder_is_not_overwritten() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("turn");
     drop(CaptureWriter::create(&path, &subject()).unwrap());
@@ -118,7 +118,7 @@ fn a_writer_that_is_dropped_leaves_nothing_and_a_folder_is_not_overwritten() {
 }
 
 #[test]
-fn noisy_pictures_are_preferred_unless_the_truth_is_asked_for() {
+fn noisy_images_are_preferred_unless_the_truth_is_requested() {
     let parent = tempfile::tempdir().unwrap();
     let path = parent.path().join("turn");
     let mut writer = CaptureWriter::create(&path, &subject()).unwrap();
@@ -146,7 +146,7 @@ fn noisy_pictures_are_preferred_unless_the_truth_is_asked_for() {
 }
 
 #[test]
-fn pictures_that_are_missing_or_wrong_are_named_when_the_capture_is_opened() {
+fn missing_and_invalid_images_are_errors_of_opening() {
     let (_parent, path) = captured();
     let picture = path.join("normal/0001.png");
     let sound = fs::read(&picture).unwrap();
@@ -186,7 +186,7 @@ fn pictures_that_are_missing_or_wrong_are_named_when_the_capture_is_opened() {
 }
 
 #[test]
-fn a_label_without_a_name_is_named_with_its_pixel() {
+fn the_error_of_a_label_without_a_name_has_its_pixel() {
     let (_parent, path) = captured();
     let mut labels = frame(2).labels;
     labels[2 * W + 3] = 7;
@@ -203,7 +203,7 @@ fn a_label_without_a_name_is_named_with_its_pixel() {
 type Fault = (fn(&mut Value), fn(&CaptureError) -> bool);
 
 #[test]
-fn faults_of_meta_json_are_named() {
+fn invalid_meta_json_is_an_error_that_says_why() {
     use CaptureError as E;
     let faults: [Fault; 14] = [
         (|m| m["K"][0][0] = json!(-1.0), |e| matches!(e, E::Camera { .. })),
@@ -257,7 +257,7 @@ fn faults_of_meta_json_are_named() {
 }
 
 #[test]
-fn a_skeleton_that_does_not_match_is_named() {
+fn a_skeleton_that_does_not_match_is_an_error() {
     let (_parent, path) = captured();
     let capture = Capture::open(&path).unwrap();
     let skeleton = |names: &[&str]| {
@@ -282,7 +282,7 @@ fn a_skeleton_that_does_not_match_is_named() {
 
 /// Runs only where the shared data are.
 #[test]
-fn rendered_sequences_are_read_where_they_are() {
+fn rendered_sequences_are_read_if_they_exist() {
     let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     let Ok(folders) = fs::read_dir(shared.join("sequences")) else { return };
     let skeleton = Skeleton::read_path(&shared.join("body_a/skeleton.json")).unwrap();

@@ -11,37 +11,36 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Who is seen by what.
+/// The description of a capture to be written.
 #[derive(Clone, Debug)]
 pub struct Subject {
     /// The one camera.
     pub camera: Camera,
     /// Names of the garments, inner to outer.
     pub garments: Vec<String>,
-    /// Names of the joints that poses turn.
+    /// Names of the joints that the poses rotate.
     pub joints: Vec<String>,
-    /// The program that made the pictures, for people.
+    /// The program that made the images, for readers.
     pub generator: String,
 }
 
-/// The pictures of a frame, each with one value for each pixel, rows from the top.
+/// The images of a frame, one value per pixel, rows from the top.
 #[derive(Clone, Copy, Debug)]
 pub struct FramePictures<'a> {
     /// Whether a pixel shows the person.
     pub mask: &'a [bool],
     /// Label of each pixel.
     pub labels: &'a [u8],
-    /// Unit normals in the frame of the camera, zero where there is none.
+    /// Unit normals in the camera's frame, zero where missing.
     pub normals: &'a [[f32; 3]],
-    /// What a front end would have given, where `mask` is truth.
+    /// The mask with noise, if `mask` is the truth.
     pub noisy_mask: Option<&'a [bool]>,
-    /// What a front end would have given, where `labels` is truth.
+    /// The labels with noise, if `labels` is the truth.
     pub noisy_labels: Option<&'a [u8]>,
 }
 
-/// A capture that is being written: into a temporary folder beside the final one, which takes its
-/// name in
-/// [`CaptureWriter::finish`]. Dropped before, it leaves nothing.
+/// Writes a capture into a temporary folder beside the final one, which [`CaptureWriter::finish`]
+/// renames. If dropped before, no files are left.
 #[derive(Debug)]
 pub struct CaptureWriter {
     target: PathBuf,
@@ -52,11 +51,11 @@ pub struct CaptureWriter {
 }
 
 impl CaptureWriter {
-    /// Begins a capture that will be called `folder`.
+    /// Starts the capture `folder`.
     ///
     /// # Errors
     ///
-    /// Names that do not fit, or a folder that is there already or cannot be written beside.
+    /// Names are invalid, the folder exists, or its parent is not writable.
     pub fn create(folder: &Path, subject: &Subject) -> Result<Self, CaptureError> {
         let fault = |source| CaptureError::Io { path: folder.into(), source };
         if folder.exists() {
@@ -103,7 +102,7 @@ impl CaptureWriter {
         Ok(Self { target: folder.into(), part, meta, size, noisy: [false; 2] })
     }
 
-    /// The temporary folder: what else is put there becomes part of the capture.
+    /// The temporary folder: other files in it become part of the capture.
     pub fn folder(&self) -> &Path {
         self.part.path()
     }
@@ -112,8 +111,8 @@ impl CaptureWriter {
     ///
     /// # Errors
     ///
-    /// Pictures of another size, noisy ones in some frames only, a pose of another number of
-    /// joints, a label without a name, or what the system says.
+    /// Images of another size, noisy images in only some frames, a pose of another number of joints,
+    /// a label without a name, or a file that cannot be written.
     pub fn push(&mut self, pose: &Pose, pictures: &FramePictures) -> Result<(), CaptureError> {
         let frame = self.meta.frames.len();
         let counts = [
@@ -183,11 +182,11 @@ impl CaptureWriter {
         Ok(())
     }
 
-    /// Writes `meta.json` and gives the folder its name.
+    /// Writes `meta.json` and renames the folder.
     ///
     /// # Errors
     ///
-    /// A capture without frames, a folder that has appeared meanwhile, or what the system says.
+    /// The capture has no frames, the folder exists by now, or files cannot be written.
     pub fn finish(self) -> Result<(), CaptureError> {
         let path = self.part.path().join(meta::FILE);
         self.meta.checked(&path)?;
@@ -199,7 +198,7 @@ impl CaptureWriter {
         }
         let fault = |source| CaptureError::Io { path: self.target.clone(), source };
         fs::rename(self.part.path(), &self.target).map_err(fault)?;
-        // Nothing stands under the temporary name any more.
+        // The temporary folder was renamed: nothing is left to delete.
         let _ = self.part.keep();
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! Many combinations: several at once, each written once, going on where a killed run stopped.
+//! Batches: many combinations, in parallel, each written once; a stopped run can be resumed.
 //!
 //! ```text
 //! OUT/
@@ -9,14 +9,15 @@
 
 use super::combination::Combination;
 use super::dresser::Dresser;
-use super::matching::{
-    self, Fault, MatchParams, MatchResult, State, finished, folder_name, request, run_into,
-};
-use super::{WardrobeError, pages};
+use super::error::WardrobeError;
+use super::matching::{finished, request, run_into};
+use super::pages;
+use super::result::{MatchParams, State};
+use super::result_folder::folder_name;
+pub use super::summary::{BatchSummary, Entry};
 use if_core::monitor::Progress;
 use if_mesh::atomic;
 use if_mesh::whole_folder::Writer;
-use serde::{Deserialize, Serialize};
 use std::any::Any;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -32,12 +33,12 @@ const SUMMARY: &str = "summary.json";
 const CSV: &str = "summary.csv";
 const REPORT: &str = "report.html";
 
-/// How a batch runs. None of it changes a result.
+/// Parameters of a batch. They do not change results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BatchParams {
-    /// Combinations at once, each of which takes the memory of its meshes and fields: some 100 MiB.
+    /// Combinations in parallel. Each needs memory for its meshes and fields: about 100 MiB.
     pub at_once: usize,
-    /// Do again what is done.
+    /// Repeat finished combinations.
     pub again: bool,
 }
 
@@ -47,72 +48,23 @@ impl Default for BatchParams {
     }
 }
 
-/// What happens during a batch. The index is that of the combination in the list.
+/// An event of a batch. The index is that of the combination in the list.
 #[derive(Debug)]
 pub enum Event<'a> {
-    /// A combination is being done.
+    /// Progress of a combination.
     Working(usize, &'a Progress<'a>),
-    /// One is done; true where it was before.
+    /// A combination is finished; `true` if it already was.
     Done(usize, &'a Entry, bool),
 }
 
-/// What became of a combination.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
-    /// The combination.
-    pub combination: Combination,
-    /// How it ended.
-    pub state: State,
-    /// What was wrong.
-    pub error: Option<Fault>,
-    /// Its folder, below `results`; empty where it has none.
-    pub folder: String,
-    /// Intersecting pairs before and after.
-    pub pairs: [usize; 2],
-    /// Vertices on a wrong side before and after.
-    pub inside: [usize; 2],
-    /// The farthest that a vertex was moved by resolving, in metres.
-    pub moved: f64,
-    /// The most that an edge was strained by resolving.
-    pub strain: f64,
-    /// Seconds that it took; not in `summary.json`.
-    #[serde(skip)]
-    pub seconds: Option<f64>,
-}
-
-/// What became of a batch.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct BatchSummary {
-    /// Without intersections.
-    pub clean: usize,
-    /// With some left.
-    pub remaining: usize,
-    /// With an error.
-    pub failed: usize,
-    /// In the order of the list.
-    pub entries: Vec<Entry>,
-}
-
-impl std::fmt::Display for BatchSummary {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { clean, remaining, failed, entries } = self;
-        let share = 100.0 * *clean as f64 / entries.len().max(1) as f64;
-        write!(
-            f,
-            "{} combinations: {clean} clean ({share:.1} %), {remaining} with intersections left, {failed} failed",
-            entries.len()
-        )
-    }
-}
-
-/// Does all combinations, and writes `summary.json`, `summary.csv` and `report.html` when the last
-/// is done. An error of one is recorded, and does not stop the others. Nothing comes back where it
-/// was cancelled: what is done stays, and the next run goes on from there.
+/// Resolves all combinations, then writes `summary.json`, `summary.csv` and `report.html`. Errors of
+/// single combinations are recorded and do not stop the others. `None` if cancelled: finished results
+/// stay, and the next run continues.
 ///
 /// # Errors
 ///
-/// Parameters out of range, another process that writes into `out`, or what the system says about
-/// it: a disk that is full stops all.
+/// Parameters out of range, another process that writes into `out`, or files that cannot be written:
+/// a full disk stops the batch.
 pub fn run(
     out: &Path,
     dresser: &Dresser,
@@ -146,10 +98,10 @@ pub fn run(
             let one =
                 || run_into(&results, dresser, combination, params, batch.again, &mut monitor);
             let outcome = catch_unwind(AssertUnwindSafe(one)).unwrap_or_else(|panic| {
-                Err(WardrobeError::Panic { message: said(panic.as_ref()) })
+                Err(WardrobeError::Panic { message: panic_message(panic.as_ref()) })
             });
             let (entry, before) = match outcome {
-                Ok((result, before)) => (entry(&result, results.parent()), before),
+                Ok((result, before)) => (Entry::of(&result, results.parent()), before),
                 Err(WardrobeError::Cancelled(_)) => {
                     cancelled.store(true, Ordering::SeqCst);
                     break;
@@ -159,7 +111,7 @@ pub fn run(
                     cancelled.store(true, Ordering::SeqCst);
                     break;
                 }
-                Err(error) => (failure(combination, &error), false),
+                Err(error) => (Entry::failure(combination, &error), false),
             };
             if watch(&Event::Done(index, &entry, before)).is_break() {
                 cancelled.store(true, Ordering::SeqCst);
@@ -191,11 +143,11 @@ pub fn run(
     Ok(Some(summary))
 }
 
-/// How many of the combinations are done.
+/// The number of finished combinations.
 ///
 /// # Errors
 ///
-/// A body or garment that the wardrobe does not have.
+/// The wardrobe does not have a body or garment.
 pub fn done(
     out: &Path,
     dresser: &Dresser,
@@ -210,50 +162,16 @@ pub fn done(
     Ok(count)
 }
 
-fn entry(result: &MatchResult, results: &Path) -> Entry {
-    let folder = folder_name(&result.key).to_owned();
-    let report = result.report.as_ref();
-    let largest = |of: fn(&if_outfit::report::LayerReport) -> f64| {
-        report.map_or(0.0, |r| r.layers.iter().map(of).fold(0.0, f64::max))
-    };
-    Entry {
-        combination: result.combination.clone(),
-        state: result.state,
-        error: result.error.clone(),
-        pairs: report.map_or([0; 2], |r| [r.before.total_pairs(), r.after.total_pairs()]),
-        inside: report.map_or([0; 2], |r| [r.before.total_inside(), r.after.total_inside()]),
-        moved: largest(|l| l.moved.max),
-        strain: largest(|l| l.strain.max),
-        seconds: matching::timings(&results.join(&folder)).map(|t| t.total),
-        folder,
-    }
-}
-
-fn failure(combination: &Combination, error: &WardrobeError) -> Entry {
-    Entry {
-        combination: combination.clone(),
-        state: State::Failed,
-        error: Some(Fault { kind: error.kind().into(), message: error.to_string() }),
-        folder: String::new(),
-        pairs: [0; 2],
-        inside: [0; 2],
-        moved: 0.0,
-        strain: 0.0,
-        seconds: None,
-    }
-}
-
-/// What a panic said.
-fn said(panic: &(dyn Any + Send)) -> String {
+/// The message of a panic.
+fn panic_message(panic: &(dyn Any + Send)) -> String {
     let text = panic
         .downcast_ref::<&str>()
         .map(ToString::to_string)
         .or_else(|| panic.downcast_ref::<String>().cloned());
-    text.unwrap_or_else(|| "it did not say why".into())
+    text.unwrap_or_else(|| "no message".into())
 }
 
-/// A field of a table, in quotes where it needs them (RFC 4180): names that no garment has may hold
-/// anything.
+/// A field of a CSV file, quoted if necessary (RFC 4180): invalid names may contain anything.
 fn csv_field(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))

@@ -1,13 +1,14 @@
-//! A body of a wardrobe: what outfits are made on, and what aligns them.
+//! Bodies of a wardrobe.
 
 use super::WardrobeError;
 use crate::asset::{BodyRef, FileInfo};
-use if_body::Skeleton;
 use if_body::SkinWeights;
 use if_body::align::BodyShape;
+use if_body::{Skeleton, check_upright};
 use if_core::aabb::Aabb;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
 use if_mesh::file::{self, Content, MeshFile};
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
 use if_mesh::whole_folder::Writer;
@@ -21,20 +22,20 @@ const INFO: &str = "body.json";
 const MESH: &str = "body.ply";
 const TEMPLATE: &str = "template.ply";
 const SKELETON: &str = "skeleton.json";
-/// What a PLY file's byte can name, where no skeleton says how many joints there are.
+/// Number of joints if there is no skeleton: what bytes of PLY files can index.
 const JOINTS: usize = 256;
 
-/// What is known of a body: `body.json`.
+/// Metadata of a body: `body.json`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodyInfo {
     /// The version of the format.
     pub body: u32,
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// Closed, wound outwards, in metres: what outfits are made on.
+    /// The mesh: closed, wound outwards, in metres.
     pub mesh: FileInfo,
-    /// A mesh of the same body whose vertices mean the same on every body.
+    /// A mesh of the same body in a topology that other bodies share.
     pub template: Option<FileInfo>,
     /// Its joints.
     pub skeleton: Option<FileInfo>,
@@ -47,14 +48,14 @@ impl BodyInfo {
     }
 }
 
-/// The files of a body that is added.
+/// The files of a new body.
 #[derive(Clone, Copy, Debug)]
 pub struct NewBody<'a> {
-    /// What it is to be called.
+    /// Its name.
     pub name: &'a str,
-    /// A PLY or OBJ file: closed, wound outwards, with weights where a PLY file has some.
+    /// A PLY or OBJ file: closed, wound outwards; skinning weights of PLY files are used.
     pub mesh: &'a Path,
-    /// A PLY or OBJ file of the same body with a topology that other bodies have too.
+    /// A PLY or OBJ file of the same body in a topology that other bodies share.
     pub template: Option<&'a Path>,
     /// Its joints.
     pub skeleton: Option<&'a Path>,
@@ -63,13 +64,13 @@ pub struct NewBody<'a> {
 }
 
 impl<'a> NewBody<'a> {
-    /// A mesh in metres alone.
+    /// A body with only a mesh, in metres.
     pub fn new(name: &'a str, mesh: &'a Path) -> Self {
         Self { name, mesh, template: None, skeleton: None, scale: 1.0 }
     }
 }
 
-/// A file as the wardrobe keeps it, and where it comes from.
+/// A file as stored in the wardrobe, and its original path.
 struct Source {
     path: PathBuf,
     bytes: Vec<u8>,
@@ -82,7 +83,7 @@ impl Source {
     }
 }
 
-/// The files of a body as the wardrobe keeps them: PLY, and in metres.
+/// The files of a body as stored in the wardrobe: PLY, in metres.
 pub(super) struct BodyFiles {
     mesh: Source,
     template: Option<Source>,
@@ -92,9 +93,8 @@ pub(super) struct BodyFiles {
 impl BodyFiles {
     /// Reads them.
     pub(super) fn read(new: &NewBody) -> Result<Self, WardrobeError> {
-        if !(new.scale.is_finite() && new.scale > 0.0) {
-            return Err(WardrobeError::ScaleRange { scale: new.scale });
-        }
+        let range = "positive, such as 0.001 for files in millimetres";
+        ParameterError::check("scale", new.scale, new.scale.is_finite() && new.scale > 0.0, range)?;
         let mesh =
             |path: &Path| Ok::<_, WardrobeError>(Source::new(path, ply_bytes(path, new.scale)?));
         let skeleton = |path: &Path| {
@@ -107,7 +107,7 @@ impl BodyFiles {
         })
     }
 
-    /// Whether the mesh is that of `body`.
+    /// Whether `body` has this mesh.
     pub(super) fn has_mesh_of(&self, body: &BodyInfo) -> bool {
         self.mesh.content == body.mesh.content
     }
@@ -123,7 +123,7 @@ impl BodyFiles {
             && same(&self.skeleton, &body.skeleton)
     }
 
-    /// With the template and the skeleton of the `body` in `folder` where there is no new one.
+    /// Adds the template and skeleton of the `body` in `folder` where none is given.
     pub(super) fn completed(self, folder: &Path, body: &BodyInfo) -> Result<Self, WardrobeError> {
         let kept = |new: Option<Source>, file: &Option<FileInfo>| match (new, file) {
             (None, Some(file)) => load(folder, file).map(Some),
@@ -135,10 +135,10 @@ impl BodyFiles {
     }
 }
 
-/// A body that was read.
+/// A body, read from the wardrobe.
 #[derive(Clone, Debug)]
 pub struct WardrobeBody {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// Closed, wound outwards, in metres.
     pub mesh: TriMesh,
@@ -151,7 +151,7 @@ pub struct WardrobeBody {
 }
 
 impl WardrobeBody {
-    /// As alignment needs it.
+    /// The input of alignment.
     pub fn shape(&self) -> BodyShape<'_> {
         BodyShape {
             mesh: &self.mesh,
@@ -162,16 +162,19 @@ impl WardrobeBody {
     }
 }
 
-/// Stores the files of a body, if they are of use.
+/// Stores the files of a body after validation.
 pub(super) fn write(
     bodies: &Writer,
     name: &str,
     files: &BodyFiles,
 ) -> Result<BodyInfo, WardrobeError> {
     let parsed = parse(name, files)?;
-    // A body that no outfit could have is refused here, and not at every combination.
+    let path = || files.mesh.path.clone();
+    // Bodies that are invalid for any outfit are rejected here, not at every combination.
+    check_upright(&parsed.mesh, parsed.skeleton.as_ref())
+        .map_err(|source| WardrobeError::NotUpright { path: path(), source })?;
     if_outfit::outfit::Outfit::new(if_outfit::outfit::Layer::new(name, parsed.mesh), vec![])
-        .map_err(|source| WardrobeError::Body { path: files.mesh.path.clone(), source })?;
+        .map_err(|source| WardrobeError::Body { path: path(), source })?;
     bodies.write(name, |folder| {
         let put = |file: &str, bytes: &[u8]| {
             let path = folder.join(file);
@@ -196,8 +199,8 @@ pub(super) fn write(
     })
 }
 
-/// A mesh file as the wardrobe keeps it: a PLY file in metres as it is, what has other units in
-/// double precision, and so the mesh of an OBJ file.
+/// A mesh file as stored in the wardrobe: PLY files in metres unchanged; files in other units, and OBJ
+/// files, as PLY in double precision.
 fn ply_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
     let file = MeshFile::read(path)?;
     if let (Content::Ply(_), true) = (file.content(), scale == 1.0) {
@@ -216,7 +219,7 @@ fn ply_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
     Ok(bytes)
 }
 
-/// The same of a skeleton.
+/// A skeleton as stored in the wardrobe: in metres.
 fn skeleton_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
     let bytes =
         fs::read(path).map_err(|source| WardrobeError::Folder { path: path.into(), source })?;
@@ -231,12 +234,12 @@ fn skeleton_bytes(path: &Path, scale: Real) -> Result<Vec<u8>, WardrobeError> {
     Ok(bytes)
 }
 
-/// The mesh file of a body, if it is the one that was added.
+/// The mesh file of a body, if it has not changed.
 pub(super) fn read_mesh(folder: &Path, info: &BodyInfo) -> Result<Vec<u8>, WardrobeError> {
     Ok(load(folder, &info.mesh)?.bytes)
 }
 
-/// The box of a body's surface.
+/// The bounding box of a body's surface.
 pub(super) fn read_box(bodies: &Path, info: &BodyInfo) -> Result<Aabb, WardrobeError> {
     let Source { path, bytes, .. } = load(&bodies.join(&info.name), &info.mesh)?;
     let ply =
@@ -270,7 +273,7 @@ pub(super) fn read(folder: &Path, info: &BodyInfo) -> Result<WardrobeBody, Wardr
     parse(&info.name, &files)
 }
 
-/// The bytes of a file, if they are those that were stated.
+/// Reads a file and checks its hash.
 fn load(folder: &Path, file: &FileInfo) -> Result<Source, WardrobeError> {
     let path = folder.join(&file.file);
     let bytes =

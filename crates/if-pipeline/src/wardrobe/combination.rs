@@ -1,4 +1,4 @@
-//! Which garments on which body: as a list, or drawn at random.
+//! Combinations of garments and bodies: listed, or drawn at random.
 
 use super::{Wardrobe, WardrobeError};
 use crate::asset::{AssetInfo, LayerHint, check_name, is_wearable};
@@ -23,11 +23,11 @@ impl std::fmt::Display for Combination {
 }
 
 impl Combination {
-    /// Whether it can be looked up: at least one garment, none twice, and names that can be some.
+    /// Checks that names are valid, and that there is at least one garment and none twice.
     ///
     /// # Errors
     ///
-    /// The first that is not so.
+    /// The first violation.
     pub fn check(&self) -> Result<(), WardrobeError> {
         self.check_names()?;
         let names = &self.garments;
@@ -40,11 +40,11 @@ impl Combination {
         }
     }
 
-    /// Whether all names can be some ([`check_name`]).
+    /// Checks that all names are valid ([`check_name`]).
     ///
     /// # Errors
     ///
-    /// The first that cannot.
+    /// The first invalid name.
     pub fn check_names(&self) -> Result<(), WardrobeError> {
         Ok(std::iter::once(&self.body)
             .chain(&self.garments)
@@ -52,7 +52,7 @@ impl Combination {
     }
 }
 
-/// A list of combinations, as it stands in a file:
+/// A list of combinations, as in a file:
 ///
 /// ```toml
 /// [[outfit]]
@@ -62,37 +62,36 @@ impl Combination {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Combinations {
-    /// In the order in which they are done.
+    /// The combinations, in order.
     pub outfit: Vec<Combination>,
 }
 
-/// In what order garments are drawn.
+/// The order of garments in random combinations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Order {
-    /// As a person could wear them, by their layer hints: a coat over a sweater, one pair of
-    /// trousers.
+    /// Wearable by their layer hints: a coat over a sweater, one pair of trousers.
     #[default]
     Worn,
-    /// In any: a coat below a T-shirt, two pairs of trousers.
+    /// Any order: a coat below a T-shirt, two pairs of trousers.
     Any,
 }
 
-/// How combinations are drawn.
+/// Parameters of [`random`].
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RandomParams {
-    /// How many.
+    /// Number of combinations.
     pub count: usize,
-    /// The same seed draws the same combinations of the same wardrobe.
+    /// Random seed.
     pub seed: u64,
-    /// Garments in one at least.
+    /// Least number of garments.
     pub least: usize,
-    /// Garments in one at most.
+    /// Largest number of garments.
     pub most: usize,
     /// The order.
     pub order: Order,
-    /// The bodies, which take turns; all where none is named.
+    /// The bodies, used in turn; empty for all.
     pub bodies: Vec<String>,
 }
 
@@ -102,12 +101,12 @@ impl Default for RandomParams {
     }
 }
 
-/// Draws different combinations. The number of garments is drawn first, so that small and large
-/// ones are equally frequent.
+/// Draws distinct combinations. The number of garments is drawn first, so that all numbers are
+/// equally frequent.
 ///
 /// # Errors
 ///
-/// A body that is not there, a range that is none, or too few combinations.
+/// A body is missing, the range is empty, or there are too few combinations.
 pub fn random(
     wardrobe: &Wardrobe,
     params: &RandomParams,
@@ -124,7 +123,7 @@ pub fn random(
     for body in &bodies {
         wardrobe.body_info(body)?;
     }
-    // What lost its body when that was replaced cannot be worn.
+    // Garments whose body was replaced cannot be used.
     let has_body =
         |(name, info): &(&String, &AssetInfo)| wardrobe.body_like(name, &info.body).is_ok();
     let garments: Vec<(&String, LayerHint)> = wardrobe
@@ -136,8 +135,8 @@ pub fn random(
     let mut random = Random(params.seed);
     let mut seen = BTreeSet::new();
     let mut found: Vec<Combination> = Vec::new();
-    // About one draw of four garments in a hundred is wearable; after so many in vain there is
-    // nothing new to be found.
+    // About one draw of four garments in a hundred is wearable. After so many unsuccessful draws
+    // there is probably no new combination.
     const PATIENCE: usize = 20_000;
     let mut vain = 0;
     while found.len() < count && vain < PATIENCE && !bodies.is_empty() {
@@ -172,7 +171,7 @@ pub fn random(
     Ok(found)
 }
 
-/// SplitMix64 (Steele, Lea and Flood 2014): a few lines that give the same numbers for ever.
+/// SplitMix64 (Steele, Lea and Flood 2014): reproducible in a few lines.
 struct Random(u64);
 
 impl Random {

@@ -1,4 +1,4 @@
-//! Aligns garments on bodies, and keeps what it has read and aligned.
+//! The dresser: aligns garments on bodies, with caches.
 
 use super::combination::Combination;
 use super::{Wardrobe, WardrobeBody, WardrobeError};
@@ -12,37 +12,37 @@ use if_outfit::storage::Storage;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Aligns garments of one wardrobe. Threads may share it.
+/// Aligns garments of one wardrobe, and caches what it has read and aligned. Threads may share it.
 #[derive(Debug)]
 pub struct Dresser<'a> {
     wardrobe: &'a Wardrobe,
     params: AlignParams,
-    bodies: Kept<String, Dummy>,
-    maps: Kept<(String, String), BodyMap>,
-    garments: Kept<(String, String), AlignedGarment>,
+    bodies: Cache<String, Dummy>,
+    maps: Cache<(String, String), BodyMap>,
+    garments: Cache<(String, String), AlignedGarment>,
 }
 
-/// A body, ready to be worn on.
+/// A body, prepared for outfits.
 #[derive(Debug)]
 pub struct Dummy {
-    /// As it was read.
+    /// As stored.
     pub body: WardrobeBody,
-    /// Its inside.
+    /// Its closed surface.
     pub closed: ClosedLayer,
 }
 
 /// A garment on a body.
 #[derive(Clone, Debug)]
 pub struct AlignedGarment {
-    /// As it was read.
+    /// As stored.
     pub asset: Asset,
-    /// On the other body, in single precision.
+    /// The mesh on the other body, in single precision.
     pub mesh: TriMesh,
-    /// What the alignment did.
+    /// Report of the alignment.
     pub report: AlignReport,
 }
 
-/// A combination, aligned but not resolved.
+/// An aligned combination, not yet resolved.
 #[derive(Clone, Debug)]
 pub struct Dressed {
     /// Body and garments, inner to outer.
@@ -51,21 +51,21 @@ pub struct Dressed {
     pub garments: Vec<Arc<AlignedGarment>>,
 }
 
-/// Bodies, maps or garments that are kept, each: beyond, all go, and are made again where they are
-/// asked for. A garment of 10,000 vertices takes 3 MB with its file.
+/// Largest number of cached bodies, maps and garments, each; then the cache is cleared. A garment of
+/// 10,000 vertices needs 3 MB with its file.
 const MOST: usize = 256;
 
-/// What was made once. Two threads may make the same at once; they make the same.
+/// A cache. Two threads may compute the same entry concurrently, with equal results.
 #[derive(Debug)]
-struct Kept<K, T>(Mutex<BTreeMap<K, Arc<T>>>);
+struct Cache<K, T>(Mutex<BTreeMap<K, Arc<T>>>);
 
-impl<K: Ord, T> Kept<K, T> {
+impl<K: Ord, T> Cache<K, T> {
     fn new() -> Self {
         Self(Mutex::new(BTreeMap::new()))
     }
 
     fn get<E>(&self, key: K, make: impl FnOnce() -> Result<T, E>) -> Result<Arc<T>, E> {
-        // A thread that panicked left whole entries behind.
+        // Entries are inserted whole, so a poisoned lock is usable.
         let lock = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = lock().get(&key) {
             return Ok(found.clone());
@@ -84,9 +84,9 @@ impl<K: Ord, T> Kept<K, T> {
 }
 
 impl<'a> Dresser<'a> {
-    /// For the garments and bodies of `wardrobe`.
+    /// A dresser for the garments and bodies of `wardrobe`.
     pub fn new(wardrobe: &'a Wardrobe, params: AlignParams) -> Self {
-        Self { wardrobe, params, bodies: Kept::new(), maps: Kept::new(), garments: Kept::new() }
+        Self { wardrobe, params, bodies: Cache::new(), maps: Cache::new(), garments: Cache::new() }
     }
 
     /// The wardrobe.
@@ -94,15 +94,14 @@ impl<'a> Dresser<'a> {
         self.wardrobe
     }
 
-    /// Forgets what it has read and aligned, at most some hundred garments on their bodies: a
-    /// program that runs for long gets the memory back once nobody else holds them.
+    /// Clears the caches, to free memory in long-running programs.
     pub fn clear(&self) {
         self.bodies.clear();
         self.maps.clear();
         self.garments.clear();
     }
 
-    /// How it aligns.
+    /// Parameters of the alignment.
     pub fn params(&self) -> &AlignParams {
         &self.params
     }
@@ -111,7 +110,7 @@ impl<'a> Dresser<'a> {
     ///
     /// # Errors
     ///
-    /// It is not there, or of no use.
+    /// The body is missing or invalid.
     pub fn dummy(&self, body: &str) -> Result<Arc<Dummy>, WardrobeError> {
         self.bodies.get(body.to_owned(), || {
             let body = self.wardrobe.body(body)?;
@@ -124,7 +123,7 @@ impl<'a> Dresser<'a> {
     ///
     /// # Errors
     ///
-    /// One of them is not there or of no use, or the garment cannot be aligned.
+    /// One of them is missing or invalid, or the garment cannot be aligned.
     pub fn aligned(&self, garment: &str, body: &str) -> Result<Arc<AlignedGarment>, WardrobeError> {
         self.garments.get((garment.to_owned(), body.to_owned()), || {
             let info = self.wardrobe.garment_info(garment)?;
@@ -140,7 +139,7 @@ impl<'a> Dresser<'a> {
                 BodyMap::new(&own.body.shape(), &other.body.shape(), &self.params).map_err(align)
             })?;
             let moved = map.align(&asset.mesh, asset.skin.as_ref()).map_err(align)?;
-            // What will be proven must be what a reader of the file gets.
+            // The proof must hold for what a reader of the file gets.
             let rounded = quantise(moved.vertices(), CoordinateType::Float);
             let mesh = moved.with_vertices(rounded).map_err(|e| align(e.into()))?;
             let report = measure(&map, (&asset.mesh, &own.closed), (&mesh, &other.closed));
@@ -148,12 +147,12 @@ impl<'a> Dresser<'a> {
         })
     }
 
-    /// A combination as layers of one body.
+    /// A combination as an outfit.
     ///
     /// # Errors
     ///
-    /// A body or garment that is not there or of no use, one that is named twice, or layers that
-    /// make no outfit.
+    /// A body or garment is missing or invalid, a garment is named twice, or the layers are not a
+    /// valid outfit.
     pub fn dress(&self, combination: &Combination) -> Result<Dressed, WardrobeError> {
         combination.check()?;
         let names = &combination.garments;

@@ -1,6 +1,7 @@
-//! What can be at fault with a wardrobe and what is made of it.
+//! The error of wardrobes.
 
 use crate::asset::AssetError;
+use if_body::NotUpright;
 use if_body::SkeletonError;
 use if_body::SkinError;
 use if_body::align::AlignError;
@@ -17,77 +18,77 @@ use if_render::PngError;
 use std::io;
 use std::path::PathBuf;
 
-/// Why a wardrobe, or a combination from it, is of no use.
+/// A wardrobe or combination is invalid, or cannot be read, written or resolved.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages say what the fields are
 pub enum WardrobeError {
-    /// An asset is at fault.
+    /// An asset is invalid.
     #[error(transparent)]
     Asset(#[from] AssetError),
-    /// The system does not give or take a folder.
+    /// A file or folder cannot be read or written.
     #[error("{}: {source}", path.display())]
     Folder { path: PathBuf, source: io::Error },
-    /// The system does not give or take something.
+    /// Something cannot be read or written.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// Neither bodies nor garments, or no folder at all.
-    #[error("there is no wardrobe `{}`: it has neither `bodies` nor `garments`", path.display())]
+    /// The folder is missing, or not a wardrobe.
+    #[error("`{}` is not a wardrobe: it has neither `bodies` nor `garments`", path.display())]
     NoWardrobe { path: PathBuf },
-    /// Another process writes there.
+    /// Another process writes into the wardrobe.
     #[error("another process is writing into `{}`; wait for it", path.display())]
     Busy { path: PathBuf },
-    /// No body of this name.
+    /// There is no body of this name.
     #[error("the wardrobe has no body `{name}`; it has: {}", listed(known))]
     NoBody { name: String, known: String },
-    /// No garment of this name.
+    /// There is no garment of this name.
     #[error("the wardrobe has no garment `{name}`; it has: {}", listed(known))]
     NoGarment { name: String, known: String },
-    /// A garment made on a body that is not there.
+    /// The body that a garment was made on is missing.
     #[error(
         "garment `{garment}` was made on body `{body}` (SHA-256 {sha256}), which the wardrobe does not have; add it"
     )]
     ForeignBody { garment: String, body: String, sha256: String },
-    /// A body's description is at fault.
+    /// The metadata of a body is invalid.
     #[error("{}: {message}", path.display())]
     BodyInfo { path: PathBuf, message: String },
-    /// A body's mesh is at fault.
+    /// The mesh of a body is invalid.
     #[error("{}: {source}", path.display())]
     BodyMesh { path: PathBuf, source: Box<ply::ReadError> },
-    /// A file that is to become a body cannot be read.
+    /// The file of a new body cannot be read.
     #[error(transparent)]
     BodyFile(#[from] file::ReadError),
-    /// A factor of units that is none.
-    #[error("the scale is {scale}; give a positive number, such as 0.001 for files in millimetres")]
-    ScaleRange { scale: Real },
-    /// A mesh that is not finite in metres.
+    /// A body does not stand along y.
+    #[error("{}: {source}", path.display())]
+    NotUpright { path: PathBuf, source: NotUpright },
+    /// A scaled mesh is not finite.
     #[error("{}: cannot be scaled by {scale}: {source}", path.display())]
     Scale { path: PathBuf, scale: Real, source: MeshError },
-    /// A body that no outfit can have.
+    /// A body is invalid for any outfit.
     #[error("{}: {source}", path.display())]
     Body { path: PathBuf, source: OutfitError },
-    /// A body's weights are at fault.
+    /// The skinning weights of a body are invalid.
     #[error("{}: {source}", path.display())]
     BodySkin { path: PathBuf, source: SkinError },
-    /// A body's skeleton is at fault.
+    /// The skeleton of a body is invalid.
     #[error("{}: {source}", path.display())]
     Skeleton { path: PathBuf, source: SkeletonError },
-    /// A combination without garments.
-    #[error("the combination on body `{body}` has no garments; name one at least")]
+    /// A combination has no garments.
+    #[error("the combination on body `{body}` has no garments; name at least one")]
     NoGarments { body: String },
-    /// A garment that no outfit on its body can have.
+    /// A garment is invalid for outfits on its body.
     #[error(transparent)]
     Misfit(OutfitError),
-    /// A garment that is named twice.
+    /// A garment is named twice.
     #[error(
-        "garment `{name}` stands twice in a combination; leave one out, or add it again under another name"
+        "garment `{name}` occurs twice in a combination; remove one, or add it again under another name"
     )]
     Twice { name: String },
     /// A garment cannot be aligned.
     #[error("garment `{garment}` cannot be aligned on body `{body}`: {source}")]
     Align { garment: String, body: String, source: AlignError },
-    /// The layers make no outfit.
-    #[error("the combination makes no outfit: {0}")]
+    /// The layers are not a valid outfit.
+    #[error("the combination is not a valid outfit: {0}")]
     Outfit(#[from] OutfitError),
     /// The outfit cannot be resolved.
     #[error("{0}")]
@@ -95,7 +96,7 @@ pub enum WardrobeError {
     /// A parameter is out of range.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
-    /// A file or folder of the user's stands where outputs go.
+    /// A file or folder of the user's is in the way of outputs.
     #[error("`{}` is in the way: {what}", path.display())]
     InTheWay { path: PathBuf, what: &'static str },
     /// A picture cannot be written.
@@ -118,21 +119,18 @@ pub enum WardrobeError {
         "only {found} different combinations of {least} to {most} garments were found, {count} are wanted; ask for fewer, or for any order"
     )]
     TooFew { found: usize, count: usize, least: usize, most: usize },
-    /// Numbers of garments that make no range.
+    /// The range of numbers of garments is empty.
     #[error(
         "combinations of {least} to {most} garments; the first must be at least 1 and not above the second"
     )]
     Sizes { least: usize, most: usize },
-    /// A height of pictures that cannot be drawn.
-    #[error("pictures {height} pixels high; draw none (0), or from 16 to 8192")]
-    PictureHeight { height: u32 },
-    /// A fault of this program.
+    /// A panic of this program.
     #[error("the program failed: {message}; please report it")]
     Panic { message: String },
 }
 
 impl WardrobeError {
-    /// A word for the kind of error, for records.
+    /// The kind of the error, for records.
     pub fn kind(&self) -> &'static str {
         match self {
             Self::Asset(_) => "asset",
@@ -144,7 +142,7 @@ impl WardrobeError {
             Self::NoGarment { .. } => "no_garment",
             Self::ForeignBody { .. } => "foreign_body",
             Self::BodyInfo { .. }
-            | Self::ScaleRange { .. }
+            | Self::NotUpright { .. }
             | Self::Scale { .. }
             | Self::BodyMesh { .. }
             | Self::BodyFile(_)
@@ -159,20 +157,20 @@ impl WardrobeError {
             Self::Outfit(_) | Self::Misfit(_) => "outfit",
             Self::Resolve(ResolveError::Remaining { .. }) => "remaining",
             Self::Resolve(_) | Self::Files(_) => "resolve",
-            Self::PictureHeight { .. } | Self::Parameter(_) => "parameter",
+            Self::Parameter(_) => "parameter",
             Self::Picture(_) | Self::Write(_) | Self::Json { .. } => "write",
             Self::Cancelled(_) => "cancelled",
             Self::Panic { .. } => "panic",
         }
     }
 
-    /// Whether a later run may do better without any change of the inputs: such an end is not kept.
+    /// Whether a later run may succeed with the same input; such errors are not recorded.
     pub(crate) fn is_passing(&self) -> bool {
         matches!(self.kind(), "io" | "busy" | "write" | "cancelled")
     }
 }
 
-/// Names, or that there are none.
+/// The names, or `none`.
 fn listed(names: &str) -> &str {
     if names.is_empty() { "none" } else { names }
 }

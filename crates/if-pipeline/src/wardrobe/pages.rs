@@ -1,11 +1,11 @@
-//! The reports of results and batches.
+//! HTML reports of results and batches.
 
-use super::batch::{BatchSummary, Entry};
-use super::matching::{MatchResult, State, Timings};
+use super::result::{MatchResult, State, Timings};
+use super::summary::{BatchSummary, Entry};
 use if_outfit::report::ResolveReport;
 use if_render::Page;
 
-/// Of one result.
+/// The report of a result.
 pub(super) fn result(result: &MatchResult, timings: &Timings, pngs: &[Vec<u8>]) -> String {
     let mut page = Page::new(&result.combination.to_string());
     match (&result.error, &result.report) {
@@ -141,9 +141,9 @@ fn pairs(page: &mut Page, report: &ResolveReport) {
     page.heading("Intersections").table(&head, &rows);
 }
 
-/// Of a batch: what went wrong with a picture of each, then a table of all.
+/// The report of a batch: pictures, failures first, then a table of all.
 pub(super) fn batch(summary: &BatchSummary, picture: impl Fn(&Entry) -> Option<Vec<u8>>) -> String {
-    /// Pictures of more are in their own reports.
+    /// Largest number of pictures; others are in the reports of their results.
     const PICTURES: usize = 24;
     let mut page = Page::new(&format!("{} combinations", summary.entries.len()));
     page.verdict(summary.clean == summary.entries.len(), &summary.to_string());

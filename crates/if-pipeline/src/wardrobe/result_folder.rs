@@ -1,8 +1,9 @@
-//! The files of a result.
+//! The folders of results.
 
 use super::combination::Combination;
-use super::matching::{MatchParams, MatchResult, Matched, State, Timings};
-use super::{Wardrobe, WardrobeError, pages};
+use super::error::WardrobeError;
+use super::result::{MatchParams, MatchResult, Matched, State, Timings};
+use super::{Wardrobe, pages};
 use crate::asset::FileInfo;
 use if_mesh::whole_folder;
 use if_outfit::content::{content, of_file};
@@ -18,7 +19,7 @@ const TIMINGS: &str = "timings.json";
 const REPORT: &str = "report.html";
 const PICTURES: [&str; 2] = ["before.png", "after.png"];
 
-/// The files of every result that its list of outputs does not name.
+/// Files of every result that are not in its list of outputs.
 pub(super) const OWN: [&str; 3] = [RESULT, TIMINGS, REPORT];
 
 /// All files that a result may have.
@@ -38,21 +39,29 @@ fn mesh_name(layer: &str) -> String {
     format!("{layer}.ply")
 }
 
-/// What a folder holds that a result is to be written into.
+/// Number of digits of a key in the name of its folder.
+const DIGITS: usize = 20;
+
+/// The name of the folder of a key.
+pub fn folder_name(key: &str) -> &str {
+    key.get(..DIGITS).unwrap_or(key)
+}
+
+/// The earlier result of a folder into which a result will be written.
 #[derive(Debug, Default)]
 pub(super) struct Earlier {
-    /// How the result there ended, where there is one.
+    /// State of the earlier result, if there is one.
     pub(super) state: Option<State>,
     /// Its files.
     pub(super) files: Vec<String>,
 }
 
 impl Earlier {
-    /// Looks whether files of these names can be written. A result of another version is one, too.
+    /// Checks that files of these names can be written. A result of another version counts, too.
     ///
     /// # Errors
     ///
-    /// Something of the user's is in the way, or the system does not say.
+    /// A file of the user's is in the way, or the folder cannot be read.
     pub(super) fn of(out: &Path, names: &[String]) -> Result<Self, WardrobeError> {
         let fault = |source| WardrobeError::Folder { path: out.into(), source };
         let in_the_way =
@@ -62,7 +71,7 @@ impl Earlier {
             found => found.map_err(fault)?,
         };
         if !found.is_dir() {
-            return in_the_way(out, "it is a file, and should be a folder");
+            return in_the_way(out, "it is a file, not a folder");
         }
         let path = out.join(RESULT);
         let text = match fs::read(&path) {
@@ -71,7 +80,7 @@ impl Earlier {
                     if !whole_folder::is_hidden(
                         &entry.map_err(fault)?.file_name().to_string_lossy(),
                     ) {
-                        return in_the_way(out, "it holds other files, and no result");
+                        return in_the_way(out, "it has other files, but no result");
                     }
                 }
                 return Ok(Self::default());
@@ -80,7 +89,7 @@ impl Earlier {
         };
         let value: Value = serde_json::from_slice(&text).unwrap_or_default();
         let (Some(outputs), true) = (value["outputs"].as_array(), value["result"].is_u64()) else {
-            return in_the_way(&path, "it is no result");
+            return in_the_way(&path, "it is not a result");
         };
         let is_plain = |name: &&str| {
             let mut parts = Path::new(name).components();
@@ -156,7 +165,7 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WardrobeError> 
     fs::write(path, text).map_err(|source| WardrobeError::Folder { path: path.into(), source })
 }
 
-/// The result that a folder holds, where all its files are as it says.
+/// The result in a folder, if all its files have the recorded hashes.
 pub(super) fn read(folder: &Path) -> Option<MatchResult> {
     let result: MatchResult = serde_json::from_slice(&fs::read(folder.join(RESULT)).ok()?).ok()?;
     let intact = |file: &FileInfo| {

@@ -1,0 +1,143 @@
+//! Results of combinations, and the parameters that decide them.
+
+use super::combination::Combination;
+use if_body::align::{AlignParams, AlignReport};
+use if_core::parameter::ParameterError;
+use if_outfit::files::ResolvedFiles;
+use if_outfit::outfit::Outfit;
+use if_outfit::report::ResolveReport;
+use if_outfit::resolve::ResolveParams;
+use if_render::Image;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::ops::RangeInclusive;
+
+/// The version of `result.json`.
+pub const FORMAT: u32 = 1;
+
+/// Parameters of matching.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MatchParams {
+    /// Alignment of the garments.
+    pub align: AlignParams,
+    /// Resolving of the outfit.
+    pub resolve: ResolveParams,
+    /// Whether meshes are written.
+    pub meshes: bool,
+    /// Whether the body is written, too.
+    pub body: bool,
+    /// Whether meshes are written even if intersections remain.
+    pub unproven: bool,
+    /// Height of the pictures in pixels; 0 for none.
+    pub picture_height: u32,
+    /// Names and versions of everything that results depend on, for keys and records.
+    pub tool: Value,
+}
+
+/// Valid heights of pictures, in pixels.
+pub const PICTURE_HEIGHTS: RangeInclusive<u32> = 16..=8192;
+
+impl MatchParams {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter that is out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let height = self.picture_height;
+        let drawable = height == 0 || PICTURE_HEIGHTS.contains(&height);
+        let range = "0 for no pictures, or from 16 to 8192 (pixels)";
+        ParameterError::check("picture_height", height.into(), drawable, range)?;
+        self.align.validate().map_err(|e| e.within("align"))?;
+        self.resolve.validate().map_err(|e| e.within("resolve"))
+    }
+}
+
+impl Default for MatchParams {
+    fn default() -> Self {
+        Self {
+            align: AlignParams::default(),
+            resolve: ResolveParams::default(),
+            meshes: true,
+            body: false,
+            unproven: false,
+            picture_height: 480,
+            tool: json!({"if-pipeline": env!("CARGO_PKG_VERSION")}),
+        }
+    }
+}
+
+/// How a combination ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum State {
+    /// Free of intersections.
+    Clean,
+    /// Intersections remain.
+    Remaining,
+    /// It failed with an error.
+    Failed,
+}
+
+/// The result of a combination: `result.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MatchResult {
+    /// The version of the format.
+    pub result: u32,
+    /// Hash of everything that decides the result.
+    pub key: String,
+    /// The combination.
+    pub combination: Combination,
+    /// How it ended.
+    pub state: State,
+    /// The error, if any.
+    pub error: Option<Fault>,
+    /// Report of each garment's alignment, inner to outer.
+    pub alignments: Vec<AlignReport>,
+    /// Report of resolving; its seconds are zero.
+    pub report: Option<ResolveReport>,
+    /// Everything that the key is the hash of.
+    pub request: Value,
+    /// The other files that are the same in every run.
+    pub outputs: Vec<crate::asset::FileInfo>,
+}
+
+/// A recorded error.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Fault {
+    /// Its kind: [`WardrobeError::kind`](super::WardrobeError::kind).
+    pub kind: String,
+    /// Its message.
+    pub message: String,
+}
+
+/// Seconds, in the order spent: `timings.json`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Timings {
+    /// Reading and aligning; almost none if the dresser has the garments already.
+    pub align: f64,
+    /// Resolving, including verification.
+    pub resolve: f64,
+    /// Drawing.
+    pub pictures: f64,
+    /// Writing.
+    pub write: f64,
+    /// All.
+    pub total: f64,
+}
+
+/// A resolved combination in memory.
+#[derive(Clone, Debug)]
+pub struct Matched {
+    /// The recorded result.
+    pub result: MatchResult,
+    /// The aligned outfit, if alignment succeeded.
+    pub before: Option<Outfit>,
+    /// The resolved outfit as far as possible, with the files of its garments.
+    pub after: Option<ResolvedFiles>,
+    /// Pictures before and after.
+    pub pictures: Option<[Image; 2]>,
+    /// Seconds.
+    pub timings: Timings,
+}
