@@ -1,18 +1,19 @@
-//! Fewer triangles, by the library meshoptimizer (feature `decimate`: its build needs a C++
-//! compiler, and no network).
+//! Decimation by the library meshoptimizer (feature `decimate`: its build needs a C++ compiler, and
+//! no network).
 
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
 use meshopt::{SimplifyOptions, simplify_decoder};
 
-/// How far [`decimate`] goes.
+/// Parameters of [`decimate`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DecimateParams {
-    /// Triangles to aim at.
+    /// Target number of triangles.
     pub triangles: usize,
-    /// Distance from the surface that may not be exceeded, in metres, by the library's estimate.
+    /// Maximum distance from the surface by the library's estimate, in metres; infinity for no bound.
     pub error: Real,
-    /// Whether vertices on borders stay.
+    /// Keeps vertices on borders in place.
     pub lock_borders: bool,
 }
 
@@ -23,27 +24,19 @@ impl Default for DecimateParams {
     }
 }
 
-/// An error to keep to that is none.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("the error is {value} m; it must be zero or more (infinity for no bound)")]
-#[non_exhaustive]
-pub struct DecimateError {
-    /// What was given, in metres.
-    pub value: Real,
-}
-
 impl DecimateParams {
     /// Checks the range of the error.
     ///
     /// # Errors
     ///
-    /// A negative one, or NaN.
-    pub fn validate(&self) -> Result<(), DecimateError> {
-        if self.error >= 0.0 { Ok(()) } else { Err(DecimateError { value: self.error }) }
+    /// An error out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let range = "at least 0 (m; infinity for no bound)";
+        ParameterError::check("error", self.error, self.error >= 0.0, range)
     }
 }
 
-/// A coarser mesh.
+/// The result of [`decimate`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Decimated {
     /// Some of the old vertices, unmoved, in their order.
@@ -54,8 +47,8 @@ pub struct Decimated {
     pub error: Real,
 }
 
-/// Collapses edges, those first that change the surface least, until there are as few triangles as
-/// asked for or the error is reached. Topology is kept: openings stay openings.
+/// Collapses edges in the order of the change to the surface, until the target number of triangles
+/// or the error is reached. Topology is kept: openings stay openings.
 ///
 /// # Source
 ///
@@ -65,8 +58,8 @@ pub struct Decimated {
 ///
 /// # Errors
 ///
-/// An error to keep to that is negative or NaN.
-pub fn decimate(mesh: &TriMesh, params: &DecimateParams) -> Result<Decimated, DecimateError> {
+/// An error bound out of range.
+pub fn decimate(mesh: &TriMesh, params: &DecimateParams) -> Result<Decimated, ParameterError> {
     params.validate()?;
     let middle = mesh.aabb().min + 0.5 * mesh.aabb().size();
     if mesh.triangles().is_empty() {
@@ -145,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn an_error_that_is_none_is_refused_and_more_triangles_than_there_are_are_all() {
+    fn an_error_out_of_range_is_refused_and_a_large_target_keeps_all_triangles() {
         let ball = meshes::icosphere(1.0, 1);
         for error in [Real::NAN, -1e-3, Real::NEG_INFINITY] {
             assert!(

@@ -1,4 +1,5 @@
-//! Signed distance of a mesh: the nearest triangle's distance, with the side of its pseudo-normal.
+//! Signed distance of a mesh: the distance to the nearest triangle, with the sign of its
+//! pseudo-normal.
 
 use crate::index::Bvh;
 use crate::inverted::{InvertedPart, inverted_part};
@@ -9,20 +10,21 @@ use if_core::edges::Edges;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
 
 /// Nearer to the surface than this share of the mesh's size, the direction to the nearest point is
-/// lost to rounding (1e-16 of the size) and the pseudo-normal serves as gradient. A thousand times
-/// more would show as a wrong gradient beside creases.
+/// lost to rounding (1e-16 of the size) and the pseudo-normal is the gradient. A thousand times more
+/// gives wrong gradients beside creases.
 const TOUCHING: Real = 1e-12;
 
-/// Why a mesh has no signed distance.
+/// Why a [`MeshSdf`] cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SdfError {
-    /// There are no triangles.
+    /// The mesh has no triangles.
     #[error("a mesh without triangles has no distance")]
     Empty,
-    /// An edge has other than two triangles, so that there is no inside.
+    /// An edge does not have two triangles, so that there is no inside.
     #[error(
         "{triangles} triangles meet in the edge from vertex {} to vertex {} (and {others} more edges are not shared by two): the mesh \
          is not closed; close it, or use MeshSdf::open",
@@ -31,9 +33,9 @@ pub enum SdfError {
     NotClosed {
         /// The ends of the first such edge.
         edge: [u32; 2],
-        /// Triangles there.
+        /// Number of triangles at it.
         triangles: u32,
-        /// How many more such edges there are.
+        /// Number of further such edges.
         others: usize,
     },
     /// Two neighbours wind in opposite senses.
@@ -45,7 +47,7 @@ pub enum SdfError {
     Winding {
         /// The two triangles.
         triangles: [u32; 2],
-        /// How many more such edges there are.
+        /// Number of further such edges.
         others: usize,
     },
     /// The whole mesh faces inwards, or encloses nothing.
@@ -56,29 +58,26 @@ pub enum SdfError {
         /// Signed volume, in cubic metres.
         volume: Real,
     },
-    /// A part of the mesh faces inwards, and is no cavity of another.
+    /// A part of the mesh faces inwards, and is not a cavity of another.
     #[error(
         "the part of {} triangles from triangle {} on is inside out (it encloses {} m³): its triangles must be \
          counter-clockwise seen from outside", part.triangles, part.triangle, part.volume
     )]
     PartInsideOut {
-        /// Which.
+        /// The part.
         part: InvertedPart,
     },
-    /// The reach is no length.
-    #[error("a reach of {reach} m; needs a length above zero")]
-    Reach {
-        /// What was given, in metres.
-        reach: Real,
-    },
+    /// The reach is out of range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
 }
 
-/// The signed distance of a closed mesh, or of an open garment where it has a side.
+/// The signed distance of a closed mesh, or of an open garment where its side is defined.
 ///
-/// An open surface has no side beyond its rim: where the nearest point lies on a boundary edge, on
-/// one of more than two triangles, or on one whose triangles wind in opposite senses,
-/// [`MeshSdf::signed`] is `None`, and the field reads as *no constraint*: distance +∞, gradient
-/// zero. So too farther away than its reach.
+/// An open surface has no side beyond its rim: if the nearest point lies on a boundary edge, on one
+/// of more than two triangles, or on one whose triangles wind in opposite senses,
+/// [`MeshSdf::signed`] returns `None`, and the field means *no constraint*: distance +∞, gradient
+/// zero. The same holds farther away than its reach.
 ///
 /// # Source
 ///
@@ -99,7 +98,7 @@ pub struct MeshSdf {
     normals: PseudoNormals,
     edge_of: Vec<[u32; 3]>,
     triangles: Vec<[u32; 3]>,
-    /// Edges and vertices where the surface has no side; empty for closed meshes.
+    /// Edges and vertices where the surface has no side; `None` for closed meshes.
     sideless: Option<[Vec<bool>; 2]>,
     reach: Real,
     touching: Real,
@@ -145,14 +144,12 @@ impl MeshSdf {
     ///
     /// # Errors
     ///
-    /// A mesh without triangles, or a reach that is not above zero.
+    /// A mesh without triangles, or a reach that is not positive.
     pub fn open(mesh: &TriMesh, reach: Real) -> Result<Self, SdfError> {
         if mesh.triangles().is_empty() {
             return Err(SdfError::Empty);
         }
-        if reach.is_nan() || reach <= 0.0 {
-            return Err(SdfError::Reach { reach });
-        }
+        ParameterError::check("reach", reach, reach > 0.0, "positive (m)")?;
         let edges = Edges::new(mesh);
         let sideless: Vec<bool> = (0..edges.valence.len())
             .map(|e| edges.valence[e] != 2 || is_turned(mesh, &edges, e))
@@ -179,12 +176,12 @@ impl MeshSdf {
         }
     }
 
-    /// Distance and gradient at `p`; `None` where the surface has no side, or is out of reach.
+    /// Distance and gradient at `p`; `None` if the surface has no side there, or is out of reach.
     pub fn signed(&self, p: &Point) -> Option<FieldSample> {
         self.signed_within(p, self.reach)
     }
 
-    /// The same, but `None` also where the surface is farther than `limit` metres: the nearer, the
+    /// The same, and `None` also if the surface is farther than `limit` metres: a smaller limit is
     /// faster.
     pub fn signed_within(&self, p: &Point, limit: Real) -> Option<FieldSample> {
         let c = self.surface.closest(p, limit.min(self.reach))?;
@@ -239,7 +236,7 @@ impl SignedDistance for MeshSdf {
             .unwrap_or(FieldSample { distance: Real::INFINITY, gradient: Vector::zeros() })
     }
 
-    /// The box of a closed mesh; that of an open one, and its reach.
+    /// The box of a closed mesh; that of an open one, enlarged by its reach.
     fn bounds(&self) -> Option<Aabb> {
         match self.sideless {
             None => Some(self.surface.aabb()),
@@ -248,7 +245,7 @@ impl SignedDistance for MeshSdf {
         }
     }
 
-    /// 1 for a closed mesh, +∞ for an open one, whose field may end anywhere.
+    /// 1 for a closed mesh, +∞ for an open one, whose field may jump.
     fn lipschitz(&self) -> Real {
         if self.sideless.is_none() { 1.0 } else { Real::INFINITY }
     }
@@ -337,7 +334,7 @@ mod tests {
         let error = MeshSdf::closed(&holed).unwrap_err();
         assert!(matches!(error, SdfError::NotClosed { triangles: 1, others: 2, .. }), "{error}");
         assert!(MeshSdf::open(&holed, 0.5).is_ok());
-        assert!(matches!(MeshSdf::open(&holed, Real::NAN), Err(SdfError::Reach { .. })));
+        assert!(matches!(MeshSdf::open(&holed, Real::NAN), Err(SdfError::Parameter(_))));
         assert_eq!(MeshSdf::closed(&TriMesh::default()).unwrap_err(), SdfError::Empty);
         assert_eq!(MeshSdf::open(&TriMesh::default(), 1.0).unwrap_err(), SdfError::Empty);
         let flat = TriMesh::new(ball.vertices().to_vec(), vec![[0, 1, 2], [0, 2, 1]]).unwrap();

@@ -1,34 +1,35 @@
-//! Smoothing that does not shrink.
+//! Taubin smoothing: it removes noise and keeps the size.
 
 use if_core::edges::Edges;
 use if_core::math::{Real, Vector};
 use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
 use if_core::rows::Rows;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How [`taubin`] smooths.
+/// Parameters of [`taubin`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TaubinParams {
-    /// Pairs of a step that shrinks and a step that grows.
+    /// Rounds, each of a step that shrinks and a step that grows.
     pub rounds: usize,
     /// Part of the way to the middle of the neighbours, from 0 to 1.
     pub lambda: Real,
     /// Part of the way back: below −λ. 1/λ + 1/μ is the share of the highest frequency that passes
     /// unchanged.
     pub mu: Real,
-    /// What happens to borders.
+    /// Treatment of borders.
     pub border: Border,
 }
 
-/// What smoothing does to borders.
+/// Treatment of borders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Border {
-    /// They stay.
+    /// Borders stay.
     Fixed,
-    /// They are smoothed as curves: each vertex by its neighbours on the border.
+    /// Borders are smoothed as curves: each vertex by its neighbours on the border.
     Curve,
 }
 
@@ -40,40 +41,23 @@ impl Default for TaubinParams {
     }
 }
 
-/// A number with which nothing is smoothed.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("{name} is {value}; give {wanted}")]
-#[non_exhaustive]
-pub struct TaubinError {
-    /// `lambda` or `mu`.
-    pub name: &'static str,
-    /// What was given.
-    pub value: Real,
-    /// What makes sense.
-    pub wanted: &'static str,
-}
-
 impl TaubinParams {
     /// Checks the ranges.
     ///
     /// # Errors
     ///
-    /// The first that is out of its range or NaN.
-    pub fn validate(&self) -> Result<(), TaubinError> {
-        let checks = [
-            ("lambda", self.lambda, 0.0..=1.0, "a number from 0 to 1"),
-            ("mu", self.mu, -1.1..=0.0, "a number from −1.1 to 0, a little below −lambda"),
-        ];
-        match checks.into_iter().find(|(_, value, range, _)| !range.contains(value)) {
-            Some((name, value, _, wanted)) => Err(TaubinError { name, value, wanted }),
-            None => Ok(()),
-        }
+    /// The first parameter that is out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let (lambda, mu) = (self.lambda, self.mu);
+        ParameterError::check("lambda", lambda, (0.0..=1.0).contains(&lambda), "from 0 to 1")?;
+        let range = "from −1.1 to 0, a little below −lambda";
+        ParameterError::check("mu", mu, (-1.1..=0.0).contains(&mu), range)
     }
 }
 
-/// Smooths positions by steps towards and away from the middle of the neighbours, which wear off
-/// noise and leave the size: a plain Laplacian shrinks a ball by 1 % a round, this by less than
-/// 0.01 %.
+/// Smooths positions by alternating steps towards and away from the middle of the neighbours, which
+/// remove noise and keep the size: a plain Laplacian shrinks a ball by 1 % a round, this by less
+/// than 0.01 %.
 ///
 /// ```text
 /// p ← p + λ (mean of neighbours − p)      p ← p + μ (mean of neighbours − p)
@@ -89,7 +73,7 @@ impl TaubinParams {
 /// # Errors
 ///
 /// λ or μ out of range.
-pub fn taubin(mesh: &TriMesh, params: &TaubinParams) -> Result<TriMesh, TaubinError> {
+pub fn taubin(mesh: &TriMesh, params: &TaubinParams) -> Result<TriMesh, ParameterError> {
     params.validate()?;
     let neighbours = neighbours(mesh, params.border);
     let mut points = mesh.vertices().to_vec();
@@ -108,11 +92,11 @@ pub fn taubin(mesh: &TriMesh, params: &TaubinParams) -> Result<TriMesh, TaubinEr
                 .collect();
         }
     }
-    // A step stays near the neighbours' box, but for the largest numbers.
+    // A step stays near the neighbours' box unless numbers overflow.
     Ok(mesh.with_vertices(points).unwrap_or_else(|_| mesh.clone()))
 }
 
-/// For each vertex those it is drawn to; none where it stays.
+/// For each vertex the neighbours that it is averaged with; empty if it stays.
 fn neighbours(mesh: &TriMesh, border: Border) -> Rows<u32> {
     let edges = Edges::new(mesh);
     let n = mesh.vertices().len();

@@ -1,9 +1,9 @@
-//! How often a surface winds round a point: inside or outside for meshes that are open, or wound
-//! into themselves.
+//! Generalised winding numbers: inside or outside for meshes that are open or self-intersecting.
 
 use crate::index::{Branch, Bvh};
 use if_core::math::{Point, Real, Vector, area_vector};
 use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -15,7 +15,8 @@ use std::f64::consts::PI;
 /// ```
 ///
 /// 1 inside a closed surface, 0 outside, and in between near the openings of an open one, where ½
-/// is the natural border. Far groups of triangles count as one dipole and its first two moments.
+/// is the natural threshold. Far groups of triangles are evaluated as one dipole and its first two
+/// moments.
 ///
 /// # Source
 ///
@@ -41,11 +42,11 @@ pub struct Winding {
     tree: Bvh,
     /// One for each node of the tree.
     moments: Vec<Moments>,
-    /// A group counts as one where it is further away than this many of its radii.
+    /// A group is evaluated as one if it is farther away than this many of its radii.
     beta: Real,
 }
 
-/// A group of triangles, seen from afar.
+/// Multipole moments of a group of triangles.
 #[derive(Clone, Copy, Debug)]
 struct Moments {
     /// Middle, weighted by area.
@@ -61,17 +62,6 @@ struct Moments {
     second: [Matrix3<Real>; 3],
 }
 
-/// A ratio of distance to radius that is none.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "beta is {beta}; it must be at least 1: nearer than its radius a group of triangles is not seen from outside"
-)]
-#[non_exhaustive]
-pub struct WindingError {
-    /// What was given.
-    pub beta: Real,
-}
-
 /// Distance in radii below which groups are opened by default. At twice as much the error is some
 /// twenty times smaller.
 const BETA: Real = 2.0;
@@ -82,14 +72,16 @@ impl Winding {
         Self::prepared(mesh, BETA)
     }
 
-    /// The same with another ratio of distance to radius from which on groups count as one: larger
-    /// is slower and more exact; infinity sums over all triangles.
+    /// The same with another ratio of distance to radius from which on groups are evaluated as one:
+    /// larger is slower and more exact; infinity sums over all triangles.
     ///
     /// # Errors
     ///
-    /// A ratio below 1, or NaN.
-    pub fn with_beta(mesh: &TriMesh, beta: Real) -> Result<Self, WindingError> {
-        if beta >= 1.0 { Ok(Self::prepared(mesh, beta)) } else { Err(WindingError { beta }) }
+    /// A ratio out of range.
+    pub fn with_beta(mesh: &TriMesh, beta: Real) -> Result<Self, ParameterError> {
+        // A group that is nearer than its radius is not seen from outside.
+        ParameterError::check("beta", beta, beta >= 1.0, "at least 1")?;
+        Ok(Self::prepared(mesh, beta))
     }
 
     fn prepared(mesh: &TriMesh, beta: Real) -> Self {
@@ -103,7 +95,7 @@ impl Winding {
             second: [Matrix3::zeros(); 3],
         };
         let mut moments = vec![none; tree.node_count()];
-        // Children stand behind their parents.
+        // Children follow their parents, so that they are computed first.
         for n in (0..moments.len()).rev() {
             moments[n] = match tree.branch(n as u32) {
                 Branch::Leaf(corners) => Moments::of(corners),

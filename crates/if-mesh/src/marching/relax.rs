@@ -1,4 +1,4 @@
-//! Better triangles on the same surface.
+//! Relaxation: better triangles on the same surface.
 
 use crate::marching::newton::newton_step;
 use if_core::aabb::Aabb;
@@ -10,11 +10,11 @@ use if_core::parameter::ParameterError;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How [`relax`] moves vertices.
+/// Parameters of [`relax`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RelaxParams {
-    /// Rounds of moving along the surface and back onto it.
+    /// Rounds of steps along the surface and back onto it.
     pub rounds: usize,
     /// Part of the way to the middle of the neighbours, from 0 to 1.
     pub step: Real,
@@ -40,14 +40,18 @@ impl RelaxParams {
 }
 
 /// Moves vertices along the surface towards the middle of their neighbours and then, by one Newton
-/// step, onto `φ = 0`: slivers become triangles.
+/// step, onto `φ = 0`: slivers become well-shaped triangles.
 ///
-/// Vertices of a border slide along it, and stay where it has a corner. No triangle turns away from
-/// the normals of its vertices: where one would, its corners stay for this round.
+/// Vertices of a border slide along it, and stay at its corners. No triangle turns away from the
+/// normals of its vertices: where one would, its corners stay for this round. On a shell thinner
+/// than its edges a vertex whose field gradient points against its normal has crossed the middle of
+/// the shell, and stays for this round: vertices do not change to the other sheet. Triangles of two
+/// sheets may still intersect where the sheets are nearer than an edge;
+/// [`extract`](crate::extract::extract) moves their vertices back.
 ///
 /// # Errors
 ///
-/// A step that is not from 0 to 1.
+/// A step out of range.
 pub fn relax<F: SignedDistance + ?Sized>(
     mesh: &TriMesh,
     field: &F,
@@ -57,8 +61,8 @@ pub fn relax<F: SignedDistance + ?Sized>(
     Ok(relax_within(mesh, &field, params, None))
 }
 
-/// The same, with a step from 0 to 1; a vertex that would leave `region` stays for that round.
-/// Beside jumps of a field Newton steps lead anywhere.
+/// The same, for a step from 0 to 1. A vertex that would leave `region` stays for that round, as
+/// next to jumps of a field Newton steps may end anywhere.
 pub(crate) fn relax_within(
     mesh: &TriMesh,
     field: &dyn SignedDistance,
@@ -87,9 +91,10 @@ pub(crate) fn relax_within(
         field.samples(&moved, &mut samples);
         moved.par_iter_mut().enumerate().for_each(|(v, p)| {
             if !matches!(borders[v], Border::Fixed) {
-                *p -= newton_step(&samples[v], 0.5 * reach(&mesh, &fans, v));
+                *p -= newton_step(&samples[v], 0.5 * longest_edge(&mesh, &fans, v));
             }
-            if region.is_some_and(|r| !r.contains(p)) {
+            let other_sheet = samples[v].gradient.dot(&normals[v]) < 0.0;
+            if other_sheet || region.is_some_and(|r| !r.contains(p)) {
                 *p = mesh.vertices()[v];
             }
         });
@@ -101,18 +106,18 @@ pub(crate) fn relax_within(
     mesh
 }
 
-/// How a vertex lies to the borders.
+/// Position of a vertex relative to the borders.
 #[derive(Clone, Copy, PartialEq)]
 enum Border {
     Inside,
-    /// Between these two on a border.
+    /// On a border, between these two vertices.
     Between(u32, u32),
-    /// In a corner of a border, or where borders meet.
+    /// At a corner of a border, or where borders meet.
     Fixed,
 }
 
-/// A border has a corner where it turns by more than this: its cosine. Hems of 20 edges turn by 18°
-/// at a vertex.
+/// Cosine of the angle by which a border must turn to have a corner. Hems of 20 edges turn by 18° at
+/// a vertex.
 const CORNER: Real = 0.7;
 
 fn border_neighbours(mesh: &TriMesh, edges: &Edges) -> Vec<Border> {
@@ -144,7 +149,7 @@ fn border_neighbours(mesh: &TriMesh, edges: &Edges) -> Vec<Border> {
     out
 }
 
-/// From a vertex to the middle of its fan, weighted by area, along the surface.
+/// Vector from a vertex to the area-weighted middle of its fan, projected to the tangent plane.
 fn to_middle(mesh: &TriMesh, fans: &VertexTriangles, v: usize, normal: &Vector) -> Vector {
     let p = mesh.vertices()[v];
     let (mut sum, mut weight) = (Vector::zeros(), 0.0);
@@ -169,7 +174,7 @@ fn along_border(mesh: &TriMesh, v: usize, a: u32, b: u32) -> Vector {
 }
 
 /// Length of the longest edge at a vertex, in metres.
-fn reach(mesh: &TriMesh, fans: &VertexTriangles, v: usize) -> Real {
+fn longest_edge(mesh: &TriMesh, fans: &VertexTriangles, v: usize) -> Real {
     let p = mesh.vertices()[v];
     fans.of(v)
         .iter()
@@ -177,11 +182,12 @@ fn reach(mesh: &TriMesh, fans: &VertexTriangles, v: usize) -> Real {
         .fold(0.0, |r, q| r.max((q - p).norm()))
 }
 
-/// Puts back the corners of triangles that turned away from the normals of their vertices, until
-/// none is left that was better before. Ends, as a vertex is put back only once.
+/// Moves back the corners of triangles that turned away from the normals of their vertices, until
+/// all such triangles are as before. Terminates, as a vertex is moved back only once.
 fn keep_orientation(mesh: &TriMesh, normals: &[Vector], moved: &mut [Point]) {
-    /// Cosine between a triangle and the sum of its vertices' normals. Well-shaped triangles have
-    /// 0.9 and more also where the surface is strongly curved; below zero they are turned over.
+    /// Minimum cosine between a triangle's normal and the sum of its vertices' normals. Well-shaped
+    /// triangles have 0.9 and more also where the surface is strongly curved; below zero they are
+    /// flipped.
     const LEAST: Real = 0.5;
     loop {
         let bad: Vec<u32> = (0..mesh.triangles().len())
@@ -232,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn slivers_of_a_marched_ball_become_triangles_on_the_ball() {
+    fn slivers_of_a_marched_ball_become_well_shaped() {
         let before = marched(0.05);
         let after = relax(&before, &BALL, &RelaxParams::default()).unwrap();
         assert!(
@@ -264,6 +270,50 @@ mod tests {
         assert!(longest < 6.0 * shortest, "{shortest} {longest}");
         for (v, p) in after.vertices().iter().enumerate().filter(|(v, _)| on_border[*v]) {
             assert!((p.y - 0.3).abs() < 0.02, "vertex {v} {p}");
+        }
+    }
+
+    /// What lies within half a cell's half of a ball's surface.
+    struct Shell {
+        half: Real,
+    }
+    impl SignedDistance for Shell {
+        fn distance(&self, p: &Point) -> Real {
+            BALL.distance(p).abs() - self.half
+        }
+        fn sample(&self, p: &Point) -> FieldSample {
+            let s = BALL.sample(p);
+            let side = if s.distance < 0.0 { -1.0 } else { 1.0 };
+            FieldSample { distance: self.distance(p), gradient: s.gradient * side }
+        }
+        fn bounds(&self) -> Option<Aabb> {
+            BALL.bounds().map(|b| b.inflated(self.half))
+        }
+        fn lipschitz(&self) -> Real {
+            1.0
+        }
+    }
+
+    #[test]
+    fn no_vertex_of_a_shell_thinner_than_a_cell_changes_to_the_other_sheet() {
+        for thickness in [0.25, 0.5, 1.0] {
+            let cell = 0.1;
+            let shell = Shell { half: 0.5 * thickness * cell };
+            let params = ExtractParams {
+                resolution: Resolution::Cell(cell),
+                phase: [0.3, 0.7, 0.1],
+                ..ExtractParams::default()
+            };
+            let before = extract(&shell, &params, &mut Silent).unwrap().mesh;
+            let rounds = RelaxParams { rounds: 5, ..RelaxParams::default() };
+            let after = relax(&before, &shell, &rounds).unwrap();
+            let sheet = |p: &Point| BALL.distance(p) > 0.0;
+            let pairs = || before.vertices().iter().zip(after.vertices());
+            let crossed = pairs().filter(|(p, q)| sheet(p) != sheet(q)).count();
+            let moved = pairs().filter(|(p, q)| p != q).count();
+            assert!(before.vertices().len() > 500, "the lattice sees the shell in part");
+            assert!(2 * moved > before.vertices().len(), "{moved} of {}", before.vertices().len());
+            assert_eq!(crossed, 0, "thickness {thickness} cells");
         }
     }
 
@@ -312,7 +362,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_leads_nowhere_is_refused_and_a_vertex_of_no_triangle_stays() {
+    fn a_step_out_of_range_is_an_error_and_an_unused_vertex_stays() {
         let ball = meshes::icosphere(1.0, 2);
         let lonely = Point::new(5.0, 5.0, 5.0);
         let with_one = [ball.vertices(), &[lonely]].concat();
