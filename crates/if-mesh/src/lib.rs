@@ -1,6 +1,43 @@
-//! Triangle meshes of garments: files, spatial index, exact intersections, signed distance fields
-//! of meshes, the closed clothed-body field, and measures.
+//! Surfaces of garments and bodies: files, spatial index, signed distances, extraction, clean-up.
+//!
+//! | to | use |
+//! |---|---|
+//! | read and write PLY and OBJ, with everything that the file stores | [`MeshFile`] |
+//! | find nearest points, overlaps and hits | [`Bvh`] |
+//! | find intersecting triangles, exactly | [`intersections`] |
+//! | measure the signed distance to a mesh | [`MeshSdf`], [`Winding`] |
+//! | close a garment over a body, and unite layers | [`ClosedLayer`], [`ClothedField`] |
+//! | store a field in a sparse grid with a bounded error | [`Baked`] |
+//! | turn a field into a mesh | [`extract()`], then [`marching`] |
+//! | repair a mesh | [`cleanup()`], [`validate`] |
+//! | label and cut a surface into garments | [`votes`], [`smooth_labels`], [`cut`] |
+//! | rasterise it | [`camera`], [`raster`] |
+//! | compare surfaces | [`measure`] |
+//!
+//! Lengths are in metres, distances negative inside, and triangles counter-clockwise seen from
+//! outside.
+//!
+//! # Examples
+//!
+//! ```
+//! use if_core::shapes::Sphere;
+//! use if_core::{ClosestPoint, Point, SignedDistance, Silent};
+//! use if_mesh::{Bvh, ExtractParams, MeshSdf, Resolution, extract};
+//!
+//! // A field becomes a mesh, and the mesh a field again.
+//! let ball = Sphere { center: Point::origin(), radius: 0.2 };
+//! let params = ExtractParams { resolution: Resolution::Cell(0.02), ..Default::default() };
+//! let mesh = extract(&ball, &params, &mut Silent)?.mesh;
+//! let field = MeshSdf::closed(&mesh)?;
+//! let p = Point::new(0.0, 0.3, 0.0);
+//! assert!((field.distance(&p) - ball.distance(&p)).abs() < 1e-3);
+//!
+//! let nearest = Bvh::new(&mesh).closest(&p, 1.0).expect("the surface is within a metre");
+//! assert!((nearest.distance - 0.1).abs() < 1e-3);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
+#[doc(hidden)]
 pub mod atomic;
 pub mod attributes;
 pub mod baked;
@@ -12,6 +49,7 @@ pub mod decimate;
 pub mod expansion;
 pub mod extract;
 pub mod file;
+pub mod grid;
 pub mod index;
 pub mod intersections;
 pub mod inverted;
@@ -19,10 +57,13 @@ pub mod marching;
 pub mod measure;
 mod normals;
 pub mod obj;
+#[doc(hidden)]
 pub mod outward;
 pub mod ply;
 pub mod point_tree;
+#[doc(hidden)]
 pub mod polygons;
+#[doc(hidden)]
 pub mod pseudo_normals;
 pub mod raster;
 pub mod sdf;
@@ -34,6 +75,17 @@ pub mod subdivide;
 pub mod taubin;
 pub mod validate;
 pub mod votes;
+#[doc(hidden)]
 pub mod voxels;
+#[doc(hidden)]
 pub mod whole_folder;
 pub mod winding;
+
+pub use baked::{BakeParams, Baked};
+pub use cleanup::{CleanupParams, cleanup};
+pub use extract::{ExtractParams, Extraction, Resolution, extract};
+pub use file::MeshFile;
+pub use index::Bvh;
+pub use sdf::MeshSdf;
+pub use solid::{ClosedLayer, ClothedField};
+pub use winding::Winding;

@@ -1,39 +1,45 @@
-//! The way out of closed layers, on the scale of centimetres.
+//! Coarse outward directions of closed layers, on the scale of centimetres.
 //!
-//! The nearest way out of a pleat or an armpit is through its wall. A coarse garment over it must
-//! go another way: up, where the whole is left. That direction is minus the gradient of the layers'
-//! occupancy, blurred: three box filters each way, a good approximation of a Gaussian.
+//! The shortest exit from a pleat or an armpit is through its wall. A coarse garment over it needs
+//! the direction out of the whole body instead: minus the gradient of the layers' occupancy,
+//! blurred by three box filters along each axis, a good approximation of a Gaussian.
 
+use crate::grid::GridSize;
 use crate::solid::ClosedLayer;
 use crate::voxels::Voxel;
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use rayon::prelude::*;
 
-/// Directions out of a union of closed layers, over a box.
+/// Outward directions of a union of closed layers, over a box.
 #[derive(Clone, Debug)]
 pub struct Outward {
     origin: Point,
     cell: Real,
-    dims: [usize; 3],
+    size: GridSize,
     /// 0 outside, 1 inside, blurred.
     occupancy: Vec<f32>,
 }
 
 /// Half width of a box filter, in cells. Three passes of 2 have a standard deviation of 2.4 cells.
 const RADIUS: usize = 2;
-/// Nodes of the grid at most; beyond it the cells are made larger.
+/// Maximum number of nodes; larger regions get larger cells.
 const MAX_NODES: Real = 16_777_216.0;
-/// A gradient below this share of the steepest possible one is no direction.
+/// Minimum gradient of a direction, as a share of the steepest possible one.
 const FLAT: Real = 0.02;
 
 impl Outward {
     /// Directions out of `layers` in `region`, on cells of `cell` metres (more, for a huge region).
-    /// None at all in a region that is empty or beyond the range of numbers.
+    /// There are no directions in a region that is empty or not finite.
     pub fn new(layers: &[&ClosedLayer], region: &Aabb, cell: Real) -> Self {
         let size = region.size();
         if !size.iter().all(|s| (0.0..Real::INFINITY).contains(s)) {
-            return Self { origin: Point::origin(), cell, dims: [0; 3], occupancy: Vec::new() };
+            return Self {
+                origin: Point::origin(),
+                cell,
+                size: GridSize([0; 3]),
+                occupancy: Vec::new(),
+            };
         }
         let border = 2.0 + 3.0 * RADIUS as Real;
         let fits =
@@ -42,10 +48,10 @@ impl Outward {
         while !fits(cell) {
             cell *= 1.25;
         }
-        let dims = [0, 1, 2].map(|k| (size[k] / cell + 2.0 * border).ceil() as usize);
+        let size = GridSize([0, 1, 2].map(|k| (size[k] / cell + 2.0 * border).ceil() as usize));
         let origin = region.min - Vector::repeat(border * cell);
-        let [nx, ny, nz] = dims;
-        let mut occupancy = vec![0.0f32; nx * ny * nz];
+        let [nx, ny, _] = size.0;
+        let mut occupancy = vec![0.0f32; size.len()];
         occupancy.par_chunks_mut(nx * ny).enumerate().for_each(|(z, slab)| {
             for (y, row) in slab.chunks_exact_mut(nx).enumerate() {
                 let start = origin + Vector::new(0.0, y as Real, z as Real) * cell;
@@ -57,17 +63,17 @@ impl Outward {
                 }
             }
         });
-        let mut this = Self { origin, cell, dims, occupancy };
+        let mut this = Self { origin, cell, size, occupancy };
         for _ in 0..3 {
             this.blur();
         }
         this
     }
 
-    /// One box filter each way. Rows, columns and stacks are summed whole rows at a time, from the
+    /// One box filter along each axis. Rows, columns and stacks are summed whole rows at a time, from the
     /// lowest to the highest.
     fn blur(&mut self) {
-        let [nx, ny, nz] = self.dims;
+        let [nx, ny, nz] = self.size.0;
         let plane = nx * ny;
         self.occupancy.par_chunks_mut(plane).for_each_init(
             Default::default,
@@ -89,19 +95,18 @@ impl Outward {
             .for_each(|(z, slab)| mean_of_lines(slab, &source, plane, z, nz));
     }
 
-    /// Unit direction out at `p`; `None` far outside, deep inside and beyond the box, where it is
-    /// flat.
+    /// Unit outward direction at `p`; `None` far outside, deep inside and beyond the box, where the
+    /// occupancy is constant.
     pub fn direction(&self, p: &Point) -> Option<Vector> {
         let rel = (p - self.origin) / self.cell;
         let base = [0, 1, 2].map(|k| rel[k].floor());
-        if (0..3).any(|k| !(base[k] >= 0.0 && base[k] + 1.0 < self.dims[k] as Real)) {
+        if (0..3).any(|k| !(base[k] >= 0.0 && base[k] + 1.0 < self.size.0[k] as Real)) {
             return None;
         }
         let t = [0, 1, 2].map(|k| rel[k] - base[k]);
         let at = |x: usize, y: usize, z: usize| {
-            let i = ((base[2] as usize + z) * self.dims[1] + base[1] as usize + y) * self.dims[0]
-                + base[0] as usize
-                + x;
+            let [i, j, k] = base.map(|b| b as usize);
+            let i = self.size.index([i + x, j + y, k + z]);
             Real::from(self.occupancy[i])
         };
         let mut g = Vector::zeros();
@@ -126,11 +131,11 @@ impl Outward {
     }
 }
 
-/// The share of one value in the mean of a window.
+/// Weight of one value in the mean of a window.
 const SHARE: f32 = 1.0 / (2 * RADIUS + 1) as f32;
 
-/// `out` becomes the mean of the lines round the `k`-th of the `n` lines of `source`, each `length`
-/// long.
+/// Writes to `out` the mean of the lines around the `k`-th of the `n` lines of `source`, each
+/// `length` long.
 fn mean_of_lines(out: &mut [f32], source: &[f32], length: usize, k: usize, n: usize) {
     let (from, to) = (k.saturating_sub(RADIUS), (k + RADIUS).min(n - 1));
     out.copy_from_slice(&source[from * length..(from + 1) * length]);
@@ -142,7 +147,7 @@ fn mean_of_lines(out: &mut [f32], source: &[f32], length: usize, k: usize, n: us
     out.iter_mut().for_each(|a| *a *= SHARE);
 }
 
-/// Each value of the row becomes the mean of those round it; `line` is working memory.
+/// Replaces each value of the row by the mean of its window; `line` is working memory.
 fn blur_row(row: &mut [f32], line: &mut Vec<f32>) {
     line.clear();
     line.extend([0.0; RADIUS]);

@@ -1,22 +1,23 @@
-//! A block of voxels that tells what infinity reaches: surfaces are walls, the rest is flooded.
+//! A block of voxels: surfaces are walls, and a flood finds the voxels connected to infinity.
 
+use crate::grid::GridSize;
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
 use rayon::prelude::*;
 
-/// What a voxel holds.
+/// State of a voxel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Voxel {
     /// No wall, and connected to infinity.
     Outside,
-    /// No wall, and shut off from infinity.
+    /// No wall, and not connected to infinity.
     Inside,
-    /// A wall passes through it: its points need a finer answer.
+    /// A wall passes through it: its points need an exact test.
     Wall,
-    /// Inside by decree: [`Voxels::fill`] marked it, and the flood stops there.
+    /// Marked inside by [`Voxels::fill`]: the flood stops there.
     Filled,
-    /// Connected to the border of the block, but not to infinity: inside a body that the block
-    /// cuts.
+    /// Connected to the border of the block, but not to infinity: inside a body that crosses the
+    /// border.
     Core,
 }
 
@@ -25,18 +26,18 @@ pub enum Voxel {
 pub struct Voxels {
     origin: Point,
     cell: Real,
-    /// Voxels in a metre.
+    /// Voxels per metre.
     per_metre: Real,
-    dims: [usize; 3],
+    size: GridSize,
     states: Vec<Voxel>,
 }
 
-/// Voxels of a block at most: 64 MiB. Beyond it the cells are made larger.
+/// Maximum number of voxels: 64 MiB. Larger regions get larger cells.
 const MAX_VOXELS: Real = 67_108_864.0;
 
 impl Voxels {
     /// A block over `region` with a border of two voxels, everything inside and no walls yet.
-    /// `cell` (metres) is enlarged where the block would not fit into 64 MiB, or is nothing.
+    /// `cell` (metres) is enlarged if the block would not fit into 64 MiB, or if it is zero.
     pub fn new(region: &Aabb, cell: Real) -> Self {
         let size = region.size();
         // A region that is a point has a voxel of any size.
@@ -46,15 +47,9 @@ impl Voxels {
         while !fits(cell) {
             cell *= 1.25;
         }
-        let dims = [0, 1, 2].map(|k| (size[k] / cell).ceil() as usize + 5);
+        let size = GridSize([0, 1, 2].map(|k| (size[k] / cell).ceil() as usize + 5));
         let origin = region.min - Vector::repeat(2.0 * cell);
-        Self {
-            origin,
-            cell,
-            per_metre: 1.0 / cell,
-            dims,
-            states: vec![Voxel::Inside; dims[0] * dims[1] * dims[2]],
-        }
+        Self { origin, cell, per_metre: 1.0 / cell, size, states: vec![Voxel::Inside; size.len()] }
     }
 
     /// Side of a voxel, in metres.
@@ -62,15 +57,15 @@ impl Voxels {
         self.cell
     }
 
-    /// Makes every voxel that the triangle touches a wall, but for filled ones. The test errs on
-    /// the side of touching, so that no path between face neighbours leads through a triangle.
+    /// Makes every voxel that the triangle touches a wall, except filled ones. The test is
+    /// conservative, so that no path between face neighbours leads through a triangle.
     pub fn add_wall(&mut self, corners: [&Point; 3]) {
         let rel = corners.map(|p| (p - self.origin) * self.per_metre);
         let low = rel[0].inf(&rel[1]).inf(&rel[2]);
         let high = rel[0].sup(&rel[1]).sup(&rel[2]);
         let range = |k: usize| {
             let from = low[k].floor().max(0.0) as usize;
-            let to = (high[k].floor().min(self.dims[k] as Real - 1.0)).max(-1.0) as isize;
+            let to = (high[k].floor().min(self.size.0[k] as Real - 1.0)).max(-1.0) as isize;
             (from, to)
         };
         let ([x0, y0, z0], [x1, y1, z1]) =
@@ -82,7 +77,7 @@ impl Voxels {
         for z in z0..=z1 as usize {
             for y in y0..=y1 as usize {
                 for x in x0..=x1 as usize {
-                    let at = (z * self.dims[1] + y) * self.dims[0] + x;
+                    let at = self.size.index([x, y, z]);
                     if self.states[at] == Voxel::Inside
                         && slab.touches([x as Real, y as Real, z as Real])
                     {
@@ -93,11 +88,11 @@ impl Voxels {
         }
     }
 
-    /// Marks the voxels along each segment as inside, but for walls.
+    /// Marks the voxels along each segment as filled, except walls.
     pub fn fill(&mut self, segments: &[[Point; 2]]) {
         /// Slabs that are filled at a time, each by one task.
         const SLABS: usize = 8;
-        let [nx, ny, nz] = self.dims;
+        let [nx, ny, nz] = self.size.0;
         let (plane, thick) = (nx * ny, nz.div_ceil(SLABS));
         let (origin, per_metre) = (self.origin, self.per_metre);
         self.states.par_chunks_mut(thick * plane).enumerate().for_each(|(slab, states)| {
@@ -112,7 +107,7 @@ impl Voxels {
                 let step = (b - a) / steps as Real;
                 for k in 0..=steps {
                     let p = a + step * k as Real;
-                    // Truncation is the floor of what is not negative, without a call.
+                    // For numbers that are not negative, truncation is the floor, without a call.
                     if p.x >= 0.0
                         && p.y >= 0.0
                         && p.z >= from
@@ -131,19 +126,19 @@ impl Voxels {
         });
     }
 
-    /// Floods from the border, through faces, whatever no wall shuts off. A border voxel is a
-    /// source only where `is_source` says so of its centre: a body that the block cuts through is
-    /// none.
+    /// Floods from the border, through faces, all voxels that no wall separates from it. A border
+    /// voxel is a source if `is_source` returns true for its centre; those inside a body that
+    /// crosses the border are not.
     pub fn flood(&mut self, mut is_source: impl FnMut(&Point) -> bool) {
-        let [nx, ny, nz] = self.dims;
+        let [nx, ny, nz] = self.size.0;
         let mut seeds: Vec<u32> = Vec::new();
         for z in 0..nz {
             for y in 0..ny {
                 let inner_row = z > 0 && z + 1 < nz && y > 0 && y + 1 < ny;
                 let step = if inner_row { (nx - 1).max(1) } else { 1 };
                 for x in (0..nx).step_by(step) {
-                    let at = (z * ny + y) * nx + x;
-                    // A component that touches the border is judged once, by the first voxel found.
+                    let at = self.size.index([x, y, z]);
+                    // A component that touches the border is classified once, by its first voxel.
                     if self.states[at] == Voxel::Inside {
                         let to = if is_source(&self.center([x, y, z])) {
                             Voxel::Outside
@@ -157,17 +152,17 @@ impl Voxels {
         }
     }
 
-    /// Makes the component of inside voxels round voxel `at` one of `to`, a run of a row at a time.
+    /// Sets the component of inside voxels at voxel `at` to `to`, a run of a row at a time.
     fn flood_from(&mut self, at: usize, to: Voxel, seeds: &mut Vec<u32>) {
-        let [nx, ny, nz] = self.dims;
+        let [nx, ny, nz] = self.size.0;
         seeds.push(at as u32);
         while let Some(seed) = seeds.pop() {
             let seed = seed as usize;
             if self.states[seed] != Voxel::Inside {
                 continue;
             }
-            let (row, x) = (seed / nx, seed % nx);
-            let (y, z, start) = (row % ny, row / ny, row * nx);
+            let [x, y, z] = self.size.coordinates(seed);
+            let start = seed - x;
             let line = &mut self.states[start..start + nx];
             let from = x - line[..x].iter().rev().take_while(|s| **s == Voxel::Inside).count();
             let end = x + line[x..].iter().take_while(|s| **s == Voxel::Inside).count();
@@ -197,36 +192,33 @@ impl Voxels {
         let mut index = 0;
         let mut stride = 1;
         for k in 0..3 {
-            // Truncation is the floor of what is not negative, without a call.
+            // For numbers that are not negative, truncation is the floor, without a call.
             let c = (p[k] - self.origin[k]) * self.per_metre;
-            if !(c >= 0.0 && c < self.dims[k] as Real) {
+            if !(c >= 0.0 && c < self.size.0[k] as Real) {
                 return Voxel::Outside;
             }
             index += c as usize * stride;
-            stride *= self.dims[k];
+            stride *= self.size.0[k];
         }
         self.states[index]
     }
 
-    /// The voxels of the points `start + k step` along x, for those k below `n` whose points the
-    /// block holds.
+    /// The voxels of the points `start + k step` along x, for all k below `n` with points inside the
+    /// block.
     pub fn row(&self, start: &Point, step: Real, n: usize) -> impl Iterator<Item = (usize, Voxel)> {
         let place = |x: Real, axis: usize| (x - self.origin[axis]) * self.per_metre;
-        let held = |c: Real, axis: usize| c >= 0.0 && c < self.dims[axis] as Real;
+        let held = |c: Real, axis: usize| c >= 0.0 && c < self.size.0[axis] as Real;
         let (y, z) = (place(start.y, 1), place(start.z, 2));
-        let first = if held(y, 1) && held(z, 2) {
-            (z as usize * self.dims[1] + y as usize) * self.dims[0]
-        } else {
-            0
-        };
+        let first =
+            if held(y, 1) && held(z, 2) { self.size.index([0, y as usize, z as usize]) } else { 0 };
         (0..if held(y, 1) && held(z, 2) { n } else { 0 }).filter_map(move |k| {
             let x = place(start.x + k as Real * step, 0);
             held(x, 0).then(|| (k, self.states[first + x as usize]))
         })
     }
 
-    /// What the 26 voxels round that of `p` say: [`Voxel::Outside`] where any is, else
-    /// [`Voxel::Inside`] where any is inside or filled, else [`Voxel::Wall`].
+    /// The side of the 26 neighbours of the voxel at `p`: [`Voxel::Outside`] if one is outside, else
+    /// [`Voxel::Inside`] if one is inside or filled, else [`Voxel::Wall`].
     pub fn around(&self, p: &Point) -> Voxel {
         let mut found = Voxel::Wall;
         for k in 0..27 {
@@ -244,7 +236,7 @@ impl Voxels {
         found
     }
 
-    /// How many voxels are [outside, inside, walls, filled, core].
+    /// Numbers of voxels that are [outside, inside, walls, filled, core].
     pub fn counts(&self) -> [usize; 5] {
         let mut counts = [0; 5];
         for s in &self.states {
@@ -260,17 +252,17 @@ impl Voxels {
 }
 
 /// Separating axes of a triangle and unit boxes: the triangle's plane and the nine edge products.
-/// (The three box axes are taken care of by the caller's range.)
+/// (The caller's range covers the three box axes.)
 ///
 /// # Source
 ///
-/// Akenine-Möller 2001, with the half sizes enlarged so that rounding errs towards touching.
+/// Akenine-Möller 2001, with the half sizes enlarged so that rounding cannot miss a contact.
 struct SlabTest {
     axes: [(Vector, Real, Real); 10],
 }
 
 /// Enlargement of the half voxel. Rounding is about 1e-13 of a voxel index of 1,000; ten times less
-/// would still do, ten times more still costs no extra walls worth naming.
+/// would suffice, and ten times more adds hardly any walls.
 const SLACK: Real = 0.5 + 1e-9;
 
 impl SlabTest {
@@ -351,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn a_region_that_is_a_point_or_nothing_ends() {
+    fn the_flood_of_an_empty_region_terminates() {
         let point = Point::new(3.0, -1.0, 2.0);
         for region in [Aabb { min: point, max: point }, Aabb::EMPTY] {
             let mut v = Voxels::new(&region, 0.0);
@@ -361,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn a_border_that_is_no_source_is_core() {
+    fn a_border_without_a_source_is_core() {
         let mut v = Voxels::new(&unit(), 0.1);
         v.flood(|_| false);
         let [outside, inside, walls, _, core] = v.counts();

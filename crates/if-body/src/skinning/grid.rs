@@ -7,6 +7,7 @@ use crate::skin_weights::{SkinError, SkinWeights};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
 use if_core::parameter::ParameterError;
+use if_mesh::grid::GridSize;
 use nalgebra::{Isometry3, Matrix3};
 use rayon::prelude::*;
 
@@ -61,7 +62,7 @@ const MOST_WEIGHTS: Real = 500e6;
 pub struct WeightGrid {
     min: Point,
     cell: Real,
-    nodes: [usize; 3],
+    nodes: GridSize,
     joints: usize,
     /// `joints` numbers for each node, x fastest; each node's sum is 1.
     weights: Vec<f32>,
@@ -94,7 +95,7 @@ impl WeightGrid {
         let fits = counts.iter().product::<Real>() * joints as Real <= MOST_WEIGHTS;
         let range = "larger: the grid would have more than 500 million weights, one for each node and joint";
         ParameterError::check("cell", params.cell, fits, range)?;
-        let nodes = counts.map(|n| (n as usize).max(2));
+        let nodes = GridSize(counts.map(|n| (n as usize).max(2)));
         let mut grid = Self { min, cell: params.cell, nodes, joints, weights: Vec::new() };
         grid.weights = grid.gathered(points, skin, params.neighbours);
         for _ in 0..params.rounds {
@@ -110,34 +111,27 @@ impl WeightGrid {
 
     /// Its bounding box.
     pub fn bounds(&self) -> Aabb {
-        let far = Vector::from(self.nodes.map(|n| (n - 1) as Real)) * self.cell;
+        let far = Vector::from(self.nodes.0.map(|n| (n - 1) as Real)) * self.cell;
         Aabb { min: self.min, max: self.min + far }
     }
 
     /// The eight nodes around `p`: for each its trilinear weight, the gradient of that weight in
     /// 1/m, and the index of its first number.
     fn corners(&self, p: &Point) -> [(Real, Vector, usize); 8] {
-        let mut low = [0usize; 3];
-        let mut part = [0.0; 3];
-        let mut slope = [1.0 / self.cell; 3];
-        for k in 0..3 {
-            let last = (self.nodes[k] - 1) as Real;
-            let place = (p[k] - self.min[k]) / self.cell;
-            if !(0.0..=last).contains(&place) {
-                slope[k] = 0.0; // outside the box weights are constant
-            }
-            let place = place.clamp(0.0, last);
-            low[k] = (place as usize).min(self.nodes[k] - 2);
-            part[k] = place - low[k] as Real;
-        }
-        let [nx, ny, _] = self.nodes;
+        let place = [0, 1, 2].map(|k| (p[k] - self.min[k]) / self.cell);
+        // Outside the box weights are constant.
+        let slope = [0, 1, 2].map(|k| {
+            let last = (self.nodes.0[k] - 1) as Real;
+            if (0.0..=last).contains(&place[k]) { 1.0 / self.cell } else { 0.0 }
+        });
+        let (low, part) = self.nodes.cell_at(place);
         std::array::from_fn(|c| {
             let bit = [c & 1, c >> 1 & 1, c >> 2];
             let w: [Real; 3] =
                 std::array::from_fn(|k| if bit[k] == 1 { part[k] } else { 1.0 - part[k] });
             let s: [Real; 3] =
                 std::array::from_fn(|k| if bit[k] == 1 { slope[k] } else { -slope[k] });
-            let at = ((low[2] + bit[2]) * ny + low[1] + bit[1]) * nx + low[0] + bit[0];
+            let at = self.nodes.index([0, 1, 2].map(|k| low[k] + bit[k]));
             (
                 w[0] * w[1] * w[2],
                 Vector::new(s[0] * w[1] * w[2], w[0] * s[1] * w[2], w[0] * w[1] * s[2]),

@@ -6,6 +6,7 @@ use super::directory::{INSIDE, OUTSIDE, SPLIT};
 use super::error::BakeError;
 use super::params::BakeParams;
 use super::samples::MAX_COORDINATE;
+use crate::grid::GridSize;
 use if_core::aabb::Aabb;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
@@ -52,7 +53,7 @@ pub(super) fn band_bricks(
     let places = size[0] * size[1] * size[2];
     let origin = domain.center() - counts * (0.5 * side);
     let middle = |at: usize| {
-        let b = [at % size[0], at / size[0] % size[1], at / size[0] / size[1]];
+        let b = GridSize(size).coordinates(at);
         Point::from([0, 1, 2].map(|k| origin[k] + (b[k] as Real + 0.5) * side))
     };
     let reach = 0.5 * side * 3.0f64.sqrt();
@@ -118,11 +119,7 @@ pub(super) fn check_border(bricks: &Bricks) -> Result<(), BakeError> {
         }
     }
     for (at, entry) in bricks.roots.iter().enumerate() {
-        let b = [
-            at % bricks.size[0],
-            at / bricks.size[0] % bricks.size[1],
-            at / bricks.size[0] / bricks.size[1],
-        ];
+        let b = GridSize(bricks.size).coordinates(at);
         if *entry == INSIDE && (0..3).any(|k| b[k] == 0 || b[k] + 1 == bricks.size[k]) {
             let point = bricks.at(0, b.map(|k| (k * SIDE) as u32));
             return Err(BakeError::Leaves { point, distance: Real::NEG_INFINITY });

@@ -3,6 +3,7 @@
 use super::blend::{BRICK, NODES, Node, SIDE, blend, bumps, cells, corners, local};
 use super::directory::{INSIDE, OUTSIDE, Place, SPLIT};
 use super::index::{self, Index, power};
+use crate::grid::GridSize;
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
 
@@ -64,10 +65,8 @@ impl Bricks {
         for (brick, root) in kept.iter().enumerate() {
             let r = *root as usize;
             roots[r] = brick as u32;
-            places.push(Place {
-                level: 0,
-                at: [r % size[0], r / size[0] % size[1], r / size[0] / size[1]].map(|b| b as u32),
-            });
+            let at = GridSize(size).coordinates(r).map(|b| b as u32);
+            places.push(Place { level: 0, at });
         }
         let nodes = vec![[0.0; 4]; places.len() * BRICK];
         Self::from_parts(origin, cell, size, roots, Vec::new(), places, nodes)
@@ -112,7 +111,7 @@ impl Bricks {
 
     /// Number of the root at such coordinates.
     pub(super) fn root_index(&self, b: [usize; 3]) -> usize {
-        (b[2] * self.size[1] + b[1]) * self.size[0] + b[0]
+        GridSize(self.size).index(b)
     }
 
     /// Position of a node given by its coordinates at a level: a node of several levels has the
@@ -161,11 +160,7 @@ impl Bricks {
     pub(super) fn inside(&self) -> Aabb {
         let mut found = Aabb::EMPTY;
         for (root, entry) in self.roots.iter().enumerate() {
-            let at = [
-                root % self.size[0],
-                root / self.size[0] % self.size[1],
-                root / self.size[0] / self.size[1],
-            ];
+            let at = GridSize(self.size).coordinates(root);
             self.inside_of(*entry, Place { level: 0, at: at.map(|b| b as u32) }, &mut found);
         }
         found

@@ -1,4 +1,4 @@
-//! Baked fields as bytes, to keep them beside a mesh.
+//! Baked fields as bytes, to store them beside a mesh.
 //!
 //! ```text
 //! "ifg-baked" 0 version(u32)   then little-endian, in metres:
@@ -7,7 +7,7 @@
 //! nodes(4 f32 each, 125 for each brick)     bricks in the order of the tree
 //! ```
 //!
-//! Version 1, with bricks of 8³ cells of one size, is refused: its fields are to be baked again.
+//! Version 1, with bricks of 8³ cells of one size, is rejected: its fields must be baked again.
 
 use super::accuracy::{Errors, steepest};
 use super::blend::{BRICK, SIDE};
@@ -17,43 +17,44 @@ use super::field::Baked;
 use super::index::BRICKS;
 use super::params::MAX_LEVELS;
 use super::samples::MAX_COORDINATE;
+use crate::grid::GridSize;
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real};
 
 const MAGIC: &[u8; 10] = b"ifg-baked\0";
 const VERSION: u32 = 2;
-/// Roots of a directory at most: a cube of 2 m with cells of 0.1 mm in bricks of 4 has 1.3e11 of
+/// Maximum number of roots: a cube of 2 m with cells of 0.1 mm in bricks of 4 has 1.3e11 of
 /// them, one with 1 mm 1.3e8.
 const MAX_PLACES: u64 = 1 << 28;
-/// Part of a number that rounding may have in another order of sums (1e-16 each): a slope or a box
-/// that is off by a thousand times more would change a bound by a millionth.
+/// Relative tolerance for rounding in another order of sums (1e-16 each): a slope or a box that is
+/// off by a thousand times more would change a bound by a millionth.
 const ROUNDING: Real = 1e-9;
 
-/// Why bytes are no baked field.
+/// Why bytes are not a valid baked field.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BakedFileError {
-    /// They begin otherwise.
+    /// The first bytes are those of another format.
     #[error("not a baked field; bake it again")]
     Magic,
-    /// They are of another version.
-    #[error("version {found} of a baked field, known is {VERSION}; bake it again")]
+    /// Another version of the format.
+    #[error("version {found} of a baked field, supported is {VERSION}; bake it again")]
     Version {
         /// The version.
         found: u32,
     },
-    /// They end too early, or go on.
+    /// The number of bytes is wrong.
     #[error("{found} bytes where the header promises {expected}; bake it again")]
     Length {
-        /// Bytes there.
+        /// Number of bytes.
         found: u64,
         /// Bytes needed.
         expected: u64,
     },
-    /// A value cannot be.
-    #[error("byte {byte}: {what} cannot be; bake it again")]
+    /// A value is invalid.
+    #[error("byte {byte}: {what} is invalid; bake it again")]
     Value {
-        /// Where it stands.
+        /// Its offset.
         byte: usize,
         /// What it is.
         what: &'static str,
@@ -100,12 +101,12 @@ impl Baked {
         out
     }
 
-    /// The field that such bytes are of. It takes at most about eight times their number.
+    /// Reads a field from bytes. Its memory is at most about eight times their number.
     ///
     /// # Errors
     ///
-    /// [`BakedFileError`]: other bytes, another version, a wrong length or a value that cannot be: NaN, an error below zero, a slope or
-    /// a box of the surface that the nodes exceed, a tree that no baking makes.
+    /// [`BakedFileError`]: another format or version, a wrong length or an invalid value: NaN, a
+    /// negative error, a slope or a box of the surface that the nodes exceed, an invalid tree.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, BakedFileError> {
         let mut r = Reader { bytes, at: 0 };
         if r.take(MAGIC.len()).map_err(|_| BakedFileError::Magic)? != MAGIC {
@@ -161,7 +162,7 @@ impl Baked {
             (0..MAX_LEVELS).take_while(|l| longest << l < MAX_COORDINATE / 2).count() as u32;
         let codes = r.counted()?;
         let tree_at = r.at;
-        // Nothing is made before it is known that the nodes are there.
+        // Nothing is allocated before the number of nodes is checked.
         let count = codes.iter().filter(|code| **code == 2).count();
         let needed = count as u64 * BRICK as u64 * 16;
         if (bytes.len() - r.at) as u64 != needed {
@@ -273,7 +274,7 @@ impl<'a> Reader<'a> {
         if fits { Ok(value) } else { Err(self.fault("a length")) }
     }
 
-    /// About the value that was read last.
+    /// The error for the value that was read last.
     fn fault(&self, what: &'static str) -> BakedFileError {
         BakedFileError::Value { byte: self.at, what }
     }
@@ -281,7 +282,7 @@ impl<'a> Reader<'a> {
 
 struct Tree {
     size: [usize; 3],
-    /// Halvings, at most.
+    /// Maximum number of halvings.
     levels: u32,
     roots: Vec<u32>,
     splits: Vec<[u32; 8]>,
@@ -289,15 +290,11 @@ struct Tree {
 }
 
 impl Tree {
-    /// `None` where the codes are no such tree.
+    /// `None` if the codes are not a valid tree.
     fn read(mut self, codes: &[u8], roots: usize) -> Option<Self> {
         let mut codes = codes.iter();
         for root in 0..roots {
-            let at = [
-                root % self.size[0],
-                root / self.size[0] % self.size[1],
-                root / self.size[0] / self.size[1],
-            ];
+            let at = GridSize(self.size).coordinates(root);
             let entry = self.entry(&mut codes, Place { level: 0, at: at.map(|b| b as u32) });
             self.roots.push(entry?);
         }

@@ -43,7 +43,7 @@ const THIN: Real = 0.3;
 /// Triangles that meet under a larger angle than that of this cosine, 35°, show a crease: a finger
 /// bends by 25° from one to the next.
 const CREASE: Real = 0.82;
-/// Slopes are at most this times the steepest that was seen.
+/// Slopes are assumed to be at most this times the steepest sample.
 const STEEPER: Real = 1.5;
 
 /// A field that is the distance to the zero set of `source`, with the source's sign.
@@ -82,8 +82,8 @@ impl<'a> ZeroSet<'a> {
     ) -> Result<Self, BakeError> {
         let longest = region.size().max();
         let edge = (EDGE * params.cell).clamp(longest / EDGES[1], longest / EDGES[0]);
-        // A bound that holds everywhere may be far above the slopes there are; too low a one is
-        // noticed and mended there.
+        // A bound that holds everywhere may be far above the actual slopes; extraction detects and
+        // corrects one that is too small.
         let steepest = samples.iter().map(|s| s.gradient.norm()).fold(0.0, Real::max);
         let slope = (STEEPER * steepest).max(1e-3).min(source.lipschitz());
         let size = region.size().max().max(region.max.coords.amax()).max(region.min.coords.amax());
@@ -186,8 +186,8 @@ impl<'a> ZeroSet<'a> {
                 // A foot that is off by t turns the arm by t / d, the normal by t κ.
                 let near = if b.settled { NORMAL } else { NEAREST } * self.edge;
                 let arm = p - b.at;
-                // A blob too small for the mesh is no inside: away from the surface a point is on
-                // the surface's side.
+                // A detail too small for the mesh has no inside: away from the surface the side is
+                // that of the surface.
                 let side = if b.settled && b.distance > near {
                     Real::signum(arm.dot(&b.normal))
                 } else {
@@ -204,7 +204,7 @@ impl<'a> ZeroSet<'a> {
     }
 }
 
-/// The way to a nearest point.
+/// State of the search for a nearest point.
 struct Foot {
     side: Real,
     closest: Option<Closest>,
@@ -296,7 +296,7 @@ fn has_creases(mesh: &TriMesh) -> bool {
         unit_or_zero(&(b - a).cross(&(c - a)))
     };
     let edges = Edges::new(mesh);
-    // What has no area has no normal, and shows nothing.
+    // Triangles without area have no normal, and are skipped.
     edges.triangles.par_iter().any(|[s, t]| {
         let inner =
             (*s as usize) < mesh.triangles().len() && (*t as usize) < mesh.triangles().len();

@@ -2,6 +2,7 @@
 
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
+use if_mesh::grid::GridSize;
 
 /// Largest number of voxels: 64 MB. Beyond, voxels are made larger.
 const MOST_VOXELS: Real = 8e6;
@@ -11,7 +12,7 @@ const MOST_VOXELS: Real = 8e6;
 pub(super) struct Lattice {
     pub(super) min: Point,
     pub(super) cell: Real,
-    pub(super) counts: [usize; 3],
+    pub(super) size: GridSize,
 }
 
 impl Lattice {
@@ -23,32 +24,17 @@ impl Lattice {
         while counts(cell).iter().product::<Real>() > MOST_VOXELS {
             cell *= 1.25;
         }
-        Self { min: region.min, cell, counts: counts(cell).map(|n| n as usize) }
+        Self { min: region.min, cell, size: GridSize(counts(cell).map(|n| n as usize)) }
     }
 
     pub(super) fn len(&self) -> usize {
-        self.counts.iter().product()
+        self.size.len()
     }
 
     /// The centre of voxel `i`; x is the fastest index.
     pub(super) fn center(&self, i: usize) -> Point {
-        let [nx, ny, _] = self.counts;
-        self.min
-            + (Vector::new((i % nx) as Real, (i / nx % ny) as Real, (i / (nx * ny)) as Real)
-                .add_scalar(0.5))
-                * self.cell
-    }
-
-    /// The voxels that share a face with voxel `i`.
-    pub(super) fn beside(&self, i: usize) -> impl Iterator<Item = usize> + use<> {
-        let [nx, ny, nz] = self.counts;
-        let at = [i % nx, i / nx % ny, i / (nx * ny)];
-        let steps = [1, nx, nx * ny];
-        (0..3).flat_map(move |k| {
-            let low = (at[k] > 0).then(|| i - steps[k]);
-            let high = (at[k] + 1 < [nx, ny, nz][k]).then(|| i + steps[k]);
-            low.into_iter().chain(high)
-        })
+        let at = self.size.coordinates(i).map(|c| c as Real);
+        self.min + Vector::from(at).add_scalar(0.5) * self.cell
     }
 }
 
@@ -57,7 +43,7 @@ mod tests {
     use super::*;
 
     fn lattice(counts: [usize; 3]) -> Lattice {
-        Lattice { min: Point::origin(), cell: 0.5, counts }
+        Lattice { min: Point::origin(), cell: 0.5, size: GridSize(counts) }
     }
 
     #[test]
@@ -65,13 +51,13 @@ mod tests {
         let l = lattice([3, 4, 2]);
         for i in 0..l.len() {
             let p = l.center(i);
-            for k in l.beside(i) {
+            for k in l.size.neighbours(i) {
                 assert!(((l.center(k) - p).norm() - 0.5).abs() < 1e-12);
             }
             let border = (0..3).map(|k| {
-                usize::from(p[k] < 0.5) + usize::from(p[k] > 0.5 * (l.counts[k] - 1) as Real)
+                usize::from(p[k] < 0.5) + usize::from(p[k] > 0.5 * (l.size.0[k] - 1) as Real)
             });
-            assert_eq!(l.beside(i).count() + border.sum::<usize>(), 6, "{i}");
+            assert_eq!(l.size.neighbours(i).count() + border.sum::<usize>(), 6, "{i}");
         }
         let fine =
             Lattice::new(&Aabb::from_points(&[Point::origin(), Point::new(1.0, 2.0, 1.0)]), 1e-4);
@@ -80,6 +66,6 @@ mod tests {
             "{}",
             fine.len()
         );
-        assert_eq!(Lattice::new(&Aabb::from_points(&[Point::origin()]), 0.1).counts, [2; 3]);
+        assert_eq!(Lattice::new(&Aabb::from_points(&[Point::origin()]), 0.1).size.0, [2; 3]);
     }
 }

@@ -175,7 +175,7 @@ pub(super) fn fill(
     let mut next: Vec<usize> = (0..space.len()).filter(|i| is_certain(space[*i])).collect();
     next.iter().for_each(|i| space[*i] = Space::Filled);
     while let Some(i) = next.pop() {
-        for k in lattice.beside(i) {
+        for k in lattice.size.neighbours(i) {
             if passes(space[k]) {
                 space[k] = Space::Filled;
                 next.push(k);
@@ -190,11 +190,12 @@ pub(super) fn fill(
 fn shut_in(lattice: &Lattice, space: &mut [Space]) {
     let solid = |s: Space| matches!(s, Space::Filled | Space::Body);
     let mut reached = vec![false; space.len()];
-    let mut next: Vec<usize> =
-        (0..space.len()).filter(|i| lattice.beside(*i).count() < 6 && !solid(space[*i])).collect();
+    let mut next: Vec<usize> = (0..space.len())
+        .filter(|i| lattice.size.neighbours(*i).count() < 6 && !solid(space[*i]))
+        .collect();
     next.iter().for_each(|i| reached[*i] = true);
     while let Some(i) = next.pop() {
-        for k in lattice.beside(i) {
+        for k in lattice.size.neighbours(i) {
             if !reached[k] && !solid(space[k]) {
                 reached[k] = true;
                 next.push(k);
@@ -285,7 +286,7 @@ mod tests {
 
     #[test]
     fn enclosed_voxels_are_filled_and_open_ones_are_not() {
-        let l = Lattice { min: Point::origin(), cell: 0.5, counts: [5; 3] };
+        let l = Lattice { min: Point::origin(), cell: 0.5, size: if_mesh::grid::GridSize([5; 3]) };
         let mut space = vec![Space::Open; l.len()];
         let at = |x: usize, y: usize, z: usize| (z * 5 + y) * 5 + x;
         for (x, y, z) in [(1, 2, 2), (3, 2, 2), (2, 1, 2), (2, 3, 2), (2, 2, 1)] {

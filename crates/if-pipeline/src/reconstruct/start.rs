@@ -145,7 +145,8 @@ impl Union {
         let mut solid: Vec<bool> = space.iter().map(|s| *s == Space::Filled).collect();
         for _ in 0..INTO {
             let next = |i: usize| {
-                solid[i] || (space[i] == Space::Body && lattice.beside(i).any(|k| solid[k]))
+                solid[i]
+                    || (space[i] == Space::Body && lattice.size.neighbours(i).any(|k| solid[k]))
             };
             solid = (0..solid.len()).into_par_iter().with_min_len(4096).map(next).collect();
         }
@@ -165,22 +166,15 @@ impl Union {
 
     /// Trilinear interpolation between the centres of the voxels.
     fn filled(&self, p: &Point) -> Real {
-        let [nx, ny, _] = self.lattice.counts;
-        let (mut low, mut part) = ([0; 3], [0.0; 3]);
-        for k in 0..3 {
-            let last = self.lattice.counts[k] - 1;
-            let place =
-                ((p[k] - self.lattice.min[k]) / self.lattice.cell - 0.5).clamp(0.0, last as Real);
-            low[k] = (place as usize).min(last.saturating_sub(1));
-            part[k] = place - low[k] as Real;
-        }
+        let Lattice { min, cell, size } = &self.lattice;
+        let (low, part) = size.cell_at([0, 1, 2].map(|k| (p[k] - min[k]) / cell - 0.5));
         let mut sum = 0.0;
         for c in 0..8 {
             let bit = [c & 1, c >> 1 & 1, c >> 2];
             let w: Real =
                 (0..3).map(|k| if bit[k] == 1 { part[k] } else { 1.0 - part[k] }).product();
             if w > 0.0 {
-                let at = ((low[2] + bit[2]) * ny + low[1] + bit[1]) * nx + low[0] + bit[0];
+                let at = size.index([0, 1, 2].map(|k| low[k] + bit[k]));
                 sum += w * Real::from(self.values[at]);
             }
         }
@@ -191,8 +185,7 @@ impl Union {
 
 /// One pass of the (1 2 1)/4 filter along each axis, with zeros outside the lattice.
 fn smoothed(lattice: &Lattice, mut values: Vec<f32>) -> Vec<f32> {
-    let [nx, ny, nz] = lattice.counts;
-    for (step, n) in [(1, nx), (nx, ny), (nx * ny, nz)] {
+    for (step, n) in lattice.size.strides().into_iter().zip(lattice.size.0) {
         let of = |i: usize| {
             let k = i / step % n;
             let low = if k > 0 { values[i - step] } else { 0.0 };

@@ -19,8 +19,8 @@ impl WeightGrid {
         neighbours: usize,
     ) -> Vec<f32> {
         let tree = PointTree::new(points);
-        let [nx, ny, nz] = self.nodes;
-        let mut out = vec![0.0; nx * ny * nz * self.joints];
+        let [nx, ny, _] = self.nodes.0;
+        let mut out = vec![0.0; self.nodes.len() * self.joints];
         out.par_chunks_mut(nx * self.joints).enumerate().for_each(|(row, out)| {
             let mut found = Vec::with_capacity(neighbours + 1);
             let mut sum = vec![0.0; self.joints];
@@ -47,14 +47,14 @@ impl WeightGrid {
     /// One round of smoothing: each node becomes the mean of its neighbours (fewer on the border),
     /// normalised.
     pub(super) fn smoothed(&self) -> Vec<f32> {
-        let [nx, ny, nz] = self.nodes;
+        let [nx, ny, nz] = self.nodes.0;
         let n = self.joints;
         let mut out = vec![0.0; self.weights.len()];
         out.par_chunks_mut(nx * n).enumerate().for_each(|(row, out)| {
             let (y, z) = (row % ny, row / ny);
             for (x, node) in out.chunks_exact_mut(n).enumerate() {
                 let mut add = |x: usize, y: usize, z: usize| {
-                    let from = &self.weights[((z * ny + y) * nx + x) * n..][..n];
+                    let from = &self.weights[self.nodes.index([x, y, z]) * n..][..n];
                     node.iter_mut().zip(from).for_each(|(o, w)| *o += w);
                 };
                 if x > 0 {
