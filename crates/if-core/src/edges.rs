@@ -1,4 +1,4 @@
-//! Unique edges, what meets at them, and boundary loops.
+//! Unique edges, the triangles at edges and vertices, neighbours, and boundary loops.
 
 use crate::mesh::TriMesh;
 use crate::rows::Rows;
@@ -11,7 +11,7 @@ pub const NONE: u32 = u32::MAX;
 pub struct Edges {
     /// The ends of each edge, smaller index first.
     pub vertices: Vec<[u32; 2]>,
-    /// The first two triangles at each edge; [`NONE`] where there is no second one.
+    /// The first two triangles at each edge; [`NONE`] if there is no second one.
     pub triangles: Vec<[u32; 2]>,
     /// How many triangles meet at each edge: 1 on a boundary, 2 inside, more where non-manifold.
     pub valence: Vec<u32>,
@@ -19,8 +19,8 @@ pub struct Edges {
     pub of_triangle: Vec<[u32; 3]>,
 }
 
-/// For each vertex the smallest vertex of its part: parts hang together by edges of triangles. A
-/// vertex without a triangle is a part of its own.
+/// For each vertex the smallest vertex of its connected part. A vertex without a triangle is a part
+/// of its own.
 pub fn parts(mesh: &TriMesh) -> Vec<u32> {
     let edges = mesh.triangles().iter().flat_map(|t| [[t[0], t[1]], [t[0], t[2]]]);
     parts_by_edges(edges, mesh.vertices().len())
@@ -105,7 +105,7 @@ impl Edges {
         self.vertices.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no edges.
     pub fn is_empty(&self) -> bool {
         self.vertices.is_empty()
     }
@@ -132,9 +132,8 @@ impl Edges {
     }
 
     /// Boundary loops, each as its vertices in the direction of the triangles' winding, the loop of
-    /// the smallest first half-edge first. No loop comes through a vertex twice: where loops touch
-    /// in one (a bow-tie) each is closed there. A chain that cannot close (inconsistent winding)
-    /// ends where it must.
+    /// the smallest first half-edge first. No loop passes a vertex twice: loops that touch in one (a
+    /// bow-tie) are closed there. A chain that cannot close (inconsistent winding) stays open.
     pub fn boundary_loops(&self, mesh: &TriMesh) -> Vec<Vec<u32>> {
         let mut next: Vec<Vec<u32>> = vec![Vec::new(); mesh.vertices().len()];
         let mut starts = Vec::new();
@@ -150,7 +149,7 @@ impl Edges {
             out.reverse(); // popped from the end: first come, first walked
         }
         let mut loops = Vec::new();
-        // Where each vertex stands in the walk.
+        // Position of each vertex in the walk.
         let mut place = vec![NONE; next.len()];
         for start in starts {
             let mut walk = vec![start];
@@ -181,7 +180,7 @@ impl Edges {
 pub struct VertexTriangles(Rows<u32>);
 
 impl VertexTriangles {
-    /// Collects the triangles round each vertex of `mesh`, in ascending order.
+    /// Collects the triangles at each vertex of `mesh`, in ascending order.
     pub fn new(mesh: &TriMesh) -> Self {
         let corners = mesh.triangles().iter().zip(0_u32..).flat_map(|(tri, t)| tri.map(|v| (v, t)));
         Self(Rows::new(mesh.vertices().len(), corners))
@@ -218,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_told_by_their_smallest_vertices() {
+    fn parts_are_identified_by_their_smallest_vertices() {
         let one = grid(2);
         let n = one.vertices().len() as u32;
         let vertices = one
@@ -232,8 +231,8 @@ mod tests {
         // The second part comes first, and the last vertex has no triangle.
         let both = TriMesh::new(vertices, shifted.chain(one.triangles().iter().copied()).collect())
             .unwrap();
-        let told: Vec<u32> = (0..2 * n).map(|v| v / n * n).chain([2 * n]).collect();
-        assert_eq!((parts(&both), part_count(&both), part_count(&one)), (told, 3, 1));
+        let expected: Vec<u32> = (0..2 * n).map(|v| v / n * n).chain([2 * n]).collect();
+        assert_eq!((parts(&both), part_count(&both), part_count(&one)), (expected, 3, 1));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Lists of items, one for each row, in one piece of memory.
+//! Lists of items, one for each row, in contiguous memory (compressed sparse rows).
 
 /// For each row, a list of items: the neighbours of each vertex, the entries of a sparse matrix.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -8,8 +8,8 @@ pub struct Rows<T> {
 }
 
 impl<T: Copy + Default> Rows<T> {
-    /// `rows` rows with the items of `pairs`, each of which goes into the row that stands before
-    /// it. In a row, items keep the order in which they come. `pairs` is run through twice.
+    /// `rows` rows with the items of `pairs` of (row, item). In a row, items keep the order of
+    /// `pairs`, which is iterated twice.
     ///
     /// # Panics
     ///
@@ -36,18 +36,18 @@ impl<T> Rows<T> {
     ///
     /// # Panics
     ///
-    /// If there is no such row.
+    /// If `row` is out of range.
     #[inline]
     pub fn of(&self, row: usize) -> &[T] {
         &self.items[self.start[row] as usize..self.start[row + 1] as usize]
     }
 
-    /// Count of rows.
+    /// Number of rows.
     pub fn len(&self) -> usize {
         self.start.len().saturating_sub(1)
     }
 
-    /// Whether there is no row.
+    /// Whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn items_stand_in_their_rows_in_the_order_in_which_they_came() {
+    fn items_of_a_row_keep_their_order() {
         let pairs = [(2, 'a'), (0, 'b'), (2, 'c'), (3, 'd'), (2, 'a')];
         let rows = Rows::new(5, pairs.into_iter());
         let lists: Vec<&[char]> = (0..rows.len()).map(|row| rows.of(row)).collect();

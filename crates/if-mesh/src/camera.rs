@@ -20,7 +20,7 @@ use nalgebra::{Matrix3, Point2};
 /// use nalgebra::Matrix3;
 /// let k = Matrix3::new(100.0, 0.0, 32.0, 0.0, 100.0, 24.0, 0.0, 0.0, 1.0);
 /// let camera = Camera::new(64, 48, k, Matrix3::identity(), Vector::zeros())?;
-/// let pixel = camera.project(&Point::new(0.1, 0.0, 2.0)).expect("it lies before the camera");
+/// let pixel = camera.project(&Point::new(0.1, 0.0, 2.0)).expect("in front of the camera");
 /// assert_eq!((pixel.x, pixel.y), (37.0, 24.0));
 /// # Ok::<(), if_mesh::camera::CameraError>(())
 /// ```
@@ -33,11 +33,11 @@ pub struct Camera {
     translation: Vector,
 }
 
-/// Why numbers make no camera.
+/// Why a camera is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CameraError {
-    /// A picture without pixels, or with more than can be counted.
+    /// The size of the picture is out of range.
     #[error("the picture is {width} × {height} pixels; each side must be from 1 to {MAX_SIDE}")]
     Size {
         /// Pixels in a row.
@@ -54,31 +54,31 @@ pub enum CameraError {
         row: usize,
         /// Its column, from 0.
         column: usize,
-        /// What stands there.
+        /// The entry.
         value: Real,
     },
-    /// K has another form.
+    /// K does not have the form of an intrinsic matrix.
     #[error(
         "K must be [[fx, s, cx], [0, fy, cy], [0, 0, 1]] with positive fx and fy; entry {row}, {column} is {value}; \
          divide K by its last entry, and mirror the pictures where a focal length is negative"
     )]
     Intrinsics {
-        /// Row of the first entry that does not fit, from 0.
+        /// Row of the first invalid entry, from 0.
         row: usize,
         /// Its column.
         column: usize,
-        /// What stands there.
+        /// The entry.
         value: Real,
     },
-    /// The angle of view is none.
+    /// The angle of view is out of range.
     #[error(
         "the angle between the upper and the lower edge is {angle} rad; it must lie between 0 and π (a person's whole height: 0.5)"
     )]
     Angle {
-        /// What was given, in radians.
+        /// The angle, in radians.
         angle: Real,
     },
-    /// R is no rotation.
+    /// R is not a rotation.
     #[error(
         "R is no rotation: R Rᵀ differs from the identity by {error:.2e} (at most {ORTHOGONAL:e}) and its determinant is {determinant:.6}"
     )]
@@ -90,8 +90,8 @@ pub enum CameraError {
     },
 }
 
-/// How far R Rᵀ may lie from the identity. Files hold four to six decimals: ten times less refuses
-/// them, ten times more lets a scale of 0.5 % pass, which is 1 cm on a person.
+/// Maximum difference of R Rᵀ from the identity. Files have four to six decimals: ten times less
+/// rejects them, ten times more accepts a scale of 0.5 %, which is 1 cm on a person.
 const ORTHOGONAL: Real = 1e-3;
 /// Longest side of a picture in pixels: sums of pixels fit 32 bits.
 const MAX_SIDE: usize = 1 << 15;
@@ -102,7 +102,7 @@ impl Camera {
     ///
     /// # Errors
     ///
-    /// The first of size, K, R and t that does not fit.
+    /// The first of size, K, R and t that is invalid.
     pub fn new(
         width: usize,
         height: usize,
@@ -213,7 +213,7 @@ impl Camera {
         &self.translation
     }
 
-    /// Where the camera stands in the world: −Rᵀ t.
+    /// Position of the camera in the world: −Rᵀ t.
     pub fn center(&self) -> Point {
         Point::from(-(self.rotation.transpose() * self.translation))
     }
@@ -233,15 +233,15 @@ impl Camera {
         Point2::new(k[(0, 0)] * x + k[(0, 1)] * y + k[(0, 2)], k[(1, 1)] * y + k[(1, 2)])
     }
 
-    /// The pixel position of a point of the world; `None` where it does not lie before the camera.
+    /// The pixel position of a point of the world; `None` if it is not in front of the camera.
     #[inline]
     pub fn project(&self, p: &Point) -> Option<Point2<Real>> {
         let q = self.to_camera(p);
         (q.z > 0.0).then(|| self.to_pixel(&q))
     }
 
-    /// The direction, in the camera's frame and with z = 1, of what is seen at a pixel position: a
-    /// depth times it is the point there.
+    /// The direction, in the camera's frame and with z = 1, of a pixel position: times a depth it is
+    /// the point at that depth.
     #[inline]
     pub fn pixel_direction(&self, pixel: &Point2<Real>) -> Vector {
         let k = &self.intrinsics;
@@ -257,7 +257,7 @@ impl Camera {
     }
 
     /// The same view with `factor` times the pixels along each side, for coarse copies of pictures.
-    /// Sides are rounded up, so that no pixel is lost.
+    /// Sides are rounded up.
     ///
     /// # Errors
     ///

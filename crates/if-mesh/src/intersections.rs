@@ -1,4 +1,4 @@
-//! Intersecting triangle pairs: of two meshes, and of one mesh with itself. Exact.
+//! Intersecting triangle pairs of two meshes, and of one mesh with itself: exact.
 
 use crate::index::Bvh;
 use if_core::aabb::Aabb;
@@ -14,11 +14,11 @@ pub struct TrianglePair {
     pub a: u32,
     /// Triangle of the second mesh; of the same one, with `a < b`, for [`own_pairs`].
     pub b: u32,
-    /// How they meet; never [`Contact::Disjoint`].
+    /// Their contact; never [`Contact::Disjoint`].
     pub contact: Contact,
 }
 
-/// All pairs of a triangle of `a` and one of `b` that share a point, in a fixed order.
+/// All pairs of a triangle of `a` and one of `b` that share a point, in a deterministic order.
 ///
 /// Both trees must hold the current positions. Cost is near-linear in the number of triangles plus
 /// the number of pairs of overlapping boxes.
@@ -30,8 +30,8 @@ pub fn pairs(a: &Bvh, b: &Bvh) -> Vec<TrianglePair> {
 }
 
 /// All pairs of triangles of one mesh that share a point beyond their common corners, sorted.
-/// Corners count as common where they are one vertex or have equal coordinates; triangles of zero
-/// area are left out.
+/// Corners are common if they are one vertex or have equal coordinates; triangles of zero area are
+/// skipped.
 pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
     let mut found = tree.own_near_pairs(|i, ti, j, tj| {
         if i < j { own_pair(mesh, i, ti, j, tj) } else { own_pair(mesh, j, tj, i, ti) }
@@ -40,8 +40,8 @@ pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
     found
 }
 
-/// What [`pairs`] finds now, sorted, from what it found before some triangles of `b` moved:
-/// `before` are the sorted pairs of then. Only the triangles that `moved` names are looked at.
+/// Updates the result of [`pairs`] after some triangles of `b` moved: `before` are the sorted pairs
+/// before the motion, the result is sorted too. Only the triangles in `moved` are tested.
 ///
 /// # Panics
 ///
@@ -69,7 +69,7 @@ pub fn pairs_after_motion(
     all
 }
 
-/// As [`pairs_after_motion`], for [`own_pairs`]; `tree` holds the mesh as it is now.
+/// As [`pairs_after_motion`], for [`own_pairs`]; `tree` must hold the current positions.
 ///
 /// # Panics
 ///
@@ -84,7 +84,7 @@ pub fn own_pairs_after_motion(
         let corners = mesh.corners(t as usize).map(|p| *p);
         let mut found = Vec::new();
         tree.overlapping_corners(&Aabb::from_points(&corners), |other, other_corners| {
-            // Of two that have moved, the first finds the pair.
+            // A pair of two moved triangles is found by the first one.
             if other == t || (other < t && moved.is_moved[other as usize]) {
                 return;
             }
@@ -113,7 +113,7 @@ pub struct MovedTriangles {
 }
 
 impl MovedTriangles {
-    /// Those with a vertex for which `vertex_moved` holds.
+    /// The triangles with a vertex for which `vertex_moved` is true.
     ///
     /// # Panics
     ///
@@ -125,7 +125,7 @@ impl MovedTriangles {
         Self { is_moved, list }
     }
 
-    /// How many they are.
+    /// Number of moved triangles.
     pub fn len(&self) -> usize {
         self.list.len()
     }
@@ -136,7 +136,7 @@ impl MovedTriangles {
     }
 }
 
-/// Whether and how two triangles of one mesh, `i < j`, meet beyond their common corners.
+/// The contact of two triangles of one mesh, `i < j`, beyond their common corners.
 fn own_pair(
     mesh: &TriMesh,
     i: u32,
@@ -145,7 +145,7 @@ fn own_pair(
     tj: &[Point; 3],
 ) -> Option<TrianglePair> {
     let (mut ni, mut nj) = (mesh.triangles()[i as usize], mesh.triangles()[j as usize]);
-    // Corners at one place go by one name.
+    // Corners at the same position get the same index.
     for k in 1..3 {
         if let Some(m) = (0..k).find(|&m| ti[m] == ti[k]) {
             ni[k] = ni[m];

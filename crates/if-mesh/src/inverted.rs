@@ -9,14 +9,14 @@ use if_core::mesh::TriMesh;
 /// sheet does. A ball has 0.094; a glove of 1 mm thickness and 20 cm length still has 1e-3.
 pub(crate) const NO_VOLUME: Real = 1e-9;
 
-/// A part of a closed mesh that faces inwards, and is no cavity of another part.
+/// A part of a closed mesh that faces inwards, and is not a cavity of another part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InvertedPart {
-    /// The first of its triangles.
+    /// Its first triangle.
     pub triangle: usize,
-    /// How many it has.
+    /// Number of its triangles.
     pub triangles: usize,
-    /// Its signed volume, in cubic metres: below zero.
+    /// Its signed volume, in cubic metres: negative.
     pub volume: Real,
 }
 
@@ -31,11 +31,11 @@ struct Part {
     tip: u32,
 }
 
-/// The first part of `mesh`, by its smallest vertex, that faces inwards though no other part
-/// encloses it; `None` where there is none.
+/// The first part of `mesh`, by its smallest vertex, that faces inwards and is not enclosed by
+/// another part; `None` if all parts are oriented correctly.
 ///
-/// The mesh has to be closed, its neighbours have to wind alike. A part that faces inwards inside
-/// of one that faces outwards is a cavity, and right. Parts hang together by vertices
+/// The mesh must be closed and consistently wound. A part that faces inwards inside of one that
+/// faces outwards is a cavity, which is valid. Parts are connected by vertices
 /// ([`if_core::edges::parts`]).
 ///
 /// ```
@@ -59,8 +59,7 @@ pub fn inverted_part(mesh: &TriMesh) -> Option<InvertedPart> {
             area: 0.0,
             tip: corners[0],
         });
-        // Volumes off a point of the part itself: far from the origin they would be lost to
-        // rounding.
+        // Volumes relative to a point of the part: far from the origin rounding would cancel them.
         let from = mesh.vertices()[root];
         let [a, b, c] = mesh.corners(t);
         part.triangles += 1;
@@ -73,8 +72,8 @@ pub fn inverted_part(mesh: &TriMesh) -> Option<InvertedPart> {
     let mut suspects = found.iter().flatten().filter(inwards).peekable();
     suspects.peek()?;
     let winding = Winding::new(mesh);
-    // At its outermost vertex a part fills at most a half space: it counts -1/2 to 0 there if it
-    // faces inwards, and 1 more where another part encloses it.
+    // At its outermost vertex a part fills at most a half space: its winding number there is -1/2
+    // to 0 if it faces inwards, and 1 more if another part encloses it.
     let enclosed = |p: &Part| winding.at(&mesh.vertices()[p.tip as usize]) > 0.25;
     let part = suspects.find(|p| !enclosed(p))?;
     Some(InvertedPart { triangle: part.first, triangles: part.triangles, volume: part.volume })
@@ -102,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn cavities_are_right_and_parts_that_nothing_encloses_are_not() {
+    fn cavities_are_valid_and_free_inverted_parts_are_found() {
         let each = icosphere(1.0, 2).triangles().len();
         assert_eq!(inverted_part(&TriMesh::default()), None);
         assert_eq!(inverted_part(&balls(&[(0.0, 1.0, false), (3.0, 1.0, false)])), None);

@@ -1,4 +1,4 @@
-//! What a correction cost, and how far two surfaces are apart.
+//! Measures: displacement, strain, distance between surfaces, shape of triangles.
 //!
 //! Displacements are in metres and strains are fractions; distances of surfaces are in millimetres.
 
@@ -16,7 +16,7 @@ pub struct Displacement {
     pub mean: Real,
     /// 95 % of the vertices moved at most this far.
     pub p95: Real,
-    /// The farthest.
+    /// Largest displacement.
     pub max: Real,
     /// Vertices that moved at all.
     pub vertices: usize,
@@ -29,14 +29,14 @@ pub struct Strain {
     pub rms: Real,
     /// 99 % of the edges changed at most this much.
     pub p99: Real,
-    /// The most.
+    /// Largest strain.
     pub max: Real,
 }
 
-/// How far two surfaces are apart, by points spread evenly over both.
+/// Distances between two surfaces, at points spread evenly over both.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct SurfaceDistance {
-    /// Points on each of the two surfaces; 0 where one has no area, and nothing was measured.
+    /// Points on each of the two surfaces; 0 if one has no area, and nothing was measured.
     pub samples: usize,
     /// Mean distance of the first surface's points from the second.
     pub mean_first_to_second_mm: Real,
@@ -56,7 +56,7 @@ pub struct SurfaceDistance {
 const MM: Real = 1e3;
 const PERCENT: Real = 100.0;
 
-/// How far the vertices moved from `before` to `after`. All zero where there are none.
+/// How far the vertices moved from `before` to `after`. All zero without vertices.
 ///
 /// # Source
 ///
@@ -64,7 +64,7 @@ const PERCENT: Real = 100.0;
 ///
 /// # Panics
 ///
-/// If the two are not equally long.
+/// If the lengths differ.
 pub fn displacement(before: &[Point], after: &[Point]) -> Displacement {
     assert_eq!(before.len(), after.len(), "one new position for each old one");
     let mut moved: Vec<Real> = before.iter().zip(after).map(|(a, b)| (b - a).norm()).collect();
@@ -80,22 +80,21 @@ pub fn displacement(before: &[Point], after: &[Point]) -> Displacement {
 const SHORTEST_EDGE: Real = 1e-12;
 
 /// How much the edges of `before` changed their length when its vertices moved to `after`. All zero
-/// where there are no edges.
+/// without edges.
 ///
 /// # Source
 ///
-/// As `cost` of the project's referee, which takes edges without length that stay so for strained
-/// by 100 %.
+/// As `cost` of the project's referee, in which edges that keep a length of zero are strained by
+/// 100 %.
 ///
 /// # Panics
 ///
-/// If there is not one new position for each vertex.
+/// If the number of positions is not that of the vertices.
 pub fn strain(before: &TriMesh, after: &[Point]) -> Strain {
     strain_of(&Edges::new(before).vertices, before.vertices(), after)
 }
 
-/// Change of an edge's length as a share of the length before. What has no length and gets none is
-/// not strained.
+/// Change of an edge's length as a share of the length before; 0 if both are zero.
 pub fn edge_strain(before: Real, after: Real) -> Real {
     if before.max(after) < SHORTEST_EDGE {
         0.0
@@ -104,11 +103,11 @@ pub fn edge_strain(before: Real, after: Real) -> Real {
     }
 }
 
-/// [`strain`] of edges that the caller has at hand.
+/// [`strain`] of the given edges.
 ///
 /// # Panics
 ///
-/// If the positions are not equally many, or an edge names one that is not there.
+/// If the lengths differ, or an edge has an index out of range.
 pub fn strain_of(edges: &[[u32; 2]], before: &[Point], after: &[Point]) -> Strain {
     assert_eq!(before.len(), after.len(), "one new position for each old one");
     let length = |p: &[Point], e: &[u32; 2]| (p[e[0] as usize] - p[e[1] as usize]).norm();
@@ -156,7 +155,7 @@ pub fn surface_distance(
 const OTHER_SIDE: u64 = 0x5bd1_e995_9d5c_0a67;
 
 fn distances(points: &[Point], surface: &impl ClosestPoint) -> Vec<Real> {
-    // `None` comes only from a surface without triangles: all or nothing.
+    // Only a surface without triangles returns `None`, for all points.
     points
         .par_iter()
         .filter_map(|p| surface.closest(p, Real::INFINITY))
@@ -164,7 +163,7 @@ fn distances(points: &[Point], surface: &impl ClosestPoint) -> Vec<Real> {
         .collect()
 }
 
-/// Points on the surface of `mesh`, uniform by area and stratified; none where it has no area.
+/// Points on the surface of `mesh`, uniform by area and stratified; empty if it has no area.
 pub fn surface_samples(mesh: &TriMesh, samples: usize, seed: u64) -> Vec<Point> {
     let mut sum = 0.0;
     let mut until = Vec::with_capacity(mesh.triangles().len()); // area up to and with each triangle
@@ -190,7 +189,7 @@ pub fn surface_samples(mesh: &TriMesh, samples: usize, seed: u64) -> Vec<Point> 
     (0..samples).map(sample).collect()
 }
 
-/// A small generator of random numbers: one for each sample, so that no order matters.
+/// A small random number generator: one per sample, so that results do not depend on the order.
 ///
 /// # Source
 ///
@@ -229,8 +228,8 @@ fn mean(values: &[Real]) -> Real {
     if values.is_empty() { 0.0 } else { values.iter().sum::<Real>() / values.len() as Real }
 }
 
-/// The value below which `percent` of the sorted `values` lie, linear between ranks; 0 where there
-/// is none.
+/// The value below which `percent` of the `sorted` values lie, linear between ranks; 0 without
+/// values.
 ///
 /// # Source
 ///
@@ -319,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_without_length_is_not_strained_until_it_gets_one() {
+    fn an_edge_of_length_zero_is_not_strained_until_it_grows() {
         let strain = |before: Real, after: Real| {
             strain_of(
                 &[[0, 1]],
@@ -333,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn parallel_squares_are_as_far_apart_as_they_are() {
+    fn distances_of_parallel_squares_are_exact() {
         let (a, b) = (square(1.0, 0.0), square(1.0, 0.025));
         let d = surface_distance((&a, &Slow(&a)), (&b, &Slow(&b)), 500, 7);
         for mm in
@@ -364,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn the_smallest_angle_is_that_of_school_geometry() {
+    fn smallest_angles_are_those_of_known_triangles() {
         let triangle = |p: [[Real; 2]; 3]| {
             TriMesh::new(
                 p.map(|p| Point::new(p[0], p[1], 7.0)).to_vec(),

@@ -1,28 +1,28 @@
-//! Normals that stand in a file and should follow the vertices that moved.
+//! Normals of a file, which follow vertices that moved.
 
 use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
 
-/// What happens to the normals of a file when its vertices have moved.
+/// Treatment of the normals of a file whose vertices have moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Normals {
-    /// Each turns with the surface round its vertex, by the smallest rotation from the old
-    /// angle-weighted vertex normal to the new one. A normal with nothing moved round it keeps its
-    /// bits, and one that was meant to differ from the geometric normal still differs as much.
+    /// Each turns with the surface at its vertex, by the smallest rotation from the old
+    /// angle-weighted vertex normal to the new one. A normal without motion around it keeps its
+    /// bits, and one that differs from the geometric normal keeps that difference.
     #[default]
     Follow,
-    /// All stay as they stand.
+    /// All stay unchanged.
     Keep,
 }
 
-/// For each vertex the surface normal before and after, or `None` where nothing has moved at all.
+/// For each vertex the surface normal before and after.
 pub(crate) struct Turns {
     before: Vec<Vector>,
     after: Vec<Vector>,
 }
 
 impl Turns {
-    /// `None` where the positions are the same bits, or do not belong to this mesh.
+    /// `None` if the positions have the same bits, or do not belong to this mesh.
     pub(crate) fn new(mesh: &TriMesh, positions: &[Point]) -> Option<Self> {
         if mesh.vertices() == positions {
             return None;
@@ -31,7 +31,7 @@ impl Turns {
         Some(Self { before: mesh.vertex_normals(), after: moved.vertex_normals() })
     }
 
-    /// The normal `n` of vertex `v` turned with the surface, or `None` where it stays.
+    /// The normal `n` of vertex `v` turned with the surface; `None` if it stays.
     pub(crate) fn turned(&self, v: usize, n: &Vector) -> Option<Vector> {
         let (a, b) = (&self.before[v], &self.after[v]);
         let sum = a + b;
@@ -44,7 +44,7 @@ impl Turns {
         }
         let s2 = sum.norm_squared();
         // The rotation is two reflections: across the plane normal to a, then to a + b. Opposite
-        // normals have no smallest rotation; there the one reflection does.
+        // normals have no smallest rotation; one reflection is used instead.
         let first = n - a * (2.0 * n.dot(a));
         Some(if s2 > OPPOSITE { first - sum * (2.0 * first.dot(&sum) / s2) } else { first })
     }

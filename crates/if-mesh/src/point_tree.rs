@@ -1,13 +1,13 @@
-//! The nearest of many points.
+//! Nearest neighbours among points.
 
 use if_core::math::{Point, Real};
 
-/// Points that one leaf holds: fewer make more steps down, more make longer scans. A search for 30
+/// Maximum points in a leaf: fewer need more steps down, more need longer scans. A search for 30
 /// neighbours among the vertices of a template body took 2.4 µs with 8 to 32, 2.8 µs with 64 and
 /// 3.9 µs with 4 (the quietest of three runs on a loaded machine).
 const LEAF: usize = 16;
 
-/// A balanced k-d tree over points: nearest neighbours by number.
+/// A balanced k-d tree over points.
 ///
 /// # Examples
 ///
@@ -23,8 +23,8 @@ const LEAF: usize = 16;
 pub struct PointTree {
     /// Points in the order of the leaves, with their indices.
     points: Vec<(Point, u32)>,
-    /// Axis and place of the plane that parts a range of `points` in its middle, in the order of an
-    /// implicit binary tree.
+    /// Axis and position of the plane that splits a range of `points` in its middle, in the order of
+    /// an implicit binary tree.
     planes: Vec<(u8, Real)>,
 }
 
@@ -48,13 +48,13 @@ impl PointTree {
         self.points.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no points.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// Writes the `count` points nearest to `p` (fewer where there are fewer) into `found`, as
-    /// squared distance and index, the nearest first, and of equally near ones the smaller index.
+    /// Writes the `count` points nearest to `p` (or all, if there are fewer) into `found`, as squared
+    /// distance and index, the nearest first, and of equally near ones the smaller index first.
     pub fn nearest(&self, p: &Point, count: usize, found: &mut Vec<(Real, u32)>) {
         found.clear();
         if count > 0 {
@@ -114,7 +114,7 @@ fn part(points: &mut [(Point, u32)], node: usize, planes: &mut Vec<(u8, Real)>) 
     }
     let axis = (high - low).imax();
     let middle = points.len() / 2;
-    // Equal coordinates are told apart by index: the same tree from the same points, always.
+    // Equal coordinates are ordered by index, so that the tree is deterministic.
     points
         .select_nth_unstable_by(middle, |a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
     planes[node] = (axis as u8, points[middle].0[axis]);

@@ -1,9 +1,8 @@
-//! The faces of a file as they stand there, beside the triangles that the rest of the crate works
-//! on.
+//! The faces of a file, beside the triangles that the rest of the crate uses.
 
 use if_core::mesh::Triangles;
 
-/// Faces of three corners or more, as vertex indices, one after the other.
+/// Faces of three corners or more, as consecutive vertex indices.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Polygons {
     /// Corner k of face f is `corners[starts[f] + k]`. One entry more than there are faces.
@@ -17,7 +16,7 @@ impl Polygons {
         self.starts.len().saturating_sub(1)
     }
 
-    /// Whether there is no face.
+    /// Whether there are no faces.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -41,8 +40,8 @@ impl Polygons {
     ///
     /// # Errors
     ///
-    /// The index of the first face with fewer than three corners, or with which there are more
-    /// corners than 32 bits count.
+    /// The index of the first face with fewer than three corners, or with which the corners exceed
+    /// 32-bit offsets.
     pub fn new<F: AsRef<[u32]>>(faces: impl IntoIterator<Item = F>) -> Result<Self, usize> {
         let mut made = Self { starts: vec![0], corners: Vec::new() };
         for (index, face) in faces.into_iter().enumerate() {
@@ -55,8 +54,8 @@ impl Polygons {
         Ok(made)
     }
 
-    /// The triangles that stand for the faces: fans round their first corners, without those that
-    /// name a vertex twice.
+    /// The triangles of the faces: fans around their first corners, without those that use a vertex
+    /// twice.
     pub fn triangles(&self) -> Vec<[u32; 3]> {
         self.fans().collect()
     }
@@ -78,16 +77,16 @@ impl Polygons {
     }
 }
 
-/// A face of three corners or more as triangles round its first corner.
+/// A face of three corners or more as triangles around its first corner.
 fn fan(face: &[u32]) -> impl Iterator<Item = [u32; 3]> {
     face[1..].windows(2).map(|pair| [face[0], pair[0], pair[1]])
 }
 
 /// Faces as they are read: triangles, and the polygons too as soon as one face is not a triangle.
 ///
-/// A face is cut into a fan round its first corner. A triangle of the fan that names a vertex twice
-/// is left out of the triangles (it has no area, and [`if_core::mesh::TriMesh`] refuses it) and
-/// stays in the polygons; the face is then listed in `collapsed`.
+/// A face is split into a fan around its first corner. A triangle of the fan that uses a vertex
+/// twice is missing in the triangles (it has no area, and [`if_core::mesh::TriMesh`] rejects it) but
+/// not in the polygons; the face is then listed in `collapsed`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FaceList {
     pub(crate) triangles: Triangles,
@@ -97,7 +96,7 @@ pub(crate) struct FaceList {
     pub(crate) collapsed: Vec<u32>,
 }
 
-/// Corners that 32-bit offsets can count.
+/// Maximum number of corners for 32-bit offsets.
 const MAX_CORNERS: usize = u32::MAX as usize;
 
 impl FaceList {
@@ -106,8 +105,7 @@ impl FaceList {
         self.polygons.as_ref().map_or(self.triangles.len(), Polygons::len)
     }
 
-    /// Appends a face of three corners or more; `false` where the corners are more than 32 bits can
-    /// count.
+    /// Appends a face of three corners or more; returns `false` if the corners exceed 32-bit offsets.
     pub(crate) fn push(&mut self, face: &[u32]) -> bool {
         if let (None, &[a, b, c]) = (&self.polygons, face)
             && self.triangles.push([a, b, c]).is_ok()

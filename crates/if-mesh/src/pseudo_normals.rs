@@ -1,4 +1,4 @@
-//! Angle-weighted pseudo-normals of faces, edges and vertices, and where a surface ends.
+//! Angle-weighted pseudo-normals of faces, edges and vertices, and the boundary of a surface.
 
 use if_core::closest::{Closest, Feature};
 use if_core::edges::Edges;
@@ -6,8 +6,8 @@ use if_core::math::{Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use rayon::prelude::*;
 
-/// For every feature on which a nearest point can lie, the normal whose side tells inside from
-/// outside of a closed surface.
+/// For every feature on which a nearest point can lie, the normal that separates inside from outside
+/// of a closed surface.
 ///
 /// # Source
 ///
@@ -59,7 +59,7 @@ impl PseudoNormals {
         self.vertices = mesh.vertex_normals();
     }
 
-    /// Unit normal of triangle `t`; zero where it is degenerate.
+    /// Unit normal of triangle `t`; zero if it is degenerate.
     #[inline]
     pub fn face(&self, t: u32) -> &Vector {
         &self.faces[t as usize]
@@ -82,7 +82,7 @@ impl PseudoNormals {
         }
     }
 
-    /// Whether a nearest point lies where the surface ends: beyond it there is no side.
+    /// Whether a nearest point lies on the boundary of the surface, beyond which there is no side.
     #[inline]
     pub fn is_boundary(&self, c: &Closest) -> bool {
         let t = c.triangle as usize;
@@ -93,8 +93,8 @@ impl PseudoNormals {
         }
     }
 
-    /// +1 where `p` lies on the outer side of its nearest point `c`, −1 on the inner side, 0 on the
-    /// surface itself.
+    /// +1 if `p` lies on the outer side of its nearest point `c`, −1 on the inner side, 0 on the
+    /// surface.
     #[inline]
     pub fn side(&self, p: &if_core::math::Point, c: &Closest) -> Real {
         let s = (p - c.point).dot(&self.at(c));

@@ -1,4 +1,4 @@
-//! Which triangle each pixel of a camera sees.
+//! Rasterisation: the visible triangle of each pixel of a camera.
 //!
 //! ```text
 //! corners → camera frame → pixels in fixed point (1/1024)
@@ -8,8 +8,8 @@
 //! ```
 //!
 //! Blocks and bands have fixed sizes and run on any number of threads with the same result. Tests
-//! of what is inside are exact, so that triangles that share an edge leave no gap and cover no
-//! pixel twice. What lies before the near plane, or far beside the picture, is clipped.
+//! of pixel centres are exact, so that triangles that share an edge leave no gap and cover no pixel
+//! twice. Parts in front of the near plane, or far outside the picture, are clipped.
 
 mod clip;
 #[cfg(test)]
@@ -25,13 +25,13 @@ use serde::{Deserialize, Serialize};
 /// No triangle.
 pub const NOTHING: u32 = u32::MAX;
 
-/// How to look at a mesh.
+/// Parameters of rasterisation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RasterParams {
-    /// Nothing nearer to the camera than this depth is seen, in metres. Positive.
+    /// Depth of the near plane, in metres: positive.
     pub near: Real,
-    /// Leave out triangles whose back is seen. Right for closed meshes only, and faster.
+    /// Skips triangles that face away from the camera: faster, and correct for closed meshes only.
     pub cull_back: bool,
 }
 
@@ -42,7 +42,7 @@ impl Default for RasterParams {
     }
 }
 
-/// What a camera sees: for each pixel, rows from the top, the front-most triangle at its centre.
+/// The visible triangle at the centre of each pixel, rows from the top.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct IdBuffer {
     /// Pixels in a row.
@@ -51,7 +51,7 @@ pub struct IdBuffer {
     pub height: usize,
     /// The triangle, or [`NOTHING`].
     pub triangle: Vec<u32>,
-    /// Its depth (z in the camera's frame) in metres; infinite for nothing.
+    /// Its depth (z in the camera's frame) in metres; infinite without a triangle.
     pub depth: Vec<f32>,
 }
 
@@ -59,8 +59,8 @@ pub struct IdBuffer {
 /// thousandth of a pixel; with [`GUARD`] below 2²⁰ pixels, products of differences stay below 2⁶².
 const STEP_BITS: u32 = 10;
 const STEP: i32 = 1 << STEP_BITS;
-/// What lies further than this beside the picture, in pixels, is clipped. Pictures have at most 2¹⁵
-/// on a side.
+/// Distance from the picture, in pixels, beyond which triangles are clipped. Pictures have at most
+/// 2¹⁵ pixels on a side.
 const GUARD: Real = 262_144.0;
 /// Triangles that one task bins.
 const BLOCK: usize = 1 << 14;
@@ -69,7 +69,7 @@ const BAND: usize = 16;
 /// Marks a corner that fixed point cannot hold: its triangles are clipped.
 const OUTSIDE: [i32; 2] = [i32::MIN; 2];
 
-/// Room for looking at one mesh after another, or at one that moves.
+/// Rasterises meshes, and reuses its memory from one call to the next.
 #[derive(Clone, Debug, Default)]
 pub struct Rasteriser {
     /// Vertices in the camera's frame.
@@ -83,12 +83,12 @@ pub struct Rasteriser {
 #[derive(Clone, Debug, Default)]
 struct Block {
     whole: Vec<Vec<u32>>,
-    /// Clipped ones: the triangle, and one piece of it.
+    /// Clipped triangles: the index, and one piece.
     pieces: Vec<(u32, [[i32; 2]; 3])>,
 }
 
 impl Rasteriser {
-    /// Looks at `mesh`, with its vertices at `positions`, and writes what is seen into `out`.
+    /// Rasterises `mesh`, with its vertices at `positions`, into `out`.
     ///
     /// # Panics
     ///
@@ -194,10 +194,10 @@ impl Rasteriser {
             });
     }
 
-    /// Where, on the triangle it sees, the ray through the centre of a pixel ends, after
-    /// [`Rasteriser::look`]: its barycentric coordinates, clamped to the triangle, and the cosine
-    /// between the triangle's normal and the way back to the camera, negative where its back is
-    /// seen. `None` where the triangle is seen from its edge.
+    /// Intersects the ray through the centre of a pixel with its visible triangle, after
+    /// [`Rasteriser::look`]: returns barycentric coordinates, clamped to the triangle, and the cosine
+    /// between the triangle's normal and the direction to the camera, negative for a back face.
+    /// `None` if the triangle is parallel to the ray.
     pub fn hit(
         &self,
         mesh: &TriMesh,
@@ -222,7 +222,7 @@ impl Rasteriser {
     }
 }
 
-/// Looks at a mesh once.
+/// Rasterises a mesh once.
 ///
 /// # Panics
 ///
@@ -241,8 +241,7 @@ fn center(column: usize, row: usize) -> Point2<Real> {
 /// The nearest fixed-point position; the pixel lies within [`GUARD`].
 fn fixed_point(pixel: &Point2<Real>) -> [i32; 2] {
     [pixel.x, pixel.y].map(|c| {
-        // Half a step goes away from zero, as `round` has it; that would be a call of the system's
-        // library.
+        // Half a step rounds away from zero, as in `round`, which would be a library call.
         let steps = c * Real::from(STEP);
         let whole = steps as i32;
         let rest = steps - Real::from(whole);
@@ -267,7 +266,7 @@ fn pixels(c: &[[i32; 2]; 3], width: usize, height: usize) -> Option<[i32; 4]> {
 }
 
 /// Twice the area in steps², positive where the corners turn clockwise on the screen, whose y
-/// points down: a triangle that is seen from its front turns the other way.
+/// points down: a triangle that faces the camera turns the other way.
 #[inline]
 fn area(c: &[[i32; 2]; 3]) -> i64 {
     let d = |p: [i32; 2], k: usize| i64::from(p[k]) - i64::from(c[0][k]);
@@ -286,7 +285,7 @@ impl Plane {
     fn new([a, b, c]: [Point; 3]) -> Self {
         let normal = (b - a).cross(&(c - a));
         let height = normal.dot(&a.coords);
-        // Seen from its edge, or of no area: the depth of its nearest corner will do.
+        // Parallel to the rays, or without area: the depth of its nearest corner is used.
         let q = if height == 0.0 { Vector::zeros() } else { normal / height };
         let near = a.z.min(b.z).min(c.z);
         let far = a.z.max(b.z).max(c.z);
@@ -347,7 +346,7 @@ impl Band<'_> {
 struct Edge {
     from: [i64; 2],
     along: [i64; 2],
-    /// 0 where centres on the edge count as inside, 1 where they do not.
+    /// 0 if centres on the edge are inside, 1 if not.
     least: i64,
 }
 

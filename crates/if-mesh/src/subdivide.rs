@@ -1,4 +1,4 @@
-//! Four triangles from each one, with all that hangs on the vertices.
+//! Subdivision of each triangle into four, with the attributes of the vertices.
 
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
@@ -6,7 +6,7 @@ use if_core::mesh::{MeshError, TriMesh};
 use if_core::rows::Rows;
 use std::f64::consts::TAU;
 
-/// Where new vertices lie.
+/// Positions of new vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scheme {
     /// In the middle of the edges: the surface stays as it is.
@@ -15,17 +15,17 @@ pub enum Scheme {
     Loop,
 }
 
-/// A finer mesh, and where its vertices come from.
+/// A finer mesh, and the origin of its vertices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Subdivided {
     /// The old vertices first, in their order, then one for each edge in the order of [`Edges`].
     pub mesh: TriMesh,
-    /// New vertices as means of old ones: carries attributes along.
+    /// New vertices as weighted means of old ones, for attributes.
     pub stencils: Stencils,
 }
 
-/// For each new vertex the old ones of which it is a weighted mean. Weights are not negative, and
-/// add up to 1.
+/// For each new vertex the old ones of which it is the weighted mean. Weights are not negative, and
+/// their sum is 1.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Stencils {
     start: Vec<u32>,
@@ -38,7 +38,7 @@ impl Stencils {
         self.start.len().saturating_sub(1)
     }
 
-    /// Whether there are none.
+    /// Whether there are no vertices.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -53,11 +53,11 @@ impl Stencils {
     }
 
     /// Attributes of `channels` numbers a vertex, such as skinning weights or colours, at the new
-    /// vertices. Weights that added up to 1 still do.
+    /// vertices. Weights with a sum of 1 keep it.
     ///
     /// # Panics
     ///
-    /// If `values` has not `channels` numbers for each old vertex.
+    /// If the length of `values` is not `channels` times the number of old vertices.
     pub fn mean(&self, values: &[Real], channels: usize) -> Vec<Real> {
         let mut out = vec![0.0; self.len() * channels];
         for v in 0..self.len() {
@@ -70,12 +70,12 @@ impl Stencils {
         out
     }
 
-    /// Attributes that have no mean, such as labels: that of the old vertex of the largest weight,
-    /// the smallest index among equals.
+    /// Attributes without a mean, such as labels: that of the old vertex with the largest weight,
+    /// with the smallest index among equals.
     ///
     /// # Panics
     ///
-    /// If `values` has not one for each old vertex.
+    /// If the length of `values` is not the number of old vertices.
     pub fn pick<T: Copy>(&self, values: &[T]) -> Vec<T> {
         let largest = |v: usize| {
             self.of(v).iter().fold(None, |best: Option<(u32, Real)>, e| match best {
@@ -106,7 +106,7 @@ impl Stencils {
 ///
 /// # Errors
 ///
-/// More vertices than 32-bit indices can name.
+/// More vertices than 32-bit indices allow.
 ///
 /// # Examples
 ///

@@ -1,4 +1,4 @@
-//! The 256 cases of a cube, made from one rule for its faces.
+//! The 256 cases of a cube, derived from one rule for its faces.
 //!
 //! Corner `c` of the cube has the coordinates `(c & 1, c >> 1 & 1, c >> 2 & 1)`. An edge is named
 //! by its lower corner and its axis, as `3 · corner + axis`.
@@ -17,7 +17,7 @@ const SIDES: [[u8; 4]; 6] =
 /// No edge.
 const NONE: u8 = u8::MAX;
 
-/// The name of the edge between two neighbouring corners.
+/// The number of the edge between two neighbouring corners.
 fn edge(a: u8, b: u8) -> u8 {
     3 * a.min(b) + (a ^ b).trailing_zeros() as u8
 }

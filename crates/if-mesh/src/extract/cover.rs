@@ -1,13 +1,13 @@
-//! Which boxes hold no zero of a field: a node's value φ clears the ball of radius |φ| / L round
-//! it.
+//! Boxes without zeros of a field: a node's value φ excludes zeros in the ball of radius |φ| / L
+//! around it.
 
 use if_core::math::Real;
 
-/// Part of a radius that is given away, so that rounding (1e-16 of the coordinates) cannot clear a
+/// Part of a radius that is subtracted, so that rounding (1e-16 of the coordinates) cannot drop a
 /// box that a zero touches. A million times more would keep one box in a thousand more.
 const SLACK: Real = 1e-9;
 
-/// The balls without zeros round the corners of a box; lengths in cells.
+/// The balls without zeros around the corners of a box; lengths in cells.
 pub(super) struct Balls {
     centres: [[Real; 3]; 8],
     /// Squared radii.
@@ -15,7 +15,7 @@ pub(super) struct Balls {
 }
 
 impl Balls {
-    /// From the corners and the radii of their balls. Negative and NaN radii are none.
+    /// From the corners and the radii of their balls. Negative and NaN radii are empty balls.
     pub(super) fn new(centres: [[Real; 3]; 8], radii: [Real; 8]) -> Self {
         Self {
             centres,
@@ -23,8 +23,8 @@ impl Balls {
         }
     }
 
-    /// Whether the union of the balls certainly holds the box: whether the box, or each of its
-    /// eight parts, and so on `depth` times, lies within one of the balls.
+    /// Whether the union of the balls certainly contains the box: the box, or each of its eight
+    /// parts, and so on `depth` times, lies within one of the balls.
     pub(super) fn cover(&self, lo: [Real; 3], hi: [Real; 3], depth: u32) -> bool {
         let middle = [0, 1, 2].map(|k| 0.5 * (lo[k] + hi[k]));
         let half = [0, 1, 2].map(|k| 0.5 * (hi[k] - lo[k]));

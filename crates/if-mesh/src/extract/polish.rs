@@ -19,14 +19,14 @@ const MARGIN: Real = 0.01;
 /// next one.
 const STEP: Real = 0.5;
 
-/// Vertices, and the field at the places from which the last Newton step started.
+/// Vertices, and the field at the positions from which the last Newton step started.
 pub(super) struct Polished {
     pub(super) points: Vec<Point>,
-    /// One for each vertex after a Newton step; else none.
+    /// One for each vertex after a Newton step; empty without one.
     pub(super) samples: Vec<FieldSample>,
 }
 
-/// The place on an edge where the field would vanish if it were linear.
+/// The zero on an edge of the linear function with the values at its ends.
 pub(super) fn guess(lattice: &Lattice, edge: &Edge) -> Point {
     on_edge(lattice, edge, crossing(edge.values[0], edge.values[1]))
 }
@@ -40,9 +40,9 @@ fn on_edge(lattice: &Lattice, edge: &Edge, t: Real) -> Point {
 /// Linear along the edge, one secant step along the edge (one evaluation), then `newton` steps
 /// along the gradient (one sample each).
 ///
-/// The secant step stays between the ends and on the side where the sign changes, and so folds
-/// nothing. It mends the kink between two near sheets, where the gradient jumps and Newton's step
-/// alone would go astray.
+/// The secant step stays between the ends and on the side where the sign changes, so that it causes
+/// no folds. It corrects the kink between two near sheets, where the gradient jumps and Newton's step
+/// alone would diverge.
 pub(super) fn polish(
     field: &dyn SignedDistance,
     lattice: &Lattice,
@@ -74,8 +74,8 @@ pub(super) fn polish(
     Ok(Polished { points, samples })
 }
 
-/// The zero of the line between the value at `t` and the end of the other sign. `t` itself where it
-/// has no value.
+/// The zero of the line between the value at `t` and the end of the other sign; `t` if the value is
+/// NaN.
 fn secant_step(ends: [Real; 2], t: Real, value: Real) -> Real {
     if value.is_nan() {
         return t;
@@ -88,8 +88,7 @@ fn secant_step(ends: [Real; 2], t: Real, value: Real) -> Real {
     (low.0 + (high.0 - low.0) * linear(low.1, high.1)).clamp(MARGIN, 1.0 - MARGIN)
 }
 
-/// Where the linear function with values `a` at 0 and `b` at 1 vanishes; 0.5 where it has no such
-/// place.
+/// The zero of the linear function with values `a` at 0 and `b` at 1; 0.5 if it has none.
 fn linear(a: Real, b: Real) -> Real {
     let t = a / (a - b);
     if t.is_finite() { t } else { 0.5 }

@@ -13,36 +13,36 @@ use if_core::field::SignedDistance;
 use if_core::math::Real;
 use rayon::prelude::*;
 
-/// How often a child box is halved to find out whether balls cover it together. 2 leaves 3 to 6 %
-/// fewer evaluations than 1 on the fields of `docs/extraction.md`; 3 leaves 1 % fewer again, and
-/// takes four times as long to ask.
+/// Number of halvings of a child box in the test whether balls cover it together. 2 needs 3 to 6 %
+/// fewer evaluations than 1 on the fields of `docs/evidence`; 3 needs 1 % fewer again, and the test
+/// takes four times as long.
 const DEPTH: u32 = 2;
 
-/// The cells that could not be cleared, and the field at their corners.
+/// The cells that were not dropped, and the field at their corners.
 pub(super) struct Refined {
     pub(super) cells: Rows<Bits>,
     pub(super) nodes: Nodes,
-    /// Cells that were cleared although the surface passes through them, and were taken back.
+    /// Cells that were dropped although the surface passes through them, and were restored.
     pub(super) restored: usize,
-    /// The bound on |∇φ| that was used in the end.
+    /// The final bound on |∇φ|.
     pub(super) slope: Real,
 }
 
-/// A field is called steeper than its bound from this factor on. Rounding makes 1e-10 of a cell's
-/// length; what is steeper by a thousandth can hide a thousandth of a cell at most.
+/// Factor above its bound from which on a field counts as steeper. Rounding is 1e-10 of a cell's
+/// length; a field that is steeper by a thousandth can hide a thousandth of a cell at most.
 const STEEPER: Real = 1.001;
-/// The bound that follows is this much above what was seen.
+/// The next bound is this factor above the steepest slope that was found.
 const MARGIN: Real = 1.25;
 
 /// Halves boxes down to cells, each level a batch.
 ///
-/// A node's value clears the ball of radius (|φ| − noise) / L round it. A box is dropped when balls
-/// round the corners of the box above cover it: nothing in it is evaluated any more. Corners are
-/// shared by all boxes and all levels.
+/// A node's value excludes zeros in the ball of radius (|φ| − noise) / L around it. A box is dropped
+/// if balls around the corners of its parent cover it: nothing in it is evaluated any more. Corners
+/// are shared by all boxes and all levels.
 ///
-/// Where L is wrong this can drop boxes through which the surface passes. Neighbouring nodes whose
-/// values differ by more than L allows show it: then all begins anew with a larger L. And a cell is
-/// taken back where one of its edges has ends of both signs, until there is none, so that the
+/// If L is too small this can drop boxes through which the surface passes. Neighbouring nodes whose
+/// values differ by more than L allows reveal it: then refinement restarts with a larger L. And
+/// cells at edges with ends of both signs are restored, until all of them are present, so that the
 /// surface has no holes.
 pub(super) fn refine(
     field: &dyn SignedDistance,
@@ -61,13 +61,13 @@ pub(super) fn refine(
                     budget,
                 );
             }
-            // An infinite slope bounds everything, so that this ends.
+            // The loop terminates, as an infinite slope bounds every field.
             Err(seen) => bound.slope = MARGIN * seen,
         }
     }
 }
 
-/// What is left on the last level; or the slope that was seen, where it is above the bound.
+/// Cells and nodes of the last level; or the slope that was found, if it exceeds the bound.
 fn levels(
     field: &dyn SignedDistance,
     lattice: &Lattice,
@@ -106,7 +106,7 @@ fn levels(
     }
 }
 
-/// All cells: the slow twin.
+/// All cells: slow, for comparison.
 pub(super) fn dense(
     field: &dyn SignedDistance,
     lattice: &Lattice,
@@ -122,14 +122,14 @@ pub(super) fn dense(
     if u32::try_from(all).is_err() {
         return Err(ExtractError::TooManyNodes { nodes: all });
     }
-    // The cells, and a value for each node at last.
+    // The cells, and a value for each node.
     budget.room(all.saturating_mul(size_of::<Real>()), memory::full(level.boxes))?;
     let cells = Rows::full(level.boxes);
     let nodes = Nodes::evaluate(field, lattice, &level, &cells, |_| None, cells.bytes(), budget)?;
     Ok(Refined { cells, nodes, restored: 0, slope: bound.slope })
 }
 
-/// The children of `cells` that are not covered by balls round the corners of their parents.
+/// The children of `cells` that are not covered by balls around the corners of their parents.
 fn children(
     lattice: &Lattice,
     level: &Level,
@@ -195,7 +195,7 @@ impl crate::extract::rows::Word for Quad {
     }
 }
 
-/// The words of the nodes round 64 cells: four rows, this word and the next.
+/// The words of the nodes of 64 cells: four rows, this word and the next.
 pub(super) struct Corners([[Option<NodeWord>; 2]; 4]);
 
 impl Corners {

@@ -1,5 +1,5 @@
-//! Where the surface crosses the lattice: edges, their vertices, and the triangles between them, 64
-//! cells at a time.
+//! Crossings of the surface with the lattice: edges, their vertices, and the triangles between them,
+//! 64 cells at a time.
 
 use crate::extract::cases::CASES;
 use crate::extract::rows::{Bits, NodeWord, Rows, Scratch, WORD, below, each_bit};
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 /// edge's axis. The numbering depends on the signs alone, and not on which other nodes are known.
 pub(super) struct Crossings<'a> {
     rows: &'a Rows<NodeWord>,
-    /// Beside each word of nodes.
+    /// One for each word of nodes.
     words: Vec<Crossed>,
     /// Number of vertices.
     pub(super) count: usize,
@@ -22,7 +22,7 @@ pub(super) struct Crossings<'a> {
 #[derive(Clone, Copy, Default)]
 struct Crossed {
     axes: [u64; 3],
-    /// Number of the first vertex.
+    /// Index of the first vertex.
     first: u32,
 }
 
@@ -60,7 +60,7 @@ impl<'a> Follow<'a> {
         Self { row, first, at: 0 }
     }
 
-    /// The word at `x` and its number. `x` must not fall.
+    /// The word at `x` and its index. `x` must not decrease.
     #[inline]
     fn to(&mut self, x: u32) -> Option<(&'a NodeWord, usize)> {
         while self.row.get(self.at)?.x < x {
@@ -70,7 +70,7 @@ impl<'a> Follow<'a> {
         (word.x == x).then_some((word, self.first + self.at))
     }
 
-    /// The word after the one that `to` gave, where it is the next 64 nodes.
+    /// The word after the one that `to` returned, if it has the next 64 nodes.
     #[inline]
     fn next(&self, x: u32) -> Option<(&'a NodeWord, usize)> {
         let word = self.row.get(self.at + 1)?;
@@ -78,7 +78,7 @@ impl<'a> Follow<'a> {
     }
 }
 
-/// A word moved down by one place, with the first bit of the next one.
+/// A word shifted down by one place, with the first bit of the next one.
 #[inline]
 fn shifted(word: u64, next: u64) -> u64 {
     word >> 1 | next << (WORD - 1)
@@ -117,8 +117,8 @@ impl<'a> Crossings<'a> {
         Self { rows, words, count }
     }
 
-    /// The crossed edges in the order of their vertices. `value` gives the field by a value's
-    /// number.
+    /// The crossed edges in the order of their vertices. `value` returns a value of the field by its
+    /// index.
     pub(super) fn edges(&self, value: impl Fn(usize) -> Real + Sync) -> Vec<Edge> {
         let rows = self.rows;
         let planes: Vec<Vec<Edge>> = (0..rows.size[2])
@@ -219,7 +219,7 @@ impl<'a> Crossings<'a> {
         }
     }
 
-    /// The cells round crossed edges.
+    /// The cells around crossed edges.
     pub(super) fn cells(&self) -> Rows<Bits> {
         let size = self.rows.size.map(|s| s.saturating_sub(1));
         let words = size[0].div_ceil(WORD) as usize;
@@ -245,8 +245,7 @@ impl<'a> Crossings<'a> {
         })
     }
 
-    /// How many crossed edges lie in the border of the lattice: where the surface goes on beyond
-    /// it.
+    /// Number of crossed edges in the border of the lattice, beyond which the surface continues.
     pub(super) fn on_border(&self) -> usize {
         let last = self.rows.size.map(|s| s - 1);
         let on = |k: usize, c: u32| c == 0 || c == last[k];
@@ -270,8 +269,8 @@ impl<'a> Crossings<'a> {
         count
     }
 
-    /// Vertices that follow one another on a line of the lattice, one or two edges apart: where
-    /// sheets are near.
+    /// Consecutive vertices on a line of the lattice, one or two edges apart: candidates for near
+    /// sheets.
     pub(super) fn neighbours_on_lines(&self) -> Vec<[u32; 2]> {
         let rows = self.rows;
         let crossed = |w: Option<usize>, axis: usize| w.map_or(0, |w| self.words[w].axes[axis]);

@@ -1,22 +1,23 @@
-//! Cutting a mesh along a line on it.
+//! Clips a mesh along the zero line of a function.
 
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use std::collections::BTreeMap;
 
-/// How near to a corner an edge may be cut, as a part of its length. Nearer cuts would leave
-/// triangles whose normals drown in rounding; at ten times more, borders become visibly jagged.
+/// Minimum distance of a cut from the ends of an edge, as a part of its length. Nearer cuts leave
+/// triangles whose normals are lost to rounding; at ten times more, borders become visibly jagged.
 const MARGIN: Real = 0.01;
 
-/// The part of a mesh where a function, given at the vertices and linear on triangles, is negative.
+/// Returns the part of a mesh where a function, given at the vertices and linear on triangles, is
+/// negative.
 ///
 /// Triangles that the zero line crosses are split there; neighbours share the new vertices. The
 /// vertices that are kept come first, in their order, then the new ones by the edge they lie on.
-/// Zero and NaN count as outside. The new border passes each of its vertices once.
+/// Zero and NaN are outside. The new border passes each of its vertices once.
 ///
 /// # Panics
 ///
-/// If `values` has not one value for each vertex.
+/// If the length of `values` is not the number of vertices.
 ///
 /// # Examples
 ///
@@ -54,7 +55,7 @@ pub fn clip(mesh: &TriMesh, values: &[Real]) -> TriMesh {
     }
     let mut triangles = Vec::new();
     for t in mesh.triangles() {
-        // Turned so that corner 0 is the odd one out.
+        // Rotated so that corner 0 is the one on the other side.
         let odd = |k: &usize| {
             inside(t[*k]) != inside(t[(k + 1) % 3]) && inside(t[*k]) != inside(t[(k + 2) % 3])
         };
@@ -173,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn all_inside_stays_as_it_is_and_all_outside_leaves_nothing() {
+    fn a_mesh_that_is_all_inside_is_unchanged_and_one_all_outside_is_empty() {
         let ball = icosphere(1.0, 1);
         assert_eq!(clip(&ball, &vec![-1.0; 42]), ball);
         assert_eq!(clip(&ball, &vec![0.0; 42]), TriMesh::default());

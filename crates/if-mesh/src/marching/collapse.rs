@@ -1,11 +1,11 @@
-//! Short edges.
+//! Collapses short edges.
 
 use if_core::edges::{Edges, VertexTriangles};
 use if_core::math::{Point, Real, Vector, area_vector};
 use if_core::mesh::TriMesh;
 
-/// Passes over the edges, at most. A pass collapses edges whose neighbourhoods are apart, about a
-/// tenth of those that can go where all are short.
+/// Maximum number of passes. A pass collapses edges with disjoint neighbourhoods, about a tenth of
+/// the candidates if all edges are short.
 const PASSES: usize = 16;
 /// The smallest cosine between the normals of a triangle before and after: a turn of 45°, beyond
 /// which a smooth surface gets folds.
@@ -14,8 +14,8 @@ const TURN: Real = 0.7;
 /// Collapses edges shorter than `shortest` (metres) into their midpoint, or into the end that lies
 /// on a border, the shortest first.
 ///
-/// An edge stays where its collapse would change the topology, turn a triangle over, or make an
-/// edge longer than 3 `shortest`. Borders keep their loops; vertices that remain keep their order.
+/// An edge stays if its collapse would change the topology, flip a triangle, or make an edge longer
+/// than 3 `shortest`. Borders keep their loops; vertices that remain keep their order.
 pub fn collapse(mesh: &TriMesh, shortest: Real) -> TriMesh {
     let mut mesh = mesh.clone();
     for _ in 0..PASSES {
@@ -28,7 +28,7 @@ pub fn collapse(mesh: &TriMesh, shortest: Real) -> TriMesh {
     mesh
 }
 
-/// Collapses edges no two of which touch a common triangle fan.
+/// One pass: collapses edges that share no triangle fan.
 fn pass(mesh: &TriMesh, shortest: Real) -> (TriMesh, usize) {
     let edges = Edges::new(mesh);
     let fans = VertexTriangles::new(mesh);
@@ -88,8 +88,8 @@ fn pass(mesh: &TriMesh, shortest: Real) -> (TriMesh, usize) {
     )
 }
 
-/// The link condition: the ends have no common neighbours but the corners opposite of the edge, and
-/// the edge is no bridge between two borders. No triangle or tetrahedron disappears altogether.
+/// The link condition: the common neighbours of the ends are the corners opposite of the edge, and
+/// the edge is not a bridge between two borders. No triangle or tetrahedron disappears.
 fn keeps_topology(
     mesh: &TriMesh,
     edges: &Edges,
@@ -123,7 +123,7 @@ fn keeps_topology(
         && loop_is_long(edges, fans, e)
 }
 
-/// A border of three edges would close.
+/// Whether the border at the edge has more than three edges: one of three would close.
 fn loop_is_long(edges: &Edges, fans: &VertexTriangles, e: usize) -> bool {
     if edges.valence[e] == 2 {
         return true;
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn short_edges_of_a_ball_go_and_it_stays_a_ball() {
+    fn short_edges_of_a_ball_are_collapsed_and_it_keeps_its_shape() {
         let ball = icosphere(1.0, 4);
         let coarse = collapse(&ball, 0.12);
         let edges = Edges::new(&coarse);
@@ -202,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_go_stays() {
+    fn edges_that_cannot_be_collapsed_stay() {
         for mesh in [
             cloth(1.0, 1.0, 1, 1),
             icosphere(1.0, 0),

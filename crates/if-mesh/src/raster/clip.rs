@@ -1,14 +1,14 @@
-//! Triangles that fixed point cannot hold, cut to pieces that it can.
+//! Clips triangles to pieces that fixed point can represent.
 
 use super::{GUARD, fixed_point};
 use crate::camera::Camera;
 use if_core::math::{Point, Real};
 
-/// Cuts a triangle with `corners` in the camera's frame at the near plane and far beside the
-/// picture, and calls `take` with the pieces that are left.
+/// Clips a triangle with `corners` in the camera's frame at the near plane and far outside the
+/// picture, and calls `take` with the remaining pieces.
 ///
-/// Where an edge is cut does not depend on the triangle it belongs to: its ends, named by
-/// `vertices`, are taken in ascending order. So neighbours still leave no gap.
+/// The cut point of an edge does not depend on its triangle, as its ends are in ascending order of
+/// `vertices`: neighbours leave no gap.
 pub(super) fn pieces(
     vertices: [u32; 3],
     corners: &[Point; 3],
@@ -16,8 +16,8 @@ pub(super) fn pieces(
     near: Real,
     mut take: impl FnMut([[i32; 2]; 3]),
 ) {
-    // Begun at the smallest vertex, and with edges cut from the smaller end: the same points for
-    // each neighbour.
+    // From the smallest vertex on, and with edges cut from the smaller end: the same points for each
+    // neighbour.
     let mut polygon: Vec<(u64, Point)> =
         (0..3).map(|k| (u64::from(vertices[k]), corners[k])).collect();
     let k = camera.intrinsics();
@@ -45,7 +45,7 @@ pub(super) fn pieces(
     }
 }
 
-/// The part of a polygon where `side` is not negative. A cut point gets a number made of those of
+/// The part of a polygon where `side` is not negative. A cut point gets an index made of those of
 /// its edge's ends.
 fn cut(polygon: &[(u64, Point)], side: &dyn Fn(&Point) -> Real) -> Vec<(u64, Point)> {
     let mut out = Vec::with_capacity(polygon.len() + 1);

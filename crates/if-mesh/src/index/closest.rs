@@ -1,0 +1,72 @@
+//! Nearest points.
+
+use super::{Bvh, STACK, corner_box};
+use if_core::closest::{Closest, ClosestPoint, Feature, closest_on_triangle};
+use if_core::math::{Point, Real, barycentric_point};
+
+impl ClosestPoint for Bvh {
+    fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest> {
+        if max_distance.is_nan() || max_distance < 0.0 {
+            return None;
+        }
+        let mut limit = max_distance * max_distance;
+        let mut best: Option<(usize, [Real; 3], Feature, Point)> = None;
+        let mut stack = [(0u32, 0.0); STACK];
+        let mut top = 0;
+        let mut n = 0u32;
+        if self.nodes.is_empty() || self.nodes[0].aabb.distance_squared(p) > limit {
+            return None;
+        }
+        loop {
+            let node = &self.nodes[n as usize];
+            if node.count == 0 {
+                // The nearer child first; the other waits on the stack.
+                let (left, right) = (n + 1, node.at);
+                let dl = self.nodes[left as usize].aabb.distance_squared(p);
+                let dr = self.nodes[right as usize].aabb.distance_squared(p);
+                let (near, dn, far, df) =
+                    if dl <= dr { (left, dl, right, dr) } else { (right, dr, left, dl) };
+                if df <= limit {
+                    stack[top] = (far, df);
+                    top += 1;
+                }
+                if dn <= limit {
+                    n = near;
+                    continue;
+                }
+            } else {
+                for k in node.at as usize..(node.at + node.count) as usize {
+                    // The box rules out most triangles. (Within rounding it decides which of two
+                    // equally near ones is returned.)
+                    if corner_box(&self.corners[k]).distance_squared(p) > limit * (1.0 + 1e-12) {
+                        continue;
+                    }
+                    let [a, b, c] = &self.corners[k];
+                    let (w, feature) = closest_on_triangle(p, a, b, c);
+                    let q = barycentric_point([a, b, c], w);
+                    let d = (p - q).norm_squared();
+                    if d < limit || (d == limit && best.is_none()) {
+                        limit = d;
+                        best = Some((k, w, feature, q));
+                    }
+                }
+            }
+            loop {
+                if top == 0 {
+                    return best.map(|(k, barycentric, feature, point)| Closest {
+                        point,
+                        distance: limit.sqrt(),
+                        triangle: self.order[k],
+                        barycentric,
+                        feature,
+                    });
+                }
+                top -= 1;
+                if stack[top].1 < limit || (best.is_none() && stack[top].1 <= limit) {
+                    n = stack[top].0;
+                    break;
+                }
+            }
+        }
+    }
+}

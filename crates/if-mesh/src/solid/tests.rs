@@ -1,0 +1,161 @@
+use super::*;
+use if_core::field::SignedDistance;
+
+/// A ring of `n` quads between two profiles of (radius, height), front side outwards.
+fn lathe(profile: &[(Real, Real)], n: u32) -> TriMesh {
+    let mut v = Vec::new();
+    for &(r, y) in profile {
+        for k in 0..n {
+            let a = Real::from(k) / Real::from(n) * std::f64::consts::TAU;
+            v.push(Point::new(r * a.sin(), y, r * a.cos()));
+        }
+    }
+    let mut t = Vec::new();
+    for row in 0..profile.len() as u32 - 1 {
+        for k in 0..n {
+            let (a, b) = (row * n + k, row * n + (k + 1) % n);
+            t.push([a, b, b + n]);
+            t.push([a, b + n, a + n]);
+        }
+    }
+    TriMesh::new(v, t).unwrap()
+}
+
+/// A closed spindle of radius 0.1 and height 1.6.
+fn body() -> TriMesh {
+    let rows: Vec<(Real, Real)> = (0..=40)
+        .map(|k| {
+            let u = Real::from(k) / 40.0;
+            ((0.1 * (1.0 - (2.0 * u - 1.0).powi(8))).max(1e-4), 1.6 * u)
+        })
+        .collect();
+    let open = lathe(&rows, 48);
+    let (mut v, mut t) = (open.vertices().to_vec(), open.triangles().to_vec());
+    let last = 40 * 48;
+    v.push(Point::new(0.0, 0.0, 0.0));
+    v.push(Point::new(0.0, 1.6, 0.0));
+    let (bottom, top) = (v.len() as u32 - 2, v.len() as u32 - 1);
+    for k in 0..48 {
+        t.push([bottom, (k + 1) % 48, k]);
+        t.push([top, last + k, last + (k + 1) % 48]);
+    }
+    let mesh = TriMesh::new(v, t).unwrap();
+    assert!(mesh.signed_volume() > 0.0);
+    mesh
+}
+
+fn check(layer: &ClosedLayer, cases: &[(Real, Real, Real)]) {
+    for &(r, y, expected) in cases {
+        for a in [0.1, 1.7, 4.0] {
+            let p = Point::new(r * f64::sin(a), y, r * f64::cos(a));
+            let got = layer.sided(&p, 0.5).map_or(Real::INFINITY, |s| s.distance);
+            if expected < 0.0 {
+                assert!(got < 0.0, "({r}, {y}) should be inside, got {got}");
+            } else {
+                assert!(got > 0.0, "({r}, {y}) should be outside, got {got}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_flared_skirt_has_an_inside_down_to_its_hem() {
+    let mesh = body();
+    let solid = ClosedLayer::body(&mesh);
+    let skirt = lathe(&[(0.32, 0.5), (0.25, 0.7), (0.18, 0.9), (0.12, 1.0)], 64);
+    let layer = ClosedLayer::garment(&skirt, &solid, &mesh);
+    check(
+        &layer,
+        &[
+            (0.2, 0.6, -1.0),
+            (0.15, 0.52, -1.0),
+            (0.29, 0.6, 1.0),
+            (0.2, 0.95, 1.0),
+            (0.2, 0.4, 1.0),
+            (0.11, 1.05, 1.0),
+            (0.11, 0.99, -1.0),
+            // Within a voxel of the sheet the triangle's label decides.
+            (0.2833, 0.6, -1.0),
+            (0.2867, 0.6, 1.0),
+        ],
+    );
+    let s = layer.sided(&Point::new(0.0, 0.6, 0.28), 0.1).unwrap();
+    assert!(s.normal.z > 0.8 && s.distance < -1e-3 && s.distance > -0.01);
+}
+
+#[test]
+fn a_folded_collar_is_part_of_the_inside_and_its_top_side_the_way_out() {
+    let mesh = body();
+    let solid = ClosedLayer::body(&mesh);
+    // Up along the body, over a crease, and down again outside, 10 mm away: front becomes back.
+    let collar = lathe(
+        &[(0.12, 0.8), (0.115, 1.0), (0.112, 1.1), (0.117, 1.105), (0.122, 1.1), (0.128, 1.02)],
+        64,
+    );
+    let layer = ClosedLayer::garment(&collar, &solid, &mesh);
+    check(
+        &layer,
+        &[
+            (0.14, 1.06, 1.0),
+            (0.127, 1.06, 1.0),
+            (0.118, 1.06, -1.0), // in the pocket
+            (0.1145, 1.06, -1.0),
+            (0.108, 1.05, -1.0), // between body and collar
+            (0.13, 0.9, 1.0),
+        ],
+    );
+    let s = layer.sided(&Point::new(0.0, 1.06, 0.118), 0.1).unwrap();
+    assert!(s.normal.z > 0.9, "the way out of the pocket leads through the flap: {:?}", s.normal);
+    assert!(layer.covered_triangles() > 0);
+}
+
+#[test]
+fn across_the_cap_of_a_skirt_the_field_jumps_and_says_so() {
+    let mesh = body();
+    let solid = ClosedLayer::body(&mesh);
+    let skirt = lathe(&[(0.32, 0.5), (0.25, 0.7), (0.18, 0.9), (0.12, 1.0)], 64);
+    let layer = ClosedLayer::garment(&skirt, &solid, &mesh);
+    assert_eq!(ClothedField::new(vec![&solid]).lipschitz(), 1.0);
+    let field = ClothedField::new(vec![&solid, &layer]);
+    let [below, above] = [0.46, 0.54].map(|y| field.distance(&Point::new(0.2, y, 0.0)));
+    assert!(below > 0.0 && above < 0.0 && below - above > 1.5 * 0.08, "{below} {above}");
+    assert_eq!(field.lipschitz(), Real::INFINITY);
+}
+
+#[test]
+fn a_vertex_just_inside_is_found_whatever_the_reach() {
+    let mesh = body();
+    let solid = ClosedLayer::body(&mesh);
+    let skirt = lathe(&[(0.32, 0.5), (0.25, 0.7), (0.18, 0.9), (0.12, 1.0)], 64);
+    let layer = ClosedLayer::garment(&skirt, &solid, &mesh);
+    for reach in [0.0, 1e-4, 0.01, 1.0] {
+        let inside = layer.sided(&Point::new(0.0, 0.6, 0.2840), reach);
+        assert!(inside.is_some_and(|s| s.distance < 0.0), "{reach}: {inside:?}");
+        let outside = layer.sided(&Point::new(0.0, 0.6, 0.2865), reach);
+        assert!(outside.is_none_or(|s| s.distance > 0.0), "{reach}: {outside:?}");
+        let in_body = solid.sided(&Point::new(0.0, 0.8, 0.0995), reach);
+        assert!(in_body.is_some_and(|s| s.distance < 0.0));
+    }
+}
+
+#[test]
+fn the_union_of_layers_is_the_smaller_distance() {
+    let mesh = body();
+    let solid = ClosedLayer::body(&mesh);
+    let skirt = lathe(&[(0.32, 0.5), (0.12, 1.0)], 64);
+    let layer = ClosedLayer::garment(&skirt, &solid, &mesh);
+    let both = ClothedField::new(vec![&solid, &layer]);
+    let p = Point::new(0.0, 0.7, 0.4);
+    assert_eq!(both.distance(&p), layer.sided(&p, 1.0).unwrap().distance);
+    let q = Point::new(0.0, 1.3, 0.2);
+    assert!(both.distance(&q) <= solid.sided(&q, 1.0).unwrap().distance);
+    assert!(both.distance(&Point::new(0.0, 1.2, 0.0)) < 0.0);
+}
+
+#[test]
+fn a_point_deep_inside_a_body_is_inside_whatever_the_reach() {
+    let solid = ClosedLayer::body(&body());
+    let s = solid.sided(&Point::new(0.0, 0.8, 0.0), 1e-3).unwrap();
+    assert!(s.distance < -0.09 && s.distance > -0.11);
+    assert!(solid.sided(&Point::new(0.0, 0.8, 0.5), 0.1).is_none());
+}
