@@ -39,7 +39,7 @@ fn sweep(c: &mut Criterion) {
     let start: Vec<Point> = start.collect();
 
     // Rigid: 200 sweeps must take most of the strain out.
-    let mut stretch = Stretch::new(edges.clone(), 0.0);
+    let mut stretch = Stretch::new(edges.clone(), 0.0).expect("a compliance of at least 0");
     let mut p = start.clone();
     stretch.begin_substep(&start, &start, &w, H);
     let first = stretch.project(&mut p, &w, H).rms();
@@ -53,7 +53,7 @@ fn sweep(c: &mut Criterion) {
     group.throughput(Throughput::Elements(edges.len() as u64));
     // What is timed: the first sweep of a substep, from the same cloth each time. One must not
     // leave more than there was.
-    let mut stretch = Stretch::new(edges, 1e-5);
+    let mut stretch = Stretch::new(edges, 1e-5).expect("a compliance of at least 0");
     let once = |stretch: &mut Stretch, p: &mut Vec<Point>| {
         stretch.begin_substep(&start, &start, &w, H);
         stretch.project(p, &w, H)

@@ -4,4 +4,5 @@
 //! programs in `peers`.
 
 pub mod baselines;
+pub mod comparators;
 pub mod timing;

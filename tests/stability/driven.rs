@@ -14,10 +14,10 @@ use if_mesh::baked::{BakeParams, Baked};
 use if_xpbd::collision::SdfCollision;
 use if_xpbd::edge_set::EdgeSet;
 use if_xpbd::half_space::HalfSpaces;
-use if_xpbd::pair_contact::PairContacts;
 use if_xpbd::params::{Motion, SolverParams};
 use if_xpbd::particles::Particles;
 use if_xpbd::report::StepError;
+use if_xpbd::separation::Separations;
 use if_xpbd::solver::Solver;
 use if_xpbd::stretch::Stretch;
 
@@ -128,7 +128,7 @@ impl Drive {
     /// Where it ends, where the body is then, and an error where there was one.
     fn run(&self) -> (Particles, Vector, Option<StepError>) {
         let n = self.start.len();
-        let mut stretch = Stretch::new(EdgeSet::of_mesh(&self.mesh), self.beta);
+        let mut stretch = Stretch::new(EdgeSet::of_mesh(&self.mesh), self.beta).unwrap();
         let mut particles = self.start.clone();
         let mut by = Vector::zeros();
         let still = Motion::Dynamic { damping: 10.0 };
@@ -229,8 +229,8 @@ fn lists_of_contacts_grow_and_drop_none() {
     let mesh = cloth(1.0, 1.0, 20, 20);
     let n = mesh.vertices().len() as u32;
     let mut particles = Particles::from_area_density(&mesh, 0.2).unwrap();
-    let mut stretch = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-6);
-    let (mut planes, mut pairs) = (HalfSpaces::new(), PairContacts::new());
+    let mut stretch = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-6).unwrap();
+    let (mut planes, mut pairs) = (HalfSpaces::new(), Separations::new());
     let params = SolverParams { gravity: [0.0, 0.0, -9.81], ..SolverParams::default() };
     let mut solver = Solver::new(params).unwrap();
     let mut random = Random::new("growing lists", 0);
@@ -240,15 +240,14 @@ fn lists_of_contacts_grow_and_drop_none() {
             planes.push([v; 3], [1.0, 0.0, 0.0], Vector::z(), &Point::new(0.0, 0.0, -0.01), 0.0);
         }
         while pairs.len() < count {
-            let t = random.pick(mesh.triangles());
-            let v = random.below(n as usize) as u32;
-            if !t.contains(&v) {
-                pairs.push_vertex_face(v, t, 1.0, 1e-6);
+            let (s, t) = (random.pick(mesh.triangles()), random.pick(mesh.triangles()));
+            if s != t {
+                pairs.push(s, t, 1e-6, mesh.vertices());
             }
         }
         let report =
             solver.step(&mut particles, &mut [&mut stretch, &mut planes, &mut pairs]).unwrap();
-        assert_eq!(report.contact.count, 2 * count, "contacts visited");
+        assert_eq!(report.contact.count, planes.len() + pairs.len(), "contacts visited");
         let lowest = particles.positions.iter().map(|p| p.z).fold(0.0, Real::min);
         assert!(finite(&particles.positions) && lowest > -1.0, "{count} contacts: {lowest}");
     }

@@ -3,10 +3,10 @@
 
 use crate::cases::{Random, Tally, cases, check, share};
 use crate::fields::{Fault, Hostile, Solid};
-use crate::solver_scene::{Ran, Scene, StretchSolver};
+use crate::solver_scene::{Ran, Scene};
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
-use if_xpbd::params::{Motion, SolverParams};
+use if_xpbd::params::{LambdaForm, Motion, SolverParams};
 use if_xpbd::particles::Particles;
 
 fn mapped(mesh: &TriMesh, f: impl FnMut(&Point) -> Point) -> TriMesh {
@@ -44,7 +44,7 @@ fn in_units(scene: &Scene, length: Real, time: Real, mass: Real) -> Scene {
     if let Motion::Dynamic { damping } = &mut s.params.motion {
         *damping /= time;
     }
-    s.bending = s.bending.map(|(model, c)| (model, c * compliance / (length * length)));
+    s.bending = s.bending.map(|c| c * compliance);
     s.attached.iter_mut().for_each(|(_, t, c)| (*t, *c) = (place(t), *c * compliance));
     if let Some((field, ..)) = &mut s.field {
         (field.center, field.size) = (place(&field.center), field.size * length);
@@ -60,16 +60,12 @@ fn in_units(scene: &Scene, length: Real, time: Real, mass: Real) -> Scene {
 fn units(count: u32) -> Tally {
     cases("units", count, |r| {
         let Some(mut scene) = Scene::any(r) else { return Ok("no masses") };
-        // Their tolerances are lengths, and a root of an odd power of two is none. Jumps are
-        // counted from 1 m and 1 m/s, and line 18 as printed adds metres to kilograms.
-        scene.stretch = if scene.stretch == StretchSolver::None {
-            StretchSolver::None
-        } else {
-            StretchSolver::Sweeps
-        };
+        // Jumps are counted from 1 m and 1 m/s, and line 18 as printed adds metres to kilograms.
         scene.params.energy_jump = Real::INFINITY;
         scene.params.displacement_jump = Real::INFINITY;
-        scene.params.lambda_form = Default::default();
+        if scene.params.lambda_form == LambdaForm::Printed {
+            scene.params.lambda_form = LambdaForm::Xpbd;
+        }
         let two = |r: &mut Random| (2.0 as Real).powi(r.below(41) as i32 - 20);
         let (length, time, mass) = (two(r), two(r), two(r));
         let (here, there) = (scene.run(), in_units(&scene, length, time, mass).run());
@@ -106,11 +102,9 @@ fn units_of_length_time_and_mass_change_no_bit_in_many_scenes() {
     units(20_000);
 }
 
-/// A scene without thresholds that rounding could tip: no pair contacts, and only balls.
+/// A scene without thresholds that rounding could tip: no separations, and only balls.
 fn smooth(r: &mut Random) -> Option<Scene> {
     let mut scene = Scene::any(r)?;
-    scene.faces.clear();
-    scene.pairs.clear();
     scene.parted.clear();
     scene.air = None;
     scene.steps = 1;
@@ -169,6 +163,7 @@ fn motions(count: u32) -> Tally {
     cases("rigid motions", count, |r| {
         let Some(mut scene) = smooth(r) else { return Ok("no masses") };
         scene.ties.clear();
+        scene.offsets.clear();
         let away = scene.scale * r.pick(&[0.0, 1.0, 1e3]);
         let (turn, by) = (r.rotation(), r.vector(away));
         let whole = scene.reach() + farthest(&scene) + by.norm();
@@ -218,17 +213,19 @@ const WALKS: Real = 8.0;
 fn writes(scene: &Scene) -> Real {
     let n = scene.start.len();
     let edges = if_core::edges::Edges::new(&scene.rest).len();
-    let stretch = match scene.stretch {
-        StretchSolver::None => 0,
-        StretchSolver::Sweeps => 2 * edges,
-        StretchSolver::Direct | StretchSolver::Global => 20 * n,
-    };
+    let stretch = if scene.stretch { 2 * edges } else { 0 };
     let strain = if scene.strain.is_some() { 2 * edges } else { 0 };
-    let hinges = if scene.bending.is_some() { 4 * edges } else { 0 };
-    let contacts =
-        4 * (scene.faces.len() + scene.pairs.len() + scene.ties.len()) + 18 * scene.parted.len();
-    let sweeps = scene.params.sweeps as usize;
-    (n + sweeps * (stretch + strain + hinges) + (sweeps + 1) * contacts) as Real
+    let hinges = if scene.bending.is_some() { 2 * edges } else { 0 };
+    let contacts = 18 * scene.parted.len();
+    let visits = (sweeps(scene) + 1) * scene.params.contact_visits as usize
+        + scene.params.final_contact_visits as usize;
+    let others = 4 * scene.ties.len();
+    let elastic = sweeps(scene) * (stretch + strain + hinges + others);
+    (n + elastic + visits * contacts + 2 * scene.offsets.len()) as Real
+}
+
+fn sweeps(scene: &Scene) -> usize {
+    scene.params.sweeps as usize
 }
 
 /// Momentum of free scenes over 3,600 substeps, with every constraint that acts between particles

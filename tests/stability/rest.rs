@@ -1,8 +1,8 @@
 //! A million substeps of something that is at rest.
 
+use crate::solver_scene::across_edges;
 use if_core::math::{Point, Real, Vector};
 use if_core::shapes::{Plane, meshes::cloth};
-use if_xpbd::bending::{Bending, BendingModel};
 use if_xpbd::collision::SdfCollision;
 use if_xpbd::constraint::Constraint;
 use if_xpbd::edge_set::EdgeSet;
@@ -26,8 +26,8 @@ fn stray(substeps: u32, hung: bool) -> (Real, Real) {
     if hung {
         particles = particles.pinned([20, 24]);
     }
-    let mut stretch = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-4);
-    let mut bending = Bending::of_mesh(&mesh, BendingModel::Isometric, 1e4);
+    let mut stretch = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-4).unwrap();
+    let mut bending = Stretch::new(across_edges(&mesh), 1e-2).unwrap();
     let mut ground =
         SdfCollision::new(&slope, &vec![if hung { 0.0 } else { 1.0 }; n], &vec![1e-3; n]).unwrap();
     ground.friction = 0.5;

@@ -12,15 +12,12 @@ use if_core::shapes::meshes::icosphere;
 use if_mesh::index::Bvh;
 use if_xpbd::air::{Air, AirParams, AirReading};
 use if_xpbd::attach::Attachments;
-use if_xpbd::bending::{Bending, BendingModel};
 use if_xpbd::collision::{Push, SdfCollision};
 use if_xpbd::constraint::{Constraint, Residual, Stage};
-use if_xpbd::direct::DirectStretch;
 use if_xpbd::edge_set::EdgeSet;
-use if_xpbd::global::GlobalStretch;
+use if_xpbd::fixed_offsets::FixedOffsets;
 use if_xpbd::half_space::HalfSpaces;
 use if_xpbd::inner_surface::InnerSurface;
-use if_xpbd::pair_contact::PairContacts;
 use if_xpbd::params::{ContactOrder, LambdaForm, Motion, SolverParams};
 use if_xpbd::particles::Particles;
 use if_xpbd::report::{StepError, StepReport};
@@ -30,14 +27,6 @@ use if_xpbd::strain_limit::StrainLimit;
 use if_xpbd::stretch::Stretch;
 use if_xpbd::tie::Ties;
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum StretchSolver {
-    None,
-    Sweeps,
-    Direct,
-    Global,
-}
-
 /// All that a run needs. Lengths are in units of `scale` where they say nothing else.
 #[derive(Clone, Debug)]
 pub struct Scene {
@@ -45,14 +34,17 @@ pub struct Scene {
     pub scale: Real,
     pub start: Particles,
     pub params: SolverParams,
-    pub stretch: StretchSolver,
-    pub bending: Option<(BendingModel, Real)>,
+    pub stretch: bool,
+    /// Compliance of the distances across edges.
+    pub bending: Option<Real>,
     pub strain: Option<(Real, Real)>,
     pub attached: Vec<(u32, Point, Real)>,
     pub field: Option<(Hostile, Push, bool)>,
     pub planes: Vec<([u32; 3], [Real; 3], Vector, Point)>,
-    pub faces: Vec<(u32, [u32; 3], Real)>,
-    pub pairs: Vec<([u32; 2], [u32; 2], Real)>,
+    /// How many of the planes are visited with the elastic groups, and give way to the others.
+    pub pressing: usize,
+    /// Pairs that keep their offset.
+    pub offsets: Vec<[u32; 2]>,
     pub ties: Vec<(u32, [u32; 3], Real)>,
     pub parted: Vec<([u32; 3], [u32; 3])>,
     pub air: Option<AirReading>,
@@ -128,15 +120,8 @@ impl Scene {
 
         let params = params(r, scale);
         let beta = |r: &mut Random| if r.chance(0.2) { 0.0 } else { r.power(-12.0, 8.0) };
-        let bending = r
-            .chance(0.4)
-            .then(|| (r.pick(&[BendingModel::Dihedral, BendingModel::Isometric]), beta(r)));
-        let stretch = match r.below(10) {
-            0 => StretchSolver::Direct,
-            1 => StretchSolver::Global,
-            2 => StretchSolver::None,
-            _ => StretchSolver::Sweeps,
-        };
+        let bending = r.chance(0.4).then(|| beta(r));
+        let stretch = r.chance(0.9);
         let mut scene = Self {
             stretch,
             bending,
@@ -153,8 +138,8 @@ impl Scene {
                 )
             }),
             planes: Vec::new(),
-            faces: Vec::new(),
-            pairs: Vec::new(),
+            pressing: 0,
+            offsets: Vec::new(),
             ties: Vec::new(),
             parted: Vec::new(),
             air: r.chance(0.2).then(|| {
@@ -194,6 +179,7 @@ impl Scene {
                 (v, if distinct { b.map(|x| x / sum) } else { [1.0, 0.0, 0.0] }, normal, place(r))
             };
             self.planes = (0..1 + r.below(8)).map(|_| contact(r)).collect();
+            self.pressing = r.below(self.planes.len() + 1);
         }
         let triangles = self.rest.triangles().to_vec();
         if triangles.len() > 1 && r.chance(0.3) {
@@ -201,16 +187,10 @@ impl Scene {
             for _ in 0..1 + r.below(8) {
                 let (s, t) = (r.pick(&triangles), r.pick(&triangles));
                 let v = vertex(r);
-                match r.below(4) {
-                    0 if !t.contains(&v) => self.faces.push((v, t, r.pick(&[-1.0, 1.0]))),
-                    1 => {
-                        let (e, f) = (r.pick(&edges), r.pick(&edges));
-                        if e.iter().all(|v| !f.contains(v)) {
-                            self.pairs.push((e, f, r.pick(&[-1.0, 1.0])));
-                        }
-                    }
-                    2 if !t.contains(&v) => self.ties.push((v, t, r.unit())),
-                    3 if s != t => self.parted.push((s, t)),
+                match r.below(3) {
+                    0 => self.offsets.push(r.pick(&edges)),
+                    1 if !t.contains(&v) => self.ties.push((v, t, r.unit())),
+                    2 if s != t => self.parted.push((s, t)),
                     _ => {}
                 }
             }
@@ -227,12 +207,14 @@ impl Scene {
         let ratio = masses().fold(0.0, |a: Real, b| a.max(*b))
             / masses().fold(Real::INFINITY, |a, b| a.min(*b));
         format!(
-            "{n} vertices, {t} triangles, scale {scale:.1e}, mass ratio {ratio:.0e}, {steps} x {:.1e} s / {} x {} sweeps, beta {:.1e} {:?} {:?} {:?}, \
-             stretch {stretch:?}, bending {bending:?}, strain {strain:?}, {} attached, field {:?}, {} planes, {} + {} contacts, \
+            "{n} vertices, {t} triangles, scale {scale:.1e}, mass ratio {ratio:.0e}, {steps} x {:.1e} s / {} x {} sweeps ({} + {} contact visits), beta {:.1e} {:?} {:?} {:?}, \
+             stretch {stretch:?}, bending {bending:?}, strain {strain:?}, {} attached, field {:?}, {} planes ({} pressing), {} offsets, \
              {} ties, {} parted, air {air:?}, teleport {:.1e}, friction {}, max_push {:.1e}, clearance {:.1e}",
             p.time_step,
             p.substeps,
             p.sweeps,
+            p.contact_visits,
+            p.final_contact_visits,
             p.compliance,
             p.lambda_form,
             p.contact_order,
@@ -240,8 +222,8 @@ impl Scene {
             self.attached.len(),
             field.map(|(f, push, between)| (f.solid, f.fault, push, between)),
             self.planes.len(),
-            self.faces.len(),
-            self.pairs.len(),
+            self.pressing,
+            self.offsets.len(),
             self.ties.len(),
             self.parted.len(),
             teleport.norm(),
@@ -314,28 +296,23 @@ impl Scene {
         let (n, scale, beta) = (self.start.len(), self.scale, self.params.compliance);
         let gap = 1e-3 * scale;
         let edges = || EdgeSet::of_mesh(&self.rest);
-        match self.stretch {
-            StretchSolver::None => {}
-            StretchSolver::Sweeps => {
-                let mut stretch = Stretch::new(edges(), beta);
-                stretch.form = self.params.lambda_form;
-                groups.push(Box::new(stretch));
-            }
-            StretchSolver::Direct => groups.push(Box::new(DirectStretch::new(edges(), beta))),
-            StretchSolver::Global => {
-                let mut stretch = GlobalStretch::new(edges(), beta.max(1e-12)).unwrap();
-                stretch.iterations = 20;
-                groups.push(Box::new(stretch));
-            }
+        let sprung = |set: EdgeSet, beta: Real| -> Box<dyn Constraint> {
+            let mut group = Stretch::new(set, beta).unwrap();
+            group.form = self.params.lambda_form;
+            Box::new(group)
+        };
+        if self.stretch {
+            groups.push(sprung(edges(), beta));
         }
-        if let Some((model, beta)) = self.bending {
-            groups.push(Box::new(Bending::of_mesh(&self.rest, model, beta)));
+        if let Some(beta) = self.bending {
+            groups.push(sprung(across_edges(&self.rest), beta));
         }
         if let Some((min, max)) = self.strain {
             groups.push(Box::new(StrainLimit::new(edges(), min, max).unwrap()));
         }
         let mut attached = Attachments::new();
-        self.attached.iter().for_each(|(v, t, b)| attached.push(*v, *t, *b));
+        attached.form = self.params.lambda_form;
+        self.attached.iter().for_each(|(v, t, b)| attached.push(*v, *t, *b).unwrap());
         groups.push(Box::new(attached));
         let mut ties = Ties::new();
         self.ties.iter().for_each(|(v, t, share)| {
@@ -353,20 +330,21 @@ impl Scene {
                 (*push, self.params.friction, self.params.max_push);
             groups.push(Box::new(collision));
         }
-        let mut planes = HalfSpaces::new();
-        (planes.friction, planes.max_push, planes.max_lever) =
-            (self.params.friction, self.params.max_push, 4.0);
-        self.planes.iter().for_each(|(v, b, normal, q)| planes.push(*v, *b, *normal, q, gap));
-        groups.push(Box::new(planes));
-        let mut contacts = PairContacts::new();
-        self.faces.iter().for_each(|(v, t, side)| contacts.push_vertex_face(*v, *t, *side, gap));
-        self.pairs.iter().for_each(|(e, f, side)| contacts.push_edge_edge(*e, *f, *side, gap));
-        groups.push(Box::new(contacts));
+        let (pressing, others) = self.planes.split_at(self.pressing.min(self.planes.len()));
+        for (planes, stage) in [(pressing, Stage::Elastic), (others, Stage::Contact)] {
+            let mut group = HalfSpaces::new();
+            (group.friction, group.max_push, group.max_lever) =
+                (self.params.friction, self.params.max_push, 4.0);
+            group.stage = stage;
+            planes.iter().for_each(|(v, b, normal, q)| group.push(*v, *b, *normal, q, gap));
+            groups.push(Box::new(group));
+        }
         let mut parted = Separations::new();
         for (s, t) in &self.parted {
             parted.push(*s, *t, gap, self.rest.vertices());
         }
         groups.push(Box::new(parted));
+        groups.push(Box::new(FixedOffsets::new(self.offsets.clone(), self.rest.vertices())));
         if let Some(reading) = self.air {
             let params = AirParams {
                 reading,
@@ -386,7 +364,26 @@ impl Scene {
     }
 }
 
-/// The groups with a shake before the first and after each of both stages.
+/// For each inner edge the distance of the two corners across it, as the product's cloth has them.
+pub fn across_edges(mesh: &TriMesh) -> EdgeSet {
+    let edges = Edges::new(mesh);
+    let mut across: Vec<[u32; 2]> = Vec::new();
+    for (e, ends) in edges.vertices.iter().enumerate().filter(|(e, _)| edges.valence[*e] == 2) {
+        let opposite = edges.triangles[e]
+            .map(|t| mesh.triangles()[t as usize].into_iter().find(|v| !ends.contains(v)));
+        if let [Some(a), Some(b)] = opposite
+            && a != b
+        {
+            across.push([a, b]);
+        }
+    }
+    let x = mesh.vertices();
+    let rests: Vec<Real> =
+        across.iter().map(|[a, b]| (x[*a as usize] - x[*b as usize]).norm()).collect();
+    EdgeSet::new(&across, &rests, x.len()).unwrap()
+}
+
+/// The groups with a shake before the first of a stage and after each.
 fn rounded<'a>(
     groups: Vec<Box<dyn Constraint + 'a>>,
     size: Real,
@@ -416,7 +413,13 @@ fn params(r: &mut Random, scale: Real) -> SolverParams {
         substeps: 1 + r.below(8) as u32,
         sweeps: r.below(6) as u32,
         compliance: if r.chance(0.2) { 0.0 } else { r.power(-12.0, 8.0) },
-        lambda_form: if r.chance(0.85) { LambdaForm::Xpbd } else { LambdaForm::Printed },
+        contact_visits: r.pick(&[1, 1, 2]),
+        final_contact_visits: r.pick(&[0, 0, 3]),
+        lambda_form: match r.below(20) {
+            0..3 => LambdaForm::Printed,
+            3..9 => LambdaForm::Pbd,
+            _ => LambdaForm::Xpbd,
+        },
         contact_order: r.pick(&[
             ContactOrder::BeforeStretch,
             ContactOrder::AfterStretch,

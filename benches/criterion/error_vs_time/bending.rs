@@ -4,9 +4,9 @@
 
 use crate::chains::{G, falling};
 use crate::record::{Record, Run, timed};
+use if_benches::comparators::bending::{Bending, BendingModel};
 use if_core::math::{Point, Real, Vector};
 use if_core::shapes::meshes::cloth;
-use if_xpbd::bending::{Bending, BendingModel};
 use if_xpbd::constraint::Constraint;
 use if_xpbd::edge_set::EdgeSet;
 use if_xpbd::params::SolverParams;
@@ -137,9 +137,9 @@ fn hung(model: BendingModel, segments: u32, h: Real, sweeps: u32) -> (Vector, u6
     };
     let soft = 6.0 * WIDTH / STIFFNESS;
     let inner: Vec<[u32; 4]> = (2..columns - 1).flat_map(hinges).collect();
-    let mut inner = Bending::of_hinges(&inner, &p, model, soft);
-    let mut clamp = Bending::of_hinges(&hinges(1), &p, model, 0.5 * soft);
-    let mut stretch = Stretch::new(edges, 0.0);
+    let mut inner = Bending::of_hinges(&inner, &p, model, soft).unwrap();
+    let mut clamp = Bending::of_hinges(&hinges(1), &p, model, 0.5 * soft).unwrap();
+    let mut stretch = Stretch::new(edges, 0.0).unwrap();
     let mass = WEIGHT / G * link / 2.0;
     let weights = (0..columns).flat_map(|c| {
         let own = if c + 1 == columns { 0.5 * mass } else { mass };
@@ -190,7 +190,7 @@ fn patches(record: &mut Record) {
             timed(|| strains(&moved).into_iter().map(Real::abs).fold(0.0, Real::max)),
         );
         for (method, model) in MODELS {
-            let mut group = Bending::of_mesh(&mesh, model, 1.0);
+            let mut group = Bending::of_mesh(&mesh, model, 1.0).unwrap();
             // |c| is a length times an angle.
             let over = if model == BendingModel::Isometric { 20.0 / size } else { 1.0 };
             let visit = timed(|| group.project(&mut moved.clone(), &still, 1.0).max * over);

@@ -2,12 +2,12 @@
 //! against closed forms.
 
 use crate::record::{Record, Run, timed};
+use if_benches::comparators::direct::DirectStretch;
+use if_benches::comparators::global::GlobalStretch;
 use if_core::math::{Point, Real};
 use if_xpbd::attach::Attachments;
 use if_xpbd::constraint::Constraint;
-use if_xpbd::direct::DirectStretch;
 use if_xpbd::edge_set::EdgeSet;
-use if_xpbd::global::GlobalStretch;
 use if_xpbd::params::{Motion, SolverParams};
 use if_xpbd::particles::Particles;
 use if_xpbd::solver::Solver;
@@ -68,13 +68,13 @@ impl Method {
 
     pub(crate) fn group(self, edges: EdgeSet, beta: Real) -> Box<dyn Constraint> {
         match self {
-            Self::Sweeps(_) => Box::new(Stretch::new(edges, beta)),
+            Self::Sweeps(_) => Box::new(Stretch::new(edges, beta).unwrap()),
             Self::Global(iterations) => {
                 let mut group = GlobalStretch::new(edges, beta).unwrap();
                 (group.iterations, group.tolerance) = (iterations, 0.0);
                 Box::new(group)
             }
-            Self::Direct => Box::new(DirectStretch::new(edges, beta)),
+            Self::Direct => Box::new(DirectStretch::new(&edges, beta).unwrap()),
         }
     }
 }
@@ -107,7 +107,7 @@ fn spring(record: &mut Record) {
             let (ms, (p, visits)) = timed(|| {
                 let (p, edges) = line(2, 0.1);
                 let particles = Particles::new(p, vec![0.0, 1.0 / mass]).unwrap();
-                settled(&falling(h, 0.0), count, particles, &mut Stretch::new(edges, beta))
+                settled(&falling(h, 0.0), count, particles, &mut Stretch::new(edges, beta).unwrap())
             });
             let error = ((-p[1].y - 0.1) / (mass * G * beta) - 1.0).abs();
             // On record: 3e-15.
@@ -131,7 +131,7 @@ fn oscillator(record: &mut Record) {
         let count = (2.0 / h) as u32;
         let (ms, (discrete, continuous)) = timed(|| {
             let mut spring = Attachments::new();
-            spring.push(0, Point::origin(), beta);
+            spring.push(0, Point::origin(), beta).unwrap();
             let mut particles =
                 Particles::uniform(vec![Point::new(1.0, 0.0, 0.0)], 1.0 / mass).unwrap();
             let mut solver =
@@ -299,7 +299,7 @@ fn pendulum(record: &mut Record) {
         }
         let count = (10.0 / h as Real).round() as u32;
         let (ms, (quarter, energy)) = timed(|| {
-            let mut rod = Stretch::new(EdgeSet::new(&[[0, 1]], &[1.0], 2).unwrap(), 0.0);
+            let mut rod = Stretch::new(EdgeSet::new(&[[0, 1]], &[1.0], 2).unwrap(), 0.0).unwrap();
             let mut particles =
                 Particles::new(vec![Point::origin(), Point::new(1.0, 0.0, 0.0)], vec![0.0, 1.0])
                     .unwrap();

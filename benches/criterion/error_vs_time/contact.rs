@@ -79,7 +79,8 @@ fn incline(record: &mut Record) {
             let count = (1.0 / h as Real).round() as u32;
             let mu = share * theta.tan();
             let (ms, slid) = timed(|| {
-                let mut ties = Stretch::new(EdgeSet::new(&edges, &rests, 4).unwrap(), 1e-9);
+                let mut ties =
+                    Stretch::new(EdgeSet::new(&edges, &rests, 4).unwrap(), 1e-9).unwrap();
                 let mut contact = SdfCollision::new(&ground, &[1.0; 4], &[0.0; 4]).unwrap();
                 contact.friction = mu;
                 let mut particles = Particles::uniform(start.to_vec(), 1.0).unwrap();

@@ -9,10 +9,9 @@ use if_core::monitor::Silent;
 use if_mesh::baked::{BakeError, BakeParams, Baked, Redistance};
 use if_mesh::solid::{ClosedLayer, ClothedField};
 use if_xpbd::air::AirParams;
-use if_xpbd::algorithm1::{Below, SettleError, settle};
+use if_xpbd::algorithm1::{Algorithm1Error, Below, run_algorithm1};
 use if_xpbd::inner_surface::InnerSurface;
 use if_xpbd::params::SolverParams;
-use std::ops::ControlFlow;
 
 /// The paper's mask for several inner garments: weight 1 in any of their boxes, 0 outside all.
 #[derive(Clone, Debug, PartialEq, Default)]
@@ -129,15 +128,15 @@ impl<F> std::fmt::Debug for ClothedBody<'_, F> {
 ///
 /// # Errors
 ///
-/// See [`SettleError`]: parameters outside their range, or positions that do not stay finite.
+/// See [`Algorithm1Error`]: parameters outside their range, or positions that do not stay finite.
 pub fn run<F: SignedDistance + Send>(
     garment: &TriMesh,
     body: &ClothedBody<F>,
     params: &SolverParams,
-) -> Result<Vec<Point>, SettleError> {
+) -> Result<Vec<Point>, Algorithm1Error> {
     let go = |field: &dyn SignedDistance, mask: &[Real]| {
         let below = Below { field, mask, air: body.air };
-        settle(garment, &below, params, |_, _| ControlFlow::Continue(())).map(|(x, _)| x)
+        run_algorithm1(garment, &below, params, &mut Silent).map(|(x, _)| x)
     };
     match &body.mask {
         None => go(body.field, &vec![1.0; garment.vertices().len()]),

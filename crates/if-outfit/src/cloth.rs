@@ -40,8 +40,8 @@ const TIME_STEP: Real = 1.0;
 const MAX_GAP: Real = 0.03;
 /// Visits of the contacts alone after the last sweep.
 const LAST_VISITS: u32 = 3;
-/// Why the parameters of [`quasi_static`] are valid.
-const IN_RANGE: &str = "ResolveParams::validate checks the number of sweeps";
+/// Why parameters of the solver and its groups are valid.
+const IN_RANGE: &str = "ResolveParams::validate checks its numbers";
 /// How far triangles that intersect are parted beyond contact, in metres. Ten times less is lost
 /// when positions are rounded to single precision; ten times more is seen.
 const PART: Real = 0.15e-3;
@@ -113,14 +113,17 @@ impl<'a> Cloth<'a> {
         }
         let mut anchors = Attachments::new();
         anchors.form = LambdaForm::Pbd;
-        (0..n).for_each(|v| anchors.push(v as u32, x[v], params.anchor_softness));
+        for (v, p) in x.iter().enumerate() {
+            anchors.push(v as u32, *p, params.anchor_softness).expect(IN_RANGE);
+        }
         let mut planes = HalfSpaces::new();
         planes.max_push = params.max_push;
         // Middles of edges and triangles land at once; a corner that alone is free is not thrown.
         planes.max_lever = 4.0;
         let mut pressed = planes.clone();
         pressed.stage = Stage::Elastic;
-        let mut bending = Stretch::new(hinge_edges(mesh, &edges), params.bending_softness);
+        let mut bending =
+            Stretch::new(hinge_edges(mesh, &edges), params.bending_softness).expect(IN_RANGE);
         bending.form = LambdaForm::Pbd;
         let mut stretch = stretch_groups(&edges, &x, params.stretch_softness);
         stretch.iter_mut().for_each(|group| group.form = LambdaForm::Pbd);
@@ -195,8 +198,9 @@ impl<'a> Cloth<'a> {
             self.inverse_masses[v] = Real::from(u8::from(free));
             self.ever_free[v] |= free;
             let near = 1.0 - (d / influence).min(1.0);
-            self.anchors.compliances_mut()[v] =
+            let softness =
                 STIFFEST_ANCHOR + (self.params.anchor_softness - STIFFEST_ANCHOR) * near * near;
+            self.anchors.set_compliance(v, softness).expect("between two that are not negative");
         }
     }
 

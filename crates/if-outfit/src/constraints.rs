@@ -23,7 +23,10 @@ pub(crate) fn stretch_groups(edges: &Edges, x: &[Point], softness: Real) -> Vec<
             let typical = rests.iter().sum::<Real>() / (rests.len().max(1) as Real * mean);
             let set = EdgeSet::new(&ends, &rests, x.len())
                 .expect("two different vertices of a mesh, and a finite length");
-            (!ends.is_empty()).then(|| Stretch::new(set, softness * typical * typical))
+            (!ends.is_empty()).then(|| {
+                Stretch::new(set, softness * typical * typical)
+                    .expect("a checked softness and a finite length")
+            })
         })
         .collect()
 }

@@ -3,6 +3,7 @@
 use crate::constraint::{Constraint, Counters, Residual, Stage};
 use crate::inner_surface::InnerSurface;
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
+use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
 /// How line 13, `p ← p − (p̂ − q̂)`, is read. With n the outward unit normal of the inner layer at
@@ -25,8 +26,8 @@ pub enum AirReading {
     /// C = (p − a)·((b − a) × (c − a)) / 6 − A δ / 3 ≥ 0       ∇ₚC = ((b − a) × (c − a)) / 6
     /// ```
     ///
-    /// The inner layer stands still, so only p moves. A plane of a triangle reaches beyond the
-    /// triangle: this reading needs re-pairing.
+    /// The inner layer is at rest, so only p moves. The plane of a triangle extends beyond the
+    /// triangle: this reading needs its feet searched again.
     Element,
 }
 
@@ -36,35 +37,38 @@ pub enum AirReading {
 pub struct AirParams {
     /// How line 13 is read.
     pub reading: AirReading,
-    /// Pairs farther apart than this at the start, in metres, are none.
+    /// Vertices farther than this from the inner layer at the start, in metres, get no pair.
     pub max_distance: Real,
     /// δ: the smallest gap, in metres.
     pub min_gap: Real,
     /// δ_max: the largest gap that is preserved, in metres.
     pub max_gap: Real,
-    /// All vertices look for their feet anew after so many substeps; 0 never. F2 and F3 only.
-    pub repair_every: u32,
-    /// A vertex looks for its foot anew once it slid this far along the inner layer, in edge
-    /// lengths of the triangle that holds its foot. Infinity never. F2 and F3 only.
-    pub repair_slide: Real,
+    /// Number of substeps after which the feet of all vertices are searched again; 0 never. F2 and
+    /// F3 only.
+    pub search_every: u32,
+    /// The foot of a vertex is searched again once it slid this far along the inner layer, in
+    /// lengths of the shortest edge of the triangle that holds the foot; infinity never. F2 and F3
+    /// only.
+    pub search_slide: Real,
 }
 
 impl Default for AirParams {
-    /// Gap preserving, 1 to 5 mm, within 30 mm, re-paired after half an edge of sliding.
+    /// Gap preserving, 1 to 5 mm, within 30 mm; feet are searched again after half an edge of
+    /// sliding.
     fn default() -> Self {
         Self {
             reading: AirReading::default(),
             max_distance: 0.03,
             min_gap: 1e-3,
             max_gap: 5e-3,
-            repair_every: 0,
-            repair_slide: 0.5,
+            search_every: 0,
+            search_slide: 0.5,
         }
     }
 }
 
-/// Why an air group cannot be made.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+/// Why the input of an air group is invalid.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum AirError {
     /// Positions and mask weights differ in number.
@@ -75,24 +79,9 @@ pub enum AirError {
         /// Mask weights given.
         masks: usize,
     },
-    /// A weight of the mask is not in [0, 1].
-    #[error("vertex {vertex} has the mask weight {value}; it must be in [0, 1]")]
-    Mask {
-        /// Index of the vertex.
-        vertex: usize,
-        /// Its weight.
-        value: Real,
-    },
-    /// A parameter is outside its range.
-    #[error("{name} is {value}; it must be {range}")]
-    OutOfRange {
-        /// The parameter.
-        name: &'static str,
-        /// Its value.
-        value: Real,
-        /// What is allowed.
-        range: &'static str,
-    },
+    /// A parameter or a weight of the mask is out of range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
 }
 
 impl AirParams {
@@ -101,10 +90,8 @@ impl AirParams {
     /// # Errors
     ///
     /// The first that is NaN or outside its range.
-    pub fn validate(&self) -> Result<(), AirError> {
-        let check = |name, value, ok, range| {
-            if ok { Ok(()) } else { Err(AirError::OutOfRange { name, value, range }) }
-        };
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let check = ParameterError::check;
         check("max_distance", self.max_distance, self.max_distance > 0.0, "positive (metres)")?;
         check(
             "min_gap",
@@ -114,7 +101,7 @@ impl AirParams {
         )?;
         let ordered = self.max_gap >= self.min_gap && self.max_gap.is_finite();
         check("max_gap", self.max_gap, ordered, "finite and at least min_gap (metres)")?;
-        check("repair_slide", self.repair_slide, self.repair_slide > 0.0, "positive (edge lengths)")
+        check("search_slide", self.search_slide, self.search_slide > 0.0, "positive (edge lengths)")
     }
 }
 
@@ -130,8 +117,9 @@ struct Pair {
     foot: Point,
     normal: Vector,
     triangle: u32,
-    /// The layer does not reach to where the vertex is: the plane of its last foot holds nobody.
-    away: bool,
+    /// The vertex is beyond the border of the layer, where the plane of its last foot does not
+    /// hold.
+    beyond: bool,
 }
 
 /// The air constraints of a moving layer over a resting one.
@@ -139,8 +127,8 @@ struct Pair {
 /// # Source
 ///
 /// Algorithm 1, lines 11 to 15: "p̂ and q̂ are the nearest points pair belonging to two adjacent
-/// layers and computed at the beginning of the simulation". What `C^air` is stands in the main
-/// paper, which we do not have: [`AirReading`] holds our readings and says what each does.
+/// layers and computed at the beginning of the simulation". The main paper defines `C^air`, and we
+/// do not have it: [`AirReading`] holds our readings.
 #[derive(Debug)]
 pub struct Air<'a> {
     inner: &'a InnerSurface<'a>,
@@ -149,7 +137,7 @@ pub struct Air<'a> {
     /// The vertices that were pushed in this substep, and along which unit vector.
     pushed: Vec<(u32, Vector)>,
     substeps: u32,
-    /// Whether positions have jumped, so that all feet must be looked for anew.
+    /// Whether positions have jumped, so that all feet must be searched again.
     jumped: bool,
     counters: Counters,
 }
@@ -160,8 +148,7 @@ impl<'a> Air<'a> {
     ///
     /// # Errors
     ///
-    /// Parameters outside their range, other numbers of weights than of positions, a weight that is
-    /// none.
+    /// Parameters or weights out of range, or another number of weights than of positions.
     pub fn new(
         inner: &'a InnerSurface<'a>,
         positions: &[Point],
@@ -172,10 +159,9 @@ impl<'a> Air<'a> {
         if masks.len() != positions.len() {
             return Err(AirError::Count { positions: positions.len(), masks: masks.len() });
         }
-        if let Some((vertex, &value)) =
-            masks.iter().enumerate().find(|(_, m)| !(0.0..=1.0).contains(*m))
-        {
-            return Err(AirError::Mask { vertex, value });
+        for (vertex, &mask) in masks.iter().enumerate() {
+            ParameterError::check("mask", mask, (0.0..=1.0).contains(&mask), "0 to 1")
+                .map_err(|e| e.at(vertex))?;
         }
         let counters = Counters::default();
         let mut air = Self {
@@ -208,7 +194,7 @@ impl<'a> Air<'a> {
                 foot: at.point,
                 normal,
                 triangle: at.triangle,
-                away: false,
+                beyond: false,
             });
         }
         Ok(air)
@@ -219,49 +205,52 @@ impl<'a> Air<'a> {
         self.pairs.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no pairs.
     pub fn is_empty(&self) -> bool {
         self.pairs.is_empty()
     }
 
-    fn repair(&mut self, positions: &[Point]) {
+    fn update_feet(&mut self, positions: &[Point]) {
         if !matches!(self.params.reading, AirReading::GapPreserving | AirReading::Element) {
             return;
         }
         self.substeps += 1;
         let due =
-            self.params.repair_every > 0 && self.substeps.is_multiple_of(self.params.repair_every);
+            self.params.search_every > 0 && self.substeps.is_multiple_of(self.params.search_every);
         let all = due || std::mem::take(&mut self.jumped);
         for pair in &mut self.pairs {
             let p = positions[pair.vertex as usize];
             let d = p - pair.foot;
             let slide2 = (d - pair.normal * pair.normal.dot(&d)).norm_squared();
-            if !all && !pair.away {
+            if !all && !pair.beyond {
                 let [a, b, c] = self.inner.mesh().corners(pair.triangle as usize);
                 let edge2 =
                     (b - a).norm_squared().min((c - b).norm_squared()).min((a - c).norm_squared());
-                if slide2 <= self.params.repair_slide * self.params.repair_slide * edge2 {
+                if slide2 <= self.params.search_slide * self.params.search_slide * edge2 {
                     self.counters.skipped_by_bound += 1;
                     continue;
                 }
             }
             self.counters.queries += 1;
-            if let Some(at) = self.inner.closest(&p, self.params.max_distance) {
-                let normal = self.inner.normal(&at);
-                if normal != Vector::zeros() {
-                    (pair.foot, pair.normal, pair.triangle) = (at.point, normal, at.triangle);
-                    pair.away = false;
-                }
-            } else {
+            let Some(at) = self.inner.closest(&p, self.params.max_distance) else {
                 // Straight below its foot it is deep inside, and the plane brings it out.
-                pair.away = slide2 > self.params.max_distance * self.params.max_distance;
+                pair.beyond = slide2 > self.params.max_distance * self.params.max_distance;
+                continue;
+            };
+            let normal = self.inner.normal(&at);
+            if normal == Vector::zeros() {
+                self.counters.degenerate += 1;
+                pair.beyond = true;
+                continue;
             }
+            (pair.foot, pair.normal, pair.triangle) = (at.point, normal, at.triangle);
+            pair.beyond = self.inner.is_beyond_border(&at, &p);
         }
     }
 
     /// The violation (≥ 0, metres) and the push of a vertex at `p`.
     fn push(&self, pair: &Pair, p: &Point) -> Option<(Real, Vector)> {
-        if pair.away {
+        if pair.beyond {
             return None;
         }
         let height = pair.normal.dot(&(p - pair.foot));
@@ -301,7 +290,7 @@ impl Constraint for Air<'_> {
         _h: Real,
     ) {
         self.pushed.clear();
-        self.repair(positions);
+        self.update_feet(positions);
     }
 
     /// # Panics
@@ -367,7 +356,7 @@ mod tests {
         All(cloth(0.2, 0.2, 4, 4))
     }
 
-    fn settle(reading: AirReading, start: Point, to: Point) -> Point {
+    fn visited(reading: AirReading, start: Point, to: Point) -> Point {
         let all = floor();
         let inner = InnerSurface::new(&all.0, &all);
         let params = AirParams { reading, ..Default::default() };
@@ -386,12 +375,12 @@ mod tests {
         // is pushed deeper by the printed form, which says so with a negative height.
         let at = |z: Real| Point::new(0.11, 0.12, z);
         assert_relative_eq!(
-            settle(AirReading::Literal, at(-0.004), at(-0.004)).z,
+            visited(AirReading::Literal, at(-0.004), at(-0.004)).z,
             0.0,
             epsilon = 1e-17
         );
         assert_relative_eq!(
-            settle(AirReading::Literal, at(0.004), at(-0.001)).z,
+            visited(AirReading::Literal, at(0.004), at(-0.001)).z,
             -0.005,
             epsilon = 1e-17
         );
@@ -412,13 +401,13 @@ mod tests {
             (AirReading::Element, -0.004, -0.004, 0.001),
             (AirReading::Element, 0.004, 0.002, 0.002),
         ] {
-            let p = settle(reading, at(start), at(now));
+            let p = visited(reading, at(start), at(now));
             assert_relative_eq!(p, at(after), epsilon = 1e-15);
         }
     }
 
     #[test]
-    fn a_vertex_that_slides_finds_its_foot_anew() {
+    fn the_foot_of_a_vertex_that_slides_is_searched_again() {
         // A floor that bends down at x = 0.1: its old plane would hold the vertex up.
         let flat = cloth(0.2, 0.2, 4, 4);
         let bent =
@@ -431,8 +420,8 @@ mod tests {
             {
                 let params = AirParams {
                     reading,
-                    repair_slide: slide,
-                    repair_every: every,
+                    search_slide: slide,
+                    search_every: every,
                     ..Default::default()
                 };
                 let mut air =
@@ -442,7 +431,7 @@ mod tests {
                 air.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
                 air.project(&mut p, &[1.0], 1e-3);
                 assert_eq!(p[0] == slid, expected, "{reading:?} {slide} {every}: {}", p[0]);
-                // A jump (teleport, roll-back) forgets the foot in any case.
+                // A jump (teleport, roll-back) discards the foot in any case.
                 air.reset();
                 p[0] = slid;
                 air.begin_substep(&p.clone(), &p.clone(), &[1.0], 1e-3);
@@ -453,7 +442,7 @@ mod tests {
     }
 
     #[test]
-    fn a_vertex_beyond_the_layers_border_is_left_alone_and_one_deep_below_it_is_not() {
+    fn a_vertex_beyond_the_layers_border_is_not_held_and_one_deep_below_the_layer_is() {
         let all = floor();
         let inner = InnerSurface::new(&all.0, &all);
         let at = |x: Real, z: Real| Point::new(x, 0.1, z);
@@ -462,9 +451,15 @@ mod tests {
             let mut air =
                 Air::new(&inner, &[start], &[1.0], AirParams { reading, ..Default::default() })
                     .unwrap();
-            // The floor ends at x = 0.2. Beyond, back again, and 40 mm deep: x, z and z after a
-            // visit.
-            for (x, z, after) in [(0.4, -0.01, -0.01), (0.1, -0.01, 0.001), (0.11, -0.04, 0.001)] {
+            // The floor ends at x = 0.2. Far beyond, back again, 40 mm deep, just beyond, and on the
+            // border: x, z and z after a visit.
+            for (x, z, after) in [
+                (0.4, -0.01, -0.01),
+                (0.1, -0.01, 0.001),
+                (0.11, -0.04, 0.001),
+                (0.21, -0.005, -0.005),
+                (0.2, -0.005, 0.001),
+            ] {
                 let mut p = vec![at(x, z)];
                 air.begin_substep(&[start], &p.clone(), &[1.0], 1e-3);
                 air.project(&mut p, &[1.0], 1e-3);
@@ -505,7 +500,7 @@ mod tests {
             air.begin_substep(&p.clone(), &p.clone(), &[1.0; 2], 1e-3);
             v[0].z = 5.0;
             air.correct_velocities(&mut v);
-            assert_eq!(v[0].z, 5.0, "a push of the substep before is forgotten");
+            assert_eq!(v[0].z, 5.0, "a push of the substep before has no effect");
         }
     }
 
@@ -521,13 +516,14 @@ mod tests {
         let error = |masks: &[Real]| Air::new(&inner, &p, masks, AirParams::default()).unwrap_err();
         assert_eq!(error(&[1.0, 1.0]), AirError::Count { positions: 3, masks: 2 });
         for bad in [-0.1, 1.1, Real::NAN, Real::INFINITY] {
-            assert!(matches!(error(&[1.0, bad, 1.0]), AirError::Mask { vertex: 1, .. }), "{bad}");
+            let error = error(&[1.0, bad, 1.0]);
+            assert!(matches!(error, AirError::Parameter(e) if e.name == "mask[1]"), "{bad}");
         }
         for bad in [
             AirParams { max_distance: Real::NAN, ..Default::default() },
             AirParams { min_gap: 0.01, ..Default::default() },
             AirParams { min_gap: -1.0, ..Default::default() },
-            AirParams { repair_slide: 0.0, ..Default::default() },
+            AirParams { search_slide: 0.0, ..Default::default() },
         ] {
             assert!(bad.validate().is_err());
         }

@@ -5,29 +5,30 @@ use crate::collision::{CollisionError, SdfCollision};
 use crate::constraint::Constraint;
 use crate::edge_set::EdgeSet;
 use crate::inner_surface::InnerSurface;
-use crate::params::{ParamsError, SolverParams};
+use crate::params::SolverParams;
 use crate::particles::{Particles, ParticlesError};
-use crate::report::{RunReport, StepError, StepReport};
+use crate::report::{RunError, RunReport};
 use crate::solver::Solver;
 use crate::stretch::Stretch;
 use if_core::field::SignedDistance;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
-use std::ops::ControlFlow;
+use if_core::monitor::Monitor;
+use if_core::parameter::ParameterError;
 
 /// What one garment is settled on.
 #[derive(Clone, Copy)]
 pub struct Below<'a> {
-    /// The inner layer's field, baked: it is asked thousands of times for each vertex.
+    /// The inner layer's field. Bake it: each vertex is queried thousands of times.
     pub field: &'a dyn SignedDistance,
     /// Weight of the mask at each vertex of the garment, in [0, 1] (Appendix C); all 1 without one.
     pub mask: &'a [f64],
-    /// The surface for the air constraint, and how it is read; `None` for no air constraint.
+    /// The surface of the air constraint and its parameters; `None` for no air constraint.
     pub air: Option<(&'a InnerSurface<'a>, AirParams)>,
 }
 
 impl std::fmt::Debug for Below<'_> {
-    /// Numbers only: the field cannot tell what it is.
+    /// Numbers only: a field has no `Debug`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut out = f.debug_struct("Below");
         out.field("mask", &self.mask.len())
@@ -36,48 +37,49 @@ impl std::fmt::Debug for Below<'_> {
     }
 }
 
-/// Why a garment cannot be settled.
+/// Why Algorithm 1 failed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum SettleError {
-    /// A parameter of the solver.
+pub enum Algorithm1Error {
+    /// A parameter of the solver is out of range.
     #[error(transparent)]
-    Params(#[from] ParamsError),
-    /// A parameter of the air constraint.
+    Parameter(#[from] ParameterError),
+    /// The air constraint is invalid.
     #[error(transparent)]
     Air(#[from] AirError),
-    /// A weight of the mask.
+    /// The collision group is invalid.
     #[error(transparent)]
     Collision(#[from] CollisionError),
-    /// A position.
+    /// A position is invalid.
     #[error(transparent)]
     Particles(#[from] ParticlesError),
-    /// A step.
+    /// The run failed or was cancelled.
     #[error(transparent)]
-    Step(#[from] StepError),
+    Run(#[from] RunError),
 }
 
-/// Settles `garment`, at rest as it is given, on what is `below`, with unit masses as the paper
-/// has them: the new positions, and what was done. `on_step` may end the run.
+/// Runs Algorithm 1: settles `garment`, at rest as given, on the layers `below`, with the paper's
+/// unit masses. Returns the new positions and a report. The monitor receives the progress of
+/// [`Solver::run`].
 ///
 /// With [`SolverParams::literal`] these are lines 1 to 26 as printed.
 ///
 /// # Errors
 ///
-/// Parameters outside their range, or a step that cannot be made.
-pub fn settle(
+/// Parameters or mask weights out of range, a step that fails, or [`RunError::Cancelled`].
+pub fn run_algorithm1(
     garment: &TriMesh,
     below: &Below<'_>,
     params: &SolverParams,
-    on_step: impl FnMut(u32, &StepReport) -> ControlFlow<()>,
-) -> Result<(Vec<Point>, RunReport), SettleError> {
+    monitor: &mut dyn Monitor,
+) -> Result<(Vec<Point>, RunReport), Algorithm1Error> {
     let mut solver = Solver::new(params.clone())?;
     let clearances = vec![params.clearance; garment.vertices().len()];
     let mut collision = SdfCollision::new(below.field, below.mask, &clearances)?;
     collision.push = params.push;
     collision.friction = params.friction;
     collision.max_push = params.max_push;
-    let mut stretch = Stretch::new(EdgeSet::of_mesh(garment), params.compliance);
+    let mut stretch = Stretch::new(EdgeSet::of_mesh(garment), params.compliance)?;
     stretch.form = params.lambda_form;
     let mut air = match &below.air {
         Some((inner, air)) => Some(Air::new(inner, garment.vertices(), below.mask, *air)?),
@@ -88,6 +90,6 @@ pub fn settle(
     let mut groups: Vec<&mut dyn Constraint> = vec![&mut collision];
     groups.extend(air.as_mut().map(|a| a as &mut dyn Constraint));
     groups.push(&mut stretch);
-    let report = solver.run(&mut particles, &mut groups, on_step)?;
+    let report = solver.run(&mut particles, &mut groups, monitor)?;
     Ok((particles.positions, report))
 }

@@ -1,8 +1,9 @@
 //! Soft attachments of particles to target positions.
 
-use crate::constraint::{Constraint, GroupError, Residual};
+use crate::constraint::{Constraint, Residual, check_compliance};
 use crate::params::LambdaForm;
 use if_core::math::{Point, Real, Vector};
+use if_core::parameter::ParameterError;
 
 /// Attachments `C(p) = p − t`, one vector constraint for each attached particle.
 ///
@@ -10,9 +11,9 @@ use if_core::math::{Point, Real, Vector};
 /// Δλ = −(C + β̃ λ) / (w + β̃)      λ += Δλ      Δp = w Δλ
 /// ```
 ///
-/// It is linear, so that one visit of a particle that nothing else holds solves implicit Euler's
-/// step exactly. A compliance of 0 moves the particle onto its target; to hold it there against
-/// everything else, give it the inverse mass 0 instead. An infinite compliance does nothing.
+/// The constraint is linear: one visit of a particle without other constraints solves implicit
+/// Euler's step exactly. A compliance of 0 moves the particle onto its target; to hold it there
+/// against all other constraints, give it the inverse mass 0. An infinite compliance has no effect.
 ///
 /// # Source
 ///
@@ -33,24 +34,30 @@ impl Attachments {
         Self::default()
     }
 
-    /// Attaches particle `vertex` to `target` with `compliance` β in m/N, 0 or more (a step refuses
-    /// another).
-    pub fn push(&mut self, vertex: u32, target: Point, compliance: Real) {
+    /// Attaches particle `vertex` to `target` with `compliance` β in m/N.
+    ///
+    /// # Errors
+    ///
+    /// If the compliance is negative or NaN. Nothing is added then.
+    pub fn push(
+        &mut self,
+        vertex: u32,
+        target: Point,
+        compliance: Real,
+    ) -> Result<(), ParameterError> {
+        check_compliance(compliance).map_err(|e| e.at(self.len()))?;
+        self.push_checked(vertex, target, compliance);
+        Ok(())
+    }
+
+    fn push_checked(&mut self, vertex: u32, target: Point, compliance: Real) {
         self.vertices.push(vertex);
         self.targets.push(target);
         self.compliances.push(compliance);
         self.lambda.push(Vector::zeros());
     }
 
-    /// Drops all attachments and keeps the memory.
-    pub fn clear(&mut self) {
-        self.vertices.clear();
-        self.targets.clear();
-        self.compliances.clear();
-        self.lambda.clear();
-    }
-
-    /// The attachments of particles that can move, whose inverse mass is not 0.
+    /// The attachments of movable particles (inverse mass not 0).
     ///
     /// # Panics
     ///
@@ -60,7 +67,7 @@ impl Attachments {
         for (k, v) in
             self.vertices.iter().enumerate().filter(|(_, v)| inverse_masses[**v as usize] != 0.0)
         {
-            part.push(*v, self.targets[k], self.compliances[k]);
+            part.push_checked(*v, self.targets[k], self.compliances[k]);
         }
         part
     }
@@ -70,19 +77,24 @@ impl Attachments {
         self.vertices.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no attachments.
     pub fn is_empty(&self) -> bool {
         self.vertices.is_empty()
     }
 
-    /// The targets, in the order of pushing, to be moved by the caller.
-    pub fn targets_mut(&mut self) -> &mut [Point] {
-        &mut self.targets
-    }
-
-    /// The compliances β in m/N, in the order of pushing.
-    pub fn compliances_mut(&mut self) -> &mut [Real] {
-        &mut self.compliances
+    /// Sets the compliance β, in m/N, of the attachment that was pushed as number `index` (from 0).
+    ///
+    /// # Errors
+    ///
+    /// If the compliance is negative or NaN. The old one is kept then.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such attachment.
+    pub fn set_compliance(&mut self, index: usize, compliance: Real) -> Result<(), ParameterError> {
+        check_compliance(compliance).map_err(|e| e.at(index))?;
+        self.compliances[index] = compliance;
+        Ok(())
     }
 }
 
@@ -123,21 +135,6 @@ impl Constraint for Attachments {
         residual
     }
 
-    fn check(&self) -> Result<(), GroupError> {
-        match self
-            .compliances
-            .iter()
-            .position(|c| GroupError::of_compliance("attachment", *c).is_err())
-        {
-            Some(index) => Err(GroupError::CompliancePer {
-                group: "attachment",
-                index,
-                value: self.compliances[index],
-            }),
-            None => Ok(()),
-        }
-    }
-
     fn is_idle(&self) -> bool {
         self.is_empty()
     }
@@ -150,7 +147,7 @@ mod tests {
 
     fn visit(compliance: Real, w: Real, visits: u32) -> Point {
         let mut group = Attachments::new();
-        group.push(0, Point::new(1.0, 2.0, 3.0), compliance);
+        group.push(0, Point::new(1.0, 2.0, 3.0), compliance).unwrap();
         let mut p = vec![Point::origin()];
         group.begin_substep(&p.clone(), &p.clone(), &[w], 0.1);
         for _ in 0..visits {
@@ -177,6 +174,32 @@ mod tests {
         assert_eq!(visit(Real::INFINITY, 1.0, 1), Point::origin());
         for compliance in [0.0, 1.0, Real::INFINITY] {
             assert_eq!(visit(compliance, 0.0, 3), Point::origin());
+        }
+    }
+
+    #[test]
+    fn an_invalid_compliance_is_refused_with_its_index_and_changes_nothing() {
+        let mut group = Attachments::new();
+        group.push(0, Point::origin(), 1.0).unwrap();
+        for value in [-1e-9, Real::NAN, Real::NEG_INFINITY] {
+            let error = group.push(1, Point::origin(), value).unwrap_err();
+            assert_eq!(error.name, "compliance[1]");
+            assert_eq!(group.set_compliance(0, value).unwrap_err().name, "compliance[0]");
+        }
+        assert_eq!((group.len(), group.compliances[0]), (1, 1.0));
+        group.set_compliance(0, Real::INFINITY).unwrap();
+    }
+
+    #[test]
+    fn without_multipliers_each_visit_takes_the_same_share() {
+        // w / (w + β/h²) = 2/3 of what is left.
+        let mut group = Attachments::new();
+        group.form = LambdaForm::Pbd;
+        group.push(0, Point::origin(), 0.01).unwrap();
+        let mut p = vec![Point::new(1.0, 0.0, 0.0)];
+        for visits in 1..5 {
+            group.project(&mut p, &[2.0], 0.1);
+            assert_relative_eq!(p[0].x, (1.0 / 3.0_f64).powi(visits), epsilon = 1e-15);
         }
     }
 }

@@ -6,8 +6,9 @@ use if_core::edges::Edges;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
 
-/// How a sample inside is brought out.
+/// How a sample inside is pushed out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub enum Push {
     /// `p −= (φ − δ) ∇φ / |∇φ|²` where φ < δ, limited, weighted by the mask, with friction.
@@ -25,16 +26,17 @@ pub enum Push {
 /// C = φ(Σ bₖ pₖ) − δ ≥ 0       Δpₖ = −m C wₖ bₖ / (Σ wₖ bₖ²) ∇φ / |∇φ|²
 /// ```
 ///
-/// with the mask's weight m in [0, 1]: a sample of weight 0 is never looked at (Appendix C).
+/// with the mask's weight m in [0, 1]: samples of weight 0 are left out (Appendix C).
 ///
-/// A sample that was at distance φ, and has since moved by less than (φ − δ) / L for the field's
-/// Lipschitz bound L, cannot violate, and is not asked for again; nor is one farther from the
-/// field's bounds than its δ (where φ is positive, and taken to be no less than the distance to
-/// them). [`Constraint::counters`] tells how often that was so. What was clear at the start of a
-/// visit, asked for or not, waits for the next one, wherever its neighbours' pushes carry it: the
-/// outcome does not depend on what was skipped.
+/// A query is skipped where the constraint cannot be violated: if a sample that was at distance φ
+/// has since moved by less than (φ − δ) / L, L being the field's Lipschitz bound, or if it is
+/// farther than δ from the field's bounds, beyond which φ is at least the distance to them.
+/// [`Constraint::counters`] reports how often. A sample that was clear at the start of a visit is
+/// not pushed in that visit, whether it was queried or not, even if pushes of its neighbours carry
+/// it inside: so the result does not depend on what was skipped.
 ///
-/// Where the gradient is zero, or the field answers NaN, nothing moves, and it is counted.
+/// Where the gradient is zero or the field returns NaN, the sample is not moved, and is counted as
+/// degenerate.
 ///
 /// # Source
 ///
@@ -47,23 +49,23 @@ pub struct SdfCollision<'a> {
     clearances: Vec<Real>,
     masks: Vec<Real>,
     masked_out: u64,
-    /// Where each sample stood when the field was last asked, and what it answered.
-    seen: Vec<(Point, Real)>,
+    /// Position of each sample at its last query, and the distance there.
+    last_query: Vec<(Point, Real)>,
     anchors: Vec<Point>,
     pushed: Vec<(u32, Vector)>,
-    asked: Vec<u32>,
+    queried: Vec<u32>,
     points: Vec<Point>,
-    answers: Vec<FieldSample>,
+    samples: Vec<FieldSample>,
     counters: Counters,
-    /// How samples are brought out.
+    /// How samples are pushed out.
     pub push: Push,
     /// Coulomb coefficient of friction.
     pub friction: Real,
-    /// The farthest that a sample may be pushed in one visit, in metres.
+    /// The largest push of a sample in one visit, in metres.
     pub max_push: Real,
 }
 
-/// Why a collision group cannot be made.
+/// Why the input of a collision group is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CollisionError {
@@ -75,35 +77,21 @@ pub enum CollisionError {
         /// Clearances given.
         clearances: usize,
     },
-    /// A weight of the mask is not in [0, 1].
-    #[error("vertex {vertex} has the mask weight {value}; it must be in [0, 1]")]
-    Mask {
-        /// Index of the vertex.
-        vertex: usize,
-        /// Its weight.
-        value: Real,
-    },
-    /// A clearance is negative or not finite.
-    #[error("vertex {vertex} has the clearance {value}; it must be finite and at least 0 (metres)")]
-    Clearance {
-        /// Index of the vertex.
-        vertex: usize,
-        /// Its clearance.
-        value: Real,
-    },
+    /// A weight of the mask or a clearance is out of range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
 }
 
-fn checked(masks: &[Real], clearances: &[Real]) -> Result<(), CollisionError> {
+fn check(masks: &[Real], clearances: &[Real]) -> Result<(), CollisionError> {
     if masks.len() != clearances.len() {
         return Err(CollisionError::Count { masks: masks.len(), clearances: clearances.len() });
     }
     for (vertex, (&m, &value)) in masks.iter().zip(clearances).enumerate() {
-        if !(0.0..=1.0).contains(&m) {
-            return Err(CollisionError::Mask { vertex, value: m });
-        }
-        if !(value.is_finite() && value >= 0.0) {
-            return Err(CollisionError::Clearance { vertex, value });
-        }
+        ParameterError::check("mask", m, (0.0..=1.0).contains(&m), "0 to 1")
+            .map_err(|e| e.at(vertex))?;
+        let ok = value.is_finite() && value >= 0.0;
+        ParameterError::check("clearance", value, ok, "finite and at least 0 (metres)")
+            .map_err(|e| e.at(vertex))?;
     }
     Ok(())
 }
@@ -114,13 +102,13 @@ impl<'a> SdfCollision<'a> {
     ///
     /// # Errors
     ///
-    /// The first weight or clearance that is not allowed.
+    /// The first invalid weight or clearance.
     pub fn new(
         field: &'a dyn SignedDistance,
         masks: &[Real],
         clearances: &[Real],
     ) -> Result<Self, CollisionError> {
-        checked(masks, clearances)?;
+        check(masks, clearances)?;
         let mut group = Self {
             field,
             vertices: Vec::new(),
@@ -128,12 +116,12 @@ impl<'a> SdfCollision<'a> {
             clearances: Vec::new(),
             masks: Vec::new(),
             masked_out: 0,
-            seen: Vec::new(),
+            last_query: Vec::new(),
             anchors: Vec::new(),
             pushed: Vec::new(),
-            asked: Vec::new(),
+            queried: Vec::new(),
             points: Vec::new(),
-            answers: Vec::new(),
+            samples: Vec::new(),
             counters: Counters::default(),
             push: Push::Corrected,
             friction: 0.0,
@@ -162,7 +150,7 @@ impl<'a> SdfCollision<'a> {
         masks: &[Real],
         clearances: &[Real],
     ) -> Result<(), CollisionError> {
-        checked(masks, clearances)?;
+        check(masks, clearances)?;
         let edges = Edges::new(mesh);
         let long: Vec<bool> = edges
             .vertices
@@ -194,7 +182,7 @@ impl<'a> SdfCollision<'a> {
             self.weights.push(weights);
             self.masks.push(mask);
             self.clearances.push(clearance);
-            self.seen.push((Point::origin(), Real::NEG_INFINITY));
+            self.last_query.push((Point::origin(), Real::NEG_INFINITY));
         } else {
             self.masked_out += 1;
         }
@@ -205,15 +193,15 @@ impl<'a> SdfCollision<'a> {
         self.vertices.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no samples.
     pub fn is_empty(&self) -> bool {
         self.vertices.is_empty()
     }
 
-    /// Asks the field at all samples that may be too near, into `asked`, `points` and `answers`.
-    fn ask(&mut self, positions: &[Point]) {
+    /// Queries the field at all samples that may violate, into `queried`, `points` and `samples`.
+    fn query(&mut self, positions: &[Point]) {
         let (bounds, lipschitz) = (self.field.bounds(), self.field.lipschitz());
-        self.asked.clear();
+        self.queried.clear();
         self.points.clear();
         self.counters.skipped_by_mask += self.masked_out;
         for k in 0..self.vertices.len() {
@@ -225,25 +213,24 @@ impl<'a> SdfCollision<'a> {
                 self.counters.skipped_by_mask += 1;
                 continue;
             }
-            let (at, distance) = self.seen[k];
-            // False where either is NaN.
+            let (at, distance) = self.last_query[k];
+            // False if either is NaN.
             if distance - delta > lipschitz * (x - at).norm() {
                 self.counters.skipped_by_bound += 1;
                 continue;
             }
-            // What has run away is found at the end of the substep; a field is not to be asked
-            // there.
+            // The guards find such a position at the end of the step; fields need finite points.
             if !x.iter().all(|c| c.is_finite()) {
                 self.counters.degenerate += 1;
                 continue;
             }
-            self.asked.push(k as u32);
+            self.queried.push(k as u32);
             self.points.push(x);
         }
-        self.counters.queries += self.asked.len() as u64;
-        self.answers
+        self.counters.queries += self.queried.len() as u64;
+        self.samples
             .resize(self.points.len(), FieldSample { distance: 0.0, gradient: Vector::zeros() });
-        self.field.samples(&self.points, &mut self.answers);
+        self.field.samples(&self.points, &mut self.samples);
     }
 }
 
@@ -260,7 +247,7 @@ fn sample(positions: &[Point], v: &[u32; 3], b: &[Real; 3]) -> Point {
 }
 
 impl std::fmt::Debug for SdfCollision<'_> {
-    /// Numbers only: the field cannot tell what it is.
+    /// Numbers only: a field has no `Debug`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("SdfCollision")
             .field("samples", &self.len())
@@ -292,20 +279,20 @@ impl Constraint for SdfCollision<'_> {
     ///
     /// If a sample's vertex is beyond the slices.
     fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real], _h: Real) -> Residual {
-        self.ask(positions);
+        self.query(positions);
         let mut residual = Residual { count: self.len(), ..Residual::default() };
-        for (q, &k) in self.asked.iter().enumerate() {
+        for (q, &k) in self.queried.iter().enumerate() {
             let k = k as usize;
-            let FieldSample { distance, gradient } = self.answers[q];
+            let FieldSample { distance, gradient } = self.samples[q];
             let slope2 = gradient.norm_squared();
             if distance == Real::INFINITY {
-                continue; // nothing binds there: a masked field beyond its mask
+                continue; // beyond the mask of a masked field
             }
             if !(distance.is_finite() && slope2.is_finite()) {
                 self.counters.degenerate += 1;
                 continue;
             }
-            self.seen[k] = (self.points[q], distance);
+            self.last_query[k] = (self.points[q], distance);
             let (v, b) = (self.vertices[k], self.weights[k]);
             let delta = if self.push == Push::Literal { 0.0 } else { self.clearances[k] };
             if distance >= delta {
@@ -372,7 +359,7 @@ impl Constraint for SdfCollision<'_> {
     fn reset(&mut self) {
         self.pushed.clear();
         self.anchors.clear();
-        self.seen.fill((Point::origin(), Real::NEG_INFINITY));
+        self.last_query.fill((Point::origin(), Real::NEG_INFINITY));
     }
 
     fn is_idle(&self) -> bool {
@@ -472,21 +459,21 @@ mod tests {
             assert!(BALL.distance(&sample(&p, v, b)) > -1e-6);
         }
         let heavy = group.add_between(&mesh, 0.1, &[1.0, 5.0, 1.0, 1.0], &clearances);
-        assert_eq!(heavy, Err(CollisionError::Mask { vertex: 1, value: 5.0 }));
+        assert!(matches!(heavy, Err(CollisionError::Parameter(e)) if e.name == "mask[1]"));
         let nowhere = group.add_between(&mesh, 0.1, &masks, &[0.0, 0.0, Real::NAN, 0.0]);
-        assert!(matches!(nowhere, Err(CollisionError::Clearance { vertex: 2, .. })));
+        assert!(matches!(nowhere, Err(CollisionError::Parameter(e)) if e.name == "clearance[2]"));
         assert_eq!(group.len(), 4 + 5 + 2);
     }
 
     #[test]
-    fn vertices_that_cannot_have_come_near_are_not_asked_for() {
+    fn vertices_that_cannot_have_come_near_are_not_queried() {
         let mut group = SdfCollision::new(&BALL, &[1.0; 2], &[0.01; 2]).unwrap();
         let mut p = vec![Point::new(0.0, 0.6006, 0.8008), Point::new(0.9, 0.9, 0.9)];
         for _ in 0..10 {
             group.project(&mut p, &[1.0; 2], 1e-3);
             p[1].x -= 0.01;
         }
-        // The first stays at its clearance and is asked for each time, the second only at first.
+        // The first stays at its clearance and is queried each time, the second only at first.
         let c = group.counters();
         assert_eq!(c.queries + c.skipped_by_bound, 20);
         assert!(c.skipped_by_bound >= 9, "{c:?}");
@@ -516,7 +503,7 @@ mod tests {
         assert_eq!(run(false), run(true));
     }
 
-    /// A field that hides where it ends and how steep it is, so that it is always asked.
+    /// A field without bounds and without a Lipschitz bound, so that every sample is queried.
     struct Endless(Sphere);
     impl SignedDistance for Endless {
         fn distance(&self, p: &Point) -> Real {
@@ -535,7 +522,7 @@ mod tests {
 
     #[test]
     fn skipping_changes_no_bit_where_samples_share_vertices() {
-        // Friction that is no friction drags neighbours about: what was clear is carried inside
+        // Excessive friction drags neighbours about: samples that were clear are carried inside
         // within one visit.
         let mesh = cloth(3.0, 3.0, 5, 5);
         let ones = vec![1.0; mesh.vertices().len()];
@@ -556,12 +543,12 @@ mod tests {
             }
             (p, group.counters().queries)
         };
-        let ((with, asked), (without, all)) = (run(&BALL), run(&Endless(BALL)));
+        let ((with, queried), (without, all)) = (run(&BALL), run(&Endless(BALL)));
         assert_eq!(with, without);
-        assert!(asked < all, "{asked} of {all}");
+        assert!(queried < all, "{queried} of {all}");
     }
 
-    /// A field with a patch that answers NaN and one without a gradient.
+    /// A field that is NaN on one side and has no gradient on the other.
     struct Broken;
     impl SignedDistance for Broken {
         fn distance(&self, p: &Point) -> Real {
@@ -590,18 +577,18 @@ mod tests {
     }
 
     #[test]
-    fn weights_and_clearances_that_are_none_are_refused() {
+    fn invalid_weights_and_clearances_are_refused() {
         assert!(matches!(SdfCollision::new(&BALL, &[1.0], &[]), Err(CollisionError::Count { .. })));
         for bad in [-0.1, 1.1, Real::NAN] {
             assert!(matches!(
                 SdfCollision::new(&BALL, &[bad], &[0.0]),
-                Err(CollisionError::Mask { vertex: 0, .. })
+                Err(CollisionError::Parameter(e)) if e.name == "mask[0]"
             ));
         }
         for bad in [-0.1, Real::INFINITY, Real::NAN] {
             assert!(matches!(
                 SdfCollision::new(&BALL, &[1.0], &[bad]),
-                Err(CollisionError::Clearance { vertex: 0, .. })
+                Err(CollisionError::Parameter(e)) if e.name == "clearance[0]"
             ));
         }
     }

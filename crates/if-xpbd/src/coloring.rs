@@ -1,8 +1,8 @@
 //! Colouring of constraints, so that within a colour no two of them share a vertex.
 //!
-//! The point is speed on one thread: consecutive visits of a sweep then never wait for the
-//! position that the one before has just written, and several of them fit into one SIMD register.
-//! The order depends on the input alone.
+//! Colours are for speed on one thread: consecutive visits of a sweep never wait for a position
+//! that was just written, and several of them fit into one SIMD register. The order depends on the
+//! input alone.
 
 /// An order of visiting constraints, colour by colour.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -14,19 +14,14 @@ pub struct Coloring {
 }
 
 impl Coloring {
-    /// Number of colours.
-    pub fn colors(&self) -> usize {
-        self.starts.len().saturating_sub(1)
-    }
-
     /// The ranges of `order`, one for each colour.
     pub fn ranges(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
         self.starts.windows(2).map(|w| w[0] as usize..w[1] as usize)
     }
 }
 
-/// Greedy colouring: each tuple, by smallest vertex and then in the order given, takes the smallest
-/// colour that none of its vertices has yet. Within a colour that order stays, so that positions
+/// Greedy colouring: each tuple, by smallest vertex and then in the order given, gets the smallest
+/// colour that none of its vertices has yet. Within a colour the order is kept, so that positions
 /// are read forwards. (Colouring block by block for the nearest cache gained nothing up to 360,000
 /// vertices.)
 ///
@@ -39,14 +34,14 @@ pub fn color<const K: usize>(tuples: &[[u32; K]], vertex_count: usize) -> Colori
     let smallest = |t: u32| tuples[t as usize].iter().copied().min().unwrap_or(0);
     let mut order: Vec<u32> = (0..tuples.len() as u32).collect();
     order.sort_by_key(|&t| smallest(t));
-    let mut left = order.clone();
+    let mut uncolored = order.clone();
     let mut used = vec![0u64; vertex_count];
     let mut color_of = vec![0u32; tuples.len()];
     let mut base = 0;
-    // 64 colours at a time: what finds none waits for the next word.
-    while !left.is_empty() {
+    // 64 colours at a time: tuples without a free colour wait for the next word.
+    while !uncolored.is_empty() {
         used.fill(0);
-        left.retain(|&t| {
+        uncolored.retain(|&t| {
             let tuple = &tuples[t as usize];
             let taken = tuple.iter().fold(0, |m, &v| m | used[v as usize]);
             if taken == u64::MAX {
@@ -110,20 +105,19 @@ mod tests {
             }
         }
         let coloring = check(&edges, (n * n) as usize);
-        assert!(coloring.colors() <= 11, "{}", coloring.colors());
+        assert!(coloring.ranges().count() <= 11, "{}", coloring.ranges().count());
         assert_eq!(coloring, color(&edges, (n * n) as usize));
     }
 
     #[test]
     fn a_star_of_two_hundred_edges_needs_two_hundred_colours() {
         let star: Vec<[u32; 2]> = (1..=200).map(|k| [0, k]).collect();
-        assert_eq!(check(&star, 201).colors(), 200);
+        assert_eq!(check(&star, 201).ranges().count(), 200);
     }
 
     #[test]
     fn nothing_has_no_colour_and_a_repeated_vertex_is_harmless() {
-        assert_eq!(color::<2>(&[], 0).colors(), 0);
         assert_eq!(color::<2>(&[], 0).ranges().count(), 0);
-        assert_eq!(check(&[[0, 0, 1], [2, 2, 2]], 3).colors(), 1);
+        assert_eq!(check(&[[0, 0, 1], [2, 2, 2]], 3).ranges().count(), 1);
     }
 }

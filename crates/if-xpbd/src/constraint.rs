@@ -1,13 +1,15 @@
-//! What the solver asks of a group of constraints, and what a group answers.
+//! The trait of a group of constraints, and what a group reports.
 
 use if_core::math::{Point, Real, Vector};
+use if_core::parameter::ParameterError;
 
 /// When in a substep a group is visited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[non_exhaustive]
 pub enum Stage {
     /// Lines 16 to 22: stretch, bending, attachments, strain limits. Visited `sweeps` times.
     Elastic,
-    /// Lines 6 to 15: collision, air, contacts. Where they stand is
+    /// Lines 6 to 15: collision, air, contacts, in the order of
     /// [`SolverParams::contact_order`](crate::params::SolverParams::contact_order).
     Contact,
     /// After all sweeps and contacts, once: what must hold exactly at the end of the substep.
@@ -21,11 +23,11 @@ pub enum Stage {
 pub struct Residual {
     /// The largest violation, in the unit of the constraint (metres, radians for bending).
     pub max: Real,
-    /// Sum of the squared violations. NaN where one of them was NaN, so that none passes silently.
+    /// Sum of the squared violations. NaN if one of them is NaN.
     pub sum_squares: Real,
     /// Constraints visited.
     pub count: usize,
-    /// Of these, the ones that were violated: they move what can be moved.
+    /// Number of violated constraints among them.
     pub active: usize,
 }
 
@@ -42,9 +44,9 @@ impl Residual {
         self.active += usize::from(v > 0.0);
     }
 
-    /// Both together.
+    /// The residual of two groups together.
     #[inline]
-    pub fn merged(self, other: Self) -> Self {
+    pub(crate) fn merged(self, other: Self) -> Self {
         Self {
             max: if other.max > self.max { other.max } else { self.max },
             sum_squares: self.sum_squares + other.sum_squares,
@@ -59,7 +61,7 @@ impl Residual {
     }
 }
 
-/// Work done and work skipped by a group since it was made, or since its last `reset`.
+/// Work done and work skipped by a group since it was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Counters {
     /// Field or nearest-point queries made.
@@ -68,14 +70,14 @@ pub struct Counters {
     pub skipped_by_bound: u64,
     /// Queries that a mask or a bounding box made unnecessary.
     pub skipped_by_mask: u64,
-    /// Elements left alone because they were degenerate: no gradient, no area, coincident ends, or
-    /// a field that answered NaN.
+    /// Elements skipped because they were degenerate: no gradient, no area, coincident ends, or a
+    /// NaN from the field.
     pub degenerate: u64,
 }
 
 impl Counters {
-    /// Both together.
-    pub fn merged(self, other: Self) -> Self {
+    /// The counts of two groups together.
+    pub(crate) fn merged(self, other: Self) -> Self {
         Self {
             queries: self.queries + other.queries,
             skipped_by_bound: self.skipped_by_bound + other.skipped_by_bound,
@@ -85,55 +87,26 @@ impl Counters {
     }
 }
 
-/// A number of a group with which no constraint can be solved.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum GroupError {
-    /// A compliance below zero, or none.
-    #[error(
-        "the compliance of the {group} constraints is {value} m/N; give one that is not negative (infinity makes them idle)"
-    )]
-    Compliance {
-        /// Which group: "stretch", "bending".
-        group: &'static str,
-        /// The compliance.
-        value: Real,
-    },
-    /// The same of one constraint.
-    #[error(
-        "the compliance of {group} constraint {index} is {value} m/N; give one that is not negative (infinity makes it idle)"
-    )]
-    CompliancePer {
-        /// Which group: "attachment".
-        group: &'static str,
-        /// The constraint, in the order in which they were given.
-        index: usize,
-        /// Its compliance.
-        value: Real,
-    },
-}
-
-impl GroupError {
-    /// Whether `compliance` can be one of `group`: 0, positive or infinite.
-    ///
-    /// # Errors
-    ///
-    /// [`GroupError::Compliance`].
-    pub fn of_compliance(group: &'static str, compliance: Real) -> Result<(), Self> {
-        if compliance >= 0.0 {
-            Ok(())
-        } else {
-            Err(GroupError::Compliance { group, value: compliance })
-        }
-    }
+/// Checks a compliance: 0 (rigid), positive, or infinite (the group is idle).
+///
+/// # Errors
+///
+/// If it is negative or NaN.
+pub fn check_compliance(value: Real) -> Result<(), ParameterError> {
+    ParameterError::check(
+        "compliance",
+        value,
+        value >= 0.0,
+        "at least 0 (m/N; infinity makes the constraint idle)",
+    )
 }
 
 /// One *group* of constraints: dynamic dispatch once per group and sweep, static per element.
 ///
 /// All slices have one entry per particle. An inverse mass of zero pins its particle.
 pub trait Constraint {
-    /// Starts a substep of `h` seconds: line 4 (λ ← 0), and whatever the group remembers of
-    /// `previous`, the positions at the start of the substep. `positions` are the predicted ones.
+    /// Starts a substep of `h` seconds: line 4 (λ ← 0). `previous` are the positions at the start of
+    /// the substep, `positions` the predicted ones.
     fn begin_substep(
         &mut self,
         previous: &[Point],
@@ -145,35 +118,26 @@ pub trait Constraint {
     /// Visits every constraint of the group once, in an order that is always the same.
     fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real], h: Real) -> Residual;
 
-    /// Where in the substep the group belongs.
+    /// When in a substep the group is visited.
     fn stage(&self) -> Stage {
         Stage::Elastic
     }
 
-    /// Takes out of `velocities` what only comes from pushing particles out of a penetration:
-    /// groups of contacts do, elastic ones leave them. Called after line 24 where
+    /// Removes from `velocities` what comes from pushing particles out of a penetration. Groups of
+    /// contacts implement it. Called after line 24 if
     /// [`remove_depenetration_velocity`](crate::params::SolverParams::remove_depenetration_velocity)
     /// is set.
     fn correct_velocities(&self, _velocities: &mut [Vector]) {}
 
-    /// Forgets everything remembered about positions: they are about to jump (roll-back, teleport).
+    /// Discards all state that depends on positions, which are about to jump (roll-back, teleport).
     fn reset(&mut self) {}
 
-    /// Whether the numbers it was given make sense. The solver asks before each step.
-    ///
-    /// # Errors
-    ///
-    /// [`GroupError`], for what can be set to a number with which no constraint can be solved.
-    fn check(&self) -> Result<(), GroupError> {
-        Ok(())
-    }
-
-    /// Whether there is nothing to do: the solver skips such a group, and says so.
+    /// Whether the group has nothing to do. The solver skips idle groups and reports their number.
     fn is_idle(&self) -> bool {
         false
     }
 
-    /// Work done and skipped.
+    /// Counts of work done and skipped.
     fn counters(&self) -> Counters {
         Counters::default()
     }
@@ -182,6 +146,16 @@ pub trait Constraint {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_negative_or_nan_compliance_is_out_of_range() {
+        for value in [-1e-9, Real::NAN, Real::NEG_INFINITY] {
+            assert_eq!(check_compliance(value).unwrap_err().name, "compliance");
+        }
+        for value in [0.0, 1e-300, Real::INFINITY] {
+            check_compliance(value).unwrap();
+        }
+    }
 
     #[test]
     fn a_residual_keeps_the_largest_and_does_not_lose_a_nan() {

@@ -1,10 +1,10 @@
-//! Edges with rest lengths, checked once and laid out for sweeping: what stretch and strain limits
-//! share.
+//! Edges with rest lengths, checked once and laid out for sweeping, for stretch and strain limits.
 
 use crate::coloring::color;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
 use std::ops::Range;
 
 /// Edges in the order of visiting, as a structure of arrays.
@@ -13,13 +13,13 @@ pub struct EdgeSet {
     pub(crate) a: Vec<u32>,
     pub(crate) b: Vec<u32>,
     pub(crate) rest: Vec<Real>,
-    /// Number that each edge had when it was given.
+    /// Index of each edge in the list given.
     pub(crate) given: Vec<u32>,
     pub(crate) colors: Vec<Range<usize>>,
     vertex_count: usize,
 }
 
-/// Why edges and rest lengths do not make constraints.
+/// Why edges and rest lengths are invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EdgeSetError {
@@ -52,13 +52,8 @@ pub enum EdgeSetError {
         vertex: u32,
     },
     /// A rest length is negative, NaN or infinite.
-    #[error("edge {edge} has the rest length {value}; it must be finite and at least 0 (metres)")]
-    Rest {
-        /// Index of the edge.
-        edge: usize,
-        /// What stands there.
-        value: Real,
-    },
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
 }
 
 impl EdgeSet {
@@ -88,9 +83,9 @@ impl EdgeSet {
             if a == b {
                 return Err(EdgeSetError::SelfLoop { edge, vertex: a });
             }
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(EdgeSetError::Rest { edge, value });
-            }
+            let ok = value.is_finite() && value >= 0.0;
+            ParameterError::check("rest_length", value, ok, "finite and at least 0 (metres)")
+                .map_err(|e| e.at(edge))?;
         }
         let coloring = color(edges, vertex_count);
         let pick = |k: &u32| edges[*k as usize];
@@ -112,9 +107,9 @@ impl EdgeSet {
             .expect("a checked mesh has sound edges of finite length")
     }
 
-    /// The edges with an end that can move, whose inverse mass is not 0, in the same order of
-    /// visiting: a sweep over them moves every particle as a sweep over all does, to the bit. They
-    /// count as given in the order in which they were given here.
+    /// The edges with a movable end (inverse mass not 0), in the same order of visiting. A sweep over
+    /// them gives the same bits as a sweep over all edges. They count as given in the order in which
+    /// they were given here.
     ///
     /// # Panics
     ///
@@ -146,12 +141,12 @@ impl EdgeSet {
         self.a.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no edges.
     pub fn is_empty(&self) -> bool {
         self.a.is_empty()
     }
 
-    /// Number of particles that the edges' ends are counted among.
+    /// Number of particles that the edges index.
     pub fn vertex_count(&self) -> usize {
         self.vertex_count
     }
@@ -185,7 +180,7 @@ fn length(positions: &[Point], e: &[u32; 2]) -> Real {
     if length.is_finite() {
         return length;
     }
-    // Nor their squares. What no number holds is the largest one.
+    // Scaled, so that squares do not overflow; at most the largest number.
     let most = half.amax();
     (2.0 * most * (half / most).norm()).min(Real::MAX)
 }
@@ -195,7 +190,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faults_are_named() {
+    fn errors_name_the_edge() {
         use EdgeSetError::*;
         assert!(matches!(EdgeSet::new(&[[0, 1]], &[], 2), Err(Count { edges: 1, rests: 0 })));
         assert!(matches!(
@@ -207,7 +202,8 @@ mod tests {
             Err(SelfLoop { edge: 1, vertex: 1 })
         ));
         for bad in [-1.0, Real::NAN, Real::INFINITY] {
-            assert!(matches!(EdgeSet::new(&[[0, 1]], &[bad], 2), Err(Rest { edge: 0, .. })));
+            let error = EdgeSet::new(&[[0, 1]], &[bad], 2).unwrap_err();
+            assert!(matches!(error, Parameter(e) if e.name == "rest_length[0]"));
         }
         assert!(EdgeSet::new(&[], &[], 0).unwrap().is_empty());
     }
@@ -230,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn sweeps_over_what_can_move_do_what_sweeps_over_all_do() {
+    fn sweeps_over_movable_edges_give_the_bits_of_sweeps_over_all() {
         use crate::constraint::Constraint;
         use crate::strain_limit::StrainLimit;
         use crate::stretch::Stretch;
@@ -250,7 +246,7 @@ mod tests {
             assert!(part.len() <= all.len() && part.is_empty() == (free == 0));
             let run = |edges: &EdgeSet| {
                 let mut x = start.clone();
-                let mut stretch = Stretch::new(edges.clone(), 0.3);
+                let mut stretch = Stretch::new(edges.clone(), 0.3).unwrap();
                 let mut limit = StrainLimit::new(edges.clone(), 0.9, 1.1).unwrap();
                 for _ in 0..5 {
                     stretch.begin_substep(&start, &x, &w, 1.0);

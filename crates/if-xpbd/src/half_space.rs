@@ -1,5 +1,5 @@
-//! Contacts of points on a moving surface with fixed planes: what an outfit's layers, once frozen,
-//! ask of the layer that is being put on.
+//! Contacts of points on a moving surface with fixed half-spaces: the contacts of a garment with
+//! the frozen layers below it.
 
 use crate::constraint::{Constraint, Residual, Stage};
 use if_core::math::{Point, Real, Vector};
@@ -12,9 +12,8 @@ use if_core::math::{Point, Real, Vector};
 /// Δpₖ = wₖ bₖ n d / Σ wₖ bₖ²
 /// ```
 ///
-/// Contacts are visited in the order in which they were pushed. The lists keep their capacity over
-/// [`HalfSpaces::clear`], so a resolver that finds its contacts anew in every round allocates
-/// nothing once it has seen its largest round.
+/// Contacts are visited in the order of pushing. [`HalfSpaces::clear`] keeps the capacity, so that
+/// detecting contacts in every round allocates nothing after the largest round.
 ///
 /// # Source
 ///
@@ -29,16 +28,16 @@ pub struct HalfSpaces {
     levels: Vec<Real>,
     /// Whether the contact pushed in this substep.
     pushed: Vec<bool>,
-    /// Where the samples stood at the start of the substep; filled only where there is friction.
+    /// Positions of the samples at the start of the substep; empty without friction.
     anchors: Vec<Point>,
     /// Coulomb coefficient of friction, without unit.
     pub friction: Real,
-    /// The farthest that a sample may be pushed in one visit, in metres.
+    /// The largest push of a sample in one visit, in metres.
     pub max_push: Real,
-    /// The farthest that a visit may move a vertex, in times the sample's push: a vertex of weight
-    /// b that alone is free, or light, moves by 1/b of it. Infinite lands each sample on its gap at
-    /// once, and throws the free corner of a triangle that is pinned beside the sample; from 4 on,
-    /// middles of edges and of triangles still land at once.
+    /// The largest motion of a vertex in one visit, as a multiple of the sample's push. A vertex of
+    /// weight b that is the only free or light one moves by 1/b of the push. With infinity each
+    /// sample reaches its gap at once, and a free corner far from its sample is thrown; from 4 on,
+    /// middles of edges and of triangles still reach theirs at once.
     pub max_lever: Real,
     /// When the contacts are visited. Those of [`Stage::Elastic`] give way to those of
     /// [`Stage::Contact`], which come later in every sweep.
@@ -63,12 +62,12 @@ impl Default for HalfSpaces {
 }
 
 impl HalfSpaces {
-    /// No contacts, no friction, no limit to a push.
+    /// No contacts, no friction, unlimited pushes.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Drops all contacts and keeps the memory.
+    /// Removes all contacts and keeps the memory.
     pub fn clear(&mut self) {
         self.vertices.clear();
         self.weights.clear();
@@ -83,7 +82,7 @@ impl HalfSpaces {
         self.levels.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no contacts.
     pub fn is_empty(&self) -> bool {
         self.levels.is_empty()
     }
@@ -124,7 +123,7 @@ impl HalfSpaces {
     ///
     /// # Panics
     ///
-    /// If there is no contact `k`, or no position for one of its vertices.
+    /// If `k` or one of the contact's vertices is out of range.
     #[inline]
     pub fn clearance(&self, k: usize, positions: &[Point]) -> Real {
         self.normals[k].dot(&sample(positions, &self.vertices[k], &self.weights[k]))
@@ -184,8 +183,8 @@ impl HalfSpaces {
     }
 }
 
-/// The part of the tangential slide that friction takes back: all of it while it is at most
-/// `bound = μ d`, and `bound` of it beyond.
+/// The part of the tangential slide that friction removes: all of it up to a length of
+/// `bound = μ d`, and `bound` beyond.
 #[inline]
 pub(crate) fn friction(slide: &Vector, bound: Real) -> Vector {
     let length = slide.norm();
@@ -335,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn friction_takes_back_at_most_mu_times_the_depth() {
+    fn friction_removes_at_most_mu_times_the_depth() {
         for (mu, expected) in [(0.0, 0.5), (0.5, 0.4), (10.0, 0.0)] {
             let start = vec![Point::origin()];
             let mut p = vec![Point::new(0.5, 0.0, -0.2)];

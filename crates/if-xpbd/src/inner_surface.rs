@@ -11,24 +11,28 @@ pub struct InnerSurface<'a> {
     mesh: &'a TriMesh,
     closest: &'a dyn ClosestPoint,
     edges: Edges,
+    /// For each vertex whether it lies on the border.
+    border: Vec<bool>,
     faces: Vec<Vector>,
     vertices: Vec<Vector>,
 }
 
 impl std::fmt::Debug for InnerSurface<'_> {
-    /// Numbers only: what finds nearest points cannot tell what it is.
+    /// Numbers only: a search structure has no `Debug`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("InnerSurface").field("triangles", &self.faces.len()).finish_non_exhaustive()
     }
 }
 
 impl<'a> InnerSurface<'a> {
-    /// `closest` must answer for `mesh`.
+    /// `closest` must return nearest points of `mesh`.
     pub fn new(mesh: &'a TriMesh, closest: &'a dyn ClosestPoint) -> Self {
+        let edges = Edges::new(mesh);
         Self {
             mesh,
             closest,
-            edges: Edges::new(mesh),
+            border: edges.boundary_vertices(mesh.vertices().len()),
+            edges,
             faces: mesh.face_normals(),
             vertices: mesh.vertex_normals(),
         }
@@ -49,7 +53,7 @@ impl<'a> InnerSurface<'a> {
     ///
     /// # Panics
     ///
-    /// If `at` is no nearest point of this mesh.
+    /// If `at` is not a nearest point of this mesh.
     pub fn normal(&self, at: &Closest) -> Vector {
         let t = at.triangle as usize;
         match at.feature {
@@ -63,6 +67,30 @@ impl<'a> InnerSurface<'a> {
         }
     }
 }
+
+impl InnerSurface<'_> {
+    /// Whether `p`, whose nearest point is `at`, lies beyond the border of the surface: that point
+    /// is on the border, and `p` is not straight above or below it.
+    pub(crate) fn is_beyond_border(&self, at: &Closest, p: &Point) -> bool {
+        let t = at.triangle as usize;
+        let on_border = match at.feature {
+            Feature::Face => false,
+            Feature::Edge(k) => {
+                self.edges.triangles[self.edges.of_triangle[t][k as usize] as usize][1] == NONE
+            }
+            Feature::Vertex(k) => self.border[self.mesh.triangles()[t][k as usize] as usize],
+        };
+        let (d, normal) = (p - at.point, self.normal(at));
+        let slide = (d - normal * normal.dot(&d)).norm();
+        let [a, b, c] = self.mesh.corners(t);
+        let edge = (b - a).norm().max((c - b).norm()).max((a - c).norm());
+        on_border && slide > STRAIGHT * edge
+    }
+}
+
+/// A point whose offset from the border has a tangential part of at most this share of an edge is
+/// above the border. Rounding is 1e-13 of an edge; ten times more or less changes nothing visible.
+const STRAIGHT: Real = 1e-6;
 
 #[cfg(test)]
 pub(crate) mod tests {

@@ -2,10 +2,12 @@
 
 use crate::collision::Push;
 use if_core::math::Real;
+use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
 /// What line 18 adds to `C`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum LambdaForm {
     /// `C + β̃ λ`, as XPBD has it: any number of sweeps solves the same problem.
     #[default]
@@ -20,6 +22,7 @@ pub enum LambdaForm {
 
 /// Where in a substep contacts are visited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum ContactOrder {
     /// Once, before the elastic sweeps, as lines 6 to 22 are printed: leaves vertices inside again.
     BeforeStretch,
@@ -32,6 +35,7 @@ pub enum ContactOrder {
 
 /// What line 3 starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
 pub enum Motion {
     /// v := 0 in each substep: the garment settles, and pushes leave no speed behind.
     #[default]
@@ -44,13 +48,14 @@ pub enum Motion {
     },
 }
 
-/// Parameters of [`Solver`](crate::solver::Solver) and of [`settle`](crate::algorithm1::settle).
-/// `Default` is the corrected method,
-/// [`SolverParams::literal`] lines 1 to 26 as printed.
+/// Parameters of [`Solver`](crate::solver::Solver) and of
+/// [`run_algorithm1`](crate::algorithm1::run_algorithm1).
 ///
-/// `compliance`, `lambda_form`, `push`, `friction`, `clearance` and `max_push` are those of the
-/// groups that `settle` makes. A `Solver` that is given its groups does not look at them: groups
-/// have their own.
+/// `Default` is the corrected method. [`SolverParams::literal`], lines 1 to 26 as printed, exists
+/// for comparisons with the paper: nothing else uses it.
+///
+/// `compliance`, `lambda_form`, `push`, `friction`, `clearance` and `max_push` are for the groups
+/// that `run_algorithm1` makes. A `Solver` does not read them: each group has its own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SolverParams {
@@ -71,39 +76,39 @@ pub struct SolverParams {
     pub compliance: Real,
     /// What line 18 adds to C.
     pub lambda_form: LambdaForm,
-    /// How line 8 brings a vertex out of the field. [`Push::Literal`] knows no clearance, no mask
-    /// weight between 0 and 1, and no `max_push`.
+    /// How line 8 brings a vertex out of the field. [`Push::Literal`] ignores the clearance, mask
+    /// weights between 0 and 1, and `max_push`.
     pub push: Push,
-    /// Where contacts stand in a substep.
+    /// Where contacts are visited in a substep.
     pub contact_order: ContactOrder,
     /// What line 3 starts from.
     pub motion: Motion,
     /// Acceleration of gravity, in m/s². Line 3 prints none. Without effect in a quasi-static run
     /// only where it is zero: there it acts as the displacement g h² of each substep.
     pub gravity: [Real; 3],
-    /// A run stops once no vertex moved farther than this in a step, in metres; 0 never stops.
+    /// A run stops once no vertex moved farther than this in a step, in metres; with 0 it makes all
+    /// steps.
     pub stop_below: Real,
     /// Coulomb coefficient of friction of collisions.
     pub friction: Real,
     /// δ: distance kept from the field's zero set, in metres. Give collisions more where edges are
     /// long: L²κ/8 for edges of length L across a curvature κ.
     pub clearance: Real,
-    /// The farthest that one visit of a collision may push a vertex, in metres.
+    /// The largest push of a vertex in one visit of a collision, in metres.
     pub max_push: Real,
-    /// Whether the speed gained by being pushed out of a penetration is taken away after line 24:
-    /// of what a contact pushed in the substep, the speed along its push. Without effect in a
-    /// quasi-static run, which has none.
+    /// Whether the speed that a push out of a penetration leaves is removed after line 24: of the
+    /// vertices that a contact pushed in the substep, the speed along the push. Without effect in a
+    /// quasi-static run, where velocities are zero.
     pub remove_depenetration_velocity: bool,
-    /// Most often that a step which went wrong is taken back and tried with h/2.
+    /// Maximum number of times that a failed step is rolled back and tried with h/2.
     pub retries: u32,
-    /// A step of a dynamic run went wrong when its kinetic energy grew beyond this factor (counted
-    /// from that of 1 m/s at least), and beyond that of crossing the scene in Δt; infinity allows
-    /// all that is finite.
+    /// A step of a dynamic run fails if the kinetic energy grows by more than this factor (from at
+    /// least that of 1 m/s) and beyond the energy of crossing the scene in Δt. Infinity allows every
+    /// finite energy.
     pub energy_jump: Real,
-    /// A step went wrong when a vertex moved farther than this many times the size of the scene:
-    /// the diagonal of the particles' box and what free flight covers in Δt (counted from 1 m at
-    /// least); infinity allows all that is finite. The only guard of a quasi-static run, which has
-    /// no energy to look at.
+    /// A step fails if a vertex moves farther than this many times the size of the scene (at least
+    /// 1 m): the diagonal of the particles' box, and what free flight covers in Δt. Infinity allows
+    /// every finite motion. A quasi-static run has no other guard but the one for finite numbers.
     pub displacement_jump: Real,
 }
 
@@ -132,22 +137,6 @@ impl Default for SolverParams {
             displacement_jump: 1e4,
         }
     }
-}
-
-/// Which parameter cannot be worked with.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ParamsError {
-    /// A number is outside its range.
-    #[error("{name} is {value}; it must be {range}")]
-    OutOfRange {
-        /// The parameter.
-        name: &'static str,
-        /// Its value.
-        value: Real,
-        /// What is allowed.
-        range: &'static str,
-    },
 }
 
 impl SolverParams {
@@ -181,10 +170,8 @@ impl SolverParams {
     /// # Errors
     ///
     /// The first that is NaN or outside its range.
-    pub fn validate(&self) -> Result<(), ParamsError> {
-        let check = |name, value: Real, ok: bool, range| {
-            if ok { Ok(()) } else { Err(ParamsError::OutOfRange { name, value, range }) }
-        };
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let check = ParameterError::check;
         let positive = |x: Real| x > 0.0 && x.is_finite();
         let not_negative = |x: Real| x >= 0.0 && x.is_finite();
         check(
@@ -208,8 +195,8 @@ impl SolverParams {
             self.compliance >= 0.0,
             "at least 0 (m/N; infinity for no stretch constraint)",
         )?;
-        for g in self.gravity {
-            check("gravity", g, g.is_finite(), "finite (m/s²)")?;
+        for (axis, g) in self.gravity.into_iter().enumerate() {
+            check("gravity", g, g.is_finite(), "finite (m/s²)").map_err(|e| e.at(axis))?;
         }
         check(
             "stop_below",
@@ -263,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_cannot_be_worked_with_is_named() {
+    fn a_parameter_out_of_range_is_named() {
         type Spoil = fn(&mut SolverParams);
         let table: [(&str, Spoil); 15] = [
             ("time_step", |p| p.time_step = Real::NAN),
@@ -273,7 +260,7 @@ mod tests {
             ("contact_visits", |p| p.contact_visits = 0),
             ("compliance", |p| p.compliance = -1.0),
             ("compliance", |p| p.compliance = Real::NAN),
-            ("gravity", |p| p.gravity[1] = Real::INFINITY),
+            ("gravity[1]", |p| p.gravity[1] = Real::INFINITY),
             ("stop_below", |p| p.stop_below = Real::NAN),
             ("friction", |p| p.friction = -0.1),
             ("clearance", |p| p.clearance = Real::INFINITY),
@@ -285,8 +272,7 @@ mod tests {
         for (expected, spoil) in table {
             let mut params = SolverParams::default();
             spoil(&mut params);
-            let ParamsError::OutOfRange { name, .. } = params.validate().unwrap_err();
-            assert_eq!(name, expected);
+            assert_eq!(params.validate().unwrap_err().name, expected);
         }
         for fine in [0.0, 1e-12, 1e3, Real::INFINITY] {
             SolverParams { compliance: fine, ..Default::default() }.validate().unwrap();

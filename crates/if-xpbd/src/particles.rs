@@ -2,8 +2,9 @@
 
 use if_core::math::{Point, Real, Vector, area_vector};
 use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
 
-/// Positions, velocities and inverse masses of particles. Everything is finite at construction.
+/// Positions, velocities and inverse masses of particles, all finite at construction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Particles {
     /// p, in metres.
@@ -16,28 +17,21 @@ pub struct Particles {
     pub previous: Vec<Point>,
 }
 
-/// Why numbers do not make particles.
+/// Why particles are invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ParticlesError {
     /// A coordinate is NaN or infinite.
-    #[error("particle {particle} stands at {position:?}; every coordinate must be finite")]
+    #[error("particle {particle} is at {position:?}; every coordinate must be finite")]
     Position {
         /// Index of the particle.
         particle: usize,
-        /// Where it stands.
+        /// Its position.
         position: [Real; 3],
     },
-    /// An inverse mass is negative, NaN or infinite.
-    #[error(
-        "particle {particle} has the inverse mass {value} 1/kg; it must be finite and at least 0 (0 pins it)"
-    )]
-    InverseMass {
-        /// Index of the particle.
-        particle: usize,
-        /// Its inverse mass.
-        value: Real,
-    },
+    /// An inverse mass or the area density is out of range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
     /// There is not one inverse mass for each position.
     #[error(
         "{positions} positions but {inverse_masses} inverse masses; give one for each particle"
@@ -48,14 +42,6 @@ pub enum ParticlesError {
         /// Inverse masses given.
         inverse_masses: usize,
     },
-    /// The mass per area is not a positive number.
-    #[error(
-        "the area density is {value} kg/m²; it must be positive and finite (cloth has about 0.2)"
-    )]
-    Density {
-        /// What was given.
-        value: Real,
-    },
 }
 
 impl Particles {
@@ -63,7 +49,7 @@ impl Particles {
     ///
     /// # Errors
     ///
-    /// The first number that is not allowed.
+    /// The first invalid number.
     pub fn new(positions: Vec<Point>, inverse_masses: Vec<Real>) -> Result<Self, ParticlesError> {
         if positions.len() != inverse_masses.len() {
             return Err(ParticlesError::Count {
@@ -77,9 +63,9 @@ impl Particles {
             }
         }
         for (particle, &value) in inverse_masses.iter().enumerate() {
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(ParticlesError::InverseMass { particle, value });
-            }
+            let ok = value.is_finite() && value >= 0.0;
+            let range = "finite and at least 0 (1/kg; 0 pins the particle)";
+            ParameterError::check("inverse_mass", value, ok, range).map_err(|e| e.at(particle))?;
         }
         let n = positions.len();
         Ok(Self {
@@ -107,9 +93,9 @@ impl Particles {
     ///
     /// A density that is not positive and finite, or masses whose inverse is not finite.
     pub fn from_area_density(mesh: &TriMesh, density: Real) -> Result<Self, ParticlesError> {
-        if !(density > 0.0 && density.is_finite()) {
-            return Err(ParticlesError::Density { value: density });
-        }
+        let ok = density > 0.0 && density.is_finite();
+        let range = "positive and finite (kg/m²; cloth has about 0.2)";
+        ParameterError::check("density", density, ok, range)?;
         let mut mass = vec![0.0; mesh.vertices().len()];
         for (t, corners) in mesh.triangles().iter().enumerate() {
             let [a, b, c] = mesh.corners(t);
@@ -140,7 +126,7 @@ impl Particles {
         self.positions.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no particles.
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }
@@ -156,7 +142,7 @@ impl Particles {
     }
 
     /// Indices of the particles whose position or velocity is not finite, at most `most` of them.
-    pub fn non_finite(&self, most: usize) -> Vec<u32> {
+    pub(crate) fn non_finite(&self, most: usize) -> Vec<u32> {
         let bad = |k: &usize| {
             let (p, v) = (&self.positions[*k], &self.velocities[*k]);
             !(p.iter().all(|c| c.is_finite()) && v.iter().all(|c| c.is_finite()))
@@ -171,7 +157,7 @@ mod tests {
     use approx::assert_relative_eq;
 
     #[test]
-    fn numbers_that_are_not_allowed_are_named() {
+    fn errors_name_the_particle_and_the_number() {
         let p = vec![Point::origin(), Point::new(1.0, Real::NAN, 0.0)];
         assert!(matches!(
             Particles::uniform(p, 1.0),
@@ -180,7 +166,9 @@ mod tests {
         let p = vec![Point::origin(); 2];
         for bad in [-1.0, Real::NAN, Real::INFINITY] {
             let result = Particles::new(p.clone(), vec![1.0, bad]);
-            assert!(matches!(result, Err(ParticlesError::InverseMass { particle: 1, .. })));
+            assert!(
+                matches!(result, Err(ParticlesError::Parameter(e)) if e.name == "inverse_mass[1]")
+            );
         }
         assert!(matches!(
             Particles::new(p, vec![]),
@@ -189,7 +177,7 @@ mod tests {
         for bad in [0.0, -1.0, Real::NAN, Real::INFINITY] {
             assert!(matches!(
                 Particles::from_area_density(&TriMesh::default(), bad),
-                Err(ParticlesError::Density { .. })
+                Err(ParticlesError::Parameter(e)) if e.name == "density"
             ));
         }
     }

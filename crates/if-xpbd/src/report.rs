@@ -1,7 +1,8 @@
 //! What steps and runs report, and how they fail.
 
-use crate::constraint::{Counters, GroupError, Residual};
+use crate::constraint::{Counters, Residual};
 use if_core::math::Real;
+use if_core::monitor::Cancelled;
 
 /// What a step did.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -9,7 +10,7 @@ use if_core::math::Real;
 pub struct StepReport {
     /// Substeps of the attempt that succeeded.
     pub substeps: u32,
-    /// Attempts that were taken back.
+    /// Attempts that were rolled back.
     pub retries: u32,
     /// The farthest that a vertex moved in the step, in metres.
     pub moved: Real,
@@ -33,9 +34,7 @@ pub enum Stop {
     /// No vertex moved farther than [`stop_below`](crate::params::SolverParams::stop_below) in a
     /// step.
     Converged,
-    /// The callback asked for it.
-    Cancelled,
-    /// All steps are done.
+    /// All steps were made.
     Exhausted,
 }
 
@@ -45,19 +44,19 @@ pub enum Stop {
 pub struct RunReport {
     /// Steps made.
     pub steps: u32,
-    /// Substeps made, without those that were taken back.
+    /// Substeps made, without those that were rolled back.
     pub substeps: u64,
-    /// Attempts that were taken back.
+    /// Attempts that were rolled back.
     pub retries: u32,
     /// Why it ended.
     pub stop: Stop,
-    /// The last step; `None` where there was none.
+    /// The last step; `None` if no step was made.
     pub last: Option<StepReport>,
     /// Work done and skipped by all groups.
     pub counters: Counters,
 }
 
-/// Why a step could not be made. The particles are left as they were before it.
+/// Why a step failed. The particles are then as they were before it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StepError {
@@ -81,12 +80,9 @@ pub enum StepError {
         /// Inverse masses given.
         inverse_masses: usize,
     },
-    /// A group of constraints with a number that makes no sense.
-    #[error(transparent)]
-    Group(#[from] GroupError),
     /// The state stopped being finite, whatever the substep.
     #[error(
-        "particles {vertices:?} are not finite after {substeps} substeps of {h} s; look at the constraints they have, or allow more retries"
+        "particles {vertices:?} are not finite after {substeps} substeps of {h} s; check the constraints on them, or allow more retries"
     )]
     NonFinite {
         /// The first of them.
@@ -98,7 +94,7 @@ pub enum StepError {
     },
     /// The kinetic energy jumped, whatever the substep.
     #[error(
-        "the kinetic energy jumps to {energy} J (allowed: {allowed} J) with substeps of {h} s; the fastest particles are {vertices:?}; soften the constraints they have, or raise energy_jump"
+        "the kinetic energy jumps to {energy} J (allowed: {allowed} J) with substeps of {h} s; the fastest particles are {vertices:?}; soften the constraints on them, or raise energy_jump"
     )]
     EnergyJump {
         /// The fastest particles.
@@ -110,9 +106,9 @@ pub enum StepError {
         /// Substep of the last attempt, in seconds.
         h: Real,
     },
-    /// A vertex moved farther than anything in the scene explains, whatever the substep.
+    /// A vertex moved many times the size of the scene, whatever the substep.
     #[error(
-        "particles {vertices:?} move up to {moved} m in a step (allowed: {allowed} m) with substeps of {h} s; look at the constraints they have, or raise displacement_jump"
+        "particles {vertices:?} move up to {moved} m in a step (allowed: {allowed} m) with substeps of {h} s; check the constraints on them, or raise displacement_jump"
     )]
     DisplacementJump {
         /// The particles that moved farthest.
@@ -124,4 +120,16 @@ pub enum StepError {
         /// Substep of the last attempt, in seconds.
         h: Real,
     },
+}
+
+/// Why a run ended early.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// A step failed. The particles are as they were before it.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// The monitor cancelled the run. The particles are as the last step left them.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
 }

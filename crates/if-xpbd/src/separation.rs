@@ -3,23 +3,23 @@
 use crate::constraint::{Constraint, Residual, Stage};
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 
-/// Pairs of triangles held apart along the direction that parted them at rest.
+/// Pairs of triangles held apart along the axis that separated them at rest.
 ///
-/// Two triangles that do not meet are parted by a plane whose normal n is one of their two normals
-/// or of the nine cross products of their edges. Kept as a vector of the world, it demands of every
-/// corner a of the lower and every corner b of the upper triangle
+/// Two disjoint triangles are separated by a plane whose normal n is one of their two normals or of
+/// the nine cross products of their edges. It is kept as a vector of the world. For every corner a
+/// of the lower and every corner b of the upper triangle
 ///
 /// ```text
 /// C = n·(x_b − x_a) − g ≥ 0        Δx_a = −w_a n max(0, −C) / (w_a + w_b),   Δx_b likewise, +
 /// ```
 ///
-/// with g nine tenths of the gap at rest, at most the one asked for. Corners they share are left
-/// out; then each other pair of corners keeps half of its own height at rest. As
-/// [`crate::tie::Ties`], it is meant for corrections without large rotations.
+/// with g nine tenths of the gap at rest, and at most the gap given. Shared corners are left out;
+/// each other pair of corners then keeps half of its height at rest. Like [`crate::tie::Ties`],
+/// it is meant for corrections without large rotations.
 ///
 /// # Source
 ///
-/// Separating axes: Gottschalk, Lin and Manocha 1996. Remembering the axis: ours.
+/// Separating axes: Gottschalk, Lin and Manocha 1996. Keeping the axis: ours.
 #[derive(Clone, Debug, Default)]
 pub struct Separations {
     below: Vec<u32>,
@@ -41,13 +41,13 @@ impl Separations {
         self.gaps.len()
     }
 
-    /// Whether there are none.
+    /// Whether no pair is held apart.
     pub fn is_empty(&self) -> bool {
         self.gaps.is_empty()
     }
 
-    /// Holds triangles `s` and `t` apart as they are in `rest`, by up to `gap` metres. False, and
-    /// nothing, where no plane parts them there.
+    /// Holds triangles `s` and `t` apart as they are in `rest`, by up to `gap` metres. Returns
+    /// `false` and adds nothing if no plane separates them there.
     pub fn push(&mut self, s: [u32; 3], t: [u32; 3], gap: Real, rest: &[Point]) -> bool {
         let (p, q) = (s.map(|v| rest[v as usize]), t.map(|v| rest[v as usize]));
         let mut axes = vec![area_vector(&p[0], &p[1], &p[2]), area_vector(&q[0], &q[1], &q[2])];
@@ -83,9 +83,9 @@ impl Separations {
                     self.below.push(a);
                     self.above.push(b);
                     self.normals.push(normal);
-                    let own = normal.dot(&(rest[b as usize] - rest[a as usize]));
+                    let height = normal.dot(&(rest[b as usize] - rest[a as usize]));
                     self.gaps.push(if shares {
-                        gap.min(0.5 * own.max(0.0))
+                        gap.min(0.5 * height.max(0.0))
                     } else {
                         gap.min(0.9 * room)
                     });
@@ -110,7 +110,7 @@ impl Constraint for Separations {
 
     fn project(&mut self, positions: &mut [Point], inverse_masses: &[Real], _h: Real) -> Residual {
         let mut residual = Residual { count: self.len(), ..Residual::default() };
-        let remembers = self.pushed.len() == self.len();
+        let records = self.pushed.len() == self.len();
         for k in 0..self.gaps.len() {
             let (a, b, n) = (self.below[k] as usize, self.above[k] as usize, self.normals[k]);
             let deficit = self.gaps[k] - n.dot(&(positions[b] - positions[a]));
@@ -124,7 +124,7 @@ impl Constraint for Separations {
             let push = n * (deficit / sum);
             positions[a] -= push * inverse_masses[a];
             positions[b] += push * inverse_masses[b];
-            if remembers {
+            if records {
                 self.pushed[k] = [inverse_masses[a] / sum, inverse_masses[b] / sum];
             }
         }
@@ -135,14 +135,14 @@ impl Constraint for Separations {
         Stage::Contact
     }
 
-    /// Takes from the speed at which the corners of each pair that was pushed part: momentum stays.
+    /// Removes the speed at which the corners of each pushed pair separate. Momentum is kept.
     fn correct_velocities(&self, velocities: &mut [Vector]) {
         for (k, [below, above]) in self.pushed.iter().enumerate() {
             let (a, b, n) = (self.below[k] as usize, self.above[k] as usize, self.normals[k]);
-            let parting = n.dot(&(velocities[b] - velocities[a]));
-            if parting > 0.0 {
-                velocities[a] += n * (parting * below);
-                velocities[b] -= n * (parting * above);
+            let separating = n.dot(&(velocities[b] - velocities[a]));
+            if separating > 0.0 {
+                velocities[a] += n * (separating * below);
+                velocities[b] -= n * (separating * above);
             }
         }
     }
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn triangles_pushed_through_one_another_part_again_on_their_sides() {
+    fn triangles_pushed_through_one_another_return_to_their_sides() {
         let mut group = Separations::new();
         assert!(group.push([0, 1, 2], [3, 4, 5], 0.01, &two(0.1)));
         let mut x = two(-0.05);
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_push_leaves_no_parting_speed_and_momentum_stays() {
+    fn a_push_leaves_no_separating_speed_and_keeps_momentum() {
         let mut group = Separations::new();
         assert!(group.push([0, 1, 2], [3, 4, 5], 0.01, &two(0.1)));
         let (before, w) = (two(-0.05), [1.0, 2.0, 0.5, 1.0, 1.0, 4.0]);
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn triangles_that_meet_at_rest_are_left_alone() {
+    fn triangles_that_intersect_at_rest_are_not_added() {
         let mut rest = two(0.0);
         rest[5].z = 0.3;
         rest[4].z = -0.3;

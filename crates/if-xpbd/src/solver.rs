@@ -1,14 +1,15 @@
 //! The loop over steps and substeps: lines 1 to 3 and 23 to 26 of Algorithm 1.
 
 use crate::constraint::{Constraint, Counters, Residual, Stage};
-use crate::params::{ContactOrder, Motion, ParamsError, SolverParams};
+use crate::params::{ContactOrder, Motion, SolverParams};
 use crate::particles::Particles;
-use crate::report::{RunReport, StepError, StepReport, Stop};
+use crate::report::{RunError, RunReport, StepError, StepReport, Stop};
 use if_core::aabb::Aabb;
 use if_core::math::{Real, Vector};
-use std::ops::ControlFlow;
+use if_core::monitor::{Monitor, Progress};
+use if_core::parameter::ParameterError;
 
-/// Most vertices that an error names.
+/// Maximum number of vertices in an error.
 const NAMED: usize = 16;
 
 /// Moves particles under groups of constraints.
@@ -18,17 +19,39 @@ const NAMED: usize = 16;
 /// for each substep                                         2, 25
 ///   pᵢ ← p;  v ← v + h g (or h g: quasi-static);  p ← p + h v     3
 ///   every group: λ ← 0, β̃ ← β / h²                         4, 5
-///   [contacts]                                             6 to 15, where they stand as printed
+///   [contacts]                                             6 to 15, in the printed order
 ///   for each sweep: elastic groups; [contacts]             16 to 22, and the correction
 ///   [contacts alone];  final groups                        ours
-///   v ← (p − pᵢ) / h;  contacts take back their push       23, 24
+///   v ← (p − pᵢ) / h;  contacts remove their push from v   23, 24
 /// ```
 ///
-/// A step that ends in a state which is not finite, whose kinetic energy jumps, or in which a
-/// vertex moves absurdly far, is taken back and tried with h/2, at most
-/// [`retries`](SolverParams::retries) times. The whole state is taken back, islands that went well
-/// included: what they then repeat is what they did. A step reads and writes on one thread in a
-/// fixed order (fields may answer on several): the bits do not depend on threads.
+/// A step fails if its final state is not finite, if its kinetic energy jumps, or if a vertex moves
+/// many times the size of the scene. It is then rolled back and tried with h/2, at most
+/// [`retries`](SolverParams::retries) times. A step runs on one thread in a fixed order (fields may
+/// use several), so the bits do not depend on the number of threads.
+///
+/// # Examples
+///
+/// Two particles on a spring, one of them pinned, hang at rest:
+///
+/// ```
+/// use if_core::Point;
+/// use if_xpbd::{EdgeSet, Motion, Particles, Solver, SolverParams, Stretch};
+///
+/// let start = vec![Point::origin(), Point::new(0.0, -0.1, 0.0)];
+/// let mut particles = Particles::uniform(start, 1.0)?.pinned([0]);
+/// let mut spring = Stretch::new(EdgeSet::new(&[[0, 1]], &[0.1], 2)?, 1e-3)?;
+/// let mut solver = Solver::new(SolverParams {
+///     motion: Motion::Dynamic { damping: 20.0 },
+///     gravity: [0.0, -9.81, 0.0],
+///     ..SolverParams::default()
+/// })?;
+/// for _ in 0..200 {
+///     solver.step(&mut particles, &mut [&mut spring])?;
+/// }
+/// assert!((particles.positions[1].y + 0.1 + 9.81e-3).abs() < 1e-4);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Solver {
     params: SolverParams,
@@ -41,7 +64,7 @@ impl Solver {
     /// # Errors
     ///
     /// See [`SolverParams::validate`].
-    pub fn new(params: SolverParams) -> Result<Self, ParamsError> {
+    pub fn new(params: SolverParams) -> Result<Self, ParameterError> {
         params.validate()?;
         Ok(Self { params, backup: Particles::default() })
     }
@@ -51,7 +74,7 @@ impl Solver {
     /// # Errors
     ///
     /// See [`SolverParams::validate`]. The old parameters are then kept.
-    pub fn set_params(&mut self, params: SolverParams) -> Result<(), ParamsError> {
+    pub fn set_params(&mut self, params: SolverParams) -> Result<(), ParameterError> {
         params.validate()?;
         self.params = params;
         Ok(())
@@ -66,8 +89,8 @@ impl Solver {
     ///
     /// # Errors
     ///
-    /// A state that is not finite, a group that [cannot be solved](Constraint::check), an energy
-    /// jump or a displacement jump, which smaller substeps did not cure.
+    /// A state that is not finite, an energy jump or a displacement jump, if smaller substeps did
+    /// not help.
     ///
     /// # Panics
     ///
@@ -87,10 +110,9 @@ impl Solver {
         if !vertices.is_empty() {
             return Err(StepError::Input { vertices });
         }
-        groups.iter().try_for_each(|group| group.check())?;
         // The inverse masses are not written: groups receive them read-only.
         copy_state(particles, &mut self.backup);
-        // A quasi-static motion has no speed: its pushes over h would grow as h shrinks.
+        // Quasi-static motion has no speed: its pushes over h would grow as h shrinks.
         let allowed = if self.params.motion == Motion::QuasiStatic
             || self.params.energy_jump == Real::INFINITY
         {
@@ -114,16 +136,19 @@ impl Solver {
                 return Err(fault);
             }
             retries += 1;
-            tracing::debug!(retries, %fault, "the step is taken back and tried with half the substep");
+            tracing::debug!(retries, %fault, "the step is rolled back and tried with half the substep");
         }
     }
 
-    /// Steps until nothing moves any more, the steps are used up, or `on_step` (called with the
-    /// number of steps made) breaks.
+    /// Steps until no vertex moves farther than [`stop_below`](SolverParams::stop_below), or all
+    /// steps are made.
+    ///
+    /// The monitor receives the stage `"step"` after each step, with the measures `moved`,
+    /// `elastic` and `contact` (the largest violations, in metres).
     ///
     /// # Errors
     ///
-    /// As [`Solver::step`].
+    /// As [`Solver::step`], and if the monitor cancels.
     ///
     /// # Panics
     ///
@@ -132,8 +157,8 @@ impl Solver {
         &mut self,
         particles: &mut Particles,
         groups: &mut [&mut dyn Constraint],
-        mut on_step: impl FnMut(u32, &StepReport) -> ControlFlow<()>,
-    ) -> Result<RunReport, StepError> {
+        monitor: &mut dyn Monitor,
+    ) -> Result<RunReport, RunError> {
         let mut run = RunReport {
             steps: 0,
             substeps: 0,
@@ -147,11 +172,20 @@ impl Solver {
             run.steps += 1;
             run.substeps += u64::from(report.substeps);
             run.retries += report.retries;
+            monitor.report(&Progress {
+                done: run.steps as usize,
+                total: Some(self.params.steps as usize),
+                measures: &[
+                    ("moved", report.moved),
+                    ("elastic", report.elastic.max),
+                    ("contact", report.contact.max),
+                ],
+                ..Progress::stage("step")
+            })?;
             let converged = report.moved < self.params.stop_below;
-            let cancelled = on_step(run.steps, &report).is_break();
             run.last = Some(report);
-            if converged || cancelled {
-                run.stop = if converged { Stop::Converged } else { Stop::Cancelled };
+            if converged {
+                run.stop = Stop::Converged;
                 break;
             }
         }
@@ -177,13 +211,12 @@ impl Solver {
                     return Err(StepError::NonFinite { vertices, substeps, h });
                 }
             }
-            // What crosses the scene in a step is looked at only where the energy before would not
-            // do.
+            // The energy of crossing the scene costs a pass over all particles: only if needed.
             if energy > allowed && energy > self.crossing(movable_mass(particles)) {
                 let allowed = allowed.max(self.crossing(movable_mass(particles)));
                 let speed = |k: usize| particles.velocities[k].norm_squared();
                 return Err(StepError::EnergyJump {
-                    vertices: most(particles.len(), speed),
+                    vertices: largest(particles.len(), speed),
                     energy,
                     allowed,
                     h,
@@ -205,14 +238,14 @@ impl Solver {
             .zip(&self.backup.positions)
             .map(|(p, q)| (p - q).norm_squared());
         report.moved = moved.fold(0.0, Real::max).sqrt();
-        // The size of the scene is looked at only where 1 m would not do.
+        // The size of the scene costs a pass over all particles: only if 1 m does not suffice.
         if report.moved > self.params.displacement_jump {
             let allowed = self.params.displacement_jump * self.size().max(1.0);
             if report.moved > allowed {
                 let far =
                     |k: usize| (particles.positions[k] - self.backup.positions[k]).norm_squared();
                 return Err(StepError::DisplacementJump {
-                    vertices: most(particles.len(), far),
+                    vertices: largest(particles.len(), far),
                     moved: report.moved,
                     allowed,
                     h,
@@ -222,9 +255,9 @@ impl Solver {
         Ok(report)
     }
 
-    /// The kinetic energy of all that can move at the speed that crosses the scene in Δt, in
-    /// joules: a constraint that is far from held carries its vertices across the scene at once,
-    /// however large that is, and what it did is a speed from then on.
+    /// The kinetic energy of the movable mass at the speed that crosses the scene in Δt, in joules.
+    /// A constraint that is far from satisfied moves its vertices across a scene of any size in one
+    /// step, which is a speed from then on.
     fn crossing(&self, movable_mass: Real) -> Real {
         let speed = self.size() / self.params.time_step;
         0.5 * movable_mass * speed * speed
@@ -314,8 +347,8 @@ fn movable_mass(particles: &Particles) -> Real {
     particles.inverse_masses.iter().filter(|w| **w > 0.0).map(|w| 1.0 / w).sum()
 }
 
-/// The particles with most of something, most first.
-fn most(count: usize, of: impl Fn(usize) -> Real) -> Vec<u32> {
+/// The particles with the largest values of `of`, in descending order.
+fn largest(count: usize, of: impl Fn(usize) -> Real) -> Vec<u32> {
     let mut all: Vec<u32> = (0..count as u32).collect();
     all.sort_by(|&a, &b| of(b as usize).total_cmp(&of(a as usize)).then(a.cmp(&b)));
     all.truncate(NAMED);
@@ -326,11 +359,9 @@ fn most(count: usize, of: impl Fn(usize) -> Real) -> Vec<u32> {
 mod tests {
     use super::*;
     use crate::attach::Attachments;
-    use crate::bending::{Bending, BendingModel};
-    use crate::direct::DirectStretch;
-    use crate::edge_set::EdgeSet;
-    use crate::stretch::Stretch;
     use if_core::math::Point;
+    use if_core::monitor::{Cancelled, Silent};
+    use std::ops::ControlFlow;
 
     /// Breaks particle 1 while h is above `fine_from`: to NaN, or to a speed of 1e9 m/s.
     struct Trouble {
@@ -365,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_that_goes_wrong_is_taken_back_and_made_with_smaller_substeps() {
+    fn a_failed_step_is_rolled_back_and_made_with_smaller_substeps() {
         for speed in [Real::NAN, 1e9] {
             let mut trouble = Trouble { fine_from: 3e-4, speed, resets: 0 };
             let mut solver = Solver::new(dynamic()).unwrap();
@@ -377,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn trouble_that_stays_is_an_error_that_names_the_vertex_and_leaves_the_state() {
+    fn a_persistent_fault_is_an_error_that_names_the_vertex_and_keeps_the_state() {
         for speed in [Real::NAN, 1e9] {
             let mut trouble = Trouble { fine_from: 0.0, speed, resets: 0 };
             let mut p = three();
@@ -405,47 +436,7 @@ mod tests {
     }
 
     #[test]
-    fn a_compliance_that_is_none_is_an_error_that_says_whose_and_leaves_the_state() {
-        let edges = || EdgeSet::new(&[[0, 1], [1, 2]], &[1.0, 1.0], 3).unwrap();
-        let hinge = [[0, 1, 2, 3]];
-        let bent = [
-            Point::origin(),
-            Point::new(1.0, 0.0, 0.0),
-            Point::new(0.5, 1.0, 0.3),
-            Point::new(0.5, -1.0, 0.0),
-        ];
-        for value in [-1e-9, Real::NAN, Real::NEG_INFINITY] {
-            let mut attached = Attachments::new();
-            attached.push(0, Point::origin(), 0.0);
-            attached.push(1, Point::origin(), value);
-            let groups: [(Box<dyn Constraint>, &str); 4] = [
-                (Box::new(Stretch::new(edges(), value)), "the stretch constraints"),
-                (Box::new(DirectStretch::new(edges(), value)), "the stretch constraints"),
-                (
-                    Box::new(Bending::of_hinges(&hinge, &bent, BendingModel::Dihedral, value)),
-                    "the bending constraints",
-                ),
-                (Box::new(attached), "attachment constraint 1"),
-            ];
-            for (mut group, says) in groups {
-                let mut p = three();
-                let error =
-                    Solver::new(dynamic()).unwrap().step(&mut p, &mut [&mut *group]).unwrap_err();
-                assert!(
-                    error.to_string().contains(says)
-                        && error.to_string().contains(&value.to_string()),
-                    "{error}"
-                );
-                assert_eq!(p, three());
-            }
-        }
-        for value in [0.0, 1e-300, Real::INFINITY] {
-            Stretch::new(edges(), value).check().unwrap();
-        }
-    }
-
-    #[test]
-    fn a_speed_that_crosses_the_scene_in_a_step_is_no_jump_however_large_the_scene() {
+    fn a_speed_that_crosses_the_scene_in_a_step_is_not_a_jump_in_scenes_of_any_size() {
         // Three particles over two lengths, one of which is carried a tenth of a length in the
         // step; then a hundred times as far.
         for length in [1e-3, 1.0, 1e6] {
@@ -461,9 +452,9 @@ mod tests {
     }
 
     #[test]
-    fn a_vertex_that_moves_absurdly_far_is_taken_back_in_a_quasi_static_run_too() {
-        // Three particles over 2 m: 2e4 m are allowed. The default is quasi-static, where no energy
-        // is looked at.
+    fn a_displacement_jump_is_rolled_back_in_a_quasi_static_run_too() {
+        // Three particles over 2 m: 2e4 m are allowed. The default is quasi-static, without an
+        // energy guard.
         let mut trouble = Trouble { fine_from: 3e-4, speed: 1e8, resets: 0 };
         let mut p = three();
         let report = Solver::new(SolverParams::default())
@@ -490,34 +481,84 @@ mod tests {
     }
 
     #[test]
-    fn a_run_stops_when_nothing_moves_or_when_it_is_told_to() {
+    fn a_run_stops_when_nothing_moves_or_when_it_is_cancelled() {
         let mut attach = Attachments::new();
-        attach.push(0, Point::new(0.0, 0.1, 0.0), 1e-6);
+        attach.push(0, Point::new(0.0, 0.1, 0.0), 1e-6).unwrap();
         let mut solver = Solver::new(SolverParams::default()).unwrap();
         let mut p = three();
-        let run = solver
-            .run(&mut p, &mut [&mut attach, &mut Attachments::new()], |_, _| {
-                ControlFlow::Continue(())
-            })
-            .unwrap();
+        let groups: &mut [&mut dyn Constraint] = &mut [&mut attach, &mut Attachments::new()];
+        let run = solver.run(&mut p, groups, &mut Silent).unwrap();
         assert_eq!(run.stop, Stop::Converged);
         assert!(run.steps < 20 && run.substeps == 10 * u64::from(run.steps));
         assert_eq!(run.last.unwrap().idle_groups, 1);
         assert!((p.positions[0].y - 0.1).abs() < 1e-6);
-        let run = solver.run(&mut three(), &mut [&mut attach], |steps, _| {
-            if steps == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        });
-        let run = run.unwrap();
-        assert_eq!((run.steps, run.stop), (2, Stop::Cancelled));
+        let (mut p, mut seen) = (three(), Vec::new());
+        let mut stop_at_2 = |progress: &Progress| {
+            seen.push((progress.done, progress.measure("moved").unwrap()));
+            if progress.done == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let cancelled = solver.run(&mut p, groups, &mut stop_at_2);
+        assert_eq!(cancelled, Err(RunError::Cancelled(Cancelled)));
+        assert!(seen.len() == 2 && seen[0].1 > 0.0 && p.positions != three().positions);
         let mut none = Solver::new(SolverParams { steps: 0, ..Default::default() }).unwrap();
-        let run = none.run(&mut three(), &mut [], |_, _| ControlFlow::Continue(())).unwrap();
+        let run = none.run(&mut three(), &mut [], &mut Silent).unwrap();
         assert_eq!((run.stop, run.last), (Stop::Exhausted, None));
+    }
+
+    /// Appends its letter to a list at each visit.
+    struct Logged<'a> {
+        letter: char,
+        stage: Stage,
+        log: &'a std::cell::RefCell<String>,
+    }
+
+    impl Constraint for Logged<'_> {
+        fn begin_substep(&mut self, _: &[Point], _: &[Point], _: &[Real], _: Real) {}
+        fn project(&mut self, _: &mut [Point], _: &[Real], _: Real) -> Residual {
+            self.log.borrow_mut().push(self.letter);
+            Residual::default()
+        }
+        fn stage(&self) -> Stage {
+            self.stage
+        }
+    }
+
+    #[test]
+    fn groups_are_visited_stage_by_stage_in_the_order_given() {
+        use ContactOrder::{AfterStretch, BeforeStretch, Both};
+        // Contact order, sweeps, contact visits, final contact visits.
+        for (contact_order, sweeps, contact_visits, final_contact_visits, expected) in [
+            (AfterStretch, 2, 1, 0, "abCDabCDz"),
+            (BeforeStretch, 2, 1, 0, "CDababz"),
+            (Both, 2, 1, 0, "CDabCDabCDz"),
+            (AfterStretch, 1, 2, 3, "abCDCDCDCDCDz"),
+            (AfterStretch, 0, 3, 0, "CDCDCDz"),
+            (BeforeStretch, 1, 1, 1, "CDabCDz"),
+        ] {
+            let log = std::cell::RefCell::new(String::new());
+            let of = |letter, stage| Logged { letter, stage, log: &log };
+            let (mut last, mut first) = (of('z', Stage::Final), of('a', Stage::Elastic));
+            let (mut c, mut d) = (of('C', Stage::Contact), of('D', Stage::Contact));
+            let mut second = of('b', Stage::Elastic);
+            let params = SolverParams {
+                substeps: 1,
+                contact_order,
+                sweeps,
+                contact_visits,
+                final_contact_visits,
+                ..Default::default()
+            };
+            let groups: &mut [&mut dyn Constraint] =
+                &mut [&mut last, &mut c, &mut first, &mut d, &mut second];
+            Solver::new(params).unwrap().step(&mut three(), groups).unwrap();
+            assert_eq!(log.take(), expected);
+        }
     }
 
     #[test]
     fn no_sweeps_move_nothing_and_no_particles_are_fine() {
         let mut attach = Attachments::new();
-        attach.push(0, Point::new(0.0, 0.1, 0.0), 0.0);
+        attach.push(0, Point::new(0.0, 0.1, 0.0), 0.0).unwrap();
         let mut solver = Solver::new(SolverParams { sweeps: 0, ..Default::default() }).unwrap();
         let mut p = three();
         solver.step(&mut p, &mut [&mut attach]).unwrap();

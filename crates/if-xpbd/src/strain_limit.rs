@@ -3,15 +3,16 @@
 use crate::constraint::{Constraint, Residual};
 use crate::edge_set::EdgeSet;
 use if_core::math::{Point, Real};
+use if_core::parameter::ParameterError;
 
-/// Keeps each edge's length within `[min ℓ, max ℓ]`, rigidly: what compliance lets through beyond
-/// these bounds is taken back. Visited colour by colour, like the stretch.
+/// Keeps each edge's length within `[min ℓ, max ℓ]`, rigidly. Visited colour by colour, like the
+/// stretch.
 ///
 /// ```text
 /// C = clamp(|pᵢ − pⱼ|, min ℓ, max ℓ) − |pᵢ − pⱼ|        Δpᵢ = wᵢ/(wᵢ + wⱼ) C (pᵢ − pⱼ)/|pᵢ − pⱼ|
 /// ```
 ///
-/// An edge whose ends coincide, or whose ends are both pinned, is left alone.
+/// An edge whose ends coincide, or are both pinned, is skipped.
 ///
 /// # Source
 ///
@@ -23,30 +24,17 @@ pub struct StrainLimit {
     max: Real,
 }
 
-/// Why two bounds are none.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "the strain limits are {min} and {max} times the rest length; 0 ≤ min ≤ 1 ≤ max is required"
-)]
-#[non_exhaustive]
-pub struct StrainLimitError {
-    /// The lower limit, as a multiple of the rest length.
-    pub min: Real,
-    /// The upper one.
-    pub max: Real,
-}
-
 impl StrainLimit {
     /// Limits on `edges`: lengths between `min` and `max` times the rest length. `max` may be
     /// infinite.
     ///
     /// # Errors
     ///
-    /// Where `0 ≤ min ≤ 1 ≤ max` does not hold.
-    pub fn new(edges: EdgeSet, min: Real, max: Real) -> Result<Self, StrainLimitError> {
-        if !((0.0..=1.0).contains(&min) && max >= 1.0) {
-            return Err(StrainLimitError { min, max });
-        }
+    /// Unless `0 ≤ min ≤ 1 ≤ max`.
+    pub fn new(edges: EdgeSet, min: Real, max: Real) -> Result<Self, ParameterError> {
+        let low = (0.0..=1.0).contains(&min);
+        ParameterError::check("min", min, low, "0 to 1 (times the rest length)")?;
+        ParameterError::check("max", max, max >= 1.0, "at least 1 (times the rest length)")?;
         Ok(Self { edges, min, max })
     }
 
@@ -131,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn bounds_that_are_none_are_refused() {
+    fn invalid_bounds_are_refused() {
         for (min, max) in [(1.1, 1.2), (0.5, 0.9), (-0.1, 1.0), (Real::NAN, 1.0), (0.0, Real::NAN)]
         {
             assert!(StrainLimit::new(EdgeSet::default(), min, max).is_err());

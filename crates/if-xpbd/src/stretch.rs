@@ -1,9 +1,10 @@
 //! Edge-length constraints with compliance: lines 4, 5 and 16 to 22 of Algorithm 1.
 
-use crate::constraint::{Constraint, Counters, GroupError, Residual};
+use crate::constraint::{Constraint, Counters, Residual, check_compliance};
 use crate::edge_set::EdgeSet;
 use crate::params::LambdaForm;
 use if_core::math::{Point, Real};
+use if_core::parameter::ParameterError;
 use std::ops::Range;
 
 /// Edges handled together, so that square roots and divisions run in SIMD registers: what AVX2
@@ -20,7 +21,7 @@ const LANES: usize = 4;
 /// Δpᵢ = wᵢ ∇ᵢC Δλ,   ∇ᵢC = (pᵢ − pⱼ) / |pᵢ − pⱼ|
 /// ```
 ///
-/// An edge whose ends coincide has no gradient, and is left for a later sweep. An infinite
+/// An edge whose ends coincide has no gradient and is skipped until a later sweep. An infinite
 /// compliance makes the whole group idle.
 ///
 /// Inside a garment a sweep runs on one thread: at 10⁴ vertices it takes about 0.1 ms, less than
@@ -36,27 +37,29 @@ const LANES: usize = 4;
 pub struct Stretch {
     edges: EdgeSet,
     lambda: Vec<Real>,
-    /// Whether λ stands for zero, whatever the array holds: saves filling it.
+    /// Whether all λ are zero, whatever the array holds: saves filling it.
     fresh: bool,
     degenerate: u64,
-    /// β in m/N (s²/kg): the inverse of a spring's stiffness. 0 is rigid, infinity is absent.
-    pub compliance: Real,
+    compliance: Real,
     /// What line 18 adds to C.
     pub form: LambdaForm,
 }
 
 impl Stretch {
-    /// Constraints on `edges` with `compliance` β in m/N, 0 or more (a step refuses another).
-    pub fn new(edges: EdgeSet, compliance: Real) -> Self {
+    /// Constraints on `edges` with `compliance` β in m/N (s²/kg), the inverse of a spring's
+    /// stiffness: 0 is rigid, and infinity makes the group idle.
+    ///
+    /// # Errors
+    ///
+    /// If the compliance is negative or NaN.
+    pub fn new(edges: EdgeSet, compliance: Real) -> Result<Self, ParameterError> {
+        check_compliance(compliance)?;
+        Ok(Self::with_form(edges, compliance, LambdaForm::Xpbd))
+    }
+
+    fn with_form(edges: EdgeSet, compliance: Real, form: LambdaForm) -> Self {
         let n = edges.len();
-        Self {
-            edges,
-            lambda: vec![0.0; n],
-            fresh: true,
-            degenerate: 0,
-            compliance,
-            form: LambdaForm::Xpbd,
-        }
+        Self { edges, lambda: vec![0.0; n], fresh: true, degenerate: 0, compliance, form }
     }
 
     /// The same constraints on the edges with an end that can move ([`EdgeSet::movable`]), with
@@ -66,7 +69,12 @@ impl Stretch {
     ///
     /// If there are fewer inverse masses than particles named.
     pub fn movable(&self, inverse_masses: &[Real]) -> Self {
-        Self { form: self.form, ..Self::new(self.edges.movable(inverse_masses), self.compliance) }
+        Self::with_form(self.edges.movable(inverse_masses), self.compliance, self.form)
+    }
+
+    /// β in m/N.
+    pub fn compliance(&self) -> Real {
+        self.compliance
     }
 
     /// The edges, in the order of visiting.
@@ -258,10 +266,6 @@ impl Constraint for Stretch {
         residual
     }
 
-    fn check(&self) -> Result<(), GroupError> {
-        GroupError::of_compliance("stretch", self.compliance)
-    }
-
     fn is_idle(&self) -> bool {
         self.edges.is_empty() || self.compliance == Real::INFINITY
     }
@@ -280,7 +284,7 @@ mod tests {
     const H: Real = 1e-3;
 
     fn pair(rest: Real, compliance: Real) -> Stretch {
-        Stretch::new(EdgeSet::new(&[[0, 1]], &[rest], 2).unwrap(), compliance)
+        Stretch::new(EdgeSet::new(&[[0, 1]], &[rest], 2).unwrap(), compliance).unwrap()
     }
 
     /// What is left of a spring that starts 0.01 m too long, after n sweeps of one substep.
@@ -302,6 +306,7 @@ mod tests {
             // share of what is left.
             let printed = 0.01 * (10.0_f64 / 12.0).powi(sweeps as i32);
             assert!((left(LambdaForm::Printed, sweeps) - printed).abs() < 5e-6);
+            assert!((left(LambdaForm::Pbd, sweeps) - printed).abs() < 1e-15);
             // β̃ = 10, two unit masses: 0.01 · 10/12.
             assert!((left(LambdaForm::Xpbd, sweeps) - 0.01 / 1.2).abs() < 1e-15);
         }
@@ -319,7 +324,7 @@ mod tests {
             .map(|(k, p)| p + Vector::new(noise(k, 1.3), noise(k, 7.7), noise(k, 3.1)))
             .collect();
         let mut p = start.clone();
-        let mut group = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-7);
+        let mut group = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-7).unwrap();
         group.begin_substep(&[], &[], &w, H);
         let mut last = Real::INFINITY;
         for _ in 0..100 {
@@ -364,7 +369,7 @@ mod tests {
             .map(|p: &Point| Point::new(1.1 * p.x, 0.9 * p.y, 0.02 * (40.0 * p.x).sin()))
             .collect();
         let run = |mut p: Vec<Point>| {
-            let mut group = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-6);
+            let mut group = Stretch::new(EdgeSet::of_mesh(&mesh), 1e-6).unwrap();
             group.begin_substep(&[], &[], &[1.0; 35], H);
             for _ in 0..10 {
                 group.project(&mut p, &[1.0; 35], H);
@@ -388,7 +393,8 @@ mod tests {
             .map(|k| Point::new(f64::from(k), f64::from(k * k % 7), 0.1 * f64::from(k % 3)))
             .collect();
         let mut group =
-            Stretch::new(EdgeSet::new(&edges, &vec![1.0; n as usize], start.len()).unwrap(), 1e-6);
+            Stretch::new(EdgeSet::new(&edges, &vec![1.0; n as usize], start.len()).unwrap(), 1e-6)
+                .unwrap();
         let w: Vec<Real> = (0..2 * n).map(|k| f64::from(k % 4)).collect();
         let mut p = start.clone();
         for _ in 0..3 {

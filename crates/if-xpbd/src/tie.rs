@@ -1,25 +1,26 @@
-//! Ties between the sheets of a fold: a vertex keeps its place over a triangle.
+//! Ties between the sheets of a fold: a vertex keeps its offset from a triangle.
 
 use crate::constraint::{Constraint, Residual};
 use if_core::math::{Point, Real, Vector};
 
-/// Vertices that move with a triangle, as the layers of a hem, a cuff or a lapel do.
+/// Vertices that move with a triangle, like the layers of a hem, a cuff or a lapel.
 ///
 /// A vertex v near the point q = Σ bᵢ xᵢ of a triangle keeps its offset o from it as a vector of
-/// the world: the two have one displacement. A visit takes the share k ∈ [0, 1] of the way there:
+/// the world: both have the same displacement. A visit removes the share k ∈ [0, 1] of the
+/// violation:
 ///
 /// ```text
 /// C = x_v − Σ bᵢ xᵢ − o        Δx_v = −k w_v C / S,   Δxᵢ = k wᵢ bᵢ C / S,   S = w_v + Σ wᵢ bᵢ²
 /// ```
 ///
-/// The constraint is linear, so it is stable whatever the shape of the triangle, and momentum
-/// stays. It resists rotation: it is meant for corrections that are small against the garment.
-/// (Offsets in the triangle's own frame follow rotations, but frames of slivers spin, and what is
-/// tied to them with them: measured on a suit jacket, edge strain rms 12 % instead of 1 %.)
+/// The constraint is linear, so it is stable for triangles of any shape, and keeps momentum. It
+/// resists rotation: it is meant for corrections that are small against the garment. (Offsets in
+/// the triangle's own frame follow rotations, but frames of slivers spin: measured on a suit jacket,
+/// edge strain rms 12 % instead of 1 %.)
 ///
 /// # Source
 ///
-/// Ours. Contacts cannot hold such sheets: they lie closer together than a correction moves them.
+/// Ours. Contacts cannot hold such sheets: they are closer together than a correction moves them.
 #[derive(Clone, Debug, Default)]
 pub struct Ties {
     vertices: Vec<[u32; 4]>,
@@ -39,12 +40,12 @@ impl Ties {
         self.vertices.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no ties.
     pub fn is_empty(&self) -> bool {
         self.vertices.is_empty()
     }
 
-    /// The ties of which a particle can move: its inverse mass is not 0.
+    /// The ties with at least one movable particle (inverse mass not 0).
     ///
     /// # Panics
     ///
@@ -62,8 +63,8 @@ impl Ties {
         part
     }
 
-    /// Ties `vertex` to the point `barycentric` of `triangle`, as both lie in `positions`, with
-    /// `share` k.
+    /// Ties `vertex` to the point `barycentric` of `triangle` with `share` k, at rest at
+    /// `positions`.
     pub fn push(
         &mut self,
         vertex: u32,
@@ -150,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn a_vertex_pushed_through_comes_back_to_its_side_and_momentum_stays() {
+    fn a_vertex_pushed_through_returns_to_its_side_and_momentum_is_kept() {
         let x = folded();
         let mut ties = Ties::new();
         ties.push(0, [1, 2, 3], [0.4, 0.3, 0.3], 0.5, &x);
@@ -167,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn a_triangle_without_area_ties_as_any_other() {
+    fn a_triangle_without_area_works_like_any_other() {
         let mut x = vec![Point::origin(); 4];
         let mut ties = Ties::new();
         ties.push(0, [1, 2, 3], [1.0, 0.0, 0.0], 1.0, &x);

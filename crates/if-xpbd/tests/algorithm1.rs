@@ -8,11 +8,11 @@ use if_core::edges::Edges;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Silent;
 use if_core::shapes::{Cylinder, meshes};
-use if_xpbd::algorithm1::{Below, settle};
+use if_xpbd::algorithm1::{Below, run_algorithm1};
 use if_xpbd::collision::Push;
 use if_xpbd::params::{ContactOrder, LambdaForm, SolverParams};
-use std::ops::ControlFlow;
 
 const BODY: Cylinder =
     Cylinder { center: Point::new(0.0, 0.3, 0.0), radius: 0.16, half_height: 2.0 };
@@ -81,7 +81,7 @@ fn measure(garment: &TriMesh, after: &[Point]) -> Measures {
 fn run(garment: &TriMesh, params: &SolverParams) -> (Measures, Vec<Point>) {
     let mask = vec![1.0; garment.vertices().len()];
     let below = Below { field: &BODY, mask: &mask, air: None };
-    let (after, _) = settle(garment, &below, params, |_, _| ControlFlow::Continue(())).unwrap();
+    let (after, _) = run_algorithm1(garment, &below, params, &mut Silent).unwrap();
     (measure(garment, &after), after)
 }
 
@@ -194,8 +194,7 @@ fn vertices_outside_the_mask_stay_and_without_a_mask_they_move() {
     let farthest = |mask: &[Real]| {
         let below = Below { field: &BODY, mask, air: None };
         let (after, _) =
-            settle(&garment, &below, &SolverParams::default(), |_, _| ControlFlow::Continue(()))
-                .unwrap();
+            run_algorithm1(&garment, &below, &SolverParams::default(), &mut Silent).unwrap();
         // A hand's breadth from the border of the mask.
         let moved = garment
             .vertices()

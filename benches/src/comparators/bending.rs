@@ -1,10 +1,11 @@
 //! Bending constraints on pairs of triangles that share an edge, at rest where the mesh begins.
 
-use crate::coloring::color;
-use crate::constraint::{Constraint, Counters, GroupError, Residual};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, area_vector};
 use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
+use if_xpbd::coloring::color;
+use if_xpbd::constraint::{Constraint, Counters, Residual, check_compliance};
 use serde::{Deserialize, Serialize};
 
 /// Double area over the square of the longest edge below which a triangle has no area at rest:
@@ -67,13 +68,22 @@ pub struct Bending {
     model: BendingModel,
     degenerate: u64,
     dropped: usize,
-    /// 1/k in 1/J. 0 is rigid, infinity is absent.
-    pub compliance: Real,
+    /// 1/k in 1/J.
+    compliance: Real,
 }
 
 impl Bending {
-    /// Hinges of all inner edges of `mesh`, at rest as the mesh is.
-    pub fn of_mesh(mesh: &TriMesh, model: BendingModel, compliance: Real) -> Self {
+    /// Hinges of all inner edges of `mesh`, at rest as the mesh is, with `compliance` 1/k in 1/J (0
+    /// is rigid, infinity makes the group idle).
+    ///
+    /// # Errors
+    ///
+    /// If the compliance is negative or NaN.
+    pub fn of_mesh(
+        mesh: &TriMesh,
+        model: BendingModel,
+        compliance: Real,
+    ) -> Result<Self, ParameterError> {
         let edges = Edges::new(mesh);
         let mut hinges = Vec::new();
         for e in 0..edges.len() {
@@ -94,6 +104,10 @@ impl Bending {
 
     /// The given hinges (edge ends, then opposite corners), at rest at `positions`.
     ///
+    /// # Errors
+    ///
+    /// If the compliance is negative or NaN.
+    ///
     /// # Panics
     ///
     /// If a hinge names a vertex without a position.
@@ -102,7 +116,8 @@ impl Bending {
         positions: &[Point],
         model: BendingModel,
         compliance: Real,
-    ) -> Self {
+    ) -> Result<Self, ParameterError> {
+        check_compliance(compliance)?;
         let coloring = color(hinges, positions.len());
         let mut group = Self {
             vertices: Vec::new(),
@@ -145,7 +160,7 @@ impl Bending {
             group.reach2.push(longest.into_iter().fold(0.0, Real::max));
         }
         group.lambda = vec![0.0; group.vertices.len()];
-        group
+        Ok(group)
     }
 
     /// Number of hinges.
@@ -310,10 +325,6 @@ impl Constraint for Bending {
         residual
     }
 
-    fn check(&self) -> Result<(), GroupError> {
-        GroupError::of_compliance("bending", self.compliance)
-    }
-
     fn is_idle(&self) -> bool {
         self.is_empty() || self.compliance == Real::INFINITY
     }
@@ -345,7 +356,7 @@ mod tests {
     fn gradients_are_those_of_central_differences() {
         for model in [BendingModel::Dihedral, BendingModel::Isometric] {
             for angle in [-3.0, -1.2, 0.3, 1.57, 2.8] {
-                let group = Bending::of_hinges(&HINGE, &bent(0.5), model, 1.0);
+                let group = Bending::of_hinges(&HINGE, &bent(0.5), model, 1.0).unwrap();
                 let p = bent(angle);
                 let (_, gradients) = group.evaluate(0, &p).unwrap();
                 let step = 1e-6;
@@ -367,8 +378,9 @@ mod tests {
 
     #[test]
     fn both_models_have_the_same_energy_for_a_slight_fold() {
-        let energy =
-            |model, angle| Bending::of_hinges(&HINGE, &bent(0.0), model, 0.1).energy(&bent(angle));
+        let energy = |model, angle| {
+            Bending::of_hinges(&HINGE, &bent(0.0), model, 0.1).unwrap().energy(&bent(angle))
+        };
         let (a, b) = (energy(BendingModel::Dihedral, 0.01), energy(BendingModel::Isometric, 0.01));
         // They differ in the fourth power of the angle.
         assert_relative_eq!(a, b, max_relative = 1e-4);
@@ -381,7 +393,8 @@ mod tests {
         for (rest, start) in
             [(0.0, 1.0), (1.0, 0.0), (pi, pi - 0.5), (0.4, pi), (-pi + 0.1, pi - 0.1), (0.2, -0.3)]
         {
-            let mut group = Bending::of_hinges(&HINGE, &bent(rest), BendingModel::Dihedral, 0.0);
+            let mut group =
+                Bending::of_hinges(&HINGE, &bent(rest), BendingModel::Dihedral, 0.0).unwrap();
             let rest = dihedral(&bent(rest).try_into().unwrap()).unwrap().0;
             let mut p = bent(start);
             for _ in 0..200 {
@@ -400,7 +413,7 @@ mod tests {
         // from where angles are linear, and overshoots in proportion to the size of the hinge.
         // Unbounded, this grows beyond 1e6.
         let mesh = if_core::shapes::meshes::icosphere(0.5, 1);
-        let mut group = Bending::of_mesh(&mesh, BendingModel::Dihedral, 0.0);
+        let mut group = Bending::of_mesh(&mesh, BendingModel::Dihedral, 0.0).unwrap();
         let noise = |k: usize, s: Real| 0.5 * (s * (k + 1) as Real).sin();
         let n = mesh.vertices().len();
         let crumple = |(k, p): (usize, &Point)| {
@@ -419,7 +432,7 @@ mod tests {
     fn a_rigid_motion_bends_nothing() {
         let turn = nalgebra::Rotation3::from_euler_angles(0.3, -1.1, 2.0);
         for model in [BendingModel::Dihedral, BendingModel::Isometric] {
-            let mut group = Bending::of_hinges(&HINGE, &bent(0.7), model, 1e-3);
+            let mut group = Bending::of_hinges(&HINGE, &bent(0.7), model, 1e-3).unwrap();
             let mut p: Vec<Point> =
                 bent(0.7).iter().map(|x| turn * x + Vector::new(1e3, -1e3, 1e3)).collect();
             let r = group.project(&mut p, &[1.0; 4], 0.01);
@@ -431,7 +444,7 @@ mod tests {
     #[test]
     fn momentum_and_angular_momentum_stay() {
         for model in [BendingModel::Dihedral, BendingModel::Isometric] {
-            let mut group = Bending::of_hinges(&HINGE, &bent(0.7), model, 1e-3);
+            let mut group = Bending::of_hinges(&HINGE, &bent(0.7), model, 1e-3).unwrap();
             let (w, before) = ([1.0, 0.5, 2.0, 4.0], bent(2.0));
             let mut p = before.clone();
             group.project(&mut p, &w, 0.1);
@@ -454,20 +467,23 @@ mod tests {
             Point::new(1.0, 0.0, 0.0),
         ];
         for model in [BendingModel::Dihedral, BendingModel::Isometric] {
-            assert_eq!(Bending::of_hinges(&HINGE, &flat, model, 1.0).dropped(), 1);
-            assert_eq!(Bending::of_hinges(&HINGE, &[Point::origin(); 4], model, 1.0).len(), 0);
+            assert_eq!(Bending::of_hinges(&HINGE, &flat, model, 1.0).unwrap().dropped(), 1);
+            assert_eq!(
+                Bending::of_hinges(&HINGE, &[Point::origin(); 4], model, 1.0).unwrap().len(),
+                0
+            );
             // A line but for rounding, wherever it stands; a needle of a millionth is none.
             for (height, dropped) in [(1e-16, 1), (1e-11, 1), (1e-6, 0)] {
                 let mut needle = bent(0.5);
                 needle[2] = Point::new(-height, 0.4, 0.0);
                 assert_eq!(
-                    Bending::of_hinges(&HINGE, &needle, model, 1.0).dropped(),
+                    Bending::of_hinges(&HINGE, &needle, model, 1.0).unwrap().dropped(),
                     dropped,
                     "{height}"
                 );
             }
             for compliance in [0.0, 1e-12, 1e3, Real::INFINITY] {
-                let mut group = Bending::of_hinges(&HINGE, &bent(0.5), model, compliance);
+                let mut group = Bending::of_hinges(&HINGE, &bent(0.5), model, compliance).unwrap();
                 for start in [flat.clone(), vec![Point::origin(); 4], bent(0.0)] {
                     let mut p = start.clone();
                     group.begin_substep(&[], &[], &[], 1e-3);

@@ -1,10 +1,11 @@
 //! Stretch by a prefactored constant matrix: projective dynamics.
 
-use crate::constraint::{Constraint, Counters, Residual};
-use crate::edge_set::EdgeSet;
 use if_core::edges::parts_by_edges;
 use if_core::math::{Point, Real, Vector};
+use if_core::parameter::ParameterError;
 use if_sparse::{Cholesky, Entry, Mat};
+use if_xpbd::constraint::{Constraint, Counters, Residual};
+use if_xpbd::edge_set::EdgeSet;
 
 /// Edge springs solved by local–global iterations on a constant matrix, factored once for each h.
 ///
@@ -46,17 +47,6 @@ struct Factor {
     cholesky: Cholesky,
 }
 
-/// Why a compliance cannot be a stiffness.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "the compliance is {value}; a global solve needs it positive (m/N). For rigid edges use DirectStretch"
-)]
-#[non_exhaustive]
-pub struct GlobalStretchError {
-    /// The compliance, in m/N.
-    pub value: Real,
-}
-
 impl std::fmt::Debug for GlobalStretch {
     /// Numbers only: a factor is megabytes.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -75,19 +65,11 @@ impl GlobalStretch {
     /// # Errors
     ///
     /// A compliance that is not positive. Infinity is allowed, and makes the group idle.
-    pub fn new(edges: EdgeSet, compliance: Real) -> Result<Self, GlobalStretchError> {
-        if compliance > 0.0 && (1.0 / compliance).is_finite() {
-            Ok(Self {
-                edges,
-                compliance,
-                factor: None,
-                failures: 0,
-                iterations: 200,
-                tolerance: 1e-9,
-            })
-        } else {
-            Err(GlobalStretchError { value: compliance })
-        }
+    pub fn new(edges: EdgeSet, compliance: Real) -> Result<Self, ParameterError> {
+        let ok = compliance > 0.0 && (1.0 / compliance).is_finite();
+        let range = "positive (m/N; for rigid edges use DirectStretch)";
+        ParameterError::check("compliance", compliance, ok, range)?;
+        Ok(Self { edges, compliance, factor: None, failures: 0, iterations: 200, tolerance: 1e-9 })
     }
 
     fn make_factor(&self, inverse_masses: &[Real], h: Real) -> Option<Factor> {
@@ -243,8 +225,8 @@ impl Constraint for GlobalStretch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stretch::Stretch;
     use if_core::shapes::meshes::cloth;
+    use if_xpbd::stretch::Stretch;
 
     #[test]
     fn a_stretched_noisy_cloth_reaches_the_state_of_the_sweeps() {
@@ -280,7 +262,7 @@ mod tests {
             let wrong = (p[v] - start[v]) / (h * h) - force[v];
             assert!(wrong.norm() < 1e-6 * force[v].norm().max(1.0), "vertex {v}: {wrong}");
         }
-        let mut sweeps = Stretch::new(EdgeSet::of_mesh(&mesh), compliance);
+        let mut sweeps = Stretch::new(EdgeSet::of_mesh(&mesh), compliance).unwrap();
         let mut q = start.clone();
         sweeps.begin_substep(&[], &[], &w, h);
         for _ in 0..200 {
@@ -315,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn a_compliance_without_a_stiffness_is_refused() {
+    fn a_compliance_without_a_finite_stiffness_is_refused() {
         for bad in [0.0, -1.0, Real::NAN, 1e-320] {
             assert!(GlobalStretch::new(EdgeSet::default(), bad).is_err());
         }

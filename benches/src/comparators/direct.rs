@@ -1,12 +1,11 @@
-//! All stretch constraints at once: "manifold projection" as Algorithm 1's text calls it. The slow
-//! twin of [`Stretch`](crate::stretch::Stretch), and an option where a few exact solves beat many
-//! sweeps.
+//! All stretch constraints solved at once: "manifold projection" as Algorithm 1's text calls it.
 
-use crate::constraint::{Constraint, Counters, GroupError, Residual};
-use crate::edge_set::EdgeSet;
 use if_core::math::{Point, Real, Vector};
+use if_core::parameter::ParameterError;
 use if_core::rows::Rows;
 use if_sparse::{Cholesky, Mat, Pattern, Place};
+use if_xpbd::constraint::{Constraint, Counters, Residual, check_compliance};
+use if_xpbd::edge_set::EdgeSet;
 
 /// Least addition to the diagonal, relative to each entry (so heavy edges among light ones converge
 /// as they do alone), so that rigid constraints of which some follow from others (every flat cloth
@@ -31,10 +30,11 @@ const HALVINGS: u32 = 12;
 /// ```
 ///
 /// α is the first of 1, ½, ¼, … that makes |C + β̃ λ| smaller: without it a cloth stretched by 5 %
-/// diverges. The pattern is analysed once; a step costs one sparse Cholesky factorisation. Its
-/// entries are the pairs of edges that share a vertex: one of 10,000 edges brings 50 million. One
-/// visit makes up to
-/// [`iterations`](DirectStretch::iterations) steps.
+/// diverges. The pattern is analysed once; a step costs one sparse Cholesky factorisation. One
+/// visit makes up to [`iterations`](DirectStretch::iterations) steps.
+///
+/// The matrix has one entry for each pair of edges that share a vertex. Time and memory are
+/// therefore quadratic in the valence: a vertex of 10,000 edges brings 50 million entries.
 ///
 /// As printed, and as in XPBD, the change of J within a substep is not fed back into the inertia.
 ///
@@ -42,14 +42,14 @@ const HALVINGS: u32 = 12;
 ///
 /// Supplement, Algorithm 1, lines 16 to 22; [Goldenthal et al. 2007] for the name.
 pub struct DirectStretch {
-    edges: EdgeSet,
+    ends: Vec<[u32; 2]>,
+    rests: Vec<Real>,
     lambda: Vec<Real>,
     /// For each entry of the matrix: two edges and the vertex they share.
     entries: Vec<[u32; 3]>,
     pattern: Option<Pattern>,
     failures: u64,
-    /// β in m/N; 0 is rigid, infinity is absent.
-    pub compliance: Real,
+    compliance: Real,
     /// Most Newton steps in a visit.
     pub iterations: u32,
     /// A visit ends once `max |C + β̃ λ|` is below this, in metres, or below what the rounding of
@@ -90,7 +90,7 @@ impl std::fmt::Debug for DirectStretch {
     /// Numbers only: a factor is megabytes.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("DirectStretch")
-            .field("edges", &self.edges.len())
+            .field("edges", &self.ends.len())
             .field("compliance", &self.compliance)
             .field("iterations", &self.iterations)
             .field("tolerance", &self.tolerance)
@@ -99,12 +99,18 @@ impl std::fmt::Debug for DirectStretch {
 }
 
 impl DirectStretch {
-    /// Constraints on `edges` with `compliance` β in m/N, 0 or more (a step refuses another): 20
-    /// steps at most, to 1e-12 m.
-    pub fn new(edges: EdgeSet, compliance: Real) -> Self {
+    /// Constraints on `edges` with `compliance` β in m/N (0 is rigid, infinity makes the group
+    /// idle): 20 steps at most, to 1e-12 m.
+    ///
+    /// # Errors
+    ///
+    /// If the compliance is negative or NaN.
+    pub fn new(edges: &EdgeSet, compliance: Real) -> Result<Self, ParameterError> {
+        check_compliance(compliance)?;
         let n = edges.len();
-        let ends = (0..n).flat_map(|k| [(edges.a[k], k as u32), (edges.b[k], k as u32)]);
-        let around = Rows::new(edges.vertex_count(), ends);
+        let (ends, rests): (Vec<[u32; 2]>, Vec<Real>) = edges.visited().unzip();
+        let of_vertex = ends.iter().zip(0..).flat_map(|(&[a, b], k)| [(a, k), (b, k)]);
+        let around = Rows::new(edges.vertex_count(), of_vertex);
         let mut entries = Vec::new();
         for v in 0..around.len() {
             let list = around.of(v);
@@ -117,8 +123,9 @@ impl DirectStretch {
             .map(|e| Place::new(e[0].max(e[1]) as usize, e[0].min(e[1]) as usize))
             .collect();
         let pattern = Pattern::new(n, &places).ok();
-        Self {
-            edges,
+        Ok(Self {
+            ends,
+            rests,
             lambda: vec![0.0; n],
             entries,
             pattern,
@@ -126,12 +133,7 @@ impl DirectStretch {
             compliance,
             iterations: 20,
             tolerance: 1e-12,
-        }
-    }
-
-    /// The edges, in the order of the multipliers.
-    pub fn edges(&self) -> &EdgeSet {
-        &self.edges
+        })
     }
 
     /// Unit gradients (zero where the ends coincide) and `C + β̃ λ`; and what of its size is
@@ -147,13 +149,13 @@ impl DirectStretch {
         values.clear();
         let mut residual = Residual::default();
         let mut largest: Real = 0.0;
-        for k in 0..self.edges.len() {
-            let d = positions[self.edges.a[k] as usize] - positions[self.edges.b[k] as usize];
+        for k in 0..self.ends.len() {
+            let d = positions[self.ends[k][0] as usize] - positions[self.ends[k][1] as usize];
             let length = d.norm();
             let stress = softness * self.lambda[k];
-            let c = length - self.edges.rest[k] + stress;
+            let c = length - self.rests[k] + stress;
             largest = largest
-                .max(positions[self.edges.a[k] as usize].coords.amax() + length + stress.abs());
+                .max(positions[self.ends[k][0] as usize].coords.amax() + length + stress.abs());
             gradients.push(if length > 0.0 { d / length } else { Vector::zeros() });
             values.push(c);
             residual.add(c);
@@ -163,8 +165,8 @@ impl DirectStretch {
 
     /// Of both ends together.
     fn inverse_mass(&self, k: u32, inverse_masses: &[Real]) -> Real {
-        inverse_masses[self.edges.a[k as usize] as usize]
-            + inverse_masses[self.edges.b[k as usize] as usize]
+        inverse_masses[self.ends[k as usize][0] as usize]
+            + inverse_masses[self.ends[k as usize][1] as usize]
     }
 
     fn factor(
@@ -175,7 +177,7 @@ impl DirectStretch {
         ridge: Real,
     ) -> Option<Cholesky> {
         let pattern = self.pattern.as_ref()?;
-        let sign = |k: u32, v: u32| if self.edges.a[k as usize] == v { 1.0 } else { -1.0 };
+        let sign = |k: u32, v: u32| if self.ends[k as usize][0] == v { 1.0 } else { -1.0 };
         let mut values: Vec<Real> = Vec::with_capacity(self.entries.len());
         for &[k, l, v] in &self.entries {
             let w = inverse_masses[v as usize] * sign(k, v) * sign(l, v);
@@ -233,10 +235,10 @@ impl Constraint for DirectStretch {
             let mut delta = Mat::from_fn(values.len(), 1, |k, _| -values[k]);
             cholesky.solve_in_place(&mut delta);
             let mut impulses = vec![Sum::default(); positions.len()];
-            for k in 0..self.edges.len() {
+            for k in 0..self.ends.len() {
                 let impulse = gradients[k] * delta[(k, 0)];
-                impulses[self.edges.a[k] as usize].add(impulse);
-                impulses[self.edges.b[k] as usize].add(-impulse);
+                impulses[self.ends[k][0] as usize].add(impulse);
+                impulses[self.ends[k][1] as usize].add(-impulse);
             }
             let push: Vec<Vector> =
                 impulses.iter().zip(inverse_masses).map(|(s, w)| s.total() * *w).collect();
@@ -274,12 +276,8 @@ impl Constraint for DirectStretch {
         residual
     }
 
-    fn check(&self) -> Result<(), GroupError> {
-        GroupError::of_compliance("stretch", self.compliance)
-    }
-
     fn is_idle(&self) -> bool {
-        self.edges.is_empty() || self.compliance == Real::INFINITY
+        self.ends.is_empty() || self.compliance == Real::INFINITY
     }
 
     fn counters(&self) -> Counters {
@@ -290,11 +288,14 @@ impl Constraint for DirectStretch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::stretch::Stretch;
     use if_core::shapes::meshes::cloth;
+    use if_xpbd::params::{Motion, SolverParams};
+    use if_xpbd::particles::Particles;
+    use if_xpbd::solver::Solver;
+    use if_xpbd::stretch::Stretch;
 
     /// 5 % stretched, each vertex up to 1 mm off.
-    pub(crate) fn stretched(n: u32) -> (EdgeSet, Vec<Point>) {
+    fn stretched(n: u32) -> (EdgeSet, Vec<Point>) {
         let mesh = cloth(0.01 * f64::from(n), 0.01 * f64::from(n), n, n);
         let noise = |k: usize, s: Real| 1e-3 * (k as Real * s).sin();
         let p = mesh.vertices().iter().enumerate();
@@ -312,7 +313,7 @@ mod tests {
         {
             let (edges, mut p) = stretched(12);
             let w = vec![1.0; p.len()];
-            let mut group = DirectStretch::new(edges, compliance);
+            let mut group = DirectStretch::new(&edges, compliance).unwrap();
             group.iterations = 60;
             group.begin_substep(&[], &[], &w, h);
             let r = group.project(&mut p, &w, h);
@@ -327,11 +328,11 @@ mod tests {
             .map(|k| if k == 0 { 0.0 } else { 1.0 + 0.5 * (k as Real).sin() })
             .collect();
         let h = 1e-3;
-        let mut direct = DirectStretch::new(edges.clone(), 1e-5);
+        let mut direct = DirectStretch::new(&edges, 1e-5).unwrap();
         let mut p = start.clone();
         direct.begin_substep(&[], &[], &w, h);
         direct.project(&mut p, &w, h);
-        let mut sweeps = Stretch::new(edges, 1e-5);
+        let mut sweeps = Stretch::new(edges, 1e-5).unwrap();
         let mut q = start.clone();
         sweeps.begin_substep(&[], &[], &w, h);
         for _ in 0..60 {
@@ -350,13 +351,43 @@ mod tests {
         for w in [[0.0; 3], [1.0; 3], [1e-6, 1e6, 0.0]] {
             for compliance in [0.0, 1e-12, 1e3, Real::INFINITY] {
                 let mut p = vec![Point::origin(), Point::origin(), Point::new(0.0, 3.0, 0.0)];
-                let mut group = DirectStretch::new(edges.clone(), compliance);
+                let mut group = DirectStretch::new(&edges, compliance).unwrap();
                 group.begin_substep(&[], &[], &w, 1e-3);
                 group.project(&mut p, &w, 1e-3);
                 assert!(p.iter().all(|x| x.iter().all(|c| c.is_finite())));
                 assert!(w[0] != 0.0 || p[0] == Point::origin());
             }
         }
-        DirectStretch::new(EdgeSet::default(), 0.0).project(&mut [], &[], 1.0);
+        DirectStretch::new(&EdgeSet::default(), 0.0).unwrap().project(&mut [], &[], 1.0);
+    }
+
+    #[test]
+    fn problem_3_each_link_of_a_compliant_chain_carries_what_hangs_below() {
+        const G: Real = 9.81;
+        let beta = 1e-5;
+        for n in [11, 31, 101] {
+            let link = 1.0 / (n - 1) as Real;
+            let p = (0..n).map(|k| Point::new(0.0, -link * k as Real, 0.0)).collect();
+            let ends: Vec<[u32; 2]> = (1..n as u32).map(|k| [k - 1, k]).collect();
+            let edges = EdgeSet::new(&ends, &vec![link; n - 1], n).unwrap();
+            let mut group = DirectStretch::new(&edges, beta).unwrap();
+            let mut particles = Particles::uniform(p, 1.0).unwrap().pinned([0]);
+            let mut solver = Solver::new(SolverParams {
+                time_step: 1.0,
+                substeps: 1,
+                motion: Motion::Dynamic { damping: 0.0 },
+                gravity: [0.0, -G, 0.0],
+                energy_jump: Real::INFINITY,
+                ..SolverParams::default()
+            })
+            .unwrap();
+            for _ in 0..60 {
+                solver.step(&mut particles, &mut [&mut group]).unwrap();
+            }
+            for (k, w) in particles.positions.windows(2).enumerate() {
+                let (longer, exact) = ((w[0] - w[1]).norm() - link, G * beta * (n - 1 - k) as Real);
+                assert!((longer - exact).abs() < 1e-10, "n {n}, link {k}: {longer} for {exact}");
+            }
+        }
     }
 }
