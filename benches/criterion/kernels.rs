@@ -10,11 +10,11 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use if_neural::deformation::{DeformationNetwork, OffsetLoss, OffsetSample};
-use if_neural::encoding::band_weights;
 use if_neural::frozen::FrozenMlp;
 use if_neural::mlp::{DeformationConfig, SdfConfig};
-use if_neural::reference::{PointLoss64, ReferenceSdf};
-use if_neural::reference_deformation::{OffsetLoss64, ReferenceDeformation};
+use if_neural::reference::{
+    OffsetLoss64, PointLoss64, ReferenceDeformation, ReferenceSdf, band_weights,
+};
 use if_neural::sdf::SdfNetwork;
 use if_neural::trainable::{PointLoss, Sample32, TrainableField};
 use rand::{RngExt, SeedableRng};

@@ -7,8 +7,8 @@
 use std::time::Duration;
 
 use if_benches::timing::{Timing, measure};
+use if_neural::Isa;
 use if_neural::frozen::FrozenMlp;
-use if_neural::kernel::isa::Isa;
 use if_neural::mlp::SdfConfig;
 use if_neural::reference::ReferenceSdf;
 use if_neural::sdf::SdfNetwork;

@@ -41,7 +41,12 @@ impl HeldOut {
     /// # Panics
     ///
     /// If the numbers of points and samples differ.
-    pub fn new(beside: &[Point], at: &[FieldSample], on: &[Point], there: &[FieldSample]) -> Self {
+    pub(crate) fn new(
+        beside: &[Point],
+        at: &[FieldSample],
+        on: &[Point],
+        there: &[FieldSample],
+    ) -> Self {
         assert!(beside.len() == at.len() && on.len() == there.len(), "one sample for each point");
         Self {
             beside: beside.to_vec(),
@@ -79,7 +84,7 @@ impl HeldOut {
     }
 
     /// About `n` of the points, spread evenly over the list.
-    pub fn thinned(&self, n: usize) -> Self {
+    pub(crate) fn thinned(&self, n: usize) -> Self {
         let stride = self.beside.len().div_ceil(n.max(1)).max(1);
         let on = self.on.len().div_ceil(n.max(1)).max(1);
         Self {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Parameters of one task.
 const BLOCK: usize = 1 << 14;
 
-/// Rates of [`Adam`].
+/// Rates of the optimiser Adam.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AdamParams {
@@ -49,15 +49,15 @@ impl AdamParams {
 ///
 /// Kingma and Ba 2015, Algorithm 1.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Adam {
+pub(crate) struct Adam {
     /// Its rates.
-    pub params: AdamParams,
+    pub(crate) params: AdamParams,
     /// Steps done.
-    pub steps: u64,
+    pub(crate) steps: u64,
     /// Mean derivative of each parameter.
-    pub first: Vec<f32>,
+    pub(crate) first: Vec<f32>,
     /// Mean square of each derivative.
-    pub second: Vec<f32>,
+    pub(crate) second: Vec<f32>,
 }
 
 impl Adam {
@@ -66,7 +66,7 @@ impl Adam {
     /// # Errors
     ///
     /// See [`AdamParams::validate`].
-    pub fn new(params: AdamParams, len: usize) -> Result<Self, ParameterError> {
+    pub(crate) fn new(params: AdamParams, len: usize) -> Result<Self, ParameterError> {
         params.validate()?;
         Ok(Self { params, steps: 0, first: vec![0.0; len], second: vec![0.0; len] })
     }
@@ -76,7 +76,7 @@ impl Adam {
     /// # Panics
     ///
     /// If `theta` or `gradient` is not as long as the moments.
-    pub fn step(&mut self, theta: &mut [f32], gradient: &[f32], rate: f32) {
+    pub(crate) fn step(&mut self, theta: &mut [f32], gradient: &[f32], rate: f32) {
         assert!(
             theta.len() == self.first.len() && gradient.len() == theta.len(),
             "one derivative for each parameter"

@@ -1,8 +1,9 @@
 //! The non-rigid deformation d(x, hᵢ) as a network with parameters.
 
+mod tile;
+
 use rayon::prelude::*;
 
-use crate::deformation_tile::{BLOCK, Net, Tile};
 use crate::encoding::{annealing_alpha, band_weights};
 use crate::error::NetworkError;
 use crate::frozen::tile_of;
@@ -12,6 +13,7 @@ use crate::kernel::packed::PackedLayers;
 use crate::kernel::pool::Pool;
 use crate::kernel::sums::{Sums, add_up, group_of};
 use crate::mlp::{DeformationConfig, Layout, check_parameters};
+use tile::{BLOCK, Net, Tile};
 
 /// d and its Jacobian at one point of one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -89,7 +91,7 @@ impl DeformationNetwork {
     /// # Errors
     ///
     /// As [`DeformationNetwork::from_parameters`].
-    pub fn with_isa(
+    pub(crate) fn with_isa(
         config: &DeformationConfig,
         theta: Vec<f32>,
         isa: Isa,
@@ -116,7 +118,7 @@ impl DeformationNetwork {
     }
 
     /// Where θ keeps each layer.
-    pub fn layout(&self) -> &Layout {
+    pub(crate) fn layout(&self) -> &Layout {
         &self.layout
     }
 
@@ -146,13 +148,14 @@ impl DeformationNetwork {
         self.packed.refresh(&self.layout, &self.theta);
     }
 
-    /// Fades the bands in up to `alpha` ([`band_weights`]); infinity (the default) for all.
+    /// Fades the bands in up to `alpha`: band k has the weight `(1 − cos(π·clamp(α − k, 0, 1)))/2`.
+    /// Infinity (the default) is all bands.
     pub fn set_alpha(&mut self, alpha: f32) {
         self.alpha = alpha;
         self.band_weights = band_weights(self.config.bands, alpha);
     }
 
-    /// Sets α by the lineage's schedule ([`annealing_alpha`]).
+    /// Sets α by the lineage's schedule, `bands·(iteration/2500 + 0.5)`.
     pub fn anneal(&mut self, iteration: usize) {
         self.set_alpha(annealing_alpha(self.config.bands, iteration));
     }

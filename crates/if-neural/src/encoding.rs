@@ -16,14 +16,14 @@
 /// Angles are doubled in f64 and rounded to f32 once: the features are those of the f64 twin to
 /// half a unit in the last place, for any count of bands that a config accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PositionalEncoding {
+pub(crate) struct PositionalEncoding {
     /// Count of bands; band k has the frequency 2ᵏ.
-    pub bands: usize,
+    pub(crate) bands: usize,
 }
 
 impl PositionalEncoding {
     /// Count of features: 3 + 6·bands.
-    pub const fn width(self) -> usize {
+    pub(crate) const fn width(self) -> usize {
         3 + 6 * self.bands
     }
 
@@ -33,7 +33,13 @@ impl PositionalEncoding {
     /// # Panics
     ///
     /// If `features` or `slopes` is shorter than [`Self::width`].
-    pub fn encode(self, x: [f32; 3], weights: &[f32], features: &mut [f32], slopes: &mut [f32]) {
+    pub(crate) fn encode(
+        self,
+        x: [f32; 3],
+        weights: &[f32],
+        features: &mut [f32],
+        slopes: &mut [f32],
+    ) {
         let width = self.width();
         let (features, slopes) = (&mut features[..width], &mut slopes[..width]);
         self.visit(x.map(f64::from), weights, |o, value, slope| {
@@ -47,7 +53,13 @@ impl PositionalEncoding {
     /// # Panics
     ///
     /// If `features` or `slopes` is shorter than [`Self::width`].
-    pub fn encode64(self, x: [f64; 3], weights: &[f32], features: &mut [f64], slopes: &mut [f64]) {
+    pub(crate) fn encode64(
+        self,
+        x: [f64; 3],
+        weights: &[f32],
+        features: &mut [f64],
+        slopes: &mut [f64],
+    ) {
         let width = self.width();
         let (features, slopes) = (&mut features[..width], &mut slopes[..width]);
         self.visit(x, weights, |o, value, slope| {
@@ -90,7 +102,7 @@ pub fn band_weights(bands: usize, alpha: f32) -> Vec<f32> {
 
 /// α of the lineage's schedule: `bands·(iteration/2500 + 0.5)`. All bands are in from iteration
 /// 1,250 on.
-pub fn annealing_alpha(bands: usize, iteration: usize) -> f32 {
+pub(crate) fn annealing_alpha(bands: usize, iteration: usize) -> f32 {
     (bands as f64 * (iteration as f64 / 2500.0 + 0.5)) as f32
 }
 

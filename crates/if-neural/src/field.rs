@@ -71,7 +71,7 @@ impl<N: Samples32> Samples32 for &N {
 /// Cells along a side of the cube, in which the gradients and the box of the inside are measured.
 const CELLS: usize = 64;
 /// The steepest gradient seen times this is the Lipschitz bound, unless the caller gives one.
-pub const SAFETY: Real = 1.25;
+const SAFETY: Real = 1.25;
 /// Points of one call.
 const BATCH: usize = 1 << 14;
 
@@ -112,7 +112,7 @@ pub enum FieldError {
 /// the distance to the border. Both are continuous, the gradient of the second jumps at the border.
 ///
 /// `lipschitz()` is measured: the steepest gradient at the nodes of a grid of 64 cells, and beside
-/// the surface, times [`SAFETY`]. It is an estimate, not a proof.
+/// the surface, times 1.25. It is an estimate, not a proof.
 ///
 /// Points and gradients are rounded to f32, and values to about 1e-7 of the cube.
 #[derive(Clone, Debug)]
@@ -165,6 +165,7 @@ impl<N: Samples32> NeuralField<N> {
         let edge = 2.0 / CELLS as f32;
         let n = CELLS + 1;
         let node = |i: usize| [i % n, i / n % n, i / n / n];
+        // First, all nodes of the grid: every sample is finite, and positive on the border.
         let mut points = Vec::with_capacity(BATCH);
         let mut samples = vec![Sample32::default(); BATCH];
         let mut steepest = 0.0f64;
@@ -189,9 +190,10 @@ impl<N: Samples32> NeuralField<N> {
                 }
             }
         }
-        // Cells near the surface are sampled more densely.
-        let reach = (SAFETY * steepest.max(1.0)) as f32 * edge * 0.5 * 3.0f32.sqrt();
-        let near: Vec<usize> = (0..values.len()).filter(|i| values[*i] <= reach).collect();
+        // Then three more points in each cell near the surface: a cell around a node can hold it
+        // only if the value is at most half a diagonal times the steepest slope.
+        let farthest = (SAFETY * steepest.max(1.0)) as f32 * edge * 0.5 * 3.0f32.sqrt();
+        let near: Vec<usize> = (0..values.len()).filter(|i| values[*i] <= farthest).collect();
         let mut bounds = Aabb::EMPTY;
         let offsets = [[0.5, 0.5, 0.5], [0.25, -0.25, 0.5], [-0.5, 0.25, 0.25]];
         for some in near.chunks(BATCH / offsets.len()) {
@@ -229,6 +231,7 @@ impl<N: Samples32> NeuralField<N> {
         let mut distance = Real::from(s.value) / self.frame.scale;
         let mut gradient = Vector::from(s.gradient.map(Real::from));
         if !cube.contains(p) {
+            // Along the axes on which p is outside, the nearest point of the cube stays the same.
             let off = p - p.inf(&cube.max).sup(&cube.min);
             for k in 0..3 {
                 if off[k] != 0.0 {

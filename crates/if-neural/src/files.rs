@@ -32,7 +32,7 @@ use tensors::{Named, Tensors};
 use weights::{fold, sdf_theta};
 
 /// The version that is written. Readers reject later ones.
-pub const VERSION: u32 = 1;
+const VERSION: u32 = 1;
 
 /// A file cannot be read as a network.
 #[derive(Debug, thiserror::Error)]

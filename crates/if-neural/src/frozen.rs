@@ -112,6 +112,7 @@ impl FrozenMlp {
     /// # Errors
     ///
     /// As [`FrozenMlp::new`].
+    #[doc(hidden)]
     pub fn with_isa(config: &SdfConfig, theta: &[f32], isa: Isa) -> Result<Self, NetworkError> {
         let layout = config.layout()?;
         check_parameters(theta, layout.parameters)?;

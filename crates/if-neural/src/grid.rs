@@ -1,6 +1,5 @@
 //! A second encoding: features on grids of several resolutions, with a small network on top.
 
-mod certificate;
 mod config;
 mod head;
 mod level;
@@ -104,7 +103,7 @@ impl GridField {
     }
 
     /// Names and shapes of the parts of the parameters, in their order.
-    pub fn parts(&self) -> Vec<(String, Vec<usize>)> {
+    pub(crate) fn parts(&self) -> Vec<(String, Vec<usize>)> {
         parts(&self.config, &self.levels, &self.head)
     }
 
@@ -113,7 +112,9 @@ impl GridField {
     /// # Errors
     ///
     /// A size is out of range.
-    pub fn parts_of(config: &GridConfig) -> Result<Vec<(String, Vec<usize>)>, ParameterError> {
+    pub(crate) fn parts_of(
+        config: &GridConfig,
+    ) -> Result<Vec<(String, Vec<usize>)>, ParameterError> {
         config.validate()?;
         let (levels, head) = config.layout();
         Ok(parts(config, &levels, &head))

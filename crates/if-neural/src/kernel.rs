@@ -7,7 +7,7 @@
 
 pub(crate) mod activation;
 pub(crate) mod aligned;
-pub mod isa;
+pub(crate) mod isa;
 pub(crate) mod packed;
 pub(crate) mod pool;
 pub(crate) mod product;

@@ -43,9 +43,7 @@ pub mod cloud;
 #[cfg(feature = "train")]
 pub mod deform;
 pub mod deformation;
-mod deformation_tile;
-#[doc(hidden)]
-pub mod encoding;
+mod encoding;
 mod error;
 pub mod field;
 pub mod files;
@@ -55,8 +53,7 @@ pub mod frame;
 pub mod frozen;
 pub mod grid;
 mod init;
-#[doc(hidden)]
-pub mod kernel;
+mod kernel;
 #[cfg(feature = "train")]
 pub mod loss;
 pub mod mlp;
@@ -65,8 +62,6 @@ pub mod network;
 mod random;
 #[doc(hidden)]
 pub mod reference;
-#[doc(hidden)]
-pub mod reference_deformation;
 #[cfg(feature = "train")]
 pub mod sampling;
 #[cfg(feature = "train")]
@@ -90,6 +85,8 @@ pub use field::{FieldError, NeuralField};
 pub use fit::{Ended, Fit, FitParams, FitReport};
 pub use frame::Frame;
 pub use grid::GridConfig;
+#[doc(hidden)]
+pub use kernel::isa::Isa;
 pub use mlp::{DeformationConfig, SdfConfig};
 pub use network::{Network, NetworkConfig};
 #[cfg(feature = "train")]

@@ -56,7 +56,7 @@ fn robust(square: f64, s: f64) -> (f64, f64) {
 impl LossParams {
     /// The loss of `sample` against `known`, times `share`.
     #[inline]
-    pub fn at(&self, known: &Known, sample: Sample32, share: f64) -> PointLoss {
+    pub(crate) fn at(&self, known: &Known, sample: Sample32, share: f64) -> PointLoss {
         let g = sample.gradient.map(f64::from);
         let mut loss = 0.0;
         let mut d_value = 0.0;

@@ -20,7 +20,7 @@ use crate::error::NetworkError;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SdfConfig {
-    /// Bands of the positional encoding, 0 to [`MAX_BANDS`].
+    /// Bands of the positional encoding, 0 to 16.
     pub bands: usize,
     /// Outputs of a hidden layer.
     pub width: usize,
@@ -60,7 +60,7 @@ impl SdfConfig {
     }
 
     /// The encoding of the input.
-    pub const fn encoding(&self) -> PositionalEncoding {
+    pub(crate) const fn encoding(&self) -> PositionalEncoding {
         PositionalEncoding { bands: self.bands }
     }
 
@@ -69,6 +69,7 @@ impl SdfConfig {
     /// # Errors
     ///
     /// The first size out of range.
+    #[doc(hidden)]
     pub fn layout(&self) -> Result<Layout, ParameterError> {
         let encoded = checked_width(self.bands, self.width, self.layers)?;
         if let Some(skip) = self.skip {
@@ -101,7 +102,7 @@ impl SdfConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DeformationConfig {
-    /// Bands of the positional encoding, 0 to [`MAX_BANDS`].
+    /// Bands of the positional encoding, 0 to 16.
     pub bands: usize,
     /// Length of a frame's embedding.
     pub embedding: usize,
@@ -125,7 +126,7 @@ impl DeformationConfig {
     }
 
     /// The encoding of the point.
-    pub const fn encoding(&self) -> PositionalEncoding {
+    pub(crate) const fn encoding(&self) -> PositionalEncoding {
         PositionalEncoding { bands: self.bands }
     }
 
@@ -134,6 +135,7 @@ impl DeformationConfig {
     /// # Errors
     ///
     /// The first size out of range.
+    #[doc(hidden)]
     pub fn layout(&self) -> Result<Layout, ParameterError> {
         let encoded = checked_width(self.bands, self.width, self.layers)?;
         bounded("embedding", self.embedding, 0..=MAX_WIDTH, "from 0 to 4096")?;
@@ -148,13 +150,13 @@ impl DeformationConfig {
 }
 
 /// Most bands of an encoding: 2¹⁶ turns per metre resolve 15 µm, below what f32 points hold.
-pub const MAX_BANDS: usize = 16;
+const MAX_BANDS: usize = 16;
 /// Widest layer: its matrix has 64 MiB.
-pub const MAX_WIDTH: usize = 4096;
+const MAX_WIDTH: usize = 4096;
 /// Most hidden layers.
-pub const MAX_LAYERS: usize = 64;
+const MAX_LAYERS: usize = 64;
 /// Most frames of a deformation.
-pub const MAX_FRAMES: usize = 1 << 20;
+const MAX_FRAMES: usize = 1 << 20;
 
 fn checked_width(bands: usize, width: usize, layers: usize) -> Result<usize, ParameterError> {
     bounded("bands", bands, 0..=MAX_BANDS, "from 0 to 16")?;
@@ -173,6 +175,7 @@ fn bounded(
 }
 
 /// Where θ keeps the linear layers of a network.
+#[doc(hidden)]
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// The layers in order.
@@ -182,6 +185,7 @@ pub struct Layout {
 }
 
 /// Where θ keeps one linear layer `z = W a + b`.
+#[doc(hidden)]
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LayerLayout {
     /// Outputs.
@@ -217,7 +221,8 @@ impl Layout {
     }
 
     /// Count of gains.
-    pub fn gains(&self) -> usize {
+    #[cfg(test)]
+    pub(crate) fn gains(&self) -> usize {
         self.layers.iter().filter_map(|layer| layer.gain.as_ref()).map(Range::len).sum()
     }
 }

@@ -1,4 +1,9 @@
-//! φ in f64 and plain loops: the slow twin that the fused kernels are held against.
+//! φ and d in f64 and plain loops: the slow twins that the fused kernels are compared with.
+
+mod deformation;
+
+pub use crate::encoding::band_weights;
+pub use deformation::{OffsetLoss64, ReferenceDeformation};
 
 use crate::error::NetworkError;
 use crate::mlp::{Layout, SdfConfig};

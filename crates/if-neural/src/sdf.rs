@@ -46,7 +46,11 @@ impl SdfNetwork {
     /// # Errors
     ///
     /// As [`SdfNetwork::from_parameters`].
-    pub fn with_isa(config: &SdfConfig, theta: Vec<f32>, isa: Isa) -> Result<Self, NetworkError> {
+    pub(crate) fn with_isa(
+        config: &SdfConfig,
+        theta: Vec<f32>,
+        isa: Isa,
+    ) -> Result<Self, NetworkError> {
         let frozen = FrozenMlp::with_isa(config, &theta, isa)?;
         let layout = config.layout()?;
         let memory = StepMemory::default();
@@ -59,7 +63,7 @@ impl SdfNetwork {
     }
 
     /// Where θ keeps each layer.
-    pub fn layout(&self) -> &Layout {
+    pub(crate) fn layout(&self) -> &Layout {
         &self.layout
     }
 

@@ -54,7 +54,7 @@ impl Target<'_> {
         config: &NetworkConfig,
         params: &SamplingParams,
     ) -> Result<(TrainingSet, Network), TargetError> {
-        let mut network = Network::new(config, params.seed)?;
+        let mut network = Network::new(config, params.seed)?; // sizes are checked before sampling
         let set = self.training_set(params)?;
         if let Network::Grid(grid) = &mut network {
             let levels = grid.config().levels as usize;

@@ -92,6 +92,7 @@ impl<B: Backend> SdfModule<B> {
         let (encoded, encoded_slopes) = encode(config.bands, points);
         let weights: Vec<_> = (0..self.weights.len()).map(|l| self.folded(l)).collect();
         let [n, width] = encoded.dims();
+        // Forward: activations, and the slopes σ′ for the adjoint pass.
         let mut a = encoded.clone();
         let mut slopes = Vec::new();
         for l in 0..config.layers {
@@ -107,10 +108,12 @@ impl<B: Backend> SdfModule<B> {
         let last = weights[config.layers].clone().narrow(0, 0, 1);
         let bias = self.biases[config.layers].val().narrow(0, 0, 1).unsqueeze_dim(0);
         let value = a.matmul(last.clone().transpose()) + bias;
+        // Adjoint: q is ∂φ/∂a of each layer, from the last to the first.
         let mut q = last.expand([n, config.width]);
         let mut by_encoding: Option<Tensor<B, 2>> = None;
         for l in (0..config.layers).rev() {
             q = (q * slopes[l].clone()).matmul(weights[l].clone());
+            // The joined input: one part goes to the encoding, the other to the layer before.
             if config.skip == Some(l) {
                 q = q.div_scalar(std::f32::consts::SQRT_2);
                 by_encoding = Some(q.clone().narrow(1, config.width - width, width));

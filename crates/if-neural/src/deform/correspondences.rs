@@ -117,6 +117,7 @@ impl Correspondences {
     pub(super) fn checked(&self, seed: u64) -> Checked {
         let held = self.held_out();
         let all = held.len() * self.frames.len();
+        // All of them if they are few, else a random choice.
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         let chosen: Vec<(usize, usize)> = (0..all.min(CHECKED))
             .map(|k| if all > CHECKED { random.random_range(0..all) } else { k })

@@ -1,6 +1,6 @@
 use super::*;
 use crate::init::Normal;
-use crate::reference_deformation::{OffsetLoss64, ReferenceDeformation};
+use crate::reference::{OffsetLoss64, ReferenceDeformation};
 
 fn config(frames: usize) -> DeformationConfig {
     DeformationConfig { width: 70, embedding: 9, layers: 3, ..DeformationConfig::fast(frames) }

@@ -77,7 +77,7 @@ impl GridConfig {
     }
 
     /// Cells along a side, level by level: rounded from a geometric progression.
-    pub fn cells(&self) -> Vec<u32> {
+    pub(crate) fn cells(&self) -> Vec<u32> {
         let (first, last) = (f64::from(self.coarsest), f64::from(self.finest));
         (0..self.levels)
             .map(|l| {

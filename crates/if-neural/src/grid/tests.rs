@@ -237,21 +237,3 @@ fn sizes_out_of_range_are_rejected_before_memory_is_allocated() {
         NetworkError::Length { got: 3, expected: 2 * (19usize.pow(3) + 20usize.pow(3)) + 1 }
     );
 }
-
-#[test]
-fn no_gradient_is_steeper_than_the_certificate() {
-    for (features, hidden, table) in [(1, 0, 1 << 20), (2, 5, 1 << 20), (4, 3, 300)] {
-        let grid = small(features, hidden, table);
-        let [rough, fine] = [3, 24].map(|blocks| grid.certified_slope(blocks));
-        assert!(fine <= rough);
-        let points: Vec<[f32; 3]> =
-            points(20_000, 8).into_iter().map(|p| p.map(|x| x.clamp(-1.0, 1.0))).collect();
-        let mut out = vec![Sample32::default(); points.len()];
-        grid.samples32(&points, &mut out);
-        let steepest = out
-            .iter()
-            .map(|s| s.gradient.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt())
-            .fold(0.0, f64::max);
-        assert!(steepest <= fine && fine < 6.0 * steepest, "{steepest} {fine} {rough}");
-    }
-}

@@ -41,6 +41,7 @@ pub(super) fn points(
             })
             .collect();
         tried += starts.len();
+        // Newton steps of all candidates together, until they are on the surface.
         let mut at = starts.clone();
         let mut open: Vec<usize> = (0..at.len()).collect();
         let mut arrived = vec![false; at.len()];
@@ -63,6 +64,7 @@ pub(super) fn points(
             }
             open = next;
         }
+        // A candidate that travelled far would make the density uneven.
         for k in 0..at.len() {
             if arrived[k] && (at[k] - starts[k]).norm() <= 2.0 * edge && out.len() < n {
                 out.push(at[k]);
@@ -93,13 +95,14 @@ fn cells(
             }
         }
     }
+    // Keep the cells that can hold the surface, then halve them.
     let lipschitz = if target.lipschitz().is_finite() { target.lipschitz() } else { 1.0 };
     for halving in 0..=HALVINGS {
         let middles: Vec<Point> =
             cells.iter().map(|(c, _)| c + Vector::repeat(0.5 * edge)).collect();
         let mut values = vec![0.0; middles.len()];
         target.distances(&middles, &mut values);
-        let reach = lipschitz * 0.5 * edge * (3.0 as Real).sqrt();
+        let farthest = lipschitz * 0.5 * edge * (3.0 as Real).sqrt();
         let mut kept = Vec::new();
         for ((cell, border), (middle, value)) in cells.iter().zip(middles.iter().zip(&values)) {
             if !value.is_finite() {
@@ -111,7 +114,7 @@ fn cells(
             if halving == 0 && *border && *value < 0.0 && !bounds.contains(middle) {
                 return Err(TargetError::InsideOut { point: *middle, distance: *value });
             }
-            if value.abs() <= reach {
+            if value.abs() <= farthest {
                 kept.push(*cell);
             }
         }

@@ -4,7 +4,7 @@
 //! which go through the same products and, where a ReLU is shut, are zeroed together. So the
 //! reverse pass of a loss on d and ∂d/∂x is that of a plain network over 96 rows.
 
-use crate::deformation::{OffsetLoss, OffsetSample};
+use super::{OffsetLoss, OffsetSample};
 use crate::encoding::PositionalEncoding;
 use crate::kernel::activation::Relu;
 use crate::kernel::aligned::Aligned;
@@ -15,22 +15,22 @@ use crate::kernel::{ROWS, TILE, stride};
 use crate::mlp::Layout;
 
 /// Points of a tile with derivatives.
-pub(crate) const BLOCK: usize = TILE / 4;
+pub(super) const BLOCK: usize = TILE / 4;
 
 /// The network as the tiles see it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Net<'a> {
-    pub(crate) packed: &'a PackedLayers,
-    pub(crate) encoding: PositionalEncoding,
-    pub(crate) band_weights: &'a [f32],
+pub(super) struct Net<'a> {
+    pub(super) packed: &'a PackedLayers,
+    pub(super) encoding: PositionalEncoding,
+    pub(super) band_weights: &'a [f32],
     /// One row per frame.
-    pub(crate) embeddings: &'a [f32],
-    pub(crate) embedding: usize,
+    pub(super) embeddings: &'a [f32],
+    pub(super) embedding: usize,
 }
 
 /// Memory for one tile.
 #[derive(Debug)]
-pub(crate) struct Tile {
+pub(super) struct Tile {
     /// The inputs of each layer, and the last one's output: 96 rows each.
     rows: Vec<Aligned>,
     strides: Vec<usize>,
@@ -41,7 +41,7 @@ pub(crate) struct Tile {
 }
 
 impl Tile {
-    pub(crate) fn new(layout: &Layout, encoding: PositionalEncoding) -> Self {
+    pub(super) fn new(layout: &Layout, encoding: PositionalEncoding) -> Self {
         let inputs = layout.layers.iter().map(|at| at.columns);
         let widths: Vec<usize> = inputs.chain(layout.layers.last().map(|at| at.rows)).collect();
         let strides: Vec<usize> = widths.iter().map(|&width| stride(width)).collect();
@@ -57,7 +57,7 @@ impl Tile {
     }
 
     /// d at up to [`TILE`] points.
-    pub(crate) fn offsets(
+    pub(super) fn offsets(
         &mut self,
         net: &Net<'_>,
         points: &[[f32; 3]],
@@ -73,7 +73,7 @@ impl Tile {
     }
 
     /// d and its Jacobian at up to [`BLOCK`] points.
-    pub(crate) fn samples(
+    pub(super) fn samples(
         &mut self,
         net: &Net<'_>,
         points: &[[f32; 3]],
@@ -151,7 +151,7 @@ impl Tile {
 
     /// Adds the share of up to [`BLOCK`] points to `sums`; writes each point's derivative by its
     /// frame's embedding to `embeddings`.
-    pub(crate) fn add(
+    pub(super) fn add(
         &mut self,
         net: &Net<'_>,
         points: &[[f32; 3]],
