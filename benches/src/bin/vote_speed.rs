@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             .collect();
         if frame == 0 || !alone {
             let start = Instant::now();
-            rasteriser.look(&mesh, &turned, &camera, &RasterParams::default(), &mut out);
+            rasteriser.rasterise(&mesh, &turned, &camera, &RasterParams::default(), &mut out);
             raster += start.elapsed();
         }
         let labels: Vec<u8> = out

@@ -93,7 +93,7 @@ impl Rasteriser {
     /// # Panics
     ///
     /// If there are not as many positions as vertices, or `near` is not positive.
-    pub fn look(
+    pub fn rasterise(
         &mut self,
         mesh: &TriMesh,
         positions: &[Point],
@@ -195,7 +195,7 @@ impl Rasteriser {
     }
 
     /// Intersects the ray through the centre of a pixel with its visible triangle, after
-    /// [`Rasteriser::look`]: returns barycentric coordinates, clamped to the triangle, and the cosine
+    /// [`Rasteriser::rasterise`]: returns barycentric coordinates, clamped to the triangle, and the cosine
     /// between the triangle's normal and the direction to the camera, negative for a back face.
     /// `None` if the triangle is parallel to the ray.
     pub fn hit(
@@ -227,9 +227,9 @@ impl Rasteriser {
 /// # Panics
 ///
 /// If `near` is not positive.
-pub fn look(mesh: &TriMesh, camera: &Camera, params: &RasterParams) -> IdBuffer {
+pub fn rasterise(mesh: &TriMesh, camera: &Camera, params: &RasterParams) -> IdBuffer {
     let mut out = IdBuffer::default();
-    Rasteriser::default().look(mesh, mesh.vertices(), camera, params, &mut out);
+    Rasteriser::default().rasterise(mesh, mesh.vertices(), camera, params, &mut out);
     out
 }
 

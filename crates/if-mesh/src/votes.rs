@@ -318,7 +318,13 @@ impl<'a> Voter<'a> {
         if positions.len() != expected {
             return Err(VoteError::Positions { got: positions.len(), expected });
         }
-        self.rasteriser.look(self.mesh, positions, camera, &self.params.raster, &mut self.seen);
+        self.rasteriser.rasterise(
+            self.mesh,
+            positions,
+            camera,
+            &self.params.raster,
+            &mut self.seen,
+        );
         self.camera = Some(camera.clone());
         let (total, enough, triangles) = (&self.total, self.params.enough, self.mesh.triangles());
         let count = |row: &[u32]| {

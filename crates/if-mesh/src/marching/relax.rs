@@ -273,7 +273,7 @@ mod tests {
         }
     }
 
-    /// What lies within half a cell's half of a ball's surface.
+    /// The points within `half` of the surface of [`BALL`].
     struct Shell {
         half: Real,
     }

@@ -22,7 +22,7 @@ const FAR: Real = 100.0;
 
 /// Compares with rays; returns how many pixels name another triangle.
 fn differences(mesh: &TriMesh, camera: &Camera) -> usize {
-    let seen = look(mesh, camera, &RasterParams::default());
+    let seen = rasterise(mesh, camera, &RasterParams::default());
     let mut other = 0;
     for (at, ray) in by_rays(mesh, camera).iter().enumerate() {
         let (id, depth) = (seen.triangle[at], Real::from(seen.depth[at]));
@@ -102,7 +102,7 @@ fn a_tiling_covers_each_centre_once_even_where_edges_run_through_centres() {
     let mut alone = IdBuffer::default();
     for t in 0..mesh.triangles().len() {
         let one = TriMesh::new(mesh.vertices().to_vec(), vec![mesh.triangles()[t]]).unwrap();
-        Rasteriser::default().look(
+        Rasteriser::default().rasterise(
             &one,
             one.vertices(),
             &camera,
@@ -118,7 +118,7 @@ fn a_tiling_covers_each_centre_once_even_where_edges_run_through_centres() {
         assert_eq!(*n, u32::from(inside), "column {} row {}", at % 33, at / 33);
     }
     assert_eq!(
-        look(&mesh, &camera, &RasterParams::default())
+        rasterise(&mesh, &camera, &RasterParams::default())
             .triangle
             .iter()
             .filter(|t| **t != NOTHING)
@@ -141,7 +141,7 @@ fn the_near_plane_cuts_where_it_stands() {
     .unwrap();
     let k = nalgebra::Matrix3::new(32.0, 0.0, 16.0, 0.0, 32.0, 16.0, 0.0, 0.0, 1.0);
     let camera = Camera::new(32, 32, k, nalgebra::Matrix3::identity(), Vector::zeros()).unwrap();
-    let seen = look(&floor, &camera, &RasterParams { near: 4.0, cull_back: false });
+    let seen = rasterise(&floor, &camera, &RasterParams { near: 4.0, cull_back: false });
     for row in 0..32 {
         let depth = 32.0 / (row as f32 + 0.5 - 16.0);
         let at = row * 32 + 16;
@@ -157,13 +157,13 @@ fn the_near_plane_cuts_where_it_stands() {
 fn backs_are_left_out_where_asked_and_hits_say_which_side_is_seen() {
     let sphere = icosphere(0.5, 2);
     let camera = camera(32, 32, Point::new(0.0, 0.0, 2.5));
-    let both = look(&sphere, &camera, &RasterParams::default());
+    let both = rasterise(&sphere, &camera, &RasterParams::default());
     let front =
-        look(&sphere, &camera, &RasterParams { cull_back: true, ..RasterParams::default() });
+        rasterise(&sphere, &camera, &RasterParams { cull_back: true, ..RasterParams::default() });
     assert_eq!(both, front, "a closed mesh hides its backs");
     let mut rasteriser = Rasteriser::default();
     let mut out = IdBuffer::default();
-    rasteriser.look(&sphere, sphere.vertices(), &camera, &RasterParams::default(), &mut out);
+    rasteriser.rasterise(&sphere, sphere.vertices(), &camera, &RasterParams::default(), &mut out);
     for (at, &id) in out.triangle.iter().enumerate().filter(|(_, id)| **id != NOTHING) {
         let (column, row) = (at % 32, at / 32);
         let (bary, cos) = rasteriser.hit(&sphere, &camera, id, column, row).unwrap();
@@ -181,8 +181,11 @@ fn backs_are_left_out_where_asked_and_hits_say_which_side_is_seen() {
     }
     let turned = sphere.triangles().iter().map(|t| [t[0], t[2], t[1]]).collect();
     let inside_out = TriMesh::new(sphere.vertices().to_vec(), turned).unwrap();
-    let back =
-        look(&inside_out, &camera, &RasterParams { cull_back: true, ..RasterParams::default() });
+    let back = rasterise(
+        &inside_out,
+        &camera,
+        &RasterParams { cull_back: true, ..RasterParams::default() },
+    );
     assert!(
         back.triangle != both.triangle
             && back.depth.iter().filter(|z| z.is_finite()).all(|z| *z > 2.4)
@@ -208,7 +211,7 @@ fn degenerate_scenes_are_seen_as_nothing() {
         ]),
     ];
     for (k, mesh) in scenes.iter().enumerate() {
-        let seen = look(mesh, &camera, &RasterParams::default());
+        let seen = rasterise(mesh, &camera, &RasterParams::default());
         assert!(seen.triangle.iter().all(|t| *t == NOTHING), "scene {k}");
     }
 }
@@ -228,7 +231,7 @@ fn threads_and_repetition_change_nothing() {
     let camera = camera(120, 100, Point::new(0.3, 0.4, 1.4));
     let pool = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
     let all: Vec<IdBuffer> = [1, 2, 5]
-        .map(|n| pool(n).install(|| look(&sphere, &camera, &RasterParams::default())))
+        .map(|n| pool(n).install(|| rasterise(&sphere, &camera, &RasterParams::default())))
         .into();
     assert!(all[0] == all[1] && all[1] == all[2]);
     assert!(
@@ -238,7 +241,7 @@ fn threads_and_repetition_change_nothing() {
     let mut rasteriser = Rasteriser::default();
     let mut out = IdBuffer::default();
     let moved: Vec<Point> = sphere.vertices().iter().map(|p| p * 1.3).collect();
-    rasteriser.look(&sphere, &moved, &camera, &RasterParams::default(), &mut out);
-    rasteriser.look(&sphere, sphere.vertices(), &camera, &RasterParams::default(), &mut out);
+    rasteriser.rasterise(&sphere, &moved, &camera, &RasterParams::default(), &mut out);
+    rasteriser.rasterise(&sphere, sphere.vertices(), &camera, &RasterParams::default(), &mut out);
     assert_eq!(out, all[0]);
 }

@@ -129,7 +129,13 @@ impl<'a> Figure<'a> {
         let maps = blends(skin, &frame.transforms);
         let world = pose_points(mesh.vertices(), &maps);
         let mut buffer = IdBuffer::default();
-        Rasteriser::default().look(mesh, &world, camera, &RasterParams::default(), &mut buffer);
+        Rasteriser::default().rasterise(
+            mesh,
+            &world,
+            camera,
+            &RasterParams::default(),
+            &mut buffer,
+        );
         let points = world.iter().map(|p| camera.to_camera(p)).collect();
         Self { mesh, edges, camera, maps, points, seen: buffer.triangle }
     }

@@ -56,7 +56,13 @@ impl<'a> View<'a> {
     ) -> Self {
         let world = pose_points(mesh.vertices(), &blends(skin, &frame.transforms));
         let mut buffer = IdBuffer::default();
-        Rasteriser::default().look(mesh, &world, camera, &RasterParams::default(), &mut buffer);
+        Rasteriser::default().rasterise(
+            mesh,
+            &world,
+            camera,
+            &RasterParams::default(),
+            &mut buffer,
+        );
         let figure: Vec<bool> = buffer.triangle.iter().map(|t| *t != NOTHING).collect();
         let seen: Vec<Real> =
             buffer.depth.iter().filter(|z| z.is_finite()).map(|z| Real::from(*z)).collect();

@@ -111,7 +111,7 @@ impl Scene {
         rasteriser: &mut Rasteriser,
     ) -> Seen {
         let mut ids = IdBuffer::default();
-        rasteriser.look(moved, moved.vertices(), camera, &RasterParams::default(), &mut ids);
+        rasteriser.rasterise(moved, moved.vertices(), camera, &RasterParams::default(), &mut ids);
         let normals: Vec<Vector> =
             moved.vertex_normals().iter().map(|n| camera.rotation() * n).collect();
         let (width, n) = (camera.width(), ids.triangle.len());
