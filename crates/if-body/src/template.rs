@@ -86,7 +86,7 @@ impl TemplateBody {
     /// [`TemplateError::Write`].
     pub fn write(&self, folder: &Path) -> Result<(), TemplateError> {
         let (mesh, skeleton) = (folder.join(MESHES[0]), folder.join(SKELETON));
-        if_mesh::atomic::write::<io::Error>(&skeleton, |file| self.skeleton.write(file))
+        if_mesh::atomic::write_file::<io::Error>(&skeleton, |file| self.skeleton.write(file))
             .map_err(|e| TemplateError::Write { path: skeleton.clone(), source: e.into() })?;
         let ply = PlyMesh {
             vertex_properties: self.skin.to_properties(),

@@ -5,6 +5,7 @@
 use crate::file_record::{InputFile, OutputFile};
 use crate::outfit_file::{LayerSpec, OutfitSpec};
 use if_mesh::file::MeshFile;
+use if_outfit::BUILD;
 use if_outfit::content::{content, of_file};
 use if_outfit::report::ResolveReport;
 use serde::Serialize;
@@ -121,7 +122,7 @@ impl Receipt<'_> {
     }
 }
 
-/// Versions of everything that numbers depend on.
+/// The build, and versions of everything that numbers depend on.
 pub(crate) fn tool() -> Value {
     let crates: Map<String, Value> = env!("IFG_CRATES")
         .split(',')
@@ -130,6 +131,7 @@ pub(crate) fn tool() -> Value {
         .collect();
     json!({
         "ifg": env!("CARGO_PKG_VERSION"),
+        "build": BUILD,
         "target": env!("IFG_TARGET"),
         "rustc": env!("IFG_RUSTC"),
         "crates": crates,
@@ -160,6 +162,29 @@ fn reread(value: &impl Serialize) -> Option<Value> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_outfit_of_another_build_is_not_finished() {
+        let out = tempfile::tempdir().unwrap();
+        let of_build = |build: &str| {
+            let mut tool = tool();
+            tool["build"] = json!(build);
+            Request { tool, params: json!({}), scale: 1.0, inputs: vec![] }
+        };
+        let request = of_build(BUILD);
+        let receipt = Receipt {
+            outfit: "o",
+            state: CLEAN,
+            request: &request,
+            outputs: &[],
+            notes: &[],
+            report: &ResolveReport::default(),
+            timings: &Timings::default(),
+        };
+        std::fs::write(out.path().join(FILE), receipt.text().unwrap()).unwrap();
+        assert!(request.is_finished(out.path(), &[]));
+        assert!(!of_build("0.1.0+0").is_finished(out.path(), &[]));
+    }
 
     #[test]
     fn a_receipt_holds_times_in_one_place_only() {

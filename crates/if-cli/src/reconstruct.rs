@@ -12,8 +12,8 @@ use clap::Args;
 use if_body::TemplateBody;
 use if_core::mesh::TriMesh;
 use if_core::monitor::Progress;
+use if_mesh::atomic::{FolderWriter, PATIENCE};
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
-use if_mesh::whole_folder::{PATIENCE, Writer};
 use if_neural::deform::DeformParams;
 use if_outfit::content;
 use if_pipeline::asset::{LayerHint, Parts, Provenance};
@@ -422,7 +422,7 @@ fn write_clothed(
     found: &Reconstruction,
 ) -> io::Result<()> {
     let parent = args.out.join(CLOTHED);
-    let writer = Writer::wait(&parent, PATIENCE)?
+    let writer = FolderWriter::wait(&parent, PATIENCE)?
         .ok_or_else(|| io::Error::other("another process is writing there"))?;
     writer.write(name, |folder| {
         let mut properties = found.skin.to_properties();

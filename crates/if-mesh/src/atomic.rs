@@ -1,116 +1,20 @@
-//! Files that are there whole or not at all.
+//! Files and folders that appear whole or not at all.
+//!
+//! | what appears | with |
+//! |---|---|
+//! | one file | [`write_file`] |
+//! | several files of one folder, together | [`FileSet`] |
+//! | folders in a folder, one by one; or the files of one result in place of those of an earlier one | [`FolderWriter`] |
+//!
+//! All write into a hidden file or folder beside the final one (its name begins with `.ifg-`) and
+//! rename it when everything is there. A program that ends early changes nothing; what it leaves is
+//! removed by the next writer.
 
-use std::fs::{self, File};
-use std::io::{self, ErrorKind};
-use std::path::{Path, PathBuf};
+mod file;
+mod file_set;
+mod folders;
+mod lock;
 
-/// Writes a file through `fill`: into a temporary file of the same folder, which takes the name
-/// `path` only after everything was written. A fault leaves what stood at `path` as it was.
-///
-/// The file gets the permissions that any new file gets. A symbolic link is followed. The data are
-/// handed to the operating system, not forced onto the disk.
-///
-/// # Errors
-///
-/// What `fill` returns, or what the system says about the folder or the file; and `AlreadyExists`
-/// where `path` is something else than a file, such as a folder or a device.
-///
-/// # Examples
-///
-/// ```
-/// use std::io::Write;
-/// let folder = tempfile::tempdir()?;
-/// let path = folder.path().join("report.txt");
-/// if_mesh::atomic::write(&path, |file| file.write_all(b"all of it"))?;
-/// assert_eq!(std::fs::read(&path)?, b"all of it");
-/// # Ok::<(), std::io::Error>(())
-/// ```
-pub fn write<E: From<io::Error>>(
-    path: &Path,
-    fill: impl FnOnce(&mut File) -> Result<(), E>,
-) -> Result<(), E> {
-    let target = match fs::symlink_metadata(path) {
-        Ok(found) if found.is_symlink() => fs::canonicalize(path)?,
-        Ok(found) if !found.is_file() => {
-            return Err(io::Error::new(
-                ErrorKind::AlreadyExists,
-                "a folder or device of this name is in the way",
-            )
-            .into());
-        }
-        _ => path.to_path_buf(),
-    };
-    let folder = match target.parent() {
-        Some(p) if !p.as_os_str().is_empty() => p.to_path_buf(),
-        _ => PathBuf::from("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".ifg-").suffix(".part");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(fs::Permissions::from_mode(0o666)); // less the user's umask
-    }
-    // The error of tempfile names the temporary file, which means nothing to the user.
-    let mut part = builder.tempfile_in(folder).map_err(|e| io::Error::new(e.kind(), plain(&e)))?;
-    fill(part.as_file_mut())?;
-    part.persist(target).map_err(|e| e.error)?;
-    Ok(())
-}
-
-fn plain(error: &io::Error) -> String {
-    match error.kind() {
-        ErrorKind::NotFound => "the folder does not exist".into(),
-        ErrorKind::PermissionDenied => "the folder may not be written to".into(),
-        _ => error.to_string(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::io::Write;
-
-    #[test]
-    fn a_fault_on_the_way_leaves_the_old_file_and_no_other() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("mesh.ply");
-        fs::write(&path, "old").unwrap();
-        let full = |file: &mut File| {
-            file.write_all(b"half of the n")?;
-            Err(io::Error::from(ErrorKind::StorageFull))
-        };
-        assert_eq!(write(&path, full).unwrap_err().kind(), ErrorKind::StorageFull);
-        assert_eq!(fs::read(&path).unwrap(), b"old");
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-    }
-
-    #[test]
-    fn a_folder_that_is_missing_or_in_the_way_is_an_error() {
-        let folder = tempfile::tempdir().unwrap();
-        let nothing = |_: &mut File| Ok::<(), io::Error>(());
-        assert_eq!(
-            write(&folder.path().join("no/such/a.ply"), nothing).unwrap_err().kind(),
-            ErrorKind::NotFound
-        );
-        assert_eq!(write(folder.path(), nothing).unwrap_err().kind(), ErrorKind::AlreadyExists);
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn the_file_is_readable_by_others_and_a_link_stays_a_link() {
-        use std::os::unix::fs::{PermissionsExt, symlink};
-        let folder = tempfile::tempdir().unwrap();
-        let (path, link, plain) =
-            (folder.path().join("a"), folder.path().join("b"), folder.path().join("c"));
-        let text = |file: &mut File| file.write_all(b"text");
-        write(&path, text).unwrap();
-        fs::write(&plain, "made as any file is made").unwrap();
-        let mode = |p: &Path| fs::metadata(p).unwrap().permissions().mode();
-        assert_eq!(mode(&path), mode(&plain));
-        symlink(&path, &link).unwrap();
-        write(&link, |file: &mut File| file.write_all(b"more text")).unwrap();
-        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
-        assert_eq!(fs::read(&path).unwrap(), b"more text");
-    }
-}
+pub use file::write_file;
+pub use file_set::{FileSet, FileSetError};
+pub use folders::{FolderWriter, PATIENCE, is_hidden, names, restore, temporary_folder};

@@ -247,7 +247,7 @@ impl MeshFile {
         }
         if positions == self.mesh().vertices() && !self.is_new {
             let copy = |file: &mut fs::File| io::Write::write_all(file, self.bytes());
-            return crate::atomic::write(path, copy)
+            return crate::atomic::write_file(path, copy)
                 .map_err(|source| WriteError::Io { path: name(), source });
         }
         match &self.content {
@@ -258,13 +258,13 @@ impl MeshFile {
                     e => WriteError::Ply { path: name(), source: e.into() },
                 })
             }
-            Content::Obj(obj) => {
-                crate::atomic::write(path, |file| obj::write(obj, positions, Normals::Follow, file))
-                    .map_err(|source| match source {
-                        obj::WriteError::Io(source) => WriteError::Io { path: name(), source },
-                        e => WriteError::Obj { path: name(), source: e.into() },
-                    })
-            }
+            Content::Obj(obj) => crate::atomic::write_file(path, |file| {
+                obj::write(obj, positions, Normals::Follow, file)
+            })
+            .map_err(|source| match source {
+                obj::WriteError::Io(source) => WriteError::Io { path: name(), source },
+                e => WriteError::Obj { path: name(), source: e.into() },
+            }),
         }
     }
 }

@@ -77,8 +77,6 @@ pub mod validate;
 pub mod votes;
 #[doc(hidden)]
 pub mod voxels;
-#[doc(hidden)]
-pub mod whole_folder;
 pub mod winding;
 
 pub use baked::{BakeParams, Baked};

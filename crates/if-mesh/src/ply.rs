@@ -340,5 +340,5 @@ pub fn write_path(
     params: &WriteParams,
     path: &Path,
 ) -> Result<(), WriteError> {
-    crate::atomic::write(path, |file| write(ply, positions, params, file))
+    crate::atomic::write_file(path, |file| write(ply, positions, params, file))
 }

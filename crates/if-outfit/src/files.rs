@@ -288,3 +288,6 @@ fn faulty<'a>(
         _ => body,
     }
 }
+
+#[cfg(test)]
+mod tests;

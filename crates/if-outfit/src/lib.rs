@@ -25,6 +25,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod build;
 mod cloth;
 mod constraints;
 mod contacts;
@@ -47,3 +48,5 @@ mod untangle;
 mod upper_layers;
 pub mod verify;
 mod welded;
+
+pub use build::BUILD;

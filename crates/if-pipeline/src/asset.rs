@@ -9,7 +9,7 @@
 //!   thumbnail.png   front and back
 //! ```
 //!
-//! The folder is written atomically ([`if_mesh::whole_folder`]). `asset.json` has the hashes of the
+//! The folder is written atomically ([`if_mesh::atomic`]). `asset.json` has the hashes of the
 //! files, which [`read`] checks.
 
 mod beside;
@@ -25,9 +25,9 @@ pub use info::{AssetInfo, BodyRef, FileInfo, Opening, Phi, Provenance};
 
 use if_body::SkinWeights;
 use if_core::mesh::TriMesh;
+use if_mesh::atomic::FolderWriter;
 use if_mesh::baked::Baked;
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
-use if_mesh::whole_folder::Writer;
 use if_outfit::content::content;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -89,7 +89,7 @@ pub struct Parts<'a> {
 ///
 /// [`AssetError`]: the name is invalid, the mesh has no triangles, weights or properties are for
 /// other vertices, or files cannot be written.
-pub fn write(assets: &Writer, parts: &Parts) -> Result<AssetInfo, AssetError> {
+pub fn write(assets: &FolderWriter, parts: &Parts) -> Result<AssetInfo, AssetError> {
     check_name(parts.name)?;
     if parts.mesh.triangles().is_empty() {
         return Err(AssetError::Empty { name: parts.name.into() });

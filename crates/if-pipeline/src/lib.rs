@@ -8,6 +8,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod asset;
+mod build;
 #[cfg(feature = "reconstruct")]
 pub mod capture;
 #[cfg(feature = "reconstruct")]
@@ -16,6 +17,7 @@ pub mod fitting;
 pub mod reconstruct;
 pub mod wardrobe;
 
+pub use build::BUILD;
 pub use asset::{Asset, AssetError};
 #[cfg(feature = "reconstruct")]
 pub use capture::{Capture, CaptureError};

@@ -26,7 +26,7 @@ pub use error::WardrobeError;
 
 use crate::asset::{self, Asset, AssetError, AssetInfo, BodyRef, Parts};
 use body::BodyFiles;
-use if_mesh::whole_folder::{self, PATIENCE, Writer};
+use if_mesh::atomic::{self, FolderWriter, PATIENCE};
 use if_outfit::outfit::check_garment;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -87,14 +87,14 @@ impl Wardrobe {
             garments: BTreeMap::new(),
             faults: Vec::new(),
         };
-        [BODIES, GARMENTS].iter().for_each(|part| whole_folder::restore(&root.join(part)));
-        for name in whole_folder::names(&root.join(BODIES)).map_err(fault)? {
+        [BODIES, GARMENTS].iter().for_each(|part| atomic::restore(&root.join(part)));
+        for name in atomic::names(&root.join(BODIES)).map_err(fault)? {
             match wardrobe.stored_body(&name) {
                 Ok(info) => drop(wardrobe.bodies.insert(name, info)),
                 Err(error) => wardrobe.faults.push(Unreadable { part: Part::Body, name, error }),
             }
         }
-        for name in whole_folder::names(&root.join(GARMENTS)).map_err(fault)? {
+        for name in atomic::names(&root.join(GARMENTS)).map_err(fault)? {
             match wardrobe.stored_garment(&name) {
                 Ok(info) => drop(wardrobe.garments.insert(name, info)),
                 Err(error) => wardrobe.faults.push(Unreadable { part: Part::Garment, name, error }),
@@ -156,7 +156,7 @@ impl Wardrobe {
 
     fn put_body(
         &mut self,
-        writer: &Writer,
+        writer: &FolderWriter,
         name: &str,
         files: &BodyFiles,
     ) -> Result<BodyRef, WardrobeError> {
@@ -187,9 +187,9 @@ impl Wardrobe {
         Ok(&self.garments[parts.name])
     }
 
-    fn writer(&self, part: &str) -> Result<Writer, WardrobeError> {
+    fn writer(&self, part: &str) -> Result<FolderWriter, WardrobeError> {
         let path = self.root.join(part);
-        let opened = Writer::wait(&path, PATIENCE)
+        let opened = FolderWriter::wait(&path, PATIENCE)
             .map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
         opened.ok_or(WardrobeError::Busy { path })
     }

@@ -35,7 +35,7 @@ fn beside() -> Beside {
     })
 }
 
-fn write_shirt(writer: &Writer, name: &str) -> Result<AssetInfo, AssetError> {
+fn write_shirt(writer: &FolderWriter, name: &str) -> Result<AssetInfo, AssetError> {
     let mesh = shirt();
     let n = mesh.vertices().len();
     let skin =
@@ -65,7 +65,7 @@ fn write_shirt(writer: &Writer, name: &str) -> Result<AssetInfo, AssetError> {
 #[test]
 fn an_asset_is_read_as_it_was_written() {
     let root = tempfile::tempdir().unwrap();
-    let writer = Writer::open(root.path()).unwrap().unwrap();
+    let writer = FolderWriter::open(root.path()).unwrap().unwrap();
     let info = write_shirt(&writer, "a_tshirt").unwrap();
     let asset = read(&root.path().join("a_tshirt")).unwrap();
     assert_eq!(asset.info, info);
@@ -96,7 +96,7 @@ fn an_asset_is_read_as_it_was_written() {
 #[test]
 fn invalid_assets_are_errors_that_say_why() {
     let root = tempfile::tempdir().unwrap();
-    let writer = Writer::open(root.path()).unwrap().unwrap();
+    let writer = FolderWriter::open(root.path()).unwrap().unwrap();
     for name in ["", ".hidden", "a/b", "..", "a.", "ä", &"x".repeat(65)] {
         assert!(matches!(write_shirt(&writer, name), Err(AssetError::Name { .. })), "{name}");
     }

@@ -4,6 +4,7 @@ use super::error::CaptureError;
 use super::meta::{self, CONVENTION, FrameMeta, Meta};
 use super::picture::{self, Kind, PictureError};
 use if_body::Pose;
+use if_mesh::atomic::temporary_folder;
 use if_mesh::camera::Camera;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -72,14 +73,7 @@ impl CaptureWriter {
             _ => Path::new("."),
         };
         fs::create_dir_all(parent).map_err(fault)?;
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".ifg-").suffix(".part");
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            builder.permissions(fs::Permissions::from_mode(0o777)); // less the user's umask
-        }
-        let part = builder.tempdir_in(parent).map_err(fault)?;
+        let part = temporary_folder(parent).map_err(fault)?;
         for kind in Kind::ALL {
             fs::create_dir(part.path().join(kind.folder())).map_err(fault)?;
         }

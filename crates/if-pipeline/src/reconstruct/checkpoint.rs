@@ -5,6 +5,7 @@ use super::observe::Observation;
 use super::params::SurfaceParams;
 use super::report::Round;
 use super::start::Start;
+use crate::build::BUILD;
 use crate::capture::Capture;
 use if_core::math::{Point, Real};
 use sha2::{Digest, Sha256};
@@ -30,7 +31,8 @@ pub(super) fn key(
     params: &SurfaceParams,
     frames: &[Observation],
 ) -> [u8; 32] {
-    let mut hash = Sha256::new();
+    // A rebuilt program begins anew.
+    let mut hash = Sha256::new_with_prefix(BUILD);
     let mut number = |x: Real| hash.update(x.to_le_bytes());
     // All parameters but the number of rounds: a longer run may continue a shorter one.
     let p = params;
@@ -95,7 +97,7 @@ impl Checkpoint {
             .for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
         let digest = Sha256::digest(&bytes);
         bytes.extend_from_slice(&digest);
-        if_mesh::atomic::write::<io::Error>(path, |file| file.write_all(&bytes))
+        if_mesh::atomic::write_file::<io::Error>(path, |file| file.write_all(&bytes))
             .map_err(|source| ReconstructError::Checkpoint { path: path.into(), source })
     }
 

@@ -17,7 +17,7 @@ use super::result_folder::folder_name;
 pub use super::summary::{BatchSummary, Entry};
 use if_core::monitor::Progress;
 use if_mesh::atomic;
-use if_mesh::whole_folder::Writer;
+use if_mesh::atomic::FolderWriter;
 use std::any::Any;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -75,7 +75,7 @@ pub fn run(
 ) -> Result<Option<BatchSummary>, WardrobeError> {
     params.validate()?;
     let path = out.join(RESULTS);
-    let opened = Writer::open(&path)
+    let opened = FolderWriter::open(&path)
         .map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
     let results = opened.ok_or(WardrobeError::Busy { path })?;
     let next = AtomicUsize::new(0);
@@ -183,7 +183,7 @@ fn csv_field(text: &str) -> String {
 fn write_summary(out: &Path, summary: &BatchSummary) -> Result<(), WardrobeError> {
     let write = |name: &str, bytes: &[u8]| {
         let path = out.join(name);
-        atomic::write(&path, |file| file.write_all(bytes))
+        atomic::write_file(&path, |file| file.write_all(bytes))
             .map_err(|source| WardrobeError::Folder { path, source })
     };
     let mut json = serde_json::to_vec_pretty(summary)

@@ -9,9 +9,9 @@ use if_core::aabb::Aabb;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_core::parameter::ParameterError;
+use if_mesh::atomic::FolderWriter;
 use if_mesh::file::{self, Content, MeshFile};
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
-use if_mesh::whole_folder::Writer;
 use if_outfit::content;
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -164,7 +164,7 @@ impl WardrobeBody {
 
 /// Stores the files of a body after validation.
 pub(super) fn write(
-    bodies: &Writer,
+    bodies: &FolderWriter,
     name: &str,
     files: &BodyFiles,
 ) -> Result<BodyInfo, WardrobeError> {

@@ -8,8 +8,8 @@
 //!   timings.json, report.html   seconds, different in every run
 //! ```
 //!
-//! The key is the hash of all that decides the result: versions, parameters, the hashes of body and
-//! garments in their order.
+//! The key is the hash of all that decides the result: the build of this program, versions,
+//! parameters, the hashes of body and garments in their order.
 
 pub use super::result::{
     FORMAT, Fault, MatchParams, MatchResult, Matched, PICTURE_HEIGHTS, State, Timings,
@@ -20,10 +20,11 @@ use super::combination::Combination;
 use super::dresser::{Dressed, Dresser};
 use super::result_folder;
 use super::{Wardrobe, WardrobeError};
+use crate::build::BUILD;
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Monitor};
+use if_mesh::atomic::FolderWriter;
 use if_mesh::file::MeshFile;
-use if_mesh::whole_folder::Writer;
 use if_outfit::content::content;
 use if_outfit::files::{FilesError, OutfitFiles};
 use if_outfit::outfit::Outfit;
@@ -53,10 +54,21 @@ pub fn request(
         let own = wardrobe.body_like(name, &info.body)?;
         garments.push(json!({"name": name, "mesh": info.garment.content.sha256, "skinned": info.skinned, "body": own}));
     }
-    let request = json!({"format": FORMAT, "params": params, "body": body, "garments": garments});
-    let text = serde_json::to_string(&request)
+    let request = json!({
+        "format": FORMAT,
+        "build": BUILD,
+        "params": params,
+        "body": body,
+        "garments": garments,
+    });
+    Ok((key(&request)?, request))
+}
+
+/// The key of a request.
+fn key(request: &Value) -> Result<String, WardrobeError> {
+    let text = serde_json::to_string(request)
         .map_err(|e| WardrobeError::Json { message: e.to_string() })?;
-    Ok((content(text.as_bytes()).sha256, request))
+    Ok(content(text.as_bytes()).sha256)
 }
 
 /// Aligns and resolves a combination. Failures are part of the result.
@@ -161,7 +173,7 @@ fn meshes(outfit: &Outfit) -> Vec<&TriMesh> {
 ///
 /// As [`run`], and errors of the folder.
 pub fn run_into(
-    results: &Writer,
+    results: &FolderWriter,
     dresser: &Dresser,
     combination: &Combination,
     params: &MatchParams,
@@ -218,7 +230,7 @@ pub fn run_into_folder(
     // Before the lock: a folder of the user's must not be changed at all.
     result_folder::Earlier::of(out, &names)?;
     let opened =
-        Writer::open(out).map_err(|source| WardrobeError::Folder { path: out.into(), source })?;
+        FolderWriter::open(out).map_err(|source| WardrobeError::Folder { path: out.into(), source })?;
     let writer = opened.ok_or_else(|| WardrobeError::Busy { path: out.into() })?;
     let earlier = result_folder::Earlier::of(out, &names)?;
     let mut matched = run(dresser, combination, params, monitor)?;
@@ -251,4 +263,19 @@ pub fn finished(folder: &Path, key: &str) -> Option<MatchResult> {
 /// The seconds of a result, if its folder has them.
 pub fn timings(folder: &Path) -> Option<Timings> {
     result_folder::read_timings(folder)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_build_has_another_key() {
+        let request = |build: &str| json!({"format": FORMAT, "build": build, "params": {}});
+        assert_eq!(key(&request(BUILD)).unwrap(), key(&request(BUILD)).unwrap());
+        let other = format!("{BUILD}0");
+        assert_ne!(key(&request(BUILD)).unwrap(), key(&request(&other)).unwrap());
+        let (version, sources) = BUILD.split_once('+').unwrap();
+        assert_eq!((version, sources.len()), (env!("CARGO_PKG_VERSION"), 16));
+    }
 }

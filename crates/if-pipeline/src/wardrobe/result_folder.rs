@@ -5,7 +5,7 @@ use super::error::WardrobeError;
 use super::result::{MatchParams, MatchResult, Matched, State, Timings};
 use super::{Wardrobe, pages};
 use crate::asset::FileInfo;
-use if_mesh::whole_folder;
+use if_mesh::atomic;
 use if_outfit::content::{content, of_file};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -77,7 +77,7 @@ impl Earlier {
         let text = match fs::read(&path) {
             Err(e) if e.kind() == io::ErrorKind::NotFound => {
                 for entry in fs::read_dir(out).map_err(fault)? {
-                    if !whole_folder::is_hidden(
+                    if !atomic::is_hidden(
                         &entry.map_err(fault)?.file_name().to_string_lossy(),
                     ) {
                         return in_the_way(out, "it has other files, but no result");

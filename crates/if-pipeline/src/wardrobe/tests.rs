@@ -8,8 +8,8 @@ use if_body::align::Method;
 use if_body::mannequin::{Garment, MannequinParams, body, garment};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
+use if_mesh::atomic;
 use if_mesh::ply::{PlyMesh, WriteParams, write_path};
-use if_mesh::whole_folder;
 use std::fs;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -66,7 +66,7 @@ fn on(body: &str, garments: &[&str]) -> Combination {
 /// Files below a folder with their bytes, but for those that hold seconds.
 fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut found = Vec::new();
-    for name in whole_folder::names(folder).unwrap() {
+    for name in atomic::names(folder).unwrap() {
         found.extend(files(&folder.join(name)));
     }
     for entry in fs::read_dir(folder).unwrap() {
@@ -449,7 +449,7 @@ fn a_cancelled_batch_leaves_whole_results_only() {
         batch::run(&out, &dresser, &list, &params, &BatchParams::default(), &stop).unwrap(),
         None
     );
-    assert_eq!(whole_folder::names(&out.join("results")).unwrap().len(), 1);
+    assert_eq!(atomic::names(&out.join("results")).unwrap().len(), 1);
     assert!(!out.join("summary.json").exists());
     assert_eq!(batch::done(&out, &dresser, &list, &params).unwrap(), 1);
     let summary = batch::run(&out, &dresser, &list, &params, &BatchParams::default(), &keep_on)

@@ -1,36 +1,30 @@
-//! Folders that are there whole or not at all, and files that a folder gets together.
+//! Folders that appear whole or not at all, and files that appear in a folder together.
 
-use std::fs::{self, File, OpenOptions, TryLockError};
+use super::lock::{LOCK, lock};
+use std::fs::{self, File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Begins the names of folders that are being filled; readers skip them.
+/// Prefix of folders that are being filled; readers skip them.
 const PARTIAL: &str = ".ifg-whole-";
-/// Before the name of a folder that is being replaced, until the new one has that name.
+/// Prefix of a folder that is being replaced, until the new one has its name.
 const OLD: &str = ".ifg-old-";
-/// The file in a folder that its writer holds locked.
-pub const LOCK: &str = ".ifg-lock";
-/// What all names begin with that this module makes for a while.
+/// Prefix of all temporary names of this module.
 const HIDDEN: &str = ".ifg-";
 
-/// How long to wait for a process that writes one folder, such as an asset, which takes it a
-/// fraction of a second.
+/// How long to wait for another process that writes one folder, which takes a fraction of a second.
 pub const PATIENCE: Duration = Duration::from_secs(30);
-/// Between two looks whether the other process is done.
+/// Time between two attempts to lock.
 const BETWEEN: Duration = Duration::from_millis(20);
-/// How often a lock is asked for that others remove just then. Each time another writer was done in
-/// between, or the system says that what was made is not there, as in `/proc`.
-const TRIES: usize = 100;
-
-/// The right to write into a folder of folders: one process at a time.
+/// Writes folders into a folder, each whole or not at all. One process at a time may do so.
 ///
-/// What a killed process left half-filled is removed when the right is taken, and what it had moved
-/// away gets its name again.
+/// When it is opened, folders that a killed process left half-filled are removed, and folders that
+/// it had moved away get their names back.
 #[derive(Debug)]
-pub struct Writer {
+pub struct FolderWriter {
     parent: PathBuf,
     /// Locked for as long as it is open.
     _lock: File,
@@ -41,13 +35,12 @@ pub struct Writer {
     exchange: Mutex<()>,
 }
 
-impl Writer {
-    /// Makes the folder where it is missing, and takes the right to write there; `None` where
-    /// another process has it.
+impl FolderWriter {
+    /// Creates the folder if it is missing, and locks it; `None` if another process holds the lock.
     ///
     /// # Errors
     ///
-    /// What the system says about the folder.
+    /// What the system returns for the folder.
     pub fn open(parent: &Path) -> io::Result<Option<Self>> {
         let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
         let made = parent.ancestors().take_while(missing).map(Path::to_path_buf).collect();
@@ -70,11 +63,11 @@ impl Writer {
         Ok(Some(writer))
     }
 
-    /// As [`Writer::open`], but waits for at most `patience` where another process has the right.
+    /// As [`FolderWriter::open`], but waits for at most `patience` if another process holds the lock.
     ///
     /// # Errors
     ///
-    /// What the system says about the folder.
+    /// What the system returns for the folder.
     pub fn wait(parent: &Path, patience: Duration) -> io::Result<Option<Self>> {
         let start = Instant::now();
         loop {
@@ -92,12 +85,12 @@ impl Writer {
 
     /// Fills the folder `name`: `fill` writes into a hidden folder beside it, which takes the name
     /// when all is there. A folder of this name is replaced then, when the new one has reached the
-    /// disk; a fault leaves it as it was, and what a kill leaves between the two [`Writer::open`]
+    /// disk; a fault leaves it as it was, and what a kill leaves between the two [`FolderWriter::open`]
     /// and [`restore`] put right.
     ///
     /// # Errors
     ///
-    /// What `fill` returns, or what the system says.
+    /// The error of `fill`, or of the file system.
     pub fn write<T, E: From<io::Error>>(
         &self,
         name: &str,
@@ -127,7 +120,7 @@ impl Writer {
     ///
     /// # Errors
     ///
-    /// What `fill` returns, or what the system says.
+    /// The error of `fill`, or of the file system.
     pub fn write_files<T, E: From<io::Error>>(
         &self,
         earlier: &[String],
@@ -152,27 +145,20 @@ impl Writer {
 
     /// A hidden folder.
     fn partial(&self) -> io::Result<TempDir> {
-        let mut builder = tempfile::Builder::new();
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            // As any new folder, less what the user's mask takes; tempfile's are closed to others.
-            builder.permissions(fs::Permissions::from_mode(0o777));
-        }
-        builder.prefix(PARTIAL).tempdir_in(&self.parent)
+        folder_with(PARTIAL, "", &self.parent)
     }
 
     /// The whole folders, by name.
     ///
     /// # Errors
     ///
-    /// What the system says.
+    /// An error of the file system.
     pub fn names(&self) -> io::Result<Vec<String>> {
         names(&self.parent)
     }
 }
 
-impl Drop for Writer {
+impl Drop for FolderWriter {
     fn drop(&mut self) {
         // It is still locked: who has opened it by now sees that another file, or none, has its
         // name. Where that cannot be seen it stays.
@@ -184,52 +170,26 @@ impl Drop for Writer {
     }
 }
 
-/// The lock of a folder, which is made where it is missing; `None` where another process holds it.
-/// Who holds it may remove it, the folder too.
+/// A hidden folder in `parent`, for a folder or file that will be moved to its name when it is
+/// complete. Dropped before [`TempDir::keep`], it is removed.
 ///
 /// # Errors
 ///
-/// What the system says.
-pub fn lock(parent: &Path) -> io::Result<Option<File>> {
-    let path = parent.join(LOCK);
-    let mut tries = 0..TRIES;
-    loop {
-        fs::create_dir_all(parent)?;
-        let file = match File::create(&path) {
-            // Who was done there has just removed the folder.
-            Err(e) if e.kind() == io::ErrorKind::NotFound && tries.next().is_some() => continue,
-            file => file?,
-        };
-        match file.try_lock() {
-            Err(TryLockError::WouldBlock) => return Ok(None),
-            // Where the file system has no locks, nothing is to be known.
-            Err(TryLockError::Error(e)) if e.kind() != io::ErrorKind::Unsupported => return Err(e),
-            _ => {}
-        }
-        if is_at(&file, &path)? {
-            return Ok(Some(file));
-        }
-        if tries.next().is_none() {
-            return Ok(None);
-        }
-    }
+/// What the system returns for the folder.
+pub fn temporary_folder(parent: &Path) -> io::Result<TempDir> {
+    // Not `PARTIAL`: a writer of the same parent would remove it.
+    folder_with(HIDDEN, ".part", parent)
 }
 
-/// Whether the file still has this name: a writer that is done removes its lock.
-#[cfg(unix)]
-fn is_at(file: &File, path: &Path) -> io::Result<bool> {
-    use std::os::unix::fs::MetadataExt;
-    let own = file.metadata()?;
-    match fs::metadata(path) {
-        Ok(found) => Ok((found.dev(), found.ino()) == (own.dev(), own.ino())),
-        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(false),
-        Err(e) => Err(e),
+fn folder_with(prefix: &str, suffix: &str, parent: &Path) -> io::Result<TempDir> {
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // As any new folder, less what the user's mask takes; tempfile's are closed to others.
+        builder.permissions(fs::Permissions::from_mode(0o777));
     }
-}
-
-#[cfg(not(unix))]
-fn is_at(_: &File, _: &Path) -> io::Result<bool> {
-    Ok(true) // nobody removes it
+    builder.prefix(prefix).suffix(suffix).tempdir_in(parent)
 }
 
 /// Moves `target` away to `old`, and `new` to `target`. A fault leaves `target` as it was.
@@ -278,29 +238,28 @@ fn remove(path: &Path) -> io::Result<()> {
     }
 }
 
-/// Gives folders their names again that a killed process had moved away to replace them. For
-/// readers: who writes has it done by [`Writer::open`]. Where nothing may be written, nothing is
-/// done.
+/// Gives folders their names back that a killed process had moved away to replace them. For
+/// readers: writers get it from [`FolderWriter::open`]. Does nothing in a read-only folder.
 pub fn restore(parent: &Path) {
     let Ok(entries) = fs::read_dir(parent) else { return };
     let is_away =
         |name: &str| name.strip_prefix(OLD).is_some_and(|name| !is_there(&parent.join(name)));
     if entries.flatten().any(|entry| is_away(&entry.file_name().to_string_lossy())) {
         // Another process may be just between the two steps.
-        drop(Writer::wait(parent, PATIENCE));
+        drop(FolderWriter::wait(parent, PATIENCE));
     }
 }
 
-/// Whether this module gave the name, to what is there for a while.
+/// Whether a name is a temporary one of this module.
 pub fn is_hidden(name: &str) -> bool {
     name.starts_with(HIDDEN)
 }
 
-/// The whole folders in a folder, by name; none where it does not exist.
+/// Names of the complete folders in a folder, in order; empty if it does not exist.
 ///
 /// # Errors
 ///
-/// What the system says.
+/// An error of the file system.
 pub fn names(parent: &Path) -> io::Result<Vec<String>> {
     let entries = match fs::read_dir(parent) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
@@ -326,7 +285,7 @@ mod tests {
     #[test]
     fn a_folder_appears_whole_and_replaces_the_old_one() {
         let root = tempfile::tempdir().unwrap();
-        let writer = Writer::open(&root.path().join("a/b")).unwrap().unwrap();
+        let writer = FolderWriter::open(&root.path().join("a/b")).unwrap().unwrap();
         let fill = |text: &'static str| move |folder: &Path| fs::write(folder.join("x"), text);
         writer.write("one", fill("first")).unwrap();
         let half = |folder: &Path| {
@@ -346,11 +305,11 @@ mod tests {
     fn one_writes_at_a_time_and_what_a_killed_one_left_is_removed() {
         let root = tempfile::tempdir().unwrap();
         fs::create_dir_all(root.path().join(".ifg-whole-left/deep")).unwrap();
-        let writer = Writer::open(root.path()).unwrap().unwrap();
+        let writer = FolderWriter::open(root.path()).unwrap().unwrap();
         assert!(!root.path().join(".ifg-whole-left").exists());
-        assert!(Writer::open(root.path()).unwrap().is_none());
+        assert!(FolderWriter::open(root.path()).unwrap().is_none());
         drop(writer);
-        assert!(Writer::open(root.path()).unwrap().is_some());
+        assert!(FolderWriter::open(root.path()).unwrap().is_some());
         #[cfg(unix)]
         assert_eq!(fs::read_dir(root.path()).unwrap().count(), 0, "the lock is gone");
         assert!(names(&root.path().join("missing")).unwrap().is_empty());
@@ -359,10 +318,11 @@ mod tests {
     #[test]
     fn who_waits_writes_after_the_other() {
         let root = tempfile::tempdir().unwrap();
-        let first = Writer::open(root.path()).unwrap().unwrap();
-        assert!(Writer::wait(root.path(), Duration::ZERO).unwrap().is_none());
+        let first = FolderWriter::open(root.path()).unwrap().unwrap();
+        assert!(FolderWriter::wait(root.path(), Duration::ZERO).unwrap().is_none());
         std::thread::scope(|scope| {
-            let second = scope.spawn(|| Writer::wait(root.path(), PATIENCE).unwrap().is_some());
+            let second =
+                scope.spawn(|| FolderWriter::wait(root.path(), PATIENCE).unwrap().is_some());
             std::thread::sleep(2 * BETWEEN);
             assert!(!second.is_finished());
             drop(first);
@@ -383,7 +343,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let root = &root.path().join("garments");
         away(root);
-        let writer = Writer::open(root).unwrap().unwrap();
+        let writer = FolderWriter::open(root).unwrap().unwrap();
         assert_eq!(fs::read(root.join("coat/x")).unwrap(), b"old");
         assert_eq!(fs::read_dir(root).unwrap().count(), 2, "the folder and the lock");
         drop(writer);
@@ -393,7 +353,7 @@ mod tests {
         // The new one was there already: the old one goes.
         fs::create_dir(root.join(".ifg-old-coat")).unwrap();
         fs::write(root.join(".ifg-old-coat/x"), "older").unwrap();
-        drop(Writer::open(root).unwrap());
+        drop(FolderWriter::open(root).unwrap());
         assert!(!root.join(".ifg-old-coat").exists());
         assert_eq!(fs::read(root.join("coat/x")).unwrap(), b"old");
         restore(&root.join("missing"));
@@ -409,7 +369,7 @@ mod tests {
         assert!(exchange(&at("missing"), &at("coat"), &at(".ifg-old-coat")).is_err());
         assert_eq!(fs::read(at("coat/x")).unwrap(), b"old");
         // `fill` has thrown its folder away: the same through the door that others use.
-        let writer = Writer::open(root.path()).unwrap().unwrap();
+        let writer = FolderWriter::open(root.path()).unwrap().unwrap();
         assert!(writer.write("coat", |folder| fs::remove_dir_all(folder)).is_err());
         assert_eq!(fs::read(at("coat/x")).unwrap(), b"old");
     }
@@ -418,11 +378,11 @@ mod tests {
     fn files_are_put_beside_those_of_others() {
         let root = tempfile::tempdir().unwrap();
         let out = root.path().join("a/b");
-        drop(Writer::open(&out).unwrap());
+        drop(FolderWriter::open(&out).unwrap());
         #[cfg(unix)]
         assert!(!root.path().join("a").exists(), "nothing was written: the folders go again");
         let put = |earlier: &[&str], names: &'static [&'static str]| {
-            let writer = Writer::open(&out).unwrap().unwrap();
+            let writer = FolderWriter::open(&out).unwrap().unwrap();
             let fill = |folder: &Path| -> io::Result<_> {
                 names.iter().try_for_each(|name| fs::write(folder.join(name), "new"))?;
                 Ok(((), names.iter().map(ToString::to_string).collect()))
@@ -440,7 +400,7 @@ mod tests {
                 && out.join("z").exists()
                 && out.join("sub").exists()
         );
-        let writer = Writer::open(&out).unwrap().unwrap();
+        let writer = FolderWriter::open(&out).unwrap().unwrap();
         let fault = writer.write_files(&["y".to_owned()], |_| {
             Err::<((), _), _>(io::Error::from(io::ErrorKind::StorageFull))
         });
@@ -459,7 +419,9 @@ mod tests {
             for _ in 0..4 {
                 scope.spawn(|| {
                     for _ in 0..200 {
-                        let Some(writer) = Writer::open(root.path()).unwrap() else { continue };
+                        let Some(writer) = FolderWriter::open(root.path()).unwrap() else {
+                            continue;
+                        };
                         most.fetch_max(inside.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
                         std::thread::yield_now();
                         inside.fetch_sub(1, Ordering::SeqCst);

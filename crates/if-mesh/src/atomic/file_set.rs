@@ -1,0 +1,215 @@
+//! Files that appear in a folder together.
+
+use super::lock::{LOCK, lock};
+use std::ffi::{OsStr, OsString};
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// The hidden folder.
+const PARTIAL: &str = ".ifg-partial";
+
+/// Files cannot be written together.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // The messages name the fields.
+pub enum FileSetError {
+    /// The file system rejects the folder.
+    #[error("cannot write into folder `{}`: {source}", path.display())]
+    Folder { path: PathBuf, source: io::Error },
+    /// The file system rejects a file.
+    #[error("cannot write `{}`: {source}", path.display())]
+    File { path: PathBuf, source: io::Error },
+    /// Another process writes the same files.
+    #[error("another process is writing `{}`; wait for it", path.display())]
+    Busy { path: PathBuf },
+    /// Something that is not a file has the name of one.
+    #[error("`{}` is in the way: it is not a file", path.display())]
+    InTheWay { path: PathBuf },
+}
+
+/// Files of one folder that are written into a hidden folder inside it, and appear together in
+/// [`FileSet::commit`]. Dropped before that, nothing has changed.
+#[derive(Debug)]
+pub struct FileSet {
+    out: PathBuf,
+    partial: PathBuf,
+    /// Holds the lock for as long as it is open.
+    _lock: File,
+    /// Folders that were created for this, innermost first.
+    made: Vec<PathBuf>,
+}
+
+impl FileSet {
+    /// Creates the folder if it is missing, and locks it. Files that a killed process left in its
+    /// hidden folder are removed.
+    ///
+    /// # Errors
+    ///
+    /// Another process holds the lock, or an error of the file system.
+    pub fn open(out: &Path) -> Result<Self, FileSetError> {
+        Self::in_hidden(out, out.join(PARTIAL), out)
+    }
+
+    /// The same for one file and what belongs to it: other processes may write other files there at
+    /// the same time.
+    ///
+    /// # Errors
+    ///
+    /// As [`FileSet::open`].
+    pub fn open_for(out: &Path, name: &OsStr) -> Result<Self, FileSetError> {
+        let mut hidden = OsString::from(format!("{PARTIAL}-"));
+        hidden.push(name);
+        Self::in_hidden(out, out.join(hidden), &out.join(name))
+    }
+
+    /// Writes into `partial`, on behalf of `whole`.
+    fn in_hidden(out: &Path, partial: PathBuf, whole: &Path) -> Result<Self, FileSetError> {
+        let fault = |source| FileSetError::Folder { path: out.into(), source };
+        let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+        let made = out.ancestors().take_while(missing).map(Path::to_path_buf).collect();
+        fs::create_dir_all(out).map_err(fault)?;
+        let lock = lock(&partial).map_err(fault)?;
+        let lock = lock.ok_or_else(|| FileSetError::Busy { path: whole.into() })?;
+        for entry in fs::read_dir(&partial).map_err(fault)? {
+            let path = entry.map_err(fault)?.path();
+            if !path.ends_with(LOCK) {
+                if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) }
+                    .map_err(fault)?;
+            }
+        }
+        Ok(Self { out: out.into(), partial, _lock: lock, made })
+    }
+
+    /// The hidden folder.
+    pub fn hidden(&self) -> &Path {
+        &self.partial
+    }
+
+    /// Where to write the file that will be called `name`.
+    pub fn path(&self, name: impl AsRef<Path>) -> PathBuf {
+        self.partial.join(name)
+    }
+
+    /// Moves the files to their names, in the order given; none of them if something is in the way
+    /// of one.
+    ///
+    /// # Errors
+    ///
+    /// Something in the way, or an error of the file system.
+    pub fn commit(mut self, names: &[impl AsRef<Path>]) -> Result<(), FileSetError> {
+        for name in names {
+            free(&self.out.join(name))?;
+        }
+        for name in names {
+            let path = self.out.join(name);
+            let folder = path.parent().unwrap_or(&self.out);
+            let moved =
+                fs::create_dir_all(folder).and_then(|()| fs::rename(self.path(name), &path));
+            moved.map_err(|source| FileSetError::File { path, source })?;
+        }
+        self.made.clear();
+        Ok(())
+    }
+}
+
+/// Checks that a file can be moved to `path`: it is not a folder, and none of its folders is a
+/// file.
+fn free(path: &Path) -> Result<(), FileSetError> {
+    if path.exists() && !path.is_file() {
+        return Err(FileSetError::InTheWay { path: path.into() });
+    }
+    let above = path.ancestors().skip(1).find(|folder| folder.exists());
+    if above.is_some_and(|folder| !folder.is_dir()) {
+        return Err(FileSetError::File {
+            path: path.into(),
+            source: io::ErrorKind::NotADirectory.into(),
+        });
+    }
+    Ok(())
+}
+
+impl Drop for FileSet {
+    fn drop(&mut self) {
+        // The next writer cleans up what cannot be removed here.
+        let _ = fs::remove_dir_all(&self.partial);
+        for folder in &self.made {
+            let _ = fs::remove_dir(folder);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::{read_dir, write};
+
+    #[test]
+    fn files_appear_together_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("a/b");
+        let staging = FileSet::open(&out).unwrap();
+        write(staging.path("x"), "x").unwrap();
+        assert_eq!(read_dir(&out).unwrap().count(), 1);
+        drop(staging);
+        assert!(!folder.path().join("a").exists());
+        let staging = FileSet::open(&out).unwrap();
+        write(staging.path("x"), "x").unwrap();
+        write(staging.path("y"), "y").unwrap();
+        staging.commit(&["y", "x"]).unwrap();
+        assert_eq!(read_dir(&out).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn where_something_is_in_the_way_of_one_file_none_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        write(folder.path().join("a"), "old").unwrap();
+        fs::create_dir(folder.path().join("b")).unwrap();
+        write(folder.path().join("file"), "old").unwrap();
+        let commit = |names: &[&str]| {
+            let staging = FileSet::open(folder.path()).unwrap();
+            for name in names {
+                let path = staging.path(name);
+                fs::create_dir_all(path.parent().unwrap()).unwrap();
+                write(path, "new").unwrap();
+            }
+            staging.commit(names)
+        };
+        let fault = commit(&["a", "b"]).unwrap_err();
+        assert!(
+            matches!(&fault, FileSetError::InTheWay { path } if path.ends_with("b")),
+            "{fault}"
+        );
+        for below in ["file/c", "file/c/d"] {
+            let fault = commit(&["a", "new/x", below]).unwrap_err();
+            assert!(
+                matches!(&fault, FileSetError::File { path, .. } if path.ends_with(below)),
+                "{fault}"
+            );
+        }
+        assert_eq!(fs::read(folder.path().join("a")).unwrap(), b"old");
+        assert!(!folder.path().join("new").exists());
+        commit(&["a", "new/x"]).unwrap();
+        assert_eq!(fs::read(folder.path().join("a")).unwrap(), b"new");
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_removed_and_a_running_one_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let partial = folder.path().join(PARTIAL);
+        fs::create_dir(&partial).unwrap();
+        write(partial.join("half"), "ha").unwrap();
+        let staging = FileSet::open(folder.path()).unwrap();
+        assert!(!staging.path("half").exists());
+        assert!(matches!(FileSet::open(folder.path()), Err(FileSetError::Busy { .. })));
+        drop(staging);
+        assert!(FileSet::open(folder.path()).is_ok());
+        let one = FileSet::open_for(folder.path(), "a".as_ref()).unwrap();
+        let other = FileSet::open_for(folder.path(), "b".as_ref()).unwrap();
+        assert!(
+            matches!(FileSet::open_for(folder.path(), "a".as_ref()), Err(FileSetError::Busy { path }) if path.ends_with("a"))
+        );
+        drop((one, other));
+        assert_eq!(read_dir(folder.path()).unwrap().count(), 0);
+    }
+}
