@@ -1,4 +1,4 @@
-//! Ctrl-C and SIGTERM: the first asks the work to end, the second ends the program.
+//! Ctrl-C and SIGTERM: the first cancels the work, the second ends the program.
 
 use crate::end::{CANCELLED, End};
 use crate::errors;

@@ -1,4 +1,4 @@
-//! `ifg check`: looks at outfits and changes nothing.
+//! `ifg check`: verifies outfits and changes nothing.
 
 use crate::cancel;
 use crate::end::End;

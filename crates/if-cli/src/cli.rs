@@ -13,7 +13,7 @@ Exit codes:
   2    unusable: arguments, an input, or the output folder; the message names file and cause
   130  cancelled by Ctrl-C or SIGTERM; nothing half-written is left
 
-Formats of outfit.toml and receipt.json: docs/outfit.md";
+Formats of outfit.toml and receipt.json: docs/reference/outfit.md";
 
 /// Makes layered garments intersection-free, and proves it.
 #[derive(Parser, Debug)]
@@ -26,8 +26,7 @@ pub(crate) struct Cli {
     #[arg(short = 'j', long, visible_alias = "jobs", global = true, value_name = "N",
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) threads: Option<u16>,
-    /// Say on stderr what is left of each garment at each verification, instead of a line of
-    /// progress.
+    /// Log the remaining intersections of each garment to stderr, instead of a line of progress.
     #[arg(short, long, global = true)]
     pub(crate) verbose: bool,
 }
@@ -38,15 +37,15 @@ pub(crate) enum Command {
     Demo(demo::DemoArgs),
     /// Resolve outfits: write each garment, free of intersections, under its own file name.
     Fix(fix::FixArgs),
-    /// Look at outfits without changing anything; exit code 0 clean, 1 not clean.
+    /// Verify outfits without changing anything; exit code 0 clean, 1 not clean.
     Check(check::CheckArgs),
-    /// Captures: a person who turns before a camera (docs/capture.md).
+    /// Captures: a person who turns before a camera (docs/reference/capture.md).
     #[command(subcommand)]
     Capture(CaptureCommand),
     /// Reconstruct a person and each garment from a capture of a turning video
-    /// (docs/reconstruction.md).
+    /// (docs/video-to-wardrobe.md).
     Reconstruct(reconstruct::ReconstructArgs),
-    /// Keep bodies and garments in a folder, and combine them at will (docs/wardrobe.md).
+    /// Keep bodies and garments in a folder, and combine them (docs/reference/wardrobe.md).
     Wardrobe(wardrobe::WardrobeArgs),
     /// Cut a labelled mesh (.ply) into one mesh for each label, along smooth lines.
     Cut(cut::CutArgs),

@@ -1,4 +1,4 @@
-//! What OBJ files name: material libraries and their textures, which are copied along.
+//! Material libraries of OBJ files and their textures, which are copied with the garments.
 
 use crate::file_record::{InputFile, OutputFile};
 use crate::outfit_file::OutfitSpec;
@@ -14,7 +14,7 @@ use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
-/// Why they cannot be copied along.
+/// A material library or texture cannot be copied.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 pub(crate) enum CompanionError {
     #[error("cannot read `{}`, which `{of}` names", path.display())]
@@ -30,7 +30,7 @@ pub(crate) enum CompanionError {
 
 /// A file to copy.
 struct Companion {
-    /// Where it lies.
+    /// Its path.
     source: PathBuf,
     /// The garment that names it, and its file as the user wrote it.
     layer: String,
@@ -42,7 +42,7 @@ struct Companion {
 pub(crate) struct Companions {
     /// By their paths relative to the garment, which become those in the output folder.
     found: BTreeMap<String, Companion>,
-    /// What was not there.
+    /// Notes on missing files.
     pub(crate) missing: Vec<String>,
 }
 
@@ -121,7 +121,7 @@ impl Companions {
         Ok(Self { found, missing })
     }
 
-    /// What they hold, in the order of their names.
+    /// Their records, in the order of their names.
     pub(crate) fn inputs(&self) -> impl Iterator<Item = InputFile> {
         let input = |(name, c): (&String, &Companion)| InputFile {
             layer: c.layer.clone(),

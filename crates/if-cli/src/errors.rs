@@ -1,4 +1,4 @@
-//! How errors look: for people on stderr, and as JSON.
+//! Errors as text on stderr, and as JSON.
 
 use miette::{MietteHandlerOpts, Report};
 use serde::Serialize;
@@ -46,7 +46,7 @@ pub(crate) fn show(report: &Report) {
     note(&format!("{report:?}"));
 }
 
-/// A line on stderr. A stderr that is closed is no fault.
+/// Prints a line on stderr. A closed stderr is not an error.
 pub(crate) fn note(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }

@@ -27,10 +27,10 @@ pub(crate) struct FixArgs {
     /// Allow outputs to replace the input files.
     #[arg(long)]
     pub(crate) in_place: bool,
-    /// Write what was reached even where intersections are left (the exit code is 1 all the same).
+    /// Write the result even if intersections remain (the exit code is 1 all the same).
     #[arg(long)]
     pub(crate) write_unproven: bool,
-    /// In a batch, do finished outfits again.
+    /// In a batch, resolve finished outfits again.
     #[arg(long)]
     pub(crate) again: bool,
     /// Do not draw before.png and after.png.

@@ -22,7 +22,7 @@ pub(crate) struct InputArgs {
     pub(crate) json: bool,
 }
 
-/// What to aim at.
+/// Parameters of `resolve`.
 #[derive(Args, Debug, Clone, Default)]
 pub(crate) struct ParamArgs {
     /// Gap to keep between layers, with a unit: 0.5mm, 0.0005m; metres without one.

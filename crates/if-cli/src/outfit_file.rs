@@ -1,4 +1,4 @@
-//! What outfits are made of: from an outfit file (TOML, `docs/outfit.md`) or from the command line.
+//! The layers and parameters of outfits: from an outfit file (TOML, `docs/reference/outfit.md`) or from the command line.
 
 use crate::inputs::{InputArgs, ParamArgs};
 use if_outfit::resolve::ResolveParams;
@@ -7,10 +7,10 @@ use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// One outfit as the user gave it. Nothing of it was read yet but the outfit file.
+/// One outfit as the user gave it. Of its files only the outfit file has been read.
 #[derive(Clone, Debug)]
 pub(crate) struct OutfitSpec {
-    /// What reports call it: the stem of the outfit file.
+    /// Its name in reports: the stem of the outfit file.
     pub(crate) name: String,
     pub(crate) body: LayerSpec,
     /// Inner to outer.
@@ -30,7 +30,7 @@ impl OutfitSpec {
 /// One mesh file.
 #[derive(Clone, Debug)]
 pub(crate) struct LayerSpec {
-    /// What reports call it: the stem of its file, if the outfit file says nothing else.
+    /// Its name in reports: the stem of its file, unless the outfit file names it.
     pub(crate) name: String,
     /// Where it is.
     pub(crate) path: PathBuf,
@@ -40,7 +40,7 @@ pub(crate) struct LayerSpec {
     pub(crate) file_name: String,
 }
 
-/// Why the command line or an outfit file says no outfit.
+/// The command line or an outfit file does not describe an outfit.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 pub(crate) enum SpecError {
     #[error("cannot read outfit file `{}`", path.display())]
@@ -52,7 +52,9 @@ pub(crate) enum SpecError {
     #[error("outfit file `{}`: {message}", path.display())]
     #[diagnostic(
         code(ifg::outfit_file::syntax),
-        help("the format stands in docs/outfit.md; `body` and one [[garment]] are needed")
+        help(
+            "the format is specified in docs/reference/outfit.md; `body` and one [[garment]] are needed"
+        )
     )]
     Syntax {
         path: PathBuf,
@@ -74,7 +76,7 @@ pub(crate) enum SpecError {
         help("add one [[garment]] with `file = \"…\"` for each, innermost first")
     )]
     NoGarment { path: PathBuf },
-    #[error("`{}` is no outfit file, and there is no body", path.display())]
+    #[error("`{}` is not an outfit file, and there is no body", path.display())]
     #[diagnostic(
         code(ifg::arguments::body),
         help("give the body with --body, or outfit files that end in .toml")
@@ -95,7 +97,7 @@ pub(crate) enum SpecError {
     #[error("parameter `{key}`: {message}")]
     #[diagnostic(
         code(ifg::arguments::parameter),
-        help("parameters and their defaults stand in docs/outfit.md")
+        help("parameters and their defaults are listed in docs/reference/parameters.md")
     )]
     Parameter { key: String, message: String },
 }
@@ -138,7 +140,7 @@ pub(crate) fn outfits(input: &InputArgs, params: &ParamArgs) -> Vec<Result<Outfi
     }
 }
 
-/// The outfit with what the command line says in place of what its file says.
+/// The outfit with the values of the command line in place of those of its file.
 pub(crate) fn with_args(
     spec: OutfitSpec,
     scale: Option<f64>,

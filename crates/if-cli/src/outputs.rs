@@ -1,4 +1,4 @@
-//! Which files an outfit becomes, and how they are written.
+//! The output files of an outfit, and how they are written.
 
 use crate::errors::ErrorChain;
 use crate::file_record::OutputFile;

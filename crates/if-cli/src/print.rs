@@ -1,9 +1,9 @@
-//! Text on stdout, for as long as somebody reads it.
+//! Text on stdout.
 
 use miette::IntoDiagnostic;
 use std::io::{ErrorKind, Write};
 
-/// Prints text. A reader that went away (`ifg check … | head`) is no fault.
+/// Prints text. A reader that has ended (`ifg check … | head`) is not an error.
 pub(crate) fn print(text: &str) -> miette::Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {

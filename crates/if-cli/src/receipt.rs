@@ -1,4 +1,4 @@
-//! `receipt.json`: what went in, what was asked, what came out, by which versions.
+//! `receipt.json`: inputs, parameters, outputs, and the build of the program.
 //!
 //! Two runs on the same input with the same parameters give the same bytes, but for `timings`.
 
@@ -23,7 +23,7 @@ pub(crate) const CLEAN: &str = "clean";
 pub(crate) struct Request {
     /// Versions.
     pub(crate) tool: Value,
-    /// As the pipeline got them.
+    /// As `resolve` got them.
     pub(crate) params: Value,
     /// From the units of the files to metres.
     pub(crate) scale: f64,

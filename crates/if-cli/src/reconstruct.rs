@@ -9,7 +9,7 @@ use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::values::above_zero;
 use clap::Args;
-use if_body::TemplateBody;
+use if_body::{TemplateBody, check_upright};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Progress;
 use if_mesh::atomic::{FolderWriter, PATIENCE};
@@ -35,7 +35,7 @@ use std::time::Instant;
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct ReconstructArgs {
-    /// The capture: a folder as docs/capture.md specifies it.
+    /// The capture: a folder as docs/reference/capture.md specifies it.
     #[arg(value_name = "CAPTURE")]
     pub(crate) capture: PathBuf,
     /// The template body: a folder with body_clean.ply and skeleton.json.
@@ -130,11 +130,15 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     line.message("reading");
     let capture = Capture::open(&args.capture).map_err(fault(
         format!("cannot read capture `{}`", args.capture.display()),
-        "captures are specified in docs/capture.md",
+        "captures are specified in docs/reference/capture.md",
     ))?;
     let template = TemplateBody::read(&args.body).map_err(fault(
         format!("cannot read template body `{}`", args.body.display()),
-        "give a folder with body_clean.ply (or body.ply) and skeleton.json; see docs/capture.md",
+        "give a folder with body_clean.ply (or body.ply) and skeleton.json; see docs/reference/capture.md",
+    ))?;
+    check_upright(&template.mesh, Some(&template.skeleton)).map_err(fault(
+        format!("template body `{}` cannot be used", args.body.display()),
+        "rotate its files, and the capture",
     ))?;
     let prefix = args.prefix.clone().unwrap_or_else(|| format!("{name}_"));
     let names = names::assets(&capture, &prefix)
@@ -161,7 +165,7 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     // A wardrobe that cannot be read is told of before the work, not after it.
     let wardrobe = Wardrobe::open(&args.out).map_err(fault(
         format!("cannot open wardrobe `{}`", args.out.display()),
-        "formats stand in docs/wardrobe.md",
+        "formats are specified in docs/reference/wardrobe.md",
     ))?;
     for name in &names {
         if let Some(other) =
@@ -235,7 +239,7 @@ fn help(error: &ReconstructError) -> &'static str {
         ReconstructError::Capture(
             CaptureError::JointCount { .. } | CaptureError::JointName { .. },
         ) => "give --body the folder of the body that the poses are of",
-        _ => "captures are specified in docs/capture.md",
+        _ => "captures are specified in docs/reference/capture.md",
     }
 }
 
@@ -313,7 +317,7 @@ fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> String {
     if pixels.contradicting > pixels.used {
         let share = |n: usize| 100.0 * n as f64 / pixels.person.max(1) as f64;
         text += &format!(
-            "  the normals of {:.0} % of the person's pixels contradict the surface, those of {:.0} % were used: are they as docs/capture.md has them?\n",
+            "  the normals of {:.0} % of the person's pixels contradict the surface, those of {:.0} % were used: are they as docs/reference/capture.md has them?\n",
             share(pixels.contradicting),
             share(pixels.used)
         );

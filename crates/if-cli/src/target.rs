@@ -1,5 +1,5 @@
-//! The file that a command writes, with what comes beside it: looked at, and the right to write it
-//! taken, before the work begins.
+//! The file that a command writes, with the files beside it: checked and locked before the work
+//! begins.
 
 use crate::staging::{OutputError, Staging};
 use std::ffi::{OsStr, OsString};
@@ -26,8 +26,8 @@ pub(crate) struct Target {
 }
 
 impl Target {
-    /// Looks whether `out` can be written, makes its folder where it is missing, and takes the
-    /// right to write there. Where `out` is a link to a file, that file is what is written.
+    /// Checks that `out` can be written, creates its folder if it is missing, and locks it. If `out`
+    /// is a link to a file, that file is written.
     ///
     /// What comes beside it has its name with an ending of `beside` in place of the extension.
     pub(crate) fn open(
@@ -82,8 +82,8 @@ impl Target {
         plain(&self.folder, &self.names[k])
     }
 
-    /// Writes the file and moves it into place, as often as is wanted. Where that fails, what stood
-    /// there stays.
+    /// Writes the file and moves it into place; may be called again. If that fails, the file that
+    /// was there stays.
     pub(crate) fn put(
         &self,
         fill: impl FnOnce(&mut File) -> io::Result<()>,
@@ -99,7 +99,7 @@ impl Target {
         })
     }
 
-    /// Moves all files into place, and says where they are.
+    /// Moves all files into place, and returns their paths.
     pub(crate) fn commit(self) -> Result<Vec<PathBuf>, OutputError> {
         let paths = (0..self.names.len()).map(|k| self.path(k)).collect();
         // The file itself comes last: where it is, all is.
@@ -114,7 +114,7 @@ fn plain(folder: &Path, name: &OsStr) -> PathBuf {
     if folder == Path::new(".") { PathBuf::from(name) } else { folder.join(name) }
 }
 
-/// Whether a path leads to this file, whose path is canonical.
+/// Whether a path leads to the file with this canonical path.
 pub(crate) fn is_same(path: &Path, file: &Path) -> bool {
     path.canonicalize().is_ok_and(|p| p == file)
 }

@@ -17,8 +17,8 @@ pub mod fitting;
 pub mod reconstruct;
 pub mod wardrobe;
 
-pub use build::BUILD;
 pub use asset::{Asset, AssetError};
+pub use build::BUILD;
 #[cfg(feature = "reconstruct")]
 pub use capture::{Capture, CaptureError};
 #[cfg(feature = "reconstruct")]

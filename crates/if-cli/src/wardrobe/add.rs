@@ -151,7 +151,7 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
     Ok(if cancel::is_requested() { End::Cancelled } else { end })
 }
 
-/// What a garment is called.
+/// The name of a garment.
 fn name_of(args: &AddArgs, path: &Path) -> String {
     format!("{}{}", args.prefix, path.file_stem().unwrap_or_default().to_string_lossy())
 }

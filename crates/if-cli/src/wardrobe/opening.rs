@@ -48,14 +48,14 @@ impl Fault {
             }
             WardrobeError::NotUpright { .. } => "rotate the files, and add them again",
             WardrobeError::Parameter(_) | WardrobeError::Resolve(_) => {
-                "give a value in the range that is named; docs/outfit.md has the parameters"
+                "give a value in the range that is named; docs/reference/parameters.md lists them"
             }
             WardrobeError::NoGarments { .. }
             | WardrobeError::Twice { .. }
             | WardrobeError::Outfit(_) => {
                 "name the body, and different garments from inner to outer"
             }
-            _ => "formats stand in docs/wardrobe.md",
+            _ => "formats are specified in docs/reference/wardrobe.md",
         };
         Self { context: context.into(), help: help.to_owned(), source: ErrorChain::new(error) }
     }

@@ -134,6 +134,18 @@ fn text_is_proven_as_stored_and_only_positions_change() {
 }
 
 #[test]
+fn positions_with_few_digits_are_proven_as_they_are_printed() {
+    let storage = Storage::Text { decimals: 5 };
+    let garment = Layer { storage, ..Layer::new("band", band(0.295, 40, 4)) };
+    let outfit = Outfit::new(Layer::new("ball", icosphere(BALL, 4)), vec![garment]).unwrap();
+    let resolved = resolve(&outfit, &ResolveParams::default(), &mut Silent).unwrap();
+    let found = resolved.outfit.garments[0].mesh.vertices();
+    let printed = |p: &Point| p.map(|x| format!("{x:.5}").parse::<Real>().unwrap());
+    assert_eq!(found, found.iter().map(printed).collect::<Vec<_>>());
+    assert!(verify(&resolved.outfit).unwrap().is_clean());
+}
+
+#[test]
 fn both_sides_of_a_seam_move_as_one() {
     let scene = scene(1.0);
     let mesh = band(0.295, 40, 4);

@@ -229,8 +229,8 @@ pub fn run_into_folder(
     let names = result_folder::names(combination, params);
     // Before the lock: a folder of the user's must not be changed at all.
     result_folder::Earlier::of(out, &names)?;
-    let opened =
-        FolderWriter::open(out).map_err(|source| WardrobeError::Folder { path: out.into(), source })?;
+    let opened = FolderWriter::open(out)
+        .map_err(|source| WardrobeError::Folder { path: out.into(), source })?;
     let writer = opened.ok_or_else(|| WardrobeError::Busy { path: out.into() })?;
     let earlier = result_folder::Earlier::of(out, &names)?;
     let mut matched = run(dresser, combination, params, monitor)?;

@@ -77,9 +77,7 @@ impl Earlier {
         let text = match fs::read(&path) {
             Err(e) if e.kind() == io::ErrorKind::NotFound => {
                 for entry in fs::read_dir(out).map_err(fault)? {
-                    if !atomic::is_hidden(
-                        &entry.map_err(fault)?.file_name().to_string_lossy(),
-                    ) {
+                    if !atomic::is_hidden(&entry.map_err(fault)?.file_name().to_string_lossy()) {
                         return in_the_way(out, "it has other files, but no result");
                     }
                 }
