@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn a_body_with_arms_spread_wider_than_it_is_high_is_upright() {
-        let (mesh, _) = turned(|p| Point::new(2.0 * p.x, p.y, p.z));
+        let (mesh, _) = turned(|p| Point::new(1.6 * p.x, p.y, p.z));
         assert!(mesh.aabb().size().x > mesh.aabb().size().y);
         assert_eq!(check_upright(&mesh, None), Ok(()));
     }

@@ -13,6 +13,7 @@ use if_mesh::atomic::FolderWriter;
 use if_mesh::file::{self, Content, MeshFile};
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
 use if_outfit::content;
+use if_outfit::outfit::{Layer, Outfit};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -171,10 +172,10 @@ pub(super) fn write(
     let parsed = parse(name, files)?;
     let path = || files.mesh.path.clone();
     // Bodies that are invalid for any outfit are rejected here, not at every combination.
-    check_upright(&parsed.mesh, parsed.skeleton.as_ref())
-        .map_err(|source| WardrobeError::NotUpright { path: path(), source })?;
-    if_outfit::outfit::Outfit::new(if_outfit::outfit::Layer::new(name, parsed.mesh), vec![])
+    let outfit = Outfit::new(Layer::new(name, parsed.mesh), vec![])
         .map_err(|source| WardrobeError::Body { path: path(), source })?;
+    check_upright(&outfit.body.mesh, parsed.skeleton.as_ref())
+        .map_err(|source| WardrobeError::NotUpright { path: path(), source })?;
     bodies.write(name, |folder| {
         let put = |file: &str, bytes: &[u8]| {
             let path = folder.join(file);
