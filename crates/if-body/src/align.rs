@@ -33,7 +33,7 @@ mod similarity;
 pub use field::carried_field;
 pub use measure::{AlignReport, inside, measure};
 pub use params::{AlignError, AlignParams};
-pub use similarity::Similarity;
+use similarity::Similarity;
 
 use crate::skeleton::Skeleton;
 use crate::skin_weights::{SkinError, SkinWeights};

@@ -67,12 +67,6 @@ impl Affine {
             .try_inverse()
             .map_or(Vector::zeros(), |inverse| unit_or_zero(&(inverse.transpose() * n)))
     }
-
-    /// The unit normal of the canonical surface, from that of the posed one: Aᵀ n.
-    #[inline]
-    pub fn canonical_normal(&self, n: &Vector) -> Vector {
-        unit_or_zero(&(self.linear.transpose() * n))
-    }
 }
 
 /// The map of each vertex: the joints' `transforms` ([`crate::Skeleton::transforms`]), blended by
@@ -193,7 +187,6 @@ mod tests {
         let tangent = Vector::new(0.3, 0.8, -0.6);
         for map in &maps {
             assert!(map.normal(&n).dot(&(map.linear * tangent)).abs() < 1e-12);
-            approx::assert_relative_eq!(map.canonical_normal(&map.normal(&n)), n, epsilon = 1e-12);
         }
         let flat = Affine { linear: Matrix3::zeros(), offset: Vector::zeros() };
         assert_eq!(unpose_points(&points, &[maps[0], flat]), Err(1));

@@ -66,7 +66,7 @@ impl TemplateBody {
     /// # Errors
     ///
     /// [`TemplateError`], with the path of the file.
-    pub fn read_files(mesh: &Path, skeleton: &Path) -> Result<Self, TemplateError> {
+    fn read_files(mesh: &Path, skeleton: &Path) -> Result<Self, TemplateError> {
         let fault = |source| TemplateError::Skeleton { path: skeleton.into(), source };
         let skeleton = Skeleton::read_path(skeleton).map_err(fault)?;
         let path = || mesh.to_path_buf();

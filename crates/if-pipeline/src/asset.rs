@@ -19,7 +19,8 @@ mod info;
 mod thumbnail;
 
 pub use beside::Beside;
-pub use class::{GarmentClass, LayerHint, is_wearable};
+pub(crate) use class::is_wearable;
+pub use class::{GarmentClass, LayerHint};
 pub use error::AssetError;
 pub use info::{AssetInfo, BodyRef, FileInfo, Opening, Phi, Provenance};
 
@@ -33,9 +34,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The version of the format that is written.
-pub const FORMAT: u32 = 1;
+const FORMAT: u32 = 1;
 /// The file of the metadata.
-pub const INFO: &str = "asset.json";
+const INFO: &str = "asset.json";
 const GARMENT: &str = "garment.ply";
 const NETWORK: &str = "phi.safetensors";
 const BAKED: &str = "phi.baked";
@@ -184,7 +185,7 @@ pub fn read(folder: &Path) -> Result<Asset, AssetError> {
 /// # Errors
 ///
 /// [`AssetError`]: the file is missing, not valid JSON, or of another version.
-pub fn read_info(folder: &Path) -> Result<AssetInfo, AssetError> {
+pub(crate) fn read_info(folder: &Path) -> Result<AssetInfo, AssetError> {
     let path = folder.join(INFO);
     let text = fs::read(&path).map_err(|source| AssetError::Io { path: path.clone(), source })?;
     let json =

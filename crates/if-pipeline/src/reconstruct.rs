@@ -44,7 +44,7 @@ mod whole_report;
 pub use canonical::{FloodedField, carried_weights, largest_piece};
 pub use error::ReconstructError;
 pub use frames::{posed, write_frames};
-pub use garments::{ClothedPerson, Garment, GarmentParams, Garments, find_garments, openings_of};
+pub use garments::{ClothedPerson, Garment, GarmentParams, Garments, find_garments};
 #[doc(hidden)] // a baseline, for the benches
 pub use hull::VisualHull;
 pub use motion::{

@@ -254,7 +254,7 @@ impl Wardrobe {
     /// # Errors
     ///
     /// There is no garment of this name, or it is unreadable.
-    pub fn garment_info(&self, name: &str) -> Result<&AssetInfo, WardrobeError> {
+    pub(crate) fn garment_info(&self, name: &str) -> Result<&AssetInfo, WardrobeError> {
         if self.is_faulty(Part::Garment, name) {
             self.stored_garment(name)?;
         }
@@ -293,7 +293,7 @@ impl Wardrobe {
     /// # Errors
     ///
     /// There is none of this name, or its file has changed.
-    pub fn body_file(&self, name: &str) -> Result<Vec<u8>, WardrobeError> {
+    pub(crate) fn body_file(&self, name: &str) -> Result<Vec<u8>, WardrobeError> {
         body::read_mesh(&self.root.join(BODIES).join(name), self.body_info(name)?)
     }
 

@@ -7,7 +7,7 @@ use nalgebra::{Matrix3, Rotation3};
 
 /// A similarity: y = s R (x − a) + b.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Similarity {
+pub(super) struct Similarity {
     rotation: Rotation3<Real>,
     scale: Real,
     from: Point,
@@ -29,7 +29,7 @@ impl Similarity {
     /// # Errors
     ///
     /// A body has no height.
-    pub fn between(from: &BodyShape, to: &BodyShape) -> Result<Self, AlignError> {
+    pub(super) fn between(from: &BodyShape, to: &BodyShape) -> Result<Self, AlignError> {
         let (a, b) = (from.mesh.aabb(), to.mesh.aabb());
         let height = |aabb: &Aabb, which| {
             let height = if aabb.is_empty() { 0.0 } else { aabb.size().y };
@@ -46,13 +46,8 @@ impl Similarity {
 
     /// The image of a point.
     #[inline]
-    pub fn point(&self, p: &Point) -> Point {
+    pub(super) fn point(&self, p: &Point) -> Point {
         self.to + self.rotation * (p - self.from) * self.scale
-    }
-
-    /// The scale.
-    pub fn scale(&self) -> Real {
-        self.scale
     }
 }
 

@@ -182,7 +182,7 @@ impl WeightGrid {
     /// # Panics
     ///
     /// If there is not one transform for each joint.
-    pub fn pose_with_jacobian(
+    pub(super) fn pose_with_jacobian(
         &self,
         p: &Point,
         transforms: &[Isometry3<Real>],

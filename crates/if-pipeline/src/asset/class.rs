@@ -87,7 +87,7 @@ impl LayerHint {
     }
 
     /// Whether a garment of hint `outer` may be worn over this one, directly or with layers between.
-    pub fn may_be_under(&self, outer: &Self) -> bool {
+    pub(crate) fn may_be_under(&self, outer: &Self) -> bool {
         use GarmentClass::{Dress, Legs, Other, Outer, Skirt, Top};
         match (self.class, outer.class) {
             (Other, _) | (_, Other) => true,
@@ -106,7 +106,7 @@ impl LayerHint {
 }
 
 /// Whether an outfit, inner to outer, is wearable: each garment may be worn under all that follow.
-pub fn is_wearable(outfit: &[LayerHint]) -> bool {
+pub(crate) fn is_wearable(outfit: &[LayerHint]) -> bool {
     (1..outfit.len()).all(|k| outfit[..k].iter().all(|inner| inner.may_be_under(&outfit[k])))
 }
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AssetInfo {
-    /// The version of the format: [`super::FORMAT`].
+    /// The version of the format.
     pub asset: u32,
     /// Its name.
     pub name: String,

@@ -27,7 +27,8 @@ pub struct GarmentParams {
     pub smoothness: SmoothLabelParams,
     /// Cutting of triangles.
     pub cut: CutParams,
-    /// Clean-up of each piece. Its `openings` are replaced by [`openings_of`].
+    /// Clean-up of each piece. Its `openings` are ignored: which loops stay open depends on the
+    /// garment's class and on the body.
     pub cleanup: CleanupParams,
 }
 
@@ -211,7 +212,7 @@ fn cleaned(
 ///   ([`GarmentClass::most_openings`]).
 ///
 /// [`GarmentClass::most_openings`]: crate::asset::GarmentClass::most_openings
-pub fn openings_of(name: &str, body: &TriMesh) -> Openings {
+fn openings_of(name: &str, body: &TriMesh) -> Openings {
     let mut policies =
         vec![Openings::Complement(Box::new(Complement::new(body.clone()))), Openings::default()];
     policies.extend(LayerHint::of_name(name).class.most_openings().map(Openings::Count));

@@ -13,7 +13,7 @@ use super::error::WardrobeError;
 use super::matching::{finished, request, run_into};
 use super::pages;
 use super::result::{MatchParams, State};
-use super::result_folder::folder_name;
+use super::result_folder::{folder_name, read_timings};
 pub use super::summary::{BatchSummary, Entry};
 use if_core::monitor::Progress;
 use if_mesh::atomic;
@@ -101,7 +101,11 @@ pub fn run(
                 Err(WardrobeError::Panic { message: panic_message(panic.as_ref()) })
             });
             let (entry, before) = match outcome {
-                Ok((result, before)) => (Entry::of(&result, results.parent()), before),
+                Ok((result, before)) => {
+                    let folder = folder_name(&result.key).to_owned();
+                    let timings = read_timings(&results.parent().join(&folder));
+                    (Entry::of(&result, folder, timings.map(|t| t.total)), before)
+                }
                 Err(WardrobeError::Cancelled(_)) => {
                     cancelled.store(true, Ordering::SeqCst);
                     break;

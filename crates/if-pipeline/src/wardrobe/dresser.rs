@@ -24,11 +24,11 @@ pub struct Dresser<'a> {
 
 /// A body, prepared for outfits.
 #[derive(Debug)]
-pub struct Dummy {
+pub(crate) struct Dummy {
     /// As stored.
-    pub body: WardrobeBody,
+    pub(crate) body: WardrobeBody,
     /// Its closed surface.
-    pub closed: ClosedLayer,
+    pub(crate) closed: ClosedLayer,
 }
 
 /// A garment on a body.
@@ -111,7 +111,7 @@ impl<'a> Dresser<'a> {
     /// # Errors
     ///
     /// The body is missing or invalid.
-    pub fn dummy(&self, body: &str) -> Result<Arc<Dummy>, WardrobeError> {
+    pub(crate) fn dummy(&self, body: &str) -> Result<Arc<Dummy>, WardrobeError> {
         self.bodies.get(body.to_owned(), || {
             let body = self.wardrobe.body(body)?;
             let closed = ClosedLayer::body(&body.mesh);

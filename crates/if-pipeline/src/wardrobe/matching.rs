@@ -11,14 +11,12 @@
 //! The key is the hash of all that decides the result: the build of this program, versions,
 //! parameters, the hashes of body and garments in their order.
 
-pub use super::result::{
-    FORMAT, Fault, MatchParams, MatchResult, Matched, PICTURE_HEIGHTS, State, Timings,
-};
-pub use super::result_folder::folder_name;
+pub use super::result::{Fault, MatchParams, MatchResult, Matched, State, Timings};
 
 use super::combination::Combination;
 use super::dresser::{Dressed, Dresser};
-use super::result_folder;
+use super::result::FORMAT;
+use super::result_folder::{self, folder_name};
 use super::{Wardrobe, WardrobeError};
 use crate::build::BUILD;
 use if_core::mesh::TriMesh;
@@ -42,7 +40,7 @@ const VIEWS: [View; 3] = [View::FRONT, View::BACK, View::HALF];
 /// # Errors
 ///
 /// The wardrobe does not have the body or a garment.
-pub fn request(
+pub(super) fn request(
     wardrobe: &Wardrobe,
     combination: &Combination,
     params: &MatchParams,
@@ -172,7 +170,7 @@ fn meshes(outfit: &Outfit) -> Vec<&TriMesh> {
 /// # Errors
 ///
 /// As [`run`], and errors of the folder.
-pub fn run_into(
+pub(super) fn run_into(
     results: &FolderWriter,
     dresser: &Dresser,
     combination: &Combination,
@@ -253,16 +251,11 @@ pub fn run_into_folder(
 
 /// The result in a folder, if it is that of `key` and its files have the recorded hashes. `None` for
 /// failures by unreadable files of the wardrobe, which may have been restored.
-pub fn finished(folder: &Path, key: &str) -> Option<MatchResult> {
+pub(super) fn finished(folder: &Path, key: &str) -> Option<MatchResult> {
     let lasts = |r: &MatchResult| {
         r.error.as_ref().is_none_or(|e| !matches!(e.kind.as_str(), "asset" | "body"))
     };
     result_folder::read(folder).filter(|r| r.key == key && r.result == FORMAT && lasts(r))
-}
-
-/// The seconds of a result, if its folder has them.
-pub fn timings(folder: &Path) -> Option<Timings> {
-    result_folder::read_timings(folder)
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::ops::RangeInclusive;
 
 /// The version of `result.json`.
-pub const FORMAT: u32 = 1;
+pub(super) const FORMAT: u32 = 1;
 
 /// Parameters of matching.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -36,7 +36,7 @@ pub struct MatchParams {
 }
 
 /// Valid heights of pictures, in pixels.
-pub const PICTURE_HEIGHTS: RangeInclusive<u32> = 16..=8192;
+const PICTURE_HEIGHTS: RangeInclusive<u32> = 16..=8192;
 
 impl MatchParams {
     /// Checks the ranges.

@@ -43,7 +43,7 @@ fn mesh_name(layer: &str) -> String {
 const DIGITS: usize = 20;
 
 /// The name of the folder of a key.
-pub fn folder_name(key: &str) -> &str {
+pub(super) fn folder_name(key: &str) -> &str {
     key.get(..DIGITS).unwrap_or(key)
 }
 

@@ -3,9 +3,7 @@
 use super::combination::Combination;
 use super::error::WardrobeError;
 use super::result::{Fault, MatchResult, State};
-use super::result_folder::{folder_name, read_timings};
 use serde::{Deserialize, Serialize};
-use std::path::Path;
 
 /// The result of a combination, in short.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,9 +55,8 @@ impl std::fmt::Display for BatchSummary {
 }
 
 impl Entry {
-    /// The entry of a result in the folder `results`.
-    pub(super) fn of(result: &MatchResult, results: &Path) -> Self {
-        let folder = folder_name(&result.key).to_owned();
+    /// The entry of a result in a folder below `results`.
+    pub(super) fn of(result: &MatchResult, folder: String, seconds: Option<f64>) -> Self {
         let report = result.report.as_ref();
         let largest = |of: fn(&if_outfit::report::LayerReport) -> f64| {
             report.map_or(0.0, |r| r.layers.iter().map(of).fold(0.0, f64::max))
@@ -72,8 +69,8 @@ impl Entry {
             inside: report.map_or([0; 2], |r| [r.before.total_inside(), r.after.total_inside()]),
             moved: largest(|l| l.moved.max),
             strain: largest(|l| l.strain.max),
-            seconds: read_timings(&results.join(&folder)).map(|t| t.total),
             folder,
+            seconds,
         }
     }
 
