@@ -62,9 +62,9 @@ def main():
             cells = [name, f"{seconds:.2f}", f"{before[0]} → {after[0]}", f"{before[1]} → {after[1]}", *judged]
             for layer in report["layers"]:
                 m, s = layer["moved"], layer["strain"]
-                print(f"    {layer['name']:16} moved {m['mean']*1e3:6.2f} / {m['p95']*1e3:6.2f} / {m['max']*1e3:6.1f} mm   strain {s['rms']*1e2:5.2f} / {s['p99']*1e2:5.2f} / {s['max']*1e2:4.0f} %   own {layer['own_pairs'][0]} -> {layer['own_pairs'][1]}")
+                print(f"    {layer['name']:16} moved {m['mean']*1e3:6.2f} / {m['p95']*1e3:6.2f} / {m['max']*1e3:6.1f} mm   strain {s['rms']*1e2:5.2f} / {s['p99']*1e2:5.2f} / {s['max']*1e2:4.0f} %   own {layer['own_pairs']['before']} -> {layer['own_pairs']['after']}")
                 cells += [layer["name"], f"{m['mean']*1e3:.2f} / {m['p95']*1e3:.2f} / {m['max']*1e3:.1f}", f"{s['rms']*1e2:.2f} / {s['p99']*1e2:.2f} / {s['max']*1e2:.0f}",
-                          f"{layer['rounds']} + {layer['repairs']}", f"{layer['own_pairs'][0]} → {layer['own_pairs'][1]}"]
+                          f"{layer['rounds']} + {layer['repairs']}", f"{layer['own_pairs']['before']} → {layer['own_pairs']['after']}"]
                 table.append("| " + " | ".join(cells) + " |")
                 cells = [""] * 6
     print(f"total {total:.1f} s, {bad} not clean")

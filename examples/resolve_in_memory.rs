@@ -7,7 +7,7 @@
 #![allow(clippy::print_stdout)] // a program for the terminal
 
 use if_garments::body::mannequin::{MannequinParams, body, layered};
-use if_garments::{Layer, Outfit, Progress, ResolveParams, resolve, verify};
+use if_garments::{GoalParams, Layer, Outfit, Progress, ResolveParams, resolve, verify};
 use std::ops::ControlFlow;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -22,7 +22,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         rounds += 1;
         ControlFlow::Continue(())
     };
-    let params = ResolveParams { clearance: 0.0005, ..Default::default() };
+    let params = ResolveParams {
+        goal: GoalParams { clearance: 0.0005, ..Default::default() },
+        ..Default::default()
+    };
     let resolved = resolve(&outfit, &params, &mut monitor)?;
 
     let report = &resolved.report;

@@ -23,7 +23,7 @@
 //!
 //! ```
 //! use if_garments::body::mannequin::{self, Garment, MannequinParams};
-//! use if_garments::{Layer, Outfit, ResolveParams, Silent, resolve, verify};
+//! use if_garments::{GoalParams, Layer, Outfit, ResolveParams, Silent, resolve, verify};
 //!
 //! let scene = MannequinParams { resolution: 0.7, ..Default::default() };
 //! let body = Layer::new("body", mannequin::body(&scene));
@@ -31,7 +31,8 @@
 //! let outfit = Outfit::new(body, vec![tshirt])?;
 //! assert!(!verify(&outfit)?.is_clean());
 //!
-//! let params = ResolveParams { clearance: 0.0005, ..Default::default() };
+//! let goal = GoalParams { clearance: 0.0005, ..Default::default() };
+//! let params = ResolveParams { goal, ..Default::default() };
 //! let resolved = resolve(&outfit, &params, &mut Silent)?;
 //! assert!(verify(&resolved.outfit)?.is_clean());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -54,8 +55,9 @@ pub use if_mesh::file::MeshFile;
 pub use if_outfit::files::{FilesError, LayerFile, OutfitFiles, ResolvedFiles};
 pub use if_outfit::outfit::{Layer, Outfit, OutfitError};
 pub use if_outfit::report::{ResolveReport, Verification};
-pub use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
+pub use if_outfit::resolve::{ResolveError, Resolved, resolve};
 pub use if_outfit::verify::verify;
+pub use if_outfit::{ClothParams, EffortParams, GoalParams, ResolveParams};
 
 /// The examples in the README and in the guides are tests.
 #[cfg(doctest)]

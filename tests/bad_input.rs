@@ -163,7 +163,8 @@ fn odd_but_usable_garments_end_clean_or_with_what_is_left() {
         ),
     ];
     // A few rounds are enough to meet every code path; some of these cannot become clean.
-    let params = ResolveParams { rounds: 6, settle_rounds: 3, ..ResolveParams::default() };
+    let mut params = ResolveParams::default();
+    (params.effort.rounds, params.effort.settle_rounds) = (6, 3);
     let mut clean = Vec::new();
     for (case, mesh) in cases {
         let start = std::time::Instant::now();
@@ -204,25 +205,25 @@ fn refusal(change: impl Fn(&mut ResolveParams)) -> Option<String> {
 fn parameters_that_are_not_numbers_or_negative_are_refused_by_name() {
     type Set = fn(&mut ResolveParams, Real);
     let parameters: [(&str, Set); 14] = [
-        ("clearance", |p, x| p.clearance = x),
-        ("influence", |p, x| p.influence = x),
-        ("repair_influence", |p, x| p.repair_influence = x),
-        ("step", |p, x| p.step = x),
-        ("margin", |p, x| p.margin = x),
-        ("max_push", |p, x| p.max_push = x),
-        ("long_edge", |p, x| p.long_edge = x),
-        ("fold", |p, x| p.fold = x),
-        ("outward_cell", |p, x| p.outward_cell = x),
-        ("tolerance", |p, x| p.tolerance = x),
-        ("stretch_softness", |p, x| p.stretch_softness = x),
-        ("anchor_softness", |p, x| p.anchor_softness = x),
-        ("inflation", |p, x| p.inflation = x),
-        ("tuck_reach", |p, x| p.tuck_reach = x),
+        ("goal.clearance", |p, x| p.goal.clearance = x),
+        ("goal.tuck_distance", |p, x| p.goal.tuck_distance = x),
+        ("effort.influence", |p, x| p.effort.influence = x),
+        ("effort.repair_influence", |p, x| p.effort.repair_influence = x),
+        ("effort.contact_step", |p, x| p.effort.contact_step = x),
+        ("effort.contact_margin", |p, x| p.effort.contact_margin = x),
+        ("effort.max_push", |p, x| p.effort.max_push = x),
+        ("effort.long_edge", |p, x| p.effort.long_edge = x),
+        ("effort.outward_cell", |p, x| p.effort.outward_cell = x),
+        ("effort.tolerance", |p, x| p.effort.tolerance = x),
+        ("effort.gap_growth", |p, x| p.effort.gap_growth = x),
+        ("cloth.stretch_compliance", |p, x| p.cloth.stretch_compliance = x),
+        ("cloth.anchor_compliance", |p, x| p.cloth.anchor_compliance = x),
+        ("cloth.fold_distance", |p, x| p.cloth.fold_distance = x),
     ];
     for (name, set) in parameters {
         for bad in [Real::NAN, Real::INFINITY, -1.0] {
             assert_eq!(refusal(|p| set(p, bad)).as_deref(), Some(name), "{name} = {bad}");
         }
     }
-    assert_eq!(refusal(|p| p.outward_cell = 0.0).as_deref(), Some("outward_cell"));
+    assert_eq!(refusal(|p| p.effort.outward_cell = 0.0).as_deref(), Some("effort.outward_cell"));
 }

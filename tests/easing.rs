@@ -9,7 +9,9 @@ use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
 use scenes::{assert_clean, mannequin};
 
 fn run(outfit: &Outfit, ease_rounds: usize) -> Result<Resolved, ResolveError> {
-    resolve(outfit, &ResolveParams { ease_rounds, ..ResolveParams::default() }, &mut Silent)
+    let mut params = ResolveParams::default();
+    params.effort.ease_rounds = ease_rounds;
+    resolve(outfit, &params, &mut Silent)
 }
 
 #[test]

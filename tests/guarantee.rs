@@ -10,7 +10,7 @@ use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Progress, Silent};
 use if_outfit::outfit::{Layer, Outfit};
-use if_outfit::resolve::{ResolveError, ResolveParams, resolve};
+use if_outfit::resolve::{EffortParams, ResolveError, ResolveParams, resolve};
 use if_outfit::storage::Storage;
 use if_outfit::verify::verify;
 use rayon::prelude::*;
@@ -354,15 +354,16 @@ fn a_monitor_can_cancel_at_any_time() {
 fn what_is_not_done_in_the_rounds_is_an_error_that_names_the_pairs() {
     let outfit: Outfit = ball_in_tube("band", 0.295);
     // One round of a hundredth of a millimetre, where half a centimetre is to go.
-    let slow = ResolveParams {
+    let effort = EffortParams {
         rounds: 1,
         settle_rounds: 1,
-        step: 1e-5,
-        part_step: 1e-5,
+        contact_step: 1e-5,
+        separation_step: 1e-5,
         max_push: 1e-5,
         ease_rounds: 0,
-        ..ResolveParams::default()
+        ..EffortParams::default()
     };
+    let slow = ResolveParams { effort, ..ResolveParams::default() };
     let outcome = resolve(&outfit, &slow, &mut Silent);
     let Err(ResolveError::Remaining { outer, inner, triangles, result }) = &outcome else {
         panic!("{outcome:?}")
@@ -380,10 +381,11 @@ fn what_is_not_done_in_the_rounds_is_an_error_that_names_the_pairs() {
 
 #[test]
 fn no_rounds_at_all_are_refused() {
-    let params = ResolveParams { rounds: 0, ..ResolveParams::default() };
+    let mut params = ResolveParams::default();
+    params.effort.rounds = 0;
     let outcome = resolve(&ball_in_tube("band", 0.295), &params, &mut Silent);
     assert!(
-        matches!(&outcome, Err(ResolveError::Parameter(error)) if error.name == "rounds"),
+        matches!(&outcome, Err(ResolveError::Parameter(error)) if error.name == "effort.rounds"),
         "{outcome:?}"
     );
 }

@@ -27,7 +27,8 @@ fn angular(sides: u32) -> Outfit {
 }
 
 fn run(outfit: &Outfit, split: Split, rounds: usize) -> Result<Resolved, ResolveError> {
-    let params = ResolveParams { split, rounds, ..ResolveParams::default() };
+    let mut params = ResolveParams::default();
+    (params.goal.split, params.effort.rounds) = (split, rounds);
     resolve(outfit, &params, &mut Silent)
 }
 

@@ -6,7 +6,7 @@ use if_core::math::Point;
 use if_core::monitor::Silent;
 use if_mesh::solid::ClosedLayer;
 use if_outfit::outfit::{Layer, Outfit};
-use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, Tuck, resolve};
+use if_outfit::resolve::{EffortParams, ResolveError, ResolveParams, Resolved, Tuck, resolve};
 use scenes::{assert_clean, assert_clean_or_left, ball_in_tube, moved};
 
 /// A ball of 0.3 m radius in a band of 0.36 m, and over that a wider one of 0.33 m.
@@ -22,7 +22,9 @@ fn run(outfit: &Outfit, params: &ResolveParams) -> Result<Resolved, ResolveError
 }
 
 fn with(tuck: Tuck) -> ResolveParams {
-    ResolveParams { tuck, ..ResolveParams::default() }
+    let mut params = ResolveParams::default();
+    params.goal.tuck = tuck;
+    params
 }
 
 /// Vertices of `layer` further out from the axis than `radius`.
@@ -76,14 +78,15 @@ fn where_the_tight_garment_settles_the_loose_one_is_left_alone() {
 fn where_the_tight_garment_gets_stuck_the_loose_one_is_pressed_in() {
     let outfit = tight_over_loose();
     // So slow that 3 cm are not made before repairs count as stalled.
-    let slow = |tuck| ResolveParams {
+    let effort = EffortParams {
         settle_rounds: 1,
         sweeps: 1,
-        step: 1e-5,
+        contact_step: 1e-5,
         max_push: 1e-5,
         rounds: 60,
-        ..with(tuck)
+        ..EffortParams::default()
     };
+    let slow = |tuck| ResolveParams { effort: effort.clone(), ..with(tuck) };
     let tucked = |outcome: &Result<Resolved, ResolveError>| match outcome {
         Ok(result) => result.report.layers[0].tucked[0],
         Err(ResolveError::Remaining { result, .. }) => result.report.layers[0].tucked[0],

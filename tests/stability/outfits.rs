@@ -80,7 +80,10 @@ fn outfit(r: &mut Random) -> (Layer, Vec<Layer>) {
 
 fn params() -> ResolveParams {
     // Every path is met in a few rounds; many of these outfits cannot become clean.
-    ResolveParams { rounds: 3, settle_rounds: 2, polish_rounds: 1, ..ResolveParams::default() }
+    let mut params = ResolveParams::default();
+    let effort = &mut params.effort;
+    (effort.rounds, effort.settle_rounds, effort.polish_rounds) = (3, 2, 1);
+    params
 }
 
 fn run(outfit: &Outfit) -> Result<Resolved, ResolveError> {

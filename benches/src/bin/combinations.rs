@@ -213,7 +213,9 @@ fn rows(path: &Path) -> Result<Vec<Vec<String>>, Box<dyn Error>> {
 
 fn row(title: &str, outfit: &Outfit, tuck: Tuck) -> Result<Vec<String>, Box<dyn Error>> {
     let start = Instant::now();
-    let outcome = resolve(outfit, &ResolveParams { tuck, ..Default::default() }, &mut Silent);
+    let mut params = ResolveParams::default();
+    params.goal.tuck = tuck;
+    let outcome = resolve(outfit, &params, &mut Silent);
     let seconds = start.elapsed().as_secs_f64();
     let (state, resolved): (&str, Resolved) = match outcome {
         Ok(resolved) => ("clean", resolved),
@@ -235,8 +237,7 @@ fn row(title: &str, outfit: &Outfit, tuck: Tuck) -> Result<Vec<String>, Box<dyn 
             )
         });
     let report = &resolved.report;
-    let own =
-        report.layers.iter().map(|l| l.own_pairs[1].saturating_sub(l.own_pairs[0])).sum::<usize>();
+    let own = report.layers.iter().map(|l| l.own_pairs.new).sum::<usize>();
     let largest = |of: fn(&if_outfit::report::LayerReport) -> f64| {
         report.layers.iter().map(of).fold(0.0, f64::max)
     };

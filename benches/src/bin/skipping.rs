@@ -17,7 +17,9 @@ use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;
 use if_mesh::file::MeshFile;
 use if_outfit::outfit::{Layer, Outfit};
-use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
+use if_outfit::resolve::{
+    ResolveError, ResolveParams, Resolved, resolve, resolve_without_skipping,
+};
 use if_outfit::verify::verify;
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -64,7 +66,8 @@ fn load(path: &Path) -> Result<TriMesh, Box<dyn Error>> {
 
 fn run(outfit: &Outfit, skip: bool) -> Result<(f64, Resolved), Box<dyn Error>> {
     let start = Instant::now();
-    let found = resolve(outfit, &ResolveParams { skip, ..Default::default() }, &mut Silent);
+    let resolve = if skip { resolve } else { resolve_without_skipping };
+    let found = resolve(outfit, &ResolveParams::default(), &mut Silent);
     let seconds = start.elapsed().as_secs_f64();
     match found {
         Err(ResolveError::Remaining { result, .. }) => Ok((seconds, *result)),

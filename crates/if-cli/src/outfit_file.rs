@@ -4,8 +4,10 @@ use crate::inputs::{InputArgs, ParamArgs};
 use if_outfit::resolve::ResolveParams;
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use toml::Spanned;
 
 /// One outfit as the user gave it. Of its files only the outfit file has been read.
 #[derive(Clone, Debug)]
@@ -109,7 +111,7 @@ struct OutfitToml {
     #[serde(default)]
     garment: Vec<GarmentToml>,
     #[serde(default)]
-    params: ResolveParams,
+    params: BTreeMap<Spanned<String>, Spanned<toml::Value>>,
     scale: Option<f64>,
 }
 
@@ -176,12 +178,14 @@ fn from_meshes(
 pub(crate) fn read(path: &Path) -> Result<OutfitSpec, SpecError> {
     let text = std::fs::read_to_string(path)
         .map_err(|source| SpecError::Read { path: path.into(), source })?;
-    let parsed: OutfitToml = toml::from_str(&text).map_err(|error| SpecError::Syntax {
+    let syntax = |message: String, at: Option<std::ops::Range<usize>>| SpecError::Syntax {
         path: path.into(),
-        message: error.message().to_owned(),
-        at: error.span().map(SourceSpan::from),
+        message,
+        at: at.map(SourceSpan::from),
         text: Arc::new(NamedSource::new(path.display().to_string(), text.clone())),
-    })?;
+    };
+    let parsed: OutfitToml =
+        toml::from_str(&text).map_err(|error| syntax(error.message().to_owned(), error.span()))?;
     if parsed.garment.is_empty() {
         return Err(SpecError::NoGarment { path: path.into() });
     }
@@ -189,13 +193,19 @@ pub(crate) fn read(path: &Path) -> Result<OutfitSpec, SpecError> {
     if !(scale.is_finite() && scale > 0.0) {
         return Err(SpecError::Scale { path: path.into(), value: scale });
     }
+    let mut params = ResolveParams::default();
+    for (key, value) in &parsed.params {
+        let at = key.span().start..value.span().end;
+        params = set(&params, key.get_ref(), value.get_ref())
+            .map_err(|message| syntax(message, Some(at)))?;
+    }
     let folder = path.parent().unwrap_or(Path::new(""));
     let garments = parsed.garment.into_iter().map(|g| layer(folder, &g.file, g.name));
     Ok(OutfitSpec {
         name: stem(path),
         body: layer(folder, &parsed.body, None)?,
         garments: garments.collect::<Result<_, _>>()?,
-        params: parsed.params,
+        params,
         scale,
     })
 }
@@ -225,21 +235,44 @@ pub(crate) fn override_params(
             .map_err(|message| SpecError::Parameter { key: key.clone(), message })?;
     }
     if let Some(clearance) = args.clearance {
-        params.clearance = clearance;
+        params.goal.clearance = clearance;
     }
     Ok(params)
 }
 
-/// The parameters with one of them replaced. Dots in the key step into groups.
+/// The parameters with one of them replaced. The key is a name with its group
+/// (`goal.clearance`), a name that stands in one group only (`clearance`), or a group, with a table
+/// of its parameters.
+///
+/// # Errors
+///
+/// A message with all valid names if there is no such parameter, or what is wrong with the value.
 fn set(params: &ResolveParams, key: &str, value: &toml::Value) -> Result<ResolveParams, String> {
-    let mut all = serde_json::to_value(params).map_err(|e| e.to_string())?;
-    let mut slot = &mut all;
-    for part in key.split('.') {
-        let group = slot.as_object_mut().ok_or("there is no such parameter")?;
-        slot = group.entry(part).or_insert(serde_json::Value::Null);
+    let mut groups = serde_json::to_value(params).map_err(|e| e.to_string())?;
+    if let (Some(_), Some(table)) = (groups.get(key), value.as_table()) {
+        let one =
+            |params, (name, value): (&String, _)| set(&params, &format!("{key}.{name}"), value);
+        return table.iter().try_fold(params.clone(), one);
     }
-    *slot = serde_json::to_value(value).map_err(|e| e.to_string())?;
-    serde_json::from_value(all).map_err(|e| e.to_string())
+    let names: Vec<(String, String)> = groups
+        .as_object()
+        .into_iter()
+        .flatten()
+        .flat_map(|(group, fields)| {
+            fields.as_object().into_iter().flatten().map(|(name, _)| (group.clone(), name.clone()))
+        })
+        .collect();
+    let is_meant = |(group, name): &&(String, String)| match key.split_once('.') {
+        Some(both) => both == (group, name),
+        None => key == name,
+    };
+    let found: Vec<_> = names.iter().filter(is_meant).collect();
+    let [(group, name)] = found[..] else {
+        let names: Vec<String> = names.iter().map(|(g, n)| format!("`{g}.{n}`")).collect();
+        return Err(format!("unknown parameter `{key}`; valid names are {}", names.join(", ")));
+    };
+    groups[group][name] = serde_json::to_value(value).map_err(|e| e.to_string())?;
+    serde_json::from_value(groups).map_err(|e| e.to_string())
 }
 
 #[cfg(test)]
@@ -247,13 +280,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_parameter_is_replaced_and_unknown_ones_are_named() {
+    fn a_parameter_is_replaced_by_its_name_with_or_without_its_group() {
         let params = ResolveParams::default();
-        let changed = set(&params, "clearance", &toml::Value::Float(0.002)).unwrap();
-        assert_eq!(changed.clearance, 0.002);
-        let message = set(&params, "clearence", &toml::Value::Float(0.002)).unwrap_err();
-        assert!(message.contains("clearence") && message.contains("`clearance`"), "{message}");
-        assert!(set(&params, "clearance.more", &toml::Value::Float(0.002)).is_err());
+        let value = toml::Value::Float(0.002);
+        let changed = set(&params, "clearance", &value).unwrap();
+        assert_eq!(changed.goal.clearance, 0.002);
+        assert_eq!(set(&params, "goal.clearance", &value).unwrap(), changed);
+        let table = toml::Table::from_iter([("clearance".to_owned(), value.clone())]);
+        assert_eq!(set(&params, "goal", &toml::Value::Table(table)).unwrap(), changed);
+        assert_eq!(set(&params, "sweeps", &toml::Value::Integer(3)).unwrap().effort.sweeps, 3);
         assert!(set(&params, "clearance", &toml::Value::Boolean(true)).is_err());
+    }
+
+    #[test]
+    fn unknown_parameters_are_errors_that_list_the_valid_names() {
+        let value = toml::Value::Float(0.002);
+        for key in ["clearence", "cloth.clearance", "goal.clearance.more", "goal", ""] {
+            let message = set(&ResolveParams::default(), key, &value).unwrap_err();
+            let start = format!("unknown parameter `{key}`; valid names are ");
+            assert!(message.starts_with(&start), "{message}");
+            assert!(
+                message.contains("`goal.clearance`, ") && message.contains("`cloth.strain_limit`")
+            );
+        }
     }
 }

@@ -279,7 +279,7 @@ fn layers(layers: &[LayerReport], own_before: &[usize], colour: bool) -> Table {
         "\nseconds",
     ];
     let mut table = new_table(&header, 1, colour);
-    let own = arrows(layers.iter().map(|l| (count(l.own_pairs[0]), count(l.own_pairs[1]))));
+    let own = arrows(layers.iter().map(|l| (count(l.own_pairs.before), count(l.own_pairs.after))));
     debug_assert!(own_before.is_empty() || own_before.len() == layers.len());
     for (k, layer) in layers.iter().enumerate() {
         table.add_row(vec![
@@ -290,7 +290,7 @@ fn layers(layers: &[LayerReport], own_before: &[usize], colour: bool) -> Table {
             Cell::new(percent(layer.strain.rms)),
             Cell::new(percent(layer.strain.p99)),
             Cell::new(percent(layer.strain.max)),
-            judged(own[k].clone(), layer.own_pairs[1] <= layer.own_pairs[0]),
+            judged(own[k].clone(), layer.own_pairs.new == 0),
             Cell::new(format!("{}+{}", layer.rounds, layer.repairs)),
             Cell::new(count(layer.skipped.vertices)),
             Cell::new(format!("{:.2}", layer.seconds)),
@@ -380,7 +380,7 @@ fn percent(fraction: f64) -> String {
 mod tests {
     use super::*;
     use if_mesh::measure::{Displacement, Strain};
-    use if_outfit::report::PairCount;
+    use if_outfit::report::{OwnPairs, PairCount};
 
     fn pair(outer: &str, inner: &str, crossing: usize) -> PairReport {
         let mut pair = PairReport::default();
@@ -406,7 +406,7 @@ mod tests {
             layer.name = name.into();
             layer.moved = Displacement { mean: 0.001234, p95: 0.0123, max: 0.1234, vertices: 5 };
             layer.strain = Strain { rms: 0.0123, p99: 0.0456, max: 0.4 };
-            layer.own_pairs = [21, 21];
+            layer.own_pairs = OwnPairs::new(21, 21, 0);
             (layer.rounds, layer.repairs, layer.sweeps, layer.queries) = (40, 12, 1000, 100_000);
             (layer.tucked, layer.eased) = ([120, 3], [4.0, 0.75]);
             (layer.skipped.layers, layer.skipped.vertices, layer.skipped.queries) = (1, 12_345, 9);

@@ -1,15 +1,93 @@
-//! What holds a garment together in the solver: its edges by length, its hinges, its doubled
-//! points.
+//! The constraints that hold a garment together: anchors to the input, bending, stretch, ties of
+//! folds, a limit of strain, and fixed offsets of very short edges.
 
+use crate::facing_sheets::facing_sheets;
+use crate::params::ClothParams;
 use if_core::edges::{Edges, NONE};
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_mesh::index::Bvh;
+use if_xpbd::attach::Attachments;
+use if_xpbd::constraint::Constraint;
 use if_xpbd::edge_set::EdgeSet;
+use if_xpbd::fixed_offsets::FixedOffsets;
+use if_xpbd::params::LambdaForm;
+use if_xpbd::strain_limit::StrainLimit;
 use if_xpbd::stretch::Stretch;
+use if_xpbd::tie::Ties;
+
+/// Why the parameters of groups are valid.
+const IN_RANGE: &str = "ResolveParams::validate checks compliances";
+
+/// The constraint groups of a garment alone.
+pub(crate) struct ElasticGroups {
+    /// One for each vertex, to its position in the input.
+    pub(crate) anchors: Attachments,
+    bending: Stretch,
+    stretch: Vec<Stretch>,
+    ties: Ties,
+    limit: StrainLimit,
+    short: FixedOffsets,
+}
+
+impl ElasticGroups {
+    /// The groups of `mesh`, which `tree` holds.
+    pub(crate) fn new(mesh: &TriMesh, tree: &Bvh, edges: &Edges, params: &ClothParams) -> Self {
+        let x = mesh.vertices();
+        let mut ties = Ties::new();
+        for f in facing_sheets(mesh, tree, params.fold_distance) {
+            let share = 0.7 * (1.0 - 0.7 * f.distance / params.fold_distance);
+            ties.push(f.vertex, mesh.triangles()[f.triangle as usize], f.barycentric, share, x);
+        }
+        let mut anchors = Attachments::new();
+        anchors.form = LambdaForm::Pbd;
+        for (v, p) in x.iter().enumerate() {
+            anchors.push(v as u32, *p, params.anchor_compliance).expect(IN_RANGE);
+        }
+        let mut bending =
+            Stretch::new(hinge_edges(mesh, edges), params.bending_compliance).expect(IN_RANGE);
+        bending.form = LambdaForm::Pbd;
+        let mut stretch = stretch_groups(edges, x, params.stretch_compliance);
+        stretch.iter_mut().for_each(|group| group.form = LambdaForm::Pbd);
+        let limit = StrainLimit::new(
+            EdgeSet::of_mesh(mesh),
+            (1.0 - params.strain_limit).max(0.0),
+            1.0 + params.strain_limit,
+        );
+        Self {
+            anchors,
+            bending,
+            stretch,
+            ties,
+            limit: limit.expect("a limit that was checked"),
+            short: FixedOffsets::new(short_edges(edges, x), x),
+        }
+    }
+
+    /// The constraints that can move something: those whose vertices are all held are left out.
+    pub(crate) fn movable(&self, inverse_masses: &[Real]) -> Self {
+        Self {
+            anchors: self.anchors.movable(inverse_masses),
+            bending: self.bending.movable(inverse_masses),
+            stretch: self.stretch.iter().map(|group| group.movable(inverse_masses)).collect(),
+            ties: self.ties.movable(inverse_masses),
+            limit: self.limit.movable(inverse_masses),
+            short: self.short.clone(),
+        }
+    }
+
+    /// All groups in the order in which the solver visits them.
+    pub(crate) fn in_order(&mut self) -> Vec<&mut dyn Constraint> {
+        let mut groups: Vec<&mut dyn Constraint> = vec![&mut self.anchors, &mut self.bending];
+        groups.extend(self.stretch.iter_mut().map(|group| group as &mut dyn Constraint));
+        groups.extend([&mut self.ties as &mut dyn Constraint, &mut self.limit, &mut self.short]);
+        groups
+    }
+}
 
 /// The edges in groups of similar length, the shorter the stiffer: β ~ ℓ², so that what is spread
 /// evenly is strain, and not the change of length.
-pub(crate) fn stretch_groups(edges: &Edges, x: &[Point], softness: Real) -> Vec<Stretch> {
+fn stretch_groups(edges: &Edges, x: &[Point], compliance: Real) -> Vec<Stretch> {
     /// Bounds of the groups, relative to the mean length.
     const BOUNDS: [Real; 5] = [0.25, 0.5, 0.8, 1.2, 1.8];
     let length = |e: &[u32; 2]| (x[e[0] as usize] - x[e[1] as usize]).norm();
@@ -24,19 +102,20 @@ pub(crate) fn stretch_groups(edges: &Edges, x: &[Point], softness: Real) -> Vec<
             let set = EdgeSet::new(&ends, &rests, x.len())
                 .expect("two different vertices of a mesh, and a finite length");
             (!ends.is_empty()).then(|| {
-                Stretch::new(set, softness * typical * typical)
-                    .expect("a checked softness and a finite length")
+                Stretch::new(set, compliance * typical * typical)
+                    .expect("a checked compliance and a finite length")
             })
         })
         .collect()
 }
 
-/// Share of the mean length below which an edge counts as a point that was doubled. Ten times less
+/// Share of the mean length below which contacts cannot separate the ends of an edge: it is a
+/// doubled point, and only translates. Ten times less
 /// leaves a 0.1 mm edge of the test data strained by 150 %; ten times more stiffens fine details.
 const SHORT: Real = 0.03;
 
 /// The edges that are doubled points.
-pub(crate) fn short_edges(edges: &Edges, x: &[Point]) -> Vec<[u32; 2]> {
+fn short_edges(edges: &Edges, x: &[Point]) -> Vec<[u32; 2]> {
     let length = |e: &[u32; 2]| (x[e[0] as usize] - x[e[1] as usize]).norm();
     let mean = edges.vertices.iter().map(length).sum::<Real>() / edges.len().max(1) as Real;
     edges.vertices.iter().filter(|e| length(e) < SHORT * mean).copied().collect()
@@ -44,7 +123,7 @@ pub(crate) fn short_edges(edges: &Edges, x: &[Point]) -> Vec<[u32; 2]> {
 
 /// For each inner edge the two corners across it: kept at their distance, they keep the fold's
 /// angle.
-pub(crate) fn hinge_edges(mesh: &TriMesh, edges: &Edges) -> EdgeSet {
+fn hinge_edges(mesh: &TriMesh, edges: &Edges) -> EdgeSet {
     let x = mesh.vertices();
     let mut across = Vec::new();
     let mut rest = Vec::new();

@@ -1,13 +1,13 @@
-//! Where a garment must give way: samples on its triangles against the closed layers below.
+//! The search for contacts: samples on a garment's triangles against the closed layers below.
 //!
-//! Two kinds of samples are looked at. *Own samples* are fixed on the garment: its vertices, the
+//! There are two kinds of samples. *Own samples* are fixed on the garment: its vertices, the
 //! middles of long edges and of the triangles at them. *Foreign samples* follow the vertices of the
 //! layers below: each has a nearest point on the garment, and where a fine mesh pokes through a
 //! coarse triangle that point is the place to push.
 //!
-//! A sample that is further from a layer than the clearance and a reserve is not looked at again
-//! before it has moved that far: a distance has Lipschitz bound 1. Samples whose vertices are all
-//! held are not looked at at all.
+//! A sample that is further from a layer than the clearance and a reserve is skipped until it has
+//! moved that far: a distance has Lipschitz bound 1. Samples whose vertices are all held are
+//! skipped.
 
 use if_core::closest::ClosestPoint;
 use if_core::edges::Edges;
@@ -42,7 +42,7 @@ impl Sample {
 
 /// How a vertex is led out of a layer that it is inside of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Way {
+pub(crate) enum Exit {
     /// Step by step, the nearest way unless that leads through the wall of a fold.
     #[default]
     Steps,
@@ -52,16 +52,15 @@ pub(crate) enum Way {
     Outward,
 }
 
-/// What a sample knows of one layer below.
+/// The last query of a sample against one layer below.
 #[derive(Clone, Copy, Debug)]
-struct Memory {
-    /// Where the sample was when it last looked.
-    seen_from: Point,
-    /// How far it was from the layer then, at least, in metres: 0 where it may have been in
-    /// contact. (How far it can move before it must look again depends on its gap, which can
-    /// widen.)
+struct LastQuery {
+    /// Where the sample was.
+    position: Point,
+    /// Lower bound of its distance from the layer, in metres: 0 if it may have been in contact. How
+    /// far it can move before the next query depends on its gap, which can widen.
     clear: Real,
-    /// The triangle of the last answer, near which the next one is looked for.
+    /// The nearest triangle, with which the next search begins.
     triangle: Option<u32>,
 }
 
@@ -72,25 +71,25 @@ struct Plane {
     gap: Real,
 }
 
-/// Found in one chunk of samples: contacts, queries made, queries spared.
+/// Found in one chunk of samples: contacts, queries made, queries skipped.
 struct Found<T> {
     contacts: Vec<T>,
     queries: usize,
-    spared: usize,
+    skipped: usize,
 }
 
 /// Lengths that the search for contacts works with, in metres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ContactParams {
-    /// A violated contact asks for at most this much in one round.
+    /// Maximum correction of a violated contact in one round.
     pub(crate) step: Real,
     /// Contacts are kept for samples up to this far beyond their clearance.
     pub(crate) margin: Real,
-    /// How much further a query looks, to spare later ones.
+    /// How much further a query searches, to avoid later ones.
     pub(crate) reserve: Real,
     /// Edges longer than this get a sample in the middle, and their triangles too.
     pub(crate) long_edge: Real,
-    /// Whether queries are spared.
+    /// Whether queries that cannot find a contact are skipped.
     pub(crate) skip: bool,
 }
 
@@ -111,7 +110,7 @@ const SLIVER: Real = 0.05;
 /// nearest one leads through a wall.
 const SIDEWAYS: Real = 0.5;
 
-/// The search for contacts of one garment, with its memory.
+/// The search for contacts of one garment.
 pub(crate) struct Contacts<'a> {
     below: &'a [&'a ClosedLayer],
     outward: &'a Outward,
@@ -119,16 +118,16 @@ pub(crate) struct Contacts<'a> {
     samples: Vec<Sample>,
     /// Samples of single vertices, which come first.
     single: usize,
-    /// For each sample its memory of each layer.
-    memory: Vec<Memory>,
+    /// For each sample its last query of each layer.
+    last_queries: Vec<LastQuery>,
     /// For each layer and vertex of it, the garment's path length before which it cannot touch.
     foreign: Vec<Vec<Real>>,
     /// Sum over the rounds of the largest motion of any vertex, in metres.
     path: Real,
     /// Nearest-point queries made.
     pub(crate) queries: usize,
-    /// Queries spared by the Lipschitz bound or by held vertices.
-    pub(crate) spared: usize,
+    /// Queries skipped by the Lipschitz bound or because all vertices are held.
+    pub(crate) skipped: usize,
 }
 
 impl<'a> Contacts<'a> {
@@ -161,9 +160,9 @@ impl<'a> Contacts<'a> {
                 samples.push(Sample { vertices: *tri, weights: [1.0 / 3.0; 3] });
             }
         }
-        let blank = Memory { seen_from: Point::origin(), clear: 0.0, triangle: None };
+        let blank = LastQuery { position: Point::origin(), clear: 0.0, triangle: None };
         Self {
-            memory: vec![blank; samples.len() * below.len()],
+            last_queries: vec![blank; samples.len() * below.len()],
             foreign: below.iter().map(|l| vec![0.0; l.vertex_count()]).collect(),
             below,
             outward,
@@ -172,29 +171,32 @@ impl<'a> Contacts<'a> {
             single,
             path: 0.0,
             queries: 0,
-            spared: 0,
+            skipped: 0,
         }
     }
 
-    /// Makes the samples at `vertices` look again wherever they are: the side of a point can jump
-    /// where a layer is closed by voxels, which no Lipschitz bound foresees.
+    /// Makes the samples at `vertices` query again wherever they are: the side of a point can jump
+    /// where a layer is closed by voxels, and no Lipschitz bound holds there.
     pub(crate) fn forget(&mut self, vertices: &[u32]) {
         let layers = self.below.len();
         for v in vertices {
             // The samples of single vertices come first, in ascending order.
             if let Ok(k) = self.samples[..self.single].binary_search_by_key(v, |s| s.vertices[0]) {
-                self.memory[k * layers..(k + 1) * layers].iter_mut().for_each(|m| m.clear = 0.0);
+                self.last_queries[k * layers..(k + 1) * layers]
+                    .iter_mut()
+                    .for_each(|m| m.clear = 0.0);
             }
         }
     }
 
-    /// Tells how far a vertex moved at most since the last [`Contacts::detect`], in metres.
+    /// Records that no vertex moved further than `most` metres since the last
+    /// [`Contacts::detect`].
     pub(crate) fn moved(&mut self, most: Real) {
         self.path += most;
     }
 
     /// Fills `out` with the contacts of the garment at `x`. `tree` holds the garment at `x`; `gaps`
-    /// are the clearances of its vertices, in metres, and `stubborn` the ways they are led out;
+    /// are the clearances of its vertices, in metres, and `exits` how they are led out;
     /// vertices of inverse mass zero are held.
     pub(crate) fn detect(
         &mut self,
@@ -203,11 +205,11 @@ impl<'a> Contacts<'a> {
         tree: &Bvh,
         gaps: &[Real],
         inverse_masses: &[Real],
-        stubborn: &[Way],
+        exits: &[Exit],
         out: &mut HalfSpaces,
     ) {
         out.clear();
-        self.own_samples(x, gaps, inverse_masses, stubborn, out);
+        self.own_samples(x, gaps, inverse_masses, exits, out);
         self.foreign_samples(x, triangles, tree, gaps, inverse_masses, out);
     }
 
@@ -216,7 +218,7 @@ impl<'a> Contacts<'a> {
         x: &[Point],
         gaps: &[Real],
         inverse_masses: &[Real],
-        stubborn: &[Way],
+        exits: &[Exit],
         out: &mut HalfSpaces,
     ) {
         let (below, outward, params) = (self.below, self.outward, self.params);
@@ -224,28 +226,30 @@ impl<'a> Contacts<'a> {
         let found: Vec<Found<(u32, Plane)>> = self
             .samples
             .par_chunks(CHUNK)
-            .zip(self.memory.par_chunks_mut(CHUNK * layers))
+            .zip(self.last_queries.par_chunks_mut(CHUNK * layers))
             .enumerate()
-            .map(|(chunk, (samples, memory))| {
-                let mut found = Found { contacts: Vec::new(), queries: 0, spared: 0 };
+            .map(|(chunk, (samples, last_queries))| {
+                let mut found = Found { contacts: Vec::new(), queries: 0, skipped: 0 };
                 for (k, s) in samples.iter().enumerate() {
                     let held = s.is_held(inverse_masses);
                     if params.skip && held {
-                        found.spared += layers;
+                        found.skipped += layers;
                         continue;
                     }
-                    let (p, gap, way) = (s.at(x), s.gap(gaps), stubborn[s.vertices[0] as usize]);
-                    for (layer, m) in below.iter().zip(&mut memory[k * layers..(k + 1) * layers]) {
+                    let (p, gap, exit) = (s.at(x), s.gap(gaps), exits[s.vertices[0] as usize]);
+                    for (layer, m) in
+                        below.iter().zip(&mut last_queries[k * layers..(k + 1) * layers])
+                    {
                         if params.skip
-                            && (p - m.seen_from).norm() < m.clear - gap - params.margin
+                            && (p - m.position).norm() < m.clear - gap - params.margin
                             && layer.is_outside_by_voxels(&p)
                         {
-                            found.spared += 1;
+                            found.skipped += 1;
                             continue;
                         }
                         found.queries += 1;
                         if let Some(plane) =
-                            look(&p, gap, way, layer, outward, &params, m).filter(|_| !held)
+                            find_plane(&p, gap, exit, layer, outward, &params, m).filter(|_| !held)
                         {
                             found.contacts.push(((chunk * CHUNK + k) as u32, plane));
                         }
@@ -256,7 +260,7 @@ impl<'a> Contacts<'a> {
             .collect();
         for part in found {
             self.queries += part.queries;
-            self.spared += part.spared;
+            self.skipped += part.skipped;
             for (k, plane) in part.contacts {
                 let s = &self.samples[k as usize];
                 out.push(s.vertices, s.weights, plane.normal, &plane.point, plane.gap);
@@ -274,33 +278,33 @@ impl<'a> Contacts<'a> {
         out: &mut HalfSpaces,
     ) {
         let (path, params) = (self.path, self.params);
-        let reach = gaps.iter().copied().fold(0.0, Real::max) + params.margin;
+        let range = gaps.iter().copied().fold(0.0, Real::max) + params.margin;
         let region = tree.aabb();
         for (layer, next) in self.below.iter().zip(&mut self.foreign) {
             let found: Vec<Found<(Sample, Plane)>> = next
                 .par_chunks_mut(CHUNK)
                 .enumerate()
                 .map(|(chunk, next)| {
-                    let mut found = Found { contacts: Vec::new(), queries: 0, spared: 0 };
+                    let mut found = Found { contacts: Vec::new(), queries: 0, skipped: 0 };
                     for (k, next) in next.iter_mut().enumerate() {
-                        if params.skip && path + reach < *next {
-                            found.spared += 1;
+                        if params.skip && path + range < *next {
+                            found.skipped += 1;
                             continue;
                         }
                         let number = chunk * CHUNK + k;
                         let v = layer.vertex(number);
                         let away = region.distance_squared(&v).sqrt();
-                        if params.skip && away > reach {
+                        if params.skip && away > range {
                             *next = path + away;
-                            found.spared += 1;
+                            found.skipped += 1;
                             continue;
                         }
                         found.queries += 1;
-                        let Some(near) = tree.closest(&v, reach + params.reserve) else {
-                            *next = path + reach + params.reserve;
+                        let Some(near) = tree.closest(&v, range + params.reserve) else {
+                            *next = path + range + params.reserve;
                             continue;
                         };
-                        if near.distance > reach {
+                        if near.distance > range {
                             *next = path + near.distance;
                             continue;
                         }
@@ -337,7 +341,7 @@ impl<'a> Contacts<'a> {
                 .collect();
             for part in found {
                 self.queries += part.queries;
-                self.spared += part.spared;
+                self.skipped += part.skipped;
                 for (s, plane) in part.contacts {
                     out.push(s.vertices, s.weights, plane.normal, &plane.point, plane.gap);
                 }
@@ -347,34 +351,34 @@ impl<'a> Contacts<'a> {
 }
 
 /// The contact with one layer of a sample at `p` that is to be kept `gap` away.
-fn look(
+fn find_plane(
     p: &Point,
     gap: Real,
-    way: Way,
+    exit: Exit,
     layer: &ClosedLayer,
     outward: &Outward,
     params: &ContactParams,
-    m: &mut Memory,
+    m: &mut LastQuery,
 ) -> Option<Plane> {
-    let reach = gap + params.margin;
-    m.seen_from = *p;
+    let range = gap + params.margin;
+    m.position = *p;
     m.clear = 0.0;
     let hint = m.triangle.filter(|_| params.skip);
-    let Some(s) = layer.sided_from(p, reach + params.reserve, hint) else {
-        m.clear = reach + params.reserve;
+    let Some(s) = layer.sided_from(p, range + params.reserve, hint) else {
+        m.clear = range + params.reserve;
         return None;
     };
     m.triangle = Some(s.triangle);
-    if s.distance > reach {
+    if s.distance > range {
         m.clear = s.distance;
         return None;
     }
     let nearest = |gap| Some(Plane { normal: s.normal, point: s.point, gap });
-    if s.distance >= gap || way == Way::Nearest {
+    if s.distance >= gap || exit == Exit::Nearest {
         return nearest(gap.min(s.distance + LEAP * params.step));
     }
     match outward.direction(p) {
-        Some(out) if way == Way::Outward => {
+        Some(out) if exit == Exit::Outward => {
             Some(Plane { normal: out, point: *p, gap: (gap - s.distance).min(LEAP * params.step) })
         }
         // The nearest way out leads sideways, through the wall of a fold or of an armpit.

@@ -1,136 +1,134 @@
 //! The body with the garments put on so far, inner to outer: each settled, verified and frozen.
 
+use crate::findings::{Findings, LayerFindings};
 use crate::outfit::Outfit;
 use crate::progress::{DONE, GarmentProgress, VERIFY};
-use crate::report::{LayerReport, PairReport, ResolveReport, Skipped, Verification};
-use crate::resolve::ResolveParams;
-use crate::settle::{SettleError, Settled, settle};
-use crate::upper_layers::{Above, Ceilings};
-use crate::verify::against;
-use if_mesh::index::Bvh;
-use if_mesh::intersections::own_pairs;
-use if_mesh::measure::{displacement, strain};
+use crate::settle::{Settings, Settled, settle};
+use crate::upper_layers::{TightGarments, UpperLayers};
+use crate::verify::verify_garment;
+use crate::workpiece::SettleError;
+use if_core::math::Real;
+use if_core::mesh::TriMesh;
+use if_mesh::measure::{Displacement, Strain, displacement, strain};
 use if_mesh::solid::ClosedLayer;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The layers put on so far.
+/// A garment that was put on.
+pub(crate) struct Dressed {
+    /// Where it settled.
+    pub(crate) mesh: TriMesh,
+    /// What was found of it there.
+    pub(crate) findings: Findings,
+    pub(crate) settled: Settled,
+    pub(crate) moved: Displacement,
+    pub(crate) strain: Strain,
+    /// Layers below whose boxes it does not meet.
+    pub(crate) layers_apart: usize,
+    pub(crate) verify_seconds: Real,
+    pub(crate) seconds: Real,
+}
+
+impl Dressed {
+    /// Whether all vertices are where they are in the input.
+    fn is_unmoved(&self) -> bool {
+        self.moved.vertices == 0
+    }
+}
+
+/// The garments put on so far.
 pub(crate) struct Dressing<'a> {
     outfit: &'a Outfit,
-    /// The outfit with the garments put on where they settled, and the others as they came.
-    pub(crate) result: Outfit,
-    /// What was found and done.
-    pub(crate) report: ResolveReport,
-    /// The layers put on, the body first.
-    below: Vec<(String, Arc<ClosedLayer>)>,
+    /// What was found in the outfit, for each garment.
+    given: &'a [Findings],
+    settings: Settings<'a>,
+    /// The closed layers put on, the body first.
+    below: Vec<Arc<ClosedLayer>>,
+    pub(crate) dressed: Vec<Dressed>,
 }
 
 impl<'a> Dressing<'a> {
-    /// The naked body of `outfit`, which was found as `before` says.
-    pub(crate) fn new(outfit: &'a Outfit, before: Verification, body: &Arc<ClosedLayer>) -> Self {
-        Self {
-            outfit,
-            result: outfit.clone(),
-            report: ResolveReport { before, ..Default::default() },
-            below: vec![(outfit.body.name.clone(), Arc::clone(body))],
-        }
+    /// The bare body of `outfit`, in which `given` was found.
+    pub(crate) fn new(
+        outfit: &'a Outfit,
+        given: &'a [Findings],
+        body: &Arc<ClosedLayer>,
+        settings: Settings<'a>,
+    ) -> Self {
+        let below = vec![Arc::clone(body)];
+        Self { outfit, given, settings, below, dressed: Vec::new() }
     }
 
     /// Takes off the garments from `index` on.
     pub(crate) fn take_off(&mut self, index: usize) {
         self.below.truncate(index + 1);
-        self.report.layers.truncate(index);
-        self.report.after.own_pairs.truncate(index);
-        let on: Vec<&str> = self.below.iter().skip(1).map(|(name, _)| name.as_str()).collect();
-        self.report.after.pairs.retain(|p| on.contains(&p.outer.as_str()));
-        for k in index..self.outfit.garments.len() {
-            self.result.garments[k].mesh = self.outfit.garments[k].mesh.clone();
-        }
+        self.dressed.truncate(index);
     }
 
-    /// Puts on the garment `index`, which `as_it_came` holds closed; those before it are on.
+    /// Puts on the garment `index`; those before it are on. `given` is its closed layer as in the
+    /// input, if it was computed.
     ///
     /// # Errors
     ///
-    /// [`SettleError::Cancelled`] if the monitor cancels; [`SettleError::Stuck`] if the garment makes
-    /// no progress over others that it met, and `may_halt`; [`SettleError::Step`] if a step of the
-    /// solver fails.
+    /// [`SettleError::Cancelled`] if the monitor cancels; [`SettleError::Stuck`] if the garment
+    /// makes no progress over others that it met, and `tucking_helps`; [`SettleError::Step`] if a
+    /// step of the solver fails.
     pub(crate) fn put_on(
         &mut self,
         index: usize,
-        as_it_came: Option<&Arc<ClosedLayer>>,
-        above: &Above,
-        may_halt: bool,
-        params: &ResolveParams,
+        given: Option<&Arc<ClosedLayer>>,
+        tight: &TightGarments,
+        tucking_helps: bool,
         progress: &mut GarmentProgress<'_>,
     ) -> Result<(), SettleError> {
-        let (outfit, report, below) = (self.outfit, &mut self.report, &mut self.below);
-        let garment = &outfit.garments[index];
-        let begun = Instant::now();
+        let garment = &self.outfit.garments[index];
+        let start = Instant::now();
         progress.report(VERIFY, 0, None)?;
-        let reach = garment.mesh.aabb().inflated(params.clearance + params.margin);
-        let apart = below.iter().filter(|(_, c)| !c.bvh().aabb().overlaps(&reach)).count();
-        let near: Vec<&ClosedLayer> = below.iter().map(|(_, c)| c.as_ref()).collect();
-        let found: Vec<PairReport> =
-            report.before.pairs.iter().filter(|p| p.outer == garment.name).cloned().collect();
-        let ceilings = above.of(index);
-        // Where all layers so far lie as they came, what was found before holds.
-        let as_they_came = report.layers.iter().all(|l| l.moved.vertices == 0);
+        let params = self.settings.params;
+        let range = params.goal.clearance + params.effort.contact_margin;
+        let region = garment.mesh.aabb().inflated(range);
+        let layers_apart = self.below.iter().filter(|l| !l.bvh().aabb().overlaps(&region)).count();
+        let below: Vec<&ClosedLayer> = self.below.iter().map(Arc::as_ref).collect();
+        let above = tight.over(index);
+        // If no layer below has moved, what was found in the input still holds.
+        let found = &self.given[index];
         let needs_nothing =
-            as_they_came && ceilings.is_empty() && found.iter().all(PairReport::is_clean);
+            self.dressed.iter().all(Dressed::is_unmoved) && above.is_empty() && found.is_clean();
         let settled = if needs_nothing {
-            Settled::as_it_is(garment)
+            Settled::unchanged(garment)
         } else {
-            let above = Ceilings { layers: &ceilings, reach: above.reach() };
-            let could_tuck = found.iter().any(|p| p.inner != outfit.body.name && !p.is_clean());
-            let may_yield = !(may_halt && could_tuck);
-            settle(garment, &near, above, may_yield, params, progress)?
+            let above = UpperLayers { layers: &above, tuck_distance: tight.tuck_distance() };
+            let meets_garments = found.below[1..].iter().any(|l: &LayerFindings| !l.is_clean());
+            let may_yield = !(tucking_helps && meets_garments);
+            settle(garment, &below, above, may_yield, self.settings, progress)?
         };
-        let mesh =
-            garment.mesh.with_vertices(settled.positions).expect("settled positions are finite");
-        let own = if needs_nothing {
-            report.after.pairs.extend(found);
-            report.before.own_pairs[index]
-        } else {
-            let verifying = Instant::now();
-            let tree = Bvh::new(&mesh);
-            let names: Vec<(&str, &ClosedLayer)> =
-                below.iter().map(|(n, c)| (n.as_str(), c.as_ref())).collect();
-            report.after.pairs.extend(against(garment, &mesh, &tree, &names));
-            let own = own_pairs(&mesh, &tree).len();
-            report.after.seconds += verifying.elapsed().as_secs_f64();
-            own
-        };
-        report.after.own_pairs.push(own);
-        let moved = displacement(garment.mesh.vertices(), mesh.vertices());
-        report.layers.push(LayerReport {
-            name: garment.name.clone(),
-            moved,
+        let mesh = garment.mesh.with_vertices(settled.positions.clone());
+        let mesh = mesh.expect("settled positions are finite");
+        let verifying = Instant::now();
+        let findings = if needs_nothing { found.clone() } else { verify_garment(&mesh, &below) };
+        let verify_seconds = if needs_nothing { 0.0 } else { verifying.elapsed().as_secs_f64() };
+        let rounds = settled.rounds;
+        let dressed = Dressed {
+            moved: displacement(garment.mesh.vertices(), mesh.vertices()),
             strain: strain(&garment.mesh, mesh.vertices()),
-            own_pairs: [report.before.own_pairs[index], own],
-            rounds: settled.rounds,
-            repairs: settled.repairs,
-            sweeps: settled.sweeps,
-            queries: settled.queries,
-            tucked: settled.tucked,
-            eased: settled.eased,
-            split: 0,
-            skipped: Skipped {
-                layers: apart,
-                vertices: settled.held,
-                queries: settled.spared,
-                sweeps: params.rounds.saturating_sub(settled.rounds) * params.sweeps,
-            },
-            seconds: begun.elapsed().as_secs_f64(),
-        });
-        if index + 1 < outfit.garments.len() {
-            let layer = match as_it_came {
-                Some(layer) if moved.vertices == 0 => Arc::clone(layer),
-                _ => Arc::new(ClosedLayer::garment(&mesh, &below[0].1, &outfit.body.mesh)),
+            mesh,
+            findings,
+            settled,
+            layers_apart,
+            verify_seconds,
+            seconds: start.elapsed().as_secs_f64(),
+        };
+        if index + 1 < self.outfit.garments.len() {
+            let closed = match given {
+                Some(layer) if dressed.is_unmoved() => Arc::clone(layer),
+                _ => {
+                    let body = &self.outfit.body.mesh;
+                    Arc::new(ClosedLayer::garment(&dressed.mesh, &self.below[0], body))
+                }
             };
-            below.push((garment.name.clone(), layer));
+            self.below.push(closed);
         }
-        self.result.garments[index].mesh = mesh;
-        Ok(progress.report(DONE, settled.rounds, None)?)
+        self.dressed.push(dressed);
+        Ok(progress.report(DONE, rounds, None)?)
     }
 }

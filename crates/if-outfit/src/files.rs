@@ -46,7 +46,7 @@ use crate::report::Verification;
 use crate::resolve::{ResolveError, ResolveParams, Resolved, resolve};
 use crate::storage::Storage;
 use crate::unresolved::Unresolved;
-use crate::verify::verify;
+use crate::verify::{compare_own_pairs, verify};
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
 use if_mesh::file::MeshFile;
@@ -194,12 +194,13 @@ impl OutfitFiles {
         if splits.iter().any(Option::is_some) || stored != outfit {
             report.after =
                 verify(&stored).map_err(ResolveError::from).map_err(FilesError::Resolve)?;
-            for (layer, own) in report.layers.iter_mut().zip(&report.after.own_pairs) {
-                layer.own_pairs[1] = *own;
+            let garments = fine.outfit.garments.iter().zip(&stored.garments);
+            for (layer, (given, stored)) in report.layers.iter_mut().zip(garments) {
+                (layer.own_pairs, _) = compare_own_pairs(&given.mesh, &stored.mesh);
             }
         }
         let resolved = Resolved { outfit: stored, report, splits };
-        let unresolved = Unresolved::of(&self.outfit, &resolved);
+        let unresolved = Unresolved::of(&fine.outfit, &resolved);
         let Resolved { outfit, report, .. } = resolved;
         let resolved = ResolvedFiles::new(outfit, report, fine.files, fine.paths, positions);
         match unresolved {

@@ -25,28 +25,39 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod attempt;
 mod build;
 mod cloth;
 mod constraints;
+mod contact_groups;
 mod contacts;
 pub mod content;
 mod dressing;
+mod facing_sheets;
 pub mod files;
+mod findings;
 mod geodesic;
-mod inspector;
+mod incremental_verification;
 pub mod outfit;
+mod params;
 mod progress;
+mod repair;
 pub mod report;
 pub mod resolve;
-mod self_contact;
 mod separating_plane;
 mod settle;
 mod splitting;
 pub mod storage;
 pub mod unresolved;
-mod untangle;
 mod upper_layers;
 pub mod verify;
 mod welded;
+mod workpiece;
 
 pub use build::BUILD;
+pub use outfit::{Layer, Outfit, OutfitError};
+pub use params::{ClothParams, EffortParams, GoalParams, ResolveParams, Split, Tuck};
+pub use report::{ResolveReport, Verification};
+pub use resolve::{ResolveError, Resolved, resolve};
+pub use storage::Storage;
+pub use verify::verify;

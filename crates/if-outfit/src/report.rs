@@ -1,5 +1,10 @@
 //! What was found, what was done and what it cost. Lengths are in metres, strains are fractions.
+//!
+//! Reports are computed from results. No algorithm reads them.
 
+use crate::findings::{Findings, LayerFindings};
+use crate::outfit::{Layer, Outfit};
+use if_core::intersect::Contact;
 use if_core::math::Real;
 use if_mesh::measure::{Displacement, Strain};
 use serde::{Deserialize, Serialize};
@@ -41,6 +46,22 @@ pub struct PairReport {
 }
 
 impl PairReport {
+    fn new(inner: &Layer, outer: &Layer, found: &LayerFindings) -> Self {
+        let count = |contact| found.pairs.iter().filter(|p| p.contact == contact).count();
+        Self {
+            inner: inner.name.clone(),
+            outer: outer.name.clone(),
+            pairs: PairCount {
+                crossing: count(Contact::Crossing),
+                touching: count(Contact::Touching),
+                coplanar: count(Contact::Coplanar),
+            },
+            vertices_inside: found.inside,
+            vertices: outer.mesh.vertices().len(),
+            deepest: found.deepest,
+        }
+    }
+
     /// No intersecting pair and no vertex on a wrong side.
     pub fn is_clean(&self) -> bool {
         self.pairs.total() == 0 && self.vertices_inside == 0
@@ -60,6 +81,22 @@ pub struct Verification {
 }
 
 impl Verification {
+    /// The report of what was found in `outfit`.
+    pub(crate) fn new<'a>(
+        outfit: &Outfit,
+        findings: impl IntoIterator<Item = &'a Findings>,
+        seconds: Real,
+    ) -> Self {
+        let mut verification = Self { seconds, ..Self::default() };
+        for (outer, found) in outfit.garments.iter().zip(findings) {
+            let below = outfit.layers().zip(&found.below);
+            let reports = below.map(|(inner, found)| PairReport::new(inner, outer, found));
+            verification.pairs.extend(reports);
+            verification.own_pairs.push(found.own.len());
+        }
+        verification
+    }
+
     /// Intersecting triangle pairs between all layers and the body.
     pub fn total_pairs(&self) -> usize {
         self.pairs.iter().map(|p| p.pairs.total()).sum()
@@ -90,6 +127,51 @@ pub struct Skipped {
     pub sweeps: usize,
 }
 
+/// Intersecting triangle pairs of a garment with itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default)]
+#[non_exhaustive]
+pub struct OwnPairs {
+    /// Of the input.
+    pub before: usize,
+    /// Of the result.
+    pub after: usize,
+    /// Pairs of the result that are not among those of the input. A pair that takes the place of
+    /// another is new.
+    pub new: usize,
+}
+
+impl OwnPairs {
+    /// The numbers of pairs.
+    pub fn new(before: usize, after: usize, new: usize) -> Self {
+        Self { before, after, new }
+    }
+}
+
+/// How often each repair strategy changed something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default)]
+#[serde(default)]
+#[non_exhaustive]
+pub struct RepairCounts {
+    /// Single vertices that were moved straight out of the layers below.
+    pub escaped_vertices: usize,
+    /// Vertices that were no longer pressed in below the layers above.
+    pub released_vertices: usize,
+    /// Rounds of contacts alone, in which the cloth yielded.
+    pub yielding_rounds: usize,
+    /// Times that the gap of the vertices of a triangle grew.
+    pub grown_gaps: usize,
+    /// Triangle pairs that were separated by planes.
+    pub separating_planes: usize,
+    /// Times that a vertex was led out another way than the nearest.
+    pub exit_directions: usize,
+    /// Pairs of the garment's own triangles that were held apart.
+    pub separated_own_pairs: usize,
+    /// Times that the displacements of a neighbourhood were smoothed and lifted.
+    pub smoothings: usize,
+    /// Rounds of easing.
+    pub easing_rounds: usize,
+}
+
 /// What was done to one garment.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default)]
 #[non_exhaustive]
@@ -100,26 +182,28 @@ pub struct LayerReport {
     pub moved: Displacement,
     /// Edge strain against the input.
     pub strain: Strain,
-    /// Its own intersecting triangle pairs before and after.
-    pub own_pairs: [usize; 2],
+    /// Its own intersecting triangle pairs.
+    pub own_pairs: OwnPairs,
     /// All rounds: of settling, of repair and of easing.
     pub rounds: usize,
     /// Those of them that repaired what exact verification found, in which the cloth yielded, or
     /// that eased drawn edges.
     pub repairs: usize,
+    /// What each repair strategy did.
+    pub strategies: RepairCounts,
     /// Sweeps of the solver over all constraints that can move something.
     pub sweeps: usize,
     /// Nearest-point queries made.
     pub queries: usize,
     /// Vertices that stuck out of a layer above, before and after the garment was pressed in below
-    /// it ([`crate::resolve::Tuck`]); zeros where it was not.
+    /// it ([`crate::Tuck`]); zeros if it was not.
     #[serde(default)]
     pub tucked: [usize; 2],
-    /// Largest edge strain before and after drawn edges of the clean garment were eased
-    /// ([`crate::resolve::ResolveParams::drawn_strain`]); zeros where none were.
+    /// Largest edge strain before and after strained edges of the clean garment were eased
+    /// ([`crate::EffortParams::ease_strain`]); zeros if none were.
     #[serde(default)]
     pub eased: [Real; 2],
-    /// Triangles of the input that were split ([`crate::resolve::Split`]).
+    /// Triangles of the input that were split ([`crate::Split`]).
     #[serde(default)]
     pub split: usize,
     /// What was skipped.
@@ -132,9 +216,9 @@ pub struct LayerReport {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default)]
 #[non_exhaustive]
 pub struct ResolveReport {
-    /// The outfit as it came.
+    /// The input.
     pub before: Verification,
-    /// The outfit as it is returned.
+    /// The result.
     pub after: Verification,
     /// One entry a garment, inner to outer.
     pub layers: Vec<LayerReport>,
@@ -143,12 +227,13 @@ pub struct ResolveReport {
 }
 
 impl ResolveReport {
-    /// How many more own intersections the garments have than they came with.
+    /// Intersecting pairs of garments with themselves that the input did not have.
     pub fn new_own_pairs(&self) -> usize {
-        self.layers.iter().map(|l| l.own_pairs[1].saturating_sub(l.own_pairs[0])).sum()
+        self.layers.iter().map(|l| l.own_pairs.new).sum()
     }
 
-    /// Whether what is returned is clean, and no garment intersects itself more than it did.
+    /// Whether the result is clean, and no garment has an intersection with itself that the input
+    /// did not have.
     pub fn is_proven(&self) -> bool {
         self.after.is_clean() && self.new_own_pairs() == 0
     }

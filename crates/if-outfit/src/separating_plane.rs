@@ -1,16 +1,16 @@
-//! Parting one triangle from another that it intersects, in a given direction.
+//! Planes that separate one triangle from another.
 
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 
 /// Cosine between an axis and the wanted direction below which the axis is not considered: 72°.
 const TOWARDS: Real = 0.3;
 
-/// The plane that parts triangle `t` from triangle `o` with the least motion of `t` towards unit
+/// The plane that separates triangle `t` from triangle `o` with the least motion of `t` towards unit
 /// vector `out`: its unit normal n, and the level that n·x must reach at all corners of `t`.
 ///
 /// The candidates are the separating axes of the two that lie within 72° of `out`, and `out`
 /// itself.
-pub(crate) fn parting_plane(t: &[Point; 3], o: &[Point; 3], out: &Vector) -> (Vector, Real) {
+pub(crate) fn least_motion_plane(t: &[Point; 3], o: &[Point; 3], out: &Vector) -> (Vector, Real) {
     let level = |n: &Vector| o.iter().map(|p| n.dot(&p.coords)).fold(Real::NEG_INFINITY, Real::max);
     let depth =
         |n: &Vector| level(n) - t.iter().map(|p| n.dot(&p.coords)).fold(Real::INFINITY, Real::min);
@@ -34,9 +34,9 @@ pub(crate) fn parting_plane(t: &[Point; 3], o: &[Point; 3], out: &Vector) -> (Ve
     (best.0, level(&best.0))
 }
 
-/// The plane that parts triangle `t` from triangle `o` with the widest gap between them: its unit
-/// normal n, towards `t`, the level that n·x does not exceed on `o`, and the gap. `None` where they
-/// meet.
+/// The plane that separates triangle `t` from triangle `o` with the widest gap between them: its unit
+/// normal n, towards `t`, the level that n·x does not exceed on `o`, and the gap. `None` if they
+/// intersect.
 pub(crate) fn widest_gap(t: &[Point; 3], o: &[Point; 3]) -> Option<(Vector, Real, Real)> {
     let normals = [area_vector(&t[0], &t[1], &t[2]), area_vector(&o[0], &o[1], &o[2])];
     let across =
@@ -73,7 +73,7 @@ mod tests {
                 continue;
             }
             met += 1;
-            let (n, level) = parting_plane(&t, &o, &Vector::z());
+            let (n, level) = least_motion_plane(&t, &o, &Vector::z());
             assert!(n.z > 0.29);
             let low = t.iter().map(|p| n.dot(&p.coords)).fold(Real::INFINITY, Real::min);
             let moved = t.map(|p| p + n * (level - low + 1e-9));
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn the_widest_gap_parts_all_triangles_that_do_not_meet_and_no_others() {
+    fn the_widest_gap_separates_all_disjoint_triangles_and_no_others() {
         let mut state = 9u64;
         let mut next = || {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

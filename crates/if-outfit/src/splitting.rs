@@ -1,15 +1,15 @@
-//! The last resort: triangles too large for where they have to go are split.
+//! Splitting, the last resort: triangles too large for where they have to go become smaller ones.
 
+use crate::dressing::Dressed;
+use crate::findings::Findings;
 use crate::outfit::{Layer, Outfit};
-use crate::resolve::{ResolveParams, Resolved, Split};
+use crate::params::{ResolveParams, Split};
 use if_core::edges::Edges;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
-use if_mesh::index::Bvh;
-use if_mesh::intersections::{own_pairs, pairs};
 use if_mesh::split::{self, split};
 
-/// A triangle is split at most so often.
+/// Maximum number of times that a triangle is split.
 pub(crate) const ROUNDS: usize = 3;
 /// Edge strain beyond which a triangle counts as too large, where its edges are long.
 const STRAINED: Real = 0.5;
@@ -17,24 +17,23 @@ const STRAINED: Real = 0.5;
 /// it. Where cloth is that fine, smaller triangles are no help.
 const LONG: Real = 2.0;
 
-/// The outfit with the triangles split that gave trouble in `resolved`, and for each garment how,
-/// or nothing where there are none.
+/// The outfit with the triangles split that intersect in `dressed`, and for each garment how.
+/// `given` is what was found in the outfit. `None` if no triangle is to be split.
 pub(crate) fn finer(
     outfit: &Outfit,
-    resolved: &Resolved,
+    given: &[Findings],
+    dressed: &[Dressed],
     params: &ResolveParams,
 ) -> Option<(Outfit, Vec<Option<split::Split>>)> {
     let mut fine = outfit.clone();
     let mut splits = Vec::new();
     for (k, garment) in outfit.garments.iter().enumerate() {
-        let after = &resolved.outfit.garments[k].mesh;
         let edges = Edges::new(&garment.mesh);
-        let mut bad = in_the_way(resolved, k);
-        let left = bad.iter().any(|b| *b);
-        if left || params.split == Split::IfStrained {
-            mark_strained(&garment.mesh, after, &edges, &mut bad);
+        let mut bad = intersecting(&dressed[k], &given[k]);
+        if bad.iter().any(|b| *b) || params.goal.split == Split::IfStrained {
+            mark_strained(&garment.mesh, &dressed[k].mesh, &edges, &mut bad);
         }
-        let long = LONG * params.long_edge;
+        let long = LONG * params.effort.long_edge;
         let is_long = |e: u32| length(&garment.mesh, &edges, e) > long;
         let marked = with_neighbours(&garment.mesh, &bad);
         let marked: Vec<bool> = (0..bad.len())
@@ -55,25 +54,12 @@ fn length(mesh: &TriMesh, edges: &Edges, e: u32) -> Real {
     (a - b).norm()
 }
 
-/// For each triangle of garment `k` whether it still meets one below, or newly one of its own.
-fn in_the_way(resolved: &Resolved, k: usize) -> Vec<bool> {
-    let (outfit, report) = (&resolved.outfit, &resolved.report);
-    let garment = &outfit.garments[k];
-    let mut bad = vec![false; garment.mesh.triangles().len()];
-    let tree = Bvh::new(&garment.mesh);
-    for below in outfit.layers().take(k + 1) {
-        let meets = |p: &&crate::report::PairReport| {
-            p.outer == garment.name && p.inner == below.name && !p.is_clean()
-        };
-        if report.after.pairs.iter().find(meets).is_some() {
-            pairs(&Bvh::new(&below.mesh), &tree).iter().for_each(|p| bad[p.b as usize] = true);
-        }
-    }
-    if report.layers[k].own_pairs[1] > report.layers[k].own_pairs[0] {
-        own_pairs(&garment.mesh, &tree)
-            .iter()
-            .for_each(|p| [p.a, p.b].iter().for_each(|t| bad[*t as usize] = true));
-    }
+/// For each triangle whether it still intersects a layer below, or newly one of its own garment.
+fn intersecting(dressed: &Dressed, given: &Findings) -> Vec<bool> {
+    let mut bad = vec![false; dressed.mesh.triangles().len()];
+    let below = dressed.findings.below.iter().flat_map(|layer| &layer.pairs).map(|p| p.b);
+    let own = dressed.findings.new_own(given).into_iter().flatten();
+    below.chain(own).for_each(|t| bad[t as usize] = true);
     bad
 }
 

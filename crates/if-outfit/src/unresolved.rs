@@ -3,9 +3,9 @@
 use crate::outfit::Outfit;
 use crate::report::{PairReport, ResolveReport};
 use crate::resolve::Resolved;
+use crate::verify::compare_own_pairs;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::{own_pairs, pairs};
-use std::collections::BTreeSet;
+use if_mesh::intersections::pairs;
 use std::fmt;
 
 /// Intersections that could not be removed: those between layers, with the two layers where most
@@ -15,7 +15,7 @@ use std::fmt;
 pub struct Unresolved {
     /// What remains between layers; `None` if nothing does.
     pub between: Option<Between>,
-    /// Garments that intersect themselves more than before, and in how many more pairs.
+    /// Garments with intersections with themselves that the input does not have, and how many.
     pub own: Vec<(String, usize)>,
     /// Some of the triangle pairs: (triangle of the inner layer, of the outer layer) of the worst
     /// two layers; or new pairs of the garment that newly intersects itself most, if nothing
@@ -41,7 +41,7 @@ pub struct Between {
 const NAMED: usize = 16;
 
 impl Unresolved {
-    /// Finds what remains in `resolved`, which was resolved from `given`; `None` if it is proven
+    /// Finds what remains in `resolved`. `given` is the input with its triangles split as there; `None` if it is proven
     /// ([`ResolveReport::is_proven`]).
     pub(crate) fn of(given: &Outfit, resolved: &Resolved) -> Option<Self> {
         let mut found = Self::in_report(&resolved.report)?;
@@ -67,11 +67,8 @@ impl Unresolved {
             outer: worst.outer.clone(),
             inner: worst.inner.clone(),
         });
-        let more = report
-            .layers
-            .iter()
-            .map(|l| (l.name.clone(), l.own_pairs[1].saturating_sub(l.own_pairs[0])));
-        let own = more.filter(|(_, n)| *n > 0).collect();
+        let new = report.layers.iter().map(|l| (l.name.clone(), l.own_pairs.new));
+        let own = new.filter(|(_, n)| *n > 0).collect();
         Some(Self { between, own, triangles: Vec::new() })
     }
 }
@@ -91,17 +88,10 @@ impl Between {
 
 /// Some of the triangle pairs in which the garment `name` newly intersects itself.
 fn new_own_triangles(name: &str, given: &Outfit, resolved: &Resolved) -> Vec<[u32; 2]> {
-    let own = |outfit: &Outfit| -> Vec<[u32; 2]> {
-        let garment = outfit.garments.iter().find(|garment| garment.name == name);
-        let pairs = garment.map(|g| own_pairs(&g.mesh, &Bvh::new(&g.mesh))).unwrap_or_default();
-        pairs.iter().map(|p| [p.a, p.b]).collect()
-    };
-    // Triangles that were split have other numbers than those that came.
-    let index = given.garments.iter().position(|garment| garment.name == name);
-    let is_split = index.is_some_and(|k| resolved.splits[k].is_some());
-    let before: BTreeSet<[u32; 2]> =
-        if is_split { BTreeSet::new() } else { own(given).into_iter().collect() };
-    own(&resolved.outfit).into_iter().filter(|p| !before.contains(p)).take(NAMED).collect()
+    let garments = given.garments.iter().zip(&resolved.outfit.garments);
+    let found = garments.filter(|(given, _)| given.name == name);
+    let new = found.flat_map(|(given, now)| compare_own_pairs(&given.mesh, &now.mesh).1);
+    new.take(NAMED).collect()
 }
 
 impl fmt::Display for Unresolved {
@@ -126,12 +116,13 @@ impl fmt::Display for Unresolved {
 mod tests {
     use super::*;
     use crate::outfit::Layer;
-    use crate::report::{LayerReport, PairCount};
+    use crate::report::{LayerReport, OwnPairs, PairCount};
     use if_core::math::{Point, Real};
     use if_core::mesh::TriMesh;
     use if_core::shapes::meshes::icosphere;
 
-    fn layer(name: &str, own_pairs: [usize; 2]) -> LayerReport {
+    fn layer(name: &str, [before, after, new]: [usize; 3]) -> LayerReport {
+        let own_pairs = OwnPairs::new(before, after, new);
         LayerReport { name: name.into(), own_pairs, ..LayerReport::default() }
     }
 
@@ -165,8 +156,9 @@ mod tests {
     #[test]
     fn new_own_intersections_are_unresolved_and_old_ones_are_not() {
         let found = |layers| Unresolved::in_report(&ResolveReport { layers, ..Default::default() });
-        assert!(found(vec![layer("a", [7, 7]), layer("b", [9, 2])]).is_none());
-        let text = found(vec![layer("a", [7, 7]), layer("coat", [1, 3])]).unwrap().to_string();
+        assert!(found(vec![layer("a", [7, 7, 0]), layer("b", [9, 2, 0])]).is_none());
+        let text =
+            found(vec![layer("a", [7, 7, 0]), layer("coat", [2, 2, 2])]).unwrap().to_string();
         assert_eq!(text, "2 new intersections of `coat` with itself remain");
     }
 
@@ -188,7 +180,7 @@ mod tests {
             garments: vec![Layer::new("vest", icosphere(1.1, 1)), Layer::new("shirt", shirt)],
         };
         let report = ResolveReport {
-            layers: vec![layer("vest", [0, 0]), layer("shirt", [1, 2])],
+            layers: vec![layer("vest", [0, 0, 0]), layer("shirt", [1, 2, 1])],
             ..ResolveReport::default()
         };
         let resolved = Resolved { outfit: outfit(with(0.3)), splits: vec![None, None], report };

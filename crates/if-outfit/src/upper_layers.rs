@@ -1,14 +1,13 @@
-//! Layers above, as ceilings of the one that settles: a loose garment gives way to a tight one worn
-//! over it.
+//! Tucking: a loose garment is pressed in below a tight one worn over it.
 //!
-//! Without ceilings only the outer of two layers moves, as in the paper. Where the inner one is the
-//! larger of the two, the outer one is then torn wide. With ceilings
-//! ([`Tuck`](crate::resolve::Tuck)) the inner one is first pressed in below it, as far as the body
-//! and the layers below leave room: contacts with those come later in every sweep, and win.
+//! Otherwise only the outer of two layers moves, as in the paper. If the inner one is the larger of
+//! the two, the outer one is then stretched wide. With tucking ([`Tuck`](crate::params::Tuck)) the
+//! inner one is first pressed in below it, as far as the body and the layers below leave room:
+//! contacts with those come later in every sweep, and win.
 
+use crate::findings::Findings;
 use crate::outfit::Outfit;
-use crate::report::Verification;
-use crate::resolve::ResolveParams;
+use crate::params::GoalParams;
 use if_core::math::{Point, Real, Vector};
 use if_mesh::solid::ClosedLayer;
 use if_xpbd::half_space::HalfSpaces;
@@ -16,9 +15,9 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// A layer above, as it came.
+/// A layer above, as in the input.
 #[derive(Clone, Copy)]
-pub(crate) struct Ceiling<'a> {
+pub(crate) struct UpperLayer<'a> {
     /// The layer, closed over the body.
     pub(crate) layer: &'a ClosedLayer,
     /// How far below it vertices are pressed, in metres.
@@ -27,14 +26,14 @@ pub(crate) struct Ceiling<'a> {
 
 /// The layers above a garment that it is pressed in below.
 #[derive(Clone, Copy, Default)]
-pub(crate) struct Ceilings<'a> {
+pub(crate) struct UpperLayers<'a> {
     /// The layers.
-    pub(crate) layers: &'a [Ceiling<'a>],
+    pub(crate) layers: &'a [UpperLayer<'a>],
     /// Vertices that stick out of a layer by up to this much, in metres, are pressed in.
-    pub(crate) reach: Real,
+    pub(crate) tuck_distance: Real,
 }
 
-impl Ceilings<'_> {
+impl UpperLayers<'_> {
     /// The planes that `p` must stay behind: the inward normal and a point, one for each layer it
     /// sticks out of or lies closely below.
     ///
@@ -44,20 +43,22 @@ impl Ceilings<'_> {
         self.layers.iter().filter_map(move |c| {
             let s = c
                 .layer
-                .sided(p, self.reach)
+                .sided(p, self.tuck_distance)
                 .filter(|s| !s.boundary && s.distance > -c.gap - MARGIN)?;
             Some((-s.normal, s.point - s.normal * c.gap))
         })
     }
 
-    /// Vertices of `x` that stick out of a layer by no more than the reach, unless `released`.
+    /// Vertices of `x` that stick out of a layer by no more than the tuck distance, unless `released`.
     pub(crate) fn sticking_out(&self, x: &[Point], released: &[bool]) -> Vec<u32> {
         if self.layers.is_empty() {
             return Vec::new();
         }
         let out = |p: &Point| {
             self.layers.iter().any(|c| {
-                c.layer.sided(p, self.reach).is_some_and(|s| !s.boundary && s.distance > 0.0)
+                c.layer
+                    .sided(p, self.tuck_distance)
+                    .is_some_and(|s| !s.boundary && s.distance > 0.0)
             })
         };
         let n = 0..x.len() as u32;
@@ -94,31 +95,26 @@ impl Ceilings<'_> {
     }
 }
 
-/// The garments of an outfit that others are pressed in below, closed as they came.
-pub(crate) struct Above {
+/// The garments of an outfit that others are pressed in below, closed, as in the input.
+pub(crate) struct TightGarments {
     /// One for each garment: closed if it meets garments below it, and the indices of those.
     garments: Vec<Option<(Arc<ClosedLayer>, Vec<usize>)>>,
     clearance: Real,
-    reach: Real,
+    tuck_distance: Real,
 }
 
-impl Above {
-    /// The garments `outer` are what others are pressed in below. `closed` are the body and the
-    /// garments from the innermost on, as they came.
+impl TightGarments {
+    /// The garments `outer` are those that others are pressed in below. `before` is what was found
+    /// in the input; `closed` are its body and garments, from the innermost on.
     pub(crate) fn new(
         outfit: &Outfit,
-        before: &Verification,
+        before: &[Findings],
         closed: &[Arc<ClosedLayer>],
         outer: &BTreeSet<usize>,
-        params: &ResolveParams,
+        params: &GoalParams,
     ) -> Self {
-        let name = |k: usize| outfit.garments[k].name.as_str();
-        let meet = |inner: usize, outer: usize| {
-            before
-                .pairs
-                .iter()
-                .any(|p| p.inner == name(inner) && p.outer == name(outer) && !p.is_clean())
-        };
+        // The body comes first in the findings.
+        let meet = |inner: usize, outer: usize| !before[outer].below[inner + 1].is_clean();
         let close = |k: usize| match closed.get(k + 1) {
             Some(layer) => Arc::clone(layer),
             None => Arc::new(ClosedLayer::garment(
@@ -135,28 +131,28 @@ impl Above {
                 (!below.is_empty()).then(|| (close(k), below))
             })
             .collect();
-        Self { garments, clearance: params.clearance, reach: params.tuck_reach }
+        Self { garments, clearance: params.clearance, tuck_distance: params.tuck_distance }
     }
 
-    /// The ceilings of garment `index`, each with room for the layers between.
-    pub(crate) fn of(&self, index: usize) -> Vec<Ceiling<'_>> {
+    /// The layers that garment `index` is pressed in below, each with room for the layers between.
+    pub(crate) fn over(&self, index: usize) -> Vec<UpperLayer<'_>> {
         let over = self.garments.iter().enumerate().skip(index + 1);
         over.filter_map(|(k, g)| {
             g.as_ref().filter(|(_, below)| below.contains(&index)).map(|(layer, _)| (k, layer))
         })
-        .map(|(k, layer)| Ceiling { layer, gap: ROOM * self.clearance * (k - index) as Real })
+        .map(|(k, layer)| UpperLayer { layer, gap: ROOM * self.clearance * (k - index) as Real })
         .collect()
     }
 
-    /// How far out of a ceiling a vertex may stick to be pressed in, in metres.
-    pub(crate) fn reach(&self) -> Real {
-        self.reach
+    /// How far out of a layer above a vertex may stick to be pressed in, in metres.
+    pub(crate) fn tuck_distance(&self) -> Real {
+        self.tuck_distance
     }
 }
 
-/// Vertices that lie less than this below the gap are kept in, too, in metres: else they buckle out
-/// in the next round.
+/// Vertices that lie less than this below the gap are kept in, too, in metres: otherwise they
+/// buckle out in the next round.
 const MARGIN: Real = 0.01;
-/// Clearances between a layer and a ceiling: one for each of the two when they settle, and one to
+/// Clearances between a layer and one above it: one for each of the two when they settle, and one to
 /// spare for chords.
 const ROOM: Real = 3.0;

@@ -1,5 +1,5 @@
-//! Outfits as they are solved and proven: without the seams of exporters, and rounded to what will
-//! be stored.
+//! Outfits as they are solved and proven: with the seams of exporters welded, and positions rounded
+//! to what will be stored.
 
 use crate::outfit::{Layer, Outfit};
 use crate::storage::Storage;
@@ -8,17 +8,18 @@ use if_core::mesh::TriMesh;
 use if_mesh::seams::{self, sew};
 use rayon::prelude::*;
 
-/// An outfit with the seams of its layers closed ([`sew`]), and the positions of garments in single
-/// precision rounded to it. Solved open the seams would gape, and each would be a hem.
-pub(crate) struct Sewn {
+/// An outfit with the seams of its layers welded ([`sew`]), and the positions of garments rounded to
+/// their storage. Solved open, the seams would gape, and each would be a hem.
+pub(crate) struct Welded {
     pub(crate) outfit: Outfit,
-    /// Of each garment; nothing where it has no seam.
+    /// For each garment its welded seams; `None` if it has no seam.
     garments: Vec<Option<seams::Sewn>>,
 }
 
-impl Sewn {
-    /// `None` where the outfit is such a one as it came. The garments' seams stay where their
-    /// triangles are to be split: the two sides of a seam have attributes of their own.
+impl Welded {
+    /// Welds the body, and the garments if `garments_too`. Returns `None` if nothing needs welding
+    /// or rounding. Triangles at an open seam can be split: its two sides have attributes of their
+    /// own.
     pub(crate) fn new(outfit: &Outfit, garments_too: bool) -> Option<Self> {
         let (body, garments) = rayon::join(
             || sew(&outfit.body.mesh),
@@ -52,29 +53,24 @@ impl Sewn {
         Some(Self { outfit, garments })
     }
 
-    /// The outfit that `came` with the positions that were found for this one.
-    pub(crate) fn spread(&self, came: &Outfit, found: Outfit) -> Outfit {
-        let opened = |((came, found), sewn): ((&Layer, Layer), &Option<seams::Sewn>)| match sewn {
+    /// The outfit `given` with the positions that were found for this one.
+    pub(crate) fn unweld(&self, given: &Outfit, found: Outfit) -> Outfit {
+        let open = |((given, found), sewn): ((&Layer, Layer), &Option<seams::Sewn>)| match sewn {
             Some(sewn) => {
                 let positions: Vec<Point> =
-                    sewn.spread(found.mesh.vertices(), came.mesh.vertices());
-                Layer {
-                    mesh: came
-                        .mesh
-                        .with_vertices(positions)
-                        .expect("positions of a mesh are finite"),
-                    ..found
-                }
+                    sewn.spread(found.mesh.vertices(), given.mesh.vertices());
+                let mesh = given.mesh.with_vertices(positions);
+                Layer { mesh: mesh.expect("positions of a mesh are finite"), ..found }
             }
             None => found,
         };
         let garments =
-            came.garments.iter().zip(found.garments).zip(&self.garments).map(opened).collect();
-        Outfit { body: came.body.clone(), garments }
+            given.garments.iter().zip(found.garments).zip(&self.garments).map(open).collect();
+        Outfit { body: given.body.clone(), garments }
     }
 }
 
-/// `mesh` as the file of `layer` will hold it, where that is another one.
+/// `mesh` rounded to the storage of `layer`; `None` if rounding changes nothing.
 fn stored(layer: &Layer, mesh: &TriMesh) -> Option<TriMesh> {
     if layer.storage == Storage::F64 {
         return None;

@@ -175,7 +175,7 @@ fn an_outfit_file_at_fault() {
         ),
         (
             "body = 'body.ply'\n[[garment]]\nfile = 'skirt.ply'\n[params]\nclearence = 1\n",
-            &["unknown field `clearence`", "`clearance`"],
+            &["unknown parameter `clearence`", "goal.clearance"],
         ),
         (
             "body = 'body.ply'\n[[garment]]\nfile = 'skirt.ply'\n[params]\nclearance = 'wide'\n",
@@ -205,7 +205,7 @@ fn arguments_at_fault() {
     fails(
         &folder,
         "fix outfit.toml --set clearence=1.0 --out fixed",
-        &["clearence", "`clearance`"],
+        &["clearence", "goal.clearance"],
     );
     fails(&folder, "check outfit.toml --threads 0", &["--threads"]);
 }

@@ -192,7 +192,7 @@ fn the_receipt_says_what_went_in_and_came_out() {
     assert!(json["report"]["before"]["pairs"].as_array().unwrap().len() == 3);
     let receipt: serde_json::Value =
         serde_json::from_slice(&folder.read("fixed/receipt.json")).unwrap();
-    assert_eq!(receipt["params"]["clearance"], 0.001);
+    assert_eq!(receipt["params"]["goal"]["clearance"], 0.001);
     assert_eq!(receipt["inputs"][2]["layer"], "top");
     assert_eq!(receipt["inputs"][2]["bytes"], folder.read("shirt.obj").len());
     assert_eq!(receipt["outputs"][1]["file"], "shirt.obj");
@@ -273,10 +273,11 @@ fn parameters_come_from_the_file_and_then_from_the_command_line() {
     folder.write("loose.toml", toml);
     let clearance = |args: &str| {
         folder.ifg(&format!("fix loose.toml --out fixed {args}")).expect(0);
-        serde_json::from_slice::<serde_json::Value>(&folder.read("fixed/receipt.json")).unwrap()["params"]["clearance"].clone()
+        serde_json::from_slice::<serde_json::Value>(&folder.read("fixed/receipt.json")).unwrap()["params"]["goal"]["clearance"].clone()
     };
     assert_eq!(clearance(""), 0.002);
     assert_eq!(clearance("--set clearance=0.001"), 0.001);
+    assert_eq!(clearance("--set goal.clearance=0.0012"), 0.0012);
     assert_eq!(clearance("--clearance 0.7mm"), 0.0007);
 }
 

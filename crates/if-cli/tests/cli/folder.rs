@@ -13,7 +13,7 @@ use tempfile::TempDir;
 pub(crate) struct Folder(TempDir);
 
 /// With these no outfit of the folder is resolved.
-pub(crate) const TOO_FEW: &str = "--set rounds=1 --set settle_rounds=1 --set sweeps=1 --set step=1e-5 --set max_push=1e-5 --set ease_rounds=0";
+pub(crate) const TOO_FEW: &str = "--set rounds=1 --set settle_rounds=1 --set sweeps=1 --set contact_step=1e-5 --set max_push=1e-5 --set ease_rounds=0";
 
 /// What the binary did.
 pub(crate) struct Run {

@@ -165,7 +165,7 @@ fn split_triangles_are_stored_with_their_attributes_and_proven_so() {
     let garment = ply(&path, &band(0.33, 3, 1), 1.0, CoordinateType::Float);
     let files = OutfitFiles::read(scene.1.clone(), vec![garment], 1.0).unwrap();
     let mut params = ResolveParams::default();
-    params.split = Splitting::IfStrained;
+    params.goal.split = Splitting::IfStrained;
     let resolved = files.resolve(&params, &mut Silent).unwrap();
     let before = files.outfit().garments[0].mesh.vertices().len();
     let again = read_again(&resolved, &scene.0, &scene.1, 1.0);
@@ -254,7 +254,7 @@ fn errors_name_layer_file_and_cause() {
     fs::copy(&belt.path, &twin.path).unwrap();
     let files = OutfitFiles::read(body.clone(), vec![belt, twin], 1.0).unwrap();
     let mut params = ResolveParams::default();
-    params.rounds = 1;
+    params.effort.rounds = 1;
     match files.resolve(&params, &mut Silent) {
         Err(FilesError::Unresolved { unresolved, result }) => {
             let text = unresolved.to_string();

@@ -94,7 +94,7 @@ fn layers(page: &mut Page, report: &ResolveReport) {
                 percent(l.strain.rms),
                 percent(l.strain.p99),
                 percent(l.strain.max),
-                format!("{} → {}", l.own_pairs[0], l.own_pairs[1]),
+                format!("{} → {}", l.own_pairs.before, l.own_pairs.after),
                 l.rounds.to_string(),
             ]
         })

@@ -429,7 +429,7 @@ fn a_batch_is_cached_by_content_and_one_failure_does_not_stop_it() {
     assert!(strip(files(&other), &other) == strip(first, &out));
     // Other parameters are another result.
     let mut changed = params.clone();
-    changed.resolve.clearance = 1e-3;
+    changed.resolve.goal.clearance = 1e-3;
     assert_eq!(run(&out, &changed, 1).1, 4);
 }
 

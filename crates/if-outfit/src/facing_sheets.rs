@@ -1,5 +1,4 @@
-//! The moving garment against itself: which sheets lie on one another, and which triangles meet
-//! that did not meet in the input.
+//! Sheets of a garment that lie on one another.
 
 use if_core::aabb::Aabb;
 use if_core::closest::closest_on_triangle;
@@ -7,7 +6,6 @@ use if_core::edges::VertexTriangles;
 use if_core::math::{Real, area_vector, barycentric_point};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::TrianglePair;
 use rayon::prelude::*;
 
 /// A vertex and the nearest triangle of another sheet.
@@ -25,8 +23,8 @@ pub(crate) struct Facing {
 /// vertex, further on in the same sheet, rather than over it.
 const OVER: Real = 0.7;
 
-/// For each vertex the nearest triangle of another sheet within `reach` metres, where there is one.
-pub(crate) fn facing_sheets(mesh: &TriMesh, tree: &Bvh, reach: Real) -> Vec<Facing> {
+/// For each vertex the nearest triangle of another sheet within `range` metres, if there is one.
+pub(crate) fn facing_sheets(mesh: &TriMesh, tree: &Bvh, range: Real) -> Vec<Facing> {
     let (x, triangles) = (mesh.vertices(), mesh.triangles());
     let around = VertexTriangles::new(mesh);
     (0..x.len())
@@ -39,7 +37,7 @@ pub(crate) fn facing_sheets(mesh: &TriMesh, tree: &Bvh, reach: Real) -> Vec<Faci
             }
             let p = &x[v];
             let mut best: Option<Facing> = None;
-            tree.overlapping(&Aabb { min: *p, max: *p }.inflated(reach), |t| {
+            tree.overlapping(&Aabb { min: *p, max: *p }.inflated(range), |t| {
                 let tri = triangles[t as usize];
                 if own.iter().any(|o| triangles[*o as usize].iter().any(|u| tri.contains(u))) {
                     return;
@@ -50,28 +48,11 @@ pub(crate) fn facing_sheets(mesh: &TriMesh, tree: &Bvh, reach: Real) -> Vec<Faci
                 let distance = to.norm();
                 let normal = area_vector(c[0], c[1], c[2]);
                 let over = normal.dot(&to).abs() >= OVER * distance * normal.norm();
-                if distance <= reach && over && best.is_none_or(|b| distance < b.distance) {
+                if distance <= range && over && best.is_none_or(|b| distance < b.distance) {
                     best = Some(Facing { vertex: v as u32, triangle: t, barycentric, distance });
                 }
             });
             best
         })
         .collect()
-}
-
-/// The garment's own intersecting pairs in the input: they are its maker's, and allowed to stay.
-pub(crate) struct GivenPairs(Vec<[u32; 2]>);
-
-impl GivenPairs {
-    pub(crate) fn new(given: &[TrianglePair]) -> Self {
-        Self(given.iter().map(|p| [p.a, p.b]).collect())
-    }
-
-    /// Those of the own pairs `now` that the input did not have, and by how many there are more of
-    /// them than in the input.
-    pub(crate) fn fresh(&self, now: &[TrianglePair]) -> (Vec<[u32; 2]>, usize) {
-        let fresh =
-            now.iter().map(|p| [p.a, p.b]).filter(|p| self.0.binary_search(p).is_err()).collect();
-        (fresh, now.len().saturating_sub(self.0.len()))
-    }
 }

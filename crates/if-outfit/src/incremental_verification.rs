@@ -1,6 +1,6 @@
-//! Exact verification of one garment over the layers below, again and again while it settles.
+//! Exact verification of one garment over the layers below, repeated while it settles: only
+//! triangles and vertices that moved are checked again.
 
-use crate::self_contact::GivenPairs;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
@@ -11,81 +11,86 @@ use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
-/// What exact verification found of the garment as it is.
-pub(crate) struct State {
+/// What remains to be repaired, by exact verification.
+pub(crate) struct Remaining {
     /// Intersecting pairs: (layer below, triangle pair).
     pub(crate) pairs: Vec<(usize, TrianglePair)>,
     /// Vertices inside a layer below.
     pub(crate) inside: Vec<u32>,
-    /// Own intersecting pairs that the input did not have.
-    pub(crate) fresh: Vec<[u32; 2]>,
-    /// Own intersecting pairs more than the input has.
-    pub(crate) excess: usize,
+    /// Own intersecting pairs that the input did not have. Those of the input are allowed to stay.
+    pub(crate) new_own: Vec<[u32; 2]>,
 }
 
-impl State {
+impl Remaining {
     pub(crate) fn is_clean(&self) -> bool {
-        self.weight() == 0
+        self.count() == 0
     }
 
-    pub(crate) fn weight(&self) -> usize {
-        self.pairs.len() + self.inside.len() + self.excess
+    /// Number of pairs and vertices.
+    pub(crate) fn count(&self) -> usize {
+        self.pairs.len() + self.inside.len() + self.new_own.len()
     }
 
-    pub(crate) fn trouble(&self, triangles: &[[u32; 3]]) -> BTreeSet<u32> {
+    /// The vertices of the pairs, and those inside.
+    pub(crate) fn vertices(&self, triangles: &[[u32; 3]]) -> BTreeSet<u32> {
         let of_pairs = self.pairs.iter().flat_map(|(_, p)| triangles[p.b as usize]);
-        let of_own = self.fresh.iter().flatten().flat_map(|t| triangles[*t as usize]);
+        let of_own = self.new_own.iter().flatten().flat_map(|t| triangles[*t as usize]);
         of_pairs.chain(of_own).chain(self.inside.iter().copied()).collect()
     }
 }
 
-/// Exact verification of one garment, again and again: what has not moved is not looked at twice.
-pub(crate) struct Inspector<'a> {
+/// Exact verification of one garment, with the results of the last one.
+pub(crate) struct IncrementalVerification<'a> {
     below: &'a [&'a ClosedLayer],
-    given: GivenPairs,
+    /// Own pairs of the input, sorted.
+    given: Vec<[u32; 2]>,
     /// Vertices of triangles; others have no side.
     used: Vec<bool>,
-    /// The positions of the last look.
-    seen: Vec<Point>,
+    /// The positions of the last verification.
+    verified: Vec<Point>,
     inside: Vec<bool>,
     /// Pairs with each layer below, and own ones, each sorted.
     pairs: Vec<Vec<TrianglePair>>,
     own: Vec<TrianglePair>,
 }
 
-/// Share of the triangles beyond which all are looked at rather than those that have moved.
+/// Share of moved triangles beyond which all are checked: then that is faster.
 const MANY: Real = 0.5;
 
-impl<'a> Inspector<'a> {
-    /// Looks at the garment as it came.
-    pub(crate) fn new(mesh: &TriMesh, tree: &Bvh, below: &'a [&'a ClosedLayer]) -> (Self, State) {
+impl<'a> IncrementalVerification<'a> {
+    /// Verifies the input.
+    pub(crate) fn new(
+        mesh: &TriMesh,
+        tree: &Bvh,
+        below: &'a [&'a ClosedLayer],
+    ) -> (Self, Remaining) {
         let n = mesh.vertices().len();
         let own = own_pairs(mesh, tree);
         let mut this = Self {
             below,
-            given: GivenPairs::new(&own),
+            given: own.iter().map(|p| [p.a, p.b]).collect(),
             used: mesh.used_vertices(),
-            seen: mesh.vertices().to_vec(),
+            verified: mesh.vertices().to_vec(),
             inside: vec![false; n],
             pairs: all_pairs(below, tree),
             own,
         };
         let all = this.used.clone();
-        this.look_at_sides(&all);
-        let state = this.state();
-        (this, state)
+        this.update_sides(&all);
+        let remaining = this.remaining();
+        (this, remaining)
     }
 
-    /// Looks at the garment as it is now; `tree` holds it.
-    pub(crate) fn inspect(&mut self, mesh: &TriMesh, tree: &Bvh) -> State {
+    /// Verifies `mesh`, which `tree` holds.
+    pub(crate) fn verify(&mut self, mesh: &TriMesh, tree: &Bvh) -> Remaining {
         let moved: Vec<bool> = mesh
             .vertices()
             .iter()
-            .zip(&self.seen)
+            .zip(&self.verified)
             .zip(&self.used)
-            .map(|((p, seen), used)| *used && p != seen)
+            .map(|((p, verified), used)| *used && p != verified)
             .collect();
-        self.seen.copy_from_slice(mesh.vertices());
+        self.verified.copy_from_slice(mesh.vertices());
         let triangles = MovedTriangles::new(mesh, &moved);
         if triangles.len() as Real > MANY * mesh.triangles().len() as Real {
             self.pairs = all_pairs(self.below, tree);
@@ -96,13 +101,13 @@ impl<'a> Inspector<'a> {
             }
             self.own = own_pairs_after_motion(mesh, tree, &triangles, &self.own);
         }
-        self.look_at_sides(&moved);
-        self.state()
+        self.update_sides(&moved);
+        self.remaining()
     }
 
-    fn look_at_sides(&mut self, moved: &[bool]) {
+    fn update_sides(&mut self, moved: &[bool]) {
         let below = self.below;
-        (&self.seen, moved, &mut self.inside).into_par_iter().with_min_len(128).for_each(
+        (&self.verified, moved, &mut self.inside).into_par_iter().with_min_len(128).for_each(
             |(p, moved, inside)| {
                 if *moved {
                     *inside =
@@ -112,7 +117,7 @@ impl<'a> Inspector<'a> {
         );
     }
 
-    fn state(&self) -> State {
+    fn remaining(&self) -> Remaining {
         let pairs = self
             .pairs
             .iter()
@@ -120,8 +125,9 @@ impl<'a> Inspector<'a> {
             .flat_map(|(j, found)| found.iter().map(move |p| (j, *p)))
             .collect();
         let inside = (0..self.inside.len() as u32).filter(|v| self.inside[*v as usize]).collect();
-        let (fresh, excess) = self.given.fresh(&self.own);
-        State { pairs, inside, fresh, excess }
+        let own = self.own.iter().map(|p| [p.a, p.b]);
+        let new_own = own.filter(|p| self.given.binary_search(p).is_err()).collect();
+        Remaining { pairs, inside, new_own }
     }
 }
 

@@ -1,0 +1,146 @@
+//! One attempt at an outfit: its garments are put on layer by layer, inner to outer.
+//!
+//! ```text
+//! for each garment, inner to outer
+//!     settle it over those below, verify it exactly, freeze it       dressing.rs
+//!     stuck over garments that it met, and tucking is allowed:
+//!         press those in below it, and go back to the innermost      upper_layers.rs
+//! ```
+
+use crate::dressing::{Dressed, Dressing};
+use crate::findings::Findings;
+use crate::outfit::Outfit;
+use crate::params::{ResolveParams, Tuck};
+use crate::progress::GarmentProgress;
+use crate::report::{LayerReport, OwnPairs, ResolveReport, Skipped, Verification};
+use crate::settle::Settings;
+use crate::upper_layers::TightGarments;
+use crate::verify::verify_layers;
+use crate::workpiece::SettleError;
+use if_core::math::Real;
+use if_core::monitor::{Cancelled, Monitor};
+use if_mesh::split::Split;
+use if_xpbd::report::StepError;
+use std::collections::BTreeSet;
+use std::time::Instant;
+
+/// Why an attempt ended early.
+pub(crate) enum AttemptError {
+    /// The monitor cancelled.
+    Cancelled(Cancelled),
+    /// A step of the solver failed for the garment with this name.
+    Step(String, StepError),
+}
+
+/// An outfit and what came of it.
+pub(crate) struct Attempt {
+    /// The input of this attempt.
+    pub(crate) outfit: Outfit,
+    /// What was found in it, for each garment.
+    pub(crate) given: Vec<Findings>,
+    /// Seconds that this took.
+    pub(crate) verify_seconds: Real,
+    /// For each garment where it settled.
+    pub(crate) dressed: Vec<Dressed>,
+    /// For each garment how its triangles were split before the attempt, if they were.
+    pub(crate) splits: Vec<Option<Split>>,
+}
+
+impl Attempt {
+    /// Resolves `outfit` as far as it goes.
+    pub(crate) fn new(
+        outfit: Outfit,
+        settings: Settings<'_>,
+        monitor: &mut dyn Monitor,
+    ) -> Result<Self, AttemptError> {
+        let goal = &settings.params.goal;
+        let start = Instant::now();
+        let (given, closed) = verify_layers(&outfit);
+        let verify_seconds = start.elapsed().as_secs_f64();
+        let count = outfit.garments.len();
+        // The garments that those below are pressed in under.
+        let mut tight: BTreeSet<usize> =
+            if goal.tuck == Tuck::Always { (0..count).collect() } else { BTreeSet::new() };
+        let mut above = TightGarments::new(&outfit, &given, &closed, &tight, goal);
+        let mut dressing = Dressing::new(&outfit, &given, &closed[0], settings);
+        let mut index = 0;
+        while index < count {
+            let name = &outfit.garments[index].name;
+            let mut progress = GarmentProgress { monitor, name, index, count };
+            let tucking_helps = goal.tuck == Tuck::IfStuck && !tight.contains(&index);
+            let layer = closed.get(index + 1);
+            match dressing.put_on(index, layer, &above, tucking_helps, &mut progress) {
+                Ok(()) => index += 1,
+                Err(SettleError::Cancelled(cancelled)) => {
+                    return Err(AttemptError::Cancelled(cancelled));
+                }
+                Err(SettleError::Step(error)) => {
+                    return Err(AttemptError::Step(name.clone(), error));
+                }
+                Err(SettleError::Stuck) => {
+                    tracing::debug!(garment = name, "stuck: the layers below are pressed in");
+                    tight.insert(index);
+                    above = TightGarments::new(&outfit, &given, &closed, &tight, goal);
+                    index = (0..index).find(|k| !above.over(*k).is_empty()).unwrap_or(index);
+                    dressing.take_off(index);
+                }
+            }
+        }
+        let dressed = dressing.dressed;
+        Ok(Self { outfit, given, verify_seconds, dressed, splits: vec![None; count] })
+    }
+
+    /// For each garment its own pairs that the input did not have.
+    pub(crate) fn new_own(&self) -> Vec<Vec<[u32; 2]>> {
+        let garments = self.dressed.iter().zip(&self.given);
+        garments.map(|(dressed, given)| dressed.findings.new_own(given)).collect()
+    }
+
+    /// Intersecting pairs and vertices on a wrong side that remain.
+    pub(crate) fn remaining(&self) -> usize {
+        let layers = self.dressed.iter().flat_map(|dressed| &dressed.findings.below);
+        let between: usize = layers.map(|layer| layer.pairs.len() + layer.inside).sum();
+        between + self.new_own().iter().map(Vec::len).sum::<usize>()
+    }
+
+    /// The largest rms strain of a garment.
+    pub(crate) fn strain(&self) -> Real {
+        self.dressed.iter().map(|dressed| dressed.strain.rms).fold(0.0, Real::max)
+    }
+
+    /// The report, where `before` is that of the outfit before any splitting. Its seconds are 0.
+    pub(crate) fn report(&self, before: Verification, params: &ResolveParams) -> ResolveReport {
+        let findings = self.dressed.iter().map(|dressed| &dressed.findings);
+        let seconds = self.dressed.iter().map(|dressed| dressed.verify_seconds).sum();
+        let after = Verification::new(&self.outfit, findings, seconds);
+        let layers = (0..self.dressed.len()).map(|k| self.layer_report(k, params)).collect();
+        ResolveReport { before, after, layers, seconds: 0.0 }
+    }
+
+    fn layer_report(&self, index: usize, params: &ResolveParams) -> LayerReport {
+        let (dressed, given) = (&self.dressed[index], &self.given[index]);
+        let Dressed { findings, settled, moved, strain, layers_apart, seconds, .. } = dressed;
+        let new = findings.new_own(given).len();
+        LayerReport {
+            name: self.outfit.garments[index].name.clone(),
+            moved: *moved,
+            strain: *strain,
+            own_pairs: OwnPairs { before: given.own.len(), after: findings.own.len(), new },
+            rounds: settled.rounds,
+            repairs: settled.repairs,
+            strategies: settled.counts,
+            sweeps: settled.sweeps,
+            queries: settled.queries,
+            tucked: settled.tucked,
+            eased: settled.eased.strain,
+            split: self.splits[index].as_ref().map_or(0, Split::parents),
+            skipped: Skipped {
+                layers: *layers_apart,
+                vertices: settled.held,
+                queries: settled.skipped,
+                sweeps: params.effort.rounds.saturating_sub(settled.rounds) * params.effort.sweeps,
+            },
+            seconds: *seconds,
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! What exact verification found of garments: the triangle pairs themselves. Algorithms decide on
+//! these; reports are computed from them.
+
+use if_core::math::Real;
+use if_mesh::intersections::TrianglePair;
+
+/// One garment against one layer below it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct LayerFindings {
+    /// Intersecting triangle pairs: of the layer below, of the garment.
+    pub(crate) pairs: Vec<TrianglePair>,
+    /// Number of vertices on the wrong side.
+    pub(crate) inside: usize,
+    /// Depth of the deepest of them, in metres.
+    pub(crate) deepest: Real,
+}
+
+impl LayerFindings {
+    /// Whether no pair intersects and no vertex is on the wrong side.
+    pub(crate) fn is_clean(&self) -> bool {
+        self.pairs.is_empty() && self.inside == 0
+    }
+}
+
+/// One garment against all layers below it, and against itself.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Findings {
+    /// The body first, then the garments below, inner to outer.
+    pub(crate) below: Vec<LayerFindings>,
+    /// Pairs of its own triangles that intersect, sorted.
+    pub(crate) own: Vec<[u32; 2]>,
+}
+
+impl Findings {
+    /// Whether nothing intersects a layer below or is on the wrong side of it.
+    pub(crate) fn is_clean(&self) -> bool {
+        self.below.iter().all(LayerFindings::is_clean)
+    }
+
+    /// Own pairs that the garment did not have in the state `given`.
+    pub(crate) fn new_own(&self, given: &Self) -> Vec<[u32; 2]> {
+        let is_new = |pair: &&[u32; 2]| given.own.binary_search(pair).is_err();
+        self.own.iter().filter(is_new).copied().collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pair_in_place_of_another_is_new() {
+        let with = |own: &[[u32; 2]]| Findings { own: own.to_vec(), ..Findings::default() };
+        let given = with(&[[0, 4], [2, 3]]);
+        assert_eq!(with(&[[2, 3], [5, 9]]).new_own(&given), [[5, 9]]);
+        assert!(with(&[[2, 3]]).new_own(&given).is_empty());
+    }
+}

@@ -1,0 +1,261 @@
+//! Parameters of [`resolve`](crate::resolve::resolve), in three groups: what the user wants, how
+//! hard the program tries, and how cloth behaves.
+
+use if_core::math::Real;
+use if_core::parameter::ParameterError;
+use serde::{Deserialize, Serialize};
+
+/// Parameters of [`resolve`](crate::resolve::resolve). No field name stands in two groups, so that
+/// a name alone is unique.
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ResolveParams {
+    /// What the result should be.
+    pub goal: GoalParams,
+    /// How hard the program tries.
+    pub effort: EffortParams,
+    /// How garments behave.
+    pub cloth: ClothParams,
+}
+
+/// What the result should be.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GoalParams {
+    /// Gap between a layer and those below it, in metres.
+    pub clearance: Real,
+    /// When garments are pressed in below the layers above them.
+    pub tuck: Tuck,
+    /// Vertices that stick out of a layer above by up to this much are pressed in, in metres.
+    pub tuck_distance: Real,
+    /// Whether triangles may be split, as a last resort.
+    pub split: Split,
+}
+
+/// How hard the program tries.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EffortParams {
+    /// Maximum number of rounds of a garment.
+    pub rounds: usize,
+    /// Rounds before all but the neighbourhoods of remaining intersections are held.
+    pub settle_rounds: usize,
+    /// Rounds in which a clean garment may relax while an edge is strained by more than
+    /// `polish_strain`.
+    pub polish_rounds: usize,
+    /// Largest edge strain of a garment that needs no relaxing, as a share.
+    pub polish_strain: Real,
+    /// Maximum number of easing rounds of a clean garment; 0 leaves strained edges as they are.
+    pub ease_rounds: usize,
+    /// Edges of a clean garment that are strained by more than this share are eased, in rounds that
+    /// end clean.
+    pub ease_strain: Real,
+    /// Sweeps of the solver in a round.
+    pub sweeps: usize,
+    /// A round that moves no vertex further than this has settled, in metres.
+    pub tolerance: Real,
+    /// Vertices up to this far along the surface from an intersection may move, in metres.
+    pub influence: Real,
+    /// The same during repairs, in metres.
+    pub repair_influence: Real,
+    /// Maximum correction of a violated contact per round, in metres.
+    pub contact_step: Real,
+    /// Contacts are kept for samples up to this far beyond the clearance, in metres.
+    pub contact_margin: Real,
+    /// Maximum push of a contact per sweep, in metres.
+    pub max_push: Real,
+    /// Maximum separation step per round for corners of an intersecting triangle pair, in metres.
+    pub separation_step: Real,
+    /// Factor on the gap of vertices whose triangles intersect repeatedly.
+    pub gap_growth: Real,
+    /// Edges longer than this get a contact sample in the middle, and their triangles too, in
+    /// metres.
+    pub long_edge: Real,
+    /// Cell size of the coarse grid of outward directions, in metres.
+    pub outward_cell: Real,
+}
+
+/// How garments behave. Compliances are relative to unit masses and a time step of 1 s.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ClothParams {
+    /// Compliance of edges: 0 is inextensible. A visit removes the share 2 / (2 + c) of a change
+    /// of length.
+    pub stretch_compliance: Real,
+    /// Compliance of the distances across edges, which resist bending.
+    pub bending_compliance: Real,
+    /// Compliance of the anchors to the input: a visit removes the share 1 / (1 + c) of a
+    /// displacement.
+    pub anchor_compliance: Real,
+    /// Edges that changed their length by more than this share are brought back to it.
+    pub strain_limit: Real,
+    /// Sheets of a garment that face each other within this distance move together, in metres.
+    pub fold_distance: Real,
+}
+
+impl Default for GoalParams {
+    fn default() -> Self {
+        Self { clearance: 0.3e-3, tuck: Tuck::IfStuck, tuck_distance: 0.05, split: Split::Never }
+    }
+}
+
+impl Default for EffortParams {
+    fn default() -> Self {
+        Self {
+            rounds: 100,
+            settle_rounds: 16,
+            polish_rounds: 12,
+            polish_strain: 0.25,
+            ease_rounds: 40,
+            ease_strain: 0.5,
+            sweeps: 15,
+            tolerance: 3e-4,
+            influence: 0.12,
+            repair_influence: 0.04,
+            contact_step: 2e-3,
+            contact_margin: 2e-3,
+            max_push: 2e-3,
+            separation_step: 0.5e-3,
+            gap_growth: 1.1,
+            long_edge: 8e-3,
+            outward_cell: 6e-3,
+        }
+    }
+}
+
+impl Default for ClothParams {
+    fn default() -> Self {
+        Self {
+            stretch_compliance: 4.0,
+            bending_compliance: 10.0,
+            anchor_compliance: 200.0,
+            strain_limit: 0.12,
+            fold_distance: 6e-3,
+        }
+    }
+}
+
+impl ResolveParams {
+    /// Checks that every parameter is in its range.
+    ///
+    /// # Errors
+    ///
+    /// The first parameter that is out of range, with its group: `goal.clearance`.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        self.goal.validate().map_err(|e| e.within("goal"))?;
+        self.effort.validate().map_err(|e| e.within("effort"))?;
+        self.cloth.validate().map_err(|e| e.within("cloth"))
+    }
+}
+
+impl GoalParams {
+    fn validate(&self) -> Result<(), ParameterError> {
+        let (gap, tuck) = (self.clearance, self.tuck_distance);
+        check("clearance", gap, gap > 0.0 && gap < 0.1, "between 0 and 0.1 m")?;
+        check("tuck_distance", tuck, tuck > 0.0 && tuck < 0.2, "between 0 and 0.2 m")
+    }
+}
+
+impl EffortParams {
+    fn validate(&self) -> Result<(), ParameterError> {
+        let count =
+            |name, n: usize| check(name, n as Real, (1..=10_000).contains(&n), "from 1 to 10,000");
+        count("rounds", self.rounds)?;
+        count("sweeps", self.sweeps)?;
+        share("polish_strain", self.polish_strain)?;
+        share("ease_strain", self.ease_strain)?;
+        length("tolerance", self.tolerance)?;
+        length("influence", self.influence)?;
+        length("repair_influence", self.repair_influence)?;
+        length("contact_step", self.contact_step)?;
+        length("contact_margin", self.contact_margin)?;
+        length("max_push", self.max_push)?;
+        length("separation_step", self.separation_step)?;
+        length("long_edge", self.long_edge)?;
+        length("outward_cell", self.outward_cell)?;
+        let growth = self.gap_growth;
+        check("gap_growth", growth, (1.0..=2.0).contains(&growth), "from 1 to 2")
+    }
+}
+
+impl ClothParams {
+    fn validate(&self) -> Result<(), ParameterError> {
+        let compliance =
+            |name, c: Real| check(name, c, (0.0..=1e12).contains(&c), "from 0 (rigid) to 1e12");
+        compliance("stretch_compliance", self.stretch_compliance)?;
+        compliance("bending_compliance", self.bending_compliance)?;
+        compliance("anchor_compliance", self.anchor_compliance)?;
+        share("strain_limit", self.strain_limit)?;
+        length("fold_distance", self.fold_distance)
+    }
+}
+
+fn check(
+    name: &'static str,
+    value: Real,
+    ok: bool,
+    range: &'static str,
+) -> Result<(), ParameterError> {
+    ParameterError::check(name, value, ok, range)
+}
+
+fn length(name: &'static str, value: Real) -> Result<(), ParameterError> {
+    check(name, value, value > 0.0 && value <= 10.0, "above 0 and at most 10 m")
+}
+
+fn share(name: &'static str, value: Real) -> Result<(), ParameterError> {
+    check(name, value, (0.0..=1e12).contains(&value), "a share from 0 to 1e12")
+}
+
+/// When the inner of two garments gives way to the outer one.
+///
+/// Layers settle from the body outwards, and as in the paper only the outer of two garments moves.
+/// Where the outer one is the smaller, it would be stretched over what it should hold together.
+/// Inner garments can instead be pressed in below the layers above first, as far as the body leaves
+/// room.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Tuck {
+    /// Never: a garment that gets stuck yields, stretched as far as necessary.
+    Never,
+    /// When a garment gets stuck over others that it met: those settle again, below it.
+    #[default]
+    IfStuck,
+    /// In any outfit whose garments meet.
+    Always,
+}
+
+/// When triangles are split into smaller ones.
+///
+/// A garment of large triangles cannot lie round a body or a layer of fine ones without standing
+/// off, or stretching: a chord cuts through. Split triangles can follow. The garment then has more
+/// vertices and triangles than the input: [`Resolved::splits`](crate::resolve::Resolved::splits)
+/// says where they come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Split {
+    /// Never: the triangles are those of the input.
+    #[default]
+    Never,
+    /// Those of a garment that cannot be made clean otherwise.
+    IfLeft,
+    /// Also large ones with an edge that would be strained by more than half.
+    IfStrained,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_names_the_group() {
+        let mut params = ResolveParams::default();
+        assert_eq!(params.validate(), Ok(()));
+        params.cloth.strain_limit = Real::NAN;
+        let error = params.validate().unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "parameter `cloth.strain_limit` is NaN; it must be a share from 0 to 1e12"
+        );
+    }
+}

@@ -1,0 +1,66 @@
+//! Pairs of the garment's own triangles that newly intersect are held apart.
+
+use super::{OWN_SEPARATION, Repair};
+use crate::progress::GarmentProgress;
+use crate::workpiece::{SettleError, Workpiece};
+use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+
+/// Holds the two triangles of each new own pair on the sides that they have in the input.
+#[derive(Default)]
+pub(crate) struct SelfSeparation {
+    /// Pairs that are held apart.
+    separated: BTreeSet<[u32; 2]>,
+}
+
+impl Repair for SelfSeparation {
+    fn apply(
+        &mut self,
+        work: &mut Workpiece<'_>,
+        _: &mut GarmentProgress<'_>,
+    ) -> Result<ControlFlow<()>, SettleError> {
+        let mesh = &work.scene.garment.mesh;
+        for pair in &work.remaining.new_own {
+            if self.separated.insert(*pair) {
+                let [a, b] = pair.map(|t| mesh.triangles()[t as usize]);
+                work.contacts.self_separations.push(a, b, OWN_SEPARATION, mesh.vertices());
+                work.counts.separated_own_pairs += 1;
+            }
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::repair::tests::{apply, unchanged, with_band};
+    use if_core::math::Point;
+
+    #[test]
+    fn sheets_that_pass_through_each_other_come_apart() {
+        with_band(0.32, unchanged, |work| {
+            // One vertex of the band passes through the triangles on its other side.
+            let v = work.cloth.x.iter().position(|p| p.y.abs() < 1e-9).expect("a middle row");
+            let input = work.cloth.x.clone();
+            let far = input[v];
+            let mut folded = input.clone();
+            for (p, to) in input.iter().zip(&mut folded) {
+                if (p - far).norm() < 0.06 {
+                    let s = 1.0 - (p - far).norm() / 0.06;
+                    *to = p + (Point::new(far.x, far.y + 0.05, far.z) - far) * s;
+                }
+            }
+            work.cloth.ever_free.fill(true);
+            work.cloth.inverse_masses.fill(1.0);
+            work.go_to(&folded);
+            work.verify();
+            let found = work.remaining.new_own.len();
+            let mut separation = SelfSeparation::default();
+            apply(&mut separation, work);
+            apply(&mut separation, work);
+            assert_eq!((found, work.counts.separated_own_pairs), (found, found));
+            assert_eq!(work.contacts.self_separations.is_empty(), found == 0);
+        });
+    }
+}
