@@ -1,29 +1,12 @@
 //! Layered outfits made intersection-free, and proven so.
 //!
-//! An [`outfit::Outfit`] is a closed body and its garments, inner to outer. [`resolve::resolve`]
-//! settles one garment after the other over all layers below it, moves as little as it can, and
-//! returns the outfit only when exact predicates find no intersecting triangles between its layers;
-//! else it returns an error that names those left. [`verify::verify`] checks and changes nothing.
-//! [`report`] holds what was found and done.
+//! An [`Outfit`] is a closed body and its garments, inner to outer. [`resolve()`] settles one garment
+//! after the other over all layers below it, and returns the outfit only if exact predicates find no
+//! intersection; else its [`ResolveError`] names what remains. [`verify()`] checks and changes
+//! nothing. [`files::OutfitFiles`] does the same from files to files. [`report`] holds what was found
+//! and done.
 //!
-//! # Examples
-//!
-//! A T-shirt that goes through the body, before and after:
-//!
-//! ```
-//! use if_body::mannequin;
-//! use if_outfit::{outfit::{Layer, Outfit}, resolve::{ResolveParams, resolve}, verify::verify};
-//! use if_core::monitor::Silent;
-//!
-//! let scene = mannequin::MannequinParams { resolution: 0.7, ..Default::default() };
-//! let tshirt = mannequin::garment(mannequin::Garment::Tshirt, &scene);
-//! let outfit = Outfit::new(Layer::new("body", mannequin::body(&scene)), vec![Layer::new("tshirt", tshirt)])?;
-//! assert!(!verify(&outfit)?.is_clean());
-//!
-//! let resolved = resolve(&outfit, &ResolveParams::default(), &mut Silent)?;
-//! assert!(verify(&resolved.outfit)?.is_clean());
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+#![doc = include_str!("../README.md")]
 
 mod attempt;
 mod build;
