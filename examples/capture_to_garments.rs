@@ -10,9 +10,8 @@
 use if_garments::Silent;
 use if_garments::body::TemplateBody;
 use if_garments::body::mannequin::Garment;
-use if_garments::pipeline::capture::Capture;
 use if_garments::pipeline::capture::synth::{SynthParams, synth};
-use if_garments::pipeline::reconstruct::{ReconstructParams, reconstruct};
+use if_garments::pipeline::{Capture, ReconstructParams, reconstruct};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = tempfile::tempdir()?;

@@ -6,12 +6,11 @@
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
-use if_garments::core::mesh::TriMesh;
-use if_garments::core::monitor::Silent;
 use if_garments::core::shapes::meshes::tube;
 use if_garments::mesh::attributes::VertexAttributes;
 use if_garments::mesh::cleanup::{CleanupParams, Openings, cleanup};
 use if_garments::mesh::validate::is_valid;
+use if_garments::{Silent, TriMesh};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // A sleeve without some triangles in its middle, and with a loose triangle beside it.

@@ -9,13 +9,13 @@
 
 use if_garments::body::AlignParams;
 use if_garments::body::mannequin::{Garment, MannequinParams, body, garment};
-use if_garments::core::math::Point;
+use if_garments::core::Point;
 use if_garments::mesh::ply::{PlyMesh, WriteParams, write_path};
 use if_garments::pipeline::asset::{LayerHint, Parts, Provenance};
+use if_garments::pipeline::wardrobe::NewBody;
 use if_garments::pipeline::wardrobe::combination::Combination;
-use if_garments::pipeline::wardrobe::dresser::Dresser;
 use if_garments::pipeline::wardrobe::matching::{MatchParams, run};
-use if_garments::pipeline::wardrobe::{NewBody, Wardrobe};
+use if_garments::pipeline::{Dresser, Wardrobe};
 use if_garments::{Silent, TriMesh};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

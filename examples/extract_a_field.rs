@@ -7,10 +7,8 @@
 #![allow(clippy::print_stdout)] // a program for the terminal
 
 use if_garments::Silent;
-use if_garments::core::aabb::Aabb;
-use if_garments::core::field::{FieldSample, SignedDistance};
-use if_garments::core::math::{Point, Real, Vector};
-use if_garments::mesh::extract::{ExtractParams, Resolution, extract};
+use if_garments::core::{Aabb, FieldSample, Point, Real, SignedDistance, Vector};
+use if_garments::mesh::{ExtractParams, Resolution, extract};
 
 /// A ball with ripples of 5 mm. Not an exact distance: its gradient is longer than 1 in places.
 struct Rippled;

@@ -7,16 +7,11 @@
 #![allow(clippy::print_stdout)] // a program for the terminal
 
 use if_garments::Silent;
-use if_garments::core::field::SignedDistance;
-use if_garments::core::math::Point;
 use if_garments::core::shapes::meshes::torus;
-use if_garments::mesh::sdf::MeshSdf;
-use if_garments::neural::field::NeuralField;
+use if_garments::core::{Point, SignedDistance};
+use if_garments::mesh::MeshSdf;
 use if_garments::neural::files::{WeightNorm, read_network, write_network};
-use if_garments::neural::fit::{Fit, FitParams};
-use if_garments::neural::network::NetworkConfig;
-use if_garments::neural::sampling::SamplingParams;
-use if_garments::neural::target::Target;
+use if_garments::neural::{Fit, FitParams, NetworkConfig, NeuralField, SamplingParams, Target};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let truth = MeshSdf::closed(&torus(0.3, 0.1, 96, 48))?;

@@ -9,8 +9,7 @@
 
 use if_garments::body::mannequin::{MannequinParams, layered};
 use if_garments::mesh::ply::{PlyMesh, WriteParams, write_path};
-use if_garments::outfit::files::{FilesError, LayerFile, OutfitFiles};
-use if_garments::{ResolveParams, Silent};
+use if_garments::{FilesError, LayerFile, OutfitFiles, ResolveParams, Silent};
 use std::path::{Path, PathBuf};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -4,9 +4,9 @@
 //! cargo run --release --example own_constraint
 //! ```
 
-use if_garments::core::math::{Point, Real};
-use if_garments::core::monitor::Silent;
+use if_garments::Silent;
 use if_garments::core::shapes::meshes::cloth;
+use if_garments::core::{Point, Real};
 use if_garments::xpbd::{
     Constraint, EdgeSet, Particles, Residual, Solver, SolverParams, Stage, Stretch,
 };

@@ -7,9 +7,8 @@
 #![allow(clippy::print_stdout)] // a program for the terminal
 
 use if_garments::body::mannequin::{MannequinParams, layered};
-use if_garments::core::mesh::TriMesh;
 use if_garments::render::{View, preview};
-use if_garments::{Layer, Outfit, verify};
+use if_garments::{Layer, Outfit, TriMesh, verify};
 use std::fs::File;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
