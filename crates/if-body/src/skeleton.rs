@@ -42,8 +42,8 @@ pub enum SkeletonError {
     /// The file cannot be read.
     #[error("cannot read the skeleton: {0}")]
     Io(#[from] io::Error),
-    /// The file is not as docs/capture.md specifies.
-    #[error("the skeleton is not as docs/capture.md specifies: {0}")]
+    /// The file is not as docs/reference/capture.md specifies.
+    #[error("the skeleton is not as docs/reference/capture.md specifies: {0}")]
     Json(#[from] serde_json::Error),
     /// There are no joints.
     #[error("the skeleton has no joints")]
@@ -113,7 +113,7 @@ impl Skeleton {
         Ok(Self { joints })
     }
 
-    /// Reads `skeleton.json` (docs/capture.md).
+    /// Reads `skeleton.json` (docs/reference/capture.md).
     ///
     /// # Errors
     ///

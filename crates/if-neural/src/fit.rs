@@ -59,8 +59,8 @@ pub struct FitParams {
 
 impl Default for FitParams {
     /// One minute. Batch, rates and weights were chosen by trials of [`crate::grid::GridField`] on
-    /// clothed bodies of which no table was kept; what they reach is in `docs/fitting.md`, and the
-    /// example `fit_table` tries others (`--set`).
+    /// clothed bodies of which no table was kept; what they reach is in `docs/evidence/neural.md`,
+    /// and the program `fit_table` tries others (`--set`).
     fn default() -> Self {
         Self {
             batch: 1 << 14,
@@ -103,7 +103,7 @@ impl FitParams {
 
 impl NetworkConfig {
     /// How to fit it: batches and rates that suit the kind of network. What they reach on clothed
-    /// bodies is in `docs/fitting.md`; others were tried, but not tabled.
+    /// bodies is in `docs/evidence/neural.md`; others were tried, but not tabled.
     pub fn fit_params(&self) -> FitParams {
         match self {
             Self::Grid(_) => FitParams::default(),

@@ -23,7 +23,8 @@ use crate::trainable::Sample32;
 ///
 /// # Accuracy
 ///
-/// See `docs/neural.md`: about 1e-6 in value and 1e-5 in gradient against the same network in f64.
+/// See `docs/evidence/neural.md`: about 1e-6 in value and 1e-5 in gradient against the same network
+/// in f64.
 #[derive(Clone, Debug)]
 pub struct FrozenMlp {
     pub(crate) shape: Shape,

@@ -1,5 +1,6 @@
 //! Captures: a person in layered clothes who turns in front of one camera, as images that a human
-//! parser and a normal estimator computed from a video. `docs/capture.md` specifies the folder.
+//! parser and a normal estimator computed from a video. `docs/reference/capture.md` specifies the
+//! folder.
 //!
 //! [`Capture::open`] reads `meta.json` and the header of every image. Images are read frame by frame
 //! and not kept.

@@ -13,8 +13,8 @@
 //! | garments, from label images | [`find_garments`] | `garments` |
 //! | the mesh in each frame | [`posed`], [`write_frames`] | |
 //!
-//! Measurements are in `docs/reconstruction.md`; the benches' program `reconstruction_stages` runs
-//! the stages one by one and compares them with a visual hull.
+//! Measurements are in `docs/evidence/reconstruction.md`; the benches' program
+//! `reconstruction_stages` runs the stages one by one and compares them with a visual hull.
 
 mod canonical;
 mod checkpoint;

@@ -1,5 +1,5 @@
-//! Problems 1, 2, 3, 6, 12 and 13 of `docs/accuracy.md`, against closed forms. (Problem 3 by a direct
-//! solve is in `benches/src/comparators/direct.rs`.)
+//! Problems 1, 2, 3, 6, 12 and 13 of `docs/evidence/solver.md`, against closed forms. (Problem 3 by
+//! a direct solve is in `benches/src/comparators/direct.rs`.)
 
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 

@@ -33,9 +33,9 @@ pub struct GridConfig {
 
 impl Default for GridConfig {
     /// For a clothed body of 1.7 m: finest cells of 10 mm, 2.3 million parameters. Measured on one
-    /// body (`docs/fitting.md`): the first values of 4 levels to 128 cells are off by 0.285 mm,
-    /// these by 0.136 mm; at 128 cells, 2 features a node with a hidden layer and 1 feature without
-    /// one end within 4 % of one another after 15 s.
+    /// body (`docs/evidence/neural.md`): the first values of 4 levels to 128 cells are off by 0.285
+    /// mm, these by 0.136 mm; at 128 cells, 2 features a node with a hidden layer and 1 feature
+    /// without one end within 4 % of one another after 15 s.
     fn default() -> Self {
         Self {
             coarsest: 16,

@@ -14,8 +14,8 @@ pub enum CaptureError {
     /// A file cannot be read or written.
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: io::Error },
-    /// `meta.json` is not as docs/capture.md specifies.
-    #[error("{}: not as docs/capture.md specifies: {source}", path.display())]
+    /// `meta.json` is not as docs/reference/capture.md specifies.
+    #[error("{}: not as docs/reference/capture.md specifies: {source}", path.display())]
     Json { path: PathBuf, source: serde_json::Error },
     /// The camera is invalid.
     #[error("{}: {source}", path.display())]

@@ -13,7 +13,7 @@ use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
 use rayon::prelude::*;
 
 // "Mean" below is the mean distance to and from the truth (2.0 to 2.4 mm) of the surfaces fitted to
-// the two sample captures of `docs/reconstruction.md`, all else being as it is.
+// the two sample captures of `docs/evidence/reconstruction.md`, all else being as it is.
 
 /// Least cosine between an observed normal and the surface's for both to be of one point. From 0.1 to
 /// 0.4 the mean changes by less than 0.03 mm.

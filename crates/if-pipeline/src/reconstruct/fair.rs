@@ -6,8 +6,8 @@ use if_core::mesh::TriMesh;
 use if_core::rows::Rows;
 
 // "Mean" below is the mean distance to and from the truth (2.0 to 2.4 mm) of the surfaces fitted to
-// the two sample captures of `docs/reconstruction.md`, all else being equal; "pairs" the number of
-// their self-intersecting pairs (500 to 700).
+// the two sample captures of `docs/evidence/reconstruction.md`, all else being equal; "pairs" the
+// number of their self-intersecting pairs (500 to 700).
 
 /// Weight of observed normals at which a triangle counts as known: three pixels seen head-on. Half
 /// and twice as much change the mean by less than 0.02 mm.

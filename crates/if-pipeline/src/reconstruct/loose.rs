@@ -24,7 +24,7 @@ const CERTAIN: Real = 1.0 / 12.0;
 /// a few per cent.
 const LOOSE: Real = 0.2;
 /// Largest share of the frames seeing a voxel that may see something other than loose clothes. The
-/// poorest parser of `docs/capture.md` is wrong at one pixel in ten.
+/// poorest parser of `docs/reference/capture.md` is wrong at one pixel in ten.
 const ELSEWHERE: Real = 0.25;
 /// Least share of the certain voxels that a joint must move most for loose clothes to hang around
 /// it.

@@ -5,7 +5,7 @@ use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of [`fit_surface`](super::fit_surface). The defaults were chosen on the two sample
-/// captures of the project's data (`docs/reconstruction.md`).
+/// captures of the project's data (`docs/evidence/reconstruction.md`).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SurfaceParams {

@@ -29,7 +29,7 @@ pub struct PhiParams {
 
 impl Default for PhiParams {
     /// The grid encoding and 150 steps: it is initialised with the field's values, which the steps
-    /// refine (docs/reconstruction.md has the errors).
+    /// refine (docs/evidence/reconstruction.md has the errors).
     fn default() -> Self {
         Self { network: NetworkConfig::grid(), steps: 150, sampling: SamplingParams::default() }
     }

@@ -53,8 +53,8 @@ const BYTES_A_PIXEL: u64 = 16 + 6;
 ///
 /// # Source
 ///
-/// Replaces the paper's φ and d by implicit differentiation: `docs/reconstruction.md` has the
-/// reasons and the numbers.
+/// Replaces the paper's φ and d by implicit differentiation: `docs/evidence/reconstruction.md` has
+/// the reasons and the numbers.
 ///
 /// # Errors
 ///

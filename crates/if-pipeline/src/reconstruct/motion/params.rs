@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 /// Parameters of [`fit_motion`](crate::reconstruct::fit_motion).
 ///
-/// The weights are those of the equations of the surface (docs/reconstruction.md), where the
-/// silhouettes have weight 1 and bending 0.5.
+/// The weights are those of the equations of the surface (docs/evidence/reconstruction.md), where
+/// the silhouettes have weight 1 and bending 0.5.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotionParams {
@@ -31,8 +31,8 @@ pub struct MotionParams {
 }
 
 impl Default for MotionParams {
-    /// Tuned on rendered captures with motion of 0, 4 and 15 mm (docs/reconstruction.md, "Motion of
-    /// single frames").
+    /// Tuned on rendered captures with motion of 0, 4 and 15 mm (docs/evidence/reconstruction.md,
+    /// "Motion of single frames").
     fn default() -> Self {
         Self {
             window: 1,
