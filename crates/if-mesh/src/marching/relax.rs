@@ -43,11 +43,13 @@ impl RelaxParams {
 /// step, onto `φ = 0`: slivers become well-shaped triangles.
 ///
 /// Vertices of a border slide along it, and stay at its corners. No triangle turns away from the
-/// normals of its vertices: where one would, its corners stay for this round. On a shell thinner
-/// than its edges a vertex whose field gradient points against its normal has crossed the middle of
-/// the shell, and stays for this round: vertices do not change to the other sheet. Triangles of two
-/// sheets may still intersect where the sheets are nearer than an edge;
-/// [`extract`](crate::extract::extract) moves their vertices back.
+/// normals of its vertices: where one would, its corners stay for this round.
+///
+/// A shell thinner than its edges is extracted with holes, and a few vertices at their rims may
+/// change to the other sheet: one in 16,000 with the default step, up to three in 10,000 with a step
+/// of 1, on shells of a quarter to 0.9 of a cell. Triangles of two sheets may then intersect;
+/// [`extract`](crate::extract::extract) moves vertices of new intersections back, and its report
+/// warns of near and of unresolved sheets.
 ///
 /// # Errors
 ///
@@ -93,8 +95,7 @@ pub(crate) fn relax_within(
             if !matches!(borders[v], Border::Fixed) {
                 *p -= newton_step(&samples[v], 0.5 * longest_edge(&mesh, &fans, v));
             }
-            let other_sheet = samples[v].gradient.dot(&normals[v]) < 0.0;
-            if other_sheet || region.is_some_and(|r| !r.contains(p)) {
+            if region.is_some_and(|r| !r.contains(p)) {
                 *p = mesh.vertices()[v];
             }
         });
@@ -215,7 +216,7 @@ fn keep_orientation(mesh: &TriMesh, normals: &[Vector], moved: &mut [Point]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::extract::{ExtractParams, Resolution, extract};
+    use crate::extract::{ExtractParams, Resolution, extract, layer_phase};
     use crate::marching::clip;
     use crate::measure::smallest_angles;
     use if_core::monitor::Silent;
@@ -295,25 +296,28 @@ mod tests {
     }
 
     #[test]
-    fn no_vertex_of_a_shell_thinner_than_a_cell_changes_to_the_other_sheet() {
-        for thickness in [0.25, 0.5, 1.0] {
-            let cell = 0.1;
+    fn hardly_any_vertex_of_a_shell_thinner_than_a_cell_changes_to_the_other_sheet() {
+        let cell = 0.1;
+        for (thickness, step) in [(0.25, 1.0), (0.5, 0.7), (0.5, 1.0), (0.9, 1.0)] {
             let shell = Shell { half: 0.5 * thickness * cell };
-            let params = ExtractParams {
-                resolution: Resolution::Cell(cell),
-                phase: [0.3, 0.7, 0.1],
-                ..ExtractParams::default()
-            };
-            let before = extract(&shell, &params, &mut Silent).unwrap().mesh;
-            let rounds = RelaxParams { rounds: 5, ..RelaxParams::default() };
-            let after = relax(&before, &shell, &rounds).unwrap();
-            let sheet = |p: &Point| BALL.distance(p) > 0.0;
-            let pairs = || before.vertices().iter().zip(after.vertices());
-            let crossed = pairs().filter(|(p, q)| sheet(p) != sheet(q)).count();
-            let moved = pairs().filter(|(p, q)| p != q).count();
-            assert!(before.vertices().len() > 500, "the lattice sees the shell in part");
-            assert!(2 * moved > before.vertices().len(), "{moved} of {}", before.vertices().len());
-            assert_eq!(crossed, 0, "thickness {thickness} cells");
+            let (mut crossed, mut moved, mut all) = (0, 0, 0);
+            for layer in 0..6 {
+                let params = ExtractParams {
+                    resolution: Resolution::Cell(cell),
+                    phase: layer_phase(layer),
+                    ..ExtractParams::default()
+                };
+                let before = extract(&shell, &params, &mut Silent).unwrap().mesh;
+                let after = relax(&before, &shell, &RelaxParams { rounds: 8, step }).unwrap();
+                let sheet = |p: &Point| BALL.distance(p) > 0.0;
+                let pairs = || before.vertices().iter().zip(after.vertices());
+                crossed += pairs().filter(|(p, q)| sheet(p) != sheet(q)).count();
+                moved += pairs().filter(|(p, q)| p != q).count();
+                all += before.vertices().len();
+            }
+            // Measured: 3 of 9,820, 1 and 4 of 16,722, 3 of 22,444, all at rims of holes.
+            assert!(crossed * 1000 < all, "{thickness} cells, step {step}: {crossed} of {all}");
+            assert!(4 * moved > all, "{moved} of {all}");
         }
     }
 
