@@ -48,16 +48,13 @@ pub use if_pipeline as pipeline;
 pub use if_render as render;
 pub use if_xpbd as xpbd;
 
-pub use if_core::mesh::TriMesh;
-pub use if_core::monitor::{Cancelled, Monitor, Progress, Silent};
-pub use if_core::{ParameterError, nalgebra};
-pub use if_mesh::file::MeshFile;
+pub use if_core::{Cancelled, Monitor, ParameterError, Progress, Silent, TriMesh, nalgebra};
+pub use if_mesh::MeshFile;
 pub use if_outfit::files::{FilesError, LayerFile, OutfitFiles, ResolvedFiles};
-pub use if_outfit::outfit::{Layer, Outfit, OutfitError};
-pub use if_outfit::report::{ResolveReport, Verification};
-pub use if_outfit::resolve::{ResolveError, Resolved, resolve};
-pub use if_outfit::verify::verify;
-pub use if_outfit::{ClothParams, EffortParams, GoalParams, ResolveParams};
+pub use if_outfit::{
+    ClothParams, EffortParams, GoalParams, Layer, Outfit, OutfitError, ResolveError, ResolveParams,
+    ResolveReport, Resolved, Split, Tuck, Verification, resolve, verify,
+};
 
 /// The examples in the README and in the guides are tests.
 #[cfg(doctest)]

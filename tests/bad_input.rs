@@ -227,3 +227,21 @@ fn parameters_that_are_not_numbers_or_negative_are_refused_by_name() {
     }
     assert_eq!(refusal(|p| p.effort.outward_cell = 0.0).as_deref(), Some("effort.outward_cell"));
 }
+
+#[test]
+fn the_reference_lists_every_parameter_with_its_default() {
+    let text = include_str!("../docs/reference/parameters.md");
+    let groups = serde_json::to_value(ResolveParams::default()).unwrap();
+    let fields = groups.as_object().unwrap().values().flat_map(|g| g.as_object().unwrap());
+    let mut listed = 0;
+    for (name, value) in fields {
+        let row = text.lines().find(|line| line.starts_with(&format!("| `{name}` |")));
+        let row = row.unwrap_or_else(|| panic!("`{name}` is missing"));
+        let default = row.split('|').nth(2).unwrap().trim().trim_matches('`');
+        let read: serde_json::Value = serde_json::from_str(default).unwrap();
+        let same = read == *value || read.as_f64().is_some_and(|d| value.as_f64() == Some(d));
+        assert!(same, "`{name}` is {value}, the reference has {default}");
+        listed += 1;
+    }
+    assert_eq!(text.lines().filter(|line| line.starts_with("| `")).count(), listed);
+}

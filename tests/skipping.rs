@@ -3,7 +3,7 @@
 //! with fields (`if_xpbd::collision`), sparse and dense extraction
 //! (`crates/if-mesh/tests/extraction.rs`), finished outfits of a batch
 //! (`crates/if-cli/tests/cli/batch.rs`), frames without a person
-//! (`crates/if-pipeline/tests/reconstruct.rs`). docs/accuracy.md has the list.
+//! (`crates/if-pipeline/tests/reconstruct.rs`). docs/evidence/outfits.md has the list.
 
 use if_body::mannequin::{MannequinParams, layered};
 use if_core::aabb::Aabb;

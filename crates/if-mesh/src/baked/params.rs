@@ -57,7 +57,7 @@ pub struct BakeParams {
 
 impl Default for BakeParams {
     /// For a body of 2 m: 1 mm within 2 cm of the surface, with cells of 12 mm, at fingers and
-    /// folds down to 1.5 mm (`docs/fitting.md`).
+    /// folds down to 1.5 mm (`docs/evidence/neural.md`).
     fn default() -> Self {
         Self {
             cell: 0.012,
