@@ -43,7 +43,7 @@ fn assert_split(input: &TriMesh, resolved: &Resolved) {
             && split.parts.len() == output.triangles().len()
     );
     assert!((split.mesh.area() / input.area() - 1.0).abs() < 1e-6);
-    assert_eq!(resolved.report.layers[0].split, split.parents());
+    assert_eq!(resolved.report.layers[0].split, split.split_triangles());
     assert!(
         output
             .vertices()

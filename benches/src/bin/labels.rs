@@ -18,12 +18,13 @@ use if_core::closest::ClosestPoint;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
-use if_mesh::cut::{CutParams, cut};
-use if_mesh::expansion::{ExpandParams, expand_labels};
+use if_core::monitor::Silent;
 use if_mesh::index::Bvh;
+use if_mesh::labels::{
+    CutParams, ExpandParams, LabelVotes, SmoothLabelParams, UNDECIDED, VoteParams, VoteReport,
+    Voter, cut, expand_labels, smooth_labels,
+};
 use if_mesh::ply::{self, PlyMesh};
-use if_mesh::smooth_labels::{SmoothLabelParams, smooth_labels};
-use if_mesh::votes::{LabelVotes, UNDECIDED, VoteParams, VoteReport, Voter};
 use if_pipeline::capture::Capture;
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -117,6 +118,7 @@ fn judge(
             mesh,
             votes,
             &SmoothLabelParams { length: 1e-3 * length, ..Default::default() },
+            &mut Silent,
         )?;
         print("smooth_labels (mm)", length, &scores.winners(), 1e3 * start.elapsed().as_secs_f64());
     }
@@ -126,11 +128,12 @@ fn judge(
             mesh,
             votes,
             &ExpandParams { border: 1e-3 * border, ..Default::default() },
+            &mut Silent,
         )?;
         print("expand_labels (mm)", border, &found.labels, 1e3 * start.elapsed().as_secs_f64());
     }
     // What a user gets is cut at once: borders and pieces are counted.
-    let scores = smooth_labels(mesh, votes, &SmoothLabelParams::default())?;
+    let scores = smooth_labels(mesh, votes, &SmoothLabelParams::default(), &mut Silent)?;
     let start = Instant::now();
     let pieces = cut(mesh, &scores, &CutParams::default())?;
     let ms = 1e3 * start.elapsed().as_secs_f64();

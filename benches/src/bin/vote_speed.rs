@@ -14,8 +14,8 @@
 use if_core::math::{Point, Real, Vector};
 use if_core::shapes::meshes::tube;
 use if_mesh::camera::Camera;
+use if_mesh::labels::{VoteParams, Voter};
 use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
-use if_mesh::votes::{VoteParams, Voter};
 use std::error::Error;
 use std::time::{Duration, Instant};
 

@@ -13,13 +13,12 @@ use crate::values::{label_name, length};
 use clap::Args;
 use if_core::edges::{Edges, part_count};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Progress;
 use if_mesh::attributes::{AttributeError, Source, VertexAttributes};
-use if_mesh::cut::{CutError, CutParams, Piece, cut};
-use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
-use if_mesh::smooth_labels::{
-    SmoothLabelError, SmoothLabelParams, SolveStep, smooth_labels_watched,
+use if_mesh::labels::{
+    CutParams, LabelError, LabelVotes, Piece, SmoothLabelParams, UNDECIDED, cut, smooth_labels,
 };
-use if_mesh::votes::{LabelVotes, UNDECIDED};
+use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
 use if_render::{PALETTE, RenderLayer, View, side_by_side};
 use miette::{Diagnostic, Report};
 use serde::Serialize;
@@ -85,10 +84,10 @@ enum CutFault {
     NothingKnown,
     #[error("the labels cannot be made smooth")]
     #[diagnostic(code(ifg::input::labels), help("try another --smooth"))]
-    Smooth { source: SmoothLabelError },
+    Smooth { source: LabelError },
     #[error("the mesh cannot be cut")]
     #[diagnostic(code(ifg::input::labels), help("look at the mesh and its labels"))]
-    Cut { source: CutError },
+    Cut { source: LabelError },
     #[error("the properties of `{}` do not fit its vertices", path.display())]
     #[diagnostic(code(ifg::input::attributes), help("export it again"))]
     Attributes { path: PathBuf, source: AttributeError },
@@ -198,11 +197,11 @@ pub(crate) fn run(args: &CutArgs) -> Result<End, Report> {
     let Dense { present, places } = Dense::new(&given);
     let votes = LabelVotes::from_labels(&places, present.len());
     let params = SmoothLabelParams { length: args.smooth, ..SmoothLabelParams::default() };
-    let watch = |_: &SolveStep| {
+    let monitor = &mut |_: &Progress<'_>| {
         if cancel::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let scores = match smooth_labels_watched(&ply.mesh, &votes, &params, &watch) {
-        Err(SmoothLabelError::Cancelled) => return Ok(cancelled(args, line)),
+    let scores = match smooth_labels(&ply.mesh, &votes, &params, monitor) {
+        Err(LabelError::Cancelled(_)) => return Ok(cancelled(args, line)),
         other => other.map_err(|source| CutFault::Smooth { source: of_label(source, &present) })?,
     };
     line.message("cutting");
@@ -313,10 +312,10 @@ impl Dense {
 }
 
 /// The fault, with the label of the file in place of its place.
-fn of_label(fault: SmoothLabelError, present: &[u8]) -> SmoothLabelError {
+fn of_label(fault: LabelError, present: &[u8]) -> LabelError {
     match fault {
-        SmoothLabelError::NotConverged { label, steps, residual } => {
-            SmoothLabelError::NotConverged { label: usize::from(present[label]), steps, residual }
+        LabelError::NotConverged { label, steps, residual } => {
+            LabelError::NotConverged { label: usize::from(present[label]), steps, residual }
         }
         other => other,
     }
@@ -481,7 +480,7 @@ fn write(
     args: &CutArgs,
     path: &Path,
 ) -> Result<(), ply::WriteError> {
-    let source = |o: &if_mesh::cut::Origin| {
+    let source = |o: &if_mesh::labels::Origin| {
         o.source().map_or_else(|| Source::Blend(o.parts()), Source::Vertex)
     };
     let sources: Vec<Source> = piece.origins.iter().map(source).collect();
@@ -552,8 +551,8 @@ mod tests {
         assert_eq!((present, places), (vec![0, 2], vec![1, 1]));
         let all: Vec<u8> = (0..=u8::MAX).collect();
         assert_eq!(Dense::new(&all).places, all);
-        let fault = SmoothLabelError::NotConverged { label: 2, steps: 9, residual: 0.5 };
-        let SmoothLabelError::NotConverged { label, .. } = of_label(fault, &[0, 7, 200]) else {
+        let fault = LabelError::NotConverged { label: 2, steps: 9, residual: 0.5 };
+        let LabelError::NotConverged { label, .. } = of_label(fault, &[0, 7, 200]) else {
             panic!("another fault")
         };
         assert_eq!(label, 200);

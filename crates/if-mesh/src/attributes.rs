@@ -1,60 +1,25 @@
-//! What vertices carry beside their positions, when a mesh gets other vertices.
+//! Properties of vertices, carried along when a mesh gets other vertices. They are independent of
+//! files' formats.
 
-use crate::ply::{Column, Property, with_column};
+mod column;
+mod property;
+mod rule;
+mod source;
+
+pub(crate) use column::with_column;
+pub use column::{Column, ScalarType};
+pub use property::Property;
+pub use rule::Rule;
+pub use source::Source;
+
 use if_core::math::Real;
-use serde::Serialize;
-
-/// What a vertex of a changed mesh was made of.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Source {
-    /// It is this vertex of the mesh before, or a copy of it.
-    Vertex(u32),
-    /// It is new: vertices of the mesh before with weights above zero, that of the largest weight
-    /// first.
-    Blend(Vec<(u32, Real)>),
-}
-
-impl Source {
-    /// The vertex that counts most.
-    pub fn nearest(&self) -> u32 {
-        match self {
-            Self::Vertex(v) => *v,
-            Self::Blend(parts) => parts.first().map_or(0, |p| p.0),
-        }
-    }
-
-    pub(crate) fn parts(&self) -> Vec<(u32, Real)> {
-        match self {
-            Self::Vertex(v) => vec![(*v, 1.0)],
-            Self::Blend(parts) => parts.clone(),
-        }
-    }
-}
-
-/// How a property of a new vertex follows from those of others.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[non_exhaustive]
-pub enum Rule {
-    /// The weighted mean; rounded where the numbers are whole.
-    Mean,
-    /// The value with most weight: labels, marks, ids. Of two with the same weight the smaller.
-    Majority,
-    /// One of three components of a unit vector.
-    Normal,
-    /// Joint ids and weights of linear-blend skinning: joints are united, the heaviest kept, and
-    /// their weights divided by their sum.
-    Skinning,
-    /// The list of the vertex that counts most.
-    Nearest,
-}
 
 /// The properties of the vertices of a mesh.
 ///
 /// # Examples
 ///
 /// ```
-/// use if_mesh::attributes::{Rule, Source, VertexAttributes};
-/// use if_mesh::ply::{Column, Property};
+/// use if_mesh::attributes::{Column, Property, Rule, Source, VertexAttributes};
 /// let label = Property::new("label", Column::U8(vec![1, 1, 2]));
 /// let heat = Property::new("heat", Column::F32(vec![0.0, 1.0, 4.0]));
 /// let vertices = VertexAttributes::new(3, vec![label, heat])?;
@@ -71,57 +36,39 @@ pub struct VertexAttributes {
     rules: Vec<Rule>,
 }
 
-/// Why properties do not belong to a mesh.
+/// Properties that do not belong to the mesh.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "property `{name}` has {records} records for {vertices} vertices; leave it out, or give one for each vertex"
+)]
 #[non_exhaustive]
-#[allow(missing_docs)] // the messages say what the fields are
-pub enum AttributeError {
-    /// A property has another number of records than the mesh has vertices.
-    #[error(
-        "property `{name}` has {records} records for {vertices} vertices; leave it out, or give one for each vertex"
-    )]
-    Length { name: String, records: usize, vertices: usize },
+#[allow(missing_docs)] // the message explains the fields
+pub struct AttributeError {
+    pub name: String,
+    pub records: usize,
+    pub vertices: usize,
 }
 
 impl VertexAttributes {
-    /// Takes `properties` of `vertices` vertices, with the rules that names and types suggest:
+    /// Takes `properties` of `vertices` vertices. Their rules follow from names and types:
     ///
     /// | names | rule |
     /// |---|---|
     /// | `j0`, `j1`, … with `w0`, `w1`, …, as many of both | [`Rule::Skinning`] |
     /// | `nx`, `ny`, `nz`, all three | [`Rule::Normal`] |
-    /// | `red`, `green`, `blue`, `alpha`, with or without `diffuse_` before | [`Rule::Mean`] |
+    /// | `red`, `green`, `blue`, `alpha`, with or without the prefix `diffuse_` | [`Rule::Mean`] |
     /// | lists | [`Rule::Nearest`] |
-    /// | others of `float` and `double` | [`Rule::Mean`] |
+    /// | others of `f32` and `f64` | [`Rule::Mean`] |
     /// | others | [`Rule::Majority`] |
     ///
     /// # Errors
     ///
-    /// A property that is not as long as there are vertices.
+    /// A property whose number of records is not the number of vertices.
     pub fn new(vertices: usize, properties: Vec<Property>) -> Result<Self, AttributeError> {
         if let Some(p) = properties.iter().find(|p| p.records() != vertices) {
-            return Err(AttributeError::Length {
-                name: p.name.clone(),
-                records: p.records(),
-                vertices,
-            });
+            return Err(AttributeError { name: p.name.clone(), records: p.records(), vertices });
         }
-        let has = |name: &str| properties.iter().any(|p| p.name == name && p.lists.is_none());
-        let normals = ["nx", "ny", "nz"].into_iter().all(has);
-        let skinned = (0..).take_while(|k| has(&format!("j{k}")) && has(&format!("w{k}"))).count();
-        let rule = |p: &Property| {
-            let name = p.name.strip_prefix("diffuse_").unwrap_or(&p.name);
-            let joint = p.name.strip_prefix(['j', 'w']).and_then(|k| k.parse::<usize>().ok());
-            match name {
-                _ if p.lists.is_some() => Rule::Nearest,
-                _ if joint.is_some_and(|k| k < skinned) => Rule::Skinning,
-                "nx" | "ny" | "nz" if normals => Rule::Normal,
-                "red" | "green" | "blue" | "alpha" => Rule::Mean,
-                _ if p.values.scalar_type().is_integer() => Rule::Majority,
-                _ => Rule::Mean,
-            }
-        };
-        let rules = properties.iter().map(rule).collect();
+        let rules = rule::rules(&properties);
         Ok(Self { vertices, properties, rules })
     }
 
@@ -145,19 +92,18 @@ impl VertexAttributes {
         &self.rules
     }
 
-    /// The properties themselves.
+    /// The properties, by value.
     pub fn into_properties(self) -> Vec<Property> {
         self.properties
     }
 
-    /// The properties of vertices made of these.
-    ///
-    /// Copies keep their bits.
+    /// The properties of vertices with these sources. Copies keep their bits.
     ///
     /// # Panics
     ///
-    /// If a source names a vertex that is not there.
+    /// If a source names a vertex out of range.
     pub fn derive(&self, sources: &[Source]) -> Self {
+        // All vertices start with the record of their nearest source; blends then follow the rules.
         let mut made: Vec<Property> = self.properties.iter().map(|p| nearest(p, sources)).collect();
         for (k, source) in sources.iter().enumerate() {
             let Source::Blend(parts) = source else { continue };
@@ -166,43 +112,44 @@ impl VertexAttributes {
                 continue;
             }
             for (p, rule) in self.rules.iter().enumerate() {
-                let old = |v: u32| get(&self.properties[p].values, v as usize);
-                let value = match rule {
+                let values = &self.properties[p].values;
+                let old = |v: u32| values.get(v as usize);
+                match rule {
                     Rule::Mean | Rule::Normal => {
-                        parts.iter().map(|&(v, w)| w * old(v)).sum::<Real>() / total
+                        let sum = parts.iter().map(|&(v, w)| w * old(v)).sum::<Real>();
+                        made[p].values.set(k, sum / total);
                     }
                     Rule::Majority => {
                         let value = majority(parts.iter().map(|&(v, w)| (old(v), w)));
-                        // Its own bits: a real number does not hold all of 64.
+                        // Copied from a source with that value: `f64` does not hold all 64-bit ids.
                         if let Some((v, _)) = parts.iter().find(|(v, _)| old(*v) == value) {
-                            copy(&self.properties[p].values, *v as usize, &mut made[p].values, k);
+                            made[p].values.set_from(k, values, *v as usize);
                         }
-                        continue;
                     }
-                    Rule::Skinning | Rule::Nearest => continue,
-                };
-                set(&mut made[p].values, k, value);
+                    Rule::Skinning | Rule::Nearest => {}
+                }
             }
             self.normalise(&mut made, k);
-            self.skin(&mut made, k, source);
+            self.blend_skinning(&mut made, k, source);
         }
         Self { vertices: sources.len(), properties: made, rules: self.rules.clone() }
     }
 
-    /// Gives the normal of record `k` the length 1.
+    /// Normalises the normal of record `k`.
     fn normalise(&self, made: &mut [Property], k: usize) {
         let axes: Vec<usize> = (0..made.len()).filter(|p| self.rules[*p] == Rule::Normal).collect();
-        let length = axes.iter().map(|&p| get(&made[p].values, k).powi(2)).sum::<Real>().sqrt();
+        let length = axes.iter().map(|&p| made[p].values.get(k).powi(2)).sum::<Real>().sqrt();
         if length > 0.0 {
             axes.iter().for_each(|&p| {
-                let value = get(&made[p].values, k) / length;
-                set(&mut made[p].values, k, value);
+                let value = made[p].values.get(k) / length;
+                made[p].values.set(k, value);
             });
         }
     }
 
-    /// Joints and weights of record `k`.
-    fn skin(&self, made: &mut [Property], k: usize, source: &Source) {
+    /// Blends joints and weights into record `k`.
+    fn blend_skinning(&self, made: &mut [Property], k: usize, source: &Source) {
+        // Pairs of properties: joint id and weight.
         let column = |name: String| made.iter().position(|p| p.name == name && p.lists.is_none());
         let slot = |k: usize| Some((column(format!("j{k}"))?, column(format!("w{k}"))?));
         let slots: Vec<(usize, usize)> = (0..)
@@ -212,43 +159,44 @@ impl VertexAttributes {
         if slots.is_empty() {
             return;
         }
-        let mut united: Vec<(Real, Real)> = Vec::new();
+        // Total weight of each joint, the heaviest first.
+        let mut merged: Vec<(Real, Real)> = Vec::new();
         for (v, weight) in source.parts() {
             for &(j, w) in &slots {
-                let joint = get(&self.properties[j].values, v as usize);
-                let share = weight * get(&self.properties[w].values, v as usize);
-                match united.iter_mut().find(|u| u.0 == joint) {
+                let joint = self.properties[j].values.get(v as usize);
+                let share = weight * self.properties[w].values.get(v as usize);
+                match merged.iter_mut().find(|u| u.0 == joint) {
                     Some(u) => u.1 += share,
-                    None => united.push((joint, share)),
+                    None => merged.push((joint, share)),
                 }
             }
         }
-        united.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.total_cmp(&b.0)));
-        let all: Real = united.iter().map(|u| u.1).sum();
-        united.truncate(slots.len());
-        let total: Real = united.iter().map(|u| u.1).sum();
+        merged.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.total_cmp(&b.0)));
+        let all: Real = merged.iter().map(|u| u.1).sum();
+        merged.truncate(slots.len());
+        let total: Real = merged.iter().map(|u| u.1).sum();
         if total.is_nan() || total <= 0.0 {
-            return; // nothing holds this vertex: the copy of the nearest stays
+            return; // no joint has weight: the copy of the nearest source stays
         }
-        // Whole numbers stand for shares of their sum, 255 or 65535 as a rule; what rounding takes
-        // from it or adds the largest gets.
+        // Integer weights are shares of their sum, usually 255 or 65535; the heaviest joint takes
+        // the rounding error.
         let whole =
             slots.iter().all(|s| !matches!(made[s.1].values, Column::F32(_) | Column::F64(_)));
         let of_all: Real = source.parts().iter().map(|(_, weight)| weight).sum();
         let sum = if whole { (all / of_all).round() } else { 1.0 };
-        let mut shares: Vec<Real> = united.iter().map(|u| u.1 / total * sum).collect();
+        let mut shares: Vec<Real> = merged.iter().map(|u| u.1 / total * sum).collect();
         if whole {
             shares.iter_mut().for_each(|s| *s = s.round());
             shares[0] += sum - shares.iter().sum::<Real>();
         }
         for (n, &(j, w)) in slots.iter().enumerate() {
-            set(&mut made[j].values, k, united.get(n).unwrap_or(&united[0]).0);
-            set(&mut made[w].values, k, shares.get(n).copied().unwrap_or(0.0));
+            made[j].values.set(k, merged.get(n).unwrap_or(&merged[0]).0);
+            made[w].values.set(k, shares.get(n).copied().unwrap_or(0.0));
         }
     }
 }
 
-/// The value with most weight.
+/// The value of the largest total weight, the smaller one of equals.
 fn majority(votes: impl Iterator<Item = (Real, Real)>) -> Real {
     let mut sums: Vec<(Real, Real)> = Vec::new();
     for (value, weight) in votes {
@@ -261,37 +209,7 @@ fn majority(votes: impl Iterator<Item = (Real, Real)>) -> Real {
     sums.first().map_or(0.0, |s| s.0)
 }
 
-fn get(column: &Column, k: usize) -> Real {
-    with_column!(column, v => v[k] as Real)
-}
-
-/// Copies an entry to that of another column of the same type.
-fn copy(from: &Column, v: usize, to: &mut Column, k: usize) {
-    match (from, to) {
-        (Column::I64(a), Column::I64(b)) => b[k] = a[v],
-        (Column::U64(a), Column::U64(b)) => b[k] = a[v],
-        // All others are real numbers.
-        (from, to) => set(to, k, get(from, v)),
-    }
-}
-
-/// Writes a number: rounded for whole types, which also saturate.
-fn set(column: &mut Column, k: usize, value: Real) {
-    match column {
-        Column::F32(v) => v[k] = value as f32,
-        Column::F64(v) => v[k] = value,
-        Column::I8(v) => v[k] = value.round() as i8,
-        Column::U8(v) => v[k] = value.round() as u8,
-        Column::I16(v) => v[k] = value.round() as i16,
-        Column::U16(v) => v[k] = value.round() as u16,
-        Column::I32(v) => v[k] = value.round() as i32,
-        Column::U32(v) => v[k] = value.round() as u32,
-        Column::I64(v) => v[k] = value.round() as i64,
-        Column::U64(v) => v[k] = value.round() as u64,
-    }
-}
-
-/// The property with the record of the vertex that counts most.
+/// The property with the record of each vertex's nearest source.
 fn nearest(property: &Property, sources: &[Source]) -> Property {
     let mut lists = property.lists.as_ref().map(|_| vec![0u32]);
     let mut picked = Vec::with_capacity(sources.len());
@@ -301,22 +219,7 @@ fn nearest(property: &Property, sources: &[Source]) -> Property {
             lists.push(picked.len() as u32);
         }
     }
-    fn pick<T: Copy>(from: &[T], picked: &[usize]) -> Vec<T> {
-        picked.iter().map(|&k| from[k]).collect()
-    }
-    let values = match &property.values {
-        Column::I8(v) => Column::I8(pick(v, &picked)),
-        Column::U8(v) => Column::U8(pick(v, &picked)),
-        Column::I16(v) => Column::I16(pick(v, &picked)),
-        Column::U16(v) => Column::U16(pick(v, &picked)),
-        Column::I32(v) => Column::I32(pick(v, &picked)),
-        Column::U32(v) => Column::U32(pick(v, &picked)),
-        Column::I64(v) => Column::I64(pick(v, &picked)),
-        Column::U64(v) => Column::U64(pick(v, &picked)),
-        Column::F32(v) => Column::F32(pick(v, &picked)),
-        Column::F64(v) => Column::F64(pick(v, &picked)),
-    };
-    Property { name: property.name.clone(), values, lists }
+    Property { name: property.name.clone(), values: property.values.picked(&picked), lists }
 }
 
 #[cfg(test)]
@@ -328,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_are_means_and_labels_are_not() {
+    fn colours_are_averaged_and_labels_decided_by_majority() {
         let properties = vec![
             Property::new("red", Column::U8(vec![0, 255])),
             Property::new("label", Column::U8(vec![3, 7])),
@@ -349,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn ids_of_64_bits_keep_them_where_the_majority_decides() {
+    fn a_majority_of_64_bit_ids_keeps_all_bits() {
         let id = (1i64 << 53) + 1;
         let made =
             VertexAttributes::new(3, vec![Property::new("id", Column::I64(vec![id, id, id]))])
@@ -359,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_skinning_weights_keep_their_sum() {
+    fn integer_skinning_weights_keep_their_sum() {
         let properties = vec![
             Property::new("j0", Column::U8(vec![4, 6])),
             Property::new("j1", Column::U8(vec![5, 7])),
@@ -370,7 +273,7 @@ mod tests {
         ];
         let made = VertexAttributes::new(2, properties).unwrap().derive(&[half(0, 1), half(0, 0)]);
         let column = |k: usize| made.properties()[k].values.clone();
-        // 6: 127.5, 4: 64, 5: 63.5, of 255: two are rounded up, and the largest gives one back.
+        // 6: 127.5, 4: 64, 5: 63.5, of 255: two are rounded up, and the largest is reduced by one.
         assert_eq!(
             [column(0), column(1), column(2)],
             [Column::U8(vec![6, 4]), Column::U8(vec![4, 5]), Column::U8(vec![5, 6])]
@@ -382,7 +285,7 @@ mod tests {
     }
 
     #[test]
-    fn skinning_is_united_cut_and_of_sum_one() {
+    fn skinning_is_merged_truncated_and_normalised() {
         let properties = vec![
             Property::new("j0", Column::U8(vec![4, 9])),
             Property::new("j1", Column::U8(vec![5, 4])),
@@ -391,7 +294,7 @@ mod tests {
         ];
         let made =
             VertexAttributes::new(2, properties).unwrap().derive(&[half(0, 1), Source::Vertex(1)]);
-        // 9: 0.375, 4: 0.25 + 0.125, 5: 0.25. The two heaviest stay, 4 before 9.
+        // 9: 0.375, 4: 0.25 + 0.125, 5: 0.25. The two heaviest are kept, 4 before 9.
         assert_eq!(made.properties()[0].values, Column::U8(vec![4, 9]));
         assert_eq!(made.properties()[1].values, Column::U8(vec![9, 4]));
         assert_eq!(made.properties()[2].values, Column::F32(vec![0.5, 0.75]));
@@ -399,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn normals_have_length_one_and_lists_are_copied() {
+    fn normals_are_normalised_and_lists_are_copied() {
         let properties = vec![
             Property::new("nx", Column::F64(vec![1.0, 0.0])),
             Property::new("ny", Column::F64(vec![0.0, 1.0])),
@@ -420,10 +323,10 @@ mod tests {
     }
 
     #[test]
-    fn properties_of_another_length_are_refused() {
+    fn properties_of_another_length_are_rejected() {
         let short = vec![Property::new("label", Column::U8(vec![1]))];
         let error = VertexAttributes::new(2, short).unwrap_err();
-        assert_eq!(error, AttributeError::Length { name: "label".into(), records: 1, vertices: 2 });
+        assert_eq!(error, AttributeError { name: "label".into(), records: 1, vertices: 2 });
         assert_eq!(VertexAttributes::none(0).derive(&[]).vertices(), 0);
     }
 }

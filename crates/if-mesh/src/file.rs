@@ -1,4 +1,4 @@
-//! Mesh files by their extension.
+//! Mesh files of any format, chosen by the extension.
 
 use crate::attributes::AttributeError;
 use crate::obj::{self, Normals, ObjMesh};
@@ -9,8 +9,7 @@ use if_core::mesh::{MeshError, TriMesh};
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-/// A mesh with the file it came from: what is written again has the same triangles, vertex order
-/// and attributes.
+/// A mesh with its file. It is written with the same triangles, vertex order and attributes.
 ///
 /// # Examples
 ///
@@ -21,7 +20,7 @@ use std::{fs, io};
 /// # std::fs::write(&shirt, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")?;
 /// let file = MeshFile::read(&shirt)?;
 /// let raised: Vec<_> = file.mesh().vertices().iter().map(|p| p + if_core::math::Vector::y() * 0.01).collect();
-/// // Prove what is to be proven about these:
+/// // Prove properties of the file for these positions:
 /// let raised = file.positions_as_written(&raised);
 /// file.write(&out, &raised)?;
 /// assert_eq!(MeshFile::read(&out)?.mesh().vertices(), raised);
@@ -29,14 +28,14 @@ use std::{fs, io};
 /// ```
 #[derive(Clone, Debug)]
 pub struct MeshFile {
-    /// The file, where `content` does not hold it already.
+    /// The bytes of the file, unless `content` holds them.
     bytes: Vec<u8>,
     content: Content,
     /// Whether the content differs from `bytes`, so that no copy of them may be written.
     is_new: bool,
 }
 
-/// What a file holds.
+/// Content of a mesh file.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Content {
@@ -64,37 +63,37 @@ impl Format {
     }
 }
 
-/// Why a file gives no mesh.
+/// Errors of [`MeshFile::read`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-#[allow(missing_docs)] // the messages say what the fields are
+#[allow(missing_docs)] // the messages explain the fields
 pub enum ReadError {
-    /// The extension names no format.
+    /// The extension is not that of a supported format.
     #[error("{}: the extension must be .ply or .obj", path.display())]
     Extension { path: PathBuf },
-    /// The system does not give the file.
+    /// The file cannot be read.
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: io::Error },
-    /// A folder, a pipe or a device.
+    /// The path is a folder, a pipe or a device.
     #[error("{}: not a file", path.display())]
     NotAFile { path: PathBuf },
-    /// The PLY file is at fault.
+    /// The PLY file is invalid.
     #[error("{}: {source}", path.display())]
     Ply { path: PathBuf, source: Box<ply::ReadError> },
-    /// The OBJ file is at fault.
+    /// The OBJ file is invalid.
     #[error("{}: {source}", path.display())]
     Obj { path: PathBuf, source: Box<obj::ReadError> },
 }
 
-/// Why a file was not written. What stood there before still does.
+/// Errors of [`MeshFile::write`]. An existing file stays unchanged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-#[allow(missing_docs)] // the messages say what the fields are
+#[allow(missing_docs)] // the messages explain the fields
 pub enum WriteError {
-    /// The extension names another format than the mesh came in, which cannot hold its attributes.
+    /// The extension is that of another format, which cannot hold the attributes.
     #[error("{}: the mesh came from {from} file, so the extension must be .{extension}", path.display())]
     Extension { path: PathBuf, from: &'static str, extension: &'static str },
-    /// The system does not take the bytes.
+    /// The file cannot be written.
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: io::Error },
     /// The PLY file cannot hold this.
@@ -105,17 +104,17 @@ pub enum WriteError {
     Obj { path: PathBuf, source: Box<obj::WriteError> },
 }
 
-/// Why the mesh of a file cannot be split.
+/// Errors of [`MeshFile::split`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SplitError {
-    /// Properties of a PLY file do not fit the mesh.
+    /// A property of a PLY file does not belong to the mesh.
     #[error(transparent)]
     Attributes(#[from] AttributeError),
-    /// The OBJ file cannot hold it.
+    /// The OBJ file has lines or points with relative indices.
     #[error(transparent)]
-    Obj(#[from] obj::SplitError),
-    /// Coordinates too large to have a middle.
+    Obj(#[from] obj::ReadError),
+    /// Coordinates are too large for a midpoint.
     #[error(transparent)]
     Mesh(#[from] MeshError),
 }
@@ -125,7 +124,7 @@ impl MeshFile {
     ///
     /// # Errors
     ///
-    /// [`ReadError`]: the file, and the line, byte or element at fault.
+    /// [`ReadError`]: the file, and the invalid line, byte or element.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         let name = || path.to_path_buf();
         let format = Format::of(path).ok_or_else(|| ReadError::Extension { path: name() })?;
@@ -161,19 +160,20 @@ impl MeshFile {
         }
     }
 
-    /// The same file with its mesh split as `split` says, which is of a mesh with the same
-    /// triangles, in whatever units. Attributes come along: those of vertices, faces and corners
+    /// The same file with its mesh split by `split`, which belongs to a mesh with the same triangles,
+    /// in any units. Attributes of vertices, faces and corners are kept or interpolated
     /// ([`ply::split`], [`obj::split`]).
     ///
     /// # Errors
     ///
-    /// [`SplitError`]: properties that do not fit the mesh, or an OBJ file with lines that count vertices backwards.
+    /// [`SplitError`]: properties that do not belong to the mesh, or an OBJ file with lines or points
+    /// of relative indices.
     ///
     /// # Panics
     ///
-    /// If `split` is of a mesh with other triangles.
+    /// If `split` belongs to a mesh with other triangles.
     pub fn split(&self, split: &Split) -> Result<Self, SplitError> {
-        let mesh = split.of(self.mesh().vertices())?;
+        let mesh = split.apply(self.mesh().vertices())?;
         let content = match &self.content {
             Content::Ply(ply) => Content::Ply(ply::split(ply, split, mesh)?),
             Content::Obj(obj) => Content::Obj(obj::split(obj, split, &mesh)?),
@@ -181,7 +181,7 @@ impl MeshFile {
         Ok(Self { bytes: self.bytes.clone(), content, is_new: true })
     }
 
-    /// The attributes.
+    /// The content, with all attributes.
     pub fn content(&self) -> &Content {
         &self.content
     }
@@ -194,8 +194,8 @@ impl MeshFile {
         }
     }
 
-    /// Indices of the file's faces that use a vertex twice, and so give fewer triangles than they
-    /// have corners for. They are written again.
+    /// Indices of the file's faces that use a vertex twice, and so have fewer triangles than their
+    /// corners suggest. They are written again.
     pub fn collapsed_faces(&self) -> &[u32] {
         match &self.content {
             Content::Ply(ply) => &ply.collapsed,
@@ -203,7 +203,7 @@ impl MeshFile {
         }
     }
 
-    /// Normals of the file that several vertices share. They stay as they stand when vertices move.
+    /// Number of normals that several vertices share. They do not change when vertices move.
     pub fn shared_normals(&self) -> usize {
         match &self.content {
             Content::Ply(_) => 0,
@@ -211,14 +211,13 @@ impl MeshFile {
         }
     }
 
-    /// Whether positions are stored in single precision: in PLY files with coordinates of 4 bytes.
+    /// Whether positions are stored in single precision: PLY files with coordinates of 4 bytes.
     pub fn is_single_precision(&self) -> bool {
         matches!(&self.content, Content::Ply(ply) if ply.coordinates == CoordinateType::Float)
     }
 
-    /// The positions as they will be read back: rounded to `f32` where the PLY file has coordinates
-    /// of 4 bytes, else the same. Where nothing has moved, these are the positions of
-    /// [`MeshFile::mesh`].
+    /// The positions as they will be read back: rounded to `f32` for a PLY file with coordinates of 4
+    /// bytes, else the same. Without moves, these are the positions of [`MeshFile::mesh`].
     pub fn positions_as_written(&self, positions: &[Point]) -> Vec<Point> {
         match &self.content {
             Content::Ply(ply) => quantise(positions, ply.coordinates),
@@ -226,15 +225,15 @@ impl MeshFile {
         }
     }
 
-    /// Writes the mesh with its vertices at `positions` and all its attributes, whole or not at all
-    /// ([`crate::atomic`]). Normals turn with the surface ([`Normals::Follow`]). Where nothing has
-    /// moved, the file is a copy of the one that was read; else PLY is written as binary, and of an
-    /// OBJ file only the coordinates that moved change.
+    /// Writes the mesh with its vertices at `positions` and all its attributes, completely or not at
+    /// all ([`crate::atomic`]). Normals rotate with the surface ([`Normals::Follow`]). Without moves,
+    /// the file is a copy of the one that was read; else PLY is written as binary, and in an OBJ file
+    /// only the coordinates of moved vertices change.
     ///
     /// # Errors
     ///
-    /// [`WriteError`]: an extension of another format, positions that do not fit or are not finite, or what the
-    /// system says about the folder.
+    /// [`WriteError`]: the extension of another format, positions of another number or not finite, or
+    /// an error of the file system.
     pub fn write(&self, path: &Path, positions: &[Point]) -> Result<(), WriteError> {
         let name = || path.to_path_buf();
         let (format, extension) = match &self.content {
@@ -278,7 +277,7 @@ mod tests {
         property uchar label\nelement face 1\nproperty list uchar int vertex_index\nend_header\n0 0 0 7\n1 0 0 8\n0 0.1 0 9\n3 0 1 2\n";
 
     #[test]
-    fn what_is_written_is_what_was_foretold_and_attributes_stay() {
+    fn positions_as_written_are_what_is_read_back() {
         let folder = tempfile::tempdir().unwrap();
         let (path, out) = (folder.path().join("a.PLY"), folder.path().join("b.ply"));
         fs::write(&path, PLY).unwrap();
@@ -296,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_not_moved_is_copied() {
+    fn without_moves_the_file_is_copied() {
         let folder = tempfile::tempdir().unwrap();
         let (path, out) = (folder.path().join("a.ply"), folder.path().join("b.ply"));
         fs::write(&path, PLY).unwrap();
@@ -307,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn faults_name_the_file() {
+    fn errors_name_the_file() {
         let folder = tempfile::tempdir().unwrap();
         let inside = |name: &str| folder.path().join(name);
         for (name, text) in [

@@ -10,7 +10,7 @@
 //! | store a field in a sparse grid with a bounded error | [`Baked`] |
 //! | turn a field into a mesh | [`extract()`], then [`marching`] |
 //! | repair a mesh | [`cleanup()`], [`validate`] |
-//! | label and cut a surface into garments | [`votes`], [`smooth_labels`], [`cut`] |
+//! | label and cut a surface into garments | [`labels`] |
 //! | rasterise it | [`camera`], [`raster`] |
 //! | compare surfaces | [`measure`] |
 //!
@@ -43,16 +43,15 @@ pub mod attributes;
 pub mod baked;
 pub mod camera;
 pub mod cleanup;
-pub mod cut;
 #[cfg(feature = "decimate")]
 pub mod decimate;
-pub mod expansion;
 pub mod extract;
 pub mod file;
 pub mod grid;
 pub mod index;
 pub mod intersections;
 pub mod inverted;
+pub mod labels;
 pub mod marching;
 pub mod measure;
 mod normals;
@@ -68,13 +67,11 @@ pub mod pseudo_normals;
 pub mod raster;
 pub mod sdf;
 pub mod seams;
-pub mod smooth_labels;
 pub mod solid;
 pub mod split;
 pub mod subdivide;
 pub mod taubin;
 pub mod validate;
-pub mod votes;
 #[doc(hidden)]
 pub mod voxels;
 pub mod winding;

@@ -1,133 +1,134 @@
-//! Seams: borders that lie in one place, as exporters leave them where texture coordinates or
-//! normals jump.
+//! Welding of seams: boundary edges at the same positions, as exporters leave them where texture
+//! coordinates or normals are discontinuous.
 
 use if_core::edges::{Edges, NONE};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 
-/// A mesh with its seams closed ([`sew`]).
+/// A mesh with its seams welded ([`weld`]).
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sewn {
-    /// The same triangles in the same order. Of the vertices of a seam that stand in one place the
-    /// first is left, and only vertices that triangles use.
+pub struct Welded {
+    /// The same triangles in the same order. Of the vertices of a seam at one position only the first
+    /// is kept, and unused vertices are dropped.
     pub mesh: TriMesh,
-    /// For each vertex that came the one of `mesh` in its place; [`NONE`] for one of no triangle.
-    pub place: Vec<u32>,
-    /// Edges that were closed.
+    /// For each original vertex its vertex in `mesh`; [`NONE`] for unused vertices.
+    pub vertex_map: Vec<u32>,
+    /// Number of welded edges.
     pub edges: usize,
 }
 
-impl Sewn {
-    /// Positions for the mesh that came: those of its vertices in `mesh`, and `came` for those of
-    /// no triangle.
+impl Welded {
+    /// Positions of the original vertices, from those of `mesh`; unused vertices keep their `original`
+    /// ones.
     ///
     /// # Panics
     ///
-    /// If `sewn` or `came` are not as many as the vertices of `mesh` or of the mesh that came.
-    pub fn spread(&self, sewn: &[Point], came: &[Point]) -> Vec<Point> {
+    /// If the numbers of positions are not those of the vertices of `mesh` and of the original mesh.
+    pub fn unweld(&self, welded: &[Point], original: &[Point]) -> Vec<Point> {
         assert_eq!(
-            (sewn.len(), came.len()),
-            (self.mesh.vertices().len(), self.place.len()),
+            (welded.len(), original.len()),
+            (self.mesh.vertices().len(), self.vertex_map.len()),
             "one position for each vertex"
         );
-        // Where nothing moved the sign of a zero stays, too.
-        let at = |(place, came): (&u32, &Point)| match sewn.get(*place as usize) {
-            Some(p) if p != came => *p,
-            _ => *came,
+        // Without a move the original is kept, with the sign of its zeros.
+        let at = |(v, original): (&u32, &Point)| match welded.get(*v as usize) {
+            Some(p) if p != original => *p,
+            _ => *original,
         };
-        self.place.iter().zip(came).map(at).collect()
+        self.vertex_map.iter().zip(original).map(at).collect()
     }
 }
 
-/// Closes seams: two boundary edges whose ends stand in exactly the same places, of triangles that
-/// wind alike, become one. Vertices that no triangle uses are left out. `None` where there is
-/// nothing to do, which is found out in one pass over sorted positions.
+/// Welds seams: two boundary edges whose ends have exactly the same positions, of consistently
+/// oriented triangles, become one. Unused vertices are dropped. `None` if there is nothing to do,
+/// which takes one pass over sorted positions.
 ///
-/// Positions are compared exactly, so that no hem is sewn to another that only comes near. Edges
-/// where more than two triangles would meet stay open, as do both sides of a sheet that lies on
-/// itself and triangles that have two corners in one place.
+/// Positions are compared exactly, so that hems that only come close are not welded. Edges where
+/// more than two triangles would meet stay open, as do both sides of a sheet that lies on itself,
+/// and triangles with two corners at one position.
 ///
 /// ```
 /// use if_core::{math::Point, mesh::TriMesh};
-/// // Two triangles of a square that share no vertex, and a vertex of no triangle.
+/// // Two triangles of a square that share no vertex, and an unused vertex.
 /// let v = [[0., 0.], [1., 0.], [0., 1.], [1., 0.], [1., 1.], [0., 1.], [5., 5.]].map(|[x, y]| Point::new(x, y, 0.));
 /// let square = TriMesh::new(v.to_vec(), vec![[0, 1, 2], [3, 4, 5]])?;
-/// let sewn = if_mesh::seams::sew(&square).unwrap();
-/// assert_eq!(sewn.mesh.triangles(), [[0, 1, 2], [1, 3, 2]]);
-/// assert!(if_mesh::seams::sew(&sewn.mesh).is_none());
+/// let welded = if_mesh::seams::weld(&square).unwrap();
+/// assert_eq!(welded.mesh.triangles(), [[0, 1, 2], [1, 3, 2]]);
+/// assert!(if_mesh::seams::weld(&welded.mesh).is_none());
 /// # Ok::<(), if_core::mesh::MeshError>(())
 /// ```
-pub fn sew(mesh: &TriMesh) -> Option<Sewn> {
+pub fn weld(mesh: &TriMesh) -> Option<Welded> {
     let n = mesh.vertices().len();
     let used = mesh.used_vertices();
-    let spots = spots(mesh.vertices());
+    let first_at = coincident_vertices(mesh.vertices());
     let mut joined: Vec<u32> = (0..n as u32).collect();
-    let edges = spots.as_ref().map_or(0, |spots| join(mesh, spots, &mut joined));
+    let edges = first_at.as_ref().map_or(0, |first_at| join(mesh, first_at, &mut joined));
     if edges == 0 && used.iter().all(|u| *u) {
         return None;
     }
-    let (mut place, mut vertices) = (vec![NONE; n], Vec::with_capacity(n));
+    let (mut vertex_map, mut vertices) = (vec![NONE; n], Vec::with_capacity(n));
     for v in (0..n).filter(|v| used[*v]) {
-        let first = joined[v] as usize; // itself, or one that came before
+        let first = joined[v] as usize; // itself, or an earlier vertex
         if first == v {
-            place[v] = vertices.len() as u32;
+            vertex_map[v] = vertices.len() as u32;
             vertices.push(mesh.vertices()[v]);
         } else {
-            place[v] = place[first];
+            vertex_map[v] = vertex_map[first];
         }
     }
-    let triangles = mesh.triangles().iter().map(|t| t.map(|v| place[v as usize])).collect();
+    let triangles = mesh.triangles().iter().map(|t| t.map(|v| vertex_map[v as usize])).collect();
     let mesh = TriMesh::new(vertices, triangles)
-        .expect("corners stay apart, and positions are those that came");
-    Some(Sewn { mesh, place, edges })
+        .expect("corners stay distinct, and positions are those of the input");
+    Some(Welded { mesh, vertex_map, edges })
 }
 
-/// For each vertex the first that stands in its place; `None` where none stands in that of another.
-pub(crate) fn spots(vertices: &[Point]) -> Option<Vec<u32>> {
-    // The bits of a coordinate; both zeros are one place.
+/// For each vertex the first vertex at the same position; `None` if all positions are distinct.
+pub(crate) fn coincident_vertices(vertices: &[Point]) -> Option<Vec<u32>> {
+    // The bits of a coordinate; both zeros are equal.
     let key = |v: &u32| [0, 1, 2].map(|k| (vertices[*v as usize][k] + 0.0).to_bits());
     let mut order: Vec<u32> = (0..vertices.len() as u32).collect();
     order.sort_unstable_by_key(|v| (key(v), *v));
-    let mut spots: Vec<u32> = (0..vertices.len() as u32).collect();
+    let mut first_at: Vec<u32> = (0..vertices.len() as u32).collect();
     let mut any = false;
     for run in order.chunk_by(|a, b| key(a) == key(b)).filter(|run| run.len() > 1) {
         any = true;
-        run.iter().for_each(|v| spots[*v as usize] = run[0]);
+        run.iter().for_each(|v| first_at[*v as usize] = run[0]);
     }
-    any.then_some(spots)
+    any.then_some(first_at)
 }
 
-/// A boundary edge with its triangle on the left: by the places of its ends, then its direction.
+/// A boundary edge with its triangle on the left: by the positions of its ends, then its direction.
+/// Positions are numbered by their first vertices.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Border {
-    /// Smaller place first.
-    places: [u32; 2],
-    /// Whether it runs from the smaller place to the larger one.
+    /// Smaller number first.
+    positions: [u32; 2],
+    /// Whether it runs from the smaller number to the larger one.
     forward: bool,
-    /// At the smaller and at the larger place.
+    /// The vertices at the smaller and at the larger number.
     ends: [u32; 2],
-    /// The place of the corner across.
+    /// The position of the opposite corner.
     across: u32,
 }
 
-/// Unites in `joined` the ends of boundary edges that lie in one place: each vertex names the first
-/// of its group. Returns how many edges are closed.
-fn join(mesh: &TriMesh, spots: &[u32], joined: &mut [u32]) -> usize {
+/// Unites in `joined` the ends of coincident boundary edges: each vertex refers to the first of its
+/// group. Returns the number of welded edges.
+fn join(mesh: &TriMesh, first_at: &[u32], joined: &mut [u32]) -> usize {
     let edges = Edges::new(mesh);
     let mut borders = Vec::new();
     for (t, corners) in mesh.triangles().iter().enumerate() {
         for k in 0..3 {
             let [a, b, c] = [0, 1, 2].map(|i| corners[(k + i) % 3]);
-            let [from, to, across] = [a, b, c].map(|v| spots[v as usize]);
+            let [from, to, across] = [a, b, c].map(|v| first_at[v as usize]);
             if edges.valence[edges.of_triangle[t][k] as usize] == 1
                 && from != to
                 && across != from
                 && across != to
             {
                 let forward = from < to;
-                let (places, ends) =
+                let (positions, ends) =
                     if forward { ([from, to], [a, b]) } else { ([to, from], [b, a]) };
-                borders.push(Border { places, forward, ends, across });
+                borders.push(Border { positions, forward, ends, across });
             }
         }
     }
@@ -139,14 +140,14 @@ fn join(mesh: &TriMesh, spots: &[u32], joined: &mut [u32]) -> usize {
         }
         v
     }
-    let mut closed = 0;
-    for run in borders.chunk_by(|a, b| a.places == b.places) {
+    let mut welded = 0;
+    for run in borders.chunk_by(|a, b| a.positions == b.positions) {
         if let [back, forth] = run
             && !back.forward
             && forth.forward
             && back.across != forth.across
         {
-            closed += 1;
+            welded += 1;
             for k in 0..2 {
                 let (a, b) = (first(joined, back.ends[k]), first(joined, forth.ends[k]));
                 joined[a.max(b) as usize] = a.min(b);
@@ -154,23 +155,22 @@ fn join(mesh: &TriMesh, spots: &[u32], joined: &mut [u32]) -> usize {
         }
     }
     (0..joined.len() as u32).for_each(|v| joined[v as usize] = first(joined, v));
-    // A needle somewhere at the seam may have got two corners in one vertex: what meets there stays
-    // apart.
-    let mut apart = vec![false; joined.len()];
+    // A needle at the seam may now have two corners in one vertex: such vertices stay separate.
+    let mut separate = vec![false; joined.len()];
     for t in mesh.triangles() {
         let [a, b, c] = t.map(|v| joined[v as usize]);
         for (same, v) in [(a == b || a == c, a), (b == c, b)] {
-            apart[v as usize] |= same;
+            separate[v as usize] |= same;
         }
     }
-    if apart.contains(&true) {
+    if separate.contains(&true) {
         (0..joined.len())
-            .filter(|v| apart[joined[*v] as usize])
+            .filter(|v| separate[joined[*v] as usize])
             .collect::<Vec<_>>()
             .into_iter()
             .for_each(|v| joined[v] = v as u32);
     }
-    closed
+    welded
 }
 
 #[cfg(test)]
@@ -179,8 +179,8 @@ mod tests {
     use if_core::edges::part_count;
     use if_core::shapes::meshes::{icosphere, tube};
 
-    /// Each triangle with corners of its own.
-    fn unsewn(mesh: &TriMesh) -> TriMesh {
+    /// Each triangle with vertices of its own.
+    fn separated(mesh: &TriMesh) -> TriMesh {
         let vertices =
             mesh.triangles().as_flattened().iter().map(|v| mesh.vertices()[*v as usize]).collect();
         let triangles =
@@ -193,29 +193,29 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_seam_stays_as_it_is() {
+    fn meshes_without_seams_are_not_changed() {
         for mesh in [icosphere(1.0, 2), tube(0.5, 1.0, 12, 4, false), TriMesh::default()] {
-            assert_eq!(sew(&mesh), None);
+            assert_eq!(weld(&mesh), None);
         }
     }
 
     #[test]
-    fn loose_triangles_become_the_surface_they_came_from() {
+    fn separated_triangles_are_welded_to_their_surface() {
         for mesh in [icosphere(1.0, 2), tube(0.5, 1.0, 12, 4, false)] {
-            let loose = unsewn(&mesh);
-            let sewn = sew(&loose).unwrap();
-            assert_eq!((part_count(&sewn.mesh), borders(&sewn.mesh)), (1, borders(&mesh)));
-            assert_eq!(sewn.mesh.vertices().len(), mesh.vertices().len());
-            assert_eq!(sewn.mesh.triangles().len(), mesh.triangles().len());
-            // Moved vertices go to all that stood in their place.
-            let moved: Vec<Point> = sewn.mesh.vertices().iter().map(|p| p * 2.0).collect();
-            let spread = sewn.spread(&moved, loose.vertices());
-            assert!(spread.iter().zip(loose.vertices()).all(|(q, p)| *q == p * 2.0));
+            let loose = separated(&mesh);
+            let welded = weld(&loose).unwrap();
+            assert_eq!((part_count(&welded.mesh), borders(&welded.mesh)), (1, borders(&mesh)));
+            assert_eq!(welded.mesh.vertices().len(), mesh.vertices().len());
+            assert_eq!(welded.mesh.triangles().len(), mesh.triangles().len());
+            // Moved vertices carry all original vertices at their position.
+            let moved: Vec<Point> = welded.mesh.vertices().iter().map(|p| p * 2.0).collect();
+            let unwelded = welded.unweld(&moved, loose.vertices());
+            assert!(unwelded.iter().zip(loose.vertices()).all(|(q, p)| *q == p * 2.0));
         }
     }
 
     #[test]
-    fn sheets_that_lie_on_one_another_or_wind_against_each_other_are_not_sewn() {
+    fn coincident_or_inconsistently_oriented_sheets_are_not_welded() {
         let v: Vec<Point> = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
             .map(|[x, y]| Point::new(x, y, 0.0))
             .to_vec();
@@ -227,25 +227,25 @@ mod tests {
             )
             .unwrap()
         };
-        assert_eq!(sew(&with(&[0, 1, 2, 0, 2, 1])), None, "front and back of one sheet");
-        assert_eq!(sew(&with(&[0, 1, 2, 0, 1, 2])), None, "twice the same");
-        assert_eq!(sew(&with(&[0, 1, 2, 1, 2, 3])), None, "against each other");
-        assert_eq!(sew(&with(&[0, 1, 2, 1, 3, 2])).unwrap().edges, 1);
-        assert_eq!(sew(&with(&[0, 1, 2, 1, 3, 2, 1, 3, 2])), None, "three triangles at an edge");
+        assert_eq!(weld(&with(&[0, 1, 2, 0, 2, 1])), None, "front and back of one sheet");
+        assert_eq!(weld(&with(&[0, 1, 2, 0, 1, 2])), None, "twice the same");
+        assert_eq!(weld(&with(&[0, 1, 2, 1, 2, 3])), None, "against each other");
+        assert_eq!(weld(&with(&[0, 1, 2, 1, 3, 2])).unwrap().edges, 1);
+        assert_eq!(weld(&with(&[0, 1, 2, 1, 3, 2, 1, 3, 2])), None, "three triangles at an edge");
     }
 
     #[test]
-    fn needles_keep_their_corners_and_strays_stay_where_they_are() {
+    fn needles_keep_their_corners_and_unused_vertices_their_positions() {
         // Two triangles of a square, and a needle with two corners in one end of the seam.
         let v =
             [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [3.0, -0.0]];
         let v: Vec<Point> = v.map(|[x, y]| Point::new(x, y, 0.0)).to_vec();
         let mesh = TriMesh::new(v, vec![[0, 1, 2], [3, 4, 5], [1, 3, 0]]).unwrap();
-        let sewn = sew(&mesh).unwrap();
-        assert_eq!(sewn.place, [0, 1, 2, 3, 4, 2, NONE]);
-        let spread = sewn.spread(sewn.mesh.vertices(), mesh.vertices());
+        let welded = weld(&mesh).unwrap();
+        assert_eq!(welded.vertex_map, [0, 1, 2, 3, 4, 2, NONE]);
+        let unwelded = welded.unweld(welded.mesh.vertices(), mesh.vertices());
         assert!(
-            spread
+            unwelded
                 .iter()
                 .zip(mesh.vertices())
                 .all(|(a, b)| a.coords.map(f64::to_bits) == b.coords.map(f64::to_bits))

@@ -1,25 +1,23 @@
-//! Some triangles into four, their neighbours into two or three, with all that hangs on vertices
-//! and corners.
+//! Local refinement: some triangles are split into four, their neighbours into two or three.
 
 use crate::attributes::Source;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::{MeshError, TriMesh};
 
-/// A mesh of which some triangles were split.
+/// A mesh with some triangles split.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Split {
-    /// The old vertices first, in their order, then the new ones. The parts of a triangle stand in
-    /// its place.
+    /// The old vertices first, in their order, then the new ones. The parts of a triangle replace it
+    /// in place.
     pub mesh: TriMesh,
-    /// What each vertex was made of: carries attributes along
-    /// ([`crate::attributes::VertexAttributes::derive`]).
+    /// The sources of each vertex, for [`crate::attributes::VertexAttributes::derive`].
     pub sources: Vec<Source>,
-    /// Where each triangle lies in one of the mesh before.
+    /// For each triangle its place in a triangle of the mesh before.
     pub parts: Vec<Part>,
 }
 
-/// A triangle in the triangle that it is a part of.
+/// A part of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Part {
     /// The triangle of the mesh before.
@@ -40,17 +38,17 @@ impl Part {
     }
 }
 
-/// Splits the triangles that `marked` names at the middles of their edges into four. Their
-/// neighbours are split at the same middles, into two or three, so that no gap opens. The surface
-/// stays where it is.
+/// Splits the `marked` triangles into four at the midpoints of their edges. Their neighbours are split
+/// at the same midpoints, into two or three, so that the mesh stays conforming. The surface does not
+/// change.
 ///
 /// # Errors
 ///
-/// More vertices than 32-bit indices can name.
+/// More vertices than 32-bit indices allow.
 ///
 /// # Panics
 ///
-/// If `marked` has not one entry for each triangle.
+/// If `marked` does not have one entry per triangle.
 ///
 /// # Source
 ///
@@ -89,7 +87,7 @@ pub fn split(mesh: &TriMesh, marked: &[bool]) -> Result<Split, MeshError> {
     let (mut triangles, mut parts) = (Vec::new(), Vec::new());
     for (t, tri) in mesh.triangles().iter().enumerate() {
         let of = edges.of_triangle[t].map(|e| e as usize);
-        // Places 0 to 2 are the corners, 3 to 5 the middles of the edges that begin there.
+        // Places 0 to 2 are the corners, 3 to 5 the midpoints of the edges that begin there.
         let at = |place: usize| if place < 3 { tri[place] } else { middle[of[place - 3]] };
         let length = |p: usize, q: usize| {
             (vertices[at(p) as usize] - vertices[at(q) as usize]).norm_squared()
@@ -102,11 +100,11 @@ pub fn split(mesh: &TriMesh, marked: &[bool]) -> Result<Split, MeshError> {
     Ok(Split { mesh: TriMesh::new(vertices, triangles)?, sources, parts })
 }
 
-/// The parts of a triangle whose edges are `cut` at their middles, by places. A quadrilateral is
-/// halved at its shorter diagonal.
+/// The parts of a triangle whose edges are `cut` at their midpoints, by places. A quadrilateral is
+/// split at its shorter diagonal.
 fn places(cut: [bool; 3], length: impl Fn(usize, usize) -> Real) -> Vec<[usize; 3]> {
     let number = cut.iter().filter(|c| **c).count();
-    // Turned so that the edges that are cut, or the only one that is not, come first.
+    // Rotate so that the edges that are cut, or the only one that is not, come first.
     let first = match number {
         1 => cut.iter().position(|c| *c),
         2 => cut.iter().position(|c| !*c),
@@ -137,7 +135,7 @@ fn weights(place: usize) -> [Real; 3] {
 }
 
 impl Split {
-    /// Of `mesh`, with nothing split.
+    /// The split of `mesh` that splits nothing.
     pub fn none(mesh: &TriMesh) -> Self {
         Self {
             sources: (0..mesh.vertices().len() as u32).map(Source::Vertex).collect(),
@@ -168,16 +166,16 @@ impl Split {
         Split { sources: sources.collect(), parts: parts.collect(), mesh: next.mesh }
     }
 
-    /// The same split of a mesh with the same triangles and other positions.
+    /// The split mesh for other positions of the vertices before.
     ///
     /// # Errors
     ///
-    /// [`MeshError`] where the positions are not finite.
+    /// [`MeshError`] if a position is not finite.
     ///
     /// # Panics
     ///
-    /// If `positions` are fewer than the mesh before had.
-    pub fn of(&self, positions: &[Point]) -> Result<TriMesh, MeshError> {
+    /// If there are fewer `positions` than vertices before.
+    pub fn apply(&self, positions: &[Point]) -> Result<TriMesh, MeshError> {
         let at = |s: &Source| match s {
             Source::Vertex(v) => positions[*v as usize],
             Source::Blend(of) => Point::from(
@@ -187,13 +185,13 @@ impl Split {
         self.mesh.with_vertices(self.sources.iter().map(at).collect())
     }
 
-    /// Triangles of the mesh before that were split.
-    pub fn parents(&self) -> usize {
+    /// Number of triangles of the mesh before that were split.
+    pub fn split_triangles(&self) -> usize {
         self.parts.chunk_by(|a, b| a.parent == b.parent).filter(|c| c.len() > 1).count()
     }
 }
 
-/// A sum of vertices with each named once, the largest weight first.
+/// A blend with each vertex once, the largest weight first.
 fn blend(parts: impl Iterator<Item = (u32, Real)>) -> Source {
     let mut sums: Vec<(u32, Real)> = Vec::new();
     for (v, w) in parts {
@@ -212,7 +210,7 @@ mod tests {
     use if_core::math::barycentric_point;
     use if_core::shapes::meshes;
 
-    /// Every part lies in its parent where its corners say, and vertices where their sources say.
+    /// Parts and vertices lie where their barycentric coordinates and sources place them.
     fn check(before: &TriMesh, split: &Split) {
         assert_eq!(split.mesh.triangles().len(), split.parts.len());
         for (tri, part) in split.mesh.triangles().iter().zip(&split.parts) {
@@ -228,7 +226,7 @@ mod tests {
             }
         }
         approx::assert_relative_eq!(
-            split.of(before.vertices()).unwrap().area(),
+            split.apply(before.vertices()).unwrap().area(),
             before.area(),
             max_relative = 1e-12
         );
@@ -236,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn any_choice_of_triangles_leaves_a_closed_surface_where_it_was() {
+    fn any_choice_of_triangles_keeps_a_closed_surface_closed() {
         let ball = meshes::icosphere(1.0, 2);
         for step in [1, 2, 3, 5, 8, 13, 400] {
             let marked: Vec<bool> = (0..ball.triangles().len()).map(|t| t % step == 0).collect();
@@ -252,21 +250,21 @@ mod tests {
             let again = split(&once.mesh, &vec![true; once.parts.len()]).unwrap();
             let both = once.then(again);
             check(&ball, &both);
-            assert_eq!(both.parents(), ball.triangles().len());
+            assert_eq!(both.split_triangles(), ball.triangles().len());
         }
     }
 
     #[test]
-    fn nothing_marked_changes_nothing() {
+    fn without_marked_triangles_the_mesh_is_unchanged() {
         let sheet = meshes::cloth(1.0, 1.0, 4, 3);
         let same = split(&sheet, &vec![false; sheet.triangles().len()]).unwrap();
         assert_eq!(same, Split::none(&sheet));
         assert!(same.parts.iter().all(Part::is_whole));
-        assert_eq!(same.parents(), 0);
+        assert_eq!(same.split_triangles(), 0);
     }
 
     #[test]
-    fn a_border_and_an_edge_of_three_triangles_are_split_too() {
+    fn boundary_and_non_manifold_edges_are_split_too() {
         let x =
             [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]
                 .map(Point::from);
@@ -277,6 +275,6 @@ mod tests {
             fine.parts.iter().map(|p| p.parent).collect::<Vec<_>>(),
             [0, 0, 0, 0, 1, 1, 2, 2]
         );
-        assert_eq!(fine.parents(), 3);
+        assert_eq!(fine.split_triangles(), 3);
     }
 }

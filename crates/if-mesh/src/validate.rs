@@ -1,120 +1,16 @@
-//! What is wrong with a mesh that could be read: for errors and warnings about inputs.
-//!
-//! Three ways to ask: [`is_valid`], [`first_defect`], and [`faults`] for all there is to say.
+//! Validation of meshes, for errors and warnings about inputs: [`is_valid`], [`first_defect`], and
+//! [`faults`] for all defects and warnings.
+
+mod fault;
+
+use fault::LISTED;
+pub use fault::{Fault, Unit};
 
 use crate::inverted::{InvertedPart, NO_VOLUME, inverted_part};
-use crate::seams::spots;
+use crate::seams::coincident_vertices;
 use if_core::edges::{Edges, VertexTriangles};
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
-use serde::Serialize;
-use std::fmt;
-
-/// Something about a mesh that its owner should know.
-///
-/// The lists hold the first few indices only, the counts are of all.
-#[derive(Clone, Debug, PartialEq, Serialize, thiserror::Error)]
-#[non_exhaustive]
-#[allow(missing_docs)] // the messages say what the fields are
-pub enum Fault {
-    /// No triangle at all.
-    #[error("there are no triangles ({vertices} vertices)")]
-    NoTriangles { vertices: usize },
-    /// Triangles without a normal.
-    #[error(
-        "{count} triangles have no area ({}); merge their vertices or drop them",
-        list(triangles)
-    )]
-    ZeroArea { count: usize, triangles: Vec<u32> },
-    /// Edges of three or more triangles.
-    #[error(
-        "{count} edges belong to more than two triangles ({}); split the surface there",
-        pairs(edges)
-    )]
-    NonManifold { count: usize, edges: Vec<[u32; 2]> },
-    /// Neighbours that wind in opposite directions.
-    #[error(
-        "at {count} edges ({}) two triangles wind against each other; make the normals consistent",
-        pairs(edges)
-    )]
-    Winding { count: usize, edges: Vec<[u32; 2]> },
-    /// A closed surface whose normals point inwards.
-    #[error("the closed surface is inside out (volume {volume:.3e}); flip its triangles")]
-    InsideOut { volume: Real },
-    /// A part of a closed surface whose normals point inwards, and which is no cavity.
-    #[error(
-        "a part of the closed surface is inside out, {triangles} triangles from triangle {triangle} on (volume {volume:.3e}); \
-         flip these"
-    )]
-    PartInsideOut { triangle: usize, triangles: usize, volume: Real },
-    /// Vertices in one place: a seam that is not sewn, or an export that split vertices.
-    #[error(
-        "{count} vertices lie exactly on others ({}); if they are no open seam, merge them",
-        list(vertices)
-    )]
-    Duplicates { count: usize, vertices: Vec<u32> },
-    /// Vertices in which groups of triangles meet that share no edge there.
-    #[error(
-        "in {count} vertices ({}) parts of the surface meet that share no edge; give each part a vertex of its own",
-        list(vertices)
-    )]
-    BowTies { count: usize, vertices: Vec<u32> },
-    /// Vertices of no triangle.
-    #[error(
-        "{count} vertices belong to no triangle ({}); they are kept and do not move",
-        list(vertices)
-    )]
-    Unused { count: usize, vertices: Vec<u32> },
-    /// A size that no person has in metres.
-    #[error("{} units high: {unit}", thousands(*height))]
-    Units { height: Real, unit: Unit },
-}
-
-/// The unit that a height suggests.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub enum Unit {
-    /// 100 to 250 high.
-    Centimetres,
-    /// 800 to 2,500 high.
-    Millimetres,
-    /// Much too large or too small, without another guess.
-    Unknown,
-}
-
-impl Unit {
-    /// What to multiply with to get metres.
-    pub fn scale(self) -> Option<Real> {
-        match self {
-            Self::Centimetres => Some(0.01),
-            Self::Millimetres => Some(0.001),
-            Self::Unknown => None,
-        }
-    }
-}
-
-impl fmt::Display for Unit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Centimetres => "likely centimetres; scale by 0.01",
-            Self::Millimetres => "likely millimetres; scale by 0.001",
-            Self::Unknown => "not metres; scale it to metres",
-        })
-    }
-}
-
-impl Fault {
-    /// Whether it breaks what the solver relies on: normals, sides, neighbours. The others are
-    /// worth a warning.
-    pub fn is_defect(&self) -> bool {
-        !matches!(
-            self,
-            Self::BowTies { .. }
-                | Self::Duplicates { .. }
-                | Self::Unused { .. }
-                | Self::Units { .. }
-        )
-    }
-}
 
 /// Whether the mesh has no defect ([`Fault::is_defect`]).
 pub fn is_valid(mesh: &TriMesh) -> bool {
@@ -130,16 +26,12 @@ pub fn first_defect(mesh: &TriMesh) -> Result<(), Fault> {
     faults(mesh).into_iter().find(Fault::is_defect).map_or(Ok(()), Err)
 }
 
-/// Indices that a fault lists.
-const LISTED: usize = 5;
-
-/// Height of a triangle over its longest edge, up to which it counts as having no area. Rounding
-/// makes 1e-13 of it for edges of 1 mm that lie 1 m from the origin, so at ten times less such
-/// triangles would be missed; at ten times more nothing real is flat yet (1e-10 mm on 10 mm).
+/// Height over longest edge up to which a triangle counts as having no area. Rounding makes it 1e-13
+/// for edges of 1 mm at 1 m from the origin: with a value ten times smaller such triangles would be
+/// missed; with one ten times larger no real triangle counts as flat yet (1e-10 mm on 10 mm).
 const FLAT: Real = 1e-12;
 
-/// All that is to be said about a mesh, defects and warnings, each kind once. Empty for a sound
-/// one.
+/// All defects and warnings of a mesh, each kind once. Empty for a valid mesh.
 pub fn faults(mesh: &TriMesh) -> Vec<Fault> {
     let vertices = mesh.vertices().len();
     let mut found = Vec::new();
@@ -206,7 +98,7 @@ pub(crate) fn is_flat([a, b, c]: [&Point; 3]) -> bool {
     area_vector(a, b, c).norm() <= FLAT * longest
 }
 
-/// Whether both triangles run through the edge in the same direction.
+/// Whether both triangles traverse the edge in the same direction.
 fn same_direction(mesh: &TriMesh, ends: [u32; 2], a: u32, b: u32) -> bool {
     let forward = |t: u32| {
         let tri = mesh.triangles()[t as usize];
@@ -215,13 +107,11 @@ fn same_direction(mesh: &TriMesh, ends: [u32; 2], a: u32, b: u32) -> bool {
     forward(a) == forward(b)
 }
 
-/// Vertices in which several groups of triangles meet that share no edge there, ascending: the
-/// surface is no manifold in them, although its edges may be. A vertex with an edge of three or
-/// more triangles is one group there.
+/// Vertices in which several fans of triangles meet, ascending: the surface is not manifold there,
+/// although its edges may be. Triangles at an edge of three or more count as one fan.
 pub fn bow_ties(mesh: &TriMesh, edges: &Edges) -> Vec<u32> {
     let fans = VertexTriangles::new(mesh);
-    // For each triangle round the vertex the group it belongs to, by the place of another one of
-    // the group.
+    // Union-find over the triangles around a vertex.
     let mut group: Vec<usize> = Vec::new();
     fn root(group: &[usize], mut k: usize) -> usize {
         while group[k] != k {
@@ -231,11 +121,11 @@ pub fn bow_ties(mesh: &TriMesh, edges: &Edges) -> Vec<u32> {
     }
     let mut found = Vec::new();
     for v in 0..mesh.vertices().len() {
-        let round = fans.of(v);
+        let around = fans.of(v);
         group.clear();
-        group.extend(0..round.len());
-        let mut ends: Vec<(u32, usize)> = Vec::with_capacity(2 * round.len());
-        for (k, t) in round.iter().enumerate() {
+        group.extend(0..around.len());
+        let mut ends: Vec<(u32, usize)> = Vec::with_capacity(2 * around.len());
+        for (k, t) in around.iter().enumerate() {
             let at_vertex = edges.of_triangle[*t as usize]
                 .into_iter()
                 .filter(|e| edges.vertices[*e as usize].contains(&(v as u32)));
@@ -253,9 +143,9 @@ pub fn bow_ties(mesh: &TriMesh, edges: &Edges) -> Vec<u32> {
     found
 }
 
-/// Vertices that lie exactly where one of smaller index lies, ascending.
+/// Vertices at the position of one of smaller index, ascending.
 fn duplicated(vertices: &[Point]) -> impl Iterator<Item = u32> {
-    let first = spots(vertices).unwrap_or_default();
+    let first = coincident_vertices(vertices).unwrap_or_default();
     (0u32..).zip(first).filter(|(v, first)| v != first).map(|(v, _)| v)
 }
 
@@ -286,27 +176,6 @@ impl<T> Collected<T> {
     }
 }
 
-fn list(indices: &[u32]) -> String {
-    let words: Vec<String> = indices.iter().map(u32::to_string).collect();
-    format!("{}{}", words.join(", "), if indices.len() == LISTED { ", …" } else { "" })
-}
-
-fn pairs(edges: &[[u32; 2]]) -> String {
-    let words: Vec<String> = edges.iter().map(|[a, b]| format!("{a}–{b}")).collect();
-    format!("{}{}", words.join(", "), if edges.len() == LISTED { ", …" } else { "" })
-}
-
-/// `1,740` for 1740.2, and three digits of small numbers.
-fn thousands(x: Real) -> String {
-    if x < 100.0 {
-        return format!("{x:.3}");
-    }
-    let digits = format!("{x:.0}");
-    let groups: Vec<&str> =
-        digits.as_bytes().rchunks(3).rev().map(|g| std::str::from_utf8(g).unwrap_or("")).collect();
-    groups.join(",")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -322,12 +191,12 @@ mod tests {
     }
 
     #[test]
-    fn a_sound_mesh_has_no_fault() {
+    fn a_valid_mesh_has_no_fault() {
         assert!(faults(&tetrahedron(1.7)).is_empty() && is_valid(&tetrahedron(1.7)));
     }
 
     #[test]
-    fn a_closed_surface_that_is_inside_out_is_told_from_one_that_winds_both_ways() {
+    fn an_inside_out_surface_is_distinguished_from_an_inconsistent_one() {
         let good = tetrahedron(1.0);
         let flipped = |which: &[usize]| {
             let mut t = good.triangles().to_vec();
@@ -341,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn fins_needles_doubles_and_strays_are_each_named_once() {
+    fn each_kind_of_fault_is_reported_once() {
         let mut v = tetrahedron(1.0).vertices().to_vec();
         let mut t = tetrahedron(1.0).triangles().to_vec();
         v.extend([
@@ -365,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_that_meet_in_a_vertex_alone_are_found() {
+    fn bow_ties_are_found() {
         // Two tetrahedra with a common tip, and two triangles that touch there too.
         let one = tetrahedron(1.0);
         let mut v = one.vertices().to_vec();
@@ -390,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn a_body_in_other_units_is_noticed() {
+    fn other_units_are_detected() {
         assert_eq!(
             messages(&tetrahedron(1740.0)),
             ["1,740 units high: likely millimetres; scale by 0.001"]
@@ -410,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn degenerate_meshes_are_described_and_never_panic() {
+    fn degenerate_meshes_have_faults_and_never_panic() {
         assert_eq!(messages(&TriMesh::default()), ["there are no triangles (0 vertices)"]);
         let point = TriMesh::new(vec![Point::origin(); 3], vec![[0, 1, 2]]).unwrap();
         assert!(matches!(
@@ -421,6 +290,6 @@ mod tests {
         let v = tetrahedron(1.0).vertices()[..3].to_vec();
         let folded = TriMesh::new(v, vec![[0, 1, 2], [0, 2, 1]]).unwrap();
         assert!(faults(&folded).is_empty());
-        assert_eq!(thousands(1_234_567.8), "1,234,568");
+        assert_eq!(fault::thousands(1_234_567.8), "1,234,568");
     }
 }

@@ -3,10 +3,8 @@
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real};
 use if_mesh::baked::{BakeParams, Redistance};
-use if_mesh::cut::CutParams;
 use if_mesh::extract::ExtractParams;
-use if_mesh::smooth_labels::SmoothLabelParams;
-use if_mesh::votes::VoteParams;
+use if_mesh::labels::{CutParams, SmoothLabelParams, VoteParams};
 use serde::{Serialize, de::DeserializeOwned};
 
 /// Written and read again it is the same; what is left out is the default; what nobody knows is

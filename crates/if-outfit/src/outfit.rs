@@ -7,7 +7,7 @@ use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_mesh::file::MeshFile;
 use if_mesh::inverted::{InvertedPart, inverted_part};
-use if_mesh::seams::sew;
+use if_mesh::seams::weld;
 
 /// A named mesh: the body, or one garment.
 #[derive(Clone, Debug, PartialEq)]
@@ -181,7 +181,7 @@ impl Outfit {
         }
         let body = &self.body;
         let name = || body.name.clone();
-        let sewn = sew(&body.mesh);
+        let sewn = weld(&body.mesh);
         let mesh = sewn.as_ref().map_or(&body.mesh, |s| &s.mesh);
         let aabb = mesh.aabb();
         let height = aabb.size().max();
@@ -199,7 +199,7 @@ impl Outfit {
             // As the vertices are numbered in the file: the first that stands in each place.
             let named = |v: u32| {
                 sewn.as_ref()
-                    .and_then(|s| s.place.iter().position(|place| *place == v))
+                    .and_then(|s| s.vertex_map.iter().position(|w| *w == v))
                     .map_or(v, |v| v as u32)
             };
             return Err(OutfitError::OpenBody {

@@ -5,15 +5,15 @@ use crate::outfit::{Layer, Outfit};
 use crate::storage::Storage;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
-use if_mesh::seams::{self, sew};
+use if_mesh::seams::{self, weld};
 use rayon::prelude::*;
 
-/// An outfit with the seams of its layers welded ([`sew`]), and the positions of garments rounded to
+/// An outfit with the seams of its layers welded ([`weld`]), and the positions of garments rounded to
 /// their storage. Solved open, the seams would gape, and each would be a hem.
 pub(crate) struct Welded {
     pub(crate) outfit: Outfit,
     /// For each garment its welded seams; `None` if it has no seam.
-    garments: Vec<Option<seams::Sewn>>,
+    garments: Vec<Option<seams::Welded>>,
 }
 
 impl Welded {
@@ -22,10 +22,10 @@ impl Welded {
     /// own.
     pub(crate) fn new(outfit: &Outfit, garments_too: bool) -> Option<Self> {
         let (body, garments) = rayon::join(
-            || sew(&outfit.body.mesh),
+            || weld(&outfit.body.mesh),
             || {
                 let prepare = |layer: &Layer| {
-                    let sewn = garments_too.then(|| sew(&layer.mesh)).flatten();
+                    let sewn = garments_too.then(|| weld(&layer.mesh)).flatten();
                     let stored = stored(layer, sewn.as_ref().map_or(&layer.mesh, |s| &s.mesh));
                     (sewn, stored)
                 };
@@ -37,7 +37,7 @@ impl Welded {
         {
             return None;
         }
-        let with = |layer: &Layer, sewn: Option<&seams::Sewn>, stored: Option<TriMesh>| Layer {
+        let with = |layer: &Layer, sewn: Option<&seams::Welded>, stored: Option<TriMesh>| Layer {
             name: layer.name.clone(),
             mesh: stored.unwrap_or_else(|| sewn.map_or(&layer.mesh, |s| &s.mesh).clone()),
             storage: layer.storage,
@@ -55,10 +55,10 @@ impl Welded {
 
     /// The outfit `given` with the positions that were found for this one.
     pub(crate) fn unweld(&self, given: &Outfit, found: Outfit) -> Outfit {
-        let open = |((given, found), sewn): ((&Layer, Layer), &Option<seams::Sewn>)| match sewn {
+        let open = |((given, found), sewn): ((&Layer, Layer), &Option<seams::Welded>)| match sewn {
             Some(sewn) => {
                 let positions: Vec<Point> =
-                    sewn.spread(found.mesh.vertices(), given.mesh.vertices());
+                    sewn.unweld(found.mesh.vertices(), given.mesh.vertices());
                 let mesh = given.mesh.with_vertices(positions);
                 Layer { mesh: mesh.expect("positions of a mesh are finite"), ..found }
             }

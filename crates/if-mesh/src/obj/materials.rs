@@ -1,12 +1,12 @@
-//! Which files an OBJ file and its material libraries name.
+//! Files that an OBJ file and its material libraries refer to.
 
-/// What stands behind `mtllib`, line by line.
+/// The contents of the `mtllib` lines.
 pub(super) fn libraries(text: &[u8]) -> Vec<String> {
     statements(text).filter(|(key, _)| key == "mtllib").map(|(_, rest)| rest).collect()
 }
 
-/// What stands on the lines of a material library (`.mtl`) that name a texture: options, as the
-/// format has them, and a file name that may hold spaces. Paths start at the folder of the library.
+/// The contents of the lines of a material library (`.mtl`) that name a texture: options of the
+/// format, and a file name that may contain spaces. Paths are relative to the library's folder.
 ///
 /// # Examples
 ///
@@ -20,7 +20,7 @@ pub fn textures(mtl: &[u8]) -> Vec<String> {
         key.to_ascii_lowercase().starts_with("map_")
             || MAPS.contains(&key.to_ascii_lowercase().as_str())
     };
-    // These say how textures are read, not which.
+    // A switch for the texture filter, without a file name.
     let is_switch = |key: &str| key.eq_ignore_ascii_case("map_aat");
     statements(mtl)
         .filter(|(key, _)| names_one(key) && !is_switch(key))
@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_found_whatever_stands_around_them() {
+    fn names_are_found_among_comments_and_options() {
         let obj = b"# mtllib no.mtl\r\nmtllib a b.mtl # c\r\no shirt\n  mtllib\tc.mtl  \nmtllib\nusemtl d.mtl";
         assert_eq!(libraries(obj), ["a b.mtl", "c.mtl"]);
         let mtl = b"map_aat on\nMap_Kd a.png\nmap_bump -bm 0.2 b c.png\nnorm d.png\nKd 1 1 1\nillum 2\n\xff\xfe e.png";

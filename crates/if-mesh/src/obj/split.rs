@@ -1,52 +1,36 @@
-//! The text of an OBJ file with some faces split.
+//! Splitting triangles of an OBJ file.
 
 use super::error::ReadError;
-use super::parse::{Listing, listing};
-use super::{ObjMesh, read};
+use super::listing::{Listing, listing};
+use super::obj_mesh::ObjMesh;
+use super::read::read;
 use crate::attributes::Source;
 use crate::split::{Part, Split};
 use if_core::mesh::TriMesh;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// Why an OBJ file cannot hold its mesh split.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SplitError {
-    /// An `l` or `p` line counts back from itself, past vertices that would be new.
-    #[error(
-        "line {line} counts vertices backwards; store the file with positive indices, or without lines and points"
-    )]
-    Relative {
-        /// The line, from 1.
-        line: u64,
-    },
-    /// The new text is no OBJ file: it would be larger than 4 GiB.
-    #[error(transparent)]
-    Text(#[from] ReadError),
-}
-
-/// The same file with its mesh split as `split` says, at the positions of `mesh`.
+/// The same file with its mesh split by `split`, at the positions of `mesh`.
 ///
-/// New `v`, `vt` and `vn` lines follow the last ones of their kind, so that all indices stay; a
-/// face with a triangle that is split becomes triangles, where it stood. Texture coordinates and
-/// normals of new corners, and numbers behind the coordinates of new vertices, are means.
+/// New `v`, `vt` and `vn` lines follow the last ones of their kind, so that all indices stay valid.
+/// A face with a split triangle is replaced by triangles in place. Texture coordinates and normals
+/// of new corners, and numbers after the coordinates of new vertices, are interpolated.
 ///
 /// # Errors
 ///
-/// [`SplitError`].
+/// [`ReadError::RelativeLine`], or [`ReadError::TooLarge`] for a text of more than 4 GiB.
 ///
 /// # Panics
 ///
-/// If `split` is of a mesh with other triangles.
-pub fn split(obj: &ObjMesh, split: &Split, mesh: &TriMesh) -> Result<ObjMesh, SplitError> {
+/// If `split` belongs to a mesh with other triangles.
+pub fn split(obj: &ObjMesh, split: &Split, mesh: &TriMesh) -> Result<ObjMesh, ReadError> {
     let old = listing(&obj.text)?;
     if let Some(line) = old.relative_line {
-        return Err(SplitError::Relative { line });
+        return Err(ReadError::RelativeLine { line });
     }
     let end = if obj.text.windows(2).any(|w| w == b"\r\n") { "\r\n" } else { "\n" };
     let mut made = Made { textures: BTreeMap::new(), normals: BTreeMap::new(), old: &old };
-    // (from, to, what stands there instead)
+    // Replacements of ranges of the text: start, end, new text.
     let mut edits: Vec<(usize, usize, String)> = Vec::new();
     let (mut triangle, mut next) = (0u32, 0);
     for face in &old.faces {
@@ -80,8 +64,8 @@ pub fn split(obj: &ObjMesh, split: &Split, mesh: &TriMesh) -> Result<ObjMesh, Sp
     }
     assert_eq!(next, split.parts.len(), "a split of these triangles");
     let vertices = mesh.vertices().iter().zip(&split.sources).skip(old.vertices.len());
-    let vertices =
-        vertices.map(|(p, source)| numbers("v", p.iter().copied().chain(old.behind(source))));
+    let vertices = vertices
+        .map(|(p, source)| numbers("v", p.iter().copied().chain(old.extra_numbers(source))));
     for (at, lines) in [
         (old.ends[0], vertices.collect::<Vec<_>>()),
         (old.ends[1], made.lines("vt", &made.textures, &old.textures, false)),
@@ -108,15 +92,15 @@ pub fn split(obj: &ObjMesh, split: &Split, mesh: &TriMesh) -> Result<ObjMesh, Sp
         copied = to;
     }
     text.extend_from_slice(&obj.text[copied..]);
-    Ok(read(&text[..])?)
+    read(&text[..])
 }
 
 /// Indices of `v`, `vt` and `vn` lines, from 0.
 type Corner = [Option<u32>; 3];
-/// Which lines with which weights, to find the same mean again.
+/// Lines with their weights, to reuse equal means.
 type Key = Vec<(u32, u64)>;
 
-/// What new corners brought along.
+/// Texture coordinates and normals made for new corners.
 struct Made<'a> {
     textures: BTreeMap<Key, u32>,
     normals: BTreeMap<Key, u32>,
@@ -142,7 +126,7 @@ impl Made<'_> {
         [Some(vertex), mean(1, &mut self.textures, textures), mean(2, &mut self.normals, normals)]
     }
 
-    /// The lines of new means, in the order of their indices.
+    /// The lines of the new means, in the order of their indices.
     fn lines(
         &self,
         keyword: &str,
@@ -167,13 +151,13 @@ impl Made<'_> {
 }
 
 impl Listing {
-    /// The numbers behind the coordinates of a vertex made of others.
-    fn behind(&self, source: &Source) -> Vec<f64> {
+    /// The numbers after the coordinates of a blended vertex.
+    fn extra_numbers(&self, source: &Source) -> Vec<f64> {
         mean(&source.parts(), &self.vertices, 3)
     }
 }
 
-/// The weighted mean of rows of numbers from the one at `from` on, as far as all have them.
+/// The weighted mean of rows of numbers from index `from` on, up to the shortest row.
 fn mean(parts: &[(u32, f64)], rows: &[Vec<f64>], from: usize) -> Vec<f64> {
     let shortest = parts.iter().map(|(k, _)| rows[*k as usize].len()).min().unwrap_or(0);
     let total: f64 = parts.iter().map(|p| p.1).sum();
@@ -184,7 +168,7 @@ fn mean(parts: &[(u32, f64)], rows: &[Vec<f64>], from: usize) -> Vec<f64> {
 
 fn numbers(keyword: &str, values: impl IntoIterator<Item = f64>) -> String {
     values.into_iter().fold(keyword.to_owned(), |mut line, v| {
-        write!(line, " {v:?}").expect("a String takes everything");
+        write!(line, " {v:?}").expect("writing to a String cannot fail");
         line
     })
 }
@@ -209,7 +193,7 @@ mod tests {
         usemtl red\r\nf -5/1 -2/2 -1/3\r\nf 2//1 6//1 \\\r\n 3//1\r\n";
 
     #[test]
-    fn texture_coordinates_normals_colours_and_groups_come_along() {
+    fn texture_coordinates_normals_colours_and_groups_are_kept() {
         let obj = read(SQUARES.as_bytes()).unwrap();
         let fine = split_mesh(&obj.mesh, &[false, false, false, true]).unwrap();
         let after = split(&obj, &fine, &fine.mesh).unwrap();
@@ -224,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_split_is_the_same_text_but_for_indices_that_count_back() {
+    fn without_splits_only_relative_indices_change() {
         let obj = read(SQUARES.as_bytes()).unwrap();
         let same = split(&obj, &Split::none(&obj.mesh), &obj.mesh).unwrap();
         assert_eq!(
@@ -234,10 +218,10 @@ mod tests {
     }
 
     #[test]
-    fn lines_that_count_back_are_refused() {
+    fn lines_with_relative_indices_are_rejected() {
         let text = SQUARES.to_owned() + "l -1 -2\n";
         let obj = read(text.as_bytes()).unwrap();
         let fault = split(&obj, &Split::none(&obj.mesh), &obj.mesh).unwrap_err();
-        assert!(matches!(fault, SplitError::Relative { line: 21 }), "{fault}");
+        assert!(matches!(fault, ReadError::RelativeLine { line: 21 }), "{fault}");
     }
 }

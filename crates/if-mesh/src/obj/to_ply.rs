@@ -1,15 +1,16 @@
-//! What a PLY file can hold of an OBJ file.
+//! Conversion of OBJ files to PLY.
 
-use super::ObjMesh;
 use super::error::ReadError;
-use super::parse::{Listing, listing};
-use crate::ply::{Column, CoordinateType, PlyMesh, Property};
+use super::listing::{Listing, listing};
+use super::obj_mesh::ObjMesh;
+use crate::attributes::{Column, Property};
+use crate::ply::{CoordinateType, PlyMesh};
 use std::collections::BTreeSet;
 
-/// What a PLY file cannot hold of an OBJ file, in words for a person.
+/// What a PLY file cannot hold of an OBJ file, as messages for users.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-#[allow(missing_docs)] // the messages say what the fields are
+#[allow(missing_docs)] // the messages explain the fields
 pub enum Lost {
     /// Normals that belong to corners.
     #[error("normals are not kept: {vertices} vertices have several, or none at a corner")]
@@ -19,7 +20,7 @@ pub enum Lost {
     Colours { coloured: usize, vertices: usize },
     /// Weights of rational surfaces.
     #[error(
-        "numbers behind the coordinates of {vertices} vertices that are no colours are not kept"
+        "numbers after the coordinates of {vertices} vertices that are not colours are not kept"
     )]
     Weights { vertices: usize },
     /// The third of three numbers.
@@ -44,20 +45,20 @@ pub enum Lost {
     Elements { count: usize },
 }
 
-/// The mesh with what else the text says of it, as PLY files have it; and what is lost.
+/// Converts an OBJ file to the content of a PLY file; also returns what is lost.
 ///
 /// | OBJ | PLY |
 /// |---|---|
-/// | `vt` at the corners | `texcoord` of each face: two numbers for each corner, zeros where it has none |
-/// | colours behind `v` | `red`, `green`, `blue`: bytes where they are numbers from 0 to 1, or whole ones to 255, else floats |
+/// | `vt` at the corners | `texcoord` of each face: two numbers per corner, zeros if it has none |
+/// | colours after `v` | `red`, `green`, `blue`: bytes where they are numbers from 0 to 1, or whole ones to 255, else floats |
 /// | `vn`, the same at all corners of a vertex | `nx`, `ny`, `nz` |
 /// | `usemtl` | `material` of each face: a number, −1 before the first; comments `material 0 NAME` |
 /// | `mtllib` | comments `mtllib NAME` |
-/// | polygons | the same |
+/// | polygons | polygons |
 ///
 /// # Errors
 ///
-/// None with a text that was read.
+/// None for a text that [`read`](super::read) has accepted.
 ///
 /// # Examples
 ///
@@ -82,11 +83,11 @@ pub fn to_ply(obj: &ObjMesh) -> Result<(PlyMesh, Vec<Lost>), ReadError> {
     ply.vertex_properties.extend(colours(&all, &mut lost));
     ply.vertex_properties.extend(normals(&all, &mut lost));
     ply.face_properties.extend(texcoord(&all, &mut lost));
-    let said = Said::of(&obj.text);
-    if !said.materials.is_empty() {
+    let statements = Statements::of(&obj.text);
+    if !statements.materials.is_empty() {
         let mut names: Vec<&str> = Vec::new();
         let mut changes = Vec::new();
-        for (at, name) in &said.materials {
+        for (at, name) in &statements.materials {
             let k = names.iter().position(|n| n == name).unwrap_or_else(|| {
                 names.push(name);
                 names.len() - 1
@@ -109,21 +110,21 @@ pub fn to_ply(obj: &ObjMesh) -> Result<(PlyMesh, Vec<Lost>), ReadError> {
         ply.comments.extend(libraries.iter().map(|name| format!("mtllib {name}")));
         lost.push(Lost::Libraries { names: libraries.join(", ") });
     }
-    if said.objects.len() > 1 || said.groups.len() > 1 {
+    if statements.objects.len() > 1 || statements.groups.len() > 1 {
         let names: Vec<&str> =
-            said.objects.iter().chain(&said.groups).map(String::as_str).collect();
+            statements.objects.iter().chain(&statements.groups).map(String::as_str).collect();
         lost.push(Lost::Groups { names: names.join(", ") });
     }
-    if said.smoothing.len() > 1 {
+    if statements.smoothing.len() > 1 {
         lost.push(Lost::Smoothing);
     }
-    if said.elements > 0 {
-        lost.push(Lost::Elements { count: said.elements });
+    if statements.elements > 0 {
+        lost.push(Lost::Elements { count: statements.elements });
     }
     Ok((ply, lost))
 }
 
-/// Three numbers behind the coordinates, or four, of which the last is opacity.
+/// Colours: three numbers after the coordinates, or four with opacity.
 fn colours(all: &Listing, lost: &mut Vec<Lost>) -> Vec<Property> {
     let rows = &all.vertices;
     let coloured = rows.iter().filter(|r| r.len() >= 6).count();
@@ -157,7 +158,7 @@ fn colours(all: &Listing, lost: &mut Vec<Lost>) -> Vec<Property> {
         .collect()
 }
 
-/// One normal for each vertex. Vertices without a face have zeros.
+/// Normals: one per vertex. Unused vertices have zeros.
 fn normals(all: &Listing, lost: &mut Vec<Lost>) -> Vec<Property> {
     if all.normals.is_empty() {
         return Vec::new();
@@ -190,7 +191,8 @@ fn normals(all: &Listing, lost: &mut Vec<Lost>) -> Vec<Property> {
     ["nx", "ny", "nz"].iter().enumerate().map(|(k, name)| Property::new(*name, axis(k))).collect()
 }
 
-/// Two numbers for each corner of each face: programs that read them want them at all.
+/// Texture coordinates: two numbers per corner of each face. Programs that read them expect them on
+/// all faces.
 fn texcoord(all: &Listing, lost: &mut Vec<Lost>) -> Option<Property> {
     let (mut values, mut lists) = (Vec::new(), vec![0u32]);
     let (mut partly, mut mapped, mut deep) = (0, false, false);
@@ -220,10 +222,10 @@ fn texcoord(all: &Listing, lost: &mut Vec<Lost>) -> Option<Property> {
     })
 }
 
-/// Statements that say something of the faces that follow.
+/// Statements that apply to the faces after them.
 #[derive(Default)]
-struct Said {
-    /// Where in the text a material begins to count, and its name.
+struct Statements {
+    /// Position in the text from which a material applies, and its name.
     materials: Vec<(usize, String)>,
     groups: BTreeSet<String>,
     objects: BTreeSet<String>,
@@ -232,9 +234,9 @@ struct Said {
     elements: usize,
 }
 
-impl Said {
+impl Statements {
     fn of(text: &[u8]) -> Self {
-        let mut said = Self::default();
+        let mut statements = Self::default();
         let mut at = 0;
         for line in text.split_inclusive(|b| *b == b'\n') {
             let statement =
@@ -243,16 +245,16 @@ impl Said {
                 statement.trim().split_once(char::is_whitespace).unwrap_or((statement.trim(), ""));
             let name = || rest.trim().to_owned();
             match key {
-                "usemtl" => said.materials.push((at, name())),
-                "g" => drop(said.groups.insert(name())),
-                "o" => drop(said.objects.insert(name())),
-                "s" => drop(said.smoothing.insert(name())),
-                "l" | "p" | "curv" | "curv2" | "surf" => said.elements += 1,
+                "usemtl" => statements.materials.push((at, name())),
+                "g" => drop(statements.groups.insert(name())),
+                "o" => drop(statements.objects.insert(name())),
+                "s" => drop(statements.smoothing.insert(name())),
+                "l" | "p" | "curv" | "curv2" | "surf" => statements.elements += 1,
                 _ => {}
             }
             at += line.len();
         }
-        said
+        statements
     }
 }
 
@@ -267,7 +269,7 @@ mod tests {
         g back\nusemtl blue\ns 1\nf 5/1/1 3/2/1 2/4/1\nusemtl red cloth # again\nf 1/1/1 2/1/1 2/1/1 4/1/1\n";
 
     #[test]
-    fn what_a_ply_file_can_hold_comes_along() {
+    fn what_ply_files_support_is_kept() {
         let obj = read(TEXT.as_bytes()).unwrap();
         let (ply, lost) = to_ply(&obj).unwrap();
         assert_eq!(
@@ -291,7 +293,7 @@ mod tests {
             Lost::Groups { names: "shirt, back, front".into() },
         ];
         assert_eq!(lost, expected);
-        // It is a file that is written, read, and split.
+        // The result can be written, read, and split.
         let mut bytes = Vec::new();
         crate::ply::write(&ply, ply.mesh.vertices(), &Default::default(), &mut bytes).unwrap();
         let again = crate::ply::read_bytes(&bytes).unwrap();
@@ -307,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn what_it_cannot_hold_is_told() {
+    fn what_is_lost_is_reported() {
         let lost = |from: &str, to: &str| {
             assert!(TEXT.contains(from));
             let (ply, lost) =

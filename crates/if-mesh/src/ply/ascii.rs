@@ -7,7 +7,7 @@ use std::io::Read;
 
 /// Reads all records of an element. Lines without a value are skipped.
 ///
-/// Numbers are read as the type that the header names, so that a `float` of text equals the `float`
+/// Numbers are parsed as the type in the header, so that a `float` of text equals the `float`
 /// of a binary file.
 pub(super) fn read<R: Read>(
     source: &mut Source<'_, R>,
@@ -59,12 +59,12 @@ fn record(
         indices.clear();
         for _ in 0..values {
             let word = words.next().ok_or_else(|| short(words.found, table))?;
-            let understood = if is_face {
+            let is_valid = if is_face {
                 text(word).parse().map(|i| indices.push(i)).is_ok()
             } else {
                 table.slots[k].values.push_text(text(word))
             };
-            if !understood {
+            if !is_valid {
                 return Err(value(word, property.scalar, table));
             }
         }
@@ -110,7 +110,7 @@ impl<'a> Words<'a> {
     }
 }
 
-/// A word as text; what is not UTF-8 is no number either.
+/// A word as text; empty, which is not a number, if it is not UTF-8.
 fn text(word: &[u8]) -> &str {
     std::str::from_utf8(word).unwrap_or("")
 }

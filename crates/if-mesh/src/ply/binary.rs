@@ -1,9 +1,10 @@
-//! Records of binary files: in blocks where all have the same size, else one by one.
+//! Records of binary files: in blocks if all have the same size, else one by one.
 
 use super::error::{At, ReadError};
-use super::scalar::{Scalar, ScalarType};
+use super::scalar::Scalar;
 use super::source::Source;
 use super::table::Table;
+use crate::attributes::ScalarType;
 use if_core::mesh::Triangles;
 use std::io::Read;
 
@@ -121,14 +122,14 @@ fn exactly<'s, R: Read>(
     Ok(&there[..n])
 }
 
-/// Bytes of a triangle without anything beside, with a length of one byte.
+/// Bytes of a triangle without further properties, with a length of one byte.
 const PLAIN: usize = 13;
 
-/// Such triangles that are decoded before they are checked: what stays in the first-level cache.
+/// Number of such triangles that are decoded before they are checked: they fit the first-level cache.
 const AT_ONCE: usize = 512;
 
-/// Takes records of nothing but a triangle; `false`, and none is taken, where one of them is no
-/// triangle of vertices before `limit`.
+/// Appends records of triangles without further properties. Returns `false`, and appends nothing, if
+/// one of them is not a triangle of vertices below `limit`.
 fn plain(records: &[[u8; PLAIN]], limit: u32, triangles: &mut Triangles) -> bool {
     let before = triangles.len();
     let mut lengths = 0;
@@ -150,18 +151,18 @@ fn plain(records: &[[u8; PLAIN]], limit: u32, triangles: &mut Triangles) -> bool
     lengths == 0 && good.is_ok()
 }
 
-/// A face of three corners, with any numbers before and after the list: what nearly all faces are.
+/// Layout of a face of three corners, with any numbers before and after the list: nearly all faces.
 struct TriangleRecord {
     stride: usize,
     list: usize,
     length: ScalarType,
     signed: bool,
-    /// Byte of each number beside the list, with its property.
+    /// Offset of each number besides the list, with its property.
     scalars: Vec<(usize, usize)>,
 }
 
 impl TriangleRecord {
-    /// `None` where the layout has other lists, or indices of other than 32 bits.
+    /// `None` if the layout has other lists, or indices of other than 32 bits.
     fn of(table: &Table<'_>) -> Option<Self> {
         let list = table.faces.as_ref()?.property;
         let mut found =
@@ -185,8 +186,8 @@ impl TriangleRecord {
         Some(found)
     }
 
-    /// Takes the triangles that are buffered, up to the first other or faulty face; `false` where
-    /// there is none, and [`record`] must look.
+    /// Reads the buffered triangles, up to the first other or invalid face. Returns `false` if there
+    /// is none, which leaves the next face to [`record`].
     fn run<R: Read>(
         &self,
         source: &mut Source<'_, R>,
@@ -198,7 +199,7 @@ impl TriangleRecord {
         if faces.list.polygons.is_some() {
             return Ok(false);
         }
-        // As u32 a negative index is at least 2³¹, and so beyond this limit.
+        // As u32 a negative index is at least 2³¹, which is above this limit.
         let limit = faces.vertices.min(if self.signed { 1 << 31 } else { 1 << 32 });
         let limit = u32::try_from(limit).unwrap_or(u32::MAX);
         let there = source.peek(self.stride)?;
@@ -214,7 +215,7 @@ impl TriangleRecord {
                 done += records.len() * PLAIN;
             }
         }
-        // Where one is other or faulty, those before it are looked for.
+        // If a block has another or invalid face, the triangles before it are read one by one.
         for r in block[done..].chunks_exact(self.stride) {
             let length = self.length.get_i64(&r[self.list..], big_endian);
             let c = &r[indices..indices + 12];

@@ -1,15 +1,15 @@
-//! The header of a PLY file: `ply-rs-bw` reads its grammar; names and sizes are checked here.
+//! The header of a PLY file: `ply-rs-bw` parses its grammar; names and sizes are checked here.
 
 use super::error::ReadError;
-use super::scalar::ScalarType;
 use super::source::Source;
+use crate::attributes::ScalarType;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{DefaultElement, Encoding, PropertyType, ScalarType as Theirs};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 
-/// Bytes a header may have: some ten thousand lines. Without a limit a file that is no PLY file, or
-/// a device that never ends, would be read into memory in search of `end_header`.
+/// Maximum size of a header, in bytes: some ten thousand lines. Without a limit another kind of file,
+/// or an endless device, would be read into memory in search of `end_header`.
 const MAX_HEADER: u64 = 1 << 20;
 
 pub(super) struct Header {
@@ -27,23 +27,23 @@ pub(super) struct ElementLayout {
 
 pub(super) struct PropertyLayout {
     pub(super) name: String,
-    /// The type of the length where the property is a list.
+    /// The type of the length, if the property is a list.
     pub(super) length: Option<ScalarType>,
     pub(super) scalar: ScalarType,
 }
 
 impl ElementLayout {
-    /// The least bytes that all records together can have.
+    /// Minimum size of all records, in bytes.
     pub(super) fn least_bytes(&self, ascii: bool) -> u128 {
         let record: usize = if ascii {
-            self.properties.len() // a digit each: spaces do not count, so that the line at fault is found and named
+            self.properties.len() // a digit each; spaces are not counted, so that the faulty line is found and named
         } else {
             self.properties.iter().map(|p| p.length.unwrap_or(p.scalar).size()).sum()
         };
         u128::from(self.count) * record as u128
     }
 
-    /// Bytes of all records of a binary file, where they do not depend on what stands there.
+    /// Size of all records of a binary file in bytes, if it does not depend on the data.
     pub(super) fn fixed_bytes(&self) -> Option<u128> {
         self.properties.iter().all(|p| p.length.is_none()).then(|| self.least_bytes(false))
     }
@@ -122,8 +122,8 @@ pub(super) fn read<R: Read>(source: &mut Source<'_, R>) -> Result<Header, ReadEr
     })
 }
 
-/// What `ply-rs-bw` does not look at: it drops the first of two elements of one name, and knows no
-/// 64-bit integers.
+/// Checks that `ply-rs-bw` does not make: it drops the first of two elements of the same name, and
+/// does not support 64-bit integers.
 #[derive(Default)]
 struct Names {
     elements: BTreeSet<String>,
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn all_names_of_types_are_known_and_line_ends_may_be_those_of_windows() {
+    fn all_type_names_and_windows_line_ends_are_supported() {
         let names = [
             "char", "int8", "uchar", "uint8", "short", "int16", "ushort", "uint16", "int", "int32",
             "uint", "uint32", "int64", "uint64", "float", "float32", "double", "float64",
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn the_line_of_the_file_is_named_although_empty_lines_are_skipped() {
+    fn errors_name_the_line_of_the_file_also_after_empty_lines() {
         let fault =
             header("ply\nformat ascii 1.0\n\n\nelement vertex -3\nend_header\n").err().unwrap();
         assert!(matches!(fault, ReadError::HeaderLine { line: 5, .. }), "{fault}");
@@ -238,13 +238,13 @@ mod tests {
     }
 
     #[test]
-    fn a_comment_in_another_encoding_is_no_fault() {
+    fn comments_in_latin_1_are_accepted() {
         let text = b"ply\nformat ascii 1.0\ncomment M\xfcller\nend_header\n";
         assert_eq!(read(&mut Source::new(&text[..])).unwrap().comments, ["Müller"]);
     }
 
     #[test]
-    fn many_properties_take_no_quadratic_time() {
+    fn many_properties_take_linear_time() {
         let mut text = String::from("ply\nformat ascii 1.0\nelement vertex 0\n");
         for k in 0..30_000 {
             text += &format!("property int64 p{k}\n");

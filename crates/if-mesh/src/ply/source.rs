@@ -1,17 +1,17 @@
-//! A reader that hands out as many bytes as it is asked for, and holds little more.
+//! A buffered reader that returns pieces of any size, and holds little more than one.
 
 use std::borrow::Cow;
 use std::io::{self, Empty, ErrorKind, Read};
 
-/// Bytes read at once: some thousand records, and still in the second-level cache when they are
+/// Bytes per read: some thousand records, which stay in the second-level cache until they are
 /// decoded.
 const BLOCK: usize = 1 << 18;
 
-/// A buffered reader that knows where it stands. Its buffer grows only to the size of the largest
-/// piece that was asked for *and* was there: a false count cannot make it grow.
+/// A buffered reader with a position. Its buffer grows only to the size of the largest piece that was
+/// requested *and* exists: a false count cannot make it grow.
 pub(super) struct Source<'a, R> {
     inner: R,
-    /// All there is, where that is in memory already.
+    /// The whole input, if it is in memory already.
     buffer: Cow<'a, [u8]>,
     start: usize,
     end: usize,
@@ -20,7 +20,7 @@ pub(super) struct Source<'a, R> {
 }
 
 impl<'a> Source<'a, Empty> {
-    /// What is in memory is not copied.
+    /// A source of bytes in memory, which are not copied.
     pub(super) fn of(bytes: &'a [u8]) -> Self {
         Self {
             inner: io::empty(),
@@ -32,8 +32,8 @@ impl<'a> Source<'a, Empty> {
         }
     }
 
-    /// A source of the next `n` bytes, which knows where in the whole it stands; this one steps
-    /// over them. `None` where there are fewer.
+    /// Splits off the next `n` bytes as a source of its own, which keeps its position in the whole.
+    /// `None` if fewer are left.
     pub(super) fn split_off(&mut self, n: usize) -> Option<Self> {
         let end = self.start.checked_add(n).filter(|end| *end <= self.end)?;
         let first = Self { inner: io::empty(), buffer: self.buffer.clone(), end, ..*self };
@@ -57,14 +57,14 @@ impl<R: Read> Source<'_, R> {
         self.line
     }
 
-    /// What is buffered, up to a block: at least `n` bytes unless the input ends before.
+    /// The buffered bytes, up to a block: at least `n` unless the input ends before.
     pub(super) fn peek(&mut self, n: usize) -> io::Result<&[u8]> {
         while self.end - self.start < n && self.fill()? {}
         let there = &self.buffer[self.start..self.end];
         Ok(&there[..there.len().min(n.max(BLOCK))])
     }
 
-    /// Steps over `n` bytes that [`Source::peek`] has shown.
+    /// Consumes `n` bytes that [`Source::peek`] has returned.
     pub(super) fn consume(&mut self, n: usize) {
         debug_assert!(n <= self.end - self.start, "only what was seen can be consumed");
         self.start += n;
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_end_in_any_way_and_are_counted() {
+    fn lines_with_any_ending_are_counted() {
         let mut source = Source::new(Drip(b"one\r\ntwo\n\nlast"));
         for expected in [&b"one"[..], b"two", b"", b"last"] {
             assert_eq!(source.line(99).unwrap().unwrap(), expected);
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_piece_larger_than_the_buffer_is_handed_out_whole_and_a_missing_one_is_not_invented() {
+    fn pieces_larger_than_the_buffer_are_returned_whole_and_the_end_is_detected() {
         let data: Vec<u8> = (0..BLOCK + 1000).map(|k| k as u8).collect();
         let mut source = Source::new(&data[..]);
         source.peek(10).unwrap();
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_in_memory_are_handed_out_block_by_block() {
+    fn bytes_in_memory_are_returned_in_blocks() {
         let data: Vec<u8> = (0..2 * BLOCK).map(|k| k as u8).collect();
         let mut source = Source::of(&data);
         assert_eq!(source.peek(1).unwrap(), &data[..BLOCK]);

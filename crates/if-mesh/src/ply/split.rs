@@ -1,25 +1,25 @@
-//! A PLY file's mesh with some triangles split, and all that it holds.
+//! Splitting triangles of a PLY file with all its properties.
 
-use super::{Column, PlyMesh, Property};
-use crate::attributes::{AttributeError, Source, VertexAttributes};
+use super::ply_mesh::PlyMesh;
+use crate::attributes::{AttributeError, Column, Property, Source, VertexAttributes};
 use crate::polygons::FaceList;
 use crate::split::Split;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 
-/// The same file with its mesh split as `split` says, which is of a mesh with the same triangles.
+/// The same file with its mesh split by `split`, which belongs to a mesh with the same triangles.
 ///
-/// Vertex properties follow the rules of [`VertexAttributes`]; a part of a face has the face's
-/// properties, and its own share of texture coordinates that stand at the corners (`texcoord`). A
-/// polygon with a triangle that is split becomes triangles.
+/// Vertex properties follow the rules of [`VertexAttributes`]. A part of a face has the face's
+/// properties; texture coordinates of corners (`texcoord`) are interpolated. A polygon becomes
+/// triangles if one of its triangles is split.
 ///
 /// # Errors
 ///
-/// Properties that are not one for each vertex, or for each face.
+/// A property that does not have one record per vertex, or per face.
 ///
 /// # Panics
 ///
-/// If `split` is of a mesh with other triangles.
+/// If `split` belongs to a mesh with other triangles.
 pub fn split(ply: &PlyMesh, split: &Split, mesh: TriMesh) -> Result<PlyMesh, AttributeError> {
     let vertices = VertexAttributes::new(ply.mesh.vertices().len(), ply.vertex_properties.clone())?;
     let records = records(ply, split);
@@ -56,11 +56,11 @@ struct Record {
     /// The face that it comes from.
     face: u32,
     corners: Vec<u32>,
-    /// For a part of a face: three of its corners, and each own corner as weights of them.
+    /// For a part of a face: three of the face's corners, and the weights of each own corner.
     part: Option<([usize; 3], [[Real; 3]; 3])>,
 }
 
-/// The faces of the new file, in the order of those that they come from.
+/// The faces of the new file, in the order of their parents.
 fn records(ply: &PlyMesh, split: &Split) -> Vec<Record> {
     let mut records = Vec::with_capacity(split.parts.len());
     // The next triangle, and the next part.
@@ -99,8 +99,8 @@ fn distinct(a: u32, b: u32, c: u32) -> bool {
     a != b && b != c && c != a
 }
 
-/// Two numbers for each corner of a face, one corner after the other; `None` where the property is
-/// something else.
+/// Interpolates a property of two numbers per corner of a face; `None` if the property is of another
+/// kind.
 fn at_corners(property: &Property, records: &[Record]) -> Option<Property> {
     let values = property.values.to_f64();
     let mut lists = vec![0u32];
@@ -144,7 +144,7 @@ mod tests {
         4 0 1 2 3 7 8 0 0 1 0 1 1 0 1\n3 1 4 5 8 6 0 0 .5 0 .5 .5\n3 1 5 2 9 6 0 0 .5 .5 0 .5\n";
 
     #[test]
-    fn what_hangs_on_vertices_faces_and_corners_comes_along() {
+    fn properties_of_vertices_faces_and_corners_are_kept() {
         let ply = crate::ply::read_bytes(SQUARES.as_bytes()).unwrap();
         // The triangle 1 5 2 is split; 0 1 2 and 1 4 5 are its neighbours.
         let fine = split_mesh(&ply.mesh, &[false, false, false, true]).unwrap();
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn faces_that_are_not_split_stay_polygons() {
+    fn faces_without_a_split_triangle_stay_polygons() {
         let ply = crate::ply::read_bytes(
             SQUARES.replace("9 6", "9 4").replace("0 0 .5 .5 0 .5", "0 0 .5 .5").as_bytes(),
         )

@@ -2,66 +2,21 @@
 
 use super::error::{At, ReadError};
 use super::header::ElementLayout;
-use super::scalar::{Column, Scalar, ScalarType};
+use super::scalar::Scalar;
+use crate::attributes::{Property, ScalarType};
 use crate::polygons::FaceList;
 use if_core::math::Point;
 use if_core::mesh::{FinitePoints, MeshError, Triangles};
-use std::ops::Range;
-
-/// One property of all records of an element.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Property {
-    /// Its name in the header.
-    pub name: String,
-    /// The value of each record, or the values of all lists one after the other.
-    pub values: Column,
-    /// Where the property is a list: the list of record `r` is `values[lists[r]..lists[r + 1]]`.
-    pub lists: Option<Vec<u32>>,
-}
-
-impl Property {
-    /// A property of one number for each record.
-    pub fn new(name: impl Into<String>, values: Column) -> Self {
-        Self { name: name.into(), values, lists: None }
-    }
-
-    /// Number of records.
-    pub fn records(&self) -> usize {
-        self.lists.as_ref().map_or(self.values.len(), |l| l.len().saturating_sub(1))
-    }
-
-    /// Where in `values` the values of `record` stand.
-    ///
-    /// # Panics
-    ///
-    /// If `record` is out of range.
-    pub fn range(&self, record: usize) -> Range<usize> {
-        self.lists
-            .as_ref()
-            .map_or(record..record + 1, |l| l[record] as usize..l[record + 1] as usize)
-    }
-}
-
-/// An element that is neither `vertex` nor `face`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Element {
-    /// Its name in the header.
-    pub name: String,
-    /// Number of records.
-    pub count: usize,
-    /// Its properties, in the file's order.
-    pub properties: Vec<Property>,
-}
 
 /// An element as it is read.
 pub(super) struct Table<'a> {
     pub(super) layout: &'a ElementLayout,
-    /// One for each property of the layout; that of the faces stays empty.
+    /// One per property of the layout; the vertex indices of faces stay empty.
     pub(super) slots: Vec<Property>,
-    /// The list of vertex indices, where this is the element `face`.
+    /// The vertex indices, in the element `face`.
     pub(super) faces: Option<Faces>,
-    /// Positions, where this is the element `vertex` and its coordinates are all of four bytes, or
-    /// all of eight: their properties stay empty.
+    /// Positions, in the element `vertex`, if its coordinates all have four bytes, or all eight;
+    /// their properties then stay empty.
     pub(super) points: Option<Points>,
     /// Records read so far.
     pub(super) done: u64,
@@ -69,9 +24,9 @@ pub(super) struct Table<'a> {
 
 /// The vertex indices of the faces.
 pub(super) struct Faces {
-    /// Which property they are.
+    /// Index of their property.
     pub(super) property: usize,
-    /// How many vertices there are.
+    /// Number of vertices.
     pub(super) vertices: u64,
     pub(super) list: FaceList,
     scratch: Vec<u32>,
@@ -79,17 +34,17 @@ pub(super) struct Faces {
 
 /// Positions as they are read from records of one size.
 pub(super) struct Points {
-    /// Which properties x, y and z are.
+    /// Indices of the properties x, y and z.
     pub(super) axes: [usize; 3],
     list: FinitePoints,
-    /// The first that is not finite. None is taken after it: it is reported when the file is
-    /// understood to its end.
+    /// The first position that is not finite; none is taken after it. It is reported once the whole
+    /// file was read, after faults of its syntax.
     fault: Option<MeshError>,
 }
 
 impl Points {
-    /// Appends the positions of records of `stride` bytes, whose coordinates stand at `offsets`, as
-    /// `scalar`: of four or eight bytes.
+    /// Appends the positions of records of `stride` bytes, with coordinates at `offsets` of type
+    /// `scalar`, which has four or eight bytes.
     pub(super) fn extend(
         &mut self,
         records: &[u8],
@@ -109,7 +64,7 @@ impl Points {
         }
     }
 
-    /// Records of three numbers of N bytes and nothing else, R bytes in all.
+    /// Records of three numbers of N bytes only, R bytes in all.
     fn alone<const N: usize, const R: usize>(
         &mut self,
         records: &[u8],
@@ -121,7 +76,7 @@ impl Points {
         }));
     }
 
-    /// Numbers among others.
+    /// Records with other properties, too.
     fn among<T: Scalar + Into<f64>>(
         &mut self,
         records: &[u8],
@@ -144,19 +99,19 @@ impl Points {
     }
 }
 
-/// Values for which room is made before they are seen, where the size of the file is not known.
+/// Maximum number of values to reserve memory for if the size of the file is unknown.
 const UNSEEN: u64 = 1 << 16;
 
 impl<'a> Table<'a> {
-    /// `faces` names the property with the vertex indices, and the number of vertices; `axes` the
-    /// coordinates that are to be joined to positions.
+    /// `faces`: index of the property with the vertex indices, and the number of vertices. `axes`:
+    /// indices of the coordinates that are joined to positions.
     pub(super) fn new(
         layout: &'a ElementLayout,
         faces: Option<(usize, u64)>,
         axes: Option<[usize; 3]>,
         left: Option<u64>,
     ) -> Self {
-        // With the size known, the count was checked against it.
+        // If the size of the file is known, the count was checked against it.
         let room = if left.is_some() {
             layout.count
         } else {
@@ -183,7 +138,7 @@ impl<'a> Table<'a> {
             faces: faces.map(|(property, vertices)| Faces {
                 property,
                 vertices,
-                // A triangle takes 4 bytes at least (its length and three indices), 8 as text.
+                // A triangle takes at least 4 bytes (its length and three indices), 8 as text.
                 list: FaceList {
                     triangles: Triangles::with_capacity(
                         room.min(left.unwrap_or(u64::MAX) / 4) as usize
@@ -201,12 +156,12 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Closes the list of this record in property `k`, whose values were appended.
+    /// Ends the list of this record in property `k`, whose values were appended.
     pub(super) fn end_list(&mut self, k: usize) -> Result<(), ReadError> {
         let slot = &mut self.slots[k];
         let end = u32::try_from(slot.values.len())
             .map_err(|_| ReadError::TooLarge { element: self.layout.name.clone() })?;
-        slot.lists.as_mut().expect("only lists are closed").push(end);
+        slot.lists.as_mut().expect("only lists are ended").push(end);
         Ok(())
     }
 

@@ -1,54 +1,22 @@
-//! The writer.
+//! The PLY writer.
 
-use super::PlyMesh;
 use super::error::WriteError;
-use super::scalar::{Column, ScalarType};
-use super::table::Property;
+use super::params::{CoordinateType, Keep, WriteParams};
+use super::ply_mesh::PlyMesh;
+use super::rows::{BLOCK, Blocks, Rows};
+use crate::attributes::{Column, Property, ScalarType};
 use crate::normals::{Normals, Turns};
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::{MeshError, TriMesh};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::io::Write;
+use std::path::Path;
 
-/// How wide the coordinates of a file are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum CoordinateType {
-    /// 4 bytes: what garment files nearly always have. 0.1 µm is lost at 1 m.
-    #[default]
-    Float,
-    /// 8 bytes: nothing is lost.
-    Double,
-}
-
-/// What is written beside vertices and triangles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Keep {
-    /// Every property and element, with its type; only numbers of vertices in `int16`, which meshio
-    /// cannot read, become `int32`. meshio reads the file unless it has lists beside the faces,
-    /// properties of faces, or other elements.
-    #[default]
-    All,
-    /// What other programs read too: one number for each vertex and property, 64-bit integers as
-    /// `double`; no properties of faces, no lists, no other elements.
-    Portable,
-}
-
-/// How to write.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
-pub struct WriteParams {
-    /// Width of the coordinates.
-    pub coordinates: CoordinateType,
-    /// What is kept beside vertices and triangles.
-    pub keep: Keep,
-    /// What becomes of the vertex properties nx, ny and nz, where all three are there.
-    pub normals: Normals,
-}
-
-/// The positions as they will be read back from a file with such coordinates. What must hold for
-/// the file, such as having no intersections, is to be proven for these.
+/// The positions as a file with such coordinates returns them. Properties of the file, such as
+/// having no intersections, must be proven for these.
 ///
-/// A coordinate beyond the range of `float` becomes infinite; [`write()`] refuses it.
+/// A coordinate beyond the range of `float` becomes infinite; [`write()`] rejects it.
 pub fn quantise(positions: &[Point], coordinates: CoordinateType) -> Vec<Point> {
     match coordinates {
         CoordinateType::Float => {
@@ -59,14 +27,14 @@ pub fn quantise(positions: &[Point], coordinates: CoordinateType) -> Vec<Point> 
 }
 
 /// Writes `ply` with its vertices at `positions` (metres), as `binary_little_endian 1.0`: vertices,
-/// then faces (the polygons of the file, where it had any), then all other elements.
+/// then faces (the polygons of the file, if it had any), then all other elements.
 ///
 /// Vertices that have not moved keep the bits of their coordinates.
 ///
 /// # Errors
 ///
-/// Positions that do not fit, are not finite, or are too large for `float`; properties whose
-/// lengths or names do not fit; and what `writer` returns.
+/// Positions of another number, not finite, or too large for `float`; properties whose lengths or
+/// names are invalid; and errors of `writer`.
 pub fn write(
     ply: &PlyMesh,
     positions: &[Point],
@@ -74,6 +42,7 @@ pub fn write(
     mut writer: impl Write,
 ) -> Result<(), WriteError> {
     check_positions(&ply.mesh, positions, params.coordinates)?;
+    // The polygons must be fans of the mesh's triangles.
     let polygons = ply.polygons.as_ref();
     if let Some(p) = polygons {
         let (polygon_triangles, triangles) =
@@ -89,7 +58,7 @@ pub fn write(
     let length = if widest > usize::from(u8::MAX) { ScalarType::U32 } else { ScalarType::U8 };
     let index = if positions.len() > i32::MAX as usize { ScalarType::U32 } else { ScalarType::I32 };
     let all = params.keep == Keep::All;
-    // Positions alone go straight to the file.
+    // Positions without further properties are written directly.
     let alone = ply.vertex_properties.iter().all(|p| !is_kept(p, params.keep));
     let vertex = (!alone)
         .then(|| Rows::new("vertex", positions.len(), vertex_properties(ply, positions, params)));
@@ -106,6 +75,7 @@ pub fn write(
         .map(|e| Rows::new(&e.name, e.count, borrowed(&e.properties)));
     let others: Vec<Rows<'_>> = others.collect();
 
+    // Header.
     let mut header = String::from("ply\nformat binary_little_endian 1.0\n");
     for (word, texts) in [("comment", &ply.comments), ("obj_info", &ply.obj_info)] {
         for line in texts.iter().flat_map(|t| t.split(['\n', '\r'])) {
@@ -136,20 +106,23 @@ pub fn write(
     }
     header += "end_header\n";
 
+    // Records.
     writer.write_all(header.as_bytes())?;
     match (vertex, params.coordinates) {
         (Some(vertex), _) => vertex.write(&mut writer)?,
         (None, CoordinateType::Float) => {
-            places::<4, 12>(positions, |x| (x as f32).to_le_bytes(), &mut writer)?
+            write_positions::<4, 12>(positions, |x| (x as f32).to_le_bytes(), &mut writer)?
         }
         (None, CoordinateType::Double) => {
-            places::<8, 24>(positions, Real::to_le_bytes, &mut writer)?
+            write_positions::<8, 24>(positions, Real::to_le_bytes, &mut writer)?
         }
     }
     match polygons {
-        None if face.properties.is_empty() => triangles(ply.mesh.triangles(), &mut writer)?,
-        None => faces(ply.mesh.triangles().iter().map(|t| &t[..]), length, &face, &mut writer)?,
-        Some(p) => faces(p.iter(), length, &face, &mut writer)?,
+        None if face.properties.is_empty() => write_triangles(ply.mesh.triangles(), &mut writer)?,
+        None => {
+            write_faces(ply.mesh.triangles().iter().map(|t| &t[..]), length, &face, &mut writer)?
+        }
+        Some(p) => write_faces(p.iter(), length, &face, &mut writer)?,
     }
     for element in &others {
         element.write(&mut writer)?;
@@ -162,8 +135,8 @@ fn is_kept(vertex_property: &Property, keep: Keep) -> bool {
     keep == Keep::All || vertex_property.lists.is_none()
 }
 
-/// Positions and nothing else, of N bytes for each number and R for each position.
-fn places<const N: usize, const R: usize>(
+/// Writes positions without further properties: N bytes per number, R per position.
+fn write_positions<const N: usize, const R: usize>(
     positions: &[Point],
     bytes_of: impl Fn(Real) -> [u8; N],
     writer: &mut impl Write,
@@ -227,7 +200,7 @@ fn vertex_properties<'a>(
     let kept = ply.vertex_properties.iter().filter(|p| is_kept(p, params.keep));
     properties.extend(kept.map(|p| readable(p, params.keep)));
     if params.normals == Normals::Follow {
-        follow(&mut properties, &ply.mesh, positions);
+        rotate_normals(&mut properties, &ply.mesh, positions);
     }
     properties
 }
@@ -236,7 +209,7 @@ fn borrowed(properties: &[Property]) -> Vec<Cow<'_, Property>> {
     properties.iter().map(Cow::Borrowed).collect()
 }
 
-/// The property in types that meshio reads.
+/// The property in a type that meshio reads.
 fn readable(p: &Property, keep: Keep) -> Cow<'_, Property> {
     let values = match &p.values {
         _ if p.lists.is_some() => return Cow::Borrowed(p),
@@ -252,8 +225,8 @@ fn readable(p: &Property, keep: Keep) -> Cow<'_, Property> {
     Cow::Owned(Property::new(p.name.clone(), values))
 }
 
-/// Turns nx, ny and nz with the surface.
-fn follow(properties: &mut [Cow<'_, Property>], mesh: &TriMesh, positions: &[Point]) {
+/// Rotates nx, ny and nz with the surface.
+fn rotate_normals(properties: &mut [Cow<'_, Property>], mesh: &TriMesh, positions: &[Point]) {
     let place = ["nx", "ny", "nz"]
         .map(|n| properties.iter().position(|p| p.name == n && p.values.len() == positions.len()));
     let [Some(x), Some(y), Some(z)] = place else { return };
@@ -267,109 +240,14 @@ fn follow(properties: &mut [Cow<'_, Property>], mesh: &TriMesh, positions: &[Poi
             match &mut properties[k].to_mut().values {
                 Column::F32(c) => c[v] = n[axis] as f32,
                 Column::F64(c) => c[v] = n[axis],
-                _ => {} // normals in whole numbers stay
+                _ => {} // integer normals stay
             }
         }
     }
 }
 
-/// Bytes handed to the writer at once.
-const BLOCK: usize = 1 << 16;
-
-/// An element on its way out.
-struct Rows<'a> {
-    name: &'a str,
-    count: usize,
-    properties: Vec<Cow<'a, Property>>,
-    /// Of each property that is a list, the type of its lengths.
-    lengths: Vec<Option<ScalarType>>,
-}
-
-impl<'a> Rows<'a> {
-    fn new(name: &'a str, count: usize, properties: Vec<Cow<'a, Property>>) -> Self {
-        let length = |p: &Cow<'_, Property>| {
-            let longest =
-                p.lists.as_ref()?.windows(2).map(|w| w[1].saturating_sub(w[0])).max().unwrap_or(0);
-            Some(if longest > u32::from(u8::MAX) { ScalarType::U32 } else { ScalarType::U8 })
-        };
-        let lengths = properties.iter().map(length).collect();
-        Self { name, count, properties, lengths }
-    }
-
-    /// Checks the element and appends its lines to the header; `first` is a line for a first
-    /// property.
-    fn declare(&self, header: &mut String, first: Option<String>) -> Result<(), WriteError> {
-        let mut names: BTreeSet<&str> = first.iter().map(|_| "vertex_indices").collect();
-        *header += &format!("element {} {}\n", checked(self.name)?, self.count);
-        *header += &first.unwrap_or_default();
-        for (p, length) in self.properties.iter().zip(&self.lengths) {
-            if !names.insert(checked(&p.name)?) {
-                return Err(WriteError::Name { name: p.name.clone() });
-            }
-            let in_order = p.lists.as_ref().is_none_or(|l| {
-                l.is_sorted()
-                    && l.first() == Some(&0)
-                    && l.last().is_some_and(|&n| n as usize == p.values.len())
-            });
-            if p.records() != self.count || !in_order {
-                let (element, property) = (self.name.to_owned(), p.name.clone());
-                return Err(WriteError::PropertyLength {
-                    element,
-                    property,
-                    expected: self.count,
-                    found: p.records(),
-                });
-            }
-            let list = length.map_or(String::new(), |t| format!("list {t} "));
-            *header += &format!("property {list}{} {}\n", p.values.scalar_type(), p.name);
-        }
-        Ok(())
-    }
-
-    fn write(&self, writer: &mut impl Write) -> Result<(), WriteError> {
-        if self.lengths.iter().any(Option::is_some) {
-            let mut out = Blocks { bytes: Vec::with_capacity(BLOCK), writer };
-            for row in 0..self.count {
-                self.append(row, &mut out.bytes);
-                out.flush_if_full()?;
-            }
-            return out.flush();
-        }
-        let stride: usize = self.properties.iter().map(|p| p.values.scalar_type().size()).sum();
-        let per_block = (BLOCK / stride.max(1)).max(1);
-        let mut block = vec![0; per_block.min(self.count) * stride];
-        for first in (0..self.count).step_by(per_block) {
-            let bytes = &mut block[..per_block.min(self.count - first) * stride];
-            let mut offset = 0;
-            for p in &self.properties {
-                p.values.put_strided(first, bytes, stride, offset);
-                offset += p.values.scalar_type().size();
-            }
-            writer.write_all(bytes)?;
-        }
-        Ok(())
-    }
-
-    /// Appends the values of record `row`.
-    fn append(&self, row: usize, bytes: &mut Vec<u8>) {
-        for (p, length) in self.properties.iter().zip(&self.lengths) {
-            let range = p.range(row);
-            if let Some(t) = length {
-                bytes.extend_from_slice(&(range.len() as u32).to_le_bytes()[..t.size()]);
-            }
-            p.values.append(range, bytes);
-        }
-    }
-}
-
-/// The name, if a header can hold it.
-fn checked(name: &str) -> Result<&str, WriteError> {
-    let fits = !name.is_empty() && name.bytes().all(|b| b.is_ascii_graphic());
-    if fits { Ok(name) } else { Err(WriteError::Name { name: name.to_owned() }) }
-}
-
-/// Faces of any number of corners, each followed by its properties.
-fn faces<'p>(
+/// Writes faces of any number of corners, each followed by its properties.
+fn write_faces<'p>(
     all: impl Iterator<Item = &'p [u32]>,
     length: ScalarType,
     properties: &Rows<'_>,
@@ -385,8 +263,8 @@ fn faces<'p>(
     out.flush()
 }
 
-/// Faces of three corners, each one byte and three numbers of four.
-fn triangles(triangles: &[[u32; 3]], writer: &mut impl Write) -> Result<(), WriteError> {
+/// Writes triangles without further properties: one byte and three numbers of four bytes each.
+fn write_triangles(triangles: &[[u32; 3]], writer: &mut impl Write) -> Result<(), WriteError> {
     const RECORD: usize = 13;
     let mut block = vec![3; (BLOCK / RECORD).min(triangles.len()) * RECORD];
     for chunk in triangles.chunks(BLOCK / RECORD) {
@@ -401,20 +279,16 @@ fn triangles(triangles: &[[u32; 3]], writer: &mut impl Write) -> Result<(), Writ
     Ok(())
 }
 
-/// Collects records until there is a block of them.
-struct Blocks<'a, W> {
-    bytes: Vec<u8>,
-    writer: &'a mut W,
-}
-
-impl<W: Write> Blocks<'_, W> {
-    fn flush_if_full(&mut self) -> Result<(), WriteError> {
-        if self.bytes.len() >= BLOCK { self.flush() } else { Ok(()) }
-    }
-
-    fn flush(&mut self) -> Result<(), WriteError> {
-        self.writer.write_all(&self.bytes)?;
-        self.bytes.clear();
-        Ok(())
-    }
+/// Writes the file at `path`, completely or not at all ([`crate::atomic`]).
+///
+/// # Errors
+///
+/// As [`write()`], and errors of the file system.
+pub fn write_path(
+    ply: &PlyMesh,
+    positions: &[Point],
+    params: &WriteParams,
+    path: &Path,
+) -> Result<(), WriteError> {
+    crate::atomic::write_file(path, |file| write(ply, positions, params, file))
 }

@@ -9,12 +9,10 @@ use if_core::parameter::ParameterError;
 use if_mesh::attributes::AttributeError;
 use if_mesh::baked::BakeError;
 use if_mesh::cleanup::CleanupError;
-use if_mesh::cut::CutError;
 use if_mesh::extract::ExtractError;
+use if_mesh::labels::LabelError;
 use if_mesh::ply::WriteError;
 use if_mesh::sdf::SdfError;
-use if_mesh::smooth_labels::SmoothLabelError;
-use if_mesh::votes::VoteError;
 use if_neural::{FitError, NetworkError, TargetError};
 use std::io;
 use std::path::PathBuf;
@@ -109,18 +107,12 @@ pub enum ReconstructError {
     NetworkDiverged { steps: u64 },
 
     // Garments.
-    /// Parameters of the votes are out of range.
-    #[error(transparent)]
-    Votes(#[from] VoteError),
     /// A frame cannot vote.
     #[error("frame {frame}: {source}")]
-    Vote { frame: usize, source: VoteError },
-    /// Labels cannot be smoothed.
+    Vote { frame: usize, source: LabelError },
+    /// Labels cannot be smoothed, or the mesh cannot be cut.
     #[error(transparent)]
-    Smooth(#[from] SmoothLabelError),
-    /// The mesh cannot be cut.
-    #[error(transparent)]
-    Cut(#[from] CutError),
+    Labels(#[from] LabelError),
     /// A garment cannot be cleaned.
     #[error("garment `{name}`: {source}")]
     Cleanup { name: String, source: CleanupError },

@@ -13,10 +13,10 @@ use if_core::mesh::TriMesh;
 use if_core::monitor::{Monitor, Silent};
 use if_mesh::attributes::{Source, VertexAttributes};
 use if_mesh::cleanup::{CleanupParams, CleanupReport, Complement, Openings, cleanup};
-use if_mesh::cut::{CutParams, Piece, cut};
+use if_mesh::labels::{
+    CutParams, Look, Piece, SmoothLabelParams, VoteParams, VoteReport, Voter, cut, smooth_labels,
+};
 use if_mesh::ply::PlyMesh;
-use if_mesh::smooth_labels::{SmoothLabelParams, smooth_labels};
-use if_mesh::votes::{Look, VoteParams, VoteReport, Voter};
 
 /// Parameters of [`find_garments`].
 #[derive(Clone, Debug, Default)]
@@ -111,7 +111,7 @@ impl std::fmt::Debug for ClothedPerson<'_> {
 /// # Source
 ///
 /// Supplement, Appendix B, for the clean-up; votes and cut are ours. The steps are
-/// [`if_mesh::votes`], [`if_mesh::smooth_labels`], [`if_mesh::cut`] and [`if_mesh::cleanup`].
+/// [`if_mesh::labels`] and [`if_mesh::cleanup`].
 ///
 /// # Errors
 ///
@@ -145,9 +145,10 @@ pub fn find_garments(
 
     // Labels are smoothed, once more with votes against loose garments on their undersides.
     let (votes, vote_report) = voter.finish();
-    let mut scores = smooth_labels(mesh, &votes, &params.smoothness)?;
+    let mut scores = smooth_labels(mesh, &votes, &params.smoothness, &mut Silent)?;
     if let Some(underside) = underside {
-        scores = smooth_labels(mesh, &underside.voted(mesh, &votes, &scores), &params.smoothness)?;
+        let votes = underside.voted(mesh, &votes, &scores);
+        scores = smooth_labels(mesh, &votes, &params.smoothness, &mut Silent)?;
     }
     let labels = scores.winners();
 
@@ -221,7 +222,7 @@ fn openings_of(name: &str, body: &TriMesh) -> Openings {
 
 /// The vertices of the canonical mesh from which the vertices of a piece are interpolated.
 fn sources(piece: &Piece) -> Vec<Source> {
-    let of = |origin: &if_mesh::cut::Origin| match origin.source() {
+    let of = |origin: &if_mesh::labels::Origin| match origin.source() {
         Some(v) => Source::Vertex(v),
         None => {
             let mut parts: Vec<(u32, f64)> = origin

@@ -7,8 +7,7 @@ use if_body::TemplateBody;
 use if_core::edges::parts;
 use if_core::math::{Real, area_vector};
 use if_core::mesh::TriMesh;
-use if_mesh::smooth_labels::LabelScores;
-use if_mesh::votes::LabelVotes;
+use if_mesh::labels::{LabelScores, LabelVotes};
 
 /// Distance from the template beyond which a vertex is spanned by clothes, in metres: the distance
 /// over which weights blend to those of the grid.

@@ -6,7 +6,7 @@ use super::phi::PhiReport;
 use super::report::SurfaceReport;
 use crate::asset::LayerHint;
 use if_core::math::Real;
-use if_mesh::votes::VoteReport;
+use if_mesh::labels::VoteReport;
 use serde::{Deserialize, Serialize};
 
 /// Votes of the label images.

@@ -1,16 +1,16 @@
-//! Minimum cuts by Dinic's algorithm, in whole numbers.
+//! Minimum cuts by Dinic's algorithm, in integers.
 
 use std::collections::VecDeque;
 
-/// No level: not reached.
+/// The level of nodes that are not reached.
 const FAR: u32 = u32::MAX;
 
-/// A network between a source and a sink, and what it can still carry.
+/// A residual network between a source and a sink.
 pub(super) struct Flow {
     /// Arcs that leave each node: `start[v] .. start[v + 1]`.
     start: Vec<u32>,
     head: Vec<u32>,
-    /// The arc the other way.
+    /// The reverse arc.
     back: Vec<u32>,
     capacity: Vec<i64>,
     source: Vec<i64>,
@@ -18,8 +18,8 @@ pub(super) struct Flow {
 }
 
 impl Flow {
-    /// Nodes with arcs of these capacities. A positive `lead` ties a node to the source, a negative
-    /// one to the sink.
+    /// Nodes with arcs of these capacities. A positive `lead` is the capacity from the source, a
+    /// negative one that to the sink.
     pub(super) fn new(nodes: usize, arcs: &[([u32; 2], i64)], lead: &[i64]) -> Self {
         let mut start = vec![0u32; nodes + 1];
         arcs.iter().flat_map(|(ends, _)| ends).for_each(|v| start[*v as usize + 1] += 1);
@@ -40,7 +40,7 @@ impl Flow {
         Self { start, head, back, capacity, source: side(1), sink: side(-1) }
     }
 
-    /// Carries as much as can be carried.
+    /// Computes a maximum flow.
     pub(super) fn run(&mut self) {
         let nodes = self.source.len();
         let mut level = vec![FAR; nodes];
@@ -49,13 +49,13 @@ impl Flow {
             next.copy_from_slice(&self.start);
             for s in 0..nodes {
                 if self.source[s] > 0 {
-                    self.carry(s, &mut level, &mut next);
+                    self.augment(s, &mut level, &mut next);
                 }
             }
         }
     }
 
-    /// Steps from the source to each node, and whether the sink is reached.
+    /// Breadth-first levels from the source; returns whether the sink is reached.
     fn levels(&self, level: &mut [u32]) -> bool {
         level.fill(FAR);
         let mut queue: VecDeque<usize> = (0..level.len()).filter(|v| self.source[*v] > 0).collect();
@@ -74,8 +74,8 @@ impl Flow {
         reached
     }
 
-    /// Carries from `s` along shortest ways until it has no more, or there are none.
-    fn carry(&mut self, s: usize, level: &mut [u32], next: &mut [u32]) {
+    /// Augments along shortest paths from `s` until it is exhausted, or there is no path.
+    fn augment(&mut self, s: usize, level: &mut [u32], next: &mut [u32]) {
         let mut path: Vec<usize> = Vec::new();
         let mut v = s;
         loop {
@@ -108,7 +108,7 @@ impl Flow {
                 }
                 None => {
                     next[v] = self.start[v + 1];
-                    level[v] = FAR; // leads nowhere
+                    level[v] = FAR; // a dead end
                     let Some(a) = path.pop() else { return };
                     v = self.head[self.back[a] as usize] as usize;
                 }
@@ -116,7 +116,7 @@ impl Flow {
         }
     }
 
-    /// The nodes from which the sink can still be reached: the smallest side of a least cut.
+    /// The nodes from which the sink can still be reached: the smallest sink side of a minimum cut.
     pub(super) fn sink_side(&self) -> Vec<bool> {
         let mut side: Vec<bool> = self.sink.iter().map(|c| *c > 0).collect();
         let mut stack: Vec<usize> = (0..side.len()).filter(|v| side[*v]).collect();

@@ -1,5 +1,5 @@
-//! Labels of least energy by minimum cuts: the alternative to [`crate::smooth_labels`] where
-//! borders should be short rather than fields smooth.
+//! Labels of least energy by minimum cuts: the alternative to
+//! [`smooth_labels`](super::smooth_labels) for short borders instead of smooth fields.
 //!
 //! ```text
 //! E(f) = Σ_v A_v (d_v − votes_v(f_v)) + λ Σ_edges |dual edge| [f_a ≠ f_b]
@@ -7,9 +7,9 @@
 //!
 //! with areas A and all votes d of a vertex: votes times square metres against λ times the length
 //! of borders. For two labels one cut finds the least energy exactly. For more, each label in turn
-//! may take over vertices from all others by one cut, until none gains: at most twice the least
-//! energy. What no frame saw costs nothing, and gets the label with the shortest border; a piece of
-//! the mesh without any votes stays undecided.
+//! expands over vertices of all others by one cut, until no expansion reduces the energy, which is
+//! then at most twice the least one. Unseen surface has no cost, and gets the label with the
+//! shortest border; a component of the mesh without any votes stays undecided.
 //!
 //! # Source
 //!
@@ -18,31 +18,34 @@
 
 mod flow;
 
-use crate::smooth_labels::{LabelScores, SmoothLabelError, dual_weights, vertex_areas};
-use crate::votes::LabelVotes;
+use super::error::LabelError;
+use super::laplacian::{dual_weights, vertex_areas};
+use super::scores::LabelScores;
+use super::votes::LabelVotes;
 use flow::Flow;
 use if_core::edges::Edges;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
+use if_core::monitor::{Monitor, Progress};
+use if_core::parameter::ParameterError;
 
-/// How short borders should be.
+/// Parameters of [`expand_labels`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExpandParams {
-    /// λ, in metres: a spot that is wrong by one vote is put right where it is narrower than about
-    /// 4 λ.
+    /// λ, in metres: a spot with one wrong vote is corrected if it is narrower than about 4 λ.
     pub border: Real,
-    /// Rounds over all labels at most.
+    /// Maximum number of rounds over all labels.
     pub rounds: usize,
 }
 
 impl Default for ExpandParams {
-    /// 5 mm, and as many rounds as it has ever taken, and some.
+    /// 5 mm; no known input takes 10 rounds.
     fn default() -> Self {
         Self { border: 0.005, rounds: 10 }
     }
 }
 
-/// Labels by expansion moves.
+/// Result of [`expand_labels`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Expanded {
     /// The label of each vertex.
@@ -54,37 +57,43 @@ pub struct Expanded {
 }
 
 impl Expanded {
-    /// Scores of 1 for the label of each vertex, for [`crate::cut::cut`], which then cuts edges in
-    /// their middle.
+    /// Scores of 1 for the label of each vertex, for [`cut`](super::cut()), which then cuts edges at
+    /// their midpoints.
     pub fn scores(&self, labels: usize) -> LabelScores {
         LabelScores { labels, scores: LabelVotes::from_labels(&self.labels, labels).weights }
     }
 }
 
-/// The whole numbers that energies become: this many in the largest cost, so that sums over a
-/// million vertices fit.
+/// Energies are scaled to integers: the largest cost becomes this, so that sums over a million
+/// vertices fit.
 const SCALE: Real = 1e9;
 
-/// Finds labels of least energy, from those with most votes on.
+/// Finds labels of least energy, starting from those with most votes.
+///
+/// The monitor receives the stage `expand`, a step for each expansion.
 ///
 /// # Errors
 ///
-/// As [`crate::smooth_labels::smooth_labels`], but for the solve.
+/// [`LabelError`]: votes of another mesh, negative or not finite; a parameter out of range; or
+/// cancelled.
 pub fn expand_labels(
     mesh: &TriMesh,
     votes: &LabelVotes,
     params: &ExpandParams,
-) -> Result<Expanded, SmoothLabelError> {
+    monitor: &mut dyn Monitor,
+) -> Result<Expanded, LabelError> {
     votes.check(mesh.vertices().len())?;
-    if !(params.border.is_finite() && params.border >= 0.0) {
-        return Err(SmoothLabelError::Param { name: "border", value: params.border });
-    }
+    let border = params.border;
+    let valid = border.is_finite() && border >= 0.0;
+    ParameterError::check("border", border, valid, "finite and not negative (m)")?;
     let problem = Problem::new(mesh, votes, params.border);
     let mut labels: Vec<u8> = (0..votes.vertices()).map(|v| votes.winner(v)).collect();
     let mut energy = problem.energy(&labels);
     for round in 0..params.rounds {
         let before = energy;
         for alpha in 1..votes.labels {
+            let done = round * (votes.labels - 1) + alpha - 1;
+            monitor.report(&Progress { done, ..Progress::stage("expand") })?;
             let moved = problem.expansion(&labels, alpha as u8);
             let reached = problem.energy(&moved);
             if reached < energy {
@@ -98,13 +107,13 @@ pub fn expand_labels(
     Ok(Expanded { labels, energy: problem.value(energy), rounds: params.rounds })
 }
 
-/// Costs as whole numbers: sums do not depend on their order, and cuts end.
+/// Costs as integers: sums do not depend on their order, and cuts terminate.
 struct Problem {
     labels: usize,
-    /// Of each vertex and label.
+    /// Cost of each vertex and label.
     cost: Vec<i64>,
     edges: Vec<([u32; 2], i64)>,
-    /// Whole numbers in a vote times square metre.
+    /// Integers per vote times square metre.
     scale: Real,
 }
 
@@ -151,18 +160,17 @@ impl Problem {
         data + cut.map(|(_, w)| w).sum::<i64>()
     }
 
-    /// The best labels in which any vertices have changed to `alpha`, and no others.
+    /// The best labels that differ from `labels` only in vertices changed to `alpha`.
     fn expansion(&self, labels: &[u8], alpha: u8) -> Vec<u8> {
         let n = labels.len();
-        // What it costs to keep the label rather than to take alpha: a node is on the source's side
-        // where it keeps.
+        // Cost of alpha minus that of the present label: nodes on the source's side keep their label.
         let cost = |v: usize, l: u8| self.cost[v * self.labels + usize::from(l)];
         let mut lead: Vec<i64> = (0..n).map(|v| cost(v, alpha) - cost(v, labels[v])).collect();
         let mut arcs: Vec<([u32; 2], i64)> = Vec::with_capacity(self.edges.len());
         for &([a, b], w) in &self.edges {
             let (p, q) = (a as usize, b as usize);
             let price = |differ: bool| if differ { w } else { 0 };
-            // Neither takes alpha; only b does; only a does. Both: nothing.
+            // Costs if neither takes alpha, only b, only a. If both do, there is none.
             let (none, second, first) = (
                 price(labels[p] != labels[q]),
                 price(labels[p] != alpha),
@@ -170,7 +178,7 @@ impl Problem {
             );
             lead[p] += first - none;
             lead[q] -= first;
-            // Paid where a keeps and b takes.
+            // Paid if a keeps its label and b takes alpha.
             arcs.push(([a, b], second + first - none));
         }
         let mut flow = Flow::new(n, &arcs, &lead);
@@ -182,8 +190,10 @@ impl Problem {
 
 #[cfg(test)]
 mod tests {
+    use super::super::cut::{CutParams, cut};
+    use super::super::votes::UNDECIDED;
     use super::*;
-    use crate::votes::UNDECIDED;
+    use if_core::monitor::Silent;
     use if_core::shapes::meshes::{icosphere, tube};
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
@@ -209,21 +219,25 @@ mod tests {
     }
 
     #[test]
-    fn two_labels_get_the_least_energy_of_all_and_more_get_near_it() {
+    fn two_labels_reach_the_least_energy_and_more_labels_stay_within_twice_it() {
         let mesh = icosphere(0.1, 0);
         let mut rng = Pcg64Mcg::seed_from_u64(11);
         for (border, labels) in [(0.0, 3), (0.002, 3), (0.01, 3), (0.02, 3), (0.2, 3), (0.02, 4)] {
             let votes = random_votes(12, labels, &mut rng);
             let problem = Problem::new(&mesh, &votes, border);
-            let found =
-                expand_labels(&mesh, &votes, &ExpandParams { border, ..Default::default() })
-                    .unwrap();
+            let found = expand_labels(
+                &mesh,
+                &votes,
+                &ExpandParams { border, ..Default::default() },
+                &mut Silent,
+            )
+            .unwrap();
             let (got, wanted) = (problem.energy(&found.labels), least(&problem, 12, labels));
             assert!(
                 got >= wanted && (got == wanted || (labels > 3 && got <= 2 * wanted)),
                 "{labels}: {got} for {wanted}"
             );
-            // No label gains by another move.
+            // No further expansion reduces the energy.
             for alpha in 1..labels as u8 {
                 assert!(problem.energy(&problem.expansion(&found.labels, alpha)) >= got);
             }
@@ -231,25 +245,28 @@ mod tests {
     }
 
     #[test]
-    fn spots_vanish_and_the_line_stays() {
+    fn wrong_spots_vanish_and_the_border_stays() {
         let mesh = tube(0.1, 1.0, 32, 40, true);
         let truth: Vec<u8> = mesh.vertices().iter().map(|p| 1 + u8::from(p.y > 0.51)).collect();
         let noisy: Vec<u8> =
             truth.iter().enumerate().map(|(v, l)| if v % 9 == 4 { 3 - l } else { *l }).collect();
         let votes = LabelVotes::from_labels(&noisy, 3);
-        let found =
-            expand_labels(&mesh, &votes, &ExpandParams { border: 0.02, ..Default::default() })
-                .unwrap();
+        let found = expand_labels(
+            &mesh,
+            &votes,
+            &ExpandParams { border: 0.02, ..Default::default() },
+            &mut Silent,
+        )
+        .unwrap();
         let wrong = found.labels.iter().zip(&truth).filter(|(a, b)| a != b).count();
         assert!(wrong <= 4, "{wrong} of {}", truth.len());
-        let pieces =
-            crate::cut::cut(&mesh, &found.scores(3), &crate::cut::CutParams::default()).unwrap();
+        let pieces = cut(&mesh, &found.scores(3), &CutParams::default()).unwrap();
         let loops = |k: usize| Edges::new(&pieces[k].mesh).boundary_loops(&pieces[k].mesh).len();
         assert_eq!((pieces.len(), loops(0), loops(1)), (2, 1, 1));
     }
 
     #[test]
-    fn what_was_not_seen_is_filled_in_and_a_piece_without_votes_stays_undecided() {
+    fn unseen_surface_is_filled_in_and_components_without_votes_stay_undecided() {
         let (a, b) = (icosphere(0.2, 2), icosphere(0.1, 0));
         let n = a.vertices().len();
         let triangles = a
@@ -262,20 +279,22 @@ mod tests {
         let of: Vec<u8> = (0..mesh.vertices().len())
             .map(|v| if v < n && v % 3 > 0 { 1 } else { UNDECIDED })
             .collect();
-        let found =
-            expand_labels(&mesh, &LabelVotes::from_labels(&of, 3), &ExpandParams::default())
-                .unwrap();
+        let votes = LabelVotes::from_labels(&of, 3);
+        let expand = |votes: &LabelVotes, params: &ExpandParams| {
+            expand_labels(&mesh, votes, params, &mut Silent)
+        };
+        let found = expand(&votes, &ExpandParams::default()).unwrap();
         assert!(
             found.labels[..n].iter().all(|l| *l == 1)
                 && found.labels[n..].iter().all(|l| *l == UNDECIDED)
         );
         assert_eq!(found.energy, 0.0);
         let bad = ExpandParams { border: Real::NAN, ..Default::default() };
-        let error = expand_labels(&mesh, &LabelVotes::from_labels(&of, 3), &bad).unwrap_err();
-        assert!(matches!(error, SmoothLabelError::Param { name: "border", .. }));
-        assert!(
-            expand_labels(&mesh, &LabelVotes::from_labels(&of[1..], 3), &ExpandParams::default())
-                .is_err()
-        );
+        let LabelError::Parameter(error) = expand(&votes, &bad).unwrap_err() else {
+            panic!("another error")
+        };
+        assert_eq!(error.name, "border");
+        let few = LabelVotes::from_labels(&of[1..], 3);
+        assert!(expand(&few, &ExpandParams::default()).is_err());
     }
 }

@@ -1,30 +1,32 @@
-//! A labelled mesh cut into one mesh for each label, along lines through its triangles.
+//! Cuts of a labelled mesh into one mesh per label, along lines through its triangles.
 //!
 //! Every vertex belongs to the label of its highest score. An edge between vertices of labels l and
-//! m is cut where the two scores are equal, which for the two of them is the zero line of the score
-//! less the best other; a triangle with two labels is cut along a segment, one with three along
-//! three segments to its middle:
+//! m is cut where the two scores are equal; a triangle with two labels is cut along a segment, one
+//! with three labels along three segments to its centre:
 //!
 //! ```text
-//! s = (s_l − s_m)(a) / ((s_l − s_m)(a) − (s_l − s_m)(b))      the place from a to b
+//! s = (s_l − s_m)(a) / ((s_l − s_m)(a) − (s_l − s_m)(b))      the share of the way from a to b
 //! ```
 //!
-//! So the pieces tile the mesh: neighbours share their border point for point. Each keeps the whole
-//! surroundings of its vertices, and a new vertex lies on one border line only: borders are
-//! 1-manifolds without bow-ties, but for those that the mesh itself has.
+//! So the pieces tile the mesh: neighbours share the vertices of their border. A new vertex lies on
+//! one border line only: borders are 1-manifolds without bow-ties, except for those of the mesh
+//! itself.
 
-use crate::smooth_labels::LabelScores;
+use super::error::LabelError;
+use super::origin::Origin;
+use super::scores::LabelScores;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, barycentric_point};
 use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
 
-/// How near to a vertex an edge may be cut.
+/// Parameters of [`cut`](super::cut()).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CutParams {
-    /// Least share of an edge on either side of a cut, from 0 to ½: keeps slivers away, and moves
-    /// the border by as much.
+    /// Least share of an edge on either side of a cut, from 0 to ½: avoids slivers, and moves the
+    /// border by as much.
     pub least: Real,
 }
 
@@ -36,61 +38,14 @@ impl Default for CutParams {
 }
 
 impl CutParams {
-    /// Whether the share is one.
+    /// Checks that all parameters are in range.
     ///
     /// # Errors
     ///
-    /// [`CutError::Least`].
-    pub fn validate(&self) -> Result<(), CutError> {
-        if (0.0..=0.5).contains(&self.least) { Ok(()) } else { Err(CutError::Least(self.least)) }
-    }
-}
-
-/// Where a vertex of a piece comes from: the point of these weights between three vertices of the
-/// mesh.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Origin {
-    /// Vertices of the mesh. Where fewer are needed, the first one stands in all remaining places.
-    pub vertices: [u32; 3],
-    /// Their weights: not negative, of sum 1, zero in places not needed.
-    pub weights: [Real; 3],
-}
-
-impl Origin {
-    fn vertex(v: u32) -> Self {
-        Self { vertices: [v; 3], weights: [1.0, 0.0, 0.0] }
-    }
-
-    /// The vertex of the mesh that this is, where it is one.
-    pub fn source(&self) -> Option<u32> {
-        (self.weights[0] == 1.0).then_some(self.vertices[0])
-    }
-
-    /// The edge of the mesh that this vertex lies on, the smaller vertex first, and the share of
-    /// the way from there.
-    pub fn edge(&self) -> Option<([u32; 2], Real)> {
-        let [_, s, other] = self.weights;
-        (s > 0.0 && other == 0.0).then_some(([self.vertices[0], self.vertices[1]], s))
-    }
-
-    /// A number that the vertices of the mesh have, interpolated.
-    #[inline]
-    pub fn value(&self, of: impl Fn(u32) -> Real) -> Real {
-        self.vertices
-            .iter()
-            .zip(self.weights)
-            .filter(|(_, w)| *w > 0.0)
-            .map(|(v, w)| w * of(*v))
-            .sum()
-    }
-
-    /// The vertices of the mesh with weights above zero, that of the largest first, of equals the
-    /// smaller index: for attributes that are no quantities.
-    pub fn parts(&self) -> Vec<(u32, Real)> {
-        let mut parts: Vec<(u32, Real)> =
-            self.vertices.into_iter().zip(self.weights).filter(|(_, w)| *w > 0.0).collect();
-        parts.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-        parts
+    /// `least` is not between 0 and 0.5.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let valid = (0.0..=0.5).contains(&self.least);
+        ParameterError::check("least", self.least, valid, "from 0 to 0.5")
     }
 }
 
@@ -99,53 +54,25 @@ impl Origin {
 pub struct Piece {
     /// Its label.
     pub label: u8,
-    /// Its surface: first the vertices of the mesh that it keeps, in their order, then new ones.
+    /// Its surface: first vertices of the mesh, in their order, then new ones.
     pub mesh: TriMesh,
-    /// Where each of its vertices comes from.
+    /// Origin of each vertex.
     pub origins: Vec<Origin>,
-    /// The triangle of the mesh in which each of its triangles lies.
+    /// For each triangle the triangle of the mesh that it is a part of.
     pub sources: Vec<u32>,
 }
 
-/// Why a mesh cannot be cut.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum CutError {
-    /// Scores for another mesh.
-    #[error("there are scores for {got} vertices, but the mesh has {expected}")]
-    Vertices {
-        /// Vertices with scores.
-        got: usize,
-        /// Vertices of the mesh.
-        expected: usize,
-    },
-    /// A score that is not finite.
-    #[error("vertex {vertex} has the score {value} for label {label}; scores must be finite")]
-    Score {
-        /// The vertex.
-        vertex: usize,
-        /// The label.
-        label: usize,
-        /// The score.
-        value: Real,
-    },
-    /// A parameter out of range.
-    #[error("the least share of an edge is {0}; it must be from 0 to 0.5")]
-    Least(Real),
-}
-
-/// Cuts `mesh` into the pieces of all labels that it has, in ascending order; what is undecided is
-/// the piece of label 0.
+/// Cuts `mesh` into the pieces of its labels, in ascending order; undecided surface is the piece of
+/// label 0.
 ///
 /// # Errors
 ///
-/// Scores that do not fit the mesh or are not finite, or a parameter out of range.
+/// [`LabelError`]: scores of another mesh or not finite, or a parameter out of range.
 ///
 /// # Examples
 ///
 /// ```
-/// use if_mesh::cut::{CutParams, cut};
-/// use if_mesh::smooth_labels::LabelScores;
+/// use if_mesh::labels::{CutParams, LabelScores, cut};
 /// // A triangle whose upper third is label 2.
 /// let mesh = if_core::mesh::TriMesh::new(
 ///     vec![[0.0, 0.0, 0.0].into(), [1.0, 0.0, 0.0].into(), [0.0, 3.0, 0.0].into()],
@@ -162,13 +89,16 @@ pub fn cut(
     mesh: &TriMesh,
     scores: &LabelScores,
     params: &CutParams,
-) -> Result<Vec<Piece>, CutError> {
+) -> Result<Vec<Piece>, LabelError> {
     let n = mesh.vertices().len();
     if scores.vertices() != n {
-        return Err(CutError::Vertices { got: scores.vertices(), expected: n });
+        let got = scores.vertices();
+        return Err(LabelError::Vertices { values: "scores", got, expected: n });
     }
     if let Some(at) = scores.scores.iter().position(|s| !s.is_finite()) {
-        return Err(CutError::Score {
+        return Err(LabelError::Value {
+            values: "as the score",
+            range: "scores must be finite",
             vertex: at / scores.labels,
             label: at % scores.labels,
             value: scores.scores[at],
@@ -202,7 +132,7 @@ impl Tiles {
             labels: Vec::with_capacity(mesh.triangles().len()),
             sources: Vec::with_capacity(mesh.triangles().len()),
         };
-        // The new vertex of each edge that is cut.
+        // The new vertex of each cut edge.
         let mut crossing = vec![u32::MAX; edges.len()];
         for (e, &[a, b]) in edges.vertices.iter().enumerate() {
             let (l, m) = (labels[a as usize], labels[b as usize]);
@@ -223,13 +153,13 @@ impl Tiles {
             match (0..3).find(|k| of[(k + 1) % 3] == of[(k + 2) % 3]) {
                 Some(k) if of[k] == of[(k + 1) % 3] => this.push(*tri, of[0], t),
                 Some(k) => {
-                    // Corner k alone, cut off from b and c.
+                    // Corner k is cut off from b and c.
                     let [a, b, c] = [tri[k], tri[(k + 1) % 3], tri[(k + 2) % 3]];
                     let (ab, ca) = (cuts[k], cuts[(k + 2) % 3]);
                     this.push([a, ab, ca], of[k], t);
                     let rest = of[(k + 1) % 3];
                     let at = |v: u32| this.point(mesh, v);
-                    // The shorter diagonal of the rest; where both are equal, that of the smaller
+                    // The rest is split at its shorter diagonal; of equal ones, that of the smaller
                     // corner.
                     let (to_b, to_c) =
                         ((at(ca) - at(b)).norm_squared(), (at(ab) - at(c)).norm_squared());
@@ -258,7 +188,7 @@ impl Tiles {
         self.sources.push(source as u32);
     }
 
-    /// The mean of the three cuts of a triangle, as a new vertex.
+    /// Adds the mean of the three cuts of a triangle as a new vertex.
     fn middle(&mut self, tri: [u32; 3], cuts: [u32; 3]) -> u32 {
         let mut weights = [0.0; 3];
         for cut in cuts {
@@ -357,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tube_cut_at_a_height_has_the_area_below_it_and_a_level_border() {
+    fn a_tube_cut_at_a_height_has_the_exact_area_and_a_level_border() {
         let mesh = tube(0.2, 1.0, 24, 10, false);
         let pieces = cut(&mesh, &two(&mesh, |p| p.y - 0.43), &CutParams::default()).unwrap();
         assert_eq!(pieces.iter().map(|p| p.label).collect::<Vec<_>>(), [1, 2]);
@@ -411,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_of_any_labels_tile_the_mesh_with_borders_that_are_manifolds() {
+    fn pieces_of_random_labels_tile_the_mesh_with_manifold_borders() {
         let mesh = torus(0.5, 0.2, 24, 12);
         let n = mesh.vertices().len();
         // Labels as wild as they can be: five of them, undecided among them, scores equal in
@@ -437,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn one_label_is_the_mesh_itself_and_faults_are_named() {
+    fn one_label_returns_the_mesh_and_errors_are_specific() {
         let mesh = torus(0.5, 0.2, 8, 6);
         let one = two(&mesh, |_| 0.1);
         let pieces = cut(&mesh, &one, &CutParams::default()).unwrap();
@@ -454,19 +384,17 @@ mod tests {
         let few = LabelScores { labels: 3, scores: vec![0.5; 6] };
         assert!(matches!(
             cut(&mesh, &few, &CutParams::default()),
-            Err(CutError::Vertices { got: 2, .. })
+            Err(LabelError::Vertices { got: 2, .. })
         ));
         let mut bad = one.clone();
         bad.scores[4] = Real::NAN;
         assert!(matches!(
             cut(&mesh, &bad, &CutParams::default()),
-            Err(CutError::Score { vertex: 1, label: 1, .. })
+            Err(LabelError::Value { vertex: 1, label: 1, .. })
         ));
         for least in [-0.1, 0.6, Real::NAN] {
-            assert!(
-                matches!(cut(&mesh, &one, &CutParams { least }), Err(CutError::Least(_))),
-                "{least}"
-            );
+            let error = cut(&mesh, &one, &CutParams { least }).unwrap_err();
+            assert!(matches!(error, LabelError::Parameter(_)), "{least}");
         }
     }
 }

@@ -1,0 +1,328 @@
+//! Votes: label images of many frames, projected onto the vertices of a moving mesh.
+//!
+//! ```text
+//! for each frame: rasterise the mesh in its pose
+//!   a pixel votes, unless it is background, sees a back face, or lies near the edge of a label, of the person,
+//!   or of an occlusion; for each corner k of the triangle it sees, with barycentric b, at view cosine c:
+//!     W[k][label] += b_k c²        B[k] += b_k
+//!   votes[v] += W[v] / (B[v] + HALF)          at most 1 a frame, however fine the mesh
+//! ```
+//!
+//! # Source
+//!
+//! Our reading of the supplement, B, and of section 3 of the main method ("back-projected and
+//! voted").
+
+#[cfg(test)]
+mod tests;
+
+use super::error::LabelError;
+use super::image_edges::image_edges;
+use super::votes::{LabelVotes, UNDECIDED};
+use crate::camera::Camera;
+use crate::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
+use if_core::math::{Point, Real};
+use if_core::mesh::TriMesh;
+use if_core::parameter::ParameterError;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Parameters of votes: which pixels vote.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct VoteParams {
+    /// Pixels nearer than this to an edge do not vote: with 0 all pixels vote, with 1 those that do
+    /// not touch one.
+    pub margin: usize,
+    /// Difference in depth between neighbouring pixels that counts as an edge, in metres.
+    pub step: Real,
+    /// Number of votes (frames that see it well) from which on a vertex is saturated.
+    pub enough: Real,
+    /// A frame is skipped if less than this share of the pixels that see the mesh shows unsaturated
+    /// vertices. From 0 to 1.
+    pub least_gain: Real,
+    /// Parameters of the rasteriser.
+    pub raster: RasterParams,
+}
+
+impl Default for VoteParams {
+    /// 1 pixel (the margin with the least wrong vertices in `docs/labels.md`) and 3 cm; a frame is
+    /// skipped if 99.5 % of what it shows has been seen well 24 times.
+    fn default() -> Self {
+        Self {
+            margin: 1,
+            step: 0.03,
+            enough: 24.0,
+            least_gain: 0.005,
+            raster: RasterParams::default(),
+        }
+    }
+}
+
+impl VoteParams {
+    /// Checks that all parameters are in range.
+    ///
+    /// # Errors
+    ///
+    /// The first that is out of range.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let check = ParameterError::check;
+        check("step", self.step, self.step > 0.0, "positive (m)")?;
+        check("enough", self.enough, self.enough > 0.0, "positive")?;
+        let gain = self.least_gain;
+        check("least_gain", gain, (0.0..=1.0).contains(&gain), "from 0 to 1")?;
+        let near = self.raster.near;
+        check("near", near, near > 0.0, "positive (m)").map_err(|e| e.within("raster"))
+    }
+}
+
+/// What a frame can add, known before its label image is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Look {
+    /// The frame shows nothing of the mesh.
+    Empty,
+    /// All that the frame shows is saturated.
+    Covered,
+    /// The frame shows unsaturated vertices.
+    Gains,
+}
+
+/// Report of the votes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct VoteReport {
+    /// Frames whose pixels voted.
+    pub cast: usize,
+    /// Frames skipped because they show nothing of the mesh.
+    pub empty: usize,
+    /// Frames skipped because all that they show is saturated.
+    pub covered: usize,
+    /// Pixels that saw the mesh in the frames that voted.
+    pub pixels: usize,
+    /// Of these, pixels that did not vote because they are near an edge.
+    pub near_edge: usize,
+    /// Of these, pixels that did not vote because they are background, or see a back face.
+    pub mute: usize,
+}
+
+/// Number of pixels per vertex at which the vote of a frame counts half: a corner with a hundredth
+/// of a pixel is hardly seen. A fine mesh has a tenth of a pixel per vertex; a value ten times larger
+/// would make its votes negligible against the smoothing, one ten times smaller would trust
+/// slivers.
+const HALF: f32 = 0.1;
+
+/// Accumulates the votes of frames.
+#[derive(Debug)]
+pub struct Voter<'a> {
+    mesh: &'a TriMesh,
+    labels: usize,
+    params: VoteParams,
+    rasteriser: Rasteriser,
+    seen: IdBuffer,
+    camera: Option<Camera>,
+    votes: Vec<Real>,
+    /// Sum of all votes of each vertex.
+    total: Vec<Real>,
+    /// W and, last, B of each vertex in this frame.
+    frame: Vec<f32>,
+    report: VoteReport,
+}
+
+/// The vote of a pixel.
+struct Ballot {
+    triangle: u32,
+    label: u8,
+    bary: [f32; 3],
+    weight: f32,
+}
+
+impl<'a> Voter<'a> {
+    /// For a mesh, in any pose, and label images of `labels` labels, including the background (0).
+    ///
+    /// # Errors
+    ///
+    /// A parameter out of range.
+    pub fn new(
+        mesh: &'a TriMesh,
+        labels: usize,
+        params: &VoteParams,
+    ) -> Result<Self, ParameterError> {
+        let valid = (2..=256).contains(&labels);
+        ParameterError::check("labels", labels as Real, valid, "from 2 to 256")?;
+        params.validate()?;
+        let n = mesh.vertices().len();
+        Ok(Self {
+            mesh,
+            labels,
+            params: *params,
+            rasteriser: Rasteriser::default(),
+            seen: IdBuffer::default(),
+            camera: None,
+            votes: vec![0.0; n * labels],
+            total: vec![0.0; n],
+            frame: vec![0.0; n * (labels + 1)],
+            report: VoteReport::default(),
+        })
+    }
+
+    /// Adds the votes of a frame with the vertices at `positions`, unless the frame is skipped.
+    ///
+    /// # Errors
+    ///
+    /// Positions or pixels of another number, or a label out of range.
+    pub fn add(
+        &mut self,
+        positions: &[Point],
+        camera: &Camera,
+        labels: &[u8],
+    ) -> Result<Look, LabelError> {
+        let look = self.look(positions, camera)?;
+        if look == Look::Gains {
+            self.cast(labels)?;
+        }
+        Ok(look)
+    }
+
+    /// Rasterises the mesh with its vertices at `positions`. Unless the result is [`Look::Gains`],
+    /// the frame is skipped and its label image need not be read; else call [`Voter::cast`].
+    ///
+    /// # Errors
+    ///
+    /// Positions of another number than the mesh has vertices.
+    pub fn look(&mut self, positions: &[Point], camera: &Camera) -> Result<Look, LabelError> {
+        let expected = self.mesh.vertices().len();
+        if positions.len() != expected {
+            return Err(LabelError::Positions { got: positions.len(), expected });
+        }
+        self.rasteriser.rasterise(
+            self.mesh,
+            positions,
+            camera,
+            &self.params.raster,
+            &mut self.seen,
+        );
+        self.camera = Some(camera.clone());
+        let (total, enough, triangles) = (&self.total, self.params.enough, self.mesh.triangles());
+        let count = |row: &[u32]| {
+            let seen = row.iter().filter(|t| **t != NOTHING);
+            let lacks =
+                |t: &&u32| triangles[**t as usize].iter().any(|v| total[*v as usize] < enough);
+            (seen.clone().count(), seen.filter(lacks).count())
+        };
+        let (seen, lacking) = self
+            .seen
+            .triangle
+            .par_chunks(self.seen.width)
+            .map(count)
+            .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
+        Ok(if seen == 0 {
+            self.report.empty += 1;
+            Look::Empty
+        } else if lacking == 0 || (lacking as Real) < self.params.least_gain * seen as Real {
+            self.report.covered += 1;
+            Look::Covered
+        } else {
+            Look::Gains
+        })
+    }
+
+    /// Adds the votes of the frame of the last [`Voter::look`].
+    ///
+    /// # Errors
+    ///
+    /// Pixels of another number than the camera has, or a label out of range. No vote is added then.
+    ///
+    /// # Panics
+    ///
+    /// Without a call of [`Voter::look`] before.
+    pub fn cast(&mut self, labels: &[u8]) -> Result<(), LabelError> {
+        let camera = self.camera.take().expect("`look` is called before `cast`");
+        let width = self.seen.width;
+        let expected = self.seen.triangle.len();
+        if labels.len() != expected {
+            return Err(LabelError::Pixels { got: labels.len(), expected });
+        }
+        if let Some(at) = labels.iter().position(|l| usize::from(*l) >= self.labels) {
+            let (label, labels) = (labels[at], self.labels);
+            return Err(LabelError::Label { column: at % width, row: at / width, label, labels });
+        }
+        let edges = image_edges(&self.seen, labels, self.params.margin, self.params.step);
+        let (seen, rasteriser, mesh) = (&self.seen, &self.rasteriser, self.mesh);
+        // Ballots and counts of each row of pixels, in parallel.
+        let rows: Vec<(Vec<Ballot>, [usize; 3])> = (0..seen.height)
+            .into_par_iter()
+            .map(|row| {
+                let (mut ballots, mut counts) = (Vec::new(), [0; 3]);
+                for column in 0..width {
+                    let at = row * width + column;
+                    let triangle = seen.triangle[at];
+                    if triangle == NOTHING {
+                        continue;
+                    }
+                    counts[0] += 1;
+                    if edges[at] {
+                        counts[1] += 1;
+                        continue;
+                    }
+                    match rasteriser.hit(mesh, &camera, triangle, column, row) {
+                        Some((bary, cos)) if cos > 0.0 && labels[at] != UNDECIDED => {
+                            ballots.push(Ballot {
+                                triangle,
+                                label: labels[at],
+                                bary: bary.map(|b| b as f32),
+                                weight: (cos * cos) as f32,
+                            })
+                        }
+                        _ => counts[2] += 1,
+                    }
+                }
+                (ballots, counts)
+            })
+            .collect();
+
+        // Summed in order, so that the bits do not depend on threads.
+        let stride = self.labels + 1;
+        let mut touched: Vec<u32> = Vec::new();
+        for (ballots, [pixels, near_edge, mute]) in &rows {
+            self.report.pixels += pixels;
+            self.report.near_edge += near_edge;
+            self.report.mute += mute;
+            for ballot in ballots {
+                for (v, b) in mesh.triangles()[ballot.triangle as usize].iter().zip(ballot.bary) {
+                    let w = &mut self.frame[*v as usize * stride..][..stride];
+                    if b > 0.0 {
+                        if w[self.labels] == 0.0 {
+                            touched.push(*v);
+                        }
+                        w[self.labels] += b;
+                        w[usize::from(ballot.label)] += b * ballot.weight;
+                    }
+                }
+            }
+        }
+        // Each vertex gets at most one vote per frame.
+        for v in touched {
+            let w = &mut self.frame[v as usize * stride..][..stride];
+            let scale = 1.0 / (w[self.labels] + HALF);
+            let votes = &mut self.votes[v as usize * self.labels..][..self.labels];
+            for (vote, w) in votes.iter_mut().zip(w.iter()) {
+                let one = Real::from(w * scale);
+                *vote += one;
+                self.total[v as usize] += one;
+            }
+            w.fill(0.0);
+        }
+        self.report.cast += 1;
+        Ok(())
+    }
+
+    /// The report so far.
+    pub fn report(&self) -> VoteReport {
+        self.report
+    }
+
+    /// The sum of all votes, and the report.
+    pub fn finish(self) -> (LabelVotes, VoteReport) {
+        (LabelVotes { labels: self.labels, weights: self.votes }, self.report)
+    }
+}

@@ -1,0 +1,95 @@
+//! Votes on the labels of vertices.
+
+use super::error::LabelError;
+use if_core::math::Real;
+
+/// The label of unknown surface. In label images it is the background, which does not vote.
+pub const UNDECIDED: u8 = 0;
+
+/// Votes for each vertex and label.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LabelVotes {
+    /// Number of labels, [`UNDECIDED`] among them.
+    pub labels: usize,
+    /// `weights[v · labels + label]`: the number of frames that vote for the label, weighted by how
+    /// well they see the vertex. Zero for [`UNDECIDED`].
+    pub weights: Vec<Real>,
+}
+
+impl LabelVotes {
+    /// One full vote for the label of each vertex, and none for [`UNDECIDED`].
+    ///
+    /// # Panics
+    ///
+    /// If a label is not below `labels`.
+    pub fn from_labels(of: &[u8], labels: usize) -> Self {
+        let mut weights = vec![0.0; of.len() * labels];
+        for (v, &label) in of.iter().enumerate() {
+            assert!(usize::from(label) < labels, "vertex {v} has the label {label} of {labels}");
+            if label != UNDECIDED {
+                weights[v * labels + usize::from(label)] = 1.0;
+            }
+        }
+        Self { labels, weights }
+    }
+
+    /// The votes of a vertex, one number per label.
+    ///
+    /// # Panics
+    ///
+    /// If `vertex` is out of range.
+    pub fn of(&self, vertex: usize) -> &[Real] {
+        &self.weights[vertex * self.labels..(vertex + 1) * self.labels]
+    }
+
+    /// Number of vertices.
+    pub fn vertices(&self) -> usize {
+        self.weights.len() / self.labels.max(1)
+    }
+
+    /// The label with most votes, the smaller one of equals; [`UNDECIDED`] without votes.
+    pub fn winner(&self, vertex: usize) -> u8 {
+        winner(self.of(vertex))
+    }
+
+    /// The logarithm of how much likelier `label` is than the best other one, in natural units:
+    /// `(votes − votes of the best other) ln(r (n − 1) / (1 − r))` for n labels that a parser gets
+    /// right with probability r, independently in each frame. Zero without votes.
+    pub fn log_odds(&self, vertex: usize, label: u8, reliability: Real) -> Real {
+        let votes = self.of(vertex);
+        let known = (self.labels.max(3) - 1) as Real;
+        let r = reliability.clamp(1e-6, 1.0 - 1e-6);
+        let others = votes.iter().enumerate().skip(1).filter(|(l, _)| *l != usize::from(label));
+        let best = others.map(|(_, w)| *w).fold(0.0, Real::max);
+        (votes[usize::from(label)] - best) * (r * (known - 1.0) / (1.0 - r)).ln()
+    }
+
+    /// Checks that these are votes for so many vertices, finite and not negative.
+    pub(super) fn check(&self, vertices: usize) -> Result<(), LabelError> {
+        if self.vertices() != vertices {
+            let got = self.vertices();
+            return Err(LabelError::Vertices { values: "votes", got, expected: vertices });
+        }
+        match self.weights.iter().position(|w| !(w.is_finite() && *w >= 0.0)) {
+            None => Ok(()),
+            Some(at) => Err(LabelError::Value {
+                values: "votes",
+                vertex: at / self.labels,
+                label: at % self.labels,
+                value: self.weights[at],
+                range: "votes must be finite and not negative",
+            }),
+        }
+    }
+}
+
+/// Index of the largest positive number, the first of equals; [`UNDECIDED`] if none is positive.
+pub(super) fn winner(weights: &[Real]) -> u8 {
+    let mut best = usize::from(UNDECIDED);
+    for (label, w) in weights.iter().enumerate().skip(1) {
+        if *w > 0.0 && (best == 0 || *w > weights[best]) {
+            best = label;
+        }
+    }
+    best as u8
+}
