@@ -28,12 +28,12 @@ pub struct Part {
 
 impl Part {
     /// The whole of triangle `parent`.
-    pub fn whole(parent: u32) -> Self {
+    pub(crate) fn whole(parent: u32) -> Self {
         Self { parent, corners: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] }
     }
 
     /// Whether it is the whole of its parent.
-    pub fn is_whole(&self) -> bool {
+    pub(crate) fn is_whole(&self) -> bool {
         *self == Self::whole(self.parent)
     }
 }

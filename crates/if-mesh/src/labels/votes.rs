@@ -52,18 +52,6 @@ impl LabelVotes {
         winner(self.of(vertex))
     }
 
-    /// The logarithm of how much likelier `label` is than the best other one, in natural units:
-    /// `(votes − votes of the best other) ln(r (n − 1) / (1 − r))` for n labels that a parser gets
-    /// right with probability r, independently in each frame. Zero without votes.
-    pub fn log_odds(&self, vertex: usize, label: u8, reliability: Real) -> Real {
-        let votes = self.of(vertex);
-        let known = (self.labels.max(3) - 1) as Real;
-        let r = reliability.clamp(1e-6, 1.0 - 1e-6);
-        let others = votes.iter().enumerate().skip(1).filter(|(l, _)| *l != usize::from(label));
-        let best = others.map(|(_, w)| *w).fold(0.0, Real::max);
-        (votes[usize::from(label)] - best) * (r * (known - 1.0) / (1.0 - r)).ln()
-    }
-
     /// Checks that these are votes for so many vertices, finite and not negative.
     pub(super) fn check(&self, vertices: usize) -> Result<(), LabelError> {
         if self.vertices() != vertices {
