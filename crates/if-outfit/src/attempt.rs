@@ -133,7 +133,7 @@ impl Attempt {
             queries: settled.queries,
             tucked: settled.tucked,
             eased: settled.eased.strain,
-            split: self.splits[index].as_ref().map_or(0, Split::parents),
+            split: self.splits[index].as_ref().map_or(0, Split::split_triangles),
             skipped: Skipped {
                 layers: *layers_apart,
                 vertices: settled.held,
