@@ -2,7 +2,8 @@
 //! it takes.
 //!
 //! ```text
-//! cargo test --release -p if-mesh --test extraction_memory -- --include-ignored --nocapture      prints the table of docs/extraction.md
+//! # prints the table of docs/evidence/surfaces.md
+//! cargo test --release -p if-mesh --test extraction_memory -- --include-ignored --nocapture
 //! ```
 
 #![allow(clippy::print_stdout)] // a table for the docs
