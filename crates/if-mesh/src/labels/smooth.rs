@@ -34,7 +34,7 @@ pub struct SmoothLabelParams {
 }
 
 impl Default for SmoothLabelParams {
-    /// 30 mm: the least wrong vertices over the scans and sequences of `docs/labels.md`.
+    /// 30 mm: the least wrong vertices over the scans and sequences of `docs/evidence/surfaces.md`.
     fn default() -> Self {
         Self { length: 0.03, tolerance: 1e-6, max_steps: 5000 }
     }

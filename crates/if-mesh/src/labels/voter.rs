@@ -46,8 +46,8 @@ pub struct VoteParams {
 }
 
 impl Default for VoteParams {
-    /// 1 pixel (the margin with the least wrong vertices in `docs/labels.md`) and 3 cm; a frame is
-    /// skipped if 99.5 % of what it shows has been seen well 24 times.
+    /// 1 pixel (the margin with the least wrong vertices in `docs/evidence/surfaces.md`) and 3 cm;
+    /// a frame is skipped if 99.5 % of what it shows has been seen well 24 times.
     fn default() -> Self {
         Self {
             margin: 1,
