@@ -17,7 +17,7 @@ mod numbers;
 mod outfits;
 mod people;
 mod rest;
-#[path = "../scenes/mod.rs"]
+#[path = "../behaviour/scenes.rs"]
 mod scenes;
 mod solver;
 mod solver_scene;

@@ -1,7 +1,6 @@
 //! Large triangles are split where they cannot lie round what is below, and only where that is
 //! allowed.
 
-mod scenes;
 
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
@@ -11,7 +10,7 @@ use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, Split, resolve};
 use if_outfit::storage::Storage;
 use if_outfit::verify::verify;
-use scenes::moved;
+use crate::scenes::moved;
 
 /// A ball of 0.3 m radius in a band of `sides` flat sides whose corners are 0.33 m from the axis,
 /// as a file in single precision holds it.
@@ -99,7 +98,7 @@ fn vertices_of_no_triangle_stay_and_count_nowhere() {
     ]
     .map(Point::from);
     let with_strays = |radius| {
-        let mut outfit = scenes::ball_in_tube("band", radius);
+        let mut outfit = crate::scenes::ball_in_tube("band", radius);
         let band = &mut outfit.garments[0];
         let single = moved(&band.mesh, |p| p.map(|x| Real::from(x as f32)));
         let vertices = [single.vertices(), &strays].concat();

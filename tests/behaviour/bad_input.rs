@@ -1,7 +1,6 @@
 //! Inputs that are no outfit give an error that names the fault; inputs that are odd but usable end
 //! clean or with what is left. Nothing panics.
 
-mod scenes;
 
 use if_core::math::{Point, Real};
 use if_core::mesh::{MeshError, TriMesh};
@@ -10,7 +9,7 @@ use if_core::shapes::meshes::{cloth, icosphere, tube};
 use if_outfit::outfit::{Layer, Outfit, OutfitError};
 use if_outfit::resolve::{ResolveError, ResolveParams, resolve};
 use if_outfit::verify::verify;
-use scenes::{assert_clean_or_left, ball_in_tube, flipped, moved, resolved};
+use crate::scenes::{assert_clean_or_left, ball_in_tube, flipped, moved, resolved};
 
 fn ball() -> Layer {
     Layer::new("ball", icosphere(0.3, 3))

@@ -1,10 +1,9 @@
 //! The same input gives the same bits, on any number of threads.
 
-mod scenes;
 
 use if_body::mannequin::Garment;
 use if_outfit::outfit::Outfit;
-use scenes::{mannequin, resolved};
+use crate::scenes::{mannequin, resolved};
 
 /// The bits of every coordinate of every garment.
 fn bits(outfit: &Outfit) -> Vec<u64> {

@@ -1,7 +1,6 @@
 //! What `resolve` promises: no intersecting pair and no vertex on a wrong side, as little motion as
 //! it takes, or an error that says what is left.
 
-mod scenes;
 
 use if_body::mannequin::Garment;
 use if_core::aabb::Aabb;
@@ -14,7 +13,7 @@ use if_outfit::resolve::{EffortParams, ResolveError, ResolveParams, resolve};
 use if_outfit::storage::Storage;
 use if_outfit::verify::verify;
 use rayon::prelude::*;
-use scenes::{
+use crate::scenes::{
     assert_clean, assert_clean_or_left, ball_in_tube, flipped, mannequin, moved, resolved,
 };
 use std::ops::ControlFlow;

@@ -1,0 +1,5 @@
+//! The solver on problems with known answers, and on hostile ones.
+
+mod algorithm1;
+mod physics;
+mod stress;

@@ -1,0 +1,11 @@
+//! Behaviour across crates: what `resolve` and `verify` promise.
+
+mod bad_input;
+mod build_scripts;
+mod determinism;
+mod easing;
+mod guarantee;
+mod scenes;
+mod skipping;
+mod split;
+mod tuck;
