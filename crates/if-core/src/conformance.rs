@@ -1,4 +1,4 @@
-//! Suites that every implementor of the traits runs in its tests (feature `conformance`).
+//! Suites that every implementor of the traits runs in its tests.
 //!
 //! They return the first broken promise, with the point and the numbers; a test unwraps the result.
 

@@ -21,7 +21,7 @@ const CHUNK: usize = 256;
 ///
 /// The batched calls are provided; they run over fixed chunks in rayon's ambient pool and give the
 /// same bits for any number of threads. Implementors with a cheaper batch override them;
-/// `if_core::conformance` (feature `conformance`) checks that the two agree.
+/// `if_core::conformance` checks that the two agree.
 pub trait SignedDistance: Sync {
     /// φ(p).
     fn distance(&self, p: &Point) -> Real;

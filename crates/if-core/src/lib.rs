@@ -28,7 +28,6 @@
 
 pub mod aabb;
 pub mod closest;
-#[cfg(feature = "conformance")]
 pub mod conformance;
 pub mod edges;
 pub mod field;

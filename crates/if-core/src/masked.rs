@@ -249,7 +249,6 @@ mod tests {
         assert!(faded > 3);
     }
 
-    #[cfg(feature = "conformance")]
     #[test]
     fn masked_fields_conform() {
         use crate::conformance::{FieldTolerances, check_signed_distance};

@@ -297,6 +297,7 @@ fn the_demo_is_resolved_and_can_be_fixed_again_from_its_files() {
 }
 
 #[test]
+#[ignore = "stress"]
 fn the_other_variant_of_the_demo_wears_trousers_and_what_is_left_is_written() {
     let folder = Folder::new();
     let run = folder.ifg(&format!("demo --variant trousers --size coarse {TOO_FEW}")).expect(1);
