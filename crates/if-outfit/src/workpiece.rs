@@ -66,6 +66,8 @@ pub(crate) struct Best {
     rank: Rank,
     /// As it is stored.
     pub(crate) positions: Vec<Point>,
+    /// Whether it intersects another layer, or is on the wrong side of one.
+    pub(crate) meets_others: bool,
 }
 
 impl Best {
@@ -199,7 +201,9 @@ impl<'a> Workpiece<'a> {
         let sticking_out = self.contacts.sticking_out(self.mesh.vertices()).len();
         let rank = (self.remaining.count(), sticking_out, self.strain.rms);
         if self.best.as_ref().is_none_or(|best| rank < best.rank) {
-            self.best = Some(Best { rank, positions: self.mesh.vertices().to_vec() });
+            let meets_others = !self.remaining.pairs.is_empty() || !self.remaining.inside.is_empty();
+            let positions = self.mesh.vertices().to_vec();
+            self.best = Some(Best { rank, positions, meets_others });
         }
         if !self.best.as_ref().is_some_and(Best::is_clean) {
             return false;

@@ -47,7 +47,8 @@ impl Yielding {
         let Some(best) = work.best.as_ref().filter(|best| stalled && !best.is_clean()) else {
             return Ok(());
         };
-        if !work.scene.may_yield {
+        // A garment that only meets itself gains nothing if the layers below give way.
+        if !work.scene.may_yield && best.meets_others {
             return Err(SettleError::Stuck);
         }
         work.repair_rounds += 1;
