@@ -1,6 +1,8 @@
 //! Appendix C: with the original field of the clothed body a jacket's sleeves are moved far from
 //! the garments below it; masked by the boxes of those garments, they are not.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 use if_benches::baselines::algorithm1::{Boxes, ClothedBody, run};
 use if_body::mannequin::{Garment, MannequinParams, body, garment};
 use if_core::masked::Mask;

@@ -1,5 +1,7 @@
 //! The index against parry: the same distances, from a foreign tool.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;

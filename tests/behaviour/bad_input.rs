@@ -1,7 +1,7 @@
 //! Inputs that are no outfit give an error that names the fault; inputs that are odd but usable end
 //! clean or with what is left. Nothing panics.
 
-
+use crate::scenes::{assert_clean_or_left, ball_in_tube, flipped, moved, resolved};
 use if_core::math::{Point, Real};
 use if_core::mesh::{MeshError, TriMesh};
 use if_core::monitor::Silent;
@@ -9,7 +9,6 @@ use if_core::shapes::meshes::{cloth, icosphere, tube};
 use if_outfit::outfit::{Layer, Outfit, OutfitError};
 use if_outfit::resolve::{ResolveError, ResolveParams, resolve};
 use if_outfit::verify::verify;
-use crate::scenes::{assert_clean_or_left, ball_in_tube, flipped, moved, resolved};
 
 fn ball() -> Layer {
     Layer::new("ball", icosphere(0.3, 3))
@@ -229,7 +228,7 @@ fn parameters_that_are_not_numbers_or_negative_are_refused_by_name() {
 
 #[test]
 fn the_reference_lists_every_parameter_with_its_default() {
-    let text = include_str!("../docs/reference/parameters.md");
+    let text = include_str!("../../docs/reference/parameters.md");
     let groups = serde_json::to_value(ResolveParams::default()).unwrap();
     let fields = groups.as_object().unwrap().values().flat_map(|g| g.as_object().unwrap());
     let mut listed = 0;

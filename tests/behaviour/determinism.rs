@@ -1,9 +1,8 @@
 //! The same input gives the same bits, on any number of threads.
 
-
+use crate::scenes::{mannequin, resolved};
 use if_body::mannequin::Garment;
 use if_outfit::outfit::Outfit;
-use crate::scenes::{mannequin, resolved};
 
 /// The bits of every coordinate of every garment.
 fn bits(outfit: &Outfit) -> Vec<u64> {

@@ -1,11 +1,10 @@
 //! What repairs have drawn out is eased, and stays clean; what they have not is not touched.
 
-
+use crate::scenes::{assert_clean, mannequin};
 use if_body::mannequin::Garment::{Coat, Jacket, Tshirt};
 use if_core::monitor::Silent;
 use if_outfit::outfit::Outfit;
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
-use crate::scenes::{assert_clean, mannequin};
 
 fn run(outfit: &Outfit, ease_rounds: usize) -> Result<Resolved, ResolveError> {
     let mut params = ResolveParams::default();

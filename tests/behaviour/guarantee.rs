@@ -1,7 +1,9 @@
 //! What `resolve` promises: no intersecting pair and no vertex on a wrong side, as little motion as
 //! it takes, or an error that says what is left.
 
-
+use crate::scenes::{
+    assert_clean, assert_clean_or_left, ball_in_tube, flipped, mannequin, moved, resolved,
+};
 use if_body::mannequin::Garment;
 use if_core::aabb::Aabb;
 use if_core::intersect;
@@ -13,9 +15,6 @@ use if_outfit::resolve::{EffortParams, ResolveError, ResolveParams, resolve};
 use if_outfit::storage::Storage;
 use if_outfit::verify::verify;
 use rayon::prelude::*;
-use crate::scenes::{
-    assert_clean, assert_clean_or_left, ball_in_tube, flipped, mannequin, moved, resolved,
-};
 use std::ops::ControlFlow;
 
 const LAYERED: [Garment; 4] = [Garment::Tshirt, Garment::Skirt, Garment::Jacket, Garment::Coat];

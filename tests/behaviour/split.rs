@@ -1,7 +1,7 @@
 //! Large triangles are split where they cannot lie round what is below, and only where that is
 //! allowed.
 
-
+use crate::scenes::moved;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;
@@ -10,7 +10,6 @@ use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, Split, resolve};
 use if_outfit::storage::Storage;
 use if_outfit::verify::verify;
-use crate::scenes::moved;
 
 /// A ball of 0.3 m radius in a band of `sides` flat sides whose corners are 0.33 m from the axis,
 /// as a file in single precision holds it.

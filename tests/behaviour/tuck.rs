@@ -1,12 +1,11 @@
 //! A loose garment gives way to a tight one worn over it, and only when it is asked to or must.
 
-
+use crate::scenes::{assert_clean, assert_clean_or_left, ball_in_tube, moved};
 use if_core::math::Point;
 use if_core::monitor::Silent;
 use if_mesh::solid::ClosedLayer;
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{EffortParams, ResolveError, ResolveParams, Resolved, Tuck, resolve};
-use crate::scenes::{assert_clean, assert_clean_or_left, ball_in_tube, moved};
 
 /// A ball of 0.3 m radius in a band of 0.36 m, and over that a wider one of 0.33 m.
 fn tight_over_loose() -> Outfit {

@@ -201,7 +201,8 @@ impl<'a> Workpiece<'a> {
         let sticking_out = self.contacts.sticking_out(self.mesh.vertices()).len();
         let rank = (self.remaining.count(), sticking_out, self.strain.rms);
         if self.best.as_ref().is_none_or(|best| rank < best.rank) {
-            let meets_others = !self.remaining.pairs.is_empty() || !self.remaining.inside.is_empty();
+            let meets_others =
+                !self.remaining.pairs.is_empty() || !self.remaining.inside.is_empty();
             let positions = self.mesh.vertices().to_vec();
             self.best = Some(Best { rank, positions, meets_others });
         }

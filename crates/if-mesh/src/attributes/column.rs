@@ -129,11 +129,13 @@ impl Column {
     }
 
     /// All values as `f64`, in order. Integers beyond 2⁵³ are rounded.
+    #[allow(clippy::unnecessary_cast)] // the macro serves all types
     pub fn to_f64(&self) -> Vec<f64> {
         with_column!(self, v => v.iter().map(|x| *x as f64).collect())
     }
 
     /// Value `k` as `f64`.
+    #[allow(clippy::unnecessary_cast)] // as above
     pub(super) fn get(&self, k: usize) -> f64 {
         with_column!(self, v => v[k] as f64)
     }
