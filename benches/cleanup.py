@@ -21,7 +21,7 @@ import igl  # noqa: E402
 from compare import load, one_way, own_pairs, sample, topology, unique_edges  # noqa: E402
 
 TARGET = os.environ.get("CARGO_TARGET_DIR", "target")
-OURS = os.path.join(TARGET, "release/cleanup")
+OURS = os.path.join(TARGET, "release/examples/cleanup")
 
 
 def write(path, V, F):

@@ -5,7 +5,7 @@
                               [--size 256] [--sequence turn_a_96] [--keep DIR]
 
 Renders each capture with SHARED/tools/render_sequence.py (mask noise at most 0.3, non-rigid motion of 4 mm), runs the program
-`reconstruction_stages` on it (build it before: cargo build --release -p if-benches --bin reconstruction_stages), and
+`reconstruction_stages` on it (build it before: cargo build --release -p if-benches --example reconstruction_stages), and
 compares template, visual hull, surface, canonical mesh and garments with SHARED/data/clothed by compare.py's functions.
 A row for each mesh; `label_accuracy` is the share of the canonical surface's vertices whose label is that of the truth's nearest
 vertex. The truths are closed: below a skirt a lid spans hem and legs, which is of no layer and bears labels all the same. So
@@ -31,7 +31,7 @@ def main():
     from compare import one_way
     from scipy.spatial import cKDTree
     root = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    program = os.path.join(os.environ.get("CARGO_TARGET_DIR", os.path.join(root, "target")), "release", "reconstruction_stages")
+    program = os.path.join(os.environ.get("CARGO_TARGET_DIR", os.path.join(root, "target")), "release", "examples", "reconstruction_stages")
     body = os.path.join(a.shared, "data", "body_a")
 
     def load(path):

@@ -11,9 +11,9 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 preset="${1:-fast}" points="${2:-4096}" seconds="${3:-2}" threads="${THREADS:-2}"
 export RAYON_NUM_THREADS="$threads" OMP_NUM_THREADS="$threads"
-cargo build --release --quiet -p if-benches --bin fma_peak --bin evaluate --bin step
+cargo build --release --quiet -p if-benches --example fma_peak --example evaluate --example step
 keep=(MALLOC_MMAP_THRESHOLD_=33000000 MALLOC_TRIM_THRESHOLD_=4000000000 MALLOC_TOP_PAD_=268435456)
-built="${CARGO_TARGET_DIR:-target}/release"
+built="${CARGO_TARGET_DIR:-target}/release/examples"
 for _ in 1 2 3; do
     "$built/fma_peak" "$threads"
     "$built/evaluate" "$preset" "$points" "$seconds"

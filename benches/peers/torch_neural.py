@@ -1,4 +1,4 @@
-"""The peer of benches/src/bin/evaluate.rs and step.rs: the same network in PyTorch on the CPU.
+"""The peer of benches/examples/evaluate.rs and step.rs: the same network in PyTorch on the CPU.
 
     python benches/peers/torch_neural.py [fast|paper] [points] [seconds] [threads]
 

@@ -1,6 +1,6 @@
 //! The simpler methods that if-garments is measured against, and what its measuring programs share.
 //!
-//! The programs are in `src/bin`, criterion benches in `criterion`, comparisons with other people's
+//! The programs are in `examples`, criterion benches in `criterion`, comparisons with other people's
 //! programs in `peers`.
 
 pub mod baselines;

@@ -1,9 +1,9 @@
 //! What is skipped changes no result: with and without, the same bits; and a scene that needs
 //! nothing costs nothing but looking at it. The same of single parts stands beside them: contacts
 //! with fields (`if_xpbd::collision`), sparse and dense extraction
-//! (`crates/if-mesh/tests/extraction.rs`), finished outfits of a batch
+//! (`crates/if-mesh/tests/surfaces/extraction.rs`), finished outfits of a batch
 //! (`crates/if-cli/tests/cli/batch.rs`), frames without a person
-//! (`crates/if-pipeline/tests/reconstruct.rs`). docs/evidence/outfits.md has the list.
+//! (`crates/if-pipeline/tests/captures/reconstruct.rs`). docs/evidence/outfits.md has the list.
 
 use if_body::mannequin::{MannequinParams, layered};
 use if_core::aabb::Aabb;

@@ -1,7 +1,7 @@
 //! Reads a PLY file and writes it again: `ply_roundtrip in.ply out.ply [portable|double]`.
 //!
 //! `portable` drops what meshio 5.3.5 cannot read; `double` writes coordinates of eight bytes. Used
-//! by `tests/meshio_interop.py`.
+//! by `tests/files/meshio_interop.py`.
 
 use if_mesh::ply::{self, CoordinateType, Keep, WriteParams};
 use std::error::Error;

@@ -1,6 +1,6 @@
 """The same recipe as our fit of the paper's networks, in PyTorch: the peer of `fit_table`.
 
-    cargo run --release -p if-benches --bin fit_table -- body.ply --networks fast --seconds 60 --dump DIR
+    cargo run --release -p if-benches --example fit_table -- body.ply --networks fast --seconds 60 --dump DIR
     python crates/if-neural/tests/pytorch_fit.py DIR --width 256 --seconds 60 [--threads 2] [--batch 2048] [--rate 1e-3]
 
 Training points, losses, optimiser and schedule are those of `fit_table`; errors are at the same held-out points.

@@ -2,7 +2,7 @@
 //! time of a query.
 //!
 //! ```text
-//! cargo run --release -p if-benches --bin bake_table -- body.safetensors [--points 1000000] \
+//! cargo run --release -p if-benches --example bake_table -- body.safetensors [--points 1000000] \
 //!     [--accuracy 1e-3,3e-4] [--redistance]
 //! ```
 //!

@@ -1,6 +1,6 @@
 //! Points per second of value, and of value and gradient, and their error against f64.
 //!
-//! `cargo run --release -p if-benches --bin evaluate [fast|paper] [points] [seconds] [steps]`:
+//! `cargo run --release -p if-benches --example evaluate [fast|paper] [points] [seconds] [steps]`:
 //! with `steps`, the network is first trained on a torus for so many steps of 1,024 points, since
 //! the rounding of a network with detail is larger than that of the initial sphere.
 

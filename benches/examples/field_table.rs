@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! ifg fit BODY.ply --out body.safetensors --seconds 60
-//! cargo run --release -p if-benches --bin field_table -- BODY.ply body.safetensors GARMENT.ply …
+//! cargo run --release -p if-benches --example field_table -- BODY.ply body.safetensors GARMENT.ply …
 //! ```
 //!
 //! Each garment is settled alone. A row: seconds to settle; intersecting pairs of triangles with

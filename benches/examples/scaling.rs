@@ -1,7 +1,7 @@
 //! How time grows with size: one outfit as it is, and with 4 and 16 times the triangles.
 //!
 //! ```text
-//! cargo run --release -p if-benches --bin scaling [-- --data ../shared/data/body_a]
+//! cargo run --release -p if-benches --example scaling [-- --data ../shared/data/body_a]
 //! ```
 //!
 //! The outfit is o1 (jeans, T-shirt, cardigan) where the data is there, else the built-in scene.

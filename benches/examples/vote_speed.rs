@@ -2,7 +2,7 @@
 //! turns.
 //!
 //! ```text
-//! cargo run --release -p if-benches --bin vote_speed [FRAMES [votes]]
+//! cargo run --release -p if-benches --example vote_speed [FRAMES [votes]]
 //! ```
 //!
 //! The label images are made from what a rasterising of its own sees, which is timed too; with

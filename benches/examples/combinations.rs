@@ -2,7 +2,7 @@
 //! wear, and writes one CSV row for each.
 //!
 //! ```text
-//! cargo run --release -p if-benches --bin combinations -- OUT.csv [--every N] \
+//! cargo run --release -p if-benches --example combinations -- OUT.csv [--every N] \
 //!     [--only "A < B < C"]... [--data DIR] [--tuck never|if_stuck|always]
 //! ```
 //!

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! # ../shared/data/body_a and body_b
-//! cargo run --release -p if-benches --bin skipping [-- DATA_DIR…]
+//! cargo run --release -p if-benches --example skipping [-- DATA_DIR…]
 //! ```
 //!
 //! Prints a row for each outfit of DATA_DIR/outfits.json, or one for the built-in scene where there

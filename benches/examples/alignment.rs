@@ -1,7 +1,7 @@
 //! Moves every garment of one body to another and back, and tells what it cost.
 //!
 //! ```text
-//! cargo run --release -p if-benches --bin alignment -- WARDROBE FROM TO [--register | --similar]
+//! cargo run --release -p if-benches --example alignment -- WARDROBE FROM TO [--register | --similar]
 //! ```
 //!
 //! WARDROBE is a folder made by `ifg wardrobe add`. `--register` leaves out what the bodies' meshes

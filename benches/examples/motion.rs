@@ -1,7 +1,7 @@
 //! The motion of single frames by several parameters, for judging by `benches/motion.py`.
 //!
 //! ```sh
-//! cargo run --release -p if-benches --bin motion -- CAPTURE BODY OUT [PARAMS.json]
+//! cargo run --release -p if-benches --example motion -- CAPTURE BODY OUT [PARAMS.json]
 //! ```
 //!
 //! PARAMS.json is a list of parameters, such as `[{}, {"stay": 0.01}]`; those that are not named

@@ -1,7 +1,7 @@
 //! Cleans a mesh file and says what was done, as JSON: what `benches/cleanup.py` runs.
 //!
 //! ```text
-//! cargo run --release -p if-benches --bin cleanup -- IN.ply OUT.ply [key=value …]
+//! cargo run --release -p if-benches --example cleanup -- IN.ply OUT.ply [key=value …]
 //!
 //! openings=4         as many openings        body=FILE.ply      openings by complement
 //! longer=0.3         openings by length      field=FILE.ply     φ of this closed mesh

@@ -2,7 +2,7 @@
 //! its bytes into new memory.
 //!
 //! ```text
-//! RAYON_NUM_THREADS=1 cargo run --release -p if-benches --bin ply_speed [TURNS \
+//! RAYON_NUM_THREADS=1 cargo run --release -p if-benches --example ply_speed [TURNS \
 //!     [copy|read|write|mesh]]
 //! ```
 //!

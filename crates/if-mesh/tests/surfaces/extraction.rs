@@ -2,9 +2,7 @@
 //! angles.
 #![allow(clippy::unwrap_used)] // also in what the tests share
 
-mod fields;
-
-use fields::{BOX, Case, cases, flaws, region};
+use crate::fields::{BOX, Case, cases, flaws, region};
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real};
 use if_core::monitor::{Progress, Silent};
@@ -137,23 +135,25 @@ fn near_sheets_and_lost_ones_are_told() {
     };
     // Gaps of 4 cells and of one cell.
     let h = BOX / 64.0;
-    assert_eq!(of(&fields::layers(4.0 * h), 64), []);
-    let near = of(&fields::layers(h), 64);
+    assert_eq!(of(&crate::fields::layers(4.0 * h), 64), []);
+    let near = of(&crate::fields::layers(h), 64);
     assert!(
         matches!(near[..], [Warning::NearSheets { pairs: 100.., gap }] if gap < 1.1 * h),
         "{near:?}"
     );
     // A shell of 8 mm in cells of 37 mm is lost in most places.
-    let lost = of(&fields::shell(), 64);
+    let lost = of(&crate::fields::shell(), 64);
     assert!(lost.iter().any(|w| matches!(w, Warning::Unresolved { cells: 100.. })), "{lost:?}");
-    assert!(of(&fields::sphere(), 64).is_empty() && of(&fields::torus(), 64).is_empty());
+    assert!(
+        of(&crate::fields::sphere(), 64).is_empty() && of(&crate::fields::torus(), 64).is_empty()
+    );
 }
 
 #[test]
 fn relaxation_adds_no_intersections_where_sheets_are_nearer_than_a_cell() {
     let h = BOX / 64.0;
     let of = |half: Real, relax: usize| {
-        let shell = fields::Shell { field: fields::sphere(), half };
+        let shell = fields::Shell { field: crate::fields::sphere(), half };
         let params = ExtractParams {
             region: Some(region()),
             resolution: Resolution::Cells(64),
@@ -173,7 +173,7 @@ fn relaxation_adds_no_intersections_where_sheets_are_nearer_than_a_cell() {
 
 #[test]
 fn a_wrong_slope_is_mended_and_told() {
-    let steep = if_core::shapes::ScaledGradient { field: fields::torus(), factor: 2.0 };
+    let steep = if_core::shapes::ScaledGradient { field: crate::fields::torus(), factor: 2.0 };
     let base = ExtractParams {
         region: Some(region()),
         resolution: Resolution::Cells(64),
@@ -207,13 +207,13 @@ fn a_requested_accuracy_is_reached_with_few_cells() {
         ..ExtractParams::default()
     };
     for error in [5e-3, 5e-4] {
-        let found = extract(&fields::torus(), &ask(error), &mut Silent).unwrap();
+        let found = extract(&crate::fields::torus(), &ask(error), &mut Silent).unwrap();
         let report = &found.report;
         assert!(report.error.worst() <= error && report.warnings.is_empty(), "{report:?}");
         let mesh = &found.mesh;
         let center = |t: usize| if_core::math::barycentric_point(mesh.corners(t), [1.0 / 3.0; 3]);
         let worst = (0..mesh.triangles().len())
-            .map(|t| fields::torus().distance(&center(t)).abs())
+            .map(|t| crate::fields::torus().distance(&center(t)).abs())
             .fold(0.0, Real::max);
         // The sample misses the worst triangle by little; and the cell is not much finer than
         // needed.
@@ -224,7 +224,7 @@ fn a_requested_accuracy_is_reached_with_few_cells() {
         resolution: Resolution::Accuracy { error: 1e-9, finest: 0.05 },
         ..ask(1.0)
     };
-    let found = extract(&fields::torus(), &unreachable, &mut Silent).unwrap();
+    let found = extract(&crate::fields::torus(), &unreachable, &mut Silent).unwrap();
     assert!(matches!(found.report.warnings[..], [Warning::Inaccurate { .. }]));
 }
 
@@ -237,11 +237,11 @@ fn progress_is_reported_and_the_monitor_can_cancel() {
         evaluations.push(p.measure("evaluations").expect("every report has it") as usize);
         ControlFlow::Continue(())
     };
-    let found = extract(&fields::sphere(), &params, &mut monitor).unwrap();
+    let found = extract(&crate::fields::sphere(), &params, &mut monitor).unwrap();
     assert!(evaluations.is_sorted() && evaluations.len() >= 6);
     assert_eq!(evaluations.last(), Some(&found.report.evaluations.total));
     let mut stop = |_: &Progress| ControlFlow::Break(());
-    let stopped = extract(&fields::sphere(), &params, &mut stop);
+    let stopped = extract(&crate::fields::sphere(), &params, &mut stop);
     assert!(matches!(stopped, Err(ExtractError::Cancelled(_))));
 }
 
@@ -254,7 +254,7 @@ fn layers_on_lattices_of_their_own_do_not_touch() {
             phase: if_mesh::extract::layer_phase(layer),
             ..ExtractParams::default()
         };
-        extract(&fields::sphere(), &params, &mut Silent).unwrap().mesh
+        extract(&crate::fields::sphere(), &params, &mut Silent).unwrap().mesh
     };
     let (a, b) = (at(0), at(1));
     assert!(a.vertices().iter().all(|p| b.vertices().iter().all(|q| (p - q).norm() > 1e-6)));

@@ -2,7 +2,7 @@
 //! body as it is, and the visual hull.
 //!
 //! ```sh
-//! cargo run --release -p if-benches --bin reconstruction_stages -- CAPTURE BODY OUT [TRUTH.ply]
+//! cargo run --release -p if-benches --example reconstruction_stages -- CAPTURE BODY OUT [TRUTH.ply]
 //! ```
 //!
 //! writes `template.ply`, `hull.ply`, `surface.ply`, `canonical.ply` (with its labels), a mesh for

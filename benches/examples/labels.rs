@@ -2,7 +2,7 @@
 //! after smoothing; with a mean filter beside it. Writes CSV to stdout.
 //!
 //! ```text
-//! cargo run --release -p if-benches --bin labels -- ../shared/data > labels.csv
+//! cargo run --release -p if-benches --example labels -- ../shared/data > labels.csv
 //! ```
 //!
 //! Without more arguments it takes the scans of `clothed/` and the sequences of

@@ -2,7 +2,7 @@
 //!
 //! ```sh
 //! cargo build -p if-mesh --example ply_roundtrip
-//! IF_PYTHON=/path/to/python cargo test -p if-mesh --test meshio -- --ignored
+//! IF_PYTHON=/path/to/python cargo test -p if-mesh --test files meshio -- --ignored
 //! ```
 //!
 //! `IFG_DATA` may name a folder whose `.ply` files all make the round trip too.
@@ -13,7 +13,7 @@ use if_mesh::{measure, ply};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/meshio_interop.py");
+const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/files/meshio_interop.py");
 
 /// A Python with what the script needs.
 fn python() -> String {

@@ -1,7 +1,7 @@
 //! Baselines beside `resolve`, on the outfits of data folders.
 //!
 //! ```text
-//! cargo run --release -p if-benches --bin baselines -- [FOLDER …] [--outfit NAME] [--layers] \
+//! cargo run --release -p if-benches --example baselines -- [FOLDER …] [--outfit NAME] [--layers] \
 //!     [--quick]
 //! ```
 //!

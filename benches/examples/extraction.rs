@@ -7,7 +7,7 @@
 //! in FILE (raw f32, x fastest), for `benches/peers/flying_edges.py`.
 #![allow(clippy::print_stdout, clippy::unwrap_used)]
 
-#[path = "../../../crates/if-mesh/tests/fields/mod.rs"]
+#[path = "../../crates/if-mesh/tests/fields/mod.rs"]
 mod fields;
 
 use fields::{BOX, Case, cases, flaws, region};

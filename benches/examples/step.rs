@@ -1,6 +1,6 @@
 //! Points per second of a training step with value, eikonal and normal terms.
 //!
-//! `cargo run --release -p if-benches --bin step [fast|paper] [points] [seconds]`
+//! `cargo run --release -p if-benches --example step [fast|paper] [points] [seconds]`
 
 use std::time::Duration;
 

@@ -1,7 +1,7 @@
 //! Error against time of fits to meshes, for the grid encoding and the paper's networks.
 //!
 //! ```text
-//! cargo run --release -p if-benches --bin fit_table -- FILES [--networks grid,fast,paper] \
+//! cargo run --release -p if-benches --example fit_table -- FILES [--networks grid,fast,paper] \
 //!     [--seconds 30,60,120,300]
 //!     \
 //!     [--truth SOLID.ply]    fit the files' vertices as oriented points, and judge the result by this closed mesh

@@ -2,7 +2,7 @@
 //! body and with the field masked by the boxes of the skirt and the T-shirt.
 //!
 //! ```text
-//! cargo run --release -p if-benches --bin appendix_c -- [FOLDER]
+//! cargo run --release -p if-benches --example appendix_c -- [FOLDER]
 //! ```
 //!
 //! FOLDER is a data folder with the meshes of Fig. 3's scene, `../shared/data/body_a` where none is

@@ -1,6 +1,6 @@
 //! The machine's peak of fused multiply-adds in f32: what the kernels' speed is measured against.
 //!
-//! `cargo run --release -p if-benches --bin fma_peak [threads]`
+//! `cargo run --release -p if-benches --example fma_peak [threads]`
 
 use std::hint::black_box;
 use std::time::Instant;

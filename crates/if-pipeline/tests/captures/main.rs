@@ -1,0 +1,4 @@
+//! From captures to moving people and garments.
+
+mod motion;
+mod reconstruct;
