@@ -241,7 +241,7 @@ fn a_synthetic_capture_is_one_and_is_not_overwritten() {
     let template = TemplateBody::read(&folder.path("turn").join(BODY)).unwrap();
     capture.check_skeleton(&template.skeleton).unwrap();
     let again = folder.ifg("capture synth --out turn --frames 2 --size 48").expect(2);
-    assert!(again.stderr.contains("already there"), "{}", again.stderr);
+    assert!(again.stderr.contains("already exists"), "{}", again.stderr);
     let none = folder.ifg("capture synth --out none --noise 2").expect(2);
     assert!(
         none.stderr.contains("label_noise") && !folder.path("none").exists(),

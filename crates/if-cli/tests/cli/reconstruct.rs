@@ -72,7 +72,7 @@ fn what_is_wrong_is_said_before_anything_is_written() {
     // What a stopped run left is at fault, and the help says so.
     fs::create_dir_all(folder.path("w")).unwrap();
     folder.write("w/.cap.reconstruct.state", "no state");
-    refused("", &["no whole checkpoint", "can be removed"]);
+    refused("", &["not a complete checkpoint", "can be removed"]);
 }
 
 #[test]

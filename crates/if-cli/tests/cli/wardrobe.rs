@@ -197,7 +197,7 @@ fn a_result_is_not_replaced_by_a_worse_one() {
     folder.ifg("wardrobe match w --body slim belt0 --out look").expect(0);
     let before = folder.files();
     let run = folder.ifg("wardrobe match w --body slim belt0 belt0 --out look").expect(2);
-    assert!(run.stderr.contains("`belt0` stands twice"), "{}", run.stderr);
+    assert!(run.stderr.contains("`belt0` occurs twice"), "{}", run.stderr);
     const TOO_FEW: &str = "--set rounds=1 --set settle_rounds=1 --set ease_rounds=0";
     let run = folder
         .ifg(&format!("wardrobe match w --body slim belt0 belt1 --out look {TOO_FEW}"))
@@ -430,7 +430,7 @@ fn faults_say_what_to_do() {
         ["list gone", "match gone --body slim belt0 --out look", "batch gone --random 2 --out many"]
     {
         assert!(
-            stderr(&format!("wardrobe {command}")).contains("there is no wardrobe `gone`"),
+            stderr(&format!("wardrobe {command}")).contains("`gone` is not a wardrobe"),
             "{command}"
         );
     }
@@ -460,14 +460,14 @@ fn faults_say_what_to_do() {
     let refused = stderr("wardrobe batch w --list list.toml --out named");
     assert!(
         refused.contains("outfit 2")
-            && refused.contains("is no name")
+            && refused.contains("is not a valid name")
             && !folder.path("named").exists(),
         "{refused}"
     );
     // A file where a folder should be, and a folder of the user's.
     assert!(
         stderr("wardrobe match w --body slim belt0 --out belt1.ply")
-            .contains("it is a file, and should be a folder")
+            .contains("it is a file, not a folder")
     );
     std::fs::create_dir(folder.path("mine")).unwrap();
     folder.write("mine/note.txt", "keep");
