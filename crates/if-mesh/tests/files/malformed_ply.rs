@@ -72,19 +72,19 @@ fn every_malformed_file_is_refused_with_its_place() {
         ("an endless header", [b"ply\n".to_vec(), b"comment x\n".repeat(200_000)].concat(), "no line `end_header`"),
         ("an endless line", [b"ply\ncomment ".to_vec(), vec![b'x'; 3_000_000]].concat(), "no line `end_header`"),
         ("no format", header("ply\nelement vertex 0\nproperty float x\nend_header\n"), "needs a line `format"),
-        ("an unknown format", header("ply\nformat binary_middle_endian 1.0\nend_header\n"), "line 2 of the header is not understood"),
+        ("an unknown format", header("ply\nformat binary_middle_endian 1.0\nend_header\n"), "line 2 of the header is invalid"),
         ("an unknown version", header("ply\nformat ascii 2.0\nend_header\n"), "needs a line `format ascii 1.0`"),
-        ("two formats", after_format("format binary_big_endian 1.0\n"), "line 3 of the header is not understood"),
-        ("an unknown statement", after_format("elements vertex 3\n"), "not understood: \"elements vertex 3\""),
-        ("an unknown type", after_format("element vertex 1\nproperty quad x\n"), "line 4 of the header is not understood"),
-        ("a property of nothing", after_format("property float x\n"), "line 3 of the header is not understood"),
-        ("an element without count", after_format("element vertex\n"), "not understood: \"element vertex\""),
-        ("a negative count", ascii("-3", "1", DOT), "not understood: \"element vertex -3\""),
-        ("a count in words", ascii("three", "1", DOT), "not understood: \"element vertex three\""),
-        ("a count beyond 64 bits", ascii("99999999999999999999999", "1", DOT), "line 3 of the header is not understood"),
+        ("two formats", after_format("format binary_big_endian 1.0\n"), "line 3 of the header is invalid"),
+        ("an unknown statement", after_format("elements vertex 3\n"), "is invalid: \"elements vertex 3\""),
+        ("an unknown type", after_format("element vertex 1\nproperty quad x\n"), "line 4 of the header is invalid"),
+        ("a property of nothing", after_format("property float x\n"), "line 3 of the header is invalid"),
+        ("an element without count", after_format("element vertex\n"), "is invalid: \"element vertex\""),
+        ("a negative count", ascii("-3", "1", DOT), "is invalid: \"element vertex -3\""),
+        ("a count in words", ascii("three", "1", DOT), "is invalid: \"element vertex three\""),
+        ("a count beyond 64 bits", ascii("99999999999999999999999", "1", DOT), "line 3 of the header is invalid"),
         ("an element twice", after_format(&format!("element vertex 0\n{VERTEX}element vertex 1\n{VERTEX}")), "line 7: the header has a second element `vertex`"),
         ("a property twice", after_format("element vertex 0\nproperty float x\nproperty int x\n"), "line 5: element `vertex` has a second property `x`"),
-        ("records of no bytes", after_format("element vertex 4000000000000\n"), "no property, yet claims 4000000000000 records"),
+        ("records of no bytes", after_format("element vertex 4000000000000\n"), "no property, but claims 4000000000000 records"),
         ("unknown records of no bytes", binary(&format!("element vertex 3\n{VERTEX}element void 18446744073709551615\n"), &three()), "`void` has no property"),
         ("a list with a broken length", list_of("float", &[]), "length as float; it must be an integer"),
         // What is missing in it.
@@ -94,7 +94,7 @@ fn every_malformed_file_is_refused_with_its_place() {
         ("faces without vertices", binary(&format!("element vertex 3\n{VERTEX}element face 2\nproperty uchar red\n"), &[&three()[..], &[1, 2]].concat()), "no list `vertex_indices`"),
         ("indices are no list", binary(&format!("element vertex 3\n{VERTEX}element face 1\nproperty int vertex_indices\n"), &[&three()[..], &[0; 4]].concat()), "no list `vertex_indices`"),
         ("indices are floats", binary(&format!("element vertex 3\n{VERTEX}element face 1\nproperty list uchar float vertex_indices\n"), &[&three()[..], &[3; 13]].concat()), "values of type float"),
-        ("strips", binary(&format!("element vertex 3\n{VERTEX}element tristrips 1\n{FACE}"), &[&three()[..], &face(&[0, 1, 2])].concat()), "`tristrips`, which are not read"),
+        ("strips", binary(&format!("element vertex 3\n{VERTEX}element tristrips 1\n{FACE}"), &[&three()[..], &face(&[0, 1, 2])].concat()), "`tristrips`, which are not supported"),
         // Counts that cannot be true.
         ("terabytes of vertices", binary(&format!("element vertex 400000000000\n{VERTEX}"), &three()), "400000000000 records of element `vertex`, at least 4800000000000 bytes, but only 36 bytes"),
         ("all counts there are", binary(&format!("element vertex 18446744073709551615\n{VERTEX}"), &three()), "but only 36 bytes follow"),
@@ -102,8 +102,8 @@ fn every_malformed_file_is_refused_with_its_place() {
         ("terabytes of text", ascii("3", "99999999999", DOT), "records of element `face`"),
         ("one vertex too many", ascii("4", "1", "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"), "line 13: record 3 of element `vertex` has 4 values, expected 3"),
         ("one vertex too few", ascii("2", "1", "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"), "line 12: face 0 has 0 corners"),
-        ("a face too few", ascii("3", "1", "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 1 2\n"), "line 14: something follows the last record"),
-        ("a byte too many", [good(), vec![7]].concat(), "something follows the last record"),
+        ("a face too few", ascii("3", "1", "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 1 2\n"), "line 14: data follows the last record"),
+        ("a byte too many", [good(), vec![7]].concat(), "data follows the last record"),
         // The end comes early.
         ("no payload", faces(0, &[])[..170].to_vec(), "the file is cut off or its header is wrong"),
         ("cut off in a vertex", binary(&format!("element vertex 3\n{VERTEX}"), &three()[..30]), "but only 30 bytes follow"),
@@ -129,11 +129,11 @@ fn every_malformed_file_is_refused_with_its_place() {
         ("not a number in bytes", binary(&format!("element vertex 1\n{VERTEX}"), &[0, 0, 0, 0, 0, 0, 0xc0, 0x7f, 0, 0, 0, 0]), "vertex 0: coordinate y is NaN"),
         ("a word", ascii("3", "0", "0 0 0\n1 zero 0\n0 1 0\n"), "line 11: `y` of record 1 of element `vertex` is \"zero\""),
         ("the mark of a Windows program", ascii("3", "0", "0 0 0\n1 -1.#IND 0\n0 1 0\n"), "\"-1.#IND\""),
-        ("a comma", ascii("3", "0", "0,5 0 0\n1 0 0\n0 1 0\n"), "\"0,5\", which is not a number of type float"),
-        ("half an index", ascii("3", "1", &format!("{DOT}3 0 1 1.5\n")), "\"1.5\", which is not a number of type int32"),
-        ("an index beyond 64 bits", ascii("3", "1", &format!("{DOT}3 0 1 99999999999999999999\n")), "not a number of type int32"),
+        ("a comma", ascii("3", "0", "0,5 0 0\n1 0 0\n0 1 0\n"), "\"0,5\", which is not a valid number of type float"),
+        ("half an index", ascii("3", "1", &format!("{DOT}3 0 1 1.5\n")), "\"1.5\", which is not a valid number of type int32"),
+        ("an index beyond 64 bits", ascii("3", "1", &format!("{DOT}3 0 1 99999999999999999999\n")), "not a valid number of type int32"),
         ("too few values", ascii("3", "0", "0 0 0\n1 0\n0 1 0\n"), "line 11: record 1 of element `vertex` has 2 values, expected 3"),
-        ("binary behind a text header", [ascii("3", "0", ""), three()].concat(), "which is not a number"),
+        ("binary behind a text header", [ascii("3", "0", ""), three()].concat(), "which is not a valid number"),
         ("text behind a binary header", binary(&format!("element vertex 3\n{VERTEX}element face 1\n{FACE}"), format!("{DOT}3 0 1 2\n").as_bytes()), "the file is cut off"),
     ];
     assert!(table.len() >= 40);
@@ -184,7 +184,7 @@ fn devices_that_never_end_are_refused() {
     assert!(ply::read(std::io::repeat(0)).is_err());
     let bytes = good();
     let endless = std::io::Read::chain(&bytes[..], std::io::repeat(b' '));
-    assert!(ply::read(endless).unwrap_err().to_string().contains("something follows"));
+    assert!(ply::read(endless).unwrap_err().to_string().contains("data follows"));
 }
 
 /// A good file of the kind `k`.

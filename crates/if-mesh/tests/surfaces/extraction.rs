@@ -153,7 +153,7 @@ fn near_sheets_and_lost_ones_are_told() {
 fn relaxation_adds_no_intersections_where_sheets_are_nearer_than_a_cell() {
     let h = BOX / 64.0;
     let of = |half: Real, relax: usize| {
-        let shell = fields::Shell { field: crate::fields::sphere(), half };
+        let shell = crate::fields::Shell { field: crate::fields::sphere(), half };
         let params = ExtractParams {
             region: Some(region()),
             resolution: Resolution::Cells(64),
