@@ -39,9 +39,13 @@ impl Findings {
 
     /// Own pairs that the garment did not have in the state `given`.
     pub(crate) fn new_own(&self, given: &Self) -> Vec<[u32; 2]> {
-        let is_new = |pair: &&[u32; 2]| given.own.binary_search(pair).is_err();
-        self.own.iter().filter(is_new).copied().collect()
+        new_pairs(&self.own, &given.own)
     }
+}
+
+/// Those of the own pairs `now` that `given`, sorted, does not have.
+pub(crate) fn new_pairs(now: &[[u32; 2]], given: &[[u32; 2]]) -> Vec<[u32; 2]> {
+    now.iter().filter(|pair| given.binary_search(pair).is_err()).copied().collect()
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Exact verification of one garment over the layers below, repeated while it settles: only
 //! triangles and vertices that moved are checked again.
 
+use crate::findings::new_pairs;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
@@ -125,8 +126,8 @@ impl<'a> IncrementalVerification<'a> {
             .flat_map(|(j, found)| found.iter().map(move |p| (j, *p)))
             .collect();
         let inside = (0..self.inside.len() as u32).filter(|v| self.inside[*v as usize]).collect();
-        let own = self.own.iter().map(|p| [p.a, p.b]);
-        let new_own = own.filter(|p| self.given.binary_search(p).is_err()).collect();
+        let own: Vec<[u32; 2]> = self.own.iter().map(|p| [p.a, p.b]).collect();
+        let new_own = new_pairs(&own, &self.given);
         Remaining { pairs, inside, new_own }
     }
 }

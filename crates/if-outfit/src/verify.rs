@@ -1,7 +1,7 @@
 //! The proof: exact intersections of every layer with every layer below it, and sides by closed
 //! fields.
 
-use crate::findings::{Findings, LayerFindings};
+use crate::findings::{Findings, LayerFindings, new_pairs};
 use crate::outfit::{Layer, Outfit, OutfitError};
 use crate::report::{OwnPairs, Verification};
 use crate::welded::Welded;
@@ -9,6 +9,7 @@ use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::{own_pairs, pairs};
+use if_mesh::seams::weld;
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -70,11 +71,16 @@ pub(crate) fn verify_garment(mesh: &TriMesh, below: &[&ClosedLayer]) -> Findings
 }
 
 /// The own pairs of a garment with the vertices of `given` and of `now`, and those that are new.
+/// Seams count as closed, as in [`verify`].
 pub(crate) fn compare_own_pairs(given: &TriMesh, now: &TriMesh) -> (OwnPairs, Vec<[u32; 2]>) {
-    let find = |mesh: &TriMesh| Findings { own: own_of(mesh, &Bvh::new(mesh)), below: Vec::new() };
+    let find = |mesh: &TriMesh| {
+        let welded = weld(mesh);
+        let mesh = welded.as_ref().map_or(mesh, |welded| &welded.mesh);
+        own_of(mesh, &Bvh::new(mesh))
+    };
     let (given, now) = (find(given), find(now));
-    let new = now.new_own(&given);
-    (OwnPairs::new(given.own.len(), now.own.len(), new.len()), new)
+    let new = new_pairs(&now, &given);
+    (OwnPairs::new(given.len(), now.len(), new.len()), new)
 }
 
 fn own_of(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
