@@ -6,6 +6,7 @@ use crate::outfit::{Outfit, OutfitError};
 use crate::report::{ResolveReport, Verification};
 use crate::settle::Settings;
 use crate::splitting;
+use crate::unresolved::Unresolved;
 use crate::welded::Welded;
 use if_core::monitor::{Cancelled, Monitor};
 use if_core::parameter::ParameterError;
@@ -121,7 +122,7 @@ fn resolve_with(
     }
 
     let mut report = attempt.report(before, params);
-    let remaining = (!report.is_proven()).then(|| Worst::of(&attempt));
+    let given = (!report.is_proven()).then(|| attempt.outfit.clone());
     let mut found = attempt.outfit;
     for (garment, dressed) in found.garments.iter_mut().zip(attempt.dressed) {
         garment.mesh = dressed.mesh;
@@ -131,12 +132,16 @@ fn resolve_with(
     }
     report.seconds = start.elapsed().as_secs_f64();
     let resolved = Resolved { outfit: found, splits: attempt.splits, report };
-    match remaining {
+    match given.and_then(|given| Unresolved::of(&given, &resolved)) {
         None => Ok(resolved),
-        Some(Worst { outer, inner, triangles }) => {
-            Err(ResolveError::Remaining { outer, inner, triangles, result: Box::new(resolved) })
-        }
+        Some(unresolved) => Err(remaining(unresolved, resolved)),
     }
+}
+
+fn remaining(unresolved: Unresolved, resolved: Resolved) -> ResolveError {
+    let [outer, inner] = unresolved.worst().map(str::to_owned);
+    let triangles = unresolved.triangles;
+    ResolveError::Remaining { outer, inner, triangles, result: Box::new(resolved) }
 }
 
 impl From<AttemptError> for ResolveError {
@@ -178,38 +183,6 @@ fn split_where_needed(
     Ok(best)
 }
 
-/// The maximum number of triangle pairs that an error names.
-const NAMED: usize = 16;
-
-/// Where most remains.
-struct Worst {
-    outer: String,
-    inner: String,
-    triangles: Vec<[u32; 2]>,
-}
-
-impl Worst {
-    /// The worst pair of layers; or the garment with the most new intersections with itself, if
-    /// nothing remains between layers.
-    fn of(attempt: &Attempt) -> Self {
-        let names: Vec<&String> = attempt.outfit.layers().map(|layer| &layer.name).collect();
-        let layers = attempt.dressed.iter().enumerate().flat_map(|(k, dressed)| {
-            let below = dressed.findings.below.iter().enumerate();
-            below.map(move |(j, found)| (k, j, found))
-        });
-        let worst = layers.max_by_key(|(_, _, found)| (found.pairs.len(), found.inside));
-        if let Some((k, j, found)) = worst.filter(|(_, _, found)| !found.is_clean()) {
-            let triangles = found.pairs.iter().take(NAMED).map(|p| [p.a, p.b]).collect();
-            return Self { outer: names[k + 1].clone(), inner: names[j].clone(), triangles };
-        }
-        let own = attempt.new_own().into_iter().enumerate().max_by_key(|(_, own)| own.len());
-        let (k, mut triangles) = own.unwrap_or_default();
-        triangles.truncate(NAMED);
-        let name = names.get(k + 1).map(|name| (*name).clone()).unwrap_or_default();
-        Self { outer: name.clone(), inner: name, triangles }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -244,10 +217,16 @@ mod tests {
         let moved = outfit(with(0.3));
         attempt.dressed[1].findings.own = verify_layers(&moved).0[1].own.clone();
         assert_eq!(attempt.remaining(), 1);
-        let Worst { outer, inner, triangles } = Worst::of(&attempt);
-        assert_eq!((outer.as_str(), inner.as_str(), triangles), ("shirt", "shirt", vec![[0, 2]]));
         let report = attempt.report(Verification::default(), &params);
         assert!(!report.is_proven());
         assert_eq!(report.layers[1].own_pairs, crate::report::OwnPairs::new(1, 2, 1));
+        let resolved = Resolved { outfit: moved, splits: vec![None, None], report };
+        let unresolved = Unresolved::of(&attempt.outfit, &resolved).unwrap();
+        let ResolveError::Remaining { outer, inner, triangles, .. } =
+            remaining(unresolved, resolved)
+        else {
+            panic!("another error")
+        };
+        assert_eq!((outer.as_str(), inner.as_str(), triangles), ("shirt", "shirt", vec![[0, 2]]));
     }
 }

@@ -41,16 +41,29 @@ pub struct Between {
 const NAMED: usize = 16;
 
 impl Unresolved {
-    /// Finds what remains in `resolved`. `given` is the input with its triangles split as there; `None` if it is proven
-    /// ([`ResolveReport::is_proven`]).
+    /// Finds what remains in `resolved`. `given` is the input with its triangles split as there.
+    /// `None` if it is proven ([`ResolveReport::is_proven`]).
     pub(crate) fn of(given: &Outfit, resolved: &Resolved) -> Option<Self> {
         let mut found = Self::in_report(&resolved.report)?;
-        found.triangles = match (&found.between, found.own.iter().max_by_key(|own| own.1)) {
-            (Some(between), _) => between.triangles(&resolved.outfit),
-            (None, Some((name, _))) => new_own_triangles(name, given, resolved),
-            (None, None) => Vec::new(),
+        found.triangles = match &found.between {
+            Some(between) => between.triangles(&resolved.outfit),
+            None => new_own_triangles(found.worst_own(), given, resolved),
         };
         Some(found)
+    }
+
+    /// The upper and the lower one of the two layers where most remains; the garment that newly
+    /// intersects itself most, twice, if nothing remains between layers.
+    pub fn worst(&self) -> [&str; 2] {
+        match &self.between {
+            Some(Between { outer, inner, .. }) => [outer, inner],
+            None => [self.worst_own(); 2],
+        }
+    }
+
+    /// The garment that newly intersects itself most; empty if none does.
+    fn worst_own(&self) -> &str {
+        self.own.iter().max_by_key(|own| own.1).map_or("", |(name, _)| name)
     }
 
     /// What remains according to a report, without triangles; `None` if it is proven.
