@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Crates whose version can change a result.
-const CRATES: [&str; 11] = [
+const CRATES: [&str; 12] = [
     "if-core",
     "if-mesh",
     "if-xpbd",
+    "if-outfit",
     "if-pipeline",
     "if-cli",
     "faer",

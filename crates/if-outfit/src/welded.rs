@@ -25,21 +25,21 @@ impl Welded {
             || weld(&outfit.body.mesh),
             || {
                 let prepare = |layer: &Layer| {
-                    let sewn = garments_too.then(|| weld(&layer.mesh)).flatten();
-                    let stored = stored(layer, sewn.as_ref().map_or(&layer.mesh, |s| &s.mesh));
-                    (sewn, stored)
+                    let welded = garments_too.then(|| weld(&layer.mesh)).flatten();
+                    let stored = stored(layer, welded.as_ref().map_or(&layer.mesh, |s| &s.mesh));
+                    (welded, stored)
                 };
                 outfit.garments.par_iter().map(prepare).collect::<Vec<_>>()
             },
         );
         if body.is_none()
-            && garments.iter().all(|(sewn, stored)| sewn.is_none() && stored.is_none())
+            && garments.iter().all(|(welded, stored)| welded.is_none() && stored.is_none())
         {
             return None;
         }
-        let with = |layer: &Layer, sewn: Option<&seams::Welded>, stored: Option<TriMesh>| Layer {
+        let with = |layer: &Layer, welded: Option<&seams::Welded>, stored: Option<TriMesh>| Layer {
             name: layer.name.clone(),
-            mesh: stored.unwrap_or_else(|| sewn.map_or(&layer.mesh, |s| &s.mesh).clone()),
+            mesh: stored.unwrap_or_else(|| welded.map_or(&layer.mesh, |s| &s.mesh).clone()),
             storage: layer.storage,
         };
         let body = with(&outfit.body, body.as_ref(), None);
@@ -47,7 +47,7 @@ impl Welded {
             .garments
             .iter()
             .zip(garments)
-            .map(|(layer, (sewn, stored))| (with(layer, sewn.as_ref(), stored), sewn))
+            .map(|(layer, (welded, stored))| (with(layer, welded.as_ref(), stored), welded))
             .unzip();
         let outfit = Outfit { body, garments: layers };
         Some(Self { outfit, garments })
@@ -55,15 +55,16 @@ impl Welded {
 
     /// The outfit `given` with the positions that were found for this one.
     pub(crate) fn unweld(&self, given: &Outfit, found: Outfit) -> Outfit {
-        let open = |((given, found), sewn): ((&Layer, Layer), &Option<seams::Welded>)| match sewn {
-            Some(sewn) => {
-                let positions: Vec<Point> =
-                    sewn.unweld(found.mesh.vertices(), given.mesh.vertices());
-                let mesh = given.mesh.with_vertices(positions);
-                Layer { mesh: mesh.expect("positions of a mesh are finite"), ..found }
-            }
-            None => found,
-        };
+        let open =
+            |((given, found), welded): ((&Layer, Layer), &Option<seams::Welded>)| match welded {
+                Some(welded) => {
+                    let positions: Vec<Point> =
+                        welded.unweld(found.mesh.vertices(), given.mesh.vertices());
+                    let mesh = given.mesh.with_vertices(positions);
+                    Layer { mesh: mesh.expect("positions of a mesh are finite"), ..found }
+                }
+                None => found,
+            };
         let garments =
             given.garments.iter().zip(found.garments).zip(&self.garments).map(open).collect();
         Outfit { body: given.body.clone(), garments }
