@@ -9,8 +9,7 @@ use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::{own_pairs, pairs};
 use if_mesh::measure::{displacement, smallest_angles, strain, surface_samples};
-use if_mesh::subdivide::{Scheme, subdivide};
-use if_mesh::taubin::{TaubinParams, taubin};
+use if_mesh::split::split;
 use if_mesh::validate::{faults, suspicious_units};
 use if_mesh::winding::Winding;
 
@@ -103,21 +102,15 @@ fn tools_for_surfaces_keep_any_mesh_finite() {
     cases("tools for surfaces", 400, |r| {
         let (mesh, scale) = placed(r);
         let whole = mesh.aabb().inflated(1e-9 * scale);
-        let smooth = taubin(&mesh, &TaubinParams::default()).map_err(|e| e.to_string())?;
-        check(finite(smooth.vertices()), || "smoothing".into())?;
-        for scheme in [Scheme::Midpoint, Scheme::Loop] {
-            let fine = subdivide(&mesh, scheme).map_err(|e| e.to_string())?;
-            let inside = fine.mesh.vertices().iter().all(|p| whole.contains(p));
-            check(inside, || format!("{scheme:?} leaves the box of the mesh"))?;
-            check(fine.mesh.triangles().len() == 4 * mesh.triangles().len(), || {
-                format!("{scheme:?}: triangles")
-            })?;
-        }
+        let halves = split(&mesh, &vec![true; mesh.triangles().len()]).map_err(|e| e.to_string())?;
+        let inside = halves.mesh.vertices().iter().all(|p| whole.contains(p));
+        check(inside, || "splitting leaves the box of the mesh".into())?;
+        let moved: Vec<Point> = mesh.vertices().iter().map(|p| p + r.vector(scale)).collect();
         let _ = (faults(&mesh), suspicious_units(&mesh));
         let angles = smallest_angles(&mesh);
         check(angles.iter().all(|a| (0.0..=60.1).contains(a)), || format!("{angles:?}"))?;
-        let d = displacement(mesh.vertices(), smooth.vertices());
-        let s = strain(&mesh, smooth.vertices());
+        let d = displacement(mesh.vertices(), &moved);
+        let s = strain(&mesh, &moved);
         check(d.max.is_finite() && s.max.is_finite(), || format!("{d:?} {s:?}"))?;
         check(finite(&surface_samples(&mesh, 50, 1)), || "samples".into())?;
         let winding = Winding::new(&mesh);

@@ -43,8 +43,6 @@ pub mod attributes;
 pub mod baked;
 pub mod camera;
 pub mod cleanup;
-#[cfg(feature = "decimate")]
-pub mod decimate;
 pub mod extract;
 pub mod file;
 pub mod grid;
@@ -69,8 +67,6 @@ pub mod sdf;
 pub mod seams;
 pub mod solid;
 pub mod split;
-pub mod subdivide;
-pub mod taubin;
 pub mod validate;
 #[doc(hidden)]
 pub mod voxels;
