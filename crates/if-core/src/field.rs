@@ -67,6 +67,14 @@ pub trait SignedDistance: Sync {
     /// A bound on |∇φ|: a point at distance φ may move φ / `lipschitz()` before its sign can
     /// change.
     fn lipschitz(&self) -> Real;
+
+    /// How far `p` may move, in metres, before φ can be below `clearance`, where φ(p) is
+    /// `distance`: (φ − clearance) / `lipschitz()`. At most 0 if that is unknown. Callers need not
+    /// evaluate φ again on the way.
+    fn free_radius(&self, _p: &Point, distance: Real, clearance: Real) -> Real {
+        let radius = (distance - clearance) / self.lipschitz();
+        if radius.is_finite() { radius } else { 0.0 }
+    }
 }
 
 through_pointers!(SignedDistance {
@@ -76,4 +84,5 @@ through_pointers!(SignedDistance {
     fn samples(&self, points: &[Point], out: &mut [FieldSample]);
     fn bounds(&self) -> Option<Aabb>;
     fn lipschitz(&self) -> Real;
+    fn free_radius(&self, p: &Point, distance: Real, clearance: Real) -> Real;
 });

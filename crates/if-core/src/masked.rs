@@ -19,8 +19,10 @@ use crate::math::{Point, Real, Vector};
 /// gradient zero, which is *no constraint*: farther than any clearance, and with no direction to
 /// push in.
 ///
-/// `lipschitz()` is +∞: a point outside the mask may enter it and meet a surface at once, so
-/// callers cannot reuse an old value. Where the weight is 1 the bound of the field itself holds.
+/// `lipschitz()` is +∞: from outside the mask to its inside the value jumps. But a point can meet
+/// a surface only by entering the mask, and only where the field itself has one:
+/// [`free_radius`](SignedDistance::free_radius) is the distance to the mask outside of it, and the
+/// field's own inside.
 ///
 /// # Source
 ///
@@ -133,6 +135,16 @@ impl<F: SignedDistance, M: Mask> SignedDistance for Masked<F, M> {
     fn lipschitz(&self) -> Real {
         Real::INFINITY
     }
+
+    fn free_radius(&self, p: &Point, distance: Real, clearance: Real) -> Real {
+        let weight = self.weight(p);
+        if weight <= 0.0 {
+            return self.mask.distance(p);
+        }
+        // Without the fading, which is 0 where the weight is 1. φₘ ≥ φ everywhere.
+        let fading = if weight < 1.0 { self.mask.fade() * (1.0 / weight - 1.0) } else { 0.0 };
+        self.field.free_radius(p, distance - fading, clearance)
+    }
 }
 
 #[cfg(test)]
@@ -215,6 +227,31 @@ mod tests {
             BODY.sample(&at(0.05)).gradient,
             epsilon = 1e-3
         );
+    }
+
+    #[test]
+    fn within_its_free_radius_no_point_is_below_the_clearance() {
+        let fields: [&dyn SignedDistance; 2] = [&boxed(), &near()];
+        for (field, most) in fields.into_iter().zip([1.0, 0.4]) {
+            let (mut state, mut positive) = (7u64, [0; 2]);
+            let mut next = move || {
+                state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                (state >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
+            };
+            for _ in 0..2000 {
+                let p = Point::new(next(), next(), next());
+                let distance = field.distance(&p);
+                let radius = field.free_radius(&p, distance, 0.01);
+                assert!(radius <= most, "{radius} at {p}");
+                positive[usize::from(distance.is_finite())] += usize::from(radius > 0.0);
+                for _ in 0..20 {
+                    let step = Vector::new(next(), next(), next());
+                    let to = p + step * (0.999 * radius.max(0.0) / step.norm());
+                    assert!(radius <= 0.0 || field.distance(&to) >= 0.01, "{p} to {to}");
+                }
+            }
+            assert!(positive.iter().all(|n| *n > 50), "{positive:?}");
+        }
     }
 
     /// A field that is not a number.

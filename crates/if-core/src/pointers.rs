@@ -58,6 +58,9 @@ mod tests {
         fn lipschitz(&self) -> Real {
             5.0
         }
+        fn free_radius(&self, _: &Point, _: Real, _: Real) -> Real {
+            6.0
+        }
     }
     impl ClosestPoint for Distinct {
         fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest> {
@@ -73,7 +76,7 @@ mod tests {
         }
     }
 
-    fn values(field: impl SignedDistance) -> [Real; 5] {
+    fn values(field: impl SignedDistance) -> [Real; 6] {
         let none = FieldSample { distance: 0.0, gradient: Vector::zeros() };
         let (p, mut values, mut samples) = ([Point::origin()], [0.0], [none]);
         field.distances(&p, &mut values);
@@ -85,6 +88,7 @@ mod tests {
             values[0],
             samples[0].distance,
             field.lipschitz(),
+            field.free_radius(&p[0], 1.0, 0.0),
         ]
     }
 
@@ -101,7 +105,7 @@ mod tests {
             values(shared),
             values(Arc::new(Distinct)),
         ] {
-            assert_eq!(found, [1.0, 2.0, 3.0, 4.0, 5.0]);
+            assert_eq!(found, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
         }
     }
 

@@ -28,9 +28,10 @@ pub enum Push {
 ///
 /// with the mask's weight m in [0, 1]: samples of weight 0 are left out (Appendix C).
 ///
-/// A query is skipped where the constraint cannot be violated: if a sample that was at distance φ
-/// has since moved by less than (φ − δ) / L, L being the field's Lipschitz bound, or if it is
-/// farther than δ from the field's bounds, beyond which φ is at least the distance to them.
+/// A query is skipped where the constraint cannot be violated: if a sample has moved by less than
+/// the field's [`free_radius`](SignedDistance::free_radius) at its last query, which is
+/// (φ − δ) / L with the Lipschitz bound L, or if it is farther than δ from the field's bounds,
+/// beyond which φ is at least the distance to them.
 /// [`Constraint::counters`] reports how often. A sample that was clear at the start of a visit is
 /// not pushed in that visit, whether it was queried or not, even if pushes of its neighbours carry
 /// it inside: so the result does not depend on what was skipped.
@@ -49,7 +50,7 @@ pub struct SdfCollision<'a> {
     clearances: Vec<Real>,
     masks: Vec<Real>,
     masked_out: u64,
-    /// Position of each sample at its last query, and the distance there.
+    /// Position of each sample at its last query, and how far from there it is free.
     last_query: Vec<(Point, Real)>,
     anchors: Vec<Point>,
     pushed: Vec<(u32, Vector)>,
@@ -200,7 +201,7 @@ impl<'a> SdfCollision<'a> {
 
     /// Queries the field at all samples that may violate, into `queried`, `points` and `samples`.
     fn query(&mut self, positions: &[Point]) {
-        let (bounds, lipschitz) = (self.field.bounds(), self.field.lipschitz());
+        let bounds = self.field.bounds();
         self.queried.clear();
         self.points.clear();
         self.counters.skipped_by_mask += self.masked_out;
@@ -213,9 +214,9 @@ impl<'a> SdfCollision<'a> {
                 self.counters.skipped_by_mask += 1;
                 continue;
             }
-            let (at, distance) = self.last_query[k];
+            let (at, radius) = self.last_query[k];
             // False if either is NaN.
-            if distance - delta > lipschitz * (x - at).norm() {
+            if radius > (x - at).norm() {
                 self.counters.skipped_by_bound += 1;
                 continue;
             }
@@ -285,14 +286,17 @@ impl Constraint for SdfCollision<'_> {
             let k = k as usize;
             let FieldSample { distance, gradient } = self.samples[q];
             let slope2 = gradient.norm_squared();
+            let at = self.points[q];
+            let radius = self.field.free_radius(&at, distance, self.clearances[k]);
             if distance == Real::INFINITY {
+                self.last_query[k] = (at, radius);
                 continue; // beyond the mask of a masked field
             }
             if !(distance.is_finite() && slope2.is_finite()) {
                 self.counters.degenerate += 1;
                 continue;
             }
-            self.last_query[k] = (self.points[q], distance);
+            self.last_query[k] = (at, radius);
             let (v, b) = (self.vertices[k], self.weights[k]);
             let delta = if self.push == Push::Literal { 0.0 } else { self.clearances[k] };
             if distance >= delta {

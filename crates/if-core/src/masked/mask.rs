@@ -17,12 +17,19 @@ pub trait Mask: Sync {
 
     /// A box outside which the weight is 0; `None` if unknown.
     fn bounds(&self) -> Option<Aabb>;
+
+    /// A lower bound on the distance from `p` to where the weight is above 0, in metres; 0 if
+    /// unknown.
+    fn distance(&self, _p: &Point) -> Real {
+        0.0
+    }
 }
 
 through_pointers!(Mask {
     fn weight(&self, p: &Point) -> (Real, Vector);
     fn fade(&self) -> Real;
     fn bounds(&self) -> Option<Aabb>;
+    fn distance(&self, p: &Point) -> Real;
 });
 
 /// The paper's mask: weight 1 in a closed axis-aligned box, 0 outside.
@@ -54,6 +61,9 @@ impl Mask for BoxMask {
     }
     fn bounds(&self) -> Option<Aabb> {
         Some(self.aabb)
+    }
+    fn distance(&self, p: &Point) -> Real {
+        self.aabb.distance_squared(p).sqrt()
     }
 }
 
@@ -100,6 +110,11 @@ impl<C: ClosestPoint> Mask for NearMask<C> {
     }
     fn bounds(&self) -> Option<Aabb> {
         None
+    }
+    fn distance(&self, p: &Point) -> Real {
+        // The search is bounded, and so is what it can promise.
+        let near = self.garment.closest(p, 2.0 * self.outer);
+        near.map_or(self.outer, |near| (near.distance - self.outer).max(0.0))
     }
 }
 
