@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let capture = Capture::open(&turn)?;
     let template = TemplateBody::read(&turn.join("body"))?;
-    let params = ReconstructParams { phi: None, ..Default::default() };
+    let params = ReconstructParams::default();
     let found = reconstruct(&capture, &template, &params, None, &mut Silent)?;
 
     for garment in &found.garments {

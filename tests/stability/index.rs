@@ -102,7 +102,8 @@ fn tools_for_surfaces_keep_any_mesh_finite() {
     cases("tools for surfaces", 400, |r| {
         let (mesh, scale) = placed(r);
         let whole = mesh.aabb().inflated(1e-9 * scale);
-        let halves = split(&mesh, &vec![true; mesh.triangles().len()]).map_err(|e| e.to_string())?;
+        let halves =
+            split(&mesh, &vec![true; mesh.triangles().len()]).map_err(|e| e.to_string())?;
         let inside = halves.mesh.vertices().iter().all(|p| whole.contains(p));
         check(inside, || "splitting leaves the box of the mesh".into())?;
         let moved: Vec<Point> = mesh.vertices().iter().map(|p| p + r.vector(scale)).collect();

@@ -13,6 +13,7 @@ use if_body::{TemplateBody, check_upright};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Progress;
 use if_mesh::atomic::{FolderWriter, PATIENCE};
+use if_mesh::baked::BakeParams;
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
 use if_neural::deform::DeformParams;
 use if_outfit::content;
@@ -52,10 +53,13 @@ pub(crate) struct ReconstructArgs {
     /// Side of the cells of the canonical mesh, with a unit; 8mm by default.
     #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
     pub(crate) cell: Option<f64>,
-    /// Steps of the fit of φ's network, which each garment gets as `phi.safetensors`; 150 by
-    /// default, 0 leaves it out.
-    #[arg(long, value_name = "STEPS")]
-    pub(crate) phi_steps: Option<u64>,
+    /// Bake φ of the clothed person round each garment, as `phi.baked` beside it.
+    #[arg(long)]
+    pub(crate) bake: bool,
+    /// Steps of a fit of φ as a network, which each garment gets as `phi.safetensors`; 0, as by
+    /// default, leaves it out.
+    #[arg(long, value_name = "STEPS", default_value_t = 0)]
+    pub(crate) phi_steps: u64,
     /// Write the canonical mesh in each frame, too: posed, and moved as the pictures of that frame
     /// and its neighbours show it.
     #[arg(long)]
@@ -147,9 +151,9 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     if let Some(cell) = args.cell {
         params.cell = cell;
     }
-    if let Some(steps) = args.phi_steps {
-        params.phi = params.phi.filter(|_| steps > 0).map(|phi| PhiParams { steps, ..phi });
-    }
+    params.bake = args.bake.then(BakeParams::default);
+    let steps = args.phi_steps;
+    params.phi = (steps > 0).then(|| PhiParams { steps, ..PhiParams::default() });
     if args.motion_steps > 0 && args.motion != MotionFrom::Solved {
         let what = "--motion-steps fits a network to the motion that is solved, and --motion says that none is";
         return Err(fault(what, "leave one of them out")(io::Error::other("nothing to fit")).into());
@@ -411,7 +415,7 @@ fn write_assets(
             beside: None,
             provenance: &provenance,
             network,
-            baked: Some(&found.field),
+            baked: garment.phi.as_ref(),
         })?;
     }
     Ok(())
@@ -461,7 +465,7 @@ fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
     page.text(&summary(
         name,
         report,
-        s.surface + s.extract + s.motion + s.motion_network + s.phi + s.garments,
+        s.surface + s.extract + s.motion + s.motion_network + s.phi + s.garments + s.bake,
     ));
     page.heading("The person").picture("front, three quarters, back", &picture(&labelled(found))?);
     page.heading("The garments").picture("cut and cleaned", &picture(&garments(found))?);

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use std::fs;
 
 const CAPTURE: &str = "capture synth --out cap --garments trousers,tshirt --frames 6 --size 96";
-const QUICK: &str = "--cell 24mm --phi-steps 0";
+const QUICK: &str = "--cell 24mm";
 
 /// Changes `meta.json` of the capture.
 fn edit(folder: &Folder, change: impl FnOnce(&mut Value)) {

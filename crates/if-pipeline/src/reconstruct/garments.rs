@@ -12,6 +12,7 @@ use if_core::field::SignedDistance;
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Monitor, Silent};
 use if_mesh::attributes::{Source, VertexAttributes};
+use if_mesh::baked::Baked;
 use if_mesh::cleanup::{CleanupParams, CleanupReport, Complement, Openings, cleanup};
 use if_mesh::labels::{
     CutParams, Look, Piece, SmoothLabelParams, VoteParams, VoteReport, Voter, cut, smooth_labels,
@@ -57,6 +58,8 @@ pub struct Garment {
     pub mesh: TriMesh,
     /// Its skinning weights.
     pub skin: SkinWeights,
+    /// φ of the clothed person round it, baked, if requested.
+    pub phi: Option<Baked>,
     /// Report of the clean-up.
     pub cleanup: CleanupReport,
 }
@@ -198,7 +201,7 @@ fn cleaned(
     let skin = SkinWeights::from_ply(&ply, person.skeleton.len())
         .map_err(|source| ReconstructError::GarmentSkin { name: name.into(), source })?;
     let (name, mesh, cleanup) = (name.to_owned(), ply.mesh, clean.report);
-    Ok(Some(Garment { name, label, mesh, skin, cleanup }))
+    Ok(Some(Garment { name, label, mesh, skin, phi: None, cleanup }))
 }
 
 /// The policy that decides which boundary loops of the garment `name`, cut out of `body`, are

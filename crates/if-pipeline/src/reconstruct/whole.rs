@@ -35,8 +35,8 @@ pub struct ReconstructParams {
     pub motion: Option<MotionParams>,
     /// The network of that motion; `None` skips it. Ignored without `motion`.
     pub motion_network: Option<MotionNetworkParams>,
-    /// The baking of φ.
-    pub bake: BakeParams,
+    /// The baking of φ round each garment, where `region` is replaced by its box; `None` skips it.
+    pub bake: Option<BakeParams>,
     /// The network of φ; `None` skips it.
     pub phi: Option<PhiParams>,
     /// Votes, cuts and clean-up of the garments.
@@ -44,15 +44,16 @@ pub struct ReconstructParams {
 }
 
 impl Default for ReconstructParams {
-    /// Cells of 8 mm, as small as a pixel of the sample captures; no motion of single frames.
+    /// Cells of 8 mm, as small as a pixel of the sample captures; no motion of single frames, and
+    /// no φ: garments are found and resolved without it.
     fn default() -> Self {
         Self {
             surface: SurfaceParams::default(),
             cell: 0.008,
             motion: None,
             motion_network: None,
-            bake: BakeParams { redistance: Redistance::Never, ..BakeParams::default() },
-            phi: Some(PhiParams::default()),
+            bake: None,
+            phi: None,
             garments: GarmentParams::default(),
         }
     }
@@ -72,7 +73,7 @@ impl ReconstructParams {
         if let Some(network) = &self.motion_network {
             network.fit.validate()?;
         }
-        self.bake.validate().map_err(|e| e.within("bake"))?;
+        self.bake.as_ref().map_or(Ok(()), BakeParams::validate).map_err(|e| e.within("bake"))?;
         self.phi.as_ref().map_or(Ok(()), PhiParams::validate)?;
         self.garments.validate()
     }
@@ -91,9 +92,7 @@ pub struct Reconstruction {
     pub motion: Option<MeshMotion>,
     /// That motion as a network, if requested.
     pub motion_network: Option<MotionNetwork>,
-    /// φ: the signed distance of the mesh, baked.
-    pub field: Baked,
-    /// φ as a network, if requested.
+    /// φ, the signed distance of the mesh, as a network, if requested.
     pub phi: Option<PhiNetwork>,
     /// The garments, inner to outer.
     pub garments: Vec<Garment>,
@@ -105,10 +104,11 @@ pub struct Reconstruction {
 ///
 /// ```text
 /// surface   ← the template, fitted to masks and normals                      fit_surface
-/// canonical ← zero set of its signed distance, weights, φ baked
+/// canonical ← zero set of its signed distance, weights
 /// motion    ← d of each frame, and as a network, if requested                fit_motion, distil_motion
-/// φ         ← the signed distance of the mesh as a network                   fit_phi
+/// φ         ← the signed distance of the mesh as a network, if requested     fit_phi
 /// garments  ← labels voted by all frames; cut, cleaned                       find_garments
+///             φ round each, baked, if requested
 /// ```
 ///
 /// `checkpoint` is that of [`fit_surface`]; the later stages take seconds and are repeated. The
@@ -132,7 +132,7 @@ pub fn reconstruct(
     let surface = fit_surface(capture, template, &params.surface, checkpoint, monitor)?;
     lap.end(&mut seconds.surface);
 
-    let Canonical { mesh, skin, exact, field } = canonical(&surface, template, params, monitor)?;
+    let Canonical { mesh, skin, exact } = canonical(&surface, template, params, monitor)?;
     lap.end(&mut seconds.extract);
 
     let motion = match &params.motion {
@@ -162,9 +162,16 @@ pub fn reconstruct(
         motion: motion.as_ref(),
         underside: underside.as_ref(),
     };
-    let Garments { labels, votes, garments, missing } =
+    let Garments { labels, votes, mut garments, missing } =
         find_garments(capture, &person, &params.garments, monitor)?;
     lap.end(&mut seconds.garments);
+
+    if let Some(params) = &params.bake {
+        for garment in &mut garments {
+            garment.phi = Some(baked_round(&garment.mesh, &exact, params, monitor)?);
+        }
+    }
+    lap.end(&mut seconds.bake);
 
     let report = ReconstructReport {
         surface: surface.report,
@@ -178,7 +185,7 @@ pub fn reconstruct(
         missing,
         seconds,
     };
-    Ok(Reconstruction { mesh, skin, labels, motion, motion_network, field, phi, garments, report })
+    Ok(Reconstruction { mesh, skin, labels, motion, motion_network, phi, garments, report })
 }
 
 /// The canonical mesh.
@@ -187,12 +194,9 @@ struct Canonical {
     skin: SkinWeights,
     /// Its signed distance.
     exact: MeshSdf,
-    /// The same, baked.
-    field: Baked,
 }
 
-/// Extracts one closed mesh from the fitted surface, which may intersect itself, and bakes its
-/// signed distance.
+/// Extracts one closed mesh from the fitted surface, which may intersect itself.
 fn canonical(
     surface: &Surface,
     template: &TemplateBody,
@@ -214,8 +218,20 @@ fn canonical(
     let skin = carried_weights(&surface.mesh, &surface.skin, joints, mesh.vertices());
     progress::report(monitor, "extract", (1, 2), None)?;
     let exact = MeshSdf::closed(&mesh).map_err(ReconstructError::Inside)?;
-    let field = Baked::new(&exact, &params.bake, monitor)?;
-    Ok(Canonical { mesh, skin, exact, field })
+    Ok(Canonical { mesh, skin, exact })
+}
+
+/// The signed distance of the clothed person round a garment. At the faces of that box, which is
+/// wider than the garment by the band, the solid ends.
+fn baked_round(
+    garment: &TriMesh,
+    person: &MeshSdf,
+    params: &BakeParams,
+    monitor: &mut dyn Monitor,
+) -> Result<Baked, ReconstructError> {
+    let region = garment.aabb().inflated(params.band);
+    let redistance = Redistance::Never;
+    Ok(Baked::new(person, &BakeParams { region: Some(region), redistance, ..*params }, monitor)?)
 }
 
 /// Measures consecutive stages.
@@ -268,7 +284,7 @@ mod tests {
         };
         assert!(matches!(spoiled(&rate), ReconstructError::Parameter(_)));
         assert!(matches!(
-            spoiled(&|p| p.bake.cell = 0.0),
+            spoiled(&|p| p.bake = Some(BakeParams { cell: 0.0, ..Default::default() })),
             ReconstructError::Bake(_) | ReconstructError::Parameter(_)
         ));
         let sampling = SamplingParams { near: 0, ..Default::default() };

@@ -87,7 +87,7 @@ impl GarmentReport {
 pub struct Seconds {
     /// Reading frames and fitting the surface.
     pub surface: Real,
-    /// Extracting the canonical mesh, and baking φ.
+    /// Extracting the canonical mesh.
     pub extract: Real,
     /// Solving the motion of single frames.
     #[serde(default)]
@@ -99,6 +99,9 @@ pub struct Seconds {
     pub phi: Real,
     /// Votes, cuts and clean-up.
     pub garments: Real,
+    /// Baking φ.
+    #[serde(default)]
+    pub bake: Real,
 }
 
 /// Report of a reconstruction.
