@@ -3,7 +3,7 @@
 
     benches/cleanup.py [--data ../shared/data] [--out OUT] [--only PART_OF_NAME] [--samples 100000] [--no-peers]
 
-Runs the program `cleanup` of if-benches (build it first: cargo build --release -p if-benches --bin
+Runs the program `cleanup` of if-benches (build it first: cargo build --release -p if-benches --example
 cleanup) on clothed/*_raw.ply and *_raw_hard.ply against *_ref.ply, and on scans/*_damaged.ply against the originals, and trimesh, pymeshlab and open3d on
 the same files. Judged by ../shared/tools/compare.py. Writes OUT/cleanup.csv and prints it.
 

@@ -5,19 +5,22 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Crates whose version can change a result.
-const CRATES: [&str; 12] = [
+const CRATES: [&str; 15] = [
     "if-core",
+    "if-sparse",
     "if-mesh",
     "if-xpbd",
+    "if-neural",
+    "if-body",
     "if-outfit",
     "if-pipeline",
     "if-cli",
     "faer",
     "nalgebra",
     "ply-rs-bw",
+    "pulp",
     "rayon",
     "robust",
-    "tobj",
 ];
 
 fn main() {

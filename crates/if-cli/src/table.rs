@@ -274,7 +274,7 @@ fn layers(layers: &[LayerReport], own_before: &[usize], colour: bool) -> Table {
         "%\np99",
         "\nmax",
         "own\npairs",
-        "rounds\n+repairs",
+        "rounds\n(repairs)",
         "vertices\nskipped",
         "\nseconds",
     ];
@@ -291,7 +291,7 @@ fn layers(layers: &[LayerReport], own_before: &[usize], colour: bool) -> Table {
             Cell::new(percent(layer.strain.p99)),
             Cell::new(percent(layer.strain.max)),
             judged(own[k].clone(), layer.own_pairs.new == 0),
-            Cell::new(format!("{}+{}", layer.rounds, layer.repairs)),
+            Cell::new(format!("{} ({})", layer.rounds, layer.repairs)),
             Cell::new(count(layer.skipped.vertices)),
             Cell::new(format!("{:.2}", layer.seconds)),
         ]);

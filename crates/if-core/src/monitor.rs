@@ -1,7 +1,7 @@
 //! Progress and cancelling, in one form for all long work.
 //!
 //! Functions that may run for more than a second take a `&mut dyn` [`Monitor`]. They call
-//! [`Monitor::report`] at least every few hundred milliseconds and return their error's `Cancelled`
+//! [`Monitor::report`] between steps that take milliseconds on usual input and return their error's `Cancelled`
 //! variant if it returns [`Cancelled`].
 //!
 //! # Examples

@@ -37,7 +37,8 @@ impl Normal {
 ///
 /// # Source
 ///
-/// Geometric initialisation of SAL [Atzmon and Lipman 2020] and IGR, as IDR has it with encoding.
+/// Geometric initialisation of SAL [Atzmon and Lipman 2020] and IGR [Gropp et al. 2020], as IDR
+/// [Yariv et al. 2020] has it with encoding.
 ///
 /// # Accuracy
 ///

@@ -121,6 +121,8 @@ impl Attempt {
         let (dressed, given) = (&self.dressed[index], &self.given[index]);
         let Dressed { findings, settled, moved, strain, layers_apart, seconds, .. } = dressed;
         let new = findings.new_own(given).len();
+        let unused_rounds =
+            (params.effort.rounds + settled.eased.rounds).saturating_sub(settled.rounds);
         LayerReport {
             name: self.outfit.garments[index].name.clone(),
             moved: *moved,
@@ -138,7 +140,7 @@ impl Attempt {
                 layers: *layers_apart,
                 vertices: settled.held,
                 queries: settled.skipped,
-                sweeps: params.effort.rounds.saturating_sub(settled.rounds) * params.effort.sweeps,
+                sweeps: unused_rounds * params.effort.sweeps,
             },
             seconds: *seconds,
         }

@@ -3,7 +3,7 @@
 use if_core::math::Real;
 use if_core::monitor::{Cancelled, Monitor, Progress};
 
-/// Checking the input.
+/// A garment is begun.
 pub(crate) const VERIFY: &str = "verify";
 /// Contacts and cloth settle.
 pub(crate) const SETTLE: &str = "settle";

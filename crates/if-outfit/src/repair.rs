@@ -1,6 +1,6 @@
 //! Repair strategies: what is done about the intersections that contacts and cloth leave.
 //!
-//! Each strategy is a type with one method, in a file of its own, and counts what it did in
+//! Each strategy is a type with one method, in a file of its own, and what it did is counted in
 //! [`RepairCounts`](crate::report::RepairCounts). [`Strategies`] states their order. Two more work
 //! on whole outfits: garments that get stuck are tucked ([`crate::upper_layers`]), and triangles
 //! that are too large are split ([`crate::splitting`]).

@@ -27,7 +27,7 @@ pub struct Residual {
     pub sum_squares: Real,
     /// Constraints visited.
     pub count: usize,
-    /// Number of violated constraints among them.
+    /// Number among them of violated inequalities, or of equalities with a direction to move in.
     pub active: usize,
 }
 

@@ -18,7 +18,7 @@
 //! | [`HalfSpaces`] | contacts of points on the cloth with fixed planes |
 //! | [`Separations`] | triangles of one garment that keep their sides |
 //! | [`SdfCollision`] | contacts with a signed distance field |
-//! | [`Air`] | gaps to the layer below, in four readings |
+//! | [`Air`] | gaps to the layer below, in four interpretations |
 //!
 //! A group is one object behind [`Constraint`]: one dynamic call per group and sweep, and plain
 //! loops inside. The order of visiting and the bits of the result depend on the input alone, not on
@@ -32,7 +32,7 @@
 //! | lines | step | where |
 //! |---|---|---|
 //! | 1 to 3, 23 to 26 | substeps, prediction, velocities | [`solver`] |
-//! | 4, 5 | λ ← 0, β̃ = β / h² | [`Constraint::begin_substep`] of each group |
+//! | 4, 5 | λ ← 0, β̃ = β / h² | [`Constraint::begin_substep`] and `project` of each group |
 //! | 6 to 10 | collision with a field | [`collision`]; with fixed planes [`half_space`] |
 //! | 11 to 15 | air between two layers, in four readings | [`air`] |
 //! | 16 to 22 | stretch | [`stretch`] |

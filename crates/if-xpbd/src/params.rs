@@ -83,8 +83,8 @@ pub struct SolverParams {
     pub contact_order: ContactOrder,
     /// What line 3 starts from.
     pub motion: Motion,
-    /// Acceleration of gravity, in m/s². Line 3 prints none. Without effect in a quasi-static run
-    /// only where it is zero: there it acts as the displacement g h² of each substep.
+    /// Acceleration of gravity, in m/s². Line 3 prints none. In a quasi-static run it is the
+    /// displacement g h² of each substep.
     pub gravity: [Real; 3],
     /// A run stops once no vertex moved farther than this in a step, in metres; with 0 it makes all
     /// steps.

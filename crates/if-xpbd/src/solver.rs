@@ -18,7 +18,7 @@ const NAMED: usize = 16;
 /// h ← Δt / numSubSteps                                     line 1
 /// for each substep                                         2, 25
 ///   pᵢ ← p;  v ← v + h g (or h g: quasi-static);  p ← p + h v     3
-///   every group: λ ← 0, β̃ ← β / h²                         4, 5
+///   every group: λ ← 0 (β̃ ← β / h² when projected)         4, 5
 ///   [contacts]                                             6 to 15, in the printed order
 ///   for each sweep: elastic groups; [contacts]             16 to 22, and the correction
 ///   [contacts alone];  final groups                        ours

@@ -1,4 +1,4 @@
-//! Weights with and without weight norm, W = g v / |v|.
+//! Weights with and without weight norm [Salimans and Kingma 2016], W = g v / |v|.
 
 use super::ReadError;
 use super::tensors::Tensors;
