@@ -10,6 +10,7 @@ use if_outfit::content::{content, of_file};
 use if_outfit::report::ResolveReport;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// The name of the file.
@@ -124,18 +125,27 @@ impl Receipt<'_> {
 
 /// The build, and versions of everything that numbers depend on.
 pub(crate) fn tool() -> Value {
-    let crates: Map<String, Value> = env!("IFG_CRATES")
-        .split(',')
-        .filter_map(|c| c.split_once(' '))
-        .map(|(name, version)| (name.to_owned(), json!(version)))
-        .collect();
-    json!({
-        "ifg": env!("CARGO_PKG_VERSION"),
-        "build": BUILD,
-        "target": env!("IFG_TARGET"),
-        "rustc": env!("IFG_RUSTC"),
-        "crates": crates,
-    })
+    let mut tool = json!(BTreeMap::from(PROGRAM));
+    tool["crates"] = json!(crates().collect::<BTreeMap<_, _>>());
+    tool
+}
+
+/// The same in one list.
+pub(crate) fn versions() -> BTreeMap<String, String> {
+    PROGRAM.into_iter().chain(crates()).map(|(name, v)| (name.into(), v.into())).collect()
+}
+
+/// What this program was built of and for.
+const PROGRAM: [(&str, &str); 4] = [
+    ("ifg", env!("CARGO_PKG_VERSION")),
+    ("build", BUILD),
+    ("target", env!("IFG_TARGET")),
+    ("rustc", env!("IFG_RUSTC")),
+];
+
+/// Names and versions of crates that can change a result.
+fn crates() -> impl Iterator<Item = (&'static str, &'static str)> {
+    env!("IFG_CRATES").split(',').filter_map(|c| c.split_once(' '))
 }
 
 /// Times differ between runs; they stand in `timings`.

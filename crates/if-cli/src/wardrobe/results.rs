@@ -11,7 +11,8 @@ use miette::Report;
 /// Parameters of results, with those of the command line.
 pub(crate) fn match_params(args: &ParamArgs, picture_height: u32) -> Result<MatchParams, Report> {
     let resolve = override_params(&ResolveParams::default(), args)?;
-    Ok(MatchParams { resolve, picture_height, tool: receipt::tool(), ..MatchParams::default() })
+    let tool = receipt::versions();
+    Ok(MatchParams { resolve, picture_height, tool, ..MatchParams::default() })
 }
 
 /// The end of a command with one result.

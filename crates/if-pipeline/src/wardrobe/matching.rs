@@ -11,7 +11,9 @@
 //! The key is the hash of all that decides the result: the build of this program, versions,
 //! parameters, the hashes of body and garments in their order.
 
-pub use super::result::{Fault, MatchParams, MatchResult, Matched, State, Timings};
+pub use super::result::{
+    Fault, MatchParams, MatchRequest, MatchResult, Matched, RequestedGarment, State, Timings,
+};
 
 use super::combination::Combination;
 use super::dresser::{Dressed, Dresser};
@@ -28,7 +30,7 @@ use if_outfit::files::{FilesError, OutfitFiles};
 use if_outfit::outfit::Outfit;
 use if_outfit::resolve::ResolveError;
 use if_render::{View, preview};
-use serde_json::{Value, json};
+use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
 
@@ -44,26 +46,26 @@ pub(super) fn request(
     wardrobe: &Wardrobe,
     combination: &Combination,
     params: &MatchParams,
-) -> Result<(String, Value), WardrobeError> {
-    let body = wardrobe.body_info(&combination.body)?;
+) -> Result<(String, MatchRequest), WardrobeError> {
+    let body = wardrobe.body_info(&combination.body)?.clone();
     let mut garments = Vec::new();
     for name in &combination.garments {
         let info = wardrobe.garment_info(name)?;
         let own = wardrobe.body_like(name, &info.body)?;
-        garments.push(json!({"name": name, "mesh": info.garment.content.sha256, "skinned": info.skinned, "body": own}));
+        garments.push(RequestedGarment {
+            name: name.clone(),
+            mesh: info.garment.content.sha256.clone(),
+            skinned: info.skinned,
+            body: own.clone(),
+        });
     }
-    let request = json!({
-        "format": FORMAT,
-        "build": BUILD,
-        "params": params,
-        "body": body,
-        "garments": garments,
-    });
+    let (format, build, params) = (FORMAT, BUILD.to_owned(), params.clone());
+    let request = MatchRequest { format, build, params, body, garments };
     Ok((key(&request)?, request))
 }
 
 /// The key of a request.
-fn key(request: &Value) -> Result<String, WardrobeError> {
+fn key(request: &impl Serialize) -> Result<String, WardrobeError> {
     let text = serde_json::to_string(request)
         .map_err(|e| WardrobeError::Json { message: e.to_string() })?;
     Ok(content(text.as_bytes()).sha256)
@@ -261,6 +263,7 @@ pub(super) fn finished(folder: &Path, key: &str) -> Option<MatchResult> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde_json::json;
 
     #[test]
     fn another_build_has_another_key() {

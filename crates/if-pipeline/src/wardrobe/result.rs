@@ -1,5 +1,6 @@
 //! Results of combinations, and the parameters that decide them.
 
+use super::body::BodyInfo;
 use super::combination::Combination;
 use if_body::align::{AlignParams, AlignReport};
 use if_core::parameter::ParameterError;
@@ -9,7 +10,7 @@ use if_outfit::report::ResolveReport;
 use if_outfit::resolve::ResolveParams;
 use if_render::Image;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
 /// The version of `result.json`.
@@ -32,7 +33,7 @@ pub struct MatchParams {
     /// Height of the pictures in pixels; 0 for none.
     pub picture_height: u32,
     /// Names and versions of everything that results depend on, for keys and records.
-    pub tool: Value,
+    pub tool: BTreeMap<String, String>,
 }
 
 /// Valid heights of pictures, in pixels.
@@ -63,7 +64,7 @@ impl Default for MatchParams {
             body: false,
             unproven: false,
             picture_height: 480,
-            tool: json!({"if-pipeline": env!("CARGO_PKG_VERSION")}),
+            tool: BTreeMap::from([("if-pipeline".into(), env!("CARGO_PKG_VERSION").into())]),
         }
     }
 }
@@ -98,9 +99,39 @@ pub struct MatchResult {
     /// Report of resolving; its seconds are zero.
     pub report: Option<ResolveReport>,
     /// Everything that the key is the hash of.
-    pub request: Value,
+    pub request: MatchRequest,
     /// The other files that are the same in every run.
     pub outputs: Vec<crate::asset::FileInfo>,
+}
+
+/// Everything that decides a result; its hash is the key.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct MatchRequest {
+    /// The version of the format.
+    pub format: u32,
+    /// The build of the libraries.
+    pub build: String,
+    /// Parameters.
+    pub params: MatchParams,
+    /// The body.
+    pub body: BodyInfo,
+    /// The garments, inner to outer.
+    pub garments: Vec<RequestedGarment>,
+}
+
+/// A garment of a request.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct RequestedGarment {
+    /// Its name.
+    pub name: String,
+    /// SHA-256 of its mesh.
+    pub mesh: String,
+    /// Whether it has skinning weights.
+    pub skinned: bool,
+    /// The body that it was made on.
+    pub body: BodyInfo,
 }
 
 /// A recorded error.
