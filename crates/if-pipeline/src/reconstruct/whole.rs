@@ -18,6 +18,7 @@ use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_core::monitor::Monitor;
 use if_core::parameter::ParameterError;
+use if_core::shapes::{Cuboid, Intersection};
 use if_mesh::baked::{BakeParams, Baked, Redistance};
 use if_mesh::extract::{ExtractParams, Resolution, extract};
 use if_mesh::sdf::MeshSdf;
@@ -221,8 +222,8 @@ fn canonical(
     Ok(Canonical { mesh, skin, exact })
 }
 
-/// The signed distance of the clothed person round a garment. At the faces of that box, which is
-/// wider than the garment by the band, the solid ends.
+/// The signed distance of the clothed person round a garment: of the part of the solid in a box that
+/// is wider than the garment by the band, so that within the band it is that of the whole.
 fn baked_round(
     garment: &TriMesh,
     person: &MeshSdf,
@@ -230,8 +231,10 @@ fn baked_round(
     monitor: &mut dyn Monitor,
 ) -> Result<Baked, ReconstructError> {
     let region = garment.aabb().inflated(params.band);
+    let cuboid = Cuboid { center: region.center(), half: region.size() / 2.0 };
+    let part = Intersection(person, cuboid);
     let redistance = Redistance::Never;
-    Ok(Baked::new(person, &BakeParams { region: Some(region), redistance, ..*params }, monitor)?)
+    Ok(Baked::new(&part, &BakeParams { region: Some(region), redistance, ..*params }, monitor)?)
 }
 
 /// Measures consecutive stages.
