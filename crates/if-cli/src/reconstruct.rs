@@ -280,9 +280,14 @@ fn described(progress: &Progress, seconds_left: Option<f64>) -> String {
         "motion_network" => "fitting the network of the motion",
         "phi" => "fitting the network of φ",
         "garments" => "finding garments",
+        "smooth" | "expand" => "smoothing labels",
+        "holes" | "boundary" => "cleaning a garment",
         stage => stage,
     };
-    let mut text = format!("{what} {}/{}", progress.done, progress.total.unwrap_or(0));
+    let mut text = what.to_owned();
+    if let Some(total) = progress.total {
+        text += &format!(" {}/{total}", progress.done);
+    }
     if let Some(mm) = progress.measure("silhouette_mm") {
         text += &format!(", silhouettes off by {mm:.1} mm");
     }

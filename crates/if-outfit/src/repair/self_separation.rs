@@ -35,22 +35,19 @@ impl Repair for SelfSeparation {
 mod tests {
     use super::*;
     use crate::repair::tests::{apply, unchanged, with_band};
-    use if_core::math::Point;
+    use if_core::math::{Point, Vector};
 
     #[test]
     fn sheets_that_pass_through_each_other_come_apart() {
         with_band(0.32, unchanged, |work| {
-            // One vertex of the band passes through the triangles on its other side.
-            let v = work.cloth.x.iter().position(|p| p.y.abs() < 1e-9).expect("a middle row");
-            let input = work.cloth.x.clone();
-            let far = input[v];
-            let mut folded = input.clone();
-            for (p, to) in input.iter().zip(&mut folded) {
-                if (p - far).norm() < 0.06 {
-                    let s = 1.0 - (p - far).norm() / 0.06;
-                    *to = p + (Point::new(far.x, far.y + 0.05, far.z) - far) * s;
-                }
-            }
+            // A vertex is pulled over the three rows above it, and one of these through its triangles.
+            let at = |y: f64, x: &[Point]| {
+                x.iter().position(|p| p.z.abs() < 1e-9 && p.x > 0.0 && (p.y - y).abs() < 1e-9)
+            };
+            let mut folded = work.cloth.x.clone();
+            let [over, through] = [0.0, 0.06].map(|y| at(y, &folded).expect("rows of 2 cm"));
+            folded[over] += Vector::new(0.01, 0.08, 0.0);
+            folded[through] += Vector::new(0.03, 0.0, 0.0);
             work.cloth.ever_free.fill(true);
             work.cloth.inverse_masses.fill(1.0);
             work.go_to(&folded);

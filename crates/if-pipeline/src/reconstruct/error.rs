@@ -112,7 +112,7 @@ pub enum ReconstructError {
     Vote { frame: usize, source: LabelError },
     /// Labels cannot be smoothed, or the mesh cannot be cut.
     #[error(transparent)]
-    Labels(#[from] LabelError),
+    Labels(LabelError),
     /// A garment cannot be cleaned.
     #[error("garment `{name}`: {source}")]
     Cleanup { name: String, source: CleanupError },
@@ -148,6 +148,16 @@ impl From<BakeError> for ReconstructError {
             BakeError::Cancelled(cancelled) => Self::Cancelled(cancelled),
             BakeError::Parameter(parameter) => Self::Parameter(parameter),
             other => Self::Bake(other),
+        }
+    }
+}
+
+impl From<LabelError> for ReconstructError {
+    fn from(error: LabelError) -> Self {
+        match error {
+            LabelError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            LabelError::Parameter(parameter) => Self::Parameter(parameter),
+            other => Self::Labels(other),
         }
     }
 }

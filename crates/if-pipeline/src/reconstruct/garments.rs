@@ -10,10 +10,10 @@ use crate::capture::{Capture, FIRST_GARMENT};
 use if_body::{Skeleton, SkinWeights};
 use if_core::field::SignedDistance;
 use if_core::mesh::TriMesh;
-use if_core::monitor::{Monitor, Silent};
+use if_core::monitor::Monitor;
 use if_mesh::attributes::{Source, VertexAttributes};
 use if_mesh::baked::Baked;
-use if_mesh::cleanup::{CleanupParams, CleanupReport, Complement, Openings, cleanup};
+use if_mesh::cleanup::{CleanupError, CleanupParams, CleanupReport, Complement, Openings, cleanup};
 use if_mesh::labels::{
     CutParams, Look, Piece, SmoothLabelParams, VoteParams, VoteReport, Voter, cut, smooth_labels,
 };
@@ -109,7 +109,8 @@ impl std::fmt::Debug for ClothedPerson<'_> {
 /// Labels a canonical mesh by votes of all frames, cuts it along the borders of the labels, and
 /// cleans the pieces.
 ///
-/// Stages: `garments`, a step for each frame and garment.
+/// Stages: `garments`, a step for each frame and garment, and those of [`smooth_labels`] and
+/// [`cleanup`].
 ///
 /// # Source
 ///
@@ -129,14 +130,16 @@ pub fn find_garments(
     params: &GarmentParams,
     monitor: &mut dyn Monitor,
 ) -> Result<Garments, ReconstructError> {
-    let ClothedPerson { skeleton, mesh, skin, field, motion, underside } = *person;
+    let ClothedPerson { skeleton, mesh, skin, motion, underside, .. } = *person;
     let steps = capture.len() + capture.garments().len();
-    let mut report = |step| progress::report(monitor, "garments", (step, steps), None);
+    let report = |monitor: &mut dyn Monitor, step| {
+        progress::report(monitor, "garments", (step, steps), None)
+    };
 
     // Each frame that adds information votes with its label image.
     let mut voter = Voter::new(mesh, capture.labels().len(), &params.votes)?;
     for frame in 0..capture.len() {
-        report(frame)?;
+        report(monitor, frame)?;
         let offsets = motion.map(|m| m.offsets(frame)).unwrap_or_default();
         let at = posed(mesh, skin, skeleton, capture.pose(frame), &offsets)
             .map_err(|source| ReconstructError::Pose { frame, source })?;
@@ -148,10 +151,10 @@ pub fn find_garments(
 
     // Labels are smoothed, once more with votes against loose garments on their undersides.
     let (votes, vote_report) = voter.finish();
-    let mut scores = smooth_labels(mesh, &votes, &params.smoothness, &mut Silent)?;
+    let mut scores = smooth_labels(mesh, &votes, &params.smoothness, monitor)?;
     if let Some(underside) = underside {
         let votes = underside.voted(mesh, &votes, &scores);
-        scores = smooth_labels(mesh, &votes, &params.smoothness, &mut Silent)?;
+        scores = smooth_labels(mesh, &votes, &params.smoothness, monitor)?;
     }
     let labels = scores.winners();
 
@@ -161,13 +164,13 @@ pub fn find_garments(
     let mut found =
         Garments { labels, votes: vote_report, garments: Vec::new(), missing: Vec::new() };
     for (k, name) in capture.garments().iter().enumerate() {
-        report(capture.len() + k)?;
+        report(monitor, capture.len() + k)?;
         let label = FIRST_GARMENT + k as u8;
         let piece = pieces.iter().find(|p| p.label == label && !p.mesh.triangles().is_empty());
         let garment = match piece {
             Some(piece) => {
                 let carried = attributes.derive(&sources(piece));
-                cleaned(name, label, person, (&piece.mesh, &carried), field, &params.cleanup)?
+                cleaned((name, label), person, (&piece.mesh, &carried), &params.cleanup, monitor)?
             }
             None => None,
         };
@@ -181,16 +184,19 @@ pub fn find_garments(
 
 /// Cleans the piece of a garment; `None` if nothing of it remains.
 fn cleaned(
-    name: &str,
-    label: u8,
+    (name, label): (&str, u8),
     person: &ClothedPerson,
     (piece, carried): (&TriMesh, &VertexAttributes),
-    field: &dyn SignedDistance,
     params: &CleanupParams,
+    monitor: &mut dyn Monitor,
 ) -> Result<Option<Garment>, ReconstructError> {
     let params = CleanupParams { openings: openings_of(name, person.mesh), ..params.clone() };
-    let clean = cleanup(piece, carried, Some(field), &params, &mut Silent)
-        .map_err(|source| ReconstructError::Cleanup { name: name.into(), source })?;
+    let clean = cleanup(piece, carried, Some(person.field), &params, monitor).map_err(
+        |source| match source {
+            CleanupError::Cancelled(cancelled) => ReconstructError::Cancelled(cancelled),
+            source => ReconstructError::Cleanup { name: name.into(), source },
+        },
+    )?;
     if clean.mesh.triangles().is_empty() {
         return Ok(None);
     }
@@ -246,6 +252,7 @@ fn sources(piece: &Piece) -> Vec<Source> {
 mod tests {
     use super::*;
     use if_core::math::{Point, Real};
+    use if_core::monitor::Silent;
     use std::f64::consts::TAU;
 
     /// A closed drum with a tunnel of 2 to 3 cm radius along its axis, and its upper half: mantle

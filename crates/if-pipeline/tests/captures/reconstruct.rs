@@ -489,7 +489,12 @@ fn the_upper_half_is_cut_out_as_a_garment_with_one_opening() {
         motion,
         ..Default::default()
     };
-    let found = reconstruct(&capture, &template(), &params, None, &mut Silent).unwrap();
+    let mut stages = std::collections::BTreeSet::new();
+    let mut monitor = |p: &Progress| {
+        stages.insert(p.stage);
+        ControlFlow::Continue(())
+    };
+    let found = reconstruct(&capture, &template(), &params, None, &mut monitor).unwrap();
     let right = found
         .mesh
         .vertices()
@@ -531,9 +536,13 @@ fn the_upper_half_is_cut_out_as_a_garment_with_one_opening() {
     assert_eq!(motion.offsets(0).len(), found.mesh.vertices().len());
     assert_eq!(found.report.motion.as_ref(), Some(&motion.motion().report));
     assert!(found.report.missing.is_empty() && found.report.labels.frames_cast > 0);
-    // Cancelling stops it.
-    let stopped = reconstruct(&capture, &template(), &params, None, &mut |_: &Progress| {
-        ControlFlow::Break(())
+    // All stages report, and cancelling in one of the last stops it.
+    for stage in ["read", "surface", "extract", "motion", "phi", "garments", "smooth", "holes"] {
+        assert!(stages.contains(stage), "{stage}: {stages:?}");
+    }
+    let params = ReconstructParams { motion: None, phi: None, bake: None, ..params };
+    let stopped = reconstruct(&capture, &template(), &params, None, &mut |p: &Progress| {
+        if p.stage == "holes" { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
     assert!(matches!(stopped, Err(ReconstructError::Cancelled(_))));
 }
