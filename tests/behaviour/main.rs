@@ -5,6 +5,7 @@ mod build_scripts;
 mod determinism;
 mod easing;
 mod guarantee;
+mod own;
 mod scenes;
 mod skipping;
 mod split;

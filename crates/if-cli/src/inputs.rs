@@ -1,7 +1,8 @@
 //! Arguments that several commands have: which outfits, and which parameters.
 
 use crate::values::{assignment, length, positive};
-use clap::Args;
+use clap::{Args, ValueEnum};
+use if_outfit::Own;
 use std::path::PathBuf;
 
 /// Which outfits.
@@ -28,8 +29,29 @@ pub(crate) struct ParamArgs {
     /// Gap to keep between layers, with a unit: 0.5mm, 0.0005m; metres without one.
     #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) clearance: Option<f64>,
+    /// What happens to intersections of a garment with itself that the input has.
+    #[arg(long, value_enum)]
+    pub(crate) own: Option<OwnArg>,
     /// Any other parameter, as in the `params` table of an outfit file; may be given more than
     /// once.
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
     pub(crate) set: Vec<(String, toml::Value)>,
+}
+
+/// [`Own`] as an argument.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum OwnArg {
+    /// They are removed; what cannot be removed stays, and is named.
+    Remove,
+    /// They stay.
+    Keep,
+}
+
+impl From<OwnArg> for Own {
+    fn from(arg: OwnArg) -> Self {
+        match arg {
+            OwnArg::Remove => Self::Remove,
+            OwnArg::Keep => Self::Keep,
+        }
+    }
 }

@@ -237,6 +237,9 @@ pub(crate) fn override_params(
     if let Some(clearance) = args.clearance {
         params.goal.clearance = clearance;
     }
+    if let Some(own) = args.own {
+        params.goal.own = own.into();
+    }
     Ok(params)
 }
 

@@ -3,7 +3,7 @@
 use comfy_table::{Cell, CellAlignment, Color, Table, TableStyle};
 use comfy_table::{ContentLineStyle, LineStyle};
 use if_mesh::cleanup::{CleanupReport, Component, LoopShape, PatchShape};
-use if_outfit::report::{LayerReport, PairReport, ResolveReport, Verification};
+use if_outfit::report::{KeptReason, LayerReport, PairReport, ResolveReport, Verification};
 use std::fmt::Write;
 use std::io::IsTerminal;
 
@@ -30,6 +30,9 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
             count(after)
         );
     }
+    for layer in &report.layers {
+        text += &kept_own_pairs(layer);
+    }
     for layer in report.layers.iter().filter(|l| l.eased[0] > 0.0) {
         let [before, after] = layer.eased.map(|s| 100.0 * s);
         let _ = writeln!(
@@ -45,6 +48,30 @@ pub(crate) fn resolved(report: &ResolveReport, colour: bool) -> String {
             layer.name,
             count(layer.split)
         );
+    }
+    text
+}
+
+/// The own pairs that a garment keeps, one line for each reason; empty if it keeps none.
+fn kept_own_pairs(layer: &LayerReport) -> String {
+    /// More pairs than these do not help a person.
+    const SHOWN: usize = 4;
+    let reasons = [
+        (KeptReason::Coincident, "its sheets coincide"),
+        (KeptReason::NonManifold, "more than two triangles meet at an edge"),
+        (KeptReason::Contour, "the sheets do not come apart"),
+        (KeptReason::Layers, "they came back between the layers"),
+    ];
+    let mut text = String::new();
+    for (reason, why) in reasons {
+        let pairs: Vec<_> = layer.kept_own_pairs.iter().filter(|k| k.reason == reason).collect();
+        let shown: Vec<String> =
+            pairs.iter().take(SHOWN).map(|k| format!("{:?}", k.triangles)).collect();
+        if !pairs.is_empty() {
+            let more = if pairs.len() > SHOWN { " ..." } else { "" };
+            let (n, shown) = (count(pairs.len()), shown.join(" "));
+            let _ = writeln!(text, "{} keeps {n} own pairs: {why}: {shown}{more}", layer.name);
+        }
     }
     text
 }
@@ -380,7 +407,7 @@ fn percent(fraction: f64) -> String {
 mod tests {
     use super::*;
     use if_mesh::measure::{Displacement, Strain};
-    use if_outfit::report::{OwnPairs, PairCount};
+    use if_outfit::report::{KeptOwnPair, OwnPairs, PairCount};
 
     fn pair(outer: &str, inner: &str, crossing: usize) -> PairReport {
         let mut pair = PairReport::default();
@@ -409,6 +436,8 @@ mod tests {
             layer.own_pairs = OwnPairs::new(21, 21, 0);
             (layer.rounds, layer.repairs, layer.sweeps, layer.queries) = (40, 12, 1000, 100_000);
             (layer.tucked, layer.eased) = ([120, 3], [4.0, 0.75]);
+            let reason = KeptReason::Layers;
+            layer.kept_own_pairs = vec![KeptOwnPair { triangles: [11_111, 12_222], reason }; 5];
             (layer.skipped.layers, layer.skipped.vertices, layer.skipped.queries) = (1, 12_345, 9);
             layer.seconds = 12.345;
             layer
@@ -436,6 +465,12 @@ mod tests {
         assert!(
             text.contains(
                 "suit_jacket was pressed in below the layers above: 120 -> 3 vertices stick out"
+            ),
+            "{text}"
+        );
+        assert!(
+            text.contains(
+                "suit_jacket keeps 5 own pairs: they came back between the layers: [11111, 12222] "
             ),
             "{text}"
         );

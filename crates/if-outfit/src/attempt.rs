@@ -1,27 +1,32 @@
 //! One attempt at an outfit: its garments are put on layer by layer, inner to outer.
 //!
 //! ```text
+//! untangle each garment that intersects itself                              untangle.rs
 //! for each garment, inner to outer
 //!     settle it over those below, verify it exactly, freeze it       dressing.rs
 //!     stuck over garments that it met, and tucking is allowed:
 //!         press those in below it, and go back to the innermost      upper_layers.rs
+//! untangle garments of which own pairs are left, where layers stay clean
 //! ```
 
 use crate::dressing::{Dressed, Dressing};
 use crate::findings::Findings;
 use crate::outfit::Outfit;
-use crate::params::{ResolveParams, Tuck};
-use crate::progress::GarmentProgress;
+use crate::params::{Own, ResolveParams, Tuck};
+use crate::progress::{GarmentProgress, UNTANGLE};
 use crate::report::{LayerReport, OwnPairs, ResolveReport, Skipped, Verification};
 use crate::settle::Settings;
+use crate::untangle::{Untangled, kept, untangle, untangle_settled};
 use crate::upper_layers::TightGarments;
-use crate::verify::verify_layers;
+use crate::verify::{verify_changed, verify_layers};
 use crate::workpiece::SettleError;
 use if_core::math::Real;
 use if_core::monitor::{Cancelled, Monitor};
+use if_mesh::solid::ClosedLayer;
 use if_mesh::split::Split;
 use if_xpbd::report::StepError;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Why an attempt ended early.
@@ -40,10 +45,20 @@ pub(crate) struct Attempt {
     pub(crate) given: Vec<Findings>,
     /// Seconds that this took.
     pub(crate) verify_seconds: Real,
+    /// What untangling did to each garment.
+    untangled: Untangling,
     /// For each garment where it settled.
     pub(crate) dressed: Vec<Dressed>,
     /// For each garment how its triangles were split before the attempt, if they were.
     pub(crate) splits: Vec<Option<Split>>,
+}
+
+/// What untangling did to each garment.
+struct Untangling {
+    /// Own pairs left before it settled, sorted.
+    left: Vec<Vec<[u32; 2]>>,
+    /// Rounds made, before and after.
+    rounds: Vec<usize>,
 }
 
 impl Attempt {
@@ -53,41 +68,34 @@ impl Attempt {
         settings: Settings<'_>,
         monitor: &mut dyn Monitor,
     ) -> Result<Self, AttemptError> {
-        let goal = &settings.params.goal;
         let start = Instant::now();
         let (given, closed) = verify_layers(&outfit);
         let verify_seconds = start.elapsed().as_secs_f64();
         let count = outfit.garments.len();
-        // The garments that those below are pressed in under.
-        let mut tight: BTreeSet<usize> =
-            if goal.tuck == Tuck::Always { (0..count).collect() } else { BTreeSet::new() };
-        let mut above = TightGarments::new(&outfit, &given, &closed, &tight, goal);
-        let mut dressing = Dressing::new(&outfit, &given, &closed[0], settings);
-        let mut index = 0;
-        while index < count {
-            let name = &outfit.garments[index].name;
-            let mut progress = GarmentProgress { monitor, name, index, count };
-            let tucking_helps = goal.tuck == Tuck::IfStuck && !tight.contains(&index);
-            let layer = closed.get(index + 1);
-            match dressing.put_on(index, layer, &above, tucking_helps, &mut progress) {
-                Ok(()) => index += 1,
-                Err(SettleError::Cancelled(cancelled)) => {
-                    return Err(AttemptError::Cancelled(cancelled));
-                }
-                Err(SettleError::Step(error)) => {
-                    return Err(AttemptError::Step(name.clone(), error));
-                }
-                Err(SettleError::Stuck) => {
-                    tracing::debug!(garment = name, "stuck: the layers below are pressed in");
-                    tight.insert(index);
-                    above = TightGarments::new(&outfit, &given, &closed, &tight, goal);
-                    index = (0..index).find(|k| !above.over(*k).is_empty()).unwrap_or(index);
-                    dressing.take_off(index);
-                }
+        let untangled = untangle_garments(&outfit, &given, settings.params, monitor)?;
+        let changed: Vec<bool> = untangled.iter().map(Option::is_some).collect();
+        let mut worked = outfit.clone();
+        for (garment, untangled) in worked.garments.iter_mut().zip(&untangled) {
+            if let Some(Untangled { positions, .. }) = untangled {
+                let mesh = garment.mesh.with_vertices(positions.clone());
+                garment.mesh = mesh.expect("the solver keeps positions finite");
             }
         }
-        let dressed = dressing.dressed;
-        Ok(Self { outfit, given, verify_seconds, dressed, splits: vec![None; count] })
+        let verified = verify_changed(&worked, &changed, given.clone(), closed);
+        let (mut dressed, closed) = dress([&outfit, &worked], &verified, settings, monitor)?;
+        let mut rounds: Vec<usize> =
+            untangled.iter().map(|u| u.as_ref().map_or(0, |u| u.rounds)).collect();
+        if settings.params.goal.own == Own::Remove {
+            let more = untangle_settled(&outfit, &mut dressed, closed, settings.params);
+            rounds.iter_mut().zip(more).for_each(|(rounds, more)| *rounds += more);
+        }
+        let left = |(given, untangled): (&Findings, Option<Untangled>)| match untangled {
+            Some(untangled) => untangled.pairs,
+            None => given.own.clone(),
+        };
+        let left = given.iter().zip(untangled).map(left).collect();
+        let untangled = Untangling { left, rounds };
+        Ok(Self { outfit, given, verify_seconds, untangled, dressed, splits: vec![None; count] })
     }
 
     /// For each garment its own pairs that the input did not have.
@@ -123,14 +131,21 @@ impl Attempt {
         let new = findings.new_own(given).len();
         let unused_rounds =
             (params.effort.rounds + settled.eased.rounds).saturating_sub(settled.rounds);
+        let mut strategies = settled.counts;
+        let left = &self.untangled.left[index];
+        strategies.untangling_rounds = self.untangled.rounds[index];
+        strategies.untangled_own_pairs = given.own.len() - left.len();
+        let removes = params.goal.own == Own::Remove && !findings.own.is_empty();
+        let kept_own_pairs = if removes { kept(&dressed.mesh, left) } else { Vec::new() };
         LayerReport {
             name: self.outfit.garments[index].name.clone(),
             moved: *moved,
             strain: *strain,
             own_pairs: OwnPairs { before: given.own.len(), after: findings.own.len(), new },
+            kept_own_pairs,
             rounds: settled.rounds,
             repairs: settled.repairs,
-            strategies: settled.counts,
+            strategies,
             sweeps: settled.sweeps,
             queries: settled.queries,
             tucked: settled.tucked,
@@ -145,4 +160,69 @@ impl Attempt {
             seconds: *seconds,
         }
     }
+}
+
+/// Puts on the garments of an outfit that untangled is the second one, and returns them with the
+/// layers below the outermost. It is the outfit in which `given` was found,
+/// with its `closed` layers.
+fn dress(
+    [input, outfit]: [&Outfit; 2],
+    (given, closed): &(Vec<Findings>, Vec<Arc<ClosedLayer>>),
+    settings: Settings<'_>,
+    monitor: &mut dyn Monitor,
+) -> Result<(Vec<Dressed>, Vec<Arc<ClosedLayer>>), AttemptError> {
+    let goal = &settings.params.goal;
+    let count = outfit.garments.len();
+    // The garments that those below are pressed in under.
+    let mut tight: BTreeSet<usize> =
+        if goal.tuck == Tuck::Always { (0..count).collect() } else { BTreeSet::new() };
+    let mut above = TightGarments::new(outfit, given, closed, &tight, goal);
+    let mut dressing = Dressing::new([input, outfit], given, &closed[0], settings);
+    let mut index = 0;
+    while index < count {
+        let name = &outfit.garments[index].name;
+        let mut progress = GarmentProgress { monitor, name, index, count };
+        let tucking_helps = goal.tuck == Tuck::IfStuck && !tight.contains(&index);
+        let layer = closed.get(index + 1);
+        match dressing.put_on(index, layer, &above, tucking_helps, &mut progress) {
+            Ok(()) => index += 1,
+            Err(SettleError::Cancelled(cancelled)) => {
+                return Err(AttemptError::Cancelled(cancelled));
+            }
+            Err(SettleError::Step(error)) => {
+                return Err(AttemptError::Step(name.clone(), error));
+            }
+            Err(SettleError::Stuck) => {
+                tracing::debug!(garment = name, "stuck: the layers below are pressed in");
+                tight.insert(index);
+                above = TightGarments::new(outfit, given, closed, &tight, goal);
+                index = (0..index).find(|k| !above.over(*k).is_empty()).unwrap_or(index);
+                dressing.take_off(index);
+            }
+        }
+    }
+    Ok((dressing.dressed, dressing.below))
+}
+
+/// Untangles the garments that intersect themselves, in which `given` was found; `None` for those in
+/// which nothing changes.
+fn untangle_garments(
+    outfit: &Outfit,
+    given: &[Findings],
+    params: &ResolveParams,
+    monitor: &mut dyn Monitor,
+) -> Result<Vec<Option<Untangled>>, AttemptError> {
+    let count = outfit.garments.len();
+    let mut all = Vec::with_capacity(count);
+    for (index, (garment, found)) in outfit.garments.iter().zip(given).enumerate() {
+        if found.own.is_empty() || params.goal.own == Own::Keep {
+            all.push(None);
+            continue;
+        }
+        let mut progress = GarmentProgress { monitor, name: &garment.name, index, count };
+        let report = progress.report(UNTANGLE, 0, Some(found.own.len()));
+        report.map_err(AttemptError::Cancelled)?;
+        all.push(untangle(garment, garment.mesh.vertices(), params, &mut |_| true));
+    }
+    Ok(all)
 }

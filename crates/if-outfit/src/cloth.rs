@@ -26,7 +26,7 @@ const LAST_VISITS: u32 = 3;
 const IN_RANGE: &str = "ResolveParams::validate checks the number of sweeps";
 /// Compliance of the anchor of a vertex next to a held one: a visit moves it a quarter of the way
 /// back.
-const STIFFEST_ANCHOR: Real = 3.0;
+pub(crate) const STIFFEST_ANCHOR: Real = 3.0;
 
 /// The garment as the solver sees it.
 pub(crate) struct Cloth<'a> {
@@ -173,7 +173,11 @@ impl<'a> Cloth<'a> {
 
 /// One substep of [`TIME_STEP`] without inertia. A step that fails is not tried again with a
 /// smaller one, which would be another cloth: its compliances are shares of a violation.
-fn quasi_static(sweeps: u32, contact_visits: u32, final_contact_visits: u32) -> SolverParams {
+pub(crate) fn quasi_static(
+    sweeps: u32,
+    contact_visits: u32,
+    final_contact_visits: u32,
+) -> SolverParams {
     SolverParams {
         time_step: TIME_STEP,
         substeps: 1,
@@ -187,7 +191,7 @@ fn quasi_static(sweeps: u32, contact_visits: u32, final_contact_visits: u32) -> 
 }
 
 /// One step of `solver`; `particles` lends its memory. Returns the largest motion.
-fn step(
+pub(crate) fn step(
     solver: &mut Solver,
     particles: &mut Particles,
     x: &mut Vec<Point>,

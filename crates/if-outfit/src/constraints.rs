@@ -21,7 +21,7 @@ const IN_RANGE: &str = "ResolveParams::validate checks compliances";
 
 /// The constraint groups of a garment alone.
 pub(crate) struct ElasticGroups {
-    /// One for each vertex, to its position in the input.
+    /// One for each vertex, to its position at the start.
     pub(crate) anchors: Attachments,
     bending: Stretch,
     stretch: Vec<Stretch>,
@@ -33,15 +33,27 @@ pub(crate) struct ElasticGroups {
 impl ElasticGroups {
     /// The groups of `mesh`, which `tree` holds.
     pub(crate) fn new(mesh: &TriMesh, tree: &Bvh, edges: &Edges, params: &ClothParams) -> Self {
-        let x = mesh.vertices();
-        let mut ties = Ties::new();
+        let mut groups = Self::without_ties(mesh, mesh.vertices(), edges, params);
         for f in facing_sheets(mesh, tree, params.fold_distance) {
             let share = 0.7 * (1.0 - 0.7 * f.distance / params.fold_distance);
-            ties.push(f.vertex, mesh.triangles()[f.triangle as usize], f.barycentric, share, x);
+            let corners = mesh.triangles()[f.triangle as usize];
+            groups.ties.push(f.vertex, corners, f.barycentric, share, mesh.vertices());
         }
+        groups
+    }
+
+    /// The groups of `mesh` anchored at the positions `start`, without ties: sheets that face each
+    /// other move on their own.
+    pub(crate) fn without_ties(
+        mesh: &TriMesh,
+        start: &[Point],
+        edges: &Edges,
+        params: &ClothParams,
+    ) -> Self {
+        let x = mesh.vertices();
         let mut anchors = Attachments::new();
         anchors.form = LambdaForm::Pbd;
-        for (v, p) in x.iter().enumerate() {
+        for (v, p) in start.iter().enumerate() {
             anchors.push(v as u32, *p, params.anchor_compliance).expect(IN_RANGE);
         }
         let mut bending =
@@ -58,7 +70,7 @@ impl ElasticGroups {
             anchors,
             bending,
             stretch,
-            ties,
+            ties: Ties::new(),
             limit: limit.expect("a limit that was checked"),
             short: FixedOffsets::new(short_edges(edges, x), x),
         }

@@ -21,42 +21,40 @@ pub(crate) struct Dressed {
     /// What was found of it there.
     pub(crate) findings: Findings,
     pub(crate) settled: Settled,
+    /// Against the input.
     pub(crate) moved: Displacement,
     pub(crate) strain: Strain,
+    /// Whether it did not move from where it was before it settled.
+    pub(crate) is_unmoved: bool,
     /// Layers below whose boxes it does not meet.
     pub(crate) layers_apart: usize,
     pub(crate) verify_seconds: Real,
     pub(crate) seconds: Real,
 }
 
-impl Dressed {
-    /// Whether all vertices are where they are in the input.
-    fn is_unmoved(&self) -> bool {
-        self.moved.vertices == 0
-    }
-}
-
 /// The garments put on so far.
 pub(crate) struct Dressing<'a> {
+    /// As given, and with its garments untangled: these settle.
+    input: &'a Outfit,
     outfit: &'a Outfit,
-    /// What was found in the outfit, for each garment.
+    /// What was found in the untangled outfit, for each garment.
     given: &'a [Findings],
     settings: Settings<'a>,
     /// The closed layers put on, the body first.
-    below: Vec<Arc<ClosedLayer>>,
+    pub(crate) below: Vec<Arc<ClosedLayer>>,
     pub(crate) dressed: Vec<Dressed>,
 }
 
 impl<'a> Dressing<'a> {
-    /// The bare body of `outfit`, in which `given` was found.
+    /// The bare body of `input`, which untangled is `outfit`, in which `given` was found.
     pub(crate) fn new(
-        outfit: &'a Outfit,
+        [input, outfit]: [&'a Outfit; 2],
         given: &'a [Findings],
         body: &Arc<ClosedLayer>,
         settings: Settings<'a>,
     ) -> Self {
         let below = vec![Arc::clone(body)];
-        Self { outfit, given, settings, below, dressed: Vec::new() }
+        Self { input, outfit, given, settings, below, dressed: Vec::new() }
     }
 
     /// Takes off the garments from `index` on.
@@ -92,8 +90,9 @@ impl<'a> Dressing<'a> {
         let above = tight.over(index);
         // If no layer below has moved, what was found in the input still holds.
         let found = &self.given[index];
-        let needs_nothing =
-            self.dressed.iter().all(Dressed::is_unmoved) && above.is_empty() && found.is_clean();
+        let needs_nothing = self.dressed.iter().all(|dressed| dressed.is_unmoved)
+            && above.is_empty()
+            && found.is_clean();
         let settled = if needs_nothing {
             Settled::unchanged(garment)
         } else {
@@ -108,9 +107,11 @@ impl<'a> Dressing<'a> {
         let findings = if needs_nothing { found.clone() } else { verify_garment(&mesh, &below) };
         let verify_seconds = if needs_nothing { 0.0 } else { verifying.elapsed().as_secs_f64() };
         let rounds = settled.rounds;
+        let input = &self.input.garments[index].mesh;
         let dressed = Dressed {
-            moved: displacement(garment.mesh.vertices(), mesh.vertices()),
-            strain: strain(&garment.mesh, mesh.vertices()),
+            moved: displacement(input.vertices(), mesh.vertices()),
+            strain: strain(input, mesh.vertices()),
+            is_unmoved: mesh.vertices() == garment.mesh.vertices(),
             mesh,
             findings,
             settled,
@@ -120,7 +121,7 @@ impl<'a> Dressing<'a> {
         };
         if index + 1 < self.outfit.garments.len() {
             let closed = match given {
-                Some(layer) if dressed.is_unmoved() => Arc::clone(layer),
+                Some(layer) if dressed.is_unmoved => Arc::clone(layer),
                 _ => {
                     let body = &self.outfit.body.mesh;
                     Arc::new(ClosedLayer::garment(&dressed.mesh, &self.below[0], body))

@@ -32,6 +32,7 @@ mod settle;
 mod splitting;
 pub mod storage;
 pub mod unresolved;
+mod untangle;
 mod upper_layers;
 pub mod verify;
 mod welded;
@@ -39,7 +40,7 @@ mod workpiece;
 
 pub use build::BUILD;
 pub use outfit::{Layer, Outfit, OutfitError};
-pub use params::{ClothParams, EffortParams, GoalParams, ResolveParams, Split, Tuck};
+pub use params::{ClothParams, EffortParams, GoalParams, Own, ResolveParams, Split, Tuck};
 pub use report::{ResolveReport, Verification};
 pub use resolve::{ResolveError, Resolved, resolve};
 pub use storage::Storage;

@@ -30,6 +30,8 @@ pub struct GoalParams {
     pub tuck_distance: Real,
     /// Whether triangles may be split, as a last resort.
     pub split: Split,
+    /// What happens to intersections of a garment with itself.
+    pub own: Own,
 }
 
 /// How hard the program tries.
@@ -95,7 +97,13 @@ pub struct ClothParams {
 
 impl Default for GoalParams {
     fn default() -> Self {
-        Self { clearance: 0.3e-3, tuck: Tuck::IfStuck, tuck_distance: 0.05, split: Split::Never }
+        Self {
+            clearance: 0.3e-3,
+            tuck: Tuck::IfStuck,
+            tuck_distance: 0.05,
+            split: Split::Never,
+            own: Own::Remove,
+        }
     }
 }
 
@@ -241,6 +249,20 @@ pub enum Split {
     IfLeft,
     /// Also large ones with an edge that would be strained by more than half.
     IfStrained,
+}
+
+/// What happens to the intersections of a garment with itself that the input has.
+///
+/// New ones are removed in any case. Simulators refuse a garment that intersects itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Own {
+    /// They are removed, by moving their neighbourhoods. What cannot be removed stays, and is named
+    /// in the report.
+    #[default]
+    Remove,
+    /// They stay.
+    Keep,
 }
 
 #[cfg(test)]

@@ -5,6 +5,8 @@ use if_core::monitor::{Cancelled, Monitor, Progress};
 
 /// A garment is begun.
 pub(crate) const VERIFY: &str = "verify";
+/// Intersections of the garment with itself are removed.
+pub(crate) const UNTANGLE: &str = "untangle";
 /// Contacts and cloth settle.
 pub(crate) const SETTLE: &str = "settle";
 /// The remaining intersections are repaired.

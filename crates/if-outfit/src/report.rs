@@ -147,11 +147,39 @@ impl OwnPairs {
     }
 }
 
+/// Two intersecting triangles of one garment that were kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct KeptOwnPair {
+    /// The triangles, the smaller index first.
+    pub triangles: [u32; 2],
+    /// Why they were kept.
+    pub reason: KeptReason,
+}
+
+/// Why an intersection of a garment with itself was not removed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum KeptReason {
+    /// The triangles overlap in one plane: sheets that coincide have no sides.
+    Coincident,
+    /// More than two triangles meet at an edge of one of them.
+    NonManifold,
+    /// The contour along which the sheets pass through one another did not vanish in any way tried.
+    Contour,
+    /// The pair was removed, and came back while the garment settled between its layers.
+    Layers,
+}
+
 /// How often each repair strategy changed something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Default)]
 #[serde(default)]
 #[non_exhaustive]
 pub struct RepairCounts {
+    /// Rounds of untangling, in which intersections of the garment with itself are removed.
+    pub untangling_rounds: usize,
+    /// Own pairs of the input that untangling removed before the garment settled over others.
+    pub untangled_own_pairs: usize,
     /// Single vertices that were moved straight out of the layers below.
     pub escaped_vertices: usize,
     /// Vertices that were no longer pressed in below the layers above.
@@ -184,6 +212,9 @@ pub struct LayerReport {
     pub strain: Strain,
     /// Its own intersecting triangle pairs.
     pub own_pairs: OwnPairs,
+    /// The first of those that the result has, and why; empty with [`crate::Own::Keep`].
+    #[serde(default)]
+    pub kept_own_pairs: Vec<KeptOwnPair>,
     /// All rounds: of settling, of repair and of easing.
     pub rounds: usize,
     /// Those of them that repaired what exact verification found, in which the cloth yielded, or

@@ -13,7 +13,7 @@ use if_core::parameter::ParameterError;
 use if_xpbd::report::StepError;
 use std::time::Instant;
 
-pub use crate::params::{ClothParams, EffortParams, GoalParams, ResolveParams, Split, Tuck};
+pub use crate::params::{ClothParams, EffortParams, GoalParams, Own, ResolveParams, Split, Tuck};
 
 /// An outfit free of intersections, and what it took.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,7 +74,8 @@ pub enum ResolveError {
 /// Vertices at the same position along a seam ([`if_mesh::seams`]) move as one, unless triangles
 /// may be split; the report counts them once. Vertices of no triangle stay.
 ///
-/// `monitor` receives the stages `"verify"`, `"settle"`, `"repair"` and `"done"` of each garment.
+/// `monitor` receives the stages `"untangle"`, `"verify"`, `"settle"`, `"repair"` and `"done"` of
+/// each garment.
 /// `done` is the round; the measures are `"garment"` of `"garments"`, counted from 1, and
 /// `"pairs"`, the intersecting triangle pairs that remain.
 ///

@@ -47,27 +47,54 @@ pub(crate) fn verify_layers(outfit: &Outfit) -> (Vec<Findings>, Vec<Arc<ClosedLa
     (outfit.garments.iter().enumerate().map(find).collect(), closed)
 }
 
+/// As [`verify_layers`], if the garments that are not `changed` are those in which `findings` were
+/// made, and the layers that are not `changed` those that were `closed`.
+pub(crate) fn verify_changed(
+    outfit: &Outfit,
+    changed: &[bool],
+    mut findings: Vec<Findings>,
+    mut closed: Vec<Arc<ClosedLayer>>,
+) -> (Vec<Findings>, Vec<Arc<ClosedLayer>>) {
+    let body = Arc::clone(&closed[0]);
+    for (k, layer) in closed.iter_mut().skip(1).enumerate().filter(|(k, _)| changed[*k]) {
+        *layer = Arc::new(ClosedLayer::garment(&outfit.garments[k].mesh, &body, &outfit.body.mesh));
+    }
+    let layers: Vec<&ClosedLayer> = closed.iter().map(Arc::as_ref).collect();
+    for (k, garment) in outfit.garments.iter().enumerate() {
+        if changed[k] {
+            findings[k] = verify_garment(&garment.mesh, &layers[..=k]);
+        } else if changed[..k].contains(&true) {
+            let tree = Bvh::new(&garment.mesh);
+            for j in (0..k).filter(|j| changed[*j]) {
+                findings[k].below[j + 1] = verify_over(&garment.mesh, &tree, layers[j + 1]);
+            }
+        }
+    }
+    (findings, closed)
+}
+
 /// What is found of a garment with this mesh over the layers `below`, the body first.
 pub(crate) fn verify_garment(mesh: &TriMesh, below: &[&ClosedLayer]) -> Findings {
     let tree = Bvh::new(mesh);
+    let below = below.iter().map(|layer| verify_over(mesh, &tree, layer)).collect();
+    Findings { below, own: own_of(mesh, &tree) }
+}
+
+/// What is found of a garment with this mesh, which `tree` holds, over one layer.
+fn verify_over(mesh: &TriMesh, tree: &Bvh, layer: &ClosedLayer) -> LayerFindings {
     let used = mesh.used_vertices();
-    let against = |layer: &&ClosedLayer| {
-        let depths: Vec<Real> = mesh
-            .vertices()
-            .par_iter()
-            .zip(&used)
-            .filter(|(_, used)| **used)
-            .filter_map(|(p, _)| {
-                layer.sided(p, 0.0).filter(|s| s.distance < 0.0).map(|s| -s.distance)
-            })
-            .collect();
-        LayerFindings {
-            pairs: pairs(layer.bvh(), &tree),
-            inside: depths.len(),
-            deepest: depths.iter().copied().fold(0.0, Real::max),
-        }
-    };
-    Findings { below: below.iter().map(against).collect(), own: own_of(mesh, &tree) }
+    let depths: Vec<Real> = mesh
+        .vertices()
+        .par_iter()
+        .zip(&used)
+        .filter(|(_, used)| **used)
+        .filter_map(|(p, _)| layer.sided(p, 0.0).filter(|s| s.distance < 0.0).map(|s| -s.distance))
+        .collect();
+    LayerFindings {
+        pairs: pairs(layer.bvh(), tree),
+        inside: depths.len(),
+        deepest: depths.iter().copied().fold(0.0, Real::max),
+    }
 }
 
 /// The own pairs of a garment with the vertices of `given` and of `now`, and those that are new.

@@ -94,6 +94,33 @@ impl Separations {
         }
         true
     }
+
+    /// Brings triangle `t` to the side of triangle `s` that the unit vector `normal` points to, `gap`
+    /// metres apart: each pair of corners by at most `step` metres beyond its height in `now`. For
+    /// triangles that intersect, where [`Separations::push`] has no side to keep. With a common
+    /// corner the others are kept on their sides of it.
+    pub fn push_along(
+        &mut self,
+        [s, t]: [[u32; 3]; 2],
+        normal: Vector,
+        gap: Real,
+        step: Real,
+        now: &[Point],
+    ) {
+        for a in s {
+            for b in t {
+                // The other corners of a fan may lie in one plane with the common one.
+                let is_fan = s.contains(&b) || t.contains(&a);
+                let height = normal.dot(&(now[b as usize] - now[a as usize]));
+                if a != b {
+                    self.below.push(a);
+                    self.above.push(b);
+                    self.normals.push(normal);
+                    self.gaps.push((if is_fan { 0.0 } else { gap }).min(height + step));
+                }
+            }
+        }
+    }
 }
 
 impl Constraint for Separations {
@@ -179,6 +206,28 @@ mod tests {
         let top = x[..3].iter().map(|p| p.z).fold(Real::NEG_INFINITY, Real::max);
         let bottom = x[3..].iter().map(|p| p.z).fold(Real::INFINITY, Real::min);
         assert!(bottom - top > 0.0099, "{}", bottom - top);
+    }
+
+    #[test]
+    fn triangles_that_intersect_part_along_the_direction_given_step_by_step() {
+        let mut x = two(-0.05);
+        x[4].z = 0.2;
+        let mut rounds = 0;
+        while x[3..].iter().any(|p| p.z < x[0].z + 0.0099) {
+            let mut group = Separations::new();
+            group.push_along([[0, 1, 2], [3, 4, 5]], Vector::z(), 0.01, 0.02, &x);
+            assert_eq!(group.len(), 9);
+            for _ in 0..50 {
+                group.project(&mut x, &[1.0; 6], 1.0);
+            }
+            rounds += 1;
+            assert!(rounds < 9);
+        }
+        assert!(rounds >= 3, "{rounds}");
+        // Of two neighbours the common corner keeps out of it.
+        let mut fan = Separations::new();
+        fan.push_along([[0, 1, 2], [0, 3, 4]], Vector::z(), 0.01, 1.0, &x);
+        assert_eq!((fan.len(), fan.gaps.iter().filter(|gap| **gap == 0.0).count()), (8, 4));
     }
 
     #[test]

@@ -1,0 +1,283 @@
+//! Untangling: intersections of a garment with itself are removed before it settles over others.
+//!
+//! ```text
+//! for neighbourhoods of growing size
+//!     find the contours along which sheets pass through one another            contours.rs
+//!     for each group of contours whose neighbourhoods overlap                  patch.rs
+//!         for the way apart that the contours suggest, then for others
+//!             repeat: planes that separate the pairs along the way; cloth; verify exactly
+//!             until no pair is left; then the cloth relaxes, held apart
+//!         keep the result if the garment has no pair that it did not have, and fewer
+//! after all garments have settled, once more for pairs that are left           settled.rs
+//! ```
+//!
+//! The cloth's lengths at rest are those of the input, and only the neighbourhood of pairs moves.
+
+mod contours;
+mod kept;
+mod patch;
+mod settled;
+
+pub(crate) use kept::kept;
+pub(crate) use settled::untangle_settled;
+
+use crate::findings::new_pairs;
+use crate::geodesic::Neighbours;
+use crate::outfit::Layer;
+use crate::params::ResolveParams;
+use contours::{Contour, Way};
+use if_core::edges::Edges;
+use if_core::math::{Point, Real};
+use if_core::mesh::TriMesh;
+use if_mesh::index::Bvh;
+use if_mesh::intersections::own_pairs;
+use patch::{Outcome, Patch};
+use std::collections::BTreeSet;
+
+/// Neighbourhoods that are tried one after another, relative to `repair_influence`.
+const REACHES: [Real; 3] = [1.0, 2.0, 3.0];
+/// Maximum number of ways that are tried for a group of contours, beside one for each contour.
+const TRIES: usize = 12;
+/// Maximum work for a garment, in rounds times free vertices: bounds the time for garments that are
+/// tangled all over, some seconds. The garments of the test data take less than a tenth of it.
+const WORK: usize = 1_500_000;
+/// Other ways that are tried for each contour of a patch that is clean, but strained.
+const OTHERS: usize = 3;
+/// Largest share of a garment that counts as cut off by a contour.
+const CUT_OFF: Real = 0.1;
+
+/// A garment with fewer own pairs.
+pub(crate) struct Untangled {
+    /// As they are stored.
+    pub(crate) positions: Vec<Point>,
+    /// Own pairs that are left, sorted.
+    pub(crate) pairs: Vec<[u32; 2]>,
+    /// Rounds made.
+    pub(crate) rounds: usize,
+}
+
+/// Removes own pairs of `garment` with its vertices at `start`, which are rounded to its storage.
+/// `None` if no state was found that has fewer pairs, none of them new, and that is `accepted`.
+pub(crate) fn untangle(
+    garment: &Layer,
+    start: &[Point],
+    params: &ResolveParams,
+    accepted: &mut dyn FnMut(&[Point]) -> bool,
+) -> Option<Untangled> {
+    let rest = &garment.mesh;
+    let edges = Edges::new(rest);
+    let neighbours = Neighbours::new(&edges, rest.vertices());
+    let mut mesh = rest.with_vertices(start.to_vec()).ok()?;
+    let mut tree = Bvh::new(&mesh);
+    let mut pairs = own(&mesh, &tree);
+    let (given, mut rounds, mut work) = (pairs.len(), 0, WORK);
+    for reach in REACHES.map(|r| r * params.effort.repair_influence) {
+        if pairs.is_empty() {
+            break;
+        }
+        let contours = Contour::all(&mesh, &edges, &pairs);
+        for sources in groups(&mesh, &contours, &neighbours, reach) {
+            if work == 0 {
+                break;
+            }
+            let near = (&neighbours, &tree);
+            let patch = Patch::new(garment, mesh.vertices(), &sources, reach, near, params);
+            let outcome = best_way(&patch, &patch.positions(mesh.vertices()), &mut work);
+            rounds += outcome.rounds;
+            let mut x = mesh.vertices().to_vec();
+            patch.write(&outcome.positions, &mut x);
+            let next = mesh.with_vertices(x).expect("the solver keeps positions finite");
+            tree.refit(next.vertices());
+            let left = own(&next, &tree);
+            let is_better = left.len() < pairs.len() && new_pairs(&left, &pairs).is_empty();
+            if is_better && accepted(next.vertices()) {
+                (mesh, pairs) = (next, left);
+            }
+            tree.refit(mesh.vertices());
+        }
+    }
+    tracing::debug!(garment = garment.name, given, left = pairs.len(), rounds, work, "untangled");
+    let positions = mesh.vertices().to_vec();
+    (pairs.len() < given).then_some(Untangled { positions, pairs, rounds })
+}
+
+/// The vertices of contours whose neighbourhoods overlap, group by group.
+fn groups(
+    mesh: &TriMesh,
+    contours: &[Contour],
+    neighbours: &Neighbours,
+    reach: Real,
+) -> Vec<BTreeSet<u32>> {
+    let mut groups: Vec<(BTreeSet<u32>, BTreeSet<u32>)> = Vec::new();
+    for contour in contours {
+        let mut sources: BTreeSet<u32> =
+            contour.vertices(mesh.triangles()).into_iter().flatten().collect();
+        if (contour.cut_off.len() as Real) < CUT_OFF * mesh.vertices().len() as Real {
+            sources.extend(&contour.cut_off);
+        }
+        let far = neighbours.distances(sources.iter().copied(), reach);
+        let mut near: BTreeSet<u32> =
+            (0..far.len() as u32).filter(|v| far[*v as usize].is_finite()).collect();
+        let (joined, apart): (Vec<_>, Vec<_>) =
+            groups.into_iter().partition(|(_, other)| !other.is_disjoint(&near));
+        for (others, around) in joined {
+            sources.extend(others);
+            near.extend(around);
+        }
+        groups = apart;
+        groups.push((sources, near));
+    }
+    groups.into_iter().map(|(sources, _)| sources).collect()
+}
+
+/// Tries ways apart for the contours of `patch` until no pair is left or `work` is used up, and
+/// returns the best outcome.
+fn best_way(patch: &Patch<'_>, start: &[Point], work: &mut usize) -> Outcome {
+    let all: Vec<Vec<Way>> = patch.contours.iter().map(Contour::ways).collect();
+    let mut chosen = vec![0; all.len()];
+    let mut next = vec![1; all.len()];
+    let ways = |chosen: &[usize]| -> Vec<Way> {
+        all.iter().zip(chosen).map(|(ways, k)| ways[*k]).collect()
+    };
+    let mut best = patch.separate(start, &ways(&chosen));
+    let mut rounds = best.rounds;
+    let mut pay = |rounds: usize| {
+        *work = work.saturating_sub(rounds * patch.free_count());
+        *work > 0
+    };
+    let mut may_go_on = pay(rounds);
+    for _ in 0..TRIES + all.len() {
+        let left = patch.remaining(&best.pairs);
+        let open = (0..all.len()).filter(|k| left[*k] > 0 && next[*k] < all[*k].len());
+        let worst = open.max_by_key(|k| (left[*k], usize::MAX - next[*k]));
+        // A clean patch that is strained may be less so if a contour is left another way.
+        let is_strained = best.pairs.is_empty() && best.largest > patch.tolerable_strain();
+        let other = (0..all.len()).filter(|k| is_strained && next[*k] <= OTHERS);
+        let Some(k) = worst.or(other.min_by_key(|k| next[*k])).filter(|_| may_go_on) else {
+            break;
+        };
+        let mut other = chosen.clone();
+        other[k] = next[k];
+        next[k] += 1;
+        let outcome = patch.separate(start, &ways(&other));
+        rounds += outcome.rounds;
+        may_go_on = pay(outcome.rounds);
+        if outcome.rank() < best.rank() {
+            (best, chosen) = (outcome, other);
+        }
+    }
+    Outcome { rounds, ..best }
+}
+
+/// The own pairs of `mesh`, which `tree` holds, sorted.
+fn own(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
+    own_pairs(mesh, tree).iter().map(|p| [p.a, p.b]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_mesh::measure::displacement;
+
+    /// A square sheet of 0.2 m with `n` cells a side, at the heights `z`.
+    fn sheet(n: u32, z: impl Fn(f64, f64) -> f64) -> TriMesh {
+        let at = |k: u32| 0.2 * f64::from(k) / f64::from(n) - 0.1;
+        let vertices = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j)));
+        let vertices = vertices.map(|(i, j)| Point::new(at(i), at(j), z(at(i), at(j)))).collect();
+        let cells = (0..n).flat_map(|j| (0..n).map(move |i| j * (n + 1) + i));
+        let triangles = cells.flat_map(|a| [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]);
+        TriMesh::new(vertices, triangles.collect()).unwrap()
+    }
+
+    fn moved_by(mesh: &TriMesh, [x, y]: [f64; 2]) -> TriMesh {
+        let moved = mesh.vertices().iter().map(|p| Point::new(p.x + x, p.y + y, p.z));
+        mesh.with_vertices(moved.collect()).unwrap()
+    }
+
+    fn joined(a: &TriMesh, b: &TriMesh) -> Layer {
+        let n = a.vertices().len() as u32;
+        let more = b.triangles().iter().map(|t| t.map(|v| v + n));
+        let triangles = a.triangles().iter().copied().chain(more).collect();
+        let vertices = [a.vertices(), b.vertices()].concat();
+        Layer::new("shirt", TriMesh::new(vertices, triangles).unwrap())
+    }
+
+    fn pairs_of(mesh: &TriMesh) -> Vec<[u32; 2]> {
+        own(mesh, &Bvh::new(mesh))
+    }
+
+    /// Untangles `layer`, in which something must intersect, and returns what is left.
+    fn untangled(layer: &Layer) -> Untangled {
+        assert!(!pairs_of(&layer.mesh).is_empty());
+        let params = ResolveParams::default();
+        let found = untangle(layer, layer.mesh.vertices(), &params, &mut |_| true).unwrap();
+        let mesh = layer.mesh.with_vertices(found.positions.clone()).unwrap();
+        assert_eq!(found.pairs, pairs_of(&mesh));
+        found
+    }
+
+    #[test]
+    fn a_bump_that_pokes_through_a_sheet_goes_back_and_what_is_far_stays() {
+        let bump = |x: f64, y: f64| 0.012 * (-(x * x + y * y) / 5e-4).exp() - 0.004;
+        let (flat, poking) = (sheet(24, |_, _| 0.0), sheet(23, bump));
+        let layer = joined(&flat, &poking);
+        let edges = Edges::new(&layer.mesh);
+        let contours = Contour::all(&layer.mesh, &edges, &pairs_of(&layer.mesh));
+        // The bump is cut off, below the sheet is its place; and so is the disc of the sheet.
+        assert_eq!(contours.len(), 1);
+        assert!(contours[0].cut_off.len() > 4 && contours[0].ways()[0].iter().all(|w| *w != 0));
+        let found = untangled(&layer);
+        assert!(found.pairs.is_empty() && found.rounds > 0);
+        let moved = displacement(layer.mesh.vertices(), &found.positions);
+        assert!(moved.max > 3e-3 && moved.max < 12e-3, "{moved:?}");
+        let far = |p: &&Point| p.coords.xy().norm() > 0.09;
+        let both = layer.mesh.vertices().iter().zip(&found.positions).filter(|(p, _)| far(p));
+        assert!(both.map(|(p, q)| assert_eq!(p, q)).count() > 150);
+        // The bump ends below the sheet again.
+        let n = flat.vertices().len();
+        let top = |x: &[Point]| x.iter().map(|p| p.z).fold(Real::NEG_INFINITY, Real::max);
+        assert!(top(&found.positions[n..]) < top(&found.positions[..n]));
+    }
+
+    #[test]
+    fn a_contour_that_cuts_nothing_off_leaves_another_way() {
+        // The contour runs from the border of a sheet to that of the other.
+        let hanging = |x: f64, _: f64| 0.15 * (x + 0.055);
+        let low = sheet(14, |_, _| 0.0);
+        let high = moved_by(&sheet(13, hanging), [0.11, 0.08]);
+        let layer = joined(&low, &high);
+        let edges = Edges::new(&layer.mesh);
+        let contours = Contour::all(&layer.mesh, &edges, &pairs_of(&layer.mesh));
+        assert!(contours.len() == 1 && contours[0].cut_off.is_empty(), "{contours:?}");
+        assert!(untangled(&layer).pairs.is_empty());
+    }
+
+    #[test]
+    fn a_fold_that_passes_through_itself_opens() {
+        // The legs of a fold cross near its turn, like an α.
+        let alpha = |p: &Point| {
+            let (u, v) = (p.x / 0.1, p.y / 0.1);
+            let tight = (1.0 - v * v).max(0.0);
+            let x = 0.05 * (u * u * u - (0.35 * tight - 0.12) * u);
+            Point::new(x, p.y, 0.06 * u * u)
+        };
+        let flat = sheet(20, |_, _| 0.0);
+        let fold = flat.with_vertices(flat.vertices().iter().map(alpha).collect()).unwrap();
+        let layer = Layer::new("strip", fold);
+        assert!(untangled(&layer).pairs.is_empty());
+    }
+
+    #[test]
+    fn a_state_that_is_not_accepted_is_not_returned() {
+        let layer = joined(&sheet(10, |_, _| 0.0), &sheet(9, |x, _| 0.1 * x - 0.007));
+        let params = ResolveParams::default();
+        let start = layer.mesh.vertices();
+        let mut asked = 0;
+        let found = untangle(&layer, start, &params, &mut |_| {
+            asked += 1;
+            false
+        });
+        assert!(found.is_none() && asked > 0);
+        assert!(untangled(&layer).pairs.is_empty());
+    }
+}

@@ -1,0 +1,71 @@
+//! Own pairs of settled garments: what is left, or came back while a garment settled over others,
+//! gets another try in which every accepted state is as clean between layers as before.
+
+use super::untangle;
+use crate::dressing::Dressed;
+use crate::findings::Findings;
+use crate::outfit::Outfit;
+use crate::params::ResolveParams;
+use crate::verify::{verify_changed, verify_garment};
+use if_core::math::Point;
+use if_mesh::measure::{displacement, strain};
+use if_mesh::solid::ClosedLayer;
+use std::sync::Arc;
+
+/// Untangles the settled garments of `input` that intersect themselves. `closed` are their closed
+/// layers, the body first. Returns for each garment the rounds made.
+pub(crate) fn untangle_settled(
+    input: &Outfit,
+    dressed: &mut [Dressed],
+    mut closed: Vec<Arc<ClosedLayer>>,
+    params: &ResolveParams,
+) -> Vec<usize> {
+    let mut rounds = vec![0; dressed.len()];
+    for index in 0..dressed.len() {
+        if dressed[index].findings.own.is_empty() {
+            continue;
+        }
+        let mut outfit = input.clone();
+        for (garment, dressed) in outfit.garments.iter_mut().zip(dressed.iter()) {
+            garment.mesh = dressed.mesh.clone();
+        }
+        let findings: Vec<Findings> = dressed.iter().map(|d| d.findings.clone()).collect();
+        let mut changed = vec![false; dressed.len()];
+        changed[index] = true;
+        let faults = |findings: &[Findings]| -> usize {
+            findings.iter().flat_map(|f| &f.below).map(|l| l.pairs.len() + l.inside).sum()
+        };
+        let most = faults(&findings);
+        let mut found = None;
+        let mut is_as_clean = |x: &[Point]| {
+            let mesh = dressed[index].mesh.with_vertices(x.to_vec());
+            let mesh = mesh.expect("the solver keeps positions finite");
+            // Most of what fails does so here, without a new closed layer.
+            let below: Vec<&ClosedLayer> = closed[..=index].iter().map(Arc::as_ref).collect();
+            if faults(&[verify_garment(&mesh, &below)]) > faults(&findings[index..=index]) {
+                return false;
+            }
+            outfit.garments[index].mesh = mesh;
+            let now = verify_changed(&outfit, &changed, findings.clone(), closed.clone());
+            let is_as_clean = faults(&now.0) <= most;
+            if is_as_clean {
+                found = Some(now);
+            }
+            is_as_clean
+        };
+        let start = dressed[index].mesh.vertices().to_vec();
+        let result = untangle(&input.garments[index], &start, params, &mut is_as_clean);
+        if let (Some(untangled), Some((findings, layers))) = (result, found) {
+            closed = layers;
+            for (dressed, findings) in dressed.iter_mut().zip(findings) {
+                dressed.findings = findings;
+            }
+            rounds[index] = untangled.rounds;
+            let (rest, of) = (&input.garments[index].mesh, &mut dressed[index]);
+            of.mesh = rest.with_vertices(untangled.positions).expect("positions of a mesh");
+            of.moved = displacement(rest.vertices(), of.mesh.vertices());
+            of.strain = strain(rest, of.mesh.vertices());
+        }
+    }
+    rounds
+}
