@@ -1,7 +1,8 @@
 //! `ifg check`: verifies outfits and changes nothing.
 
 use crate::cancel;
-use crate::end::End;
+use crate::end::{End, NotEverywhere};
+use crate::errors;
 use crate::inputs::{InputArgs, ParamArgs};
 use crate::load;
 use crate::outfit_file::{OutfitSpec, SpecError, outfits};
@@ -23,14 +24,15 @@ pub(crate) struct CheckArgs {
 /// Runs the command. Errors of one outfit are shown, and do not stop the others.
 pub(crate) fn run(args: &CheckArgs) -> Result<End, Report> {
     let specs = outfits(&args.input, &ParamArgs::default());
-    let (n, json) = (specs.len(), args.input.json);
+    let n = specs.len();
+    let (json, strict) = (args.input.json, args.input.strict);
     let mut worst = End::Clean;
     for (k, spec) in specs.into_iter().enumerate() {
         if cancel::is_requested() {
             return Ok(End::Cancelled);
         }
         let file = args.input.files[k].display().to_string();
-        let end = match one(spec, (k, n), json) {
+        let end = match one(spec, (k, n), json, strict) {
             Ok(end) => end,
             Err(error) => report_output::failure(
                 &file,
@@ -48,6 +50,7 @@ fn one(
     spec: Result<OutfitSpec, SpecError>,
     (k, n): (usize, usize),
     json: bool,
+    strict: bool,
 ) -> Result<End, Report> {
     let start = Instant::now();
     let spec = spec?;
@@ -57,11 +60,10 @@ fn one(
     line.message("verifying");
     let found = files.verify().into_diagnostic()?;
     drop(line);
-    let clean = found.is_clean();
-    let verdict = if clean { "clean" } else { "not clean" };
+    let state = found.cleanness();
     if json {
         print_json(
-            &json!({"outfit": spec.name, "state": verdict, "notes": files.notes(), "report": found}),
+            &json!({"outfit": spec.name, "state": state, "notes": files.notes(), "report": found}),
         )?;
     } else {
         let garments: Vec<String> = spec.garments.iter().map(|l| l.name.clone()).collect();
@@ -72,9 +74,13 @@ fn one(
             (table::count(found.total_pairs()), table::count(found.total_inside()));
         let seconds = start.elapsed().as_secs_f64();
         text += &format!(
-            "{pairs} intersecting pairs, {inside} vertices inside: {verdict}, {seconds:.2} s\n"
+            "{pairs} intersecting pairs, {inside} vertices inside: {state}, {seconds:.2} s\n"
         );
         print(&text)?;
     }
-    Ok(if clean { End::Clean } else { End::NotClean })
+    let names = spec.layers().map(|layer| layer.name.as_str());
+    if let Some(own) = NotEverywhere::of(&spec.name, names, &found, strict) {
+        errors::show(&own.into());
+    }
+    Ok(End::of(state, strict))
 }

@@ -8,7 +8,7 @@ use miette::Report;
 const EXIT_CODES: &str = "\
 Exit codes:
   0    clean: no intersecting triangle pairs, no vertex on a wrong side, and after `fix` no new
-       intersection of a garment with itself
+       intersection of a garment with itself; with --strict no intersection at all
   1    not clean: `check` found intersections, `fix`, `demo` and `wardrobe` could not remove all of
        them, or `fit` did not reach its --accuracy or diverged
   2    unusable: arguments, an input, or the output folder; the message names file and cause

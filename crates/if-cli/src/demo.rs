@@ -72,7 +72,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<End, Report> {
         &spec,
         &args.out,
         outcome,
-        if args.json { Style::Json } else { Style::Tables },
+        (if args.json { Style::Json } else { Style::Tables }, false),
     )
 }
 

@@ -65,7 +65,7 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
             let line = Line::new(&spec.name, k, n);
             let outcome = resolve_outfit::run(&spec, out, options, &line)?;
             drop(line);
-            report_output::outcome(&spec, out, outcome, style)
+            report_output::outcome(&spec, out, outcome, (style, args.input.strict))
         });
         ends.push(match one {
             Ok(end) => end,

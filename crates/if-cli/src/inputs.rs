@@ -18,6 +18,10 @@ pub(crate) struct InputArgs {
     /// keep the units of the input.
     #[arg(long, value_name = "FACTOR", value_parser = positive)]
     pub(crate) scale: Option<f64>,
+    /// Exit with 0 only if the outfit is clean everywhere: body and garments must not intersect
+    /// themselves either.
+    #[arg(long)]
+    pub(crate) strict: bool,
     /// Print reports as JSON on stdout, one line an outfit, and no tables.
     #[arg(long)]
     pub(crate) json: bool,

@@ -5,9 +5,9 @@
 use crate::file_record::{InputFile, OutputFile};
 use crate::outfit_file::{LayerSpec, OutfitSpec};
 use if_mesh::file::MeshFile;
-use if_outfit::BUILD;
 use if_outfit::content::{content, of_file};
 use if_outfit::report::ResolveReport;
+use if_outfit::{BUILD, Cleanness};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -15,9 +15,6 @@ use std::path::Path;
 
 /// The name of the file.
 pub(crate) const FILE: &str = "receipt.json";
-
-/// The state of an outfit without intersections.
-pub(crate) const CLEAN: &str = "clean";
 
 /// Everything that decides the result. Equal requests have equal results.
 #[derive(Clone, Debug, Serialize)]
@@ -59,11 +56,12 @@ impl Request {
         Self { tool: tool(), params: json!(spec.params), scale: spec.scale, inputs }
     }
 
-    /// Whether `out` holds a receipt of this very request that ended clean, with all of `outputs`
-    /// as it says.
-    pub(crate) fn is_finished(&self, out: &Path, outputs: &[String]) -> bool {
-        let Some(receipt) = read(&out.join(FILE)) else { return false };
-        let Some(request) = reread(self) else { return false };
+    /// The state in which this very request ended clean, if `out` holds its receipt, with all of
+    /// `outputs` as it says.
+    pub(crate) fn finished(&self, out: &Path, outputs: &[String]) -> Option<Cleanness> {
+        let receipt = read(&out.join(FILE))?;
+        let request = reread(self)?;
+        let state = serde_json::from_value(receipt["state"].clone()).ok()?;
         let same = ["tool", "params", "scale", "inputs"]
             .iter()
             .all(|key| receipt.get(key) == request.get(key));
@@ -73,14 +71,16 @@ impl Request {
             found.is_some_and(|c| output["sha256"] == json!(c.sha256))
         };
         let all_there = outputs.iter().all(|name| written.iter().any(|o| o["file"] == json!(name)));
-        same && receipt["state"] == json!(CLEAN) && all_there && written.iter().all(intact)
+        let is_finished =
+            same && state != Cleanness::NotClean && all_there && written.iter().all(intact);
+        is_finished.then_some(state)
     }
 }
 
 /// What a receipt holds.
 pub(crate) struct Receipt<'a> {
     pub(crate) outfit: &'a str,
-    pub(crate) state: &'a str,
+    pub(crate) state: Cleanness,
     pub(crate) request: &'a Request,
     pub(crate) outputs: &'a [OutputFile],
     pub(crate) notes: &'a [String],
@@ -184,7 +184,7 @@ mod tests {
         let request = of_build(BUILD);
         let receipt = Receipt {
             outfit: "o",
-            state: CLEAN,
+            state: Cleanness::Everywhere,
             request: &request,
             outputs: &[],
             notes: &[],
@@ -192,8 +192,8 @@ mod tests {
             timings: &Timings::default(),
         };
         std::fs::write(out.path().join(FILE), receipt.text().unwrap()).unwrap();
-        assert!(request.is_finished(out.path(), &[]));
-        assert!(!of_build("0.1.0+0").is_finished(out.path(), &[]));
+        assert_eq!(request.finished(out.path(), &[]), Some(Cleanness::Everywhere));
+        assert_eq!(of_build("0.1.0+0").finished(out.path(), &[]), None);
     }
 
     #[test]
@@ -205,7 +205,7 @@ mod tests {
             let timings = Timings { read: seconds, ..Default::default() };
             let receipt = Receipt {
                 outfit: "o",
-                state: CLEAN,
+                state: Cleanness::Everywhere,
                 request: &request,
                 outputs: &[],
                 notes: &[],

@@ -1,7 +1,7 @@
 //! Reports how an outfit ended: tables for people, one line of a batch, or JSON.
 
 use crate::cancel;
-use crate::end::End;
+use crate::end::{End, NotEverywhere};
 use crate::errors::{self, ErrorJson};
 use crate::file_record::OutputFile;
 use crate::outfit_file::OutfitSpec;
@@ -29,7 +29,7 @@ pub(crate) fn outcome(
     spec: &OutfitSpec,
     out: &Path,
     outcome: Outcome,
-    style: Style,
+    (style, strict): (Style, bool),
 ) -> Result<End, Report> {
     if style == Style::Json {
         print_outcome_json(&spec.name, out, &outcome)?;
@@ -38,14 +38,14 @@ pub(crate) fn outcome(
         Outcome::Cancelled => {
             return Ok(cancel::end(&spec.name));
         }
-        Outcome::Finished => {
+        Outcome::Finished(state) => {
             if style != Style::Json {
                 print(&format!(
-                    "{}: finished before, skipped (--again does it again)\n",
+                    "{}: finished before, {state}, skipped (--again does it again)\n",
                     spec.name
                 ))?;
             }
-            return Ok(End::Clean);
+            return Ok(End::of(state, strict));
         }
         Outcome::Resolved(done) => done,
     };
@@ -54,9 +54,13 @@ pub(crate) fn outcome(
         Style::Line => print(&in_one_line(&spec.name, out, &done))?,
         Style::Tables => print(&in_tables(spec, out, &done))?,
     }
-    let end = done.end();
+    let end = End::of(done.state(), strict);
+    let names = spec.layers().map(|layer| layer.name.as_str());
+    let own = NotEverywhere::of(&spec.name, names, &done.report.after, strict);
     if let Some(unresolved) = done.unresolved {
         errors::show(&unresolved.into());
+    } else if let Some(own) = own {
+        errors::show(&own.into());
     }
     Ok(end)
 }
@@ -91,8 +95,9 @@ fn in_tables(spec: &OutfitSpec, out: &Path, done: &Done) -> String {
         skipped,
         note_lines(&done.notes),
         format!(
-            "{}, {:.2} s\n",
+            "{}: {}, {:.2} s\n",
             table::totals(&done.report.before, &done.report.after),
+            done.state(),
             done.seconds
         ),
         written,
@@ -111,7 +116,8 @@ fn in_one_line(name: &str, out: &Path, done: &Done) -> String {
         if done.outputs.is_empty() { "nothing written".into() } else { out.display().to_string() };
     let totals = table::totals(&done.report.before, &done.report.after);
     let line = format!(
-        "{name}: {totals}, moved at most {:.1} mm, {:.2} s, {written}\n",
+        "{name}: {totals}: {}, moved at most {:.1} mm, {:.2} s, {written}\n",
+        done.state(),
         moved * 1e3,
         done.seconds
     );
@@ -120,9 +126,9 @@ fn in_one_line(name: &str, out: &Path, done: &Done) -> String {
 
 fn print_outcome_json(name: &str, out: &Path, outcome: &Outcome) -> Result<(), Report> {
     let (state, done) = match outcome {
-        Outcome::Cancelled => ("cancelled", None),
-        Outcome::Finished => ("finished", None),
-        Outcome::Resolved(done) => (done.state(), Some(done)),
+        Outcome::Cancelled => (json!("cancelled"), None),
+        Outcome::Finished(_) => (json!("finished"), None),
+        Outcome::Resolved(done) => (json!(done.state()), Some(done)),
     };
     print_json(&json!({
         "outfit": name,

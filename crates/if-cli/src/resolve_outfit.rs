@@ -2,7 +2,6 @@
 
 use crate::cancel;
 use crate::companions::Companions;
-use crate::end::End;
 use crate::file_record::OutputFile;
 use crate::load::{self, LoadError};
 use crate::outfit_file::OutfitSpec;
@@ -11,6 +10,7 @@ use crate::pictures;
 use crate::progress::Line;
 use crate::receipt::{self, Receipt, Request, Timings};
 use crate::staging::{OutputError, Staging};
+use if_outfit::Cleanness;
 use if_outfit::files::FilesError;
 use if_outfit::outfit::Outfit;
 use if_outfit::report::ResolveReport;
@@ -35,8 +35,8 @@ pub(crate) struct Options {
 
 /// How it went.
 pub(crate) enum Outcome {
-    /// It was resolved before, and nothing has changed since.
-    Finished,
+    /// It was resolved before to this state, and nothing has changed since.
+    Finished(Cleanness),
     /// The user cancelled.
     Cancelled,
     /// It was resolved, as far as possible.
@@ -58,12 +58,8 @@ pub(crate) struct Done {
 
 impl Done {
     /// The state in receipts and JSON.
-    pub(crate) fn state(&self) -> &'static str {
-        if self.unresolved.is_none() { receipt::CLEAN } else { "remaining" }
-    }
-
-    pub(crate) fn end(&self) -> End {
-        if self.unresolved.is_none() { End::Clean } else { End::NotClean }
+    pub(crate) fn state(&self) -> Cleanness {
+        if self.unresolved.is_none() { self.report.cleanness() } else { Cleanness::NotClean }
     }
 }
 
@@ -107,8 +103,8 @@ pub(crate) fn run(
     let files = load::load(spec)?;
     let companions = Companions::find(spec, files.files(), &names)?;
     let request = Request::new(spec, files.files(), companions.inputs());
-    if options.resume && request.is_finished(out, &names) {
-        return Ok(Outcome::Finished);
+    if let Some(state) = request.finished(out, &names).filter(|_| options.resume) {
+        return Ok(Outcome::Finished(state));
     }
     let staging = Staging::open(out)?;
     let mut timings = Timings { read: start.elapsed().as_secs_f64(), ..Default::default() };

@@ -230,13 +230,14 @@ pub(crate) fn checked(found: &Verification, garments: &[String], colour: bool) -
             Cell::new(millimetres(pair.deepest)),
         ]);
     }
-    let mut own = new_table(&["garment", "own pairs"], 1, colour);
+    let mut own = new_table(&["layer", "own pairs"], 1, colour);
+    own.add_row(vec![Cell::new("body"), Cell::new(count(found.body_own_pairs))]);
     for (name, pairs) in garments.iter().zip(&found.own_pairs) {
         own.add_row(vec![Cell::new(name), Cell::new(count(*pairs))]);
     }
     let mut text = String::new();
     section(&mut text, "Layers against those below them", &table);
-    section(&mut text, "Garments against themselves (not judged)", &own);
+    section(&mut text, "Layers against themselves (judged with --strict)", &own);
     text
 }
 

@@ -120,7 +120,8 @@ impl Attempt {
     pub(crate) fn report(&self, before: Verification, params: &ResolveParams) -> ResolveReport {
         let findings = self.dressed.iter().map(|dressed| &dressed.findings);
         let seconds = self.dressed.iter().map(|dressed| dressed.verify_seconds).sum();
-        let after = Verification::new(&self.outfit, findings, seconds);
+        // The body does not move.
+        let after = Verification::new(&self.outfit, before.body_own_pairs, findings, seconds);
         let layers = (0..self.dressed.len()).map(|k| self.layer_report(k, params)).collect();
         ResolveReport { before, after, layers, seconds: 0.0 }
     }

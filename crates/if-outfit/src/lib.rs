@@ -10,6 +10,7 @@
 
 mod attempt;
 mod build;
+pub mod cleanness;
 mod cloth;
 mod constraints;
 mod contact_groups;
@@ -39,6 +40,7 @@ mod welded;
 mod workpiece;
 
 pub use build::BUILD;
+pub use cleanness::Cleanness;
 pub use outfit::{Layer, Outfit, OutfitError};
 pub use params::{ClothParams, EffortParams, GoalParams, Own, ResolveParams, Split, Tuck};
 pub use report::{ResolveReport, Verification};

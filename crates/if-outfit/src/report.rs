@@ -2,6 +2,7 @@
 //!
 //! Reports are computed from results. No algorithm reads them.
 
+use crate::cleanness::Cleanness;
 use crate::findings::{Findings, LayerFindings};
 use crate::outfit::{Layer, Outfit};
 use if_core::intersect::Contact;
@@ -76,18 +77,22 @@ pub struct Verification {
     pub pairs: Vec<PairReport>,
     /// For each garment its own intersecting triangle pairs.
     pub own_pairs: Vec<usize>,
+    /// Intersecting triangle pairs of the body with itself.
+    #[serde(default)]
+    pub body_own_pairs: usize,
     /// Seconds that the check took.
     pub seconds: Real,
 }
 
 impl Verification {
-    /// The report of what was found in `outfit`.
+    /// The report of what was found in `outfit`, whose body has `body_own_pairs`.
     pub(crate) fn new<'a>(
         outfit: &Outfit,
+        body_own_pairs: usize,
         findings: impl IntoIterator<Item = &'a Findings>,
         seconds: Real,
     ) -> Self {
-        let mut verification = Self { seconds, ..Self::default() };
+        let mut verification = Self { body_own_pairs, seconds, ..Self::default() };
         for (outer, found) in outfit.garments.iter().zip(findings) {
             let below = outfit.layers().zip(&found.below);
             let reports = below.map(|(inner, found)| PairReport::new(inner, outer, found));
@@ -110,6 +115,16 @@ impl Verification {
     /// No intersecting pair and no vertex on a wrong side.
     pub fn is_clean(&self) -> bool {
         self.pairs.iter().all(PairReport::is_clean)
+    }
+
+    /// How clean the outfit is.
+    pub fn cleanness(&self) -> Cleanness {
+        let own = self.body_own_pairs + self.own_pairs.iter().sum::<usize>();
+        match (self.is_clean(), own) {
+            (false, _) => Cleanness::NotClean,
+            (true, 0) => Cleanness::Everywhere,
+            (true, _) => Cleanness::BetweenLayers,
+        }
     }
 }
 
@@ -267,6 +282,11 @@ impl ResolveReport {
     /// did not have.
     pub fn is_proven(&self) -> bool {
         self.after.is_clean() && self.new_own_pairs() == 0
+    }
+
+    /// How clean the result is. It is [`Cleanness::NotClean`] if it is not proven.
+    pub fn cleanness(&self) -> Cleanness {
+        if self.is_proven() { self.after.cleanness() } else { Cleanness::NotClean }
     }
 
     /// The report with all seconds set to zero: equal for equal results.

@@ -7,6 +7,7 @@ use crate::report::{ResolveReport, Verification};
 use crate::settle::Settings;
 use crate::splitting;
 use crate::unresolved::Unresolved;
+use crate::verify::body_own_pairs;
 use crate::welded::Welded;
 use if_core::monitor::{Cancelled, Monitor};
 use if_core::parameter::ParameterError;
@@ -117,7 +118,8 @@ fn resolve_with(
     let welded = Welded::new(outfit, !may_split);
     let solved = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let mut attempt = Attempt::new(solved.clone(), settings, monitor)?;
-    let before = Verification::new(solved, &attempt.given, attempt.verify_seconds);
+    let body = body_own_pairs(solved);
+    let before = Verification::new(solved, body, &attempt.given, attempt.verify_seconds);
     if may_split {
         attempt = split_where_needed(attempt, settings, monitor)?;
     }

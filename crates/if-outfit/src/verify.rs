@@ -30,7 +30,8 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
     let welded = Welded::new(outfit, true);
     let outfit = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let (findings, _) = verify_layers(outfit);
-    Ok(Verification::new(outfit, &findings, start.elapsed().as_secs_f64()))
+    let body_own_pairs = body_own_pairs(outfit);
+    Ok(Verification::new(outfit, body_own_pairs, &findings, start.elapsed().as_secs_f64()))
 }
 
 /// What is found in a checked outfit, for each garment, and its closed layers: the body, then all
@@ -108,6 +109,11 @@ pub(crate) fn compare_own_pairs(given: &TriMesh, now: &TriMesh) -> (OwnPairs, Ve
     let (given, now) = (find(given), find(now));
     let new = new_pairs(&now, &given);
     (OwnPairs::new(given.len(), now.len(), new.len()), new)
+}
+
+/// The number of intersecting triangle pairs of the body with itself.
+pub(crate) fn body_own_pairs(outfit: &Outfit) -> usize {
+    own_of(&outfit.body.mesh, &Bvh::new(&outfit.body.mesh)).len()
 }
 
 fn own_of(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {

@@ -26,11 +26,16 @@ fn each_outfit_has_its_folder_and_finished_ones_are_skipped() {
     );
     let before = folder.files();
     let run = folder.ifg("fix a.toml b.toml --out done").expect(0);
-    assert_eq!(run.stdout.matches("finished before, skipped").count(), 2, "{}", run.stdout);
+    assert_eq!(
+        run.stdout.matches("finished before, clean everywhere, skipped").count(),
+        2,
+        "{}",
+        run.stdout
+    );
     assert!(folder.files() == before);
     assert_eq!(
         states(&folder.ifg("fix a.toml b.toml --out done --json --again").expect(0)),
-        ["clean", "clean"]
+        ["clean everywhere", "clean everywhere"]
     );
 }
 
@@ -40,18 +45,18 @@ fn what_has_changed_is_done_again() {
     let run = |args: &str| {
         states(&folder.ifg(&format!("fix a.toml b.toml --out done --json {args}")).expect(0))
     };
-    assert_eq!(run(""), ["clean", "clean"]);
+    assert_eq!(run(""), ["clean everywhere", "clean everywhere"]);
     assert_eq!(run(""), ["finished", "finished"]);
     // Other parameters.
-    assert_eq!(run("--clearance 1mm"), ["clean", "clean"]);
+    assert_eq!(run("--clearance 1mm"), ["clean everywhere", "clean everywhere"]);
     assert_eq!(run("--clearance 1mm"), ["finished", "finished"]);
     // An output that was damaged, as after a fault of the disk.
     folder.write("done/b/skirt.ply", "half");
-    assert_eq!(run("--clearance 1mm"), ["finished", "clean"]);
+    assert_eq!(run("--clearance 1mm"), ["finished", "clean everywhere"]);
     // Another input.
     let shirt = String::from_utf8(folder.read("shirt.obj")).unwrap() + "# changed\n";
     folder.write("shirt.obj", shirt);
-    assert_eq!(run("--clearance 1mm"), ["clean", "clean"]);
+    assert_eq!(run("--clearance 1mm"), ["clean everywhere", "clean everywhere"]);
 }
 
 #[test]
@@ -62,7 +67,7 @@ fn other_materials_and_textures_are_done_again() {
     folder.write("cloth.mtl", "map_Kd red.png\nmap_Ka gone.png\n");
     folder.write("red.png", "red");
     let run = || states(&folder.ifg("fix a.toml b.toml --out done --json").expect(0));
-    assert_eq!(run(), ["clean", "clean"]);
+    assert_eq!(run(), ["clean everywhere", "clean everywhere"]);
     let receipt: Value = serde_json::from_slice(&folder.read("done/a/receipt.json")).unwrap();
     let inputs = receipt["inputs"].as_array().unwrap().iter().skip(3);
     let inputs: Vec<_> =
@@ -73,7 +78,7 @@ fn other_materials_and_textures_are_done_again() {
     {
         assert_eq!(run(), ["finished", "finished"]);
         folder.write(name, content);
-        assert_eq!(run(), ["clean", "clean"], "{name}");
+        assert_eq!(run(), ["clean everywhere", "clean everywhere"], "{name}");
         assert_eq!(folder.read(&format!("done/b/{name}")), content.as_bytes());
     }
 }
@@ -86,12 +91,12 @@ fn what_was_left_is_tried_again() {
     };
     let unproven = format!("{TOO_FEW} --write-unproven");
     for _ in 0..2 {
-        assert_eq!(run(&unproven, 1), ["remaining", "remaining"]);
+        assert_eq!(run(&unproven, 1), ["not clean", "not clean"]);
         assert!(
             folder.path("done/a/shirt.obj").exists() && folder.path("done/b/receipt.json").exists()
         );
     }
-    assert_eq!(run("", 0), ["clean", "clean"]);
+    assert_eq!(run("", 0), ["clean everywhere", "clean everywhere"]);
 }
 
 #[test]
@@ -139,5 +144,5 @@ fn a_cancelled_batch_goes_on_where_it_stopped() {
     assert_eq!(folders, finished, "a folder without a receipt");
     // Of the rest only a few, to be quick.
     let some = format!("fix --out done --json o0.toml o{}.toml", OUTFITS - 1);
-    assert_eq!(states(&folder.ifg(&some).expect(0)), ["finished", "clean"]);
+    assert_eq!(states(&folder.ifg(&some).expect(0)), ["finished", "clean everywhere"]);
 }

@@ -81,7 +81,7 @@ fn what_is_left_is_named_and_written_only_where_that_is_asked_for() {
     folder.ifg(&format!("fix outfit.toml --out fixed {TOO_FEW} --write-unproven")).expect(1);
     let receipt: serde_json::Value =
         serde_json::from_slice(&folder.read("fixed/receipt.json")).unwrap();
-    assert_eq!(receipt["state"], "remaining");
+    assert_eq!(receipt["state"], "not clean");
     folder.ifg("check --body body.ply fixed/skirt.ply fixed/shirt.obj").expect(1);
 }
 
@@ -188,7 +188,7 @@ fn material_libraries_and_textures_are_copied_along() {
 fn the_receipt_says_what_went_in_and_came_out() {
     let folder = Folder::new();
     let json = folder.ifg("fix outfit.toml --out fixed --clearance 1mm --json").expect(0).json();
-    assert_eq!((&json["state"], &json["out"]), (&"clean".into(), &"fixed".into()));
+    assert_eq!((&json["state"], &json["out"]), (&"clean everywhere".into(), &"fixed".into()));
     assert!(json["report"]["before"]["pairs"].as_array().unwrap().len() == 3);
     let receipt: serde_json::Value =
         serde_json::from_slice(&folder.read("fixed/receipt.json")).unwrap();

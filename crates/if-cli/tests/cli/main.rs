@@ -11,6 +11,7 @@ mod cut;
 mod extract;
 mod fit;
 mod folder;
+mod own;
 mod reconstruct;
 mod same_bytes;
 mod wardrobe;
