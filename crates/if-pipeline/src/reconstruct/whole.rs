@@ -291,7 +291,7 @@ mod tests {
             ReconstructError::Bake(_) | ReconstructError::Parameter(_)
         ));
         let sampling = SamplingParams { near: 0, ..Default::default() };
-        let phi = |p: &mut ReconstructParams| p.phi.as_mut().unwrap().sampling = sampling;
+        let phi = |p: &mut ReconstructParams| p.phi.get_or_insert_default().sampling = sampling;
         assert!(matches!(spoiled(&phi), ReconstructError::Parameter(_)));
         assert!(matches!(
             spoiled(&|p| p.garments.votes.enough = 0.0),
