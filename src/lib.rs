@@ -1,6 +1,6 @@
 //! Intersection-free layered garments: all crates of if-garments behind one name.
 //!
-//! [`resolve`] takes an [`Outfit`] (a closed body and its garments, inner to outer) and returns it
+//! [`resolve`] takes an [`Outfit`] (a body and its garments, inner to outer) and returns it
 //! without intersections between its layers, proven by exact predicates. [`verify`] is the proof
 //! alone. [`OutfitFiles`] does the same for mesh files, and proves exactly what it writes. With the
 //! feature `reconstruct` (on by default), [`pipeline`] makes garments from captures

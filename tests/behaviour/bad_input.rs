@@ -1,7 +1,7 @@
 //! Inputs that are no outfit give an error that names the fault; inputs that are odd but usable end
 //! clean or with what is left. Nothing panics.
 
-use crate::scenes::{assert_clean_or_left, ball_in_tube, flipped, moved, resolved};
+use crate::scenes::{assert_clean_or_left, ball_in_tube, moved, resolved};
 use if_core::math::{Point, Real};
 use if_core::mesh::{MeshError, TriMesh};
 use if_core::monitor::Silent;
@@ -22,14 +22,9 @@ fn outfit_with(garment: TriMesh) -> Outfit {
 fn every_unusable_outfit_has_its_error_at_construction_in_verify_and_in_resolve() {
     let band = || Layer::new("band", tube(0.31, 0.2, 24, 4, false));
     let scaled = |s: Real| Layer::new("ball", moved(&icosphere(0.3, 3), |p| p * s));
-    let open = TriMesh::new(
-        icosphere(0.3, 3).vertices().to_vec(),
-        icosphere(0.3, 3).triangles()[1..].to_vec(),
-    )
-    .unwrap();
     let nothing = TriMesh::new(vec![Point::origin()], vec![]).unwrap();
     type Check = fn(&OutfitError) -> bool;
-    let cases: [(&str, Layer, Vec<Layer>, Check); 12] = [
+    let cases: [(&str, Layer, Vec<Layer>, Check); 11] = [
         (
             "empty body",
             Layer::new("ball", TriMesh::default()),
@@ -51,23 +46,23 @@ fn every_unusable_outfit_has_its_error_at_construction_in_verify_and_in_resolve(
         ("named as the body", ball(), vec![Layer::new("ball", band().mesh)], |e| {
             matches!(e, OutfitError::DuplicateName { .. })
         }),
-        ("a hole", Layer::new("ball", open), vec![band()], |e| {
-            matches!(e, OutfitError::OpenBody { open_edges: 3, .. })
-        }),
-        ("a sheet", Layer::new("ball", cloth(1.0, 1.0, 4, 4)), vec![], |e| {
-            matches!(e, OutfitError::OpenBody { open_edges: 16, .. })
-        }),
         (
-            "inside out",
-            Layer::new("ball", flipped(&ball().mesh)),
-            vec![band()],
-            |e| matches!(e, OutfitError::InsideOut { volume, .. } if *volume < 0.0),
+            "a sheet",
+            Layer::new("ball", cloth(1.0, 1.0, 4, 4)),
+            vec![],
+            |e| matches!(e, OutfitError::NoInside { reason, .. } if reason.openings == 1),
+        ),
+        (
+            "a garment",
+            Layer::new("ball", tube(0.3, 0.6, 24, 8, false)),
+            vec![],
+            |e| matches!(e, OutfitError::NoInside { reason, .. } if reason.openings == 2),
         ),
         (
             "flat",
             Layer::new("ball", moved(&ball().mesh, |p| Point::new(p.x, 0.0, p.z))),
             vec![],
-            |e| matches!(e, OutfitError::InsideOut { .. }),
+            |e| matches!(e, OutfitError::NoInside { .. }),
         ),
         (
             "far",

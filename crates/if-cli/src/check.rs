@@ -3,8 +3,9 @@
 use crate::cancel;
 use crate::end::{End, NotEverywhere};
 use crate::errors;
-use crate::inputs::{InputArgs, ParamArgs};
+use crate::inputs::{InputArgs, Order, ParamArgs};
 use crate::load;
+use crate::order;
 use crate::outfit_file::{OutfitSpec, SpecError, outfits};
 use crate::print::{note_lines, print, print_json};
 use crate::progress::Line;
@@ -25,19 +26,18 @@ pub(crate) struct CheckArgs {
 pub(crate) fn run(args: &CheckArgs) -> Result<End, Report> {
     let specs = outfits(&args.input, &ParamArgs::default());
     let n = specs.len();
-    let (json, strict) = (args.input.json, args.input.strict);
     let mut worst = End::Clean;
     for (k, spec) in specs.into_iter().enumerate() {
         if cancel::is_requested() {
             return Ok(End::Cancelled);
         }
         let file = args.input.files[k].display().to_string();
-        let end = match one(spec, (k, n), json, strict) {
+        let end = match one(spec, (k, n), &args.input) {
             Ok(end) => end,
             Err(error) => report_output::failure(
                 &file,
                 &error,
-                if json { Style::Json } else { Style::Tables },
+                if args.input.json { Style::Json } else { Style::Tables },
             )?,
         };
         worst = worst.max(end);
@@ -49,27 +49,38 @@ pub(crate) fn run(args: &CheckArgs) -> Result<End, Report> {
 fn one(
     spec: Result<OutfitSpec, SpecError>,
     (k, n): (usize, usize),
-    json: bool,
-    strict: bool,
+    input: &InputArgs,
 ) -> Result<End, Report> {
     let start = Instant::now();
-    let spec = spec?;
+    let InputArgs { json, strict, .. } = *input;
+    let mut spec = spec?;
     let line = Line::new(&spec.name, k, n);
     line.message("reading");
-    let files = load::load(&spec)?;
+    let mut files = load::load(&spec)?;
+    let proposed = if input.order == Order::Auto { Some(order::proposed(&files)?) } else { None };
+    if let Some(proposed) = proposed.as_ref().filter(|found| !found.order.is_sorted()) {
+        spec = order::with_order(&spec, proposed);
+        files = load::load(&spec)?;
+    }
     line.message("verifying");
     let found = files.verify().into_diagnostic()?;
     drop(line);
+    let mut notes = found.body_notes(&files.outfit().body.name);
+    notes.extend(files.notes());
     let state = found.cleanness();
     if json {
-        print_json(
-            &json!({"outfit": spec.name, "state": state, "notes": files.notes(), "report": found}),
-        )?;
+        let mut answer =
+            json!({"outfit": spec.name, "state": state, "notes": notes, "report": found});
+        if let Some(proposed) = &proposed {
+            answer["order"] = json!(proposed);
+        }
+        print_json(&answer)?;
     } else {
         let garments: Vec<String> = spec.garments.iter().map(|l| l.name.clone()).collect();
         let mut text = report_output::title(&spec);
         text += &table::checked(&found, &garments, table::coloured());
-        text += &note_lines(&files.notes());
+        text += &note_lines(&notes);
+        text += &proposed.as_ref().map_or(String::new(), order::text);
         let (pairs, inside) =
             (table::count(found.total_pairs()), table::count(found.total_inside()));
         let seconds = start.elapsed().as_secs_f64();

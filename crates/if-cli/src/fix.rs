@@ -2,7 +2,8 @@
 
 use crate::cancel;
 use crate::end::End;
-use crate::inputs::{InputArgs, ParamArgs};
+use crate::inputs::{InputArgs, Order, ParamArgs};
+use crate::order;
 use crate::outfit_file::outfits;
 use crate::print::print;
 use crate::progress::Line;
@@ -63,6 +64,10 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
         }
         let one = spec.map_err(Report::from).and_then(|spec| {
             let line = Line::new(&spec.name, k, n);
+            let spec = match args.input.order {
+                Order::Given => spec,
+                Order::Auto => order::ordered(&spec)?,
+            };
             let outcome = resolve_outfit::run(&spec, out, options, &line)?;
             drop(line);
             report_output::outcome(&spec, out, outcome, (style, args.input.strict))

@@ -11,7 +11,7 @@ pub(crate) struct InputArgs {
     /// Outfit files (.toml); or, with --body, the garments (.ply, .obj), innermost first.
     #[arg(required = true, value_name = "FILES")]
     pub(crate) files: Vec<PathBuf>,
-    /// The body: closed, wound outwards, in metres. It never moves.
+    /// The body, in metres. It never moves, and may be open or in several parts.
     #[arg(long, value_name = "MESH")]
     pub(crate) body: Option<PathBuf>,
     /// Factor from the units of the files to metres, such as 0.001 for millimetres; output files
@@ -22,9 +22,22 @@ pub(crate) struct InputArgs {
     /// themselves either.
     #[arg(long)]
     pub(crate) strict: bool,
+    /// Order of the garments: as given, innermost first, or proposed from where they lie.
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) order: Order,
     /// Print reports as JSON on stdout, one line an outfit, and no tables.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Where the order of the garments comes from.
+#[derive(ValueEnum, Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Order {
+    /// As given, innermost first.
+    #[default]
+    Given,
+    /// Proposed from where they lie. `check` prints it; `fix` uses it unless it is ambiguous.
+    Auto,
 }
 
 /// Parameters of `resolve`.

@@ -62,20 +62,11 @@ fn outfit_advice(error: &OutfitError) -> String {
         OutfitError::DuplicateName { .. } => {
             "give one of them another `name` in an outfit file".into()
         }
-        OutfitError::OpenBody { .. } => {
-            "the body must be one closed surface; garments may be open".into()
-        }
-        OutfitError::InsideOut { .. } => {
-            "reverse the order of the corners of all its triangles".into()
-        }
-        OutfitError::Winding { .. } => {
-            "turn those triangles, or use what `ifg clean` writes".into()
+        OutfitError::NoInside { .. } => {
+            "give the body with --body, and garments after it; garments may be open".into()
         }
         OutfitError::TooLarge { .. } => {
             "repair that vertex, or give the garment in the units of the body".into()
-        }
-        OutfitError::PartInsideOut { .. } => {
-            "reverse the order of the corners of that part's triangles, or take the part out".into()
         }
         OutfitError::FarFromBody { .. } => {
             "all layers must be in the same units and the same place".into()

@@ -27,6 +27,7 @@ mod end;
 mod errors;
 mod file_record;
 mod not_kept;
+mod order;
 mod outputs;
 mod pictures;
 mod print;

@@ -122,7 +122,9 @@ pub(crate) fn run(
     }
     timings.resolve = start.elapsed().as_secs_f64() - timings.read;
 
-    let (notes, report) = (files.notes(), resolved.report.clone());
+    let report = resolved.report.clone();
+    let mut notes = report.before.body_notes(&files.outfit().body.name);
+    notes.extend(files.notes());
     let mut done = Done { notes, report, outputs: vec![], unresolved, seconds: 0.0 };
     if done.unresolved.is_none() || options.write_unproven {
         line.message("writing");

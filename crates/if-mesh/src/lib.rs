@@ -41,6 +41,7 @@
 pub mod atomic;
 pub mod attributes;
 pub mod baked;
+pub mod body_surface;
 pub mod camera;
 pub mod cleanup;
 pub mod extract;

@@ -33,6 +33,7 @@ mod tests;
 
 pub use clothed::ClothedField;
 
+use crate::body_surface::{BodyReport, BodySide, BodySurface};
 use crate::index::Bvh;
 use crate::pseudo_normals::PseudoNormals;
 use crate::voxels::{Voxel, Voxels};
@@ -56,6 +57,8 @@ pub struct ClosedLayer {
     voxels: Voxels,
     /// `None` for a body: its pseudo-normals are enough.
     closure: Option<Closure>,
+    /// The closed surface of a body that is not closed itself.
+    surface: Option<Box<BodySurface>>,
 }
 
 #[derive(Clone, Debug)]
@@ -87,12 +90,17 @@ pub struct Sided {
 /// body: the diagonal of a voxel is 1.73.
 const OTHER_WALL: Real = 1.8;
 impl ClosedLayer {
-    /// A closed mesh, such as a body. It is not checked for being closed.
+    /// A body. One that is open, in several parts, inside out or of mixed winding is closed first,
+    /// without changing its triangles ([`BodySurface`]); of one without an inside nothing is inside
+    /// but what its pseudo-normals say.
     pub fn body(mesh: &TriMesh) -> Self {
+        let edges = Edges::new(mesh);
+        let surface = BodySurface::new(mesh, &edges).ok().flatten().map(Box::new);
         let bvh = Bvh::new(mesh);
         let mut voxels = Voxels::new(&bvh.aabb(), bvh.aabb().size().max() * CELL * 1.5);
-        for t in 0..mesh.triangles().len() {
-            voxels.add_wall(mesh.corners(t));
+        let walls = surface.as_ref().map_or(mesh, |surface| surface.closed());
+        for t in 0..walls.triangles().len() {
+            voxels.add_wall(walls.corners(t));
         }
         voxels.flood(|_| true);
         Self {
@@ -100,9 +108,10 @@ impl ClosedLayer {
             vertices: mesh.vertices().to_vec(),
             triangles: mesh.triangles().to_vec(),
             vertex_orientations: vec![1.0; mesh.vertices().len()],
-            normals: PseudoNormals::new(mesh, &Edges::new(mesh)),
+            normals: PseudoNormals::new(mesh, &edges),
             voxels,
             closure: None,
+            surface,
         }
     }
 
@@ -130,6 +139,7 @@ impl ClosedLayer {
             normals,
             voxels,
             closure: Some(Closure { outside, interface }),
+            surface: None,
         }
     }
 
@@ -164,9 +174,24 @@ impl ClosedLayer {
         self.voxels.at(p)
     }
 
-    /// Whether this is a body.
-    pub(crate) fn is_body(&self) -> bool {
-        self.closure.is_none()
+    /// Whether this is a closed body, whose distance is continuous everywhere.
+    pub(crate) fn is_closed_body(&self) -> bool {
+        self.closure.is_none() && self.surface.is_none()
+    }
+
+    /// What was assumed of a body that is not closed; `None` of a closed body, and of a garment.
+    pub fn body_report(&self) -> Option<&BodyReport> {
+        self.surface.as_ref().map(|surface| surface.report())
+    }
+
+    /// The surface that distances are measured to: without parts that are hidden in a body.
+    pub(crate) fn skin(&self) -> &Bvh {
+        self.surface.as_ref().map_or(&self.bvh, |surface| surface.skin())
+    }
+
+    /// The closed surface of a body that is not closed itself.
+    pub(crate) fn surface(&self) -> Option<&BodySurface> {
+        self.surface.as_deref()
     }
 
     /// The layer's voxels.
@@ -177,6 +202,9 @@ impl ClosedLayer {
     /// Unit direction out of the layer at vertex `v`; zero if its triangles have different sides
     /// outside, or lie in a pocket.
     pub fn vertex_normal(&self, v: usize) -> Vector {
+        if let Some(surface) = &self.surface {
+            return surface.vertex_normal(v);
+        }
         self.normals.vertex(v as u32) * self.vertex_orientations[v]
     }
 
@@ -192,10 +220,11 @@ impl ClosedLayer {
     }
 
     /// Whether `p` is certainly outside by the voxels alone, however near a triangle may be; true
-    /// for all points of a body. While it holds for a moving point, its distance changes by at most
+    /// for all points of a closed body. While it holds for a moving point, its distance changes by at most
     /// its motion; elsewhere the distance may jump, where the point passes a curtain or a cap.
     pub fn is_outside_by_voxels(&self, p: &Point) -> bool {
-        self.closure.is_none() || self.voxels.at(p) == Voxel::Outside
+        let jumps_outside = self.surface.as_ref().is_some_and(|surface| surface.has_islands());
+        self.is_closed_body() || (self.voxels.at(p) == Voxel::Outside && !jumps_outside)
     }
 
     /// The position of `p`, if it is inside or within `reach` metres of a triangle; else `None`.
@@ -212,13 +241,20 @@ impl ClosedLayer {
     pub fn sided_from(&self, p: &Point, reach: Real, hint: Option<u32>) -> Option<Sided> {
         // The hint bounds the search. The slack exceeds the rounding of distances and of
         // coordinates, so that no triangle as near is lost.
-        let bound = hint.map_or(Real::INFINITY, |t| {
-            let [a, b, c] = &self.corners(t);
+        let corners = hint.and_then(|t| match &self.surface {
+            Some(surface) => surface.corners(t).map(|corners| corners.map(|p| *p)),
+            None => Some(self.corners(t)),
+        });
+        let bound = corners.map_or(Real::INFINITY, |[a, b, c]| {
+            let [a, b, c] = [&a, &b, &c];
             let (w, _) = closest_on_triangle(p, a, b, c);
             let distance = (p - barycentric_point([a, b, c], w)).norm();
             distance * (1.0 + 1e-9)
                 + 1e-12 * (p.coords.amax() + a.coords.amax() + b.coords.amax() + c.coords.amax())
         });
+        if let Some(surface) = &self.surface {
+            return self.sided_of_surface(surface, p, reach, bound);
+        }
         let Some(closure) = &self.closure else {
             // Beyond `reach` of a closed surface a point may still be deep inside it.
             let near = match self.bvh.closest(p, reach.min(bound)) {
@@ -281,6 +317,30 @@ impl ClosedLayer {
         Some(self.result(p, &exit, true, orientation))
     }
 
+    /// As [`ClosedLayer::sided`], of a body that is not closed. `bound` is at least the distance of
+    /// `p` from its skin.
+    fn sided_of_surface(
+        &self,
+        surface: &BodySurface,
+        p: &Point,
+        reach: Real,
+        bound: Real,
+    ) -> Option<Sided> {
+        let found = match surface.side(p, reach.min(bound)) {
+            Some(found) => found,
+            None if self.voxel(p) == Voxel::Outside => return None,
+            None => surface.side(p, bound)?,
+        };
+        let BodySide { near, inside, behind } = found;
+        if !inside && near.distance > reach {
+            return None;
+        }
+        let orientation = if behind && !inside { -1.0 } else { 1.0 };
+        let mut sided = self.result_on(surface.normals(), p, &near, inside, orientation);
+        sided.triangle = surface.given_triangle(near.triangle);
+        Some(sided)
+    }
+
     /// Whether `p`, in a wall voxel beyond the boundary of the surface, is inside: by the first
     /// voxel without a wall on the way away from the boundary.
     fn beyond_boundary(&self, p: &Point, near: &Closest, closure: &Closure) -> bool {
@@ -301,10 +361,21 @@ impl ClosedLayer {
     }
 
     fn result(&self, p: &Point, near: &Closest, inside: bool, orientation: Real) -> Sided {
+        self.result_on(&self.normals, p, near, inside, orientation)
+    }
+
+    fn result_on(
+        &self,
+        normals: &PseudoNormals,
+        p: &Point,
+        near: &Closest,
+        inside: bool,
+        orientation: Real,
+    ) -> Sided {
         let sign = if inside { -1.0 } else { 1.0 };
         let offset = (p - near.point) * sign;
         // On the surface the offset has no direction, and next to it an imprecise one.
-        let surface = unit_or_zero(&(self.normals.at(near) * orientation));
+        let surface = unit_or_zero(&(normals.at(near) * orientation));
         let tiny = near.distance <= 1e-9 * self.bvh.aabb().diagonal();
         let normal = if tiny { surface } else { offset / near.distance };
         Sided {
@@ -312,7 +383,7 @@ impl ClosedLayer {
             point: near.point,
             normal,
             triangle: near.triangle,
-            boundary: self.normals.is_boundary(near),
+            boundary: normals.is_boundary(near),
         }
     }
 }

@@ -14,7 +14,7 @@ use crate::findings::Findings;
 use crate::outfit::Outfit;
 use crate::params::{Own, ResolveParams, Tuck};
 use crate::progress::{GarmentProgress, UNTANGLE};
-use crate::report::{LayerReport, OwnPairs, ResolveReport, Skipped, Verification};
+use crate::report::{BodyReport, LayerReport, OwnPairs, ResolveReport, Skipped, Verification};
 use crate::settle::Settings;
 use crate::untangle::{Untangled, kept, untangle, untangle_settled};
 use crate::upper_layers::TightGarments;
@@ -41,6 +41,8 @@ pub(crate) enum AttemptError {
 pub(crate) struct Attempt {
     /// The input of this attempt.
     pub(crate) outfit: Outfit,
+    /// What was assumed of its body.
+    pub(crate) body: Option<BodyReport>,
     /// What was found in it, for each garment.
     pub(crate) given: Vec<Findings>,
     /// Seconds that this took.
@@ -81,6 +83,7 @@ impl Attempt {
                 garment.mesh = mesh.expect("the solver keeps positions finite");
             }
         }
+        let body = closed[0].body_report().cloned();
         let verified = verify_changed(&worked, &changed, given.clone(), closed);
         let (mut dressed, closed) = dress([&outfit, &worked], &verified, settings, monitor)?;
         let mut rounds: Vec<usize> =
@@ -95,7 +98,8 @@ impl Attempt {
         };
         let left = given.iter().zip(untangled).map(left).collect();
         let untangled = Untangling { left, rounds };
-        Ok(Self { outfit, given, verify_seconds, untangled, dressed, splits: vec![None; count] })
+        let splits = vec![None; count];
+        Ok(Self { outfit, body, given, verify_seconds, untangled, dressed, splits })
     }
 
     /// For each garment its own pairs that the input did not have.
@@ -121,7 +125,8 @@ impl Attempt {
         let findings = self.dressed.iter().map(|dressed| &dressed.findings);
         let seconds = self.dressed.iter().map(|dressed| dressed.verify_seconds).sum();
         // The body does not move.
-        let after = Verification::new(&self.outfit, before.body_own_pairs, findings, seconds);
+        let body = (self.body.as_ref(), before.body_own_pairs);
+        let after = Verification::new(&self.outfit, body, findings, seconds);
         let layers = (0..self.dressed.len()).map(|k| self.layer_report(k, params)).collect();
         ResolveReport { before, after, layers, seconds: 0.0 }
     }

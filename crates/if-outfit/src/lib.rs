@@ -1,9 +1,9 @@
 //! Layered outfits made intersection-free, and proven so.
 //!
-//! An [`Outfit`] is a closed body and its garments, inner to outer. [`resolve()`] settles one garment
+//! An [`Outfit`] is a body and its garments, inner to outer. [`resolve()`] settles one garment
 //! after the other over all layers below it, and returns the outfit only if exact predicates find no
 //! intersection; else its [`ResolveError`] names what remains. [`verify()`] checks and changes
-//! nothing. [`files::OutfitFiles`] does the same from files to files. [`report`] holds what was found
+//! nothing. [`propose_order()`] proposes which garment is the inner one. [`files::OutfitFiles`] does the same from files to files. [`report`] holds what was found
 //! and done.
 //!
 #![doc = include_str!("../README.md")]
@@ -22,6 +22,7 @@ pub mod files;
 mod findings;
 mod geodesic;
 mod incremental_verification;
+pub mod order;
 pub mod outfit;
 mod params;
 mod progress;
@@ -41,6 +42,7 @@ mod workpiece;
 
 pub use build::BUILD;
 pub use cleanness::Cleanness;
+pub use order::{OrderProposal, propose_order};
 pub use outfit::{Layer, Outfit, OutfitError};
 pub use params::{ClothParams, EffortParams, GoalParams, Own, ResolveParams, Split, Tuck};
 pub use report::{ResolveReport, Verification};

@@ -1,12 +1,11 @@
-//! What is to be made free of intersections: a closed body and the garments over it.
+//! What is to be made free of intersections: a body and the garments over it.
 
 use crate::storage::Storage;
 use if_core::aabb::Aabb;
-use if_core::edges::Edges;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
+use if_mesh::body_surface::{NoInside, check as check_body};
 use if_mesh::file::MeshFile;
-use if_mesh::inverted::{InvertedPart, inverted_part};
 use if_mesh::seams::weld;
 
 /// A named mesh: the body, or one garment.
@@ -33,10 +32,10 @@ impl Layer {
     }
 }
 
-/// A closed body and its garments, inner to outer.
+/// A body and its garments, inner to outer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outfit {
-    /// The body: closed, wound outwards. It never moves.
+    /// The body. It never moves, and need not be closed ([`if_mesh::body_surface`]).
     pub body: Layer,
     /// The garments, innermost first.
     pub garments: Vec<Layer>,
@@ -58,52 +57,13 @@ pub enum OutfitError {
         /// The name.
         layer: String,
     },
-    /// The body is not closed.
-    #[error(
-        "body `{layer}` has {open_edges} boundary edges (the first between vertices {first:?}); it must be closed: \
-         fill its holes first"
-    )]
-    OpenBody {
+    /// The body has no inside: it is a plane, a folded sheet or a garment.
+    #[error("`{layer}` cannot be the body: {reason}")]
+    NoInside {
         /// Its name.
         layer: String,
-        /// How many edges have one triangle only.
-        open_edges: usize,
-        /// The ends of the first of them.
-        first: [u32; 2],
-    },
-    /// Triangles of the body wind against their neighbours.
-    #[error(
-        "triangles {} and {} of body `{layer}` run along a common edge in the same direction, and so do others at {others} edges; wind \
-         all triangles counter-clockwise seen from outside, as a clean-up does", triangles[0], triangles[1]
-    )]
-    Winding {
-        /// Its name.
-        layer: String,
-        /// Two of the triangles at the first such edge.
-        triangles: [u32; 2],
-        /// How many edges more.
-        others: usize,
-    },
-    /// The body winds inwards.
-    #[error(
-        "body `{layer}` is inside out (signed volume {volume:.3e} m³); reverse the winding of its triangles"
-    )]
-    InsideOut {
-        /// Its name.
-        layer: String,
-        /// Its signed volume, in cubic metres.
-        volume: Real,
-    },
-    /// A part of the body winds inwards, and is no cavity of another.
-    #[error(
-        "a part of body `{layer}` is inside out: {} triangles from triangle {} on (signed volume {:.3e} m³); reverse their winding, \
-         or drop them", part.triangles, part.triangle, part.volume
-    )]
-    PartInsideOut {
-        /// Its name.
-        layer: String,
-        /// Which part.
-        part: InvertedPart,
+        /// Why.
+        reason: NoInside,
     },
     /// A garment does not come near the body.
     #[error(
@@ -154,10 +114,12 @@ impl Outfit {
     ///
     /// # Errors
     ///
-    /// A layer without triangles, two of one name, a body that is open, inside out (as a whole, in
-    /// a part or in single triangles) or not in metres (taller than 20 units), a garment whose box
-    /// is further from the body's than the body is tall, or twelve times as large. Seams of the
-    /// body count as closed ([`if_mesh::seams`]), and vertices of no triangle as none.
+    /// A layer without triangles, two of one name, a body without an inside or not in metres (taller
+    /// than 20 units), a garment whose box is further from the body's than the body is tall, or
+    /// twelve times as large. Vertices of no triangle count as none.
+    ///
+    /// A body may be open, inside out, in several parts and intersect itself: what is assumed of it
+    /// then is in [`Verification::body`](crate::report::Verification::body).
     pub fn new(body: Layer, garments: Vec<Layer>) -> Result<Self, OutfitError> {
         let outfit = Self { body, garments };
         outfit.check()?;
@@ -188,41 +150,7 @@ impl Outfit {
         if let Some((unit, scale)) = suspicious_unit(height) {
             return Err(OutfitError::Units { layer: name(), height, unit, scale });
         }
-        let edges = Edges::new(mesh);
-        let mut open = edges
-            .valence
-            .iter()
-            .enumerate()
-            .filter(|(_, v)| **v == 1)
-            .map(|(e, _)| edges.vertices[e]);
-        if let Some(first) = open.next() {
-            // As the vertices are numbered in the file: the first that stands in each place.
-            let named = |v: u32| {
-                sewn.as_ref()
-                    .and_then(|s| s.vertex_map.iter().position(|w| *w == v))
-                    .map_or(v, |v| v as u32)
-            };
-            return Err(OutfitError::OpenBody {
-                layer: name(),
-                open_edges: 1 + open.count(),
-                first: first.map(named),
-            });
-        }
-        let mut turned = turned_edges(mesh, &edges);
-        if let Some(e) = turned.next() {
-            return Err(OutfitError::Winding {
-                layer: name(),
-                triangles: edges.triangles[e],
-                others: turned.count(),
-            });
-        }
-        let volume = mesh.signed_volume();
-        if volume <= 0.0 {
-            return Err(OutfitError::InsideOut { layer: name(), volume });
-        }
-        if let Some(part) = inverted_part(mesh) {
-            return Err(OutfitError::PartInsideOut { layer: name(), part });
-        }
+        check_body(mesh).map_err(|reason| OutfitError::NoInside { layer: name(), reason })?;
         self.garments
             .iter()
             .try_for_each(|garment| check_garment(&aabb, &garment.name, &garment.mesh))
@@ -255,19 +183,6 @@ pub fn check_garment(body: &Aabb, name: &str, garment: &TriMesh) -> Result<(), O
         return Err(OutfitError::FarFromBody { layer: layer(), distance });
     }
     Ok(())
-}
-
-/// Edges that triangles do not run through as often in one direction as in the other: there no side
-/// is the inside.
-fn turned_edges(mesh: &TriMesh, edges: &Edges) -> impl Iterator<Item = usize> {
-    let mut balance = vec![0i32; edges.len()];
-    for (corners, of_triangle) in mesh.triangles().iter().zip(&edges.of_triangle) {
-        for k in 0..3 {
-            balance[of_triangle[k] as usize] +=
-                if corners[k] < corners[(k + 1) % 3] { 1 } else { -1 };
-        }
-    }
-    balance.into_iter().enumerate().filter(|(_, b)| *b != 0).map(|(e, _)| e)
 }
 
 /// The unit that a person of this height (longest side of the box) is likely in, where not metres.
@@ -339,10 +254,10 @@ mod tests {
             Layer::new("body", TriMesh::new(v.clone(), triangles.to_vec()).unwrap())
         };
         assert!(Outfit::new(body(&triangles), garment(body(&triangles).mesh)).is_ok());
-        let open = Outfit::new(body(&triangles[1..]), garment(tetrahedron(1.0, 0.1)));
-        assert!(
-            matches!(open, Err(OutfitError::OpenBody { open_edges: 3, first, .. }) if first.iter().all(|v| *v >= 3))
-        );
+        assert!(Outfit::new(body(&triangles[1..]), garment(body(&triangles).mesh)).is_ok());
+        let plane = Outfit::new(body(&triangles[..1]), garment(tetrahedron(1.0, 0.1)));
+        let Err(OutfitError::NoInside { reason, .. }) = plane else { panic!("{plane:?}") };
+        assert_eq!((reason.openings, reason.volume), (1, 0.0));
     }
 
     #[test]
@@ -355,16 +270,6 @@ mod tests {
         ));
         let twin = vec![Layer::new("body", tetrahedron(1.0, 0.0))];
         assert!(matches!(Outfit::new(body(), twin), Err(OutfitError::DuplicateName { .. })));
-        let mut two = tetrahedron(1.0, 0.0).vertices().to_vec();
-        two.extend_from_within(..);
-        two[4..].iter_mut().for_each(|p| p.x = 2.0 + 0.5 * p.x);
-        let mut triangles = tetrahedron(1.0, 0.0).triangles().to_vec();
-        triangles.extend(triangles.clone().iter().map(|[a, b, c]| [a + 4, c + 4, b + 4]));
-        let two = Layer::new("body", TriMesh::new(two, triangles).unwrap());
-        let error = Outfit::new(two, garment(tetrahedron(1.0, 0.1)));
-        assert!(
-            matches!(error, Err(OutfitError::PartInsideOut { part, .. }) if part.triangle == 4)
-        );
         let mut astray = tetrahedron(1.0, 0.1).vertices().to_vec();
         astray[3].z = 1e200;
         let astray = TriMesh::new(astray, tetrahedron(1.0, 0.1).triangles().to_vec()).unwrap();
@@ -376,26 +281,26 @@ mod tests {
             Outfit::new(body(), garment(tetrahedron(1.0, 50.0))),
             Err(OutfitError::FarFromBody { .. })
         ));
-        let mut open = body();
-        open.mesh =
-            TriMesh::new(open.mesh.vertices().to_vec(), open.mesh.triangles()[..3].to_vec())
-                .unwrap();
-        assert!(matches!(
-            Outfit::new(open, vec![]),
-            Err(OutfitError::OpenBody { open_edges: 3, .. })
-        ));
-        let mut turned = body();
-        let t = [[0, 2, 1], [0, 1, 3], [0, 2, 3], [1, 2, 3]];
-        turned.mesh = TriMesh::new(turned.mesh.vertices().to_vec(), t.to_vec()).unwrap();
-        let error = Outfit::new(turned, vec![]).unwrap_err();
-        assert!(
-            matches!(error, OutfitError::Winding { triangles: [0, 2], others: 2, .. }),
-            "{error}"
-        );
-        let mut inverted = body();
-        let t = inverted.mesh.triangles().iter().map(|t| [t[0], t[2], t[1]]).collect();
-        inverted.mesh = TriMesh::new(inverted.mesh.vertices().to_vec(), t).unwrap();
-        assert!(matches!(Outfit::new(inverted, vec![]), Err(OutfitError::InsideOut { .. })));
+        let mut flat = body();
+        flat.mesh = TriMesh::new(flat.mesh.vertices().to_vec(), vec![[0, 1, 2]]).unwrap();
+        let error = Outfit::new(flat, vec![]).unwrap_err();
+        assert!(matches!(error, OutfitError::NoInside { .. }), "{error}");
+    }
+
+    #[test]
+    fn open_turned_and_inverted_bodies_are_accepted() {
+        let whole = tetrahedron(1.0, 0.0);
+        let flip = |t: &[u32; 3]| [t[0], t[2], t[1]];
+        let mut triangles = vec![
+            whole.triangles()[1..].to_vec(),
+            whole.triangles().iter().map(flip).collect(),
+            whole.triangles().to_vec(),
+        ];
+        triangles[2][2].swap(0, 1);
+        for triangles in triangles {
+            let mesh = TriMesh::new(whole.vertices().to_vec(), triangles).unwrap();
+            assert!(Outfit::new(Layer::new("body", mesh), vec![]).is_ok());
+        }
     }
 
     #[test]

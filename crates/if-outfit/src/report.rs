@@ -7,6 +7,7 @@ use crate::findings::{Findings, LayerFindings};
 use crate::outfit::{Layer, Outfit};
 use if_core::intersect::Contact;
 use if_core::math::Real;
+pub use if_mesh::body_surface::{BodyReport, Hole};
 use if_mesh::measure::{Displacement, Strain};
 use serde::{Deserialize, Serialize};
 
@@ -80,19 +81,24 @@ pub struct Verification {
     /// Intersecting triangle pairs of the body with itself.
     #[serde(default)]
     pub body_own_pairs: usize,
+    /// What was assumed of the body; `None` if it is one closed part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<BodyReport>,
     /// Seconds that the check took.
     pub seconds: Real,
 }
 
 impl Verification {
-    /// The report of what was found in `outfit`, whose body has `body_own_pairs`.
+    /// The report of what was found in `outfit`: what was assumed of its body and how many own pairs
+    /// that has, and the findings of each garment.
     pub(crate) fn new<'a>(
         outfit: &Outfit,
-        body_own_pairs: usize,
+        (body, body_own_pairs): (Option<&BodyReport>, usize),
         findings: impl IntoIterator<Item = &'a Findings>,
         seconds: Real,
     ) -> Self {
-        let mut verification = Self { body_own_pairs, seconds, ..Self::default() };
+        let body = body.cloned();
+        let mut verification = Self { body_own_pairs, body, seconds, ..Self::default() };
         for (outer, found) in outfit.garments.iter().zip(findings) {
             let below = outfit.layers().zip(&found.below);
             let reports = below.map(|(inner, found)| PairReport::new(inner, outer, found));
@@ -110,6 +116,12 @@ impl Verification {
     /// Vertices on the wrong side of a layer below, counted once for each such layer.
     pub fn total_inside(&self) -> usize {
         self.pairs.iter().map(|p| p.vertices_inside).sum()
+    }
+
+    /// What was assumed of the body, in sentences; `name` is what it is called.
+    pub fn body_notes(&self, name: &str) -> Vec<String> {
+        let notes = self.body.as_ref().map_or(Vec::new(), BodyReport::notes);
+        notes.iter().map(|note| format!("`{name}`: {note}")).collect()
     }
 
     /// No intersecting pair and no vertex on a wrong side.

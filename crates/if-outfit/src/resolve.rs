@@ -118,7 +118,7 @@ fn resolve_with(
     let welded = Welded::new(outfit, !may_split);
     let solved = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let mut attempt = Attempt::new(solved.clone(), settings, monitor)?;
-    let body = body_own_pairs(solved);
+    let body = (attempt.body.as_ref(), body_own_pairs(solved));
     let before = Verification::new(solved, body, &attempt.given, attempt.verify_seconds);
     if may_split {
         attempt = split_where_needed(attempt, settings, monitor)?;

@@ -29,9 +29,9 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
     let start = Instant::now();
     let welded = Welded::new(outfit, true);
     let outfit = welded.as_ref().map_or(outfit, |w| &w.outfit);
-    let (findings, _) = verify_layers(outfit);
-    let body_own_pairs = body_own_pairs(outfit);
-    Ok(Verification::new(outfit, body_own_pairs, &findings, start.elapsed().as_secs_f64()))
+    let (findings, closed) = verify_layers(outfit);
+    let body = (closed[0].body_report(), body_own_pairs(outfit));
+    Ok(Verification::new(outfit, body, &findings, start.elapsed().as_secs_f64()))
 }
 
 /// What is found in a checked outfit, for each garment, and its closed layers: the body, then all

@@ -108,21 +108,10 @@ fn a_body_in_millimetres() {
 }
 
 #[test]
-fn an_open_body() {
+fn a_body_without_an_inside() {
     let whole = body();
-    let open = TriMesh::new(whole.vertices().to_vec(), whole.triangles()[1..].to_vec()).unwrap();
-    bad_body("open.obj", obj(&open), &["3 boundary edges", "closed"]);
-}
-
-#[test]
-fn an_inside_out_body() {
-    let whole = body();
-    let flipped = whole.triangles().iter().map(|t| [t[0], t[2], t[1]]).collect();
-    bad_body(
-        "inverted.obj",
-        obj(&TriMesh::new(whole.vertices().to_vec(), flipped).unwrap()),
-        &["inside out", "reverse"],
-    );
+    let sheet = TriMesh::new(whole.vertices().to_vec(), whole.triangles()[..20].to_vec()).unwrap();
+    bad_body("sheet.obj", obj(&sheet), &["no inside", "closed"]);
 }
 
 #[test]

@@ -4,6 +4,7 @@
 
 mod bad_input;
 mod batch;
+mod bodies;
 mod chain;
 mod clean;
 mod commands;

@@ -421,9 +421,7 @@ fn faults_say_what_to_do() {
     assert!(!folder.path("w/garments/far").exists());
     let open = stderr("wardrobe add w --body open --mesh belt0.ply");
     assert!(
-        open.contains("boundary edges")
-            && open.contains("belt0.ply")
-            && !open.contains("combination"),
+        open.contains("no inside") && open.contains("belt0.ply") && !open.contains("combination"),
         "{open}"
     );
     for command in

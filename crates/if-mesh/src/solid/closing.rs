@@ -1,6 +1,7 @@
 //! Voxels of a garment that is closed by shadows, curtains and caps.
 
 use super::ClosedLayer;
+use crate::body_surface::BodySurface;
 use crate::index::Bvh;
 use crate::voxels::Voxels;
 use if_core::aabb::Aabb;
@@ -38,14 +39,20 @@ pub(super) fn closed_voxels(
     for t in 0..mesh.triangles().len() {
         voxels.add_wall(mesh.corners(t));
     }
-    cast_shadow(&mut voxels, mesh, &body.bvh, height * SHADOW);
-    for t in 0..body_mesh.triangles().len() {
-        voxels.add_wall(body_mesh.corners(t));
+    cast_shadow(&mut voxels, mesh, body.skin(), height * SHADOW);
+    let walls = body.surface().map_or(body_mesh, BodySurface::closed);
+    for t in 0..walls.triangles().len() {
+        voxels.add_wall(walls.corners(t));
     }
     for walk in edges.boundary_loops(mesh) {
-        close_loop(&mut voxels, mesh, &walk, &body.bvh, height * CURTAIN);
+        close_loop(&mut voxels, mesh, &walk, body, height * CURTAIN);
     }
-    voxels.flood(|p| body.sided(p, Real::INFINITY).is_none_or(|s| s.distance > 0.0));
+    match body.surface() {
+        Some(surface) => voxels.flood(|p| !surface.contains(p)),
+        None => {
+            voxels.flood(|p| body.sided(p, Real::INFINITY).is_none_or(|s| s.distance > 0.0));
+        }
+    }
     voxels
 }
 
@@ -97,15 +104,24 @@ fn fill_shadows(voxels: &mut Voxels, mesh: &TriMesh, casting: &[(usize, [Point; 
 }
 
 /// Adds curtains from the loop to the body, and a cap over the loop.
-fn close_loop(voxels: &mut Voxels, mesh: &TriMesh, walk: &[u32], body: &Bvh, reach: Real) {
+///
+/// Where parts of the body are not there, the nearest part may be a hand beside a hem: curtains
+/// then lead towards the middle of the loop only.
+fn close_loop(voxels: &mut Voxels, mesh: &TriMesh, walk: &[u32], body: &ClosedLayer, reach: Real) {
     let rim: Vec<Point> = walk.iter().map(|v| mesh.vertices()[*v as usize]).collect();
     let middle = Point::from(rim.iter().map(|p| p.coords).sum::<Vector>() / rim.len() as Real);
     let feet: Vec<Option<Point>> =
-        rim.par_iter().map(|p| body.closest(p, reach).map(|c| c.point)).collect();
+        rim.par_iter().map(|p| body.skin().closest(p, reach).map(|c| c.point)).collect();
+    let inwards_only = body.surface().is_some_and(BodySurface::is_incomplete);
+    let is_curtain =
+        |k: usize, foot: &Point| !inwards_only || (foot - rim[k]).dot(&(middle - rim[k])) > 0.0;
     for k in 0..rim.len() {
         let next = (k + 1) % rim.len();
         voxels.add_wall([&rim[k], &rim[next], &middle]);
-        if let (Some(a), Some(b)) = (&feet[k], &feet[next]) {
+        if let (Some(a), Some(b)) = (&feet[k], &feet[next])
+            && is_curtain(k, a)
+            && is_curtain(next, b)
+        {
             voxels.add_wall([&rim[k], &rim[next], b]);
             voxels.add_wall([&rim[k], b, a]);
         }

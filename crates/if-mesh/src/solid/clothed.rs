@@ -44,8 +44,8 @@ impl SignedDistance for ClothedField<'_> {
         Some(self.layers.iter().fold(Aabb::EMPTY, |b, l| b.merged(&l.bvh().aabb())))
     }
 
-    /// 1 if all layers are bodies; infinite otherwise, as the field jumps across caps of garments.
+    /// 1 if all layers are closed bodies; infinite otherwise, as the field jumps across caps.
     fn lipschitz(&self) -> Real {
-        if self.layers.iter().all(|l| l.is_body()) { 1.0 } else { Real::INFINITY }
+        if self.layers.iter().all(|l| l.is_closed_body()) { 1.0 } else { Real::INFINITY }
     }
 }

@@ -321,7 +321,7 @@ fn a_table_holds_any_name() {
 }
 
 #[test]
-fn garments_of_an_unknown_body_and_open_bodies_are_refused() {
+fn garments_of_an_unknown_body_and_bodies_without_an_inside_are_refused() {
     let root = tempfile::tempdir().unwrap();
     let mut wardrobe = filled(root.path());
     let shirt = garment(Garment::Tshirt, &COARSE);
@@ -338,7 +338,7 @@ fn garments_of_an_unknown_body_and_open_bodies_are_refused() {
     assert!(
         matches!(
             error,
-            WardrobeError::Body { source: if_outfit::outfit::OutfitError::OpenBody { .. }, .. }
+            WardrobeError::Body { source: if_outfit::outfit::OutfitError::NoInside { .. }, .. }
         ),
         "{error}"
     );
