@@ -13,7 +13,7 @@ fn headless() -> TriMesh {
     let top = body.aabb().max.y;
     let below_neck = |t: &usize| {
         let height: Real = body.corners(*t).iter().map(|p| p.y).sum::<Real>() / 3.0;
-        height < top - 0.3 && t % 150 != 0
+        height < top - 0.3 && !t.is_multiple_of(150)
     };
     let kept = (0..body.triangles().len()).filter(below_neck).map(|t| body.triangles()[t]);
     TriMesh::new(body.vertices().to_vec(), kept.collect()).unwrap()
