@@ -70,7 +70,7 @@ fn kept_own_pairs(layer: &LayerReport) -> String {
         if !pairs.is_empty() {
             let more = if pairs.len() > SHOWN { " ..." } else { "" };
             let (n, shown) = (count(pairs.len()), shown.join(" "));
-            let _ = writeln!(text, "{} keeps {n} own pairs: {why}: {shown}{more}", layer.name);
+            let _ = writeln!(text, "{} keeps {n} own pairs: {why}:\n  {shown}{more}", layer.name);
         }
     }
     text
@@ -471,7 +471,7 @@ mod tests {
         );
         assert!(
             text.contains(
-                "suit_jacket keeps 5 own pairs: they came back between the layers: [11111, 12222] "
+                "suit_jacket keeps 5 own pairs: they came back between the layers:\n  [11111, 12222] "
             ),
             "{text}"
         );
