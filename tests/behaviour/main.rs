@@ -3,6 +3,7 @@
 mod bad_input;
 mod build_scripts;
 mod determinism;
+mod distances;
 mod easing;
 mod guarantee;
 mod own;

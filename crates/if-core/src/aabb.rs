@@ -72,6 +72,17 @@ impl Aabb {
         sum
     }
 
+    /// Squared distance of the two boxes, zero if they overlap, in square metres.
+    #[inline]
+    pub fn gap_squared(&self, other: &Self) -> Real {
+        let mut sum = 0.0;
+        for k in 0..3 {
+            let d = (self.min[k] - other.max[k]).max(other.min[k] - self.max[k]).max(0.0);
+            sum += d * d;
+        }
+        sum
+    }
+
     /// Lengths of the sides, zero for the empty box.
     #[inline]
     pub fn size(&self) -> Vector {

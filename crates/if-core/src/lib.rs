@@ -29,6 +29,7 @@
 pub mod aabb;
 pub mod closest;
 pub mod conformance;
+pub mod distance;
 pub mod edges;
 pub mod field;
 pub mod intersect;

@@ -9,11 +9,13 @@
 
 mod build;
 mod closest;
+mod nearest_pairs;
 mod pairs;
 mod segment;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use nearest_pairs::NearPair;
 pub use segment::Hit;
 
 use build::{FORK, Item, build, node_count, rank};

@@ -51,6 +51,7 @@ pub mod index;
 pub mod intersections;
 pub mod inverted;
 pub mod labels;
+pub mod least_distance;
 pub mod marching;
 pub mod measure;
 mod normals;

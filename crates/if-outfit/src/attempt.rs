@@ -128,7 +128,7 @@ impl Attempt {
         let body = (self.body.as_ref(), before.body_own_pairs);
         let after = Verification::new(&self.outfit, body, findings, seconds);
         let layers = (0..self.dressed.len()).map(|k| self.layer_report(k, params)).collect();
-        ResolveReport { before, after, layers, seconds: 0.0 }
+        ResolveReport { before, after, layers, ..ResolveReport::default() }
     }
 
     fn layer_report(&self, index: usize, params: &ResolveParams) -> LayerReport {

@@ -198,6 +198,7 @@ impl OutfitFiles {
             for (layer, (given, stored)) in report.layers.iter_mut().zip(garments) {
                 (layer.own_pairs, _) = compare_own_pairs(&given.mesh, &stored.mesh);
             }
+            report.compare_clearance(params.goal.clearance);
         }
         let resolved = Resolved { outfit: stored, report, splits };
         let unresolved = Unresolved::of(&fine.outfit, &resolved);

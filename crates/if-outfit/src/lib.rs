@@ -16,6 +16,7 @@ mod constraints;
 mod contact_groups;
 mod contacts;
 pub mod content;
+mod distances;
 mod dressing;
 mod facing_sheets;
 pub mod files;

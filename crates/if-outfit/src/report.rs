@@ -8,6 +8,7 @@ use crate::outfit::{Layer, Outfit};
 use if_core::intersect::Contact;
 use if_core::math::Real;
 pub use if_mesh::body_surface::{BodyReport, Hole};
+pub use if_mesh::least_distance::LeastDistance;
 use if_mesh::measure::{Displacement, Strain};
 use serde::{Deserialize, Serialize};
 
@@ -45,6 +46,10 @@ pub struct PairReport {
     pub vertices: usize,
     /// Depth of the deepest of them, in metres.
     pub deepest: Real,
+    /// The least distance of the two layers, triangles of the inner one first; `None` if it was not
+    /// measured.
+    #[serde(default)]
+    pub least_distance: Option<LeastDistance>,
 }
 
 impl PairReport {
@@ -61,6 +66,7 @@ impl PairReport {
             vertices_inside: found.inside,
             vertices: outer.mesh.vertices().len(),
             deepest: found.deepest,
+            least_distance: None,
         }
     }
 
@@ -84,6 +90,10 @@ pub struct Verification {
     /// What was assumed of the body; `None` if it is one closed part.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<BodyReport>,
+    /// For each garment the least distance of two of its triangles that share no vertex; `None` if
+    /// there are no such two. Empty if it was not measured.
+    #[serde(default)]
+    pub own_least_distances: Vec<Option<LeastDistance>>,
     /// Seconds that the check took.
     pub seconds: Real,
 }
@@ -127,6 +137,11 @@ impl Verification {
     /// No intersecting pair and no vertex on a wrong side.
     pub fn is_clean(&self) -> bool {
         self.pairs.iter().all(PairReport::is_clean)
+    }
+
+    /// The least distance of two layers, in metres; `None` if it was not measured.
+    pub fn least_distance(&self) -> Option<Real> {
+        self.pairs.iter().filter_map(|p| p.least_distance).map(|d| d.distance).reduce(Real::min)
     }
 
     /// How clean the outfit is.
@@ -280,11 +295,20 @@ pub struct ResolveReport {
     pub after: Verification,
     /// One entry a garment, inner to outer.
     pub layers: Vec<LayerReport>,
+    /// The least distance of two layers of the result, as a share of the clearance that is the goal
+    /// ([`crate::GoalParams::clearance`]); `None` if there is no garment.
+    #[serde(default)]
+    pub clearance_reached: Option<Real>,
     /// Wall time, in seconds.
     pub seconds: Real,
 }
 
 impl ResolveReport {
+    /// Computes [`ResolveReport::clearance_reached`] for a goal of `clearance` metres.
+    pub(crate) fn compare_clearance(&mut self, clearance: Real) {
+        self.clearance_reached = self.after.least_distance().map(|least| least / clearance);
+    }
+
     /// Intersecting pairs of garments with themselves that the input did not have.
     pub fn new_own_pairs(&self) -> usize {
         self.layers.iter().map(|l| l.own_pairs.new).sum()

@@ -2,6 +2,7 @@
 //! exactly. The result is returned as proven only if nothing remains.
 
 use crate::attempt::{Attempt, AttemptError};
+use crate::distances;
 use crate::outfit::{Outfit, OutfitError};
 use crate::report::{ResolveReport, Verification};
 use crate::settle::Settings;
@@ -130,6 +131,8 @@ fn resolve_with(
     for (garment, dressed) in found.garments.iter_mut().zip(attempt.dressed) {
         garment.mesh = dressed.mesh;
     }
+    distances::measure(&found, &mut report.after);
+    report.compare_clearance(params.goal.clearance);
     if let Some(welded) = welded {
         found = welded.unweld(outfit, found);
     }

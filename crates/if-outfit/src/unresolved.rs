@@ -147,7 +147,7 @@ mod tests {
             pairs: PairCount { crossing, ..Default::default() },
             vertices_inside,
             vertices: 10,
-            deepest: 0.0,
+            ..PairReport::default()
         };
         let found = |pairs| {
             let mut report = ResolveReport::default();

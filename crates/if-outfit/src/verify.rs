@@ -1,6 +1,7 @@
 //! The proof: exact intersections of every layer with every layer below it, and sides by closed
 //! fields.
 
+use crate::distances;
 use crate::findings::{Findings, LayerFindings, new_pairs};
 use crate::outfit::{Layer, Outfit, OutfitError};
 use crate::report::{OwnPairs, Verification};
@@ -16,7 +17,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Checks an outfit without changing it: intersecting triangle pairs of all layers, vertices on the
-/// wrong side of a layer below, and every garment's intersections with itself.
+/// wrong side of a layer below, every garment's intersections with itself, and least distances.
 ///
 /// Seams count as closed, and vertices at the same position along them as one ([`if_mesh::seams`]).
 /// Vertices of no triangle do not count.
@@ -31,7 +32,10 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
     let outfit = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let (findings, closed) = verify_layers(outfit);
     let body = (closed[0].body_report(), body_own_pairs(outfit));
-    Ok(Verification::new(outfit, body, &findings, start.elapsed().as_secs_f64()))
+    let mut found = Verification::new(outfit, body, &findings, 0.0);
+    distances::measure(outfit, &mut found);
+    found.seconds = start.elapsed().as_secs_f64();
+    Ok(found)
 }
 
 /// What is found in a checked outfit, for each garment, and its closed layers: the body, then all

@@ -31,6 +31,11 @@ fn check_counts_as_json() {
         .collect();
     assert_eq!(names, [("body", "skirt"), ("body", "top"), ("skirt", "top")]);
     assert!(pairs[0]["pairs"]["crossing"].as_u64().unwrap() > 0);
+    // Layers that meet have no distance; a garment has one to itself.
+    assert_eq!(pairs[0]["least_distance"]["distance"], 0.0);
+    let own = &json["report"]["own_least_distances"][0];
+    assert!(own["distance"].as_f64().unwrap() > 1e-3, "{own}");
+    assert!(own["error"].as_f64().unwrap() < 1e-12, "{own}");
 }
 
 #[test]
@@ -44,6 +49,7 @@ fn fix_writes_what_check_then_finds_clean() {
         "moved",
         "strain",
         "seconds",
+        "Least distance of two layers: ",
         "Wrote fixed: skirt.ply, shirt.obj",
     ] {
         assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
@@ -190,6 +196,12 @@ fn the_receipt_says_what_went_in_and_came_out() {
     let json = folder.ifg("fix outfit.toml --out fixed --clearance 1mm --json").expect(0).json();
     assert_eq!((&json["state"], &json["out"]), (&"clean everywhere".into(), &"fixed".into()));
     assert!(json["report"]["before"]["pairs"].as_array().unwrap().len() == 3);
+    let report = &json["report"];
+    let least = report["after"]["pairs"].as_array().unwrap().iter();
+    let least = least.map(|p| p["least_distance"]["distance"].as_f64().unwrap());
+    let least = least.fold(f64::INFINITY, f64::min);
+    let reached = report["clearance_reached"].as_f64().unwrap();
+    assert!(least > 0.0 && (reached - least / 1e-3).abs() < 1e-9, "{reached} {least}");
     let receipt: serde_json::Value =
         serde_json::from_slice(&folder.read("fixed/receipt.json")).unwrap();
     assert_eq!(receipt["params"]["goal"]["clearance"], 0.001);
