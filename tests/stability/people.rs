@@ -9,7 +9,7 @@ use if_body::skinning::{
 use if_body::{Joint, Pose, Skeleton};
 use if_core::math::{Point, Real, Vector};
 use if_mesh::camera::Camera;
-use if_pipeline::capture::{Capture, CaptureWriter, FramePictures, Subject};
+use if_pipeline::capture::{Capture, CaptureWriter, FramePictures, PoseSigma, Subject};
 use std::fs;
 use std::path::Path;
 
@@ -155,6 +155,7 @@ fn write_capture(folder: &Path) {
     )
     .unwrap();
     let subject = Subject {
+        pose_sigma: Some(PoseSigma::EXACT),
         camera,
         garments: vec!["shirt".into()],
         joints: vec!["hips".into(), "head".into()],

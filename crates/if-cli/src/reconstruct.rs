@@ -1,13 +1,14 @@
 //! `ifg reconstruct`: a capture becomes garments of a wardrobe.
 
 mod names;
+mod summary;
 
 use crate::cancel;
 use crate::end::End;
 use crate::errors::{self, ErrorChain};
 use crate::print::{print, print_json};
 use crate::progress::Line;
-use crate::values::above_zero;
+use crate::values::{above_zero, pose_sigma};
 use clap::Args;
 use if_body::{TemplateBody, check_upright};
 use if_core::mesh::TriMesh;
@@ -18,11 +19,10 @@ use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
 use if_neural::deform::DeformParams;
 use if_outfit::content;
 use if_pipeline::asset::{LayerHint, Parts, Provenance};
-use if_pipeline::capture::{Capture, CaptureError};
+use if_pipeline::capture::{Capture, CaptureError, PoseSigma, write_poses};
 use if_pipeline::reconstruct::{
-    FrameMotion, MotionNetworkParams, MotionParams, MotionReport, MotionRound, PhiNetwork,
-    PhiParams, ReconstructError, ReconstructParams, ReconstructReport, Reconstruction, reconstruct,
-    write_frames,
+    FrameMotion, MotionNetworkParams, MotionParams, MotionRound, PhiNetwork, PhiParams, PoseParams,
+    ReconstructError, ReconstructParams, Reconstruction, reconstruct, write_frames,
 };
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
 use if_render::{PALETTE, Page, RenderLayer, View, side_by_side};
@@ -33,6 +33,7 @@ use std::io;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;
+use summary::{doubts, moved, summary};
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct ReconstructArgs {
@@ -72,6 +73,15 @@ pub(crate) struct ReconstructArgs {
     /// `deformation.safetensors` beside the frames' folder; 0, as by default, leaves it out.
     #[arg(long, value_name = "STEPS", requires = "frames", default_value_t = 0)]
     pub(crate) motion_steps: u64,
+    /// How far the poses are off, such as 3,9: root-mean-square angle of a joint in degrees, and
+    /// standard deviation of the root along each axis in millimetres; 0,0 takes them as exact. By
+    /// default what meta.json states, and 3,9 if it states nothing.
+    #[arg(long, value_name = "DEG,MM", value_parser = pose_sigma)]
+    pub(crate) pose_noise: Option<PoseSigma>,
+    /// Exit with code 1 if frames or joints do not match their images; everything is written all the
+    /// same.
+    #[arg(long)]
+    pub(crate) strict: bool,
     /// Print the report as JSON on stdout, and no summary.
     #[arg(long)]
     pub(crate) json: bool,
@@ -163,6 +173,10 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         fit: DeformParams { steps: args.motion_steps, ..DeformParams::default() },
         ..MotionNetworkParams::default()
     });
+    params.poses = args.pose_noise.map(PoseParams::of);
+    params
+        .validate()
+        .map_err(fault("these options cannot be used", "see ifg reconstruct --help"))?;
     let writing = |what: &str| format!("cannot write {what} into `{}`", args.out.display());
     const ROOM: &str = "make room there, or give --out another folder that you may write to";
     fs::create_dir_all(&args.out).map_err(fault(writing("anything"), ROOM))?;
@@ -226,12 +240,14 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         .map_err(fault(writing("the clothed body"), ROOM))?;
     let _ = fs::remove_file(&state); // of no use any more
     drop(line);
+    let doubts = doubts(&found.report.surface.quality);
     if args.json {
         print_json(&found.report)?;
+        doubts.iter().for_each(|text| errors::note(text));
     } else {
         print(&summary(&name, &found.report, seconds))?;
     }
-    Ok(End::Clean)
+    Ok(if args.strict && doubts.is_some() { End::NotClean } else { End::Clean })
 }
 
 /// What to do where nothing could be reconstructed.
@@ -274,6 +290,7 @@ fn described(progress: &Progress, seconds_left: Option<f64>) -> String {
     let what = match progress.stage {
         "read" => "reading frames",
         "start" => "looking for loose clothes",
+        "poses" => "refining poses",
         "surface" => "fitting the surface",
         "extract" => "extracting the canonical mesh",
         "motion" => "solving the motion of single frames",
@@ -298,86 +315,6 @@ fn described(progress: &Progress, seconds_left: Option<f64>) -> String {
         text += &format!(", {left:.0} s left");
     }
     text
-}
-
-fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> String {
-    let surface = &report.surface;
-    let used = surface.frames - surface.skipped.len();
-    let mut text = format!(
-        "{name}: {used} of {} frames, {} triangles, {seconds:.1} s\n",
-        surface.frames, report.triangles
-    );
-    if let Some(filled) = &surface.start.filled {
-        text += &format!(
-            "  {} hangs loose about {}: {:.1} litres were filled\n",
-            filled.garments.join(" and "),
-            filled.joints.join(", "),
-            filled.litres
-        );
-    }
-    let pixels = &surface.pixels;
-    if let Some(last) = surface.rounds.last() {
-        text += &format!("  silhouettes were off by {:.1} mm", last.silhouette_mm);
-        if pixels.used > 0 {
-            text += &format!(" and normals by {:.1}°", last.normal_degrees);
-        }
-        text += " before the last round\n";
-    }
-    if pixels.contradicting > pixels.used {
-        let share = |n: usize| 100.0 * n as f64 / pixels.person.max(1) as f64;
-        text += &format!(
-            "  the normals of {:.0} % of the person's pixels contradict the surface, those of {:.0} % were used: are they as docs/reference/capture.md has them?\n",
-            share(pixels.contradicting),
-            share(pixels.used)
-        );
-    }
-    if let Some(motion) = &report.motion {
-        text += &format!("  {}", moved(motion));
-    }
-    if let Some(network) = &report.motion_network {
-        text += &format!(
-            "  their motion as a network: off by {:.2} mm on average, for {:.2} mm of none at all\n",
-            network.mean_mm, network.still_mm
-        );
-    }
-    if let Some(phi) = &report.phi {
-        text += &format!(
-            "  φ as a network: off by {:.2} mm on average, 99 % by less than {:.1} mm\n",
-            phi.mean_mm, phi.p99_mm
-        );
-    }
-    for garment in &report.garments {
-        text += &format!(
-            "  {}: {} triangles, {} openings{}, {} holes filled, {} left\n",
-            garment.name,
-            garment.triangles,
-            garment.openings,
-            match garment.most_openings {
-                Some(most) if most > garment.openings =>
-                    format!(" (a closed garment of that name has {most})"),
-                _ => String::new(),
-            },
-            garment.filled,
-            garment.holes_left
-        );
-    }
-    for missing in &report.missing {
-        text += &format!("  {missing}: nothing of it was seen\n");
-    }
-    text
-}
-
-/// What became of the motion of single frames, in a line.
-fn moved(motion: &MotionReport) -> String {
-    let mut text = format!(
-        "{} frames move on their own: {:.1} mm on average, {:.1} mm at most",
-        motion.solved, motion.mean_mm, motion.max_mm
-    );
-    if !motion.skipped.is_empty() {
-        text +=
-            &format!("; {} bring nothing, and move as their neighbours do", motion.skipped.len());
-    }
-    text + "\n"
 }
 
 /// The body and the garments, into the wardrobe.
@@ -458,6 +395,11 @@ fn write_clothed(
         if let Some(network) = &found.motion_network {
             fs::write(folder.join("deformation.safetensors"), network.to_bytes()?)?;
         }
+        if let Some(poses) = &found.poses {
+            let numbered = poses.iter().enumerate().map(|(k, pose)| (capture.number(k), pose));
+            write_poses(&folder.join("poses.json"), capture.joints(), numbered)
+                .map_err(io::Error::other)?;
+        }
         fs::write(folder.join("report.json"), serde_json::to_vec_pretty(&found.report)?)?;
         fs::write(folder.join("report.html"), page(name, found)?)
     })
@@ -470,7 +412,7 @@ fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
     page.text(&summary(
         name,
         report,
-        s.surface + s.extract + s.motion + s.motion_network + s.phi + s.garments + s.bake,
+        s.poses + s.surface + s.extract + s.motion + s.motion_network + s.phi + s.garments + s.bake,
     ));
     page.heading("The person").picture("front, three quarters, back", &picture(&labelled(found))?);
     page.heading("The garments").picture("cut and cleaned", &picture(&garments(found))?);

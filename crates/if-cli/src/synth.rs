@@ -5,12 +5,12 @@ use crate::end::End;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::table::count;
-use crate::values::above_zero;
+use crate::values::{above_zero, pose_sigma};
 use clap::{Args, ValueEnum};
 use if_body::mannequin::Garment;
 use if_core::monitor::Progress;
-use if_pipeline::capture::CaptureError;
 use if_pipeline::capture::synth::{SynthError, SynthParams, SynthReport, synth};
+use if_pipeline::capture::{CaptureError, PoseSigma};
 use miette::{Diagnostic, Report};
 use serde_json::json;
 use std::fmt::Write;
@@ -45,6 +45,16 @@ pub(crate) struct SynthArgs {
     /// truth/ then.
     #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
     pub(crate) nonrigid: Option<f64>,
+    /// How far the poses are off, such as 3,9: root-mean-square angle of a joint in degrees, and
+    /// standard deviation of the root along each axis in millimetres.
+    #[arg(long, value_name = "DEG,MM", value_parser = pose_sigma, default_value = "0,0")]
+    pub(crate) pose_noise: PoseSigma,
+    /// Frames within which errors of poses correlate; 0 makes each frame's independent.
+    #[arg(long, value_name = "FRAMES", default_value_t = 0.0)]
+    pub(crate) pose_correlation: f64,
+    /// Root-mean-square angle in degrees by which normals are off, smoothly.
+    #[arg(long, value_name = "DEG", default_value_t = 0.0)]
+    pub(crate) normal_noise: f64,
     /// Random seed of the noise and the motion.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
@@ -98,6 +108,9 @@ pub(crate) fn run(args: &SynthArgs) -> Result<End, Report> {
         label_noise: args.label_noise.unwrap_or(args.noise),
         mask_noise: args.mask_noise.unwrap_or(args.noise),
         nonrigid: args.nonrigid.unwrap_or(0.0),
+        pose_noise: args.pose_noise,
+        pose_correlation: args.pose_correlation,
+        normal_noise: args.normal_noise,
         seed: args.seed,
         ..SynthParams::default()
     };

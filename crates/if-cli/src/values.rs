@@ -1,6 +1,7 @@
 //! Values of arguments: lengths with units, points, labels, parameters.
 
 use if_core::math::Point;
+use if_pipeline::capture::PoseSigma;
 
 /// A positive, finite factor.
 pub(crate) fn positive(text: &str) -> Result<f64, String> {
@@ -36,6 +37,16 @@ pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     length(text).and_then(|value| {
         if value > 0.0 { Ok(value) } else { Err("a length above zero is needed".into()) }
     })
+}
+
+/// An error of poses: degrees and millimetres, with a comma between them.
+pub(crate) fn pose_sigma(text: &str) -> Result<PoseSigma, String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|x| x.trim().parse().ok()).collect();
+    let [degrees, mm] = numbers[..] else {
+        return Err("give DEGREES,MILLIMETRES, such as 3,9".into());
+    };
+    let sigma = PoseSigma { degrees, translation: mm / 1000.0 };
+    sigma.validate().map(|()| sigma).map_err(|e| e.to_string())
 }
 
 /// Three coordinates in metres, with commas between them.

@@ -13,12 +13,15 @@ mod write;
 
 pub use error::CaptureError;
 pub use picture::PictureError;
-pub use write::{CaptureWriter, FramePictures, Subject};
+pub use write::{CaptureWriter, FramePictures, Subject, write_poses};
 
 use if_body::{Pose, Skeleton};
+use if_core::math::Real;
+use if_core::parameter::ParameterError;
 use if_mesh::camera::Camera;
 use meta::Meta;
 use picture::Kind;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// Label of the background.
@@ -51,6 +54,49 @@ impl Channels {
     }
 }
 
+/// How far the poses of a capture are off.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PoseSigma {
+    /// Root of the mean square angle by which each joint's rotation is off, in degrees.
+    pub degrees: Real,
+    /// Standard deviation of the root's position along each axis, in metres.
+    pub translation: Real,
+}
+
+impl PoseSigma {
+    /// Exact poses.
+    pub const EXACT: Self = Self { degrees: 0.0, translation: 0.0 };
+
+    /// Whether the poses are exact.
+    pub fn is_exact(&self) -> bool {
+        *self == Self::EXACT
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    ///
+    /// The angle is not from 0° to 60°, or the distance not from 0 to 1 m.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        let Self { degrees, translation } = *self;
+        let check = ParameterError::check;
+        check("degrees", degrees, (0.0..=60.0).contains(&degrees), "from 0 to 60 (degrees)")?;
+        check("translation", translation, (0.0..=1.0).contains(&translation), "from 0 to 1 (m)")
+    }
+}
+
+impl Default for PoseSigma {
+    /// 3° and 9 mm, for poses of an estimator: joints are off by 34 mm on average then.
+    ///
+    /// # Source
+    ///
+    /// On 3DPW joints are off by 36 mm after a similarity transform [Shin et al. 2024].
+    fn default() -> Self {
+        Self { degrees: 3.0, translation: 0.009 }
+    }
+}
+
 /// The images of one frame, one value per pixel, rows from the top.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct Frame {
@@ -71,6 +117,7 @@ pub struct Capture {
     labels: Vec<String>,
     joints: Vec<String>,
     frames: Vec<(u32, Pose)>,
+    pose_sigma: Option<PoseSigma>,
     /// Subfolders of masks, labels and normals.
     channels: [String; 3],
 }
@@ -94,6 +141,7 @@ impl Capture {
     pub fn open_with(folder: &Path, channels: &Channels) -> Result<Self, CaptureError> {
         let meta = Meta::read(&folder.join(meta::FILE))?;
         let (camera, frames) = meta.checked(&folder.join(meta::FILE))?;
+        let pose_sigma = meta.pose_sigma(&folder.join(meta::FILE))?;
         let noisy = |kind: Kind, given: &Option<String>| {
             let name = given.as_deref().or_else(|| meta.channel(kind));
             let found =
@@ -111,6 +159,7 @@ impl Capture {
             labels: meta.labels,
             joints: meta.joints,
             frames,
+            pose_sigma,
             channels,
         };
         for frame in 0..this.len() {
@@ -170,6 +219,35 @@ impl Capture {
     /// If `frame` is out of range.
     pub fn pose(&self, frame: usize) -> &Pose {
         &self.frames[frame].1
+    }
+
+    /// The error of the poses that `meta.json` states; `None` if it states none.
+    pub fn pose_sigma(&self) -> Option<PoseSigma> {
+        self.pose_sigma
+    }
+
+    /// The same capture with other poses, one for each frame.
+    ///
+    /// # Errors
+    ///
+    /// A pose has another number of joints than the capture.
+    ///
+    /// # Panics
+    ///
+    /// If there is not one pose for each frame.
+    pub fn with_poses(&self, poses: Vec<Pose>) -> Result<Self, CaptureError> {
+        assert_eq!(poses.len(), self.len(), "one pose for each frame");
+        let mut this = self.clone();
+        for (frame, (pose, known)) in poses.into_iter().zip(&mut this.frames).enumerate() {
+            let (got, expected) = (pose.rotations.len(), self.joints.len());
+            if got != expected {
+                let path = self.folder.join(meta::FILE);
+                let source = if_body::PoseError::Count { got, expected };
+                return Err(CaptureError::Pose { path, frame, source });
+            }
+            known.1 = pose;
+        }
+        Ok(this)
     }
 
     /// The number in the file names of a frame.

@@ -5,6 +5,7 @@
 //!
 //! | stage | functions | reported as |
 //! |---|---|---|
+//! | refinement of poses that are estimates | [`refine_poses`] | `read`, `start`, `poses` |
 //! | the surface, from masks, normals and poses | [`fit_surface`] | `read`, `start`, `surface` |
 //! | one closed canonical mesh with weights | [`FloodedField`], [`if_mesh::extract`], [`largest_piece`], [`carried_weights`] | `extract` |
 //! | the motion of single frames | [`fit_motion`], [`MeshMotion`] | `read`, `motion` |
@@ -22,6 +23,7 @@ mod distance_image;
 mod error;
 mod evidence;
 mod fair;
+mod figure;
 mod frames;
 mod garments;
 mod hull;
@@ -31,8 +33,10 @@ mod motion;
 mod observe;
 mod params;
 mod phi;
+mod poses;
 mod progress;
 mod projection;
+mod quality;
 mod refine;
 mod report;
 mod start;
@@ -53,6 +57,8 @@ pub use motion::{
 };
 pub use params::SurfaceParams;
 pub use phi::{PhiNetwork, PhiParams, PhiReport, fit_phi};
+pub use poses::{JointCorrection, PoseParams, PoseReport, PoseRound, RefinedPoses, refine_poses};
+pub use quality::{Doubt, FrameQuality, JointQuality, QualityReport, Residual};
 pub use report::{Filled, Pixels, Round, Skipped, StartReport, SurfaceReport};
 pub use surface::{Surface, fit_surface};
 pub use underside::Underside;

@@ -120,3 +120,60 @@ fn captures_of_several_bodies_share_a_wardrobe_also_at_once() {
     folder.ifg("wardrobe list w").expect(0);
     folder.ifg("wardrobe match w --body body b_trousers a_white_shirt --out worn").expect(0);
 }
+
+#[test]
+fn poses_with_a_stated_error_are_refined_and_exact_ones_are_left() {
+    let folder = Folder::new();
+    let scene = "--garments trousers,tshirt --frames 6 --size 96";
+    folder.ifg(&format!("capture synth --out cap {scene}")).expect(0);
+    folder.ifg(&format!("capture synth --out off {scene} --pose-noise 3,9")).expect(0);
+    let run = |cap: &str, out: &str, args: &str| {
+        folder
+            .ifg(&format!("reconstruct {cap} --body {cap}/body --out {out} {QUICK} {args}"))
+            .expect(0)
+            .stdout
+    };
+    let mesh = |path: &str| folder.read(&format!("{path}/canonical.ply"));
+    // The one capture states exact poses, the other 3° and 9 mm.
+    assert!(!run("cap", "exact", "").contains("refined"));
+    assert!(!folder.path("exact/clothed/cap/poses.json").exists());
+    assert!(run("off", "stated", "").contains("poses were refined"));
+    let read = |path: &str| serde_json::from_slice::<Value>(&folder.read(path)).unwrap();
+    let [truth, refined, given] =
+        ["off/truth/poses.json", "stated/clothed/off/poses.json", "off/meta.json"].map(read);
+    assert_eq!(refined["frames"].as_array().unwrap().len(), 6);
+    assert!(
+        truth["frames"] == read("cap/meta.json")["frames"] && truth["joints"] == given["joints"]
+    );
+    assert!(refined["frames"] != given["frames"] && given["frames"] != truth["frames"]);
+    // A capture that states nothing has an estimator's poses; the option overrides that.
+    edit(&folder, |meta| {
+        meta.as_object_mut().unwrap().retain(|key, _| !key.starts_with("pose_sigma"));
+    });
+    assert!(run("cap", "unstated", "").contains("poses were refined"));
+    assert!(!run("cap", "again", "--pose-noise 0,0").contains("refined"));
+    assert!(mesh("exact/clothed/cap") == mesh("again/clothed/cap"));
+    assert!(mesh("exact/clothed/cap") != mesh("unstated/clothed/cap"));
+    for bad in ["3", "-1,2", "a,b", "nan,1", "90,1"] {
+        let args = format!("reconstruct cap --body cap/body --out w --pose-noise={bad}");
+        folder.ifg(&args).expect(2);
+    }
+}
+
+#[test]
+fn frames_that_do_not_match_their_images_are_named_and_strict_exits_with_1() {
+    let folder = Folder::new();
+    folder.ifg(CAPTURE).expect(0);
+    let args = format!("reconstruct cap --body cap/body --out w {QUICK}");
+    assert!(!folder.ifg(&format!("{args} --strict")).expect(0).stdout.contains("warning"));
+    // An arm swings by 90° in one frame, where the images do not show it.
+    edit(&folder, |meta| {
+        let joints = meta["joints"].as_array().unwrap();
+        let arm = joints.iter().position(|j| j == "left_arm").unwrap();
+        meta["frames"][3]["rot"][arm] = json!([0.5f64.sqrt(), 0.0, 0.0, 0.5f64.sqrt()]);
+    });
+    let words = |text: &str| text.contains("warning: frame 3 ") && text.contains("left_");
+    assert!(words(&folder.ifg(&args).expect(0).stdout));
+    assert!(words(&folder.ifg(&format!("{args} --strict --json")).expect(1).stderr));
+    assert!(folder.path("w/garments/cap_trousers").exists());
+}

@@ -1,5 +1,6 @@
 //! `meta.json`.
 
+use super::PoseSigma;
 use super::error::CaptureError;
 use super::picture::Kind;
 use if_body::{Pose, PoseError};
@@ -37,6 +38,10 @@ pub(super) struct Meta {
     pub(super) joints: Vec<String>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub(super) channels: BTreeMap<String, String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) pose_sigma_degrees: Option<Real>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) pose_sigma_mm: Option<Real>,
     pub(super) frames: Vec<FrameMeta>,
 }
 
@@ -45,6 +50,12 @@ pub(super) struct FrameMeta {
     pub(super) index: u32,
     pub(super) root_t: [Real; 3],
     pub(super) rot: Vec<[Real; 4]>,
+}
+
+impl FrameMeta {
+    pub(super) fn new(index: u32, pose: &Pose) -> Self {
+        Self { index, root_t: pose.root_translation.into(), rot: pose.quaternions() }
+    }
 }
 
 /// The conventions, written into files for readers.
@@ -71,6 +82,22 @@ impl Meta {
     /// The subfolder named for images of this kind.
     pub(super) fn channel(&self, kind: Kind) -> Option<&str> {
         self.channels.get(kind.folder()).map(String::as_str)
+    }
+
+    /// The stated error of the poses; `None` without either key.
+    pub(super) fn pose_sigma(&self, path: &Path) -> Result<Option<PoseSigma>, CaptureError> {
+        let checked = |key, value: Option<Real>, most: Real| {
+            let value = value.unwrap_or(0.0);
+            if (0.0..=most).contains(&value) {
+                Ok(value)
+            } else {
+                Err(CaptureError::PoseSigma { path: path.into(), key, value, most })
+            }
+        };
+        let degrees = checked("pose_sigma_degrees", self.pose_sigma_degrees, 60.0)?;
+        let mm = checked("pose_sigma_mm", self.pose_sigma_mm, 1000.0)?;
+        let stated = self.pose_sigma_degrees.is_some() || self.pose_sigma_mm.is_some();
+        Ok(stated.then_some(PoseSigma { degrees, translation: mm / 1000.0 }))
     }
 
     /// Validates the file and returns camera and frames. `path` is for messages.

@@ -1,11 +1,13 @@
 //! Synthetic captures: the dressed mannequin turns in front of a camera, seen with the errors of a
 //! human parser and a normal estimator.
 
+mod estimator;
 mod motion;
 mod noise;
 mod scene;
 
-use super::{CaptureError, CaptureWriter, FramePictures, Subject};
+use super::{CaptureError, CaptureWriter, FramePictures, PoseSigma, Subject, write_poses};
+use estimator::estimated;
 use if_body::TemplateError;
 use if_body::mannequin::{Garment, MannequinParams, rig};
 use if_core::math::Real;
@@ -36,6 +38,12 @@ pub struct SynthParams {
     pub mask_noise: Real,
     /// Amplitude of the clothes' own motion along their normals, in metres, from 0 to 0.1.
     pub nonrigid: Real,
+    /// Error of the poses; that of `truth/poses.json` is zero.
+    pub pose_noise: PoseSigma,
+    /// Frames within which errors of poses correlate, from 0 (independent) to 1000.
+    pub pose_correlation: Real,
+    /// Error of the normals, from 0 to 60: the root of the mean square angle, in degrees.
+    pub normal_noise: Real,
     /// Random seed of noise and motion.
     pub seed: u64,
     /// The mannequin. Its layers should not intersect, since intersections would be visible.
@@ -43,7 +51,8 @@ pub struct SynthParams {
 }
 
 impl Default for SynthParams {
-    /// T-shirt, trousers and jacket in 24 frames of 256 × 256 pixels, with a third of the noise.
+    /// T-shirt, trousers and jacket in 24 frames of 256 × 256 pixels, with a third of the noise in
+    /// masks and labels, exact poses and exact normals.
     fn default() -> Self {
         Self {
             garments: vec![Garment::Trousers, Garment::Tshirt, Garment::Jacket],
@@ -52,6 +61,9 @@ impl Default for SynthParams {
             label_noise: 0.3,
             mask_noise: 0.3,
             nonrigid: 0.0,
+            pose_noise: PoseSigma::EXACT,
+            pose_correlation: 0.0,
+            normal_noise: 0.0,
             seed: 0,
             mannequin: MannequinParams { resolution: 1.0, overlap: 0.0 },
         }
@@ -110,6 +122,11 @@ impl SynthParams {
         check("size", size as Real, (16..=4096).contains(&size), "from 16 to 4096 (pixels)")?;
         check("label_noise", label_noise, unit(label_noise), "from 0 to 1")?;
         check("mask_noise", mask_noise, unit(mask_noise), "from 0 to 1")?;
+        let (normal, correlation) = (self.normal_noise, self.pose_correlation);
+        check("normal_noise", normal, (0.0..=60.0).contains(&normal), "from 0 to 60 (degrees)")?;
+        let frames = (0.0..=1000.0).contains(&correlation);
+        check("pose_correlation", correlation, frames, "from 0 to 1000 (frames)")?;
+        self.pose_noise.validate().map_err(|e| e.within("pose_noise"))?;
         check("nonrigid", nonrigid, (0.0..=0.1).contains(&nonrigid), "from 0 to 0.1 (m)")?;
         self.mannequin.validate().map_err(|e| e.within("mannequin"))
     }
@@ -118,7 +135,8 @@ impl SynthParams {
 /// The subfolder with the template body, an input of reconstructions.
 pub const BODY: &str = "body";
 /// The subfolder with the true body and garments, with skinning weights, for evaluation. If clothes
-/// have their own motion, it also has all layers posed in each frame, with labels: `frame_NNNN.ply`.
+/// have their own motion, it also has all layers posed in each frame, with labels: `frame_NNNN.ply`;
+/// if poses have errors, the true ones: `poses.json`.
 pub const TRUTH: &str = "truth";
 
 /// Renders the capture into `folder`, which must not exist.
@@ -141,6 +159,7 @@ pub fn synth(
         camera: camera.clone(),
         garments: scene.worn.iter().map(|g| g.name().to_owned()).collect(),
         joints: scene.skeleton.names().map(String::from).collect(),
+        pose_sigma: Some(params.pose_noise),
         generator: "ifg capture synth".into(),
     };
     let mut writer = CaptureWriter::create(folder, &subject)?;
@@ -166,11 +185,16 @@ pub fn synth(
     };
     let (body, truth) = (make(BODY)?, make(TRUTH)?);
     let waves = Waves::new(params.nonrigid, params.seed);
+    let poses: Vec<_> =
+        (0..params.frames).map(|frame| rig::turning_pose(frame, params.frames)).collect();
+    let given = estimated(&poses, params.pose_noise, params.pose_correlation, params.seed);
+    if !params.pose_noise.is_exact() {
+        write_poses(&truth.join("poses.json"), &subject.joints, (0..).zip(&poses))?;
+    }
     for frame in 0..params.frames {
         let total = Some(params.frames);
         monitor.report(&Progress { done: frame, total, ..Progress::stage("render") })?;
-        let pose = rig::turning_pose(frame, params.frames);
-        let moved = scene.posed(&pose, &waves, frame as Real / params.frames as Real);
+        let moved = scene.posed(&poses[frame], &waves, frame as Real / params.frames as Real);
         if !waves.still() {
             let path = truth.join(format!("frame_{frame:04}.ply"));
             let labels = Property::new("label", Column::U8(scene.labels()));
@@ -184,14 +208,15 @@ pub fn synth(
             Pcg64Mcg::seed_from_u64(params.seed.wrapping_mul(1_000_003).wrapping_add(frame as u64));
         let noisy_labels = noise::labels(&seen.labels, size, params.label_noise, names, &mut rng);
         let noisy_mask = noise::mask(&seen.mask, size, params.mask_noise, &mut rng);
+        let normals = noise::normals(&seen.normals, size, params.normal_noise, &mut rng);
         let pictures = FramePictures {
             mask: &seen.mask,
             labels: &seen.labels,
-            normals: &seen.normals,
+            normals: &normals,
             noisy_mask: (params.mask_noise > 0.0).then_some(&noisy_mask),
             noisy_labels: (params.label_noise > 0.0).then_some(&noisy_labels),
         };
-        writer.push(&pose, &pictures)?;
+        writer.push(&given[frame], &pictures)?;
         seen.labels.iter().for_each(|l| report.pixels[usize::from(*l)] += 1);
         report.wrong_labels +=
             seen.labels.iter().zip(&noisy_labels).filter(|(a, b)| a != b).count();
@@ -282,6 +307,8 @@ mod tests {
         for bad in [
             SynthParams { frames: 0, ..small(0.0) },
             SynthParams { label_noise: Real::NAN, ..small(0.0) },
+            SynthParams { normal_noise: 90.0, ..small(0.0) },
+            SynthParams { pose_correlation: -1.0, ..small(0.0) },
         ] {
             assert!(matches!(synth(&bad, &stopped, &mut Silent), Err(SynthError::Parameter(_))));
         }

@@ -20,6 +20,7 @@ fn subject() -> Subject {
     .unwrap();
     let name = |s: &str| s.to_owned();
     Subject {
+        pose_sigma: Some(PoseSigma::EXACT),
         camera,
         garments: vec![name("shirt")],
         joints: vec![name("hips"), name("head")],
@@ -205,7 +206,11 @@ type Fault = (fn(&mut Value), fn(&CaptureError) -> bool);
 #[test]
 fn invalid_meta_json_is_an_error_that_says_why() {
     use CaptureError as E;
-    let faults: [Fault; 14] = [
+    let faults: [Fault; 15] = [
+        (
+            |m| m["pose_sigma_mm"] = json!(-3),
+            |e| matches!(e, E::PoseSigma { key: "pose_sigma_mm", .. }),
+        ),
         (|m| m["K"][0][0] = json!(-1.0), |e| matches!(e, E::Camera { .. })),
         (|m| m["R"] = json!([[1, 0, 0], [0, 1, 0], [0, 0, -1]]), |e| matches!(e, E::Camera { .. })),
         (|m| m["t"] = json!([0, 0]), |e| matches!(e, E::Json { .. })),
@@ -254,6 +259,28 @@ fn invalid_meta_json_is_an_error_that_says_why() {
     }
     let nowhere = Capture::open(Path::new("no/such/folder")).unwrap_err();
     assert!(matches!(nowhere, E::Io { .. }), "{nowhere}");
+}
+
+#[test]
+fn the_stated_error_of_poses_is_read_and_poses_can_be_replaced() {
+    let (_parent, path) = captured();
+    let capture = Capture::open(&path).unwrap();
+    assert!(capture.pose_sigma().unwrap().is_exact());
+    edit(&path, |m| drop(m.as_object_mut().unwrap().remove("pose_sigma_mm")));
+    edit(&path, |m| m["pose_sigma_degrees"] = json!(3));
+    let sigma = Capture::open(&path).unwrap().pose_sigma();
+    assert_eq!(sigma, Some(PoseSigma { degrees: 3.0, translation: 0.0 }));
+
+    edit(&path, |m| drop(m.as_object_mut().unwrap().remove("pose_sigma_degrees")));
+    assert_eq!(Capture::open(&path).unwrap().pose_sigma(), None);
+
+    let mut poses: Vec<Pose> = (0..capture.len()).map(|k| capture.pose(k).clone()).collect();
+    poses[1].root_translation.x += 1.0;
+    let other = capture.with_poses(poses.clone()).unwrap();
+    assert!(other.pose(1) == &poses[1] && other.pose(0) == capture.pose(0));
+    poses[2].rotations.pop();
+    let error = capture.with_poses(poses).unwrap_err();
+    assert!(matches!(error, CaptureError::Pose { frame: 2, .. }), "{error}");
 }
 
 #[test]

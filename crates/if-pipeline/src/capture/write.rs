@@ -1,11 +1,13 @@
 //! Writing a capture.
 
+use super::PoseSigma;
 use super::error::CaptureError;
 use super::meta::{self, CONVENTION, FrameMeta, Meta};
 use super::picture::{self, Kind, PictureError};
 use if_body::Pose;
 use if_mesh::atomic::temporary_folder;
 use if_mesh::camera::Camera;
+use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::BufWriter;
@@ -21,6 +23,8 @@ pub struct Subject {
     pub garments: Vec<String>,
     /// Names of the joints that the poses rotate.
     pub joints: Vec<String>,
+    /// How far the poses are off; `None` if that is unknown.
+    pub pose_sigma: Option<PoseSigma>,
     /// The program that made the images, for readers.
     pub generator: String,
 }
@@ -38,6 +42,28 @@ pub struct FramePictures<'a> {
     pub noisy_mask: Option<&'a [bool]>,
     /// The labels with noise, if `labels` is the truth.
     pub noisy_labels: Option<&'a [u8]>,
+}
+
+/// Writes poses of numbered frames, with the keys of `meta.json`.
+///
+/// # Errors
+///
+/// The file cannot be written.
+pub fn write_poses<'a>(
+    path: &Path,
+    joints: &[String],
+    poses: impl Iterator<Item = (u32, &'a Pose)>,
+) -> Result<(), CaptureError> {
+    let frames: Vec<_> = poses.map(|(index, pose)| FrameMeta::new(index, pose)).collect();
+    let text = serde_json::to_vec(&Poses { joints, frames })
+        .map_err(|source| CaptureError::Json { path: path.into(), source })?;
+    fs::write(path, text).map_err(|source| CaptureError::Io { path: path.into(), source })
+}
+
+#[derive(Serialize)]
+struct Poses<'a> {
+    joints: &'a [String],
+    frames: Vec<FrameMeta>,
 }
 
 /// Writes a capture into a temporary folder beside the final one, which [`CaptureWriter::finish`]
@@ -90,6 +116,8 @@ impl CaptureWriter {
             layers_inner_to_outer: subject.garments.clone(),
             joints: subject.joints.clone(),
             channels: BTreeMap::new(),
+            pose_sigma_degrees: subject.pose_sigma.map(|s| s.degrees),
+            pose_sigma_mm: subject.pose_sigma.map(|s| 1e3 * s.translation),
             frames: Vec::new(),
         };
         let size = (camera.width(), camera.height());
@@ -168,11 +196,7 @@ impl CaptureWriter {
         if let Some(labels) = pictures.noisy_labels {
             self.file(frame, Kind::Label.noisy(), |f| picture::write_labels(f, size, labels))?;
         }
-        self.meta.frames.push(FrameMeta {
-            index: frame as u32,
-            root_t: pose.root_translation.into(),
-            rot: pose.quaternions(),
-        });
+        self.meta.frames.push(FrameMeta::new(frame as u32, pose));
         Ok(())
     }
 

@@ -64,6 +64,11 @@ pub enum ReconstructError {
         "round {round} of the surface has no finite solution; check the scale of normals and weights"
     )]
     SurfaceDiverged { round: usize },
+    /// The equations of the poses have no finite solution.
+    #[error(
+        "the poses have no finite solution in round {round}; check the scale of the body, and the stated noise of poses"
+    )]
+    PosesDiverged { round: usize },
     /// A mesh has positions that are not finite, or a checkpoint is of another mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),

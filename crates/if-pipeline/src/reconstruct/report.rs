@@ -1,5 +1,7 @@
 //! The report of the surface.
 
+use super::error::ReconstructError;
+use super::quality::QualityReport;
 use if_core::math::Real;
 use serde::{Deserialize, Serialize};
 
@@ -130,4 +132,23 @@ pub struct SurfaceReport {
     pub pixels: Pixels,
     /// All rounds.
     pub rounds: Vec<Round>,
+    /// How well the surface explains the images.
+    #[serde(default)]
+    pub quality: QualityReport,
+}
+
+impl SurfaceReport {
+    /// The error of a capture whose frames were all skipped.
+    ///
+    /// # Panics
+    ///
+    /// If no frame was skipped.
+    pub(super) fn nothing_seen(self) -> ReconstructError {
+        let first = self
+            .skipped
+            .into_iter()
+            .min_by_key(Skipped::frame)
+            .expect("a capture has frames, and all were skipped");
+        ReconstructError::NothingSeen { frames: self.frames, first }
+    }
 }

@@ -35,6 +35,14 @@ pub(super) struct Start {
     pub(super) report: StartReport,
 }
 
+impl Start {
+    /// The template alone.
+    pub(super) fn template(template: &TemplateBody) -> Self {
+        let (mesh, skin) = (template.mesh.clone(), template.skin.clone());
+        Self { mesh, skin, report: StartReport::default() }
+    }
+}
+
 /// Detects loose clothes by pixels of the person far from the posed template, and fills them. Label
 /// images are read only if there are such pixels.
 ///

@@ -7,7 +7,7 @@ use super::observe::{Observation, observe};
 use super::params::SurfaceParams;
 use super::report::{Skipped, SurfaceReport};
 use super::start::{Start, start};
-use super::{progress, refine};
+use super::{progress, quality, refine};
 use crate::capture::Capture;
 use if_body::{SkinWeights, TemplateBody};
 use if_core::edges::Edges;
@@ -89,12 +89,7 @@ pub fn fit_surface(
         evidence = look(&template.mesh, &edges, &template.skin, &frames, 0);
     }
     if frames.is_empty() {
-        let first = report
-            .skipped
-            .into_iter()
-            .min_by_key(Skipped::frame)
-            .expect("a capture has frames, and all were skipped");
-        return Err(ReconstructError::NothingSeen { frames: capture.len(), first });
+        return Err(report.nothing_seen());
     }
 
     // The start: the template, or its union with loose clothes, or the state of a checkpoint.
@@ -134,13 +129,15 @@ pub fn fit_surface(
     }
     let Evidence { pixels, .. } = evidence;
     report.pixels = pixels;
+    let (camera, skeleton) = (capture.camera(), &template.skeleton);
+    report.quality = quality::measure(&mesh, &edges, skin, skeleton, camera, &frames);
     // Everything is done: cancelling has no effect any more.
     let _ = progress::report(monitor, "surface", (params.rounds, params.rounds), off(&report));
     Ok(Surface { mesh, skin: start.skin, report })
 }
 
 /// Checks that capture and template belong together, and that the images fit into memory.
-fn check_input(
+pub(super) fn check_input(
     capture: &Capture,
     template: &TemplateBody,
     params: &SurfaceParams,
@@ -159,7 +156,7 @@ fn check_input(
 }
 
 /// Reads all frames in order; unusable ones are recorded in the report.
-fn read_frames(
+pub(super) fn read_frames(
     capture: &Capture,
     template: &TemplateBody,
     params: &SurfaceParams,
@@ -184,7 +181,7 @@ fn read_frames(
 
 /// The frames whose `overlap` with the template is at least `least`; others are recorded in the
 /// report.
-fn without_elsewhere(
+pub(super) fn without_elsewhere(
     mut frames: Vec<Observation>,
     overlap: &[Real],
     least: Real,

@@ -8,12 +8,13 @@ use super::motion::{
 };
 use super::params::SurfaceParams;
 use super::phi::{PhiNetwork, PhiParams, fit_phi};
+use super::poses::{PoseParams, refine_poses};
 use super::progress;
 use super::surface::{Surface, fit_surface};
 use super::underside::Underside;
 use super::whole_report::{GarmentReport, LabelReport, ReconstructReport, Seconds};
 use crate::capture::Capture;
-use if_body::{SkinWeights, TemplateBody};
+use if_body::{Pose, SkinWeights, TemplateBody};
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_core::monitor::Monitor;
@@ -28,6 +29,9 @@ use std::time::Instant;
 /// Parameters of [`reconstruct`].
 #[derive(Clone, Debug)]
 pub struct ReconstructParams {
+    /// Refinement of the poses; skipped if its `sigma` is exact. `None`: the defaults, for the error
+    /// that the capture states, or for that of an estimator if it states none.
+    pub poses: Option<PoseParams>,
     /// The fit of the surface.
     pub surface: SurfaceParams,
     /// Cell size of the extraction, in metres: about the mean edge length of the canonical mesh.
@@ -49,6 +53,7 @@ impl Default for ReconstructParams {
     /// no φ: garments are found and resolved without it.
     fn default() -> Self {
         Self {
+            poses: None,
             surface: SurfaceParams::default(),
             cell: 0.008,
             motion: None,
@@ -70,6 +75,7 @@ impl ReconstructParams {
         let positive = self.cell > 0.0 && self.cell.is_finite();
         ParameterError::check("cell", self.cell, positive, "positive (m)")?;
         self.surface.validate()?;
+        self.poses.as_ref().map_or(Ok(()), PoseParams::validate)?;
         self.motion.as_ref().map_or(Ok(()), MotionParams::validate)?;
         if let Some(network) = &self.motion_network {
             network.fit.validate()?;
@@ -87,6 +93,8 @@ pub struct Reconstruction {
     pub mesh: TriMesh,
     /// Its skinning weights.
     pub skin: SkinWeights,
+    /// The refined pose of each frame, if requested.
+    pub poses: Option<Vec<Pose>>,
     /// The label of each of its vertices.
     pub labels: Vec<u8>,
     /// The motion d of its vertices in single frames, if requested.
@@ -104,6 +112,7 @@ pub struct Reconstruction {
 /// Reconstructs a person in clothes and each garment from a capture.
 ///
 /// ```text
+/// poses     ← refined by images, if they are estimates                       refine_poses
 /// surface   ← the template, fitted to masks and normals                      fit_surface
 /// canonical ← zero set of its signed distance, weights
 /// motion    ← d of each frame, and as a network, if requested                fit_motion, distil_motion
@@ -129,6 +138,21 @@ pub fn reconstruct(
     let skeleton = &template.skeleton;
     let mut seconds = Seconds::default();
     let mut lap = Lap::start();
+
+    let poses = params
+        .poses
+        .clone()
+        .unwrap_or_else(|| PoseParams::of(capture.pose_sigma().unwrap_or_default()));
+    let refined = match poses.sigma.is_exact() {
+        true => None,
+        false => Some(refine_poses(capture, template, &params.surface, &poses, monitor)?),
+    };
+    let corrected = match &refined {
+        Some(refined) => Some(capture.with_poses(refined.poses.clone())?),
+        None => None,
+    };
+    let capture = corrected.as_ref().unwrap_or(capture);
+    lap.end(&mut seconds.poses);
 
     let surface = fit_surface(capture, template, &params.surface, checkpoint, monitor)?;
     lap.end(&mut seconds.surface);
@@ -174,7 +198,9 @@ pub fn reconstruct(
     }
     lap.end(&mut seconds.bake);
 
+    let (poses, pose_report) = refined.map(|r| (r.poses, r.report)).unzip();
     let report = ReconstructReport {
+        poses: pose_report,
         surface: surface.report,
         vertices: mesh.vertices().len(),
         triangles: mesh.triangles().len(),
@@ -186,7 +212,7 @@ pub fn reconstruct(
         missing,
         seconds,
     };
-    Ok(Reconstruction { mesh, skin, labels, motion, motion_network, phi, garments, report })
+    Ok(Reconstruction { mesh, skin, poses, labels, motion, motion_network, phi, garments, report })
 }
 
 /// The canonical mesh.

@@ -3,6 +3,7 @@
 use super::garments::Garment;
 use super::motion::{MotionNetworkReport, MotionReport};
 use super::phi::PhiReport;
+use super::poses::PoseReport;
 use super::report::SurfaceReport;
 use crate::asset::LayerHint;
 use if_core::math::Real;
@@ -85,6 +86,9 @@ impl GarmentReport {
 #[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Seconds {
+    /// Refining the poses.
+    #[serde(default)]
+    pub poses: Real,
     /// Reading frames and fitting the surface.
     pub surface: Real,
     /// Extracting the canonical mesh.
@@ -108,6 +112,9 @@ pub struct Seconds {
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct ReconstructReport {
+    /// The refinement of the poses, if requested.
+    #[serde(default)]
+    pub poses: Option<PoseReport>,
     /// The fit of the surface.
     pub surface: SurfaceReport,
     /// Vertices of the canonical mesh.

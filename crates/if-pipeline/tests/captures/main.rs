@@ -1,4 +1,5 @@
 //! From captures to moving people and garments.
 
 mod motion;
+mod poses;
 mod reconstruct;

@@ -16,7 +16,7 @@ use if_mesh::ply;
 use if_neural::field::NeuralField;
 use if_neural::files::read_network;
 use if_neural::network::NetworkConfig;
-use if_pipeline::capture::{Capture, CaptureWriter, FramePictures, Subject};
+use if_pipeline::capture::{Capture, CaptureWriter, FramePictures, PoseSigma, Subject};
 use if_pipeline::reconstruct::{
     MeshMotion, Motion, MotionParams, PhiParams, ReconstructError, ReconstructParams, Skipped,
     Surface, SurfaceParams, fit_motion, fit_surface, reconstruct, write_frames,
@@ -104,6 +104,7 @@ fn drawn(
 ) -> Capture {
     let camera = camera();
     let subject = Subject {
+        pose_sigma: Some(PoseSigma::EXACT),
         camera: camera.clone(),
         garments: vec!["top".into()],
         joints: vec!["root".into()],

@@ -1,18 +1,22 @@
-//! Errors of human parsers: displaced borders, patches of a wrong label, specks on the background,
-//! and occasionally two confused garments.
+//! Errors of human parsers (displaced borders, patches of a wrong label, specks on the background,
+//! and occasionally two confused garments), and of normal estimators.
 
-use if_core::math::Real;
+use if_core::math::{Real, Vector};
+use nalgebra::UnitQuaternion;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
+
+/// An about normally distributed number of deviation one: the sum of three uniform ones.
+pub(super) fn normal(rng: &mut Pcg64Mcg) -> Real {
+    (0..3).map(|_| rng.random_range(-1.0..1.0)).sum()
+}
 
 /// A smooth random field with values of about ±1, interpolated on a lattice of this spacing in
 /// pixels.
 fn field((width, height): (usize, usize), spacing: Real, rng: &mut Pcg64Mcg) -> Vec<Real> {
     let columns = (width as Real / spacing).ceil() as usize + 2;
     let rows = (height as Real / spacing).ceil() as usize + 2;
-    // A sum of three uniform numbers approximates a normal distribution of deviation one.
-    let mut normal = || (0..3).map(|_| rng.random_range(-1.0..1.0)).sum::<Real>();
-    let lattice: Vec<Real> = (0..columns * rows).map(|_| normal()).collect();
+    let lattice: Vec<Real> = (0..columns * rows).map(|_| normal(rng)).collect();
     let smooth = |s: Real| s * s * (3.0 - 2.0 * s);
     let value = |at: usize| {
         let (x, y) = ((at % width) as Real / spacing, (at / width) as Real / spacing);
@@ -145,6 +149,33 @@ pub(super) fn mask(
     }
 }
 
+/// Deviation of a [`field`]: the mean of the squared weights of a lattice point is 26/35 along each
+/// axis.
+const FIELD: Real = 26.0 / 35.0;
+
+/// Normals that are turned smoothly, by `degrees` as the root of the mean square. Zero normals stay.
+pub(super) fn normals(
+    truth: &[[f32; 3]],
+    size: (usize, usize),
+    degrees: Real,
+    rng: &mut Pcg64Mcg,
+) -> Vec<[f32; 3]> {
+    if degrees <= 0.0 {
+        return truth.to_vec();
+    }
+    let spacing = (size.0 as Real / 16.0).max(4.0);
+    let axes = [(); 3].map(|()| field(size, spacing, rng));
+    // Two of the three components of a rotation vector turn a normal.
+    let scale = degrees.to_radians() / (FIELD * Real::sqrt(2.0));
+    let turned = |(i, n): (usize, &[f32; 3])| {
+        let n = Vector::new(n[0].into(), n[1].into(), n[2].into());
+        let turn = UnitQuaternion::new(Vector::from_fn(|c, _| axes[c][i] * scale));
+        let n = turn * n;
+        [n.x as f32, n.y as f32, n.z as f32]
+    };
+    truth.iter().enumerate().map(turned).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -176,6 +207,27 @@ mod tests {
                 && counts[3] < 20 * truth.len() / 4,
             "{counts:?}"
         );
+    }
+
+    #[test]
+    fn normals_are_turned_smoothly_by_the_stated_angle() {
+        let (size, n) = ((128, 96), 128 * 96);
+        let truth: Vec<[f32; 3]> = (0..n).map(|i| [[0.0, 0.6, -0.8], [0.0; 3]][i % 2]).collect();
+        let noisy = normals(&truth, size, 12.0, &mut Pcg64Mcg::seed_from_u64(3));
+        let (mut square, mut step) = (0.0, 0.0);
+        for i in (0..n).step_by(2) {
+            let n = noisy[i].map(f64::from);
+            let cos = n[1] * 0.6 - n[2] * 0.8;
+            square += cos.clamp(-1.0, 1.0).acos().to_degrees().powi(2) / 6144.0;
+            let next = noisy[(i + 2) % noisy.len()].map(f64::from);
+            step += (0..3).map(|c| (n[c] - next[c]).powi(2)).sum::<Real>() / 6144.0;
+            assert_eq!(noisy[i + 1], [0.0; 3]);
+        }
+        // 17 × 13 lattice points.
+        assert!((square.sqrt() / 12.0 - 1.0).abs() < 0.15, "{}", square.sqrt());
+        // Independent noise would give twice the mean square.
+        assert!(step < 0.3 * square * 1f64.to_radians().powi(2), "{step} {square}");
+        assert_eq!(normals(&truth, size, 0.0, &mut Pcg64Mcg::seed_from_u64(3)), truth);
     }
 
     #[test]

@@ -1,0 +1,157 @@
+//! What a reconstruction found, for people.
+
+use if_pipeline::reconstruct::{
+    MotionReport, PoseReport, QualityReport, ReconstructReport, Residual,
+};
+
+/// A line for each stage.
+pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> String {
+    let surface = &report.surface;
+    let used = surface.frames - surface.skipped.len();
+    let mut text = format!(
+        "{name}: {used} of {} frames, {} triangles, {seconds:.1} s\n",
+        surface.frames, report.triangles
+    );
+    if let Some(filled) = &surface.start.filled {
+        text += &format!(
+            "  {} hangs loose about {}: {:.1} litres were filled\n",
+            filled.garments.join(" and "),
+            filled.joints.join(", "),
+            filled.litres
+        );
+    }
+    if let Some(poses) = &report.poses {
+        text += &format!("  {}", refined(poses));
+    }
+    let pixels = &surface.pixels;
+    if let Some(last) = surface.rounds.last() {
+        text += &format!("  silhouettes were off by {:.1} mm", last.silhouette_mm);
+        if pixels.used > 0 {
+            text += &format!(" and normals by {:.1}°", last.normal_degrees);
+        }
+        text += " before the last round\n";
+    }
+    if let Some(doubts) = doubts(&surface.quality) {
+        text += &format!("  {doubts}\n");
+    }
+    if pixels.contradicting > pixels.used {
+        let share = |n: usize| 100.0 * n as f64 / pixels.person.max(1) as f64;
+        text += &format!(
+            "  the normals of {:.0} % of the person's pixels contradict the surface, those of {:.0} % were used: are they as docs/reference/capture.md has them?\n",
+            share(pixels.contradicting),
+            share(pixels.used)
+        );
+    }
+    if let Some(motion) = &report.motion {
+        text += &format!("  {}", moved(motion));
+    }
+    if let Some(network) = &report.motion_network {
+        text += &format!(
+            "  their motion as a network: off by {:.2} mm on average, for {:.2} mm of none at all\n",
+            network.mean_mm, network.still_mm
+        );
+    }
+    if let Some(phi) = &report.phi {
+        text += &format!(
+            "  φ as a network: off by {:.2} mm on average, 99 % by less than {:.1} mm\n",
+            phi.mean_mm, phi.p99_mm
+        );
+    }
+    for garment in &report.garments {
+        text += &format!(
+            "  {}: {} triangles, {} openings{}, {} holes filled, {} left\n",
+            garment.name,
+            garment.triangles,
+            garment.openings,
+            match garment.most_openings {
+                Some(most) if most > garment.openings =>
+                    format!(" (a closed garment of that name has {most})"),
+                _ => String::new(),
+            },
+            garment.filled,
+            garment.holes_left
+        );
+    }
+    for missing in &report.missing {
+        text += &format!("  {missing}: nothing of it was seen\n");
+    }
+    text
+}
+
+/// What became of the poses, in a line.
+fn refined(poses: &PoseReport) -> String {
+    let count = poses.joints.len().max(1) as f64;
+    let mean = poses.joints.iter().map(|j| j.moved_mm).sum::<f64>() / count;
+    let most = poses.joints.iter().map(|j| j.moved_most_mm).fold(0.0, f64::max);
+    let mut text = format!(
+        "poses were refined: joints moved by {mean:.1} mm on average, {most:.1} mm at most"
+    );
+    if !poses.unused.is_empty() {
+        text += &format!("; {} frames follow from their neighbours", poses.unused.len());
+    }
+    if let Some(held_out) = &poses.held_out {
+        text += &format!(
+            "\n  frames that the surface had not seen were off by {:.1} mm and {:.1}°",
+            held_out.silhouette_mm, held_out.normal_degrees
+        );
+    }
+    text + "\n"
+}
+
+/// Which frames and joints do not match their images; `None` if all do.
+pub(super) fn doubts(quality: &QualityReport) -> Option<String> {
+    let doubts = &quality.doubts;
+    let mut frames: Vec<usize> = doubts.iter().map(|d| d.frame).collect();
+    frames.dedup();
+    let most =
+        |of: fn(&Residual) -> f64| doubts.iter().map(|d| of(&d.residual)).fold(0.0, f64::max);
+    // The joints that are doubted in most frames first.
+    let mut joints: Vec<(usize, &str)> = Vec::new();
+    for name in doubts.iter().filter_map(|d| d.joint.as_deref()) {
+        match joints.iter_mut().find(|(_, other)| *other == name) {
+            Some((count, _)) => *count += 1,
+            None => joints.push((1, name)),
+        }
+    }
+    joints.sort_by_key(|(count, _)| std::cmp::Reverse(*count));
+    let named: Vec<&str> = joints.iter().take(NAMED).map(|(_, name)| *name).collect();
+    let (first, rest) = frames.split_first()?;
+    let mut text = format!("warning: frame {first}");
+    if !rest.is_empty() {
+        let listed: Vec<String> = rest.iter().take(NAMED).map(usize::to_string).collect();
+        text = format!("warning: frames {first}, {}", listed.join(", "));
+        if rest.len() > NAMED {
+            text += &format!(" and {} more", rest.len() - NAMED);
+        }
+    }
+    text += " cannot be explained by the surface in these poses";
+    if !named.is_empty() {
+        text += &format!(", above all at {}", named.join(", "));
+        if joints.len() > NAMED {
+            text += &format!(" and {} more joints", joints.len() - NAMED);
+        }
+    }
+    Some(format!(
+        "{text}: silhouettes are off by up to {:.0} mm, normals by up to {:.0}°, and up to {:.0} % \
+         lies outside the mask. Check poses, --pose-noise, masks and normals of these frames",
+        most(|r| r.silhouette_mm),
+        most(|r| r.normal_degrees),
+        100.0 * most(|r| r.outside)
+    ))
+}
+
+/// Frames and joints that a warning names.
+const NAMED: usize = 12;
+
+/// What became of the motion of single frames, in a line.
+pub(super) fn moved(motion: &MotionReport) -> String {
+    let mut text = format!(
+        "{} frames move on their own: {:.1} mm on average, {:.1} mm at most",
+        motion.solved, motion.mean_mm, motion.max_mm
+    );
+    if !motion.skipped.is_empty() {
+        text +=
+            &format!("; {} bring nothing, and move as their neighbours do", motion.skipped.len());
+    }
+    text + "\n"
+}
