@@ -11,9 +11,9 @@
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
-use if_benches::baselines::algorithm1::{Boxes, ClothedBody, bake, run};
+use if_benches::baselines::algorithm1::{ClothedBody, bake, run};
 use if_body::mannequin::{Garment, MannequinParams, body, garment};
-use if_core::masked::Mask;
+use if_core::masked::{BoxesMask, Mask};
 use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;
@@ -62,7 +62,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let resolved = match resolve(&outfit, &ResolveParams::default(), &mut Silent) {
         Ok(resolved) => resolved,
-        Err(ResolveError::Remaining { result, .. }) => *result,
+        Err(ResolveError::Unresolved { result, .. }) => *result,
         Err(other) => return Err(other.into()),
     };
     let jacket = &outfit.garments[2].mesh;
@@ -70,7 +70,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let inner = [0, 1].map(|k| {
         ClosedLayer::garment(&resolved.outfit.garments[k].mesh, &closed_body, &outfit.body.mesh)
     });
-    let mask = Boxes { boxes: inner.iter().map(|l| l.bvh().aabb()).collect() };
+    let mask = BoxesMask::new(inner.iter().map(|l| l.bvh().aabb()))?;
     let outside: Vec<usize> = (0..jacket.vertices().len())
         .filter(|v| mask.weight(&jacket.vertices()[*v]).0 == 0.0)
         .collect();

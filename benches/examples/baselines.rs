@@ -14,7 +14,7 @@
 #![allow(clippy::print_stdout)] // a program for the terminal
 
 use if_benches::baselines::Left;
-use if_benches::baselines::algorithm1::{Boxes, ClothedBody, bake, run};
+use if_benches::baselines::algorithm1::{ClothedBody, bake, run};
 use if_benches::baselines::laplacian::{LaplacianParams, deform};
 use if_benches::baselines::push::{Inflate, InflateParams, inflated, naive};
 use if_core::math::Point;
@@ -140,7 +140,7 @@ fn outfits(folder: &Path) -> Result<Vec<(String, Outfit)>, Box<dyn Error>> {
 fn compare(name: &str, outfit: &Outfit, quick: bool) -> Result<Vec<Outcome>, Box<dyn Error>> {
     let resolved = match resolve(outfit, &ResolveParams::default(), &mut Silent) {
         Ok(resolved) => resolved,
-        Err(ResolveError::Remaining { result, .. }) => *result,
+        Err(ResolveError::Unresolved { result, .. }) => *result,
         Err(other) => return Err(other.into()),
     };
     let mut outcomes = Vec::new();
@@ -211,7 +211,7 @@ fn algorithm1(
     let start = Instant::now();
     let baked = bake(below, garment.aabb().inflated(AROUND), CELL)?;
     let baking = start.elapsed().as_secs_f64();
-    let mask = Boxes { boxes: below.iter().map(|l| l.bvh().aabb()).collect() };
+    let mask = BoxesMask::new(below.iter().map(|l| l.bvh().aabb()))?;
     let tree = Bvh::new(inner);
     let surface = InnerSurface::new(inner, &tree);
     let literal_air = AirParams { reading: AirReading::Literal, ..AirParams::default() };

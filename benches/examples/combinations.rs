@@ -219,7 +219,7 @@ fn row(title: &str, outfit: &Outfit, tuck: Tuck) -> Result<Vec<String>, Box<dyn 
     let seconds = start.elapsed().as_secs_f64();
     let (state, resolved): (&str, Resolved) = match outcome {
         Ok(resolved) => ("clean", resolved),
-        Err(ResolveError::Remaining { result, .. }) => ("left", *result),
+        Err(ResolveError::Unresolved { result, .. }) => ("left", *result),
         Err(error) => return Err(format!("{title}: {error}").into()),
     };
     // Not what the report says, but what the meshes are.

@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let alone = start.elapsed().as_secs_f64();
         let start = Instant::now();
         let result = match resolve(&outfit, &ResolveParams::default(), &mut Silent) {
-            Err(ResolveError::Remaining { result, .. }) => *result,
+            Err(ResolveError::Unresolved { result, .. }) => *result,
             other => other?,
         };
         let now = [triangles as f64, start.elapsed().as_secs_f64(), verified, alone];

@@ -70,7 +70,7 @@ fn run(outfit: &Outfit, skip: bool) -> Result<(f64, Resolved), Box<dyn Error>> {
     let found = resolve(outfit, &ResolveParams::default(), &mut Silent);
     let seconds = start.elapsed().as_secs_f64();
     match found {
-        Err(ResolveError::Remaining { result, .. }) => Ok((seconds, *result)),
+        Err(ResolveError::Unresolved { result, .. }) => Ok((seconds, *result)),
         other => Ok((seconds, other?)),
     }
 }

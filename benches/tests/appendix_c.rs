@@ -3,9 +3,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use if_benches::baselines::algorithm1::{Boxes, ClothedBody, run};
+use if_benches::baselines::algorithm1::{ClothedBody, run};
 use if_body::mannequin::{Garment, MannequinParams, body, garment};
-use if_core::masked::Mask;
+use if_core::masked::{BoxesMask, Mask};
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::solid::{ClosedLayer, ClothedField};
@@ -39,8 +39,8 @@ impl Scene {
         ClothedField::new(vec![&self.body, &self.skirt, &self.tshirt])
     }
 
-    fn boxes(&self) -> Boxes {
-        Boxes { boxes: vec![self.skirt.bvh().aabb(), self.tshirt.bvh().aabb()] }
+    fn boxes(&self) -> BoxesMask {
+        BoxesMask::new([self.skirt.bvh().aabb(), self.tshirt.bvh().aabb()]).unwrap()
     }
 
     /// How far the jacket's vertices move, in metres: those outside the boxes, and those inside

@@ -363,7 +363,7 @@ fn what_is_not_done_in_the_rounds_is_an_error_that_names_the_pairs() {
     };
     let slow = ResolveParams { effort, ..ResolveParams::default() };
     let outcome = resolve(&outfit, &slow, &mut Silent);
-    let Err(ResolveError::Remaining { outer, inner, triangles, result }) = &outcome else {
+    let Err(ResolveError::Unresolved { outer, inner, triangles, result }) = &outcome else {
         panic!("{outcome:?}")
     };
     assert_eq!((outer.as_str(), inner.as_str()), ("band", "ball"));

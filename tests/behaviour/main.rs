@@ -7,6 +7,7 @@ mod distances;
 mod easing;
 mod guarantee;
 mod own;
+mod paper;
 mod scenes;
 mod skipping;
 mod split;

@@ -56,7 +56,7 @@ pub fn assert_clean_or_left(input: &Outfit, outcome: Result<Resolved, ResolveErr
         Ok(result) => {
             assert_clean(input, Ok(result));
         }
-        Err(ResolveError::Remaining { outer, inner, triangles, result }) => {
+        Err(ResolveError::Unresolved { outer, inner, triangles, result }) => {
             assert_kept(input, &result);
             let after = verify(&result.outfit).unwrap();
             assert!(after.total_pairs() + after.total_inside() > 0, "an error without a fault");

@@ -87,7 +87,7 @@ fn where_the_tight_garment_gets_stuck_the_loose_one_is_pressed_in() {
     let slow = |tuck| ResolveParams { effort: effort.clone(), ..with(tuck) };
     let tucked = |outcome: &Result<Resolved, ResolveError>| match outcome {
         Ok(result) => result.report.layers[0].tucked[0],
-        Err(ResolveError::Remaining { result, .. }) => result.report.layers[0].tucked[0],
+        Err(ResolveError::Unresolved { result, .. }) => result.report.layers[0].tucked[0],
         Err(error) => panic!("{error}"),
     };
     let never = run(&outfit, &slow(Tuck::Never));

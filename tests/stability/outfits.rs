@@ -120,7 +120,7 @@ fn resolved(count: u32) -> Tally {
         let outcome = run(&outfit);
         let (result, kind) = match &outcome {
             Ok(result) => (result.clone(), "clean"),
-            Err(ResolveError::Remaining { result, .. }) => ((**result).clone(), "left"),
+            Err(ResolveError::Unresolved { result, .. }) => ((**result).clone(), "left"),
             Err(error) => return Err(error.to_string()),
         };
         // Nothing flies off: no further than the garment and the body are large.
@@ -167,7 +167,7 @@ fn small_outfits_end_with_the_same_bits_on_any_number_of_threads() {
         };
         let ended = same_on_all_threads(|| match run(&outfit) {
             Ok(result) => (true, bits(&result.outfit)),
-            Err(ResolveError::Remaining { result, .. }) => (false, bits(&result.outfit)),
+            Err(ResolveError::Unresolved { result, .. }) => (false, bits(&result.outfit)),
             Err(error) => panic!("{error}"),
         })?;
         Ok(if ended.0 { "clean" } else { "left" })

@@ -89,7 +89,7 @@ fn sweep(record: &mut Record, name: &str, outfit: &Outfit) {
         let (ms, found) = timed(|| resolve(outfit, &params, &mut Silent));
         let (report, clean) = match found {
             Ok(done) => (done.report, true),
-            Err(ResolveError::Remaining { result, .. }) => (result.report, false),
+            Err(ResolveError::Unresolved { result, .. }) => (result.report, false),
             Err(error) => panic!("{name}, {setting}: {error}"),
         };
         assert!(clean || *method != "default", "{name} is not clean with the default parameters");

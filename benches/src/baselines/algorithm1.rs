@@ -1,36 +1,17 @@
 //! Algorithm 1 over the masked field of the clothed body (Appendix C).
 
 use if_core::aabb::Aabb;
-use if_core::field::{FieldSample, SignedDistance};
-use if_core::masked::{Mask, Masked};
-use if_core::math::{Point, Real, Vector};
+use if_core::field::SignedDistance;
+use if_core::masked::{BoxesMask, Mask, Masked};
+use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;
-use if_mesh::baked::{BakeError, BakeParams, Baked, Redistance};
+use if_mesh::baked::{BakeError, BakeParams, Baked};
 use if_mesh::solid::{ClosedLayer, ClothedField};
 use if_xpbd::air::AirParams;
 use if_xpbd::algorithm1::{Algorithm1Error, Below, run_algorithm1};
 use if_xpbd::inner_surface::InnerSurface;
 use if_xpbd::params::SolverParams;
-
-/// The paper's mask for several inner garments: weight 1 in any of their boxes, 0 outside all.
-#[derive(Clone, Debug, PartialEq, Default)]
-pub struct Boxes {
-    /// The boxes.
-    pub boxes: Vec<Aabb>,
-}
-
-impl Mask for Boxes {
-    fn weight(&self, p: &Point) -> (Real, Vector) {
-        (Real::from(u8::from(self.boxes.iter().any(|b| b.contains(p)))), Vector::zeros())
-    }
-    fn fade(&self) -> Real {
-        0.0
-    }
-    fn bounds(&self) -> Option<Aabb> {
-        Some(self.boxes.iter().fold(Aabb::EMPTY, |a, b| a.merged(b)))
-    }
-}
 
 /// Bakes the clothed body made of `below` for a garment that stays in `region`: Algorithm 1 asks it
 /// in every substep. `cell` is in metres.
@@ -41,59 +22,10 @@ impl Mask for Boxes {
 ///
 /// See [`BakeError`].
 pub fn bake(below: &[&ClosedLayer], region: Aabb, cell: Real) -> Result<Baked, BakeError> {
-    let field = ClothedField::new(below.to_vec());
-    let band = 2.0 * cell;
     // A cut jumps, and where a field jumps no cell is small enough.
-    let cut = Cut { field, region };
-    let params = BakeParams {
-        cell,
-        band,
-        accuracy: Real::INFINITY,
-        region: Some(region),
-        redistance: Redistance::Never,
-        ..Default::default()
-    };
-    Baked::new(&cut, &params, &mut Silent)
-}
-
-/// A field's inside within a box. It jumps at the caps of openings, so it has no Lipschitz bound.
-struct Cut<'a> {
-    field: ClothedField<'a>,
-    region: Aabb,
-}
-
-impl SignedDistance for Cut<'_> {
-    fn distance(&self, p: &Point) -> Real {
-        self.sample(p).distance
-    }
-
-    fn sample(&self, p: &Point) -> FieldSample {
-        // Signed distance to the nearest side of the box: exact inside, a lower bound outside.
-        let (mut side, mut gradient) = (Real::NEG_INFINITY, Vector::zeros());
-        for k in 0..3 {
-            for (d, sign) in [(self.region.min[k] - p[k], -1.0), (p[k] - self.region.max[k], 1.0)] {
-                if d > side {
-                    side = d;
-                    gradient = Vector::zeros();
-                    gradient[k] = sign;
-                }
-            }
-        }
-        let of_box = FieldSample { distance: side, gradient };
-        if side > 0.0 {
-            return of_box;
-        }
-        let inner = self.field.sample(p);
-        if inner.distance >= side { inner } else { of_box }
-    }
-
-    fn bounds(&self) -> Option<Aabb> {
-        Some(self.region)
-    }
-
-    fn lipschitz(&self) -> Real {
-        Real::INFINITY
-    }
+    let params =
+        BakeParams { cell, band: 2.0 * cell, accuracy: Real::INFINITY, ..Default::default() };
+    Baked::part(&ClothedField::new(below.to_vec()), region, &params, &mut Silent)
 }
 
 /// What Algorithm 1 settles a garment on.
@@ -101,7 +33,7 @@ pub struct ClothedBody<'a, F> {
     /// The field, baked: see [`bake`].
     pub field: &'a F,
     /// The boxes that mask it; `None` for the original, unmasked field.
-    pub mask: Option<Boxes>,
+    pub mask: Option<BoxesMask>,
     /// The next layer below and how line 13 is read; `None` for no air constraint.
     pub air: Option<(&'a InnerSurface<'a>, AirParams)>,
 }
@@ -173,7 +105,7 @@ mod tests {
         let upper = Aabb { min: Point::new(-1.0, 0.0, -1.0), max: Point::new(1.0, 1.0, 1.0) };
         let body = ClothedBody {
             field: &BALL,
-            mask: Some(Boxes { boxes: vec![upper, Aabb::EMPTY] }),
+            mask: Some(BoxesMask::new([upper, Aabb::EMPTY]).unwrap()),
             air: None,
         };
         let collision_only = SolverParams { compliance: Real::INFINITY, ..SolverParams::default() };

@@ -7,7 +7,7 @@ use crate::receipt;
 use crate::staging::{OutputError, Staging};
 use if_mesh::file::{Content, MeshFile};
 use if_mesh::obj::textures;
-use if_outfit::content::{Content as FileContent, content};
+use if_outfit::digest::{FileDigest, digest};
 use miette::Diagnostic;
 use std::collections::BTreeMap;
 use std::fs;
@@ -35,7 +35,7 @@ struct Companion {
     /// The garment that names it, and its file as the user wrote it.
     layer: String,
     of: String,
-    content: FileContent,
+    content: FileDigest,
 }
 
 /// The material libraries and textures that the garments' OBJ files name.
@@ -70,7 +70,7 @@ impl Companions {
             };
             let mut add =
                 |name: String, source: PathBuf, bytes: &[u8]| -> Result<(), CompanionError> {
-                    let content = content(bytes);
+                    let content = digest(bytes);
                     let other =
                         found.get(&name).filter(|o| o.content != content).map(|o| o.of.clone());
                     let of_ours = taken

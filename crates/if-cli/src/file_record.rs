@@ -1,6 +1,6 @@
 //! Input and output files as receipts record them.
 
-use if_outfit::content::{Content, of_file};
+use if_outfit::digest::{FileDigest, of_file};
 use serde::Serialize;
 use std::io;
 use std::path::Path;
@@ -14,7 +14,7 @@ pub(crate) struct InputFile {
     /// garment's folder.
     pub(crate) file: String,
     #[serde(flatten)]
-    pub(crate) content: Content,
+    pub(crate) content: FileDigest,
 }
 
 /// An output file.
@@ -23,7 +23,7 @@ pub(crate) struct OutputFile {
     /// Its name in the output folder.
     pub(crate) file: String,
     #[serde(flatten)]
-    pub(crate) content: Content,
+    pub(crate) content: FileDigest,
     /// Whether it equals the input file byte for byte; `None` for pictures.
     pub(crate) unchanged: Option<bool>,
 }

@@ -2,7 +2,7 @@
 
 use crate::values::{assignment, length, positive};
 use clap::{Args, ValueEnum};
-use if_outfit::Own;
+use if_outfit::{Method, Own};
 use std::path::PathBuf;
 
 /// Which outfits.
@@ -49,10 +49,31 @@ pub(crate) struct ParamArgs {
     /// What happens to intersections of a garment with itself that the input has.
     #[arg(long, value_enum)]
     pub(crate) own: Option<OwnArg>,
+    /// How a garment settles before what is left is repaired.
+    #[arg(long, value_enum)]
+    pub(crate) method: Option<MethodArg>,
     /// Any other parameter, as in the `params` table of an outfit file; may be given more than
     /// once.
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
     pub(crate) set: Vec<(String, toml::Value)>,
+}
+
+/// [`Method`] as an argument.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum MethodArg {
+    /// Rounds of contacts near intersections. The default.
+    Contacts,
+    /// As in the paper: Algorithm 1 on the masked field of the layers below moves all of it.
+    Paper,
+}
+
+impl From<MethodArg> for Method {
+    fn from(arg: MethodArg) -> Self {
+        match arg {
+            MethodArg::Contacts => Self::Contacts,
+            MethodArg::Paper => Self::Paper,
+        }
+    }
 }
 
 /// [`Own`] as an argument.

@@ -240,6 +240,9 @@ pub(crate) fn override_params(
     if let Some(own) = args.own {
         params.goal.own = own.into();
     }
+    if let Some(method) = args.method {
+        params.effort.method = method.into();
+    }
     Ok(params)
 }
 

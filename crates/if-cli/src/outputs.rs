@@ -6,7 +6,7 @@ use crate::outfit_file::{LayerSpec, OutfitSpec};
 use crate::pictures;
 use crate::staging::{OutputError, Staging};
 use if_mesh::file::{MeshFile, WriteError};
-use if_outfit::content::content;
+use if_outfit::digest::digest;
 use if_outfit::files::{OutfitFiles, ResolvedFiles};
 use rayon::prelude::*;
 use std::path::Path;
@@ -75,7 +75,7 @@ pub(crate) fn write_garments(
             other => OutputError::Mesh { path: out.join(name), source: ErrorChain::new(&other) },
         })?;
         let mut written = describe(name, staging, out)?;
-        written.unchanged = Some(written.content == content(inputs[k].bytes()));
+        written.unchanged = Some(written.content == digest(inputs[k].bytes()));
         Ok(written)
     };
     // All are written before the first error is returned, so that it is the same on any number of

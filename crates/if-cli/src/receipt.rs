@@ -5,7 +5,7 @@
 use crate::file_record::{InputFile, OutputFile};
 use crate::outfit_file::{LayerSpec, OutfitSpec};
 use if_mesh::file::MeshFile;
-use if_outfit::content::{content, of_file};
+use if_outfit::digest::{digest, of_file};
 use if_outfit::report::ResolveReport;
 use if_outfit::{BUILD, Cleanness};
 use serde::Serialize;
@@ -50,7 +50,7 @@ impl Request {
         let input = |(layer, file): (&LayerSpec, &MeshFile)| InputFile {
             layer: layer.name.clone(),
             file: layer.written.clone(),
-            content: content(file.bytes()),
+            content: digest(file.bytes()),
         };
         let inputs = spec.layers().zip(files).map(input).chain(companions).collect();
         Self { tool: tool(), params: json!(spec.params), scale: spec.scale, inputs }

@@ -17,7 +17,7 @@ use if_mesh::atomic::{FolderWriter, PATIENCE};
 use if_mesh::baked::BakeParams;
 use if_mesh::ply::{self, Column, PlyMesh, Property, WriteParams};
 use if_neural::deform::DeformParams;
-use if_outfit::content;
+use if_outfit::digest;
 use if_pipeline::asset::{LayerHint, Parts, Provenance};
 use if_pipeline::capture::{Capture, CaptureError, PoseSigma, write_poses};
 use if_pipeline::reconstruct::{
@@ -134,7 +134,7 @@ fn is_of_another(args: &ReconstructArgs, made: &Provenance) -> bool {
 
 /// The content of the capture's description.
 fn meta_of(args: &ReconstructArgs) -> Option<String> {
-    content::of_file(&args.capture.join("meta.json")).ok().map(|c| c.sha256)
+    digest::of_file(&args.capture.join("meta.json")).ok().map(|c| c.sha256)
 }
 
 /// Runs the command.

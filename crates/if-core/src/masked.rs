@@ -2,7 +2,7 @@
 
 mod mask;
 
-pub use mask::{BoxMask, Mask, NearMask};
+pub use mask::{BoxMask, BoxesMask, Mask, NearMask};
 
 use crate::aabb::Aabb;
 use crate::field::{FieldSample, SignedDistance};
@@ -26,7 +26,7 @@ use crate::math::{Point, Real, Vector};
 ///
 /// # Source
 ///
-/// Appendix C of the supplement masks with the box, [`BoxMask`]. [`NearMask`] and the fading are
+/// Appendix C of the supplement masks with boxes, [`BoxMask`] and [`BoxesMask`]. [`NearMask`] and the fading are
 /// ours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Masked<F, M> {

@@ -3,7 +3,7 @@
 use crate::attributes::AttributeError;
 use crate::obj::{self, Normals, ObjMesh};
 use crate::ply::{self, CoordinateType, PlyMesh, WriteParams, quantise};
-use crate::split::Split;
+use crate::split::SplitMesh;
 use if_core::math::Point;
 use if_core::mesh::{MeshError, TriMesh};
 use std::path::{Path, PathBuf};
@@ -172,7 +172,7 @@ impl MeshFile {
     /// # Panics
     ///
     /// If `split` belongs to a mesh with other triangles.
-    pub fn split(&self, split: &Split) -> Result<Self, SplitError> {
+    pub fn split(&self, split: &SplitMesh) -> Result<Self, SplitError> {
         let mesh = split.apply(self.mesh().vertices())?;
         let content = match &self.content {
             Content::Ply(ply) => Content::Ply(ply::split(ply, split, mesh)?),

@@ -158,6 +158,12 @@ impl ClosedLayer {
         self.triangles[t as usize].map(|v| self.vertices[v as usize])
     }
 
+    /// The layer as given.
+    pub fn to_mesh(&self) -> TriMesh {
+        let mesh = TriMesh::new(self.vertices.clone(), self.triangles.clone());
+        mesh.expect("it was a mesh when the layer was made")
+    }
+
     /// Number of vertices.
     pub fn vertex_count(&self) -> usize {
         self.vertices.len()

@@ -7,7 +7,7 @@ use if_core::mesh::{MeshError, TriMesh};
 
 /// A mesh with some triangles split.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Split {
+pub struct SplitMesh {
     /// The old vertices first, in their order, then the new ones. The parts of a triangle replace it
     /// in place.
     pub mesh: TriMesh,
@@ -68,7 +68,7 @@ impl Part {
 /// assert_eq!(fine.mesh.vertices()[..ball.vertices().len()], *ball.vertices());
 /// # Ok::<(), if_core::mesh::MeshError>(())
 /// ```
-pub fn split(mesh: &TriMesh, marked: &[bool]) -> Result<Split, MeshError> {
+pub fn split(mesh: &TriMesh, marked: &[bool]) -> Result<SplitMesh, MeshError> {
     let x = mesh.vertices();
     assert_eq!(marked.len(), mesh.triangles().len(), "one mark for each triangle");
     let edges = Edges::new(mesh);
@@ -97,7 +97,7 @@ pub fn split(mesh: &TriMesh, marked: &[bool]) -> Result<Split, MeshError> {
             parts.push(Part { parent: t as u32, corners: corners.map(weights) });
         }
     }
-    Ok(Split { mesh: TriMesh::new(vertices, triangles)?, sources, parts })
+    Ok(SplitMesh { mesh: TriMesh::new(vertices, triangles)?, sources, parts })
 }
 
 /// The parts of a triangle whose edges are `cut` at their midpoints, by places. A quadrilateral is
@@ -134,7 +134,7 @@ fn weights(place: usize) -> [Real; 3] {
     w
 }
 
-impl Split {
+impl SplitMesh {
     /// The split of `mesh` that splits nothing.
     pub fn none(mesh: &TriMesh) -> Self {
         Self {
@@ -149,7 +149,7 @@ impl Split {
     /// # Panics
     ///
     /// If `next` is of a mesh with other triangles.
-    pub fn then(&self, next: Split) -> Split {
+    pub fn then(&self, next: SplitMesh) -> SplitMesh {
         let sources = next.sources.iter().map(|s| match s {
             Source::Vertex(v) => self.sources[*v as usize].clone(),
             Source::Blend(of) => blend(of.iter().flat_map(|(v, w)| {
@@ -163,7 +163,7 @@ impl Split {
                 .map(|w| [0, 1, 2].map(|k| (0..3).map(|j| w[j] * outer.corners[j][k]).sum()));
             Part { parent: outer.parent, corners }
         });
-        Split { sources: sources.collect(), parts: parts.collect(), mesh: next.mesh }
+        SplitMesh { sources: sources.collect(), parts: parts.collect(), mesh: next.mesh }
     }
 
     /// The split mesh for other positions of the vertices before.
@@ -211,7 +211,7 @@ mod tests {
     use if_core::shapes::meshes;
 
     /// Parts and vertices lie where their barycentric coordinates and sources place them.
-    fn check(before: &TriMesh, split: &Split) {
+    fn check(before: &TriMesh, split: &SplitMesh) {
         assert_eq!(split.mesh.triangles().len(), split.parts.len());
         for (tri, part) in split.mesh.triangles().iter().zip(&split.parts) {
             let parent =
@@ -258,7 +258,7 @@ mod tests {
     fn without_marked_triangles_the_mesh_is_unchanged() {
         let sheet = meshes::cloth(1.0, 1.0, 4, 3);
         let same = split(&sheet, &vec![false; sheet.triangles().len()]).unwrap();
-        assert_eq!(same, Split::none(&sheet));
+        assert_eq!(same, SplitMesh::none(&sheet));
         assert!(same.parts.iter().all(Part::is_whole));
         assert_eq!(same.split_triangles(), 0);
     }

@@ -23,7 +23,7 @@ use crate::workpiece::SettleError;
 use if_core::math::Real;
 use if_core::monitor::{Cancelled, Monitor};
 use if_mesh::solid::ClosedLayer;
-use if_mesh::split::Split;
+use if_mesh::split::SplitMesh;
 use if_xpbd::report::StepError;
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -52,7 +52,7 @@ pub(crate) struct Attempt {
     /// For each garment where it settled.
     pub(crate) dressed: Vec<Dressed>,
     /// For each garment how its triangles were split before the attempt, if they were.
-    pub(crate) splits: Vec<Option<Split>>,
+    pub(crate) splits: Vec<Option<SplitMesh>>,
 }
 
 /// What untangling did to each garment.
@@ -156,7 +156,7 @@ impl Attempt {
             queries: settled.queries,
             tucked: settled.tucked,
             eased: settled.eased.strain,
-            split: self.splits[index].as_ref().map_or(0, Split::split_triangles),
+            split: self.splits[index].as_ref().map_or(0, SplitMesh::split_triangles),
             skipped: Skipped {
                 layers: *layers_apart,
                 vertices: settled.held,

@@ -50,7 +50,7 @@ use crate::verify::{compare_own_pairs, verify};
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
 use if_mesh::file::MeshFile;
-use if_mesh::split::Split;
+use if_mesh::split::SplitMesh;
 use rayon::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -183,7 +183,7 @@ impl OutfitFiles {
     ) -> Result<ResolvedFiles, FilesError> {
         let Resolved { outfit, mut report, splits } = match resolve(&self.outfit, params, monitor) {
             Ok(resolved) => resolved,
-            Err(ResolveError::Remaining { result, .. }) => *result,
+            Err(ResolveError::Unresolved { result, .. }) => *result,
             Err(error) => return Err(FilesError::Resolve(error)),
         };
         let fine = self.split(&splits)?;
@@ -213,7 +213,7 @@ impl OutfitFiles {
     }
 
     /// The same outfit with triangles split, in the files too.
-    fn split(&self, splits: &[Option<Split>]) -> Result<Self, FilesError> {
+    fn split(&self, splits: &[Option<SplitMesh>]) -> Result<Self, FilesError> {
         let mut fine = self.clone();
         for (k, split) in splits.iter().enumerate() {
             let Some(split) = split else { continue };

@@ -8,6 +8,7 @@
 //!
 #![doc = include_str!("../README.md")]
 
+mod algorithm1;
 mod attempt;
 mod build;
 pub mod cleanness;
@@ -15,7 +16,7 @@ mod cloth;
 mod constraints;
 mod contact_groups;
 mod contacts;
-pub mod content;
+pub mod digest;
 mod distances;
 mod dressing;
 mod facing_sheets;
@@ -45,7 +46,7 @@ pub use build::BUILD;
 pub use cleanness::Cleanness;
 pub use order::{OrderProposal, propose_order};
 pub use outfit::{Layer, Outfit, OutfitError};
-pub use params::{ClothParams, EffortParams, GoalParams, Own, ResolveParams, Split, Tuck};
+pub use params::{ClothParams, EffortParams, GoalParams, Method, Own, ResolveParams, Split, Tuck};
 pub use report::{ResolveReport, Verification};
 pub use resolve::{ResolveError, Resolved, resolve};
 pub use storage::Storage;

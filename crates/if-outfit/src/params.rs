@@ -38,6 +38,8 @@ pub struct GoalParams {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EffortParams {
+    /// How a garment settles before what is left is repaired.
+    pub method: Method,
     /// Maximum number of rounds of a garment.
     pub rounds: usize,
     /// Rounds before all but the neighbourhoods of remaining intersections are held.
@@ -110,6 +112,7 @@ impl Default for GoalParams {
 impl Default for EffortParams {
     fn default() -> Self {
         Self {
+            method: Method::Contacts,
             rounds: 100,
             settle_rounds: 16,
             polish_rounds: 12,
@@ -231,6 +234,20 @@ pub enum Tuck {
     IfStuck,
     /// In any outfit whose garments meet.
     Always,
+}
+
+/// How a garment settles over the layers below it. Verification and repair are the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Method {
+    /// Rounds of contacts with the triangles below, in which only neighbourhoods of intersections
+    /// move.
+    #[default]
+    Contacts,
+    /// As in the paper: Algorithm 1 on the field of the layers below, masked by the boxes of the
+    /// garments among them (Appendix C). All of the garment moves.
+    Paper,
 }
 
 /// When triangles are split into smaller ones.

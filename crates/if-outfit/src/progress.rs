@@ -7,6 +7,8 @@ use if_core::monitor::{Cancelled, Monitor, Progress};
 pub(crate) const VERIFY: &str = "verify";
 /// Intersections of the garment with itself are removed.
 pub(crate) const UNTANGLE: &str = "untangle";
+/// Algorithm 1 begins.
+pub(crate) const ALGORITHM_1: &str = "algorithm 1";
 /// Contacts and cloth settle.
 pub(crate) const SETTLE: &str = "settle";
 /// The remaining intersections are repaired.

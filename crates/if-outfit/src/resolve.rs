@@ -15,7 +15,9 @@ use if_core::parameter::ParameterError;
 use if_xpbd::report::StepError;
 use std::time::Instant;
 
-pub use crate::params::{ClothParams, EffortParams, GoalParams, Own, ResolveParams, Split, Tuck};
+pub use crate::params::{
+    ClothParams, EffortParams, GoalParams, Method, Own, ResolveParams, Split, Tuck,
+};
 
 /// An outfit free of intersections, and what it took.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,7 +26,7 @@ pub struct Resolved {
     /// garments that needed nothing are bit-identical.
     pub outfit: Outfit,
     /// For each garment how the triangles of the input were split; `None` if they were not.
-    pub splits: Vec<Option<if_mesh::split::Split>>,
+    pub splits: Vec<Option<if_mesh::split::SplitMesh>>,
     /// What was found and done.
     pub report: ResolveReport,
 }
@@ -46,7 +48,7 @@ pub enum ResolveError {
         result.report.after.total_pairs(), result.report.after.total_inside(), result.report.new_own_pairs(), outer,
         if outer == inner { "with itself".to_owned() } else { format!("over `{inner}`") }
     )]
-    Remaining {
+    Unresolved {
         /// The upper layer of the worst pair of layers; or the garment that intersects itself, if
         /// nothing remains between layers.
         outer: String,
@@ -147,7 +149,7 @@ fn resolve_with(
 fn remaining(unresolved: Unresolved, resolved: Resolved) -> ResolveError {
     let [outer, inner] = unresolved.worst().map(str::to_owned);
     let triangles = unresolved.triangles;
-    ResolveError::Remaining { outer, inner, triangles, result: Box::new(resolved) }
+    ResolveError::Unresolved { outer, inner, triangles, result: Box::new(resolved) }
 }
 
 impl From<AttemptError> for ResolveError {
@@ -228,7 +230,7 @@ mod tests {
         assert_eq!(report.layers[1].own_pairs, crate::report::OwnPairs::new(1, 2, 1));
         let resolved = Resolved { outfit: moved, splits: vec![None, None], report };
         let unresolved = Unresolved::of(&attempt.outfit, &resolved).unwrap();
-        let ResolveError::Remaining { outer, inner, triangles, .. } =
+        let ResolveError::Unresolved { outer, inner, triangles, .. } =
             remaining(unresolved, resolved)
         else {
             panic!("another error")

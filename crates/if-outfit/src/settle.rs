@@ -4,6 +4,7 @@
 //! ```text
 //! sources ← vertices inside a layer below, or of triangles that intersect one, or out of a layer above
 //! if there are none: return the input, bit for bit
+//! method = paper: settle all vertices by Algorithm 1, and begin with repairs             algorithm1.rs
 //! hold every vertex that is further from sources than `influence`
 //! repeat
 //!     find contacts with the layers below                                    contacts.rs
@@ -22,9 +23,10 @@
 //! strategies for the best state, if it is clean                              repair.rs
 //! ```
 
+use crate::algorithm1;
 use crate::incremental_verification::IncrementalVerification;
 use crate::outfit::Layer;
-use crate::params::ResolveParams;
+use crate::params::{Method, ResolveParams};
 use crate::progress::{GarmentProgress, REPAIR, SETTLE};
 use crate::repair::{self, Repair};
 use crate::report::RepairCounts;
@@ -118,9 +120,20 @@ pub(crate) fn settle(
     sources.extend(sticking_out.iter().copied());
     let mut work = Workpiece::new(scene, tree, (verification, remaining), sources);
 
+    let mut first = 0;
+    if params.effort.method == Method::Paper {
+        work.go_to(&algorithm1::settled(garment, below, params.goal.clearance, progress)?);
+        first = params.effort.settle_rounds.min(params.effort.rounds - 1);
+        work.round = first;
+        work.verify();
+        if work.rank(0.0) {
+            first = params.effort.rounds;
+        }
+        work.choose_free();
+    }
     let mut strategies = repair::Strategies::new();
     let (mut rounds, mut repairs) = (0, 0);
-    for round in 0..params.effort.rounds {
+    for round in first..params.effort.rounds {
         rounds = round + 1;
         work.round = round;
         let stage = if work.is_repairing() { REPAIR } else { SETTLE };

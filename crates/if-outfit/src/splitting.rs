@@ -24,7 +24,7 @@ pub(crate) fn finer(
     given: &[Findings],
     dressed: &[Dressed],
     params: &ResolveParams,
-) -> Option<(Outfit, Vec<Option<split::Split>>)> {
+) -> Option<(Outfit, Vec<Option<split::SplitMesh>>)> {
     let mut fine = outfit.clone();
     let mut splits = Vec::new();
     for (k, garment) in outfit.garments.iter().enumerate() {
@@ -82,7 +82,7 @@ fn with_neighbours(mesh: &TriMesh, bad: &[bool]) -> Vec<bool> {
 }
 
 /// With new vertices as a file stores them: the surface to start from is that of the file.
-fn rounded(mut made: split::Split, garment: &Layer) -> split::Split {
+fn rounded(mut made: split::SplitMesh, garment: &Layer) -> split::SplitMesh {
     let old = garment.mesh.vertices();
     let mut stored = garment.storage.round(made.mesh.vertices());
     stored[..old.len()].copy_from_slice(old);

@@ -29,7 +29,7 @@ use if_core::mesh::TriMesh;
 use if_mesh::atomic::FolderWriter;
 use if_mesh::baked::Baked;
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
-use if_outfit::content::content;
+use if_outfit::digest::digest;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -108,7 +108,7 @@ pub fn write(assets: &FolderWriter, parts: &Parts) -> Result<AssetInfo, AssetErr
         let store = |file: &str, bytes: &[u8]| -> Result<FileInfo, AssetError> {
             let path = folder.join(file);
             fs::write(&path, bytes).map_err(|source| AssetError::Io { path, source })?;
-            Ok(FileInfo { file: file.into(), content: content(bytes) })
+            Ok(FileInfo { file: file.into(), content: digest(bytes) })
         };
         let mut garment = parts.beside.unwrap_or(&Beside::default()).file(mesh.clone(), parts.skin);
         for licence in &parts.provenance.licence {
@@ -238,7 +238,7 @@ fn load(folder: &Path, file: &FileInfo) -> Result<Vec<u8>, AssetError> {
     }
     let path = folder.join(name);
     let bytes = fs::read(&path).map_err(|source| AssetError::Io { path: path.clone(), source })?;
-    let found = content(&bytes);
+    let found = digest(&bytes);
     if found != file.content {
         return Err(AssetError::Changed {
             path,

@@ -15,7 +15,7 @@ use if_core::monitor::Silent;
 use if_mesh::baked::BakeParams;
 use if_mesh::file::{Content, MeshFile};
 use if_mesh::obj;
-use if_outfit::content::content;
+use if_outfit::digest::digest;
 use if_pipeline::asset::{Beside, BodyRef, GarmentClass, LayerHint, Parts, Provenance};
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeBody};
 use miette::{Diagnostic, Report};
@@ -197,7 +197,7 @@ fn add(
     };
     let provenance = Provenance {
         source: path.display().to_string(),
-        sha256: Some(content(file.bytes()).sha256),
+        sha256: Some(digest(file.bytes()).sha256),
         tool: tool(args.scale),
         licence,
     };

@@ -67,6 +67,39 @@ impl Mask for BoxMask {
     }
 }
 
+/// The same for several inner garments: weight 1 in any of their boxes, 0 outside of all.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct BoxesMask {
+    boxes: Vec<BoxMask>,
+}
+
+impl BoxesMask {
+    /// The mask of the boxes round the inner garments. Without boxes the field binds nowhere.
+    ///
+    /// # Errors
+    ///
+    /// A corner is NaN.
+    pub fn new(boxes: impl IntoIterator<Item = Aabb>) -> Result<Self, ParameterError> {
+        Ok(Self { boxes: boxes.into_iter().map(BoxMask::new).collect::<Result<_, _>>()? })
+    }
+}
+
+impl Mask for BoxesMask {
+    fn weight(&self, p: &Point) -> (Real, Vector) {
+        let is_in_one = self.boxes.iter().any(|mask| mask.aabb.contains(p));
+        (if is_in_one { 1.0 } else { 0.0 }, Vector::zeros())
+    }
+    fn fade(&self) -> Real {
+        0.0
+    }
+    fn bounds(&self) -> Option<Aabb> {
+        Some(self.boxes.iter().fold(Aabb::EMPTY, |all, mask| all.merged(&mask.aabb)))
+    }
+    fn distance(&self, p: &Point) -> Real {
+        self.boxes.iter().map(|mask| mask.distance(p)).fold(Real::INFINITY, Real::min)
+    }
+}
+
 /// A mask by the distance d to a garment, without a step at hems and cuffs:
 ///
 /// ```text

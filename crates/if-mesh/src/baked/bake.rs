@@ -8,9 +8,11 @@ use super::params::{BakeParams, MAX_LEVELS, Redistance};
 use super::samples::{self, Samples};
 use super::zero_set::ZeroSet;
 use super::{band, blend, refine};
+use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::Real;
 use if_core::monitor::Monitor;
+use if_core::shapes::{Cuboid, Intersection};
 
 /// Maximum | |∇φ| − 1 | of a distance: a source counts as one while at most one node in a hundred
 /// exceeds it.
@@ -61,6 +63,24 @@ impl Baked {
         } else {
             Err(BakeError::Inaccurate { accuracy, bound, cell: found.smallest_cell() })
         }
+    }
+
+    /// Bakes the part of `source` in `region`, whose border becomes a surface where it cuts through
+    /// the inside. Elsewhere, at depths up to the distance to the border, values are those of
+    /// `source`. `params.region` and `params.redistance` are not used.
+    ///
+    /// # Errors
+    ///
+    /// As [`Baked::new`].
+    pub fn part(
+        source: &(impl SignedDistance + ?Sized),
+        region: Aabb,
+        params: &BakeParams,
+        monitor: &mut dyn Monitor,
+    ) -> Result<Self, BakeError> {
+        let cuboid = Cuboid { center: region.center(), half: region.size() / 2.0 };
+        let params = BakeParams { region: Some(region), redistance: Redistance::Never, ..*params };
+        Self::bake(&Intersection(source, cuboid), &params, monitor)
     }
 
     /// Not generic: compiled once, and not for each type of field.

@@ -5,7 +5,7 @@ use super::listing::{Listing, listing};
 use super::obj_mesh::ObjMesh;
 use super::read::read;
 use crate::attributes::Source;
-use crate::split::{Part, Split};
+use crate::split::{Part, SplitMesh};
 use if_core::mesh::TriMesh;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -23,7 +23,7 @@ use std::fmt::Write;
 /// # Panics
 ///
 /// If `split` belongs to a mesh with other triangles.
-pub fn split(obj: &ObjMesh, split: &Split, mesh: &TriMesh) -> Result<ObjMesh, ReadError> {
+pub fn split(obj: &ObjMesh, split: &SplitMesh, mesh: &TriMesh) -> Result<ObjMesh, ReadError> {
     let old = listing(&obj.text)?;
     if let Some(line) = old.relative_line {
         return Err(ReadError::RelativeLine { line });
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn without_splits_only_relative_indices_change() {
         let obj = read(SQUARES.as_bytes()).unwrap();
-        let same = split(&obj, &Split::none(&obj.mesh), &obj.mesh).unwrap();
+        let same = split(&obj, &SplitMesh::none(&obj.mesh), &obj.mesh).unwrap();
         assert_eq!(
             String::from_utf8(same.text().to_vec()).unwrap(),
             SQUARES.replace("-5/1 -2/2 -1/3", "2/1 5/2 6/3")
@@ -221,7 +221,7 @@ mod tests {
     fn lines_with_relative_indices_are_rejected() {
         let text = SQUARES.to_owned() + "l -1 -2\n";
         let obj = read(text.as_bytes()).unwrap();
-        let fault = split(&obj, &Split::none(&obj.mesh), &obj.mesh).unwrap_err();
+        let fault = split(&obj, &SplitMesh::none(&obj.mesh), &obj.mesh).unwrap_err();
         assert!(matches!(fault, ReadError::RelativeLine { line: 21 }), "{fault}");
     }
 }

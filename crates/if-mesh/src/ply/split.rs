@@ -3,7 +3,7 @@
 use super::ply_mesh::PlyMesh;
 use crate::attributes::{AttributeError, Column, Property, Source, VertexAttributes};
 use crate::polygons::FaceList;
-use crate::split::Split;
+use crate::split::SplitMesh;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 
@@ -20,7 +20,7 @@ use if_core::mesh::TriMesh;
 /// # Panics
 ///
 /// If `split` belongs to a mesh with other triangles.
-pub fn split(ply: &PlyMesh, split: &Split, mesh: TriMesh) -> Result<PlyMesh, AttributeError> {
+pub fn split(ply: &PlyMesh, split: &SplitMesh, mesh: TriMesh) -> Result<PlyMesh, AttributeError> {
     let vertices = VertexAttributes::new(ply.mesh.vertices().len(), ply.vertex_properties.clone())?;
     let records = records(ply, split);
     let mut faces = FaceList::default();
@@ -61,7 +61,7 @@ struct Record {
 }
 
 /// The faces of the new file, in the order of their parents.
-fn records(ply: &PlyMesh, split: &Split) -> Vec<Record> {
+fn records(ply: &PlyMesh, split: &SplitMesh) -> Vec<Record> {
     let mut records = Vec::with_capacity(split.parts.len());
     // The next triangle, and the next part.
     let (mut triangle, mut next) = (0u32, 0);

@@ -4,7 +4,7 @@ use super::LayerHint;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
-use if_outfit::content::Content;
+use if_outfit::digest::FileDigest;
 use serde::{Deserialize, Serialize};
 
 /// Metadata of a garment.
@@ -52,7 +52,7 @@ pub struct FileInfo {
     pub file: String,
     /// Its size and hash.
     #[serde(flatten)]
-    pub content: Content,
+    pub content: FileDigest,
 }
 
 /// The signed distance field of the body in this garment, in the canonical pose.

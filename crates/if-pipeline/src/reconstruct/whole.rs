@@ -19,8 +19,7 @@ use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_core::monitor::Monitor;
 use if_core::parameter::ParameterError;
-use if_core::shapes::{Cuboid, Intersection};
-use if_mesh::baked::{BakeParams, Baked, Redistance};
+use if_mesh::baked::{BakeParams, Baked};
 use if_mesh::extract::{ExtractParams, Resolution, extract};
 use if_mesh::sdf::MeshSdf;
 use std::path::Path;
@@ -40,7 +39,7 @@ pub struct ReconstructParams {
     pub motion: Option<MotionParams>,
     /// The network of that motion; `None` skips it. Ignored without `motion`.
     pub motion_network: Option<MotionNetworkParams>,
-    /// The baking of φ round each garment, where `region` is replaced by its box; `None` skips it.
+    /// The baking of φ round each garment ([`Baked::part`]); `None` skips it.
     pub bake: Option<BakeParams>,
     /// The network of φ; `None` skips it.
     pub phi: Option<PhiParams>,
@@ -193,7 +192,9 @@ pub fn reconstruct(
 
     if let Some(params) = &params.bake {
         for garment in &mut garments {
-            garment.phi = Some(baked_round(&garment.mesh, &exact, params, monitor)?);
+            // Wider by the band, so that within the band the field is that of the whole person.
+            let region = garment.mesh.aabb().inflated(params.band);
+            garment.phi = Some(Baked::part(&exact, region, params, monitor)?);
         }
     }
     lap.end(&mut seconds.bake);
@@ -246,21 +247,6 @@ fn canonical(
     progress::report(monitor, "extract", (1, 2), None)?;
     let exact = MeshSdf::closed(&mesh).map_err(ReconstructError::Inside)?;
     Ok(Canonical { mesh, skin, exact })
-}
-
-/// The signed distance of the clothed person round a garment: of the part of the solid in a box that
-/// is wider than the garment by the band, so that within the band it is that of the whole.
-fn baked_round(
-    garment: &TriMesh,
-    person: &MeshSdf,
-    params: &BakeParams,
-    monitor: &mut dyn Monitor,
-) -> Result<Baked, ReconstructError> {
-    let region = garment.aabb().inflated(params.band);
-    let cuboid = Cuboid { center: region.center(), half: region.size() / 2.0 };
-    let part = Intersection(person, cuboid);
-    let redistance = Redistance::Never;
-    Ok(Baked::new(&part, &BakeParams { region: Some(region), redistance, ..*params }, monitor)?)
 }
 
 /// Measures consecutive stages.

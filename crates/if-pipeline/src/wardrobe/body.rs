@@ -12,7 +12,7 @@ use if_core::parameter::ParameterError;
 use if_mesh::atomic::FolderWriter;
 use if_mesh::file::{self, Content, MeshFile};
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
-use if_outfit::content;
+use if_outfit::digest::{FileDigest, digest};
 use if_outfit::outfit::{Layer, Outfit};
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -75,12 +75,12 @@ impl<'a> NewBody<'a> {
 struct Source {
     path: PathBuf,
     bytes: Vec<u8>,
-    content: content::Content,
+    content: FileDigest,
 }
 
 impl Source {
     fn new(path: &Path, bytes: Vec<u8>) -> Self {
-        Self { path: path.into(), content: content::content(&bytes), bytes }
+        Self { path: path.into(), content: digest(&bytes), bytes }
     }
 }
 

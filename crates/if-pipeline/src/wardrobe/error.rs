@@ -155,7 +155,7 @@ impl WardrobeError {
             | Self::Sizes { .. } => "combination",
             Self::Align { .. } => "align",
             Self::Outfit(_) | Self::Misfit(_) => "outfit",
-            Self::Resolve(ResolveError::Remaining { .. }) => "remaining",
+            Self::Resolve(ResolveError::Unresolved { .. }) => "remaining",
             Self::Resolve(_) | Self::Files(_) => "resolve",
             Self::Parameter(_) => "parameter",
             Self::Picture(_) | Self::Write(_) | Self::Json { .. } => "write",

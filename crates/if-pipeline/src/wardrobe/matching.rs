@@ -25,7 +25,7 @@ use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Monitor};
 use if_mesh::atomic::FolderWriter;
 use if_mesh::file::MeshFile;
-use if_outfit::content::content;
+use if_outfit::digest::digest;
 use if_outfit::files::{FilesError, OutfitFiles};
 use if_outfit::outfit::Outfit;
 use if_outfit::resolve::ResolveError;
@@ -68,7 +68,7 @@ pub(super) fn request(
 fn key(request: &impl Serialize) -> Result<String, WardrobeError> {
     let text = serde_json::to_string(request)
         .map_err(|e| WardrobeError::Json { message: e.to_string() })?;
-    Ok(content(text.as_bytes()).sha256)
+    Ok(digest(text.as_bytes()).sha256)
 }
 
 /// Aligns and resolves a combination. Failures are part of the result.

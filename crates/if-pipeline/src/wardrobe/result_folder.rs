@@ -6,7 +6,7 @@ use super::result::{MatchParams, MatchResult, Matched, State, Timings};
 use super::{Wardrobe, pages};
 use crate::asset::FileInfo;
 use if_mesh::atomic;
-use if_outfit::content::{content, of_file};
+use if_outfit::digest::{digest, of_file};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::fs;
@@ -120,7 +120,7 @@ pub(super) fn fill(
     let store = |name: &str, bytes: &[u8]| -> Result<FileInfo, WardrobeError> {
         let path = folder.join(name);
         fs::write(&path, bytes).map_err(|source| WardrobeError::Folder { path, source })?;
-        Ok(FileInfo { file: name.into(), content: content(bytes) })
+        Ok(FileInfo { file: name.into(), content: digest(bytes) })
     };
     let proven = matched.result.state == State::Clean || params.unproven;
     if let (true, true, Some(resolved)) = (params.meshes, proven, &matched.after) {

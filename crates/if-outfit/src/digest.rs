@@ -1,4 +1,4 @@
-//! What a file holds, in a few words: its size and its SHA-256.
+//! Digests of files: size and SHA-256.
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// Size and SHA-256 of a file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Content {
+pub struct FileDigest {
     /// Its size.
     pub bytes: u64,
     /// 64 hexadecimal digits.
@@ -16,12 +16,12 @@ pub struct Content {
 }
 
 /// Of bytes in memory.
-pub fn content(bytes: &[u8]) -> Content {
+pub fn digest(bytes: &[u8]) -> FileDigest {
     let mut sha256 = String::with_capacity(64);
     for byte in Sha256::digest(bytes) {
         let _ = write!(sha256, "{byte:02x}"); // Writing to a string cannot fail.
     }
-    Content { bytes: bytes.len() as u64, sha256 }
+    FileDigest { bytes: bytes.len() as u64, sha256 }
 }
 
 /// Of a file.
@@ -29,8 +29,8 @@ pub fn content(bytes: &[u8]) -> Content {
 /// # Errors
 ///
 /// What the system says.
-pub fn of_file(path: &Path) -> io::Result<Content> {
-    std::fs::read(path).map(|bytes| content(&bytes))
+pub fn of_file(path: &Path) -> io::Result<FileDigest> {
+    std::fs::read(path).map(|bytes| digest(&bytes))
 }
 
 #[cfg(test)]
@@ -39,7 +39,7 @@ mod tests {
 
     #[test]
     fn the_hash_is_that_of_the_standard() {
-        let found = content(b"abc");
+        let found = digest(b"abc");
         assert_eq!(found.bytes, 3);
         // FIPS 180-2, appendix B.1.
         assert_eq!(
