@@ -17,6 +17,7 @@ use if_benches::baselines::Left;
 use if_benches::baselines::algorithm1::{ClothedBody, bake, run};
 use if_benches::baselines::laplacian::{LaplacianParams, deform};
 use if_benches::baselines::push::{Inflate, InflateParams, inflated, naive};
+use if_core::masked::BoxesMask;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;

@@ -12,7 +12,6 @@
 use crate::outfit::Layer;
 use crate::progress::{ALGORITHM_1, GarmentProgress};
 use crate::workpiece::SettleError;
-use if_core::field::SignedDistance;
 use if_core::masked::{BoxesMask, Mask, Masked};
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
