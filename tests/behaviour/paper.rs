@@ -1,7 +1,9 @@
 //! `Method::Paper`: garments settle by Algorithm 1 over the masked field of the layers below.
 
-use if_body::mannequin::{self, Garment, MannequinParams};
+use crate::scenes::{ball_in_tube, moved};
+use if_core::math::Point;
 use if_core::monitor::{Progress, Silent};
+use if_core::shapes::meshes::tube;
 use if_outfit::resolve::{EffortParams, Method, ResolveError, ResolveParams, Resolved, resolve};
 use if_outfit::{Layer, Outfit, verify};
 use std::ops::ControlFlow;
@@ -11,25 +13,26 @@ fn paper() -> ResolveParams {
     ResolveParams { effort, ..Default::default() }
 }
 
+/// A ball in a belt, and a wide tube that the belt passes through.
 fn outfit() -> Outfit {
-    let scene = MannequinParams { resolution: 0.7, ..Default::default() };
-    let layer = |g: Garment| Layer::new(g.name(), mannequin::garment(g, &scene));
-    let garments = vec![layer(Garment::Tshirt), layer(Garment::Jacket)];
-    Outfit::new(Layer::new("body", mannequin::body(&scene)), garments).unwrap()
+    let mut outfit = ball_in_tube("belt", 0.31);
+    let wide = moved(&tube(0.305, 0.5, 48, 15, false), |p| Point::new(p.x, p.y - 0.25, p.z));
+    outfit.garments.push(Layer::new("wide", wide));
+    outfit
 }
 
 #[test]
 fn what_algorithm_1_leaves_is_repaired_and_it_moves_more_than_contacts_do() {
     let outfit = outfit();
     assert!(!verify(&outfit).unwrap().is_clean());
-    let moved = |found: &Resolved| -> usize {
+    let count = |found: &Resolved| -> usize {
         let [before, after] = [&outfit, &found.outfit].map(|o| o.garments[1].mesh.vertices());
         before.iter().zip(after).filter(|(p, q)| p != q).count()
     };
     let [by_paper, by_contacts] = [paper(), ResolveParams::default()].map(|params| {
         let found = resolve(&outfit, &params, &mut Silent).unwrap();
         assert!(verify(&found.outfit).unwrap().is_clean());
-        moved(&found)
+        count(&found)
     });
     // Algorithm 1 moves all of a garment, contacts the neighbourhoods of intersections.
     assert!(by_paper > by_contacts, "{by_paper} and {by_contacts} vertices moved");
