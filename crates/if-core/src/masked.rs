@@ -26,8 +26,8 @@ use crate::math::{Point, Real, Vector};
 ///
 /// # Source
 ///
-/// Appendix C of the supplement masks with boxes, [`BoxMask`] and [`BoxesMask`]. [`NearMask`] and the fading are
-/// ours.
+/// Appendix C of the supplement masks with boxes, [`BoxMask`] and [`BoxesMask`]. [`NearMask`] and
+/// the fading are ours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Masked<F, M> {
     /// The field that is masked.

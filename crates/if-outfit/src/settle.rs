@@ -120,11 +120,12 @@ pub(crate) fn settle(
     sources.extend(sticking_out.iter().copied());
     let mut work = Workpiece::new(scene, tree, (verification, remaining), sources);
 
-    let mut first = 0;
+    // Repairs begin after the rounds of settling, which Algorithm 1 replaces.
+    let (mut first, mut replaced) = (0, 0);
     if params.effort.method == Method::Paper {
         work.go_to(&algorithm1::settled(garment, below, params.goal.clearance, progress)?);
         first = params.effort.settle_rounds.min(params.effort.rounds - 1);
-        work.round = first;
+        (work.round, replaced) = (first, first);
         work.verify();
         if work.rank(0.0) {
             first = params.effort.rounds;
@@ -132,7 +133,7 @@ pub(crate) fn settle(
         work.choose_free();
     }
     let mut strategies = repair::Strategies::new();
-    let (mut rounds, mut repairs) = (0, 0);
+    let (mut rounds, mut repairs) = (replaced, 0);
     for round in first..params.effort.rounds {
         rounds = round + 1;
         work.round = round;
@@ -153,7 +154,7 @@ pub(crate) fn settle(
     Ok(Settled {
         tucked: [sticking_out.len(), above.sticking_out(&positions, &unused).len()],
         positions,
-        rounds: rounds + work.eased.rounds,
+        rounds: rounds - replaced + work.eased.rounds,
         repairs: repairs + work.eased.rounds,
         counts: work.counts,
         sweeps: work.cloth.sweeps,

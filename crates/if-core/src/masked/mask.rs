@@ -166,6 +166,22 @@ mod tests {
     }
 
     #[test]
+    fn several_boxes_bind_in_each_of_them() {
+        let cube = |x: Real| {
+            let center = Point::new(x, 0.0, 0.0);
+            Aabb { min: center, max: center }.inflated(0.5)
+        };
+        let mask = BoxesMask::new([cube(0.0), cube(3.0)]).unwrap();
+        let at = |x: Real| Point::new(x, 0.1, 0.0);
+        assert_eq!([0.0, 3.2, 1.0, 9.0].map(|x| mask.weight(&at(x)).0), [1.0, 1.0, 0.0, 0.0]);
+        assert_eq!([0.0, 1.0, 2.25].map(|x| mask.distance(&at(x))), [0.0, 0.5, 0.25]);
+        assert_eq!(mask.bounds(), Some(cube(0.0).merged(&cube(3.0))));
+        let none = BoxesMask::new([]).unwrap();
+        assert_eq!((none.weight(&at(0.0)).0, none.distance(&at(0.0))), (0.0, Real::INFINITY));
+        assert!(BoxesMask::new([cube(0.0), cube(Real::NAN)]).is_err());
+    }
+
+    #[test]
     fn invalid_masks_are_rejected() {
         for (inner, outer, name) in [
             (0.2, 0.1, "outer"),
