@@ -4,6 +4,7 @@ use super::blend::{BRICK, Node, blend, bumps, cells, corners};
 use super::bricks::Bricks;
 use super::params::BakeParams;
 use crate::measure::SplitMix64;
+use if_core::aabb::Aabb;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
 use if_core::monitor::{Cancelled, Monitor, Progress};
@@ -98,14 +99,14 @@ pub(super) fn bend(nodes: &[Node], slot: usize) -> Real {
         * 0.25
 }
 
-/// Adds the largest differences between the blend and the source at random points of the band: near
+/// Adds the largest differences between the blend and the source at random points of the band in `core`: near
 /// the surface, which are in bins below the reach, or else in the others. Returns the bricks,
 /// ascending, in which they exceed `tolerance` within the reach.
 pub(super) fn measure(
     errors: &mut Errors,
     bricks: &Bricks,
     source: &dyn SignedDistance,
-    params: &BakeParams,
+    (params, core): (&BakeParams, &Aabb),
     (near, seed, tolerance): (bool, u64, Real),
     monitor: &mut dyn Monitor,
 ) -> Result<Vec<u32>, Cancelled> {
@@ -121,8 +122,8 @@ pub(super) fn measure(
     source.distances(&points, &mut truth);
     monitor.report(&Progress { done: points.len(), ..Progress::stage("measure") })?;
     let mut off_in = Vec::new();
-    for ((b, c, u), truth) in probes.iter().zip(truth) {
-        if -params.depth <= truth && truth <= params.band {
+    for (((b, c, u), point), truth) in probes.iter().zip(&points).zip(truth) {
+        if -params.depth <= truth && truth <= params.band && core.contains(point) {
             let value = blend(&bricks.nodes, *b as usize * BRICK + c, (*u).into(), 1.0).0;
             let off = (value - truth).abs();
             let at = &mut errors.largest[bin(params.reach, truth)];

@@ -10,13 +10,19 @@ use super::zero_set::ZeroSet;
 use super::{band, blend, refine};
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
-use if_core::math::Real;
+use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
 use if_core::shapes::{Cuboid, Intersection};
 
 /// Maximum | |∇φ| − 1 | of a distance: a source counts as one while at most one node in a hundred
 /// exceeds it.
 const UNIT: Real = 0.02;
+
+/// A box that holds all points.
+const EVERYWHERE: Aabb = Aabb {
+    min: Point::new(Real::NEG_INFINITY, Real::NEG_INFINITY, Real::NEG_INFINITY),
+    max: Point::new(Real::INFINITY, Real::INFINITY, Real::INFINITY),
+};
 
 impl Baked {
     /// Bakes `source`: evaluates it at nodes of the largest cells and of those that were halved, in
@@ -38,7 +44,7 @@ impl Baked {
         params: &BakeParams,
         monitor: &mut dyn Monitor,
     ) -> Result<Self, BakeError> {
-        Self::bake(&source, params, monitor)
+        Self::bake(&source, &EVERYWHERE, params, monitor)
     }
 
     /// Bakes with cells as small as an accuracy requires: the bound for points within `reach`
@@ -66,8 +72,9 @@ impl Baked {
     }
 
     /// Bakes the part of `source` in `region`, whose border becomes a surface where it cuts through
-    /// the inside. Elsewhere, at depths up to the distance to the border, values are those of
-    /// `source`. `params.region` and `params.redistance` are not used.
+    /// the inside. Values are those of `source` where the border is further away than the surface.
+    /// The accuracy is that further than `params.band` from the border: cells are not halved along
+    /// the edges of the cut. `params.region` and `params.redistance` are not used.
     ///
     /// # Errors
     ///
@@ -80,12 +87,14 @@ impl Baked {
     ) -> Result<Self, BakeError> {
         let cuboid = Cuboid { center: region.center(), half: region.size() / 2.0 };
         let params = BakeParams { region: Some(region), redistance: Redistance::Never, ..*params };
-        Self::bake(&Intersection(source, cuboid), &params, monitor)
+        let core = region.inflated(-params.band);
+        Self::bake(&Intersection(source, cuboid), &core, &params, monitor)
     }
 
-    /// Not generic: compiled once, and not for each type of field.
+    /// Errors count in `core`. Not generic: compiled once, and not for each type of field.
     fn bake(
         source: &dyn SignedDistance,
+        core: &Aabb,
         params: &BakeParams,
         monitor: &mut dyn Monitor,
     ) -> Result<Self, BakeError> {
@@ -110,9 +119,12 @@ impl Baked {
             let zero_set = ZeroSet::new(source, &region, params, &raw.samples, far, monitor)?;
             let raw = Samples::of_all(&zero_set, &bricks, monitor)?;
             samples::fill(&mut bricks, &all, &raw);
-            (refine::refine(&mut bricks, &zero_set, params, raw, monitor)?, zero_set.unseen())
+            (
+                refine::refine(&mut bricks, &zero_set, (params, core), raw, monitor)?,
+                zero_set.unseen(),
+            )
         } else {
-            (refine::refine(&mut bricks, source, params, raw, monitor)?, 0.0)
+            (refine::refine(&mut bricks, source, (params, core), raw, monitor)?, 0.0)
         };
         let (bytes, limit, cell, lipschitz) =
             (bricks.bytes(), params.memory, params.cell, source.lipschitz());
@@ -152,7 +164,6 @@ fn is_distance(samples: &[FieldSample], params: &BakeParams) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_core::math::Point;
     use if_core::monitor::Silent;
     use if_core::shapes::Torus;
 

@@ -9,6 +9,7 @@ use super::join::join;
 use super::params::BakeParams;
 use super::samples::{MAX_COORDINATE, Samples, fill, key, node_keys};
 use crate::measure::SplitMix64;
+use if_core::aabb::Aabb;
 use if_core::field::SignedDistance;
 use if_core::math::{Point, Real, Vector};
 use if_core::monitor::Monitor;
@@ -22,8 +23,8 @@ const AIM: Real = 0.5;
 /// Maximum rounds of halving where the last measurement finds errors: two or three are usual.
 const ROUNDS: u64 = 6;
 
-/// Halves cells of the filled grid `bricks` of level 0 until the blend is accurate enough, and
-/// joins them. `known` are the samples at its nodes.
+/// Halves cells of the filled grid `bricks` of level 0 until the blend is accurate enough in `core`,
+/// and joins them. `known` are the samples at its nodes.
 ///
 /// ```text
 /// level by level: compare with the source in the middle of each cell near the surface, and at random places of those that bend most;
@@ -39,7 +40,7 @@ const ROUNDS: u64 = 6;
 pub(super) fn refine(
     bricks: &mut Bricks,
     source: &dyn SignedDistance,
-    params: &BakeParams,
+    (params, core): (&BakeParams, &Aabb),
     known: Samples,
     monitor: &mut dyn Monitor,
 ) -> Result<accuracy::Errors, BakeError> {
@@ -51,6 +52,7 @@ pub(super) fn refine(
         bricks,
         source,
         params,
+        core,
         levels,
         frontiers: vec![Vec::new(); levels as usize + 1],
         monitor,
@@ -66,7 +68,7 @@ pub(super) fn refine(
             &mut errors,
             &joined,
             source,
-            params,
+            (params, core),
             (true, round, AIM * params.accuracy),
             work.monitor,
         )?;
@@ -77,7 +79,7 @@ pub(super) fn refine(
                 &mut errors,
                 &joined,
                 source,
-                params,
+                (params, core),
                 (false, round, Real::INFINITY),
                 work.monitor,
             )?;
@@ -103,6 +105,8 @@ struct Refinement<'a> {
     bricks: &'a mut Bricks,
     source: &'a dyn SignedDistance,
     params: &'a BakeParams,
+    /// Where errors count.
+    core: &'a Aabb,
     levels: u32,
     /// By level, bricks that were not yet checked.
     frontiers: Vec<Vec<u32>>,
@@ -189,7 +193,7 @@ impl Refinement<'_> {
         level: u32,
         frontier: &[u32],
     ) -> Result<(Vec<u32>, Samples), BakeError> {
-        let (bricks, params) = (&*self.bricks, self.params);
+        let (bricks, params, core) = (&*self.bricks, self.params, self.core);
         let tolerance = AIM * params.accuracy;
         if frontier.is_empty() || tolerance == Real::INFINITY {
             return Ok((Vec::new(), Samples::default()));
@@ -200,6 +204,7 @@ impl Refinement<'_> {
             .flat_map_iter(|b| cells().map(move |c| (*b, c)))
             .filter(|(b, c)| {
                 accuracy::matters(&bricks.nodes, *b as usize * BRICK + c, cell, params)
+                    && core.contains(&bricks.at(level, bricks.node(*b as usize, *c)))
             })
             .collect();
         let middle =
