@@ -16,7 +16,7 @@ fn paper() -> ResolveParams {
 /// A ball in a belt, and a wide tube that the belt passes through.
 fn outfit() -> Outfit {
     let mut outfit = ball_in_tube("belt", 0.31);
-    let wide = moved(&tube(0.305, 0.5, 48, 15, false), |p| Point::new(p.x, p.y - 0.25, p.z));
+    let wide = moved(&tube(0.305, 0.26, 48, 8, false), |p| Point::new(p.x, p.y - 0.13, p.z));
     outfit.garments.push(Layer::new("wide", wide));
     outfit
 }

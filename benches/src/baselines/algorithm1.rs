@@ -16,7 +16,7 @@ use if_xpbd::params::SolverParams;
 /// Bakes the clothed body made of `below` for a garment that stays in `region`: Algorithm 1 asks it
 /// in every substep. `cell` is in metres.
 ///
-/// What lies outside `region` is cut off: there the solid ends at the region's border.
+/// What lies outside `region` and a margin of three cells is cut off: there the solid ends.
 ///
 /// # Errors
 ///
@@ -25,7 +25,7 @@ pub fn bake(below: &[&ClosedLayer], region: Aabb, cell: Real) -> Result<Baked, B
     // A cut jumps, and where a field jumps no cell is small enough.
     let params =
         BakeParams { cell, band: 2.0 * cell, accuracy: Real::INFINITY, ..Default::default() };
-    Baked::part(&ClothedField::new(below.to_vec()), region, &params, &mut Silent)
+    Baked::part(&ClothedField::new(below.to_vec()), &region, &params, &mut Silent)
 }
 
 /// What Algorithm 1 settles a garment on.

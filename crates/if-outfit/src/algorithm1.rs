@@ -74,9 +74,14 @@ fn baked(
     let region = garment.surface_aabb().inflated(AROUND);
     let cell = CELL.max(region.size().max() / MOST_CELLS);
     // The field jumps at the caps of openings, where no cell is small enough.
-    let params =
-        BakeParams { cell, band: 2.0 * cell, accuracy: Real::INFINITY, ..Default::default() };
-    match Baked::part(&ClothedField::new(below.to_vec()), region, &params, monitor) {
+    let params = BakeParams {
+        cell,
+        band: 2.0 * cell,
+        reach: 0.0,
+        accuracy: Real::INFINITY,
+        ..Default::default()
+    };
+    match Baked::part(&ClothedField::new(below.to_vec()), &region, &params, monitor) {
         Ok(field) => Ok(field),
         Err(BakeError::Cancelled(cancelled)) => Err(SettleError::Cancelled(cancelled)),
         Err(error) => unreachable!("a finite field in a bounded region: {error}"),

@@ -122,6 +122,7 @@ fn captures_of_several_bodies_share_a_wardrobe_also_at_once() {
 }
 
 #[test]
+#[ignore = "stress"]
 fn poses_with_a_stated_error_are_refined_and_exact_ones_are_left() {
     let folder = Folder::new();
     let scene = "--garments trousers,tshirt --frames 6 --size 96";

@@ -474,6 +474,7 @@ fn faults_say_what_to_do() {
 }
 
 #[test]
+#[ignore = "stress"]
 fn the_field_of_the_clothed_body_is_baked_where_that_is_asked_for() {
     let folder = Folder::new();
     folder.ifg("wardrobe add w --body slim --mesh body.ply --bake skirt.ply").expect(0);

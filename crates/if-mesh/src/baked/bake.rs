@@ -71,24 +71,26 @@ impl Baked {
         }
     }
 
-    /// Bakes the part of `source` in `region`, whose border becomes a surface where it cuts through
-    /// the inside. Values are those of `source` where the border is further away than the surface.
-    /// The accuracy is that further than `params.band` from the border: cells are not halved along
-    /// the edges of the cut. `params.region` and `params.redistance` are not used.
+    /// Bakes the part of `source` in the box `core` and a margin round it. Where the border of that
+    /// cuts through the inside it becomes a surface; in `core` values are those of `source`, to the
+    /// accuracy that `params` have. `params.region` and `params.redistance` are not used.
     ///
     /// # Errors
     ///
     /// As [`Baked::new`].
     pub fn part(
         source: &(impl SignedDistance + ?Sized),
-        region: Aabb,
+        core: &Aabb,
         params: &BakeParams,
         monitor: &mut dyn Monitor,
     ) -> Result<Self, BakeError> {
+        // In cells of `core` that are near enough to the surface to be halved, the border is further
+        // away than the surface.
+        let region = core.inflated(params.band.max(params.reach + 3.0 * params.cell));
         let cuboid = Cuboid { center: region.center(), half: region.size() / 2.0 };
-        let params = BakeParams { region: Some(region), redistance: Redistance::Never, ..*params };
-        let core = region.inflated(-params.band);
-        Self::bake(&Intersection(source, cuboid), &core, &params, monitor)
+        let redistance = Redistance::Never;
+        let params = BakeParams { region: Some(region), redistance, ..*params };
+        Self::bake(&Intersection(source, cuboid), core, &params, monitor)
     }
 
     /// Errors count in `core`. Not generic: compiled once, and not for each type of field.

@@ -192,9 +192,7 @@ pub fn reconstruct(
 
     if let Some(params) = &params.bake {
         for garment in &mut garments {
-            // Wider by the band, so that within the band the field is that of the whole person.
-            let region = garment.mesh.aabb().inflated(params.band);
-            garment.phi = Some(Baked::part(&exact, region, params, monitor)?);
+            garment.phi = Some(Baked::part(&exact, &garment.mesh.aabb(), params, monitor)?);
         }
     }
     lap.end(&mut seconds.bake);

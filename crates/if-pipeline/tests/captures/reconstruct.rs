@@ -520,7 +520,7 @@ fn the_upper_half_is_cut_out_as_a_garment_with_one_opening() {
     use if_core::field::SignedDistance;
     let baked = top.phi.as_ref().unwrap();
     let worst = top.mesh.vertices().iter().map(|p| baked.distance(p).abs()).fold(0.0, Real::max);
-    assert!(baked.to_bytes().len() < 1 << 20, "{} bytes", baked.to_bytes().len());
+    assert!(baked.to_bytes().len() < 4_000_000, "{} bytes", baked.to_bytes().len());
     assert!(worst < 0.003, "{worst}");
     // So is the network, from its file.
     let network = found.phi.unwrap();
