@@ -77,7 +77,7 @@ fn baked(
     let params = BakeParams {
         cell,
         band: 2.0 * cell,
-        reach: 0.0,
+        reach: cell,
         accuracy: Real::INFINITY,
         ..Default::default()
     };
