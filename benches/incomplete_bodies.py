@@ -11,6 +11,7 @@ at least 30 mm from what is missing. Needs numpy, scipy, libigl and meshio.
 """
 import argparse, json, os, subprocess, sys, time
 import igl, meshio, numpy as np
+from outfit_data import outfits
 
 
 def read(path):
@@ -113,11 +114,8 @@ def main():
     folder = os.path.join(a.data, "body_a")
     v, f = read(os.path.join(folder, "body_clean.ply"))
     joints = {j["name"]: np.array(j["head"]) for j in json.load(open(os.path.join(folder, "skeleton.json")))["joints"]}
-    outfits = json.load(open(os.path.join(folder, "outfits.json")))
     table, bad = [], 0
-    for name in [n for n in outfits if any(n.startswith(o) for o in a.only)]:
-        layers = outfits[name]["layers_inner_to_outer"]
-        paths = [os.path.join(folder, "garments", g + ".ply") for g in layers]
+    for _, name, skin, _, paths in outfits(a.data, ["body_a"], a.only):
         garments = [read(g) for g in paths]
         cases = list(variants(v, f, joints, garments)) + [("MakeHuman's base mesh", None, None, np.zeros(len(f), bool))]
         whole = None
@@ -131,7 +129,7 @@ def main():
                 body = os.path.join(out, "body_variant.ply")
                 write(body, bv, bf)
             if case == "whole":
-                body = os.path.join(folder, "body_clean.ply")
+                body = skin
             start = time.time()
             run = subprocess.run([a.ifg, "fix", "--json", "--no-pictures", "--write-unproven", "--body", body, *paths, "--out", out], capture_output=True, text=True)
             seconds = time.time() - start

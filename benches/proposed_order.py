@@ -6,6 +6,7 @@
 An order is right if all pairs of garments that overlap are proposed as in outfits.json; `ambiguous` is what `fix --order auto` refuses.
 """
 import argparse, json, os, subprocess
+from outfit_data import outfits
 
 
 def main():
@@ -17,26 +18,22 @@ def main():
     a = p.parse_args()
     table, counts = [], dict.fromkeys(("right", "wrong", "right, refused", "wrong, refused"), 0)
     pairs_right = pairs = 0
-    for body in ("body_a", "body_b", "body_c"):
-        folder = os.path.join(a.data, body)
-        for name, outfit in json.load(open(os.path.join(folder, "outfits.json"))).items():
-            layers = outfit["layers_inner_to_outer"]
-            if len(layers) < 2 or a.only and not any(name.startswith(o) for o in a.only):
-                continue
-            paths = [os.path.join(folder, "garments", g + ".ply") for g in reversed(layers)]
-            run = subprocess.run([a.ifg, "check", "--json", "--order", "auto", "--body", os.path.join(folder, "body_clean.ply"), *paths],
-                                 capture_output=True, text=True)
-            found = json.loads(run.stdout)["order"]
-            place = {g: k for k, g in enumerate(layers)}
-            wrong = [q for q in found["pairs"] if place[q["inner"]] > place[q["outer"]]]
-            pairs += len(found["pairs"])
-            pairs_right += len(found["pairs"]) - len(wrong)
-            ambiguous = [q for q in found["pairs"] if q["confidence"] < SURE]
-            state = ("wrong" if wrong else "right") + (", refused" if ambiguous else "")
-            counts[state] += 1
-            say = lambda qs: "; ".join(f"{q['inner']} < {q['outer']} {q['confidence']:.2f}" for q in qs) or "–"
-            print(f"{body} {name:24} {state:16} confidence {found['confidence']:5.2f}  wrong: {say(wrong)}  unsure: {say(ambiguous)}", flush=True)
-            table.append(f"| {name} | {' < '.join(found['names'])} | {found['confidence']:.2f} | {state} | {say(wrong)} |")
+    for body, name, skin, layers, garments in outfits(a.data, ("body_a", "body_b", "body_c"), a.only):
+        if len(layers) < 2:
+            continue
+        run = subprocess.run([a.ifg, "check", "--json", "--order", "auto", "--body", skin, *reversed(garments)],
+                             capture_output=True, text=True)
+        found = json.loads(run.stdout)["order"]
+        place = {g: k for k, g in enumerate(layers)}
+        wrong = [q for q in found["pairs"] if place[q["inner"]] > place[q["outer"]]]
+        pairs += len(found["pairs"])
+        pairs_right += len(found["pairs"]) - len(wrong)
+        ambiguous = [q for q in found["pairs"] if q["confidence"] < SURE]
+        state = ("wrong" if wrong else "right") + (", refused" if ambiguous else "")
+        counts[state] += 1
+        say = lambda qs: "; ".join(f"{q['inner']} < {q['outer']} {q['confidence']:.2f}" for q in qs) or "–"
+        print(f"{body} {name:24} {state:16} confidence {found['confidence']:5.2f}  wrong: {say(wrong)}  unsure: {say(ambiguous)}", flush=True)
+        table.append(f"| {name} | {' < '.join(found['names'])} | {found['confidence']:.2f} | {state} | {say(wrong)} |")
     summary = ", ".join(f"{n} {state}" for state, n in counts.items()) + f"; {pairs_right} of {pairs} pairs right"
     print(summary)
     if a.markdown:

@@ -9,6 +9,7 @@ referee's pairs after (and before), and for each layer what moved, strain and ow
 needs numpy, scipy, libigl and meshio in PY.
 """
 import argparse, json, os, subprocess, sys, time
+from outfit_data import outfits
 
 
 def main():
@@ -25,48 +26,42 @@ def main():
     p.add_argument("--markdown")
     a = p.parse_args(argv)
     total, bad, table = 0.0, 0, []
-    for body in ("body_a", "body_b"):
-        folder = os.path.join(a.data, body)
-        for name, outfit in json.load(open(os.path.join(folder, "outfits.json"))).items():
-            if a.only and not any(name.startswith(o) for o in a.only):
-                continue
-            garments = [os.path.join(folder, "garments", g + ".ply") for g in outfit["layers_inner_to_outer"]]
-            skin = os.path.join(folder, "body_clean.ply")
-            out = os.path.join(a.out, name)
-            start = time.time()
-            run = subprocess.run([a.ifg, "fix", "--json", "--body", skin, *garments, "--out", out, *extra], capture_output=True, text=True)
-            seconds = time.time() - start
-            total += seconds
-            try:
-                report = json.loads(run.stdout)
-            except json.JSONDecodeError:
-                print(f"{name}: exit {run.returncode}\n{run.stderr}")
-                bad += 1
-                continue
-            report = report.get("report", report)
-            sums = lambda v: (sum(sum(q["pairs"].values()) for q in v["pairs"]), sum(q["vertices_inside"] for q in v["pairs"]))
-            before, after = sums(report["before"]), sums(report["after"])
-            line = f"{name:26} {seconds:6.2f} s  pairs {before[0]:6} -> {after[0]}  inside {before[1]:5} -> {after[1]}"
-            judged = ["", ""]
-            if a.referee and run.returncode == 0:
-                judge = os.path.join(out, "referee.json")
-                outputs = [os.path.join(out, os.path.basename(g)) for g in garments]
-                subprocess.run([a.python, a.referee, "--body", skin, "--after", *outputs, "--before", *garments, "--json", judge], capture_output=True)
-                found = json.load(open(judge))
-                inside = sum(r["vertices_inside"]["inside"] for r in found["pairs"])
-                judged = [f"{sum(r['before'] for r in found['pairs'])} → {found['total_pairs']}", str(inside)]
-                line += f"  referee {sum(r['before'] for r in found['pairs'])} -> {found['total_pairs']}, its pseudo-normal side test {inside}"
-                bad += found["total_pairs"] != 0
-            bad += run.returncode != 0
-            print(line, flush=True)
-            cells = [name, f"{seconds:.2f}", f"{before[0]} → {after[0]}", f"{before[1]} → {after[1]}", *judged]
-            for layer in report["layers"]:
-                m, s = layer["moved"], layer["strain"]
-                print(f"    {layer['name']:16} moved {m['mean']*1e3:6.2f} / {m['p95']*1e3:6.2f} / {m['max']*1e3:6.1f} mm   strain {s['rms']*1e2:5.2f} / {s['p99']*1e2:5.2f} / {s['max']*1e2:4.0f} %   own {layer['own_pairs']['before']} -> {layer['own_pairs']['after']}")
-                cells += [layer["name"], f"{m['mean']*1e3:.2f} / {m['p95']*1e3:.2f} / {m['max']*1e3:.1f}", f"{s['rms']*1e2:.2f} / {s['p99']*1e2:.2f} / {s['max']*1e2:.0f}",
-                          f"{layer['rounds']} + {layer['repairs']}", f"{layer['own_pairs']['before']} → {layer['own_pairs']['after']}"]
-                table.append("| " + " | ".join(cells) + " |")
-                cells = [""] * 6
+    for _, name, skin, _, garments in outfits(a.data, ("body_a", "body_b"), a.only):
+        out = os.path.join(a.out, name)
+        start = time.time()
+        run = subprocess.run([a.ifg, "fix", "--json", "--body", skin, *garments, "--out", out, *extra], capture_output=True, text=True)
+        seconds = time.time() - start
+        total += seconds
+        try:
+            report = json.loads(run.stdout)
+        except json.JSONDecodeError:
+            print(f"{name}: exit {run.returncode}\n{run.stderr}")
+            bad += 1
+            continue
+        report = report.get("report", report)
+        sums = lambda v: (sum(sum(q["pairs"].values()) for q in v["pairs"]), sum(q["vertices_inside"] for q in v["pairs"]))
+        before, after = sums(report["before"]), sums(report["after"])
+        line = f"{name:26} {seconds:6.2f} s  pairs {before[0]:6} -> {after[0]}  inside {before[1]:5} -> {after[1]}"
+        judged = ["", ""]
+        if a.referee and run.returncode == 0:
+            judge = os.path.join(out, "referee.json")
+            outputs = [os.path.join(out, os.path.basename(g)) for g in garments]
+            subprocess.run([a.python, a.referee, "--body", skin, "--after", *outputs, "--before", *garments, "--json", judge], capture_output=True)
+            found = json.load(open(judge))
+            inside = sum(r["vertices_inside"]["inside"] for r in found["pairs"])
+            judged = [f"{sum(r['before'] for r in found['pairs'])} → {found['total_pairs']}", str(inside)]
+            line += f"  referee {sum(r['before'] for r in found['pairs'])} -> {found['total_pairs']}, its pseudo-normal side test {inside}"
+            bad += found["total_pairs"] != 0
+        bad += run.returncode != 0
+        print(line, flush=True)
+        cells = [name, f"{seconds:.2f}", f"{before[0]} → {after[0]}", f"{before[1]} → {after[1]}", *judged]
+        for layer in report["layers"]:
+            m, s = layer["moved"], layer["strain"]
+            print(f"    {layer['name']:16} moved {m['mean']*1e3:6.2f} / {m['p95']*1e3:6.2f} / {m['max']*1e3:6.1f} mm   strain {s['rms']*1e2:5.2f} / {s['p99']*1e2:5.2f} / {s['max']*1e2:4.0f} %   own {layer['own_pairs']['before']} -> {layer['own_pairs']['after']}")
+            cells += [layer["name"], f"{m['mean']*1e3:.2f} / {m['p95']*1e3:.2f} / {m['max']*1e3:.1f}", f"{s['rms']*1e2:.2f} / {s['p99']*1e2:.2f} / {s['max']*1e2:.0f}",
+                      f"{layer['rounds']} + {layer['repairs']}", f"{layer['own_pairs']['before']} → {layer['own_pairs']['after']}"]
+            table.append("| " + " | ".join(cells) + " |")
+            cells = [""] * 6
     print(f"total {total:.1f} s, {bad} not clean")
     if a.markdown:
         head = ["outfit", "s", "pairs", "inside", "referee's pairs", "its side test", "layer", "moved mean / p95 / max, mm", "strain rms / p99 / max, %", "rounds", "own pairs"]

@@ -9,6 +9,7 @@ a garment to itself) and by ipctk (the whole scene with the body to itself). Pri
 """
 import argparse, collections, json, os, subprocess, sys
 import ipctk, meshio, numpy as np
+from outfit_data import outfits
 
 # Pairs farther apart are not collected, in metres.
 REACH = 2e-3
@@ -41,32 +42,27 @@ def main():
     print("| outfit | state | ipctk: intersections | own pairs | kept | layers, mm | share of clearance, % | garment to itself, mm | ipctk: scene, mm |")
     print("|---|---|---|---|---|---|---|---|---|")
     met = 0
-    for body in ("body_a", "body_b"):
-        folder = os.path.join(a.data, body)
-        for name, outfit in json.load(open(os.path.join(folder, "outfits.json"))).items():
-            if a.only and not any(name.startswith(o) for o in a.only):
-                continue
-            garments = [os.path.join(folder, "garments", g + ".ply") for g in outfit["layers_inner_to_outer"]]
-            skin, out = os.path.join(folder, "body_clean.ply"), os.path.join(a.out, name)
-            run = subprocess.run([a.ifg, "fix", "--json", "--no-pictures", "--body", skin, *garments, "--out", out], capture_output=True, text=True)
-            if run.returncode != 0:
-                sys.exit(f"{name}: exit {run.returncode}\n{run.stderr}")
-            found = json.loads(run.stdout)
-            report = found["report"]
-            before = scene([skin, *garments])
-            after = scene([skin, *(os.path.join(out, os.path.basename(g)) for g in garments)])
-            meets = [ipctk.has_intersections(*s) for s in (before, after)]
-            met += meets[1]
-            own = [sum(l["own_pairs"][k] for l in report["layers"]) for k in ("before", "after")]
-            kept = collections.Counter(k["reason"] for l in report["layers"] for k in l["kept_own_pairs"])
-            kept = ", ".join(f"{n} {reason}" for reason, n in kept.items()) or "none"
-            between = min(q["least_distance"]["distance"] for q in report["after"]["pairs"])
-            itself = min(d["distance"] for d in report["after"]["own_least_distances"] if d)
-            share = 100 * report["clearance_reached"]
-            share = f"{share:.2g}" if share < 100 else f"{share:.0f}"
-            words = " → ".join("yes" if m else "no" for m in meets)
-            print(f"| {name} | {found['state'].removeprefix('clean ')} | {words} | {own[0]} → {own[1]} | {kept} | {between*1e3:.2g} | {share} "
-                  f"| {itself*1e3:.2g} | {least(*after)*1e3:.2g} |", flush=True)
+    for _, name, skin, _, garments in outfits(a.data, ("body_a", "body_b"), a.only):
+        out = os.path.join(a.out, name)
+        run = subprocess.run([a.ifg, "fix", "--json", "--no-pictures", "--body", skin, *garments, "--out", out], capture_output=True, text=True)
+        if run.returncode != 0:
+            sys.exit(f"{name}: exit {run.returncode}\n{run.stderr}")
+        found = json.loads(run.stdout)
+        report = found["report"]
+        before = scene([skin, *garments])
+        after = scene([skin, *(os.path.join(out, os.path.basename(g)) for g in garments)])
+        meets = [ipctk.has_intersections(*s) for s in (before, after)]
+        met += meets[1]
+        own = [sum(l["own_pairs"][k] for l in report["layers"]) for k in ("before", "after")]
+        kept = collections.Counter(k["reason"] for l in report["layers"] for k in l["kept_own_pairs"])
+        kept = ", ".join(f"{n} {reason}" for reason, n in kept.items()) or "none"
+        between = min(q["least_distance"]["distance"] for q in report["after"]["pairs"])
+        itself = min(d["distance"] for d in report["after"]["own_least_distances"] if d)
+        share = 100 * report["clearance_reached"]
+        share = f"{share:.2g}" if share < 100 else f"{share:.0f}"
+        words = " → ".join("yes" if m else "no" for m in meets)
+        print(f"| {name} | {found['state'].removeprefix('clean ')} | {words} | {own[0]} → {own[1]} | {kept} | {between*1e3:.2g} | {share} "
+              f"| {itself*1e3:.2g} | {least(*after)*1e3:.2g} |", flush=True)
     print(f"\n{met} with intersections after.")
     sys.exit(1 if met else 0)
 
