@@ -11,7 +11,7 @@
 
 #![allow(clippy::print_stdout)] // a program for the terminal
 
-use if_benches::baselines::algorithm1::{ClothedBody, bake, run};
+use if_benches::baselines::algorithm1::{ClothedBody, run};
 use if_body::mannequin::{Garment, MannequinParams, body, garment};
 use if_core::masked::{BoxesMask, Mask};
 use if_core::math::{Point, Vector};
@@ -19,7 +19,7 @@ use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;
 use if_mesh::file::MeshFile;
 use if_mesh::measure::displacement;
-use if_mesh::solid::ClosedLayer;
+use if_mesh::solid::{ClosedLayer, ClothedField};
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::resolve::{ResolveError, ResolveParams, resolve};
 use if_outfit::storage::Storage;
@@ -83,7 +83,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         "| method | field | outside: mean / p95 / max, mm | moved by more than 0.1 mm | inside the boxes: mean / p95 / max, mm |"
     );
     println!("|---|---|---|---|---|");
-    let baked = bake(&[&closed_body, &inner[0], &inner[1]], jacket.aabb().inflated(0.03), 0.005)?;
+    let field = ClothedField::new(vec![&closed_body, &inner[0], &inner[1]]);
+    let baked = field.baked(&jacket.aabb().inflated(0.03), 0.005, &mut Silent)?;
     // Without stretch the field alone moves vertices. As printed, a push leaves its speed behind:
     // one visit is enough to see.
     let once = SolverParams {

@@ -14,7 +14,7 @@
 #![allow(clippy::print_stdout)] // a program for the terminal
 
 use if_benches::baselines::Left;
-use if_benches::baselines::algorithm1::{ClothedBody, bake, run};
+use if_benches::baselines::algorithm1::{ClothedBody, run};
 use if_benches::baselines::laplacian::{LaplacianParams, deform};
 use if_benches::baselines::push::{Inflate, InflateParams, inflated, naive};
 use if_core::masked::BoxesMask;
@@ -210,7 +210,8 @@ fn algorithm1(
     inner: &TriMesh,
 ) -> Result<Vec<Attempt>, Box<dyn Error>> {
     let start = Instant::now();
-    let baked = bake(below, garment.aabb().inflated(AROUND), CELL)?;
+    let field = ClothedField::new(below.to_vec());
+    let baked = field.baked(&garment.aabb().inflated(AROUND), CELL, &mut Silent)?;
     let baking = start.elapsed().as_secs_f64();
     let mask = BoxesMask::new(below.iter().map(|l| l.bvh().aabb()))?;
     let tree = Bvh::new(inner);

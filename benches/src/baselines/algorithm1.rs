@@ -1,36 +1,18 @@
 //! Algorithm 1 over the masked field of the clothed body (Appendix C).
 
-use if_core::aabb::Aabb;
 use if_core::field::SignedDistance;
 use if_core::masked::{BoxesMask, Mask, Masked};
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;
-use if_mesh::baked::{BakeError, BakeParams, Baked};
-use if_mesh::solid::{ClosedLayer, ClothedField};
 use if_xpbd::air::AirParams;
 use if_xpbd::algorithm1::{Algorithm1Error, Below, run_algorithm1};
 use if_xpbd::inner_surface::InnerSurface;
 use if_xpbd::params::SolverParams;
 
-/// Bakes the clothed body made of `below` for a garment that stays in `region`: Algorithm 1 asks it
-/// in every substep. `cell` is in metres.
-///
-/// What lies outside `region` and a margin of three cells is cut off: there the solid ends.
-///
-/// # Errors
-///
-/// See [`BakeError`].
-pub fn bake(below: &[&ClosedLayer], region: Aabb, cell: Real) -> Result<Baked, BakeError> {
-    // A cut jumps, and where a field jumps no cell is small enough.
-    let params =
-        BakeParams { cell, band: 2.0 * cell, accuracy: Real::INFINITY, ..Default::default() };
-    Baked::part(&ClothedField::new(below.to_vec()), &region, &params, &mut Silent)
-}
-
 /// What Algorithm 1 settles a garment on.
 pub struct ClothedBody<'a, F> {
-    /// The field, baked: see [`bake`].
+    /// The field, baked: [`ClothedField::baked`](if_mesh::solid::ClothedField::baked).
     pub field: &'a F,
     /// The boxes that mask it; `None` for the original, unmasked field.
     pub mask: Option<BoxesMask>,
@@ -82,7 +64,8 @@ pub fn run<F: SignedDistance + Send>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::baselines::scene::{RADIUS, ball, belt};
+    use crate::baselines::scene::{RADIUS, belt};
+    use if_core::aabb::Aabb;
     use if_core::shapes::Sphere;
 
     const BALL: Sphere = Sphere { center: Point::new(0.0, 0.0, 0.0), radius: RADIUS };
@@ -114,24 +97,5 @@ mod tests {
             assert!(upper.contains(q) || p == q);
         }
         assert!(after != belt.vertices());
-    }
-
-    #[test]
-    fn a_baked_clothed_body_agrees_with_its_source_where_it_is_not_cut() {
-        let ball = ball();
-        let field = ClothedField::new(vec![&ball]);
-        let region = Aabb { min: Point::new(-0.25, -0.1, -0.25), max: Point::new(0.25, 0.1, 0.25) };
-        let baked = bake(&[&ball], region, 0.01).unwrap();
-        for k in 0..40 {
-            let (a, r) = (0.157 * Real::from(k), 0.17 + 0.0012 * Real::from(k));
-            let p = Point::new(r * a.cos(), 0.001 * Real::from(k), r * a.sin());
-            // Where the cut is nearer than the surface, inside, the value is the cut's.
-            let expected = field.distance(&p).max(p.y.abs() - 0.1).min(0.02);
-            assert!(
-                (baked.distance(&p) - expected).abs() < 1e-3,
-                "{} for {expected}",
-                baked.distance(&p)
-            );
-        }
     }
 }

@@ -16,7 +16,7 @@ use if_core::masked::{BoxesMask, Mask, Masked};
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Monitor;
-use if_mesh::baked::{BakeError, BakeParams, Baked};
+use if_mesh::baked::{BakeError, Baked};
 use if_mesh::solid::{ClosedLayer, ClothedField};
 use if_xpbd::air::AirParams;
 use if_xpbd::algorithm1::{Algorithm1Error, Below, run_algorithm1};
@@ -73,15 +73,7 @@ fn baked(
 ) -> Result<Baked, SettleError> {
     let region = garment.surface_aabb().inflated(AROUND);
     let cell = CELL.max(region.size().max() / MOST_CELLS);
-    // The field jumps at the caps of openings, where no cell is small enough.
-    let params = BakeParams {
-        cell,
-        band: 2.0 * cell,
-        reach: cell,
-        accuracy: Real::INFINITY,
-        ..Default::default()
-    };
-    match Baked::part(&ClothedField::new(below.to_vec()), &region, &params, monitor) {
+    match ClothedField::new(below.to_vec()).baked(&region, cell, monitor) {
         Ok(field) => Ok(field),
         Err(BakeError::Cancelled(cancelled)) => Err(SettleError::Cancelled(cancelled)),
         Err(error) => unreachable!("a finite field in a bounded region: {error}"),

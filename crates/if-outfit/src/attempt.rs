@@ -14,7 +14,7 @@ use crate::findings::Findings;
 use crate::outfit::Outfit;
 use crate::params::{Own, ResolveParams, Tuck};
 use crate::progress::{GarmentProgress, UNTANGLE};
-use crate::report::{BodyReport, LayerReport, OwnPairs, ResolveReport, Skipped, Verification};
+use crate::report::{LayerReport, OwnPairs, ResolveReport, Skipped, Verification};
 use crate::settle::Settings;
 use crate::untangle::{Untangled, kept, untangle, untangle_settled};
 use crate::upper_layers::TightGarments;
@@ -41,8 +41,6 @@ pub(crate) enum AttemptError {
 pub(crate) struct Attempt {
     /// The input of this attempt.
     pub(crate) outfit: Outfit,
-    /// What was assumed of its body.
-    pub(crate) body: Option<BodyReport>,
     /// What was found in it, for each garment.
     pub(crate) given: Vec<Findings>,
     /// Seconds that this took.
@@ -51,6 +49,8 @@ pub(crate) struct Attempt {
     untangled: Untangling,
     /// For each garment where it settled.
     pub(crate) dressed: Vec<Dressed>,
+    /// The closed layers there, the body first, without the outermost garment's.
+    pub(crate) closed: Vec<Arc<ClosedLayer>>,
     /// For each garment how its triangles were split before the attempt, if they were.
     pub(crate) splits: Vec<Option<SplitMesh>>,
 }
@@ -83,13 +83,12 @@ impl Attempt {
                 garment.mesh = mesh.expect("the solver keeps positions finite");
             }
         }
-        let body = closed[0].body_report().cloned();
         let verified = verify_changed(&worked, &changed, given.clone(), closed);
-        let (mut dressed, closed) = dress([&outfit, &worked], &verified, settings, monitor)?;
+        let (mut dressed, mut closed) = dress([&outfit, &worked], &verified, settings, monitor)?;
         let mut rounds: Vec<usize> =
             untangled.iter().map(|u| u.as_ref().map_or(0, |u| u.rounds)).collect();
         if settings.params.goal.own == Own::Remove {
-            let more = untangle_settled(&outfit, &mut dressed, closed, settings.params);
+            let more = untangle_settled(&outfit, &mut dressed, &mut closed, settings.params);
             rounds.iter_mut().zip(more).for_each(|(rounds, more)| *rounds += more);
         }
         let left = |(given, untangled): (&Findings, Option<Untangled>)| match untangled {
@@ -99,7 +98,7 @@ impl Attempt {
         let left = given.iter().zip(untangled).map(left).collect();
         let untangled = Untangling { left, rounds };
         let splits = vec![None; count];
-        Ok(Self { outfit, body, given, verify_seconds, untangled, dressed, splits })
+        Ok(Self { outfit, given, verify_seconds, untangled, dressed, closed, splits })
     }
 
     /// For each garment its own pairs that the input did not have.
@@ -125,7 +124,7 @@ impl Attempt {
         let findings = self.dressed.iter().map(|dressed| &dressed.findings);
         let seconds = self.dressed.iter().map(|dressed| dressed.verify_seconds).sum();
         // The body does not move.
-        let body = (self.body.as_ref(), before.body_own_pairs);
+        let body = (self.closed[0].body_report(), before.body_own_pairs);
         let after = Verification::new(&self.outfit, body, findings, seconds);
         let layers = (0..self.dressed.len()).map(|k| self.layer_report(k, params)).collect();
         ResolveReport { before, after, layers, ..ResolveReport::default() }

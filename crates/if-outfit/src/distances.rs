@@ -4,16 +4,19 @@ use crate::outfit::Outfit;
 use crate::report::Verification;
 use if_mesh::index::Bvh;
 use if_mesh::least_distance::{least_distance, least_own_distance};
-use rayon::prelude::*;
+use if_mesh::solid::ClosedLayer;
+use std::sync::Arc;
 
-/// Adds the least distances of `outfit` to what was found in it.
-pub(crate) fn measure(outfit: &Outfit, found: &mut Verification) {
-    let layers: Vec<_> = outfit.layers().collect();
-    let trees: Vec<Bvh> = layers.par_iter().map(|layer| Bvh::new(&layer.mesh)).collect();
+/// Adds the least distances of `outfit` to what was found in it. `closed` are its closed layers, all
+/// but the outermost.
+pub(crate) fn measure(outfit: &Outfit, closed: &[Arc<ClosedLayer>], found: &mut Verification) {
+    let outermost = outfit.garments.last().map(|garment| Bvh::new(&garment.mesh));
+    let closed = closed.iter().map(|layer| layer.bvh());
+    let trees: Vec<&Bvh> = closed.chain(outermost.as_ref()).collect();
     // The order of `Verification::pairs`.
     let below = (1..trees.len()).flat_map(|outer| (0..outer).map(move |inner| [inner, outer]));
     for ([inner, outer], pair) in below.zip(&mut found.pairs) {
-        pair.least_distance = least_distance(&trees[inner], &trees[outer]);
+        pair.least_distance = least_distance(trees[inner], trees[outer]);
     }
-    found.own_least_distances = trees.iter().skip(1).map(least_own_distance).collect();
+    found.own_least_distances = trees.iter().skip(1).map(|tree| least_own_distance(tree)).collect();
 }

@@ -79,9 +79,11 @@ pub enum ResolveError {
 /// may be split; the report counts them once. Vertices of no triangle stay.
 ///
 /// `monitor` receives the stages `"untangle"`, `"verify"`, `"settle"`, `"repair"` and `"done"` of
-/// each garment.
-/// `done` is the round; the measures are `"garment"` of `"garments"`, counted from 1, and
-/// `"pairs"`, the intersecting triangle pairs that remain.
+/// each garment; with [`Method::Paper`] also `"algorithm 1"`, and within it those of
+/// [`Baked::part`](if_mesh::baked::Baked::part) and
+/// [`run_algorithm1`](if_xpbd::algorithm1::run_algorithm1). `done` is the round; the measures are
+/// `"garment"` of `"garments"`, counted from 1, and `"pairs"`, the intersecting triangle pairs that
+/// remain.
 ///
 /// # Errors
 ///
@@ -121,7 +123,8 @@ fn resolve_with(
     let welded = Welded::new(outfit, !may_split);
     let solved = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let mut attempt = Attempt::new(solved.clone(), settings, monitor)?;
-    let body = (attempt.body.as_ref(), body_own_pairs(solved));
+    let body = &attempt.closed[0];
+    let body = (body.body_report(), body_own_pairs(solved, body));
     let before = Verification::new(solved, body, &attempt.given, attempt.verify_seconds);
     if may_split {
         attempt = split_where_needed(attempt, settings, monitor)?;
@@ -133,7 +136,7 @@ fn resolve_with(
     for (garment, dressed) in found.garments.iter_mut().zip(attempt.dressed) {
         garment.mesh = dressed.mesh;
     }
-    distances::measure(&found, &mut report.after);
+    distances::measure(&found, &attempt.closed, &mut report.after);
     report.compare_clearance(params.goal.clearance);
     if let Some(welded) = welded {
         found = welded.unweld(outfit, found);

@@ -120,21 +120,21 @@ pub(crate) fn settle(
     sources.extend(sticking_out.iter().copied());
     let mut work = Workpiece::new(scene, tree, (verification, remaining), sources);
 
-    // Repairs begin after the rounds of settling, which Algorithm 1 replaces.
-    let (mut first, mut replaced) = (0, 0);
+    // Algorithm 1 replaces the rounds of settling: repairs follow, unless it was enough.
+    let (mut first, mut end) = (0, params.effort.rounds);
     if params.effort.method == Method::Paper {
         work.go_to(&algorithm1::settled(garment, below, params.goal.clearance, progress)?);
         first = params.effort.settle_rounds.min(params.effort.rounds - 1);
-        (work.round, replaced) = (first, first);
+        work.round = first;
         work.verify();
         if work.rank(0.0) {
-            first = params.effort.rounds;
+            end = first;
         }
         work.choose_free();
     }
     let mut strategies = repair::Strategies::new();
-    let (mut rounds, mut repairs) = (replaced, 0);
-    for round in first..params.effort.rounds {
+    let (mut rounds, mut repairs) = (first, 0);
+    for round in first..end {
         rounds = round + 1;
         work.round = round;
         let stage = if work.is_repairing() { REPAIR } else { SETTLE };
@@ -154,7 +154,7 @@ pub(crate) fn settle(
     Ok(Settled {
         tucked: [sticking_out.len(), above.sticking_out(&positions, &unused).len()],
         positions,
-        rounds: rounds - replaced + work.eased.rounds,
+        rounds: rounds - first + work.eased.rounds,
         repairs: repairs + work.eased.rounds,
         counts: work.counts,
         sweeps: work.cloth.sweeps,

@@ -31,9 +31,9 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
     let welded = Welded::new(outfit, true);
     let outfit = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let (findings, closed) = verify_layers(outfit);
-    let body = (closed[0].body_report(), body_own_pairs(outfit));
+    let body = (closed[0].body_report(), body_own_pairs(outfit, &closed[0]));
     let mut found = Verification::new(outfit, body, &findings, 0.0);
-    distances::measure(outfit, &mut found);
+    distances::measure(outfit, &closed, &mut found);
     found.seconds = start.elapsed().as_secs_f64();
     Ok(found)
 }
@@ -115,9 +115,9 @@ pub(crate) fn compare_own_pairs(given: &TriMesh, now: &TriMesh) -> (OwnPairs, Ve
     (OwnPairs::new(given.len(), now.len(), new.len()), new)
 }
 
-/// The number of intersecting triangle pairs of the body with itself.
-pub(crate) fn body_own_pairs(outfit: &Outfit) -> usize {
-    own_of(&outfit.body.mesh, &Bvh::new(&outfit.body.mesh)).len()
+/// The number of intersecting triangle pairs of the body, which `closed` is, with itself.
+pub(crate) fn body_own_pairs(outfit: &Outfit, closed: &ClosedLayer) -> usize {
+    own_of(&outfit.body.mesh, closed.bvh()).len()
 }
 
 fn own_of(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {

@@ -1,9 +1,11 @@
 //! The union of closed layers as a field.
 
 use super::ClosedLayer;
+use crate::baked::{BakeError, BakeParams, Baked};
 use if_core::aabb::Aabb;
 use if_core::field::{FieldSample, SignedDistance};
 use if_core::math::{Point, Real, Vector};
+use if_core::monitor::Monitor;
 
 /// The union of closed layers, as one field: the clothed body that Appendix C corrects against.
 ///
@@ -18,6 +20,24 @@ impl<'a> ClothedField<'a> {
     /// The union of `layers`.
     pub fn new(layers: Vec<&'a ClosedLayer>) -> Self {
         Self { layers }
+    }
+
+    /// Bakes the part in `region` on cells of `cell` metres, for one who evaluates it in each
+    /// substep. The field jumps at the caps of openings, where no cell is small enough: none is
+    /// halved.
+    ///
+    /// # Errors
+    ///
+    /// As [`Baked::part`].
+    pub fn baked(
+        &self,
+        region: &Aabb,
+        cell: Real,
+        monitor: &mut dyn Monitor,
+    ) -> Result<Baked, BakeError> {
+        let (band, accuracy) = (2.0 * cell, Real::INFINITY);
+        let params = BakeParams { cell, band, reach: cell, accuracy, ..Default::default() };
+        Baked::part(self, region, &params, monitor)
     }
 }
 

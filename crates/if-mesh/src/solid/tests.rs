@@ -1,5 +1,8 @@
 use super::*;
+use if_core::aabb::Aabb;
 use if_core::field::SignedDistance;
+use if_core::monitor::Silent;
+use if_core::shapes::meshes::icosphere;
 
 /// A ring of `n` quads between two profiles of (radius, height), front side outwards.
 fn lathe(profile: &[(Real, Real)], n: u32) -> TriMesh {
@@ -158,4 +161,23 @@ fn a_point_deep_inside_a_body_is_inside_whatever_the_reach() {
     let s = solid.sided(&Point::new(0.0, 0.8, 0.0), 1e-3).unwrap();
     assert!(s.distance < -0.09 && s.distance > -0.11);
     assert!(solid.sided(&Point::new(0.0, 0.8, 0.5), 0.1).is_none());
+}
+
+#[test]
+fn a_baked_clothed_body_agrees_with_its_source_where_it_is_not_cut() {
+    let ball = ClosedLayer::body(&icosphere(0.2, 4));
+    let field = ClothedField::new(vec![&ball]);
+    let region = Aabb { min: Point::new(-0.25, -0.1, -0.25), max: Point::new(0.25, 0.1, 0.25) };
+    let baked = field.baked(&region, 0.01, &mut Silent).unwrap();
+    for k in 0..40 {
+        let (a, r) = (0.157 * Real::from(k), 0.17 + 0.0012 * Real::from(k));
+        let p = Point::new(r * a.cos(), 0.001 * Real::from(k), r * a.sin());
+        // Where the cut is nearer than the surface, inside, the value is the cut's.
+        let expected = field.distance(&p).max(p.y.abs() - 0.1).min(0.02);
+        assert!(
+            (baked.distance(&p) - expected).abs() < 1e-3,
+            "{} for {expected}",
+            baked.distance(&p)
+        );
+    }
 }

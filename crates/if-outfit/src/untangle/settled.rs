@@ -13,11 +13,11 @@ use if_mesh::solid::ClosedLayer;
 use std::sync::Arc;
 
 /// Untangles the settled garments of `input` that intersect themselves. `closed` are their closed
-/// layers, the body first. Returns for each garment the rounds made.
+/// layers, the body first, and follow. Returns for each garment the rounds made.
 pub(crate) fn untangle_settled(
     input: &Outfit,
     dressed: &mut [Dressed],
-    mut closed: Vec<Arc<ClosedLayer>>,
+    closed: &mut Vec<Arc<ClosedLayer>>,
     params: &ResolveParams,
 ) -> Vec<usize> {
     let mut rounds = vec![0; dressed.len()];
@@ -56,7 +56,7 @@ pub(crate) fn untangle_settled(
         let start = dressed[index].mesh.vertices().to_vec();
         let result = untangle(&input.garments[index], &start, params, &mut is_as_clean);
         if let (Some(untangled), Some((findings, layers))) = (result, found) {
-            closed = layers;
+            *closed = layers;
             for (dressed, findings) in dressed.iter_mut().zip(findings) {
                 dressed.findings = findings;
             }
