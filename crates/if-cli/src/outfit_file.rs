@@ -196,8 +196,9 @@ pub(crate) fn read(path: &Path) -> Result<OutfitSpec, SpecError> {
     let mut params = ResolveParams::default();
     for (key, value) in &parsed.params {
         let at = key.span().start..value.span().end;
-        params = set(&params, key.get_ref(), value.get_ref())
-            .map_err(|message| syntax(message, Some(at)))?;
+        params = params
+            .with(key.get_ref(), value.get_ref())
+            .map_err(|error| syntax(error.to_string(), Some(at)))?;
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let garments = parsed.garment.into_iter().map(|g| layer(folder, &g.file, g.name));
@@ -231,8 +232,10 @@ pub(crate) fn override_params(
 ) -> Result<ResolveParams, SpecError> {
     let mut params = params.clone();
     for (key, value) in &args.set {
-        params = set(&params, key, value)
-            .map_err(|message| SpecError::Parameter { key: key.clone(), message })?;
+        params = params.with(key, value).map_err(|error| SpecError::Parameter {
+            key: key.clone(),
+            message: error.to_string(),
+        })?;
     }
     if let Some(clearance) = args.clearance {
         params.goal.clearance = clearance;
@@ -244,70 +247,4 @@ pub(crate) fn override_params(
         params.effort.method = method.into();
     }
     Ok(params)
-}
-
-/// The parameters with one of them replaced. The key is a name with its group
-/// (`goal.clearance`), a name that stands in one group only (`clearance`), or a group, with a table
-/// of its parameters.
-///
-/// # Errors
-///
-/// A message with all valid names if there is no such parameter, or what is wrong with the value.
-fn set(params: &ResolveParams, key: &str, value: &toml::Value) -> Result<ResolveParams, String> {
-    let mut groups = serde_json::to_value(params).map_err(|e| e.to_string())?;
-    if let (Some(_), Some(table)) = (groups.get(key), value.as_table()) {
-        let one =
-            |params, (name, value): (&String, _)| set(&params, &format!("{key}.{name}"), value);
-        return table.iter().try_fold(params.clone(), one);
-    }
-    let names: Vec<(String, String)> = groups
-        .as_object()
-        .into_iter()
-        .flatten()
-        .flat_map(|(group, fields)| {
-            fields.as_object().into_iter().flatten().map(|(name, _)| (group.clone(), name.clone()))
-        })
-        .collect();
-    let is_meant = |(group, name): &&(String, String)| match key.split_once('.') {
-        Some(both) => both == (group, name),
-        None => key == name,
-    };
-    let found: Vec<_> = names.iter().filter(is_meant).collect();
-    let [(group, name)] = found[..] else {
-        let names: Vec<String> = names.iter().map(|(g, n)| format!("`{g}.{n}`")).collect();
-        return Err(format!("unknown parameter `{key}`; valid names are {}", names.join(", ")));
-    };
-    groups[group][name] = serde_json::to_value(value).map_err(|e| e.to_string())?;
-    serde_json::from_value(groups).map_err(|e| e.to_string())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_parameter_is_replaced_by_its_name_with_or_without_its_group() {
-        let params = ResolveParams::default();
-        let value = toml::Value::Float(0.002);
-        let changed = set(&params, "clearance", &value).unwrap();
-        assert_eq!(changed.goal.clearance, 0.002);
-        assert_eq!(set(&params, "goal.clearance", &value).unwrap(), changed);
-        let table = toml::Table::from_iter([("clearance".to_owned(), value.clone())]);
-        assert_eq!(set(&params, "goal", &toml::Value::Table(table)).unwrap(), changed);
-        assert_eq!(set(&params, "sweeps", &toml::Value::Integer(3)).unwrap().effort.sweeps, 3);
-        assert!(set(&params, "clearance", &toml::Value::Boolean(true)).is_err());
-    }
-
-    #[test]
-    fn unknown_parameters_are_errors_that_list_the_valid_names() {
-        let value = toml::Value::Float(0.002);
-        for key in ["clearence", "cloth.clearance", "goal.clearance.more", "goal", ""] {
-            let message = set(&ResolveParams::default(), key, &value).unwrap_err();
-            let start = format!("unknown parameter `{key}`; valid names are ");
-            assert!(message.starts_with(&start), "{message}");
-            assert!(
-                message.contains("`goal.clearance`, ") && message.contains("`cloth.strain_limit`")
-            );
-        }
-    }
 }

@@ -24,6 +24,8 @@ pub mod files;
 mod findings;
 mod geodesic;
 mod incremental_verification;
+pub mod named_parameters;
+pub mod notes;
 pub mod order;
 pub mod outfit;
 mod params;
@@ -44,6 +46,8 @@ mod workpiece;
 
 pub use build::BUILD;
 pub use cleanness::Cleanness;
+pub use named_parameters::NamedParameterError;
+pub use notes::notes;
 pub use order::{OrderProposal, propose_order};
 pub use outfit::{Layer, Outfit, OutfitError};
 pub use params::{ClothParams, EffortParams, GoalParams, Method, Own, ResolveParams, Split, Tuck};

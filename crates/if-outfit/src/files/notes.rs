@@ -1,22 +1,27 @@
 //! What a person should know about the files of an outfit.
 
 use super::OutfitFiles;
-use crate::outfit::{Layer, orientation_note};
+use crate::notes::{named, of_mesh, of_orientation};
+use crate::outfit::Layer;
 use if_mesh::file::MeshFile;
-use if_mesh::validate::faults;
 use rayon::prelude::*;
 
 /// Notes on all layers, the body first.
 pub(super) fn of(files: &OutfitFiles) -> Vec<String> {
-    let body = &files.outfit().body;
-    let orientation = orientation_note(&body.mesh).map(|note| format!("`{}`: {note}", body.name));
-    let layers: Vec<(&Layer, &MeshFile)> = files.outfit().layers().zip(files.files()).collect();
-    let notes = layers.into_par_iter().flat_map_iter(|(layer, file)| on_layer(layer, file));
-    orientation.into_iter().chain(notes.collect::<Vec<_>>()).collect()
+    let outfit = files.outfit();
+    // An outfit from memory has no file of its body.
+    let own = std::iter::once(files.body.as_ref()).chain(files.files.iter().map(|f| Some(&**f)));
+    let layers: Vec<(&Layer, Option<&MeshFile>)> = outfit.layers().zip(own).collect();
+    let notes = layers.into_par_iter().flat_map_iter(|(layer, file)| {
+        let mut notes = of_mesh(layer);
+        notes.extend(file.map_or(Vec::new(), of_file));
+        named(layer, notes)
+    });
+    of_orientation(outfit).into_iter().chain(notes.collect::<Vec<_>>()).collect()
 }
 
-fn on_layer(layer: &Layer, file: &MeshFile) -> Vec<String> {
-    let mut notes: Vec<String> = faults(&layer.mesh).iter().map(ToString::to_string).collect();
+fn of_file(file: &MeshFile) -> Vec<String> {
+    let mut notes = Vec::new();
     if let [first, ..] = file.collapsed_faces() {
         let n = file.collapsed_faces().len();
         notes.push(format!(
@@ -29,5 +34,5 @@ fn on_layer(layer: &Layer, file: &MeshFile) -> Vec<String> {
             file.shared_normals()
         ));
     }
-    notes.iter().map(|note| format!("`{}`: {note}", layer.name)).collect()
+    notes
 }

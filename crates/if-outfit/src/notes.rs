@@ -1,0 +1,52 @@
+//! What a person should know about the meshes of an outfit. None of it stops the work.
+
+use crate::outfit::{Layer, Outfit, orientation_note};
+use if_mesh::validate::faults;
+use rayon::prelude::*;
+
+/// Notes on all layers, the body first: a body that does not stand along y, and faults of meshes.
+///
+/// What is assumed of an open body is in
+/// [`Verification::body_notes`](crate::report::Verification::body_notes).
+pub fn notes(outfit: &Outfit) -> Vec<String> {
+    let layers: Vec<&Layer> = outfit.layers().collect();
+    let notes = layers.into_par_iter().flat_map_iter(|layer| named(layer, of_mesh(layer)));
+    of_orientation(outfit).into_iter().chain(notes.collect::<Vec<_>>()).collect()
+}
+
+/// A note if the body does not stand along y.
+pub(crate) fn of_orientation(outfit: &Outfit) -> Option<String> {
+    let body = &outfit.body;
+    orientation_note(&body.mesh).map(|note| format!("`{}`: {note}", body.name))
+}
+
+/// Faults of a layer's mesh.
+pub(crate) fn of_mesh(layer: &Layer) -> Vec<String> {
+    faults(&layer.mesh).iter().map(ToString::to_string).collect()
+}
+
+/// Notes with the layer's name before each.
+pub(crate) fn named(layer: &Layer, notes: Vec<String>) -> Vec<String> {
+    notes.iter().map(|note| format!("`{}`: {note}", layer.name)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::math::Point;
+    use if_core::mesh::TriMesh;
+    use if_core::shapes::meshes::icosphere;
+
+    #[test]
+    fn faults_and_bodies_that_lie_are_noted_with_their_layer() {
+        let ball = icosphere(1.0, 1);
+        let lying = ball.vertices().iter().map(|p| Point::new(p.x, 0.1 * p.y, p.z)).collect();
+        let triangles = [ball.triangles(), &ball.triangles()[..1]].concat();
+        let twice = TriMesh::new(ball.vertices().to_vec(), triangles).unwrap();
+        let body = Layer::new("body", ball.with_vertices(lying).unwrap());
+        let found = notes(&Outfit { body, garments: vec![Layer::new("coat", twice)] });
+        let [orientation, fault] = &found[..] else { panic!("{found:?}") };
+        assert!(orientation.starts_with("`body`: the body is 2.00 m along "), "{orientation}");
+        assert!(fault.starts_with("`coat`: "), "{fault}");
+    }
+}

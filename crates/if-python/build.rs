@@ -1,0 +1,5 @@
+//! Linker arguments that extension modules need on some systems.
+
+fn main() {
+    pyo3_build_config::add_extension_module_link_args();
+}

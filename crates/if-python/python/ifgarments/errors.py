@@ -1,0 +1,59 @@
+"""Exceptions of ifgarments. All derive from :class:`Error`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from . import Resolved
+
+__all__ = [
+    "Cancelled",
+    "Error",
+    "IntersectionsRemain",
+    "OutfitError",
+    "ParameterError",
+    "SolverError",
+]
+
+
+class Error(Exception):
+    """Base of all exceptions of this package."""
+
+
+class OutfitError(Error, ValueError):
+    """The layers are not a valid outfit: the message names the layer and what to do."""
+
+
+class ParameterError(Error, ValueError):
+    """A parameter is unknown or out of range."""
+
+
+class SolverError(Error):
+    """A step of the cloth solver failed."""
+
+
+class Cancelled(Error):
+    """The work was cancelled."""
+
+
+class IntersectionsRemain(Error):
+    """The outfit is not as clean as asked for; what was reached is in ``partial``.
+
+    Attributes:
+        partial: the result as far as it came, with its report.
+        unresolved: ``between`` (``pairs``, ``inside``, ``outer``, ``inner``, or ``None`` if nothing
+            remains between layers), ``own`` (intersections of garments with themselves, by name)
+            and ``triangles`` (some of the pairs, inner triangle first).
+    """
+
+    partial: Resolved
+    unresolved: dict[str, Any]
+
+    def __init__(self, message: str, partial: Resolved, unresolved: dict[str, Any]) -> None:
+        super().__init__(message, partial, unresolved)
+        self.partial = partial
+        self.unresolved = unresolved
+
+    def __str__(self) -> str:
+        return str(self.args[0])

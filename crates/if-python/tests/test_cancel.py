@@ -1,0 +1,76 @@
+"""Progress, cancelling and Ctrl-C."""
+
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import ifgarments
+
+
+def test_progress_is_reported_in_order(body, belt, shirt):
+    seen = []
+    resolved = ifgarments.resolve(body, {"belt": belt, "shirt": shirt}, progress=seen.append)
+    assert [p.item for p in seen if p.stage == "done"] == ["belt", "shirt"]
+    assert {"verify", "settle", "done"} <= {p.stage for p in seen}
+    assert seen[0].measures["garment"] == 1 and seen[-1].measures["garments"] == 2
+    assert all(isinstance(p, ifgarments.Progress) for p in seen)
+    again = ifgarments.resolve(body, [belt, shirt])
+    assert np.array_equal(resolved.layers["shirt"][0], again.layers[1][0])
+
+
+def test_an_exception_of_the_callback_cancels(body, belt):
+    class Enough(Exception):
+        pass
+
+    calls = []
+
+    def stop(progress):
+        calls.append(progress)
+        if len(calls) == 3:
+            raise Enough("three")
+
+    with pytest.raises(Enough, match="three"):
+        ifgarments.resolve(body, [belt], progress=stop)
+    assert len(calls) == 3
+    assert ifgarments.resolve(body, [belt]).is_clean
+
+
+def test_other_threads_run_meanwhile():
+    body, layers = ifgarments.demo_scene(resolution=0.7)
+    ticks, running = [], True
+
+    def tick():
+        while running:
+            ticks.append(time.perf_counter())
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    start = time.perf_counter()
+    ifgarments.verify(body, layers)
+    end = time.perf_counter()
+    running = False
+    thread.join()
+    assert sum(start < t < end for t in ticks) > 10
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are sent")
+@pytest.mark.parametrize("with_progress", [False, True])
+def test_ctrl_c_ends_a_long_call_soon(with_progress):
+    body, layers = ifgarments.demo_scene(resolution=1.0)
+    sent = []
+
+    def interrupt():
+        sent.append(time.perf_counter())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(0.2, interrupt)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        ifgarments.resolve(body, layers, progress=(lambda _: None) if with_progress else None)
+    # 0.3 s on a quiet machine; this one may be busy.
+    assert time.perf_counter() - sent[0] < 1.5
