@@ -31,7 +31,7 @@ pub(crate) struct DemoArgs {
     /// Print the report as JSON on stdout, and no tables.
     #[arg(long)]
     pub(crate) json: bool,
-    /// Do not draw before.png and after.png.
+    /// Do not draw before.png and after.png, nor write report.html.
     #[arg(long)]
     pub(crate) no_pictures: bool,
 }

@@ -34,7 +34,7 @@ pub(crate) struct FixArgs {
     /// In a batch, resolve finished outfits again.
     #[arg(long)]
     pub(crate) again: bool,
-    /// Do not draw before.png and after.png.
+    /// Do not draw before.png and after.png, nor write report.html.
     #[arg(long)]
     pub(crate) no_pictures: bool,
 }

@@ -34,6 +34,7 @@ mod print;
 mod progress;
 mod receipt;
 mod report_output;
+mod report_page;
 mod resolve_outfit;
 mod staging;
 mod table;

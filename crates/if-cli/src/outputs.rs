@@ -4,6 +4,7 @@ use crate::errors::ErrorChain;
 use crate::file_record::OutputFile;
 use crate::outfit_file::{LayerSpec, OutfitSpec};
 use crate::pictures;
+use crate::report_page;
 use crate::staging::{OutputError, Staging};
 use if_mesh::file::{MeshFile, WriteError};
 use if_outfit::digest::digest;
@@ -13,7 +14,8 @@ use std::path::Path;
 
 /// The files that a finished outfit has, without its receipt.
 pub(crate) fn names(spec: &OutfitSpec, pictures: bool) -> Vec<String> {
-    let drawn = if pictures { &[pictures::BEFORE, pictures::AFTER][..] } else { &[] };
+    let drawn =
+        if pictures { &[pictures::BEFORE, pictures::AFTER, report_page::FILE][..] } else { &[] };
     spec.garments
         .iter()
         .map(|l| l.file_name.clone())

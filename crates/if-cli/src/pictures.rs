@@ -19,9 +19,12 @@ const VIEWS: [View; 4] = [View::FRONT, View::THREE_QUARTER, View::BACK, View::HA
 const SIZE: [u32; 2] = [400, 640];
 
 /// Draws an outfit, its layers in different colours and triangles that meet another layer in red.
-pub(crate) fn draw(outfit: &Outfit, path: &Path) -> io::Result<()> {
+/// Returns the bytes of a PNG file.
+pub(crate) fn draw(outfit: &Outfit) -> io::Result<Vec<u8>> {
     let layers: Vec<&TriMesh> = outfit.layers().map(|layer| &layer.mesh).collect();
-    write(&preview(&layers, &VIEWS, SIZE), path)
+    let mut png = Vec::new();
+    preview(&layers, &VIEWS, SIZE).write_png(&mut png).map_err(io::Error::other)?;
+    Ok(png)
 }
 
 /// Draws one garment from the same sides.

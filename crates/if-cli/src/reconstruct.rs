@@ -25,7 +25,7 @@ use if_pipeline::reconstruct::{
     ReconstructError, ReconstructParams, Reconstruction, reconstruct, write_frames,
 };
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
-use if_render::{PALETTE, Page, RenderLayer, View, side_by_side};
+use if_render::{PALETTE, Page, RenderLayer, View, Viewer, side_by_side};
 use miette::{Diagnostic, Report};
 use std::error::Error;
 use std::fs;
@@ -414,7 +414,15 @@ fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
         report,
         s.poses + s.surface + s.extract + s.motion + s.motion_network + s.phi + s.garments + s.bake,
     ));
-    page.heading("The person").picture("front, three quarters, back", &picture(&labelled(found))?);
+    let parts = labelled(found);
+    let mut viewer = Viewer::new(&["rest pose"]);
+    for (label, mesh) in parts.iter().filter(|(_, mesh)| !mesh.triangles().is_empty()) {
+        let garment = found.garments.iter().find(|g| usize::from(g.label) == *label);
+        let name = garment.map_or(if *label == 1 { "skin" } else { "no label" }, |g| &g.name);
+        viewer.colored(name, color(*label), &[mesh]);
+    }
+    page.viewer(&viewer);
+    page.heading("The person").picture("front, three quarters, back", &picture(&parts)?);
     page.heading("The garments").picture("cut and cleaned", &picture(&garments(found))?);
     let row = |k: usize| {
         let r = &report.surface.rounds[k];
@@ -489,11 +497,14 @@ fn garments(found: &Reconstruction) -> Vec<(usize, TriMesh)> {
     found.garments.iter().map(|g| (usize::from(g.label), g.mesh.clone())).collect()
 }
 
+fn color(label: usize) -> [u8; 3] {
+    PALETTE[label.saturating_sub(1) % PALETTE.len()]
+}
+
 fn picture(parts: &[(usize, TriMesh)]) -> io::Result<Vec<u8>> {
-    let color = |label: &usize| PALETTE[label.saturating_sub(1) % PALETTE.len()];
     let layers: Vec<RenderLayer> = parts
         .iter()
-        .map(|(label, mesh)| RenderLayer { mesh, color: color(label), highlight: &[] })
+        .map(|(label, mesh)| RenderLayer { mesh, color: color(*label), highlight: &[] })
         .collect();
     let mut png = Vec::new();
     side_by_side(&layers, &[View::FRONT, View::THREE_QUARTER, View::BACK], SIZE[0], SIZE[1])

@@ -9,6 +9,7 @@ use crate::outputs;
 use crate::pictures;
 use crate::progress::Line;
 use crate::receipt::{self, Receipt, Request, Timings};
+use crate::report_page;
 use crate::staging::{OutputError, Staging};
 use if_outfit::Cleanness;
 use if_outfit::files::FilesError;
@@ -135,7 +136,7 @@ pub(crate) fn run(
         if options.pictures {
             line.message("drawing");
             let outfits = [files.outfit(), &resolved.outfit];
-            draw(outfits, (&staging, out), &mut done.outputs)?;
+            draw(spec, outfits, (&staging, out), &mut done)?;
         }
         timings.total = start.elapsed().as_secs_f64();
         timings.pictures = timings.total - timings.read - timings.resolve - timings.write;
@@ -174,16 +175,26 @@ fn write_receipt(
     Ok(())
 }
 
-/// Draws the outfit before and after.
+/// Draws the outfit before and after, and writes its page.
 fn draw(
+    spec: &OutfitSpec,
     outfits: [&Outfit; 2],
     (staging, out): (&Staging, &Path),
-    outputs: &mut Vec<OutputFile>,
+    done: &mut Done,
 ) -> Result<(), OutputError> {
-    for (name, outfit) in [pictures::BEFORE, pictures::AFTER].into_iter().zip(outfits) {
-        pictures::draw(outfit, &staging.path(name))
+    let write = |name: &str, bytes: &[u8]| {
+        std::fs::write(staging.path(name), bytes)
             .map_err(|source| OutputError::File { path: out.join(name), source })?;
-        outputs.push(outputs::describe(name, staging, out)?);
+        outputs::describe(name, staging, out)
+    };
+    let mut pngs = Vec::new();
+    for (name, outfit) in [pictures::BEFORE, pictures::AFTER].into_iter().zip(outfits) {
+        let png = pictures::draw(outfit)
+            .map_err(|source| OutputError::File { path: out.join(name), source })?;
+        done.outputs.push(write(name, &png)?);
+        pngs.push(png);
     }
+    let page = report_page::html(spec, outfits, done, &pngs);
+    done.outputs.push(write(report_page::FILE, page.as_bytes())?);
     Ok(())
 }

@@ -13,6 +13,7 @@ mod build;
 pub mod capture;
 #[cfg(feature = "reconstruct")]
 pub mod fitting;
+pub mod outfit_page;
 #[cfg(feature = "reconstruct")]
 pub mod reconstruct;
 pub mod wardrobe;

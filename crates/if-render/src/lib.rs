@@ -2,7 +2,7 @@
 //!
 //! [`preview`] draws the layers of an outfit with intersecting triangles in red. [`render`] and
 //! [`side_by_side`] draw any [`RenderLayer`]s from any [`View`] into an [`Image`], which writes
-//! itself as PNG. A [`Page`] is a report as one HTML file.
+//! itself as PNG. A [`Page`] is a report as one HTML file, a [`Viewer`] its meshes to turn.
 //!
 #![doc = include_str!("../README.md")]
 
@@ -17,9 +17,11 @@ mod render;
 mod scene;
 mod section;
 mod view;
+mod viewer;
 
 pub use image::{Image, PngError};
 pub use page::Page;
 pub use preview::preview;
 pub use render::{render, side_by_side};
 pub use view::{Cut, PALETTE, RenderLayer, View};
+pub use viewer::Viewer;

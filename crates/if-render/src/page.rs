@@ -1,5 +1,8 @@
 //! Reports as single HTML files with embedded style and pictures.
 
+use crate::viewer::{self, Viewer};
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
 use serde::Serialize;
 
 const STYLE: &str = "\
@@ -26,13 +29,14 @@ img{max-width:100%;height:auto}pre{overflow:auto;background:#8881;padding:.7rem}
 pub struct Page {
     title: String,
     body: String,
+    has_viewer: bool,
 }
 
 impl Page {
     /// A page that begins with its title.
     pub fn new(title: &str) -> Self {
         let title = escaped(title);
-        Self { body: format!("<h1>{title}</h1>\n"), title }
+        Self { body: format!("<h1>{title}</h1>\n"), title, has_viewer: false }
     }
 
     /// A heading.
@@ -78,8 +82,16 @@ impl Page {
         let caption = escaped(caption);
         self.body += &format!(
             "<figure><img alt=\"{caption}\" src=\"data:image/png;base64,{}\"><figcaption>{caption}</figcaption></figure>\n",
-            base64(png)
+            BASE64_STANDARD.encode(png)
         );
+        self
+    }
+
+    /// Layers to turn, cut and compare: mouse, touch or keys. Needs WebGL 2 and says so where that is
+    /// missing; a page should also have pictures.
+    pub fn viewer(&mut self, viewer: &Viewer<'_>) -> &mut Self {
+        self.body += &viewer.html();
+        self.has_viewer = true;
         self
     }
 
@@ -98,9 +110,16 @@ impl Page {
 
     /// The whole page.
     pub fn html(&self) -> String {
+        let (style, script) = if self.has_viewer {
+            (viewer::STYLE, format!("<script>\n{}</script>\n", viewer::SCRIPT))
+        } else {
+            ("", String::new())
+        };
         format!(
-            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{}</title><style>{STYLE}</style></head>\n\
-             <body>\n{}</body></html>\n",
+            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+             <meta name=\"viewport\" content=\"width=device-width\">\
+             <title>{}</title><style>{STYLE}\n{style}</style></head>\n\
+             <body>\n{}{script}</body></html>\n",
             self.title, self.body
         )
     }
@@ -122,41 +141,9 @@ fn escaped(text: &str) -> String {
     out
 }
 
-/// RFC 4648, with padding.
-fn base64(bytes: &[u8]) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let n = chunk.iter().fold(0u32, |n, b| n << 8 | u32::from(*b)) << (8 * (3 - chunk.len()));
-        for k in 0..4 {
-            let digit = DIGITS[(n >> (18 - 6 * k) & 63) as usize];
-            out.push(if k <= chunk.len() { char::from(digit) } else { '=' });
-        }
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_matches_the_examples_of_rfc_4648() {
-        // RFC 4648, section 10.
-        let cases = [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foob", "Zm9vYg=="),
-            ("fooba", "Zm9vYmE="),
-            ("foobar", "Zm9vYmFy"),
-        ];
-        for (text, code) in cases {
-            assert_eq!(base64(text.as_bytes()), code);
-        }
-        assert_eq!(base64(&[0xff, 0xfe, 0xfd]), "//79");
-    }
 
     #[test]
     fn content_never_becomes_markup_and_nothing_is_fetched() {

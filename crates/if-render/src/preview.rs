@@ -21,7 +21,7 @@ pub fn preview(layers: &[&TriMesh], views: &[View], size: [u32; 2]) -> Image {
 }
 
 /// The colour of a layer; garments reuse the palette without its first colour, the skin's.
-fn color(layer: usize) -> [u8; 3] {
+pub(crate) fn color(layer: usize) -> [u8; 3] {
     let [skin, cloths @ ..] = PALETTE;
     if layer == 0 { skin } else { cloths[(layer - 1) % cloths.len()] }
 }

@@ -59,6 +59,10 @@ fn fix_writes_what_check_then_finds_clean() {
     for name in ["before.png", "after.png"] {
         assert!(folder.read(&format!("fixed/{name}")).starts_with(b"\x89PNG"), "{name}");
     }
+    let page = String::from_utf8(folder.read("fixed/report.html")).unwrap();
+    // One file without network, with the layers before and after to turn.
+    assert!(!page.contains("http") && page.contains("class=\"viewer\""));
+    assert!(page.contains(r#""states":["before","after"]"#) && page.contains(r#""lines":["#));
     assert!(!folder.path("fixed/body.ply").exists());
     assert!(!folder.path("fixed/.ifg-partial").exists());
     let (old, new) = (

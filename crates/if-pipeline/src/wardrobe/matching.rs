@@ -187,7 +187,7 @@ pub(super) fn run_into(
     }
     let mut matched = run(dresser, combination, params, monitor)?;
     results.write(name, |folder| {
-        result_folder::fill(folder, &mut matched, params, dresser.wardrobe())
+        result_folder::fill(folder, &mut matched, (params, false), dresser.wardrobe())
     })?;
     Ok((matched.result, false))
 }
@@ -240,6 +240,7 @@ pub fn run_into_folder(
         return Ok((matched.result, Placed::Nowhere));
     }
     writer.write_files(&earlier.files, |folder| {
+        let params = (params, params.picture_height > 0);
         result_folder::fill(folder, &mut matched, params, dresser.wardrobe())?;
         // The list of outputs comes first: files on it never count as the user's.
         let outputs = matched.result.outputs.iter().map(|output| output.file.clone());

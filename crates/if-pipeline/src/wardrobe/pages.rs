@@ -2,11 +2,17 @@
 
 use super::result::{MatchResult, State, Timings};
 use super::summary::{BatchSummary, Entry};
-use if_outfit::report::ResolveReport;
+use crate::outfit_page::{self, mm, percent};
+use if_outfit::outfit::Outfit;
 use if_render::Page;
 
-/// The report of a result.
-pub(super) fn result(result: &MatchResult, timings: &Timings, pngs: &[Vec<u8>]) -> String {
+/// The report of a result, with its layers to turn where `layers` has them before and after.
+pub(super) fn result(
+    result: &MatchResult,
+    timings: &Timings,
+    pngs: &[Vec<u8>],
+    layers: Option<[&Outfit; 2]>,
+) -> String {
     let mut page = Page::new(&result.combination.to_string());
     match (&result.error, &result.report) {
         (None, Some(report)) => {
@@ -18,13 +24,15 @@ pub(super) fn result(result: &MatchResult, timings: &Timings, pngs: &[Vec<u8>]) 
         }
         (error, _) => page.verdict(false, error.as_ref().map_or("Not resolved.", |e| &e.message)),
     };
+    if let Some([before, after]) = layers {
+        page.viewer(&outfit_page::viewer(before, after));
+    }
     for (caption, png) in ["before", "after"].iter().zip(pngs) {
         page.picture(caption, png);
     }
     alignments(&mut page, result);
     if let Some(report) = &result.report {
-        layers(&mut page, report);
-        pairs(&mut page, report);
+        outfit_page::add_report(&mut page, report);
     }
     let seconds = |x: f64| format!("{x:.2} s");
     page.heading("Timings").table(
@@ -37,14 +45,6 @@ pub(super) fn result(result: &MatchResult, timings: &Timings, pngs: &[Vec<u8>]) 
         .text(&format!("Key {}.", result.key))
         .json(&result.request);
     page.html()
-}
-
-fn mm(metres: f64) -> String {
-    format!("{:.2} mm", metres * 1e3)
-}
-
-fn percent(share: f64) -> String {
-    format!("{:.2} %", share * 1e2)
 }
 
 fn alignments(page: &mut Page, result: &MatchResult) {
@@ -79,66 +79,6 @@ fn alignments(page: &mut Page, result: &MatchResult) {
         ],
         &rows,
     );
-}
-
-fn layers(page: &mut Page, report: &ResolveReport) {
-    let rows: Vec<Vec<String>> = report
-        .layers
-        .iter()
-        .map(|l| {
-            vec![
-                l.name.clone(),
-                mm(l.moved.mean),
-                mm(l.moved.p95),
-                mm(l.moved.max),
-                percent(l.strain.rms),
-                percent(l.strain.p99),
-                percent(l.strain.max),
-                format!("{} → {}", l.own_pairs.before, l.own_pairs.after),
-                l.rounds.to_string(),
-            ]
-        })
-        .collect();
-    let head =
-        ["layer", "moved, mean", "p95", "max", "strain, rms", "p99", "max", "own pairs", "rounds"];
-    page.heading("Resolving").table(&head, &rows);
-    for layer in report.layers.iter().filter(|l| l.tucked[0] > 0) {
-        let [before, after] = layer.tucked;
-        page.text(&format!(
-            "{} was pressed in below the layers above: {before} → {after} vertices stick out of them.",
-            layer.name
-        ));
-    }
-    for layer in report.layers.iter().filter(|l| l.split > 0) {
-        page.text(&format!(
-            "{}: {} triangles of the input were split into smaller ones.",
-            layer.name, layer.split
-        ));
-    }
-}
-
-fn pairs(page: &mut Page, report: &ResolveReport) {
-    let after = |k: usize| report.after.pairs.get(k);
-    let rows: Vec<Vec<String>> = report
-        .before
-        .pairs
-        .iter()
-        .enumerate()
-        .map(|(k, before)| {
-            let number = |n: Option<usize>| n.map_or("?".to_owned(), |n| n.to_string());
-            vec![
-                format!("{} over {}", before.outer, before.inner),
-                before.pairs.total().to_string(),
-                number(after(k).map(|p| p.pairs.total())),
-                before.vertices_inside.to_string(),
-                number(after(k).map(|p| p.vertices_inside)),
-                mm(before.deepest),
-            ]
-        })
-        .collect();
-    let head =
-        ["layers", "pairs before", "after", "vertices inside before", "after", "deepest before"];
-    page.heading("Intersections").table(&head, &rows);
 }
 
 /// The report of a batch: pictures, failures first, then a table of all.

@@ -108,11 +108,12 @@ impl Earlier {
     }
 }
 
-/// Writes all files of a result into a folder.
+/// Writes all files of a result into a folder. With `viewer` the page also has the meshes: some
+/// megabytes.
 pub(super) fn fill(
     folder: &Path,
     matched: &mut Matched,
-    params: &MatchParams,
+    (params, viewer): (&MatchParams, bool),
     wardrobe: &Wardrobe,
 ) -> Result<(), WardrobeError> {
     let start = Instant::now();
@@ -151,7 +152,11 @@ pub(super) fn fill(
     matched.timings.write = seconds;
     matched.timings.total += seconds;
     write_json(&folder.join(TIMINGS), &matched.timings)?;
-    let page = pages::result(&matched.result, &matched.timings, &pngs);
+    let layers = match (&matched.before, &matched.after) {
+        (Some(before), Some(after)) if viewer => Some([before, &after.outfit]),
+        _ => None,
+    };
+    let page = pages::result(&matched.result, &matched.timings, &pngs, layers);
     let path = folder.join(REPORT);
     fs::write(&path, page).map_err(|source| WardrobeError::Folder { path, source })
 }

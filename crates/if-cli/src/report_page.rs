@@ -1,0 +1,36 @@
+//! `report.html`: an outfit before and after, to turn in a browser, with its tables.
+
+use crate::outfit_file::OutfitSpec;
+use crate::report_output::title;
+use crate::resolve_outfit::Done;
+use crate::table;
+use if_outfit::Cleanness;
+use if_outfit::outfit::Outfit;
+use if_pipeline::outfit_page::{add_report, viewer};
+use if_render::Page;
+
+/// The page of an outfit.
+pub(crate) const FILE: &str = "report.html";
+
+/// The page. It has no seconds: the same input gives the same bytes.
+pub(crate) fn html(
+    spec: &OutfitSpec,
+    [before, after]: [&Outfit; 2],
+    done: &Done,
+    pngs: &[Vec<u8>],
+) -> String {
+    let mut page = Page::new(title(spec).trim());
+    let totals = table::totals(&done.report.before, &done.report.after);
+    let state = done.state();
+    page.verdict(state != Cleanness::NotClean, &format!("{totals}: {state}"));
+    for note in &done.notes {
+        page.text(note);
+    }
+    page.viewer(&viewer(before, after));
+    add_report(&mut page, &done.report);
+    page.heading("Pictures");
+    for (caption, png) in ["before", "after"].iter().zip(pngs) {
+        page.picture(caption, png);
+    }
+    page.html()
+}
