@@ -34,7 +34,7 @@ use std::time::Instant;
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct CleanArgs {
-    /// The garment (.ply, .obj), in metres.
+    /// The garment (.ply, .obj, .glb), in metres.
     #[arg(value_name = "MESH")]
     pub(crate) file: PathBuf,
     /// The clean garment (.ply), with all properties of the vertices.
@@ -263,8 +263,11 @@ fn params(args: &CleanArgs, body: Option<&TriMesh>, single_precision: bool) -> C
 fn notes(file: &MeshFile, ply: &PlyMesh) -> Vec<String> {
     let mut notes: Vec<String> =
         faults(file.mesh()).iter().map(|f| format!("the input: {f}")).collect();
-    if matches!(file.content(), Content::Obj(_)) {
-        notes.push("texture coordinates, normals and groups of the OBJ file are not kept".into());
+    match file.content() {
+        Content::Obj(_) => notes
+            .push("texture coordinates, normals and groups of the OBJ file are not kept".into()),
+        Content::Glb(_) => notes.push("of the GLB file only the triangles are kept".into()),
+        _ => {}
     }
     notes.extend(not_kept(ply));
     notes

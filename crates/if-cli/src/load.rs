@@ -78,7 +78,7 @@ fn outfit_advice(error: &OutfitError) -> String {
 /// What to do about a file that cannot be read.
 pub(crate) fn reading_advice(error: &ReadError) -> &'static str {
     match error {
-        ReadError::Extension { .. } => "give a .ply or .obj file",
+        ReadError::Extension { .. } => "give a .ply, .obj or .glb file",
         ReadError::Io { .. } => {
             "look at the path; relative paths in an outfit file start at its folder"
         }

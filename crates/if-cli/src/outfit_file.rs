@@ -87,13 +87,13 @@ pub(crate) enum SpecError {
     #[error("`{}` is an outfit file; it names its own body", path.display())]
     #[diagnostic(
         code(ifg::arguments::body),
-        help("leave out --body, or give garment meshes (.ply, .obj)")
+        help("leave out --body, or give garment meshes (.ply, .obj, .glb)")
     )]
     TwoBodies { path: PathBuf },
     #[error("`{}` names no file", path.display())]
     #[diagnostic(
         code(ifg::arguments::file_name),
-        help("give the path of a mesh file (.ply, .obj)")
+        help("give the path of a mesh file (.ply, .obj, .glb)")
     )]
     NoFileName { path: PathBuf },
     #[error("parameter `{key}`: {message}")]

@@ -1,6 +1,7 @@
 //! Mesh files of any format, chosen by the extension.
 
 use crate::attributes::AttributeError;
+use crate::glb::{self, GlbMesh};
 use crate::obj::{self, Normals, ObjMesh};
 use crate::ply::{self, CoordinateType, PlyMesh, WriteParams, quantise};
 use crate::split::SplitMesh;
@@ -43,12 +44,15 @@ pub enum Content {
     Ply(PlyMesh),
     /// An OBJ file.
     Obj(ObjMesh),
+    /// A binary glTF file.
+    Glb(GlbMesh),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Ply,
     Obj,
+    Glb,
 }
 
 impl Format {
@@ -58,6 +62,7 @@ impl Format {
         match extension.as_str() {
             "ply" => Some(Self::Ply),
             "obj" => Some(Self::Obj),
+            "glb" => Some(Self::Glb),
             _ => None,
         }
     }
@@ -69,7 +74,7 @@ impl Format {
 #[allow(missing_docs)] // the messages explain the fields
 pub enum ReadError {
     /// The extension is not that of a supported format.
-    #[error("{}: the extension must be .ply or .obj", path.display())]
+    #[error("{}: the extension must be .ply, .obj or .glb (export a .gltf as one .glb)", path.display())]
     Extension { path: PathBuf },
     /// The file cannot be read.
     #[error("{}: {source}", path.display())]
@@ -83,6 +88,9 @@ pub enum ReadError {
     /// The OBJ file is invalid.
     #[error("{}: {source}", path.display())]
     Obj { path: PathBuf, source: Box<obj::ReadError> },
+    /// The GLB file is invalid.
+    #[error("{}: {source}", path.display())]
+    Glb { path: PathBuf, source: Box<glb::ReadError> },
 }
 
 /// Errors of [`MeshFile::write`]. An existing file stays unchanged.
@@ -102,6 +110,9 @@ pub enum WriteError {
     /// The OBJ file cannot hold this.
     #[error("{}: {source}", path.display())]
     Obj { path: PathBuf, source: Box<obj::WriteError> },
+    /// The GLB file cannot hold this.
+    #[error("{}: {source}", path.display())]
+    Glb { path: PathBuf, source: Box<glb::WriteError> },
 }
 
 /// Errors of [`MeshFile::split`].
@@ -117,10 +128,13 @@ pub enum SplitError {
     /// Coordinates are too large for a midpoint.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+    /// A GLB file cannot take more vertices.
+    #[error("triangles of GLB files are not split; use PLY or OBJ, or finer triangles")]
+    Glb,
 }
 
 impl MeshFile {
-    /// Reads a `.ply` or `.obj` file.
+    /// Reads a `.ply`, `.obj` or `.glb` file.
     ///
     /// # Errors
     ///
@@ -144,6 +158,11 @@ impl MeshFile {
                     .map_err(|e| ReadError::Obj { path: name(), source: e.into() })?;
                 Self { bytes: Vec::new(), content: Content::Obj(obj), is_new: false }
             }
+            Format::Glb => {
+                let glb = glb::read(bytes)
+                    .map_err(|e| ReadError::Glb { path: name(), source: e.into() })?;
+                Self { bytes: Vec::new(), content: Content::Glb(glb), is_new: false }
+            }
         })
     }
 
@@ -157,6 +176,7 @@ impl MeshFile {
         match &self.content {
             Content::Ply(ply) => &ply.mesh,
             Content::Obj(obj) => obj.mesh(),
+            Content::Glb(glb) => glb.mesh(),
         }
     }
 
@@ -166,8 +186,8 @@ impl MeshFile {
     ///
     /// # Errors
     ///
-    /// [`SplitError`]: properties that do not belong to the mesh, or an OBJ file with lines or points
-    /// of relative indices.
+    /// [`SplitError`]: properties that do not belong to the mesh, an OBJ file with lines or points of
+    /// relative indices, or a GLB file.
     ///
     /// # Panics
     ///
@@ -177,6 +197,7 @@ impl MeshFile {
         let content = match &self.content {
             Content::Ply(ply) => Content::Ply(ply::split(ply, split, mesh)?),
             Content::Obj(obj) => Content::Obj(obj::split(obj, split, &mesh)?),
+            Content::Glb(_) => return Err(SplitError::Glb),
         };
         Ok(Self { bytes: self.bytes.clone(), content, is_new: true })
     }
@@ -191,6 +212,7 @@ impl MeshFile {
         match &self.content {
             Content::Ply(_) => &self.bytes,
             Content::Obj(obj) => obj.text(),
+            Content::Glb(glb) => glb.bytes(),
         }
     }
 
@@ -200,35 +222,43 @@ impl MeshFile {
         match &self.content {
             Content::Ply(ply) => &ply.collapsed,
             Content::Obj(obj) => obj.collapsed(),
+            Content::Glb(glb) => glb.collapsed(),
         }
     }
 
     /// Number of normals that several vertices share. They do not change when vertices move.
     pub fn shared_normals(&self) -> usize {
         match &self.content {
-            Content::Ply(_) => 0,
+            Content::Ply(_) | Content::Glb(_) => 0,
             Content::Obj(obj) => obj.shared_normals(),
         }
     }
 
-    /// Whether positions are stored in single precision: PLY files with coordinates of 4 bytes.
+    /// Whether positions are stored as single-precision numbers: PLY files with coordinates of 4 bytes,
+    /// and GLB files in which nothing transforms the stored positions.
     pub fn is_single_precision(&self) -> bool {
-        matches!(&self.content, Content::Ply(ply) if ply.coordinates == CoordinateType::Float)
+        match &self.content {
+            Content::Ply(ply) => ply.coordinates == CoordinateType::Float,
+            Content::Obj(_) => false,
+            Content::Glb(glb) => glb.is_single_precision(),
+        }
     }
 
     /// The positions as they will be read back: rounded to `f32` for a PLY file with coordinates of 4
-    /// bytes, else the same. Without moves, these are the positions of [`MeshFile::mesh`].
+    /// bytes, and in the nodes of a GLB file; else the same. Without moves, these are the positions of
+    /// [`MeshFile::mesh`].
     pub fn positions_as_written(&self, positions: &[Point]) -> Vec<Point> {
         match &self.content {
             Content::Ply(ply) => quantise(positions, ply.coordinates),
             Content::Obj(_) => positions.to_vec(),
+            Content::Glb(glb) => glb.positions_as_written(positions),
         }
     }
 
     /// Writes the mesh with its vertices at `positions` and all its attributes, completely or not at
     /// all ([`crate::atomic`]). Normals rotate with the surface ([`Normals::Follow`]). Without moves,
-    /// the file is a copy of the one that was read; else PLY is written as binary, and in an OBJ file
-    /// only the coordinates of moved vertices change.
+    /// the file is a copy of the one that was read; else PLY is written as binary, and in an OBJ or GLB
+    /// file only the coordinates of moved vertices change.
     ///
     /// # Errors
     ///
@@ -236,12 +266,12 @@ impl MeshFile {
     /// an error of the file system.
     pub fn write(&self, path: &Path, positions: &[Point]) -> Result<(), WriteError> {
         let name = || path.to_path_buf();
-        let (format, extension) = match &self.content {
-            Content::Ply(_) => (Format::Ply, "ply"),
-            Content::Obj(_) => (Format::Obj, "obj"),
+        let (format, from, extension) = match &self.content {
+            Content::Ply(_) => (Format::Ply, "a PLY", "ply"),
+            Content::Obj(_) => (Format::Obj, "an OBJ", "obj"),
+            Content::Glb(_) => (Format::Glb, "a GLB", "glb"),
         };
         if Format::of(path) != Some(format) {
-            let from = if format == Format::Ply { "a PLY" } else { "an OBJ" };
             return Err(WriteError::Extension { path: name(), from, extension });
         }
         if positions == self.mesh().vertices() && !self.is_new {
@@ -263,6 +293,13 @@ impl MeshFile {
             .map_err(|source| match source {
                 obj::WriteError::Io(source) => WriteError::Io { path: name(), source },
                 e => WriteError::Obj { path: name(), source: e.into() },
+            }),
+            Content::Glb(glb) => crate::atomic::write_file(path, |file| {
+                glb::write(glb, positions, Normals::Follow, file)
+            })
+            .map_err(|source| match source {
+                glb::WriteError::Io(source) => WriteError::Io { path: name(), source },
+                e => WriteError::Glb { path: name(), source: e.into() },
             }),
         }
     }

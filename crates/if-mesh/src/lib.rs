@@ -2,7 +2,7 @@
 //!
 //! | to | use |
 //! |---|---|
-//! | read and write PLY and OBJ, with everything that the file stores | [`MeshFile`] |
+//! | read and write PLY, OBJ and GLB, with everything that the file stores | [`MeshFile`] |
 //! | find nearest points, overlaps and hits | [`Bvh`] |
 //! | find intersecting triangles, exactly | [`intersections`] |
 //! | measure the signed distance to a mesh | [`MeshSdf`], [`Winding`] |
@@ -46,6 +46,7 @@ pub mod camera;
 pub mod cleanup;
 pub mod extract;
 pub mod file;
+pub mod glb;
 pub mod grid;
 pub mod index;
 pub mod intersections;

@@ -12,6 +12,7 @@ mod cut;
 mod extract;
 mod fit;
 mod folder;
+mod glb;
 mod own;
 mod reconstruct;
 mod same_bytes;

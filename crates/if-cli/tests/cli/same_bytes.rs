@@ -46,6 +46,6 @@ fn pictures_are_the_same_too() {
         result(&folder, out)
     };
     let once = run("one", 1);
-    assert_eq!(once.len(), 4, "a garment, two pictures and a receipt");
+    assert_eq!(once.len(), 5, "a garment, two pictures, a page and a receipt");
     assert!(run("seven", 7) == once);
 }

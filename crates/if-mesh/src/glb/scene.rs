@@ -1,0 +1,78 @@
+//! The nodes of a scene and their transforms.
+
+use super::document::{Document, Node, entry};
+use super::error::ReadError;
+use super::placing::Affine;
+use if_core::math::Vector;
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion};
+
+/// The nodes of a document, in space.
+pub(super) struct Placed {
+    /// For each node of the document its map to the scene.
+    pub(super) world: Vec<Affine>,
+    /// The nodes of the default scene, parents first.
+    pub(super) shown: Vec<usize>,
+}
+
+impl Placed {
+    pub(super) fn new(document: &Document) -> Result<Self, ReadError> {
+        let count = document.nodes.len();
+        let mut parent = vec![None; count];
+        for (node, about) in document.nodes.iter().enumerate() {
+            for &child in &about.children {
+                entry(&document.nodes, "node", child)?;
+                if child == node || parent[child].replace(node).is_some() {
+                    return Err(ReadError::NotATree { node: child });
+                }
+            }
+        }
+        let roots: Vec<usize> = (0..count).filter(|node| parent[*node].is_none()).collect();
+        let all = below(document, &roots)?;
+        // What no root leads to is a ring.
+        let mut is_reached = vec![false; count];
+        all.iter().for_each(|node| is_reached[*node] = true);
+        if let Some(node) = is_reached.iter().position(|is| !is) {
+            return Err(ReadError::NotATree { node });
+        }
+        let mut world = vec![Affine::IDENTITY; count];
+        for &node in &all {
+            let own = local(node, &document.nodes[node])?;
+            world[node] = parent[node].map_or(own, |p: usize| world[p].after(&own));
+        }
+        let shown = match document.scene.or((!document.scenes.is_empty()).then_some(0)) {
+            Some(scene) => below(document, &entry(&document.scenes, "scene", scene)?.nodes)?,
+            None => all,
+        };
+        Ok(Self { world, shown })
+    }
+}
+
+/// These nodes and all below them, parents first. The document is a forest, so that only `roots` can
+/// lead to a node twice.
+fn below(document: &Document, roots: &[usize]) -> Result<Vec<usize>, ReadError> {
+    let mut is_seen = vec![false; document.nodes.len()];
+    let mut stack: Vec<usize> = roots.iter().rev().copied().collect();
+    let mut order = Vec::new();
+    while let Some(node) = stack.pop() {
+        let children = &entry(&document.nodes, "node", node)?.children;
+        if std::mem::replace(&mut is_seen[node], true) {
+            return Err(ReadError::NotATree { node });
+        }
+        order.push(node);
+        stack.extend(children.iter().rev());
+    }
+    Ok(order)
+}
+
+/// The map of a node to its parent.
+fn local(node: usize, about: &Node) -> Result<Affine, ReadError> {
+    if let Some(matrix) = &about.matrix {
+        return Ok(Affine::of_columns(matrix));
+    }
+    let [x, y, z, w] = about.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+    let turn = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-6)
+        .ok_or(ReadError::Transform { node })?;
+    let scale = Vector::from(about.scale.unwrap_or([1.0; 3]));
+    let linear = turn.to_rotation_matrix().into_inner() * Matrix3::from_diagonal(&scale);
+    Ok(Affine { linear, shift: Vector::from(about.translation.unwrap_or_default()) })
+}

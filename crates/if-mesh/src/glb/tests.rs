@@ -1,0 +1,315 @@
+use super::*;
+use if_core::math::{Point, Vector};
+use serde_json::{Value, json};
+
+/// Builds files with two triangles of four corners each.
+struct Builder {
+    document: Value,
+    bin: Vec<u8>,
+}
+
+impl Builder {
+    fn new() -> Self {
+        let document = json!({
+            "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}], "nodes": [],
+            "meshes": [], "accessors": [], "bufferViews": [], "buffers": [{"byteLength": 0}],
+            "materials": [{"name": "denim", "extras": {"number": 0.1}}],
+        });
+        Self { document, bin: Vec::new() }
+    }
+
+    fn push(&mut self, list: &str, entry: Value) -> usize {
+        let list = self.document[list].as_array_mut().unwrap();
+        list.push(entry);
+        list.len() - 1
+    }
+
+    fn accessor(&mut self, kind: &str, code: u32, count: usize, bytes: &[u8]) -> usize {
+        self.bin.resize(self.bin.len().next_multiple_of(4), 0);
+        let view = json!({"buffer": 0, "byteOffset": self.bin.len(), "byteLength": bytes.len()});
+        self.bin.extend_from_slice(bytes);
+        let view = self.push("bufferViews", view);
+        let about =
+            json!({"bufferView": view, "componentType": code, "count": count, "type": kind});
+        self.push("accessors", about)
+    }
+
+    fn floats(&mut self, kind: &str, count: usize, numbers: &[f32]) -> usize {
+        let bytes: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        self.accessor(kind, 5126, count, &bytes)
+    }
+
+    /// A square in the plane z = 0, at `z`, as a node with these properties.
+    fn square(&mut self, z: f32, node: Value) -> usize {
+        let p = [[0.0, 0.0, z], [1.0, 0.0, z], [1.0, 1.0, z], [0.0, 1.0, z]];
+        let position = self.floats("VEC3", 4, p.as_flattened());
+        let normal = self.floats("VEC3", 4, [[0.0, 0.0, 1.0]; 4].as_flattened());
+        let indices = self.accessor("SCALAR", 5121, 6, &[0, 1, 2, 0, 2, 3]);
+        let primitive = json!({
+            "attributes": {"POSITION": position, "NORMAL": normal}, "indices": indices,
+            "material": 0,
+        });
+        let mesh = self.push("meshes", json!({"primitives": [primitive]}));
+        let mut node = node;
+        node["mesh"] = json!(mesh);
+        self.node(node)
+    }
+
+    /// A node of the scene.
+    fn node(&mut self, node: Value) -> usize {
+        let node = self.push("nodes", node);
+        self.document["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(node));
+        node
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let mut document = self.document.clone();
+        document["buffers"][0]["byteLength"] = json!(self.bin.len());
+        glb_of(&document, &self.bin)
+    }
+
+    fn read(&self) -> Result<GlbMesh, ReadError> {
+        read(self.bytes())
+    }
+}
+
+fn glb_of(document: &Value, bin: &[u8]) -> Vec<u8> {
+    let mut json = document.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut bin = bin.to_vec();
+    bin.resize(bin.len().next_multiple_of(4), 0);
+    let mut out = b"glTF".to_vec();
+    let length = 28 + json.len() + bin.len();
+    for word in [2, length as u32, json.len() as u32, 0x4E4F_534A] {
+        out.extend(word.to_le_bytes());
+    }
+    out.extend(json);
+    out.extend((bin.len() as u32).to_le_bytes());
+    out.extend(0x004E_4942u32.to_le_bytes());
+    out.extend(bin);
+    out
+}
+
+fn document(bytes: &[u8]) -> Value {
+    serde_json::from_slice(&bytes[container::chunks(bytes).unwrap().json]).unwrap()
+}
+
+fn written(glb: &GlbMesh, positions: &[Point]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    write(glb, positions, Normals::Follow, &mut bytes).unwrap();
+    bytes
+}
+
+#[test]
+fn all_triangles_of_the_scene_are_read_where_the_scene_shows_them() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({}));
+    // A turn by 90° about z, then a move, below a parent that doubles.
+    let child = builder.square(
+        0.25,
+        json!({"rotation": [0.0, 0.0, 0.5f64.sqrt(), 0.5f64.sqrt()], "translation": [0, 0, 1]}),
+    );
+    builder.document["scenes"][0]["nodes"].as_array_mut().unwrap().pop();
+    builder.node(json!({"scale": [2, 2, 2], "children": [child]}));
+    // Not in the scene.
+    builder.square(9.0, json!({}));
+    builder.document["scenes"][0]["nodes"].as_array_mut().unwrap().pop();
+    let glb = builder.read().unwrap();
+    assert_eq!(glb.mesh().triangles(), [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]);
+    let v = glb.mesh().vertices();
+    assert_eq!(v[1], Point::new(1.0, 0.0, 0.0));
+    assert!((v[5] - Point::new(0.0, 2.0, 2.5)).norm() < 1e-15, "{}", v[5]);
+    assert!(!glb.is_single_precision());
+}
+
+#[test]
+fn without_moves_the_bytes_stay_and_else_only_what_moved_and_its_bounds() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({"name": "shirt"}));
+    builder.square(0.5, json!({"scale": [0.01, 0.01, 0.01]}));
+    let glb = builder.read().unwrap();
+    assert_eq!(written(&glb, glb.mesh().vertices()), builder.bytes());
+    let mut moved = glb.mesh().vertices().to_vec();
+    moved[6] += Vector::new(0.001, 0.0, -0.0031);
+    let expected = glb.positions_as_written(&moved);
+    assert_eq!(expected[..6], moved[..6]);
+    assert!((expected[6] - moved[6]).norm() < 1e-9 && expected[6] != moved[6]);
+    let bytes = written(&glb, &moved);
+    let again = read(bytes.clone()).unwrap();
+    assert_eq!(again.mesh().vertices(), expected);
+    // The document is the same but for the bounds of the second accessor.
+    let (mut before, after) = (document(&builder.bytes()), document(&bytes));
+    before["accessors"][3]["min"] = after["accessors"][3]["min"].clone();
+    before["accessors"][3]["max"] = after["accessors"][3]["max"].clone();
+    assert_eq!(before, after);
+    let least = after["accessors"][3]["min"][2].as_f64().unwrap();
+    assert!((least - 0.19).abs() < 1e-6, "{least}");
+    // 12 bytes of a position, and normals of its square.
+    let (was, is) = (glb.bytes(), &bytes);
+    let [was, is] = [was, is].map(|b| &b[container::chunks(b).unwrap().bin]);
+    assert_eq!(was.len(), is.len());
+    let first = glb.parts[1].positions.at(0) - container::chunks(glb.bytes()).unwrap().bin.start;
+    assert_eq!(was[..first], is[..first], "the first square");
+}
+
+#[test]
+fn normals_turn_with_the_surface_in_the_coordinates_of_their_node() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({"rotation": [0.5f64.sqrt(), 0, 0, 0.5f64.sqrt()]}));
+    let glb = builder.read().unwrap();
+    // In the scene the square faces −y. It is turned to face +x.
+    let v = glb.mesh().vertices();
+    assert!((v[3] - Point::new(0.0, 0.0, 1.0)).norm() < 1e-15);
+    let turned: Vec<Point> = v.iter().map(|p| Point::new(-p.y, p.x, p.z)).collect();
+    let again = read(written(&glb, &turned)).unwrap();
+    let normals = again.parts[0].normals.unwrap();
+    // What faces +x in the scene faces +x in the node, which turns about x.
+    for k in 0..4 {
+        let n = Vector::from(normals.values::<3>(again.bytes(), k));
+        assert!((n - Vector::x()).norm() < 1e-6, "{n}");
+    }
+}
+
+#[test]
+fn joints_and_morph_targets_place_vertices_and_are_undone() {
+    let mut builder = Builder::new();
+    let node = builder.square(0.0, json!({"translation": [5, 5, 5], "skin": 0}));
+    let offsets = builder.floats("VEC3", 4, [[0.0, 0.0, 1.0]; 4].as_flattened());
+    let joints = builder.accessor("VEC4", 5121, 4, &[[0, 1, 0, 0]; 4].concat());
+    let weights =
+        [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0], [0.0, 2.0, 0.0, 0.0]];
+    let weights = builder.floats("VEC4", 4, weights.as_flattened());
+    let mut bind = [0.0; 32];
+    for k in [0, 5, 10, 15, 16, 21, 26, 31] {
+        bind[k] = 1.0;
+    }
+    bind[28] = -1.0; // the second joint's rest place is at x = 1
+    let bind = builder.floats("MAT4", 2, &bind);
+    let first = builder.node(json!({}));
+    let second = builder.node(json!({"translation": [1, 0, 0], "scale": [1, 3, 1]}));
+    builder.document["skins"] = json!([{"joints": [first, second], "inverseBindMatrices": bind}]);
+    let mesh = &mut builder.document["meshes"][0];
+    mesh["weights"] = json!([0.5]);
+    let primitive = &mut mesh["primitives"][0];
+    primitive["attributes"]["JOINTS_0"] = json!(joints);
+    primitive["attributes"]["WEIGHTS_0"] = json!(weights);
+    primitive["targets"] = json!([{"POSITION": offsets}]);
+    assert_eq!(node, 0);
+    let glb = builder.read().unwrap();
+    // Half of the morph target; the node's own transform does not count; the second joint
+    // stretches by 3 along y.
+    let expected = [[0.0, 0.0, 0.5], [1.0, 0.0, 0.5], [1.0, 2.0, 0.5], [0.0, 3.0, 0.5]];
+    for (v, expected) in glb.mesh().vertices().iter().zip(expected) {
+        assert!((v - Point::from(expected)).norm() < 1e-15, "{v}");
+    }
+    let moved: Vec<Point> =
+        glb.mesh().vertices().iter().map(|p| p + Vector::new(0.1, 0.2, 0.3)).collect();
+    let again = read(written(&glb, &moved)).unwrap();
+    for (v, moved) in again.mesh().vertices().iter().zip(&moved) {
+        assert!((v - moved).norm() < 1e-6, "{v}");
+    }
+    assert_eq!(again.mesh().vertices(), glb.positions_as_written(&moved));
+}
+
+#[test]
+fn strips_fans_and_lists_without_indices_are_triangles() {
+    for (mode, expected) in
+        [(4, vec![[0, 1, 2]]), (5, vec![[0, 1, 2], [1, 3, 2]]), (6, vec![[1, 2, 0], [2, 3, 0]])]
+    {
+        let mut builder = Builder::new();
+        builder.square(0.0, json!({}));
+        let primitive = &mut builder.document["meshes"][0]["primitives"][0];
+        primitive["mode"] = json!(mode);
+        primitive.as_object_mut().unwrap().remove("indices");
+        assert_eq!(builder.read().unwrap().mesh().triangles(), expected, "{mode}");
+    }
+    // A line is no triangle.
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({}));
+    builder.document["meshes"][0]["primitives"][0]["mode"] = json!(1);
+    assert!(matches!(builder.read(), Err(ReadError::NoTriangles)));
+}
+
+#[test]
+fn invalid_files_are_refused_and_say_what_is_wrong() {
+    type Damage = fn(&mut Value);
+    let cases: [(Damage, &str); 19] = [
+        (|d| d["nodes"][0]["mesh"] = json!(7), "mesh 7 does not exist; there are 1"),
+        (|d| d["scenes"][0]["nodes"] = json!([0, 0]), "node 0 is reached twice"),
+        (|d| d["nodes"][0]["children"] = json!([0]), "node 0 is reached twice"),
+        (|d| d["scene"] = json!(3), "scene 3 does not exist"),
+        (|d| d["nodes"][0]["scale"] = json!([1, 1, 0]), "node 0: its transform"),
+        (|d| d["nodes"][0]["rotation"] = json!([0, 0, 0, 0]), "node 0: its transform"),
+        (|d| d["accessors"][0]["count"] = json!(5), "POSITION needs 60 bytes"),
+        (|d| d["accessors"][0]["count"] = json!(u64::MAX), "POSITION needs"),
+        (|d| d["accessors"][0]["byteOffset"] = json!(1u64 << 60), "POSITION needs"),
+        (|d| d["accessors"][0]["componentType"] = json!(5123), "accessor 0 holds VEC3"),
+        (|d| d["accessors"][0]["type"] = json!("VEC2"), "accessor 0 holds VEC2"),
+        (|d| d["accessors"][0]["sparse"] = json!({}), "accessor 0 is sparse"),
+        (|d| d["accessors"][2]["componentType"] = json!(5120), "accessor 2 holds SCALAR"),
+        (|d| d["bufferViews"][0]["byteStride"] = json!(8), "POSITION needs"),
+        (|d| d["buffers"][0]["uri"] = json!("shirt.bin"), "buffer 0 is not in the file"),
+        (|d| d["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]), "export without"),
+        (
+            |d| {
+                d["meshes"][0]["primitives"][0]["extensions"] =
+                    json!({"KHR_draco_mesh_compression": {}})
+            },
+            "KHR_draco_mesh_compression is not supported",
+        ),
+        (
+            |d| {
+                let node = d["nodes"][0].clone();
+                d["nodes"] = json!([node, node]);
+                d["scenes"][0]["nodes"] = json!([0, 1]);
+            },
+            "nodes 0 and 1 show the same vertices",
+        ),
+        (|d| d["nodes"] = json!({}), "the JSON of the file"),
+    ];
+    for (k, (damage, expected)) in cases.into_iter().enumerate() {
+        let mut builder = Builder::new();
+        builder.square(0.0, json!({}));
+        damage(&mut builder.document);
+        let fault = builder.read().unwrap_err().to_string();
+        assert!(fault.contains(expected), "{k}: {fault}");
+    }
+    let mut builder = Builder::new();
+    builder.square(f32::NAN, json!({}));
+    let fault = builder.read().unwrap_err().to_string();
+    assert!(fault.contains("accessor 0, element 0") && fault.contains("finite"), "{fault}");
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({}));
+    *builder.bin.last_mut().unwrap() = 9;
+    let fault = builder.read().unwrap_err().to_string();
+    assert!(fault.contains("vertex 9 does not exist; there are 4"), "{fault}");
+}
+
+#[test]
+fn a_file_that_ends_anywhere_is_refused() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({}));
+    let bytes = builder.bytes();
+    for end in 0..bytes.len() {
+        assert!(read(bytes[..end].to_vec()).is_err(), "{end}");
+    }
+    assert!(read(bytes).is_ok());
+}
+
+#[test]
+fn positions_that_share_bytes_are_not_written_as_something_else() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({}));
+    builder.square(1.0, json!({}));
+    // The second square's first corner is the first one's last.
+    let at = builder.document["bufferViews"][0]["byteOffset"].as_u64().unwrap() + 36;
+    builder.document["bufferViews"][3]["byteOffset"] = json!(at);
+    let glb = builder.read().unwrap();
+    let mut moved = glb.mesh().vertices().to_vec();
+    moved[3].x += 0.5;
+    let fault = write(&glb, &moved, Normals::Follow, Vec::new()).unwrap_err();
+    assert!(matches!(fault, WriteError::Overlap), "{fault}");
+    moved[3].x = 1e39;
+    let fault = write(&glb, &moved, Normals::Follow, Vec::new()).unwrap_err();
+    assert!(matches!(fault, WriteError::Range { vertex: 3 }), "{fault}");
+}
