@@ -313,3 +313,30 @@ fn positions_that_share_bytes_are_not_written_as_something_else() {
     let fault = write(&glb, &moved, Normals::Follow, Vec::new()).unwrap_err();
     assert!(matches!(fault, WriteError::Range { vertex: 3 }), "{fault}");
 }
+
+#[test]
+fn damaged_bytes_never_panic_and_what_is_written_is_read_again() {
+    use rand::{Rng, RngExt, SeedableRng};
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({"rotation": [0.1, 0.2, 0.3, 0.9]}));
+    builder.square(1.0, json!({}));
+    let whole = builder.bytes();
+    let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(5);
+    let mut accepted = 0;
+    for _ in 0..4000 {
+        let mut bytes = whole.clone();
+        for _ in 0..random.random_range(1..4) {
+            let at = random.random_range(0..bytes.len());
+            bytes[at] = random.next_u32() as u8;
+        }
+        let Ok(glb) = read(bytes) else { continue };
+        accepted += 1;
+        let moved: Vec<Point> =
+            glb.mesh().vertices().iter().map(|p| p + Vector::repeat(0.01)).collect();
+        let mut bytes = Vec::new();
+        if write(&glb, &moved, Normals::Follow, &mut bytes).is_ok() {
+            assert_eq!(read(bytes).unwrap().mesh().vertices(), glb.positions_as_written(&moved));
+        }
+    }
+    assert!(accepted > 500, "{accepted}");
+}
