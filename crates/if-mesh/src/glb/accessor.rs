@@ -100,17 +100,24 @@ impl Elements {
         };
         let size = components * component.bytes();
         let stride = view.byte_stride.unwrap_or(size).max(1);
-        let last = about.count.saturating_sub(1);
-        let needed = (last.checked_mul(stride))
-            .and_then(|at| at.checked_add(size)?.checked_add(about.byte_offset))
-            .filter(|needed| *needed <= view.byte_length || about.count == 0);
-        let end = needed.and_then(|needed| needed.checked_add(view.byte_offset));
-        if end.is_none_or(|end| end > bin.len()) || stride < size {
-            let needed = end.map_or(u64::MAX, |end| end as u64);
-            let found = bin.len().min(view.byte_length) as u64;
-            return Err(ReadError::Truncated { what: wanted.what, needed, found });
+        if stride < size {
+            let found = format!("elements of {size} bytes every {stride} bytes");
+            let (what, expected) = (wanted.what, wanted.expected);
+            return Err(ReadError::Accessor { accessor, what, expected, found });
         }
-        let start = bin.start + view.byte_offset + about.byte_offset;
+        // Bytes of the view, and of the chunk.
+        let of_view = match about.count {
+            0 => 0,
+            count => ((count - 1).saturating_mul(stride))
+                .saturating_add(size.saturating_add(about.byte_offset)),
+        };
+        let of_chunk = of_view.saturating_add(view.byte_offset);
+        if of_view > view.byte_length || of_chunk > bin.len() {
+            let found = bin.len().saturating_sub(view.byte_offset).min(view.byte_length);
+            let (what, needed) = (wanted.what, of_view as u64);
+            return Err(ReadError::Truncated { what, needed, found: found as u64 });
+        }
+        let start = bin.start.saturating_add(view.byte_offset).saturating_add(about.byte_offset);
         let normalized = about.normalized;
         let count = about.count;
         Ok(Self { accessor, start, stride, count, component, components, normalized })

@@ -247,7 +247,7 @@ fn invalid_files_are_refused_and_say_what_is_wrong() {
         (|d| d["accessors"][0]["type"] = json!("VEC2"), "accessor 0 holds VEC2"),
         (|d| d["accessors"][0]["sparse"] = json!({}), "accessor 0 is sparse"),
         (|d| d["accessors"][2]["componentType"] = json!(5120), "accessor 2 holds SCALAR"),
-        (|d| d["bufferViews"][0]["byteStride"] = json!(8), "POSITION needs"),
+        (|d| d["bufferViews"][0]["byteStride"] = json!(8), "elements of 12 bytes every 8 bytes"),
         (|d| d["buffers"][0]["uri"] = json!("shirt.bin"), "buffer 0 is not in the file"),
         (|d| d["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]), "export without"),
         (
