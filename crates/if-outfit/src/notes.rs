@@ -21,7 +21,7 @@ pub(crate) fn of_orientation(outfit: &Outfit) -> Option<String> {
 }
 
 /// Faults of a layer's mesh.
-pub(crate) fn of_mesh(layer: &Layer) -> Vec<String> {
+fn of_mesh(layer: &Layer) -> Vec<String> {
     faults(&layer.mesh).iter().map(ToString::to_string).collect()
 }
 

@@ -1,9 +1,10 @@
 //! What a person should know about the files of an outfit.
 
 use super::OutfitFiles;
-use crate::notes::{named, of_mesh, of_orientation};
+use crate::notes::{named, of_orientation};
 use crate::outfit::Layer;
-use if_mesh::file::MeshFile;
+use if_mesh::file::{Content, MeshFile};
+use if_mesh::validate::{Fault, faults};
 use rayon::prelude::*;
 
 /// Notes on all layers, the body first.
@@ -13,7 +14,12 @@ pub(super) fn of(files: &OutfitFiles) -> Vec<String> {
     let own = std::iter::once(files.body.as_ref()).chain(files.files.iter().map(|f| Some(&**f)));
     let layers: Vec<(&Layer, Option<&MeshFile>)> = outfit.layers().zip(own).collect();
     let notes = layers.into_par_iter().flat_map_iter(|(layer, file)| {
-        let mut notes = of_mesh(layer);
+        // Such a file has a vertex for each of its normals and texture coordinates.
+        let is_split = file.is_some_and(|file| matches!(file.content(), Content::Glb(_)));
+        let is_meant = |fault: &&Fault| is_split && matches!(fault, Fault::Duplicates { .. });
+        let faults = faults(&layer.mesh);
+        let faults = faults.iter().filter(|fault| !is_meant(fault));
+        let mut notes: Vec<String> = faults.map(ToString::to_string).collect();
         notes.extend(file.map_or(Vec::new(), of_file));
         named(layer, notes)
     });
