@@ -21,8 +21,8 @@ use if_outfit::digest;
 use if_pipeline::asset::{LayerHint, Parts, Provenance};
 use if_pipeline::capture::{Capture, CaptureError, PoseSigma, write_poses};
 use if_pipeline::reconstruct::{
-    FrameMotion, MotionNetworkParams, MotionParams, MotionRound, PhiNetwork, PhiParams, PoseParams,
-    ReconstructError, ReconstructParams, Reconstruction, reconstruct, write_frames,
+    FieldsParams, FieldsRound, FrameMotion, MotionNetworkParams, MotionParams, MotionRound, PhiNetwork, PhiParams, PoseParams,
+    ReconstructError, ReconstructParams, Reconstruction, fields_checkpoint, reconstruct, write_frames,
 };
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
 use if_render::{PALETTE, Page, RenderLayer, View, Viewer, side_by_side};
@@ -54,23 +54,36 @@ pub(crate) struct ReconstructArgs {
     /// Side of the cells of the canonical mesh, with a unit; 8mm by default.
     #[arg(long, value_name = "LENGTH", value_parser = above_zero)]
     pub(crate) cell: Option<f64>,
+    /// How the clothed person is found: `surface` solves for a displacement of the template; `fields`
+    /// goes on from there and trains φ and the motion of all frames as networks on the pictures, by
+    /// implicit differentiation. They are written beside the clothed person.
+    #[arg(long, value_name = "ROUTE", default_value = "surface")]
+    pub(crate) route: Route,
+    /// φ with --route fields: `grid`, or `mlp`, the paper's network, which takes longer.
+    #[arg(long, value_name = "NETWORK", default_value = "grid")]
+    pub(crate) phi: PhiOf,
+    /// Steps of the training with --route fields.
+    #[arg(long, value_name = "STEPS")]
+    pub(crate) fields_steps: Option<u64>,
     /// Bake φ of the clothed person round each garment, as `phi.baked` beside it.
     #[arg(long)]
     pub(crate) bake: bool,
     /// Steps of a fit of φ as a network, which each garment gets as `phi.safetensors`; 0, as by
-    /// default, leaves it out.
+    /// default, leaves it out. With --route fields that fit is the start of the training, and each
+    /// garment gets the trained φ.
     #[arg(long, value_name = "STEPS", default_value_t = 0)]
     pub(crate) phi_steps: u64,
     /// Write the canonical mesh in each frame, too: posed, and moved as the pictures of that frame
     /// and its neighbours show it.
     #[arg(long)]
     pub(crate) frames: bool,
-    /// Where the motion of single frames comes from: `solved` from the pictures, or `none`, the
-    /// pose alone. Only with --frames.
+    /// Where the motion of single frames comes from: `solved` from the pictures (with --route fields
+    /// the network that was trained on them), or `none`, the pose alone. Only with --frames.
     #[arg(long, value_name = "HOW", requires = "frames", default_value = "solved")]
     pub(crate) motion: MotionFrom,
     /// Steps of a fit of that motion as a network with an embedding for each frame,
-    /// `deformation.safetensors` beside the frames' folder; 0, as by default, leaves it out.
+    /// `deformation.safetensors` beside the frames' folder; 0, as by default, leaves it out. Not with
+    /// --route fields, which has that network.
     #[arg(long, value_name = "STEPS", requires = "frames", default_value_t = 0)]
     pub(crate) motion_steps: u64,
     /// How far the poses are off, such as 3,9: root-mean-square angle of a joint in degrees, and
@@ -85,6 +98,20 @@ pub(crate) struct ReconstructArgs {
     /// Print the report as JSON on stdout, and no summary.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// How the clothed person is found.
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Route {
+    Surface,
+    Fields,
+}
+
+/// The network of φ.
+#[derive(clap::ValueEnum, Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum PhiOf {
+    Grid,
+    Mlp,
 }
 
 /// Where the motion of single frames comes from.
@@ -164,6 +191,24 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     params.bake = args.bake.then(BakeParams::default);
     let steps = args.phi_steps;
     params.phi = (steps > 0).then(|| PhiParams { steps, ..PhiParams::default() });
+    if args.route == Route::Fields {
+        if args.motion_steps > 0 {
+            let what = "--route fields trains the network of the motion, and --motion-steps fits another one";
+            return Err(fault(what, "leave one of them out")(io::Error::other("one too many")).into());
+        }
+        let mut fields = match args.phi {
+            PhiOf::Grid => FieldsParams::default(),
+            PhiOf::Mlp => FieldsParams::mlp(),
+        };
+        fields.steps = args.fields_steps.unwrap_or(fields.steps);
+        if steps > 0 {
+            fields.phi.steps = steps;
+        }
+        params.fields = Some(fields);
+    } else if args.phi != PhiOf::Grid || args.fields_steps.is_some() {
+        let what = "--phi and --fields-steps are of a training, which --route surface does not have";
+        return Err(fault(what, "add --route fields")(io::Error::other("nothing to train")).into());
+    }
     if args.motion_steps > 0 && args.motion != MotionFrom::Solved {
         let what = "--motion-steps fits a network to the motion that is solved, and --motion says that none is";
         return Err(fault(what, "leave one of them out")(io::Error::other("nothing to fit")).into());
@@ -222,12 +267,11 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     };
     let seconds = start.elapsed().as_secs_f64();
     line.message("writing");
-    let network = found
-        .phi
-        .as_ref()
-        .map(PhiNetwork::to_bytes)
-        .transpose()
-        .map_err(fault(writing("φ"), ROOM))?;
+    let network = match (&found.fields, &found.phi) {
+        (Some(fields), _) if args.phi_steps > 0 => Some(fields.phi_bytes()),
+        (_, phi) => phi.as_ref().map(PhiNetwork::to_bytes),
+    };
+    let network = network.transpose().map_err(fault(writing("φ"), ROOM))?;
     write_assets(args, &names, &capture, &found, network.as_deref()).map_err(|error| {
         let help = if matches!(error, WardrobeError::Busy { .. }) {
             "run it again when the other process is done"
@@ -238,7 +282,9 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     })?;
     write_clothed(args, &name, &capture, &template, &found)
         .map_err(fault(writing("the clothed body"), ROOM))?;
-    let _ = fs::remove_file(&state); // of no use any more
+    for state in [&state, &fields_checkpoint(&state)] {
+        let _ = fs::remove_file(state); // of no use any more
+    }
     drop(line);
     let doubts = doubts(&found.report.surface.quality);
     if args.json {
@@ -292,6 +338,7 @@ fn described(progress: &Progress, seconds_left: Option<f64>) -> String {
         "start" => "looking for loose clothes",
         "poses" => "refining poses",
         "surface" => "fitting the surface",
+        "fields" => "training φ and d",
         "extract" => "extracting the canonical mesh",
         "motion" => "solving the motion of single frames",
         "motion_network" => "fitting the network of the motion",
@@ -307,6 +354,9 @@ fn described(progress: &Progress, seconds_left: Option<f64>) -> String {
     }
     if let Some(mm) = progress.measure("silhouette_mm") {
         text += &format!(", silhouettes off by {mm:.1} mm");
+    }
+    if let Some(degrees) = progress.measure("normal_degrees") {
+        text += &format!(", normals by {degrees:.1}°");
     }
     if let Some(mm) = progress.measure("mean_mm") {
         text += &format!(", φ off by {mm:.1} mm");
@@ -388,9 +438,13 @@ fn write_clothed(
                 &found.skin,
                 &template.skeleton,
                 capture,
-                found.motion.as_ref(),
+                found.motion.as_ref().filter(|_| args.motion == MotionFrom::Solved),
             )
             .map_err(io::Error::other)?;
+        }
+        if let Some(fields) = &found.fields {
+            fs::write(folder.join("phi.safetensors"), fields.phi_bytes()?)?;
+            fs::write(folder.join("deformation.safetensors"), fields.deformation_bytes()?)?;
         }
         if let Some(network) = &found.motion_network {
             fs::write(folder.join("deformation.safetensors"), network.to_bytes()?)?;
@@ -412,7 +466,15 @@ fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
     page.text(&summary(
         name,
         report,
-        s.poses + s.surface + s.extract + s.motion + s.motion_network + s.phi + s.garments + s.bake,
+        s.poses
+            + s.surface
+            + s.extract
+            + s.fields
+            + s.motion
+            + s.motion_network
+            + s.phi
+            + s.garments
+            + s.bake,
     ));
     let parts = labelled(found);
     let mut viewer = Viewer::new(&["rest pose"]);
@@ -445,7 +507,31 @@ fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
         "triangles seen",
     ];
     page.heading("Rounds, each as it began").table(&head, &rows);
-    if let Some(motion) = &report.motion {
+    if let Some(fields) = &report.fields {
+        let row = |r: &FieldsRound| {
+            vec![
+                r.steps.to_string(),
+                format!("{:.2}", r.silhouette_mm),
+                format!("{:.2}", r.normal_degrees),
+                format!("{:.2}", r.motion_mm),
+                r.rays.used.to_string(),
+                (r.rays.grazing + r.rays.lost + r.rays.contradicting).to_string(),
+                format!("{:.1}", r.seconds),
+            ]
+        };
+        let rows: Vec<Vec<String>> = fields.rounds.iter().map(row).collect();
+        let head = [
+            "steps",
+            "silhouettes, mm",
+            "normals, degrees",
+            "|d|, mm",
+            "rays used",
+            "rays rejected",
+            "seconds",
+        ];
+        page.heading("Training of φ and d: means of the steps").table(&head, &rows);
+    }
+    if let Some(motion) = report.motion.as_ref().filter(|_| report.fields.is_none()) {
         let row = |(k, r): (usize, &MotionRound)| {
             vec![
                 (k + 1).to_string(),

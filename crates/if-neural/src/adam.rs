@@ -49,7 +49,7 @@ impl AdamParams {
 ///
 /// Kingma and Ba 2015, Algorithm 1.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Adam {
+pub struct Adam {
     /// Its rates.
     pub(crate) params: AdamParams,
     /// Steps done.
@@ -66,9 +66,33 @@ impl Adam {
     /// # Errors
     ///
     /// See [`AdamParams::validate`].
-    pub(crate) fn new(params: AdamParams, len: usize) -> Result<Self, ParameterError> {
+    pub fn new(params: AdamParams, len: usize) -> Result<Self, ParameterError> {
         params.validate()?;
         Ok(Self { params, steps: 0, first: vec![0.0; len], second: vec![0.0; len] })
+    }
+
+    /// The state after `steps` steps, to resume from: the parts that [`Adam::moments`] returned.
+    ///
+    /// # Errors
+    ///
+    /// See [`AdamParams::validate`].
+    ///
+    /// # Panics
+    ///
+    /// If the moments differ in length.
+    pub fn resume(
+        params: AdamParams,
+        steps: u64,
+        [first, second]: [Vec<f32>; 2],
+    ) -> Result<Self, ParameterError> {
+        params.validate()?;
+        assert_eq!(first.len(), second.len(), "two moments for each parameter");
+        Ok(Self { params, steps, first, second })
+    }
+
+    /// Mean and mean square of each derivative.
+    pub fn moments(&self) -> [&[f32]; 2] {
+        [&self.first, &self.second]
     }
 
     /// One step of learning rate `rate` down `gradient`.
@@ -76,7 +100,7 @@ impl Adam {
     /// # Panics
     ///
     /// If `theta` or `gradient` is not as long as the moments.
-    pub(crate) fn step(&mut self, theta: &mut [f32], gradient: &[f32], rate: f32) {
+    pub fn step(&mut self, theta: &mut [f32], gradient: &[f32], rate: f32) {
         assert!(
             theta.len() == self.first.len() && gradient.len() == theta.len(),
             "one derivative for each parameter"

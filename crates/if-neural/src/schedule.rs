@@ -27,7 +27,7 @@ impl Default for Schedule {
 
 impl Schedule {
     /// The rate of step `step`, counted from 0, when `progress` of the fit, from 0 to 1, is done.
-    pub(crate) fn rate(&self, step: u64, progress: f64) -> f64 {
+    pub fn rate(&self, step: u64, progress: f64) -> f64 {
         let rise = if step < self.warmup { (step + 1) as f64 / self.warmup as f64 } else { 1.0 };
         let cosine = 0.5 * (1.0 + (std::f64::consts::PI * progress.clamp(0.0, 1.0)).cos());
         self.rate * rise * (self.last + (1.0 - self.last) * cosine)

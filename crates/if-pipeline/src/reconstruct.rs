@@ -8,6 +8,7 @@
 //! | refinement of poses that are estimates | [`refine_poses`] | `read`, `start`, `poses` |
 //! | the surface, from masks, normals and poses | [`fit_surface`] | `read`, `start`, `surface` |
 //! | one closed canonical mesh with weights | [`FloodedField`], [`if_mesh::extract`], [`largest_piece`], [`carried_weights`] | `extract` |
+//! | φ and d as networks, trained on all frames, if requested | [`fit_fields`] | `read`, `phi`, `fields` |
 //! | the motion of single frames | [`fit_motion`], [`MeshMotion`] | `read`, `motion` |
 //! | that motion as a network with an embedding for each frame | [`distil_motion`] | `motion_network` |
 //! | φ as a network | [`fit_phi`] | `phi` |
@@ -23,6 +24,7 @@ mod distance_image;
 mod error;
 mod evidence;
 mod fair;
+mod fields;
 mod figure;
 mod frames;
 mod garments;
@@ -47,6 +49,7 @@ mod whole_report;
 
 pub use canonical::{FloodedField, carried_weights, largest_piece};
 pub use error::ReconstructError;
+pub use fields::{Fields, FieldsParams, FieldsReport, FieldsRound, FieldsWeights, Rays, fit_fields};
 pub use frames::{posed, write_frames};
 pub use garments::{ClothedPerson, Garment, GarmentParams, Garments, find_garments};
 #[doc(hidden)] // a baseline, for the benches
@@ -62,5 +65,5 @@ pub use quality::{Doubt, FrameQuality, JointQuality, QualityReport, Residual};
 pub use report::{Filled, Pixels, Round, Skipped, StartReport, SurfaceReport};
 pub use surface::{Surface, fit_surface};
 pub use underside::Underside;
-pub use whole::{ReconstructParams, Reconstruction, reconstruct};
+pub use whole::{ReconstructParams, Reconstruction, fields_checkpoint, reconstruct};
 pub use whole_report::{GarmentReport, LabelReport, ReconstructReport, Seconds};

@@ -1,7 +1,7 @@
 //! What a reconstruction found, for people.
 
 use if_pipeline::reconstruct::{
-    MotionReport, PoseReport, QualityReport, ReconstructReport, Residual,
+    FieldsReport, MotionReport, PoseReport, QualityReport, ReconstructReport, Residual,
 };
 
 /// A line for each stage.
@@ -42,7 +42,9 @@ pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> S
             share(pixels.used)
         );
     }
-    if let Some(motion) = &report.motion {
+    if let Some(fields) = &report.fields {
+        text += &format!("  {}", trained(fields));
+    } else if let Some(motion) = &report.motion {
         text += &format!("  {}", moved(motion));
     }
     if let Some(network) = &report.motion_network {
@@ -96,6 +98,25 @@ fn refined(poses: &PoseReport) -> String {
         );
     }
     text + "\n"
+}
+
+/// What became of the training of φ and d, in a line.
+fn trained(fields: &FieldsReport) -> String {
+    let Some(last) = fields.rounds.last() else {
+        return "φ and d were not trained: they are those of the surface\n".into();
+    };
+    let rays = &last.rays;
+    let all = (rays.used + rays.grazing + rays.lost + rays.contradicting).max(1);
+    let seconds: f64 = fields.rounds.iter().map(|r| r.seconds).sum();
+    format!(
+        "φ and d were trained in {} steps, {seconds:.0} s: silhouettes off by {:.1} mm, normals by {:.1}°, \
+         |d| {:.1} mm; {:.0} % of the rays were used\n",
+        last.steps,
+        last.silhouette_mm,
+        last.normal_degrees,
+        last.motion_mm,
+        100.0 * rays.used as f64 / all as f64
+    )
 }
 
 /// Which frames and joints do not match their images; `None` if all do.

@@ -178,3 +178,39 @@ fn frames_that_do_not_match_their_images_are_named_and_strict_exits_with_1() {
     assert!(words(&folder.ifg(&format!("{args} --strict --json")).expect(1).stderr));
     assert!(folder.path("w/garments/cap_trousers").exists());
 }
+
+#[test]
+fn the_fields_route_writes_the_networks_that_its_meshes_come_from() {
+    let folder = Folder::new();
+    folder.ifg("capture synth --out cap --garments trousers,tshirt --frames 4 --size 64").expect(0);
+    let args = "reconstruct cap --body cap/body --route fields --fields-steps 12 --cell 24mm";
+    let run = folder.ifg(&format!("{args} --out w --phi-steps 4 --frames")).expect(0);
+    assert!(run.stdout.contains("φ and d were trained in 12 steps"), "{}", run.stdout);
+    let report: Value = serde_json::from_slice(&folder.read("w/clothed/cap/report.json")).unwrap();
+    let round = &report["fields"]["rounds"][0];
+    assert!(round["rays"]["used"].as_u64().unwrap() > 10_000, "{round}");
+    assert!(report["motion"]["mean_mm"].as_f64().unwrap() > 0.0);
+    // The canonical mesh is that of the written φ, which every garment has.
+    let phi = "w/clothed/cap/phi.safetensors";
+    folder.ifg(&format!("extract {phi} --cell 24mm --out again.ply")).expect(0);
+    let [again, canonical] = ["again.ply", "w/clothed/cap/canonical.ply"]
+        .map(|path| if_mesh::ply::read_path(&folder.path(path)).unwrap().mesh.aabb());
+    assert!((again.min - canonical.min).norm() < 0.01 && (again.max - canonical.max).norm() < 0.01);
+    assert!(folder.read(phi) == folder.read("w/garments/cap_trousers/phi.safetensors"));
+    assert!(folder.path("w/clothed/cap/deformation.safetensors").exists());
+    assert!(names(&folder, "w").iter().all(|n| !n.contains("state")));
+    // The same bits again; frames are moved by d, and are others without it.
+    folder.ifg(&format!("{args} --out still --phi-steps 4 --frames --motion none")).expect(0);
+    let both = |name: &str| ["w", "still"].map(|w| folder.read(&format!("{w}/clothed/cap/{name}")));
+    let [moved, still] = both("canonical.ply");
+    assert!(moved == still);
+    let [moved, still] = both("frames/frame_0001.ply");
+    assert!(moved != still);
+    for bad in ["--motion-steps 3 --frames", "--fields-steps x", "--route other"] {
+        folder.ifg(&format!("{args} --out w {bad}")).expect(2);
+    }
+    for bad in ["--fields-steps 3", "--phi mlp"] {
+        let stderr = folder.ifg(&format!("reconstruct cap --body cap/body --out w {bad}")).expect(2).stderr;
+        assert!(stderr.contains("add --route fields"), "{stderr}");
+    }
+}

@@ -13,7 +13,7 @@ use if_mesh::extract::ExtractError;
 use if_mesh::labels::LabelError;
 use if_mesh::ply::WriteError;
 use if_mesh::sdf::SdfError;
-use if_neural::{FitError, NetworkError, TargetError};
+use if_neural::{FieldError, FitError, NetworkError, TargetError};
 use std::io;
 use std::path::PathBuf;
 
@@ -100,6 +100,12 @@ pub enum ReconstructError {
     /// The network cannot be fitted.
     #[error(transparent)]
     Fit(FitError),
+    /// The training of φ and d diverged.
+    #[error("φ and d diverged after {steps} steps; lower `phi_rate` and `deformation_rate`")]
+    FieldsDiverged { steps: u64 },
+    /// The trained φ is no field of a clothed person.
+    #[error("the trained φ cannot be used: {0}; lower `phi_rate`, or use the surface alone")]
+    Field(#[from] FieldError),
 
     // The motion of single frames.
     /// The equations of a frame's motion have no finite solution.

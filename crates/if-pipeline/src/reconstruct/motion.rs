@@ -12,7 +12,7 @@ pub use report::{FrameMotion, Motion, MotionReport, MotionRound};
 
 use super::error::ReconstructError;
 use super::evidence::gather;
-use super::observe::{Observation, observe};
+use super::observe::{Observation, observe_used};
 use super::params::SurfaceParams;
 use super::progress;
 use super::refine::{self, Weights};
@@ -61,18 +61,8 @@ pub fn fit_motion(
     read.validate()?;
     params.validate()?;
     capture.check_skeleton(skeleton)?;
-    let left_out: Vec<usize> = surface.report.skipped.iter().map(|s| s.frame()).collect();
-    let numbers: Vec<usize> = (0..capture.len()).filter(|k| !left_out.contains(k)).collect();
+    let frames = observe_used(capture, skeleton, &surface.report.skipped, read, monitor)?;
     let together = TOGETHER * rayon::current_num_threads();
-    let mut frames: Vec<Observation> = Vec::with_capacity(numbers.len());
-    for group in numbers.chunks(together) {
-        progress::report(monitor, "read", (group[0], capture.len()), None)?;
-        let seen: Vec<_> = group.par_iter().map(|k| observe(capture, skeleton, *k, read)).collect();
-        for frame in seen {
-            // Frames that the surface could not use are skipped here, too.
-            frames.extend(frame?);
-        }
-    }
 
     // All frames of a round are solved from the offsets of the round before.
     let scene = Scene { capture, surface, edges: Edges::new(&surface.mesh), frames, params };

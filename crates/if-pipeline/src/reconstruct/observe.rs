@@ -3,16 +3,22 @@
 use super::distance_image::DistanceImage;
 use super::error::ReconstructError;
 use super::params::SurfaceParams;
+use super::progress;
 use super::report::Skipped;
 use crate::capture::Capture;
 use if_body::Skeleton;
 use if_core::math::Vector;
+use if_core::monitor::Monitor;
 use if_mesh::camera::Camera;
 use nalgebra::Isometry3;
+use rayon::prelude::*;
 
 /// Least share of the picture that a person covers; less is noise: 65 pixels of 256². Ten times
 /// more would lose a person far away.
 const LEAST_PERSON: f64 = 1e-3;
+
+/// Frames per thread between two progress reports.
+const TOGETHER: usize = 2;
 
 /// A usable frame.
 pub(super) struct Observation {
@@ -47,6 +53,29 @@ pub(super) fn observe(
     }
     let camera = capture.camera();
     Ok(Ok(prepared(camera, frame, transforms, &mask, capture.normals(frame)?, params)))
+}
+
+/// Reads the frames that the surface did not skip, in order.
+pub(super) fn observe_used(
+    capture: &Capture,
+    skeleton: &Skeleton,
+    skipped: &[Skipped],
+    params: &SurfaceParams,
+    monitor: &mut dyn Monitor,
+) -> Result<Vec<Observation>, ReconstructError> {
+    let left_out: Vec<usize> = skipped.iter().map(Skipped::frame).collect();
+    let numbers: Vec<usize> = (0..capture.len()).filter(|k| !left_out.contains(k)).collect();
+    let mut frames = Vec::with_capacity(numbers.len());
+    for group in numbers.chunks(TOGETHER * rayon::current_num_threads()) {
+        progress::report(monitor, "read", (group[0], capture.len()), None)?;
+        let seen: Vec<_> =
+            group.par_iter().map(|k| observe(capture, skeleton, *k, params)).collect();
+        for frame in seen {
+            // Frames that the surface could not use are skipped here, too.
+            frames.extend(frame?);
+        }
+    }
+    Ok(frames)
 }
 
 /// Prepares the images of a frame. `normals` are in the camera's frame.

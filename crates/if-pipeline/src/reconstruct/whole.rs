@@ -2,6 +2,7 @@
 
 use super::canonical::{FloodedField, carried_weights, largest_piece};
 use super::error::ReconstructError;
+use super::fields::{Fields, FieldsParams, fit_fields};
 use super::garments::{ClothedPerson, Garment, GarmentParams, Garments, find_garments};
 use super::motion::{
     MeshMotion, MotionNetwork, MotionNetworkParams, MotionParams, distil_motion, fit_motion,
@@ -15,6 +16,7 @@ use super::underside::Underside;
 use super::whole_report::{GarmentReport, LabelReport, ReconstructReport, Seconds};
 use crate::capture::Capture;
 use if_body::{Pose, SkinWeights, TemplateBody};
+use if_core::field::SignedDistance;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_core::monitor::Monitor;
@@ -22,7 +24,9 @@ use if_core::parameter::ParameterError;
 use if_mesh::baked::{BakeParams, Baked};
 use if_mesh::extract::{ExtractParams, Resolution, extract};
 use if_mesh::sdf::MeshSdf;
-use std::path::Path;
+use if_neural::field::NeuralField;
+use if_neural::network::Network;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Parameters of [`reconstruct`].
@@ -35,13 +39,17 @@ pub struct ReconstructParams {
     pub surface: SurfaceParams,
     /// Cell size of the extraction, in metres: about the mean edge length of the canonical mesh.
     pub cell: Real,
-    /// The motion of single frames; `None` skips this step when frames are not exported.
+    /// φ and d as networks, trained on the images from the fitted surface: the paper's own route.
+    /// The canonical mesh is then that of φ, and the motion that of d. `None` keeps the surface.
+    pub fields: Option<FieldsParams>,
+    /// The motion of single frames; `None` skips this step when frames are not exported. Ignored
+    /// with `fields`.
     pub motion: Option<MotionParams>,
     /// The network of that motion; `None` skips it. Ignored without `motion`.
     pub motion_network: Option<MotionNetworkParams>,
     /// The baking of φ round each garment ([`Baked::part`]); `None` skips it.
     pub bake: Option<BakeParams>,
-    /// The network of φ; `None` skips it.
+    /// The network of φ; `None` skips it. Ignored with `fields`.
     pub phi: Option<PhiParams>,
     /// Votes, cuts and clean-up of the garments.
     pub garments: GarmentParams,
@@ -55,6 +63,7 @@ impl Default for ReconstructParams {
             poses: None,
             surface: SurfaceParams::default(),
             cell: 0.008,
+            fields: None,
             motion: None,
             motion_network: None,
             bake: None,
@@ -75,6 +84,7 @@ impl ReconstructParams {
         ParameterError::check("cell", self.cell, positive, "positive (m)")?;
         self.surface.validate()?;
         self.poses.as_ref().map_or(Ok(()), PoseParams::validate)?;
+        self.fields.as_ref().map_or(Ok(()), FieldsParams::validate)?;
         self.motion.as_ref().map_or(Ok(()), MotionParams::validate)?;
         if let Some(network) = &self.motion_network {
             network.fit.validate()?;
@@ -96,7 +106,9 @@ pub struct Reconstruction {
     pub poses: Option<Vec<Pose>>,
     /// The label of each of its vertices.
     pub labels: Vec<u8>,
-    /// The motion d of its vertices in single frames, if requested.
+    /// φ and d as networks, if they were trained.
+    pub fields: Option<Fields>,
+    /// The motion d of its vertices in single frames, if requested or trained.
     pub motion: Option<MeshMotion>,
     /// That motion as a network, if requested.
     pub motion_network: Option<MotionNetwork>,
@@ -114,14 +126,16 @@ pub struct Reconstruction {
 /// poses     ← refined by images, if they are estimates                       refine_poses
 /// surface   ← the template, fitted to masks and normals                      fit_surface
 /// canonical ← zero set of its signed distance, weights
+/// fields    ← φ and d, trained from there on the images, if requested        fit_fields
+///             canonical ← zero set of φ
 /// motion    ← d of each frame, and as a network, if requested                fit_motion, distil_motion
 /// φ         ← the signed distance of the mesh as a network, if requested     fit_phi
 /// garments  ← labels voted by all frames; cut, cleaned                       find_garments
 ///             φ round each, baked, if requested
 /// ```
 ///
-/// `checkpoint` is that of [`fit_surface`]; the later stages take seconds and are repeated. The
-/// monitor receives the stages of all calls, and `extract`.
+/// `checkpoint` is that of [`fit_surface`], and beside it [`fields_checkpoint`] that of
+/// [`fit_fields`]; the other stages take seconds and are repeated. The monitor receives the stages of all calls, and `extract`.
 ///
 /// # Errors
 ///
@@ -156,33 +170,58 @@ pub fn reconstruct(
     let surface = fit_surface(capture, template, &params.surface, checkpoint, monitor)?;
     lap.end(&mut seconds.surface);
 
-    let Canonical { mesh, skin, exact } = canonical(&surface, template, params, monitor)?;
+    let mut canonical = canonical(&surface, template, params, monitor)?;
     lap.end(&mut seconds.extract);
 
-    let motion = match &params.motion {
-        Some(p) => {
+    let mut trained = None;
+    if let Some(p) = &params.fields {
+        let begin = (&canonical.mesh, &canonical.exact);
+        let state = checkpoint.map(fields_checkpoint);
+        let read = &params.surface;
+        let fields =
+            fit_fields(capture, skeleton, &surface, begin, read, p, state.as_deref(), monitor)?;
+        let field = fields.field()?;
+        canonical = of_field(&field, &surface, template, params, monitor)?;
+        trained = Some((fields, field));
+    }
+    let Canonical { mesh, skin, exact } = canonical;
+    lap.end(&mut seconds.fields);
+
+    let motion = match (&trained, &params.motion) {
+        (Some((fields, _)), _) => {
+            Some(MeshMotion::of_vertices(fields.motion(mesh.vertices())))
+        }
+        (None, Some(p)) => {
             let motion = fit_motion(capture, skeleton, &surface, &params.surface, p, monitor)?;
             Some(MeshMotion::new(motion, &surface.mesh, mesh.vertices()))
         }
-        None => None,
+        (None, None) => None,
     };
     lap.end(&mut seconds.motion);
 
     let motion_network = match (&motion, &params.motion_network) {
-        (Some(motion), Some(p)) => Some(distil_motion(motion.motion(), &surface.mesh, p, monitor)?),
+        (Some(motion), Some(p)) if trained.is_none() => Some(distil_motion(motion.motion(), &surface.mesh, p, monitor)?),
         _ => None,
     };
     lap.end(&mut seconds.motion_network);
 
-    let phi = params.phi.as_ref().map(|p| fit_phi(&exact, p, monitor)).transpose()?;
+    let phi = match (&trained, &params.phi) {
+        (None, Some(p)) => Some(fit_phi(&exact, p, monitor)?),
+        _ => None,
+    };
     lap.end(&mut seconds.phi);
 
+    // What is read from here on is the trained φ, if there is one.
+    let field: &dyn SignedDistance = match &trained {
+        Some((_, field)) => field,
+        None => &exact,
+    };
     let underside = Underside::of(&surface, template, capture, &mesh);
     let person = ClothedPerson {
         skeleton,
         mesh: &mesh,
         skin: &skin,
-        field: &exact,
+        field,
         motion: motion.as_ref(),
         underside: underside.as_ref(),
     };
@@ -192,7 +231,7 @@ pub fn reconstruct(
 
     if let Some(params) = &params.bake {
         for garment in &mut garments {
-            garment.phi = Some(Baked::part(&exact, &garment.mesh.aabb(), params, monitor)?);
+            garment.phi = Some(Baked::part(field, &garment.mesh.aabb(), params, monitor)?);
         }
     }
     lap.end(&mut seconds.bake);
@@ -201,6 +240,7 @@ pub fn reconstruct(
     let report = ReconstructReport {
         poses: pose_report,
         surface: surface.report,
+        fields: trained.as_ref().map(|(fields, _)| fields.report.clone()),
         vertices: mesh.vertices().len(),
         triangles: mesh.triangles().len(),
         labels: LabelReport::of(&votes),
@@ -211,7 +251,26 @@ pub fn reconstruct(
         missing,
         seconds,
     };
-    Ok(Reconstruction { mesh, skin, poses, labels, motion, motion_network, phi, garments, report })
+    let fields = trained.map(|(fields, _)| fields);
+    Ok(Reconstruction {
+        mesh,
+        skin,
+        poses,
+        labels,
+        fields,
+        motion,
+        motion_network,
+        phi,
+        garments,
+        report,
+    })
+}
+
+/// The checkpoint of [`fit_fields`] beside that of the surface: its name with `.fields` after it.
+pub fn fields_checkpoint(surface: &Path) -> PathBuf {
+    let mut name = surface.as_os_str().to_owned();
+    name.push(".fields");
+    name.into()
 }
 
 /// The canonical mesh.
@@ -240,6 +299,28 @@ fn canonical(
         ..ExtractParams::default()
     };
     let mesh = largest_piece(&extract(&flooded, &cells, monitor)?.mesh);
+    let joints = template.skeleton.len();
+    let skin = carried_weights(&surface.mesh, &surface.skin, joints, mesh.vertices());
+    progress::report(monitor, "extract", (1, 2), None)?;
+    let exact = MeshSdf::closed(&mesh).map_err(ReconstructError::Inside)?;
+    Ok(Canonical { mesh, skin, exact })
+}
+
+/// Extracts the canonical mesh from the trained φ.
+fn of_field(
+    field: &NeuralField<Network>,
+    surface: &Surface,
+    template: &TemplateBody,
+    params: &ReconstructParams,
+    monitor: &mut dyn Monitor,
+) -> Result<Canonical, ReconstructError> {
+    progress::report(monitor, "extract", (0, 2), None)?;
+    let cells = ExtractParams {
+        region: field.bounds().map(|b| b.inflated(params.cell)),
+        resolution: Resolution::Cell(params.cell),
+        ..ExtractParams::default()
+    };
+    let mesh = largest_piece(&extract(field, &cells, monitor)?.mesh);
     let joints = template.skeleton.len();
     let skin = carried_weights(&surface.mesh, &surface.skin, joints, mesh.vertices());
     progress::report(monitor, "extract", (1, 2), None)?;

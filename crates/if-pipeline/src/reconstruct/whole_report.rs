@@ -1,5 +1,6 @@
 //! The report of a whole reconstruction.
 
+use super::fields::FieldsReport;
 use super::garments::Garment;
 use super::motion::{MotionNetworkReport, MotionReport};
 use super::phi::PhiReport;
@@ -93,6 +94,9 @@ pub struct Seconds {
     pub surface: Real,
     /// Extracting the canonical mesh.
     pub extract: Real,
+    /// Training φ and d, and extracting the canonical mesh from φ.
+    #[serde(default)]
+    pub fields: Real,
     /// Solving the motion of single frames.
     #[serde(default)]
     pub motion: Real,
@@ -117,6 +121,9 @@ pub struct ReconstructReport {
     pub poses: Option<PoseReport>,
     /// The fit of the surface.
     pub surface: SurfaceReport,
+    /// The training of φ and d, if requested.
+    #[serde(default)]
+    pub fields: Option<FieldsReport>,
     /// Vertices of the canonical mesh.
     pub vertices: usize,
     /// Triangles of the canonical mesh.

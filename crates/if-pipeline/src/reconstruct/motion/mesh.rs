@@ -12,8 +12,9 @@ use rayon::prelude::*;
 #[derive(Clone, Debug)]
 pub struct MeshMotion {
     motion: Motion,
-    /// The corners of the nearest triangle of each vertex, and their barycentric coordinates.
-    places: Vec<([u32; 3], [Real; 3])>,
+    /// The corners of the nearest triangle of each vertex, and their barycentric coordinates; `None`
+    /// if the motion is of the vertices themselves.
+    places: Option<Vec<([u32; 3], [Real; 3])>>,
 }
 
 impl MeshMotion {
@@ -35,7 +36,14 @@ impl MeshMotion {
                 .expect("a surface with triangles has a nearest point");
             (surface.triangles()[near.triangle as usize], near.barycentric)
         };
-        Self { places: points.par_iter().with_min_len(256).map(place).collect(), motion }
+        let places = points.par_iter().with_min_len(256).map(place).collect();
+        Self { places: Some(places), motion }
+    }
+
+    /// A motion of the mesh's own vertices, such as that of a network
+    /// ([`Fields::motion`](crate::reconstruct::Fields::motion)).
+    pub fn of_vertices(motion: Motion) -> Self {
+        Self { places: None, motion }
     }
 
     /// d of a frame of the capture at each vertex, in metres of canonical space; empty if zero.
@@ -45,16 +53,17 @@ impl MeshMotion {
     /// If `frame` is out of range.
     pub fn offsets(&self, frame: usize) -> Vec<Vector> {
         let of = &self.motion.offsets[frame];
+        let Some(places) = &self.places else { return of.clone() };
         if of.is_empty() {
             return Vec::new();
         }
         let at = |(on, parts): &([u32; 3], [Real; 3])| -> Vector {
             (0..3).map(|k| of[on[k] as usize] * parts[k]).sum()
         };
-        self.places.iter().map(at).collect()
+        places.iter().map(at).collect()
     }
 
-    /// The motion at the surface's own vertices.
+    /// The motion at the surface's own vertices, or, of a network, at those of the mesh.
     pub fn motion(&self) -> &Motion {
         &self.motion
     }
