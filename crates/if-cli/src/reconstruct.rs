@@ -21,8 +21,9 @@ use if_outfit::digest;
 use if_pipeline::asset::{LayerHint, Parts, Provenance};
 use if_pipeline::capture::{Capture, CaptureError, PoseSigma, write_poses};
 use if_pipeline::reconstruct::{
-    FieldsParams, FieldsRound, FrameMotion, MotionNetworkParams, MotionParams, MotionRound, PhiNetwork, PhiParams, PoseParams,
-    ReconstructError, ReconstructParams, Reconstruction, fields_checkpoint, reconstruct, write_frames,
+    FieldsParams, FieldsRound, FrameMotion, MotionNetworkParams, MotionParams, MotionRound,
+    PhiNetwork, PhiParams, PoseParams, ReconstructError, ReconstructParams, Reconstruction,
+    fields_checkpoint, reconstruct, write_frames,
 };
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
 use if_render::{PALETTE, Page, RenderLayer, View, Viewer, side_by_side};
@@ -194,7 +195,9 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     if args.route == Route::Fields {
         if args.motion_steps > 0 {
             let what = "--route fields trains the network of the motion, and --motion-steps fits another one";
-            return Err(fault(what, "leave one of them out")(io::Error::other("one too many")).into());
+            return Err(
+                fault(what, "leave one of them out")(io::Error::other("one too many")).into()
+            );
         }
         let mut fields = match args.phi {
             PhiOf::Grid => FieldsParams::default(),
@@ -206,7 +209,8 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         }
         params.fields = Some(fields);
     } else if args.phi != PhiOf::Grid || args.fields_steps.is_some() {
-        let what = "--phi and --fields-steps are of a training, which --route surface does not have";
+        let what =
+            "--phi and --fields-steps are of a training, which --route surface does not have";
         return Err(fault(what, "add --route fields")(io::Error::other("nothing to train")).into());
     }
     if args.motion_steps > 0 && args.motion != MotionFrom::Solved {

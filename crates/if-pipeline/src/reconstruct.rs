@@ -49,7 +49,9 @@ mod whole_report;
 
 pub use canonical::{FloodedField, carried_weights, largest_piece};
 pub use error::ReconstructError;
-pub use fields::{Fields, FieldsParams, FieldsReport, FieldsRound, FieldsWeights, Rays, fit_fields};
+pub use fields::{
+    Fields, FieldsParams, FieldsReport, FieldsRound, FieldsWeights, Rays, fit_fields,
+};
 pub use frames::{posed, write_frames};
 pub use garments::{ClothedPerson, Garment, GarmentParams, Garments, find_garments};
 #[doc(hidden)] // a baseline, for the benches

@@ -188,9 +188,7 @@ pub fn reconstruct(
     lap.end(&mut seconds.fields);
 
     let motion = match (&trained, &params.motion) {
-        (Some((fields, _)), _) => {
-            Some(MeshMotion::of_vertices(fields.motion(mesh.vertices())))
-        }
+        (Some((fields, _)), _) => Some(MeshMotion::of_vertices(fields.motion(mesh.vertices()))),
         (None, Some(p)) => {
             let motion = fit_motion(capture, skeleton, &surface, &params.surface, p, monitor)?;
             Some(MeshMotion::new(motion, &surface.mesh, mesh.vertices()))
@@ -200,7 +198,9 @@ pub fn reconstruct(
     lap.end(&mut seconds.motion);
 
     let motion_network = match (&motion, &params.motion_network) {
-        (Some(motion), Some(p)) if trained.is_none() => Some(distil_motion(motion.motion(), &surface.mesh, p, monitor)?),
+        (Some(motion), Some(p)) if trained.is_none() => {
+            Some(distil_motion(motion.motion(), &surface.mesh, p, monitor)?)
+        }
         _ => None,
     };
     lap.end(&mut seconds.motion_network);

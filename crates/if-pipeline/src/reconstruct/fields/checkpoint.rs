@@ -110,8 +110,7 @@ fn parse(bytes: &[u8], rates: [AdamParams; 2]) -> Option<([u8; 32], State)> {
     let phi = Network::with_parameters(&header.phi, part(n)).ok()?;
     let start = Network::with_parameters(&header.phi, part(n)).ok()?;
     let phi_adam = Adam::resume(rates[0], header.step, [part(n), part(n)]).ok()?;
-    let deformation =
-        DeformationNetwork::from_parameters(&header.deformation, part(m)).ok()?;
+    let deformation = DeformationNetwork::from_parameters(&header.deformation, part(m)).ok()?;
     let deformation_adam = Adam::resume(rates[1], header.step, [part(m), part(m)]).ok()?;
     let real = |c: &[u8]| Real::from_le_bytes(c.try_into().expect("eight bytes"));
     let coordinates: Vec<Real> = rest.chunks_exact(8).map(real).collect();

@@ -31,7 +31,7 @@ pub struct FieldsParams {
     pub points: usize,
     /// Points anywhere in the cube in a step, where φ stays as it was.
     pub far: usize,
-    /// Points on the surface in a step at which d of all frames is evaluated.
+    /// Evaluations of d on the surface in a step: all frames at as many points as it takes.
     pub material: usize,
     /// Newton's steps of each ray.
     pub newton: usize,
@@ -55,7 +55,8 @@ pub struct FieldsParams {
 /// eikonal      (|∇φ| − 1)²
 /// stay         (φ − φ of the start)², farther than 5 cm from the surface
 /// bending      |δ(a) − δ(b)|² of two points 1 cm apart, δ = ∇φ − ∇φ of the start
-/// small        |d|²          rigid  |∂d + ∂dᵀ|²          mean  |mean of d over the frames|²
+/// small        |d|², and along the surface |(1 − n nᵀ) d|²
+///                            rigid  |∂d + ∂dᵀ|²          mean  |mean of d over the frames|²
 /// smooth       |d of a frame − d of the frame before|²
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,6 +75,8 @@ pub struct FieldsWeights {
     pub bending: Real,
     /// Of d = 0, in 1/m².
     pub small: Real,
+    /// Of d = 0 along the surface, which images hardly show, in 1/m².
+    pub along: Real,
     /// Of rigidity.
     pub rigid: Real,
     /// Of a mean of d that is zero, in 1/m²: what all frames share belongs to φ.
@@ -91,10 +94,11 @@ impl Default for FieldsWeights {
             eikonal: 0.05,
             stay: 100.0,
             bending: 0.05,
-            small: 200.0,
-            rigid: 0.05,
-            mean: 2e3,
-            smooth: 50.0,
+            small: 10.0,
+            along: 100.0,
+            rigid: 0.01,
+            mean: 500.0,
+            smooth: 10.0,
         }
     }
 }
@@ -113,7 +117,7 @@ impl Default for FieldsParams {
             silhouettes: 768,
             points: 1024,
             far: 256,
-            material: 64,
+            material: 1536,
             newton: 2,
             weights: FieldsWeights::default(),
             phi_rate: Schedule { rate: 5e-4, warmup: 20, last: 0.05 },
@@ -173,6 +177,7 @@ impl FieldsParams {
             ("stay", w.stay),
             ("bending", w.bending),
             ("small", w.small),
+            ("along", w.along),
             ("rigid", w.rigid),
             ("mean", w.mean),
             ("smooth", w.smooth),

@@ -119,10 +119,15 @@ impl Place {
     /// ```text
     /// ∂L/∂g = ḡ = J⁻¹ (1 − n nᵀ) n̄ / |m|,   ∂L/∂J = −m ḡᵀ
     /// ```
-    pub(super) fn of_normal(&self, by_normal: &Vector, x: &Point, skin: &Skin, joints: &[Affine]) -> Adjoint {
+    pub(super) fn of_normal(
+        &self,
+        by_normal: &Vector,
+        x: &Point,
+        skin: &Skin,
+        joints: &[Affine],
+    ) -> Adjoint {
         let n = self.unit_normal();
-        let gradient =
-            self.inverse * (by_normal - n * n.dot(by_normal)) / self.normal.norm();
+        let gradient = self.inverse * (by_normal - n * n.dot(by_normal)) / self.normal.norm();
         // J depends on d through the positions Tⱼ(x + d) beside the slopes of the weights.
         let mut offset = Vector::zeros();
         for (j, _, slope) in skin.weights(x) {

@@ -21,9 +21,8 @@ impl Skin {
     /// The weights at the point of a surface nearest to `at`, with its slopes along the surface;
     /// across the surface weights are constant.
     pub(super) fn near(tree: &Bvh, surface: &TriMesh, skin: &SkinWeights, at: &Point) -> Self {
-        let near = tree
-            .closest(at, Real::INFINITY)
-            .expect("a surface with triangles has a nearest point");
+        let near =
+            tree.closest(at, Real::INFINITY).expect("a surface with triangles has a nearest point");
         let t = near.triangle as usize;
         let slopes = slopes(surface.corners(t));
         let mut joints: Vec<(u16, Real, Vector)> = Vec::with_capacity(6);

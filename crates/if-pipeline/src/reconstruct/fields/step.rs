@@ -84,7 +84,11 @@ impl Step<'_> {
     ) -> (Terms, Sums) {
         let (mut terms, mut sums) = (Terms::default(), Sums::default());
         let mut choose = |count: usize, of: usize| -> Vec<usize> {
-            if of == 0 { Vec::new() } else { (0..count).map(|_| random.random_range(0..of)).collect() }
+            if of == 0 {
+                Vec::new()
+            } else {
+                (0..count).map(|_| random.random_range(0..of)).collect()
+            }
         };
         let chosen = choose(self.params.rays, pixels.len());
         let rim: Vec<Rim> =
@@ -119,8 +123,7 @@ impl Step<'_> {
         let mut x: Vec<Point> = batch.iter().map(|p| p.at).collect();
         let rays: Vec<(Point, Vector)> =
             batch.iter().map(|p| self.scene.ray(p.pixel as usize)).collect();
-        let skins: Vec<Skin> =
-            x.par_iter().with_min_len(64).map(|x| self.scene.skin(x)).collect();
+        let skins: Vec<Skin> = x.par_iter().with_min_len(64).map(|x| self.scene.skin(x)).collect();
         for _ in 0..self.params.newton {
             let places = self.places(&x, &frames, &skins);
             for ((x, place), (from, along)) in x.iter_mut().zip(&places).zip(&rays) {
@@ -137,9 +140,9 @@ impl Step<'_> {
         let mut good = Vec::new();
         for (k, place) in places.iter().enumerate() {
             let (from, along) = &rays[k];
-            let found = place.as_ref().filter(|p| {
-                p.field.distance.abs() <= FOUND && p.off_line(from, along) <= FOUND
-            });
+            let found = place
+                .as_ref()
+                .filter(|p| p.field.distance.abs() <= FOUND && p.off_line(from, along) <= FOUND);
             let Some(place) = found else {
                 sums.rays.lost += 1;
                 continue;
@@ -169,7 +172,12 @@ impl Step<'_> {
         let beside = |(k, _, turned): &(usize, &Place, super::place::Adjoint)| {
             let length = turned.gradient.norm();
             // Without a gradient there is nothing to differentiate: any direction gives 0.
-            x[*k] + if length > 0.0 { turned.gradient * (DIFFERENCE / length) } else { Vector::zeros() }
+            x[*k]
+                + if length > 0.0 {
+                    turned.gradient * (DIFFERENCE / length)
+                } else {
+                    Vector::zeros()
+                }
         };
         let points: Vec<Point> = good.iter().map(beside).collect();
         let frames: Vec<u32> = good.iter().map(|g| frames[g.0]).collect();
@@ -187,8 +195,7 @@ impl Step<'_> {
     fn silhouettes(&self, rims: &[Rim], terms: &mut Terms, sums: &mut Sums) {
         let frames: Vec<u32> = rims.iter().map(|r| r.frame).collect();
         let mut x: Vec<Point> = rims.iter().map(|r| r.at).collect();
-        let skins: Vec<Skin> =
-            x.par_iter().with_min_len(64).map(|x| self.scene.skin(x)).collect();
+        let skins: Vec<Skin> = x.par_iter().with_min_len(64).map(|x| self.scene.skin(x)).collect();
         let places = self.places(&x, &frames, &skins);
         for (x, place) in x.iter_mut().zip(places) {
             let step = place.map(|p| p.step_to_surface()).filter(|s| s.norm() <= LONGEST);
@@ -271,14 +278,18 @@ impl Step<'_> {
             let on = self.vertices[random.random_range(0..self.vertices.len())];
             points.extend(std::iter::repeat_n(on, frames));
         }
+        let on: Vec<Point> = points.iter().step_by(frames).copied().collect();
+        let normals: Vec<Vector> =
+            self.nets.field(&on).iter().map(|s| if_core::math::unit_or_zero(&s.gradient)).collect();
         let numbers: Vec<u32> = (0..count).flat_map(|_| 0..frames as u32).collect();
         let offsets = self.nets.offsets(&points, &numbers);
-        let FieldsWeights { small, rigid, mean, smooth, .. } = self.params.weights;
+        let FieldsWeights { small, along, rigid, mean, smooth, .. } = self.params.weights;
         let share = 1.0 / points.len() as Real;
-        for (all, first) in offsets.chunks_exact(frames).zip((0..).step_by(frames)) {
+        for ((all, first), n) in
+            offsets.chunks_exact(frames).zip((0..).step_by(frames)).zip(&normals)
+        {
             let middle = all.iter().map(|o| o.offset).sum::<Vector>() / frames as Real;
-            sums.mean_motion =
-                (sums.mean_motion.0 + middle.norm_squared(), sums.mean_motion.1 + 1);
+            sums.mean_motion = (sums.mean_motion.0 + middle.norm_squared(), sums.mean_motion.1 + 1);
             for (k, o) in (first..).zip(all) {
                 // The change to the next frame, and from the one before.
                 let next = all.get(k - first + 1).map_or(Vector::zeros(), |n| n.offset - o.offset);
@@ -286,12 +297,15 @@ impl Step<'_> {
                     0 => Vector::zeros(),
                     i => o.offset - all[i - 1].offset,
                 };
-                let pull = o.offset * small + middle * mean + (before - next) * smooth;
+                let slid = o.offset - n * n.dot(&o.offset);
+                let pull =
+                    o.offset * small + slid * along + middle * mean + (before - next) * smooth;
                 let by_offset = pull * (2.0 * share);
                 let strain = o.jacobian + o.jacobian.transpose();
                 let by_jacobian = strain * (4.0 * rigid * share);
                 sums.loss += share
                     * (small * o.offset.norm_squared()
+                        + along * slid.norm_squared()
                         + mean * middle.norm_squared()
                         + smooth * next.norm_squared()
                         + rigid * strain.norm_squared());

@@ -92,7 +92,12 @@ impl Small {
         );
         let (mut sum, mut count) = (0.0, 0);
         for (frame, d) in offsets.iter().enumerate() {
-            let file = self.folder.path().join("capture").join(TRUTH).join(format!("frame_{frame:04}.ply"));
+            let file = self
+                .folder
+                .path()
+                .join("capture")
+                .join(TRUTH)
+                .join(format!("frame_{frame:04}.ply"));
             let truth = ply::read_path(&file).unwrap();
             let Column::U8(labels) = &truth.vertex_properties[0].values else {
                 panic!("labels are bytes")
@@ -115,11 +120,8 @@ fn params() -> FieldsParams {
     let usual = FieldsParams::default();
     let config = GridConfig { coarsest: 8, finest: 32, levels: 3, hidden: 0, ..Default::default() };
     let sampling = SamplingParams { near: 5000, far: 2000, held_out: 500, ..Default::default() };
-    let phi = crate::reconstruct::PhiParams {
-        network: NetworkConfig::Grid(config),
-        steps: 10,
-        sampling,
-    };
+    let phi =
+        crate::reconstruct::PhiParams { network: NetworkConfig::Grid(config), steps: 10, sampling };
     FieldsParams {
         phi,
         deformation: DeformationConfig { bands: 3, embedding: 4, frames: 1, width: 24, layers: 2 },
@@ -152,13 +154,22 @@ fn the_gradient_of_a_step_is_the_central_difference_of_its_loss() {
         stay: 0.0,
         bending: 0.0,
         small: 0.0,
+        along: 0.0,
         rigid: 0.0,
         mean: 0.0,
         smooth: 0.0,
         ..usual
     };
     let grid = GridConfig { coarsest: 8, finest: 16, levels: 2, hidden: 0, ..Default::default() };
-    let sdf = SdfConfig { width: 48, layers: 3, skip: None, features: 0, bands: 2, beta: 20.0, ..SdfConfig::fast() };
+    let sdf = SdfConfig {
+        width: 48,
+        layers: 3,
+        skip: None,
+        features: 0,
+        bands: 2,
+        beta: 20.0,
+        ..SdfConfig::fast()
+    };
     for network in [NetworkConfig::Grid(grid), NetworkConfig::Sdf(sdf)] {
         let phi = crate::reconstruct::PhiParams { network, steps: 60, ..params().phi };
         let fitted = crate::reconstruct::fit_phi(&small.exact, &phi, &mut Silent).unwrap();
@@ -175,14 +186,13 @@ fn the_gradient_of_a_step_is_the_central_difference_of_its_loss() {
         let nets = Nets { phi: fitted.network, deformation, frame: fitted.frame };
         let edges = Edges::new(&small.mesh);
         let joints = small.template.skeleton.len();
-        let skin =
-            carried_weights(&surface.mesh, &surface.skin, joints, small.mesh.vertices());
+        let skin = carried_weights(&surface.mesh, &surface.skin, joints, small.mesh.vertices());
         let offsets = nets.moved(small.mesh.vertices(), 0);
         let sight = scene.look(0, &small.mesh, &edges, &skin, &offsets, 0.1);
         for weights in [
             FieldsWeights { normals: 1.0, ..none },
             FieldsWeights { eikonal: 1.0, bending: 1.0, stay: 10.0, ..none },
-            FieldsWeights { small: 1.0, rigid: 0.01, mean: 1.0, smooth: 1.0, ..none },
+            FieldsWeights { small: 1.0, along: 1.0, rigid: 0.01, mean: 1.0, smooth: 1.0, ..none },
         ] {
             let params = FieldsParams { weights, newton: 6, ..params() };
             let at = |nets: &Nets| {

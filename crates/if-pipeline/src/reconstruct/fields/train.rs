@@ -111,8 +111,7 @@ pub(super) fn train(
         follow(&state.nets, &mut state.vertices);
         let moved = mesh.with_vertices(state.vertices.clone())?;
         let reach = FAR * params.weights.reach;
-        let Sight { mut pixels, rims } =
-            sights(&scene, &state.nets, &moved, &edges, &skin, reach);
+        let Sight { mut pixels, rims } = sights(&scene, &state.nets, &moved, &edges, &skin, reach);
         let mut sums = Sums::default();
         let end = params.steps.min((state.step / params.refresh + 1) * params.refresh);
         while state.step < end {
@@ -152,13 +151,8 @@ fn advance(
     (pixels, rims): (&mut [Pixel], &[Rim]),
     [by_phi, by_deformation]: &mut [Vec<f32>; 2],
 ) -> Sums {
-    let step = Step {
-        scene,
-        nets: &state.nets,
-        start: &state.start,
-        params,
-        vertices: &state.vertices,
-    };
+    let step =
+        Step { scene, nets: &state.nets, start: &state.start, params, vertices: &state.vertices };
     let mut random = random_of(params.seed, state.step);
     let (terms, sums) = step.terms(pixels, rims, &mut random);
     terms.gradients(&state.nets, by_phi, by_deformation);
@@ -216,8 +210,7 @@ fn spread_embeddings(network: &mut DeformationNetwork, seed: u64) {
     let &DeformationConfig { frames, embedding, .. } = network.config();
     let waves = (frames / 4).max(2);
     let mut random = random_of(seed, u64::MAX - 1);
-    let shares: Vec<f64> =
-        (0..waves * embedding).map(|_| random.random_range(-1.0..1.0)).collect();
+    let shares: Vec<f64> = (0..waves * embedding).map(|_| random.random_range(-1.0..1.0)).collect();
     let first = network.parameters().len() - frames * embedding;
     let rows = &mut network.parameters_mut()[first..];
     for (e, value) in rows.iter_mut().enumerate() {
@@ -318,7 +311,12 @@ fn root_mm((sum, count): (Real, usize)) -> Real {
 }
 
 /// A hash of everything that the state depends on.
-fn key(capture: &Capture, begin: &Begin, params: &FieldsParams, frames: &[Observation]) -> [u8; 32] {
+fn key(
+    capture: &Capture,
+    begin: &Begin,
+    params: &FieldsParams,
+    frames: &[Observation],
+) -> [u8; 32] {
     // A rebuilt program begins anew.
     let mut hash = Sha256::new_with_prefix(BUILD);
     // All parameters: the learning rates depend on the number of steps, too.

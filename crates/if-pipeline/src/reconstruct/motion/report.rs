@@ -65,7 +65,11 @@ pub struct MotionReport {
 }
 
 impl MotionReport {
-    pub(in crate::reconstruct) fn of(offsets: &[Vec<Vector>], solved: &[bool], rounds: Vec<MotionRound>) -> Self {
+    pub(in crate::reconstruct) fn of(
+        offsets: &[Vec<Vector>],
+        solved: &[bool],
+        rounds: Vec<MotionRound>,
+    ) -> Self {
         let frames: Vec<FrameMotion> =
             (0..offsets.len()).map(|k| FrameMotion::of(k, solved[k], &offsets[k])).collect();
         let of_solved = || frames.iter().filter(|f| f.solved);

@@ -19,10 +19,7 @@ fn ball(theta: &Theta, x: &Point) -> FieldSample {
     let way = x - Point::new(theta[1], theta[2], theta[3]);
     // Not a distance: |∇φ| = 1 only on the surface, as in a network.
     let (r, length) = (theta[0], way.norm());
-    FieldSample {
-        distance: (length * length - r * r) / (2.0 * r),
-        gradient: way / r,
-    }
+    FieldSample { distance: (length * length - r * r) / (2.0 * r), gradient: way / r }
 }
 
 fn offset(theta: &Theta, x: &Point) -> Offset {
@@ -113,7 +110,8 @@ fn the_jacobian_is_the_slope_of_the_posed_point() {
     let at = place(&THETA, &x);
     for k in 0..3 {
         let step = Vector::ith(k, h);
-        let slope = (place(&THETA, &(x + step)).posed - place(&THETA, &(x - step)).posed) / (2.0 * h);
+        let slope =
+            (place(&THETA, &(x + step)).posed - place(&THETA, &(x - step)).posed) / (2.0 * h);
         approx::assert_relative_eq!(slope, at.jacobian.column(k).into_owned(), epsilon = 1e-8);
     }
 }
