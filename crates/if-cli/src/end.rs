@@ -3,7 +3,6 @@
 use if_outfit::Cleanness;
 use if_outfit::report::Verification;
 use miette::Diagnostic;
-use std::process::ExitCode;
 
 /// The exit code of a cancelled program.
 pub(crate) const CANCELLED: u8 = 130;
@@ -26,6 +25,16 @@ impl End {
     pub(crate) fn of(state: Cleanness, strict: bool) -> Self {
         let enough = if strict { Cleanness::Everywhere } else { Cleanness::BetweenLayers };
         if state >= enough { Self::Clean } else { Self::NotClean }
+    }
+
+    /// The exit code.
+    pub(crate) fn code(self) -> u8 {
+        match self {
+            Self::Clean => 0,
+            Self::NotClean => 1,
+            Self::Unusable => 2,
+            Self::Cancelled => CANCELLED,
+        }
     }
 }
 
@@ -64,15 +73,4 @@ impl NotEverywhere {
 fn own_pairs(own: &[(String, usize)]) -> String {
     let parts: Vec<String> = own.iter().map(|(name, n)| format!("of `{name}`: {n}")).collect();
     format!("own pairs {}", parts.join(", "))
-}
-
-impl From<End> for ExitCode {
-    fn from(end: End) -> Self {
-        ExitCode::from(match end {
-            End::Clean => 0,
-            End::NotClean => 1,
-            End::Unusable => 2,
-            End::Cancelled => CANCELLED,
-        })
-    }
 }

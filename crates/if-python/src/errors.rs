@@ -1,6 +1,7 @@
 //! Errors of the libraries as the exceptions of `ifgarments.errors`.
 
 use if_outfit::{NamedParameterError, OutfitError, ResolveError};
+use if_pipeline::wardrobe::WardrobeError;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -34,6 +35,20 @@ impl Exception for if_core::parameter::ParameterError {
     }
 }
 
+impl Exception for WardrobeError {
+    fn class(&self) -> &'static str {
+        match self {
+            Self::Parameter(_) => "ParameterError",
+            Self::Busy { .. } => "BusyError",
+            _ => "WardrobeError",
+        }
+    }
+
+    fn raised(&self, py: Python<'_>) -> PyErr {
+        exception(py, self.class(), chain(self))
+    }
+}
+
 impl Exception for ResolveError {
     fn class(&self) -> &'static str {
         match self {
@@ -58,4 +73,18 @@ pub(crate) fn exception(py: Python<'_>, class: &str, message: String) -> PyErr {
 /// A report that cannot be written as JSON.
 pub(crate) fn no_json(error: serde_json::Error) -> PyErr {
     PyRuntimeError::new_err(format!("the report cannot be written as JSON: {error}"))
+}
+
+/// An error with its causes, each once.
+pub(crate) fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let more = error.to_string();
+        if !text.contains(&more) {
+            text = format!("{text}: {more}");
+        }
+        cause = error.source();
+    }
+    text
 }

@@ -60,6 +60,11 @@ impl LayerArrays<'_> {
         Err(exception(py, "ParameterError", message))
     }
 
+    /// What errors about its arrays begin with.
+    pub(crate) fn argument(&self) -> &str {
+        &self.argument
+    }
+
     fn points(&self) -> PyResult<Vec<Point>> {
         let rows = rows(&self.vertices, &self.argument, "vertices")?;
         Ok(rows.into_iter().map(Point::from).collect())
@@ -118,4 +123,16 @@ pub(crate) fn faces<'py>(
 ) -> PyResult<Bound<'py, PyArray2<i64>>> {
     let flat = triangles.as_flattened().iter().map(|v| i64::from(*v)).collect();
     PyArray1::from_vec(py, flat).reshape([triangles.len(), 3])
+}
+
+/// Name, positions and triangles.
+pub(crate) type NamedArrays<'py> = (String, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<i64>>);
+
+/// A mesh as arrays.
+pub(crate) fn named_arrays<'py>(
+    py: Python<'py>,
+    name: String,
+    mesh: &TriMesh,
+) -> PyResult<NamedArrays<'py>> {
+    Ok((name, vertices(py, mesh.vertices())?, faces(py, mesh.triangles())?))
 }

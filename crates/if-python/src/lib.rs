@@ -6,10 +6,14 @@
 //!
 #![doc = include_str!("../README.md")]
 
+mod capture;
+mod command;
 mod errors;
+mod fields;
 mod layers;
 mod outfits;
 mod scene;
+mod wardrobe;
 mod work;
 
 use pyo3::prelude::pymodule;
@@ -17,9 +21,20 @@ use pyo3::prelude::pymodule;
 #[pymodule(gil_used = true)]
 mod _ifgarments {
     #[pymodule_export]
+    use crate::capture::reconstruct;
+    #[pymodule_export]
+    use crate::command::ifg;
+    #[pymodule_export]
+    use crate::fields::{extract, fit};
+    #[pymodule_export]
     use crate::outfits::{default_params, resolve, verify};
     #[pymodule_export]
     use crate::scene::{demo_scene, picture};
+    #[pymodule_export]
+    use crate::wardrobe::{
+        wardrobe_add_body, wardrobe_body, wardrobe_dress, wardrobe_garment, wardrobe_list,
+        wardrobe_match,
+    };
     #[pymodule_export]
     const BUILD: &str = if_outfit::BUILD;
 }

@@ -1,12 +1,11 @@
 //! The built-in scene, and pictures.
 
 use crate::errors::Exception;
-use crate::layers::{LayerArrays, faces, vertices};
+use crate::layers::{LayerArrays, NamedArrays, named_arrays};
 use crate::work;
 use if_body::mannequin::{self, MannequinParams};
 use if_core::mesh::TriMesh;
 use if_render::{View, preview};
-use numpy::PyArray2;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -15,9 +14,6 @@ use pyo3::types::PyBytes;
 const VIEWS: [View; 4] = [View::FRONT, View::THREE_QUARTER, View::BACK, View::HALF];
 /// Valid heights of pictures, in pixels.
 const HEIGHTS: std::ops::RangeInclusive<u32> = 16..=4096;
-
-/// Name, positions and triangles.
-type NamedArrays<'py> = (String, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<i64>>);
 
 /// The built-in scene: the body, then garments, inner to outer.
 #[pyfunction]
@@ -32,10 +28,7 @@ pub(crate) fn demo_scene(
     params.validate().map_err(|e| e.raised(py))?;
     let scene = if trousers { mannequin::layered_with_trousers } else { mannequin::layered };
     let layers = work::run(py, None, None, move |_| scene(&params))?;
-    let arrays = layers.into_iter().map(|(name, mesh)| {
-        Ok((name, vertices(py, mesh.vertices())?, faces(py, mesh.triangles())?))
-    });
-    arrays.collect()
+    layers.into_iter().map(|(name, mesh)| named_arrays(py, name, &mesh)).collect()
 }
 
 /// A PNG file of layers, intersecting triangles in red; the first layer is the body.

@@ -1,4 +1,4 @@
-"""Bad input ends in an error that names argument, row and value, and leaves the interpreter whole."""
+"""Bad input ends in an error that names argument, row and value."""
 
 import pathlib
 import re

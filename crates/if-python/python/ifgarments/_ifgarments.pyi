@@ -34,3 +34,54 @@ def demo_scene(
     trousers: bool, resolution: float, overlap: float
 ) -> list[tuple[str, Points, Triangles]]: ...
 def picture(layers: list[dict[str, Any]], height: int) -> bytes: ...
+
+NamedArrays: TypeAlias = tuple[str, Points, Triangles]
+
+class _Reconstruction(TypedDict):
+    person: NamedArrays
+    labels: np.ndarray[tuple[int], np.dtype[np.uint8]]
+    garments: list[NamedArrays]
+    report: str
+
+def reconstruct(
+    capture: str,
+    body: str,
+    cell: float | None,
+    checkpoint: str | None,
+    threads: int | None,
+    progress: ProgressCallback | None,
+) -> _Reconstruction: ...
+def extract(
+    mesh: dict[str, Any] | None,
+    network: bytes | None,
+    params: str,
+    threads: int | None,
+    progress: ProgressCallback | None,
+) -> tuple[NamedArrays, str]: ...
+def fit(
+    mesh: dict[str, Any],
+    steps: int | None,
+    seconds: float | None,
+    accuracy: float | None,
+    threads: int | None,
+    progress: ProgressCallback | None,
+) -> tuple[bytes, str]: ...
+def wardrobe_list(root: str) -> str: ...
+def wardrobe_add_body(
+    root: str, name: str, mesh: str, template: str | None, skeleton: str | None, scale: float
+) -> str: ...
+def wardrobe_body(root: str, name: str) -> NamedArrays: ...
+def wardrobe_garment(root: str, name: str) -> NamedArrays: ...
+def wardrobe_dress(
+    root: str, body: str, garments: list[str], threads: int | None
+) -> list[NamedArrays]: ...
+def wardrobe_match(
+    root: str,
+    combination: tuple[str, list[str]],
+    out: str,
+    params: tuple[list[tuple[str, str]], float | None],
+    options: tuple[bool, bool, int],
+    threads: int | None,
+    progress: ProgressCallback | None,
+) -> tuple[str, str]: ...
+def ifg(args: list[str]) -> int: ...

@@ -5,15 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from . import Resolved
+    from ._outfits import Resolved
 
 __all__ = [
+    "BusyError",
     "Cancelled",
     "Error",
     "IntersectionsRemain",
     "OutfitError",
     "ParameterError",
+    "ReconstructError",
     "SolverError",
+    "WardrobeError",
 ]
 
 
@@ -31,6 +34,18 @@ class ParameterError(Error, ValueError):
 
 class SolverError(Error):
     """A step of the cloth solver failed."""
+
+
+class WardrobeError(Error):
+    """A wardrobe, or a body or garment of it, is missing or damaged."""
+
+
+class BusyError(WardrobeError):
+    """Another process writes into the folder: try again later."""
+
+
+class ReconstructError(Error):
+    """A capture or its template body cannot be used."""
 
 
 class Cancelled(Error):

@@ -1,0 +1,96 @@
+"""Signed distance fields: surfaces of fields, and networks fitted to meshes."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from . import _ifgarments as _native
+from ._arguments import Progress, checked_threads, listener
+from ._kinds import read
+from ._outfits import Arrays, Mesh
+from .errors import ParameterError
+
+
+def extract(
+    field: Mesh | bytes,
+    *,
+    cell: float = 0.01,
+    params: Mapping[str, Any] | None = None,
+    threads: int | None = None,
+    progress: Callable[[Progress], object] | None = None,
+) -> tuple[Arrays, dict[str, Any]]:
+    """Extracts the surface of a signed distance field as a mesh.
+
+    Args:
+        field: a closed mesh, which is remeshed by its signed distance; or a network, as the bytes
+            of the file that :func:`fit` and ``ifg fit`` write.
+        cell: side of the cells, in metres: about the mean edge length.
+        params: other parameters by name: ``{"relax": 4, "newton": 2}``.
+        threads: as in :func:`resolve`.
+        progress: as in :func:`resolve`.
+
+    Returns:
+        The mesh, and a report with its error, cost and warnings.
+
+    Raises:
+        ParameterError: a parameter is unknown or out of range.
+        ValueError, TypeError: the mesh is not closed, or no mesh; the bytes are no network.
+    """
+    is_network = isinstance(field, (bytes, bytearray, memoryview))
+    mesh = None if is_network else read(field, "field", "field").native()
+    given = {"resolution": {"cell": cell}, **(params or {})}
+    try:
+        text = json.dumps(given, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise ParameterError(f"parameters {given!r}: {error}") from None
+    network = bytes(field) if is_network else None
+    threads = checked_threads(threads)
+    (_, v, f), report = _native.extract(mesh, network, text, threads, listener(progress))
+    return (v, f), json.loads(report)
+
+
+def fit(
+    mesh: Mesh,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    steps: int | None = None,
+    seconds: float | None = None,
+    accuracy: float | None = None,
+    threads: int | None = None,
+    progress: Callable[[Progress], object] | None = None,
+) -> tuple[bytes, dict[str, Any]]:
+    """Fits a network (the grid encoding) to the signed distance of a mesh.
+
+    Args:
+        mesh: closed; or open, then its vertices and normals are fitted.
+        path: where the safetensors file is written, if anywhere.
+        steps: steps at most. Without ``seconds``, two runs give the same bits.
+        seconds: time at most. One minute if neither steps nor seconds are given.
+        accuracy: stop at this mean error near the surface, in metres.
+        threads: as in :func:`resolve`.
+        progress: as in :func:`resolve`.
+
+    Returns:
+        The safetensors file, and a report with the errors at held-out points.
+
+    Raises:
+        ParameterError: a parameter is out of range.
+        ValueError, TypeError: the mesh has no outside, or is no mesh.
+    """
+    if steps is None and seconds is None:
+        seconds = 60.0
+    file, report = _native.fit(
+        read(mesh, "mesh", "mesh").native(),
+        steps,
+        seconds,
+        accuracy,
+        checked_threads(threads),
+        listener(progress),
+    )
+    if path is not None:
+        with open(path, "wb") as out:
+            out.write(file)
+    return file, json.loads(report)

@@ -1,0 +1,179 @@
+"""Outfits: resolved, verified, drawn."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _ifgarments as _native
+from ._arguments import Progress, checked_threads, listener, named_params
+from ._kinds import read, read_layers
+from .errors import IntersectionsRemain
+
+#: A mesh: ``(vertices, faces)``, or an object of trimesh, Open3D or meshio.
+Mesh = Any
+#: Garments, inner to outer: meshes, pairs of name and mesh, or a mapping of names to meshes.
+Layers = Sequence[Mesh] | Sequence[tuple[str, Mesh]] | Mapping[str, Mesh]
+#: Positions in metres, shape (n, 3), and triangles, shape (m, 3).
+Arrays = tuple[NDArray[np.floating[Any]], NDArray[np.integer[Any]]]
+
+
+@dataclass(frozen=True)
+class Verified:
+    """The state of an outfit."""
+
+    #: ``"clean everywhere"``, ``"clean between layers"`` or ``"not clean"``.
+    state: str
+    #: The report, with the keys of ``ifg check --json``.
+    report: dict[str, Any] = field(repr=False)
+    #: What a person should know about the meshes.
+    notes: list[str] = field(repr=False)
+
+    @property
+    def is_clean(self) -> bool:
+        """No layer intersects another, and no vertex is on the wrong side of one below."""
+        return self.state != "not clean"
+
+
+@dataclass(frozen=True, eq=False)
+class Resolved(Verified):
+    """A resolved outfit."""
+
+    #: The garments in the kind, the collection and the order given.
+    layers: Any = field(repr=False)
+
+
+def resolve(
+    body: Mesh,
+    layers: Layers,
+    *,
+    clearance: float | None = None,
+    strict: bool = False,
+    threads: int | None = None,
+    progress: Callable[[Progress], object] | None = None,
+    params: Mapping[str, Any] | None = None,
+) -> Resolved:
+    """Removes all intersections between layers, and proves it.
+
+    Args:
+        body: never moves; it may be open, and must have an inside.
+        layers: garments, inner to outer. They are not changed. Positions in float32 are proven as
+            float32.
+        clearance: gap between layers, in metres; 0.3 mm by default.
+        strict: no garment, nor the body, may intersect itself either.
+        threads: number of threads; all cores by default. Results do not depend on it.
+        progress: is called with a :class:`Progress`. An exception of it cancels the work.
+        params: other parameters, by name (``{"rounds": 200}``, ``{"goal.own": "keep"}``) or group,
+            as in outfit files: see :func:`default_params`.
+
+    Returns:
+        The garments in the kind and collection given, with a report.
+
+    Raises:
+        IntersectionsRemain: not everything could be removed; ``partial`` has what was reached.
+        OutfitError: the layers are not a valid outfit.
+        ParameterError: a parameter is unknown or out of range.
+        SolverError: a step of the cloth solver failed.
+        ValueError, TypeError: an argument is no mesh; the message names argument, row and value.
+        KeyboardInterrupt: Ctrl-C, within 0.3 s.
+    """
+    garments = read_layers(layers)
+    native = [layer.native() for layer in [read(body, "body", "body"), *garments.layers]]
+    rebuild = [layer.rebuild() for layer in garments.layers]
+    found = _native.resolve(
+        native,
+        named_params(params),
+        None if clearance is None else float(clearance),
+        bool(strict),
+        checked_threads(threads),
+        listener(progress),
+    )
+    report, state, notes = found["report"], found["state"], found["notes"]
+    meshes = [rebuilt(*arrays) for rebuilt, arrays in zip(rebuild, found["layers"])]
+    resolved = Resolved(state, json.loads(report), notes, garments.collected(meshes))
+    if found["unresolved"] is None:
+        return resolved
+    message, remaining = found["unresolved"]
+    raise IntersectionsRemain(message, resolved, json.loads(remaining))
+
+
+def verify(body: Mesh, layers: Layers, *, threads: int | None = None) -> Verified:
+    """Checks an outfit and changes nothing.
+
+    Args:
+        body: as in :func:`resolve`.
+        layers: as in :func:`resolve`.
+        threads: as in :func:`resolve`.
+
+    Returns:
+        The state, and a report of every layer against every layer below.
+
+    Raises:
+        OutfitError: the layers are not a valid outfit.
+        ValueError, TypeError: as in :func:`resolve`.
+    """
+    found = _native.verify(_native_layers(body, layers), checked_threads(threads))
+    return Verified(found["state"], json.loads(found["report"]), found["notes"])
+
+
+def picture(
+    body: Mesh,
+    layers: Layers,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    height: int = 640,
+) -> bytes:
+    """Draws an outfit from four sides, layers in colours and intersecting triangles in red.
+
+    Args:
+        body: as in :func:`resolve`.
+        layers: as in :func:`resolve`.
+        path: where the PNG file is written, if anywhere.
+        height: in pixels.
+
+    Returns:
+        The PNG file.
+    """
+    png = _native.picture(_native_layers(body, layers), height)
+    if path is not None:
+        with open(path, "wb") as file:
+            file.write(png)
+    return png
+
+
+def demo_scene(
+    *, trousers: bool = False, resolution: float = 1.0, overlap: float = 1.0
+) -> tuple[Arrays, dict[str, Arrays]]:
+    """The built-in scene of ``ifg demo``: a mannequin and four garments with deep intersections.
+
+    Args:
+        trousers: trousers, T-shirt, jacket and coat, instead of T-shirt, skirt, jacket and coat.
+        resolution: divides the edge length; from 0.7 to 8.
+        overlap: depth of the intersections; from 0 to 1.
+
+    Returns:
+        The body, and the garments by name; float32 as ``ifg demo`` stores them.
+    """
+    scene = _native.demo_scene(bool(trousers), float(resolution), float(overlap))
+    layers: dict[str, Arrays] = {name: (v.astype(np.float32), f) for name, v, f in scene}
+    return layers.pop("body"), layers
+
+
+def default_params() -> dict[str, dict[str, Any]]:
+    """All parameters of :func:`resolve` with their defaults, in groups.
+
+    They are documented in ``docs/reference/parameters.md``.
+    """
+    params: dict[str, dict[str, Any]] = json.loads(_native.default_params())
+    return params
+
+
+def _native_layers(body: Mesh, layers: Layers) -> list[dict[str, Any]]:
+    read_all = [read(body, "body", "body"), *read_layers(layers).layers]
+    return [layer.native() for layer in read_all]

@@ -1,0 +1,160 @@
+"""Wardrobes: folders of bodies and garments that fit any body."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from . import _ifgarments as _native
+from ._arguments import Progress, checked_threads, folder, listener, named_params
+from ._outfits import Arrays
+
+
+class Wardrobe:
+    """A folder of bodies and garments, as ``ifg reconstruct`` and ``ifg wardrobe`` write it.
+
+        >>> wardrobe = ifgarments.Wardrobe("wardrobe")
+        >>> body, layers = wardrobe.dress("berta", ["anna_trousers", "anna_tshirt"])
+        >>> resolved = ifgarments.resolve(body, layers)
+
+    Every call reads the folder anew. The format is in ``docs/reference/wardrobe.md``.
+
+    Raises:
+        WardrobeError: the folder, a body or a garment is missing or damaged.
+        BusyError: another process writes there; try again.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = folder(path, "path")
+        self._list()
+
+    def __repr__(self) -> str:
+        return f"Wardrobe({self.path!r})"
+
+    def _list(self) -> dict[str, Any]:
+        listed: dict[str, Any] = json.loads(_native.wardrobe_list(self.path))
+        return listed
+
+    @property
+    def bodies(self) -> dict[str, dict[str, Any]]:
+        """Metadata of all bodies, by name."""
+        bodies: dict[str, dict[str, Any]] = self._list()["bodies"]
+        return bodies
+
+    @property
+    def garments(self) -> dict[str, dict[str, Any]]:
+        """Metadata of all garments, by name."""
+        garments: dict[str, dict[str, Any]] = self._list()["garments"]
+        return garments
+
+    @property
+    def faults(self) -> list[dict[str, str]]:
+        """Unreadable folders: ``part``, ``name`` and ``error``."""
+        faults: list[dict[str, str]] = self._list()["faults"]
+        return faults
+
+    def body(self, name: str) -> Arrays:
+        """The mesh of a body."""
+        return _native.wardrobe_body(self.path, name)[1:]
+
+    def garment(self, name: str) -> Arrays:
+        """The mesh of a garment, in the canonical pose of the body it was made on."""
+        return _native.wardrobe_garment(self.path, name)[1:]
+
+    def add_body(
+        self,
+        name: str,
+        mesh: str | os.PathLike[str],
+        *,
+        template: str | os.PathLike[str] | None = None,
+        skeleton: str | os.PathLike[str] | None = None,
+        scale: float = 1.0,
+    ) -> str:
+        """Adds a body unless the wardrobe has it.
+
+        Args:
+            name: a number is appended if a body with other files has this name.
+            mesh: a PLY or OBJ file.
+            template: a file of the same body in a topology that other bodies share.
+            skeleton: a file of its joints.
+            scale: from the units of these files to metres.
+
+        Returns:
+            The name that the body has in the wardrobe.
+        """
+        return _native.wardrobe_add_body(
+            self.path,
+            name,
+            folder(mesh, "mesh"),
+            None if template is None else folder(template, "template"),
+            None if skeleton is None else folder(skeleton, "skeleton"),
+            float(scale),
+        )
+
+    def dress(
+        self, body: str, garments: Sequence[str], *, threads: int | None = None
+    ) -> tuple[Arrays, dict[str, Arrays]]:
+        """Aligns garments on a body, and resolves nothing.
+
+        Args:
+            body: name of the body.
+            garments: names of garments, inner to outer.
+            threads: as in :func:`resolve`.
+
+        Returns:
+            The arguments of :func:`resolve`. Garments are float32, as :meth:`match` stores them.
+        """
+        dressed = _native.wardrobe_dress(self.path, body, list(garments), checked_threads(threads))
+        layers: dict[str, Arrays] = {}
+        for name, v, f in dressed[1:]:
+            layers[name] = (v.astype(np.float32), f)
+        return dressed[0][1:], layers
+
+    def match(
+        self,
+        body: str,
+        garments: Sequence[str],
+        out: str | os.PathLike[str],
+        *,
+        clearance: float | None = None,
+        params: Mapping[str, Any] | None = None,
+        write_unproven: bool = False,
+        again: bool = False,
+        picture_height: int = 640,
+        threads: int | None = None,
+        progress: Callable[[Progress], object] | None = None,
+    ) -> dict[str, Any]:
+        """Aligns and resolves garments on a body, and writes the result into a folder.
+
+        Args:
+            body: name of the body.
+            garments: names of garments, inner to outer.
+            out: the folder; a worse result does not replace a better one.
+            clearance: as in :func:`resolve`.
+            params: as in :func:`resolve`.
+            write_unproven: meshes are written even if intersections remain.
+            again: it is done again even if the folder has this result.
+            picture_height: in pixels; 0 for no pictures.
+            threads: as in :func:`resolve`.
+            progress: as in :func:`resolve`.
+
+        Returns:
+            ``result.json``, with ``state`` (``"clean"``, ``"remaining"`` or ``"failed"``) and
+            ``error``; ``placed`` is ``"written"``, ``"before"`` (it was there already) or
+            ``"nowhere"`` (the folder has a better result).
+        """
+        text, placed = _native.wardrobe_match(
+            self.path,
+            (body, list(garments)),
+            folder(out, "out"),
+            (named_params(params), None if clearance is None else float(clearance)),
+            (bool(write_unproven), bool(again), picture_height),
+            checked_threads(threads),
+            listener(progress),
+        )
+        result: dict[str, Any] = json.loads(text)
+        return {**result, "placed": placed}

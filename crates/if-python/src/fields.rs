@@ -1,0 +1,87 @@
+//! Signed distance fields of meshes and of networks: their surfaces, and fits.
+
+use crate::errors::{Exception, chain, exception, no_json};
+use crate::layers::{LayerArrays, NamedArrays, named_arrays};
+use crate::work;
+use if_mesh::extract::{self as surface, ExtractParams, Extraction};
+use if_mesh::sdf::MeshSdf;
+use if_neural::files::{WeightNorm, read_network, write_network};
+use if_neural::{Fit, FitParams, NetworkConfig, NeuralField, SamplingParams};
+use if_pipeline::fitting::{MeshTarget, Take};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+/// The surface of a field as a mesh, and `ExtractReport` as JSON. The field is the signed distance
+/// of a closed mesh, or a network (the bytes of its file). `params` are those of `ExtractParams`.
+#[pyfunction]
+#[pyo3(signature = (mesh, network, params, threads, progress))]
+pub(crate) fn extract<'py>(
+    py: Python<'py>,
+    mesh: Option<LayerArrays<'py>>,
+    network: Option<Vec<u8>>,
+    params: &str,
+    threads: Option<usize>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<(NamedArrays<'py>, String)> {
+    let params: ExtractParams =
+        serde_json::from_str(params).map_err(|e| exception(py, "ParameterError", e.to_string()))?;
+    params.validate().map_err(|e| exception(py, "ParameterError", e.to_string()))?;
+    let argument = mesh.as_ref().map_or("field".to_owned(), |m| m.argument().to_owned());
+    let mesh = mesh.map(|mesh| mesh.layer()).transpose()?.map(|layer| layer.mesh);
+    let found = work::run(py, threads, progress.as_ref(), move |monitor| {
+        let extraction: Result<Extraction, _> = match (mesh, network) {
+            (Some(mesh), _) => {
+                let field = MeshSdf::closed(&mesh).map_err(|e| chain(&e))?;
+                surface::extract(&field, &params, monitor)
+            }
+            (None, network) => {
+                let bytes = network.unwrap_or_default();
+                let (network, frame) = read_network(&bytes[..]).map_err(|e| chain(&e))?;
+                let field = NeuralField::new(network, frame).map_err(|e| chain(&e))?;
+                surface::extract(&field, &params, monitor)
+            }
+        };
+        extraction.map_err(|e| chain(&e))
+    })?;
+    let Extraction { mesh, report, .. } =
+        found.map_err(|message: String| PyValueError::new_err(format!("{argument}: {message}")))?;
+    let report = serde_json::to_string(&report).map_err(no_json)?;
+    Ok((named_arrays(py, argument, &mesh)?, report))
+}
+
+/// Fits a network to the signed distance of a mesh: the bytes of its file, and `FitReport` as JSON.
+#[pyfunction]
+#[pyo3(signature = (mesh, steps, seconds, accuracy, threads, progress))]
+pub(crate) fn fit<'py>(
+    py: Python<'py>,
+    mesh: LayerArrays<'py>,
+    steps: Option<u64>,
+    seconds: Option<f64>,
+    accuracy: Option<f64>,
+    threads: Option<usize>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<(Bound<'py, PyBytes>, String)> {
+    let argument = mesh.argument().to_owned();
+    let config = NetworkConfig::grid();
+    let params = FitParams { steps, seconds, accuracy, ..config.fit_params() };
+    params.validate().map_err(|e| e.raised(py))?;
+    let mesh = mesh.layer()?.mesh;
+    let fitted = work::run(py, threads, progress.as_ref(), move |monitor| {
+        let target = MeshTarget::new(&mesh, Take::Either).map_err(|e| chain(&e))?;
+        let target = target.target();
+        let (set, mut network) =
+            target.begin(&config, &SamplingParams::default()).map_err(|e| chain(&e))?;
+        let params = FitParams { loss: target.loss(), ..params };
+        let report = Fit::new(params)
+            .map_err(|e| chain(&e))?
+            .run(&mut network, &set, monitor)
+            .map_err(|e| chain(&e))?;
+        let mut file = Vec::new();
+        write_network(&mut file, &network, &set.frame, WeightNorm::Kept).map_err(|e| chain(&e))?;
+        Ok((file, report))
+    })?;
+    let (file, report) = fitted
+        .map_err(|message: String| PyValueError::new_err(format!("{argument}: {message}")))?;
+    Ok((PyBytes::new(py, &file), serde_json::to_string(&report).map_err(no_json)?))
+}

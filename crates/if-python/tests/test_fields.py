@@ -1,0 +1,51 @@
+"""Surfaces of fields, and networks fitted to meshes."""
+
+import ifgarments
+import numpy as np
+import pytest
+from conftest import BALL, ball, band
+
+
+def test_a_closed_mesh_is_remeshed(body):
+    (v, f), report = ifgarments.extract(body, cell=0.05)
+    radius = np.linalg.norm(v, axis=1)
+    assert report["cell"] == 0.05 and 0.9 * BALL < radius.min() <= radius.max() < 1.01 * BALL
+    (w, _), _ = ifgarments.extract(body, cell=0.05, params={"phase": [0.2, 0.4, 0.6]})
+    assert not np.array_equal(v, w)
+    (coarse, _), _ = ifgarments.extract(body, params={"resolution": {"cells": 6}})
+    assert len(coarse) < len(v)
+
+
+def test_a_network_is_fitted_stored_and_extracted(body, tmp_path):
+    path = tmp_path / "ball.safetensors"
+    seen = []
+    file, report = ifgarments.fit(body, path, steps=20, progress=seen.append)
+    assert path.read_bytes() == file and report["steps"] == 20 and seen
+    (v, _), _ = ifgarments.extract(file, cell=0.06)
+    radius = np.linalg.norm(v, axis=1)
+    assert 0.85 * BALL < radius.min() <= radius.max() < 1.1 * BALL
+
+
+@pytest.mark.parametrize(
+    "call, kind, words",
+    [
+        (lambda: ifgarments.extract(band()), ValueError, "field: "),
+        (lambda: ifgarments.extract(b"no network"), ValueError, "field: "),
+        (lambda: ifgarments.extract(7), TypeError, "field is a int"),
+        (lambda: ifgarments.extract(ball(), cell=0), ifgarments.ParameterError, "cell"),
+        (lambda: ifgarments.extract(ball(), cell=np.nan), ifgarments.ParameterError, "nan"),
+        (
+            lambda: ifgarments.extract(ball(), params={"sells": 1}),
+            ifgarments.ParameterError,
+            "sells",
+        ),
+        (lambda: ifgarments.extract(ball(), cell=1e-7), ValueError, "field: "),
+        (lambda: ifgarments.fit(ball(), accuracy=-1.0), ifgarments.ParameterError, "accuracy"),
+        (lambda: ifgarments.fit(ball(), seconds=-1.0), ifgarments.ParameterError, "seconds"),
+        (lambda: ifgarments.fit((ball()[0], ball()[1][:, ::-1]), steps=1), ValueError, "outside"),
+    ],
+)
+def test_bad_input_is_named(call, kind, words):
+    with pytest.raises(kind) as caught:
+        call()
+    assert words in str(caught.value)

@@ -1,0 +1,154 @@
+"""Wardrobes, and the command `ifg` of the package."""
+
+import json
+import subprocess
+import sys
+
+import ifgarments
+import numpy as np
+import pytest
+from conftest import BALL, band
+
+
+def write_ply(path, vertices, faces):
+    lines = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
+    lines += [f"property float {axis}" for axis in "xyz"]
+    lines += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    lines += [" ".join(map(str, row)) for row in vertices.astype(np.float32).tolist()]
+    lines += ["3 " + " ".join(map(str, row)) for row in faces.tolist()]
+    path.write_text("\n".join(lines) + "\n")
+    return str(path)
+
+
+def ifg(*arguments):
+    command = [sys.executable, "-m", "ifgarments", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+@pytest.fixture
+def folder(tmp_path, body, belt, shirt):
+    files = [
+        write_ply(tmp_path / f"{name}.ply", *m) for name, m in [("skirt", belt), ("coat", shirt)]
+    ]
+    mesh = write_ply(tmp_path / "ball.ply", *body)
+    done = ifg("wardrobe", "add", tmp_path / "w", "--body", "ball", "--mesh", mesh, *files)
+    assert done.returncode == 0, done.stderr
+    return tmp_path / "w"
+
+
+def test_garments_are_listed_dressed_and_resolved(folder, body, belt):
+    wardrobe = ifgarments.Wardrobe(folder)
+    assert list(wardrobe.bodies) == ["ball"] and list(wardrobe.garments) == ["coat", "skirt"]
+    assert wardrobe.garments["skirt"]["body"]["name"] == "ball" and wardrobe.faults == []
+    v, f = wardrobe.body("ball")
+    assert np.array_equal(v, body[0].astype(np.float32)) and np.array_equal(f, body[1])
+    assert np.array_equal(wardrobe.garment("skirt")[0], belt[0].astype(np.float32))
+    dressed, layers = wardrobe.dress("ball", ["skirt", "coat"])
+    assert list(layers) == ["skirt", "coat"] and layers["coat"][0].dtype == np.float32
+    resolved = ifgarments.resolve(dressed, layers)
+    assert resolved.state == "clean everywhere"
+
+
+def test_a_match_is_written_once(folder, tmp_path):
+    wardrobe, seen = ifgarments.Wardrobe(folder), []
+    match = lambda **options: wardrobe.match(
+        "ball", ["skirt", "coat"], tmp_path / "look", **options
+    )
+    found = match(progress=seen.append, picture_height=64)
+    assert (found["state"], found["placed"]) == ("clean", "written") and seen[-1].stage == "done"
+    on_disk = json.loads((tmp_path / "look/result.json").read_text())
+    assert on_disk == {key: value for key, value in found.items() if key != "placed"}
+    assert {"skirt.ply", "coat.ply"} <= {path.name for path in (tmp_path / "look").iterdir()}
+    assert match(picture_height=64)["placed"] == "before"
+    assert match(picture_height=64, clearance=1e-3)["placed"] == "written"
+    with pytest.raises(ifgarments.ParameterError, match="picture_height"):
+        match(picture_height=3)
+
+
+def test_bodies_are_added_once(folder, tmp_path, body):
+    wardrobe = ifgarments.Wardrobe(folder)
+    same = write_ply(tmp_path / "again.ply", *body)
+    assert wardrobe.add_body("again", same) == "ball"
+    large = write_ply(tmp_path / "large.ply", 110 * body[0], body[1])
+    assert wardrobe.add_body("ball", large, scale=0.01) == "ball_2"
+    assert np.abs(wardrobe.body("ball_2")[0]).max() == pytest.approx(1.1 * BALL, rel=1e-6)
+
+
+def test_what_is_missing_or_damaged_is_named(folder, tmp_path):
+    wardrobe = ifgarments.Wardrobe(folder)
+    for call in (
+        lambda: wardrobe.body("anna"),
+        lambda: wardrobe.dress("anna", ["coat"]),
+        lambda: wardrobe.match("anna", ["coat"], tmp_path / "look"),
+    ):
+        with pytest.raises(ifgarments.WardrobeError, match="no body `anna`; it has: ball"):
+            call()
+    with pytest.raises(ifgarments.WardrobeError, match="no garment `hat`; it has: coat, skirt"):
+        wardrobe.dress("ball", ["hat"])
+    with pytest.raises(ifgarments.WardrobeError, match="coat"):
+        wardrobe.dress("ball", ["coat", "coat"])
+    with pytest.raises(ifgarments.WardrobeError, match=r"none\.ply"):
+        wardrobe.add_body("b", tmp_path / "none.ply")
+    with pytest.raises(ifgarments.ParameterError, match="`scale` is 0"):
+        wardrobe.add_body("b", folder / "bodies/ball/body.ply", scale=0)
+    with pytest.raises(TypeError, match="path is 3; it must be a path"):
+        ifgarments.Wardrobe(3)
+    (folder / "garments/coat/asset.json").write_text("{")
+    assert [fault["name"] for fault in wardrobe.faults] == ["coat"]
+    with pytest.raises(ifgarments.WardrobeError, match=r"asset\.json"):
+        wardrobe.garment("coat")
+    assert not (tmp_path / "look").exists()
+
+
+def test_a_folder_that_is_missing_is_an_empty_wardrobe(tmp_path):
+    empty = ifgarments.Wardrobe(tmp_path / "none")
+    assert (empty.bodies, empty.garments, empty.faults) == ({}, {}, [])
+    with pytest.raises(ifgarments.WardrobeError, match="neither `bodies` nor `garments`"):
+        empty.body("ball")
+
+
+def test_the_command_is_the_program(tmp_path, body, belt):
+    paths = [
+        write_ply(tmp_path / f"{name}.ply", *m) for name, m in [("ball", body), ("belt", belt)]
+    ]
+    checked = ifg("check", "--body", *paths, "--json")
+    assert checked.returncode == 1
+    with_names = ifgarments.verify(
+        (body[0].astype(np.float32), body[1]), {"belt": (belt[0].astype(np.float32), belt[1])}
+    )
+    found = json.loads(checked.stdout)["report"]["pairs"][0]
+    expected = {**with_names.report["pairs"][0], "inner": "ball"}
+    assert found == expected
+    assert ifg("--version").stdout.startswith("ifg ") and ifg("--version").returncode == 0
+    wrong = ifg("fix", "--no-such-option")
+    assert wrong.returncode == 2 and "--no-such-option" in wrong.stderr
+    missing = ifg("check", "--body", tmp_path / "none.ply", paths[1])
+    assert missing.returncode == 2 and "none.ply" in missing.stderr
+
+
+def test_a_capture_that_is_missing_is_named(tmp_path):
+    with pytest.raises(ifgarments.ReconstructError, match="turn"):
+        ifgarments.reconstruct(tmp_path / "turn", tmp_path / "body")
+
+
+def test_a_garment_of_a_capture_is_reconstructed(tmp_path):
+    turn = tmp_path / "turn"
+    small = ["--frames", 6, "--size", 96, "--garments", "tshirt"]
+    made = ifg("capture", "synth", "--out", turn, *small)
+    assert made.returncode == 0, made.stderr
+    stages = []
+
+    def enough(progress):
+        stages.append(progress.stage)
+        if progress.stage == "surface" and progress.done > 1:
+            raise InterruptedError("enough")
+
+    with pytest.raises(InterruptedError):
+        ifgarments.reconstruct(turn, turn / "body", progress=enough)
+    assert stages[0] == "read"
+    with pytest.raises(ifgarments.ReconstructError, match="cell"):
+        ifgarments.reconstruct(turn, turn / "body", cell=-1)
+    found = ifgarments.reconstruct(turn, turn / "body", cell=0.03)
+    assert list(found.garments) == ["tshirt"] and len(found.labels) == len(found.person[0])
+    v, f = found.garments["tshirt"]
+    assert len(v) > 100 and f.max() == len(v) - 1 and found.report["garments"]
