@@ -8,6 +8,7 @@
 
 pub mod align;
 pub mod mannequin;
+mod motion;
 mod pose;
 mod skeleton;
 mod skin_weights;
@@ -16,6 +17,7 @@ mod template;
 mod upright;
 
 pub use align::{AlignError, AlignParams, BodyMap, BodyShape};
+pub use motion::{Motion, MotionError};
 pub use pose::{Pose, PoseError};
 pub use skeleton::{Joint, Skeleton, SkeletonError};
 pub use skin_weights::{SkinError, SkinWeights};

@@ -22,6 +22,32 @@ impl Pose {
     }
 }
 
+impl Pose {
+    /// The pose at `share` of the way from this one, 0, to `other`, 1: joints turn the shorter way
+    /// about one axis each, at constant speed.
+    ///
+    /// # Panics
+    ///
+    /// If the poses have different numbers of joints.
+    pub fn toward(&self, other: &Self, share: Real) -> Self {
+        assert_eq!(self.rotations.len(), other.rotations.len(), "poses of one skeleton");
+        let turn = |(a, b): (&UnitQuaternion<Real>, &UnitQuaternion<Real>)| {
+            // Opposite rotations have no shorter way; then the axis is arbitrary.
+            a.try_slerp(b, share, Real::EPSILON).unwrap_or(if share < 0.5 { *a } else { *b })
+        };
+        Self {
+            root_translation: self.root_translation.lerp(&other.root_translation, share),
+            rotations: self.rotations.iter().zip(&other.rotations).map(turn).collect(),
+        }
+    }
+
+    /// The largest angle by which a joint turns from this pose to `other`, in radians.
+    pub fn largest_turn(&self, other: &Self) -> Real {
+        let angles = self.rotations.iter().zip(&other.rotations).map(|(a, b)| a.angle_to(b));
+        angles.fold(0.0, Real::max)
+    }
+}
+
 /// A pose is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -102,5 +128,18 @@ mod tests {
             let error = Pose::from_quaternions(Vector::new(0.0, far, 0.0), &[]);
             assert!(matches!(error, Err(PoseError::Translation(_))), "{far}");
         }
+    }
+
+    #[test]
+    fn poses_between_two_turn_evenly_and_end_at_both() {
+        let to = UnitQuaternion::from_axis_angle(&Vector::y_axis(), 1.0);
+        let (a, mut b) = (Pose::rest(2), Pose::rest(2));
+        b.rotations[1] = to;
+        b.root_translation.x = 2.0;
+        approx::assert_relative_eq!(a.toward(&b, 0.25).rotations[1].angle(), 0.25, epsilon = 1e-12);
+        assert_eq!(a.toward(&b, 0.25).root_translation.x, 0.5);
+        approx::assert_relative_eq!(a.toward(&b, 1.0).rotations[1], to, epsilon = 1e-12);
+        approx::assert_relative_eq!(a.largest_turn(&b), 1.0, epsilon = 1e-12);
+        assert_eq!(a.toward(&a, 0.7), a);
     }
 }

@@ -1,7 +1,7 @@
 //! The command line: all commands with their arguments.
 
 use crate::end::End;
-use crate::{check, clean, cut, demo, extract, fit, fix, reconstruct, synth, wardrobe};
+use crate::{animate, check, clean, cut, demo, extract, fit, fix, reconstruct, synth, wardrobe};
 use clap::{Parser, Subcommand};
 use miette::Report;
 
@@ -9,8 +9,8 @@ const EXIT_CODES: &str = "\
 Exit codes:
   0    clean: no intersecting triangle pairs, no vertex on a wrong side, and after `fix` no new
        intersection of a garment with itself; with --strict no intersection at all
-  1    not clean: `check` found intersections, `fix`, `demo` and `wardrobe` could not remove all of
-       them, or `fit` did not reach its --accuracy or diverged
+  1    not clean: `check` found intersections, `fix`, `demo`, `wardrobe` and `animate` could not
+       remove all of them, or `fit` did not reach its --accuracy or diverged
   2    unusable: arguments, an input, or the output folder; the message names file and cause
   130  cancelled by Ctrl-C or SIGTERM; nothing half-written is left
 
@@ -38,6 +38,9 @@ pub(crate) enum Command {
     Demo(demo::DemoArgs),
     /// Resolve outfits: write each garment, free of intersections, under its own file name.
     Fix(fix::FixArgs),
+    /// Move a clean outfit through a motion, free of intersections in every frame
+    /// (docs/animate.md).
+    Animate(animate::AnimateArgs),
     /// Verify outfits without changing anything; exit code 0 clean, 1 not clean.
     Check(check::CheckArgs),
     /// Captures: a person who turns before a camera (docs/reference/capture.md).
@@ -73,6 +76,7 @@ impl Command {
             Self::Demo(args) => demo::run(args),
             Self::Fit(args) => fit::run(args),
             Self::Fix(args) => fix::run(args),
+            Self::Animate(args) => animate::run(args),
             Self::Check(args) => check::run(args),
             Self::Clean(args) => clean::run(args),
             Self::Cut(args) => cut::run(args),

@@ -5,6 +5,7 @@
 //! files are shared by several commands.
 
 // Commands.
+mod animate;
 mod check;
 mod clean;
 mod cli;

@@ -90,6 +90,9 @@ fn text(progress: &Progress<'_>) -> String {
     if let Some(pairs) = progress.measure("pairs") {
         let _ = write!(text, ", {pairs} pairs left");
     }
+    if let Some(seconds) = progress.measure("seconds_left") {
+        let _ = write!(text, ", about {seconds:.0} s left");
+    }
     text
 }
 
@@ -110,5 +113,8 @@ mod tests {
         assert_eq!(text(&round.of("jacket")), "jacket (2/3) settle, round 7, 12 pairs left");
         let frame = Progress { done: 3, total: Some(24), ..Progress::stage("render") };
         assert_eq!(text(&frame), "render, 3 of 24");
+        let measures = [("seconds_left", 12.4)];
+        let frame = Progress { measures: &measures, ..frame };
+        assert_eq!(text(&frame), "render, 3 of 24, about 12 s left");
     }
 }

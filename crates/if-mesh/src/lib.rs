@@ -13,6 +13,7 @@
 //! | label and cut a surface into garments | [`labels`] |
 //! | rasterise it | [`camera`], [`raster`] |
 //! | compare surfaces | [`measure`] |
+//! | write positions of many frames | [`point_cache`] |
 //!
 //! Lengths are in metres, distances negative inside, and triangles counter-clockwise seen from
 //! outside.
@@ -60,6 +61,7 @@ pub mod obj;
 #[doc(hidden)]
 pub mod outward;
 pub mod ply;
+pub mod point_cache;
 pub mod point_tree;
 #[doc(hidden)]
 pub mod polygons;

@@ -3,10 +3,12 @@
 //! A [`Capture`] holds the masks, labels, normals and poses that off-the-shelf tools extract from a
 //! video of a turning person; [`reconstruct()`] makes a clothed person and single garments of it. A
 //! [`Wardrobe`] stores bodies and garments ([`Asset`]); a [`Dresser`] aligns garments on a body, and
-//! [`wardrobe::matching`] resolves the outfit.
+//! [`wardrobe::matching`] resolves the outfit. [`animate()`] moves a clean outfit through the frames
+//! of a motion.
 //!
 #![doc = include_str!("../README.md")]
 
+pub mod animate;
 pub mod asset;
 mod build;
 #[cfg(feature = "reconstruct")]
@@ -18,6 +20,7 @@ pub mod outfit_page;
 pub mod reconstruct;
 pub mod wardrobe;
 
+pub use animate::{AnimateParams, SkinnedOutfit, animate};
 pub use asset::{Asset, AssetError};
 pub use build::BUILD;
 #[cfg(feature = "reconstruct")]

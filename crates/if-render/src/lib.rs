@@ -19,7 +19,7 @@ mod section;
 mod view;
 mod viewer;
 
-pub use image::{Image, PngError};
+pub use image::{Image, PngError, write_animation};
 pub use page::Page;
 pub use preview::preview;
 pub use render::{render, side_by_side};

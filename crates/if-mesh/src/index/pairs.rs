@@ -45,6 +45,21 @@ impl Bvh {
         self.search_pairs(self, &rough, &rough, true, keep)
     }
 
+    /// The values that `keep` returns for pairs of two triangles of this tree whose boxes are nearer
+    /// than `distance` along each axis, each pair once, in an order that does not depend on the
+    /// number of threads.
+    pub fn own_pairs_within<T: Send>(
+        &self,
+        distance: Real,
+        keep: impl Fn(u32, &[Point; 3], u32, &[Point; 3]) -> Option<T> + Sync,
+    ) -> Vec<T> {
+        if self.is_empty() {
+            return Vec::new();
+        }
+        let rough = Rough::widened(self, 0.5 * distance);
+        self.search_pairs(self, &rough, &rough, true, keep)
+    }
+
     /// The search of both; `own` searches a tree against itself.
     fn search_pairs<T: Send>(
         &self,
@@ -179,12 +194,18 @@ struct Link {
 
 impl Rough {
     fn new(tree: &Bvh) -> Self {
+        Self::widened(tree, 0.0)
+    }
+
+    /// With boxes that are larger by `margin` on each side.
+    fn widened(tree: &Bvh, margin: Real) -> Self {
         let link =
             |n: &Node| Link { at: n.at, count: n.count, extent: n.aabb.size().norm_squared() };
+        let wide = |b: &Aabb| RoughBox::new(&b.inflated(margin));
         Self {
-            nodes: tree.nodes.iter().map(|n| RoughBox::new(&n.aabb)).collect(),
+            nodes: tree.nodes.iter().map(|n| wide(&n.aabb)).collect(),
             links: tree.nodes.iter().map(link).collect(),
-            triangles: tree.corners.iter().map(|c| RoughBox::new(&corner_box(c))).collect(),
+            triangles: tree.corners.iter().map(|c| wide(&corner_box(c))).collect(),
         }
     }
 

@@ -1,0 +1,83 @@
+//! The table of an animation.
+
+use crate::table::{self, count, new_table};
+use comfy_table::Cell;
+use if_pipeline::animate::{AnimationReport, FrameReport};
+use std::path::Path;
+
+/// Rows shown of frames that are clean, evenly spaced; those that are not are all shown.
+const SHOWN: usize = 24;
+
+/// What is printed.
+pub(super) fn text(
+    report: &AnimationReport,
+    without_weights: &[String],
+    out: &Path,
+    names: &[String],
+) -> String {
+    let frames = &report.frames;
+    let header = [
+        "frame",
+        "pairs",
+        "inside",
+        "own",
+        "moved",
+        "max mm",
+        "body",
+        "max mm",
+        "jitter p99",
+        "max mm",
+        "strain %",
+        "seconds",
+    ];
+    let mut rows = new_table(&header, 0, table::coloured());
+    let step = frames.len().div_ceil(SHOWN).max(1);
+    for row in frames.iter().filter(|f| f.frame.is_multiple_of(step) || !f.is_clean()) {
+        rows.add_row(cells(row).map(Cell::new));
+    }
+    let from_body = match without_weights {
+        [] => String::new(),
+        names => format!("Weights taken from the body: {}\n", names.join(", ")),
+    };
+    let kept = match report.kept {
+        0 => String::new(),
+        n => format!(", {n} frames kept from an earlier run"),
+    };
+    format!(
+        "{rows}\n\n{from_body}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, jitter p99 {:.2} mm, \
+         at most {:.1} mm; {:.2} s a frame, {:.1} s in all{kept}\nWrote {}: {}\n",
+        count(frames.len()),
+        count(report.clean),
+        count(report.clean_everywhere),
+        1e3 * report.body_max,
+        1e3 * report.jitter_p99,
+        1e3 * report.jitter_max,
+        report.seconds_a_frame,
+        report.seconds,
+        out.display(),
+        names.join(", ")
+    )
+}
+
+fn cells(row: &FrameReport) -> [String; 12] {
+    let mm = |x: f64| format!("{:.2}", 1e3 * x);
+    let mark = match (row.reached, row.restarted && row.frame > 0) {
+        (false, _) => " not reached",
+        (true, true) => " from rest",
+        _ => "",
+    };
+    [
+        format!("{}{mark}", row.frame),
+        format!("{} -> {}", count(row.pairs_before), count(row.pairs)),
+        count(row.inside),
+        format!("{} + {}", row.own_pairs, row.body_own_pairs),
+        mm(row.moved.mean),
+        mm(row.moved.max),
+        mm(row.body.moved.mean),
+        mm(row.body.moved.max),
+        mm(row.jitter.p99),
+        mm(row.jitter.max),
+        format!("{:.2} -> {:.2}", 1e2 * row.strain_p99_skinned, 1e2 * row.strain_p99),
+        format!("{:.2}", row.seconds),
+    ]
+}

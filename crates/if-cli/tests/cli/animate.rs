@@ -1,0 +1,117 @@
+//! `ifg animate` on the mannequin, which is written with its skeleton and weights.
+
+use crate::folder::Folder;
+use if_body::TemplateBody;
+use if_body::mannequin::{self, Garment, MannequinParams, rig};
+use if_mesh::ply::{PlyMesh, WriteParams, read_path, write_path};
+use serde_json::{Value, json};
+use std::f64::consts::FRAC_PI_8;
+
+/// The body with weights, trousers without, and a motion of three frames that lifts a knee.
+fn scene() -> Folder {
+    let folder = Folder::new();
+    let params = MannequinParams { resolution: 0.7, overlap: 0.0 };
+    let mesh = mannequin::body(&params);
+    let skin = rig::skin_weights(mesh.vertices());
+    let body = TemplateBody { mesh, skin, skeleton: rig::skeleton() };
+    std::fs::create_dir(folder.path("doll")).unwrap();
+    body.write(&folder.path("doll")).unwrap();
+    let trousers = PlyMesh::new(mannequin::garment(Garment::Trousers, &params));
+    let path = folder.path("doll/trousers.ply");
+    write_path(&trousers, trousers.mesh.vertices(), &WriteParams::default(), &path).unwrap();
+    write(&folder, &motion());
+    folder
+}
+
+fn write(folder: &Folder, motion: &Value) {
+    std::fs::write(folder.path("doll/motion.json"), motion.to_string()).unwrap();
+}
+
+fn motion() -> Value {
+    let joints: Vec<String> = rig::skeleton().names().map(str::to_owned).collect();
+    let thigh = joints.iter().position(|n| n == "left_thigh").unwrap();
+    let frame = |k: f64| {
+        let half = -FRAC_PI_8 - 0.04 * k;
+        let mut rot = vec![[1.0, 0.0, 0.0, 0.0]; joints.len()];
+        rot[thigh] = [half.cos(), half.sin(), 0.0, 0.0];
+        json!({"root_t": [0.0, 0.0, 0.02 * k], "rot": rot})
+    };
+    let frames = [0.0, 1.0, 2.0].map(frame);
+    json!({"fps": 30, "joints": joints, "frames": frames})
+}
+
+const ANIMATE: &str =
+    "animate --body doll/body_clean.ply doll/trousers.ply --motion doll/motion.json";
+
+#[test]
+fn a_knee_is_lifted_in_clean_frames_that_point_caches_hold() {
+    let folder = scene();
+    let run = folder.ifg(&format!("{ANIMATE} --out moved --strict --meshes")).expect(0);
+    for words in ["3 frames: 3 clean, 3 clean everywhere", "Weights taken from the body: trousers"]
+    {
+        assert!(run.stdout.contains(words), "{words}\n{}", run.stdout);
+    }
+    let report: Value = serde_json::from_slice(&folder.read("moved/report.json")).unwrap();
+    let frames = report["report"]["frames"].as_array().unwrap();
+    assert!(frames[0]["pairs_before"].as_u64().unwrap() > 0);
+    assert!(frames.iter().all(|f| f["pairs"] == 0 && f["new_own_pairs"] == 0 && f["inside"] == 0));
+    // The last frame of the cache is the mesh of the last frame, and that is clean by `check`.
+    let mesh = read_path(&folder.path("moved/meshes/000002/trousers.ply")).unwrap().mesh;
+    let cache = folder.read("moved/trousers.pc2");
+    let n = mesh.vertices().len();
+    assert_eq!(cache.len(), 32 + 3 * 12 * n);
+    let last = cache[32 + 2 * 12 * n..].chunks_exact(4);
+    let numbers: Vec<f64> =
+        last.map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap()))).collect();
+    let stored: Vec<f64> = mesh.vertices().iter().flat_map(|p| [p.x, p.y, p.z]).collect();
+    assert_eq!(numbers, stored);
+    folder
+        .ifg("check --strict --body moved/meshes/000002/body_clean.ply moved/meshes/000002/trousers.ply")
+        .expect(0);
+    for picture in ["moved/motion.png", "moved/strip.png"] {
+        assert_eq!(&folder.read(picture)[1..4], b"PNG");
+    }
+    // Done frames are kept, and give the same bytes.
+    let again = folder.ifg(&format!("{ANIMATE} --out moved --no-pictures")).expect(0);
+    assert!(again.stdout.contains("3 frames kept from an earlier run"), "{}", again.stdout);
+    assert_eq!(folder.read("moved/trousers.pc2"), cache);
+}
+
+#[test]
+fn motions_and_weights_that_do_not_fit_are_errors_that_name_them() {
+    let folder = scene();
+    let fails = |options: &str, words: &str| {
+        let run = folder.ifg(&format!("{ANIMATE} --out moved {options}")).expect(2);
+        assert!(run.stderr.contains(words), "{words}\n{}", run.stderr);
+        assert!(!folder.path("moved/report.json").exists());
+    };
+    let changed = |change: &dyn Fn(&mut Value)| {
+        let mut other = motion();
+        change(&mut other);
+        write(&folder, &other);
+    };
+    changed(&|m| m["joints"][3] = json!("wing"));
+    fails("", "joint 3 of the motion is `wing`");
+    changed(&|m| m["frames"] = json!([]));
+    fails("", "the motion has no frames");
+    changed(&|m| m["frames"][1]["rot"] = json!([[1, 0, 0, 0]]));
+    fails("", "frame 1 of the motion: the pose has 1 rotations for 13 joints");
+    changed(&|m| m["frames"][2]["rot"][4] = json!([0, 0, 0, 0]));
+    fails("", "frame 2 of the motion: rotation 4");
+    std::fs::write(folder.path("doll/motion.json"), r#"{"joints": [], "frames": NaN}"#).unwrap();
+    fails("", "docs/animate.md");
+    write(&folder, &motion());
+    fails("--skeleton missing.json", "missing.json");
+    fails("--scale 0.01", "frames are in metres");
+    fails("--every 0", "0");
+    folder
+        .ifg("animate --body doll/trousers.ply doll/trousers.ply --motion doll/motion.json --out moved")
+        .expect(2);
+    let bare = PlyMesh::new(read_path(&folder.path("doll/body_clean.ply")).unwrap().mesh);
+    let path = folder.path("doll/bare.ply");
+    write_path(&bare, bare.mesh.vertices(), &WriteParams::default(), &path).unwrap();
+    let run = folder
+        .ifg("animate --body doll/bare.ply doll/trousers.ply --motion doll/motion.json --out moved")
+        .expect(2);
+    assert!(run.stderr.contains("layer `bare`"), "{}", run.stderr);
+}

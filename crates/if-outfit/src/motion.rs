@@ -1,0 +1,31 @@
+//! Outfits in motion: a clean outfit follows its skinned targets from one clean state to the next.
+//!
+//! A [`Walker`] holds body and garments in one problem. For a path of targets, such as the skinned
+//! positions between two poses, it repeats:
+//!
+//! ```text
+//! C = vertex–triangle and edge–edge pairs near in the last clean state, directions turned with the target
+//! x = target + u,  u = argmin E(u)  subject to  n · Σ cᵢ xᵢ ≥ gap for all of C
+//! x has intersecting pairs: hold these triangles apart as well, solve again; then halve the step
+//! else: accept x
+//! ```
+//!
+//! No accepted state has an intersecting pair that the rest state does not have, so a walk can end
+//! at any step. Targets come from the caller: this module sees no skeleton.
+
+mod contact;
+mod equilibrium;
+mod params;
+mod proof;
+mod scene;
+mod snapshot;
+mod turn;
+mod walk;
+
+#[cfg(test)]
+mod tests;
+
+pub use params::WalkParams;
+pub use proof::Proof;
+pub use snapshot::SnapshotError;
+pub use walk::{WalkError, Walked, Walker};

@@ -1,0 +1,174 @@
+use super::*;
+use crate::outfit::{Layer, Outfit};
+use if_core::math::{Point, Real, Vector};
+use if_core::mesh::TriMesh;
+use if_core::monitor::{Cancelled, Monitor, Progress, Silent};
+use if_core::shapes::meshes::{icosphere, tube};
+use nalgebra::Rotation3;
+
+fn outfit(body: TriMesh, garments: Vec<TriMesh>) -> Outfit {
+    let garment = |(k, mesh)| Layer::new(format!("garment {k}"), mesh);
+    let garments = garments.into_iter().enumerate().map(garment).collect();
+    Outfit::new(Layer::new("body", body), garments).unwrap()
+}
+
+/// A closed arm along y with its elbow at y = 0, and a sleeve over it.
+fn arm() -> Outfit {
+    let shifted = |mesh: TriMesh, by: Real| {
+        let moved = mesh.vertices().iter().map(|p| p + Vector::y() * by).collect();
+        mesh.with_vertices(moved).unwrap()
+    };
+    let skin = shifted(tube(0.05, 0.6, 16, 24, true), -0.3);
+    let sleeve = shifted(tube(0.056, 0.4, 16, 16, false), -0.2);
+    outfit(skin, vec![sleeve])
+}
+
+/// The arm bent by `angle`, with weights that change over 4 cm.
+fn bent(points: &[Point], angle: Real) -> Vec<Point> {
+    let turn = Rotation3::from_axis_angle(&Vector::z_axis(), angle);
+    let bend = |p: &Point| {
+        let share = (0.5 + p.y / 0.08).clamp(0.0, 1.0);
+        p + (turn * p - p) * share
+    };
+    points.iter().map(bend).collect()
+}
+
+const BENT: Real = 2.4;
+
+fn largest(a: &[Point], b: &[Point]) -> Real {
+    a.iter().zip(b).map(|(a, b)| (b - a).norm()).fold(0.0, Real::max)
+}
+
+#[test]
+fn an_arm_that_bends_into_itself_yields_and_its_sleeve_with_it() {
+    let mut walker = Walker::new(&arm(), WalkParams::default()).unwrap();
+    let rest = walker.rest().to_vec();
+    let target = bent(&rest, BENT);
+    let before = walker.prove(&target).unwrap();
+    assert!(before.own_pairs[0] > 10 && before.new_own_pairs > 20, "{before:?}");
+    let walked = walker.walk(24, &|t| bent(&rest, t * BENT), &mut Silent).unwrap();
+    assert_eq!((walked.reached, walked.unresolved.len()), (1.0, 0));
+    let after = walker.prove(walker.positions()).unwrap();
+    assert_eq!(after, Proof { own_pairs: vec![0, 0], ..Proof::default() });
+    // Hand and shoulder are where they were to be; the elbow is not.
+    let moved: Vec<Real> =
+        walker.positions().iter().zip(&target).map(|(a, b)| (a - b).norm()).collect();
+    let far = (0..rest.len()).filter(|v| rest[*v].y.abs() > 0.25);
+    assert!(far.map(|v| moved[v]).fold(0.0, Real::max) < 2e-3);
+    assert!(largest(walker.positions(), &target) > 5e-3);
+    // Pushed straight, nothing is displaced any more.
+    let walked = walker.walk(24, &|t| bent(&rest, (1.0 - t) * BENT), &mut Silent).unwrap();
+    assert_eq!(walked.reached, 1.0);
+    assert!(largest(walker.positions(), &rest) < 1e-3, "{}", largest(walker.positions(), &rest));
+}
+
+#[test]
+fn a_garment_that_shrinks_into_the_body_stays_outside_and_moves_more_than_it() {
+    let outfit = outfit(icosphere(0.5, 3), vec![icosphere(0.505, 3)]);
+    let mut walker = Walker::new(&outfit, WalkParams::default()).unwrap();
+    let rest = walker.rest().to_vec();
+    let n = walker.layer(&rest, 0).len();
+    let shrunk = |t: Real| {
+        let garment = rest[n..].iter().map(|p| p * (1.0 - 0.02 * t));
+        rest[..n].iter().copied().chain(garment).collect::<Vec<_>>()
+    };
+    let target = shrunk(1.0);
+    let before = walker.prove(&target).unwrap();
+    assert_eq!(before.inside, n, "no pair intersects, and all vertices are on the wrong side");
+    walker.walk(4, &shrunk, &mut Silent).unwrap();
+    assert_eq!(walker.prove(walker.positions()).unwrap().inside, 0);
+    assert_eq!(walker.pairs(walker.positions()).unwrap(), 0);
+    let [body, garment] = [0, 1].map(|layer| {
+        largest(walker.layer(walker.positions(), layer), walker.layer(&target, layer))
+    });
+    assert!(garment > 4.0 * body && body > 0.0, "{body} {garment}");
+}
+
+#[test]
+fn layers_that_nearly_touch_are_moved_apart_at_rest() {
+    let outfit = outfit(icosphere(0.5, 3), vec![icosphere(0.50001, 3)]);
+    let walker = Walker::new(&outfit, WalkParams::default()).unwrap();
+    let [body, garment] = [0, 1].map(|layer| walker.layer(walker.rest(), layer));
+    for (a, b) in body.iter().zip(garment) {
+        let gap = (b - a).norm();
+        assert!((0.8e-3..1.5e-3).contains(&gap), "{gap}");
+    }
+}
+
+#[test]
+fn a_walk_from_a_snapshot_has_the_same_bits() {
+    let mut walker = Walker::new(&arm(), WalkParams::default()).unwrap();
+    let rest = walker.rest().to_vec();
+    walker.walk(12, &|t| bent(&rest, t * 1.8), &mut Silent).unwrap();
+    let snapshot = walker.snapshot();
+    let mut other = Walker::new(&arm(), WalkParams::default()).unwrap();
+    other.restore(&snapshot).unwrap();
+    let on = |walker: &mut Walker| {
+        walker.walk(4, &|t| bent(&rest, 1.8 + 0.6 * t), &mut Silent).unwrap();
+        walker.positions().to_vec()
+    };
+    assert_eq!(on(&mut walker), on(&mut other));
+    // Bytes that are cut off or changed are errors, and nothing moves.
+    for bytes in [&snapshot[..snapshot.len() - 1], &snapshot[1..], &[]] {
+        assert!(other.restore(bytes).is_err());
+    }
+    let mut changed = snapshot.clone();
+    changed[16..24].copy_from_slice(&Real::NAN.to_le_bytes());
+    assert!(other.restore(&changed).unwrap_err().to_string().contains("not finite"));
+}
+
+#[test]
+fn invalid_states_are_typed_errors() {
+    let shell = |radius| icosphere(radius, 2);
+    let crossing = outfit(shell(0.5), vec![tube(0.3, 0.9, 12, 4, false)]);
+    let error = Walker::new(&crossing, WalkParams::default()).unwrap_err();
+    assert!(matches!(error, WalkError::NotClean { layers: [0, 1], .. }), "{error}");
+    let clean = outfit(shell(0.5), vec![shell(0.51)]);
+    let error = Walker::new(&clean, WalkParams { gap: -1.0, ..WalkParams::default() });
+    assert!(matches!(error, Err(WalkError::Parameter(_))));
+    let mut walker = Walker::new(&clean, WalkParams::default()).unwrap();
+    let rest = walker.rest().to_vec();
+    let mut broken = rest.clone();
+    broken[7].x = Real::NAN;
+    let (got, expected) = (7, rest.len());
+    let error = walker.walk(1, &|_| broken.clone(), &mut Silent);
+    assert_eq!(error, Err(WalkError::Target { got, expected }));
+    assert!(matches!(walker.restart(rest[1..].to_vec()), Err(WalkError::Target { .. })));
+    struct Stop;
+    impl Monitor for Stop {
+        fn report(&mut self, _: &Progress<'_>) -> Result<(), Cancelled> {
+            Err(Cancelled)
+        }
+    }
+    let error = walker.walk(1, &|_| rest.clone(), &mut Stop);
+    assert_eq!(error, Err(WalkError::Cancelled(Cancelled)));
+}
+
+#[test]
+fn doubled_vertices_of_a_seam_move_as_one() {
+    // The sleeve cut open along y: its seam has two columns of vertices.
+    let mut layers = arm();
+    let sleeve = layers.garments[0].mesh.clone();
+    let (mut vertices, mut triangles) = (sleeve.vertices().to_vec(), sleeve.triangles().to_vec());
+    let is_seam = |p: &Point| p.z.abs() < 1e-9 && p.x > 0.0;
+    let doubled: Vec<u32> =
+        (0..vertices.len() as u32).filter(|v| is_seam(&sleeve.vertices()[*v as usize])).collect();
+    assert_eq!(doubled.len(), 17);
+    for t in &mut triangles {
+        let middle = t.iter().map(|v| sleeve.vertices()[*v as usize].z).sum::<Real>();
+        for v in t.iter_mut().filter(|_| middle > 0.0) {
+            if let Some(k) = doubled.iter().position(|d| d == v) {
+                *v = (sleeve.vertices().len() + k) as u32;
+            }
+        }
+    }
+    vertices.extend(doubled.iter().map(|v| sleeve.vertices()[*v as usize]));
+    layers.garments[0].mesh = TriMesh::new(vertices, triangles).unwrap();
+    let mut walker = Walker::new(&layers, WalkParams::default()).unwrap();
+    let rest = walker.rest().to_vec();
+    walker.walk(8, &|t| bent(&rest, t * 1.2), &mut Silent).unwrap();
+    let now = walker.layer(walker.positions(), 1);
+    for (k, v) in doubled.iter().enumerate() {
+        assert_eq!(now[*v as usize], now[sleeve.vertices().len() + k]);
+    }
+}

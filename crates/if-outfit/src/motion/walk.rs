@@ -1,0 +1,438 @@
+//! Walking: from one clean state to the next, each verified exactly.
+
+use super::contact::{Contact, Search};
+use super::equilibrium::{Multipliers, solve};
+use super::params::WalkParams;
+use super::proof::{Proof, prove};
+use super::scene::Scene;
+use super::turn::{turned, turns};
+use crate::findings::new_pairs;
+use crate::outfit::{Outfit, OutfitError};
+use crate::storage::Storage;
+use if_core::math::{Point, Real, Vector};
+use if_core::mesh::TriMesh;
+use if_core::monitor::{Cancelled, Monitor, Progress};
+use if_core::parameter::ParameterError;
+use if_mesh::index::Bvh;
+use if_mesh::intersections::own_pairs;
+use nalgebra::Matrix3;
+use std::collections::BTreeMap;
+
+/// A motion cannot be followed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum WalkError {
+    /// The outfit is invalid.
+    #[error(transparent)]
+    Outfit(#[from] OutfitError),
+    /// A parameter is out of range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// Layers of the rest state intersect.
+    #[error(
+        "{pairs} triangle pairs of the layers intersect in the rest state, triangles {triangles:?} of layers {layers:?} first; resolve the outfit before it moves"
+    )]
+    NotClean {
+        /// Number of pairs between layers.
+        pairs: usize,
+        /// The first of them.
+        triangles: [u32; 2],
+        /// The layers of the first pair; 0 is the body.
+        layers: [usize; 2],
+    },
+    /// The target has the wrong number of positions, or one that is not finite.
+    #[error(
+        "the target state has {got} finite positions before the first invalid one, of {expected}; give one for each vertex of all layers, the body first"
+    )]
+    Target {
+        /// Leading positions that are finite.
+        got: usize,
+        /// Vertices of all layers.
+        expected: usize,
+    },
+    /// The monitor cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+/// How far a walk came.
+#[derive(Clone, Debug, PartialEq, Default)]
+#[non_exhaustive]
+pub struct Walked {
+    /// Share of the path: 1 if its end was reached, and less if no smaller step was clean.
+    pub reached: Real,
+    /// Steps that were accepted.
+    pub steps: usize,
+    /// Steps that were halved.
+    pub halved: usize,
+    /// Solves of all steps.
+    pub solves: usize,
+    /// Sweeps of all solves.
+    pub sweeps: usize,
+    /// Contacts of the last solve.
+    pub contacts: usize,
+    /// Intersecting triangle pairs of the last step that was not accepted, with their layers (0 is
+    /// the body) and triangles there; empty if the end was reached.
+    pub unresolved: Vec<[(usize, u32); 2]>,
+}
+
+/// An outfit that follows a motion, free of intersections at each step.
+///
+/// Body and garments are solved in one problem, so that the body yields where it meets itself. All
+/// states are rounded to single precision before they are verified.
+#[derive(Debug)]
+pub struct Walker {
+    pub(super) scene: Scene,
+    params: WalkParams,
+    /// The rest state, with layers a little apart.
+    pub(super) rest: Vec<Point>,
+    /// Own pairs of the rest state, which may stay.
+    tolerated: Vec<[u32; 2]>,
+    /// What the current state follows.
+    pub(super) target: Vec<Point>,
+    pub(super) clean: Clean,
+    pub(super) multipliers: Multipliers,
+    /// Pairs of triangles that intersected in solves of the last steps: how often, and for how many
+    /// steps more they are held apart.
+    pub(super) met: Met,
+}
+
+pub(super) type Met = BTreeMap<[u32; 2], (u32, u32)>;
+
+/// Steps for which triangles that intersected are held apart.
+const KEPT: u32 = 12;
+
+/// A verified state.
+#[derive(Debug)]
+pub(super) struct Clean {
+    pub(super) x: Vec<Point>,
+    pub(super) tree: Bvh,
+}
+
+/// A step that was tried.
+struct Attempt {
+    x: Vec<Point>,
+    tree: Bvh,
+    /// Pairs that are not tolerated.
+    pairs: Vec<[u32; 2]>,
+    multipliers: Multipliers,
+    met: Met,
+    solves: usize,
+    sweeps: usize,
+    contacts: usize,
+}
+
+/// Times that the opening of the rest state is tried with other gaps.
+const OPENINGS: usize = 10;
+
+impl Walker {
+    /// Takes an outfit whose layers do not intersect, and moves layers that lie nearer than [`WalkParams::gap`] apart, as far as there is room. Own pairs of layers may
+    /// stay.
+    ///
+    /// # Errors
+    ///
+    /// An invalid outfit or parameter, or layers that intersect.
+    pub fn new(outfit: &Outfit, params: WalkParams) -> Result<Self, WalkError> {
+        params.validate()?;
+        outfit.check()?;
+        let scene = Scene::new(outfit, &params);
+        let x = Storage::F32.round(scene.mesh.vertices());
+        let mesh = scene.mesh.with_vertices(x.clone()).expect("a mesh in metres stays finite");
+        let tree = Bvh::new(&mesh);
+        let tolerated = pairs_of(&mesh, &tree);
+        let layers = |pair: &[u32; 2]| pair.map(|t| scene.local_triangle(t));
+        let between: Vec<_> = tolerated.iter().map(layers).filter(|[a, b]| a.0 != b.0).collect();
+        if let Some([a, b]) = between.first() {
+            return Err(WalkError::NotClean {
+                pairs: between.len(),
+                triangles: [a.1, b.1],
+                layers: [a.0, b.0],
+            });
+        }
+        let mut walker = Self {
+            rest: x.clone(),
+            target: x.clone(),
+            clean: Clean { x, tree },
+            multipliers: Multipliers::default(),
+            met: Met::new(),
+            scene,
+            params,
+            tolerated,
+        };
+        walker.open();
+        Ok(walker)
+    }
+
+    /// Moves layers apart in the rest state. Where a whole gap is not clean, less is kept.
+    fn open(&mut self) {
+        let mut share = 1.0;
+        for _ in 0..OPENINGS {
+            let target = self.target.clone();
+            let attempt = self.attempt(&target, share * self.params.gap);
+            tracing::debug!(
+                share,
+                pairs = attempt.pairs.len(),
+                contacts = attempt.contacts,
+                "opening"
+            );
+            if attempt.pairs.is_empty() {
+                self.accept(attempt, target);
+                if share == 1.0 {
+                    break;
+                }
+                share = (2.0 * share).min(1.0);
+            } else {
+                share *= 0.5;
+            }
+        }
+        self.rest = self.clean.x.clone();
+        self.target = self.rest.clone();
+        self.multipliers = Multipliers::default();
+        self.met.clear();
+    }
+
+    /// The rest state, the body first: what targets are computed from.
+    pub fn rest(&self) -> &[Point] {
+        &self.rest
+    }
+
+    /// The current state, the body first.
+    pub fn positions(&self) -> &[Point] {
+        &self.clean.x
+    }
+
+    /// The positions of one layer, 0 for the body, in `positions` of all.
+    ///
+    /// # Panics
+    ///
+    /// If there are fewer positions than vertices, or no such layer.
+    pub fn layer<'a>(&self, positions: &'a [Point], layer: usize) -> &'a [Point] {
+        self.scene.of_layer(positions, layer)
+    }
+
+    /// Intersecting triangle pairs of `positions`, which the rest state does not have.
+    ///
+    /// # Errors
+    ///
+    /// [`WalkError::Target`].
+    pub fn pairs(&self, positions: &[Point]) -> Result<usize, WalkError> {
+        let mesh = self.mesh(positions)?;
+        Ok(new_pairs(&pairs_of(&mesh, &Bvh::new(&mesh)), &self.tolerated).len())
+    }
+
+    /// `target` with the displacements of the current state from its own target, turned along: a
+    /// guess that need not be clean.
+    ///
+    /// # Errors
+    ///
+    /// [`WalkError::Target`].
+    pub fn carried(&self, target: &[Point]) -> Result<Vec<Point>, WalkError> {
+        self.check(target)?;
+        let turns = turns(&self.scene, &self.target, target);
+        let mut x = Storage::F32.round(&self.predicted(target, &turns));
+        self.scene.copy_doubled(&mut x);
+        Ok(x)
+    }
+
+    /// The displacements of `positions` from `target`, in the frames that the surface has in the
+    /// rest state: comparable between poses.
+    ///
+    /// # Errors
+    ///
+    /// [`WalkError::Target`].
+    pub fn local_displacements(
+        &self,
+        target: &[Point],
+        positions: &[Point],
+    ) -> Result<Vec<Vector>, WalkError> {
+        self.check(target)?;
+        self.check(positions)?;
+        let back = turns(&self.scene, target, &self.rest);
+        let one = |((t, p), turn): ((&Point, &Point), &_)| turned(turn, &(p - t));
+        Ok(target.iter().zip(positions).zip(&back).map(one).collect())
+    }
+
+    /// Verifies `positions` exactly.
+    ///
+    /// # Errors
+    ///
+    /// [`WalkError::Target`].
+    pub fn prove(&self, positions: &[Point]) -> Result<Proof, WalkError> {
+        self.check(positions)?;
+        Ok(prove(&self.scene, positions, &self.tolerated))
+    }
+
+    /// Goes back to the rest state, moved as a whole: `target` is the rest state after a rotation
+    /// and translation.
+    ///
+    /// # Errors
+    ///
+    /// [`WalkError::Target`].
+    pub fn restart(&mut self, target: Vec<Point>) -> Result<(), WalkError> {
+        let mut x = Storage::F32.round(&target);
+        self.scene.copy_doubled(&mut x);
+        let tree = Bvh::new(&self.mesh(&x)?);
+        self.clean = Clean { x, tree };
+        self.target = target;
+        self.multipliers = Multipliers::default();
+        self.met.clear();
+        Ok(())
+    }
+
+    /// Follows the `path` of targets, from the current one at 0 to 1, in `steps` steps or smaller
+    /// ones.
+    ///
+    /// If a step does not end clean after it was halved [`WalkParams::halvings`] times, the walk
+    /// ends early, in the last clean state.
+    ///
+    /// # Errors
+    ///
+    /// An invalid target, or the monitor cancelled.
+    pub fn walk(
+        &mut self,
+        steps: usize,
+        path: &dyn Fn(Real) -> Vec<Point>,
+        monitor: &mut dyn Monitor,
+    ) -> Result<Walked, WalkError> {
+        let largest = 1.0 / steps.max(1) as Real;
+        let least = largest * 0.5_f64.powi(self.params.halvings as i32);
+        let (mut walked, mut step) = (Walked::default(), largest);
+        while walked.reached < 1.0 {
+            let left = 1.0 - walked.reached;
+            // No last step is a small rest.
+            let to = if step > 0.999 * left { 1.0 } else { walked.reached + step };
+            let target = path(to);
+            self.check(&target)?;
+            let attempt = self.attempt(&target, 0.0);
+            walked.solves += attempt.solves;
+            walked.sweeps += attempt.sweeps;
+            walked.contacts = attempt.contacts;
+            let pairs = attempt.pairs.len();
+            tracing::debug!(
+                to,
+                pairs,
+                contacts = attempt.contacts,
+                sweeps = attempt.sweeps,
+                solves = attempt.solves,
+                "step"
+            );
+            monitor.report(&Progress {
+                done: walked.steps,
+                measures: &[("reached", walked.reached), ("pairs", pairs as Real)],
+                ..Progress::stage("walk")
+            })?;
+            if pairs == 0 {
+                self.accept(attempt, target);
+                walked.reached = to;
+                walked.steps += 1;
+                step = (2.0 * step).min(largest);
+                continue;
+            }
+            walked.halved += 1;
+            step = 0.5 * (to - walked.reached);
+            if step < 0.999 * least {
+                walked.unresolved =
+                    attempt.pairs.iter().map(|p| p.map(|t| self.scene.local_triangle(t))).collect();
+                break;
+            }
+        }
+        Ok(walked)
+    }
+
+    fn accept(&mut self, attempt: Attempt, target: Vec<Point>) {
+        self.clean = Clean { x: attempt.x, tree: attempt.tree };
+        self.multipliers = attempt.multipliers;
+        self.met = attempt.met;
+        self.met.retain(|_, (times, left)| {
+            // A gap that was needed once need not stay.
+            *times /= 2;
+            *left -= 1;
+            *left > 0
+        });
+        self.target = target;
+    }
+
+    fn check(&self, target: &[Point]) -> Result<(), WalkError> {
+        let expected = self.rest.len();
+        let finite = |p: &Point| p.iter().all(|x| x.is_finite());
+        let got = target.iter().take_while(|p| finite(p)).count();
+        if got == expected && target.len() == expected {
+            Ok(())
+        } else {
+            Err(WalkError::Target { got, expected })
+        }
+    }
+
+    fn mesh(&self, positions: &[Point]) -> Result<TriMesh, WalkError> {
+        self.check(positions)?;
+        let expected = self.rest.len();
+        let mesh = self.scene.mesh.with_vertices(positions.to_vec());
+        mesh.map_err(|_| WalkError::Target { got: 0, expected })
+    }
+
+    fn predicted(&self, target: &[Point], turns: &[Matrix3<Real>]) -> Vec<Point> {
+        (0..target.len())
+            .map(|v| target[v] + turned(&turns[v], &(self.clean.x[v] - self.target[v])))
+            .collect()
+    }
+
+    /// Goes towards `target`: contacts along directions of the last clean state, a solve, exact
+    /// verification; then again with what intersects held apart.
+    fn attempt(&self, target: &[Point], opening: Real) -> Attempt {
+        let Self { scene, params, clean, .. } = self;
+        let turns = turns(scene, &self.target, target);
+        let predicted = self.predicted(target, &turns);
+        let search = Search {
+            scene,
+            params,
+            rest: &self.rest,
+            opening,
+            clean: &clean.x,
+            tree: &clean.tree,
+            turns: &turns,
+            predicted: &predicted,
+            tolerated: &self.tolerated,
+        };
+        let near = search.contacts();
+        let mut multipliers = self.multipliers.clone();
+        multipliers.turn(scene, &turns);
+        let mut met = self.met.clone();
+        let (mut solves, mut sweeps, mut x) = (0, 0, Vec::new());
+        loop {
+            let mut contacts: Vec<Contact> = near.clone();
+            for (pair, (times, _)) in &met {
+                search.separation(*pair, *times, &mut contacts);
+            }
+            let solved = solve(scene, target, &contacts, &mut multipliers, (params.sweeps, &mut x));
+            solves += 1;
+            sweeps += solved.sweeps;
+            scene.copy_doubled(&mut x);
+            let rounded = Storage::F32.round(&x);
+            let mesh = scene.mesh.with_vertices(rounded).expect("solutions are finite");
+            let tree = Bvh::new(&mesh);
+            let pairs = new_pairs(&pairs_of(&mesh, &tree), &self.tolerated);
+            tracing::debug!(
+                pairs = pairs.len(),
+                contacts = contacts.len(),
+                sweeps = solved.sweeps,
+                violation = solved.violation,
+                "solve"
+            );
+            if pairs.is_empty() || solves >= params.solves {
+                let x = mesh.vertices().to_vec();
+                let contacts = contacts.len();
+                return Attempt { x, tree, pairs, multipliers, met, solves, sweeps, contacts };
+            }
+            for pair in pairs {
+                met.entry(pair)
+                    .and_modify(|(times, left)| (*times, *left) = (*times + 1, KEPT))
+                    .or_insert((0, KEPT));
+            }
+        }
+    }
+}
+
+/// All intersecting triangle pairs of a mesh, sorted.
+fn pairs_of(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
+    own_pairs(mesh, tree).iter().map(|p| [p.a, p.b]).collect()
+}

@@ -1,0 +1,47 @@
+//! The error of animations.
+
+use super::outfit::SkinFault;
+use if_body::PoseError;
+use if_core::monitor::Cancelled;
+use if_core::parameter::ParameterError;
+use if_outfit::motion::WalkError;
+use std::io;
+use std::path::PathBuf;
+
+/// An outfit cannot follow a motion.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages say what the fields are
+pub enum AnimateError {
+    /// Skinning weights are missing or invalid.
+    #[error(transparent)]
+    Skin(#[from] SkinFault),
+    /// A pose does not belong to the skeleton.
+    #[error("frame {frame} of the motion: {source}")]
+    Pose { frame: usize, source: PoseError },
+    /// A parameter is out of range.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The outfit is invalid, or not clean at rest.
+    #[error(transparent)]
+    Walk(WalkError),
+    /// A file of a frame cannot be read or written.
+    #[error("{}: {source}", path.display())]
+    Io { path: PathBuf, source: io::Error },
+    /// A frame was changed while it was in use.
+    #[error("{}: the file was changed since it was written; remove it and run again", path.display())]
+    Changed { path: PathBuf },
+    /// The monitor cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+}
+
+impl From<WalkError> for AnimateError {
+    fn from(error: WalkError) -> Self {
+        match error {
+            WalkError::Cancelled(cancelled) => Self::Cancelled(cancelled),
+            WalkError::Parameter(parameter) => Self::Parameter(parameter),
+            error => Self::Walk(error),
+        }
+    }
+}

@@ -1,0 +1,229 @@
+//! Frames on disk: each as one file, whole or not at all, and the state from which the next follows.
+//!
+//! A file is a line of JSON, with the digest of what the frame was computed from, and positions in
+//! single precision.
+
+use super::animator::{AnimateParams, Animator};
+use super::error::AnimateError;
+use super::outfit::SkinnedOutfit;
+use super::report::FrameReport;
+use if_body::{Motion, Pose};
+use if_core::math::{Point, Real, Vector};
+use if_core::nalgebra::{Quaternion, UnitQuaternion};
+use if_outfit::digest::digest;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// The frames of an animation that are done.
+#[derive(Debug)]
+pub struct Frames {
+    folder: PathBuf,
+    request: String,
+    rows: Vec<FrameReport>,
+    points: usize,
+}
+
+/// The first line of a frame.
+#[derive(Serialize, Deserialize)]
+struct FrameHead {
+    request: String,
+    sha256: String,
+    row: FrameReport,
+}
+
+/// The first line of the state.
+#[derive(Serialize, Deserialize)]
+struct StateHead {
+    request: String,
+    sha256: String,
+    /// The frame after which it was written.
+    frame: usize,
+    root: [Real; 3],
+    /// (w, x, y, z) of each joint.
+    rotations: Vec<[Real; 4]>,
+}
+
+const STATE: &str = "state.bin";
+
+impl Frames {
+    /// The frames in `folder`, which is created, that belong to this outfit, motion and parameters.
+    ///
+    /// # Errors
+    ///
+    /// A folder that cannot be made.
+    pub(super) fn open(
+        folder: &Path,
+        outfit: &SkinnedOutfit,
+        motion: &Motion,
+        params: &AnimateParams,
+    ) -> Result<Self, AnimateError> {
+        std::fs::create_dir_all(folder)
+            .map_err(|source| AnimateError::Io { path: folder.into(), source })?;
+        let points = outfit.skin().len();
+        let request = request(outfit, motion, params);
+        Ok(Self { folder: folder.into(), request, rows: Vec::new(), points })
+    }
+
+    /// Takes over frames from the first on, as far as they and the state after them are there and
+    /// unchanged, and brings the animator to that state.
+    pub(super) fn resume(&mut self, animator: &mut Animator<'_>) -> Result<(), AnimateError> {
+        let Some((state, snapshot)) = read::<StateHead>(&self.folder.join(STATE)) else {
+            return Ok(());
+        };
+        if state.request != self.request || state.sha256 != digest(&snapshot).sha256 {
+            return Ok(());
+        }
+        let mut rows = Vec::new();
+        let mut last = Vec::new();
+        for frame in 0..=state.frame {
+            let Some((row, positions)) = self.stored(frame) else { return Ok(()) };
+            rows.push(row);
+            last = positions;
+        }
+        let rotation =
+            |q: &[Real; 4]| UnitQuaternion::new_unchecked(Quaternion::new(q[0], q[1], q[2], q[3]));
+        let pose = Pose {
+            root_translation: Vector::from(state.root),
+            rotations: state.rotations.iter().map(rotation).collect(),
+        };
+        if animator.resume(state.frame, pose, &snapshot, &last) {
+            self.rows = rows;
+        }
+        Ok(())
+    }
+
+    /// Stores the next frame, and the state after it.
+    pub(super) fn push(
+        &mut self,
+        positions: &[Point],
+        row: FrameReport,
+        animator: &Animator<'_>,
+    ) -> Result<(), AnimateError> {
+        let frame = self.rows.len();
+        let bytes: Vec<u8> = positions
+            .iter()
+            .flat_map(|p| [p.x, p.y, p.z])
+            .flat_map(|x| (x as f32).to_le_bytes())
+            .collect();
+        let head = FrameHead {
+            request: self.request.clone(),
+            sha256: digest(&bytes).sha256,
+            row: row.clone(),
+        };
+        write(&self.path(frame), &head, &bytes)?;
+        let snapshot = animator.walker().snapshot();
+        let head = StateHead {
+            request: self.request.clone(),
+            sha256: digest(&snapshot).sha256,
+            frame,
+            root: animator.pose.root_translation.into(),
+            rotations: animator.pose.quaternions(),
+        };
+        write(&self.folder.join(STATE), &head, &snapshot)?;
+        self.rows.push(row);
+        Ok(())
+    }
+
+    fn path(&self, frame: usize) -> PathBuf {
+        self.folder.join(format!("{frame:06}.frame"))
+    }
+
+    /// A frame, if it is there, of this request and unchanged.
+    fn stored(&self, frame: usize) -> Option<(FrameReport, Vec<Point>)> {
+        let (head, bytes) = read::<FrameHead>(&self.path(frame))?;
+        let fits = head.request == self.request
+            && head.row.frame == frame
+            && bytes.len() == 12 * self.points
+            && head.sha256 == digest(&bytes).sha256;
+        let single =
+            |b: &[u8]| Real::from(f32::from_le_bytes(b.try_into().expect("chunks of four")));
+        let points: Vec<Point> = bytes
+            .chunks_exact(12)
+            .map(|b| Point::new(single(&b[..4]), single(&b[4..8]), single(&b[8..])))
+            .collect();
+        (fits && points.iter().all(|p| p.iter().all(|x| x.is_finite())))
+            .then_some((head.row, points))
+    }
+
+    /// Rows of all frames that are done.
+    pub fn rows(&self) -> &[FrameReport] {
+        &self.rows
+    }
+
+    /// Number of frames that are done.
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether none is done.
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// Digest of outfit, motion and parameters.
+    pub fn request(&self) -> &str {
+        &self.request
+    }
+
+    /// The positions of all layers in a frame, the body's first.
+    ///
+    /// # Errors
+    ///
+    /// [`AnimateError::Changed`] if the file is not as it was written.
+    pub fn positions(&self, frame: usize) -> Result<Vec<Point>, AnimateError> {
+        let changed = || AnimateError::Changed { path: self.path(frame) };
+        self.stored(frame).map(|(_, points)| points).ok_or_else(changed)
+    }
+}
+
+/// The digest of all that decides the frames.
+fn request(outfit: &SkinnedOutfit, motion: &Motion, params: &AnimateParams) -> String {
+    let mut bytes = Vec::new();
+    let head = json!({
+        "build": if_outfit::BUILD,
+        "params": params,
+        "fps": motion.frames_per_second,
+        "joints": outfit.skeleton.names().collect::<Vec<_>>(),
+    });
+    bytes.extend(head.to_string().into_bytes());
+    let mut number = |x: Real| bytes.extend(x.to_le_bytes());
+    for joint in outfit.skeleton.joints() {
+        joint.head.iter().for_each(|x| number(*x));
+        number(joint.parent.map_or(-1.0, |p| p as Real));
+    }
+    for pose in &motion.poses {
+        pose.root_translation.iter().for_each(|x| number(*x));
+        pose.quaternions().iter().flatten().for_each(|x| number(*x));
+    }
+    for layer in outfit.outfit.layers() {
+        number(layer.mesh.vertices().len() as Real);
+        layer.mesh.vertices().iter().for_each(|p| p.iter().for_each(|x| number(*x)));
+        layer.mesh.triangles().iter().flatten().for_each(|v| number(Real::from(*v)));
+    }
+    for (joints, weights) in outfit.skin().joints().iter().zip(outfit.skin().weights()) {
+        joints.iter().for_each(|j| number(Real::from(*j)));
+        weights.iter().for_each(|w| number(Real::from(*w)));
+    }
+    digest(&bytes).sha256
+}
+
+/// Writes a line of JSON and bytes, whole or not at all.
+fn write(path: &Path, head: &impl Serialize, bytes: &[u8]) -> Result<(), AnimateError> {
+    if_mesh::atomic::write_file::<io::Error>(path, |file| {
+        file.write_all(&serde_json::to_vec(head)?)?;
+        file.write_all(b"\n")?;
+        file.write_all(bytes)
+    })
+    .map_err(|source| AnimateError::Io { path: path.into(), source })
+}
+
+/// A line of JSON and what follows; `None` if the file is missing or damaged.
+fn read<T: DeserializeOwned>(path: &Path) -> Option<(T, Vec<u8>)> {
+    let mut bytes = std::fs::read(path).ok()?;
+    let end = bytes.iter().position(|b| *b == b'\n')?;
+    let head = serde_json::from_slice(&bytes[..end]).ok()?;
+    Some((head, bytes.split_off(end + 1)))
+}

@@ -1,0 +1,131 @@
+//! Outfits with skinning weights.
+
+use if_body::skinning::{WeightGrid, WeightGridParams, blends, pose_points};
+use if_body::{Pose, PoseError, Skeleton, SkinError, SkinWeights};
+use if_core::math::Point;
+use if_mesh::file::{Content, MeshFile};
+use if_outfit::Outfit;
+
+/// An outfit, its skeleton, and skinning weights of all layers.
+#[derive(Clone, Debug)]
+pub struct SkinnedOutfit {
+    /// Body and garments in the rest pose, in metres, clean.
+    pub outfit: Outfit,
+    /// The joints.
+    pub skeleton: Skeleton,
+    /// The weights of all vertices, the body's first, then the garments', inner to outer.
+    skin: SkinWeights,
+    /// Names of garments whose weights were taken from the body.
+    pub without_weights: Vec<String>,
+}
+
+/// The skinning weights of a layer are missing or invalid.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("layer `{layer}`: {source}")]
+pub struct SkinFault {
+    /// Its name.
+    pub layer: String,
+    /// What is wrong.
+    pub source: SkinError,
+}
+
+impl SkinnedOutfit {
+    /// An outfit with the weights of each layer, the body's first; garments with `None` get theirs
+    /// from the body, diffused into the space around it ([`WeightGrid`]).
+    ///
+    /// # Errors
+    ///
+    /// The body has no weights, weights are not as many as vertices, or a joint is missing.
+    ///
+    /// # Panics
+    ///
+    /// If there is not one entry for each layer.
+    pub fn new(
+        outfit: Outfit,
+        skeleton: Skeleton,
+        skins: Vec<Option<SkinWeights>>,
+    ) -> Result<Self, SkinFault> {
+        let layers: Vec<_> = outfit.layers().collect();
+        assert_eq!(layers.len(), skins.len(), "one entry for each layer");
+        let (mut joints, mut weights) = (Vec::new(), Vec::new());
+        let mut without_weights = Vec::new();
+        let count = skeleton.len();
+        let mut grid: Option<WeightGrid> = None;
+        let mut body: Option<SkinWeights> = None;
+        for (layer, skin) in layers.iter().zip(skins) {
+            let fault = |source| SkinFault { layer: layer.name.clone(), source };
+            let points = layer.mesh.vertices();
+            let skin = match (skin, &body) {
+                (Some(skin), _) => skin,
+                (None, None) => return Err(fault(SkinError::Missing { name: "j0".into() })),
+                (None, Some(body)) => {
+                    without_weights.push(layer.name.clone());
+                    if grid.is_none() {
+                        let surface = layers[0].mesh.vertices();
+                        let params = WeightGridParams::default();
+                        grid = Some(WeightGrid::new(surface, body, count, &params).map_err(fault)?);
+                    }
+                    grid.as_ref().map(|grid| grid.skin(points)).unwrap_or_default()
+                }
+            };
+            skin.check(points.len(), count).map_err(fault)?;
+            joints.extend_from_slice(skin.joints());
+            weights.extend_from_slice(skin.weights());
+            body.get_or_insert(skin);
+        }
+        let fault = |source| SkinFault { layer: layers[0].name.clone(), source };
+        let skin = SkinWeights::new(joints, weights, count).map_err(fault)?;
+        Ok(Self { outfit, skeleton, skin, without_weights })
+    }
+
+    /// The same with weights from the files of the layers, the body's first: vertex properties j0 to
+    /// j3 and w0 to w3 of PLY files. OBJ files have none.
+    ///
+    /// # Errors
+    ///
+    /// As [`SkinnedOutfit::new`], and properties that are invalid.
+    ///
+    /// # Panics
+    ///
+    /// If there is not one file for each layer.
+    pub fn from_files<'a>(
+        outfit: Outfit,
+        skeleton: Skeleton,
+        files: impl Iterator<Item = &'a MeshFile>,
+    ) -> Result<Self, SkinFault> {
+        let read = |(layer, file): (&if_outfit::Layer, &MeshFile)| {
+            let Content::Ply(ply) = file.content() else { return Ok(None) };
+            if ply.vertex_property("j0").is_none() && ply.vertex_property("w0").is_none() {
+                return Ok(None);
+            }
+            let fault = |source| SkinFault { layer: layer.name.clone(), source };
+            SkinWeights::from_ply(ply, skeleton.len()).map(Some).map_err(fault)
+        };
+        let skins = outfit.layers().zip(files).map(read).collect::<Result<Vec<_>, _>>()?;
+        Self::new(outfit, skeleton, skins)
+    }
+
+    /// The weights of all vertices, the body's first.
+    pub fn skin(&self) -> &SkinWeights {
+        &self.skin
+    }
+
+    /// The positions of all layers, the body first.
+    pub fn positions(&self) -> Vec<Point> {
+        self.outfit.layers().flat_map(|layer| layer.mesh.vertices()).copied().collect()
+    }
+
+    /// `points` in a pose, one for each vertex of all layers, by linear blend skinning.
+    ///
+    /// # Errors
+    ///
+    /// A pose of another number of joints.
+    ///
+    /// # Panics
+    ///
+    /// If the points are not as many as the vertices.
+    pub fn posed(&self, points: &[Point], pose: &Pose) -> Result<Vec<Point>, PoseError> {
+        let transforms = self.skeleton.transforms(pose)?;
+        Ok(pose_points(points, &blends(&self.skin, &transforms)))
+    }
+}

@@ -1,0 +1,150 @@
+//! What was found and done in each frame. Lengths are in metres, strains are fractions.
+
+use if_core::math::Real;
+use if_mesh::measure::percentile;
+use serde::{Deserialize, Serialize};
+
+/// Some values in short.
+#[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
+pub struct Spread {
+    /// Their mean.
+    pub mean: Real,
+    /// 99 % are at most this.
+    pub p99: Real,
+    /// The largest.
+    pub max: Real,
+}
+
+impl Spread {
+    /// Of values that are not negative; all zero without values.
+    pub fn of(mut values: Vec<Real>) -> Self {
+        let mean = values.iter().sum::<Real>() / values.len().max(1) as Real;
+        values.sort_unstable_by(Real::total_cmp);
+        Self { mean, p99: percentile(&values, 99.0), max: percentile(&values, 100.0) }
+    }
+}
+
+/// How the body of a frame yields.
+#[derive(Clone, Copy, Debug, PartialEq, Default, Serialize, Deserialize)]
+pub struct Yielding {
+    /// Intersecting triangle pairs of the skinned body with itself.
+    pub own_pairs_before: usize,
+    /// Displacement of its vertices from the skinned ones.
+    pub moved: Spread,
+    /// Area that is displaced by more than 1 mm, as a share of the surface.
+    pub area: Real,
+    /// Largest distance of a vertex that is displaced by more than 1 mm from a triangle where the
+    /// skinned body meets itself, in metres, by corners; `None` if no vertex is displaced so far, or
+    /// the body does not meet itself.
+    pub reach: Option<Real>,
+}
+
+/// One frame.
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct FrameReport {
+    /// Its index in the motion, from 0.
+    pub frame: usize,
+    /// Whether the end of the walk to its pose was reached clean. If not, the frame holds the last
+    /// clean state carried to its pose.
+    pub reached: bool,
+    /// Whether it was reached from the rest pose, and not from the frame before.
+    pub restarted: bool,
+    /// Intersecting triangle pairs of all layers, their own included, after skinning alone; without
+    /// those of the rest pose.
+    pub pairs_before: usize,
+    /// Intersecting triangle pairs between layers.
+    pub pairs: usize,
+    /// Vertices on the wrong side of a layer below, once for each layer.
+    pub inside: usize,
+    /// Intersecting triangle pairs of garments with themselves.
+    pub own_pairs: usize,
+    /// Intersecting triangle pairs of the body with itself.
+    pub body_own_pairs: usize,
+    /// Own pairs, of garments and of the body, that the rest pose does not have.
+    pub new_own_pairs: usize,
+    /// Displacement of the garments' vertices from the skinned ones.
+    pub moved: Spread,
+    /// How the body yields.
+    pub body: Yielding,
+    /// Strain of the garments' edges since the rest pose, 99 % below it; worst garment.
+    pub strain_p99: Real,
+    /// The same after skinning alone.
+    pub strain_p99_skinned: Real,
+    /// Change of the displacement of all vertices since the frame before, in local frames; zero in
+    /// the first frame.
+    pub jitter: Spread,
+    /// Accepted steps of the walk.
+    pub steps: usize,
+    /// Steps that were halved.
+    pub halved: usize,
+    /// Solves of all steps.
+    pub solves: usize,
+    /// Seconds, without writing.
+    pub seconds: Real,
+}
+
+impl FrameReport {
+    /// No intersecting pairs between layers, no vertex on a wrong side, no own pair that the rest
+    /// pose does not have.
+    pub fn is_clean(&self) -> bool {
+        self.pairs == 0 && self.inside == 0 && self.new_own_pairs == 0
+    }
+
+    /// No intersecting pair at all, and no vertex on a wrong side.
+    pub fn is_clean_everywhere(&self) -> bool {
+        self.is_clean() && self.own_pairs == 0 && self.body_own_pairs == 0
+    }
+}
+
+/// All frames.
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct AnimationReport {
+    /// Frames that are clean.
+    pub clean: usize,
+    /// Frames that are clean everywhere.
+    pub clean_everywhere: usize,
+    /// Frames per second of the motion.
+    pub frames_per_second: Real,
+    /// Frames that an earlier run had done.
+    pub kept: usize,
+    /// Largest displacement of the body, in metres.
+    pub body_max: Real,
+    /// Largest 99th percentile of the jitter of a frame, in metres.
+    pub jitter_p99: Real,
+    /// Largest jitter of a vertex, in metres.
+    pub jitter_max: Real,
+    /// Mean seconds of a frame after the first, in which the outfit walks from rest to its pose.
+    pub seconds_a_frame: Real,
+    /// Seconds of this run.
+    pub seconds: Real,
+    /// A row for each frame.
+    pub frames: Vec<FrameReport>,
+}
+
+impl AnimationReport {
+    /// The report of frames with these rows.
+    pub fn new(
+        frames: &[FrameReport],
+        frames_per_second: Real,
+        kept: usize,
+        seconds: Real,
+    ) -> Self {
+        let largest = |of: fn(&FrameReport) -> Real| frames.iter().map(of).fold(0.0, Real::max);
+        let later = &frames[frames.len().min(1)..];
+        let sum: Real = later.iter().map(|f| f.seconds).sum();
+        Self {
+            clean: frames.iter().filter(|f| f.is_clean()).count(),
+            clean_everywhere: frames.iter().filter(|f| f.is_clean_everywhere()).count(),
+            frames_per_second,
+            kept,
+            body_max: largest(|f| f.body.moved.max),
+            jitter_p99: largest(|f| f.jitter.p99),
+            jitter_max: largest(|f| f.jitter.max),
+            seconds_a_frame: sum / later.len().max(1) as Real,
+            seconds,
+            frames: frames.to_vec(),
+        }
+    }
+}

@@ -1,0 +1,98 @@
+use super::*;
+use if_body::mannequin::{self, Garment, MannequinParams, rig};
+use if_body::{Pose, SkinError};
+use if_core::math::Vector;
+use if_core::monitor::{Cancelled, Silent};
+use if_core::nalgebra::UnitQuaternion;
+use if_outfit::{Layer, Outfit};
+
+/// The mannequin in trousers; weights of the body alone.
+fn outfit() -> SkinnedOutfit {
+    let params = MannequinParams { resolution: 0.7, overlap: 0.0 };
+    let body = mannequin::body(&params);
+    let trousers = mannequin::garment(Garment::Trousers, &params);
+    let skin = rig::skin_weights(body.vertices());
+    let outfit =
+        Outfit::new(Layer::new("body", body), vec![Layer::new("trousers", trousers)]).unwrap();
+    SkinnedOutfit::new(outfit, rig::skeleton(), vec![Some(skin), None]).unwrap()
+}
+
+/// One knee is lifted, frame by frame.
+fn motion(frames: usize) -> Motion {
+    let pose = |k: usize| {
+        let mut pose = Pose::rest(rig::skeleton().len());
+        let thigh = rig::skeleton().names().position(|n| n == "left_thigh").unwrap();
+        let angle = -0.5 - 0.08 * k as f64;
+        pose.rotations[thigh] = UnitQuaternion::from_axis_angle(&Vector::x_axis(), angle);
+        pose.root_translation.z = 0.01 * k as f64;
+        pose
+    };
+    Motion { frames_per_second: 30.0, poses: (0..frames).map(pose).collect() }
+}
+
+/// Cancels before a frame.
+struct Before(usize);
+
+impl Monitor for Before {
+    fn report(&mut self, progress: &Progress<'_>) -> Result<(), Cancelled> {
+        let stops = progress.stage == "frame" && progress.done == self.0;
+        if stops { Err(Cancelled) } else { Ok(()) }
+    }
+}
+
+#[test]
+fn a_run_that_was_stopped_goes_on_with_the_same_bits() {
+    let (outfit, motion) = (outfit(), motion(3));
+    let params = AnimateParams::default();
+    let [whole, parts] = [0, 1].map(|_| tempfile::tempdir().unwrap());
+    let all = animate(&outfit, &motion, &params, whole.path(), &mut Silent).unwrap();
+    assert_eq!((all.report.clean, all.report.kept), (3, 0), "{:?}", all.report);
+    let first = &all.report.frames[0];
+    assert!(first.pairs_before > 0 && first.reached && first.moved.max > 0.0, "{first:?}");
+    assert_eq!(first.jitter.max, 0.0);
+    assert!(all.report.frames[1].jitter.max > 0.0 && all.report.jitter_max < 0.02);
+
+    let stopped = animate(&outfit, &motion, &params, parts.path(), &mut Before(2));
+    assert!(matches!(stopped, Err(AnimateError::Cancelled(_))));
+    let rest = animate(&outfit, &motion, &params, parts.path(), &mut Silent).unwrap();
+    assert_eq!(rest.report.kept, 2);
+    for frame in 0..3 {
+        let [a, b] = [&all, &rest].map(|a| a.frames.positions(frame).unwrap());
+        assert!(a == b, "frame {frame}");
+    }
+    // A frame that was changed is computed again, and so is everything after another motion.
+    let path = parts.path().join("000001.frame");
+    let mut bytes = std::fs::read(&path).unwrap();
+    *bytes.last_mut().unwrap() ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    assert!(matches!(rest.frames.positions(1), Err(AnimateError::Changed { .. })));
+    let mut frames = Frames::open(parts.path(), &outfit, &motion, &params).unwrap();
+    let mut animator = Animator::new(&outfit, &motion, params).unwrap();
+    frames.resume(&mut animator).unwrap();
+    assert!(frames.is_empty());
+    let faster = Motion { frames_per_second: 60.0, ..motion.clone() };
+    let mut frames = Frames::open(whole.path(), &outfit, &faster, &params).unwrap();
+    frames.resume(&mut animator).unwrap();
+    assert!(frames.is_empty());
+}
+
+#[test]
+fn invalid_outfits_and_motions_are_typed_errors() {
+    let good = outfit();
+    let bare = SkinnedOutfit::new(good.outfit.clone(), rig::skeleton(), vec![None, None]);
+    let error = bare.unwrap_err();
+    assert!(error.layer == "body" && matches!(error.source, SkinError::Missing { .. }));
+    let few = rig::skin_weights(&good.positions()[..5]);
+    let error = SkinnedOutfit::new(good.outfit.clone(), rig::skeleton(), vec![Some(few), None]);
+    assert!(matches!(error.unwrap_err().source, SkinError::Count { .. }));
+    assert_eq!(good.without_weights, ["trousers"]);
+
+    let params = AnimateParams::default();
+    let mut wrong = motion(2);
+    wrong.poses[1] = Pose::rest(4);
+    let error = Animator::new(&good, &wrong, params).unwrap_err();
+    assert!(matches!(error, AnimateError::Pose { frame: 1, .. }), "{error}");
+    let motion = motion(1);
+    let error = Animator::new(&good, &motion, AnimateParams { turn: f64::NAN, ..params });
+    assert!(matches!(error, Err(AnimateError::Parameter(_))));
+}
