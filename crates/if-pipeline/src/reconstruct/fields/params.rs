@@ -118,7 +118,7 @@ impl Default for FieldsParams {
             points: 1024,
             far: 256,
             material: 1536,
-            newton: 2,
+            newton: 1,
             weights: FieldsWeights::default(),
             phi_rate: Schedule { rate: 5e-4, warmup: 20, last: 0.05 },
             deformation_rate: Schedule { rate: 3e-3, warmup: 20, last: 0.05 },

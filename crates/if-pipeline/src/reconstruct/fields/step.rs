@@ -9,12 +9,12 @@
 
 use super::nets::{Nets, field_of};
 use super::params::{FieldsParams, FieldsWeights};
-use super::place::Place;
+use super::place::{Adjoint, Offset, Place};
 use super::report::Rays;
 use super::scene::{Pixel, Rim, Scene};
 use super::skin::Skin;
 use super::terms::Terms;
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_neural::network::Network;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -103,8 +103,24 @@ impl Step<'_> {
 
     /// The places of canonical points in frames of the scene.
     fn places(&self, x: &[Point], frames: &[u32], skins: &[Skin]) -> Vec<Option<Place>> {
+        self.places_at(x, frames, skins, &self.offsets(x, frames))
+    }
+
+    /// d of canonical points in frames of the scene.
+    fn offsets(&self, x: &[Point], frames: &[u32]) -> Vec<Offset> {
         let numbers: Vec<u32> = frames.iter().map(|k| self.number(*k)).collect();
-        let (field, offsets) = (self.nets.field(x), self.nets.offsets(x, &numbers));
+        self.nets.offsets(x, &numbers)
+    }
+
+    /// The places of canonical points with given d.
+    fn places_at(
+        &self,
+        x: &[Point],
+        frames: &[u32],
+        skins: &[Skin],
+        offsets: &[Offset],
+    ) -> Vec<Option<Place>> {
+        let field = self.nets.field(x);
         let place = |k: usize| {
             let joints = &self.scene.joints[frames[k] as usize];
             Place::new(&x[k], field[k], &offsets[k], &skins[k], joints)
@@ -133,7 +149,8 @@ impl Step<'_> {
                 }
             }
         }
-        let places = self.places(&x, &frames, &skins);
+        let offsets = self.offsets(&x, &frames);
+        let places = self.places_at(&x, &frames, &skins, &offsets);
 
         // Judge the rays; those that are good have an adjoint of their normal.
         let weight = self.params.weights.normals / self.params.rays as Real;
@@ -168,21 +185,18 @@ impl Step<'_> {
             good.push((k, place, place.of_normal(&by_normal, &x[k], &skins[k], joints)));
         }
 
-        // Their points follow φ and d along the ray.
-        let beside = |(k, _, turned): &(usize, &Place, super::place::Adjoint)| {
-            let length = turned.gradient.norm();
+        // Their points follow φ and d along the ray. Beside them d is continued by its slope, which is
+        // constant between the kinks of its ReLUs.
+        let beside = |(k, _, turned): &(usize, &Place, Adjoint)| {
             // Without a gradient there is nothing to differentiate: any direction gives 0.
-            x[*k]
-                + if length > 0.0 {
-                    turned.gradient * (DIFFERENCE / length)
-                } else {
-                    Vector::zeros()
-                }
+            let step = unit_or_zero(&turned.gradient) * DIFFERENCE;
+            let Offset { offset, jacobian } = offsets[*k];
+            (x[*k] + step, Offset { offset: offset + jacobian * step, jacobian })
         };
-        let points: Vec<Point> = good.iter().map(beside).collect();
+        let (points, beside): (Vec<Point>, Vec<Offset>) = good.iter().map(beside).unzip();
         let frames: Vec<u32> = good.iter().map(|g| frames[g.0]).collect();
         let near: Vec<Skin> = good.iter().map(|g| skins[g.0].clone()).collect();
-        let besides = self.places(&points, &frames, &near);
+        let besides = self.places_at(&points, &frames, &near, &beside);
         for ((k, place, turned), beside) in good.into_iter().zip(&besides) {
             let Some(beside) = beside else { continue };
             let by_point = place.by_point(&turned, beside, DIFFERENCE);
@@ -226,7 +240,7 @@ impl Step<'_> {
         for _ in 0..pairs {
             let on = self.vertices[random.random_range(0..self.vertices.len())];
             let a = on + gaussian(random) * APART;
-            points.extend([a, a + if_core::math::unit_or_zero(&gaussian(random)) * APART]);
+            points.extend([a, a + unit_or_zero(&gaussian(random)) * APART]);
         }
         let now = self.nets.field(&points);
         let start = field_of(self.start, &self.nets.frame, &points);
@@ -280,7 +294,7 @@ impl Step<'_> {
         }
         let on: Vec<Point> = points.iter().step_by(frames).copied().collect();
         let normals: Vec<Vector> =
-            self.nets.field(&on).iter().map(|s| if_core::math::unit_or_zero(&s.gradient)).collect();
+            self.nets.field(&on).iter().map(|s| unit_or_zero(&s.gradient)).collect();
         let numbers: Vec<u32> = (0..count).flat_map(|_| 0..frames as u32).collect();
         let offsets = self.nets.offsets(&points, &numbers);
         let FieldsWeights { small, along, rigid, mean, smooth, .. } = self.params.weights;
