@@ -111,7 +111,7 @@ impl Default for FieldsParams {
         Self {
             phi: PhiParams { network: NetworkConfig::Grid(grid), steps: 20, sampling },
             deformation: DeformationConfig::fast(1),
-            steps: 400,
+            steps: 300,
             refresh: 100,
             rays: 2048,
             silhouettes: 768,
