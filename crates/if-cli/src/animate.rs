@@ -1,5 +1,6 @@
 //! `ifg animate`: a clean outfit follows a motion, every frame proven.
 
+mod page;
 mod pictures;
 mod summary;
 
@@ -55,7 +56,7 @@ pub(crate) struct AnimateArgs {
     /// Write a mesh for each garment and frame as well, with all attributes of its file.
     #[arg(long)]
     pub(crate) meshes: bool,
-    /// Do not draw motion.png and strip.png.
+    /// Do not draw motion.png and strip.png, nor write report.html.
     #[arg(long)]
     pub(crate) no_pictures: bool,
 }
@@ -180,7 +181,9 @@ pub(crate) fn run(args: &AnimateArgs) -> Result<End, Report> {
     }
     if !args.no_pictures {
         line.message("drawing");
-        names.extend(pictures::draw(&skinned, &motion, &animation, (&staging, &args.out))?);
+        let folders = (&staging, args.out.as_path());
+        names.extend(pictures::draw(&skinned, &motion, &animation, folders)?);
+        names.push(page::write(&report_output::title(&spec), &skinned, &animation, folders)?);
     }
     let report = json!({
         "outfit": spec.name,

@@ -17,7 +17,7 @@ use std::path::Path;
 /// The animated picture: before on the left, after on the right.
 const MOTION: &str = "motion.png";
 /// Some frames side by side: before above, after below.
-const STRIP: &str = "strip.png";
+pub(super) const STRIP: &str = "strip.png";
 /// Most frames of the animated picture.
 const MOST: usize = 48;
 /// Most frames of the strip.
@@ -62,6 +62,12 @@ pub(super) fn draw(
 
 /// One view of the outfit with these positions.
 fn view(outfit: &Outfit, positions: &[Point]) -> Image {
+    let meshes = meshes(outfit, positions);
+    preview(&meshes.iter().collect::<Vec<_>>(), &[View::THREE_QUARTER], SIZE)
+}
+
+/// The layers of the outfit with these positions, the body first.
+pub(super) fn meshes(outfit: &Outfit, positions: &[Point]) -> Vec<TriMesh> {
     let mut rest = positions;
     let mut meshes: Vec<TriMesh> = Vec::new();
     for layer in outfit.layers() {
@@ -70,7 +76,7 @@ fn view(outfit: &Outfit, positions: &[Point]) -> Image {
         let mesh = layer.mesh.with_vertices(own.to_vec());
         meshes.push(mesh.expect("positions of frames are finite"));
     }
-    preview(&meshes.iter().collect::<Vec<_>>(), &[View::THREE_QUARTER], SIZE)
+    meshes
 }
 
 /// Pictures of one size from left to right.

@@ -8,6 +8,22 @@ use std::path::Path;
 /// Rows shown of frames that are clean, evenly spaced; those that are not are all shown.
 const SHOWN: usize = 24;
 
+/// The columns of the table.
+pub(super) const HEADER: [&str; 12] = [
+    "frame",
+    "pairs",
+    "inside",
+    "own",
+    "moved",
+    "max mm",
+    "body",
+    "max mm",
+    "jitter p99",
+    "max mm",
+    "strain %",
+    "seconds",
+];
+
 /// What is printed.
 pub(super) fn text(
     report: &AnimationReport,
@@ -16,21 +32,7 @@ pub(super) fn text(
     names: &[String],
 ) -> String {
     let frames = &report.frames;
-    let header = [
-        "frame",
-        "pairs",
-        "inside",
-        "own",
-        "moved",
-        "max mm",
-        "body",
-        "max mm",
-        "jitter p99",
-        "max mm",
-        "strain %",
-        "seconds",
-    ];
-    let mut rows = new_table(&header, 0, table::coloured());
+    let mut rows = new_table(&HEADER, 0, table::coloured());
     let step = frames.len().div_ceil(SHOWN).max(1);
     for row in frames.iter().filter(|f| f.frame.is_multiple_of(step) || !f.is_clean()) {
         rows.add_row(cells(row).map(Cell::new));
@@ -59,7 +61,8 @@ pub(super) fn text(
     )
 }
 
-fn cells(row: &FrameReport) -> [String; 12] {
+/// A frame's row.
+pub(super) fn cells(row: &FrameReport) -> [String; 12] {
     let mm = |x: f64| format!("{:.2}", 1e3 * x);
     let mark = match (row.reached, row.restarted && row.frame > 0) {
         (false, _) => " not reached",

@@ -71,6 +71,8 @@ fn a_knee_is_lifted_in_clean_frames_that_point_caches_hold() {
     for picture in ["moved/motion.png", "moved/strip.png"] {
         assert_eq!(&folder.read(picture)[1..4], b"PNG");
     }
+    let page = String::from_utf8(folder.read("moved/report.html")).unwrap();
+    assert!(page.contains(r#""states":["frame 0","frame 1","frame 2"]"#) && !page.contains("http"));
     // Done frames are kept, and give the same bytes.
     let again = folder.ifg(&format!("{ANIMATE} --out moved --no-pictures")).expect(0);
     assert!(again.stdout.contains("3 frames kept from an earlier run"), "{}", again.stdout);

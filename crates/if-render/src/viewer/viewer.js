@@ -409,7 +409,9 @@ class Viewer {
     const row = (...children) => element("div", {}, ...children);
     const rows = [row(...layers)];
     if (last > 0) rows.push(row(element("label", {}, "state ", this.state), this.name));
-    if (last > 0) rows.push(row(this.colors, this.legend));
+    // In a motion the way from the first state is the pose's, and says nothing about cloth.
+    this.isCompared = last === 1;
+    if (this.isCompared) rows.push(row(this.colors, this.legend));
     rows.push(row(this.axis, this.depth, element("label", {}, this.lines, "intersections ", this.count), home));
     const help = "Drag to turn, with Shift or two fingers to shift, wheel or pinch to zoom. Keys: arrows, + −, [ ] state, digits layers, c colours, s section, 0 reset.";
     this.root.replaceChildren(this.canvas, ...rows, element("small", {}, help));
@@ -463,7 +465,7 @@ class Viewer {
       "-": () => this.camera.zoom(1 / 0.9),
       "[": () => this.state.stepDown(Math.round(Math.max(1, 0.1 / this.state.step))),
       "]": () => this.state.stepUp(Math.round(Math.max(1, 0.1 / this.state.step))),
-      c: () => this.scene.states.length > 1 && next(this.colors),
+      c: () => this.isCompared && next(this.colors),
       s: () => next(this.axis),
       0: () => this.camera.reset(),
     };

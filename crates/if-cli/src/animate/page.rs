@@ -1,0 +1,58 @@
+//! `report.html` of an animation: frames to turn in a browser, and a row for each.
+
+use super::pictures::{STRIP, meshes};
+use super::{AnimateFault, summary};
+use crate::staging::{OutputError, Staging};
+use if_pipeline::animate::{Animation, SkinnedOutfit};
+use if_render::{Page, Viewer};
+use miette::Report;
+use std::path::Path;
+
+/// The page of an animation.
+pub(super) const FILE: &str = "report.html";
+/// Most frames that can be turned; each takes some hundred kilobytes.
+const MOST: usize = 12;
+
+/// Writes the page, and returns its name. The strip of pictures must be there.
+pub(super) fn write(
+    title: &str,
+    skinned: &SkinnedOutfit,
+    animation: &Animation,
+    (staging, out): (&Staging, &Path),
+) -> Result<String, Report> {
+    let report = &animation.report;
+    let frames = animation.frames.len();
+    let step = frames.div_ceil(MOST).max(1);
+    let shown: Vec<usize> = (0..frames).step_by(step).collect();
+    let names: Vec<String> = shown.iter().map(|frame| format!("frame {frame}")).collect();
+    let mut states = Vec::new();
+    for &frame in &shown {
+        let positions = animation.frames.positions(frame);
+        let positions = positions.map_err(|source| AnimateFault::Animate { source })?;
+        states.push(meshes(&skinned.outfit, &positions));
+    }
+    let mut page = Page::new(&format!("{}, in motion", title.trim()));
+    let verdict = format!(
+        "{frames} frames: {} clean, {} clean everywhere",
+        report.clean, report.clean_everywhere
+    );
+    page.verdict(report.clean == frames, &verdict);
+    if !names.is_empty() {
+        let mut viewer = Viewer::new(&names.iter().map(String::as_str).collect::<Vec<_>>());
+        for (k, layer) in skinned.outfit.layers().enumerate() {
+            viewer.layer(&layer.name, &states.iter().map(|meshes| &meshes[k]).collect::<Vec<_>>());
+        }
+        page.viewer(&viewer);
+    }
+    let fault = |name: &str| {
+        let path = out.join(name);
+        move |source| OutputError::File { path, source }
+    };
+    let strip = std::fs::read(staging.path(STRIP)).map_err(fault(STRIP))?;
+    page.picture("skinned alone, intersecting triangles in red, and as written", &strip);
+    let rows: Vec<Vec<String>> =
+        report.frames.iter().map(|row| summary::cells(row).to_vec()).collect();
+    page.heading("Frames").table(&summary::HEADER, &rows);
+    std::fs::write(staging.path(FILE), page.html()).map_err(fault(FILE))?;
+    Ok(FILE.into())
+}
