@@ -14,7 +14,7 @@ use if_render::{Page, Viewer};
 /// # use if_outfit::storage::Storage;
 /// # use if_pipeline::outfit_page::viewer;
 /// # use if_render::Page;
-/// # let rough = MannequinParams { edge: 0.06, ..Default::default() };
+/// # let rough = MannequinParams { resolution: 0.7, ..Default::default() };
 /// # let layer = |name: &str, mesh| Layer { name: name.into(), mesh, storage: Storage::F32 };
 /// # let garments = vec![layer("skirt", garment(Garment::Skirt, &rough))];
 /// # let before = Outfit { body: layer("body", body(&rough)), garments };
