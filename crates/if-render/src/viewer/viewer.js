@@ -38,13 +38,15 @@ void main() {
   float light = 0.28 + 0.52 * max(dot(n, sight), 0.0) + 0.2 * (0.5 + 0.5 * n.y);
   shown = vec4(base * light, 1.0);
 }`;
+// Lines lie in two surfaces: a little nearer to the eye they are in front of both.
 const LINE_VERTEX = `#version 300 es
 uniform mat4 camera;
+uniform vec3 eye;
 layout(location = 0) in vec3 from;
 out vec3 place;
 void main() {
   place = from;
-  gl_Position = camera * vec4(from, 1.0);
+  gl_Position = camera * vec4(mix(from, eye, 5e-4), 1.0);
 }`;
 const LINE_FRAGMENT = `#version 300 es
 precision highp float;
@@ -298,12 +300,10 @@ class Painter {
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
-    gl.enable(gl.POLYGON_OFFSET_FILL);
-    gl.polygonOffset(1, 1);
     const matrix = camera.matrix(gl.drawingBufferWidth / gl.drawingBufferHeight);
     gl.bindVertexArray(this.array);
     for (const layer of scene.layers) if (layer.isShown) this.paintLayer(layer, matrix, camera, look);
-    if (look.lines) this.paintLines(scene.lines[Math.round(look.state)], matrix, look);
+    if (look.lines) this.paintLines(scene.lines[Math.round(look.state)], matrix, camera, look);
   }
   paintLayer(layer, matrix, camera, look) {
     const gl = this.gl;
@@ -337,12 +337,13 @@ class Painter {
     gl.drawElements(gl.TRIANGLES, a.triangles.length, gl.UNSIGNED_INT, 0);
   }
   // Lines in front, and fainter those that something hides.
-  paintLines(lines, matrix, look) {
+  paintLines(lines, matrix, camera, look) {
     if (!lines.length) return;
     const gl = this.gl;
     const { program, places } = this.line;
     gl.useProgram(program);
     gl.uniformMatrix4fv(places.camera, false, matrix);
+    gl.uniform3fv(places.eye, camera.eye());
     gl.uniform4fv(places.section, look.section);
     for (let k = 1; k < 6; k++) gl.disableVertexAttribArray(k);
     this.attribute(0, lines, 3);
