@@ -113,16 +113,21 @@ impl TriMesh {
     ///
     /// The number of positions is wrong, or a position is not finite.
     pub fn with_vertices(&self, vertices: Vec<Point>) -> Result<Self, MeshError> {
-        if vertices.len() != self.vertices.len() {
-            return Err(MeshError::VertexCount {
-                expected: self.vertices.len(),
-                got: vertices.len(),
-            });
+        self.check_positions(&vertices)?;
+        Ok(Self { vertices, triangles: self.triangles.clone() })
+    }
+
+    /// Checks that there is one finite position for each vertex.
+    ///
+    /// # Errors
+    ///
+    /// As [`with_vertices`](Self::with_vertices).
+    pub fn check_positions(&self, positions: &[Point]) -> Result<(), MeshError> {
+        let (expected, got) = (self.vertices.len(), positions.len());
+        if got != expected {
+            return Err(MeshError::VertexCount { expected, got });
         }
-        Ok(Self {
-            vertices: FinitePoints::new(vertices)?.into_vec(),
-            triangles: self.triangles.clone(),
-        })
+        parts::check_finite(positions, 0)
     }
 
     /// The same mesh with all coordinates times `factor`: from other units to metres.

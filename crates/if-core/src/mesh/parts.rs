@@ -231,7 +231,7 @@ fn is_finite(p: &Point) -> bool {
 }
 
 /// Refuses coordinates that are not finite. The first point has the index `first`.
-fn check_finite(points: &[Point], first: usize) -> Result<(), MeshError> {
+pub(super) fn check_finite(points: &[Point], first: usize) -> Result<(), MeshError> {
     if points.iter().fold(true, |good, p| good & is_finite(p)) {
         return Ok(());
     }

@@ -6,7 +6,6 @@ use super::glb_mesh::{GlbMesh, Part};
 use super::read::read;
 use crate::normals::{Normals, Turns};
 use if_core::math::{Point, Vector};
-use if_core::mesh::MeshError;
 use serde_json::{Value, json};
 use std::io::Write;
 
@@ -23,14 +22,7 @@ pub fn write(
     mut writer: impl Write,
 ) -> Result<(), WriteError> {
     let before = glb.mesh.vertices();
-    if positions.len() != before.len() {
-        return Err(MeshError::VertexCount { expected: before.len(), got: positions.len() }.into());
-    }
-    for (vertex, p) in positions.iter().enumerate() {
-        if let Some(axis) = (0..3).find(|&axis| !p[axis].is_finite()) {
-            return Err(MeshError::NonFinite { vertex, axis, value: p[axis] }.into());
-        }
-    }
+    glb.mesh.check_positions(positions)?;
     let mut bytes = glb.bytes[..glb.chunks.end].to_vec();
     let turns = match normals {
         Normals::Follow => Turns::new(&glb.mesh, positions),

@@ -4,7 +4,6 @@ use super::error::WriteError;
 use super::obj_mesh::{ObjMesh, User};
 use crate::normals::{Normals, Turns};
 use if_core::math::Point;
-use if_core::mesh::MeshError;
 use std::io::Write;
 
 /// Bytes per call of the writer.
@@ -22,14 +21,7 @@ pub fn write(
     mut writer: impl Write,
 ) -> Result<(), WriteError> {
     let before = obj.mesh.vertices();
-    if positions.len() != before.len() {
-        return Err(MeshError::VertexCount { expected: before.len(), got: positions.len() }.into());
-    }
-    for (vertex, p) in positions.iter().enumerate() {
-        if let Some(axis) = (0..3).find(|&axis| !p[axis].is_finite()) {
-            return Err(MeshError::NonFinite { vertex, axis, value: p[axis] }.into());
-        }
-    }
+    obj.mesh.check_positions(positions)?;
     let turns = match normals {
         Normals::Follow if !obj.normals.is_empty() => Turns::new(&obj.mesh, positions),
         _ => None,
@@ -71,6 +63,7 @@ pub fn write(
 mod tests {
     use super::*;
     use crate::obj::read;
+    use if_core::mesh::MeshError;
 
     const QUADS: &str = "# made by hand\r\nmtllib a b.mtl\r\no shirt\r\n  v 0 0 0 1 0 0\r\nv\t1.0000 0 \\\r\n  0\r\nv 1 1e0 0 # top\r\n\
         v 0 1 0\r\nv 9 9 9\r\nvt 0.5\r\nvt 1 1\r\nvn 0 0 1\r\nvn 0.6 0 0.8\r\nvn 0 1 0\r\ng front\r\nusemtl red\r\ns 1\r\n\
