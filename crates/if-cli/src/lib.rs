@@ -43,4 +43,6 @@ mod staging;
 mod table;
 mod target;
 
+#[doc(hidden)]
+pub use errors::chain;
 pub use program::run;

@@ -6,6 +6,8 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 
+pub(crate) use if_cli::chain;
+
 /// An error of a library that has a Python exception.
 pub(crate) trait Exception: std::fmt::Display {
     /// Its class in `ifgarments.errors`.
@@ -73,18 +75,4 @@ pub(crate) fn exception(py: Python<'_>, class: &str, message: String) -> PyErr {
 /// A report that cannot be written as JSON.
 pub(crate) fn no_json(error: serde_json::Error) -> PyErr {
     PyRuntimeError::new_err(format!("the report cannot be written as JSON: {error}"))
-}
-
-/// An error with its causes, each once.
-pub(crate) fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        let more = error.to_string();
-        if !text.contains(&more) {
-            text = format!("{text}: {more}");
-        }
-        cause = error.source();
-    }
-    text
 }
