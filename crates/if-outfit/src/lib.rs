@@ -3,8 +3,9 @@
 //! An [`Outfit`] is a body and its garments, inner to outer. [`resolve()`] settles one garment
 //! after the other over all layers below it, and returns the outfit only if exact predicates find no
 //! intersection; else its [`ResolveError`] names what remains. [`verify()`] checks and changes
-//! nothing. A [`motion::Walker`] follows a motion from one clean state to the next. [`propose_order()`] proposes which garment is the inner one. [`files::OutfitFiles`] does the same from files to files. [`report`] holds what was found
-//! and done.
+//! nothing. A [`motion::Walker`] follows a motion from one clean state to the next.
+//! [`propose_order()`] proposes which garment is the inner one. [`files::OutfitFiles`] does the same
+//! from files to files. [`report`] holds what was found and done.
 //!
 #![doc = include_str!("../README.md")]
 

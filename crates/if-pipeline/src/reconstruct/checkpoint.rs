@@ -7,7 +7,9 @@ use super::report::Round;
 use super::start::Start;
 use crate::build::BUILD;
 use crate::capture::Capture;
+use if_body::SkinWeights;
 use if_core::math::{Point, Real};
+use if_core::mesh::TriMesh;
 use sha2::{Digest, Sha256};
 use std::io::{self, Write};
 use std::path::Path;
@@ -52,15 +54,26 @@ pub(super) fn key(
         p.loose_silhouettes,
     ];
     values.into_iter().for_each(&mut number);
+    visit_input(capture, (&start.mesh, &start.skin), frames, &mut number);
+    hash.finalize().into()
+}
+
+/// Calls `number` with all numbers of a fit's input: camera, mesh, weights, and what the frames
+/// show.
+pub(super) fn visit_input(
+    capture: &Capture,
+    (mesh, skin): (&TriMesh, &SkinWeights),
+    frames: &[Observation],
+    number: &mut dyn FnMut(Real),
+) {
     let camera = capture.camera();
     for m in [camera.intrinsics(), camera.rotation()] {
         m.iter().for_each(|x| number(*x));
     }
     camera.translation().iter().for_each(|x| number(*x));
-    start.mesh.vertices().iter().flat_map(|p| p.iter()).for_each(|x| number(*x));
-    start.mesh.triangles().iter().flatten().for_each(|i| number(Real::from(*i)));
-    start.skin.joints().iter().flatten().for_each(|j| number(Real::from(*j)));
-    start.skin.weights().iter().flatten().for_each(|w| number(Real::from(*w)));
+    visit_mesh(mesh, number);
+    skin.joints().iter().flatten().for_each(|j| number(Real::from(*j)));
+    skin.weights().iter().flatten().for_each(|w| number(Real::from(*w)));
     for frame in frames {
         number(frame.frame as Real);
         for t in &frame.transforms {
@@ -70,7 +83,12 @@ pub(super) fn key(
         (0..pixels).for_each(|i| number(f64::from(frame.outside.pixel(i))));
         frame.normals.iter().flatten().for_each(|n| number(f64::from(*n)));
     }
-    hash.finalize().into()
+}
+
+/// Calls `number` with positions and triangles.
+pub(super) fn visit_mesh(mesh: &TriMesh, number: &mut dyn FnMut(Real)) {
+    mesh.vertices().iter().flat_map(|p| p.iter()).for_each(|x| number(*x));
+    mesh.triangles().iter().flatten().for_each(|i| number(Real::from(*i)));
 }
 
 impl Checkpoint {

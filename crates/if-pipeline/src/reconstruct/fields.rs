@@ -22,7 +22,7 @@ use super::motion::{Motion, MotionReport};
 use super::params::SurfaceParams;
 use super::surface::Surface;
 use crate::capture::Capture;
-use if_body::Skeleton;
+use if_body::{Skeleton, SkinWeights};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_core::monitor::Monitor;
@@ -91,7 +91,7 @@ pub fn fit_fields(
     capture: &Capture,
     skeleton: &Skeleton,
     surface: &Surface,
-    (mesh, exact): (&TriMesh, &MeshSdf),
+    (mesh, skin, exact): (&TriMesh, &SkinWeights, &MeshSdf),
     read: &SurfaceParams,
     params: &FieldsParams,
     checkpoint: Option<&Path>,
@@ -100,7 +100,7 @@ pub fn fit_fields(
     read.validate()?;
     params.validate()?;
     capture.check_skeleton(skeleton)?;
-    let begin = train::Begin { skeleton, surface, mesh, exact };
+    let begin = train::Begin { skeleton, surface, mesh, skin, exact };
     let trained = train::train(capture, &begin, read, params, checkpoint, monitor)?;
     let nets::Nets { phi, deformation, frame } = trained.nets;
     let used = (0..capture.len()).map(|k| trained.used.contains(&k)).collect();

@@ -135,7 +135,8 @@ pub struct Reconstruction {
 /// ```
 ///
 /// `checkpoint` is that of [`fit_surface`], and beside it [`fields_checkpoint`] that of
-/// [`fit_fields`]; the other stages take seconds and are repeated. The monitor receives the stages of all calls, and `extract`.
+/// [`fit_fields`]; the other stages take seconds and are repeated. The monitor receives the stages
+/// of all calls, and `extract`.
 ///
 /// # Errors
 ///
@@ -175,7 +176,7 @@ pub fn reconstruct(
 
     let mut trained = None;
     if let Some(p) = &params.fields {
-        let begin = (&canonical.mesh, &canonical.exact);
+        let begin = (&canonical.mesh, &canonical.skin, &canonical.exact);
         let state = checkpoint.map(fields_checkpoint);
         let read = &params.surface;
         let fields =
@@ -298,12 +299,7 @@ fn canonical(
         newton: 0,
         ..ExtractParams::default()
     };
-    let mesh = largest_piece(&extract(&flooded, &cells, monitor)?.mesh);
-    let joints = template.skeleton.len();
-    let skin = carried_weights(&surface.mesh, &surface.skin, joints, mesh.vertices());
-    progress::report(monitor, "extract", (1, 2), None)?;
-    let exact = MeshSdf::closed(&mesh).map_err(ReconstructError::Inside)?;
-    Ok(Canonical { mesh, skin, exact })
+    extracted(&flooded, &cells, surface, template, monitor)
 }
 
 /// Extracts the canonical mesh from the trained φ.
@@ -320,7 +316,18 @@ fn of_field(
         resolution: Resolution::Cell(params.cell),
         ..ExtractParams::default()
     };
-    let mesh = largest_piece(&extract(field, &cells, monitor)?.mesh);
+    extracted(field, &cells, surface, template, monitor)
+}
+
+/// The largest piece of a field's surface, with the weights of the fitted surface.
+fn extracted(
+    field: &dyn SignedDistance,
+    cells: &ExtractParams,
+    surface: &Surface,
+    template: &TemplateBody,
+    monitor: &mut dyn Monitor,
+) -> Result<Canonical, ReconstructError> {
+    let mesh = largest_piece(&extract(field, cells, monitor)?.mesh);
     let joints = template.skeleton.len();
     let skin = carried_weights(&surface.mesh, &surface.skin, joints, mesh.vertices());
     progress::report(monitor, "extract", (1, 2), None)?;

@@ -34,6 +34,7 @@ struct Small {
     template: TemplateBody,
     surface: Surface,
     mesh: TriMesh,
+    skin: SkinWeights,
     exact: MeshSdf,
 }
 
@@ -62,8 +63,10 @@ impl Small {
             ..ExtractParams::default()
         };
         let mesh = largest_piece(&extract(&flooded, &cells, &mut Silent).unwrap().mesh);
+        let joints = template.skeleton.len();
+        let skin = carried_weights(&surface.mesh, &surface.skin, joints, mesh.vertices());
         let exact = MeshSdf::closed(&mesh).unwrap();
-        Self { folder, capture, template, surface, mesh, exact }
+        Self { folder, capture, template, surface, mesh, skin, exact }
     }
 
     fn begin(&self) -> Begin<'_> {
@@ -71,6 +74,7 @@ impl Small {
             skeleton: &self.template.skeleton,
             surface: &self.surface,
             mesh: &self.mesh,
+            skin: &self.skin,
             exact: &self.exact,
         }
     }
@@ -185,10 +189,8 @@ fn the_gradient_of_a_step_is_the_central_difference_of_its_loss() {
         start.refresh();
         let nets = Nets { phi: fitted.network, deformation, frame: fitted.frame };
         let edges = Edges::new(&small.mesh);
-        let joints = small.template.skeleton.len();
-        let skin = carried_weights(&surface.mesh, &surface.skin, joints, small.mesh.vertices());
         let offsets = nets.moved(small.mesh.vertices(), 0);
-        let sight = scene.look(0, &small.mesh, &edges, &skin, &offsets, 0.1);
+        let sight = scene.look(0, &small.mesh, &edges, &small.skin, &offsets, 0.1);
         for weights in [
             FieldsWeights { normals: 1.0, ..none },
             FieldsWeights { eikonal: 1.0, bending: 1.0, stay: 10.0, ..none },
@@ -241,8 +243,8 @@ fn the_gradient_of_a_step_is_the_central_difference_of_its_loss() {
 fn training_brings_the_template_to_the_clothes_and_resumes_with_the_same_bits() {
     let small = Small::new();
     let (capture, skeleton) = (&small.capture, &small.template.skeleton);
-    let (begin, read) = ((&small.mesh, &small.exact), SurfaceParams::default());
     let (surface, params) = (&small.surface, params());
+    let (begin, read) = ((&small.mesh, &small.skin, &small.exact), SurfaceParams::default());
     let run = |path: Option<&Path>, monitor: &mut dyn Monitor| {
         fit_fields(capture, skeleton, surface, begin, &read, &params, path, monitor)
     };

@@ -8,7 +8,7 @@ use super::scene::{Pixel, Rim, Scene, Sight};
 use super::step::{Step, Sums, random_of};
 use crate::build::BUILD;
 use crate::capture::Capture;
-use crate::reconstruct::canonical::carried_weights;
+use crate::reconstruct::checkpoint::{visit_input, visit_mesh};
 use crate::reconstruct::error::ReconstructError;
 use crate::reconstruct::observe::{Observation, observe_used};
 use crate::reconstruct::params::SurfaceParams;
@@ -70,6 +70,8 @@ pub(super) struct Begin<'a> {
     pub(super) skeleton: &'a Skeleton,
     pub(super) surface: &'a Surface,
     pub(super) mesh: &'a TriMesh,
+    /// Its skinning weights.
+    pub(super) skin: &'a SkinWeights,
     /// Its signed distance.
     pub(super) exact: &'a MeshSdf,
 }
@@ -83,7 +85,7 @@ pub(super) fn train(
     checkpoint: Option<&Path>,
     monitor: &mut dyn Monitor,
 ) -> Result<Trained, ReconstructError> {
-    let Begin { skeleton, surface, mesh, .. } = *begin;
+    let Begin { skeleton, surface, mesh, skin, .. } = *begin;
     let frames = observe_used(capture, skeleton, &surface.report.skipped, read, monitor)?;
     let scene = Scene::new(capture.camera(), &frames, &surface.mesh, &surface.skin);
     let rates = [params.phi.network.fit_params().adam, params.deformation_adam];
@@ -98,8 +100,6 @@ pub(super) fn train(
     };
 
     let edges = Edges::new(mesh);
-    let joints = skeleton.len();
-    let skin = carried_weights(&surface.mesh, &surface.skin, joints, mesh.vertices());
     let total = params.steps as usize;
     progress::report(monitor, "fields", (state.step as usize, total), None)?;
     let mut gradients = [
@@ -111,7 +111,7 @@ pub(super) fn train(
         follow(&state.nets, &mut state.vertices);
         let moved = mesh.with_vertices(state.vertices.clone())?;
         let reach = FAR * params.weights.reach;
-        let Sight { mut pixels, rims } = sights(&scene, &state.nets, &moved, &edges, &skin, reach);
+        let Sight { mut pixels, rims } = sights(&scene, &state.nets, &moved, &edges, skin, reach);
         let mut sums = Sums::default();
         let end = params.steps.min((state.step / params.refresh + 1) * params.refresh);
         while state.step < end {
@@ -322,27 +322,10 @@ fn key(
     // All parameters: the learning rates depend on the number of steps, too.
     hash.update(format!("{params:?}"));
     let mut number = |x: Real| hash.update(x.to_le_bytes());
-    let camera = capture.camera();
-    for m in [camera.intrinsics(), camera.rotation()] {
-        m.iter().for_each(|x| number(*x));
-    }
-    camera.translation().iter().for_each(|x| number(*x));
     number(capture.len() as Real);
-    for mesh in [begin.mesh, &begin.surface.mesh] {
-        mesh.vertices().iter().flat_map(|p| p.iter()).for_each(|x| number(*x));
-        mesh.triangles().iter().flatten().for_each(|i| number(Real::from(*i)));
-    }
-    begin.surface.skin.joints().iter().flatten().for_each(|j| number(Real::from(*j)));
-    begin.surface.skin.weights().iter().flatten().for_each(|w| number(Real::from(*w)));
-    for frame in frames {
-        number(frame.frame as Real);
-        for t in &frame.transforms {
-            t.translation.vector.iter().chain(t.rotation.coords.iter()).for_each(|x| number(*x));
-        }
-        let pixels = camera.width() * camera.height();
-        (0..pixels).for_each(|i| number(f64::from(frame.outside.pixel(i))));
-        frame.normals.iter().flatten().for_each(|n| number(f64::from(*n)));
-    }
+    visit_mesh(begin.mesh, &mut number);
+    let Surface { mesh, skin, .. } = begin.surface;
+    visit_input(capture, (mesh, skin), frames, &mut number);
     hash.finalize().into()
 }
 
