@@ -12,6 +12,7 @@ Exit codes:
   1    not clean: `check` found intersections, `fix`, `demo`, `wardrobe` and `animate` could not
        remove all of them, or `fit` did not reach its --accuracy or diverged
   2    unusable: arguments, an input, or the output folder; the message names file and cause
+  75   another process writes into the output folder: try again later
   130  cancelled by Ctrl-C or SIGTERM; nothing half-written is left
 
 Formats of outfit.toml and receipt.json: docs/reference/outfit.md";

@@ -1,11 +1,15 @@
 //! How a command ends, and its exit code.
 
+use crate::staging::OutputError;
 use if_outfit::Cleanness;
 use if_outfit::report::Verification;
-use miette::Diagnostic;
+use miette::{Diagnostic, Report};
 
 /// The exit code of a cancelled program.
 pub(crate) const CANCELLED: u8 = 130;
+
+/// The exit code where another process is at work, `EX_TEMPFAIL` of `sysexits.h`: try again.
+pub(crate) const BUSY: u8 = 75;
 
 /// How a command ended. Of a batch the worst counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -16,6 +20,8 @@ pub(crate) enum End {
     NotClean,
     /// An argument, an input or the output folder cannot be used.
     Unusable,
+    /// Another process writes into the output folder: the same command may succeed later.
+    Busy,
     /// The user cancelled.
     Cancelled,
 }
@@ -33,7 +39,16 @@ impl End {
             Self::Clean => 0,
             Self::NotClean => 1,
             Self::Unusable => 2,
+            Self::Busy => BUSY,
             Self::Cancelled => CANCELLED,
+        }
+    }
+
+    /// How a command ends with an error.
+    pub(crate) fn of_error(error: &Report) -> Self {
+        match error.downcast_ref() {
+            Some(OutputError::Busy { .. }) => Self::Busy,
+            _ => Self::Unusable,
         }
     }
 }

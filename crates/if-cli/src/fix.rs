@@ -9,6 +9,7 @@ use crate::print::print;
 use crate::progress::Line;
 use crate::report_output::{self, Style};
 use crate::resolve_outfit::{self, Options};
+use crate::shard::Shard;
 use crate::staging::OutputError;
 use clap::Args;
 use miette::Report;
@@ -34,6 +35,10 @@ pub(crate) struct FixArgs {
     /// In a batch, resolve finished outfits again.
     #[arg(long)]
     pub(crate) again: bool,
+    /// Resolve only every N-th outfit, beginning with the I-th: one part of a list for each of N
+    /// machines.
+    #[arg(long, value_name = "I/N", conflicts_with = "body")]
+    pub(crate) shard: Option<Shard>,
     /// Do not draw before.png and after.png, nor write report.html.
     #[arg(long)]
     pub(crate) no_pictures: bool,
@@ -42,35 +47,40 @@ pub(crate) struct FixArgs {
 /// Runs the command. The error of one outfit is shown, and does not stop the others.
 pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
     let start = Instant::now();
-    let specs = outfits(&args.input, &args.params);
     let outs = out_folders(args)?;
-    let n = outs.len();
-    let style = match n {
-        _ if args.input.json => Style::Json,
-        1 => Style::Tables,
-        _ => Style::Line,
+    let is_batch = outs.len() > 1;
+    let all: Vec<_> =
+        outfits(&args.input, &args.params).into_iter().zip(outs).enumerate().collect();
+    let chosen = if let Some(shard) = args.shard { shard.of(all) } else { all };
+    let n = chosen.len();
+    let style = if args.input.json {
+        Style::Json
+    } else if is_batch {
+        Style::Line
+    } else {
+        Style::Tables
     };
     let options = Options {
         in_place: args.in_place,
         write_unproven: args.write_unproven,
-        resume: n > 1 && !args.again,
+        resume: is_batch && !args.again,
         pictures: !args.no_pictures,
     };
     let mut ends = Vec::with_capacity(n);
-    for (k, (spec, out)) in specs.into_iter().zip(&outs).enumerate() {
+    for (done, (k, (spec, out))) in chosen.into_iter().enumerate() {
         if cancel::is_requested() {
             ends.push(End::Cancelled);
             break;
         }
         let one = spec.map_err(Report::from).and_then(|spec| {
-            let line = Line::new(&spec.name, k, n);
+            let line = Line::new(&spec.name, done, n);
             let spec = match args.input.order {
                 Order::Given => spec,
                 Order::Auto => order::ordered(&spec)?,
             };
-            let outcome = resolve_outfit::run(&spec, out, options, &line)?;
+            let outcome = resolve_outfit::run(&spec, &out, options, &line)?;
             drop(line);
-            report_output::outcome(&spec, out, outcome, (style, args.input.strict))
+            report_output::outcome(&spec, &out, outcome, (style, args.input.strict))
         });
         ends.push(match one {
             Ok(end) => end,

@@ -39,6 +39,7 @@ mod receipt;
 mod report_output;
 mod report_page;
 mod resolve_outfit;
+mod shard;
 mod staging;
 mod table;
 mod target;
@@ -46,3 +47,5 @@ mod target;
 #[doc(hidden)]
 pub use errors::chain;
 pub use program::run;
+#[doc(hidden)]
+pub use receipt::versions;

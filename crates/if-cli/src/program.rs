@@ -25,7 +25,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     errors::install();
     let end = command(&cli).unwrap_or_else(|error| {
         errors::show(&error);
-        End::Unusable
+        End::of_error(&error)
     });
     end.code()
 }

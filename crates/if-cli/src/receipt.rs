@@ -131,7 +131,7 @@ pub(crate) fn tool() -> Value {
 }
 
 /// The same in one list.
-pub(crate) fn versions() -> BTreeMap<String, String> {
+pub fn versions() -> BTreeMap<String, String> {
     PROGRAM.into_iter().chain(crates()).map(|(name, v)| (name.into(), v.into())).collect()
 }
 

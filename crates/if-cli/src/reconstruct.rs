@@ -8,6 +8,7 @@ use crate::end::End;
 use crate::errors::{self, ErrorChain};
 use crate::print::{print, print_json};
 use crate::progress::Line;
+use crate::staging::OutputError;
 use crate::values::{above_zero, pose_sigma};
 use clap::Args;
 use if_body::{TemplateBody, check_upright};
@@ -276,13 +277,10 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         (_, phi) => phi.as_ref().map(PhiNetwork::to_bytes),
     };
     let network = network.transpose().map_err(fault(writing("φ"), ROOM))?;
-    write_assets(args, &names, &capture, &found, network.as_deref()).map_err(|error| {
-        let help = if matches!(error, WardrobeError::Busy { .. }) {
-            "run it again when the other process is done"
-        } else {
-            ROOM
-        };
-        fault(writing("assets"), help)(error)
+    let written = write_assets(args, &names, &capture, &found, network.as_deref());
+    written.map_err(|error| match error {
+        WardrobeError::Busy { path } => Report::from(OutputError::Busy { path }),
+        error => fault(writing("assets"), ROOM)(error).into(),
     })?;
     write_clothed(args, &name, &capture, &template, &found)
         .map_err(fault(writing("the clothed body"), ROOM))?;

@@ -71,7 +71,7 @@ pub(crate) fn failure(file: &str, error: &Report, style: Style) -> Result<End, R
         print_json(&json!({"outfit": file, "state": "failed", "error": ErrorJson::new(error)}))?;
     }
     errors::show(error);
-    Ok(End::Unusable)
+    Ok(End::of_error(error))
 }
 
 /// `o1: jeans < tshirt < cardigan over body`.

@@ -29,6 +29,15 @@ pub fn pairs(a: &Bvh, b: &Bvh) -> Vec<TrianglePair> {
     })
 }
 
+/// The [`pairs`] of every two of some meshes, as far as there are any: the indices of the two, the
+/// smaller first, and their pairs.
+pub fn pairs_between(meshes: &[Bvh]) -> Vec<([usize; 2], Vec<TrianglePair>)> {
+    let both = (0..meshes.len()).flat_map(|b| (0..b).map(move |a| [a, b]));
+    both.map(|[a, b]| ([a, b], pairs(&meshes[a], &meshes[b])))
+        .filter(|(_, found)| !found.is_empty())
+        .collect()
+}
+
 /// All pairs of triangles of one mesh that share a point beyond their common corners, sorted.
 /// Corners are common if they are one vertex or have equal coordinates; triangles of zero area are
 /// skipped.

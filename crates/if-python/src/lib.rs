@@ -6,6 +6,7 @@
 //!
 #![doc = include_str!("../README.md")]
 
+mod animate;
 mod capture;
 mod command;
 mod errors;
@@ -21,19 +22,21 @@ use pyo3::prelude::pymodule;
 #[pymodule(gil_used = true)]
 mod _ifgarments {
     #[pymodule_export]
+    use crate::animate::animate;
+    #[pymodule_export]
     use crate::capture::reconstruct;
     #[pymodule_export]
     use crate::command::ifg;
     #[pymodule_export]
     use crate::fields::{extract, fit};
     #[pymodule_export]
-    use crate::outfits::{default_params, resolve, verify};
+    use crate::outfits::{default_params, intersections, resolve, verify};
     #[pymodule_export]
     use crate::scene::{demo_scene, picture};
     #[pymodule_export]
     use crate::wardrobe::{
-        wardrobe_add_body, wardrobe_body, wardrobe_dress, wardrobe_garment, wardrobe_list,
-        wardrobe_match,
+        wardrobe_add_body, wardrobe_batch, wardrobe_body, wardrobe_dress, wardrobe_garment,
+        wardrobe_list, wardrobe_match,
     };
     #[pymodule_export]
     const BUILD: &str = if_outfit::BUILD;

@@ -3,13 +3,18 @@
 use crate::errors::{Exception, no_json};
 use crate::layers::{LayerArrays, faces, vertices};
 use crate::work;
+use if_core::mesh::TriMesh;
+use if_mesh::index::Bvh;
+use if_mesh::intersections::{own_pairs as pairs_within, pairs_between};
+use if_mesh::seams::weld;
 use if_outfit::unresolved::Unresolved;
 use if_outfit::{
     Cleanness, Layer, Outfit, OutfitError, ResolveError, ResolveParams, Resolved, notes,
 };
-use numpy::PyArray2;
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use rayon::prelude::*;
 use serde_json::json;
 
 /// Positions, and triangles if they were split.
@@ -98,6 +103,40 @@ pub(crate) fn verify(
     Ok(VerifiedArrays { report, state: found.cleanness().to_string(), notes })
 }
 
+/// Two layers, and an array of the triangles of both in which they intersect.
+type LayerPairs<'py> = ([usize; 2], Bound<'py, PyArray2<i64>>);
+
+/// The intersecting triangle pairs of every two layers, and of each with itself.
+#[pyfunction]
+#[pyo3(signature = (layers, threads))]
+pub(crate) fn intersections<'py>(
+    py: Python<'py>,
+    layers: Vec<LayerArrays<'py>>,
+    threads: Option<usize>,
+) -> PyResult<Vec<LayerPairs<'py>>> {
+    let meshes: Vec<TriMesh> =
+        layers.iter().map(|layer| Ok(layer.layer()?.mesh)).collect::<PyResult<_>>()?;
+    let found = work::run(py, threads, None, move |_| {
+        // As `verify` counts them: seams are closed. Triangles keep their order.
+        let welded = meshes.into_par_iter().map(|mesh| weld(&mesh).map_or(mesh, |w| w.mesh));
+        let (meshes, trees): (Vec<TriMesh>, Vec<Bvh>) = welded
+            .map(|mesh| {
+                let tree = Bvh::new(&mesh);
+                (mesh, tree)
+            })
+            .unzip();
+        let own = meshes.iter().zip(&trees).enumerate();
+        let own = own.map(|(k, (mesh, tree))| ([k, k], pairs_within(mesh, tree)));
+        let own = own.filter(|(_, pairs)| !pairs.is_empty());
+        pairs_between(&trees).into_iter().chain(own).collect::<Vec<_>>()
+    })?;
+    let arrays = found.into_iter().map(|(layers, pairs)| {
+        let flat = pairs.iter().flat_map(|p| [i64::from(p.a), i64::from(p.b)]).collect();
+        Ok((layers, PyArray1::from_vec(py, flat).reshape([pairs.len(), 2])?))
+    });
+    arrays.collect()
+}
+
 /// The default parameters, as JSON.
 #[pyfunction]
 pub(crate) fn default_params() -> PyResult<String> {
@@ -124,7 +163,11 @@ pub(crate) fn named(
 }
 
 /// The body and the garments.
-fn owned(layers: &[LayerArrays<'_>]) -> PyResult<(Layer, Vec<Layer>)> {
+///
+/// # Errors
+///
+/// `ValueError` that names argument, row and value.
+pub(crate) fn owned(layers: &[LayerArrays<'_>]) -> PyResult<(Layer, Vec<Layer>)> {
     let mut layers = layers.iter().map(LayerArrays::layer).collect::<PyResult<Vec<Layer>>>()?;
     if layers.is_empty() {
         return Err(PyValueError::new_err("there is no body"));
@@ -132,7 +175,12 @@ fn owned(layers: &[LayerArrays<'_>]) -> PyResult<(Layer, Vec<Layer>)> {
     Ok((layers.remove(0), layers))
 }
 
-fn outfit((body, garments): (Layer, Vec<Layer>)) -> Result<Outfit, OutfitError> {
+/// The outfit of a body and garments.
+///
+/// # Errors
+///
+/// They are no valid outfit.
+pub(crate) fn outfit((body, garments): (Layer, Vec<Layer>)) -> Result<Outfit, OutfitError> {
     Outfit::new(body, garments)
 }
 

@@ -5,13 +5,18 @@ use crate::layers::{NamedArrays, named_arrays};
 use crate::outfits::named;
 use crate::work;
 use if_core::mesh::TriMesh;
+use if_core::monitor::Progress;
+use if_pipeline::wardrobe::batch::{self, BatchParams, Event, shard_folder};
 use if_pipeline::wardrobe::combination::Combination;
 use if_pipeline::wardrobe::dresser::Dresser;
 use if_pipeline::wardrobe::matching::{MatchParams, Placed, run_into_folder};
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use serde_json::json;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 
 /// Bodies, garments and unreadable folders, as JSON.
 #[pyfunction]
@@ -124,8 +129,14 @@ pub(crate) fn wardrobe_match(
     let (body, garments) = combination;
     let (unproven, again, picture_height) = options;
     let resolve = named(py, &params.0, params.1)?;
-    let params =
-        MatchParams { body: true, unproven, picture_height, resolve, ..MatchParams::default() };
+    let params = MatchParams {
+        body: true,
+        unproven,
+        picture_height,
+        resolve,
+        tool: if_cli::versions(),
+        ..MatchParams::default()
+    };
     let matched = work::run(py, threads, progress.as_ref(), move |monitor| {
         let wardrobe = Wardrobe::open_existing(&root)?;
         let dresser = Dresser::new(&wardrobe, params.align);
@@ -139,4 +150,55 @@ pub(crate) fn wardrobe_match(
         Placed::Nowhere => "nowhere",
     };
     Ok((serde_json::to_string(&result).map_err(no_json)?, placed))
+}
+
+/// Resolves many combinations into a folder, or a named part of them: the entries of the summary as
+/// JSON. `options` are whether meshes are written, whether all is done again, the height of
+/// pictures, and how many are done at once.
+#[pyfunction]
+#[pyo3(signature = (root, combinations, out, params, options, threads, progress))]
+pub(crate) fn wardrobe_batch(
+    py: Python<'_>,
+    root: PathBuf,
+    combinations: Vec<(String, Vec<String>)>,
+    out: (PathBuf, Option<String>),
+    params: (Vec<(String, String)>, Option<f64>),
+    options: (bool, bool, u32, usize),
+    threads: Option<usize>,
+    progress: Option<Bound<'_, PyAny>>,
+) -> PyResult<String> {
+    let (meshes, again, picture_height, at_once) = options;
+    let resolve = named(py, &params.0, params.1)?;
+    let tool = if_cli::versions();
+    let params = MatchParams { meshes, picture_height, resolve, tool, ..MatchParams::default() };
+    let (out, part) = out;
+    let out = part.map_or(out.clone(), |part| shard_folder(&out, &part));
+    let done = work::run(py, threads, progress.as_ref(), move |monitor| {
+        let wardrobe = Wardrobe::open_existing(&root)?;
+        let dresser = Dresser::new(&wardrobe, params.align);
+        let combinations: Vec<Combination> = combinations
+            .into_iter()
+            .map(|(body, garments)| Combination { body, garments })
+            .collect();
+        let state = Mutex::new((0, monitor));
+        let watch = |event: &Event<'_>| {
+            let (done, monitor) = &mut *state.lock().unwrap_or_else(PoisonError::into_inner);
+            let reported = match event {
+                Event::Working(_, progress) => monitor.report(progress),
+                Event::Done(k, ..) => {
+                    *done += 1;
+                    let item = combinations[*k].to_string();
+                    let total = Some(combinations.len());
+                    let stage = Progress::stage("combination").of(&item);
+                    monitor.report(&Progress { done: *done, total, ..stage })
+                }
+            };
+            if reported.is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let batch = BatchParams { at_once, again };
+        batch::run(&out, &dresser, &combinations, &params, &batch, &watch)
+    })?;
+    let summary = done.map_err(|e: WardrobeError| e.raised(py))?;
+    let summary = summary.ok_or_else(|| PyRuntimeError::new_err("cancelled"))?;
+    serde_json::to_string(&summary.entries).map_err(no_json)
 }

@@ -62,7 +62,7 @@ pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
     threads: Option<usize>,
     progress: Option<&Bound<'_, PyAny>>,
-    work: impl FnOnce(&mut dyn Monitor) -> T + Send + 'static,
+    work: impl FnOnce(&mut (dyn Monitor + Send)) -> T + Send + 'static,
 ) -> PyResult<T> {
     let pool = ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0)) // 0 is all cores

@@ -1,13 +1,17 @@
 """Wardrobes, and the command `ifg` of the package."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
+from functools import partial
 
 import ifgarments
 import numpy as np
 import pytest
 from conftest import BALL, band
+from ifgarments import batch
 
 
 def write_ply(path, vertices, faces):
@@ -152,3 +156,71 @@ def test_a_garment_of_a_capture_is_reconstructed(tmp_path):
     assert list(found.garments) == ["tshirt"] and len(found.labels) == len(found.person[0])
     v, f = found.garments["tshirt"]
     assert len(v) > 100 and f.max() == len(v) - 1 and found.report["garments"]
+
+
+COMBINATIONS = [
+    ("ball", ["skirt"]),
+    ("ball", ["coat"]),
+    ("ball", ["skirt", "coat"]),
+    ("ball", ["coat", "skirt"]),
+    ("ball", ["skirt", "missing"]),
+]
+
+
+def results(folder):
+    """All files but those with seconds and pages."""
+    timed = ("timings.json", "summary.csv", "report.html")
+    files = [path for path in folder.rglob("*") if path.is_file() and path.name not in timed]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def test_a_batch_has_the_files_of_the_command(folder, tmp_path):
+    wardrobe, seen = ifgarments.Wardrobe(folder), []
+    entries = wardrobe.batch(COMBINATIONS, tmp_path / "a", progress=seen.append, at_once=2)
+    assert [entry["state"] for entry in entries] == ["clean"] * 4 + ["failed"]
+    done = [(p.done, p.total) for p in seen if p.stage == "combination"]
+    assert done == [(k, 5) for k in range(1, 6)]
+    outfits = [{"body": body, "garments": garments} for body, garments in COMBINATIONS]
+    (tmp_path / "list.json").write_text(json.dumps({"outfit": outfits}))
+    run = ifg("wardrobe", "batch", folder, "--list", tmp_path / "list.json", "--out", tmp_path / "b")
+    assert run.returncode == 2, run.stderr
+    assert results(tmp_path / "a") == results(tmp_path / "b")
+
+
+def test_parts_of_a_batch_are_collected(folder, tmp_path):
+    wardrobe, seen = ifgarments.Wardrobe(folder), []
+    wardrobe.batch(COMBINATIONS, tmp_path / "one", picture_height=0)
+    entries = batch.run(
+        folder,
+        COMBINATIONS,
+        tmp_path / "parts",
+        workers=2,
+        size=2,
+        progress=lambda *p: seen.append(p),
+        picture_height=0,
+    )
+    assert [entry["state"] for entry in entries] == ["clean"] * 4 + ["failed"]
+    assert seen[-1] == (5, 5) and len(seen) == 3
+    assert results(tmp_path / "one") == results(tmp_path / "parts")
+    assert not (tmp_path / "parts/shards").exists()
+    for wrong in ({"engine": "dask"}, {"size": 0}):
+        with pytest.raises(ValueError):
+            batch.run(folder, COMBINATIONS, tmp_path / "no", **wrong)
+    with pytest.raises(ValueError, match="part"):
+        wardrobe.batch(COMBINATIONS, tmp_path / "no", part="../x")
+    assert not (tmp_path / "no").exists()
+
+
+def test_a_batch_whose_worker_is_killed_goes_on(folder, tmp_path, monkeypatch):
+    killed = tmp_path / "killed"
+    monkeypatch.setattr(batch, "_do", partial(_killed_once, str(killed)))
+    entries = batch.run(folder, COMBINATIONS, tmp_path / "out", workers=1, size=2)
+    assert killed.exists() and [e["state"] for e in entries] == ["clean"] * 4 + ["failed"]
+
+
+def _killed_once(mark, part):
+    """In a worker: the second part kills it, once."""
+    if part[0] == "00000002" and not os.path.exists(mark):
+        open(mark, "w").close()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return batch._do(part)

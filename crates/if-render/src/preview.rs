@@ -5,7 +5,7 @@ use crate::render::side_by_side;
 use crate::view::{PALETTE, RenderLayer, View};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::pairs;
+use if_mesh::intersections::pairs_between;
 
 /// Draws the layers of an outfit, body first, in different colours, and triangles that intersect
 /// another layer in red. `size` is the width and height of one view, in pixels.
@@ -30,13 +30,9 @@ pub(crate) fn color(layer: usize) -> [u8; 3] {
 fn intersecting(layers: &[&TriMesh]) -> Vec<Vec<u32>> {
     let trees: Vec<Bvh> = layers.iter().map(|mesh| Bvh::new(mesh)).collect();
     let mut found = vec![Vec::new(); trees.len()];
-    for outer in 1..trees.len() {
-        for inner in 0..outer {
-            for pair in pairs(&trees[inner], &trees[outer]) {
-                found[inner].push(pair.a);
-                found[outer].push(pair.b);
-            }
-        }
+    for ([a, b], pairs) in pairs_between(&trees) {
+        found[a].extend(pairs.iter().map(|pair| pair.a));
+        found[b].extend(pairs.iter().map(|pair| pair.b));
     }
     for triangles in &mut found {
         triangles.sort_unstable();

@@ -8,8 +8,10 @@ use crate::errors::{ErrorChain, note};
 use crate::inputs::ParamArgs;
 use crate::print::{print, print_json};
 use crate::progress;
+use crate::shard::Shard;
+use crate::staging::OutputError;
 use clap::Args;
-use if_pipeline::wardrobe::batch::{self, BatchParams, Event};
+use if_pipeline::wardrobe::batch::{self, BatchParams, Event, shard_folder};
 use if_pipeline::wardrobe::combination::{Combination, Combinations, Order, RandomParams, random};
 use if_pipeline::wardrobe::dresser::Dresser;
 use if_pipeline::wardrobe::matching::MatchParams;
@@ -61,6 +63,10 @@ pub(crate) struct BatchArgs {
     /// not fill all cores.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
     pub(crate) at_once: u16,
+    /// Do only every N-th combination, beginning with the I-th: one part of a list for each of N
+    /// machines. The same command without --shard then collects what all parts did.
+    #[arg(long, value_name = "I/N")]
+    pub(crate) shard: Option<Shard>,
     /// Do everything again.
     #[arg(long)]
     pub(crate) again: bool,
@@ -94,7 +100,11 @@ struct ListError {
 pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
     let start = Instant::now();
     let wardrobe = open(&args.root)?;
-    let combinations = combinations(&wardrobe, args)?;
+    let all = combinations(&wardrobe, args)?;
+    let (combinations, out) = match args.shard {
+        Some(shard) => (shard.of(all), shard_folder(&args.out, &shard.name())),
+        None => (all, args.out.clone()),
+    };
     let height = if args.no_pictures { 0 } else { PICTURE_HEIGHT };
     let params = MatchParams { meshes: !args.no_meshes, ..match_params(&args.params, height)? };
     let dresser = Dresser::new(&wardrobe, params.align);
@@ -136,10 +146,12 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
         if cancel::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let batch = BatchParams { at_once: usize::from(args.at_once), again: args.again };
-    let done = batch::run(&args.out, &dresser, &combinations, &params, &batch, &watch);
+    let done = batch::run(&out, &dresser, &combinations, &params, &batch, &watch);
     bar.finish_and_clear();
-    let done =
-        done.map_err(|e| Fault::new(format!("cannot go on in `{}`", args.out.display()), &e))?;
+    let done = done.map_err(|error| match error {
+        WardrobeError::Busy { path } => Report::from(OutputError::Busy { path }),
+        error => Fault::new(format!("cannot go on in `{}`", out.display()), &error).into(),
+    })?;
     if let Some(error) = unprinted.into_inner().unwrap_or_else(PoisonError::into_inner) {
         return Err(error);
     }
@@ -152,7 +164,7 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
         print(&format!(
             "{summary}; {:.1} s{memory}\n{}\n",
             start.elapsed().as_secs_f64(),
-            args.out.join("report.html").display()
+            out.join("report.html").display()
         ))?;
     }
     Ok(summary.entries.iter().map(|e| end_of(e.state)).max().unwrap_or(End::Clean))

@@ -36,7 +36,6 @@ impl Fault {
             WardrobeError::Asset(AssetError::Name { .. }) => {
                 "give another name, or rename the file"
             }
-            WardrobeError::Busy { .. } => "wait for it, or take another folder",
             WardrobeError::NoWardrobe { .. } => {
                 "look at the path; `ifg wardrobe add` makes a wardrobe"
             }

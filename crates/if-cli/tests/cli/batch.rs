@@ -40,6 +40,39 @@ fn each_outfit_has_its_folder_and_finished_ones_are_skipped() {
 }
 
 #[test]
+fn each_shard_does_its_part_and_the_whole_command_finds_it_done() {
+    let folder = batch();
+    folder.write("c.toml", folder.read("outfit.toml"));
+    let fix = |shard: &str| {
+        let run = folder.ifg(&format!("fix a.toml b.toml c.toml --out done --json {shard}"));
+        states(&run.expect(0))
+    };
+    assert_eq!(fix("--shard 2/3"), ["clean everywhere"]);
+    assert!(folder.path("done/b/receipt.json").exists() && !folder.path("done/a").exists());
+    assert_eq!(fix("--shard 1/2"), ["clean everywhere", "clean everywhere"]);
+    assert_eq!(fix(""), ["finished", "finished", "finished"]);
+    assert!(fix("--shard 5/5").is_empty());
+    folder.ifg("fix a.toml b.toml --shard 3/2").expect(2);
+    folder.ifg("fix shirt.obj --body body.ply --out x --shard 1/2").expect(2);
+}
+
+#[test]
+fn a_busy_folder_has_an_exit_code_of_its_own() {
+    let folder = batch();
+    // As another process that writes there.
+    let hidden = folder.path("done/a/.ifg-partial");
+    std::fs::create_dir_all(&hidden).unwrap();
+    let lock = std::fs::File::create(hidden.join(".ifg-lock")).unwrap();
+    lock.lock().unwrap();
+    let run = folder.ifg("fix a.toml b.toml --out done").expect(75);
+    assert!(run.stderr.contains("another ifg is writing"), "{}", run.stderr);
+    assert!(folder.path("done/b/receipt.json").exists(), "the others are done");
+    folder.ifg("fix a.toml --out done/a").expect(75);
+    lock.unlock().unwrap();
+    folder.ifg("fix a.toml b.toml --out done").expect(0);
+}
+
+#[test]
 fn what_has_changed_is_done_again() {
     let folder = batch();
     let run = |args: &str| {

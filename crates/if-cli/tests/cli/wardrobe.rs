@@ -136,6 +136,34 @@ fn a_batch_of_mannequins_killed_twenty_times_leaves_the_same_bytes() {
 }
 
 #[test]
+fn a_batch_in_shards_has_the_bytes_of_one_process() {
+    let folder = belts();
+    let batch = "wardrobe batch w --random 9 --any-order --most 3 --no-pictures";
+    folder.ifg(&format!("{batch} --out whole")).expect(0);
+    // At the same time, as on three machines.
+    let parts: Vec<_> = (1..=3)
+        .map(|k| {
+            let mut command = folder.command(&format!("{batch} --out parts --shard {k}/3"));
+            command.stdout(Stdio::null()).spawn().unwrap()
+        })
+        .collect();
+    for mut part in parts {
+        assert!(part.wait().unwrap().success());
+    }
+    assert!(folder.path("parts/shards/2-of-3/summary.json").exists());
+    // While a part is being written the whole is not collected.
+    let lock = folder.path("parts/shards/2-of-3/results/.ifg-lock");
+    let lock = std::fs::File::create(lock).unwrap();
+    lock.lock().unwrap();
+    folder.ifg(&format!("{batch} --out parts")).expect(75);
+    drop(lock);
+    let run = folder.ifg(&format!("{batch} --out parts")).expect(0);
+    assert_eq!(run.stdout.lines().count(), 2, "nothing was done again: {}", run.stdout);
+    assert!(!folder.path("parts/shards").exists());
+    assert!(results(&folder, "parts") == results(&folder, "whole"), "the files differ");
+}
+
+#[test]
 fn a_wardrobe_is_filled_listed_and_matched() {
     let folder = belts();
     let list = folder.ifg("wardrobe list w --json").expect(0).json();

@@ -3,6 +3,7 @@
 //! ```text
 //! OUT/
 //!   results/KEY/                one folder a combination: super::matching
+//!   shards/NAME/                the same for a part of the list, done by another process
 //!   summary.json                states and figures, in the order of the list: the same bytes in each run
 //!   summary.csv, report.html    the same with seconds
 //! ```
@@ -20,15 +21,17 @@ use if_mesh::atomic;
 use if_mesh::atomic::FolderWriter;
 use std::any::Any;
 use std::fmt::Write as _;
+use std::fs;
 use std::io::Write as _;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 const RESULTS: &str = "results";
+const SHARDS: &str = "shards";
 const SUMMARY: &str = "summary.json";
 const CSV: &str = "summary.csv";
 const REPORT: &str = "report.html";
@@ -61,6 +64,9 @@ pub enum Event<'a> {
 /// single combinations are recorded and do not stop the others. `None` if cancelled: finished results
 /// stay, and the next run continues.
 ///
+/// A list may be done in parts, by several processes at once, each with a [`shard_folder`] for its
+/// `out`. A run of the whole list then takes their results: the same files as by one process.
+///
 /// # Errors
 ///
 /// Parameters out of range, another process that writes into `out`, or files that cannot be written:
@@ -78,6 +84,7 @@ pub fn run(
     let opened = FolderWriter::open(&path)
         .map_err(|source| WardrobeError::Folder { path: path.clone(), source })?;
     let results = opened.ok_or(WardrobeError::Busy { path })?;
+    collect(out, &results)?;
     let next = AtomicUsize::new(0);
     let cancelled = AtomicBool::new(false);
     let stopped: Mutex<Option<WardrobeError>> = Mutex::new(None);
@@ -145,6 +152,40 @@ pub fn run(
     };
     write_summary(out, &summary)?;
     Ok(Some(summary))
+}
+
+/// Where a part of a batch into `out` is done. `name` is a name for a folder, different for each
+/// part.
+pub fn shard_folder(out: &Path, name: &str) -> PathBuf {
+    out.join(SHARDS).join(name)
+}
+
+/// Moves the results of all parts to those of the whole. A result that is there already stays.
+fn collect(out: &Path, results: &FolderWriter) -> Result<(), WardrobeError> {
+    let fault = |path: &Path| {
+        let path = path.to_path_buf();
+        move |source| WardrobeError::Folder { path, source }
+    };
+    let shards = out.join(SHARDS);
+    let names = atomic::names(&shards).map_err(fault(&shards))?;
+    for shard in names.iter().map(|name| shards.join(name)) {
+        let path = shard.join(RESULTS);
+        let opened = FolderWriter::open(&path).map_err(fault(&path))?;
+        let part = opened.ok_or_else(|| WardrobeError::Busy { path: path.clone() })?;
+        for name in part.names().map_err(fault(&path))? {
+            let target = results.parent().join(&name);
+            if fs::symlink_metadata(&target).is_err() {
+                fs::rename(path.join(&name), &target).map_err(fault(&target))?;
+            }
+        }
+        // What is left are results that the whole has, and the part's own summary.
+        fs::remove_dir_all(&shard).map_err(fault(&shard))?;
+        drop(part);
+    }
+    if !names.is_empty() {
+        let _ = fs::remove_dir(&shards); // another part may have begun
+    }
+    Ok(())
 }
 
 /// The number of finished combinations.

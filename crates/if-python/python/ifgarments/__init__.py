@@ -16,23 +16,27 @@ from __future__ import annotations
 from importlib.metadata import PackageNotFoundError, version
 
 from . import _ifgarments as _native
+from ._animate import Animated, animate
 from ._arguments import Progress
 from ._capture import Reconstruction, reconstruct
 from ._fields import extract, fit
 from ._outfits import (
     Arrays,
+    Intersections,
     Layers,
     Mesh,
     Resolved,
     Verified,
     default_params,
     demo_scene,
+    intersections,
     picture,
     resolve,
     verify,
 )
 from ._wardrobe import Wardrobe
 from .errors import (
+    AnimateError,
     BusyError,
     Cancelled,
     Error,
@@ -46,10 +50,13 @@ from .errors import (
 
 __all__ = [
     "BUILD",
+    "AnimateError",
+    "Animated",
     "Arrays",
     "BusyError",
     "Cancelled",
     "Error",
+    "Intersections",
     "IntersectionsRemain",
     "Layers",
     "Mesh",
@@ -63,10 +70,12 @@ __all__ = [
     "Verified",
     "Wardrobe",
     "WardrobeError",
+    "animate",
     "default_params",
     "demo_scene",
     "extract",
     "fit",
+    "intersections",
     "picture",
     "reconstruct",
     "resolve",

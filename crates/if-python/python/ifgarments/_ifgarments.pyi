@@ -29,6 +29,9 @@ def resolve(
     progress: ProgressCallback | None,
 ) -> _Resolved: ...
 def verify(layers: list[dict[str, Any]], threads: int | None) -> _Verified: ...
+def intersections(
+    layers: list[dict[str, Any]], threads: int | None
+) -> list[tuple[tuple[int, int], np.ndarray[tuple[int, Literal[2]], np.dtype[np.int64]]]]: ...
 def default_params() -> str: ...
 def demo_scene(
     trousers: bool, resolution: float, overlap: float
@@ -66,6 +69,17 @@ def fit(
     threads: int | None,
     progress: ProgressCallback | None,
 ) -> tuple[bytes, str]: ...
+def animate(
+    layers: list[dict[str, Any]],
+    weights: list[tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]] | None],
+    skeleton: bytes,
+    motion: bytes,
+    folder: str,
+    threads: int | None,
+    progress: ProgressCallback | None,
+) -> tuple[
+    str, list[str], list[np.ndarray[tuple[int, int, Literal[3]], np.dtype[np.float32]]]
+]: ...
 def wardrobe_list(root: str) -> str: ...
 def wardrobe_add_body(
     root: str, name: str, mesh: str, template: str | None, skeleton: str | None, scale: float
@@ -84,4 +98,13 @@ def wardrobe_match(
     threads: int | None,
     progress: ProgressCallback | None,
 ) -> tuple[str, str]: ...
+def wardrobe_batch(
+    root: str,
+    combinations: list[tuple[str, list[str]]],
+    out: tuple[str, str | None],
+    params: tuple[list[tuple[str, str]], float | None],
+    options: tuple[bool, bool, int, int],
+    threads: int | None,
+    progress: ProgressCallback | None,
+) -> str: ...
 def ifg(args: list[str]) -> int: ...

@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +120,39 @@ def verify(body: Mesh, layers: Layers, *, threads: int | None = None) -> Verifie
     """
     found = _native.verify(_native_layers(body, layers), checked_threads(threads))
     return Verified(found["state"], json.loads(found["report"]), found["notes"])
+
+
+class Intersections(NamedTuple):
+    """Intersecting triangles of two layers, or of one with itself."""
+
+    #: Name of the inner layer; the body's is ``"body"``.
+    inner: str
+    #: Name of the outer layer; the same name for a layer that intersects itself.
+    outer: str
+    #: Triangles of the inner and of the outer layer, shape (k, 2).
+    triangles: NDArray[np.integer[Any]]
+
+
+def intersections(
+    body: Mesh, layers: Layers, *, threads: int | None = None
+) -> list[Intersections]:
+    """Finds where layers intersect each other and themselves: exact.
+
+    Args:
+        body: as in :func:`resolve`.
+        layers: as in :func:`resolve`.
+        threads: as in :func:`resolve`.
+
+    Returns:
+        An entry for every two layers that intersect, and for every layer that intersects itself.
+
+    Raises:
+        ValueError, TypeError: as in :func:`resolve`.
+    """
+    read_all = [read(body, "body", "body"), *read_layers(layers).layers]
+    names = [layer.name for layer in read_all]
+    found = _native.intersections([l.native() for l in read_all], checked_threads(threads))
+    return [Intersections(names[a], names[b], triangles) for (a, b), triangles in found]
 
 
 def picture(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -158,3 +159,56 @@ class Wardrobe:
         )
         result: dict[str, Any] = json.loads(text)
         return {**result, "placed": placed}
+
+    def batch(
+        self,
+        combinations: Iterable[tuple[str, Sequence[str]]],
+        out: str | os.PathLike[str],
+        *,
+        part: str | None = None,
+        clearance: float | None = None,
+        params: Mapping[str, Any] | None = None,
+        meshes: bool = True,
+        again: bool = False,
+        picture_height: int = 400,
+        at_once: int = 1,
+        threads: int | None = None,
+        progress: Callable[[Progress], object] | None = None,
+    ) -> list[dict[str, Any]]:
+        """Aligns and resolves many combinations, each into a folder of its own below ``out``.
+
+        What is there already is taken: a stopped batch goes on. The files are those of
+        ``ifg wardrobe batch``.
+
+        Args:
+            combinations: pairs of a body and garments, inner to outer.
+            out: the folder of results, ``summary.json`` and ``report.html``.
+            part: a name, if these are a part of the whole that another process completes: they are
+                written into ``out/shards/part``. A call without it collects all parts. See
+                :mod:`ifgarments.batch`.
+            clearance: as in :func:`resolve`.
+            params: as in :func:`resolve`.
+            meshes: meshes are written.
+            again: everything is done again.
+            picture_height: in pixels; 0 for no pictures.
+            at_once: combinations in parallel, each with about 100 MiB.
+            threads: as in :func:`resolve`.
+            progress: as in :func:`resolve`; the stage ``"combination"`` is reported after each.
+
+        Returns:
+            The entries of ``summary.json``, in the order of ``combinations``: ``state``
+            (``"clean"``, ``"remaining"`` or ``"failed"``), ``error``, ``folder`` and figures.
+        """
+        if part is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}", part):
+            raise ValueError(f"part is {part!r}; give up to 64 letters, digits, - and _")
+        text = _native.wardrobe_batch(
+            self.path,
+            [(body, list(garments)) for body, garments in combinations],
+            (folder(out, "out"), part),
+            (named_params(params), None if clearance is None else float(clearance)),
+            (bool(meshes), bool(again), picture_height, checked_threads(at_once) or 1),
+            checked_threads(threads),
+            listener(progress),
+        )
+        entries: list[dict[str, Any]] = json.loads(text)
+        return entries

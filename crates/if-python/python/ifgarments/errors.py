@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from ._outfits import Resolved
 
 __all__ = [
+    "AnimateError",
     "BusyError",
     "Cancelled",
     "Error",
@@ -46,6 +47,10 @@ class BusyError(WardrobeError):
 
 class ReconstructError(Error):
     """A capture or its template body cannot be used."""
+
+
+class AnimateError(Error):
+    """An outfit cannot follow a motion: the message names layer, vertex or frame."""
 
 
 class Cancelled(Error):

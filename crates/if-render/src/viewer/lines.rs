@@ -4,28 +4,19 @@ use if_core::intersect::segment_triangle;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::{own_pairs, pairs};
+use if_mesh::intersections::{TrianglePair, own_pairs, pairs_between};
 
 /// The line in which each pair of intersecting triangles meets, of two layers or of one. Pairs that
 /// only touch, or lie in one plane, have none.
 pub(super) fn intersections(meshes: &[&TriMesh]) -> Vec<[Point; 2]> {
     let trees: Vec<Bvh> = meshes.iter().map(|mesh| Bvh::new(mesh)).collect();
-    let mut lines = Vec::new();
-    for (outer, mesh) in meshes.iter().enumerate() {
-        for inner in 0..outer {
-            let found = pairs(&trees[inner], &trees[outer]);
-            lines.extend(found.iter().filter_map(|pair| {
-                line(meshes[inner].corners(pair.a as usize), mesh.corners(pair.b as usize))
-            }));
-        }
-        let found = own_pairs(mesh, &trees[outer]);
-        lines.extend(
-            found.iter().filter_map(|pair| {
-                line(mesh.corners(pair.a as usize), mesh.corners(pair.b as usize))
-            }),
-        );
-    }
-    lines
+    let own = meshes.iter().zip(&trees).enumerate();
+    let own = own.map(|(k, (mesh, tree))| ([k, k], own_pairs(mesh, tree)));
+    let found = pairs_between(&trees).into_iter().chain(own);
+    let corners = |mesh: usize, triangle: u32| meshes[mesh].corners(triangle as usize);
+    let line =
+        |[a, b]: [usize; 2], pair: TrianglePair| line(corners(a, pair.a), corners(b, pair.b));
+    found.flat_map(|(at, pairs)| pairs.into_iter().filter_map(move |pair| line(at, pair))).collect()
 }
 
 /// The ends are where an edge of one triangle passes through the other.

@@ -1,0 +1,176 @@
+"""The buttons. Work runs in a thread of its own and can be cancelled with Escape."""
+
+import threading
+
+import bpy
+import ifgarments
+
+from . import tasks
+from .meshes import MeshError
+
+# What a task may raise: shown as a message.
+_ERRORS = (MeshError, ifgarments.Error, ValueError, OSError)
+
+
+class _Run:
+    """An operator that drives a task; in background mode at once, else with progress."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        task, sent = type(self).task(context), None
+        try:
+            while True:
+                sent = task.send(sent)(lambda _: None)
+        except StopIteration as end:
+            return self._ended(context, *end.value)
+        except _ERRORS as error:
+            return self._failed(context, error)
+
+    def invoke(self, context, event):
+        if bpy.app.background:
+            return self.execute(context)
+        self._task, self._thread = type(self).task(context), None
+        self._cancelled, self._progress = False, ""
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(0.1, window=context.window)
+        manager.modal_handler_add(self)
+        self._sent, self._error = None, None
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC":
+            self._cancelled = True
+            context.workspace.status_text_set("Garments: cancelling …")
+        if event.type != "TIMER":
+            return {"RUNNING_MODAL"} if event.type == "ESC" else {"PASS_THROUGH"}
+        if self._thread is not None and self._thread.is_alive():
+            if not self._cancelled:
+                text = f"Garments: {self._progress or 'working'} (Esc cancels)"
+                context.workspace.status_text_set(text)
+            return {"RUNNING_MODAL"}
+        try:
+            if self._error is not None:
+                self._task.close()
+                raise self._error
+            if self._cancelled:
+                self._task.close()
+                raise ifgarments.Cancelled("cancelled")
+            work = self._task.send(self._sent)
+        except StopIteration as end:
+            self._clear(context)
+            return self._ended(context, *end.value)
+        except _ERRORS as error:
+            self._clear(context)
+            return self._failed(context, error)
+        except BaseException:
+            self._clear(context)
+            raise
+        self._thread = threading.Thread(target=self._work, args=(work,), daemon=True)
+        self._thread.start()
+        return {"RUNNING_MODAL"}
+
+    def _work(self, work):
+        """In a thread of its own: it must not touch the scene."""
+        try:
+            self._sent = work(self._listen)
+        except BaseException as error:  # raised again in the main thread
+            self._error = error
+
+    def _listen(self, progress):
+        self._progress = progress
+        if self._cancelled:
+            raise ifgarments.Cancelled("cancelled")
+
+    def _clear(self, context):
+        context.window_manager.event_timer_remove(self._timer)
+        context.workspace.status_text_set(None)
+
+    def _ended(self, context, state, message):
+        context.scene.if_garments.state = state
+        self.report({"INFO"}, message)
+        return {"FINISHED"}
+
+    def _failed(self, context, error):
+        if isinstance(error, ifgarments.Cancelled):
+            self.report({"INFO"}, "cancelled")
+            return {"CANCELLED"}
+        remain = isinstance(error, ifgarments.IntersectionsRemain)
+        context.scene.if_garments.state = "not clean" if remain else ""
+        self.report({"ERROR"}, str(error))
+        # What was reached is in the scene, and can be undone.
+        return {"FINISHED"} if remain else {"CANCELLED"}
+
+
+class IFG_OT_check(_Run, bpy.types.Operator):
+    """Counts intersections; their vertices become a vertex group, their faces are selected"""
+
+    bl_idname = "if_garments.check"
+    bl_label = "Check"
+    task = tasks.check
+
+
+class IFG_OT_resolve(_Run, bpy.types.Operator):
+    """Makes the garments free of intersections, and proves it; the meshes themselves stay"""
+
+    bl_idname = "if_garments.resolve"
+    bl_label = "Resolve"
+    task = tasks.resolve
+
+
+class IFG_OT_add(bpy.types.Operator):
+    """Adds the selected meshes as outer layers"""
+
+    bl_idname = "if_garments.add"
+    bl_label = "Add selected"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        settings = context.scene.if_garments
+        known = {settings.body, *(item.mesh for item in settings.garments)}
+        chosen = [t for t in context.selected_objects if t.type == "MESH" and t not in known]
+        if not chosen:
+            self.report({"WARNING"}, "select meshes that are not in the list yet")
+            return {"CANCELLED"}
+        for thing in chosen:
+            settings.garments.add().mesh = thing
+        settings.active = len(settings.garments) - 1
+        return {"FINISHED"}
+
+
+class IFG_OT_remove(bpy.types.Operator):
+    """Removes the garment from the list; the object stays"""
+
+    bl_idname = "if_garments.remove"
+    bl_label = "Remove"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context):
+        settings = context.scene.if_garments
+        if not 0 <= settings.active < len(settings.garments):
+            return {"CANCELLED"}
+        settings.garments.remove(settings.active)
+        settings.active = max(0, min(settings.active, len(settings.garments) - 1))
+        return {"FINISHED"}
+
+
+class IFG_OT_move(bpy.types.Operator):
+    """Moves the garment inwards or outwards"""
+
+    bl_idname = "if_garments.move"
+    bl_label = "Move"
+    bl_options = {"REGISTER", "UNDO"}
+
+    step: bpy.props.IntProperty(name="Step", default=1)
+
+    def execute(self, context):
+        settings = context.scene.if_garments
+        to = settings.active + self.step
+        if not 0 <= to < len(settings.garments):
+            return {"CANCELLED"}
+        settings.garments.move(settings.active, to)
+        settings.active = to
+        return {"FINISHED"}
+
+
+CLASSES = (IFG_OT_check, IFG_OT_resolve, IFG_OT_add, IFG_OT_remove, IFG_OT_move)

@@ -1,0 +1,126 @@
+"""Outfits that follow motions."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _ifgarments as _native
+from ._arguments import Progress, checked_threads, folder, listener
+from ._kinds import read, read_layers
+from ._outfits import Layers, Mesh
+
+#: Joints and weights of all vertices, four of each: shapes (n, 4).
+Weights = tuple[Any, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Animated:
+    """An outfit in all frames of a motion."""
+
+    #: Positions of the body, shape (frames, n, 3), in metres.
+    body: NDArray[np.float32]
+    #: Positions of the garments by name, inner to outer, in the same shape.
+    layers: dict[str, NDArray[np.float32]]
+    #: A row for each frame, with the keys of ``ifg animate --json``.
+    report: dict[str, Any] = field(repr=False)
+    #: Names of garments whose weights were taken from the body.
+    weights_from_body: list[str] = field(repr=False)
+
+    @property
+    def is_clean(self) -> bool:
+        """In no frame a layer intersects another, or has a new intersection with itself."""
+        return bool(self.report["clean"] == len(self.body))
+
+
+def animate(
+    body: Mesh,
+    layers: Layers,
+    weights: Mapping[str, Weights],
+    skeleton: str | os.PathLike[str] | Mapping[str, Any],
+    motion: str | os.PathLike[str] | Mapping[str, Any],
+    *,
+    frames: str | os.PathLike[str] | None = None,
+    threads: int | None = None,
+    progress: Callable[[Progress], object] | None = None,
+) -> Animated:
+    """Moves a clean outfit through a motion, and proves every frame.
+
+    Args:
+        body: in its rest pose. Where it meets itself in a pose it yields.
+        layers: garments in the same pose, inner to outer, as :func:`resolve` returns them.
+        weights: skinning weights by name, those of ``"body"`` among them; garments without follow
+            the body. A pair of arrays for each layer: indices of joints and weights, four for each
+            vertex.
+        skeleton: a file, or what such a file has (``docs/reference/capture.md``).
+        motion: a file, or what such a file has (``docs/animate.md``).
+        frames: a folder in which frames are kept as they are done, so that a call that was stopped
+            goes on there; none by default.
+        threads: as in :func:`resolve`.
+        progress: as in :func:`resolve`; the stage ``"frame"`` is reported before each.
+
+    Returns:
+        The positions in all frames, and a report. A frame that cannot be made clean is no error:
+        ``is_clean`` is false, and the report names it.
+
+    Raises:
+        AnimateError: the outfit is not clean, or skeleton, weights or motion do not belong to it.
+        ValueError, TypeError: an argument is no mesh, or no array of the right shape.
+    """
+    outfit = [read(body, "body", "body"), *read_layers(layers).layers]
+    names = [layer.name for layer in outfit]
+    unknown = sorted(set(weights) - set(names))
+    if unknown:
+        raise ValueError(f"weights[{unknown[0]!r}]: there is no such layer; layers are {names}")
+    given = [
+        _weights(weights[layer.name], layer.name, len(layer.vertices))
+        if layer.name in weights
+        else None
+        for layer in outfit
+    ]
+    with tempfile.TemporaryDirectory() as temporary:
+        report, without, positions = _native.animate(
+            [layer.native() for layer in outfit],
+            given,
+            _json(skeleton, "skeleton"),
+            _json(motion, "motion"),
+            temporary if frames is None else folder(frames, "frames"),
+            checked_threads(threads),
+            listener(progress),
+        )
+    rows: dict[str, Any] = json.loads(report)
+    return Animated(positions[0], dict(zip(names[1:], positions[1:])), rows, without)
+
+
+def _weights(given: Any, name: str, vertices: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    argument = f"weights[{name!r}]"
+    if not isinstance(given, (tuple, list)) or len(given) != 2:
+        raise TypeError(f"{argument} is no pair of joints and weights")
+    joints, weights = np.asarray(given[0]), np.asarray(given[1])
+    for what, array in (("joints", joints), ("weights", weights)):
+        if array.shape != (vertices, 4):
+            raise ValueError(
+                f"{argument}: {what} have the shape {array.shape}; it must be ({vertices}, 4)"
+            )
+    if joints.dtype.kind not in "iu" or weights.dtype.kind not in "fiu":
+        raise TypeError(f"{argument}: joints must be integers, and weights numbers")
+    if joints.size and not 0 <= joints.min() <= joints.max() < 2**16:
+        raise ValueError(f"{argument}: a joint is not from 0 to {2**16 - 1}")
+    return np.ascontiguousarray(joints, np.uint16), np.ascontiguousarray(weights, np.float32)
+
+
+def _json(given: Any, argument: str) -> bytes:
+    if isinstance(given, Mapping):
+        try:
+            return json.dumps(dict(given), allow_nan=False).encode()
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{argument}: {error}") from None
+    with open(folder(given, argument), "rb") as file:
+        return file.read()

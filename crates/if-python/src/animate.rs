@@ -1,0 +1,79 @@
+//! Outfits that follow motions.
+
+use crate::errors::{chain, exception, no_json};
+use crate::layers::LayerArrays;
+use crate::outfits;
+use crate::work;
+use if_body::{Motion, Skeleton, SkinWeights};
+use if_pipeline::animate::{AnimateParams, SkinnedOutfit, animate as follow};
+use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray2};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+
+/// Joints and weights of a layer, four of each for a vertex.
+type Weights<'py> = (PyReadonlyArray2<'py, u16>, PyReadonlyArray2<'py, f32>);
+
+/// Report as JSON, names of layers whose weights were taken from the body, and positions of each
+/// layer, the body first: shape (frames, vertices, 3).
+type Animated<'py> = (String, Vec<String>, Vec<Bound<'py, PyArray3<f32>>>);
+
+/// Moves a clean outfit through a motion; the first layer is the body. `skeleton` and `motion` are
+/// JSON. Frames are kept in `folder`.
+#[pyfunction]
+#[pyo3(signature = (layers, weights, skeleton, motion, folder, threads, progress))]
+pub(crate) fn animate<'py>(
+    py: Python<'py>,
+    layers: Vec<LayerArrays<'py>>,
+    weights: Vec<Option<Weights<'py>>>,
+    skeleton: Vec<u8>,
+    motion: Vec<u8>,
+    folder: PathBuf,
+    threads: Option<usize>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Animated<'py>> {
+    let weights: Vec<_> = weights.iter().map(|w| w.as_ref().map(records)).collect();
+    let layers = outfits::owned(&layers)?;
+    let found = work::run(py, threads, progress.as_ref(), move |monitor| {
+        let skeleton =
+            Skeleton::read(&*skeleton).map_err(|e| format!("skeleton: {}", chain(&e)))?;
+        let motion =
+            Motion::read(&*motion, &skeleton).map_err(|e| format!("motion: {}", chain(&e)))?;
+        let skins = weights.into_iter().map(|records| {
+            records.map(|(j, w)| SkinWeights::new(j, w, skeleton.len())).transpose()
+        });
+        let skins = skins.collect::<Result<Vec<_>, _>>().map_err(|e| format!("weights: {e}"))?;
+        let outfit = outfits::outfit(layers).map_err(|e| chain(&e))?;
+        let skinned = SkinnedOutfit::new(outfit, skeleton, skins).map_err(|e| chain(&e))?;
+        let params = AnimateParams::default();
+        let done = follow(&skinned, &motion, &params, &folder, monitor).map_err(|e| chain(&e))?;
+        let counts: Vec<usize> =
+            skinned.outfit.layers().map(|layer| layer.mesh.vertices().len()).collect();
+        let mut positions: Vec<Vec<f32>> = vec![Vec::new(); counts.len()];
+        for frame in 0..done.frames.len() {
+            let all = done.frames.positions(frame).map_err(|e| chain(&e))?;
+            let mut rest = &all[..];
+            for (count, flat) in counts.iter().zip(&mut positions) {
+                let (layer, after) = rest.split_at(*count);
+                flat.extend(layer.iter().flat_map(|p| p.iter()).map(|x| *x as f32));
+                rest = after;
+            }
+        }
+        Ok((done.report, skinned.without_weights, counts, positions, done.frames.len()))
+    })?;
+    let (report, without, counts, positions, frames) =
+        found.map_err(|message: String| exception(py, "AnimateError", message))?;
+    let arrays = counts.into_iter().zip(positions);
+    let arrays =
+        arrays.map(|(count, flat)| PyArray1::from_vec(py, flat).reshape([frames, count, 3]));
+    let report = serde_json::to_string(&report).map_err(no_json)?;
+    Ok((report, without, arrays.collect::<PyResult<_>>()?))
+}
+
+/// Rows of four.
+fn records((joints, weights): &Weights<'_>) -> (Vec<[u16; 4]>, Vec<[f32; 4]>) {
+    fn rows<T: numpy::Element + Copy>(array: &PyReadonlyArray2<'_, T>) -> Vec<[T; 4]> {
+        let rows = array.as_array();
+        rows.rows().into_iter().map(|r| [r[0], r[1], r[2], r[3]]).collect()
+    }
+    (rows(joints), rows(weights))
+}
