@@ -1,0 +1,172 @@
+#!/usr/bin/env python3
+"""One wardrobe batch in several ways, workers killed meanwhile: seconds, and whether the bytes are equal.
+
+    benches/batches.py WARDROBE OUT --count 200 --kills 20 [--ifg PATH] [--ways one shards ...]
+
+Ways: `one` process with one thread; `shards`: two of `ifg --shard`, restarted when killed;
+`processes` and `ray`: ifgarments.batch; `hyperqueue`: a local cluster. Needs a Python with
+ifgarments, and with ray and hyperqueue for these two.
+"""
+
+import argparse
+import hashlib
+import json
+import os
+import pathlib
+import random
+import shlex
+import signal
+import subprocess
+import threading
+import time
+
+from ifgarments import Wardrobe, batch
+
+WORKERS = 2
+TIMED = ("timings.json", "summary.csv", "report.html")
+
+
+def combinations(wardrobe, count):
+    """Bodies in turn, with two to four garments in any order."""
+    draw = random.Random(1)
+    bodies, garments = sorted(wardrobe.bodies), sorted(wardrobe.garments)
+    most = min(4, len(garments))
+    return [
+        (bodies[k % len(bodies)], draw.sample(garments, draw.randint(2, most)))
+        for k in range(count)
+    ]
+
+
+def digest(folder):
+    """Number and hash of all files that hold no seconds."""
+    files = [p for p in sorted(folder.rglob("*")) if p.is_file() and p.name not in TIMED]
+    hashed = hashlib.sha256()
+    for path in files:
+        hashed.update(str(path.relative_to(folder)).encode())
+        hashed.update(path.read_bytes())
+    return len(files), hashed.hexdigest()[:16]
+
+
+class Killer(threading.Thread):
+    """Kills a worker every so often; `find` lists their process ids."""
+
+    def __init__(self, find, kills, between):
+        super().__init__(daemon=True)
+        self.find, self.left, self.between, self.struck = find, kills, between, 0
+        self.end = threading.Event()
+
+    def run(self):
+        draw = random.Random(2)
+        while self.left > self.struck and not self.end.wait(self.between * 2 * draw.random()):
+            workers = self.find()
+            if workers:
+                os.kill(draw.choice(workers), signal.SIGKILL)
+                self.struck += 1
+
+
+def matching(*pattern):
+    """Process ids that pgrep finds."""
+    found = subprocess.run(["pgrep", *pattern], capture_output=True, text=True, check=False)
+    return [int(pid) for pid in found.stdout.split() if int(pid) != os.getpid()]
+
+
+def command(args, out, *more):
+    return [
+        *(args.ifg, "--threads", "1", "wardrobe", "batch", args.wardrobe, "--out", str(out)),
+        *("--list", str(args.out / "list.json"), "--no-pictures", *more),
+    ]
+
+
+def one(args, combos, out):
+    Wardrobe(args.wardrobe).batch(combos, out, threads=1, picture_height=0)
+
+
+def shards(args, combos, out):
+    def part(k):
+        arguments = command(args, out, "--shard", f"{k}/{WORKERS}")
+        while subprocess.run(arguments, stdout=subprocess.DEVNULL, check=False).returncode < 0:
+            pass  # killed: again
+
+    parts = [threading.Thread(target=part, args=(k + 1,)) for k in range(WORKERS)]
+    for thread in parts:
+        thread.start()
+    for thread in parts:
+        thread.join()
+    subprocess.run(command(args, out), stdout=subprocess.DEVNULL, check=False)
+
+
+def processes(args, combos, out):
+    options = {"workers": WORKERS, "retries": args.kills, "picture_height": 0}
+    batch.run(args.wardrobe, combos, out, **options)
+
+
+def ray(args, combos, out):
+    import ray as cluster
+
+    # Not reachable from other machines.
+    cluster.init(num_cpus=WORKERS, include_dashboard=False, _node_ip_address="127.0.0.1")
+    batch.run(args.wardrobe, combos, out, engine="ray", retries=args.kills, picture_height=0)
+    cluster.shutdown()
+
+
+def hyperqueue(args, combos, out):
+    from hyperqueue import Job, LocalCluster
+    from hyperqueue.cluster import WorkerConfig
+
+    parts, again = 8, True
+    with LocalCluster() as cluster:
+        for _ in range(WORKERS):
+            cluster.start_worker(WorkerConfig(cores=1))
+        client = cluster.client()
+        while again:
+            job = Job()
+            for k in range(parts):
+                part = shlex.join(command(args, out, "--shard", f"{k + 1}/{parts}"))
+                # Intersections left (1) are a result. A part that was killed counts as failed: the
+                # same job once more.
+                job.program(["sh", "-c", f"{part}; test $? -le 2"])
+            again = not client.wait_for_jobs([client.submit(job)], raise_on_error=False)
+    subprocess.run(command(args, out), stdout=subprocess.DEVNULL, check=False)
+
+
+WAYS = {
+    "one": (one, lambda: []),
+    "shards": (shards, lambda: matching("-f", "^[^ ]*ifg .* --shard")),
+    "processes": (processes, lambda: matching("-P", str(os.getpid()), "-f", "spawn_main")),
+    "ray": (ray, lambda: matching("-f", "ray::_do")),
+    "hyperqueue": (hyperqueue, lambda: matching("-f", "^[^ ]*ifg .* --shard")),
+}
+
+
+def main():
+    about = {"description": __doc__, "formatter_class": argparse.RawTextHelpFormatter}
+    parser = argparse.ArgumentParser(**about)
+    parser.add_argument("wardrobe")
+    parser.add_argument("out", type=pathlib.Path, help="a folder that does not exist yet")
+    parser.add_argument("--count", type=int, default=200, help="combinations")
+    parser.add_argument("--kills", type=int, default=0, help="of workers, in each way")
+    parser.add_argument("--between", type=float, default=5.0, help="mean seconds between kills")
+    parser.add_argument("--ifg", default="ifg")
+    parser.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS))
+    args = parser.parse_args()
+    args.out.mkdir(parents=True)
+    combos = combinations(Wardrobe(args.wardrobe), args.count)
+    outfits = [{"body": body, "garments": garments} for body, garments in combos]
+    (args.out / "list.json").write_text(json.dumps({"outfit": outfits}))
+    print("| way | seconds | clean | kills | files, hash |\n|---|---|---|---|---|")
+    for way in args.ways:
+        run, find = WAYS[way]
+        killer = Killer(find, 0 if way == "one" else args.kills, args.between)
+        killer.start()
+        start = time.perf_counter()
+        run(args, combos, args.out / way)
+        seconds = time.perf_counter() - start
+        killer.end.set()
+        clean = json.loads((args.out / way / "summary.json").read_text())["clean"]
+        files, hashed = digest(args.out / way)
+        row = f"| {way} | {seconds:.1f} | {clean} of {len(combos)} | {killer.struck} |"
+        print(f"{row} {files}, {hashed} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
