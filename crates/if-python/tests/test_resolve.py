@@ -206,3 +206,19 @@ def test_a_picture_shows_intersections_in_red(body, belt, tmp_path):
     assert ifgarments.picture(body, [belt], height=160) != png
     with pytest.raises(ValueError, match="height is 1;"):
         ifgarments.picture(body, [belt], height=1)
+
+
+def test_intersections_are_listed_as_verify_counts_them(body, belt, shirt):
+    layers = {"belt": belt, "shirt": shirt}
+    found = {(p.inner, p.outer): p.triangles for p in ifgarments.intersections(body, layers)}
+    pairs = ifgarments.verify(body, layers).report["pairs"]
+    counts = {(p["inner"], p["outer"]): sum(p["pairs"].values()) for p in pairs}
+    assert {key: len(triangles) for key, triangles in found.items()} == {
+        key: n for key, n in counts.items() if n
+    }
+    triangles = found["body", "belt"]
+    assert triangles.shape[1] == 2 and triangles[:, 0].max() < len(body[1])
+    assert not ifgarments.intersections(body, ifgarments.resolve(body, layers).layers)
+    v, f = belt
+    twice = (np.vstack([v, v + [0, 0.01, 0.001]]), np.vstack([f, f + len(v)]))
+    assert ("cloth", "cloth") in {p[:2] for p in ifgarments.intersections(body, {"cloth": twice})}

@@ -95,7 +95,7 @@ def _processes(parts: list[_Part], workers: int | None, retries: int) -> Iterato
 
 
 def _ray(parts: list[_Part], workers: int | None, retries: int) -> Iterator[int]:
-    import ray
+    import ray  # type: ignore[import-not-found, unused-ignore]
 
     task = ray.remote(max_retries=retries, num_cpus=parts[0][4]["threads"] if parts else 1)(_do)
     open_tasks = [task.remote(part) for part in parts]
