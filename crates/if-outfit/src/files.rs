@@ -1,6 +1,6 @@
 //! Outfits as files: read, checked, resolved, verified exactly as they are stored, and written back.
 //!
-//! [`OutfitFiles::read`] takes mesh files (PLY, OBJ) in any unit. [`OutfitFiles::resolve`] resolves
+//! [`OutfitFiles::read`] takes mesh files (PLY, OBJ, GLB) in any unit. [`OutfitFiles::resolve`] resolves
 //! the outfit in metres, brings the result into the units and the precision of each file, splits
 //! attributes where triangles were split, and verifies exactly the positions that a reader of the
 //! files gets. [`ResolvedFiles::write`] writes each garment back with its triangles, their order and
@@ -60,7 +60,7 @@ use std::sync::Arc;
 pub struct LayerFile {
     /// What reports and errors call the layer.
     pub name: String,
-    /// The file (`.ply`, `.obj`).
+    /// The file (`.ply`, `.obj`, `.glb`).
     pub path: PathBuf,
 }
 
