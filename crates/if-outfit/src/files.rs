@@ -1,7 +1,7 @@
 //! Outfits as files: read, checked, resolved, verified exactly as they are stored, and written back.
 //!
-//! [`OutfitFiles::read`] takes mesh files (PLY, OBJ, GLB) in any unit. [`OutfitFiles::resolve`] resolves
-//! the outfit in metres, brings the result into the units and the precision of each file, splits
+//! [`OutfitFiles::read`] takes mesh files (PLY, OBJ, GLB) in any unit. [`OutfitFiles::resolve`]
+//! resolves the outfit in metres, brings the result into the units and the precision of each file, splits
 //! attributes where triangles were split, and verifies exactly the positions that a reader of the
 //! files gets. [`ResolvedFiles::write`] writes each garment back with its triangles, their order and
 //! all its attributes, in the format it came in. A garment that did not move is a byte-for-byte
