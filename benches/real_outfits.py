@@ -2,14 +2,15 @@
 """`ifg fix` on every outfit of the test data, judged by the independent referee.
 
     benches/real_outfits.py --ifg target/release/ifg --data ../shared/data [--referee ../shared/tools/referee.py --python PY]
-                            [--out out/real] [--only o1 o3] [--markdown TABLE.md] [-- extra arguments of ifg fix]
+                            [--out out/real] [--only o1 o3] [--bodies body_c [--draw 20 --seed 1]] [--markdown TABLE.md] [-- extra arguments of ifg fix]
 
+The bodies are body_a and body_b unless others are named. --draw takes outfits of 3 to 6 layers from the bodies' slots.json.
 Prints, for each outfit: wall time of the whole command, pairs and vertices inside before and after by our count, the
 referee's pairs after (and before), and for each layer what moved, strain and own pairs; --markdown writes the same as a table. Needs Python 3.9; the referee
 needs numpy, scipy, libigl and meshio in PY.
 """
 import argparse, json, os, subprocess, sys, time
-from outfit_data import outfits
+from outfit_data import drawn, outfits
 
 
 def main():
@@ -23,13 +24,20 @@ def main():
     p.add_argument("--python", default=sys.executable)
     p.add_argument("--out", default="out/real")
     p.add_argument("--only", nargs="*")
+    p.add_argument("--bodies", nargs="*", default=["body_a", "body_b"])
+    p.add_argument("--draw", type=int)
+    p.add_argument("--seed", type=int, default=1)
     p.add_argument("--markdown")
     a = p.parse_args(argv)
     total, bad, table = 0.0, 0, []
-    for _, name, skin, _, garments in outfits(a.data, ("body_a", "body_b"), a.only):
+    if a.draw:
+        found = [outfit for body in a.bodies for outfit in drawn(a.data, body, a.draw, a.seed)]
+    else:
+        found = outfits(a.data, a.bodies, a.only)
+    for _, name, skin, layers, garments in found:
         out = os.path.join(a.out, name)
         start = time.time()
-        run = subprocess.run([a.ifg, "fix", "--json", "--body", skin, *garments, "--out", out, *extra], capture_output=True, text=True)
+        run = subprocess.run([a.ifg, "fix", "--json", "--write-unproven", "--body", skin, *garments, "--out", out, *extra], capture_output=True, text=True)
         seconds = time.time() - start
         total += seconds
         try:
@@ -53,6 +61,7 @@ def main():
             line += f"  referee {sum(r['before'] for r in found['pairs'])} -> {found['total_pairs']}, its pseudo-normal side test {inside}"
             bad += found["total_pairs"] != 0
         bad += run.returncode != 0
+        line += "  " + " < ".join(layers) if a.draw else ""
         print(line, flush=True)
         cells = [name, f"{seconds:.2f}", f"{before[0]} → {after[0]}", f"{before[1]} → {after[1]}", *judged]
         for layer in report["layers"]:

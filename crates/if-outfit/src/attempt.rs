@@ -201,7 +201,7 @@ fn dress(
                 tracing::debug!(garment = name, "stuck: the layers below are pressed in");
                 tight.insert(index);
                 above = TightGarments::new(outfit, given, closed, &tight, goal);
-                index = (0..index).find(|k| !above.over(*k).is_empty()).unwrap_or(index);
+                index = (0..index).find(|k| above.press(*k)).unwrap_or(index);
                 dressing.take_off(index);
             }
         }

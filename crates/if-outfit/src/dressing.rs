@@ -87,7 +87,7 @@ impl<'a> Dressing<'a> {
         let region = garment.mesh.aabb().inflated(range);
         let layers_apart = self.below.iter().filter(|l| !l.bvh().aabb().overlaps(&region)).count();
         let below: Vec<&ClosedLayer> = self.below.iter().map(Arc::as_ref).collect();
-        let above = tight.over(index);
+        let above = tight.over(index, garment.mesh.vertices(), below[0]);
         // If no layer below has moved, what was found in the input still holds.
         let found = &self.given[index];
         let needs_nothing = self.dressed.iter().all(|dressed| dressed.is_unmoved)

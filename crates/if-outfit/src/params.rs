@@ -102,7 +102,7 @@ impl Default for GoalParams {
         Self {
             clearance: 0.3e-3,
             tuck: Tuck::IfStuck,
-            tuck_distance: 0.05,
+            tuck_distance: 0.25,
             split: Split::Never,
             own: Own::Remove,
         }
@@ -163,7 +163,7 @@ impl GoalParams {
     fn validate(&self) -> Result<(), ParameterError> {
         let (gap, tuck) = (self.clearance, self.tuck_distance);
         check("clearance", gap, gap > 0.0 && gap < 0.1, "between 0 and 0.1 m")?;
-        check("tuck_distance", tuck, tuck > 0.0 && tuck < 0.2, "between 0 and 0.2 m")
+        check("tuck_distance", tuck, tuck > 0.0 && tuck < 0.5, "between 0 and 0.5 m")
     }
 }
 

@@ -127,7 +127,8 @@ mod tests {
     pub(crate) fn under_a_tight_band(then: impl FnOnce(&mut Workpiece<'_>)) {
         let ball = icosphere(0.3, 4);
         let tight = ClosedLayer::garment(&band(0.29), &ClosedLayer::body(&ball), &ball);
-        let layers = [UpperLayer { layer: &tight, gap: 1e-3 }];
+        let covered = vec![true; band(0.299).vertices().len()];
+        let layers = [UpperLayer { layer: &tight, gap: 1e-3, covered }];
         let above = UpperLayers { layers: &layers, tuck_distance: 0.05 };
         on_a_ball(band(0.299), above, then);
     }

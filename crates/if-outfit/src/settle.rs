@@ -6,6 +6,7 @@
 //! if there are none: return the input, bit for bit
 //! method = paper: settle all vertices by Algorithm 1, and begin with repairs             algorithm1.rs
 //! hold every vertex that is further from sources than `influence`
+//! rounds as below, as many more as vertices far out of a layer above need
 //! repeat
 //!     find contacts with the layers below                                    contacts.rs
 //!     repeat `sweeps` times, quasi-statically                                cloth.rs
@@ -132,6 +133,13 @@ pub(crate) fn settle(
         }
         work.choose_free();
     }
+    let pressing =
+        above.rounds(mesh.vertices(), &unused).saturating_sub(params.effort.settle_rounds);
+    for round in 0..pressing {
+        progress.report(SETTLE, round, None)?;
+        work.cloth.round(&mut work.contacts, &work.tree)?;
+        work.tree.refit(&work.cloth.x);
+    }
     let mut strategies = repair::Strategies::new();
     let (mut rounds, mut repairs) = (first, 0);
     for round in first..end {
@@ -154,7 +162,7 @@ pub(crate) fn settle(
     Ok(Settled {
         tucked: [sticking_out.len(), above.sticking_out(&positions, &unused).len()],
         positions,
-        rounds: rounds - first + work.eased.rounds,
+        rounds: pressing + rounds - first + work.eased.rounds,
         repairs: repairs + work.eased.rounds,
         counts: work.counts,
         sweeps: work.cloth.sweeps,

@@ -15,13 +15,15 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// A layer above, as in the input.
-#[derive(Clone, Copy)]
+/// A layer above a garment, as in the input.
+#[derive(Clone)]
 pub(crate) struct UpperLayer<'a> {
     /// The layer, closed over the body.
     pub(crate) layer: &'a ClosedLayer,
     /// How far below it vertices are pressed, in metres.
     pub(crate) gap: Real,
+    /// The garment's vertices that belong below it ([`covered`]).
+    pub(crate) covered: Vec<bool>,
 }
 
 /// The layers above a garment that it is pressed in below.
@@ -39,32 +41,43 @@ impl UpperLayers<'_> {
     ///
     /// Beyond the end of a layer nothing is pressed: a hem, a cuff or an open front covers nothing
     /// there.
-    fn planes<'a>(&'a self, p: &'a Point) -> impl Iterator<Item = (Vector, Point)> + 'a {
-        self.layers.iter().filter_map(move |c| {
+    fn planes<'a>(&'a self, v: usize, p: &'a Point) -> impl Iterator<Item = (Vector, Point)> + 'a {
+        self.layers.iter().filter(move |c| c.covered[v]).filter_map(move |c| {
             let s = c
                 .layer
                 .sided(p, self.tuck_distance)
                 .filter(|s| !s.boundary && s.distance > -c.gap - MARGIN)?;
-            Some((-s.normal, s.point - s.normal * c.gap))
+            Some((-s.normal, p - s.normal * (s.distance + c.gap).min(STEP)))
         })
     }
 
     /// Vertices of `x` that stick out of a layer by no more than the tuck distance, unless `released`.
     pub(crate) fn sticking_out(&self, x: &[Point], released: &[bool]) -> Vec<u32> {
+        self.heights(x, released).into_iter().map(|(v, _)| v).collect()
+    }
+
+    /// Rounds in which all vertices of `x` that stick out can be pressed in.
+    pub(crate) fn rounds(&self, x: &[Point], released: &[bool]) -> usize {
+        let highest = self.heights(x, released).into_iter().map(|h| h.1).fold(0.0, Real::max);
+        (highest / STEP).ceil() as usize
+    }
+
+    /// Vertices that stick out, and how far, in metres.
+    fn heights(&self, x: &[Point], released: &[bool]) -> Vec<(u32, Real)> {
         if self.layers.is_empty() {
             return Vec::new();
         }
-        let out = |p: &Point| {
-            self.layers.iter().any(|c| {
-                c.layer
-                    .sided(p, self.tuck_distance)
-                    .is_some_and(|s| !s.boundary && s.distance > 0.0)
-            })
+        let height = |v: u32| {
+            let pressing = self.layers.iter().filter(|c| c.covered[v as usize]);
+            let sides = pressing.filter_map(|c| c.layer.sided(&x[v as usize], self.tuck_distance));
+            sides.filter(|s| !s.boundary).map(|s| s.distance).fold(0.0, Real::max)
         };
-        let n = 0..x.len() as u32;
-        n.into_par_iter()
+        (0..x.len() as u32)
+            .into_par_iter()
             .with_min_len(128)
-            .filter(|v| !released[*v as usize] && out(&x[*v as usize]))
+            .filter(|v| !released[*v as usize])
+            .map(|v| (v, height(v)))
+            .filter(|(_, height)| *height > 0.0)
             .collect()
     }
 
@@ -85,7 +98,7 @@ impl UpperLayers<'_> {
         let found: Vec<Vec<(Vector, Point)>> = (0..x.len())
             .into_par_iter()
             .with_min_len(128)
-            .map(|v| if pressed(&v) { self.planes(&x[v]).collect() } else { Vec::new() })
+            .map(|v| if pressed(&v) { self.planes(v, &x[v]).collect() } else { Vec::new() })
             .collect();
         for (v, of_vertex) in found.iter().enumerate() {
             for (normal, point) in of_vertex {
@@ -134,14 +147,33 @@ impl TightGarments {
         Self { garments, clearance: params.clearance, tuck_distance: params.tuck_distance }
     }
 
-    /// The layers that garment `index` is pressed in below, each with room for the layers between.
-    pub(crate) fn over(&self, index: usize) -> Vec<UpperLayer<'_>> {
+    /// The numbers of the garments that garment `index` is pressed in below, and their layers.
+    fn above(&self, index: usize) -> impl Iterator<Item = (usize, &ClosedLayer)> {
         let over = self.garments.iter().enumerate().skip(index + 1);
-        over.filter_map(|(k, g)| {
-            g.as_ref().filter(|(_, below)| below.contains(&index)).map(|(layer, _)| (k, layer))
+        over.filter_map(move |(k, g)| {
+            g.as_ref().filter(|(_, below)| below.contains(&index)).map(|(layer, _)| (k, &**layer))
         })
-        .map(|(k, layer)| UpperLayer { layer, gap: ROOM * self.clearance * (k - index) as Real })
-        .collect()
+    }
+
+    /// Whether garment `index` is pressed in below another.
+    pub(crate) fn press(&self, index: usize) -> bool {
+        self.above(index).next().is_some()
+    }
+
+    /// The layers that garment `index`, at `x` over the `body`, is pressed in below, each
+    /// with room for the layers between.
+    pub(crate) fn over(
+        &self,
+        index: usize,
+        x: &[Point],
+        body: &ClosedLayer,
+    ) -> Vec<UpperLayer<'_>> {
+        let of = |(k, layer): (usize, _)| UpperLayer {
+            layer,
+            gap: ROOM * self.clearance * (k - index) as Real,
+            covered: covered(x, layer, body),
+        };
+        self.above(index).map(of).collect()
     }
 
     /// How far out of a layer above a vertex may stick to be pressed in, in metres.
@@ -156,3 +188,98 @@ const MARGIN: Real = 0.01;
 /// Clearances between a layer and one above it: one for each of the two when they settle, and one to
 /// spare for chords.
 const ROOM: Real = 3.0;
+/// How far a vertex is pressed in one round, in metres. The cloth must follow: a wide flap that is
+/// pressed in at once is crumpled at the edge of the layer above.
+const STEP: Real = 6e-3;
+
+/// Which of the vertices `x` of a garment belong below `layer`: those inside it, and those for
+/// which it lies on the way to the nearest point of the `body`.
+///
+/// A sleeve beside the trunk sticks out of a waistcoat, which it is not worn under.
+fn covered(x: &[Point], layer: &ClosedLayer, body: &ClosedLayer) -> Vec<bool> {
+    let is_covered = |p: &Point| {
+        let is_inside = || layer.sided(p, 0.0).is_some_and(|s| s.distance < 0.0);
+        let lies_between = |foot: &Point| layer.bvh().first_hit(p, foot, |_| true).is_some();
+        let foot = body.sided(p, Real::INFINITY).map(|s| s.point);
+        is_inside() || foot.is_some_and(|foot| lies_between(&foot))
+    };
+    x.par_iter().with_min_len(64).map(is_covered).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::outfit::Layer;
+    use crate::params::{ResolveParams, Tuck};
+    use crate::resolve::resolve;
+    use if_core::mesh::TriMesh;
+    use if_core::monitor::Silent;
+    use if_core::shapes::meshes::{icosphere, tube};
+
+    fn joined(a: &TriMesh, b: &TriMesh) -> TriMesh {
+        let n = a.vertices().len() as u32;
+        let more = b.triangles().iter().map(|t| t.map(|v| v + n));
+        let triangles = a.triangles().iter().copied().chain(more).collect();
+        TriMesh::new([a.vertices(), b.vertices()].concat(), triangles).unwrap()
+    }
+
+    fn moved(mesh: &TriMesh, x: Real, y: Real) -> TriMesh {
+        let vertices = mesh.vertices().iter().map(|p| Point::new(p.x + x, p.y + y, p.z));
+        mesh.with_vertices(vertices.collect()).unwrap()
+    }
+
+    /// A ring of cloth round the y axis, moved along x.
+    fn ring(radius: Real, x: Real) -> TriMesh {
+        moved(&tube(radius, 0.1, 64, 8, false), x, -0.05)
+    }
+
+    /// A trunk and an arm 5 cm beside it; a shirt with a sleeve, wider than the waistcoat over it.
+    fn scene() -> (Outfit, usize) {
+        let body = joined(&icosphere(0.15, 4), &moved(&icosphere(0.05, 3), 0.27, 0.0));
+        let (trunk, sleeve) = (ring(0.175, 0.0), ring(0.06, 0.27));
+        let shirt = Layer::new("shirt", joined(&trunk, &sleeve));
+        let garments = vec![shirt, Layer::new("waistcoat", ring(0.165, 0.0))];
+        (Outfit { body: Layer::new("body", body), garments }, trunk.vertices().len())
+    }
+
+    #[test]
+    fn a_sleeve_beside_a_waistcoat_is_not_pressed_in_below_it() {
+        let (outfit, trunk) = scene();
+        let body = ClosedLayer::body(&outfit.body.mesh);
+        let waistcoat = ClosedLayer::garment(&outfit.garments[1].mesh, &body, &outfit.body.mesh);
+        let covered = covered(outfit.garments[0].mesh.vertices(), &waistcoat, &body);
+        let beside = |p: &Point| p.y.abs() < 0.045;
+        for (v, p) in outfit.garments[0].mesh.vertices().iter().enumerate().filter(|v| beside(v.1))
+        {
+            assert_eq!(covered[v], v < trunk, "{p}");
+        }
+        let mut params = ResolveParams::default();
+        params.goal.tuck = Tuck::Always;
+        let resolved = resolve(&outfit, &params, &mut Silent).unwrap();
+        let shirts = [&outfit, &resolved.outfit].map(|o| o.garments[0].mesh.vertices());
+        assert!(shirts[0][..trunk] != shirts[1][..trunk]);
+        assert_eq!(shirts[0][trunk..], shirts[1][trunk..]);
+    }
+
+    #[test]
+    fn a_flap_far_out_of_the_layer_above_is_pressed_in_step_by_step() {
+        let (outfit, _) = scene();
+        let body = ClosedLayer::body(&outfit.body.mesh);
+        let waistcoat = ClosedLayer::garment(&outfit.garments[1].mesh, &body, &outfit.body.mesh);
+        let goal = ResolveParams::default().goal;
+        // 15 cm in front of the waistcoat.
+        let mut x = vec![Point::new(0.0, 0.0, 0.165 + 0.15)];
+        let covered = covered(&x, &waistcoat, &body);
+        let layers = [UpperLayer { layer: &waistcoat, gap: 1e-3, covered }];
+        let above = UpperLayers { layers: &layers, tuck_distance: goal.tuck_distance };
+        let rounds = above.rounds(&x, &[false]);
+        assert!(rounds >= 25, "{rounds}");
+        for _ in 0..rounds + 1 {
+            let (normal, point) = above.planes(0, &x[0]).next().unwrap();
+            let step = normal.dot(&(point - x[0])).max(0.0);
+            assert!(step < STEP + 1e-12);
+            x[0] += normal * step;
+        }
+        assert!(above.sticking_out(&x, &[false]).is_empty());
+    }
+}
