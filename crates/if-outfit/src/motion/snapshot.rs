@@ -4,7 +4,6 @@
 use super::equilibrium::Multipliers;
 use super::walk::{Clean, Met, Walker};
 use if_core::math::{Point, Real, Vector};
-use if_mesh::index::Bvh;
 
 /// First bytes of a snapshot.
 const MAGIC: &[u8; 8] = b"ifwalk01";
@@ -80,9 +79,7 @@ impl Walker {
         if !input.0.is_empty() {
             return Err(SnapshotError { what: "it is too long" });
         }
-        let mesh = self.scene.mesh.with_vertices(x);
-        let mesh = mesh.map_err(|_| SnapshotError { what: "a position is not finite" })?;
-        self.clean = Clean { tree: Bvh::new(&mesh), x: mesh.vertices().to_vec() };
+        self.clean = Clean { tree: self.tree(&x), x };
         self.target = target;
         self.multipliers = Multipliers::from_parts(edges, contacts);
         self.met = met;

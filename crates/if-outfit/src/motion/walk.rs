@@ -90,6 +90,9 @@ pub struct Walker {
     tolerated: Vec<[u32; 2]>,
     /// What the current state follows.
     pub(super) target: Vec<Point>,
+    /// The tree of the rest state. Its shape serves all states, by a refit: searches then do not
+    /// depend on the way that led to a state, and no tree is built again.
+    shape: Bvh,
     pub(super) clean: Clean,
     pub(super) multipliers: Multipliers,
     /// Pairs of triangles that intersected in solves of the last steps: how often, and for how many
@@ -152,6 +155,7 @@ impl Walker {
         let mut walker = Self {
             rest: x.clone(),
             target: x.clone(),
+            shape: tree.clone(),
             clean: Clean { x, tree },
             multipliers: Multipliers::default(),
             met: Met::new(),
@@ -217,7 +221,7 @@ impl Walker {
     /// [`WalkError::Target`].
     pub fn pairs(&self, positions: &[Point]) -> Result<usize, WalkError> {
         let mesh = self.mesh(positions)?;
-        Ok(new_pairs(&pairs_of(&mesh, &Bvh::new(&mesh)), &self.tolerated).len())
+        Ok(new_pairs(&pairs_of(&mesh, &self.tree(positions)), &self.tolerated).len())
     }
 
     /// `target` with the displacements of the current state from its own target, turned along: a
@@ -271,8 +275,8 @@ impl Walker {
     pub fn restart(&mut self, target: Vec<Point>) -> Result<(), WalkError> {
         let mut x = Storage::F32.round(&target);
         self.scene.copy_doubled(&mut x);
-        let tree = Bvh::new(&self.mesh(&x)?);
-        self.clean = Clean { x, tree };
+        self.check(&x)?;
+        self.clean = Clean { tree: self.tree(&x), x };
         self.target = target;
         self.multipliers = Multipliers::default();
         self.met.clear();
@@ -363,6 +367,13 @@ impl Walker {
         }
     }
 
+    /// The tree of a state.
+    pub(super) fn tree(&self, positions: &[Point]) -> Bvh {
+        let mut tree = self.shape.clone();
+        tree.refit(positions);
+        tree
+    }
+
     fn mesh(&self, positions: &[Point]) -> Result<TriMesh, WalkError> {
         self.check(positions)?;
         let expected = self.rest.len();
@@ -409,7 +420,7 @@ impl Walker {
             scene.copy_doubled(&mut x);
             let rounded = Storage::F32.round(&x);
             let mesh = scene.mesh.with_vertices(rounded).expect("solutions are finite");
-            let tree = Bvh::new(&mesh);
+            let tree = self.tree(mesh.vertices());
             let pairs = new_pairs(&pairs_of(&mesh, &tree), &self.tolerated);
             tracing::debug!(
                 pairs = pairs.len(),
