@@ -10,11 +10,15 @@
 //! else: accept x
 //! ```
 //!
+//! [`Walker::approach`] leads from a clean state towards another one in the same way, as far as
+//! contacts permit: frames whose displacements were smoothed over time come out clean again.
+//!
 //! No accepted state has an intersecting pair that the rest state does not have, so a walk can end
 //! at any step. Targets come from the caller: this module sees no skeleton.
 
 mod contact;
 mod equilibrium;
+mod locality;
 mod params;
 mod proof;
 mod scene;

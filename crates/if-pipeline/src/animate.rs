@@ -1,14 +1,16 @@
 //! Outfits that follow motions, every frame proven.
 //!
 //! [`animate()`] takes a clean [`SkinnedOutfit`] and a [`Motion`] through all frames. Each begins from
-//! the last clean state, carried by the skinning ([`if_outfit::motion`]), and is verified exactly.
-//! Frames go to a folder as they are done, so that a run that was stopped goes on where it ended.
+//! the last clean state, carried by the skinning ([`if_outfit::motion`]). A second pass, a few frames
+//! behind, smooths displacements over time, and verifies each frame exactly. Frames go to a folder as they are done, so that a run that was stopped goes on where it ended.
 
 mod animator;
 mod error;
 mod frames;
+mod measure;
 mod outfit;
 mod report;
+mod smoother;
 #[cfg(test)]
 mod tests;
 
@@ -20,6 +22,8 @@ pub use report::{AnimationReport, FrameReport, Spread};
 
 use if_body::Motion;
 use if_core::monitor::{Monitor, Progress};
+use measure::Measurer;
+use smoother::Smoother;
 use std::path::Path;
 use std::time::Instant;
 
@@ -31,6 +35,9 @@ pub struct Animation {
     /// The positions of each frame.
     pub frames: Frames,
 }
+
+/// The folder of frames before smoothing, within that of frames.
+const WALKED: &str = "walked";
 
 /// Moves an outfit through all frames of a motion, and keeps them in `folder`, which is created.
 ///
@@ -53,10 +60,16 @@ pub fn animate(
     monitor: &mut dyn Monitor,
 ) -> Result<Animation, AnimateError> {
     let start = Instant::now();
+    let mut walked = Frames::open(&folder.join(WALKED), outfit, motion, params)?;
     let mut frames = Frames::open(folder, outfit, motion, params)?;
     let mut animator = Animator::new(outfit, motion, *params)?;
-    frames.resume(&mut animator)?;
-    let (kept, total) = (frames.len(), motion.poses.len());
+    let mut smoother = Smoother::new(outfit, motion, animator.walker().clone(), params.smoothing);
+    let mut measurer = Measurer::new(outfit);
+    walked.resume(&mut animator)?;
+    let total = motion.poses.len();
+    frames.keep(total);
+    let kept = frames.len();
+    measurer.resume(animator.walker(), motion, kept, |frame| frames.positions(frame))?;
     let working = Instant::now();
     for k in kept..total {
         let done = k - kept;
@@ -68,8 +81,37 @@ pub fn animate(
             measures: if done > 0 { &measures } else { &[] },
             ..Progress::stage("frame")
         })?;
-        let (positions, row) = animator.next_frame(monitor)?;
-        frames.push(&positions, row, &animator)?;
+        while walked.len() <= smoother.last_needed(k) {
+            let (positions, row) = animator.next_frame(monitor)?;
+            walked.push(&positions, row)?;
+            walked.push_state(&animator)?;
+        }
+        let begun = Instant::now();
+        let walker = animator.walker();
+        let raw = &walked.rows()[k];
+        let mut positions = smoother.frame(k, &walked, monitor)?;
+        let before = walked.positions(k)?;
+        let mut found = measurer.verify(walker, &positions)?;
+        let mut smoothed = positions != before;
+        if smoothed && !found.is_clean() {
+            // Contacts keep layers apart, and not vertices on their sides.
+            let unsmoothed = measurer.verify(walker, &before)?;
+            if unsmoothed.is_clean() {
+                (positions, found, smoothed) = (before, unsmoothed, false);
+            }
+        }
+        let mut row = FrameReport {
+            pairs: found.pairs,
+            inside: found.inside,
+            own_pairs: found.own_pairs,
+            body_own_pairs: found.body_own_pairs,
+            new_own_pairs: found.new_own_pairs,
+            smoothed,
+            ..raw.clone()
+        };
+        measurer.measure(walker, &motion.poses[k], &positions, &mut row)?;
+        row.seconds += begun.elapsed().as_secs_f64();
+        frames.push(&positions, row)?;
     }
     let seconds = start.elapsed().as_secs_f64();
     let report = AnimationReport::new(frames.rows(), motion.frames_per_second, kept, seconds);

@@ -46,14 +46,16 @@ pub(super) fn text(
         n => format!(", {n} frames kept from an earlier run"),
     };
     format!(
-        "{rows}\n\n{from_body}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, jitter p99 {:.2} mm, \
-         at most {:.1} mm; {:.2} s a frame, {:.1} s in all{kept}\nWrote {}: {}\n",
+        "{rows}\n\n{from_body}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
+         at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{kept}\nWrote {}: {}\n",
         count(frames.len()),
         count(report.clean),
         count(report.clean_everywhere),
         1e3 * report.body_max,
+        1e3 * report.body_reach,
         1e3 * report.jitter_p99,
         1e3 * report.jitter_max,
+        1e3 * report.shake_p99,
         report.seconds_a_frame,
         report.seconds,
         out.display(),

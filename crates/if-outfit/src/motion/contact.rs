@@ -2,6 +2,7 @@
 
 use super::params::WalkParams;
 use super::scene::Scene;
+use if_core::aabb::Aabb;
 use if_core::closest::closest_on_triangle;
 use if_core::math::{Point, Real, Vector};
 use if_mesh::index::Bvh;
@@ -42,25 +43,6 @@ struct Nearest {
 }
 
 impl Primitives {
-    /// Whether the boxes of the two lie farther apart than `reach` along an axis: four comparisons
-    /// for most pairs, where the distance takes a hundred operations.
-    fn are_beyond(self, reach: Real, x: &[Point]) -> bool {
-        let (vertices, first) = match self {
-            Self::VertexTriangle(vertices) => (vertices, 1),
-            Self::Edges(vertices) => (vertices, 2),
-        };
-        let p = vertices.map(|v| &x[v as usize]);
-        (0..3).any(|k| {
-            let range = |points: &[&Point]| {
-                points
-                    .iter()
-                    .fold((Real::INFINITY, -Real::INFINITY), |r, p| (r.0.min(p[k]), r.1.max(p[k])))
-            };
-            let ((a, b), (c, d)) = (range(&p[..first]), range(&p[first..]));
-            a - d > reach || c - b > reach
-        })
-    }
-
     fn nearest(self, x: &[Point]) -> Nearest {
         match self {
             Self::VertexTriangle(vertices) => {
@@ -135,11 +117,29 @@ impl Search<'_> {
             return;
         }
         let t = [i, j].map(|t| self.scene.mesh.triangles()[t as usize]);
-        let bit = |side: usize, k: usize| owned[side] >> k & 1 == 1;
-        self.primitives(&t, bit, |primitives| {
-            if primitives.are_beyond(reach, self.clean) {
-                return;
+        // Boxes reject most pairs with six comparisons, where a distance takes a hundred operations.
+        let corners = t.map(|t| t.map(|v| self.clean[v as usize]));
+        let around = corners.map(|c| Aabb::from_points(&c).inflated(reach));
+        let mut bits = owned;
+        let mut edges = [[Aabb::EMPTY; 3]; 2];
+        for side in 0..2 {
+            for k in 0..3 {
+                let [p, q] = [corners[side][k], corners[side][(k + 1) % 3]];
+                edges[side][k] = Aabb::from_points(&[p, q]);
+                if !around[1 - side].overlaps(&Aabb::from_points(&[p])) {
+                    bits[side] &= !(1 << k);
+                }
+                if !around[1 - side].overlaps(&edges[side][k]) {
+                    bits[side] &= !(8 << k);
+                }
             }
+        }
+        if bits == [0, 0] {
+            return;
+        }
+        let bit = |side: usize, k: usize| bits[side] >> k & 1 == 1;
+        let are_near = |k: usize, m: usize| edges[0][k].inflated(reach).overlaps(&edges[1][m]);
+        self.primitives(&t, bit, are_near, |primitives| {
             let nearest = primitives.nearest(self.clean);
             let squared = nearest.way.norm_squared();
             if squared < reach * reach && squared > 0.0 {
@@ -148,11 +148,13 @@ impl Search<'_> {
         });
     }
 
-    /// Calls `visit` with the owned pairs of primitives of two triangles that share no vertex.
+    /// Calls `visit` with the owned pairs of primitives of two triangles that share no vertex; of
+    /// edges, those for which `are_near` holds as well.
     fn primitives(
         &self,
         t: &[[u32; 3]; 2],
         owned: impl Fn(usize, usize) -> bool,
+        are_near: impl Fn(usize, usize) -> bool,
         mut visit: impl FnMut(Primitives),
     ) {
         let shared = |a: &[u32], b: &[u32]| a.iter().any(|v| b.contains(v));
@@ -168,7 +170,7 @@ impl Search<'_> {
         }
         for k in (0..3).filter(|k| owned(0, 3 + k)) {
             let e = [t[0][k], t[0][(k + 1) % 3]];
-            for m in (0..3).filter(|m| owned(1, 3 + m)) {
+            for m in (0..3).filter(|m| owned(1, 3 + m) && are_near(k, *m)) {
                 let f = [t[1][m], t[1][(m + 1) % 3]];
                 if apart || !shared(&e, &f) {
                     visit(Primitives::Edges([e[0], e[1], f[0], f[1]]));
@@ -218,9 +220,13 @@ impl Search<'_> {
         let t = [i, j].map(|t| self.scene.mesh.triangles()[t as usize]);
         let growth = GROWTH.powi(times.min(MOST_GROWTH) as i32);
         let mut all: Vec<(Nearest, Real)> = Vec::new();
-        self.primitives(&t, |_, _| true, |primitives| {
-            all.push((primitives.nearest(self.clean), self.gap(primitives).0.max(LEAST_GAP)));
-        });
+        self.primitives(
+            &t,
+            |_, _| true,
+            |primitives| {
+                all.push((primitives.nearest(self.clean), self.gap(primitives).0.max(LEAST_GAP)));
+            },
+        );
         if t[0].iter().any(|v| t[1].contains(v)) {
             for (nearest, gap) in all.iter().filter(|(n, _)| n.way != Vector::zeros()) {
                 found.push(Contact { gap: gap * growth, ..self.half_space(nearest) });

@@ -76,14 +76,15 @@ pub(super) struct Solved {
 ///
 /// The dual is solved by sweeps over edges and contacts, as XPBD does with compliance 1 / k and 0
 /// [Macklin et al. 2016]: `x = target + M⁻¹ Jᵀ λ` throughout.
+///
+/// `w` are inverse masses; zero holds a vertex at its target.
 pub(super) fn solve(
     scene: &Scene,
-    target: &[Point],
+    (target, w): (&[Point], &[Real]),
     contacts: &[Contact],
     start: &mut Multipliers,
     (most, x): (usize, &mut Vec<Point>),
 ) -> Solved {
-    let w = &scene.inverse_mass;
     x.clear();
     x.extend_from_slice(target);
     start.edges.resize(scene.edges.len(), Vector::zeros());
@@ -109,21 +110,21 @@ pub(super) fn solve(
     let (mut active, mut moving) = (Vec::new(), Vec::new());
     while solved.sweeps < most {
         if solved.sweeps.is_multiple_of(CHECK) {
-            let (violation, is_met) = violation(contacts, x);
+            let (violation, is_met) = violation(contacts, &weights, x);
             solved.violation = violation;
             select(scene, target, (contacts, &forces), &start.edges, x, (&mut active, &mut moving));
             if is_met && moving.is_empty() {
                 break;
             }
         }
-        smooth(scene, target, &moving, &mut start.edges, x);
+        smooth(scene, (target, w), &moving, &mut start.edges, x);
         sweep(contacts, &active, (&weights, RELAXATION), &mut forces, w, x);
         solved.sweeps += 1;
     }
     for _ in 0..LAST {
         sweep(contacts, &active, (&weights, 1.0), &mut forces, w, x);
     }
-    solved.violation = violation(contacts, x).0;
+    solved.violation = violation(contacts, &weights, x).0;
     start.contacts = contacts
         .iter()
         .zip(&forces)
@@ -133,9 +134,10 @@ pub(super) fn solve(
     solved
 }
 
-/// Largest violation, and whether all are negligible.
-fn violation(contacts: &[Contact], x: &[Point]) -> (Real, bool) {
-    contacts.iter().fold((0.0, true), |(largest, is_met), contact| {
+/// Largest violation of contacts that can move, and whether all are negligible.
+fn violation(contacts: &[Contact], weights: &[Real], x: &[Point]) -> (Real, bool) {
+    let movable = contacts.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
+    movable.fold((0.0, true), |(largest, is_met), (contact, _)| {
         let short = contact.gap - contact.value(x);
         (short.max(largest), is_met && short <= (TOLERANCE * contact.gap).max(NEGLIGIBLE))
     })
@@ -200,15 +202,18 @@ fn sweep(
 /// One sweep over some edges, whose ends are to be displaced alike.
 fn smooth(
     scene: &Scene,
-    target: &[Point],
+    (target, w): (&[Point], &[Real]),
     moving: &[u32],
     multipliers: &mut [Vector],
     x: &mut [Point],
 ) {
-    let w = &scene.inverse_mass;
     for k in moving.iter().map(|k| *k as usize) {
         let [i, j] = scene.edges[k].map(|v| v as usize);
         let compliance = scene.compliance[k];
+        if w[i] + w[j] <= 0.0 {
+            multipliers[k] = Vector::zeros();
+            continue;
+        }
         let difference = (x[i] - target[i]) - (x[j] - target[j]);
         let step =
             -(difference + multipliers[k] * compliance) * (RELAXATION / (w[i] + w[j] + compliance));

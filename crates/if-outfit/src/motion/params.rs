@@ -18,6 +18,9 @@ pub struct WalkParams {
     pub body_weight: Real,
     /// Length over which displacements of the body fade, in metres.
     pub body_length: Real,
+    /// Distance from its own overlaps up to which the body yields, in metres. A step that is not
+    /// clean so lets it yield near what is left as well, and at last everywhere.
+    pub body_reach: Real,
     /// Length over which displacements of garments fade, in metres.
     pub garment_length: Real,
     /// Maximum sweeps of one solve.
@@ -37,6 +40,7 @@ impl Default for WalkParams {
             margin: 4e-3,
             body_weight: 10.0,
             body_length: 0.025,
+            body_reach: 0.05,
             garment_length: 0.02,
             sweeps: 60,
             solves: 5,
@@ -60,6 +64,8 @@ impl WalkParams {
         check("margin", self.margin, is_length(self.margin), length)?;
         ParameterError::check_positive("body_weight", self.body_weight)?;
         check("body_length", self.body_length, is_length(self.body_length), length)?;
+        let is_reach = self.body_reach >= 0.0 && self.body_reach <= 10.0;
+        check("body_reach", self.body_reach, is_reach, "from 0 to 10 m")?;
         check("garment_length", self.garment_length, is_length(self.garment_length), length)?;
         let count = |name, n: usize, most: usize, range| {
             check(name, n as Real, (1..=most).contains(&n), range)

@@ -16,7 +16,7 @@ const UNIT_AREA: Real = 1e-4;
 const LEAST_AREA: Real = 0.1;
 
 /// The layers of an outfit, joined: vertices and triangles of the body first, then of each garment.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Scene {
     /// The rest state, welded.
     pub(super) mesh: TriMesh,

@@ -2,6 +2,7 @@
 
 use super::contact::{Contact, Search};
 use super::equilibrium::{Multipliers, solve};
+use super::locality::Yielding;
 use super::params::WalkParams;
 use super::proof::{Proof, prove};
 use super::scene::Scene;
@@ -71,6 +72,9 @@ pub struct Walked {
     pub sweeps: usize,
     /// Contacts of the last solve.
     pub contacts: usize,
+    /// Accepted steps in which the body yields farther from its own overlaps than
+    /// [`WalkParams::body_reach`].
+    pub wide: usize,
     /// Intersecting triangle pairs of the last step that was not accepted, with their layers (0 is
     /// the body) and triangles there; empty if the end was reached.
     pub unresolved: Vec<[(usize, u32); 2]>,
@@ -80,7 +84,7 @@ pub struct Walked {
 ///
 /// Body and garments are solved in one problem, so that the body yields where it meets itself. All
 /// states are rounded to single precision before they are verified.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Walker {
     pub(super) scene: Scene,
     params: WalkParams,
@@ -93,6 +97,8 @@ pub struct Walker {
     /// The tree of the rest state. Its shape serves all states, by a refit: searches then do not
     /// depend on the way that led to a state, and no tree is built again.
     shape: Bvh,
+    /// The same of the body alone.
+    body_shape: Bvh,
     pub(super) clean: Clean,
     pub(super) multipliers: Multipliers,
     /// Pairs of triangles that intersected in solves of the last steps: how often, and for how many
@@ -106,7 +112,7 @@ pub(super) type Met = BTreeMap<[u32; 2], (u32, u32)>;
 const KEPT: u32 = 12;
 
 /// A verified state.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Clean {
     pub(super) x: Vec<Point>,
     pub(super) tree: Bvh,
@@ -123,6 +129,8 @@ struct Attempt {
     solves: usize,
     sweeps: usize,
     contacts: usize,
+    /// Whether the body was held where it is far from its own overlaps.
+    is_local: bool,
 }
 
 /// Times that the opening of the rest state is tried with other gaps.
@@ -156,6 +164,7 @@ impl Walker {
             rest: x.clone(),
             target: x.clone(),
             shape: tree.clone(),
+            body_shape: Bvh::new(&scene.layer_mesh(&x, 0)),
             clean: Clean { x, tree },
             multipliers: Multipliers::default(),
             met: Met::new(),
@@ -172,7 +181,7 @@ impl Walker {
         let mut share = 1.0;
         for _ in 0..OPENINGS {
             let target = self.target.clone();
-            let attempt = self.attempt(&target, share * self.params.gap);
+            let attempt = self.attempt(&target, None, share * self.params.gap);
             tracing::debug!(
                 share,
                 pairs = attempt.pairs.len(),
@@ -214,14 +223,16 @@ impl Walker {
         self.scene.of_layer(positions, layer)
     }
 
-    /// Intersecting triangle pairs of `positions`, which the rest state does not have.
+    /// Intersecting triangle pairs of `positions`, which the rest state does not have: for both
+    /// triangles the layer, 0 for the body, and the index there.
     ///
     /// # Errors
     ///
     /// [`WalkError::Target`].
-    pub fn pairs(&self, positions: &[Point]) -> Result<usize, WalkError> {
+    pub fn intersections(&self, positions: &[Point]) -> Result<Vec<[(usize, u32); 2]>, WalkError> {
         let mesh = self.mesh(positions)?;
-        Ok(new_pairs(&pairs_of(&mesh, &self.tree(positions)), &self.tolerated).len())
+        let pairs = new_pairs(&pairs_of(&mesh, &self.tree(positions)), &self.tolerated);
+        Ok(pairs.iter().map(|p| p.map(|t| self.scene.local_triangle(t))).collect())
     }
 
     /// `target` with the displacements of the current state from its own target, turned along: a
@@ -256,6 +267,31 @@ impl Walker {
         Ok(target.iter().zip(positions).zip(&back).map(one).collect())
     }
 
+    /// `positions` moved by `displacements`, which are given in the frames of the rest state and
+    /// turned to those of `target`: the inverse of [`local_displacements`](Self::local_displacements)
+    /// up to the spread of the turns of a vertex's triangles.
+    ///
+    /// # Errors
+    ///
+    /// [`WalkError::Target`].
+    ///
+    /// # Panics
+    ///
+    /// If there is not one displacement for each vertex.
+    pub fn displaced(
+        &self,
+        target: &[Point],
+        positions: &[Point],
+        displacements: &[Vector],
+    ) -> Result<Vec<Point>, WalkError> {
+        assert_eq!(displacements.len(), self.rest.len(), "one displacement for each vertex");
+        self.check(target)?;
+        self.check(positions)?;
+        let turns = turns(&self.scene, &self.rest, target);
+        let one = |((p, u), turn): ((&Point, &Vector), &_)| p + turned(turn, u);
+        Ok(positions.iter().zip(displacements).zip(&turns).map(one).collect())
+    }
+
     /// Verifies `positions` exactly.
     ///
     /// # Errors
@@ -283,6 +319,29 @@ impl Walker {
         Ok(())
     }
 
+    /// From the clean state `from` towards `to` in `steps` steps, as near as contacts permit. Vertices of the body
+    /// that are farther than [`WalkParams::body_reach`] from its overlaps at `reference` go to `to`
+    /// exactly.
+    ///
+    /// The walker's state ends free of intersections if `from` is so, at whatever share of the way.
+    ///
+    /// # Errors
+    ///
+    /// An invalid state, or the monitor cancelled.
+    pub fn approach(
+        &mut self,
+        from: &[Point],
+        to: &[Point],
+        (reference, steps): (&[Point], usize),
+        monitor: &mut dyn Monitor,
+    ) -> Result<Walked, WalkError> {
+        self.check(to)?;
+        self.check(reference)?;
+        self.restart(from.to_vec())?;
+        let path = |t: Real| from.iter().zip(to).map(|(a, b)| a + (b - a) * t).collect();
+        self.follow(steps, &path, Some(reference), monitor)
+    }
+
     /// Follows the `path` of targets, from the current one at 0 to 1, in `steps` steps or smaller
     /// ones.
     ///
@@ -298,6 +357,18 @@ impl Walker {
         path: &dyn Fn(Real) -> Vec<Point>,
         monitor: &mut dyn Monitor,
     ) -> Result<Walked, WalkError> {
+        self.follow(steps, path, None, monitor)
+    }
+
+    /// As [`walk`](Self::walk). The body yields near its overlaps at `reference`, by default at the
+    /// target of each step.
+    fn follow(
+        &mut self,
+        steps: usize,
+        path: &dyn Fn(Real) -> Vec<Point>,
+        reference: Option<&[Point]>,
+        monitor: &mut dyn Monitor,
+    ) -> Result<Walked, WalkError> {
         let largest = 1.0 / steps.max(1) as Real;
         let least = largest * 0.5_f64.powi(self.params.halvings as i32);
         let (mut walked, mut step) = (Walked::default(), largest);
@@ -307,7 +378,7 @@ impl Walker {
             let to = if step > 0.999 * left { 1.0 } else { walked.reached + step };
             let target = path(to);
             self.check(&target)?;
-            let attempt = self.attempt(&target, 0.0);
+            let attempt = self.attempt(&target, Some(reference.unwrap_or(&target)), 0.0);
             walked.solves += attempt.solves;
             walked.sweeps += attempt.sweeps;
             walked.contacts = attempt.contacts;
@@ -326,6 +397,7 @@ impl Walker {
                 ..Progress::stage("walk")
             })?;
             if pairs == 0 {
+                walked.wide += usize::from(!attempt.is_local);
                 self.accept(attempt, target);
                 walked.reached = to;
                 walked.steps += 1;
@@ -388,8 +460,9 @@ impl Walker {
     }
 
     /// Goes towards `target`: contacts along directions of the last clean state, a solve, exact
-    /// verification; then again with what intersects held apart.
-    fn attempt(&self, target: &[Point], opening: Real) -> Attempt {
+    /// verification; then again with what intersects held apart. The body yields near its overlaps
+    /// at `reference`; if that is not enough, near what is left as well, and then everywhere.
+    fn attempt(&self, target: &[Point], reference: Option<&[Point]>, opening: Real) -> Attempt {
         let Self { scene, params, clean, .. } = self;
         let turns = turns(scene, &self.target, target);
         let predicted = self.predicted(target, &turns);
@@ -409,12 +482,19 @@ impl Walker {
         multipliers.turn(scene, &turns);
         let mut met = self.met.clone();
         let (mut solves, mut sweeps, mut x) = (0, 0, Vec::new());
+        let reach = params.body_reach;
+        let mut yielding = match reference {
+            Some(at) => Yielding::near_overlaps(scene, at, &self.body_shape, reach),
+            None => Yielding::everywhere(scene),
+        };
+        let (mut most, mut widened) = (params.solves, false);
         loop {
             let mut contacts: Vec<Contact> = near.clone();
             for (pair, (times, _)) in &met {
                 search.separation(*pair, *times, &mut contacts);
             }
-            let solved = solve(scene, target, &contacts, &mut multipliers, (params.sweeps, &mut x));
+            let at = (target, &yielding.inverse_mass[..]);
+            let solved = solve(scene, at, &contacts, &mut multipliers, (params.sweeps, &mut x));
             solves += 1;
             sweeps += solved.sweeps;
             scene.copy_doubled(&mut x);
@@ -429,10 +509,31 @@ impl Walker {
                 violation = solved.violation,
                 "solve"
             );
-            if pairs.is_empty() || solves >= params.solves {
+            let is_local = yielding.is_local && !widened;
+            if pairs.is_empty() || (solves >= most && !yielding.is_local) {
                 let x = mesh.vertices().to_vec();
                 let contacts = contacts.len();
-                return Attempt { x, tree, pairs, multipliers, met, solves, sweeps, contacts };
+                return Attempt {
+                    x,
+                    tree,
+                    pairs,
+                    multipliers,
+                    met,
+                    solves,
+                    sweeps,
+                    contacts,
+                    is_local,
+                };
+            }
+            if solves >= most {
+                most += params.solves;
+                if widened {
+                    yielding = Yielding::everywhere(scene);
+                } else {
+                    let left = pairs.iter().flatten().copied();
+                    yielding.free_near(scene, reference.unwrap_or(target), left, reach);
+                    widened = true;
+                }
             }
             for pair in pairs {
                 met.entry(pair)

@@ -1,15 +1,12 @@
-//! Frame after frame.
+//! The first pass: from the last clean state to the pose of the next frame.
 
 use super::error::AnimateError;
 use super::outfit::SkinnedOutfit;
-use super::report::{FrameReport, Spread, Yielding};
+use super::report::FrameReport;
 use if_body::{Motion, Pose};
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
 use if_core::parameter::ParameterError;
-use if_mesh::Bvh;
-use if_mesh::intersections::own_pairs;
-use if_mesh::measure::strain;
 use if_outfit::motion::{WalkParams, Walked, Walker};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -23,13 +20,15 @@ pub struct AnimateParams {
     /// Displacement of the body, in metres, above which a frame is reached from the rest pose as
     /// well, and the better of the two kept.
     pub body_limit: Real,
+    /// Frames before and after each one over which displacements are smoothed; 0 for no smoothing.
+    pub smoothing: usize,
     /// Parameters of the walk.
     pub walk: WalkParams,
 }
 
 impl Default for AnimateParams {
     fn default() -> Self {
-        Self { turn: 0.1, body_limit: 0.015, walk: WalkParams::default() }
+        Self { turn: 0.1, body_limit: 0.015, smoothing: 3, walk: WalkParams::default() }
     }
 }
 
@@ -44,12 +43,19 @@ impl AnimateParams {
         ParameterError::check("turn", self.turn, ok, "from 0.001 to 1 (radians)")?;
         let ok = self.body_limit > 0.0 && self.body_limit <= 1.0;
         ParameterError::check("body_limit", self.body_limit, ok, "above 0 and at most 1 m")?;
+        let ok = self.smoothing <= MOST_SMOOTHING;
+        ParameterError::check("smoothing", self.smoothing as Real, ok, "at most 30 frames")?;
         self.walk.validate()
     }
 }
 
-/// Displacement of the body above which it counts as yielding, in metres.
-const YIELDS: Real = 1e-3;
+/// Most frames of smoothing to each side: a second of a motion. The window is held in memory.
+const MOST_SMOOTHING: usize = 30;
+
+/// `points` in a pose that was checked against the skeleton.
+pub(super) fn skinned(outfit: &SkinnedOutfit, points: &[Point], pose: &Pose) -> Vec<Point> {
+    outfit.posed(points, pose).expect("poses were checked against the skeleton")
+}
 
 /// An outfit on its way through a motion.
 #[derive(Debug)]
@@ -64,8 +70,6 @@ pub struct Animator<'a> {
     pub(super) pose: Pose,
     /// The next frame.
     frame: usize,
-    /// Local displacements of the frame before.
-    previous: Option<Vec<Vector>>,
 }
 
 impl<'a> Animator<'a> {
@@ -89,7 +93,6 @@ impl<'a> Animator<'a> {
             rest: outfit.positions(),
             pose: Pose::rest(outfit.skeleton.len()),
             frame: 0,
-            previous: None,
             outfit,
             motion,
             params,
@@ -102,34 +105,24 @@ impl<'a> Animator<'a> {
         &self.walker
     }
 
-    /// Goes to the state of a walker at `pose`, after a frame with these positions was done.
-    pub(super) fn resume(
-        &mut self,
-        frame: usize,
-        pose: Pose,
-        snapshot: &[u8],
-        positions: &[Point],
-    ) -> bool {
-        let skinned = self.skinned(&self.rest, &self.motion.poses[frame]);
-        let Ok(previous) = self.walker.local_displacements(&skinned, positions) else {
-            return false;
-        };
+    /// Goes to the state of a walker at `pose`, after a frame was done.
+    pub(super) fn resume(&mut self, frame: usize, pose: Pose, snapshot: &[u8]) -> bool {
         if pose.rotations.len() != self.pose.rotations.len()
             || self.walker.restore(snapshot).is_err()
         {
             return false;
         }
-        self.previous = Some(previous);
         self.pose = pose;
         self.frame = frame + 1;
         true
     }
 
     fn skinned(&self, points: &[Point], pose: &Pose) -> Vec<Point> {
-        self.outfit.posed(points, pose).expect("poses were checked against the skeleton")
+        skinned(self.outfit, points, pose)
     }
 
-    /// Walks to the pose of the next frame, and returns the positions of all layers with its row.
+    /// Walks to the pose of the next frame, and returns the positions of all layers and how they were
+    /// reached. What a frame holds is measured when it is complete.
     ///
     /// # Errors
     ///
@@ -170,10 +163,17 @@ impl<'a> Animator<'a> {
         } else {
             self.walker.carried(&self.skinned(self.walker.rest(), pose))?
         };
-        let mut row = self.measure(pose, &positions)?;
-        (row.frame, row.reached, row.restarted) = (self.frame, reached, restarted);
-        (row.steps, row.halved, row.solves) = (walked.steps, walked.halved, walked.solves);
-        row.seconds = start.elapsed().as_secs_f64();
+        let row = FrameReport {
+            frame: self.frame,
+            reached,
+            restarted,
+            steps: walked.steps,
+            halved: walked.halved,
+            solves: walked.solves,
+            wide: walked.wide,
+            seconds: start.elapsed().as_secs_f64(),
+            ..FrameReport::default()
+        };
         self.frame += 1;
         Ok((positions, row))
     }
@@ -210,74 +210,5 @@ impl<'a> Animator<'a> {
         let walked = self.walker.walk(steps, &path, monitor)?;
         self.pose = from.toward(pose, walked.reached);
         Ok(walked)
-    }
-
-    /// The row of a frame, but for how it was reached.
-    fn measure(&mut self, pose: &Pose, positions: &[Point]) -> Result<FrameReport, AnimateError> {
-        let skinned = self.skinned(&self.rest, pose);
-        let found = self.walker.prove(positions)?;
-        let (body_own, own) = found.own_pairs.split_first().map_or((0, &[][..]), |(b, o)| (*b, o));
-        let local = self.walker.local_displacements(&skinned, positions)?;
-        let change = |before: &Vec<Vector>| {
-            Spread::of(before.iter().zip(&local).map(|(a, b)| (b - a).norm()).collect())
-        };
-        let jitter = self.previous.as_ref().map(change).unwrap_or_default();
-        self.previous = Some(local);
-        let garments = self.walker.layer(&skinned, 0).len();
-        let moved = skinned[garments..].iter().zip(&positions[garments..]);
-        let strains = |x: &[Point]| {
-            let of = |(k, garment): (usize, &if_outfit::Layer)| {
-                strain(&garment.mesh, self.walker.layer(x, k + 1)).p99
-            };
-            self.outfit.outfit.garments.iter().enumerate().map(of).fold(0.0, Real::max)
-        };
-        Ok(FrameReport {
-            pairs_before: self.walker.pairs(&skinned)?,
-            pairs: found.pairs,
-            inside: found.inside,
-            own_pairs: own.iter().sum(),
-            body_own_pairs: body_own,
-            new_own_pairs: found.new_own_pairs,
-            moved: Spread::of(moved.map(|(a, b)| (b - a).norm()).collect()),
-            body: self.yielding(&skinned, positions),
-            strain_p99: strains(positions),
-            strain_p99_skinned: strains(&skinned),
-            jitter,
-            ..FrameReport::default()
-        })
-    }
-
-    fn yielding(&self, skinned: &[Point], positions: &[Point]) -> Yielding {
-        let rest = &self.outfit.outfit.body.mesh;
-        let [skinned, now] = [skinned, positions].map(|x| self.walker.layer(x, 0));
-        let mesh = rest.with_vertices(skinned.to_vec()).expect("skinned positions are finite");
-        let met = own_pairs(&mesh, &Bvh::new(&mesh));
-        let moved: Vec<Real> = skinned.iter().zip(now).map(|(a, b)| (b - a).norm()).collect();
-        let mut corners: Vec<u32> = met
-            .iter()
-            .flat_map(|p| [p.a, p.b])
-            .flat_map(|t| mesh.triangles()[t as usize])
-            .collect();
-        corners.sort_unstable();
-        corners.dedup();
-        let (mut area, mut whole) = (0.0, 0.0);
-        for (t, corners) in mesh.triangles().iter().enumerate() {
-            let [a, b, c] = mesh.corners(t);
-            let size = if_core::math::area_vector(a, b, c).norm();
-            let yields = corners.iter().filter(|v| moved[**v as usize] > YIELDS).count();
-            area += size * yields as Real / 3.0;
-            whole += size;
-        }
-        let distance = |v: usize| {
-            let to = |c: &u32| (skinned[*c as usize] - skinned[v]).norm_squared();
-            corners.iter().map(to).fold(Real::INFINITY, Real::min).sqrt()
-        };
-        let yielding = (0..moved.len()).filter(|v| moved[*v] > YIELDS && !corners.is_empty());
-        Yielding {
-            own_pairs_before: met.len(),
-            reach: yielding.map(distance).reduce(Real::max),
-            area: if whole > 0.0 { area / whole } else { 0.0 },
-            moved: Spread::of(moved),
-        }
     }
 }

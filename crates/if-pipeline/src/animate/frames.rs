@@ -1,4 +1,5 @@
-//! Frames on disk: each as one file, whole or not at all, and the state from which the next follows.
+//! Frames on disk: each as one file, whole or not at all. Beside walked frames lies the state from
+//! which the next follows; smoothed ones need none.
 //!
 //! A file is a line of JSON, with the digest of what the frame was computed from, and positions in
 //! single precision.
@@ -76,12 +77,9 @@ impl Frames {
         if state.request != self.request || state.sha256 != digest(&snapshot).sha256 {
             return Ok(());
         }
-        let mut rows = Vec::new();
-        let mut last = Vec::new();
-        for frame in 0..=state.frame {
-            let Some((row, positions)) = self.stored(frame) else { return Ok(()) };
-            rows.push(row);
-            last = positions;
+        let rows = self.leading(state.frame + 1);
+        if rows.len() <= state.frame {
+            return Ok(());
         }
         let rotation =
             |q: &[Real; 4]| UnitQuaternion::new_unchecked(Quaternion::new(q[0], q[1], q[2], q[3]));
@@ -89,18 +87,27 @@ impl Frames {
             root_translation: Vector::from(state.root),
             rotations: state.rotations.iter().map(rotation).collect(),
         };
-        if animator.resume(state.frame, pose, &snapshot, &last) {
+        if animator.resume(state.frame, pose, &snapshot) {
             self.rows = rows;
         }
         Ok(())
     }
 
-    /// Stores the next frame, and the state after it.
+    /// Takes over frames from the first on, as far as they are there and unchanged.
+    pub(super) fn keep(&mut self, most: usize) {
+        self.rows = self.leading(most);
+    }
+
+    /// The rows of the first frames that are there and unchanged.
+    fn leading(&self, most: usize) -> Vec<FrameReport> {
+        (0..most).map_while(|frame| self.stored(frame).map(|(row, _)| row)).collect()
+    }
+
+    /// Stores the next frame.
     pub(super) fn push(
         &mut self,
         positions: &[Point],
         row: FrameReport,
-        animator: &Animator<'_>,
     ) -> Result<(), AnimateError> {
         let frame = self.rows.len();
         let bytes: Vec<u8> = positions
@@ -114,6 +121,13 @@ impl Frames {
             row: row.clone(),
         };
         write(&self.path(frame), &head, &bytes)?;
+        self.rows.push(row);
+        Ok(())
+    }
+
+    /// Stores the state after the last frame.
+    pub(super) fn push_state(&self, animator: &Animator<'_>) -> Result<(), AnimateError> {
+        let Some(frame) = self.rows.len().checked_sub(1) else { return Ok(()) };
         let snapshot = animator.walker().snapshot();
         let head = StateHead {
             request: self.request.clone(),
@@ -122,9 +136,7 @@ impl Frames {
             root: animator.pose.root_translation.into(),
             rotations: animator.pose.quaternions(),
         };
-        write(&self.folder.join(STATE), &head, &snapshot)?;
-        self.rows.push(row);
-        Ok(())
+        write(&self.folder.join(STATE), &head, &snapshot)
     }
 
     fn path(&self, frame: usize) -> PathBuf {

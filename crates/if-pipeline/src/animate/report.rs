@@ -74,6 +74,14 @@ pub struct FrameReport {
     /// Change of the displacement of all vertices since the frame before, in local frames; zero in
     /// the first frame.
     pub jitter: Spread,
+    /// Change of that change, `|u_{f−2} − 2 u_{f−1} + u_f|`: what trembles, and not what follows the
+    /// motion evenly. Zero in the first two frames.
+    pub shake: Spread,
+    /// Whether the frame was moved towards the mean displacement of its neighbours.
+    pub smoothed: bool,
+    /// Accepted steps of the walk in which the body yields farther from its own overlaps than
+    /// `body_reach`.
+    pub wide: usize,
     /// Accepted steps of the walk.
     pub steps: usize,
     /// Steps that were halved.
@@ -115,6 +123,11 @@ pub struct AnimationReport {
     pub jitter_p99: Real,
     /// Largest jitter of a vertex, in metres.
     pub jitter_max: Real,
+    /// Largest 99th percentile of the shake of a frame, in metres.
+    pub shake_p99: Real,
+    /// Largest distance from its own overlaps at which the body yields, in metres, of the frames in
+    /// which it meets itself.
+    pub body_reach: Real,
     /// Mean seconds of a frame after the first, in which the outfit walks from rest to its pose.
     pub seconds_a_frame: Real,
     /// Seconds of this run.
@@ -142,6 +155,8 @@ impl AnimationReport {
             body_max: largest(|f| f.body.moved.max),
             jitter_p99: largest(|f| f.jitter.p99),
             jitter_max: largest(|f| f.jitter.max),
+            shake_p99: largest(|f| f.shake.p99),
+            body_reach: largest(|f| f.body.reach.unwrap_or(0.0)),
             seconds_a_frame: sum / later.len().max(1) as Real,
             seconds,
             frames: frames.to_vec(),

@@ -66,14 +66,43 @@ fn a_run_that_was_stopped_goes_on_with_the_same_bits() {
     *bytes.last_mut().unwrap() ^= 1;
     std::fs::write(&path, bytes).unwrap();
     assert!(matches!(rest.frames.positions(1), Err(AnimateError::Changed { .. })));
-    let mut frames = Frames::open(parts.path(), &outfit, &motion, &params).unwrap();
-    let mut animator = Animator::new(&outfit, &motion, params).unwrap();
-    frames.resume(&mut animator).unwrap();
-    assert!(frames.is_empty());
+    let again = animate(&outfit, &motion, &params, parts.path(), &mut Silent).unwrap();
+    assert_eq!(again.report.kept, 1);
+    assert!((0..3).all(|k| again.frames.positions(k).unwrap() == all.frames.positions(k).unwrap()));
+    assert_eq!(again.report.frames[2].jitter, all.report.frames[2].jitter);
     let faster = Motion { frames_per_second: 60.0, ..motion.clone() };
-    let mut frames = Frames::open(whole.path(), &outfit, &faster, &params).unwrap();
-    frames.resume(&mut animator).unwrap();
-    assert!(frames.is_empty());
+    let mut animator = Animator::new(&outfit, &motion, params).unwrap();
+    for folder in [whole.path().to_owned(), whole.path().join("walked")] {
+        let mut frames = Frames::open(&folder, &outfit, &faster, &params).unwrap();
+        frames.keep(3);
+        frames.resume(&mut animator).unwrap();
+        assert!(frames.is_empty());
+    }
+}
+
+#[test]
+fn smoothed_frames_tremble_less_and_are_as_clean() {
+    let outfit = outfit();
+    let mut motion = motion(5);
+    // The knee goes up and down from frame to frame, and what is displaced with it.
+    for (k, pose) in motion.poses.iter_mut().enumerate() {
+        pose.root_translation.z = 0.0;
+        let turn = UnitQuaternion::from_axis_angle(&Vector::x_axis(), 0.1 * (k % 2) as f64);
+        let thigh = rig::skeleton().names().position(|n| n == "left_thigh").unwrap();
+        pose.rotations[thigh] *= turn;
+    }
+    let run = |smoothing| {
+        let folder = tempfile::tempdir().unwrap();
+        let params = AnimateParams { smoothing, ..AnimateParams::default() };
+        animate(&outfit, &motion, &params, folder.path(), &mut Silent).unwrap().report
+    };
+    let [walked, smoothed] = [0, 2].map(run);
+    assert_eq!((walked.clean, smoothed.clean), (5, 5));
+    assert!(walked.frames.iter().all(|f| !f.smoothed));
+    assert!(smoothed.frames.iter().all(|f| f.smoothed));
+    let [a, b] =
+        [&walked, &smoothed].map(|r| r.frames[2..].iter().map(|f| f.shake.mean).sum::<f64>());
+    assert!(b < 0.7 * a, "{b} {a}");
 }
 
 #[test]

@@ -1,0 +1,152 @@
+//! What is measured in a frame.
+
+use super::animator::skinned;
+use super::error::AnimateError;
+use super::outfit::SkinnedOutfit;
+use super::report::{FrameReport, Spread, Yielding};
+use if_body::{Motion, Pose};
+use if_core::math::{Point, Real, Vector};
+use if_mesh::measure::strain;
+use if_mesh::point_tree::PointTree;
+use if_outfit::motion::Walker;
+
+/// Displacement of the body above which it counts as yielding, in metres.
+const YIELDS: Real = 1e-3;
+
+/// Measures frames, one after the other.
+#[derive(Debug)]
+pub(super) struct Measurer<'a> {
+    outfit: &'a SkinnedOutfit,
+    /// The clean outfit, before layers were moved apart.
+    rest: Vec<Point>,
+    /// Local displacements of the two frames before, the last one first.
+    before: [Option<Vec<Vector>>; 2],
+}
+
+impl<'a> Measurer<'a> {
+    pub(super) fn new(outfit: &'a SkinnedOutfit) -> Self {
+        Self { outfit, rest: outfit.positions(), before: [None, None] }
+    }
+
+    /// Takes a frame that an earlier run had done for the last one.
+    pub(super) fn pass(
+        &mut self,
+        walker: &Walker,
+        pose: &Pose,
+        positions: &[Point],
+    ) -> Result<(), AnimateError> {
+        let skinned = skinned(self.outfit, &self.rest, pose);
+        self.push(walker.local_displacements(&skinned, positions)?);
+        Ok(())
+    }
+
+    fn push(&mut self, local: Vec<Vector>) {
+        let last = self.before[0].replace(local);
+        self.before[1] = last;
+    }
+
+    /// The row of a frame, but for how it was reached and its jitter. `walker` verifies.
+    pub(super) fn verify(
+        &self,
+        walker: &Walker,
+        positions: &[Point],
+    ) -> Result<FrameReport, AnimateError> {
+        let found = walker.prove(positions)?;
+        let (body_own, own) = found.own_pairs.split_first().map_or((0, &[][..]), |(b, o)| (*b, o));
+        Ok(FrameReport {
+            pairs: found.pairs,
+            inside: found.inside,
+            own_pairs: own.iter().sum(),
+            body_own_pairs: body_own,
+            new_own_pairs: found.new_own_pairs,
+            ..FrameReport::default()
+        })
+    }
+
+    /// Adds what is measured of a frame that is kept.
+    pub(super) fn measure(
+        &mut self,
+        walker: &Walker,
+        pose: &Pose,
+        positions: &[Point],
+        row: &mut FrameReport,
+    ) -> Result<(), AnimateError> {
+        let skinned = skinned(self.outfit, &self.rest, pose);
+        let local = walker.local_displacements(&skinned, positions)?;
+        if let [Some(last), second] = &self.before {
+            let change = last.iter().zip(&local).map(|(a, b)| (b - a).norm());
+            row.jitter = Spread::of(change.collect());
+            if let Some(second) = second {
+                let three = second.iter().zip(last).zip(&local);
+                let turn = three.map(|((a, b), c)| (c - b * 2.0 + a).norm());
+                row.shake = Spread::of(turn.collect());
+            }
+        }
+        self.push(local);
+        let garments = walker.layer(&skinned, 0).len();
+        let moved = skinned[garments..].iter().zip(&positions[garments..]);
+        let strains = |x: &[Point]| {
+            let of = |(k, garment): (usize, &if_outfit::Layer)| {
+                strain(&garment.mesh, walker.layer(x, k + 1)).p99
+            };
+            self.outfit.outfit.garments.iter().enumerate().map(of).fold(0.0, Real::max)
+        };
+        let before = walker.intersections(&skinned)?;
+        row.pairs_before = before.len();
+        row.moved = Spread::of(moved.map(|(a, b)| (b - a).norm()).collect());
+        row.strain_p99 = strains(positions);
+        row.strain_p99_skinned = strains(&skinned);
+        let met: Vec<u32> = before
+            .iter()
+            .filter(|[a, b]| a.0 == 0 && b.0 == 0)
+            .flat_map(|[a, b]| [a.1, b.1])
+            .collect();
+        let body = [&skinned[..], positions].map(|x| walker.layer(x, 0));
+        row.body = self.yielding(body, &met);
+        Ok(())
+    }
+
+    /// How the body yields that meets itself in the triangles `met`, in pairs.
+    fn yielding(&self, [skinned, now]: [&[Point]; 2], met: &[u32]) -> Yielding {
+        let mesh = &self.outfit.outfit.body.mesh;
+        let moved: Vec<Real> = skinned.iter().zip(now).map(|(a, b)| (b - a).norm()).collect();
+        let (mut area, mut whole) = (0.0, 0.0);
+        for corners in mesh.triangles() {
+            let [a, b, c] = corners.map(|v| &skinned[v as usize]);
+            let size = if_core::math::area_vector(a, b, c).norm();
+            let yields = corners.iter().filter(|v| moved[**v as usize] > YIELDS).count();
+            area += size * yields as Real / 3.0;
+            whole += size;
+        }
+        let corners = met.iter().flat_map(|t| mesh.triangles()[*t as usize]);
+        let corners = PointTree::new(&corners.map(|v| skinned[v as usize]).collect::<Vec<_>>());
+        let mut nearest = Vec::new();
+        let mut reach: Option<Real> = None;
+        for v in (0..moved.len()).filter(|v| moved[*v] > YIELDS) {
+            corners.nearest(&skinned[v], 1, &mut nearest);
+            if let Some((squared, _)) = nearest.first() {
+                reach = Some(reach.unwrap_or(0.0).max(squared.sqrt()));
+            }
+        }
+        Yielding {
+            own_pairs_before: met.len() / 2,
+            reach,
+            area: if whole > 0.0 { area / whole } else { 0.0 },
+            moved: Spread::of(moved),
+        }
+    }
+
+    /// Brings the measures of the frames before `next` into place: those of `frames` already done.
+    pub(super) fn resume(
+        &mut self,
+        walker: &Walker,
+        motion: &Motion,
+        next: usize,
+        positions: impl Fn(usize) -> Result<Vec<Point>, AnimateError>,
+    ) -> Result<(), AnimateError> {
+        for frame in next.saturating_sub(2)..next {
+            self.pass(walker, &motion.poses[frame], &positions(frame)?)?;
+        }
+        Ok(())
+    }
+}
