@@ -223,6 +223,7 @@ impl Search<'_> {
         self.primitives(
             &t,
             |_, _| true,
+            |_, _| true,
             |primitives| {
                 all.push((primitives.nearest(self.clean), self.gap(primitives).0.max(LEAST_GAP)));
             },
