@@ -527,6 +527,10 @@ impl Walker {
             }
             if solves >= most {
                 most += params.solves;
+                // What was tried with more of the body held counts for nothing.
+                multipliers = self.multipliers.clone();
+                multipliers.turn(scene, &turns);
+                met = self.met.clone();
                 if widened {
                     yielding = Yielding::everywhere(scene);
                 } else {
@@ -534,6 +538,7 @@ impl Walker {
                     yielding.free_near(scene, reference.unwrap_or(target), left, reach);
                     widened = true;
                 }
+                continue;
             }
             for pair in pairs {
                 met.entry(pair)
