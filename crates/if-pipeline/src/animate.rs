@@ -63,7 +63,8 @@ pub fn animate(
     let mut walked = Frames::open(&folder.join(WALKED), outfit, motion, params)?;
     let mut frames = Frames::open(folder, outfit, motion, params)?;
     let mut animator = Animator::new(outfit, motion, *params)?;
-    let mut smoother = Smoother::new(outfit, motion, animator.walker().clone(), params.smoothing);
+    let radius = params.smoothed_frames(motion);
+    let mut smoother = Smoother::new(outfit, motion, animator.walker().clone(), radius);
     let mut measurer = Measurer::new(outfit);
     walked.resume(&mut animator)?;
     let total = motion.poses.len();

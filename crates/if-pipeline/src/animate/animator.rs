@@ -20,15 +20,16 @@ pub struct AnimateParams {
     /// Displacement of the body, in metres, above which a frame is reached from the rest pose as
     /// well, and the better of the two kept.
     pub body_limit: Real,
-    /// Frames before and after each one over which displacements are smoothed; 0 for no smoothing.
-    pub smoothing: usize,
+    /// Seconds before and after each frame over which displacements are smoothed; 0 for no smoothing.
+    /// Frames that lie farther apart are not smoothed.
+    pub smoothing: Real,
     /// Parameters of the walk.
     pub walk: WalkParams,
 }
 
 impl Default for AnimateParams {
     fn default() -> Self {
-        Self { turn: 0.1, body_limit: 0.015, smoothing: 3, walk: WalkParams::default() }
+        Self { turn: 0.1, body_limit: 0.015, smoothing: 0.1, walk: WalkParams::default() }
     }
 }
 
@@ -43,13 +44,19 @@ impl AnimateParams {
         ParameterError::check("turn", self.turn, ok, "from 0.001 to 1 (radians)")?;
         let ok = self.body_limit > 0.0 && self.body_limit <= 1.0;
         ParameterError::check("body_limit", self.body_limit, ok, "above 0 and at most 1 m")?;
-        let ok = self.smoothing <= MOST_SMOOTHING;
-        ParameterError::check("smoothing", self.smoothing as Real, ok, "at most 30 frames")?;
+        let ok = (0.0..=1.0).contains(&self.smoothing);
+        ParameterError::check("smoothing", self.smoothing, ok, "from 0 to 1 s")?;
         self.walk.validate()
+    }
+
+    /// Frames of `motion` to each side over which displacements are smoothed.
+    pub(super) fn smoothed_frames(&self, motion: &Motion) -> usize {
+        // A rate is positive and finite, and the cast saturates.
+        ((self.smoothing * motion.frames_per_second).round() as usize).min(MOST_SMOOTHING)
     }
 }
 
-/// Most frames of smoothing to each side: a second of a motion. The window is held in memory.
+/// Most frames of smoothing to each side. The window is held in memory.
 const MOST_SMOOTHING: usize = 30;
 
 /// `points` in a pose that was checked against the skeleton.

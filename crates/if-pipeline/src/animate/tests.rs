@@ -91,18 +91,23 @@ fn smoothed_frames_tremble_less_and_are_as_clean() {
         let thigh = rig::skeleton().names().position(|n| n == "left_thigh").unwrap();
         pose.rotations[thigh] *= turn;
     }
-    let run = |smoothing| {
+    let run = |frames: f64| {
         let folder = tempfile::tempdir().unwrap();
+        let smoothing = frames / motion.frames_per_second;
         let params = AnimateParams { smoothing, ..AnimateParams::default() };
         animate(&outfit, &motion, &params, folder.path(), &mut Silent).unwrap().report
     };
-    let [walked, smoothed] = [0, 2].map(run);
+    let [walked, smoothed] = [0.0, 2.0].map(run);
     assert_eq!((walked.clean, smoothed.clean), (5, 5));
     assert!(walked.frames.iter().all(|f| !f.smoothed));
     assert!(smoothed.frames.iter().all(|f| f.smoothed));
     let [a, b] =
         [&walked, &smoothed].map(|r| r.frames[2..].iter().map(|f| f.shake.mean).sum::<f64>());
     assert!(b < 0.7 * a, "{b} {a}");
+    // Frames that lie far apart have nothing in common.
+    let params = AnimateParams::default();
+    assert_eq!(params.smoothed_frames(&Motion { frames_per_second: 30.0, ..motion.clone() }), 3);
+    assert_eq!(params.smoothed_frames(&Motion { frames_per_second: 4.0, ..motion }), 0);
 }
 
 #[test]
