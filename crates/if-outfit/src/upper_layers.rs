@@ -192,15 +192,22 @@ const ROOM: Real = 3.0;
 /// pressed in at once is crumpled at the edge of the layer above.
 const STEP: Real = 6e-3;
 
+/// A segment through an edge may miss both triangles there. Then another one ends this far beside it,
+/// in metres.
+const BESIDE: Real = 1e-4;
+/// How deep below the skin a layer above may lie, in metres, and cover what is over it all the same.
+const BELOW_SKIN: Real = 0.03;
+
 /// Which of the vertices `x` of a garment belong below `layer`: those inside it, and those for
-/// which it lies on the way to the nearest point of the `body`.
+/// which it lies on the way to the nearest point of the `body`, or a little below that.
 ///
 /// A sleeve beside the trunk sticks out of a waistcoat, which it is not worn under.
 fn covered(x: &[Point], layer: &ClosedLayer, body: &ClosedLayer) -> Vec<bool> {
     let is_covered = |p: &Point| {
         let is_inside = || layer.sided(p, 0.0).is_some_and(|s| s.distance < 0.0);
-        let lies_between = |foot: &Point| layer.bvh().first_hit(p, foot, |_| true).is_some();
-        let foot = body.sided(p, Real::INFINITY).map(|s| s.point);
+        let hits = |end: &Point| layer.bvh().first_hit(p, end, |_| true).is_some();
+        let lies_between = |end: &Point| hits(end) || hits(&(end + Vector::repeat(BESIDE)));
+        let foot = body.sided(p, Real::INFINITY).map(|s| s.point - s.normal * BELOW_SKIN);
         is_inside() || foot.is_some_and(|foot| lies_between(&foot))
     };
     x.par_iter().with_min_len(64).map(is_covered).collect()
