@@ -58,9 +58,17 @@ def test_other_threads_run_meanwhile():
     assert sum(start < t < end for t in ticks) > 10
 
 
+@pytest.fixture
+def interruptible():
+    """Ctrl-C raises also where tests run as a background job, which begins with it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent")
 @pytest.mark.parametrize("with_progress", [False, True])
-def test_ctrl_c_ends_a_long_call_soon(with_progress):
+def test_ctrl_c_ends_a_long_call_soon(with_progress, interruptible):
     body, layers = ifgarments.demo_scene(resolution=1.0)
     sent = []
 
