@@ -5,6 +5,7 @@ that take long: functions of a progress callback, whose results they are sent.
 """
 
 import contextlib
+from dataclasses import replace
 
 import ifgarments
 import numpy as np
@@ -14,6 +15,10 @@ from .meshes import MeshError
 
 #: How often a result is resolved again that rounding to Blender's float32 made intersect.
 _ROUNDINGS = 3
+_ROUNDED = (
+    "after rounding to Blender's single precision; apply the objects' transforms (Ctrl A) and "
+    "resolve again"
+)
 
 
 def check(context):
@@ -41,27 +46,18 @@ def _resolve_modelled(context):
     body, garments = _things(context)
     before = [meshes.modelled(thing) for thing in garments]
     fixed = meshes.modelled(body)
-    positions = [shape.outside(shape.local) for shape in before]
-    for _ in range(_ROUNDINGS):
-        arrays, layers = _layers([fixed, *before], positions)
-        positions, error = yield _call(context, arrays, layers)
+
+    def store(positions):
         for thing, shape, found in zip(garments, before, positions):
             meshes.store_key(thing, shape, found)
-        # What Blender shows is rounded: that is what must be clean.
-        stored = [meshes.shown(thing) for thing in garments]
-        arrays, layers = _layers([fixed, *stored])
-        proven = yield lambda _: ifgarments.verify(arrays, layers)
-        if error is not None or _is_reached(context, proven):
-            break
-        positions = [shape.outside(shape.local) for shape in stored]
+        return [meshes.shown(thing) for thing in garments]
+
+    stored, proven, error = yield from _settled(context, fixed, before, store)
     marked = yield from _marked((body, *garments), [fixed, *stored])
     if error is not None:
         raise error
     if not _is_reached(context, proven):
-        raise MeshError(
-            f"{proven.state} after rounding to Blender's single precision ({marked}); apply the "
-            "objects' transforms (Ctrl A) and resolve again"
-        )
+        raise MeshError(f"{proven.state} {_ROUNDED} ({marked})")
     return proven.state, f"{proven.state}: shape keys “{meshes.RESULT}”"
 
 
@@ -85,35 +81,45 @@ def _resolve_frames(context):
             scene.frame_set(frame)
             depsgraph = context.evaluated_depsgraph_get()
             fixed, *before = [meshes.evaluated(thing, depsgraph) for thing in (body, *garments)]
-            positions = [shape.outside(shape.local) for shape in before]
-            for _ in range(_ROUNDINGS):
-                arrays, layers = _layers([fixed, *before], positions)
-                positions, error = yield _call(context, arrays, layers, f"frame {frame}")
-                if error is not None:
-                    raise MeshError(f"frame {frame}: {error}") from error
-                local = [
-                    shape.inside(found).astype(np.float32)
+
+            def store(positions, before=before):
+                return [
+                    replace(shape, local=shape.inside(found).astype(np.float32))
                     for shape, found in zip(before, positions)
                 ]
-                positions = [shape.outside(kept) for shape, kept in zip(before, local)]
-                arrays, layers = _layers([fixed, *before], positions)
-                proven = yield lambda _: ifgarments.verify(arrays, layers)
-                if _is_reached(context, proven):
-                    break
-            else:
-                raise MeshError(
-                    f"frame {frame}: {proven.state} after rounding to Blender's single precision; "
-                    "apply the objects' transforms (Ctrl A) and resolve again"
-                )
+
+            item = f"frame {frame}"
+            stored, proven, error = yield from _settled(context, fixed, before, store, item)
+            if error is not None:
+                raise MeshError(f"{item}: {error}") from error
+            if not _is_reached(context, proven):
+                raise MeshError(f"{item}: {proven.state} {_ROUNDED}")
             states.add(proven.state)
-            for cache, kept in zip(written, local):
-                cache.add(kept)
+            for cache, shape in zip(written, stored):
+                cache.add(shape.local)
         for cache in written:
             cache.finish()
     for thing, cache in zip(garments, written):
         caches.play(thing, cache)
     state = "clean everywhere" if states == {"clean everywhere"} else "clean between layers"
     return state, f"{state}: {last + 1 - first} frames in modifiers “{meshes.RESULT}”"
+
+
+def _settled(context, fixed, before, store, item=""):
+    """Resolves garments, stores them, and verifies what is stored, which Blender rounds.
+
+    `store` takes positions and returns the shapes that are stored. Returns these, their
+    verification, and an error if intersections remain.
+    """
+    arrays, layers = _layers([fixed, *before])
+    for _ in range(_ROUNDINGS):
+        positions, error = yield _call(context, arrays, layers, item)
+        stored = store(positions)
+        arrays, layers = _layers([fixed, *stored])
+        proven = yield lambda _: ifgarments.verify(arrays, layers)
+        if error is not None or _is_reached(context, proven):
+            break
+    return stored, proven, error
 
 
 def _things(context):
@@ -135,13 +141,10 @@ def _things(context):
     return settings.body, garments
 
 
-def _layers(shapes, positions=None):
+def _layers(shapes):
     """The body's arrays, and those of garments by name."""
     fixed, *garments = shapes
-    if positions is None:
-        positions = [shape.outside(shape.local) for shape in garments]
-    layers = {shape.name: (at, shape.triangles) for shape, at in zip(garments, positions)}
-    return fixed.arrays(), layers
+    return fixed.arrays(), {shape.name: shape.arrays() for shape in garments}
 
 
 def _call(context, body, layers, item=""):

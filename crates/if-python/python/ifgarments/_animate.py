@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from . import _ifgarments as _native
 from ._arguments import Progress, checked_threads, folder, listener
-from ._kinds import read, read_layers
+from ._kinds import read_outfit
 from ._outfits import Layers, Mesh
 
 #: Joints and weights of all vertices, four of each: shapes (n, 4).
@@ -74,7 +74,7 @@ def animate(
         AnimateError: the outfit is not clean, or skeleton, weights or motion do not belong to it.
         ValueError, TypeError: an argument is no mesh, or no array of the right shape.
     """
-    outfit = [read(body, "body", "body"), *read_layers(layers).layers]
+    outfit = read_outfit(body, layers)
     names = [layer.name for layer in outfit]
     unknown = sorted(set(weights) - set(names))
     if unknown:

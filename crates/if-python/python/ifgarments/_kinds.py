@@ -110,6 +110,11 @@ def read_layers(given: Any) -> Layers:
     return Layers(layers, names, False)
 
 
+def read_outfit(body: Any, layers: Any) -> list[Layer]:
+    """The body, and the garments of the argument `layers`."""
+    return [read(body, "body", "body"), *read_layers(layers).layers]
+
+
 def read(mesh: Any, argument: str, name: Any) -> Layer:
     """One mesh; errors begin with `argument`."""
     if not isinstance(name, str):

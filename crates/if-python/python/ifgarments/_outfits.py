@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from . import _ifgarments as _native
 from ._arguments import Progress, checked_threads, listener, named_params
-from ._kinds import read, read_layers
+from ._kinds import read, read_layers, read_outfit
 from .errors import IntersectionsRemain
 
 #: A mesh: ``(vertices, faces)``, or an object of trimesh, Open3D or meshio.
@@ -149,9 +149,10 @@ def intersections(
     Raises:
         ValueError, TypeError: as in :func:`resolve`.
     """
-    read_all = [read(body, "body", "body"), *read_layers(layers).layers]
-    names = [layer.name for layer in read_all]
-    found = _native.intersections([l.native() for l in read_all], checked_threads(threads))
+    outfit = read_outfit(body, layers)
+    names = [layer.name for layer in outfit]
+    native = [layer.native() for layer in outfit]
+    found = _native.intersections(native, checked_threads(threads))
     return [Intersections(names[a], names[b], triangles) for (a, b), triangles in found]
 
 
@@ -208,5 +209,4 @@ def default_params() -> dict[str, dict[str, Any]]:
 
 
 def _native_layers(body: Mesh, layers: Layers) -> list[dict[str, Any]]:
-    read_all = [read(body, "body", "body"), *read_layers(layers).layers]
-    return [layer.native() for layer in read_all]
+    return [layer.native() for layer in read_outfit(body, layers)]
