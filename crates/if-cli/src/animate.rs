@@ -10,7 +10,7 @@ use crate::errors::{self, ErrorChain};
 use crate::inputs::{InputArgs, Order, ParamArgs};
 use crate::load::{self, LoadError};
 use crate::order;
-use crate::outfit_file::{OutfitSpec, outfits};
+use crate::outfit_file::{LayerSpec, OutfitSpec, outfits};
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::receipt;
@@ -18,6 +18,7 @@ use crate::report_output;
 use crate::staging::{OutputError, Staging};
 use clap::Args;
 use if_body::{Motion, MotionError, Skeleton, SkeletonError};
+use if_core::math::Point;
 use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_mesh::file::{MeshFile, WriteError};
 use if_mesh::point_cache::{PointCacheError, PointCacheWriter};
@@ -260,7 +261,7 @@ fn write_caches(
         source: io::Error::other(error),
     };
     for (layer, mesh) in spec.layers().zip(outfit.layers()) {
-        let name = format!("{}.pc2", stem(&layer.file_name));
+        let name = format!("{}.pc2", layer.file_stem());
         if names.iter().any(|n| n.eq_ignore_ascii_case(&name)) {
             let (first, second) = (name.clone(), layer.written.clone());
             return Err(OutputError::SameName { first, second, name }.into());
@@ -288,10 +289,6 @@ fn write_caches(
     Ok(names)
 }
 
-fn stem(file_name: &str) -> &str {
-    Path::new(file_name).file_stem().and_then(|s| s.to_str()).unwrap_or(file_name)
-}
-
 /// Writes each garment of each frame with the attributes of its file.
 fn write_meshes(
     spec: &OutfitSpec,
@@ -306,23 +303,25 @@ fn write_meshes(
             .map_err(|source| OutputError::Folder { path: folder.clone(), source })?;
         let all = frames.positions(frame).map_err(|source| AnimateFault::Animate { source })?;
         let mut rest = &all[..];
-        let layers = spec.layers().zip(outfit.layers()).zip(files.files());
-        for ((layer, mesh), file) in layers {
+        let mut by_file: Vec<(&LayerSpec, Vec<(&MeshFile, &[Point])>)> = Vec::new();
+        for ((layer, mesh), file) in spec.layers().zip(outfit.layers()).zip(files.files()) {
             let (positions, others) = rest.split_at(mesh.mesh.vertices().len());
             rest = others;
-            write_mesh(file, &folder.join(&layer.file_name), positions)?;
+            match by_file.iter_mut().find(|(first, _)| layer.is_in_file_of(first)) {
+                Some((_, layers)) => layers.push((file, positions)),
+                None => by_file.push((layer, vec![(file, positions)])),
+            }
+        }
+        for (layer, layers) in by_file {
+            write_meshes_of_file(&layers, &folder.join(&layer.file_name))?;
         }
         cancel::check().into_diagnostic()?;
     }
     Ok(())
 }
 
-fn write_mesh(
-    file: &MeshFile,
-    path: &Path,
-    positions: &[if_core::math::Point],
-) -> Result<(), OutputError> {
-    file.write(path, positions).map_err(|error| match error {
+fn write_meshes_of_file(layers: &[(&MeshFile, &[Point])], path: &Path) -> Result<(), OutputError> {
+    MeshFile::write_layers(layers, path).map_err(|error| match error {
         WriteError::Io { path, source } => OutputError::File { path, source },
         other => OutputError::Mesh { path: path.into(), source: ErrorChain::new(&other) },
     })

@@ -26,6 +26,9 @@ pub(crate) enum LoadError {
     #[error("`{}` ({layer}) does not fit into an outfit", path.display())]
     #[diagnostic(code(ifg::input::outfit), help("{}", outfit_advice(source)))]
     Outfit { layer: String, path: PathBuf, source: OutfitError },
+    #[error("the layers of outfit `{outfit}` do not come apart")]
+    #[diagnostic(code(ifg::input::node), help("nodes have the names that the exporter gave them"))]
+    Nodes { outfit: String, source: ErrorChain },
     #[error("outfit `{outfit}` cannot be resolved")]
     #[diagnostic(
         code(ifg::parameter),
@@ -49,6 +52,9 @@ impl LoadError {
                 Self::Split { layer, path, source: ErrorChain::new(&source) }
             }
             FilesError::Outfit { layer, path, source } => Self::Outfit { layer, path, source },
+            error @ FilesError::SharedVertices { .. } => {
+                Self::Nodes { outfit: outfit.into(), source: ErrorChain::new(&error) }
+            }
             error => Self::Resolve { outfit: outfit.into(), source: ErrorChain::new(&error) },
         }
     }
@@ -90,7 +96,7 @@ pub(crate) fn reading_advice(error: &ReadError) -> &'static str {
 /// Reads all layers and checks that they are a valid outfit.
 pub(crate) fn load(spec: &OutfitSpec) -> Result<OutfitFiles, LoadError> {
     let mut layers =
-        spec.layers().map(|layer| LayerFile { name: layer.name.clone(), path: layer.path.clone() });
+        spec.layers().map(|layer| LayerFile { name: layer.name.clone(), path: layer.source() });
     let body = layers.next().expect("`layers` starts with the body");
     OutfitFiles::read(body, layers.collect(), spec.scale)
         .map_err(|error| LoadError::new(&spec.name, error))

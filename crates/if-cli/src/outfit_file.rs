@@ -1,6 +1,7 @@
 //! The layers and parameters of outfits: from an outfit file (TOML, `docs/reference/outfit.md`) or from the command line.
 
 use crate::inputs::{InputArgs, ParamArgs};
+use if_mesh::file::file_and_node;
 use if_outfit::resolve::ResolveParams;
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use serde::Deserialize;
@@ -27,19 +28,65 @@ impl OutfitSpec {
     pub(crate) fn layers(&self) -> impl Iterator<Item = &LayerSpec> {
         std::iter::once(&self.body).chain(&self.garments)
     }
+
+    /// The garments by the file into which their results are written, each with the file's name:
+    /// one garment, or several nodes of one GLB file.
+    pub(crate) fn files(&self) -> Vec<(&str, Vec<usize>)> {
+        let mut files: Vec<(&str, Vec<usize>)> = Vec::new();
+        for (k, layer) in self.garments.iter().enumerate() {
+            let name = layer.file_name.as_str();
+            match files.iter_mut().find(|(other, _)| other.eq_ignore_ascii_case(name)) {
+                Some((_, ks)) => ks.push(k),
+                None => files.push((name, vec![k])),
+            }
+        }
+        files
+    }
 }
 
-/// One mesh file.
+/// One mesh file, or a node of a GLB file.
 #[derive(Clone, Debug)]
 pub(crate) struct LayerSpec {
-    /// Its name in reports: the stem of its file, unless the outfit file names it.
+    /// Its name in reports: its node, or the stem of its file, unless the outfit file names it.
     pub(crate) name: String,
-    /// Where it is.
+    /// The file.
     pub(crate) path: PathBuf,
+    /// The node of the GLB file, as in `FILE.glb#NODE`.
+    pub(crate) node: Option<String>,
     /// The path as the user wrote it.
     pub(crate) written: String,
-    /// The name under which its result is written.
+    /// The name of the file into which its result is written.
     pub(crate) file_name: String,
+}
+
+impl LayerSpec {
+    /// The path with the node, as [`if_mesh::file::MeshFile::read`] takes it.
+    pub(crate) fn source(&self) -> PathBuf {
+        match &self.node {
+            Some(node) => {
+                let mut path = self.path.clone().into_os_string();
+                path.push(format!("#{node}"));
+                path.into()
+            }
+            None => self.path.clone(),
+        }
+    }
+
+    /// Whether both are nodes of one file.
+    pub(crate) fn is_in_file_of(&self, other: &Self) -> bool {
+        let one = || self.path.canonicalize().ok() == other.path.canonicalize().ok();
+        self.node.is_some() && other.node.is_some() && self.node != other.node && one()
+    }
+
+    /// A name for files that hold this layer alone: that of its node without characters that file
+    /// names cannot have, or the stem of its file.
+    pub(crate) fn file_stem(&self) -> String {
+        let plain = |c: char| if c.is_alphanumeric() || "-_. ".contains(c) { c } else { '_' };
+        match &self.node {
+            Some(node) => node.chars().map(plain).collect(),
+            None => stem(Path::new(&self.file_name)),
+        }
+    }
 }
 
 /// The command line or an outfit file does not describe an outfit.
@@ -212,12 +259,15 @@ pub(crate) fn read(path: &Path) -> Result<OutfitSpec, SpecError> {
 }
 
 fn layer(folder: &Path, file: &Path, name: Option<String>) -> Result<LayerSpec, SpecError> {
-    let file_name = file.file_name().ok_or_else(|| SpecError::NoFileName { path: file.into() })?;
+    let (path, node) = file_and_node(&folder.join(file));
+    let file_name = path.file_name().ok_or_else(|| SpecError::NoFileName { path: file.into() })?;
+    let of_file = || node.clone().unwrap_or_else(|| stem(&path));
     Ok(LayerSpec {
-        name: name.unwrap_or_else(|| stem(file)),
-        path: folder.join(file),
+        name: name.unwrap_or_else(of_file),
         written: file.display().to_string(),
         file_name: file_name.to_string_lossy().into_owned(),
+        node,
+        path,
     })
 }
 

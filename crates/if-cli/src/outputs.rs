@@ -16,11 +16,8 @@ use std::path::Path;
 pub(crate) fn names(spec: &OutfitSpec, pictures: bool) -> Vec<String> {
     let drawn =
         if pictures { &[pictures::BEFORE, pictures::AFTER, report_page::FILE][..] } else { &[] };
-    spec.garments
-        .iter()
-        .map(|l| l.file_name.clone())
-        .chain(drawn.iter().map(ToString::to_string))
-        .collect()
+    let files = spec.files().into_iter().map(|(name, _)| name.to_owned());
+    files.chain(drawn.iter().map(ToString::to_string)).collect()
 }
 
 /// Errors that can be found before anything is read: two outputs of one name, an output over an
@@ -33,7 +30,8 @@ pub(crate) fn check(
 ) -> Result<(), OutputError> {
     for (k, layer) in spec.garments.iter().enumerate() {
         let same = |other: &&LayerSpec| other.file_name.eq_ignore_ascii_case(&layer.file_name);
-        if let Some(first) = spec.garments[..k].iter().find(same) {
+        let first = spec.garments[..k].iter().find(same);
+        if let Some(first) = first.filter(|first| !layer.is_in_file_of(first)) {
             return Err(OutputError::SameName {
                 first: first.written.clone(),
                 second: layer.written.clone(),
@@ -49,9 +47,10 @@ pub(crate) fn check(
         }
         let is_target = |input: &&LayerSpec| input.path.canonicalize().is_ok_and(|p| p == target);
         let garment = spec.garments.iter().find(is_target).filter(|_| !in_place);
-        // No option allows writing over the body.
+        // No option allows writing over the body, but for a file in which it stays as it is.
+        let stays = spec.garments.iter().any(|g| g.is_in_file_of(&spec.body));
         let over = Some(&spec.body)
-            .filter(is_target)
+            .filter(|body| is_target(body) && !stays)
             .map(|body| (body, false))
             .or(garment.map(|g| (g, true)));
         if let Some((input, option)) = over {
@@ -69,20 +68,19 @@ pub(crate) fn write_garments(
     (staging, out): (&Staging, &Path),
 ) -> Result<Vec<OutputFile>, OutputError> {
     let inputs: Vec<&MeshFile> = files.files().skip(1).collect(); // the body's comes first
-    let one = |(k, layer): (usize, &LayerSpec)| {
-        let name = &layer.file_name;
+    let one = |(name, ks): &(&str, Vec<usize>)| {
         let path = staging.path(name);
-        resolved.write_garment(k, &path).map_err(|error| match error {
+        resolved.write_garments(ks, &path).map_err(|error| match error {
             WriteError::Io { source, .. } => OutputError::File { path: out.join(name), source },
             other => OutputError::Mesh { path: out.join(name), source: ErrorChain::new(&other) },
         })?;
         let mut written = describe(name, staging, out)?;
-        written.unchanged = Some(written.content == digest(inputs[k].bytes()));
+        written.unchanged = Some(written.content == digest(inputs[ks[0]].bytes()));
         Ok(written)
     };
     // All are written before the first error is returned, so that it is the same on any number of
     // threads.
-    let written: Vec<_> = spec.garments.par_iter().enumerate().map(one).collect();
+    let written: Vec<_> = spec.files().par_iter().map(one).collect();
     written.into_iter().collect()
 }
 

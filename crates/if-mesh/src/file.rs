@@ -48,6 +48,29 @@ pub enum Content {
     Glb(GlbMesh),
 }
 
+/// A path as `FILE.glb#NODE` in its parts. Any other path, and that of a file which exists, is the
+/// file's alone.
+///
+/// # Examples
+///
+/// ```
+/// use if_mesh::file::file_and_node;
+/// let (file, node) = file_and_node("look/anna.glb#Coat".as_ref());
+/// assert_eq!((file.to_str(), node.as_deref()), (Some("look/anna.glb"), Some("Coat")));
+/// assert_eq!(file_and_node("coat.ply".as_ref()).1, None);
+/// ```
+pub fn file_and_node(path: &Path) -> (PathBuf, Option<String>) {
+    const END: &str = ".glb#";
+    let whole = || (path.to_path_buf(), None);
+    let Some(text) = path.to_str() else { return whole() };
+    let Some(at) = text.to_ascii_lowercase().find(END) else { return whole() };
+    let (file, node) = text.split_at(at + END.len() - 1);
+    if node.len() == 1 || path.exists() {
+        return whole();
+    }
+    (file.into(), Some(node[1..].into()))
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Ply,
@@ -134,13 +157,15 @@ pub enum SplitError {
 }
 
 impl MeshFile {
-    /// Reads a `.ply`, `.obj` or `.glb` file.
+    /// Reads a `.ply`, `.obj` or `.glb` file; with `FILE.glb#NODE` only the node NODE of the scene
+    /// ([`file_and_node`], [`glb::read_layer`]).
     ///
     /// # Errors
     ///
     /// [`ReadError`]: the file, and the invalid line, byte or element.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         let name = || path.to_path_buf();
+        let (path, node) = &file_and_node(path);
         let format = Format::of(path).ok_or_else(|| ReadError::Extension { path: name() })?;
         let about = fs::metadata(path).map_err(|source| ReadError::Io { path: name(), source })?;
         if !about.is_file() {
@@ -159,7 +184,7 @@ impl MeshFile {
                 Self { bytes: Vec::new(), content: Content::Obj(obj), is_new: false }
             }
             Format::Glb => {
-                let glb = glb::read(bytes)
+                let glb = glb::read_layer(bytes, node.as_deref())
                     .map_err(|e| ReadError::Glb { path: name(), source: e.into() })?;
                 Self { bytes: Vec::new(), content: Content::Glb(glb), is_new: false }
             }
@@ -255,6 +280,30 @@ impl MeshFile {
         }
     }
 
+    /// Writes several layers of one GLB file, each with its vertices at its positions, as
+    /// [`MeshFile::write`] does. A single layer may be of any format.
+    ///
+    /// # Errors
+    ///
+    /// As [`MeshFile::write`], and layers that are not of one GLB file.
+    pub fn write_layers<'a>(
+        layers: &[(&'a Self, &'a [Point])],
+        path: &Path,
+    ) -> Result<(), WriteError> {
+        let Some(&(first, positions)) = layers.first() else { return Ok(()) };
+        if layers.len() == 1 || Format::of(path) != Some(Format::Glb) {
+            return first.write(path, positions); // reports the extension of another format
+        }
+        let glb = |(file, positions): &(&'a Self, &'a [Point])| match &file.content {
+            Content::Glb(glb) => Some((glb, *positions)),
+            _ => None,
+        };
+        let fault = || glb::WriteError::SeveralFiles.into();
+        let glbs: Option<Vec<_>> = layers.iter().map(glb).collect();
+        let glbs = glbs.ok_or_else(|| WriteError::Glb { path: path.into(), source: fault() })?;
+        write_glb(&glbs, path)
+    }
+
     /// Writes the mesh with its vertices at `positions` and all its attributes, completely or not at
     /// all ([`crate::atomic`]). Normals rotate with the surface ([`Normals::Follow`]). Without moves,
     /// the file is a copy of the one that was read; else PLY is written as binary, and in an OBJ or GLB
@@ -294,15 +343,17 @@ impl MeshFile {
                 obj::WriteError::Io(source) => WriteError::Io { path: name(), source },
                 e => WriteError::Obj { path: name(), source: e.into() },
             }),
-            Content::Glb(glb) => crate::atomic::write_file(path, |file| {
-                glb::write(glb, positions, Normals::Follow, file)
-            })
-            .map_err(|source| match source {
-                glb::WriteError::Io(source) => WriteError::Io { path: name(), source },
-                e => WriteError::Glb { path: name(), source: e.into() },
-            }),
+            Content::Glb(glb) => write_glb(&[(glb, positions)], path),
         }
     }
+}
+
+fn write_glb(layers: &[(&GlbMesh, &[Point])], path: &Path) -> Result<(), WriteError> {
+    let write = |file: &mut fs::File| glb::write_layers(layers, Normals::Follow, file);
+    crate::atomic::write_file(path, write).map_err(|source| match source {
+        glb::WriteError::Io(source) => WriteError::Io { path: path.into(), source },
+        e => WriteError::Glb { path: path.into(), source: e.into() },
+    })
 }
 
 #[cfg(test)]

@@ -49,7 +49,7 @@ use crate::unresolved::Unresolved;
 use crate::verify::{compare_own_pairs, verify};
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
-use if_mesh::file::MeshFile;
+use if_mesh::file::{Content, MeshFile, file_and_node};
 use if_mesh::split::SplitMesh;
 use rayon::prelude::*;
 use std::path::PathBuf;
@@ -60,15 +60,18 @@ use std::sync::Arc;
 pub struct LayerFile {
     /// What reports and errors call the layer.
     pub name: String,
-    /// The file (`.ply`, `.obj`, `.glb`).
+    /// The file (`.ply`, `.obj`, `.glb`), or a node of a GLB file as `FILE.glb#NODE`
+    /// ([`if_mesh::file::file_and_node`]).
     pub path: PathBuf,
 }
 
 impl LayerFile {
-    /// A layer named after its file, without the extension.
+    /// A layer named after its file, without the extension, or after its node.
     pub fn new(path: impl Into<PathBuf>) -> Self {
         let path = path.into();
-        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let (file, node) = file_and_node(&path);
+        let stem = || file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name = node.unwrap_or_else(stem);
         Self { name, path }
     }
 }
@@ -82,7 +85,7 @@ pub struct OutfitFiles {
     body: Option<MeshFile>,
     /// Of the garments, inner to outer.
     files: Vec<Arc<MeshFile>>,
-    /// Of the garments; empty for those from memory.
+    /// Of the garments' files; empty for those from memory.
     paths: Vec<PathBuf>,
     /// From the units of the files to metres.
     scale: Real,
@@ -94,8 +97,8 @@ impl OutfitFiles {
     ///
     /// # Errors
     ///
-    /// A scale that is not positive, a file that cannot be read, or an invalid outfit
-    /// ([`Outfit::new`]).
+    /// A scale that is not positive, a file that cannot be read, two layers that have vertices of a
+    /// GLB file in common, or an invalid outfit ([`Outfit::new`]).
     pub fn read(
         body: LayerFile,
         garments: Vec<LayerFile>,
@@ -113,6 +116,7 @@ impl OutfitFiles {
         // threads.
         let files: Vec<_> = layers.par_iter().map(read).collect();
         let mut files = files.into_iter().collect::<Result<Vec<_>, _>>()?;
+        check_nodes(&layers, &files)?;
         let in_metres = |(layer, file): (&&LayerFile, &MeshFile)| to_layer(layer, file, scale);
         let mut meshes = layers.iter().zip(&files).map(in_metres).collect::<Result<Vec<_>, _>>()?;
         let outfit = Outfit::new(meshes.remove(0), meshes).map_err(|source| {
@@ -121,7 +125,7 @@ impl OutfitFiles {
         })?;
         let body = Some(files.remove(0));
         let files = files.into_iter().map(Arc::new).collect();
-        let paths = garments.into_iter().map(|layer| layer.path).collect();
+        let paths = garments.iter().map(|layer| file_and_node(&layer.path).0).collect();
         Ok(Self { outfit, body, files, paths, scale })
     }
 
@@ -257,6 +261,27 @@ impl OutfitFiles {
         }
         Ok(outfit)
     }
+}
+
+/// Two layers must not have vertices of a GLB file in common.
+fn check_nodes(layers: &[&LayerFile], files: &[MeshFile]) -> Result<(), FilesError> {
+    for (k, (second, file)) in layers.iter().zip(files).enumerate() {
+        for (first, other) in layers[..k].iter().zip(files) {
+            let (Content::Glb(a), Content::Glb(b)) = (other.content(), file.content()) else {
+                continue;
+            };
+            let [a_path, b_path] = [first, second].map(|l| file_and_node(&l.path).0.canonicalize());
+            let is_one_file = a_path.ok().zip(b_path.ok()).is_some_and(|(a, b)| a == b);
+            if is_one_file && a.shares_vertices_with(b) {
+                return Err(FilesError::SharedVertices {
+                    first: first.name.clone(),
+                    second: second.name.clone(),
+                    path: file_and_node(&second.path).0,
+                });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// A layer in metres.

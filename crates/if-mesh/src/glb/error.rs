@@ -57,11 +57,29 @@ pub enum ReadError {
     #[error("the file uses its data {what} too often")]
     TooMuch { what: &'static str },
     /// There is no triangle.
-    #[error("the scene has no triangles")]
+    #[error("the scene, or the node chosen of it, has no triangles")]
     NoTriangles,
+    /// No node of the scene has the name that was asked for.
+    #[error("the scene has no node `{name}`; its nodes with meshes are {}", listed(names))]
+    NoNode { name: String, names: Vec<String> },
+    /// Several nodes of the scene have the name that was asked for.
+    #[error("nodes {first} and {second} are both named `{name}`; rename one before export")]
+    SameName { name: String, first: usize, second: usize },
     /// The surface is not a valid mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
+}
+
+/// Some of the names, for a message.
+fn listed(names: &[String]) -> String {
+    const SHOWN: usize = 12;
+    let mut text: Vec<String> = names.iter().take(SHOWN).map(|name| format!("`{name}`")).collect();
+    match names.len() {
+        0 => text.push("without names".into()),
+        n if n > SHOWN => text.push(format!("and {} more", n - SHOWN)),
+        _ => {}
+    }
+    text.join(", ")
 }
 
 /// Errors of [`super::write()`].
@@ -72,6 +90,9 @@ pub enum WriteError {
     /// The destination returned an error.
     #[error("cannot write the file: {0}")]
     Io(#[from] io::Error),
+    /// Layers of several files.
+    #[error("only layers of one file can be written into one file")]
+    SeveralFiles,
     /// The positions do not belong to the mesh, or are not finite.
     #[error(transparent)]
     Mesh(#[from] MeshError),

@@ -10,6 +10,8 @@ use if_core::mesh::TriMesh;
 #[derive(Clone, Debug)]
 pub struct GlbMesh {
     pub(super) bytes: Vec<u8>,
+    /// The node that was chosen.
+    pub(super) node: Option<String>,
     pub(super) chunks: Chunks,
     pub(super) mesh: TriMesh,
     pub(super) parts: Vec<Part>,
@@ -64,6 +66,13 @@ impl GlbMesh {
     /// Indices of the file's triangles that use a vertex twice. The mesh does not have them.
     pub fn collapsed(&self) -> &[u32] {
         &self.collapsed
+    }
+
+    /// Whether both are layers of one file that have vertices in common.
+    pub fn shares_vertices_with(&self, other: &Self) -> bool {
+        let has =
+            |part: &Part| other.parts.iter().any(|p| p.positions.at(0) == part.positions.at(0));
+        self.bytes == other.bytes && self.parts.iter().any(has)
     }
 
     /// Whether the scene's positions are the single-precision numbers of the file: no node, joint or

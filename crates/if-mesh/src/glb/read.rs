@@ -45,6 +45,16 @@ const REUSE: usize = 4;
 ///
 /// [`ReadError`]: the invalid accessor, node or number, or what has to be exported otherwise.
 pub fn read(bytes: Vec<u8>) -> Result<GlbMesh, ReadError> {
+    read_layer(bytes, None)
+}
+
+/// Reads the triangles of the node `node` of the default scene: those of its mesh, or if it has
+/// none, of all nodes below it. Without a name, all triangles of the scene.
+///
+/// # Errors
+///
+/// As [`read`], and a name that no node or several nodes have.
+pub fn read_layer(bytes: Vec<u8>, node: Option<&str>) -> Result<GlbMesh, ReadError> {
     let chunks = chunks(&bytes)?;
     let document = Document::parse(&bytes[chunks.json.clone()])?;
     let placed = Placed::new(&document)?;
@@ -53,7 +63,11 @@ pub fn read(bytes: Vec<u8>) -> Result<GlbMesh, ReadError> {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     let (mut collapsed, mut faces) = (Vec::new(), 0u32);
     let mut indices_used = 0usize;
-    for &node in &placed.shown {
+    let chosen = match node {
+        Some(name) => &placed.layer(&reader.document, name)?,
+        None => &placed.shown,
+    };
+    for &node in chosen {
         let about = &reader.document.nodes[node];
         let Some(mesh) = about.mesh else { continue };
         let count = entry(&reader.document.meshes, "mesh", mesh)?.primitives.len();
@@ -82,9 +96,14 @@ pub fn read(bytes: Vec<u8>) -> Result<GlbMesh, ReadError> {
     if triangles.is_empty() {
         return Err(ReadError::NoTriangles);
     }
+    for &second in placed.shown.iter().filter(|node| !chosen.contains(node)) {
+        if let Some(first) = reader.shown_by_chosen(second) {
+            return Err(ReadError::Shared { first, second });
+        }
+    }
     let parts = reader.parts;
     let mesh = TriMesh::new(vertices, triangles)?;
-    Ok(GlbMesh { bytes, chunks, mesh, parts, collapsed })
+    Ok(GlbMesh { bytes, node: node.map(str::to_owned), chunks, mesh, parts, collapsed })
 }
 
 /// The triangles of a list, strip or fan.
@@ -116,6 +135,14 @@ impl Reader<'_> {
 
     fn primitive(&self, [mesh, primitive]: [usize; 2]) -> &Primitive {
         &self.document.meshes[mesh].primitives[primitive]
+    }
+
+    /// The chosen node that shows vertices of `node`, too.
+    fn shown_by_chosen(&self, node: usize) -> Option<usize> {
+        let mesh =
+            self.document.nodes[node].mesh.and_then(|mesh| self.document.meshes.get(mesh))?;
+        let positions = mesh.primitives.iter().filter_map(|p| p.attributes.get("POSITION"));
+        positions.filter_map(|accessor| self.of.get(accessor)).map(|(first, _)| *first).next()
     }
 
     /// The part of a primitive's vertices; its vertices are added if it is new.

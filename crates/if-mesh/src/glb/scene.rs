@@ -47,6 +47,26 @@ impl Placed {
     }
 }
 
+impl Placed {
+    /// The nodes of the layer `name`, parents first: the node of this name if it has a mesh, else
+    /// all nodes below it.
+    pub(super) fn layer(&self, document: &Document, name: &str) -> Result<Vec<usize>, ReadError> {
+        let is_named = |node: &&usize| document.nodes[**node].name.as_deref() == Some(name);
+        let mut named = self.shown.iter().filter(is_named);
+        let Some(&node) = named.next() else {
+            let with_mesh = self.shown.iter().map(|node| &document.nodes[*node]);
+            let names = with_mesh.filter(|node| node.mesh.is_some());
+            let names = names.filter_map(|node| node.name.clone()).collect();
+            return Err(ReadError::NoNode { name: name.into(), names });
+        };
+        if let Some(&second) = named.next() {
+            return Err(ReadError::SameName { name: name.into(), first: node, second });
+        }
+        let has_mesh = document.nodes[node].mesh.is_some();
+        if has_mesh { Ok(vec![node]) } else { below(document, &[node]) }
+    }
+}
+
 /// These nodes and all below them, parents first. The document is a forest, so that only `roots` can
 /// lead to a node twice.
 fn below(document: &Document, roots: &[usize]) -> Result<Vec<usize>, ReadError> {

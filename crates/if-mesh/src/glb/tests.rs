@@ -340,3 +340,66 @@ fn damaged_bytes_never_panic_and_what_is_written_is_read_again() {
     }
     assert!(accepted > 200, "{accepted}");
 }
+
+#[test]
+fn a_node_is_a_layer_and_several_are_written_into_one_file() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({"name": "shirt"}));
+    let nested = builder.square(0.5, json!({"name": "coat", "scale": [2, 2, 2]}));
+    builder.document["scenes"][0]["nodes"].as_array_mut().unwrap().pop();
+    builder.node(json!({"name": "outer", "translation": [0, 0, 1], "children": [nested]}));
+    let bytes = builder.bytes();
+    let [shirt, coat, outer] =
+        ["shirt", "coat", "outer"].map(|name| read_layer(bytes.clone(), Some(name)).unwrap());
+    assert_eq!(shirt.mesh().vertices(), &builder.read().unwrap().mesh().vertices()[..4]);
+    assert_eq!(coat.mesh().vertices()[2], Point::new(2.0, 2.0, 2.0));
+    assert_eq!(coat.mesh(), outer.mesh());
+    assert!(coat.shares_vertices_with(&outer) && !coat.shares_vertices_with(&shirt));
+
+    let moved = |glb: &GlbMesh, by: f64| -> Vec<Point> {
+        let moved: Vec<Point> =
+            glb.mesh().vertices().iter().map(|p| p + Vector::repeat(by)).collect();
+        glb.positions_as_written(&moved)
+    };
+    let (x, y) = (moved(&shirt, 0.25), moved(&coat, -0.125));
+    let mut out = Vec::new();
+    write_layers(&[(&shirt, &x), (&coat, &y)], Normals::Follow, &mut out).unwrap();
+    for (name, expected) in [("shirt", &x), ("coat", &y)] {
+        assert_eq!(read_layer(out.clone(), Some(name)).unwrap().mesh().vertices(), expected);
+    }
+    // Nothing moved: the very bytes.
+    let mut out = Vec::new();
+    let still = [(&shirt, shirt.mesh().vertices()), (&coat, coat.mesh().vertices())];
+    write_layers(&still, Normals::Follow, &mut out).unwrap();
+    assert_eq!(out, bytes);
+    // The same vertices twice, and layers of two files.
+    let twice = [(&coat, &y[..]), (&outer, outer.mesh().vertices())];
+    let fault = write_layers(&twice, Normals::Follow, Vec::new()).unwrap_err();
+    assert!(matches!(fault, WriteError::Overlap), "{fault}");
+    let other = builder.square(9.0, json!({"name": "hat"}));
+    let hat = read_layer(builder.bytes(), Some("hat")).unwrap();
+    assert_eq!(other, 3);
+    let two = [(&coat, &y[..]), (&hat, hat.mesh().vertices())];
+    let fault = write_layers(&two, Normals::Follow, Vec::new()).unwrap_err();
+    assert!(matches!(fault, WriteError::SeveralFiles), "{fault}");
+}
+
+#[test]
+fn a_node_that_is_no_layer_is_refused() {
+    let mut builder = Builder::new();
+    builder.square(0.0, json!({"name": "left"}));
+    builder.square(1.0, json!({"name": "hat"}));
+    builder.square(2.0, json!({"name": "hat"}));
+    builder.node(json!({"name": "lamp"}));
+    let fault = |builder: &Builder, name: &str| {
+        read_layer(builder.bytes(), Some(name)).unwrap_err().to_string()
+    };
+    let missing = fault(&builder, "Left");
+    assert!(missing.contains("no node `Left`") && missing.contains("`left`, `hat`"), "{missing}");
+    assert!(fault(&builder, "hat").contains("nodes 1 and 2 are both named `hat`"));
+    assert!(fault(&builder, "lamp").contains("no triangles"));
+    // Another node shows the same shoe.
+    builder.node(json!({"name": "right", "mesh": 0, "translation": [1, 0, 0]}));
+    let shared = fault(&builder, "left");
+    assert!(shared.contains("nodes 0 and 4 show the same vertices"), "{shared}");
+}

@@ -3,7 +3,7 @@
 use super::container::with_json;
 use super::error::WriteError;
 use super::glb_mesh::{GlbMesh, Part};
-use super::read::read;
+use super::read::read_layer;
 use crate::normals::{Normals, Turns};
 use if_core::math::{Point, Vector};
 use serde_json::{Value, json};
@@ -19,22 +19,40 @@ pub fn write(
     glb: &GlbMesh,
     positions: &[Point],
     normals: Normals,
+    writer: impl Write,
+) -> Result<(), WriteError> {
+    write_layers(&[(glb, positions)], normals, writer)
+}
+
+/// Writes several layers of one file, each with its vertices at its positions.
+///
+/// # Errors
+///
+/// As [`write`]; no layer, or layers of several files.
+pub fn write_layers(
+    layers: &[(&GlbMesh, &[Point])],
+    normals: Normals,
     mut writer: impl Write,
 ) -> Result<(), WriteError> {
-    let before = glb.mesh.vertices();
-    glb.mesh.check_positions(positions)?;
-    let mut bytes = glb.bytes[..glb.chunks.end].to_vec();
-    let turns = match normals {
-        Normals::Follow => Turns::new(&glb.mesh, positions),
-        Normals::Keep => None,
-    };
+    let Some(&(glb, _)) = layers.first() else { return Err(WriteError::SeveralFiles) };
+    if layers.iter().any(|(other, _)| other.bytes != glb.bytes) {
+        return Err(WriteError::SeveralFiles);
+    }
+    let mut bytes = glb.bytes.clone();
     let mut bounds = Vec::new();
-    for part in &glb.parts {
-        if place(part, [before, positions], &mut bytes)? {
-            bounds.push((part.positions.accessor, box_of(part, &bytes)));
-        }
-        if let Some(turns) = &turns {
-            turn(part, turns, &mut bytes);
+    for (glb, positions) in layers {
+        glb.mesh.check_positions(positions)?;
+        let turns = match normals {
+            Normals::Follow => Turns::new(&glb.mesh, positions),
+            Normals::Keep => None,
+        };
+        for part in &glb.parts {
+            if place(part, [glb.mesh.vertices(), positions], &mut bytes)? {
+                bounds.push((part.positions.accessor, box_of(part, &bytes)));
+            }
+            if let Some(turns) = &turns {
+                turn(part, turns, &mut bytes);
+            }
         }
     }
     if !bounds.is_empty() {
@@ -46,12 +64,15 @@ pub fn write(
         }
         bytes = with_json(&bytes, &glb.chunks, document.to_string().as_bytes());
         // What is read back must be what was meant, also of files whose data overlap.
-        let expected = glb.positions_as_written(positions);
-        let is_as_meant = read(bytes.clone()).is_ok_and(|again| {
-            again.mesh.vertices() == expected && again.mesh.triangles() == glb.mesh.triangles()
-        });
-        if !is_as_meant {
-            return Err(WriteError::Overlap);
+        for (glb, positions) in layers {
+            let expected = glb.positions_as_written(positions);
+            let again = read_layer(bytes.clone(), glb.node.as_deref());
+            let is_as_meant = again.is_ok_and(|again| {
+                again.mesh.vertices() == expected && again.mesh.triangles() == glb.mesh.triangles()
+            });
+            if !is_as_meant {
+                return Err(WriteError::Overlap);
+            }
         }
     }
     writer.write_all(&bytes)?;

@@ -45,6 +45,13 @@ pub enum FilesError {
     /// A garment cannot be written.
     #[error("cannot write layer `{layer}`: {source}")]
     Write { layer: String, source: WriteError },
+    /// Two layers are the same vertices of a file.
+    #[error(
+        "`{first}` and `{second}` have vertices of `{}` in common; give each its own node, as in \
+         scene.glb#NODE",
+        path.display()
+    )]
+    SharedVertices { first: String, second: String, path: PathBuf },
     /// Two garments have one file name, so that one output would replace the other.
     #[error("garments `{first}` and `{second}` would both be written to `{}`; rename a file", file.display())]
     SameFile { first: String, second: String, file: PathBuf },

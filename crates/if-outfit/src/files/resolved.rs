@@ -4,7 +4,7 @@ use super::FilesError;
 use crate::outfit::Outfit;
 use crate::report::ResolveReport;
 use if_core::math::Point;
-use if_mesh::file::{MeshFile, WriteError};
+use if_mesh::file::{Content, MeshFile, WriteError};
 use rayon::prelude::*;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -35,49 +35,79 @@ impl ResolvedFiles {
         Self { outfit, report, files, paths, positions }
     }
 
-    /// Writes garment `k`, counted from the innermost, to `path`, whole or not at all
-    /// ([`MeshFile::write`]). A garment that did not move is a byte-for-byte copy.
+    /// Writes the garments `ks`, counted from the innermost, to `path`, whole or not at all
+    /// ([`MeshFile::write_layers`]): one garment, or several that are nodes of one GLB file. If none
+    /// of them moved, the file is a byte-for-byte copy.
     ///
     /// # Errors
     ///
-    /// An extension of another format than the garment came in, or a fault of the file system.
+    /// An extension of another format than the garments came in, garments of several files, or a
+    /// fault of the file system.
     ///
     /// # Panics
     ///
-    /// If there is no garment `k`.
-    pub fn write_garment(&self, k: usize, path: &Path) -> Result<(), WriteError> {
-        self.files[k].write(path, &self.positions[k])
+    /// If there is no such garment.
+    pub fn write_garments(&self, ks: &[usize], path: &Path) -> Result<(), WriteError> {
+        let layers = ks.iter().map(|&k| (&*self.files[k], &self.positions[k][..]));
+        MeshFile::write_layers(&layers.collect::<Vec<_>>(), path)
     }
 
-    /// Writes all garments into `folder`, each under the name of the file it came from, and returns
-    /// their paths. Garments from memory are written to `NAME.ply`.
+    /// The garments by the file that holds them, each with the file's name: one garment, or all
+    /// nodes of a GLB file. Garments from memory go to `NAME.ply`.
     ///
     /// # Errors
     ///
-    /// Two garments with one file name (case does not count), or a folder or file that cannot be
-    /// written.
-    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, FilesError> {
-        let names: Vec<PathBuf> = (0..self.files.len()).map(|k| self.file_name(k)).collect();
-        for (k, name) in names.iter().enumerate() {
-            let same = |other: &PathBuf| other.as_os_str().eq_ignore_ascii_case(name);
-            if let Some(j) = names[..k].iter().position(same) {
-                let [first, second] = [j, k].map(|k| self.outfit.garments[k].name.clone());
-                return Err(FilesError::SameFile { first, second, file: name.clone() });
+    /// Two files of one name (case does not count).
+    pub fn output_files(&self) -> Result<Vec<(PathBuf, Vec<usize>)>, FilesError> {
+        let mut found: Vec<(PathBuf, Vec<usize>)> = Vec::new();
+        for k in 0..self.files.len() {
+            let name = self.file_name(k);
+            let same = |(other, _): &&mut (PathBuf, Vec<usize>)| {
+                other.as_os_str().eq_ignore_ascii_case(&name)
+            };
+            match found.iter_mut().find(same) {
+                None => found.push((name, vec![k])),
+                Some((_, ks)) if self.is_one_file(ks[0], k) => ks.push(k),
+                Some((_, ks)) => {
+                    let [first, second] = [ks[0], k].map(|k| self.outfit.garments[k].name.clone());
+                    return Err(FilesError::SameFile { first, second, file: name });
+                }
             }
         }
+        Ok(found)
+    }
+
+    /// Writes all garments into `folder`, each under the name of the file it came from, and returns
+    /// the paths of the files ([`ResolvedFiles::output_files`]).
+    ///
+    /// # Errors
+    ///
+    /// Two files of one name, or a folder or file that cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, FilesError> {
+        let names = self.output_files()?;
         std::fs::create_dir_all(folder)
             .map_err(|source| FilesError::Folder { path: folder.into(), source })?;
-        let write = |(k, name): (usize, &PathBuf)| {
+        let write = |(name, ks): &(PathBuf, Vec<usize>)| {
             let path = folder.join(name);
-            let layer = || self.outfit.garments[k].name.clone();
-            self.write_garment(k, &path)
+            let layer = || self.outfit.garments[ks[0]].name.clone();
+            self.write_garments(ks, &path)
                 .map_err(|source| FilesError::Write { layer: layer(), source })?;
             Ok(path)
         };
         // All are written before the first error is returned, so that it is the same on any number
         // of threads.
-        let written: Vec<_> = names.par_iter().enumerate().map(write).collect();
+        let written: Vec<_> = names.par_iter().map(write).collect();
         written.into_iter().collect()
+    }
+
+    /// Whether two garments are nodes of one file.
+    fn is_one_file(&self, first: usize, second: usize) -> bool {
+        match (self.files[first].content(), self.files[second].content()) {
+            (Content::Glb(a), Content::Glb(b)) => {
+                a.bytes() == b.bytes() && !a.shares_vertices_with(b)
+            }
+            _ => false,
+        }
     }
 
     fn file_name(&self, k: usize) -> PathBuf {

@@ -128,7 +128,7 @@ pub(super) fn fill(
         for (k, garment) in resolved.outfit.garments.iter().enumerate() {
             let file = mesh_name(&garment.name);
             let path = folder.join(&file);
-            resolved.write_garment(k, &path)?;
+            resolved.write_garments(&[k], &path)?;
             let content =
                 of_file(&path).map_err(|source| WardrobeError::Folder { path, source })?;
             outputs.push(FileInfo { file, content });
