@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 """A copy of a capture (links to its images) with errors as estimators make them.
 
-    noisy_capture.py CAPTURE OUT [--degrees 3] [--mm 9] [--correlation 8] [--normals 12] [--seed 1]
+    noisy_capture.py CAPTURE OUT [--degrees 3] [--mm 9] [--correlation 8] [--normals 12] [--camera 1]
+        [--seed 1]
 
 Poses: each joint turns by a normally distributed rotation vector of root mean square --degrees, the
 root shifts by --mm along each axis; independently in each frame, or correlated by exp(-2 d^2 / c^2)
-in frames d apart. Normals: turned smoothly by --normals degrees, afresh in each frame. `meta.json`
-of the copy states the error of the poses. Needs: pip install numpy pillow
+in frames d apart. Normals: turned smoothly by --normals degrees, afresh in each frame.
+The camera: turned about its centre by a vector of standard deviation --camera degrees along each
+axis. `meta.json` of the copy states the errors of poses and camera. Needs: pip install numpy pillow
 """
 import argparse
 import json
@@ -58,7 +60,7 @@ def turned(picture, degrees, rng):
 def main():
     a = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     a.add_argument("capture"), a.add_argument("out")
-    for name in ("degrees", "mm", "correlation", "normals"):
+    for name in ("degrees", "mm", "correlation", "normals", "camera"):
         a.add_argument(f"--{name}", type=float, default=0)
     a.add_argument("--seed", type=int, default=1)
     a = a.parse_args()
@@ -76,6 +78,12 @@ def main():
         frame["rot"] = [product(q, quaternion(n)) for q, n in zip(frame["rot"], noise)]
         frame["root_t"] = (np.array(frame["root_t"]) + shifts[k] * a.mm / 1000).tolist()
     meta["pose_sigma_degrees"], meta["pose_sigma_mm"] = a.degrees, a.mm
+    meta["camera_sigma_degrees"] = a.camera
+    if a.camera > 0:
+        q = quaternion(np.radians(a.camera) * np.random.default_rng(a.seed + 1000).normal(size=3))
+        turned_axes = [product(product(q, [0, *axis]), [q[0], *-np.array(q[1:])])[1:] for axis in np.eye(3)]
+        turn = np.array(turned_axes).T
+        meta["R"], meta["t"] = (turn @ meta["R"]).tolist(), (turn @ meta["t"]).tolist()
     json.dump(meta, open(f"{a.out}/meta.json", "w"))
     if a.normals > 0:
         os.makedirs(f"{a.out}/normal")

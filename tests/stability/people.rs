@@ -156,6 +156,7 @@ fn write_capture(folder: &Path) {
     .unwrap();
     let subject = Subject {
         pose_sigma: Some(PoseSigma::EXACT),
+        camera_sigma_degrees: Some(0.0),
         camera,
         garments: vec!["shirt".into()],
         joints: vec!["hips".into(), "head".into()],

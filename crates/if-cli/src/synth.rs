@@ -52,6 +52,10 @@ pub(crate) struct SynthArgs {
     /// Frames within which errors of poses correlate; 0 makes each frame's independent.
     #[arg(long, value_name = "FRAMES", default_value_t = 0.0)]
     pub(crate) pose_correlation: f64,
+    /// Constant error of the camera's orientation: standard deviation of its turn about each axis, in
+    /// degrees.
+    #[arg(long, value_name = "DEG", default_value_t = 0.0)]
+    pub(crate) camera_noise: f64,
     /// Root-mean-square angle in degrees by which normals are off, smoothly.
     #[arg(long, value_name = "DEG", default_value_t = 0.0)]
     pub(crate) normal_noise: f64,
@@ -110,6 +114,7 @@ pub(crate) fn run(args: &SynthArgs) -> Result<End, Report> {
         nonrigid: args.nonrigid.unwrap_or(0.0),
         pose_noise: args.pose_noise,
         pose_correlation: args.pose_correlation,
+        camera_noise: args.camera_noise,
         normal_noise: args.normal_noise,
         seed: args.seed,
         ..SynthParams::default()

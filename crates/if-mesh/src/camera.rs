@@ -1,7 +1,7 @@
 //! A pinhole camera.
 
 use if_core::math::{Point, Real, Vector};
-use nalgebra::{Matrix3, Point2};
+use nalgebra::{Matrix3, Point2, UnitQuaternion};
 
 /// A pinhole camera in the convention of OpenCV: in its own frame x points right, y down and z into
 /// the scene.
@@ -216,6 +216,13 @@ impl Camera {
     /// Position of the camera in the world: −Rᵀ t.
     pub fn center(&self) -> Point {
         Point::from(-(self.rotation.transpose() * self.translation))
+    }
+
+    /// The camera turned about its centre, by a rotation in its own frame.
+    pub fn turned(&self, turn: &UnitQuaternion<Real>) -> Self {
+        let turn = turn.to_rotation_matrix();
+        let (rotation, translation) = (turn * self.rotation, turn * self.translation);
+        Self { rotation, translation, ..self.clone() }
     }
 
     /// A point of the world in the camera's frame.

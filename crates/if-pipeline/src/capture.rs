@@ -118,6 +118,7 @@ pub struct Capture {
     joints: Vec<String>,
     frames: Vec<(u32, Pose)>,
     pose_sigma: Option<PoseSigma>,
+    camera_sigma_degrees: Option<Real>,
     /// Subfolders of masks, labels and normals.
     channels: [String; 3],
 }
@@ -142,6 +143,7 @@ impl Capture {
         let meta = Meta::read(&folder.join(meta::FILE))?;
         let (camera, frames) = meta.checked(&folder.join(meta::FILE))?;
         let pose_sigma = meta.pose_sigma(&folder.join(meta::FILE))?;
+        let camera_sigma_degrees = meta.camera_sigma(&folder.join(meta::FILE))?;
         let noisy = |kind: Kind, given: &Option<String>| {
             let name = given.as_deref().or_else(|| meta.channel(kind));
             let found =
@@ -160,6 +162,7 @@ impl Capture {
             joints: meta.joints,
             frames,
             pose_sigma,
+            camera_sigma_degrees,
             channels,
         };
         for frame in 0..this.len() {
@@ -224,6 +227,23 @@ impl Capture {
     /// The error of the poses that `meta.json` states; `None` if it states none.
     pub fn pose_sigma(&self) -> Option<PoseSigma> {
         self.pose_sigma
+    }
+
+    /// The constant error of the camera's orientation about each axis that `meta.json` states, as a
+    /// standard deviation in degrees; `None` if it states none.
+    pub fn camera_sigma_degrees(&self) -> Option<Real> {
+        self.camera_sigma_degrees
+    }
+
+    /// The same capture seen by another camera, with pictures of the same size.
+    ///
+    /// # Panics
+    ///
+    /// If the sizes differ.
+    pub fn with_camera(&self, camera: Camera) -> Self {
+        let size = (camera.width(), camera.height());
+        assert_eq!(size, self.size(), "the pictures keep their size");
+        Self { camera, ..self.clone() }
     }
 
     /// The same capture with other poses, one for each frame.

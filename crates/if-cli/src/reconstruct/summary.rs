@@ -88,6 +88,9 @@ fn refined(poses: &PoseReport) -> String {
     let mut text = format!(
         "poses were refined: joints moved by {mean:.1} mm on average, {most:.1} mm at most"
     );
+    if poses.camera_degrees > 0.0 {
+        text += &format!("; the camera was turned by {:.2}°", poses.camera_degrees);
+    }
     if !poses.unused.is_empty() {
         text += &format!("; {} frames follow from their neighbours", poses.unused.len());
     }

@@ -29,9 +29,9 @@ pub enum CaptureError {
     /// The pose of a frame is invalid.
     #[error("{}: frame {frame}: {source}", path.display())]
     Pose { path: PathBuf, frame: usize, source: PoseError },
-    /// The stated error of poses is negative, or too large.
+    /// A stated error of poses or camera is negative, or too large.
     #[error("{}: `{key}` is {value}; it must be from 0 to {most}", path.display())]
-    PoseSigma { path: PathBuf, key: &'static str, value: f64, most: f64 },
+    Sigma { path: PathBuf, key: &'static str, value: f64, most: f64 },
     /// `labels` does not begin with `background` and `skin`.
     #[error("{}: label {index} is called `{found}`; labels must begin with `background`, `skin`", path.display())]
     LabelName { path: PathBuf, index: usize, found: String },

@@ -42,6 +42,8 @@ pub(super) struct Meta {
     pub(super) pose_sigma_degrees: Option<Real>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) pose_sigma_mm: Option<Real>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) camera_sigma_degrees: Option<Real>,
     pub(super) frames: Vec<FrameMeta>,
 }
 
@@ -86,18 +88,16 @@ impl Meta {
 
     /// The stated error of the poses; `None` without either key.
     pub(super) fn pose_sigma(&self, path: &Path) -> Result<Option<PoseSigma>, CaptureError> {
-        let checked = |key, value: Option<Real>, most: Real| {
-            let value = value.unwrap_or(0.0);
-            if (0.0..=most).contains(&value) {
-                Ok(value)
-            } else {
-                Err(CaptureError::PoseSigma { path: path.into(), key, value, most })
-            }
-        };
-        let degrees = checked("pose_sigma_degrees", self.pose_sigma_degrees, 60.0)?;
-        let mm = checked("pose_sigma_mm", self.pose_sigma_mm, 1000.0)?;
+        let degrees = in_range(path, "pose_sigma_degrees", self.pose_sigma_degrees, 60.0)?;
+        let mm = in_range(path, "pose_sigma_mm", self.pose_sigma_mm, 1000.0)?;
         let stated = self.pose_sigma_degrees.is_some() || self.pose_sigma_mm.is_some();
+        let [degrees, mm] = [degrees, mm].map(|value| value.unwrap_or(0.0));
         Ok(stated.then_some(PoseSigma { degrees, translation: mm / 1000.0 }))
+    }
+
+    /// The stated error of the camera's orientation; `None` without the key.
+    pub(super) fn camera_sigma(&self, path: &Path) -> Result<Option<Real>, CaptureError> {
+        in_range(path, "camera_sigma_degrees", self.camera_sigma_degrees, 30.0)
     }
 
     /// Validates the file and returns camera and frames. `path` is for messages.
@@ -137,6 +137,21 @@ impl Meta {
             ));
         }
         Ok((camera, frames))
+    }
+}
+
+/// A stated error, from 0 to `most`.
+fn in_range(
+    path: &Path,
+    key: &'static str,
+    value: Option<Real>,
+    most: Real,
+) -> Result<Option<Real>, CaptureError> {
+    match value {
+        Some(value) if !(0.0..=most).contains(&value) => {
+            Err(CaptureError::Sigma { path: path.into(), key, value, most })
+        }
+        value => Ok(value),
     }
 }
 

@@ -7,7 +7,7 @@ mod noise;
 mod scene;
 
 use super::{CaptureError, CaptureWriter, FramePictures, PoseSigma, Subject, write_poses};
-use estimator::estimated;
+use estimator::{estimated, mistaken};
 use if_body::TemplateError;
 use if_body::mannequin::{Garment, MannequinParams, rig};
 use if_core::math::Real;
@@ -42,6 +42,9 @@ pub struct SynthParams {
     pub pose_noise: PoseSigma,
     /// Frames within which errors of poses correlate, from 0 (independent) to 1000.
     pub pose_correlation: Real,
+    /// Constant error of the camera's orientation, from 0 to 30: the standard deviation of its turn
+    /// about each axis, in degrees.
+    pub camera_noise: Real,
     /// Error of the normals, from 0 to 60: the root of the mean square angle, in degrees.
     pub normal_noise: Real,
     /// Random seed of noise and motion.
@@ -52,7 +55,7 @@ pub struct SynthParams {
 
 impl Default for SynthParams {
     /// T-shirt, trousers and jacket in 24 frames of 256 × 256 pixels, with a third of the noise in
-    /// masks and labels, exact poses and exact normals.
+    /// masks and labels, exact poses, an exact camera and exact normals.
     fn default() -> Self {
         Self {
             garments: vec![Garment::Trousers, Garment::Tshirt, Garment::Jacket],
@@ -63,6 +66,7 @@ impl Default for SynthParams {
             nonrigid: 0.0,
             pose_noise: PoseSigma::EXACT,
             pose_correlation: 0.0,
+            camera_noise: 0.0,
             normal_noise: 0.0,
             seed: 0,
             mannequin: MannequinParams { resolution: 1.0, overlap: 0.0 },
@@ -124,6 +128,8 @@ impl SynthParams {
         check("mask_noise", mask_noise, unit(mask_noise), "from 0 to 1")?;
         let (normal, correlation) = (self.normal_noise, self.pose_correlation);
         check("normal_noise", normal, (0.0..=60.0).contains(&normal), "from 0 to 60 (degrees)")?;
+        let camera = self.camera_noise;
+        check("camera_noise", camera, (0.0..=30.0).contains(&camera), "from 0 to 30 (degrees)")?;
         let frames = (0.0..=1000.0).contains(&correlation);
         check("pose_correlation", correlation, frames, "from 0 to 1000 (frames)")?;
         self.pose_noise.validate().map_err(|e| e.within("pose_noise"))?;
@@ -156,10 +162,11 @@ pub fn synth(
     let scene = Scene::new(params);
     let camera = camera(params.size);
     let subject = Subject {
-        camera: camera.clone(),
+        camera: mistaken(&camera, params.camera_noise, params.seed),
         garments: scene.worn.iter().map(|g| g.name().to_owned()).collect(),
         joints: scene.skeleton.names().map(String::from).collect(),
         pose_sigma: Some(params.pose_noise),
+        camera_sigma_degrees: Some(params.camera_noise),
         generator: "ifg capture synth".into(),
     };
     let mut writer = CaptureWriter::create(folder, &subject)?;
@@ -309,6 +316,7 @@ mod tests {
             SynthParams { label_noise: Real::NAN, ..small(0.0) },
             SynthParams { normal_noise: 90.0, ..small(0.0) },
             SynthParams { pose_correlation: -1.0, ..small(0.0) },
+            SynthParams { camera_noise: -1.0, ..small(0.0) },
         ] {
             assert!(matches!(synth(&bad, &stopped, &mut Silent), Err(SynthError::Parameter(_))));
         }

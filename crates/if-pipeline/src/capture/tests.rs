@@ -21,6 +21,7 @@ fn subject() -> Subject {
     let name = |s: &str| s.to_owned();
     Subject {
         pose_sigma: Some(PoseSigma::EXACT),
+        camera_sigma_degrees: None,
         camera,
         garments: vec![name("shirt")],
         joints: vec![name("hips"), name("head")],
@@ -209,7 +210,7 @@ fn invalid_meta_json_is_an_error_that_says_why() {
     let faults: [Fault; 15] = [
         (
             |m| m["pose_sigma_mm"] = json!(-3),
-            |e| matches!(e, E::PoseSigma { key: "pose_sigma_mm", .. }),
+            |e| matches!(e, E::Sigma { key: "pose_sigma_mm", .. }),
         ),
         (|m| m["K"][0][0] = json!(-1.0), |e| matches!(e, E::Camera { .. })),
         (|m| m["R"] = json!([[1, 0, 0], [0, 1, 0], [0, 0, -1]]), |e| matches!(e, E::Camera { .. })),

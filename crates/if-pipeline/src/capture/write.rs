@@ -5,6 +5,7 @@ use super::error::CaptureError;
 use super::meta::{self, CONVENTION, FrameMeta, Meta};
 use super::picture::{self, Kind, PictureError};
 use if_body::Pose;
+use if_core::math::Real;
 use if_mesh::atomic::temporary_folder;
 use if_mesh::camera::Camera;
 use serde::Serialize;
@@ -25,6 +26,9 @@ pub struct Subject {
     pub joints: Vec<String>,
     /// How far the poses are off; `None` if that is unknown.
     pub pose_sigma: Option<PoseSigma>,
+    /// Standard deviation of a constant turn of the camera about each axis, in degrees; `None` if
+    /// that is unknown.
+    pub camera_sigma_degrees: Option<Real>,
     /// The program that made the images, for readers.
     pub generator: String,
 }
@@ -118,6 +122,7 @@ impl CaptureWriter {
             channels: BTreeMap::new(),
             pose_sigma_degrees: subject.pose_sigma.map(|s| s.degrees),
             pose_sigma_mm: subject.pose_sigma.map(|s| 1e3 * s.translation),
+            camera_sigma_degrees: subject.camera_sigma_degrees,
             frames: Vec::new(),
         };
         let size = (camera.width(), camera.height());

@@ -10,7 +10,7 @@ use if_body::Skeleton;
 use if_core::math::Vector;
 use if_core::monitor::Monitor;
 use if_mesh::camera::Camera;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Matrix3};
 use rayon::prelude::*;
 
 /// Least share of the picture that a person covers; less is noise: 65 pixels of 256². Ten times
@@ -31,6 +31,15 @@ pub(super) struct Observation {
     /// Unit normals in world space; zero where missing, or too close to the border of the mask to
     /// be reliable.
     pub(super) normals: Vec<[f32; 3]>,
+}
+
+impl Observation {
+    /// Turns the normals by `turn`, for another camera.
+    pub(super) fn turn_normals(&mut self, turn: &Matrix3<f64>) {
+        for n in self.normals.iter_mut().filter(|n| **n != [0.0; 3]) {
+            *n = (turn * Vector::from(n.map(f64::from))).map(|x| x as f32).into();
+        }
+    }
 }
 
 /// Reads a frame of a capture; the inner error is the reason to skip it.

@@ -3,6 +3,7 @@
 mod chain;
 mod gauge;
 mod normal_image;
+mod orientation;
 mod params;
 mod report;
 mod rotations;
@@ -29,6 +30,8 @@ use if_body::{Pose, Skeleton, TemplateBody};
 use if_core::edges::Edges;
 use if_core::math::Real;
 use if_core::monitor::Monitor;
+use if_mesh::camera::Camera;
+use nalgebra::Rotation3;
 use normal_image::NormalImage;
 use rayon::prelude::*;
 use terms::{Residuals, Subject, View, add_terms};
@@ -39,6 +42,8 @@ use twists::Twists;
 pub struct RefinedPoses {
     /// The pose of each frame.
     pub poses: Vec<Pose>,
+    /// The camera, turned if its orientation is off by a constant error.
+    pub camera: Camera,
     /// Report.
     pub report: PoseReport,
 }
@@ -55,6 +60,8 @@ const LOOSE_ROUND: usize = 2;
 const HELD_OUT: usize = 6;
 /// Fewer frames are all needed.
 const LEAST_FRAMES: usize = 12;
+/// A turn of the camera that moves the person by less, in metres, is never worth it: half a pixel.
+const LEAST_TURN: Real = 0.003;
 /// Turn in degrees and shift in millimetres of a step below which the poses have converged: a tenth
 /// of what remains at the smallest stated noise.
 const SETTLED: (Real, Real) = (0.02, 0.1);
@@ -63,6 +70,7 @@ const SETTLED: (Real, Real) = (0.02, 0.1);
 ///
 /// ```text
 /// poses ← least of priors and accelerations
+/// camera ← turned, where the template is beside the masks in all frames      orientation.rs
 /// for each round
 ///     surface: a round of fit_surface, two at first
 ///     X ← the template where frames vote for skin, the surface elsewhere
@@ -105,6 +113,7 @@ pub fn refine_poses(
         degrees: params.sigma.degrees,
         translation_mm: 1e3 * params.sigma.translation,
         unused: scene.unused(capture.len()),
+        camera_degrees: angle_between(capture.camera(), scene.capture.camera()),
         ..Default::default()
     };
     let mut measure = None;
@@ -126,12 +135,13 @@ pub fn refine_poses(
     report.joints = corrections(&template.skeleton, &given, &poses)?;
     // Everything is done: cancelling has no effect any more.
     let _ = progress::report(monitor, "poses", (params.rounds, params.rounds), measure);
-    Ok(RefinedPoses { poses, report })
+    Ok(RefinedPoses { poses, camera: scene.capture.camera().clone(), report })
 }
 
 /// The images, and the surface so far.
 struct Scene<'a> {
-    capture: &'a Capture,
+    /// With the refined camera.
+    capture: Capture,
     skeleton: &'a Skeleton,
     read: SurfaceParams,
     /// Usable frames, posed as the poses are now; those that the surface does not see are last.
@@ -159,6 +169,17 @@ impl<'a> Scene<'a> {
         let mut frames = read_frames(capture, template, read, &mut report, monitor)?;
         let skeleton = &template.skeleton;
         place(&mut frames, skeleton, poses)?;
+        let mut capture = capture.clone();
+        if params.camera_degrees > 0.0 {
+            let (degrees, shift) = (params.camera_degrees, params.sigma.translation);
+            let shift = shift.max(LEAST_TURN);
+            let turned = orientation::turned(capture.camera(), template, &frames, degrees, shift);
+            if let Some(camera) = turned {
+                let turn = camera.rotation().transpose() * capture.camera().rotation();
+                frames.par_iter_mut().for_each(|frame| frame.turn_normals(&turn));
+                capture = capture.with_camera(camera);
+            }
+        }
         let camera = capture.camera();
         let edges = Edges::new(&template.mesh);
         let seen = gather(&template.mesh, &edges, &template.skin, camera, &frames, params.reach);
@@ -205,7 +226,7 @@ impl<'a> Scene<'a> {
         monitor: &mut dyn Monitor,
     ) -> Result<bool, ReconstructError> {
         progress::report(monitor, "start", (0, 1), None)?;
-        let start = start(self.capture, template, &self.read, &self.frames, monitor)?;
+        let start = start(&self.capture, template, &self.read, &self.frames, monitor)?;
         let loose = start.report.filled.is_some();
         if loose {
             (self.mesh, self.edges) = (start.mesh.clone(), Edges::new(&start.mesh));
@@ -292,6 +313,14 @@ impl<'a> Scene<'a> {
         }
         Ok(done)
     }
+}
+
+/// The angle between the orientations of two cameras, in degrees; 0 for equal ones.
+fn angle_between(a: &Camera, b: &Camera) -> Real {
+    if a == b {
+        return 0.0;
+    }
+    Rotation3::from_matrix_unchecked(a.rotation() * b.rotation().transpose()).angle().to_degrees()
 }
 
 /// Puts every [`HELD_OUT`]-th frame last, if there are enough. Returns the number of the others.

@@ -153,16 +153,20 @@ pub fn reconstruct(
     let mut seconds = Seconds::default();
     let mut lap = Lap::start();
 
-    let poses = params
+    let mut poses = params
         .poses
         .clone()
         .unwrap_or_else(|| PoseParams::of(capture.pose_sigma().unwrap_or_default()));
+    poses.camera_degrees = capture.camera_sigma_degrees().unwrap_or(poses.camera_degrees);
     let refined = match poses.sigma.is_exact() {
         true => None,
         false => Some(refine_poses(capture, template, &params.surface, &poses, monitor)?),
     };
     let corrected = match &refined {
-        Some(refined) => Some(capture.with_poses(refined.poses.clone())?),
+        Some(refined) => {
+            let posed = capture.with_poses(refined.poses.clone())?;
+            Some(posed.with_camera(refined.camera.clone()))
+        }
         None => None,
     };
     let capture = corrected.as_ref().unwrap_or(capture);

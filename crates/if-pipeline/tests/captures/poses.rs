@@ -123,6 +123,33 @@ fn refined_poses_are_the_same_on_any_number_of_threads() {
     assert_eq!(refine(1), refine(3));
 }
 
+#[test]
+fn a_camera_that_is_turned_is_turned_back_and_an_exact_one_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("capture");
+    let (_, exact) = scene(&path, 8, 128);
+    let template = TemplateBody::read(&path.join(BODY)).unwrap();
+    let read = SurfaceParams::default();
+    let refine = |capture: &Capture, camera_degrees| {
+        let params = PoseParams { rounds: 1, camera_degrees, ..PoseParams::of(SIGMA) };
+        refine_poses(capture, &template, &read, &params, &mut Silent).unwrap()
+    };
+    assert_eq!(&refine(&exact, 1.0).camera, exact.camera());
+
+    let tilt = nalgebra::UnitQuaternion::new(Vector::new(1.5, -0.5, 0.8).map(Real::to_radians));
+    let off = exact.with_camera(exact.camera().turned(&tilt));
+    let left = refine(&off, 0.0);
+    assert_eq!((&left.camera, left.report.camera_degrees), (off.camera(), 0.0));
+    let found = refine(&off, 1.0);
+    assert!((found.report.camera_degrees - tilt.angle().to_degrees()).abs() < 0.5);
+    // What is left of the turn moves the person, 3 m away, by less than 1 cm.
+    let rest = found.camera.rotation() * exact.camera().rotation().transpose();
+    let rest = nalgebra::Rotation3::from_matrix_unchecked(rest).angle();
+    assert!(rest < 0.003, "{rest} rad of {} are left", tilt.angle());
+    let silhouettes = [&left, &found].map(|r| r.report.rounds[0].silhouette_mm);
+    assert!(silhouettes[1] < 0.8 * silhouettes[0], "{silhouettes:?}");
+}
+
 /// A capture of one frame without a person, for its mask.
 fn write_blank(folder: &Path, size: usize) {
     use if_pipeline::capture::{CaptureWriter, FramePictures, Subject};
@@ -136,6 +163,7 @@ fn write_blank(folder: &Path, size: usize) {
     .unwrap();
     let subject = Subject {
         pose_sigma: Some(PoseSigma::EXACT),
+        camera_sigma_degrees: Some(0.0),
         camera,
         garments: vec!["top".into()],
         joints: vec!["root".into()],

@@ -105,6 +105,7 @@ fn drawn(
     let camera = camera();
     let subject = Subject {
         pose_sigma: Some(PoseSigma::EXACT),
+        camera_sigma_degrees: Some(0.0),
         camera: camera.clone(),
         garments: vec!["top".into()],
         joints: vec!["root".into()],

@@ -1,9 +1,10 @@
-//! Errors of an estimator of poses.
+//! Errors of an estimator of poses and camera.
 
 use super::noise::normal;
 use crate::capture::PoseSigma;
 use if_body::Pose;
 use if_core::math::{Real, Vector};
+use if_mesh::camera::Camera;
 use nalgebra::UnitQuaternion;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -32,6 +33,14 @@ pub(super) fn estimated(
         pose
     };
     truth.iter().enumerate().map(disturbed).collect()
+}
+
+/// The camera with a constant error of its orientation: turned about its centre by normally
+/// distributed angles of this deviation about each axis.
+pub(super) fn mistaken(camera: &Camera, degrees: Real, seed: u64) -> Camera {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed ^ 0x00CA_3E7A);
+    let turn = Vector::from_fn(|_, _| normal(&mut rng)) * degrees.to_radians();
+    camera.turned(&UnitQuaternion::new(turn))
 }
 
 /// Normally distributed numbers of deviation 1, one for each frame: white noise, filtered by a

@@ -16,6 +16,10 @@ const LEAST: (Real, Real) = (0.01, 1e-4);
 pub struct PoseParams {
     /// How far the given poses are off.
     pub sigma: PoseSigma,
+    /// Standard deviation of a constant turn of the camera about each axis, in degrees: its
+    /// orientation is refined, too, where masks show an error beyond that of the roots' positions. 0
+    /// for an exact camera. [`reconstruct`](super::super::reconstruct) uses what the capture states.
+    pub camera_degrees: Real,
     /// Rounds of fitting the surface, and then the poses.
     pub rounds: usize,
     /// Gauss–Newton steps of the poses in a round.
@@ -46,6 +50,7 @@ impl Default for PoseParams {
     fn default() -> Self {
         Self {
             sigma: PoseSigma::default(),
+            camera_degrees: 1.0,
             rounds: 6,
             steps: 2,
             reach: 0.15,
@@ -84,6 +89,8 @@ impl PoseParams {
         ] {
             ParameterError::check_positive(name, value)?;
         }
+        let camera = self.camera_degrees;
+        check("camera_degrees", camera, (0.0..=30.0).contains(&camera), "from 0 to 30 (degrees)")?;
         let blur = self.normal_blur;
         check("normal_blur", blur, (0.0..=20.0).contains(&blur), "from 0 to 20 (pixels)")?;
         check("skin", self.skin, (0.0..=1.0).contains(&self.skin), "from 0 to 1")

@@ -44,6 +44,8 @@ pub struct PoseReport {
     pub degrees: Real,
     /// The assumed error of the root's position, in millimetres.
     pub translation_mm: Real,
+    /// The angle by which the camera was turned, in degrees; 0 if it was left as it is.
+    pub camera_degrees: Real,
     /// Frames whose images were not used; their poses follow from their neighbours'.
     pub unused: Vec<usize>,
     /// Residual of the frames that the surface did not see; `None` if there were too few frames.

@@ -153,7 +153,7 @@ fn pixel_slope(camera: &Camera, p: &Point) -> SMatrix<Real, 2, 3> {
 
 /// The derivative of a silhouette's distance in metres by the point of the world, for the point in
 /// the camera's frame.
-fn silhouette_slope(
+pub(super) fn silhouette_slope(
     camera: &Camera,
     outside: &DistanceImage,
     point: &RimPoint,
