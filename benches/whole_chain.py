@@ -48,12 +48,12 @@ def main():
         run([a.ifg, "capture", "synth", "--garments", garments, "--out", at(name), *noise])
         fields = ["--route", "fields", "--fields-steps", str(a.steps), "--json"]
         text, seconds = run([a.ifg, "reconstruct", at(name), "--body", at(name, "body"), "--out", wardrobe, *fields])
-        poses = json.loads(text)["report"]["poses"] or {"camera_degrees": 0}
+        poses = json.loads(text)["poses"] or {"camera_degrees": 0}
         print(f"{name}: {seconds:.0f} processor seconds, camera turned by {poses['camera_degrees']:.2f} degrees")
         if a.tools:
             for garment in garments.split(","):
                 truth = at(name, "truth", f"{garment}.ply")
-                found = at("wardrobe", "assets", f"{name}_{garment}", "mesh.ply")
+                found = at("wardrobe", "garments", f"{name}_{garment}", "garment.ply")
                 text, _ = run([a.python, f"{a.tools}/compare.py", found, truth, "--samples", "20000"])
                 there, back = (1e3 * json.loads(text)[k]["mean"] for k in ("result_to_reference", "reference_to_result"))
                 print(f"    {garment}: {there:.1f} mm to the truth on average, {back:.1f} mm back")
@@ -63,13 +63,13 @@ def main():
         match = [a.ifg, "wardrobe", "match", wardrobe, "--body", "body", *OUTFIT, "--method", method, "--json"]
         text, seconds = run([*match, "--out", look])
         layers = json.loads(text)["report"]["layers"]
-        moved = max(layer["displacement"]["max"] for layer in layers)
+        moved = max(layer["moved"]["max"] for layer in layers)
         strain = max(layer["strain"]["max"] for layer in layers)
         print(f"{method}: {seconds:.1f} processor seconds, {time.time() - begin:.1f} s; moved by {1e3 * moved:.1f} mm"
               f" at most, strain {1e2 * strain:.0f} % at most", end="")
         if a.tools:
-            files = [os.path.join(look, f"{name}.ply") for name in ["body", *OUTFIT]]
-            text, _ = run([a.python, f"{a.tools}/referee.py", *files], (0, 1))
+            files = [os.path.join(look, f"{name}.ply") for name in OUTFIT]
+            text, _ = run([a.python, f"{a.tools}/referee.py", "--body", os.path.join(look, "body.ply"), "--after", *files], (0, 1))
             print(f"; referee: {text.strip().splitlines()[-1]}", end="")
         print()
 
