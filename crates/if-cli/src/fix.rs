@@ -42,6 +42,9 @@ pub(crate) struct FixArgs {
     /// Do not draw before.png and after.png, nor write report.html.
     #[arg(long)]
     pub(crate) no_pictures: bool,
+    /// Print where the time went: a tree of phases, also in receipt.json.
+    #[arg(long)]
+    pub(crate) timings: bool,
 }
 
 /// Runs the command. The error of one outfit is shown, and does not stop the others.
@@ -65,6 +68,7 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
         write_unproven: args.write_unproven,
         resume: is_batch && !args.again,
         pictures: !args.no_pictures,
+        phases: args.timings,
     };
     let mut ends = Vec::with_capacity(n);
     for (done, (k, (spec, out))) in chosen.into_iter().enumerate() {

@@ -5,27 +5,40 @@ use if_core::monitor::{Cancelled, Monitor, Progress};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::fmt::Write;
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+use tracing::Subscriber;
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::Layer;
+use tracing_subscriber::fmt::time::Uptime;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::registry::LookupSpan;
+use tracing_subscriber::util::SubscriberInitExt;
 
-static HIDDEN: AtomicBool = AtomicBool::new(false);
+/// When logging began, if it did.
+static LOGGING_SINCE: OnceLock<Instant> = OnceLock::new();
 
 /// Logs events on stderr instead of drawing lines, from now on.
 pub(crate) fn log_instead() -> miette::Result<()> {
-    HIDDEN.store(true, Ordering::Relaxed);
+    LOGGING_SINCE.get_or_init(Instant::now);
+    tracing_subscriber::registry().with(log()).try_init().map_err(|e| miette::miette!("{e}"))
+}
+
+/// Logs events on stderr; `None` if lines are drawn.
+pub(crate) fn log<S: Subscriber + for<'s> LookupSpan<'s>>() -> Option<impl Layer<S>> {
+    let since = LOGGING_SINCE.get()?;
     let stderr = std::io::stderr;
-    let events = tracing_subscriber::fmt()
-        .with_max_level(tracing::Level::DEBUG)
+    let events = tracing_subscriber::fmt::layer()
         .with_target(false)
         .with_writer(stderr)
         .with_ansi(stderr().is_terminal())
-        .with_timer(tracing_subscriber::fmt::time::uptime());
-    events.try_init().map_err(|e| miette::miette!("{e}"))
+        .with_timer(Uptime::from(*since));
+    Some(events.with_filter(LevelFilter::DEBUG))
 }
 
 /// Where lines are drawn.
 pub(crate) fn target() -> ProgressDrawTarget {
-    if HIDDEN.load(Ordering::Relaxed) {
+    if LOGGING_SINCE.get().is_some() {
         ProgressDrawTarget::hidden()
     } else {
         ProgressDrawTarget::stderr()

@@ -4,6 +4,7 @@
 
 use crate::file_record::{InputFile, OutputFile};
 use crate::outfit_file::{LayerSpec, OutfitSpec};
+use crate::phases::Phase;
 use if_mesh::file::MeshFile;
 use if_outfit::digest::{digest, of_file};
 use if_outfit::report::ResolveReport;
@@ -86,17 +87,21 @@ pub(crate) struct Receipt<'a> {
     pub(crate) notes: &'a [String],
     pub(crate) report: &'a ResolveReport,
     pub(crate) timings: &'a Timings,
+    /// If they were recorded.
+    pub(crate) phases: Option<&'a Phase>,
+    /// In bytes; `None` where the system does not count it.
+    pub(crate) peak_memory: Option<u64>,
 }
 
 impl Receipt<'_> {
     /// The text of the file.
     pub(crate) fn text(&self) -> Result<String, serde_json::Error> {
-        let Self { request, report, timings, .. } = self;
+        let Self { request, report, timings, phases, peak_memory, .. } = self;
         let mut measures = serde_json::to_value(report)?;
         drop_seconds(&mut measures);
         let layers: Map<String, Value> =
             report.layers.iter().map(|l| (l.name.clone(), json!(l.seconds))).collect();
-        let receipt = json!({
+        let mut receipt = json!({
             "receipt": 1,
             "outfit": self.outfit,
             "state": self.state,
@@ -119,6 +124,12 @@ impl Receipt<'_> {
                 "threads": rayon::current_num_threads(),
             },
         });
+        if let Some(bytes) = peak_memory {
+            receipt["timings"]["peak_memory"] = json!(bytes);
+        }
+        if let Some(phases) = phases {
+            receipt["timings"]["phases"] = json!(phases);
+        }
         Ok(serde_json::to_string_pretty(&receipt)? + "\n")
     }
 }
@@ -190,6 +201,8 @@ mod tests {
             notes: &[],
             report: &ResolveReport::default(),
             timings: &Timings::default(),
+            phases: None,
+            peak_memory: None,
         };
         std::fs::write(out.path().join(FILE), receipt.text().unwrap()).unwrap();
         assert_eq!(request.finished(out.path(), &[]), Some(Cleanness::Everywhere));
@@ -203,6 +216,7 @@ mod tests {
             let mut report = ResolveReport::default();
             report.seconds = seconds;
             let timings = Timings { read: seconds, ..Default::default() };
+            let phases = Phase { wall: seconds, ..Default::default() };
             let receipt = Receipt {
                 outfit: "o",
                 state: Cleanness::Everywhere,
@@ -211,6 +225,8 @@ mod tests {
                 notes: &[],
                 report: &report,
                 timings: &timings,
+                phases: Some(&phases),
+                peak_memory: Some(seconds as u64),
             };
             let mut value: Value = serde_json::from_str(&receipt.text().unwrap()).unwrap();
             value.as_object_mut().unwrap().remove("timings").unwrap();

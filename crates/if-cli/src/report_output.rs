@@ -5,6 +5,7 @@ use crate::end::{End, NotEverywhere};
 use crate::errors::{self, ErrorJson};
 use crate::file_record::OutputFile;
 use crate::outfit_file::OutfitSpec;
+use crate::phase_table;
 use crate::print::{note_lines, print, print_json};
 use crate::receipt;
 use crate::resolve_outfit::{Done, Outcome};
@@ -49,6 +50,9 @@ pub(crate) fn outcome(
         }
         Outcome::Resolved(done) => done,
     };
+    if let Some(phases) = done.phases.as_ref().filter(|_| style != Style::Json) {
+        print(&phase_table::phases(phases, done.peak_memory, table::coloured()))?;
+    }
     match style {
         Style::Json => {}
         Style::Line => print(&in_one_line(&spec.name, out, &done))?,
@@ -138,5 +142,7 @@ fn print_outcome_json(name: &str, out: &Path, outcome: &Outcome) -> Result<(), R
         "notes": done.map(|d| &d.notes),
         "report": done.map(|d| &d.report),
         "seconds": done.map(|d| d.seconds),
+        "phases": done.map(|d| &d.phases),
+        "peak_memory": done.map(|d| d.peak_memory),
     }))
 }

@@ -6,6 +6,8 @@ use crate::file_record::OutputFile;
 use crate::load::{self, LoadError};
 use crate::outfit_file::OutfitSpec;
 use crate::outputs;
+use crate::peak_memory::peak_memory;
+use crate::phases::{Phase, Recorder};
 use crate::pictures;
 use crate::progress::Line;
 use crate::receipt::{self, Receipt, Request, Timings};
@@ -20,6 +22,7 @@ use if_outfit::unresolved::Unresolved;
 use miette::{Diagnostic, IntoDiagnostic, Report};
 use std::path::Path;
 use std::time::Instant;
+use tracing::trace_span;
 
 /// How to write.
 #[derive(Clone, Copy, Debug, Default)]
@@ -32,6 +35,8 @@ pub(crate) struct Options {
     pub(crate) resume: bool,
     /// Draw it before and after.
     pub(crate) pictures: bool,
+    /// Record where the time goes.
+    pub(crate) phases: bool,
 }
 
 /// How it went.
@@ -55,6 +60,10 @@ pub(crate) struct Done {
     pub(crate) unresolved: Option<UnresolvedOutfit>,
     /// Wall time, reading and writing included.
     pub(crate) seconds: f64,
+    /// Where the time went, if asked for.
+    pub(crate) phases: Option<Phase>,
+    /// Of this process so far, in bytes; `None` where the system does not count it.
+    pub(crate) peak_memory: Option<u64>,
 }
 
 impl Done {
@@ -98,18 +107,22 @@ pub(crate) fn run(
     mut line: &Line,
 ) -> Result<Outcome, Report> {
     let start = Instant::now();
+    let recorder = options.phases.then(Recorder::listen);
     let names = outputs::names(spec, options.pictures);
     outputs::check(spec, out, &names, options.in_place)?;
     line.message("reading");
+    let reading = trace_span!("reading").entered();
     let files = load::load(spec)?;
     let companions = Companions::find(spec, files.files(), &names)?;
     let request = Request::new(spec, files.files(), companions.inputs());
     if let Some(state) = request.finished(out, &names).filter(|_| options.resume) {
         return Ok(Outcome::Finished(state));
     }
+    drop(reading);
     let staging = Staging::open(out)?;
     let mut timings = Timings { read: start.elapsed().as_secs_f64(), ..Default::default() };
 
+    let resolving = trace_span!("resolving").entered();
     let (resolved, unresolved) = match files.resolve(&spec.params, &mut line) {
         Ok(resolved) => (resolved, None),
         Err(FilesError::Unresolved { unresolved, result }) => {
@@ -118,6 +131,7 @@ pub(crate) fn run(
         Err(FilesError::Resolve(ResolveError::Cancelled { .. })) => return Ok(Outcome::Cancelled),
         Err(error) => return Err(LoadError::new(&spec.name, error).into()),
     };
+    drop(resolving);
     if cancel::is_requested() {
         return Ok(Outcome::Cancelled);
     }
@@ -126,18 +140,25 @@ pub(crate) fn run(
     let report = resolved.report.clone();
     let mut notes = report.before.body_notes(&files.outfit().body.name);
     notes.extend(files.notes());
-    let mut done = Done { notes, report, outputs: vec![], unresolved, seconds: 0.0 };
+    let outputs = vec![];
+    let mut done =
+        Done { notes, report, outputs, unresolved, seconds: 0.0, phases: None, peak_memory: None };
     if done.unresolved.is_none() || options.write_unproven {
         line.message("writing");
+        let writing = trace_span!("writing").entered();
         done.outputs = outputs::write_garments(spec, &files, &resolved, (&staging, out))?;
         done.outputs.extend(companions.write((&staging, out))?);
         done.notes.extend(companions.missing);
+        drop(writing);
         timings.write = start.elapsed().as_secs_f64() - timings.read - timings.resolve;
         if options.pictures {
             line.message("drawing");
+            let _phase = trace_span!("drawing").entered();
             let outfits = [files.outfit(), &resolved.outfit];
             draw(spec, outfits, (&staging, out), &mut done)?;
         }
+        done.phases = recorder.as_ref().map(Recorder::phases);
+        done.peak_memory = peak_memory();
         timings.total = start.elapsed().as_secs_f64();
         timings.pictures = timings.total - timings.read - timings.resolve - timings.write;
         write_receipt(spec, &request, &done, &timings, (&staging, out))?;
@@ -149,6 +170,8 @@ pub(crate) fn run(
             done.outputs.iter().map(|o| o.file.as_str()).chain([receipt::FILE]).collect();
         staging.commit(&names)?;
     }
+    done.phases = recorder.as_ref().map(Recorder::phases);
+    done.peak_memory = peak_memory();
     done.seconds = start.elapsed().as_secs_f64();
     Ok(Outcome::Resolved(Box::new(done)))
 }
@@ -168,6 +191,8 @@ fn write_receipt(
         notes: &done.notes,
         report: &done.report,
         timings,
+        phases: done.phases.as_ref(),
+        peak_memory: done.peak_memory,
     };
     let path = out.join(receipt::FILE);
     std::fs::write(staging.path(receipt::FILE), receipt.text().into_diagnostic()?)

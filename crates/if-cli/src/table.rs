@@ -407,7 +407,7 @@ fn align(table: &mut Table, left: usize) {
     }
 }
 
-fn section(text: &mut String, title: &str, table: &Table) {
+pub(crate) fn section(text: &mut String, title: &str, table: &Table) {
     // Writing to a string cannot fail.
     let _ = writeln!(text, "{title}\n{}\n", table.trim_fmt());
 }

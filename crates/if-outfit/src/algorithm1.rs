@@ -47,6 +47,7 @@ pub(crate) fn settled(
     clearance: Real,
     progress: &mut GarmentProgress<'_>,
 ) -> Result<Vec<Point>, SettleError> {
+    let _phase = tracing::trace_span!("algorithm 1").entered();
     progress.report(ALGORITHM_1, 0, None)?;
     let mesh = &garment.mesh;
     let field = baked(mesh, below, progress.monitor)?;

@@ -28,6 +28,7 @@ use if_xpbd::report::StepError;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Instant;
+use tracing::trace_span;
 
 /// Why an attempt ended early.
 pub(crate) enum AttemptError {
@@ -88,6 +89,7 @@ impl Attempt {
         let mut rounds: Vec<usize> =
             untangled.iter().map(|u| u.as_ref().map_or(0, |u| u.rounds)).collect();
         if settings.params.goal.own == Own::Remove {
+            let _phase = trace_span!("untangling").entered();
             let more = untangle_settled(&outfit, &mut dressed, &mut closed, settings.params);
             rounds.iter_mut().zip(more).for_each(|(rounds, more)| *rounds += more);
         }
@@ -217,6 +219,7 @@ fn untangle_garments(
     params: &ResolveParams,
     monitor: &mut dyn Monitor,
 ) -> Result<Vec<Option<Untangled>>, AttemptError> {
+    let _phase = trace_span!("untangling").entered();
     let count = outfit.garments.len();
     let mut all = Vec::with_capacity(count);
     for (index, (garment, found)) in outfit.garments.iter().zip(given).enumerate() {

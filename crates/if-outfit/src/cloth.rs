@@ -15,6 +15,7 @@ use if_xpbd::particles::Particles;
 use if_xpbd::report::StepError;
 use if_xpbd::solver::Solver;
 use std::collections::BTreeSet;
+use tracing::trace_span;
 
 /// The time step of the quasi-static solver, in seconds. Nothing moves on its own, so only β / h²
 /// matters, and with h = 1 s and unit masses compliances are numbers: a visit removes a share k of
@@ -136,6 +137,7 @@ impl<'a> Cloth<'a> {
     ) -> Result<Real, StepError> {
         contacts.detect(&self.x, &self.inverse_masses, tree);
         let [planes, own] = contacts.below_and_own();
+        let _phase = trace_span!("sweeps").entered();
         let Self { x, inverse_masses, solver, particles, .. } = self;
         solver.set_params(quasi_static(0, LAST_VISITS, 0)).expect(IN_RANGE);
         let moved = step(solver, particles, x, inverse_masses, &mut [planes, own])?;
@@ -160,6 +162,7 @@ impl<'a> Cloth<'a> {
         let visits = if contacts.self_separations.is_empty() { 1 } else { 2 };
         let sweeps = self.params.effort.sweeps;
         solver.set_params(quasi_static(sweeps as u32, visits, LAST_VISITS)).expect(IN_RANGE);
+        let _phase = trace_span!("sweeps").entered();
         let mut elastic = self.groups.movable(inverse_masses);
         let mut groups = elastic.in_order();
         // Planes of layers above come before those of layers below, which win.

@@ -14,6 +14,7 @@ use if_xpbd::constraint::{Constraint, Stage};
 use if_xpbd::half_space::HalfSpaces;
 use if_xpbd::separation::Separations;
 use std::collections::BTreeSet;
+use tracing::trace_span;
 
 /// How much further than needed a query searches, in metres, to avoid later ones.
 const RESERVE: Real = 0.012;
@@ -86,6 +87,7 @@ impl<'a> ContactGroups<'a> {
 
     /// Finds the half-spaces outside the layers below, for the garment at `x`, which `tree` holds.
     pub(crate) fn detect(&mut self, x: &[Point], inverse_masses: &[Real], tree: &Bvh) {
+        let _phase = trace_span!("contacts").entered();
         let Self { search, triangles, gaps, exits, below, .. } = self;
         search.detect(x, triangles, tree, gaps, inverse_masses, exits, below);
         for (v, normal, point) in &self.separating {
@@ -95,6 +97,7 @@ impl<'a> ContactGroups<'a> {
 
     /// Finds the half-spaces below the layers above.
     pub(crate) fn detect_above(&mut self, x: &[Point], inverse_masses: &[Real]) {
+        let _phase = trace_span!("contacts").entered();
         self.above.detect(x, inverse_masses, &self.released, &mut self.pressed);
     }
 

@@ -6,10 +6,12 @@ use if_mesh::index::Bvh;
 use if_mesh::least_distance::{least_distance, least_own_distance};
 use if_mesh::solid::ClosedLayer;
 use std::sync::Arc;
+use tracing::trace_span;
 
 /// Adds the least distances of `outfit` to what was found in it. `closed` are its closed layers, all
 /// but the outermost.
 pub(crate) fn measure(outfit: &Outfit, closed: &[Arc<ClosedLayer>], found: &mut Verification) {
+    let _phase = trace_span!("least distances").entered();
     let outermost = outfit.garments.last().map(|garment| Bvh::new(&garment.mesh));
     let closed = closed.iter().map(|layer| layer.bvh());
     let trees: Vec<&Bvh> = closed.chain(outermost.as_ref()).collect();

@@ -13,6 +13,7 @@ use if_mesh::measure::{Displacement, Strain, displacement, strain};
 use if_mesh::solid::ClosedLayer;
 use std::sync::Arc;
 use std::time::Instant;
+use tracing::trace_span;
 
 /// A garment that was put on.
 pub(crate) struct Dressed {
@@ -104,7 +105,12 @@ impl<'a> Dressing<'a> {
         let mesh = garment.mesh.with_vertices(settled.positions.clone());
         let mesh = mesh.expect("settled positions are finite");
         let verifying = Instant::now();
-        let findings = if needs_nothing { found.clone() } else { verify_garment(&mesh, &below) };
+        let findings = if needs_nothing {
+            found.clone()
+        } else {
+            let _phase = trace_span!("verification").entered();
+            verify_garment(&mesh, &below)
+        };
         let verify_seconds = if needs_nothing { 0.0 } else { verifying.elapsed().as_secs_f64() };
         let rounds = settled.rounds;
         let input = &self.input.garments[index].mesh;
@@ -123,6 +129,7 @@ impl<'a> Dressing<'a> {
             let closed = match given {
                 Some(layer) if dressed.is_unmoved => Arc::clone(layer),
                 _ => {
+                    let _phase = trace_span!("closed layers").entered();
                     let body = &self.outfit.body.mesh;
                     Arc::new(ClosedLayer::garment(&dressed.mesh, &self.below[0], body))
                 }

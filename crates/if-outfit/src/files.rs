@@ -54,6 +54,7 @@ use if_mesh::split::SplitMesh;
 use rayon::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
+use tracing::trace_span;
 
 /// A mesh file and the name of its layer.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -190,6 +191,7 @@ impl OutfitFiles {
             Err(ResolveError::Unresolved { result, .. }) => *result,
             Err(error) => return Err(FilesError::Resolve(error)),
         };
+        let _phase = trace_span!("rounding").entered();
         let fine = self.split(&splits)?;
         let positions = fine.positions(&outfit);
         let stored = fine.outfit_of(&positions)?;

@@ -14,6 +14,7 @@ use if_core::monitor::{Cancelled, Monitor};
 use if_core::parameter::ParameterError;
 use if_xpbd::report::StepError;
 use std::time::Instant;
+use tracing::trace_span;
 
 pub use crate::params::{
     ClothParams, EffortParams, GoalParams, Method, Own, ResolveParams, Split, Tuck,
@@ -120,7 +121,7 @@ fn resolve_with(
     outfit.check()?;
     let start = Instant::now();
     let may_split = params.goal.split != Split::Never;
-    let welded = Welded::new(outfit, !may_split);
+    let welded = trace_span!("seams").in_scope(|| Welded::new(outfit, !may_split));
     let solved = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let mut attempt = Attempt::new(solved.clone(), settings, monitor)?;
     let body = &attempt.closed[0];

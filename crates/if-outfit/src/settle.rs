@@ -38,6 +38,7 @@ use if_mesh::index::Bvh;
 use if_mesh::outward::Outward;
 use if_mesh::solid::ClosedLayer;
 use std::ops::ControlFlow;
+use tracing::trace_span;
 
 /// While settling, every so many rounds are verified.
 const VERIFY_EVERY: usize = 5;
@@ -106,8 +107,11 @@ pub(crate) fn settle(
 ) -> Result<Settled, SettleError> {
     let Settings { params, skip } = settings;
     let mesh = &garment.mesh;
+    let _phase = trace_span!("settling").entered();
+    let verifying = trace_span!("verification").entered();
     let tree = Bvh::new(mesh);
     let (verification, remaining) = IncrementalVerification::new(mesh, &tree, below);
+    drop(verifying);
     let unused: Vec<bool> = mesh.used_vertices().iter().map(|used| !used).collect();
     let sticking_out = above.sticking_out(mesh.vertices(), &unused);
     if remaining.is_clean() && sticking_out.is_empty() {
@@ -115,11 +119,13 @@ pub(crate) fn settle(
     }
     let height = below[0].bvh().aabb().size().max();
     let region = mesh.surface_aabb().inflated(0.02 * height);
-    let outward = &Outward::new(below, &region, params.effort.outward_cell);
+    let outward = &trace_span!("outward grid")
+        .in_scope(|| Outward::new(below, &region, params.effort.outward_cell));
     let scene = Scene { garment, below, above, outward, params, skip, may_yield };
     let mut sources = remaining.vertices(mesh.triangles());
     sources.extend(sticking_out.iter().copied());
-    let mut work = Workpiece::new(scene, tree, (verification, remaining), sources);
+    let mut work = trace_span!("cloth")
+        .in_scope(|| Workpiece::new(scene, tree, (verification, remaining), sources));
 
     // Algorithm 1 replaces the rounds of settling: repairs follow, unless it was enough.
     let (mut first, mut end) = (0, params.effort.rounds);
@@ -217,6 +223,7 @@ fn apply(
     work: &mut Workpiece<'_>,
     progress: &mut GarmentProgress<'_>,
 ) -> Result<ControlFlow<()>, SettleError> {
+    let _phase = trace_span!("repair").entered();
     for strategy in strategies {
         if strategy.apply(work, progress)?.is_break() {
             return Ok(ControlFlow::Break(()));

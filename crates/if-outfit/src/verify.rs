@@ -15,6 +15,7 @@ use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
+use tracing::trace_span;
 
 /// Checks an outfit without changing it: intersecting triangle pairs of all layers, vertices on the
 /// wrong side of a layer below, every garment's intersections with itself, and least distances.
@@ -41,12 +42,15 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
 /// What is found in a checked outfit, for each garment, and its closed layers: the body, then all
 /// garments but the outermost, which nothing lies over.
 pub(crate) fn verify_layers(outfit: &Outfit) -> (Vec<Findings>, Vec<Arc<ClosedLayer>>) {
+    let _phase = trace_span!("verification").entered();
     let body_mesh = &outfit.body.mesh;
+    let closing = trace_span!("closed layers").entered();
     let body = Arc::new(ClosedLayer::body(body_mesh));
     let covered = outfit.garments.split_last().map_or(&[][..], |(_, covered)| covered);
     let close = |g: &Layer| Arc::new(ClosedLayer::garment(&g.mesh, &body, body_mesh));
     let garments: Vec<_> = covered.par_iter().map(close).collect();
     let closed: Vec<_> = [body].into_iter().chain(garments).collect();
+    drop(closing);
     let layers: Vec<&ClosedLayer> = closed.iter().map(Arc::as_ref).collect();
     let find = |(k, garment): (usize, &Layer)| verify_garment(&garment.mesh, &layers[..=k]);
     (outfit.garments.iter().enumerate().map(find).collect(), closed)
@@ -60,8 +64,10 @@ pub(crate) fn verify_changed(
     mut findings: Vec<Findings>,
     mut closed: Vec<Arc<ClosedLayer>>,
 ) -> (Vec<Findings>, Vec<Arc<ClosedLayer>>) {
+    let _phase = trace_span!("verification").entered();
     let body = Arc::clone(&closed[0]);
     for (k, layer) in closed.iter_mut().skip(1).enumerate().filter(|(k, _)| changed[*k]) {
+        let _phase = trace_span!("closed layers").entered();
         *layer = Arc::new(ClosedLayer::garment(&outfit.garments[k].mesh, &body, &outfit.body.mesh));
     }
     let layers: Vec<&ClosedLayer> = closed.iter().map(Arc::as_ref).collect();
@@ -80,6 +86,7 @@ pub(crate) fn verify_changed(
 
 /// What is found of a garment with this mesh over the layers `below`, the body first.
 pub(crate) fn verify_garment(mesh: &TriMesh, below: &[&ClosedLayer]) -> Findings {
+    let _phase = trace_span!("pairs and sides").entered();
     let tree = Bvh::new(mesh);
     let below = below.iter().map(|layer| verify_over(mesh, &tree, layer)).collect();
     Findings { below, own: own_of(mesh, &tree) }
@@ -117,6 +124,7 @@ pub(crate) fn compare_own_pairs(given: &TriMesh, now: &TriMesh) -> (OwnPairs, Ve
 
 /// The number of intersecting triangle pairs of the body, which `closed` is, with itself.
 pub(crate) fn body_own_pairs(outfit: &Outfit, closed: &ClosedLayer) -> usize {
+    let _phase = trace_span!("own pairs of the body").entered();
     own_of(&outfit.body.mesh, closed.bvh()).len()
 }
 

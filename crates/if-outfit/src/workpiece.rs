@@ -16,6 +16,7 @@ use if_mesh::outward::Outward;
 use if_mesh::solid::ClosedLayer;
 use if_xpbd::report::StepError;
 use std::collections::BTreeSet;
+use tracing::trace_span;
 
 /// Why a garment did not settle.
 pub(crate) enum SettleError {
@@ -179,6 +180,7 @@ impl<'a> Workpiece<'a> {
 
     /// Verifies the positions `stored`, which the tree then holds.
     pub(crate) fn verified(&mut self, stored: Vec<Point>) -> (TriMesh, Remaining) {
+        let _phase = trace_span!("verification").entered();
         let mesh = self.mesh_at(stored);
         self.tree.refit(mesh.vertices());
         let remaining = self.verification.verify(&mesh, &self.tree);

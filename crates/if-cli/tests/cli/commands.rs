@@ -220,6 +220,46 @@ fn the_receipt_says_what_went_in_and_came_out() {
 }
 
 #[test]
+fn timings_name_the_phases_and_change_nothing_else() {
+    let folder = Folder::new();
+    folder.ifg("fix outfit.toml --out plain").expect(0);
+    let run = folder.ifg("fix outfit.toml --out timed --timings --verbose").expect(0);
+    for word in ["Where the time went", "reading", "sweeps", "cores"] {
+        assert!(run.stdout.contains(word), "{word}\n{}", run.stdout);
+    }
+    // Events are still logged, and not by the names of the phases around them.
+    assert!(run.stderr.contains("DEBUG garment=") && !run.stderr.contains("settling"));
+    let receipt = |out: &str| -> serde_json::Value {
+        serde_json::from_slice(&folder.read(&format!("{out}/receipt.json"))).unwrap()
+    };
+    let [mut plain, mut timed] = ["plain", "timed"].map(receipt);
+    assert!(plain["timings"]["phases"].is_null());
+    let total = timed["timings"]["phases"].take();
+    let names = |phase: &serde_json::Value| -> Vec<String> {
+        let within = phase["phases"].as_array().unwrap().iter();
+        within.map(|p| p["name"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(names(&total), ["reading", "resolving", "writing"]);
+    let resolving = &total["phases"][1];
+    let settling = names(resolving).iter().position(|name| name == "settling").unwrap();
+    let settling = &resolving["phases"][settling];
+    for name in ["verification", "outward grid", "cloth", "contacts", "sweeps", "repair"] {
+        assert!(names(settling).contains(&name.to_owned()), "{name}: {settling}");
+    }
+    let wall = |phase: &serde_json::Value| phase["wall"].as_f64().unwrap();
+    let within: f64 = settling["phases"].as_array().unwrap().iter().map(wall).sum();
+    assert!(within > 0.0 && within <= wall(settling) && wall(settling) < wall(&total));
+    #[cfg(target_os = "linux")]
+    assert!(plain["timings"]["peak_memory"].as_u64().unwrap() > 1 << 20);
+    for receipt in [&mut plain, &mut timed] {
+        receipt.as_object_mut().unwrap().remove("timings").unwrap();
+    }
+    assert_eq!(plain, timed);
+    let json = folder.ifg("fix outfit.toml --out again --timings --json").expect(0).json();
+    assert_eq!(json["phases"]["name"], "total");
+}
+
+#[test]
 fn harmless_faults_are_noted_and_kept() {
     let folder = Folder::new();
     let content = String::from_utf8(folder.read("shirt.obj")).unwrap() + "v 0.3 0.1 0\nf 1 1 2\n";
