@@ -15,6 +15,7 @@ mod segment;
 #[cfg(test)]
 mod tests;
 
+pub use closest::distance_bound;
 pub(crate) use nearest_pairs::NearPair;
 pub use segment::Hit;
 

@@ -34,13 +34,13 @@ mod tests;
 pub use clothed::ClothedField;
 
 use crate::body_surface::{BodyReport, BodySide, BodySurface};
-use crate::index::Bvh;
+use crate::index::{Bvh, distance_bound};
 use crate::pseudo_normals::PseudoNormals;
 use crate::voxels::{Voxel, Voxels};
 use closing::{CELL, PROBES, closed_voxels};
-use if_core::closest::{Closest, ClosestPoint, closest_on_triangle};
+use if_core::closest::{Closest, ClosestPoint};
 use if_core::edges::Edges;
-use if_core::math::{Point, Real, Vector, barycentric_point, unit_or_zero};
+use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use labels::{label_sides, vertex_orientations};
 
@@ -98,10 +98,7 @@ impl ClosedLayer {
         let surface = BodySurface::new(mesh, &edges).ok().flatten().map(Box::new);
         let bvh = Bvh::new(mesh);
         let mut voxels = Voxels::new(&bvh.aabb(), bvh.aabb().size().max() * CELL * 1.5);
-        let walls = surface.as_ref().map_or(mesh, |surface| surface.closed());
-        for t in 0..walls.triangles().len() {
-            voxels.add_wall(walls.corners(t));
-        }
+        voxels.add_walls(surface.as_ref().map_or(mesh, |surface| surface.closed()));
         voxels.flood(|_| true);
         Self {
             bvh,
@@ -245,19 +242,11 @@ impl ClosedLayer {
     ///
     /// If there is no such triangle.
     pub fn sided_from(&self, p: &Point, reach: Real, hint: Option<u32>) -> Option<Sided> {
-        // The hint bounds the search. The slack exceeds the rounding of distances and of
-        // coordinates, so that no triangle as near is lost.
         let corners = hint.and_then(|t| match &self.surface {
             Some(surface) => surface.corners(t).map(|corners| corners.map(|p| *p)),
             None => Some(self.corners(t)),
         });
-        let bound = corners.map_or(Real::INFINITY, |[a, b, c]| {
-            let [a, b, c] = [&a, &b, &c];
-            let (w, _) = closest_on_triangle(p, a, b, c);
-            let distance = (p - barycentric_point([a, b, c], w)).norm();
-            distance * (1.0 + 1e-9)
-                + 1e-12 * (p.coords.amax() + a.coords.amax() + b.coords.amax() + c.coords.amax())
-        });
+        let bound = corners.map_or(Real::INFINITY, |c| distance_bound(p, c.each_ref()));
         if let Some(surface) = &self.surface {
             return self.sided_of_surface(surface, p, reach, bound);
         }

@@ -3,7 +3,9 @@
 use crate::grid::GridSize;
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
+use if_core::mesh::TriMesh;
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// State of a voxel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,6 +62,28 @@ impl Voxels {
     /// Makes every voxel that the triangle touches a wall, except filled ones. The test is
     /// conservative, so that no path between face neighbours leads through a triangle.
     pub fn add_wall(&mut self, corners: [&Point; 3]) {
+        let mut found = Vec::new();
+        self.touched(corners, |at| self.states[at] == Voxel::Inside, |at| found.push(at));
+        found.into_iter().for_each(|at| self.states[at] = Voxel::Wall);
+    }
+
+    /// Makes all triangles of `mesh` walls, as [`Voxels::add_wall`] does.
+    pub fn add_walls(&mut self, mesh: &TriMesh) {
+        let marks = Marks::new(self.states.len());
+        let is_open = |at: usize| self.states[at] == Voxel::Inside && !marks.has(at);
+        (0..mesh.triangles().len())
+            .into_par_iter()
+            .for_each(|t| self.touched(mesh.corners(t), is_open, |at| marks.set(at)));
+        self.set_marked(&marks, Voxel::Wall);
+    }
+
+    /// Calls `visit` with the number of every voxel that the triangle touches and that `is_open`.
+    fn touched(
+        &self,
+        corners: [&Point; 3],
+        is_open: impl Fn(usize) -> bool,
+        mut visit: impl FnMut(usize),
+    ) {
         let rel = corners.map(|p| (p - self.origin) * self.per_metre);
         let low = rel[0].inf(&rel[1]).inf(&rel[2]);
         let high = rel[0].sup(&rel[1]).sup(&rel[2]);
@@ -78,10 +102,8 @@ impl Voxels {
             for y in y0..=y1 as usize {
                 for x in x0..=x1 as usize {
                     let at = self.size.index([x, y, z]);
-                    if self.states[at] == Voxel::Inside
-                        && slab.touches([x as Real, y as Real, z as Real])
-                    {
-                        self.states[at] = Voxel::Wall;
+                    if is_open(at) && slab.touches([x as Real, y as Real, z as Real]) {
+                        visit(at);
                     }
                 }
             }
@@ -89,38 +111,44 @@ impl Voxels {
     }
 
     /// Marks the voxels along each segment as filled, except walls.
-    pub fn fill(&mut self, segments: &[[Point; 2]]) {
-        /// Slabs that are filled at a time, each by one task.
-        const SLABS: usize = 8;
+    pub fn fill(&mut self, segments: impl ParallelIterator<Item = [Point; 2]>) {
         let [nx, ny, nz] = self.size.0;
-        let (plane, thick) = (nx * ny, nz.div_ceil(SLABS));
-        let (origin, per_metre) = (self.origin, self.per_metre);
-        self.states.par_chunks_mut(thick * plane).enumerate().for_each(|(slab, states)| {
-            let (from, to) =
-                ((slab * thick) as Real, (slab * thick + states.len() / plane) as Real);
-            for [a, b] in segments {
-                let (a, b) = ((a - origin) * per_metre, (b - origin) * per_metre);
-                if a.z.max(b.z) < from || a.z.min(b.z) >= to {
-                    continue;
+        let marks = Marks::new(self.states.len());
+        segments.for_each(|[a, b]| {
+            let (a, b) = ((a - self.origin) * self.per_metre, (b - self.origin) * self.per_metre);
+            let steps = (2.0 * (b - a).amax()).ceil().max(1.0) as usize;
+            let step = (b - a) / steps as Real;
+            for k in 0..=steps {
+                let p = a + step * k as Real;
+                // For numbers that are not negative, truncation is the floor, without a call.
+                if p.x >= 0.0
+                    && p.y >= 0.0
+                    && p.z >= 0.0
+                    && p.x < nx as Real
+                    && p.y < ny as Real
+                    && p.z < nz as Real
+                {
+                    marks.set((p.z as usize * ny + p.y as usize) * nx + p.x as usize);
                 }
-                let steps = (2.0 * (b - a).amax()).ceil().max(1.0) as usize;
-                let step = (b - a) / steps as Real;
-                for k in 0..=steps {
-                    let p = a + step * k as Real;
-                    // For numbers that are not negative, truncation is the floor, without a call.
-                    if p.x >= 0.0
-                        && p.y >= 0.0
-                        && p.z >= from
-                        && p.x < nx as Real
-                        && p.y < ny as Real
-                        && p.z < to
-                    {
-                        let state = &mut states
-                            [((p.z - from) as usize * ny + p.y as usize) * nx + p.x as usize];
-                        if *state == Voxel::Inside {
-                            *state = Voxel::Filled;
-                        }
+            }
+        });
+        self.set_marked(&marks, Voxel::Filled);
+    }
+
+    /// Sets the inside voxels among `marks` to `to`.
+    fn set_marked(&mut self, marks: &Marks, to: Voxel) {
+        /// Words of marks that a task visits: 64 kB of voxels.
+        const WORDS: usize = 1024;
+        let words = self.states.par_chunks_mut(64 * WORDS).zip(marks.0.par_chunks(WORDS));
+        words.for_each(|(states, marks)| {
+            for (states, word) in states.chunks_mut(64).zip(marks) {
+                let mut word = word.load(Ordering::Relaxed);
+                while word != 0 {
+                    let state = &mut states[word.trailing_zeros() as usize];
+                    if *state == Voxel::Inside {
+                        *state = to;
                     }
+                    word &= word - 1;
                 }
             }
         });
@@ -251,6 +279,26 @@ impl Voxels {
     }
 }
 
+/// A set of voxels to which several threads add. Nothing is removed, so the order does not matter.
+struct Marks(Vec<AtomicU64>);
+
+impl Marks {
+    fn new(voxels: usize) -> Self {
+        Self((0..voxels.div_ceil(64)).map(|_| AtomicU64::new(0)).collect())
+    }
+
+    fn has(&self, at: usize) -> bool {
+        self.0[at / 64].load(Ordering::Relaxed) & (1 << (at % 64)) != 0
+    }
+
+    fn set(&self, at: usize) {
+        // Reading first is faster where most voxels are marked many times.
+        if !self.has(at) {
+            self.0[at / 64].fetch_or(1 << (at % 64), Ordering::Relaxed);
+        }
+    }
+}
+
 /// Separating axes of a triangle and unit boxes: the triangle's plane and the nine edge products.
 /// (The caller's range covers the three box axes.)
 ///
@@ -336,7 +384,7 @@ mod tests {
             .map(place)
             .map(|(x, y)| [Point::new(x, y, 0.1), Point::new(x, y, 0.12)])
             .collect();
-        v.fill(&segments);
+        v.fill(segments.into_par_iter());
         v.flood(|_| true);
         assert_eq!(v.at(&Point::new(0.5, 0.5, 0.5)), Voxel::Inside);
         assert_eq!(v.at(&Point::new(0.5, 0.5, 0.11)), Voxel::Filled);

@@ -61,8 +61,10 @@ impl ElasticGroups {
         bending.form = LambdaForm::Pbd;
         let mut stretch = stretch_groups(edges, x, params.stretch_compliance);
         stretch.iter_mut().for_each(|group| group.form = LambdaForm::Pbd);
+        let lengths: Vec<Real> = edges.vertices.iter().map(|e| length(x, e)).collect();
+        let all = EdgeSet::new(&edges.vertices, &lengths, x.len());
         let limit = StrainLimit::new(
-            EdgeSet::of_mesh(mesh),
+            all.expect("two different vertices of a mesh, and a finite length"),
             (1.0 - params.strain_limit).max(0.0),
             1.0 + params.strain_limit,
         );
@@ -97,12 +99,16 @@ impl ElasticGroups {
     }
 }
 
+fn length(x: &[Point], [a, b]: &[u32; 2]) -> Real {
+    (x[*a as usize] - x[*b as usize]).norm()
+}
+
 /// The edges in groups of similar length, the shorter the stiffer: β ~ ℓ², so that what is spread
 /// evenly is strain, and not the change of length.
 fn stretch_groups(edges: &Edges, x: &[Point], compliance: Real) -> Vec<Stretch> {
     /// Bounds of the groups, relative to the mean length.
     const BOUNDS: [Real; 5] = [0.25, 0.5, 0.8, 1.2, 1.8];
-    let length = |e: &[u32; 2]| (x[e[0] as usize] - x[e[1] as usize]).norm();
+    let length = |e: &[u32; 2]| length(x, e);
     let mean = edges.vertices.iter().map(length).sum::<Real>() / edges.len().max(1) as Real;
     let group_of = |l: Real| BOUNDS.iter().take_while(|b| l > **b * mean).count();
     (0..=BOUNDS.len())
@@ -128,7 +134,7 @@ const SHORT: Real = 0.03;
 
 /// The edges that are doubled points.
 fn short_edges(edges: &Edges, x: &[Point]) -> Vec<[u32; 2]> {
-    let length = |e: &[u32; 2]| (x[e[0] as usize] - x[e[1] as usize]).norm();
+    let length = |e: &[u32; 2]| length(x, e);
     let mean = edges.vertices.iter().map(length).sum::<Real>() / edges.len().max(1) as Real;
     edges.vertices.iter().filter(|e| length(e) < SHORT * mean).copied().collect()
 }

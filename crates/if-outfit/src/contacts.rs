@@ -13,7 +13,7 @@ use if_core::closest::ClosestPoint;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, area_vector, barycentric_point, unit_or_zero};
 use if_core::mesh::TriMesh;
-use if_mesh::index::Bvh;
+use if_mesh::index::{Bvh, distance_bound};
 use if_mesh::outward::Outward;
 use if_mesh::solid::ClosedLayer;
 use if_xpbd::half_space::HalfSpaces;
@@ -61,6 +61,15 @@ struct LastQuery {
     /// far it can move before the next query depends on its gap, which can widen.
     clear: Real,
     /// The nearest triangle, with which the next search begins.
+    triangle: Option<u32>,
+}
+
+/// The last query of a vertex of a layer below.
+#[derive(Clone, Copy, Debug, Default)]
+struct LastForeign {
+    /// The garment's path length before which it cannot touch the vertex, in metres.
+    until: Real,
+    /// The garment's nearest triangle, with which the next search begins.
     triangle: Option<u32>,
 }
 
@@ -120,8 +129,8 @@ pub(crate) struct Contacts<'a> {
     single: usize,
     /// For each sample its last query of each layer.
     last_queries: Vec<LastQuery>,
-    /// For each layer and vertex of it, the garment's path length before which it cannot touch.
-    foreign: Vec<Vec<Real>>,
+    /// For each layer and vertex of it its last query.
+    foreign: Vec<Vec<LastForeign>>,
     /// Sum over the rounds of the largest motion of any vertex, in metres.
     path: Real,
     /// Nearest-point queries made.
@@ -163,7 +172,7 @@ impl<'a> Contacts<'a> {
         let blank = LastQuery { position: Point::origin(), clear: 0.0, triangle: None };
         Self {
             last_queries: vec![blank; samples.len() * below.len()],
-            foreign: below.iter().map(|l| vec![0.0; l.vertex_count()]).collect(),
+            foreign: below.iter().map(|l| vec![LastForeign::default(); l.vertex_count()]).collect(),
             below,
             outward,
             params,
@@ -280,14 +289,14 @@ impl<'a> Contacts<'a> {
         let (path, params) = (self.path, self.params);
         let range = gaps.iter().copied().fold(0.0, Real::max) + params.margin;
         let region = tree.aabb();
-        for (layer, next) in self.below.iter().zip(&mut self.foreign) {
-            let found: Vec<Found<(Sample, Plane)>> = next
+        for (layer, last_queries) in self.below.iter().zip(&mut self.foreign) {
+            let found: Vec<Found<(Sample, Plane)>> = last_queries
                 .par_chunks_mut(CHUNK)
                 .enumerate()
-                .map(|(chunk, next)| {
+                .map(|(chunk, last_queries)| {
                     let mut found = Found { contacts: Vec::new(), queries: 0, skipped: 0 };
-                    for (k, next) in next.iter_mut().enumerate() {
-                        if params.skip && path + range < *next {
+                    for (k, last) in last_queries.iter_mut().enumerate() {
+                        if params.skip && path + range < last.until {
                             found.skipped += 1;
                             continue;
                         }
@@ -295,17 +304,22 @@ impl<'a> Contacts<'a> {
                         let v = layer.vertex(number);
                         let away = region.distance_squared(&v).sqrt();
                         if params.skip && away > range {
-                            *next = path + away;
+                            last.until = path + away;
                             found.skipped += 1;
                             continue;
                         }
                         found.queries += 1;
-                        let Some(near) = tree.closest(&v, range + params.reserve) else {
-                            *next = path + range + params.reserve;
+                        let hint = last.triangle.filter(|_| params.skip).map(|t| {
+                            distance_bound(&v, triangles[t as usize].map(|v| &x[v as usize]))
+                        });
+                        let reach = range + params.reserve;
+                        let Some(near) = tree.closest(&v, hint.unwrap_or(reach).min(reach)) else {
+                            last.until = path + reach;
                             continue;
                         };
+                        last.triangle = Some(near.triangle);
                         if near.distance > range {
-                            *next = path + near.distance;
+                            last.until = path + near.distance;
                             continue;
                         }
                         let sample = Sample {

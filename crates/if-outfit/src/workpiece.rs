@@ -11,7 +11,7 @@ use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Cancelled;
 use if_mesh::index::Bvh;
-use if_mesh::measure::{Strain, strain};
+use if_mesh::measure::{Strain, strain_of};
 use if_mesh::outward::Outward;
 use if_mesh::solid::ClosedLayer;
 use if_xpbd::report::StepError;
@@ -199,7 +199,8 @@ impl<'a> Workpiece<'a> {
     /// finished: clean, and unlikely to get better. `moved` is the largest motion of the round.
     pub(crate) fn rank(&mut self, moved: Real) -> bool {
         let effort = &self.scene.params.effort;
-        self.strain = strain(&self.scene.garment.mesh, self.mesh.vertices());
+        let rest = self.scene.garment.mesh.vertices();
+        self.strain = strain_of(&self.cloth.edges.vertices, rest, self.mesh.vertices());
         let sticking_out = self.contacts.sticking_out(self.mesh.vertices()).len();
         let rank = (self.remaining.count(), sticking_out, self.strain.rms);
         if self.best.as_ref().is_none_or(|best| rank < best.rank) {

@@ -4,6 +4,17 @@ use super::{Bvh, STACK, corner_box};
 use if_core::closest::{Closest, ClosestPoint, Feature, closest_on_triangle};
 use if_core::math::{Point, Real, barycentric_point};
 
+/// Upper bound of the distance of `p` from the triangle with these corners, in metres.
+///
+/// The slack exceeds the rounding of distances and of coordinates: a search for the nearest triangle
+/// within the bound, of a mesh that has this one, finds the same as one without bound.
+pub fn distance_bound(p: &Point, [a, b, c]: [&Point; 3]) -> Real {
+    let (w, _) = closest_on_triangle(p, a, b, c);
+    let distance = (p - barycentric_point([a, b, c], w)).norm();
+    distance * (1.0 + 1e-9)
+        + 1e-12 * (p.coords.amax() + a.coords.amax() + b.coords.amax() + c.coords.amax())
+}
+
 impl ClosestPoint for Bvh {
     fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest> {
         if max_distance.is_nan() || max_distance < 0.0 {

@@ -36,14 +36,9 @@ pub(super) fn closed_voxels(
         Aabb::from_points(mesh.triangles().iter().flatten().map(|v| &mesh.vertices()[*v as usize]));
     let mut voxels =
         Voxels::new(&extent.inflated(height * CELL * PROBES[PROBES.len() - 1]), height * CELL);
-    for t in 0..mesh.triangles().len() {
-        voxels.add_wall(mesh.corners(t));
-    }
+    voxels.add_walls(mesh);
     cast_shadow(&mut voxels, mesh, body.skin(), height * SHADOW);
-    let walls = body.surface().map_or(body_mesh, BodySurface::closed);
-    for t in 0..walls.triangles().len() {
-        voxels.add_wall(walls.corners(t));
-    }
+    voxels.add_walls(body.surface().map_or(body_mesh, BodySurface::closed));
     for walk in edges.boundary_loops(mesh) {
         close_loop(&mut voxels, mesh, &walk, body, height * CURTAIN);
     }
@@ -63,44 +58,35 @@ fn cast_shadow(voxels: &mut Voxels, mesh: &TriMesh, body: &Bvh, reach: Real) {
     let cell = voxels.cell();
     let longest =
         |p: [&Point; 3]| (0..3).map(|k| (p[k] - p[(k + 1) % 3]).norm()).fold(0.0, Real::max);
-    // Triangles that cast a shadow, the nearest points of the body, and the number of strips.
-    let mut casting: Vec<(usize, [Point; 3], usize)> = Vec::new();
-    let mut segments = 0;
-    for (t, tri) in mesh.triangles().iter().enumerate() {
-        let [Some(a), Some(b), Some(c)] = tri.map(|v| feet[v as usize]) else { continue };
-        let size = longest(mesh.corners(t));
+    let shadow = |t: usize| {
+        let [Some(a), Some(b), Some(c)] = mesh.triangles()[t].map(|v| feet[v as usize]) else {
+            return None;
+        };
+        let (top, foot) = (mesh.corners(t), [a, b, c]);
+        let size = longest(top);
         // Nearest points on two legs, or on an arm and the torso, have no common shadow.
-        if longest([&a, &b, &c]) > 2.0 * size + 2.0 * cell {
-            continue;
+        if longest(foot.each_ref()) > 2.0 * size + 2.0 * cell {
+            return None;
         }
         let steps = (1.5 * size / cell).ceil().max(1.0) as usize;
-        casting.push((t, [a, b, c], steps));
-        segments += (steps + 1) * (steps + 2) / 2;
-        if segments > BATCH {
-            fill_shadows(voxels, mesh, &casting);
-            casting.clear();
-            segments = 0;
-        }
-    }
-    fill_shadows(voxels, mesh, &casting);
+        Some(segments(top, foot, steps))
+    };
+    let all = (0..mesh.triangles().len()).into_par_iter().filter_map(shadow).flatten_iter();
+    voxels.fill(all);
 }
 
-/// Segments of shadows built before they are filled: 6 MB, and twice that while threads collect them.
-const BATCH: usize = 1 << 17;
-
-/// Fills the space between triangles and their nearest points on the body, along segments.
-fn fill_shadows(voxels: &mut Voxels, mesh: &TriMesh, casting: &[(usize, [Point; 3], usize)]) {
-    let of_triangle = |(t, feet, steps): &(usize, [Point; 3], usize)| {
-        let (top, feet, steps) = (mesh.corners(*t), *feet, *steps);
-        let places = (0..=steps).flat_map(move |i| (0..=steps - i).map(move |j| (i, j)));
-        places.map(move |(i, j)| {
-            let (u, v) = (i as Real / steps as Real, j as Real / steps as Real);
-            let w = [1.0 - u - v, u, v];
-            [barycentric_point(top, w), barycentric_point(feet.each_ref(), w)]
-        })
-    };
-    let segments: Vec<[Point; 2]> = casting.par_iter().flat_map_iter(of_triangle).collect();
-    voxels.fill(&segments);
+/// Segments that fill the space between a triangle and its nearest points on the body.
+fn segments(
+    top: [&Point; 3],
+    foot: [Point; 3],
+    steps: usize,
+) -> impl Iterator<Item = [Point; 2]> + '_ {
+    let places = (0..=steps).flat_map(move |i| (0..=steps - i).map(move |j| (i, j)));
+    places.map(move |(i, j)| {
+        let (u, v) = (i as Real / steps as Real, j as Real / steps as Real);
+        let w = [1.0 - u - v, u, v];
+        [barycentric_point(top, w), barycentric_point(foot.each_ref(), w)]
+    })
 }
 
 /// Adds curtains from the loop to the body, and a cap over the loop.

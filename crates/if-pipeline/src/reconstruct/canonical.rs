@@ -43,9 +43,7 @@ impl FloodedField {
         let bounds = mesh.aabb();
         let cell = bounds.size().max() * VOXEL;
         let mut voxels = Voxels::new(&bounds.inflated(2.0 * cell), cell);
-        for t in 0..mesh.triangles().len() {
-            voxels.add_wall(mesh.corners(t));
-        }
+        voxels.add_walls(mesh);
         voxels.flood(|_| true);
         Ok(Self { exact, voxels, bounds })
     }
