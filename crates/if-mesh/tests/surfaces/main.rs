@@ -4,3 +4,4 @@ mod cleanup;
 mod extraction;
 #[path = "../fields/mod.rs"]
 mod fields;
+mod voxels;
