@@ -303,7 +303,7 @@ fn write_meshes(
             .map_err(|source| OutputError::Folder { path: folder.clone(), source })?;
         let all = frames.positions(frame).map_err(|source| AnimateFault::Animate { source })?;
         let mut rest = &all[..];
-        let mut by_file: Vec<(&LayerSpec, Vec<(&MeshFile, &[Point])>)> = Vec::new();
+        let mut by_file: Vec<(&LayerSpec, Vec<LayerInFile<'_>>)> = Vec::new();
         for ((layer, mesh), file) in spec.layers().zip(outfit.layers()).zip(files.files()) {
             let (positions, others) = rest.split_at(mesh.mesh.vertices().len());
             rest = others;
@@ -320,7 +320,10 @@ fn write_meshes(
     Ok(())
 }
 
-fn write_meshes_of_file(layers: &[(&MeshFile, &[Point])], path: &Path) -> Result<(), OutputError> {
+/// A layer of a file, and its positions in a frame.
+type LayerInFile<'a> = (&'a MeshFile, &'a [Point]);
+
+fn write_meshes_of_file(layers: &[LayerInFile<'_>], path: &Path) -> Result<(), OutputError> {
     MeshFile::write_layers(layers, path).map_err(|error| match error {
         WriteError::Io { path, source } => OutputError::File { path, source },
         other => OutputError::Mesh { path: path.into(), source: ErrorChain::new(&other) },
