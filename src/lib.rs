@@ -52,8 +52,9 @@ pub use if_core::{Cancelled, Monitor, ParameterError, Progress, Silent, TriMesh,
 pub use if_mesh::MeshFile;
 pub use if_outfit::files::{FilesError, LayerFile, OutfitFiles, ResolvedFiles};
 pub use if_outfit::{
-    ClothParams, EffortParams, GoalParams, Layer, Outfit, OutfitError, ResolveError, ResolveParams,
-    ResolveReport, Resolved, Split, Tuck, Verification, resolve, verify,
+    Cleanness, ClothParams, EffortParams, GoalParams, Layer, Method, Outfit, OutfitError, Own,
+    ResolveError, ResolveParams, ResolveReport, Resolved, Split, Tuck, Verification, resolve,
+    verify,
 };
 
 /// The examples in the README and in the guides are tests.

@@ -1,7 +1,7 @@
 //! The garment as the solver sees it: positions, which vertices are free, and constraint groups.
 
-use crate::constraints::ElasticGroups;
 use crate::contact_groups::ContactGroups;
+use crate::elastic_groups::ElasticGroups;
 use crate::geodesic::Neighbours;
 use crate::outfit::Layer;
 use crate::params::ResolveParams;

@@ -2,7 +2,7 @@
 
 use super::contours::{Contour, Way, normal};
 use crate::cloth::{quasi_static, step};
-use crate::constraints::ElasticGroups;
+use crate::elastic_groups::ElasticGroups;
 use crate::geodesic::Neighbours;
 use crate::outfit::Layer;
 use crate::params::ResolveParams;
