@@ -225,6 +225,15 @@ impl Camera {
         Self { rotation, translation, ..self.clone() }
     }
 
+    /// The camera with other focal lengths.
+    pub fn zoomed(&self, by: Real) -> Self {
+        let mut intrinsics = self.intrinsics;
+        for k in 0..2 {
+            intrinsics[(k, k)] *= by;
+        }
+        Self { intrinsics, ..self.clone() }
+    }
+
     /// A point of the world in the camera's frame.
     #[inline]
     pub fn to_camera(&self, p: &Point) -> Point {

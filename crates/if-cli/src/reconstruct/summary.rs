@@ -91,6 +91,9 @@ fn refined(poses: &PoseReport) -> String {
     if poses.camera_degrees > 0.0 {
         text += &format!("; the camera was turned by {:.2}°", poses.camera_degrees);
     }
+    if poses.camera_zoom != 1.0 {
+        text += &format!("; focal lengths were multiplied by {:.3}", poses.camera_zoom);
+    }
     if !poses.unused.is_empty() {
         text += &format!("; {} frames follow from their neighbours", poses.unused.len());
     }

@@ -1,9 +1,9 @@
 //! Refinement of poses that are estimates.
 
 mod chain;
+mod constant_camera;
 mod gauge;
 mod normal_image;
-mod orientation;
 mod params;
 mod report;
 mod rotations;
@@ -70,7 +70,7 @@ const SETTLED: (Real, Real) = (0.02, 0.1);
 ///
 /// ```text
 /// poses ← least of priors and accelerations
-/// camera ← turned, where the template is beside the masks in all frames      orientation.rs
+/// camera ← turned and zoomed, where the template is off the masks in all frames   constant_camera.rs
 /// for each round
 ///     surface: a round of fit_surface, two at first
 ///     X ← the template where frames vote for skin, the surface elsewhere
@@ -113,6 +113,8 @@ pub fn refine_poses(
         degrees: params.sigma.degrees,
         translation_mm: 1e3 * params.sigma.translation,
         unused: scene.unused(capture.len()),
+        camera_zoom: scene.capture.camera().intrinsics()[(0, 0)]
+            / capture.camera().intrinsics()[(0, 0)],
         camera_degrees: angle_between(capture.camera(), scene.capture.camera()),
         ..Default::default()
     };
@@ -173,7 +175,8 @@ impl<'a> Scene<'a> {
         if params.camera_degrees > 0.0 {
             let (degrees, shift) = (params.camera_degrees, params.sigma.translation);
             let shift = shift.max(LEAST_TURN);
-            let turned = orientation::turned(capture.camera(), template, &frames, degrees, shift);
+            let found =
+                constant_camera::corrected(capture.camera(), template, &frames, degrees, shift);
             if let Some(camera) = turned {
                 let turn = camera.rotation().transpose() * capture.camera().rotation();
                 frames.par_iter_mut().for_each(|frame| frame.turn_normals(&turn));
@@ -317,7 +320,7 @@ impl<'a> Scene<'a> {
 
 /// The angle between the orientations of two cameras, in degrees; 0 for equal ones.
 fn angle_between(a: &Camera, b: &Camera) -> Real {
-    if a == b {
+    if a.rotation() == b.rotation() {
         return 0.0;
     }
     Rotation3::from_matrix_unchecked(a.rotation() * b.rotation().transpose()).angle().to_degrees()

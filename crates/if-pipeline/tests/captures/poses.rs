@@ -124,7 +124,7 @@ fn refined_poses_are_the_same_on_any_number_of_threads() {
 }
 
 #[test]
-fn a_camera_that_is_turned_is_turned_back_and_an_exact_one_stays() {
+fn a_camera_that_is_turned_or_too_long_is_corrected_and_an_exact_one_stays() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("capture");
     let (_, exact) = scene(&path, 8, 128);
@@ -146,8 +146,11 @@ fn a_camera_that_is_turned_is_turned_back_and_an_exact_one_stays() {
     let rest = found.camera.rotation() * exact.camera().rotation().transpose();
     let rest = nalgebra::Rotation3::from_matrix_unchecked(rest).angle();
     assert!(rest < 0.003, "{rest} rad of {} are left", tilt.angle());
+    assert_eq!(found.report.camera_zoom, 1.0);
     let silhouettes = [&left, &found].map(|r| r.report.rounds[0].silhouette_mm);
     assert!(silhouettes[1] < 0.8 * silhouettes[0], "{silhouettes:?}");
+    let long = refine(&exact.with_camera(exact.camera().zoomed(1.05)), 1.0);
+    assert!((1.05 * long.report.camera_zoom - 1.0).abs() < 0.01, "{}", long.report.camera_zoom);
 }
 
 /// A capture of one frame without a person, for its mask.

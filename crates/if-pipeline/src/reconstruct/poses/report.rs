@@ -46,6 +46,8 @@ pub struct PoseReport {
     pub translation_mm: Real,
     /// The angle by which the camera was turned, in degrees; 0 if it was left as it is.
     pub camera_degrees: Real,
+    /// By what its focal lengths were multiplied; 1 if they were left as they are.
+    pub camera_zoom: Real,
     /// Frames whose images were not used; their poses follow from their neighbours'.
     pub unused: Vec<usize>,
     /// Residual of the frames that the surface did not see; `None` if there were too few frames.
