@@ -177,7 +177,7 @@ impl<'a> Scene<'a> {
             let shift = shift.max(LEAST_TURN);
             let found =
                 constant_camera::corrected(capture.camera(), template, &frames, degrees, shift);
-            if let Some(camera) = turned {
+            if let Some(camera) = found {
                 let turn = camera.rotation().transpose() * capture.camera().rotation();
                 frames.par_iter_mut().for_each(|frame| frame.turn_normals(&turn));
                 capture = capture.with_camera(camera);
