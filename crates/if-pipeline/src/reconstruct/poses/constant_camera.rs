@@ -21,8 +21,8 @@ const CLOTHES: Real = 0.03;
 /// Standard deviation of the focal length, as a share of it.
 const FOCAL: Real = 0.02;
 /// A share by which the focal length is off below which it stays: where it is exact, clothes of
-/// other thickness at head and feet are taken for 0.4 to 0.8 %.
-const LEAST_FOCAL: Real = 0.01;
+/// other thickness at head and feet are taken for 0.4 to 0.8 %, in one of 16,000 pixels for 1.5 %.
+const LEAST_FOCAL: Real = 0.015;
 /// Standard deviation of a silhouette's vertex, in metres: neighbours err together.
 const SILHOUETTE: Real = 0.2;
 

@@ -18,7 +18,7 @@ pub struct PoseParams {
     pub sigma: PoseSigma,
     /// Standard deviation of a constant turn of the camera about each axis, in degrees: its
     /// orientation is refined, too, where masks show an error beyond that of the roots' positions,
-    /// and its focal length where it is off by more than 1 %. 0 for an exact camera. [`reconstruct`](super::super::reconstruct) uses what the capture states.
+    /// and its focal length where it is off by more than 1.5 %. 0 for an exact camera. [`reconstruct`](super::super::reconstruct) uses what the capture states.
     pub camera_degrees: Real,
     /// Rounds of fitting the surface, and then the poses.
     pub rounds: usize,
