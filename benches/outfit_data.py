@@ -1,5 +1,5 @@
 """The outfits of the test data, for the programs beside this file."""
-import json, os, random
+import json, os, random, subprocess, sys
 from typing import NamedTuple
 
 
@@ -40,3 +40,50 @@ def drawn(data, body, count, seed):
         layers = [generator.choice(slots[name]) for name in names]
         garments = [os.path.join(folder, "garments", g + ".ply") for g in layers]
         yield Outfit(body, f"d{seed}_{number + 1:02}", os.path.join(folder, "body_clean.ply"), layers, garments)
+
+
+class Resolved(NamedTuple):
+    name: str
+    skin: str  # path of the body's mesh
+    before: list  # paths of the garments as they came, innermost first
+    after: list  # paths of what ifg wrote
+    report: dict
+    seconds: float  # of processor, of the whole command
+
+
+def resolved(ifg, data, names, out, extra=()):
+    """Outfits resolved by `ifg fix`, one after the other: those of body_a and body_b named (`o1` is `o1_casual`); `demo` is the built-in scene."""
+    for name in names:
+        if name == "demo":
+            folder = os.path.join(out, "demo")
+            yield _resolve(ifg, name, ["demo"], None, [], folder, extra)
+            continue
+        found = outfits(data, ("body_a", "body_b")) if os.path.isdir(data) else []
+        found = [outfit for outfit in found if outfit.name == name or outfit.name.startswith(name + "_")]
+        if not found:
+            sys.exit(f"{name}: no such outfit in {data}. The test data are not part of the repository; `demo` needs none")
+        for _, full, skin, _, garments in found:
+            folder = os.path.join(out, full)
+            yield _resolve(ifg, full, ["fix", "--body", skin, *garments], skin, garments, folder, extra)
+
+
+def processor_seconds():
+    """Of this process and of those that it waited for, all threads together."""
+    return sum(os.times()[:4])
+
+
+def _resolve(ifg, name, command, skin, before, folder, extra):
+    try:
+        start = processor_seconds()
+        run = subprocess.run([ifg, *command, "--json", "--no-pictures", "--out", folder, *extra], capture_output=True, text=True)
+        seconds = processor_seconds() - start
+    except FileNotFoundError:
+        sys.exit(f"{ifg}: not found. Build it with `cargo build --release`, or name it with --ifg")
+    if run.returncode != 0:
+        sys.exit(f"{name}: ifg ended with exit code {run.returncode}\n{run.stderr}")
+    with open(os.path.join(folder, "receipt.json"), encoding="utf-8") as file:
+        receipt = json.load(file)
+    files = [os.path.basename(i["file"]) for i in receipt["inputs"]]
+    if skin is None:
+        skin, *before = [os.path.join(folder, "input", file) for file in files]
+    return Resolved(name, skin, before, [os.path.join(folder, file) for file in files[1:]], receipt["report"], seconds)
