@@ -11,6 +11,7 @@ __all__ = [
     "AnimateError",
     "BusyError",
     "Cancelled",
+    "CaptureError",
     "Error",
     "IntersectionsRemain",
     "OutfitError",
@@ -47,6 +48,26 @@ class BusyError(WardrobeError):
 
 class ReconstructError(Error):
     """A capture or its template body cannot be used."""
+
+
+class CaptureError(Error, ValueError):
+    """A file of somebody else's capture cannot be converted.
+
+    Attributes:
+        file: its path.
+        key: the key, data set or array in it, or ``None`` if the file as a whole is meant.
+    """
+
+    file: str
+    key: str | None
+
+    def __init__(self, file: object, key: str | None, problem: str) -> None:
+        super().__init__(file, key, problem)
+        self.file, self.key, self.problem = str(file), key, problem
+
+    def __str__(self) -> str:
+        place = self.file if self.key is None else f"{self.file}: `{self.key}`"
+        return f"{place}: {self.problem}"
 
 
 class AnimateError(Error):
