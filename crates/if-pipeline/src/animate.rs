@@ -6,13 +6,16 @@
 
 mod animator;
 mod error;
+mod finisher;
 mod frames;
+mod local;
 mod measure;
 mod outfit;
 mod report;
 mod smoother;
 #[cfg(test)]
 mod tests;
+mod window;
 
 pub use animator::{AnimateParams, Animator};
 pub use error::AnimateError;
@@ -20,12 +23,12 @@ pub use frames::Frames;
 pub use outfit::{SkinFault, SkinnedOutfit};
 pub use report::{AnimationReport, FrameReport, Spread};
 
+use finisher::Finisher;
 use if_body::Motion;
 use if_core::monitor::{Monitor, Progress};
-use measure::Measurer;
-use smoother::Smoother;
 use std::path::Path;
 use std::time::Instant;
+use window::Window;
 
 /// All frames of a motion.
 #[derive(Debug)]
@@ -60,18 +63,19 @@ pub fn animate(
     monitor: &mut dyn Monitor,
 ) -> Result<Animation, AnimateError> {
     let start = Instant::now();
-    let mut walked = Frames::open(&folder.join(WALKED), outfit, motion, params)?;
+    let radius = params.smoothed_frames(motion);
     let mut frames = Frames::open(folder, outfit, motion, params)?;
     let mut animator = Animator::new(outfit, motion, *params)?;
-    let radius = params.smoothed_frames(motion);
-    let mut smoother = Smoother::new(outfit, motion, animator.walker().clone(), radius);
-    let mut measurer = Measurer::new(outfit);
-    walked.resume(&mut animator)?;
+    let mut finisher = Finisher::new(outfit, motion, animator.walker().clone(), radius);
     let total = motion.poses.len();
     frames.keep(total);
     let kept = frames.len();
-    measurer.resume(animator.walker(), motion, kept, |frame| frames.positions(frame))?;
+    finisher.resume(kept, |frame| frames.positions(frame))?;
+    let mut window = Window::open(&folder.join(WALKED), outfit, motion, params)?;
+    window.resume(kept.saturating_sub(radius), &mut animator);
+    let last_needed = |k: usize| (k + radius).min(total.saturating_sub(1));
     let working = Instant::now();
+    let mut begun = working;
     for k in kept..total {
         let done = k - kept;
         let left = working.elapsed().as_secs_f64() / done.max(1) as f64 * (total - k) as f64;
@@ -82,37 +86,26 @@ pub fn animate(
             measures: if done > 0 { &measures } else { &[] },
             ..Progress::stage("frame")
         })?;
-        while walked.len() <= smoother.last_needed(k) {
+        while window.next() <= last_needed(k) {
             let (positions, row) = animator.next_frame(monitor)?;
-            walked.push(&positions, row)?;
-            walked.push_state(&animator)?;
+            window.push(positions, row, &animator)?;
         }
-        let begun = Instant::now();
-        let walker = animator.walker();
-        let raw = &walked.rows()[k];
-        let mut positions = smoother.frame(k, &walked, monitor)?;
-        let before = walked.positions(k)?;
-        let mut found = measurer.verify(walker, &positions)?;
-        let mut smoothed = positions != before;
-        if smoothed && !found.is_clean() {
-            // Contacts keep layers apart, and not vertices on their sides.
-            let unsmoothed = measurer.verify(walker, &before)?;
-            if unsmoothed.is_clean() {
-                (positions, found, smoothed) = (before, unsmoothed, false);
+        // The frame that the next one needs is walked to while this one is finished.
+        let (mut finished, mut walked) = (None, Ok(None));
+        rayon::in_place_scope(|scope| {
+            scope.spawn(|_| finished = Some(finisher.frame(k, &window)));
+            if k + 1 < total && window.next() <= last_needed(k + 1) {
+                walked = animator.next_frame(monitor).map(Some);
             }
-        }
-        let mut row = FrameReport {
-            pairs: found.pairs,
-            inside: found.inside,
-            own_pairs: found.own_pairs,
-            body_own_pairs: found.body_own_pairs,
-            new_own_pairs: found.new_own_pairs,
-            smoothed,
-            ..raw.clone()
-        };
-        measurer.measure(walker, &motion.poses[k], &positions, &mut row)?;
-        row.seconds += begun.elapsed().as_secs_f64();
+        });
+        let (positions, mut row) = finished.expect("the scope waits for its tasks")?;
+        row.seconds = begun.elapsed().as_secs_f64();
+        begun = Instant::now();
         frames.push(&positions, row)?;
+        if let Some((positions, row)) = walked? {
+            window.push(positions, row, &animator)?;
+        }
+        window.forget((k + 1).saturating_sub(radius))?;
     }
     let seconds = start.elapsed().as_secs_f64();
     let report = AnimationReport::new(frames.rows(), motion.frames_per_second, kept, seconds);

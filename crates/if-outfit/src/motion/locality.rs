@@ -7,7 +7,7 @@ use if_mesh::intersections::own_pairs;
 use if_mesh::point_tree::PointTree;
 
 /// Inverse masses of a step: zero for what is held.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Yielding {
     pub(super) inverse_mass: Vec<f64>,
     /// Whether a vertex of the body is held.

@@ -31,6 +31,9 @@ pub(super) fn turns(scene: &Scene, from: &[Point], to: &[Point]) -> Vec<Matrix3<
             *sum = Matrix3::identity();
         }
     }
+    for [v, kept] in &scene.doubled {
+        sums[*v as usize] = sums[*kept as usize];
+    }
     sums
 }
 

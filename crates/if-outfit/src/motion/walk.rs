@@ -10,7 +10,7 @@ use super::turn::{turned, turns};
 use crate::findings::new_pairs;
 use crate::outfit::{Outfit, OutfitError};
 use crate::storage::Storage;
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_core::parameter::ParameterError;
@@ -133,6 +133,12 @@ struct Attempt {
     is_local: bool,
 }
 
+/// Share of the gaps of a walk that [`Walker::approach`] keeps. With all of them means are pushed back
+/// to where the walked states were, and tremble as these do; with half of this no less.
+const APPROACH: Real = 0.3;
+/// Displacement of the body far from its own overlaps that [`Walker::approach`] takes over, in metres:
+/// less than counts as yielding.
+const FAR: Real = 0.9e-3;
 /// Times that the opening of the rest state is tried with other gaps.
 const OPENINGS: usize = 10;
 
@@ -181,7 +187,8 @@ impl Walker {
         let mut share = 1.0;
         for _ in 0..OPENINGS {
             let target = self.target.clone();
-            let attempt = self.attempt(&target, None, share * self.params.gap);
+            let everywhere = Yielding::everywhere(&self.scene);
+            let attempt = self.attempt(&target, everywhere, share * self.params.gap);
             tracing::debug!(
                 share,
                 pairs = attempt.pairs.len(),
@@ -249,49 +256,6 @@ impl Walker {
         Ok(x)
     }
 
-    /// The displacements of `positions` from `target`, in the frames that the surface has in the
-    /// rest state: comparable between poses.
-    ///
-    /// # Errors
-    ///
-    /// [`WalkError::Target`].
-    pub fn local_displacements(
-        &self,
-        target: &[Point],
-        positions: &[Point],
-    ) -> Result<Vec<Vector>, WalkError> {
-        self.check(target)?;
-        self.check(positions)?;
-        let back = turns(&self.scene, target, &self.rest);
-        let one = |((t, p), turn): ((&Point, &Point), &_)| turned(turn, &(p - t));
-        Ok(target.iter().zip(positions).zip(&back).map(one).collect())
-    }
-
-    /// `positions` moved by `displacements`, which are given in the frames of the rest state and
-    /// turned to those of `target`: the inverse of [`local_displacements`](Self::local_displacements)
-    /// up to the spread of the turns of a vertex's triangles.
-    ///
-    /// # Errors
-    ///
-    /// [`WalkError::Target`].
-    ///
-    /// # Panics
-    ///
-    /// If there is not one displacement for each vertex.
-    pub fn displaced(
-        &self,
-        target: &[Point],
-        positions: &[Point],
-        displacements: &[Vector],
-    ) -> Result<Vec<Point>, WalkError> {
-        assert_eq!(displacements.len(), self.rest.len(), "one displacement for each vertex");
-        self.check(target)?;
-        self.check(positions)?;
-        let turns = turns(&self.scene, &self.rest, target);
-        let one = |((p, u), turn): ((&Point, &Vector), &_)| p + turned(turn, u);
-        Ok(positions.iter().zip(displacements).zip(&turns).map(one).collect())
-    }
-
     /// Verifies `positions` exactly.
     ///
     /// # Errors
@@ -319,9 +283,10 @@ impl Walker {
         Ok(())
     }
 
-    /// From the clean state `from` towards `to` in `steps` steps, as near as contacts permit. Vertices of the body
-    /// that are farther than [`WalkParams::body_reach`] from its overlaps at `reference` go to `to`
-    /// exactly.
+    /// From the clean state `from` towards `to` in `steps` steps, as near as contacts permit. They
+    /// keep less apart than those of a walk, so that `to` may be a mean of states of walks. Vertices
+    /// of the body that are farther than [`WalkParams::body_reach`] from its overlaps at `reference`
+    /// go to `to` exactly, and at most 0.9 mm from `reference`.
     ///
     /// The walker's state ends free of intersections if `from` is so, at whatever share of the way.
     ///
@@ -338,8 +303,18 @@ impl Walker {
         self.check(to)?;
         self.check(reference)?;
         self.restart(from.to_vec())?;
-        let path = |t: Real| from.iter().zip(to).map(|(a, b)| a + (b - a) * t).collect();
-        self.follow(steps, &path, Some(reference), monitor)
+        let yielding = self.yielding(reference);
+        let mut to = to.to_vec();
+        for v in (0..self.scene.starts[1]).filter(|v| yielding.inverse_mass[*v] == 0.0) {
+            to[v] = reference[v] + (to[v] - reference[v]).cap_magnitude(FAR);
+        }
+        let path = |t: Real| from.iter().zip(&to).map(|(a, b)| a + (b - a) * t).collect();
+        let params = self.params;
+        self.params.gap *= APPROACH;
+        self.params.share *= APPROACH;
+        let walked = self.follow(steps, &path, Some(yielding), monitor);
+        self.params = params;
+        walked
     }
 
     /// Follows the `path` of targets, from the current one at 0 to 1, in `steps` steps or smaller
@@ -360,13 +335,13 @@ impl Walker {
         self.follow(steps, path, None, monitor)
     }
 
-    /// As [`walk`](Self::walk). The body yields near its overlaps at `reference`, by default at the
+    /// As [`walk`](Self::walk), with where the body yields; by default near its overlaps at the
     /// target of each step.
     fn follow(
         &mut self,
         steps: usize,
         path: &dyn Fn(Real) -> Vec<Point>,
-        reference: Option<&[Point]>,
+        yielding: Option<Yielding>,
         monitor: &mut dyn Monitor,
     ) -> Result<Walked, WalkError> {
         let largest = 1.0 / steps.max(1) as Real;
@@ -378,7 +353,8 @@ impl Walker {
             let to = if step > 0.999 * left { 1.0 } else { walked.reached + step };
             let target = path(to);
             self.check(&target)?;
-            let attempt = self.attempt(&target, Some(reference.unwrap_or(&target)), 0.0);
+            let yielding = yielding.clone().unwrap_or_else(|| self.yielding(&target));
+            let attempt = self.attempt(&target, yielding, 0.0);
             walked.solves += attempt.solves;
             walked.sweeps += attempt.sweeps;
             walked.contacts = attempt.contacts;
@@ -413,6 +389,12 @@ impl Walker {
             }
         }
         Ok(walked)
+    }
+
+    /// The body yields near its overlaps at `reference`.
+    fn yielding(&self, reference: &[Point]) -> Yielding {
+        let reach = self.params.body_reach;
+        Yielding::near_overlaps(&self.scene, reference, &self.body_shape, reach)
     }
 
     fn accept(&mut self, attempt: Attempt, target: Vec<Point>) {
@@ -462,7 +444,7 @@ impl Walker {
     /// Goes towards `target`: contacts along directions of the last clean state, a solve, exact
     /// verification; then again with what intersects held apart. The body yields near its overlaps
     /// at `reference`; if that is not enough, near what is left as well, and then everywhere.
-    fn attempt(&self, target: &[Point], reference: Option<&[Point]>, opening: Real) -> Attempt {
+    fn attempt(&self, target: &[Point], mut yielding: Yielding, opening: Real) -> Attempt {
         let Self { scene, params, clean, .. } = self;
         let turns = turns(scene, &self.target, target);
         let predicted = self.predicted(target, &turns);
@@ -483,10 +465,6 @@ impl Walker {
         let mut met = self.met.clone();
         let (mut solves, mut sweeps, mut x) = (0, 0, Vec::new());
         let reach = params.body_reach;
-        let mut yielding = match reference {
-            Some(at) => Yielding::near_overlaps(scene, at, &self.body_shape, reach),
-            None => Yielding::everywhere(scene),
-        };
         let (mut most, mut widened) = (params.solves, false);
         loop {
             let mut contacts: Vec<Contact> = near.clone();
@@ -535,7 +513,7 @@ impl Walker {
                     yielding = Yielding::everywhere(scene);
                 } else {
                     let left = pairs.iter().flatten().copied();
-                    yielding.free_near(scene, reference.unwrap_or(target), left, reach);
+                    yielding.free_near(scene, target, left, reach);
                     widened = true;
                 }
                 continue;

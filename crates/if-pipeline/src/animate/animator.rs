@@ -29,7 +29,7 @@ pub struct AnimateParams {
 
 impl Default for AnimateParams {
     fn default() -> Self {
-        Self { turn: 0.1, body_limit: 0.015, smoothing: 0.1, walk: WalkParams::default() }
+        Self { turn: 0.1, body_limit: 0.03, smoothing: 0.2, walk: WalkParams::default() }
     }
 }
 

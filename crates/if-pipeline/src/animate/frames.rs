@@ -1,5 +1,5 @@
 //! Frames on disk: each as one file, whole or not at all. Beside walked frames lies the state from
-//! which the next follows; smoothed ones need none.
+//! which the next follows.
 //!
 //! A file is a line of JSON, with the digest of what the frame was computed from, and positions in
 //! single precision.
@@ -47,6 +47,14 @@ struct StateHead {
     rotations: Vec<[Real; 4]>,
 }
 
+/// The state of an animator.
+#[derive(Debug)]
+pub(super) struct State {
+    pub(super) pose: Pose,
+    /// Of its walker.
+    pub(super) snapshot: Vec<u8>,
+}
+
 const STATE: &str = "state.bin";
 
 impl Frames {
@@ -68,39 +76,9 @@ impl Frames {
         Ok(Self { folder: folder.into(), request, rows: Vec::new(), points })
     }
 
-    /// Takes over frames from the first on, as far as they and the state after them are there and
-    /// unchanged, and brings the animator to that state.
-    pub(super) fn resume(&mut self, animator: &mut Animator<'_>) -> Result<(), AnimateError> {
-        let Some((state, snapshot)) = read::<StateHead>(&self.folder.join(STATE)) else {
-            return Ok(());
-        };
-        if state.request != self.request || state.sha256 != digest(&snapshot).sha256 {
-            return Ok(());
-        }
-        let rows = self.leading(state.frame + 1);
-        if rows.len() <= state.frame {
-            return Ok(());
-        }
-        let rotation =
-            |q: &[Real; 4]| UnitQuaternion::new_unchecked(Quaternion::new(q[0], q[1], q[2], q[3]));
-        let pose = Pose {
-            root_translation: Vector::from(state.root),
-            rotations: state.rotations.iter().map(rotation).collect(),
-        };
-        if animator.resume(state.frame, pose, &snapshot) {
-            self.rows = rows;
-        }
-        Ok(())
-    }
-
     /// Takes over frames from the first on, as far as they are there and unchanged.
     pub(super) fn keep(&mut self, most: usize) {
-        self.rows = self.leading(most);
-    }
-
-    /// The rows of the first frames that are there and unchanged.
-    fn leading(&self, most: usize) -> Vec<FrameReport> {
-        (0..most).map_while(|frame| self.stored(frame).map(|(row, _)| row)).collect()
+        self.rows = (0..most).map_while(|frame| self.stored(frame).map(|(row, _)| row)).collect();
     }
 
     /// Stores the next frame.
@@ -109,7 +87,13 @@ impl Frames {
         positions: &[Point],
         row: FrameReport,
     ) -> Result<(), AnimateError> {
-        let frame = self.rows.len();
+        self.write(positions, &row)?;
+        self.rows.push(row);
+        Ok(())
+    }
+
+    /// Writes the file of a frame.
+    pub(super) fn write(&self, positions: &[Point], row: &FrameReport) -> Result<(), AnimateError> {
         let bytes: Vec<u8> = positions
             .iter()
             .flat_map(|p| [p.x, p.y, p.z])
@@ -120,14 +104,21 @@ impl Frames {
             sha256: digest(&bytes).sha256,
             row: row.clone(),
         };
-        write(&self.path(frame), &head, &bytes)?;
-        self.rows.push(row);
-        Ok(())
+        write(&self.path(row.frame), &head, &bytes)
     }
 
-    /// Stores the state after the last frame.
-    pub(super) fn push_state(&self, animator: &Animator<'_>) -> Result<(), AnimateError> {
-        let Some(frame) = self.rows.len().checked_sub(1) else { return Ok(()) };
+    /// Removes the file of a frame.
+    pub(super) fn remove(&self, frame: usize) -> Result<(), AnimateError> {
+        let path = self.path(frame);
+        std::fs::remove_file(&path).map_err(|source| AnimateError::Io { path, source })
+    }
+
+    /// Writes the state after a frame.
+    pub(super) fn write_state(
+        &self,
+        frame: usize,
+        animator: &Animator<'_>,
+    ) -> Result<(), AnimateError> {
         let snapshot = animator.walker().snapshot();
         let head = StateHead {
             request: self.request.clone(),
@@ -139,12 +130,26 @@ impl Frames {
         write(&self.folder.join(STATE), &head, &snapshot)
     }
 
+    /// The frame after which the state was written, and the state, if it is of this request and
+    /// unchanged.
+    pub(super) fn state(&self) -> Option<(usize, State)> {
+        let (head, snapshot) = read::<StateHead>(&self.folder.join(STATE))?;
+        let fits = head.request == self.request && head.sha256 == digest(&snapshot).sha256;
+        let rotation =
+            |q: &[Real; 4]| UnitQuaternion::new_unchecked(Quaternion::new(q[0], q[1], q[2], q[3]));
+        let pose = Pose {
+            root_translation: Vector::from(head.root),
+            rotations: head.rotations.iter().map(rotation).collect(),
+        };
+        fits.then_some((head.frame, State { pose, snapshot }))
+    }
+
     fn path(&self, frame: usize) -> PathBuf {
         self.folder.join(format!("{frame:06}.frame"))
     }
 
     /// A frame, if it is there, of this request and unchanged.
-    fn stored(&self, frame: usize) -> Option<(FrameReport, Vec<Point>)> {
+    pub(super) fn stored(&self, frame: usize) -> Option<(FrameReport, Vec<Point>)> {
         let (head, bytes) = read::<FrameHead>(&self.path(frame))?;
         let fits = head.request == self.request
             && head.row.frame == frame

@@ -1,7 +1,7 @@
 //! What is measured in a frame.
 
-use super::animator::skinned;
 use super::error::AnimateError;
+use super::local::PoseMaps;
 use super::outfit::SkinnedOutfit;
 use super::report::{FrameReport, Spread, Yielding};
 use if_body::{Motion, Pose};
@@ -29,15 +29,9 @@ impl<'a> Measurer<'a> {
     }
 
     /// Takes a frame that an earlier run had done for the last one.
-    pub(super) fn pass(
-        &mut self,
-        walker: &Walker,
-        pose: &Pose,
-        positions: &[Point],
-    ) -> Result<(), AnimateError> {
-        let skinned = skinned(self.outfit, &self.rest, pose);
-        self.push(walker.local_displacements(&skinned, positions)?);
-        Ok(())
+    fn pass(&mut self, pose: &Pose, positions: &[Point]) {
+        let maps = PoseMaps::new(self.outfit, pose);
+        self.push(maps.local(&maps.posed(&self.rest), positions));
     }
 
     fn push(&mut self, local: Vec<Vector>) {
@@ -71,8 +65,9 @@ impl<'a> Measurer<'a> {
         positions: &[Point],
         row: &mut FrameReport,
     ) -> Result<(), AnimateError> {
-        let skinned = skinned(self.outfit, &self.rest, pose);
-        let local = walker.local_displacements(&skinned, positions)?;
+        let maps = PoseMaps::new(self.outfit, pose);
+        let skinned = maps.posed(&self.rest);
+        let local = maps.local(&skinned, positions);
         if let [Some(last), second] = &self.before {
             let change = last.iter().zip(&local).map(|(a, b)| (b - a).norm());
             row.jitter = Spread::of(change.collect());
@@ -139,13 +134,12 @@ impl<'a> Measurer<'a> {
     /// Brings the measures of the frames before `next` into place: those of `frames` already done.
     pub(super) fn resume(
         &mut self,
-        walker: &Walker,
         motion: &Motion,
         next: usize,
         positions: impl Fn(usize) -> Result<Vec<Point>, AnimateError>,
     ) -> Result<(), AnimateError> {
         for frame in next.saturating_sub(2)..next {
-            self.pass(walker, &motion.poses[frame], &positions(frame)?)?;
+            self.pass(&motion.poses[frame], &positions(frame)?);
         }
         Ok(())
     }

@@ -1,12 +1,12 @@
 //! The second pass: displacements smoothed over time, each frame clean again.
 
-use super::animator::skinned;
 use super::error::AnimateError;
-use super::frames::Frames;
+use super::local::PoseMaps;
 use super::outfit::SkinnedOutfit;
+use super::window::Window;
 use if_body::Motion;
 use if_core::math::{Point, Real, Vector};
-use if_core::monitor::Monitor;
+use if_core::monitor::Silent;
 use if_outfit::motion::Walker;
 use std::collections::BTreeMap;
 
@@ -14,9 +14,9 @@ use std::collections::BTreeMap;
 /// can be seen. Ten times more leaves steps between frames that stay and frames that do not.
 const STILL: Real = 1e-5;
 
-/// Longest correction in one step, in metres: near the distance at which contacts are watched. Three
-/// times more lets vertices of deep folds come out on another side.
-const LONGEST: Real = 5e-3;
+/// Longest correction in one step, in metres. Half of it took a third more time in o1's walk and
+/// trembled as much.
+const LONGEST: Real = 1e-2;
 /// Most steps of one frame.
 const MOST_STEPS: Real = 4.0;
 
@@ -24,7 +24,7 @@ const MOST_STEPS: Real = 4.0;
 ///
 /// ```text
 /// ū_f = Σ w_d u_{f+d} / Σ w_d,   w_d = r + 1 − |d|,   |d| ≤ r,   in the frames of the rest pose
-/// x_f → x_f + turned(ū_f − u_f)                                  (Walker::approach)
+/// x_f → target_f + turned(ū_f)                                   (Walker::approach)
 /// ```
 ///
 /// Frames whose pose was not reached have no weight. A frame depends on the walked frames of its
@@ -35,8 +35,8 @@ pub(super) struct Smoother<'a> {
     motion: &'a Motion,
     walker: Walker,
     radius: usize,
-    /// Local displacements of the walked frames of the window.
-    window: BTreeMap<usize, Vec<Vector>>,
+    /// Local displacements of the frames of the window.
+    local: BTreeMap<usize, Vec<Vector>>,
 }
 
 impl<'a> Smoother<'a> {
@@ -47,70 +47,61 @@ impl<'a> Smoother<'a> {
         walker: Walker,
         radius: usize,
     ) -> Self {
-        Self { outfit, motion, walker, radius, window: BTreeMap::new() }
+        Self { outfit, motion, walker, radius, local: BTreeMap::new() }
     }
 
-    /// The last frame on which frame `k` depends.
-    pub(super) fn last_needed(&self, k: usize) -> usize {
-        (k + self.radius).min(self.motion.poses.len().saturating_sub(1))
-    }
-
-    /// The positions of frame `k`; those of `walked` if smoothing has nothing to do.
-    pub(super) fn frame(
-        &mut self,
-        k: usize,
-        walked: &Frames,
-        monitor: &mut dyn Monitor,
-    ) -> Result<Vec<Point>, AnimateError> {
-        let from = walked.positions(k)?;
-        if self.radius == 0 || !walked.rows()[k].reached {
-            return Ok(from);
+    /// The positions of frame `k`; those of the window if smoothing has nothing to do.
+    pub(super) fn frame(&mut self, k: usize, window: &Window) -> Result<Vec<Point>, AnimateError> {
+        let walked = window.frame(k);
+        let from = &walked.positions;
+        if self.radius == 0 || !walked.row.reached {
+            return Ok(from.clone());
         }
-        let frames = k.saturating_sub(self.radius)..=self.last_needed(k);
-        self.window.retain(|frame, _| frames.contains(frame));
-        let is_reached = |frame: &usize| walked.rows()[*frame].reached;
-        for frame in frames.filter(is_reached) {
-            if !self.window.contains_key(&frame) {
-                let positions = if frame == k { from.clone() } else { walked.positions(frame)? };
-                let target = self.target(frame);
-                let local = self.walker.local_displacements(&target, &positions)?;
-                self.window.insert(frame, local);
+        let (first, last) = (k.saturating_sub(self.radius), k + self.radius);
+        self.local.retain(|frame, _| *frame >= first);
+        for (frame, walked) in window.frames(first, last).filter(|(_, w)| w.row.reached) {
+            if !self.local.contains_key(&frame) {
+                let (maps, target) = self.target(frame);
+                self.local.insert(frame, maps.local(&target, &walked.positions));
             }
         }
-        let correction = self.correction(k);
-        let largest = correction.iter().map(Vector::norm_squared).fold(0.0, Real::max);
+        let mean = self.mean(k);
+        let corrections = mean.iter().zip(&self.local[&k]).map(|(to, own)| to - own);
+        let largest = corrections.map(|c| c.norm_squared()).fold(0.0, Real::max);
         if largest < STILL * STILL {
-            return Ok(from);
+            return Ok(from.clone());
         }
-        let target = self.target(k);
-        let to = self.walker.displaced(&target, &from, &correction)?;
+        let (maps, target) = self.target(k);
+        let to = maps.displaced(&target, &mean);
         let steps = (largest.sqrt() / LONGEST).ceil().clamp(1.0, MOST_STEPS) as usize;
-        self.walker.approach(&from, &to, (&target, steps), monitor)?;
+        self.walker.approach(from, &to, (&target, steps), &mut Silent)?;
         // A fold that is entered on another side than in the walked frame is no improvement.
-        let farthest = |x: &[Point]| {
-            x.iter().zip(&to).map(|(a, b)| (a - b).norm_squared()).fold(0.0, Real::max)
-        };
-        if farthest(self.walker.positions()) > largest {
-            return Ok(from);
+        let body = self.walker.layer(&to, 0).len();
+        let left = self.walker.positions().iter().zip(&to).skip(body);
+        if left.map(|(a, b)| (a - b).norm_squared()).fold(0.0, Real::max) > largest {
+            return Ok(from.clone());
         }
         Ok(self.walker.positions().to_vec())
     }
 
-    /// Mean displacement of the window less that of frame `k`.
-    fn correction(&self, k: usize) -> Vec<Vector> {
+    /// Mean displacement of the window around frame `k`.
+    fn mean(&self, k: usize) -> Vec<Vector> {
         let mut sum = vec![Vector::zeros(); self.outfit.skin().len()];
         let mut whole = 0.0;
-        for (frame, local) in &self.window {
+        for (frame, local) in &self.local {
             let weight = (self.radius + 1 - frame.abs_diff(k)) as Real;
             whole += weight;
             sum.iter_mut().zip(local).for_each(|(sum, u)| *sum += u * weight);
         }
         // The window holds frame `k`, whose weight is positive.
-        sum.iter().zip(&self.window[&k]).map(|(sum, own)| sum / whole - own).collect()
+        sum.iter_mut().for_each(|sum| *sum /= whole);
+        sum
     }
 
-    /// What displacements are counted from.
-    fn target(&self, frame: usize) -> Vec<Point> {
-        skinned(self.outfit, self.walker.rest(), &self.motion.poses[frame])
+    /// The skinning of a frame, and what displacements are counted from.
+    fn target(&self, frame: usize) -> (PoseMaps, Vec<Point>) {
+        let maps = PoseMaps::new(self.outfit, &self.motion.poses[frame]);
+        let target = maps.posed(self.walker.rest());
+        (maps, target)
     }
 }

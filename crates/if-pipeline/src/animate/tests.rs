@@ -7,7 +7,7 @@ use if_core::nalgebra::UnitQuaternion;
 use if_outfit::{Layer, Outfit};
 
 /// The mannequin in trousers; weights of the body alone.
-fn outfit() -> SkinnedOutfit {
+pub(super) fn outfit() -> SkinnedOutfit {
     let params = MannequinParams { resolution: 0.7, overlap: 0.0 };
     let body = mannequin::body(&params);
     let trousers = mannequin::garment(Garment::Trousers, &params);
@@ -18,7 +18,7 @@ fn outfit() -> SkinnedOutfit {
 }
 
 /// One knee is lifted, frame by frame.
-fn motion(frames: usize) -> Motion {
+pub(super) fn motion(frames: usize) -> Motion {
     let pose = |k: usize| {
         let mut pose = Pose::rest(rig::skeleton().len());
         let thigh = rig::skeleton().names().position(|n| n == "left_thigh").unwrap();
@@ -71,12 +71,16 @@ fn a_run_that_was_stopped_goes_on_with_the_same_bits() {
     assert!((0..3).all(|k| again.frames.positions(k).unwrap() == all.frames.positions(k).unwrap()));
     assert_eq!(again.report.frames[2].jitter, all.report.frames[2].jitter);
     let faster = Motion { frames_per_second: 60.0, ..motion.clone() };
-    let mut animator = Animator::new(&outfit, &motion, params).unwrap();
-    for folder in [whole.path().to_owned(), whole.path().join("walked")] {
-        let mut frames = Frames::open(&folder, &outfit, &faster, &params).unwrap();
-        frames.keep(3);
-        frames.resume(&mut animator).unwrap();
-        assert!(frames.is_empty());
+    let mut frames = Frames::open(whole.path(), &outfit, &faster, &params).unwrap();
+    frames.keep(3);
+    assert!(frames.is_empty());
+    // The state of another motion is not taken over, that of this one is.
+    let walked = whole.path().join("walked");
+    for (motion, next) in [(&faster, 0), (&motion, 3)] {
+        let mut animator = Animator::new(&outfit, motion, params).unwrap();
+        let mut window = window::Window::open(&walked, &outfit, motion, &params).unwrap();
+        window.resume(0, &mut animator);
+        assert_eq!(window.next(), next);
     }
 }
 
@@ -106,8 +110,8 @@ fn smoothed_frames_tremble_less_and_are_as_clean() {
     assert!(b < 0.7 * a, "{b} {a}");
     // Frames that lie far apart have nothing in common.
     let params = AnimateParams::default();
-    assert_eq!(params.smoothed_frames(&Motion { frames_per_second: 30.0, ..motion.clone() }), 3);
-    assert_eq!(params.smoothed_frames(&Motion { frames_per_second: 4.0, ..motion }), 0);
+    assert_eq!(params.smoothed_frames(&Motion { frames_per_second: 30.0, ..motion.clone() }), 6);
+    assert_eq!(params.smoothed_frames(&Motion { frames_per_second: 2.0, ..motion }), 0);
 }
 
 #[test]

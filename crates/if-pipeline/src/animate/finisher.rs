@@ -1,0 +1,72 @@
+//! The second pass over a frame: smoothed, verified, measured.
+
+use super::error::AnimateError;
+use super::measure::Measurer;
+use super::outfit::SkinnedOutfit;
+use super::report::FrameReport;
+use super::smoother::Smoother;
+use super::window::Window;
+use if_body::Motion;
+use if_core::math::Point;
+use if_outfit::motion::Walker;
+
+/// Finishes frames one after the other.
+#[derive(Debug)]
+pub(super) struct Finisher<'a> {
+    motion: &'a Motion,
+    walker: Walker,
+    smoother: Smoother<'a>,
+    measurer: Measurer<'a>,
+}
+
+impl<'a> Finisher<'a> {
+    /// `walker` is of this outfit.
+    pub(super) fn new(
+        outfit: &'a SkinnedOutfit,
+        motion: &'a Motion,
+        walker: Walker,
+        radius: usize,
+    ) -> Self {
+        let smoother = Smoother::new(outfit, motion, walker.clone(), radius);
+        Self { motion, walker, smoother, measurer: Measurer::new(outfit) }
+    }
+
+    /// Goes to frame `next`, before which `positions` has all frames.
+    pub(super) fn resume(
+        &mut self,
+        next: usize,
+        positions: impl Fn(usize) -> Result<Vec<Point>, AnimateError>,
+    ) -> Result<(), AnimateError> {
+        self.measurer.resume(self.motion, next, positions)
+    }
+
+    /// The positions of frame `k` and its row.
+    pub(super) fn frame(
+        &mut self,
+        k: usize,
+        window: &Window,
+    ) -> Result<(Vec<Point>, FrameReport), AnimateError> {
+        let walked = window.frame(k);
+        let mut positions = self.smoother.frame(k, window)?;
+        let mut found = self.measurer.verify(&self.walker, &positions)?;
+        let mut smoothed = positions != walked.positions;
+        if smoothed && !found.is_clean() {
+            // Contacts keep layers apart, and not vertices on their sides.
+            let unsmoothed = self.measurer.verify(&self.walker, &walked.positions)?;
+            if unsmoothed.is_clean() {
+                (positions, found, smoothed) = (walked.positions.clone(), unsmoothed, false);
+            }
+        }
+        let mut row = FrameReport {
+            pairs: found.pairs,
+            inside: found.inside,
+            own_pairs: found.own_pairs,
+            body_own_pairs: found.body_own_pairs,
+            new_own_pairs: found.new_own_pairs,
+            smoothed,
+            ..walked.row.clone()
+        };
+        self.measurer.measure(&self.walker, &self.motion.poses[k], &positions, &mut row)?;
+        Ok((positions, row))
+    }
+}

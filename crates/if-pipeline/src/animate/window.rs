@@ -1,0 +1,100 @@
+//! Walked frames that smoothing still needs: in memory, and on disk with the state after the last,
+//! so that a run that was stopped goes on from there.
+
+use super::animator::{AnimateParams, Animator};
+use super::error::AnimateError;
+use super::frames::Frames;
+use super::outfit::SkinnedOutfit;
+use super::report::FrameReport;
+use if_body::Motion;
+use if_core::math::Point;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Some frames in a row before smoothing.
+#[derive(Debug)]
+pub(super) struct Window {
+    stored: Frames,
+    frames: BTreeMap<usize, WalkedFrame>,
+    /// The frame after the last.
+    next: usize,
+}
+
+/// A frame before smoothing.
+#[derive(Debug)]
+pub(super) struct WalkedFrame {
+    /// Of all layers, the body first.
+    pub(super) positions: Vec<Point>,
+    pub(super) row: FrameReport,
+}
+
+impl Window {
+    /// Without frames yet.
+    pub(super) fn open(
+        folder: &Path,
+        outfit: &SkinnedOutfit,
+        motion: &Motion,
+        params: &AnimateParams,
+    ) -> Result<Self, AnimateError> {
+        let stored = Frames::open(folder, outfit, motion, params)?;
+        Ok(Self { stored, frames: BTreeMap::new(), next: 0 })
+    }
+
+    /// Takes over frames from `first` on and brings the animator to the state after them, if all are
+    /// there and unchanged.
+    pub(super) fn resume(&mut self, first: usize, animator: &mut Animator<'_>) {
+        let Some((last, state)) = self.stored.state() else { return };
+        let read = |frame| {
+            let (row, positions) = self.stored.stored(frame)?;
+            Some((frame, WalkedFrame { positions, row }))
+        };
+        let frames: Option<BTreeMap<_, _>> = (first..=last).map(read).collect();
+        if let Some(frames) = frames.filter(|frames| !frames.is_empty())
+            && animator.resume(last, state.pose, &state.snapshot)
+        {
+            (self.frames, self.next) = (frames, last + 1);
+        }
+    }
+
+    /// The next frame to be walked to.
+    pub(super) fn next(&self) -> usize {
+        self.next
+    }
+
+    /// Adds the next frame, after which the animator is in its present state.
+    pub(super) fn push(
+        &mut self,
+        positions: Vec<Point>,
+        row: FrameReport,
+        animator: &Animator<'_>,
+    ) -> Result<(), AnimateError> {
+        self.stored.write(&positions, &row)?;
+        self.stored.write_state(self.next, animator)?;
+        self.frames.insert(self.next, WalkedFrame { positions, row });
+        self.next += 1;
+        Ok(())
+    }
+
+    /// A frame that was not forgotten.
+    pub(super) fn frame(&self, frame: usize) -> &WalkedFrame {
+        &self.frames[&frame]
+    }
+
+    /// The frames from `first` to `last`, as far as they are there.
+    pub(super) fn frames(
+        &self,
+        first: usize,
+        last: usize,
+    ) -> impl Iterator<Item = (usize, &WalkedFrame)> {
+        self.frames.range(first..=last).map(|(frame, walked)| (*frame, walked))
+    }
+
+    /// Removes all frames before `first`.
+    pub(super) fn forget(&mut self, first: usize) -> Result<(), AnimateError> {
+        let kept = self.frames.split_off(&first);
+        for frame in std::mem::replace(&mut self.frames, kept).into_keys() {
+            self.stored.remove(frame)?;
+        }
+        Ok(())
+    }
+}
