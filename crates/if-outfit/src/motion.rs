@@ -23,6 +23,7 @@ mod params;
 mod proof;
 mod scene;
 mod snapshot;
+mod step;
 mod turn;
 mod walk;
 

@@ -345,3 +345,67 @@ const MOST_GROWTH: u32 = 4;
 /// Least gap of triangles that were found to intersect, in metres: rounding to single precision at
 /// 2 m takes 0.2 µm. Ten times less is lost to it.
 const LEAST_GAP: Real = 5e-6;
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{arm, bent};
+    use super::super::turn::turns;
+    use super::super::{WalkParams, Walker};
+    use super::*;
+    use if_core::monitor::Silent;
+
+    #[test]
+    fn a_search_finds_the_contacts_of_a_search_of_all_pairs() {
+        let mut walker = Walker::new(&arm(), WalkParams::default()).unwrap();
+        let rest = walker.rest().to_vec();
+        walker.walk(18, &|t| bent(&rest, t * 1.8), &mut Silent).unwrap();
+        let target = bent(&rest, 1.9);
+        let turns = turns(&walker.scene, &walker.target, &target);
+        let predicted = walker.predicted(&target, &turns);
+        let search = Search {
+            scene: &walker.scene,
+            params: &walker.params,
+            rest: &walker.rest,
+            opening: 0.0,
+            clean: &walker.clean.x,
+            tree: &walker.clean.tree,
+            turns: &turns,
+            predicted: &predicted,
+            tolerated: &walker.tolerated,
+        };
+        let found = search.contacts();
+        let has = |c: &Contact| found.iter().any(|f| f.vertices == c.vertices);
+        let reach = walker.params.gap + walker.params.margin;
+        let triangles = walker.scene.mesh.triangles();
+        let (mut far, mut acting) = (0, 0);
+        for i in 0..triangles.len() {
+            for j in i + 1..triangles.len() {
+                let t = [triangles[i], triangles[j]];
+                let is_owned =
+                    |side: usize, k: usize| walker.scene.owned[[i, j][side]] >> k & 1 == 1;
+                search.primitives(
+                    &t,
+                    is_owned,
+                    |_, _| true,
+                    |primitives| {
+                        let nearest = primitives.nearest(search.clean);
+                        if nearest.way.norm() >= reach {
+                            return;
+                        }
+                        let Some(contact) = search.contact(&nearest, primitives) else { return };
+                        // Neighbours that do not fold are left out, and none of them pushes.
+                        if apart(&t) {
+                            assert!(has(&contact), "{i} {j} {contact:?}");
+                            far += 1;
+                        } else if contact.value(&predicted) < contact.gap {
+                            assert!(has(&contact), "{i} {j} {contact:?}");
+                            acting += 1;
+                        }
+                    },
+                );
+            }
+        }
+        assert!(far > 500 && acting > 0, "{far} {acting}");
+        assert!(found.len() < 2 * far, "{} {far}", found.len());
+    }
+}

@@ -13,7 +13,7 @@ fn outfit(body: TriMesh, garments: Vec<TriMesh>) -> Outfit {
 }
 
 /// A closed arm along y with its elbow at y = 0, and a sleeve over it.
-fn arm() -> Outfit {
+pub(super) fn arm() -> Outfit {
     let shifted = |mesh: TriMesh, by: Real| {
         let moved = mesh.vertices().iter().map(|p| p + Vector::y() * by).collect();
         mesh.with_vertices(moved).unwrap()
@@ -24,7 +24,7 @@ fn arm() -> Outfit {
 }
 
 /// The arm bent by `angle`, with weights that change over 4 cm.
-fn bent(points: &[Point], angle: Real) -> Vec<Point> {
+pub(super) fn bent(points: &[Point], angle: Real) -> Vec<Point> {
     let turn = Rotation3::from_axis_angle(&Vector::z_axis(), angle);
     let bend = |p: &Point| {
         let share = (0.5 + p.y / 0.08).clamp(0.0, 1.0);
@@ -141,6 +141,12 @@ fn a_clean_state_goes_towards_another_as_far_as_contacts_permit() {
     assert!((0.5e-3..2e-3).contains(&gap), "{gap}");
     assert_eq!(walker.prove(walker.positions()).unwrap(), walker.prove(&rest).unwrap());
     assert!(walker.approach(&rest, &rest[1..], (&rest, 1), &mut Silent).is_err());
+    // The body meets itself nowhere, and takes over less than a millimetre.
+    let shifted: Vec<Point> = rest.iter().map(|p| p + Vector::new(5e-3, 0.0, 0.0)).collect();
+    walker.approach(&rest, &shifted, (&rest, 1), &mut Silent).unwrap();
+    let [body, garment] =
+        [0, 1].map(|k| largest(walker.layer(&rest, k), walker.layer(walker.positions(), k)));
+    assert!(body < 1e-3 && garment > 3e-3, "{body} {garment}");
 }
 
 #[test]

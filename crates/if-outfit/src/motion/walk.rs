@@ -1,11 +1,11 @@
 //! Walking: from one clean state to the next, each verified exactly.
 
-use super::contact::{Contact, Search};
-use super::equilibrium::{Multipliers, solve};
+use super::equilibrium::Multipliers;
 use super::locality::Yielding;
 use super::params::WalkParams;
 use super::proof::{Proof, prove};
 use super::scene::Scene;
+use super::step::{Attempt, pairs_of};
 use super::turn::{turned, turns};
 use crate::findings::new_pairs;
 use crate::outfit::{Outfit, OutfitError};
@@ -15,7 +15,6 @@ use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_core::parameter::ParameterError;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::own_pairs;
 use nalgebra::Matrix3;
 use std::collections::BTreeMap;
 
@@ -87,11 +86,11 @@ pub struct Walked {
 #[derive(Clone, Debug)]
 pub struct Walker {
     pub(super) scene: Scene,
-    params: WalkParams,
+    pub(super) params: WalkParams,
     /// The rest state, with layers a little apart.
     pub(super) rest: Vec<Point>,
     /// Own pairs of the rest state, which may stay.
-    tolerated: Vec<[u32; 2]>,
+    pub(super) tolerated: Vec<[u32; 2]>,
     /// What the current state follows.
     pub(super) target: Vec<Point>,
     /// The tree of the rest state. Its shape serves all states, by a refit: searches then do not
@@ -108,29 +107,11 @@ pub struct Walker {
 
 pub(super) type Met = BTreeMap<[u32; 2], (u32, u32)>;
 
-/// Steps for which triangles that intersected are held apart.
-const KEPT: u32 = 12;
-
 /// A verified state.
 #[derive(Clone, Debug)]
 pub(super) struct Clean {
     pub(super) x: Vec<Point>,
     pub(super) tree: Bvh,
-}
-
-/// A step that was tried.
-struct Attempt {
-    x: Vec<Point>,
-    tree: Bvh,
-    /// Pairs that are not tolerated.
-    pairs: Vec<[u32; 2]>,
-    multipliers: Multipliers,
-    met: Met,
-    solves: usize,
-    sweeps: usize,
-    contacts: usize,
-    /// Whether the body was held where it is far from its own overlaps.
-    is_local: bool,
 }
 
 /// Share of the gaps of a walk that [`Walker::approach`] keeps. With all of them means are pushed back
@@ -435,99 +416,10 @@ impl Walker {
         mesh.map_err(|_| WalkError::Target { got: 0, expected })
     }
 
-    fn predicted(&self, target: &[Point], turns: &[Matrix3<Real>]) -> Vec<Point> {
+    /// `target` with the displacements of the current state, turned along.
+    pub(super) fn predicted(&self, target: &[Point], turns: &[Matrix3<Real>]) -> Vec<Point> {
         (0..target.len())
             .map(|v| target[v] + turned(&turns[v], &(self.clean.x[v] - self.target[v])))
             .collect()
     }
-
-    /// Goes towards `target`: contacts along directions of the last clean state, a solve, exact
-    /// verification; then again with what intersects held apart. The body yields near its overlaps
-    /// at `reference`; if that is not enough, near what is left as well, and then everywhere.
-    fn attempt(&self, target: &[Point], mut yielding: Yielding, opening: Real) -> Attempt {
-        let Self { scene, params, clean, .. } = self;
-        let turns = turns(scene, &self.target, target);
-        let predicted = self.predicted(target, &turns);
-        let search = Search {
-            scene,
-            params,
-            rest: &self.rest,
-            opening,
-            clean: &clean.x,
-            tree: &clean.tree,
-            turns: &turns,
-            predicted: &predicted,
-            tolerated: &self.tolerated,
-        };
-        let near = search.contacts();
-        let mut multipliers = self.multipliers.clone();
-        multipliers.turn(scene, &turns);
-        let mut met = self.met.clone();
-        let (mut solves, mut sweeps, mut x) = (0, 0, Vec::new());
-        let reach = params.body_reach;
-        let (mut most, mut widened) = (params.solves, false);
-        loop {
-            let mut contacts: Vec<Contact> = near.clone();
-            for (pair, (times, _)) in &met {
-                search.separation(*pair, *times, &mut contacts);
-            }
-            let at = (target, &yielding.inverse_mass[..]);
-            let solved = solve(scene, at, &contacts, &mut multipliers, (params.sweeps, &mut x));
-            solves += 1;
-            sweeps += solved.sweeps;
-            scene.copy_doubled(&mut x);
-            let rounded = Storage::F32.round(&x);
-            let mesh = scene.mesh.with_vertices(rounded).expect("solutions are finite");
-            let tree = self.tree(mesh.vertices());
-            let pairs = new_pairs(&pairs_of(&mesh, &tree), &self.tolerated);
-            tracing::debug!(
-                pairs = pairs.len(),
-                contacts = contacts.len(),
-                sweeps = solved.sweeps,
-                violation = solved.violation,
-                "solve"
-            );
-            let is_local = yielding.is_local && !widened;
-            if pairs.is_empty() || (solves >= most && !yielding.is_local) {
-                let x = mesh.vertices().to_vec();
-                let contacts = contacts.len();
-                return Attempt {
-                    x,
-                    tree,
-                    pairs,
-                    multipliers,
-                    met,
-                    solves,
-                    sweeps,
-                    contacts,
-                    is_local,
-                };
-            }
-            if solves >= most {
-                most += params.solves;
-                // What was tried with more of the body held counts for nothing.
-                multipliers = self.multipliers.clone();
-                multipliers.turn(scene, &turns);
-                met = self.met.clone();
-                if widened {
-                    yielding = Yielding::everywhere(scene);
-                } else {
-                    let left = pairs.iter().flatten().copied();
-                    yielding.free_near(scene, target, left, reach);
-                    widened = true;
-                }
-                continue;
-            }
-            for pair in pairs {
-                met.entry(pair)
-                    .and_modify(|(times, left)| (*times, *left) = (*times + 1, KEPT))
-                    .or_insert((0, KEPT));
-            }
-        }
-    }
-}
-
-/// All intersecting triangle pairs of a mesh, sorted.
-fn pairs_of(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
-    own_pairs(mesh, tree).iter().map(|p| [p.a, p.b]).collect()
 }

@@ -51,8 +51,10 @@ impl AnimateParams {
 
     /// Frames of `motion` to each side over which displacements are smoothed.
     pub(super) fn smoothed_frames(&self, motion: &Motion) -> usize {
-        // A rate is positive and finite, and the cast saturates.
-        ((self.smoothing * motion.frames_per_second).round() as usize).min(MOST_SMOOTHING)
+        // A whole number of frames stays one, whatever its product is rounded to. A rate is positive
+        // and finite, and the cast saturates.
+        let frames = (self.smoothing * motion.frames_per_second + 1e-6).floor();
+        (frames as usize).min(MOST_SMOOTHING)
     }
 }
 

@@ -85,6 +85,24 @@ fn a_run_that_was_stopped_goes_on_with_the_same_bits() {
 }
 
 #[test]
+fn walked_frames_are_removed_when_no_frame_needs_them_any_more() {
+    let (outfit, motion) = (outfit(), motion(4));
+    let params = AnimateParams { smoothing: 1.0 / 30.0, ..AnimateParams::default() };
+    let [whole, parts] = [0, 1].map(|_| tempfile::tempdir().unwrap());
+    let all = animate(&outfit, &motion, &params, whole.path(), &mut Silent).unwrap();
+    let has = |folder: &Path, frame| folder.join(format!("walked/{frame:06}.frame")).exists();
+    assert_eq!([0, 1, 2, 3].map(|k| has(whole.path(), k)), [false, false, false, true]);
+    // A run that is stopped goes on from what is left.
+    animate(&outfit, &motion, &params, parts.path(), &mut Before(2)).unwrap_err();
+    assert_eq!([0, 1, 2, 3].map(|k| has(parts.path(), k)), [false, true, true, true]);
+    let rest = animate(&outfit, &motion, &params, parts.path(), &mut Silent).unwrap();
+    for frame in 0..4 {
+        let [a, b] = [&all, &rest].map(|a| a.frames.positions(frame).unwrap());
+        assert!(a == b, "frame {frame}");
+    }
+}
+
+#[test]
 fn smoothed_frames_tremble_less_and_are_as_clean() {
     let outfit = outfit();
     let mut motion = motion(5);
@@ -111,7 +129,7 @@ fn smoothed_frames_tremble_less_and_are_as_clean() {
     // Frames that lie far apart have nothing in common.
     let params = AnimateParams::default();
     assert_eq!(params.smoothed_frames(&Motion { frames_per_second: 30.0, ..motion.clone() }), 6);
-    assert_eq!(params.smoothed_frames(&Motion { frames_per_second: 2.0, ..motion }), 0);
+    assert_eq!(params.smoothed_frames(&Motion { frames_per_second: 4.0, ..motion }), 0);
 }
 
 #[test]

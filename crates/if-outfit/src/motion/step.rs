@@ -1,0 +1,128 @@
+//! One step of a walk: contacts, a solve, exact verification.
+
+use super::contact::{Contact, Search};
+use super::equilibrium::{Multipliers, solve};
+use super::locality::Yielding;
+use super::turn::turns;
+use super::walk::{Met, Walker};
+use crate::findings::new_pairs;
+use crate::storage::Storage;
+use if_core::math::{Point, Real};
+use if_core::mesh::TriMesh;
+use if_mesh::index::Bvh;
+use if_mesh::intersections::own_pairs;
+
+/// A step that was tried.
+pub(super) struct Attempt {
+    pub(super) x: Vec<Point>,
+    pub(super) tree: Bvh,
+    /// Pairs that are not tolerated.
+    pub(super) pairs: Vec<[u32; 2]>,
+    pub(super) multipliers: Multipliers,
+    pub(super) met: Met,
+    pub(super) solves: usize,
+    pub(super) sweeps: usize,
+    pub(super) contacts: usize,
+    /// Whether the body was held where it is far from its own overlaps.
+    pub(super) is_local: bool,
+}
+
+/// Steps for which triangles that intersected are held apart.
+const KEPT: u32 = 12;
+
+impl Walker {
+    /// Goes towards `target`: contacts along directions of the last clean state, a solve, exact
+    /// verification; then again with what intersects held apart. Vertices yield as `yielding` has it;
+    /// if that is not enough, the body near what is left as well, and then everywhere.
+    pub(super) fn attempt(
+        &self,
+        target: &[Point],
+        mut yielding: Yielding,
+        opening: Real,
+    ) -> Attempt {
+        let Self { scene, params, clean, .. } = self;
+        let turns = turns(scene, &self.target, target);
+        let predicted = self.predicted(target, &turns);
+        let search = Search {
+            scene,
+            params,
+            rest: &self.rest,
+            opening,
+            clean: &clean.x,
+            tree: &clean.tree,
+            turns: &turns,
+            predicted: &predicted,
+            tolerated: &self.tolerated,
+        };
+        let near = search.contacts();
+        let mut multipliers = self.multipliers.clone();
+        multipliers.turn(scene, &turns);
+        let mut met = self.met.clone();
+        let (mut solves, mut sweeps, mut x) = (0, 0, Vec::new());
+        let reach = params.body_reach;
+        let (mut most, mut widened) = (params.solves, false);
+        loop {
+            let mut contacts: Vec<Contact> = near.clone();
+            for (pair, (times, _)) in &met {
+                search.separation(*pair, *times, &mut contacts);
+            }
+            let at = (target, &yielding.inverse_mass[..]);
+            let solved = solve(scene, at, &contacts, &mut multipliers, (params.sweeps, &mut x));
+            solves += 1;
+            sweeps += solved.sweeps;
+            scene.copy_doubled(&mut x);
+            let rounded = Storage::F32.round(&x);
+            let mesh = scene.mesh.with_vertices(rounded).expect("solutions are finite");
+            let tree = self.tree(mesh.vertices());
+            let pairs = new_pairs(&pairs_of(&mesh, &tree), &self.tolerated);
+            tracing::debug!(
+                pairs = pairs.len(),
+                contacts = contacts.len(),
+                sweeps = solved.sweeps,
+                violation = solved.violation,
+                "solve"
+            );
+            let is_local = yielding.is_local && !widened;
+            if pairs.is_empty() || (solves >= most && !yielding.is_local) {
+                let x = mesh.vertices().to_vec();
+                let contacts = contacts.len();
+                return Attempt {
+                    x,
+                    tree,
+                    pairs,
+                    multipliers,
+                    met,
+                    solves,
+                    sweeps,
+                    contacts,
+                    is_local,
+                };
+            }
+            if solves >= most {
+                most += params.solves;
+                // What was tried with more of the body held counts for nothing.
+                multipliers = self.multipliers.clone();
+                multipliers.turn(scene, &turns);
+                met = self.met.clone();
+                if widened {
+                    yielding = Yielding::everywhere(scene);
+                } else {
+                    let left = pairs.iter().flatten().copied();
+                    yielding.free_near(scene, target, left, reach);
+                    widened = true;
+                }
+                continue;
+            }
+            for pair in pairs {
+                met.entry(pair)
+                    .and_modify(|(times, left)| (*times, *left) = (*times + 1, KEPT))
+                    .or_insert((0, KEPT));
+            }
+        }
+    }
+}
+
+/// All intersecting triangle pairs of a mesh, sorted.
+pub(super) fn pairs_of(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
+    own_pairs(mesh, tree).iter().map(|p| [p.a, p.b]).collect()
+}
