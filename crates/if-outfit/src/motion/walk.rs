@@ -120,6 +120,8 @@ const APPROACH: Real = 0.3;
 /// Displacement of the body far from its own overlaps that [`Walker::approach`] takes over, in metres:
 /// less than counts as yielding.
 const FAR: Real = 0.9e-3;
+/// Most steps of [`Walker::approach`]: 2.5 m by default.
+const MOST_STEPS: Real = 1e3;
 /// Times that the opening of the rest state is tried with other gaps.
 const OPENINGS: usize = 10;
 
@@ -264,10 +266,11 @@ impl Walker {
         Ok(())
     }
 
-    /// From the clean state `from` towards `to` in `steps` steps, as near as contacts permit. They
-    /// keep less apart than those of a walk, so that `to` may be a mean of states of walks. Vertices
-    /// of the body that are farther than [`WalkParams::body_reach`] from its overlaps at `reference`
-    /// go to `to` exactly, and at most 0.9 mm from `reference`.
+    /// From the clean state `from` towards `to`, as near as contacts permit, in steps of at most half
+    /// the distance at which primitives are watched, and at most 1,000. Contacts keep less apart than
+    /// those of a walk, so that `to` may be a mean of states of walks. Vertices of the body that are
+    /// farther than [`WalkParams::body_reach`] from its overlaps at `reference` go to `to` exactly,
+    /// and at most 0.9 mm from `reference`.
     ///
     /// The walker's state ends free of intersections if `from` is so, at whatever share of the way.
     ///
@@ -278,7 +281,7 @@ impl Walker {
         &mut self,
         from: &[Point],
         to: &[Point],
-        (reference, steps): (&[Point], usize),
+        reference: &[Point],
         monitor: &mut dyn Monitor,
     ) -> Result<Walked, WalkError> {
         self.check(to)?;
@@ -291,8 +294,14 @@ impl Walker {
         }
         let path = |t: Real| from.iter().zip(&to).map(|(a, b)| a + (b - a) * t).collect();
         let params = self.params;
+        let watched = params.gap + params.margin;
         self.params.gap *= APPROACH;
         self.params.share *= APPROACH;
+        self.params.margin = watched - self.params.gap;
+        // Primitives that are not watched cannot pass each other within a step.
+        let moves = from.iter().zip(&to).map(|(a, b)| (b - a).norm_squared());
+        let largest = moves.fold(0.0, Real::max).sqrt();
+        let steps = (2.0 * largest / watched).ceil().min(MOST_STEPS) as usize;
         let walked = self.follow(steps, &path, Some(yielding), monitor);
         self.params = params;
         walked

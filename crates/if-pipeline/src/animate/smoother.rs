@@ -14,12 +14,6 @@ use std::collections::BTreeMap;
 /// can be seen. Ten times more leaves steps between frames that stay and frames that do not.
 const STILL: Real = 1e-5;
 
-/// Longest correction in one step, in metres. Half of it took a third more time in o1's walk and
-/// trembled as much.
-const LONGEST: Real = 1e-2;
-/// Most steps of one frame.
-const MOST_STEPS: Real = 4.0;
-
 /// Moves each frame towards the mean of its neighbours' displacements, as far as contacts permit.
 ///
 /// ```text
@@ -73,8 +67,7 @@ impl<'a> Smoother<'a> {
         }
         let (maps, target) = self.target(k);
         let to = maps.displaced(&target, &mean);
-        let steps = (largest.sqrt() / LONGEST).ceil().clamp(1.0, MOST_STEPS) as usize;
-        self.walker.approach(from, &to, (&target, steps), &mut Silent)?;
+        self.walker.approach(from, &to, &target, &mut Silent)?;
         // A fold that is entered on another side than in the walked frame is no improvement.
         let body = self.walker.layer(&to, 0).len();
         let left = self.walker.positions().iter().zip(&to).skip(body);
