@@ -1,12 +1,25 @@
-//! φ in burn (feature `burn`): the network as a module on any backend, and the fused kernels as an
-//! operation that burn differentiates by a hand-written backward pass.
+//! φ and d in burn (feature `burn`): the networks as modules on any backend, their fits by burn's
+//! automatic differentiation, and the fused kernels as an operation that burn differentiates by a
+//! hand-written backward pass.
 //!
-//! Only this module uses burn: fits run on the kernels without it. It is for those who train with
-//! burn's optimisers, losses and records. The plain graph is the slow twin that the kernels are
-//! compared with, in `tests/burn.rs`.
+//! [`fit`] and [`fit_deformation`] are the slow twins of [`Fit`](crate::Fit) and
+//! [`fit_deformation`](crate::fit_deformation): batches, loss, optimiser, schedule and checks are the
+//! same, and the steps run on the backend of the module, such as a GPU. Our own fits run on the
+//! kernels without burn. The comparisons are in `tests/burn.rs`.
+//!
+//! # Examples
+//!
+//! `examples/train_with_burn.rs` trains both networks, generic over the backend.
 
+mod deformation;
+mod encoding;
+mod fit;
 mod fused;
-mod module;
+mod losses;
+mod sdf;
+mod tensors;
 
+pub use deformation::DeformationModule;
+pub use fit::{fit, fit_deformation};
 pub use fused::FusedSdf;
-pub use module::SdfModule;
+pub use sdf::SdfModule;

@@ -169,6 +169,29 @@ pub fn fit_deformation(
     params: &DeformParams,
     monitor: &mut dyn Monitor,
 ) -> Result<DeformReport, FitError> {
+    deform_with(network, at, (canonical, frames), params, |problem, training, plan| match training
+        .run(problem, plan, monitor)
+    {
+        Ok(Ended::Diverged) => {
+            training.restore_best(problem);
+            Ok(Ended::Diverged)
+        }
+        result => {
+            let fine = training.finish(problem);
+            let ended = result?;
+            Ok(if fine { ended } else { Ended::Diverged })
+        }
+    })
+}
+
+/// [`fit_deformation`] by `run`, which trains and leaves the network with the best state.
+pub(crate) fn deform_with(
+    network: &mut DeformationNetwork,
+    at: &Frame,
+    (canonical, frames): (&[Point], &[Vec<Point>]),
+    params: &DeformParams,
+    run: impl FnOnce(&mut DeformProblem<'_>, &mut Training, &Plan) -> Result<Ended, FitError>,
+) -> Result<DeformReport, FitError> {
     params.validate()?;
     let data = Correspondences::new(network, at, canonical, frames)?;
     let &DeformParams { steps, seconds, schedule, adam, .. } = params;
@@ -183,17 +206,7 @@ pub fn fit_deformation(
     let (alpha, checked) = (network.alpha(), data.checked(params.seed));
     let mut problem = DeformProblem { network, data: &data, checked, params, alpha };
     let mut training = Training::default();
-    let ended = match training.run(&mut problem, &plan, monitor) {
-        Ok(Ended::Diverged) => {
-            training.restore_best(&mut problem);
-            Ended::Diverged
-        }
-        result => {
-            let fine = training.finish(&mut problem);
-            let ended = result?;
-            if fine { ended } else { Ended::Diverged }
-        }
-    };
+    let ended = run(&mut problem, &mut training, &plan)?;
     Ok(DeformReport {
         ended,
         steps: training.step,
@@ -204,18 +217,18 @@ pub fn fit_deformation(
 }
 
 /// A network and the positions it is fitted to, as the loop sees them.
-struct DeformProblem<'a> {
-    network: &'a mut DeformationNetwork,
-    data: &'a Correspondences,
+pub(crate) struct DeformProblem<'a> {
+    pub(crate) network: &'a mut DeformationNetwork,
+    pub(crate) data: &'a Correspondences,
     checked: Checked,
-    params: &'a DeformParams,
+    pub(crate) params: &'a DeformParams,
     /// α before the first step.
     alpha: f32,
 }
 
 impl DeformProblem<'_> {
     /// Fades in the bands of `step`, counted from 0.
-    fn anneal(&mut self, step: u64) {
+    pub(crate) fn anneal(&mut self, step: u64) {
         if self.params.anneal > 0 {
             self.network.anneal((step as usize).saturating_mul(self.params.anneal));
         }

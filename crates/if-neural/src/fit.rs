@@ -101,6 +101,14 @@ impl FitParams {
     }
 }
 
+impl FitParams {
+    /// How to train.
+    pub(crate) fn plan(&self) -> Plan {
+        let Self { steps, seconds, check_every, schedule, adam, .. } = *self;
+        Plan { stage: "fit", steps, seconds, check_every, schedule, adam }
+    }
+}
+
 impl NetworkConfig {
     /// How to fit it: batches and rates that suit the kind of network. What they reach on clothed
     /// bodies is in `docs/evidence/neural.md`; others were tried, but not tabled.
@@ -224,8 +232,7 @@ impl Fit {
             return Err(FitError::Target);
         }
         self.means = Some(set.held_out.means());
-        let FitParams { steps, seconds, check_every, schedule, adam, .. } = self.params;
-        let plan = Plan { stage: "fit", steps, seconds, check_every, schedule, adam };
+        let plan = self.params.plan();
         let mut problem = FieldProblem::new(field, set, &self.params, &mut self.missed);
         let ended = self.training.run(&mut problem, &plan, monitor)?;
         match ended {
@@ -257,7 +264,8 @@ impl Fit {
         self.report(Ended::Cancelled, field, set)
     }
 
-    fn report(
+    /// The report of a fit that ended with `field`.
+    pub(crate) fn report(
         &self,
         ended: Ended,
         field: &(impl TrainableField + ?Sized),
@@ -275,10 +283,10 @@ impl Fit {
 }
 
 /// A field and its training set, as the loop sees them.
-struct FieldProblem<'a, F: ?Sized> {
+pub(crate) struct FieldProblem<'a, F: ?Sized> {
     field: &'a mut F,
     set: &'a TrainingSet,
-    params: &'a FitParams,
+    pub(crate) params: &'a FitParams,
     missed: &'a mut Option<u64>,
     /// The held-out points of a check.
     checked: HeldOut,
@@ -286,7 +294,7 @@ struct FieldProblem<'a, F: ?Sized> {
 }
 
 impl<'a, F: TrainableField + ?Sized> FieldProblem<'a, F> {
-    fn new(
+    pub(crate) fn new(
         field: &'a mut F,
         set: &'a TrainingSet,
         params: &'a FitParams,
@@ -294,6 +302,19 @@ impl<'a, F: TrainableField + ?Sized> FieldProblem<'a, F> {
     ) -> Self {
         let checked = set.held_out.thinned(CHECKED);
         Self { field, set, params, missed, checked, batch: Samples::default() }
+    }
+
+    /// The batch of `step`, counted from 0.
+    pub(crate) fn draw(&mut self, step: u64) -> &Samples {
+        let FitParams { batch: size, far, seed, .. } = *self.params;
+        let batch = &mut self.batch;
+        let mut random = random_of_step(seed, step);
+        batch.points.clear();
+        batch.known.clear();
+        let far = (size as Real * far).round() as usize;
+        self.set.near.draw(size - far, &mut random, batch);
+        self.set.far.draw(far, &mut random, batch);
+        batch
     }
 }
 
@@ -311,14 +332,9 @@ impl<F: TrainableField + ?Sized> Problem for FieldProblem<'_, F> {
     }
 
     fn loss_gradient(&mut self, step: u64, gradient: &mut [f32]) -> f64 {
-        let FitParams { batch: size, far, loss, seed, .. } = *self.params;
-        let batch = &mut self.batch;
-        let mut random = random_of_step(seed, step);
-        batch.points.clear();
-        batch.known.clear();
-        let far = (size as Real * far).round() as usize;
-        self.set.near.draw(size - far, &mut random, batch);
-        self.set.far.draw(far, &mut random, batch);
+        let FitParams { batch: size, loss, .. } = *self.params;
+        self.draw(step);
+        let batch = &self.batch;
         let share = 1.0 / size as f64;
         let known = &batch.known;
         self.field.loss_gradient(&batch.points, &|i, s| loss.at(&known[i], s, share), gradient)

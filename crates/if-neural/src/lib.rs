@@ -30,7 +30,8 @@
 //!
 //! - `train` (default): targets, fits and checkpoints. Without it networks are read, written and
 //!   evaluated. Adds no dependencies.
-//! - `burn`: φ as a burn module, and the kernels as a burn operation.
+//! - `burn`: φ and d as burn modules on any backend, their fits by burn, and the kernels as a burn
+//!   operation.
 
 #[cfg(feature = "train")]
 pub mod accuracy;

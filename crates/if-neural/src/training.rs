@@ -99,7 +99,7 @@ pub(crate) struct Plan {
 
 impl Plan {
     /// Share that is done, of the steps or of the time, whichever is larger.
-    fn share(&self, step: u64, seconds: Real) -> Real {
+    pub(crate) fn share(&self, step: u64, seconds: Real) -> Real {
         let steps = self.steps.map_or(0.0, |s| if s == 0 { 1.0 } else { step as Real / s as Real });
         steps.max(self.seconds.map_or(0.0, |s| seconds / s))
     }
@@ -228,7 +228,8 @@ impl Training {
         self.best.as_ref().map_or(self.step, |best| best.step)
     }
 
-    fn keep(&mut self, theta: &[f32], mean: Real) {
+    /// Keeps θ as the best state.
+    pub(crate) fn keep(&mut self, theta: &[f32], mean: Real) {
         self.best = Some(Best { step: self.step, mean, theta: theta.to_vec() });
     }
 

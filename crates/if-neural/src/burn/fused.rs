@@ -3,14 +3,14 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use burn::tensor::backend::Backend;
-use burn::tensor::{Tensor, TensorData, TensorPrimitive};
+use burn::tensor::{Tensor, TensorPrimitive};
 use burn_autodiff::Autodiff;
 use burn_autodiff::checkpoint::base::Checkpointer;
 use burn_autodiff::checkpoint::strategy::CheckpointStrategy;
 use burn_autodiff::grads::Gradients;
 use burn_autodiff::ops::{Backward, Ops, OpsKind};
 
-use crate::burn::module::floats;
+use crate::burn::tensors::{floats, tensor};
 use crate::error::NetworkError;
 use crate::mlp::{SdfConfig, check_parameters};
 use crate::sdf::SdfNetwork;
@@ -133,5 +133,5 @@ fn primitive<B: Backend, const D: usize>(
     shape: [usize; D],
     device: &B::Device,
 ) -> B::FloatTensorPrimitive {
-    Tensor::<B, D>::from_data(TensorData::new(values, shape), device).into_primitive().tensor()
+    tensor::<B, D>(values, shape, device).into_primitive().tensor()
 }

@@ -18,13 +18,13 @@ const FEWEST: usize = 4;
 const CHECKED: usize = 2048;
 
 /// The position of each canonical point in each frame, in network units.
-pub(super) struct Correspondences {
+pub(crate) struct Correspondences {
     canonical: Vec<[f32; 3]>,
     frames: Vec<Vec<[f32; 3]>>,
 }
 
 /// The frame of a point of a batch, and its offset if that is known.
-pub(super) type Wanted = (u32, Option<[f32; 3]>);
+pub(crate) type Wanted = (u32, Option<[f32; 3]>);
 
 /// Every tenth point is held out.
 fn is_held_out(point: usize) -> bool {
@@ -89,7 +89,7 @@ impl Correspondences {
 
     /// Random points of random frames: the first of them between the given points, where the
     /// offset is unknown.
-    pub(super) fn batch(&self, params: &DeformParams, step: u64) -> (Vec<[f32; 3]>, Vec<Wanted>) {
+    pub(crate) fn batch(&self, params: &DeformParams, step: u64) -> (Vec<[f32; 3]>, Vec<Wanted>) {
         let mut random = random_of_step(params.seed, step);
         let between = (params.batch as Real * params.between).round() as usize;
         let one = |k: usize| {

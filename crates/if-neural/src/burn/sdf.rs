@@ -1,14 +1,17 @@
 //! φ as a burn module: plain tensor operations on any backend.
 
+use super::encoding::encode;
+use super::tensors::{floats, parameter};
 use burn::module::{Ignored, Module, Param};
+use burn::tensor::Tensor;
 use burn::tensor::activation::sigmoid;
 use burn::tensor::backend::Backend;
-use burn::tensor::{Tensor, TensorData};
 
 use crate::error::NetworkError;
-use crate::mlp::SdfConfig;
+use crate::mlp::{LayerLayout, SdfConfig};
 use crate::sdf::SdfNetwork;
 use crate::trainable::TrainableField;
+use std::ops::Range;
 
 /// The parameters of [`SdfNetwork`] as burn parameters.
 ///
@@ -29,26 +32,17 @@ impl<B: Backend> SdfModule<B> {
     /// A copy of `network` on `device`.
     pub fn from_network(network: &SdfNetwork, device: &B::Device) -> Self {
         let theta = network.parameters();
-        let vector = |values: &[f32]| {
-            let data = TensorData::new(values.to_vec(), [values.len()]);
-            Param::from_tensor(Tensor::from_data(data, device))
-        };
         let layers = &network.layout().layers;
+        let weight =
+            &|at: &LayerLayout| parameter(&theta[at.weight.clone()], [at.rows, at.columns], device);
+        let vector = &|at: Range<usize>| {
+            let len = at.len();
+            parameter(&theta[at], [len], device)
+        };
         SdfModule {
-            weights: layers
-                .iter()
-                .map(|at| {
-                    let values = theta[at.weight.clone()].to_vec();
-                    let data = TensorData::new(values, [at.rows, at.columns]);
-                    Param::from_tensor(Tensor::from_data(data, device))
-                })
-                .collect(),
-            biases: layers.iter().map(|at| vector(&theta[at.bias.clone()])).collect(),
-            gains: layers
-                .iter()
-                .filter_map(|at| at.gain.clone())
-                .map(|gain| vector(&theta[gain]))
-                .collect(),
+            weights: layers.iter().map(weight).collect(),
+            biases: layers.iter().map(|at| vector(at.bias.clone())).collect(),
+            gains: layers.iter().filter_map(|at| at.gain.clone()).map(vector).collect(),
             config: Ignored(network.config().clone()),
         }
     }
@@ -89,7 +83,7 @@ impl<B: Backend> SdfModule<B> {
     /// If `points` has not three columns (burn's own message).
     pub fn samples(&self, points: Tensor<B, 2>) -> (Tensor<B, 2>, Tensor<B, 2>) {
         let config = &self.config.0;
-        let (encoded, encoded_slopes) = encode(config.bands, points);
+        let (encoded, encoded_slopes) = encode(&vec![1.0; config.bands], points);
         let weights: Vec<_> = (0..self.weights.len()).map(|l| self.folded(l)).collect();
         let [n, width] = encoded.dims();
         // Forward: activations, and the slopes σ′ for the adjoint pass.
@@ -136,25 +130,6 @@ impl<B: Backend> SdfModule<B> {
             }
         }
     }
-}
-
-/// The numbers of a tensor, as f32.
-pub(crate) fn floats<B: Backend, const D: usize>(tensor: Tensor<B, D>) -> Vec<f32> {
-    tensor.into_data().convert::<f32>().into_vec().expect("just converted to f32")
-}
-
-/// The features of the encoding and their derivatives, n × width.
-fn encode<B: Backend>(bands: usize, points: Tensor<B, 2>) -> (Tensor<B, 2>, Tensor<B, 2>) {
-    let mut features = vec![points.clone()];
-    let mut slopes = vec![points.ones_like()];
-    for band in 0..bands {
-        let frequency = (1_u32 << band) as f32;
-        let angle = points.clone().mul_scalar(frequency);
-        let (sin, cos) = (angle.clone().sin(), angle.cos());
-        features.extend([sin.clone(), cos.clone()]);
-        slopes.extend([cos.mul_scalar(frequency), sin.mul_scalar(-frequency)]);
-    }
-    (Tensor::cat(features, 1), Tensor::cat(slopes, 1))
 }
 
 /// softplus(βz)/β, linear above βz = 20 as PyTorch's, and its slope.
