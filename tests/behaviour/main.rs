@@ -1,5 +1,6 @@
 //! Behaviour across crates: what `resolve` and `verify` promise.
 
+mod asset_fields;
 mod bad_input;
 mod build_scripts;
 mod determinism;

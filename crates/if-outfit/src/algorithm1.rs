@@ -1,7 +1,8 @@
 //! The paper's method: a garment is settled by Algorithm 1 over the masked field of what lies below.
 //!
 //! ```text
-//! φ   ← union of the layers below, baked round the garment
+//! φ   ← union of the layers below, baked round the garment; a layer that comes with a field of its
+//!       own has that instead, masked by its box
 //! φₘ  ← φ masked by the boxes of the garments below (Appendix C); of the body alone, unmasked
 //! x   ← Algorithm 1: collision with φₘ, air over the next garment below, stretch
 //! ```
@@ -9,10 +10,12 @@
 //! Vertices that φ ends outside are no proof for triangles, and outside the mask nothing binds: what
 //! is left is found by exact verification, and repaired as with the other method.
 
+use crate::layer_fields::{FieldOfGarment, Nearest};
 use crate::outfit::Layer;
 use crate::progress::{ALGORITHM_1, GarmentProgress};
+use crate::report::{Algorithm1Report, LayerField};
 use crate::workpiece::SettleError;
-use if_core::masked::{BoxesMask, Mask, Masked};
+use if_core::masked::{BoxMask, BoxesMask, Mask, Masked};
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Monitor;
@@ -20,6 +23,7 @@ use if_mesh::baked::{BakeError, Baked};
 use if_mesh::solid::{ClosedLayer, ClothedField};
 use if_xpbd::air::AirParams;
 use if_xpbd::algorithm1::{Algorithm1Error, Below, run_algorithm1};
+use if_xpbd::constraint::Counters;
 use if_xpbd::inner_surface::InnerSurface;
 use if_xpbd::params::SolverParams;
 use if_xpbd::report::RunError;
@@ -32,7 +36,8 @@ const MOST_CELLS: Real = 800.0;
 const AROUND: Real = 0.03;
 
 /// The positions of `garment` settled on the layers `below`, the body first, at least `clearance`
-/// metres from them where the mask binds.
+/// metres from them where the mask binds. `fields` has those of garments, inner to outer, if they
+/// come with any.
 ///
 /// # Source
 ///
@@ -44,17 +49,32 @@ const AROUND: Real = 0.03;
 pub(crate) fn settled(
     garment: &Layer,
     below: &[&ClosedLayer],
+    fields: &[FieldOfGarment<'_>],
     clearance: Real,
     progress: &mut GarmentProgress<'_>,
-) -> Result<Vec<Point>, SettleError> {
+) -> Result<(Vec<Point>, Algorithm1Report), SettleError> {
     let _phase = tracing::trace_span!("algorithm 1").entered();
     progress.report(ALGORITHM_1, 0, None)?;
     let mesh = &garment.mesh;
-    let field = baked(mesh, below, progress.monitor)?;
+    let field_of = |k: usize| k.checked_sub(1).and_then(|k| fields.get(k).copied().flatten());
+    let (mut of_mesh, mut of_fields, mut read) = (Vec::new(), Vec::new(), Vec::new());
+    for (k, layer) in below.iter().enumerate() {
+        read.push(if field_of(k).is_some() { LayerField::Given } else { LayerField::Mesh });
+        match field_of(k) {
+            None => of_mesh.push(*layer),
+            Some(field) => {
+                let mask = BoxMask::new(layer.bvh().aabb()).expect("positions are finite");
+                of_fields.push(Masked { field, mask });
+            }
+        }
+    }
+    let field = baked(mesh, &of_mesh, progress.monitor)?;
     let Some((next, _)) = below[1..].split_last() else {
         let mask = vec![1.0; mesh.vertices().len()];
-        return run(mesh, &Below { field: &field, mask: &mask, air: None }, clearance, progress);
+        let below = Below { field: &field, mask: &mask, air: None };
+        return run(mesh, &below, read, clearance, progress);
     };
+    let field = Nearest { meshes: field, fields: of_fields };
     let boxes = BoxesMask::new(below[1..].iter().map(|layer| layer.bvh().aabb()));
     let boxes = boxes.expect("positions are finite");
     let weights: Vec<Real> = mesh.vertices().iter().map(|p| boxes.weight(p).0).collect();
@@ -63,7 +83,7 @@ pub(crate) fn settled(
     let air = AirParams { min_gap: clearance, ..AirParams::default() };
     let masked = Masked { field, mask: boxes };
     let below = Below { field: &masked, mask: &weights, air: Some((&inner, air)) };
-    run(mesh, &below, clearance, progress)
+    run(mesh, &below, read, clearance, progress)
 }
 
 /// The union of `below` round the garment.
@@ -84,12 +104,20 @@ fn baked(
 fn run(
     garment: &TriMesh,
     below: &Below<'_>,
+    read: Vec<LayerField>,
     clearance: Real,
     progress: &mut GarmentProgress<'_>,
-) -> Result<Vec<Point>, SettleError> {
+) -> Result<(Vec<Point>, Algorithm1Report), SettleError> {
     let params = SolverParams { clearance, ..SolverParams::default() };
     match run_algorithm1(garment, below, &params, progress.monitor) {
-        Ok((positions, _)) => Ok(positions),
+        Ok((positions, report)) => {
+            let Counters { queries, skipped_by_bound, skipped_by_mask, .. } = report.counters;
+            let steps = report.steps;
+            let below = read;
+            let report =
+                Algorithm1Report { below, steps, queries, skipped_by_bound, skipped_by_mask };
+            Ok((positions, report))
+        }
         Err(Algorithm1Error::Run(RunError::Cancelled(cancelled))) => {
             Err(SettleError::Cancelled(cancelled))
         }

@@ -157,6 +157,7 @@ impl Attempt {
             queries: settled.queries,
             tucked: settled.tucked,
             eased: settled.eased.strain,
+            algorithm1: settled.algorithm1.clone(),
             split: self.splits[index].as_ref().map_or(0, SplitMesh::split_triangles),
             skipped: Skipped {
                 layers: *layers_apart,

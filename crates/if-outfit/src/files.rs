@@ -41,9 +41,10 @@ mod resolved;
 pub use error::FilesError;
 pub use resolved::ResolvedFiles;
 
+use crate::layer_fields::FieldOfGarment;
 use crate::outfit::{Layer, Outfit, OutfitError};
 use crate::report::Verification;
-use crate::resolve::{ResolveError, ResolveParams, Resolved, resolve};
+use crate::resolve::{ResolveError, ResolveParams, Resolved, resolve_on_fields};
 use crate::storage::Storage;
 use crate::unresolved::Unresolved;
 use crate::verify::{compare_own_pairs, verify};
@@ -175,18 +176,38 @@ impl OutfitFiles {
         verify(&self.outfit)
     }
 
-    /// Resolves the outfit ([`resolve`]), and verifies exactly what [`ResolvedFiles::write`] stores.
+    /// Resolves the outfit ([`resolve`](crate::resolve()), and verifies exactly what [`ResolvedFiles::write`] stores.
     ///
     /// # Errors
     ///
     /// [`FilesError::Unresolved`] if intersections remain, with the result as far as it came; as
-    /// [`resolve`] otherwise; and a file that cannot hold its split triangles.
+    /// [`resolve`](crate::resolve()) otherwise; and a file that cannot hold its split triangles.
     pub fn resolve(
         &self,
         params: &ResolveParams,
         monitor: &mut dyn Monitor,
     ) -> Result<ResolvedFiles, FilesError> {
-        let Resolved { outfit, mut report, splits } = match resolve(&self.outfit, params, monitor) {
+        let fields = vec![None; self.outfit.garments.len()];
+        self.resolve_on_fields(&fields, params, monitor)
+    }
+
+    /// [`OutfitFiles::resolve`] of garments that come with fields ([`resolve_on_fields`]).
+    ///
+    /// # Errors
+    ///
+    /// As [`OutfitFiles::resolve`].
+    ///
+    /// # Panics
+    ///
+    /// As [`resolve_on_fields`].
+    pub fn resolve_on_fields(
+        &self,
+        fields: &[FieldOfGarment<'_>],
+        params: &ResolveParams,
+        monitor: &mut dyn Monitor,
+    ) -> Result<ResolvedFiles, FilesError> {
+        let found = resolve_on_fields(&self.outfit, fields, params, monitor);
+        let Resolved { outfit, mut report, splits } = match found {
             Ok(resolved) => resolved,
             Err(ResolveError::Unresolved { result, .. }) => *result,
             Err(error) => return Err(FilesError::Resolve(error)),

@@ -279,10 +279,40 @@ pub struct LayerReport {
     /// Triangles of the input that were split ([`crate::Split`]).
     #[serde(default)]
     pub split: usize,
+    /// What Algorithm 1 did ([`crate::Method::Paper`]); `None` if it did not run.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub algorithm1: Option<Algorithm1Report>,
     /// What was skipped.
     pub skipped: Skipped,
     /// Wall time, in seconds.
     pub seconds: Real,
+}
+
+/// What Algorithm 1 read of a layer below.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LayerField {
+    /// The exact distance to its mesh, baked.
+    Mesh,
+    /// The field that it came with, masked by its box
+    /// ([`resolve_on_fields`](crate::resolve_on_fields)).
+    Given,
+}
+
+/// What Algorithm 1 did with a garment.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Algorithm1Report {
+    /// What it read of each layer below, the body first.
+    pub below: Vec<LayerField>,
+    /// Steps made.
+    pub steps: u32,
+    /// Queries of the field and of nearest points.
+    pub queries: u64,
+    /// Queries that a bound on the motion made unnecessary.
+    pub skipped_by_bound: u64,
+    /// Queries that the mask made unnecessary.
+    pub skipped_by_mask: u64,
 }
 
 /// What [`crate::resolve::resolve`] found and did.

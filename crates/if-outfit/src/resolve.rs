@@ -3,6 +3,7 @@
 
 use crate::attempt::{Attempt, AttemptError};
 use crate::distances;
+use crate::layer_fields::FieldOfGarment;
 use crate::outfit::{Outfit, OutfitError};
 use crate::report::{ResolveReport, Verification};
 use crate::settle::Settings;
@@ -94,7 +95,33 @@ pub fn resolve(
     params: &ResolveParams,
     monitor: &mut dyn Monitor,
 ) -> Result<Resolved, ResolveError> {
-    resolve_with(outfit, Settings { params, skip: true }, monitor)
+    resolve_with(outfit, Settings { params, skip: true, fields: &[] }, monitor)
+}
+
+/// [`resolve`] of garments that come with fields, inner to outer, such as a trained φ.
+///
+/// With [`Method::Paper`](crate::Method::Paper) Algorithm 1 reads these instead of distances to the
+/// meshes, each masked by the box of its garment. Nothing rests on their accuracy: verification and
+/// repair read the meshes. They describe the garments as given, also where those have moved since.
+/// With the other method they are not read. [`LayerReport::algorithm1`] reports what was read.
+///
+/// [`LayerReport::algorithm1`]: crate::report::LayerReport::algorithm1
+///
+/// # Errors
+///
+/// As [`resolve`].
+///
+/// # Panics
+///
+/// If there is not one entry for each garment, or a field is NaN.
+pub fn resolve_on_fields(
+    outfit: &Outfit,
+    fields: &[FieldOfGarment<'_>],
+    params: &ResolveParams,
+    monitor: &mut dyn Monitor,
+) -> Result<Resolved, ResolveError> {
+    assert_eq!(fields.len(), outfit.garments.len(), "one entry for each garment");
+    resolve_with(outfit, Settings { params, skip: true, fields }, monitor)
 }
 
 /// The slow twin of [`resolve`]: every nearest point is computed, needed or not. The same bits.
@@ -108,7 +135,7 @@ pub fn resolve_without_skipping(
     params: &ResolveParams,
     monitor: &mut dyn Monitor,
 ) -> Result<Resolved, ResolveError> {
-    resolve_with(outfit, Settings { params, skip: false }, monitor)
+    resolve_with(outfit, Settings { params, skip: false, fields: &[] }, monitor)
 }
 
 fn resolve_with(
@@ -220,7 +247,7 @@ mod tests {
             garments: vec![Layer::new("vest", icosphere(1.1, 1)), Layer::new("shirt", shirt)],
         };
         let params = ResolveParams::default();
-        let settings = Settings { params: &params, skip: true };
+        let settings = Settings { params: &params, skip: true, fields: &[] };
         let Ok(mut attempt) = Attempt::new(outfit(with(1.5)), settings, &mut Silent) else {
             panic!("not cancelled")
         };

@@ -26,11 +26,12 @@
 
 use crate::algorithm1;
 use crate::incremental_verification::IncrementalVerification;
+use crate::layer_fields::FieldOfGarment;
 use crate::outfit::Layer;
 use crate::params::{Method, ResolveParams};
 use crate::progress::{GarmentProgress, REPAIR, SETTLE};
 use crate::repair::{self, Repair};
-use crate::report::RepairCounts;
+use crate::report::{Algorithm1Report, RepairCounts};
 use crate::upper_layers::UpperLayers;
 use crate::workpiece::{Eased, Scene, SettleError, Workpiece};
 use if_core::math::Point;
@@ -61,6 +62,8 @@ pub(crate) struct Settled {
     pub(crate) eased: Eased,
     /// Vertices that were held throughout.
     pub(crate) held: usize,
+    /// What Algorithm 1 did, if it ran.
+    pub(crate) algorithm1: Option<Algorithm1Report>,
 }
 
 impl Settled {
@@ -78,6 +81,7 @@ impl Settled {
             skipped: 0,
             tucked: [0; 2],
             eased: Eased::default(),
+            algorithm1: None,
         }
     }
 }
@@ -88,6 +92,8 @@ pub(crate) struct Settings<'a> {
     pub(crate) params: &'a ResolveParams,
     /// Whether queries that cannot find a contact are skipped.
     pub(crate) skip: bool,
+    /// The fields that garments come with, inner to outer; empty if none does.
+    pub(crate) fields: &'a [FieldOfGarment<'a>],
 }
 
 /// Brings `garment` outside the layers `below` (the body first), and below those `above` as far as
@@ -105,7 +111,7 @@ pub(crate) fn settle(
     settings: Settings<'_>,
     progress: &mut GarmentProgress<'_>,
 ) -> Result<Settled, SettleError> {
-    let Settings { params, skip } = settings;
+    let Settings { params, skip, fields } = settings;
     let mesh = &garment.mesh;
     let _phase = trace_span!("settling").entered();
     let verifying = trace_span!("verification").entered();
@@ -129,8 +135,12 @@ pub(crate) fn settle(
 
     // Algorithm 1 replaces the rounds of settling: repairs follow, unless it was enough.
     let (mut first, mut end) = (0, params.effort.rounds);
+    let mut algorithm1 = None;
     if params.effort.method == Method::Paper {
-        work.go_to(&algorithm1::settled(garment, below, params.goal.clearance, progress)?);
+        let clearance = params.goal.clearance;
+        let (positions, report) = algorithm1::settled(garment, below, fields, clearance, progress)?;
+        work.go_to(&positions);
+        algorithm1 = Some(report);
         first = params.effort.settle_rounds.min(params.effort.rounds - 1);
         work.round = first;
         work.verify();
@@ -176,6 +186,7 @@ pub(crate) fn settle(
         skipped: work.contacts.search.skipped,
         eased: work.eased,
         held: work.cloth.ever_free.iter().filter(|free| !**free).count(),
+        algorithm1,
     })
 }
 

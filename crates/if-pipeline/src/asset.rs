@@ -16,6 +16,7 @@ mod beside;
 mod class;
 mod error;
 mod info;
+mod phi;
 mod thumbnail;
 
 pub use beside::Beside;
@@ -23,6 +24,7 @@ pub(crate) use class::is_wearable;
 pub use class::{GarmentClass, LayerHint};
 pub use error::AssetError;
 pub use info::{AssetInfo, BodyRef, FileInfo, Opening, Phi, Provenance};
+pub use phi::PhiField;
 
 use if_body::SkinWeights;
 use if_core::mesh::TriMesh;

@@ -15,6 +15,7 @@ mod body;
 pub mod combination;
 pub mod dresser;
 mod error;
+mod layer_fields;
 pub mod matching;
 mod pages;
 mod result;

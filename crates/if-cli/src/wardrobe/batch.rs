@@ -1,7 +1,7 @@
 //! `ifg wardrobe batch`.
 
 use super::opening::{Fault, open};
-use super::results::{end_of, match_params};
+use super::results::{FieldsArg, end_of, match_params};
 use crate::cancel;
 use crate::end::End;
 use crate::errors::{ErrorChain, note};
@@ -59,6 +59,9 @@ pub(crate) struct BatchArgs {
     pub(crate) body: Vec<String>,
     #[command(flatten)]
     pub(crate) params: ParamArgs,
+    /// What `--method paper` reads of the garments below the one that it settles.
+    #[arg(long, value_enum)]
+    pub(super) fields: Option<FieldsArg>,
     /// Combinations done at once. More than one takes more memory, and pays where single steps do
     /// not fill all cores.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
@@ -106,7 +109,8 @@ pub(super) fn run(args: &BatchArgs) -> Result<End, Report> {
         None => (all, args.out.clone()),
     };
     let height = if args.no_pictures { 0 } else { PICTURE_HEIGHT };
-    let params = MatchParams { meshes: !args.no_meshes, ..match_params(&args.params, height)? };
+    let params =
+        MatchParams { meshes: !args.no_meshes, ..match_params(&args.params, args.fields, height)? };
     let dresser = Dresser::new(&wardrobe, params.align);
     let bar = progress(combinations.len());
     // Why a line could not be printed: the first of several done at once.

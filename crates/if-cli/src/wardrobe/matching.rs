@@ -1,7 +1,7 @@
 //! `ifg wardrobe match`.
 
 use super::opening::{Fault, open};
-use super::results::{end_of, match_params};
+use super::results::{FieldsArg, end_of, match_params};
 use crate::cancel;
 use crate::end::End;
 use crate::errors::note;
@@ -35,6 +35,9 @@ pub(crate) struct MatchArgs {
     pub(crate) out: PathBuf,
     #[command(flatten)]
     pub(crate) params: ParamArgs,
+    /// What `--method paper` reads of the garments below the one that it settles.
+    #[arg(long, value_enum)]
+    pub(super) fields: Option<FieldsArg>,
     /// Write the meshes even where intersections are left.
     #[arg(long)]
     pub(crate) write_unproven: bool,
@@ -55,7 +58,7 @@ pub(super) fn run(args: &MatchArgs) -> Result<End, Report> {
     let params = MatchParams {
         body: true,
         unproven: args.write_unproven,
-        ..match_params(&args.params, PICTURE_HEIGHT)?
+        ..match_params(&args.params, args.fields, PICTURE_HEIGHT)?
     };
     let combination = Combination { body: args.body.clone(), garments: args.garments.clone() };
     let dresser = Dresser::new(&wardrobe, params.align);
@@ -107,6 +110,9 @@ fn text(result: &MatchResult, out: &Path, placed: Placed) -> String {
             a.inside[1] * 1e2,
             a.inside[0] * 1e2
         );
+    }
+    for field in &result.fields {
+        text += &format!("  {}: garments above read {}\n", field.garment, field.read);
     }
     if let Some(report) = &result.report {
         text += &format!(

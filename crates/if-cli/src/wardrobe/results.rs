@@ -4,15 +4,39 @@ use crate::end::End;
 use crate::inputs::ParamArgs;
 use crate::outfit_file::override_params;
 use crate::receipt;
+use clap::ValueEnum;
 use if_outfit::resolve::ResolveParams;
-use if_pipeline::wardrobe::matching::{MatchParams, State};
+use if_pipeline::wardrobe::matching::{Fields, MatchParams, State};
 use miette::Report;
 
+/// [`Fields`] as an argument.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum FieldsArg {
+    /// Exact distances to the meshes. The default.
+    Meshes,
+    /// The trained φ of assets that have one, on the body that they were made on.
+    Assets,
+}
+
+impl From<FieldsArg> for Fields {
+    fn from(arg: FieldsArg) -> Self {
+        match arg {
+            FieldsArg::Meshes => Self::Meshes,
+            FieldsArg::Assets => Self::Assets,
+        }
+    }
+}
+
 /// Parameters of results, with those of the command line.
-pub(crate) fn match_params(args: &ParamArgs, picture_height: u32) -> Result<MatchParams, Report> {
+pub(super) fn match_params(
+    args: &ParamArgs,
+    fields: Option<FieldsArg>,
+    picture_height: u32,
+) -> Result<MatchParams, Report> {
     let resolve = override_params(&ResolveParams::default(), args)?;
     let tool = receipt::versions();
-    Ok(MatchParams { resolve, picture_height, tool, ..MatchParams::default() })
+    let fields = fields.map_or(Fields::default(), Into::into);
+    Ok(MatchParams { resolve, fields, picture_height, tool, ..MatchParams::default() })
 }
 
 /// The end of a command with one result.

@@ -1,7 +1,7 @@
 //! What is proven is what a reader of the files gets.
 
 use super::*;
-use crate::resolve::Split as Splitting;
+use crate::resolve::{Split as Splitting, resolve};
 use if_core::math::Vector;
 use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;

@@ -62,6 +62,9 @@ pub enum AssetError {
     /// The skinning weights are invalid.
     #[error("{}: {source}", path.display())]
     Skin { path: PathBuf, source: SkinError },
+    /// The network of φ is invalid.
+    #[error("{}: {message}; make the asset again, or remove its φ", path.display())]
+    Network { path: PathBuf, message: String },
     /// The grid is invalid.
     #[error("{}: {source}", path.display())]
     Baked { path: PathBuf, source: BakedFileError },

@@ -11,20 +11,24 @@
 //! The key is the hash of all that decides the result: the build of this program, versions,
 //! parameters, the hashes of body and garments in their order.
 
+pub use super::layer_fields::{Fields, GarmentField, Read};
 pub use super::result::{
     Fault, MatchParams, MatchRequest, MatchResult, Matched, RequestedGarment, State, Timings,
 };
 
 use super::combination::Combination;
 use super::dresser::{Dressed, Dresser};
+use super::layer_fields;
 use super::result::FORMAT;
 use super::result_folder::{self, folder_name};
 use super::{Wardrobe, WardrobeError};
+use crate::asset::PhiField;
 use crate::build::BUILD;
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Monitor};
 use if_mesh::atomic::FolderWriter;
 use if_mesh::file::MeshFile;
+use if_outfit::FieldOfGarment;
 use if_outfit::digest::digest;
 use if_outfit::files::{FilesError, OutfitFiles};
 use if_outfit::outfit::Outfit;
@@ -56,6 +60,10 @@ pub(super) fn request(
             name: name.clone(),
             mesh: info.garment.content.sha256.clone(),
             skinned: info.skinned,
+            phi: match params.fields {
+                Fields::Meshes => Vec::new(),
+                Fields::Assets => layer_fields::hashes(info),
+            },
             body: own.clone(),
         });
     }
@@ -94,6 +102,7 @@ pub fn run(
             state: State::Failed,
             error: None,
             alignments: Vec::new(),
+            fields: Vec::new(),
             report: None,
             request,
             outputs: Vec::new(),
@@ -126,9 +135,16 @@ fn settle(
 ) -> Result<(), WardrobeError> {
     let start = Instant::now();
     matched.result.alignments = dressed.garments.iter().map(|g| g.report).collect();
+    let (fields, read) = match params.fields {
+        Fields::Meshes => (dressed.garments.iter().map(|_| None).collect(), Vec::new()),
+        Fields::Assets => layer_fields::of_assets(&dressed)?,
+    };
+    matched.result.fields = read;
+    let fields: Vec<FieldOfGarment<'_>> =
+        fields.iter().map(|f| f.as_ref().map(PhiField::field)).collect();
     let files = dressed.garments.iter().map(|g| MeshFile::from_ply(g.asset.file())).collect();
     let files = OutfitFiles::from_memory(dressed.outfit, files);
-    let outcome = files.resolve(&params.resolve, monitor);
+    let outcome = files.resolve_on_fields(&fields, &params.resolve, monitor);
     matched.timings.resolve = start.elapsed().as_secs_f64();
     matched.before = Some(files.outfit().clone());
     let resolved = match outcome {

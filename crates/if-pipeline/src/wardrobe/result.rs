@@ -2,8 +2,10 @@
 
 use super::body::BodyInfo;
 use super::combination::Combination;
+use super::layer_fields::{Fields, GarmentField};
 use if_body::align::{AlignParams, AlignReport};
 use if_core::parameter::ParameterError;
+use if_outfit::Method;
 use if_outfit::files::ResolvedFiles;
 use if_outfit::outfit::Outfit;
 use if_outfit::report::ResolveReport;
@@ -24,6 +26,9 @@ pub struct MatchParams {
     pub align: AlignParams,
     /// Resolving of the outfit.
     pub resolve: ResolveParams,
+    /// What [`Method::Paper`] reads of the garments; with the other method only
+    /// [`Fields::Meshes`].
+    pub fields: Fields,
     /// Whether meshes are written.
     pub meshes: bool,
     /// Whether the body is written, too.
@@ -50,6 +55,9 @@ impl MatchParams {
         let drawable = height == 0 || PICTURE_HEIGHTS.contains(&height);
         let range = "0 for no pictures, or from 16 to 8192 (pixels)";
         ParameterError::check("picture_height", height.into(), drawable, range)?;
+        let reads = self.fields == Fields::Meshes || self.resolve.effort.method == Method::Paper;
+        let range = "`meshes` (0), unless `resolve.effort.method` is `paper`";
+        ParameterError::check("fields", 1.0, reads, range)?;
         self.align.validate().map_err(|e| e.within("align"))?;
         self.resolve.validate().map_err(|e| e.within("resolve"))
     }
@@ -60,6 +68,7 @@ impl Default for MatchParams {
         Self {
             align: AlignParams::default(),
             resolve: ResolveParams::default(),
+            fields: Fields::default(),
             meshes: true,
             body: false,
             unproven: false,
@@ -96,6 +105,10 @@ pub struct MatchResult {
     pub error: Option<Fault>,
     /// Report of each garment's alignment, inner to outer.
     pub alignments: Vec<AlignReport>,
+    /// What [`Method::Paper`] read of each garment below another, inner to outer; empty with
+    /// [`Fields::Meshes`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fields: Vec<GarmentField>,
     /// Report of resolving; its seconds are zero.
     pub report: Option<ResolveReport>,
     /// Everything that the key is the hash of.
@@ -130,6 +143,9 @@ pub struct RequestedGarment {
     pub mesh: String,
     /// Whether it has skinning weights.
     pub skinned: bool,
+    /// SHA-256 of the files of its φ; empty with [`Fields::Meshes`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub phi: Vec<String>,
     /// The body that it was made on.
     pub body: BodyInfo,
 }
