@@ -17,7 +17,7 @@ mod template;
 mod upright;
 
 pub use align::{AlignError, AlignParams, BodyMap, BodyShape};
-pub use motion::{Motion, MotionError};
+pub use motion::{BvhError, Motion, MotionError};
 pub use pose::{Pose, PoseError};
 pub use skeleton::{Joint, Skeleton, SkeletonError};
 pub use skin_weights::{SkinError, SkinWeights};

@@ -1,8 +1,16 @@
 //! Motions: a pose for each frame.
 
+mod bvh;
+mod retarget;
+
+pub use bvh::BvhError;
+
+use self::bvh::Bvh;
+use self::retarget::{Retargeted, retarget};
 use crate::pose::{Pose, PoseError};
 use crate::skeleton::Skeleton;
 use if_core::math::{Real, Vector};
+use nalgebra::UnitQuaternion;
 use serde::Deserialize;
 use std::io::{self, Read};
 use std::path::Path;
@@ -14,6 +22,8 @@ pub struct Motion {
     pub frames_per_second: Real,
     /// One pose a frame; never empty.
     pub poses: Vec<Pose>,
+    /// Joints of the skeleton that the file does not have: they follow their parents.
+    pub unmatched: Vec<String>,
 }
 
 /// A motion cannot be read.
@@ -27,6 +37,12 @@ pub enum MotionError {
     /// The file is not as docs/animate.md specifies.
     #[error("the motion is not as docs/animate.md specifies: {0}")]
     Json(#[from] serde_json::Error),
+    /// The BVH file is invalid, or of another skeleton.
+    #[error("the motion is no valid BVH file: {0}")]
+    Bvh(#[from] BvhError),
+    /// The file is neither JSON nor text.
+    #[error("the motion is not text; give JSON as docs/animate.md specifies, or BVH")]
+    Text,
     /// The motion has a joint that the skeleton lacks, or the other way round.
     #[error(
         "joint {index} of the motion is `{found}`, but the skeleton has `{expected}` there; \
@@ -70,11 +86,46 @@ impl Motion {
     /// joints in their order; `frames`, each with the translation `root_t` and a quaternion
     /// (w, x, y, z) for each joint in `rot`; and `fps`, 30 by default.
     ///
+    /// What begins with `HIERARCHY` is read as BVH, whose skeleton may have other proportions, another
+    /// rest pose, and other units: bones are turned to where those of the file point, and translations
+    /// are scaled by the heights of the hips.
+    ///
     /// # Errors
     ///
-    /// [`MotionError`], with the index of the frame or joint.
-    pub fn read(reader: impl Read, skeleton: &Skeleton) -> Result<Self, MotionError> {
-        let file: File = serde_json::from_reader(reader)?;
+    /// [`MotionError`], with the index of the frame or joint, or the line.
+    pub fn read(mut reader: impl Read, skeleton: &Skeleton) -> Result<Self, MotionError> {
+        let mut bytes = Vec::new();
+        reader.read_to_end(&mut bytes)?;
+        let text = str::from_utf8(&bytes).map_err(|_| MotionError::Text)?;
+        let text = text.trim_start_matches('\u{feff}');
+        if text.trim_start().starts_with("HIERARCHY") {
+            Self::from_bvh(text, skeleton)
+        } else {
+            Self::from_json(text, skeleton)
+        }
+    }
+
+    fn from_bvh(text: &str, skeleton: &Skeleton) -> Result<Self, MotionError> {
+        let file = Bvh::read(text)?;
+        let Retargeted { poses, unmatched } = retarget(&file, skeleton)?;
+        if poses.is_empty() {
+            return Err(MotionError::Empty);
+        }
+        let frames_per_second = 1.0 / file.frame_time;
+        if !(frames_per_second.is_finite() && frames_per_second > 0.0) {
+            return Err(MotionError::Rate(frames_per_second));
+        }
+        let pose = |(frame, (translation, turns)): (usize, (Vector, Vec<UnitQuaternion<Real>>))| {
+            let pose = Pose { root_translation: translation, rotations: turns };
+            Pose::from_quaternions(translation, &pose.quaternions())
+                .map_err(|source| MotionError::Pose { frame, source })
+        };
+        let poses = poses.into_iter().enumerate().map(pose).collect::<Result<_, _>>()?;
+        Ok(Self { frames_per_second, poses, unmatched })
+    }
+
+    fn from_json(text: &str, skeleton: &Skeleton) -> Result<Self, MotionError> {
+        let file: File = serde_json::from_str(text)?;
         let names: Vec<&str> = skeleton.names().collect();
         for index in 0..names.len().max(file.joints.len()) {
             let found = file.joints.get(index).map_or(MISSING, String::as_str);
@@ -99,7 +150,7 @@ impl Motion {
             Pose::from_quaternions(Vector::from(f.root_t), &f.rot).map_err(fault)
         };
         let poses = file.frames.iter().enumerate().map(pose).collect::<Result<_, _>>()?;
-        Ok(Self { frames_per_second: file.fps, poses })
+        Ok(Self { frames_per_second: file.fps, poses, unmatched: Vec::new() })
     }
 
     /// Reads the file at `path`.
@@ -120,74 +171,10 @@ impl Motion {
         Self {
             frames_per_second: self.frames_per_second / step as Real,
             poses: self.poses.iter().step_by(step).cloned().collect(),
+            unmatched: self.unmatched.clone(),
         }
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::skeleton::Joint;
-    use if_core::math::Point;
-
-    fn skeleton() -> Skeleton {
-        let joint = |name: &str, parent| Joint {
-            name: name.into(),
-            parent,
-            head: Point::origin(),
-            tail: Point::new(0.0, 1.0, 0.0),
-        };
-        Skeleton::new(vec![joint("hips", None), joint("knee", Some(0))]).unwrap()
-    }
-
-    fn read(joints: &str, frames: &str) -> Result<Motion, MotionError> {
-        let text = format!(r#"{{"fps": 24, "joints": {joints}, "frames": {frames}}}"#);
-        Motion::read(text.as_bytes(), &skeleton())
-    }
-
-    const JOINTS: &str = r#"["hips", "knee"]"#;
-    const FRAME: &str = r#"{"root_t": [0, 1, 2], "rot": [[1, 0, 0, 0], [0, 1, 0, 0]]}"#;
-
-    #[test]
-    fn a_motion_has_a_pose_for_each_frame() {
-        let motion = read(JOINTS, &format!("[{FRAME}, {FRAME}, {FRAME}]")).unwrap();
-        assert_eq!((motion.frames_per_second, motion.poses.len()), (24.0, 3));
-        assert_eq!(motion.poses[1].root_translation, Vector::new(0.0, 1.0, 2.0));
-        assert_eq!(motion.poses[1].quaternions()[1], [0.0, 1.0, 0.0, 0.0]);
-        let half = motion.every(2);
-        assert_eq!((half.frames_per_second, half.poses.len()), (12.0, 2));
-    }
-
-    #[test]
-    fn invalid_motions_are_errors_that_name_the_place() {
-        let error = |joints: &str, frames: &str| read(joints, frames).unwrap_err().to_string();
-        let frames = format!("[{FRAME}]");
-        let table = [
-            (r#"["hips", "elbow"]"#, frames.as_str(), "joint 1 of the motion is `elbow`"),
-            (r#"["hips"]"#, &frames, "joint 1 of the motion is `none`"),
-            (r#"["hips", "knee", "toe"]"#, &frames, "the skeleton has `none`"),
-            (JOINTS, "[]", "no frames"),
-            (JOINTS, r#"[{"root_t": [0, 0, 0], "rot": [[1, 0, 0, 0]]}]"#, "frame 0"),
-            (
-                JOINTS,
-                r#"[{"root_t": [0, 0, 0], "rot": [[1, 0, 0, 0], [2, 0, 0, 0]]}]"#,
-                "rotation 1",
-            ),
-            (
-                JOINTS,
-                r#"[{"root_t": [0, 0, 1e300], "rot": [[1, 0, 0, 0], [1, 0, 0, 0]]}]"#,
-                "frame 0",
-            ),
-            (JOINTS, r#"[{"root_t": [NaN, 0, 0], "rot": []}]"#, "docs/animate.md"),
-        ];
-        for (joints, frames, expected) in table {
-            let found = error(joints, frames);
-            assert!(found.contains(expected), "{found}");
-        }
-        let text = format!(r#"{{"fps": 0, "joints": {JOINTS}, "frames": {frames}}}"#);
-        assert!(matches!(
-            Motion::read(text.as_bytes(), &skeleton()),
-            Err(MotionError::Rate(rate)) if rate == 0.0
-        ));
-    }
-}
+mod tests;

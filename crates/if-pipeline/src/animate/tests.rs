@@ -27,7 +27,11 @@ pub(super) fn motion(frames: usize) -> Motion {
         pose.root_translation.z = 0.01 * k as f64;
         pose
     };
-    Motion { frames_per_second: 30.0, poses: (0..frames).map(pose).collect() }
+    Motion {
+        frames_per_second: 30.0,
+        poses: (0..frames).map(pose).collect(),
+        unmatched: Vec::new(),
+    }
 }
 
 /// Cancels before a frame.

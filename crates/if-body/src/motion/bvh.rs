@@ -1,0 +1,266 @@
+//! BVH files: a tree of joints with offsets, and a row of channels for each frame.
+
+use if_core::math::{Real, Vector};
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// A BVH file cannot be read, or its joints are not those of the skeleton.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages say what the fields are
+pub enum BvhError {
+    /// Something else is expected.
+    #[error("line {line}: expected {expected}, found `{found}`")]
+    Syntax { line: usize, expected: &'static str, found: String },
+    /// The file is cut off.
+    #[error("the file ends where {expected} must follow; export it again")]
+    End { expected: &'static str },
+    /// A value is no number, or NaN or infinite.
+    #[error("line {line}: `{found}` is not a finite number")]
+    Number { line: usize, found: String },
+    /// Not one value for each channel of each frame.
+    #[error(
+        "{values} values follow the frame time, but {frames} frames of {channels} channels \
+         have {}; export the file again", (*frames as u128) * (*channels as u128)
+    )]
+    Values { values: usize, frames: usize, channels: usize },
+    /// Two joints have the same name.
+    #[error("two joints are called `{name}`; each needs its own name")]
+    SameName { name: String },
+    /// The rest pose is no upright person.
+    #[error(
+        "the person in the rest pose is {height} high, {width} wide and {depth} deep, in the units \
+         of the file; y must be up: export the motion so"
+    )]
+    NotUpright { height: Real, width: Real, depth: Real },
+    /// Fewer than half of the skeleton's joints are in the file.
+    #[error(
+        "{found} of the skeleton's {joints} joints are in the file, among the others not `{missing}`; \
+         rename the joints of the one like those of the other"
+    )]
+    Joints { found: usize, joints: usize, missing: String },
+}
+
+/// A motion as the file has it.
+#[derive(Debug)]
+pub(super) struct Bvh {
+    /// Parents before children; the first is the root.
+    pub(super) joints: Vec<BvhJoint>,
+    /// Seconds.
+    pub(super) frame_time: Real,
+    /// All channels of one frame after those of another.
+    values: Vec<Real>,
+    channels: usize,
+}
+
+/// A joint of the file.
+#[derive(Debug)]
+pub(super) struct BvhJoint {
+    pub(super) name: String,
+    pub(super) parent: Option<usize>,
+    /// From its parent, in the rest pose.
+    pub(super) offset: Vector,
+    /// The end of its bone, from the joint, where it has no children.
+    pub(super) end: Option<Vector>,
+    channels: Vec<Channel>,
+    /// Its first channel in a frame.
+    first: usize,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Channel {
+    Position(usize),
+    Rotation(usize),
+}
+
+const CHANNELS: [(&str, Channel); 6] = [
+    ("Xposition", Channel::Position(0)),
+    ("Yposition", Channel::Position(1)),
+    ("Zposition", Channel::Position(2)),
+    ("Xrotation", Channel::Rotation(0)),
+    ("Yrotation", Channel::Rotation(1)),
+    ("Zrotation", Channel::Rotation(2)),
+];
+
+impl Bvh {
+    /// Reads the text of a file.
+    pub(super) fn read(text: &str) -> Result<Self, BvhError> {
+        let mut words = Words::new(text);
+        words.expect("HIERARCHY")?;
+        words.expect("ROOT")?;
+        let (joints, channels) = hierarchy(&mut words)?;
+        for (i, joint) in joints.iter().enumerate() {
+            if joints[..i].iter().any(|j| j.name == joint.name) {
+                return Err(BvhError::SameName { name: joint.name.clone() });
+            }
+        }
+        words.expect("Frames:")?;
+        let (line, word) = words.next("the number of frames")?;
+        let frames = word.parse::<usize>().map_err(|_| BvhError::Syntax {
+            line,
+            expected: "the number of frames",
+            found: word.into(),
+        })?;
+        words.expect("Frame")?;
+        words.expect("Time:")?;
+        let frame_time = words.number("the frame time")?;
+        let mut values = Vec::new();
+        while words.peek().is_some() {
+            values.push(words.number("a value")?);
+        }
+        if frames.checked_mul(channels) != Some(values.len()) {
+            return Err(BvhError::Values { values: values.len(), frames, channels });
+        }
+        Ok(Self { joints, frame_time, values, channels })
+    }
+
+    /// The position of the root in each frame, and the rotations of all joints in the world.
+    pub(super) fn frames(&self) -> impl Iterator<Item = (Vector, Vec<UnitQuaternion<Real>>)> {
+        // A file without channels has no values, and no frames.
+        self.values.chunks(self.channels.max(1)).map(|row| {
+            let mut turns: Vec<UnitQuaternion<Real>> = Vec::with_capacity(self.joints.len());
+            for joint in &self.joints {
+                let mut turn = UnitQuaternion::identity();
+                for (channel, value) in joint.channels.iter().zip(&row[joint.first..]) {
+                    if let Channel::Rotation(axis) = channel {
+                        let about = Vector3::ith_axis(*axis);
+                        turn *= UnitQuaternion::from_axis_angle(&about, value.to_radians());
+                    }
+                }
+                turns.push(joint.parent.map_or(turn, |p| turns[p] * turn));
+            }
+            let root = &self.joints[0];
+            let mut position = root.offset;
+            for (channel, value) in root.channels.iter().zip(row) {
+                if let Channel::Position(axis) = channel {
+                    position[*axis] = *value;
+                }
+            }
+            (position, turns)
+        })
+    }
+
+    /// Positions of all joints in the rest pose, from the root.
+    pub(super) fn rest(&self) -> Vec<Vector> {
+        let mut rest: Vec<Vector> = Vec::with_capacity(self.joints.len());
+        for joint in &self.joints {
+            rest.push(joint.parent.map_or(Vector::zeros(), |p| rest[p] + joint.offset));
+        }
+        rest
+    }
+}
+
+/// The joints after `ROOT`, up to `MOTION`, and the number of their channels. Joints are kept on a
+/// list, not on the call stack, whatever the depth.
+fn hierarchy(words: &mut Words<'_>) -> Result<(Vec<BvhJoint>, usize), BvhError> {
+    let mut joints = vec![joint(words, None)?];
+    let (mut current, mut channels) = (Some(0), 0);
+    while let Some(at) = current {
+        let (line, word) = words.next("a joint")?;
+        match word {
+            "OFFSET" => joints[at].offset = words.vector()?,
+            "CHANNELS" => {
+                joints[at].first = channels;
+                joints[at].channels = channel_list(words)?;
+                channels += joints[at].channels.len();
+            }
+            "JOINT" => {
+                joints.push(joint(words, Some(at))?);
+                current = Some(joints.len() - 1);
+            }
+            "End" => {
+                words.expect("Site")?;
+                words.expect("{")?;
+                words.expect("OFFSET")?;
+                joints[at].end = Some(words.vector()?);
+                words.expect("}")?;
+            }
+            "}" => current = joints[at].parent,
+            _ => {
+                let expected = "OFFSET, CHANNELS, JOINT, End Site or }";
+                return Err(BvhError::Syntax { line, expected, found: word.into() });
+            }
+        }
+    }
+    words.expect("MOTION")?;
+    Ok((joints, channels))
+}
+
+/// A joint's name and opening brace. Names may have blanks.
+fn joint(words: &mut Words<'_>, parent: Option<usize>) -> Result<BvhJoint, BvhError> {
+    let mut name = String::new();
+    loop {
+        let (_, word) = words.next("the name of a joint and {")?;
+        if word == "{" {
+            let (offset, end, channels) = (Vector::zeros(), None, Vec::new());
+            return Ok(BvhJoint { name, parent, offset, end, channels, first: 0 });
+        }
+        if !name.is_empty() {
+            name.push(' ');
+        }
+        name.push_str(word);
+    }
+}
+
+fn channel_list(words: &mut Words<'_>) -> Result<Vec<Channel>, BvhError> {
+    const EXPECTED: &str = "the number of channels, from 0 to 6";
+    let (line, word) = words.next(EXPECTED)?;
+    let count = word.parse::<usize>().ok().filter(|n| *n <= 6);
+    let syntax =
+        |line, expected, found: &str| BvhError::Syntax { line, expected, found: found.into() };
+    let count = count.ok_or_else(|| syntax(line, EXPECTED, word))?;
+    let mut list = Vec::with_capacity(count);
+    for _ in 0..count {
+        let expected = "a channel, as Xposition or Zrotation";
+        let (line, word) = words.next(expected)?;
+        let found = CHANNELS.iter().find(|(name, _)| name.eq_ignore_ascii_case(word));
+        list.push(found.ok_or_else(|| syntax(line, expected, word))?.1);
+    }
+    Ok(list)
+}
+
+/// The words of a text, with the numbers of their lines.
+struct Words<'a> {
+    words: std::iter::Peekable<Box<dyn Iterator<Item = (usize, &'a str)> + 'a>>,
+}
+
+impl<'a> Words<'a> {
+    fn new(text: &'a str) -> Self {
+        let of_line = |(line, text): (usize, &'a str)| {
+            text.split_whitespace().map(move |word| (line + 1, word))
+        };
+        let words: Box<dyn Iterator<Item = _>> =
+            Box::new(text.lines().enumerate().flat_map(of_line));
+        Self { words: words.peekable() }
+    }
+
+    fn peek(&mut self) -> Option<&(usize, &'a str)> {
+        self.words.peek()
+    }
+
+    fn next(&mut self, expected: &'static str) -> Result<(usize, &'a str), BvhError> {
+        self.words.next().ok_or(BvhError::End { expected })
+    }
+
+    fn expect(&mut self, expected: &'static str) -> Result<(), BvhError> {
+        let (line, found) = self.next(expected)?;
+        if found == expected {
+            Ok(())
+        } else {
+            Err(BvhError::Syntax { line, expected, found: found.into() })
+        }
+    }
+
+    fn number(&mut self, expected: &'static str) -> Result<Real, BvhError> {
+        let (line, word) = self.next(expected)?;
+        let number = word.parse::<Real>().ok().filter(|x| x.is_finite());
+        number.ok_or_else(|| BvhError::Number { line, found: word.into() })
+    }
+
+    fn vector(&mut self) -> Result<Vector, BvhError> {
+        let mut v = Vector::zeros();
+        for k in 0..3 {
+            v[k] = self.number("an offset of three numbers")?;
+        }
+        Ok(v)
+    }
+}

@@ -1,0 +1,225 @@
+//! Motions of one skeleton on another: bones point where those of the other point.
+
+use super::bvh::{Bvh, BvhError};
+use crate::skeleton::Skeleton;
+use if_core::math::{Real, Vector};
+use nalgebra::UnitQuaternion;
+use std::f64::consts::FRAC_PI_2;
+
+type Turn = UnitQuaternion<Real>;
+
+/// A motion for a skeleton.
+pub(super) struct Retargeted {
+    /// Translation of the root and rotations of all joints, for each frame.
+    pub(super) poses: Vec<(Vector, Vec<Turn>)>,
+    /// Joints of the skeleton that the motion does not have.
+    pub(super) unmatched: Vec<String>,
+}
+
+/// The motion of a BVH file for a skeleton.
+///
+/// With B the rotation of a joint of the file in the world, the skeleton's joint has W = B A there,
+/// where A turns its bone in the rest pose to that of the file: by quarter turns about y to the side
+/// that the person faces, then the shortest way. Joints that the file lacks follow their parents.
+/// Translations are scaled by the heights of the hips. The first frame is above where the body
+/// stands.
+///
+/// # Errors
+///
+/// The file has fewer than half of the joints, or its rest pose is not upright.
+pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, BvhError> {
+    let rest = bvh.rest();
+    let matches = matches(bvh, skeleton)?;
+    let height = hip_height(bvh, &rest)?;
+    let joints = skeleton.joints();
+    let root = joints[0].head;
+    let ends = joints.iter().flat_map(|j| [j.head.y, j.tail.y]);
+    let own_height = root.y - ends.fold(root.y, Real::min);
+    let scale = own_height / height;
+
+    let facing = facing(skeleton, &matches, &rest);
+    let mut align: Vec<Turn> = Vec::with_capacity(joints.len());
+    for (j, joint) in joints.iter().enumerate() {
+        let inherited = joint.parent.map_or(facing, |p| align[p]);
+        align.push(match bones(bvh, skeleton, &matches, &rest, j) {
+            Bones::One(own, other) => {
+                let own = facing * own;
+                // Opposite bones have no shortest way.
+                Turn::rotation_between(&own, &other).map_or(inherited, |swing| swing * facing)
+            }
+            Bones::Many => facing,
+            Bones::None => inherited,
+        });
+    }
+
+    let start = bvh.frames().next().map_or(Vector::zeros(), |(p, _)| Vector::new(p.x, 0.0, p.z));
+    let poses = bvh.frames().map(|(position, turns)| {
+        let mut world: Vec<Turn> = Vec::with_capacity(joints.len());
+        let mut local = Vec::with_capacity(joints.len());
+        for (j, joint) in joints.iter().enumerate() {
+            let above = joint.parent.map_or(Turn::identity(), |p| world[p]);
+            let turn = matches[j].map_or(above, |k| turns[k] * align[j]);
+            world.push(turn);
+            local.push(above.inverse() * turn);
+        }
+        ((position - start) * scale - Vector::y() * own_height, local)
+    });
+    let missing = joints.iter().zip(&matches).filter(|(_, m)| m.is_none());
+    let unmatched = missing.map(|(joint, _)| joint.name.clone()).collect();
+    Ok(Retargeted { poses: poses.collect(), unmatched })
+}
+
+/// The joint of the file for each joint of the skeleton: roots belong together, others if their names
+/// are alike.
+fn matches(bvh: &Bvh, skeleton: &Skeleton) -> Result<Vec<Option<usize>>, BvhError> {
+    let names: Vec<Name> = bvh.joints.iter().map(|j| Name::new(&j.name)).collect();
+    let find = |name: &str| {
+        let name = Name::new(name);
+        let exact = names.iter().position(|n| n.plain == name.plain);
+        exact.or_else(|| names.iter().position(|n| n.usual == name.usual))
+    };
+    let of = |(j, name)| if j == 0 { Some(0) } else { find(name).filter(|k| *k != 0) };
+    let matches: Vec<Option<usize>> = skeleton.names().enumerate().map(of).collect();
+    let found = matches.iter().flatten().count();
+    if 2 * found < skeleton.len() {
+        let missing = skeleton.names().zip(&matches).find(|(_, m)| m.is_none());
+        let missing = missing.map_or("", |(name, _)| name).to_owned();
+        return Err(BvhError::Joints { found, joints: skeleton.len(), missing });
+    }
+    Ok(matches)
+}
+
+/// A joint's name in two forms that can be compared.
+#[derive(PartialEq)]
+struct Name {
+    /// Letters and digits in lower case, without a prefix as in `mixamorig:LeftArm`.
+    plain: String,
+    /// The side and the usual name: `LeftUpLeg`, `thigh.L` and `l_thigh` are all left, `thigh`.
+    usual: (Option<char>, String),
+}
+
+/// Names for the same joint of a limb, the usual one first.
+const SYNONYMS: [&[&str]; 8] = [
+    &["thigh", "upleg", "upperleg", "hip"],
+    &["shin", "leg", "lowerleg", "calf", "knee"],
+    &["foot", "ankle"],
+    &["toe", "toebase", "toes", "ball"],
+    &["shoulder", "clavicle", "collar"],
+    &["arm", "upperarm"],
+    &["forearm", "lowerarm", "elbow"],
+    &["hand", "wrist"],
+];
+
+impl Name {
+    fn new(name: &str) -> Self {
+        let name = name.rsplit(':').next().unwrap_or(name);
+        let mut words: Vec<String> = Vec::new();
+        let mut before = ' ';
+        for c in name.chars() {
+            let begins = !before.is_alphanumeric() || (c.is_uppercase() && before.is_lowercase());
+            let after_side = words.len() == 1 && matches!(words[0].as_str(), "l" | "r");
+            if c.is_alphanumeric() {
+                if begins || (after_side && c.is_uppercase()) {
+                    words.push(String::new());
+                }
+                if let Some(word) = words.last_mut() {
+                    word.extend(c.to_lowercase());
+                }
+            }
+            before = c;
+        }
+        let side = |word: &str| match word {
+            "l" | "left" => Some('l'),
+            "r" | "right" => Some('r'),
+            _ => None,
+        };
+        let plain = words.concat();
+        let at = words.iter().find_map(|w| side(w));
+        let joined: String = words.iter().filter(|w| side(w).is_none()).cloned().collect();
+        let usual = SYNONYMS.iter().find(|s| at.is_some() && s.contains(&joined.as_str()));
+        Self { plain, usual: (at, usual.map_or(joined, |s| s[0].to_owned())) }
+    }
+}
+
+/// Height of the root above the lowest joint or end in the rest pose.
+fn hip_height(bvh: &Bvh, rest: &[Vector]) -> Result<Real, BvhError> {
+    let ends = bvh.joints.iter().zip(rest).filter_map(|(j, p)| j.end.map(|end| p + end));
+    let (mut low, mut high) = (Vector::zeros(), Vector::zeros());
+    for p in rest.iter().copied().chain(ends) {
+        low = low.inf(&p);
+        high = high.sup(&p);
+    }
+    let size = high - low;
+    // The span of stretched arms is a person's height; legs are nearly half of it.
+    if -low.y > 0.25 * size.max() {
+        Ok(-low.y)
+    } else {
+        Err(BvhError::NotUpright { height: size.y, width: size.x, depth: size.z })
+    }
+}
+
+/// The quarter turns about y from the skeleton to the file.
+fn facing(skeleton: &Skeleton, matches: &[Option<usize>], rest: &[Vector]) -> Turn {
+    let root = skeleton.joints()[0].head;
+    let (mut along, mut across) = (0.0, 0.0);
+    for (joint, k) in skeleton.joints().iter().zip(matches) {
+        if let Some(k) = k {
+            let (p, q) = (joint.head - root, rest[*k]);
+            along += p.x * q.x + p.z * q.z;
+            across += p.z * q.x - p.x * q.z;
+        }
+    }
+    let quarters = (across.atan2(along) / FRAC_PI_2).round();
+    Turn::from_axis_angle(&Vector::y_axis(), quarters * FRAC_PI_2)
+}
+
+/// The bones of a joint in both rest poses.
+enum Bones {
+    /// Of no length, or missing.
+    None,
+    One(Vector, Vector),
+    /// The joint branches.
+    Many,
+}
+
+fn bones(
+    bvh: &Bvh,
+    skeleton: &Skeleton,
+    matches: &[Option<usize>],
+    rest: &[Vector],
+    j: usize,
+) -> Bones {
+    let Some(k) = matches[j] else { return Bones::None };
+    let joints = skeleton.joints();
+    // The nearest joints below that both have.
+    let is_below = |mut c: usize| {
+        while let Some(p) = joints[c].parent {
+            if p == j {
+                return true;
+            }
+            if matches[p].is_some() {
+                return false;
+            }
+            c = p;
+        }
+        false
+    };
+    let below =
+        (j + 1..joints.len()).filter_map(|c| Some((c, matches[c]?))).filter(|(c, _)| is_below(*c));
+    let mut bones = below.map(|(c, m)| (joints[c].head - joints[j].head, rest[m] - rest[k]));
+    let Some((own, other)) = bones.next() else {
+        let children = bvh.joints.iter().filter(|c| c.parent == Some(k)).map(|c| c.offset);
+        let other: Vector = bvh.joints[k].end.into_iter().chain(children).sum();
+        let own = joints[j].tail - joints[j].head;
+        let is_bone = own.norm() > SHORT && other.norm() > 0.0;
+        return if is_bone { Bones::One(own, other) } else { Bones::None };
+    };
+    match bones.next() {
+        Some(_) => Bones::Many,
+        None if own.norm() > SHORT && other.norm() > 0.0 => Bones::One(own, other),
+        None => Bones::None,
+    }
+}
+
+/// Length below which a bone of a person has no direction, in metres.
+const SHORT: Real = 1e-6;

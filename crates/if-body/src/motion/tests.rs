@@ -1,0 +1,230 @@
+use super::*;
+use crate::skeleton::Joint;
+use if_core::math::Point;
+
+fn skeleton() -> Skeleton {
+    let joint = |name: &str, parent| Joint {
+        name: name.into(),
+        parent,
+        head: Point::origin(),
+        tail: Point::new(0.0, 1.0, 0.0),
+    };
+    Skeleton::new(vec![joint("hips", None), joint("knee", Some(0))]).unwrap()
+}
+
+fn read(joints: &str, frames: &str) -> Result<Motion, MotionError> {
+    let text = format!(r#"{{"fps": 24, "joints": {joints}, "frames": {frames}}}"#);
+    Motion::read(text.as_bytes(), &skeleton())
+}
+
+const JOINTS: &str = r#"["hips", "knee"]"#;
+const FRAME: &str = r#"{"root_t": [0, 1, 2], "rot": [[1, 0, 0, 0], [0, 1, 0, 0]]}"#;
+
+#[test]
+fn a_motion_has_a_pose_for_each_frame() {
+    let motion = read(JOINTS, &format!("[{FRAME}, {FRAME}, {FRAME}]")).unwrap();
+    assert_eq!((motion.frames_per_second, motion.poses.len()), (24.0, 3));
+    assert_eq!(motion.poses[1].root_translation, Vector::new(0.0, 1.0, 2.0));
+    assert_eq!(motion.poses[1].quaternions()[1], [0.0, 1.0, 0.0, 0.0]);
+    let half = motion.every(2);
+    assert_eq!((half.frames_per_second, half.poses.len()), (12.0, 2));
+}
+
+#[test]
+fn invalid_motions_are_errors_that_name_the_place() {
+    let error = |joints: &str, frames: &str| read(joints, frames).unwrap_err().to_string();
+    let frames = format!("[{FRAME}]");
+    let table = [
+        (r#"["hips", "elbow"]"#, frames.as_str(), "joint 1 of the motion is `elbow`"),
+        (r#"["hips"]"#, &frames, "joint 1 of the motion is `none`"),
+        (r#"["hips", "knee", "toe"]"#, &frames, "the skeleton has `none`"),
+        (JOINTS, "[]", "no frames"),
+        (JOINTS, r#"[{"root_t": [0, 0, 0], "rot": [[1, 0, 0, 0]]}]"#, "frame 0"),
+        (JOINTS, r#"[{"root_t": [0, 0, 0], "rot": [[1, 0, 0, 0], [2, 0, 0, 0]]}]"#, "rotation 1"),
+        (JOINTS, r#"[{"root_t": [0, 0, 1e300], "rot": [[1, 0, 0, 0], [1, 0, 0, 0]]}]"#, "frame 0"),
+        (JOINTS, r#"[{"root_t": [NaN, 0, 0], "rot": []}]"#, "docs/animate.md"),
+    ];
+    for (joints, frames, expected) in table {
+        let found = error(joints, frames);
+        assert!(found.contains(expected), "{found}");
+    }
+    let text = format!(r#"{{"fps": 0, "joints": {JOINTS}, "frames": {frames}}}"#);
+    assert!(matches!(
+        Motion::read(text.as_bytes(), &skeleton()),
+        Err(MotionError::Rate(rate)) if rate == 0.0
+    ));
+}
+
+/// A BVH file of the skeleton in some poses, with all offsets multiplied by `scale`.
+fn written(skeleton: &Skeleton, poses: &[Pose], scale: Real) -> String {
+    fn write_joint(skeleton: &Skeleton, j: usize, scale: Real, text: &mut String) {
+        let joints = skeleton.joints();
+        let parent = joints[j].parent;
+        let offset = parent.map_or(Vector::zeros(), |p| joints[j].head - joints[p].head) * scale;
+        let kind = if parent.is_some() { "JOINT" } else { "ROOT" };
+        let channels = match parent {
+            None => "6 Xposition Yposition Zposition Zrotation Yrotation Xrotation",
+            Some(_) => "3 Zrotation Yrotation Xrotation",
+        };
+        let [x, y, z]: [Real; 3] = offset.into();
+        let name = &joints[j].name;
+        *text += &format!("{kind} {name}\n{{\nOFFSET {x} {y} {z}\nCHANNELS {channels}\n");
+        let mut children = (0..joints.len()).filter(|c| joints[*c].parent == Some(j)).peekable();
+        if children.peek().is_none() {
+            let end = (joints[j].tail - joints[j].head) * scale;
+            *text += &format!("End Site\n{{\nOFFSET {} {} {}\n}}\n", end.x, end.y, end.z);
+        }
+        children.for_each(|c| write_joint(skeleton, c, scale, text));
+        *text += "}\n";
+    }
+    /// The order of the hierarchy: each joint is followed by all that is below it.
+    fn order(skeleton: &Skeleton, j: usize, list: &mut Vec<usize>) {
+        list.push(j);
+        let joints = skeleton.joints();
+        (0..joints.len())
+            .filter(|c| joints[*c].parent == Some(j))
+            .for_each(|c| order(skeleton, c, list));
+    }
+    let mut text = String::from("HIERARCHY\n");
+    write_joint(skeleton, 0, scale, &mut text);
+    text += &format!("MOTION\nFrames: {}\nFrame Time: 0.04\n", poses.len());
+    let mut list = Vec::new();
+    order(skeleton, 0, &mut list);
+    for pose in poses {
+        let p = (pose.root_translation + skeleton.joints()[0].head.coords) * scale;
+        text += &format!("{} {} {}", p.x, p.y, p.z);
+        for j in &list {
+            let (x, y, z) = pose.rotations[*j].euler_angles();
+            text += &format!(" {} {} {}", z.to_degrees(), y.to_degrees(), x.to_degrees());
+        }
+        text += "\n";
+    }
+    text
+}
+
+/// Where all joints are in a frame.
+fn heads(skeleton: &Skeleton, pose: &Pose) -> Vec<Point> {
+    skeleton.frames(pose).unwrap().iter().map(|g| g.translation.vector.into()).collect()
+}
+
+/// Poses of the mannequin: still, and with all joints turned.
+fn poses(skeleton: &Skeleton) -> Vec<Pose> {
+    let turned = |k: usize| {
+        let angle = |j: usize, axis: usize| 0.3 * ((1 + k + 3 * j + 5 * axis) as Real).sin();
+        let turn = |j| UnitQuaternion::from_euler_angles(angle(j, 0), angle(j, 1), angle(j, 2));
+        let root_translation = Vector::new(0.1, 0.02, -0.3) * k as Real;
+        Pose { root_translation, rotations: (0..skeleton.len()).map(turn).collect() }
+    };
+    std::iter::once(Pose::rest(skeleton.len())).chain((1..4).map(turned)).collect()
+}
+
+#[test]
+fn a_motion_of_the_same_skeleton_in_other_units_comes_back_from_bvh() {
+    let skeleton = crate::mannequin::rig::skeleton();
+    // The hips are above the floor by what the lowest tail is.
+    let floor = skeleton.joints().iter().map(|j| j.tail.y.min(j.head.y)).fold(9.0, Real::min);
+    let poses = poses(&skeleton);
+    for scale in [1.0, 39.37] {
+        let text = written(&skeleton, &poses, scale);
+        let motion = Motion::read(text.as_bytes(), &skeleton).unwrap();
+        assert_eq!((motion.frames_per_second, motion.unmatched.len()), (25.0, 0));
+        for (a, b) in motion.poses.iter().zip(&poses) {
+            let moved = a.root_translation - b.root_translation;
+            assert!((moved - Vector::new(0.0, floor, 0.0)).norm() < 1e-9, "{moved}");
+            assert!(a.largest_turn(b) < 1e-7, "{}", a.largest_turn(b));
+        }
+    }
+}
+
+#[test]
+fn bones_point_where_those_of_a_skeleton_with_another_rest_pose_point() {
+    let skeleton = crate::mannequin::rig::skeleton();
+    // The same person in another rest pose: arms and legs spread, faced to its left, other names.
+    let mut spread = Pose::rest(skeleton.len());
+    let quarter = UnitQuaternion::from_euler_angles(0.0, std::f64::consts::FRAC_PI_2, 0.0);
+    spread.rotations[0] = quarter;
+    for (name, angle) in [("left_arm", 0.8), ("right_arm", -0.8), ("left_thigh", 0.2)] {
+        let j = skeleton.names().position(|n| n == name).unwrap();
+        spread.rotations[j] = UnitQuaternion::from_euler_angles(0.1, 0.2, angle);
+    }
+    let frames = skeleton.frames(&spread).unwrap();
+    let renamed = |name: &str| match name.split_once('_') {
+        Some((side, "thigh")) => format!("rig:{}UpLeg", capital(side)),
+        Some((side, "shin")) => format!("rig:{}Leg", capital(side)),
+        Some((side, part)) => format!("{part}.{}", &side[..1]),
+        None => name.to_uppercase(),
+    };
+    fn capital(side: &str) -> String {
+        side[..1].to_uppercase() + &side[1..]
+    }
+    let at = |(j, joint): (usize, &Joint)| {
+        let head = frames[j].translation.vector.into();
+        let tail = frames[j] * Point::from(joint.tail - joint.head);
+        Joint { name: renamed(&joint.name), parent: joint.parent, head, tail }
+    };
+    let other = Skeleton::new(skeleton.joints().iter().enumerate().map(at).collect()).unwrap();
+    let poses = poses(&skeleton);
+    let text = written(&other, &poses, 100.0);
+    let motion = Motion::read(text.as_bytes(), &skeleton).unwrap();
+    assert_eq!(motion.unmatched, [""; 0]);
+    for (a, b) in motion.poses.iter().zip(&poses) {
+        let (ours, theirs) = (heads(&skeleton, a), heads(&other, b));
+        for (j, joint) in skeleton.joints().iter().enumerate() {
+            let children = skeleton.joints().iter().filter(|c| c.parent == Some(j)).count();
+            let Some(p) = joint.parent else { continue };
+            // Where bones branch the rest poses are alike, but for the quarter turn.
+            let siblings = skeleton.joints().iter().filter(|c| c.parent == Some(p)).count();
+            if siblings == 1 {
+                let [d, e] = [&ours, &theirs].map(|x| (x[j] - x[p]).normalize());
+                assert!((d - e).norm() < 1e-9, "{} {children}: {d} {e}", joint.name);
+            }
+        }
+    }
+    // The pelvis is turned as that of the file, from where that faces.
+    let moved = &motion.poses[0].rotations[0];
+    assert!(moved.angle_to(&quarter) < 1e-9, "{moved}");
+}
+
+#[test]
+fn invalid_bvh_files_are_errors_that_name_the_place() {
+    let skeleton = crate::mannequin::rig::skeleton();
+    let good = written(&skeleton, &poses(&skeleton), 1.0);
+    let error = |text: &str| Motion::read(text.as_bytes(), &skeleton).unwrap_err().to_string();
+    let lying = |text: &str| {
+        // Offsets with y and z exchanged: z is up.
+        let swap = |line: &str| match line.split(' ').collect::<Vec<_>>()[..] {
+            ["OFFSET", x, y, z] => format!("OFFSET {x} {z} {y}"),
+            _ => line.to_owned(),
+        };
+        text.lines().map(swap).collect::<Vec<_>>().join("\n")
+    };
+    let table = [
+        (good.replace("ROOT", "JOINT"), "line 2: expected ROOT, found `JOINT`"),
+        (good.replacen("OFFSET 0", "OFFSET x", 1), "line 4: `x` is not a finite number"),
+        (good.replacen("OFFSET 0", "OFFSET NaN", 1), "line 4: `NaN` is not"),
+        (good.replacen("6 Xposition", "7 Xposition", 1), "number of channels, from 0 to 6"),
+        (good.replacen("Xposition", "Wposition", 1), "found `Wposition`"),
+        (good.replacen("JOINT", "BONE", 1), "found `BONE`"),
+        (good.replace("Frames: 4", "Frames: 5"), "5 frames of 42 channels have 210"),
+        (good.replace("Frames: 4", "Frames: 99999999999999999"), "frames of 42 channels"),
+        (good.replace("Frames: 4", "Frames: -4"), "expected the number of frames, found `-4`"),
+        (good.replace("0.04", "0"), "inf frames per second"),
+        (good.replace("JOINT spine", "JOINT hips"), "two joints are called `hips`"),
+        (good.split("MOTION").next().unwrap().to_owned(), "the file ends where MOTION"),
+        (good.split("Time:").next().unwrap().to_owned(), "the file ends where Time:"),
+        (good.replace("left", "west").replace("right", "east"), "3 of the skeleton's 13 joints"),
+        (lying(&good), "y must be up"),
+        ("HIERARCHY\nROOT hips".to_owned(), "the name of a joint and {"),
+    ];
+    for (text, expected) in table {
+        let found = error(&text);
+        assert!(found.contains(expected), "{found}");
+    }
+    let text = [good.split("Frames").next().unwrap(), "Frames: 0\nFrame Time: 1\n"].concat();
+    assert!(matches!(Motion::read(text.as_bytes(), &skeleton), Err(MotionError::Empty)));
+    // A deep file does not exhaust the stack.
+    let deep: String = (0..100_000).map(|k| format!("JOINT j{k} {{ OFFSET 0 0 0\n")).collect();
+    let text = format!("HIERARCHY ROOT a {{ OFFSET 0 0 0\n{deep}");
+    assert!(error(&text).contains("the file ends where a joint"));
+    assert!(matches!(Motion::read(&[0xff, 0xfe][..], &skeleton), Err(MotionError::Text)));
+}
