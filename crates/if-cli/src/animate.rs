@@ -42,7 +42,7 @@ pub(crate) struct AnimateArgs {
     pub(crate) input: InputArgs,
     #[command(flatten)]
     pub(crate) params: ParamArgs,
-    /// The motion: a pose for each frame (.json, docs/animate.md).
+    /// The motion: a pose for each frame (.json, docs/animate.md; .bvh).
     #[arg(long, value_name = "FILE")]
     pub(crate) motion: PathBuf,
     /// The skeleton; by default `skeleton.json` beside the body.
@@ -194,6 +194,7 @@ pub(crate) fn run(args: &AnimateArgs) -> Result<End, Report> {
         "request": animation.frames.request(),
         "params": params,
         "weights_from_body": skinned.without_weights,
+        "joints_not_in_motion": motion.unmatched,
         "outputs": names,
         "report": animation.report,
     });
@@ -205,9 +206,9 @@ pub(crate) fn run(args: &AnimateArgs) -> Result<End, Report> {
     if args.input.json {
         print_json(&report)?;
     } else {
-        let without = &skinned.without_weights;
+        let notes = (&skinned.without_weights[..], &motion.unmatched[..]);
         let head = report_output::title(&spec);
-        print(&format!("{head}{}", summary::text(&animation.report, without, &args.out, &names)))?;
+        print(&format!("{head}{}", summary::text(&animation.report, notes, &args.out, &names)))?;
     }
     Ok(end(&animation, args.input.strict))
 }

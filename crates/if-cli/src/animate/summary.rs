@@ -27,7 +27,7 @@ pub(super) const HEADER: [&str; 12] = [
 /// What is printed.
 pub(super) fn text(
     report: &AnimationReport,
-    without_weights: &[String],
+    (without_weights, unmatched): (&[String], &[String]),
     out: &Path,
     names: &[String],
 ) -> String {
@@ -37,16 +37,18 @@ pub(super) fn text(
     for row in frames.iter().filter(|f| f.frame.is_multiple_of(step) || !f.is_clean()) {
         rows.add_row(cells(row).map(Cell::new));
     }
-    let from_body = match without_weights {
+    let line = |what, names: &[String]| match names {
         [] => String::new(),
-        names => format!("Weights taken from the body: {}\n", names.join(", ")),
+        names => format!("{what}: {}\n", names.join(", ")),
     };
+    let from_body = line("Weights taken from the body", without_weights);
+    let still = line("Joints that the motion lacks, which follow their parents", unmatched);
     let kept = match report.kept {
         0 => String::new(),
         n => format!(", {n} frames kept from an earlier run"),
     };
     format!(
-        "{rows}\n\n{from_body}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
+        "{rows}\n\n{from_body}{still}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
          at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{kept}\nWrote {}: {}\n",
         count(frames.len()),
         count(report.clean),

@@ -3,6 +3,7 @@
 use crate::folder::Folder;
 use if_body::TemplateBody;
 use if_body::mannequin::{self, Garment, MannequinParams, rig};
+use if_core::math::Point;
 use if_mesh::ply::{PlyMesh, WriteParams, read_path, write_path};
 use serde_json::{Value, json};
 use std::f64::consts::FRAC_PI_8;
@@ -77,6 +78,65 @@ fn a_knee_is_lifted_in_clean_frames_that_point_caches_hold() {
     let again = folder.ifg(&format!("{ANIMATE} --out moved --no-pictures")).expect(0);
     assert!(again.stdout.contains("3 frames kept from an earlier run"), "{}", again.stdout);
     assert_eq!(folder.read("moved/trousers.pc2"), cache);
+}
+
+/// One frame in centimetres, in which the left thigh is raised by 45 degrees; legs alone.
+fn bvh() -> String {
+    let joints = rig::skeleton();
+    let joint = |name: &str| joints.joints().iter().find(|j| j.name == name).unwrap();
+    let offset = |from: Point, to: Point| {
+        let d = (to - from) * 100.0;
+        format!("OFFSET {} {} {}", d.x, d.y, d.z)
+    };
+    let leg = |side: &str| {
+        let [thigh, shin, foot] = ["thigh", "shin", "foot"].map(|part| format!("{side}_{part}"));
+        let channels = "CHANNELS 3 Zrotation Xrotation Yrotation";
+        let [hips, h, k, f] = ["hips", &thigh, &shin, &foot].map(joint);
+        let end = offset(f.head, f.tail);
+        let offsets = [offset(hips.head, h.head), offset(h.head, k.head), offset(k.head, f.head)];
+        format!(
+            "JOINT {thigh} {{ {} {channels}\nJOINT {shin} {{ {} {channels}\nJOINT {foot} {{ {} \
+             {channels}\nEnd Site {{ {end} }} }} }} }}\n",
+            offsets[0], offsets[1], offsets[2]
+        )
+    };
+    format!(
+        "HIERARCHY\nROOT hips {{ OFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation \
+         Yrotation\n{}{}}}\nMOTION\nFrames: 1\nFrame Time: 0.033333\n\
+         0 90 0 0 0 0  0 -45 0 0 0 0 0 0 0  0 0 0 0 0 0 0 0 0\n",
+        leg("left"),
+        leg("right")
+    )
+}
+
+#[test]
+fn a_bvh_file_of_legs_moves_the_legs() {
+    let folder = scene();
+    std::fs::write(folder.path("doll/raise.bvh"), bvh()).unwrap();
+    let run = folder
+        .ifg("animate --body doll/body_clean.ply doll/trousers.ply --motion doll/raise.bvh --out raised --strict --meshes --no-pictures")
+        .expect(0);
+    for words in
+        ["1 frames: 1 clean, 1 clean everywhere", "lacks, which follow their parents: spine, head"]
+    {
+        assert!(run.stdout.contains(words), "{words}\n{}", run.stdout);
+    }
+    // A leg that is raised by 45 degrees about the hip swings forwards.
+    let rest = read_path(&folder.path("doll/body_clean.ply")).unwrap().mesh;
+    let moved = read_path(&folder.path("raised/meshes/000000/body_clean.ply")).unwrap().mesh;
+    let forward = |sign: f64| {
+        let all = rest.vertices().iter().zip(moved.vertices());
+        let leg = all.filter(|(p, _)| p.x * sign > 0.02 && p.y < 0.3);
+        let (sum, count) = leg.fold((0.0, 0.0), |(s, n), (p, q)| (s + q.z - p.z, n + 1.0));
+        sum / count
+    };
+    assert!(forward(1.0) > 0.3 && forward(-1.0).abs() < 0.01, "{} {}", forward(1.0), forward(-1.0));
+    // Half of a file is an error with the place.
+    std::fs::write(folder.path("doll/raise.bvh"), &bvh()[..600]).unwrap();
+    let run = folder
+        .ifg("animate --body doll/body_clean.ply doll/trousers.ply --motion doll/raise.bvh --out half")
+        .expect(2);
+    assert!(run.stderr.contains("BVH"), "{}", run.stderr);
 }
 
 #[test]
