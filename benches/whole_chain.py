@@ -5,7 +5,8 @@
 
 `ifg capture synth` renders two people whose clothes move, and disturbs poses, camera, masks, labels
 and normals; `ifg reconstruct --route fields` trains phi and d on each; `ifg wardrobe match` puts
-garments of both on one body, by default and with --method paper. --tools names the folder of
+garments of both on one body, by default, with --method paper, and with the trained phi of the assets
+(--fields assets). --tools names the folder of
 referee.py and compare.py, which judge the result (they need numpy, meshio and libigl: --python).
 """
 import argparse
@@ -16,6 +17,11 @@ import sys
 import time
 
 CAPTURES = {"anna": "trousers,tshirt", "berta": "skirt,jacket"}
+METHODS = {
+    "contacts": [],
+    "paper": ["--method", "paper"],
+    "paper on phi": ["--method", "paper", "--fields", "assets"],
+}
 OUTFIT = ["anna_trousers", "anna_tshirt", "berta_jacket"]
 
 
@@ -47,6 +53,7 @@ def main():
         noise += ["--normal-noise", "12", "--nonrigid", "1cm", "--seed", str(seed)]
         run([a.ifg, "capture", "synth", "--garments", garments, "--out", at(name), *noise])
         fields = ["--route", "fields", "--fields-steps", str(a.steps), "--json"]
+        fields += ["--phi-steps", str(a.steps)]  # each garment gets the trained phi
         text, seconds = run([a.ifg, "reconstruct", at(name), "--body", at(name, "body"), "--out", wardrobe, *fields])
         poses = json.loads(text)["poses"] or {"camera_degrees": 0}
         print(f"{name}: {seconds:.0f} processor seconds, camera turned by {poses['camera_degrees']:.2f} degrees")
@@ -57,21 +64,29 @@ def main():
                 text, _ = run([a.python, f"{a.tools}/compare.py", found, truth, "--samples", "20000"])
                 there, back = (1e3 * json.loads(text)[k]["mean"] for k in ("result_to_reference", "reference_to_result"))
                 print(f"    {garment}: {there:.1f} mm to the truth on average, {back:.1f} mm back")
-    for method in ("contacts", "paper"):
-        look = at(f"look_{method}")
+    for name, how in METHODS.items():
+        look = at(f"look_{name.replace(' ', '_')}")
         begin = time.time()
-        match = [a.ifg, "wardrobe", "match", wardrobe, "--body", "body", *OUTFIT, "--method", method, "--json"]
+        match = [a.ifg, "wardrobe", "match", wardrobe, "--body", "body", *OUTFIT, *how, "--json"]
         text, seconds = run([*match, "--out", look])
-        layers = json.loads(text)["report"]["layers"]
+        result = json.loads(text)
+        layers = result["report"]["layers"]
         moved = max(layer["moved"]["max"] for layer in layers)
         strain = max(layer["strain"]["max"] for layer in layers)
-        print(f"{method}: {seconds:.1f} processor seconds, {time.time() - begin:.1f} s; moved by {1e3 * moved:.1f} mm"
+        print(f"{name}: {seconds:.1f} processor seconds, {time.time() - begin:.1f} s; moved by {1e3 * moved:.1f} mm"
               f" at most, strain {1e2 * strain:.0f} % at most", end="")
         if a.tools:
             files = [os.path.join(look, f"{name}.ply") for name in OUTFIT]
             text, _ = run([a.python, f"{a.tools}/referee.py", "--body", os.path.join(look, "body.ply"), "--after", *files], (0, 1))
             print(f"; referee: {text.strip().splitlines()[-1]}", end="")
         print()
+        for layer in layers:
+            did = layer.get("algorithm1")
+            if did:
+                print(f"    {layer['name']}: {did['queries']} queries, {did['skipped_by_bound']} skipped by a bound and"
+                      f" {did['skipped_by_mask']} by the mask; read of the layers below: {', '.join(did['below'])}")
+        for field in result.get("fields", []):
+            print(f"    {field['garment']}: {field['read']}")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,5 @@
 //! Time of the kernels on 1,024 points: value, value and gradient, and the training step; each is
-//! held against its twin in f64.
+//! held against its twin in f64, and the default grid against the ball that it begins with.
 //!
 //! `cargo bench -p if-benches --bench kernels`. Rates against the machine's peak and against
 //! PyTorch: `benches/peers/neural.sh`.
@@ -9,7 +9,11 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use if_core::field::SignedDistance;
+use if_core::math::Point;
+use if_core::shapes::Sphere;
 use if_neural::deformation::{DeformationNetwork, OffsetLoss, OffsetSample};
+use if_neural::field::Samples32;
 use if_neural::frozen::FrozenMlp;
 use if_neural::mlp::{DeformationConfig, SdfConfig};
 use if_neural::reference::{
@@ -17,6 +21,7 @@ use if_neural::reference::{
 };
 use if_neural::sdf::SdfNetwork;
 use if_neural::trainable::{PointLoss, Sample32, TrainableField};
+use if_neural::{NetworkConfig, SamplingParams, Target};
 use rand::{RngExt, SeedableRng};
 
 const POINTS: usize = 1024;
@@ -121,6 +126,49 @@ fn sdf(criterion: &mut Criterion) {
     }
 }
 
+fn grid(criterion: &mut Criterion) {
+    let ball = Sphere { center: Point::origin(), radius: 0.3 };
+    let (set, network) = Target::Field(&ball)
+        .begin(&NetworkConfig::grid(), &SamplingParams::default())
+        .expect("a ball");
+    let points = points();
+    let mut group = criterion.benchmark_group("if-neural");
+    group.throughput(Throughput::Elements(POINTS as u64)).sample_size(20);
+    let mut values = vec![0.0; POINTS];
+    group.bench_function("value/grid", |bencher| {
+        bencher.iter(|| network.values32(black_box(&points), &mut values));
+    });
+    let mut samples = vec![Sample32::default(); POINTS];
+    group.bench_function("value_gradient/grid", |bencher| {
+        bencher.iter(|| TrainableField::samples32(&network, black_box(&points), &mut samples));
+    });
+    network.values32(&points, &mut values);
+    TrainableField::samples32(&network, &points, &mut samples);
+    let mut near = 0;
+    for (k, x) in points.iter().enumerate() {
+        assert_eq!(values[k], samples[k].value);
+        let exact = ball.sample(&set.frame.to_metres(x));
+        // Far from the surface the grid is coarse.
+        if exact.distance.abs() > 0.02 {
+            continue;
+        }
+        near += 1;
+        let off = f64::from(values[k]) / set.frame.scale - exact.distance;
+        assert!(off.abs() < 1e-3, "{off} m at {x:?}");
+        let g = wide(samples[k].gradient);
+        let along = (0..3).map(|axis| g[axis] * exact.gradient[axis]).sum::<f64>();
+        assert!(along > 0.95, "{along} at {x:?}");
+    }
+    assert!(near > 20, "{near} points near the surface");
+    let mut gradient = vec![0.0; network.parameters().len()];
+    group.bench_function("step/grid", |bencher| {
+        bencher.iter(|| network.loss_gradient(black_box(&points), &loss, &mut gradient));
+    });
+    let total = network.loss_gradient(&points, &loss, &mut gradient);
+    let exact: f64 = samples.iter().map(|s| loss(0, *s).loss).sum();
+    assert!((total - exact).abs() < 1e-4 * exact && gradient.iter().any(|g| *g != 0.0));
+}
+
 fn offset_loss(_: usize, sample: OffsetSample) -> OffsetLoss {
     OffsetLoss {
         loss: sample.offset.iter().map(|d| f64::from(d * d)).sum::<f64>(),
@@ -177,5 +225,5 @@ fn deformation(criterion: &mut Criterion) {
     check_gradient(&gradient, &exact, 1e-5);
 }
 
-criterion_group!(benches, sdf, deformation);
+criterion_group!(benches, sdf, grid, deformation);
 criterion_main!(benches);

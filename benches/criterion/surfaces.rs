@@ -1,4 +1,4 @@
-//! Surfaces of fields, queries of surfaces, clean-up and files. Each result is checked.
+//! Surfaces of fields, queries of surfaces, bakes, votes, clean-up and files. Each result is checked.
 
 #![allow(missing_docs)]
 
@@ -12,9 +12,11 @@ use if_core::shapes::Torus;
 use if_core::shapes::meshes::{torus, tube};
 use if_mesh::attributes::VertexAttributes;
 use if_mesh::baked::{BakeParams, Baked};
+use if_mesh::camera::Camera;
 use if_mesh::cleanup::{CleanupParams, cleanup};
 use if_mesh::extract::{ExtractParams, Resolution, Sampling, extract};
 use if_mesh::index::Bvh;
+use if_mesh::labels::{VoteParams, Voter};
 use if_mesh::ply::{PlyMesh, WriteParams, read_bytes, write_path};
 use if_mesh::sdf::MeshSdf;
 use if_mesh::winding::Winding;
@@ -100,6 +102,60 @@ fn queries(c: &mut Criterion) {
     group.finish();
 }
 
+fn bake(c: &mut Criterion) {
+    let sdf = MeshSdf::closed(&surface()).expect("closed");
+    let params = BakeParams::default();
+    let run = || Baked::new(black_box(&sdf), &params, &mut Silent).expect("a torus bakes");
+    let baked = run();
+    let bound = baked.error_bound();
+    for p in points().iter().filter(|p| sdf.distance(p).abs() < 0.5 * baked.band()) {
+        assert!((baked.distance(p) - sdf.distance(p)).abs() <= bound);
+    }
+    let mut group = c.benchmark_group("if-mesh/bake");
+    group.sample_size(10).bench_function("torus40k", |b| b.iter(|| run().bytes()));
+    group.finish();
+}
+
+/// Votes of images of 256² on a mesh of 40,000 triangles, that of a half each for one label.
+fn votes(c: &mut Criterion) {
+    const FRAMES: usize = 4;
+    let mesh = tube(0.2, 1.7, 200, 100, true);
+    let (eye, middle) = (Point::new(0.0, 0.9, 3.3), Point::new(0.0, 0.85, 0.0));
+    let camera = Camera::looking_at((256, 256), &eye, &middle, &Vector::y(), 0.56)
+        .expect("a camera before the tube");
+    // The upper half of the image has the label 1, the lower one the label 2.
+    let labels: Vec<u8> = (0..256 * 256).map(|k| 1 + u8::from(k >= 256 * 128)).collect();
+    let turned = |frame: usize| -> Vec<Point> {
+        let (s, c) = (std::f64::consts::TAU * frame as Real / FRAMES as Real).sin_cos();
+        let turn = |p: &Point| Point::new(c * p.x + s * p.z, p.y, c * p.z - s * p.x);
+        mesh.vertices().iter().map(turn).collect()
+    };
+    let frames: Vec<Vec<Point>> = (0..FRAMES).map(turned).collect();
+    let run = || {
+        let params = VoteParams { enough: Real::INFINITY, ..Default::default() };
+        let mut voter = Voter::new(black_box(&mesh), 3, &params).expect("three labels");
+        for frame in &frames {
+            voter.add(frame, &camera, &labels).expect("a frame of this mesh");
+        }
+        voter.finish().0
+    };
+    let found = run();
+    let of = |v: usize| found.winner(v);
+    let vertices = mesh.vertices().iter().enumerate();
+    let wrong = vertices
+        .filter(|(v, p)| {
+            let wanted = if p.y > 0.85 { 1 } else { 2 };
+            // Beside the border, and on the caps, which no camera sees, anything may win.
+            (0.02..0.8).contains(&(p.y - 0.85).abs()) && of(*v) != wanted
+        })
+        .count();
+    assert!(50 * wrong < mesh.vertices().len(), "{wrong} vertices have another label");
+    let mut group = c.benchmark_group("if-mesh/votes");
+    group.throughput(Throughput::Elements(FRAMES as u64)).sample_size(20);
+    group.bench_function("tube40k", |b| b.iter(run));
+    group.finish();
+}
+
 fn clean(c: &mut Criterion) {
     let whole = tube(0.15, 0.6, 100, 100, false);
     // A tube with a hole of two by four cells in every tenth row.
@@ -147,5 +203,5 @@ fn files(c: &mut Criterion) {
     std::fs::remove_file(&path).expect("it is there");
 }
 
-criterion_group!(benches, extraction, queries, clean, files);
+criterion_group!(benches, extraction, queries, bake, votes, clean, files);
 criterion_main!(benches);

@@ -29,7 +29,7 @@ fn band(radius: f64, height: f64, down: f64) -> TriMesh {
 /// Two balls as bodies, and on the first a belt with φ and a wide tube without.
 fn filled(root: &Path) -> Wardrobe {
     let mut wardrobe = Wardrobe::open(root).unwrap();
-    let ball = icosphere(0.3, 2);
+    let ball = icosphere(0.1, 2);
     let other = ball.with_vertices(ball.vertices().iter().map(|p| p * 1.01).collect()).unwrap();
     for (name, mesh) in [("ball", &ball), ("other", &other)] {
         let path = root.join(format!("{name}.ply"));
@@ -37,8 +37,8 @@ fn filled(root: &Path) -> Wardrobe {
             .unwrap();
         wardrobe.add_body(&NewBody::new(name, &path)).unwrap();
     }
-    let [belt, wide] = [band(0.31, 0.2, 0.1), band(0.305, 0.26, 0.13)];
-    let cells = BakeParams { cell: 0.02, accuracy: f64::INFINITY, ..Default::default() };
+    let [belt, wide] = [band(0.104, 0.06, 0.03), band(0.102, 0.08, 0.04)];
+    let cells = BakeParams { cell: 0.01, accuracy: f64::INFINITY, ..Default::default() };
     let phi = carried_field(&ball, &belt, &cells, &mut Silent).unwrap();
     let own = wardrobe.body_info("ball").unwrap().reference();
     for (name, mesh, baked) in [("belt", &belt, Some(&phi)), ("wide", &wide, None)] {

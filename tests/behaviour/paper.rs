@@ -43,14 +43,14 @@ fn what_algorithm_1_leaves_is_repaired_and_it_moves_more_than_contacts_do() {
 
 #[test]
 fn algorithm_1_reads_the_field_that_a_garment_comes_with() {
-    // The scene of `outfit`, in few triangles.
-    let [belt, wide] = [(0.31, 0.2, 0.1), (0.305, 0.26, 0.13)].map(|(radius, height, down)| {
+    // The scene of `outfit`, small and in few triangles.
+    let [belt, wide] = [(0.104, 0.06, 0.03), (0.102, 0.08, 0.04)].map(|(radius, height, down)| {
         moved(&tube(radius, height, 24, 5, false), |p| Point::new(p.x, p.y - down, p.z))
     });
     let garments = vec![Layer::new("belt", belt), Layer::new("wide", wide)];
-    let outfit = Outfit::new(Layer::new("ball", icosphere(0.3, 2)), garments).unwrap();
-    // φ of the person that the belt is of: 2 cm wider than its mesh.
-    let phi = Sphere { center: Point::origin(), radius: 0.33 };
+    let outfit = Outfit::new(Layer::new("ball", icosphere(0.1, 2)), garments).unwrap();
+    // φ of the person that the belt is of: 5 mm wider than its mesh.
+    let phi = Sphere { center: Point::origin(), radius: 0.109 };
     let by_mesh = resolve(&outfit, &paper(), &mut Silent).unwrap();
     let by = |fields: [Option<&dyn SignedDistance>; 2], params: &ResolveParams| {
         let found = resolve_on_fields(&outfit, &fields, params, &mut Silent).unwrap();
@@ -63,14 +63,14 @@ fn algorithm_1_reads_the_field_that_a_garment_comes_with() {
     assert_eq!(read(&by_phi), [LayerField::Mesh, LayerField::Given]);
     // In the box of the belt φ keeps the outer tube out; beyond it φ does not bind.
     let belt = outfit.garments[0].mesh.aabb();
-    let inside = |found: &Resolved, [within, beyond]: [bool; 2]| -> usize {
+    let depths = |found: &Resolved, in_box: bool| -> f64 {
         let vertices = found.outfit.garments[1].mesh.vertices().iter();
-        let counts = |p: &&Point| if belt.contains(p) { within } else { beyond };
-        vertices.filter(counts).filter(|p| phi.distance(p) < -2e-3).count()
+        let there = vertices.filter(|p| belt.contains(p) == in_box);
+        there.map(|p| (-phi.distance(p)).max(0.0)).sum()
     };
-    let counts = [&by_phi, &by_mesh].map(|found| inside(found, [true, false]));
-    assert!(4 * counts[0] < counts[1], "{counts:?} vertices inside");
-    assert!(inside(&by_phi, [false, true]) > 0);
+    let inside = [&by_phi, &by_mesh].map(|found| depths(found, true));
+    assert!(2.0 * inside[0] < inside[1], "{inside:?} m in the box");
+    assert!(depths(&by_phi, false) > 0.0);
     // The other method does not read it.
     let contacts = ResolveParams::default();
     let found = by([Some(&phi), None], &contacts);
