@@ -190,9 +190,7 @@ fn dress(
     while index < count {
         let name = &outfit.garments[index].name;
         let mut progress = GarmentProgress { monitor, name, index, count };
-        // Once a garment is given up, pressing in others takes time and helps nobody.
-        let all_clean = dressing.dressed.iter().all(|dressed| dressed.findings.is_clean());
-        let tucking_helps = goal.tuck == Tuck::IfStuck && !tight.contains(&index) && all_clean;
+        let tucking_helps = goal.tuck == Tuck::IfStuck && !tight.contains(&index);
         let layer = closed.get(index + 1);
         match dressing.put_on(index, layer, &above, tucking_helps, &mut progress) {
             Ok(()) => index += 1,

@@ -8,7 +8,6 @@
 mod easing;
 mod exit_directions;
 mod gap_growth;
-mod patch_lift;
 mod self_separation;
 mod separating_planes;
 mod smoothing;

@@ -238,8 +238,6 @@ pub struct RepairCounts {
     pub separated_own_pairs: usize,
     /// Times that the displacements of a neighbourhood were smoothed and lifted.
     pub smoothings: usize,
-    /// Times that a neighbourhood was drawn out as a whole.
-    pub patch_lifts: usize,
     /// Rounds of easing.
     pub easing_rounds: usize,
 }

@@ -76,11 +76,6 @@ impl Best {
         self.rank.0 == 0
     }
 
-    /// Pairs and vertices that remain.
-    pub(crate) fn remaining(&self) -> usize {
-        self.rank.0
-    }
-
     /// The same with other positions that are as clean.
     pub(crate) fn moved_to(self, positions: Vec<Point>) -> Self {
         Self { positions, ..self }
