@@ -2,6 +2,7 @@
 
 use if_core::parameter::ParameterError;
 use if_mesh::ply::{Column, PlyMesh, Property};
+use if_sparse::CholeskyError;
 
 /// Up to four joints and their weights for each vertex. Weights are non-negative and sum to 1.
 #[derive(Clone, Debug, PartialEq, Default)]
@@ -30,7 +31,8 @@ pub enum SkinError {
     Count { vertices: usize, records: usize },
     /// There is nothing to interpolate.
     #[error(
-        "a grid of skinning weights needs vertices and joints; there are {vertices} and {joints}"
+        "skinning weights need vertices, triangles and joints; there are {vertices} vertices and \
+         {joints} joints"
     )]
     Empty { vertices: usize, joints: usize },
     /// A joint is missing from the skeleton.
@@ -46,6 +48,9 @@ pub enum SkinError {
     /// The weights of a vertex do not sum to 1.
     #[error("the weights of vertex {vertex} sum to {sum}; they must sum to 1")]
     Sum { vertex: usize, sum: f32 },
+    /// Weights cannot be extended along a garment.
+    #[error("cannot extend the weights along the garment: {0}")]
+    Extension(#[from] CholeskyError),
     /// The parameters of a grid are out of range.
     #[error(transparent)]
     Parameter(#[from] ParameterError),

@@ -122,8 +122,8 @@ fn a_bvh_file_of_legs_moves_the_legs() {
         assert!(run.stdout.contains(words), "{words}\n{}", run.stdout);
     }
     // A leg that is raised by 45 degrees about the hip swings forwards.
-    let rest = read_path(&folder.path("doll/body_clean.ply")).unwrap().mesh;
-    let moved = read_path(&folder.path("raised/meshes/000000/body_clean.ply")).unwrap().mesh;
+    let rest = read_path(&folder.path("doll/trousers.ply")).unwrap().mesh;
+    let moved = read_path(&folder.path("raised/meshes/000000/trousers.ply")).unwrap().mesh;
     let forward = |sign: f64| {
         let all = rest.vertices().iter().zip(moved.vertices());
         let leg = all.filter(|(p, _)| p.x * sign > 0.02 && p.y < 0.3);

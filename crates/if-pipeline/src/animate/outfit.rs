@@ -1,6 +1,6 @@
 //! Outfits with skinning weights.
 
-use if_body::skinning::{WeightGrid, WeightGridParams, blends, pose_points};
+use if_body::skinning::{blends, pose_points, transferred_weights};
 use if_body::{Pose, PoseError, Skeleton, SkinError, SkinWeights};
 use if_core::math::Point;
 use if_mesh::file::{Content, MeshFile};
@@ -31,7 +31,7 @@ pub struct SkinFault {
 
 impl SkinnedOutfit {
     /// An outfit with the weights of each layer, the body's first; garments with `None` get theirs
-    /// from the body, diffused into the space around it ([`WeightGrid`]).
+    /// from the body ([`transferred_weights`]).
     ///
     /// # Errors
     ///
@@ -50,7 +50,6 @@ impl SkinnedOutfit {
         let (mut joints, mut weights) = (Vec::new(), Vec::new());
         let mut without_weights = Vec::new();
         let count = skeleton.len();
-        let mut grid: Option<WeightGrid> = None;
         let mut body: Option<SkinWeights> = None;
         for (layer, skin) in layers.iter().zip(skins) {
             let fault = |source| SkinFault { layer: layer.name.clone(), source };
@@ -60,12 +59,7 @@ impl SkinnedOutfit {
                 (None, None) => return Err(fault(SkinError::Missing { name: "j0".into() })),
                 (None, Some(body)) => {
                     without_weights.push(layer.name.clone());
-                    if grid.is_none() {
-                        let surface = layers[0].mesh.vertices();
-                        let params = WeightGridParams::default();
-                        grid = Some(WeightGrid::new(surface, body, count, &params).map_err(fault)?);
-                    }
-                    grid.as_ref().map(|grid| grid.skin(points)).unwrap_or_default()
+                    transferred_weights(&layers[0].mesh, body, &layer.mesh, count).map_err(fault)?
                 }
             };
             skin.check(points.len(), count).map_err(fault)?;
