@@ -21,8 +21,8 @@ pub(super) struct Retargeted {
 /// With B the rotation of a joint of the file in the world, the skeleton's joint has W = B A there,
 /// where A turns its bone in the rest pose to that of the file: by quarter turns about y to the side
 /// that the person faces, then the shortest way. Joints that the file lacks follow their parents.
-/// Translations are scaled by the heights of the hips. The first frame is above where the body
-/// stands.
+/// Translations are scaled by the heights of the hips. The first frame is above the origin; the floor
+/// of the file, y = 0, is that of the body where its feet are near that, else its lowest joint.
 ///
 /// # Errors
 ///
@@ -34,8 +34,10 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
     let joints = skeleton.joints();
     let root = joints[0].head;
     let ends = joints.iter().flat_map(|j| [j.head.y, j.tail.y]);
-    let own_height = root.y - ends.fold(root.y, Real::min);
-    let scale = own_height / height;
+    let lowest = ends.fold(root.y, Real::min);
+    let scale = (root.y - lowest) / height;
+    // Soles are a little lower than joints.
+    let floor = if lowest.abs() < SOLE * (root.y - lowest) { 0.0 } else { lowest };
 
     let facing = facing(skeleton, &matches, &rest);
     let mut align: Vec<Turn> = Vec::with_capacity(joints.len());
@@ -62,7 +64,7 @@ pub(super) fn retarget(bvh: &Bvh, skeleton: &Skeleton) -> Result<Retargeted, Bvh
             world.push(turn);
             local.push(above.inverse() * turn);
         }
-        ((position - start) * scale - Vector::y() * own_height, local)
+        ((position - start) * scale - Vector::y() * (root.y - floor), local)
     });
     let missing = joints.iter().zip(&matches).filter(|(_, m)| m.is_none());
     let unmatched = missing.map(|(joint, _)| joint.name.clone()).collect();
@@ -221,5 +223,7 @@ fn bones(
     }
 }
 
+/// Height of the lowest joint, as a share of that of the hips, up to which a body stands on y = 0.
+const SOLE: Real = 0.1;
 /// Length below which a bone of a person has no direction, in metres.
 const SHORT: Real = 1e-6;
