@@ -11,8 +11,9 @@ use crate::pose::{Pose, PoseError};
 use crate::skeleton::Skeleton;
 use if_core::math::{Real, Vector};
 use nalgebra::UnitQuaternion;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::io::{self, Read};
+use std::ops::Range;
 use std::path::Path;
 
 /// A pose for each frame of a motion.
@@ -60,7 +61,7 @@ pub enum MotionError {
     Pose { frame: usize, source: PoseError },
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 struct File {
     #[serde(default = "default_rate")]
     fps: Real,
@@ -68,7 +69,7 @@ struct File {
     frames: Vec<Frame>,
 }
 
-#[derive(Deserialize)]
+#[derive(Serialize, Deserialize)]
 struct Frame {
     root_t: [Real; 3],
     rot: Vec<[Real; 4]>,
@@ -153,6 +154,23 @@ impl Motion {
         Ok(Self { frames_per_second: file.fps, poses, unmatched: Vec::new() })
     }
 
+    /// Writes what [`Motion::read`] reads.
+    ///
+    /// # Errors
+    ///
+    /// Errors of the writer.
+    pub fn write(&self, mut writer: impl io::Write, skeleton: &Skeleton) -> io::Result<()> {
+        let frame =
+            |pose: &Pose| Frame { root_t: pose.root_translation.into(), rot: pose.quaternions() };
+        let file = File {
+            fps: self.frames_per_second,
+            joints: skeleton.names().map(str::to_owned).collect(),
+            frames: self.poses.iter().map(frame).collect(),
+        };
+        serde_json::to_writer(&mut writer, &file)?;
+        writer.write_all(b"\n")
+    }
+
     /// Reads the file at `path`.
     ///
     /// # Errors
@@ -160,6 +178,16 @@ impl Motion {
     /// As [`Motion::read`].
     pub fn read_path(path: &Path, skeleton: &Skeleton) -> Result<Self, MotionError> {
         Self::read(io::BufReader::new(std::fs::File::open(path)?), skeleton)
+    }
+
+    /// The frames of a range, at the same rate.
+    ///
+    /// # Panics
+    ///
+    /// If there are no such frames.
+    pub fn part(&self, frames: Range<usize>) -> Self {
+        assert!(!frames.is_empty(), "a motion has frames");
+        Self { poses: self.poses[frames].to_vec(), ..self.clone() }
     }
 
     /// Every `step`-th frame, the first one included.

@@ -16,7 +16,7 @@ mod transfer;
 
 pub use grid::{WeightGrid, WeightGridParams};
 pub use inverse::{UnposeParams, Unposed, unpose};
-pub use transfer::transferred_weights;
+pub use transfer::{Binding, transferred_weights};
 
 use crate::skin_weights::SkinWeights;
 use if_core::math::{Point, Real, Vector, unit_or_zero};

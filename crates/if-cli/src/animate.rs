@@ -1,9 +1,14 @@
 //! `ifg animate`: a clean outfit follows a motion, every frame proven.
 
+mod faults;
 mod page;
 mod pictures;
+mod source;
 mod summary;
 
+use self::faults::{AnimateFault, NotClean, NotCleanBetween};
+use self::source::Source;
+pub(crate) use self::source::SourceArgs;
 use crate::cancel;
 use crate::end::End;
 use crate::errors::{self, ErrorChain};
@@ -17,7 +22,6 @@ use crate::receipt;
 use crate::report_output;
 use crate::staging::{OutputError, Staging};
 use clap::Args;
-use if_body::{Motion, MotionError, Skeleton, SkeletonError};
 use if_core::math::Point;
 use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_mesh::file::{MeshFile, WriteError};
@@ -25,15 +29,13 @@ use if_mesh::point_cache::{PointCacheError, PointCacheWriter};
 use if_outfit::files::{FilesError, OutfitFiles};
 use if_outfit::outfit::Outfit;
 use if_outfit::resolve::ResolveError;
-use if_outfit::unresolved::Unresolved;
 use if_pipeline::animate::{
-    AnimateError, AnimateParams, Animation, Frames, SkinFault, SkinnedOutfit, animate,
+    AnimateError, AnimateParams, Animation, Frames, IntervalReport, between_frames, follow,
 };
-use miette::{Diagnostic, IntoDiagnostic, Report};
+use miette::{IntoDiagnostic, Report};
 use serde_json::json;
 use std::fs::File;
 use std::io::{self, BufWriter};
-use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug, Clone)]
@@ -42,18 +44,15 @@ pub(crate) struct AnimateArgs {
     pub(crate) input: InputArgs,
     #[command(flatten)]
     pub(crate) params: ParamArgs,
-    /// The motion: a pose for each frame (.json, docs/animate.md; .bvh).
-    #[arg(long, value_name = "FILE")]
-    pub(crate) motion: PathBuf,
-    /// The skeleton; by default `skeleton.json` beside the body.
-    #[arg(long, value_name = "FILE")]
-    pub(crate) skeleton: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) source: SourceArgs,
     /// Output folder.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
-    /// Take every N-th frame of the motion only.
-    #[arg(long, value_name = "N", default_value = "1")]
-    pub(crate) every: NonZeroUsize,
+    /// Examine the ways between frames, too: whether anything passes through anything while all
+    /// vertices move from one frame to the next in straight lines.
+    #[arg(long)]
+    pub(crate) continuous: bool,
     /// Write a mesh for each garment and frame as well, with all attributes of its file.
     #[arg(long)]
     pub(crate) meshes: bool,
@@ -62,93 +61,48 @@ pub(crate) struct AnimateArgs {
     pub(crate) no_pictures: bool,
 }
 
-/// An outfit cannot be animated.
-#[derive(Debug, thiserror::Error, Diagnostic)]
-enum AnimateFault {
-    #[error("{count} outfits are given, and one can be animated at a time")]
-    #[diagnostic(
-        code(ifg::arguments::one_outfit),
-        help("give one outfit file, or --body and garments")
-    )]
-    Count { count: usize },
-    #[error("the outfit is scaled by {scale}, and frames are in metres")]
-    #[diagnostic(
-        code(ifg::animate::scale),
-        help("convert body, garments and skeleton to metres first, and leave out --scale")
-    )]
-    Scale { scale: f64 },
-    #[error("`{}` cannot be used", path.display())]
-    #[diagnostic(
-        code(ifg::input::skeleton),
-        help(
-            "give the skeleton of the body with --skeleton; docs/reference/capture.md specifies it"
-        )
-    )]
-    Skeleton { path: PathBuf, source: SkeletonError },
-    #[error("`{}` cannot be used", path.display())]
-    #[diagnostic(code(ifg::input::motion), help("docs/animate.md specifies motions"))]
-    Motion { path: PathBuf, source: MotionError },
-    #[error("the outfit has no valid skinning weights")]
-    #[diagnostic(
-        code(ifg::input::skin),
-        help(
-            "the body needs the vertex properties j0 to j3 and w0 to w3 (PLY); garments without them follow the body"
-        )
-    )]
-    Skin { source: SkinFault },
-    #[error("outfit `{outfit}` is not clean at rest: {unresolved}")]
-    #[diagnostic(
-        code(ifg::unresolved),
-        help("resolve it with `ifg fix` first, with other parameters or without a layer")
-    )]
-    NotClean { outfit: String, unresolved: Box<Unresolved> },
-    #[error("the outfit cannot be animated")]
-    #[diagnostic(code(ifg::animate), help("look at the layer, frame or file that is named"))]
-    Animate { source: AnimateError },
-}
-
-/// Frames that are not clean, or not clean everywhere with --strict.
-#[derive(Debug, thiserror::Error, Diagnostic)]
-#[error("{} of {frames} frames are not clean{}: {}", bad.len(), if *strict { " everywhere" } else { "" }, listed(bad))]
-#[diagnostic(
-    code(ifg::animate::not_clean),
-    help("report.json names what is left in each; they were written as far as they came")
-)]
-struct NotClean {
-    bad: Vec<usize>,
-    frames: usize,
-    strict: bool,
-}
-
-fn listed(frames: &[usize]) -> String {
-    /// More frames than these do not help a person.
-    const SHOWN: usize = 12;
-    let shown: Vec<String> = frames.iter().take(SHOWN).map(usize::to_string).collect();
-    let more = if frames.len() > SHOWN { ", ..." } else { "" };
-    format!("{}{more}", shown.join(", "))
-}
-
 /// The folder of frames that are done, in the output folder.
 const FRAMES: &str = "frames";
 /// The folder of meshes of single frames, in the output folder.
 const MESHES: &str = "meshes";
 const REPORT: &str = "report.json";
 
+/// What to do with an outfit.
+#[derive(Clone, Debug)]
+pub(crate) struct Options {
+    pub(crate) source: SourceArgs,
+    /// Output folder.
+    pub(crate) out: PathBuf,
+    pub(crate) continuous: bool,
+    pub(crate) meshes: bool,
+    pub(crate) pictures: bool,
+    pub(crate) json: bool,
+    pub(crate) strict: bool,
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &AnimateArgs) -> Result<End, Report> {
-    let spec = one_outfit(args)?;
+    let options = Options {
+        source: args.source.clone(),
+        out: args.out.clone(),
+        continuous: args.continuous,
+        meshes: args.meshes,
+        pictures: !args.no_pictures,
+        json: args.input.json,
+        strict: args.input.strict,
+    };
+    animated(&one_outfit(args)?, &options)
+}
+
+/// Animates an outfit.
+pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report> {
     let mut line = &Line::new(&spec.name, 0, 1);
     line.message("reading");
-    let files = load::load(&spec)?;
-    let (skeleton, motion) = read_motion(args, &spec)?;
-    let skin = |outfit: Outfit| {
-        SkinnedOutfit::from_files(outfit, skeleton.clone(), files.files())
-            .map_err(|source| AnimateFault::Skin { source })
-    };
-    // Weights that are missing are found before the outfit is resolved.
-    skin(files.outfit().clone())?;
-    let skinned = match files.resolve(&spec.params, &mut line) {
-        Ok(resolved) => skin(resolved.outfit)?,
+    let files = load::load(spec)?;
+    // Weights that are missing, and frames that do not fit, are found before the outfit is resolved.
+    let source = Source::read(&args.source, spec, &files)?;
+    let moved = match files.resolve(&spec.params, &mut line) {
+        Ok(resolved) => source.moved(resolved.outfit, &files)?,
         Err(FilesError::Resolve(ResolveError::Cancelled { .. })) => {
             return Ok(cancel::end(args.out.display()));
         }
@@ -160,11 +114,12 @@ pub(crate) fn run(args: &AnimateArgs) -> Result<End, Report> {
         }
         Err(error) => return Err(LoadError::new(&spec.name, error).into()),
     };
+    let movement = moved.movement();
     let staging = Staging::open(&args.out)?;
     let mut monitor = Frame(line);
     let params = AnimateParams::default();
     let folder = args.out.join(FRAMES);
-    let animation = match animate(&skinned, &motion, &params, &folder, &mut monitor) {
+    let animation = match follow(movement, &params, &folder, &mut monitor) {
         Ok(animation) => animation,
         Err(AnimateError::Cancelled(_)) => {
             errors::note(&format!(
@@ -175,42 +130,58 @@ pub(crate) fn run(args: &AnimateArgs) -> Result<End, Report> {
         }
         Err(source) => return Err(AnimateFault::Animate { source }.into()),
     };
+    let between = match args.continuous {
+        false => None,
+        true => match between_frames(movement.outfit(), &animation.frames, &mut monitor) {
+            Ok(between) => Some(between),
+            Err(AnimateError::Cancelled(_)) => return Ok(cancel::end(args.out.display())),
+            Err(source) => return Err(AnimateFault::Animate { source }.into()),
+        },
+    };
     line.message("writing");
-    let mut names = write_caches(&spec, &skinned.outfit, &animation.frames, (&staging, args))?;
+    let mut names = write_caches(spec, movement.outfit(), &animation.frames, (&staging, args))?;
     if args.meshes {
-        write_meshes(&spec, &skinned.outfit, &files, &animation.frames, args)?;
+        write_meshes(spec, movement.outfit(), &files, &animation.frames, args)?;
     }
-    if !args.no_pictures {
+    if args.pictures {
         line.message("drawing");
         let folders = (&staging, args.out.as_path());
-        names.extend(pictures::draw(&skinned, &motion, &animation, folders)?);
-        names.push(page::write(&report_output::title(&spec), &skinned, &animation, folders)?);
+        names.extend(pictures::draw(movement, &animation, folders)?);
+        names.push(page::write(
+            &report_output::title(spec),
+            movement.outfit(),
+            (&animation, between.as_deref()),
+            folders,
+        )?);
     }
     let report = json!({
         "outfit": spec.name,
-        "motion": args.motion.display().to_string(),
-        "every": args.every,
+        "motion": args.source.motion.display().to_string(),
+        "every": args.source.every,
+        "frames": args.source.frames,
         "tool": receipt::tool(),
         "request": animation.frames.request(),
         "params": params,
-        "weights_from_body": skinned.without_weights,
-        "joints_not_in_motion": motion.unmatched,
+        "weights_from_body": moved.without_weights(),
+        "joints_not_in_motion": moved.unmatched(),
         "outputs": names,
         "report": animation.report,
+        "between_frames": between,
     });
     let text = serde_json::to_string_pretty(&report).into_diagnostic()? + "\n";
     std::fs::write(staging.path(REPORT), text)
         .map_err(|source| OutputError::File { path: args.out.join(REPORT), source })?;
     names.push(REPORT.into());
     staging.commit(&names)?;
-    if args.input.json {
+    if args.json {
         print_json(&report)?;
     } else {
-        let notes = (&skinned.without_weights[..], &motion.unmatched[..]);
-        let head = report_output::title(&spec);
-        print(&format!("{head}{}", summary::text(&animation.report, notes, &args.out, &names)))?;
+        let notes = (moved.without_weights(), moved.unmatched());
+        let head = report_output::title(spec);
+        let found = (&animation.report, between.as_deref());
+        print(&format!("{head}{}", summary::text(found, notes, &args.out, &names)))?;
     }
-    Ok(end(&animation, args.input.strict))
+    Ok(end(&animation, between.as_deref(), args.strict))
 }
 
 /// The outfit that is named, in metres and in order.
@@ -229,16 +200,6 @@ fn one_outfit(args: &AnimateArgs) -> Result<OutfitSpec, Report> {
     }
 }
 
-fn read_motion(args: &AnimateArgs, spec: &OutfitSpec) -> Result<(Skeleton, Motion), AnimateFault> {
-    let path = args.skeleton.clone();
-    let path = path.unwrap_or_else(|| spec.body.path.with_file_name("skeleton.json"));
-    let skeleton = Skeleton::read_path(&path)
-        .map_err(|source| AnimateFault::Skeleton { path: path.clone(), source })?;
-    let motion = Motion::read_path(&args.motion, &skeleton)
-        .map_err(|source| AnimateFault::Motion { path: args.motion.clone(), source })?;
-    Ok((skeleton, motion.every(args.every.get())))
-}
-
 /// Shows frames on the line; walks within a frame can be cancelled, and are not shown.
 struct Frame<'a>(&'a Line);
 
@@ -253,7 +214,7 @@ fn write_caches(
     spec: &OutfitSpec,
     outfit: &Outfit,
     frames: &Frames,
-    (staging, args): (&Staging, &AnimateArgs),
+    (staging, args): (&Staging, &Options),
 ) -> Result<Vec<String>, Report> {
     let mut names: Vec<String> = Vec::new();
     let mut caches = Vec::new();
@@ -296,7 +257,7 @@ fn write_meshes(
     outfit: &Outfit,
     files: &OutfitFiles,
     frames: &Frames,
-    args: &AnimateArgs,
+    args: &Options,
 ) -> Result<(), Report> {
     for frame in 0..frames.len() {
         let folder = args.out.join(MESHES).join(format!("{frame:06}"));
@@ -331,16 +292,21 @@ fn write_meshes_of_file(layers: &[LayerInFile<'_>], path: &Path) -> Result<(), O
     })
 }
 
-/// How the command ends; frames that are not clean are named.
-fn end(animation: &Animation, strict: bool) -> End {
+/// How the command ends; frames that are not clean are named, and with `strict` intervals.
+fn end(animation: &Animation, between: Option<&[IntervalReport]>, strict: bool) -> End {
     let frames = &animation.report.frames;
     let is_good = |row: &if_pipeline::animate::FrameReport| {
         if strict { row.is_clean_everywhere() } else { row.is_clean() }
     };
     let bad: Vec<usize> = frames.iter().filter(|f| !is_good(f)).map(|f| f.frame).collect();
-    if bad.is_empty() {
-        return End::Clean;
+    let crossed = between.unwrap_or_default().iter().filter(|i| strict && !i.is_clean());
+    let crossed: Vec<usize> = crossed.map(|i| i.frame).collect();
+    let is_clean = bad.is_empty() && crossed.is_empty();
+    if !bad.is_empty() {
+        errors::show(&NotClean { bad, frames: frames.len(), strict }.into());
     }
-    errors::show(&NotClean { bad, frames: frames.len(), strict }.into());
-    End::NotClean
+    if !crossed.is_empty() {
+        errors::show(&NotCleanBetween { crossed, intervals: frames.len() - 1 }.into());
+    }
+    if is_clean { End::Clean } else { End::NotClean }
 }

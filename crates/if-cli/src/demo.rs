@@ -1,5 +1,6 @@
 //! `ifg demo`: the built-in scene, written as files and resolved like any other outfit.
 
+use crate::animate::{self, SourceArgs};
 use crate::end::End;
 use crate::inputs::ParamArgs;
 use crate::outfit_file;
@@ -8,11 +9,13 @@ use crate::report_output::{self, Style};
 use crate::resolve_outfit::{self, Options};
 use crate::staging::{OutputError, Staging};
 use clap::{Args, ValueEnum};
-use if_body::mannequin::{self, MannequinParams};
+use if_body::Motion;
+use if_body::mannequin::{self, MannequinParams, rig};
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{PlyMesh, WriteParams, write_path};
 use miette::{IntoDiagnostic, Report};
 use std::fmt::Write;
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 #[derive(Args, Debug, Clone)]
@@ -28,6 +31,10 @@ pub(crate) struct DemoArgs {
     pub(crate) size: Size,
     #[command(flatten)]
     pub(crate) params: ParamArgs,
+    /// Let the person take two steps as well, in a few frames: written to the folder `motion` in the
+    /// output folder.
+    #[arg(long, conflicts_with = "json")]
+    pub(crate) motion: bool,
     /// Print the report as JSON on stdout, and no tables.
     #[arg(long)]
     pub(crate) json: bool,
@@ -57,6 +64,11 @@ pub(crate) enum Size {
 const INPUT: &str = "input";
 /// The scene's outfit file.
 const OUTFIT: &str = "demo.toml";
+/// The skeleton and the motion of `--motion`.
+const SKELETON: &str = "skeleton.json";
+const MOTION: &str = "motion.json";
+/// Frames of two steps, which take a second.
+const FRAMES: usize = 8;
 
 /// Runs the command.
 pub(crate) fn run(args: &DemoArgs) -> Result<End, Report> {
@@ -68,12 +80,29 @@ pub(crate) fn run(args: &DemoArgs) -> Result<End, Report> {
         Options { pictures: !args.no_pictures, write_unproven: true, ..Default::default() };
     let outcome = resolve_outfit::run(&spec, &args.out, options, &line)?;
     drop(line);
-    report_output::outcome(
-        &spec,
-        &args.out,
-        outcome,
-        (if args.json { Style::Json } else { Style::Tables }, false),
-    )
+    let style = if args.json { Style::Json } else { Style::Tables };
+    let end = report_output::outcome(&spec, &args.out, outcome, (style, false))?;
+    if !args.motion || !matches!(end, End::Clean) {
+        return Ok(end);
+    }
+    let folder = args.out.join(INPUT);
+    let source = SourceArgs {
+        motion: folder.join(MOTION),
+        skeleton: None,
+        every: NonZeroUsize::MIN,
+        frames: None,
+        fps: None,
+    };
+    let options = animate::Options {
+        source,
+        out: args.out.join("motion"),
+        continuous: false,
+        meshes: false,
+        pictures: !args.no_pictures,
+        json: false,
+        strict: false,
+    };
+    animate::animated(&spec, &options)
 }
 
 /// Writes the scene's meshes and its outfit file, and returns the path of the latter.
@@ -86,7 +115,10 @@ fn write_scene(args: &DemoArgs) -> Result<PathBuf, Report> {
     );
     for (k, (name, mesh)) in scene(args).into_iter().enumerate() {
         let file = format!("{name}.ply");
-        let ply = PlyMesh::new(mesh);
+        let mut ply = PlyMesh::new(mesh);
+        if k == 0 && args.motion {
+            ply.vertex_properties = rig::skin_weights(ply.mesh.vertices()).to_properties();
+        }
         write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &staging.path(&file))
             .into_diagnostic()?;
         // Writing to a string cannot fail.
@@ -96,6 +128,23 @@ fn write_scene(args: &DemoArgs) -> Result<PathBuf, Report> {
             writeln!(toml, "\n[[garment]]\nfile = \"{file}\"")
         };
         names.push(file);
+    }
+    if args.motion {
+        let skeleton = rig::skeleton();
+        let motion = Motion {
+            frames_per_second: FRAMES as f64,
+            poses: (0..FRAMES).map(|k| rig::walking_pose(k, FRAMES)).collect(),
+            unmatched: Vec::new(),
+        };
+        let (mut joints, mut poses) = (Vec::new(), Vec::new());
+        skeleton.write(&mut joints).into_diagnostic()?;
+        motion.write(&mut poses, &skeleton).into_diagnostic()?;
+        for (name, bytes) in [(SKELETON, joints), (MOTION, poses)] {
+            let path = folder.join(name);
+            std::fs::write(staging.path(name), bytes)
+                .map_err(|source| OutputError::File { path, source })?;
+            names.push(name.into());
+        }
     }
     let path = folder.join(OUTFIT);
     std::fs::write(staging.path(OUTFIT), toml)

@@ -57,13 +57,31 @@ impl DistanceBounds {
 /// assert!((found.lower..=found.upper).contains(&0.25) && found.upper - found.lower < 1e-12);
 /// ```
 pub fn triangle_distance(a: [&Point; 3], b: [&Point; 3]) -> DistanceBounds {
+    // No slab is between triangles that have a point in common.
+    let (best, _) = nearest(a, b);
+    if best.lower <= 0.0 && intersect::triangles(a, b).is_some() {
+        return DistanceBounds::ZERO;
+    }
+    best
+}
+
+/// The unit vector from the nearest point of `a` to that of `b`: the normal of the widest slab between
+/// the triangles. `None` if no slab is found between them, which is not to say that they have a point
+/// in common.
+pub fn way_between(a: [&Point; 3], b: [&Point; 3]) -> Option<Vector> {
+    let (best, way) = nearest(a, b);
+    if best.lower > 0.0 { way.try_normalize(0.0) } else { None }
+}
+
+/// Bounds of the distance, and the way between the points that gave the larger lower one.
+fn nearest(a: [&Point; 3], b: [&Point; 3]) -> (DistanceBounds, Vector) {
     // Differences of coordinates are nearly exact, and small.
     let origin = *a[0];
     let [a_local, b_local] = [a, b].map(|t| t.map(|p| Point::from(p - origin)));
     let (la, lb) = (a_local.each_ref(), b_local.each_ref());
     let size = la.into_iter().chain(lb).map(|p| p.coords.amax()).fold(0.0, Real::max);
     let [mut p, mut q] = nearest_points(la, lb);
-    let mut best = bounds(la, lb, [&p, &q], size);
+    let (mut best, mut way) = (bounds(la, lb, [&p, &q], size), q - p);
     for _ in 0..REFINEMENTS {
         if best.width() <= TIGHT * size || best.lower <= 0.0 {
             break;
@@ -71,14 +89,13 @@ pub fn triangle_distance(a: [&Point; 3], b: [&Point; 3]) -> DistanceBounds {
         p = on_triangle(&q, la);
         q = on_triangle(&p, lb);
         let next = bounds(la, lb, [&p, &q], size);
+        if next.lower > best.lower {
+            way = q - p;
+        }
         best =
             DistanceBounds { lower: best.lower.max(next.lower), upper: best.upper.min(next.upper) };
     }
-    // No slab is between triangles that have a point in common.
-    if best.lower <= 0.0 && intersect::triangles(a, b).is_some() {
-        return DistanceBounds::ZERO;
-    }
-    best
+    (best, way)
 }
 
 /// Whether the triangles are farther apart than `limit`, a length, according to the planes of the

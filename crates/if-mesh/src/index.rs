@@ -9,6 +9,7 @@
 
 mod build;
 mod closest;
+mod moving_pairs;
 mod nearest_pairs;
 mod pairs;
 mod segment;
@@ -16,6 +17,7 @@ mod segment;
 mod tests;
 
 pub use closest::distance_bound;
+pub use moving_pairs::MovingPair;
 pub(crate) use nearest_pairs::NearPair;
 pub use segment::Hit;
 

@@ -13,10 +13,14 @@
 //! [`Walker::approach`] leads from a clean state towards another one in the same way, as far as
 //! contacts permit: frames whose displacements were smoothed over time come out clean again.
 //!
+//! [`Crossings`] says what passes through what between two states: small steps make that rare, and
+//! nothing else forbids it.
+//!
 //! No accepted state has an intersecting pair that the rest state does not have, so a walk can end
 //! at any step. Targets come from the caller: this module sees no skeleton.
 
 mod contact;
+mod crossings;
 mod equilibrium;
 mod locality;
 mod params;
@@ -30,6 +34,7 @@ mod walk;
 #[cfg(test)]
 mod tests;
 
+pub use crossings::{Crossing, Crossings};
 pub use params::WalkParams;
 pub use proof::Proof;
 pub use snapshot::SnapshotError;

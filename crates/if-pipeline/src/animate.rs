@@ -1,15 +1,19 @@
 //! Outfits that follow motions, every frame proven.
 //!
-//! [`animate()`] takes a clean [`SkinnedOutfit`] and a [`Motion`] through all frames. Each begins from
+//! [`animate()`] takes a clean [`SkinnedOutfit`] and a [`Motion`] through all frames; [`follow()`] does
+//! so for any [`Movement`], such as that of a body which is given in every frame. Each begins from
 //! the last clean state, carried by the skinning ([`if_outfit::motion`]). A second pass, a few frames
 //! behind, smooths displacements over time, and verifies each frame exactly. Frames go to a folder as they are done, so that a run that was stopped goes on where it ended.
 
 mod animator;
+mod bound;
+mod continuous;
 mod error;
 mod finisher;
 mod frames;
 mod local;
 mod measure;
+mod movement;
 mod outfit;
 mod report;
 mod smoother;
@@ -18,8 +22,11 @@ mod tests;
 mod window;
 
 pub use animator::{AnimateParams, Animator};
+pub use bound::BoundOutfit;
+pub use continuous::{IntervalReport, NamedCrossing, between_frames};
 pub use error::AnimateError;
 pub use frames::Frames;
+pub use movement::Movement;
 pub use outfit::{SkinFault, SkinnedOutfit};
 pub use report::{AnimationReport, FrameReport, Spread};
 
@@ -42,9 +49,24 @@ pub struct Animation {
 /// The folder of frames before smoothing, within that of frames.
 const WALKED: &str = "walked";
 
-/// Moves an outfit through all frames of a motion, and keeps them in `folder`, which is created.
+/// Moves an outfit through all frames of a motion: [`follow()`] with its poses.
 ///
-/// Frames that `folder` holds from the same outfit, motion and parameters, by digest, are kept; the
+/// # Errors
+///
+/// As [`follow()`].
+pub fn animate(
+    outfit: &SkinnedOutfit,
+    motion: &Motion,
+    params: &AnimateParams,
+    folder: &Path,
+    monitor: &mut dyn Monitor,
+) -> Result<Animation, AnimateError> {
+    follow(Movement::poses(outfit, motion), params, folder, monitor)
+}
+
+/// Moves an outfit through all frames of a movement, and keeps them in `folder`, which is created.
+///
+/// Frames that `folder` holds from the same outfit, movement and parameters, by digest, are kept; the
 /// others follow with the same bits as in one run. `monitor` receives the stage `"frame"`, with the
 /// measure `"seconds_left"` from the second frame on, and `"walk"` within each.
 ///
@@ -55,23 +77,22 @@ const WALKED: &str = "walked";
 ///
 /// [`AnimateError`]: an outfit that is not clean, parameters out of range, a folder that cannot be
 /// written, or the monitor cancelled.
-pub fn animate(
-    outfit: &SkinnedOutfit,
-    motion: &Motion,
+pub fn follow(
+    movement: Movement<'_>,
     params: &AnimateParams,
     folder: &Path,
     monitor: &mut dyn Monitor,
 ) -> Result<Animation, AnimateError> {
     let start = Instant::now();
-    let radius = params.smoothed_frames(motion);
-    let mut frames = Frames::open(folder, outfit, motion, params)?;
-    let mut animator = Animator::new(outfit, motion, *params)?;
-    let mut finisher = Finisher::new(outfit, motion, animator.walker().clone(), radius);
-    let total = motion.poses.len();
+    let radius = params.smoothed_frames(movement.frames_per_second());
+    let mut frames = Frames::open(folder, movement, params)?;
+    let mut animator = Animator::new(movement, *params)?;
+    let mut finisher = Finisher::new(movement, animator.walker().clone(), radius);
+    let total = movement.frames();
     frames.keep(total);
     let kept = frames.len();
     finisher.resume(kept, |frame| frames.positions(frame))?;
-    let mut window = Window::open(&folder.join(WALKED), outfit, motion, params)?;
+    let mut window = Window::open(&folder.join(WALKED), movement, params)?;
     window.resume(kept.saturating_sub(radius), &mut animator);
     let last_needed = |k: usize| (k + radius).min(total.saturating_sub(1));
     let working = Instant::now();
@@ -108,6 +129,6 @@ pub fn animate(
         window.forget((k + 1).saturating_sub(radius))?;
     }
     let seconds = start.elapsed().as_secs_f64();
-    let report = AnimationReport::new(frames.rows(), motion.frames_per_second, kept, seconds);
+    let report = AnimationReport::new(frames.rows(), movement.frames_per_second(), kept, seconds);
     Ok(Animation { report, frames })
 }

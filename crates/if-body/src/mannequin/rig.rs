@@ -108,6 +108,30 @@ pub fn turning_pose(frame: usize, frames: usize) -> Pose {
     pose
 }
 
+/// The pose in one of `frames` frames of two steps on the spot: legs and arms swing against each
+/// other.
+pub fn walking_pose(frame: usize, frames: usize) -> Pose {
+    let phase = TAU * frame as Real / frames.max(1) as Real;
+    let skeleton = skeleton();
+    let mut pose = Pose::rest(skeleton.len());
+    let mut turn = |name: &str, axis: Vector, angle: Real| {
+        let joint = skeleton.names().position(|n| n == name).expect("a joint of the skeleton");
+        pose.rotations[joint] *= UnitQuaternion::new(axis * angle);
+    };
+    for (side, sign) in [("left", 1.0), ("right", -1.0)] {
+        let swing = sign * phase.sin();
+        turn(&format!("{side}_thigh"), Vector::x(), -0.1 - 0.3 * swing);
+        // The knee bends while the leg swings forwards.
+        let lifted = (sign * phase.cos()).max(0.0);
+        turn(&format!("{side}_shin"), Vector::x(), 0.15 + 0.5 * lifted);
+        turn(&format!("{side}_arm"), Vector::z(), -0.2 * sign);
+        turn(&format!("{side}_arm"), Vector::x(), 0.3 * swing);
+        turn(&format!("{side}_forearm"), Vector::x(), -0.3 + 0.1 * swing);
+    }
+    turn("spine", Vector::y(), 0.06 * phase.sin());
+    pose
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -130,6 +154,20 @@ mod tests {
             (weight(2, "right_thigh") - weight(2, "right_shin")).abs() < 0.1,
             "the knee is both's"
         );
+    }
+
+    #[test]
+    fn steps_alternate() {
+        let skeleton = skeleton();
+        let foot = |frame: usize, name: &str| {
+            let joint = skeleton.names().position(|n| n == name).unwrap();
+            skeleton.frames(&walking_pose(frame, 8)).unwrap()[joint].translation.vector
+        };
+        // One foot is in front, then the other; a foot that swings is lifted.
+        let ahead = |frame| foot(frame, "left_foot").z - foot(frame, "right_foot").z;
+        assert!(ahead(2) > 0.3 && ahead(6) < -0.3, "{} {}", ahead(2), ahead(6));
+        assert!(foot(0, "left_foot").y > foot(0, "right_foot").y + 0.02);
+        assert!((walking_pose(8, 8).largest_turn(&walking_pose(0, 8))) < 1e-9);
     }
 
     #[test]

@@ -52,30 +52,20 @@ pub fn transferred_weights(
         return Err(SkinError::Empty { vertices, joints });
     }
     skin.check(vertices, joints)?;
-    let nearest = nearest_points(body, garment);
-    let net = Net::new(garment);
-    let fixed = matched(body, garment, &net, &nearest);
-    let extension = Extension::new(&net, &fixed)?;
+    let binding = Binding::new(body, garment)?;
     let mut best = vec![[(0.0, 0_u16); 4]; garment.vertices().len()];
-    let mut column = vec![0.0; best.len()];
     for joint in 0..joints as u16 {
-        let of = |near: &Closest| {
-            let corners = body.triangles()[near.triangle as usize];
-            let share = |k: usize| {
-                let v = corners[k] as usize;
-                let slots = skin.joints()[v].iter().zip(&skin.weights()[v]);
-                slots.map(|(j, w)| if *j == joint { Real::from(*w) } else { 0.0 }).sum::<Real>()
-            };
-            (0..3).map(|k| near.barycentric[k] * share(k)).sum::<Real>()
+        let of = |v: usize| {
+            let slots = skin.joints()[v].iter().zip(&skin.weights()[v]);
+            slots.map(|(j, w)| if *j == joint { Real::from(*w) } else { 0.0 }).sum::<Real>()
         };
-        column.iter_mut().zip(&nearest).for_each(|(w, near)| *w = of(near));
-        if column.iter().all(|w| *w == 0.0) {
+        let nearest = binding.nearest(of);
+        if nearest.iter().all(|w| *w == 0.0) {
             continue;
         }
-        extension.extend(&net, &mut column);
-        (0..ROUNDS).for_each(|_| net.smooth(&mut column));
-        for (best, v) in best.iter_mut().zip(&net.node) {
-            insert(best, (column[*v as usize], joint));
+        for (best, w) in best.iter_mut().zip(binding.spread(nearest)) {
+            // Rounding leaves numbers a little below zero.
+            insert(best, (w.max(0.0), joint));
         }
     }
     let normalised = |best: &[(Real, u16); 4]| {
@@ -84,6 +74,54 @@ pub fn transferred_weights(
     };
     let (joint, weight) = best.iter().map(normalised).unzip();
     SkinWeights::new(joint, weight, joints)
+}
+
+/// A garment bound to the surface of the body on which it is worn: numbers that vary over the body are
+/// carried to it as [`transferred_weights`] carries weights.
+#[derive(Debug)]
+pub struct Binding {
+    /// The corners of the triangle of the body that is nearest to each vertex, and their shares.
+    places: Vec<([u32; 3], [Real; 3])>,
+    net: Net,
+    extension: Extension,
+}
+
+impl Binding {
+    /// Binds `garment` to `body`, both in one pose.
+    ///
+    /// # Errors
+    ///
+    /// A body without triangles, or a garment whose parts are too far apart in size.
+    pub fn new(body: &TriMesh, garment: &TriMesh) -> Result<Self, SkinError> {
+        if body.triangles().is_empty() {
+            return Err(SkinError::Empty { vertices: body.vertices().len(), joints: 0 });
+        }
+        let nearest = nearest_points(body, garment);
+        let net = Net::new(garment);
+        let extension = Extension::new(&net, &matched(body, garment, &net, &nearest))?;
+        let place = |c: &Closest| (body.triangles()[c.triangle as usize], c.barycentric);
+        Ok(Self { places: nearest.iter().map(place).collect(), net, extension })
+    }
+
+    /// A number for each vertex of the garment, from those of the body's vertices.
+    pub fn carried(&self, of: impl Fn(usize) -> Real) -> Vec<Real> {
+        self.spread(self.nearest(of))
+    }
+
+    /// The numbers at the nearest points.
+    fn nearest(&self, of: impl Fn(usize) -> Real) -> Vec<Real> {
+        let at = |(corners, shares): &([u32; 3], [Real; 3])| {
+            (0..3).map(|k| shares[k] * of(corners[k] as usize)).sum::<Real>()
+        };
+        self.places.iter().map(at).collect()
+    }
+
+    /// Those of near cloth, extended along the garment and smoothed.
+    fn spread(&self, mut column: Vec<Real>) -> Vec<Real> {
+        self.extension.extend(&self.net, &mut column);
+        (0..ROUNDS).for_each(|_| self.net.smooth(&mut column));
+        self.net.node.iter().map(|v| column[*v as usize]).collect()
+    }
 }
 
 /// The nearest points of the body.
@@ -114,6 +152,7 @@ fn matched(body: &TriMesh, garment: &TriMesh, net: &Net, nearest: &[Closest]) ->
 }
 
 /// The vertices of a garment, those at one place as one, with the weights of its edges.
+#[derive(Debug)]
 struct Net {
     /// The first vertex at the place of each.
     node: Vec<u32>,
@@ -168,6 +207,7 @@ impl Net {
 }
 
 /// Harmonic functions with given values at some nodes.
+#[derive(Debug)]
 struct Extension {
     /// Nodes without given values.
     free: Vec<u32>,
@@ -201,8 +241,7 @@ impl Extension {
             net.links.of(self.free[i] as usize).iter().map(|(n, w)| w * column[*n as usize]).sum()
         });
         factor.solve_in_place(&mut x);
-        // Rounding leaves numbers a little below zero.
-        self.free.iter().enumerate().for_each(|(i, v)| column[*v as usize] = x[(i, 0)].max(0.0));
+        self.free.iter().enumerate().for_each(|(i, v)| column[*v as usize] = x[(i, 0)]);
     }
 }
 

@@ -3,7 +3,8 @@
 use super::pictures::{STRIP, meshes};
 use super::{AnimateFault, summary};
 use crate::staging::{OutputError, Staging};
-use if_pipeline::animate::{Animation, SkinnedOutfit};
+use if_outfit::outfit::Outfit;
+use if_pipeline::animate::{Animation, IntervalReport};
 use if_render::{Page, Viewer};
 use miette::Report;
 use std::path::Path;
@@ -16,8 +17,8 @@ const MOST: usize = 12;
 /// Writes the page, and returns its name. The strip of pictures must be there.
 pub(super) fn write(
     title: &str,
-    skinned: &SkinnedOutfit,
-    animation: &Animation,
+    outfit: &Outfit,
+    (animation, between): (&Animation, Option<&[IntervalReport]>),
     (staging, out): (&Staging, &Path),
 ) -> Result<String, Report> {
     let report = &animation.report;
@@ -29,7 +30,7 @@ pub(super) fn write(
     for &frame in &shown {
         let positions = animation.frames.positions(frame);
         let positions = positions.map_err(|source| AnimateFault::Animate { source })?;
-        states.push(meshes(&skinned.outfit, &positions));
+        states.push(meshes(outfit, &positions));
     }
     let mut page = Page::new(&format!("{}, in motion", title.trim()));
     let verdict = format!(
@@ -39,7 +40,7 @@ pub(super) fn write(
     page.verdict(report.clean == frames, &verdict);
     if !names.is_empty() {
         let mut viewer = Viewer::new(&names.iter().map(String::as_str).collect::<Vec<_>>());
-        for (k, layer) in skinned.outfit.layers().enumerate() {
+        for (k, layer) in outfit.layers().enumerate() {
             viewer.layer(&layer.name, &states.iter().map(|meshes| &meshes[k]).collect::<Vec<_>>());
         }
         page.viewer(&viewer);
@@ -53,6 +54,14 @@ pub(super) fn write(
     let rows: Vec<Vec<String>> =
         report.frames.iter().map(|row| summary::cells(row).to_vec()).collect();
     page.heading("Frames").table(&summary::HEADER, &rows);
+    if let Some(between) = between {
+        page.heading("Between frames").text(&summary::between_line(between));
+        let rows: Vec<Vec<String>> =
+            summary::crossed(between).map(|row| summary::between_cells(row).to_vec()).collect();
+        if !rows.is_empty() {
+            page.table(&summary::BETWEEN, &rows);
+        }
+    }
     std::fs::write(staging.path(FILE), page.html()).map_err(fault(FILE))?;
     Ok(FILE.into())
 }

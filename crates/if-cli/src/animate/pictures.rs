@@ -3,11 +3,10 @@
 
 use super::AnimateFault;
 use crate::staging::{OutputError, Staging};
-use if_body::Motion;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_outfit::outfit::Outfit;
-use if_pipeline::animate::{Animation, SkinnedOutfit};
+use if_pipeline::animate::{Animation, Movement};
 use if_render::{Image, View, preview, write_animation};
 use miette::Report;
 use std::fs::File;
@@ -27,22 +26,20 @@ const SIZE: [u32; 2] = [240, 400];
 
 /// Draws both pictures, and returns their names.
 pub(super) fn draw(
-    skinned: &SkinnedOutfit,
-    motion: &Motion,
+    movement: Movement<'_>,
     animation: &Animation,
     (staging, out): (&Staging, &Path),
 ) -> Result<Vec<String>, Report> {
     let frames = animation.frames.len();
     let step = frames.div_ceil(MOST).max(1);
-    let rest = skinned.positions();
+    let outfit = movement.outfit();
+    let rest: Vec<Point> = outfit.layers().flat_map(|l| l.mesh.vertices()).copied().collect();
     let mut shown: Vec<[Image; 2]> = Vec::new();
     for frame in (0..frames).step_by(step) {
         let fault = |source| AnimateFault::Animate { source };
         let after = animation.frames.positions(frame).map_err(fault)?;
-        let before = skinned
-            .posed(&rest, &motion.poses[frame])
-            .expect("poses were checked against the skeleton");
-        shown.push([before, after].map(|x| view(&skinned.outfit, &x)));
+        let before = movement.posed(frame, &rest).map_err(fault)?;
+        shown.push([before, after].map(|x| view(outfit, &x)));
     }
     let write = |name: &str, fill: &dyn Fn(&mut dyn Write) -> Result<(), if_render::PngError>| {
         let fault = |source| OutputError::File { path: out.join(name), source };
@@ -51,7 +48,7 @@ pub(super) fn draw(
         file.flush().map_err(fault)
     };
     let animated: Vec<Image> = shown.iter().map(|pair| beside(pair)).collect();
-    let rate = motion.frames_per_second / step as f64;
+    let rate = movement.frames_per_second() / step as f64;
     write(MOTION, &|file| write_animation(&animated, rate, file))?;
     let each = shown.len().div_ceil(SIDE_BY_SIDE).max(1);
     let some: Vec<&[Image; 2]> = shown.iter().step_by(each).collect();

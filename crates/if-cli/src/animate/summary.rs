@@ -2,7 +2,7 @@
 
 use crate::table::{self, count, new_table};
 use comfy_table::Cell;
-use if_pipeline::animate::{AnimationReport, FrameReport};
+use if_pipeline::animate::{AnimationReport, FrameReport, IntervalReport};
 use std::path::Path;
 
 /// Rows shown of frames that are clean, evenly spaced; those that are not are all shown.
@@ -26,7 +26,7 @@ pub(super) const HEADER: [&str; 12] = [
 
 /// What is printed.
 pub(super) fn text(
-    report: &AnimationReport,
+    (report, between): (&AnimationReport, Option<&[IntervalReport]>),
     (without_weights, unmatched): (&[String], &[String]),
     out: &Path,
     names: &[String],
@@ -47,8 +47,9 @@ pub(super) fn text(
         0 => String::new(),
         n => format!(", {n} frames kept from an earlier run"),
     };
+    let between = between.map_or(String::new(), between_text);
     format!(
-        "{rows}\n\n{from_body}{still}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
+        "{rows}\n\n{between}{from_body}{still}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
          at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{kept}\nWrote {}: {}\n",
         count(frames.len()),
         count(report.clean),
@@ -63,6 +64,50 @@ pub(super) fn text(
         out.display(),
         names.join(", ")
     )
+}
+
+/// The columns of the table of intervals.
+pub(super) const BETWEEN: [&str; 4] = ["after frame", "layers", "own", "first"];
+
+/// Intervals in which something passes through something.
+pub(super) fn crossed(between: &[IntervalReport]) -> impl Iterator<Item = &IntervalReport> {
+    between.iter().filter(|i| !i.is_clean())
+}
+
+/// What all intervals have in common.
+pub(super) fn between_line(between: &[IntervalReport]) -> String {
+    let layers = between.iter().filter(|i| i.crossings > 0).count();
+    let own = between.iter().filter(|i| i.own_crossings > 0).count();
+    format!(
+        "Between frames, in straight lines: layers pass through one another in {} of {} intervals, a \
+         layer through itself in {}.",
+        count(layers),
+        count(between.len()),
+        count(own)
+    )
+}
+
+fn between_text(between: &[IntervalReport]) -> String {
+    let mut rows = new_table(&BETWEEN, 0, table::coloured());
+    for row in crossed(between).take(SHOWN) {
+        rows.add_row(between_cells(row).map(Cell::new));
+    }
+    let line = between_line(between);
+    if between.iter().all(IntervalReport::is_clean) {
+        format!("{line}\n\n")
+    } else {
+        format!("{rows}\n\n{line}\n\n")
+    }
+}
+
+/// An interval's row.
+pub(super) fn between_cells(row: &IntervalReport) -> [String; 4] {
+    let first = row.first.first().map_or(String::new(), |c| {
+        let [a, b] = &c.layers;
+        let [i, j] = c.triangles;
+        format!("{a} {i}, {b} {j} at {:.2}", c.share)
+    });
+    [row.frame.to_string(), count(row.crossings), count(row.own_crossings), first]
 }
 
 /// A frame's row.

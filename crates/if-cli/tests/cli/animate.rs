@@ -1,9 +1,11 @@
 //! `ifg animate` on the mannequin, which is written with its skeleton and weights.
 
 use crate::folder::Folder;
-use if_body::TemplateBody;
 use if_body::mannequin::{self, Garment, MannequinParams, rig};
+use if_body::{Joint, Skeleton, SkinWeights, TemplateBody};
 use if_core::math::Point;
+use if_core::mesh::TriMesh;
+use if_core::shapes::meshes::tube;
 use if_mesh::ply::{PlyMesh, WriteParams, read_path, write_path};
 use serde_json::{Value, json};
 use std::f64::consts::FRAC_PI_8;
@@ -80,6 +82,125 @@ fn a_knee_is_lifted_in_clean_frames_that_point_caches_hold() {
     assert_eq!(folder.read("moved/trousers.pc2"), cache);
 }
 
+#[test]
+fn what_passes_through_what_between_frames_is_named() {
+    let folder = scene();
+    let run = folder.ifg(&format!("{ANIMATE} --out slow --strict --continuous --no-pictures"));
+    let run = run.expect(0);
+    let words = "layers pass through one another in 0 of 2 intervals";
+    assert!(run.stdout.contains(words), "{}", run.stdout);
+    // A thin limb, 10 m from its joint, jumps through a sheet of cloth.
+    limb_and_cloth(&folder);
+    const JUMP: &str =
+        "animate --body limb/body_clean.ply limb/cloth.ply --motion limb/motion.json --out jump";
+    let run = folder.ifg(&format!("{JUMP} --strict --continuous")).expect(1);
+    assert!(run.stderr.contains("in 1 of 1 intervals triangles pass"), "{}", run.stderr);
+    assert!(run.stdout.contains("2 frames: 2 clean, 2 clean everywhere"), "{}", run.stdout);
+    let report: Value = serde_json::from_slice(&folder.read("jump/report.json")).unwrap();
+    let interval = &report["between_frames"][0];
+    assert!(interval["crossings"].as_u64().unwrap() > 10, "{interval}");
+    assert_eq!(interval["first"][0]["layers"], json!(["body_clean", "cloth"]));
+    let page = String::from_utf8(folder.read("jump/report.html")).unwrap();
+    assert!(page.contains("Between frames") && page.contains(", cloth "));
+    // Frames are clean, so without --strict this is no failure.
+    folder.ifg(&format!("{JUMP} --continuous --no-pictures")).expect(0);
+}
+
+/// A rod that turns about a far joint by 24 cm from the first frame to the second, and a sheet of
+/// cloth on its way that stays.
+fn limb_and_cloth(folder: &Folder) {
+    let weights = |mesh: &TriMesh, joint: u16| {
+        let n = mesh.vertices().len();
+        SkinWeights::new(vec![[joint, 0, 0, 0]; n], vec![[1.0, 0.0, 0.0, 0.0]; n], 2).unwrap()
+    };
+    let joint = |name: &str, parent| Joint {
+        name: name.into(),
+        parent,
+        head: Point::new(0.0, 0.0, -10.0),
+        tail: Point::origin(),
+    };
+    let mesh = tube(0.004, 0.3, 8, 8, true);
+    let skin = weights(&mesh, 1);
+    let skeleton = Skeleton::new(vec![joint("root", None), joint("limb", Some(0))]).unwrap();
+    std::fs::create_dir(folder.path("limb")).unwrap();
+    TemplateBody { mesh, skin, skeleton }.write(&folder.path("limb")).unwrap();
+    let sheet = tube(0.1, 0.2, 24, 8, false);
+    let flat = |p: &Point| Point::new(0.12 + 0.1 * p.x, p.y, p.z);
+    // The half of an open tube on the side of the rod, pressed flat.
+    let is_kept = |t: &&[u32; 3]| t.iter().all(|v| sheet.vertices()[*v as usize].x <= 1e-9);
+    let kept: Vec<[u32; 3]> = sheet.triangles().iter().filter(is_kept).copied().collect();
+    let mut used: Vec<u32> = kept.iter().flatten().copied().collect();
+    used.sort_unstable();
+    used.dedup();
+    let place = |v: &u32| used.binary_search(v).unwrap() as u32;
+    let vertices = used.iter().map(|v| flat(&sheet.vertices()[*v as usize])).collect();
+    let cloth = TriMesh::new(vertices, kept.iter().map(|t| t.each_ref().map(place)).collect());
+    let mut cloth = PlyMesh::new(cloth.unwrap());
+    cloth.vertex_properties = weights(&cloth.mesh, 0).to_properties();
+    let path = folder.path("limb/cloth.ply");
+    write_path(&cloth, cloth.mesh.vertices(), &WriteParams::default(), &path).unwrap();
+    let frame = |angle: f64| {
+        let (cos, sin) = ((0.5 * angle).cos(), (0.5 * angle).sin());
+        json!({"root_t": [0, 0, 0], "rot": [[1, 0, 0, 0], [cos, 0.0, sin, 0.0]]})
+    };
+    let motion = json!({"joints": ["root", "limb"], "frames": [frame(0.0), frame(0.024)]});
+    std::fs::write(folder.path("limb/motion.json"), motion.to_string()).unwrap();
+}
+
+#[test]
+fn a_folder_of_bodies_carries_garments_without_a_skeleton() {
+    let folder = scene();
+    // The bodies of the motion's frames as meshes without weights, and one that is not in metres.
+    let rest = read_path(&folder.path("doll/body_clean.ply")).unwrap().mesh;
+    let skin = rig::skin_weights(rest.vertices());
+    let motion = Motion::read(motion().to_string().as_bytes(), &rig::skeleton()).unwrap();
+    std::fs::create_dir(folder.path("bodies")).unwrap();
+    let write = |name: &str, mesh: TriMesh| {
+        let ply = PlyMesh::new(mesh);
+        let path = folder.path(name);
+        write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &path).unwrap();
+    };
+    for (k, pose) in motion.poses.iter().enumerate() {
+        let maps = blends(&skin, &rig::skeleton().transforms(pose).unwrap());
+        let posed = pose_points(rest.vertices(), &maps);
+        write(&format!("bodies/body_{k:04}.ply"), rest.with_vertices(posed).unwrap());
+    }
+    write("bare.ply", rest.clone());
+    const CARRY: &str = "animate --body bare.ply doll/trousers.ply --motion bodies --no-pictures";
+    let run = folder.ifg(&format!("{CARRY} --out carried --strict --meshes")).expect(0);
+    let words = "3 frames: 3 clean, 3 clean everywhere";
+    assert!(run.stdout.contains(words), "{}", run.stdout);
+    // The trousers are where the skeleton would have them, but for folds.
+    folder.ifg(&format!("{ANIMATE} --out moved --no-pictures --meshes")).expect(0);
+    let frame = |out: &str| {
+        let path = format!("{out}/meshes/000002/trousers.ply");
+        read_path(&folder.path(&path)).unwrap().mesh.vertices().to_vec()
+    };
+    let (carried, moved) = (frame("carried"), frame("moved"));
+    let apart = carried.iter().zip(&moved).map(|(a, b)| (a - b).norm()).sum::<f64>();
+    let mean = apart / carried.len() as f64;
+    let trousers = read_path(&folder.path("doll/trousers.ply")).unwrap().mesh;
+    let far = moved.iter().zip(trousers.vertices()).map(|(a, b)| (a - b).norm());
+    assert!(mean < 5e-3 && far.fold(0.0, f64::max) > 0.3, "{mean}");
+    // One frame of them, as it is when the walk begins there.
+    folder.ifg(&format!("{CARRY} --out one --strict --frames 1 --meshes")).expect(0);
+    assert!(
+        folder.path("one/meshes/000000").exists() && !folder.path("one/meshes/000001").exists()
+    );
+    // A run that goes on has the same bytes.
+    let last = folder.read("carried/trousers.pc2");
+    std::fs::remove_file(folder.path("carried/frames/000002.frame")).unwrap();
+    let run = folder.ifg(&format!("{CARRY} --out carried --strict")).expect(0);
+    assert!(run.stdout.contains("2 frames kept"), "{}", run.stdout);
+    assert_eq!(folder.read("carried/trousers.pc2"), last);
+    // A body of other vertices, and options without use.
+    write("bodies/body_0003.ply", tube(0.1, 0.2, 8, 4, true));
+    let run = folder.ifg(&format!("{CARRY} --out other")).expect(2);
+    assert!(run.stderr.contains("body_0003.ply") && run.stderr.contains("at rest has"));
+    let run = folder.ifg(&format!("{CARRY} --out other --skeleton doll/skeleton.json")).expect(2);
+    assert!(run.stderr.contains("has no use for --skeleton"), "{}", run.stderr);
+}
+
 /// One frame in centimetres, in which the left thigh is raised by 45 degrees; legs alone.
 fn bvh() -> String {
     let joints = rig::skeleton();
@@ -140,6 +261,20 @@ fn a_bvh_file_of_legs_moves_the_legs() {
 }
 
 #[test]
+fn the_built_in_person_takes_two_steps() {
+    let folder = Folder::new();
+    let run = folder.ifg("demo --motion --size coarse --no-pictures --out demo").expect(0);
+    assert!(run.stdout.contains("8 frames: 8 clean"), "{}", run.stdout);
+    let report: Value = serde_json::from_slice(&folder.read("demo/motion/report.json")).unwrap();
+    let frames = report["report"]["frames"].as_array().unwrap();
+    assert!(frames.iter().all(|f| f["pairs_before"].as_u64().unwrap() > 0));
+    // The scene is on disk, and the documented command gives the same.
+    let motion = "--motion demo/input/motion.json --frames 0 --no-pictures --out again";
+    folder.ifg(&format!("animate demo/input/demo.toml {motion}")).expect(0);
+    assert!(folder.path("again/coat.pc2").exists());
+}
+
+#[test]
 fn motions_and_weights_that_do_not_fit_are_errors_that_name_them() {
     let folder = scene();
     let fails = |options: &str, words: &str| {
@@ -166,6 +301,10 @@ fn motions_and_weights_that_do_not_fit_are_errors_that_name_them() {
     fails("--skeleton missing.json", "missing.json");
     fails("--scale 0.01", "frames are in metres");
     fails("--every 0", "0");
+    fails("--frames 3", "the motion has 3 frames, the last is 2");
+    fails("--frames 2-1", "the last frame is before the first");
+    fails("--frames x", "`x` is no frame");
+    fails("--fps 25", "has no use for --fps");
     folder
         .ifg("animate --body doll/trousers.ply doll/trousers.ply --motion doll/motion.json --out moved")
         .expect(2);

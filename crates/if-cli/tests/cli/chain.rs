@@ -53,6 +53,13 @@ fn a_capture_becomes_garments_that_are_worn() {
         .iter()
         .all(|words| worn.stdout.contains(words));
     assert!(clean, "{}", worn.stdout);
+    // The outfit moves as the person of the capture does.
+    let moves = format!(
+        "animate --body w/bodies/{body}/body.ply worn/cap_trousers.ply worn/cap_tshirt.ply \
+         --motion cap/meta.json --frames 0-1 --no-pictures --out moves"
+    );
+    let run = folder.ifg(&moves).expect(0);
+    assert!(run.stdout.contains("2 frames: 2 clean"), "{}", run.stdout);
     // φ is made only on request, and the asset says so.
     folder
         .ifg("reconstruct cap --body cap/body --out bare --cell 16mm --frames --motion none")

@@ -6,7 +6,7 @@ use if_core::monitor::{Cancelled, Monitor, Progress, Silent};
 use if_core::shapes::meshes::{icosphere, tube};
 use nalgebra::Rotation3;
 
-fn outfit(body: TriMesh, garments: Vec<TriMesh>) -> Outfit {
+pub(super) fn outfit(body: TriMesh, garments: Vec<TriMesh>) -> Outfit {
     let garment = |(k, mesh)| Layer::new(format!("garment {k}"), mesh);
     let garments = garments.into_iter().enumerate().map(garment).collect();
     Outfit::new(Layer::new("body", body), garments).unwrap()

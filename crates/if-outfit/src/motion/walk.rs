@@ -401,14 +401,7 @@ impl Walker {
     }
 
     fn check(&self, target: &[Point]) -> Result<(), WalkError> {
-        let expected = self.rest.len();
-        let finite = |p: &Point| p.iter().all(|x| x.is_finite());
-        let got = target.iter().take_while(|p| finite(p)).count();
-        if got == expected && target.len() == expected {
-            Ok(())
-        } else {
-            Err(WalkError::Target { got, expected })
-        }
+        check_positions(target, self.rest.len())
     }
 
     /// The tree of a state.
@@ -430,5 +423,16 @@ impl Walker {
         (0..target.len())
             .map(|v| target[v] + turned(&turns[v], &(self.clean.x[v] - self.target[v])))
             .collect()
+    }
+}
+
+/// Checks that there are as many finite positions as expected.
+pub(super) fn check_positions(target: &[Point], expected: usize) -> Result<(), WalkError> {
+    let finite = |p: &Point| p.iter().all(|x| x.is_finite());
+    let got = target.iter().take_while(|p| finite(p)).count();
+    if got == expected && target.len() == expected {
+        Ok(())
+    } else {
+        Err(WalkError::Target { got, expected })
     }
 }

@@ -1,9 +1,8 @@
 //! The first pass: from the last clean state to the pose of the next frame.
 
 use super::error::AnimateError;
-use super::outfit::SkinnedOutfit;
+use super::movement::{Movement, Place};
 use super::report::FrameReport;
-use if_body::{Motion, Pose};
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
 use if_core::parameter::ParameterError;
@@ -49,11 +48,11 @@ impl AnimateParams {
         self.walk.validate()
     }
 
-    /// Frames of `motion` to each side over which displacements are smoothed.
-    pub(super) fn smoothed_frames(&self, motion: &Motion) -> usize {
+    /// Frames to each side over which displacements are smoothed.
+    pub(super) fn smoothed_frames(&self, frames_per_second: Real) -> usize {
         // A whole number of frames stays one, whatever its product is rounded to. A rate is positive
         // and finite, and the cast saturates.
-        let frames = (self.smoothing * motion.frames_per_second + 1e-6).floor();
+        let frames = (self.smoothing * frames_per_second + 1e-6).floor();
         (frames as usize).min(MOST_SMOOTHING)
     }
 }
@@ -61,22 +60,16 @@ impl AnimateParams {
 /// Most frames of smoothing to each side. The window is held in memory.
 const MOST_SMOOTHING: usize = 30;
 
-/// `points` in a pose that was checked against the skeleton.
-pub(super) fn skinned(outfit: &SkinnedOutfit, points: &[Point], pose: &Pose) -> Vec<Point> {
-    outfit.posed(points, pose).expect("poses were checked against the skeleton")
-}
-
 /// An outfit on its way through a motion.
 #[derive(Debug)]
 pub struct Animator<'a> {
-    outfit: &'a SkinnedOutfit,
-    motion: &'a Motion,
+    movement: Movement<'a>,
     params: AnimateParams,
     /// The clean outfit, before layers were moved apart.
     rest: Vec<Point>,
     walker: Walker,
-    /// The pose of the walker's state.
-    pub(super) pose: Pose,
+    /// Where the walker's target is.
+    pub(super) place: Place,
     /// The next frame.
     frame: usize,
 }
@@ -87,26 +80,12 @@ impl<'a> Animator<'a> {
     /// # Errors
     ///
     /// An outfit that is invalid or not clean, parameters out of range, or poses of another skeleton.
-    pub fn new(
-        outfit: &'a SkinnedOutfit,
-        motion: &'a Motion,
-        params: AnimateParams,
-    ) -> Result<Self, AnimateError> {
+    pub fn new(movement: Movement<'a>, params: AnimateParams) -> Result<Self, AnimateError> {
         params.validate()?;
-        for (frame, pose) in motion.poses.iter().enumerate() {
-            let fault = |source| AnimateError::Pose { frame, source };
-            outfit.skeleton.transforms(pose).map_err(fault)?;
-        }
-        let walker = Walker::new(&outfit.outfit, params.walk)?;
-        Ok(Self {
-            rest: outfit.positions(),
-            pose: Pose::rest(outfit.skeleton.len()),
-            frame: 0,
-            outfit,
-            motion,
-            params,
-            walker,
-        })
+        movement.check()?;
+        let walker = Walker::new(movement.outfit(), params.walk)?;
+        let (rest, place) = (movement.positions(), movement.rest());
+        Ok(Self { movement, params, rest, walker, place, frame: 0 })
     }
 
     /// The walker.
@@ -114,20 +93,19 @@ impl<'a> Animator<'a> {
         &self.walker
     }
 
-    /// Goes to the state of a walker at `pose`, after a frame was done.
-    pub(super) fn resume(&mut self, frame: usize, pose: Pose, snapshot: &[u8]) -> bool {
-        if pose.rotations.len() != self.pose.rotations.len()
-            || self.walker.restore(snapshot).is_err()
-        {
+    /// Goes to the state of a walker at `place`, after a frame was done.
+    pub(super) fn resume(&mut self, frame: usize, place: Place, snapshot: &[u8]) -> bool {
+        let fits = match (&place, &self.place) {
+            (Place::Pose(a), Place::Pose(b)) => a.rotations.len() == b.rotations.len(),
+            (Place::Body(a), Place::Body(b)) => a.len() == b.len(),
+            _ => false,
+        };
+        if !fits || self.walker.restore(snapshot).is_err() {
             return false;
         }
-        self.pose = pose;
+        self.place = place;
         self.frame = frame + 1;
         true
-    }
-
-    fn skinned(&self, points: &[Point], pose: &Pose) -> Vec<Point> {
-        skinned(self.outfit, points, pose)
     }
 
     /// Walks to the pose of the next frame, and returns the positions of all layers and how they were
@@ -145,32 +123,31 @@ impl<'a> Animator<'a> {
         monitor: &mut dyn Monitor,
     ) -> Result<(Vec<Point>, FrameReport), AnimateError> {
         let start = Instant::now();
-        let pose = &self.motion.poses[self.frame];
         let mut restarted = self.frame == 0;
         if restarted {
-            self.restart(pose)?;
+            self.restart()?;
         }
-        let mut walked = self.walk(pose, monitor)?;
-        if !restarted && (walked.reached < 1.0 || self.body_moved(pose) > self.params.body_limit) {
+        let mut walked = self.walk(monitor)?;
+        let moved = self.body_moved()?;
+        if !restarted && (walked.reached < 1.0 || moved > self.params.body_limit) {
             // Limbs that pass one another, or a fold that was entered on the wrong side: the way
             // from the rest pose is another one.
-            let (snapshot, so_far) = (self.walker.snapshot(), self.pose.clone());
-            let moved = self.body_moved(pose);
-            self.restart(pose)?;
-            let again = self.walk(pose, monitor)?;
-            let better = (again.reached, -self.body_moved(pose)) > (walked.reached, -moved);
+            let (snapshot, so_far) = (self.walker.snapshot(), self.place.clone());
+            self.restart()?;
+            let again = self.walk(monitor)?;
+            let better = (again.reached, -self.body_moved()?) > (walked.reached, -moved);
             if better {
                 (walked, restarted) = (again, true);
             } else {
                 self.walker.restore(&snapshot).expect("a snapshot of this walker");
-                self.pose = so_far;
+                self.place = so_far;
             }
         }
         let reached = walked.reached >= 1.0;
         let positions = if reached {
             self.walker.positions().to_vec()
         } else {
-            self.walker.carried(&self.skinned(self.walker.rest(), pose))?
+            self.walker.carried(&self.movement.posed(self.frame, self.walker.rest())?)?
         };
         let row = FrameReport {
             frame: self.frame,
@@ -187,37 +164,27 @@ impl<'a> Animator<'a> {
         Ok((positions, row))
     }
 
-    /// Largest displacement of the body from the skinned one.
-    fn body_moved(&self, pose: &Pose) -> Real {
-        let skinned = self.skinned(&self.rest, pose);
-        let [a, b] = [&skinned[..], self.walker.positions()].map(|x| self.walker.layer(x, 0));
-        a.iter().zip(b).map(|(a, b)| (b - a).norm_squared()).fold(0.0, Real::max).sqrt()
+    /// Largest displacement of the body from where the next frame has it.
+    fn body_moved(&self) -> Result<Real, AnimateError> {
+        let posed = self.movement.posed(self.frame, &self.rest)?;
+        let [a, b] = [&posed[..], self.walker.positions()].map(|x| self.walker.layer(x, 0));
+        let squared = a.iter().zip(b).map(|(a, b)| (b - a).norm_squared());
+        Ok(squared.fold(0.0, Real::max).sqrt())
     }
 
-    /// Goes to the rest pose, with the roots where `pose` has them.
-    fn restart(&mut self, pose: &Pose) -> Result<(), AnimateError> {
-        let mut rest = Pose::rest(pose.rotations.len());
-        rest.root_translation = pose.root_translation;
-        for (k, joint) in self.outfit.skeleton.joints().iter().enumerate() {
-            if joint.parent.is_none() {
-                rest.rotations[k] = pose.rotations[k];
-            }
-        }
-        self.walker.restart(self.skinned(self.walker.rest(), &rest))?;
-        self.pose = rest;
+    /// Goes to the rest pose, moved as a whole to where the next frame has it.
+    fn restart(&mut self) -> Result<(), AnimateError> {
+        let (place, target) = self.movement.rest_near(self.frame, self.walker.rest())?;
+        self.walker.restart(target)?;
+        self.place = place;
         Ok(())
     }
 
-    fn walk(&mut self, pose: &Pose, monitor: &mut dyn Monitor) -> Result<Walked, AnimateError> {
-        let from = self.pose.clone();
-        let steps = (from.largest_turn(pose) / self.params.turn).ceil().max(1.0) as usize;
+    fn walk(&mut self, monitor: &mut dyn Monitor) -> Result<Walked, AnimateError> {
+        let way = self.movement.way(&self.place, self.frame, self.params.turn)?;
         let rest = self.walker.rest().to_vec();
-        let outfit = self.outfit;
-        let path = |share: Real| {
-            outfit.posed(&rest, &from.toward(pose, share)).expect("poses of one skeleton")
-        };
-        let walked = self.walker.walk(steps, &path, monitor)?;
-        self.pose = from.toward(pose, walked.reached);
+        let walked = self.walker.walk(way.steps, &|share| (way.posed)(share, &rest), monitor)?;
+        self.place = (way.place)(walked.reached);
         Ok(walked)
     }
 }

@@ -1,7 +1,7 @@
 //! The error of animations.
 
 use super::outfit::SkinFault;
-use if_body::PoseError;
+use if_body::{PoseError, SequenceError};
 use if_core::monitor::Cancelled;
 use if_core::parameter::ParameterError;
 use if_outfit::motion::WalkError;
@@ -19,6 +19,9 @@ pub enum AnimateError {
     /// A pose does not belong to the skeleton.
     #[error("frame {frame} of the motion: {source}")]
     Pose { frame: usize, source: PoseError },
+    /// The body of a frame cannot be read any more.
+    #[error(transparent)]
+    Sequence(#[from] SequenceError),
     /// A parameter is out of range.
     #[error(transparent)]
     Parameter(#[from] ParameterError),

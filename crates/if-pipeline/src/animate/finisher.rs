@@ -2,18 +2,16 @@
 
 use super::error::AnimateError;
 use super::measure::Measurer;
-use super::outfit::SkinnedOutfit;
+use super::movement::Movement;
 use super::report::FrameReport;
 use super::smoother::Smoother;
 use super::window::Window;
-use if_body::Motion;
 use if_core::math::Point;
 use if_outfit::motion::Walker;
 
 /// Finishes frames one after the other.
 #[derive(Debug)]
 pub(super) struct Finisher<'a> {
-    motion: &'a Motion,
     walker: Walker,
     smoother: Smoother<'a>,
     measurer: Measurer<'a>,
@@ -21,14 +19,9 @@ pub(super) struct Finisher<'a> {
 
 impl<'a> Finisher<'a> {
     /// `walker` is of this outfit.
-    pub(super) fn new(
-        outfit: &'a SkinnedOutfit,
-        motion: &'a Motion,
-        walker: Walker,
-        radius: usize,
-    ) -> Self {
-        let smoother = Smoother::new(outfit, motion, walker.clone(), radius);
-        Self { motion, walker, smoother, measurer: Measurer::new(outfit) }
+    pub(super) fn new(movement: Movement<'a>, walker: Walker, radius: usize) -> Self {
+        let smoother = Smoother::new(movement, walker.clone(), radius);
+        Self { walker, smoother, measurer: Measurer::new(movement) }
     }
 
     /// Goes to frame `next`, before which `positions` has all frames.
@@ -37,7 +30,7 @@ impl<'a> Finisher<'a> {
         next: usize,
         positions: impl Fn(usize) -> Result<Vec<Point>, AnimateError>,
     ) -> Result<(), AnimateError> {
-        self.measurer.resume(self.motion, next, positions)
+        self.measurer.resume(next, positions)
     }
 
     /// The positions of frame `k` and its row.
@@ -66,7 +59,7 @@ impl<'a> Finisher<'a> {
             smoothed,
             ..walked.row.clone()
         };
-        self.measurer.measure(&self.walker, &self.motion.poses[k], &positions, &mut row)?;
+        self.measurer.measure(&self.walker, k, &positions, &mut row)?;
         Ok((positions, row))
     }
 }

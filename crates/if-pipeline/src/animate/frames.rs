@@ -6,9 +6,9 @@
 
 use super::animator::{AnimateParams, Animator};
 use super::error::AnimateError;
-use super::outfit::SkinnedOutfit;
+use super::movement::{Movement, Place};
 use super::report::FrameReport;
-use if_body::{Motion, Pose};
+use if_body::Pose;
 use if_core::math::{Point, Real, Vector};
 use if_core::nalgebra::{Quaternion, UnitQuaternion};
 use if_outfit::digest::digest;
@@ -42,15 +42,24 @@ struct StateHead {
     sha256: String,
     /// The frame after which it was written.
     frame: usize,
-    root: [Real; 3],
-    /// (w, x, y, z) of each joint.
-    rotations: Vec<[Real; 4]>,
+    place: PlaceHead,
+}
+
+#[derive(Serialize, Deserialize)]
+enum PlaceHead {
+    Pose {
+        root: [Real; 3],
+        /// (w, x, y, z) of each joint.
+        rotations: Vec<[Real; 4]>,
+    },
+    /// The body's positions are before the snapshot, as many as these.
+    Body(usize),
 }
 
 /// The state of an animator.
 #[derive(Debug)]
 pub(super) struct State {
-    pub(super) pose: Pose,
+    pub(super) place: Place,
     /// Of its walker.
     pub(super) snapshot: Vec<u8>,
 }
@@ -65,14 +74,13 @@ impl Frames {
     /// A folder that cannot be made.
     pub(super) fn open(
         folder: &Path,
-        outfit: &SkinnedOutfit,
-        motion: &Motion,
+        movement: Movement<'_>,
         params: &AnimateParams,
     ) -> Result<Self, AnimateError> {
         std::fs::create_dir_all(folder)
             .map_err(|source| AnimateError::Io { path: folder.into(), source })?;
-        let points = outfit.skin().len();
-        let request = request(outfit, motion, params);
+        let points = movement.outfit().layers().map(|l| l.mesh.vertices().len()).sum();
+        let request = request(movement, params)?;
         Ok(Self { folder: folder.into(), request, rows: Vec::new(), points })
     }
 
@@ -119,29 +127,50 @@ impl Frames {
         frame: usize,
         animator: &Animator<'_>,
     ) -> Result<(), AnimateError> {
-        let snapshot = animator.walker().snapshot();
-        let head = StateHead {
-            request: self.request.clone(),
-            sha256: digest(&snapshot).sha256,
-            frame,
-            root: animator.pose.root_translation.into(),
-            rotations: animator.pose.quaternions(),
+        let mut bytes = Vec::new();
+        let place = match &animator.place {
+            Place::Pose(pose) => PlaceHead::Pose {
+                root: pose.root_translation.into(),
+                rotations: pose.quaternions(),
+            },
+            Place::Body(body) => {
+                let numbers = body.iter().flat_map(|p| [p.x, p.y, p.z]);
+                bytes.extend(numbers.flat_map(Real::to_le_bytes));
+                PlaceHead::Body(body.len())
+            }
         };
-        write(&self.folder.join(STATE), &head, &snapshot)
+        bytes.extend(animator.walker().snapshot());
+        let sha256 = digest(&bytes).sha256;
+        let head = StateHead { request: self.request.clone(), sha256, frame, place };
+        write(&self.folder.join(STATE), &head, &bytes)
     }
 
     /// The frame after which the state was written, and the state, if it is of this request and
     /// unchanged.
     pub(super) fn state(&self) -> Option<(usize, State)> {
-        let (head, snapshot) = read::<StateHead>(&self.folder.join(STATE))?;
-        let fits = head.request == self.request && head.sha256 == digest(&snapshot).sha256;
-        let rotation =
-            |q: &[Real; 4]| UnitQuaternion::new_unchecked(Quaternion::new(q[0], q[1], q[2], q[3]));
-        let pose = Pose {
-            root_translation: Vector::from(head.root),
-            rotations: head.rotations.iter().map(rotation).collect(),
+        let (head, mut bytes) = read::<StateHead>(&self.folder.join(STATE))?;
+        if head.request != self.request || head.sha256 != digest(&bytes).sha256 {
+            return None;
+        }
+        let place = match head.place {
+            PlaceHead::Pose { root, rotations } => {
+                let rotation = |q: &[Real; 4]| {
+                    UnitQuaternion::new_unchecked(Quaternion::new(q[0], q[1], q[2], q[3]))
+                };
+                let rotations = rotations.iter().map(rotation).collect();
+                Place::Pose(Pose { root_translation: Vector::from(root), rotations })
+            }
+            PlaceHead::Body(count) => {
+                let size = count.checked_mul(24).filter(|size| *size <= bytes.len())?;
+                let snapshot = bytes.split_off(size);
+                let body = std::mem::replace(&mut bytes, snapshot);
+                let number = |b: &[u8]| Real::from_le_bytes(b.try_into().expect("chunks of eight"));
+                let point =
+                    |b: &[u8]| Point::new(number(&b[..8]), number(&b[8..16]), number(&b[16..]));
+                Place::Body(body.chunks_exact(24).map(point).collect())
+            }
         };
-        fits.then_some((head.frame, State { pose, snapshot }))
+        Some((head.frame, State { place, snapshot: bytes }))
     }
 
     fn path(&self, frame: usize) -> PathBuf {
@@ -197,34 +226,15 @@ impl Frames {
 }
 
 /// The digest of all that decides the frames.
-fn request(outfit: &SkinnedOutfit, motion: &Motion, params: &AnimateParams) -> String {
-    let mut bytes = Vec::new();
+fn request(movement: Movement<'_>, params: &AnimateParams) -> Result<String, AnimateError> {
     let head = json!({
         "build": if_outfit::BUILD,
         "params": params,
-        "fps": motion.frames_per_second,
-        "joints": outfit.skeleton.names().collect::<Vec<_>>(),
+        "fps": movement.frames_per_second(),
     });
-    bytes.extend(head.to_string().into_bytes());
-    let mut number = |x: Real| bytes.extend(x.to_le_bytes());
-    for joint in outfit.skeleton.joints() {
-        joint.head.iter().for_each(|x| number(*x));
-        number(joint.parent.map_or(-1.0, |p| p as Real));
-    }
-    for pose in &motion.poses {
-        pose.root_translation.iter().for_each(|x| number(*x));
-        pose.quaternions().iter().flatten().for_each(|x| number(*x));
-    }
-    for layer in outfit.outfit.layers() {
-        number(layer.mesh.vertices().len() as Real);
-        layer.mesh.vertices().iter().for_each(|p| p.iter().for_each(|x| number(*x)));
-        layer.mesh.triangles().iter().flatten().for_each(|v| number(Real::from(*v)));
-    }
-    for (joints, weights) in outfit.skin().joints().iter().zip(outfit.skin().weights()) {
-        joints.iter().for_each(|j| number(Real::from(*j)));
-        weights.iter().for_each(|w| number(Real::from(*w)));
-    }
-    digest(&bytes).sha256
+    let mut bytes = head.to_string().into_bytes();
+    movement.digest(&mut |part| bytes.extend(part))?;
+    Ok(digest(&bytes).sha256)
 }
 
 /// Writes a line of JSON and bytes, whole or not at all.

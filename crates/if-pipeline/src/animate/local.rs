@@ -6,7 +6,7 @@ use if_body::skinning::{Affine, blends, pose_points};
 use if_core::math::{Point, Real, Vector};
 use if_core::nalgebra::Matrix3;
 
-/// The skinning of all vertices in a pose.
+/// The maps of all vertices from the rest pose to another.
 ///
 /// A displacement turns with the linear part A of its vertex, and keeps its length. The surface
 /// itself gives no such frames: in folds its triangles turn over from one frame to the next, while
@@ -15,8 +15,13 @@ use if_core::nalgebra::Matrix3;
 pub(super) struct PoseMaps(Vec<Affine>);
 
 impl PoseMaps {
+    /// One map for each vertex.
+    pub(super) fn new(maps: Vec<Affine>) -> Self {
+        Self(maps)
+    }
+
     /// The maps of a pose that was checked against the skeleton.
-    pub(super) fn new(outfit: &SkinnedOutfit, pose: &Pose) -> Self {
+    pub(super) fn of_pose(outfit: &SkinnedOutfit, pose: &Pose) -> Self {
         let transforms = outfit.skeleton.transforms(pose);
         Self(blends(outfit.skin(), &transforms.expect("poses were checked against the skeleton")))
     }
@@ -59,7 +64,7 @@ mod tests {
     #[test]
     fn displacements_turn_with_the_skeleton_and_back() {
         let outfit = outfit();
-        let maps = PoseMaps::new(&outfit, &motion(4).poses[3]);
+        let maps = PoseMaps::of_pose(&outfit, &motion(4).poses[3]);
         let rest = outfit.positions();
         let target = maps.posed(&rest);
         let shift = vec![Vector::new(1e-3, 2e-3, -1e-3); rest.len()];

@@ -1,10 +1,8 @@
 //! What is measured in a frame.
 
 use super::error::AnimateError;
-use super::local::PoseMaps;
-use super::outfit::SkinnedOutfit;
+use super::movement::Movement;
 use super::report::{FrameReport, Spread, Yielding};
-use if_body::{Motion, Pose};
 use if_core::math::{Point, Real, Vector};
 use if_mesh::measure::strain;
 use if_mesh::point_tree::PointTree;
@@ -16,7 +14,7 @@ const YIELDS: Real = 1e-3;
 /// Measures frames, one after the other.
 #[derive(Debug)]
 pub(super) struct Measurer<'a> {
-    outfit: &'a SkinnedOutfit,
+    movement: Movement<'a>,
     /// The clean outfit, before layers were moved apart.
     rest: Vec<Point>,
     /// Local displacements of the two frames before, the last one first.
@@ -24,14 +22,15 @@ pub(super) struct Measurer<'a> {
 }
 
 impl<'a> Measurer<'a> {
-    pub(super) fn new(outfit: &'a SkinnedOutfit) -> Self {
-        Self { outfit, rest: outfit.positions(), before: [None, None] }
+    pub(super) fn new(movement: Movement<'a>) -> Self {
+        Self { movement, rest: movement.positions(), before: [None, None] }
     }
 
     /// Takes a frame that an earlier run had done for the last one.
-    fn pass(&mut self, pose: &Pose, positions: &[Point]) {
-        let maps = PoseMaps::new(self.outfit, pose);
+    fn pass(&mut self, frame: usize, positions: &[Point]) -> Result<(), AnimateError> {
+        let maps = self.movement.maps(frame)?;
         self.push(maps.local(&maps.posed(&self.rest), positions));
+        Ok(())
     }
 
     fn push(&mut self, local: Vec<Vector>) {
@@ -61,11 +60,11 @@ impl<'a> Measurer<'a> {
     pub(super) fn measure(
         &mut self,
         walker: &Walker,
-        pose: &Pose,
+        frame: usize,
         positions: &[Point],
         row: &mut FrameReport,
     ) -> Result<(), AnimateError> {
-        let maps = PoseMaps::new(self.outfit, pose);
+        let maps = self.movement.maps(frame)?;
         let skinned = maps.posed(&self.rest);
         let local = maps.local(&skinned, positions);
         if let [Some(last), second] = &self.before {
@@ -84,7 +83,7 @@ impl<'a> Measurer<'a> {
             let of = |(k, garment): (usize, &if_outfit::Layer)| {
                 strain(&garment.mesh, walker.layer(x, k + 1)).p99
             };
-            self.outfit.outfit.garments.iter().enumerate().map(of).fold(0.0, Real::max)
+            self.movement.outfit().garments.iter().enumerate().map(of).fold(0.0, Real::max)
         };
         let before = walker.intersections(&skinned)?;
         row.pairs_before = before.len();
@@ -103,7 +102,7 @@ impl<'a> Measurer<'a> {
 
     /// How the body yields that meets itself in the triangles `met`, in pairs.
     fn yielding(&self, [skinned, now]: [&[Point]; 2], met: &[u32]) -> Yielding {
-        let mesh = &self.outfit.outfit.body.mesh;
+        let mesh = &self.movement.outfit().body.mesh;
         let moved: Vec<Real> = skinned.iter().zip(now).map(|(a, b)| (b - a).norm()).collect();
         let (mut area, mut whole) = (0.0, 0.0);
         for corners in mesh.triangles() {
@@ -134,12 +133,11 @@ impl<'a> Measurer<'a> {
     /// Brings the measures of the frames before `next` into place: those of `frames` already done.
     pub(super) fn resume(
         &mut self,
-        motion: &Motion,
         next: usize,
         positions: impl Fn(usize) -> Result<Vec<Point>, AnimateError>,
     ) -> Result<(), AnimateError> {
         for frame in next.saturating_sub(2)..next {
-            self.pass(&motion.poses[frame], &positions(frame)?);
+            self.pass(frame, &positions(frame)?)?;
         }
         Ok(())
     }

@@ -2,9 +2,8 @@
 
 use super::error::AnimateError;
 use super::local::PoseMaps;
-use super::outfit::SkinnedOutfit;
+use super::movement::Movement;
 use super::window::Window;
-use if_body::Motion;
 use if_core::math::{Point, Real, Vector};
 use if_core::monitor::Silent;
 use if_outfit::motion::Walker;
@@ -25,8 +24,7 @@ const STILL: Real = 1e-5;
 /// window alone, so that the bits do not depend on where a run was interrupted.
 #[derive(Debug)]
 pub(super) struct Smoother<'a> {
-    outfit: &'a SkinnedOutfit,
-    motion: &'a Motion,
+    movement: Movement<'a>,
     walker: Walker,
     radius: usize,
     /// Local displacements of the frames of the window.
@@ -35,13 +33,8 @@ pub(super) struct Smoother<'a> {
 
 impl<'a> Smoother<'a> {
     /// `walker` is of this outfit.
-    pub(super) fn new(
-        outfit: &'a SkinnedOutfit,
-        motion: &'a Motion,
-        walker: Walker,
-        radius: usize,
-    ) -> Self {
-        Self { outfit, motion, walker, radius, local: BTreeMap::new() }
+    pub(super) fn new(movement: Movement<'a>, walker: Walker, radius: usize) -> Self {
+        Self { movement, walker, radius, local: BTreeMap::new() }
     }
 
     /// The positions of frame `k`; those of the window if smoothing has nothing to do.
@@ -55,7 +48,7 @@ impl<'a> Smoother<'a> {
         self.local.retain(|frame, _| *frame >= first);
         for (frame, walked) in window.frames(first, last).filter(|(_, w)| w.row.reached) {
             if !self.local.contains_key(&frame) {
-                let (maps, target) = self.target(frame);
+                let (maps, target) = self.target(frame)?;
                 self.local.insert(frame, maps.local(&target, &walked.positions));
             }
         }
@@ -65,7 +58,7 @@ impl<'a> Smoother<'a> {
         if largest < STILL * STILL {
             return Ok(from.clone());
         }
-        let (maps, target) = self.target(k);
+        let (maps, target) = self.target(k)?;
         let to = maps.displaced(&target, &mean);
         self.walker.approach(from, &to, &target, &mut Silent)?;
         // A fold that is entered on another side than in the walked frame is no improvement.
@@ -79,7 +72,7 @@ impl<'a> Smoother<'a> {
 
     /// Mean displacement of the window around frame `k`.
     fn mean(&self, k: usize) -> Vec<Vector> {
-        let mut sum = vec![Vector::zeros(); self.outfit.skin().len()];
+        let mut sum = vec![Vector::zeros(); self.walker.rest().len()];
         let mut whole = 0.0;
         for (frame, local) in &self.local {
             let weight = (self.radius + 1 - frame.abs_diff(k)) as Real;
@@ -91,10 +84,10 @@ impl<'a> Smoother<'a> {
         sum
     }
 
-    /// The skinning of a frame, and what displacements are counted from.
-    fn target(&self, frame: usize) -> (PoseMaps, Vec<Point>) {
-        let maps = PoseMaps::new(self.outfit, &self.motion.poses[frame]);
+    /// The maps of a frame, and what displacements are counted from.
+    fn target(&self, frame: usize) -> Result<(PoseMaps, Vec<Point>), AnimateError> {
+        let maps = self.movement.maps(frame)?;
         let target = maps.posed(self.walker.rest());
-        (maps, target)
+        Ok((maps, target))
     }
 }

@@ -1,7 +1,8 @@
 use super::*;
 use if_body::mannequin::{self, Garment, MannequinParams, rig};
-use if_body::{Pose, SkinError};
-use if_core::math::Vector;
+use if_body::{Pose, SkinError, SkinWeights};
+use if_core::math::{Point, Vector};
+use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Silent};
 use if_core::nalgebra::UnitQuaternion;
 use if_outfit::{Layer, Outfit};
@@ -75,14 +76,16 @@ fn a_run_that_was_stopped_goes_on_with_the_same_bits() {
     assert!((0..3).all(|k| again.frames.positions(k).unwrap() == all.frames.positions(k).unwrap()));
     assert_eq!(again.report.frames[2].jitter, all.report.frames[2].jitter);
     let faster = Motion { frames_per_second: 60.0, ..motion.clone() };
-    let mut frames = Frames::open(whole.path(), &outfit, &faster, &params).unwrap();
+    let mut frames =
+        Frames::open(whole.path(), Movement::poses(&outfit, &faster), &params).unwrap();
     frames.keep(3);
     assert!(frames.is_empty());
     // The state of another motion is not taken over, that of this one is.
     let walked = whole.path().join("walked");
     for (motion, next) in [(&faster, 0), (&motion, 3)] {
-        let mut animator = Animator::new(&outfit, motion, params).unwrap();
-        let mut window = window::Window::open(&walked, &outfit, motion, &params).unwrap();
+        let movement = Movement::poses(&outfit, motion);
+        let mut animator = Animator::new(movement, params).unwrap();
+        let mut window = window::Window::open(&walked, movement, &params).unwrap();
         window.resume(0, &mut animator);
         assert_eq!(window.next(), next);
     }
@@ -132,8 +135,8 @@ fn smoothed_frames_tremble_less_and_are_as_clean() {
     assert!(b < 0.7 * a, "{b} {a}");
     // Frames that lie far apart have nothing in common.
     let params = AnimateParams::default();
-    assert_eq!(params.smoothed_frames(&Motion { frames_per_second: 30.0, ..motion.clone() }), 6);
-    assert_eq!(params.smoothed_frames(&Motion { frames_per_second: 4.0, ..motion }), 0);
+    assert_eq!(params.smoothed_frames(30.0), 6);
+    assert_eq!(params.smoothed_frames(4.0), 0);
 }
 
 #[test]
@@ -150,9 +153,65 @@ fn invalid_outfits_and_motions_are_typed_errors() {
     let params = AnimateParams::default();
     let mut wrong = motion(2);
     wrong.poses[1] = Pose::rest(4);
-    let error = Animator::new(&good, &wrong, params).unwrap_err();
+    let error = Animator::new(Movement::poses(&good, &wrong), params).unwrap_err();
     assert!(matches!(error, AnimateError::Pose { frame: 1, .. }), "{error}");
     let motion = motion(1);
-    let error = Animator::new(&good, &motion, AnimateParams { turn: f64::NAN, ..params });
+    let movement = Movement::poses(&good, &motion);
+    let error = Animator::new(movement, AnimateParams { turn: f64::NAN, ..params });
     assert!(matches!(error, Err(AnimateError::Parameter(_))));
+}
+
+/// A thin limb that turns about a joint 10 m behind it, and a sheet of cloth beside it that does not
+/// follow.
+fn limb_and_cloth() -> SkinnedOutfit {
+    let limb = if_core::shapes::meshes::tube(0.004, 0.3, 8, 8, true);
+    let joint = |name: &str, parent| if_body::Joint {
+        name: name.into(),
+        parent,
+        head: Point::new(0.0, 0.0, -10.0),
+        tail: Point::origin(),
+    };
+    let skeleton = if_body::Skeleton::new(vec![joint("root", None), joint("limb", Some(0))]);
+    let n = 12;
+    let vertices = (0..n * n).map(|k| {
+        let at = |i: u32| 0.2 * (f64::from(i) / f64::from(n - 1) - 0.5);
+        Point::new(0.12, at(k % n), at(k / n))
+    });
+    let corners = (0..(n - 1) * (n - 1)).map(|k| k / (n - 1) * n + k % (n - 1));
+    let cells = corners.flat_map(|a| [[a, a + 1, a + n], [a + 1, a + n + 1, a + n]]);
+    let cloth = TriMesh::new(vertices.collect(), cells.collect()).unwrap();
+    let skin = |mesh: &TriMesh, joint: u16| {
+        let n = mesh.vertices().len();
+        SkinWeights::new(vec![[joint, 0, 0, 0]; n], vec![[1.0, 0.0, 0.0, 0.0]; n], 2).unwrap()
+    };
+    let skins = vec![Some(skin(&limb, 1)), Some(skin(&cloth, 0))];
+    let outfit = Outfit::new(Layer::new("limb", limb), vec![Layer::new("cloth", cloth)]).unwrap();
+    SkinnedOutfit::new(outfit, skeleton.unwrap(), skins).unwrap()
+}
+
+#[test]
+fn a_limb_that_jumps_through_cloth_between_clean_frames_is_found() {
+    let outfit = limb_and_cloth();
+    // The limb is at these distances, in metres.
+    let between = |shifts: &[f64]| {
+        let pose = |shift: &f64| {
+            let mut pose = Pose::rest(2);
+            pose.rotations[1] = UnitQuaternion::from_axis_angle(&Vector::y_axis(), 0.1 * shift);
+            pose
+        };
+        let poses = shifts.iter().map(pose).collect();
+        let motion = Motion { frames_per_second: 30.0, poses, unmatched: Vec::new() };
+        let folder = tempfile::tempdir().unwrap();
+        let params = AnimateParams { smoothing: 0.0, ..AnimateParams::default() };
+        let done = animate(&outfit, &motion, &params, folder.path(), &mut Silent).unwrap();
+        assert_eq!(done.report.clean_everywhere, shifts.len());
+        between_frames(&outfit.outfit, &done.frames, &mut Silent).unwrap()
+    };
+    let jump = between(&[0.0, 0.24, 0.25]);
+    assert_eq!((jump.len(), jump[1].is_clean()), (2, true), "{jump:?}");
+    let first = &jump[0].first[0];
+    assert!(jump[0].crossings > 10 && first.layers == ["limb", "cloth"], "{first:?}");
+    assert!((first.share - 0.116 / 0.24).abs() < 0.01, "{first:?}");
+    // Up to the cloth and back.
+    assert!(between(&[0.0, 0.05, 0.1, 0.05]).iter().all(IntervalReport::is_clean));
 }

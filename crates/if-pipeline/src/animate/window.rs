@@ -4,9 +4,8 @@
 use super::animator::{AnimateParams, Animator};
 use super::error::AnimateError;
 use super::frames::Frames;
-use super::outfit::SkinnedOutfit;
+use super::movement::Movement;
 use super::report::FrameReport;
-use if_body::Motion;
 use if_core::math::Point;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -32,11 +31,10 @@ impl Window {
     /// Without frames yet.
     pub(super) fn open(
         folder: &Path,
-        outfit: &SkinnedOutfit,
-        motion: &Motion,
+        movement: Movement<'_>,
         params: &AnimateParams,
     ) -> Result<Self, AnimateError> {
-        let stored = Frames::open(folder, outfit, motion, params)?;
+        let stored = Frames::open(folder, movement, params)?;
         Ok(Self { stored, frames: BTreeMap::new(), next: 0 })
     }
 
@@ -50,7 +48,7 @@ impl Window {
         };
         let frames: Option<BTreeMap<_, _>> = (first..=last).map(read).collect();
         if let Some(frames) = frames.filter(|frames| !frames.is_empty())
-            && animator.resume(last, state.pose, &state.snapshot)
+            && animator.resume(last, state.place, &state.snapshot)
         {
             (self.frames, self.next) = (frames, last + 1);
         }

@@ -1,0 +1,243 @@
+//! Folders of posed bodies: meshes of one connectivity, a file for each frame.
+
+use if_core::math::{Point, Real};
+use if_core::mesh::TriMesh;
+use if_mesh::file::{MeshFile, ReadError};
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// The frames of a body, one file each.
+///
+/// Files are read when they are needed: memory does not grow with frames.
+#[derive(Clone, Debug)]
+pub struct BodySequence {
+    files: Vec<PathBuf>,
+    vertices: usize,
+    /// Frames per second.
+    pub frames_per_second: Real,
+}
+
+/// A folder of posed bodies cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+#[allow(missing_docs)] // the messages say what the fields are
+pub enum SequenceError {
+    /// The folder cannot be read.
+    #[error("{}: {source}", path.display())]
+    Io { path: PathBuf, source: io::Error },
+    /// There is no mesh.
+    #[error("{}: the folder has no .ply, .obj or .glb file; give one mesh for each frame", path.display())]
+    Empty { path: PathBuf },
+    /// Names do not sort as their numbers.
+    #[error(
+        "{}: `{second}` follows `{first}` by name, but its number is smaller; write numbers with          leading zeros, as in body_0007.ply",
+        path.display()
+    )]
+    Order { path: PathBuf, first: String, second: String },
+    /// A mesh cannot be read.
+    #[error(transparent)]
+    Mesh(#[from] ReadError),
+    /// A mesh has another number of vertices or triangles than the body.
+    #[error(
+        "{}: {got} {what}, and the body at rest has {expected}; all frames must have its          connectivity",
+        path.display()
+    )]
+    Count { path: PathBuf, what: &'static str, got: usize, expected: usize },
+    /// A triangle has other corners than that of the body.
+    #[error(
+        "{}: triangle {triangle} has the corners {got:?}, and that of the body at rest {expected:?};          all frames must have its connectivity, in its order",
+        path.display()
+    )]
+    Triangle { path: PathBuf, triangle: usize, got: [u32; 3], expected: [u32; 3] },
+    /// The frames per second are not positive.
+    #[error("{0} frames per second; give a positive number")]
+    Rate(Real),
+}
+
+const EXTENSIONS: [&str; 3] = ["ply", "obj", "glb"];
+
+impl BodySequence {
+    /// The meshes in `folder`, sorted by name, each of which is read and compared with the
+    /// connectivity of `rest`.
+    ///
+    /// # Errors
+    ///
+    /// [`SequenceError`], with the path of the file.
+    pub fn open(
+        folder: &Path,
+        rest: &TriMesh,
+        frames_per_second: Real,
+    ) -> Result<Self, SequenceError> {
+        if !(frames_per_second.is_finite() && frames_per_second > 0.0) {
+            return Err(SequenceError::Rate(frames_per_second));
+        }
+        let fault = |source| SequenceError::Io { path: folder.into(), source };
+        let mut files = Vec::new();
+        for entry in std::fs::read_dir(folder).map_err(fault)? {
+            let path = entry.map_err(fault)?.path();
+            let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+            if EXTENSIONS.contains(&extension.to_ascii_lowercase().as_str()) {
+                files.push(path);
+            }
+        }
+        files.sort();
+        if files.is_empty() {
+            return Err(SequenceError::Empty { path: folder.into() });
+        }
+        check_order(folder, &files)?;
+        let sequence = Self { files, vertices: rest.vertices().len(), frames_per_second };
+        for frame in 0..sequence.len() {
+            check_triangles(&sequence.files[frame], &sequence.mesh(frame)?, rest)?;
+        }
+        Ok(sequence)
+    }
+
+    /// Number of frames; at least one.
+    pub fn len(&self) -> usize {
+        self.files.len()
+    }
+
+    /// Always `false`.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// The files of all frames.
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
+    }
+
+    /// The positions of the body in a frame.
+    ///
+    /// # Errors
+    ///
+    /// A file that was changed since the folder was opened.
+    pub fn positions(&self, frame: usize) -> Result<Vec<Point>, SequenceError> {
+        Ok(self.mesh(frame)?.mesh().vertices().to_vec())
+    }
+
+    fn mesh(&self, frame: usize) -> Result<MeshFile, SequenceError> {
+        let path = &self.files[frame];
+        let file = MeshFile::read(path)?;
+        let got = file.mesh().vertices().len();
+        if got == self.vertices {
+            Ok(file)
+        } else {
+            let (path, what, expected) = (path.clone(), "vertices", self.vertices);
+            Err(SequenceError::Count { path, what, got, expected })
+        }
+    }
+
+    /// The frames of a range, at the same rate.
+    ///
+    /// # Panics
+    ///
+    /// If there are no such frames.
+    pub fn part(&self, frames: Range<usize>) -> Self {
+        assert!(!frames.is_empty(), "a sequence has frames");
+        Self { files: self.files[frames].to_vec(), ..self.clone() }
+    }
+
+    /// Every `step`-th frame, the first one included.
+    ///
+    /// # Panics
+    ///
+    /// If `step` is 0.
+    pub fn every(&self, step: usize) -> Self {
+        let files = self.files.iter().step_by(step).cloned().collect();
+        let frames_per_second = self.frames_per_second / step as Real;
+        Self { files, frames_per_second, ..self.clone() }
+    }
+}
+
+/// Refuses names whose last numbers do not ascend though all else is equal: `body_10` sorts before
+/// `body_9`.
+fn check_order(folder: &Path, files: &[PathBuf]) -> Result<(), SequenceError> {
+    let name = |path: &PathBuf| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let names: Vec<String> = files.iter().map(name).collect();
+    let numbered = |name: &str| {
+        let digits = name.len() - name.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+        let (stem, number) = name.split_at(name.len() - digits);
+        number.parse::<u128>().ok().map(|number| (stem.to_owned(), number))
+    };
+    for two in names.windows(2) {
+        if let (Some(a), Some(b)) = (numbered(&two[0]), numbered(&two[1]))
+            && a.0 == b.0
+            && a.1 > b.1
+        {
+            let (first, second) = (two[0].clone(), two[1].clone());
+            return Err(SequenceError::Order { path: folder.into(), first, second });
+        }
+    }
+    Ok(())
+}
+
+fn check_triangles(path: &Path, file: &MeshFile, rest: &TriMesh) -> Result<(), SequenceError> {
+    let (got, expected) = (file.mesh().triangles(), rest.triangles());
+    if got.len() != expected.len() {
+        let (path, what, got, expected) = (path.into(), "triangles", got.len(), expected.len());
+        return Err(SequenceError::Count { path, what, got, expected });
+    }
+    match (0..got.len()).find(|t| got[*t] != expected[*t]) {
+        None => Ok(()),
+        Some(triangle) => {
+            let (got, expected) = (got[triangle], expected[triangle]);
+            Err(SequenceError::Triangle { path: path.into(), triangle, got, expected })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::shapes::meshes::icosphere;
+    use if_mesh::ply::{PlyMesh, WriteParams, write_path};
+
+    #[test]
+    fn frames_are_read_in_order_and_foreign_ones_are_typed_errors() {
+        let folder = tempfile::tempdir().unwrap();
+        let rest = icosphere(1.0, 1);
+        let write = |name: &str, mesh: &TriMesh| {
+            let ply = PlyMesh::new(mesh.clone());
+            let path = folder.path().join(name);
+            write_path(&ply, ply.mesh.vertices(), &WriteParams::default(), &path).unwrap();
+        };
+        let open = || BodySequence::open(folder.path(), &rest, 30.0);
+        assert!(matches!(open(), Err(SequenceError::Empty { .. })));
+        let scaled = |by: Real| {
+            rest.with_vertices(rest.vertices().iter().map(|p| p * by).collect()).unwrap()
+        };
+        for k in 0..3 {
+            write(&format!("body_{k}.ply"), &scaled(1.0 + Real::from(k)));
+        }
+        std::fs::write(folder.path().join("notes.txt"), "no mesh").unwrap();
+        let sequence = open().unwrap();
+        assert_eq!((sequence.len(), sequence.part(2..3).len(), sequence.every(2).len()), (3, 1, 2));
+        let y = |s: &BodySequence, k: usize| s.positions(k).unwrap()[0].coords.norm();
+        assert!(
+            (y(&sequence, 2) - 3.0).abs() < 1e-6 && (y(&sequence.every(2), 1) - 3.0).abs() < 1e-6
+        );
+        assert_eq!(sequence.every(2).frames_per_second, 15.0);
+        // The tenth sorts before the ninth.
+        write("body_10.ply", &rest);
+        let error = open().unwrap_err().to_string();
+        assert!(error.contains("`body_2` follows `body_10`"), "{error}");
+        std::fs::remove_file(folder.path().join("body_10.ply")).unwrap();
+        write("body_3.ply", &icosphere(1.0, 2));
+        assert!(matches!(open(), Err(SequenceError::Count { what: "vertices", .. })));
+        let mut triangles = rest.triangles().to_vec();
+        triangles[4].rotate_left(1);
+        write("body_3.ply", &TriMesh::new(rest.vertices().to_vec(), triangles.clone()).unwrap());
+        assert!(matches!(open(), Err(SequenceError::Triangle { triangle: 4, .. })));
+        triangles.pop();
+        write("body_3.ply", &TriMesh::new(rest.vertices().to_vec(), triangles).unwrap());
+        assert!(matches!(open(), Err(SequenceError::Count { what: "triangles", .. })));
+        std::fs::write(folder.path().join("body_3.ply"), "ply").unwrap();
+        assert!(matches!(open(), Err(SequenceError::Mesh(_))));
+        for rate in [0.0, -1.0, Real::NAN] {
+            let error = BodySequence::open(folder.path(), &rest, rate);
+            assert!(matches!(error, Err(SequenceError::Rate(_))));
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! What can go wrong with an animation.
+
+use if_body::{MotionError, SequenceError, SkeletonError};
+use if_outfit::unresolved::Unresolved;
+use if_pipeline::animate::{AnimateError, SkinFault};
+use miette::Diagnostic;
+use std::path::PathBuf;
+
+/// An outfit cannot be animated.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+pub(super) enum AnimateFault {
+    #[error("{count} outfits are given, and one can be animated at a time")]
+    #[diagnostic(
+        code(ifg::arguments::one_outfit),
+        help("give one outfit file, or --body and garments")
+    )]
+    Count { count: usize },
+    #[error("the outfit is scaled by {scale}, and frames are in metres")]
+    #[diagnostic(
+        code(ifg::animate::scale),
+        help("convert body, garments and skeleton to metres first, and leave out --scale")
+    )]
+    Scale { scale: f64 },
+    #[error("`{}` cannot be used", path.display())]
+    #[diagnostic(
+        code(ifg::input::skeleton),
+        help(
+            "give the skeleton of the body with --skeleton; docs/reference/capture.md specifies it"
+        )
+    )]
+    Skeleton { path: PathBuf, source: SkeletonError },
+    #[error("`{}` cannot be used", path.display())]
+    #[diagnostic(code(ifg::input::motion), help("docs/animate.md specifies motions"))]
+    Motion { path: PathBuf, source: MotionError },
+    #[error("the folder `{}` cannot be used", path.display())]
+    #[diagnostic(
+        code(ifg::input::bodies),
+        help(
+            "a folder has one mesh of the body for each frame, with the connectivity of the body at rest; docs/animate.md"
+        )
+    )]
+    Bodies { path: PathBuf, source: SequenceError },
+    #[error("{what} has no use for {option}")]
+    #[diagnostic(code(ifg::arguments::no_use), help("leave {option} out"))]
+    NoUse { what: &'static str, option: &'static str },
+    #[error("--frames {text}: {fault}")]
+    #[diagnostic(
+        code(ifg::arguments::frames),
+        help("give one frame or a range, such as 37 or 20-29; 0 is the first")
+    )]
+    Frames { text: String, fault: String },
+    #[error("the outfit has no valid skinning weights")]
+    #[diagnostic(
+        code(ifg::input::skin),
+        help(
+            "the body needs the vertex properties j0 to j3 and w0 to w3 (PLY); garments without them follow the body"
+        )
+    )]
+    Skin { source: SkinFault },
+    #[error("outfit `{outfit}` is not clean at rest: {unresolved}")]
+    #[diagnostic(
+        code(ifg::unresolved),
+        help("resolve it with `ifg fix` first, with other parameters or without a layer")
+    )]
+    NotClean { outfit: String, unresolved: Box<Unresolved> },
+    #[error("the outfit cannot be animated")]
+    #[diagnostic(code(ifg::animate), help("look at the layer, frame or file that is named"))]
+    Animate { source: AnimateError },
+}
+
+/// Frames that are not clean, or not clean everywhere with --strict.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("{} of {frames} frames are not clean{}: {}", bad.len(), if *strict { " everywhere" } else { "" }, listed(bad))]
+#[diagnostic(
+    code(ifg::animate::not_clean),
+    help("report.json names what is left in each; they were written as far as they came")
+)]
+pub(super) struct NotClean {
+    pub(super) bad: Vec<usize>,
+    pub(super) frames: usize,
+    pub(super) strict: bool,
+}
+
+/// Something passes through something between two frames.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("in {} of {intervals} intervals triangles pass through one another, after frame {}", crossed.len(), listed(crossed))]
+#[diagnostic(
+    code(ifg::animate::not_clean_between),
+    help(
+        "report.json names layers and triangles under `between_frames`; frames that lie nearer together may avoid it"
+    )
+)]
+pub(super) struct NotCleanBetween {
+    pub(super) crossed: Vec<usize>,
+    pub(super) intervals: usize,
+}
+
+fn listed(frames: &[usize]) -> String {
+    /// More frames than these do not help a person.
+    const SHOWN: usize = 12;
+    let shown: Vec<String> = frames.iter().take(SHOWN).map(usize::to_string).collect();
+    let more = if frames.len() > SHOWN { ", ..." } else { "" };
+    format!("{}{more}", shown.join(", "))
+}

@@ -1,0 +1,148 @@
+//! What moves the outfit: a motion of a skeleton, or a folder of bodies.
+
+use super::faults::AnimateFault;
+use crate::outfit_file::OutfitSpec;
+use clap::Args;
+use if_body::{BodySequence, Motion, Skeleton};
+use if_outfit::files::OutfitFiles;
+use if_outfit::outfit::Outfit;
+use if_pipeline::animate::{BoundOutfit, Movement, SkinnedOutfit};
+use std::num::NonZeroUsize;
+use std::ops::Range;
+use std::path::PathBuf;
+
+#[derive(Args, Debug, Clone)]
+pub(crate) struct SourceArgs {
+    /// The motion: a pose for each frame (.json, docs/animate.md; .bvh), or a folder with the mesh of
+    /// the body in each.
+    #[arg(long, value_name = "FILE|FOLDER")]
+    pub(crate) motion: PathBuf,
+    /// The skeleton; by default `skeleton.json` beside the body.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) skeleton: Option<PathBuf>,
+    /// Take every N-th frame of the motion only.
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub(crate) every: NonZeroUsize,
+    /// Take this frame of the motion only, or these, such as `37` or `20-29`, from 0; with --every,
+    /// every N-th of them.
+    #[arg(long, value_name = "N|FIRST-LAST")]
+    pub(crate) frames: Option<String>,
+    /// Frames per second of a folder of bodies; 30 by default.
+    #[arg(long, value_name = "RATE")]
+    pub(crate) fps: Option<f64>,
+}
+
+const FRAMES_PER_SECOND: f64 = 30.0;
+
+/// A motion that was read.
+pub(super) enum Source {
+    Poses(Skeleton, Motion),
+    Bodies(BodySequence),
+}
+
+/// A clean outfit with what moves it.
+pub(super) enum Moved {
+    Poses(SkinnedOutfit, Motion),
+    Bodies(Box<BoundOutfit>),
+}
+
+impl Source {
+    /// Reads the motion, and checks that it fits the outfit.
+    pub(super) fn read(
+        args: &SourceArgs,
+        spec: &OutfitSpec,
+        files: &OutfitFiles,
+    ) -> Result<Self, AnimateFault> {
+        if args.motion.is_dir() {
+            if args.skeleton.is_some() {
+                return Err(AnimateFault::NoUse {
+                    what: "a folder of bodies",
+                    option: "--skeleton",
+                });
+            }
+            let rate = args.fps.unwrap_or(FRAMES_PER_SECOND);
+            let body = &files.outfit().body.mesh;
+            let sequence = BodySequence::open(&args.motion, body, rate)
+                .map_err(|source| AnimateFault::Bodies { path: args.motion.clone(), source })?;
+            let sequence = sequence.part(args.range(sequence.len())?).every(args.every.get());
+            return Ok(Self::Bodies(sequence));
+        }
+        let path = args.skeleton.clone();
+        let path = path.unwrap_or_else(|| spec.body.path.with_file_name("skeleton.json"));
+        let skeleton = Skeleton::read_path(&path)
+            .map_err(|source| AnimateFault::Skeleton { path: path.clone(), source })?;
+        let motion = Motion::read_path(&args.motion, &skeleton)
+            .map_err(|source| AnimateFault::Motion { path: args.motion.clone(), source })?;
+        if args.fps.is_some() {
+            return Err(AnimateFault::NoUse { what: "a motion of poses", option: "--fps" });
+        }
+        let motion = motion.part(args.range(motion.poses.len())?).every(args.every.get());
+        let source = Self::Poses(skeleton, motion);
+        source.moved(files.outfit().clone(), files)?;
+        Ok(source)
+    }
+
+    /// The clean outfit with what moves it.
+    pub(super) fn moved(&self, outfit: Outfit, files: &OutfitFiles) -> Result<Moved, AnimateFault> {
+        let fault = |source| AnimateFault::Skin { source };
+        Ok(match self {
+            Self::Poses(skeleton, motion) => {
+                let files = files.files();
+                let outfit = SkinnedOutfit::from_files(outfit, skeleton.clone(), files);
+                Moved::Poses(outfit.map_err(fault)?, motion.clone())
+            }
+            Self::Bodies(sequence) => {
+                let bound = BoundOutfit::new(outfit, sequence.clone()).map_err(fault)?;
+                Moved::Bodies(Box::new(bound))
+            }
+        })
+    }
+}
+
+impl Moved {
+    pub(super) fn movement(&self) -> Movement<'_> {
+        match self {
+            Self::Poses(outfit, motion) => Movement::poses(outfit, motion),
+            Self::Bodies(bound) => Movement::bodies(bound),
+        }
+    }
+
+    /// Garments whose weights were taken from the body.
+    pub(super) fn without_weights(&self) -> &[String] {
+        match self {
+            Self::Poses(outfit, _) => &outfit.without_weights,
+            Self::Bodies(_) => &[],
+        }
+    }
+
+    /// Joints that the motion lacks.
+    pub(super) fn unmatched(&self) -> &[String] {
+        match self {
+            Self::Poses(_, motion) => &motion.unmatched,
+            Self::Bodies(_) => &[],
+        }
+    }
+}
+
+impl SourceArgs {
+    /// The frames that are to be taken, of `count`, before every N-th of them is.
+    fn range(&self, count: usize) -> Result<Range<usize>, AnimateFault> {
+        let Some(text) = &self.frames else { return Ok(0..count) };
+        let fault = |fault: String| AnimateFault::Frames { text: text.clone(), fault };
+        let number = |part: &str| {
+            let number = part.trim().parse::<usize>();
+            number.map_err(|_| fault(format!("`{part}` is no frame")))
+        };
+        let (first, last) = match text.split_once('-') {
+            Some((first, last)) => (number(first)?, number(last)?),
+            None => (number(text)?, number(text)?),
+        };
+        if last < first {
+            return Err(fault("the last frame is before the first".into()));
+        }
+        if last >= count {
+            return Err(fault(format!("the motion has {count} frames, the last is {}", count - 1)));
+        }
+        Ok(first..last + 1)
+    }
+}
