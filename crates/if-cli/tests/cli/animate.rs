@@ -2,7 +2,8 @@
 
 use crate::folder::Folder;
 use if_body::mannequin::{self, Garment, MannequinParams, rig};
-use if_body::{Joint, Skeleton, SkinWeights, TemplateBody};
+use if_body::skinning::{blends, pose_points};
+use if_body::{Joint, Motion, Skeleton, SkinWeights, TemplateBody};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::tube;
@@ -263,7 +264,7 @@ fn a_bvh_file_of_legs_moves_the_legs() {
 #[test]
 fn the_built_in_person_takes_two_steps() {
     let folder = Folder::new();
-    let run = folder.ifg("demo --motion --size coarse --no-pictures --out demo").expect(0);
+    let run = folder.ifg("demo --motion --size coarse --out demo").expect(0);
     assert!(run.stdout.contains("8 frames: 8 clean"), "{}", run.stdout);
     let report: Value = serde_json::from_slice(&folder.read("demo/motion/report.json")).unwrap();
     let frames = report["report"]["frames"].as_array().unwrap();

@@ -146,7 +146,8 @@ impl AnimationReport {
     ) -> Self {
         let largest = |of: fn(&FrameReport) -> Real| frames.iter().map(of).fold(0.0, Real::max);
         let later = &frames[frames.len().min(1)..];
-        let sum: Real = later.iter().map(|f| f.seconds).sum();
+        // The sum of nothing is -0, which is printed so.
+        let sum = later.iter().map(|f| f.seconds).fold(0.0, |sum: Real, x| sum + x);
         Self {
             clean: frames.iter().filter(|f| f.is_clean()).count(),
             clean_everywhere: frames.iter().filter(|f| f.is_clean_everywhere()).count(),
