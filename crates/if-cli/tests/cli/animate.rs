@@ -262,6 +262,7 @@ fn a_bvh_file_of_legs_moves_the_legs() {
 }
 
 #[test]
+#[ignore = "stress"]
 fn the_built_in_person_takes_two_steps() {
     let folder = Folder::new();
     let run = folder.ifg("demo --motion --size coarse --out demo").expect(0);
