@@ -1,6 +1,7 @@
 //! Skinning weights: up to four joints for each vertex.
 
 use if_core::parameter::ParameterError;
+use if_mesh::gltf::Influences;
 use if_mesh::ply::{Column, PlyMesh, Property};
 use if_sparse::CholeskyError;
 
@@ -40,6 +41,11 @@ pub enum SkinError {
         "vertex {vertex} has a weight for joint {joint}, but there are {count} joints (0 is the first)"
     )]
     Joint { vertex: usize, joint: i64, count: usize },
+    /// A joint of a glTF file is missing from the skeleton.
+    #[error(
+        "vertex {vertex} has a weight for the joint `{name}`, which the skeleton does not have"
+    )]
+    UnknownJoint { vertex: usize, name: String },
     /// A weight is negative, NaN or infinite.
     #[error(
         "weight {slot} of vertex {vertex} is {weight}; weights must be finite and not negative"
@@ -126,6 +132,38 @@ impl SkinWeights {
             }
         }
         Self::new(joints, weights, count)
+    }
+
+    /// The weights of a glTF file's skin, for a skeleton with joints of these names. Of more than four
+    /// joints a vertex keeps those with the largest weights.
+    ///
+    /// # Errors
+    ///
+    /// A joint that the skeleton does not have, and as [`SkinWeights::new`].
+    pub fn from_gltf<'a>(
+        influences: &Influences,
+        names: impl Iterator<Item = &'a str>,
+    ) -> Result<Self, SkinError> {
+        let names: Vec<&str> = names.collect();
+        let find = |joint: &String| names.iter().position(|name| name == joint);
+        let of_joint: Vec<Option<usize>> = influences.joints.iter().map(find).collect();
+        let n = influences.of_vertex.len();
+        let (mut joints, mut weights) = (vec![[0u16; 4]; n], vec![[0f32; 4]; n]);
+        for (vertex, of) in influences.of_vertex.iter().enumerate() {
+            let mut largest = of.clone();
+            largest.sort_by(|a, b| b.1.total_cmp(&a.1));
+            largest.truncate(4);
+            let sum: f64 = largest.iter().map(|(_, weight)| weight).sum();
+            for (slot, (joint, weight)) in largest.into_iter().enumerate() {
+                let name = || influences.joints[joint].clone();
+                let found = of_joint[joint];
+                let found =
+                    found.ok_or_else(|| SkinError::UnknownJoint { vertex, name: name() })?;
+                joints[vertex][slot] = found as u16;
+                weights[vertex][slot] = (weight / sum) as f32;
+            }
+        }
+        Self::new(joints, weights, names.len())
     }
 
     /// The properties j0 to j3 and w0 to w3 for a PLY file; `uchar` joints where there are fewer
@@ -229,6 +267,30 @@ mod tests {
         let mut swapped = ply();
         swapped.vertex_properties[0].values = Column::F32(vec![0.0; 2]);
         assert!(matches!(SkinWeights::from_ply(&swapped, 3), Err(SkinError::Type { .. })));
+    }
+
+    #[test]
+    fn joints_of_a_gltf_skin_belong_to_the_skeleton_by_name() {
+        let names = ["hip", "knee", "foot", "toe", "hand", "head"];
+        let of = |joints: &[&str], of_vertex: Vec<Vec<(usize, f64)>>| {
+            let joints = joints.iter().map(ToString::to_string).collect();
+            SkinWeights::from_gltf(&Influences { joints, of_vertex }, names.into_iter())
+        };
+        let weights = of(&["knee", "hip"], vec![vec![(1, 0.25), (0, 0.75)], vec![(0, 2.0)]]);
+        let expected = SkinWeights::new(
+            vec![[1, 0, 0, 0]; 2],
+            vec![[0.75, 0.25, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]],
+            6,
+        );
+        assert_eq!(weights, expected);
+        // Of five joints the one with the smallest weight goes.
+        let five = vec![(0, 0.3), (1, 0.1), (2, 0.05), (3, 0.2), (4, 0.35)];
+        let weights = of(&names[..5], vec![five]).unwrap();
+        assert_eq!(weights.joints()[0], [4, 0, 3, 1]);
+        assert!((weights.weights()[0][0] - 0.35 / 0.95).abs() < 1e-6);
+        let tail = of(&["hip", "tail"], vec![vec![(0, 1.0)], vec![(1, 1.0)]]);
+        assert_eq!(tail, Err(SkinError::UnknownJoint { vertex: 1, name: "tail".into() }));
+        assert!(matches!(of(&["hip"], vec![vec![]]), Err(SkinError::Sum { vertex: 0, .. })));
     }
 
     #[test]

@@ -34,7 +34,7 @@ use std::time::Instant;
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct CleanArgs {
-    /// The garment (.ply, .obj, .glb), in metres.
+    /// The garment (.ply, .obj, .glb, .gltf), in metres.
     #[arg(value_name = "MESH")]
     pub(crate) file: PathBuf,
     /// The clean garment (.ply), with all properties of the vertices.
@@ -266,7 +266,7 @@ fn notes(file: &MeshFile, ply: &PlyMesh) -> Vec<String> {
     match file.content() {
         Content::Obj(_) => notes
             .push("texture coordinates, normals and groups of the OBJ file are not kept".into()),
-        Content::Glb(_) => notes.push("of the GLB file only the triangles are kept".into()),
+        Content::Gltf(_) => notes.push("of the glTF file only the triangles are kept".into()),
         _ => {}
     }
     notes.extend(not_kept(ply));

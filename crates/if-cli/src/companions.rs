@@ -1,4 +1,4 @@
-//! Material libraries of OBJ files and their textures, which are copied with the garments.
+//! Material libraries of OBJ files, and textures, which are copied with the garments.
 
 use crate::file_record::{InputFile, OutputFile};
 use crate::outfit_file::OutfitSpec;
@@ -20,7 +20,7 @@ pub(crate) enum CompanionError {
     #[error("cannot read `{}`, which `{of}` names", path.display())]
     #[diagnostic(
         code(ifg::input::companion),
-        help("make it readable, or take the line that names it out of `{of}`")
+        help("make it readable, or take the entry that names it out of `{of}`")
     )]
     Read { path: PathBuf, of: String, source: io::Error },
     #[error(transparent)]
@@ -38,7 +38,7 @@ struct Companion {
     content: FileDigest,
 }
 
-/// The material libraries and textures that the garments' OBJ files name.
+/// The material libraries and textures that the garments' files name.
 pub(crate) struct Companions {
     /// By their paths relative to the garment, which become those in the output folder.
     found: BTreeMap<String, Companion>,
@@ -59,7 +59,6 @@ impl Companions {
         let mut found: BTreeMap<String, Companion> = BTreeMap::new();
         let mut missing = Vec::new();
         for (layer, file) in spec.garments.iter().zip(files.skip(1)) {
-            let Content::Obj(obj) = file.content() else { continue };
             let folder = layer.path.parent().unwrap_or(Path::new(""));
             let read = |path: &Path, of: &str| {
                 fs::read(path).map_err(|source| CompanionError::Read {
@@ -90,6 +89,25 @@ impl Companions {
                     found.entry(name).or_insert(Companion { source, layer, of, content });
                     Ok(())
                 };
+            if let Content::Gltf(gltf) = file.content() {
+                for image in gltf.images() {
+                    match image.map_err(str::to_owned).and_then(|path| {
+                        let is_file = folder.join(path).is_file();
+                        is_file.then_some(path).ok_or_else(|| path.display().to_string())
+                    }) {
+                        Ok(image) => {
+                            let path = folder.join(image);
+                            let bytes = read(&path, &layer.written)?;
+                            add(plain(image), path, &bytes)?;
+                        }
+                        Err(image) => missing.push(format!(
+                            "{}: the image `{image}` is not in its folder, and not copied",
+                            layer.written
+                        )),
+                    }
+                }
+            }
+            let Content::Obj(obj) = file.content() else { continue };
             for line in obj.material_libraries() {
                 let libraries = libraries_of(folder, &line);
                 if libraries.is_empty() {

@@ -39,7 +39,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct ExtractArgs {
-    /// The field: a closed mesh (.ply, .obj, .glb), whose signed distance it is, or a network that `ifg
+    /// The field: a closed mesh (.ply, .obj, .glb, .gltf), whose signed distance it is, or a network that `ifg
     /// fit` wrote (.safetensors).
     #[arg(value_name = "FIELD")]
     pub(crate) field: PathBuf,
@@ -86,7 +86,7 @@ enum ExtractFault {
     #[diagnostic(
         code(ifg::extract::read),
         help(
-            "give a .ply, .obj or .glb file of a closed mesh, or a .safetensors file that `ifg fit` wrote"
+            "give a .ply, .obj, .glb or .gltf file of a closed mesh, or a .safetensors file that `ifg fit` wrote"
         )
     )]
     Read { path: PathBuf, source: ErrorChain },

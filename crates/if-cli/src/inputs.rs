@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// Which outfits.
 #[derive(Args, Debug, Clone)]
 pub(crate) struct InputArgs {
-    /// Outfit files (.toml); or, with --body, the garments (.ply, .obj, .glb), innermost first.
+    /// Outfit files (.toml); or, with --body, the garments (.ply, .obj, .glb, .gltf), innermost first.
     #[arg(required = true, value_name = "FILES")]
     pub(crate) files: Vec<PathBuf>,
     /// The body, in metres. It never moves, and may be open or in several parts.

@@ -11,9 +11,12 @@ use std::path::PathBuf;
 /// The files are not a valid outfit.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 pub(crate) enum LoadError {
-    #[error("cannot read layer `{layer}`")]
+    #[error("cannot read {role} `{layer}`")]
     #[diagnostic(code(ifg::input::mesh), help("{}", advice))]
-    Mesh { layer: String, advice: &'static str, source: ErrorChain },
+    Mesh { role: &'static str, layer: String, advice: &'static str, source: ErrorChain },
+    #[error("garment `{layer}` cannot move")]
+    #[diagnostic(code(ifg::input::node), help("a body may be such a file: it never moves"))]
+    Fixed { layer: String, source: ErrorChain },
     #[error("`{}` ({layer}) cannot be scaled by {scale}", path.display())]
     #[diagnostic(code(ifg::input::scale), help("look at --scale, or `scale` in the outfit file"))]
     Scale { layer: String, path: PathBuf, scale: f64, source: ErrorChain },
@@ -41,9 +44,12 @@ impl LoadError {
     /// The error of the outfit `outfit`.
     pub(crate) fn new(outfit: &str, error: FilesError) -> Self {
         match error {
-            FilesError::Read { layer, source } => {
+            FilesError::Read { role, layer, source } => {
                 let (advice, source) = (reading_advice(&source), ErrorChain::new(&source));
-                Self::Mesh { layer, advice, source }
+                Self::Mesh { role, layer, advice, source }
+            }
+            FilesError::Fixed { layer, source } => {
+                Self::Fixed { layer, source: ErrorChain::new(&source) }
             }
             FilesError::Scale { layer, path, scale, source } => {
                 Self::Scale { layer, path, scale, source: ErrorChain::new(&source) }
@@ -84,7 +90,7 @@ fn outfit_advice(error: &OutfitError) -> String {
 /// What to do about a file that cannot be read.
 pub(crate) fn reading_advice(error: &ReadError) -> &'static str {
     match error {
-        ReadError::Extension { .. } => "give a .ply, .obj or .glb file",
+        ReadError::Extension { .. } => "give a .ply, .obj, .glb or .gltf file",
         ReadError::Io { .. } => {
             "look at the path; relative paths in an outfit file start at its folder"
         }

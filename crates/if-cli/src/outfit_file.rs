@@ -30,7 +30,7 @@ impl OutfitSpec {
     }
 
     /// The garments by the file into which their results are written, each with the file's name:
-    /// one garment, or several nodes of one GLB file.
+    /// one garment, or several nodes of one glTF file.
     pub(crate) fn files(&self) -> Vec<(&str, Vec<usize>)> {
         let mut files: Vec<(&str, Vec<usize>)> = Vec::new();
         for (k, layer) in self.garments.iter().enumerate() {
@@ -44,14 +44,14 @@ impl OutfitSpec {
     }
 }
 
-/// One mesh file, or a node of a GLB file.
+/// One mesh file, or a node of a glTF file.
 #[derive(Clone, Debug)]
 pub(crate) struct LayerSpec {
     /// Its name in reports: its node, or the stem of its file, unless the outfit file names it.
     pub(crate) name: String,
     /// The file.
     pub(crate) path: PathBuf,
-    /// The node of the GLB file, as in `FILE.glb#NODE`.
+    /// The node of the glTF file, as in `FILE.glb#NODE`.
     pub(crate) node: Option<String>,
     /// The path as the user wrote it.
     pub(crate) written: String,
@@ -134,13 +134,13 @@ pub(crate) enum SpecError {
     #[error("`{}` is an outfit file; it names its own body", path.display())]
     #[diagnostic(
         code(ifg::arguments::body),
-        help("leave out --body, or give garment meshes (.ply, .obj, .glb)")
+        help("leave out --body, or give garment meshes (.ply, .obj, .glb, .gltf)")
     )]
     TwoBodies { path: PathBuf },
     #[error("`{}` names no file", path.display())]
     #[diagnostic(
         code(ifg::arguments::file_name),
-        help("give the path of a mesh file (.ply, .obj, .glb)")
+        help("give the path of a mesh file (.ply, .obj, .glb, .gltf)")
     )]
     NoFileName { path: PathBuf },
     #[error("parameter `{key}`: {message}")]

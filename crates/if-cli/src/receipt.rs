@@ -26,8 +26,8 @@ pub(crate) struct Request {
     pub(crate) params: Value,
     /// From the units of the files to metres.
     pub(crate) scale: f64,
-    /// The body, then the garments, inner to outer, then what these name: material libraries and
-    /// textures.
+    /// The body, then the garments, inner to outer, then what these name: buffers, material libraries
+    /// and textures.
     pub(crate) inputs: Vec<InputFile>,
 }
 

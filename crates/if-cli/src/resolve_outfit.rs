@@ -1,5 +1,6 @@
 //! One outfit from its files to its output folder.
 
+use crate::buffers::Buffers;
 use crate::cancel;
 use crate::companions::Companions;
 use crate::file_record::OutputFile;
@@ -113,8 +114,11 @@ pub(crate) fn run(
     line.message("reading");
     let reading = trace_span!("reading").entered();
     let files = load::load(spec)?;
-    let companions = Companions::find(spec, files.files(), &names)?;
-    let request = Request::new(spec, files.files(), companions.inputs());
+    let buffers = Buffers::find(spec, files.files(), &names, (out, options.in_place))?;
+    let taken: Vec<String> = names.iter().chain(buffers.names()).cloned().collect();
+    let companions = Companions::find(spec, files.files(), &taken)?;
+    let named = buffers.inputs.iter().cloned().chain(companions.inputs());
+    let request = Request::new(spec, files.files(), named);
     if let Some(state) = request.finished(out, &names).filter(|_| options.resume) {
         return Ok(Outcome::Finished(state));
     }
@@ -147,6 +151,7 @@ pub(crate) fn run(
         line.message("writing");
         let writing = trace_span!("writing").entered();
         done.outputs = outputs::write_garments(spec, &files, &resolved, (&staging, out))?;
+        done.outputs.extend(buffers.describe((&staging, out))?);
         done.outputs.extend(companions.write((&staging, out))?);
         done.notes.extend(companions.missing);
         drop(writing);

@@ -1,7 +1,8 @@
 //! Mesh files of any format, chosen by the extension.
 
+use crate::atomic::{FileSet, FileSetError};
 use crate::attributes::AttributeError;
-use crate::glb::{self, GlbMesh};
+use crate::gltf::{self, GltfMesh};
 use crate::obj::{self, Normals, ObjMesh};
 use crate::ply::{self, CoordinateType, PlyMesh, WriteParams, quantise};
 use crate::split::SplitMesh;
@@ -44,12 +45,12 @@ pub enum Content {
     Ply(PlyMesh),
     /// An OBJ file.
     Obj(ObjMesh),
-    /// A binary glTF file.
-    Glb(GlbMesh),
+    /// A glTF file, binary or JSON.
+    Gltf(GltfMesh),
 }
 
-/// A path as `FILE.glb#NODE` in its parts. Any other path, and that of a file which exists, is the
-/// file's alone.
+/// A path as `FILE.glb#NODE` or `FILE.gltf#NODE` in its parts. Any other path, and that of a file
+/// which exists, is the file's alone.
 ///
 /// # Examples
 ///
@@ -60,11 +61,13 @@ pub enum Content {
 /// assert_eq!(file_and_node("coat.ply".as_ref()).1, None);
 /// ```
 pub fn file_and_node(path: &Path) -> (PathBuf, Option<String>) {
-    const END: &str = ".glb#";
+    const ENDS: [&str; 2] = [".glb#", ".gltf#"];
     let whole = || (path.to_path_buf(), None);
     let Some(text) = path.to_str() else { return whole() };
-    let Some(at) = text.to_ascii_lowercase().find(END) else { return whole() };
-    let (file, node) = text.split_at(at + END.len() - 1);
+    let lower = text.to_ascii_lowercase();
+    let ends = ENDS.iter().filter_map(|end| Some(lower.find(end)? + end.len() - 1));
+    let Some(at) = ends.min() else { return whole() };
+    let (file, node) = text.split_at(at);
     if node.len() == 1 || path.exists() {
         return whole();
     }
@@ -76,6 +79,7 @@ enum Format {
     Ply,
     Obj,
     Glb,
+    Gltf,
 }
 
 impl Format {
@@ -86,6 +90,7 @@ impl Format {
             "ply" => Some(Self::Ply),
             "obj" => Some(Self::Obj),
             "glb" => Some(Self::Glb),
+            "gltf" => Some(Self::Gltf),
             _ => None,
         }
     }
@@ -97,7 +102,7 @@ impl Format {
 #[allow(missing_docs)] // the messages explain the fields
 pub enum ReadError {
     /// The extension is not that of a supported format.
-    #[error("{}: the extension must be .ply, .obj or .glb (export a .gltf as one .glb)", path.display())]
+    #[error("{}: the extension must be .ply, .obj, .glb or .gltf", path.display())]
     Extension { path: PathBuf },
     /// The file cannot be read.
     #[error("{}: {source}", path.display())]
@@ -111,9 +116,9 @@ pub enum ReadError {
     /// The OBJ file is invalid.
     #[error("{}: {source}", path.display())]
     Obj { path: PathBuf, source: Box<obj::ReadError> },
-    /// The GLB file is invalid.
+    /// The glTF file is invalid.
     #[error("{}: {source}", path.display())]
-    Glb { path: PathBuf, source: Box<glb::ReadError> },
+    Gltf { path: PathBuf, source: Box<gltf::ReadError> },
 }
 
 /// Errors of [`MeshFile::write`]. An existing file stays unchanged.
@@ -133,9 +138,9 @@ pub enum WriteError {
     /// The OBJ file cannot hold this.
     #[error("{}: {source}", path.display())]
     Obj { path: PathBuf, source: Box<obj::WriteError> },
-    /// The GLB file cannot hold this.
+    /// The glTF file cannot hold this.
     #[error("{}: {source}", path.display())]
-    Glb { path: PathBuf, source: Box<glb::WriteError> },
+    Gltf { path: PathBuf, source: Box<gltf::WriteError> },
 }
 
 /// Errors of [`MeshFile::split`].
@@ -151,14 +156,14 @@ pub enum SplitError {
     /// Coordinates are too large for a midpoint.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// A GLB file cannot take more vertices.
-    #[error("triangles of GLB files are not split; use PLY or OBJ, or finer triangles")]
-    Glb,
+    /// A glTF file cannot take more vertices.
+    #[error("triangles of glTF files are not split; use PLY or OBJ, or finer triangles")]
+    Gltf,
 }
 
 impl MeshFile {
-    /// Reads a `.ply`, `.obj` or `.glb` file; with `FILE.glb#NODE` only the node NODE of the scene
-    /// ([`file_and_node`], [`glb::read_layer`]).
+    /// Reads a `.ply`, `.obj`, `.glb` or `.gltf` file; with `FILE.glb#NODE` only the node NODE of the
+    /// scene ([`file_and_node`], [`gltf::read_layer`]).
     ///
     /// # Errors
     ///
@@ -183,10 +188,11 @@ impl MeshFile {
                     .map_err(|e| ReadError::Obj { path: name(), source: e.into() })?;
                 Self { bytes: Vec::new(), content: Content::Obj(obj), is_new: false }
             }
-            Format::Glb => {
-                let glb = glb::read_layer(bytes, node.as_deref())
-                    .map_err(|e| ReadError::Glb { path: name(), source: e.into() })?;
-                Self { bytes: Vec::new(), content: Content::Glb(glb), is_new: false }
+            Format::Glb | Format::Gltf => {
+                let gltf = gltf::read_layer(bytes, node.as_deref(), Some(folder_of(path)));
+                let gltf = gltf.and_then(|gltf| has_form(gltf, format));
+                let gltf = gltf.map_err(|e| ReadError::Gltf { path: name(), source: e.into() })?;
+                Self { bytes: Vec::new(), content: Content::Gltf(gltf), is_new: false }
             }
         })
     }
@@ -201,7 +207,7 @@ impl MeshFile {
         match &self.content {
             Content::Ply(ply) => &ply.mesh,
             Content::Obj(obj) => obj.mesh(),
-            Content::Glb(glb) => glb.mesh(),
+            Content::Gltf(gltf) => gltf.mesh(),
         }
     }
 
@@ -212,7 +218,7 @@ impl MeshFile {
     /// # Errors
     ///
     /// [`SplitError`]: properties that do not belong to the mesh, an OBJ file with lines or points of
-    /// relative indices, or a GLB file.
+    /// relative indices, or a glTF file.
     ///
     /// # Panics
     ///
@@ -222,7 +228,7 @@ impl MeshFile {
         let content = match &self.content {
             Content::Ply(ply) => Content::Ply(ply::split(ply, split, mesh)?),
             Content::Obj(obj) => Content::Obj(obj::split(obj, split, &mesh)?),
-            Content::Glb(_) => return Err(SplitError::Glb),
+            Content::Gltf(_) => return Err(SplitError::Gltf),
         };
         Ok(Self { bytes: self.bytes.clone(), content, is_new: true })
     }
@@ -232,12 +238,13 @@ impl MeshFile {
         &self.content
     }
 
-    /// The file as it was read, byte for byte: for hashes. Empty for a mesh from memory.
+    /// The file as it was read, byte for byte: for hashes. Empty for a mesh from memory. The buffers
+    /// of a `.gltf` file may be in other files ([`GltfMesh::beside`]).
     pub fn bytes(&self) -> &[u8] {
         match &self.content {
             Content::Ply(_) => &self.bytes,
             Content::Obj(obj) => obj.text(),
-            Content::Glb(glb) => glb.bytes(),
+            Content::Gltf(gltf) => gltf.bytes(),
         }
     }
 
@@ -247,67 +254,80 @@ impl MeshFile {
         match &self.content {
             Content::Ply(ply) => &ply.collapsed,
             Content::Obj(obj) => obj.collapsed(),
-            Content::Glb(glb) => glb.collapsed(),
+            Content::Gltf(gltf) => gltf.collapsed(),
         }
     }
 
     /// Number of normals that several vertices share. They do not change when vertices move.
     pub fn shared_normals(&self) -> usize {
         match &self.content {
-            Content::Ply(_) | Content::Glb(_) => 0,
+            Content::Ply(_) | Content::Gltf(_) => 0,
             Content::Obj(obj) => obj.shared_normals(),
         }
     }
 
     /// Whether positions are stored as single-precision numbers: PLY files with coordinates of 4 bytes,
-    /// and GLB files in which nothing transforms the stored positions.
+    /// and glTF files in which nothing transforms the stored positions.
     pub fn is_single_precision(&self) -> bool {
         match &self.content {
             Content::Ply(ply) => ply.coordinates == CoordinateType::Float,
             Content::Obj(_) => false,
-            Content::Glb(glb) => glb.is_single_precision(),
+            Content::Gltf(gltf) => gltf.is_single_precision(),
         }
     }
 
     /// The positions as they will be read back: rounded to `f32` for a PLY file with coordinates of 4
-    /// bytes, and in the nodes of a GLB file; else the same. Without moves, these are the positions of
+    /// bytes, and in the nodes of a glTF file; else the same. Without moves, these are the positions of
     /// [`MeshFile::mesh`].
     pub fn positions_as_written(&self, positions: &[Point]) -> Vec<Point> {
         match &self.content {
             Content::Ply(ply) => quantise(positions, ply.coordinates),
             Content::Obj(_) => positions.to_vec(),
-            Content::Glb(glb) => glb.positions_as_written(positions),
+            Content::Gltf(gltf) => gltf.positions_as_written(positions),
         }
     }
 
-    /// Writes several layers of one GLB file, each with its vertices at its positions, as
+    /// Checks that the vertices can be written elsewhere than they were read.
+    ///
+    /// # Errors
+    ///
+    /// Vertices that several nodes of a glTF file show.
+    pub fn check_movable(&self) -> Result<(), gltf::WriteError> {
+        match &self.content {
+            Content::Gltf(gltf) => gltf.check_movable(),
+            _ => Ok(()),
+        }
+    }
+
+    /// Writes several layers of one glTF file, each with its vertices at its positions, as
     /// [`MeshFile::write`] does. A single layer may be of any format.
     ///
     /// # Errors
     ///
-    /// As [`MeshFile::write`], and layers that are not of one GLB file.
+    /// As [`MeshFile::write`], and layers that are not of one glTF file.
     pub fn write_layers<'a>(
         layers: &[(&'a Self, &'a [Point])],
         path: &Path,
     ) -> Result<(), WriteError> {
         let Some(&(first, positions)) = layers.first() else { return Ok(()) };
-        if layers.len() == 1 || Format::of(path) != Some(Format::Glb) {
+        if layers.len() == 1 || Format::of(path) != Some(first.format()) {
             return first.write(path, positions); // reports the extension of another format
         }
-        let glb = |(file, positions): &(&'a Self, &'a [Point])| match &file.content {
-            Content::Glb(glb) => Some((glb, *positions)),
+        let gltf = |(file, positions): &(&'a Self, &'a [Point])| match &file.content {
+            Content::Gltf(gltf) => Some((gltf, *positions)),
             _ => None,
         };
-        let fault = || glb::WriteError::SeveralFiles.into();
-        let glbs: Option<Vec<_>> = layers.iter().map(glb).collect();
-        let glbs = glbs.ok_or_else(|| WriteError::Glb { path: path.into(), source: fault() })?;
-        write_glb(&glbs, path)
+        let fault = || gltf::WriteError::SeveralFiles.into();
+        let gltfs: Option<Vec<_>> = layers.iter().map(gltf).collect();
+        let gltfs = gltfs.ok_or_else(|| WriteError::Gltf { path: path.into(), source: fault() })?;
+        write_gltf(&gltfs, path)
     }
 
     /// Writes the mesh with its vertices at `positions` and all its attributes, completely or not at
     /// all ([`crate::atomic`]). Normals rotate with the surface ([`Normals::Follow`]). Without moves,
-    /// the file is a copy of the one that was read; else PLY is written as binary, and in an OBJ or GLB
-    /// file only the coordinates of moved vertices change.
+    /// the file is a copy of the one that was read; else PLY is written as binary, and in an OBJ or
+    /// glTF file only the coordinates of moved vertices change. The buffers that a `.gltf` file has in
+    /// other files are written with it.
     ///
     /// # Errors
     ///
@@ -315,15 +335,17 @@ impl MeshFile {
     /// an error of the file system.
     pub fn write(&self, path: &Path, positions: &[Point]) -> Result<(), WriteError> {
         let name = || path.to_path_buf();
-        let (format, from, extension) = match &self.content {
-            Content::Ply(_) => (Format::Ply, "a PLY", "ply"),
-            Content::Obj(_) => (Format::Obj, "an OBJ", "obj"),
-            Content::Glb(_) => (Format::Glb, "a GLB", "glb"),
+        let (from, extension) = match self.format() {
+            Format::Ply => ("a PLY", "ply"),
+            Format::Obj => ("an OBJ", "obj"),
+            Format::Glb => ("a GLB", "glb"),
+            Format::Gltf => ("a glTF", "gltf"),
         };
-        if Format::of(path) != Some(format) {
+        if Format::of(path) != Some(self.format()) {
             return Err(WriteError::Extension { path: name(), from, extension });
         }
-        if positions == self.mesh().vertices() && !self.is_new {
+        let is_one_file = self.format() != Format::Gltf;
+        if positions == self.mesh().vertices() && !self.is_new && is_one_file {
             let copy = |file: &mut fs::File| io::Write::write_all(file, self.bytes());
             return crate::atomic::write_file(path, copy)
                 .map_err(|source| WriteError::Io { path: name(), source });
@@ -343,17 +365,66 @@ impl MeshFile {
                 obj::WriteError::Io(source) => WriteError::Io { path: name(), source },
                 e => WriteError::Obj { path: name(), source: e.into() },
             }),
-            Content::Glb(glb) => write_glb(&[(glb, positions)], path),
+            Content::Gltf(gltf) => write_gltf(&[(gltf, positions)], path),
+        }
+    }
+
+    fn format(&self) -> Format {
+        match &self.content {
+            Content::Ply(_) => Format::Ply,
+            Content::Obj(_) => Format::Obj,
+            Content::Gltf(gltf) if gltf.is_binary() => Format::Glb,
+            Content::Gltf(_) => Format::Gltf,
         }
     }
 }
 
-fn write_glb(layers: &[(&GlbMesh, &[Point])], path: &Path) -> Result<(), WriteError> {
-    let write = |file: &mut fs::File| glb::write_layers(layers, Normals::Follow, file);
-    crate::atomic::write_file(path, write).map_err(|source| match source {
-        glb::WriteError::Io(source) => WriteError::Io { path: path.into(), source },
-        e => WriteError::Glb { path: path.into(), source: e.into() },
-    })
+/// The folder that paths in a file are relative to.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// The file, if it is of the form that its name says.
+fn has_form(gltf: GltfMesh, format: Format) -> Result<GltfMesh, gltf::ReadError> {
+    let (found, extension) = match (gltf.is_binary(), format) {
+        (true, Format::Gltf) => ("the file is binary", "glb"),
+        (false, Format::Glb) => ("the file is JSON", "gltf"),
+        _ => return Ok(gltf),
+    };
+    Err(gltf::ReadError::Form { found, extension })
+}
+
+fn write_gltf(layers: &[(&GltfMesh, &[Point])], path: &Path) -> Result<(), WriteError> {
+    let files = gltf::write_layers(layers, Normals::Follow)
+        .map_err(|e| WriteError::Gltf { path: path.into(), source: e.into() })?;
+    let io = |path: &Path, source| WriteError::Io { path: path.into(), source };
+    let fill = |file: &mut fs::File| io::Write::write_all(file, &files.bytes);
+    if files.beside.is_empty() {
+        return crate::atomic::write_file(path, fill).map_err(|source| io(path, source));
+    }
+    // All appear together, the file itself last.
+    let name = path.file_name().unwrap_or_default();
+    if files.beside.iter().any(|(relative, _)| relative.as_os_str().eq_ignore_ascii_case(name)) {
+        let source = gltf::WriteError::Overlap.into(); // a buffer that is the file itself
+        return Err(WriteError::Gltf { path: path.into(), source });
+    }
+    let whole = |error: FileSetError| match error {
+        FileSetError::Folder { source, .. } => io(path, source),
+        FileSetError::File { path, source } => io(&path, source),
+        other => io(path, io::Error::other(other)),
+    };
+    let set = FileSet::open_for(folder_of(path), name).map_err(whole)?;
+    let put = |relative: &Path, bytes: &[u8]| {
+        let staged = set.path(relative);
+        let parent = staged.parent().map_or(Ok(()), fs::create_dir_all);
+        parent.and_then(|()| fs::write(&staged, bytes)).map_err(|source| io(relative, source))
+    };
+    for (relative, bytes) in &files.beside {
+        put(relative, bytes)?;
+    }
+    put(name.as_ref(), &files.bytes)?;
+    let beside = files.beside.iter().map(|(relative, _)| relative.as_path());
+    set.commit(&beside.chain([name.as_ref()]).collect::<Vec<_>>()).map_err(whole)
 }
 
 #[cfg(test)]

@@ -47,7 +47,7 @@ pub mod camera;
 pub mod cleanup;
 pub mod extract;
 pub mod file;
-pub mod glb;
+pub mod gltf;
 pub mod grid;
 pub mod index;
 pub mod intersections;

@@ -1,6 +1,6 @@
 //! Outfits as files: read, checked, resolved, verified exactly as they are stored, and written back.
 //!
-//! [`OutfitFiles::read`] takes mesh files (PLY, OBJ, GLB) in any unit. [`OutfitFiles::resolve`]
+//! [`OutfitFiles::read`] takes mesh files (PLY, OBJ, glTF) in any unit. [`OutfitFiles::resolve`]
 //! resolves the outfit in metres, brings the result into the units and the precision of each file, splits
 //! attributes where triangles were split, and verifies exactly the positions that a reader of the
 //! files gets. [`ResolvedFiles::write`] writes each garment back with its triangles, their order and
@@ -62,7 +62,7 @@ use tracing::trace_span;
 pub struct LayerFile {
     /// What reports and errors call the layer.
     pub name: String,
-    /// The file (`.ply`, `.obj`, `.glb`), or a node of a GLB file as `FILE.glb#NODE`
+    /// The file (`.ply`, `.obj`, `.glb`, `.gltf`), or a node of a glTF file as `FILE.glb#NODE`
     /// ([`if_mesh::file::file_and_node`]).
     pub path: PathBuf,
 }
@@ -100,7 +100,7 @@ impl OutfitFiles {
     /// # Errors
     ///
     /// A scale that is not positive, a file that cannot be read, two layers that have vertices of a
-    /// GLB file in common, or an invalid outfit ([`Outfit::new`]).
+    /// glTF file in common, or an invalid outfit ([`Outfit::new`]).
     pub fn read(
         body: LayerFile,
         garments: Vec<LayerFile>,
@@ -110,13 +110,17 @@ impl OutfitFiles {
             return Err(FilesError::ScaleRange { scale });
         }
         let layers: Vec<&LayerFile> = std::iter::once(&body).chain(&garments).collect();
-        let read = |layer: &&LayerFile| {
-            MeshFile::read(&layer.path)
-                .map_err(|source| FilesError::Read { layer: layer.name.clone(), source })
+        let read = |(k, layer): (usize, &&LayerFile)| {
+            let role = if k == 0 { "body" } else { "garment" };
+            MeshFile::read(&layer.path).map_err(|source| FilesError::Read {
+                role,
+                layer: layer.name.clone(),
+                source,
+            })
         };
         // All are read before the first error is returned, so that it is the same on any number of
         // threads.
-        let files: Vec<_> = layers.par_iter().map(read).collect();
+        let files: Vec<_> = layers.par_iter().enumerate().map(read).collect();
         let mut files = files.into_iter().collect::<Result<Vec<_>, _>>()?;
         check_nodes(&layers, &files)?;
         let in_metres = |(layer, file): (&&LayerFile, &MeshFile)| to_layer(layer, file, scale);
@@ -181,7 +185,8 @@ impl OutfitFiles {
     /// # Errors
     ///
     /// [`FilesError::Unresolved`] if intersections remain, with the result as far as it came; as
-    /// [`resolve`](crate::resolve()) otherwise; and a file that cannot hold its split triangles.
+    /// [`resolve`](crate::resolve()) otherwise; a file whose vertices cannot move, or
+    /// that cannot hold its split triangles.
     pub fn resolve(
         &self,
         params: &ResolveParams,
@@ -206,6 +211,10 @@ impl OutfitFiles {
         params: &ResolveParams,
         monitor: &mut dyn Monitor,
     ) -> Result<ResolvedFiles, FilesError> {
+        for (garment, file) in self.outfit.garments.iter().zip(&self.files) {
+            let layer = garment.name.clone();
+            file.check_movable().map_err(|source| FilesError::Fixed { layer, source })?;
+        }
         let found = resolve_on_fields(&self.outfit, fields, params, monitor);
         let Resolved { outfit, mut report, splits } = match found {
             Ok(resolved) => resolved,
@@ -286,11 +295,11 @@ impl OutfitFiles {
     }
 }
 
-/// Two layers must not have vertices of a GLB file in common.
+/// Two layers must not have vertices of a glTF file in common.
 fn check_nodes(layers: &[&LayerFile], files: &[MeshFile]) -> Result<(), FilesError> {
     for (k, (second, file)) in layers.iter().zip(files).enumerate() {
         for (first, other) in layers[..k].iter().zip(files) {
-            let (Content::Glb(a), Content::Glb(b)) = (other.content(), file.content()) else {
+            let (Content::Gltf(a), Content::Gltf(b)) = (other.content(), file.content()) else {
                 continue;
             };
             let [a_path, b_path] = [first, second].map(|l| file_and_node(&l.path).0.canonicalize());

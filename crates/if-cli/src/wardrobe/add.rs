@@ -27,17 +27,17 @@ pub(crate) struct AddArgs {
     /// The wardrobe's folder; made where it is missing.
     #[arg(value_name = "WARDROBE")]
     pub(crate) root: PathBuf,
-    /// Garments (.ply, .obj, .glb) in the canonical pose of the body, in metres or with --scale. Each is
+    /// Garments (.ply, .obj, .glb, .gltf) in the canonical pose of the body, in metres or with --scale. Each is
     /// called after its file.
     #[arg(value_name = "GARMENTS", required_unless_present = "mesh")]
     pub(crate) garments: Vec<PathBuf>,
     /// The body that the garments were made on.
     #[arg(long, value_name = "NAME")]
     pub(crate) body: String,
-    /// Adds the body, with this mesh (.ply, .obj, .glb): closed, in metres or with --scale.
+    /// Adds the body, with this mesh (.ply, .obj, .glb, .gltf): closed, in metres or with --scale.
     #[arg(long, value_name = "FILE")]
     pub(crate) mesh: Option<PathBuf>,
-    /// A mesh (.ply, .obj, .glb) of the same body whose topology other bodies share.
+    /// A mesh (.ply, .obj, .glb, .gltf) of the same body whose topology other bodies share.
     #[arg(long, value_name = "FILE", requires = "mesh")]
     pub(crate) template: Option<PathBuf>,
     /// Its joints (skeleton.json).
@@ -187,8 +187,8 @@ fn add(
             let lost = lost.iter().map(ToString::to_string).collect();
             (None, Beside::of(&ply), Vec::new(), lost)
         }
-        Content::Glb(_) => {
-            let lost = "of the GLB file only the triangles are kept".to_owned();
+        Content::Gltf(_) => {
+            let lost = "of the glTF file only the triangles are kept".to_owned();
             (None, Beside::default(), Vec::new(), vec![lost])
         }
         _ => (None, Beside::default(), Vec::new(), Vec::new()),

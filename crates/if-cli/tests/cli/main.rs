@@ -13,7 +13,7 @@ mod cut;
 mod extract;
 mod fit;
 mod folder;
-mod glb;
+mod gltf;
 mod own;
 mod reconstruct;
 mod same_bytes;

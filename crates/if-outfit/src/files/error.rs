@@ -7,6 +7,7 @@ use crate::unresolved::Unresolved;
 use if_core::math::Real;
 use if_core::mesh::MeshError;
 use if_mesh::file::{ReadError, SplitError, WriteError};
+use if_mesh::gltf;
 use std::path::PathBuf;
 
 /// An outfit cannot be read, resolved or written.
@@ -20,8 +21,16 @@ pub enum FilesError {
     )]
     ScaleRange { scale: Real },
     /// A file cannot be read.
-    #[error("cannot read layer `{layer}`: {source}")]
-    Read { layer: String, source: ReadError },
+    #[error("cannot read {role} `{layer}`: {source}")]
+    Read {
+        /// `body` or `garment`.
+        role: &'static str,
+        layer: String,
+        source: ReadError,
+    },
+    /// The vertices of a garment cannot move.
+    #[error("garment `{layer}` cannot move: {source}")]
+    Fixed { layer: String, source: gltf::WriteError },
     /// A mesh is not finite in metres, or in the units of its file.
     #[error("`{}` ({layer}) cannot be scaled by {scale}: {source}", path.display())]
     Scale { layer: String, path: PathBuf, scale: Real, source: MeshError },
@@ -43,7 +52,7 @@ pub enum FilesError {
         result: Box<ResolvedFiles>,
     },
     /// A garment cannot be written.
-    #[error("cannot write layer `{layer}`: {source}")]
+    #[error("cannot write garment `{layer}`: {source}")]
     Write { layer: String, source: WriteError },
     /// Two layers are the same vertices of a file.
     #[error(

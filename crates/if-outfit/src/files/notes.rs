@@ -15,7 +15,7 @@ pub(super) fn of(files: &OutfitFiles) -> Vec<String> {
     let layers: Vec<(&Layer, Option<&MeshFile>)> = outfit.layers().zip(own).collect();
     let notes = layers.into_par_iter().flat_map_iter(|(layer, file)| {
         // Such a file has a vertex for each of its normals and texture coordinates.
-        let is_split = file.is_some_and(|file| matches!(file.content(), Content::Glb(_)));
+        let is_split = file.is_some_and(|file| matches!(file.content(), Content::Gltf(_)));
         let is_meant = |fault: &&Fault| is_split && matches!(fault, Fault::Duplicates { .. });
         let faults = faults(&layer.mesh);
         let faults = faults.iter().filter(|fault| !is_meant(fault));

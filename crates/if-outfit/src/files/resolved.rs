@@ -36,7 +36,7 @@ impl ResolvedFiles {
     }
 
     /// Writes the garments `ks`, counted from the innermost, to `path`, whole or not at all
-    /// ([`MeshFile::write_layers`]): one garment, or several that are nodes of one GLB file. If none
+    /// ([`MeshFile::write_layers`]): one garment, or several that are nodes of one glTF file. If none
     /// of them moved, the file is a byte-for-byte copy.
     ///
     /// # Errors
@@ -53,7 +53,7 @@ impl ResolvedFiles {
     }
 
     /// The garments by the file that holds them, each with the file's name: one garment, or all
-    /// nodes of a GLB file. Garments from memory go to `NAME.ply`.
+    /// nodes of a glTF file. Garments from memory go to `NAME.ply`.
     ///
     /// # Errors
     ///
@@ -103,8 +103,8 @@ impl ResolvedFiles {
     /// Whether two garments are nodes of one file.
     fn is_one_file(&self, first: usize, second: usize) -> bool {
         match (self.files[first].content(), self.files[second].content()) {
-            (Content::Glb(a), Content::Glb(b)) => {
-                a.bytes() == b.bytes() && !a.shares_vertices_with(b)
+            (Content::Gltf(a), Content::Gltf(b)) => {
+                a.is_in_file_of(b) && !a.shares_vertices_with(b)
             }
             _ => false,
         }

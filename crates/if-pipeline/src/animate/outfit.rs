@@ -73,7 +73,8 @@ impl SkinnedOutfit {
     }
 
     /// The same with weights from the files of the layers, the body's first: vertex properties j0 to
-    /// j3 and w0 to w3 of PLY files. OBJ files have none.
+    /// j3 and w0 to w3 of PLY files, and skins of glTF files whose joints have the names of the
+    /// skeleton's. OBJ files have none.
     ///
     /// # Errors
     ///
@@ -88,12 +89,17 @@ impl SkinnedOutfit {
         files: impl Iterator<Item = &'a MeshFile>,
     ) -> Result<Self, SkinFault> {
         let read = |(layer, file): (&if_outfit::Layer, &MeshFile)| {
-            let Content::Ply(ply) = file.content() else { return Ok(None) };
-            if ply.vertex_property("j0").is_none() && ply.vertex_property("w0").is_none() {
-                return Ok(None);
-            }
-            let fault = |source| SkinFault { layer: layer.name.clone(), source };
-            SkinWeights::from_ply(ply, skeleton.len()).map(Some).map_err(fault)
+            let found = match file.content() {
+                Content::Ply(ply) => ["j0", "w0"]
+                    .iter()
+                    .any(|name| ply.vertex_property(name).is_some())
+                    .then(|| SkinWeights::from_ply(ply, skeleton.len())),
+                Content::Gltf(gltf) => gltf
+                    .influences()
+                    .map(|influences| SkinWeights::from_gltf(&influences, skeleton.names())),
+                _ => None,
+            };
+            found.transpose().map_err(|source| SkinFault { layer: layer.name.clone(), source })
         };
         let skins = outfit.layers().zip(files).map(read).collect::<Result<Vec<_>, _>>()?;
         Self::new(outfit, skeleton, skins)

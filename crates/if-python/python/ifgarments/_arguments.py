@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 from .errors import ParameterError
@@ -43,13 +43,7 @@ def named_params(params: Mapping[str, Any] | None) -> list[tuple[str, str]]:
 
 
 def checked_threads(threads: int | None) -> int | None:
-    if threads is None:
-        return None
-    if isinstance(threads, bool) or not isinstance(threads, int):
-        raise TypeError(f"threads is {threads!r}; it must be a whole number, or None")
-    if not 1 <= threads <= 1024:
-        raise ValueError(f"threads is {threads}; it must be from 1 to 1024")
-    return threads
+    return None if threads is None else whole(threads, "threads", 1, 1024)
 
 
 def listener(
@@ -62,9 +56,51 @@ def listener(
     return lambda *values: progress(Progress(*values))
 
 
+def number(value: Any, argument: str) -> float:
+    """A number as the native module takes it."""
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(f"{argument} is {value!r}; it must be a number") from None
+
+
+def whole(value: Any, argument: str, least: int, most: int) -> int:
+    """A whole number in a range."""
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise TypeError(f"{argument} is {value!r}; it must be a whole number")
+    if not least <= value <= most:
+        raise ValueError(f"{argument} is {value}; it must be from {least} to {most}")
+    return value
+
+
+def names(given: Any, argument: str) -> list[str]:
+    """Names of garments: not one text, which is a sequence of letters, too."""
+    is_list = isinstance(given, Iterable) and not isinstance(given, (str, bytes, Mapping))
+    listed = list(given) if is_list else [None]
+    if not all(isinstance(name, str) for name in listed):
+        raise TypeError(f"{argument} is {given!r}; it must be a list of names")
+    return listed
+
+
+def pairs(given: Any) -> list[tuple[str, list[str]]]:
+    """Bodies and the garments that each wears."""
+    if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):
+        raise TypeError(f"combinations is {given!r}; it must be a list of pairs (body, garments)")
+    found = []
+    for k, pair in enumerate(given):
+        is_pair = isinstance(pair, (tuple, list)) and len(pair) == 2 and isinstance(pair[0], str)
+        if not is_pair:
+            raise TypeError(f"combinations[{k}] is {pair!r}; it must be a pair (body, garments)")
+        found.append((pair[0], names(pair[1], f"combinations[{k}][1]")))
+    return found
+
+
 def folder(path: str | os.PathLike[str], argument: str) -> str:
     """A path as text."""
     try:
-        return os.fsdecode(path)
+        text = os.fsdecode(path)
     except TypeError:
         raise TypeError(f"{argument} is {path!r}; it must be a path") from None
+    if "\0" in text:
+        raise ValueError(f"{argument} is {path!r}; a path has no zero bytes")
+    return text

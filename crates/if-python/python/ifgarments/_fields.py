@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from . import _ifgarments as _native
-from ._arguments import Progress, checked_threads, listener
+from ._arguments import Progress, checked_threads, folder, listener, number, whole
+from ._files import whole_file
 from ._kinds import read
 from ._outfits import Arrays, Mesh
 from .errors import ParameterError
@@ -82,15 +83,20 @@ def fit(
     """
     if steps is None and seconds is None:
         seconds = 60.0
-    file, report = _native.fit(
+    if steps is not None:
+        whole(steps, "steps", 0, 2**63 - 1)
+    arguments = (
         read(mesh, "mesh", "mesh").native(),
         steps,
-        seconds,
-        accuracy,
+        None if seconds is None else number(seconds, "seconds"),
+        None if accuracy is None else number(accuracy, "accuracy"),
         checked_threads(threads),
         listener(progress),
     )
-    if path is not None:
-        with open(path, "wb") as out:
+    if path is None:
+        file, report = _native.fit(*arguments)
+    else:
+        with whole_file(folder(path, "path")) as out:
+            file, report = _native.fit(*arguments)
             out.write(file)
     return file, json.loads(report)

@@ -12,7 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _ifgarments as _native
-from ._arguments import Progress, checked_threads, listener, named_params
+from ._arguments import (
+    Progress,
+    checked_threads,
+    folder,
+    listener,
+    named_params,
+    number,
+    whole,
+)
+from ._files import whole_file
 from ._kinds import read, read_layers, read_outfit
 from .errors import IntersectionsRemain
 
@@ -89,7 +98,7 @@ def resolve(
     found = _native.resolve(
         native,
         named_params(params),
-        None if clearance is None else float(clearance),
+        None if clearance is None else number(clearance, "clearance"),
         bool(strict),
         checked_threads(threads),
         listener(progress),
@@ -174,10 +183,13 @@ def picture(
     Returns:
         The PNG file.
     """
-    png = _native.picture(_native_layers(body, layers), height)
-    if path is not None:
-        with open(path, "wb") as file:
-            file.write(png)
+    whole(height, "height", 16, 4096)
+    native = _native_layers(body, layers)
+    if path is None:
+        return _native.picture(native, height)
+    with whole_file(folder(path, "path")) as file:
+        png = _native.picture(native, height)
+        file.write(png)
     return png
 
 
@@ -194,7 +206,9 @@ def demo_scene(
     Returns:
         The body, and the garments by name; float32 as ``ifg demo`` stores them.
     """
-    scene = _native.demo_scene(bool(trousers), float(resolution), float(overlap))
+    scene = _native.demo_scene(
+        bool(trousers), number(resolution, "resolution"), number(overlap, "overlap")
+    )
     layers: dict[str, Arrays] = {name: (v.astype(np.float32), f) for name, v, f in scene}
     return layers.pop("body"), layers
 

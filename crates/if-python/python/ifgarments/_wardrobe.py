@@ -11,7 +11,17 @@ from typing import Any
 import numpy as np
 
 from . import _ifgarments as _native
-from ._arguments import Progress, checked_threads, folder, listener, named_params
+from ._arguments import (
+    Progress,
+    checked_threads,
+    folder,
+    listener,
+    named_params,
+    names,
+    number,
+    pairs,
+    whole,
+)
 from ._outfits import Arrays
 
 
@@ -79,7 +89,7 @@ class Wardrobe:
 
         Args:
             name: a number is appended if a body with other files has this name.
-            mesh: a PLY or OBJ file.
+            mesh: a PLY, OBJ or glTF file.
             template: a file of the same body in a topology that other bodies share.
             skeleton: a file of its joints.
             scale: from the units of these files to metres.
@@ -93,7 +103,7 @@ class Wardrobe:
             folder(mesh, "mesh"),
             None if template is None else folder(template, "template"),
             None if skeleton is None else folder(skeleton, "skeleton"),
-            float(scale),
+            number(scale, "scale"),
         )
 
     def dress(
@@ -109,7 +119,8 @@ class Wardrobe:
         Returns:
             The arguments of :func:`resolve`. Garments are float32, as :meth:`match` stores them.
         """
-        dressed = _native.wardrobe_dress(self.path, body, list(garments), checked_threads(threads))
+        worn = names(garments, "garments")
+        dressed = _native.wardrobe_dress(self.path, body, worn, checked_threads(threads))
         layers: dict[str, Arrays] = {}
         for name, v, f in dressed[1:]:
             layers[name] = (v.astype(np.float32), f)
@@ -148,12 +159,13 @@ class Wardrobe:
             ``error``; ``placed`` is ``"written"``, ``"before"`` (it was there already) or
             ``"nowhere"`` (the folder has a better result).
         """
+        pixels = whole(picture_height, "picture_height", 0, 4096)
         text, placed = _native.wardrobe_match(
             self.path,
-            (body, list(garments)),
+            (body, names(garments, "garments")),
             folder(out, "out"),
-            (named_params(params), None if clearance is None else float(clearance)),
-            (bool(write_unproven), bool(again), picture_height),
+            (named_params(params), None if clearance is None else number(clearance, "clearance")),
+            (bool(write_unproven), bool(again), pixels),
             checked_threads(threads),
             listener(progress),
         )
@@ -201,12 +213,13 @@ class Wardrobe:
         """
         if part is not None and not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}", part):
             raise ValueError(f"part is {part!r}; give up to 64 letters, digits, - and _")
+        pixels = whole(picture_height, "picture_height", 0, 4096)
         text = _native.wardrobe_batch(
             self.path,
-            [(body, list(garments)) for body, garments in combinations],
+            pairs(combinations),
             (folder(out, "out"), part),
-            (named_params(params), None if clearance is None else float(clearance)),
-            (bool(meshes), bool(again), picture_height, checked_threads(at_once) or 1),
+            (named_params(params), None if clearance is None else number(clearance, "clearance")),
+            (bool(meshes), bool(again), pixels, whole(at_once, "at_once", 1, 1024)),
             checked_threads(threads),
             listener(progress),
         )

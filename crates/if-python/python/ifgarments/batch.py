@@ -16,6 +16,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
+from ._arguments import folder, pairs, whole
 from ._wardrobe import Wardrobe
 
 Combination = tuple[str, Sequence[str]]
@@ -52,21 +53,24 @@ def run(
     """
     if engine not in _ENGINES:
         raise ValueError(f"engine is {engine!r}; it must be one of {', '.join(_ENGINES)}")
-    if size < 1:
-        raise ValueError(f"size is {size}; it must be at least 1")
-    whole = [(body, list(garments)) for body, garments in combinations]
+    whole(size, "size", 1, 1_000_000)
+    whole(retries, "retries", 0, 1_000_000)
+    if workers is not None:
+        whole(workers, "workers", 1, 1024)
+    wardrobe, out = folder(wardrobe, "wardrobe"), folder(out, "out")
+    given = pairs(combinations)
     options = {"threads": 1, **options}
     parts: list[_Part] = [
-        (f"{first:08}", str(wardrobe), list(whole[first : first + size]), str(out), options)
-        for first in range(0, len(whole), size)
+        (f"{first:08}", str(wardrobe), given[first : first + size], str(out), options)
+        for first in range(0, len(given), size)
     ]
     done = 0
     for count in _ENGINES[engine](parts, workers, retries):
         done += count
         if progress is not None:
-            progress(done, len(whole))
+            progress(done, len(given))
     # Again would repeat what the parts have done.
-    return Wardrobe(wardrobe).batch(whole, out, **{**options, "again": False})
+    return Wardrobe(wardrobe).batch(given, out, **{**options, "again": False})
 
 
 def _do(part: _Part) -> int:

@@ -13,14 +13,15 @@ from __future__ import annotations
 
 import os
 import re
-import tempfile
 from collections.abc import Mapping
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ._files import whole_file
 from ._kinds import Layer, read
 
 __all__ = ["read_point_cache", "write"]
@@ -90,18 +91,13 @@ def write(
     moving = _moving(layers, frames or {})
     count = max((len(positions) for positions in moving.values()), default=0)
     names = _identifiers([layer.name for layer in layers])
-    handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-    try:
-        with open(handle, "w", encoding="utf-8", newline="\n") as out:
-            out.write(_header(count, fps))
-            for layer, name in zip(layers, names, strict=True):
-                _write_mesh(out, layer, name, moving.get(layer.name))
-            out.write("}\n")
-        Path(temporary).chmod(0o644)
-        os.replace(temporary, target)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    with whole_file(target) as file:
+        out = TextIOWrapper(file, encoding="utf-8", newline="\n")
+        out.write(_header(count, fps))
+        for layer, name in zip(layers, names, strict=True):
+            _write_mesh(out, layer, name, moving.get(layer.name))
+        out.write("}\n")
+        out.detach()
 
 
 def _check_faces(layer: Layer) -> None:

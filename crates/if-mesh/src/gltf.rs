@@ -1,5 +1,5 @@
-//! Binary glTF files (`.glb`): read for their surface as it stands in the scene, and written with
-//! nothing changed except the vertices that moved.
+//! glTF files, binary (`.glb`) and JSON (`.gltf`): read for their surface as it is in the scene, and
+//! written with nothing changed except the vertices that moved.
 //!
 //! The mesh is the union of all triangles of the default scene, or those of one of its nodes
 //! ([`read_layer()`]), in the order of the nodes, as a viewer shows it before any animation: moved
@@ -9,28 +9,36 @@
 //! Everything else survives: materials, textures, texture coordinates, joints and weights,
 //! animations, cameras, extensions, and what this version does not know.
 //!
-//! What cannot be written back is refused with an error that says what to export instead: external
-//! buffers, compressed, quantised or sparse positions, one mesh in two nodes.
+//! Positions that are quantised (`KHR_mesh_quantization`) or sparse become single-precision numbers
+//! if one of them moves, so that what was proven is what is stored. Quantised normals keep their
+//! form. Buffers are in the file, in data URIs, or in files of the same folder or below; they are
+//! written in the same form.
+//!
+//! What cannot be read is refused with an error that says what to export instead: compressed meshes
+//! (Draco, meshopt) and GPU instances. Vertices that two nodes show are read, but cannot move.
 //!
 //! # Source
 //!
 //! Khronos Group, *glTF 2.0 Specification*, version 2.0.1.
 
 mod accessor;
-mod container;
 mod document;
+mod edit;
 mod error;
-mod glb_mesh;
+mod gltf_mesh;
 mod placing;
 mod read;
 mod scene;
+mod skin;
+mod source;
+mod uri;
 mod write;
 
 pub use crate::normals::Normals;
 pub use error::{ReadError, WriteError};
-pub use glb_mesh::GlbMesh;
+pub use gltf_mesh::{GltfMesh, Influences};
 pub use read::{read, read_layer};
-pub use write::{write, write_layers};
+pub use write::{GltfFiles, write, write_layers};
 
 #[cfg(test)]
 mod tests;

@@ -4,19 +4,23 @@ use super::error::ReadError;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// Extensions with positions in another form.
+/// Extensions with positions in a form that is not read.
 const ENCODED: [&str; 4] = [
     "KHR_draco_mesh_compression",
     "EXT_meshopt_compression",
-    "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
     "EXT_mesh_gpu_instancing",
 ];
+
+/// Positions and normals as whole numbers.
+pub(super) const QUANTIZATION: &str = "KHR_mesh_quantization";
 
 type Extensions = BTreeMap<String, serde::de::IgnoredAny>;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct Document {
+    pub(super) asset: Asset,
     pub(super) scene: Option<usize>,
     pub(super) scenes: Vec<Scene>,
     pub(super) nodes: Vec<Node>,
@@ -25,7 +29,15 @@ pub(super) struct Document {
     pub(super) accessors: Vec<Accessor>,
     pub(super) buffer_views: Vec<BufferView>,
     pub(super) buffers: Vec<Buffer>,
-    pub(super) extensions_required: Vec<String>,
+    pub(super) images: Vec<Image>,
+    extensions_used: Vec<String>,
+    extensions_required: Vec<String>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Asset {
+    pub(super) version: String,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -88,7 +100,32 @@ pub(super) struct Accessor {
     pub(super) count: usize,
     #[serde(rename = "type")]
     pub(super) kind: String,
-    pub(super) sparse: Option<serde::de::IgnoredAny>,
+    pub(super) sparse: Option<Sparse>,
+}
+
+/// Elements in place of some of an accessor.
+#[derive(Debug, Deserialize)]
+pub(super) struct Sparse {
+    pub(super) count: usize,
+    pub(super) indices: SparseIndices,
+    pub(super) values: SparseValues,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct SparseIndices {
+    pub(super) buffer_view: usize,
+    #[serde(default)]
+    pub(super) byte_offset: usize,
+    pub(super) component_type: u32,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct SparseValues {
+    pub(super) buffer_view: usize,
+    #[serde(default)]
+    pub(super) byte_offset: usize,
 }
 
 #[derive(Debug, Deserialize)]
@@ -103,14 +140,26 @@ pub(super) struct BufferView {
     extensions: Extensions,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
 pub(super) struct Buffer {
+    pub(super) uri: Option<String>,
+    pub(super) byte_length: usize,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Image {
     pub(super) uri: Option<String>,
 }
 
 impl Document {
     pub(super) fn parse(json: &[u8]) -> Result<Self, ReadError> {
         let document: Self = serde_json::from_slice(json)?;
+        let version = &document.asset.version;
+        if !version.starts_with("2.") {
+            return Err(ReadError::Version { found: version.clone() });
+        }
         let primitives = document.meshes.iter().flat_map(|mesh| &mesh.primitives);
         let used = (document.extensions_required.iter())
             .chain(document.nodes.iter().flat_map(|node| node.extensions.keys()))
@@ -120,6 +169,11 @@ impl Document {
             Some(extension) => Err(ReadError::Extension { extension: extension.clone() }),
             None => Ok(document),
         }
+    }
+
+    /// Whether positions and normals may be whole numbers.
+    pub(super) fn is_quantized(&self) -> bool {
+        self.extensions_used.iter().chain(&self.extensions_required).any(|e| e == QUANTIZATION)
     }
 }
 

@@ -1,16 +1,26 @@
-//! Errors of the GLB reader and writer.
+//! Errors of the glTF reader and writer.
 
 use if_core::mesh::MeshError;
 use std::io;
+use std::path::PathBuf;
 
 /// Errors of [`super::read()`]. Indices count from 0, as in the file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages explain the fields
 pub enum ReadError {
-    /// The first bytes are not those of a GLB file.
-    #[error("not a GLB file of version 2: it must begin with `glTF` and the number 2")]
+    /// The first bytes are not those of a glTF file.
+    #[error(
+        "not a glTF file: it must begin with `glTF` and the number 2 (.glb), or be a JSON object \
+         (.gltf)"
+    )]
     Magic,
+    /// The file is of the other form than its name says.
+    #[error("{found}; give it a name that ends in .{extension}")]
+    Form { found: &'static str, extension: &'static str },
+    /// Another version of the format.
+    #[error("`asset.version` is `{found}`; export glTF 2.0")]
+    Version { found: String },
     /// A length in the file is larger than the file.
     #[error("the file ends too early: {what} needs {needed} bytes, and there are {found}")]
     Truncated { what: &'static str, needed: u64, found: u64 },
@@ -23,21 +33,24 @@ pub enum ReadError {
     /// An index is out of range.
     #[error("{what} {index} does not exist; there are {count}, and 0 is the first")]
     Index { what: &'static str, index: usize, count: usize },
-    /// Data outside of the file.
-    #[error("buffer {buffer} is not in the file; export one .glb file with all its data")]
+    /// Data that are nowhere.
+    #[error("buffer {buffer} has no data; export one .glb file without mesh compression")]
     External { buffer: usize },
-    /// Compressed or quantised meshes.
-    #[error("{extension} is not supported; export without mesh compression and quantisation")]
+    /// A URI that is not followed.
+    #[error("buffer {buffer} is at `{uri}`; {expected}")]
+    Uri { buffer: usize, uri: String, expected: &'static str },
+    /// A file with data cannot be read.
+    #[error("buffer {buffer}: cannot read `{}`: {source}", path.display())]
+    Beside { buffer: usize, path: PathBuf, source: io::Error },
+    /// Compressed meshes, and instances without nodes.
+    #[error("{extension} is not supported; export without mesh compression and GPU instancing")]
     Extension { extension: String },
     /// An accessor of another kind than its use needs.
     #[error("accessor {accessor} holds {found}; {what} must be {expected}")]
     Accessor { accessor: usize, what: &'static str, expected: &'static str, found: String },
     /// An accessor without data of its own.
-    #[error(
-        "accessor {accessor} is sparse or has no data; export without sparse accessors and without \
-         mesh compression"
-    )]
-    Sparse { accessor: usize },
+    #[error("accessor {accessor} has no data in the file; export without mesh compression")]
+    NoData { accessor: usize },
     /// Values that are not finite, or out of their range.
     #[error("accessor {accessor}, element {element}: {found} is invalid; {expected}")]
     Value { accessor: usize, element: usize, expected: &'static str, found: String },
@@ -47,12 +60,6 @@ pub enum ReadError {
     /// A transform that cannot be inverted.
     #[error("node {node}: its transform is not finite or flattens space; apply it before export")]
     Transform { node: usize },
-    /// Vertices that two nodes show.
-    #[error(
-        "nodes {first} and {second} show the same vertices, which cannot move apart; give each its \
-         own copy of the mesh before export"
-    )]
-    Shared { first: usize, second: usize },
     /// Data that is used too often.
     #[error("the file uses its data {what} too often")]
     TooMuch { what: &'static str },
@@ -87,11 +94,8 @@ fn listed(names: &[String]) -> String {
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages explain the fields
 pub enum WriteError {
-    /// The destination returned an error.
-    #[error("cannot write the file: {0}")]
-    Io(#[from] io::Error),
     /// Layers of several files.
-    #[error("only layers of one file can be written into one file")]
+    #[error("only layers of one glTF file can be written into one file")]
     SeveralFiles,
     /// The positions do not belong to the mesh, or are not finite.
     #[error(transparent)]
@@ -102,4 +106,16 @@ pub enum WriteError {
     /// The positions share bytes with other data.
     #[error("the file's positions overlap other data of the file; export it anew")]
     Overlap,
+    /// The JSON has text or numbers that cannot be written again.
+    #[error("the JSON of the file: {0}")]
+    Json(#[from] serde_json::Error),
+    /// Vertices that two nodes show.
+    #[error(
+        "nodes {first} and {second} show the same vertices, which cannot move apart; give each its \
+         own copy of the mesh before export"
+    )]
+    Shared { first: usize, second: usize },
+    /// A GLB file of 4 GiB.
+    #[error("the file would be larger than 4 GiB, which a GLB file cannot be")]
+    TooLarge,
 }

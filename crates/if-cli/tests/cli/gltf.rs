@@ -1,0 +1,259 @@
+//! Outfits of glTF files, binary and JSON.
+
+use crate::folder::{Folder, belt, body};
+use if_core::mesh::TriMesh;
+use if_core::shapes::meshes::icosphere;
+use if_mesh::file::MeshFile;
+use serde_json::{Value, json};
+
+/// Meshes as a GLB file: each in centimetres below a node that scales it, with texture coordinates.
+fn glb(meshes: &[(&str, &TriMesh)]) -> Vec<u8> {
+    let mut bin: Vec<u8> = Vec::new();
+    let (mut views, mut accessors, mut nodes, mut shapes) = (vec![], vec![], vec![], vec![]);
+    for (k, (name, mesh)) in meshes.iter().enumerate() {
+        let (n, m) = (mesh.vertices().len(), mesh.triangles().len());
+        let mut add = |count: usize, code: usize, kind: &str, bytes: Vec<u8>| {
+            views.push(json!({"buffer": 0, "byteOffset": bin.len(), "byteLength": bytes.len()}));
+            let view = views.len() - 1;
+            accessors.push(
+                json!({"bufferView": view, "componentType": code, "count": count, "type": kind}),
+            );
+            bin.extend(bytes);
+            view
+        };
+        let floats = |all: Vec<f64>| all.iter().flat_map(|x| (*x as f32).to_le_bytes()).collect();
+        let positions = mesh.vertices().iter().flat_map(|p| [p.x, p.y, p.z].map(|x| 100.0 * x));
+        let positions = add(n, 5126, "VEC3", floats(positions.collect()));
+        let uv = (0..2 * n).map(|k| 0.001 * k as f64).collect();
+        let uv = add(n, 5126, "VEC2", floats(uv));
+        let corners = mesh.triangles().as_flattened().iter().flat_map(|v| v.to_le_bytes());
+        let corners = add(3 * m, 5125, "SCALAR", corners.collect());
+        nodes.push(json!({"name": name, "mesh": k, "scale": [0.01, 0.01, 0.01]}));
+        shapes.push(json!({"primitives": [{
+            "attributes": {"POSITION": positions, "TEXCOORD_0": uv}, "indices": corners, "material": 0,
+        }]}));
+    }
+    let document = json!({
+        "asset": {"version": "2.0"}, "materials": [{"name": "wool"}],
+        "scenes": [{"nodes": (0..nodes.len()).collect::<Vec<_>>()}], "nodes": nodes,
+        "meshes": shapes, "accessors": accessors, "bufferViews": views,
+        "buffers": [{"byteLength": bin.len()}],
+    });
+    let mut text = document.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let head = [2, 28 + text.len() + bin.len(), text.len(), 0x4E4F_534A];
+    let mut out = b"glTF".to_vec();
+    out.extend(head.iter().flat_map(|x| (*x as u32).to_le_bytes()));
+    out.extend(text);
+    out.extend([bin.len(), 0x004E_4942].iter().flat_map(|x| (*x as u32).to_le_bytes()));
+    out.extend(bin);
+    out
+}
+
+#[test]
+fn a_garment_of_a_scene_is_resolved_in_its_own_units_and_keeps_the_rest() {
+    let folder = Folder::new();
+    let skirt = belt(0.97, -0.3, 0.2);
+    folder.write("body.glb", glb(&[("body", &body())]));
+    folder.write("skirt.glb", glb(&[("skirt", &skirt)]));
+    folder.ifg("check --body body.glb skirt.glb").expect(1);
+    let run = folder.ifg("fix --body body.glb skirt.glb --out fixed").expect(0);
+    assert!(run.stdout.contains("Wrote fixed: skirt.glb"), "{}", run.stdout);
+    folder.ifg("check --body body.glb fixed/skirt.glb").expect(0);
+    let [before, after] = ["skirt.glb", "fixed/skirt.glb"].map(|name| folder.read(name));
+    // As many bytes of numbers, and texture coordinates and triangles unchanged.
+    let (n, m) = (skirt.vertices().len(), skirt.triangles().len());
+    let rest = 8 * n + 12 * m;
+    assert!(before[before.len() - rest..] == after[after.len() - rest..]);
+    assert!(before[before.len() - rest - 12 * n..] != after[after.len() - rest - 12 * n..]);
+    let [before, after] =
+        ["skirt.glb", "fixed/skirt.glb"].map(|name| MeshFile::read(&folder.path(name)).unwrap());
+    let moved = before.mesh().vertices().iter().zip(after.mesh().vertices());
+    let largest = moved.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    assert!(largest > 1e-4 && largest < 0.1, "{largest} m");
+}
+
+#[test]
+fn nodes_of_one_file_are_layers_and_written_back_into_it() {
+    let folder = Folder::new();
+    let (inner, outer) = (belt(0.97, -0.3, 0.2), belt(0.98, -0.2, 0.1));
+    folder.write("look.glb", glb(&[("Body", &body()), ("a/b", &inner), ("Coat", &outer)]));
+    let layers = "--body look.glb#Body look.glb#a/b look.glb#Coat";
+    folder.ifg(&format!("check {layers}")).expect(1);
+    let run = folder.ifg(&format!("fix {layers} --out fixed")).expect(0);
+    assert!(run.stdout.contains("Wrote fixed: look.glb"), "{}", run.stdout);
+    let fixed = layers.replace("look.glb", "fixed/look.glb");
+    folder.ifg(&format!("check {fixed}")).expect(0);
+    let read = |path: &str| MeshFile::read(&folder.path(path)).unwrap();
+    for node in ["Body", "a/b", "Coat"] {
+        let [before, after] = ["look", "fixed/look"].map(|f| read(&format!("{f}.glb#{node}")));
+        assert_eq!(before.mesh().triangles(), after.mesh().triangles());
+        assert_eq!(before.mesh().vertices() == after.mesh().vertices(), node == "Body", "{node}");
+    }
+    // The same from an outfit file, with names of its own.
+    folder.write(
+        "look.toml",
+        "body = \"look.glb#Body\"\n[[garment]]\nfile = \"look.glb#a/b\"\nname = \"belt\"\n\
+         [[garment]]\nfile = \"look.glb#Coat\"\n",
+    );
+    folder.ifg("fix look.toml --out again").expect(0);
+    assert!(folder.read("again/look.glb") == folder.read("fixed/look.glb"));
+    // In place: the body's file is written, and the body stays.
+    folder.ifg("fix look.toml --out .").expect(2);
+    folder.ifg("fix look.toml --out . --in-place").expect(0);
+    assert!(folder.read("look.glb") == folder.read("fixed/look.glb"));
+}
+
+#[test]
+fn nodes_that_are_missing_or_chosen_twice_are_named() {
+    let folder = Folder::new();
+    folder.write("look.glb", glb(&[("Body", &body()), ("Coat", &belt(0.97, -0.3, 0.2))]));
+    let run = folder.ifg("check --body look.glb#Body look.glb#coat").expect(2);
+    assert!(
+        run.stderr.contains("no node `coat`") && run.stderr.contains("`Coat`"),
+        "{}",
+        run.stderr
+    );
+    let run = folder.ifg("check --body look.glb look.glb#Coat").expect(2);
+    let flat = run.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(flat.contains("look.glb#NODE") || flat.contains("scene.glb#NODE"), "{}", run.stderr);
+}
+
+/// The JSON and the numbers of a GLB file.
+fn parts(glb: &[u8]) -> (Value, &[u8]) {
+    let end = 20 + u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    (serde_json::from_slice(&glb[20..end]).unwrap(), &glb[end + 8..])
+}
+
+/// Meshes as a JSON file `NAME.gltf`, with its numbers in `data/NAME.bin` and an image.
+fn write_gltf(folder: &Folder, name: &str, meshes: &[(&str, &TriMesh)]) {
+    let glb = glb(meshes);
+    let (mut document, bin) = parts(&glb);
+    document["buffers"][0]["uri"] = json!(format!("data/{name}.bin"));
+    document["images"] = json!([{"uri": "data/wool%20red.png"}, {"uri": "../elsewhere.png"}]);
+    std::fs::create_dir_all(folder.path("data")).unwrap();
+    folder.write(&format!("data/{name}.bin"), bin);
+    folder.write("data/wool red.png", "red");
+    folder.write(&format!("{name}.gltf"), document.to_string());
+}
+
+#[test]
+fn a_json_file_is_written_with_its_numbers_and_images() {
+    let folder = Folder::new();
+    write_gltf(&folder, "skirt", &[("skirt", &belt(0.97, -0.3, 0.2))]);
+    write_gltf(&folder, "body", &[("body", &body())]);
+    let outfit = "--body body.gltf skirt.gltf";
+    folder.ifg(&format!("check {outfit}")).expect(1);
+    let run = folder.ifg(&format!("fix {outfit} --out fixed")).expect(0);
+    assert!(run.stdout.contains("`../elsewhere.png` is not in its folder"), "{}", run.stdout);
+    folder.ifg("check --body body.gltf fixed/skirt.gltf").expect(0);
+    assert_eq!(folder.read("fixed/data/wool red.png"), b"red");
+    // As one of a batch, which resumes.
+    folder.write("a.toml", "body='body.gltf'\n[[garment]]\nfile='skirt.gltf'\n");
+    folder.write("b.toml", "body='body.ply'\n[[garment]]\nfile='hoop.ply'\n");
+    let batch = || -> Value {
+        folder.ifg("fix a.toml b.toml --out all").expect(0);
+        serde_json::from_slice(&folder.read("all/a/receipt.json")).unwrap()
+    };
+    let receipt = batch();
+    let files = |list: &str| -> Vec<&str> {
+        receipt[list].as_array().unwrap().iter().map(|e| e["file"].as_str().unwrap()).collect()
+    };
+    let inputs =
+        ["body.gltf", "skirt.gltf", "data/body.bin", "data/skirt.bin", "data/wool red.png"];
+    assert_eq!(files("inputs"), inputs);
+    assert!(files("outputs").starts_with(&["skirt.gltf", "data/skirt.bin", "data/wool red.png"]));
+    // Numbers of the body or of a garment that change make it another outfit; else it is done.
+    assert_eq!(batch(), receipt, "it was done again");
+    let mut bin = folder.read("data/body.bin");
+    bin[0] ^= 1;
+    folder.write("data/body.bin", bin);
+    assert_ne!(batch()["inputs"], receipt["inputs"]);
+}
+
+#[test]
+fn files_of_numbers_never_replace_one_another_or_an_input() {
+    let folder = Folder::new();
+    write_gltf(&folder, "skirt", &[("skirt", &belt(0.97, -0.3, 0.2))]);
+    let refused = |args: &str, words: &str| {
+        let run = folder.ifg(args).expect(2);
+        let flat = run.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(flat.contains(words), "{args}: {}", run.stderr);
+    };
+    refused("fix --body body.ply skirt.gltf --out .", "`skirt.gltf` is the input file");
+    // Another garment of the same numbers' name.
+    std::fs::create_dir_all(folder.path("other/data")).unwrap();
+    folder.write("other/data/skirt.bin", folder.read("data/skirt.bin"));
+    folder.write("other/top.gltf", folder.read("skirt.gltf"));
+    refused(
+        "fix --body body.ply skirt.gltf other/top.gltf --out fixed",
+        "would both be written to `data/skirt.bin`",
+    );
+    // The numbers of the body.
+    std::fs::create_dir_all(folder.path("out/data")).unwrap();
+    write_gltf(&folder, "body", &[("body", &body())]);
+    let text = String::from_utf8(folder.read("skirt.gltf")).unwrap();
+    folder.write("out/doll.gltf", text.replace("\"skirt\"", "\"doll\""));
+    folder.write("out/data/skirt.bin", folder.read("data/skirt.bin"));
+    refused(
+        "fix --body out/doll.gltf skirt.gltf --out out",
+        "output `out/data/skirt.bin` is the input file `out/data/skirt.bin` itself",
+    );
+    // A folder in its place, and numbers that are missing.
+    std::fs::create_dir_all(folder.path("full/data/skirt.bin")).unwrap();
+    refused("fix --body body.ply skirt.gltf --out full", "full/data/skirt.bin");
+    std::fs::remove_file(folder.path("data/skirt.bin")).unwrap();
+    refused("fix --body body.ply skirt.gltf --out new", "buffer 0: cannot read `data/skirt.bin`");
+    assert!(!folder.path("new").exists() && !folder.path("fixed").exists());
+}
+
+#[test]
+fn a_body_may_show_one_mesh_in_several_nodes_and_a_garment_may_not() {
+    let folder = Folder::new();
+    let button = icosphere(0.02, 1);
+    let (document, bin) = {
+        let glb = glb(&[("Body", &body()), ("Button", &button), ("Coat", &belt(0.97, -0.3, 0.2))]);
+        let (mut document, bin) = parts(&glb);
+        document["nodes"][1]["translation"] = json!([0.4, 0.2, 0]);
+        let mut second = document["nodes"][1].clone();
+        (second["name"], second["translation"]) = (json!("Second"), json!([-0.4, 0.2, 0]));
+        document["nodes"].as_array_mut().unwrap().push(second);
+        let person = json!({"name": "Person", "children": [0, 1, 3]});
+        document["nodes"].as_array_mut().unwrap().push(person);
+        document["scenes"][0]["nodes"] = json!([2, 4]);
+        (document, bin.to_vec())
+    };
+    let mut text = document;
+    text["buffers"][0]["uri"] = json!("look.bin");
+    folder.write("look.bin", bin);
+    folder.write("look.gltf", text.to_string());
+    folder.ifg("fix --body look.gltf#Person look.gltf#Coat --out fixed").expect(0);
+    let read = |path: &str| MeshFile::read(&folder.path(path)).unwrap();
+    let person = read("fixed/look.gltf#Person");
+    assert_eq!(person.mesh(), read("look.gltf#Person").mesh());
+    assert_eq!(
+        person.mesh().triangles().len(),
+        body().triangles().len() + 2 * button.triangles().len()
+    );
+    // As a garment it is counted, and not resolved.
+    folder.ifg("check --body body.ply look.gltf#Second").expect(0);
+    let before = folder.files();
+    let run = folder.ifg("fix --body body.ply look.gltf#Second --out other").expect(2);
+    let flat = run.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(flat.contains("garment `Second` cannot move"), "{}", run.stderr);
+    assert!(flat.contains("nodes 1 and 3 show the same vertices"), "{}", run.stderr);
+    assert!(folder.files() == before);
+}
+
+#[test]
+fn an_error_says_whether_it_is_the_body_or_a_garment() {
+    let folder = Folder::new();
+    folder.write("look.glb", "glTF");
+    let run = folder.ifg("check --body look.glb skirt.ply").expect(2);
+    assert!(run.stderr.contains("cannot read body `look`"), "{}", run.stderr);
+    let run = folder.ifg("check --body body.ply look.glb").expect(2);
+    assert!(run.stderr.contains("cannot read garment `look`"), "{}", run.stderr);
+    folder.write("look.glb", "{\"asset\": {\"version\": \"2.0\"}}");
+    let run = folder.ifg("check --body body.ply look.glb").expect(2);
+    assert!(run.stderr.contains("no triangles"), "{}", run.stderr);
+}

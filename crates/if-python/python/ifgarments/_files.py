@@ -1,0 +1,41 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+
+@contextmanager
+def whole_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """A file to fill, which takes the name `path` at the end.
+
+    A folder that cannot be written is an error here, before the work. After an exception nothing has
+    changed.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise IsADirectoryError(f"{target} is a folder; give the name of a file")
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=".ifg-", suffix=".part", dir=target.parent)
+    except OSError as error:  # whose text names the temporary file
+        reason = f"cannot write into the folder: {error.strerror}"
+        raise type(error)(error.errno, reason, str(target)) from None
+    try:
+        with open(handle, "wb") as file:
+            yield file
+        Path(temporary).chmod(0o666 & ~_umask())
+        os.replace(temporary, target)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
