@@ -180,7 +180,7 @@ fn files_of_numbers_never_replace_one_another_or_an_input() {
         let flat = run.stderr.split_whitespace().collect::<Vec<_>>().join(" ");
         assert!(flat.contains(words), "{args}: {}", run.stderr);
     };
-    refused("fix --body body.ply skirt.gltf --out .", "`skirt.gltf` is the input file");
+    refused("fix --body body.ply skirt.gltf --out .", "is the input file `skirt.gltf` itself");
     // Another garment of the same numbers' name.
     std::fs::create_dir_all(folder.path("other/data")).unwrap();
     folder.write("other/data/skirt.bin", folder.read("data/skirt.bin"));
