@@ -10,15 +10,18 @@ ifgarments, and with ray and hyperqueue for these two.
 
 import argparse
 import hashlib
+import itertools
 import json
 import os
 import pathlib
 import random
+import re
 import shlex
 import signal
 import subprocess
 import threading
 import time
+from functools import partial
 
 from ifgarments import Wardrobe, batch
 
@@ -27,14 +30,14 @@ TIMED = ("timings.json", "summary.csv", "report.html")
 
 
 def combinations(wardrobe, count):
-    """Bodies in turn, with two to four garments in any order."""
-    draw = random.Random(1)
-    bodies, garments = sorted(wardrobe.bodies), sorted(wardrobe.garments)
-    most = min(4, len(garments))
-    return [
-        (bodies[k % len(bodies)], draw.sample(garments, draw.randint(2, most)))
-        for k in range(count)
-    ]
+    """Some of all bodies with two to four garments, worn as the garments' hints say."""
+    hints = {name: about["layer"] for name, about in wardrobe.garments.items()}
+    order = sorted(hints, key=lambda name: (hints[name]["order"], hints[name]["class"], name))
+    worn = [list(c) for k in (2, 3, 4) for c in itertools.combinations(order, k)]
+    # A skirt or trousers.
+    worn = [c for c in worn if not {"skirt", "legs"} <= {hints[name]["class"] for name in c}]
+    every = [(body, garments) for body in sorted(wardrobe.bodies) for garments in worn]
+    return random.Random(1).sample(every, min(count, len(every)))
 
 
 def digest(folder):
@@ -62,6 +65,11 @@ class Killer(threading.Thread):
             if workers:
                 os.kill(draw.choice(workers), signal.SIGKILL)
                 self.struck += 1
+
+
+def parts_of(args):
+    """Process ids of the shards of this run alone."""
+    return matching("-f", f"^[^ ]*ifg .* --out {re.escape(str(args.out))}/.* --shard")
 
 
 def matching(*pattern):
@@ -130,11 +138,11 @@ def hyperqueue(args, combos, out):
 
 
 WAYS = {
-    "one": (one, lambda: []),
-    "shards": (shards, lambda: matching("-f", "^[^ ]*ifg .* --shard")),
-    "processes": (processes, lambda: matching("-P", str(os.getpid()), "-f", "spawn_main")),
-    "ray": (ray, lambda: matching("-f", "ray::_do")),
-    "hyperqueue": (hyperqueue, lambda: matching("-f", "^[^ ]*ifg .* --shard")),
+    "one": (one, lambda _: []),
+    "shards": (shards, parts_of),
+    "processes": (processes, lambda _: matching("-P", str(os.getpid()), "-f", "spawn_main")),
+    "ray": (ray, lambda _: matching("-f", "ray::_do")),
+    "hyperqueue": (hyperqueue, parts_of),
 }
 
 
@@ -156,7 +164,8 @@ def main():
     print("| way | seconds | clean | kills | files, hash |\n|---|---|---|---|---|")
     for way in args.ways:
         run, find = WAYS[way]
-        killer = Killer(find, 0 if way == "one" else args.kills, args.between)
+        kills = 0 if way == "one" else args.kills
+        killer = Killer(partial(find, args), kills, args.between)
         killer.start()
         start = time.perf_counter()
         run(args, combos, args.out / way)

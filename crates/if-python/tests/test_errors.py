@@ -101,7 +101,7 @@ def test_bad_bodies_are_named(body, words):
 ARGUMENTS = [
     ({"clearance": -1.0}, ValueError, "`goal.clearance` is -1"),
     ({"clearance": float("nan")}, ValueError, "`goal.clearance` is NaN"),
-    ({"clearance": "wide"}, ValueError, "wide"),
+    ({"clearance": "wide"}, TypeError, "clearance is 'wide'"),
     ({"threads": 0}, ValueError, "threads is 0; it must be from 1 to 1024"),
     ({"threads": -3}, ValueError, "threads is -3"),
     ({"threads": 10**30}, ValueError, "threads is 1000"),

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use std::f64::consts::FRAC_PI_8;
 
 /// The body with weights, trousers without, and a motion of three frames that lifts a knee.
-fn scene() -> Folder {
+pub(crate) fn scene() -> Folder {
     let folder = Folder::new();
     let params = MannequinParams { resolution: 0.7, overlap: 0.0 };
     let mesh = mannequin::body(&params);

@@ -202,8 +202,7 @@ impl<'a> Reader<'a> {
             let mut shown = positions.filter_map(|accessor| self.of.get(accessor));
             shown.next().map(|shows| [shows[0].0, second])
         };
-        let found = twice.or_else(|| others.find_map(by_other));
-        found.map(|[a, b]| [a.min(b), a.max(b)])
+        twice.or_else(|| others.find_map(by_other))
     }
 
     /// The part of a primitive's vertices; its vertices are added if it is new.
