@@ -76,7 +76,7 @@ def whole(value: Any, argument: str, least: int, most: int) -> int:
 def names(given: Any, argument: str) -> list[str]:
     """Names of garments: not one text, which is a sequence of letters, too."""
     is_list = isinstance(given, Iterable) and not isinstance(given, (str, bytes, Mapping))
-    listed = list(given) if is_list else [None]
+    listed: list[Any] = list(given) if is_list else [None]
     if not all(isinstance(name, str) for name in listed):
         raise TypeError(f"{argument} is {given!r}; it must be a list of names")
     return listed

@@ -142,9 +142,7 @@ class Intersections(NamedTuple):
     triangles: NDArray[np.integer[Any]]
 
 
-def intersections(
-    body: Mesh, layers: Layers, *, threads: int | None = None
-) -> list[Intersections]:
+def intersections(body: Mesh, layers: Layers, *, threads: int | None = None) -> list[Intersections]:
     """Finds where layers intersect each other and themselves: exact.
 
     Args:

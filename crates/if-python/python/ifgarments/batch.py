@@ -20,7 +20,7 @@ from ._arguments import folder, pairs, whole
 from ._wardrobe import Wardrobe
 
 Combination = tuple[str, Sequence[str]]
-_Part = tuple[str, str, list[Combination], str, dict[str, Any]]
+_Part = tuple[str, str, list[tuple[str, list[str]]], str, dict[str, Any]]
 
 
 def run(

@@ -165,7 +165,9 @@ def _header(frames: int, fps: float) -> str:
     if frames:
         lines += [f"    framesPerSecond = {fps:.9g}", f"    timeCodesPerSecond = {fps:.9g}"]
         lines += ["    startTimeCode = 0", f"    endTimeCode = {frames - 1}"]
-    return "\n".join([*lines, ")", "", 'def Xform "outfit" (', '    kind = "component"', ")", "{", ""])
+    return "\n".join(
+        [*lines, ")", "", 'def Xform "outfit" (', '    kind = "component"', ")", "{", ""]
+    )
 
 
 def _write_mesh(out: TextIO, layer: Layer, name: str, positions: Positions | None) -> None:
