@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! untangle each garment that intersects itself                              untangle.rs
-//! for each garment, inner to outer
+//! from the first garment on that cannot lie over another: nothing           obstacle.rs
+//! for each garment before it, inner to outer
 //!     settle it over those below, verify it exactly, freeze it       dressing.rs
 //!     stuck over garments that it met, and tucking is allowed:
 //!         press those in below it, and go back to the innermost      upper_layers.rs
@@ -11,6 +12,7 @@
 
 use crate::dressing::{Dressed, Dressing};
 use crate::findings::Findings;
+use crate::obstacle::{Obstacle, obstacles};
 use crate::outfit::Outfit;
 use crate::params::{Own, ResolveParams, Tuck};
 use crate::progress::{GarmentProgress, UNTANGLE};
@@ -48,6 +50,8 @@ pub(crate) struct Attempt {
     pub(crate) verify_seconds: Real,
     /// What untangling did to each garment.
     untangled: Untangling,
+    /// What hinders garments from lying over others.
+    obstacles: Vec<Obstacle>,
     /// For each garment where it settled.
     pub(crate) dressed: Vec<Dressed>,
     /// The closed layers there, the body first, without the outermost garment's.
@@ -85,7 +89,10 @@ impl Attempt {
             }
         }
         let verified = verify_changed(&worked, &changed, given.clone(), closed);
-        let (mut dressed, mut closed) = dress([&outfit, &worked], &verified, settings, monitor)?;
+        let obstacles =
+            trace_span!("obstacles").in_scope(|| obstacles(&worked, &verified.0, &verified.1));
+        let (mut dressed, mut closed) =
+            dress([&outfit, &worked], &verified, &obstacles, settings, monitor)?;
         let mut rounds: Vec<usize> =
             untangled.iter().map(|u| u.as_ref().map_or(0, |u| u.rounds)).collect();
         if settings.params.goal.own == Own::Remove {
@@ -100,7 +107,7 @@ impl Attempt {
         let left = given.iter().zip(untangled).map(left).collect();
         let untangled = Untangling { left, rounds };
         let splits = vec![None; count];
-        Ok(Self { outfit, given, verify_seconds, untangled, dressed, closed, splits })
+        Ok(Self { outfit, given, verify_seconds, untangled, obstacles, dressed, closed, splits })
     }
 
     /// For each garment its own pairs that the input did not have.
@@ -129,7 +136,12 @@ impl Attempt {
         let body = (self.closed[0].body_report(), before.body_own_pairs);
         let after = Verification::new(&self.outfit, body, findings, seconds);
         let layers = (0..self.dressed.len()).map(|k| self.layer_report(k, params)).collect();
-        ResolveReport { before, after, layers, ..ResolveReport::default() }
+        let left = |o: &&Obstacle| {
+            let mut pairs = after.pairs.iter();
+            pairs.any(|p| (&p.inner, &p.outer) == (&o.inner, &o.outer) && !p.is_clean())
+        };
+        let obstacles = self.obstacles.iter().filter(left).cloned().collect();
+        ResolveReport { before, after, layers, obstacles, ..ResolveReport::default() }
     }
 
     fn layer_report(&self, index: usize, params: &ResolveParams) -> LayerReport {
@@ -176,11 +188,15 @@ impl Attempt {
 fn dress(
     [input, outfit]: [&Outfit; 2],
     (given, closed): &(Vec<Findings>, Vec<Arc<ClosedLayer>>),
+    obstacles: &[Obstacle],
     settings: Settings<'_>,
     monitor: &mut dyn Monitor,
 ) -> Result<(Vec<Dressed>, Vec<Arc<ClosedLayer>>), AttemptError> {
     let goal = &settings.params.goal;
     let count = outfit.garments.len();
+    // From the first garment on that cannot lie over another, all stay as they came.
+    let is_hopeless = |name: &str| obstacles.iter().any(|o| o.outer == name && o.is_hopeless());
+    let end = outfit.garments.iter().position(|g| is_hopeless(&g.name)).unwrap_or(count);
     // The garments that those below are pressed in under.
     let mut tight: BTreeSet<usize> =
         if goal.tuck == Tuck::Always { (0..count).collect() } else { BTreeSet::new() };
@@ -192,6 +208,11 @@ fn dress(
         let mut progress = GarmentProgress { monitor, name, index, count };
         let tucking_helps = goal.tuck == Tuck::IfStuck && !tight.contains(&index);
         let layer = closed.get(index + 1);
+        if index >= end {
+            dressing.leave(index, layer);
+            index += 1;
+            continue;
+        }
         match dressing.put_on(index, layer, &above, tucking_helps, &mut progress) {
             Ok(()) => index += 1,
             Err(SettleError::Cancelled(cancelled)) => {

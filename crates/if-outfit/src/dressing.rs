@@ -1,10 +1,10 @@
 //! The body with the garments put on so far, inner to outer: each settled, verified and frozen.
 
 use crate::findings::{Findings, LayerFindings};
-use crate::outfit::Outfit;
+use crate::outfit::{Layer, Outfit};
 use crate::progress::{DONE, GarmentProgress, VERIFY};
 use crate::settle::{Settings, Settled, settle};
-use crate::upper_layers::{TightGarments, UpperLayers};
+use crate::upper_layers::{TightGarments, UpperLayers, inward_normals};
 use crate::verify::verify_garment;
 use crate::workpiece::SettleError;
 use if_core::math::Real;
@@ -83,10 +83,6 @@ impl<'a> Dressing<'a> {
         let garment = &self.outfit.garments[index];
         let start = Instant::now();
         progress.report(VERIFY, 0, None)?;
-        let params = self.settings.params;
-        let range = params.goal.clearance + params.effort.contact_margin;
-        let region = garment.mesh.aabb().inflated(range);
-        let layers_apart = self.below.iter().filter(|l| !l.bvh().aabb().overlaps(&region)).count();
         let below: Vec<&ClosedLayer> = self.below.iter().map(Arc::as_ref).collect();
         let above = tight.over(index, garment.mesh.vertices(), below[0]);
         // If no layer below has moved, what was found in the input still holds.
@@ -97,22 +93,45 @@ impl<'a> Dressing<'a> {
         let settled = if needs_nothing {
             Settled::unchanged(garment)
         } else {
-            let above = UpperLayers { layers: &above, tuck_distance: tight.tuck_distance() };
+            let inward = given.filter(|_| !above.is_empty());
+            let inward = inward.map_or(Vec::new(), |layer| inward_normals(&garment.mesh, layer));
+            let tuck_distance = tight.tuck_distance();
+            let above = UpperLayers { layers: &above, inward: &inward, tuck_distance };
             let meets_garments = found.below[1..].iter().any(|l: &LayerFindings| !l.is_clean());
             let may_yield = !(tucking_helps && meets_garments);
             settle(garment, &below, above, may_yield, self.settings, progress)?
         };
+        let rounds = settled.rounds;
+        self.freeze(index, given, settled, needs_nothing.then(|| found.clone()), start);
+        Ok(progress.report(DONE, rounds, None)?)
+    }
+
+    /// Puts on the garment `index` as it came.
+    pub(crate) fn leave(&mut self, index: usize, given: Option<&Arc<ClosedLayer>>) {
+        let settled = Settled::unchanged(&self.outfit.garments[index]);
+        self.freeze(index, given, settled, None, Instant::now());
+    }
+
+    /// Keeps the garment `index` where it `settled`; what is found of it there may be `known`.
+    fn freeze(
+        &mut self,
+        index: usize,
+        given: Option<&Arc<ClosedLayer>>,
+        settled: Settled,
+        known: Option<Findings>,
+        start: Instant,
+    ) {
+        let garment = &self.outfit.garments[index];
         let mesh = garment.mesh.with_vertices(settled.positions.clone());
         let mesh = mesh.expect("settled positions are finite");
         let verifying = Instant::now();
-        let findings = if needs_nothing {
-            found.clone()
-        } else {
+        let is_known = known.is_some();
+        let findings = known.unwrap_or_else(|| {
             let _phase = trace_span!("verification").entered();
+            let below: Vec<&ClosedLayer> = self.below.iter().map(Arc::as_ref).collect();
             verify_garment(&mesh, &below)
-        };
-        let verify_seconds = if needs_nothing { 0.0 } else { verifying.elapsed().as_secs_f64() };
-        let rounds = settled.rounds;
+        });
+        let verify_seconds = if is_known { 0.0 } else { verifying.elapsed().as_secs_f64() };
         let input = &self.input.garments[index].mesh;
         let dressed = Dressed {
             moved: displacement(input.vertices(), mesh.vertices()),
@@ -121,7 +140,7 @@ impl<'a> Dressing<'a> {
             mesh,
             findings,
             settled,
-            layers_apart,
+            layers_apart: self.layers_apart(garment),
             verify_seconds,
             seconds: start.elapsed().as_secs_f64(),
         };
@@ -137,6 +156,13 @@ impl<'a> Dressing<'a> {
             self.below.push(closed);
         }
         self.dressed.push(dressed);
-        Ok(progress.report(DONE, rounds, None)?)
+    }
+
+    /// How many layers below have boxes that the garment does not meet.
+    fn layers_apart(&self, garment: &Layer) -> usize {
+        let params = self.settings.params;
+        let range = params.goal.clearance + params.effort.contact_margin;
+        let region = garment.mesh.aabb().inflated(range);
+        self.below.iter().filter(|l| !l.bvh().aabb().overlaps(&region)).count()
     }
 }

@@ -50,6 +50,33 @@ impl Neighbours {
         }
         distance
     }
+
+    /// The vertex in the middle of the shortest path along edges; `None` if there is no path.
+    pub(crate) fn middle_of_path(&self, from: u32, to: u32) -> Option<u32> {
+        let mut reached = vec![(Real::INFINITY, from); self.0.len()];
+        let mut queue = BinaryHeap::from([Entry(0.0, from)]);
+        reached[from as usize].0 = 0.0;
+        while let Some(Entry(d, v)) = queue.pop() {
+            if v == to {
+                break;
+            }
+            if d > reached[v as usize].0 {
+                continue;
+            }
+            for &(u, length) in self.of(v) {
+                if d + length < reached[u as usize].0 {
+                    reached[u as usize] = (d + length, v);
+                    queue.push(Entry(d + length, u));
+                }
+            }
+        }
+        let length = reached[to as usize].0;
+        let mut middle = to;
+        while length.is_finite() && reached[middle as usize].0 > 0.5 * length {
+            middle = reached[middle as usize].1;
+        }
+        length.is_finite().then_some(middle)
+    }
 }
 
 /// The nearest first; among equally near ones, the smaller index.
@@ -86,5 +113,8 @@ mod tests {
         assert_eq!(&d[..4], &[0.0, 1.0, 1.0, Real::INFINITY]);
         assert_eq!(near.distances([0, 5], 10.0)[5], 0.0);
         assert!(near.distances([], 10.0).iter().all(|d| d.is_infinite()));
+        assert_eq!((near.middle_of_path(0, 4), near.middle_of_path(3, 3)), (Some(2), Some(3)));
+        let apart = Neighbours::new(&Edges::new(&mesh), &[x, vec![Point::origin()]].concat());
+        assert_eq!(apart.middle_of_path(0, 6), None);
     }
 }

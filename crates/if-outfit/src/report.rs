@@ -4,6 +4,7 @@
 
 use crate::cleanness::Cleanness;
 use crate::findings::{Findings, LayerFindings};
+use crate::obstacle::Obstacle;
 use crate::outfit::{Layer, Outfit};
 use if_core::intersect::Contact;
 use if_core::math::Real;
@@ -325,6 +326,9 @@ pub struct ResolveReport {
     pub after: Verification,
     /// One entry a garment, inner to outer.
     pub layers: Vec<LayerReport>,
+    /// Why garments of which intersections are left cannot lie over others, where that is known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obstacles: Vec<Obstacle>,
     /// The least distance of two layers of the result, as a share of the clearance that is the goal
     /// ([`crate::GoalParams::clearance`]); `None` if there is no garment.
     #[serde(default)]

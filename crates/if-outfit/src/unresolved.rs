@@ -1,5 +1,6 @@
 //! What is not proven of a resolved outfit.
 
+use crate::obstacle::Obstacle;
 use crate::outfit::Outfit;
 use crate::report::{PairReport, ResolveReport};
 use crate::resolve::Resolved;
@@ -10,13 +11,16 @@ use std::fmt;
 
 /// Intersections that could not be removed: those between layers, with the two layers where most
 /// remain, and those that a garment newly has with itself.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Unresolved {
     /// What remains between layers; `None` if nothing does.
     pub between: Option<Between>,
     /// Garments with intersections with themselves that the input does not have, and how many.
     pub own: Vec<(String, usize)>,
+    /// Why the two layers cannot lie one over the other, if that is known. They are then the two of
+    /// [`Unresolved::between`].
+    pub obstacle: Option<Box<Obstacle>>,
     /// Some of the triangle pairs: (triangle of the inner layer, of the outer layer) of the worst
     /// two layers; or new pairs of the garment that newly intersects itself most, if nothing
     /// remains between layers. Empty if only vertices are on a wrong side.
@@ -73,7 +77,13 @@ impl Unresolved {
         }
         let count = |p: &&PairReport| (p.pairs.total(), p.vertices_inside);
         let after = &report.after;
-        let worst = after.pairs.iter().max_by_key(count).filter(|p| !p.is_clean());
+        // The garments that were not tried have most pairs; the reason is what matters.
+        let obstacle_of = |p: &PairReport| {
+            report.obstacles.iter().find(|o| (&o.inner, &o.outer) == (&p.inner, &p.outer))
+        };
+        let is_hopeless = |p: &PairReport| obstacle_of(p).is_some_and(Obstacle::is_hopeless);
+        let worst = after.pairs.iter().max_by_key(|&p| (is_hopeless(p), count(&p)));
+        let worst = worst.filter(|p| !p.is_clean());
         let between = worst.map(|worst| Between {
             pairs: after.total_pairs(),
             inside: after.total_inside(),
@@ -82,7 +92,8 @@ impl Unresolved {
         });
         let new = report.layers.iter().map(|l| (l.name.clone(), l.own_pairs.new));
         let own = new.filter(|(_, n)| *n > 0).collect();
-        Some(Self { between, own, triangles: Vec::new() })
+        let obstacle = worst.and_then(obstacle_of).cloned().map(Box::new);
+        Some(Self { between, own, obstacle, triangles: Vec::new() })
     }
 }
 
@@ -121,7 +132,8 @@ impl fmt::Display for Unresolved {
             .iter()
             .map(|(name, n)| format!("{n} new intersections of `{name}` with itself"));
         let parts: Vec<String> = between.chain(own).collect();
-        write!(f, "{} remain", parts.join(" and "))
+        write!(f, "{} remain", parts.join(" and "))?;
+        self.obstacle.iter().try_for_each(|obstacle| write!(f, ": {obstacle}"))
     }
 }
 
