@@ -27,6 +27,9 @@ pub(super) enum Place {
     Body(Vec<Point>),
 }
 
+/// Positions of the rest state at a share of a way.
+type Posing<'a> = dyn Fn(Real, &[Point]) -> Vec<Point> + 'a;
+
 /// The way from a place to a frame.
 pub(super) struct Way<'a> {
     /// Steps in which nothing turns by more than was asked for.
@@ -34,7 +37,7 @@ pub(super) struct Way<'a> {
     /// The place at a share of the way.
     pub(super) place: Box<dyn Fn(Real) -> Place + 'a>,
     /// Positions of the rest state there.
-    pub(super) posed: Box<dyn Fn(Real, &[Point]) -> Vec<Point> + 'a>,
+    pub(super) posed: Box<Posing<'a>>,
 }
 
 impl<'a> Movement<'a> {
