@@ -42,7 +42,7 @@ pub(super) enum Source {
 
 /// A clean outfit with what moves it.
 pub(super) enum Moved {
-    Poses(SkinnedOutfit, Motion),
+    Poses(Box<SkinnedOutfit>, Motion),
     Bodies(Box<BoundOutfit>),
 }
 
@@ -89,7 +89,7 @@ impl Source {
             Self::Poses(skeleton, motion) => {
                 let files = files.files();
                 let outfit = SkinnedOutfit::from_files(outfit, skeleton.clone(), files);
-                Moved::Poses(outfit.map_err(fault)?, motion.clone())
+                Moved::Poses(Box::new(outfit.map_err(fault)?), motion.clone())
             }
             Self::Bodies(sequence) => {
                 let bound = BoundOutfit::new(outfit, sequence.clone()).map_err(fault)?;
