@@ -1,6 +1,6 @@
 //! `Method::Paper`: garments settle by Algorithm 1 over the masked field of the layers below.
 
-use crate::scenes::{ball_in_tube, moved};
+use crate::scenes::moved;
 use if_core::SignedDistance;
 use if_core::math::Point;
 use if_core::monitor::{Progress, Silent};
@@ -16,12 +16,14 @@ fn paper() -> ResolveParams {
     ResolveParams { effort, ..Default::default() }
 }
 
-/// A ball in a belt, and a wide tube that the belt passes through.
+/// A ball in a belt, and a wide tube that the belt passes through. Small, because fields are baked on
+/// cells of 5 mm.
 fn outfit() -> Outfit {
-    let mut outfit = ball_in_tube("belt", 0.31);
-    let wide = moved(&tube(0.305, 0.26, 48, 8, false), |p| Point::new(p.x, p.y - 0.13, p.z));
-    outfit.garments.push(Layer::new("wide", wide));
-    outfit
+    let [belt, wide] = [(0.104, 0.06, 0.03), (0.102, 0.08, 0.04)].map(|(radius, height, down)| {
+        moved(&tube(radius, height, 24, 5, false), |p| Point::new(p.x, p.y - down, p.z))
+    });
+    let garments = vec![Layer::new("belt", belt), Layer::new("wide", wide)];
+    Outfit::new(Layer::new("ball", icosphere(0.1, 2)), garments).unwrap()
 }
 
 #[test]
@@ -43,12 +45,7 @@ fn what_algorithm_1_leaves_is_repaired_and_it_moves_more_than_contacts_do() {
 
 #[test]
 fn algorithm_1_reads_the_field_that_a_garment_comes_with() {
-    // The scene of `outfit`, small and in few triangles.
-    let [belt, wide] = [(0.104, 0.06, 0.03), (0.102, 0.08, 0.04)].map(|(radius, height, down)| {
-        moved(&tube(radius, height, 24, 5, false), |p| Point::new(p.x, p.y - down, p.z))
-    });
-    let garments = vec![Layer::new("belt", belt), Layer::new("wide", wide)];
-    let outfit = Outfit::new(Layer::new("ball", icosphere(0.1, 2)), garments).unwrap();
+    let outfit = outfit();
     // φ of the person that the belt is of: 5 mm wider than its mesh.
     let phi = Sphere { center: Point::origin(), radius: 0.109 };
     let by_mesh = resolve(&outfit, &paper(), &mut Silent).unwrap();

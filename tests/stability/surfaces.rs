@@ -110,7 +110,7 @@ fn many_surfaces_of_hostile_fields_stay_in_their_region_or_are_refused() {
 
 #[test]
 fn surfaces_have_the_same_bits_on_any_number_of_threads() {
-    let tally = cases("extraction on threads", 20, |r| {
+    let tally = cases("extraction on threads", 10, |r| {
         let (field, params) = drawn(r);
         let found = same_on_all_threads(|| extract(&field, &params, &mut Silent).map(|f| f.mesh))?;
         Ok(match found {
@@ -262,7 +262,7 @@ fn layers(count: u32) -> Tally {
 
 #[test]
 fn layers_that_are_spoiled_still_have_a_finite_field() {
-    layers(60);
+    layers(20);
 }
 
 #[test]

@@ -170,7 +170,6 @@ fn frames_that_do_not_match_their_images_are_named_and_strict_exits_with_1() {
     let folder = Folder::new();
     folder.ifg(CAPTURE).expect(0);
     let args = format!("reconstruct cap --body cap/body --out w {QUICK}");
-    assert!(!folder.ifg(&format!("{args} --strict")).expect(0).stdout.contains("warning"));
     // An arm swings by 90° in one frame, where the images do not show it.
     edit(&folder, |meta| {
         let joints = meta["joints"].as_array().unwrap();
