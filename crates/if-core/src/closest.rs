@@ -59,6 +59,7 @@ const NEEDLE: Real = 1e-8;
 ///
 /// No point of the triangle is nearer by more than 1e-7 of its size, also on needles, for lengths
 /// between 1e-70 and 1e70. Beyond them the coordinates are still three numbers ≥ 0 with sum 1.
+#[inline]
 pub fn closest_on_triangle(p: &Point, a: &Point, b: &Point, c: &Point) -> ([Real; 3], Feature) {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(&ap), ac.dot(&ap));

@@ -54,28 +54,35 @@ pub fn part_count(mesh: &TriMesh) -> usize {
 }
 
 impl Edges {
-    /// Collects the edges of `mesh`, in linear time but for one sort.
+    /// Collects the edges of `mesh`, in linear time if few edges meet at a vertex.
     pub fn new(mesh: &TriMesh) -> Self {
         let triangles = mesh.triangles();
-        // (smaller end, larger end, half-edge number), sorted: equal edges become neighbours.
-        let mut half: Vec<(u32, u32, u32)> = Vec::with_capacity(3 * triangles.len());
-        for (t, tri) in triangles.iter().enumerate() {
-            for k in 0..3 {
-                let (a, b) = (tri[k], tri[(k + 1) % 3]);
-                half.push((a.min(b), a.max(b), (3 * t + k) as u32));
-            }
+        let ends = |h: usize| {
+            let (a, b) = (triangles[h / 3][h % 3], triangles[h / 3][(h + 1) % 3]);
+            (a.min(b), a.max(b))
+        };
+        // Half-edges by their smaller end: where those of each vertex begin, and, when they are
+        // filled in, where they end.
+        let mut place = vec![0u32; mesh.vertices().len() + 1];
+        (0..3 * triangles.len()).for_each(|h| place[ends(h).0 as usize + 1] += 1);
+        (1..place.len()).for_each(|v| place[v] += place[v - 1]);
+        let mut half = vec![(0u32, 0u32); 3 * triangles.len()];
+        for h in 0..half.len() {
+            let (a, b) = ends(h);
+            half[place[a as usize] as usize] = (b, h as u32);
+            place[a as usize] += 1;
         }
-        half.sort_unstable();
-        // Number edges by their first half-edge, so that the order follows the triangles.
+        // Sorted by the larger end, equal edges become neighbours. They are numbered by their first
+        // half-edge, so that the order follows the triangles.
         let mut first_of = vec![NONE; half.len()];
-        let mut run = 0;
-        while run < half.len() {
-            let mut end = run;
-            while end < half.len() && (half[end].0, half[end].1) == (half[run].0, half[run].1) {
-                first_of[half[end].2 as usize] = half[run].2;
-                end += 1;
+        let mut start = 0;
+        for end in &place[..mesh.vertices().len()] {
+            let of_vertex = &mut half[start..*end as usize];
+            of_vertex.sort_unstable();
+            for edge in of_vertex.chunk_by(|a, b| a.0 == b.0) {
+                edge.iter().for_each(|(_, h)| first_of[*h as usize] = edge[0].1);
             }
-            run = end;
+            start = *end as usize;
         }
         let mut edges = Self { of_triangle: vec![[NONE; 3]; triangles.len()], ..Self::default() };
         let mut number = vec![NONE; half.len()];

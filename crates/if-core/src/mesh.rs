@@ -6,6 +6,10 @@ pub use parts::{FinitePoints, Triangles};
 
 use crate::aabb::Aabb;
 use crate::math::{Point, Real, Vector, area_vector, unit_or_zero};
+use rayon::prelude::*;
+
+/// Minimum number of triangles of a task: they take about 30 µs, a task some µs.
+const TASK: usize = 512;
 
 /// Vertices and triangles. Every coordinate is finite, every index is in range, and the three
 /// corners of a triangle are three different vertices. Nothing else is guaranteed: a mesh may be
@@ -217,14 +221,21 @@ impl TriMesh {
     ///
     /// Bærentzen and Aanæs 2005: the weighting that makes the sign of the distance right.
     pub fn vertex_normals(&self) -> Vec<Vector> {
-        let mut sums = vec![Vector::zeros(); self.vertices.len()];
-        for (t, n) in self.face_normals().iter().enumerate() {
+        let weighted = |t: usize| {
             let corners = self.corners(t);
-            for k in 0..3 {
+            let n = unit_or_zero(&area_vector(corners[0], corners[1], corners[2]));
+            [0, 1, 2].map(|k| {
                 let u = unit_or_zero(&(corners[(k + 1) % 3] - corners[k]));
                 let v = unit_or_zero(&(corners[(k + 2) % 3] - corners[k]));
-                sums[self.triangles[t][k] as usize] += n * u.dot(&v).clamp(-1.0, 1.0).acos();
-            }
+                n * u.dot(&v).clamp(-1.0, 1.0).acos()
+            })
+        };
+        let triangles = 0..self.triangles.len();
+        let parts: Vec<_> = triangles.into_par_iter().with_min_len(TASK).map(weighted).collect();
+        // Summed in the order of the triangles.
+        let mut sums = vec![Vector::zeros(); self.vertices.len()];
+        for (part, tri) in parts.iter().zip(&self.triangles) {
+            (0..3).for_each(|k| sums[tri[k] as usize] += part[k]);
         }
         sums.iter().map(unit_or_zero).collect()
     }

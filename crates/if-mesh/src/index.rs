@@ -10,6 +10,7 @@
 mod build;
 mod closest;
 mod moving_pairs;
+mod nearby;
 mod nearest_pairs;
 mod pairs;
 mod segment;
@@ -18,10 +19,11 @@ mod tests;
 
 pub use closest::distance_bound;
 pub use moving_pairs::MovingPair;
+pub use nearby::Nearby;
 pub(crate) use nearest_pairs::NearPair;
 pub use segment::Hit;
 
-use build::{FORK, Item, build, node_count, rank};
+use build::{FORK, Item, build, node_count, rank, refit};
 use if_core::aabb::Aabb;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
@@ -100,20 +102,8 @@ impl Bvh {
     ///
     /// If there are fewer positions than the mesh had vertices.
     pub fn refit(&mut self, positions: &[Point]) {
-        for (corners, tri) in self.corners.iter_mut().zip(&self.indices) {
-            *corners = tri.map(|v| positions[v as usize]);
-        }
-        for n in (0..self.nodes.len()).rev() {
-            let node = self.nodes[n];
-            self.nodes[n].aabb = if node.count > 0 {
-                let first = node.at as usize;
-                self.corners[first..first + node.count as usize]
-                    .iter()
-                    .flatten()
-                    .fold(Aabb::EMPTY, |b, p| b.grown_to(p))
-            } else {
-                self.nodes[n + 1].aabb.merged(&self.nodes[node.at as usize].aabb)
-            };
+        if !self.is_empty() {
+            refit(positions, &self.indices, &mut self.corners, &mut self.nodes);
         }
     }
 

@@ -34,7 +34,7 @@ mod tests;
 pub use clothed::ClothedField;
 
 use crate::body_surface::{BodyReport, BodySide, BodySurface};
-use crate::index::{Bvh, distance_bound};
+use crate::index::{Bvh, Nearby, distance_bound};
 use crate::pseudo_normals::PseudoNormals;
 use crate::voxels::{Voxel, Voxels};
 use closing::{CELL, PROBES, closed_voxels};
@@ -95,17 +95,22 @@ impl ClosedLayer {
     /// but what its pseudo-normals say.
     pub fn body(mesh: &TriMesh) -> Self {
         let edges = Edges::new(mesh);
-        let surface = BodySurface::new(mesh, &edges).ok().flatten().map(Box::new);
-        let bvh = Bvh::new(mesh);
-        let mut voxels = Voxels::new(&bvh.aabb(), bvh.aabb().size().max() * CELL * 1.5);
-        voxels.add_walls(surface.as_ref().map_or(mesh, |surface| surface.closed()));
-        voxels.flood(|_| true);
+        let region = mesh.surface_aabb();
+        let close = || {
+            let surface = BodySurface::new(mesh, &edges).ok().flatten().map(Box::new);
+            let mut voxels = Voxels::new(&region, region.size().max() * CELL * 1.5);
+            voxels.add_walls(surface.as_ref().map_or(mesh, |surface| surface.closed()));
+            voxels.flood(|_| true);
+            (surface, voxels)
+        };
+        let index = || (Bvh::new(mesh), PseudoNormals::new(mesh, &edges));
+        let ((bvh, normals), (surface, voxels)) = rayon::join(index, close);
         Self {
             bvh,
             vertices: mesh.vertices().to_vec(),
             triangles: mesh.triangles().to_vec(),
             vertex_orientations: vec![1.0; mesh.vertices().len()],
-            normals: PseudoNormals::new(mesh, &edges),
+            normals,
             voxels,
             closure: None,
             surface,
@@ -230,6 +235,16 @@ impl ClosedLayer {
         self.is_closed_body() || (self.voxels.at(p) == Voxel::Outside && !jumps_outside)
     }
 
+    /// A distance that `p` can move while [`ClosedLayer::is_outside_by_voxels`] holds, in metres: 0
+    /// where it does not hold, or ends near `p`.
+    pub fn outside_radius(&self, p: &Point) -> Real {
+        if self.is_closed_body() {
+            return Real::INFINITY;
+        }
+        let jumps_outside = self.surface.as_ref().is_some_and(|surface| surface.has_islands());
+        if jumps_outside { 0.0 } else { self.voxels.outside_radius(p) }
+    }
+
     /// The position of `p`, if it is inside or within `reach` metres of a triangle; else `None`.
     pub fn sided(&self, p: &Point, reach: Real) -> Option<Sided> {
         self.sided_from(p, reach, None)
@@ -242,20 +257,53 @@ impl ClosedLayer {
     ///
     /// If there is no such triangle.
     pub fn sided_from(&self, p: &Point, reach: Real, hint: Option<u32>) -> Option<Sided> {
-        let corners = hint.and_then(|t| match &self.surface {
-            Some(surface) => surface.corners(t).map(|corners| corners.map(|p| *p)),
-            None => Some(self.corners(t)),
-        });
-        let bound = corners.map_or(Real::INFINITY, |c| distance_bound(p, c.each_ref()));
+        self.sided_by(p, reach, hint, None)
+    }
+
+    /// The same result as [`ClosedLayer::sided_from`], without a search if `nearby` was filled here
+    /// by a query close to `p`. Else it is filled if the second one is true
+    /// ([`Bvh::closest_nearby`]).
+    ///
+    /// # Panics
+    ///
+    /// As [`ClosedLayer::sided_from`].
+    pub fn sided_nearby(
+        &self,
+        p: &Point,
+        reach: Real,
+        hint: Option<u32>,
+        nearby: (&mut Nearby, bool),
+    ) -> Option<Sided> {
+        self.sided_by(p, reach, hint, Some(nearby))
+    }
+
+    fn sided_by(
+        &self,
+        p: &Point,
+        reach: Real,
+        hint: Option<u32>,
+        mut nearby: Option<(&mut Nearby, bool)>,
+    ) -> Option<Sided> {
+        let bound = || {
+            let corners = hint.and_then(|t| match &self.surface {
+                Some(surface) => surface.corners(t).map(|corners| corners.map(|p| *p)),
+                None => Some(self.corners(t)),
+            });
+            corners.map_or(Real::INFINITY, |c| distance_bound(p, c.each_ref()))
+        };
         if let Some(surface) = &self.surface {
-            return self.sided_of_surface(surface, p, reach, bound);
+            return self.sided_of_surface(surface, p, reach, bound());
         }
+        let mut closest = |reach: Real| match &mut nearby {
+            Some((nearby, fill)) => self.bvh.closest_nearby(p, reach, bound, (nearby, *fill)),
+            None => self.bvh.closest(p, reach.min(bound())),
+        };
         let Some(closure) = &self.closure else {
             // Beyond `reach` of a closed surface a point may still be deep inside it.
-            let near = match self.bvh.closest(p, reach.min(bound)) {
+            let near = match closest(reach) {
                 Some(near) => near,
                 None if self.voxel(p) == Voxel::Outside => return None,
-                None => self.bvh.closest(p, bound)?,
+                None => closest(Real::INFINITY)?,
             };
             let side = self.normals.side(p, &near);
             if side >= 0.0 && near.distance > reach {
@@ -266,9 +314,9 @@ impl ClosedLayer {
         let voxel = self.voxels.at(p);
         // In a wall voxel a triangle is near, unless the wall is a cap or the body.
         let look = if voxel == Voxel::Wall { reach.max(2.0 * self.voxels.cell()) } else { reach };
-        let near = match (self.bvh.closest(p, look.min(bound)), voxel) {
+        let near = match (closest(look), voxel) {
             (None, Voxel::Outside | Voxel::Core) => return None,
-            (None, _) => self.bvh.closest(p, bound)?,
+            (None, _) => closest(Real::INFINITY)?,
             (Some(near), _) => near,
         };
         let side = self.normals.side(p, &near);
@@ -299,7 +347,7 @@ impl ClosedLayer {
             None => near,
             Some((bvh, numbers)) => {
                 let leads_out = hint.is_some_and(|t| closure.outside[t as usize] != [false; 2]);
-                let mut c = bvh.closest(p, if leads_out { bound } else { Real::INFINITY })?;
+                let mut c = bvh.closest(p, if leads_out { bound() } else { Real::INFINITY })?;
                 c.triangle = numbers[c.triangle as usize];
                 c
             }

@@ -118,17 +118,30 @@ impl Voxels {
             let (a, b) = ((a - self.origin) * self.per_metre, (b - self.origin) * self.per_metre);
             let steps = (2.0 * (b - a).amax()).ceil().max(1.0) as usize;
             let step = (b - a) / steps as Real;
+            // Rounding moves no point of a segment from well within the block out of it.
+            let is_within = (0..3).all(|k| {
+                let end = self.size.0[k] as Real - WELL_WITHIN;
+                a[k].min(b[k]) >= WELL_WITHIN && a[k].max(b[k]) <= end
+            });
+            let mut last = usize::MAX;
             for k in 0..=steps {
                 let p = a + step * k as Real;
-                // For numbers that are not negative, truncation is the floor, without a call.
-                if p.x >= 0.0
-                    && p.y >= 0.0
-                    && p.z >= 0.0
-                    && p.x < nx as Real
-                    && p.y < ny as Real
-                    && p.z < nz as Real
+                if !is_within
+                    && !(p.x >= 0.0
+                        && p.y >= 0.0
+                        && p.z >= 0.0
+                        && p.x < nx as Real
+                        && p.y < ny as Real
+                        && p.z < nz as Real)
                 {
-                    marks.set((p.z as usize * ny + p.y as usize) * nx + p.x as usize);
+                    continue;
+                }
+                // For numbers that are not negative, truncation is the floor, without a call.
+                let [x, y, z] = [p.x as i32, p.y as i32, p.z as i32].map(|c| c as usize);
+                let at = (z * ny + y) * nx + x;
+                if at != last {
+                    marks.set(at);
+                    last = at;
                 }
             }
         });
@@ -245,6 +258,28 @@ impl Voxels {
         })
     }
 
+    /// A distance within which all voxels around `p` are outside, in metres: the side of a voxel, or 0
+    /// where one of the 26 neighbours of the voxel at `p` is not outside.
+    pub fn outside_radius(&self, p: &Point) -> Real {
+        let [nx, ny, nz] = self.size.0.map(|n| n as isize);
+        // Far from the block the numbers saturate.
+        let [x, y, z] =
+            [0, 1, 2].map(|k| ((p[k] - self.origin[k]) * self.per_metre).floor() as isize);
+        let beside = |c: isize, n: isize| c.saturating_sub(1).max(0)..c.saturating_add(2).min(n);
+        let columns = beside(x, nx);
+        let is_free = columns.is_empty()
+            || beside(z, nz).all(|z| {
+                beside(y, ny).all(|y| {
+                    let row = ((z * ny + y) * nx) as usize;
+                    self.states[row + columns.start as usize..row + columns.end as usize]
+                        .iter()
+                        .all(|s| *s == Voxel::Outside)
+                })
+            });
+        // Less by more than rounding.
+        if is_free { 0.999 * self.cell } else { 0.0 }
+    }
+
     /// The side of the 26 neighbours of the voxel at `p`: [`Voxel::Outside`] if one is outside, else
     /// [`Voxel::Inside`] if one is inside or filled, else [`Voxel::Wall`].
     pub fn around(&self, p: &Point) -> Voxel {
@@ -278,6 +313,10 @@ impl Voxels {
             + Vector::new(c[0] as Real + 0.5, c[1] as Real + 0.5, c[2] as Real + 0.5) * self.cell
     }
 }
+
+/// Distance from the border of a block, in voxels, that rounding does not bridge: coordinates up to
+/// 10⁷ voxels are rounded by less. A thousand times more checks more segments point by point.
+const WELL_WITHIN: Real = 1e-6;
 
 /// A set of voxels to which several threads add. Nothing is removed, so the order does not matter.
 struct Marks(Vec<AtomicU64>);
@@ -398,6 +437,30 @@ mod tests {
             v.flood(|_| true);
             assert!(v.cell() > 0.0 && v.counts().iter().sum::<usize>() == 125);
         }
+    }
+
+    #[test]
+    fn within_the_outside_radius_all_is_outside() {
+        let mut v = Voxels::new(&unit(), 0.037);
+        box_walls(&mut v, 9);
+        v.flood(|_| true);
+        let place = |k: u32, m: u32| f64::from(k * m % 499) / 499.0 * 1.6 - 0.3;
+        let (mut free, mut not_free) = (0, 0);
+        for k in 0..1500 {
+            let p = Point::new(place(k, 17), place(k, 101), place(k, 257));
+            let radius = v.outside_radius(&p);
+            assert!(radius == 0.0 || v.at(&p) == Voxel::Outside);
+            for axis in 0..3 {
+                for step in [-1.0, 1.0] {
+                    let mut q = p;
+                    q[axis] += step * radius;
+                    assert!(radius == 0.0 || v.at(&q) == Voxel::Outside, "{p} {q}");
+                }
+            }
+            if radius > 0.0 { free += 1 } else { not_free += 1 }
+        }
+        assert!(free > 300 && not_free > 300, "{free} {not_free}");
+        assert!(v.outside_radius(&Point::new(1e300, -1e300, 0.0)) > 0.0);
     }
 
     #[test]

@@ -7,13 +7,14 @@
 //!
 //! A sample that is further from a layer than the clearance and a reserve is skipped until it has
 //! moved that far: a distance has Lipschitz bound 1. Samples whose vertices are all held are
-//! skipped.
+//! skipped. A sample that is nearer is queried in each round: if it moves little, the nearest
+//! triangle is found among those that were near before.
 
 use if_core::closest::ClosestPoint;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, area_vector, barycentric_point, unit_or_zero};
 use if_core::mesh::TriMesh;
-use if_mesh::index::{Bvh, distance_bound};
+use if_mesh::index::{Bvh, Nearby, distance_bound};
 use if_mesh::outward::Outward;
 use if_mesh::solid::ClosedLayer;
 use if_xpbd::half_space::HalfSpaces;
@@ -64,6 +65,45 @@ struct LastQuery {
     triangle: Option<u32>,
 }
 
+/// The layers that a sample cannot touch while it stays near a position.
+#[derive(Clone, Copy, Debug)]
+struct Rest {
+    position: Point,
+    /// The least of the lower bounds of its distance from these layers, in metres.
+    clear: Real,
+    /// Up to this far from the position no side jumps, in metres.
+    free: Real,
+    /// The layers, a bit each: the first 64.
+    layers: u64,
+}
+
+impl Rest {
+    /// Of a sample at `p` with this gap.
+    fn new(
+        p: &Point,
+        gap: Real,
+        last_queries: &[LastQuery],
+        below: &[&ClosedLayer],
+        params: &ContactParams,
+    ) -> Self {
+        let mut rest = Self { position: *p, clear: Real::INFINITY, free: RESTING, layers: 0 };
+        for (k, (m, layer)) in last_queries.iter().zip(below).enumerate().take(64) {
+            // Less by more than rounding.
+            let clear = (m.clear - (p - m.position).norm()) * (1.0 - 1e-9);
+            if clear - gap - params.margin < RESTING {
+                continue;
+            }
+            let free = layer.outside_radius(p);
+            if free > 0.0 {
+                rest.free = if rest.layers == 0 { free } else { rest.free.min(free) };
+                rest.clear = rest.clear.min(clear);
+                rest.layers |= 1 << k;
+            }
+        }
+        rest
+    }
+}
+
 /// The last query of a vertex of a layer below.
 #[derive(Clone, Copy, Debug, Default)]
 struct LastForeign {
@@ -104,6 +144,13 @@ pub(crate) struct ContactParams {
 
 /// Samples per task: enough work to hide the fork, few enough to balance.
 const CHUNK: usize = 256;
+/// The triangles near a sample are kept if it moved by less than this since its last query, in
+/// metres: then the next one is near, too. Twice as much made no clear difference on an outfit of
+/// five layers; at ten times more most of those kept are not used again.
+const STEADY: Real = 0.5e-3;
+/// Layers that are skipped together leave a sample at least this much way, in metres: a step of a
+/// contact. Ten times less is used up in each round, and at ten times more layers are too near.
+const RESTING: Real = 2e-3;
 /// Foreign samples this close to a corner of their triangle are left to the corner's own sample.
 const CORNER: Real = 0.97;
 /// Cosine between a triangle's normal and that of a vertex below it, under which the vertex belongs
@@ -127,8 +174,12 @@ pub(crate) struct Contacts<'a> {
     samples: Vec<Sample>,
     /// Samples of single vertices, which come first.
     single: usize,
-    /// For each sample its last query of each layer.
+    /// For each sample its last query of each layer, and the triangles near it from the second query
+    /// on.
     last_queries: Vec<LastQuery>,
+    nearby: Vec<Option<Box<Nearby>>>,
+    /// For each sample the layers that it need not query.
+    rests: Vec<Rest>,
     /// For each layer and vertex of it its last query.
     foreign: Vec<Vec<LastForeign>>,
     /// Sum over the rounds of the largest motion of any vertex, in metres.
@@ -170,8 +221,11 @@ impl<'a> Contacts<'a> {
             }
         }
         let blank = LastQuery { position: Point::origin(), clear: 0.0, triangle: None };
+        let awake = Rest { position: Point::origin(), clear: 0.0, free: 0.0, layers: 0 };
         Self {
             last_queries: vec![blank; samples.len() * below.len()],
+            nearby: vec![None; samples.len() * below.len()],
+            rests: vec![awake; samples.len()],
             foreign: below.iter().map(|l| vec![LastForeign::default(); l.vertex_count()]).collect(),
             below,
             outward,
@@ -194,6 +248,7 @@ impl<'a> Contacts<'a> {
                 self.last_queries[k * layers..(k + 1) * layers]
                     .iter_mut()
                     .for_each(|m| m.clear = 0.0);
+                self.rests[k].free = 0.0;
             }
         }
     }
@@ -222,6 +277,12 @@ impl<'a> Contacts<'a> {
         self.foreign_samples(x, triangles, tree, gaps, inverse_masses, out);
     }
 
+    /// For each vertex of a triangle, in ascending order, and for each layer the triangles near it,
+    /// if it was queried more than once.
+    pub(crate) fn nearby_of_vertices(&mut self) -> &mut [Option<Box<Nearby>>] {
+        &mut self.nearby[..self.single * self.below.len()]
+    }
+
     fn own_samples(
         &mut self,
         x: &[Point],
@@ -236,32 +297,43 @@ impl<'a> Contacts<'a> {
             .samples
             .par_chunks(CHUNK)
             .zip(self.last_queries.par_chunks_mut(CHUNK * layers))
+            .zip(self.nearby.par_chunks_mut(CHUNK * layers))
+            .zip(self.rests.par_chunks_mut(CHUNK))
             .enumerate()
-            .map(|(chunk, (samples, last_queries))| {
+            .map(|(chunk, (((samples, last_queries), nearby), rests))| {
                 let mut found = Found { contacts: Vec::new(), queries: 0, skipped: 0 };
-                for (k, s) in samples.iter().enumerate() {
+                for (k, (s, rest)) in samples.iter().zip(rests).enumerate() {
                     let held = s.is_held(inverse_masses);
                     if params.skip && held {
                         found.skipped += layers;
                         continue;
                     }
                     let (p, gap, exit) = (s.at(x), s.gap(gaps), exits[s.vertices[0] as usize]);
-                    for (layer, m) in
-                        below.iter().zip(&mut last_queries[k * layers..(k + 1) * layers])
-                    {
-                        if params.skip
-                            && (p - m.position).norm() < m.clear - gap - params.margin
-                            && layer.is_outside_by_voxels(&p)
+                    let moved = (p - rest.position).norm();
+                    let is_resting =
+                        params.skip && moved < rest.free.min(rest.clear - gap - params.margin);
+                    let resting = if is_resting { rest.layers } else { 0 };
+                    let of_sample = k * layers..(k + 1) * layers;
+                    let queries = last_queries[of_sample.clone()]
+                        .iter_mut()
+                        .zip(&mut nearby[of_sample.clone()]);
+                    for (l, (layer, (m, nearby))) in below.iter().zip(queries).enumerate() {
+                        if l < 64 && (resting >> l) & 1 == 1
+                            || params.skip
+                                && (p - m.position).norm() < m.clear - gap - params.margin
+                                && layer.is_outside_by_voxels(&p)
                         {
                             found.skipped += 1;
                             continue;
                         }
                         found.queries += 1;
-                        if let Some(plane) =
-                            find_plane(&p, gap, exit, layer, outward, &params, m).filter(|_| !held)
-                        {
+                        let plane = find_plane(&p, gap, exit, layer, outward, &params, (m, nearby));
+                        if let Some(plane) = plane.filter(|_| !held) {
                             found.contacts.push(((chunk * CHUNK + k) as u32, plane));
                         }
+                    }
+                    if params.skip && !is_resting {
+                        *rest = Rest::new(&p, gap, &last_queries[of_sample], below, &params);
                     }
                 }
                 found
@@ -372,14 +444,21 @@ fn find_plane(
     layer: &ClosedLayer,
     outward: &Outward,
     params: &ContactParams,
-    m: &mut LastQuery,
+    (m, nearby): (&mut LastQuery, &mut Option<Box<Nearby>>),
 ) -> Option<Plane> {
     let range = gap + params.margin;
+    let reach = range + params.reserve;
+    let is_steady = (p - m.position).norm() < STEADY;
     m.position = *p;
     m.clear = 0.0;
     let hint = m.triangle.filter(|_| params.skip);
-    let Some(s) = layer.sided_from(p, range + params.reserve, hint) else {
-        m.clear = range + params.reserve;
+    let sided = if hint.is_some() && (is_steady || nearby.is_some()) {
+        layer.sided_nearby(p, reach, hint, (nearby.get_or_insert_default(), is_steady))
+    } else {
+        layer.sided_from(p, reach, hint)
+    };
+    let Some(s) = sided else {
+        m.clear = reach;
         return None;
     };
     m.triangle = Some(s.triangle);

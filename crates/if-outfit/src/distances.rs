@@ -5,6 +5,7 @@ use crate::report::Verification;
 use if_mesh::index::Bvh;
 use if_mesh::least_distance::{least_distance, least_own_distance};
 use if_mesh::solid::ClosedLayer;
+use rayon::prelude::*;
 use std::sync::Arc;
 use tracing::trace_span;
 
@@ -17,8 +18,13 @@ pub(crate) fn measure(outfit: &Outfit, closed: &[Arc<ClosedLayer>], found: &mut 
     let trees: Vec<&Bvh> = closed.chain(outermost.as_ref()).collect();
     // The order of `Verification::pairs`.
     let below = (1..trees.len()).flat_map(|outer| (0..outer).map(move |inner| [inner, outer]));
-    for ([inner, outer], pair) in below.zip(&mut found.pairs) {
-        pair.least_distance = least_distance(trees[inner], trees[outer]);
-    }
-    found.own_least_distances = trees.iter().skip(1).map(|tree| least_own_distance(tree)).collect();
+    let pairs: Vec<[usize; 2]> = below.collect();
+    let between = || {
+        let distance = |[inner, outer]: &[usize; 2]| least_distance(trees[*inner], trees[*outer]);
+        pairs.par_iter().map(distance).collect::<Vec<_>>()
+    };
+    let own = || trees.par_iter().skip(1).map(|tree| least_own_distance(tree)).collect();
+    let (between, own) = rayon::join(between, own);
+    found.pairs.iter_mut().zip(between).for_each(|(pair, least)| pair.least_distance = least);
+    found.own_least_distances = own;
 }

@@ -124,19 +124,33 @@ impl<'a> Dressing<'a> {
         let garment = &self.outfit.garments[index];
         let mesh = garment.mesh.with_vertices(settled.positions.clone());
         let mesh = mesh.expect("settled positions are finite");
-        let verifying = Instant::now();
-        let is_known = known.is_some();
-        let findings = known.unwrap_or_else(|| {
-            let _phase = trace_span!("verification").entered();
-            let below: Vec<&ClosedLayer> = self.below.iter().map(Arc::as_ref).collect();
-            verify_garment(&mesh, &below)
-        });
-        let verify_seconds = if is_known { 0.0 } else { verifying.elapsed().as_secs_f64() };
+        let is_unmoved = mesh.vertices() == garment.mesh.vertices();
+        let is_covered = index + 1 < self.outfit.garments.len();
+        let below: Vec<&ClosedLayer> = self.below.iter().map(Arc::as_ref).collect();
+        let prove = || {
+            let start = Instant::now();
+            match known {
+                Some(known) => (known, 0.0),
+                None => (verify_garment(&mesh, &below), start.elapsed().as_secs_f64()),
+            }
+        };
+        let close = || match given {
+            Some(layer) if is_unmoved => Arc::clone(layer),
+            _ => Arc::new(ClosedLayer::garment(&mesh, below[0], &self.outfit.body.mesh)),
+        };
         let input = &self.input.garments[index].mesh;
+        let close_and_measure = || {
+            let closed = is_covered.then(close);
+            let x = mesh.vertices();
+            (closed, displacement(input.vertices(), x), strain(input, x))
+        };
+        let ((findings, verify_seconds), (closed, moved, strain)) =
+            trace_span!("verification and closed layer")
+                .in_scope(|| rayon::join(prove, close_and_measure));
         let dressed = Dressed {
-            moved: displacement(input.vertices(), mesh.vertices()),
-            strain: strain(input, mesh.vertices()),
-            is_unmoved: mesh.vertices() == garment.mesh.vertices(),
+            moved,
+            strain,
+            is_unmoved,
             mesh,
             findings,
             settled,
@@ -144,17 +158,7 @@ impl<'a> Dressing<'a> {
             verify_seconds,
             seconds: start.elapsed().as_secs_f64(),
         };
-        if index + 1 < self.outfit.garments.len() {
-            let closed = match given {
-                Some(layer) if dressed.is_unmoved => Arc::clone(layer),
-                _ => {
-                    let _phase = trace_span!("closed layers").entered();
-                    let body = &self.outfit.body.mesh;
-                    Arc::new(ClosedLayer::garment(&dressed.mesh, &self.below[0], body))
-                }
-            };
-            self.below.push(closed);
-        }
+        self.below.extend(closed);
         self.dressed.push(dressed);
     }
 

@@ -4,7 +4,7 @@
 use crate::findings::new_pairs;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
-use if_mesh::index::Bvh;
+use if_mesh::index::{Bvh, Nearby};
 use if_mesh::intersections::{
     MovedTriangles, TrianglePair, own_pairs, own_pairs_after_motion, pairs, pairs_after_motion,
 };
@@ -45,8 +45,8 @@ pub(crate) struct IncrementalVerification<'a> {
     below: &'a [&'a ClosedLayer],
     /// Own pairs of the input, sorted.
     given: Vec<[u32; 2]>,
-    /// Vertices of triangles; others have no side.
-    used: Vec<bool>,
+    /// Vertices of triangles, ascending; others have no side.
+    used: Vec<u32>,
     /// The positions of the last verification.
     verified: Vec<Point>,
     inside: Vec<bool>,
@@ -66,56 +66,70 @@ impl<'a> IncrementalVerification<'a> {
         below: &'a [&'a ClosedLayer],
     ) -> (Self, Remaining) {
         let n = mesh.vertices().len();
-        let own = own_pairs(mesh, tree);
+        let (pairs, own) = rayon::join(|| all_pairs(below, tree), || own_pairs(mesh, tree));
+        let is_used = mesh.used_vertices();
         let mut this = Self {
             below,
             given: own.iter().map(|p| [p.a, p.b]).collect(),
-            used: mesh.used_vertices(),
+            used: (0..n as u32).filter(|v| is_used[*v as usize]).collect(),
             verified: mesh.vertices().to_vec(),
             inside: vec![false; n],
-            pairs: all_pairs(below, tree),
+            pairs,
             own,
         };
-        let all = this.used.clone();
-        this.update_sides(&all);
+        let mut nearby = vec![None; this.used.len() * below.len()];
+        this.update_sides(&is_used, &mut nearby);
         let remaining = this.remaining();
         (this, remaining)
     }
 
-    /// Verifies `mesh`, which `tree` holds.
-    pub(crate) fn verify(&mut self, mesh: &TriMesh, tree: &Bvh) -> Remaining {
-        let moved: Vec<bool> = mesh
-            .vertices()
-            .iter()
-            .zip(&self.verified)
-            .zip(&self.used)
-            .map(|((p, verified), used)| *used && p != verified)
-            .collect();
+    /// Verifies `mesh`, which `tree` holds. `nearby` are for each used vertex and each layer
+    /// triangles near it, if they are known: sides are the same without them.
+    pub(crate) fn verify(
+        &mut self,
+        mesh: &TriMesh,
+        tree: &Bvh,
+        nearby: &mut [Option<Box<Nearby>>],
+    ) -> Remaining {
+        let mut moved = vec![false; mesh.vertices().len()];
+        for v in &self.used {
+            moved[*v as usize] = mesh.vertices()[*v as usize] != self.verified[*v as usize];
+        }
         self.verified.copy_from_slice(mesh.vertices());
         let triangles = MovedTriangles::new(mesh, &moved);
+        let (below, pairs, own) = (self.below, &mut self.pairs, &mut self.own);
         if triangles.len() as Real > MANY * mesh.triangles().len() as Real {
-            self.pairs = all_pairs(self.below, tree);
-            self.own = own_pairs(mesh, tree);
+            (*pairs, *own) = rayon::join(|| all_pairs(below, tree), || own_pairs(mesh, tree));
         } else if !triangles.is_empty() {
-            for (layer, pairs) in self.below.iter().zip(&mut self.pairs) {
-                *pairs = pairs_after_motion(layer.bvh(), mesh, &triangles, pairs);
-            }
-            self.own = own_pairs_after_motion(mesh, tree, &triangles, &self.own);
+            let others = || {
+                below.par_iter().zip(pairs).for_each(|(layer, pairs)| {
+                    *pairs = pairs_after_motion(layer.bvh(), mesh, &triangles, pairs);
+                });
+            };
+            rayon::join(others, || *own = own_pairs_after_motion(mesh, tree, &triangles, own));
         }
-        self.update_sides(&moved);
+        self.update_sides(&moved, nearby);
         self.remaining()
     }
 
-    fn update_sides(&mut self, moved: &[bool]) {
-        let below = self.below;
-        (&self.verified, moved, &mut self.inside).into_par_iter().with_min_len(128).for_each(
-            |(p, moved, inside)| {
-                if *moved {
-                    *inside =
-                        below.iter().any(|l| l.sided(p, 0.0).is_some_and(|s| s.distance < 0.0));
-                }
-            },
-        );
+    fn update_sides(&mut self, moved: &[bool], nearby: &mut [Option<Box<Nearby>>]) {
+        let (below, verified, inside) = (self.below, &self.verified, &self.inside);
+        let is_inside = |(v, nearby): (&u32, &mut [Option<Box<Nearby>>])| {
+            let (v, p) = (*v as usize, &verified[*v as usize]);
+            let is_in = |(layer, nearby): (&&ClosedLayer, &mut Option<Box<Nearby>>)| {
+                let sided = match nearby {
+                    Some(nearby) => layer.sided_nearby(p, 0.0, None, (nearby, false)),
+                    None => layer.sided(p, 0.0),
+                };
+                sided.is_some_and(|s| s.distance < 0.0)
+            };
+            if moved[v] { below.iter().zip(nearby).any(is_in) } else { inside[v] }
+        };
+        let of_vertices = self.used.par_iter().zip(nearby.par_chunks_mut(below.len()));
+        let found: Vec<bool> = of_vertices.with_min_len(128).map(is_inside).collect();
+        for (v, is_inside) in self.used.iter().zip(found) {
+            self.inside[*v as usize] = is_inside;
+        }
     }
 
     fn remaining(&self) -> Remaining {
@@ -139,5 +153,5 @@ fn all_pairs(below: &[&ClosedLayer], tree: &Bvh) -> Vec<Vec<TrianglePair>> {
         found.sort_unstable();
         found
     };
-    below.iter().map(with).collect()
+    below.par_iter().map(with).collect()
 }

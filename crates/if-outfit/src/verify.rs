@@ -44,16 +44,29 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
 pub(crate) fn verify_layers(outfit: &Outfit) -> (Vec<Findings>, Vec<Arc<ClosedLayer>>) {
     let _phase = trace_span!("verification").entered();
     let body_mesh = &outfit.body.mesh;
-    let closing = trace_span!("closed layers").entered();
-    let body = Arc::new(ClosedLayer::body(body_mesh));
     let covered = outfit.garments.split_last().map_or(&[][..], |(_, covered)| covered);
-    let close = |g: &Layer| Arc::new(ClosedLayer::garment(&g.mesh, &body, body_mesh));
-    let garments: Vec<_> = covered.par_iter().map(close).collect();
-    let closed: Vec<_> = [body].into_iter().chain(garments).collect();
-    drop(closing);
-    let layers: Vec<&ClosedLayer> = closed.iter().map(Arc::as_ref).collect();
-    let find = |(k, garment): (usize, &Layer)| verify_garment(&garment.mesh, &layers[..=k]);
-    (outfit.garments.iter().enumerate().map(find).collect(), closed)
+    let close_layers = || {
+        let body = Arc::new(ClosedLayer::body(body_mesh));
+        let close = |g: &Layer| Arc::new(ClosedLayer::garment(&g.mesh, &body, body_mesh));
+        let garments: Vec<_> = covered.par_iter().map(close).collect();
+        [Arc::clone(&body)].into_iter().chain(garments).collect::<Vec<_>>()
+    };
+    let own = |g: &Layer| {
+        let tree = Bvh::new(&g.mesh);
+        let own = own_of(&g.mesh, &tree);
+        (tree, own)
+    };
+    // Own pairs need no layer to be closed.
+    let (closed, own) = trace_span!("closed layers and own pairs").in_scope(|| {
+        rayon::join(close_layers, || outfit.garments.par_iter().map(own).collect::<Vec<_>>())
+    });
+    let _phase = trace_span!("pairs and sides").entered();
+    let over_all = |(k, (garment, (tree, own))): (usize, (&Layer, (Bvh, Vec<[u32; 2]>)))| {
+        let over = |layer: &Arc<ClosedLayer>| verify_over(&garment.mesh, &tree, layer);
+        Findings { below: closed[..=k].par_iter().map(over).collect(), own }
+    };
+    let findings = outfit.garments.par_iter().zip(own).enumerate().map(over_all).collect();
+    (findings, closed)
 }
 
 /// As [`verify_layers`], if the garments that are not `changed` are those in which `findings` were
@@ -88,8 +101,9 @@ pub(crate) fn verify_changed(
 pub(crate) fn verify_garment(mesh: &TriMesh, below: &[&ClosedLayer]) -> Findings {
     let _phase = trace_span!("pairs and sides").entered();
     let tree = Bvh::new(mesh);
-    let below = below.iter().map(|layer| verify_over(mesh, &tree, layer)).collect();
-    Findings { below, own: own_of(mesh, &tree) }
+    let over_all = || below.par_iter().map(|layer| verify_over(mesh, &tree, layer)).collect();
+    let (below, own) = rayon::join(over_all, || own_of(mesh, &tree));
+    Findings { below, own }
 }
 
 /// What is found of a garment with this mesh, which `tree` holds, over one layer.

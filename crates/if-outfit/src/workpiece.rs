@@ -183,7 +183,8 @@ impl<'a> Workpiece<'a> {
         let _phase = trace_span!("verification").entered();
         let mesh = self.mesh_at(stored);
         self.tree.refit(mesh.vertices());
-        let remaining = self.verification.verify(&mesh, &self.tree);
+        let nearby = self.contacts.search.nearby_of_vertices();
+        let remaining = self.verification.verify(&mesh, &self.tree, nearby);
         (mesh, remaining)
     }
 

@@ -100,3 +100,34 @@ pub(super) fn build(
     node[0] = Node { aabb, at: child, count: 0 };
     aabb
 }
+
+/// Moves the triangles of a subtree, whose nodes are `nodes`, and returns its box.
+pub(super) fn refit(
+    positions: &[Point],
+    indices: &[[u32; 3]],
+    corners: &mut [[Point; 3]],
+    nodes: &mut [Node],
+) -> Aabb {
+    let (node, below) = nodes.split_at_mut(1);
+    if node[0].count > 0 {
+        let mut aabb = Aabb::EMPTY;
+        for (c, tri) in corners.iter_mut().zip(indices) {
+            *c = tri.map(|v| positions[v as usize]);
+            aabb = aabb.merged(&corner_box(c));
+        }
+        node[0].aabb = aabb;
+        return aabb;
+    }
+    // As `build` splits.
+    let middle = indices.len() / 2;
+    let fork = indices.len() > FORK;
+    let (left, right) = indices.split_at(middle);
+    let (left_corners, right_corners) = corners.split_at_mut(middle);
+    let (left_nodes, right_nodes) = below.split_at_mut(node_count(middle));
+    let mut refit_left = || refit(positions, left, left_corners, left_nodes);
+    let mut refit_right = || refit(positions, right, right_corners, right_nodes);
+    let (a, b) =
+        if fork { rayon::join(refit_left, refit_right) } else { (refit_left(), refit_right()) };
+    node[0].aabb = a.merged(&b);
+    node[0].aabb
+}

@@ -1,6 +1,6 @@
 //! Intersections of segments with the mesh.
 
-use super::Bvh;
+use super::{Bvh, STACK};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
 
@@ -24,19 +24,19 @@ impl Bvh {
     ) -> Option<Hit> {
         let direction = to - from;
         let mut best: Option<Hit> = None;
-        let mut stack = vec![0u32];
-        if self.nodes.is_empty() {
-            return None;
-        }
-        while let Some(n) = stack.pop() {
+        let mut stack = [0u32; STACK];
+        let mut top = usize::from(!self.nodes.is_empty());
+        while top > 0 {
+            top -= 1;
+            let n = stack[top];
             let node = &self.nodes[n as usize];
             let limit = best.map_or(1.0, |h| h.parameter);
             if !segment_meets_box(from, &direction, limit, &node.aabb) {
                 continue;
             }
             if node.count == 0 {
-                stack.push(node.at);
-                stack.push(n + 1);
+                (stack[top], stack[top + 1]) = (node.at, n + 1);
+                top += 2;
                 continue;
             }
             for k in node.at as usize..(node.at + node.count) as usize {
