@@ -75,8 +75,7 @@ pub(crate) struct ReconstructArgs {
     /// garment gets the trained φ.
     #[arg(long, value_name = "STEPS", default_value_t = 0)]
     pub(crate) phi_steps: u64,
-    /// Write the canonical mesh in each frame, too: posed, and moved as the pictures of that frame
-    /// and its neighbours show it.
+    /// Write the canonical mesh in each frame, too: posed, and moved as the pictures show it.
     #[arg(long)]
     pub(crate) frames: bool,
     /// Where the motion of single frames comes from: `solved` from the pictures (with --route fields

@@ -8,6 +8,8 @@ const FAR: f64 = 1e6;
 pub(super) struct DistanceImage {
     width: usize,
     height: usize,
+    /// Standard deviation of its filter, in pixels.
+    blur: f64,
     values: Vec<f32>,
 }
 
@@ -29,7 +31,12 @@ impl DistanceImage {
         if blur > 0.0 {
             values = blurred(&values, width, height, blur);
         }
-        Self { width, height, values: values.into_iter().map(|v| v as f32).collect() }
+        Self { width, height, blur, values: values.into_iter().map(|v| v as f32).collect() }
+    }
+
+    /// The distance from the border of another mask of the same size, filtered alike.
+    pub(super) fn alike(&self, mask: &[bool]) -> Self {
+        Self::new(mask, self.width, self.height, self.blur)
     }
 
     /// The value at a pixel position: bilinear between centres, constant outside.

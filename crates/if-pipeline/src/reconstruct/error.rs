@@ -108,11 +108,11 @@ pub enum ReconstructError {
     Field(#[from] FieldError),
 
     // The motion of single frames.
-    /// The equations of a frame's motion have no finite solution.
+    /// The equations of the motion have no finite solution.
     #[error(
-        "the motion of frame {frame} has no finite solution in round {round}; check the scale of normals and weights"
+        "the motion of the frames has no finite solution in round {round}; check the scale of normals and weights"
     )]
-    MotionDiverged { frame: usize, round: usize },
+    MotionDiverged { round: usize },
     /// The fit of the motion's network diverged.
     #[error("the network of the motion diverged after {steps} steps; lower `fit.schedule.rate`")]
     NetworkDiverged { steps: u64 },

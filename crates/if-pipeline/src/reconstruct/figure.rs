@@ -43,7 +43,13 @@ pub(super) struct RimPoint {
     pub(super) vertex: usize,
     /// Position in the image.
     pub(super) pixel: Point2<Real>,
-    /// Signed distance from the border at the vertex's depth, in metres, positive outside.
+    /// Signed distance from the rasterised figure's own outline, in pixels, positive outside:
+    /// vertices between front and back faces also lie on folds up to [`BESIDE`] pixels inside.
+    pub(super) own: Real,
+    /// How much farther outside the mask's border it lies than outside the figure's own outline, at
+    /// the vertex's depth, in metres. As the difference of two distances that are found alike it is
+    /// free of what pixels and filters do to each: they make a surface a quarter of a pixel too
+    /// large.
     pub(super) metres: Real,
     /// 1 where the border faces as the vertex, seen in profile.
     pub(super) weight: Real,
@@ -89,6 +95,8 @@ impl<'a> Figure<'a> {
             }
         }
         let pixels_per_metre = pixels_per_metre(self.camera);
+        let figure: Vec<bool> = self.seen.triangle.iter().map(|t| *t != NOTHING).collect();
+        let outline = outside.alike(&figure);
         let mut found = Vec::new();
         for vertex in (0..rim.len()).filter(|v| rim[*v]) {
             let p = &self.points[vertex];
@@ -102,7 +110,8 @@ impl<'a> Figure<'a> {
             {
                 continue;
             }
-            let metres = outside.at(pixel.x, pixel.y) * p.z / pixels_per_metre;
+            let own = outline.at(pixel.x, pixel.y);
+            let metres = (outside.at(pixel.x, pixel.y) - own) * p.z / pixels_per_metre;
             if metres.abs() > reach {
                 continue;
             }
@@ -116,7 +125,7 @@ impl<'a> Figure<'a> {
             let tilt = normal.dot(&unit_or_zero(&p.coords)) / ROUND_THE_CORNER;
             let weight = along * (1.0 - tilt * tilt);
             if along > SAME_BORDER && weight > 0.0 {
-                found.push(RimPoint { vertex, pixel, metres, weight });
+                found.push(RimPoint { vertex, pixel, own, metres, weight });
             }
         }
         found

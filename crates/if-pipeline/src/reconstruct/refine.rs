@@ -19,7 +19,7 @@ const UNSEEN: Real = 0.02;
 const ON_RIM: Real = 3.0;
 /// Weight of not moving, which makes the system regular where there is no evidence. A hundred times
 /// more slows convergence, a hundred times less lets unseen regions drift.
-const STAY: Real = 1e-4;
+pub(super) const STAY: Real = 1e-4;
 /// Smoothing rounds of the directions along which vertices move, so that neighbours do not collide.
 const DIRECTION_ROUNDS: usize = 3;
 
@@ -41,7 +41,7 @@ pub(super) fn step(
     evidence: &Evidence,
     params: &SurfaceParams,
 ) -> Option<(Vec<Point>, Round)> {
-    let (moved, neighbours, round) = solved(mesh, edges, evidence, &Weights::of(params), &[])?;
+    let (moved, neighbours, round) = solved(mesh, edges, evidence, &Weights::of(params))?;
     let moved = slid(mesh, moved, &neighbours, params.slide);
     Some((fair::repair(rest, moved, &neighbours, evidence), round))
 }
@@ -52,8 +52,6 @@ pub(super) struct Weights {
     pub(super) normals: Real,
     pub(super) silhouettes: Real,
     pub(super) bending: Real,
-    /// Of the rest position: the current one, or the one given by `home`.
-    pub(super) stay: Real,
     /// Largest step of a vertex, in metres.
     pub(super) longest_step: Real,
 }
@@ -61,29 +59,77 @@ pub(super) struct Weights {
 impl Weights {
     fn of(params: &SurfaceParams) -> Self {
         let SurfaceParams { normals, silhouettes, bending, longest_step, .. } = *params;
-        Self { normals, silhouettes, bending, stay: STAY, longest_step }
+        Self { normals, silhouettes, bending, longest_step }
     }
 }
 
-/// The solution of the least-squares problem, and the neighbours of each vertex. `home` is the offset
-/// of each vertex to its rest position, of which the component along its direction counts; empty if
-/// that is the current position.
-pub(super) fn solved(
+/// The solution of the least-squares problem, and the neighbours of each vertex.
+fn solved(
     mesh: &TriMesh,
     edges: &Edges,
     evidence: &Evidence,
     params: &Weights,
-    home: &[Vector],
 ) -> Option<(Vec<Point>, Rows<u32>, Round)> {
     let x = mesh.vertices();
     let n = x.len();
     let neighbours = edges.neighbours(n);
-    let directions = smoothed(&mesh.vertex_normals(), &neighbours);
-    let mut entries: Vec<Entry> = Vec::with_capacity(60 * n);
-    let mut right = Mat::zeros(n, 1);
+    let directions = directions(mesh, &neighbours);
+    let seen = observed(mesh, &directions, edges, evidence, params);
+    let mut right = Mat::from_fn(n, 1, |v, _| seen.right[v]);
+    let mut entries = seen.entries(edges, STAY);
+    add_bending(&mut entries, &neighbours, params.bending);
+    Cholesky::new(n, &entries).ok()?.solve_in_place(&mut right);
+
+    let longest = params.longest_step;
+    let steps: Vec<Real> = (0..n).map(|v| right[(v, 0)].clamp(-longest, longest)).collect();
+    let mut round = seen.round;
+    round.step_mm = (steps.iter().map(|s| s * s).sum::<Real>() / n.max(1) as Real).sqrt() * 1e3;
+    let moved: Vec<Point> = (0..n).map(|v| x[v] + directions[v] * steps[v]).collect();
+    if !moved.iter().flat_map(|p| p.iter()).all(|c| c.is_finite()) {
+        return None;
+    }
+    Some((moved, neighbours, round))
+}
+
+/// The terms of the evidence: quadratic in the steps s of the vertices along their directions, with
+/// entries for vertices and for edges alone.
+pub(super) struct Observed {
+    /// For each vertex.
+    pub(super) diagonal: Vec<Real>,
+    /// For each edge.
+    pub(super) across: Vec<Real>,
+    /// For each vertex the right side.
+    pub(super) right: Vec<Real>,
+    /// Counts and residuals.
+    pub(super) round: Round,
+}
+
+impl Observed {
+    /// The entries of the matrix's lower triangle, with `stay` added on the diagonal.
+    pub(super) fn entries(&self, edges: &Edges, stay: Real) -> Vec<Entry> {
+        let mut entries: Vec<Entry> = Vec::with_capacity(60 * self.diagonal.len());
+        let diagonal = self.diagonal.iter().enumerate();
+        entries.extend(diagonal.map(|(v, w)| Entry::new(v, v, w + stay)));
+        let across = edges.vertices.iter().zip(&self.across);
+        entries.extend(across.map(|([a, b], w)| Entry::new(*b as usize, *a as usize, *w)));
+        entries
+    }
+}
+
+/// The terms of normals and silhouettes for a `mesh` whose vertices move along `directions`.
+pub(super) fn observed(
+    mesh: &TriMesh,
+    directions: &[Vector],
+    edges: &Edges,
+    evidence: &Evidence,
+    params: &Weights,
+) -> Observed {
+    let x = mesh.vertices();
+    let n = x.len();
+    let (mut diagonal, mut right) = (vec![0.0; n], vec![0.0; n]);
+    let mut across = vec![0.0; edges.vertices.len()];
     let mut round = Round::default();
 
-    // The term of the normals.
     let areas: Vec<Real> = (0..mesh.triangles().len())
         .map(|t| {
             let [a, b, c] = mesh.corners(t);
@@ -112,38 +158,35 @@ pub(super) fn solved(
             let (i, j) = (tri[k] as usize, tri[(k + 1) % 3] as usize);
             let (at_i, at_j) = (-target.dot(&directions[i]), target.dot(&directions[j]));
             let gap = -target.dot(&(x[j] - x[i]));
-            entries.push(Entry::new(i, i, w * at_i * at_i));
-            entries.push(Entry::new(j, j, w * at_j * at_j));
-            entries.push(Entry::new(i.max(j), i.min(j), w * at_i * at_j));
-            right[(i, 0)] += w * at_i * gap;
-            right[(j, 0)] += w * at_j * gap;
+            diagonal[i] += w * at_i * at_i;
+            diagonal[j] += w * at_j * at_j;
+            across[edges.of_triangle[t][k] as usize] += w * at_i * at_j;
+            right[i] += w * at_i * gap;
+            right[j] += w * at_j * gap;
         }
     }
     round.normal_degrees = if seen_area > 0.0 { (angle / seen_area).to_degrees() } else { 0.0 };
 
-    // The terms of silhouettes and of the rest positions.
     let (mut squares, mut rim_weight) = (0.0, 0.0);
     for v in 0..n {
         let (way, weight) = evidence.rim[v];
-        let mut diagonal = params.stay;
-        if let Some(way) = home.get(v) {
-            right[(v, 0)] += params.stay * way.dot(&directions[v]);
-        }
         if weight > 0.0 {
             let delta = way / weight;
             let w = params.silhouettes * (weight / ON_RIM).min(1.0);
-            diagonal += w;
-            right[(v, 0)] += w * delta;
+            diagonal[v] += w;
+            right[v] += w * delta;
             squares += weight * delta * delta;
             rim_weight += weight;
             round.rim_vertices += 1;
         }
-        entries.push(Entry::new(v, v, diagonal));
     }
     round.silhouette_mm = if rim_weight > 0.0 { (squares / rim_weight).sqrt() * 1e3 } else { 0.0 };
+    Observed { diagonal, across, right, round }
+}
 
-    // The bending term of the step.
-    for v in 0..n {
+/// Adds the bending term: `weight` · Σ (s − mean of its neighbours' s)².
+pub(super) fn add_bending(entries: &mut Vec<Entry>, neighbours: &Rows<u32>, weight: Real) {
+    for v in 0..neighbours.len() {
         if neighbours.of(v).is_empty() {
             continue;
         }
@@ -153,19 +196,14 @@ pub(super) fn solved(
             .collect();
         for &(i, a) in &row {
             let lower = row.iter().filter(|(j, _)| *j <= i);
-            entries.extend(lower.map(|&(j, b)| Entry::new(i, j, params.bending * a * b)));
+            entries.extend(lower.map(|&(j, b)| Entry::new(i, j, weight * a * b)));
         }
     }
+}
 
-    Cholesky::new(n, &entries).ok()?.solve_in_place(&mut right);
-    let longest = params.longest_step;
-    let steps: Vec<Real> = (0..n).map(|v| right[(v, 0)].clamp(-longest, longest)).collect();
-    round.step_mm = (steps.iter().map(|s| s * s).sum::<Real>() / n.max(1) as Real).sqrt() * 1e3;
-    let moved: Vec<Point> = (0..n).map(|v| x[v] + directions[v] * steps[v]).collect();
-    if !moved.iter().flat_map(|p| p.iter()).all(|c| c.is_finite()) {
-        return None;
-    }
-    Some((moved, neighbours, round))
+/// The directions along which vertices move: normals, smoothed.
+pub(super) fn directions(mesh: &TriMesh, neighbours: &Rows<u32>) -> Vec<Vector> {
+    smoothed(&mesh.vertex_normals(), neighbours)
 }
 
 fn smoothed(normals: &[Vector], neighbours: &Rows<u32>) -> Vec<Vector> {
@@ -221,7 +259,7 @@ mod tests {
     fn without_evidence_the_surface_stays() {
         let ball = meshes::icosphere(0.3, 3);
         let (moved, _, round) =
-            solved(&ball, &Edges::new(&ball), &nothing(&ball), &usual(), &[]).unwrap();
+            solved(&ball, &Edges::new(&ball), &nothing(&ball), &usual()).unwrap();
         for (p, q) in moved.iter().zip(ball.vertices()) {
             approx::assert_relative_eq!(p, q, epsilon = 1e-12);
         }
@@ -273,11 +311,7 @@ mod tests {
         for v in (0..mesh.vertices().len()).step_by(4) {
             evidence.rim[v] = (0.001 * (v % 7) as Real, 0.5 + (v % 4) as Real);
         }
-        let weights = Weights { stay: 0.01, ..usual() };
-        let home: Vec<Vector> = (0..mesh.vertices().len())
-            .map(|v| Vector::new(0.0, 1e-4 * (v % 5) as Real, 2e-4))
-            .collect();
-        let (moved, neighbours, _) = solved(&mesh, &edges, &evidence, &weights, &home).unwrap();
+        let (moved, neighbours, _) = solved(&mesh, &edges, &evidence, &usual()).unwrap();
         let directions = smoothed(&mesh.vertex_normals(), &neighbours);
         let s: Vec<Real> =
             (0..moved.len()).map(|v| (moved[v] - mesh.vertices()[v]).dot(&directions[v])).collect();
@@ -304,8 +338,7 @@ mod tests {
                 }
                 let mean: Real = neighbours.of(v).iter().map(|u| s[*u as usize]).sum::<Real>()
                     / neighbours.of(v).len() as Real;
-                sum += 0.5 * (s[v] - mean).powi(2)
-                    + 0.01 * (s[v] - home[v].dot(&directions[v])).powi(2);
+                sum += 0.5 * (s[v] - mean).powi(2) + STAY * s[v] * s[v];
             }
             sum
         };

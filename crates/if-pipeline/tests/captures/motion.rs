@@ -68,6 +68,6 @@ fn clothes_that_move_are_followed_and_clothes_that_do_not_are_left() {
     let [without, with] = errors(0.02);
     assert!(with < 0.9 * without, "{without} {with}");
     let [without, with] = errors(1e-9);
-    // A pixel is 14 mm wide, and three frames see little of it.
+    // A pixel is 14 mm wide.
     assert!(with < 1.1 * without, "{without} {with}");
 }

@@ -399,7 +399,7 @@ fn a_wave_that_runs_over_the_body_is_followed_in_each_frame() {
     // The wave is 5 mm high on average, half a pixel. What is left of it is 61 %.
     assert!(without > 0.004 && with < 0.67 * without, "{without} {with}");
     let report = &motion.report;
-    assert_eq!((report.solved, report.rounds.len(), report.frames.len()), (FRAMES, 1, FRAMES));
+    assert_eq!((report.solved, report.rounds.len(), report.frames.len()), (FRAMES, 2, FRAMES));
     assert!(report.mean_mm > 1.0 && report.max_mm < 40.0, "{report:?}");
     // Threads do not matter.
     for threads in [1, 2, 7] {
@@ -431,14 +431,12 @@ fn a_body_that_does_not_move_is_hardly_moved() {
     let motion = move_frames(&capture, &surface).unwrap();
     let [without, with] = seen_errors(&capture, &surface, &motion, |_, p| off(p));
     assert!(with < without + 0.0005, "{without} {with}");
-    // Frames that show nothing lie between their neighbours.
+    // Frames that show nothing follow from their neighbours.
     assert_eq!(motion.report.skipped, [3, 7]);
-    for (v, d) in motion.offsets[3].iter().enumerate() {
-        approx::assert_relative_eq!(
-            *d,
-            (motion.offsets[2][v] + motion.offsets[4][v]) * 0.5,
-            epsilon = 1e-15
-        );
+    let frames = &motion.offsets;
+    for (v, d) in frames[3].iter().enumerate() {
+        let between = (frames[2][v] + frames[4][v]) * 0.5;
+        assert!((d - between).norm() < 0.001, "vertex {v}: {d} {between}");
     }
 }
 

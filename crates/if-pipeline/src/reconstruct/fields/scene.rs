@@ -43,6 +43,8 @@ pub(super) struct Rim {
     pub(super) frame: u32,
     /// The canonical point.
     pub(super) at: Point,
+    /// Its signed distance from the figure's own outline, in pixels.
+    pub(super) own: Real,
     /// Its weight.
     pub(super) weight: Real,
 }
@@ -78,14 +80,15 @@ impl<'a> Scene<'a> {
         (from, unit_or_zero(&along))
     }
 
-    /// Distance of a posed point from the border of the mask of a frame, at its depth, in metres,
-    /// positive outside; and the derivative of that by a motion along the unit vector `normal`.
+    /// How much farther than `own` pixels outside the border of the mask of a frame a posed point
+    /// lies, at its depth, in metres; and the derivative of that by a motion along the unit vector `normal`.
     /// `None` behind the camera.
     pub(super) fn beside_mask(
         &self,
         frame: usize,
         posed: &Point,
         normal: &Vector,
+        own: Real,
     ) -> Option<(Real, Real)> {
         let p = self.camera.to_camera(posed);
         if p.z <= 0.0 {
@@ -99,7 +102,7 @@ impl<'a> Scene<'a> {
         let n = self.camera.rotation() * normal;
         // A motion n moves the pixel by f (n_xy − n_z p_xy / z) / z.
         let slope = du * (n.x - n.z * p.x / p.z) + dv * (n.y - n.z * p.y / p.z);
-        Some((outside.at(pixel.x, pixel.y) * p.z / focal, slope))
+        Some(((outside.at(pixel.x, pixel.y) - own) * p.z / focal, slope))
     }
 
     /// What frame `k` shows of a canonical `mesh` with weights `skin`, moved by `offsets`.
@@ -121,7 +124,7 @@ impl<'a> Scene<'a> {
         let k = k as u32;
         let rims = rim
             .iter()
-            .map(|r| Rim { frame: k, at: mesh.vertices()[r.vertex], weight: r.weight })
+            .map(|r| Rim { frame: k, at: mesh.vertices()[r.vertex], own: r.own, weight: r.weight })
             .collect();
         let width = self.camera.width();
         let mut pixels = Vec::new();

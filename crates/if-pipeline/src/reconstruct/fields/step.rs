@@ -220,9 +220,8 @@ impl Step<'_> {
         for (k, place) in self.places(&x, &frames, &skins).into_iter().enumerate() {
             let Some(place) = place else { continue };
             let (frame, normal) = (frames[k] as usize, place.unit_normal());
-            let Some((e, slope)) = self.scene.beside_mask(frame, &place.posed, &normal) else {
-                continue;
-            };
+            let seen = self.scene.beside_mask(frame, &place.posed, &normal, rims[k].own);
+            let Some((e, slope)) = seen else { continue };
             // Geman and McClure 1985.
             let below = e * e + reach * reach;
             let by_way = 2.0 * e * (reach / below).powi(2) * slope;

@@ -271,7 +271,7 @@ mod tests {
             let pixel = camera.to_pixel(q);
             outside.at(pixel.x, pixel.y) * q.z / scale
         };
-        let point = RimPoint { vertex: 0, pixel, metres: metres(&p), weight: 1.0 };
+        let point = RimPoint { vertex: 0, pixel, own: 0.0, metres: metres(&p), weight: 1.0 };
         let along = silhouette_slope(&camera, &outside, &point, &p, scale);
         compared(&silhouette_rows(&subject, 0, &transforms, &along), |t| {
             Vector1::new(metres(&position(&skin, t)))
