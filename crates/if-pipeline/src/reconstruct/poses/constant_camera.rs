@@ -1,7 +1,7 @@
 //! The orientation and the focal length of a camera that are off by a constant error.
 
 use super::terms::silhouette_slope;
-use crate::reconstruct::figure::Figure;
+use crate::reconstruct::figure::{Figure, RimPoint};
 use crate::reconstruct::observe::Observation;
 use crate::reconstruct::projection::pixels_per_metre;
 use if_body::TemplateBody;
@@ -57,6 +57,10 @@ pub(super) fn corrected(
             for point in figure.rim(&frame.outside, &normals, REACH) {
                 let p = &figure.points[point.vertex];
                 let scale = pixels_per_metre(&now);
+                // The template lies within the clothes, and is no fitted surface: its silhouette
+                // counts where it is, whatever its outline.
+                let metres = point.metres + point.own * p.z / scale;
+                let point = RimPoint { metres, ..point };
                 let along = silhouette_slope(&now, &frame.outside, &point, p, scale);
                 let along = now.rotation() * along.transpose();
                 let by_turn = p.coords.cross(&along);
