@@ -3,14 +3,14 @@
 
 use crate::contacts::{ContactParams, Contacts, Exit};
 use crate::params::ResolveParams;
-use crate::upper_layers::{Pressed, UpperLayers};
+use crate::upper_layers::UpperLayers;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::outward::Outward;
 use if_mesh::solid::ClosedLayer;
-use if_xpbd::constraint::Constraint;
+use if_xpbd::constraint::{Constraint, Stage};
 use if_xpbd::half_space::HalfSpaces;
 use if_xpbd::separation::Separations;
 use std::collections::BTreeSet;
@@ -30,7 +30,7 @@ pub(crate) struct ContactGroups<'a> {
     below: HalfSpaces,
     /// The layers above, and half-spaces below them.
     above: UpperLayers<'a>,
-    pressed: Pressed,
+    pressed: HalfSpaces,
     /// Vertices that are not, or no longer, pressed in below the layers above.
     released: Vec<bool>,
     /// For each vertex the gap to keep, in metres.
@@ -59,6 +59,8 @@ impl<'a> ContactGroups<'a> {
         let mut planes = HalfSpaces::new();
         planes.max_push = params.effort.max_push;
         planes.max_lever = MAX_LEVER;
+        let mut pressed = planes.clone();
+        pressed.stage = Stage::Elastic;
         let search = ContactParams {
             step: params.effort.contact_step,
             margin: params.effort.contact_margin,
@@ -70,9 +72,9 @@ impl<'a> ContactGroups<'a> {
             triangles: mesh.triangles(),
             clearance: params.goal.clearance,
             search: Contacts::new(mesh, edges, below, outward, search),
-            pressed: Pressed::new(&planes),
             below: planes,
             above,
+            pressed,
             // Vertices of no triangle stay, wherever they are.
             released: mesh.used_vertices().iter().map(|used| !used).collect(),
             gaps: vec![params.goal.clearance; n],
@@ -105,9 +107,8 @@ impl<'a> ContactGroups<'a> {
     }
 
     /// All groups in the order in which the solver visits them.
-    pub(crate) fn in_order(&mut self) -> [&mut dyn Constraint; 4] {
-        let Pressed { nearest, whole } = &mut self.pressed;
-        [nearest, whole, &mut self.below, &mut self.self_separations]
+    pub(crate) fn in_order(&mut self) -> [&mut dyn Constraint; 3] {
+        [&mut self.pressed, &mut self.below, &mut self.self_separations]
     }
 
     /// Records that no vertex moved further than `most` metres since the last detection.

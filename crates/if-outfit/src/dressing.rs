@@ -4,7 +4,7 @@ use crate::findings::{Findings, LayerFindings};
 use crate::outfit::{Layer, Outfit};
 use crate::progress::{DONE, GarmentProgress, VERIFY};
 use crate::settle::{Settings, Settled, settle};
-use crate::upper_layers::{TightGarments, UpperLayers, inward_normals};
+use crate::upper_layers::{TightGarments, UpperLayers};
 use crate::verify::verify_garment;
 use crate::workpiece::SettleError;
 use if_core::math::Real;
@@ -93,10 +93,7 @@ impl<'a> Dressing<'a> {
         let settled = if needs_nothing {
             Settled::unchanged(garment)
         } else {
-            let inward = given.filter(|_| !above.is_empty());
-            let inward = inward.map_or(Vec::new(), |layer| inward_normals(&garment.mesh, layer));
-            let tuck_distance = tight.tuck_distance();
-            let above = UpperLayers { layers: &above, inward: &inward, tuck_distance };
+            let above = UpperLayers { layers: &above, tuck_distance: tight.tuck_distance() };
             let meets_garments = found.below[1..].iter().any(|l: &LayerFindings| !l.is_clean());
             let may_yield = !(tucking_helps && meets_garments);
             settle(garment, &below, above, may_yield, self.settings, progress)?

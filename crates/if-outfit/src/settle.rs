@@ -34,7 +34,7 @@ use crate::repair::{self, Repair};
 use crate::report::{Algorithm1Report, RepairCounts};
 use crate::upper_layers::UpperLayers;
 use crate::workpiece::{Eased, Scene, SettleError, Workpiece};
-use if_core::math::{Point, Real};
+use if_core::math::Point;
 use if_mesh::index::Bvh;
 use if_mesh::outward::Outward;
 use if_mesh::solid::ClosedLayer;
@@ -43,13 +43,6 @@ use tracing::trace_span;
 
 /// While settling, every so many rounds are verified.
 const VERIFY_EVERY: usize = 5;
-
-/// Most rounds in which a garment is pressed in as a whole below others before it settles: 25 cm.
-const MOST_PRESSING: usize = 42;
-/// That ends after so many rounds in which it does not come clearly farther: to less than this
-/// share of what stuck out.
-const PRESSED_IN_VAIN: usize = 3;
-const PRESSED_FARTHER: Real = 0.98;
 
 /// A settled garment.
 pub(crate) struct Settled {
@@ -158,25 +151,10 @@ pub(crate) fn settle(
     }
     let pressing =
         above.rounds(mesh.vertices(), &unused).saturating_sub(params.effort.settle_rounds);
-    let mut pressed = 0;
-    let (mut least, mut in_vain) = (Real::INFINITY, 0);
-    // Nothing tells beforehand how far a garment has to go that is pressed in as a whole.
-    let mut goes_on = |x: &[Point]| {
-        let left = above.pressed_as_a_whole(x, &unused);
-        in_vain = if left < PRESSED_FARTHER * least { 0 } else { in_vain + 1 };
-        least = least.min(left);
-        left > 0.0 && in_vain < PRESSED_IN_VAIN
-    };
-    while pressed < pressing || (pressed < MOST_PRESSING && goes_on(&work.cloth.x)) {
-        progress.report(SETTLE, pressed, None)?;
+    for round in 0..pressing {
+        progress.report(SETTLE, round, None)?;
         work.cloth.round(&mut work.contacts, &work.tree)?;
         work.tree.refit(&work.cloth.x);
-        pressed += 1;
-    }
-    if pressed > 0 {
-        let out = |x: &[Point]| above.sticking_out(x, &unused).len();
-        let (given, left) = (sticking_out.len(), out(&work.cloth.x));
-        tracing::debug!(garment = garment.name, pressed, given, left, "pressed in");
     }
     let mut strategies = repair::Strategies::new();
     let (mut rounds, mut repairs) = (first, 0);
@@ -200,7 +178,7 @@ pub(crate) fn settle(
     Ok(Settled {
         tucked: [sticking_out.len(), above.sticking_out(&positions, &unused).len()],
         positions,
-        rounds: pressed + rounds - first + work.eased.rounds,
+        rounds: pressing + rounds - first + work.eased.rounds,
         repairs: repairs + work.eased.rounds,
         counts: work.counts,
         sweeps: work.cloth.sweeps,

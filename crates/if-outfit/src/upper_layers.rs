@@ -6,14 +6,10 @@
 //! contacts with those come later in every sweep, and win.
 
 use crate::findings::Findings;
-use crate::geodesic::Neighbours;
 use crate::outfit::Outfit;
 use crate::params::GoalParams;
-use if_core::edges::Edges;
-use if_core::math::{Point, Real, Vector, unit_or_zero};
-use if_core::mesh::TriMesh;
-use if_mesh::solid::{ClosedLayer, Sided};
-use if_xpbd::constraint::Stage;
+use if_core::math::{Point, Real, Vector};
+use if_mesh::solid::ClosedLayer;
 use if_xpbd::half_space::HalfSpaces;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -35,37 +31,8 @@ pub(crate) struct UpperLayer<'a> {
 pub(crate) struct UpperLayers<'a> {
     /// The layers.
     pub(crate) layers: &'a [UpperLayer<'a>],
-    /// The garment's own inward normals ([`inward_normals`]); empty if they are not known.
-    pub(crate) inward: &'a [Vector],
     /// Vertices that stick out of a layer by up to this much, in metres, are pressed in.
     pub(crate) tuck_distance: Real,
-}
-
-/// A plane that a vertex is pressed behind.
-struct Plane {
-    inward: Vector,
-    point: Point,
-    /// Whether it leads along the garment's own normal.
-    as_a_whole: bool,
-}
-
-/// The half-spaces below the layers above, for vertices that are pressed in the nearest way and for
-/// those that are pressed in as a whole.
-pub(crate) struct Pressed {
-    pub(crate) nearest: HalfSpaces,
-    pub(crate) whole: HalfSpaces,
-}
-
-impl Pressed {
-    /// None yet; they push like `planes`. What is far from all layers is in nobody's way, and is
-    /// pushed as far as it is to go: by less, the cloth would pull it back in every sweep.
-    pub(crate) fn new(planes: &HalfSpaces) -> Self {
-        let mut nearest = planes.clone();
-        nearest.stage = Stage::Elastic;
-        let mut whole = nearest.clone();
-        whole.max_push = STEP;
-        Self { nearest, whole }
-    }
 }
 
 impl UpperLayers<'_> {
@@ -73,18 +40,14 @@ impl UpperLayers<'_> {
     /// sticks out of or lies closely below.
     ///
     /// Beyond the end of a layer nothing is pressed: a hem, a cuff or an open front covers nothing
-    /// there. In an armpit the nearest ways lead apart, through the walls to its sides; the garment's
-    /// own normal takes it in as a whole.
-    fn planes<'a>(&'a self, v: usize, p: &'a Point) -> impl Iterator<Item = Plane> + 'a {
+    /// there.
+    fn planes<'a>(&'a self, v: usize, p: &'a Point) -> impl Iterator<Item = (Vector, Point)> + 'a {
         self.layers.iter().filter(move |c| c.covered[v]).filter_map(move |c| {
             let s = c
                 .layer
                 .sided(p, self.tuck_distance)
                 .filter(|s| !s.boundary && s.distance > -c.gap - MARGIN)?;
-            let own = self.inward.get(v).filter(|own| leads_aside(&s, own));
-            let inward = own.copied().unwrap_or(-s.normal);
-            let point = p + inward * (s.distance + c.gap).min(STEP);
-            Some(Plane { inward, point, as_a_whole: own.is_some() })
+            Some((-s.normal, p - s.normal * (s.distance + c.gap).min(STEP)))
         })
     }
 
@@ -97,20 +60,6 @@ impl UpperLayers<'_> {
     pub(crate) fn rounds(&self, x: &[Point], released: &[bool]) -> usize {
         let highest = self.heights(x, released).into_iter().map(|h| h.1).fold(0.0, Real::max);
         (highest / STEP).ceil() as usize
-    }
-
-    /// How far the vertices of `x` stick out that are pressed in along their own normals, as the
-    /// nearest ways lead elsewhere: the sum, in metres, unless `released`.
-    pub(crate) fn pressed_as_a_whole(&self, x: &[Point], released: &[bool]) -> Real {
-        let height = |v: usize| {
-            let layers = self.layers.iter().filter(|c| c.covered[v] && !released[v]);
-            let sides = layers.filter_map(|c| c.layer.sided(&x[v], self.tuck_distance));
-            let aside = sides.filter(|s| !s.boundary && leads_aside(s, &self.inward[v]));
-            aside.map(|s| s.distance).fold(0.0, Real::max)
-        };
-        let known = 0..self.inward.len();
-        let heights: Vec<Real> = known.into_par_iter().with_min_len(128).map(height).collect();
-        heights.iter().sum()
     }
 
     /// Vertices that stick out, and how far, in metres.
@@ -139,23 +88,21 @@ impl UpperLayers<'_> {
         x: &[Point],
         inverse_masses: &[Real],
         released: &[bool],
-        planes: &mut Pressed,
+        planes: &mut HalfSpaces,
     ) {
-        planes.nearest.clear();
-        planes.whole.clear();
+        planes.clear();
         if self.layers.is_empty() {
             return;
         }
         let pressed = |v: &usize| inverse_masses[*v] > 0.0 && !released[*v];
-        let found: Vec<Vec<Plane>> = (0..x.len())
+        let found: Vec<Vec<(Vector, Point)>> = (0..x.len())
             .into_par_iter()
             .with_min_len(128)
             .map(|v| if pressed(&v) { self.planes(v, &x[v]).collect() } else { Vec::new() })
             .collect();
         for (v, of_vertex) in found.iter().enumerate() {
-            for Plane { inward, point, as_a_whole } in of_vertex {
-                let group = if *as_a_whole { &mut planes.whole } else { &mut planes.nearest };
-                group.push_vertex(v as u32, *inward, point, 0.0);
+            for (normal, point) in of_vertex {
+                planes.push_vertex(v as u32, *normal, point, 0.0);
             }
         }
     }
@@ -245,38 +192,11 @@ const ROOM: Real = 3.0;
 /// pressed in at once is crumpled at the edge of the layer above.
 const STEP: Real = 6e-3;
 
-/// Up to this far out of a layer the nearest way in is taken, in metres.
-const NEAR: Real = 5e-3;
-/// Cosine between the nearest way in and a garment's own normal under which that way leads aside.
-const ASIDE: Real = 0.5;
-/// Times that normals are averaged: over 3 cm of the test data's meshes.
-const NORMAL_SMOOTHINGS: usize = 10;
-
 /// A segment through an edge may miss both triangles there. Then another one ends this far beside it,
 /// in metres.
 const BESIDE: Real = 1e-4;
 /// How deep below the skin a layer above may lie, in metres, and cover what is over it all the same.
 const BELOW_SKIN: Real = 0.03;
-
-/// Whether the nearest way into a layer leads aside of a garment's `own` inward normal, from `s`.
-fn leads_aside(s: &Sided, own: &Vector) -> bool {
-    s.distance > NEAR && *own != Vector::zeros() && -s.normal.dot(own) < ASIDE
-}
-
-/// The inward normals of a garment, which `layer` is, smoothed along its surface; zero where
-/// neither side of its triangles is outside.
-pub(crate) fn inward_normals(mesh: &TriMesh, layer: &ClosedLayer) -> Vec<Vector> {
-    let neighbours = Neighbours::new(&Edges::new(mesh), mesh.vertices());
-    let count = mesh.vertices().len() as u32;
-    let mut normals: Vec<Vector> = (0..count).map(|v| -layer.vertex_normal(v as usize)).collect();
-    for _ in 0..NORMAL_SMOOTHINGS {
-        let around = |v: u32| neighbours.of(v).iter().map(|(u, _)| normals[*u as usize]);
-        normals = (0..count)
-            .map(|v| unit_or_zero(&(normals[v as usize] + around(v).sum::<Vector>())))
-            .collect();
-    }
-    normals
-}
 
 /// Which of the vertices `x` of a garment belong below `layer`: those inside it, and those for
 /// which it lies on the way to the nearest point of the `body`, or a little below that.
@@ -299,6 +219,7 @@ mod tests {
     use crate::outfit::Layer;
     use crate::params::{ResolveParams, Tuck};
     use crate::resolve::resolve;
+    use if_core::mesh::TriMesh;
     use if_core::monitor::Silent;
     use if_core::shapes::meshes::{icosphere, tube};
 
@@ -348,32 +269,6 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_between_two_tubes_of_the_layer_above_is_pressed_in_as_a_whole() {
-        let limbs =
-            joined(&moved(&icosphere(0.1, 4), -0.13, 0.0), &moved(&icosphere(0.1, 4), 0.13, 0.0));
-        let body = ClosedLayer::body(&limbs);
-        let tubes = joined(&ring(0.11, -0.13), &ring(0.11, 0.13));
-        let tubes = ClosedLayer::garment(&tubes, &body, &limbs);
-        // Beside the middle of the gap: the nearest ways lead to both sides.
-        let x = [Point::new(-0.006, 0.0, 0.06), Point::new(0.006, 0.0, 0.06)];
-        let layers = [UpperLayer { layer: &tubes, gap: 1e-3, covered: vec![true; 2] }];
-        let planes = |inward: &[Vector]| {
-            let above = UpperLayers { layers: &layers, inward, tuck_distance: 0.25 };
-            let normals = [0, 1].map(|v| above.planes(v, &x[v]).next().unwrap().inward);
-            let left =
-                if inward.is_empty() { 0.0 } else { above.pressed_as_a_whole(&x, &[false; 2]) };
-            (normals, left)
-        };
-        let ([a, b], _) = planes(&[]);
-        assert!(a.x < -0.5 && b.x > 0.5, "{a} {b}");
-        let (normals, left) = planes(&[-Vector::z(); 2]);
-        assert_eq!(normals, [-Vector::z(); 2]);
-        assert!(left > 0.02, "{left}");
-        // A normal that is not known leads nowhere.
-        assert_eq!(planes(&[Vector::zeros(); 2]), ([a, b], 0.0));
-    }
-
-    #[test]
     fn a_flap_far_out_of_the_layer_above_is_pressed_in_step_by_step() {
         let (outfit, _) = scene();
         let body = ClosedLayer::body(&outfit.body.mesh);
@@ -383,11 +278,11 @@ mod tests {
         let mut x = vec![Point::new(0.0, 0.0, 0.165 + 0.15)];
         let covered = covered(&x, &waistcoat, &body);
         let layers = [UpperLayer { layer: &waistcoat, gap: 1e-3, covered }];
-        let above = UpperLayers { layers: &layers, inward: &[], tuck_distance: goal.tuck_distance };
+        let above = UpperLayers { layers: &layers, tuck_distance: goal.tuck_distance };
         let rounds = above.rounds(&x, &[false]);
         assert!(rounds >= 25, "{rounds}");
         for _ in 0..rounds + 1 {
-            let Plane { inward: normal, point, .. } = above.planes(0, &x[0]).next().unwrap();
+            let (normal, point) = above.planes(0, &x[0]).next().unwrap();
             let step = normal.dot(&(point - x[0])).max(0.0);
             assert!(step < STEP + 1e-12);
             x[0] += normal * step;
