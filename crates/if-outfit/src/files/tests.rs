@@ -238,7 +238,7 @@ fn errors_name_layer_file_and_cause() {
     let belt = ply(&at("belt.ply"), &band(0.295, 40, 4), 1.0, CoordinateType::Float);
     assert!(read(&[&belt], 0.0).contains("the scale is 0"));
     let missing = read(&[&belt, &LayerFile::new(at("coat.ply"))], 1.0);
-    assert!(missing.contains("layer `coat`") && missing.contains("coat.ply"), "{missing}");
+    assert!(missing.contains("garment `coat`") && missing.contains("coat.ply"), "{missing}");
     let far = band(0.295, 40, 4).with_vertices(
         band(0.295, 40, 4).vertices().iter().map(|p| p + Vector::x() * 9.0).collect(),
     );
