@@ -126,14 +126,14 @@ impl Voxels {
             let mut last = usize::MAX;
             for k in 0..=steps {
                 let p = a + step * k as Real;
-                if !is_within
-                    && !(p.x >= 0.0
+                let is_inside = is_within
+                    || (p.x >= 0.0
                         && p.y >= 0.0
                         && p.z >= 0.0
                         && p.x < nx as Real
                         && p.y < ny as Real
-                        && p.z < nz as Real)
-                {
+                        && p.z < nz as Real);
+                if !is_inside {
                     continue;
                 }
                 // For numbers that are not negative, truncation is the floor, without a call.

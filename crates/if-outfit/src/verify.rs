@@ -61,11 +61,12 @@ pub(crate) fn verify_layers(outfit: &Outfit) -> (Vec<Findings>, Vec<Arc<ClosedLa
         rayon::join(close_layers, || outfit.garments.par_iter().map(own).collect::<Vec<_>>())
     });
     let _phase = trace_span!("pairs and sides").entered();
-    let over_all = |(k, (garment, (tree, own))): (usize, (&Layer, (Bvh, Vec<[u32; 2]>)))| {
+    let garments = outfit.garments.par_iter().zip(own).enumerate();
+    let findings = garments.map(|(k, (garment, (tree, own)))| {
         let over = |layer: &Arc<ClosedLayer>| verify_over(&garment.mesh, &tree, layer);
         Findings { below: closed[..=k].par_iter().map(over).collect(), own }
-    };
-    let findings = outfit.garments.par_iter().zip(own).enumerate().map(over_all).collect();
+    });
+    let findings = findings.collect();
     (findings, closed)
 }
 

@@ -10,9 +10,7 @@ use serde_json::Value;
 #[test]
 fn a_capture_becomes_garments_that_are_worn() {
     let folder = Folder::new();
-    folder
-        .ifg("capture synth --out cap --garments trousers,tshirt --frames 6 --size 96")
-        .expect(0);
+    folder.ifg("capture synth --out cap --garments trousers,tshirt --frames 6 --size 96").expect(0);
     let run = folder.ifg("reconstruct cap --body cap/body --out w --cell 24mm --bake --phi-steps 2 --frames --motion-steps 3 --strict").expect(0);
     // All frames match their images.
     assert!(!run.stdout.contains("warning"), "{}", run.stdout);

@@ -176,7 +176,13 @@ fn frames_that_do_not_match_their_images_are_named_and_strict_exits_with_1() {
         let arm = joints.iter().position(|j| j == "left_arm").unwrap();
         meta["frames"][3]["rot"][arm] = json!([0.5f64.sqrt(), 0.0, 0.0, 0.5f64.sqrt()]);
     });
-    let words = |text: &str| text.contains("warning: frame 3 ") && text.contains("left_");
+    // Poses are smooth in time: the arm of the frame before or after may be off as well.
+    let words = |text: &str| {
+        let named = text.split("warning: frame").nth(1).and_then(|t| t.split(" cannot").next());
+        let named = named.unwrap_or_default().trim_start_matches('s').split(',');
+        let frames: Vec<usize> = named.filter_map(|f| f.trim().parse().ok()).collect();
+        frames.contains(&3) && frames.iter().all(|f| (2..=4).contains(f)) && text.contains("left_")
+    };
     assert!(words(&folder.ifg(&args).expect(0).stdout));
     assert!(words(&folder.ifg(&format!("{args} --strict --json")).expect(1).stderr));
     assert!(folder.path("w/garments/cap_trousers").exists());
