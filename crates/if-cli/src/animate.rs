@@ -107,8 +107,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
             return Ok(cancel::end(args.out.display()));
         }
         Err(FilesError::Unresolved { unresolved, .. }) => {
-            let (outfit, unresolved) = (spec.name.clone(), Box::new(unresolved));
-            let error = AnimateFault::NotClean { outfit, unresolved };
+            let error = AnimateFault::NotClean { outfit: spec.name.clone(), unresolved };
             errors::show(&error.into());
             return Ok(End::NotClean);
         }

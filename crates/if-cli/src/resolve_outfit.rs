@@ -83,7 +83,7 @@ impl Done {
 )]
 pub(crate) struct UnresolvedOutfit {
     outfit: String,
-    unresolved: Unresolved,
+    unresolved: Box<Unresolved>,
 }
 
 /// Which triangles to look at; empty if none is named.

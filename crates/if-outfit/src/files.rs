@@ -243,7 +243,8 @@ impl OutfitFiles {
         match unresolved {
             None => Ok(resolved),
             Some(unresolved) => {
-                Err(FilesError::Unresolved { unresolved, result: Box::new(resolved) })
+                let (unresolved, result) = (Box::new(unresolved), Box::new(resolved));
+                Err(FilesError::Unresolved { unresolved, result })
             }
         }
     }

@@ -47,7 +47,7 @@ pub enum FilesError {
     #[error("{unresolved}")]
     Unresolved {
         /// Which.
-        unresolved: Unresolved,
+        unresolved: Box<Unresolved>,
         /// The result as far as it came.
         result: Box<ResolvedFiles>,
     },
