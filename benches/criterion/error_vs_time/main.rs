@@ -34,6 +34,7 @@ mod outfits;
 mod plot;
 mod predicates;
 mod record;
+mod row;
 
 use record::Record;
 use std::error::Error;

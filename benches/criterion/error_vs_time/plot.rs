@@ -1,7 +1,7 @@
 //! One picture a problem: error over time, both logarithmic, a colour for each method, a line along
 //! the Pareto front.
 
-use crate::record::{Row, front};
+use crate::row::{Row, front};
 use plotters::prelude::*;
 use std::error::Error;
 use std::path::Path;

@@ -1,30 +1,12 @@
 //! Rows, how long things take, and what is written of them.
 
 use crate::plot::draw;
-use serde::Serialize;
+use crate::row::{Row, front};
 use std::error::Error;
 use std::fmt::Write;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-
-/// One run.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Row {
-    pub(crate) problem: String,
-    pub(crate) method: String,
-    pub(crate) parameter: String,
-    pub(crate) milliseconds: f64,
-    pub(crate) error: f64,
-    pub(crate) unit: &'static str,
-    /// Evaluations of fields, visits of constraints, or whatever the method counts; 0 where it
-    /// counts nothing.
-    pub(crate) evaluations: u64,
-    /// The same that were not needed.
-    pub(crate) skipped: u64,
-    /// What the libraries do unless told otherwise.
-    pub(crate) default: bool,
-}
 
 /// All runs so far.
 pub(crate) struct Record {
@@ -116,19 +98,6 @@ impl Record {
         std::fs::write(out.join("pareto.md"), text)?;
         Ok(())
     }
-}
-
-/// Runs that no other beats in both, by time.
-pub(crate) fn front<'a>(rows: &[&'a Row]) -> Vec<&'a Row> {
-    let mut sorted: Vec<&Row> = rows.iter().copied().filter(|r| r.error.is_finite()).collect();
-    sorted.sort_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
-    let mut least = f64::INFINITY;
-    sorted.retain(|r| {
-        let better = r.error < least;
-        least = least.min(r.error);
-        better
-    });
-    sorted
 }
 
 /// Whether runs that take long are told in processor time ([`timed`]).

@@ -16,11 +16,11 @@ use crate::inputs::{InputArgs, Order, ParamArgs};
 use crate::load::{self, LoadError};
 use crate::order;
 use crate::outfit_file::{LayerSpec, OutfitSpec, outfits};
+use crate::output_error::OutputError;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::receipt;
-use crate::report_output;
-use crate::staging::{OutputError, Staging};
+use crate::staging::Staging;
 use clap::Args;
 use if_core::math::Point;
 use if_core::monitor::{Cancelled, Monitor, Progress};
@@ -147,7 +147,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         let folders = (&staging, args.out.as_path());
         names.extend(pictures::draw(movement, &animation, folders)?);
         names.push(page::write(
-            &report_output::title(spec),
+            &spec.title(),
             movement.outfit(),
             (&animation, between.as_deref()),
             folders,
@@ -176,9 +176,9 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         print_json(&report)?;
     } else {
         let notes = (moved.without_weights(), moved.unmatched());
-        let head = report_output::title(spec);
+        let head = spec.title();
         let found = (&animation.report, between.as_deref());
-        print(&format!("{head}{}", summary::text(found, notes, &args.out, &names)))?;
+        print(&format!("{head}\n\n{}", summary::text(found, notes, &args.out, &names)))?;
     }
     Ok(end(&animation, between.as_deref(), args.strict))
 }

@@ -2,9 +2,9 @@
 
 use crate::file_record::{InputFile, OutputFile};
 use crate::outfit_file::{LayerSpec, OutfitSpec};
-use crate::outputs;
+use crate::output_error::OutputError;
 use crate::receipt;
-use crate::staging::{OutputError, Staging};
+use crate::staging::Staging;
 use if_mesh::file::{Content, MeshFile};
 use if_outfit::digest::{FileDigest, digest};
 use std::path::{Path, PathBuf};
@@ -79,7 +79,7 @@ impl Buffers {
         (staging, out): (&Staging, &Path),
     ) -> Result<Vec<OutputFile>, OutputError> {
         let describe = |(name, before): &(String, FileDigest)| {
-            let mut found = outputs::describe(name, staging, out)?;
+            let mut found = staging.describe(name, out)?;
             found.unchanged = Some(found.content == *before);
             Ok(found)
         };

@@ -77,7 +77,7 @@ fn one(
         print_json(&answer)?;
     } else {
         let garments: Vec<String> = spec.garments.iter().map(|l| l.name.clone()).collect();
-        let mut text = report_output::title(&spec);
+        let mut text = spec.title() + "\n\n";
         text += &table::checked(&found, &garments, table::coloured());
         text += &note_lines(&notes);
         text += &proposed.as_ref().map_or(String::new(), order::text);

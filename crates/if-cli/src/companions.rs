@@ -2,9 +2,9 @@
 
 use crate::file_record::{InputFile, OutputFile};
 use crate::outfit_file::OutfitSpec;
-use crate::outputs;
+use crate::output_error::OutputError;
 use crate::receipt;
-use crate::staging::{OutputError, Staging};
+use crate::staging::Staging;
 use if_mesh::file::{Content, MeshFile};
 use if_mesh::obj::textures;
 use if_outfit::digest::{FileDigest, digest};
@@ -172,7 +172,7 @@ impl Companions {
                 source: e,
             })?;
             fs::write(&staged, bytes).map_err(fault)?;
-            written.push(outputs::describe(name, staging, out)?);
+            written.push(staging.describe(name, out)?);
         }
         Ok(written)
     }

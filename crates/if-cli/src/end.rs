@@ -1,6 +1,6 @@
 //! How a command ends, and its exit code.
 
-use crate::staging::OutputError;
+use crate::output_error::OutputError;
 use if_outfit::Cleanness;
 use if_outfit::report::Verification;
 use miette::{Diagnostic, Report};

@@ -3,9 +3,9 @@
 use crate::cancel;
 use crate::end::End;
 use crate::errors::ErrorChain;
+use crate::output_error::OutputError;
 use crate::print::{print, print_json};
 use crate::progress::Line;
-use crate::staging::OutputError;
 use crate::table;
 use crate::target::{Input, Target};
 use crate::values::{above_zero, positive};

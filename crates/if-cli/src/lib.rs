@@ -31,6 +31,8 @@ mod errors;
 mod file_record;
 mod not_kept;
 mod order;
+mod outcome;
+mod output_error;
 mod outputs;
 mod peak_memory;
 mod phase_table;

@@ -29,6 +29,12 @@ impl OutfitSpec {
         std::iter::once(&self.body).chain(&self.garments)
     }
 
+    /// `o1: jeans < tshirt < cardigan over body`.
+    pub(crate) fn title(&self) -> String {
+        let garments: Vec<&str> = self.garments.iter().map(|l| l.name.as_str()).collect();
+        format!("{}: {} over {}", self.name, garments.join(" < "), self.body.name)
+    }
+
     /// The garments by the file into which their results are written, each with the file's name:
     /// one garment, or several nodes of one glTF file.
     pub(crate) fn files(&self) -> Vec<(&str, Vec<usize>)> {

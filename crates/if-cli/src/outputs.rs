@@ -3,19 +3,21 @@
 use crate::errors::ErrorChain;
 use crate::file_record::OutputFile;
 use crate::outfit_file::{LayerSpec, OutfitSpec};
+use crate::output_error::OutputError;
 use crate::pictures;
-use crate::report_page;
-use crate::staging::{OutputError, Staging};
+use crate::staging::Staging;
 use if_mesh::file::{MeshFile, WriteError};
 use if_outfit::digest::digest;
 use if_outfit::files::{OutfitFiles, ResolvedFiles};
 use rayon::prelude::*;
 use std::path::Path;
 
+/// The page of an outfit.
+pub(crate) const PAGE: &str = "report.html";
+
 /// The files that a finished outfit has, without its receipt.
 pub(crate) fn names(spec: &OutfitSpec, pictures: bool) -> Vec<String> {
-    let drawn =
-        if pictures { &[pictures::BEFORE, pictures::AFTER, report_page::FILE][..] } else { &[] };
+    let drawn = if pictures { &[pictures::BEFORE, pictures::AFTER, PAGE][..] } else { &[] };
     let files = spec.files().into_iter().map(|(name, _)| name.to_owned());
     files.chain(drawn.iter().map(ToString::to_string)).collect()
 }
@@ -74,7 +76,7 @@ pub(crate) fn write_garments(
             WriteError::Io { source, .. } => OutputError::File { path: out.join(name), source },
             other => OutputError::Mesh { path: out.join(name), source: ErrorChain::new(&other) },
         })?;
-        let mut written = describe(name, staging, out)?;
+        let mut written = staging.describe(name, out)?;
         written.unchanged = Some(written.content == digest(inputs[ks[0]].bytes()));
         Ok(written)
     };
@@ -82,14 +84,4 @@ pub(crate) fn write_garments(
     // threads.
     let written: Vec<_> = spec.files().par_iter().map(one).collect();
     written.into_iter().collect()
-}
-
-/// The record of a staged file.
-pub(crate) fn describe(
-    name: &str,
-    staging: &Staging,
-    out: &Path,
-) -> Result<OutputFile, OutputError> {
-    OutputFile::of(name, &staging.path(name))
-        .map_err(|source| OutputError::File { path: out.join(name), source })
 }

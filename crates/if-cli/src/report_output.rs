@@ -4,11 +4,11 @@ use crate::cancel;
 use crate::end::{End, NotEverywhere};
 use crate::errors::{self, ErrorJson};
 use crate::file_record::OutputFile;
+use crate::outcome::{Done, Outcome};
 use crate::outfit_file::OutfitSpec;
 use crate::phase_table;
 use crate::print::{note_lines, print, print_json};
 use crate::receipt;
-use crate::resolve_outfit::{Done, Outcome};
 use crate::table;
 use miette::Report;
 use serde_json::json;
@@ -78,12 +78,6 @@ pub(crate) fn failure(file: &str, error: &Report, style: Style) -> Result<End, R
     Ok(End::of_error(error))
 }
 
-/// `o1: jeans < tshirt < cardigan over body`.
-pub(crate) fn title(spec: &OutfitSpec) -> String {
-    let garments: Vec<&str> = spec.garments.iter().map(|l| l.name.as_str()).collect();
-    format!("{}: {} over {}\n\n", spec.name, garments.join(" < "), spec.body.name)
-}
-
 fn in_tables(spec: &OutfitSpec, out: &Path, done: &Done) -> String {
     let skipped = table::skipped(&done.report.layers).map_or(String::new(), |line| line + "\n");
     let written = match done.outputs.as_slice() {
@@ -94,7 +88,7 @@ fn in_tables(spec: &OutfitSpec, out: &Path, done: &Done) -> String {
         }
     };
     [
-        title(spec),
+        spec.title() + "\n\n",
         table::resolved(&done.report, table::coloured()),
         skipped,
         note_lines(&done.notes),

@@ -1,16 +1,12 @@
 //! `report.html`: an outfit before and after, to turn in a browser, with its tables.
 
+use crate::outcome::Done;
 use crate::outfit_file::OutfitSpec;
-use crate::report_output::title;
-use crate::resolve_outfit::Done;
 use crate::table;
 use if_outfit::Cleanness;
 use if_outfit::outfit::Outfit;
 use if_pipeline::outfit_page::{add_report, viewer};
 use if_render::Page;
-
-/// The page of an outfit.
-pub(crate) const FILE: &str = "report.html";
 
 /// The page. It has no seconds: the same input gives the same bytes.
 pub(crate) fn html(
@@ -19,7 +15,7 @@ pub(crate) fn html(
     done: &Done,
     pngs: &[Vec<u8>],
 ) -> String {
-    let mut page = Page::new(title(spec).trim());
+    let mut page = Page::new(&spec.title());
     let totals = table::totals(&done.report.before, &done.report.after);
     let state = done.state();
     page.verdict(state != Cleanness::NotClean, &format!("{totals}: {state}"));

@@ -3,24 +3,22 @@
 use crate::buffers::Buffers;
 use crate::cancel;
 use crate::companions::Companions;
-use crate::file_record::OutputFile;
 use crate::load::{self, LoadError};
+use crate::outcome::{Done, Outcome, UnresolvedOutfit};
 use crate::outfit_file::OutfitSpec;
+use crate::output_error::OutputError;
 use crate::outputs;
 use crate::peak_memory::peak_memory;
-use crate::phases::{Phase, Recorder};
+use crate::phases::Recorder;
 use crate::pictures;
 use crate::progress::Line;
 use crate::receipt::{self, Receipt, Request, Timings};
 use crate::report_page;
-use crate::staging::{OutputError, Staging};
-use if_outfit::Cleanness;
+use crate::staging::Staging;
 use if_outfit::files::FilesError;
 use if_outfit::outfit::Outfit;
-use if_outfit::report::ResolveReport;
 use if_outfit::resolve::ResolveError;
-use if_outfit::unresolved::Unresolved;
-use miette::{Diagnostic, IntoDiagnostic, Report};
+use miette::{IntoDiagnostic, Report};
 use std::path::Path;
 use std::time::Instant;
 use tracing::trace_span;
@@ -38,66 +36,6 @@ pub(crate) struct Options {
     pub(crate) pictures: bool,
     /// Record where the time goes.
     pub(crate) phases: bool,
-}
-
-/// How it went.
-pub(crate) enum Outcome {
-    /// It was resolved before to this state, and nothing has changed since.
-    Finished(Cleanness),
-    /// The user cancelled.
-    Cancelled,
-    /// It was resolved, as far as possible.
-    Resolved(Box<Done>),
-}
-
-/// A resolved outfit.
-pub(crate) struct Done {
-    /// Notes on the inputs.
-    pub(crate) notes: Vec<String>,
-    pub(crate) report: ResolveReport,
-    /// What was written; nothing where intersections are left, unless asked for.
-    pub(crate) outputs: Vec<OutputFile>,
-    /// What remains; `None` if the outfit is proven.
-    pub(crate) unresolved: Option<UnresolvedOutfit>,
-    /// Wall time, reading and writing included.
-    pub(crate) seconds: f64,
-    /// Where the time went, if asked for.
-    pub(crate) phases: Option<Phase>,
-    /// Of this process so far, in bytes; `None` where the system does not count it.
-    pub(crate) peak_memory: Option<u64>,
-}
-
-impl Done {
-    /// The state in receipts and JSON.
-    pub(crate) fn state(&self) -> Cleanness {
-        if self.unresolved.is_none() { self.report.cleanness() } else { Cleanness::NotClean }
-    }
-}
-
-/// Intersections that could not be removed.
-#[derive(Debug, thiserror::Error, Diagnostic)]
-#[error("outfit `{outfit}`: {unresolved}")]
-#[diagnostic(
-    code(ifg::unresolved),
-    help("{}--write-unproven writes what was reached", advice(unresolved))
-)]
-pub(crate) struct UnresolvedOutfit {
-    outfit: String,
-    unresolved: Box<Unresolved>,
-}
-
-/// Which triangles to look at; empty if none is named.
-fn advice(unresolved: &Unresolved) -> String {
-    /// More pairs than these do not help a person.
-    const SHOWN: usize = 8;
-    let shown = unresolved.triangles.iter().take(SHOWN);
-    let shown: Vec<String> = shown.map(|[a, b]| format!("({a}, {b})")).collect();
-    let which = if unresolved.between.is_some() { " (inner, outer)" } else { "" };
-    if shown.is_empty() {
-        String::new()
-    } else {
-        format!("look at the triangles{which} {}; ", shown.join(" "))
-    }
 }
 
 /// Reads, resolves, verifies and writes one outfit.
@@ -130,7 +68,7 @@ pub(crate) fn run(
     let (resolved, unresolved) = match files.resolve(&spec.params, &mut line) {
         Ok(resolved) => (resolved, None),
         Err(FilesError::Unresolved { unresolved, result }) => {
-            (*result, Some(UnresolvedOutfit { outfit: spec.name.clone(), unresolved }))
+            (*result, Some(UnresolvedOutfit::new(&spec.name, unresolved)))
         }
         Err(FilesError::Resolve(ResolveError::Cancelled { .. })) => return Ok(Outcome::Cancelled),
         Err(error) => return Err(LoadError::new(&spec.name, error).into()),
@@ -215,7 +153,7 @@ fn draw(
     let write = |name: &str, bytes: &[u8]| {
         std::fs::write(staging.path(name), bytes)
             .map_err(|source| OutputError::File { path: out.join(name), source })?;
-        outputs::describe(name, staging, out)
+        staging.describe(name, out)
     };
     let mut pngs = Vec::new();
     for (name, outfit) in [pictures::BEFORE, pictures::AFTER].into_iter().zip(outfits) {
@@ -225,6 +163,6 @@ fn draw(
         pngs.push(png);
     }
     let page = report_page::html(spec, outfits, done, &pngs);
-    done.outputs.push(write(report_page::FILE, page.as_bytes())?);
+    done.outputs.push(write(outputs::PAGE, page.as_bytes())?);
     Ok(())
 }

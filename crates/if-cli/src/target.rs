@@ -1,7 +1,8 @@
 //! The file that a command writes, with the files beside it: checked and locked before the work
 //! begins.
 
-use crate::staging::{OutputError, Staging};
+use crate::output_error::OutputError;
+use crate::staging::Staging;
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io;

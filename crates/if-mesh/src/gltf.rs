@@ -22,6 +22,7 @@
 //! Khronos Group, *glTF 2.0 Specification*, version 2.0.1.
 
 mod accessor;
+mod data;
 mod document;
 mod edit;
 mod error;
@@ -35,10 +36,11 @@ mod uri;
 mod write;
 
 pub use crate::normals::Normals;
+pub use edit::GltfFiles;
 pub use error::{ReadError, WriteError};
 pub use gltf_mesh::{GltfMesh, Influences};
 pub use read::{read, read_layer};
-pub use write::{GltfFiles, write, write_layers};
+pub use write::{write, write_layers};
 
 #[cfg(test)]
 mod tests;

@@ -236,10 +236,8 @@ impl OutfitFiles {
             }
             report.compare_clearance(params.goal.clearance);
         }
-        let resolved = Resolved { outfit: stored, report, splits };
-        let unresolved = Unresolved::of(&fine.outfit, &resolved);
-        let Resolved { outfit, report, .. } = resolved;
-        let resolved = ResolvedFiles::new(outfit, report, fine.files, fine.paths, positions);
+        let unresolved = Unresolved::of(&fine.outfit, (&stored, &report));
+        let resolved = ResolvedFiles::new(stored, report, fine.files, fine.paths, positions);
         match unresolved {
             None => Ok(resolved),
             Some(unresolved) => {

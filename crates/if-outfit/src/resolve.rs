@@ -171,7 +171,8 @@ fn resolve_with(
     }
     report.seconds = start.elapsed().as_secs_f64();
     let resolved = Resolved { outfit: found, splits: attempt.splits, report };
-    match given.and_then(|given| Unresolved::of(&given, &resolved)) {
+    let remains = |given| Unresolved::of(&given, (&resolved.outfit, &resolved.report));
+    match given.and_then(remains) {
         None => Ok(resolved),
         Some(unresolved) => Err(remaining(unresolved, resolved)),
     }
@@ -259,8 +260,8 @@ mod tests {
         let report = attempt.report(Verification::default(), &params);
         assert!(!report.is_proven());
         assert_eq!(report.layers[1].own_pairs, crate::report::OwnPairs::new(1, 2, 1));
+        let unresolved = Unresolved::of(&attempt.outfit, (&moved, &report)).unwrap();
         let resolved = Resolved { outfit: moved, splits: vec![None, None], report };
-        let unresolved = Unresolved::of(&attempt.outfit, &resolved).unwrap();
         let ResolveError::Unresolved { outer, inner, triangles, .. } =
             remaining(unresolved, resolved)
         else {

@@ -3,7 +3,6 @@
 use crate::obstacle::Obstacle;
 use crate::outfit::Outfit;
 use crate::report::{PairReport, ResolveReport};
-use crate::resolve::Resolved;
 use crate::verify::compare_own_pairs;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::pairs;
@@ -45,15 +44,15 @@ pub struct Between {
 const NAMED: usize = 16;
 
 impl Unresolved {
-    /// Finds what remains in `resolved`. `given` is the input with its triangles split as there.
-    /// `None` if it is proven ([`ResolveReport::is_proven`]).
-    pub(crate) fn of(given: &Outfit, resolved: &Resolved) -> Option<Self> {
-        let mut found = Self::in_report(&resolved.report)?;
-        found.triangles = match &found.between {
-            Some(between) => between.triangles(&resolved.outfit),
-            None => new_own_triangles(found.worst_own(), given, resolved),
+    /// What remains in the outfit `found`, by its report. `given` is the input with its triangles
+    /// split as there. `None` if it is proven ([`ResolveReport::is_proven`]).
+    pub(crate) fn of(given: &Outfit, (found, report): (&Outfit, &ResolveReport)) -> Option<Self> {
+        let mut unresolved = Self::in_report(report)?;
+        unresolved.triangles = match &unresolved.between {
+            Some(between) => between.triangles(found),
+            None => new_own_triangles(unresolved.worst_own(), [given, found]),
         };
-        Some(found)
+        Some(unresolved)
     }
 
     /// The upper and the lower one of the two layers where most remains; the garment that newly
@@ -111,8 +110,8 @@ impl Between {
 }
 
 /// Some of the triangle pairs in which the garment `name` newly intersects itself.
-fn new_own_triangles(name: &str, given: &Outfit, resolved: &Resolved) -> Vec<[u32; 2]> {
-    let garments = given.garments.iter().zip(&resolved.outfit.garments);
+fn new_own_triangles(name: &str, [given, found]: [&Outfit; 2]) -> Vec<[u32; 2]> {
+    let garments = given.garments.iter().zip(&found.garments);
     let found = garments.filter(|(given, _)| given.name == name);
     let new = found.flat_map(|(given, now)| compare_own_pairs(&given.mesh, &now.mesh).1);
     new.take(NAMED).collect()
@@ -208,8 +207,7 @@ mod tests {
             layers: vec![layer("vest", [0, 0, 0]), layer("shirt", [1, 2, 1])],
             ..ResolveReport::default()
         };
-        let resolved = Resolved { outfit: outfit(with(0.3)), splits: vec![None, None], report };
-        let found = Unresolved::of(&outfit(with(5.0)), &resolved).unwrap();
+        let found = Unresolved::of(&outfit(with(5.0)), (&outfit(with(0.3)), &report)).unwrap();
         assert_eq!(found.triangles, vec![[0, 2]]);
         assert_eq!(found.to_string(), "1 new intersections of `shirt` with itself remain");
     }

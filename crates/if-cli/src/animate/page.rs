@@ -2,7 +2,8 @@
 
 use super::pictures::{STRIP, meshes};
 use super::{AnimateFault, summary};
-use crate::staging::{OutputError, Staging};
+use crate::output_error::OutputError;
+use crate::staging::Staging;
 use if_outfit::outfit::Outfit;
 use if_pipeline::animate::{Animation, IntervalReport};
 use if_render::{Page, Viewer};
@@ -32,7 +33,7 @@ pub(super) fn write(
         let positions = positions.map_err(|source| AnimateFault::Animate { source })?;
         states.push(meshes(outfit, &positions));
     }
-    let mut page = Page::new(&format!("{}, in motion", title.trim()));
+    let mut page = Page::new(&format!("{}, in motion", title));
     let verdict = format!(
         "{frames} frames: {} clean, {} clean everywhere",
         report.clean, report.clean_everywhere

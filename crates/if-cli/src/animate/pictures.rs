@@ -2,7 +2,8 @@
 //! as it is written.
 
 use super::AnimateFault;
-use crate::staging::{OutputError, Staging};
+use crate::output_error::OutputError;
+use crate::staging::Staging;
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_outfit::outfit::Outfit;

@@ -5,13 +5,22 @@ use super::document::QUANTIZATION;
 use super::error::WriteError;
 use super::source::{Place, Source};
 use super::uri;
-use super::write::GltfFiles;
 use if_core::math::Real;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 /// The component type of single-precision numbers.
 const F32: u32 = 5126;
+
+/// A glTF file and the buffers in files beside it, as they will be stored.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GltfFiles {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// The files beside it: each one's path from the folder of the file, and its bytes.
+    pub beside: Vec<(PathBuf, Vec<u8>)>,
+}
 
 /// A file being changed.
 pub(super) struct Edit<'a> {

@@ -1,7 +1,8 @@
 //! The glTF reader.
 
-use super::accessor::{Elements, Wanted};
-use super::document::{Document, Primitive, entry};
+use super::accessor::Wanted;
+use super::data::{Data, POSITION};
+use super::document::{Document, entry};
 use super::error::ReadError;
 use super::gltf_mesh::{GltfMesh, Part, Placings};
 use super::placing::Placing;
@@ -15,8 +16,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-pub(super) const POSITION: Wanted =
-    Wanted { what: "POSITION", kind: "VEC3", is_whole: false, expected: "VEC3 of floats" };
 const NORMAL: Wanted = Wanted { what: "NORMAL", ..POSITION };
 const INDICES: Wanted = Wanted {
     what: "indices",
@@ -25,10 +24,8 @@ const INDICES: Wanted = Wanted {
     expected: "SCALAR of unsigned whole numbers",
 };
 
-/// Accessors may be used by several primitives, but the sum of their elements is bounded by this
-/// many times the bytes of the file.
-const REUSE: usize = 4;
-/// The same for positions, of 12 bytes each, so that a mesh may be shown by several nodes.
+/// Positions, of 12 bytes each, may be as many times the bytes of the file, so that a mesh may be
+/// shown by several nodes.
 const INSTANCES: usize = 16;
 
 /// Reads the triangles of the default scene of a file without files beside it.
@@ -75,15 +72,8 @@ pub(super) fn read_with(
     let document = Document::parse(&source.bytes[source.json.clone()])?;
     source.load(&document, beside)?;
     let placed = Placed::new(&document)?;
-    let mut reader = Reader {
-        size: source.size(),
-        source,
-        document: &document,
-        parts: Vec::new(),
-        of: BTreeMap::new(),
-        decoded: BTreeMap::new(),
-        used: 0,
-    };
+    let data = Data::new(source, &document);
+    let mut reader = Reader { data, parts: Vec::new(), of: BTreeMap::new() };
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     let (mut collapsed, mut faces) = (Vec::new(), 0u32);
     let chosen = match node {
@@ -117,9 +107,10 @@ pub(super) fn read_with(
     let mut is_chosen = vec![false; document.nodes.len()];
     chosen.iter().for_each(|&node| is_chosen[node] = true);
     let shared = reader.shared(placed.shown.iter().copied().filter(|&node| !is_chosen[node]));
-    let Reader { source, parts, .. } = reader;
+    let Reader { data, parts, .. } = reader;
     let mesh = TriMesh::new(vertices, triangles)?;
-    let (node, images) = (node.map(str::to_owned), images(&document));
+    let (source, node) = (data.source, node.map(str::to_owned));
+    let images = images(&document);
     Ok(GltfMesh { source, node, mesh, parts, collapsed, shared, images })
 }
 
@@ -149,55 +140,22 @@ fn triangles_of(mode: u32, corners: &[u32]) -> Vec<[u32; 3]> {
     }
 }
 
-pub(super) struct Reader<'a> {
-    pub(super) source: Source,
-    /// Bytes of the file and of those beside it.
-    size: usize,
-    pub(super) document: &'a Document,
+/// The primitives read so far.
+struct Reader<'a> {
+    data: Data<'a>,
     parts: Vec<Part>,
     /// For each accessor of positions the nodes that show it, with their parts.
     of: BTreeMap<usize, Vec<(usize, usize)>>,
-    /// Sparse accessors, by what they were read as.
-    decoded: BTreeMap<(usize, &'static str, bool), Elements>,
-    /// Elements used so far.
-    used: usize,
 }
 
-impl<'a> Reader<'a> {
-    pub(super) fn elements(
-        &mut self,
-        accessor: usize,
-        wanted: &Wanted,
-    ) -> Result<Elements, ReadError> {
-        let key = (accessor, wanted.kind, wanted.is_whole);
-        if let Some(found) = self.decoded.get(&key) {
-            return Ok(*found);
-        }
-        let found = Elements::find(self.document, &mut self.source, accessor, wanted)?;
-        if found.buffer != found.home {
-            self.decoded.insert(key, found);
-        }
-        Ok(found)
-    }
-
-    /// Counts elements against what a file of this size may use.
-    pub(super) fn spend(&mut self, elements: usize, what: &'static str) -> Result<(), ReadError> {
-        self.used = self.used.saturating_add(elements);
-        let is_fair = self.used <= REUSE.saturating_mul(self.size);
-        if is_fair { Ok(()) } else { Err(ReadError::TooMuch { what }) }
-    }
-
-    pub(super) fn primitive(&self, [mesh, primitive]: [usize; 2]) -> &'a Primitive {
-        &self.document.meshes[mesh].primitives[primitive]
-    }
-
+impl Reader<'_> {
     /// Two nodes that show the same vertices, one of them chosen.
     fn shared(&self, mut others: impl Iterator<Item = usize>) -> Option<[usize; 2]> {
         let twice = self.of.values().find(|shows| shows.len() > 1);
         let twice = twice.map(|shows| [shows[0].0, shows[1].0]);
         let by_other = |second: usize| {
-            let mesh = self.document.nodes[second].mesh;
-            let mesh = mesh.and_then(|mesh| self.document.meshes.get(mesh))?;
+            let mesh = self.data.document.nodes[second].mesh;
+            let mesh = mesh.and_then(|mesh| self.data.document.meshes.get(mesh))?;
             let positions = mesh.primitives.iter().filter_map(|p| p.attributes.get("POSITION"));
             let mut shown = positions.filter_map(|accessor| self.of.get(accessor));
             shown.next().map(|shows| [shows[0].0, second])
@@ -213,7 +171,7 @@ impl<'a> Reader<'a> {
         placed: &Placed,
         vertices: &mut Vec<Point>,
     ) -> Result<usize, ReadError> {
-        let primitive = self.primitive(at);
+        let primitive = self.data.primitive(at);
         let Some(&accessor) = primitive.attributes.get("POSITION") else {
             return Err(ReadError::NoTriangles);
         };
@@ -222,20 +180,20 @@ impl<'a> Reader<'a> {
         if let Some((_, part)) = last.filter(|(shown_by, _)| *shown_by == node) {
             return Ok(*part);
         }
-        let positions = self.elements(accessor, &POSITION)?;
+        let positions = self.data.elements(accessor, &POSITION)?;
         let sum = (vertices.len() + positions.count).saturating_mul(12);
-        if sum > INSTANCES.saturating_mul(self.size) {
+        if sum > INSTANCES.saturating_mul(self.data.size) {
             return Err(ReadError::TooMuch { what: "of positions" });
         }
         let normals = match primitive.attributes.get("NORMAL") {
-            Some(&normals) => Some(self.elements(normals, &NORMAL)?),
+            Some(&normals) => Some(self.data.elements(normals, &NORMAL)?),
             None => None,
         };
         let normals = normals.filter(|n| n.count == positions.count);
         let (placings, skinned) = self.placings(node, at, placed, positions.count)?;
         let first = vertices.len();
         for element in 0..positions.count {
-            let p: [Real; 3] = positions.values(&self.source, element);
+            let p: [Real; 3] = positions.values(&self.data.source, element);
             let p = placings.of(element).forward(p.map(|x| x as f32));
             if !p.iter().all(|x| x.is_finite()) {
                 let (found, expected) = (format!("{p}"), "every coordinate must be finite");
@@ -253,14 +211,14 @@ impl<'a> Reader<'a> {
     fn corners(&mut self, at: [usize; 2], part: usize) -> Result<Vec<u32>, ReadError> {
         let Part { first, positions, .. } = &self.parts[part];
         let (first, count) = (*first, positions.count);
-        let Some(accessor) = self.primitive(at).indices else {
-            self.spend(count, "of triangles")?;
+        let Some(accessor) = self.data.primitive(at).indices else {
+            self.data.spend(count, "of triangles")?;
             return Ok((first as u32..(first + count) as u32).collect());
         };
-        let indices = self.elements(accessor, &INDICES)?;
-        self.spend(indices.count, "of triangles")?;
+        let indices = self.data.elements(accessor, &INDICES)?;
+        self.data.spend(indices.count, "of triangles")?;
         let corner = |element| {
-            let index = indices.index(&self.source, element);
+            let index = indices.index(&self.data.source, element);
             if index as usize >= count {
                 return Err(ReadError::Index { what: "vertex", index: index as usize, count });
             }
@@ -276,12 +234,12 @@ impl<'a> Reader<'a> {
         placed: &Placed,
         count: usize,
     ) -> Result<(Placings, Option<Skinned>), ReadError> {
-        let morph = self.morph(node, at, count)?;
+        let morph = self.data.morph(node, at, count)?;
         let (mut skinned, mut maps) = (None, None);
-        if let Some(skin) = self.document.nodes[node].skin {
-            skinned = self.skinned(at, skin, count)?;
+        if let Some(skin) = self.data.document.nodes[node].skin {
+            skinned = self.data.skinned(at, skin, count)?;
             if let Some(skinned) = &skinned {
-                maps = Some(self.joint_maps(at, skin, placed, (skinned, count))?);
+                maps = Some(self.data.joint_maps(at, skin, placed, (skinned, count))?);
             }
         }
         if maps.is_none() && !placed.world[node].is_invertible() {

@@ -1,10 +1,10 @@
 //! Morph targets, and joints with their weights.
 
-use super::accessor::{Elements, Wanted};
+use super::accessor::Wanted;
+use super::data::{Data, POSITION};
 use super::document::entry;
 use super::error::ReadError;
 use super::placing::Affine;
-use super::read::{POSITION, Reader};
 use super::scene::Placed;
 use if_core::math::{Real, Vector};
 
@@ -42,7 +42,7 @@ impl Skinned {
     }
 }
 
-impl Reader<'_> {
+impl Data<'_> {
     /// The sum of the morph targets that have a weight; `None` if none has.
     pub(super) fn morph(
         &mut self,
@@ -66,23 +66,6 @@ impl Reader<'_> {
             }
         }
         Ok(sum)
-    }
-
-    /// The elements of an accessor, which must be as many as positions.
-    fn counted(
-        &mut self,
-        accessor: usize,
-        wanted: &Wanted,
-        what: &'static str,
-        count: usize,
-    ) -> Result<Elements, ReadError> {
-        let elements = self.elements(accessor, wanted)?;
-        if elements.count != count {
-            let (found, expected) = (format!("{} elements", elements.count), "as many as POSITION");
-            return Err(ReadError::Accessor { accessor, what, expected, found });
-        }
-        self.spend(count, "of morph targets and weights")?;
-        Ok(elements)
     }
 
     /// The joints and weights of a primitive; `None` if it has none.

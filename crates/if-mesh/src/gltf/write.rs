@@ -1,7 +1,7 @@
 //! The glTF writer.
 
 use super::accessor::Elements;
-use super::edit::Edit;
+use super::edit::{Edit, GltfFiles};
 use super::error::WriteError;
 use super::gltf_mesh::{GltfMesh, Part};
 use super::read::read_with;
@@ -9,16 +9,7 @@ use crate::normals::{Normals, Turns};
 use if_core::math::{Point, Real, Vector};
 use serde_json::json;
 use std::io;
-use std::path::{Path, PathBuf};
-
-/// A glTF file and the buffers in files beside it, as they will be stored.
-#[derive(Clone, Debug, PartialEq)]
-pub struct GltfFiles {
-    /// The file.
-    pub bytes: Vec<u8>,
-    /// The files beside it: each one's path from the folder of the file, and its bytes.
-    pub beside: Vec<(PathBuf, Vec<u8>)>,
-}
+use std::path::Path;
 
 /// The file with the vertices at `positions`, in the units of the scene.
 ///

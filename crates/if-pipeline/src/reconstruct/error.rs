@@ -1,6 +1,6 @@
 //! The error of all stages.
 
-use super::report::Skipped;
+use super::skipped::Skipped;
 use crate::capture::CaptureError;
 use if_body::{PoseError, SkinError};
 use if_core::mesh::MeshError;

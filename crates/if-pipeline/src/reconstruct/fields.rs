@@ -8,6 +8,7 @@ mod place;
 mod report;
 mod scene;
 mod skin;
+mod state;
 mod step;
 mod terms;
 #[cfg(test)]

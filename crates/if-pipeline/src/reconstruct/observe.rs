@@ -4,7 +4,7 @@ use super::distance_image::DistanceImage;
 use super::error::ReconstructError;
 use super::params::SurfaceParams;
 use super::progress;
-use super::report::Skipped;
+use super::skipped::Skipped;
 use crate::capture::Capture;
 use if_body::Skeleton;
 use if_core::math::Vector;

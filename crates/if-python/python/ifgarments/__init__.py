@@ -25,8 +25,6 @@ from ._outfits import (
     Intersections,
     Layers,
     Mesh,
-    Resolved,
-    Verified,
     default_params,
     demo_scene,
     intersections,
@@ -34,6 +32,7 @@ from ._outfits import (
     resolve,
     verify,
 )
+from ._results import Resolved, Verified
 from ._wardrobe import Wardrobe
 from .errors import (
     AnimateError,

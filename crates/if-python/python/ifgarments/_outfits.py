@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +22,7 @@ from ._arguments import (
 )
 from ._files import whole_file
 from ._kinds import read, read_layers, read_outfit
+from ._results import Resolved, Verified
 from .errors import IntersectionsRemain
 
 #: A mesh: ``(vertices, faces)``, or an object of trimesh, Open3D or meshio.
@@ -31,31 +31,6 @@ Mesh = Any
 Layers = Sequence[Mesh] | Sequence[tuple[str, Mesh]] | Mapping[str, Mesh]
 #: Positions in metres, shape (n, 3), and triangles, shape (m, 3).
 Arrays = tuple[NDArray[np.floating[Any]], NDArray[np.integer[Any]]]
-
-
-@dataclass(frozen=True)
-class Verified:
-    """The state of an outfit."""
-
-    #: ``"clean everywhere"``, ``"clean between layers"`` or ``"not clean"``.
-    state: str
-    #: The report, with the keys of ``ifg check --json``.
-    report: dict[str, Any] = field(repr=False)
-    #: What a person should know about the meshes.
-    notes: list[str] = field(repr=False)
-
-    @property
-    def is_clean(self) -> bool:
-        """No layer intersects another, and no vertex is on the wrong side of one below."""
-        return self.state != "not clean"
-
-
-@dataclass(frozen=True, eq=False)
-class Resolved(Verified):
-    """A resolved outfit."""
-
-    #: The garments in the kind, the collection and the order given.
-    layers: Any = field(repr=False)
 
 
 def resolve(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ._outfits import Resolved
+    from ._results import Resolved
 
 __all__ = [
     "AnimateError",

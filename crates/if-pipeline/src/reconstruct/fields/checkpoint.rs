@@ -1,8 +1,8 @@
 //! Checkpoints of the training: its state between two rounds, in a file.
 
 use super::nets::Nets;
-use super::report::{FieldsReport, FieldsRound};
-use super::train::State;
+use super::report::FieldsReport;
+use super::state::State;
 use crate::reconstruct::error::ReconstructError;
 use if_core::math::{Point, Real};
 use if_neural::adam::{Adam, AdamParams};
@@ -119,17 +119,4 @@ fn parse(bytes: &[u8], rates: [AdamParams; 2]) -> Option<([u8; 32], State)> {
     let (step, report) = (header.step, header.report);
     let state = State { step, nets, start, phi_adam, deformation_adam, vertices, report };
     Some((key.try_into().ok()?, state))
-}
-
-/// Rounds are numbers only: no NaN stands in a report, which JSON cannot hold.
-pub(super) fn finite(round: &FieldsRound) -> bool {
-    [
-        round.normal_degrees,
-        round.silhouette_mm,
-        round.eikonal,
-        round.motion_mm,
-        round.mean_motion_mm,
-    ]
-    .iter()
-    .all(|x| x.is_finite())
 }

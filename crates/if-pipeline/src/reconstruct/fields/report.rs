@@ -39,6 +39,16 @@ pub struct FieldsRound {
     pub seconds: Real,
 }
 
+impl FieldsRound {
+    /// Whether all measures are numbers: JSON cannot hold others.
+    pub(super) fn is_finite(&self) -> bool {
+        let Self { normal_degrees, silhouette_mm, eikonal, motion_mm, mean_motion_mm, .. } = self;
+        [normal_degrees, silhouette_mm, eikonal, motion_mm, mean_motion_mm]
+            .iter()
+            .all(|x| x.is_finite())
+    }
+}
+
 /// Report of the training of φ and d.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]

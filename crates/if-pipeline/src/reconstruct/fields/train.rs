@@ -5,6 +5,7 @@ use super::nets::Nets;
 use super::params::FieldsParams;
 use super::report::{FieldsReport, FieldsRound};
 use super::scene::{Pixel, Rim, Scene, Sight};
+use super::state::State;
 use super::step::{Step, Sums, random_of};
 use crate::build::BUILD;
 use crate::capture::Capture;
@@ -41,21 +42,6 @@ const FOLLOWS: usize = 6;
 /// Silhouettes farther from the mask's border than this many times `weights.reach` are left out:
 /// their pull is below a hundredth of the largest.
 const FAR: Real = 3.0;
-
-/// The state between two rounds.
-#[derive(Debug)]
-pub(super) struct State {
-    /// Steps done.
-    pub(super) step: u64,
-    pub(super) nets: Nets,
-    /// φ before the first step.
-    pub(super) start: Network,
-    pub(super) phi_adam: Adam,
-    pub(super) deformation_adam: Adam,
-    /// Vertices of the start's mesh, which follow φ.
-    pub(super) vertices: Vec<Point>,
-    pub(super) report: FieldsReport,
-}
 
 /// φ and d, and how they were found.
 pub(super) struct Trained {
@@ -131,7 +117,7 @@ pub(super) fn train(
         }
         let round = sums.round(state.step, start.elapsed().as_secs_f64());
         state.nets.check(state.step)?;
-        if !checkpoint::finite(&round) {
+        if !round.is_finite() {
             return Err(ReconstructError::FieldsDiverged { steps: state.step });
         }
         state.report.rounds.push(round);

@@ -1,0 +1,60 @@
+//! Frames that are left out.
+
+use if_core::math::Real;
+use serde::{Deserialize, Serialize};
+
+/// Why a frame was skipped.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "because")]
+#[non_exhaustive]
+pub enum Skipped {
+    /// Its mask has almost no pixels.
+    NoPerson {
+        /// Its index in the capture.
+        frame: usize,
+        /// Pixels of the mask.
+        pixels: usize,
+    },
+    /// Its mask fills the image.
+    NoBorder {
+        /// Its index in the capture.
+        frame: usize,
+    },
+    /// Mask and posed template hardly overlap: pose or mask is wrong.
+    Elsewhere {
+        /// Its index in the capture.
+        frame: usize,
+        /// Intersection over union of mask and template.
+        overlap: Real,
+    },
+}
+
+impl Skipped {
+    /// Its index in the capture.
+    pub fn frame(&self) -> usize {
+        match self {
+            Self::NoPerson { frame, .. }
+            | Self::NoBorder { frame }
+            | Self::Elsewhere { frame, .. } => *frame,
+        }
+    }
+}
+
+impl std::fmt::Display for Skipped {
+    /// `frame 3 shows no person (its mask has 12 pixels)`.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::NoPerson { frame, pixels } => {
+                write!(f, "frame {frame} shows no person (its mask has {pixels} pixels)")
+            }
+            Self::NoBorder { frame } => write!(f, "the mask of frame {frame} fills the picture"),
+            Self::Elsewhere { frame, overlap } => {
+                let percent = overlap * 100.0;
+                write!(
+                    f,
+                    "in frame {frame} the posed template lies elsewhere than the mask (they share {percent:.0} % of their union)"
+                )
+            }
+        }
+    }
+}

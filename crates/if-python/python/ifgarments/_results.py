@@ -1,0 +1,31 @@
+"""What resolving and verifying an outfit return."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Verified:
+    """The state of an outfit."""
+
+    #: ``"clean everywhere"``, ``"clean between layers"`` or ``"not clean"``.
+    state: str
+    #: The report, with the keys of ``ifg check --json``.
+    report: dict[str, Any] = field(repr=False)
+    #: What a person should know about the meshes.
+    notes: list[str] = field(repr=False)
+
+    @property
+    def is_clean(self) -> bool:
+        """No layer intersects another, and no vertex is on the wrong side of one below."""
+        return self.state != "not clean"
+
+
+@dataclass(frozen=True, eq=False)
+class Resolved(Verified):
+    """A resolved outfit."""
+
+    #: The garments in the kind, the collection and the order given.
+    layers: Any = field(repr=False)
