@@ -78,8 +78,9 @@ pub(crate) struct ReconstructArgs {
     /// Write the canonical mesh in each frame, too: posed, and moved as the pictures show it.
     #[arg(long)]
     pub(crate) frames: bool,
-    /// Where the motion of single frames comes from: `solved` from the pictures (with --route fields
-    /// the network that was trained on them), or `none`, the pose alone. Only with --frames.
+    /// Where the motion of single frames comes from: `solved` from the pictures, or `none`, the pose
+    /// alone. With --route fields it is that of the trained network, which starts there. Only with
+    /// --frames.
     #[arg(long, value_name = "HOW", requires = "frames", default_value = "solved")]
     pub(crate) motion: MotionFrom,
     /// Steps of a fit of that motion as a network with an embedding for each frame,
@@ -217,7 +218,8 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         let what = "--motion-steps fits a network to the motion that is solved, and --motion says that none is";
         return Err(fault(what, "leave one of them out")(io::Error::other("nothing to fit")).into());
     }
-    params.motion = (args.frames && args.motion == MotionFrom::Solved).then(MotionParams::default);
+    let solved = args.motion == MotionFrom::Solved && (args.frames || params.fields.is_some());
+    params.motion = solved.then(MotionParams::default);
     params.motion_network = (args.motion_steps > 0).then(|| MotionNetworkParams {
         fit: DeformParams { steps: args.motion_steps, ..DeformParams::default() },
         ..MotionNetworkParams::default()

@@ -5,11 +5,11 @@ use crate::end::End;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::table::count;
-use crate::values::{above_zero, pose_sigma};
+use crate::values::{above_zero, pose_sigma, shape_noise};
 use clap::{Args, ValueEnum};
 use if_body::mannequin::Garment;
 use if_core::monitor::Progress;
-use if_pipeline::capture::synth::{SynthError, SynthParams, SynthReport, synth};
+use if_pipeline::capture::synth::{ShapeNoise, SynthError, SynthParams, SynthReport, synth};
 use if_pipeline::capture::{CaptureError, PoseSigma};
 use miette::{Diagnostic, Report};
 use serde_json::json;
@@ -56,6 +56,10 @@ pub(crate) struct SynthArgs {
     /// degrees.
     #[arg(long, value_name = "DEG", default_value_t = 0.0)]
     pub(crate) camera_noise: f64,
+    /// How far the template's shape is off, such as 3,20: standard deviation of the length of bones
+    /// in percent, and circumference in millimetres.
+    #[arg(long, value_name = "PERCENT,MM", value_parser = shape_noise, default_value = "0,0")]
+    pub(crate) shape_noise: ShapeNoise,
     /// Root-mean-square angle in degrees by which normals are off, smoothly.
     #[arg(long, value_name = "DEG", default_value_t = 0.0)]
     pub(crate) normal_noise: f64,
@@ -115,6 +119,7 @@ pub(crate) fn run(args: &SynthArgs) -> Result<End, Report> {
         pose_noise: args.pose_noise,
         pose_correlation: args.pose_correlation,
         camera_noise: args.camera_noise,
+        shape_noise: args.shape_noise,
         normal_noise: args.normal_noise,
         seed: args.seed,
         ..SynthParams::default()

@@ -2,6 +2,7 @@
 
 use if_core::math::Point;
 use if_pipeline::capture::PoseSigma;
+use if_pipeline::capture::synth::ShapeNoise;
 
 /// A positive, finite factor.
 pub(crate) fn positive(text: &str) -> Result<f64, String> {
@@ -47,6 +48,16 @@ pub(crate) fn pose_sigma(text: &str) -> Result<PoseSigma, String> {
     };
     let sigma = PoseSigma { degrees, translation: mm / 1000.0 };
     sigma.validate().map(|()| sigma).map_err(|e| e.to_string())
+}
+
+/// `3,20`: percent of the length of bones, and millimetres of circumference.
+pub(crate) fn shape_noise(text: &str) -> Result<ShapeNoise, String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|x| x.trim().parse().ok()).collect();
+    let [percent, mm] = numbers[..] else {
+        return Err("give PERCENT,MILLIMETRES, such as 3,20".into());
+    };
+    let noise = ShapeNoise { bones: percent / 100.0, girth: mm / 1000.0 };
+    noise.validate().map(|()| noise).map_err(|e| e.to_string())
 }
 
 /// Three coordinates in metres, with commas between them.

@@ -5,6 +5,9 @@ mod estimator;
 mod motion;
 mod noise;
 mod scene;
+mod shape;
+
+pub use shape::ShapeNoise;
 
 use super::{CaptureError, CaptureWriter, FramePictures, PoseSigma, Subject, write_poses};
 use estimator::{estimated, mistaken};
@@ -20,6 +23,7 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use scene::{Scene, camera};
 use serde::{Deserialize, Serialize};
+use shape::misshapen;
 use std::path::{Path, PathBuf};
 
 /// Parameters of [`synth`].
@@ -45,6 +49,8 @@ pub struct SynthParams {
     /// Constant error of the camera's orientation, from 0 to 30: the standard deviation of its turn
     /// about each axis, in degrees.
     pub camera_noise: Real,
+    /// Error of the template's shape; that of `truth/template` is zero.
+    pub shape_noise: ShapeNoise,
     /// Error of the normals, from 0 to 60: the root of the mean square angle, in degrees.
     pub normal_noise: Real,
     /// Random seed of noise and motion.
@@ -55,7 +61,7 @@ pub struct SynthParams {
 
 impl Default for SynthParams {
     /// T-shirt, trousers and jacket in 24 frames of 256 × 256 pixels, with a third of the noise in
-    /// masks and labels, exact poses, an exact camera and exact normals.
+    /// masks and labels, exact poses, camera, template and normals.
     fn default() -> Self {
         Self {
             garments: vec![Garment::Trousers, Garment::Tshirt, Garment::Jacket],
@@ -67,6 +73,7 @@ impl Default for SynthParams {
             pose_noise: PoseSigma::EXACT,
             pose_correlation: 0.0,
             camera_noise: 0.0,
+            shape_noise: ShapeNoise::default(),
             normal_noise: 0.0,
             seed: 0,
             mannequin: MannequinParams { resolution: 1.0, overlap: 0.0 },
@@ -133,6 +140,7 @@ impl SynthParams {
         let frames = (0.0..=1000.0).contains(&correlation);
         check("pose_correlation", correlation, frames, "from 0 to 1000 (frames)")?;
         self.pose_noise.validate().map_err(|e| e.within("pose_noise"))?;
+        self.shape_noise.validate().map_err(|e| e.within("shape_noise"))?;
         check("nonrigid", nonrigid, (0.0..=0.1).contains(&nonrigid), "from 0 to 0.1 (m)")?;
         self.mannequin.validate().map_err(|e| e.within("mannequin"))
     }
@@ -142,7 +150,7 @@ impl SynthParams {
 pub const BODY: &str = "body";
 /// The subfolder with the true body and garments, with skinning weights, for evaluation. If clothes
 /// have their own motion, it also has all layers posed in each frame, with labels: `frame_NNNN.ply`;
-/// if poses have errors, the true ones: `poses.json`.
+/// if poses have errors, the true ones: `poses.json`; if the template has, the true one: `template`.
 pub const TRUTH: &str = "truth";
 
 /// Renders the capture into `folder`, which must not exist.
@@ -229,7 +237,11 @@ pub fn synth(
             seen.labels.iter().zip(&noisy_labels).filter(|(a, b)| a != b).count();
         report.wrong_mask += seen.mask.iter().zip(&noisy_mask).filter(|(a, b)| a != b).count();
     }
-    scene.template().write(&body)?;
+    let template = scene.template();
+    if params.shape_noise != ShapeNoise::default() {
+        template.write(&truth.join("template"))?;
+    }
+    misshapen(template, params.shape_noise, params.seed).write(&body)?;
     for (k, layer) in scene.layers.iter().enumerate() {
         let name = if k == 0 { "body" } else { &subject.garments[k - 1] };
         let path = truth.join(format!("{name}.ply"));
@@ -317,6 +329,7 @@ mod tests {
             SynthParams { normal_noise: 90.0, ..small(0.0) },
             SynthParams { pose_correlation: -1.0, ..small(0.0) },
             SynthParams { camera_noise: -1.0, ..small(0.0) },
+            SynthParams { shape_noise: ShapeNoise { bones: 0.5, girth: 0.0 }, ..small(0.0) },
         ] {
             assert!(matches!(synth(&bad, &stopped, &mut Silent), Err(SynthError::Parameter(_))));
         }

@@ -8,6 +8,7 @@ mod place;
 mod report;
 mod scene;
 mod skin;
+mod start;
 mod state;
 mod step;
 mod terms;
@@ -55,7 +56,8 @@ pub struct Fields {
 /// Trains φ and d on the normals and masks of all frames, from a fitted `surface`.
 ///
 /// ```text
-/// φ ← fitted to the signed distance of `mesh`, which was extracted from the surface;  d ← 0
+/// φ ← fitted to the signed distance of `mesh`, which was extracted from the surface
+/// d ← fitted to the solved `motion` of the surface's vertices; without one 0
 /// for each round
 ///     mesh ← follows φ = 0;  LBS(x + d) in each frame, rasterised: start of all rays
 ///     for each step
@@ -71,7 +73,7 @@ pub struct Fields {
 /// surface and parameters, training continues from it, and its result has the same bits as that of
 /// an uninterrupted run. The caller deletes the file.
 ///
-/// Stages: `read`, `phi`, and `fields` with the measures `loss`, `normal_degrees` and
+/// Stages: `read`, `phi`, `motion_network`, and `fields` with the measures `loss`, `normal_degrees` and
 /// `silhouette_mm`.
 ///
 /// # Source
@@ -93,6 +95,7 @@ pub fn fit_fields(
     skeleton: &Skeleton,
     surface: &Surface,
     (mesh, skin, exact): (&TriMesh, &SkinWeights, &MeshSdf),
+    motion: Option<&Motion>,
     read: &SurfaceParams,
     params: &FieldsParams,
     checkpoint: Option<&Path>,
@@ -101,7 +104,7 @@ pub fn fit_fields(
     read.validate()?;
     params.validate()?;
     capture.check_skeleton(skeleton)?;
-    let begin = train::Begin { skeleton, surface, mesh, skin, exact };
+    let begin = train::Begin { skeleton, surface, mesh, skin, exact, motion };
     let trained = train::train(capture, &begin, read, params, checkpoint, monitor)?;
     let nets::Nets { phi, deformation, frame } = trained.nets;
     let used = (0..capture.len()).map(|k| trained.used.contains(&k)).collect();

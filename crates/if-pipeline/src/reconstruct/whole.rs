@@ -42,8 +42,7 @@ pub struct ReconstructParams {
     /// φ and d as networks, trained on the images from the fitted surface: the paper's own route.
     /// The canonical mesh is then that of φ, and the motion that of d. `None` keeps the surface.
     pub fields: Option<FieldsParams>,
-    /// The motion of single frames; `None` skips this step when frames are not exported. Ignored
-    /// with `fields`.
+    /// The motion of single frames; `None` skips this step. With `fields` it is the start of d.
     pub motion: Option<MotionParams>,
     /// The network of that motion; `None` skips it. Ignored without `motion`.
     pub motion_network: Option<MotionNetworkParams>,
@@ -175,6 +174,12 @@ pub fn reconstruct(
     let surface = fit_surface(capture, template, &params.surface, checkpoint, monitor)?;
     lap.end(&mut seconds.surface);
 
+    let mut solved = None;
+    if let Some(p) = &params.motion {
+        solved = Some(fit_motion(capture, skeleton, &surface, &params.surface, p, monitor)?);
+    }
+    lap.end(&mut seconds.motion);
+
     let mut canonical = canonical(&surface, template, params, monitor)?;
     lap.end(&mut seconds.extract);
 
@@ -183,8 +188,17 @@ pub fn reconstruct(
         let begin = (&canonical.mesh, &canonical.skin, &canonical.exact);
         let state = checkpoint.map(fields_checkpoint);
         let read = &params.surface;
-        let fields =
-            fit_fields(capture, skeleton, &surface, begin, read, p, state.as_deref(), monitor)?;
+        let fields = fit_fields(
+            capture,
+            skeleton,
+            &surface,
+            begin,
+            solved.as_ref(),
+            read,
+            p,
+            state.as_deref(),
+            monitor,
+        )?;
         let field = fields.field()?;
         canonical = of_field(&field, &surface, template, params, monitor)?;
         trained = Some((fields, field));
@@ -192,15 +206,11 @@ pub fn reconstruct(
     let Canonical { mesh, skin, exact } = canonical;
     lap.end(&mut seconds.fields);
 
-    let motion = match (&trained, &params.motion) {
+    let motion = match (&trained, solved) {
         (Some((fields, _)), _) => Some(MeshMotion::of_vertices(fields.motion(mesh.vertices()))),
-        (None, Some(p)) => {
-            let motion = fit_motion(capture, skeleton, &surface, &params.surface, p, monitor)?;
-            Some(MeshMotion::new(motion, &surface.mesh, mesh.vertices()))
-        }
+        (None, Some(motion)) => Some(MeshMotion::new(motion, &surface.mesh, mesh.vertices())),
         (None, None) => None,
     };
-    lap.end(&mut seconds.motion);
 
     let motion_network = match (&motion, &params.motion_network) {
         (Some(motion), Some(p)) if trained.is_none() => {

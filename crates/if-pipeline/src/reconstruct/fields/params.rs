@@ -19,6 +19,8 @@ pub struct FieldsParams {
     pub phi: PhiParams,
     /// The network of d; its number of frames is replaced by that of the capture.
     pub deformation: DeformationConfig,
+    /// Steps of the fit of d to the solved motion, if one is given; 0 leaves that out.
+    pub motion_steps: u64,
     /// Steps.
     pub steps: u64,
     /// Steps from one rasterisation of all frames, and checkpoint, to the next.
@@ -111,6 +113,7 @@ impl Default for FieldsParams {
         Self {
             phi: PhiParams { network: NetworkConfig::Grid(grid), steps: 20, sampling },
             deformation: DeformationConfig::fast(1),
+            motion_steps: 400,
             steps: 300,
             refresh: 100,
             rays: 2048,

@@ -76,6 +76,7 @@ impl Small {
             mesh: &self.mesh,
             skin: &self.skin,
             exact: &self.exact,
+            motion: None,
         }
     }
 
@@ -246,7 +247,7 @@ fn training_brings_the_template_to_the_clothes_and_resumes_with_the_same_bits() 
     let (surface, params) = (&small.surface, params());
     let (begin, read) = ((&small.mesh, &small.skin, &small.exact), SurfaceParams::default());
     let run = |path: Option<&Path>, monitor: &mut dyn Monitor| {
-        fit_fields(capture, skeleton, surface, begin, &read, &params, path, monitor)
+        fit_fields(capture, skeleton, surface, begin, None, &read, &params, path, monitor)
     };
     let found = run(None, &mut Silent).unwrap();
 

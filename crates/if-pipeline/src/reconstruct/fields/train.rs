@@ -5,12 +5,14 @@ use super::nets::Nets;
 use super::params::FieldsParams;
 use super::report::{FieldsReport, FieldsRound};
 use super::scene::{Pixel, Rim, Scene, Sight};
+use super::start::{spread_embeddings, start_at};
 use super::state::State;
 use super::step::{Step, Sums, random_of};
 use crate::build::BUILD;
 use crate::capture::Capture;
 use crate::reconstruct::checkpoint::{visit_input, visit_mesh};
 use crate::reconstruct::error::ReconstructError;
+use crate::reconstruct::motion::Motion;
 use crate::reconstruct::observe::{Observation, observe_used};
 use crate::reconstruct::params::SurfaceParams;
 use crate::reconstruct::phi::fit_phi;
@@ -27,10 +29,8 @@ use if_neural::deformation::DeformationNetwork;
 use if_neural::mlp::DeformationConfig;
 use if_neural::network::Network;
 use if_neural::trainable::TrainableField;
-use rand::RngExt;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
-use std::f64::consts::PI;
 use std::path::Path;
 use std::time::Instant;
 
@@ -60,6 +60,8 @@ pub(super) struct Begin<'a> {
     pub(super) skin: &'a SkinWeights,
     /// Its signed distance.
     pub(super) exact: &'a MeshSdf,
+    /// The solved motion of the surface's vertices.
+    pub(super) motion: Option<&'a Motion>,
 }
 
 /// See [`fit_fields`](super::fit_fields).
@@ -157,7 +159,7 @@ fn advance(
     sums
 }
 
-/// φ fitted to the start, and d close to zero.
+/// φ fitted to the start, and d to the solved motion; without one it is close to zero.
 fn first_state(
     capture: &Capture,
     begin: &Begin,
@@ -168,6 +170,10 @@ fn first_state(
     let config = DeformationConfig { frames: capture.len(), ..params.deformation.clone() };
     let mut deformation = DeformationNetwork::new(&config, params.seed)?;
     spread_embeddings(&mut deformation, params.seed);
+    if let Some(motion) = begin.motion.filter(|_| params.motion_steps > 0) {
+        let solved = (motion, &begin.surface.mesh);
+        start_at(&mut deformation, &fitted.frame, solved, params, monitor)?;
+    }
     let (n, m) = (fitted.network.parameters().len(), deformation.parameters().len());
     let report = FieldsReport {
         phi_parameters: n,
@@ -184,30 +190,6 @@ fn first_state(
         vertices: begin.mesh.vertices().to_vec(),
         report,
     })
-}
-
-/// Embeddings that are smooth in time, of mean zero and as large as the features beside them: with
-/// almost equal ones all frames would learn one common motion first, which belongs to φ.
-///
-/// ```text
-/// hᵢ = Σ_k cos(π (2i + 1) k / 2n) aₖ / √K,   k = 1 … K = n / 4, at least 2;   a random, from −1 to 1
-/// ```
-fn spread_embeddings(network: &mut DeformationNetwork, seed: u64) {
-    let &DeformationConfig { frames, embedding, .. } = network.config();
-    let waves = (frames / 4).max(2);
-    let mut random = random_of(seed, u64::MAX - 1);
-    let shares: Vec<f64> = (0..waves * embedding).map(|_| random.random_range(-1.0..1.0)).collect();
-    let first = network.parameters().len() - frames * embedding;
-    let rows = &mut network.parameters_mut()[first..];
-    for (e, value) in rows.iter_mut().enumerate() {
-        let (i, c) = (e / embedding, e % embedding);
-        let wave = |k: usize| {
-            let phase = PI * ((2 * i + 1) * (k + 1)) as f64 / (2 * frames) as f64;
-            phase.cos() * shares[k * embedding + c]
-        };
-        *value = ((0..waves).map(wave).sum::<f64>() / (waves as f64).sqrt()) as f32;
-    }
-    network.refresh();
 }
 
 /// Moves vertices onto φ = 0, along ∇φ.
@@ -310,6 +292,9 @@ fn key(
     let mut number = |x: Real| hash.update(x.to_le_bytes());
     number(capture.len() as Real);
     visit_mesh(begin.mesh, &mut number);
+    for d in begin.motion.iter().flat_map(|m| m.offsets.iter().flatten()) {
+        d.iter().for_each(|x| number(*x));
+    }
     let Surface { mesh, skin, .. } = begin.surface;
     visit_input(capture, (mesh, skin), frames, &mut number);
     hash.finalize().into()
