@@ -184,7 +184,7 @@ impl MeshFile {
                 Self { bytes, content: Content::Ply(ply), is_new: false }
             }
             Format::Obj => {
-                let obj = obj::read(&bytes[..])
+                let obj = obj::read_text(bytes)
                     .map_err(|e| ReadError::Obj { path: name(), source: e.into() })?;
                 Self { bytes: Vec::new(), content: Content::Obj(obj), is_new: false }
             }

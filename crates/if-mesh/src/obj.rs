@@ -17,6 +17,7 @@
 mod error;
 mod listing;
 mod materials;
+mod numbers;
 mod obj_mesh;
 mod parse;
 mod read;
@@ -30,6 +31,7 @@ pub use error::{Index, ReadError, WriteError};
 pub use materials::textures;
 pub use obj_mesh::ObjMesh;
 pub use read::read;
+pub(crate) use read::read_text;
 pub use split::split;
 pub use to_ply::{Lost, to_ply};
 pub use write::write;

@@ -5,8 +5,14 @@ use super::obj_mesh::{NormalLine, Span, User};
 use super::words::Words;
 use crate::polygons::FaceList;
 use if_core::math::{Point, Vector};
+use rayon::prelude::*;
+
+/// Minimum size of a part of a text that is read in parallel to others, in bytes: it takes about a
+/// millisecond.
+const PART: usize = 1 << 18;
 
 /// Surface and positions of numbers of a text.
+#[derive(Default)]
 pub(super) struct Parsed {
     pub(super) points: Vec<Point>,
     pub(super) vertices: Vec<Span>,
@@ -15,25 +21,87 @@ pub(super) struct Parsed {
 }
 
 /// An `f` line: where its corners begin, and the numbers of vertices, texture coordinates and normals
-/// before it, to which negative indices are relative.
+/// before it in its part, to which negative indices are relative.
 struct Face {
     at: u32,
     before: [u32; 3],
 }
 
+/// The statements of a part of a text.
+#[derive(Default)]
+struct Statements {
+    points: Vec<Point>,
+    vertices: Vec<Span>,
+    normals: Vec<NormalLine>,
+    textures: u32,
+    faces: Vec<Face>,
+}
+
+/// The corners of the faces of a part.
+#[derive(Default)]
+struct Corners {
+    /// Vertices of all faces.
+    vertices: Vec<u32>,
+    /// Number of corners of each face.
+    counts: Vec<u32>,
+    /// Normals of corners, with the corners' vertices.
+    normals: Vec<[u32; 2]>,
+}
+
 /// Two passes: first vertices, normals and the positions of faces, then the faces, which may refer to
-/// later vertices.
+/// later vertices. Each pass reads the parts of the text in parallel; the result is the same for any
+/// parts.
 pub(super) fn parse(text: &[u8]) -> Result<Parsed, ReadError> {
-    let mut parsed = Parsed {
-        points: Vec::new(),
-        vertices: Vec::new(),
-        normals: Vec::new(),
-        faces: FaceList::default(),
-    };
+    parse_parts(Words::parts(text, PART))
+}
+
+fn parse_parts(mut parts: Vec<Words<'_>>) -> Result<Parsed, ReadError> {
+    let mut parsed = Parsed::default();
     let mut faces = Vec::new();
-    let mut textures = 0;
-    let mut words = Words::new(text);
-    while words.at < text.len() {
+    let mut counts = [0u32; 3];
+    // All are read before the first error is returned, so that it is the first of the text.
+    let read: Vec<_> = parts.par_iter_mut().map(statements).collect();
+    for part in read {
+        let mut part = part.map_err(|error| error.after(parsed.points.len()))?;
+        faces.push((counts, part.faces));
+        counts[0] += part.points.len() as u32;
+        counts[1] += part.textures;
+        counts[2] += part.normals.len() as u32;
+        parsed.points.append(&mut part.points);
+        parsed.vertices.append(&mut part.vertices);
+        parsed.normals.append(&mut part.normals);
+    }
+    if parsed.points.is_empty() {
+        return Err(ReadError::NoVertices);
+    }
+    let parts = parts.par_iter_mut().zip(&faces);
+    let read: Vec<_> = parts.map(|(words, faces)| corners(words, faces, &counts)).collect();
+    for part in read {
+        let part = part?;
+        for [n, v] in part.normals {
+            let user = &mut parsed.normals[n as usize].user;
+            *user = if matches!(*user, User::None) || *user == User::One(v) {
+                User::One(v)
+            } else {
+                User::Several
+            };
+        }
+        let mut start = 0;
+        for count in part.counts {
+            let end = start + count as usize;
+            if !parsed.faces.push(&part.vertices[start..end]) {
+                return Err(ReadError::TooLarge);
+            }
+            start = end;
+        }
+    }
+    Ok(parsed)
+}
+
+/// The first pass over a part. An error counts vertices from the first of the part.
+fn statements(words: &mut Words<'_>) -> Result<Statements, ReadError> {
+    let mut part = Statements::default();
+    while words.at < words.text.len() {
         match words.next().map(|w| words.bytes(w)) {
             Some(b"v") => {
                 let (p, span) = words.numbers(
@@ -44,67 +112,74 @@ pub(super) fn parse(text: &[u8]) -> Result<Parsed, ReadError> {
                 )?;
                 if let Some(k) = p.iter().position(|x| !x.is_finite()) {
                     let (line, vertex, text) =
-                        (words.line_of(span.start as usize), parsed.points.len(), p[k].to_string());
+                        (words.line_of(span.start as usize), part.points.len(), p[k].to_string());
                     return Err(ReadError::NonFinite { line, vertex, text });
                 }
-                parsed.points.push(Point::new(p[0], p[1], p[2]));
-                parsed.vertices.push(span);
+                part.points.push(Point::new(p[0], p[1], p[2]));
+                part.vertices.push(span);
             }
             Some(b"vn") => {
                 let (n, span) = words.numbers("vn", 3, &[0], "3")?;
-                parsed.normals.push(NormalLine {
-                    span,
-                    value: Vector::new(n[0], n[1], n[2]),
-                    user: User::None,
-                });
+                let value = Vector::new(n[0], n[1], n[2]);
+                part.normals.push(NormalLine { span, value, user: User::None });
             }
             Some(b"vt") => {
                 words.numbers("vt", 1, &[0, 1, 2], "1 to 3")?;
-                textures += 1;
+                part.textures += 1;
             }
             Some(b"f" | b"fo") => {
-                let before = [parsed.points.len() as u32, textures, parsed.normals.len() as u32];
-                faces.push(Face { at: words.at as u32, before });
-                while words.next().is_some() {}
+                let before = [part.points.len() as u32, part.textures, part.normals.len() as u32];
+                part.faces.push(Face { at: words.at as u32, before });
+                words.skip_words();
             }
-            // Skipped word by word: their lines may be continued.
-            Some(b"l" | b"p" | b"vp") => while words.next().is_some() {},
+            // Their lines may be continued.
+            Some(b"l" | b"p" | b"vp") => words.skip_words(),
             _ => {}
         }
         words.skip_line();
     }
-    if parsed.points.is_empty() {
-        return Err(ReadError::NoVertices);
-    }
-    let counts = [parsed.points.len() as u32, textures, parsed.normals.len() as u32];
-    let mut corners = Vec::new();
+    Ok(part)
+}
+
+/// The second pass over the faces of a part. Before the part the text has as many vertices, texture
+/// coordinates and normals as `first`, and `counts` in all.
+fn corners(
+    words: &mut Words<'_>,
+    (first, faces): &([u32; 3], Vec<Face>),
+    counts: &[u32; 3],
+) -> Result<Corners, ReadError> {
+    let mut part = Corners::default();
+    part.counts.reserve(faces.len());
+    part.vertices.reserve(3 * faces.len());
     for face in faces {
+        let before = [0, 1, 2].map(|k| first[k] + face.before[k]);
         words.at = face.at as usize;
-        corners.clear();
+        let start = part.vertices.len();
         while let Some(word) = words.next() {
-            let [v, _, n] = words.corner(word, &face.before, &counts)?;
+            let [v, _, n] = words.corner(word, &before, counts)?;
             let v = v.ok_or_else(|| words.bad_corner(word))?;
-            corners.push(v);
-            if let Some(n) = n {
-                let user = &mut parsed.normals[n as usize].user;
-                *user = if matches!(*user, User::None) || *user == User::One(v) {
-                    User::One(v)
-                } else {
-                    User::Several
-                };
+            part.vertices.push(v);
+            part.normals.extend(n.map(|n| [n, v]));
+        }
+        let corners = part.vertices.len() - start;
+        if corners < 3 {
+            return Err(ReadError::FaceTooShort { line: words.line_of(face.at as usize), corners });
+        }
+        part.counts.push(corners as u32);
+    }
+    Ok(part)
+}
+
+impl ReadError {
+    /// The same error in a text with so many vertices before.
+    fn after(self, vertices: usize) -> Self {
+        match self {
+            Self::NonFinite { line, vertex, text } => {
+                Self::NonFinite { line, vertex: vertex + vertices, text }
             }
-        }
-        if corners.len() < 3 {
-            return Err(ReadError::FaceTooShort {
-                line: words.line_of(face.at as usize),
-                corners: corners.len(),
-            });
-        }
-        if !parsed.faces.push(&corners) {
-            return Err(ReadError::TooLarge);
+            error => error,
         }
     }
-    Ok(parsed)
 }
 
 #[cfg(test)]
@@ -127,5 +202,41 @@ mod tests {
         let parsed = parse(text.as_bytes()).unwrap();
         assert_eq!(parsed.points.len(), 4);
         assert_eq!(parsed.faces.triangles[..], [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn a_text_in_parts_gives_what_the_whole_gives() {
+        let good = "\u{feff}v 0 \\\n 0 0\r\n# C:\\\nv 1 0 0\nvt 0 0\nvn 0 0 1\nv 0 1 0 # C:\\\nv 0 0 1\nvt 1\n\
+            f 1 \\\r\n2\\\n 3\nf -4/-2/-1 -3//1 -2/2 -1\nvn 0 1 0\nl 1 2 \\\n3\nf 1//2 2//2 4//-1\nv 9 9 9";
+        let faults = [
+            "",
+            "\nv 1 nan 0\nv inf 0 0",
+            "\nf 1 2 6\nf 1 2",
+            "\nf 1 2\nf 1 2 7",
+            "\nf 1 2 x\nv 1 2",
+            "\nf -6 1 2",
+            "\nvn 1",
+            "\nvt",
+            "\nv 1 2 3 4 5",
+            "\nf 1 2 3/4/5/6",
+            "\nf 1 2 \\",
+        ];
+        for fault in faults {
+            for text in [good.to_owned() + fault, fault.to_owned() + "\n" + good] {
+                let show = |parts: Vec<Words<'_>>| match parse_parts(parts) {
+                    Ok(p) => {
+                        format!("{:?} {:?} {:?} {:?}", p.points, p.vertices, p.normals, p.faces)
+                    }
+                    Err(e) => e.to_string(),
+                };
+                let text = text.as_bytes();
+                let whole = show(vec![Words::new(text)]);
+                for least in [1, 2, 3, 7, 20, 50, 1000] {
+                    let parts = Words::parts(text, least);
+                    assert!(parts.len() > 8 || least > 2);
+                    assert_eq!(show(parts), whole, "{least}");
+                }
+            }
+        }
     }
 }

@@ -20,8 +20,25 @@ use std::io::{ErrorKind, Read};
 /// assert_eq!(obj.mesh().triangles(), [[0, 1, 2], [0, 2, 3]]);
 /// # Ok::<(), if_mesh::obj::ReadError>(())
 /// ```
-pub fn read(mut reader: impl Read) -> Result<ObjMesh, ReadError> {
-    let text = read_text(&mut reader)?;
+pub fn read(reader: impl Read) -> Result<ObjMesh, ReadError> {
+    parsed(text_of(reader)?)
+}
+
+/// As [`read`], of a text in memory.
+pub(crate) fn read_text(text: Vec<u8>) -> Result<ObjMesh, ReadError> {
+    if let Some(byte) = zero(&text) {
+        return Err(ReadError::Binary { byte });
+    }
+    if text.len() >= u32::MAX as usize { Err(ReadError::TooLarge) } else { parsed(text) }
+}
+
+/// Position of the first zero byte.
+fn zero(bytes: &[u8]) -> Option<u64> {
+    let at = || bytes.iter().position(|b| *b == 0).map(|at| at as u64);
+    bytes.contains(&0).then(at).flatten() // `contains` is much faster than `position`
+}
+
+fn parsed(text: Vec<u8>) -> Result<ObjMesh, ReadError> {
     let Parsed { points, vertices, normals, faces } = parse(&text)?;
     let FaceList { triangles, polygons, collapsed } = faces;
     Ok(ObjMesh {
@@ -35,7 +52,7 @@ pub fn read(mut reader: impl Read) -> Result<ObjMesh, ReadError> {
 }
 
 /// Reads the whole text. A zero byte is an error, which also stops on endless devices.
-fn read_text(reader: &mut impl Read) -> Result<Vec<u8>, ReadError> {
+fn text_of(mut reader: impl Read) -> Result<Vec<u8>, ReadError> {
     let mut text = Vec::new();
     let mut block = vec![0; 1 << 18];
     loop {
@@ -45,8 +62,8 @@ fn read_text(reader: &mut impl Read) -> Result<Vec<u8>, ReadError> {
             Err(e) if e.kind() == ErrorKind::Interrupted => continue,
             Err(e) => return Err(e.into()),
         };
-        if let Some(k) = block[..n].iter().position(|b| *b == 0) {
-            return Err(ReadError::Binary { byte: (text.len() + k) as u64 });
+        if let Some(k) = zero(&block[..n]) {
+            return Err(ReadError::Binary { byte: text.len() as u64 + k });
         }
         if text.len() + n >= u32::MAX as usize {
             return Err(ReadError::TooLarge);

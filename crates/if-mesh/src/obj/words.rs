@@ -1,7 +1,9 @@
 //! Words of the statements of an OBJ file.
 
 use super::error::{Index, ReadError};
+use super::numbers::{float, integer};
 use super::obj_mesh::Span;
+use std::io::BufRead;
 
 /// A tokenizer of statements. A statement ends with its line, unless the line ends with a backslash,
 /// or at a word that begins with `#`.
@@ -17,7 +19,29 @@ impl<'a> Words<'a> {
         Self { text, at: if text.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 } }
     }
 
+    /// The words of a text in parts of at least `least` bytes, which end between statements. Ranges
+    /// and lines are those of the whole text.
+    pub(super) fn parts(text: &'a [u8], least: usize) -> Vec<Self> {
+        let mut parts = vec![Self::new(text)];
+        let mut at = least;
+        while let Some(k) = text.get(at..).and_then(|rest| rest.iter().position(|b| *b == b'\n')) {
+            let end = at + k + 1;
+            at = end;
+            // A line that ends with a backslash may be continued.
+            let line = text[..end - 1].strip_suffix(b"\r").unwrap_or(&text[..end - 1]);
+            if line.ends_with(b"\\") || end == text.len() {
+                continue;
+            }
+            let last = parts.last_mut().expect("there is at least one");
+            last.text = &text[..end];
+            parts.push(Self { text, at: end });
+            at += least;
+        }
+        parts
+    }
+
     /// The next word of this statement, as a range of the text.
+    #[inline]
     pub(super) fn next(&mut self) -> Option<(usize, usize)> {
         loop {
             match self.text.get(self.at)? {
@@ -28,13 +52,15 @@ impl<'a> Words<'a> {
             }
         }
         let start = self.at;
-        while let Some(b) = self.text.get(self.at)
-            && !b.is_ascii_whitespace()
-            && (*b != b'\\' || self.continued() == 0)
-        {
+        loop {
+            let rest = &self.text[self.at..];
+            let end = rest.iter().position(|b| b.is_ascii_whitespace() || *b == b'\\');
+            self.at += end.unwrap_or(rest.len());
+            if self.text.get(self.at) != Some(&b'\\') || self.continued() > 0 {
+                return Some((start, self.at));
+            }
             self.at += 1;
         }
-        Some((start, self.at))
     }
 
     /// Bytes of a backslash and the line end after it, or 0.
@@ -47,8 +73,24 @@ impl<'a> Words<'a> {
     }
 
     pub(super) fn skip_line(&mut self) {
-        let rest = &self.text[self.at..];
-        self.at += rest.iter().position(|b| *b == b'\n').map_or(rest.len(), |k| k + 1);
+        self.at = self.line_end();
+    }
+
+    /// Skips the other words of this statement.
+    pub(super) fn skip_words(&mut self) {
+        let line = self.text[self.at..self.line_end()].trim_ascii_end();
+        if line.ends_with(b"\\") {
+            while self.next().is_some() {} // the line may be continued
+        } else {
+            self.at += line.len();
+        }
+    }
+
+    /// Where the next line begins.
+    fn line_end(&self) -> usize {
+        // The standard library's search for a byte is much faster than `position`.
+        let mut rest = &self.text[self.at..];
+        self.at + rest.skip_until(b'\n').expect("bytes in memory can be read")
     }
 
     pub(super) fn bytes(&self, word: (usize, usize)) -> &'a [u8] {
@@ -78,9 +120,7 @@ impl<'a> Words<'a> {
         let mut values = [0.0; 3];
         let (begin, mut span, mut found) = (self.at, (self.at, self.at), 0);
         while let Some(word) = self.next() {
-            let number =
-                std::str::from_utf8(self.bytes(word)).ok().and_then(|t| t.parse::<f64>().ok());
-            let Some(number) = number else {
+            let Some(number) = float(self.bytes(word)) else {
                 return Err(ReadError::Value {
                     line: self.line_of(word.0),
                     keyword,
@@ -122,10 +162,7 @@ impl<'a> Words<'a> {
             if part.is_empty() {
                 continue;
             }
-            let index: i64 = std::str::from_utf8(part)
-                .ok()
-                .and_then(|t| t.parse().ok())
-                .ok_or_else(|| self.bad_corner(word))?;
+            let index = integer(part).ok_or_else(|| self.bad_corner(word))?;
             let absolute =
                 if index < 0 { index.saturating_add(before[k].into()) } else { index - 1 };
             if index == 0 || absolute < 0 || absolute >= counts[k].into() {
