@@ -15,6 +15,17 @@ pub fn distance_bound(p: &Point, [a, b, c]: [&Point; 3]) -> Real {
         + 1e-12 * (p.coords.amax() + a.coords.amax() + b.coords.amax() + c.coords.amax())
 }
 
+impl Bvh {
+    /// The children `left` and `right` of a node in the order in which searches for the point nearest
+    /// to `p` visit them, each with its squared distance.
+    #[inline(always)]
+    pub(super) fn children(&self, p: &Point, [left, right]: [u32; 2]) -> [(u32, Real); 2] {
+        let with_distance = |n: u32| (n, self.nodes[n as usize].aabb.distance_squared(p));
+        let (left, right) = (with_distance(left), with_distance(right));
+        if left.1 <= right.1 { [left, right] } else { [right, left] }
+    }
+}
+
 impl ClosestPoint for Bvh {
     fn closest(&self, p: &Point, max_distance: Real) -> Option<Closest> {
         if max_distance.is_nan() || max_distance < 0.0 {
@@ -32,11 +43,7 @@ impl ClosestPoint for Bvh {
             let node = &self.nodes[n as usize];
             if node.count == 0 {
                 // The nearer child first; the other waits on the stack.
-                let (left, right) = (n + 1, node.at);
-                let dl = self.nodes[left as usize].aabb.distance_squared(p);
-                let dr = self.nodes[right as usize].aabb.distance_squared(p);
-                let (near, dn, far, df) =
-                    if dl <= dr { (left, dl, right, dr) } else { (right, dr, left, dl) };
+                let [(near, dn), (far, df)] = self.children(p, [n + 1, node.at]);
                 if df <= limit {
                     stack[top] = (far, df);
                     top += 1;

@@ -135,9 +135,8 @@ impl Bvh {
             } else if low >= middle {
                 (node, first, count) = (right, middle, count - count / 2);
             } else {
-                let distance = |n: u32| self.nodes[n as usize].aabb.distance_squared(p);
-                let left_first = distance(left) <= distance(right);
-                return left_first == (i < j);
+                let [(visited_first, _), _] = self.children(p, [left, right]);
+                return (visited_first == left) == (i < j);
             }
         }
         i < j
@@ -169,11 +168,7 @@ impl Bvh {
                 if node.count > 0 {
                     break;
                 }
-                let (left, right) = (n + 1, node.at);
-                let dl = self.nodes[left as usize].aabb.distance_squared(p);
-                let dr = self.nodes[right as usize].aabb.distance_squared(p);
-                let (near, dn, far, df) =
-                    if dl <= dr { (left, dl, right, dr) } else { (right, dr, left, dl) };
+                let [(near, dn), (far, df)] = self.children(p, [n + 1, node.at]);
                 if df <= limit {
                     stack[top] = (far, df);
                     top += 1;
