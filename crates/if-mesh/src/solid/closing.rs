@@ -6,7 +6,7 @@ use crate::index::Bvh;
 use crate::voxels::Voxels;
 use if_core::aabb::Aabb;
 use if_core::closest::ClosestPoint;
-use if_core::edges::Edges;
+use if_core::edges::{Edges, NONE};
 use if_core::math::{Point, Real, Vector, barycentric_point};
 use if_core::mesh::TriMesh;
 use rayon::prelude::*;
@@ -37,7 +37,7 @@ pub(super) fn closed_voxels(
     let mut voxels =
         Voxels::new(&extent.inflated(height * CELL * PROBES[PROBES.len() - 1]), height * CELL);
     voxels.add_walls(mesh);
-    cast_shadow(&mut voxels, mesh, body.skin(), height * SHADOW);
+    cast_shadow(&mut voxels, mesh, edges, body.skin(), height * SHADOW);
     voxels.add_walls(body.surface().map_or(body_mesh, BodySurface::closed));
     for walk in edges.boundary_loops(mesh) {
         close_loop(&mut voxels, mesh, &walk, body, height * CURTAIN);
@@ -52,37 +52,69 @@ pub(super) fn closed_voxels(
 }
 
 /// Fills the space between each triangle and the body.
-fn cast_shadow(voxels: &mut Voxels, mesh: &TriMesh, body: &Bvh, reach: Real) {
+fn cast_shadow(voxels: &mut Voxels, mesh: &TriMesh, edges: &Edges, body: &Bvh, reach: Real) {
     let feet: Vec<Option<Point>> =
         mesh.vertices().par_iter().map(|p| body.closest(p, reach).map(|c| c.point)).collect();
     let cell = voxels.cell();
     let longest =
         |p: [&Point; 3]| (0..3).map(|k| (p[k] - p[(k + 1) % 3]).norm()).fold(0.0, Real::max);
-    let shadow = |t: usize| {
-        let [Some(a), Some(b), Some(c)] = mesh.triangles()[t].map(|v| feet[v as usize]) else {
-            return None;
-        };
-        let (top, foot) = (mesh.corners(t), [a, b, c]);
-        let size = longest(top);
-        // Nearest points on two legs, or on an arm and the torso, have no common shadow.
-        if longest(foot.each_ref()) > 2.0 * size + 2.0 * cell {
-            return None;
-        }
-        let steps = (1.5 * size / cell).ceil().max(1.0) as usize;
-        Some(segments(top, foot, steps))
+    let feet_of = |t: usize| match mesh.triangles()[t].map(|v| feet[v as usize]) {
+        [Some(a), Some(b), Some(c)] => Some([a, b, c]),
+        _ => None,
     };
-    let all = (0..mesh.triangles().len()).into_par_iter().filter_map(shadow).flatten_iter();
-    voxels.fill(all);
+    // Parts that an edge of each triangle is divided into; 0 without a shadow.
+    let steps = |t: usize| {
+        let size = longest(mesh.corners(t));
+        // Nearest points on two legs, or on an arm and the torso, have no common shadow.
+        let is_common = |foot: &[Point; 3]| longest(foot.each_ref()) <= 2.0 * size + 2.0 * cell;
+        let parts = || (1.5 * size / cell).ceil().max(1.0) as usize;
+        feet_of(t).filter(is_common).map_or(0, |_| parts())
+    };
+    let triangles = 0..mesh.triangles().len();
+    let steps: Vec<usize> = triangles.clone().into_par_iter().map(steps).collect();
+    let mut first = vec![NONE; mesh.vertices().len()];
+    for t in triangles.clone().rev().filter(|t| steps[*t] > 0) {
+        mesh.triangles()[t].iter().for_each(|v| first[*v as usize] = t as u32);
+    }
+    let shadow = |t: usize| {
+        let foot = feet_of(t).filter(|_| steps[t] > 0)?;
+        let corners = mesh.triangles()[t].map(|v| first[v as usize] == t as u32);
+        let is_first = |e: u32| {
+            let first = edges.triangles[e as usize][0] as usize;
+            first == t || steps[first] != steps[t]
+        };
+        let own = Own { corners, edges: edges.of_triangle[t].map(is_first) };
+        Some(segments(mesh.corners(t), foot, steps[t], own))
+    };
+    voxels.fill(triangles.into_par_iter().filter_map(shadow).flatten_iter());
 }
 
-/// Segments that fill the space between a triangle and its nearest points on the body.
+/// The corners and edges (from corner k to corner k + 1) of a triangle that no other triangle has
+/// filled the space below of.
+struct Own {
+    corners: [bool; 3],
+    edges: [bool; 3],
+}
+
+/// Segments that fill the space between a triangle and its nearest points on the body. Each edge is
+/// divided into `steps` parts.
 fn segments(
     top: [&Point; 3],
     foot: [Point; 3],
     steps: usize,
+    own: Own,
 ) -> impl Iterator<Item = [Point; 2]> + '_ {
+    let is_own = move |i: usize, j: usize| match (i, j, steps - i - j) {
+        (0, 0, _) => own.corners[0],
+        (_, 0, 0) => own.corners[1],
+        (0, _, 0) => own.corners[2],
+        (_, 0, _) => own.edges[0],
+        (_, _, 0) => own.edges[1],
+        (0, _, _) => own.edges[2],
+        _ => true,
+    };
     let places = (0..=steps).flat_map(move |i| (0..=steps - i).map(move |j| (i, j)));
-    places.map(move |(i, j)| {
+    places.filter(move |(i, j)| is_own(*i, *j)).map(move |(i, j)| {
         let (u, v) = (i as Real / steps as Real, j as Real / steps as Real);
         let w = [1.0 - u - v, u, v];
         [barycentric_point(top, w), barycentric_point(foot.each_ref(), w)]
@@ -110,6 +142,45 @@ fn close_loop(voxels: &mut Voxels, mesh: &TriMesh, walk: &[u32], body: &ClosedLa
         {
             voxels.add_wall([&rim[k], &rim[next], b]);
             voxels.add_wall([&rim[k], b, a]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::shapes::meshes::{icosphere, tube};
+
+    /// The voxels filled below a mesh by all segments of all triangles.
+    fn filled_anew(mesh: &TriMesh, body: &Bvh, reach: Real, voxels: &mut Voxels) {
+        let (cell, every) = (voxels.cell(), [true; 3]);
+        let mut all = Vec::new();
+        for t in 0..mesh.triangles().len() {
+            let top = mesh.corners(t);
+            let foot = top.map(|p| body.closest(p, reach).map(|c| c.point));
+            let [Some(a), Some(b), Some(c)] = foot else { continue };
+            let size = (0..3).map(|k| (top[k] - top[(k + 1) % 3]).norm()).fold(0.0, Real::max);
+            let steps = (1.5 * size / cell).ceil().max(1.0) as usize;
+            all.extend(segments(top, [a, b, c], steps, Own { corners: every, edges: every }));
+        }
+        voxels.fill(all.into_par_iter());
+    }
+
+    #[test]
+    fn shadows_of_shared_corners_and_edges_are_filled_once_and_wholly() {
+        let body = Bvh::new(&icosphere(0.1, 3));
+        // Triangles of different sizes, some of them beyond reach of the body.
+        let bent = tube(0.12, 0.3, 9, 14, true);
+        let vertices =
+            bent.vertices().iter().map(|p| Point::new(p.x * (1.0 + p.y), p.y * p.y, p.z));
+        let mesh = bent.with_vertices(vertices.collect()).unwrap();
+        for cell in [0.004, 0.01, 0.03, 0.2] {
+            let mut once = Voxels::new(&mesh.aabb(), cell);
+            let mut anew = once.clone();
+            cast_shadow(&mut once, &mesh, &Edges::new(&mesh), &body, 0.06);
+            filled_anew(&mesh, &body, 0.06, &mut anew);
+            assert_eq!(once.counts(), anew.counts(), "{cell}");
+            assert!(cell > 0.02 || once.counts()[3] > 100, "{:?}", once.counts());
         }
     }
 }
