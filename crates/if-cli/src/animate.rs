@@ -12,7 +12,7 @@ pub(crate) use self::source::SourceArgs;
 use crate::cancel;
 use crate::end::End;
 use crate::errors::{self, ErrorChain};
-use crate::inputs::{InputArgs, Order, ParamArgs};
+use crate::inputs::{InputArgs, Order, ParamArgs, PinchArg};
 use crate::load::{self, LoadError};
 use crate::order;
 use crate::outfit_file::{LayerSpec, OutfitSpec, outfits};
@@ -26,6 +26,7 @@ use if_core::math::Point;
 use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_mesh::file::{MeshFile, WriteError};
 use if_mesh::point_cache::{PointCacheError, PointCacheWriter};
+use if_outfit::Pinch;
 use if_outfit::files::{FilesError, OutfitFiles};
 use if_outfit::outfit::Outfit;
 use if_outfit::resolve::ResolveError;
@@ -46,6 +47,10 @@ pub(crate) struct AnimateArgs {
     pub(crate) params: ParamArgs,
     #[command(flatten)]
     pub(crate) source: SourceArgs,
+    /// What happens where the body meets itself or leaves no room for the cloth between, as in armpits
+    /// and groin.
+    #[arg(long, value_enum, default_value = "yield")]
+    pub(crate) pinch: PinchArg,
     /// Output folder.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
@@ -71,6 +76,7 @@ const REPORT: &str = "report.json";
 #[derive(Clone, Debug)]
 pub(crate) struct Options {
     pub(crate) source: SourceArgs,
+    pub(crate) pinch: Pinch,
     /// Output folder.
     pub(crate) out: PathBuf,
     pub(crate) continuous: bool,
@@ -84,6 +90,7 @@ pub(crate) struct Options {
 pub(crate) fn run(args: &AnimateArgs) -> Result<End, Report> {
     let options = Options {
         source: args.source.clone(),
+        pinch: args.pinch.into(),
         out: args.out.clone(),
         continuous: args.continuous,
         meshes: args.meshes,
@@ -116,7 +123,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     let movement = moved.movement();
     let staging = Staging::open(&args.out)?;
     let mut monitor = Frame(line);
-    let params = AnimateParams::default();
+    let params = AnimateParams { pinch: args.pinch, ..AnimateParams::default() };
     let folder = args.out.join(FRAMES);
     let animation = match follow(movement, &params, &folder, &mut monitor) {
         Ok(animation) => animation,

@@ -95,6 +95,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<End, Report> {
         fps: None,
     };
     let options = animate::Options {
+        pinch: if_outfit::Pinch::Yield,
         source,
         out: args.out.join("motion"),
         continuous: false,

@@ -2,9 +2,9 @@
 
 use crate::cancel;
 use crate::end::End;
-use crate::inputs::{InputArgs, Order, ParamArgs};
+use crate::inputs::{InputArgs, Order, ParamArgs, PinchArg};
 use crate::order;
-use crate::outfit_file::outfits;
+use crate::outfit_file::{OutfitSpec, outfits};
 use crate::output_error::OutputError;
 use crate::print::print;
 use crate::progress::Line;
@@ -22,6 +22,10 @@ pub(crate) struct FixArgs {
     pub(crate) input: InputArgs,
     #[command(flatten)]
     pub(crate) params: ParamArgs,
+    /// What happens where the body meets itself or leaves no room for the cloth between, as in the
+    /// armpits and the groin of a posed body. By default as in the outfit file, or keep.
+    #[arg(long, value_enum)]
+    pub(crate) pinch: Option<PinchArg>,
     /// Output folder. Several outfits go into one folder each below it, named after their files.
     /// Default for outfit files: `out/NAME`; needed with --body.
     #[arg(short, long, value_name = "DIR")]
@@ -78,6 +82,7 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
         }
         let one = spec.map_err(Report::from).and_then(|spec| {
             let line = Line::new(&spec.name, done, n);
+            let spec = with_pinch(spec, args.pinch);
             let spec = match args.input.order {
                 Order::Given => spec,
                 Order::Auto => order::ordered(&spec)?,
@@ -97,6 +102,13 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
         print(&summary(&ends, n, start.elapsed().as_secs_f64()))?;
     }
     Ok(ends.into_iter().max().unwrap_or(End::Clean))
+}
+
+fn with_pinch(mut spec: OutfitSpec, pinch: Option<PinchArg>) -> OutfitSpec {
+    if let Some(pinch) = pinch {
+        spec.params.goal.pinch = pinch.into();
+    }
+    spec
 }
 
 /// Where each outfit goes: `--out` for one, a folder in it for each of several.

@@ -2,7 +2,7 @@
 
 use crate::values::{assignment, length, positive};
 use clap::{Args, ValueEnum};
-use if_outfit::{Method, Own};
+use if_outfit::{Method, Own, Pinch};
 use std::path::PathBuf;
 
 /// Which outfits.
@@ -56,6 +56,24 @@ pub(crate) struct ParamArgs {
     /// once.
     #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
     pub(crate) set: Vec<(String, toml::Value)>,
+}
+
+/// [`Pinch`] as an argument.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PinchArg {
+    /// The body is drawn back there, and written beside the garments.
+    Yield,
+    /// The body stays as it is; what intersects there is counted apart.
+    Keep,
+}
+
+impl From<PinchArg> for Pinch {
+    fn from(arg: PinchArg) -> Self {
+        match arg {
+            PinchArg::Yield => Self::Yield,
+            PinchArg::Keep => Self::Keep,
+        }
+    }
 }
 
 /// [`Method`] as an argument.

@@ -7,8 +7,9 @@ use crate::output_error::OutputError;
 use crate::pictures;
 use crate::staging::Staging;
 use if_mesh::file::{MeshFile, WriteError};
+use if_outfit::Pinch;
 use if_outfit::digest::digest;
-use if_outfit::files::{OutfitFiles, ResolvedFiles};
+use if_outfit::files::{OutfitFiles, ResolvedFiles, drawn_back_name};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -22,6 +23,13 @@ pub(crate) fn names(spec: &OutfitSpec, pictures: bool) -> Vec<String> {
     files.chain(drawn.iter().map(ToString::to_string)).collect()
 }
 
+/// The same files, and the body that may be drawn back.
+pub(crate) fn possible(spec: &OutfitSpec, names: &[String]) -> Vec<String> {
+    let body = drawn_back_name(Path::new(&spec.body.file_name));
+    let body = (spec.params.goal.pinch == Pinch::Yield).then_some(body);
+    names.iter().cloned().chain(body).collect()
+}
+
 /// Errors that can be found before anything is read: two outputs of one name, an output over an
 /// input, something in the way.
 pub(crate) fn check(
@@ -33,6 +41,14 @@ pub(crate) fn check(
     for (k, layer) in spec.garments.iter().enumerate() {
         let same = |other: &&LayerSpec| other.file_name.eq_ignore_ascii_case(&layer.file_name);
         let first = spec.garments[..k].iter().find(same);
+        if names.iter().filter(|n| n.eq_ignore_ascii_case(&layer.file_name)).count() > 1 {
+            // The last name is that of the body that was drawn back.
+            return Err(OutputError::SameName {
+                first: spec.body.written.clone(),
+                second: layer.written.clone(),
+                name: layer.file_name.clone(),
+            });
+        }
         if let Some(first) = first.filter(|first| !layer.is_in_file_of(first)) {
             return Err(OutputError::SameName {
                 first: first.written.clone(),
@@ -62,7 +78,8 @@ pub(crate) fn check(
     Ok(())
 }
 
-/// Writes all garments into the staging folder; those that did not move are copies of their files.
+/// Writes all garments into the staging folder, and a body that was drawn back; those that did not
+/// move are copies of their files.
 pub(crate) fn write_garments(
     spec: &OutfitSpec,
     files: &OutfitFiles,
@@ -70,18 +87,23 @@ pub(crate) fn write_garments(
     (staging, out): (&Staging, &Path),
 ) -> Result<Vec<OutputFile>, OutputError> {
     let inputs: Vec<&MeshFile> = files.files().skip(1).collect(); // the body's comes first
+    let fault = |name: &str, error: WriteError| match error {
+        WriteError::Io { source, .. } => OutputError::File { path: out.join(name), source },
+        other => OutputError::Mesh { path: out.join(name), source: ErrorChain::new(&other) },
+    };
     let one = |(name, ks): &(&str, Vec<usize>)| {
-        let path = staging.path(name);
-        resolved.write_garments(ks, &path).map_err(|error| match error {
-            WriteError::Io { source, .. } => OutputError::File { path: out.join(name), source },
-            other => OutputError::Mesh { path: out.join(name), source: ErrorChain::new(&other) },
-        })?;
+        resolved.write_garments(ks, &staging.path(name)).map_err(|e| fault(name, e))?;
         let mut written = staging.describe(name, out)?;
         written.unchanged = Some(written.content == digest(inputs[ks[0]].bytes()));
-        Ok(written)
+        Ok::<_, OutputError>(written)
     };
     // All are written before the first error is returned, so that it is the same on any number of
     // threads.
     let written: Vec<_> = spec.files().par_iter().map(one).collect();
-    written.into_iter().collect()
+    let mut written = written.into_iter().collect::<Result<Vec<_>, _>>()?;
+    if let Some(name) = resolved.drawn_back_file_name() {
+        resolved.write_drawn_back(&staging.path(&name)).map_err(|e| fault(&name, e))?;
+        written.push(staging.describe(&name, out)?);
+    }
+    Ok(written)
 }

@@ -48,7 +48,7 @@ pub(crate) fn run(
     let start = Instant::now();
     let recorder = options.phases.then(Recorder::listen);
     let names = outputs::names(spec, options.pictures);
-    outputs::check(spec, out, &names, options.in_place)?;
+    outputs::check(spec, out, &outputs::possible(spec, &names), options.in_place)?;
     line.message("reading");
     let reading = trace_span!("reading").entered();
     let files = load::load(spec)?;
@@ -82,6 +82,7 @@ pub(crate) fn run(
     let report = resolved.report.clone();
     let mut notes = report.before.body_notes(&files.outfit().body.name);
     notes.extend(files.notes());
+    notes.extend(pinch_note(&report));
     let outputs = vec![];
     let mut done =
         Done { notes, report, outputs, unresolved, seconds: 0.0, phases: None, peak_memory: None };
@@ -117,6 +118,30 @@ pub(crate) fn run(
     done.peak_memory = peak_memory();
     done.seconds = start.elapsed().as_secs_f64();
     Ok(Outcome::Resolved(Box::new(done)))
+}
+
+/// What lies in pinches, or how far the body was drawn back for it.
+fn pinch_note(report: &ResolveReport) -> Option<String> {
+    if let Some(drawn) = &report.drawn_back {
+        let reach = drawn.extent.reach.map_or(String::new(), |reach| {
+            format!(", at most {:.0} mm from where it meets itself or leaves no room", 1e3 * reach)
+        });
+        return Some(format!(
+            "the body was drawn back by at most {:.1} mm, {:.1} % of its area by more than 1 mm{reach}; its own pairs near \
+             garments {} -> {}",
+            1e3 * drawn.moved.max,
+            1e2 * drawn.extent.area,
+            drawn.own_pairs_before,
+            drawn.own_pairs_after
+        ));
+    }
+    let pinch = report.pinch.as_ref()?;
+    let named = pinch.garments.iter().map(|g| format!("`{}` {} faces", g.name, g.faces.len()));
+    Some(format!(
+        "{} of the pairs left lie where the body meets itself or leaves no room ({}); --pinch yield draws it back there",
+        pinch.pairs,
+        named.collect::<Vec<_>>().join(", ")
+    ))
 }
 
 fn write_receipt(

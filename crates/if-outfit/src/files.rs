@@ -39,7 +39,7 @@ mod notes;
 mod resolved;
 
 pub use error::FilesError;
-pub use resolved::ResolvedFiles;
+pub use resolved::{ResolvedFiles, drawn_back_name};
 
 use crate::layer_fields::FieldOfGarment;
 use crate::outfit::{Layer, Outfit, OutfitError};
@@ -83,8 +83,8 @@ impl LayerFile {
 pub struct OutfitFiles {
     /// In metres.
     outfit: Outfit,
-    /// The body's file; `None` for an outfit from memory.
-    body: Option<MeshFile>,
+    /// The body's file and its path; `None` for an outfit from memory.
+    body: Option<(Arc<MeshFile>, PathBuf)>,
     /// Of the garments, inner to outer.
     files: Vec<Arc<MeshFile>>,
     /// Of the garments' files; empty for those from memory.
@@ -129,7 +129,7 @@ impl OutfitFiles {
             let LayerFile { name: layer, path } = faulty(&body, &garments, &source).clone();
             FilesError::Outfit { layer, path, source }
         })?;
-        let body = Some(files.remove(0));
+        let body = Some((Arc::new(files.remove(0)), file_and_node(&body.path).0));
         let files = files.into_iter().map(Arc::new).collect();
         let paths = garments.iter().map(|layer| file_and_node(&layer.path).0).collect();
         Ok(Self { outfit, body, files, paths, scale })
@@ -162,7 +162,7 @@ impl OutfitFiles {
     /// The body's file, then the garments', inner to outer. An outfit from memory has no file of
     /// its body.
     pub fn files(&self) -> impl Iterator<Item = &MeshFile> {
-        self.body.iter().chain(self.files.iter().map(Arc::as_ref))
+        self.body.iter().map(|(file, _)| file).chain(&self.files).map(Arc::as_ref)
     }
 
     /// What a person should know about the meshes. None of it stops the work.
@@ -222,7 +222,11 @@ impl OutfitFiles {
             Err(error) => return Err(FilesError::Resolve(error)),
         };
         let _phase = trace_span!("rounding").entered();
-        let fine = self.split(&splits)?;
+        let mut fine = self.split(&splits)?;
+        let body = match report.drawn_back {
+            Some(_) => fine.draw_back(&outfit.body)?,
+            None => None,
+        };
         let positions = fine.positions(&outfit);
         let stored = fine.outfit_of(&positions)?;
         // Files in other units round differently, and so may vertices that splitting made, in one
@@ -237,7 +241,9 @@ impl OutfitFiles {
             report.compare_clearance(params.goal.clearance);
         }
         let unresolved = Unresolved::of(&fine.outfit, (&stored, &report));
-        let resolved = ResolvedFiles::new(stored, report, fine.files, fine.paths, positions);
+        let body = fine.body.zip(body).map(|((file, path), positions)| (file, path, positions));
+        let resolved = ResolvedFiles::new(stored, report, fine.files, fine.paths, positions)
+            .with_drawn_back(body);
         match unresolved {
             None => Ok(resolved),
             Some(unresolved) => {
@@ -245,6 +251,23 @@ impl OutfitFiles {
                 Err(FilesError::Unresolved { unresolved, result })
             }
         }
+    }
+
+    /// Takes over a body that was drawn back, as a reader of its file gets it, and returns its
+    /// positions in the units of the file.
+    fn draw_back(&mut self, body: &Layer) -> Result<Option<Vec<Point>>, FilesError> {
+        let Some((file, path)) = &self.body else {
+            self.outfit.body = body.clone();
+            return Ok(None);
+        };
+        let positions = stored(&self.outfit.body, body, file, self.scale);
+        let in_metres = positions.iter().map(|p| p * self.scale).collect();
+        let mesh = body.mesh.with_vertices(in_metres).map_err(|source| {
+            let (layer, path) = (body.name.clone(), path.clone());
+            FilesError::Scale { layer, path, scale: self.scale, source }
+        })?;
+        self.outfit.body.mesh = mesh;
+        Ok(Some(positions))
     }
 
     /// The same outfit with triangles split, in the files too.
@@ -267,17 +290,7 @@ impl OutfitFiles {
     /// the file. Vertices that did not move keep the bits of the file.
     fn positions(&self, moved: &Outfit) -> Vec<Vec<Point>> {
         let garments = self.outfit.garments.iter().zip(&moved.garments).zip(&self.files);
-        let stored = |((came, moved), file): ((&Layer, &Layer), &Arc<MeshFile>)| {
-            let vertices = came.mesh.vertices().iter().zip(moved.mesh.vertices());
-            let back = |((came, moved), original): ((&Point, &Point), &Point)| {
-                // The file of a garment from memory may hold another pose.
-                let is_original = moved == came && original * self.scale == *came;
-                if is_original { *original } else { moved / self.scale }
-            };
-            let back: Vec<Point> = vertices.zip(file.mesh().vertices()).map(back).collect();
-            file.positions_as_written(&back)
-        };
-        garments.map(stored).collect()
+        garments.map(|((came, moved), file)| stored(came, moved, file, self.scale)).collect()
     }
 
     /// The outfit in metres of positions in the units of the files.
@@ -292,6 +305,18 @@ impl OutfitFiles {
         }
         Ok(outfit)
     }
+}
+
+/// The positions of a layer as a reader of its file gets them, in the units of the file.
+fn stored(came: &Layer, moved: &Layer, file: &MeshFile, scale: Real) -> Vec<Point> {
+    let vertices = came.mesh.vertices().iter().zip(moved.mesh.vertices());
+    let back = |((came, moved), original): ((&Point, &Point), &Point)| {
+        // The file of a garment from memory may hold another pose.
+        let is_original = moved == came && original * scale == *came;
+        if is_original { *original } else { moved / scale }
+    };
+    let back: Vec<Point> = vertices.zip(file.mesh().vertices()).map(back).collect();
+    file.positions_as_written(&back)
 }
 
 /// Two layers must not have vertices of a glTF file in common.

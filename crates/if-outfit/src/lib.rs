@@ -33,6 +33,7 @@ mod obstacle;
 pub mod order;
 pub mod outfit;
 mod params;
+pub mod pinch;
 mod progress;
 mod repair;
 pub mod report;
@@ -56,7 +57,9 @@ pub use notes::notes;
 pub use obstacle::Obstacle;
 pub use order::{OrderProposal, propose_order};
 pub use outfit::{Layer, Outfit, OutfitError};
-pub use params::{ClothParams, EffortParams, GoalParams, Method, Own, ResolveParams, Split, Tuck};
+pub use params::{
+    ClothParams, EffortParams, GoalParams, Method, Own, Pinch, ResolveParams, Split, Tuck,
+};
 pub use report::{ResolveReport, Verification};
 pub use resolve::{ResolveError, Resolved, resolve, resolve_on_fields};
 pub use storage::Storage;

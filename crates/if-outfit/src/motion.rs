@@ -21,7 +21,10 @@
 
 mod contact;
 mod crossings;
+mod drawn_back;
 mod equilibrium;
+mod facing;
+mod keep;
 mod locality;
 mod params;
 mod proof;
@@ -35,7 +38,9 @@ mod walk;
 mod tests;
 
 pub use crossings::{Crossing, Crossings};
+pub(crate) use drawn_back::{DrawnBack, drawn_back};
+pub(crate) use facing::pinched;
 pub use params::WalkParams;
-pub use proof::Proof;
+pub use proof::{Pinched, Proof};
 pub use snapshot::SnapshotError;
 pub use walk::{WalkError, Walked, Walker};

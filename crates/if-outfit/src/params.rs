@@ -32,6 +32,10 @@ pub struct GoalParams {
     pub split: Split,
     /// What happens to intersections of a garment with itself.
     pub own: Own,
+    /// What happens where the body meets itself or leaves no room for the cloth between.
+    pub pinch: Pinch,
+    /// The body is drawn back by at most this much, in metres ([`Pinch::Yield`]).
+    pub pinch_depth: Real,
 }
 
 /// How hard the program tries.
@@ -105,6 +109,8 @@ impl Default for GoalParams {
             tuck_distance: 0.25,
             split: Split::Never,
             own: Own::Remove,
+            pinch: Pinch::Keep,
+            pinch_depth: 0.015,
         }
     }
 }
@@ -163,7 +169,9 @@ impl GoalParams {
     fn validate(&self) -> Result<(), ParameterError> {
         let (gap, tuck) = (self.clearance, self.tuck_distance);
         check("clearance", gap, gap > 0.0 && gap < 0.1, "between 0 and 0.1 m")?;
-        check("tuck_distance", tuck, tuck > 0.0 && tuck < 0.5, "between 0 and 0.5 m")
+        check("tuck_distance", tuck, tuck > 0.0 && tuck < 0.5, "between 0 and 0.5 m")?;
+        let depth = self.pinch_depth;
+        check("pinch_depth", depth, depth > 0.0 && depth <= 0.1, "above 0 and at most 0.1 m")
     }
 }
 
@@ -280,6 +288,18 @@ pub enum Own {
     Remove,
     /// They stay.
     Keep,
+}
+
+/// What happens in pinches: where the body meets itself, as in the armpits and the groin of a posed
+/// body, or leaves no room for the cloth between.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Pinch {
+    /// The body stays as it is. What intersects in pinches is counted apart.
+    #[default]
+    Keep,
+    /// The body yields: garments lie on one that is drawn back there, which is part of the result.
+    Yield,
 }
 
 #[cfg(test)]

@@ -316,6 +316,82 @@ pub struct Algorithm1Report {
     pub skipped_by_mask: u64,
 }
 
+/// How a body was drawn back where it met itself or left no room for cloth.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default)]
+#[non_exhaustive]
+pub struct DrawnBackReport {
+    /// Intersecting triangle pairs of the body with itself, near garments: of the input.
+    pub own_pairs_before: usize,
+    /// The same of the result.
+    pub own_pairs_after: usize,
+    /// Displacement of its vertices.
+    pub moved: Displacement,
+    /// Where it moved.
+    #[serde(flatten)]
+    pub extent: Extent,
+}
+
+/// What intersects a body that is kept in its pinches: where it meets itself or leaves no room for the
+/// cloth between ([`crate::Pinch::Keep`]).
+#[derive(Clone, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct PinchReport {
+    /// Triangles of the body that lie in pinches.
+    pub body_faces: usize,
+    /// Intersecting triangle pairs of garments with these.
+    pub pairs: usize,
+    /// Vertices on the wrong side of the body, nearest to these.
+    pub inside: usize,
+    /// The garments in them, without those of which nothing intersects.
+    pub garments: Vec<PinchedGarment>,
+}
+
+impl PinchReport {
+    /// The report of triangle pairs (of the body, of the garment) and vertices inside of each garment,
+    /// by name.
+    pub fn new<'a>(
+        body_faces: usize,
+        garments: impl Iterator<Item = (&'a str, Vec<[u32; 2]>, usize)>,
+    ) -> Self {
+        let garment = |(name, pairs, inside): (&str, Vec<[u32; 2]>, usize)| {
+            let mut faces: Vec<u32> = pairs.iter().map(|[_, t]| *t).collect();
+            faces.sort_unstable();
+            faces.dedup();
+            PinchedGarment { name: name.into(), pairs: pairs.len(), inside, faces }
+        };
+        let garments: Vec<PinchedGarment> =
+            garments.map(garment).filter(|g| g.pairs + g.inside > 0).collect();
+        let pairs = garments.iter().map(|g| g.pairs).sum();
+        let inside = garments.iter().map(|g| g.inside).sum();
+        Self { body_faces, pairs, inside, garments }
+    }
+}
+
+/// A garment in a pinch.
+#[derive(Clone, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct PinchedGarment {
+    /// Its name.
+    pub name: String,
+    /// Its intersecting triangle pairs with the body there.
+    pub pairs: usize,
+    /// Its vertices on the wrong side of the body there.
+    pub inside: usize,
+    /// Its triangles in those pairs.
+    pub faces: Vec<u32>,
+}
+
+/// Where a body yields by more than 1 mm.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Default)]
+#[non_exhaustive]
+pub struct Extent {
+    /// Its area, as a share of the surface.
+    pub area: Real,
+    /// Largest distance from a triangle where the body meets itself or leaves no room, in metres, by
+    /// corners; `None` if it yields by less everywhere, or there is no such triangle.
+    pub reach: Option<Real>,
+}
+
 /// What [`crate::resolve::resolve`] found and did.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default)]
 #[non_exhaustive]
@@ -329,6 +405,13 @@ pub struct ResolveReport {
     /// Why garments of which intersections are left cannot lie over others, where that is known.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub obstacles: Vec<Obstacle>,
+    /// How the body was drawn back ([`crate::Pinch::Yield`]); `None` if it stayed as it was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drawn_back: Option<DrawnBackReport>,
+    /// What of the result intersects the body in its pinches, if it is kept and intersections remain; all
+    /// of it counts in `after` as well.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pinch: Option<PinchReport>,
     /// The least distance of two layers of the result, as a share of the clearance that is the goal
     /// ([`crate::GoalParams::clearance`]); `None` if there is no garment.
     #[serde(default)]

@@ -5,11 +5,12 @@ use crate::attempt::{Attempt, AttemptError};
 use crate::distances;
 use crate::layer_fields::FieldOfGarment;
 use crate::outfit::{Outfit, OutfitError};
+use crate::pinch::{draw_back, in_pinches};
 use crate::report::{ResolveReport, Verification};
 use crate::settle::Settings;
 use crate::splitting;
 use crate::unresolved::Unresolved;
-use crate::verify::body_own_pairs;
+use crate::verify::{body_own_pairs, verify};
 use crate::welded::Welded;
 use if_core::monitor::{Cancelled, Monitor};
 use if_core::parameter::ParameterError;
@@ -18,14 +19,15 @@ use std::time::Instant;
 use tracing::trace_span;
 
 pub use crate::params::{
-    ClothParams, EffortParams, GoalParams, Method, Own, ResolveParams, Split, Tuck,
+    ClothParams, EffortParams, GoalParams, Method, Own, Pinch, ResolveParams, Split, Tuck,
 };
 
 /// An outfit free of intersections, and what it took.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resolved {
     /// The same layers with the same triangles, unless [`GoalParams::split`] allowed otherwise;
-    /// garments that needed nothing are bit-identical.
+    /// garments that needed nothing are bit-identical, and so is the body unless it was drawn back
+    /// ([`Pinch::Yield`]).
     pub outfit: Outfit,
     /// For each garment how the triangles of the input were split; `None` if they were not.
     pub splits: Vec<Option<if_mesh::split::SplitMesh>>,
@@ -143,9 +145,51 @@ fn resolve_with(
     settings: Settings<'_>,
     monitor: &mut dyn Monitor,
 ) -> Result<Resolved, ResolveError> {
-    let params = settings.params;
-    params.validate()?;
+    settings.params.validate()?;
     outfit.check()?;
+    match settings.params.goal.pinch {
+        Pinch::Keep => resolve_on_body(outfit, settings, monitor),
+        Pinch::Yield => resolve_on_drawn_back(outfit, settings, monitor),
+    }
+}
+
+/// Resolves on a body that is drawn back where it leaves no room, if it has to be.
+fn resolve_on_drawn_back(
+    outfit: &Outfit,
+    settings: Settings<'_>,
+    monitor: &mut dyn Monitor,
+) -> Result<Resolved, ResolveError> {
+    let start = Instant::now();
+    let drawn = trace_span!("drawing back").in_scope(|| draw_back(outfit, &settings.params.goal));
+    let Some((body, drawn)) = drawn else {
+        return resolve_on_body(outfit, settings, monitor);
+    };
+    let before = verify(outfit)?;
+    let yielded = Outfit { body, garments: outfit.garments.clone() };
+    let complete = |resolved: &mut Resolved| {
+        resolved.report.before = before;
+        resolved.report.drawn_back = Some(drawn);
+        resolved.report.seconds = start.elapsed().as_secs_f64();
+    };
+    match resolve_on_body(&yielded, settings, monitor) {
+        Ok(mut resolved) => {
+            complete(&mut resolved);
+            Ok(resolved)
+        }
+        Err(ResolveError::Unresolved { outer, inner, triangles, mut result }) => {
+            complete(&mut result);
+            Err(ResolveError::Unresolved { outer, inner, triangles, result })
+        }
+        Err(error) => Err(error),
+    }
+}
+
+fn resolve_on_body(
+    outfit: &Outfit,
+    settings: Settings<'_>,
+    monitor: &mut dyn Monitor,
+) -> Result<Resolved, ResolveError> {
+    let params = settings.params;
     let start = Instant::now();
     let may_split = params.goal.split != Split::Never;
     let welded = trace_span!("seams").in_scope(|| Welded::new(outfit, !may_split));
@@ -168,6 +212,9 @@ fn resolve_with(
     report.compare_clearance(params.goal.clearance);
     if let Some(welded) = welded {
         found = welded.unweld(outfit, found);
+    }
+    if !report.is_proven() && params.goal.pinch == Pinch::Keep {
+        report.pinch = in_pinches(&found, &params.goal);
     }
     report.seconds = start.elapsed().as_secs_f64();
     let resolved = Resolved { outfit: found, splits: attempt.splits, report };

@@ -26,6 +26,7 @@ pub use bound::BoundOutfit;
 pub use continuous::{IntervalReport, NamedCrossing, between_frames};
 pub use error::AnimateError;
 pub use frames::Frames;
+pub use if_outfit::report::{PinchReport, PinchedGarment};
 pub use movement::Movement;
 pub use outfit::{SkinFault, SkinnedOutfit};
 pub use report::{AnimationReport, FrameReport, Spread};
@@ -87,7 +88,7 @@ pub fn follow(
     let radius = params.smoothed_frames(movement.frames_per_second());
     let mut frames = Frames::open(folder, movement, params)?;
     let mut animator = Animator::new(movement, *params)?;
-    let mut finisher = Finisher::new(movement, animator.walker().clone(), radius);
+    let mut finisher = Finisher::new(movement, animator.walker().clone(), (radius, params.pinch));
     let total = movement.frames();
     frames.keep(total);
     let kept = frames.len();

@@ -2,7 +2,8 @@
 
 use crate::table::{self, count, new_table};
 use comfy_table::Cell;
-use if_pipeline::animate::{AnimationReport, FrameReport, IntervalReport};
+use if_pipeline::animate::{AnimationReport, FrameReport, IntervalReport, PinchReport};
+use std::cmp::Reverse;
 use std::path::Path;
 
 /// Rows shown of frames that are clean, evenly spaced; those that are not are all shown.
@@ -48,8 +49,9 @@ pub(super) fn text(
         n => format!(", {n} frames kept from an earlier run"),
     };
     let between = between.map_or(String::new(), between_text);
+    let pinches = pinches(frames);
     format!(
-        "{rows}\n\n{between}{from_body}{still}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
+        "{rows}\n\n{pinches}{between}{from_body}{still}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
          at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{kept}\nWrote {}: {}\n",
         count(frames.len()),
         count(report.clean),
@@ -63,6 +65,29 @@ pub(super) fn text(
         report.seconds,
         out.display(),
         names.join(", ")
+    )
+}
+
+/// What intersects a body that is kept in its pinches; empty if it yields.
+pub(super) fn pinches(frames: &[FrameReport]) -> String {
+    let found = || frames.iter().filter_map(|f| Some((f.frame, f.pinch.as_ref()?)));
+    let Some((frame, worst)) = found().max_by_key(|(frame, p)| (p.pairs, Reverse(*frame))) else {
+        return String::new();
+    };
+    let in_it = found().filter(|(_, p)| p.pairs + p.inside > 0).count();
+    let sum = |of: fn(&PinchReport) -> usize| found().map(|(_, p)| of(p)).sum::<usize>();
+    let named = worst.garments.iter().map(|g| format!("`{}` {} faces", g.name, g.faces.len()));
+    let most = match named.collect::<Vec<_>>().join(", ") {
+        garments if garments.is_empty() => String::new(),
+        garments => format!("; most in frame {frame}: {} pairs, {garments}", count(worst.pairs)),
+    };
+    format!(
+        "Pinches, where the body leaves no room: {} pairs and {} vertices on a wrong side in {} of {} frames, counted here \
+         alone and named in report.json{most}.\n\n",
+        count(sum(|p| p.pairs)),
+        count(sum(|p| p.inside)),
+        count(in_it),
+        count(frames.len()),
     )
 }
 

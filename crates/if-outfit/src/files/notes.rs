@@ -11,7 +11,8 @@ use rayon::prelude::*;
 pub(super) fn of(files: &OutfitFiles) -> Vec<String> {
     let outfit = files.outfit();
     // An outfit from memory has no file of its body.
-    let own = std::iter::once(files.body.as_ref()).chain(files.files.iter().map(|f| Some(&**f)));
+    let own = std::iter::once(files.body.as_ref().map(|(file, _)| &**file))
+        .chain(files.files.iter().map(|f| Some(&**f)));
     let layers: Vec<(&Layer, Option<&MeshFile>)> = outfit.layers().zip(own).collect();
     let notes = layers.into_par_iter().flat_map_iter(|(layer, file)| {
         // Such a file has a vertex for each of its normals and texture coordinates.

@@ -22,6 +22,18 @@ pub struct ResolvedFiles {
     paths: Vec<PathBuf>,
     /// Of each garment, in the units of its file.
     positions: Vec<Vec<Point>>,
+    /// The body's file, its path and its positions in the units of the file; `None` if the body stayed
+    /// as it was, or came from memory.
+    drawn_back: Option<(Arc<MeshFile>, PathBuf, Vec<Point>)>,
+}
+
+/// What follows the name of the body's file in that of the body that was drawn back.
+const DRAWN_BACK: &str = "_drawn_back";
+
+/// The name of the file for a body that was drawn back, from that of the body.
+pub fn drawn_back_name(body: &Path) -> String {
+    let part = |part: Option<&OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+    format!("{}{DRAWN_BACK}.{}", part(body.file_stem()), part(body.extension()))
 }
 
 impl ResolvedFiles {
@@ -32,7 +44,33 @@ impl ResolvedFiles {
         paths: Vec<PathBuf>,
         positions: Vec<Vec<Point>>,
     ) -> Self {
-        Self { outfit, report, files, paths, positions }
+        Self { outfit, report, files, paths, positions, drawn_back: None }
+    }
+
+    pub(super) fn with_drawn_back(
+        self,
+        drawn_back: Option<(Arc<MeshFile>, PathBuf, Vec<Point>)>,
+    ) -> Self {
+        Self { drawn_back, ..self }
+    }
+
+    /// The name of the file for a body that was drawn back ([`Pinch::Yield`](crate::Pinch::Yield)),
+    /// such as `body_drawn_back.ply`; `None` if the body stayed as it was, or came from memory.
+    pub fn drawn_back_file_name(&self) -> Option<String> {
+        self.drawn_back.as_ref().map(|(_, path, _)| drawn_back_name(path))
+    }
+
+    /// Writes a body that was drawn back to `path`, whole or not at all, with all attributes of its
+    /// file. Does nothing if [`ResolvedFiles::drawn_back_file_name`] is `None`.
+    ///
+    /// # Errors
+    ///
+    /// As [`ResolvedFiles::write_garments`].
+    pub fn write_drawn_back(&self, path: &Path) -> Result<(), WriteError> {
+        match &self.drawn_back {
+            Some((file, _, positions)) => file.write(path, positions),
+            None => Ok(()),
+        }
     }
 
     /// Writes the garments `ks`, counted from the innermost, to `path`, whole or not at all
@@ -77,8 +115,9 @@ impl ResolvedFiles {
         Ok(found)
     }
 
-    /// Writes all garments into `folder`, each under the name of the file it came from, and returns
-    /// the paths of the files ([`ResolvedFiles::output_files`]).
+    /// Writes all garments into `folder`, each under the name of the file it came from, then a body
+    /// that was drawn back, and returns the paths of the files ([`ResolvedFiles::output_files`],
+    /// [`ResolvedFiles::drawn_back_file_name`]).
     ///
     /// # Errors
     ///
@@ -97,7 +136,14 @@ impl ResolvedFiles {
         // All are written before the first error is returned, so that it is the same on any number
         // of threads.
         let written: Vec<_> = names.par_iter().map(write).collect();
-        written.into_iter().collect()
+        let mut written = written.into_iter().collect::<Result<Vec<_>, _>>()?;
+        if let Some(name) = self.drawn_back_file_name() {
+            let path = folder.join(name);
+            let layer = self.outfit.body.name.clone();
+            self.write_drawn_back(&path).map_err(|source| FilesError::Write { layer, source })?;
+            written.push(path);
+        }
+        Ok(written)
     }
 
     /// Whether two garments are nodes of one file.

@@ -1,5 +1,6 @@
 //! Near pairs of primitives, and the half-spaces that keep them apart.
 
+use super::keep::Tolerated;
 use super::params::WalkParams;
 use super::scene::Scene;
 use if_core::aabb::Aabb;
@@ -87,8 +88,8 @@ pub(super) struct Search<'a> {
     pub(super) turns: &'a [Matrix3<Real>],
     /// Where vertices go if nothing is in their way.
     pub(super) predicted: &'a [Point],
-    /// Pairs of triangles that may intersect, sorted.
-    pub(super) tolerated: &'a [[u32; 2]],
+    /// Pairs of triangles that may intersect.
+    pub(super) tolerated: &'a Tolerated,
 }
 
 /// Where a triangle is in the last clean state, and how it moves in the step.
@@ -157,7 +158,7 @@ impl Search<'_> {
             return false;
         }
         let t = [i, j].map(|t| self.scene.mesh.triangles()[t as usize]);
-        (apart(&t) || self.folds(&t)) && self.tolerated.binary_search(&[i, j]).is_err()
+        (apart(&t) || self.folds(&t)) && !self.tolerated.permits([i, j])
     }
 
     /// Whether two triangles with a common corner fold: other corners of the two come nearer than at

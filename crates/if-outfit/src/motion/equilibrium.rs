@@ -50,6 +50,11 @@ impl Multipliers {
         Self { edges, contacts: contacts.into_iter().collect() }
     }
 
+    /// Replaces the multipliers of contacts.
+    pub(super) fn replace_forces(&mut self, contacts: HashMap<[u32; 4], Real>) {
+        self.contacts = contacts;
+    }
+
     /// Turns them along with the surface.
     pub(super) fn turn(&mut self, scene: &Scene, turns: &[Matrix3<Real>]) {
         for (multiplier, edge) in self.edges.iter_mut().zip(&scene.edges) {

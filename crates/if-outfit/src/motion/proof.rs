@@ -1,8 +1,9 @@
 //! The proof of one state: exact intersections of all layers with one another and with themselves,
 //! and sides by the nearest surface.
 
+use super::keep::Tolerated;
 use super::scene::Scene;
-use crate::findings::new_pairs;
+use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
@@ -27,12 +28,28 @@ pub struct Proof {
     pub inside: usize,
     /// For each layer, the body first, its intersecting triangle pairs with itself.
     pub own_pairs: Vec<usize>,
-    /// Own pairs that the rest state does not have.
+    /// Own pairs that the rest state does not have. A body that is kept counts for nothing here.
     pub new_own_pairs: usize,
+    /// What lies in the pinches of a body that is kept ([`Walker::keep`](super::Walker::keep)), in
+    /// no other field; `None` if the body yields.
+    pub pinched: Option<Pinched>,
 }
 
-/// Verifies `positions` with trees of its own. `tolerated` are the own pairs of the rest state.
-pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &[[u32; 2]]) -> Proof {
+/// What meets a body in its pinches.
+#[derive(Clone, Debug, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct Pinched {
+    /// Triangles of the body that lie in pinches.
+    pub body: Vec<u32>,
+    /// For each garment its intersecting triangle pairs with the body: triangle of the body, of the
+    /// garment.
+    pub pairs: Vec<Vec<[u32; 2]>>,
+    /// For each garment its vertices on the wrong side of the body.
+    pub inside: Vec<usize>,
+}
+
+/// Verifies `positions` with trees of its own.
+pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -> Proof {
     let layers: Vec<(TriMesh, Bvh)> = (0..scene.layers())
         .into_par_iter()
         .map(|layer| {
@@ -42,14 +59,26 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &[[u32; 2]]) 
         })
         .collect();
     let mut proof = Proof::default();
+    let garments = scene.layers() - 1;
+    proof.pinched = tolerated.pinched.as_ref().map(|pinched| Pinched {
+        body: (0u32..).zip(pinched).filter(|(_, is)| **is).map(|(t, _)| t).collect(),
+        pairs: vec![Vec::new(); garments],
+        inside: vec![0; garments],
+    });
     for (k, (mesh, tree)) in layers.iter().enumerate() {
         let first = scene.triangle_starts[k] as u32;
         let own: Vec<[u32; 2]> =
             own_pairs(mesh, tree).iter().map(|p| [p.a + first, p.b + first]).collect();
         proof.own_pairs.push(own.len());
-        proof.new_own_pairs += new_pairs(&own, tolerated).len();
-        for (_, below) in &layers[..k] {
-            proof.pairs += pairs(below, tree).len();
+        proof.new_own_pairs += tolerated.left(&own).len();
+        for (j, (_, below)) in layers[..k].iter().enumerate() {
+            let found = pairs(below, tree);
+            proof.pairs += found.len();
+            if let (0, Some(pinched)) = (j, &mut proof.pinched) {
+                let there = found.iter().filter(|p| tolerated.is_pinched(p.a));
+                pinched.pairs[k - 1].extend(there.map(|p| [p.a, p.b]));
+                proof.pairs -= pinched.pairs[k - 1].len();
+            }
         }
     }
     for (below, (mesh, _)) in layers.iter().enumerate().take(scene.layers() - 1) {
@@ -57,6 +86,18 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &[[u32; 2]]) 
         let Ok(field) = MeshSdf::open(mesh, REACH) else { continue };
         let above = &positions[scene.starts[below + 1]..];
         let is_inside = |p: &&Point| field.signed(p).is_some_and(|s| s.distance < 0.0);
+        if let (0, Some(pinched)) = (below, &mut proof.pinched) {
+            // Where the body passes itself, the nearest skin is that of a pinch.
+            for (v, p) in (scene.starts[1]..).zip(above).filter(|(_, p)| is_inside(p)) {
+                let nearest = field.surface().closest(p, REACH);
+                if nearest.is_some_and(|c| tolerated.is_pinched(c.triangle)) {
+                    pinched.inside[scene.layer_of(v as u32) - 1] += 1;
+                } else {
+                    proof.inside += 1;
+                }
+            }
+            continue;
+        }
         proof.inside += above.par_iter().with_min_len(256).filter(is_inside).count();
     }
     proof

@@ -5,7 +5,6 @@ use super::equilibrium::{Multipliers, solve};
 use super::locality::Yielding;
 use super::turn::turns;
 use super::walk::{Met, Walker};
-use crate::findings::new_pairs;
 use crate::storage::Storage;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
@@ -74,7 +73,7 @@ impl Walker {
             let rounded = Storage::F32.round(&x);
             let mesh = scene.mesh.with_vertices(rounded).expect("solutions are finite");
             let tree = self.tree(mesh.vertices());
-            let pairs = new_pairs(&pairs_of(&mesh, &tree), &self.tolerated);
+            let pairs = self.tolerated.left(&pairs_of(&mesh, &tree));
             tracing::debug!(
                 pairs = pairs.len(),
                 contacts = contacts.len(),

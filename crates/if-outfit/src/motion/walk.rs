@@ -1,13 +1,13 @@
 //! Walking: from one clean state to the next, each verified exactly.
 
 use super::equilibrium::Multipliers;
+use super::keep::Tolerated;
 use super::locality::Yielding;
 use super::params::WalkParams;
 use super::proof::{Proof, prove};
 use super::scene::Scene;
 use super::step::{Attempt, pairs_of};
 use super::turn::{turned, turns};
-use crate::findings::new_pairs;
 use crate::outfit::{Outfit, OutfitError};
 use crate::storage::Storage;
 use if_core::math::{Point, Real};
@@ -89,8 +89,8 @@ pub struct Walker {
     pub(super) params: WalkParams,
     /// The rest state, with layers a little apart.
     pub(super) rest: Vec<Point>,
-    /// Own pairs of the rest state, which may stay.
-    pub(super) tolerated: Vec<[u32; 2]>,
+    /// Own pairs of the rest state, which may stay, and what intersects a body that is kept.
+    pub(super) tolerated: Tolerated,
     /// What the current state follows.
     pub(super) target: Vec<Point>,
     /// The tree of the rest state. Its shape serves all states, by a refit: searches then do not
@@ -116,7 +116,7 @@ pub(super) struct Clean {
 
 /// Share of the gaps of a walk that [`Walker::approach`] keeps. With all of them means are pushed back
 /// to where the walked states were, and tremble as these do; with half of this no less.
-const APPROACH: Real = 0.3;
+pub(super) const APPROACH: Real = 0.3;
 /// Displacement of the body far from its own overlaps that [`Walker::approach`] takes over, in metres:
 /// less than counts as yielding.
 const FAR: Real = 0.9e-3;
@@ -159,7 +159,7 @@ impl Walker {
             met: Met::new(),
             scene,
             params,
-            tolerated,
+            tolerated: Tolerated { own: tolerated, pinched: None },
         };
         walker.open();
         Ok(walker)
@@ -221,7 +221,7 @@ impl Walker {
     /// [`WalkError::Target`].
     pub fn intersections(&self, positions: &[Point]) -> Result<Vec<[(usize, u32); 2]>, WalkError> {
         let mesh = self.mesh(positions)?;
-        let pairs = new_pairs(&pairs_of(&mesh, &self.tree(positions)), &self.tolerated);
+        let pairs = self.tolerated.left(&pairs_of(&mesh, &self.tree(positions)));
         Ok(pairs.iter().map(|p| p.map(|t| self.scene.local_triangle(t))).collect())
     }
 
@@ -327,7 +327,7 @@ impl Walker {
 
     /// As [`walk`](Self::walk), with where the body yields; by default near its overlaps at the
     /// target of each step.
-    fn follow(
+    pub(super) fn follow(
         &mut self,
         steps: usize,
         path: &dyn Fn(Real) -> Vec<Point>,
@@ -400,7 +400,7 @@ impl Walker {
         self.target = target;
     }
 
-    fn check(&self, target: &[Point]) -> Result<(), WalkError> {
+    pub(super) fn check(&self, target: &[Point]) -> Result<(), WalkError> {
         check_positions(target, self.rest.len())
     }
 
@@ -411,7 +411,7 @@ impl Walker {
         tree
     }
 
-    fn mesh(&self, positions: &[Point]) -> Result<TriMesh, WalkError> {
+    pub(super) fn mesh(&self, positions: &[Point]) -> Result<TriMesh, WalkError> {
         self.check(positions)?;
         let expected = self.rest.len();
         let mesh = self.scene.mesh.with_vertices(positions.to_vec());

@@ -6,6 +6,7 @@ use super::report::FrameReport;
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
 use if_core::parameter::ParameterError;
+use if_outfit::Pinch;
 use if_outfit::motion::{WalkParams, Walked, Walker};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -22,13 +23,22 @@ pub struct AnimateParams {
     /// Seconds before and after each frame over which displacements are smoothed; 0 for no smoothing.
     /// Frames that lie farther apart are not smoothed.
     pub smoothing: Real,
+    /// What happens where the body meets itself or leaves no room for the cloth between. If it is
+    /// kept, it is as skinned in each frame, and [`FrameReport::pinch`] has what intersects there.
+    pub pinch: Pinch,
     /// Parameters of the walk.
     pub walk: WalkParams,
 }
 
 impl Default for AnimateParams {
     fn default() -> Self {
-        Self { turn: 0.1, body_limit: 0.03, smoothing: 0.2, walk: WalkParams::default() }
+        Self {
+            turn: 0.1,
+            body_limit: 0.03,
+            smoothing: 0.2,
+            pinch: Pinch::Yield,
+            walk: WalkParams::default(),
+        }
     }
 }
 

@@ -1,4 +1,5 @@
-//! The second pass over a frame: smoothed, verified, measured.
+//! The second pass over a frame: smoothed, over a body that is kept if that is asked for, verified,
+//! measured.
 
 use super::error::AnimateError;
 use super::measure::Measurer;
@@ -7,6 +8,7 @@ use super::report::FrameReport;
 use super::smoother::Smoother;
 use super::window::Window;
 use if_core::math::Point;
+use if_outfit::Pinch;
 use if_outfit::motion::Walker;
 
 /// Finishes frames one after the other.
@@ -15,13 +17,18 @@ pub(super) struct Finisher<'a> {
     walker: Walker,
     smoother: Smoother<'a>,
     measurer: Measurer<'a>,
+    pinch: Pinch,
 }
 
 impl<'a> Finisher<'a> {
     /// `walker` is of this outfit.
-    pub(super) fn new(movement: Movement<'a>, walker: Walker, radius: usize) -> Self {
+    pub(super) fn new(
+        movement: Movement<'a>,
+        walker: Walker,
+        (radius, pinch): (usize, Pinch),
+    ) -> Self {
         let smoother = Smoother::new(movement, walker.clone(), radius);
-        Self { walker, smoother, measurer: Measurer::new(movement) }
+        Self { walker, smoother, measurer: Measurer::new(movement), pinch }
     }
 
     /// Goes to frame `next`, before which `positions` has all frames.
@@ -50,6 +57,9 @@ impl<'a> Finisher<'a> {
                 (positions, found, smoothed) = (walked.positions.clone(), unsmoothed, false);
             }
         }
+        if self.pinch == Pinch::Keep {
+            (positions, found) = self.measurer.keep(&mut self.walker, k, &positions)?;
+        }
         let mut row = FrameReport {
             pairs: found.pairs,
             inside: found.inside,
@@ -57,6 +67,7 @@ impl<'a> Finisher<'a> {
             body_own_pairs: found.body_own_pairs,
             new_own_pairs: found.new_own_pairs,
             smoothed,
+            pinch: found.pinch,
             ..walked.row.clone()
         };
         self.measurer.measure(&self.walker, k, &positions, &mut row)?;

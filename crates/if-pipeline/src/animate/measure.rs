@@ -4,12 +4,12 @@ use super::error::AnimateError;
 use super::movement::Movement;
 use super::report::{FrameReport, Spread, Yielding};
 use if_core::math::{Point, Real, Vector};
+use if_core::monitor::Silent;
 use if_mesh::measure::strain;
-use if_mesh::point_tree::PointTree;
-use if_outfit::motion::Walker;
-
-/// Displacement of the body above which it counts as yielding, in metres.
-const YIELDS: Real = 1e-3;
+use if_outfit::Layer;
+use if_outfit::motion::{Pinched, Proof, Walker};
+use if_outfit::pinch::extent;
+use if_outfit::report::{Extent, PinchReport};
 
 /// Measures frames, one after the other.
 #[derive(Debug)]
@@ -44,16 +44,40 @@ impl<'a> Measurer<'a> {
         walker: &Walker,
         positions: &[Point],
     ) -> Result<FrameReport, AnimateError> {
-        let found = walker.prove(positions)?;
+        Ok(self.row(walker.prove(positions)?))
+    }
+
+    /// The garments of `positions` over the body as it is skinned, and the row of that.
+    pub(super) fn keep(
+        &self,
+        walker: &mut Walker,
+        frame: usize,
+        positions: &[Point],
+    ) -> Result<(Vec<Point>, FrameReport), AnimateError> {
+        let skinned = self.movement.posed(frame, &self.rest)?;
+        let (kept, found) = walker.keep(positions, &skinned, &mut Silent)?;
+        Ok((kept, self.row(found)))
+    }
+
+    fn row(&self, found: Proof) -> FrameReport {
         let (body_own, own) = found.own_pairs.split_first().map_or((0, &[][..]), |(b, o)| (*b, o));
-        Ok(FrameReport {
+        FrameReport {
             pairs: found.pairs,
             inside: found.inside,
             own_pairs: own.iter().sum(),
             body_own_pairs: body_own,
             new_own_pairs: found.new_own_pairs,
+            pinch: found.pinched.map(|pinched| self.pinch(&pinched)),
             ..FrameReport::default()
-        })
+        }
+    }
+
+    /// What lies in pinches, by the names of garments.
+    fn pinch(&self, pinched: &Pinched) -> PinchReport {
+        let garments = self.movement.outfit().garments.iter();
+        let found = garments.zip(&pinched.pairs).zip(&pinched.inside);
+        let found = found.map(|((g, pairs), inside)| (g.name.as_str(), pairs.clone(), *inside));
+        PinchReport::new(pinched.body.len(), found)
     }
 
     /// Adds what is measured of a frame that is kept.
@@ -80,9 +104,8 @@ impl<'a> Measurer<'a> {
         let garments = walker.layer(&skinned, 0).len();
         let moved = skinned[garments..].iter().zip(&positions[garments..]);
         let strains = |x: &[Point]| {
-            let of = |(k, garment): (usize, &if_outfit::Layer)| {
-                strain(&garment.mesh, walker.layer(x, k + 1)).p99
-            };
+            let of =
+                |(k, garment): (usize, &Layer)| strain(&garment.mesh, walker.layer(x, k + 1)).p99;
             self.movement.outfit().garments.iter().enumerate().map(of).fold(0.0, Real::max)
         };
         let before = walker.intersections(&skinned)?;
@@ -103,31 +126,11 @@ impl<'a> Measurer<'a> {
     /// How the body yields that meets itself in the triangles `met`, in pairs.
     fn yielding(&self, [skinned, now]: [&[Point]; 2], met: &[u32]) -> Yielding {
         let mesh = &self.movement.outfit().body.mesh;
-        let moved: Vec<Real> = skinned.iter().zip(now).map(|(a, b)| (b - a).norm()).collect();
-        let (mut area, mut whole) = (0.0, 0.0);
-        for corners in mesh.triangles() {
-            let [a, b, c] = corners.map(|v| &skinned[v as usize]);
-            let size = if_core::math::area_vector(a, b, c).norm();
-            let yields = corners.iter().filter(|v| moved[**v as usize] > YIELDS).count();
-            area += size * yields as Real / 3.0;
-            whole += size;
-        }
+        let moved = skinned.iter().zip(now).map(|(a, b)| (b - a).norm()).collect();
         let corners = met.iter().flat_map(|t| mesh.triangles()[*t as usize]);
-        let corners = PointTree::new(&corners.map(|v| skinned[v as usize]).collect::<Vec<_>>());
-        let mut nearest = Vec::new();
-        let mut reach: Option<Real> = None;
-        for v in (0..moved.len()).filter(|v| moved[*v] > YIELDS) {
-            corners.nearest(&skinned[v], 1, &mut nearest);
-            if let Some((squared, _)) = nearest.first() {
-                reach = Some(reach.unwrap_or(0.0).max(squared.sqrt()));
-            }
-        }
-        Yielding {
-            own_pairs_before: met.len() / 2,
-            reach,
-            area: if whole > 0.0 { area / whole } else { 0.0 },
-            moved: Spread::of(moved),
-        }
+        let places: Vec<Point> = corners.map(|v| skinned[v as usize]).collect();
+        let Extent { area, reach, .. } = extent(mesh, skinned, now, &places);
+        Yielding { own_pairs_before: met.len() / 2, reach, area, moved: Spread::of(moved) }
     }
 
     /// Brings the measures of the frames before `next` into place: those of `frames` already done.

@@ -2,6 +2,7 @@
 
 use if_core::math::Real;
 use if_mesh::measure::percentile;
+use if_outfit::report::PinchReport;
 use serde::{Deserialize, Serialize};
 
 /// Some values in short.
@@ -77,6 +78,10 @@ pub struct FrameReport {
     /// Change of that change, `|u_{f−2} − 2 u_{f−1} + u_f|`: what trembles, and not what follows the
     /// motion evenly. Zero in the first two frames.
     pub shake: Spread,
+    /// What intersects a body that is kept in its pinches, counted here alone
+    /// ([`AnimateParams::pinch`](super::AnimateParams::pinch)); `None` if the body yields.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pinch: Option<PinchReport>,
     /// Whether the frame was moved towards the mean displacement of its neighbours.
     pub smoothed: bool,
     /// Accepted steps of the walk in which the body yields farther from its own overlaps than
@@ -94,14 +99,15 @@ pub struct FrameReport {
 
 impl FrameReport {
     /// No intersecting pairs between layers, no vertex on a wrong side, no own pair that the rest
-    /// pose does not have.
+    /// pose does not have. What lies in pinches of a body that is kept does not count.
     pub fn is_clean(&self) -> bool {
         self.pairs == 0 && self.inside == 0 && self.new_own_pairs == 0
     }
 
     /// No intersecting pair at all, and no vertex on a wrong side.
     pub fn is_clean_everywhere(&self) -> bool {
-        self.is_clean() && self.own_pairs == 0 && self.body_own_pairs == 0
+        let pinched = self.pinch.as_ref().map_or(0, |pinch| pinch.pairs + pinch.inside);
+        self.is_clean() && self.own_pairs == 0 && self.body_own_pairs == 0 && pinched == 0
     }
 }
 

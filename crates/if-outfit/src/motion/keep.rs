@@ -1,0 +1,151 @@
+//! A body that is kept: garments that lie clean over one that yields are pushed out of it again,
+//! everywhere but in its pinches.
+//!
+//! ```text
+//! pinch: body triangles that meet the body, or a corner of which has less room than the layers need;
+//!        a ring more if a step does not end clean, up to three
+//! the body goes from where it yielded to where it is kept; garments give way, but for pinches
+//! ```
+//!
+//! In a pinch the body yields from both sides, so that the cloth there lies on the middle surface, and
+//! there it stays: it moves with the body and does not flutter between the sheets of skin
+//! [Baraff et al. 2003]. The rest is pushed out by millimetres, where the body yielded beside the
+//! pinch.
+
+use super::facing::pinched;
+use super::locality::Yielding;
+use super::proof::{Proof, prove};
+use super::step::pairs_of;
+use super::walk::{APPROACH, WalkError, Walked, Walker};
+use crate::storage::Storage;
+use if_core::math::{Point, Real};
+use if_core::monitor::Monitor;
+
+/// Pairs of triangles that may intersect.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tolerated {
+    /// Own pairs of the rest state, sorted.
+    pub(super) own: Vec<[u32; 2]>,
+    /// For each triangle of a body that is kept whether it lies in a pinch; `None` if the body yields.
+    pub(super) pinched: Option<Vec<bool>>,
+}
+
+impl Tolerated {
+    /// Whether two triangles, the smaller index first, may intersect.
+    pub(super) fn permits(&self, pair: [u32; 2]) -> bool {
+        let is_kept = |pinched: &Vec<bool>| {
+            let [a, b] = pair.map(|t| t as usize);
+            b < pinched.len() || pinched.get(a) == Some(&true)
+        };
+        self.own.binary_search(&pair).is_ok() || self.pinched.as_ref().is_some_and(is_kept)
+    }
+
+    /// Those of the pairs that may not be.
+    pub(super) fn left(&self, pairs: &[[u32; 2]]) -> Vec<[u32; 2]> {
+        pairs.iter().filter(|pair| !self.permits(**pair)).copied().collect()
+    }
+
+    /// Whether a triangle of the body lies in a pinch.
+    pub(super) fn is_pinched(&self, triangle: u32) -> bool {
+        self.pinched.as_ref().is_some_and(|pinched| pinched[triangle as usize])
+    }
+}
+
+/// Times that a step towards the body that is kept is halved before the pinch widens.
+const HALVINGS: u32 = 1;
+/// Times that the pinches of a body widen by a ring of triangles, if garments do not come out beside
+/// them: 4 cm of a body with edges of 13 mm.
+const RINGS: usize = 3;
+/// Most steps from the body that yields to the one that is kept.
+const MOST_STEPS: Real = 100.0;
+
+impl Walker {
+    /// Garments that lie free of intersections in `from`, over a body that yields, over the body as
+    /// it is at `reference`; and what is verified there.
+    ///
+    /// Body and garments may intersect in pinches: triangles of the body that meet it, or a corner of
+    /// which faces the body within (2 n + 1) gaps for n garments; and up to three rings of triangles
+    /// around those, where garments do not come out otherwise. [`Proof::pinched`] has those pairs,
+    /// and no other field. Own pairs of the body are those of `reference`.
+    ///
+    /// # Errors
+    ///
+    /// An invalid state, or the monitor cancelled.
+    pub fn keep(
+        &mut self,
+        from: &[Point],
+        reference: &[Point],
+        monitor: &mut dyn Monitor,
+    ) -> Result<(Vec<Point>, Proof), WalkError> {
+        self.check(reference)?;
+        self.restart(from.to_vec())?;
+        let body = self.scene.starts[1];
+        let mut to = from.to_vec();
+        to[..body].copy_from_slice(&Storage::F32.round(&reference[..body]));
+        self.scene.copy_doubled(&mut to);
+        self.tolerated.pinched = Some(pinched(&self.scene.layer_mesh(&to, 0), self.room()));
+        let kept = self.kept(from, &to, monitor);
+        let tolerated = std::mem::take(&mut self.tolerated.pinched);
+        let mut x = kept?;
+        x[..body].copy_from_slice(&to[..body]);
+        self.tolerated.pinched = tolerated;
+        let proof = prove(&self.scene, &x, &self.tolerated);
+        self.tolerated.pinched = None;
+        Ok((x, proof))
+    }
+
+    /// Room that the sheets of cloth in a pinch need: each garment lies there twice.
+    fn room(&self) -> Real {
+        (2 * self.scene.layers() - 1) as Real * self.params.gap
+    }
+
+    /// As far as the garments come while the body goes from `from` to `to`. Where they do not come
+    /// out, the pinch is wider than the normals of the skin show.
+    fn kept(
+        &mut self,
+        from: &[Point],
+        to: &[Point],
+        monitor: &mut dyn Monitor,
+    ) -> Result<Vec<Point>, WalkError> {
+        let mesh = self.mesh(from)?;
+        if !self.tolerated.left(&pairs_of(&mesh, &self.tree(from))).is_empty() {
+            return Ok(from.to_vec());
+        }
+        let mut yielding = Yielding::everywhere(&self.scene);
+        yielding.inverse_mass[..self.scene.starts[1]].fill(0.0);
+        let params = self.params;
+        let watched = params.gap + params.margin;
+        self.params.gap *= APPROACH;
+        self.params.share *= APPROACH;
+        self.params.margin = watched - self.params.gap;
+        self.params.halvings = HALVINGS;
+        let mut walked = Ok(Walked::default());
+        for _ in 0..=RINGS {
+            let begin = self.target.clone();
+            let moves = begin.iter().zip(to).map(|(a, b)| (b - a).norm_squared());
+            let largest = moves.fold(0.0, Real::max).sqrt();
+            let steps = (2.0 * largest / watched).ceil().min(MOST_STEPS) as usize;
+            let path = |t: Real| begin.iter().zip(to).map(|(a, b)| a + (b - a) * t).collect();
+            walked = self.follow(steps, &path, Some(yielding.clone()), monitor);
+            match &walked {
+                Ok(walked) if walked.reached < 1.0 => self.widen_pinches(),
+                _ => break,
+            }
+        }
+        self.params = params;
+        walked.map(|_| self.positions().to_vec())
+    }
+
+    /// Adds to pinches the triangles of the body that have a corner in common with one of them.
+    fn widen_pinches(&mut self) {
+        let Some(pinched) = &mut self.tolerated.pinched else { return };
+        let triangles = &self.scene.mesh.triangles()[..pinched.len()];
+        let mut is_corner = vec![false; self.scene.starts[1]];
+        for (t, _) in triangles.iter().zip(&*pinched).filter(|(_, pinched)| **pinched) {
+            t.iter().for_each(|v| is_corner[*v as usize] = true);
+        }
+        for (t, pinched) in triangles.iter().zip(pinched) {
+            *pinched |= t.iter().any(|v| is_corner[*v as usize]);
+        }
+    }
+}
