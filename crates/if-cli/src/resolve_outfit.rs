@@ -17,6 +17,7 @@ use crate::report_page;
 use crate::staging::Staging;
 use if_outfit::files::FilesError;
 use if_outfit::outfit::Outfit;
+use if_outfit::report::ResolveReport;
 use if_outfit::resolve::ResolveError;
 use miette::{IntoDiagnostic, Report};
 use std::path::Path;

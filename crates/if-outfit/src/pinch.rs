@@ -78,3 +78,88 @@ pub fn extent(mesh: &TriMesh, given: &[Point], now: &[Point], places: &[Point]) 
     }
     Extent { area: if whole > 0.0 { area / whole } else { 0.0 }, reach }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::resolve::{ResolveError, ResolveParams, resolve};
+    use crate::{Pinch, Storage};
+    use if_core::math::Vector;
+    use if_core::monitor::Silent;
+    use if_core::shapes::meshes::icosphere;
+
+    /// Two balls as a body, whose surfaces lie `2 x − 0.2` m apart, and a sheet of cloth between.
+    fn balls(x: Real) -> Outfit {
+        let ball = icosphere(0.1, 3);
+        let n = ball.vertices().len() as u32;
+        let at = |x: Real| ball.vertices().iter().map(move |p| p + Vector::x() * x);
+        let vertices: Vec<Point> = at(-x).chain(at(x)).collect();
+        let second = ball.triangles().iter().map(|t| t.map(|v| v + n));
+        let triangles = ball.triangles().iter().copied().chain(second).collect();
+        let body = TriMesh::new(vertices, triangles).unwrap();
+        let place = |k: u32| 0.3 * (f64::from(k) / 20.0 - 0.5);
+        let sheet = (0..441).map(|k| Point::new(0.0, place(k % 21), place(k / 21))).collect();
+        let corners = (0..400).map(|k| k / 20 * 21 + k % 20);
+        let cells = corners.flat_map(|a| [[a, a + 1, a + 21], [a + 1, a + 22, a + 21]]);
+        let sheet = TriMesh::new(sheet, cells.collect()).unwrap();
+        let body = Layer { storage: Storage::F32, ..Layer::new("balls", body) };
+        Outfit::new(body, vec![Layer::new("sheet", sheet)]).unwrap()
+    }
+
+    fn params(pinch: Pinch) -> ResolveParams {
+        let mut params = ResolveParams::default();
+        params.goal.pinch = pinch;
+        params.effort.rounds = 8;
+        params
+    }
+
+    #[test]
+    fn a_body_that_meets_itself_is_drawn_back_for_cloth_that_has_no_room() {
+        let outfit = balls(0.096);
+        let error = resolve(&outfit, &params(Pinch::Keep), &mut Silent).unwrap_err();
+        let ResolveError::Unresolved { result, .. } = error else { panic!("{error}") };
+        let pinch = result.report.pinch.clone().unwrap();
+        assert!(pinch.pairs > 0 && pinch.pairs <= result.report.after.total_pairs());
+        assert_eq!(pinch.garments[0].name, "sheet");
+        assert!(!pinch.garments[0].faces.is_empty() && pinch.body_faces > 10);
+
+        let resolved = resolve(&outfit, &params(Pinch::Yield), &mut Silent).unwrap();
+        let report = resolved.report;
+        assert!(report.is_proven() && report.pinch.is_none());
+        assert!(report.before.body_own_pairs > 0 && report.after.body_own_pairs == 0);
+        let drawn = report.drawn_back.unwrap();
+        assert_eq!(
+            (drawn.own_pairs_before, drawn.own_pairs_after),
+            (report.before.body_own_pairs, 0)
+        );
+        assert!(drawn.moved.max > 3e-3 && drawn.moved.max <= 0.015 + 1e-6, "{drawn:?}");
+        assert!(drawn.extent.area > 0.01 && drawn.extent.area < 0.3, "{drawn:?}");
+        assert!(drawn.extent.reach.unwrap() <= 0.05, "{drawn:?}");
+        // It is stored as it was verified, and moved near the other ball alone.
+        let body = resolved.outfit.body.mesh.vertices();
+        assert_eq!(body, Storage::F32.round(body));
+        let moved = outfit.body.mesh.vertices().iter().zip(body);
+        let far = moved.filter(|(p, _)| p.x.abs() > 0.1);
+        assert!(far.map(|(p, q)| (q - p).norm()).fold(0.0, Real::max) < 1e-7);
+        let center = resolved.outfit.garments[0].mesh.vertices()[220];
+        assert!(center.coords.norm() < 2e-3, "on the middle surface: {center}");
+    }
+
+    #[test]
+    fn a_body_is_drawn_back_by_at_most_the_depth_that_is_given() {
+        let outfit = balls(0.09);
+        let goal = GoalParams { pinch_depth: 1e-3, ..GoalParams::default() };
+        let (_, drawn) = draw_back(&outfit, &goal).unwrap();
+        assert!(drawn.moved.max < 1e-3 + 1e-6 && drawn.own_pairs_after > 0, "{drawn:?}");
+    }
+
+    #[test]
+    fn a_body_with_room_stays_as_it_is() {
+        let outfit = balls(0.11);
+        let [kept, yielded] = [Pinch::Keep, Pinch::Yield]
+            .map(|pinch| resolve(&outfit, &params(pinch), &mut Silent).unwrap());
+        assert_eq!(kept.outfit, yielded.outfit);
+        assert_eq!(kept.report.without_seconds(), yielded.report.without_seconds());
+        assert!(kept.outfit == outfit);
+    }
+}

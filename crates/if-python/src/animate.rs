@@ -5,6 +5,7 @@ use crate::layers::LayerArrays;
 use crate::outfits;
 use crate::work;
 use if_body::{Motion, Skeleton, SkinWeights};
+use if_outfit::Pinch;
 use if_pipeline::animate::{AnimateParams, SkinnedOutfit, animate as follow};
 use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -20,7 +21,7 @@ type Animated<'py> = (String, Vec<String>, Vec<Bound<'py, PyArray3<f32>>>);
 /// Moves a clean outfit through a motion; the first layer is the body. `skeleton` and `motion` are
 /// JSON. Frames are kept in `folder`.
 #[pyfunction]
-#[pyo3(signature = (layers, weights, skeleton, motion, folder, threads, progress))]
+#[pyo3(signature = (layers, weights, skeleton, motion, folder, keep_body, threads, progress))]
 pub(crate) fn animate<'py>(
     py: Python<'py>,
     layers: Vec<LayerArrays<'py>>,
@@ -28,6 +29,7 @@ pub(crate) fn animate<'py>(
     skeleton: Vec<u8>,
     motion: Vec<u8>,
     folder: PathBuf,
+    keep_body: bool,
     threads: Option<usize>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Animated<'py>> {
@@ -44,7 +46,8 @@ pub(crate) fn animate<'py>(
         let skins = skins.collect::<Result<Vec<_>, _>>().map_err(|e| format!("weights: {e}"))?;
         let outfit = outfits::outfit(layers).map_err(|e| chain(&e))?;
         let skinned = SkinnedOutfit::new(outfit, skeleton, skins).map_err(|e| chain(&e))?;
-        let params = AnimateParams::default();
+        let pinch = if keep_body { Pinch::Keep } else { Pinch::Yield };
+        let params = AnimateParams { pinch, ..AnimateParams::default() };
         let done = follow(&skinned, &motion, &params, &folder, monitor).map_err(|e| chain(&e))?;
         let counts: Vec<usize> =
             skinned.outfit.layers().map(|layer| layer.mesh.vertices().len()).collect();

@@ -25,6 +25,8 @@ type Arrays<'py> = (Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyArray2<i64>>>
 pub(crate) struct ResolvedArrays<'py> {
     /// Of the garments.
     layers: Vec<Arrays<'py>>,
+    /// Positions of a body that was drawn back.
+    body: Option<Bound<'py, PyArray2<f64>>>,
     /// `ResolveReport` as JSON.
     report: String,
     state: String,
@@ -71,10 +73,14 @@ pub(crate) fn resolve<'py>(
         Ok((vertices(py, layer.mesh.vertices())?, split))
     });
     let report = &resolved.report;
+    let drawn_back = report.drawn_back.as_ref();
+    let body =
+        drawn_back.map(|_| vertices(py, resolved.outfit.body.mesh.vertices())).transpose()?;
     let mut notes = report.before.body_notes(&resolved.outfit.body.name);
     notes.extend(of_meshes);
     Ok(ResolvedArrays {
         layers: arrays.collect::<PyResult<_>>()?,
+        body,
         report: serde_json::to_string(report).map_err(no_json)?,
         state: report.cleanness().to_string(),
         notes,

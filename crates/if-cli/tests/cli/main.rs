@@ -15,6 +15,7 @@ mod fit;
 mod folder;
 mod gltf;
 mod own;
+mod pinch;
 mod reconstruct;
 mod same_bytes;
 mod wardrobe;

@@ -128,7 +128,7 @@ impl Walker {
             let path = |t: Real| begin.iter().zip(to).map(|(a, b)| a + (b - a) * t).collect();
             walked = self.follow(steps, &path, Some(yielding.clone()), monitor);
             match &walked {
-                Ok(walked) if walked.reached < 1.0 => self.widen_pinches(),
+                Ok(walked) if walked.reached < 1.0 => self.widen_pinches(&walked.unresolved),
                 _ => break,
             }
         }
@@ -136,16 +136,28 @@ impl Walker {
         walked.map(|_| self.positions().to_vec())
     }
 
-    /// Adds to pinches the triangles of the body that have a corner in common with one of them.
-    fn widen_pinches(&mut self) {
+    /// Adds to pinches the triangles of the body beside them that are among those that are left, or
+    /// have a corner in common with one of these; all beside them if no triangle of the body is left.
+    fn widen_pinches(&mut self, left: &[[(usize, u32); 2]]) {
         let Some(pinched) = &mut self.tolerated.pinched else { return };
         let triangles = &self.scene.mesh.triangles()[..pinched.len()];
-        let mut is_corner = vec![false; self.scene.starts[1]];
-        for (t, _) in triangles.iter().zip(&*pinched).filter(|(_, pinched)| **pinched) {
-            t.iter().for_each(|v| is_corner[*v as usize] = true);
+        let corners = |of: &dyn Fn(usize) -> bool| {
+            let mut is_corner = vec![false; self.scene.starts[1]];
+            for (_, t) in triangles.iter().enumerate().filter(|(k, _)| of(*k)) {
+                t.iter().for_each(|v| is_corner[*v as usize] = true);
+            }
+            is_corner
+        };
+        let mut is_left = vec![false; triangles.len()];
+        for (_, t) in left.iter().flatten().filter(|(layer, _)| *layer == 0) {
+            is_left[*t as usize] = true;
         }
+        let beside = corners(&|t| pinched[t]);
+        let near = corners(&|t| is_left[t]);
+        let all = !is_left.contains(&true);
         for (t, pinched) in triangles.iter().zip(pinched) {
-            *pinched |= t.iter().any(|v| is_corner[*v as usize]);
+            let has = |is_corner: &[bool]| t.iter().any(|v| is_corner[*v as usize]);
+            *pinched |= has(&beside) && (all || has(&near));
         }
     }
 }

@@ -85,6 +85,42 @@ fn a_garment_that_shrinks_into_the_body_stays_outside_and_moves_more_than_it() {
 }
 
 #[test]
+fn a_body_that_is_kept_stays_as_given_and_cloth_meets_it_in_named_pinches_alone() {
+    let mut walker = Walker::new(&arm(), WalkParams::default()).unwrap();
+    let rest = walker.rest().to_vec();
+    let target = bent(&rest, BENT);
+    walker.walk(24, &|t| bent(&rest, t * BENT), &mut Silent).unwrap();
+    let yielded = walker.positions().to_vec();
+    let (kept, found) = walker.keep(&yielded, &target, &mut Silent).unwrap();
+    let skin = walker.layer(&rest, 0).len();
+    assert_eq!(kept[..skin], crate::storage::Storage::F32.round(&target[..skin]));
+    assert_eq!((found.pairs, found.inside, found.new_own_pairs), (0, 0, 0), "{found:?}");
+    assert!(found.own_pairs[0] > 10 && found.own_pairs[1] == 0, "the body meets itself as given");
+    // What is named is what intersects, and lies in the bend of the elbow.
+    let pinched = found.pinched.unwrap();
+    let of_layers = |[a, b]: &&[(usize, u32); 2]| [a.0, b.0] == [0, 1];
+    let all = walker.intersections(&kept).unwrap();
+    let between: Vec<[u32; 2]> = all.iter().filter(of_layers).map(|p| p.map(|t| t.1)).collect();
+    assert!(!between.is_empty() && pinched.pairs == [between]);
+    let corners = |t: &u32| walker.scene.mesh.triangles()[*t as usize];
+    let far = |v: u32| rest[v as usize].y.abs() > 0.22;
+    assert!(pinched.body.iter().all(|t| !corners(t).into_iter().any(far)));
+    // Cloth there is where it was between the sheets of a body that yields, within millimetres.
+    for t in pinched.pairs[0].iter().map(|p| p[1] + walker.scene.triangle_starts[1] as u32) {
+        for v in corners(&t) {
+            assert!((kept[v as usize] - yielded[v as usize]).norm() < 0.01);
+        }
+    }
+    // Bent a little, there is room everywhere.
+    let target = bent(&rest, 0.3);
+    walker.restart(rest.clone()).unwrap();
+    walker.walk(4, &|t| bent(&rest, t * 0.3), &mut Silent).unwrap();
+    let state = walker.positions().to_vec();
+    let (_, found) = walker.keep(&state, &target, &mut Silent).unwrap();
+    assert!(found.pinched.unwrap().pairs[0].is_empty() && found.pairs + found.inside == 0);
+}
+
+#[test]
 fn the_body_yields_near_its_own_overlaps_only() {
     let params = WalkParams { body_reach: 0.03, ..WalkParams::default() };
     let mut walker = Walker::new(&arm(), params).unwrap();

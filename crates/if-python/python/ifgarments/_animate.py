@@ -47,6 +47,7 @@ def animate(
     skeleton: str | os.PathLike[str] | Mapping[str, Any],
     motion: str | os.PathLike[str] | Mapping[str, Any],
     *,
+    pinch: str = "yield",
     frames: str | os.PathLike[str] | None = None,
     threads: int | None = None,
     progress: Callable[[Progress], object] | None = None,
@@ -61,6 +62,9 @@ def animate(
             vertex.
         skeleton: a file, or what such a file has (``docs/reference/capture.md``).
         motion: a file, or what such a file has (``docs/animate.md``).
+        pinch: what happens where the body meets itself or leaves no room for cloth: ``"yield"``, or
+            ``"keep"``: the body stays as skinned, and what intersects it there is named in the
+            report.
         frames: a folder in which frames are kept as they are done, so that a call that was stopped
             goes on there; none by default.
         threads: as in :func:`resolve`.
@@ -74,6 +78,8 @@ def animate(
         AnimateError: the outfit is not clean, or skeleton, weights or motion do not belong to it.
         ValueError, TypeError: an argument is no mesh, or no array of the right shape.
     """
+    if pinch not in ("yield", "keep"):
+        raise ValueError(f'pinch is {pinch!r}; it must be "yield" or "keep"')
     outfit = read_outfit(body, layers)
     names = [layer.name for layer in outfit]
     unknown = sorted(set(weights) - set(names))
@@ -92,6 +98,7 @@ def animate(
             _json(skeleton, "skeleton"),
             _json(motion, "motion"),
             temporary if frames is None else folder(frames, "frames"),
+            pinch == "keep",
             checked_threads(threads),
             listener(progress),
         )

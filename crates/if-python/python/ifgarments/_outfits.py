@@ -46,7 +46,8 @@ def resolve(
     """Removes all intersections between layers, and proves it.
 
     Args:
-        body: never moves; it may be open, and must have an inside.
+        body: stays as it is unless ``params={"pinch": "yield"}`` draws it back where it meets itself;
+            it may be open, and must have an inside.
         layers: garments, inner to outer. They are not changed. Positions in float32 are proven as
             float32.
         clearance: gap between layers, in metres; 0.3 mm by default.
@@ -80,7 +81,9 @@ def resolve(
     )
     report, state, notes = found["report"], found["state"], found["notes"]
     meshes = [rebuilt(*arrays) for rebuilt, arrays in zip(rebuild, found["layers"])]
-    resolved = Resolved(state, json.loads(report), notes, garments.collected(meshes))
+    resolved = Resolved(
+        state, json.loads(report), notes, garments.collected(meshes), found["body"]
+    )
     if found["unresolved"] is None:
         return resolved
     message, remaining = found["unresolved"]

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 
 @dataclass(frozen=True)
 class Verified:
@@ -29,3 +32,6 @@ class Resolved(Verified):
 
     #: The garments in the kind, the collection and the order given.
     layers: Any = field(repr=False)
+    #: Positions of a body that was drawn back (``params={"pinch": "yield"}``), shape (n, 3); ``None``
+    #: if it stayed as it was.
+    body: NDArray[np.floating[Any]] | None = field(default=None, repr=False)
