@@ -88,7 +88,7 @@ pub fn follow(
     let radius = params.smoothed_frames(movement.frames_per_second());
     let mut frames = Frames::open(folder, movement, params)?;
     let mut animator = Animator::new(movement, *params)?;
-    let mut finisher = Finisher::new(movement, animator.walker().clone(), (radius, params.pinch));
+    let mut finisher = Finisher::new(movement, animator.walker().clone(), (radius, params.depth()));
     let total = movement.frames();
     frames.keep(total);
     let kept = frames.len();

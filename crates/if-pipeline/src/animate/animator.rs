@@ -26,6 +26,9 @@ pub struct AnimateParams {
     /// What happens where the body meets itself or leaves no room for the cloth between. If it is
     /// kept, it is as skinned in each frame, and [`FrameReport::pinch`] has what intersects there.
     pub pinch: Pinch,
+    /// Largest displacement of a body that yields, in metres. Where it would have to yield by more,
+    /// that is a pinch, and [`FrameReport::pinch`] has what intersects there.
+    pub body_depth: Real,
     /// Parameters of the walk.
     pub walk: WalkParams,
 }
@@ -37,6 +40,7 @@ impl Default for AnimateParams {
             body_limit: 0.03,
             smoothing: 0.2,
             pinch: Pinch::Yield,
+            body_depth: 0.015,
             walk: WalkParams::default(),
         }
     }
@@ -53,9 +57,16 @@ impl AnimateParams {
         ParameterError::check("turn", self.turn, ok, "from 0.001 to 1 (radians)")?;
         let ok = self.body_limit > 0.0 && self.body_limit <= 1.0;
         ParameterError::check("body_limit", self.body_limit, ok, "above 0 and at most 1 m")?;
+        let ok = self.body_depth > 0.0 && self.body_depth <= 1.0;
+        ParameterError::check("body_depth", self.body_depth, ok, "above 0 and at most 1 m")?;
         let ok = (0.0..=1.0).contains(&self.smoothing);
         ParameterError::check("smoothing", self.smoothing, ok, "from 0 to 1 s")?;
         self.walk.validate()
+    }
+
+    /// Displacement that the body may have.
+    pub(super) fn depth(&self) -> Real {
+        if self.pinch == Pinch::Keep { 0.0 } else { self.body_depth }
     }
 
     /// Frames to each side over which displacements are smoothed.

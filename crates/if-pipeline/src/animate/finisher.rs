@@ -1,4 +1,4 @@
-//! The second pass over a frame: smoothed, over a body that is kept if that is asked for, verified,
+//! The second pass over a frame: smoothed, over a body that is displaced no more than it may be, verified,
 //! measured.
 
 use super::error::AnimateError;
@@ -7,8 +7,7 @@ use super::movement::Movement;
 use super::report::FrameReport;
 use super::smoother::Smoother;
 use super::window::Window;
-use if_core::math::Point;
-use if_outfit::Pinch;
+use if_core::math::{Point, Real};
 use if_outfit::motion::Walker;
 
 /// Finishes frames one after the other.
@@ -17,18 +16,19 @@ pub(super) struct Finisher<'a> {
     walker: Walker,
     smoother: Smoother<'a>,
     measurer: Measurer<'a>,
-    pinch: Pinch,
+    /// The body may be displaced by this much, in metres.
+    depth: Real,
 }
 
 impl<'a> Finisher<'a> {
-    /// `walker` is of this outfit.
+    /// `walker` is of this outfit. The body may be displaced by `depth` metres.
     pub(super) fn new(
         movement: Movement<'a>,
         walker: Walker,
-        (radius, pinch): (usize, Pinch),
+        (radius, depth): (usize, Real),
     ) -> Self {
         let smoother = Smoother::new(movement, walker.clone(), radius);
-        Self { walker, smoother, measurer: Measurer::new(movement), pinch }
+        Self { walker, smoother, measurer: Measurer::new(movement), depth }
     }
 
     /// Goes to frame `next`, before which `positions` has all frames.
@@ -57,8 +57,8 @@ impl<'a> Finisher<'a> {
                 (positions, found, smoothed) = (walked.positions.clone(), unsmoothed, false);
             }
         }
-        if self.pinch == Pinch::Keep {
-            (positions, found) = self.measurer.keep(&mut self.walker, k, &positions)?;
+        if let Some(kept) = self.measurer.within(&mut self.walker, k, &positions, self.depth)? {
+            (positions, found) = kept;
         }
         let mut row = FrameReport {
             pairs: found.pairs,

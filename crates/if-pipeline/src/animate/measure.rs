@@ -47,16 +47,26 @@ impl<'a> Measurer<'a> {
         Ok(self.row(walker.prove(positions)?))
     }
 
-    /// The garments of `positions` over the body as it is skinned, and the row of that.
-    pub(super) fn keep(
+    /// The frame over a body that is displaced by at most `depth` metres, and its row; `None` if it
+    /// is not displaced by more, unless it is to be exactly as skinned.
+    pub(super) fn within(
         &self,
         walker: &mut Walker,
         frame: usize,
         positions: &[Point],
-    ) -> Result<(Vec<Point>, FrameReport), AnimateError> {
+        depth: Real,
+    ) -> Result<Option<(Vec<Point>, FrameReport)>, AnimateError> {
         let skinned = self.movement.posed(frame, &self.rest)?;
-        let (kept, found) = walker.keep(positions, &skinned, &mut Silent)?;
-        Ok((kept, self.row(found)))
+        let moves = skinned.iter().zip(positions).map(|(a, b)| b - a);
+        let body = walker.layer(&skinned, 0).len();
+        let largest = moves.clone().take(body).map(|u| u.norm()).fold(0.0, Real::max);
+        if depth > 0.0 && largest <= depth {
+            return Ok(None);
+        }
+        let capped = skinned.iter().zip(moves).map(|(p, u)| p + u.cap_magnitude(depth));
+        let reference: Vec<Point> = capped.collect();
+        let (kept, found) = walker.keep(positions, &reference, &mut Silent)?;
+        Ok(Some((kept, self.row(found))))
     }
 
     fn row(&self, found: Proof) -> FrameReport {

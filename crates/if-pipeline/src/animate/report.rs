@@ -78,8 +78,9 @@ pub struct FrameReport {
     /// Change of that change, `|u_{f−2} − 2 u_{f−1} + u_f|`: what trembles, and not what follows the
     /// motion evenly. Zero in the first two frames.
     pub shake: Spread,
-    /// What intersects a body that is kept in its pinches, counted here alone
-    /// ([`AnimateParams::pinch`](super::AnimateParams::pinch)); `None` if the body yields.
+    /// What intersects the body in its pinches, counted here alone, if it is kept
+    /// ([`AnimateParams::pinch`](super::AnimateParams::pinch)) or would have to yield by more than
+    /// [`body_depth`](super::AnimateParams::body_depth); `None` if it yields as far as it has to.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pinch: Option<PinchReport>,
     /// Whether the frame was moved towards the mean displacement of its neighbours.

@@ -5,7 +5,7 @@ use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Silent};
 use if_core::nalgebra::UnitQuaternion;
-use if_outfit::{Layer, Outfit};
+use if_outfit::{Layer, Outfit, Pinch};
 
 /// The mannequin in trousers; weights of the body alone.
 pub(super) fn outfit() -> SkinnedOutfit {
@@ -137,6 +137,25 @@ fn smoothed_frames_tremble_less_and_are_as_clean() {
     let params = AnimateParams::default();
     assert_eq!(params.smoothed_frames(30.0), 6);
     assert_eq!(params.smoothed_frames(4.0), 0);
+}
+
+#[test]
+fn the_body_is_displaced_by_no_more_than_it_may_be() {
+    let (outfit, motion) = (outfit(), motion(2));
+    let run = |params: AnimateParams| {
+        let folder = tempfile::tempdir().unwrap();
+        animate(&outfit, &motion, &params, folder.path(), &mut Silent).unwrap().report
+    };
+    let free = run(AnimateParams::default());
+    assert!(free.body_max > 1e-6 && free.frames.iter().all(|f| f.pinch.is_none()), "{free:?}");
+    let bound = 0.5 * free.body_max;
+    let bounded = run(AnimateParams { body_depth: bound, ..AnimateParams::default() });
+    assert!(bounded.body_max < bound + 1e-6 && bounded.clean == 2, "{bounded:?}");
+    assert!(bounded.frames.iter().any(|f| f.pinch.is_some()));
+    let kept = run(AnimateParams { pinch: Pinch::Keep, ..AnimateParams::default() });
+    assert!(kept.body_max < 1e-6 && kept.clean == 2, "{kept:?}");
+    let none = AnimateParams { body_depth: 0.0, ..AnimateParams::default() };
+    assert!(none.validate().is_err());
 }
 
 #[test]
