@@ -2,13 +2,16 @@
 //!
 //! The libraries open a span for each phase ([`tracing`]), which costs nothing while nobody listens.
 //! A [`Recorder`] listens to the spans of its own thread. Spans of one name within the same phase
-//! are one phase.
+//! are one phase. Parts of a phase that run beside one another are recorded by it as wall seconds, in
+//! fields with the names of the parts.
 
 use crate::progress;
 use serde::Serialize;
+use std::fmt::Debug;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use tracing::span::Id;
+use tracing::field::{Field, Visit};
+use tracing::span::{Id, Record};
 use tracing::subscriber::DefaultGuard;
 use tracing::{Subscriber, subscriber};
 use tracing_subscriber::Layer;
@@ -23,7 +26,8 @@ pub(crate) struct Phase {
     pub(crate) count: u64,
     /// Wall seconds.
     pub(crate) wall: f64,
-    /// Processor seconds of all threads of the process; `None` where the system does not count them.
+    /// Processor seconds of all threads of the process; `None` where the system does not count them,
+    /// and for a part that runs beside others.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) processor: Option<f64>,
     /// In the order in which they were first entered. The rest of the time is the phase's own.
@@ -64,9 +68,24 @@ impl<S: Subscriber + for<'s> LookupSpan<'s>> Layer<S> for Listener {
         }
     }
 
+    fn on_record(&self, _: &Id, values: &Record<'_>, _: Context<'_, S>) {
+        values.record(&mut Parts(lock(&self.0)));
+    }
+
     fn on_exit(&self, _: &Id, _: Context<'_, S>) {
         lock(&self.0).exit();
     }
+}
+
+/// Adds recorded seconds to the phase that was entered last.
+struct Parts<'a>(MutexGuard<'a, Tree>);
+
+impl Visit for Parts<'_> {
+    fn record_f64(&mut self, field: &Field, seconds: f64) {
+        self.0.part(field.name(), Duration::try_from_secs_f64(seconds).unwrap_or_default());
+    }
+
+    fn record_debug(&mut self, _: &Field, _: &dyn Debug) {}
 }
 
 /// A panic leaves times behind that are as good as before.
@@ -87,12 +106,14 @@ struct Node {
     name: &'static str,
     count: u64,
     spent: Spent,
+    /// Whether it runs beside others.
+    is_part: bool,
     within: Vec<usize>,
 }
 
 impl Node {
     fn new(name: &'static str) -> Self {
-        Self { name, count: 0, spent: Spent::default(), within: Vec::new() }
+        Self { name, count: 0, spent: Spent::default(), is_part: false, within: Vec::new() }
     }
 }
 
@@ -103,16 +124,29 @@ impl Tree {
     }
 
     fn enter(&mut self, name: &'static str) {
+        let node = self.node(name);
+        self.nodes[node].count += 1;
+        self.open.push((node, Moment::now()));
+    }
+
+    fn part(&mut self, name: &'static str, wall: Duration) {
+        let node = self.node(name);
+        let part = &mut self.nodes[node];
+        part.is_part = true;
+        part.count += 1;
+        part.spent.wall += wall;
+    }
+
+    /// The phase of this name within the one entered last.
+    fn node(&mut self, name: &'static str) -> usize {
         let around = self.open.last().map_or(0, |open| open.0);
         let found = self.nodes[around].within.iter().copied().find(|k| self.nodes[*k].name == name);
-        let node = found.unwrap_or_else(|| {
+        found.unwrap_or_else(|| {
             self.nodes.push(Node::new(name));
             let node = self.nodes.len() - 1;
             self.nodes[around].within.push(node);
             node
-        });
-        self.nodes[node].count += 1;
-        self.open.push((node, Moment::now()));
+        })
     }
 
     fn exit(&mut self) {
@@ -125,12 +159,13 @@ impl Tree {
     }
 
     fn phase(&self, node: usize) -> Phase {
-        let Node { name, count, spent, within } = &self.nodes[node];
+        let Node { name, count, spent, is_part, within } = &self.nodes[node];
+        let counts = self.start.processor.is_some() && !is_part;
         Phase {
             name,
             count: *count,
             wall: spent.wall.as_secs_f64(),
-            processor: self.start.processor.map(|_| spent.processor.as_secs_f64()),
+            processor: counts.then(|| spent.processor.as_secs_f64()),
             phases: within.iter().map(|k| self.phase(*k)).collect(),
         }
     }
@@ -179,6 +214,7 @@ fn processor_time() -> Option<Duration> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tracing::field::Empty;
     use tracing::trace_span;
 
     #[test]
@@ -205,6 +241,20 @@ mod tests {
         assert!(total.wall >= outer.wall);
         drop(recorder);
         assert!(!tracing::enabled!(tracing::Level::ERROR), "nobody listens");
+    }
+
+    #[test]
+    fn parts_that_run_beside_one_another_have_wall_seconds_alone() {
+        let recorder = Recorder::listen();
+        for _ in 0..2 {
+            let both = trace_span!("both", "first part" = Empty, other = Empty).entered();
+            both.record("first part", 0.25).record("other", 0.5);
+        }
+        let both = &recorder.phases().phases[0];
+        let part = |p: &Phase| (p.name, p.count, p.wall, p.processor);
+        let parts: Vec<_> = both.phases.iter().map(part).collect();
+        assert_eq!(parts, [("first part", 2, 0.5, None), ("other", 2, 1.0, None)]);
+        assert!(both.wall < 0.5);
     }
 
     #[cfg(unix)]

@@ -76,7 +76,7 @@ impl Attempt {
         monitor: &mut dyn Monitor,
     ) -> Result<Self, AttemptError> {
         let start = Instant::now();
-        let (given, closed) = verify_layers(&outfit);
+        let (given, closed) = verify_layers(&outfit, settings.body);
         let verify_seconds = start.elapsed().as_secs_f64();
         let count = outfit.garments.len();
         let untangled = untangle_garments(&outfit, &given, settings.params, monitor)?;

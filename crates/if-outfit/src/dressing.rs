@@ -2,6 +2,7 @@
 
 use crate::findings::{Findings, LayerFindings};
 use crate::outfit::{Layer, Outfit};
+use crate::phases::beside;
 use crate::progress::{DONE, GarmentProgress, VERIFY};
 use crate::settle::{Settings, Settled, settle};
 use crate::upper_layers::{TightGarments, UpperLayers};
@@ -13,6 +14,7 @@ use if_mesh::measure::{Displacement, Strain, displacement, strain};
 use if_mesh::solid::ClosedLayer;
 use std::sync::Arc;
 use std::time::Instant;
+use tracing::field::Empty;
 use tracing::trace_span;
 
 /// A garment that was put on.
@@ -141,9 +143,14 @@ impl<'a> Dressing<'a> {
             let x = mesh.vertices();
             (closed, displacement(input.vertices(), x), strain(input, x))
         };
+        let names = ["verification", "closed layer"];
+        let span = trace_span!(
+            "verification and closed layer",
+            "verification" = Empty,
+            "closed layer" = Empty
+        );
         let ((findings, verify_seconds), (closed, moved, strain)) =
-            trace_span!("verification and closed layer")
-                .in_scope(|| rayon::join(prove, close_and_measure));
+            beside(&span, names, prove, close_and_measure);
         let dressed = Dressed {
             moved,
             strain,

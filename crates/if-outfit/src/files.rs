@@ -43,8 +43,9 @@ pub use resolved::{ResolvedFiles, drawn_back_name};
 
 use crate::layer_fields::FieldOfGarment;
 use crate::outfit::{Layer, Outfit, OutfitError};
+use crate::prepared_body::PreparedBody;
 use crate::report::Verification;
-use crate::resolve::{ResolveError, ResolveParams, Resolved, resolve_on_fields};
+use crate::resolve::{ResolveError, ResolveParams, Resolved, resolve_over};
 use crate::storage::Storage;
 use crate::unresolved::Unresolved;
 use crate::verify::{compare_own_pairs, verify};
@@ -91,6 +92,8 @@ pub struct OutfitFiles {
     paths: Vec<PathBuf>,
     /// From the units of the files to metres.
     scale: Real,
+    /// The body, if it was prepared.
+    prepared: Option<Arc<PreparedBody>>,
 }
 
 impl OutfitFiles {
@@ -132,7 +135,7 @@ impl OutfitFiles {
         let body = Some((Arc::new(files.remove(0)), file_and_node(&body.path).0));
         let files = files.into_iter().map(Arc::new).collect();
         let paths = garments.iter().map(|layer| file_and_node(&layer.path).0).collect();
-        Ok(Self { outfit, body, files, paths, scale })
+        Ok(Self { outfit, body, files, paths, scale, prepared: None })
     }
 
     /// An outfit from memory whose garments will be stored as `files`, in metres. Each file has the
@@ -151,7 +154,13 @@ impl OutfitFiles {
         }
         let paths = vec![PathBuf::new(); files.len()];
         let files = files.into_iter().map(Arc::new).collect();
-        Self { outfit, body: None, files, paths, scale: 1.0 }
+        Self { outfit, body: None, files, paths, scale: 1.0, prepared: None }
+    }
+
+    /// The same outfit with its body prepared, so that it is not closed for each of many outfits. A
+    /// body with another mesh is not used.
+    pub fn with_body(self, body: Arc<PreparedBody>) -> Self {
+        Self { prepared: Some(body), ..self }
     }
 
     /// The outfit in metres.
@@ -196,7 +205,8 @@ impl OutfitFiles {
         self.resolve_on_fields(&fields, params, monitor)
     }
 
-    /// [`OutfitFiles::resolve`] of garments that come with fields ([`resolve_on_fields`]).
+    /// [`OutfitFiles::resolve`] of garments that come with fields
+    /// ([`resolve_on_fields`](crate::resolve_on_fields)).
     ///
     /// # Errors
     ///
@@ -204,7 +214,7 @@ impl OutfitFiles {
     ///
     /// # Panics
     ///
-    /// As [`resolve_on_fields`].
+    /// As [`resolve_on_fields`](crate::resolve_on_fields).
     pub fn resolve_on_fields(
         &self,
         fields: &[FieldOfGarment<'_>],
@@ -215,7 +225,8 @@ impl OutfitFiles {
             let layer = garment.name.clone();
             file.check_movable().map_err(|source| FilesError::Fixed { layer, source })?;
         }
-        let found = resolve_on_fields(&self.outfit, fields, params, monitor);
+        let body = self.prepared.as_deref();
+        let found = resolve_over(&self.outfit, body, fields, params, monitor);
         let Resolved { outfit, mut report, splits } = match found {
             Ok(resolved) => resolved,
             Err(ResolveError::Unresolved { result, .. }) => *result,

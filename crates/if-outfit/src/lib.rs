@@ -34,6 +34,8 @@ pub mod order;
 pub mod outfit;
 mod params;
 pub mod pinch;
+mod phases;
+mod prepared_body;
 mod progress;
 mod repair;
 pub mod report;
@@ -60,6 +62,7 @@ pub use outfit::{Layer, Outfit, OutfitError};
 pub use params::{
     ClothParams, EffortParams, GoalParams, Method, Own, Pinch, ResolveParams, Split, Tuck,
 };
+pub use prepared_body::PreparedBody;
 pub use report::{ResolveReport, Verification};
 pub use resolve::{ResolveError, Resolved, resolve, resolve_on_fields};
 pub use storage::Storage;

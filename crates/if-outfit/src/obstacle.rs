@@ -203,7 +203,7 @@ mod tests {
     }
 
     fn found(outfit: &Outfit) -> Vec<Obstacle> {
-        let (found, closed) = verify_layers(outfit);
+        let (found, closed) = verify_layers(outfit, None);
         obstacles(outfit, &found, &closed)
     }
 

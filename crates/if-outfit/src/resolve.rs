@@ -6,6 +6,7 @@ use crate::distances;
 use crate::layer_fields::FieldOfGarment;
 use crate::outfit::{Outfit, OutfitError};
 use crate::pinch::{draw_back, in_pinches};
+use crate::prepared_body::PreparedBody;
 use crate::report::{ResolveReport, Verification};
 use crate::settle::Settings;
 use crate::splitting;
@@ -15,6 +16,7 @@ use crate::welded::Welded;
 use if_core::monitor::{Cancelled, Monitor};
 use if_core::parameter::ParameterError;
 use if_xpbd::report::StepError;
+use std::sync::Arc;
 use std::time::Instant;
 use tracing::trace_span;
 
@@ -97,7 +99,7 @@ pub fn resolve(
     params: &ResolveParams,
     monitor: &mut dyn Monitor,
 ) -> Result<Resolved, ResolveError> {
-    resolve_with(outfit, Settings { params, skip: true, fields: &[] }, monitor)
+    resolve_with(outfit, Settings { params, skip: true, fields: &[], body: None }, monitor)
 }
 
 /// [`resolve`] of garments that come with fields, inner to outer, such as a trained φ.
@@ -122,8 +124,19 @@ pub fn resolve_on_fields(
     params: &ResolveParams,
     monitor: &mut dyn Monitor,
 ) -> Result<Resolved, ResolveError> {
+    resolve_over(outfit, None, fields, params, monitor)
+}
+
+/// [`resolve_on_fields`] over a body that may be prepared.
+pub(crate) fn resolve_over(
+    outfit: &Outfit,
+    body: Option<&PreparedBody>,
+    fields: &[FieldOfGarment<'_>],
+    params: &ResolveParams,
+    monitor: &mut dyn Monitor,
+) -> Result<Resolved, ResolveError> {
     assert_eq!(fields.len(), outfit.garments.len(), "one entry for each garment");
-    resolve_with(outfit, Settings { params, skip: true, fields }, monitor)
+    resolve_with(outfit, Settings { params, skip: true, fields, body }, monitor)
 }
 
 /// The slow twin of [`resolve`]: every nearest point is computed, needed or not. The same bits.
@@ -137,7 +150,7 @@ pub fn resolve_without_skipping(
     params: &ResolveParams,
     monitor: &mut dyn Monitor,
 ) -> Result<Resolved, ResolveError> {
-    resolve_with(outfit, Settings { params, skip: false, fields: &[] }, monitor)
+    resolve_with(outfit, Settings { params, skip: false, fields: &[], body: None }, monitor)
 }
 
 fn resolve_with(
@@ -196,7 +209,11 @@ fn resolve_on_body(
     let solved = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let mut attempt = Attempt::new(solved.clone(), settings, monitor)?;
     let body = &attempt.closed[0];
-    let body = (body.body_report(), body_own_pairs(solved, body));
+    let own_pairs = match settings.body.filter(|prepared| Arc::ptr_eq(&prepared.closed, body)) {
+        Some(prepared) => prepared.own_pairs,
+        None => body_own_pairs(solved, body),
+    };
+    let body = (body.body_report(), own_pairs);
     let before = Verification::new(solved, body, &attempt.given, attempt.verify_seconds);
     if may_split {
         attempt = split_where_needed(attempt, settings, monitor)?;
@@ -295,14 +312,14 @@ mod tests {
             garments: vec![Layer::new("vest", icosphere(1.1, 1)), Layer::new("shirt", shirt)],
         };
         let params = ResolveParams::default();
-        let settings = Settings { params: &params, skip: true, fields: &[] };
+        let settings = Settings { params: &params, skip: true, fields: &[], body: None };
         let Ok(mut attempt) = Attempt::new(outfit(with(1.5)), settings, &mut Silent) else {
             panic!("not cancelled")
         };
         assert_eq!(attempt.remaining(), 0);
         // As if the third triangle had moved.
         let moved = outfit(with(0.3));
-        attempt.dressed[1].findings.own = verify_layers(&moved).0[1].own.clone();
+        attempt.dressed[1].findings.own = verify_layers(&moved, None).0[1].own.clone();
         assert_eq!(attempt.remaining(), 1);
         let report = attempt.report(Verification::default(), &params);
         assert!(!report.is_proven());

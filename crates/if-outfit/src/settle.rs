@@ -29,6 +29,7 @@ use crate::incremental_verification::IncrementalVerification;
 use crate::layer_fields::FieldOfGarment;
 use crate::outfit::Layer;
 use crate::params::{Method, ResolveParams};
+use crate::prepared_body::PreparedBody;
 use crate::progress::{GarmentProgress, REPAIR, SETTLE};
 use crate::repair::{self, Repair};
 use crate::report::{Algorithm1Report, RepairCounts};
@@ -94,6 +95,8 @@ pub(crate) struct Settings<'a> {
     pub(crate) skip: bool,
     /// The fields that garments come with, inner to outer; empty if none does.
     pub(crate) fields: &'a [FieldOfGarment<'a>],
+    /// A body that was prepared, if it is that of the outfit.
+    pub(crate) body: Option<&'a PreparedBody>,
 }
 
 /// Brings `garment` outside the layers `below` (the body first), and below those `above` as far as
@@ -111,7 +114,7 @@ pub(crate) fn settle(
     settings: Settings<'_>,
     progress: &mut GarmentProgress<'_>,
 ) -> Result<Settled, SettleError> {
-    let Settings { params, skip, fields } = settings;
+    let Settings { params, skip, fields, .. } = settings;
     let mesh = &garment.mesh;
     let _phase = trace_span!("settling").entered();
     let verifying = trace_span!("verification").entered();

@@ -4,6 +4,8 @@
 use crate::distances;
 use crate::findings::{Findings, LayerFindings, new_pairs};
 use crate::outfit::{Layer, Outfit, OutfitError};
+use crate::phases::beside;
+use crate::prepared_body::PreparedBody;
 use crate::report::{OwnPairs, Verification};
 use crate::welded::Welded;
 use if_core::math::Real;
@@ -15,6 +17,7 @@ use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
+use tracing::field::Empty;
 use tracing::trace_span;
 
 /// Checks an outfit without changing it: intersecting triangle pairs of all layers, vertices on the
@@ -31,7 +34,7 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
     let start = Instant::now();
     let welded = Welded::new(outfit, true);
     let outfit = welded.as_ref().map_or(outfit, |w| &w.outfit);
-    let (findings, closed) = verify_layers(outfit);
+    let (findings, closed) = verify_layers(outfit, None);
     let body = (closed[0].body_report(), body_own_pairs(outfit, &closed[0]));
     let mut found = Verification::new(outfit, body, &findings, 0.0);
     distances::measure(outfit, &closed, &mut found);
@@ -40,13 +43,20 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
 }
 
 /// What is found in a checked outfit, for each garment, and its closed layers: the body, then all
-/// garments but the outermost, which nothing lies over.
-pub(crate) fn verify_layers(outfit: &Outfit) -> (Vec<Findings>, Vec<Arc<ClosedLayer>>) {
+/// garments but the outermost, which nothing lies over. A body that was `prepared` is not closed
+/// again.
+pub(crate) fn verify_layers(
+    outfit: &Outfit,
+    prepared: Option<&PreparedBody>,
+) -> (Vec<Findings>, Vec<Arc<ClosedLayer>>) {
     let _phase = trace_span!("verification").entered();
     let body_mesh = &outfit.body.mesh;
     let covered = outfit.garments.split_last().map_or(&[][..], |(_, covered)| covered);
     let close_layers = || {
-        let body = Arc::new(ClosedLayer::body(body_mesh));
+        let body = match prepared.filter(|prepared| prepared.is_of(body_mesh)) {
+            Some(prepared) => Arc::clone(&prepared.closed),
+            None => Arc::new(ClosedLayer::body(body_mesh)),
+        };
         let close = |g: &Layer| Arc::new(ClosedLayer::garment(&g.mesh, &body, body_mesh));
         let garments: Vec<_> = covered.par_iter().map(close).collect();
         [Arc::clone(&body)].into_iter().chain(garments).collect::<Vec<_>>()
@@ -57,9 +67,11 @@ pub(crate) fn verify_layers(outfit: &Outfit) -> (Vec<Findings>, Vec<Arc<ClosedLa
         (tree, own)
     };
     // Own pairs need no layer to be closed.
-    let (closed, own) = trace_span!("closed layers and own pairs").in_scope(|| {
-        rayon::join(close_layers, || outfit.garments.par_iter().map(own).collect::<Vec<_>>())
-    });
+    let all_own = || outfit.garments.par_iter().map(own).collect::<Vec<_>>();
+    let names = ["closed layers", "own pairs"];
+    let span =
+        trace_span!("closed layers and own pairs", "closed layers" = Empty, "own pairs" = Empty);
+    let (closed, own) = beside(&span, names, close_layers, all_own);
     let _phase = trace_span!("pairs and sides").entered();
     let garments = outfit.garments.par_iter().zip(own).enumerate();
     let findings = garments.map(|(k, (garment, (tree, own)))| {
@@ -143,6 +155,6 @@ pub(crate) fn body_own_pairs(outfit: &Outfit, closed: &ClosedLayer) -> usize {
     own_of(&outfit.body.mesh, closed.bvh()).len()
 }
 
-fn own_of(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
+pub(crate) fn own_of(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
     own_pairs(mesh, tree).iter().map(|p| [p.a, p.b]).collect()
 }

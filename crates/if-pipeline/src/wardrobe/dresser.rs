@@ -6,7 +6,7 @@ use crate::asset::Asset;
 use if_body::align::{AlignParams, AlignReport, BodyMap, measure};
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{CoordinateType, quantise};
-use if_mesh::solid::ClosedLayer;
+use if_outfit::PreparedBody;
 use if_outfit::outfit::{Layer, Outfit};
 use if_outfit::storage::Storage;
 use std::collections::BTreeMap;
@@ -27,8 +27,8 @@ pub struct Dresser<'a> {
 pub(crate) struct Dummy {
     /// As stored.
     pub(crate) body: WardrobeBody,
-    /// Its closed surface.
-    pub(crate) closed: ClosedLayer,
+    /// Closed.
+    pub(crate) prepared: Arc<PreparedBody>,
 }
 
 /// A garment on a body.
@@ -49,6 +49,8 @@ pub struct Dressed {
     pub outfit: Outfit,
     /// The garments, in the same order.
     pub garments: Vec<Arc<AlignedGarment>>,
+    /// The body, prepared for outfits.
+    pub body: Arc<PreparedBody>,
 }
 
 /// Largest number of cached bodies, maps and garments, each; then the cache is cleared. A garment of
@@ -114,8 +116,8 @@ impl<'a> Dresser<'a> {
     pub(crate) fn dummy(&self, body: &str) -> Result<Arc<Dummy>, WardrobeError> {
         self.bodies.get(body.to_owned(), || {
             let body = self.wardrobe.body(body)?;
-            let closed = ClosedLayer::body(&body.mesh);
-            Ok(Dummy { body, closed })
+            let prepared = Arc::new(PreparedBody::new(&body.mesh));
+            Ok(Dummy { body, prepared })
         })
     }
 
@@ -142,7 +144,8 @@ impl<'a> Dresser<'a> {
             // The proof must hold for what a reader of the file gets.
             let rounded = quantise(moved.vertices(), CoordinateType::Float);
             let mesh = moved.with_vertices(rounded).map_err(|e| align(e.into()))?;
-            let report = measure(&map, (&asset.mesh, &own.closed), (&mesh, &other.closed));
+            let [before, after] = [&own, &other].map(|dummy| dummy.prepared.closed());
+            let report = measure(&map, (&asset.mesh, before), (&mesh, after));
             Ok(AlignedGarment { asset, mesh, report })
         })
     }
@@ -168,6 +171,6 @@ impl<'a> Dresser<'a> {
         };
         let layers = names.iter().zip(&garments).map(|(name, g)| layer(name, &g.mesh)).collect();
         let outfit = Outfit::new(layer(&combination.body, &dummy.body.mesh), layers)?;
-        Ok(Dressed { outfit, garments })
+        Ok(Dressed { outfit, garments, body: Arc::clone(&dummy.prepared) })
     }
 }

@@ -143,7 +143,7 @@ fn settle(
     let fields: Vec<FieldOfGarment<'_>> =
         fields.iter().map(|f| f.as_ref().map(PhiField::field)).collect();
     let files = dressed.garments.iter().map(|g| MeshFile::from_ply(g.asset.file())).collect();
-    let files = OutfitFiles::from_memory(dressed.outfit, files);
+    let files = OutfitFiles::from_memory(dressed.outfit, files).with_body(dressed.body);
     let outcome = files.resolve_on_fields(&fields, &params.resolve, monitor);
     matched.timings.resolve = start.elapsed().as_secs_f64();
     matched.before = Some(files.outfit().clone());
