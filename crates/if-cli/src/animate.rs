@@ -21,6 +21,7 @@ use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::receipt;
 use crate::staging::Staging;
+use crate::values::above_zero;
 use clap::Args;
 use if_core::math::Point;
 use if_core::monitor::{Cancelled, Monitor, Progress};
@@ -51,6 +52,10 @@ pub(crate) struct AnimateArgs {
     /// and groin.
     #[arg(long, value_enum, default_value = "yield")]
     pub(crate) pinch: PinchArg,
+    /// The farthest that a body may yield, with a unit, such as 15mm. Where more would be needed, the
+    /// frame has a pinch, which is named.
+    #[arg(long, value_name = "LENGTH", value_parser = above_zero, default_value = "10cm")]
+    pub(crate) body_depth: f64,
     /// Output folder.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
@@ -77,6 +82,8 @@ const REPORT: &str = "report.json";
 pub(crate) struct Options {
     pub(crate) source: SourceArgs,
     pub(crate) pinch: Pinch,
+    /// In metres.
+    pub(crate) body_depth: f64,
     /// Output folder.
     pub(crate) out: PathBuf,
     pub(crate) continuous: bool,
@@ -91,6 +98,7 @@ pub(crate) fn run(args: &AnimateArgs) -> Result<End, Report> {
     let options = Options {
         source: args.source.clone(),
         pinch: args.pinch.into(),
+        body_depth: args.body_depth,
         out: args.out.clone(),
         continuous: args.continuous,
         meshes: args.meshes,
@@ -123,7 +131,8 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     let movement = moved.movement();
     let staging = Staging::open(&args.out)?;
     let mut monitor = Frame(line);
-    let params = AnimateParams { pinch: args.pinch, ..AnimateParams::default() };
+    let (pinch, body_depth) = (args.pinch, args.body_depth);
+    let params = AnimateParams { pinch, body_depth, ..AnimateParams::default() };
     let folder = args.out.join(FRAMES);
     let animation = match follow(movement, &params, &folder, &mut monitor) {
         Ok(animation) => animation,

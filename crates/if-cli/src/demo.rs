@@ -14,6 +14,7 @@ use if_body::Motion;
 use if_body::mannequin::{self, MannequinParams, rig};
 use if_core::mesh::TriMesh;
 use if_mesh::ply::{PlyMesh, WriteParams, write_path};
+use if_pipeline::animate::AnimateParams;
 use miette::{IntoDiagnostic, Report};
 use std::fmt::Write;
 use std::num::NonZeroUsize;
@@ -95,7 +96,8 @@ pub(crate) fn run(args: &DemoArgs) -> Result<End, Report> {
         fps: None,
     };
     let options = animate::Options {
-        pinch: if_outfit::Pinch::Yield,
+        pinch: AnimateParams::default().pinch,
+        body_depth: AnimateParams::default().body_depth,
         source,
         out: args.out.join("motion"),
         continuous: false,

@@ -165,7 +165,7 @@ impl Tree {
             name,
             count: *count,
             wall: spent.wall.as_secs_f64(),
-            processor: counts.then(|| spent.processor.as_secs_f64()),
+            processor: counts.then_some(spent.processor.as_secs_f64()),
             phases: within.iter().map(|k| self.phase(*k)).collect(),
         }
     }

@@ -40,7 +40,7 @@ impl Default for AnimateParams {
             body_limit: 0.03,
             smoothing: 0.2,
             pinch: Pinch::Yield,
-            body_depth: 0.015,
+            body_depth: 0.1,
             walk: WalkParams::default(),
         }
     }
