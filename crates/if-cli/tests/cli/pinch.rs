@@ -29,7 +29,7 @@ fn balls() -> Folder {
     folder
 }
 
-const FIX: &str = "fix --body balls.ply sheet.ply --set rounds=8 --no-pictures";
+const FIX: &str = "fix --body balls.ply sheet.ply --set rounds=8";
 
 #[test]
 fn a_body_that_was_drawn_back_is_written_beside_its_garments() {

@@ -141,19 +141,23 @@ fn smoothed_frames_tremble_less_and_are_as_clean() {
 
 #[test]
 fn the_body_is_displaced_by_no_more_than_it_may_be() {
-    let (outfit, motion) = (outfit(), motion(2));
+    let (outfit, mut motion) = (outfit(), motion(1));
+    // The thigh meets the belly.
+    let thigh = rig::skeleton().names().position(|n| n == "left_thigh").unwrap();
+    let lifted = UnitQuaternion::from_axis_angle(&Vector::x_axis(), -1.7);
+    motion.poses[0].rotations[thigh] = lifted;
     let run = |params: AnimateParams| {
         let folder = tempfile::tempdir().unwrap();
         animate(&outfit, &motion, &params, folder.path(), &mut Silent).unwrap().report
     };
     let free = run(AnimateParams::default());
-    assert!(free.body_max > 1e-6 && free.frames.iter().all(|f| f.pinch.is_none()), "{free:?}");
+    assert!(free.body_max > 1e-3 && free.frames.iter().all(|f| f.pinch.is_none()), "{free:?}");
     let bound = 0.5 * free.body_max;
     let bounded = run(AnimateParams { body_depth: bound, ..AnimateParams::default() });
-    assert!(bounded.body_max < bound + 1e-6 && bounded.clean == 2, "{bounded:?}");
+    assert!(bounded.body_max < bound + 1e-6 && bounded.clean == 1, "{bounded:?}");
     assert!(bounded.frames.iter().any(|f| f.pinch.is_some()));
     let kept = run(AnimateParams { pinch: Pinch::Keep, ..AnimateParams::default() });
-    assert!(kept.body_max < 1e-6 && kept.clean == 2, "{kept:?}");
+    assert!(kept.body_max < 1e-6 && kept.clean == 1, "{kept:?}");
     let none = AnimateParams { body_depth: 0.0, ..AnimateParams::default() };
     assert!(none.validate().is_err());
 }
