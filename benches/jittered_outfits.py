@@ -19,7 +19,7 @@ import time
 
 import meshio
 import numpy as np
-from outfit_data import Outfit, outfits
+from outfit_data import Outfit, arguments, outfits
 
 
 def jittered(path, out, rng):
@@ -50,9 +50,7 @@ def any_order(data, seed):
 
 
 def main():
-    argv, extra = sys.argv[1:], []
-    if "--" in argv:
-        argv, extra = argv[: argv.index("--")], argv[argv.index("--") + 1 :]
+    argv, extra = arguments()
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--ifg", default="target/release/ifg")
     p.add_argument("--data", default="../shared/data")

@@ -11,6 +11,14 @@ class Outfit(NamedTuple):
     garments: list  # their paths
 
 
+def arguments():
+    """The program's own arguments, and those after `--`, which are of `ifg fix`."""
+    argv = sys.argv[1:]
+    if "--" not in argv:
+        return argv, []
+    return argv[: argv.index("--")], argv[argv.index("--") + 1 :]
+
+
 def outfits(data, bodies, only=None):
     """All outfits of some bodies, in the order of their files; with `only`, those whose names begin with one of these."""
     for body in bodies:

@@ -20,6 +20,7 @@ import sys
 import meshio
 import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
+from outfit_data import arguments
 
 EVEN = 720  # points of an outline
 
@@ -221,9 +222,7 @@ def scenes(scene):
 
 
 def main():
-    argv, extra = sys.argv[1:], []
-    if "--" in argv:
-        argv, extra = argv[: argv.index("--")], argv[argv.index("--") + 1 :]
+    argv, extra = arguments()
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--ifg", default="target/release/ifg")
     p.add_argument("--data", default="../shared/data")

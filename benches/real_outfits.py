@@ -10,13 +10,11 @@ referee's pairs after (and before), and for each layer what moved, strain and ow
 needs numpy, scipy, libigl and meshio in PY.
 """
 import argparse, json, os, subprocess, sys, time
-from outfit_data import drawn, outfits
+from outfit_data import arguments, drawn, outfits
 
 
 def main():
-    argv, extra = sys.argv[1:], []
-    if "--" in argv:
-        argv, extra = argv[: argv.index("--")], argv[argv.index("--") + 1:]
+    argv, extra = arguments()
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--ifg", default="target/release/ifg")
     p.add_argument("--data", default="../shared/data")

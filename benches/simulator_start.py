@@ -13,7 +13,7 @@ import argparse, csv, os, sys
 import numpy as np
 from exact_pairs import between, displacement, load, own, save, strain
 from newton_cloth import Settings, newton, simulate, wp
-from outfit_data import resolved
+from outfit_data import arguments, resolved
 
 HEAD = "| outfit | start | least distance, mm | pairs of layers, start → end | own pairs, start → end | moved, median / max, mm | strain rms / max, % | fastest at the end, m/s | s |"
 
@@ -23,9 +23,7 @@ def counts(body, garments):
 
 
 def main():
-    argv, extra = sys.argv[1:], []
-    if "--" in argv:
-        argv, extra = argv[: argv.index("--")], argv[argv.index("--") + 1:]
+    argv, extra = arguments()
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--ifg", default="target/release/ifg")
     p.add_argument("--data", default="../shared/data")

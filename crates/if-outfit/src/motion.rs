@@ -19,6 +19,7 @@
 //! No accepted state has an intersecting pair that the rest state does not have, so a walk can end
 //! at any step. Targets come from the caller: this module sees no skeleton.
 
+mod attempt;
 mod contact;
 mod crossings;
 mod drawn_back;
@@ -31,6 +32,7 @@ mod proof;
 mod scene;
 mod snapshot;
 mod step;
+mod tolerated;
 mod turn;
 mod walk;
 
@@ -39,7 +41,7 @@ mod tests;
 
 pub use crossings::{Crossing, Crossings};
 pub(crate) use drawn_back::{DrawnBack, drawn_back};
-pub(crate) use facing::pinched;
+pub(crate) use facing::{pinched, room};
 pub use params::WalkParams;
 pub use proof::{Pinched, Proof};
 pub use snapshot::SnapshotError;

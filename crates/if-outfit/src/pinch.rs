@@ -1,6 +1,6 @@
 //! Pinches: where a body meets itself, or leaves no room for the cloth between.
 
-use crate::motion::{DrawnBack, drawn_back, pinched};
+use crate::motion::{DrawnBack, drawn_back, pinched, room};
 use crate::outfit::{Layer, Outfit};
 use crate::params::GoalParams;
 use crate::report::{DrawnBackReport, Extent, PinchReport};
@@ -18,7 +18,7 @@ const SHEET: Real = 2.0;
 
 /// The body of `outfit` drawn back, and how; `None` if it leaves room for the garments as it is.
 pub(crate) fn draw_back(outfit: &Outfit, goal: &GoalParams) -> Option<(Layer, DrawnBackReport)> {
-    let needed = room(outfit, goal);
+    let needed = room(outfit.garments.len(), SHEET * goal.clearance);
     let DrawnBack { positions, met, narrow, left } = drawn_back(outfit, needed, goal.pinch_depth)?;
     let body = &outfit.body;
     let corners = met.iter().flatten().flat_map(|t| body.mesh.triangles()[*t as usize]);
@@ -34,14 +34,10 @@ pub(crate) fn draw_back(outfit: &Outfit, goal: &GoalParams) -> Option<(Layer, Dr
     Some((Layer { mesh, ..body.clone() }, report))
 }
 
-/// Room that the sheets of cloth in a pinch need: each garment lies there twice.
-fn room(outfit: &Outfit, goal: &GoalParams) -> Real {
-    (2 * outfit.garments.len() + 1) as Real * SHEET * goal.clearance
-}
-
 /// What of `outfit` intersects its body in pinches; `None` if nothing does.
 pub(crate) fn in_pinches(outfit: &Outfit, goal: &GoalParams) -> Option<PinchReport> {
-    let pinched = pinched(&outfit.body.mesh, room(outfit, goal));
+    let needed = room(outfit.garments.len(), SHEET * goal.clearance);
+    let pinched = pinched(&outfit.body.mesh, needed);
     if !pinched.contains(&true) {
         return None;
     }

@@ -1,8 +1,8 @@
 //! Near pairs of primitives, and the half-spaces that keep them apart.
 
-use super::keep::Tolerated;
 use super::params::WalkParams;
 use super::scene::Scene;
+use super::tolerated::Tolerated;
 use if_core::aabb::Aabb;
 use if_core::closest::closest_on_triangle;
 use if_core::math::{Point, Real, Vector};

@@ -12,11 +12,12 @@
 
 use super::contact::Contact;
 use super::equilibrium::{Multipliers, solve};
-use super::facing::{Facing, facings, near};
+use super::facing::{Facing, facings};
+use super::locality::near;
 use super::params::WalkParams;
 use super::scene::Scene;
-use super::step::pairs_of;
 use crate::outfit::Outfit;
+use crate::verify::own_of;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
@@ -62,7 +63,7 @@ pub(crate) fn drawn_back(outfit: &Outfit, room: Real, depth: Real) -> Option<Dra
         corners.clone().any(|v| is_covered[v as usize])
     };
     let of_state = |mesh: &TriMesh, tree: &Bvh| -> Vec<[u32; 2]> {
-        pairs_of(mesh, tree).into_iter().filter(is_near).collect()
+        own_of(mesh, tree).into_iter().filter(is_near).collect()
     };
     let met = of_state(&scene.mesh, &tree);
     let first = facings((&scene.mesh, &tree), &normals, &is_covered, limits(room, depth));
@@ -78,7 +79,7 @@ pub(crate) fn drawn_back(outfit: &Outfit, room: Real, depth: Real) -> Option<Dra
         yields.iter().zip(&scene.inverse_mass).map(|(y, w)| if *y { *w } else { 0.0 }).collect();
     let mut wanted = vec![room; target.len()];
     let (mut multipliers, mut x) = (Multipliers::default(), target.to_vec());
-    let mut best: Option<DrawnBack> = None;
+    let mut best: Option<(Vec<Point>, Vec<[u32; 2]>)> = None;
     let mut mesh = scene.mesh.clone();
     for round in 0..ROUNDS {
         let found = facings((&mesh, &tree), &normals, &yields, limits(room, depth));
@@ -112,15 +113,14 @@ pub(crate) fn drawn_back(outfit: &Outfit, room: Real, depth: Real) -> Option<Dra
             wanted[v as usize] += GROWTH * room;
         }
         let is_done = left.is_empty() && solved.violation <= 0.5 * room && round > 0;
-        if best.as_ref().is_none_or(|best| left.len() <= best.left.len()) {
-            let (met, narrow) = (met.clone(), narrow.clone());
-            best = Some(DrawnBack { positions: mesh.vertices().to_vec(), met, narrow, left });
+        if best.as_ref().is_none_or(|(_, fewest)| left.len() <= fewest.len()) {
+            best = Some((mesh.vertices().to_vec(), left));
         }
         if is_done {
             break;
         }
     }
-    best
+    best.map(|(positions, left)| DrawnBack { positions, met, narrow, left })
 }
 
 /// Rooms that are watched. What lies deeper cannot be led out.

@@ -1,8 +1,8 @@
 //! How much room a body leaves in front of its skin: none where it meets itself.
 
-use super::step::pairs_of;
+use crate::verify::own_of;
 use if_core::closest::closest_on_triangle;
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Real, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use rayon::prelude::*;
@@ -68,22 +68,13 @@ pub(crate) fn facings(
     (0..x.len()).into_par_iter().with_min_len(256).filter_map(one).collect()
 }
 
-/// Which vertices lie within `reach` of one of the `places`.
-pub(crate) fn near(x: &[Point], places: &[Point], reach: Real) -> Vec<bool> {
-    if places.is_empty() {
-        return vec![false; x.len()];
-    }
-    let tree = if_mesh::point_tree::PointTree::new(places);
-    let is_near = |p: &Point| {
-        let mut nearest = Vec::new();
-        tree.nearest(p, 1, &mut nearest);
-        nearest.first().is_some_and(|n| n.0 <= reach * reach)
-    };
-    x.par_iter().with_min_len(256).map(is_near).collect()
-}
-
 /// Depth, in metres, up to which a vertex in another part of the body is found to be so.
 const DEEPEST: Real = 0.3;
+
+/// Room that the sheets of cloth in a pinch need, with a `gap` for each: all garments lie there twice.
+pub(crate) fn room(garments: usize, gap: Real) -> Real {
+    (2 * garments + 1) as Real * gap
+}
 
 /// Triangles of a body that leave less than `room` metres, or meet the body.
 pub(crate) fn pinched(mesh: &TriMesh, room: Real) -> Vec<bool> {
@@ -96,7 +87,7 @@ pub(crate) fn pinched(mesh: &TriMesh, room: Real) -> Vec<bool> {
     }
     let of_triangle = |t: &[u32; 3]| t.iter().any(|v| is_narrow[*v as usize]);
     let mut pinched: Vec<bool> = mesh.triangles().iter().map(of_triangle).collect();
-    for triangle in pairs_of(mesh, &tree).into_iter().flatten() {
+    for triangle in own_of(mesh, &tree).into_iter().flatten() {
         pinched[triangle as usize] = true;
     }
     pinched

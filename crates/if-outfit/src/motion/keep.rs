@@ -12,44 +12,14 @@
 //! [Baraff et al. 2003]. The rest is pushed out by millimetres, where the body yielded beside the
 //! pinch.
 
-use super::facing::pinched;
+use super::facing::{pinched, room};
 use super::locality::Yielding;
 use super::proof::{Proof, prove};
-use super::step::pairs_of;
 use super::walk::{APPROACH, WalkError, Walked, Walker};
 use crate::storage::Storage;
+use crate::verify::own_of;
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
-
-/// Pairs of triangles that may intersect.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Tolerated {
-    /// Own pairs of the rest state, sorted.
-    pub(super) own: Vec<[u32; 2]>,
-    /// For each triangle of a body that is kept whether it lies in a pinch; `None` if the body yields.
-    pub(super) pinched: Option<Vec<bool>>,
-}
-
-impl Tolerated {
-    /// Whether two triangles, the smaller index first, may intersect.
-    pub(super) fn permits(&self, pair: [u32; 2]) -> bool {
-        let is_kept = |pinched: &Vec<bool>| {
-            let [a, b] = pair.map(|t| t as usize);
-            b < pinched.len() || pinched.get(a) == Some(&true)
-        };
-        self.own.binary_search(&pair).is_ok() || self.pinched.as_ref().is_some_and(is_kept)
-    }
-
-    /// Those of the pairs that may not be.
-    pub(super) fn left(&self, pairs: &[[u32; 2]]) -> Vec<[u32; 2]> {
-        pairs.iter().filter(|pair| !self.permits(**pair)).copied().collect()
-    }
-
-    /// Whether a triangle of the body lies in a pinch.
-    pub(super) fn is_pinched(&self, triangle: u32) -> bool {
-        self.pinched.as_ref().is_some_and(|pinched| pinched[triangle as usize])
-    }
-}
 
 /// Times that a step towards the body that is kept is halved before the pinch widens.
 const HALVINGS: u32 = 1;
@@ -83,7 +53,8 @@ impl Walker {
         let mut to = from.to_vec();
         to[..body].copy_from_slice(&Storage::F32.round(&reference[..body]));
         self.scene.copy_doubled(&mut to);
-        self.tolerated.pinched = Some(pinched(&self.scene.layer_mesh(&to, 0), self.room()));
+        let room = room(self.scene.layers() - 1, self.params.gap);
+        self.tolerated.pinched = Some(pinched(&self.scene.layer_mesh(&to, 0), room));
         let kept = self.kept(from, &to, monitor);
         let tolerated = std::mem::take(&mut self.tolerated.pinched);
         let mut x = kept?;
@@ -92,11 +63,6 @@ impl Walker {
         let proof = prove(&self.scene, &x, &self.tolerated);
         self.tolerated.pinched = None;
         Ok((x, proof))
-    }
-
-    /// Room that the sheets of cloth in a pinch need: each garment lies there twice.
-    fn room(&self) -> Real {
-        (2 * self.scene.layers() - 1) as Real * self.params.gap
     }
 
     /// As far as the garments come while the body goes from `from` to `to`. Where they do not come
@@ -108,7 +74,7 @@ impl Walker {
         monitor: &mut dyn Monitor,
     ) -> Result<Vec<Point>, WalkError> {
         let mesh = self.mesh(from)?;
-        if !self.tolerated.left(&pairs_of(&mesh, &self.tree(from))).is_empty() {
+        if !self.tolerated.left(&own_of(&mesh, &self.tree(from))).is_empty() {
             return Ok(from.to_vec());
         }
         let mut yielding = Yielding::everywhere(&self.scene);

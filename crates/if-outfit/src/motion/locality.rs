@@ -5,6 +5,7 @@ use if_core::math::{Point, Real};
 use if_mesh::index::Bvh;
 use if_mesh::intersections::own_pairs;
 use if_mesh::point_tree::PointTree;
+use rayon::prelude::*;
 
 /// Inverse masses of a step: zero for what is held.
 #[derive(Clone, Debug)]
@@ -50,19 +51,24 @@ impl Yielding {
             triangles.flat_map(|t| scene.mesh.triangles()[t as usize]).collect();
         corners.sort_unstable();
         corners.dedup();
-        if corners.is_empty() {
-            return;
-        }
         let places: Vec<Point> = corners.iter().map(|v| reference[*v as usize]).collect();
-        let tree = PointTree::new(&places);
-        let mut nearest = Vec::new();
-        for v in 0..scene.starts[1] {
-            if self.inverse_mass[v] == 0.0 {
-                tree.nearest(&reference[v], 1, &mut nearest);
-                if nearest.first().is_some_and(|n| n.0 <= reach * reach) {
-                    self.inverse_mass[v] = scene.inverse_mass[v];
-                }
-            }
+        let is_near = near(&reference[..scene.starts[1]], &places, reach);
+        for v in (0..is_near.len()).filter(|v| is_near[*v]) {
+            self.inverse_mass[v] = scene.inverse_mass[v];
         }
     }
+}
+
+/// Which vertices lie within `reach` of one of the `places`.
+pub(super) fn near(x: &[Point], places: &[Point], reach: Real) -> Vec<bool> {
+    if places.is_empty() {
+        return vec![false; x.len()];
+    }
+    let tree = PointTree::new(places);
+    let is_near = |p: &Point| {
+        let mut nearest = Vec::new();
+        tree.nearest(p, 1, &mut nearest);
+        nearest.first().is_some_and(|n| n.0 <= reach * reach)
+    };
+    x.par_iter().with_min_len(256).map(is_near).collect()
 }

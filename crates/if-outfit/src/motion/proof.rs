@@ -1,8 +1,8 @@
 //! The proof of one state: exact intersections of all layers with one another and with themselves,
 //! and sides by the nearest surface.
 
-use super::keep::Tolerated;
 use super::scene::Scene;
+use super::tolerated::Tolerated;
 use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;

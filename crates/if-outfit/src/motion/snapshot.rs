@@ -1,8 +1,9 @@
 //! The state of a walker as bytes: a walk that goes on from it has the same bits as one that was
 //! not interrupted.
 
+use super::attempt::Met;
 use super::equilibrium::Multipliers;
-use super::walk::{Clean, Met, Walker};
+use super::walk::{Clean, Walker};
 use if_core::math::{Point, Real, Vector};
 
 /// First bytes of a snapshot.

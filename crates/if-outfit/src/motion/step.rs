@@ -1,30 +1,14 @@
 //! One step of a walk: contacts, a solve, exact verification.
 
+use super::attempt::Attempt;
 use super::contact::{Contact, Search};
-use super::equilibrium::{Multipliers, solve};
+use super::equilibrium::solve;
 use super::locality::Yielding;
 use super::turn::turns;
-use super::walk::{Met, Walker};
+use super::walk::Walker;
 use crate::storage::Storage;
+use crate::verify::own_of;
 use if_core::math::{Point, Real};
-use if_core::mesh::TriMesh;
-use if_mesh::index::Bvh;
-use if_mesh::intersections::own_pairs;
-
-/// A step that was tried.
-pub(super) struct Attempt {
-    pub(super) x: Vec<Point>,
-    pub(super) tree: Bvh,
-    /// Pairs that are not tolerated.
-    pub(super) pairs: Vec<[u32; 2]>,
-    pub(super) multipliers: Multipliers,
-    pub(super) met: Met,
-    pub(super) solves: usize,
-    pub(super) sweeps: usize,
-    pub(super) contacts: usize,
-    /// Whether the body was held where it is far from its own overlaps.
-    pub(super) is_local: bool,
-}
 
 /// Steps for which triangles that intersected are held apart.
 const KEPT: u32 = 12;
@@ -73,7 +57,7 @@ impl Walker {
             let rounded = Storage::F32.round(&x);
             let mesh = scene.mesh.with_vertices(rounded).expect("solutions are finite");
             let tree = self.tree(mesh.vertices());
-            let pairs = self.tolerated.left(&pairs_of(&mesh, &tree));
+            let pairs = self.tolerated.left(&own_of(&mesh, &tree));
             tracing::debug!(
                 pairs = pairs.len(),
                 contacts = contacts.len(),
@@ -119,9 +103,4 @@ impl Walker {
             }
         }
     }
-}
-
-/// All intersecting triangle pairs of a mesh, sorted.
-pub(super) fn pairs_of(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
-    own_pairs(mesh, tree).iter().map(|p| [p.a, p.b]).collect()
 }

@@ -1,22 +1,22 @@
 //! Walking: from one clean state to the next, each verified exactly.
 
+use super::attempt::{Attempt, Met};
 use super::equilibrium::Multipliers;
-use super::keep::Tolerated;
 use super::locality::Yielding;
 use super::params::WalkParams;
 use super::proof::{Proof, prove};
 use super::scene::Scene;
-use super::step::{Attempt, pairs_of};
+use super::tolerated::Tolerated;
 use super::turn::{turned, turns};
 use crate::outfit::{Outfit, OutfitError};
 use crate::storage::Storage;
+use crate::verify::own_of;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_core::parameter::ParameterError;
 use if_mesh::index::Bvh;
 use nalgebra::Matrix3;
-use std::collections::BTreeMap;
 
 /// A motion cannot be followed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -100,12 +100,8 @@ pub struct Walker {
     body_shape: Bvh,
     pub(super) clean: Clean,
     pub(super) multipliers: Multipliers,
-    /// Pairs of triangles that intersected in solves of the last steps: how often, and for how many
-    /// steps more they are held apart.
     pub(super) met: Met,
 }
-
-pub(super) type Met = BTreeMap<[u32; 2], (u32, u32)>;
 
 /// A verified state.
 #[derive(Clone, Debug)]
@@ -139,7 +135,7 @@ impl Walker {
         let x = Storage::F32.round(scene.mesh.vertices());
         let mesh = scene.mesh.with_vertices(x.clone()).expect("a mesh in metres stays finite");
         let tree = Bvh::new(&mesh);
-        let tolerated = pairs_of(&mesh, &tree);
+        let tolerated = own_of(&mesh, &tree);
         let layers = |pair: &[u32; 2]| pair.map(|t| scene.local_triangle(t));
         let between: Vec<_> = tolerated.iter().map(layers).filter(|[a, b]| a.0 != b.0).collect();
         if let Some([a, b]) = between.first() {
@@ -221,7 +217,7 @@ impl Walker {
     /// [`WalkError::Target`].
     pub fn intersections(&self, positions: &[Point]) -> Result<Vec<[(usize, u32); 2]>, WalkError> {
         let mesh = self.mesh(positions)?;
-        let pairs = self.tolerated.left(&pairs_of(&mesh, &self.tree(positions)));
+        let pairs = self.tolerated.left(&own_of(&mesh, &self.tree(positions)));
         Ok(pairs.iter().map(|p| p.map(|t| self.scene.local_triangle(t))).collect())
     }
 

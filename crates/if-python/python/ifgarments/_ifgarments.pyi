@@ -16,6 +16,7 @@ class _Verified(TypedDict):
 
 class _Resolved(_Verified):
     layers: list[tuple[Points, Triangles | None]]
+    body: Points | None
     unresolved: tuple[str, str] | None
 
 BUILD: str
@@ -75,6 +76,7 @@ def animate(
     skeleton: bytes,
     motion: bytes,
     folder: str,
+    keep_body: bool,
     threads: int | None,
     progress: ProgressCallback | None,
 ) -> tuple[
