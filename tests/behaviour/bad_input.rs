@@ -200,7 +200,7 @@ fn parameters_that_are_not_numbers_or_negative_are_refused_by_name() {
     let parameters: [(&str, Set); 15] = [
         ("goal.clearance", |p, x| p.goal.clearance = x),
         ("goal.tuck_distance", |p, x| p.goal.tuck_distance = x),
-        ("goal.pinch_depth", |p, x| p.goal.pinch_depth = x),
+        ("goal.body_depth", |p, x| p.goal.body_depth = x),
         ("effort.influence", |p, x| p.effort.influence = x),
         ("effort.repair_influence", |p, x| p.effort.repair_influence = x),
         ("effort.contact_step", |p, x| p.effort.contact_step = x),

@@ -2,7 +2,9 @@
 //! these; reports are computed from them.
 
 use if_core::math::Real;
-use if_mesh::intersections::TrianglePair;
+use if_core::mesh::TriMesh;
+use if_mesh::index::Bvh;
+use if_mesh::intersections::{TrianglePair, own_pairs};
 
 /// One garment against one layer below it.
 #[derive(Clone, Debug, Default)]
@@ -41,6 +43,11 @@ impl Findings {
     pub(crate) fn new_own(&self, given: &Self) -> Vec<[u32; 2]> {
         new_pairs(&self.own, &given.own)
     }
+}
+
+/// The pairs of triangles of the mesh, which `tree` holds, that intersect, sorted.
+pub(crate) fn own_of(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
+    own_pairs(mesh, tree).iter().map(|p| [p.a, p.b]).collect()
 }
 
 /// Those of the own pairs `now` that `given`, sorted, does not have.

@@ -35,7 +35,7 @@ pub struct GoalParams {
     /// What happens where the body meets itself or leaves no room for the cloth between.
     pub pinch: Pinch,
     /// The body is drawn back by at most this much, in metres ([`Pinch::Yield`]).
-    pub pinch_depth: Real,
+    pub body_depth: Real,
 }
 
 /// How hard the program tries.
@@ -110,7 +110,7 @@ impl Default for GoalParams {
             split: Split::Never,
             own: Own::Remove,
             pinch: Pinch::Keep,
-            pinch_depth: 0.015,
+            body_depth: 0.015,
         }
     }
 }
@@ -170,8 +170,8 @@ impl GoalParams {
         let (gap, tuck) = (self.clearance, self.tuck_distance);
         check("clearance", gap, gap > 0.0 && gap < 0.1, "between 0 and 0.1 m")?;
         check("tuck_distance", tuck, tuck > 0.0 && tuck < 0.5, "between 0 and 0.5 m")?;
-        let depth = self.pinch_depth;
-        check("pinch_depth", depth, depth > 0.0 && depth <= 0.1, "above 0 and at most 0.1 m")
+        let depth = self.body_depth;
+        check("body_depth", depth, depth > 0.0 && depth <= 0.1, "above 0 and at most 0.1 m")
     }
 }
 

@@ -19,7 +19,7 @@ const SHEET: Real = 2.0;
 /// The body of `outfit` drawn back, and how; `None` if it leaves room for the garments as it is.
 pub(crate) fn draw_back(outfit: &Outfit, goal: &GoalParams) -> Option<(Layer, DrawnBackReport)> {
     let needed = room(outfit.garments.len(), SHEET * goal.clearance);
-    let DrawnBack { positions, met, narrow, left } = drawn_back(outfit, needed, goal.pinch_depth)?;
+    let DrawnBack { positions, met, narrow, left } = drawn_back(outfit, needed, goal.body_depth)?;
     let body = &outfit.body;
     let corners = met.iter().flatten().flat_map(|t| body.mesh.triangles()[*t as usize]);
     let places: Vec<Point> =
@@ -144,7 +144,7 @@ mod tests {
     #[test]
     fn a_body_is_drawn_back_by_at_most_the_depth_that_is_given() {
         let outfit = balls(0.09);
-        let goal = GoalParams { pinch_depth: 1e-3, ..GoalParams::default() };
+        let goal = GoalParams { body_depth: 1e-3, ..GoalParams::default() };
         let (_, drawn) = draw_back(&outfit, &goal).unwrap();
         assert!(drawn.moved.max < 1e-3 + 1e-6 && drawn.own_pairs_after > 0, "{drawn:?}");
     }

@@ -1,6 +1,6 @@
 //! A body that is prepared once for many outfits.
 
-use crate::verify::own_of;
+use crate::findings::own_of;
 use if_core::mesh::TriMesh;
 use if_mesh::seams::weld;
 use if_mesh::solid::ClosedLayer;

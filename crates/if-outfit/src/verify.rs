@@ -2,7 +2,7 @@
 //! fields.
 
 use crate::distances;
-use crate::findings::{Findings, LayerFindings, new_pairs};
+use crate::findings::{Findings, LayerFindings, new_pairs, own_of};
 use crate::outfit::{Layer, Outfit, OutfitError};
 use crate::phases::beside;
 use crate::prepared_body::PreparedBody;
@@ -11,7 +11,7 @@ use crate::welded::Welded;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::{own_pairs, pairs};
+use if_mesh::intersections::pairs;
 use if_mesh::seams::weld;
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
@@ -153,8 +153,4 @@ pub(crate) fn compare_own_pairs(given: &TriMesh, now: &TriMesh) -> (OwnPairs, Ve
 pub(crate) fn body_own_pairs(outfit: &Outfit, closed: &ClosedLayer) -> usize {
     let _phase = trace_span!("own pairs of the body").entered();
     own_of(&outfit.body.mesh, closed.bvh()).len()
-}
-
-pub(crate) fn own_of(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
-    own_pairs(mesh, tree).iter().map(|p| [p.a, p.b]).collect()
 }

@@ -205,7 +205,7 @@ mod tests {
         let meet = |t: Real| {
             let x = at(t);
             let mesh = crossings.scene.mesh.with_vertices(x).unwrap();
-            let pairs = crate::verify::own_of(&mesh, &Bvh::new(&mesh));
+            let pairs = crate::findings::own_of(&mesh, &Bvh::new(&mesh));
             let local = pairs.iter().map(|p| p.map(|t| crossings.scene.local_triangle(t)));
             local.collect::<Vec<_>>()
         };

@@ -1,6 +1,6 @@
 //! How much room a body leaves in front of its skin: none where it meets itself.
 
-use crate::verify::own_of;
+use crate::findings::own_of;
 use if_core::closest::closest_on_triangle;
 use if_core::math::{Real, Vector};
 use if_core::mesh::TriMesh;

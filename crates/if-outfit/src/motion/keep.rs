@@ -16,8 +16,8 @@ use super::facing::{pinched, room};
 use super::locality::Yielding;
 use super::proof::{Proof, prove};
 use super::walk::{APPROACH, WalkError, Walked, Walker};
+use crate::findings::own_of;
 use crate::storage::Storage;
-use crate::verify::own_of;
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
 

@@ -6,8 +6,8 @@ use super::equilibrium::solve;
 use super::locality::Yielding;
 use super::turn::turns;
 use super::walk::Walker;
+use crate::findings::own_of;
 use crate::storage::Storage;
-use crate::verify::own_of;
 use if_core::math::{Point, Real};
 
 /// Steps for which triangles that intersected are held apart.
