@@ -7,6 +7,7 @@
 //!     settle it over those below, verify it exactly, freeze it       dressing.rs
 //!     stuck over garments that it met, and tucking is allowed:
 //!         press those in below it, and go back to the innermost      upper_layers.rs
+//!     left with intersections all the same: those give way to it as it lies      giving_way.rs
 //! untangle garments of which own pairs are left, where layers stay clean
 //! ```
 
@@ -213,7 +214,8 @@ fn dress(
             index += 1;
             continue;
         }
-        match dressing.put_on(index, layer, &above, tucking_helps, &mut progress) {
+        let put_on = dressing.put_on(index, layer, &above, tucking_helps, &mut progress);
+        match put_on.and_then(|()| dressing.give_way(index, &mut progress)) {
             Ok(()) => index += 1,
             Err(SettleError::Cancelled(cancelled)) => {
                 return Err(AttemptError::Cancelled(cancelled));

@@ -39,10 +39,10 @@ pub(crate) struct Dressed {
 pub(crate) struct Dressing<'a> {
     /// As given, and with its garments untangled: these settle.
     input: &'a Outfit,
-    outfit: &'a Outfit,
+    pub(crate) outfit: &'a Outfit,
     /// What was found in the untangled outfit, for each garment.
-    given: &'a [Findings],
-    settings: Settings<'a>,
+    pub(crate) given: &'a [Findings],
+    pub(crate) settings: Settings<'a>,
     /// The closed layers put on, the body first.
     pub(crate) below: Vec<Arc<ClosedLayer>>,
     pub(crate) dressed: Vec<Dressed>,
@@ -98,7 +98,7 @@ impl<'a> Dressing<'a> {
             let above = UpperLayers { layers: &above, tuck_distance: tight.tuck_distance() };
             let meets_garments = found.below[1..].iter().any(|l: &LayerFindings| !l.is_clean());
             let may_yield = !(tucking_helps && meets_garments);
-            settle(garment, &below, above, may_yield, self.settings, progress)?
+            settle(garment, None, &below, above, may_yield, self.settings, progress)?
         };
         let rounds = settled.rounds;
         self.freeze(index, given, settled, needs_nothing.then(|| found.clone()), start);
@@ -112,7 +112,7 @@ impl<'a> Dressing<'a> {
     }
 
     /// Keeps the garment `index` where it `settled`; what is found of it there may be `known`.
-    fn freeze(
+    pub(crate) fn freeze(
         &mut self,
         index: usize,
         given: Option<&Arc<ClosedLayer>>,

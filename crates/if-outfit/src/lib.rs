@@ -24,6 +24,7 @@ mod facing_sheets;
 pub mod files;
 mod findings;
 mod geodesic;
+mod giving_way;
 mod incremental_verification;
 mod layer_fields;
 pub mod motion;

@@ -241,6 +241,28 @@ pub struct RepairCounts {
     pub smoothings: usize,
     /// Rounds of easing.
     pub easing_rounds: usize,
+    /// Times that it gave way to a garment over it that was left with intersections.
+    pub gave_way: usize,
+}
+
+impl RepairCounts {
+    /// The sums with those of a later time.
+    pub(crate) fn plus(&self, later: &Self) -> Self {
+        Self {
+            untangling_rounds: self.untangling_rounds + later.untangling_rounds,
+            untangled_own_pairs: self.untangled_own_pairs + later.untangled_own_pairs,
+            escaped_vertices: self.escaped_vertices + later.escaped_vertices,
+            released_vertices: self.released_vertices + later.released_vertices,
+            yielding_rounds: self.yielding_rounds + later.yielding_rounds,
+            grown_gaps: self.grown_gaps + later.grown_gaps,
+            separating_planes: self.separating_planes + later.separating_planes,
+            exit_directions: self.exit_directions + later.exit_directions,
+            separated_own_pairs: self.separated_own_pairs + later.separated_own_pairs,
+            smoothings: self.smoothings + later.smoothings,
+            easing_rounds: self.easing_rounds + later.easing_rounds,
+            gave_way: self.gave_way + later.gave_way,
+        }
+    }
 }
 
 /// What was done to one garment.

@@ -68,6 +68,23 @@ pub(crate) struct Settled {
 }
 
 impl Settled {
+    /// What was done to a garment that settled `earlier` and again.
+    pub(crate) fn after(self, earlier: &Self) -> Self {
+        Self {
+            rounds: earlier.rounds + self.rounds,
+            repairs: earlier.repairs + self.repairs,
+            counts: earlier.counts.plus(&self.counts),
+            sweeps: earlier.sweeps + self.sweeps,
+            queries: earlier.queries + self.queries,
+            skipped: earlier.skipped + self.skipped,
+            tucked: earlier.tucked,
+            eased: if self.eased.rounds > 0 { self.eased } else { earlier.eased },
+            held: earlier.held.min(self.held),
+            algorithm1: earlier.algorithm1.clone(),
+            positions: self.positions,
+        }
+    }
+
     /// Of a garment that needs nothing.
     pub(crate) fn unchanged(garment: &Layer) -> Self {
         let positions = garment.mesh.vertices().to_vec();
@@ -100,7 +117,7 @@ pub(crate) struct Settings<'a> {
 }
 
 /// Brings `garment` outside the layers `below` (the body first), and below those `above` as far as
-/// there is room.
+/// there is room. With `start` it begins there, with repairs.
 ///
 /// # Errors
 ///
@@ -108,6 +125,7 @@ pub(crate) struct Settings<'a> {
 /// `may_yield` is false, and [`SettleError::Step`] if a step of the solver fails.
 pub(crate) fn settle(
     garment: &Layer,
+    start: Option<&[Point]>,
     below: &[&ClosedLayer],
     above: UpperLayers<'_>,
     may_yield: bool,
@@ -123,7 +141,7 @@ pub(crate) fn settle(
     drop(verifying);
     let unused: Vec<bool> = mesh.used_vertices().iter().map(|used| !used).collect();
     let sticking_out = above.sticking_out(mesh.vertices(), &unused);
-    if remaining.is_clean() && sticking_out.is_empty() {
+    if start.is_none() && remaining.is_clean() && sticking_out.is_empty() {
         return Ok(Settled::unchanged(garment));
     }
     let height = below[0].bvh().aabb().size().max();
@@ -136,14 +154,19 @@ pub(crate) fn settle(
     let mut work = trace_span!("cloth")
         .in_scope(|| Workpiece::new(scene, tree, (verification, remaining), sources));
 
-    // Algorithm 1 replaces the rounds of settling: repairs follow, unless it was enough.
+    // Algorithm 1 and a state to start from replace the rounds of settling: repairs follow, unless it
+    // was enough.
     let (mut first, mut end) = (0, params.effort.rounds);
     let mut algorithm1 = None;
-    if params.effort.method == Method::Paper {
+    let mut begin = start.map(<[Point]>::to_vec);
+    if begin.is_none() && params.effort.method == Method::Paper {
         let clearance = params.goal.clearance;
         let (positions, report) = algorithm1::settled(garment, below, fields, clearance, progress)?;
-        work.go_to(&positions);
+        begin = Some(positions);
         algorithm1 = Some(report);
+    }
+    if let Some(positions) = begin {
+        work.go_to(&positions);
         first = params.effort.settle_rounds.min(params.effort.rounds - 1);
         work.round = first;
         work.verify();

@@ -22,6 +22,8 @@ pub(crate) struct UpperLayer<'a> {
     pub(crate) layer: &'a ClosedLayer,
     /// How far below it vertices are pressed, in metres.
     pub(crate) gap: Real,
+    /// Vertices less than this far below it stick out as well, in metres.
+    pub(crate) least: Real,
     /// The garment's vertices that belong below it ([`covered`]).
     pub(crate) covered: Vec<bool>,
 }
@@ -69,8 +71,11 @@ impl UpperLayers<'_> {
         }
         let height = |v: u32| {
             let pressing = self.layers.iter().filter(|c| c.covered[v as usize]);
-            let sides = pressing.filter_map(|c| c.layer.sided(&x[v as usize], self.tuck_distance));
-            sides.filter(|s| !s.boundary).map(|s| s.distance).fold(0.0, Real::max)
+            let heights = pressing.filter_map(|c| {
+                let s = c.layer.sided(&x[v as usize], self.tuck_distance)?;
+                (!s.boundary).then_some(s.distance + c.least)
+            });
+            heights.fold(0.0, Real::max)
         };
         (0..x.len() as u32)
             .into_par_iter()
@@ -171,6 +176,7 @@ impl TightGarments {
         let of = |(k, layer): (usize, _)| UpperLayer {
             layer,
             gap: ROOM * self.clearance * (k - index) as Real,
+            least: 0.0,
             covered: covered(x, layer, body),
         };
         self.above(index).map(of).collect()
@@ -202,7 +208,7 @@ const BELOW_SKIN: Real = 0.03;
 /// which it lies on the way to the nearest point of the `body`, or a little below that.
 ///
 /// A sleeve beside the trunk sticks out of a waistcoat, which it is not worn under.
-fn covered(x: &[Point], layer: &ClosedLayer, body: &ClosedLayer) -> Vec<bool> {
+pub(crate) fn covered(x: &[Point], layer: &ClosedLayer, body: &ClosedLayer) -> Vec<bool> {
     let is_covered = |p: &Point| {
         let is_inside = || layer.sided(p, 0.0).is_some_and(|s| s.distance < 0.0);
         let hits = |end: &Point| layer.bvh().first_hit(p, end, |_| true).is_some();
@@ -277,7 +283,7 @@ mod tests {
         // 15 cm in front of the waistcoat.
         let mut x = vec![Point::new(0.0, 0.0, 0.165 + 0.15)];
         let covered = covered(&x, &waistcoat, &body);
-        let layers = [UpperLayer { layer: &waistcoat, gap: 1e-3, covered }];
+        let layers = [UpperLayer { layer: &waistcoat, gap: 1e-3, least: 0.0, covered }];
         let above = UpperLayers { layers: &layers, tuck_distance: goal.tuck_distance };
         let rounds = above.rounds(&x, &[false]);
         assert!(rounds >= 25, "{rounds}");

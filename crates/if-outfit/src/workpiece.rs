@@ -58,6 +58,10 @@ pub(crate) struct Scene<'a> {
     pub(crate) may_yield: bool,
 }
 
+/// After so many verified rounds of repair in which no less remained than before, a garment is given
+/// up: it has yielded at least twice then.
+const IDLE: usize = 40;
+
 /// The lower the better, in this order: how much remains, how many vertices stick out of a layer
 /// above, the rms strain.
 type Rank = (usize, usize, Real);
@@ -108,6 +112,9 @@ pub(crate) struct Workpiece<'a> {
     pub(crate) round: usize,
     /// Verified rounds of repair so far.
     pub(crate) repair_rounds: usize,
+    /// The least that remained after any round, and verified rounds of repair since.
+    fewest: usize,
+    pub(crate) idle_rounds: usize,
     /// Verified rounds since the garment was first clean, or last smoothed.
     pub(crate) clean_rounds: usize,
     /// Whether the cloth yields in the next round, and whether it did until this one.
@@ -147,6 +154,8 @@ impl<'a> Workpiece<'a> {
             best: None,
             round: 0,
             repair_rounds: 0,
+            fewest: usize::MAX,
+            idle_rounds: 0,
             clean_rounds: 0,
             is_yielding: false,
             has_yielded: false,
@@ -197,7 +206,7 @@ impl<'a> Workpiece<'a> {
     }
 
     /// Measures the strain, and keeps the state if none was as good. Returns whether the garment is
-    /// finished: clean, and unlikely to get better. `moved` is the largest motion of the round.
+    /// finished: clean, or given up, and unlikely to get better. `moved` is the largest motion of the round.
     pub(crate) fn rank(&mut self, moved: Real) -> bool {
         let effort = &self.scene.params.effort;
         let rest = self.scene.garment.mesh.vertices();
@@ -210,8 +219,12 @@ impl<'a> Workpiece<'a> {
             let positions = self.mesh.vertices().to_vec();
             self.best = Some(Best { rank, positions, meets_others });
         }
+        self.idle_rounds += usize::from(self.is_repairing());
+        if rank.0 < self.fewest {
+            (self.fewest, self.idle_rounds) = (rank.0, 0);
+        }
         if !self.best.as_ref().is_some_and(Best::is_clean) {
-            return false;
+            return self.idle_rounds >= IDLE;
         }
         // What repairs have strained relaxes for some more rounds.
         self.clean_rounds += 1;
