@@ -5,6 +5,7 @@
 //! it as far as they go: the upper one cannot yield any more, and the lower one can.
 //!
 //! ```text
+//! unless the upper one meets the body, or the lower ones a layer below them
 //! repeat while less remains than before, at most 6 times
 //!     for each garment below, inner to outer
 //!         it meets the upper one: press it in below that as it lies, near where they meet;
@@ -24,6 +25,7 @@ use crate::workpiece::SettleError;
 use if_core::edges::Edges;
 use if_core::math::Real;
 use if_mesh::solid::ClosedLayer;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Most times that garments give way to one.
@@ -48,17 +50,24 @@ impl Dressing<'_> {
         index: usize,
         progress: &mut GarmentProgress<'_>,
     ) -> Result<(), SettleError> {
-        if self.settings.params.goal.tuck == Tuck::Never {
+        // Where the upper one meets the body as well, it is not the garments below that are in its way.
+        let meets_body = !self.dressed[index].findings.below[0].is_clean();
+        if self.settings.params.goal.tuck == Tuck::Never || meets_body {
             return Ok(());
         }
         let mut gap = GAP;
         for _ in 0..TURNS {
             let Some(first) = (0..index).find(|k| self.meets(index, *k)) else { break };
-            let before = self.remaining(first);
+            // What a lower garment already failed at over its own layers below it would fail at again,
+            // with less room.
+            if self.remaining(first..index) > 0 {
+                break;
+            }
+            let before = self.remaining(first..index + 1);
             let dressed = self.dressed.split_off(first);
             let below = self.below.split_off(first + 1);
             self.press_in(first, &dressed, gap, progress)?;
-            if self.remaining(first) < before {
+            if self.remaining(first..index + 1) < before {
                 continue;
             }
             self.take_off(first);
@@ -78,13 +87,13 @@ impl Dressing<'_> {
         !self.dressed[outer].findings.below[inner + 1].is_clean()
     }
 
-    /// Pairs and vertices on a wrong side that remain of garments from `first` on.
-    fn remaining(&self, first: usize) -> usize {
+    /// Pairs and vertices on a wrong side that remain of these garments.
+    fn remaining(&self, garments: Range<usize>) -> usize {
         let of = |(dressed, given): (&Dressed, _)| {
             let layers = dressed.findings.below.iter().map(|l| l.pairs.len() + l.inside);
             layers.sum::<usize>() + dressed.findings.new_own(given).len()
         };
-        self.dressed.iter().zip(self.given).skip(first).map(of).sum()
+        self.dressed[garments.clone()].iter().zip(&self.given[garments]).map(of).sum()
     }
 
     /// Puts the garments `dressed`, which are those from `first` on, on again from where they lay; those
@@ -190,8 +199,8 @@ mod tests {
         };
         let mut params = ResolveParams::default();
         params.goal.tuck = tuck;
-        let (given, closed) = verify_layers(&outfit);
-        let settings = Settings { params: &params, skip: true, fields: &[] };
+        let (given, closed) = verify_layers(&outfit, None);
+        let settings = Settings { params: &params, skip: true, fields: &[], body: None };
         let mut dressing = Dressing::new([&outfit; 2], &given, &closed[0], settings);
         dressing.leave(0, Some(&closed[1]));
         dressing.leave(1, None);
@@ -207,7 +216,7 @@ mod tests {
     fn a_corner_that_pokes_through_what_is_worn_over_it_is_pressed_in() {
         with_a_corner_out(Tuck::IfStuck, |shirt, dressing| {
             assert!(!dressing.meets(1, 0));
-            assert_eq!(dressing.remaining(0), 0);
+            assert_eq!(dressing.remaining(0..2), 0);
             let (corner, out) = farthest(shirt);
             let now = dressing.dressed[0].mesh.vertices()[corner];
             assert!(Real::hypot(now.x, now.z) < 0.17 && out > 0.18, "{now}");

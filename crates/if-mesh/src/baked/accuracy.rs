@@ -20,6 +20,10 @@ const WORST: [usize; 2] = [2048, 8];
 /// Of each bin, cells spread evenly, and points in each.
 const EVEN: [usize; 2] = [4096, 2];
 
+/// Least number of points in the cells of a bin with the largest curvature: of few cells each gets
+/// more, because the largest error at a handful of points may be far below the largest of all.
+const FEWEST: usize = 4096;
+
 /// Upper bound on |∇φ| of the blend.
 ///
 /// In a cell ∇φ is M + E: M is affine in each coordinate, so that |M| is largest in a corner, where
@@ -181,7 +185,8 @@ fn probes(
             });
             some.truncate(worst);
             some.sort_unstable_by_key(|c| (c.1, c.2));
-            some.iter().for_each(|(_, b, c)| add(*b, *c, WORST[1]));
+            let points = WORST[1].max(FEWEST.div_ceil(worst));
+            some.iter().for_each(|(_, b, c)| add(*b, *c, points));
         }
     }
     points
