@@ -219,7 +219,7 @@ mod tests {
             assert_eq!(dressing.remaining(0..2), 0);
             let (corner, out) = farthest(shirt);
             let now = dressing.dressed[0].mesh.vertices()[corner];
-            assert!(Real::hypot(now.x, now.z) < 0.17 && out > 0.18, "{now}");
+            assert!(Real::hypot(now.x, now.z) < out - 3e-3, "{now}, {out}");
             assert_eq!(dressing.dressed[0].settled.counts.gave_way, 1);
             // Only near it.
             let moved = shirt.vertices().iter().zip(dressing.dressed[0].mesh.vertices());
