@@ -42,7 +42,28 @@ pub fn pairs_between(meshes: &[Bvh]) -> Vec<([usize; 2], Vec<TrianglePair>)> {
 /// Corners are common if they are one vertex or have equal coordinates; triangles of zero area are
 /// skipped.
 pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
-    let mut found = tree.own_near_pairs(|i, ti, j, tj| {
+    own_pairs_searched(mesh, tree, |_| true)
+}
+
+/// Those [`own_pairs`] of which at least one triangle has moved; `tree` must hold the current
+/// positions. What has not moved costs nothing.
+///
+/// # Panics
+///
+/// If `moved` is of a mesh with fewer triangles.
+pub fn own_pairs_of_moved(mesh: &TriMesh, tree: &Bvh, moved: &MovedTriangles) -> Vec<TrianglePair> {
+    if moved.is_empty() {
+        return Vec::new();
+    }
+    own_pairs_searched(mesh, tree, |t| moved.is_moved[t as usize])
+}
+
+fn own_pairs_searched(
+    mesh: &TriMesh,
+    tree: &Bvh,
+    is_searched: impl Fn(u32) -> bool,
+) -> Vec<TrianglePair> {
+    let mut found = tree.own_near_pairs(is_searched, |i, ti, j, tj| {
         if i < j { own_pair(mesh, i, ti, j, tj) } else { own_pair(mesh, j, tj, i, ti) }
     });
     found.sort_unstable();
@@ -89,24 +110,7 @@ pub fn own_pairs_after_motion(
     moved: &MovedTriangles,
     before: &[TrianglePair],
 ) -> Vec<TrianglePair> {
-    let again = moved.list.par_iter().flat_map_iter(|&t| {
-        let corners = mesh.corners(t as usize).map(|p| *p);
-        let mut found = Vec::new();
-        tree.overlapping_corners(&Aabb::from_points(&corners), |other, other_corners| {
-            // A pair of two moved triangles is found by the first one.
-            if other == t || (other < t && moved.is_moved[other as usize]) {
-                return;
-            }
-            let pair = if t < other {
-                own_pair(mesh, t, &corners, other, other_corners)
-            } else {
-                own_pair(mesh, other, other_corners, t, &corners)
-            };
-            found.extend(pair);
-        });
-        found
-    });
-    let mut all: Vec<TrianglePair> = again.collect();
+    let mut all = own_pairs_of_moved(mesh, tree, moved);
     all.extend(
         before.iter().filter(|p| !moved.is_moved[p.a as usize] && !moved.is_moved[p.b as usize]),
     );

@@ -29,34 +29,38 @@ impl Bvh {
         if !self.aabb().overlaps(&other.aabb()) {
             return Vec::new();
         }
-        let (here, there) = rayon::join(|| Rough::new(self), || Rough::new(other));
+        let rough = |tree| Rough::new(tree, 0.0, all);
+        let (here, there) = rayon::join(|| rough(self), || rough(other));
         self.search_pairs(other, &here, &there, false, keep)
     }
 
-    /// The same for pairs of two triangles of this tree, each pair once.
+    /// The same for pairs of two triangles of this tree, of which at least one `is_searched`, each pair
+    /// once.
     pub(crate) fn own_near_pairs<T: Send>(
         &self,
+        is_searched: impl Fn(u32) -> bool,
         keep: impl Fn(u32, &[Point; 3], u32, &[Point; 3]) -> Option<T> + Sync,
     ) -> Vec<T> {
         if self.is_empty() {
             return Vec::new();
         }
-        let rough = Rough::new(self);
+        let rough = Rough::new(self, 0.0, is_searched);
         self.search_pairs(self, &rough, &rough, true, keep)
     }
 
-    /// The values that `keep` returns for pairs of two triangles of this tree whose boxes are nearer
-    /// than `distance` along each axis, each pair once, in an order that does not depend on the
-    /// number of threads.
+    /// The values that `keep` returns for pairs of two triangles of this tree, of which at least one
+    /// `is_searched`, whose boxes are nearer than `distance` along each axis: each pair once, in an
+    /// order that does not depend on the number of threads. What is not searched costs nothing.
     pub fn own_pairs_within<T: Send>(
         &self,
         distance: Real,
+        is_searched: impl Fn(u32) -> bool,
         keep: impl Fn(u32, &[Point; 3], u32, &[Point; 3]) -> Option<T> + Sync,
     ) -> Vec<T> {
         if self.is_empty() {
             return Vec::new();
         }
-        let rough = Rough::widened(self, 0.5 * distance);
+        let rough = Rough::new(self, 0.5 * distance, is_searched);
         self.search_pairs(self, &rough, &rough, true, keep)
     }
 
@@ -133,8 +137,14 @@ impl Bvh {
     }
 }
 
-/// A box in single precision, rounded outwards. The fourth numbers always overlap: four numbers are
-/// compared at once, without a branch that may be mispredicted.
+/// All triangles are searched.
+fn all(_: u32) -> bool {
+    true
+}
+
+/// A box in single precision, rounded outwards. Four numbers are compared at once, without a branch
+/// that may be mispredicted. The fourth ones overlap unless neither box holds a triangle that is
+/// searched.
 #[derive(Clone, Copy)]
 struct RoughBox {
     min: [f32; 4],
@@ -145,9 +155,11 @@ impl RoughBox {
     /// The box of no points.
     const EMPTY: Self = Self { min: [f32::INFINITY; 4], max: [f32::NEG_INFINITY; 4] };
 
-    fn new(b: &Aabb) -> Self {
+    fn new(b: &Aabb, is_searched: bool) -> Self {
         let (l, h) = (b.min.map(below), b.max.map(above));
-        Self { min: [l.x, l.y, l.z, 0.0], max: [h.x, h.y, h.z, 0.0] }
+        // An interval that is turned around overlaps those that hold it, and not itself.
+        let [from, to] = if is_searched { [-2.0, 2.0] } else { [1.0, -1.0] };
+        Self { min: [l.x, l.y, l.z, from], max: [h.x, h.y, h.z, to] }
     }
 
     /// The box of both.
@@ -204,16 +216,14 @@ struct Link {
 }
 
 impl Rough {
-    fn new(tree: &Bvh) -> Self {
-        Self::widened(tree, 0.0)
-    }
-
     /// With boxes that are larger by `margin` on each side.
-    fn widened(tree: &Bvh, margin: Real) -> Self {
+    fn new(tree: &Bvh, margin: Real, is_searched: impl Fn(u32) -> bool) -> Self {
         let link =
             |n: &Node| Link { at: n.at, count: n.count, extent: n.aabb.size().norm_squared() };
-        let wide = |c: &[Point; 3]| RoughBox::new(&corner_box(c).inflated(margin));
-        let triangles: Vec<RoughBox> = tree.corners.iter().map(wide).collect();
+        let wide = |(c, t): (&[Point; 3], &u32)| {
+            RoughBox::new(&corner_box(c).inflated(margin), is_searched(*t))
+        };
+        let triangles: Vec<RoughBox> = tree.corners.iter().zip(&tree.order).map(wide).collect();
         // Rounding keeps order: a node's box is that of its parts. Children come after their parents.
         let mut nodes = vec![RoughBox::EMPTY; tree.nodes.len()];
         for (k, n) in tree.nodes.iter().enumerate().rev() {
@@ -255,11 +265,11 @@ impl Rough {
             return false;
         }
         let (left, right) = (n + 1, link.at);
-        push(left, left);
-        if self.nodes[left as usize].meets(&self.nodes[right as usize]) {
-            push(left, right);
+        for (x, y) in [(left, left), (left, right), (right, right)] {
+            if self.nodes[x as usize].meets(&self.nodes[y as usize]) {
+                push(x, y);
+            }
         }
-        push(right, right);
         true
     }
 }

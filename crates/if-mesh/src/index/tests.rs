@@ -130,6 +130,24 @@ fn boxes_pairs_and_segments_agree_with_all_triangles() {
 }
 
 #[test]
+fn pairs_of_chosen_triangles_are_those_of_all_that_have_one() {
+    let bvh = Bvh::new(&sheet(9));
+    let found = |is_searched: &dyn Fn(u32) -> bool| {
+        let pair = |i: u32, _: &_, j: u32, _: &_| Some([i.min(j), i.max(j)]);
+        let mut pairs = bvh.own_pairs_within(0.06, is_searched, pair);
+        pairs.sort_unstable();
+        pairs
+    };
+    let all = found(&|_| true);
+    for n in [1, 2, 7, 50, 1000] {
+        let chosen = |t: u32| t % n == 1;
+        let of_chosen = all.iter().filter(|p| p.iter().any(|t| chosen(*t)));
+        assert_eq!(found(&chosen), of_chosen.copied().collect::<Vec<_>>(), "{n}");
+    }
+    assert!(found(&|_| false).is_empty() && all.len() > 1000);
+}
+
+#[test]
 fn rounded_bounds_are_close_and_ranks_in_order() {
     let tiny = [0.0, 5e-324, 1e-310, 1e-45, 1.5e-45, 1e-38, 1.2e-38];
     let large = [3.4028234e38, 3.4028236e38, 1e39, Real::MAX, Real::INFINITY];

@@ -90,6 +90,8 @@ pub(super) struct Search<'a> {
     pub(super) predicted: &'a [Point],
     /// Pairs of triangles that may intersect.
     pub(super) tolerated: &'a Tolerated,
+    /// Triangles that the step concerns: of two others no contact is looked for.
+    pub(super) concerned: &'a [bool],
 }
 
 /// Where a triangle is in the last clean state, and how it moves in the step.
@@ -119,7 +121,8 @@ impl Search<'_> {
         let moving: Vec<Moving> =
             triangles.map(|t| Moving::new(&at(t, self.clean), at(t, self.predicted))).collect();
         let most = self.params.gap + self.params.margin;
-        let pairs = self.tree.own_pairs_within(most, |i, _, j, _| {
+        let is_concerned = |t: u32| self.concerned[t as usize];
+        let pairs = self.tree.own_pairs_within(most, is_concerned, |i, _, j, _| {
             let pair = [i.min(j), i.max(j)];
             self.may_meet(pair, &moving).then_some(pair)
         });
@@ -373,6 +376,7 @@ mod tests {
             turns: &turns,
             predicted: &predicted,
             tolerated: &walker.tolerated,
+            concerned: &vec![true; walker.scene.mesh.triangles().len()],
         };
         let found = search.contacts();
         let has = |c: &Contact| found.iter().any(|f| f.vertices == c.vertices);

@@ -50,6 +50,11 @@ impl Multipliers {
         Self { edges, contacts: contacts.into_iter().collect() }
     }
 
+    /// The vertices of contacts that push.
+    pub(super) fn pushed(&self) -> impl Iterator<Item = u32> {
+        self.contacts.keys().flatten().copied()
+    }
+
     /// Replaces the multipliers of contacts.
     pub(super) fn replace_forces(&mut self, contacts: HashMap<[u32; 4], Real>) {
         self.contacts = contacts;

@@ -80,7 +80,7 @@ impl Walker {
         if !input.0.is_empty() {
             return Err(SnapshotError { what: "it is too long" });
         }
-        self.clean = Clean { tree: self.tree(&x), x };
+        self.clean = Clean { tree: self.tree(&x), x, is_verified: false };
         self.target = target;
         self.multipliers = Multipliers::from_parts(edges, contacts);
         self.met = met;

@@ -1,12 +1,12 @@
 //! One step of a walk: contacts, a solve, exact verification.
 
 use super::attempt::Attempt;
+use super::concerned::concerned;
 use super::contact::{Contact, Search};
 use super::equilibrium::solve;
 use super::locality::Yielding;
 use super::turn::turns;
 use super::walk::Walker;
-use crate::findings::own_of;
 use crate::storage::Storage;
 use if_core::math::{Point, Real};
 
@@ -26,6 +26,13 @@ impl Walker {
         let Self { scene, params, clean, .. } = self;
         let turns = turns(scene, &self.target, target);
         let predicted = self.predicted(target, &turns);
+        let mut multipliers = self.multipliers.clone();
+        multipliers.turn(scene, &turns);
+        let concerned = if opening > 0.0 {
+            vec![true; scene.mesh.triangles().len()]
+        } else {
+            concerned(scene, [&clean.x, &predicted], &multipliers)
+        };
         let search = Search {
             scene,
             params,
@@ -36,10 +43,9 @@ impl Walker {
             turns: &turns,
             predicted: &predicted,
             tolerated: &self.tolerated,
+            concerned: &concerned,
         };
         let near = search.contacts();
-        let mut multipliers = self.multipliers.clone();
-        multipliers.turn(scene, &turns);
         let mut met = self.met.clone();
         let (mut solves, mut sweeps, mut x) = (0, 0, Vec::new());
         let reach = params.body_reach;
@@ -57,7 +63,7 @@ impl Walker {
             let rounded = Storage::F32.round(&x);
             let mesh = scene.mesh.with_vertices(rounded).expect("solutions are finite");
             let tree = self.tree(mesh.vertices());
-            let pairs = self.tolerated.left(&own_of(&mesh, &tree));
+            let pairs = self.tolerated.left(&clean.pairs(&mesh, &tree));
             tracing::debug!(
                 pairs = pairs.len(),
                 contacts = contacts.len(),

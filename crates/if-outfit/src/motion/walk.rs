@@ -16,6 +16,7 @@ use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_core::parameter::ParameterError;
 use if_mesh::index::Bvh;
+use if_mesh::intersections::{MovedTriangles, own_pairs_of_moved};
 use nalgebra::Matrix3;
 
 /// A motion cannot be followed.
@@ -103,11 +104,26 @@ pub struct Walker {
     pub(super) met: Met,
 }
 
-/// A verified state.
+/// The state before a step.
 #[derive(Clone, Debug)]
 pub(super) struct Clean {
     pub(super) x: Vec<Point>,
     pub(super) tree: Bvh,
+    /// Whether all that intersects is known to be tolerated.
+    pub(super) is_verified: bool,
+}
+
+impl Clean {
+    /// The intersecting pairs of a later state of which this one did not have the same triangles; all
+    /// of them if this one was not verified.
+    pub(super) fn pairs(&self, mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
+        if !self.is_verified {
+            return own_of(mesh, tree);
+        }
+        let moved: Vec<bool> = mesh.vertices().iter().zip(&self.x).map(|(a, b)| a != b).collect();
+        let moved = MovedTriangles::new(mesh, &moved);
+        own_pairs_of_moved(mesh, tree, &moved).iter().map(|p| [p.a, p.b]).collect()
+    }
 }
 
 /// Share of the gaps of a walk that [`Walker::approach`] keeps. With all of them means are pushed back
@@ -116,6 +132,9 @@ pub(super) const APPROACH: Real = 0.3;
 /// Displacement of the body far from its own overlaps that [`Walker::approach`] takes over, in metres:
 /// less than counts as yielding.
 const FAR: Real = 0.9e-3;
+/// Displacement, in metres, that [`Walker::approach`] leaves out: a hundredth of the jitter that can be
+/// seen.
+const STILL: Real = 1e-5;
 /// Most steps of [`Walker::approach`]: 2.5 m by default.
 const MOST_STEPS: Real = 1e3;
 /// Times that the opening of the rest state is tried with other gaps.
@@ -150,7 +169,7 @@ impl Walker {
             target: x.clone(),
             shape: tree.clone(),
             body_shape: Bvh::new(&scene.layer_mesh(&x, 0)),
-            clean: Clean { x, tree },
+            clean: Clean { x, tree, is_verified: true },
             multipliers: Multipliers::default(),
             met: Met::new(),
             scene,
@@ -255,7 +274,7 @@ impl Walker {
         let mut x = Storage::F32.round(&target);
         self.scene.copy_doubled(&mut x);
         self.check(&x)?;
-        self.clean = Clean { tree: self.tree(&x), x };
+        self.clean = Clean { tree: self.tree(&x), x, is_verified: false };
         self.target = target;
         self.multipliers = Multipliers::default();
         self.met.clear();
@@ -288,7 +307,12 @@ impl Walker {
         for v in (0..self.scene.starts[1]).filter(|v| yielding.inverse_mass[*v] == 0.0) {
             to[v] = reference[v] + (to[v] - reference[v]).cap_magnitude(FAR);
         }
-        let path = |t: Real| from.iter().zip(&to).map(|(a, b)| a + (b - a) * t).collect();
+        // What need not move stays to the bit, so that steps skip it.
+        for (to, from) in to.iter_mut().zip(from) {
+            if (*to - from).norm_squared() < STILL * STILL {
+                *to = *from;
+            }
+        }
         let params = self.params;
         let watched = params.gap + params.margin;
         self.params.gap *= APPROACH;
@@ -298,6 +322,10 @@ impl Walker {
         let moves = from.iter().zip(&to).map(|(a, b)| (b - a).norm_squared());
         let largest = moves.fold(0.0, Real::max).sqrt();
         let steps = (2.0 * largest / watched).ceil().min(MOST_STEPS) as usize;
+        // All go equally far in a step, and later steps concern only those that have far to go.
+        let path = |t: Real| {
+            from.iter().zip(&to).map(|(a, b)| a + (b - a).cap_magnitude(t * largest)).collect()
+        };
         let walked = self.follow(steps, &path, Some(yielding), monitor);
         self.params = params;
         walked
@@ -384,7 +412,7 @@ impl Walker {
     }
 
     fn accept(&mut self, attempt: Attempt, target: Vec<Point>) {
-        self.clean = Clean { x: attempt.x, tree: attempt.tree };
+        self.clean = Clean { x: attempt.x, tree: attempt.tree, is_verified: true };
         self.multipliers = attempt.multipliers;
         self.met = attempt.met;
         self.met.retain(|_, (times, left)| {
