@@ -1,5 +1,6 @@
 """The buttons. Work runs in a thread of its own and can be cancelled with Escape."""
 
+import contextlib
 import threading
 
 import bpy
@@ -9,13 +10,27 @@ from . import tasks
 from .meshes import MeshError
 
 # What a task may raise: shown as a message.
-_ERRORS = (MeshError, ifgarments.Error, ValueError, OSError)
+_ERRORS = (MeshError, tasks.Unfinished, ifgarments.Error, ValueError, OSError, ReferenceError)
+# Starts of the names of events that turn the view, and of those that do nothing: only these pass
+# while a task works. Others could undo or edit what it has read.
+_PASSING = (
+    *("MIDDLE", "WHEEL", "TRACKPAD", "MOUSE", "INBETWEEN", "NDOF", "TIMER", "WINDOW"),
+    *(f"NUMPAD_{k}" for k in range(10)),
+)
 
 
 class _Run:
     """An operator that drives a task; in background mode at once, else with progress."""
 
     bl_options = {"REGISTER", "UNDO"}
+    #: Whether one of these operators works in a window: one at a time.
+    working = False
+
+    @classmethod
+    def poll(cls, context):
+        if _Run.working:
+            cls.poll_message_set("the garments are being worked on; Escape cancels")
+        return not _Run.working
 
     def execute(self, context):
         task, sent = type(self).task(context), None
@@ -23,9 +38,9 @@ class _Run:
             while True:
                 sent = task.send(sent)(lambda _: None)
         except StopIteration as end:
-            return self._ended(context, *end.value)
+            return self._ended(end.value)
         except _ERRORS as error:
-            return self._failed(context, error)
+            return self._failed(error)
 
     def invoke(self, context, event):
         if bpy.app.background:
@@ -36,6 +51,7 @@ class _Run:
         self._timer = manager.event_timer_add(0.1, window=context.window)
         manager.modal_handler_add(self)
         self._sent, self._error = None, None
+        _set_working(context, True)
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
@@ -43,12 +59,12 @@ class _Run:
             self._cancelled = True
             context.workspace.status_text_set("Garments: cancelling …")
         if event.type != "TIMER":
-            return {"RUNNING_MODAL"} if event.type == "ESC" else {"PASS_THROUGH"}
+            return {"PASS_THROUGH"} if event.type.startswith(_PASSING) else {"RUNNING_MODAL"}
         if self._thread is not None and self._thread.is_alive():
             if not self._cancelled:
                 text = f"Garments: {self._progress or 'working'} (Esc cancels)"
                 context.workspace.status_text_set(text)
-            return {"RUNNING_MODAL"}
+            return {"PASS_THROUGH"}
         try:
             if self._error is not None:
                 self._task.close()
@@ -59,16 +75,23 @@ class _Run:
             work = self._task.send(self._sent)
         except StopIteration as end:
             self._clear(context)
-            return self._ended(context, *end.value)
+            return self._ended(end.value)
         except _ERRORS as error:
             self._clear(context)
-            return self._failed(context, error)
+            return self._failed(error)
         except BaseException:
             self._clear(context)
             raise
         self._thread = threading.Thread(target=self._work, args=(work,), daemon=True)
         self._thread.start()
-        return {"RUNNING_MODAL"}
+        return {"PASS_THROUGH"}
+
+    def cancel(self, context):
+        """Blender ends the operator: it closes the window, or opens a file."""
+        self._cancelled = True
+        with contextlib.suppress(ReferenceError):
+            self._task.close()
+        _set_working(context, False)
 
     def _work(self, work):
         """In a thread of its own: it must not touch the scene."""
@@ -85,25 +108,33 @@ class _Run:
     def _clear(self, context):
         context.window_manager.event_timer_remove(self._timer)
         context.workspace.status_text_set(None)
+        _set_working(context, False)
 
-    def _ended(self, context, state, message):
-        context.scene.if_garments.state = state
+    def _ended(self, message):
         self.report({"INFO"}, message)
         return {"FINISHED"}
 
-    def _failed(self, context, error):
+    def _failed(self, error):
         if isinstance(error, ifgarments.Cancelled):
             self.report({"INFO"}, "cancelled")
             return {"CANCELLED"}
-        remain = isinstance(error, ifgarments.IntersectionsRemain)
-        context.scene.if_garments.state = "not clean" if remain else ""
+        if isinstance(error, ReferenceError):
+            error = "objects were removed or undone meanwhile; start again"
         self.report({"ERROR"}, str(error))
         # What was reached is in the scene, and can be undone.
-        return {"FINISHED"} if remain else {"CANCELLED"}
+        return {"FINISHED"} if isinstance(error, tasks.Unfinished) else {"CANCELLED"}
+
+
+def _set_working(context, working):
+    """Buttons are grey while an operator works."""
+    _Run.working = working
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            area.tag_redraw()
 
 
 class IFG_OT_check(_Run, bpy.types.Operator):
-    """Counts intersections; their vertices become a vertex group, their faces are selected"""
+    """Counts intersections. Edit mode shows them selected; they become a vertex group, too"""
 
     bl_idname = "if_garments.check"
     bl_label = "Check"

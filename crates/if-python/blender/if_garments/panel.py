@@ -41,6 +41,12 @@ class IFG_PT_panel(bpy.types.Panel):
         if settings.state:
             icon = "ERROR" if settings.state == "not clean" else "CHECKMARK"
             layout.label(text=settings.state.capitalize(), icon=icon)
+        if settings.pairs:
+            column = layout.column(align=True)
+            column.label(text="Intersecting pairs of triangles:")
+            for line in settings.pairs.split("\n"):
+                column.label(text=line)
+            column.label(text="Edit mode (Tab) shows them", icon="EDITMODE_HLT")
 
 
 CLASSES = (IFG_UL_garments, IFG_PT_panel)

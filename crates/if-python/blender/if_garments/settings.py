@@ -19,7 +19,12 @@ def _is_mesh(_, thing):
 class IFG_Garment(bpy.types.PropertyGroup):
     """A garment of the list."""
 
-    mesh: PointerProperty(type=bpy.types.Object, name="Garment", poll=_is_mesh)
+    mesh: PointerProperty(
+        type=bpy.types.Object,
+        name="Garment",
+        description="A layer over the body and over the garments above it in this list",
+        poll=_is_mesh,
+    )
 
 
 class IFG_Settings(bpy.types.PropertyGroup):
@@ -48,7 +53,8 @@ class IFG_Settings(bpy.types.PropertyGroup):
         description="No garment, nor the body, may intersect itself either",
     )
     what: EnumProperty(
-        name="Resolve",
+        name="Meshes",
+        description="Which meshes to check and to resolve",
         items=(
             ("MODELLED", "As modelled", "Meshes without modifiers; the result is a shape key"),
             (
@@ -66,6 +72,7 @@ class IFG_Settings(bpy.types.PropertyGroup):
         default="//garments",
     )
     state: StringProperty(name="State", description="What the last run found")
+    pairs: StringProperty(name="Pairs", description="Intersecting pairs of triangles, in lines")
 
 
 CLASSES = (IFG_Garment, IFG_Settings)

@@ -21,6 +21,10 @@ _ROUNDED = (
 )
 
 
+class Unfinished(Exception):
+    """What was reached is stored and marked, and is not what was asked for."""
+
+
 def check(context):
     """Counts intersections and marks them."""
     body, garments = _things(context)
@@ -31,8 +35,8 @@ def check(context):
         shapes = [meshes.shown(thing) for thing in (body, *garments)]
     arrays, layers = _layers(shapes)
     found = yield lambda _: ifgarments.verify(arrays, layers)
-    marked = yield from _marked((body, *garments), shapes)
-    return found.state, f"{found.state}: {marked}"
+    count = yield from _marked(context, (body, *garments), shapes, found.state)
+    return f"{found.state}: {count}"
 
 
 def resolve(context):
@@ -53,12 +57,12 @@ def _resolve_modelled(context):
         return [meshes.shown(thing) for thing in garments]
 
     stored, proven, error = yield from _settled(context, fixed, before, store)
-    marked = yield from _marked((body, *garments), [fixed, *stored])
+    count = yield from _marked(context, (body, *garments), [fixed, *stored], proven.state)
     if error is not None:
-        raise error
+        raise Unfinished(str(error)) from error
     if not _is_reached(context, proven):
-        raise MeshError(f"{proven.state} {_ROUNDED} ({marked})")
-    return proven.state, f"{proven.state}: shape keys “{meshes.RESULT}”"
+        raise Unfinished(f"{proven.state} {_ROUNDED} ({count})")
+    return f"{proven.state}: shape keys “{meshes.RESULT}”"
 
 
 def _resolve_frames(context):
@@ -102,7 +106,8 @@ def _resolve_frames(context):
     for thing, cache in zip(garments, written):
         caches.play(thing, cache)
     state = "clean everywhere" if states == {"clean everywhere"} else "clean between layers"
-    return state, f"{state}: {last + 1 - first} frames in modifiers “{meshes.RESULT}”"
+    scene.if_garments.state, scene.if_garments.pairs = state, ""
+    return f"{state}: {last + 1 - first} frames in modifiers “{meshes.RESULT}”"
 
 
 def _settled(context, fixed, before, store, item=""):
@@ -175,8 +180,10 @@ def _is_reached(context, proven):
     )
 
 
-def _marked(things, shapes):
-    """Marks intersections in vertex groups and selected faces; returns them in words."""
+def _marked(context, things, shapes, state):
+    """Marks intersections in vertex groups and selected faces, says in the panel what they are,
+    and returns their number in words.
+    """
     arrays, layers = _layers(shapes)
     found = yield lambda _: ifgarments.intersections(arrays, layers)
     names = ["body", *(shape.name for shape in shapes[1:])]
@@ -188,9 +195,12 @@ def _marked(things, shapes):
         at = np.unique(np.concatenate([np.zeros(0, np.int64), *triangles[name]]))
         meshes.mark(thing, np.unique(shape.triangles[at]))
         meshes.select(thing, np.unique(shape.polygons[at]))
-    words = [
-        f"{len(p.triangles)} pairs of {p.outer} "
+    settings = context.scene.if_garments
+    settings.state = state
+    settings.pairs = "\n".join(
+        f"{len(p.triangles):,} of {p.outer} "
         + ("with itself" if p.inner == p.outer else f"and {p.inner}")
         for p in found
-    ]
-    return "; ".join(words) or "no intersections"
+    )
+    count = sum(len(p.triangles) for p in found)
+    return f"{count:,} intersecting pairs of triangles" if count else "no intersections"
