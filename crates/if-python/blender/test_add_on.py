@@ -146,6 +146,8 @@ def test_check_marks_vertices_and_faces_and_resolve_removes_the_marks(dressed):
     bpy.ops.if_garments.check()
     assert dressed.state == "not clean"
     body, belt, shirt = things(dressed)
+    (pair,) = ifgarments.intersections(shown(body), {t.name: shown(t) for t in (belt, shirt)})
+    assert dressed.pairs == f"{len(pair.triangles):,} of belt and body"
     assert INTERSECTIONS not in shirt.vertex_groups and not any(p.select for p in shirt.data.polygons)
     for t in (body, belt):
         group = t.vertex_groups[INTERSECTIONS]
@@ -153,9 +155,12 @@ def test_check_marks_vertices_and_faces_and_resolve_removes_the_marks(dressed):
         chosen = [p for p in t.data.polygons if p.select]
         assert chosen and members == {v for p in chosen for v in p.vertices}
     bpy.ops.if_garments.resolve()
+    assert dressed.pairs == ""
     assert all(INTERSECTIONS not in t.vertex_groups for t in things(dressed))
     bpy.ops.if_garments.check()
     assert dressed.state == "clean everywhere", "check counts what is shown"
+    dressed.body = shirt
+    assert dressed.state == "", "found of other meshes"
 
 
 def test_a_frame_range_becomes_point_caches(dressed, tmp_path):

@@ -19,18 +19,32 @@ _PASSING = (
 )
 
 
+class _Job(threading.Thread):
+    """A call in a thread of its own: it must not touch the scene, nor the operator."""
+
+    def __init__(self, call):
+        super().__init__(daemon=True)
+        self._call, self.cancelled = call, False
+        self.progress, self.result, self.error = "", None, None
+
+    def run(self):
+        try:
+            self.result = self._call(self._listen)
+        except BaseException as error:  # raised again in the main thread
+            self.error = error
+
+    def _listen(self, progress):
+        self.progress = progress
+        if self.cancelled:
+            raise ifgarments.Cancelled("cancelled")
+
+
 class _Run:
     """An operator that drives a task; in background mode at once, else with progress."""
 
     bl_options = {"REGISTER", "UNDO"}
     #: Whether one of these operators works in a window: one at a time.
     working = False
-
-    @classmethod
-    def poll(cls, context):
-        if _Run.working:
-            cls.poll_message_set("the garments are being worked on; Escape cancels")
-        return not _Run.working
 
     def execute(self, context):
         task, sent = type(self).task(context), None
@@ -40,97 +54,86 @@ class _Run:
         except StopIteration as end:
             return self._ended(end.value)
         except _ERRORS as error:
-            return self._failed(error)
+            return self._failed(context, error)
 
     def invoke(self, context, event):
         if bpy.app.background:
             return self.execute(context)
-        self._task, self._thread = type(self).task(context), None
-        self._cancelled, self._progress = False, ""
+        if _Run.working:  # in another window
+            self.report({"WARNING"}, "garments are being worked on; Escape cancels")
+            return {"CANCELLED"}
+        self._task, self._job, self._cancelled = type(self).task(context), None, False
         manager = context.window_manager
         self._timer = manager.event_timer_add(0.1, window=context.window)
         manager.modal_handler_add(self)
-        self._sent, self._error = None, None
-        _set_working(context, True)
+        _Run.working = True
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
         if event.type == "ESC":
-            self._cancelled = True
+            self._stop()
             context.workspace.status_text_set("Garments: cancelling …")
         if event.type != "TIMER":
             return {"PASS_THROUGH"} if event.type.startswith(_PASSING) else {"RUNNING_MODAL"}
-        if self._thread is not None and self._thread.is_alive():
+        job = self._job
+        if job is not None and job.is_alive():
             if not self._cancelled:
-                text = f"Garments: {self._progress or 'working'} (Esc cancels)"
+                text = f"Garments: {job.progress or 'working'} (Esc cancels)"
                 context.workspace.status_text_set(text)
             return {"PASS_THROUGH"}
         try:
-            if self._error is not None:
+            if job is not None and job.error is not None:
                 self._task.close()
-                raise self._error
+                raise job.error
             if self._cancelled:
                 self._task.close()
                 raise ifgarments.Cancelled("cancelled")
-            work = self._task.send(self._sent)
+            work = self._task.send(None if job is None else job.result)
         except StopIteration as end:
             self._clear(context)
             return self._ended(end.value)
         except _ERRORS as error:
             self._clear(context)
-            return self._failed(error)
+            return self._failed(context, error)
         except BaseException:
             self._clear(context)
             raise
-        self._thread = threading.Thread(target=self._work, args=(work,), daemon=True)
-        self._thread.start()
+        self._job = _Job(work)
+        self._job.start()
         return {"PASS_THROUGH"}
 
     def cancel(self, context):
         """Blender ends the operator: it closes the window, or opens a file."""
-        self._cancelled = True
+        self._stop()
         with contextlib.suppress(ReferenceError):
             self._task.close()
-        _set_working(context, False)
+        _Run.working = False
 
-    def _work(self, work):
-        """In a thread of its own: it must not touch the scene."""
-        try:
-            self._sent = work(self._listen)
-        except BaseException as error:  # raised again in the main thread
-            self._error = error
-
-    def _listen(self, progress):
-        self._progress = progress
-        if self._cancelled:
-            raise ifgarments.Cancelled("cancelled")
+    def _stop(self):
+        self._cancelled = True
+        if self._job is not None:
+            self._job.cancelled = True
 
     def _clear(self, context):
         context.window_manager.event_timer_remove(self._timer)
         context.workspace.status_text_set(None)
-        _set_working(context, False)
+        _Run.working = False
 
     def _ended(self, message):
         self.report({"INFO"}, message)
         return {"FINISHED"}
 
-    def _failed(self, error):
+    def _failed(self, context, error):
         if isinstance(error, ifgarments.Cancelled):
             self.report({"INFO"}, "cancelled")
             return {"CANCELLED"}
         if isinstance(error, ReferenceError):
             error = "objects were removed or undone meanwhile; start again"
         self.report({"ERROR"}, str(error))
-        # What was reached is in the scene, and can be undone.
-        return {"FINISHED"} if isinstance(error, tasks.Unfinished) else {"CANCELLED"}
-
-
-def _set_working(context, working):
-    """Buttons are grey while an operator works."""
-    _Run.working = working
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            area.tag_redraw()
+        if isinstance(error, tasks.Unfinished):
+            return {"FINISHED"}  # what was reached is in the scene, and can be undone
+        context.scene.if_garments.forget()
+        return {"CANCELLED"}
 
 
 class IFG_OT_check(_Run, bpy.types.Operator):
@@ -181,6 +184,7 @@ class IFG_OT_remove(bpy.types.Operator):
         if not 0 <= settings.active < len(settings.garments):
             return {"CANCELLED"}
         settings.garments.remove(settings.active)
+        settings.forget()
         settings.active = max(0, min(settings.active, len(settings.garments) - 1))
         return {"FINISHED"}
 
@@ -200,6 +204,7 @@ class IFG_OT_move(bpy.types.Operator):
         if not 0 <= to < len(settings.garments):
             return {"CANCELLED"}
         settings.garments.move(settings.active, to)
+        settings.forget()
         settings.active = to
         return {"FINISHED"}
 

@@ -16,6 +16,10 @@ def _is_mesh(_, thing):
     return thing.type == "MESH"
 
 
+def _forget(_, context):
+    context.scene.if_garments.forget()
+
+
 class IFG_Garment(bpy.types.PropertyGroup):
     """A garment of the list."""
 
@@ -24,6 +28,7 @@ class IFG_Garment(bpy.types.PropertyGroup):
         name="Garment",
         description="A layer over the body and over the garments above it in this list",
         poll=_is_mesh,
+        update=_forget,
     )
 
 
@@ -35,6 +40,7 @@ class IFG_Settings(bpy.types.PropertyGroup):
         name="Body",
         description="Never moves; it may be open, and must have an inside",
         poll=_is_mesh,
+        update=_forget,
     )
     garments: CollectionProperty(type=IFG_Garment, name="Garments", description="Inner to outer")
     active: IntProperty(name="Active garment")
@@ -73,6 +79,10 @@ class IFG_Settings(bpy.types.PropertyGroup):
     )
     state: StringProperty(name="State", description="What the last run found")
     pairs: StringProperty(name="Pairs", description="Intersecting pairs of triangles, in lines")
+
+    def forget(self):
+        """What was found is not known of what is chosen now."""
+        self.state = self.pairs = ""
 
 
 CLASSES = (IFG_Garment, IFG_Settings)
