@@ -3,9 +3,9 @@
     xvfb-run -s "-screen 0 1280x800x24" blender --factory-startup --window-geometry 0 0 1280 800 \
         --python benches/blender_panel.py -- EXTENSION.zip OUT BODY.ply GARMENT.ply ...
 
-Garments from inner to outer, up to four. OUT gets start.png, check.png, resolving.png, resolve.png
-and undo.png. Needs ImageMagick. The extension is installed: set BLENDER_USER_RESOURCES to an empty
-folder to keep it out of your own settings.
+Garments from inner to outer, up to four. OUT gets start.png, check.png, resolve.png, undo.png.
+Needs ImageMagick. The extension is installed: set BLENDER_USER_RESOURCES to an empty folder to
+keep it out of your own settings.
 """
 
 import pathlib
@@ -38,11 +38,9 @@ def picture(name):
 
 def scene():
     """Imports the meshes, and chooses them in the panel."""
-    bpy.ops.extensions.package_install_files(
-        filepath=str(extension), repo="user_default", enable_on_install=True
-    )
-    for thing in list(bpy.data.objects):
-        bpy.data.objects.remove(thing)
+    install = bpy.ops.extensions.package_install_files
+    install(filepath=str(extension), repo="user_default", enable_on_install=True)
+    bpy.data.batch_remove(bpy.data.objects)
     settings = bpy.context.scene.if_garments
     for k, (file, colour) in enumerate(zip(files, COLOURS)):
         bpy.ops.wm.ply_import(filepath=str(file), forward_axis="NEGATIVE_Z", up_axis="Y")
@@ -53,7 +51,6 @@ def scene():
     space = view()[1].spaces.active
     space.show_region_ui = True
     space.shading.color_type = "OBJECT"
-    space.overlay.show_extras = False
     with inside():
         bpy.ops.object.select_all(action="SELECT")
         bpy.ops.view3d.view_axis(type="FRONT")
@@ -71,12 +68,10 @@ def steps():
         view()[1].tag_redraw()
         yield DRAWN
         picture("start")
-        for button, during in (("check", None), ("resolve", "resolving")):
+        for button in ("check", "resolve"):
             with inside():
                 getattr(bpy.ops.if_garments, button)("INVOKE_DEFAULT", True)
-            yield 1.0
-            if during:
-                picture(during)
+            yield DRAWN
             while view()[0].modal_operators:
                 yield 0.5
             yield DRAWN
