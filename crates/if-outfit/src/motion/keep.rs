@@ -62,6 +62,8 @@ impl Walker {
         self.tolerated.pinched = tolerated;
         let proof = prove(&self.scene, &x, &self.tolerated);
         self.tolerated.pinched = None;
+        // What was tolerated in pinches is so no more.
+        self.clean.is_verified = false;
         Ok((x, proof))
     }
 
