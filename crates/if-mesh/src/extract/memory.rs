@@ -8,6 +8,8 @@ use crate::extract::rows::{Bits, NodeWord, Rows, Word};
 
 /// Bytes for each row along x of a set: its first word, and its last while planes are joined.
 const ROW: usize = 8;
+/// Bytes for each plane of a set: its two vectors, until planes are joined.
+const PLANE: usize = 48;
 /// Copies of a word while a set is built: in its plane, and joined to the others.
 const TWICE: usize = 2;
 /// Bytes for a point that is evaluated: number and position, in a plane and joined, both in vectors
@@ -22,7 +24,8 @@ const RELAXED: usize = 560;
 
 /// Bytes of the rows of a set with `size` places along each axis while it is built.
 fn rows(size: [u32; 3]) -> usize {
-    (size[1] as usize).saturating_mul(size[2] as usize).saturating_mul(ROW)
+    let plane = (size[1] as usize).saturating_mul(ROW).saturating_add(PLANE);
+    plane.saturating_mul(size[2] as usize)
 }
 
 /// Bytes of `count` words of a set while it is built.
