@@ -53,8 +53,8 @@ pub use if_mesh::MeshFile;
 pub use if_outfit::files::{FilesError, LayerFile, OutfitFiles, ResolvedFiles};
 pub use if_outfit::{
     Cleanness, ClothParams, EffortParams, GoalParams, Layer, Method, Outfit, OutfitError, Own,
-    ResolveError, ResolveParams, ResolveReport, Resolved, Split, Tuck, Verification, resolve,
-    verify,
+    Pinch, ResolveError, ResolveParams, ResolveReport, Resolved, Split, Storage, Tuck,
+    Verification, resolve, verify,
 };
 
 /// The examples in the README and in the guides are tests.

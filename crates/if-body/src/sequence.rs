@@ -31,7 +31,7 @@ pub enum SequenceError {
     Empty { path: PathBuf },
     /// Names do not sort as their numbers.
     #[error(
-        "{}: `{second}` follows `{first}` by name, but its number is smaller; write numbers with          leading zeros, as in body_0007.ply",
+        "{}: `{second}` follows `{first}` by name, but its number is smaller; write numbers with leading zeros, as in body_0007.ply",
         path.display()
     )]
     Order { path: PathBuf, first: String, second: String },
@@ -40,13 +40,13 @@ pub enum SequenceError {
     Mesh(#[from] ReadError),
     /// A mesh has another number of vertices or triangles than the body.
     #[error(
-        "{}: {got} {what}, and the body at rest has {expected}; all frames must have its          connectivity",
+        "{}: {got} {what}, and the body at rest has {expected}; all frames must have its connectivity",
         path.display()
     )]
     Count { path: PathBuf, what: &'static str, got: usize, expected: usize },
     /// A triangle has other corners than that of the body.
     #[error(
-        "{}: triangle {triangle} has the corners {got:?}, and that of the body at rest {expected:?};          all frames must have its connectivity, in its order",
+        "{}: triangle {triangle} has the corners {got:?}, and that of the body at rest {expected:?}; all frames must have its connectivity, in its order",
         path.display()
     )]
     Triangle { path: PathBuf, triangle: usize, got: [u32; 3], expected: [u32; 3] },

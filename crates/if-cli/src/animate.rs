@@ -63,7 +63,8 @@ pub(crate) struct AnimateArgs {
     /// vertices move from one frame to the next in straight lines.
     #[arg(long)]
     pub(crate) continuous: bool,
-    /// Write a mesh for each garment and frame as well, with all attributes of its file.
+    /// Write a mesh for each layer and frame as well, the body included, with all attributes of its
+    /// file.
     #[arg(long)]
     pub(crate) meshes: bool,
     /// Do not draw motion.png and strip.png, nor write report.html.

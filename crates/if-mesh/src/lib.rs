@@ -2,7 +2,7 @@
 //!
 //! | to | use |
 //! |---|---|
-//! | read and write PLY, OBJ and GLB, with everything that the file stores | [`MeshFile`] |
+//! | read and write PLY, OBJ and glTF, with everything that the file stores | [`MeshFile`] |
 //! | find nearest points, overlaps and hits | [`Bvh`] |
 //! | find intersecting triangles, exactly | [`intersections`] |
 //! | measure the signed distance to a mesh | [`MeshSdf`], [`Winding`] |

@@ -183,9 +183,8 @@ impl Attempt {
     }
 }
 
-/// Puts on the garments of an outfit that untangled is the second one, and returns them with the
-/// layers below the outermost. It is the outfit in which `given` was found,
-/// with its `closed` layers.
+/// Dresses `outfit`, the untangled form of `input`: returns the garments and all closed layers but the
+/// outermost. `given` is what was found in `outfit`, and `closed` are its layers.
 fn dress(
     [input, outfit]: [&Outfit; 2],
     (given, closed): &(Vec<Findings>, Vec<Arc<ClosedLayer>>),

@@ -49,7 +49,8 @@ pub(crate) struct Dressing<'a> {
 }
 
 impl<'a> Dressing<'a> {
-    /// The bare body of `input`, which untangled is `outfit`, in which `given` was found.
+    /// Starts with the bare body. `outfit` is `input` after untangling; `given` is what was found in
+    /// `outfit`.
     pub(crate) fn new(
         [input, outfit]: [&'a Outfit; 2],
         given: &'a [Findings],

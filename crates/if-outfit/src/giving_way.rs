@@ -1,7 +1,7 @@
 //! Giving way: garments below one that is left with intersections are pressed in where it meets them.
 //!
-//! Tucking presses a garment in below what is worn over it as that came. What then is left of the two
-//! is often a corner of the lower one that pokes through triangles of the upper one, stretched over
+//! Tucking presses a garment in below the one above, at that garment's input position. What then is
+//! left of the two is often a corner of the lower one that pokes through triangles of the upper one, stretched over
 //! it as far as they go: the upper one cannot yield any more, and the lower one can.
 //!
 //! ```text

@@ -35,7 +35,7 @@ impl Layer {
 /// A body and its garments, inner to outer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outfit {
-    /// The body. It never moves, and need not be closed ([`if_mesh::body_surface`]).
+    /// The body. It stays, unless [`Pinch::Yield`](crate::Pinch::Yield) is asked for, and need not be closed ([`if_mesh::body_surface`]).
     pub body: Layer,
     /// The garments, innermost first.
     pub garments: Vec<Layer>,

@@ -1,9 +1,9 @@
 //! Repair strategies: what is done about the intersections that contacts and cloth leave.
 //!
 //! Each strategy is a type with one method, in a file of its own, and what it did is counted in
-//! [`RepairCounts`](crate::report::RepairCounts). [`Strategies`] states their order. Two more work
-//! on whole outfits: garments that get stuck are tucked ([`crate::upper_layers`]), and triangles
-//! that are too large are split ([`crate::splitting`]).
+//! [`RepairCounts`](crate::report::RepairCounts). [`Strategies`] states their order. Three more work
+//! on whole outfits: garments that get stuck are tucked ([`crate::upper_layers`]), those below give
+//! way ([`crate::giving_way`]), and triangles that are too large are split ([`crate::splitting`]).
 
 mod easing;
 mod exit_directions;

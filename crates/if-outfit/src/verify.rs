@@ -82,8 +82,8 @@ pub(crate) fn verify_layers(
     (findings, closed)
 }
 
-/// As [`verify_layers`], if the garments that are not `changed` are those in which `findings` were
-/// made, and the layers that are not `changed` those that were `closed`.
+/// As [`verify_layers`], after the garments marked `changed` moved: `findings` and `closed` are from
+/// before.
 pub(crate) fn verify_changed(
     outfit: &Outfit,
     changed: &[bool],

@@ -21,7 +21,7 @@ pub enum Stage {
 /// For a compliant constraint the violation is `|C + β̃ λ|`; for an inequality it is `max(0, −C)`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Residual {
-    /// The largest violation, in the unit of the constraint (metres, radians for bending).
+    /// The largest violation, in the unit of the constraint: metres for those of this crate.
     pub max: Real,
     /// Sum of the squared violations. NaN if one of them is NaN.
     pub sum_squares: Real,

@@ -4,25 +4,27 @@ use super::equilibrium::Multipliers;
 use super::scene::Scene;
 use if_core::math::{Point, Real};
 
-/// Displacement in a step, in metres, of what counts as at rest: a thousandth of the gap.
+/// Displacement in a step, in metres, of what counts as at rest: a thousandth of the default gap.
 const REST: Real = 1e-6;
-/// Rings of vertices around what moves that may be pulled along: displacements fade over about two
-/// edges.
-const RINGS: usize = 2;
+/// Most rings of vertices around what moves.
+const MOST_RINGS: usize = 20;
 
-/// For each triangle whether a step from the first positions towards the second concerns it. Two
-/// triangles that are not concerned lie as they lay in the last clean state, with all contacts at
-/// rest; if a solution moves them after all, exact verification sees it.
+/// For each triangle whether a step from the first positions towards the second concerns it: it moves,
+/// lies within `fading` metres of what does, over which displacements fade, or was pushed. Others may
+/// lose a part of their gap, if a solution pulls them along all the same; exact verification sees
+/// when all is lost.
 pub(super) fn concerned(
     scene: &Scene,
     [from, to]: [&[Point]; 2],
     multipliers: &Multipliers,
+    fading: Real,
 ) -> Vec<bool> {
     let moves = |(a, b): (&Point, &Point)| (b - a).norm_squared() > REST * REST;
     let mut is_concerned: Vec<bool> = from.iter().zip(to).map(moves).collect();
     let triangles = scene.mesh.triangles();
     let has = |of: &[bool], t: &[u32; 3]| t.iter().any(|v| of[*v as usize]);
-    for _ in 0..RINGS {
+    let rings = (fading / scene.shortest_mean_edge).ceil().min(MOST_RINGS as Real) as usize;
+    for _ in 0..rings {
         if is_concerned.iter().all(|is| *is) {
             break;
         }
@@ -49,7 +51,7 @@ mod tests {
     fn what_rests_far_from_what_moves_is_not_concerned() {
         let walker = Walker::new(&arm(), WalkParams::default()).unwrap();
         let (scene, x) = (&walker.scene, walker.positions());
-        let by = |to: &[Point]| concerned(scene, [x, to], &Multipliers::default());
+        let by = |to: &[Point]| concerned(scene, [x, to], &Multipliers::default(), 0.03);
         assert!(!by(x).contains(&true));
         let hand = |p: &Point| if p.y > 0.28 { p + Vector::y() * 1e-3 } else { *p };
         let moved: Vec<Point> = x.iter().map(hand).collect();
@@ -61,7 +63,7 @@ mod tests {
         }
         let pushed = [0, 1, 2, scene.starts[1] as u32];
         let multipliers = Multipliers::from_parts(Vec::new(), vec![(pushed, 1.0)]);
-        let found = concerned(scene, [x, x], &multipliers);
+        let found = concerned(scene, [x, x], &multipliers, 0.03);
         let has = |t: &[u32; 3]| t.iter().any(|v| pushed.contains(v));
         assert!(found.iter().zip(scene.mesh.triangles()).all(|(is, t)| *is == has(t)));
     }

@@ -26,6 +26,8 @@ pub(super) struct Scene {
     pub(super) triangle_starts: Vec<usize>,
     /// Ends of the edges of all triangles, each once.
     pub(super) edges: Vec<[u32; 2]>,
+    /// Of the mean lengths of the edges of layers, in metres, the shortest.
+    pub(super) shortest_mean_edge: Real,
     /// Compliance of the difference of the displacements of an edge's ends.
     pub(super) compliance: Vec<Real>,
     /// 1 / mass of each vertex.
@@ -61,12 +63,14 @@ impl Scene {
             starts,
             triangle_starts,
             edges,
+            shortest_mean_edge: Real::INFINITY,
             compliance: Vec::new(),
             inverse_mass: Vec::new(),
             doubled,
             owned,
         };
         scene.weigh(params);
+        scene.measure_edges();
         scene
     }
 
@@ -114,6 +118,17 @@ impl Scene {
                 squared / (2.0 * shares[e] * stiffness[e[0] as usize]).max(Real::MIN_POSITIVE)
             })
             .collect();
+    }
+
+    fn measure_edges(&mut self) {
+        let mut sums = vec![(0.0, 0.0); self.layers()];
+        let x = self.mesh.vertices();
+        for [a, b] in &self.edges {
+            let sum = &mut sums[self.layer_of(*a)];
+            *sum = (sum.0 + (x[*a as usize] - x[*b as usize]).norm(), sum.1 + 1.0);
+        }
+        let means = sums.iter().map(|(length, count)| length / count).filter(|mean| *mean > 0.0);
+        self.shortest_mean_edge = means.fold(Real::INFINITY, Real::min);
     }
 
     /// Number of layers, the body included.

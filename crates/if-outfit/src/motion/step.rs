@@ -25,13 +25,17 @@ impl Walker {
     ) -> Attempt {
         let Self { scene, params, clean, .. } = self;
         let turns = turns(scene, &self.target, target);
-        let predicted = self.predicted(target, &turns);
+        let mut predicted = self.predicted(target, &turns);
+        for v in (0..predicted.len()).filter(|v| yielding.inverse_mass[*v] == 0.0) {
+            predicted[v] = target[v];
+        }
         let mut multipliers = self.multipliers.clone();
         multipliers.turn(scene, &turns);
         let concerned = if opening > 0.0 {
             vec![true; scene.mesh.triangles().len()]
         } else {
-            concerned(scene, [&clean.x, &predicted], &multipliers)
+            let fading = params.body_length.max(params.garment_length);
+            concerned(scene, [&clean.x, &predicted], &multipliers, fading)
         };
         let search = Search {
             scene,

@@ -114,8 +114,8 @@ pub(super) struct Clean {
 }
 
 impl Clean {
-    /// The intersecting pairs of a later state of which this one did not have the same triangles; all
-    /// of them if this one was not verified.
+    /// The intersecting pairs of a later state of which at least one triangle has moved since this one;
+    /// all of them if this one was not verified.
     pub(super) fn pairs(&self, mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
         if !self.is_verified {
             return own_of(mesh, tree);
