@@ -100,6 +100,12 @@ CASES = {
     ),
     "infinite clearance": (lambda: resolve(CLEAN, clearance=np.inf), ParameterError, "clearance"),
     "a group as a number": (lambda: resolve(CLEAN, params={"goal": 3}), ParameterError, "goal"),
+    "no such choice": (lambda: resolve(CLEAN, params={"pinch": "no"}), ParameterError, "`pinch`"),
+    "a choice in a group": (
+        lambda: resolve(CLEAN, params={"goal": {"own": 3}}),
+        ParameterError,
+        "`goal.own`",
+    ),
     # pictures
     "a height below 16": (lambda: picture(CLEAN, height=2), ValueError, "height is 2; it must be"),
     "a negative height": (lambda: picture(CLEAN, height=-1), ValueError, "height is -1"),
