@@ -224,3 +224,29 @@ def _killed_once(mark, part):
         open(mark, "w").close()
         os.kill(os.getpid(), signal.SIGKILL)
     return batch._do(part)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="locks the folder as Unix does")
+def test_a_part_waits_for_a_worker_that_lives_on(folder, tmp_path, monkeypatch):
+    import fcntl
+
+    part = ("0", str(folder), COMBINATIONS[:1], str(tmp_path / "out"), {"picture_height": 0})
+    lock = tmp_path / "out/shards/0/results/.ifg-lock"
+    lock.parent.mkdir(parents=True)
+    waited = []
+
+    def pause(seconds):
+        waited.append(seconds)
+        if len(waited) == 2:
+            fcntl.flock(held, fcntl.LOCK_UN)
+
+    monkeypatch.setattr(batch.time, "sleep", pause)
+    with lock.open("w") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        assert batch._do(part) == 1 and waited == [batch._PAUSE] * 2
+    with lock.open("w") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        waited = [0, 0]
+        with pytest.raises(ifgarments.BusyError):
+            batch._do(part)
+        assert len(waited) == 2 + batch._LOOKS - 1

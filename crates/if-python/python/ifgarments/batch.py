@@ -11,16 +11,23 @@ result has the files of one process that did all of it.
 from __future__ import annotations
 
 import multiprocessing
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from typing import Any
 
 from ._arguments import folder, pairs, whole
 from ._wardrobe import Wardrobe
+from .errors import BusyError
 
 Combination = tuple[str, Sequence[str]]
 _Part = tuple[str, str, list[tuple[str, list[str]]], str, dict[str, Any]]
+
+#: Seconds between looks at a part that another process writes, and their number. On a node that the
+#: others take for dead, a worker may go on for a while.
+_PAUSE, _LOOKS = 5.0, 60
 
 
 def run(
@@ -76,7 +83,13 @@ def run(
 def _do(part: _Part) -> int:
     """A part, in a worker; returns its number of combinations."""
     name, wardrobe, combinations, out, options = part
-    return len(Wardrobe(wardrobe).batch(combinations, out, part=name, **options))
+    do = partial(Wardrobe(wardrobe).batch, combinations, out, part=name, **options)
+    for _ in range(_LOOKS - 1):
+        try:
+            return len(do())
+        except BusyError:
+            time.sleep(_PAUSE)
+    return len(do())
 
 
 def _processes(parts: list[_Part], workers: int | None, retries: int) -> Iterator[int]:
