@@ -196,7 +196,9 @@ def main():
     outfits = [{"body": body, "garments": garments} for body, garments in combos]
     (args.out / "list.json").write_text(json.dumps({"outfit": outfits}))
     # Processor seconds: of this process, and of all that were started and waited for.
-    print("| way | seconds | processor s | clean | kills | files, hash |\n|---|---|---|---|---|---|")
+    print(
+        "| way | seconds | processor s | clean | kills | files, hash |\n|---|---|---|---|---|---|"
+    )
     for way in args.ways:
         run, find = WAYS[way]
         kills = 0 if way == "one" else args.kills

@@ -1,5 +1,6 @@
 // Opens a report page in headless Chromium and checks that its viewer works: no errors, layers
-// appear, can be switched off, turned, cut, coloured and compared. Prints one line of JSON.
+// appear, can be switched off, turned by mouse, keys and touch, cut, coloured and compared, or moved
+// from frame to frame. Prints one line of JSON.
 //
 //   npm install --no-save playwright-core
 //   node benches/page_check.mjs REPORT.html [SCREENSHOTS] [--chromium /usr/bin/chromium]
@@ -69,6 +70,18 @@ if (states === "1") {
   await changes("displacement", () => select("Colours", "displacement"));
   await changes("strain", () => select("Colours", "strain"));
 }
+if (Number(states) > 1) {
+  await changes("another_frame", () => tab.locator(".viewer input[type=range]").first().fill("1"));
+}
+const cdp = await tab.context().newCDPSession(tab);
+await changes("touched", async () => {
+  const box = await canvas.boundingBox();
+  for (const [type, across] of [["touchStart", 0], ["touchMove", 60], ["touchMove", 120]]) {
+    const point = { x: box.x + box.width / 2 + across, y: box.y + box.height / 2 };
+    await cdp.send("Input.dispatchTouchEvent", { type, touchPoints: [point] });
+  }
+  await cdp.send("Input.dispatchTouchEvent", { type: "touchEnd", touchPoints: [] });
+});
 await changes("dark", () => tab.emulateMedia({ colorScheme: "dark" }));
 
 // Frames a second while the camera turns.
