@@ -1,5 +1,7 @@
 //! Signed distance of each pixel from the border of a mask.
 
+use std::ops::Range;
+
 /// Distance in pixels that replaces infinity for empty masks.
 const FAR: f64 = 1e6;
 
@@ -34,9 +36,25 @@ impl DistanceImage {
         Self { width, height, blur, values: values.into_iter().map(|v| v as f32).collect() }
     }
 
-    /// The distance from the border of another mask of the same size, filtered alike.
-    pub(super) fn alike(&self, mask: &[bool]) -> Self {
-        Self::new(mask, self.width, self.height, self.blur)
+    /// The distance from the border of the figure `mask` of the same size, filtered alike, as it is
+    /// within `beside` pixels of one of the figure: only the part of the image that this depends on
+    /// is computed. `None` without a figure.
+    pub(super) fn outline(&self, mask: &[bool], beside: f64) -> Option<Outline> {
+        debug_assert_eq!(mask.len(), self.width * self.height);
+        // A pixel more for the interpolation. The nearest pixel beside the figure touches it.
+        let margin = beside.ceil() as usize + 1 + taps(self.blur);
+        let (columns, rows) = occupied(mask, self.width)?;
+        let within = |r: Range<usize>, n: usize| {
+            r.start.saturating_sub(margin)..r.end.saturating_add(margin).min(n)
+        };
+        let (columns, rows) = (within(columns, self.width), within(rows, self.height));
+        let part: Vec<bool> = rows
+            .clone()
+            .flat_map(|y| &mask[y * self.width + columns.start..y * self.width + columns.end])
+            .copied()
+            .collect();
+        let image = Self::new(&part, columns.len(), rows.len(), self.blur);
+        Some(Outline { image, first: (columns.start as f64, rows.start as f64) })
     }
 
     /// The value at a pixel position: bilinear between centres, constant outside.
@@ -68,21 +86,57 @@ impl DistanceImage {
     }
 }
 
+/// The distance from a figure's own outline, near it.
+pub(super) struct Outline {
+    image: DistanceImage,
+    /// The place of its first pixel in the whole image.
+    first: (f64, f64),
+}
+
+impl Outline {
+    /// The value at a pixel position of the whole image.
+    pub(super) fn at(&self, u: f64, v: f64) -> f64 {
+        self.image.at(u - self.first.0, v - self.first.1)
+    }
+}
+
+/// The columns and rows of the smallest box that holds all pixels of a mask; `None` without any.
+fn occupied(mask: &[bool], width: usize) -> Option<(Range<usize>, Range<usize>)> {
+    let mut found: Option<(Range<usize>, Range<usize>)> = None;
+    for (y, row) in mask.chunks_exact(width).enumerate() {
+        let Some(first) = row.iter().position(|m| *m) else { continue };
+        let end = row.iter().rposition(|m| *m).unwrap_or(first) + 1;
+        found = Some(match found {
+            None => (first..end, y..y + 1),
+            Some((columns, rows)) => {
+                (columns.start.min(first)..columns.end.max(end), rows.start..y + 1)
+            }
+        });
+    }
+    found
+}
+
 /// The squared distance of each pixel from the nearest one whose mask is `wanted`.
 fn squared_distances(mask: &[bool], width: usize, height: usize, wanted: bool) -> Vec<f64> {
-    let mut image: Vec<f64> =
-        mask.iter().map(|m| if *m == wanted { 0.0 } else { FAR * FAR }).collect();
-    let longest = width.max(height);
-    let (mut line, mut out) = (vec![0.0; longest], vec![0.0; longest]);
-    let mut scratch = Envelope { sites: vec![0; longest], from: vec![0.0; longest + 1] };
-    for x in 0..width {
-        (0..height).for_each(|y| line[y] = image[y * width + x]);
-        scratch.transform(&line[..height], &mut out[..height]);
-        (0..height).for_each(|y| image[y * width + x] = out[y]);
+    // Within columns by steps from row to row, down and up, then the squares.
+    let mut image: Vec<f64> = mask.iter().map(|m| if *m == wanted { 0.0 } else { FAR }).collect();
+    let step = |to: &mut [f64], from: &[f64]| {
+        to.iter_mut().zip(from).for_each(|(t, f)| *t = t.min(f + 1.0));
+    };
+    for y in 1..height {
+        let (before, after) = image.split_at_mut(y * width);
+        step(&mut after[..width], &before[(y - 1) * width..]);
     }
+    for y in (1..height).rev() {
+        let (before, after) = image.split_at_mut(y * width);
+        step(&mut before[(y - 1) * width..], &after[..width]);
+    }
+    image.iter_mut().for_each(|d| *d *= *d);
+    let mut line = vec![0.0; width];
+    let mut scratch = Envelope { sites: vec![0; width], from: vec![0.0; width + 1] };
     for row in image.chunks_exact_mut(width) {
-        line[..width].copy_from_slice(row);
-        scratch.transform(&line[..width], row);
+        line.copy_from_slice(row);
+        scratch.transform(&line, row);
     }
     image
 }
@@ -124,22 +178,39 @@ impl Envelope {
     }
 }
 
+/// Pixels to each side that a Gaussian of `sigma` pixels reads.
+fn taps(sigma: f64) -> usize {
+    (3.0 * sigma).ceil() as usize
+}
+
 /// Smoothed by a Gaussian of `sigma` pixels, cut at three, with the edge repeated beyond it.
 fn blurred(image: &[f64], width: usize, height: usize, sigma: f64) -> Vec<f64> {
-    let reach = (3.0 * sigma).ceil() as i64;
-    let kernel: Vec<f64> =
-        (-reach..=reach).map(|k| (-0.5 * (k as f64 / sigma).powi(2)).exp()).collect();
+    let reach = taps(sigma);
+    let kernel: Vec<f64> = (0..=2 * reach)
+        .map(|k| (-0.5 * ((k as f64 - reach as f64) / sigma).powi(2)).exp())
+        .collect();
     let sum: f64 = kernel.iter().sum();
-    let pass = |from: &[f64], dx: i64, dy: i64| -> Vec<f64> {
-        let clamp = |v: i64, n: usize| v.clamp(0, n as i64 - 1) as usize;
-        let value = |i: usize| {
-            let (x, y) = ((i % width) as i64, (i / width) as i64);
-            let at = |k: i64| from[clamp(y + dy * k, height) * width + clamp(x + dx * k, width)];
-            kernel.iter().zip(-reach..).map(|(w, k)| w * at(k)).sum::<f64>() / sum
-        };
-        (0..from.len()).map(value).collect()
-    };
-    pass(&pass(image, 1, 0), 0, 1)
+    let mut across = vec![0.0; image.len()];
+    let mut line = vec![0.0; width + 2 * reach];
+    for (row, to) in image.chunks_exact(width).zip(across.chunks_exact_mut(width)) {
+        line[..reach].fill(row[0]);
+        line[reach..reach + width].copy_from_slice(row);
+        line[reach + width..].fill(row[width - 1]);
+        for (k, w) in kernel.iter().enumerate() {
+            to.iter_mut().zip(&line[k..]).for_each(|(t, v)| *t += w * v);
+        }
+        to.iter_mut().for_each(|t| *t /= sum);
+    }
+    let mut all = vec![0.0; image.len()];
+    for (y, to) in all.chunks_exact_mut(width).enumerate() {
+        for (k, w) in kernel.iter().enumerate() {
+            let from = (y + k).saturating_sub(reach).min(height - 1) * width;
+            let row = &across[from..from + width];
+            to.iter_mut().zip(row).for_each(|(t, v)| *t += w * v);
+        }
+        to.iter_mut().for_each(|t| *t /= sum);
+    }
+    all
 }
 
 #[cfg(test)]
@@ -174,6 +245,34 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn the_outline_of_a_figure_is_the_whole_distance_image_near_it() {
+        let (w, h) = (40, 31);
+        let whole_of = |inside: &dyn Fn(f64, f64) -> bool, blur: f64| {
+            let mask: Vec<bool> =
+                (0..w * h).map(|i| inside((i % w) as f64, (i / w) as f64)).collect();
+            (DistanceImage::new(&mask, w, h, blur), mask)
+        };
+        let ring = |x: f64, y: f64| (2.5..6.0).contains(&(x - 17.0).hypot(y - 14.0));
+        let at_the_edge = |x: f64, y: f64| x > 33.0 && y < 9.0;
+        for inside in [&ring as &dyn Fn(f64, f64) -> bool, &at_the_edge] {
+            for blur in [0.0, 0.7, 1.5] {
+                let (whole, mask) = whole_of(inside, blur);
+                let outline = whole.outline(&mask, 2.0).unwrap();
+                assert!(outline.image.values.len() < whole.values.len());
+                for k in 0..40_000 {
+                    let (u, v) = (0.2 * (k % 200) as f64 + 0.07, 0.155 * (k / 200) as f64 + 0.03);
+                    let near = (0..w * h)
+                        .filter(|i| mask[*i])
+                        .any(|i| ((i % w) as f64 + 0.5 - u).hypot((i / w) as f64 + 0.5 - v) <= 2.0);
+                    assert!(!near || outline.at(u, v) == whole.at(u, v), "{blur}: {u} {v}");
+                }
+            }
+        }
+        let (nothing, mask) = whole_of(&|_, _| false, 1.0);
+        assert!(nothing.outline(&mask, 2.0).is_none());
     }
 
     #[test]

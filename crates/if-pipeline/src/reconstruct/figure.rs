@@ -96,8 +96,8 @@ impl<'a> Figure<'a> {
         }
         let pixels_per_metre = pixels_per_metre(self.camera);
         let figure: Vec<bool> = self.seen.triangle.iter().map(|t| *t != NOTHING).collect();
-        let outline = outside.alike(&figure);
         let mut found = Vec::new();
+        let Some(outline) = outside.outline(&figure, BESIDE) else { return found };
         for vertex in (0..rim.len()).filter(|v| rim[*v]) {
             let p = &self.points[vertex];
             if p.z <= 0.0 {
