@@ -67,7 +67,7 @@ impl Default for SurfaceParams {
             slide: 0.3,
             least_overlap: 0.3,
             loose: 0.05,
-            least_loose: 0.001,
+            least_loose: 0.0003,
             loose_cell: 0.01,
             loose_rounds: 6,
             loose_silhouettes: 0.3,
