@@ -4,9 +4,12 @@
     benches/batches.py WARDROBE OUT --count 200 --kills 20 [--ifg PATH] [--ways one shards ...]
 
 WARDROBE is made where it is missing: five garments of the built-in mannequin, coarse, and twelve
-bodies of its topology. Ways: `one` process with one thread; `shards`: two of `ifg --shard`, restarted when killed;
-`processes` and `ray`: ifgarments.batch; `hyperqueue`: a local cluster. Needs a Python with
-ifgarments, and with ray and hyperqueue for these two.
+bodies of its topology. Ways: `one` process with one thread; `shards`: two of `ifg --shard`,
+restarted when killed; `processes` and `ray`: ifgarments.batch; `hyperqueue`: a local cluster. Needs a
+Python with ifgarments, and with ray and hyperqueue for these two, which listen on the machine's
+address. A network of its own keeps them from other machines, as root:
+
+    unshare -n sh -c 'ip link set lo up; benches/batches.py ...'
 """
 
 import argparse
@@ -142,9 +145,7 @@ def processes(args, combos, out):
 def ray(args, combos, out):
     import ray as cluster
 
-    # Not reachable from other machines, nor one that runs already.
-    options = {"include_dashboard": False, "_node_ip_address": "127.0.0.1"}
-    cluster.init("local", num_cpus=WORKERS, **options)
+    cluster.init("local", num_cpus=WORKERS, include_dashboard=False)  # none that runs already
     batch.run(args.wardrobe, combos, out, engine="ray", retries=args.kills, picture_height=0)
     cluster.shutdown()
 
