@@ -98,7 +98,9 @@ impl Attempt {
             untangled.iter().map(|u| u.as_ref().map_or(0, |u| u.rounds)).collect();
         if settings.params.goal.own == Own::Remove {
             let _phase = trace_span!("untangling").entered();
-            let more = untangle_settled(&outfit, &mut dressed, &mut closed, settings.params);
+            let more =
+                untangle_settled(&outfit, &mut dressed, &mut closed, settings.params, monitor)
+                    .map_err(AttemptError::Cancelled)?;
             rounds.iter_mut().zip(more).for_each(|(rounds, more)| *rounds += more);
         }
         let left = |(given, untangled): (&Findings, Option<Untangled>)| match untangled {
@@ -251,9 +253,10 @@ fn untangle_garments(
             continue;
         }
         let mut progress = GarmentProgress { monitor, name: &garment.name, index, count };
-        let report = progress.report(UNTANGLE, 0, Some(found.own.len()));
-        report.map_err(AttemptError::Cancelled)?;
-        all.push(untangle(garment, garment.mesh.vertices(), params, &mut |_| true));
+        let mut report = |pairs| progress.report(UNTANGLE, 0, Some(pairs));
+        let start = garment.mesh.vertices();
+        let untangled = untangle(garment, start, params, &mut |_| true, &mut report);
+        all.push(untangled.map_err(AttemptError::Cancelled)?);
     }
     Ok(all)
 }

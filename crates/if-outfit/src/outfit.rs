@@ -91,7 +91,8 @@ pub enum OutfitError {
     },
     /// The body's height suggests other units.
     #[error(
-        "body `{layer}` is {height:.1} units high, likely {unit}; scale all layers by {scale} (everything is in metres)"
+        "body `{layer}` is {} units high, likely {unit}; scale all layers by {scale} (everything is in metres)",
+        high(*height)
     )]
     Units {
         /// Its name.
@@ -115,7 +116,7 @@ impl Outfit {
     /// # Errors
     ///
     /// A layer without triangles, two of one name, a body without an inside or not in metres (taller
-    /// than 20 units), a garment whose box is further from the body's than the body is tall, or
+    /// than 20 units or smaller than 0.1), a garment whose box is further from the body's than the body is tall, or
     /// twelve times as large. Vertices of no triangle count as none.
     ///
     /// A body may be open, inside out, in several parts and intersect itself: what is assumed of it
@@ -185,9 +186,17 @@ pub fn check_garment(body: &Aabb, name: &str, garment: &TriMesh) -> Result<(), O
     Ok(())
 }
 
+/// A height with a digit behind the point, small ones with three that count.
+fn high(height: Real) -> String {
+    if height < 0.1 { format!("{height:.2e}") } else { format!("{height:.1}") }
+}
+
 /// The unit that a person of this height (longest side of the box) is likely in, where not metres.
+/// A doll of ten centimetres may be.
 fn suspicious_unit(height: Real) -> Option<(&'static str, Real)> {
     match height {
+        h if h < 4e-3 => Some(("kilometres", 1e3)),
+        h if h < 0.1 => Some(("metres divided by 100", 1e2)),
         h if h > 500.0 => Some(("millimetres", 1e-3)),
         h if h > 40.0 => Some(("centimetres", 1e-2)),
         h if h > 20.0 => Some(("inches", 0.0254)),
@@ -328,5 +337,18 @@ mod tests {
             text.contains("1740.0") && text.contains("millimetres") && text.contains("0.001"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn a_body_of_some_millimetres_was_likely_scaled_twice() {
+        for (size, unit, scale) in [
+            (0.0159, "1.59e-2 units high, likely metres divided by 100", "by 100 "),
+            (1.6e-3, "kilometres", "by 1000 "),
+        ] {
+            let body = Layer::new("body", tetrahedron(size, 0.0));
+            let text = Outfit::new(body, vec![]).unwrap_err().to_string();
+            assert!(text.contains(unit) && text.contains(scale), "{text}");
+        }
+        assert!(Outfit::new(Layer::new("doll", tetrahedron(0.12, 0.0)), vec![]).is_ok());
     }
 }

@@ -7,6 +7,7 @@
 //!         for the way apart that the contours suggest, then for others
 //!             repeat: planes that separate the pairs along the way; cloth; verify exactly
 //!             until no pair is left; then the cloth relaxes, held apart
+//!         where pairs are left, the cloth round them is laid smooth                smooth.rs
 //!         keep the result if the garment has no pair that it did not have, and fewer
 //! after all garments have settled, once more for pairs that are left           settled.rs
 //! ```
@@ -17,6 +18,7 @@ mod contours;
 mod kept;
 mod patch;
 mod settled;
+mod smooth;
 
 pub(crate) use kept::kept;
 pub(crate) use settled::untangle_settled;
@@ -29,6 +31,7 @@ use contours::{Contour, Way};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Cancelled;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::own_pairs;
 use patch::{Outcome, Patch};
@@ -39,8 +42,8 @@ const REACHES: [Real; 3] = [1.0, 2.0, 3.0];
 /// Maximum number of ways that are tried for a group of contours, beside one for each contour.
 const TRIES: usize = 12;
 /// Maximum work for a garment, in rounds times free vertices: bounds the time for garments that are
-/// tangled all over, some seconds. The garments of the test data take less than a tenth of it.
-const WORK: usize = 1_500_000;
+/// tangled all over, a second or two. The garments of the test data take less than half of it.
+const WORK: usize = 300_000;
 /// Other ways that are tried for each contour of a patch that is clean, but strained.
 const OTHERS: usize = 3;
 /// Largest share of a garment that counts as cut off by a contour.
@@ -58,16 +61,21 @@ pub(crate) struct Untangled {
 
 /// Removes own pairs of `garment` with its vertices at `start`, which are rounded to its storage.
 /// `None` if no state was found that has fewer pairs, none of them new, and that is `accepted`.
+///
+/// # Errors
+///
+/// [`Cancelled`] from `report`, which receives the pairs of the garment before each round.
 pub(crate) fn untangle(
     garment: &Layer,
     start: &[Point],
     params: &ResolveParams,
     accepted: &mut dyn FnMut(&[Point]) -> bool,
-) -> Option<Untangled> {
+    report: &mut dyn FnMut(usize) -> Result<(), Cancelled>,
+) -> Result<Option<Untangled>, Cancelled> {
     let rest = &garment.mesh;
     let edges = Edges::new(rest);
     let neighbours = Neighbours::new(&edges, rest.vertices());
-    let mut mesh = rest.with_vertices(start.to_vec()).ok()?;
+    let mut mesh = rest.with_vertices(start.to_vec()).expect("positions of a mesh");
     let mut tree = Bvh::new(&mesh);
     let mut pairs = own(&mesh, &tree);
     let (given, mut rounds, mut work) = (pairs.len(), 0, WORK);
@@ -77,12 +85,17 @@ pub(crate) fn untangle(
         }
         let contours = Contour::all(&mesh, &edges, &pairs);
         for sources in groups(&mesh, &contours, &neighbours, reach) {
-            if work == 0 {
-                break;
-            }
             let near = (&neighbours, &tree);
             let patch = Patch::new(garment, mesh.vertices(), &sources, reach, near, params);
-            let outcome = best_way(&patch, &patch.positions(mesh.vertices()), &mut work);
+            let start = patch.positions(mesh.vertices());
+            let poll = &mut || report(pairs.len());
+            // One group that does not come apart leaves work for the others.
+            let (share, mut left) = (work.div_ceil(2), work.div_ceil(2));
+            let mut outcome = best_way(&patch, &start, &mut left, poll)?;
+            work -= share - left;
+            if !outcome.pairs.is_empty() {
+                outcome = patch.smoothed(outcome, poll)?;
+            }
             rounds += outcome.rounds;
             let mut x = mesh.vertices().to_vec();
             patch.write(&outcome.positions, &mut x);
@@ -98,7 +111,7 @@ pub(crate) fn untangle(
     }
     tracing::debug!(garment = garment.name, given, left = pairs.len(), rounds, work, "untangled");
     let positions = mesh.vertices().to_vec();
-    (pairs.len() < given).then_some(Untangled { positions, pairs, rounds })
+    Ok((pairs.len() < given).then_some(Untangled { positions, pairs, rounds }))
 }
 
 /// The vertices of contours whose neighbourhoods overlap, group by group.
@@ -132,14 +145,22 @@ fn groups(
 
 /// Tries ways apart for the contours of `patch` until no pair is left or `work` is used up, and
 /// returns the best outcome.
-fn best_way(patch: &Patch<'_>, start: &[Point], work: &mut usize) -> Outcome {
+fn best_way(
+    patch: &Patch<'_>,
+    start: &[Point],
+    work: &mut usize,
+    poll: &mut dyn FnMut() -> Result<(), Cancelled>,
+) -> Result<Outcome, Cancelled> {
     let all: Vec<Vec<Way>> = patch.contours.iter().map(Contour::ways).collect();
     let mut chosen = vec![0; all.len()];
     let mut next = vec![1; all.len()];
     let ways = |chosen: &[usize]| -> Vec<Way> {
         all.iter().zip(chosen).map(|(ways, k)| ways[*k]).collect()
     };
-    let mut best = patch.separate(start, &ways(&chosen));
+    if *work == 0 {
+        return Ok(patch.as_given(start));
+    }
+    let mut best = patch.separate(start, &ways(&chosen), poll)?;
     let mut rounds = best.rounds;
     let mut pay = |rounds: usize| {
         *work = work.saturating_sub(rounds * patch.free_count());
@@ -159,14 +180,14 @@ fn best_way(patch: &Patch<'_>, start: &[Point], work: &mut usize) -> Outcome {
         let mut other = chosen.clone();
         other[k] = next[k];
         next[k] += 1;
-        let outcome = patch.separate(start, &ways(&other));
+        let outcome = patch.separate(start, &ways(&other), poll)?;
         rounds += outcome.rounds;
         may_go_on = pay(outcome.rounds);
         if outcome.rank() < best.rank() {
             (best, chosen) = (outcome, other);
         }
     }
-    Outcome { rounds, ..best }
+    Ok(Outcome { rounds, ..best })
 }
 
 /// The own pairs of `mesh`, which `tree` holds, sorted.
@@ -210,7 +231,9 @@ mod tests {
     fn untangled(layer: &Layer) -> Untangled {
         assert!(!pairs_of(&layer.mesh).is_empty());
         let params = ResolveParams::default();
-        let found = untangle(layer, layer.mesh.vertices(), &params, &mut |_| true).unwrap();
+        let start = layer.mesh.vertices();
+        let found = untangle(layer, start, &params, &mut |_| true, &mut |_| Ok(()));
+        let found = found.unwrap().unwrap();
         let mesh = layer.mesh.with_vertices(found.positions.clone()).unwrap();
         assert_eq!(found.pairs, pairs_of(&mesh));
         found
@@ -268,16 +291,62 @@ mod tests {
     }
 
     #[test]
+    fn cloth_with_no_side_to_lie_apart_is_laid_smooth() {
+        // The middle of a sheet is turned about, as where there was too little room for it.
+        let flat = sheet(24, |x, y| 0.3 * x * y);
+        let turned = |p: &Point| {
+            let r = p.coords.xy().norm();
+            let scale = if r < 0.03 { -0.4 } else { 1.0 };
+            Point::new(scale * p.x, scale * p.y, p.z)
+        };
+        let folded = flat.with_vertices(flat.vertices().iter().map(turned).collect()).unwrap();
+        let layer = Layer::new("shorts", folded);
+        let mesh = &layer.mesh;
+        let (edges, tree) = (Edges::new(mesh), Bvh::new(mesh));
+        let sources: BTreeSet<u32> =
+            pairs_of(mesh).iter().flatten().flat_map(|t| mesh.triangles()[*t as usize]).collect();
+        let (start, params) = (mesh.vertices(), ResolveParams::default());
+        let neighbours = Neighbours::new(&edges, start);
+        let patch = Patch::new(&layer, start, &sources, 0.05, (&neighbours, &tree), &params);
+        let mut work = WORK;
+        let apart = best_way(&patch, &patch.positions(start), &mut work, &mut || Ok(())).unwrap();
+        assert!(!apart.pairs.is_empty(), "no way takes it apart");
+        assert!(patch.smoothed(apart, &mut || Ok(())).unwrap().pairs.is_empty());
+        let found = untangled(&layer);
+        assert!(found.pairs.is_empty());
+        let far = start.iter().zip(&found.positions).filter(|(p, _)| p.coords.xy().norm() > 0.09);
+        assert!(far.map(|(p, q)| assert_eq!(p, q)).count() > 100);
+    }
+
+    #[test]
     fn a_state_that_is_not_accepted_is_not_returned() {
         let layer = joined(&sheet(10, |_, _| 0.0), &sheet(9, |x, _| 0.1 * x - 0.007));
         let params = ResolveParams::default();
         let start = layer.mesh.vertices();
         let mut asked = 0;
-        let found = untangle(&layer, start, &params, &mut |_| {
+        let mut refused = |_: &[Point]| {
             asked += 1;
             false
-        });
-        assert!(found.is_none() && asked > 0);
+        };
+        let found = untangle(&layer, start, &params, &mut refused, &mut |_| Ok(()));
+        assert!(found.unwrap().is_none() && asked > 0);
         assert!(untangled(&layer).pairs.is_empty());
+    }
+
+    #[test]
+    fn it_can_be_cancelled_in_each_round() {
+        let layer = joined(&sheet(10, |_, _| 0.0), &sheet(9, |x, _| 0.1 * x - 0.007));
+        let params = ResolveParams::default();
+        let start = layer.mesh.vertices();
+        for last in [1, 3] {
+            let mut reports = 0;
+            let mut cancel = |pairs: usize| {
+                assert!(pairs > 0);
+                reports += 1;
+                if reports == last { Err(Cancelled) } else { Ok(()) }
+            };
+            let found = untangle(&layer, start, &params, &mut |_| true, &mut cancel);
+            assert!(found.is_err() && reports == last);
+        }
     }
 }

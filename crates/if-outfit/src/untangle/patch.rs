@@ -10,6 +10,7 @@ use crate::separating_plane::least_motion_plane;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
+use if_core::monitor::Cancelled;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::own_pairs;
 use if_mesh::measure::strain_of;
@@ -38,8 +39,8 @@ pub(super) struct Patch<'a> {
     /// For each vertex that of the garment.
     vertices: Vec<u32>,
     /// The part in the input: the cloth at rest.
-    mesh: TriMesh,
-    edges: Edges,
+    pub(super) mesh: TriMesh,
+    pub(super) edges: Edges,
     groups: ElasticGroups,
     inverse_masses: Vec<Real>,
     /// For each vertex how much nearer it is to the second sheet of its contour than to the first,
@@ -179,7 +180,7 @@ impl<'a> Patch<'a> {
         }
     }
 
-    fn at(&self, x: &[Point]) -> TriMesh {
+    pub(super) fn at(&self, x: &[Point]) -> TriMesh {
         self.mesh.with_vertices(x.to_vec()).expect("the solver keeps positions finite")
     }
 
@@ -204,7 +205,12 @@ impl<'a> Patch<'a> {
     }
 
     /// Moves the sheets of each contour apart along its way. Returns the best state.
-    pub(super) fn separate(&self, start: &[Point], ways: &[Way]) -> Outcome {
+    pub(super) fn separate(
+        &self,
+        start: &[Point],
+        ways: &[Way],
+        poll: &mut dyn FnMut() -> Result<(), Cancelled>,
+    ) -> Result<Outcome, Cancelled> {
         let gap = self.params.goal.clearance;
         let mut solver = Solver::new(quasi_static(self.params.effort.sweeps as u32, 2, 3))
             .expect("ResolveParams::validate checks the number of sweeps");
@@ -223,6 +229,7 @@ impl<'a> Patch<'a> {
         let mut met: BTreeSet<[u32; 2]> = BTreeSet::new();
         let (mut vain, mut relaxed, mut rounds) = (0, 0, 0);
         for round in 0..ROUNDS + RELAXING {
+            poll()?;
             let mut separations = Separations::new();
             if pairs.is_empty() {
                 // Clean: each pair keeps to the sides where it lies, as far apart as it may be.
@@ -256,11 +263,9 @@ impl<'a> Patch<'a> {
             if step(&mut solver, &mut particles, &mut x, &mut inverse_masses, &mut all).is_err() {
                 break;
             }
-            let stored = self.garment.storage.round(&x);
-            mesh = self.at(&stored);
-            tree.refit(&stored);
-            pairs = self.pairs(&mesh, &tree);
-            let now = self.outcome(pairs.clone(), stored, round + 1);
+            let now = self.stored_outcome(&x, &mut tree, round + 1);
+            mesh = self.at(&now.positions);
+            pairs = now.pairs.clone();
             (vain, rounds) = (vain + 1, round + 1);
             if now.pairs.len() < best.pairs.len() {
                 vain = 0;
@@ -273,14 +278,29 @@ impl<'a> Patch<'a> {
                 break;
             }
         }
-        Outcome { rounds, ..best }
+        Ok(Outcome { rounds, ..best })
+    }
+
+    /// The patch before anything is done.
+    pub(super) fn as_given(&self, start: &[Point]) -> Outcome {
+        self.stored_outcome(start, &mut Bvh::new(&self.at(start)), 0)
+    }
+
+    /// What `x` is as it is stored. `tree` is of the patch, at any positions.
+    pub(super) fn stored_outcome(&self, x: &[Point], tree: &mut Bvh, rounds: usize) -> Outcome {
+        let stored = self.garment.storage.round(x);
+        tree.refit(&stored);
+        self.outcome(self.pairs(&self.at(&stored), tree), stored, rounds)
+    }
+
+    /// Whether a vertex can move.
+    pub(super) fn is_free(&self, v: u32) -> bool {
+        self.inverse_masses[v as usize] > 0.0
     }
 
     /// The own pairs of `mesh`, which `tree` holds, of triangles that can move.
     fn pairs(&self, mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
-        let is_free = |t: u32| {
-            mesh.triangles()[t as usize].iter().any(|v| self.inverse_masses[*v as usize] > 0.0)
-        };
+        let is_free = |t: u32| mesh.triangles()[t as usize].iter().any(|v| self.is_free(*v));
         let pairs = own_pairs(mesh, tree).into_iter().map(|p| [p.a, p.b]);
         pairs.filter(|pair| pair.iter().any(|t| is_free(*t))).collect()
     }

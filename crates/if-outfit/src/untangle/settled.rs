@@ -6,20 +6,27 @@ use crate::dressing::Dressed;
 use crate::findings::Findings;
 use crate::outfit::Outfit;
 use crate::params::ResolveParams;
+use crate::progress::{GarmentProgress, UNTANGLE};
 use crate::verify::{verify_changed, verify_garment};
 use if_core::math::Point;
+use if_core::monitor::{Cancelled, Monitor};
 use if_mesh::measure::{displacement, strain};
 use if_mesh::solid::ClosedLayer;
 use std::sync::Arc;
 
 /// Untangles the settled garments of `input` that intersect themselves. `closed` are their closed
 /// layers, the body first, and follow. Returns for each garment the rounds made.
+///
+/// # Errors
+///
+/// [`Cancelled`] by the monitor.
 pub(crate) fn untangle_settled(
     input: &Outfit,
     dressed: &mut [Dressed],
     closed: &mut Vec<Arc<ClosedLayer>>,
     params: &ResolveParams,
-) -> Vec<usize> {
+    monitor: &mut dyn Monitor,
+) -> Result<Vec<usize>, Cancelled> {
     let mut rounds = vec![0; dressed.len()];
     for index in 0..dressed.len() {
         if dressed[index].findings.own.is_empty() {
@@ -54,7 +61,10 @@ pub(crate) fn untangle_settled(
             is_as_clean
         };
         let start = dressed[index].mesh.vertices().to_vec();
-        let result = untangle(&input.garments[index], &start, params, &mut is_as_clean);
+        let (garment, count) = (&input.garments[index], dressed.len());
+        let mut progress = GarmentProgress { monitor, name: &garment.name, index, count };
+        let mut report = |pairs| progress.report(UNTANGLE, 0, Some(pairs));
+        let result = untangle(garment, &start, params, &mut is_as_clean, &mut report)?;
         if let (Some(untangled), Some((findings, layers))) = (result, found) {
             *closed = layers;
             for (dressed, findings) in dressed.iter_mut().zip(findings) {
@@ -67,5 +77,5 @@ pub(crate) fn untangle_settled(
             of.strain = strain(rest, of.mesh.vertices());
         }
     }
-    rounds
+    Ok(rounds)
 }
