@@ -162,10 +162,13 @@ def main():
         strain = max(layer["strain"]["rms"] for layer in report["layers"])
         states["clean between layers" if run.returncode == 0 else "not clean"] += 1
         judged = ""
+        if run.returncode:
+            lift = max((o["lift"] for o in report.get("obstacles", [])), default=0)
+            judged = f"(a garment would have to be lifted by {100 * lift:.0f} cm) "
         if a.referee:
             results = [str(out / f"{garment}.ply") for garment in order]
             command = [sys.executable, a.referee, "--body", str(folder / "body.ply"), "--after", *results]
-            judged = f"referee: exit code {subprocess.run(command, capture_output=True).returncode}"
+            judged += f"referee: exit code {subprocess.run(command, capture_output=True).returncode}"
         print(f"{identifier} {name} {' < '.join(order)}: pairs {pairs[0]} -> {pairs[1]}, own {own[0]} -> {own[1]}, "
               f"strain rms {100 * strain:.1f} %, {seconds:.1f} s {judged}", flush=True)
     print(dict(states))
