@@ -195,6 +195,7 @@ fn high(height: Real) -> String {
 /// A doll of ten centimetres may be.
 fn suspicious_unit(height: Real) -> Option<(&'static str, Real)> {
     match height {
+        0.0 => None,
         h if h < 4e-3 => Some(("kilometres", 1e3)),
         h if h < 0.1 => Some(("metres divided by 100", 1e2)),
         h if h > 500.0 => Some(("millimetres", 1e-3)),
@@ -350,5 +351,7 @@ mod tests {
             assert!(text.contains(unit) && text.contains(scale), "{text}");
         }
         assert!(Outfit::new(Layer::new("doll", tetrahedron(0.12, 0.0)), vec![]).is_ok());
+        let point = Outfit::new(Layer::new("body", tetrahedron(0.0, 0.0)), vec![]);
+        assert!(matches!(point, Err(OutfitError::NoInside { .. })), "{point:?}");
     }
 }
