@@ -33,11 +33,16 @@ impl Patch<'_> {
         let on_border = self.edges.boundary_vertices(from.positions.len());
         // A border stays one: its vertices look along it.
         let counts = |v: u32, n: u32| !on_border[v as usize] || on_border[n as usize];
+        let rest = self.mesh.vertices();
+        let weighted = |v: u32| -> Vec<(u32, Real)> {
+            let around = neighbours.of(v as usize).iter().filter(|n| counts(v, **n));
+            let weight = |n: u32| 1.0 / (rest[n as usize] - rest[v as usize]).norm().max(SHORTEST);
+            around.map(|n| (*n, weight(*n))).collect()
+        };
         let corners = |pair: &[u32; 2]| pair.map(|t| self.mesh.triangles()[t as usize]);
         let met = from.pairs.iter().flat_map(corners).flatten();
         let mut moves = vec![false; from.positions.len()];
         met.for_each(|v| moves[v as usize] = true);
-        let rest = self.mesh.vertices();
         let mut tree = Bvh::new(&self.at(&from.positions));
         let (start, rounds) = (from.positions.clone(), from.rounds);
         let (mut best, mut grown) = (from, 0);
@@ -48,24 +53,19 @@ impl Patch<'_> {
                 near.flat_map(|v| neighbours.of(v)).for_each(|n| moves[*n as usize] = true);
                 grown += 1;
             }
-            let free: Vec<u32> = (0..moves.len() as u32)
-                .filter(|v| moves[*v as usize] && self.is_free(*v))
-                .collect();
+            let free = (0..moves.len() as u32).filter(|v| moves[*v as usize] && self.is_free(*v));
+            let free: Vec<(u32, Vec<(u32, Real)>)> = free.map(|v| (v, weighted(v))).collect();
             let (mut x, mut done) = (start.clone(), 0);
             for steps in STEPS {
                 poll()?;
                 for _ in done..steps {
-                    for &v in &free {
+                    for (v, around) in free.iter().filter(|(_, around)| !around.is_empty()) {
                         let (mut sum, mut whole) = (Vector::zeros(), 0.0);
-                        for n in neighbours.of(v as usize).iter().filter(|n| counts(v, **n)) {
-                            let rest = (rest[*n as usize] - rest[v as usize]).norm();
-                            let weight = 1.0 / rest.max(SHORTEST);
-                            sum += x[*n as usize].coords * weight;
+                        for (n, weight) in around {
+                            sum += x[*n as usize].coords * *weight;
                             whole += weight;
                         }
-                        if whole > 0.0 {
-                            x[v as usize] = Point::from(sum / whole);
-                        }
+                        x[*v as usize] = Point::from(sum / whole);
                     }
                 }
                 done = steps;
