@@ -29,6 +29,7 @@ from functools import partial
 
 import numpy as np
 from ifgarments import Wardrobe, batch, demo_scene
+from outfit_data import processor_seconds
 
 WORKERS = 2
 TIMED = ("timings.json", "summary.csv", "report.html")
@@ -72,6 +73,17 @@ def combinations(wardrobe, count):
     worn = [c for c in worn if not {"skirt", "legs"} <= {hints[name]["class"] for name in c}]
     every = [(body, garments) for body in sorted(wardrobe.bodies) for garments in worn]
     return random.Random(1).sample(every, min(count, len(every)))
+
+
+def listed(args):
+    """The combinations of a run, in the list in its new folder; makes the wardrobe where it is missing."""
+    args.out.mkdir(parents=True)
+    if not pathlib.Path(args.wardrobe).exists():
+        make_wardrobe(args)
+    combos = combinations(Wardrobe(args.wardrobe), args.count)
+    outfits = [{"body": body, "garments": garments} for body, garments in combos]
+    (args.out / "list.json").write_text(json.dumps({"outfit": outfits}))
+    return combos
 
 
 def digest(folder):
@@ -190,12 +202,7 @@ def main():
     parser.add_argument("--ifg", default="ifg")
     parser.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS))
     args = parser.parse_args()
-    args.out.mkdir(parents=True)
-    if not pathlib.Path(args.wardrobe).exists():
-        make_wardrobe(args)
-    combos = combinations(Wardrobe(args.wardrobe), args.count)
-    outfits = [{"body": body, "garments": garments} for body, garments in combos]
-    (args.out / "list.json").write_text(json.dumps({"outfit": outfits}))
+    combos = listed(args)
     # Processor seconds: of this process, and of all that were started and waited for.
     print(
         "| way | seconds | processor s | clean | kills | files, hash |\n|---|---|---|---|---|---|"
@@ -205,9 +212,9 @@ def main():
         kills = 0 if way == "one" else args.kills
         killer = Killer(partial(find, args), kills, args.between)
         killer.start()
-        start, used = time.perf_counter(), sum(os.times()[:4])
+        start, used = time.perf_counter(), processor_seconds()
         run(args, combos, args.out / way)
-        seconds, used = time.perf_counter() - start, sum(os.times()[:4]) - used
+        seconds, used = time.perf_counter() - start, processor_seconds() - used
         killer.end.set()
         clean = json.loads((args.out / way / "summary.json").read_text())["clean"]
         files, hashed = digest(args.out / way)

@@ -15,15 +15,11 @@ import csv
 import json
 import os
 import re
-import resource
 import subprocess
 import sys
 import tempfile
 
-
-def processor_seconds():
-    use = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return use.ru_utime + use.ru_stime
+from outfit_data import processor_seconds
 
 
 def main():

@@ -15,7 +15,6 @@ and all its processes are killed.
 
 import argparse
 import contextlib
-import json
 import os
 import pathlib
 import shlex
@@ -25,8 +24,7 @@ import sys
 import tempfile
 import time
 
-from batches import combinations, command, digest, make_wardrobe, one
-from ifgarments import Wardrobe
+from batches import command, digest, listed, one
 
 # Of this run alone; addresses of a range for tests (RFC 2544).
 HEAD, SECOND = f"ifg-{os.getpid()}-head", f"ifg-{os.getpid()}-second"
@@ -204,12 +202,7 @@ def main():
     args = parser.parse_args()
     nodes_up(), nodes_down()  # before anything takes time
     args.out = args.out.resolve()
-    args.out.mkdir(parents=True)
-    if not pathlib.Path(args.wardrobe).exists():
-        make_wardrobe(args)
-    combos = combinations(Wardrobe(args.wardrobe), args.count)
-    outfits = [{"body": body, "garments": garments} for body, garments in combos]
-    (args.out / "list.json").write_text(json.dumps({"outfit": outfits}))
+    combos = listed(args)
     one(args, combos, args.out / "one")
     whole = digest(args.out / "one")
     print(f"one: {whole[0]} files, {whole[1]}", flush=True)
