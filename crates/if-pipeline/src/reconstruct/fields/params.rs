@@ -1,7 +1,7 @@
 //! Parameters of the training of φ and d.
 
 use crate::reconstruct::error::ReconstructError;
-use crate::reconstruct::phi::PhiParams;
+use crate::reconstruct::phi::{PhiParams, TABLE};
 use if_core::math::Real;
 use if_core::parameter::ParameterError;
 use if_neural::adam::AdamParams;
@@ -108,7 +108,7 @@ impl Default for FieldsWeights {
 impl Default for FieldsParams {
     /// The grid encoding for φ, without a hidden layer: its units would act everywhere at once.
     fn default() -> Self {
-        let grid = GridConfig { hidden: 0, ..GridConfig::default() };
+        let grid = GridConfig { hidden: 0, table: TABLE, ..GridConfig::default() };
         let sampling = SamplingParams { near: 60_000, far: 20_000, ..SamplingParams::default() };
         Self {
             phi: PhiParams { network: NetworkConfig::Grid(grid), steps: 20, sampling },
