@@ -17,6 +17,8 @@
 //! What cannot be read is refused with an error that says what to export instead: compressed meshes
 //! (Draco, meshopt) and GPU instances. Vertices that two nodes show are read, but cannot move.
 //!
+//! [`write_motion()`] writes a new file, in which layers move.
+//!
 //! # Source
 //!
 //! Khronos Group, *glTF 2.0 Specification*, version 2.0.1.
@@ -27,6 +29,7 @@ mod document;
 mod edit;
 mod error;
 mod gltf_mesh;
+mod motion;
 mod placing;
 mod read;
 mod scene;
@@ -39,6 +42,7 @@ pub use crate::normals::Normals;
 pub use edit::GltfFiles;
 pub use error::{ReadError, WriteError};
 pub use gltf_mesh::{GltfMesh, Influences};
+pub use motion::{MotionError, MotionLayer, write_motion};
 pub use read::{read, read_layer};
 pub use write::{write, write_layers};
 

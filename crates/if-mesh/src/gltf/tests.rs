@@ -93,12 +93,12 @@ fn glb_of(document: &Value, bin: &[u8]) -> Vec<u8> {
     out
 }
 
-fn document(bytes: &[u8]) -> Value {
+pub(super) fn document(bytes: &[u8]) -> Value {
     serde_json::from_slice(&bytes[source::Source::new(bytes.to_vec()).unwrap().json]).unwrap()
 }
 
 /// The binary chunk.
-fn bin(bytes: &[u8]) -> &[u8] {
+pub(super) fn bin(bytes: &[u8]) -> &[u8] {
     let json = source::Source::new(bytes.to_vec()).unwrap().json;
     &bytes[json.end + 8..]
 }

@@ -17,7 +17,6 @@ use super::locality::Yielding;
 use super::proof::{Proof, prove};
 use super::walk::{APPROACH, WalkError, Walked, Walker};
 use crate::findings::own_of;
-use crate::storage::Storage;
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
 
@@ -51,7 +50,7 @@ impl Walker {
         self.restart(from.to_vec())?;
         let body = self.scene.starts[1];
         let mut to = from.to_vec();
-        to[..body].copy_from_slice(&Storage::F32.round(&reference[..body]));
+        to[..body].copy_from_slice(&self.storage.round(&reference[..body]));
         self.scene.copy_doubled(&mut to);
         let room = room(self.scene.layers() - 1, self.params.gap);
         self.tolerated.pinched = Some(pinched(&self.scene.layer_mesh(&to, 0), room));

@@ -7,7 +7,6 @@ use super::equilibrium::solve;
 use super::locality::Yielding;
 use super::turn::turns;
 use super::walk::Walker;
-use crate::storage::Storage;
 use if_core::math::{Point, Real};
 
 /// Steps for which triangles that intersected are held apart.
@@ -64,7 +63,7 @@ impl Walker {
             solves += 1;
             sweeps += solved.sweeps;
             scene.copy_doubled(&mut x);
-            let rounded = Storage::F32.round(&x);
+            let rounded = self.storage.round(&x);
             let mesh = scene.mesh.with_vertices(rounded).expect("solutions are finite");
             let tree = self.tree(mesh.vertices());
             let pairs = self.tolerated.left(&clean.pairs(&mesh, &tree));

@@ -83,7 +83,8 @@ pub struct Walked {
 /// An outfit that follows a motion, free of intersections at each step.
 ///
 /// Body and garments are solved in one problem, so that the body yields where it meets itself. All
-/// states are rounded to single precision before they are verified.
+/// states are rounded to single precision, or as [`stored_as`](Self::stored_as) says, before they are
+/// verified.
 #[derive(Clone, Debug)]
 pub struct Walker {
     pub(super) scene: Scene,
@@ -102,6 +103,8 @@ pub struct Walker {
     pub(super) clean: Clean,
     pub(super) multipliers: Multipliers,
     pub(super) met: Met,
+    /// How states are stored: to what each is rounded before it is verified.
+    pub(super) storage: Storage,
 }
 
 /// The state before a step.
@@ -175,9 +178,16 @@ impl Walker {
             scene,
             params,
             tolerated: Tolerated { own: tolerated, pinched: None },
+            storage: Storage::F32,
         };
         walker.open();
         Ok(walker)
+    }
+
+    /// The walker with all later states rounded to `storage`, and so verified; by default to
+    /// [`Storage::F32`].
+    pub fn stored_as(self, storage: Storage) -> Self {
+        Self { storage, ..self }
     }
 
     /// Moves layers apart in the rest state. Where a whole gap is not clean, less is kept.
@@ -249,7 +259,7 @@ impl Walker {
     pub fn carried(&self, target: &[Point]) -> Result<Vec<Point>, WalkError> {
         self.check(target)?;
         let turns = turns(&self.scene, &self.target, target);
-        let mut x = Storage::F32.round(&self.predicted(target, &turns));
+        let mut x = self.storage.round(&self.predicted(target, &turns));
         self.scene.copy_doubled(&mut x);
         Ok(x)
     }
@@ -271,7 +281,7 @@ impl Walker {
     ///
     /// [`WalkError::Target`].
     pub fn restart(&mut self, target: Vec<Point>) -> Result<(), WalkError> {
-        let mut x = Storage::F32.round(&target);
+        let mut x = self.storage.round(&target);
         self.scene.copy_doubled(&mut x);
         self.check(&x)?;
         self.clean = Clean { tree: self.tree(&x), x, is_verified: false };

@@ -104,7 +104,7 @@ impl<'a> Animator<'a> {
     pub fn new(movement: Movement<'a>, params: AnimateParams) -> Result<Self, AnimateError> {
         params.validate()?;
         movement.check()?;
-        let walker = Walker::new(movement.outfit(), params.walk)?;
+        let walker = Walker::new(movement.outfit(), params.walk)?.stored_as(movement.storage()?);
         let (rest, place) = (movement.positions(), movement.rest());
         Ok(Self { movement, params, rest, walker, place, frame: 0 })
     }

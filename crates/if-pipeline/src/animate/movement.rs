@@ -5,9 +5,12 @@ use super::error::AnimateError;
 use super::local::PoseMaps;
 use super::outfit::SkinnedOutfit;
 use if_body::{Motion, Pose};
-use if_core::math::{Point, Real};
-use if_outfit::Outfit;
+use if_core::math::{Point, Real, Vector};
+use if_outfit::{Outfit, Storage};
 use serde_json::json;
+
+/// No vertex is displaced by more than this from where a frame has it, in metres.
+const DISPLACED: Real = 0.1;
 
 /// An outfit and how it is moved, frame by frame.
 #[derive(Clone, Copy, Debug)]
@@ -92,6 +95,20 @@ impl<'a> Movement<'a> {
 
     pub(super) fn positions(&self) -> Vec<Point> {
         self.outfit().layers().flat_map(|layer| layer.mesh.vertices()).copied().collect()
+    }
+
+    /// How frames are stored: differences of two frames are exact in single precision.
+    pub(super) fn storage(&self) -> Result<Storage, AnimateError> {
+        let rest = self.positions();
+        let (mut low, mut high) =
+            (Point::from([Real::INFINITY; 3]), Point::from([-Real::INFINITY; 3]));
+        for frame in 0..self.frames() {
+            for p in self.posed(frame, &rest)? {
+                (low, high) = (low.inf(&p), high.sup(&p));
+            }
+        }
+        let reach = Vector::repeat(DISPLACED);
+        Ok(Storage::with_exact_differences(&(low - reach), &(high + reach)))
     }
 
     /// Refuses poses of another skeleton.
