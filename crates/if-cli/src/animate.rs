@@ -1,6 +1,7 @@
 //! `ifg animate`: a clean outfit follows a motion, every frame proven.
 
 mod faults;
+mod gltf;
 mod page;
 mod pictures;
 mod source;
@@ -67,6 +68,10 @@ pub(crate) struct AnimateArgs {
     /// file.
     #[arg(long)]
     pub(crate) meshes: bool,
+    /// Write motion.glb as well, one file with all layers and frames for browsers, engines and
+    /// Blender.
+    #[arg(long)]
+    pub(crate) gltf: bool,
     /// Do not draw motion.png and strip.png, nor write report.html.
     #[arg(long)]
     pub(crate) no_pictures: bool,
@@ -89,6 +94,7 @@ pub(crate) struct Options {
     pub(crate) out: PathBuf,
     pub(crate) continuous: bool,
     pub(crate) meshes: bool,
+    pub(crate) gltf: bool,
     pub(crate) pictures: bool,
     pub(crate) json: bool,
     pub(crate) strict: bool,
@@ -103,6 +109,7 @@ pub(crate) fn run(args: &AnimateArgs) -> Result<End, Report> {
         out: args.out.clone(),
         continuous: args.continuous,
         meshes: args.meshes,
+        gltf: args.gltf,
         pictures: !args.no_pictures,
         json: args.input.json,
         strict: args.input.strict,
@@ -156,6 +163,11 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     };
     line.message("writing");
     let mut names = write_caches(spec, movement.outfit(), &animation.frames, (&staging, args))?;
+    if args.gltf {
+        let rate = movement.frames_per_second();
+        let outfit = (movement.outfit(), files.files());
+        names.push(gltf::write(outfit, (&animation.frames, rate), (&staging, &args.out))?);
+    }
     if args.meshes {
         write_meshes(spec, movement.outfit(), &files, &animation.frames, args)?;
     }

@@ -37,6 +37,9 @@ pub(crate) struct DemoArgs {
     /// output folder.
     #[arg(long, conflicts_with = "json")]
     pub(crate) motion: bool,
+    /// With --motion: write its motion.glb as well, one file with all layers and frames.
+    #[arg(long, requires = "motion")]
+    pub(crate) gltf: bool,
     /// Print the report as JSON on stdout, and no tables.
     #[arg(long)]
     pub(crate) json: bool,
@@ -102,6 +105,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<End, Report> {
         out: args.out.join("motion"),
         continuous: false,
         meshes: false,
+        gltf: args.gltf,
         pictures: !args.no_pictures,
         json: false,
         strict: false,

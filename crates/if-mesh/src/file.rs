@@ -258,6 +258,20 @@ impl MeshFile {
         }
     }
 
+    /// A texture coordinate for each vertex, its second component counted downwards from the upper edge
+    /// of the picture, as glTF does. `None` if there are vertices without, and for OBJ files, where they
+    /// are of corners.
+    pub fn texture_coordinates(&self) -> Option<Vec<[f32; 2]>> {
+        match &self.content {
+            Content::Ply(ply) => {
+                let upwards = ply.texture_coordinates()?;
+                Some(upwards.iter().map(|[u, v]| [*u, 1.0 - v]).collect())
+            }
+            Content::Obj(_) => None,
+            Content::Gltf(gltf) => gltf.texture_coordinates(),
+        }
+    }
+
     /// Number of normals that several vertices share. They do not change when vertices move.
     pub fn shared_normals(&self) -> usize {
         match &self.content {

@@ -21,7 +21,7 @@ mod viewer;
 
 pub use image::{Image, PngError, write_animation};
 pub use page::Page;
-pub use preview::preview;
+pub use preview::{layer_color, preview};
 pub use render::{render, side_by_side};
 pub use view::{Cut, PALETTE, RenderLayer, View};
 pub use viewer::Viewer;

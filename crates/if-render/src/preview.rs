@@ -1,5 +1,6 @@
 //! Pictures of outfits, with intersecting triangles in red.
 
+use crate::color::decode;
 use crate::image::Image;
 use crate::render::side_by_side;
 use crate::view::{PALETTE, RenderLayer, View};
@@ -24,6 +25,11 @@ pub fn preview(layers: &[&TriMesh], views: &[View], size: [u32; 2]) -> Image {
 pub(crate) fn color(layer: usize) -> [u8; 3] {
     let [skin, cloths @ ..] = PALETTE;
     if layer == 0 { skin } else { cloths[(layer - 1) % cloths.len()] }
+}
+
+/// The colour of a layer of an outfit in pictures and pages, 0 for the body, in linear light.
+pub fn layer_color(layer: usize) -> [f32; 3] {
+    decode(color(layer))
 }
 
 /// The triangles of each layer that intersect another layer, in ascending order.

@@ -7,6 +7,7 @@ use if_body::{Joint, Motion, Skeleton, SkinWeights, TemplateBody};
 use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::tube;
+use if_mesh::gltf::read_layer;
 use if_mesh::ply::{PlyMesh, WriteParams, read_path, write_path};
 use serde_json::{Value, json};
 use std::f64::consts::FRAC_PI_8;
@@ -50,7 +51,7 @@ const ANIMATE: &str =
 #[test]
 fn a_knee_is_lifted_in_clean_frames_that_point_caches_hold() {
     let folder = scene();
-    let run = folder.ifg(&format!("{ANIMATE} --out moved --strict --meshes")).expect(0);
+    let run = folder.ifg(&format!("{ANIMATE} --out moved --strict --meshes --gltf")).expect(0);
     for words in ["3 frames: 3 clean, 3 clean everywhere", "Weights taken from the body: trousers"]
     {
         assert!(run.stdout.contains(words), "{words}\n{}", run.stdout);
@@ -64,11 +65,22 @@ fn a_knee_is_lifted_in_clean_frames_that_point_caches_hold() {
     let cache = folder.read("moved/trousers.pc2");
     let n = mesh.vertices().len();
     assert_eq!(cache.len(), 32 + 3 * 12 * n);
-    let last = cache[32 + 2 * 12 * n..].chunks_exact(4);
-    let numbers: Vec<f64> =
-        last.map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap()))).collect();
-    let stored: Vec<f64> = mesh.vertices().iter().flat_map(|p| [p.x, p.y, p.z]).collect();
-    assert_eq!(numbers, stored);
+    let singles = |bytes: &[u8]| -> Vec<f32> {
+        bytes.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect()
+    };
+    let flat = |points: &[Point]| -> Vec<f32> {
+        points.iter().flat_map(|p| [p.x, p.y, p.z]).map(|x| x as f32).collect()
+    };
+    let [first, _, last] =
+        [0, 1, 2].map(|k| singles(&cache[32 + k * 12 * n..32 + (k + 1) * 12 * n]));
+    assert_eq!(last, flat(mesh.vertices()));
+    // In the glTF file the first frame is the shape of the mesh, and the end of the file what is added
+    // to it for the last frame: the same bits.
+    let glb = folder.read("moved/motion.glb");
+    let shape = read_layer(glb.clone(), Some("trousers"), None).unwrap();
+    assert_eq!(flat(shape.mesh().vertices()), first);
+    let added = singles(&glb[glb.len() - 12 * n..]);
+    assert!(first.iter().zip(&added).map(|(a, b)| a + b).eq(last), "exact in single precision");
     folder
         .ifg("check --strict --body moved/meshes/000002/body_clean.ply moved/meshes/000002/trousers.ply")
         .expect(0);

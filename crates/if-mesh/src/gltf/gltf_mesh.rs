@@ -31,6 +31,8 @@ pub(super) struct Part {
     pub(super) positions: Elements,
     /// As many as positions.
     pub(super) normals: Option<Elements>,
+    /// As many as positions.
+    pub(super) texture: Option<Elements>,
     pub(super) placings: Placings,
     pub(super) skinned: Option<Skinned>,
 }
@@ -118,6 +120,17 @@ impl GltfMesh {
             of_vertex.extend((0..part.positions.count).map(of));
         }
         Some(Influences { joints, of_vertex })
+    }
+
+    /// The texture coordinates (`TEXCOORD_0`) of each vertex; `None` if there are vertices without.
+    pub fn texture_coordinates(&self) -> Option<Vec<[f32; 2]>> {
+        let mut all = Vec::with_capacity(self.mesh.vertices().len());
+        for part in &self.parts {
+            let texture = part.texture.as_ref()?;
+            let of = |k: usize| texture.values::<2>(&self.source, k).map(|x| x as f32);
+            all.extend((0..texture.count).map(of));
+        }
+        Some(all)
     }
 
     /// Whether both are layers of one file.

@@ -17,6 +17,7 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 const NORMAL: Wanted = Wanted { what: "NORMAL", ..POSITION };
+const TEXTURE: Wanted = Wanted { what: "TEXCOORD_0", kind: "VEC2", ..POSITION };
 const INDICES: Wanted = Wanted {
     what: "indices",
     kind: "SCALAR",
@@ -190,6 +191,10 @@ impl Reader<'_> {
             None => None,
         };
         let normals = normals.filter(|n| n.count == positions.count);
+        // Nothing depends on them here, so that invalid ones are as if there were none.
+        let texture = primitive.attributes.get("TEXCOORD_0");
+        let texture = texture.and_then(|&at| self.data.elements(at, &TEXTURE).ok());
+        let texture = texture.filter(|t| t.count == positions.count);
         let (placings, skinned) = self.placings(node, at, placed, positions.count)?;
         let first = vertices.len();
         for element in 0..positions.count {
@@ -202,7 +207,7 @@ impl Reader<'_> {
             vertices.push(p);
         }
         let part = self.parts.len();
-        self.parts.push(Part { first, positions, normals, placings, skinned });
+        self.parts.push(Part { first, positions, normals, texture, placings, skinned });
         self.of.entry(accessor).or_default().push((node, part));
         Ok(part)
     }

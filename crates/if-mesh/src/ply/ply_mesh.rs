@@ -41,6 +41,19 @@ impl PlyMesh {
     pub fn vertex_property(&self, name: &str) -> Option<&Property> {
         self.vertex_properties.iter().find(|p| p.name == name)
     }
+
+    /// The texture coordinates of each vertex, its properties `s` and `t`, `u` and `v`, or `texture_u`
+    /// and `texture_v`; `None` if there are none.
+    pub fn texture_coordinates(&self) -> Option<Vec<[f32; 2]>> {
+        let column = |name: &str| {
+            let property = self.vertex_property(name)?;
+            let values = property.values.to_f64();
+            (values.len() == self.mesh.vertices().len()).then_some(values)
+        };
+        let names = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"]];
+        let [u, v] = names.iter().find_map(|[u, v]| Some([column(u)?, column(v)?]))?;
+        Some(u.iter().zip(&v).map(|(u, v)| [*u as f32, *v as f32]).collect())
+    }
 }
 
 /// An element that is neither `vertex` nor `face`.

@@ -1,0 +1,72 @@
+//! `motion.glb`: all layers and frames in one file.
+
+use super::AnimateFault;
+use crate::cancel;
+use crate::output_error::OutputError;
+use crate::staging::Staging;
+use if_core::monitor::Cancelled;
+use if_mesh::file::MeshFile;
+use if_mesh::gltf::{MotionError, MotionLayer, write_motion};
+use if_outfit::outfit::Outfit;
+use if_pipeline::animate::{AnimateError, Frames};
+use if_render::layer_color;
+use miette::{IntoDiagnostic, Report};
+use std::fs::File;
+use std::io::{self, BufWriter};
+use std::path::Path;
+
+const FILE: &str = "motion.glb";
+
+/// Why writing ends.
+enum Fault {
+    Frame(AnimateError),
+    Motion(MotionError),
+    Cancelled(Cancelled),
+}
+
+impl From<MotionError> for Fault {
+    fn from(error: MotionError) -> Self {
+        Self::Motion(error)
+    }
+}
+
+/// Writes the file, and returns its name. The layers are those of the files, in order.
+pub(super) fn write<'a>(
+    (outfit, files): (&Outfit, impl Iterator<Item = &'a MeshFile>),
+    (frames, rate): (&Frames, f64),
+    (staging, out): (&Staging, &Path),
+) -> Result<String, Report> {
+    let fault = |source| OutputError::File { path: out.join(FILE), source };
+    // A garment whose triangles were split has other vertices than its file.
+    let textures: Vec<Option<Vec<[f32; 2]>>> = outfit
+        .layers()
+        .zip(files)
+        .map(|(layer, file)| {
+            let texture = file.texture_coordinates()?;
+            (texture.len() == layer.mesh.vertices().len()).then_some(texture)
+        })
+        .collect();
+    let layers: Vec<MotionLayer<'_>> = outfit
+        .layers()
+        .zip(&textures)
+        .enumerate()
+        .map(|(k, (layer, texture))| MotionLayer {
+            name: &layer.name,
+            mesh: &layer.mesh,
+            texture: texture.as_deref(),
+            colour: layer_color(k),
+        })
+        .collect();
+    let mut file = BufWriter::new(File::create(staging.path(FILE)).map_err(fault)?);
+    let mut positions = |frame: usize| {
+        cancel::check().map_err(Fault::Cancelled)?;
+        frames.positions(frame).map_err(Fault::Frame)
+    };
+    match write_motion(&mut file, &layers, (frames.len(), rate), &mut positions) {
+        Ok(()) => Ok(FILE.into()),
+        Err(Fault::Frame(source)) => Err(AnimateFault::Animate { source }.into()),
+        Err(Fault::Motion(MotionError::Io(error))) => Err(fault(error).into()),
+        Err(Fault::Motion(error)) => Err(fault(io::Error::other(error)).into()),
+        Err(Fault::Cancelled(cancelled)) => Err(cancelled).into_diagnostic(),
+    }
+}
