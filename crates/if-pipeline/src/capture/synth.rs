@@ -192,8 +192,9 @@ pub fn synth(
     let size = (params.size, params.size);
     let names = report.labels.len() as u8;
     let mut rasteriser = Rasteriser::default();
+    let home = writer.folder().to_path_buf();
     let make = |name: &str| {
-        let path = writer.folder().join(name);
+        let path = home.join(name);
         std::fs::create_dir(&path)
             .map(|()| path.clone())
             .map_err(|source| CaptureError::Io { path, source })
@@ -239,7 +240,7 @@ pub fn synth(
     }
     let template = scene.template();
     if params.shape_noise != ShapeNoise::default() {
-        template.write(&truth.join("template"))?;
+        template.write(&make(&format!("{TRUTH}/template"))?)?;
     }
     misshapen(template, params.shape_noise, params.seed).write(&body)?;
     for (k, layer) in scene.layers.iter().enumerate() {
@@ -307,6 +308,23 @@ mod tests {
             (0.005..0.2).contains(&(report.wrong_labels as Real / total as Real)),
             "{report:?}"
         );
+    }
+
+    #[test]
+    fn a_misshapen_template_has_the_true_one_beside_the_truth() {
+        let folder = tempfile::tempdir().unwrap();
+        let (exact, off) = (folder.path().join("exact"), folder.path().join("off"));
+        synth(&small(0.0), &exact, &mut Silent).unwrap();
+        let shape_noise = ShapeNoise { bones: 0.03, girth: 0.02 };
+        synth(&SynthParams { shape_noise, ..small(0.0) }, &off, &mut Silent).unwrap();
+        let read = |path: std::path::PathBuf| TemplateBody::read(&path).unwrap();
+        let template = read(exact.join(BODY));
+        let kept = read(off.join(TRUTH).join("template"));
+        assert_eq!(kept.mesh.vertices(), template.mesh.vertices());
+        let given = read(off.join(BODY));
+        let moves = given.mesh.vertices().iter().zip(template.mesh.vertices());
+        let largest = moves.map(|(a, b)| (a - b).norm()).fold(0.0, Real::max);
+        assert!((5e-3..0.2).contains(&largest), "{largest}");
     }
 
     #[test]
