@@ -52,6 +52,12 @@ fn clean_drops_fills_and_keeps_openings_and_attributes() {
         .json();
     assert_eq!(json["report"]["holes"]["filled"].as_array().unwrap().len(), 3);
     assert_eq!(json["written"].as_array().unwrap().len(), 1);
+    // Of the two ends one is named.
+    let json = folder
+        .ifg("clean raw.ply --out one.ply --open-at 0.1,0.2,0 --no-pictures --json")
+        .expect(0)
+        .json();
+    assert_eq!(json["report"]["holes"]["filled"].as_array().unwrap().len(), 2);
 }
 
 #[test]

@@ -223,6 +223,47 @@ fn labels_that_are_missing_or_none_and_names_that_are_none_are_named() {
 }
 
 #[test]
+fn each_error_of_a_synthetic_capture_is_in_what_it_is_an_error_of() {
+    let folder = Folder::new();
+    const SYNTH: &str = "capture synth --frames 2 --size 48 --garments skirt,tshirt --noise 0";
+    folder.ifg(&format!("{SYNTH} --out exact")).expect(0);
+    const FILES: [&str; 5] = [
+        "meta.json",
+        "body/body_clean.ply",
+        "normal/0001.png",
+        "mask/0001.png",
+        "truth/tshirt.ply",
+    ];
+    for (option, changed) in [
+        ("--pose-noise 3,9", &FILES[..1]),
+        ("--pose-noise 3,9 --pose-correlation 4", &FILES[..1]),
+        ("--camera-noise 1", &FILES[..1]),
+        ("--shape-noise 3,20", &FILES[1..2]),
+        ("--normal-noise 12", &FILES[2..3]),
+        ("--nonrigid 2cm", &FILES[2..4]),
+        ("--label-noise 1", &[]),
+        ("--mask-noise 1", &[]),
+        ("--seed 4", &[]),
+    ] {
+        let out = option.replace([' ', '-', ','], "_");
+        folder.ifg(&format!("{SYNTH} {option} --out {out}")).expect(0);
+        let differs = |file: &&str| {
+            folder.read(&format!("exact/{file}")) != folder.read(&format!("{out}/{file}"))
+        };
+        assert_eq!(FILES.into_iter().filter(differs).collect::<Vec<_>>(), changed, "{option}");
+        for noisy in ["label_noisy", "mask_noisy"] {
+            let is_asked_for = option.contains(&noisy.replace("_noisy", "-noise"));
+            let there = folder.path(&format!("{out}/{noisy}")).exists();
+            assert_eq!(there, is_asked_for, "{option}: {noisy}");
+        }
+    }
+    let path = folder.path("__shape_noise_3_20/truth/template");
+    let (exact, kept) = (folder.path("exact").join(BODY), path);
+    let read = |path: &std::path::Path| TemplateBody::read(path).unwrap().mesh;
+    assert_eq!(read(&exact), read(&kept), "the true shape is beside the truth");
+}
+
+#[test]
 fn a_synthetic_capture_is_one_and_is_not_overwritten() {
     let folder = Folder::new();
     let run = folder

@@ -164,6 +164,34 @@ fn a_batch_in_shards_has_the_bytes_of_one_process() {
 }
 
 #[test]
+fn where_a_garment_is_worn_can_be_said_and_a_batch_may_write_no_meshes() {
+    let folder = belts();
+    let layer = |folder: &Folder| {
+        let asset = folder.read("w/garments/belt0/asset.json");
+        let asset: serde_json::Value = serde_json::from_slice(&asset).unwrap();
+        (asset["layer"]["class"].clone(), asset["layer"]["order"].clone())
+    };
+    assert_ne!(layer(&folder), ("outer".into(), 3.into()));
+    folder.ifg("wardrobe add w --body slim --class outer --order 3 belt0.ply").expect(0);
+    assert_eq!(layer(&folder), ("outer".into(), 3.into()));
+    let batch = "wardrobe batch w --random 2 --any-order --no-pictures";
+    folder.ifg(&format!("{batch} --seed 5 --no-meshes --out five")).expect(0);
+    folder.ifg(&format!("{batch} --seed 5 --no-meshes --out again")).expect(0);
+    folder.ifg(&format!("{batch} --seed 5 --out whole")).expect(0);
+    folder.ifg(&format!("{batch} --seed 6 --no-meshes --out six")).expect(0);
+    let names = |out: &str, end: &str| {
+        let files = results(&folder, out).into_iter().map(|(path, _)| path);
+        let mut names: Vec<_> =
+            files.filter(|path| path.to_string_lossy().ends_with(end)).collect();
+        names.sort();
+        names
+    };
+    assert!(names("five", ".ply").is_empty() && !names("whole", ".ply").is_empty());
+    assert_eq!(results(&folder, "five"), results(&folder, "again"), "the same are drawn");
+    assert_ne!(names("five", "result.json"), names("six", "result.json"));
+}
+
+#[test]
 fn a_wardrobe_is_filled_listed_and_matched() {
     let folder = belts();
     let list = folder.ifg("wardrobe list w --json").expect(0).json();
