@@ -138,12 +138,24 @@ fn the_public_items_are_those_on_record() {
     );
 }
 
-/// The public items of a crate: kind and path, with fields, variants and methods.
+/// The public items of a crate: kind and path, with fields, variants and methods. What is public only
+/// by a `use` has the path of that.
 fn items(doc: &Value) -> BTreeSet<String> {
-    let mut found = BTreeSet::new();
     let root = &doc["index"][id(&doc["root"])];
     let name = root["name"].as_str().unwrap();
-    walk(doc, root, name, &mut found);
+    let mut items = Items { doc, found: BTreeSet::new(), seen: BTreeSet::new(), used: Vec::new() };
+    items.walk(root, name);
+    while !items.used.is_empty() {
+        let mut used = std::mem::take(&mut items.used);
+        // The shortest path of several.
+        used.sort_by_key(|(_, path)| (path.matches("::").count(), path.clone()));
+        for (target, path) in used {
+            if !items.seen.contains(&target) {
+                items.walk(&doc["index"][target], &path);
+            }
+        }
+    }
+    let found = items.found;
     assert!(found.len() > 5, "rustdoc's JSON of {name} has another form than this test reads");
     found
 }
@@ -153,57 +165,74 @@ fn id(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
-fn walk(doc: &Value, item: &Value, path: &str, found: &mut BTreeSet<String>) {
-    let Some((kind, inner)) = item["inner"].as_object().and_then(|o| o.iter().next()) else {
-        return;
-    };
-    let each = |list: &Value, found: &mut BTreeSet<String>| {
+struct Items<'a> {
+    doc: &'a Value,
+    found: BTreeSet<String>,
+    /// Ids of those that were walked.
+    seen: BTreeSet<String>,
+    /// Ids that a `use` names, and the path that they have by it.
+    used: Vec<(String, String)>,
+}
+
+impl Items<'_> {
+    fn walk(&mut self, item: &Value, path: &str) {
+        let Some((kind, inner)) = item["inner"].as_object().and_then(|o| o.iter().next()) else {
+            return;
+        };
+        self.seen.insert(id(&item["id"]));
+        if kind != "module" || !path.contains("::") {
+            self.found.insert(format!("{} {path}", kind.replace("struct_field", "field")));
+        }
+        match kind.as_str() {
+            "module" | "trait" => self.each(&inner["items"], path),
+            "struct" => {
+                self.each(&inner["kind"]["plain"]["fields"], path);
+                self.methods(&inner["impls"], path);
+            }
+            "enum" => {
+                self.each(&inner["variants"], path);
+                self.methods(&inner["impls"], path);
+            }
+            "variant" => self.each(&inner["kind"]["struct"]["fields"], path),
+            _ => {}
+        }
+    }
+
+    fn each(&mut self, list: &Value, path: &str) {
+        let doc = self.doc;
         for child in list.as_array().into_iter().flatten() {
             let child = &doc["index"][id(child)];
             // Fields and variants that are hidden or private are missing from the index.
             if let Some(name) = child["name"].as_str() {
-                walk(doc, child, &format!("{path}::{name}"), found);
+                self.walk(child, &format!("{path}::{name}"));
             } else if child["inner"]["use"].is_object() {
-                let source = child["inner"]["use"]["source"].as_str().unwrap_or_default();
-                let name = child["inner"]["use"]["name"].as_str().unwrap_or_default();
-                let glob = child["inner"]["use"]["is_glob"] == true;
-                let name = if glob { "*" } else { name };
-                found.insert(format!("use {path}::{name} = {source}"));
+                let about = &child["inner"]["use"];
+                let text = |key: &str| about[key].as_str().unwrap_or_default();
+                let name = if about["is_glob"] == true { "*" } else { text("name") };
+                let path = format!("{path}::{name}");
+                self.found.insert(format!("use {path} = {}", text("source")));
+                if name != "*" {
+                    self.used.push((id(&about["id"]), path));
+                }
             }
         }
-    };
-    if kind != "module" || !path.contains("::") {
-        found.insert(format!("{} {path}", kind.replace("struct_field", "field")));
     }
-    match kind.as_str() {
-        "module" => each(&inner["items"], found),
-        "struct" => {
-            each(&inner["kind"]["plain"]["fields"], found);
-            methods(doc, &inner["impls"], path, found);
-        }
-        "enum" => {
-            each(&inner["variants"], found);
-            methods(doc, &inner["impls"], path, found);
-        }
-        "variant" => each(&inner["kind"]["struct"]["fields"], found),
-        "trait" => each(&inner["items"], found),
-        _ => {}
-    }
-}
 
-/// The methods of inherent implementations.
-fn methods(doc: &Value, impls: &Value, path: &str, found: &mut BTreeSet<String>) {
-    for block in impls.as_array().into_iter().flatten() {
-        let block = &doc["index"][id(block)]["inner"]["impl"];
-        if !block["trait"].is_null() {
-            continue;
-        }
-        for child in block["items"].as_array().into_iter().flatten() {
-            let child = &doc["index"][id(child)];
-            if child["visibility"] == "public"
-                && let Some(name) = child["name"].as_str()
-            {
-                walk(doc, child, &format!("{path}::{name}"), found);
+    /// The methods of inherent implementations.
+    fn methods(&mut self, impls: &Value, path: &str) {
+        let doc = self.doc;
+        for block in impls.as_array().into_iter().flatten() {
+            let block = &doc["index"][id(block)]["inner"]["impl"];
+            if !block["trait"].is_null() {
+                continue;
+            }
+            for child in block["items"].as_array().into_iter().flatten() {
+                let child = &doc["index"][id(child)];
+                if let ("public", Some(name)) =
+                    (child["visibility"].as_str().unwrap_or_default(), child["name"].as_str())
+                {
+                    self.walk(child, &format!("{path}::{name}"));
+                }
             }
         }
     }
