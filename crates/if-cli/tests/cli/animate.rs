@@ -180,7 +180,7 @@ fn a_folder_of_bodies_carries_garments_without_a_skeleton() {
     }
     write("bare.ply", rest.clone());
     const CARRY: &str = "animate --body bare.ply doll/trousers.ply --motion bodies --no-pictures";
-    let run = folder.ifg(&format!("{CARRY} --out carried --strict --meshes")).expect(0);
+    let run = folder.ifg(&format!("{CARRY} --out carried --strict --meshes --gltf")).expect(0);
     let words = "3 frames: 3 clean, 3 clean everywhere";
     assert!(run.stdout.contains(words), "{}", run.stdout);
     // The trousers are where the skeleton would have them, but for folds.

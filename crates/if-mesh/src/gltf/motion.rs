@@ -60,7 +60,7 @@ const HEADS: u64 = 28;
 /// in straight lines. At the time of a frame viewers show exactly its positions, for these are the
 /// sums of two single-precision numbers. There are no normals, so that surfaces are shaded flat.
 ///
-/// `positions` has all vertices of a frame, layer by layer. It is asked for each frame twice, and no
+/// `positions` has all vertices of a frame, layer by layer. It is asked for each frame at most twice, and no
 /// more than two are in memory at a time.
 ///
 /// # Errors

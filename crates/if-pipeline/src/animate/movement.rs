@@ -5,7 +5,9 @@ use super::error::AnimateError;
 use super::local::PoseMaps;
 use super::outfit::SkinnedOutfit;
 use if_body::{Motion, Pose};
+use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real, Vector};
+use if_mesh::index::Bvh;
 use if_outfit::{Outfit, Storage};
 use serde_json::json;
 
@@ -20,6 +22,14 @@ pub struct Movement<'a>(Kind<'a>);
 enum Kind<'a> {
     Poses(&'a SkinnedOutfit, &'a Motion),
     Bodies(&'a BoundOutfit),
+}
+
+/// The largest distance of a garment's vertex from the body.
+fn farthest_from_body(outfit: &Outfit) -> Real {
+    let body = Bvh::new(&outfit.body.mesh);
+    let vertices = outfit.garments.iter().flat_map(|garment| garment.mesh.vertices());
+    let distances = vertices.filter_map(|p| Some(body.closest(p, Real::MAX)?.distance));
+    distances.fold(0.0, Real::max)
 }
 
 /// Where a walker's target is: what the way to the next frame begins from.
@@ -103,11 +113,20 @@ impl<'a> Movement<'a> {
         let (mut low, mut high) =
             (Point::from([Real::INFINITY; 3]), Point::from([-Real::INFINITY; 3]));
         for frame in 0..self.frames() {
-            for p in self.posed(frame, &rest)? {
+            let points = match self.0 {
+                Kind::Poses(..) => self.posed(frame, &rest)?,
+                // The maps of garments take long, and keep them as near to the body as they are.
+                Kind::Bodies(bound) => bound.frame(frame)?,
+            };
+            for p in points {
                 (low, high) = (low.inf(&p), high.sup(&p));
             }
         }
-        let reach = Vector::repeat(DISPLACED);
+        let beyond = match self.0 {
+            Kind::Poses(..) => 0.0,
+            Kind::Bodies(bound) => farthest_from_body(bound.outfit()),
+        };
+        let reach = Vector::repeat(DISPLACED + beyond);
         Ok(Storage::with_exact_differences(&(low - reach), &(high + reach)))
     }
 

@@ -65,6 +65,12 @@ fn a_run_that_was_stopped_goes_on_with_the_same_bits() {
         let [a, b] = [&all, &rest].map(|a| a.frames.positions(frame).unwrap());
         assert!(a == b, "frame {frame}");
     }
+    // The difference of two frames, in single precision, leads from one to the other.
+    let [a, b] = [0, 2].map(|frame| all.frames.positions(frame).unwrap());
+    for (a, b) in a.iter().zip(&b) {
+        let [a, b] = [a, b].map(|p| p.map(|x| x as f32));
+        assert_eq!(a + (b - a), b);
+    }
     // A frame that was changed is computed again, and so is everything after another motion.
     let path = parts.path().join("000001.frame");
     let mut bytes = std::fs::read(&path).unwrap();
