@@ -259,17 +259,18 @@ impl MeshFile {
     }
 
     /// A texture coordinate for each vertex, its second component counted downwards from the upper edge
-    /// of the picture, as glTF does. `None` if there are vertices without, and for OBJ files, where they
-    /// are of corners.
+    /// of the picture, as glTF does. `None` if there are vertices without or one is not finite, and for
+    /// OBJ files, where they are of corners.
     pub fn texture_coordinates(&self) -> Option<Vec<[f32; 2]>> {
-        match &self.content {
+        let found: Vec<[f32; 2]> = match &self.content {
             Content::Ply(ply) => {
                 let upwards = ply.texture_coordinates()?;
-                Some(upwards.iter().map(|[u, v]| [*u, 1.0 - v]).collect())
+                upwards.iter().map(|[u, v]| [*u, 1.0 - v]).collect()
             }
-            Content::Obj(_) => None,
-            Content::Gltf(gltf) => gltf.texture_coordinates(),
-        }
+            Content::Obj(_) => return None,
+            Content::Gltf(gltf) => gltf.texture_coordinates()?,
+        };
+        found.as_flattened().iter().all(|x| x.is_finite()).then_some(found)
     }
 
     /// Number of normals that several vertices share. They do not change when vertices move.
@@ -444,6 +445,7 @@ fn write_gltf(layers: &[(&GltfMesh, &[Point])], path: &Path) -> Result<(), Write
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attributes::{Column, Property};
     use if_core::math::Vector;
 
     const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
@@ -509,5 +511,21 @@ mod tests {
         let too_far = vec![Point::new(1e39, 0.0, 0.0); 3];
         assert!(matches!(file.write(&inside("a.ply"), &too_far), Err(WriteError::Ply { .. })));
         assert_eq!(fs::read(inside("a.ply")).unwrap(), PLY.as_bytes());
+    }
+
+    #[test]
+    fn texture_coordinates_of_ply_files_count_downwards() {
+        let with = |names: [&str; 2]| {
+            let property =
+                |(name, at): (&str, f32)| Property::new(name, Column::F32(vec![at, 0.5, 1.0]));
+            let properties = names.into_iter().zip([0.25, 0.125]).map(property).collect();
+            let mesh = ply::read_bytes(PLY.as_bytes()).unwrap().mesh;
+            let ply = PlyMesh { vertex_properties: properties, ..PlyMesh::new(mesh) };
+            MeshFile::from_ply(ply).texture_coordinates()
+        };
+        for names in [["s", "t"], ["u", "v"], ["texture_u", "texture_v"]] {
+            assert_eq!(with(names), Some(vec![[0.25, 0.875], [0.5, 0.5], [1.0, 0.0]]), "{names:?}");
+        }
+        assert_eq!(with(["s", "v"]), None);
     }
 }

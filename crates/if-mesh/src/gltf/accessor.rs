@@ -98,6 +98,7 @@ impl Elements {
         };
         let components = match wanted.kind {
             "SCALAR" => 1,
+            "VEC2" => 2,
             "VEC3" => 3,
             "VEC4" => 4,
             _ => 16,

@@ -397,6 +397,8 @@ mod tests {
             let found = read_layer(bytes.clone(), Some(name), None).unwrap();
             assert_eq!(found.mesh().triangles(), mesh.triangles());
             assert_eq!(found.mesh().vertices(), moved(mesh, 0));
+            let is_textured = found.texture_coordinates().is_some_and(|found| found == texture);
+            assert_eq!(is_textured, name == "shirt");
         }
         let document = document(&bytes);
         let numbers = |accessor: &Value| -> Vec<f32> {
