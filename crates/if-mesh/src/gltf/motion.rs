@@ -126,11 +126,11 @@ pub fn write_motion<E: From<MotionError>>(
         writer.write_all(&data_length.to_le_bytes())?;
         writer.write_all(b"BIN\0")?;
         write_still(writer, layers, (frames, rate))?;
-        write_rows(writer, &first)
+        write_numbers(writer, first.as_flattened())
     })())?;
     for frame in 1..frames {
         let next = checked(layers, frame, positions(frame)?, Some(&first))?;
-        io(write_rows(writer, &next))?;
+        io(write_numbers(writer, next.as_flattened()))?;
     }
     io(writer.flush())
 }
@@ -341,26 +341,22 @@ fn write_still(
         writer.write_all(&corners.flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>())?;
     }
     for texture in layers.iter().filter_map(|layer| layer.texture) {
-        let numbers = texture.as_flattened().iter();
-        writer.write_all(&numbers.flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>())?;
+        write_numbers(writer, texture.as_flattened())?;
     }
     if frames == 1 {
         return Ok(());
     }
+    let times: Vec<f32> = (0..frames).map(|frame| time(frame, rate)).collect();
+    write_numbers(writer, &times)?;
     for frame in 0..frames {
-        writer.write_all(&time(frame, rate).to_le_bytes())?;
-    }
-    for frame in 0..frames {
-        let weight = |target: usize| if target == frame { 1.0f32 } else { 0.0 };
-        let weights = (1..frames).flat_map(|target| weight(target).to_le_bytes());
-        writer.write_all(&weights.collect::<Vec<u8>>())?;
+        let weight = |target: usize| if target == frame { 1.0 } else { 0.0 };
+        write_numbers(writer, &(1..frames).map(weight).collect::<Vec<f32>>())?;
     }
     Ok(())
 }
 
-fn write_rows(writer: &mut dyn Write, rows: &[[f32; 3]]) -> io::Result<()> {
-    let numbers = rows.as_flattened().iter();
-    writer.write_all(&numbers.flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>())
+fn write_numbers(writer: &mut dyn Write, numbers: &[f32]) -> io::Result<()> {
+    writer.write_all(&numbers.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>())
 }
 
 #[cfg(test)]
