@@ -20,6 +20,7 @@
 
 mod canonical;
 mod checkpoint;
+mod crumpled;
 mod distance_image;
 mod error;
 mod evidence;

@@ -1,6 +1,7 @@
 //! From a capture to garments, in one call.
 
 use super::canonical::{FloodedField, carried_weights, largest_piece};
+use super::crumpled;
 use super::error::ReconstructError;
 use super::fields::{Fields, FieldsParams, fit_fields};
 use super::garments::{ClothedPerson, Garment, GarmentParams, Garments, find_garments};
@@ -124,7 +125,7 @@ pub struct Reconstruction {
 /// ```text
 /// poses     ← refined by images, if they are estimates                       refine_poses
 /// surface   ← the template, fitted to masks and normals                      fit_surface
-/// canonical ← zero set of its signed distance, weights
+/// canonical ← zero set of its signed distance, crumpled places laid smooth; weights
 /// fields    ← φ and d, trained from there on the images, if requested        fit_fields
 ///             canonical ← zero set of φ
 /// motion    ← d of each frame, and as a network, if requested                fit_motion, distil_motion
@@ -313,7 +314,8 @@ fn canonical(
         newton: 0,
         ..ExtractParams::default()
     };
-    extracted(&flooded, &cells, surface, template, monitor)
+    let mesh = crumpled::smoothed(&largest_piece(&extract(&flooded, &cells, monitor)?.mesh));
+    with_weights(mesh, surface, template, monitor)
 }
 
 /// Extracts the canonical mesh from the trained φ.
@@ -330,18 +332,17 @@ fn of_field(
         resolution: Resolution::Cell(params.cell),
         ..ExtractParams::default()
     };
-    extracted(field, &cells, surface, template, monitor)
+    let mesh = largest_piece(&extract(field, &cells, monitor)?.mesh);
+    with_weights(mesh, surface, template, monitor)
 }
 
-/// The largest piece of a field's surface, with the weights of the fitted surface.
-fn extracted(
-    field: &dyn SignedDistance,
-    cells: &ExtractParams,
+/// A canonical mesh with the weights of the fitted surface.
+fn with_weights(
+    mesh: TriMesh,
     surface: &Surface,
     template: &TemplateBody,
     monitor: &mut dyn Monitor,
 ) -> Result<Canonical, ReconstructError> {
-    let mesh = largest_piece(&extract(field, cells, monitor)?.mesh);
     let joints = template.skeleton.len();
     let skin = carried_weights(&surface.mesh, &surface.skin, joints, mesh.vertices());
     progress::report(monitor, "extract", (1, 2), None)?;
@@ -370,6 +371,28 @@ mod tests {
     use if_mesh::cleanup::{CleanupParams, FillParams};
     use if_mesh::labels::CutParams;
     use if_neural::sampling::SamplingParams;
+
+    #[test]
+    fn crumpled_places_of_the_canonical_mesh_are_laid_smooth() {
+        let ball = if_core::shapes::meshes::icosphere(0.3, 4);
+        let n = ball.vertices().len();
+        let skin = SkinWeights::new(vec![[0; 4]; n], vec![[1.0, 0.0, 0.0, 0.0]; n], 1).unwrap();
+        let at = if_core::math::Point::origin();
+        let joint = if_body::Joint { name: "all".into(), parent: None, head: at, tail: at };
+        let skeleton = if_body::Skeleton::new(vec![joint]).unwrap();
+        let template = TemplateBody { mesh: ball.clone(), skin: skin.clone(), skeleton };
+        let crumple = |(k, p): (usize, &if_core::math::Point)| match p.y > 0.2 {
+            true => p + p.coords * (0.05 * ((k * 37 % 11) as Real / 5.0 - 1.0)),
+            false => *p,
+        };
+        let rough = ball.vertices().iter().enumerate().map(crumple).collect();
+        let mesh = ball.with_vertices(rough).unwrap();
+        let surface = Surface { mesh, skin, report: Default::default() };
+        let params = ReconstructParams { cell: 0.015, ..Default::default() };
+        let found = canonical(&surface, &template, &params, &mut if_core::monitor::Silent).unwrap();
+        let again = crumpled::smoothed(&found.mesh);
+        assert!(again.vertices() == found.mesh.vertices(), "the mesh is still crumpled");
+    }
 
     #[test]
     fn the_parameters_of_all_stages_are_validated() {
