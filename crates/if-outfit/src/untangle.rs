@@ -319,6 +319,28 @@ mod tests {
     }
 
     #[test]
+    fn scraps_that_cross_do_not_shrink_to_points() {
+        // Each vertex is on a border: with both others it goes to one place.
+        let at = [[0., 0., 0.], [0.02, 0., 0.], [0., 0.02, 0.], [0.005, 0.005, -0.01]];
+        let more = [[0.006, 0.004, 0.01], [0.02, 0.02, 0.01]];
+        let vertices = at.into_iter().chain(more).map(|[x, y, z]| Point::new(x, y, z)).collect();
+        let layer =
+            Layer::new("scraps", TriMesh::new(vertices, vec![[0, 1, 2], [3, 4, 5]]).unwrap());
+        let mesh = &layer.mesh;
+        let (edges, tree) = (Edges::new(mesh), Bvh::new(mesh));
+        let sources: BTreeSet<u32> = (0..6).collect();
+        let (start, params) = (mesh.vertices(), ResolveParams::default());
+        let neighbours = Neighbours::new(&edges, start);
+        let patch = Patch::new(&layer, start, &sources, 0.05, (&neighbours, &tree), &params);
+        let given = patch.as_given(&patch.positions(start));
+        assert!(!given.pairs.is_empty());
+        let found = patch.smoothed(given, &mut || Ok(())).unwrap();
+        for k in 0..6 {
+            assert!(!found.positions[..k].contains(&found.positions[k]), "{:?}", found.positions);
+        }
+    }
+
+    #[test]
     fn a_state_that_is_not_accepted_is_not_returned() {
         let layer = joined(&sheet(10, |_, _| 0.0), &sheet(9, |x, _| 0.1 * x - 0.007));
         let params = ResolveParams::default();

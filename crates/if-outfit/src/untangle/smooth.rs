@@ -4,7 +4,8 @@
 //! surface than room: neither sheet has a side on which it would lie apart. There each vertex goes
 //! towards the mean of its neighbours, weighted by 1 / length at rest so that lengths along a line
 //! keep their proportions, with the cloth around fixed. Of regions of several sizes and
-//! of few to many steps the one counts that leaves the fewest pairs, then the least strain.
+//! of few to many steps the one counts that leaves the fewest pairs, then the least strain; not one
+//! that lays two vertices on each other.
 
 use super::patch::{Outcome, Patch};
 use if_core::math::{Point, Real, Vector};
@@ -45,6 +46,7 @@ impl Patch<'_> {
         met.for_each(|v| moves[v as usize] = true);
         let mut tree = Bvh::new(&self.at(&from.positions));
         let (start, rounds) = (from.positions.clone(), from.rounds);
+        let apart = places(&start);
         let (mut best, mut grown) = (from, 0);
         for rings in RINGS {
             while grown < rings {
@@ -70,6 +72,11 @@ impl Patch<'_> {
                 }
                 done = steps;
                 let now = self.stored_outcome(&x, &mut tree, rounds);
+                // What shrinks to a point or a line meets nothing, but is no cloth any more, and
+                // further steps do not bring it back.
+                if places(&now.positions) < apart {
+                    break;
+                }
                 let is_clean = now.pairs.is_empty();
                 if now.rank() < best.rank() {
                     best = now;
@@ -81,4 +88,13 @@ impl Patch<'_> {
         }
         Ok(best)
     }
+}
+
+/// The number of different positions.
+fn places(x: &[Point]) -> usize {
+    let bits = |p: &Point| [0, 1, 2].map(|k| (p[k] + 0.0).to_bits());
+    let mut all: Vec<[u64; 3]> = x.iter().map(bits).collect();
+    all.sort_unstable();
+    all.dedup();
+    all.len()
 }
