@@ -13,13 +13,15 @@ use rayon::prelude::*;
 /// of a cell's size have 30° and more.
 const CRUMPLED: Real = 20.0;
 /// Rounds in which crumpled vertices are looked for and moved: what is still crumpled goes further.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 5;
 /// Passes of a round.
 const PASSES: usize = 10;
 /// Share of the way to the mean of its neighbours by which a crumpled vertex moves in a pass.
 const SHARE: Real = 0.5;
 /// Rings round crumpled vertices that move with them, by half of that.
 const RINGS: usize = 2;
+/// Times that a vertex goes half of the way back before it goes all of it.
+const TURNS: usize = 4;
 /// Rounds over which the normals of vertices are smoothed.
 const NORMAL_ROUNDS: usize = 3;
 
@@ -30,7 +32,7 @@ const NORMAL_ROUNDS: usize = 3;
 /// ```text
 /// repeat: crumpled ← mean angle of the triangles at a vertex to the normals around > 20°
 ///         Laplacian passes there, and with half the weight over two rings
-/// where triangles meet that did not: back
+/// where triangles meet that did not: half of the way back, in the end all
 /// ```
 ///
 /// An embedded mesh stays one.
@@ -51,8 +53,8 @@ pub(super) fn smoothed(mesh: &TriMesh) -> TriMesh {
                 .collect();
         }
     }
-    // Where triangles meet, their vertices go back, and with them a ring more in each round.
-    let mut back = vec![false; x.len()];
+    // Where triangles meet, their vertices and those around go half of the way back, in the end all.
+    let mut turns = vec![0; x.len()];
     loop {
         let moved = mesh.with_vertices(x.clone()).expect("means of positions are finite");
         let pairs = own_pairs(&moved, &Bvh::new(&moved));
@@ -63,10 +65,15 @@ pub(super) fn smoothed(mesh: &TriMesh) -> TriMesh {
         if met.is_empty() {
             return moved;
         }
-        met.iter().for_each(|v| back[*v as usize] = true);
-        let around = met.iter().flat_map(|v| neighbours.of(*v as usize));
-        around.for_each(|v| back[*v as usize] = true);
-        (0..x.len()).filter(|v| back[*v]).for_each(|v| x[v] = start[v]);
+        let mut back: Vec<u32> =
+            met.iter().flat_map(|v| neighbours.of(*v as usize)).copied().collect();
+        back.extend(met);
+        back.sort_unstable();
+        back.dedup();
+        for v in back.into_iter().map(|v| v as usize) {
+            turns[v] += 1;
+            x[v] = if turns[v] < TURNS { nalgebra::center(&x[v], &start[v]) } else { start[v] };
+        }
     }
 }
 
