@@ -5,7 +5,8 @@
 
 Every capture has 24 pictures of 256 x 256, the template's bones off by 2 %, its girth by 10 mm, normals by 10 degrees, the camera by
 0.5 degrees; labels and masks as noisy as by default. For each garment the mean distance in mm of its vertices from the truth's surface,
-which no template is off: so the error of the template's shape is part of it. Needs: pip install numpy trimesh rtree scipy
+which no template is off: so the error of the template's shape is part of it. After the stroke its roughness: the mean angle in degrees
+between the two triangles at an edge, weighted by the edge's length. Needs: pip install numpy trimesh rtree scipy
 """
 import argparse, json, os, subprocess, sys, tempfile, time
 import numpy as np, trimesh
@@ -44,12 +45,19 @@ def judged(ifg, outfit, poses, seed):
             truth = trimesh.load(f"{folder}/person/truth/{name}.ply", process=False)
             found = f"{folder}/w/garments/person_{name}/garment.ply"
             if os.path.exists(found):
-                points = trimesh.load(found, process=False).vertices
-                garments.append(f"{name}={1e3 * np.mean(trimesh.proximity.closest_point(truth, points)[1]):.1f}")
+                mesh = trimesh.load(found, process=False)
+                distance = 1e3 * np.mean(trimesh.proximity.closest_point(truth, mesh.vertices)[1])
+                garments.append(f"{name}={distance:.1f}/{roughness(mesh):.1f}")
             else:
                 garments.append(f"{name}=missing")
         silhouette = json.loads(done.stdout)["poses"]["held_out"]["silhouette_mm"]
         return 0, f"{seconds:.1f}", "warning:" in done.stderr, f"{silhouette:.1f}", *garments
+
+
+def roughness(mesh):
+    edges = mesh.vertices[mesh.face_adjacency_edges]
+    lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
+    return np.degrees(np.average(mesh.face_adjacency_angles, weights=lengths))
 
 
 if __name__ == "__main__":
