@@ -125,7 +125,7 @@ pub struct Reconstruction {
 /// ```text
 /// poses     ← refined by images, if they are estimates                       refine_poses
 /// surface   ← the template, fitted to masks and normals                      fit_surface
-/// canonical ← zero set of its signed distance, crumpled places laid smooth; weights
+/// canonical ← zero set of its signed distance, crumpled places of loose clothes laid smooth; weights
 /// fields    ← φ and d, trained from there on the images, if requested        fit_fields
 ///             canonical ← zero set of φ
 /// motion    ← d of each frame, and as a network, if requested                fit_motion, distil_motion
@@ -314,7 +314,10 @@ fn canonical(
         newton: 0,
         ..ExtractParams::default()
     };
-    let mesh = crumpled::smoothed(&largest_piece(&extract(&flooded, &cells, monitor)?.mesh));
+    let mut mesh = largest_piece(&extract(&flooded, &cells, monitor)?.mesh);
+    if surface.report.start.filled.is_some() {
+        mesh = crumpled::smoothed(&mesh);
+    }
     with_weights(mesh, surface, template, monitor)
 }
 
@@ -373,7 +376,7 @@ mod tests {
     use if_neural::sampling::SamplingParams;
 
     #[test]
-    fn crumpled_places_of_the_canonical_mesh_are_laid_smooth() {
+    fn crumpled_places_of_loose_clothes_are_laid_smooth() {
         let ball = if_core::shapes::meshes::icosphere(0.3, 4);
         let n = ball.vertices().len();
         let skin = SkinWeights::new(vec![[0; 4]; n], vec![[1.0, 0.0, 0.0, 0.0]; n], 1).unwrap();
@@ -387,11 +390,16 @@ mod tests {
         };
         let rough = ball.vertices().iter().enumerate().map(crumple).collect();
         let mesh = ball.with_vertices(rough).unwrap();
-        let surface = Surface { mesh, skin, report: Default::default() };
+        let mut surface = Surface { mesh, skin, report: Default::default() };
         let params = ReconstructParams { cell: 0.015, ..Default::default() };
-        let found = canonical(&surface, &template, &params, &mut if_core::monitor::Silent).unwrap();
-        let again = crumpled::smoothed(&found.mesh);
-        assert!(again.vertices() == found.mesh.vertices(), "the mesh is still crumpled");
+        let is_smooth = |surface: &Surface| {
+            let silent = &mut if_core::monitor::Silent;
+            let found = canonical(surface, &template, &params, silent).unwrap().mesh;
+            crumpled::smoothed(&found).vertices() == found.vertices()
+        };
+        assert!(!is_smooth(&surface), "what does not hang loose keeps its shape");
+        surface.report.start.filled = Some(Default::default());
+        assert!(is_smooth(&surface));
     }
 
     #[test]
