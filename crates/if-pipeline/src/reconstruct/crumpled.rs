@@ -1,5 +1,6 @@
 //! Crumpled places of the canonical mesh, laid smooth.
 
+use super::fair::to_mean;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
@@ -48,7 +49,7 @@ pub(super) fn smoothed(mesh: &TriMesh) -> TriMesh {
                 .with_min_len(4096)
                 .map(|v| match weights[v] {
                     0.0 => x[v],
-                    w => x[v] + (mean(&x, neighbours.of(v)) - x[v].coords) * (SHARE * w),
+                    w => x[v] + to_mean(&x, &neighbours, v) * (SHARE * w),
                 })
                 .collect();
         }
@@ -117,11 +118,6 @@ fn weights(triangles: &[[u32; 3]], x: &[Point], neighbours: &Rows<u32>) -> Vec<R
         (0..x.len()).filter(|v| before[*v] == 0.0 && near(*v)).for_each(|v| weights[v] = 0.5);
     }
     weights
-}
-
-fn mean(x: &[Point], around: &[u32]) -> Vector {
-    let sum = around.iter().fold(Vector::zeros(), |sum, v| sum + x[*v as usize].coords);
-    sum / around.len().max(1) as Real
 }
 
 #[cfg(test)]

@@ -91,7 +91,7 @@ fn doubt(mesh: &TriMesh, evidence: &Evidence) -> Vec<Real> {
 }
 
 /// The offset of a vertex from the mean of its neighbours.
-fn to_mean(x: &[Point], neighbours: &Rows<u32>, v: usize) -> Vector {
+pub(super) fn to_mean(x: &[Point], neighbours: &Rows<u32>, v: usize) -> Vector {
     let sum = neighbours.of(v).iter().fold(Vector::zeros(), |sum, u| sum + x[*u as usize].coords);
     sum / neighbours.of(v).len().max(1) as Real - x[v].coords
 }
