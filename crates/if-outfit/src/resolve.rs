@@ -220,23 +220,26 @@ fn resolve_on_body(
     }
 
     let mut report = attempt.report(before, params);
-    let given = (!report.is_proven()).then(|| attempt.outfit.clone());
+    let given = (welded.is_some() || !report.is_proven()).then(|| attempt.outfit.clone());
     let mut found = attempt.outfit;
     for (garment, dressed) in found.garments.iter_mut().zip(attempt.dressed) {
         garment.mesh = dressed.mesh;
     }
     distances::measure(&found, &attempt.closed, &mut report.after);
-    report.compare_clearance(params.goal.clearance);
     if let Some(welded) = welded {
         found = welded.unweld(outfit, found);
+        if !welded.holds(&found) {
+            report.after = verify(&found)?;
+        }
     }
+    report.compare_clearance(params.goal.clearance);
     if !report.is_proven() && params.goal.pinch == Pinch::Keep {
         report.pinch = in_pinches(&found, &params.goal);
     }
     report.seconds = start.elapsed().as_secs_f64();
     let resolved = Resolved { outfit: found, splits: attempt.splits, report };
     let remains = |given| Unresolved::of(&given, (&resolved.outfit, &resolved.report));
-    match given.and_then(remains) {
+    match given.filter(|_| !resolved.report.is_proven()).and_then(remains) {
         None => Ok(resolved),
         Some(unresolved) => Err(remaining(unresolved, resolved)),
     }

@@ -69,6 +69,17 @@ impl Welded {
             given.garments.iter().zip(found.garments).zip(&self.garments).map(open).collect();
         Outfit { body: given.body.clone(), garments }
     }
+
+    /// Whether the seams of an outfit that was [unwelded](Self::unweld) are those that were welded.
+    /// Where more than two triangles meet along coincident edges, as in a soup, moves decide which of
+    /// them are seams.
+    pub(crate) fn holds(&self, found: &Outfit) -> bool {
+        let same = |(layer, welded): (&Layer, &Option<seams::Welded>)| {
+            let now = |w: &seams::Welded| weld(&layer.mesh).map(|n| n.vertex_map == w.vertex_map);
+            welded.as_ref().is_none_or(|welded| now(welded) == Some(true))
+        };
+        found.garments.par_iter().zip(&self.garments).all(same)
+    }
 }
 
 /// `mesh` rounded to the storage of `layer`; `None` if rounding changes nothing.
