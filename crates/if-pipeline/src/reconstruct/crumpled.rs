@@ -10,8 +10,8 @@ use if_mesh::intersections::own_pairs;
 use rayon::prelude::*;
 
 /// Mean angle, weighted by area, between a vertex's triangles and the smoothed normal there beyond
-/// which it is crumpled. Nine in ten vertices of the sample captures are below 8°; hems and creases
-/// of a cell's size have 30° and more.
+/// which it is crumpled. On the built-in coat half of the vertices are below 3.3°, nine in ten below
+/// 19.5°, and one in a hundred is above 67°.
 const CRUMPLED: Real = 20.0;
 /// Rounds in which crumpled vertices are looked for and moved: what is still crumpled goes further.
 const ROUNDS: usize = 5;
@@ -33,7 +33,7 @@ const NORMAL_ROUNDS: usize = 3;
 /// ```text
 /// repeat: crumpled ← mean angle of the triangles at a vertex to the normals around > 20°
 ///         Laplacian passes there, and with half the weight over two rings
-/// where triangles meet that did not: half of the way back, in the end all
+/// where triangles meet that did not: they and those around go half of the way back, in the end all
 /// ```
 ///
 /// An embedded mesh stays one.
@@ -54,7 +54,6 @@ pub(super) fn smoothed(mesh: &TriMesh) -> TriMesh {
                 .collect();
         }
     }
-    // Where triangles meet, their vertices and those around go half of the way back, in the end all.
     let mut turns = vec![0; x.len()];
     loop {
         let moved = mesh.with_vertices(x.clone()).expect("means of positions are finite");

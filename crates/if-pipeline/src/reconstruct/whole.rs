@@ -125,7 +125,7 @@ pub struct Reconstruction {
 /// ```text
 /// poses     ← refined by images, if they are estimates                       refine_poses
 /// surface   ← the template, fitted to masks and normals                      fit_surface
-/// canonical ← zero set of its signed distance, crumpled places of loose clothes laid smooth; weights
+/// canonical ← zero set of its signed distance, loose clothes laid smooth; weights
 /// fields    ← φ and d, trained from there on the images, if requested        fit_fields
 ///             canonical ← zero set of φ
 /// motion    ← d of each frame, and as a network, if requested                fit_motion, distil_motion
