@@ -1,9 +1,10 @@
 //! What keeps a garment outside the layers below, below those above, and off itself: the contact
 //! groups of the solver, and what repair strategies set in them.
 
-use crate::contacts::{ContactParams, Contacts, Exit};
+use crate::contacts::{ContactParams, Contacts, Exit, LEAP};
 use crate::params::ResolveParams;
 use crate::upper_layers::UpperLayers;
+use crate::ways_out::WayOut;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
@@ -37,6 +38,10 @@ pub(crate) struct ContactGroups<'a> {
     pub(crate) gaps: Vec<Real>,
     /// For each vertex how it is led out of a layer that it is inside of.
     pub(crate) exits: Vec<Exit>,
+    /// The ways of vertices that are still on them.
+    pub(crate) ways_out: Vec<WayOut>,
+    /// Most that a contact corrects in one round, in metres.
+    step: Real,
     /// For each vertex how often it was found inside.
     pub(crate) times_inside: Vec<u32>,
     /// Planes that separate intersecting triangles: vertex, normal, point.
@@ -79,6 +84,8 @@ impl<'a> ContactGroups<'a> {
             released: mesh.used_vertices().iter().map(|used| !used).collect(),
             gaps: vec![params.goal.clearance; n],
             exits: vec![Exit::default(); n],
+            ways_out: Vec::new(),
+            step: params.effort.contact_step,
             times_inside: vec![0; n],
             separating: Vec::new(),
             self_separations: Separations::new(),
@@ -88,10 +95,21 @@ impl<'a> ContactGroups<'a> {
     /// Finds the half-spaces outside the layers below, for the garment at `x`, which `tree` holds.
     pub(crate) fn detect(&mut self, x: &[Point], inverse_masses: &[Real], tree: &Bvh) {
         let _phase = trace_span!("contacts").entered();
-        let Self { search, triangles, gaps, exits, below, .. } = self;
+        let Self { search, triangles, gaps, exits, below, ways_out, .. } = self;
+        ways_out.retain(|way| {
+            let v = way.vertex as usize;
+            let is_on_it = way.left(&x[v]) > 0.0;
+            exits[v] = if is_on_it { Exit::Planned } else { Exit::Steps };
+            is_on_it
+        });
         search.detect(x, triangles, tree, gaps, inverse_masses, exits, below);
         for (v, normal, point) in &self.separating {
             below.push_vertex(*v, *normal, point, 0.0);
+        }
+        for way in &*ways_out {
+            let p = &x[way.vertex as usize];
+            let push = (way.left(p) + gaps[way.vertex as usize]).min(LEAP * self.step);
+            below.push_vertex(way.vertex, way.direction, p, push);
         }
     }
 

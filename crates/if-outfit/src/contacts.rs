@@ -36,6 +36,11 @@ impl Sample {
         (0..3).map(|k| self.weights[k] * gaps[self.vertices[k] as usize]).sum()
     }
 
+    /// Whether one of its vertices takes a way of its own.
+    fn is_planned(&self, exits: &[Exit]) -> bool {
+        self.vertices.iter().any(|v| exits[*v as usize] == Exit::Planned)
+    }
+
     fn is_held(&self, inverse_masses: &[Real]) -> bool {
         self.vertices.iter().all(|v| inverse_masses[*v as usize] == 0.0)
     }
@@ -51,6 +56,8 @@ pub(crate) enum Exit {
     Nearest,
     /// In leaps, the way out on the scale of centimetres.
     Outward,
+    /// On a way of its own ([`crate::ways_out`]): no contact is looked for.
+    Planned,
 }
 
 /// The last query of a sample against one layer below.
@@ -157,7 +164,7 @@ const CORNER: Real = 0.97;
 /// to the wall of a fold, and does not poke at the triangle.
 const POKES: Real = 0.3;
 /// Steps that a vertex which is led out at once may take in one round.
-const LEAP: Real = 4.0;
+pub(crate) const LEAP: Real = 4.0;
 /// Height over length below which a triangle's normal turns with every small motion, and no foreign
 /// sample is taken there. A long edge of 15 mm and a short one of 0.1 mm, in the coat of the test
 /// data, drew the short one to 3 mm at a tenth of this value.
@@ -274,7 +281,7 @@ impl<'a> Contacts<'a> {
     ) {
         out.clear();
         self.own_samples(x, gaps, inverse_masses, exits, out);
-        self.foreign_samples(x, triangles, tree, gaps, inverse_masses, out);
+        self.foreign_samples(x, triangles, tree, gaps, (inverse_masses, exits), out);
     }
 
     /// For each vertex of a triangle, in ascending order, and for each layer the triangles near it,
@@ -303,7 +310,7 @@ impl<'a> Contacts<'a> {
             .map(|(chunk, (((samples, last_queries), nearby), rests))| {
                 let mut found = Found { contacts: Vec::new(), queries: 0, skipped: 0 };
                 for (k, (s, rest)) in samples.iter().zip(rests).enumerate() {
-                    let held = s.is_held(inverse_masses);
+                    let held = s.is_held(inverse_masses) || s.is_planned(exits);
                     if params.skip && held {
                         found.skipped += layers;
                         continue;
@@ -355,7 +362,7 @@ impl<'a> Contacts<'a> {
         triangles: &[[u32; 3]],
         tree: &Bvh,
         gaps: &[Real],
-        inverse_masses: &[Real],
+        (inverse_masses, exits): (&[Real], &[Exit]),
         out: &mut HalfSpaces,
     ) {
         let (path, params) = (self.path, self.params);
@@ -400,6 +407,7 @@ impl<'a> Contacts<'a> {
                         };
                         if near.barycentric.iter().any(|b| *b > CORNER)
                             || sample.is_held(inverse_masses)
+                            || sample.is_planned(exits)
                         {
                             continue;
                         }

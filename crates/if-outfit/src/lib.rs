@@ -49,6 +49,7 @@ pub mod unresolved;
 mod untangle;
 mod upper_layers;
 pub mod verify;
+mod ways_out;
 mod welded;
 mod workpiece;
 

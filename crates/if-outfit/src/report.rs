@@ -235,6 +235,8 @@ pub struct RepairCounts {
     pub separating_planes: usize,
     /// Times that a vertex was led out another way than the nearest.
     pub exit_directions: usize,
+    /// Vertices whose nearest way out led back under the garment, and which took another one.
+    pub ways_out: usize,
     /// Pairs of the garment's own triangles that were held apart.
     pub separated_own_pairs: usize,
     /// Times that the displacements of a neighbourhood were smoothed and lifted.
@@ -257,6 +259,7 @@ impl RepairCounts {
             grown_gaps: self.grown_gaps + later.grown_gaps,
             separating_planes: self.separating_planes + later.separating_planes,
             exit_directions: self.exit_directions + later.exit_directions,
+            ways_out: self.ways_out + later.ways_out,
             separated_own_pairs: self.separated_own_pairs + later.separated_own_pairs,
             smoothings: self.smoothings + later.smoothings,
             easing_rounds: self.easing_rounds + later.easing_rounds,

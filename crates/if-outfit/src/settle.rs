@@ -5,6 +5,7 @@
 //! sources ← vertices inside a layer below, or of triangles that intersect one, or out of a layer above
 //! if there are none: return the input, bit for bit
 //! method = paper: settle all vertices by Algorithm 1, and begin with repairs             algorithm1.rs
+//! find other ways out where the nearest leads back under the garment          ways_out.rs
 //! hold every vertex that is further from sources than `influence`
 //! rounds as below, as many more as vertices far out of a layer above need
 //! repeat
@@ -153,6 +154,10 @@ pub(crate) fn settle(
     sources.extend(sticking_out.iter().copied());
     let mut work = trace_span!("cloth")
         .in_scope(|| Workpiece::new(scene, tree, (verification, remaining), sources));
+
+    if start.is_none() && params.effort.method == Method::Contacts {
+        work.find_ways_out();
+    }
 
     // Algorithm 1 and a state to start from replace the rounds of settling: repairs follow, unless it
     // was enough.

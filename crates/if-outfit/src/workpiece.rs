@@ -7,6 +7,7 @@ use crate::outfit::Layer;
 use crate::params::ResolveParams;
 use crate::report::RepairCounts;
 use crate::upper_layers::UpperLayers;
+use crate::ways_out::Given;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Cancelled;
@@ -164,6 +165,18 @@ impl<'a> Workpiece<'a> {
             found: sources,
             repaired: BTreeSet::new(),
         }
+    }
+
+    /// Finds the ways out of vertices whose nearest one leads back under the garment, which is still as
+    /// given.
+    pub(crate) fn find_ways_out(&mut self) {
+        let _phase = trace_span!("contacts").entered();
+        let Scene { garment, below, .. } = self.scene;
+        let x = garment.mesh.vertices();
+        let given = Given { x, tree: &self.tree, below, neighbours: &self.cloth.neighbours };
+        let close = || ClosedLayer::garment(&garment.mesh, below[0], &below[0].to_mesh());
+        self.contacts.ways_out = given.ways_out(&self.remaining.inside, close);
+        self.counts.ways_out = self.contacts.ways_out.len();
     }
 
     /// Whether only the neighbourhoods of what remains are free.
