@@ -98,11 +98,11 @@ impl Given<'_> {
     fn is_doubtful(&self, v: u32) -> bool {
         let p = self.at(v);
         let hits = |tree: &Bvh, from: &Point, way: Vector| {
-            tree.first_hit(from, &(from + way * LONGEST), |_| true).is_some()
+            tree.first_hit(from, &(from + way), |_| true).is_some()
         };
         let deep = self.below[0].sided(p, 0.0).filter(|s| s.distance < -DEEP);
-        deep.is_some_and(|s| hits(self.below[0].bvh(), p, -s.normal))
-            && self.nearest_exits(p).any(|(exit, normal)| hits(self.tree, &exit, normal))
+        deep.is_some_and(|s| hits(self.below[0].bvh(), p, -s.normal * LONGEST))
+            && self.nearest_exits(p).any(|(exit, normal)| hits(self.tree, &exit, normal * FACED[1]))
     }
 
     /// The `seeds` in patches: those together that are connected by edges, or by two edges and a vertex
