@@ -2,16 +2,16 @@
 //!
 //! A sleeve that lies beside its arm cuts through it. What lies beyond the arm's axis is nearest to the
 //! skin on the far side: pushed out there it would come to lie between the arm and the rest of the
-//! sleeve, and the arm would stick through the hole between.
+//! sleeve, and the arm would stick through the hole between. Near the axis neighbours would part.
 //!
 //! ```text
+//! outwards ← away from the rest of the garment that vertices face, across the limb
 //! seeds ← vertices inside the body, in a part that is thin there, whose nearest exit lies under the
-//!     garment as given
+//!     garment as given, or sideways of outwards
 //! for each patch of seeds
-//!     outwards ← away from the rest of the garment that it faces, across the limb
 //!     its way ← outwards, or the direction near that in which more exits do not lie under the garment
-//! from these along edges, as long as any is found: vertices that the nearest exit would lead against
-//!     the way, and those that lie outside beyond the limb, under the garment
+//! from these along edges, as long as any is found: vertices whose nearest exit leads against the way or
+//!     sideways of it, and those that lie outside beyond the limb, under the garment
 //! ```
 
 use crate::geodesic::Neighbours;
@@ -52,6 +52,8 @@ const NEAR: Real = 0.03;
 const FACED: [Real; 2] = [0.025, 0.15];
 /// Cosine of the largest angle between a way and `outwards`.
 const LEAST_OUTWARD: Real = 0.75;
+/// Cosine between the nearest way out and another direction under which that leads sideways.
+const SIDEWAYS: Real = 0.3;
 /// Directions that are tried.
 const DIRECTIONS: usize = 64;
 
@@ -79,10 +81,14 @@ impl Given<'_> {
             return Vec::new();
         }
         let own = &close();
-        let leads_back =
-            |v: &u32| self.nearest_exits(self.at(*v)).any(|(exit, _)| is_under(own, &exit, UNDER));
-        let seeds: Vec<u32> = doubtful.into_par_iter().filter(leads_back).collect();
         let directions = directions();
+        let leads_back = |v: &u32| {
+            let outwards = self.outwards(&[*v], &directions);
+            let exits = || self.nearest_exits(self.at(*v));
+            exits().any(|(exit, _)| is_under(own, &exit, UNDER))
+                || exits().any(|(_, normal)| normal.dot(&outwards) < SIDEWAYS)
+        };
+        let seeds: Vec<u32> = doubtful.into_par_iter().filter(leads_back).collect();
         let patches = self.patches(&seeds);
         let mut ways: Vec<WayOut> =
             patches.iter().flat_map(|patch| self.ways_of(patch, &directions, own)).collect();
@@ -215,9 +221,9 @@ impl Given<'_> {
         sided.filter(|s| s.distance < 0.0).map(|s| (s.point + s.normal * BEYOND, s.normal))
     }
 
-    /// Whether a nearest way out from `p` leads against `direction`.
+    /// Whether a nearest way out from `p` leads against `direction`, or sideways of it.
     fn is_against(&self, p: &Point, direction: &Vector) -> bool {
-        self.nearest_exits(p).any(|(_, normal)| normal.dot(direction) < 0.0)
+        self.nearest_exits(p).any(|(_, normal)| normal.dot(direction) < SIDEWAYS)
     }
 
     /// The way of vertex `v` along `direction` to the first point that is neither in a layer nor under
