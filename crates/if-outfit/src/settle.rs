@@ -35,6 +35,7 @@ use crate::progress::{GarmentProgress, REPAIR, SETTLE};
 use crate::repair::{self, Repair};
 use crate::report::{Algorithm1Report, RepairCounts};
 use crate::upper_layers::UpperLayers;
+use crate::ways_out::Reroute;
 use crate::workpiece::{Eased, Scene, SettleError, Workpiece};
 use if_core::math::Point;
 use if_mesh::index::Bvh;
@@ -64,6 +65,8 @@ pub(crate) struct Settled {
     pub(crate) eased: Eased,
     /// Vertices that were held throughout.
     pub(crate) held: usize,
+    /// Pairs and vertices inside that remain.
+    pub(crate) remaining: usize,
     /// What Algorithm 1 did, if it ran.
     pub(crate) algorithm1: Option<Algorithm1Report>,
 }
@@ -81,6 +84,7 @@ impl Settled {
             tucked: earlier.tucked,
             eased: if self.eased.rounds > 0 { self.eased } else { earlier.eased },
             held: earlier.held.min(self.held),
+            remaining: self.remaining,
             algorithm1: earlier.algorithm1.clone(),
             positions: self.positions,
         }
@@ -98,6 +102,7 @@ impl Settled {
             sweeps: 0,
             queries: 0,
             skipped: 0,
+            remaining: 0,
             tucked: [0; 2],
             eased: Eased::default(),
             algorithm1: None,
@@ -118,7 +123,8 @@ pub(crate) struct Settings<'a> {
 }
 
 /// Brings `garment` outside the layers `below` (the body first), and below those `above` as far as
-/// there is room. With `start` it begins there, with repairs.
+/// there is room. With `start` it begins there, with repairs. Else, if something remains, it settles
+/// once more where more vertices can be led round a limb ([`Reroute::Sideways`]).
 ///
 /// # Errors
 ///
@@ -133,6 +139,38 @@ pub(crate) fn settle(
     settings: Settings<'_>,
     progress: &mut GarmentProgress<'_>,
 ) -> Result<Settled, SettleError> {
+    let mut by = |reroute| {
+        settle_once(garment, start, below, above, may_yield, (settings, reroute), progress)
+    };
+    let first = by(Reroute::Back).transpose().expect("the first way is always tried");
+    let is_finished = match &first {
+        Ok(settled) => settled.remaining == 0,
+        Err(error) => !matches!(error, SettleError::Stuck),
+    };
+    if is_finished {
+        return first;
+    }
+    match (first, by(Reroute::Sideways)) {
+        (first, Ok(None) | Err(SettleError::Stuck)) => first,
+        (Err(_), Ok(Some(again))) if again.remaining == 0 => Ok(again),
+        (Ok(first), Ok(Some(again))) if again.remaining < first.remaining => {
+            Ok(again.after(&first))
+        }
+        (first, Ok(Some(_))) => first,
+        (_, Err(error)) => Err(error),
+    }
+}
+
+/// As [`settle`], one time. `None` if the sideways ways are no more than those back.
+fn settle_once(
+    garment: &Layer,
+    start: Option<&[Point]>,
+    below: &[&ClosedLayer],
+    above: UpperLayers<'_>,
+    may_yield: bool,
+    (settings, reroute): (Settings<'_>, Reroute),
+    progress: &mut GarmentProgress<'_>,
+) -> Result<Option<Settled>, SettleError> {
     let Settings { params, skip, fields, .. } = settings;
     let mesh = &garment.mesh;
     let _phase = trace_span!("settling").entered();
@@ -143,7 +181,11 @@ pub(crate) fn settle(
     let unused: Vec<bool> = mesh.used_vertices().iter().map(|used| !used).collect();
     let sticking_out = above.sticking_out(mesh.vertices(), &unused);
     if start.is_none() && remaining.is_clean() && sticking_out.is_empty() {
-        return Ok(Settled::unchanged(garment));
+        return Ok(Some(Settled::unchanged(garment)));
+    }
+    let reroutes = start.is_none() && params.effort.method == Method::Contacts;
+    if reroute == Reroute::Sideways && !reroutes {
+        return Ok(None);
     }
     let height = below[0].bvh().aabb().size().max();
     let region = mesh.surface_aabb().inflated(0.02 * height);
@@ -155,8 +197,11 @@ pub(crate) fn settle(
     let mut work = trace_span!("cloth")
         .in_scope(|| Workpiece::new(scene, tree, (verification, remaining), sources));
 
-    if start.is_none() && params.effort.method == Method::Contacts {
-        work.find_ways_out();
+    if reroutes {
+        let back = work.find_ways_out(Reroute::Back);
+        if reroute == Reroute::Sideways && work.find_ways_out(reroute) == back {
+            return Ok(None);
+        }
     }
 
     // Algorithm 1 and a state to start from replace the rounds of settling: repairs follow, unless it
@@ -202,11 +247,14 @@ pub(crate) fn settle(
     work.round = rounds;
     let _ = apply(&mut strategies.of_best, &mut work, progress)?;
 
-    let positions = match work.best {
-        Some(best) => best.positions,
-        None => work.cloth.stored(),
+    let (positions, remaining) = match work.best {
+        Some(best) => {
+            let remaining = best.remaining();
+            (best.positions, remaining)
+        }
+        None => (work.cloth.stored(), work.remaining.count()),
     };
-    Ok(Settled {
+    Ok(Some(Settled {
         tucked: [sticking_out.len(), above.sticking_out(&positions, &unused).len()],
         positions,
         rounds: pressing + rounds - first + work.eased.rounds,
@@ -217,8 +265,9 @@ pub(crate) fn settle(
         skipped: work.contacts.search.skipped,
         eased: work.eased,
         held: work.cloth.ever_free.iter().filter(|free| !**free).count(),
+        remaining,
         algorithm1,
-    })
+    }))
 }
 
 /// One round; breaks when the garment is as good as it gets.

@@ -7,7 +7,7 @@
 //! ```text
 //! outwards ← away from the rest of the garment that vertices face, across the limb
 //! seeds ← vertices inside the body, in a part that is thin there, whose nearest exit lies under the
-//!     garment as given, or sideways of outwards
+//!     garment as given, or (if that was not enough) sideways of outwards
 //! for each patch of seeds
 //!     its way ← outwards, or the direction near that in which more exits do not lie under the garment
 //! from these along edges, as long as any is found: vertices whose nearest exit leads against the way or
@@ -20,6 +20,25 @@ use if_mesh::index::Bvh;
 use if_mesh::solid::ClosedLayer;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
+
+/// Which vertices take another way out than the nearest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Reroute {
+    /// Those whose nearest way leads back.
+    Back,
+    /// Those whose nearest way leads back or sideways.
+    Sideways,
+}
+
+impl Reroute {
+    /// Cosine between a vertex's nearest way out and another direction under which it takes that.
+    fn cosine(self) -> Real {
+        match self {
+            Self::Back => 0.0,
+            Self::Sideways => 0.3,
+        }
+    }
+}
 
 /// The way out of one vertex: along `direction`, until it is beyond `point`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,8 +71,6 @@ const NEAR: Real = 0.03;
 const FACED: [Real; 2] = [0.025, 0.15];
 /// Cosine of the largest angle between a way and `outwards`.
 const LEAST_OUTWARD: Real = 0.75;
-/// Cosine between the nearest way out and another direction under which that leads sideways.
-const SIDEWAYS: Real = 0.3;
 /// Directions that are tried.
 const DIRECTIONS: usize = 64;
 
@@ -65,6 +82,7 @@ pub(crate) struct Given<'a> {
     /// The layers below, the body first.
     pub(crate) below: &'a [&'a ClosedLayer],
     pub(crate) neighbours: &'a Neighbours,
+    pub(crate) reroute: Reroute,
 }
 
 impl Given<'_> {
@@ -82,12 +100,12 @@ impl Given<'_> {
         }
         let own = &close();
         let directions = directions();
-        let leads_back = |v: &u32| {
-            let outwards = self.outwards(&[*v], &directions);
-            let exits = || self.nearest_exits(self.at(*v));
-            exits().any(|(exit, _)| is_under(own, &exit, UNDER))
-                || exits().any(|(_, normal)| normal.dot(&outwards) < SIDEWAYS)
-        };
+        let leads_under =
+            |v: &u32| self.nearest_exits(self.at(*v)).any(|(exit, _)| is_under(own, &exit, UNDER));
+        let leads_sideways =
+            |v: &u32| self.is_against(self.at(*v), &self.outwards(&[*v], &directions));
+        let leads_back =
+            |v: &u32| leads_under(v) || (self.reroute == Reroute::Sideways && leads_sideways(v));
         let seeds: Vec<u32> = doubtful.into_par_iter().filter(leads_back).collect();
         let patches = self.patches(&seeds);
         let mut ways: Vec<WayOut> =
@@ -221,9 +239,9 @@ impl Given<'_> {
         sided.filter(|s| s.distance < 0.0).map(|s| (s.point + s.normal * BEYOND, s.normal))
     }
 
-    /// Whether a nearest way out from `p` leads against `direction`, or sideways of it.
+    /// Whether a nearest way out from `p` leads against `direction`, or sideways of it if that counts.
     fn is_against(&self, p: &Point, direction: &Vector) -> bool {
-        self.nearest_exits(p).any(|(_, normal)| normal.dot(direction) < SIDEWAYS)
+        self.nearest_exits(p).any(|(_, normal)| normal.dot(direction) < self.reroute.cosine())
     }
 
     /// The way of vertex `v` along `direction` to the first point that is neither in a layer nor under
@@ -295,7 +313,8 @@ mod tests {
         let is_in = |v: &u32| body.sided(&x[*v as usize], 0.0).is_some_and(|s| s.distance < 0.0);
         let inside: Vec<u32> = (0..x.len() as u32).filter(is_in).collect();
         let neighbours = &Neighbours::new(&Edges::new(sleeve), x);
-        let given = Given { x, tree: &Bvh::new(sleeve), below: &[&body], neighbours };
+        let reroute = Reroute::Back;
+        let given = Given { x, tree: &Bvh::new(sleeve), below: &[&body], neighbours, reroute };
         given.ways_out(&inside, || ClosedLayer::garment(sleeve, &body, arm))
     }
 

@@ -7,7 +7,7 @@ use crate::outfit::Layer;
 use crate::params::ResolveParams;
 use crate::report::RepairCounts;
 use crate::upper_layers::UpperLayers;
-use crate::ways_out::Given;
+use crate::ways_out::{Given, Reroute};
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Cancelled;
@@ -78,7 +78,12 @@ pub(crate) struct Best {
 
 impl Best {
     pub(crate) fn is_clean(&self) -> bool {
-        self.rank.0 == 0
+        self.remaining() == 0
+    }
+
+    /// Pairs and vertices inside that remain.
+    pub(crate) fn remaining(&self) -> usize {
+        self.rank.0
     }
 
     /// The same with other positions that are as clean.
@@ -168,15 +173,17 @@ impl<'a> Workpiece<'a> {
     }
 
     /// Finds the ways out of vertices whose nearest one leads back under the garment, which is still as
-    /// given.
-    pub(crate) fn find_ways_out(&mut self) {
+    /// given. Returns how many are on them.
+    pub(crate) fn find_ways_out(&mut self, reroute: Reroute) -> usize {
         let _phase = trace_span!("contacts").entered();
         let Scene { garment, below, .. } = self.scene;
         let x = garment.mesh.vertices();
-        let given = Given { x, tree: &self.tree, below, neighbours: &self.cloth.neighbours };
+        let given =
+            Given { x, tree: &self.tree, below, neighbours: &self.cloth.neighbours, reroute };
         let close = || ClosedLayer::garment(&garment.mesh, below[0], &below[0].to_mesh());
         self.contacts.ways_out = given.ways_out(&self.remaining.inside, close);
         self.counts.ways_out = self.contacts.ways_out.len();
+        self.counts.ways_out
     }
 
     /// Whether only the neighbourhoods of what remains are free.
