@@ -306,14 +306,13 @@ mod tests {
         Outfit { body: Layer::new("arm", arm), garments: vec![Layer::new("sleeve", sleeve)] }
     }
 
-    fn ways(outfit: &Outfit) -> Vec<WayOut> {
+    fn ways(outfit: &Outfit, reroute: Reroute) -> Vec<WayOut> {
         let (arm, sleeve) = (&outfit.body.mesh, &outfit.garments[0].mesh);
         let body = ClosedLayer::body(arm);
         let x = sleeve.vertices();
         let is_in = |v: &u32| body.sided(&x[*v as usize], 0.0).is_some_and(|s| s.distance < 0.0);
         let inside: Vec<u32> = (0..x.len() as u32).filter(is_in).collect();
         let neighbours = &Neighbours::new(&Edges::new(sleeve), x);
-        let reroute = Reroute::Back;
         let given = Given { x, tree: &Bvh::new(sleeve), below: &[&body], neighbours, reroute };
         given.ways_out(&inside, || ClosedLayer::garment(sleeve, &body, arm))
     }
@@ -326,7 +325,7 @@ mod tests {
     fn a_sleeve_that_cuts_through_its_arm_is_led_round_it() {
         // Its near side, at x = 5 mm, is nearer to the skin at x = 25 mm than to that on the other side.
         let outfit = scene(0.04);
-        let ways = ways(&outfit);
+        let ways = ways(&outfit, Reroute::Back);
         assert!(!ways.is_empty());
         for way in &ways {
             assert!(way.direction.x < -0.9, "{way:?}");
@@ -345,8 +344,25 @@ mod tests {
     #[test]
     fn a_sleeve_that_is_nearest_to_its_own_side_takes_the_nearest_way() {
         let outfit = scene(0.02);
-        assert_eq!(ways(&outfit), []);
+        assert_eq!(ways(&outfit, Reroute::Back), []);
         assert_eq!(resolved(&outfit).report.layers[0].strategies.ways_out, 0);
+    }
+
+    #[test]
+    fn what_would_part_at_the_axis_is_led_to_one_side_if_the_nearest_ways_do_not_end_clean() {
+        // Its near side lies on the axis.
+        let outfit = scene(0.035);
+        assert_eq!(ways(&outfit, Reroute::Back), []);
+        let sideways = ways(&outfit, Reroute::Sideways);
+        assert!(sideways.len() > 30 && sideways.iter().all(|way| way.direction.x < -0.9));
+        // Along the nearest ways it takes 68 rounds.
+        let mut params = ResolveParams::default();
+        params.effort.rounds = 40;
+        let resolved = resolve(&outfit, &params, &mut Silent).unwrap();
+        assert!(resolved.report.is_proven());
+        let layer = &resolved.report.layers[0];
+        assert_eq!(layer.strategies.ways_out, sideways.len());
+        assert!(layer.rounds > 40, "both times count: {}", layer.rounds);
     }
 
     #[test]
