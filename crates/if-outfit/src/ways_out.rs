@@ -134,6 +134,7 @@ impl Given<'_> {
     fn patches(&self, seeds: &[u32]) -> Vec<Vec<u32>> {
         let mut open = vec![false; self.x.len()];
         seeds.iter().for_each(|v| open[*v as usize] = true);
+        let mut fresh = vec![true; self.x.len()];
         let mut patches = Vec::new();
         for v in seeds {
             if !std::mem::take(&mut open[*v as usize]) {
@@ -142,13 +143,14 @@ impl Given<'_> {
             let mut patch = vec![*v];
             let mut next = 0;
             while next < patch.len() {
-                let around = self.neighbours.of(patch[next]).iter();
-                let further = around.clone().flat_map(|(w, _)| self.neighbours.of(*w));
-                patch.extend(
-                    around
-                        .chain(further)
-                        .filter_map(|(w, _)| std::mem::take(&mut open[*w as usize]).then_some(*w)),
-                );
+                for (between, _) in self.neighbours.of(patch[next]) {
+                    // Once looked around at, a vertex has no open seed beside it.
+                    if std::mem::take(&mut fresh[*between as usize]) {
+                        let around = self.neighbours.of(*between).iter().map(|(w, _)| *w);
+                        let both = std::iter::once(*between).chain(around);
+                        patch.extend(both.filter(|w| std::mem::take(&mut open[*w as usize])));
+                    }
+                }
                 next += 1;
             }
             patches.push(patch);
