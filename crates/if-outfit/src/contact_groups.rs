@@ -1,7 +1,7 @@
 //! What keeps a garment outside the layers below, below those above, and off itself: the contact
 //! groups of the solver, and what repair strategies set in them.
 
-use crate::contacts::{ContactParams, Contacts, Exit, LEAP};
+use crate::contacts::{ContactParams, Contacts, Exit};
 use crate::params::ResolveParams;
 use crate::upper_layers::UpperLayers;
 use crate::ways_out::WayOut;
@@ -40,8 +40,6 @@ pub(crate) struct ContactGroups<'a> {
     pub(crate) exits: Vec<Exit>,
     /// The ways of vertices that are still on them.
     pub(crate) ways_out: Vec<WayOut>,
-    /// Most that a contact corrects in one round, in metres.
-    step: Real,
     /// For each vertex how often it was found inside.
     pub(crate) times_inside: Vec<u32>,
     /// Planes that separate intersecting triangles: vertex, normal, point.
@@ -85,7 +83,6 @@ impl<'a> ContactGroups<'a> {
             gaps: vec![params.goal.clearance; n],
             exits: vec![Exit::default(); n],
             ways_out: Vec::new(),
-            step: params.effort.contact_step,
             times_inside: vec![0; n],
             separating: Vec::new(),
             self_separations: Separations::new(),
@@ -108,7 +105,7 @@ impl<'a> ContactGroups<'a> {
         }
         for way in &*ways_out {
             let p = &x[way.vertex as usize];
-            let push = (way.left(p) + gaps[way.vertex as usize]).min(LEAP * self.step);
+            let push = (way.left(p) + gaps[way.vertex as usize]).min(search.params.leap());
             below.push_vertex(way.vertex, way.direction, p, push);
         }
     }

@@ -149,6 +149,13 @@ pub(crate) struct ContactParams {
     pub(crate) skip: bool,
 }
 
+impl ContactParams {
+    /// Maximum correction in one round of a vertex that is led out at once, in metres.
+    pub(crate) fn leap(&self) -> Real {
+        LEAP * self.step
+    }
+}
+
 /// Samples per task: enough work to hide the fork, few enough to balance.
 const CHUNK: usize = 256;
 /// The triangles near a sample are kept if it moved by less than this since its last query, in
@@ -164,7 +171,7 @@ const CORNER: Real = 0.97;
 /// to the wall of a fold, and does not poke at the triangle.
 const POKES: Real = 0.3;
 /// Steps that a vertex which is led out at once may take in one round.
-pub(crate) const LEAP: Real = 4.0;
+const LEAP: Real = 4.0;
 /// Height over length below which a triangle's normal turns with every small motion, and no foreign
 /// sample is taken there. A long edge of 15 mm and a short one of 0.1 mm, in the coat of the test
 /// data, drew the short one to 3 mm at a tenth of this value.
@@ -177,7 +184,7 @@ const SIDEWAYS: Real = 0.5;
 pub(crate) struct Contacts<'a> {
     below: &'a [&'a ClosedLayer],
     outward: &'a Outward,
-    params: ContactParams,
+    pub(crate) params: ContactParams,
     samples: Vec<Sample>,
     /// Samples of single vertices, which come first.
     single: usize,
@@ -476,11 +483,11 @@ fn find_plane(
     }
     let nearest = |gap| Some(Plane { normal: s.normal, point: s.point, gap });
     if s.distance >= gap || exit == Exit::Nearest {
-        return nearest(gap.min(s.distance + LEAP * params.step));
+        return nearest(gap.min(s.distance + params.leap()));
     }
     match outward.direction(p) {
         Some(out) if exit == Exit::Outward => {
-            Some(Plane { normal: out, point: *p, gap: (gap - s.distance).min(LEAP * params.step) })
+            Some(Plane { normal: out, point: *p, gap: (gap - s.distance).min(params.leap()) })
         }
         // The nearest way out leads sideways, through the wall of a fold or of an armpit.
         Some(out) if s.normal.dot(&out) < SIDEWAYS => (s.distance < 0.0).then(|| Plane {

@@ -69,7 +69,7 @@ const SEPARATION: Real = 0.15e-3;
 const OWN_SEPARATION: Real = 0.1e-3;
 
 /// Whether `p` is at least `gap` metres outside all layers.
-fn is_clear(p: &Point, below: &[&ClosedLayer], gap: Real) -> bool {
+pub(crate) fn is_clear(p: &Point, below: &[&ClosedLayer], gap: Real) -> bool {
     below.iter().all(|l| l.sided(p, gap).is_none_or(|s| s.distance >= gap))
 }
 

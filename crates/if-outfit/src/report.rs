@@ -235,7 +235,8 @@ pub struct RepairCounts {
     pub separating_planes: usize,
     /// Times that a vertex was led out another way than the nearest.
     pub exit_directions: usize,
-    /// Vertices whose nearest way out led back under the garment, and which took another one.
+    /// Vertices that were led round a limb, because the nearest way out led back under the garment or
+    /// would have parted it.
     pub ways_out: usize,
     /// Pairs of the garment's own triangles that were held apart.
     pub separated_own_pairs: usize,

@@ -139,18 +139,19 @@ pub(crate) fn settle(
     settings: Settings<'_>,
     progress: &mut GarmentProgress<'_>,
 ) -> Result<Settled, SettleError> {
-    let mut by = |reroute| {
-        settle_once(garment, start, below, above, may_yield, (settings, reroute), progress)
+    let mut ways = None;
+    let mut by = |reroute, ways: &mut Option<usize>| {
+        settle_once(garment, start, below, above, may_yield, settings, (reroute, ways), progress)
     };
-    let first = by(Reroute::Back).transpose().expect("the first way is always tried");
+    let first = by(Reroute::Back, &mut ways).transpose().expect("the first way is always tried");
     let is_finished = match &first {
         Ok(settled) => settled.remaining == 0,
         Err(error) => !matches!(error, SettleError::Stuck),
     };
-    if is_finished {
+    if is_finished || ways.is_none() {
         return first;
     }
-    match (first, by(Reroute::Sideways)) {
+    match (first, by(Reroute::Sideways, &mut ways)) {
         (first, Ok(None) | Err(SettleError::Stuck)) => first,
         (Err(_), Ok(Some(again))) if again.remaining == 0 => Ok(again),
         (Ok(first), Ok(Some(again))) if again.remaining < first.remaining => {
@@ -161,14 +162,16 @@ pub(crate) fn settle(
     }
 }
 
-/// As [`settle`], one time. `None` if the sideways ways are no more than those back.
+/// As [`settle`], one time. `ways` becomes the number of ways round limbs; it stays `None` if no vertex
+/// may need one. Returns `None` if the sideways ways are as many as `ways` before.
 fn settle_once(
     garment: &Layer,
     start: Option<&[Point]>,
     below: &[&ClosedLayer],
     above: UpperLayers<'_>,
     may_yield: bool,
-    (settings, reroute): (Settings<'_>, Reroute),
+    settings: Settings<'_>,
+    (reroute, ways): (Reroute, &mut Option<usize>),
     progress: &mut GarmentProgress<'_>,
 ) -> Result<Option<Settled>, SettleError> {
     let Settings { params, skip, fields, .. } = settings;
@@ -183,10 +186,6 @@ fn settle_once(
     if start.is_none() && remaining.is_clean() && sticking_out.is_empty() {
         return Ok(Some(Settled::unchanged(garment)));
     }
-    let reroutes = start.is_none() && params.effort.method == Method::Contacts;
-    if reroute == Reroute::Sideways && !reroutes {
-        return Ok(None);
-    }
     let height = below[0].bvh().aabb().size().max();
     let region = mesh.surface_aabb().inflated(0.02 * height);
     let outward = &trace_span!("outward grid")
@@ -197,9 +196,9 @@ fn settle_once(
     let mut work = trace_span!("cloth")
         .in_scope(|| Workpiece::new(scene, tree, (verification, remaining), sources));
 
-    if reroutes {
-        let back = work.find_ways_out(Reroute::Back);
-        if reroute == Reroute::Sideways && work.find_ways_out(reroute) == back {
+    if start.is_none() && params.effort.method == Method::Contacts {
+        let before = std::mem::replace(ways, work.find_ways_out(reroute));
+        if reroute == Reroute::Sideways && *ways == before {
             return Ok(None);
         }
     }

@@ -15,6 +15,7 @@
 //! ```
 
 use crate::geodesic::Neighbours;
+use crate::repair::is_clear;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_mesh::index::Bvh;
 use if_mesh::solid::ClosedLayer;
@@ -86,17 +87,17 @@ pub(crate) struct Given<'a> {
 }
 
 impl Given<'_> {
-    /// The other ways out. `inside` are the vertices inside layers below, ascending; `close` closes the
-    /// garment, which few outfits need.
+    /// The other ways out; `None` if no vertex may need one, whatever is rerouted. `inside` are the
+    /// vertices inside layers below, ascending; `close` closes the garment, which few outfits need.
     pub(crate) fn ways_out(
         &self,
         inside: &[u32],
         close: impl FnOnce() -> ClosedLayer,
-    ) -> Vec<WayOut> {
+    ) -> Option<Vec<WayOut>> {
         let doubtful: Vec<u32> =
             inside.par_iter().copied().filter(|v| self.is_doubtful(*v)).collect();
         if doubtful.is_empty() {
-            return Vec::new();
+            return None;
         }
         let own = &close();
         let directions = directions();
@@ -111,7 +112,7 @@ impl Given<'_> {
         let mut ways: Vec<WayOut> =
             patches.iter().flat_map(|patch| self.ways_of(patch, &directions, own)).collect();
         self.spread(&mut ways, inside, own);
-        ways
+        Some(ways)
     }
 
     fn at(&self, v: u32) -> &Point {
@@ -261,7 +262,7 @@ impl Given<'_> {
                 return None;
             }
             let point = p + direction * length;
-            if self.nearest_exits(&point).next().is_none() {
+            if is_clear(&point, self.below, 0.0) {
                 let way = WayOut { vertex: v, direction: *direction, point };
                 return (!is_under(own, &point, 0.0)).then_some(way);
             }
@@ -316,7 +317,8 @@ mod tests {
         let inside: Vec<u32> = (0..x.len() as u32).filter(is_in).collect();
         let neighbours = &Neighbours::new(&Edges::new(sleeve), x);
         let given = Given { x, tree: &Bvh::new(sleeve), below: &[&body], neighbours, reroute };
-        given.ways_out(&inside, || ClosedLayer::garment(sleeve, &body, arm))
+        let close = || ClosedLayer::garment(sleeve, &body, arm);
+        given.ways_out(&inside, close).unwrap_or_default()
     }
 
     fn resolved(outfit: &Outfit) -> Resolved {

@@ -173,17 +173,17 @@ impl<'a> Workpiece<'a> {
     }
 
     /// Finds the ways out of vertices whose nearest one leads back under the garment, which is still as
-    /// given. Returns how many are on them.
-    pub(crate) fn find_ways_out(&mut self, reroute: Reroute) -> usize {
+    /// given. Returns how many are on them; `None` if no vertex may need one.
+    pub(crate) fn find_ways_out(&mut self, reroute: Reroute) -> Option<usize> {
         let _phase = trace_span!("contacts").entered();
         let Scene { garment, below, .. } = self.scene;
         let x = garment.mesh.vertices();
         let given =
             Given { x, tree: &self.tree, below, neighbours: &self.cloth.neighbours, reroute };
         let close = || ClosedLayer::garment(&garment.mesh, below[0], &below[0].to_mesh());
-        self.contacts.ways_out = given.ways_out(&self.remaining.inside, close);
+        self.contacts.ways_out = given.ways_out(&self.remaining.inside, close)?;
         self.counts.ways_out = self.contacts.ways_out.len();
-        self.counts.ways_out
+        Some(self.counts.ways_out)
     }
 
     /// Whether only the neighbourhoods of what remains are free.
