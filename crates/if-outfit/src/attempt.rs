@@ -9,6 +9,8 @@
 //!         press those in below it, and go back to the innermost      upper_layers.rs
 //!     left with intersections all the same: those give way to it as it lies      giving_way.rs
 //! untangle garments of which own pairs are left, where layers stay clean
+//! something remains, and a loose garment bridges what one over it encloses:
+//!     all of this once more, with the loose one pressed in and lifted there, if less remains then      ways_in.rs
 //! ```
 
 use crate::dressing::{Dressed, Dressing};
@@ -22,6 +24,7 @@ use crate::settle::Settings;
 use crate::untangle::{Untangled, kept, untangle, untangle_settled};
 use crate::upper_layers::TightGarments;
 use crate::verify::{verify_changed, verify_layers};
+use crate::ways_in::{WaysIn, ways_in};
 use crate::workpiece::SettleError;
 use if_core::math::Real;
 use if_core::monitor::{Cancelled, Monitor};
@@ -92,17 +95,31 @@ impl Attempt {
         let verified = verify_changed(&worked, &changed, given.clone(), closed);
         let obstacles =
             trace_span!("obstacles").in_scope(|| obstacles(&worked, &verified.0, &verified.1));
-        let (mut dressed, mut closed) =
-            dress([&outfit, &worked], &verified, &obstacles, settings, monitor)?;
-        let mut rounds: Vec<usize> =
-            untangled.iter().map(|u| u.as_ref().map_or(0, |u| u.rounds)).collect();
-        if settings.params.goal.own == Own::Remove {
-            let _phase = trace_span!("untangling").entered();
-            let more =
-                untangle_settled(&outfit, &mut dressed, &mut closed, settings.params, monitor)
-                    .map_err(AttemptError::Cancelled)?;
-            rounds.iter_mut().zip(more).for_each(|(rounds, more)| *rounds += more);
+        let mut wear = |tight, ways_in: &[WaysIn]| {
+            let (outfits, hindrances) = ([&outfit, &worked], (&obstacles[..], ways_in));
+            wear(outfits, &verified, hindrances, tight, settings, monitor)
+        };
+        let always = settings.params.goal.tuck == Tuck::Always;
+        let mut worn = wear(if always { (0..count).collect() } else { BTreeSet::new() }, &[])?;
+        let may_lift = settings.params.goal.tuck != Tuck::Never
+            && !obstacles.is_empty()
+            && !obstacles.iter().any(Obstacle::is_hopeless);
+        if may_lift && remaining(&worn.dressed, &given) > 0 {
+            let ways_in =
+                trace_span!("obstacles").in_scope(|| ways_in(&worked, &obstacles, &verified.1));
+            tracing::debug!(
+                lifted = ways_in.len(),
+                "put on once more, lifted to armpits and crotch"
+            );
+            let tight = worn.tight.iter().copied().chain(ways_in.iter().map(|ways| ways.outer));
+            let again = wear(tight.collect(), &ways_in)?;
+            if remaining(&again.dressed, &given) < remaining(&worn.dressed, &given) {
+                worn = again;
+            }
         }
+        let Worn { dressed, closed, untangling_rounds, .. } = worn;
+        let rounds = untangled.iter().zip(untangling_rounds);
+        let rounds = rounds.map(|(u, more)| u.as_ref().map_or(0, |u| u.rounds) + more).collect();
         let left = |(given, untangled): (&Findings, Option<Untangled>)| match untangled {
             Some(untangled) => untangled.pairs,
             None => given.own.clone(),
@@ -113,17 +130,9 @@ impl Attempt {
         Ok(Self { outfit, given, verify_seconds, untangled, obstacles, dressed, closed, splits })
     }
 
-    /// For each garment its own pairs that the input did not have.
-    pub(crate) fn new_own(&self) -> Vec<Vec<[u32; 2]>> {
-        let garments = self.dressed.iter().zip(&self.given);
-        garments.map(|(dressed, given)| dressed.findings.new_own(given)).collect()
-    }
-
     /// Intersecting pairs and vertices on a wrong side that remain.
     pub(crate) fn remaining(&self) -> usize {
-        let layers = self.dressed.iter().flat_map(|dressed| &dressed.findings.below);
-        let between: usize = layers.map(|layer| layer.pairs.len() + layer.inside).sum();
-        between + self.new_own().iter().map(Vec::len).sum::<usize>()
+        remaining(&self.dressed, &self.given)
     }
 
     /// The largest rms strain of a garment.
@@ -185,12 +194,54 @@ impl Attempt {
     }
 }
 
+/// Garments that were put on.
+struct Worn {
+    dressed: Vec<Dressed>,
+    /// As [`Attempt::closed`].
+    closed: Vec<Arc<ClosedLayer>>,
+    /// Those that garments below were pressed in under.
+    tight: BTreeSet<usize>,
+    /// For each garment the rounds of untangling after it settled.
+    untangling_rounds: Vec<usize>,
+}
+
+/// Intersecting pairs and vertices on a wrong side that remain; `given` is what was found in the input.
+fn remaining(dressed: &[Dressed], given: &[Findings]) -> usize {
+    let layers = dressed.iter().flat_map(|dressed| &dressed.findings.below);
+    let between: usize = layers.map(|layer| layer.pairs.len() + layer.inside).sum();
+    let new_own = dressed.iter().zip(given).map(|(d, given)| d.findings.new_own(given).len());
+    between + new_own.sum::<usize>()
+}
+
+/// [Dresses](dress) an outfit, and untangles what is left.
+fn wear(
+    [input, outfit]: [&Outfit; 2],
+    verified: &(Vec<Findings>, Vec<Arc<ClosedLayer>>),
+    hindrances: (&[Obstacle], &[WaysIn]),
+    mut tight: BTreeSet<usize>,
+    settings: Settings<'_>,
+    monitor: &mut dyn Monitor,
+) -> Result<Worn, AttemptError> {
+    let (mut dressed, mut closed) =
+        dress([input, outfit], verified, hindrances, &mut tight, settings, monitor)?;
+    let mut untangling_rounds = vec![0; dressed.len()];
+    if settings.params.goal.own == Own::Remove {
+        let _phase = trace_span!("untangling").entered();
+        untangling_rounds =
+            untangle_settled(input, &mut dressed, &mut closed, settings.params, monitor)
+                .map_err(AttemptError::Cancelled)?;
+    }
+    Ok(Worn { dressed, closed, tight, untangling_rounds })
+}
+
 /// Dresses `outfit`, the untangled form of `input`: returns the garments and all closed layers but the
-/// outermost. `given` is what was found in `outfit`, and `closed` are its layers.
+/// outermost. `given` is what was found in `outfit`, and `closed` are its layers; garments below those
+/// in `tight` are pressed in, to which those are added that get stuck.
 fn dress(
     [input, outfit]: [&Outfit; 2],
     (given, closed): &(Vec<Findings>, Vec<Arc<ClosedLayer>>),
-    obstacles: &[Obstacle],
+    (obstacles, ways_in): (&[Obstacle], &[WaysIn]),
+    tight: &mut BTreeSet<usize>,
     settings: Settings<'_>,
     monitor: &mut dyn Monitor,
 ) -> Result<(Vec<Dressed>, Vec<Arc<ClosedLayer>>), AttemptError> {
@@ -199,10 +250,7 @@ fn dress(
     // From the first garment on that cannot lie over another, all stay as they came.
     let is_hopeless = |name: &str| obstacles.iter().any(|o| o.outer == name && o.is_hopeless());
     let end = outfit.garments.iter().position(|g| is_hopeless(&g.name)).unwrap_or(count);
-    // The garments that those below are pressed in under.
-    let mut tight: BTreeSet<usize> =
-        if goal.tuck == Tuck::Always { (0..count).collect() } else { BTreeSet::new() };
-    let mut above = TightGarments::new(outfit, given, closed, &tight, goal);
+    let mut above = TightGarments::new(outfit, given, closed, tight, ways_in, goal);
     let mut dressing = Dressing::new([input, outfit], given, &closed[0], settings);
     let mut index = 0;
     while index < count {
@@ -227,7 +275,7 @@ fn dress(
             Err(SettleError::Stuck) => {
                 tracing::debug!(garment = name, "stuck: the layers below are pressed in");
                 tight.insert(index);
-                above = TightGarments::new(outfit, given, closed, &tight, goal);
+                above = TightGarments::new(outfit, given, closed, tight, ways_in, goal);
                 index = (0..index).find(|k| above.press(*k)).unwrap_or(index);
                 dressing.take_off(index);
             }

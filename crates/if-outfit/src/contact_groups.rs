@@ -4,7 +4,7 @@
 use crate::contacts::{ContactParams, Contacts, Exit};
 use crate::params::ResolveParams;
 use crate::upper_layers::UpperLayers;
-use crate::ways_out::WayOut;
+use crate::way::Way;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
@@ -39,7 +39,7 @@ pub(crate) struct ContactGroups<'a> {
     /// For each vertex how it is led out of a layer that it is inside of.
     pub(crate) exits: Vec<Exit>,
     /// The ways of vertices that are still on them.
-    pub(crate) ways_out: Vec<WayOut>,
+    pub(crate) ways_out: Vec<Way>,
     /// For each vertex how often it was found inside.
     pub(crate) times_inside: Vec<u32>,
     /// Planes that separate intersecting triangles: vertex, normal, point.

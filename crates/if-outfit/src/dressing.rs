@@ -79,7 +79,7 @@ impl<'a> Dressing<'a> {
         &mut self,
         index: usize,
         given: Option<&Arc<ClosedLayer>>,
-        tight: &TightGarments,
+        tight: &TightGarments<'_>,
         tucking_helps: bool,
         progress: &mut GarmentProgress<'_>,
     ) -> Result<(), SettleError> {

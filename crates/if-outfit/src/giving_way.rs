@@ -116,7 +116,8 @@ impl Dressing<'_> {
             // What it was pressed into before is its shape now.
             let garment = Layer { mesh: was.mesh.clone(), ..self.outfit.garments[k].clone() };
             let covered = met(&garment, upper, k, &upper_layer, below[0]);
-            let layers = [UpperLayer { layer: &upper_layer, gap, least: LEAST, covered }];
+            let layers =
+                [UpperLayer { layer: &upper_layer, gap, least: LEAST, covered, ways_in: &[] }];
             let tuck_distance = params.goal.tuck_distance;
             let above = UpperLayers { layers: &layers, tuck_distance };
             let mut settled = settle(&garment, None, &below, above, true, settings, progress)?;

@@ -11,6 +11,7 @@
 
 mod algorithm1;
 mod attempt;
+mod bridges;
 mod build;
 pub mod cleanness;
 mod cloth;
@@ -49,6 +50,8 @@ pub mod unresolved;
 mod untangle;
 mod upper_layers;
 pub mod verify;
+mod way;
+mod ways_in;
 mod ways_out;
 mod welded;
 mod workpiece;

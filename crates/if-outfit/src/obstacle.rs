@@ -3,22 +3,19 @@
 //!
 //! No fixed mesh can lie inside there but by being lifted to where the outer garment joins its
 //! parts: a skirt to the crotch of the trousers, the armpit of a coat to that of the shirt over it.
-//! A *bridge* is an edge of the inner garment whose ends have their nearest skin on two parts of the
-//! body, far from one another along the skin and both on the garment's inner side. The middle of
-//! that way along the skin is the *junction*, in the crotch or the armpit. If the outer garment
-//! passes between each end and its skin, and between bridge and junction, then the bridge must be
-//! lifted as far as the outer garment is away, towards the junction or along the inner garment's
-//! own normal, whichever is nearer.
+//! If the outer garment passes between each end of a bridge ([`crate::bridges`]) and its skin, and
+//! between bridge and junction, then the bridge must be lifted as far as the outer garment is away,
+//! towards the junction or along the inner garment's own normal, whichever is nearer. Garments that
+//! are pressed in are led that way ([`crate::ways_in`]).
 
+use crate::bridges::bridges;
 use crate::findings::Findings;
 use crate::geodesic::Neighbours;
 use crate::outfit::Outfit;
 use if_core::edges::Edges;
-use if_core::math::{Point, Real, Vector, unit_or_zero};
-use if_core::mesh::TriMesh;
+use if_core::math::{Point, Real};
 use if_mesh::index::Bvh;
-use if_mesh::solid::{ClosedLayer, Sided};
-use rayon::prelude::*;
+use if_mesh::solid::ClosedLayer;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::sync::Arc;
@@ -71,30 +68,14 @@ impl fmt::Display for Obstacle {
 }
 
 /// Lifts of more than this, in metres, are not tried.
-const HOPELESS: Real = 0.17;
+pub(crate) const HOPELESS: Real = 0.17;
 /// Lifts of less than this hinder nobody, in metres.
 const SMALL: Real = 0.03;
+/// So many bridges of a garment are looked at.
+const MOST: usize = 64;
 /// Only garments that lie this deep in the one below are looked at, in metres: a shallower overlap
 /// has no bridges of note.
 const DEEP: Real = 0.03;
-/// The ends of a bridge have nearest points on the skin that are at least this far apart, in
-/// metres, and that many lengths of the bridge.
-const APART: Real = 0.02;
-const LENGTHS: Real = 2.0;
-/// So many bridges of a garment are looked at, evenly chosen.
-const MOST: usize = 64;
-/// Length of the search for the outer garment along the inner one's normal, in metres.
-const FAR: Real = 1.0;
-
-/// An edge of a garment between two parts of the body.
-struct Bridge {
-    middle: Point,
-    junction: Point,
-    /// The garment's unit normal there, inwards.
-    inward: Vector,
-    /// Its ends and their nearest points on the skin.
-    ends: [[Point; 2]; 2],
-}
 
 /// The obstacles of `outfit`, in which `found` was found; `closed` are its body and garments but the
 /// outermost, closed.
@@ -115,73 +96,18 @@ pub(crate) fn obstacles(
         let skin = &outfit.body.mesh;
         let ways = body.get_or_insert_with(|| Neighbours::new(&Edges::new(skin), skin.vertices()));
         let garment = &outfit.garments[inner];
-        let bridges = bridges(&garment.mesh, &closed[inner + 1], &closed[0], skin, ways);
+        let bridges = bridges(&garment.mesh, &closed[inner + 1], &closed[0], skin, ways, MOST);
         for outer in outers {
-            let outer = &outfit.garments[outer];
-            let tree = Bvh::new(&outer.mesh);
+            let tree = Bvh::new(&outfit.garments[outer].mesh);
             let lifts = bridges.iter().filter_map(|b| Some((b.lift(&tree)?, b.middle)));
             let highest = lifts.max_by(|a, b| a.0.total_cmp(&b.0));
             if let Some((lift, at)) = highest.filter(|(lift, _)| *lift > SMALL) {
-                let (inner, outer) = (garment.name.clone(), outer.name.clone());
+                let [inner, outer] = [inner, outer].map(|k| outfit.garments[k].name.clone());
                 obstacles.push(Obstacle { inner, outer, at, lift });
             }
         }
     }
     obstacles
-}
-
-impl Bridge {
-    /// How far it must be lifted to lie inside the garment in `outer`; `None` if that is not in the
-    /// way.
-    fn lift(&self, outer: &Bvh) -> Option<Real> {
-        let hit = |from: &Point, to: &Point| {
-            outer.first_hit(from, to, |_| true).map(|hit| hit.parameter * (to - from).norm())
-        };
-        let covers = |[end, skin]: &[Point; 2]| hit(end, skin).is_some();
-        let up = hit(&self.middle, &self.junction)?;
-        let inwards = hit(&self.middle, &(self.middle + self.inward * FAR));
-        self.ends.iter().all(covers).then(|| inwards.map_or(up, |inwards| up.min(inwards)))
-    }
-}
-
-/// Some of the bridges of a garment; `ways` are the edges of the body `skin`.
-fn bridges(
-    mesh: &TriMesh,
-    closed: &ClosedLayer,
-    body: &ClosedLayer,
-    skin: &TriMesh,
-    ways: &Neighbours,
-) -> Vec<Bridge> {
-    let x = mesh.vertices();
-    let feet: Vec<Option<Sided>> =
-        x.par_iter().with_min_len(64).map(|p| body.sided(p, Real::INFINITY)).collect();
-    let spans = |[a, b]: &[u32; 2]| {
-        let ends = [*a, *b].map(|v| v as usize);
-        let [Some(f), Some(g)] = ends.map(|v| feet[v]) else { return false };
-        let [p, q] = ends.map(|v| x[v]);
-        let apart = (f.point - g.point).norm();
-        let inner_side =
-            |v: usize, foot: &Sided| closed.vertex_normal(v).dot(&(foot.point - x[v])) < 0.0;
-        apart > LENGTHS * (p - q).norm() + APART
-            && inner_side(ends[0], &f)
-            && inner_side(ends[1], &g)
-    };
-    let edges: Vec<[u32; 2]> = Edges::new(mesh).vertices.into_iter().filter(spans).collect();
-    let every = edges.len().div_ceil(MOST).max(1);
-    let chosen: Vec<[u32; 2]> = edges.into_iter().step_by(every).collect();
-    let bridge = |edge: &[u32; 2]| {
-        let [v, w] = edge.map(|v| v as usize);
-        let [f, g] = [v, w].map(|v| feet[v].expect("both ends have one"));
-        let [from, to] = [f, g].map(|foot| skin.triangles()[foot.triangle as usize][0]);
-        let junction = ways.middle_of_path(from, to)?;
-        Some(Bridge {
-            middle: nalgebra::center(&x[v], &x[w]),
-            junction: skin.vertices()[junction as usize],
-            inward: -unit_or_zero(&(closed.vertex_normal(v) + closed.vertex_normal(w))),
-            ends: [[x[v], f.point], [x[w], g.point]],
-        })
-    };
-    chosen.par_iter().filter_map(bridge).collect()
 }
 
 #[cfg(test)]

@@ -128,7 +128,7 @@ mod tests {
         let ball = icosphere(0.3, 4);
         let tight = ClosedLayer::garment(&band(0.29), &ClosedLayer::body(&ball), &ball);
         let covered = vec![true; band(0.299).vertices().len()];
-        let layers = [UpperLayer { layer: &tight, gap: 1e-3, least: 0.0, covered }];
+        let layers = [UpperLayer { layer: &tight, gap: 1e-3, least: 0.0, covered, ways_in: &[] }];
         let above = UpperLayers { layers: &layers, tuck_distance: 0.05 };
         on_a_ball(band(0.299), above, then);
     }

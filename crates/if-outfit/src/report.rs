@@ -238,6 +238,9 @@ pub struct RepairCounts {
     /// Vertices that were led round a limb, because the nearest way out led back under the garment or
     /// would have parted it.
     pub ways_out: usize,
+    /// Vertices that were led towards an armpit or the crotch to be pressed in below a layer above,
+    /// because the nearest ways would have parted the garment.
+    pub ways_in: usize,
     /// Pairs of the garment's own triangles that were held apart.
     pub separated_own_pairs: usize,
     /// Times that the displacements of a neighbourhood were smoothed and lifted.
@@ -261,6 +264,7 @@ impl RepairCounts {
             separating_planes: self.separating_planes + later.separating_planes,
             exit_directions: self.exit_directions + later.exit_directions,
             ways_out: self.ways_out + later.ways_out,
+            ways_in: self.ways_in + later.ways_in,
             separated_own_pairs: self.separated_own_pairs + later.separated_own_pairs,
             smoothings: self.smoothings + later.smoothings,
             easing_rounds: self.easing_rounds + later.easing_rounds,

@@ -196,6 +196,7 @@ fn settle_once(
     let mut work = trace_span!("cloth")
         .in_scope(|| Workpiece::new(scene, tree, (verification, remaining), sources));
 
+    work.counts.ways_in = above.layers.iter().map(|layer| layer.ways_in.len()).sum();
     if start.is_none() && params.effort.method == Method::Contacts {
         let before = std::mem::replace(ways, work.find_ways_out(reroute));
         if reroute == Reroute::Sideways && *ways == before {

@@ -8,6 +8,8 @@
 use crate::findings::Findings;
 use crate::outfit::Outfit;
 use crate::params::GoalParams;
+use crate::way::Way;
+use crate::ways_in::WaysIn;
 use if_core::math::{Point, Real, Vector};
 use if_mesh::solid::ClosedLayer;
 use if_xpbd::half_space::HalfSpaces;
@@ -26,6 +28,18 @@ pub(crate) struct UpperLayer<'a> {
     pub(crate) least: Real,
     /// The garment's vertices that belong below it ([`covered`]).
     pub(crate) covered: Vec<bool>,
+    /// Vertices that do not take the nearest way in, ascending, with the way that they take.
+    pub(crate) ways_in: &'a [Way],
+}
+
+impl UpperLayer<'_> {
+    /// The rest of the way of vertex `v` at `p`, and how far it still is to below the layer;
+    /// `None` if it takes the nearest one, or is there.
+    fn way_in(&self, v: u32, p: &Point) -> Option<(Vector, Real)> {
+        let k = self.ways_in.binary_search_by_key(&v, |way| way.vertex).ok()?;
+        let left = self.ways_in[k].left(p) + self.gap;
+        (left > 0.0).then_some((self.ways_in[k].direction, left))
+    }
 }
 
 /// The layers above a garment that it is pressed in below.
@@ -38,13 +52,16 @@ pub(crate) struct UpperLayers<'a> {
 }
 
 impl UpperLayers<'_> {
-    /// The planes that `p` must stay behind: the inward normal and a point, one for each layer it
-    /// sticks out of or lies closely below.
+    /// The planes that vertex `v` at `p` must stay behind: the inward normal, or the direction of its way
+    /// in, and a point, one for each layer it sticks out of or lies closely below.
     ///
     /// Beyond the end of a layer nothing is pressed: a hem, a cuff or an open front covers nothing
     /// there.
     fn planes<'a>(&'a self, v: usize, p: &'a Point) -> impl Iterator<Item = (Vector, Point)> + 'a {
         self.layers.iter().filter(move |c| c.covered[v]).filter_map(move |c| {
+            if let Some((direction, left)) = c.way_in(v as u32, p) {
+                return Some((direction, p + direction * left.min(STEP)));
+            }
             let s = c
                 .layer
                 .sided(p, self.tuck_distance)
@@ -71,8 +88,12 @@ impl UpperLayers<'_> {
         }
         let height = |v: u32| {
             let pressing = self.layers.iter().filter(|c| c.covered[v as usize]);
+            let p = &x[v as usize];
             let heights = pressing.filter_map(|c| {
-                let s = c.layer.sided(&x[v as usize], self.tuck_distance)?;
+                if let Some((_, left)) = c.way_in(v, p) {
+                    return Some(left);
+                }
+                let s = c.layer.sided(p, self.tuck_distance)?;
                 (!s.boundary).then_some(s.distance + c.least)
             });
             heights.fold(0.0, Real::max)
@@ -114,21 +135,24 @@ impl UpperLayers<'_> {
 }
 
 /// The garments of an outfit that others are pressed in below, closed, as in the input.
-pub(crate) struct TightGarments {
+pub(crate) struct TightGarments<'a> {
     /// One for each garment: closed if it meets garments below it, and the indices of those.
     garments: Vec<Option<(Arc<ClosedLayer>, Vec<usize>)>>,
+    ways_in: &'a [WaysIn],
     clearance: Real,
     tuck_distance: Real,
 }
 
-impl TightGarments {
+impl<'a> TightGarments<'a> {
     /// The garments `outer` are those that others are pressed in below. `before` is what was found
-    /// in the input; `closed` are its body and garments, from the innermost on.
+    /// in the input; `closed` are its body and garments, from the innermost on, and `ways_in` the
+    /// ways of vertices that do not take the nearest.
     pub(crate) fn new(
         outfit: &Outfit,
         before: &[Findings],
         closed: &[Arc<ClosedLayer>],
         outer: &BTreeSet<usize>,
+        ways_in: &'a [WaysIn],
         params: &GoalParams,
     ) -> Self {
         // The body comes first in the findings.
@@ -149,7 +173,8 @@ impl TightGarments {
                 (!below.is_empty()).then(|| (close(k), below))
             })
             .collect();
-        Self { garments, clearance: params.clearance, tuck_distance: params.tuck_distance }
+        let GoalParams { clearance, tuck_distance, .. } = *params;
+        Self { garments, ways_in, clearance, tuck_distance }
     }
 
     /// The numbers of the garments that garment `index` is pressed in below, and their layers.
@@ -173,11 +198,16 @@ impl TightGarments {
         x: &[Point],
         body: &ClosedLayer,
     ) -> Vec<UpperLayer<'_>> {
+        let ways_in = |outer: usize| -> &[Way] {
+            let mut all = self.ways_in.iter();
+            all.find(|w| [w.inner, w.outer] == [index, outer]).map_or(&[], |found| &found.ways)
+        };
         let of = |(k, layer): (usize, _)| UpperLayer {
             layer,
             gap: ROOM * self.clearance * (k - index) as Real,
             least: 0.0,
             covered: covered(x, layer, body),
+            ways_in: ways_in(k),
         };
         self.above(index).map(of).collect()
     }
@@ -283,7 +313,8 @@ mod tests {
         // 15 cm in front of the waistcoat.
         let mut x = vec![Point::new(0.0, 0.0, 0.165 + 0.15)];
         let covered = covered(&x, &waistcoat, &body);
-        let layers = [UpperLayer { layer: &waistcoat, gap: 1e-3, least: 0.0, covered }];
+        let layers =
+            [UpperLayer { layer: &waistcoat, gap: 1e-3, least: 0.0, covered, ways_in: &[] }];
         let above = UpperLayers { layers: &layers, tuck_distance: goal.tuck_distance };
         let rounds = above.rounds(&x, &[false]);
         assert!(rounds >= 25, "{rounds}");

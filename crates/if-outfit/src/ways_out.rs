@@ -16,6 +16,7 @@
 
 use crate::geodesic::Neighbours;
 use crate::repair::is_clear;
+use crate::way::Way;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_mesh::index::Bvh;
 use if_mesh::solid::ClosedLayer;
@@ -38,21 +39,6 @@ impl Reroute {
             Self::Back => 0.0,
             Self::Sideways => 0.3,
         }
-    }
-}
-
-/// The way out of one vertex: along `direction`, until it is beyond `point`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct WayOut {
-    pub(crate) vertex: u32,
-    pub(crate) direction: Vector,
-    pub(crate) point: Point,
-}
-
-impl WayOut {
-    /// How far it still is from `p`, in metres; negative beyond its end.
-    pub(crate) fn left(&self, p: &Point) -> Real {
-        self.direction.dot(&(self.point - p))
     }
 }
 
@@ -93,7 +79,7 @@ impl Given<'_> {
         &self,
         inside: &[u32],
         close: impl FnOnce() -> ClosedLayer,
-    ) -> Option<Vec<WayOut>> {
+    ) -> Option<Vec<Way>> {
         let doubtful: Vec<u32> =
             inside.par_iter().copied().filter(|v| self.is_doubtful(*v)).collect();
         if doubtful.is_empty() {
@@ -109,7 +95,7 @@ impl Given<'_> {
             |v: &u32| leads_under(v) || (self.reroute == Reroute::Sideways && leads_sideways(v));
         let seeds: Vec<u32> = doubtful.into_par_iter().filter(leads_back).collect();
         let patches = self.patches(&seeds);
-        let mut ways: Vec<WayOut> =
+        let mut ways: Vec<Way> =
             patches.iter().flat_map(|patch| self.ways_of(patch, &directions, own)).collect();
         self.spread(&mut ways, inside, own);
         Some(ways)
@@ -161,11 +147,11 @@ impl Given<'_> {
 
     /// The ways of a patch, all in one direction: that in which most of it has one, and of those the one
     /// nearest to outwards. None if most of it has none.
-    fn ways_of(&self, patch: &[u32], directions: &[Vector], own: &ClosedLayer) -> Vec<WayOut> {
+    fn ways_of(&self, patch: &[u32], directions: &[Vector], own: &ClosedLayer) -> Vec<Way> {
         let outwards = self.outwards(patch, directions);
         let near = directions.par_iter().filter(|d| outwards.dot(d) > LEAST_OUTWARD);
-        let ways = |direction: &Vector| -> (usize, Real, Vec<WayOut>) {
-            let ways: Vec<WayOut> = patch
+        let ways = |direction: &Vector| -> (usize, Real, Vec<Way>) {
+            let ways: Vec<Way> = patch
                 .iter()
                 .filter(|v| self.is_against(self.at(**v), direction))
                 .filter_map(|v| self.way_along(*v, direction, own))
@@ -205,12 +191,12 @@ impl Given<'_> {
     }
 
     /// Adds the ways of vertices beside those that have one.
-    fn spread(&self, ways: &mut Vec<WayOut>, inside: &[u32], own: &ClosedLayer) {
+    fn spread(&self, ways: &mut Vec<Way>, inside: &[u32], own: &ClosedLayer) {
         let mut has_way = vec![false; self.x.len()];
         ways.iter().for_each(|way| has_way[way.vertex as usize] = true);
         let mut next = 0;
         while next < ways.len() {
-            let WayOut { vertex, direction, .. } = ways[next];
+            let Way { vertex, direction, .. } = ways[next];
             next += 1;
             for (v, _) in self.neighbours.of(vertex) {
                 let p = self.at(*v);
@@ -249,7 +235,7 @@ impl Given<'_> {
 
     /// The way of vertex `v` along `direction` to the first point that is neither in a layer nor under
     /// the garment; `None` if there is none, or it lies under the garment.
-    fn way_along(&self, v: u32, direction: &Vector, own: &ClosedLayer) -> Option<WayOut> {
+    fn way_along(&self, v: u32, direction: &Vector, own: &ClosedLayer) -> Option<Way> {
         let p = self.at(v);
         let end = p + direction * LONGEST;
         let mut length = 0.0;
@@ -263,7 +249,7 @@ impl Given<'_> {
             }
             let point = p + direction * length;
             if is_clear(&point, self.below, 0.0) {
-                let way = WayOut { vertex: v, direction: *direction, point };
+                let way = Way { vertex: v, direction: *direction, point };
                 return (!is_under(own, &point, 0.0)).then_some(way);
             }
         }
@@ -309,7 +295,7 @@ mod tests {
         Outfit { body: Layer::new("arm", arm), garments: vec![Layer::new("sleeve", sleeve)] }
     }
 
-    fn ways(outfit: &Outfit, reroute: Reroute) -> Vec<WayOut> {
+    fn ways(outfit: &Outfit, reroute: Reroute) -> Vec<Way> {
         let (arm, sleeve) = (&outfit.body.mesh, &outfit.garments[0].mesh);
         let body = ClosedLayer::body(arm);
         let x = sleeve.vertices();
