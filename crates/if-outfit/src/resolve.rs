@@ -12,7 +12,7 @@ use crate::settle::Settings;
 use crate::splitting;
 use crate::unresolved::Unresolved;
 use crate::verify::{body_own_pairs, verify};
-use crate::welded::Welded;
+use crate::welded::{Welded, seams_hold};
 use if_core::monitor::{Cancelled, Monitor};
 use if_core::parameter::ParameterError;
 use if_xpbd::report::StepError;
@@ -220,17 +220,17 @@ fn resolve_on_body(
     }
 
     let mut report = attempt.report(before, params);
-    let given = (welded.is_some() || !report.is_proven()).then(|| attempt.outfit.clone());
+    let given = attempt.outfit.clone();
     let mut found = attempt.outfit;
     for (garment, dressed) in found.garments.iter_mut().zip(attempt.dressed) {
         garment.mesh = dressed.mesh;
     }
     distances::measure(&found, &attempt.closed, &mut report.after);
-    if let Some(welded) = welded {
+    if let Some(welded) = &welded {
         found = welded.unweld(outfit, found);
-        if !welded.holds(&found) {
-            report.after = verify(&found)?;
-        }
+    }
+    if !may_split && !seams_hold(welded.as_ref(), &found) {
+        report.after = verify(&found)?;
     }
     report.compare_clearance(params.goal.clearance);
     if !report.is_proven() && params.goal.pinch == Pinch::Keep {
@@ -239,7 +239,7 @@ fn resolve_on_body(
     report.seconds = start.elapsed().as_secs_f64();
     let resolved = Resolved { outfit: found, splits: attempt.splits, report };
     let remains = |given| Unresolved::of(&given, (&resolved.outfit, &resolved.report));
-    match given.filter(|_| !resolved.report.is_proven()).and_then(remains) {
+    match (!resolved.report.is_proven()).then_some(given).and_then(remains) {
         None => Ok(resolved),
         Some(unresolved) => Err(remaining(unresolved, resolved)),
     }

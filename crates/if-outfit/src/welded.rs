@@ -69,17 +69,17 @@ impl Welded {
             given.garments.iter().zip(found.garments).zip(&self.garments).map(open).collect();
         Outfit { body: given.body.clone(), garments }
     }
+}
 
-    /// Whether the seams of an outfit that was [unwelded](Self::unweld) are those that were welded.
-    /// Where more than two triangles meet along coincident edges, as in a soup, moves decide which of
-    /// them are seams.
-    pub(crate) fn holds(&self, found: &Outfit) -> bool {
-        let same = |(layer, welded): (&Layer, &Option<seams::Welded>)| {
-            let now = |w: &seams::Welded| weld(&layer.mesh).map(|n| n.vertex_map == w.vertex_map);
-            welded.as_ref().is_none_or(|welded| now(welded) == Some(true))
-        };
-        found.garments.par_iter().zip(&self.garments).all(same)
-    }
+/// Whether the seams of the garments `found` are those that were welded before they were solved. Moves
+/// can decide which edges are seams: of more than two that coincide, as in a soup, and where hems come
+/// to lie on one another.
+pub(crate) fn seams_hold(welded: Option<&Welded>, found: &Outfit) -> bool {
+    let same = |(k, layer): (usize, &Layer)| {
+        let was = welded.and_then(|w| w.garments[k].as_ref()).map(|w| &w.vertex_map);
+        weld(&layer.mesh).as_ref().map(|now| &now.vertex_map) == was
+    };
+    found.garments.par_iter().enumerate().all(same)
 }
 
 /// `mesh` rounded to the storage of `layer`; `None` if rounding changes nothing.
@@ -90,4 +90,32 @@ fn stored(layer: &Layer, mesh: &TriMesh) -> Option<TriMesh> {
     let rounded = layer.storage.round(mesh.vertices());
     (rounded != mesh.vertices())
         .then(|| mesh.with_vertices(rounded).expect("rounded positions are finite"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::shapes::meshes::icosphere;
+
+    /// Two triangles beside one another, `apart` metres.
+    fn patches(apart: f64) -> TriMesh {
+        let corner = |x: f64, y: f64| Point::new(2.0 + x, y, 0.0);
+        let left = [corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0)];
+        let right = [corner(1.0 + apart, 1.0), corner(1.0 + apart, 0.0), corner(2.0, 0.0)];
+        TriMesh::new([left, right].concat(), vec![[0, 1, 2], [3, 4, 5]]).unwrap()
+    }
+
+    fn outfit(mesh: TriMesh) -> Outfit {
+        let body = Layer::new("body", icosphere(1.0, 1));
+        Outfit { body, garments: vec![Layer::new("patches", mesh)] }
+    }
+
+    #[test]
+    fn seams_that_open_or_close_do_not_hold() {
+        let (open, sewn) = (outfit(patches(0.1)), outfit(patches(0.0)));
+        assert!(Welded::new(&open, true).is_none());
+        assert!(seams_hold(None, &open) && !seams_hold(None, &sewn));
+        let welded = Welded::new(&sewn, true).unwrap();
+        assert!(seams_hold(Some(&welded), &sewn) && !seams_hold(Some(&welded), &open));
+    }
 }
