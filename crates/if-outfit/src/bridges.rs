@@ -16,7 +16,6 @@ use rayon::prelude::*;
 /// metres, and that many lengths of the bridge.
 const APART: Real = 0.02;
 const LENGTHS: Real = 2.0;
-
 /// Length of the search for an outer garment along the normal, in metres.
 const FAR: Real = 1.0;
 

@@ -17,6 +17,9 @@ use if_mesh::solid::ClosedLayer;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+/// Of a garment with more bridges this many are led up, evenly chosen: the others are drawn along.
+const MOST: usize = 1000;
+
 /// The ways of the garment with index `inner` in below the one with index `outer`.
 pub(crate) struct WaysIn {
     pub(crate) inner: usize,
@@ -44,7 +47,7 @@ pub(crate) fn ways_in(
             neighbours.get_or_insert_with(|| Neighbours::new(&Edges::new(skin), skin.vertices()));
         let garment = &outfit.garments[inner].mesh;
         let layer = &closed[inner + 1];
-        let bridges = bridges(garment, layer, &closed[0], skin, along_skin, usize::MAX);
+        let bridges = bridges(garment, layer, &closed[0], skin, along_skin, MOST);
         let ways = ways_of(&bridges, &Bvh::new(&outfit.garments[outer].mesh));
         all.push(WaysIn { inner, outer, ways });
     }
