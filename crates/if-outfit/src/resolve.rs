@@ -229,7 +229,7 @@ fn resolve_on_body(
     if let Some(welded) = &welded {
         found = welded.unweld(outfit, found);
     }
-    if !may_split && !seams_hold(welded.as_ref(), &found) {
+    if !may_split && !seams_hold(welded.as_ref(), outfit, &found) {
         report.after = verify(&found)?;
     }
     report.compare_clearance(params.goal.clearance);
