@@ -104,7 +104,8 @@ impl Attempt {
         let may_lift = settings.params.goal.tuck != Tuck::Never
             && !obstacles.is_empty()
             && !obstacles.iter().any(Obstacle::is_hopeless);
-        if may_lift && remaining(&worn.dressed, &given) > 0 {
+        let left = remaining(&worn.dressed, &given);
+        if may_lift && left > 0 {
             let ways_in =
                 trace_span!("obstacles").in_scope(|| ways_in(&worked, &obstacles, &verified.1));
             tracing::debug!(
@@ -113,7 +114,7 @@ impl Attempt {
             );
             let tight = worn.tight.iter().copied().chain(ways_in.iter().map(|ways| ways.outer));
             let again = wear(tight.collect(), &ways_in)?;
-            if remaining(&again.dressed, &given) < remaining(&worn.dressed, &given) {
+            if remaining(&again.dressed, &given) < left {
                 worn = again;
             }
         }
@@ -207,10 +208,7 @@ struct Worn {
 
 /// Intersecting pairs and vertices on a wrong side that remain; `given` is what was found in the input.
 fn remaining(dressed: &[Dressed], given: &[Findings]) -> usize {
-    let layers = dressed.iter().flat_map(|dressed| &dressed.findings.below);
-    let between: usize = layers.map(|layer| layer.pairs.len() + layer.inside).sum();
-    let new_own = dressed.iter().zip(given).map(|(d, given)| d.findings.new_own(given).len());
-    between + new_own.sum::<usize>()
+    dressed.iter().zip(given).map(|(dressed, given)| dressed.remaining(given)).sum()
 }
 
 /// [Dresses](dress) an outfit, and untangles what is left.

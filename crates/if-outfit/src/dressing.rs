@@ -35,6 +35,15 @@ pub(crate) struct Dressed {
     pub(crate) seconds: Real,
 }
 
+impl Dressed {
+    /// Pairs and vertices on a wrong side that remain, and own pairs that are not in `given`, what was
+    /// found of it in the input.
+    pub(crate) fn remaining(&self, given: &Findings) -> usize {
+        let layers = self.findings.below.iter().map(|layer| layer.pairs.len() + layer.inside);
+        layers.sum::<usize>() + self.findings.new_own(given).len()
+    }
+}
+
 /// The garments put on so far.
 pub(crate) struct Dressing<'a> {
     /// As given, and with its garments untangled: these settle.

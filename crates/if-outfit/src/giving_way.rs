@@ -89,11 +89,8 @@ impl Dressing<'_> {
 
     /// Pairs and vertices on a wrong side that remain of these garments.
     fn remaining(&self, garments: Range<usize>) -> usize {
-        let of = |(dressed, given): (&Dressed, _)| {
-            let layers = dressed.findings.below.iter().map(|l| l.pairs.len() + l.inside);
-            layers.sum::<usize>() + dressed.findings.new_own(given).len()
-        };
-        self.dressed[garments.clone()].iter().zip(&self.given[garments]).map(of).sum()
+        let both = self.dressed[garments.clone()].iter().zip(&self.given[garments]);
+        both.map(|(dressed, given)| dressed.remaining(given)).sum()
     }
 
     /// Puts the garments `dressed`, which are those from `first` on, on again from where they lay; those

@@ -111,7 +111,7 @@ pub(crate) fn obstacles(
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::outfit::Layer;
     use crate::params::ResolveParams;
@@ -121,7 +121,7 @@ mod tests {
     use if_body::mannequin::{self, Garment, MannequinParams};
     use if_core::monitor::Silent;
 
-    fn worn(garments: [Garment; 2]) -> Outfit {
+    pub(crate) fn worn(garments: [Garment; 2]) -> Outfit {
         let scene = MannequinParams { resolution: 0.7, ..Default::default() };
         let layer = |g: Garment| Layer::new(g.name(), mannequin::garment(g, &scene));
         let body = Layer::new("body", mannequin::body(&scene));

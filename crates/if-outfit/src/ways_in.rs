@@ -82,19 +82,12 @@ fn ways_of(bridges: &[Bridge], outer: &Bvh) -> Vec<Way> {
 mod tests {
     use super::*;
     use crate::obstacle::obstacles;
-    use crate::outfit::Layer;
+    use crate::obstacle::tests::worn;
     use crate::params::ResolveParams;
     use crate::resolve::{ResolveError, resolve};
     use crate::verify::verify_layers;
-    use if_body::mannequin::{self, Garment, MannequinParams};
+    use if_body::mannequin::Garment;
     use if_core::monitor::Silent;
-
-    fn worn(garments: [Garment; 2]) -> Outfit {
-        let scene = MannequinParams { resolution: 0.7, ..Default::default() };
-        let layer = |g: Garment| Layer::new(g.name(), mannequin::garment(g, &scene));
-        let body = Layer::new("body", mannequin::body(&scene));
-        Outfit::new(body, garments.map(layer).to_vec()).unwrap()
-    }
 
     #[test]
     fn the_armpits_of_a_coat_are_led_up_into_a_shirt() {
