@@ -3,11 +3,11 @@
 use super::ClosedLayer;
 use crate::body_surface::BodySurface;
 use crate::index::Bvh;
-use crate::voxels::Voxels;
+use crate::voxels::{Voxel, Voxels};
 use if_core::aabb::Aabb;
 use if_core::closest::ClosestPoint;
 use if_core::edges::{Edges, NONE};
-use if_core::math::{Point, Real, Vector, barycentric_point};
+use if_core::math::{Point, Real, Vector, barycentric_point, unit_or_zero};
 use if_core::mesh::TriMesh;
 use rayon::prelude::*;
 
@@ -18,6 +18,9 @@ pub(super) const CELL: Real = 1.0 / 420.0;
 /// Maximum distance to the body at which a triangle casts a shadow, as a share of the body's height:
 /// 50 mm for a person, more than the gap between a collar and a neck.
 const SHADOW: Real = 1.0 / 34.0;
+/// Radius of the ball behind cloth in which a part of the body is looked for, as a share of the largest
+/// length of a shadow.
+const BEHIND: Real = 1.5;
 /// Maximum length of curtains, as a share of the body's height; a loop farther away has a cap only.
 const CURTAIN: Real = 0.25;
 
@@ -54,7 +57,7 @@ pub(super) fn closed_voxels(
 /// Fills the space between each triangle and the body.
 fn cast_shadow(voxels: &mut Voxels, mesh: &TriMesh, edges: &Edges, body: &Bvh, reach: Real) {
     let feet: Vec<Option<Point>> =
-        mesh.vertices().par_iter().map(|p| body.closest(p, reach).map(|c| c.point)).collect();
+        mesh.vertices().par_iter().map(|p| foot(voxels, p, body, reach)).collect();
     let cell = voxels.cell();
     let longest =
         |p: [&Point; 3]| (0..3).map(|k| (p[k] - p[(k + 1) % 3]).norm()).fold(0.0, Real::max);
@@ -87,6 +90,37 @@ fn cast_shadow(voxels: &mut Voxels, mesh: &TriMesh, edges: &Edges, body: &Bvh, r
         Some(segments(mesh.corners(t), foot, steps[t], own))
     };
     voxels.fill(triangles.into_par_iter().filter_map(shadow).flatten_iter());
+}
+
+/// The point of the `body` that the shadow of a garment's vertex `p` ends at, if there is one within
+/// `reach`.
+///
+/// Of cloth between a trunk and an arm the nearest point may be on the arm: the way there leads
+/// through the garment's own sleeve, and the space before that is outside. If there is a part of the
+/// body behind, the shadow falls there, or nowhere if other cloth hides it. Behind a collar there is none.
+fn foot(voxels: &Voxels, p: &Point, body: &Bvh, reach: Real) -> Option<Point> {
+    let nearest = body.closest(p, reach)?.point;
+    if !meets_wall(voxels, p, &nearest) {
+        return Some(nearest);
+    }
+    // All of the ball that touches `p` from behind.
+    let radius = BEHIND * reach;
+    let middle = p + unit_or_zero(&(p - nearest)) * radius;
+    let Some(behind) = body.closest(&middle, radius).map(|c| c.point) else {
+        return Some(nearest);
+    };
+    ((behind - p).norm() < reach && !meets_wall(voxels, p, &behind)).then_some(behind)
+}
+
+/// Whether the way between two points leads out of the walls at the first one and into one again.
+fn meets_wall(voxels: &Voxels, from: &Point, to: &Point) -> bool {
+    let steps = (2.0 * (to - from).amax() / voxels.cell()).ceil().max(1.0);
+    let mut has_left = false;
+    (0..=steps as usize).any(|k| {
+        let is_wall = voxels.at(&(from + (to - from) * (k as Real / steps))) == Voxel::Wall;
+        has_left |= !is_wall;
+        has_left && is_wall
+    })
 }
 
 /// The corners and edges (from corner k to corner k + 1) of a triangle that no other triangle has

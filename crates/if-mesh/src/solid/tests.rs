@@ -113,6 +113,33 @@ fn a_folded_collar_is_part_of_the_inside_and_its_top_side_the_way_out() {
 }
 
 #[test]
+fn the_space_between_a_trunk_and_a_sleeve_is_outside() {
+    let beside = |mesh: &TriMesh, scale: Real| -> Vec<Point> {
+        let place = |p: &Point| Point::new(scale * p.x + 0.24, p.y, scale * p.z);
+        mesh.vertices().iter().map(place).collect()
+    };
+    let joined = |trunk: &TriMesh, arm: Vec<Point>| {
+        let n = trunk.vertices().len() as u32;
+        let more = trunk.triangles().iter().map(|t| t.map(|v| v + n));
+        let triangles = trunk.triangles().iter().copied().chain(more).collect();
+        TriMesh::new([trunk.vertices().to_vec(), arm].concat(), triangles).unwrap()
+    };
+    // The shirt lies 60 mm from the trunk, and 40 mm from the arm, over which its sleeve is.
+    let mesh = joined(&body(), beside(&body(), 0.4));
+    let rows: Vec<_> = (0..=30).map(|k| (0.16, 0.5 + 0.02 * Real::from(k))).collect();
+    let trunk = lathe(&rows, 64);
+    let shirt = joined(&trunk, beside(&trunk, 0.045 / 0.16));
+    let layer = ClosedLayer::garment(&shirt, &ClosedLayer::body(&mesh), &mesh);
+    for y in [0.6, 0.75, 1.0] {
+        let side = |x: Real| layer.sided(&Point::new(x, y, 0.0), 0.5).unwrap().distance;
+        for x in [0.164, 0.168, 0.172, 0.176, 0.18, 0.184, 0.188] {
+            assert!(side(x) > 0.0, "{x}, {y}: {}", side(x));
+        }
+        assert!(side(0.12) < 0.0 && side(0.198) < 0.0, "{y}");
+    }
+}
+
+#[test]
 fn across_the_cap_of_a_skirt_the_field_jumps_and_says_so() {
     let mesh = body();
     let solid = ClosedLayer::body(&mesh);
