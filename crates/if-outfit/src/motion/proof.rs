@@ -1,5 +1,5 @@
 //! The proof of one state: exact intersections of all layers with one another and with themselves,
-//! and sides by the nearest surface.
+//! and sides by the nearest surface and by closed layers.
 
 use super::scene::Scene;
 use super::tolerated::Tolerated;
@@ -9,6 +9,7 @@ use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
 use if_mesh::intersections::{own_pairs, pairs};
 use if_mesh::sdf::MeshSdf;
+use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 
 /// Distance up to which a vertex has a side of a layer below, in metres: as the project's referee.
@@ -20,11 +21,13 @@ const REACH: Real = 0.06;
 pub struct Proof {
     /// Intersecting triangle pairs between layers.
     pub pairs: usize,
-    /// Vertices on the wrong side of the surface of a layer below, once for each layer. A vertex
+    /// Vertices on the wrong side of a layer below, once for each layer: by the nearest point of its
+    /// surface, and by the layer closed over the body as in [`verify`](crate::verify()). A vertex
     /// whose nearest point lies on a boundary has no side.
     ///
-    /// The closed layers of [`verify`](crate::verify()) also close the pockets that a pose makes, as
-    /// in an armpit, where cloth lies on the right side.
+    /// Each errs elsewhere. Under a folded collar, or beside a waist that is folded over, the nearest
+    /// surface faces the wrong way; a closed layer also has the pockets inside that a pose makes, as in
+    /// an armpit.
     pub inside: usize,
     /// For each layer, the body first, its intersecting triangle pairs with itself.
     pub own_pairs: Vec<usize>,
@@ -81,6 +84,7 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
             }
         }
     }
+    let mut body = None;
     for (below, (mesh, _)) in layers.iter().enumerate().take(scene.layers() - 1) {
         // An empty mesh is the only other error, and layers have triangles.
         let Ok(field) = MeshSdf::open(mesh, REACH) else { continue };
@@ -98,7 +102,16 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
             }
             continue;
         }
-        proof.inside += above.par_iter().with_min_len(256).filter(is_inside).count();
+        let found: Vec<&Point> = above.par_iter().with_min_len(256).filter(is_inside).collect();
+        if below > 0 && !found.is_empty() {
+            let skin = &layers[0].0;
+            let body = body.get_or_insert_with(|| ClosedLayer::body(skin));
+            let layer = ClosedLayer::garment(mesh, body, skin);
+            let is_inside = |p: &Point| layer.sided(p, 0.0).is_some_and(|s| s.distance < 0.0);
+            proof.inside += found.iter().filter(|p| is_inside(p)).count();
+        } else {
+            proof.inside += found.len();
+        }
     }
     proof
 }

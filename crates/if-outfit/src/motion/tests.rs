@@ -85,6 +85,31 @@ fn a_garment_that_shrinks_into_the_body_stays_outside_and_moves_more_than_it() {
 }
 
 #[test]
+fn what_lies_over_a_folded_collar_is_not_inside() {
+    // A shirt that turns outwards and down at its top, and a tube over it.
+    let skin = tube(0.1, 1.6, 48, 64, true);
+    let straight = tube(0.12, 0.6, 64, 24, false);
+    let fold = |p: &Point| {
+        let over = p.y - 0.5;
+        let (r, y) = if over > 0.0 { (0.12 + 0.01, 0.5 - over) } else { (0.12, p.y) };
+        Point::new(p.x * r / 0.12, y + 0.5, p.z * r / 0.12)
+    };
+    let shirt = straight.with_vertices(straight.vertices().iter().map(fold).collect()).unwrap();
+    let coat = tube(0.14, 0.5, 64, 20, false);
+    let raised = coat.vertices().iter().map(|p| p + Vector::y() * 0.6).collect();
+    let outfit = outfit(skin, vec![shirt, coat.with_vertices(raised).unwrap()]);
+    let walker = Walker::new(&outfit, WalkParams::default()).unwrap();
+    let rest = walker.rest().to_vec();
+    assert_eq!(walker.prove(&rest).unwrap(), Proof { own_pairs: vec![0; 3], ..Proof::default() });
+    // Pressed through the shirt without meeting it, the tube is inside.
+    let n = rest.len() - outfit.garments[1].mesh.vertices().len();
+    let inner = rest[n..].iter().map(|p| Point::new(p.x * 0.78, p.y, p.z * 0.78));
+    let pressed: Vec<Point> = rest[..n].iter().copied().chain(inner).collect();
+    let proof = walker.prove(&pressed).unwrap();
+    assert!(proof.pairs == 0 && proof.inside > 500, "{proof:?}");
+}
+
+#[test]
 fn a_body_that_is_kept_stays_as_given_and_cloth_meets_it_in_named_pinches_alone() {
     let mut walker = Walker::new(&arm(), WalkParams::default()).unwrap();
     let rest = walker.rest().to_vec();
