@@ -120,10 +120,10 @@ def main():
         for inner, outer in pairs:
             files = [os.path.join(folder, "garments", f"{g}.ply") for g in (inner, outer)]
             height, at = lift(*files, os.path.join(folder, "body_clean.ply"))
-            count += height > 0.17
+            count += height > 0.2
             if height > a.above:
                 print(f"{name}: {inner} under {outer}: {1e2 * height:.0f} cm at {np.round(at, 2)}", flush=True)
-        print(f"{name}: {count} of {len(pairs)} pairs above 17 cm")
+        print(f"{name}: {count} of {len(pairs)} pairs above 20 cm")
 
 
 if __name__ == "__main__":
