@@ -17,9 +17,10 @@
 //! Voxels determine the sign of points away from walls. Nearer, the nearest triangle does: each of
 //! its two sides is labelled *outside* or *inside* by the first voxel without a wall along its
 //! normal. A side with another triangle of the same garment before that voxel lies in a pocket, and
-//! is inside. Distances and nearest points are exact, to the triangles themselves; only the choice
-//! of the sign depends on voxels. The sign of a body, which is closed, comes from pseudo-normals
-//! alone.
+//! is inside. Beyond a fold, where the outside is on one side of one sheet and on none or the other of
+//! the next, the first voxel without a wall on the way away from the fold decides. Distances and
+//! nearest points are exact, to the triangles themselves; only the choice of the sign depends on
+//! voxels. The sign of a body, which is closed, comes from pseudo-normals alone.
 //!
 //! # Source
 //!
@@ -39,11 +40,11 @@ use crate::index::{Bvh, Nearby, distance_bound};
 use crate::pseudo_normals::PseudoNormals;
 use crate::voxels::{Voxel, Voxels};
 use closing::{CELL, PROBES, closed_voxels};
-use if_core::closest::{Closest, ClosestPoint};
+use if_core::closest::{Closest, ClosestPoint, Feature};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
-use labels::{label_sides, vertex_orientations};
+use labels::{creases, label_sides, vertex_orientations};
 
 /// One layer, closed: a body, or a garment over a body.
 #[derive(Clone, Debug)]
@@ -69,6 +70,8 @@ struct Closure {
     /// The triangles that separate inside from outside, with their indices in the mesh. `None` if
     /// all triangles do.
     interface: Option<(Bvh, Vec<u32>)>,
+    /// For each vertex whether its triangles have different sides outside.
+    creases: Vec<bool>,
 }
 
 /// The position of a point relative to a layer.
@@ -134,6 +137,7 @@ impl ClosedLayer {
                 .expect("a part of a mesh is a mesh");
             (Bvh::new(&part), keep)
         });
+        let creases = creases(mesh, &outside);
         Self {
             bvh,
             vertices: mesh.vertices().to_vec(),
@@ -141,7 +145,7 @@ impl ClosedLayer {
             vertex_orientations: vertex_orientations(mesh, &outside),
             normals,
             voxels,
-            closure: Some(Closure { outside, interface }),
+            closure: Some(Closure { outside, interface, creases }),
             surface: None,
         }
     }
@@ -332,7 +336,12 @@ impl ClosedLayer {
             Voxel::Wall if near.distance > OTHER_WALL * self.voxels.cell() => {
                 self.voxels.around(p) == Voxel::Inside
             }
-            Voxel::Wall if boundary => self.beyond_boundary(p, &near, closure),
+            Voxel::Wall if boundary => self.beyond_rim(p, &near, closure, side < 0.0),
+            // Beyond a fold one sheet has the inside there, and the other the outside.
+            Voxel::Wall | Voxel::Core if self.is_at_crease(&near, closure) => {
+                let face = self.normals.face(near.triangle);
+                self.beyond_rim(p, &near, closure, (p - near.point).dot(face) < 0.0)
+            }
             Voxel::Wall | Voxel::Core => {
                 !closure.outside[near.triangle as usize][usize::from(side < 0.0)]
             }
@@ -385,14 +394,24 @@ impl ClosedLayer {
         Some(sided)
     }
 
-    /// Whether `p`, in a wall voxel beyond the boundary of the surface, is inside: by the first
-    /// voxel without a wall on the way away from the boundary.
-    fn beyond_boundary(&self, p: &Point, near: &Closest, closure: &Closure) -> bool {
-        let side = self.normals.side(p, near);
+    /// Whether the sides of the triangles at the nearest point `near` differ.
+    fn is_at_crease(&self, near: &Closest, closure: &Closure) -> bool {
+        let corner = |k: u8| self.triangles[near.triangle as usize][usize::from(k) % 3] as usize;
+        match near.feature {
+            Feature::Face => false,
+            Feature::Edge(k) => closure.creases[corner(k)] && closure.creases[corner(k + 1)],
+            Feature::Vertex(k) => closure.creases[corner(k)],
+        }
+    }
+
+    /// Whether `p`, in a wall voxel beyond the boundary of the surface or the rim of a fold, is
+    /// inside: by the first voxel without a wall on the way away from there. `behind` if `p` is at
+    /// the back of the nearest triangle.
+    fn beyond_rim(&self, p: &Point, near: &Closest, closure: &Closure, behind: bool) -> bool {
         let away = unit_or_zero(&(p - near.point));
         // Close to the rim, above or below the triangle itself, its label is more precise.
         if away.dot(self.normals.face(near.triangle)).abs() > 0.5 {
-            return !closure.outside[near.triangle as usize][usize::from(side < 0.0)];
+            return !closure.outside[near.triangle as usize][usize::from(behind)];
         }
         for probe in PROBES {
             match self.voxels.at(&(p + away * (probe * self.voxels.cell()))) {

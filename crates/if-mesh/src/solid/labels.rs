@@ -21,6 +21,19 @@ pub(super) fn vertex_orientations(mesh: &TriMesh, outside: &[[bool; 2]]) -> Vec<
     agreed.into_iter().map(|o| o.unwrap_or(0.0)).collect()
 }
 
+/// For each vertex whether its triangles have different sides outside: a fold, or the edge of what
+/// covers others.
+pub(super) fn creases(mesh: &TriMesh, outside: &[[bool; 2]]) -> Vec<bool> {
+    let mut first: Vec<Option<[bool; 2]>> = vec![None; mesh.vertices().len()];
+    let mut creases = vec![false; mesh.vertices().len()];
+    for (tri, sides) in mesh.triangles().iter().zip(outside) {
+        for v in tri.map(|v| v as usize) {
+            creases[v] |= first[v].get_or_insert(*sides) != sides;
+        }
+    }
+    creases
+}
+
 /// For each triangle whether its [front, back] is outside.
 pub(super) fn label_sides(
     mesh: &TriMesh,

@@ -113,6 +113,26 @@ fn a_folded_collar_is_part_of_the_inside_and_its_top_side_the_way_out() {
 }
 
 #[test]
+fn above_a_sharp_fold_is_outside_and_within_it_inside() {
+    let mesh = body();
+    let solid = ClosedLayer::body(&mesh);
+    // Up along the body, and down again outside: one sheet has the body behind it and the pocket
+    // before it, the other one the outside.
+    let collar = lathe(&[(0.12, 0.8), (0.112, 1.0), (0.112, 1.1), (0.12, 1.05), (0.13, 1.02)], 64);
+    let layer = ClosedLayer::garment(&collar, &solid, &mesh);
+    check(
+        &layer,
+        &[
+            (0.112, 1.101, 1.0),
+            (0.1125, 1.101, 1.0),
+            (0.1115, 1.102, 1.0),
+            (0.1125, 1.103, 1.0),
+            (0.1123, 1.097, -1.0),
+        ],
+    );
+}
+
+#[test]
 fn the_space_between_a_trunk_and_a_sleeve_is_outside() {
     let beside = |mesh: &TriMesh, scale: Real| -> Vec<Point> {
         let place = |p: &Point| Point::new(scale * p.x + 0.24, p.y, scale * p.z);
