@@ -11,6 +11,7 @@ use if_mesh::intersections::{own_pairs, pairs};
 use if_mesh::sdf::MeshSdf;
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 
 /// Distance up to which a vertex has a side of a layer below, in metres: as the project's referee.
 const REACH: Real = 0.06;
@@ -27,7 +28,9 @@ pub struct Proof {
     ///
     /// Each errs elsewhere. Under a folded collar, or beside a waist that is folded over, the nearest
     /// surface faces the wrong way; a closed layer also has the pockets inside that a pose makes, as in
-    /// an armpit.
+    /// an armpit. Where both err at a single vertex, its triangles tell: if no other corner of theirs is
+    /// inside, and the two garments do not meet, the vertex cannot have passed the surface, and does
+    /// not count.
     pub inside: usize,
     /// For each layer, the body first, its intersecting triangle pairs with itself.
     pub own_pairs: Vec<usize>,
@@ -62,6 +65,8 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
         })
         .collect();
     let mut proof = Proof::default();
+    // For each garment whether it meets each layer below.
+    let mut meets = vec![Vec::new(); scene.layers()];
     let garments = scene.layers() - 1;
     proof.pinched = tolerated.pinched.as_ref().map(|pinched| Pinched {
         body: (0u32..).zip(pinched).filter(|(_, is)| **is).map(|(t, _)| t).collect(),
@@ -77,6 +82,7 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
         for (j, (_, below)) in layers[..k].iter().enumerate() {
             let found = pairs(below, tree);
             proof.pairs += found.len();
+            meets[k].push(!found.is_empty());
             if let (0, Some(pinched)) = (j, &mut proof.pinched) {
                 let there = found.iter().filter(|p| tolerated.is_pinched(p.a));
                 pinched.pairs[k - 1].extend(there.map(|p| [p.a, p.b]));
@@ -88,12 +94,12 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
     for (below, (mesh, _)) in layers.iter().enumerate().take(scene.layers() - 1) {
         // An empty mesh is the only other error, and layers have triangles.
         let Ok(field) = MeshSdf::open(mesh, REACH) else { continue };
-        let above = &positions[scene.starts[below + 1]..];
-        let is_inside = |p: &&Point| field.signed(p).is_some_and(|s| s.distance < 0.0);
+        let first = scene.starts[below + 1];
+        let is_inside = |p: &Point| field.signed(p).is_some_and(|s| s.distance < 0.0);
         if let (0, Some(pinched)) = (below, &mut proof.pinched) {
             // Where the body passes itself, the nearest skin is that of a pinch.
-            for (v, p) in (scene.starts[1]..).zip(above).filter(|(_, p)| is_inside(p)) {
-                let nearest = field.surface().closest(p, REACH);
+            for v in (first..positions.len()).filter(|v| is_inside(&positions[*v])) {
+                let nearest = field.surface().closest(&positions[v], REACH);
                 if nearest.is_some_and(|c| tolerated.is_pinched(c.triangle)) {
                     pinched.inside[scene.layer_of(v as u32) - 1] += 1;
                 } else {
@@ -102,16 +108,34 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
             }
             continue;
         }
-        let found: Vec<&Point> = above.par_iter().with_min_len(256).filter(is_inside).collect();
+        let mut found: Vec<usize> = (first..positions.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .filter(|v| is_inside(&positions[*v]))
+            .collect();
         if below > 0 && !found.is_empty() {
             let skin = &layers[0].0;
             let body = body.get_or_insert_with(|| ClosedLayer::body(skin));
             let layer = ClosedLayer::garment(mesh, body, skin);
             let is_inside = |p: &Point| layer.sided(p, 0.0).is_some_and(|s| s.distance < 0.0);
-            proof.inside += found.iter().filter(|p| is_inside(p)).count();
-        } else {
-            proof.inside += found.len();
+            found.retain(|v| is_inside(&positions[*v]));
+            let alone = alone(scene, &found);
+            found.retain(|v| !alone.contains(v) || meets[scene.layer_of(*v as u32)][below]);
         }
+        proof.inside += found.len();
     }
     proof
+}
+
+/// Of `inside`, vertices in ascending order, those that have triangles but no other of `inside` in
+/// them.
+fn alone(scene: &Scene, inside: &[usize]) -> BTreeSet<usize> {
+    let mut alone = BTreeSet::new();
+    let mut joined = BTreeSet::new();
+    for triangle in scene.mesh.triangles() {
+        let corners = triangle.iter().map(|v| *v as usize);
+        let here: Vec<usize> = corners.filter(|v| inside.binary_search(v).is_ok()).collect();
+        if here.len() > 1 { joined.extend(here) } else { alone.extend(here) }
+    }
+    &alone - &joined
 }

@@ -84,9 +84,8 @@ fn a_garment_that_shrinks_into_the_body_stays_outside_and_moves_more_than_it() {
     assert!(garment > 5e-3 && body < 1e-7, "a body without overlaps keeps its place: {body}");
 }
 
-#[test]
-fn what_lies_over_a_folded_collar_is_not_inside() {
-    // A shirt that turns outwards and down at its top, and a tube over it.
+/// A body, a shirt that turns outwards and down at its top, 1 m up, and a tube over it.
+fn collar_and_coat() -> (Walker, usize) {
     let skin = tube(0.1, 1.6, 48, 64, true);
     let straight = tube(0.12, 0.6, 64, 24, false);
     let fold = |p: &Point| {
@@ -99,14 +98,36 @@ fn what_lies_over_a_folded_collar_is_not_inside() {
     let raised = coat.vertices().iter().map(|p| p + Vector::y() * 0.6).collect();
     let outfit = outfit(skin, vec![shirt, coat.with_vertices(raised).unwrap()]);
     let walker = Walker::new(&outfit, WalkParams::default()).unwrap();
+    let first_of_coat = walker.rest().len() - outfit.garments[1].mesh.vertices().len();
+    (walker, first_of_coat)
+}
+
+#[test]
+fn what_lies_over_a_folded_collar_is_not_inside() {
+    let (walker, n) = collar_and_coat();
     let rest = walker.rest().to_vec();
     assert_eq!(walker.prove(&rest).unwrap(), Proof { own_pairs: vec![0; 3], ..Proof::default() });
     // Pressed through the shirt without meeting it, the tube is inside.
-    let n = rest.len() - outfit.garments[1].mesh.vertices().len();
     let inner = rest[n..].iter().map(|p| Point::new(p.x * 0.78, p.y, p.z * 0.78));
     let pressed: Vec<Point> = rest[..n].iter().copied().chain(inner).collect();
     let proof = walker.prove(&pressed).unwrap();
     assert!(proof.pairs == 0 && proof.inside > 500, "{proof:?}");
+}
+
+#[test]
+fn a_single_vertex_whose_triangles_pass_over_a_collar_is_not_inside() {
+    let (walker, n) = collar_and_coat();
+    let mut x = walker.rest().to_vec();
+    // Vertices of one row, ordered round the body, dip behind the collar.
+    let mut row: Vec<usize> = (n..x.len()).filter(|v| (x[*v].y - 1.05).abs() < 1e-6).collect();
+    row.sort_by(|a, b| x[*a].z.atan2(x[*a].x).total_cmp(&x[*b].z.atan2(x[*b].x)));
+    let dip = |p: &Point| Point::new(p.x * 0.114 / 0.14, 0.997, p.z * 0.114 / 0.14);
+    x[row[3]] = dip(&x[row[3]]);
+    let proof = walker.prove(&x).unwrap();
+    assert_eq!((proof.pairs, proof.inside), (0, 0));
+    x[row[4]] = dip(&x[row[4]]);
+    let proof = walker.prove(&x).unwrap();
+    assert_eq!((proof.pairs, proof.inside), (0, 2));
 }
 
 #[test]
