@@ -77,7 +77,7 @@ pub struct EffortParams {
     /// Factor on the gap of vertices whose triangles intersect repeatedly.
     pub gap_growth: Real,
     /// Edges longer than this get a contact sample in the middle, and their triangles too, in
-    /// metres.
+    /// metres: three times longer ones at once, the others where something is left to repair.
     pub long_edge: Real,
     /// Cell size of the coarse grid of outward directions, in metres.
     pub outward_cell: Real,
@@ -135,7 +135,7 @@ impl Default for EffortParams {
             separation_step: 0.5e-3,
             gap_growth: 1.1,
             long_edge: 8e-3,
-            outward_cell: 6e-3,
+            outward_cell: 9e-3,
         }
     }
 }

@@ -201,10 +201,14 @@ impl<'a> Workpiece<'a> {
         self.scene.garment.mesh.with_vertices(x).expect("the solver keeps positions finite")
     }
 
-    /// Verifies the cloth as it would be stored.
+    /// Verifies the cloth as it would be stored. Where something is left to repair, contacts are
+    /// looked for more densely from then on.
     pub(crate) fn verify(&mut self) {
         (self.mesh, self.remaining) = self.verified(self.cloth.stored());
         self.tree.refit(&self.cloth.x);
+        if self.is_repairing() {
+            self.contacts.search.refine(&self.remaining_vertices());
+        }
     }
 
     /// Verifies the positions `stored`, which the tree then holds.
