@@ -43,11 +43,10 @@ bad = [k for k in judged if ipctk.has_intersections(whole, frames[k])]
 print(f'{len(judged)} frames judged, {len(bad)} with intersections {bad}', flush=True)
 ours = json.load(open(f'{a.out}/report.json')).get('between_frames') or []
 differ = 0
-for row in ours:
-    k = row['frame']
+for k, row in enumerate(ours):
     free = ipctk.is_step_collision_free(scene, frames[k], frames[k + 1], narrow_phase_ccd=ccd)
     same = free == (row['crossings'] == 0)
     differ += not same
-    print(f'after frame {k}: ours {row["crossings"]} pairs, ipctk {"free" if free else "collision"}{"" if same else "  DIFFERS"}', flush=True)
+    print(f'after frame {row["frame"]}: ours {row["crossings"]} pairs, ipctk {"free" if free else "collision"}{"" if same else "  DIFFERS"}', flush=True)
 print(f'{len(ours)} intervals, {differ} differ')
 raise SystemExit(differ > 0 or len(bad) > 0)

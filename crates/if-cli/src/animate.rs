@@ -142,7 +142,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     let (pinch, body_depth) = (args.pinch, args.body_depth);
     let params = AnimateParams { pinch, body_depth, ..AnimateParams::default() };
     let folder = args.out.join(FRAMES);
-    let animation = match follow(movement, &params, &folder, &mut monitor) {
+    let mut animation = match follow(movement, &params, &folder, &mut monitor) {
         Ok(animation) => animation,
         Err(AnimateError::Cancelled(_)) => {
             errors::note(&format!(
@@ -153,7 +153,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         }
         Err(source) => return Err(AnimateFault::Animate { source }.into()),
     };
-    let between = match args.continuous {
+    let mut between = match args.continuous {
         false => None,
         true => match between_frames(movement.outfit(), &animation.frames, &mut monitor) {
             Ok(between) => Some(between),
@@ -161,6 +161,10 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
             Err(source) => return Err(AnimateFault::Animate { source }.into()),
         },
     };
+    // What is said about frames is said of their numbers in the motion.
+    let number = |frame| args.source.number(frame);
+    animation.report.frames.iter_mut().for_each(|row| row.frame = number(row.frame));
+    between.iter_mut().flatten().for_each(|row| row.frame = number(row.frame));
     line.message("writing");
     let mut names = write_caches(spec, movement.outfit(), &animation.frames, (&staging, args))?;
     if args.gltf {
@@ -168,6 +172,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         let outfit = (movement.outfit(), files.files());
         names.push(gltf::write(outfit, (&animation.frames, rate), (&staging, &args.out))?);
     }
+    remove_meshes(&args.out.join(MESHES))?;
     if args.meshes {
         write_meshes(spec, movement.outfit(), &files, &animation.frames, args)?;
     }
@@ -201,6 +206,9 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         .map_err(|source| OutputError::File { path: args.out.join(REPORT), source })?;
     names.push(REPORT.into());
     staging.commit(&names)?;
+    if !args.gltf {
+        remove(&args.out.join(gltf::FILE))?;
+    }
     if args.json {
         print_json(&report)?;
     } else {
@@ -279,6 +287,30 @@ fn write_caches(
     Ok(names)
 }
 
+/// Removes the meshes that an earlier run wrote to `folder`, perhaps of other frames.
+fn remove_meshes(folder: &Path) -> Result<(), OutputError> {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let digits = |name: &str| name.len() >= 6 && name.bytes().all(|b| b.is_ascii_digit());
+        if name.to_str().is_some_and(digits) {
+            let path = entry.path();
+            std::fs::remove_dir_all(&path)
+                .map_err(|source| OutputError::Folder { path, source })?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes a file of an earlier run, if it is there.
+fn remove(path: &Path) -> Result<(), OutputError> {
+    match std::fs::remove_file(path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => {
+            Err(OutputError::File { path: path.into(), source })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Writes each garment of each frame with the attributes of its file.
 fn write_meshes(
     spec: &OutfitSpec,
@@ -288,7 +320,8 @@ fn write_meshes(
     args: &Options,
 ) -> Result<(), Report> {
     for frame in 0..frames.len() {
-        let folder = args.out.join(MESHES).join(format!("{frame:06}"));
+        let number = args.source.number(frame);
+        let folder = args.out.join(MESHES).join(format!("{number:06}"));
         std::fs::create_dir_all(&folder)
             .map_err(|source| OutputError::Folder { path: folder.clone(), source })?;
         let all = frames.positions(frame).map_err(|source| AnimateFault::Animate { source })?;

@@ -1,6 +1,5 @@
 //! `ifg check`: verifies outfits and changes nothing.
 
-use crate::cancel;
 use crate::end::{End, NotEverywhere};
 use crate::errors;
 use crate::inputs::{InputArgs, Order, ParamArgs};
@@ -28,21 +27,18 @@ pub(crate) fn run(args: &CheckArgs) -> Result<End, Report> {
     let n = specs.len();
     let mut worst = End::Clean;
     for (k, spec) in specs.into_iter().enumerate() {
-        if cancel::is_requested() {
-            return Ok(End::Cancelled);
-        }
-        let file = args.input.files[k].display().to_string();
+        let name = report_output::name(&spec, &args.input.files[k]);
         let end = match one(spec, (k, n), &args.input) {
             Ok(end) => end,
             Err(error) => report_output::failure(
-                &file,
+                &name,
                 &error,
                 if args.input.json { Style::Json } else { Style::Tables },
             )?,
         };
         worst = worst.max(end);
     }
-    Ok(if cancel::is_requested() { End::Cancelled } else { worst })
+    Ok(worst)
 }
 
 /// Checks outfit `k` of `n`.

@@ -80,6 +80,7 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
             ends.push(End::Cancelled);
             break;
         }
+        let name = report_output::name(&spec, &args.input.files[k]);
         let one = spec.map_err(Report::from).and_then(|spec| {
             let line = Line::new(&spec.name, done, n);
             let spec = with_pinch(spec, args.pinch);
@@ -93,9 +94,7 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
         });
         ends.push(match one {
             Ok(end) => end,
-            Err(error) => {
-                report_output::failure(&args.input.files[k].display().to_string(), &error, style)?
-            }
+            Err(error) => report_output::failure(&name, &error, style)?,
         });
     }
     if style == Style::Line {

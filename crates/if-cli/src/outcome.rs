@@ -46,17 +46,19 @@ impl Done {
 #[error("outfit `{outfit}`: {unresolved}")]
 #[diagnostic(
     code(ifg::unresolved),
-    help("{}--write-unproven writes what was reached", advice(unresolved))
+    help("{}{}", advice(unresolved), if *written { "what was reached is written" } else { "--write-unproven writes what was reached" })
 )]
 pub(crate) struct UnresolvedOutfit {
     outfit: String,
     unresolved: Box<Unresolved>,
+    /// Whether what was reached is written.
+    written: bool,
 }
 
 impl UnresolvedOutfit {
     /// What is left of `outfit`.
-    pub(crate) fn new(outfit: &str, unresolved: Box<Unresolved>) -> Self {
-        Self { outfit: outfit.to_owned(), unresolved }
+    pub(crate) fn new(outfit: &str, unresolved: Box<Unresolved>, written: bool) -> Self {
+        Self { outfit: outfit.to_owned(), unresolved, written }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The program from its arguments to its exit code.
 
-use crate::cli::Cli;
+use crate::cli::{Cli, Command};
 use crate::end::End;
 use crate::{cancel, errors, progress};
 use clap::Parser;
@@ -36,6 +36,9 @@ fn command(cli: &Cli) -> Result<End, Report> {
     if cli.verbose {
         progress::log_instead()?;
     }
-    cancel::listen();
+    // What writes nothing may end at once.
+    if !matches!(cli.command, Command::Check(_)) {
+        cancel::listen();
+    }
     cli.command.run()
 }

@@ -302,7 +302,8 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     } else {
         print(&summary(&name, &found.report, seconds))?;
     }
-    Ok(if args.strict && doubts.is_some() { End::NotClean } else { End::Clean })
+    let is_good = doubts.is_none() && found.report.missing.is_empty();
+    Ok(if args.strict && !is_good { End::NotClean } else { End::Clean })
 }
 
 /// What to do where nothing could be reconstructed.

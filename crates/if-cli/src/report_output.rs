@@ -5,7 +5,7 @@ use crate::end::{End, NotEverywhere};
 use crate::errors::{self, ErrorJson};
 use crate::file_record::OutputFile;
 use crate::outcome::{Done, Outcome};
-use crate::outfit_file::OutfitSpec;
+use crate::outfit_file::{OutfitSpec, SpecError};
 use crate::phase_table;
 use crate::print::{note_lines, print, print_json};
 use crate::receipt;
@@ -69,10 +69,15 @@ pub(crate) fn outcome(
     Ok(end)
 }
 
+/// What an outfit is called in JSON: by its file if that cannot be read.
+pub(crate) fn name(spec: &Result<OutfitSpec, SpecError>, file: &Path) -> String {
+    spec.as_ref().map_or_else(|_| file.display().to_string(), |spec| spec.name.clone())
+}
+
 /// Shows an error that concerns one outfit of possibly several.
-pub(crate) fn failure(file: &str, error: &Report, style: Style) -> Result<End, Report> {
+pub(crate) fn failure(name: &str, error: &Report, style: Style) -> Result<End, Report> {
     if style == Style::Json {
-        print_json(&json!({"outfit": file, "state": "failed", "error": ErrorJson::new(error)}))?;
+        print_json(&json!({"outfit": name, "state": "failed", "error": ErrorJson::new(error)}))?;
     }
     errors::show(error);
     Ok(End::of_error(error))

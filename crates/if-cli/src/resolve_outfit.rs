@@ -69,7 +69,7 @@ pub(crate) fn run(
     let (resolved, unresolved) = match files.resolve(&spec.params, &mut line) {
         Ok(resolved) => (resolved, None),
         Err(FilesError::Unresolved { unresolved, result }) => {
-            (*result, Some(UnresolvedOutfit::new(&spec.name, unresolved)))
+            (*result, Some(UnresolvedOutfit::new(&spec.name, unresolved, options.write_unproven)))
         }
         Err(FilesError::Resolve(ResolveError::Cancelled { .. })) => return Ok(Outcome::Cancelled),
         Err(error) => return Err(LoadError::new(&spec.name, error).into()),

@@ -13,10 +13,10 @@ use std::borrow::Cow;
 /// struct Params { clearance: f64 }
 /// fn validate(params: &Params) -> Result<(), ParameterError> {
 ///     let c = params.clearance;
-///     ParameterError::check("clearance", c, c > 0.0 && c < 0.1, "between 0 and 0.1 m")
+///     ParameterError::check("clearance", c, c > 0.0 && c < 0.1, "above 0 and below 0.1 m")
 /// }
 /// let error = validate(&Params { clearance: -1.0 }).unwrap_err();
-/// assert_eq!(error.to_string(), "parameter `clearance` is -1; it must be between 0 and 0.1 m");
+/// assert_eq!(error.to_string(), "parameter `clearance` is -1; it must be above 0 and below 0.1 m");
 /// ```
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("parameter `{name}` is {value}; it must be {range}")]

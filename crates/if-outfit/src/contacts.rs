@@ -20,7 +20,6 @@ use if_mesh::outward::Outward;
 use if_mesh::solid::ClosedLayer;
 use if_xpbd::half_space::HalfSpaces;
 use rayon::prelude::*;
-use std::collections::BTreeSet;
 
 /// A point of the garment by the vertices it depends on.
 #[derive(Clone, Copy, Debug)]
@@ -273,10 +272,10 @@ impl<'a> Contacts<'a> {
         }
     }
 
-    /// Makes samples of the middles at `vertices`.
-    pub(crate) fn refine(&mut self, vertices: &BTreeSet<u32>) {
-        let is_there = |s: &mut Sample| s.vertices.iter().any(|v| vertices.contains(v));
-        self.samples.extend(self.middles.extract_if(.., is_there));
+    /// Makes samples of the middles that are not held.
+    pub(crate) fn refine(&mut self, inverse_masses: &[Real]) {
+        let is_free = |s: &mut Sample| !s.is_held(inverse_masses);
+        self.samples.extend(self.middles.extract_if(.., is_free));
         let queries = self.samples.len() * self.below.len();
         self.last_queries.resize(queries, LastQuery::NONE);
         self.nearby.resize(queries, None);
@@ -549,9 +548,9 @@ mod tests {
             let mesh = cloth(10.0 * edge, 10.0 * edge, 10, 10);
             let mut contacts = Contacts::new(&mesh, &Edges::new(&mesh), &below, &outward, params);
             assert_eq!(contacts.samples.len(), 121 + at_once, "{edge}");
-            contacts.refine(&BTreeSet::new());
+            contacts.refine(&[0.0; 121]);
             assert_eq!(contacts.samples.len(), 121 + at_once, "{edge}");
-            contacts.refine(&(0..121).collect());
+            contacts.refine(&[1.0; 121]);
             assert_eq!(contacts.samples.len(), 121 + later, "{edge}");
             assert_eq!(contacts.last_queries.len(), contacts.samples.len());
             assert!(contacts.middles.is_empty() && contacts.single == 121);

@@ -1,23 +1,43 @@
 //! What a person should know about the meshes of an outfit. None of it stops the work.
 
-use crate::outfit::{Layer, Outfit, orientation_note};
+use crate::outfit::{Layer, Outfit, box_distance, orientation_note};
+use if_core::math::Real;
 use if_mesh::validate::faults;
 use rayon::prelude::*;
 
-/// Notes on all layers, the body first: a body that does not stand along y, and faults of meshes.
+/// A garment whose box is farther from the body's than this is named, as a share of the body's height.
+const APART: Real = 0.05;
+
+/// Notes on all layers, the body first: a body that does not stand along y, garments that are not at
+/// the body, and faults of meshes.
 ///
 /// What is assumed of an open body is in
 /// [`Verification::body_notes`](crate::report::Verification::body_notes).
 pub fn notes(outfit: &Outfit) -> Vec<String> {
     let layers: Vec<&Layer> = outfit.layers().collect();
     let notes = layers.into_par_iter().flat_map_iter(|layer| named(layer, of_mesh(layer)));
-    of_orientation(outfit).into_iter().chain(notes.collect::<Vec<_>>()).collect()
+    let notes = notes.collect::<Vec<_>>();
+    of_orientation(outfit).into_iter().chain(of_places(outfit)).chain(notes).collect()
 }
 
 /// A note if the body does not stand along y.
 pub(crate) fn of_orientation(outfit: &Outfit) -> Option<String> {
     let body = &outfit.body;
     orientation_note(&body.mesh).map(|note| format!("`{}`: {note}", body.name))
+}
+
+/// A note for each garment that is not at the body.
+fn of_places(outfit: &Outfit) -> impl Iterator<Item = String> + '_ {
+    let body = outfit.body.mesh.surface_aabb();
+    outfit.garments.iter().filter_map(move |garment| {
+        let away = box_distance(&body, &garment.mesh.surface_aabb());
+        (away > APART * body.size().max()).then(|| {
+            format!(
+                "`{}`: {away:.2} m from the body; is it in the same place and scale, with the same axis up?",
+                garment.name
+            )
+        })
+    })
 }
 
 /// Faults of a layer's mesh.
@@ -48,5 +68,24 @@ mod tests {
         let [orientation, fault] = &found[..] else { panic!("{found:?}") };
         assert!(orientation.starts_with("`body`: the body is 2.00 m along "), "{orientation}");
         assert!(fault.starts_with("`coat`: "), "{fault}");
+    }
+
+    #[test]
+    fn a_garment_beside_the_body_is_noted() {
+        let ball = icosphere(1.0, 1);
+        let beside = |x: f64| {
+            let moved = ball.vertices().iter().map(|p| Point::new(p.x + x, p.y, p.z)).collect();
+            Layer::new("hat", ball.with_vertices(moved).unwrap())
+        };
+        let noted = |x| {
+            let body = Layer::new("body", ball.clone());
+            notes(&Outfit { body, garments: vec![beside(x)] })
+        };
+        assert_eq!(noted(2.05), Vec::<String>::new());
+        let found = noted(2.5);
+        assert!(
+            found.len() == 1 && found[0].starts_with("`hat`: 0.50 m from the body"),
+            "{found:?}"
+        );
     }
 }

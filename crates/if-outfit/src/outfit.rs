@@ -51,6 +51,12 @@ pub enum OutfitError {
         /// Its name.
         layer: String,
     },
+    /// A garment has the triangles and vertices of the body.
+    #[error("`{layer}` is the body itself; leave it out")]
+    IsBody {
+        /// Its name.
+        layer: String,
+    },
     /// Two layers bear one name.
     #[error("two layers are called `{layer}`; give each its own name")]
     DuplicateName {
@@ -115,7 +121,7 @@ impl Outfit {
     ///
     /// # Errors
     ///
-    /// A layer without triangles, two of one name, a body without an inside or not in metres (taller
+    /// A layer without triangles, the body as a garment, two layers of one name, a body without an inside or not in metres (taller
     /// than 20 units or smaller than 0.1), a garment whose box is further from the body's than the body is tall, or
     /// twelve times as large. Vertices of no triangle count as none.
     ///
@@ -133,11 +139,14 @@ impl Outfit {
     ///
     /// As [`Outfit::new`].
     pub fn check(&self) -> Result<(), OutfitError> {
+        if let Some(layer) = self.layers().find(|layer| layer.mesh.triangles().is_empty()) {
+            return Err(OutfitError::Empty { layer: layer.name.clone() });
+        }
+        if let Some(garment) = self.garments.iter().find(|g| g.mesh == self.body.mesh) {
+            return Err(OutfitError::IsBody { layer: garment.name.clone() });
+        }
         let mut names = std::collections::BTreeSet::new();
         for layer in self.layers() {
-            if layer.mesh.triangles().is_empty() {
-                return Err(OutfitError::Empty { layer: layer.name.clone() });
-            }
             if !names.insert(&layer.name) {
                 return Err(OutfitError::DuplicateName { layer: layer.name.clone() });
             }
@@ -227,7 +236,7 @@ pub fn orientation_note(body: &TriMesh) -> Option<String> {
     })
 }
 
-fn box_distance(a: &Aabb, b: &Aabb) -> Real {
+pub(crate) fn box_distance(a: &Aabb, b: &Aabb) -> Real {
     (0..3)
         .map(|k| (a.min[k] - b.max[k]).max(b.min[k] - a.max[k]).max(0.0).powi(2))
         .sum::<Real>()
@@ -263,7 +272,8 @@ mod tests {
         let body = |triangles: &[[u32; 3]]| {
             Layer::new("body", TriMesh::new(v.clone(), triangles.to_vec()).unwrap())
         };
-        assert!(Outfit::new(body(&triangles), garment(body(&triangles).mesh)).is_ok());
+        let turned = [&triangles[1..], &triangles[..1]].concat();
+        assert!(Outfit::new(body(&triangles), garment(body(&turned).mesh)).is_ok());
         assert!(Outfit::new(body(&triangles[1..]), garment(body(&triangles).mesh)).is_ok());
         let plane = Outfit::new(body(&triangles[..1]), garment(tetrahedron(1.0, 0.1)));
         let Err(OutfitError::NoInside { reason, .. }) = plane else { panic!("{plane:?}") };
@@ -278,7 +288,11 @@ mod tests {
             Outfit::new(body(), garment(TriMesh::default())),
             Err(OutfitError::Empty { .. })
         ));
-        let twin = vec![Layer::new("body", tetrahedron(1.0, 0.0))];
+        assert!(matches!(
+            Outfit::new(body(), garment(tetrahedron(1.0, 0.0))),
+            Err(OutfitError::IsBody { .. })
+        ));
+        let twin = vec![Layer::new("body", tetrahedron(1.0, 0.1))];
         assert!(matches!(Outfit::new(body(), twin), Err(OutfitError::DuplicateName { .. })));
         let mut astray = tetrahedron(1.0, 0.1).vertices().to_vec();
         astray[3].z = 1e200;

@@ -168,8 +168,8 @@ impl ResolveParams {
 impl GoalParams {
     fn validate(&self) -> Result<(), ParameterError> {
         let (gap, tuck) = (self.clearance, self.tuck_distance);
-        check("clearance", gap, gap > 0.0 && gap < 0.1, "between 0 and 0.1 m")?;
-        check("tuck_distance", tuck, tuck > 0.0 && tuck < 0.5, "between 0 and 0.5 m")?;
+        check("clearance", gap, gap > 0.0 && gap < 0.1, "above 0 and below 0.1 m")?;
+        check("tuck_distance", tuck, tuck > 0.0 && tuck < 0.5, "above 0 and below 0.5 m")?;
         let depth = self.body_depth;
         check("body_depth", depth, depth > 0.0 && depth <= 0.1, "above 0 and at most 0.1 m")
     }

@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn a_coat_is_lifted_below_a_shirt_where_that_leaves_less() {
         let mut params = ResolveParams::default();
-        params.effort.rounds = 28;
+        params.effort.rounds = 26;
         // Put on once, intersections remain.
         let outfit = worn([Garment::Coat, Garment::Tshirt]);
         let resolved = resolve(&outfit, &params, &mut Silent).expect("it ends clean when lifted");

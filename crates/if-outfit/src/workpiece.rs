@@ -201,14 +201,10 @@ impl<'a> Workpiece<'a> {
         self.scene.garment.mesh.with_vertices(x).expect("the solver keeps positions finite")
     }
 
-    /// Verifies the cloth as it would be stored. Where something is left to repair, contacts are
-    /// looked for more densely from then on.
+    /// Verifies the cloth as it would be stored.
     pub(crate) fn verify(&mut self) {
         (self.mesh, self.remaining) = self.verified(self.cloth.stored());
         self.tree.refit(&self.cloth.x);
-        if self.is_repairing() {
-            self.contacts.search.refine(&self.remaining_vertices());
-        }
     }
 
     /// Verifies the positions `stored`, which the tree then holds.
@@ -275,5 +271,6 @@ impl<'a> Workpiece<'a> {
         // The longer it takes, the larger the neighbourhood.
         let growth = 1.0 + (self.round - effort.settle_rounds) as Real / 10.0;
         self.cloth.hold_far_from(&self.repaired, effort.repair_influence * growth);
+        self.contacts.search.refine(&self.cloth.inverse_masses);
     }
 }

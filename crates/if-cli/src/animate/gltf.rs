@@ -15,7 +15,7 @@ use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::Path;
 
-const FILE: &str = "motion.glb";
+pub(super) const FILE: &str = "motion.glb";
 
 /// Why writing ends.
 enum Fault {

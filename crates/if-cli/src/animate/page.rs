@@ -26,7 +26,8 @@ pub(super) fn write(
     let frames = animation.frames.len();
     let step = frames.div_ceil(MOST).max(1);
     let shown: Vec<usize> = (0..frames).step_by(step).collect();
-    let names: Vec<String> = shown.iter().map(|frame| format!("frame {frame}")).collect();
+    let number = |frame: &usize| report.frames[*frame].frame;
+    let names: Vec<String> = shown.iter().map(|k| format!("frame {}", number(k))).collect();
     let mut states = Vec::new();
     for &frame in &shown {
         let positions = animation.frames.positions(frame);

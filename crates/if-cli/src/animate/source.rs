@@ -125,6 +125,12 @@ impl Moved {
 }
 
 impl SourceArgs {
+    /// The number in the motion of a frame of those that are taken.
+    pub(super) fn number(&self, frame: usize) -> usize {
+        let first = self.frames.as_deref().map_or("", |text| text.split('-').next().unwrap_or(""));
+        first.trim().parse().unwrap_or(0) + frame * self.every.get()
+    }
+
     /// The frames that are to be taken, of `count`, before every N-th of them is.
     fn range(&self, count: usize) -> Result<Range<usize>, AnimateFault> {
         let Some(text) = &self.frames else { return Ok(0..count) };

@@ -35,7 +35,8 @@ pub(super) fn text(
     let frames = &report.frames;
     let mut rows = new_table(&HEADER, 0, table::coloured());
     let step = frames.len().div_ceil(SHOWN).max(1);
-    for row in frames.iter().filter(|f| f.frame.is_multiple_of(step) || !f.is_clean()) {
+    let shown = |(k, row): &(usize, &FrameReport)| k.is_multiple_of(step) || !row.is_clean();
+    for (_, row) in frames.iter().enumerate().filter(shown) {
         rows.add_row(cells(row).map(Cell::new));
     }
     let line = |what, names: &[String]| match names {

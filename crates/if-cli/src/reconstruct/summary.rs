@@ -75,7 +75,9 @@ pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> S
         );
     }
     for missing in &report.missing {
-        text += &format!("  {missing}: nothing of it was seen\n");
+        text += &format!(
+            "  {missing}: not reconstructed, too little of it was seen; more frames or pixels may show it\n"
+        );
     }
     text
 }

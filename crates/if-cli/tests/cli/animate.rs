@@ -196,10 +196,14 @@ fn a_folder_of_bodies_carries_garments_without_a_skeleton() {
     let far = moved.iter().zip(trousers.vertices()).map(|(a, b)| (a - b).norm());
     assert!(mean < 5e-3 && far.fold(0.0, f64::max) > 0.3, "{mean}");
     // One frame of them, as it is when the walk begins there.
+    folder.ifg(&format!("{CARRY} --out one --strict --frames 0 --meshes --gltf")).expect(0);
+    assert!(folder.path("one/meshes/000000").exists() && folder.path("one/motion.glb").exists());
+    // Another one into the same folder: frames have their numbers in the motion, the first run's are gone.
     folder.ifg(&format!("{CARRY} --out one --strict --frames 1 --meshes")).expect(0);
-    assert!(
-        folder.path("one/meshes/000000").exists() && !folder.path("one/meshes/000001").exists()
-    );
+    let [first, second] = ["one/meshes/000000", "one/meshes/000001"].map(|f| folder.path(f));
+    assert!(second.exists() && !first.exists() && !folder.path("one/motion.glb").exists());
+    let report: Value = serde_json::from_slice(&folder.read("one/report.json")).unwrap();
+    assert_eq!(report["report"]["frames"][0]["frame"], 1);
     // A run that goes on has the same bytes.
     let last = folder.read("carried/trousers.pc2");
     std::fs::remove_file(folder.path("carried/frames/000002.frame")).unwrap();

@@ -60,7 +60,7 @@ impl WalkParams {
         let length = "above 0 and at most 0.1 m";
         let is_length = |x: Real| x > 0.0 && x <= 0.1;
         check("gap", self.gap, is_length(self.gap), length)?;
-        check("share", self.share, self.share > 0.0 && self.share < 1.0, "between 0 and 1")?;
+        check("share", self.share, self.share > 0.0 && self.share < 1.0, "above 0 and below 1")?;
         check("margin", self.margin, is_length(self.margin), length)?;
         ParameterError::check_positive("body_weight", self.body_weight)?;
         check("body_length", self.body_length, is_length(self.body_length), length)?;

@@ -80,8 +80,8 @@ impl ReconstructParams {
     ///
     /// The first parameter that is out of range.
     pub fn validate(&self) -> Result<(), ReconstructError> {
-        let positive = self.cell > 0.0 && self.cell.is_finite();
-        ParameterError::check("cell", self.cell, positive, "positive (m)")?;
+        let in_range = (5e-4..=0.1).contains(&self.cell);
+        ParameterError::check("cell", self.cell, in_range, "from 0.0005 to 0.1 m")?;
         self.surface.validate()?;
         self.poses.as_ref().map_or(Ok(()), PoseParams::validate)?;
         self.fields.as_ref().map_or(Ok(()), FieldsParams::validate)?;
