@@ -1,4 +1,5 @@
-//! Ctrl-C and SIGTERM: the first cancels the work, the second ends the program.
+//! Ctrl-C and SIGTERM: the first cancels the work, or ends a command that writes nothing; the second
+//! ends the program.
 
 use crate::end::{CANCELLED, End};
 use crate::errors;
@@ -12,10 +13,11 @@ static REQUESTED: AtomicBool = AtomicBool::new(false);
 /// What a sudden end must remove.
 static PARTIAL: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Starts listening. Where the system has no handlers, signals end the program as they always do.
-pub(crate) fn listen() {
-    let installed = ctrlc::set_handler(|| {
-        if REQUESTED.swap(true, Ordering::SeqCst) {
+/// Starts listening; `at_once` if the first signal may end the program. Where the system has no
+/// handlers, signals end the program as they always do.
+pub(crate) fn listen(at_once: bool) {
+    let installed = ctrlc::set_handler(move || {
+        if REQUESTED.swap(true, Ordering::SeqCst) || at_once {
             for path in PARTIAL.lock().map(|mut p| std::mem::take(&mut *p)).unwrap_or_default() {
                 let _ = std::fs::remove_dir_all(path);
             }

@@ -36,9 +36,6 @@ fn command(cli: &Cli) -> Result<End, Report> {
     if cli.verbose {
         progress::log_instead()?;
     }
-    // What writes nothing may end at once.
-    if !matches!(cli.command, Command::Check(_)) {
-        cancel::listen();
-    }
+    cancel::listen(matches!(cli.command, Command::Check(_))); // It writes nothing.
     cli.command.run()
 }

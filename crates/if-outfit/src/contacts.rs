@@ -177,7 +177,7 @@ const RESTING: Real = 2e-3;
 /// Edges of so many times `long_edge` get their sample from the start. Others get it where something
 /// is left to repair: from the start it takes a seventh of the time of garments with edges of 1 to 2 cm,
 /// which end moved and strained alike. Those of 5 cm and more end strained half as much again without.
-const COARSE: Real = 3.0;
+pub(crate) const COARSE: Real = 3.0;
 /// Foreign samples this close to a corner of their triangle are left to the corner's own sample.
 const CORNER: Real = 0.97;
 /// Cosine between a triangle's normal and that of a vertex below it, under which the vertex belongs

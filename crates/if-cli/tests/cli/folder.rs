@@ -204,9 +204,10 @@ impl Folder {
             .status()
             .expect("kill is there");
         sleep(Duration::from_millis(100));
-        reader.read_to_end(&mut Vec::new()).expect("a pipe");
+        let mut printed = String::new();
+        reader.read_to_string(&mut printed).expect("a pipe");
         filling.join().expect("it does not panic").expect("a pipe");
-        child.wait_with_output().expect("it ended").into()
+        Run { stdout: printed, ..child.wait_with_output().expect("it ended").into() }
     }
 
     /// All files with their bytes, in order of their names.
