@@ -63,6 +63,7 @@ fn one(
     drop(line);
     let mut notes = found.body_notes(&files.outfit().body.name);
     notes.extend(files.notes());
+    notes.extend(found.order_notes(&files.outfit().body.name));
     let state = found.cleanness();
     if json {
         let mut answer =

@@ -83,6 +83,7 @@ pub(crate) fn run(
     let report = resolved.report.clone();
     let mut notes = report.before.body_notes(&files.outfit().body.name);
     notes.extend(files.notes());
+    notes.extend(report.before.order_notes(&files.outfit().body.name));
     notes.extend(pinch_note(&report));
     let outputs = vec![];
     let mut done =

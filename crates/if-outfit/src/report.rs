@@ -99,6 +99,9 @@ pub struct Verification {
     pub seconds: Real,
 }
 
+/// Share of a garment's vertices inside another one beyond which their order is doubted.
+const MOSTLY: Real = 0.6;
+
 impl Verification {
     /// The report of what was found in `outfit`: what was assumed of its body and how many own pairs
     /// that has, and the findings of each garment.
@@ -133,6 +136,24 @@ impl Verification {
     pub fn body_notes(&self, name: &str) -> Vec<String> {
         let notes = self.body.as_ref().map_or(Vec::new(), BodyReport::notes);
         notes.iter().map(|note| format!("`{name}`: {note}")).collect()
+    }
+
+    /// Garments that lie mostly inside one that is given below them, in sentences: their order may be
+    /// wrong. `body` is what the body is called.
+    pub fn order_notes(&self, body: &str) -> Vec<String> {
+        let garments = self.pairs.iter().filter(|pair| pair.inner != body);
+        let note = |pair: &PairReport| {
+            let share = pair.vertices_inside as Real / pair.vertices.max(1) as Real;
+            (share > MOSTLY).then(|| {
+                format!(
+                    "`{}`: {:.0} % of it lies inside `{}`, which is given below it; is the order right (`check --order auto`)?",
+                    pair.outer,
+                    1e2 * share,
+                    pair.inner
+                )
+            })
+        };
+        garments.filter_map(note).collect()
     }
 
     /// No intersecting pair and no vertex on a wrong side.
@@ -479,5 +500,25 @@ impl ResolveReport {
         self.after.seconds = 0.0;
         self.layers.iter_mut().for_each(|l| l.seconds = 0.0);
         self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_garment_mostly_inside_one_below_it_is_noted() {
+        let pair = |inner: &str, vertices_inside| PairReport {
+            inner: inner.into(),
+            outer: "shirt".into(),
+            vertices_inside,
+            vertices: 100,
+            ..PairReport::default()
+        };
+        let pairs = vec![pair("skin", 90), pair("vest", 60), pair("coat", 61)];
+        let notes = Verification { pairs, ..Verification::default() }.order_notes("skin");
+        let [note] = &notes[..] else { panic!("{notes:?}") };
+        assert!(note.contains("`shirt`: 61 % of it lies inside `coat`"), "{note}");
     }
 }
