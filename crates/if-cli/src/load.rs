@@ -74,6 +74,7 @@ fn outfit_advice(error: &OutfitError) -> String {
         OutfitError::DuplicateName { .. } => {
             "give one of them another `name` in an outfit file".into()
         }
+        OutfitError::IsBody { .. } => "give the garments after the body".into(),
         OutfitError::NoInside { .. } => {
             "give the body with --body, and garments after it; garments may be open".into()
         }

@@ -374,6 +374,7 @@ fn faulty<'a>(
 ) -> &'a LayerFile {
     match error {
         OutfitError::Empty { layer }
+        | OutfitError::IsBody { layer }
         | OutfitError::DuplicateName { layer }
         | OutfitError::TooLarge { layer, .. }
         | OutfitError::FarFromBody { layer, .. } => {

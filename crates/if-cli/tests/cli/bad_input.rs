@@ -115,6 +115,15 @@ fn a_body_without_an_inside() {
 }
 
 #[test]
+fn the_body_as_a_garment() {
+    bad_garment(
+        "again.ply",
+        ply(&body()),
+        &["`again` is the body itself", "garments after the body"],
+    );
+}
+
+#[test]
 fn a_garment_far_away() {
     bad_garment(
         "far.obj",
