@@ -209,7 +209,7 @@ impl Attempt {
 }
 
 /// Parameters with contacts at all middles that would be sampled during repairs alone, and a finer grid
-/// of outward directions. It takes a fourth more time, and some outfits that are hard to put on end
+/// of outward directions. It takes a fifth more time, and some outfits that are hard to put on end
 /// clean.
 fn finer(params: &ResolveParams) -> ResolveParams {
     let mut finer = params.clone();
