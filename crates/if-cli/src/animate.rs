@@ -172,8 +172,9 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         let outfit = (movement.outfit(), files.files());
         names.push(gltf::write(outfit, (&animation.frames, rate), (&staging, &args.out))?);
     }
-    remove_meshes(&args.out.join(MESHES))?;
+    let meshes = args.out.join(MESHES);
     if args.meshes {
+        remove_meshes(&meshes)?;
         write_meshes(spec, movement.outfit(), &files, &animation.frames, args)?;
     }
     if args.pictures {
@@ -206,6 +207,9 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         .map_err(|source| OutputError::File { path: args.out.join(REPORT), source })?;
     names.push(REPORT.into());
     staging.commit(&names)?;
+    if !args.meshes {
+        remove_meshes(&meshes)?;
+    }
     if !args.gltf {
         remove(&args.out.join(gltf::FILE))?;
     }

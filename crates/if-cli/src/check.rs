@@ -61,9 +61,8 @@ fn one(
     line.message("verifying");
     let found = files.verify().into_diagnostic()?;
     drop(line);
-    let mut notes = found.body_notes(&files.outfit().body.name);
+    let mut notes = found.notes(&files.outfit().body.name);
     notes.extend(files.notes());
-    notes.extend(found.order_notes(&files.outfit().body.name));
     let state = found.cleanness();
     if json {
         let mut answer =

@@ -81,9 +81,8 @@ pub(crate) fn run(
     timings.resolve = start.elapsed().as_secs_f64() - timings.read;
 
     let report = resolved.report.clone();
-    let mut notes = report.before.body_notes(&files.outfit().body.name);
+    let mut notes = report.before.notes(&files.outfit().body.name);
     notes.extend(files.notes());
-    notes.extend(report.before.order_notes(&files.outfit().body.name));
     notes.extend(pinch_note(&report));
     let outputs = vec![];
     let mut done =

@@ -27,7 +27,7 @@ pub enum SdfError {
     /// An edge does not have two triangles, so that there is no inside.
     #[error(
         "{triangles} triangles meet in the edge from vertex {} to vertex {} (and {others} more edges are not shared by two): the mesh \
-         is not closed; close it (an open one has sides near its surface alone: MeshSdf::open)",
+         is not closed; close it, or use MeshSdf::open",
         edge[0], edge[1]
     )]
     NotClosed {

@@ -44,7 +44,7 @@ use if_core::closest::{Closest, ClosestPoint, Feature};
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
-use labels::{creases, label_sides, vertex_orientations};
+use labels::{label_sides, vertex_orientations};
 
 /// One layer, closed: a body, or a garment over a body.
 #[derive(Clone, Debug)]
@@ -137,12 +137,12 @@ impl ClosedLayer {
                 .expect("a part of a mesh is a mesh");
             (Bvh::new(&part), keep)
         });
-        let creases = creases(mesh, &outside);
+        let (vertex_orientations, creases) = vertex_orientations(mesh, &outside);
         Self {
             bvh,
             vertices: mesh.vertices().to_vec(),
             triangles: mesh.triangles().to_vec(),
-            vertex_orientations: vertex_orientations(mesh, &outside),
+            vertex_orientations,
             normals,
             voxels,
             closure: Some(Closure { outside, interface, creases }),

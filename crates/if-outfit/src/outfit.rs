@@ -121,9 +121,10 @@ impl Outfit {
     ///
     /// # Errors
     ///
-    /// A layer without triangles, the body as a garment, two layers of one name, a body without an inside or not in metres (taller
-    /// than 20 units or smaller than 0.1), a garment whose box is further from the body's than the body is tall, or
-    /// twelve times as large. Vertices of no triangle count as none.
+    /// A layer without triangles, the body as a garment, two layers of one name, a body without an
+    /// inside or not in metres (taller than 20 units or smaller than 0.1), a garment whose box is
+    /// further from the body's than the body is tall, or twelve times as large. Vertices of no triangle
+    /// count as none.
     ///
     /// A body may be open, inside out, in several parts and intersect itself: what is assumed of it
     /// then is in [`Verification::body`](crate::report::Verification::body).

@@ -138,9 +138,14 @@ impl Verification {
         notes.iter().map(|note| format!("`{name}`: {note}")).collect()
     }
 
-    /// Garments that lie mostly inside one that is given below them, in sentences: their order may be
-    /// wrong. `body` is what the body is called.
-    pub fn order_notes(&self, body: &str) -> Vec<String> {
+    /// What a person should know, in sentences: [`Verification::body_notes`], and garments that lie
+    /// mostly inside one that is given below them, so that their order may be wrong. `body` is what the
+    /// body is called.
+    pub fn notes(&self, body: &str) -> Vec<String> {
+        [self.body_notes(body), self.order_notes(body)].concat()
+    }
+
+    fn order_notes(&self, body: &str) -> Vec<String> {
         let garments = self.pairs.iter().filter(|pair| pair.inner != body);
         let note = |pair: &PairReport| {
             let share = pair.vertices_inside as Real / pair.vertices.max(1) as Real;
@@ -517,7 +522,7 @@ mod tests {
             ..PairReport::default()
         };
         let pairs = vec![pair("skin", 90), pair("vest", 60), pair("coat", 61)];
-        let notes = Verification { pairs, ..Verification::default() }.order_notes("skin");
+        let notes = Verification { pairs, ..Verification::default() }.notes("skin");
         let [note] = &notes[..] else { panic!("{notes:?}") };
         assert!(note.contains("`shirt`: 61 % of it lies inside `coat`"), "{note}");
     }

@@ -290,11 +290,14 @@ mod tests {
 
     /// An arm of 5 cm about the y axis, and a sleeve of 7 cm whose axis is moved along x.
     fn scene(x: Real) -> Outfit {
-        let arm = moved(&tube(0.025, 0.4, 48, 32, true), Vector::new(0.0, -0.2, 0.0));
-        worn(arm, moved(&tube(0.035, 0.1, 32, 8, false), Vector::new(x, -0.05, 0.0)))
+        on_arm(0.4, x)
     }
 
-    fn worn(arm: TriMesh, sleeve: TriMesh) -> Outfit {
+    /// The same on an arm of this length, on rings 12.5 mm apart.
+    fn on_arm(length: Real, x: Real) -> Outfit {
+        let arm = tube(0.025, length, 48, (length / 0.0125).round() as u32, true);
+        let arm = moved(&arm, Vector::new(0.0, -0.5 * length, 0.0));
+        let sleeve = moved(&tube(0.035, 0.1, 32, 8, false), Vector::new(x, -0.05, 0.0));
         Outfit { body: Layer::new("arm", arm), garments: vec![Layer::new("sleeve", sleeve)] }
     }
 
@@ -343,14 +346,15 @@ mod tests {
 
     #[test]
     fn what_would_part_at_the_axis_is_led_to_one_side_if_the_nearest_ways_do_not_end_clean() {
-        // Its near side lies on the axis, and its triangles are large.
-        let sleeve = moved(&tube(0.045, 0.1, 16, 4, false), Vector::new(0.045, -0.05, 0.0));
-        let arm = moved(&tube(0.03, 0.6, 48, 48, true), Vector::new(0.0, -0.3, 0.0));
-        let outfit = worn(arm, sleeve);
+        // Its near side lies on the axis.
+        let outfit = on_arm(0.6, 0.035);
         assert_eq!(ways(&outfit, Reroute::Back), []);
         let sideways = ways(&outfit, Reroute::Sideways);
-        assert!(sideways.len() > 10 && sideways.iter().all(|way| way.direction.x < -0.9));
-        let resolved = resolved(&outfit);
+        assert!(sideways.len() > 30 && sideways.iter().all(|way| way.direction.x < -0.9));
+        // Along the nearest ways it takes 50 rounds.
+        let mut params = ResolveParams::default();
+        params.effort.rounds = 40;
+        let resolved = resolve(&outfit, &params, &mut Silent).unwrap();
         assert!(resolved.report.is_proven());
         let layer = &resolved.report.layers[0];
         assert_eq!(layer.strategies.ways_out, sideways.len());

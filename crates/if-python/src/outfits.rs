@@ -76,7 +76,7 @@ pub(crate) fn resolve<'py>(
     let drawn_back = report.drawn_back.as_ref();
     let body =
         drawn_back.map(|_| vertices(py, resolved.outfit.body.mesh.vertices())).transpose()?;
-    let mut notes = report.before.body_notes(&resolved.outfit.body.name);
+    let mut notes = report.before.notes(&resolved.outfit.body.name);
     notes.extend(of_meshes);
     Ok(ResolvedArrays {
         layers: arrays.collect::<PyResult<_>>()?,
@@ -100,7 +100,7 @@ pub(crate) fn verify(
     let result = work::run(py, threads, None, move |_| {
         let outfit = outfit(layers)?;
         let found = if_outfit::verify(&outfit)?;
-        let mut all = found.body_notes(&outfit.body.name);
+        let mut all = found.notes(&outfit.body.name);
         all.extend(notes(&outfit));
         Ok((found, all))
     })?;

@@ -127,28 +127,35 @@ impl Moved {
 impl SourceArgs {
     /// The number in the motion of a frame of those that are taken.
     pub(super) fn number(&self, frame: usize) -> usize {
-        let first = self.frames.as_deref().map_or("", |text| text.split('-').next().unwrap_or(""));
-        first.trim().parse().unwrap_or(0) + frame * self.every.get()
+        let first = self.ends().ok().flatten().map_or(0, |(first, _)| first);
+        first + frame * self.every.get()
     }
 
     /// The frames that are to be taken, of `count`, before every N-th of them is.
     fn range(&self, count: usize) -> Result<Range<usize>, AnimateFault> {
-        let Some(text) = &self.frames else { return Ok(0..count) };
-        let fault = |fault: String| AnimateFault::Frames { text: text.clone(), fault };
-        let number = |part: &str| {
-            let number = part.trim().parse::<usize>();
-            number.map_err(|_| fault(format!("`{part}` is no frame")))
-        };
-        let (first, last) = match text.split_once('-') {
-            Some((first, last)) => (number(first)?, number(last)?),
-            None => (number(text)?, number(text)?),
-        };
+        let Some((first, last)) = self.ends()? else { return Ok(0..count) };
         if last < first {
-            return Err(fault("the last frame is before the first".into()));
+            return Err(self.fault("the last frame is before the first".into()));
         }
         if last >= count {
-            return Err(fault(format!("the motion has {count} frames, the last is {}", count - 1)));
+            let fault = format!("the motion has {count} frames, the last is {}", count - 1);
+            return Err(self.fault(fault));
         }
         Ok(first..last + 1)
+    }
+
+    /// The first and the last frame of --frames.
+    fn ends(&self) -> Result<Option<(usize, usize)>, AnimateFault> {
+        let number = |part: &str| {
+            let number = part.trim().parse::<usize>();
+            number.map_err(|_| self.fault(format!("`{part}` is no frame")))
+        };
+        let Some(text) = &self.frames else { return Ok(None) };
+        let (first, last) = text.split_once('-').unwrap_or((text, text));
+        Ok(Some((number(first)?, number(last)?)))
+    }
+
+    fn fault(&self, fault: String) -> AnimateFault {
+        AnimateFault::Frames { text: self.frames.clone().unwrap_or_default(), fault }
     }
 }

@@ -299,7 +299,7 @@ fn errors_are_json_too() {
     for command in ["fix --out fixed", "check"] {
         let json =
             folder.ifg(&format!("{command} --json --body body.ply gone.ply")).expect(2).json();
-        assert_eq!(json["state"], "failed");
+        assert_eq!((&json["state"], &json["outfit"]), (&"failed".into(), &"outfit".into()));
         assert_eq!(json["error"]["code"], "ifg::input::mesh");
         assert!(json["error"]["causes"][0].as_str().unwrap().contains("gone.ply"), "{json}");
     }

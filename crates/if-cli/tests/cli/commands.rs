@@ -88,7 +88,9 @@ fn what_is_left_is_named_and_written_only_where_that_is_asked_for() {
         run.stderr
     );
     assert!(folder.files() == before, "files changed");
-    folder.ifg(&format!("fix outfit.toml --out fixed {TOO_FEW} --write-unproven")).expect(1);
+    let run =
+        folder.ifg(&format!("fix outfit.toml --out fixed {TOO_FEW} --write-unproven")).expect(1);
+    assert!(run.stderr.contains("what was reached is written"), "{}", run.stderr);
     let receipt: serde_json::Value =
         serde_json::from_slice(&folder.read("fixed/receipt.json")).unwrap();
     assert_eq!(receipt["state"], "not clean");

@@ -8,30 +8,19 @@ use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use rayon::prelude::*;
 
-/// For each vertex +1 if the fronts of all its triangles are outside, −1 if their backs are, else 0.
-pub(super) fn vertex_orientations(mesh: &TriMesh, outside: &[[bool; 2]]) -> Vec<Real> {
-    let mut agreed: Vec<Option<Real>> = vec![None; mesh.vertices().len()];
+/// For each vertex +1 if the fronts of all its triangles are outside, −1 if their backs are, else 0; and
+/// whether the sides of its triangles differ: at a fold, or at the edge of what covers others.
+pub(super) fn vertex_orientations(mesh: &TriMesh, outside: &[[bool; 2]]) -> (Vec<Real>, Vec<bool>) {
+    let mut first: Vec<Option<Real>> = vec![None; mesh.vertices().len()];
+    let mut creases = vec![false; mesh.vertices().len()];
     for (tri, [front, back]) in mesh.triangles().iter().zip(outside) {
         let here = Real::from(u8::from(*front)) - Real::from(u8::from(*back));
-        for v in tri {
-            let slot = &mut agreed[*v as usize];
-            *slot = Some(slot.map_or(here, |before| if before == here { here } else { 0.0 }));
-        }
-    }
-    agreed.into_iter().map(|o| o.unwrap_or(0.0)).collect()
-}
-
-/// For each vertex whether its triangles have different sides outside: a fold, or the edge of what
-/// covers others.
-pub(super) fn creases(mesh: &TriMesh, outside: &[[bool; 2]]) -> Vec<bool> {
-    let mut first: Vec<Option<[bool; 2]>> = vec![None; mesh.vertices().len()];
-    let mut creases = vec![false; mesh.vertices().len()];
-    for (tri, sides) in mesh.triangles().iter().zip(outside) {
         for v in tri.map(|v| v as usize) {
-            creases[v] |= first[v].get_or_insert(*sides) != sides;
+            creases[v] |= *first[v].get_or_insert(here) != here;
         }
     }
-    creases
+    let agreed = |(first, differ): (Option<Real>, &bool)| first.filter(|_| !differ).unwrap_or(0.0);
+    (first.into_iter().zip(&creases).map(agreed).collect(), creases)
 }
 
 /// For each triangle whether its [front, back] is outside.
