@@ -42,6 +42,7 @@ use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug, Clone)]
+#[command(mut_arg("scale", |scale| scale.hide(true)))] // refused: frames are in metres
 pub(crate) struct AnimateArgs {
     #[command(flatten)]
     pub(crate) input: InputArgs,

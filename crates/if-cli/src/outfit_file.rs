@@ -2,6 +2,7 @@
 
 use crate::inputs::{InputArgs, ParamArgs};
 use if_mesh::file::file_and_node;
+use if_outfit::NamedParameterError;
 use if_outfit::resolve::ResolveParams;
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use serde::Deserialize;
@@ -149,12 +150,12 @@ pub(crate) enum SpecError {
         help("give the path of a mesh file (.ply, .obj, .glb, .gltf)")
     )]
     NoFileName { path: PathBuf },
-    #[error("parameter `{key}`: {message}")]
+    #[error(transparent)]
     #[diagnostic(
         code(ifg::arguments::parameter),
         help("parameters and their defaults are listed in docs/reference/parameters.md")
     )]
-    Parameter { key: String, message: String },
+    Parameter(NamedParameterError),
 }
 
 #[derive(Deserialize)]
@@ -288,10 +289,7 @@ pub(crate) fn override_params(
 ) -> Result<ResolveParams, SpecError> {
     let mut params = params.clone();
     for (key, value) in &args.set {
-        params = params.with(key, value).map_err(|error| SpecError::Parameter {
-            key: key.clone(),
-            message: error.to_string(),
-        })?;
+        params = params.with(key, value).map_err(SpecError::Parameter)?;
     }
     if let Some(clearance) = args.clearance {
         params.goal.clearance = clearance;

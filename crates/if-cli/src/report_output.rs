@@ -128,14 +128,15 @@ fn in_one_line(name: &str, out: &Path, done: &Done) -> String {
 }
 
 fn print_outcome_json(name: &str, out: &Path, outcome: &Outcome) -> Result<(), Report> {
-    let (state, done) = match outcome {
-        Outcome::Cancelled => (json!("cancelled"), None),
-        Outcome::Finished(_) => (json!("finished"), None),
-        Outcome::Resolved(done) => (json!(done.state()), Some(done)),
+    let (state, cleanness, done) = match outcome {
+        Outcome::Cancelled => (json!("cancelled"), None, None),
+        Outcome::Finished(cleanness) => (json!("finished"), Some(*cleanness), None),
+        Outcome::Resolved(done) => (json!(done.state()), Some(done.state()), Some(done)),
     };
     print_json(&json!({
         "outfit": name,
         "state": state,
+        "cleanness": cleanness,
         "out": out.display().to_string(),
         "written": done.map(|d| d.outputs.iter().map(|o| o.file.as_str()).collect::<Vec<_>>()),
         "notes": done.map(|d| &d.notes),

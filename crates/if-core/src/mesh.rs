@@ -205,6 +205,17 @@ impl TriMesh {
             .sum()
     }
 
+    /// Mean length of the edges, in metres, where those between two triangles count twice; 0 without
+    /// triangles.
+    pub fn mean_edge(&self) -> Real {
+        let mut sum = 0.0;
+        for t in 0..self.triangles.len() {
+            let [a, b, c] = self.corners(t);
+            sum += (b - a).norm() + (c - b).norm() + (a - c).norm();
+        }
+        sum / (3 * self.triangles.len()).max(1) as Real
+    }
+
     /// Unit normal of each triangle; zero for a degenerate one.
     pub fn face_normals(&self) -> Vec<Vector> {
         (0..self.triangles.len())

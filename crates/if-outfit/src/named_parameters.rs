@@ -17,7 +17,7 @@ pub enum NamedParameterError {
         valid: String,
     },
     /// The value is of another type than the parameter.
-    #[error("{message}")]
+    #[error("parameter `{name}`: {message}")]
     Value {
         /// The name given.
         name: String,
@@ -69,6 +69,10 @@ impl ResolveParams {
             let (name, valid) = (name.to_owned(), valid.join(", "));
             return Err(NamedParameterError::Unknown { name, valid });
         };
+        if let (true, Some(text)) = (groups[group][field].is_number(), value.as_str()) {
+            let message = format!("`{text}` is text; give a number (lengths are in metres)");
+            return Err(NamedParameterError::Value { name: name.to_owned(), message });
+        }
         groups[group][field] = value;
         serde_json::from_value(groups).map_err(invalid)
     }
@@ -98,6 +102,11 @@ mod tests {
         assert_eq!(params.with("sweeps", &3).unwrap().effort.sweeps, 3);
         let error = params.with("clearance", &true).unwrap_err();
         assert!(matches!(error, NamedParameterError::Value { .. }), "{error}");
+        let error = params.with("clearance", &"1mm").unwrap_err().to_string();
+        let says = "parameter `clearance`: `1mm` is text; give a number (lengths are in metres)";
+        assert_eq!(error, says);
+        let error = params.with("split", &5).unwrap_err().to_string();
+        assert!(error.starts_with("parameter `split`: invalid type"), "{error}");
     }
 
     #[test]

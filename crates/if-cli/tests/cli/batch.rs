@@ -50,7 +50,10 @@ fn each_shard_does_its_part_and_the_whole_command_finds_it_done() {
     assert_eq!(fix("--shard 2/3"), ["clean everywhere"]);
     assert!(folder.path("done/b/receipt.json").exists() && !folder.path("done/a").exists());
     assert_eq!(fix("--shard 1/2"), ["clean everywhere", "clean everywhere"]);
-    assert_eq!(fix(""), ["finished", "finished", "finished"]);
+    let again = folder.ifg("fix a.toml b.toml c.toml --out done --json").expect(0);
+    assert_eq!(states(&again), ["finished", "finished", "finished"]);
+    let reached = r#""cleanness":"clean everywhere""#;
+    assert_eq!(again.stdout.matches(reached).count(), 3, "{}", again.stdout);
     assert!(fix("--shard 5/5").is_empty());
     folder.ifg("fix a.toml b.toml --shard 3/2").expect(2);
     folder.ifg("fix shirt.obj --body body.ply --out x --shard 1/2").expect(2);

@@ -19,7 +19,7 @@ impl Complement {
         }
         let tree = Bvh::new(&garment);
         let normals = garment.face_normals();
-        let coverage = self.coverage.unwrap_or_else(|| 1.5 * mean_edge(&garment));
+        let coverage = self.coverage.unwrap_or_else(|| 1.5 * garment.mean_edge());
         // Covered: near the garment, with a normal on the same side.
         let body_normals = self.body.face_normals();
         let covered: Vec<bool> = (0..self.body.triangles().len())
@@ -79,14 +79,4 @@ impl Complement {
 fn center(mesh: &TriMesh, t: usize) -> Point {
     let [a, b, c] = mesh.corners(t);
     Point::from((a.coords + b.coords + c.coords) / 3.0)
-}
-
-/// Mean length of the edges, in metres; those between two triangles count twice.
-fn mean_edge(mesh: &TriMesh) -> Real {
-    let mut sum = 0.0;
-    for t in 0..mesh.triangles().len() {
-        let [a, b, c] = mesh.corners(t);
-        sum += (b - a).norm() + (c - b).norm() + (a - c).norm();
-    }
-    sum / (3 * mesh.triangles().len()).max(1) as Real
 }

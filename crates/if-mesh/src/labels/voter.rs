@@ -8,6 +8,9 @@
 //!   votes[v] += W[v] / (B[v] + HALF)          at most 1 a frame, however fine the mesh
 //! ```
 //!
+//! Where a pixel is larger than the triangles it sees, it votes in parts, so that vertices between
+//! the centres of pixels get votes as well.
+//!
 //! # Source
 //!
 //! Our reading of the supplement, B, and of section 3 of the main method ("back-projected and
@@ -21,18 +24,19 @@ use super::image_edges::image_edges;
 use super::votes::{LabelVotes, UNDECIDED};
 use crate::camera::Camera;
 use crate::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
-use if_core::math::{Point, Real};
+use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_core::parameter::ParameterError;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// Parameters of votes: which pixels vote.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct VoteParams {
     /// Pixels nearer than this to an edge do not vote: with 0 all pixels vote, with 1 those that do
-    /// not touch one.
+    /// not touch one. Of pixels that vote in parts, the outer half of the last one does.
     pub margin: usize,
     /// Difference in depth between neighbouring pixels that counts as an edge, in metres.
     pub step: Real,
@@ -111,15 +115,21 @@ pub struct VoteReport {
 /// slivers.
 const HALF: f32 = 0.1;
 
+/// Most parts of a pixel along each side.
+const MOST_PARTS: usize = 4;
+
 /// Accumulates the votes of frames.
 #[derive(Debug)]
 pub struct Voter<'a> {
     mesh: &'a TriMesh,
     labels: usize,
     params: VoteParams,
+    /// Mean length of the edges of the mesh.
+    edge: Real,
     rasteriser: Rasteriser,
     seen: IdBuffer,
-    camera: Option<Camera>,
+    /// Of the last look, with the parts of a pixel along each side.
+    camera: Option<(Camera, usize)>,
     votes: Vec<Real>,
     /// Sum of all votes of each vertex.
     total: Vec<Real>,
@@ -155,6 +165,7 @@ impl<'a> Voter<'a> {
             mesh,
             labels,
             params: *params,
+            edge: mesh.mean_edge(),
             rasteriser: Rasteriser::default(),
             seen: IdBuffer::default(),
             camera: None,
@@ -194,14 +205,15 @@ impl<'a> Voter<'a> {
         if positions.len() != expected {
             return Err(LabelError::Positions { got: positions.len(), expected });
         }
+        let (camera, parts) = self.in_parts(positions, camera);
         self.rasteriser.rasterise(
             self.mesh,
             positions,
-            camera,
+            &camera,
             &self.params.raster,
             &mut self.seen,
         );
-        self.camera = Some(camera.clone());
+        self.camera = Some((camera, parts));
         let (total, enough, triangles) = (&self.total, self.params.enough, self.mesh.triangles());
         let count = |row: &[u32]| {
             let seen = row.iter().filter(|t| **t != NOTHING);
@@ -226,6 +238,20 @@ impl<'a> Voter<'a> {
         })
     }
 
+    /// The camera with pixels in as many parts along each side as edges of the mesh fit beside each
+    /// other, and their number.
+    fn in_parts(&self, positions: &[Point], camera: &Camera) -> (Camera, usize) {
+        let sum: Vector = positions.iter().map(|p| p.coords).sum();
+        let depth = camera.to_camera(&Point::from(sum / positions.len().max(1) as Real)).z;
+        let pixel = depth / camera.intrinsics()[(0, 0)];
+        // A negative or undefined number becomes 0.
+        let parts = ((pixel / self.edge) as usize).clamp(1, MOST_PARTS);
+        match camera.scaled(parts as Real) {
+            Ok(finer) if parts > 1 => (finer, parts),
+            _ => (camera.clone(), 1),
+        }
+    }
+
     /// Adds the votes of the frame of the last [`Voter::look`].
     ///
     /// # Errors
@@ -236,17 +262,21 @@ impl<'a> Voter<'a> {
     ///
     /// Without a call of [`Voter::look`] before.
     pub fn cast(&mut self, labels: &[u8]) -> Result<(), LabelError> {
-        let camera = self.camera.take().expect("`look` is called before `cast`");
+        let (camera, parts) = self.camera.take().expect("`look` is called before `cast`");
         let width = self.seen.width;
-        let expected = self.seen.triangle.len();
+        let expected = self.seen.triangle.len() / (parts * parts);
         if labels.len() != expected {
             return Err(LabelError::Pixels { got: labels.len(), expected });
         }
         if let Some(at) = labels.iter().position(|l| usize::from(*l) >= self.labels) {
             let (label, labels) = (labels[at], self.labels);
-            return Err(LabelError::Label { column: at % width, row: at / width, label, labels });
+            let (column, row) = (at % (width / parts), at / (width / parts));
+            return Err(LabelError::Label { column, row, label, labels });
         }
-        let edges = image_edges(&self.seen, labels, self.params.margin, self.params.step);
+        let labels = &enlarged(labels, width, parts);
+        // The parts beyond the middle of the last pixel that does not vote do.
+        let margin = (parts * self.params.margin).saturating_sub(parts / 2);
+        let edges = image_edges(&self.seen, labels, margin, self.params.step);
         let (seen, rasteriser, mesh) = (&self.seen, &self.rasteriser, self.mesh);
         // Ballots and counts of each row of pixels, in parallel.
         let rows: Vec<(Vec<Ballot>, [usize; 3])> = (0..seen.height)
@@ -259,9 +289,12 @@ impl<'a> Voter<'a> {
                     if triangle == NOTHING {
                         continue;
                     }
-                    counts[0] += 1;
+                    // A pixel is counted at one of its parts.
+                    let pixel =
+                        usize::from((row % parts, column % parts) == (parts / 2, parts / 2));
+                    counts[0] += pixel;
                     if edges[at] {
-                        counts[1] += 1;
+                        counts[1] += pixel;
                         continue;
                     }
                     match rasteriser.hit(mesh, &camera, triangle, column, row) {
@@ -273,7 +306,7 @@ impl<'a> Voter<'a> {
                                 weight: (cos * cos) as f32,
                             })
                         }
-                        _ => counts[2] += 1,
+                        _ => counts[2] += pixel,
                     }
                 }
                 (ballots, counts)
@@ -325,4 +358,14 @@ impl<'a> Voter<'a> {
     pub fn finish(self) -> (LabelVotes, VoteReport) {
         (LabelVotes { labels: self.labels, weights: self.votes }, self.report)
     }
+}
+
+/// The image with each pixel repeated along both sides; `width` is that of the result.
+fn enlarged(labels: &[u8], width: usize, parts: usize) -> Cow<'_, [u8]> {
+    if parts == 1 {
+        return labels.into();
+    }
+    let row = |at: usize| &labels[at / parts * (width / parts)..][..width / parts];
+    let rows = labels.len() * parts * parts / width;
+    (0..rows).flat_map(|at| row(at).iter().flat_map(|l| std::iter::repeat_n(*l, parts))).collect()
 }

@@ -151,6 +151,28 @@ fn the_number_of_votes_does_not_depend_on_the_resolution() {
     assert!((0.85..=1.0).contains(&coarse) && (0.6..=1.0).contains(&fine), "{coarse} {fine}");
 }
 
+/// On edges of 3 mm seen in pixels of 14 mm, 16 of 17 vertices are no corner of a triangle at the
+/// centre of a pixel.
+#[test]
+fn vertices_between_the_centres_of_pixels_get_votes() {
+    let mesh = tube(0.2, 1.0, 400, 320, true);
+    let front = camera(0.0);
+    let mut voter = Voter::new(&mesh, LABELS, &VoteParams::default()).unwrap();
+    voter.add(mesh.vertices(), &front, &labels(&front)).unwrap();
+    let (votes, report) = voter.finish();
+    // Within 60 degrees of the camera, two pixels from the border.
+    let is_seen = |p: &Point| {
+        p.z > 0.1 && (0.05..0.95).contains(&p.y) && (p.y - LINE).abs() > 0.03 && p.x.abs() < 0.17
+    };
+    let seen = (0..mesh.vertices().len()).filter(|v| is_seen(&mesh.vertices()[*v]));
+    let with_votes = seen.clone().filter(|v| votes.of(*v).iter().sum::<Real>() > 0.1).count();
+    let share = with_votes as Real / seen.count() as Real;
+    assert!(share > 0.9, "{share}");
+    assert!(wrong(&mesh, |v| votes.winner(v)).0 == 0, "labels");
+    // The picture of the cylinder, in pixels of the camera.
+    assert!((1500..3000).contains(&report.pixels), "{report:?}");
+}
+
 #[test]
 fn results_do_not_depend_on_threads() {
     let mesh = cylinder();
