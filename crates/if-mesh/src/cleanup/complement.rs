@@ -6,7 +6,7 @@ use super::half_edges::{HalfEdges, ends, previous};
 use super::openings::Complement;
 use crate::index::Bvh;
 use if_core::closest::ClosestPoint;
-use if_core::math::{Point, Real, unit_or_zero};
+use if_core::math::{Point, unit_or_zero};
 use if_core::mesh::TriMesh;
 use rayon::prelude::*;
 
