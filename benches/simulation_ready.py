@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Whether simulators may start from what `ifg fix` writes, judged by ipctk (the toolkit of Incremental Potential Contact).
 
-    benches/simulation_ready.py --ifg target/release/ifg --data ../shared/data [--out out/ready] [--only o1 o3]
+    benches/simulation_ready.py --ifg target/release/ifg --data ../shared/data [--out out/ready] [--only o1 o3] [-- extra arguments of ifg fix]
 
 For each outfit of the test data, body and garments together: `ipctk.has_intersections` before and after, own pairs of the garments before and
 after, those that are kept with their reasons, and the least distance of all pairs of triangles that share no vertex, by our report (two layers,
@@ -9,7 +9,7 @@ a garment to itself) and by ipctk (the whole scene with the body to itself). Pri
 """
 import argparse, collections, json, os, subprocess, sys
 import ipctk, meshio, numpy as np
-from outfit_data import outfits
+from outfit_data import arguments, outfits
 
 # Pairs farther apart are not collected, in metres.
 REACH = 2e-3
@@ -33,18 +33,19 @@ def least(mesh, vertices):
 
 
 def main():
+    argv, extra = arguments()
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--ifg", default="target/release/ifg")
     p.add_argument("--data", default="../shared/data")
     p.add_argument("--out", default="out/ready")
     p.add_argument("--only", nargs="*")
-    a = p.parse_args()
+    a = p.parse_args(argv)
     print("| outfit | state | ipctk: intersections | own pairs | kept | layers, mm | share of clearance, % | garment to itself, mm | ipctk: scene, mm |")
     print("|---|---|---|---|---|---|---|---|---|")
     met = 0
     for _, name, skin, _, garments in outfits(a.data, ("body_a", "body_b"), a.only):
         out = os.path.join(a.out, name)
-        run = subprocess.run([a.ifg, "fix", "--json", "--no-pictures", "--body", skin, *garments, "--out", out], capture_output=True, text=True)
+        run = subprocess.run([a.ifg, "fix", "--json", "--no-pictures", "--body", skin, *garments, "--out", out, *extra], capture_output=True, text=True)
         if run.returncode != 0:
             sys.exit(f"{name}: exit {run.returncode}\n{run.stderr}")
         found = json.loads(run.stdout)

@@ -47,6 +47,10 @@ pub(crate) struct ParamArgs {
     /// Gap to keep between layers, with a unit: 0.5mm, 0.0005m; metres without one.
     #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) clearance: Option<f64>,
+    /// Move the layers of a clean result apart until no two come nearer than this, as far as there
+    /// is room, with a unit, such as 0.1mm: for simulators that need a gap to start from.
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
+    pub(crate) least_distance: Option<f64>,
     /// What happens to intersections of a garment with itself that the input has.
     #[arg(long, value_enum)]
     pub(crate) own: Option<OwnArg>,

@@ -294,6 +294,9 @@ pub(crate) fn override_params(
     if let Some(clearance) = args.clearance {
         params.goal.clearance = clearance;
     }
+    if let Some(least_distance) = args.least_distance {
+        params.goal.least_distance = least_distance;
+    }
     if let Some(own) = args.own {
         params.goal.own = own.into();
     }

@@ -267,7 +267,7 @@ fn fine_millimetres(length: f64) -> String {
 }
 
 /// `Least distance of two layers: 0.2871 mm, 95.7 % of the clearance; of a garment to itself:
-/// 0.5312 mm.`; empty if there is none.
+/// 0.5312 mm.`, and how layers were moved apart; empty if there is none.
 fn least_distances(report: &ResolveReport) -> String {
     let (Some(least), Some(share)) = (report.after.least_distance(), report.clearance_reached)
     else {
@@ -278,7 +278,13 @@ fn least_distances(report: &ResolveReport) -> String {
         format!("; of a garment to itself: {} mm", fine_millimetres(own))
     });
     let (least, share) = (fine_millimetres(least), 100.0 * share);
-    format!("Least distance of two layers: {least} mm, {share:.1} % of the clearance{own}.\n")
+    let moved = report.moved_apart.map_or(String::new(), |apart| {
+        let (goal, moved) = (fine_millimetres(apart.goal), fine_millimetres(apart.moved));
+        format!("Layers were moved apart, to {goal} mm if there was room, by at most {moved} mm.\n")
+    });
+    format!(
+        "{moved}Least distance of two layers: {least} mm, {share:.1} % of the clearance{own}.\n"
+    )
 }
 
 /// A titled table of a name and two columns; a header without words is left out.

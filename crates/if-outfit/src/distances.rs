@@ -2,6 +2,7 @@
 
 use crate::outfit::Outfit;
 use crate::report::Verification;
+use if_core::math::Real;
 use if_mesh::index::Bvh;
 use if_mesh::least_distance::{least_distance, least_own_distance};
 use if_mesh::solid::ClosedLayer;
@@ -13,18 +14,44 @@ use tracing::trace_span;
 /// but the outermost.
 pub(crate) fn measure(outfit: &Outfit, closed: &[Arc<ClosedLayer>], found: &mut Verification) {
     let _phase = trace_span!("least distances").entered();
+    with_trees(outfit, closed, |trees| {
+        let pairs = below(trees.len());
+        let between = || {
+            let distance =
+                |[inner, outer]: &[usize; 2]| least_distance(trees[*inner], trees[*outer]);
+            pairs.par_iter().map(distance).collect::<Vec<_>>()
+        };
+        let own = || trees.par_iter().skip(1).map(|tree| least_own_distance(tree)).collect();
+        let (between, own) = rayon::join(between, own);
+        found.pairs.iter_mut().zip(between).for_each(|(pair, least)| pair.least_distance = least);
+        found.own_least_distances = own;
+    });
+}
+
+/// Whether every two layers of `outfit` are at least `distance` metres apart. `closed` are its closed
+/// layers, all but the outermost.
+pub(crate) fn are_kept(outfit: &Outfit, closed: &[Arc<ClosedLayer>], distance: Real) -> bool {
+    with_trees(outfit, closed, |trees| {
+        let is_kept = |[inner, outer]: &[usize; 2]| {
+            let least = least_distance(trees[*inner], trees[*outer]);
+            least.is_none_or(|least| least.distance >= distance)
+        };
+        below(trees.len()).par_iter().all(is_kept)
+    })
+}
+
+/// The trees of all layers, the body first.
+fn with_trees<T>(
+    outfit: &Outfit,
+    closed: &[Arc<ClosedLayer>],
+    then: impl FnOnce(&[&Bvh]) -> T,
+) -> T {
     let outermost = outfit.garments.last().map(|garment| Bvh::new(&garment.mesh));
     let closed = closed.iter().map(|layer| layer.bvh());
-    let trees: Vec<&Bvh> = closed.chain(outermost.as_ref()).collect();
-    // The order of `Verification::pairs`.
-    let below = (1..trees.len()).flat_map(|outer| (0..outer).map(move |inner| [inner, outer]));
-    let pairs: Vec<[usize; 2]> = below.collect();
-    let between = || {
-        let distance = |[inner, outer]: &[usize; 2]| least_distance(trees[*inner], trees[*outer]);
-        pairs.par_iter().map(distance).collect::<Vec<_>>()
-    };
-    let own = || trees.par_iter().skip(1).map(|tree| least_own_distance(tree)).collect();
-    let (between, own) = rayon::join(between, own);
-    found.pairs.iter_mut().zip(between).for_each(|(pair, least)| pair.least_distance = least);
-    found.own_least_distances = own;
+    then(&closed.chain(outermost.as_ref()).collect::<Vec<_>>())
+}
+
+/// Every two of so many layers, in the order of `Verification::pairs`.
+fn below(layers: usize) -> Vec<[usize; 2]> {
+    (1..layers).flat_map(|outer| (0..outer).map(move |inner| [inner, outer])).collect()
 }

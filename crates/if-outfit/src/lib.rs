@@ -29,6 +29,7 @@ mod giving_way;
 mod incremental_verification;
 mod layer_fields;
 pub mod motion;
+mod moving_apart;
 pub mod named_parameters;
 pub mod notes;
 mod obstacle;

@@ -22,8 +22,12 @@ pub struct ResolveParams {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GoalParams {
-    /// Gap between a layer and those below it, in metres.
+    /// Gap between a layer and those below it, in metres: kept at vertices and long edges, while
+    /// triangles between them may come nearer.
     pub clearance: Real,
+    /// Layers of a clean result that come nearer than this are moved apart until no two triangles of
+    /// theirs do, as far as there is room, in metres; 0 leaves them where they are. The body stays.
+    pub least_distance: Real,
     /// When garments are pressed in below the layers above them.
     pub tuck: Tuck,
     /// Vertices that stick out of a layer above by up to this much are pressed in, in metres.
@@ -105,6 +109,7 @@ impl Default for GoalParams {
     fn default() -> Self {
         Self {
             clearance: 0.3e-3,
+            least_distance: 0.0,
             tuck: Tuck::IfStuck,
             tuck_distance: 0.25,
             split: Split::Never,
@@ -169,6 +174,8 @@ impl GoalParams {
     fn validate(&self) -> Result<(), ParameterError> {
         let (gap, tuck) = (self.clearance, self.tuck_distance);
         check("clearance", gap, gap > 0.0 && gap < 0.1, "above 0 and below 0.1 m")?;
+        let least = self.least_distance;
+        check("least_distance", least, (0.0..0.1).contains(&least), "from 0 and below 0.1 m")?;
         check("tuck_distance", tuck, tuck > 0.0 && tuck < 0.5, "above 0 and below 0.5 m")?;
         let depth = self.body_depth;
         check("body_depth", depth, depth > 0.0 && depth <= 0.1, "above 0 and at most 0.1 m")

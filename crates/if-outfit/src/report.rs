@@ -372,6 +372,17 @@ pub struct Algorithm1Report {
     pub skipped_by_mask: u64,
 }
 
+/// How the layers of a clean result were moved apart.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Default)]
+#[non_exhaustive]
+pub struct MovedApart {
+    /// The distance that was the goal, in metres. `Verification::least_distance` of the result says
+    /// what was reached.
+    pub goal: Real,
+    /// The largest motion of a vertex by it, in metres.
+    pub moved: Real,
+}
+
 /// How a body was drawn back where it met itself or left no room for cloth.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default)]
 #[non_exhaustive]
@@ -468,6 +479,9 @@ pub struct ResolveReport {
     /// of it counts in `after` as well.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pinch: Option<PinchReport>,
+    /// How layers were moved apart ([`crate::GoalParams::least_distance`]); `None` if they were not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moved_apart: Option<MovedApart>,
     /// The least distance of two layers of the result, as a share of the clearance that is the goal
     /// ([`crate::GoalParams::clearance`]); `None` if there is no garment.
     #[serde(default)]

@@ -13,7 +13,7 @@ use crate::splitting;
 use crate::unresolved::Unresolved;
 use crate::verify::{body_own_pairs, verify};
 use crate::welded::{Welded, seams_hold};
-use if_core::monitor::{Cancelled, Monitor};
+use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_core::parameter::ParameterError;
 use if_xpbd::report::StepError;
 use std::sync::Arc;
@@ -85,7 +85,7 @@ pub enum ResolveError {
 /// may be split; the report counts them once. Vertices of no triangle stay.
 ///
 /// `monitor` receives the stages `"untangle"`, `"verify"`, `"settle"`, `"repair"` and `"done"` of
-/// each garment; with [`Method::Paper`] also `"algorithm 1"`, and within it those of
+/// each garment, and `"apart"` where [`GoalParams::least_distance`] is set; with [`Method::Paper`] also `"algorithm 1"`, and within it those of
 /// [`Baked::part`](if_mesh::baked::Baked::part) and
 /// [`run_algorithm1`](if_xpbd::algorithm1::run_algorithm1). `done` is the round; the measures are
 /// `"garment"` of `"garments"`, counted from 1, and `"pairs"`, the intersecting triangle pairs that
@@ -219,12 +219,18 @@ fn resolve_on_body(
         attempt = split_where_needed(attempt, settings, monitor)?;
     }
 
+    let moved_apart = match params.goal.least_distance {
+        0.0 => None,
+        distance => {
+            monitor.report(&Progress::stage("apart"))?;
+            attempt.move_apart(distance)
+        }
+    };
+
     let mut report = attempt.report(before, params);
+    report.moved_apart = moved_apart;
     let given = attempt.outfit.clone();
-    let mut found = attempt.outfit;
-    for (garment, dressed) in found.garments.iter_mut().zip(attempt.dressed) {
-        garment.mesh = dressed.mesh;
-    }
+    let mut found = attempt.reached();
     distances::measure(&found, &attempt.closed, &mut report.after);
     if let Some(welded) = &welded {
         found = welded.unweld(outfit, found);

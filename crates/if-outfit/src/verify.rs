@@ -2,7 +2,7 @@
 //! fields.
 
 use crate::distances;
-use crate::findings::{Findings, LayerFindings, new_pairs, own_of};
+use crate::findings::{Findings, LayerFindings, alone, new_pairs, own_of};
 use crate::outfit::{Layer, Outfit, OutfitError};
 use crate::phases::beside;
 use crate::prepared_body::PreparedBody;
@@ -122,18 +122,20 @@ pub(crate) fn verify_garment(mesh: &TriMesh, below: &[&ClosedLayer]) -> Findings
 /// What is found of a garment with this mesh, which `tree` holds, over one layer.
 fn verify_over(mesh: &TriMesh, tree: &Bvh, layer: &ClosedLayer) -> LayerFindings {
     let used = mesh.used_vertices();
-    let depths: Vec<Real> = mesh
-        .vertices()
-        .par_iter()
-        .zip(&used)
-        .filter(|(_, used)| **used)
-        .filter_map(|(p, _)| layer.sided(p, 0.0).filter(|s| s.distance < 0.0).map(|s| -s.distance))
-        .collect();
-    LayerFindings {
-        pairs: pairs(layer.bvh(), tree),
-        inside: depths.len(),
-        deepest: depths.iter().copied().fold(0.0, Real::max),
+    let depth = |v: usize| {
+        let sided = layer.sided(&mesh.vertices()[v], 0.0).filter(|s| s.distance < 0.0);
+        sided.map(|sided| (v, -sided.distance))
+    };
+    let of_used = (0..used.len()).into_par_iter().filter(|v| used[*v]);
+    let mut inside: Vec<(usize, Real)> = of_used.filter_map(depth).collect();
+    let pairs = pairs(layer.bvh(), tree);
+    if pairs.is_empty() {
+        let vertices: Vec<usize> = inside.iter().map(|(v, _)| *v).collect();
+        let alone = alone(mesh.triangles(), &vertices);
+        inside.retain(|(v, _)| !alone.contains(v));
     }
+    let deepest = inside.iter().map(|(_, depth)| *depth).fold(0.0, Real::max);
+    LayerFindings { pairs, inside: inside.len(), deepest }
 }
 
 /// The own pairs of a garment with the vertices of `given` and of `now`, and those that are new.

@@ -3,6 +3,7 @@
 
 use super::scene::Scene;
 use super::tolerated::Tolerated;
+use crate::findings::alone;
 use if_core::closest::ClosestPoint;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
@@ -11,7 +12,6 @@ use if_mesh::intersections::{own_pairs, pairs};
 use if_mesh::sdf::MeshSdf;
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
-use std::collections::BTreeSet;
 
 /// Distance up to which a vertex has a side of a layer below, in metres: as the project's referee.
 const REACH: Real = 0.06;
@@ -119,23 +119,10 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
             let layer = ClosedLayer::garment(mesh, body, skin);
             let is_inside = |p: &Point| layer.sided(p, 0.0).is_some_and(|s| s.distance < 0.0);
             found.retain(|v| is_inside(&positions[*v]));
-            let alone = alone(scene, &found);
+            let alone = alone(scene.mesh.triangles(), &found);
             found.retain(|v| !alone.contains(v) || meets[scene.layer_of(*v as u32)][below]);
         }
         proof.inside += found.len();
     }
     proof
-}
-
-/// Of `inside`, vertices in ascending order, those that have triangles but no other of `inside` in
-/// them.
-fn alone(scene: &Scene, inside: &[usize]) -> BTreeSet<usize> {
-    let mut alone = BTreeSet::new();
-    let mut joined = BTreeSet::new();
-    for triangle in scene.mesh.triangles() {
-        let corners = triangle.iter().map(|v| *v as usize);
-        let here: Vec<usize> = corners.filter(|v| inside.binary_search(v).is_ok()).collect();
-        if here.len() > 1 { joined.extend(here) } else { alone.extend(here) }
-    }
-    &alone - &joined
 }

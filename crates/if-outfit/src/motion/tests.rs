@@ -85,7 +85,7 @@ fn a_garment_that_shrinks_into_the_body_stays_outside_and_moves_more_than_it() {
 }
 
 /// A body, a shirt that turns outwards and down at its top, 1 m up, and a tube over it.
-fn collar_and_coat() -> (Walker, usize) {
+fn collar_and_coat() -> (Walker, usize, Outfit) {
     let skin = tube(0.1, 1.6, 48, 64, true);
     let straight = tube(0.12, 0.6, 64, 24, false);
     let fold = |p: &Point| {
@@ -99,12 +99,12 @@ fn collar_and_coat() -> (Walker, usize) {
     let outfit = outfit(skin, vec![shirt, coat.with_vertices(raised).unwrap()]);
     let walker = Walker::new(&outfit, WalkParams::default()).unwrap();
     let first_of_coat = walker.rest().len() - outfit.garments[1].mesh.vertices().len();
-    (walker, first_of_coat)
+    (walker, first_of_coat, outfit)
 }
 
 #[test]
 fn what_lies_over_a_folded_collar_is_not_inside() {
-    let (walker, n) = collar_and_coat();
+    let (walker, n, _) = collar_and_coat();
     let rest = walker.rest().to_vec();
     assert_eq!(walker.prove(&rest).unwrap(), Proof { own_pairs: vec![0; 3], ..Proof::default() });
     // Pressed through the shirt without meeting it, the tube is inside.
@@ -116,8 +116,16 @@ fn what_lies_over_a_folded_collar_is_not_inside() {
 
 #[test]
 fn a_single_vertex_whose_triangles_pass_over_a_collar_is_not_inside() {
-    let (walker, n) = collar_and_coat();
+    let (walker, n, mut outfit) = collar_and_coat();
     let mut x = walker.rest().to_vec();
+    // A single outfit is judged in the same way.
+    let mut inside = |x: &[Point]| {
+        for (k, garment) in outfit.garments.iter_mut().enumerate() {
+            garment.mesh = garment.mesh.with_vertices(walker.layer(x, k + 1).to_vec()).unwrap();
+        }
+        let found = crate::verify(&outfit).unwrap();
+        (found.total_pairs(), found.total_inside())
+    };
     // Vertices of one row, ordered round the body, dip behind the collar.
     let mut row: Vec<usize> = (n..x.len()).filter(|v| (x[*v].y - 1.05).abs() < 1e-6).collect();
     row.sort_by(|a, b| x[*a].z.atan2(x[*a].x).total_cmp(&x[*b].z.atan2(x[*b].x)));
@@ -125,9 +133,11 @@ fn a_single_vertex_whose_triangles_pass_over_a_collar_is_not_inside() {
     x[row[3]] = dip(&x[row[3]]);
     let proof = walker.prove(&x).unwrap();
     assert_eq!((proof.pairs, proof.inside), (0, 0));
+    assert_eq!(inside(&x), (0, 0));
     x[row[4]] = dip(&x[row[4]]);
     let proof = walker.prove(&x).unwrap();
     assert_eq!((proof.pairs, proof.inside), (0, 2));
+    assert_eq!(inside(&x), (0, 2));
 }
 
 #[test]

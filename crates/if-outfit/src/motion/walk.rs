@@ -140,8 +140,6 @@ const FAR: Real = 0.9e-3;
 const STILL: Real = 1e-5;
 /// Most steps of [`Walker::approach`]: 2.5 m by default.
 const MOST_STEPS: Real = 1e3;
-/// Times that the opening of the rest state is tried with other gaps.
-const OPENINGS: usize = 10;
 
 impl Walker {
     /// Takes an outfit whose layers do not intersect, and moves layers that lie nearer than [`WalkParams::gap`] apart, as far as there is room. Own pairs of layers may
@@ -151,10 +149,22 @@ impl Walker {
     ///
     /// An invalid outfit or parameter, or layers that intersect.
     pub fn new(outfit: &Outfit, params: WalkParams) -> Result<Self, WalkError> {
+        let mut walker = Self::at_rest(outfit, params, Storage::F32)?;
+        let everywhere = Yielding::everywhere(&walker.scene);
+        walker.open(&everywhere);
+        Ok(walker)
+    }
+
+    /// Takes an outfit as [`Walker::new`] does, with its layers where they are, rounded to `storage`.
+    pub(super) fn at_rest(
+        outfit: &Outfit,
+        params: WalkParams,
+        storage: Storage,
+    ) -> Result<Self, WalkError> {
         params.validate()?;
         outfit.check()?;
         let scene = Scene::new(outfit, &params);
-        let x = Storage::F32.round(scene.mesh.vertices());
+        let x = storage.round(scene.mesh.vertices());
         let mesh = scene.mesh.with_vertices(x.clone()).expect("a mesh in metres stays finite");
         let tree = Bvh::new(&mesh);
         let tolerated = own_of(&mesh, &tree);
@@ -167,7 +177,7 @@ impl Walker {
                 layers: [a.0, b.0],
             });
         }
-        let mut walker = Self {
+        Ok(Self {
             rest: x.clone(),
             target: x.clone(),
             shape: tree.clone(),
@@ -178,45 +188,14 @@ impl Walker {
             scene,
             params,
             tolerated: Tolerated { own: tolerated, pinched: None },
-            storage: Storage::F32,
-        };
-        walker.open();
-        Ok(walker)
+            storage,
+        })
     }
 
     /// The walker with all later states rounded to `storage`, and so verified; by default to
     /// [`Storage::F32`].
     pub fn stored_as(self, storage: Storage) -> Self {
         Self { storage, ..self }
-    }
-
-    /// Moves layers apart in the rest state. Where a whole gap is not clean, less is kept.
-    fn open(&mut self) {
-        let mut share = 1.0;
-        for _ in 0..OPENINGS {
-            let target = self.target.clone();
-            let everywhere = Yielding::everywhere(&self.scene);
-            let attempt = self.attempt(&target, everywhere, share * self.params.gap);
-            tracing::debug!(
-                share,
-                pairs = attempt.pairs.len(),
-                contacts = attempt.contacts,
-                "opening"
-            );
-            if attempt.pairs.is_empty() {
-                self.accept(attempt, target);
-                if share == 1.0 {
-                    break;
-                }
-                share = (2.0 * share).min(1.0);
-            } else {
-                share *= 0.5;
-            }
-        }
-        self.rest = self.clean.x.clone();
-        self.target = self.rest.clone();
-        self.multipliers = Multipliers::default();
-        self.met.clear();
     }
 
     /// The rest state, the body first: what targets are computed from.
@@ -421,7 +400,7 @@ impl Walker {
         Yielding::near_overlaps(&self.scene, reference, &self.body_shape, reach)
     }
 
-    fn accept(&mut self, attempt: Attempt, target: Vec<Point>) {
+    pub(super) fn accept(&mut self, attempt: Attempt, target: Vec<Point>) {
         self.clean = Clean { x: attempt.x, tree: attempt.tree, is_verified: true };
         self.multipliers = attempt.multipliers;
         self.met = attempt.met;

@@ -1,0 +1,65 @@
+//! Opening: layers of a clean outfit that nearly touch are moved apart, as far as there is room.
+//!
+//! Contacts of the rest state are those of a step in which nothing goes anywhere, with whole gaps
+//! between layers; then, as in a step, exact verification.
+
+use super::equilibrium::Multipliers;
+use super::locality::Yielding;
+use super::params::WalkParams;
+use super::walk::Walker;
+use crate::outfit::{Layer, Outfit};
+use crate::storage::Storage;
+use if_core::math::{Point, Real};
+
+/// Times that the opening of the rest state is tried with other gaps.
+const OPENINGS: usize = 10;
+/// Distance beyond the gap at which primitives are watched, in gaps: both may move by one.
+const MARGIN: Real = 2.0;
+
+impl Walker {
+    /// Moves layers apart in the rest state. Where a whole gap is not clean, less is kept.
+    pub(super) fn open(&mut self, yielding: &Yielding) {
+        let mut share = 1.0;
+        for _ in 0..OPENINGS {
+            let target = self.target.clone();
+            let attempt = self.attempt(&target, yielding.clone(), share * self.params.gap);
+            tracing::debug!(
+                share,
+                pairs = attempt.pairs.len(),
+                contacts = attempt.contacts,
+                "opening"
+            );
+            if attempt.pairs.is_empty() {
+                self.accept(attempt, target);
+                if share == 1.0 {
+                    break;
+                }
+                share = (2.0 * share).min(1.0);
+            } else {
+                share *= 0.5;
+            }
+        }
+        self.rest = self.clean.x.clone();
+        self.target = self.rest.clone();
+        self.multipliers = Multipliers::default();
+        self.met.clear();
+    }
+}
+
+/// The positions of the garments of `outfit`, with `gap` metres between any two layers where there is
+/// room, over the body as it is; `None` if layers intersect. No pair of triangles meets that did not
+/// before, as far as all layers round alike.
+pub(crate) fn moved_apart(outfit: &Outfit, gap: Real) -> Option<Vec<Vec<Point>>> {
+    let params = WalkParams { gap, margin: MARGIN * gap, ..WalkParams::default() };
+    let mut storages = outfit.layers().map(|layer| layer.storage);
+    let first = storages.next()?;
+    let storage = if storages.all(|other| other == first) { first } else { Storage::F64 };
+    let mut walker = Walker::at_rest(outfit, params, storage).ok()?;
+    let mut yielding = Yielding::everywhere(&walker.scene);
+    yielding.inverse_mass[..walker.scene.starts[1]].fill(0.0);
+    walker.open(&yielding);
+    let garments = outfit.garments.iter().enumerate();
+    let of =
+        |(k, garment): (usize, &Layer)| garment.storage.round(walker.layer(walker.rest(), k + 1));
+    Some(garments.map(of).collect())
+}

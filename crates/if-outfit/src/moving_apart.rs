@@ -1,0 +1,166 @@
+//! Layers of a clean outfit that nearly touch are moved apart, if a least distance is a goal.
+//!
+//! Settling keeps the clearance at vertices and middles of long edges; triangles between them come as
+//! near as a thousandth of it. Here all primitives are kept apart that are nearer than the goal, in
+//! one problem of all garments over a body that is held ([`moved_apart`]). The result is verified as
+//! any other; if it is not as clean, half of the distance is tried.
+
+use crate::attempt::Attempt;
+use crate::distances;
+use crate::dressing::Dressed;
+use crate::findings::{Findings, LayerFindings};
+use crate::motion::moved_apart;
+use crate::outfit::Outfit;
+use crate::report::MovedApart;
+use crate::verify::verify_changed;
+use if_core::math::Real;
+use if_mesh::measure::{displacement, strain};
+use if_mesh::solid::ClosedLayer;
+use std::sync::Arc;
+use tracing::trace_span;
+
+/// Times that half of the distance is tried.
+const HALVINGS: usize = 3;
+
+/// An outfit with its layers apart.
+struct Apart {
+    outfit: Outfit,
+    findings: Vec<Findings>,
+    closed: Vec<Arc<ClosedLayer>>,
+    /// The largest motion of a vertex.
+    moved: Real,
+}
+
+impl Attempt {
+    /// Moves the layers of what was reached apart to `distance` metres, where there is room, if it is
+    /// clean and they are nearer; `None` if nothing moved.
+    pub(crate) fn move_apart(&mut self, distance: Real) -> Option<MovedApart> {
+        let _phase = trace_span!("moving apart").entered();
+        let reached = self.reached();
+        if self.remaining() > 0 || distances::are_kept(&reached, &self.closed, distance) {
+            return None;
+        }
+        let halved = (0..=HALVINGS).map(|halvings| distance * 0.5_f64.powi(halvings as i32));
+        let mut tried = halved.map(|distance| self.apart(&reached, distance));
+        let Apart { outfit, findings, closed, moved } = tried.find_map(|apart| apart)?;
+        drop(tried);
+        for (k, (garment, findings)) in outfit.garments.into_iter().zip(findings).enumerate() {
+            let input = &self.outfit.garments[k].mesh;
+            let dressed = &mut self.dressed[k];
+            dressed.findings = findings;
+            dressed.moved = displacement(input.vertices(), garment.mesh.vertices());
+            dressed.strain = strain(input, garment.mesh.vertices());
+            dressed.mesh = garment.mesh;
+        }
+        self.closed = closed;
+        Some(MovedApart { goal: distance, moved })
+    }
+
+    /// `reached` with its layers `distance` metres apart; `None` if that is not as clean.
+    fn apart(&self, reached: &Outfit, distance: Real) -> Option<Apart> {
+        let mut outfit = reached.clone();
+        for (garment, positions) in outfit.garments.iter_mut().zip(moved_apart(reached, distance)?)
+        {
+            garment.mesh = garment.mesh.with_vertices(positions).ok()?;
+        }
+        let layers = outfit.garments.iter().zip(&reached.garments);
+        let moved: Vec<Real> =
+            layers.map(|(a, b)| displacement(b.mesh.vertices(), a.mesh.vertices()).max).collect();
+        let changed: Vec<bool> = moved.iter().map(|moved| *moved > 0.0).collect();
+        let given: Vec<Findings> = self.dressed.iter().map(|d| d.findings.clone()).collect();
+        let (findings, closed) = verify_changed(&outfit, &changed, given, self.closed.clone());
+        let pairs = findings.iter().flat_map(|f| &f.below).map(|layer| layer.pairs.len());
+        let inside = findings.iter().flat_map(|f| &f.below).map(|layer| layer.inside);
+        tracing::debug!(
+            distance,
+            pairs = pairs.sum::<usize>(),
+            inside = inside.sum::<usize>(),
+            "layers were moved apart"
+        );
+        let is_as_clean = |(now, dressed): (&Findings, &Dressed)| {
+            now.below.iter().all(LayerFindings::is_clean)
+                && now.new_own(&dressed.findings).is_empty()
+        };
+        let moved = moved.into_iter().fold(0.0, Real::max);
+        let is_clean = findings.iter().zip(&self.dressed).all(is_as_clean);
+        is_clean.then_some(Apart { outfit, findings, closed, moved })
+    }
+
+    /// The outfit that was reached.
+    pub(crate) fn reached(&self) -> Outfit {
+        let mut reached = self.outfit.clone();
+        for (garment, dressed) in reached.garments.iter_mut().zip(&self.dressed) {
+            garment.mesh = dressed.mesh.clone();
+        }
+        reached
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::outfit::{Layer, Outfit};
+    use crate::resolve::{ResolveParams, Resolved, resolve};
+    use crate::storage::Storage;
+    use if_core::monitor::Silent;
+    use if_core::shapes::meshes::icosphere;
+    use nalgebra::{Rotation3, Vector3};
+
+    /// A ball in two shells of other facets, of which the inner one cuts through the outer.
+    fn outfit(storage: Storage) -> Outfit {
+        let turn = Rotation3::from_scaled_axis(Vector3::new(0.3, 0.2, 0.1));
+        let shirt = icosphere(0.331, 3);
+        let turned = storage.round(&shirt.vertices().iter().map(|p| turn * p).collect::<Vec<_>>());
+        let layer = |name: &str, mesh| Layer { storage, ..Layer::new(name, mesh) };
+        let rounded = |radius, levels| {
+            let mesh = icosphere(radius, levels);
+            let vertices = storage.round(mesh.vertices());
+            mesh.with_vertices(vertices).unwrap()
+        };
+        Outfit {
+            body: layer("body", rounded(0.3, 3)),
+            garments: vec![
+                layer("vest", rounded(0.33, 3)),
+                layer("shirt", shirt.with_vertices(turned).unwrap()),
+            ],
+        }
+    }
+
+    fn with_distance(outfit: &Outfit, least_distance: f64) -> Resolved {
+        let params = ResolveParams::default().with("least_distance", &least_distance).unwrap();
+        resolve(outfit, &params, &mut Silent).unwrap()
+    }
+
+    #[test]
+    fn layers_end_as_far_apart_as_was_asked_for_over_the_body_as_it_is() {
+        const GOAL: f64 = 1e-3;
+        for storage in [Storage::F32, Storage::F64, Storage::Text { decimals: 6 }] {
+            let outfit = outfit(storage);
+            let near = with_distance(&outfit, 0.0);
+            assert!(near.report.moved_apart.is_none());
+            let before = near.report.after.least_distance().unwrap();
+            assert!(before < 0.5 * GOAL, "{before}");
+            let apart = with_distance(&outfit, GOAL);
+            let reached = apart.report.after.least_distance().unwrap();
+            assert!(reached > 0.97 * GOAL, "{storage:?}: {reached}");
+            let report = apart.report.moved_apart.unwrap();
+            assert!(report.goal == GOAL && report.moved > 0.0 && report.moved < 3.0 * GOAL);
+            assert_eq!(apart.outfit.body, outfit.body);
+            // What is reported is what was written.
+            let found = crate::verify(&apart.outfit).unwrap();
+            assert!(found.is_clean() && found.least_distance() == Some(reached));
+            for garment in &apart.outfit.garments {
+                let x = garment.mesh.vertices();
+                assert_eq!(storage.round(x), x, "{storage:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn layers_that_are_apart_stay_to_the_bit() {
+        let outfit = outfit(Storage::F32);
+        let near = with_distance(&outfit, 0.0);
+        let kept = with_distance(&outfit, 0.5 * near.report.after.least_distance().unwrap());
+        assert_eq!(kept.outfit, near.outfit);
+        assert!(kept.report.moved_apart.is_none());
+    }
+}
