@@ -101,6 +101,7 @@ mod tests {
     use crate::outfit::{Layer, Outfit};
     use crate::resolve::{ResolveParams, Resolved, resolve};
     use crate::storage::Storage;
+    use if_core::mesh::TriMesh;
     use if_core::monitor::Silent;
     use if_core::shapes::meshes::icosphere;
     use nalgebra::{Rotation3, Vector3};
@@ -153,6 +154,26 @@ mod tests {
                 assert_eq!(storage.round(x), x, "{storage:?}");
             }
         }
+    }
+
+    #[test]
+    fn sheets_of_one_garment_open_to_a_tenth_of_a_millimetre() {
+        let [inner, outer] = [0.33, 0.330_02].map(|radius| icosphere(radius, 3));
+        let n = inner.vertices().len() as u32;
+        let second = outer.triangles().iter().map(|t| t.map(|v| v + n));
+        let triangles = inner.triangles().iter().copied().chain(second).collect();
+        let both = [inner.vertices(), outer.vertices()].concat();
+        let lined = TriMesh::new(both, triangles).unwrap();
+        let shirt = outfit(Storage::F64).garments[1].clone();
+        let outfit = Outfit {
+            body: Layer::new("body", icosphere(0.3, 3)),
+            garments: vec![Layer::new("lined vest", lined), shirt],
+        };
+        let own = |resolved: &Resolved| resolved.report.after.own_least_distances[0].unwrap();
+        let (near, apart) = (with_distance(&outfit, 0.0), with_distance(&outfit, 1e-3));
+        let [before, after] = [&near, &apart].map(|resolved| own(resolved).distance);
+        assert!(before < 0.03e-3 && after > 0.09e-3 && after < 0.2e-3, "{before} {after}");
+        assert!(apart.report.after.least_distance().unwrap() > 0.95e-3);
     }
 
     #[test]

@@ -26,7 +26,8 @@ pub struct GoalParams {
     /// triangles between them may come nearer.
     pub clearance: Real,
     /// Layers of a clean result that come nearer than this are moved apart until no two triangles of
-    /// theirs do, as far as there is room, in metres; 0 leaves them where they are. The body stays.
+    /// theirs do, as far as there is room, in metres; a garment opens to itself, too, up to 0.1 mm.
+    /// 0 leaves all where it is. The body stays.
     pub least_distance: Real,
     /// When garments are pressed in below the layers above them.
     pub tuck: Tuck,

@@ -62,6 +62,18 @@ impl Primitives {
     }
 }
 
+impl Primitives {
+    /// The length of the shortest edge of the triangle, or of the two edges.
+    fn least_edge(self, x: &[Point]) -> Real {
+        let length = |[a, b]: [u32; 2]| (x[a as usize] - x[b as usize]).norm();
+        let edges = match self {
+            Self::VertexTriangle([_, a, b, c]) => vec![[a, b], [b, c], [c, a]],
+            Self::Edges([a, b, c, d]) => vec![[a, b], [c, d]],
+        };
+        edges.into_iter().map(length).fold(Real::INFINITY, Real::min)
+    }
+}
+
 /// Places of the nearest points of the segments `ab` and `cd`, from 0 to 1.
 fn between_segments(a: &Point, b: &Point, c: &Point, d: &Point) -> (Real, Real) {
     let (u, v, w) = (b - a, d - c, a - c);
@@ -73,14 +85,22 @@ fn between_segments(a: &Point, b: &Point, c: &Point, d: &Point) -> (Real, Real) 
     (share((uv * t - uw) / uu), t)
 }
 
+/// Gaps in metres that are kept wherever primitives lie in the rest state; 0 opens nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Opening {
+    /// Of two layers.
+    pub(super) layers: Real,
+    /// Of a garment and itself, where its edges are longer.
+    pub(super) own: Real,
+}
+
 /// What a search for contacts compares: the last clean state, and the state to go to.
 pub(super) struct Search<'a> {
     pub(super) scene: &'a Scene,
     pub(super) params: &'a WalkParams,
     /// The state whose distances primitives keep a share of.
     pub(super) rest: &'a [Point],
-    /// Least gap of two layers, in metres, wherever they lie in the rest state.
-    pub(super) opening: Real,
+    pub(super) opening: Opening,
     /// The last clean state, and its tree.
     pub(super) clean: &'a [Point],
     pub(super) tree: &'a Bvh,
@@ -277,9 +297,22 @@ impl Search<'_> {
         let nearest = primitives.nearest(self.rest);
         let rest = nearest.way.norm();
         let gap = self.params.gap.min(self.params.share * rest);
-        let [a, .., b] = nearest.vertices;
-        let opens = self.opening > gap && self.scene.layer_of(a) != self.scene.layer_of(b);
-        (if opens { self.opening } else { gap }, rest)
+        (gap.max(self.opened(primitives)), rest)
+    }
+
+    /// The gap to which two primitives open.
+    fn opened(&self, primitives: Primitives) -> Real {
+        let (Primitives::VertexTriangle([first, .., last]) | Primitives::Edges([first, .., last])) =
+            primitives;
+        let Opening { layers, own } = self.opening;
+        let layer = self.scene.layer_of(first);
+        if layer != self.scene.layer_of(last) {
+            layers
+        } else if layer > 0 && own > 0.0 && primitives.least_edge(self.rest) > LONG * own {
+            own
+        } else {
+            0.0
+        }
     }
 
     /// The half-space along the nearest points of the clean state, turned.
@@ -342,6 +375,9 @@ const FOLDED: Real = 0.75;
 /// Cosine of the angle by which the way between two primitives may turn in a step for the distance
 /// alone to decide: 37 degrees, where steps turn by six.
 const ALONG: Real = 0.8;
+/// Shortest edge, in gaps, of a garment that opens to itself: neighbours on shorter ones are nearer
+/// than the gap as they are made.
+const LONG: Real = 20.0;
 /// Growth of the gap of triangles that intersected, for each time that it has not been enough.
 const GROWTH: Real = 1.5;
 /// Times that it grows: to five times. Larger gaps push whole limbs away.
@@ -370,7 +406,7 @@ mod tests {
             scene: &walker.scene,
             params: &walker.params,
             rest: &walker.rest,
-            opening: 0.0,
+            opening: Opening::default(),
             clean: &walker.clean.x,
             tree: &walker.clean.tree,
             turns: &turns,

@@ -3,6 +3,7 @@
 //! Contacts of the rest state are those of a step in which nothing goes anywhere, with whole gaps
 //! between layers; then, as in a step, exact verification.
 
+use super::contact::Opening;
 use super::equilibrium::Multipliers;
 use super::locality::Yielding;
 use super::params::WalkParams;
@@ -16,13 +17,20 @@ const OPENINGS: usize = 10;
 /// Distance beyond the gap at which primitives are watched, in gaps: both may move by one.
 const MARGIN: Real = 2.0;
 
+/// Most gap of a garment to itself, in metres. With 0.3 mm single edges of two of the 14 test outfits are
+/// strained by 156 and 220 %: folds that were made nearer.
+const OWN: Real = 1e-4;
+
 impl Walker {
     /// Moves layers apart in the rest state. Where a whole gap is not clean, less is kept.
-    pub(super) fn open(&mut self, yielding: &Yielding) {
+    /// A garment keeps a gap of at most `own` metres to itself.
+    pub(super) fn open(&mut self, yielding: &Yielding, own: Real) {
         let mut share = 1.0;
         for _ in 0..OPENINGS {
             let target = self.target.clone();
-            let attempt = self.attempt(&target, yielding.clone(), share * self.params.gap);
+            let layers = share * self.params.gap;
+            let opening = Opening { layers, own: own.min(layers) };
+            let attempt = self.attempt(&target, yielding.clone(), opening);
             tracing::debug!(
                 share,
                 pairs = attempt.pairs.len(),
@@ -57,7 +65,7 @@ pub(crate) fn moved_apart(outfit: &Outfit, gap: Real) -> Option<Vec<Vec<Point>>>
     let mut walker = Walker::at_rest(outfit, params, storage).ok()?;
     let mut yielding = Yielding::everywhere(&walker.scene);
     yielding.inverse_mass[..walker.scene.starts[1]].fill(0.0);
-    walker.open(&yielding);
+    walker.open(&yielding, OWN);
     let garments = outfit.garments.iter().enumerate();
     let of =
         |(k, garment): (usize, &Layer)| garment.storage.round(walker.layer(walker.rest(), k + 1));

@@ -2,12 +2,12 @@
 
 use super::attempt::Attempt;
 use super::concerned::concerned;
-use super::contact::{Contact, Search};
+use super::contact::{Contact, Opening, Search};
 use super::equilibrium::solve;
 use super::locality::Yielding;
 use super::turn::turns;
 use super::walk::Walker;
-use if_core::math::{Point, Real};
+use if_core::math::Point;
 
 /// Steps for which triangles that intersected are held apart.
 const KEPT: u32 = 12;
@@ -20,7 +20,7 @@ impl Walker {
         &self,
         target: &[Point],
         mut yielding: Yielding,
-        opening: Real,
+        opening: Opening,
     ) -> Attempt {
         let Self { scene, params, clean, .. } = self;
         let turns = turns(scene, &self.target, target);
@@ -30,7 +30,7 @@ impl Walker {
         }
         let mut multipliers = self.multipliers.clone();
         multipliers.turn(scene, &turns);
-        let concerned = if opening > 0.0 {
+        let concerned = if opening.layers > 0.0 {
             vec![true; scene.mesh.triangles().len()]
         } else {
             let fading = params.body_length.max(params.garment_length);

@@ -1,6 +1,7 @@
 //! Walking: from one clean state to the next, each verified exactly.
 
 use super::attempt::{Attempt, Met};
+use super::contact::Opening;
 use super::equilibrium::Multipliers;
 use super::locality::Yielding;
 use super::params::WalkParams;
@@ -151,7 +152,7 @@ impl Walker {
     pub fn new(outfit: &Outfit, params: WalkParams) -> Result<Self, WalkError> {
         let mut walker = Self::at_rest(outfit, params, Storage::F32)?;
         let everywhere = Yielding::everywhere(&walker.scene);
-        walker.open(&everywhere);
+        walker.open(&everywhere, 0.0);
         Ok(walker)
     }
 
@@ -357,7 +358,7 @@ impl Walker {
             let target = path(to);
             self.check(&target)?;
             let yielding = yielding.clone().unwrap_or_else(|| self.yielding(&target));
-            let attempt = self.attempt(&target, yielding, 0.0);
+            let attempt = self.attempt(&target, yielding, Opening::default());
             walked.solves += attempt.solves;
             walked.sweeps += attempt.sweeps;
             walked.contacts = attempt.contacts;
