@@ -135,7 +135,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
             errors::show(&error.into());
             return Ok(End::NotClean);
         }
-        Err(error) => return Err(LoadError::new(&spec.name, error).into()),
+        Err(error) => return Err(LoadError::new(spec, error).into()),
     };
     let movement = moved.movement();
     let staging = Staging::open(&args.out)?;

@@ -27,8 +27,8 @@ pub(crate) enum LoadError {
     )]
     Split { layer: String, path: PathBuf, source: ErrorChain },
     #[error("`{}` ({layer}) does not fit into an outfit", path.display())]
-    #[diagnostic(code(ifg::input::outfit), help("{}", outfit_advice(source)))]
-    Outfit { layer: String, path: PathBuf, source: OutfitError },
+    #[diagnostic(code(ifg::input::outfit), help("{}", outfit_advice(source, *scale)))]
+    Outfit { layer: String, path: PathBuf, scale: f64, source: OutfitError },
     #[error("the layers of outfit `{outfit}` do not come apart")]
     #[diagnostic(code(ifg::input::node), help("nodes have the names that the exporter gave them"))]
     Nodes { outfit: String, source: ErrorChain },
@@ -41,8 +41,9 @@ pub(crate) enum LoadError {
 }
 
 impl LoadError {
-    /// The error of the outfit `outfit`.
-    pub(crate) fn new(outfit: &str, error: FilesError) -> Self {
+    /// The error of the outfit that `spec` describes.
+    pub(crate) fn new(spec: &OutfitSpec, error: FilesError) -> Self {
+        let (outfit, scale) = (&spec.name, spec.scale);
         match error {
             FilesError::Read { role, layer, source } => {
                 let (advice, source) = (reading_advice(&source), ErrorChain::new(&source));
@@ -57,7 +58,9 @@ impl LoadError {
             FilesError::Split { layer, path, source } => {
                 Self::Split { layer, path, source: ErrorChain::new(&source) }
             }
-            FilesError::Outfit { layer, path, source } => Self::Outfit { layer, path, source },
+            FilesError::Outfit { layer, path, source } => {
+                Self::Outfit { layer, path, scale, source }
+            }
             error @ FilesError::SharedVertices { .. } => {
                 Self::Nodes { outfit: outfit.into(), source: ErrorChain::new(&error) }
             }
@@ -66,8 +69,13 @@ impl LoadError {
     }
 }
 
-fn outfit_advice(error: &OutfitError) -> String {
+/// What to do about an outfit of which the files were scaled by `given`.
+fn outfit_advice(error: &OutfitError, given: f64) -> String {
     match error {
+        OutfitError::Units { scale, .. } if given != 1.0 => match given * scale {
+            1.0 => format!("it was scaled by {given}; leave out --scale"),
+            both => format!("it was scaled by {given}; give --scale {both} instead"),
+        },
         OutfitError::Units { unit, scale, .. } => {
             format!("if the files are in {unit}, add --scale {scale}; outputs then keep {unit}")
         }
@@ -81,6 +89,7 @@ fn outfit_advice(error: &OutfitError) -> String {
         OutfitError::TooLarge { .. } => {
             "repair that vertex, or give the garment in the units of the body".into()
         }
+        OutfitError::TooSmall { .. } => "give the garment in the units of the body".into(),
         OutfitError::FarFromBody { .. } => {
             "all layers must be in the same units and the same place".into()
         }
@@ -106,5 +115,5 @@ pub(crate) fn load(spec: &OutfitSpec) -> Result<OutfitFiles, LoadError> {
         spec.layers().map(|layer| LayerFile { name: layer.name.clone(), path: layer.source() });
     let body = layers.next().expect("`layers` starts with the body");
     OutfitFiles::read(body, layers.collect(), spec.scale)
-        .map_err(|error| LoadError::new(&spec.name, error))
+        .map_err(|error| LoadError::new(spec, error))
 }

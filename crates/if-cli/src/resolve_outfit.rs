@@ -72,7 +72,7 @@ pub(crate) fn run(
             (*result, Some(UnresolvedOutfit::new(&spec.name, unresolved, options.write_unproven)))
         }
         Err(FilesError::Resolve(ResolveError::Cancelled { .. })) => return Ok(Outcome::Cancelled),
-        Err(error) => return Err(LoadError::new(&spec.name, error).into()),
+        Err(error) => return Err(LoadError::new(spec, error).into()),
     };
     drop(resolving);
     if cancel::is_requested() {
@@ -81,7 +81,7 @@ pub(crate) fn run(
     timings.resolve = start.elapsed().as_secs_f64() - timings.read;
 
     let report = resolved.report.clone();
-    let mut notes = report.before.notes(&files.outfit().body.name);
+    let mut notes = report.notes(&files.outfit().body.name);
     notes.extend(files.notes());
     notes.extend(pinch_note(&report));
     let outputs = vec![];

@@ -21,7 +21,7 @@ use crate::findings::Findings;
 use crate::obstacle::{Obstacle, obstacles};
 use crate::outfit::Outfit;
 use crate::params::{Own, ResolveParams, Tuck};
-use crate::progress::{GarmentProgress, UNTANGLE};
+use crate::progress::{GarmentProgress, UNTANGLE, VERIFY};
 use crate::report::{LayerReport, OwnPairs, ResolveReport, Skipped, Verification};
 use crate::settle::Settings;
 use crate::untangle::{Untangled, kept, untangle, untangle_settled};
@@ -83,9 +83,14 @@ impl Attempt {
         monitor: &mut dyn Monitor,
     ) -> Result<Self, AttemptError> {
         let start = Instant::now();
+        let count = outfit.garments.len();
+        if let Some(first) = outfit.garments.first() {
+            // Before anything that takes time, so that it can be cancelled at once.
+            let mut progress = GarmentProgress { monitor, name: &first.name, index: 0, count };
+            progress.report(VERIFY, 0, None).map_err(AttemptError::Cancelled)?;
+        }
         let (given, closed) = verify_layers(&outfit, settings.body);
         let verify_seconds = start.elapsed().as_secs_f64();
-        let count = outfit.garments.len();
         let untangled = untangle_garments(&outfit, &given, settings.params, monitor)?;
         let changed: Vec<bool> = untangled.iter().map(Option::is_some).collect();
         let mut worked = outfit.clone();

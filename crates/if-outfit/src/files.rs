@@ -377,6 +377,7 @@ fn faulty<'a>(
         | OutfitError::IsBody { layer }
         | OutfitError::DuplicateName { layer }
         | OutfitError::TooLarge { layer, .. }
+        | OutfitError::TooSmall { layer, .. }
         | OutfitError::FarFromBody { layer, .. } => {
             garments.iter().rfind(|garment| garment.name == *layer).unwrap_or(body)
         }

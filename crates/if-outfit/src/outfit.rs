@@ -95,6 +95,17 @@ pub enum OutfitError {
         /// One of the vertices that are far out.
         vertex: u32,
     },
+    /// A garment is so small beside the body that it must be in other units.
+    #[error(
+        "garment `{layer}` is {size:.3e} m long, less than {SMALLEST} times the body; check its units \
+         (everything is in metres)"
+    )]
+    TooSmall {
+        /// Its name.
+        layer: String,
+        /// The longest side of its box, in metres.
+        size: Real,
+    },
     /// The body's height suggests other units.
     #[error(
         "body `{layer}` is {} units high, likely {unit}; scale all layers by {scale} (everything is in metres)",
@@ -115,6 +126,8 @@ pub enum OutfitError {
 /// Sizes of the body up to which a garment may be large: a train of twenty metres, and no vertex
 /// gone astray.
 const LARGEST: Real = 12.0;
+/// Sizes of the body from which on a garment may be: a ring, and no shirt in hundredths of a metre.
+const SMALLEST: Real = 0.01;
 
 impl Outfit {
     /// Takes a body and garments, inner to outer.
@@ -177,7 +190,7 @@ impl Outfit {
 ///
 /// # Errors
 ///
-/// [`OutfitError::TooLarge`] or [`OutfitError::FarFromBody`].
+/// [`OutfitError::TooLarge`], [`OutfitError::TooSmall`] or [`OutfitError::FarFromBody`].
 pub fn check_garment(body: &Aabb, name: &str, garment: &TriMesh) -> Result<(), OutfitError> {
     let (layer, height) = (|| name.to_owned(), body.size().max());
     let extent = garment.surface_aabb();
@@ -188,6 +201,9 @@ pub fn check_garment(body: &Aabb, name: &str, garment: &TriMesh) -> Result<(), O
             |v: &&u32| (garment.vertices()[**v as usize] - middle).amax() >= 0.5 * LARGEST * height;
         let vertex = garment.triangles().as_flattened().iter().find(far).map_or(0, |v| *v);
         return Err(OutfitError::TooLarge { layer: layer(), size, vertex });
+    }
+    if size < SMALLEST * height {
+        return Err(OutfitError::TooSmall { layer: layer(), size });
     }
     let distance = box_distance(body, &extent);
     if distance > height {
@@ -302,6 +318,12 @@ mod tests {
             Outfit::new(body(), garment(astray)),
             Err(OutfitError::TooLarge { vertex: 3, .. })
         ));
+        let OutfitError::TooSmall { size, .. } =
+            Outfit::new(body(), garment(tetrahedron(0.009, 0.1))).unwrap_err()
+        else {
+            panic!("too small")
+        };
+        assert!(size < 0.01 && Outfit::new(body(), garment(tetrahedron(0.011, 0.1))).is_ok());
         assert!(matches!(
             Outfit::new(body(), garment(tetrahedron(1.0, 50.0))),
             Err(OutfitError::FarFromBody { .. })

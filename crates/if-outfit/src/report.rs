@@ -101,6 +101,11 @@ pub struct Verification {
 
 /// Share of a garment's vertices inside another one beyond which their order is doubted.
 const MOSTLY: Real = 0.6;
+/// Depth, in metres, from which a garment mostly inside the body is doubted: tight ones are so by
+/// millimetres.
+const DEEP: Real = 0.02;
+/// Strain of the hundredth part of a garment's edges from which it is doubted.
+const DRAWN: Real = 0.5;
 
 impl Verification {
     /// The report of what was found in `outfit`: what was assumed of its body and how many own pairs
@@ -139,26 +144,31 @@ impl Verification {
     }
 
     /// What a person should know, in sentences: [`Verification::body_notes`], and garments that lie
-    /// mostly inside one that is given below them, so that their order may be wrong. `body` is what the
-    /// body is called.
+    /// mostly and deep inside the body, or mostly inside one that is given below them, so that their
+    /// place or order may be wrong. `body` is what the body is called.
     pub fn notes(&self, body: &str) -> Vec<String> {
-        [self.body_notes(body), self.order_notes(body)].concat()
+        [self.body_notes(body), self.place_notes(body)].concat()
     }
 
-    fn order_notes(&self, body: &str) -> Vec<String> {
-        let garments = self.pairs.iter().filter(|pair| pair.inner != body);
+    fn place_notes(&self, body: &str) -> Vec<String> {
         let note = |pair: &PairReport| {
+            let PairReport { inner, outer, .. } = pair;
             let share = pair.vertices_inside as Real / pair.vertices.max(1) as Real;
-            (share > MOSTLY).then(|| {
-                format!(
-                    "`{}`: {:.0} % of it lies inside `{}`, which is given below it; is the order right (`check --order auto`)?",
-                    pair.outer,
-                    1e2 * share,
-                    pair.inner
-                )
-            })
+            let percent = format!("{:.0} %", 1e2 * share);
+            if share <= MOSTLY || (inner == body && pair.deepest < DEEP) {
+                None
+            } else if inner == body {
+                Some(format!(
+                    "`{outer}`: {percent} of it lies inside the body, {:.0} mm deep; is it for this body, and in place?",
+                    1e3 * pair.deepest
+                ))
+            } else {
+                Some(format!(
+                    "`{outer}`: {percent} of it lies inside `{inner}`, which is given below it; is the order right (`check --order auto`)?"
+                ))
+            }
         };
-        garments.filter_map(note).collect()
+        self.pairs.iter().filter_map(note).collect()
     }
 
     /// No intersecting pair and no vertex on a wrong side.
@@ -496,6 +506,21 @@ impl ResolveReport {
         self.clearance_reached = self.after.least_distance().map(|least| least / clearance);
     }
 
+    /// What a person should know, in sentences: [`Verification::notes`] of the input, and garments that
+    /// are drawn so much that they may be for another body. `body` is what the body is called.
+    pub fn notes(&self, body: &str) -> Vec<String> {
+        let mut notes = self.before.notes(body);
+        let drawn = self.layers.iter().filter(|layer| layer.strain.p99 > DRAWN);
+        notes.extend(drawn.map(|layer| {
+            format!(
+                "`{}`: one edge in a hundred is strained by {:.0} % or more; is it for this body?",
+                layer.name,
+                1e2 * layer.strain.p99
+            )
+        }));
+        notes
+    }
+
     /// Intersecting pairs of garments with themselves that the input did not have.
     pub fn new_own_pairs(&self) -> usize {
         self.layers.iter().map(|l| l.own_pairs.new).sum()
@@ -539,5 +564,29 @@ mod tests {
         let notes = Verification { pairs, ..Verification::default() }.notes("skin");
         let [note] = &notes[..] else { panic!("{notes:?}") };
         assert!(note.contains("`shirt`: 61 % of it lies inside `coat`"), "{note}");
+    }
+
+    #[test]
+    fn garments_that_are_deep_inside_the_body_or_drawn_are_noted() {
+        let pair = |vertices_inside, deepest| PairReport {
+            inner: "skin".into(),
+            outer: "tights".into(),
+            vertices_inside,
+            vertices: 100,
+            deepest,
+            ..PairReport::default()
+        };
+        let notes = |pair, p99| {
+            let strain = Strain { p99, ..Strain::default() };
+            let layer = LayerReport { name: "tights".into(), strain, ..LayerReport::default() };
+            let before = Verification { pairs: vec![pair], ..Verification::default() };
+            ResolveReport { before, layers: vec![layer], ..ResolveReport::default() }.notes("skin")
+        };
+        assert!(notes(pair(90, 0.005), 0.3).is_empty());
+        assert!(notes(pair(50, 0.05), 0.3).is_empty());
+        let found = notes(pair(90, 0.05), 0.77);
+        let [inside, drawn] = &found[..] else { panic!("{found:?}") };
+        assert!(inside.starts_with("`tights`: 90 % of it lies inside the body, 50 mm deep"));
+        assert!(drawn.starts_with("`tights`: one edge in a hundred is strained by 77 % or more"));
     }
 }

@@ -76,7 +76,7 @@ pub(crate) fn resolve<'py>(
     let drawn_back = report.drawn_back.as_ref();
     let body =
         drawn_back.map(|_| vertices(py, resolved.outfit.body.mesh.vertices())).transpose()?;
-    let mut notes = report.before.notes(&resolved.outfit.body.name);
+    let mut notes = report.notes(&resolved.outfit.body.name);
     notes.extend(of_meshes);
     Ok(ResolvedArrays {
         layers: arrays.collect::<PyResult<_>>()?,

@@ -108,6 +108,17 @@ fn a_body_in_millimetres() {
 }
 
 #[test]
+fn a_scale_that_is_wrong_is_named() {
+    let folder = Folder::new();
+    let refused = |scale: &str, wanted: &[&str]| {
+        refused(&folder, &format!("--body body.ply skirt.ply --scale {scale}"), wanted);
+    };
+    refused("0.001", &["likely kilometres", "it was scaled by 0.001; leave out --scale"]);
+    refused("0.01", &["it was scaled by 0.01; leave out --scale"]);
+    refused("100", &["it was scaled by 100", "leave out --scale"]);
+}
+
+#[test]
 fn a_body_without_an_inside() {
     let whole = body();
     let sheet = TriMesh::new(whole.vertices().to_vec(), whole.triangles()[..20].to_vec()).unwrap();
