@@ -17,6 +17,11 @@ pub struct SkinWeights {
 #[non_exhaustive]
 #[allow(missing_docs)] // the messages say what the fields are
 pub enum SkinError {
+    /// A layer without weights has none to take them from.
+    #[error(
+        "there are no skinning weights; give those of the body, as vertex properties j0 to j3 and w0 to w3 of a PLY file or the skin of a glTF file"
+    )]
+    NoWeights,
     /// A property of the PLY file is missing.
     #[error(
         "the mesh has no vertex property `{name}`; skinning needs integers j0 to j3 and floats w0 to w3"

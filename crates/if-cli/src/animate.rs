@@ -176,7 +176,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     let meshes = args.out.join(MESHES);
     if args.meshes {
         remove_meshes(&meshes)?;
-        write_meshes(spec, movement.outfit(), &files, &animation.frames, args)?;
+        write_meshes(spec, &files, &animation.frames, args)?;
     }
     if args.pictures {
         line.message("drawing");
@@ -274,19 +274,16 @@ fn write_caches(
             .map_err(|source| OutputError::File { path: args.out.join(&name), source })?;
         let points = mesh.mesh.vertices().len();
         let cache = PointCacheWriter::new(BufWriter::new(file), points, frames.len());
-        caches.push((cache.map_err(|e| fault(&name, e))?, points));
+        caches.push(cache.map_err(|e| fault(&name, e))?);
         names.push(name);
     }
     for frame in 0..frames.len() {
-        let all = frames.positions(frame).map_err(|source| AnimateFault::Animate { source })?;
-        let mut rest = &all[..];
-        for ((cache, points), name) in caches.iter_mut().zip(&names) {
-            let (layer, others) = rest.split_at(*points);
+        let layers = frames.layers(frame).map_err(|source| AnimateFault::Animate { source })?;
+        for ((cache, layer), name) in caches.iter_mut().zip(&layers).zip(&names) {
             cache.frame(layer).map_err(|e| fault(name, e))?;
-            rest = others;
         }
     }
-    for ((cache, _), name) in caches.into_iter().zip(&names) {
+    for (cache, name) in caches.into_iter().zip(&names) {
         cache.finish().map_err(|e| fault(name, e))?;
     }
     Ok(names)
@@ -319,7 +316,6 @@ fn remove(path: &Path) -> Result<(), OutputError> {
 /// Writes each garment of each frame with the attributes of its file.
 fn write_meshes(
     spec: &OutfitSpec,
-    outfit: &Outfit,
     files: &OutfitFiles,
     frames: &Frames,
     args: &Options,
@@ -329,12 +325,9 @@ fn write_meshes(
         let folder = args.out.join(MESHES).join(format!("{number:06}"));
         std::fs::create_dir_all(&folder)
             .map_err(|source| OutputError::Folder { path: folder.clone(), source })?;
-        let all = frames.positions(frame).map_err(|source| AnimateFault::Animate { source })?;
-        let mut rest = &all[..];
+        let all = frames.layers(frame).map_err(|source| AnimateFault::Animate { source })?;
         let mut by_file: Vec<(&LayerSpec, Vec<LayerInFile<'_>>)> = Vec::new();
-        for ((layer, mesh), file) in spec.layers().zip(outfit.layers()).zip(files.files()) {
-            let (positions, others) = rest.split_at(mesh.mesh.vertices().len());
-            rest = others;
+        for ((layer, positions), file) in spec.layers().zip(&all).zip(files.files()) {
             match by_file.iter_mut().find(|(first, _)| layer.is_in_file_of(first)) {
                 Some((_, layers)) => layers.push((file, positions)),
                 None => by_file.push((layer, vec![(file, positions)])),

@@ -103,11 +103,16 @@ pub fn extract<F: SignedDistance + ?Sized>(
     let bound = slope::Bound { slope, noise: params.noise };
     let mut with_cell =
         |cell: Real| attempt::attempt(field, &region, cell, &bound, params, &mut budget);
-    match params.resolution {
+    let mut extraction = match params.resolution {
         Resolution::Cell(cell) => with_cell(cell),
         Resolution::Cells(cells) => with_cell(size.max() / Real::from(cells)),
         Resolution::Accuracy { error, finest } => {
             accuracy::to_accuracy(field, &region, (error, finest), &bound, params, &mut budget)
         }
+    }?;
+    if extraction.mesh.triangles().is_empty() {
+        let inside = field.distance(&nalgebra::center(&region.min, &region.max)) < 0.0;
+        extraction.report.warnings.push(Warning::Empty { inside });
     }
+    Ok(extraction)
 }

@@ -493,7 +493,8 @@ pub struct ResolveReport {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moved_apart: Option<MovedApart>,
     /// The least distance of two layers of the result, as a share of the clearance that is the goal
-    /// ([`crate::GoalParams::clearance`]); `None` if there is no garment.
+    /// ([`crate::GoalParams::clearance`]): 1 is all of it. `None` if there is no garment. In metres it
+    /// is [`Verification::least_distance`].
     #[serde(default)]
     pub clearance_reached: Option<Real>,
     /// Wall time, in seconds.

@@ -123,6 +123,11 @@ pub enum Warning {
         /// Lattice edges on the region's border that it crosses.
         edges: usize,
     },
+    /// The field has one sign in the whole region, as far as the cells show: there are no triangles.
+    Empty {
+        /// Whether the region is inside.
+        inside: bool,
+    },
     /// Two sheets that face one another are nearer than two cells: they are separate, but their
     /// triangles may intersect.
     NearSheets {
@@ -164,6 +169,13 @@ impl fmt::Display for Warning {
                 write!(
                     f,
                     "the surface leaves the region through {edges} edges of the lattice; enlarge the region to close it"
+                )
+            }
+            Self::Empty { inside } => {
+                let side = if inside { "inside" } else { "outside" };
+                write!(
+                    f,
+                    "the surface does not pass through the region, which is all {side}: there are no triangles; give another region, or smaller cells"
                 )
             }
             Self::NearSheets { pairs, gap } => write!(

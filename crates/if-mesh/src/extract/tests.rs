@@ -313,3 +313,21 @@ fn one_thread_gives_the_bits_of_many() {
     assert_eq!(one.mesh, many.mesh);
     assert_eq!(one.report, ExtractReport { seconds: one.report.seconds, ..many.report });
 }
+
+#[test]
+fn a_region_without_a_surface_is_a_warning() {
+    let ball = Sphere { center: Point::origin(), radius: 1.0 };
+    let warnings = |x: Real, size: Real| {
+        let corner = Vector::repeat(0.5 * size);
+        let middle = Point::new(x, 0.0, 0.0);
+        let params = ExtractParams {
+            region: Some(Aabb { min: middle - corner, max: middle + corner }),
+            resolution: Resolution::Cells(8),
+            ..ExtractParams::default()
+        };
+        extract(&ball, &params, &mut Silent).unwrap().report.warnings
+    };
+    assert_eq!(warnings(0.0, 0.5), [Warning::Empty { inside: true }]);
+    assert_eq!(warnings(3.0, 0.5), [Warning::Empty { inside: false }]);
+    assert!(warnings(0.0, 3.0).is_empty());
+}

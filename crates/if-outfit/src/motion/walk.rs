@@ -32,15 +32,16 @@ pub enum WalkError {
     Parameter(#[from] ParameterError),
     /// Layers of the rest state intersect.
     #[error(
-        "{pairs} triangle pairs of the layers intersect in the rest state, triangles {triangles:?} of layers {layers:?} first; resolve the outfit before it moves"
+        "{pairs} triangle pairs of the layers intersect in the rest state, triangles {triangles:?} of `{}` and `{}` first; resolve the outfit before it moves",
+        layers[0], layers[1]
     )]
     NotClean {
         /// Number of pairs between layers.
         pairs: usize,
         /// The first of them.
         triangles: [u32; 2],
-        /// The layers of the first pair; 0 is the body.
-        layers: [usize; 2],
+        /// The names of the layers of the first pair.
+        layers: [String; 2],
     },
     /// The target has the wrong number of positions, or one that is not finite.
     #[error(
@@ -172,10 +173,11 @@ impl Walker {
         let layers = |pair: &[u32; 2]| pair.map(|t| scene.local_triangle(t));
         let between: Vec<_> = tolerated.iter().map(layers).filter(|[a, b]| a.0 != b.0).collect();
         if let Some([a, b]) = between.first() {
+            let names: Vec<&String> = outfit.layers().map(|layer| &layer.name).collect();
             return Err(WalkError::NotClean {
                 pairs: between.len(),
                 triangles: [a.1, b.1],
-                layers: [a.0, b.0],
+                layers: [a.0, b.0].map(|k| names[k].clone()),
             });
         }
         Ok(Self {

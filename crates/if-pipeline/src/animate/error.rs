@@ -31,6 +31,9 @@ pub enum AnimateError {
     /// A file of a frame cannot be read or written.
     #[error("{}: {source}", path.display())]
     Io { path: PathBuf, source: io::Error },
+    /// There is no such frame.
+    #[error("there is no frame {frame}: {frames} are done, from 0")]
+    Frame { frame: usize, frames: usize },
     /// A frame was changed while it was in use.
     #[error("{}: the file was changed since it was written; remove it and run again", path.display())]
     Changed { path: PathBuf },

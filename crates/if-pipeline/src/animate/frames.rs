@@ -24,7 +24,8 @@ pub struct Frames {
     folder: PathBuf,
     request: String,
     rows: Vec<FrameReport>,
-    points: usize,
+    /// Vertices of each layer, the body first.
+    vertices: Vec<usize>,
 }
 
 /// The first line of a frame.
@@ -79,9 +80,9 @@ impl Frames {
     ) -> Result<Self, AnimateError> {
         std::fs::create_dir_all(folder)
             .map_err(|source| AnimateError::Io { path: folder.into(), source })?;
-        let points = movement.outfit().layers().map(|l| l.mesh.vertices().len()).sum();
+        let vertices = movement.outfit().layers().map(|l| l.mesh.vertices().len()).collect();
         let request = request(movement, params)?;
-        Ok(Self { folder: folder.into(), request, rows: Vec::new(), points })
+        Ok(Self { folder: folder.into(), request, rows: Vec::new(), vertices })
     }
 
     /// Takes over frames from the first on, as far as they are there and unchanged.
@@ -182,7 +183,7 @@ impl Frames {
         let (head, bytes) = read::<FrameHead>(&self.path(frame))?;
         let fits = head.request == self.request
             && head.row.frame == frame
-            && bytes.len() == 12 * self.points
+            && bytes.len() == 12 * self.vertices.iter().sum::<usize>()
             && head.sha256 == digest(&bytes).sha256;
         let single =
             |b: &[u8]| Real::from(f32::from_le_bytes(b.try_into().expect("chunks of four")));
@@ -214,14 +215,28 @@ impl Frames {
         &self.request
     }
 
-    /// The positions of all layers in a frame, the body's first.
+    /// The positions of all layers in a frame, the body's first, one after the other.
     ///
     /// # Errors
     ///
-    /// [`AnimateError::Changed`] if the file is not as it was written.
+    /// [`AnimateError::Frame`] if there is no such frame, [`AnimateError::Changed`] if the file is not as
+    /// it was written.
     pub fn positions(&self, frame: usize) -> Result<Vec<Point>, AnimateError> {
+        if frame >= self.len() {
+            return Err(AnimateError::Frame { frame, frames: self.len() });
+        }
         let changed = || AnimateError::Changed { path: self.path(frame) };
         self.stored(frame).map(|(_, points)| points).ok_or_else(changed)
+    }
+
+    /// The positions of each layer in a frame, the body first.
+    ///
+    /// # Errors
+    ///
+    /// As [`Frames::positions`].
+    pub fn layers(&self, frame: usize) -> Result<Vec<Vec<Point>>, AnimateError> {
+        let mut points = self.positions(frame)?.into_iter();
+        Ok(self.vertices.iter().map(|count| points.by_ref().take(*count).collect()).collect())
     }
 }
 

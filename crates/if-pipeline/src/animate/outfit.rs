@@ -56,7 +56,7 @@ impl SkinnedOutfit {
             let points = layer.mesh.vertices();
             let skin = match (skin, &body) {
                 (Some(skin), _) => skin,
-                (None, None) => return Err(fault(SkinError::Missing { name: "j0".into() })),
+                (None, None) => return Err(fault(SkinError::NoWeights)),
                 (None, Some(body)) => {
                     without_weights.push(layer.name.clone());
                     transferred_weights(&layers[0].mesh, body, &layer.mesh, count).map_err(fault)?

@@ -65,6 +65,12 @@ fn a_run_that_was_stopped_goes_on_with_the_same_bits() {
         let [a, b] = [&all, &rest].map(|a| a.frames.positions(frame).unwrap());
         assert!(a == b, "frame {frame}");
     }
+    // Layers are parts of all positions, and there is no fourth frame.
+    let layers = all.frames.layers(2).unwrap();
+    let counts: Vec<usize> = layers.iter().map(Vec::len).collect();
+    assert_eq!(counts, outfit.outfit.layers().map(|l| l.mesh.vertices().len()).collect::<Vec<_>>());
+    assert_eq!(layers.concat(), all.frames.positions(2).unwrap());
+    assert!(matches!(all.frames.layers(3), Err(AnimateError::Frame { frame: 3, frames: 3 })));
     // The difference of two frames, in single precision, leads from one to the other.
     let [a, b] = [0, 2].map(|frame| all.frames.positions(frame).unwrap());
     for (a, b) in a.iter().zip(&b) {
@@ -173,7 +179,7 @@ fn invalid_outfits_and_motions_are_typed_errors() {
     let good = outfit();
     let bare = SkinnedOutfit::new(good.outfit.clone(), rig::skeleton(), vec![None, None]);
     let error = bare.unwrap_err();
-    assert!(error.layer == "body" && matches!(error.source, SkinError::Missing { .. }));
+    assert!(error.layer == "body" && error.source == SkinError::NoWeights);
     let few = rig::skin_weights(&good.positions()[..5]);
     let error = SkinnedOutfit::new(good.outfit.clone(), rig::skeleton(), vec![Some(few), None]);
     assert!(matches!(error.unwrap_err().source, SkinError::Count { .. }));
