@@ -20,7 +20,7 @@ use std::sync::Arc;
 use tracing::trace_span;
 
 /// Times that half of the distance is tried.
-const HALVINGS: usize = 3;
+const HALVINGS: i32 = 3;
 
 /// An outfit with its layers apart.
 struct Apart {
@@ -40,10 +40,8 @@ impl Attempt {
         if self.remaining() > 0 || distances::are_kept(&reached, &self.closed, distance) {
             return None;
         }
-        let halved = (0..=HALVINGS).map(|halvings| distance * 0.5_f64.powi(halvings as i32));
-        let mut tried = halved.map(|distance| self.apart(&reached, distance));
-        let Apart { outfit, findings, closed, moved } = tried.find_map(|apart| apart)?;
-        drop(tried);
+        let Apart { outfit, findings, closed, moved } = (0..=HALVINGS)
+            .find_map(|halvings| self.apart(&reached, distance * 0.5_f64.powi(halvings)))?;
         for (k, (garment, findings)) in outfit.garments.into_iter().zip(findings).enumerate() {
             let input = &self.outfit.garments[k].mesh;
             let dressed = &mut self.dressed[k];
