@@ -29,14 +29,6 @@ impl Exception for NamedParameterError {
     fn class(&self) -> &'static str {
         "ParameterError"
     }
-
-    fn raised(&self, py: Python<'_>) -> PyErr {
-        let message = match self {
-            Self::Value { name, .. } => format!("parameter `{name}`: {self}"),
-            _ => self.to_string(),
-        };
-        exception(py, self.class(), message)
-    }
 }
 
 impl Exception for if_core::parameter::ParameterError {

@@ -125,6 +125,12 @@ def test_bad_arguments_are_named(arguments, kind, words):
         ifgarments.resolve(ball(), [band()], **arguments)
 
 
+def test_a_parameter_is_named_once():
+    with pytest.raises(ifgarments.ParameterError) as caught:
+        ifgarments.resolve(ball(), [band()], params={"rounds": -1})
+    assert str(caught.value) == "parameter `rounds`: invalid value: integer `-1`, expected usize"
+
+
 COLLECTIONS = [
     (None, "layers: a NoneType"),
     (3, "layers: a int"),
