@@ -9,7 +9,8 @@ use if_outfit::Pinch;
 use if_pipeline::animate::{AnimateParams, SkinnedOutfit, animate as follow};
 use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
 
 /// Joints and weights of a layer, four of each for a vertex.
 type Weights<'py> = (PyReadonlyArray2<'py, u16>, PyReadonlyArray2<'py, f32>);
@@ -18,8 +19,29 @@ type Weights<'py> = (PyReadonlyArray2<'py, u16>, PyReadonlyArray2<'py, f32>);
 /// layer, the body first: shape (frames, vertices, 3).
 type Animated<'py> = (String, Vec<String>, Vec<Bound<'py, PyArray3<f32>>>);
 
+/// Where frames are kept.
+enum Folder {
+    Given(PathBuf),
+    /// Removed when this value is dropped.
+    Temporary(TempDir),
+}
+
+impl Folder {
+    fn path(&self) -> &Path {
+        match self {
+            Self::Given(path) => path,
+            Self::Temporary(folder) => folder.path(),
+        }
+    }
+
+    fn temporary(&self) -> Option<&Path> {
+        matches!(self, Self::Temporary(_)).then(|| self.path())
+    }
+}
+
 /// Moves a clean outfit through a motion; the first layer is the body. `skeleton` and `motion` are
-/// JSON. Frames are kept in `folder`.
+/// JSON. Frames are kept in `folder`; if it is `None`, in a temporary folder, which is removed when the
+/// work ends. That may be after this call, if it was interrupted.
 #[pyfunction]
 #[pyo3(signature = (layers, weights, skeleton, motion, folder, keep_body, threads, progress))]
 pub(crate) fn animate<'py>(
@@ -28,13 +50,16 @@ pub(crate) fn animate<'py>(
     weights: Vec<Option<Weights<'py>>>,
     skeleton: Vec<u8>,
     motion: Vec<u8>,
-    folder: PathBuf,
+    folder: Option<PathBuf>,
     keep_body: bool,
     threads: Option<usize>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Animated<'py>> {
     let weights: Vec<_> = weights.iter().map(|w| w.as_ref().map(records)).collect();
     let layers = outfits::owned(&layers)?;
+    let folder =
+        folder.map_or_else(|| TempDir::new().map(Folder::Temporary), |f| Ok(Folder::Given(f)))?;
+    let temporary = folder.temporary().map(Path::to_owned);
     let found = work::run(py, threads, progress.as_ref(), move |monitor| {
         let skeleton =
             Skeleton::read(&*skeleton).map_err(|e| format!("skeleton: {}", chain(&e)))?;
@@ -48,7 +73,8 @@ pub(crate) fn animate<'py>(
         let skinned = SkinnedOutfit::new(outfit, skeleton, skins).map_err(|e| chain(&e))?;
         let pinch = if keep_body { Pinch::Keep } else { Pinch::Yield };
         let params = AnimateParams { pinch, ..AnimateParams::default() };
-        let done = follow(&skinned, &motion, &params, &folder, monitor).map_err(|e| chain(&e))?;
+        let done =
+            follow(&skinned, &motion, &params, folder.path(), monitor).map_err(|e| chain(&e))?;
         let counts: Vec<usize> =
             skinned.outfit.layers().map(|layer| layer.mesh.vertices().len()).collect();
         let mut positions: Vec<Vec<f32>> = vec![Vec::new(); counts.len()];
@@ -62,9 +88,13 @@ pub(crate) fn animate<'py>(
             }
         }
         Ok((done.report, skinned.without_weights, counts, positions, done.frames.len()))
-    })?;
+    });
+    if let (Err(_), Some(temporary)) = (&found, temporary) {
+        // The process may end before the work does.
+        let _ = std::fs::remove_dir_all(temporary); // What the work writes meanwhile, it removes.
+    }
     let (report, without, counts, positions, frames) =
-        found.map_err(|message: String| exception(py, "AnimateError", message))?;
+        found?.map_err(|message: String| exception(py, "AnimateError", message))?;
     let arrays = counts.into_iter().zip(positions);
     let arrays =
         arrays.map(|(count, flat)| PyArray1::from_vec(py, flat).reshape([frames, count, 3]));

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import ifgarments
+from test_animate import MOTION, SKELETON, outfit  # noqa: F401
 
 
 def test_progress_is_reported_in_order(body, belt, shirt):
@@ -82,3 +83,35 @@ def test_ctrl_c_ends_a_long_call_soon(with_progress, interruptible):
         ifgarments.resolve(body, layers, progress=(lambda _: None) if with_progress else None)
     # 0.3 s on a quiet machine; this one may be busy.
     assert time.perf_counter() - sent[0] < 1.5
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="threads are listed there")
+def test_no_temporary_folder_is_left_when_interrupted_work_ends(
+    outfit,  # noqa: F811
+    interruptible,
+    tmp_path,
+    monkeypatch,
+):
+    def working():
+        names = []
+        for thread in os.listdir("/proc/self/task"):
+            try:
+                with open(f"/proc/self/task/{thread}/comm") as file:
+                    names.append(file.read())
+            except OSError:  # It has just ended.
+                pass
+        return any(name.startswith("ifgarments-") for name in names)
+
+    def interrupt():
+        while not list(tmp_path.glob("*/walked/*")):
+            time.sleep(0.001)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    long = {**MOTION, "frames": MOTION["frames"] * 200}
+    threading.Thread(target=interrupt, daemon=True).start()
+    with pytest.raises(KeyboardInterrupt):
+        ifgarments.animate(*outfit, SKELETON, long)
+    while working():
+        time.sleep(0.01)
+    assert os.listdir(tmp_path) == []

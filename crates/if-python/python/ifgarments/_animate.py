@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -91,17 +90,16 @@ def animate(
         else None
         for layer in outfit
     ]
-    with tempfile.TemporaryDirectory() as temporary:
-        report, without, positions = _native.animate(
-            [layer.native() for layer in outfit],
-            given,
-            _json(skeleton, "skeleton"),
-            _json(motion, "motion"),
-            temporary if frames is None else folder(frames, "frames"),
-            pinch == "keep",
-            checked_threads(threads),
-            listener(progress),
-        )
+    report, without, positions = _native.animate(
+        [layer.native() for layer in outfit],
+        given,
+        _json(skeleton, "skeleton"),
+        _json(motion, "motion"),
+        None if frames is None else folder(frames, "frames"),
+        pinch == "keep",
+        checked_threads(threads),
+        listener(progress),
+    )
     rows: dict[str, Any] = json.loads(report)
     return Animated(positions[0], dict(zip(names[1:], positions[1:])), rows, without)
 

@@ -75,7 +75,7 @@ def animate(
     weights: list[tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]] | None],
     skeleton: bytes,
     motion: bytes,
-    folder: str,
+    folder: str | None,
     keep_body: bool,
     threads: int | None,
     progress: ProgressCallback | None,
