@@ -58,6 +58,9 @@ def test_every_frame_is_clean_and_follows_the_motion(outfit, tmp_path):
         again = ifgarments.animate(*outfit, *files, frames=tmp_path / "frames", threads=1)
         assert np.array_equal(again.layers["shirt"], done.layers["shirt"])
         assert again.report["kept"] == kept
+    frames = [{key: np.array(value) for key, value in frame.items()} for frame in MOTION["frames"]]
+    motion = {**MOTION, "fps": np.int64(25), "frames": frames}
+    assert np.array_equal(ifgarments.animate(*outfit, SKELETON, motion).body, done.body)
 
 
 def test_what_does_not_fit_is_named(outfit, belt):

@@ -113,7 +113,11 @@ ARGUMENTS = [
     ({"params": {"rounds": 0}}, ValueError, "`effort.rounds` is 0; it must be from 1"),
     ({"params": {"rounds": "many"}}, ValueError, "many"),
     ({"params": {"rounds": float("nan")}}, ValueError, "`rounds` is nan"),
-    ({"params": {"rounds": {1}}}, ValueError, "`rounds` is {1}"),
+    ({"threads": np.float64(2)}, TypeError, "it must be a whole number"),
+    ({"threads": np.True_}, TypeError, "it must be a whole number"),
+    ({"params": {"rounds": {1}}}, ValueError, "`rounds` is {1}: a set has no JSON; give numbers"),
+    ({"params": {"rounds": 3j}}, ValueError, "a complex has no JSON"),
+    ({"params": {"goal": {"clearance": np.float32("nan")}}}, ValueError, "not JSON compliant"),
     ({"params": {"goal": {"own": "burn"}}}, ValueError, "burn"),
     ({"params": {7: 1}}, ValueError, "unknown parameter `7`"),
 ]

@@ -26,6 +26,15 @@ def test_a_network_is_fitted_stored_and_extracted(body, tmp_path):
     assert 0.85 * BALL < radius.min() <= radius.max() < 1.1 * BALL
 
 
+def test_numbers_and_arrays_of_numpy_are_taken(body):
+    phase = [0.25, 0.5, 0.75]
+    wanted, _ = ifgarments.extract(body, cell=0.0625, params={"phase": phase, "newton": 2})
+    given = {"phase": np.array(phase), "newton": np.int8(2)}
+    found, _ = ifgarments.extract(body, cell=np.float32(0.0625), params=given)
+    assert np.array_equal(found[0], wanted[0])
+    assert ifgarments.fit(body, steps=np.int64(3))[1]["steps"] == 3
+
+
 @pytest.mark.parametrize(
     "call, kind, words",
     [

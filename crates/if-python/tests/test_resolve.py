@@ -222,3 +222,12 @@ def test_intersections_are_listed_as_verify_counts_them(body, belt, shirt):
     v, f = belt
     twice = (np.vstack([v, v + [0, 0.01, 0.001]]), np.vstack([f, f + len(v)]))
     assert ("cloth", "cloth") in {p[:2] for p in ifgarments.intersections(body, {"cloth": twice})}
+
+
+def test_numbers_of_numpy_are_numbers(body, belt):
+    plain = {"rounds": 50, "goal": {"clearance": 0.001}}
+    wanted = ifgarments.resolve(body, [belt], threads=2, params=plain)
+    given = {"rounds": np.uint16(50), "goal": {"clearance": np.longdouble(0.001)}}
+    found = ifgarments.resolve(body, [belt], threads=np.int64(2), params=given)
+    assert np.array_equal(found.layers[0][0], wanted.layers[0][0])
+    assert ifgarments.picture(body, [belt], height=np.int32(32)).startswith(b"\x89PNG")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _ifgarments as _native
-from ._arguments import Progress, checked_threads, folder, listener
+from ._arguments import Progress, checked_threads, folder, json_text, listener
 from ._kinds import read_outfit
 from ._outfits import Layers, Mesh
 
@@ -124,7 +124,7 @@ def _weights(given: Any, name: str, vertices: int) -> tuple[NDArray[Any], NDArra
 def _json(given: Any, argument: str) -> bytes:
     if isinstance(given, Mapping):
         try:
-            return json.dumps(dict(given), allow_nan=False).encode()
+            return json_text(given).encode()
         except (TypeError, ValueError) as error:
             raise ValueError(f"{argument}: {error}") from None
     with open(folder(given, argument), "rb") as file:

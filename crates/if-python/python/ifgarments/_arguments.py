@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from .errors import ParameterError
 
@@ -34,12 +37,27 @@ def named_params(params: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     named = []
     for name, value in params.items():
         try:
-            number = getattr(value, "item", None)  # a number of numpy
-            text = json.dumps(number() if callable(number) else value, allow_nan=False)
+            named.append((str(name), json_text(value)))
         except (TypeError, ValueError) as error:
             raise ParameterError(f"parameter `{name}` is {value!r}: {error}") from None
-        named.append((str(name), text))
     return named
+
+
+def json_text(value: Any) -> str:
+    """JSON of values of Python and of numpy."""
+    return json.dumps(value, allow_nan=False, default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    """A value of Python for one that JSON lacks."""
+    if isinstance(value, np.floating):
+        return float(value)  # `tolist` keeps those of more than double precision.
+    if isinstance(value, Mapping):
+        return dict(value)
+    if callable(getattr(value, "tolist", None)):
+        return value.tolist()
+    kind = type(value).__qualname__
+    raise TypeError(f"a {kind} has no JSON; give numbers, texts, lists, arrays and mappings")
 
 
 def checked_threads(threads: int | None) -> int | None:
@@ -66,11 +84,15 @@ def number(value: Any, argument: str) -> float:
 
 def whole(value: Any, argument: str, least: int, most: int) -> int:
     """A whole number in a range."""
-    if isinstance(value, bool) or not isinstance(value, int):
+    try:
+        found = operator.index(value)
+    except TypeError:
+        found = None
+    if found is None or isinstance(value, (bool, np.bool_)):
         raise TypeError(f"{argument} is {value!r}; it must be a whole number")
-    if not least <= value <= most:
-        raise ValueError(f"{argument} is {value}; it must be from {least} to {most}")
-    return value
+    if not least <= found <= most:
+        raise ValueError(f"{argument} is {found}; it must be from {least} to {most}")
+    return found
 
 
 def names(given: Any, argument: str) -> list[str]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from . import _ifgarments as _native
-from ._arguments import Progress, checked_threads, folder, listener, number, whole
+from ._arguments import Progress, checked_threads, folder, json_text, listener, number, whole
 from ._files import whole_file
 from ._kinds import read
 from ._outfits import Arrays, Mesh
@@ -44,7 +44,7 @@ def extract(
     mesh = None if is_network else read(field, "field", "field").native()
     given = {"resolution": {"cell": cell}, **(params or {})}
     try:
-        text = json.dumps(given, allow_nan=False)
+        text = json_text(given)
     except (TypeError, ValueError) as error:
         raise ParameterError(f"parameters {given!r}: {error}") from None
     network = bytes(field) if is_network else None
@@ -83,11 +83,9 @@ def fit(
     """
     if steps is None and seconds is None:
         seconds = 60.0
-    if steps is not None:
-        whole(steps, "steps", 0, 2**63 - 1)
     arguments = (
         read(mesh, "mesh", "mesh").native(),
-        steps,
+        None if steps is None else whole(steps, "steps", 0, 2**63 - 1),
         None if seconds is None else number(seconds, "seconds"),
         None if accuracy is None else number(accuracy, "accuracy"),
         checked_threads(threads),

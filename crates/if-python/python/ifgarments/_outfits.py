@@ -159,7 +159,7 @@ def picture(
     Returns:
         The PNG file.
     """
-    whole(height, "height", 16, 4096)
+    height = whole(height, "height", 16, 4096)
     native = _native_layers(body, layers)
     if path is None:
         return _native.picture(native, height)

@@ -60,10 +60,9 @@ def run(
     """
     if engine not in _ENGINES:
         raise ValueError(f"engine is {engine!r}; it must be one of {', '.join(_ENGINES)}")
-    whole(size, "size", 1, 1_000_000)
-    whole(retries, "retries", 0, 1_000_000)
-    if workers is not None:
-        whole(workers, "workers", 1, 1024)
+    size = whole(size, "size", 1, 1_000_000)
+    retries = whole(retries, "retries", 0, 1_000_000)
+    workers = None if workers is None else whole(workers, "workers", 1, 1024)
     wardrobe, out = folder(wardrobe, "wardrobe"), folder(out, "out")
     given = pairs(combinations)
     options = {"threads": 1, **options}
