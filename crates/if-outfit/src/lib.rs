@@ -60,7 +60,7 @@ mod workpiece;
 pub use build::BUILD;
 pub use cleanness::Cleanness;
 pub use layer_fields::FieldOfGarment;
-pub use named_parameters::NamedParameterError;
+pub use named_parameters::{NamedParameterError, with_parameter};
 pub use notes::notes;
 pub use obstacle::Obstacle;
 pub use order::{OrderProposal, propose_order};
