@@ -1,14 +1,15 @@
 //! Outfits that follow motions.
 
-use crate::errors::{chain, exception, no_json};
+use crate::errors::{Exception, chain, exception, no_json};
 use crate::layers::LayerArrays;
 use crate::outfits;
 use crate::work;
 use if_body::{Motion, Skeleton, SkinWeights};
 use if_outfit::Pinch;
-use if_pipeline::animate::{AnimateParams, SkinnedOutfit, animate as follow};
+use if_pipeline::animate::{AnimateError, AnimateParams, SkinnedOutfit, animate as follow};
 use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
+use std::error::Error;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -18,6 +19,18 @@ type Weights<'py> = (PyReadonlyArray2<'py, u16>, PyReadonlyArray2<'py, f32>);
 /// Report as JSON, names of layers whose weights were taken from the body, and positions of each
 /// layer, the body first: shape (frames, vertices, 3).
 type Animated<'py> = (String, Vec<String>, Vec<Bound<'py, PyArray3<f32>>>);
+
+/// The class of an exception in `ifgarments.errors`, and its message.
+type Failure = (&'static str, String);
+
+fn failed<E: Exception + Error>(error: &E) -> Failure {
+    (error.class(), chain(error))
+}
+
+/// An argument that does not belong to the outfit.
+fn unusable(argument: &str, error: &dyn Error) -> Failure {
+    ("AnimateError", format!("{argument}: {}", chain(error)))
+}
 
 /// Where frames are kept.
 enum Folder {
@@ -61,25 +74,24 @@ pub(crate) fn animate<'py>(
         folder.map_or_else(|| TempDir::new().map(Folder::Temporary), |f| Ok(Folder::Given(f)))?;
     let temporary = folder.temporary().map(Path::to_owned);
     let found = work::run(py, threads, progress.as_ref(), move |monitor| {
-        let skeleton =
-            Skeleton::read(&*skeleton).map_err(|e| format!("skeleton: {}", chain(&e)))?;
-        let motion =
-            Motion::read(&*motion, &skeleton).map_err(|e| format!("motion: {}", chain(&e)))?;
+        let skeleton = Skeleton::read(&*skeleton).map_err(|e| unusable("skeleton", &e))?;
+        let motion = Motion::read(&*motion, &skeleton).map_err(|e| unusable("motion", &e))?;
         let skins = weights.into_iter().map(|records| {
             records.map(|(j, w)| SkinWeights::new(j, w, skeleton.len())).transpose()
         });
-        let skins = skins.collect::<Result<Vec<_>, _>>().map_err(|e| format!("weights: {e}"))?;
-        let outfit = outfits::outfit(layers).map_err(|e| chain(&e))?;
-        let skinned = SkinnedOutfit::new(outfit, skeleton, skins).map_err(|e| chain(&e))?;
+        let skins = skins.collect::<Result<Vec<_>, _>>().map_err(|e| unusable("weights", &e))?;
+        let outfit = outfits::outfit(layers).map_err(|e| failed(&e))?;
+        let skinned = SkinnedOutfit::new(outfit, skeleton, skins)
+            .map_err(|e| failed(&AnimateError::from(e)))?;
         let pinch = if keep_body { Pinch::Keep } else { Pinch::Yield };
         let params = AnimateParams { pinch, ..AnimateParams::default() };
         let done =
-            follow(&skinned, &motion, &params, folder.path(), monitor).map_err(|e| chain(&e))?;
+            follow(&skinned, &motion, &params, folder.path(), monitor).map_err(|e| failed(&e))?;
         let counts: Vec<usize> =
             skinned.outfit.layers().map(|layer| layer.mesh.vertices().len()).collect();
         let mut positions: Vec<Vec<f32>> = vec![Vec::new(); counts.len()];
         for frame in 0..done.frames.len() {
-            let all = done.frames.positions(frame).map_err(|e| chain(&e))?;
+            let all = done.frames.positions(frame).map_err(|e| failed(&e))?;
             let mut rest = &all[..];
             for (count, flat) in counts.iter().zip(&mut positions) {
                 let (layer, after) = rest.split_at(*count);
@@ -94,7 +106,7 @@ pub(crate) fn animate<'py>(
         let _ = std::fs::remove_dir_all(temporary); // What the work writes meanwhile, it removes.
     }
     let (report, without, counts, positions, frames) =
-        found?.map_err(|message: String| exception(py, "AnimateError", message))?;
+        found?.map_err(|(class, message): Failure| exception(py, class, message))?;
     let arrays = counts.into_iter().zip(positions);
     let arrays =
         arrays.map(|(count, flat)| PyArray1::from_vec(py, flat).reshape([frames, count, 3]));

@@ -1,6 +1,8 @@
 //! Errors of the libraries as the exceptions of `ifgarments.errors`.
 
+use if_outfit::motion::WalkError;
 use if_outfit::{NamedParameterError, OutfitError, ResolveError};
+use if_pipeline::animate::AnimateError;
 use if_pipeline::wardrobe::WardrobeError;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -59,6 +61,17 @@ impl Exception for ResolveError {
             Self::Unresolved { .. } => "IntersectionsRemain",
             Self::Cancelled(_) => "Cancelled",
             _ => "SolverError",
+        }
+    }
+}
+
+impl Exception for AnimateError {
+    fn class(&self) -> &'static str {
+        match self {
+            Self::Walk(WalkError::Outfit(_)) => "OutfitError",
+            Self::Parameter(_) => "ParameterError",
+            Self::Cancelled(_) => "Cancelled",
+            _ => "AnimateError",
         }
     }
 }

@@ -74,6 +74,8 @@ def test_what_does_not_fit_is_named(outfit, belt):
         (TypeError, "no pair", (body, layers, {"body": joints})),
         (ifgarments.AnimateError, "weights", (body, layers, {"body": (joints + 1, values)})),
         (ifgarments.AnimateError, "body", (body, layers, {})),
+        (ifgarments.OutfitError, "units high", ((1000 * body[0], body[1]), layers, weights)),
+        (ifgarments.OutfitError, "m from the body", ((body[0] + 50, body[1]), layers, weights)),
         (ifgarments.AnimateError, "resolve the outfit", (body, {"belt": belt}, weights)),
     ]
     for kind, message, arguments in cases:

@@ -74,6 +74,7 @@ def animate(
         ``is_clean`` is false, and the report names it.
 
     Raises:
+        OutfitError: the layers are not a valid outfit.
         AnimateError: the outfit is not clean, or skeleton, weights or motion do not belong to it.
         ValueError, TypeError: an argument is no mesh, or no array of the right shape.
     """
