@@ -5,7 +5,6 @@ use crate::layers::LayerArrays;
 use crate::outfits;
 use crate::work;
 use if_body::{Motion, Skeleton, SkinWeights};
-use if_outfit::Pinch;
 use if_pipeline::animate::{AnimateError, AnimateParams, SkinnedOutfit, animate as follow};
 use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -53,10 +52,10 @@ impl Folder {
 }
 
 /// Moves a clean outfit through a motion; the first layer is the body. `skeleton` and `motion` are
-/// JSON. Frames are kept in `folder`; if it is `None`, in a temporary folder, which is removed when the
+/// JSON, `params` names and JSON values. Frames are kept in `folder`; if it is `None`, in a temporary folder, which is removed when the
 /// work ends. That may be after this call, if it was interrupted.
 #[pyfunction]
-#[pyo3(signature = (layers, weights, skeleton, motion, folder, keep_body, threads, progress))]
+#[pyo3(signature = (layers, weights, skeleton, motion, folder, params, threads, progress))]
 pub(crate) fn animate<'py>(
     py: Python<'py>,
     layers: Vec<LayerArrays<'py>>,
@@ -64,10 +63,12 @@ pub(crate) fn animate<'py>(
     skeleton: Vec<u8>,
     motion: Vec<u8>,
     folder: Option<PathBuf>,
-    keep_body: bool,
+    params: Vec<(String, String)>,
     threads: Option<usize>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Animated<'py>> {
+    let params: AnimateParams = outfits::with_named(py, &params)?;
+    params.validate().map_err(|e| e.raised(py))?;
     let weights: Vec<_> = weights.iter().map(|w| w.as_ref().map(records)).collect();
     let layers = outfits::owned(&layers)?;
     let folder =
@@ -83,8 +84,6 @@ pub(crate) fn animate<'py>(
         let outfit = outfits::outfit(layers).map_err(|e| failed(&e))?;
         let skinned = SkinnedOutfit::new(outfit, skeleton, skins)
             .map_err(|e| failed(&AnimateError::from(e)))?;
-        let pinch = if keep_body { Pinch::Keep } else { Pinch::Yield };
-        let params = AnimateParams { pinch, ..AnimateParams::default() };
         let done =
             follow(&skinned, &motion, &params, folder.path(), monitor).map_err(|e| failed(&e))?;
         let counts: Vec<usize> =

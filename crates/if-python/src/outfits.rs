@@ -10,11 +10,14 @@ use if_mesh::seams::weld;
 use if_outfit::unresolved::Unresolved;
 use if_outfit::{
     Cleanness, Layer, Outfit, OutfitError, ResolveError, ResolveParams, Resolved, notes,
+    with_parameter,
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rayon::prelude::*;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::json;
 
 /// Positions, and triangles if they were split.
@@ -149,18 +152,25 @@ pub(crate) fn default_params() -> PyResult<String> {
     serde_json::to_string(&ResolveParams::default()).map_err(no_json)
 }
 
-/// Parameters by name.
+/// Default parameters, with those replaced that are given by name, as JSON. Ranges are not checked.
+pub(crate) fn with_named<T: Clone + Default + Serialize + DeserializeOwned>(
+    py: Python<'_>,
+    params: &[(String, String)],
+) -> PyResult<T> {
+    params.iter().try_fold(T::default(), |found, (name, json)| {
+        let value: serde_json::Value = serde_json::from_str(json)
+            .map_err(|e| PyValueError::new_err(format!("params[{name:?}]: {e}")))?;
+        with_parameter(&found, name, &value).map_err(|e| e.raised(py))
+    })
+}
+
+/// Parameters of [`resolve`] by name.
 pub(crate) fn named(
     py: Python<'_>,
     params: &[(String, String)],
     clearance: Option<f64>,
 ) -> PyResult<ResolveParams> {
-    let mut found = ResolveParams::default();
-    for (name, json) in params {
-        let value: serde_json::Value = serde_json::from_str(json)
-            .map_err(|e| PyValueError::new_err(format!("params[{name:?}]: {e}")))?;
-        found = found.with(name, &value).map_err(|e| e.raised(py))?;
-    }
+    let mut found: ResolveParams = with_named(py, params)?;
     if let Some(clearance) = clearance {
         found.goal.clearance = clearance;
     }

@@ -1,6 +1,7 @@
 """Outfits that follow motions."""
 
 import json
+import re
 
 import ifgarments
 import numpy as np
@@ -88,3 +89,36 @@ def test_what_does_not_fit_is_named(outfit, belt):
         ifgarments.animate(*outfit, {"joints": []}, MOTION)
     with pytest.raises(FileNotFoundError):
         ifgarments.animate(*outfit, SKELETON, "missing.json")
+
+
+def test_parameters_are_given_by_name(outfit, tmp_path):
+    def kept(**arguments):
+        done = ifgarments.animate(*outfit, SKELETON, MOTION, frames=tmp_path, **arguments)
+        return done.report["kept"]
+
+    # Frames are kept if they are of the same parameters.
+    assert kept() == 0
+    assert kept(params={"smoothing": 0.2, "walk": {"sweeps": 60}}, pinch="yield") == 3
+    assert kept(params={"smoothing": 0, "sweeps": 50}) == 0
+    assert kept(params={"smoothing": np.float32(0), "walk.sweeps": 50}) == 3
+    assert kept(pinch="keep") == 0 and kept(params={"pinch": "keep"}) == 3
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        ({"smooth": 0.1}, "unknown parameter `smooth`; valid names are `turn`, `body_limit`, "),
+        ({"walk": {"sweep": 1}}, "unknown parameter `walk.sweep`; valid names are"),
+        ({"walk": 3}, "parameter `walk`: it is a group; give a mapping of its parameters `gap`, "),
+        ({"turn": 0}, "parameter `turn` is 0; it must be from 0.001 to 1 (radians)"),
+        ({"turn": "wide"}, "parameter `turn`: `wide` is text; give a number"),
+        (
+            {"gap": 1e-3, "walk": {"gap": 1e-4}},
+            "parameter `gap` is given twice, as `gap` and as `gap` in `walk`; give it once",
+        ),
+        ({"pinch": "keep"}, "parameter `pinch` is given twice, as the argument `pinch` and as"),
+    ],
+)
+def test_bad_parameters_are_named(outfit, arguments, words):
+    with pytest.raises(ifgarments.ParameterError, match=re.escape(words)):
+        ifgarments.animate(*outfit, SKELETON, MOTION, pinch="yield", params=arguments)

@@ -119,6 +119,22 @@ ARGUMENTS = [
     ({"params": {"rounds": 3j}}, ValueError, "a complex has no JSON"),
     ({"params": {"goal": {"clearance": np.float32("nan")}}}, ValueError, "not JSON compliant"),
     ({"params": {"goal": {"own": "burn"}}}, ValueError, "burn"),
+    (
+        {"params": {"goal": 3}},
+        ValueError,
+        "parameter `goal`: it is a group; give a mapping of its parameters `clearance`, ",
+    ),
+    (
+        {"params": {"own": "keep", "goal": {"own": "remove"}}},
+        ValueError,
+        "parameter `own` is given twice, as `own` and as `own` in `goal`; give it once",
+    ),
+    ({"params": {"rounds": 9, "effort.rounds": 8}}, ValueError, "`rounds` and as `effort.rounds`"),
+    (
+        {"clearance": 1e-3, "params": {"goal": {"clearance": 1e-3}}},
+        ValueError,
+        "as the argument `clearance` and as `clearance` in `goal`",
+    ),
     ({"params": {7: 1}}, ValueError, "unknown parameter `7`"),
 ]
 

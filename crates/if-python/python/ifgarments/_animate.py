@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _ifgarments as _native
-from ._arguments import Progress, checked_threads, folder, json_text, listener
+from ._arguments import Progress, checked_threads, folder, json_text, listener, named_params
 from ._kinds import read_outfit
 from ._outfits import Layers, Mesh
 
@@ -46,10 +46,11 @@ def animate(
     skeleton: str | os.PathLike[str] | Mapping[str, Any],
     motion: str | os.PathLike[str] | Mapping[str, Any],
     *,
-    pinch: str = "yield",
+    pinch: str | None = None,
     frames: str | os.PathLike[str] | None = None,
     threads: int | None = None,
     progress: Callable[[Progress], object] | None = None,
+    params: Mapping[str, Any] | None = None,
 ) -> Animated:
     """Moves a clean outfit through a motion, and proves every frame.
 
@@ -61,13 +62,15 @@ def animate(
             vertex.
         skeleton: a file, or what such a file has (``docs/reference/capture.md``).
         motion: a file, or what such a file has (``docs/animate.md``).
-        pinch: what happens where the body meets itself or leaves no room for cloth: ``"yield"``, or
-            ``"keep"``: the body stays as skinned, and what intersects it there is named in the
-            report.
+        pinch: what happens where the body meets itself or leaves no room for cloth: it yields by
+            default (``"yield"``), or stays as skinned (``"keep"``), and what intersects it there is
+            named in the report.
         frames: a folder in which frames are kept as they are done, so that a call that was stopped
             goes on there; none by default.
         threads: as in :func:`resolve`.
         progress: as in :func:`resolve`; the stage ``"frame"`` is reported before each.
+        params: other parameters, by name (``{"smoothing": 0.1}``) or group
+            (``{"walk": {"sweeps": 40}}``): see ``docs/python.md``.
 
     Returns:
         The positions in all frames, and a report. A frame that cannot be made clean is no error:
@@ -75,11 +78,15 @@ def animate(
 
     Raises:
         OutfitError: the layers are not a valid outfit.
+        ParameterError: a parameter is unknown, out of range or given twice.
         AnimateError: the outfit is not clean, or skeleton, weights or motion do not belong to it.
         ValueError, TypeError: an argument is no mesh, or no array of the right shape.
     """
-    if pinch not in ("yield", "keep"):
+    if pinch not in (None, "yield", "keep"):
         raise ValueError(f'pinch is {pinch!r}; it must be "yield" or "keep"')
+    named = named_params(params, pinch=pinch)
+    if pinch is not None:
+        named.append(("pinch", json_text(pinch)))
     outfit = read_outfit(body, layers)
     names = [layer.name for layer in outfit]
     unknown = sorted(set(weights) - set(names))
@@ -97,7 +104,7 @@ def animate(
         _json(skeleton, "skeleton"),
         _json(motion, "motion"),
         None if frames is None else folder(frames, "frames"),
-        pinch == "keep",
+        named,
         checked_threads(threads),
         listener(progress),
     )

@@ -28,12 +28,17 @@ class Progress(NamedTuple):
     measures: dict[str, float]
 
 
-def named_params(params: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    """Names and values as JSON."""
+def named_params(params: Mapping[str, Any] | None, **arguments: Any) -> list[tuple[str, str]]:
+    """Names and values as JSON.
+
+    `arguments` are those of the caller that are parameters too: who gives one, must not give it in
+    `params` as well.
+    """
     if params is None:
         return []
     if not isinstance(params, Mapping):
         raise TypeError(f"params is {params!r}; it must be a mapping of names to values")
+    _check_given_once(params, [name for name, value in arguments.items() if value is not None])
     named = []
     for name, value in params.items():
         try:
@@ -41,6 +46,32 @@ def named_params(params: Mapping[str, Any] | None) -> list[tuple[str, str]]:
         except (TypeError, ValueError) as error:
             raise ParameterError(f"parameter `{name}` is {value!r}: {error}") from None
     return named
+
+
+def resolve_params(
+    params: Mapping[str, Any] | None, clearance: float | None
+) -> tuple[list[tuple[str, str]], float | None]:
+    """Parameters of :func:`resolve` as the native module takes them."""
+    gap = None if clearance is None else number(clearance, "clearance")
+    return named_params(params, clearance=clearance), gap
+
+
+def _check_given_once(params: Mapping[str, Any], arguments: list[str]) -> None:
+    """Of a parameter that is given as `own` and as `goal.own` the last value would be taken."""
+    given = [(name, f"as the argument `{name}`") for name in arguments]
+    for name, value in params.items():
+        if isinstance(value, Mapping):
+            given += [(f"{name}.{field}", f"as `{field}` in `{name}`") for field in value]
+        else:
+            given.append((str(name), f"as `{name}`"))
+    for k, (path, place) in enumerate(given):
+        group, _, field = path.rpartition(".")
+        for other, other_place in given[:k]:
+            other_group, _, other_field = other.rpartition(".")
+            if field == other_field and (group == other_group or "" in (group, other_group)):
+                raise ParameterError(
+                    f"parameter `{field}` is given twice, {other_place} and {place}; give it once"
+                )
 
 
 def json_text(value: Any) -> str:

@@ -76,7 +76,7 @@ def animate(
     skeleton: bytes,
     motion: bytes,
     folder: str | None,
-    keep_body: bool,
+    params: list[tuple[str, str]],
     threads: int | None,
     progress: ProgressCallback | None,
 ) -> tuple[

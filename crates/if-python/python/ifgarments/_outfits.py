@@ -16,8 +16,8 @@ from ._arguments import (
     checked_threads,
     folder,
     listener,
-    named_params,
     number,
+    resolve_params,
     whole,
 )
 from ._files import whole_file
@@ -73,8 +73,7 @@ def resolve(
     rebuild = [layer.rebuild() for layer in garments.layers]
     found = _native.resolve(
         native,
-        named_params(params),
-        None if clearance is None else number(clearance, "clearance"),
+        *resolve_params(params, clearance),
         bool(strict),
         checked_threads(threads),
         listener(progress),
