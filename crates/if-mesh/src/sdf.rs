@@ -24,10 +24,11 @@ pub enum SdfError {
     /// The mesh has no triangles.
     #[error("a mesh without triangles has no distance")]
     Empty,
-    /// An edge does not have two triangles, so that there is no inside.
+    /// An edge does not have two triangles, so that there is no inside. [`MeshSdf::open`] is for
+    /// garments.
     #[error(
         "{triangles} triangles meet in the edge from vertex {} to vertex {} (and {others} more edges are not shared by two): the mesh \
-         is not closed; close it, or use MeshSdf::open",
+         is not closed, and has no inside; close its holes",
         edge[0], edge[1]
     )]
     NotClosed {

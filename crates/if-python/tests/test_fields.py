@@ -38,7 +38,13 @@ def test_numbers_and_arrays_of_numpy_are_taken(body):
 @pytest.mark.parametrize(
     "call, kind, words",
     [
-        (lambda: ifgarments.extract(band()), ValueError, "field: "),
+        (lambda: ifgarments.extract(band()), ValueError, "has no inside; close its holes"),
+        (
+            lambda: ifgarments.extract(ball(), cell="2cm"),
+            TypeError,
+            "cell is '2cm'; give a number, in metres",
+        ),
+        (lambda: ifgarments.fit(ball(), accuracy="1mm"), TypeError, "give a number, in metres"),
         (lambda: ifgarments.extract(b"no network"), ValueError, "field: "),
         (lambda: ifgarments.extract(7), TypeError, "field is a int"),
         (lambda: ifgarments.extract(ball(), cell=0), ifgarments.ParameterError, "cell"),

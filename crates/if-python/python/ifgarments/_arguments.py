@@ -52,7 +52,7 @@ def resolve_params(
     params: Mapping[str, Any] | None, clearance: float | None
 ) -> tuple[list[tuple[str, str]], float | None]:
     """Parameters of :func:`resolve` as the native module takes them."""
-    gap = None if clearance is None else number(clearance, "clearance")
+    gap = None if clearance is None else length(clearance, "clearance")
     return named_params(params, clearance=clearance), gap
 
 
@@ -105,12 +105,17 @@ def listener(
     return lambda *values: progress(Progress(*values))
 
 
-def number(value: Any, argument: str) -> float:
-    """A number as the native module takes it."""
+def number(value: Any, argument: str, unit: str = "") -> float:
+    """A number as the native module takes it; `unit` ends the advice: `, in metres`."""
     try:
         return float(value)
     except (TypeError, ValueError, OverflowError):
-        raise TypeError(f"{argument} is {value!r}; it must be a number") from None
+        raise TypeError(f"{argument} is {value!r}; give a number{unit}") from None
+
+
+def length(value: Any, argument: str) -> float:
+    """A length as the native module takes it."""
+    return number(value, argument, ", in metres")
 
 
 def whole(value: Any, argument: str, least: int, most: int) -> int:

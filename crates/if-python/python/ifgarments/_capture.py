@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _ifgarments as _native
-from ._arguments import Progress, checked_threads, folder, listener, number
+from ._arguments import Progress, checked_threads, folder, length, listener
 from ._outfits import Arrays
 
 
@@ -59,7 +59,7 @@ def reconstruct(
     found = _native.reconstruct(
         folder(capture, "capture"),
         folder(body, "body"),
-        None if cell is None else number(cell, "cell"),
+        None if cell is None else length(cell, "cell"),
         None if checkpoint is None else folder(checkpoint, "checkpoint"),
         checked_threads(threads),
         listener(progress),

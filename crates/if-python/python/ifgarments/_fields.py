@@ -8,7 +8,16 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from . import _ifgarments as _native
-from ._arguments import Progress, checked_threads, folder, json_text, listener, number, whole
+from ._arguments import (
+    Progress,
+    checked_threads,
+    folder,
+    json_text,
+    length,
+    listener,
+    number,
+    whole,
+)
 from ._files import whole_file
 from ._kinds import read
 from ._outfits import Arrays, Mesh
@@ -42,7 +51,7 @@ def extract(
     """
     is_network = isinstance(field, (bytes, bytearray, memoryview))
     mesh = None if is_network else read(field, "field", "field").native()
-    given = {"resolution": {"cell": cell}, **(params or {})}
+    given = {"resolution": {"cell": length(cell, "cell")}, **(params or {})}
     try:
         text = json_text(given)
     except (TypeError, ValueError) as error:
@@ -87,7 +96,7 @@ def fit(
         read(mesh, "mesh", "mesh").native(),
         None if steps is None else whole(steps, "steps", 0, 2**63 - 1),
         None if seconds is None else number(seconds, "seconds"),
-        None if accuracy is None else number(accuracy, "accuracy"),
+        None if accuracy is None else length(accuracy, "accuracy"),
         checked_threads(threads),
         listener(progress),
     )
