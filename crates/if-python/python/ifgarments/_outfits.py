@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +29,34 @@ from .errors import IntersectionsRemain
 Mesh = Any
 #: Garments, inner to outer: meshes, pairs of name and mesh, or a mapping of names to meshes.
 Layers = Sequence[Mesh] | Sequence[tuple[str, Mesh]] | Mapping[str, Mesh]
+#: A garment as it is given and comes back: a mesh, or a pair of name and mesh.
+Garment = TypeVar("Garment")
 #: Positions in metres, shape (n, 3), and triangles, shape (m, 3).
 Arrays = tuple[NDArray[np.floating[Any]], NDArray[np.integer[Any]]]
 
 
+@overload
+def resolve(
+    body: Mesh,
+    layers: Mapping[str, Garment],
+    *,
+    clearance: float | None = None,
+    strict: bool = False,
+    threads: int | None = None,
+    progress: Callable[[Progress], object] | None = None,
+    params: Mapping[str, Any] | None = None,
+) -> Resolved[dict[str, Garment]]: ...
+@overload
+def resolve(
+    body: Mesh,
+    layers: Sequence[Garment],
+    *,
+    clearance: float | None = None,
+    strict: bool = False,
+    threads: int | None = None,
+    progress: Callable[[Progress], object] | None = None,
+    params: Mapping[str, Any] | None = None,
+) -> Resolved[list[Garment]]: ...
 def resolve(
     body: Mesh,
     layers: Layers,
@@ -42,7 +66,7 @@ def resolve(
     threads: int | None = None,
     progress: Callable[[Progress], object] | None = None,
     params: Mapping[str, Any] | None = None,
-) -> Resolved:
+) -> Resolved[Any]:
     """Removes all intersections between layers, and proves it.
 
     Args:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+#: The garments: a list, or a dict of names.
+Collection = TypeVar("Collection", covariant=True)
 
 
 @dataclass(frozen=True)
@@ -27,11 +31,11 @@ class Verified:
 
 
 @dataclass(frozen=True, eq=False)
-class Resolved(Verified):
+class Resolved(Verified, Generic[Collection]):
     """A resolved outfit."""
 
     #: The garments in the kind, the collection and the order given.
-    layers: Any = field(repr=False)
+    layers: Collection = field(repr=False)
     #: Positions of a body that was drawn back (``params={"pinch": "yield"}``), shape (n, 3); ``None``
     #: if it stayed as it was.
     body: NDArray[np.floating[Any]] | None = field(default=None, repr=False)

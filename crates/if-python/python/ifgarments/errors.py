@@ -88,10 +88,10 @@ class IntersectionsRemain(Error):
             and ``triangles`` (some of the pairs, inner triangle first).
     """
 
-    partial: Resolved
+    partial: Resolved[Any]
     unresolved: dict[str, Any]
 
-    def __init__(self, message: str, partial: Resolved, unresolved: dict[str, Any]) -> None:
+    def __init__(self, message: str, partial: Resolved[Any], unresolved: dict[str, Any]) -> None:
         super().__init__(message, partial, unresolved)
         self.partial = partial
         self.unresolved = unresolved
