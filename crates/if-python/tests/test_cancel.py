@@ -2,6 +2,7 @@
 
 import os
 import signal
+import tempfile
 import threading
 import time
 
@@ -9,7 +10,8 @@ import numpy as np
 import pytest
 
 import ifgarments
-from test_animate import MOTION, SKELETON, outfit  # noqa: F401
+from conftest import ball
+from test_animate import MOTION, SKELETON
 
 
 def test_progress_is_reported_in_order(body, belt, shirt):
@@ -86,12 +88,12 @@ def test_ctrl_c_ends_a_long_call_soon(with_progress, interruptible):
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="threads are listed there")
+@pytest.mark.parametrize("rings", [16, 120])
 def test_no_temporary_folder_is_left_when_interrupted_work_ends(
-    outfit,  # noqa: F811
-    interruptible,
-    tmp_path,
-    monkeypatch,
+    rings, belt, interruptible, tmp_path, monkeypatch
 ):
+    """With many rings the call ends before the work, which has no frames yet."""
+
     def working():
         names = []
         for thread in os.listdir("/proc/self/task"):
@@ -103,15 +105,20 @@ def test_no_temporary_folder_is_left_when_interrupted_work_ends(
         return any(name.startswith("ifgarments-") for name in names)
 
     def interrupt():
-        while not list(tmp_path.glob("*/walked/*")):
+        while not os.listdir(tmp_path):
             time.sleep(0.001)
+        time.sleep(0.1)
         os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setenv("TMPDIR", str(tmp_path))
-    long = {**MOTION, "frames": MOTION["frames"] * 200}
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    body = ball(rings=rings, around=2 * rings)
+    outside = 1.1 * belt[0], belt[1]
+    weights = np.tile([1, 0, 0, 0], (len(body[0]), 1))
+    motion = {**MOTION, "frames": MOTION["frames"] * 500}
     threading.Thread(target=interrupt, daemon=True).start()
     with pytest.raises(KeyboardInterrupt):
-        ifgarments.animate(*outfit, SKELETON, long)
+        ifgarments.animate(body, [outside], {"body": (0 * weights, weights)}, SKELETON, motion)
     while working():
         time.sleep(0.01)
     assert os.listdir(tmp_path) == []
