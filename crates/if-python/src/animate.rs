@@ -90,12 +90,9 @@ pub(crate) fn animate<'py>(
             skinned.outfit.layers().map(|layer| layer.mesh.vertices().len()).collect();
         let mut positions: Vec<Vec<f32>> = vec![Vec::new(); counts.len()];
         for frame in 0..done.frames.len() {
-            let all = done.frames.positions(frame).map_err(|e| failed(&e))?;
-            let mut rest = &all[..];
-            for (count, flat) in counts.iter().zip(&mut positions) {
-                let (layer, after) = rest.split_at(*count);
+            let layers = done.frames.layers(frame).map_err(|e| failed(&e))?;
+            for (layer, flat) in layers.iter().zip(&mut positions) {
                 flat.extend(layer.iter().flat_map(|p| p.iter()).map(|x| *x as f32));
-                rest = after;
             }
         }
         Ok((done.report, skinned.without_weights, counts, positions, done.frames.len()))

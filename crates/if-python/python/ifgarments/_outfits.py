@@ -74,7 +74,7 @@ def resolve(
             it may be open, and must have an inside.
         layers: garments, inner to outer. They are not changed. Positions in float32 are proven as
             float32.
-        clearance: gap between layers, in metres; 0.3 mm by default.
+        clearance: gap between layers at vertices and long edges, in metres; 0.3 mm by default.
         strict: no garment, nor the body, may intersect itself either.
         threads: number of threads; all cores by default. Results do not depend on it.
         progress: is called with a :class:`Progress`. An exception of it cancels the work.
