@@ -8,7 +8,7 @@ pub use bvh::BvhError;
 use self::bvh::Bvh;
 use self::retarget::{Retargeted, retarget};
 use crate::pose::{Pose, PoseError};
-use crate::skeleton::Skeleton;
+use crate::skeleton::{Skeleton, opened};
 use if_core::math::{Real, Vector};
 use nalgebra::UnitQuaternion;
 use serde::{Deserialize, Serialize};
@@ -177,7 +177,7 @@ impl Motion {
     ///
     /// As [`Motion::read`].
     pub fn read_path(path: &Path, skeleton: &Skeleton) -> Result<Self, MotionError> {
-        Self::read(io::BufReader::new(std::fs::File::open(path)?), skeleton)
+        Self::read(opened(path)?, skeleton)
     }
 
     /// The frames of a range, at the same rate.

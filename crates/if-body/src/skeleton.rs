@@ -143,7 +143,7 @@ impl Skeleton {
     ///
     /// As [`Skeleton::read`].
     pub fn read_path(path: &Path) -> Result<Self, SkeletonError> {
-        Self::read(io::BufReader::new(std::fs::File::open(path)?))
+        Self::read(opened(path)?)
     }
 
     /// Writes what [`Skeleton::read`] reads.
@@ -245,6 +245,12 @@ impl Skeleton {
     }
 }
 
+/// The file at `path`, or an error that names it.
+pub(crate) fn opened(path: &Path) -> io::Result<impl io::BufRead> {
+    let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: {e}", path.display()));
+    std::fs::File::open(path).map(io::BufReader::new).map_err(named)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -299,6 +305,21 @@ mod tests {
         let mut bytes = Vec::new();
         arm().write(&mut bytes).unwrap();
         assert_eq!(Skeleton::read(&bytes[..]).unwrap(), arm());
+    }
+
+    #[test]
+    fn a_file_that_is_missing_is_named() {
+        let path = Path::new("nowhere/skeleton.json");
+        let message = Skeleton::read_path(path).unwrap_err().to_string();
+        assert!(
+            message.starts_with("cannot read the skeleton: nowhere/skeleton.json: "),
+            "{message}"
+        );
+        let message = crate::Motion::read_path(path, &arm()).unwrap_err().to_string();
+        assert!(
+            message.starts_with("cannot read the motion: nowhere/skeleton.json: "),
+            "{message}"
+        );
     }
 
     #[test]
