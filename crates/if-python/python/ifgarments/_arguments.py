@@ -16,7 +16,8 @@ from .errors import ParameterError
 class Progress(NamedTuple):
     """What a callback receives."""
 
-    #: The stage of the work: ``"verify"``, ``"untangle"``, ``"settle"``, ``"repair"``, ``"done"``.
+    #: The stage of the work: ``"verify"``, ``"untangle"``, ``"settle"``, ``"repair"``, ``"done"``,
+    #: ``"apart"``.
     stage: str
     #: The layer.
     item: str
