@@ -44,7 +44,8 @@ pub(crate) enum Order {
 /// Parameters of `resolve`.
 #[derive(Args, Debug, Clone, Default)]
 pub(crate) struct ParamArgs {
-    /// Gap to keep between layers, with a unit: 0.5mm, 0.0005m; metres without one.
+    /// Gap to keep between layers at vertices and long edges, with a unit: 0.5mm, 0.0005m; metres
+    /// without one.
     #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
     pub(crate) clearance: Option<f64>,
     /// Move the layers of a clean result apart until no two come nearer than this, as far as there

@@ -73,7 +73,9 @@ impl LoadError {
 fn outfit_advice(error: &OutfitError, given: f64) -> String {
     match error {
         OutfitError::Units { scale, .. } if given != 1.0 => match given * scale {
-            1.0 => format!("it was scaled by {given}; leave out --scale"),
+            1.0 => format!(
+                "it was scaled by {given}; leave out --scale, or `scale` in the outfit file"
+            ),
             both => format!("it was scaled by {given}; give --scale {both} instead"),
         },
         OutfitError::Units { unit, scale, .. } => {

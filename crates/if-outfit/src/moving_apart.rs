@@ -10,7 +10,7 @@ use crate::distances;
 use crate::dressing::Dressed;
 use crate::findings::{Findings, LayerFindings};
 use crate::motion::moved_apart;
-use crate::outfit::Outfit;
+use crate::outfit::{Layer, Outfit};
 use crate::report::MovedApart;
 use crate::verify::verify_changed;
 use if_core::math::Real;
@@ -86,11 +86,13 @@ impl Attempt {
 
     /// The outfit that was reached.
     pub(crate) fn reached(&self) -> Outfit {
-        let mut reached = self.outfit.clone();
-        for (garment, dressed) in reached.garments.iter_mut().zip(&self.dressed) {
-            garment.mesh = dressed.mesh.clone();
-        }
-        reached
+        let garment = |(given, dressed): (&Layer, &Dressed)| Layer {
+            name: given.name.clone(),
+            mesh: dressed.mesh.clone(),
+            storage: given.storage,
+        };
+        let garments = self.outfit.garments.iter().zip(&self.dressed).map(garment);
+        Outfit { body: self.outfit.body.clone(), garments: garments.collect() }
     }
 }
 

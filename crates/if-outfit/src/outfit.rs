@@ -136,8 +136,8 @@ impl Outfit {
     ///
     /// A layer without triangles, the body as a garment, two layers of one name, a body without an
     /// inside or not in metres (taller than 20 units or smaller than 0.1), a garment whose box is
-    /// further from the body's than the body is tall, or twelve times as large. Vertices of no triangle
-    /// count as none.
+    /// further from the body's than the body is tall, twelve times as large, or less than a hundredth of
+    /// it. Vertices of no triangle count as none.
     ///
     /// A body may be open, inside out, in several parts and intersect itself: what is assumed of it
     /// then is in [`Verification::body`](crate::report::Verification::body).

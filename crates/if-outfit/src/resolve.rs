@@ -85,8 +85,8 @@ pub enum ResolveError {
 /// may be split; the report counts them once. Vertices of no triangle stay.
 ///
 /// `monitor` receives the stages `"untangle"`, `"verify"`, `"settle"`, `"repair"` and `"done"` of
-/// each garment, and `"apart"` where [`GoalParams::least_distance`] is set; with [`Method::Paper`] also `"algorithm 1"`, and within it those of
-/// [`Baked::part`](if_mesh::baked::Baked::part) and
+/// each garment, and `"apart"` where [`GoalParams::least_distance`] is set; with [`Method::Paper`]
+/// also `"algorithm 1"`, and within it those of [`Baked::part`](if_mesh::baked::Baked::part) and
 /// [`run_algorithm1`](if_xpbd::algorithm1::run_algorithm1). `done` is the round; the measures are
 /// `"garment"` of `"garments"`, counted from 1, and `"pairs"`, the intersecting triangle pairs that
 /// remain.
@@ -229,7 +229,6 @@ fn resolve_on_body(
 
     let mut report = attempt.report(before, params);
     report.moved_apart = moved_apart;
-    let given = attempt.outfit.clone();
     let mut found = attempt.reached();
     distances::measure(&found, &attempt.closed, &mut report.after);
     if let Some(welded) = &welded {
@@ -245,7 +244,7 @@ fn resolve_on_body(
     report.seconds = start.elapsed().as_secs_f64();
     let resolved = Resolved { outfit: found, splits: attempt.splits, report };
     let remains = |given| Unresolved::of(&given, (&resolved.outfit, &resolved.report));
-    match (!resolved.report.is_proven()).then_some(given).and_then(remains) {
+    match (!resolved.report.is_proven()).then_some(attempt.outfit).and_then(remains) {
         None => Ok(resolved),
         Some(unresolved) => Err(remaining(unresolved, resolved)),
     }

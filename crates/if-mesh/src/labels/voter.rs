@@ -36,7 +36,7 @@ use std::borrow::Cow;
 #[serde(default, deny_unknown_fields)]
 pub struct VoteParams {
     /// Pixels nearer than this to an edge do not vote: with 0 all pixels vote, with 1 those that do
-    /// not touch one. Of pixels that vote in parts, the outer half of the last one does.
+    /// not touch one. Where pixels vote in parts it is half a pixel less.
     pub margin: usize,
     /// Difference in depth between neighbouring pixels that counts as an edge, in metres.
     pub step: Real,
@@ -115,7 +115,7 @@ pub struct VoteReport {
 /// slivers.
 const HALF: f32 = 0.1;
 
-/// Most parts of a pixel along each side.
+/// Most parts of a pixel along each side: sixteen times the work of whole ones.
 const MOST_PARTS: usize = 4;
 
 /// Accumulates the votes of frames.
@@ -274,7 +274,8 @@ impl<'a> Voter<'a> {
             return Err(LabelError::Label { column, row, label, labels });
         }
         let labels = &enlarged(labels, width, parts);
-        // The parts beyond the middle of the last pixel that does not vote do.
+        // Half a pixel less: with a whole one 68 instead of 99 % of the skin's vertices got their label
+        // in 8 frames of 96² with noise.
         let margin = (parts * self.params.margin).saturating_sub(parts / 2);
         let edges = image_edges(&self.seen, labels, margin, self.params.step);
         let (seen, rasteriser, mesh) = (&self.seen, &self.rasteriser, self.mesh);

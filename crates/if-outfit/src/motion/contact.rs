@@ -60,17 +60,14 @@ impl Primitives {
             }
         }
     }
-}
 
-impl Primitives {
     /// The length of the shortest edge of the triangle, or of the two edges.
     fn least_edge(self, x: &[Point]) -> Real {
-        let length = |[a, b]: [u32; 2]| (x[a as usize] - x[b as usize]).norm();
-        let edges = match self {
-            Self::VertexTriangle([_, a, b, c]) => vec![[a, b], [b, c], [c, a]],
-            Self::Edges([a, b, c, d]) => vec![[a, b], [c, d]],
-        };
-        edges.into_iter().map(length).fold(Real::INFINITY, Real::min)
+        let length = |a: u32, b: u32| (x[a as usize] - x[b as usize]).norm();
+        match self {
+            Self::VertexTriangle([_, a, b, c]) => length(a, b).min(length(b, c)).min(length(c, a)),
+            Self::Edges([a, b, c, d]) => length(a, b).min(length(c, d)),
+        }
     }
 }
 
@@ -85,12 +82,12 @@ fn between_segments(a: &Point, b: &Point, c: &Point, d: &Point) -> (Real, Real) 
     (share((uv * t - uw) / uu), t)
 }
 
-/// Gaps in metres that are kept wherever primitives lie in the rest state; 0 opens nothing.
-#[derive(Clone, Copy, Debug, Default)]
+/// Gaps in metres to which the rest state is opened, wherever primitives lie in it.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Opening {
     /// Of two layers.
     pub(super) layers: Real,
-    /// Of a garment and itself, where its edges are longer.
+    /// Of a garment and itself, where its edges are longer; 0 for none.
     pub(super) own: Real,
 }
 
@@ -100,7 +97,8 @@ pub(super) struct Search<'a> {
     pub(super) params: &'a WalkParams,
     /// The state whose distances primitives keep a share of.
     pub(super) rest: &'a [Point],
-    pub(super) opening: Opening,
+    /// Gaps that are larger than those of a step, if the rest state is opened.
+    pub(super) opening: Option<Opening>,
     /// The last clean state, and its tree.
     pub(super) clean: &'a [Point],
     pub(super) tree: &'a Bvh,
@@ -297,14 +295,14 @@ impl Search<'_> {
         let nearest = primitives.nearest(self.rest);
         let rest = nearest.way.norm();
         let gap = self.params.gap.min(self.params.share * rest);
-        (gap.max(self.opened(primitives)), rest)
+        let opened = self.opening.map_or(0.0, |opening| self.opened(opening, primitives));
+        (gap.max(opened), rest)
     }
 
     /// The gap to which two primitives open.
-    fn opened(&self, primitives: Primitives) -> Real {
+    fn opened(&self, Opening { layers, own }: Opening, primitives: Primitives) -> Real {
         let (Primitives::VertexTriangle([first, .., last]) | Primitives::Edges([first, .., last])) =
             primitives;
-        let Opening { layers, own } = self.opening;
         let layer = self.scene.layer_of(first);
         if layer != self.scene.layer_of(last) {
             layers
@@ -406,7 +404,7 @@ mod tests {
             scene: &walker.scene,
             params: &walker.params,
             rest: &walker.rest,
-            opening: Opening::default(),
+            opening: None,
             clean: &walker.clean.x,
             tree: &walker.clean.tree,
             turns: &turns,

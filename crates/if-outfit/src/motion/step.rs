@@ -20,7 +20,7 @@ impl Walker {
         &self,
         target: &[Point],
         mut yielding: Yielding,
-        opening: Opening,
+        opening: Option<Opening>,
     ) -> Attempt {
         let Self { scene, params, clean, .. } = self;
         let turns = turns(scene, &self.target, target);
@@ -30,7 +30,7 @@ impl Walker {
         }
         let mut multipliers = self.multipliers.clone();
         multipliers.turn(scene, &turns);
-        let concerned = if opening.layers > 0.0 {
+        let concerned = if opening.is_some() {
             vec![true; scene.mesh.triangles().len()]
         } else {
             let fading = params.body_length.max(params.garment_length);

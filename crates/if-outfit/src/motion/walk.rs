@@ -1,7 +1,6 @@
 //! Walking: from one clean state to the next, each verified exactly.
 
 use super::attempt::{Attempt, Met};
-use super::contact::Opening;
 use super::equilibrium::Multipliers;
 use super::locality::Yielding;
 use super::params::WalkParams;
@@ -360,7 +359,7 @@ impl Walker {
             let target = path(to);
             self.check(&target)?;
             let yielding = yielding.clone().unwrap_or_else(|| self.yielding(&target));
-            let attempt = self.attempt(&target, yielding, Opening::default());
+            let attempt = self.attempt(&target, yielding, None);
             walked.solves += attempt.solves;
             walked.sweeps += attempt.sweeps;
             walked.contacts = attempt.contacts;

@@ -151,8 +151,8 @@ fn the_number_of_votes_does_not_depend_on_the_resolution() {
     assert!((0.85..=1.0).contains(&coarse) && (0.6..=1.0).contains(&fine), "{coarse} {fine}");
 }
 
-/// On edges of 3 mm seen in pixels of 14 mm, 16 of 17 vertices are no corner of a triangle at the
-/// centre of a pixel.
+/// On edges of 3 mm seen in pixels of 14 mm, six of seven vertices are no corner of a triangle at
+/// the centre of a pixel.
 #[test]
 fn vertices_between_the_centres_of_pixels_get_votes() {
     let mesh = tube(0.2, 1.0, 400, 320, true);
