@@ -22,14 +22,14 @@ use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::receipt;
 use crate::staging::Staging;
-use crate::values::above_zero;
+use crate::values::{above_zero, assignment};
 use clap::Args;
 use if_core::math::Point;
 use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_mesh::file::{MeshFile, WriteError};
 use if_mesh::point_cache::{PointCacheError, PointCacheWriter};
-use if_outfit::Pinch;
 use if_outfit::files::{FilesError, OutfitFiles};
+use if_outfit::named_parameters::with_parameter;
 use if_outfit::outfit::Outfit;
 use if_outfit::resolve::ResolveError;
 use if_pipeline::animate::{
@@ -58,6 +58,10 @@ pub(crate) struct AnimateArgs {
     /// frame has a pinch, which is named.
     #[arg(long, value_name = "LENGTH", value_parser = above_zero, default_value = "10cm")]
     pub(crate) body_depth: f64,
+    /// Any other parameter of the motion, such as smoothing=0.2; docs/animate.md lists them. May be
+    /// given more than once.
+    #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
+    pub(crate) motion_set: Vec<(String, toml::Value)>,
     /// Output folder.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
@@ -88,9 +92,7 @@ const REPORT: &str = "report.json";
 #[derive(Clone, Debug)]
 pub(crate) struct Options {
     pub(crate) source: SourceArgs,
-    pub(crate) pinch: Pinch,
-    /// In metres.
-    pub(crate) body_depth: f64,
+    pub(crate) params: AnimateParams,
     /// Output folder.
     pub(crate) out: PathBuf,
     pub(crate) continuous: bool,
@@ -105,8 +107,7 @@ pub(crate) struct Options {
 pub(crate) fn run(args: &AnimateArgs) -> Result<End, Report> {
     let options = Options {
         source: args.source.clone(),
-        pinch: args.pinch.into(),
-        body_depth: args.body_depth,
+        params: params(args)?,
         out: args.out.clone(),
         continuous: args.continuous,
         meshes: args.meshes,
@@ -140,8 +141,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     let movement = moved.movement();
     let staging = Staging::open(&args.out)?;
     let mut monitor = Frame(line);
-    let (pinch, body_depth) = (args.pinch, args.body_depth);
-    let params = AnimateParams { pinch, body_depth, ..AnimateParams::default() };
+    let params = args.params;
     let folder = args.out.join(FRAMES);
     let mut animation = match follow(movement, &params, &folder, &mut monitor) {
         Ok(animation) => animation,
@@ -223,6 +223,18 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         print(&format!("{head}\n\n{}", summary::text(found, notes, &args.out, &names)))?;
     }
     Ok(end(&animation, between.as_deref(), args.strict))
+}
+
+/// The parameters of the motion.
+fn params(args: &AnimateArgs) -> Result<AnimateParams, AnimateFault> {
+    let (pinch, body_depth) = (args.pinch.into(), args.body_depth);
+    let params = AnimateParams { pinch, body_depth, ..AnimateParams::default() };
+    let params = args
+        .motion_set
+        .iter()
+        .try_fold(params, |params, (name, value)| with_parameter(&params, name, value))?;
+    params.validate()?;
+    Ok(params)
 }
 
 /// The outfit that is named, in metres and in order.

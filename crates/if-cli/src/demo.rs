@@ -99,9 +99,8 @@ pub(crate) fn run(args: &DemoArgs) -> Result<End, Report> {
         fps: None,
     };
     let options = animate::Options {
-        pinch: AnimateParams::default().pinch,
-        body_depth: AnimateParams::default().body_depth,
         source,
+        params: AnimateParams::default(),
         out: args.out.join("motion"),
         continuous: false,
         meshes: false,

@@ -34,6 +34,7 @@ pub use report::{AnimationReport, FrameReport, Spread};
 use finisher::Finisher;
 use if_body::Motion;
 use if_core::monitor::{Monitor, Progress};
+use smoother::Smoother;
 use std::path::Path;
 use std::time::Instant;
 use window::Window;
@@ -94,8 +95,9 @@ pub fn follow(
     let kept = frames.len();
     finisher.resume(kept, |frame| frames.positions(frame))?;
     let mut window = Window::open(&folder.join(WALKED), movement, params)?;
-    window.resume(kept.saturating_sub(radius), &mut animator);
-    let last_needed = |k: usize| (k + radius).min(total.saturating_sub(1));
+    let reach = Smoother::reach(radius);
+    window.resume(kept.saturating_sub(reach), &mut animator);
+    let last_needed = |k: usize| (k + reach).min(total.saturating_sub(1));
     let working = Instant::now();
     let mut begun = working;
     for k in kept..total {
@@ -127,7 +129,7 @@ pub fn follow(
         if let Some((positions, row)) = walked? {
             window.push(positions, row, &animator)?;
         }
-        window.forget((k + 1).saturating_sub(radius))?;
+        window.forget(k + 1, (k + 1).saturating_sub(reach))?;
     }
     let seconds = start.elapsed().as_secs_f64();
     let report = AnimationReport::new(frames.rows(), movement.frames_per_second(), kept, seconds);

@@ -1,6 +1,8 @@
 //! What can go wrong with an animation.
 
 use if_body::{MotionError, SequenceError, SkeletonError};
+use if_core::parameter::ParameterError;
+use if_outfit::NamedParameterError;
 use if_outfit::unresolved::Unresolved;
 use if_pipeline::animate::{AnimateError, SkinFault};
 use miette::Diagnostic;
@@ -43,6 +45,18 @@ pub(super) enum AnimateFault {
     #[error("{what} has no use for {option}")]
     #[diagnostic(code(ifg::arguments::no_use), help("leave {option} out"))]
     NoUse { what: &'static str, option: &'static str },
+    #[error(transparent)]
+    #[diagnostic(
+        code(ifg::arguments::parameter),
+        help("docs/animate.md lists the parameters of the motion and their defaults")
+    )]
+    Name(#[from] NamedParameterError),
+    #[error(transparent)]
+    #[diagnostic(
+        code(ifg::arguments::parameter),
+        help("docs/animate.md lists the parameters of the motion and their defaults")
+    )]
+    Range(#[from] ParameterError),
     #[error("--frames {text}: {fault}")]
     #[diagnostic(
         code(ifg::arguments::frames),

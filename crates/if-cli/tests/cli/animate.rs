@@ -9,6 +9,7 @@ use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::tube;
 use if_mesh::gltf::read_layer;
 use if_mesh::ply::{PlyMesh, WriteParams, read_path, write_path};
+use if_pipeline::animate::AnimateParams;
 use serde_json::{Value, json};
 use std::f64::consts::FRAC_PI_8;
 
@@ -57,7 +58,9 @@ fn a_knee_is_lifted_in_clean_frames_that_point_caches_hold() {
         assert!(run.stdout.contains(words), "{words}\n{}", run.stdout);
     }
     let report: Value = serde_json::from_slice(&folder.read("moved/report.json")).unwrap();
+    assert_eq!(report["params"], json!(AnimateParams::default()));
     let frames = report["report"]["frames"].as_array().unwrap();
+    assert!(frames.iter().all(|f| f["smoothed"] == true));
     assert!(frames[0]["pairs_before"].as_u64().unwrap() > 0);
     assert!(frames.iter().all(|f| f["pairs"] == 0 && f["new_own_pairs"] == 0 && f["inside"] == 0));
     // The last frame of the cache is the mesh of the last frame, and that is clean by `check`.
@@ -293,6 +296,19 @@ fn the_built_in_person_takes_two_steps() {
 }
 
 #[test]
+fn parameters_of_the_motion_are_set_by_name() {
+    let folder = scene();
+    let set = "--motion-set smoothing=0 --motion-set walk.gap=0.0008 --frames 0-1 --no-pictures";
+    folder.ifg(&format!("{ANIMATE} --out moved {set}")).expect(0);
+    let report: Value = serde_json::from_slice(&folder.read("moved/report.json")).unwrap();
+    let mut params = AnimateParams { smoothing: 0.0, ..AnimateParams::default() };
+    params.walk.gap = 0.0008;
+    assert_eq!(report["params"], json!(params));
+    let frames = report["report"]["frames"].as_array().unwrap();
+    assert!(frames.iter().all(|f| f["smoothed"] == false));
+}
+
+#[test]
 fn motions_and_weights_that_do_not_fit_are_errors_that_name_them() {
     let folder = scene();
     let fails = |options: &str, words: &str| {
@@ -322,6 +338,9 @@ fn motions_and_weights_that_do_not_fit_are_errors_that_name_them() {
     fails("--frames 3", "the motion has 3 frames, the last is 2");
     fails("--frames 2-1", "the last frame is before the first");
     fails("--frames x", "`x` is no frame");
+    fails("--motion-set smoothing=-1", "`smoothing` is -1");
+    fails("--motion-set clearance=0.1", "unknown parameter `clearance`; valid names are `turn`, ");
+    fails("--motion-set gap=wide", "parameter `gap`");
     fails("--fps 25", "has no use for --fps");
     folder
         .ifg("animate --body doll/trousers.ply doll/trousers.ply --motion doll/motion.json --out moved")

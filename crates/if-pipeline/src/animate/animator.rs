@@ -21,7 +21,7 @@ pub struct AnimateParams {
     /// well, and the better of the two kept.
     pub body_limit: Real,
     /// Seconds before and after each frame over which displacements are smoothed; 0 for no smoothing.
-    /// Frames that lie farther apart are not smoothed.
+    /// Frames that lie farther apart than this, or than 0.2 s, are not smoothed.
     pub smoothing: Real,
     /// What happens where the body meets itself or leaves no room for the cloth between. If it is
     /// kept, it is as skinned in each frame, and [`FrameReport::pinch`] has what intersects there.
@@ -38,7 +38,7 @@ impl Default for AnimateParams {
         Self {
             turn: 0.1,
             body_limit: 0.03,
-            smoothing: 0.2,
+            smoothing: 0.4,
             pinch: Pinch::Yield,
             body_depth: 0.1,
             walk: WalkParams::default(),
@@ -73,11 +73,13 @@ impl AnimateParams {
     pub(super) fn smoothed_frames(&self, frames_per_second: Real) -> usize {
         // A whole number of frames stays one, whatever its product is rounded to. A rate is positive
         // and finite, and the cast saturates.
-        let frames = (self.smoothing * frames_per_second + 1e-6).floor();
-        (frames as usize).min(MOST_SMOOTHING)
+        let frames = |seconds: Real| (seconds * frames_per_second + 1e-6).floor() as usize;
+        if frames(MOST_APART) == 0 { 0 } else { frames(self.smoothing).min(MOST_SMOOTHING) }
     }
 }
 
+/// Seconds between frames that have anything in common to smooth.
+const MOST_APART: Real = 0.2;
 /// Most frames of smoothing to each side. The window is held in memory.
 const MOST_SMOOTHING: usize = 30;
 

@@ -47,16 +47,23 @@ impl<'a> Finisher<'a> {
         window: &Window,
     ) -> Result<(Vec<Point>, FrameReport), AnimateError> {
         let walked = window.frame(k);
-        let mut positions = self.smoother.frame(k, window)?;
-        let mut found = self.measurer.verify(&self.walker, &positions)?;
-        let mut smoothed = positions != walked.positions;
-        if smoothed && !found.is_clean() {
-            // Contacts keep layers apart, and not vertices on their sides.
-            let unsmoothed = self.measurer.verify(&self.walker, &walked.positions)?;
-            if unsmoothed.is_clean() {
-                (positions, found, smoothed) = (walked.positions.clone(), unsmoothed, false);
+        // Contacts keep layers apart, and not vertices on their sides.
+        let mut smoothed = None;
+        for positions in self.smoother.frame(k, window)? {
+            let found = self.measurer.verify(&self.walker, &positions)?;
+            if found.is_clean() {
+                smoothed = Some((positions, found));
+                break;
             }
         }
+        let is_smoothed = smoothed.is_some();
+        let (mut positions, mut found) = match smoothed {
+            Some(clean) => clean,
+            None => {
+                let found = self.measurer.verify(&self.walker, &walked.positions)?;
+                (walked.positions.clone(), found)
+            }
+        };
         if let Some(kept) = self.measurer.within(&mut self.walker, k, &positions, self.depth)? {
             (positions, found) = kept;
         }
@@ -66,7 +73,7 @@ impl<'a> Finisher<'a> {
             own_pairs: found.own_pairs,
             body_own_pairs: found.body_own_pairs,
             new_own_pairs: found.new_own_pairs,
-            smoothed,
+            smoothed: is_smoothed,
             pinch: found.pinch,
             ..walked.row.clone()
         };

@@ -105,17 +105,19 @@ fn a_run_that_was_stopped_goes_on_with_the_same_bits() {
 
 #[test]
 fn walked_frames_are_removed_when_no_frame_needs_them_any_more() {
-    let (outfit, motion) = (outfit(), motion(4));
+    let (outfit, motion) = (outfit(), motion(6));
     let params = AnimateParams { smoothing: 1.0 / 30.0, ..AnimateParams::default() };
     let [whole, parts] = [0, 1].map(|_| tempfile::tempdir().unwrap());
     let all = animate(&outfit, &motion, &params, whole.path(), &mut Silent).unwrap();
     let has = |folder: &Path, frame| folder.join(format!("walked/{frame:06}.frame")).exists();
-    assert_eq!([0, 1, 2, 3].map(|k| has(whole.path(), k)), [false, false, false, true]);
+    let held = |folder: &Path| (0..6).filter(|k| has(folder, *k)).collect::<Vec<_>>();
+    assert_eq!(held(whole.path()), [4, 5]);
     // A run that is stopped goes on from what is left.
-    animate(&outfit, &motion, &params, parts.path(), &mut Before(2)).unwrap_err();
-    assert_eq!([0, 1, 2, 3].map(|k| has(parts.path(), k)), [false, true, true, true]);
+    animate(&outfit, &motion, &params, parts.path(), &mut Before(4)).unwrap_err();
+    assert_eq!(held(parts.path()), [2, 3, 4, 5]);
     let rest = animate(&outfit, &motion, &params, parts.path(), &mut Silent).unwrap();
-    for frame in 0..4 {
+    assert_eq!(rest.report.kept, 4);
+    for frame in 0..6 {
         let [a, b] = [&all, &rest].map(|a| a.frames.positions(frame).unwrap());
         assert!(a == b, "frame {frame}");
     }
@@ -147,7 +149,7 @@ fn smoothed_frames_tremble_less_and_are_as_clean() {
     assert!(b < 0.7 * a, "{b} {a}");
     // Frames that lie far apart have nothing in common.
     let params = AnimateParams::default();
-    assert_eq!(params.smoothed_frames(30.0), 6);
+    assert_eq!(params.smoothed_frames(30.0), 12);
     assert_eq!(params.smoothed_frames(4.0), 0);
 }
 
@@ -222,6 +224,31 @@ fn limb_and_cloth() -> SkinnedOutfit {
     let skins = vec![Some(skin(&limb, 1)), Some(skin(&cloth, 0))];
     let outfit = Outfit::new(Layer::new("limb", limb), vec![Layer::new("cloth", cloth)]).unwrap();
     SkinnedOutfit::new(outfit, skeleton.unwrap(), skins).unwrap()
+}
+
+#[test]
+fn cloth_makes_way_before_a_limb_comes() {
+    let outfit = limb_and_cloth();
+    // The limb, 4 mm thick, comes 6 mm beyond the cloth from one frame to the next.
+    let pose = |frame: usize| {
+        let mut pose = Pose::rest(2);
+        let shift = if frame < 6 { 0.1125 } else { 0.122 };
+        pose.rotations[1] = UnitQuaternion::from_axis_angle(&Vector::y_axis(), 0.1 * shift);
+        pose
+    };
+    let motion = Motion {
+        frames_per_second: 30.0,
+        poses: (0..12).map(pose).collect(),
+        unmatched: Vec::new(),
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let params = AnimateParams { smoothing: 4.0 / 30.0, ..AnimateParams::default() };
+    let done = animate(&outfit, &motion, &params, folder.path(), &mut Silent).unwrap().report;
+    assert_eq!(done.clean_everywhere, 12);
+    let pushed = done.frames[6].moved.max;
+    assert!(pushed > 0.006 && done.frames[0].moved.max < 0.001, "{pushed}");
+    // The mean of nine frames alone, with weights 1 to 5, leaves three fifths of it to one frame.
+    assert!(done.jitter_max < 0.4 * pushed, "{} {pushed}", done.jitter_max);
 }
 
 #[test]

@@ -15,6 +15,8 @@ use std::path::Path;
 pub(super) struct Window {
     stored: Frames,
     frames: BTreeMap<usize, WalkedFrame>,
+    /// The first frame on disk.
+    first: usize,
     /// The frame after the last.
     next: usize,
 }
@@ -35,7 +37,7 @@ impl Window {
         params: &AnimateParams,
     ) -> Result<Self, AnimateError> {
         let stored = Frames::open(folder, movement, params)?;
-        Ok(Self { stored, frames: BTreeMap::new(), next: 0 })
+        Ok(Self { stored, frames: BTreeMap::new(), first: 0, next: 0 })
     }
 
     /// Takes over frames from `first` on and brings the animator to the state after them, if all are
@@ -50,7 +52,7 @@ impl Window {
         if let Some(frames) = frames.filter(|frames| !frames.is_empty())
             && animator.resume(last, state.place, &state.snapshot)
         {
-            (self.frames, self.next) = (frames, last + 1);
+            (self.frames, self.first, self.next) = (frames, first, last + 1);
         }
     }
 
@@ -87,12 +89,14 @@ impl Window {
         self.frames.range(first..=last).map(|(frame, walked)| (*frame, walked))
     }
 
-    /// Removes all frames before `first`.
-    pub(super) fn forget(&mut self, first: usize) -> Result<(), AnimateError> {
-        let kept = self.frames.split_off(&first);
-        for frame in std::mem::replace(&mut self.frames, kept).into_keys() {
+    /// Forgets all frames before `needed`, and removes those before `first` from disk: those between
+    /// are for a run that goes on from here.
+    pub(super) fn forget(&mut self, needed: usize, first: usize) -> Result<(), AnimateError> {
+        self.frames = self.frames.split_off(&needed);
+        for frame in self.first..first {
             self.stored.remove(frame)?;
         }
+        self.first = self.first.max(first);
         Ok(())
     }
 }
