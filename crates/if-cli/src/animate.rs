@@ -21,11 +21,11 @@ use crate::output_error::OutputError;
 use crate::print::{print, print_json};
 use crate::progress::Line;
 use crate::receipt;
+use crate::shard::Shard;
 use crate::staging::Staging;
 use crate::values::{above_zero, assignment};
 use clap::Args;
 use if_core::math::Point;
-use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_mesh::file::{MeshFile, WriteError};
 use if_mesh::point_cache::{PointCacheError, PointCacheWriter};
 use if_outfit::files::{FilesError, OutfitFiles};
@@ -34,11 +34,13 @@ use if_outfit::outfit::Outfit;
 use if_outfit::resolve::ResolveError;
 use if_pipeline::animate::{
     AnimateError, AnimateParams, Animation, Frames, IntervalReport, between_frames, follow,
+    follow_part,
 };
 use miette::{IntoDiagnostic, Report};
 use serde_json::json;
 use std::fs::File;
 use std::io::{self, BufWriter};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug, Clone)]
@@ -65,6 +67,10 @@ pub(crate) struct AnimateArgs {
     /// Output folder.
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
+    /// Compute one part of the frames alone: the I-th of N machines that write into the same folder. The
+    /// same command without --shard then keeps what all did, and writes the rest.
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["continuous", "meshes", "gltf"])]
+    pub(crate) shard: Option<Shard>,
     /// Examine the ways between frames, too: whether anything passes through anything while all
     /// vertices move from one frame to the next in straight lines.
     #[arg(long)]
@@ -95,6 +101,7 @@ pub(crate) struct Options {
     pub(crate) params: AnimateParams,
     /// Output folder.
     pub(crate) out: PathBuf,
+    pub(crate) shard: Option<Shard>,
     pub(crate) continuous: bool,
     pub(crate) meshes: bool,
     pub(crate) gltf: bool,
@@ -109,6 +116,7 @@ pub(crate) fn run(args: &AnimateArgs) -> Result<End, Report> {
         source: args.source.clone(),
         params: params(args)?,
         out: args.out.clone(),
+        shard: args.shard,
         continuous: args.continuous,
         meshes: args.meshes,
         gltf: args.gltf,
@@ -139,20 +147,30 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         Err(error) => return Err(LoadError::new(spec, error).into()),
     };
     let movement = moved.movement();
-    let staging = Staging::open(&args.out)?;
-    let mut monitor = Frame(line);
     let params = args.params;
     let folder = args.out.join(FRAMES);
-    let mut animation = match follow(movement, &params, &folder, &mut monitor) {
-        Ok(animation) => animation,
-        Err(AnimateError::Cancelled(_)) => {
+    let stopped = |source| match source {
+        AnimateError::Cancelled(_) => {
             errors::note(&format!(
                 "cancelled; `{}` holds the frames that are done, and the same command goes on",
                 folder.display()
             ));
-            return Ok(End::Cancelled);
+            Ok(End::Cancelled)
         }
-        Err(source) => return Err(AnimateFault::Animate { source }.into()),
+        source => Err(AnimateFault::Animate { source }.into()),
+    };
+    let mut monitor = line;
+    if let Some(shard) = args.shard {
+        let part = shard.range(movement.frames());
+        return match follow_part(movement, &params, part.clone(), &folder, &mut monitor) {
+            Ok(new) => part_is_done(args, (&folder, part, movement.frames()), new),
+            Err(error) => stopped(error),
+        };
+    }
+    let staging = Staging::open(&args.out)?;
+    let mut animation = match follow(movement, &params, &folder, &mut monitor) {
+        Ok(animation) => animation,
+        Err(error) => return stopped(error),
     };
     let mut between = match args.continuous {
         false => None,
@@ -253,13 +271,28 @@ fn one_outfit(args: &AnimateArgs) -> Result<OutfitSpec, Report> {
     }
 }
 
-/// Shows frames on the line; walks within a frame can be cancelled, and are not shown.
-struct Frame<'a>(&'a Line);
-
-impl Monitor for Frame<'_> {
-    fn report(&mut self, progress: &Progress<'_>) -> Result<(), Cancelled> {
-        if progress.stage == "walk" { cancel::check() } else { self.0.report(progress) }
+/// Says what of the frames is done.
+fn part_is_done(
+    args: &Options,
+    (folder, part, frames): (&Path, Range<usize>, usize),
+    new: usize,
+) -> Result<End, Report> {
+    let numbers: Vec<usize> = part.map(|frame| args.source.number(frame)).collect();
+    if args.json {
+        print_json(&json!({"frames": numbers, "new": new, "folder": folder}))?;
+    } else {
+        let which = match numbers[..] {
+            [] => "no frame".to_owned(),
+            [one] => format!("frame {one}"),
+            [first, .., last] => format!("frames {first} to {last}"),
+        };
+        print(&format!(
+            "{} of {frames}: {which}, {new} of them new, in {}\nThe same command without --shard keeps the frames of all parts.\n",
+            numbers.len(),
+            folder.display()
+        ))?;
     }
+    Ok(End::Clean)
 }
 
 /// Writes a point cache for each layer, and returns their names.

@@ -102,6 +102,7 @@ pub(crate) fn run(args: &DemoArgs) -> Result<End, Report> {
         source,
         params: AnimateParams::default(),
         out: args.out.join("motion"),
+        shard: None,
         continuous: false,
         meshes: false,
         gltf: args.gltf,

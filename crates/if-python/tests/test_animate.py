@@ -98,7 +98,7 @@ def test_parameters_are_given_by_name(outfit, tmp_path):
 
     # Frames are kept if they are of the same parameters.
     assert kept() == 0
-    assert kept(params={"smoothing": 0.2, "walk": {"sweeps": 60}}, pinch="yield") == 3
+    assert kept(params={"smoothing": 0.4, "walk": {"sweeps": 60}}, pinch="yield") == 3
     assert kept(params={"smoothing": 0, "sweeps": 50}) == 0
     assert kept(params={"smoothing": np.float32(0), "walk.sweeps": 50}) == 3
     assert kept(pinch="keep") == 0 and kept(params={"pinch": "keep"}) == 3

@@ -309,6 +309,29 @@ fn parameters_of_the_motion_are_set_by_name() {
 }
 
 #[test]
+fn parts_of_a_motion_are_done_by_several_machines() {
+    let folder = scene();
+    let set = "--no-pictures --motion-set smoothing=0.034 --motion-set run=1";
+    let part = |k: u32| format!("{ANIMATE} --out moved {set} --shard {k}/2");
+    let said = folder.ifg(&part(2)).expect(0).stdout;
+    assert!(said.starts_with("2 of 3: frames 1 to 2, 2 of them new, in moved/frames"), "{said}");
+    let again: Value =
+        serde_json::from_str(&folder.ifg(&format!("{} --json", part(2))).expect(0).stdout).unwrap();
+    assert_eq!((&again["frames"], &again["new"]), (&json!([1, 2]), &json!(0)));
+    folder.ifg(&part(1)).expect(0);
+    assert!(!folder.path("moved/report.json").exists());
+    let report = |out: &str| -> Value {
+        folder.ifg(&format!("{ANIMATE} --out {out} {set}")).expect(0);
+        serde_json::from_slice(&folder.read(&format!("{out}/report.json"))).unwrap()
+    };
+    let kept = |report: &Value| report["report"]["kept"].as_u64().unwrap();
+    let [whole, parts] = ["whole", "moved"].map(report);
+    assert_eq!((kept(&whole), kept(&parts)), (0, 3));
+    assert_eq!(folder.read("whole/trousers.pc2"), folder.read("moved/trousers.pc2"));
+    assert_eq!(whole["report"]["jitter_max"], parts["report"]["jitter_max"]);
+}
+
+#[test]
 fn motions_and_weights_that_do_not_fit_are_errors_that_name_them() {
     let folder = scene();
     let fails = |options: &str, words: &str| {

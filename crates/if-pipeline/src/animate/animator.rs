@@ -2,6 +2,7 @@
 
 use super::error::AnimateError;
 use super::movement::{Movement, Place};
+use super::parts::Runs;
 use super::report::FrameReport;
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
@@ -29,6 +30,9 @@ pub struct AnimateParams {
     /// Largest displacement of a body that yields, in metres. Where it would have to yield by more,
     /// that is a pinch, and [`FrameReport::pinch`] has what intersects there.
     pub body_depth: Real,
+    /// At most so many frames are reached one from another; then the outfit comes from the rest pose once
+    /// more. Such runs of frames are computed side by side, on threads and machines.
+    pub run: usize,
     /// Parameters of the walk.
     pub walk: WalkParams,
 }
@@ -41,6 +45,7 @@ impl Default for AnimateParams {
             smoothing: 0.4,
             pinch: Pinch::Yield,
             body_depth: 0.1,
+            run: 48,
             walk: WalkParams::default(),
         }
     }
@@ -61,6 +66,7 @@ impl AnimateParams {
         ParameterError::check("body_depth", self.body_depth, ok, "above 0 and at most 1 m")?;
         let ok = (0.0..=1.0).contains(&self.smoothing);
         ParameterError::check("smoothing", self.smoothing, ok, "from 0 to 1 s")?;
+        ParameterError::check("run", self.run as Real, self.run > 0, "1 or more")?;
         self.walk.validate()
     }
 
@@ -84,13 +90,14 @@ const MOST_APART: Real = 0.2;
 const MOST_SMOOTHING: usize = 30;
 
 /// An outfit on its way through a motion.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Animator<'a> {
     movement: Movement<'a>,
     params: AnimateParams,
     /// The clean outfit, before layers were moved apart.
     rest: Vec<Point>,
     walker: Walker,
+    runs: Runs,
     /// Where the walker's target is.
     pub(super) place: Place,
     /// The next frame.
@@ -108,7 +115,18 @@ impl<'a> Animator<'a> {
         movement.check()?;
         let walker = Walker::new(movement.outfit(), params.walk)?.stored_as(movement.storage()?);
         let (rest, place) = (movement.positions(), movement.rest());
-        Ok(Self { movement, params, rest, walker, place, frame: 0 })
+        let runs = Runs::new(movement.frames(), params.run);
+        Ok(Self { movement, params, rest, walker, runs, place, frame: 0 })
+    }
+
+    /// The runs of its frames.
+    pub(super) fn runs(&self) -> Runs {
+        self.runs
+    }
+
+    /// Goes on with the first frame of a run.
+    pub(super) fn begin(&mut self, frame: usize) {
+        self.frame = frame;
     }
 
     /// The walker.
@@ -146,7 +164,7 @@ impl<'a> Animator<'a> {
         monitor: &mut dyn Monitor,
     ) -> Result<(Vec<Point>, FrameReport), AnimateError> {
         let start = Instant::now();
-        let mut restarted = self.frame == 0;
+        let mut restarted = self.runs.of(self.frame).start == self.frame;
         if restarted {
             self.restart()?;
         }

@@ -37,6 +37,9 @@ pub enum AnimateError {
     /// A frame was changed while it was in use.
     #[error("{}: the file was changed since it was written; remove it and run again", path.display())]
     Changed { path: PathBuf },
+    /// The system starts no more threads.
+    #[error("no thread can be started: {source}")]
+    Threads { source: io::Error },
     /// The monitor cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

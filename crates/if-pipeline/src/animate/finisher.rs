@@ -2,13 +2,14 @@
 //! measured.
 
 use super::error::AnimateError;
+use super::frames::Frames;
 use super::measure::Measurer;
 use super::movement::Movement;
 use super::report::FrameReport;
 use super::smoother::Smoother;
-use super::window::Window;
 use if_core::math::{Point, Real};
 use if_outfit::motion::Walker;
+use std::time::Instant;
 
 /// Finishes frames one after the other.
 #[derive(Debug)]
@@ -31,25 +32,17 @@ impl<'a> Finisher<'a> {
         Self { walker, smoother, measurer: Measurer::new(movement), depth }
     }
 
-    /// Goes to frame `next`, before which `positions` has all frames.
-    pub(super) fn resume(
-        &mut self,
-        next: usize,
-        positions: impl Fn(usize) -> Result<Vec<Point>, AnimateError>,
-    ) -> Result<(), AnimateError> {
-        self.measurer.resume(next, positions)
-    }
-
     /// The positions of frame `k` and its row.
     pub(super) fn frame(
         &mut self,
         k: usize,
-        window: &Window,
+        [walked, means]: [&Frames; 2],
     ) -> Result<(Vec<Point>, FrameReport), AnimateError> {
-        let walked = window.frame(k);
+        let start = Instant::now();
+        let (row, unsmoothed) = walked.written(k)?;
         // Contacts keep layers apart, and not vertices on their sides.
         let mut smoothed = None;
-        for positions in self.smoother.frame(k, window)? {
+        for positions in self.smoother.frame(k, [walked, means])? {
             let found = self.measurer.verify(&self.walker, &positions)?;
             if found.is_clean() {
                 smoothed = Some((positions, found));
@@ -60,8 +53,8 @@ impl<'a> Finisher<'a> {
         let (mut positions, mut found) = match smoothed {
             Some(clean) => clean,
             None => {
-                let found = self.measurer.verify(&self.walker, &walked.positions)?;
-                (walked.positions.clone(), found)
+                let found = self.measurer.verify(&self.walker, &unsmoothed)?;
+                (unsmoothed, found)
             }
         };
         if let Some(kept) = self.measurer.within(&mut self.walker, k, &positions, self.depth)? {
@@ -75,9 +68,10 @@ impl<'a> Finisher<'a> {
             new_own_pairs: found.new_own_pairs,
             smoothed: is_smoothed,
             pinch: found.pinch,
-            ..walked.row.clone()
+            ..row
         };
         self.measurer.measure(&self.walker, k, &positions, &mut row)?;
+        row.seconds += start.elapsed().as_secs_f64();
         Ok((positions, row))
     }
 }

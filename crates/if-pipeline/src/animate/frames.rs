@@ -1,5 +1,5 @@
-//! Frames on disk: each as one file, whole or not at all. Beside walked frames lies the state from
-//! which the next follows.
+//! Frames on disk: each as one file, whole or not at all. Beside walked frames lies the state of each
+//! run, from which the next frame follows.
 //!
 //! A file is a line of JSON, with the digest of what the frame was computed from, and positions in
 //! single precision.
@@ -18,7 +18,7 @@ use serde_json::json;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// The frames of an animation that are done.
+/// The frames of an animation.
 #[derive(Debug)]
 pub struct Frames {
     folder: PathBuf,
@@ -65,8 +65,6 @@ pub(super) struct State {
     pub(super) snapshot: Vec<u8>,
 }
 
-const STATE: &str = "state.bin";
-
 impl Frames {
     /// The frames in `folder`, which is created, that belong to this outfit, motion and parameters.
     ///
@@ -85,22 +83,6 @@ impl Frames {
         Ok(Self { folder: folder.into(), request, rows: Vec::new(), vertices })
     }
 
-    /// Takes over frames from the first on, as far as they are there and unchanged.
-    pub(super) fn keep(&mut self, most: usize) {
-        self.rows = (0..most).map_while(|frame| self.stored(frame).map(|(row, _)| row)).collect();
-    }
-
-    /// Stores the next frame.
-    pub(super) fn push(
-        &mut self,
-        positions: &[Point],
-        row: FrameReport,
-    ) -> Result<(), AnimateError> {
-        self.write(positions, &row)?;
-        self.rows.push(row);
-        Ok(())
-    }
-
     /// Writes the file of a frame.
     pub(super) fn write(&self, positions: &[Point], row: &FrameReport) -> Result<(), AnimateError> {
         let bytes: Vec<u8> = positions
@@ -116,16 +98,23 @@ impl Frames {
         write(&self.path(row.frame), &head, &bytes)
     }
 
-    /// Removes the file of a frame.
+    /// Removes the file of a frame and the state of a run that begins with it, if they are there.
     pub(super) fn remove(&self, frame: usize) -> Result<(), AnimateError> {
-        let path = self.path(frame);
-        std::fs::remove_file(&path).map_err(|source| AnimateError::Io { path, source })
+        for path in [self.path(frame), self.state_path(frame)] {
+            match std::fs::remove_file(&path) {
+                Err(source) if source.kind() != io::ErrorKind::NotFound => {
+                    return Err(AnimateError::Io { path, source });
+                }
+                _ => {}
+            }
+        }
+        Ok(())
     }
 
-    /// Writes the state after a frame.
+    /// Writes the state after a frame of the run that begins with `first`.
     pub(super) fn write_state(
         &self,
-        frame: usize,
+        (first, frame): (usize, usize),
         animator: &Animator<'_>,
     ) -> Result<(), AnimateError> {
         let mut bytes = Vec::new();
@@ -143,13 +132,13 @@ impl Frames {
         bytes.extend(animator.walker().snapshot());
         let sha256 = digest(&bytes).sha256;
         let head = StateHead { request: self.request.clone(), sha256, frame, place };
-        write(&self.folder.join(STATE), &head, &bytes)
+        write(&self.state_path(first), &head, &bytes)
     }
 
-    /// The frame after which the state was written, and the state, if it is of this request and
-    /// unchanged.
-    pub(super) fn state(&self) -> Option<(usize, State)> {
-        let (head, mut bytes) = read::<StateHead>(&self.folder.join(STATE))?;
+    /// The frame after which the state of the run that begins with `first` was written, and the state, if it
+    /// is of this request and unchanged.
+    pub(super) fn state(&self, first: usize) -> Option<(usize, State)> {
+        let (head, mut bytes) = read::<StateHead>(&self.state_path(first))?;
         if head.request != self.request || head.sha256 != digest(&bytes).sha256 {
             return None;
         }
@@ -178,6 +167,10 @@ impl Frames {
         self.folder.join(format!("{frame:06}.frame"))
     }
 
+    fn state_path(&self, first: usize) -> PathBuf {
+        self.folder.join(format!("{first:06}.state"))
+    }
+
     /// A frame, if it is there, of this request and unchanged.
     pub(super) fn stored(&self, frame: usize) -> Option<(FrameReport, Vec<Point>)> {
         let (head, bytes) = read::<FrameHead>(&self.path(frame))?;
@@ -193,6 +186,20 @@ impl Frames {
             .collect();
         (fits && points.iter().all(|p| p.iter().all(|x| x.is_finite())))
             .then_some((head.row, points))
+    }
+
+    /// A frame that was written before.
+    ///
+    /// # Errors
+    ///
+    /// [`AnimateError::Changed`] if it is not there any more, or not as it was written.
+    pub(super) fn written(&self, frame: usize) -> Result<(FrameReport, Vec<Point>), AnimateError> {
+        self.stored(frame).ok_or_else(|| AnimateError::Changed { path: self.path(frame) })
+    }
+
+    /// All frames, from the first on, with these rows.
+    pub(super) fn with_rows(self, rows: Vec<FrameReport>) -> Self {
+        Self { rows, ..self }
     }
 
     /// Rows of all frames that are done.
@@ -225,8 +232,7 @@ impl Frames {
         if frame >= self.len() {
             return Err(AnimateError::Frame { frame, frames: self.len() });
         }
-        let changed = || AnimateError::Changed { path: self.path(frame) };
-        self.stored(frame).map(|(_, points)| points).ok_or_else(changed)
+        self.written(frame).map(|(_, points)| points)
     }
 
     /// The positions of each layer in a frame, the body first.

@@ -3,7 +3,7 @@
 use super::error::AnimateError;
 use super::movement::Movement;
 use super::report::{FrameReport, Spread, Yielding};
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Real};
 use if_core::monitor::Silent;
 use if_mesh::measure::strain;
 use if_outfit::Layer;
@@ -11,31 +11,17 @@ use if_outfit::motion::{Pinched, Proof, Walker};
 use if_outfit::pinch::extent;
 use if_outfit::report::{Extent, PinchReport};
 
-/// Measures frames, one after the other.
+/// Measures frames.
 #[derive(Debug)]
 pub(super) struct Measurer<'a> {
     movement: Movement<'a>,
     /// The clean outfit, before layers were moved apart.
     rest: Vec<Point>,
-    /// Local displacements of the two frames before, the last one first.
-    before: [Option<Vec<Vector>>; 2],
 }
 
 impl<'a> Measurer<'a> {
     pub(super) fn new(movement: Movement<'a>) -> Self {
-        Self { movement, rest: movement.positions(), before: [None, None] }
-    }
-
-    /// Takes a frame that an earlier run had done for the last one.
-    fn pass(&mut self, frame: usize, positions: &[Point]) -> Result<(), AnimateError> {
-        let maps = self.movement.maps(frame)?;
-        self.push(maps.local(&maps.posed(&self.rest), positions));
-        Ok(())
-    }
-
-    fn push(&mut self, local: Vec<Vector>) {
-        let last = self.before[0].replace(local);
-        self.before[1] = last;
+        Self { movement, rest: movement.positions() }
     }
 
     /// The row of a frame, but for how it was reached and its jitter. `walker` verifies.
@@ -90,27 +76,15 @@ impl<'a> Measurer<'a> {
         PinchReport::new(pinched.body.len(), found)
     }
 
-    /// Adds what is measured of a frame that is kept.
+    /// Adds what is measured of a frame that is kept, but for its jitter.
     pub(super) fn measure(
-        &mut self,
+        &self,
         walker: &Walker,
         frame: usize,
         positions: &[Point],
         row: &mut FrameReport,
     ) -> Result<(), AnimateError> {
-        let maps = self.movement.maps(frame)?;
-        let skinned = maps.posed(&self.rest);
-        let local = maps.local(&skinned, positions);
-        if let [Some(last), second] = &self.before {
-            let change = last.iter().zip(&local).map(|(a, b)| (b - a).norm());
-            row.jitter = Spread::of(change.collect());
-            if let Some(second) = second {
-                let three = second.iter().zip(last).zip(&local);
-                let turn = three.map(|((a, b), c)| (c - b * 2.0 + a).norm());
-                row.shake = Spread::of(turn.collect());
-            }
-        }
-        self.push(local);
+        let skinned = self.movement.posed(frame, &self.rest)?;
         let garments = walker.layer(&skinned, 0).len();
         let moved = skinned[garments..].iter().zip(&positions[garments..]);
         let strains = |x: &[Point]| {
@@ -141,17 +115,5 @@ impl<'a> Measurer<'a> {
         let places: Vec<Point> = corners.map(|v| skinned[v as usize]).collect();
         let Extent { area, reach, .. } = extent(mesh, skinned, now, &places);
         Yielding { own_pairs_before: met.len() / 2, reach, area, moved: Spread::of(moved) }
-    }
-
-    /// Brings the measures of the frames before `next` into place: those of `frames` already done.
-    pub(super) fn resume(
-        &mut self,
-        next: usize,
-        positions: impl Fn(usize) -> Result<Vec<Point>, AnimateError>,
-    ) -> Result<(), AnimateError> {
-        for frame in next.saturating_sub(2)..next {
-            self.pass(frame, &positions(frame)?)?;
-        }
-        Ok(())
     }
 }

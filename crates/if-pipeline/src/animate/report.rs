@@ -94,7 +94,7 @@ pub struct FrameReport {
     pub halved: usize,
     /// Solves of all steps.
     pub solves: usize,
-    /// Seconds, without writing.
+    /// Seconds of the walk to it and of its end, without the mean of its neighbours and without writing.
     pub seconds: Real,
 }
 
@@ -135,7 +135,7 @@ pub struct AnimationReport {
     /// Largest distance from its own overlaps at which the body yields, in metres, of the frames in
     /// which it meets itself.
     pub body_reach: Real,
-    /// Mean seconds of a frame after the first, in which the outfit walks from rest to its pose.
+    /// Seconds of this run for each frame that was not kept, without [jitter](Self::jitter_p99).
     pub seconds_a_frame: Real,
     /// Seconds of this run.
     pub seconds: Real,
@@ -149,12 +149,9 @@ impl AnimationReport {
         frames: &[FrameReport],
         frames_per_second: Real,
         kept: usize,
-        seconds: Real,
+        (seconds_a_frame, seconds): (Real, Real),
     ) -> Self {
         let largest = |of: fn(&FrameReport) -> Real| frames.iter().map(of).fold(0.0, Real::max);
-        let later = &frames[frames.len().min(1)..];
-        // The sum of nothing is -0, which is printed so.
-        let sum = later.iter().map(|f| f.seconds).fold(0.0, |sum: Real, x| sum + x);
         Self {
             clean: frames.iter().filter(|f| f.is_clean()).count(),
             clean_everywhere: frames.iter().filter(|f| f.is_clean_everywhere()).count(),
@@ -165,7 +162,7 @@ impl AnimationReport {
             jitter_max: largest(|f| f.jitter.max),
             shake_p99: largest(|f| f.shake.p99),
             body_reach: largest(|f| f.body.reach.unwrap_or(0.0)),
-            seconds_a_frame: sum / later.len().max(1) as Real,
+            seconds_a_frame,
             seconds,
             frames: frames.to_vec(),
         }

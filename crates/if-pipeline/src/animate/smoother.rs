@@ -1,14 +1,16 @@
 //! The second pass: displacements smoothed over time, each frame clean again.
 
 use super::error::AnimateError;
+use super::frames::Frames;
 use super::local::PoseMaps;
 use super::movement::Movement;
-use super::window::Window;
+use super::report::FrameReport;
 use if_core::math::{Point, Real, Vector};
 use if_core::monitor::Silent;
 use if_core::nalgebra::Vector3;
 use if_outfit::motion::Walker;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Correction of a frame, in metres, below which it stays as it is: a hundredth of the jitter that
 /// can be seen. Ten times more leaves steps between frames that stay and frames that do not.
@@ -29,15 +31,15 @@ const SHARPNESS: i32 = 8;
 ///
 /// The maximum is that of lengths, and smooth. So a frame in which layers come to meet is not the
 /// first one that moves: those before it have made way. Frames whose pose was not reached have no
-/// weight. A frame depends on the walked frames of its [`reach`](Self::reach) alone, so that the bits do
-/// not depend on where a run was interrupted.
+/// weight. Means depend on the walked frames of a window alone, and frames on the means of one, so that the
+/// bits do not depend on where a run was interrupted.
 #[derive(Debug)]
 pub(super) struct Smoother<'a> {
     movement: Movement<'a>,
     walker: Walker,
     radius: usize,
-    /// Displacements u of walked frames.
-    walked: BTreeMap<usize, Vec<Local>>,
+    /// Displacements u of walked frames; none of one whose pose was not reached.
+    walked: BTreeMap<usize, Option<Vec<Local>>>,
     /// Frames that went to the mean of their neighbours.
     means: BTreeMap<usize, Mean>,
 }
@@ -49,6 +51,8 @@ type Local = Vector3<f32>;
 #[derive(Debug)]
 struct Mean {
     positions: Vec<Point>,
+    /// Whether it stayed where it was walked to.
+    is_walked: bool,
     /// Its displacements v.
     local: Vec<Local>,
     /// What contacts added to the mean, v − ū.
@@ -61,61 +65,78 @@ impl<'a> Smoother<'a> {
         Self { movement, walker, radius, walked: BTreeMap::new(), means: BTreeMap::new() }
     }
 
-    /// Walked frames to each side that a frame depends on: those of the means of its neighbours.
-    pub(super) fn reach(radius: usize) -> usize {
-        2 * radius
-    }
-
     /// The positions of frame `k`, the smoothest first, then others for want of a clean one; none if
     /// smoothing has nothing to do.
     pub(super) fn frame(
         &mut self,
         k: usize,
-        window: &Window,
+        [walked, means]: [&Frames; 2],
     ) -> Result<Vec<Vec<Point>>, AnimateError> {
-        if self.radius == 0 || !window.frame(k).row.reached {
+        if self.radius == 0 {
             return Ok(Vec::new());
         }
-        let (first, last) = (k.saturating_sub(self.radius), k + self.radius);
-        self.means.retain(|frame, _| *frame >= first);
-        for (frame, _) in window.frames(first, last).filter(|(_, w)| w.row.reached) {
+        let window = window(self.movement, k, self.radius);
+        self.means.retain(|frame, _| *frame >= window.start);
+        for frame in window {
             if !self.means.contains_key(&frame) {
-                let mean = self.mean_of(frame, window)?;
-                self.means.insert(frame, mean);
+                let (row, positions) = means.written(frame)?;
+                self.read_window(frame, walked)?;
+                if let Some(mean) = self.average(frame) {
+                    let (maps, target) = self.target(frame)?;
+                    let local = maps.local(&target, &positions);
+                    let added = local.iter().zip(&mean).map(|(v, mean)| v - mean).collect();
+                    let (local, added) = (stored(local), stored(added));
+                    let is_walked = !row.smoothed;
+                    self.means.insert(frame, Mean { positions, is_walked, local, added });
+                }
             }
         }
-        let to = self.prepared(k);
-        let mean = &self.means[&k];
+        let Some(mean) = self.means.get(&k) else { return Ok(Vec::new()) };
+        let to = self.prepared(k, mean);
         let (from, moves) = (mean.positions.clone(), differ(&to, &mean.local));
+        let is_walked = mean.is_walked;
         let mut found = Vec::new();
         if moves && let Some(positions) = self.approach(k, &from, &to)? {
             found.push(positions);
         }
-        if from != window.frame(k).positions {
+        if !is_walked {
             found.push(from);
         }
         Ok(found)
     }
 
-    /// Frame `k` as near to the mean of its neighbours as contacts permit.
-    fn mean_of(&mut self, k: usize, window: &Window) -> Result<Mean, AnimateError> {
-        let (first, last) = (k.saturating_sub(self.radius), k + self.radius);
-        self.walked.retain(|frame, _| *frame >= first);
-        for (frame, walked) in window.frames(first, last).filter(|(_, w)| w.row.reached) {
+    /// Frame `k` as near to the mean of its neighbours as contacts permit, and its row, which says
+    /// whether it moved.
+    pub(super) fn averaged(
+        &mut self,
+        k: usize,
+        walked: &Frames,
+    ) -> Result<(Vec<Point>, FrameReport), AnimateError> {
+        let (row, from) = walked.written(k)?;
+        self.read_window(k, walked)?;
+        let mut moved = None;
+        if let (Some(mean), Some(own)) = (self.average(k), &self.walked[&k])
+            && differ(&mean, own)
+        {
+            moved = self.approach(k, &from, &mean)?;
+        }
+        let row = FrameReport { smoothed: moved.is_some(), ..row };
+        Ok((moved.unwrap_or(from), row))
+    }
+
+    /// Reads the walked frames around `k`, and forgets those before.
+    fn read_window(&mut self, k: usize, walked: &Frames) -> Result<(), AnimateError> {
+        let window = window(self.movement, k, self.radius);
+        self.walked.retain(|frame, _| *frame >= window.start);
+        for frame in window {
             if !self.walked.contains_key(&frame) {
+                let (row, positions) = walked.written(frame)?;
                 let (maps, target) = self.target(frame)?;
-                self.walked.insert(frame, stored(maps.local(&target, &walked.positions)));
+                let local = row.reached.then(|| stored(maps.local(&target, &positions)));
+                self.walked.insert(frame, local);
             }
         }
-        let mean = self.average(k);
-        let from = &window.frame(k).positions;
-        let approached =
-            if differ(&mean, &self.walked[&k]) { self.approach(k, from, &mean)? } else { None };
-        let positions = approached.unwrap_or_else(|| from.clone());
-        let (maps, target) = self.target(k)?;
-        let local = maps.local(&target, &positions);
-        let added = local.iter().zip(&mean).map(|(v, mean)| v - mean).collect();
-        Ok(Mean { positions, local: stored(local), added: stored(added) })
+        Ok(())
     }
 
     /// Frame `k` from the clean positions `from` towards some displacements, unless that is no
@@ -142,25 +163,26 @@ impl<'a> Smoother<'a> {
         1.0 - frame.abs_diff(k) as Real / (self.radius + 1) as Real
     }
 
-    /// Mean displacement ū of the window around frame `k`.
-    fn average(&self, k: usize) -> Vec<Vector> {
+    /// Mean displacement ū of the window around frame `k`; none if its own pose was not reached.
+    fn average(&self, k: usize) -> Option<Vec<Vector>> {
+        self.walked.get(&k)?.as_ref()?;
         let mut sum = vec![Vector::zeros(); self.walker.rest().len()];
         let mut whole = 0.0;
-        for (frame, local) in self.walked.range(..=k + self.radius) {
+        for (frame, local) in self.walked.range(window(self.movement, k, self.radius)) {
+            let Some(local) = local else { continue };
             let weight = self.weight(k, *frame);
             whole += weight;
             sum.iter_mut().zip(local).for_each(|(sum, u)| *sum += u.cast::<Real>() * weight);
         }
         // The window holds frame `k`, whose weight is positive.
         sum.iter_mut().for_each(|sum| *sum /= whole);
-        sum
+        Some(sum)
     }
 
     /// The mean of frame `k`, and the most of what contacts add to it and to those of its neighbours.
-    fn prepared(&self, k: usize) -> Vec<Vector> {
-        let mean = &self.means[&k];
+    fn prepared(&self, k: usize, mean: &Mean) -> Vec<Vector> {
         let mut sums = vec![(Vector::zeros(), 0.0); mean.local.len()];
-        for (frame, other) in &self.means {
+        for (frame, other) in self.means.range(window(self.movement, k, self.radius)) {
             let weight = self.weight(k, *frame);
             for ((sum, whole), added) in sums.iter_mut().zip(&other.added) {
                 let added = added.cast::<Real>() * weight;
@@ -182,6 +204,11 @@ impl<'a> Smoother<'a> {
         let target = maps.posed(self.walker.rest());
         Ok((maps, target))
     }
+}
+
+/// The frames that are at most `radius` from frame `k`.
+pub(super) fn window(movement: Movement<'_>, k: usize, radius: usize) -> Range<usize> {
+    k.saturating_sub(radius)..movement.frames().min(k + radius + 1)
 }
 
 /// Displacements in single precision.

@@ -35,12 +35,12 @@ pub(super) fn motion(frames: usize) -> Motion {
     }
 }
 
-/// Cancels before a frame.
-struct Before(usize);
+/// Cancels when so many frames of a stage are done.
+struct After(&'static str, usize);
 
-impl Monitor for Before {
+impl Monitor for After {
     fn report(&mut self, progress: &Progress<'_>) -> Result<(), Cancelled> {
-        let stops = progress.stage == "frame" && progress.done == self.0;
+        let stops = progress.stage == self.0 && progress.done >= self.1;
         if stops { Err(Cancelled) } else { Ok(()) }
     }
 }
@@ -57,13 +57,21 @@ fn a_run_that_was_stopped_goes_on_with_the_same_bits() {
     assert_eq!(first.jitter.max, 0.0);
     assert!(all.report.frames[1].jitter.max > 0.0 && all.report.jitter_max < 0.02);
 
-    let stopped = animate(&outfit, &motion, &params, parts.path(), &mut Before(2));
-    assert!(matches!(stopped, Err(AnimateError::Cancelled(_))));
+    let walked = |folder: &Path, frame| folder.join(format!("walked/{frame:06}.frame")).exists();
+    for stop in [After("walked", 1), After("frame", 1)] {
+        let stage = stop.0;
+        let stopped = animate(&outfit, &motion, &params, parts.path(), &mut { stop });
+        assert!(matches!(stopped, Err(AnimateError::Cancelled(_))));
+        assert!(walked(parts.path(), 0));
+        assert_eq!(walked(parts.path(), 2), stage == "frame");
+    }
     let rest = animate(&outfit, &motion, &params, parts.path(), &mut Silent).unwrap();
-    assert_eq!(rest.report.kept, 2);
+    assert!((1..3).contains(&rest.report.kept), "{}", rest.report.kept);
     for frame in 0..3 {
         let [a, b] = [&all, &rest].map(|a| a.frames.positions(frame).unwrap());
         assert!(a == b, "frame {frame}");
+        assert!(!walked(parts.path(), frame), "no frame needs it any more");
+        assert_eq!(rest.report.frames[frame].shake, all.report.frames[frame].shake);
     }
     // Layers are parts of all positions, and there is no fourth frame.
     let layers = all.frames.layers(2).unwrap();
@@ -84,43 +92,70 @@ fn a_run_that_was_stopped_goes_on_with_the_same_bits() {
     std::fs::write(&path, bytes).unwrap();
     assert!(matches!(rest.frames.positions(1), Err(AnimateError::Changed { .. })));
     let again = animate(&outfit, &motion, &params, parts.path(), &mut Silent).unwrap();
-    assert_eq!(again.report.kept, 1);
+    assert_eq!(again.report.kept, 2);
     assert!((0..3).all(|k| again.frames.positions(k).unwrap() == all.frames.positions(k).unwrap()));
     assert_eq!(again.report.frames[2].jitter, all.report.frames[2].jitter);
     let faster = Motion { frames_per_second: 60.0, ..motion.clone() };
-    let mut frames =
-        Frames::open(whole.path(), Movement::poses(&outfit, &faster), &params).unwrap();
-    frames.keep(3);
-    assert!(frames.is_empty());
-    // The state of another motion is not taken over, that of this one is.
-    let walked = whole.path().join("walked");
-    for (motion, next) in [(&faster, 0), (&motion, 3)] {
-        let movement = Movement::poses(&outfit, motion);
-        let mut animator = Animator::new(movement, params).unwrap();
-        let mut window = window::Window::open(&walked, movement, &params).unwrap();
-        window.resume(0, &mut animator);
-        assert_eq!(window.next(), next);
-    }
+    let frames = Frames::open(whole.path(), Movement::poses(&outfit, &faster), &params).unwrap();
+    assert!(frames.stored(0).is_none());
 }
 
 #[test]
-fn walked_frames_are_removed_when_no_frame_needs_them_any_more() {
-    let (outfit, motion) = (outfit(), motion(6));
-    let params = AnimateParams { smoothing: 1.0 / 30.0, ..AnimateParams::default() };
-    let [whole, parts] = [0, 1].map(|_| tempfile::tempdir().unwrap());
-    let all = animate(&outfit, &motion, &params, whole.path(), &mut Silent).unwrap();
-    let has = |folder: &Path, frame| folder.join(format!("walked/{frame:06}.frame")).exists();
-    let held = |folder: &Path| (0..6).filter(|k| has(folder, *k)).collect::<Vec<_>>();
-    assert_eq!(held(whole.path()), [4, 5]);
-    // A run that is stopped goes on from what is left.
-    animate(&outfit, &motion, &params, parts.path(), &mut Before(4)).unwrap_err();
-    assert_eq!(held(parts.path()), [2, 3, 4, 5]);
-    let rest = animate(&outfit, &motion, &params, parts.path(), &mut Silent).unwrap();
-    assert_eq!(rest.report.kept, 4);
-    for frame in 0..6 {
-        let [a, b] = [&all, &rest].map(|a| a.frames.positions(frame).unwrap());
-        assert!(a == b, "frame {frame}");
+fn a_run_goes_on_from_its_own_state_alone() {
+    let (outfit, motion) = (outfit(), motion(4));
+    let params = AnimateParams { run: 2, ..AnimateParams::default() };
+    let folder = tempfile::tempdir().unwrap();
+    animate(&outfit, &motion, &params, folder.path(), &mut After("frame", 0)).unwrap_err();
+    let faster = Motion { frames_per_second: 60.0, ..motion.clone() };
+    let walks = |motion: &Motion| {
+        let movement = Movement::poses(&outfit, motion);
+        Work::open(movement, &params, folder.path()).unwrap().walks(&[0, 1, 2, 3])
+    };
+    assert_eq!(walks(&faster), [0..2, 2..4]);
+    assert_eq!(walks(&motion), []);
+    // What is missing of a run is walked to from the state after it, if that is of the frame before.
+    let remove =
+        |name: &str| std::fs::remove_file(folder.path().join("walked").join(name)).unwrap();
+    remove("000003.frame");
+    assert!(walks(&motion).iter().eq([&(2..4)]));
+    remove("000000.state");
+    assert_eq!(walks(&motion), [0..2, 2..4]);
+}
+
+#[test]
+fn runs_and_parts_give_the_same_bits_on_any_number_of_threads() {
+    let (outfit, motion) = (outfit(), motion(5));
+    let movement = Movement::poses(&outfit, &motion);
+    // Each frame depends on the two before and after.
+    let params = AnimateParams { smoothing: 1.0 / 30.0, run: 2, ..AnimateParams::default() };
+    let [one, three, parts] = [0, 1, 2].map(|_| tempfile::tempdir().unwrap());
+    let on = |threads: usize, folder: &Path| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| follow(movement, &params, folder, &mut Silent)).unwrap()
+    };
+    let all = on(1, one.path());
+    assert_eq!((all.report.clean, all.report.kept), (5, 0));
+    let restarted: Vec<bool> = all.report.frames.iter().map(|f| f.restarted).collect();
+    assert_eq!(restarted, [true, true, false, true, false], "runs of 1, 2 and 2 frames");
+    for part in [3..5, 0..1, 1..3] {
+        let new = follow_part(movement, &params, part.clone(), parts.path(), &mut Silent).unwrap();
+        assert_eq!(new, part.len());
+        assert_eq!(follow_part(movement, &params, part, parts.path(), &mut Silent).unwrap(), 0);
     }
+    for (other, kept) in [(on(3, three.path()), 0), (on(2, parts.path()), 5)] {
+        assert_eq!(other.report.kept, kept);
+        for k in 0..5 {
+            assert!(all.frames.positions(k).unwrap() == other.frames.positions(k).unwrap());
+            let [a, b] =
+                [&all, &other].map(|a| FrameReport { seconds: 0.0, ..a.report.frames[k].clone() });
+            assert_eq!(a, b);
+        }
+    }
+    // The first part alone walks to no more than it depends on.
+    let alone = tempfile::tempdir().unwrap();
+    follow_part(movement, &params, 0..1, alone.path(), &mut Silent).unwrap();
+    let there = |k: &usize| alone.path().join(format!("walked/{k:06}.frame")).exists();
+    assert_eq!((0..5).filter(there).collect::<Vec<_>>(), [0, 1, 2]);
 }
 
 #[test]

@@ -1,0 +1,41 @@
+//! How displacements change from frame to frame.
+
+use super::error::AnimateError;
+use super::frames::Frames;
+use super::movement::Movement;
+use super::report::{FrameReport, Spread};
+use if_core::math::{Point, Vector};
+
+/// The rows of `frames`, which follow one another, with their [`jitter`](FrameReport::jitter) and
+/// [`shake`](FrameReport::shake). `rest` is the clean outfit, before layers were moved apart.
+pub(super) fn with_jitter(
+    movement: Movement<'_>,
+    rest: &[Point],
+    stored: &Frames,
+    frames: &[usize],
+    mut each: impl FnMut(FrameReport) -> Result<(), AnimateError>,
+) -> Result<(), AnimateError> {
+    let first = frames.first().copied().unwrap_or(0);
+    let before = first.saturating_sub(2)..first;
+    // Local displacements of the two frames before, the last one first.
+    let mut last: [Option<Vec<Vector>>; 2] = [None, None];
+    for frame in before.chain(frames.iter().copied()) {
+        let (mut row, positions) = stored.written(frame)?;
+        let maps = movement.maps(frame)?;
+        let local = maps.local(&maps.posed(rest), &positions);
+        if let [Some(last), second] = &last {
+            let change = last.iter().zip(&local).map(|(a, b)| (b - a).norm());
+            row.jitter = Spread::of(change.collect());
+            if let Some(second) = second {
+                let three = second.iter().zip(last).zip(&local);
+                let turn = three.map(|((a, b), c)| (c - b * 2.0 + a).norm());
+                row.shake = Spread::of(turn.collect());
+            }
+        }
+        last = [Some(local), last[0].take()];
+        if frame >= first {
+            each(row)?;
+        }
+    }
+    Ok(())
+}
