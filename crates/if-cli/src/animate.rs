@@ -207,6 +207,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
             folders,
         )?);
     }
+    let misplaced = moved.misplaced_skeleton();
     let report = json!({
         "outfit": spec.name,
         "motion": args.source.motion.display().to_string(),
@@ -217,6 +218,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         "params": params,
         "weights_from_body": moved.without_weights(),
         "joints_not_in_motion": moved.unmatched(),
+        "skeleton_from_skin": misplaced,
         "outputs": names,
         "report": animation.report,
         "between_frames": between,
@@ -235,7 +237,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     if args.json {
         print_json(&report)?;
     } else {
-        let notes = (moved.without_weights(), moved.unmatched());
+        let notes = ([moved.without_weights(), moved.unmatched()], misplaced);
         let head = spec.title();
         let found = (&animation.report, between.as_deref());
         print(&format!("{head}\n\n{}", summary::text(found, notes, &args.out, &names)))?;

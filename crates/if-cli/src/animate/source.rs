@@ -115,6 +115,14 @@ impl Moved {
         }
     }
 
+    /// How far the skeleton lies from the body, if it may be another one's.
+    pub(super) fn misplaced_skeleton(&self) -> Option<f64> {
+        match self {
+            Self::Poses(outfit, _) => outfit.misplaced_skeleton(),
+            Self::Bodies(_) => None,
+        }
+    }
+
     /// Joints that the motion lacks.
     pub(super) fn unmatched(&self) -> &[String] {
         match self {

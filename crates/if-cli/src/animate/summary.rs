@@ -28,7 +28,7 @@ pub(super) const HEADER: [&str; 12] = [
 /// What is printed.
 pub(super) fn text(
     (report, between): (&AnimationReport, Option<&[IntervalReport]>),
-    (without_weights, unmatched): (&[String], &[String]),
+    ([without_weights, unmatched], misplaced): ([&[String]; 2], Option<f64>),
     out: &Path,
     names: &[String],
 ) -> String {
@@ -45,6 +45,12 @@ pub(super) fn text(
     };
     let from_body = line("Weights taken from the body", without_weights);
     let still = line("Joints that the motion lacks, which follow their parents", unmatched);
+    let misplaced = misplaced.map_or(String::new(), |distance| {
+        format!(
+            "Is this the skeleton of this body? Its joints are {:.0} mm from the skin that they bend (median).\n",
+            1e3 * distance
+        )
+    });
     let kept = match report.kept {
         0 => String::new(),
         n => format!(", {n} frames kept from an earlier run"),
@@ -52,7 +58,7 @@ pub(super) fn text(
     let between = between.map_or(String::new(), between_text);
     let pinches = pinches(frames);
     format!(
-        "{rows}\n\n{pinches}{between}{from_body}{still}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
+        "{rows}\n\n{pinches}{between}{from_body}{still}{misplaced}{} frames: {} clean, {} clean everywhere; body at most {:.1} mm, {:.0} mm from its overlaps, jitter p99 {:.2} mm, \
          at most {:.1} mm, shake p99 {:.2} mm; {:.2} s a frame, {:.1} s in all{kept}\nWrote {}: {}\n",
         count(frames.len()),
         count(report.clean),

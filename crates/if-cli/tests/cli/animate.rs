@@ -296,6 +296,24 @@ fn the_built_in_person_takes_two_steps() {
 }
 
 #[test]
+fn a_skeleton_that_may_be_of_another_body_is_noticed() {
+    let folder = scene();
+    let mut skeleton: Value = serde_json::from_slice(&folder.read("doll/skeleton.json")).unwrap();
+    for joint in skeleton["joints"].as_array_mut().unwrap() {
+        for x in joint["head"].as_array_mut().unwrap() {
+            *x = json!(1.1 * x.as_f64().unwrap());
+        }
+    }
+    std::fs::write(folder.path("other.json"), skeleton.to_string()).unwrap();
+    let run = |options: &str| {
+        let set = "--frames 0 --no-pictures --out moved";
+        folder.ifg(&format!("{ANIMATE} {set} {options}")).stdout
+    };
+    assert!(run("--skeleton other.json").contains("Is this the skeleton of this body?"));
+    assert!(!run("").contains("Is this the skeleton of this body?"));
+}
+
+#[test]
 fn parameters_of_the_motion_are_set_by_name() {
     let folder = scene();
     let set = "--motion-set smoothing=0 --motion-set walk.gap=0.0008 --frames 0-1 --no-pictures";

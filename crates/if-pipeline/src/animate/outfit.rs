@@ -2,8 +2,9 @@
 
 use if_body::skinning::{blends, pose_points, transferred_weights};
 use if_body::{Pose, PoseError, Skeleton, SkinError, SkinWeights};
-use if_core::math::Point;
+use if_core::math::{Point, Real, Vector};
 use if_mesh::file::{Content, MeshFile};
+use if_mesh::measure::percentile;
 use if_outfit::Outfit;
 
 /// An outfit, its skeleton, and skinning weights of all layers.
@@ -28,6 +29,13 @@ pub struct SkinFault {
     /// What is wrong.
     pub source: SkinError,
 }
+
+/// Median distance of joints from the skin that they bend, as a share of the body's size, beyond which they
+/// are another body's. On three bodies of 1.6 to 1.7 m it is 0.014 to 0.016 with their own skeletons, and at
+/// least 0.07 with one another's.
+const MISPLACED: Real = 0.04;
+/// Sum of the products of two joints' weights above which they bend skin.
+const BENT: Real = 0.5;
 
 impl SkinnedOutfit {
     /// An outfit with the weights of each layer, the body's first; garments with `None` get theirs
@@ -103,6 +111,32 @@ impl SkinnedOutfit {
         };
         let skins = outfit.layers().zip(files).map(read).collect::<Result<Vec<_>, _>>()?;
         Self::new(outfit, skeleton, skins)
+    }
+
+    /// How far the skeleton lies from the body, in metres, if it may be that of another one: the median
+    /// distance of a joint from the middle of the skin that it bends, where that is more than a share of the
+    /// body's size. `None` if it fits, or no joint bends any skin.
+    pub fn misplaced_skeleton(&self) -> Option<Real> {
+        let body = self.outfit.body.mesh.vertices();
+        let joints = self.skeleton.joints();
+        let mut middles = vec![(Vector::zeros(), 0.0); joints.len()];
+        for ((own, weights), p) in self.skin.joints().iter().zip(self.skin.weights()).zip(body) {
+            let of = |joint: usize| {
+                let all = own.iter().zip(weights);
+                all.filter(|(j, _)| usize::from(**j) == joint).map(|(_, w)| Real::from(*w)).sum()
+            };
+            for (joint, weight) in own.iter().map(|j| usize::from(*j)).zip(weights) {
+                let bent: Real = Real::from(*weight) * joints[joint].parent.map_or(0.0, of);
+                middles[joint].0 += p.coords * bent;
+                middles[joint].1 += bent;
+            }
+        }
+        let bends = joints.iter().zip(middles).filter(|(_, (_, bent))| *bent > BENT);
+        let mut distances: Vec<Real> =
+            bends.map(|(joint, (sum, bent))| (joint.head.coords - sum / bent).norm()).collect();
+        distances.sort_unstable_by(Real::total_cmp);
+        let median = percentile(&distances, 50.0);
+        (median > MISPLACED * self.outfit.body.mesh.aabb().size().max()).then_some(median)
     }
 
     /// The weights of all vertices, the body's first.

@@ -233,6 +233,26 @@ fn invalid_outfits_and_motions_are_typed_errors() {
     assert!(matches!(error, Err(AnimateError::Parameter(_))));
 }
 
+#[test]
+fn the_skeleton_of_another_body_is_noticed() {
+    let mut outfit = outfit();
+    assert_eq!(outfit.misplaced_skeleton(), None);
+    let own = outfit.skeleton.clone();
+    let mut scaled = |by: f64| {
+        let joint = |joint: &if_body::Joint| if_body::Joint {
+            head: Point::from(joint.head.coords * by),
+            ..joint.clone()
+        };
+        outfit.skeleton = if_body::Skeleton::new(own.joints().iter().map(joint).collect()).unwrap();
+        outfit.misplaced_skeleton()
+    };
+    assert_eq!(scaled(1.01), None);
+    for by in [0.9, 1.1] {
+        let median = scaled(by);
+        assert!(median.is_some_and(|median| (0.05..0.15).contains(&median)), "{by} {median:?}");
+    }
+}
+
 /// A thin limb that turns about a joint 10 m behind it, and a sheet of cloth beside it that does not
 /// follow.
 fn limb_and_cloth() -> SkinnedOutfit {
