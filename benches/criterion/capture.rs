@@ -16,8 +16,9 @@ use if_mesh::sdf::MeshSdf;
 use if_pipeline::capture::synth::{BODY, SynthParams, synth};
 use if_pipeline::capture::{Capture, PoseSigma};
 use if_pipeline::reconstruct::{
-    ClothedPerson, FloodedField, GarmentParams, MotionParams, PoseParams, SurfaceParams,
-    carried_weights, find_garments, fit_motion, fit_surface, largest_piece, refine_poses,
+    ClothedPerson, FieldsParams, FloodedField, GarmentParams, MotionParams, PhiParams, PoseParams,
+    SurfaceParams, carried_weights, find_garments, fit_fields, fit_motion, fit_surface,
+    largest_piece, refine_poses,
 };
 use std::hint::black_box;
 
@@ -133,6 +134,23 @@ fn stages(c: &mut Criterion) {
     let names: Vec<String> = garments().garments.into_iter().map(|g| g.name).collect();
     assert_eq!(names.len(), 2, "{names:?}");
     group.bench_function("garments", |b| b.iter(garments));
+
+    // φ and d start at the solved surface and motion; the difference of the two is 20 steps.
+    let solved = motion();
+    let fields = |steps: u64| {
+        let phi = PhiParams { steps: 20, ..FieldsParams::default().phi };
+        let params = FieldsParams { phi, motion_steps: 20, steps, ..FieldsParams::default() };
+        let begin = (&mesh, &skin, &field);
+        let all = (&capture, skeleton, &fitted, Some(&solved));
+        let (capture, skeleton, fitted, solved) = black_box(all);
+        fit_fields(capture, skeleton, fitted, begin, solved, &read, &params, None, &mut Silent)
+            .expect("a sound capture")
+    };
+    for (name, steps) in [("fields/start", 0), ("fields/20 steps", 20)] {
+        let report = fields(steps).report;
+        assert!(report.start_mm < 2.0 && report.rounds.is_empty() == (steps == 0), "{report:?}");
+        group.bench_function(name, |b| b.iter(|| fields(steps).report.start_mm));
+    }
     group.finish();
 }
 

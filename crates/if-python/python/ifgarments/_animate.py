@@ -68,9 +68,10 @@ def animate(
         frames: a folder in which frames are kept as they are done, so that a call that was stopped
             goes on there; none by default.
         threads: as in :func:`resolve`.
-        progress: as in :func:`resolve`; the stage ``"frame"`` is reported before each.
+        progress: as in :func:`resolve`; the stages are ``"walked"``, ``"averaged"``, ``"frame"`` and
+            ``"measured"``, each with the frames that are done of all.
         params: other parameters, by name (``{"smoothing": 0.1}``) or group
-            (``{"walk": {"sweeps": 40}}``): see ``docs/python.md``.
+            (``{"walk": {"sweeps": 40}}``): see ``docs/animate.md``.
 
     Returns:
         The positions in all frames, and a report. A frame that cannot be made clean is no error:
