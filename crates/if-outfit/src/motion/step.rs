@@ -59,7 +59,8 @@ impl Walker {
                 search.separation(*pair, *times, &mut contacts);
             }
             let at = (target, &yielding.inverse_mass[..]);
-            let solved = solve(scene, at, &contacts, &mut multipliers, (params.sweeps, &mut x));
+            let all = (&contacts[..], params.softness);
+            let solved = solve(scene, at, all, &mut multipliers, (params.sweeps, &mut x));
             solves += 1;
             sweeps += solved.sweeps;
             scene.copy_doubled(&mut x);

@@ -200,6 +200,11 @@ impl Walker {
         Self { storage, ..self }
     }
 
+    /// Softness of the contacts of later steps ([`WalkParams::softness`]), from 0 to below 1.
+    pub fn set_softness(&mut self, softness: Real) {
+        self.params.softness = softness;
+    }
+
     /// The rest state, the body first: what targets are computed from.
     pub fn rest(&self) -> &[Point] {
         &self.rest

@@ -89,6 +89,9 @@ const MOST_APART: Real = 0.2;
 /// Most frames of smoothing to each side. The window is held in memory.
 const MOST_SMOOTHING: usize = 30;
 
+/// Softness of contacts on a way that is not clean otherwise.
+const SOFT: Real = 0.01;
+
 /// An outfit on its way through a motion.
 #[derive(Clone, Debug)]
 pub struct Animator<'a> {
@@ -173,16 +176,11 @@ impl<'a> Animator<'a> {
         if !restarted && (walked.reached < 1.0 || moved > self.params.body_limit) {
             // Limbs that pass one another, or a fold that was entered on the wrong side: the way
             // from the rest pose is another one.
-            let (snapshot, so_far) = (self.walker.snapshot(), self.place.clone());
-            self.restart()?;
-            let again = self.walk(monitor)?;
-            let better = (again.reached, -self.body_moved()?) > (walked.reached, -moved);
-            if better {
-                (walked, restarted) = (again, true);
-            } else {
-                self.walker.restore(&snapshot).expect("a snapshot of this walker");
-                self.place = so_far;
-            }
+            restarted = self.walk_from_rest(self.params.walk.softness, &mut walked, monitor)?;
+        }
+        if walked.reached < 1.0 {
+            // Contacts that cannot all be met, as in a lap, push without bound.
+            restarted |= self.walk_from_rest(SOFT, &mut walked, monitor)?;
         }
         let reached = walked.reached >= 1.0;
         let positions = if reached {
@@ -203,6 +201,31 @@ impl<'a> Animator<'a> {
         };
         self.frame += 1;
         Ok((positions, row))
+    }
+
+    /// Walks from the rest pose, with contacts of some softness, and stays where that leads if it is better
+    /// than what was `walked`.
+    fn walk_from_rest(
+        &mut self,
+        softness: Real,
+        walked: &mut Walked,
+        monitor: &mut dyn Monitor,
+    ) -> Result<bool, AnimateError> {
+        let (snapshot, so_far, moved) =
+            (self.walker.snapshot(), self.place.clone(), self.body_moved()?);
+        self.restart()?;
+        self.walker.set_softness(softness);
+        let again = self.walk(monitor);
+        self.walker.set_softness(self.params.walk.softness);
+        let again = again?;
+        let is_better = (again.reached, -self.body_moved()?) > (walked.reached, -moved);
+        if is_better {
+            *walked = again;
+        } else {
+            self.walker.restore(&snapshot).expect("a snapshot of this walker");
+            self.place = so_far;
+        }
+        Ok(is_better)
     }
 
     /// Largest displacement of the body from where the next frame has it.
