@@ -29,9 +29,9 @@ use if_core::math::Point;
 use if_mesh::file::{MeshFile, WriteError};
 use if_mesh::point_cache::{PointCacheError, PointCacheWriter};
 use if_outfit::files::{FilesError, OutfitFiles};
-use if_outfit::named_parameters::with_parameter;
 use if_outfit::outfit::Outfit;
 use if_outfit::resolve::ResolveError;
+use if_outfit::with_parameter;
 use if_pipeline::animate::{
     AnimateError, AnimateParams, Animation, Frames, IntervalReport, between_frames, follow,
     follow_part,

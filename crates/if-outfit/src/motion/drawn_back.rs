@@ -92,7 +92,7 @@ pub(crate) fn drawn_back(outfit: &Outfit, room: Real, depth: Real) -> Option<Dra
         let solved = solve(
             &scene,
             (target, &w),
-            (&contacts, 0.0),
+            (&contacts, params.softness),
             &mut multipliers,
             (params.sweeps, &mut x),
         );

@@ -87,9 +87,8 @@ pub(super) struct Solved {
 /// The dual is solved by sweeps over edges and contacts, as XPBD does with compliance 1 / k and 0
 /// [Macklin et al. 2016]: `x = target + M⁻¹ Jᵀ λ` throughout.
 ///
-/// `w` are inverse masses; zero holds a vertex at its target. Contacts that cannot all be met push without
-/// bound; if each yields by a share `softness` of how far it pushes, they
-/// find a balance.
+/// `w` are inverse masses; zero holds a vertex at its target. Contacts that cannot all be met push
+/// without bound; if each yields by a share `softness` of how far it pushes, they find a balance.
 pub(super) fn solve(
     scene: &Scene,
     (target, w): (&[Point], &[Real]),

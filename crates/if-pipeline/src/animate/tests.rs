@@ -3,7 +3,7 @@ use if_body::mannequin::{self, Garment, MannequinParams, rig};
 use if_body::{Pose, SkinError, SkinWeights};
 use if_core::math::{Point, Vector};
 use if_core::mesh::TriMesh;
-use if_core::monitor::{Cancelled, Silent};
+use if_core::monitor::{Cancelled, Progress, Silent};
 use if_core::nalgebra::UnitQuaternion;
 use if_outfit::{Layer, Outfit, Pinch};
 
