@@ -1,6 +1,6 @@
 //! Axis-aligned boxes.
 
-use crate::math::{Point, Real, Vector};
+use crate::math::{Point, Real, Vector, larger, smaller};
 use serde::{Deserialize, Serialize};
 
 /// An axis-aligned box, closed: touching boxes overlap. The empty box has `min = +∞`, `max = −∞`.
@@ -27,13 +27,18 @@ impl Aabb {
     /// This box, enlarged to contain `p`.
     #[inline]
     pub fn grown_to(&self, p: &Point) -> Self {
-        Self { min: self.min.inf(p), max: self.max.sup(p) }
+        self.merged(&Self { min: *p, max: *p })
     }
 
     /// The smallest box around both.
     #[inline]
     pub fn merged(&self, other: &Self) -> Self {
-        Self { min: self.min.inf(&other.min), max: self.max.sup(&other.max) }
+        let mut both = *other;
+        for k in 0..3 {
+            both.min[k] = smaller(self.min[k], other.min[k]);
+            both.max[k] = larger(self.max[k], other.max[k]);
+        }
+        both
     }
 
     /// This box with `margin` added on all six sides, in metres.
@@ -66,7 +71,7 @@ impl Aabb {
     pub fn distance_squared(&self, p: &Point) -> Real {
         let mut sum = 0.0;
         for k in 0..3 {
-            let d = (self.min[k] - p[k]).max(p[k] - self.max[k]).max(0.0);
+            let d = larger(larger(self.min[k] - p[k], p[k] - self.max[k]), 0.0);
             sum += d * d;
         }
         sum
@@ -77,7 +82,7 @@ impl Aabb {
     pub fn gap_squared(&self, other: &Self) -> Real {
         let mut sum = 0.0;
         for k in 0..3 {
-            let d = (self.min[k] - other.max[k]).max(other.min[k] - self.max[k]).max(0.0);
+            let d = larger(larger(self.min[k] - other.max[k], other.min[k] - self.max[k]), 0.0);
             sum += d * d;
         }
         sum

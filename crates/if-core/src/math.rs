@@ -7,6 +7,20 @@ pub type Point = nalgebra::Point3<Real>;
 /// A direction or displacement, in metres.
 pub type Vector = nalgebra::Vector3<Real>;
 
+/// The smaller of two numbers, and `b` if one of them is NaN: one instruction, where [`Real::min`]
+/// takes four.
+#[inline(always)]
+pub fn smaller(a: Real, b: Real) -> Real {
+    if a < b { a } else { b }
+}
+
+/// The larger of two numbers, and `b` if one of them is NaN: one instruction, where [`Real::max`]
+/// takes four.
+#[inline(always)]
+pub fn larger(a: Real, b: Real) -> Real {
+    if a > b { a } else { b }
+}
+
 /// Twice the area of the triangle `(a, b, c)` times its unit normal: zero for a degenerate one.
 #[inline]
 pub fn area_vector(a: &Point, b: &Point, c: &Point) -> Vector {

@@ -30,7 +30,7 @@ use if_core::mesh::TriMesh;
 use rayon::prelude::*;
 
 /// Upper bound on the depth of a tree over 2³² triangles, as splits are at the median.
-const STACK: usize = 64;
+const STACK: usize = 32;
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
@@ -180,5 +180,5 @@ impl Bvh {
 
 #[inline]
 fn corner_box(c: &[Point; 3]) -> Aabb {
-    Aabb { min: c[0].inf(&c[1]).inf(&c[2]), max: c[0].sup(&c[1]).sup(&c[2]) }
+    Aabb { min: c[0], max: c[0] }.grown_to(&c[1]).grown_to(&c[2])
 }
