@@ -1,9 +1,12 @@
 //! A block of voxels: surfaces are walls, and a flood finds the voxels connected to infinity.
 
+mod flood;
+
 use crate::grid::GridSize;
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
+use flood::OpenRows;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -174,6 +177,7 @@ impl Voxels {
     pub fn flood(&mut self, mut is_source: impl FnMut(&Point) -> bool) {
         let [nx, ny, nz] = self.size.0;
         let mut seeds: Vec<u32> = Vec::new();
+        let mut open = OpenRows::inside(&self.states, nx);
         for z in 0..nz {
             for y in 0..ny {
                 let inner_row = z > 0 && z + 1 < nz && y > 0 && y + 1 < ny;
@@ -187,7 +191,7 @@ impl Voxels {
                         } else {
                             Voxel::Core
                         };
-                        self.flood_from(at, to, &mut seeds);
+                        self.flood_from(at, to, &mut open, &mut seeds);
                     }
                 }
             }
@@ -195,35 +199,26 @@ impl Voxels {
     }
 
     /// Sets the component of inside voxels at voxel `at` to `to`, a run of a row at a time.
-    fn flood_from(&mut self, at: usize, to: Voxel, seeds: &mut Vec<u32>) {
+    fn flood_from(&mut self, at: usize, to: Voxel, open: &mut OpenRows, seeds: &mut Vec<u32>) {
         let [nx, ny, nz] = self.size.0;
         seeds.push(at as u32);
         while let Some(seed) = seeds.pop() {
-            let seed = seed as usize;
-            if self.states[seed] != Voxel::Inside {
+            let [x, y, z] = self.size.coordinates(seed as usize);
+            let row = z * ny + y;
+            let run = open.run(row, x);
+            if run.is_empty() {
                 continue;
             }
-            let [x, y, z] = self.size.coordinates(seed);
-            let start = seed - x;
-            let line = &mut self.states[start..start + nx];
-            let from = x - line[..x].iter().rev().take_while(|s| **s == Voxel::Inside).count();
-            let end = x + line[x..].iter().take_while(|s| **s == Voxel::Inside).count();
-            line[from..end].fill(to);
+            open.close(row, run.clone());
+            self.states[row * nx..][run.clone()].fill(to);
             let beside = [
-                (y > 0).then(|| start.wrapping_sub(nx)),
-                (y + 1 < ny).then(|| start + nx),
-                (z > 0).then(|| start.wrapping_sub(nx * ny)),
-                (z + 1 < nz).then(|| start + nx * ny),
+                (y > 0).then(|| row.wrapping_sub(1)),
+                (y + 1 < ny).then(|| row + 1),
+                (z > 0).then(|| row.wrapping_sub(ny)),
+                (z + 1 < nz).then(|| row + ny),
             ];
             for other in beside.into_iter().flatten() {
-                let mut open = false;
-                for (k, s) in self.states[other + from..other + end].iter().enumerate() {
-                    let inside = *s == Voxel::Inside;
-                    if inside && !open {
-                        seeds.push((other + from + k) as u32);
-                    }
-                    open = inside;
-                }
+                open.starts(other, run.clone(), |x| seeds.push((other * nx + x) as u32));
             }
         }
     }
