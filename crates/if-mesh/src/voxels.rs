@@ -4,7 +4,7 @@ mod flood;
 
 use crate::grid::GridSize;
 use if_core::aabb::Aabb;
-use if_core::math::{Point, Real, Vector};
+use if_core::math::{Point, Real, Vector, larger, smaller};
 use if_core::mesh::TriMesh;
 use flood::OpenRows;
 use rayon::prelude::*;
@@ -88,22 +88,22 @@ impl Voxels {
         mut visit: impl FnMut(usize),
     ) {
         let rel = corners.map(|p| (p - self.origin) * self.per_metre);
-        let low = rel[0].inf(&rel[1]).inf(&rel[2]);
-        let high = rel[0].sup(&rel[1]).sup(&rel[2]);
-        let range = |k: usize| {
-            let from = low[k].floor().max(0.0) as usize;
-            let to = (high[k].floor().min(self.size.0[k] as Real - 1.0)).max(-1.0) as isize;
-            (from, to)
-        };
-        let ([x0, y0, z0], [x1, y1, z1]) =
-            ([range(0).0, range(1).0, range(2).0], [range(0).1, range(1).1, range(2).1]);
-        if x1 < x0 as isize || y1 < y0 as isize || z1 < z0 as isize {
+        let [low, high] = [smaller, larger].map(|of| {
+            [0, 1, 2].map(|k| of(of(rel[0][k], rel[1][k]), rel[2][k]))
+        });
+        if high.iter().any(|c| *c < 0.0) {
+            return;
+        }
+        // Numbers below zero become zero, and for others truncation is the floor, without a call.
+        let ([x0, y0, z0], high) = (low.map(|c| c as usize), high.map(|c| c as usize));
+        let [x1, y1, z1] = [0, 1, 2].map(|k| high[k].min(self.size.0[k] - 1));
+        if x1 < x0 || y1 < y0 || z1 < z0 {
             return;
         }
         let slab = SlabTest::new(&rel);
-        for z in z0..=z1 as usize {
-            for y in y0..=y1 as usize {
-                for x in x0..=x1 as usize {
+        for z in z0..=z1 {
+            for y in y0..=y1 {
+                for x in x0..=x1 {
                     let at = self.size.index([x, y, z]);
                     if is_open(at) && slab.touches([x as Real, y as Real, z as Real]) {
                         visit(at);
@@ -361,8 +361,8 @@ impl SlabTest {
         for (axis, low, high) in &mut axes {
             let radius = SLACK * (axis.x.abs() + axis.y.abs() + axis.z.abs());
             let d = [axis.dot(&t[0]), axis.dot(&t[1]), axis.dot(&t[2])];
-            *low = d[0].min(d[1]).min(d[2]) - radius;
-            *high = d[0].max(d[1]).max(d[2]) + radius;
+            *low = smaller(smaller(d[0], d[1]), d[2]) - radius;
+            *high = larger(larger(d[0], d[1]), d[2]) + radius;
         }
         Self { axes }
     }

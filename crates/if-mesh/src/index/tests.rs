@@ -1,8 +1,18 @@
-use super::build::of_rank;
+use super::build::{node_count, of_rank};
 use super::pairs::{above, below};
 use super::*;
 use if_core::closest::{ClosestPoint, closest_on_triangle};
 use if_core::math::{Real, barycentric_point};
+
+#[test]
+fn nodes_are_counted_as_splits_make_them() {
+    fn split(n: usize) -> usize {
+        if n <= 4 { 1 } else { 1 + split(n / 2) + split(n - n / 2) }
+    }
+    for n in (1..3000).chain([65_535, 65_536, 65_537, 1_234_567]) {
+        assert_eq!(node_count(n), split(n), "{n}");
+    }
+}
 
 #[test]
 fn nothing_is_nearer_than_a_negative_distance() {
