@@ -3,10 +3,10 @@
 mod flood;
 
 use crate::grid::GridSize;
+use flood::OpenRows;
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector, larger, smaller};
 use if_core::mesh::TriMesh;
-use flood::OpenRows;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -88,9 +88,8 @@ impl Voxels {
         mut visit: impl FnMut(usize),
     ) {
         let rel = corners.map(|p| (p - self.origin) * self.per_metre);
-        let [low, high] = [smaller, larger].map(|of| {
-            [0, 1, 2].map(|k| of(of(rel[0][k], rel[1][k]), rel[2][k]))
-        });
+        let [low, high] =
+            [smaller, larger].map(|of| [0, 1, 2].map(|k| of(of(rel[0][k], rel[1][k]), rel[2][k])));
         if high.iter().any(|c| *c < 0.0) {
             return;
         }

@@ -9,6 +9,13 @@ use std::collections::BinaryHeap;
 /// The edges of a mesh as neighbours of each vertex, with their lengths.
 pub(crate) struct Neighbours(Rows<(u32, Real)>);
 
+/// Parts of a mesh, each of the vertices that are nearest to one of some seeds along edges.
+pub(crate) struct Cells {
+    pub(crate) seeds: Vec<u32>,
+    /// For each vertex the number of its seed.
+    pub(crate) of: Vec<u32>,
+}
+
 impl Neighbours {
     pub(crate) fn new(edges: &Edges, x: &[Point]) -> Self {
         let both = edges.vertices.iter().flat_map(|&[a, b]| {
@@ -49,6 +56,36 @@ impl Neighbours {
             }
         }
         distance
+    }
+
+    /// Cells round seeds: of the vertices in this `order`, those that are farther than `radius` metres
+    /// along edges from all seeds before them. `order` has every vertex.
+    pub(crate) fn cells(&self, order: impl IntoIterator<Item = u32>, radius: Real) -> Cells {
+        let mut distance = vec![Real::INFINITY; self.0.len()];
+        let mut cells = Cells { seeds: Vec::new(), of: vec![0; self.0.len()] };
+        let mut queue = BinaryHeap::new();
+        for seed in order {
+            if distance[seed as usize].is_finite() {
+                continue;
+            }
+            let cell = cells.seeds.len() as u32;
+            cells.seeds.push(seed);
+            (distance[seed as usize], cells.of[seed as usize]) = (0.0, cell);
+            queue.push(Entry(0.0, seed));
+            while let Some(Entry(d, v)) = queue.pop() {
+                if d > distance[v as usize] {
+                    continue;
+                }
+                for &(u, length) in self.of(v) {
+                    let far = d + length;
+                    if far <= radius && far < distance[u as usize] {
+                        (distance[u as usize], cells.of[u as usize]) = (far, cell);
+                        queue.push(Entry(far, u));
+                    }
+                }
+            }
+        }
+        cells
     }
 
     /// The vertex in the middle of the shortest path along edges; `None` if there is no path.

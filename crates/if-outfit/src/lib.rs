@@ -15,6 +15,7 @@ mod bridges;
 mod build;
 pub mod cleanness;
 mod cloth;
+mod coarse;
 mod contact_groups;
 mod contacts;
 pub mod digest;

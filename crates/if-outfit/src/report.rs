@@ -259,6 +259,8 @@ pub struct RepairCounts {
     pub untangling_rounds: usize,
     /// Own pairs of the input that untangling removed before the garment settled over others.
     pub untangled_own_pairs: usize,
+    /// Rounds in which coarse triangles settled in place of a garment's own small ones.
+    pub coarse_rounds: usize,
     /// Single vertices that were moved straight out of the layers below.
     pub escaped_vertices: usize,
     /// Vertices that were no longer pressed in below the layers above.
@@ -293,6 +295,7 @@ impl RepairCounts {
         Self {
             untangling_rounds: self.untangling_rounds + later.untangling_rounds,
             untangled_own_pairs: self.untangled_own_pairs + later.untangled_own_pairs,
+            coarse_rounds: self.coarse_rounds + later.coarse_rounds,
             escaped_vertices: self.escaped_vertices + later.escaped_vertices,
             released_vertices: self.released_vertices + later.released_vertices,
             yielding_rounds: self.yielding_rounds + later.yielding_rounds,

@@ -5,6 +5,7 @@
 //! sources ← vertices inside a layer below, or of triangles that intersect one, or out of a layer above
 //! if there are none: return the input, bit for bit
 //! method = paper: settle all vertices by Algorithm 1, and begin with repairs             algorithm1.rs
+//! its triangles are small: settle large ones instead, and begin with repairs           coarse.rs
 //! find other ways out where the nearest leads back under the garment          ways_out.rs
 //! hold every vertex that is further from sources than `influence`
 //! rounds as below, as many more as vertices far out of a layer above need
@@ -26,6 +27,7 @@
 //! ```
 
 use crate::algorithm1;
+use crate::coarse::Coarse;
 use crate::incremental_verification::IncrementalVerification;
 use crate::layer_fields::FieldOfGarment;
 use crate::outfit::Layer;
@@ -90,6 +92,15 @@ impl Settled {
         }
     }
 
+    /// With what was done to its coarse triangles before.
+    fn after_coarse(mut self, coarse: &Self) -> Self {
+        self.counts.coarse_rounds += coarse.rounds;
+        self.sweeps += coarse.sweeps;
+        self.queries += coarse.queries;
+        self.skipped += coarse.skipped;
+        self
+    }
+
     /// Of a garment that needs nothing.
     pub(crate) fn unchanged(garment: &Layer) -> Self {
         let positions = garment.mesh.vertices().to_vec();
@@ -139,19 +150,27 @@ pub(crate) fn settle(
     settings: Settings<'_>,
     progress: &mut GarmentProgress<'_>,
 ) -> Result<Settled, SettleError> {
-    let mut ways = None;
-    let mut by = |reroute, ways: &mut Option<usize>| {
-        settle_once(garment, start, below, above, may_yield, settings, (reroute, ways), progress)
+    let mut tried = Tried::default();
+    let mut by = |begin, reroute, tried: &mut Tried| {
+        settle_once(garment, begin, below, above, may_yield, settings, (reroute, tried), progress)
     };
-    let first = by(Reroute::Back, &mut ways).transpose().expect("the first way is always tried");
-    let is_finished = match &first {
+    let is_finished = |result: &Result<Settled, SettleError>| match result {
         Ok(settled) => settled.remaining == 0,
         Err(error) => !matches!(error, SettleError::Stuck),
     };
-    if is_finished || ways.is_none() {
+    let begin = start.map_or(Begin::Coarse, Begin::At);
+    let mut first = by(begin, Reroute::Back, &mut tried).transpose().expect(ALWAYS);
+    if tried.coarse && !is_finished(&first) {
+        let again = by(Begin::AsGiven, Reroute::Back, &mut tried).transpose().expect(ALWAYS);
+        first = match (first, again) {
+            (Ok(first), Ok(again)) if first.remaining <= again.remaining => Ok(first),
+            (_, again) => again,
+        };
+    }
+    if is_finished(&first) || tried.ways.is_none() {
         return first;
     }
-    match (first, by(Reroute::Sideways, &mut ways)) {
+    match (first, by(Begin::AsGiven, Reroute::Sideways, &mut tried)) {
         (first, Ok(None) | Err(SettleError::Stuck)) => first,
         (Err(_), Ok(Some(again))) if again.remaining == 0 => Ok(again),
         (Ok(first), Ok(Some(again))) if again.remaining < first.remaining => {
@@ -162,16 +181,41 @@ pub(crate) fn settle(
     }
 }
 
-/// As [`settle`], one time. `ways` becomes the number of ways round limbs; it stays `None` if no vertex
-/// may need one. Returns `None` if the sideways ways are as many as `ways` before.
+/// Why the first way of settling has a result.
+const ALWAYS: &str = "ways that lead back are always tried";
+
+/// Where a garment begins to settle.
+#[derive(Clone, Copy)]
+enum Begin<'a> {
+    /// As given.
+    AsGiven,
+    /// Where it lies after it has settled in [coarse] triangles, with repairs; as given if its own are
+    /// not small.
+    ///
+    /// [coarse]: Coarse
+    Coarse,
+    /// Here, with repairs.
+    At(&'a [Point]),
+}
+
+/// What was tried so far.
+#[derive(Default)]
+struct Tried {
+    /// Whether it was in coarse triangles.
+    coarse: bool,
+    /// How many ways round limbs; `None` if no vertex may need one.
+    ways: Option<usize>,
+}
+
+/// As [`settle`], one time. Returns `None` if the sideways ways are as many as those `tried` before.
 fn settle_once(
     garment: &Layer,
-    start: Option<&[Point]>,
+    begin: Begin<'_>,
     below: &[&ClosedLayer],
     above: UpperLayers<'_>,
     may_yield: bool,
     settings: Settings<'_>,
-    (reroute, ways): (Reroute, &mut Option<usize>),
+    (reroute, tried): (Reroute, &mut Tried),
     progress: &mut GarmentProgress<'_>,
 ) -> Result<Option<Settled>, SettleError> {
     let Settings { params, skip, fields, .. } = settings;
@@ -183,6 +227,7 @@ fn settle_once(
     drop(verifying);
     let unused: Vec<bool> = mesh.used_vertices().iter().map(|used| !used).collect();
     let sticking_out = above.sticking_out(mesh.vertices(), &unused);
+    let start = if let Begin::At(start) = begin { Some(start) } else { None };
     if start.is_none() && remaining.is_clean() && sticking_out.is_empty() {
         return Ok(Some(Settled::unchanged(garment)));
     }
@@ -197,18 +242,24 @@ fn settle_once(
         .in_scope(|| Workpiece::new(scene, tree, (verification, remaining), sources));
 
     work.counts.ways_in = above.layers.iter().map(|layer| layer.ways_in.len()).sum();
-    if start.is_none() && params.effort.method == Method::Contacts {
-        let before = std::mem::replace(ways, work.find_ways_out(reroute));
-        if reroute == Reroute::Sideways && *ways == before {
+    // In coarse triangles, Algorithm 1 and a state to start from replace the rounds of settling:
+    // repairs follow, unless it was enough.
+    let (mut first, mut end) = (0, params.effort.rounds);
+    let (mut coarse, mut algorithm1) = (None, None);
+    let mut begin = match begin {
+        Begin::Coarse if params.effort.method == Method::Contacts && above.layers.is_empty() => {
+            coarse = settled_in_coarse(&work, settings, progress)?;
+            coarse.as_mut().map(|coarse| std::mem::take(&mut coarse.positions))
+        }
+        _ => start.map(<[Point]>::to_vec),
+    };
+    tried.coarse |= coarse.is_some();
+    if begin.is_none() && params.effort.method == Method::Contacts {
+        let before = std::mem::replace(&mut tried.ways, work.find_ways_out(reroute));
+        if reroute == Reroute::Sideways && tried.ways == before {
             return Ok(None);
         }
     }
-
-    // Algorithm 1 and a state to start from replace the rounds of settling: repairs follow, unless it
-    // was enough.
-    let (mut first, mut end) = (0, params.effort.rounds);
-    let mut algorithm1 = None;
-    let mut begin = start.map(<[Point]>::to_vec);
     if begin.is_none() && params.effort.method == Method::Paper {
         let clearance = params.goal.clearance;
         let (positions, report) = algorithm1::settled(garment, below, fields, clearance, progress)?;
@@ -254,7 +305,7 @@ fn settle_once(
         }
         None => (work.cloth.stored(), work.remaining.count()),
     };
-    Ok(Some(Settled {
+    let settled = Settled {
         tucked: [sticking_out.len(), above.sticking_out(&positions, &unused).len()],
         positions,
         rounds: pressing + rounds - first + work.eased.rounds,
@@ -267,7 +318,34 @@ fn settle_once(
         held: work.cloth.ever_free.iter().filter(|free| !**free).count(),
         remaining,
         algorithm1,
+    };
+    Ok(Some(match &coarse {
+        Some(coarse) => settled.after_coarse(coarse),
+        None => settled,
     }))
+}
+
+/// What settling the garment of `work`, which is as given, in coarse triangles did, with the positions
+/// to which that leads its own vertices: those that are free. `None` if its triangles are not small,
+/// or the coarse ones got stuck.
+fn settled_in_coarse(
+    work: &Workpiece<'_>,
+    settings: Settings<'_>,
+    progress: &mut GarmentProgress<'_>,
+) -> Result<Option<Settled>, SettleError> {
+    let Scene { garment, below, .. } = work.scene;
+    let Some(coarse) = Coarse::new(garment, &work.cloth.edges, &work.cloth.neighbours) else {
+        return Ok(None);
+    };
+    let above = UpperLayers::default();
+    let settled = match settle(&coarse.garment, None, below, above, true, settings, progress) {
+        Err(SettleError::Stuck) => return Ok(None),
+        settled => settled?,
+    };
+    let moved = coarse.displacements(&settled.positions);
+    let given = garment.mesh.vertices().iter().zip(&work.cloth.ever_free);
+    let positions = given.zip(moved).map(|((p, free), d)| if *free { p + d } else { *p });
+    Ok(Some(Settled { positions: positions.collect(), ..settled }))
 }
 
 /// One round; breaks when the garment is as good as it gets.

@@ -18,13 +18,15 @@ impl OpenRows {
     pub(super) fn inside(states: &[Voxel], length: usize) -> Self {
         let words_per_row = length.div_ceil(WORD);
         let mut words = vec![0; states.len() / length * words_per_row];
-        words.par_chunks_mut(words_per_row).zip(states.par_chunks(length)).for_each(|(row, states)| {
-            for (word, states) in row.iter_mut().zip(states.chunks(WORD)) {
-                for (k, state) in states.iter().enumerate() {
-                    *word |= u64::from(*state == Voxel::Inside) << k;
+        words.par_chunks_mut(words_per_row).zip(states.par_chunks(length)).for_each(
+            |(row, states)| {
+                for (word, states) in row.iter_mut().zip(states.chunks(WORD)) {
+                    for (k, state) in states.iter().enumerate() {
+                        *word |= u64::from(*state == Voxel::Inside) << k;
+                    }
                 }
-            }
-        });
+            },
+        );
         Self { words, words_per_row }
     }
 
@@ -127,7 +129,9 @@ mod tests {
                     let (mut starts, mut expected) = (Vec::new(), Vec::new());
                     open.starts(row, range.clone(), |x| starts.push(x));
                     expected.extend(
-                        range.clone().filter(|k| is_open(*k) && (*k == range.start || !is_open(*k - 1))),
+                        range
+                            .clone()
+                            .filter(|k| is_open(*k) && (*k == range.start || !is_open(*k - 1))),
                     );
                     assert_eq!(starts, expected, "{length} {least} {row} {range:?}");
                 }
