@@ -66,7 +66,8 @@ fn cast_shadow(voxels: &mut Voxels, mesh: &TriMesh, edges: &Edges, body: &Bvh, r
         _ => None,
     };
     // Parts that an edge of each triangle is divided into, at most as long as a voxel; 0 without a
-    // shadow. Halving them changes one voxel in 100,000.
+    // shadow. Of a million voxels some ten more
+    // are filled by ever smaller parts.
     let steps = |t: usize| {
         let size = longest(mesh.corners(t));
         // Nearest points on two legs, or on an arm and the torso, have no common shadow.
