@@ -158,17 +158,16 @@ fn own_pair(
     tj: &[Point; 3],
 ) -> Option<TrianglePair> {
     let (mut ni, mut nj) = (mesh.triangles()[i as usize], mesh.triangles()[j as usize]);
-    // Corners at the same position get the same index. (Most differ in their first coordinate.)
-    let same = |p: &Point, q: &Point| p.x == q.x && p.y == q.y && p.z == q.z;
+    // Corners at the same position get the same index.
     for k in 1..3 {
-        if let Some(m) = (0..k).find(|&m| same(&ti[m], &ti[k])) {
+        if let Some(m) = (0..k).find(|&m| ti[m] == ti[k]) {
             ni[k] = ni[m];
         }
     }
     for k in 0..3 {
-        if let Some(m) = (0..3).find(|&m| same(&ti[m], &tj[k])) {
+        if let Some(m) = (0..3).find(|&m| ti[m] == tj[k]) {
             nj[k] = ni[m];
-        } else if let Some(m) = (0..k).find(|&m| same(&tj[m], &tj[k])) {
+        } else if let Some(m) = (0..k).find(|&m| tj[m] == tj[k]) {
             nj[k] = nj[m];
         }
     }

@@ -112,14 +112,13 @@ impl Voxels {
         }
     }
 
-    /// Marks the voxels along each segment as filled, except walls: those of points at most the side
-    /// of a voxel apart along each axis.
+    /// Marks the voxels along each segment as filled, except walls.
     pub fn fill(&mut self, segments: impl ParallelIterator<Item = [Point; 2]>) {
         let [nx, ny, nz] = self.size.0;
         let marks = Marks::new(self.states.len());
         segments.for_each(|[a, b]| {
             let (a, b) = ((a - self.origin) * self.per_metre, (b - self.origin) * self.per_metre);
-            let steps = (b - a).amax().ceil().max(1.0) as usize;
+            let steps = (2.0 * (b - a).amax()).ceil().max(1.0) as usize;
             let step = (b - a) / steps as Real;
             // Rounding moves no point of a segment from well within the block out of it.
             let is_within = (0..3).all(|k| {

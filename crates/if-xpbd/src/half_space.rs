@@ -2,7 +2,7 @@
 //! the frozen layers below it.
 
 use crate::constraint::{Constraint, Residual, Stage};
-use if_core::math::{Point, Real, Vector, larger};
+use if_core::math::{Point, Real, Vector};
 
 /// Contacts `n·(Σ bₖ pₖ − q) ≥ δ` of samples on up to three vertices with fixed half-spaces.
 ///
@@ -169,7 +169,7 @@ impl HalfSpaces {
                 push -= friction(&(slid - n * n.dot(&slid)), self.friction * depth);
             }
             if self.max_lever < Real::INFINITY {
-                let lever = (0..3).map(|c| w[c] * b[c]).fold(0.0, larger) / sum;
+                let lever = (0..3).map(|c| w[c] * b[c]).fold(0.0, Real::max) / sum;
                 if lever > self.max_lever {
                     push *= self.max_lever / lever;
                 }
@@ -193,10 +193,6 @@ pub(crate) fn friction(slide: &Vector, bound: Real) -> Vector {
 
 #[inline]
 fn sample(positions: &[Point], v: &[u32; 3], b: &[Real; 3]) -> Vector {
-    // That of one vertex has weight 1 there.
-    if v[0] == v[1] && v[0] == v[2] {
-        return positions[v[0] as usize].coords * (b[0] + b[1] + b[2]);
-    }
     positions[v[0] as usize].coords * b[0]
         + positions[v[1] as usize].coords * b[1]
         + positions[v[2] as usize].coords * b[2]

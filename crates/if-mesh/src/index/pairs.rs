@@ -165,12 +165,9 @@ impl RoughBox {
     /// The box of both.
     #[inline]
     fn union(&self, other: &Self) -> Self {
-        let mut both = *other;
-        for k in 0..4 {
-            both.min[k] = if self.min[k] < other.min[k] { self.min[k] } else { other.min[k] };
-            both.max[k] = if self.max[k] > other.max[k] { self.max[k] } else { other.max[k] };
-        }
-        both
+        let each = |k: usize| (self.min[k].min(other.min[k]), self.max[k].max(other.max[k]));
+        let all = [each(0), each(1), each(2), each(3)];
+        Self { min: all.map(|e| e.0), max: all.map(|e| e.1) }
     }
 
     #[inline]
@@ -191,9 +188,8 @@ const ULP: f32 = f32::EPSILON;
 #[inline]
 pub(super) fn below(x: Real) -> f32 {
     let f = x as f32;
-    let rounded = f - f.abs() * ULP - f32::MIN_POSITIVE;
-    // Infinity minus infinity is NaN, which is not less.
-    if rounded < f32::MAX { rounded } else { f32::MAX }
+    // Infinity minus infinity is NaN, for which `min` returns its other argument.
+    (f - f.abs() * ULP - f32::MIN_POSITIVE).min(f32::MAX)
 }
 
 /// A number in single precision above `x`, by two units in the last place at most.

@@ -65,14 +65,12 @@ fn cast_shadow(voxels: &mut Voxels, mesh: &TriMesh, edges: &Edges, body: &Bvh, r
         [Some(a), Some(b), Some(c)] => Some([a, b, c]),
         _ => None,
     };
-    // Parts that an edge of each triangle is divided into, at most as long as a voxel; 0 without a
-    // shadow. Of a million voxels some ten more
-    // are filled by ever smaller parts.
+    // Parts that an edge of each triangle is divided into; 0 without a shadow.
     let steps = |t: usize| {
         let size = longest(mesh.corners(t));
         // Nearest points on two legs, or on an arm and the torso, have no common shadow.
         let is_common = |foot: &[Point; 3]| longest(foot.each_ref()) <= 2.0 * size + 2.0 * cell;
-        let parts = || (size / cell).ceil().max(1.0) as usize;
+        let parts = || (1.5 * size / cell).ceil().max(1.0) as usize;
         feet_of(t).filter(is_common).map_or(0, |_| parts())
     };
     let triangles = 0..mesh.triangles().len();
@@ -191,7 +189,7 @@ mod tests {
             let foot = top.map(|p| body.closest(p, reach).map(|c| c.point));
             let [Some(a), Some(b), Some(c)] = foot else { continue };
             let size = (0..3).map(|k| (top[k] - top[(k + 1) % 3]).norm()).fold(0.0, Real::max);
-            let steps = (size / cell).ceil().max(1.0) as usize;
+            let steps = (1.5 * size / cell).ceil().max(1.0) as usize;
             all.extend(segments(top, [a, b, c], steps, Own { corners: every, edges: every }));
         }
         voxels.fill(all.into_par_iter());
