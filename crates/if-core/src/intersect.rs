@@ -3,11 +3,13 @@
 //! All decisions are exact for all finite coordinates, degenerate triangles included: a
 //! floating-point filter decides almost all, adaptive predicates the rest.
 
+mod fan;
 mod planar;
 mod predicates;
 mod wide;
 
 use crate::math::{Point, Real};
+pub use fan::{Fan, is_flat_fan};
 use planar::Hull;
 use predicates::Plane;
 pub use predicates::side_of_plane;

@@ -1,6 +1,9 @@
 //! Intersecting triangle pairs of two meshes, and of one mesh with itself: exact.
 
+mod fans;
+
 use crate::index::Bvh;
+pub use fans::Fans;
 use if_core::aabb::Aabb;
 use if_core::intersect::{Contact, is_degenerate, triangles, triangles_sharing};
 use if_core::math::Point;
@@ -41,8 +44,19 @@ pub fn pairs_between(meshes: &[Bvh]) -> Vec<([usize; 2], Vec<TrianglePair>)> {
 /// All pairs of triangles of one mesh that share a point beyond their common corners, sorted.
 /// Corners are common if they are one vertex or have equal coordinates; triangles of zero area are
 /// skipped.
+///
+/// `tree` must hold the current positions.
 pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
-    own_pairs_searched(mesh, tree, |_| true)
+    own_pairs_with(mesh, tree, &Fans::new(mesh))
+}
+
+/// As [`own_pairs`], with the fans of the mesh, which serve all of its positions.
+///
+/// # Panics
+///
+/// If `fans` are of a mesh with fewer vertices.
+pub fn own_pairs_with(mesh: &TriMesh, tree: &Bvh, fans: &Fans) -> Vec<TrianglePair> {
+    own_pairs_searched(mesh, tree, fans, |_| true)
 }
 
 /// Those [`own_pairs`] of which at least one triangle has moved; `tree` must hold the current
@@ -50,21 +64,34 @@ pub fn own_pairs(mesh: &TriMesh, tree: &Bvh) -> Vec<TrianglePair> {
 ///
 /// # Panics
 ///
-/// If `moved` is of a mesh with fewer triangles.
-pub fn own_pairs_of_moved(mesh: &TriMesh, tree: &Bvh, moved: &MovedTriangles) -> Vec<TrianglePair> {
+/// If `moved` or `fans` are of a mesh with fewer triangles or vertices.
+pub fn own_pairs_of_moved(
+    mesh: &TriMesh,
+    tree: &Bvh,
+    fans: &Fans,
+    moved: &MovedTriangles,
+) -> Vec<TrianglePair> {
     if moved.is_empty() {
         return Vec::new();
     }
-    own_pairs_searched(mesh, tree, |t| moved.is_moved[t as usize])
+    own_pairs_searched(mesh, tree, fans, |t| moved.is_moved[t as usize])
 }
 
 fn own_pairs_searched(
     mesh: &TriMesh,
     tree: &Bvh,
+    fans: &Fans,
     is_searched: impl Fn(u32) -> bool,
 ) -> Vec<TrianglePair> {
+    let (flat, triangles) = (fans.at(mesh.vertices()), mesh.triangles());
     let mut found = tree.own_near_pairs(is_searched, |i, ti, j, tj| {
-        if i < j { own_pair(mesh, i, ti, j, tj) } else { own_pair(mesh, j, tj, i, ti) }
+        if flat.part(triangles[i as usize], triangles[j as usize]) {
+            None
+        } else if i < j {
+            own_pair(mesh, i, ti, j, tj)
+        } else {
+            own_pair(mesh, j, tj, i, ti)
+        }
     });
     found.sort_unstable();
     found
@@ -103,14 +130,15 @@ pub fn pairs_after_motion(
 ///
 /// # Panics
 ///
-/// If `moved` or `before` are of a mesh with other triangles.
+/// If `fans`, `moved` or `before` are of a mesh with other triangles.
 pub fn own_pairs_after_motion(
     mesh: &TriMesh,
     tree: &Bvh,
+    fans: &Fans,
     moved: &MovedTriangles,
     before: &[TrianglePair],
 ) -> Vec<TrianglePair> {
-    let mut all = own_pairs_of_moved(mesh, tree, moved);
+    let mut all = own_pairs_of_moved(mesh, tree, fans, moved);
     all.extend(
         before.iter().filter(|p| !moved.is_moved[p.a as usize] && !moved.is_moved[p.b as usize]),
     );
@@ -252,6 +280,7 @@ mod tests {
             p.sort_unstable();
             p
         };
+        let fans = Fans::new(&sheet);
         let (mut with_floor, mut own) = (sorted(pairs(&floor, &tree)), own_pairs(&sheet, &tree));
         let (mut changed, mut most_own) = (0, 0);
         for round in 0..12u32 {
@@ -268,7 +297,7 @@ mod tests {
             assert!(!moved.is_empty() && moved.len() < sheet.triangles().len());
             let now = (
                 pairs_after_motion(&floor, &sheet, &moved, &with_floor),
-                own_pairs_after_motion(&sheet, &tree, &moved, &own),
+                own_pairs_after_motion(&sheet, &tree, &fans, &moved, &own),
             );
             assert_eq!(now.0, sorted(pairs(&floor, &tree)));
             assert_eq!(now.1, own_pairs(&sheet, &tree));
@@ -277,6 +306,29 @@ mod tests {
             (with_floor, own) = now;
         }
         assert!(changed > 6 && most_own > 10, "{changed} {most_own}");
+    }
+
+    #[test]
+    fn own_pairs_agree_with_all_triangles_however_rough_a_sheet_is() {
+        let random =
+            |k: u32| f64::from(k.wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24) - 0.5;
+        for (level, rough) in [0.0, 0.05, 0.1, 0.6, 1.5].into_iter().enumerate() {
+            let sheet = grid(9, |x, y| {
+                let k = (4801.0 * x + 977.0 * y) as u32 + 7919 * level as u32;
+                let [dx, dy, dz] = [k, k + 1, k + 2].map(|k| rough * random(k));
+                // Rolled up, so that its fans face all ways.
+                let (s, c) = (6.0 * x).sin_cos();
+                Point::new(c + dx, s + dy, y + dz)
+            });
+            let mut all = Vec::new();
+            let corners = |t: u32| sheet.corners(t as usize).map(|p| *p);
+            for j in 0..sheet.triangles().len() as u32 {
+                all.extend((0..j).filter_map(|i| own_pair(&sheet, i, &corners(i), j, &corners(j))));
+            }
+            all.sort_unstable();
+            assert_eq!(own_pairs(&sheet, &Bvh::new(&sheet)), all, "{rough}");
+            assert_eq!(level > 2, all.len() > 20, "{rough}: {}", all.len());
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::{TrianglePair, own_pairs};
+use if_mesh::intersections::{Fans, TrianglePair, own_pairs_with};
 use std::collections::BTreeSet;
 
 /// One garment against one layer below it.
@@ -49,7 +49,12 @@ impl Findings {
 
 /// The pairs of triangles of the mesh, which `tree` holds, that intersect, sorted.
 pub(crate) fn own_of(mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
-    own_pairs(mesh, tree).iter().map(|p| [p.a, p.b]).collect()
+    own_with(mesh, tree, &Fans::new(mesh))
+}
+
+/// As [`own_of`], with the fans of the mesh.
+pub(crate) fn own_with(mesh: &TriMesh, tree: &Bvh, fans: &Fans) -> Vec<[u32; 2]> {
+    own_pairs_with(mesh, tree, fans).iter().map(|p| [p.a, p.b]).collect()
 }
 
 /// Those of the own pairs `now` that `given`, sorted, does not have.

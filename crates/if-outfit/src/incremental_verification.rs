@@ -6,7 +6,8 @@ use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_mesh::index::{Bvh, Nearby};
 use if_mesh::intersections::{
-    MovedTriangles, TrianglePair, own_pairs, own_pairs_after_motion, pairs, pairs_after_motion,
+    Fans, MovedTriangles, TrianglePair, own_pairs_after_motion, own_pairs_with, pairs,
+    pairs_after_motion,
 };
 use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
@@ -43,6 +44,7 @@ impl Remaining {
 /// Exact verification of one garment, with the results of the last one.
 pub(crate) struct IncrementalVerification<'a> {
     below: &'a [&'a ClosedLayer],
+    fans: Fans,
     /// Own pairs of the input, sorted.
     given: Vec<[u32; 2]>,
     /// Vertices of triangles, ascending; others have no side.
@@ -66,10 +68,13 @@ impl<'a> IncrementalVerification<'a> {
         below: &'a [&'a ClosedLayer],
     ) -> (Self, Remaining) {
         let n = mesh.vertices().len();
-        let (pairs, own) = rayon::join(|| all_pairs(below, tree), || own_pairs(mesh, tree));
+        let fans = Fans::new(mesh);
+        let own = || own_pairs_with(mesh, tree, &fans);
+        let (pairs, own) = rayon::join(|| all_pairs(below, tree), own);
         let is_used = mesh.used_vertices();
         let mut this = Self {
             below,
+            fans,
             given: own.iter().map(|p| [p.a, p.b]).collect(),
             used: (0..n as u32).filter(|v| is_used[*v as usize]).collect(),
             verified: mesh.vertices().to_vec(),
@@ -97,16 +102,19 @@ impl<'a> IncrementalVerification<'a> {
         }
         self.verified.copy_from_slice(mesh.vertices());
         let triangles = MovedTriangles::new(mesh, &moved);
-        let (below, pairs, own) = (self.below, &mut self.pairs, &mut self.own);
+        let (below, fans) = (self.below, &self.fans);
+        let (pairs, own) = (&mut self.pairs, &mut self.own);
         if triangles.len() as Real > MANY * mesh.triangles().len() as Real {
-            (*pairs, *own) = rayon::join(|| all_pairs(below, tree), || own_pairs(mesh, tree));
+            let all_own = || own_pairs_with(mesh, tree, fans);
+            (*pairs, *own) = rayon::join(|| all_pairs(below, tree), all_own);
         } else if !triangles.is_empty() {
             let others = || {
                 below.par_iter().zip(pairs).for_each(|(layer, pairs)| {
                     *pairs = pairs_after_motion(layer.bvh(), mesh, &triangles, pairs);
                 });
             };
-            rayon::join(others, || *own = own_pairs_after_motion(mesh, tree, &triangles, own));
+            let own_again = || *own = own_pairs_after_motion(mesh, tree, fans, &triangles, own);
+            rayon::join(others, own_again);
         }
         self.update_sides(&moved, nearby);
         self.remaining()

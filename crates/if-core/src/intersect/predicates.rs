@@ -12,9 +12,9 @@ use crate::math::{Point, Real, Vector};
 /// between the input and the result, 8 · 2⁻⁵³ = 8.9e-16; the rest covers the rounding of the bound
 /// itself. Smaller would be wrong, ten times larger sends ten times as many calls to the slower
 /// stages.
-const FILTER: Real = 1.2e-15;
+pub(super) const FILTER: Real = 1.2e-15;
 /// Added to every magnitude: times [`FILTER`] it exceeds what underflow can take from a product.
-const UNDERFLOW: Real = 1e-300;
+pub(super) const UNDERFLOW: Real = 1e-300;
 /// Coordinates between which `robust` is exact: its smallest number is a product of three last
 /// digits, (2⁻³⁰⁰ · 2⁻⁵²)³ = 2⁻¹⁰⁵⁶, its largest below 2³³⁰ ^ 3 · 2⁵, both in the range of `f64`.
 const EXACT_RANGE: [Real; 2] = [4.909093465297727e-91, 2.187250724783012e+99];

@@ -6,7 +6,7 @@ use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 
 /// Maximum triangles in a leaf. 4 was fastest of 2, 4 and 8 on the garments of the test data.
-const LEAF: usize = 4;
+pub(super) const LEAF: usize = 4;
 
 /// Number of nodes of a tree over `n` triangles, which splits at the median determine.
 pub(super) fn node_count(n: usize) -> usize {

@@ -1,5 +1,6 @@
 //! Pairs of triangles whose boxes overlap, of two trees or of one.
 
+use super::build::LEAF;
 use super::{Bvh, Node, corner_box};
 use if_core::aabb::Aabb;
 use if_core::math::{Point, Real};
@@ -73,25 +74,19 @@ impl Bvh {
         own: bool,
         keep: impl Fn(u32, &[Point; 3], u32, &[Point; 3]) -> Option<T> + Sync,
     ) -> Vec<T> {
-        let open = |a: u32, b: u32, push: &mut dyn FnMut(u32, u32)| {
-            if own && a == b {
-                here.open_with_itself(a, push)
-            } else {
-                here.open(there, a, b, push)
-            }
-        };
         // Open the upper levels breadth first until there is work for many tasks, then go deep.
         let mut front = vec![(0u32, 0u32)];
         while front.len() < 256 {
-            let before = front.len();
             let mut opened_any = false;
-            let mut next = Vec::with_capacity(2 * before);
+            let mut next = Vec::with_capacity(3 * front.len());
             for &(a, b) in &front {
-                let opened = open(a, b, &mut |a, b| next.push((a, b)));
-                if !opened {
-                    next.push((a, b));
+                match here.open(there, (a, b), own) {
+                    Some(parts) => {
+                        opened_any = true;
+                        next.extend(parts.into_iter().filter(|p| here.meet(there, *p)));
+                    }
+                    None => next.push((a, b)),
                 }
-                opened_any |= opened;
             }
             front = next;
             if !opened_any || front.is_empty() {
@@ -100,42 +95,26 @@ impl Bvh {
         }
         let parts: Vec<Vec<T>> = front
             .par_iter()
-            .map(|&(a, b)| {
+            .map(|&pair| {
                 let mut found = Vec::new();
-                let mut stack = vec![(a, b)];
-                // All pairs on the stack overlap: `open` pushes no others.
-                while let Some((a, b)) = stack.pop() {
-                    if open(a, b, &mut |a, b| stack.push((a, b))) {
-                        continue;
-                    }
-                    let (na, nb) = (&here.links[a as usize], &there.links[b as usize]);
-                    let box_b = &there.nodes[b as usize];
-                    for i in na.at as usize..(na.at + na.count) as usize {
-                        let box_i = &here.triangles[i];
-                        if !box_i.meets(box_b) {
-                            continue;
-                        }
-                        let first = if own && a == b { i + 1 } else { nb.at as usize };
-                        for j in first..(nb.at + nb.count) as usize {
-                            if box_i.meets(&there.triangles[j])
-                                && let Some(value) = keep(
-                                    self.order[i],
-                                    &self.corners[i],
-                                    other.order[j],
-                                    &other.corners[j],
-                                )
-                            {
-                                found.push(value);
-                            }
-                        }
-                    }
-                }
+                here.search(there, pair, own, |near| {
+                    found.extend(near.iter().filter_map(|&(i, j)| {
+                        let (i, j) = (i as usize, j as usize);
+                        keep(self.order[i], &self.corners[i], other.order[j], &other.corners[j])
+                    }));
+                });
                 found
             })
             .collect();
         parts.into_iter().flatten().collect()
     }
 }
+
+/// Pairs of triangles that are collected before they are looked at closely: the loops that compare
+/// boxes stay short.
+const BATCH: usize = 256;
+/// Most pairs of the triangles of two leaves.
+const MOST_NEAR: usize = LEAF * LEAF;
 
 /// All triangles are searched.
 fn all(_: u32) -> bool {
@@ -198,78 +177,145 @@ pub(super) fn above(x: Real) -> f32 {
     -below(-x)
 }
 
-/// The nodes of a tree as the search for pairs needs them, packed in half the bytes of the exact
+/// The nodes of a tree as the search for pairs needs them, packed in less than the bytes of the exact
 /// boxes. Built for each search.
 struct Rough {
-    nodes: Vec<RoughBox>,
-    links: Vec<Link>,
+    nodes: Vec<RoughNode>,
     /// In leaf order.
     triangles: Vec<RoughBox>,
 }
 
-/// A node without its box.
-struct Link {
+/// A node with a rough box.
+struct RoughNode {
+    bounds: RoughBox,
     at: u32,
     count: u32,
-    /// Squared diagonal of the box.
+    /// Squared diagonal of the exact box.
     extent: Real,
 }
 
 impl Rough {
     /// With boxes that are larger by `margin` on each side.
     fn new(tree: &Bvh, margin: Real, is_searched: impl Fn(u32) -> bool) -> Self {
-        let link =
-            |n: &Node| Link { at: n.at, count: n.count, extent: n.aabb.size().norm_squared() };
+        let node = |n: &Node| RoughNode {
+            bounds: RoughBox::EMPTY,
+            at: n.at,
+            count: n.count,
+            extent: n.aabb.size().norm_squared(),
+        };
         let wide = |(c, t): (&[Point; 3], &u32)| {
             RoughBox::new(&corner_box(c).inflated(margin), is_searched(*t))
         };
         let triangles: Vec<RoughBox> = tree.corners.iter().zip(&tree.order).map(wide).collect();
         // Rounding keeps order: a node's box is that of its parts. Children come after their parents.
-        let mut nodes = vec![RoughBox::EMPTY; tree.nodes.len()];
-        for (k, n) in tree.nodes.iter().enumerate().rev() {
-            let at = n.at as usize;
-            nodes[k] = if n.count > 0 {
-                let parts = triangles[at..at + n.count as usize].iter();
+        let mut nodes: Vec<RoughNode> = tree.nodes.iter().map(node).collect();
+        for k in (0..nodes.len()).rev() {
+            let (at, count) = (nodes[k].at as usize, nodes[k].count as usize);
+            nodes[k].bounds = if count > 0 {
+                let parts = triangles[at..at + count].iter();
                 parts.fold(RoughBox::EMPTY, |all, part| all.union(part))
             } else {
-                nodes[k + 1].union(&nodes[at])
+                nodes[k + 1].bounds.union(&nodes[at].bounds)
             };
         }
-        Self { nodes, links: tree.nodes.iter().map(link).collect(), triangles }
+        Self { nodes, triangles }
     }
 
-    /// Replaces a pair of overlapping nodes by its overlapping children, the larger node opened.
-    /// False, and nothing pushed, for two leaves.
+    /// Whether the boxes of two nodes meet.
     #[inline]
-    fn open(&self, other: &Rough, a: u32, b: u32, push: &mut dyn FnMut(u32, u32)) -> bool {
-        let (na, nb) = (&self.links[a as usize], &other.links[b as usize]);
+    fn meet(&self, other: &Rough, (a, b): (u32, u32)) -> bool {
+        self.nodes[a as usize].bounds.meets(&other.nodes[b as usize].bounds)
+    }
+
+    /// What replaces a pair of nodes: the larger one opened, and of a tree's own node with itself each
+    /// pair of children once. None for two leaves.
+    fn open(&self, other: &Rough, (a, b): (u32, u32), own: bool) -> Option<Vec<(u32, u32)>> {
+        let (na, nb) = (&self.nodes[a as usize], &other.nodes[b as usize]);
         if na.count > 0 && nb.count > 0 {
-            return false;
+            None
+        } else if own && a == b {
+            Some(na.own_children(a).to_vec())
+        } else {
+            Some(na.children((a, b), nb).to_vec())
         }
-        let open_a = nb.count > 0 || (na.count == 0 && na.extent >= nb.extent);
-        let pairs = if open_a { [(a + 1, b), (na.at, b)] } else { [(a, b + 1), (a, nb.at)] };
-        for (x, y) in pairs {
-            if self.nodes[x as usize].meets(&other.nodes[y as usize]) {
-                push(x, y);
-            }
-        }
-        true
     }
 
-    /// Replaces a node paired with itself by the pairs of its children, each pair once. False, and
-    /// nothing pushed, for a leaf.
+    /// Visits the triangles below a pair of nodes whose boxes meet, by their places in leaf order, in
+    /// batches: the loops that compare boxes stay short, and what is compared counts without a branch
+    /// that may be mispredicted.
     #[inline]
-    fn open_with_itself(&self, n: u32, push: &mut dyn FnMut(u32, u32)) -> bool {
-        let link = &self.links[n as usize];
-        if link.count > 0 {
-            return false;
-        }
-        let (left, right) = (n + 1, link.at);
-        for (x, y) in [(left, left), (left, right), (right, right)] {
-            if self.nodes[x as usize].meets(&self.nodes[y as usize]) {
-                push(x, y);
+    fn search(
+        &self,
+        other: &Rough,
+        pair: (u32, u32),
+        own: bool,
+        mut visit: impl FnMut(&[(u32, u32)]),
+    ) {
+        let (mut near, mut count) = ([(0, 0); BATCH + MOST_NEAR], 0);
+        let (mut stack, mut top) = (vec![pair; 64], 1);
+        // All pairs below `top` meet.
+        while top > 0 {
+            top -= 1;
+            let (a, b) = stack[top];
+            let (na, nb) = (&self.nodes[a as usize], &other.nodes[b as usize]);
+            if top + 3 > stack.len() {
+                stack.resize(2 * stack.len(), pair);
+            }
+            let mut push = |pair: (u32, u32)| {
+                stack[top] = pair;
+                top += usize::from(self.meet(other, pair));
+            };
+            if na.count > 0 && nb.count > 0 {
+                count += self.near_triangles(other, [na, nb], own && a == b, &mut near[count..]);
+                if count >= BATCH {
+                    visit(&near[..count]);
+                    count = 0;
+                }
+            } else if own && a == b {
+                na.own_children(a).into_iter().for_each(&mut push);
+            } else {
+                na.children((a, b), nb).into_iter().for_each(&mut push);
             }
         }
-        true
+        visit(&near[..count]);
+    }
+
+    /// Writes the places of the triangles of two leaves whose boxes overlap; of one leaf, each pair
+    /// once. Returns how many there are.
+    #[inline]
+    fn near_triangles(
+        &self,
+        other: &Rough,
+        [a, b]: [&RoughNode; 2],
+        is_one: bool,
+        near: &mut [(u32, u32)],
+    ) -> usize {
+        let there = &other.triangles[b.at as usize..(b.at + b.count) as usize];
+        let mut count = 0;
+        for (i, box_i) in (a.at..).zip(&self.triangles[a.at as usize..(a.at + a.count) as usize]) {
+            let skipped = if is_one { i + 1 - b.at } else { 0 };
+            for (j, box_j) in (b.at + skipped..).zip(&there[skipped as usize..]) {
+                near[count] = (i, j);
+                count += usize::from(box_i.meets(box_j));
+            }
+        }
+        count
+    }
+}
+
+impl RoughNode {
+    /// The pairs that replace this node, at `a`, and another one, at `b`, that are not both leaves: the
+    /// larger one opened.
+    #[inline]
+    fn children(&self, (a, b): (u32, u32), other: &Self) -> [(u32, u32); 2] {
+        let opens = other.count > 0 || (self.count == 0 && self.extent >= other.extent);
+        if opens { [(a + 1, b), (self.at, b)] } else { [(a, b + 1), (a, other.at)] }
+    }
+
+    /// The pairs of children that replace this node, at `a`, paired with itself.
+    #[inline]
+    fn own_children(&self, a: u32) -> [(u32, u32); 3] {
+        let (left, right) = (a + 1, self.at);
+        [(left, left), (left, right), (right, right)]
     }
 }

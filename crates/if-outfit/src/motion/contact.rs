@@ -171,15 +171,19 @@ impl Search<'_> {
 
     /// Whether primitives that two triangles own may have a contact.
     fn may_meet(&self, [i, j]: [u32; 2], moving: &[Moving]) -> bool {
-        let both = [i, j].map(|t| &moving[t as usize]);
-        let reach = self.reach(both);
-        if [i, j].map(|t| self.scene.owned[t as usize]) == [0, 0]
-            || both[0].around.gap_squared(&both[1].around) >= reach * reach
-        {
+        if [i, j].map(|t| self.scene.owned[t as usize]) == [0, 0] {
             return false;
         }
         let t = [i, j].map(|t| self.scene.mesh.triangles()[t as usize]);
-        (apart(&t) || self.folds(&t)) && !self.tolerated.permits([i, j])
+        // The boxes of neighbours overlap.
+        let may_meet = if apart(&t) {
+            let both = [i, j].map(|t| &moving[t as usize]);
+            let reach = self.reach(both);
+            both[0].around.gap_squared(&both[1].around) < reach * reach
+        } else {
+            self.folds(&t)
+        };
+        may_meet && !self.tolerated.permits([i, j])
     }
 
     /// Whether two triangles with a common corner fold: other corners of the two come nearer than at
@@ -364,7 +368,9 @@ impl Search<'_> {
 
 /// Whether two triangles have no corner in common.
 fn apart(t: &[[u32; 3]; 2]) -> bool {
-    !t[0].iter().any(|v| t[1].contains(v))
+    // All nine comparisons, without a branch that may be mispredicted.
+    let is_one = |v: u32| t[1].iter().fold(false, |is, w| is | (v == *w));
+    !t[0].iter().fold(false, |any, v| any | is_one(*v))
 }
 
 /// Share of their distance at rest below which corners of neighbours count as folded. A contact acts

@@ -118,12 +118,14 @@ pub(super) fn solve(
         push(x, w, contact, *force);
     }
     let mut solved = Solved { sweeps: 0, violation: Real::INFINITY };
-    let (mut active, mut moving) = (Vec::new(), Vec::new());
+    let (mut values, mut active, mut moving) = (Vec::new(), Vec::new(), Vec::new());
     while solved.sweeps < most {
         if solved.sweeps.is_multiple_of(CHECK) {
-            let (violation, is_met) = violation(contacts, &weights, x);
+            evaluate(contacts, x, &mut values);
+            let (violation, is_met) = violation((contacts, &values), &weights);
             solved.violation = violation;
-            select(scene, target, (contacts, &forces), &start.edges, x, (&mut active, &mut moving));
+            select_contacts((contacts, &values), &forces, &mut active);
+            select_edges(scene, target, &start.edges, x, &mut moving);
             if is_met && moving.is_empty() {
                 break;
             }
@@ -135,7 +137,8 @@ pub(super) fn solve(
     for _ in 0..LAST {
         sweep(contacts, &active, (&weights, 1.0, softness), &mut forces, w, x);
     }
-    solved.violation = violation(contacts, &weights, x).0;
+    evaluate(contacts, x, &mut values);
+    solved.violation = violation((contacts, &values), &weights).0;
     start.contacts = contacts
         .iter()
         .zip(&forces)
@@ -145,11 +148,19 @@ pub(super) fn solve(
     solved
 }
 
-/// Largest violation of contacts that can move, and whether all are negligible.
-fn violation(contacts: &[Contact], weights: &[Real], x: &[Point]) -> (Real, bool) {
-    let movable = contacts.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
-    movable.fold((0.0, true), |(largest, is_met), (contact, _)| {
-        let short = contact.gap - contact.value(x);
+/// The values of contacts at `x`.
+fn evaluate(contacts: &[Contact], x: &[Point], values: &mut Vec<Real>) {
+    values.clear();
+    values.extend(contacts.iter().map(|contact| contact.value(x)));
+}
+
+/// Largest violation of contacts that can move, of which these are the values, and whether all are
+/// negligible.
+fn violation((contacts, values): (&[Contact], &[Real]), weights: &[Real]) -> (Real, bool) {
+    let all = contacts.iter().zip(values).zip(weights);
+    let movable = all.filter(|(_, weight)| **weight > 0.0);
+    movable.fold((0.0, true), |(largest, is_met), ((contact, value), _)| {
+        let short = contact.gap - value;
         (short.max(largest), is_met && short <= (TOLERANCE * contact.gap).max(NEGLIGIBLE))
     })
 }
@@ -163,21 +174,28 @@ fn push(x: &mut [Point], w: &[Real], contact: &Contact, force: Real) {
     }
 }
 
-/// Selects what the next sweeps visit: contacts that are met by less than `AWAKE` or push, and edges
-/// with a residual.
-fn select(
+/// Selects the contacts that the next sweeps visit: those that are met by less than `AWAKE` or push.
+fn select_contacts(
+    (contacts, values): (&[Contact], &[Real]),
+    forces: &[Real],
+    active: &mut Vec<u32>,
+) {
+    active.clear();
+    for (k, ((contact, value), force)) in (0u32..).zip(contacts.iter().zip(values).zip(forces)) {
+        if *force > 0.0 || *value < contact.gap + AWAKE {
+            active.push(k);
+        }
+    }
+}
+
+/// Selects the edges that the next sweeps visit: those with a residual.
+fn select_edges(
     scene: &Scene,
     target: &[Point],
-    (contacts, forces): (&[Contact], &[Real]),
     multipliers: &[Vector],
     x: &[Point],
-    (active, moving): (&mut Vec<u32>, &mut Vec<u32>),
+    moving: &mut Vec<u32>,
 ) {
-    let pushes = |(_, (contact, force)): &(u32, (&Contact, &Real))| {
-        **force > 0.0 || contact.value(x) < contact.gap + AWAKE
-    };
-    active.clear();
-    active.extend((0u32..).zip(contacts.iter().zip(forces)).filter(pushes).map(|(k, _)| k));
     moving.clear();
     for (k, (edge, compliance)) in (0u32..).zip(scene.edges.iter().zip(&scene.compliance)) {
         let [i, j] = edge.map(|v| v as usize);

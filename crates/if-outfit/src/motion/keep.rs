@@ -16,7 +16,7 @@ use super::facing::{pinched, room};
 use super::locality::Yielding;
 use super::proof::{Proof, prove};
 use super::walk::{APPROACH, WalkError, Walked, Walker};
-use crate::findings::own_of;
+use crate::findings::own_with;
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
 
@@ -75,7 +75,7 @@ impl Walker {
         monitor: &mut dyn Monitor,
     ) -> Result<Vec<Point>, WalkError> {
         let mesh = self.mesh(from)?;
-        if !self.tolerated.left(&own_of(&mesh, &self.tree(from))).is_empty() {
+        if !self.tolerated.left(&own_with(&mesh, &self.tree(from), &self.scene.fans)).is_empty() {
             return Ok(from.to_vec());
         }
         let mut yielding = Yielding::everywhere(&self.scene);

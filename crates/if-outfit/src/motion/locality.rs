@@ -3,7 +3,7 @@
 use super::scene::Scene;
 use if_core::math::{Point, Real};
 use if_mesh::index::Bvh;
-use if_mesh::intersections::own_pairs;
+use if_mesh::intersections::own_pairs_with;
 use if_mesh::point_tree::PointTree;
 use rayon::prelude::*;
 
@@ -32,7 +32,7 @@ impl Yielding {
         let body = scene.layer_mesh(reference, 0);
         let mut tree = tree.clone();
         tree.refit(body.vertices());
-        let met = own_pairs(&body, &tree);
+        let met = own_pairs_with(&body, &tree, &scene.fans);
         let mut held = Self { inverse_mass: scene.inverse_mass.clone(), is_local: true };
         held.inverse_mass[..scene.starts[1]].fill(0.0);
         held.free_near(scene, reference, met.iter().flat_map(|p| [p.a, p.b]), reach);

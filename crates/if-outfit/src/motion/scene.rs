@@ -5,6 +5,7 @@ use crate::outfit::Outfit;
 use if_core::edges::NONE;
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
+use if_mesh::intersections::Fans;
 use if_mesh::seams::weld;
 use std::collections::{HashMap, HashSet};
 
@@ -37,6 +38,8 @@ pub(super) struct Scene {
     /// For each triangle which of its corners (bits 0 to 2) and edges (bits 3 to 5, from that
     /// corner to the next) no earlier triangle has: each is paired once.
     pub(super) owned: Vec<u8>,
+    /// The triangles around each vertex. Those of the body's are those of the body alone.
+    pub(super) fans: Fans,
 }
 
 impl Scene {
@@ -59,6 +62,7 @@ impl Scene {
         let mesh = TriMesh::new(vertices, triangles).expect("layers are valid meshes");
         let (owned, edges) = ownership(&mesh);
         let mut scene = Self {
+            fans: Fans::new(&mesh),
             mesh,
             starts,
             triangle_starts,

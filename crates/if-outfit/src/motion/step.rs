@@ -67,7 +67,7 @@ impl Walker {
             let rounded = self.storage.round(&x);
             let mesh = scene.mesh.with_vertices(rounded).expect("solutions are finite");
             let tree = self.tree(mesh.vertices());
-            let pairs = self.tolerated.left(&clean.pairs(&mesh, &tree));
+            let pairs = self.tolerated.left(&clean.pairs(&mesh, &tree, &scene.fans));
             tracing::debug!(
                 pairs = pairs.len(),
                 contacts = contacts.len(),

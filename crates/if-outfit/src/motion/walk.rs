@@ -8,7 +8,7 @@ use super::proof::{Proof, prove};
 use super::scene::Scene;
 use super::tolerated::Tolerated;
 use super::turn::{turned, turns};
-use crate::findings::own_of;
+use crate::findings::own_with;
 use crate::outfit::{Outfit, OutfitError};
 use crate::storage::Storage;
 use if_core::math::{Point, Real};
@@ -16,7 +16,7 @@ use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_core::parameter::ParameterError;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::{MovedTriangles, own_pairs_of_moved};
+use if_mesh::intersections::{Fans, MovedTriangles, own_pairs_of_moved};
 use nalgebra::Matrix3;
 
 /// A motion cannot be followed.
@@ -120,13 +120,13 @@ pub(super) struct Clean {
 impl Clean {
     /// The intersecting pairs of a later state of which at least one triangle has moved since this one;
     /// all of them if this one was not verified.
-    pub(super) fn pairs(&self, mesh: &TriMesh, tree: &Bvh) -> Vec<[u32; 2]> {
+    pub(super) fn pairs(&self, mesh: &TriMesh, tree: &Bvh, fans: &Fans) -> Vec<[u32; 2]> {
         if !self.is_verified {
-            return own_of(mesh, tree);
+            return own_with(mesh, tree, fans);
         }
         let moved: Vec<bool> = mesh.vertices().iter().zip(&self.x).map(|(a, b)| a != b).collect();
         let moved = MovedTriangles::new(mesh, &moved);
-        own_pairs_of_moved(mesh, tree, &moved).iter().map(|p| [p.a, p.b]).collect()
+        own_pairs_of_moved(mesh, tree, fans, &moved).iter().map(|p| [p.a, p.b]).collect()
     }
 }
 
@@ -168,7 +168,7 @@ impl Walker {
         let x = storage.round(scene.mesh.vertices());
         let mesh = scene.mesh.with_vertices(x.clone()).expect("a mesh in metres stays finite");
         let tree = Bvh::new(&mesh);
-        let tolerated = own_of(&mesh, &tree);
+        let tolerated = own_with(&mesh, &tree, &scene.fans);
         let layers = |pair: &[u32; 2]| pair.map(|t| scene.local_triangle(t));
         let between: Vec<_> = tolerated.iter().map(layers).filter(|[a, b]| a.0 != b.0).collect();
         if let Some([a, b]) = between.first() {
@@ -232,7 +232,7 @@ impl Walker {
     /// [`WalkError::Target`].
     pub fn intersections(&self, positions: &[Point]) -> Result<Vec<[(usize, u32); 2]>, WalkError> {
         let mesh = self.mesh(positions)?;
-        let pairs = self.tolerated.left(&own_of(&mesh, &self.tree(positions)));
+        let pairs = self.tolerated.left(&own_with(&mesh, &self.tree(positions), &self.scene.fans));
         Ok(pairs.iter().map(|p| p.map(|t| self.scene.local_triangle(t))).collect())
     }
 
