@@ -83,7 +83,7 @@ fn own_pairs_searched(
     fans: &Fans,
     is_searched: impl Fn(u32) -> bool,
 ) -> Vec<TrianglePair> {
-    let (flat, triangles) = (fans.at(mesh.vertices()), mesh.triangles());
+    let (flat, triangles) = (fans.flat(mesh, &is_searched), mesh.triangles());
     let mut found = tree.own_near_pairs(is_searched, |i, ti, j, tj| {
         if flat.part(triangles[i as usize], triangles[j as usize]) {
             None

@@ -1,10 +1,9 @@
 //! The triangles around each vertex, and whether they lie flat: then no two of them need be compared.
 
 use if_core::intersect::{Fan, is_flat_fan};
-use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_core::rows::Rows;
-use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
+use rayon::prelude::*;
 
 /// Most triangles of a fan: to join them takes the square of their number.
 const MOST: usize = 32;
@@ -30,10 +29,18 @@ impl Fans {
         Self { around, kinds }
     }
 
-    /// Which of them are flat at some positions.
-    pub(super) fn at<'a>(&'a self, x: &'a [Point]) -> FlatFans<'a> {
-        let known = (0..self.kinds.len()).map(|_| AtomicU8::new(UNKNOWN)).collect();
-        FlatFans { fans: self, x, known }
+    /// Which of them are flat at the positions of `mesh`: of those of a triangle that `is_asked_for`.
+    pub(super) fn flat(&self, mesh: &TriMesh, is_asked_for: impl Fn(u32) -> bool) -> FlatFans {
+        let mut is_corner = vec![false; self.kinds.len()];
+        for (_, corners) in (0..).zip(mesh.triangles()).filter(|(t, _)| is_asked_for(*t)) {
+            corners.iter().for_each(|v| is_corner[*v as usize] = true);
+        }
+        let x = mesh.vertices();
+        let is_flat = |(v, is_corner): (usize, &bool)| {
+            let fan = self.around.of(v).iter().map(|pair| pair.map(|w| &x[w as usize]));
+            *is_corner && self.kinds[v].is_some_and(|kind| is_flat_fan(kind, &x[v], fan))
+        };
+        FlatFans(is_corner.par_iter().enumerate().with_min_len(1024).map(is_flat).collect())
     }
 }
 
@@ -59,41 +66,14 @@ fn kind(around: &[[u32; 2]]) -> Option<Fan> {
     }
 }
 
-const UNKNOWN: u8 = 0;
-const FLAT: u8 = 1;
-const OTHER: u8 = 2;
+/// For each vertex whether its fan is known to be flat.
+pub(super) struct FlatFans(Vec<bool>);
 
-/// Fans at some positions. Each is looked at when it is asked for first.
-pub(super) struct FlatFans<'a> {
-    fans: &'a Fans,
-    x: &'a [Point],
-    known: Vec<AtomicU8>,
-}
-
-impl FlatFans<'_> {
+impl FlatFans {
     /// Whether two triangles have a common corner whose fan is flat: then they meet nowhere else.
     #[inline]
     pub(super) fn part(&self, a: [u32; 3], b: [u32; 3]) -> bool {
-        a.iter().any(|v| b.contains(v) && self.is_flat(*v))
-    }
-
-    #[inline]
-    fn is_flat(&self, v: u32) -> bool {
-        // Whoever comes first finds the same.
-        match self.known[v as usize].load(Relaxed) {
-            UNKNOWN => self.look(v as usize),
-            known => known == FLAT,
-        }
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn look(&self, v: usize) -> bool {
-        let corners = self.fans.around.of(v).iter();
-        let corners = corners.map(|pair| pair.map(|w| &self.x[w as usize]));
-        let is_flat = self.fans.kinds[v].is_some_and(|kind| is_flat_fan(kind, &self.x[v], corners));
-        self.known[v].store(if is_flat { FLAT } else { OTHER }, Relaxed);
-        is_flat
+        a.iter().any(|v| b.contains(v) && self.0[*v as usize])
     }
 }
 

@@ -178,8 +178,9 @@ impl Search<'_> {
         // The boxes of neighbours overlap.
         let may_meet = if apart(&t) {
             let both = [i, j].map(|t| &moving[t as usize]);
-            let reach = self.reach(both);
-            both[0].around.gap_squared(&both[1].around) < reach * reach
+            let squared = both[0].around.gap_squared(&both[1].around);
+            // The reach is more than the limit: a root is drawn for few.
+            squared < self.limit().powi(2) || squared < self.reach(both).powi(2)
         } else {
             self.folds(&t)
         };

@@ -196,11 +196,12 @@ fn select_edges(
     x: &[Point],
     moving: &mut Vec<u32>,
 ) {
+    let displaced: Vec<Vector> = x.iter().zip(target).map(|(x, target)| x - target).collect();
     moving.clear();
-    for (k, (edge, compliance)) in (0u32..).zip(scene.edges.iter().zip(&scene.compliance)) {
-        let [i, j] = edge.map(|v| v as usize);
-        let residual =
-            (x[i] - target[i]) - (x[j] - target[j]) + multipliers[k as usize] * *compliance;
+    let edges = scene.edges.iter().zip(&scene.compliance).zip(multipliers);
+    for (k, ((edge, compliance), multiplier)) in (0u32..).zip(edges) {
+        let [i, j] = edge.map(|v| displaced[v as usize]);
+        let residual = i - j + *multiplier * *compliance;
         if residual.norm_squared() > RESIDUAL * RESIDUAL {
             moving.push(k);
         }

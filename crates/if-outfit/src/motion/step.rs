@@ -2,7 +2,7 @@
 
 use super::attempt::Attempt;
 use super::concerned::concerned;
-use super::contact::{Contact, Opening, Search};
+use super::contact::{Opening, Search};
 use super::equilibrium::solve;
 use super::locality::Yielding;
 use super::turn::turns;
@@ -48,13 +48,14 @@ impl Walker {
             tolerated: &self.tolerated,
             concerned: &concerned,
         };
-        let near = search.contacts();
+        let (mut contacts, mut known) = (search.contacts(), clean.known());
+        let near = contacts.len();
         let mut met = self.met.clone();
         let (mut solves, mut sweeps, mut x) = (0, 0, Vec::new());
         let reach = params.body_reach;
         let (mut most, mut widened) = (params.solves, false);
         loop {
-            let mut contacts: Vec<Contact> = near.clone();
+            contacts.truncate(near);
             for (pair, (times, _)) in &met {
                 search.separation(*pair, *times, &mut contacts);
             }
@@ -67,7 +68,9 @@ impl Walker {
             let rounded = self.storage.round(&x);
             let mesh = scene.mesh.with_vertices(rounded).expect("solutions are finite");
             let tree = self.tree(mesh.vertices());
-            let pairs = self.tolerated.left(&clean.pairs(&mesh, &tree, &scene.fans));
+            known.update(&mesh, &tree, &scene.fans);
+            let pairs: Vec<[u32; 2]> = known.pairs.iter().map(|p| [p.a, p.b]).collect();
+            let pairs = self.tolerated.left(&pairs);
             tracing::debug!(
                 pairs = pairs.len(),
                 contacts = contacts.len(),

@@ -16,8 +16,11 @@ use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_core::parameter::ParameterError;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::{Fans, MovedTriangles, own_pairs_of_moved};
+use if_mesh::intersections::{
+    Fans, MovedTriangles, TrianglePair, own_pairs_after_motion, own_pairs_with,
+};
 use nalgebra::Matrix3;
+use std::borrow::Cow;
 
 /// A motion cannot be followed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -118,15 +121,34 @@ pub(super) struct Clean {
 }
 
 impl Clean {
-    /// The intersecting pairs of a later state of which at least one triangle has moved since this one;
-    /// all of them if this one was not verified.
-    pub(super) fn pairs(&self, mesh: &TriMesh, tree: &Bvh, fans: &Fans) -> Vec<[u32; 2]> {
-        if !self.is_verified {
-            return own_with(mesh, tree, fans);
-        }
-        let moved: Vec<bool> = mesh.vertices().iter().zip(&self.x).map(|(a, b)| a != b).collect();
-        let moved = MovedTriangles::new(mesh, &moved);
-        own_pairs_of_moved(mesh, tree, fans, &moved).iter().map(|p| [p.a, p.b]).collect()
+    /// What is known before a step: of pairs none, if all that intersects is tolerated.
+    pub(super) fn known(&self) -> Known<'_> {
+        let positions = self.is_verified.then_some(Cow::Borrowed(&self.x[..]));
+        Known { positions, pairs: Vec::new() }
+    }
+}
+
+/// Positions whose intersecting pairs are known.
+pub(super) struct Known<'a> {
+    /// `None` if nothing is known of any.
+    positions: Option<Cow<'a, [Point]>>,
+    /// The pairs, sorted; without those that are tolerated, where these are not needed.
+    pub(super) pairs: Vec<TrianglePair>,
+}
+
+impl Known<'_> {
+    /// Goes on to `mesh`, which `tree` holds: only triangles that have moved are compared again.
+    pub(super) fn update(&mut self, mesh: &TriMesh, tree: &Bvh, fans: &Fans) {
+        self.pairs = match &self.positions {
+            None => own_pairs_with(mesh, tree, fans),
+            Some(x) => {
+                let moved: Vec<bool> =
+                    mesh.vertices().iter().zip(&**x).map(|(a, b)| a != b).collect();
+                let moved = MovedTriangles::new(mesh, &moved);
+                own_pairs_after_motion(mesh, tree, fans, &moved, &self.pairs)
+            }
+        };
+        self.positions = Some(Cow::Owned(mesh.vertices().to_vec()));
     }
 }
 
