@@ -32,7 +32,7 @@ impl Bvh {
         }
         let rough = |tree| Rough::new(tree, 0.0, all);
         let (here, there) = rayon::join(|| rough(self), || rough(other));
-        self.search_pairs(other, &here, &there, false, keep)
+        self.search_pairs(other, &here, &there, false, kept(keep))
     }
 
     /// The same for pairs of two triangles of this tree, of which at least one `is_searched`, each pair
@@ -46,23 +46,23 @@ impl Bvh {
             return Vec::new();
         }
         let rough = Rough::new(self, 0.0, is_searched);
-        self.search_pairs(self, &rough, &rough, true, keep)
+        self.search_pairs(self, &rough, &rough, true, kept(keep))
     }
 
-    /// The values that `keep` returns for pairs of two triangles of this tree, of which at least one
+    /// What `visit` appends for pairs of two triangles of this tree, of which at least one
     /// `is_searched`, whose boxes are nearer than `distance` along each axis: each pair once, in an
     /// order that does not depend on the number of threads. What is not searched costs nothing.
     pub fn own_pairs_within<T: Send>(
         &self,
         distance: Real,
         is_searched: impl Fn(u32) -> bool,
-        keep: impl Fn(u32, &[Point; 3], u32, &[Point; 3]) -> Option<T> + Sync,
+        visit: impl Fn(u32, &[Point; 3], u32, &[Point; 3], &mut Vec<T>) + Sync,
     ) -> Vec<T> {
         if self.is_empty() {
             return Vec::new();
         }
         let rough = Rough::new(self, 0.5 * distance, is_searched);
-        self.search_pairs(self, &rough, &rough, true, keep)
+        self.search_pairs(self, &rough, &rough, true, visit)
     }
 
     /// The search of both; `own` searches a tree against itself.
@@ -72,7 +72,7 @@ impl Bvh {
         here: &Rough,
         there: &Rough,
         own: bool,
-        keep: impl Fn(u32, &[Point; 3], u32, &[Point; 3]) -> Option<T> + Sync,
+        visit: impl Fn(u32, &[Point; 3], u32, &[Point; 3], &mut Vec<T>) + Sync,
     ) -> Vec<T> {
         // Open the upper levels breadth first until there is work for many tasks, then go deep.
         let mut front = vec![(0u32, 0u32)];
@@ -98,10 +98,10 @@ impl Bvh {
             .map(|&pair| {
                 let mut found = Vec::new();
                 here.search(there, pair, own, |near| {
-                    found.extend(near.iter().filter_map(|&(i, j)| {
-                        let (i, j) = (i as usize, j as usize);
-                        keep(self.order[i], &self.corners[i], other.order[j], &other.corners[j])
-                    }));
+                    for (i, j) in near.iter().map(|&(i, j)| (i as usize, j as usize)) {
+                        let (ti, tj) = (&self.corners[i], &other.corners[j]);
+                        visit(self.order[i], ti, other.order[j], tj, &mut found);
+                    }
                 });
                 found
             })
@@ -115,6 +115,13 @@ impl Bvh {
 const BATCH: usize = 256;
 /// Most pairs of the triangles of two leaves.
 const MOST_NEAR: usize = LEAF * LEAF;
+
+/// A visit that appends what `keep` returns.
+fn kept<T>(
+    keep: impl Fn(u32, &[Point; 3], u32, &[Point; 3]) -> Option<T> + Sync,
+) -> impl Fn(u32, &[Point; 3], u32, &[Point; 3], &mut Vec<T>) + Sync {
+    move |i, ti, j, tj, found| found.extend(keep(i, ti, j, tj))
+}
 
 /// All triangles are searched.
 fn all(_: u32) -> bool {

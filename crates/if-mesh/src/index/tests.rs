@@ -143,7 +143,9 @@ fn boxes_pairs_and_segments_agree_with_all_triangles() {
 fn pairs_of_chosen_triangles_are_those_of_all_that_have_one() {
     let bvh = Bvh::new(&sheet(9));
     let found = |is_searched: &dyn Fn(u32) -> bool| {
-        let pair = |i: u32, _: &_, j: u32, _: &_| Some([i.min(j), i.max(j)]);
+        let pair = |i: u32, _: &_, j: u32, _: &_, found: &mut Vec<_>| {
+            found.push([i.min(j), i.max(j)]);
+        };
         let mut pairs = bvh.own_pairs_within(0.06, is_searched, pair);
         pairs.sort_unstable();
         pairs

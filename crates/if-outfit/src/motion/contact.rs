@@ -140,21 +140,12 @@ impl Search<'_> {
             triangles.map(|t| Moving::new(&at(t, self.clean), at(t, self.predicted))).collect();
         let most = self.params.gap + self.params.margin;
         let is_concerned = |t: u32| self.concerned[t as usize];
-        let pairs = self.tree.own_pairs_within(most, is_concerned, |i, _, j, _| {
-            let pair = [i.min(j), i.max(j)];
-            self.may_meet(pair, &moving).then_some(pair)
-        });
-        let parts: Vec<Vec<Contact>> = pairs
-            .par_chunks(4096)
-            .map(|pairs| {
-                let mut found = Vec::new();
-                for pair in pairs {
-                    self.of_pair(*pair, &moving, &mut found);
-                }
-                found
-            })
-            .collect();
-        parts.concat()
+        self.tree.own_pairs_within(most, is_concerned, |i, ti, j, tj, found| {
+            let (pair, corners) = if i < j { ([i, j], [ti, tj]) } else { ([j, i], [tj, ti]) };
+            if self.may_meet(pair, &moving) {
+                self.of_pair(pair, corners, &moving, found);
+            }
+        })
     }
 
     /// Distance in the predicted state from which on there is no contact. Half of the margin: the
@@ -199,8 +190,14 @@ impl Search<'_> {
         })
     }
 
-    /// The contacts of the primitives that two triangles own.
-    fn of_pair(&self, [i, j]: [u32; 2], moving: &[Moving], found: &mut Vec<Contact>) {
+    /// The contacts of the primitives that two triangles with these corners own.
+    fn of_pair(
+        &self,
+        [i, j]: [u32; 2],
+        corners: [&[Point; 3]; 2],
+        moving: &[Moving],
+        found: &mut Vec<Contact>,
+    ) {
         let both = [i, j].map(|t| &moving[t as usize]);
         let reach = self.reach(both);
         let near = reach * reach;
@@ -210,7 +207,7 @@ impl Search<'_> {
         let mut bits = [i, j].map(|t| self.scene.owned[t as usize]);
         let mut edges = [[Aabb::EMPTY; 3]; 2];
         for side in 0..2 {
-            let corners = t[side].map(|v| self.clean[v as usize]);
+            let corners = corners[side];
             let other = &both[1 - side].around;
             for k in 0..3 {
                 if bits[side] & (1 << k) != 0 && other.distance_squared(&corners[k]) >= near {
