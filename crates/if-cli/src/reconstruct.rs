@@ -35,7 +35,7 @@ use std::io;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;
-use summary::{doubts, moved, summary};
+use summary::{doubts, missing, moved, summary};
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct ReconstructArgs {
@@ -299,6 +299,7 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     if args.json {
         print_json(&found.report)?;
         doubts.iter().for_each(|text| errors::note(text));
+        found.report.missing.iter().for_each(|name| errors::note(&missing(name)));
     } else {
         print(&summary(&name, &found.report, seconds))?;
     }

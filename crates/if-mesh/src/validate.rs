@@ -11,6 +11,7 @@ use crate::seams::coincident_vertices;
 use if_core::edges::{Edges, VertexTriangles};
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
+use std::collections::HashSet;
 
 /// Whether the mesh has no defect ([`Fault::is_defect`]).
 pub fn is_valid(mesh: &TriMesh) -> bool {
@@ -54,6 +55,12 @@ pub fn faults(mesh: &TriMesh) -> Vec<Fault> {
         against.push_if(edges.valence[e] == 2 && same_direction(mesh, ends, a, b), ends);
     }
     let closed = edges.valence.iter().all(|v| *v == 2) && against.count == 0;
+    if fins.count + against.count > 0 {
+        let mut repeated = Collected::default();
+        repeats(mesh.triangles()).into_iter().for_each(|t| repeated.push_if(true, t));
+        found
+            .extend(repeated.some().map(|(count, triangles)| Fault::Repeated { count, triangles }));
+    }
     found.extend(fins.some().map(|(count, edges)| Fault::NonManifold { count, edges }));
     found.extend(against.some().map(|(count, edges)| Fault::Winding { count, edges }));
     let volume = mesh.signed_volume();
@@ -96,6 +103,17 @@ pub fn suspicious_units(mesh: &TriMesh) -> Option<Fault> {
 pub(crate) fn is_flat([a, b, c]: [&Point; 3]) -> bool {
     let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
     area_vector(a, b, c).norm() <= FLAT * longest
+}
+
+/// Triangles with the corners of an earlier one, in any order, ascending.
+fn repeats(triangles: &[[u32; 3]]) -> Vec<u32> {
+    let mut seen = HashSet::new();
+    let corners = triangles.iter().map(|t| {
+        let mut corners = *t;
+        corners.sort_unstable();
+        corners
+    });
+    (0u32..).zip(corners).filter(|(_, corners)| !seen.insert(*corners)).map(|(t, _)| t).collect()
 }
 
 /// Whether both triangles traverse the edge in the same direction.
@@ -231,6 +249,25 @@ mod tests {
             ]
         );
         assert!(!is_valid(&mesh));
+    }
+
+    #[test]
+    fn triangles_that_repeat_others_are_named_before_their_edges() {
+        let one = tetrahedron(1.0);
+        let with = |more: &[[u32; 3]]| {
+            let all = [one.triangles(), more].concat();
+            TriMesh::new(one.vertices().to_vec(), all).unwrap()
+        };
+        let fault = first_defect(&with(&[[3, 1, 0], [1, 0, 2]])).unwrap_err();
+        assert_eq!(fault, Fault::Repeated { count: 2, triangles: vec![4, 5] });
+        assert!(fault.to_string().contains("(4, 5); drop them"), "{fault}");
+        // Alone its edges have two triangles, as they should.
+        let v = one.vertices()[..3].to_vec();
+        let twice = TriMesh::new(v, vec![[0, 1, 2], [1, 2, 0]]).unwrap();
+        assert_eq!(
+            first_defect(&twice).unwrap_err(),
+            Fault::Repeated { count: 1, triangles: vec![1] }
+        );
     }
 
     #[test]

@@ -74,12 +74,17 @@ pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> S
             garment.holes_left
         );
     }
-    for missing in &report.missing {
-        text += &format!(
-            "  {missing}: not reconstructed, too little of it was seen; more frames or pixels may show it\n"
-        );
+    for name in &report.missing {
+        text += &format!("  {}\n", missing(name));
     }
     text
+}
+
+/// What is said of a garment that is missing.
+pub(super) fn missing(name: &str) -> String {
+    format!(
+        "{name}: not reconstructed, too little of it was seen; more frames or pixels may show it"
+    )
 }
 
 /// What became of the poses, in a line.

@@ -189,6 +189,24 @@ fn frames_that_do_not_match_their_images_are_named_and_strict_exits_with_1() {
 }
 
 #[test]
+fn a_garment_that_no_picture_shows_is_named_and_strict_exits_with_1() {
+    let folder = Folder::new();
+    folder.ifg(CAPTURE).expect(0);
+    edit(&folder, |meta| {
+        for list in ["labels", "layers_inner_to_outer"] {
+            meta[list].as_array_mut().unwrap().push(json!("scarf"));
+        }
+    });
+    let args = format!("reconstruct cap --body cap/body --out w {QUICK}");
+    let words = "scarf: not reconstructed";
+    assert!(folder.ifg(&args).expect(0).stdout.contains(words));
+    let strict = folder.ifg(&format!("{args} --strict --json")).expect(1);
+    assert!(strict.stderr.contains(words), "{}", strict.stderr);
+    assert_eq!(strict.json()["missing"], json!(["scarf"]));
+    assert_eq!(names(&folder, "w/garments"), ["cap_trousers", "cap_tshirt"]);
+}
+
+#[test]
 fn the_fields_route_writes_the_networks_that_its_meshes_come_from() {
     let folder = Folder::new();
     folder.ifg("capture synth --out cap --garments trousers,tshirt --frames 4 --size 64").expect(0);

@@ -23,6 +23,9 @@ pub enum Fault {
         list(triangles)
     )]
     ZeroArea { count: usize, triangles: Vec<u32> },
+    /// Triangles have the same three corners as others before them.
+    #[error("{count} triangles repeat others ({}); drop them", list(triangles))]
+    Repeated { count: usize, triangles: Vec<u32> },
     /// Edges have three or more triangles.
     #[error(
         "{count} edges belong to more than two triangles ({}); split the surface there",
