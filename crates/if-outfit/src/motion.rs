@@ -20,6 +20,7 @@
 //! at any step. Targets come from the caller: this module sees no skeleton.
 
 mod attempt;
+mod clean;
 mod concerned;
 mod contact;
 mod crossings;

@@ -2,8 +2,9 @@
 //! not interrupted.
 
 use super::attempt::Met;
+use super::clean::Clean;
 use super::equilibrium::Multipliers;
-use super::walk::{Clean, Walker};
+use super::walk::Walker;
 use if_core::math::{Point, Real, Vector};
 
 /// First bytes of a snapshot.

@@ -1,6 +1,7 @@
 //! Walking: from one clean state to the next, each verified exactly.
 
 use super::attempt::{Attempt, Met};
+use super::clean::Clean;
 use super::equilibrium::Multipliers;
 use super::locality::Yielding;
 use super::params::WalkParams;
@@ -16,11 +17,7 @@ use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Monitor, Progress};
 use if_core::parameter::ParameterError;
 use if_mesh::index::Bvh;
-use if_mesh::intersections::{
-    Fans, MovedTriangles, TrianglePair, own_pairs_after_motion, own_pairs_with,
-};
 use nalgebra::Matrix3;
-use std::borrow::Cow;
 
 /// A motion cannot be followed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -109,47 +106,6 @@ pub struct Walker {
     pub(super) met: Met,
     /// How states are stored: to what each is rounded before it is verified.
     pub(super) storage: Storage,
-}
-
-/// The state before a step.
-#[derive(Clone, Debug)]
-pub(super) struct Clean {
-    pub(super) x: Vec<Point>,
-    pub(super) tree: Bvh,
-    /// Whether all that intersects is known to be tolerated.
-    pub(super) is_verified: bool,
-}
-
-impl Clean {
-    /// What is known before a step: of pairs none, if all that intersects is tolerated.
-    pub(super) fn known(&self) -> Known<'_> {
-        let positions = self.is_verified.then_some(Cow::Borrowed(&self.x[..]));
-        Known { positions, pairs: Vec::new() }
-    }
-}
-
-/// Positions whose intersecting pairs are known.
-pub(super) struct Known<'a> {
-    /// `None` if nothing is known of any.
-    positions: Option<Cow<'a, [Point]>>,
-    /// The pairs, sorted; without those that are tolerated, where these are not needed.
-    pub(super) pairs: Vec<TrianglePair>,
-}
-
-impl Known<'_> {
-    /// Goes on to `mesh`, which `tree` holds: only triangles that have moved are compared again.
-    pub(super) fn update(&mut self, mesh: &TriMesh, tree: &Bvh, fans: &Fans) {
-        self.pairs = match &self.positions {
-            None => own_pairs_with(mesh, tree, fans),
-            Some(x) => {
-                let moved: Vec<bool> =
-                    mesh.vertices().iter().zip(&**x).map(|(a, b)| a != b).collect();
-                let moved = MovedTriangles::new(mesh, &moved);
-                own_pairs_after_motion(mesh, tree, fans, &moved, &self.pairs)
-            }
-        };
-        self.positions = Some(Cow::Owned(mesh.vertices().to_vec()));
-    }
 }
 
 /// Share of the gaps of a walk that [`Walker::approach`] keeps. With all of them means are pushed back
