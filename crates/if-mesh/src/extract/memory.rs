@@ -19,8 +19,8 @@ const EVALUATED: usize = 120;
 /// and the copies of planes (up to 72) before there are samples.
 const VERTEX: usize = 136;
 /// Bytes for a vertex that is relaxed: mesh, its copy, samples, three edges and six corners in
-/// tables, normals and positions; or both meshes and the tree that finds intersecting triangles.
-const RELAXED: usize = 560;
+/// tables, normals and positions; or both meshes, and the tree and fans that find intersecting triangles.
+const RELAXED: usize = 620;
 
 /// Bytes of the rows of a set with `size` places along each axis while it is built.
 fn rows(size: [u32; 3]) -> usize {
