@@ -11,7 +11,7 @@ use crate::seams::coincident_vertices;
 use if_core::edges::{Edges, VertexTriangles};
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 /// Whether the mesh has no defect ([`Fault::is_defect`]).
 pub fn is_valid(mesh: &TriMesh) -> bool {
@@ -47,20 +47,28 @@ pub fn faults(mesh: &TriMesh) -> Vec<Fault> {
     }
     found.extend(flat.some().map(|(count, triangles)| Fault::ZeroArea { count, triangles }));
 
-    let mut fins = Collected::default();
-    let mut against = Collected::default();
-    for (e, &ends) in edges.vertices.iter().enumerate() {
-        fins.push_if(edges.valence[e] > 2, ends);
+    let is_against = |e: usize| {
         let [a, b] = edges.triangles[e];
-        against.push_if(edges.valence[e] == 2 && same_direction(mesh, ends, a, b), ends);
+        edges.valence[e] == 2 && same_direction(mesh, edges.vertices[e], a, b)
+    };
+    let is_faulty = |e: &usize| edges.valence[*e] > 2 || is_against(*e);
+    let faulty: Vec<usize> = (0..edges.vertices.len()).filter(is_faulty).collect();
+    let repeated = if faulty.is_empty() { Vec::new() } else { repeats(mesh.triangles()) };
+    // Of each edge the triangles that repeat others: without them it may have no fault.
+    let mut again: HashMap<u32, u32> = HashMap::new();
+    for e in repeated.iter().flat_map(|t| edges.of_triangle[*t as usize]) {
+        *again.entry(e).or_default() += 1;
+    }
+    let mut listed = Collected::default();
+    repeated.into_iter().for_each(|t| listed.push_if(true, t));
+    found.extend(listed.some().map(|(count, triangles)| Fault::Repeated { count, triangles }));
+    let (mut fins, mut against) = (Collected::default(), Collected::default());
+    for e in faulty {
+        let again = again.get(&(e as u32)).copied().unwrap_or(0);
+        fins.push_if(edges.valence[e] - again > 2, edges.vertices[e]);
+        against.push_if(again == 0 && is_against(e), edges.vertices[e]);
     }
     let closed = edges.valence.iter().all(|v| *v == 2) && against.count == 0;
-    if fins.count + against.count > 0 {
-        let mut repeated = Collected::default();
-        repeats(mesh.triangles()).into_iter().for_each(|t| repeated.push_if(true, t));
-        found
-            .extend(repeated.some().map(|(count, triangles)| Fault::Repeated { count, triangles }));
-    }
     found.extend(fins.some().map(|(count, edges)| Fault::NonManifold { count, edges }));
     found.extend(against.some().map(|(count, edges)| Fault::Winding { count, edges }));
     let volume = mesh.signed_volume();
@@ -252,15 +260,15 @@ mod tests {
     }
 
     #[test]
-    fn triangles_that_repeat_others_are_named_before_their_edges() {
+    fn triangles_that_repeat_others_are_named_instead_of_their_edges() {
         let one = tetrahedron(1.0);
         let with = |more: &[[u32; 3]]| {
             let all = [one.triangles(), more].concat();
             TriMesh::new(one.vertices().to_vec(), all).unwrap()
         };
-        let fault = first_defect(&with(&[[3, 1, 0], [1, 0, 2]])).unwrap_err();
-        assert_eq!(fault, Fault::Repeated { count: 2, triangles: vec![4, 5] });
-        assert!(fault.to_string().contains("(4, 5); drop them"), "{fault}");
+        let found = faults(&with(&[[3, 1, 0], [1, 0, 2]]));
+        assert_eq!(found, [Fault::Repeated { count: 2, triangles: vec![4, 5] }]);
+        assert!(found[0].to_string().contains("(4, 5); drop them"), "{}", found[0]);
         // Alone its edges have two triangles, as they should.
         let v = one.vertices()[..3].to_vec();
         let twice = TriMesh::new(v, vec![[0, 1, 2], [1, 2, 0]]).unwrap();

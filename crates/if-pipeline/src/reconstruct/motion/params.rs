@@ -1,7 +1,7 @@
 //! Parameters of the motion of single frames.
 
 use super::joint::Prior;
-use crate::reconstruct::refine::{STAY, Weights};
+use crate::reconstruct::refine::{STAY, Turning, Weights};
 use if_core::math::Real;
 use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
@@ -44,11 +44,11 @@ impl Default for MotionParams {
     /// "Motion of single frames").
     fn default() -> Self {
         Self {
-            rounds: 2,
+            rounds: 3,
             normals: 1.0,
-            silhouettes: 1.0,
+            silhouettes: 3.0,
             mean_bending: 5.0,
-            bending: 15.0,
+            bending: 8.0,
             stay: 0.01,
             acceleration: 0.1,
             still: 0.001,
@@ -63,7 +63,8 @@ impl MotionParams {
     /// The weights of the evidence.
     pub(super) fn weights(&self) -> Weights {
         let Self { normals, silhouettes, bending, longest_step, .. } = *self;
-        Weights { normals, silhouettes, bending, longest_step }
+        let turning = Turning::Level;
+        Weights { normals, silhouettes, bending, longest_step, turning }
     }
 
     /// The prior in time, for motion of which a root mean square was found so far.
