@@ -1,7 +1,7 @@
 //! The first pass: from the last clean state to the pose of the next frame.
 
 use super::error::AnimateError;
-use super::movement::{Movement, Place};
+use super::movement::{DISPLACED, Movement, Place};
 use super::parts::Runs;
 use super::report::FrameReport;
 use if_core::math::{Point, Real};
@@ -19,7 +19,7 @@ pub struct AnimateParams {
     /// Largest turn of a joint in one step, in radians. Frames that differ by more take several.
     pub turn: Real,
     /// Displacement of the body, in metres, above which a frame is reached from the rest pose as
-    /// well, and the better of the two kept.
+    /// well, and the better of the two kept; also where a vertex of a garment moves by more than 0.1 m.
     pub body_limit: Real,
     /// Seconds before and after each frame over which displacements are smoothed; 0 for no smoothing.
     /// Frames that lie farther apart than this, or than 0.2 s, are not smoothed.
@@ -172,8 +172,8 @@ impl<'a> Animator<'a> {
             self.restart()?;
         }
         let mut walked = self.walk(monitor)?;
-        let moved = self.body_moved()?;
-        if !restarted && (walked.reached < 1.0 || moved > self.params.body_limit) {
+        let excess = self.excess()?;
+        if !restarted && (walked.reached < 1.0 || excess > 1.0) {
             // Limbs that pass one another, or a fold that was entered on the wrong side: the way
             // from the rest pose is another one.
             restarted = self.walk_from_rest(self.params.walk.softness, &mut walked, monitor)?;
@@ -211,14 +211,14 @@ impl<'a> Animator<'a> {
         walked: &mut Walked,
         monitor: &mut dyn Monitor,
     ) -> Result<bool, AnimateError> {
-        let (snapshot, so_far, moved) =
-            (self.walker.snapshot(), self.place.clone(), self.body_moved()?);
+        let (snapshot, so_far, excess) =
+            (self.walker.snapshot(), self.place.clone(), self.excess()?);
         self.restart()?;
         self.walker.set_softness(softness);
         let again = self.walk(monitor);
         self.walker.set_softness(self.params.walk.softness);
         let again = again?;
-        let is_better = (again.reached, -self.body_moved()?) > (walked.reached, -moved);
+        let is_better = (again.reached, -self.excess()?) > (walked.reached, -excess);
         if is_better {
             *walked = again;
         } else {
@@ -228,12 +228,20 @@ impl<'a> Animator<'a> {
         Ok(is_better)
     }
 
-    /// Largest displacement of the body from where the next frame has it.
-    fn body_moved(&self) -> Result<Real, AnimateError> {
+    /// Largest displacement from where the next frame has them, of the body as a share of
+    /// [`AnimateParams::body_limit`], or of garments as one of what frames are stored for: more than 1 is
+    /// a fold that was entered on the wrong side, or a vertex that contacts threw out.
+    fn excess(&self) -> Result<Real, AnimateError> {
         let posed = self.movement.posed(self.frame, &self.rest)?;
-        let [a, b] = [&posed[..], self.walker.positions()].map(|x| self.walker.layer(x, 0));
-        let squared = a.iter().zip(b).map(|(a, b)| (b - a).norm_squared());
-        Ok(squared.fold(0.0, Real::max).sqrt())
+        let positions = self.walker.positions();
+        let garments = self.movement.outfit().garments.len();
+        let largest = |layer: usize| {
+            let [a, b] = [&posed[..], positions].map(|x| self.walker.layer(x, layer));
+            let squared = a.iter().zip(b).map(|(a, b)| (b - a).norm_squared());
+            squared.fold(0.0, Real::max).sqrt()
+        };
+        let garments = (1..=garments).map(largest).fold(0.0, Real::max);
+        Ok((largest(0) / self.params.body_limit).max(garments / DISPLACED))
     }
 
     /// Goes to the rest pose, moved as a whole to where the next frame has it.
@@ -250,5 +258,32 @@ impl<'a> Animator<'a> {
         let walked = self.walker.walk(way.steps, &|share| (way.posed)(share, &rest), monitor)?;
         self.place = (way.place)(walked.reached);
         Ok(walked)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{motion, outfit};
+    use super::*;
+    use if_core::math::Vector;
+
+    #[test]
+    fn what_lies_far_from_where_its_frame_has_it_is_in_excess() {
+        let (outfit, motion) = (outfit(), motion(1));
+        let movement = Movement::poses(&outfit, &motion);
+        let mut animator = Animator::new(movement, AnimateParams::default()).unwrap();
+        let posed = movement.posed(0, &animator.rest).unwrap();
+        let skin = outfit.outfit.body.mesh.vertices().len();
+        let mut excess = |v: usize, by: Real| {
+            let mut x = posed.clone();
+            x[v] += Vector::x() * by;
+            animator.walker.restart(x).unwrap();
+            animator.excess().unwrap()
+        };
+        assert!(excess(0, 0.0) < 1e-3);
+        // A body may move by 3 cm, and a garment by 10.
+        for (v, by, expected) in [(0, 0.06, 2.0), (skin, 0.06, 0.6), (skin + 7, 0.3, 3.0)] {
+            approx::assert_relative_eq!(excess(v, by), expected, epsilon = 1e-3);
+        }
     }
 }

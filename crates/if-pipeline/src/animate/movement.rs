@@ -12,7 +12,7 @@ use if_outfit::{Outfit, Storage};
 use serde_json::json;
 
 /// No vertex is displaced by more than this from where a frame has it, in metres.
-const DISPLACED: Real = 0.1;
+pub(super) const DISPLACED: Real = 0.1;
 
 /// An outfit and how it is moved, frame by frame.
 #[derive(Clone, Copy, Debug)]

@@ -4,7 +4,7 @@ use super::error::AnimateError;
 use if_core::monitor::{Cancelled, Monitor, Progress};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
@@ -14,17 +14,18 @@ const ASKED: Duration = Duration::from_millis(50);
 /// What a worker tells of its job, and whether it is to go on: a monitor of all that it calls.
 pub(super) struct Ticket<'a> {
     stops: &'a AtomicBool,
-    done: Sender<()>,
+    done: SyncSender<()>,
 }
 
 impl Ticket<'_> {
-    /// Another frame is done.
+    /// Another frame is done. Waits until it is counted, so that who stops the jobs then gets no more than
+    /// one frame of each that is under way.
     ///
     /// # Errors
     ///
     /// [`Cancelled`] if no more are to be done.
     pub(super) fn frame_is_done(&mut self) -> Result<(), Cancelled> {
-        // The receiver lives as long as there are workers.
+        // The receiver lives as long as there are workers, unless a thread could not be started.
         let _ = self.done.send(());
         self.report(&Progress::stage("walk"))
     }
@@ -67,12 +68,14 @@ pub(super) fn each<J: Send>(
             *first = Some((index, error));
         }
     };
-    let (done, frames) = channel();
+    let (done, frames) = sync_channel(0);
     let unstarted = |source| {
         stops.store(true, Ordering::Relaxed);
         AnimateError::Threads { source }
     };
     std::thread::scope(|scope| {
+        // Ends with this block: nobody waits for a receiver that does not listen.
+        let frames = frames;
         for worker in 0..workers {
             // What is over goes to the first ones.
             let share = threads / workers + usize::from(worker < threads % workers);

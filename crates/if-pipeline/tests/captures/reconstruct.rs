@@ -396,10 +396,12 @@ fn a_wave_that_runs_over_the_body_is_followed_in_each_frame() {
         beyond / slope.norm()
     };
     let [without, with] = seen_errors(&capture, &surface, &motion, truth);
-    // The wave is 5 mm high on average, half a pixel. What is left of it is 61 %.
-    assert!(without > 0.004 && with < 0.67 * without, "{without} {with}");
+    // The wave is 5 mm high on average, half a pixel. What is left of it is 28 %.
+    assert!(without > 0.004 && with < 0.31 * without, "{without} {with}");
     let report = &motion.report;
-    assert_eq!((report.solved, report.rounds.len(), report.frames.len()), (FRAMES, 2, FRAMES));
+    let rounds = MotionParams::default().rounds;
+    assert_eq!((report.solved, report.rounds.len()), (FRAMES, rounds));
+    assert_eq!(report.frames.len(), FRAMES);
     assert!(report.mean_mm > 1.0 && report.max_mm < 40.0, "{report:?}");
     // Threads do not matter.
     for threads in [1, 2, 7] {
@@ -463,11 +465,8 @@ fn motion_can_be_cancelled_and_invalid_parameters_are_errors() {
     assert!(matches!(run(twice.clone(), 0), Err(ReconstructError::Cancelled(_))));
     let whole = run(twice, usize::MAX).unwrap();
     assert_eq!(whole.report.rounds.len(), 2);
-    assert!(
-        whole.report.rounds[1].step_mm < whole.report.rounds[0].step_mm,
-        "{:?}",
-        whole.report.rounds
-    );
+    // Nothing moves.
+    assert!(whole.report.rounds.iter().all(|r| r.step_mm < 0.1), "{:?}", whole.report.rounds);
     let bad = run(MotionParams { bending: 0.0, ..Default::default() }, usize::MAX).unwrap_err();
     assert!(bad.to_string().contains("bending"), "{bad}");
 }
