@@ -7,10 +7,14 @@ use super::equilibrium::solve;
 use super::locality::Yielding;
 use super::turn::turns;
 use super::walk::Walker;
-use if_core::math::Point;
+use if_core::math::{Point, Real};
 
 /// Steps for which triangles that intersected are held apart.
 const KEPT: u32 = 12;
+/// Displacement of a vertex, in metres, from which on a solve has diverged: contacts that cannot all be met
+/// push without bound. More solves would push further, and triangles that reach through the whole scene take
+/// minutes to compare.
+const DIVERGED: Real = 0.5;
 
 impl Walker {
     /// Goes towards `target`: contacts along directions of the last clean state, a solve, exact
@@ -54,6 +58,8 @@ impl Walker {
         let (mut solves, mut sweeps, mut x) = (0, 0, Vec::new());
         let reach = params.body_reach;
         let (mut most, mut widened) = (params.solves, false);
+        // What is left after the last solve.
+        let mut pairs: Vec<[u32; 2]> = Vec::new();
         loop {
             contacts.truncate(near);
             for (pair, (times, _)) in &met {
@@ -68,9 +74,17 @@ impl Walker {
             let rounded = self.storage.round(&x);
             let mesh = scene.mesh.with_vertices(rounded).expect("solutions are finite");
             let tree = self.tree(mesh.vertices());
-            known.update(&mesh, &tree, &scene.fans);
-            let pairs: Vec<[u32; 2]> = known.pairs.iter().map(|p| [p.a, p.b]).collect();
-            let pairs = self.tolerated.left(&pairs);
+            let displaced = x.iter().zip(target).map(|(x, target)| (x - target).norm_squared());
+            let has_diverged = displaced.fold(0.0, Real::max) > DIVERGED * DIVERGED;
+            if has_diverged {
+                most = most.min(solves);
+            }
+            // A state that is not verified is not accepted: what was left before it counts as left.
+            if !has_diverged || pairs.is_empty() {
+                known.update(&mesh, &tree, &scene.fans);
+                let found: Vec<[u32; 2]> = known.pairs.iter().map(|p| [p.a, p.b]).collect();
+                pairs = self.tolerated.left(&found);
+            }
             tracing::debug!(
                 pairs = pairs.len(),
                 contacts = contacts.len(),
@@ -109,8 +123,8 @@ impl Walker {
                 }
                 continue;
             }
-            for pair in pairs {
-                met.entry(pair)
+            for pair in &pairs {
+                met.entry(*pair)
                     .and_modify(|(times, left)| (*times, *left) = (*times + 1, KEPT))
                     .or_insert((0, KEPT));
             }
