@@ -7,6 +7,7 @@ For each folder of OUT with frame_NNNN.ply, mean of every third frame, of the ga
   there    from our surface, where the truth's nearest triangle is a garment's, to the truth: mean and p95
   back     from the garments' vertices to our surface: mean and p95
   seen     the same as back, of vertices that the camera sees in that frame alone
+  facing   from those vertices that face the camera by cosines above 0.8 to our surface, signed (out is positive): mean
   material distance between where a garment's vertex is and where ours is that lies nearest to it in canonical space: mean and p95
 """
 import argparse, json, os, sys
@@ -47,7 +48,8 @@ for name in sorted(d for d in os.listdir(a.out) if os.path.isdir(f'{a.out}/{d}')
         G = T[first[1]:]
         d, tri, _ = place(V, T, TF)
         there = np.sqrt(d)[tri >= body]
-        back = np.sqrt(place(G, V, F)[0])
+        squared, _, nearest = place(G, V, F)
+        back = np.sqrt(squared)
         # Seen: not farther than 1 cm behind what the depth image shows, where the label is the vertex's own.
         c = G @ R.T + t
         px = (c @ K.T)[:, :2] / c[:, 2:]
@@ -55,8 +57,12 @@ for name in sorted(d for d in os.listdir(a.out) if os.path.isdir(f'{a.out}/{d}')
         label = np.asarray(Image.open(f'{a.capture}/label/{i:04d}.png'))
         u, v = (np.clip(px[:, k].astype(int), 0, depth.shape[1 - k] - 1) for k in range(2))
         seen = (depth[v, u] > 0) & (c[:, 2] < depth[v, u] + 0.01) & (label[v, u] == own)
+        out = igl.per_vertex_normals(T, TF)[first[1]:]
+        sight = -t @ R - G
+        turned = (out * sight).sum(1) > 0.8 * np.linalg.norm(sight, axis=1)
+        signed = ((nearest - G) * out).sum(1)[seen & turned]
         material = np.linalg.norm((V[corners] * bary[:, :, None]).sum(1) - G, axis=1)
-        rows.append([f(x) for x in (there, back, back[seen], material) for f in (np.mean, lambda y: np.percentile(y, 95))])
+        rows.append([f(x) for x in (there, back, back[seen], material, signed) for f in (np.mean, lambda y: np.percentile(y, 95))])
     r = 1e3 * np.mean(rows, 0)
     print(f'{name:>6}: there {r[0]:.2f} p95 {r[1]:.2f}, back {r[2]:.2f} p95 {r[3]:.2f}, seen {r[4]:.2f} p95 {r[5]:.2f}, '
-          f'material {r[6]:.2f} p95 {r[7]:.2f} mm ({len(rows)} frames)', flush=True)
+          f'material {r[6]:.2f} p95 {r[7]:.2f}, facing {r[8]:+.2f} mm ({len(rows)} frames)', flush=True)

@@ -59,24 +59,6 @@ pub fn own_pairs_with(mesh: &TriMesh, tree: &Bvh, fans: &Fans) -> Vec<TrianglePa
     own_pairs_searched(mesh, tree, fans, |_| true)
 }
 
-/// Those [`own_pairs`] of which at least one triangle has moved; `tree` must hold the current
-/// positions. What has not moved costs nothing.
-///
-/// # Panics
-///
-/// If `moved` or `fans` are of a mesh with fewer triangles or vertices.
-pub fn own_pairs_of_moved(
-    mesh: &TriMesh,
-    tree: &Bvh,
-    fans: &Fans,
-    moved: &MovedTriangles,
-) -> Vec<TrianglePair> {
-    if moved.is_empty() {
-        return Vec::new();
-    }
-    own_pairs_searched(mesh, tree, fans, |t| moved.is_moved[t as usize])
-}
-
 fn own_pairs_searched(
     mesh: &TriMesh,
     tree: &Bvh,
@@ -126,7 +108,8 @@ pub fn pairs_after_motion(
     all
 }
 
-/// As [`pairs_after_motion`], for [`own_pairs`]; `tree` must hold the current positions.
+/// As [`pairs_after_motion`], for [`own_pairs`]; `tree` must hold the current positions. What has not
+/// moved costs nothing.
 ///
 /// # Panics
 ///
@@ -138,10 +121,12 @@ pub fn own_pairs_after_motion(
     moved: &MovedTriangles,
     before: &[TrianglePair],
 ) -> Vec<TrianglePair> {
-    let mut all = own_pairs_of_moved(mesh, tree, fans, moved);
-    all.extend(
-        before.iter().filter(|p| !moved.is_moved[p.a as usize] && !moved.is_moved[p.b as usize]),
-    );
+    if moved.is_empty() {
+        return before.to_vec();
+    }
+    let is_moved = |t: u32| moved.is_moved[t as usize];
+    let mut all = own_pairs_searched(mesh, tree, fans, is_moved);
+    all.extend(before.iter().filter(|p| !is_moved(p.a) && !is_moved(p.b)));
     all.sort_unstable();
     all
 }

@@ -38,7 +38,7 @@ pub(super) struct Scene {
     /// For each triangle which of its corners (bits 0 to 2) and edges (bits 3 to 5, from that
     /// corner to the next) no earlier triangle has: each is paired once.
     pub(super) owned: Vec<u8>,
-    /// The triangles around each vertex. Those of the body's are those of the body alone.
+    /// The triangles around each vertex. The body comes first, so they serve its mesh alone as well.
     pub(super) fans: Fans,
 }
 

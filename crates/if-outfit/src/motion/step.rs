@@ -19,7 +19,7 @@ const DIVERGED: Real = 0.5;
 impl Walker {
     /// Goes towards `target`: contacts along directions of the last clean state, a solve, exact
     /// verification; then again with what intersects held apart. Vertices yield as `yielding` has it;
-    /// if that is not enough, the body near what is left as well, and then everywhere.
+    /// if that is not enough, or a solve diverges, the body near what is left as well, and then everywhere.
     pub(super) fn attempt(
         &self,
         target: &[Point],
@@ -74,8 +74,8 @@ impl Walker {
             let rounded = self.storage.round(&x);
             let mesh = scene.mesh.with_vertices(rounded).expect("solutions are finite");
             let tree = self.tree(mesh.vertices());
-            let displaced = x.iter().zip(target).map(|(x, target)| (x - target).norm_squared());
-            let has_diverged = displaced.fold(0.0, Real::max) > DIVERGED * DIVERGED;
+            let is_far = |(x, target): (&Point, &Point)| (x - target).norm() > DIVERGED;
+            let has_diverged = x.iter().zip(target).any(is_far);
             if has_diverged {
                 most = most.min(solves);
             }

@@ -233,15 +233,13 @@ impl<'a> Animator<'a> {
     /// a fold that was entered on the wrong side, or a vertex that contacts threw out.
     fn excess(&self) -> Result<Real, AnimateError> {
         let posed = self.movement.posed(self.frame, &self.rest)?;
-        let positions = self.walker.positions();
-        let garments = self.movement.outfit().garments.len();
-        let largest = |layer: usize| {
-            let [a, b] = [&posed[..], positions].map(|x| self.walker.layer(x, layer));
+        let (now, skin) = (self.walker.positions(), self.walker.layer(&posed, 0).len());
+        let largest = |a: &[Point], b: &[Point]| {
             let squared = a.iter().zip(b).map(|(a, b)| (b - a).norm_squared());
             squared.fold(0.0, Real::max).sqrt()
         };
-        let garments = (1..=garments).map(largest).fold(0.0, Real::max);
-        Ok((largest(0) / self.params.body_limit).max(garments / DISPLACED))
+        let body = largest(&posed[..skin], &now[..skin]) / self.params.body_limit;
+        Ok(body.max(largest(&posed[skin..], &now[skin..]) / DISPLACED))
     }
 
     /// Goes to the rest pose, moved as a whole to where the next frame has it.
