@@ -17,6 +17,8 @@ use rayon::prelude::*;
 /// Least cosine between an observed normal and the surface's for both to be of one point. From 0.1 to
 /// 0.4 the mean changes by less than 0.03 mm.
 const SAME_PLACE: Real = 0.2;
+/// Least share by which a silhouette must follow its vertex to say something of it.
+const FOLLOWS: Real = 0.2;
 /// Frames evaluated in parallel: bounds the memory of their evidence, 40 bytes for each pixel of the
 /// person. The result does not depend on it.
 const TOGETHER: usize = 16;
@@ -99,10 +101,14 @@ fn glance(
     face_normals: &[Vector],
     reach: Real,
 ) -> Glance {
-    let rim = figure.rim(&frame.outside, vertex_normals, reach);
+    let rim = figure.rim(&frame.outside, reach).into_iter().filter_map(|r| {
+        // The square of f s + metres.
+        let f = figure.follows(r.vertex, &vertex_normals[r.vertex]);
+        (f > FOLLOWS).then(|| (r.vertex as u32, -r.metres / f, r.weight * f * f))
+    });
     let mut glance = Glance {
         normals: Vec::new(),
-        rim: rim.iter().map(|r| (r.vertex as u32, -r.metres, r.weight)).collect(),
+        rim: rim.collect(),
         pixels: Pixels::default(),
         overlap: 0.0,
     };
@@ -136,17 +142,15 @@ fn collect_normals(
             continue;
         }
         let n = Vector::new(n[0].into(), n[1].into(), n[2].into());
-        // Aᵀ n with the mean of the corners' maps: triangles are small compared with bones.
-        let corners = figure.mesh.triangles()[t as usize];
-        let linear = corners
-            .iter()
-            .fold(nalgebra::Matrix3::zeros(), |sum, v| sum + figure.maps[*v as usize].linear);
-        let canonical = unit_or_zero(&(linear.transpose() * n));
+        let n = figure.camera.rotation() * n;
+        let canonical = figure.carried_back(t, &face_normals[t as usize], &n);
         let agreement = canonical.dot(&face_normals[t as usize]) - SAME_PLACE;
         let center = nalgebra::Point2::new((i % width) as Real + 0.5, (i / width) as Real + 0.5);
-        let sight = figure.camera.rotation().transpose() * figure.camera.pixel_direction(&center);
-        let facing = -n.dot(&unit_or_zero(&sight));
-        if agreement <= 0.0 || facing <= 0.0 {
+        let sight = unit_or_zero(&figure.camera.pixel_direction(&center));
+        // By the surface's own normal: weighted by the observed ones, those of a triangle that face the
+        // camera would count most, and flatten it.
+        let facing = -figure.face_normal(t).dot(&sight);
+        if agreement <= 0.0 || facing <= 0.0 || n.dot(&sight) >= 0.0 {
             pixels.contradicting += usize::from(person);
             continue;
         }

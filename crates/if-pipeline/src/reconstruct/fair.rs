@@ -97,7 +97,7 @@ pub(super) fn to_mean(x: &[Point], neighbours: &Rows<u32>, v: usize) -> Vector {
 }
 
 /// Area-weighted unit normals of the vertices.
-fn normals(triangles: &[[u32; 3]], x: &[Point]) -> Vec<Vector> {
+pub(super) fn normals(triangles: &[[u32; 3]], x: &[Point]) -> Vec<Vector> {
     let mut sums = vec![Vector::zeros(); x.len()];
     for tri in triangles {
         let [a, b, c] = tri.map(|v| &x[v as usize]);

@@ -1,11 +1,12 @@
 //! A surface, posed and rasterised in a frame, and its silhouette.
 
 use super::distance_image::DistanceImage;
+use super::fair;
 use super::projection::pixels_per_metre;
 use if_body::SkinWeights;
 use if_body::skinning::{Affine, blends, pose_points};
 use if_core::edges::{Edges, NONE};
-use if_core::math::{Point, Real, Vector, unit_or_zero};
+use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_mesh::camera::Camera;
 use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
@@ -34,6 +35,8 @@ pub(super) struct Figure<'a> {
     pub(super) maps: Vec<Affine>,
     /// Vertices in the camera's frame.
     pub(super) points: Vec<Point>,
+    /// Their unit normals there, those of the posed surface.
+    pub(super) normals: Vec<Vector>,
     /// The visible triangle of each pixel.
     pub(super) seen: IdBuffer,
 }
@@ -68,18 +71,64 @@ impl<'a> Figure<'a> {
         let world = pose_points(mesh.vertices(), &maps);
         let mut seen = IdBuffer::default();
         Rasteriser::default().rasterise(mesh, &world, camera, &RasterParams::default(), &mut seen);
-        let points = world.iter().map(|p| camera.to_camera(p)).collect();
-        Self { mesh, edges, camera, maps, points, seen }
+        let points: Vec<Point> = world.iter().map(|p| camera.to_camera(p)).collect();
+        let normals = fair::normals(mesh.triangles(), &points);
+        Self { mesh, edges, camera, maps, points, normals, seen }
+    }
+
+    /// The figure with other normals at some vertices, given in canonical space.
+    pub(super) fn with_normals(mut self, canonical: &[Option<Vector>]) -> Self {
+        for (v, normal) in canonical.iter().enumerate() {
+            if let Some(n) = normal {
+                self.normals[v] = self.camera.rotation() * self.maps[v].normal(n);
+            }
+        }
+        self
+    }
+
+    /// The unit normal of a posed triangle in the camera's frame; zero if it has no area.
+    pub(super) fn face_normal(&self, t: u32) -> Vector {
+        let [a, b, c] = self.mesh.triangles()[t as usize].map(|v| &self.points[v as usize]);
+        unit_or_zero(&area_vector(a, b, c))
+    }
+
+    /// The step of a vertex along its canonical normal `n` as far as it moves the posed surface along
+    /// its own, for each metre.
+    pub(super) fn follows(&self, vertex: usize, n: &Vector) -> Real {
+        let way = self.camera.rotation() * (self.maps[vertex].linear * n);
+        self.normals[vertex].dot(&way)
+    }
+
+    /// The normal `n` of triangle `t`, in the camera's frame, carried back to canonical space, where the
+    /// triangle's own normal is `rest`: Fᵀ n of length one, F the deformation gradient.
+    ///
+    /// ```text
+    /// F eₖ = e′ₖ   for the edges of the triangle, F rest = A rest with the mean A of the corners' maps
+    /// ```
+    ///
+    /// So Fᵀ n is at right angles to an edge where n is so to the posed edge. Aᵀ n is that only where
+    /// weights are even: between the legs of somebody who walks in a skirt they are not.
+    pub(super) fn carried_back(&self, t: u32, rest: &Vector, n: &Vector) -> Vector {
+        let corners = self.mesh.triangles()[t as usize];
+        let [a, b, c] = self.mesh.corners(t as usize);
+        let (e, f) = (b - a, c - a);
+        let twice_area = e.cross(&f).norm();
+        if twice_area == 0.0 {
+            return Vector::zeros();
+        }
+        let [a, b, c] = corners.map(|v| self.points[v as usize]);
+        let (along_e, along_f) = (n.dot(&(b - a)), n.dot(&(c - a)));
+        let sum = corners
+            .iter()
+            .fold(Vector::zeros(), |sum, v| sum + self.maps[*v as usize].linear * rest);
+        let out = n.dot(&(self.camera.rotation() * sum)) / 3.0;
+        let along = f.cross(rest) * along_e + rest.cross(&e) * along_f;
+        unit_or_zero(&(along / twice_area + rest * out))
     }
 
     /// Rim vertices (between front and back faces) on the silhouette, at most `reach` metres from
-    /// the border of a mask. `outside` is the distance from it; `vertex_normals` are canonical.
-    pub(super) fn rim(
-        &self,
-        outside: &DistanceImage,
-        vertex_normals: &[Vector],
-        reach: Real,
-    ) -> Vec<RimPoint> {
+    /// the border of a mask. `outside` is the distance from it.
+    pub(super) fn rim(&self, outside: &DistanceImage, reach: Real) -> Vec<RimPoint> {
         let (width, height) = (self.camera.width() as Real, self.camera.height() as Real);
         let front: Vec<bool> = (0..self.mesh.triangles().len())
             .map(|t| {
@@ -115,7 +164,7 @@ impl<'a> Figure<'a> {
             if metres.abs() > reach {
                 continue;
             }
-            let normal = self.camera.rotation() * self.maps[vertex].normal(&vertex_normals[vertex]);
+            let normal = &self.normals[vertex];
             let across = normal.xy().norm();
             if across == 0.0 {
                 continue;
@@ -147,5 +196,49 @@ impl<'a> Figure<'a> {
             }
         }
         figure && beside
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use if_core::shapes::meshes;
+
+    #[test]
+    fn normals_come_back_and_silhouettes_follow_where_weights_are_uneven() {
+        // A tube that hangs between two legs: the one forwards and turned, the other back.
+        let tube = meshes::icosphere(0.3, 3);
+        let share = |p: &Point| (0.5 + p.x / 0.3).clamp(0.0, 1.0) as f32;
+        let weights: Vec<[f32; 4]> =
+            tube.vertices().iter().map(|p| [1.0 - share(p), share(p), 0.0, 0.0]).collect();
+        let skin = SkinWeights::new(vec![[0, 1, 0, 0]; weights.len()], weights, 2).unwrap();
+        let legs = [-0.2, 0.2].map(|z| Isometry3::new(Vector::new(0.0, 0.0, z), Vector::x() * z));
+        let eye = Point::new(0.4, 0.3, 2.5);
+        let camera =
+            Camera::looking_at((64, 64), &eye, &Point::origin(), &Vector::y(), 0.9).unwrap();
+        let edges = Edges::new(&tube);
+        let figure = Figure::new(&tube, &edges, &skin, &camera, &legs);
+        let turned = figure.camera.rotation();
+        let mut off: Real = 0.0;
+        for (t, rest) in tube.face_normals().iter().enumerate() {
+            let posed = figure.face_normal(t as u32);
+            let back = figure.carried_back(t as u32, rest, &posed);
+            assert!((back - rest).norm() < 1e-9, "triangle {t}: {back} {rest}");
+            let corner = tube.triangles()[t][0] as usize;
+            off = off.max((turned * figure.maps[corner].normal(rest) - posed).norm());
+        }
+        assert!(off > 0.5, "maps alone are off: {off}");
+
+        // What moves along canonical normals moves the posed surface along its own as it is said to.
+        let (h, normals) = (1e-6, tube.vertex_normals());
+        for v in (0..normals.len()).step_by(17) {
+            let mut points = tube.vertices().to_vec();
+            points[v] += normals[v] * h;
+            let moved = tube.with_vertices(points).unwrap();
+            let moved = Figure::new(&moved, &edges, &skin, &camera, &legs);
+            let way = (moved.points[v] - figure.points[v]).dot(&figure.normals[v]) / h;
+            assert!((figure.follows(v, &normals[v]) - way).abs() < 1e-6, "vertex {v}: {way}");
+        }
+        assert!((0..normals.len()).any(|v| figure.follows(v, &normals[v]) < 0.8));
     }
 }

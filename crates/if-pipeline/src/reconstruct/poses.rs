@@ -276,8 +276,8 @@ impl<'a> Scene<'a> {
             votes.add(&figure, labels);
         }
         let tied = votes.skin(params.skin);
-        let (mesh, normals) = gauge::tied(&self.start.mesh, &self.mesh, &tied);
-        let subject = Subject { skin, points: mesh.vertices(), normals: &normals };
+        let (mesh, at_steps) = gauge::tied(&self.start.mesh, &self.mesh, &tied);
+        let subject = Subject { skin, points: mesh.vertices() };
         let mut done = PoseRound {
             tied: tied.iter().filter(|t| **t).count() as Real / tied.len().max(1) as Real,
             ..Default::default()
@@ -288,7 +288,8 @@ impl<'a> Scene<'a> {
                 .par_iter()
                 .zip(&self.normals)
                 .map(|(frame, normals)| {
-                    let figure = Figure::new(&mesh, &self.edges, skin, camera, &frame.transforms);
+                    let figure = Figure::new(&mesh, &self.edges, skin, camera, &frame.transforms)
+                        .with_normals(&at_steps);
                     let view = View { outside: &frame.outside, normals };
                     let mut twists = Twists::new(self.skeleton.len());
                     let transforms = &frame.transforms;

@@ -149,7 +149,6 @@ pub(super) fn measure(
     camera: &Camera,
     frames: &[Observation],
 ) -> QualityReport {
-    let (vertex_normals, face_normals) = (mesh.vertex_normals(), mesh.face_normals());
     let joints = strongest(skin);
     let (mm, pixels) = FRAME_SILHOUETTE;
     let scale = pixels_per_metre(camera);
@@ -161,11 +160,11 @@ pub(super) fn measure(
             let depth = depth / figure.points.len().max(1) as Real;
             let limit_mm = mm.max(pixels * 1e3 * depth / scale);
             let mut sums = vec![Sums::default(); skeleton.len()];
-            for rim in figure.rim(&frame.outside, &vertex_normals, REACH) {
+            for rim in figure.rim(&frame.outside, REACH) {
                 sums[joints[rim.vertex]].silhouette(rim.metres.max(-INSIDE), rim.weight);
             }
             let margin = 1e-3 * limit_mm * scale / depth;
-            add_pixels(&mut sums, &figure, frame, margin, &joints, &face_normals);
+            add_pixels(&mut sums, &figure, frame, margin, &joints);
             (sums, limit_mm)
         })
         .collect();
@@ -224,7 +223,6 @@ fn add_pixels(
     frame: &Observation,
     margin: Real,
     joints: &[usize],
-    face_normals: &[Vector],
 ) {
     let width = figure.camera.width();
     for (i, (&t, n)) in figure.seen.triangle.iter().zip(&frame.normals).enumerate() {
@@ -239,10 +237,10 @@ fn add_pixels(
             continue;
         }
         let observed = Vector::new(n[0].into(), n[1].into(), n[2].into());
-        let normal = figure.maps[corner].normal(&face_normals[t as usize]);
+        let observed = figure.camera.rotation() * observed;
+        let normal = figure.face_normal(t);
         let center = Point2::new((i % width) as Real + 0.5, (i / width) as Real + 0.5);
-        let sight = figure.camera.rotation().transpose() * figure.camera.pixel_direction(&center);
-        if -normal.dot(&unit_or_zero(&sight)) > FACING {
+        if -normal.dot(&unit_or_zero(&figure.camera.pixel_direction(&center))) > FACING {
             sums.normal(normal.dot(&observed).clamp(-1.0, 1.0).acos());
         }
     }

@@ -120,7 +120,7 @@ impl<'a> Scene<'a> {
         let moved = mesh.vertices().iter().zip(offsets).map(|(p, d)| p + d).collect();
         let moved = mesh.with_vertices(moved).expect("offsets of networks were checked");
         let figure = Figure::new(&moved, edges, skin, self.camera, &frame.transforms);
-        let rim = figure.rim(&frame.outside, &moved.vertex_normals(), reach);
+        let rim = figure.rim(&frame.outside, reach);
         let k = k as u32;
         let rims = rim
             .iter()

@@ -1,7 +1,7 @@
 //! Parameters of the motion of single frames.
 
 use super::joint::Prior;
-use crate::reconstruct::refine::{STAY, Turning, Weights};
+use crate::reconstruct::refine::{STAY, Weights};
 use if_core::math::Real;
 use if_core::parameter::ParameterError;
 use serde::{Deserialize, Serialize};
@@ -63,8 +63,7 @@ impl MotionParams {
     /// The weights of the evidence.
     pub(super) fn weights(&self) -> Weights {
         let Self { normals, silhouettes, bending, longest_step, .. } = *self;
-        let turning = Turning::Level;
-        Weights { normals, silhouettes, bending, longest_step, turning }
+        Weights { normals, silhouettes, bending, longest_step }
     }
 
     /// The prior in time, for motion of which a root mean square was found so far.

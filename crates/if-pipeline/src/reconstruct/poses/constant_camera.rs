@@ -44,7 +44,6 @@ pub(super) fn corrected(
     negligible: Real,
 ) -> Option<Camera> {
     let edges = Edges::new(&template.mesh);
-    let normals = template.mesh.vertex_normals();
     let (mut turn, mut clothes) = (UnitQuaternion::identity(), 0.0);
     let mut zoom = 1.0;
     let mut moved = 0.0;
@@ -54,7 +53,7 @@ pub(super) fn corrected(
             let skin = &template.skin;
             let figure = Figure::new(&template.mesh, &edges, skin, &now, &frame.transforms);
             let (mut h, mut g, mut far) = (Matrix5::zeros(), Vector5::zeros(), (0.0, 0.0));
-            for point in figure.rim(&frame.outside, &normals, REACH) {
+            for point in figure.rim(&frame.outside, REACH) {
                 let p = &figure.points[point.vertex];
                 let scale = pixels_per_metre(&now);
                 // The template lies within the clothes, and is no fitted surface: its silhouette

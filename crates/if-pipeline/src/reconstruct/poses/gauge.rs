@@ -44,12 +44,21 @@ impl SkinVotes {
 }
 
 /// The surface for the poses: the template where `skin`, `mesh` elsewhere; with normals of the one
-/// and of the other, so that the step between them has none.
-pub(super) fn tied(template: &TriMesh, mesh: &TriMesh, skin: &[bool]) -> (TriMesh, Vec<Vector>) {
+/// and of the other beside the step between them, so that it has none.
+pub(super) fn tied(
+    template: &TriMesh,
+    mesh: &TriMesh,
+    skin: &[bool],
+) -> (TriMesh, Vec<Option<Vector>>) {
     let pick = |v: usize, a: &[Point], b: &[Point]| if skin[v] { a[v] } else { b[v] };
     let points = (0..skin.len()).map(|v| pick(v, template.vertices(), mesh.vertices())).collect();
     let (a, b) = (template.vertex_normals(), mesh.vertex_normals());
-    let normals = (0..skin.len()).map(|v| if skin[v] { a[v] } else { b[v] }).collect();
+    let mut normals = vec![None; skin.len()];
+    for corners in mesh.triangles().iter().map(|t| t.map(|v| v as usize)) {
+        if corners.iter().any(|v| skin[*v] != skin[corners[0]]) {
+            corners.iter().for_each(|&v| normals[v] = Some(if skin[v] { a[v] } else { b[v] }));
+        }
+    }
     let mixed = mesh.with_vertices(points).expect("vertices of two meshes of the same triangles");
     (mixed, normals)
 }
@@ -75,7 +84,10 @@ mod tests {
             let radius = if skin[v] { 1.0 } else { 1.1 };
             approx::assert_relative_eq!(mixed.vertices()[v].coords.norm(), radius, epsilon = 1e-12);
             // Without the step between them: as on a sphere.
-            assert!(normals[v].dot(&mixed.vertices()[v].coords.normalize()) > 0.999);
+            let own = mixed.vertex_normals()[v];
+            let normal = normals[v].unwrap_or(own);
+            assert!(normal.dot(&mixed.vertices()[v].coords.normalize()) > 0.999);
+            assert_eq!(normals[v].is_some(), own.dot(&normal) < 0.999, "vertex {v}");
         }
     }
 }

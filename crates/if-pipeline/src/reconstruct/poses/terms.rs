@@ -34,8 +34,6 @@ pub(super) struct Subject<'a> {
     pub(super) skin: &'a SkinWeights,
     /// Vertices in canonical space.
     pub(super) points: &'a [Point],
-    /// Their unit normals.
-    pub(super) normals: &'a [Vector],
 }
 
 /// Residuals of a frame.
@@ -90,7 +88,7 @@ pub(super) fn add_terms(
 ) -> Residuals {
     let mut residuals = Residuals::default();
     let scale = pixels_per_metre(figure.camera);
-    for point in figure.rim(view.outside, subject.normals, reach) {
+    for point in figure.rim(view.outside, reach) {
         let v = point.vertex;
         let outlier = 1.0 / (1.0 + (point.metres / SILHOUETTE_OUTLIER).powi(2)).sqrt();
         let weight = point.weight * outlier / params.silhouette_sigma.powi(2);
@@ -101,7 +99,7 @@ pub(super) fn add_terms(
         *sum = (sum.0 + point.weight * point.metres.powi(2), sum.1 + point.weight);
     }
     for v in 0..subject.points.len() {
-        let Some((pixel, normal, facing)) = visible(figure, subject, v) else { continue };
+        let Some((pixel, normal, facing)) = visible(figure, v) else { continue };
         let Some((observed, slope)) = view.normals.at(pixel.x, pixel.y) else { continue };
         let residual = observed - normal;
         let outlier = (1.0 + residual.norm_squared() / NORMAL_OUTLIER.powi(2)).powi(-2);
@@ -116,7 +114,7 @@ pub(super) fn add_terms(
 }
 
 /// Pixel position, posed normal and cosine to the line of sight of a visible vertex.
-fn visible(figure: &Figure, subject: &Subject, v: usize) -> Option<(Point2<Real>, Vector, Real)> {
+fn visible(figure: &Figure, v: usize) -> Option<(Point2<Real>, Vector, Real)> {
     let p = &figure.points[v];
     if p.z <= 0.0 {
         return None;
@@ -130,9 +128,8 @@ fn visible(figure: &Figure, subject: &Subject, v: usize) -> Option<(Point2<Real>
     if figure.seen.triangle[at] == NOTHING || p.z > Real::from(figure.seen.depth[at]) + BEHIND {
         return None;
     }
-    let normal = figure.maps[v].normal(&subject.normals[v]);
-    let sight = figure.camera.rotation().transpose() * p.coords;
-    let facing = -normal.dot(&unit_or_zero(&sight));
+    let facing = -figure.normals[v].dot(&unit_or_zero(&p.coords));
+    let normal = figure.camera.rotation().transpose() * figure.normals[v];
     (facing > FACING).then_some((pixel, normal, facing))
 }
 
@@ -260,7 +257,7 @@ mod tests {
         // A mask with a straight border, whose distance is linear.
         let skin = SkinWeights::new(vec![[0, 1, 2, 3]], vec![[0.2, 0.3, 0.4, 0.1]], skeleton.len())
             .unwrap();
-        let subject = Subject { skin: &skin, points: &points, normals: &normals };
+        let subject = Subject { skin: &skin, points: &points };
         let p = position(&skin, &transforms);
         let pixel = camera.to_pixel(&p);
         let border = pixel.x as usize + 3;
@@ -280,7 +277,7 @@ mod tests {
         // Normals that vary; the vertex follows one joint, where its normal turns exactly.
         let skin =
             SkinWeights::new(vec![[2; 4]], vec![[1.0, 0.0, 0.0, 0.0]], skeleton.len()).unwrap();
-        let subject = Subject { skin: &skin, points: &points, normals: &normals };
+        let subject = Subject { skin: &skin, points: &points };
         let image: Vec<[f32; 3]> = (0..SIZE * SIZE)
             .map(|i| [0.01 * (i % SIZE) as f32, 0.02 * (i / SIZE) as f32, 0.7])
             .collect();
