@@ -17,6 +17,9 @@ use rayon::prelude::*;
 /// Least cosine between an observed normal and the surface's for both to be of one point. From 0.1 to
 /// 0.4 the mean changes by less than 0.03 mm.
 const SAME_PLACE: Real = 0.2;
+/// Least cosine between an observed normal and the line of sight in the area that a pixel sees: bounds what
+/// noise does to pixels seen from the side. With 0.35 the mean changes by less than 0.02 mm.
+const LEAST_VIEW: Real = 0.2;
 /// Least share by which a silhouette must follow its vertex to say something of it.
 const FOLLOWS: Real = 0.2;
 /// Frames evaluated in parallel: bounds the memory of their evidence, 40 bytes for each pixel of the
@@ -106,17 +109,17 @@ fn glance(
         let f = figure.follows(r.vertex, &vertex_normals[r.vertex]);
         (f > FOLLOWS).then(|| (r.vertex as u32, -r.metres / f, r.weight * f * f))
     });
-    let mut glance = Glance {
-        normals: Vec::new(),
-        rim: rim.collect(),
-        pixels: Pixels::default(),
-        overlap: 0.0,
-    };
+    let mut glance =
+        Glance { normals: Vec::new(), rim: rim.collect(), pixels: Pixels::default(), overlap: 0.0 };
     collect_normals(figure, frame, face_normals, &mut glance);
     glance
 }
 
 /// Collects observed normals, and the overlap of mask and figure.
+///
+/// Pixels are of equal area in the image, and count by that of what they see: 1 / (n · sight) of it. Then the
+/// sum of normals over a triangle is the area vector of the cloth there, folded as it may be, which has the
+/// direction of the triangle. Counted equally, or more if they face the camera, normals of folds flatten it.
 fn collect_normals(
     figure: &Figure,
     frame: &Observation,
@@ -147,15 +150,60 @@ fn collect_normals(
         let agreement = canonical.dot(&face_normals[t as usize]) - SAME_PLACE;
         let center = nalgebra::Point2::new((i % width) as Real + 0.5, (i / width) as Real + 0.5);
         let sight = unit_or_zero(&figure.camera.pixel_direction(&center));
-        // By the surface's own normal: weighted by the observed ones, those of a triangle that face the
-        // camera would count most, and flatten it.
         let facing = -figure.face_normal(t).dot(&sight);
         if agreement <= 0.0 || facing <= 0.0 || n.dot(&sight) >= 0.0 {
             pixels.contradicting += usize::from(person);
             continue;
         }
         pixels.used += usize::from(person);
-        glance.normals.push((t, canonical, facing * facing * agreement));
+        let area = facing / (-n.dot(&sight)).max(LEAST_VIEW);
+        glance.normals.push((t, canonical * area, facing * facing * agreement));
     }
     glance.overlap = if either == 0 { 0.0 } else { both as Real / either as Real };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reconstruct::observe::prepared;
+    use crate::reconstruct::params::SurfaceParams;
+    use if_core::math::Point;
+    use nalgebra::{Isometry3, Rotation3};
+
+    #[test]
+    fn folds_that_are_seen_from_the_side_do_not_turn_their_cloth() {
+        // A sheet, turned by 50° from the camera, in folds of 25° to both sides. Of equal length, they fill
+        // the image by their cosines.
+        let turned =
+            |degrees: Real| Rotation3::from_axis_angle(&Vector::y_axis(), degrees.to_radians());
+        let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+        let points = corners.iter().map(|(x, y)| turned(50.0) * Point::new(*x, *y, 0.0)).collect();
+        let sheet = TriMesh::new(points, vec![[0, 1, 2], [0, 2, 3]]).unwrap();
+        let skin = SkinWeights::new(vec![[0; 4]; 4], vec![[1.0, 0.0, 0.0, 0.0]; 4], 1).unwrap();
+        let (size, eye) = (128, Point::new(0.0, 0.0, 40.0));
+        let camera =
+            Camera::looking_at((size, size), &eye, &Point::origin(), &Vector::y(), 0.08).unwrap();
+        let [steep, level] = [75.0, 25.0].map(|a: Real| a.to_radians().cos());
+        let folded = |i: usize| {
+            let steep = (i as Real * 0.618_033_988_7).fract() < steep / (steep + level);
+            let n = camera.rotation() * (turned(if steep { 75.0 } else { 25.0 }) * Vector::z());
+            [n.x as f32, n.y as f32, n.z as f32]
+        };
+        let normals: Vec<[f32; 3]> = (0..size * size).map(folded).collect();
+        let mask: Vec<bool> = (0..size * size).map(|i| (10..118).contains(&(i % size))).collect();
+        let params = SurfaceParams::default();
+        let still = vec![Isometry3::identity()];
+        let frame = prepared(&camera, 0, still, &mask, normals.clone(), &params);
+        let edges = Edges::new(&sheet);
+        let seen = gather(&sheet, &edges, &skin, &camera, &[frame], 0.1);
+        let angle =
+            |n: &Vector| unit_or_zero(n).dot(&(turned(50.0) * Vector::z())).acos().to_degrees();
+        for (sum, weight) in &seen.normals {
+            assert!(*weight > 100.0 && angle(sum) < 1.0, "{weight}: {}", angle(sum));
+        }
+        let counted = normals.iter().fold(Vector::zeros(), |sum, n| {
+            sum + camera.rotation().transpose() * Vector::from(n.map(Real::from))
+        });
+        assert!(angle(&counted) > 10.0, "counted equally: {}", angle(&counted));
+    }
 }
