@@ -1,6 +1,7 @@
 //! `ifg animate`: a clean outfit follows a motion, every frame proven.
 
 mod faults;
+mod files;
 mod gltf;
 mod page;
 mod pictures;
@@ -8,6 +9,7 @@ mod source;
 mod summary;
 
 use self::faults::{AnimateFault, NotClean, NotCleanBetween};
+use self::files::{Names, Stale};
 use self::source::Source;
 pub(crate) use self::source::SourceArgs;
 use crate::cancel;
@@ -31,13 +33,14 @@ use if_mesh::point_cache::{PointCacheError, PointCacheWriter};
 use if_outfit::files::{FilesError, OutfitFiles};
 use if_outfit::outfit::Outfit;
 use if_outfit::resolve::ResolveError;
-use if_outfit::with_parameter;
+use if_outfit::{Split, with_parameter};
 use if_pipeline::animate::{
     AnimateError, AnimateParams, Animation, Frames, IntervalReport, between_frames, follow,
     follow_part,
 };
 use miette::{IntoDiagnostic, Report};
 use serde_json::json;
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::ops::Range;
@@ -134,6 +137,10 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     let files = load::load(spec)?;
     // Weights that are missing, and frames that do not fit, are found before the outfit is resolved.
     let source = Source::read(&args.source, spec, &files)?;
+    let planned = Names::new(spec, args, source.frames())?;
+    if spec.params.goal.split != Split::Never {
+        return Err(AnimateFault::Split.into());
+    }
     let moved = match files.resolve(&spec.params, &mut line) {
         Ok(resolved) => source.moved(resolved.outfit, &files)?,
         Err(FilesError::Resolve(ResolveError::Cancelled { .. })) => {
@@ -185,17 +192,25 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     animation.report.frames.iter_mut().for_each(|row| row.frame = number(row.frame));
     between.iter_mut().flatten().for_each(|row| row.frame = number(row.frame));
     line.message("writing");
-    let mut names = write_caches(spec, movement.outfit(), &animation.frames, (&staging, args))?;
-    if args.gltf {
-        let rate = movement.frames_per_second();
-        let outfit = (movement.outfit(), files.files());
-        names.push(gltf::write(outfit, (&animation.frames, rate), (&staging, &args.out))?);
+    let mut names = planned.caches.clone();
+    let written = write_caches(&names, movement.outfit(), &animation.frames, (&staging, args))
+        .and_then(|()| {
+            if args.gltf {
+                let rate = movement.frames_per_second();
+                let outfit = (movement.outfit(), files.files());
+                let folders = (&staging, args.out.as_path());
+                names.push(gltf::write(outfit, (&animation.frames, rate), folders)?);
+            }
+            names.extend(planned.meshes.iter().flatten().cloned());
+            write_meshes(spec, &files, (&animation.frames, &planned.meshes), (&staging, args))
+        });
+    match written {
+        Err(_) if cancel::is_requested() => return Ok(cancel::end(args.out.display())),
+        written => written?,
     }
-    let meshes = args.out.join(MESHES);
-    if args.meshes {
-        remove_meshes(&meshes)?;
-        write_meshes(spec, &files, &animation.frames, args)?;
-    }
+    // Several layers may be in one file.
+    let mut seen = HashSet::new();
+    names.retain(|name| seen.insert(name.clone()));
     if args.pictures {
         line.message("drawing");
         let folders = (&staging, args.out.as_path());
@@ -227,13 +242,9 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     std::fs::write(staging.path(REPORT), text)
         .map_err(|source| OutputError::File { path: args.out.join(REPORT), source })?;
     names.push(REPORT.into());
+    let stale = Stale::of(spec, args, &names);
     staging.commit(&names)?;
-    if !args.meshes {
-        remove_meshes(&meshes)?;
-    }
-    if !args.gltf {
-        remove(&args.out.join(gltf::FILE))?;
-    }
+    stale.remove()?;
     if args.json {
         print_json(&report)?;
     } else {
@@ -297,91 +308,61 @@ fn part_is_done(
     Ok(End::Clean)
 }
 
-/// Writes a point cache for each layer, and returns their names.
+/// Writes a point cache for each layer.
 fn write_caches(
-    spec: &OutfitSpec,
+    names: &[String],
     outfit: &Outfit,
     frames: &Frames,
     (staging, args): (&Staging, &Options),
-) -> Result<Vec<String>, Report> {
-    let mut names: Vec<String> = Vec::new();
-    let mut caches = Vec::new();
+) -> Result<(), Report> {
     let fault = |name: &str, error: PointCacheError| OutputError::File {
         path: args.out.join(name),
         source: io::Error::other(error),
     };
-    for (layer, mesh) in spec.layers().zip(outfit.layers()) {
-        let name = format!("{}.pc2", layer.file_stem());
-        if names.iter().any(|n| n.eq_ignore_ascii_case(&name)) {
-            let (first, second) = (name.clone(), layer.written.clone());
-            return Err(OutputError::SameName { first, second, name }.into());
-        }
-        let path = staging.path(&name);
-        let file = File::create(&path)
-            .map_err(|source| OutputError::File { path: args.out.join(&name), source })?;
-        let points = mesh.mesh.vertices().len();
+    let mut caches = Vec::new();
+    for (name, layer) in names.iter().zip(outfit.layers()) {
+        let file = File::create(staging.path(name))
+            .map_err(|source| OutputError::File { path: args.out.join(name), source })?;
+        let points = layer.mesh.vertices().len();
         let cache = PointCacheWriter::new(BufWriter::new(file), points, frames.len());
-        caches.push(cache.map_err(|e| fault(&name, e))?);
-        names.push(name);
+        caches.push(cache.map_err(|e| fault(name, e))?);
     }
     for frame in 0..frames.len() {
         let layers = frames.layers(frame).map_err(|source| AnimateFault::Animate { source })?;
-        for ((cache, layer), name) in caches.iter_mut().zip(&layers).zip(&names) {
+        for ((cache, layer), name) in caches.iter_mut().zip(&layers).zip(names) {
             cache.frame(layer).map_err(|e| fault(name, e))?;
         }
     }
-    for (cache, name) in caches.into_iter().zip(&names) {
+    for (cache, name) in caches.into_iter().zip(names) {
         cache.finish().map_err(|e| fault(name, e))?;
-    }
-    Ok(names)
-}
-
-/// Removes the meshes that an earlier run wrote to `folder`, perhaps of other frames.
-fn remove_meshes(folder: &Path) -> Result<(), OutputError> {
-    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        let name = entry.file_name();
-        let digits = |name: &str| name.len() >= 6 && name.bytes().all(|b| b.is_ascii_digit());
-        if name.to_str().is_some_and(digits) {
-            let path = entry.path();
-            std::fs::remove_dir_all(&path)
-                .map_err(|source| OutputError::Folder { path, source })?;
-        }
     }
     Ok(())
 }
 
-/// Removes a file of an earlier run, if it is there.
-fn remove(path: &Path) -> Result<(), OutputError> {
-    match std::fs::remove_file(path) {
-        Err(source) if source.kind() != io::ErrorKind::NotFound => {
-            Err(OutputError::File { path: path.into(), source })
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Writes each garment of each frame with the attributes of its file.
+/// Writes each layer of each frame, under these `names`, with the attributes of its file.
 fn write_meshes(
     spec: &OutfitSpec,
     files: &OutfitFiles,
-    frames: &Frames,
-    args: &Options,
+    (frames, names): (&Frames, &[Vec<String>]),
+    (staging, args): (&Staging, &Options),
 ) -> Result<(), Report> {
-    for frame in 0..frames.len() {
-        let number = args.source.number(frame);
-        let folder = args.out.join(MESHES).join(format!("{number:06}"));
-        std::fs::create_dir_all(&folder)
-            .map_err(|source| OutputError::Folder { path: folder.clone(), source })?;
+    for (frame, names) in names.iter().enumerate() {
         let all = frames.layers(frame).map_err(|source| AnimateFault::Animate { source })?;
-        let mut by_file: Vec<(&LayerSpec, Vec<LayerInFile<'_>>)> = Vec::new();
-        for ((layer, positions), file) in spec.layers().zip(&all).zip(files.files()) {
-            match by_file.iter_mut().find(|(first, _)| layer.is_in_file_of(first)) {
-                Some((_, layers)) => layers.push((file, positions)),
-                None => by_file.push((layer, vec![(file, positions)])),
+        let mut by_file: Vec<(&LayerSpec, &String, Vec<LayerInFile<'_>>)> = Vec::new();
+        for (((layer, positions), file), name) in
+            spec.layers().zip(&all).zip(files.files()).zip(names)
+        {
+            match by_file.iter_mut().find(|(first, ..)| layer.is_in_file_of(first)) {
+                Some((.., layers)) => layers.push((file, positions)),
+                None => by_file.push((layer, name, vec![(file, positions)])),
             }
         }
-        for (layer, layers) in by_file {
-            write_meshes_of_file(&layers, &folder.join(&layer.file_name))?;
+        for (_, name, layers) in by_file {
+            let path = staging.path(name);
+            let folder = path.parent().unwrap_or(&path);
+            std::fs::create_dir_all(folder)
+                .map_err(|source| OutputError::Folder { path: args.out.join(name), source })?;
+            write_meshes_of_file(&layers, &path, &args.out.join(name))?;
         }
         cancel::check().into_diagnostic()?;
     }
@@ -391,9 +372,14 @@ fn write_meshes(
 /// A layer of a file, and its positions in a frame.
 type LayerInFile<'a> = (&'a MeshFile, &'a [Point]);
 
-fn write_meshes_of_file(layers: &[LayerInFile<'_>], path: &Path) -> Result<(), OutputError> {
-    MeshFile::write_layers(layers, path).map_err(|error| match error {
-        WriteError::Io { path, source } => OutputError::File { path, source },
+/// Writes the layers of a file to `staged`, from where it goes to `path`.
+fn write_meshes_of_file(
+    layers: &[LayerInFile<'_>],
+    staged: &Path,
+    path: &Path,
+) -> Result<(), OutputError> {
+    MeshFile::write_layers(layers, staged).map_err(|error| match error {
+        WriteError::Io { source, .. } => OutputError::File { path: path.into(), source },
         other => OutputError::Mesh { path: path.into(), source: ErrorChain::new(&other) },
     })
 }

@@ -23,6 +23,14 @@ pub(super) enum AnimateFault {
         help("convert body, garments and skeleton to metres first, and leave out --scale")
     )]
     Scale { scale: f64 },
+    #[error("triangles of garments cannot be split in a motion")]
+    #[diagnostic(
+        code(ifg::animate::split),
+        help(
+            "leave out split, or write the outfit with `ifg fix --set split=...` and animate what it writes"
+        )
+    )]
+    Split,
     #[error("`{}` cannot be used", path.display())]
     #[diagnostic(
         code(ifg::input::skeleton),

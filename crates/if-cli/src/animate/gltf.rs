@@ -37,15 +37,7 @@ pub(super) fn write<'a>(
     (staging, out): (&Staging, &Path),
 ) -> Result<String, Report> {
     let fault = |source| OutputError::File { path: out.join(FILE), source };
-    // A garment whose triangles were split has other vertices than its file.
-    let textures: Vec<Option<Vec<[f32; 2]>>> = outfit
-        .layers()
-        .zip(files)
-        .map(|(layer, file)| {
-            let texture = file.texture_coordinates()?;
-            (texture.len() == layer.mesh.vertices().len()).then_some(texture)
-        })
-        .collect();
+    let textures: Vec<Option<Vec<[f32; 2]>>> = files.map(MeshFile::texture_coordinates).collect();
     let layers: Vec<MotionLayer<'_>> = outfit
         .layers()
         .zip(&textures)

@@ -15,7 +15,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 /// The animated picture: before on the left, after on the right.
-const MOTION: &str = "motion.png";
+pub(super) const MOTION: &str = "motion.png";
 /// Some frames side by side: before above, after below.
 pub(super) const STRIP: &str = "strip.png";
 /// Most frames of the animated picture.

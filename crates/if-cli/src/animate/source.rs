@@ -82,6 +82,14 @@ impl Source {
         Ok(source)
     }
 
+    /// Number of frames that are taken.
+    pub(super) fn frames(&self) -> usize {
+        match self {
+            Self::Poses(_, motion) => motion.poses.len(),
+            Self::Bodies(sequence) => sequence.len(),
+        }
+    }
+
     /// The clean outfit with what moves it.
     pub(super) fn moved(&self, outfit: Outfit, files: &OutfitFiles) -> Result<Moved, AnimateFault> {
         let fault = |source| AnimateFault::Skin { source };

@@ -221,6 +221,35 @@ fn a_folder_of_bodies_carries_garments_without_a_skeleton() {
     assert!(run.stderr.contains("has no use for --skeleton"), "{}", run.stderr);
 }
 
+#[test]
+fn inputs_are_not_replaced_and_names_are_checked_before_any_work() {
+    let folder = scene();
+    folder.ifg(&format!("{ANIMATE} --out moved --no-pictures --meshes --frames 0")).expect(0);
+    let first = folder.read("moved/meshes/000000/trousers.ply");
+    std::fs::write(folder.path("moved/meshes/000000/mine.txt"), "mine").unwrap();
+    const AGAIN: &str = "animate --body moved/meshes/000000/body_clean.ply moved/meshes/000000/trousers.ply \
+        --skeleton doll/skeleton.json --motion doll/motion.json --out moved --no-pictures";
+    let run = folder.ifg(&format!("{AGAIN} --meshes --frames 0")).expect(2);
+    assert!(run.stderr.contains("is the input file `moved/meshes/000000/"), "{}", run.stderr);
+    // What an earlier run wrote stays if it is an input now, as does what it did not write.
+    folder.ifg(&format!("{AGAIN} --meshes --frames 1")).expect(0);
+    assert_eq!(folder.read("moved/meshes/000000/trousers.ply"), first);
+    assert_eq!(folder.read("moved/meshes/000000/mine.txt"), b"mine");
+    folder.ifg(&format!("{ANIMATE} --out moved --no-pictures --frames 2")).expect(0);
+    assert!(folder.path("moved/meshes/000000/mine.txt").exists());
+    assert!(!folder.path("moved/meshes/000001").exists());
+
+    std::fs::create_dir(folder.path("other")).unwrap();
+    std::fs::copy(folder.path("doll/trousers.ply"), folder.path("other/Trousers.ply")).unwrap();
+    let same = ANIMATE.replace("doll/trousers.ply", "doll/trousers.ply other/Trousers.ply");
+    let run = folder.ifg(&format!("{same} --out twice")).expect(2);
+    let words = "`doll/trousers.ply` and `other/Trousers.ply` would both be written to";
+    assert!(run.stderr.contains(words), "{}", run.stderr);
+    let run = folder.ifg(&format!("{ANIMATE} --out twice --set split=if_strained")).expect(2);
+    assert!(run.stderr.contains("cannot be split in a motion"), "{}", run.stderr);
+    assert!(!folder.path("twice").exists());
+}
+
 /// One frame in centimetres, in which the left thigh is raised by 45 degrees; legs alone.
 fn bvh() -> String {
     let joints = rig::skeleton();
