@@ -1,7 +1,7 @@
 //! Material libraries of OBJ files, and textures, which are copied with the garments.
 
 use crate::file_record::{InputFile, OutputFile};
-use crate::outfit_file::OutfitSpec;
+use crate::outfit_file::{LayerSpec, OutfitSpec};
 use crate::output_error::OutputError;
 use crate::receipt;
 use crate::staging::Staging;
@@ -50,88 +50,40 @@ impl Companions {
     /// Those of an outfit with these files, the body's first.
     ///
     /// Only files in the garment's folder or below are taken. The names `taken` are those of other
-    /// outputs.
+    /// outputs in the folder `out`.
     pub(crate) fn find<'f>(
         spec: &OutfitSpec,
         files: impl Iterator<Item = &'f MeshFile>,
-        taken: &[String],
+        (out, taken): (&Path, &[String]),
     ) -> Result<Self, CompanionError> {
         let mut found: BTreeMap<String, Companion> = BTreeMap::new();
         let mut missing = Vec::new();
-        for (layer, file) in spec.garments.iter().zip(files.skip(1)) {
-            let folder = layer.path.parent().unwrap_or(Path::new(""));
-            let read = |path: &Path, of: &str| {
-                fs::read(path).map_err(|source| CompanionError::Read {
-                    path: path.into(),
-                    of: of.into(),
-                    source,
-                })
-            };
-            let mut add =
-                |name: String, source: PathBuf, bytes: &[u8]| -> Result<(), CompanionError> {
-                    let content = digest(bytes);
-                    let other =
-                        found.get(&name).filter(|o| o.content != content).map(|o| o.of.clone());
-                    let of_ours = taken
-                        .iter()
-                        .chain([&receipt::FILE.to_owned()])
-                        .find(|n| n.eq_ignore_ascii_case(&name))
-                        .cloned();
-                    if let Some(first) = other.or(of_ours) {
-                        return Err(OutputError::SameName {
-                            first,
-                            second: source.display().to_string(),
-                            name,
-                        }
-                        .into());
-                    }
-                    let (layer, of) = (layer.name.clone(), layer.written.clone());
-                    found.entry(name).or_insert(Companion { source, layer, of, content });
-                    Ok(())
-                };
-            if let Content::Gltf(gltf) = file.content() {
-                for image in gltf.images() {
-                    match image.map_err(str::to_owned).and_then(|path| {
-                        let is_file = folder.join(path).is_file();
-                        is_file.then_some(path).ok_or_else(|| path.display().to_string())
-                    }) {
-                        Ok(image) => {
-                            let path = folder.join(image);
-                            let bytes = read(&path, &layer.written)?;
-                            add(plain(image), path, &bytes)?;
-                        }
-                        Err(image) => missing.push(format!(
-                            "{}: the image `{image}` is not in its folder, and not copied",
-                            layer.written
-                        )),
-                    }
+        let mut files = spec.layers().zip(files);
+        // Those of the body are not copied, but stay what they are.
+        let of_body = files.next().and_then(|(body, file)| named_by(body, file, &mut vec![]).ok());
+        let placed = |named: Named| named.source.canonicalize().ok();
+        let of_body: Vec<PathBuf> = of_body.into_iter().flatten().filter_map(placed).collect();
+        for (layer, file) in files {
+            for Named { name, source, of } in named_by(layer, file, &mut missing)? {
+                let content = digest(&read(&source, &of)?);
+                let other = found.get(&name).filter(|o| o.content != content).map(|o| o.of.clone());
+                let of_ours = taken
+                    .iter()
+                    .chain([&receipt::FILE.to_owned()])
+                    .find(|n| n.eq_ignore_ascii_case(&name))
+                    .cloned();
+                if let Some(first) = other.or(of_ours) {
+                    let second = source.display().to_string();
+                    return Err(OutputError::SameName { first, second, name }.into());
                 }
-            }
-            let Content::Obj(obj) = file.content() else { continue };
-            for line in obj.material_libraries() {
-                let libraries = libraries_of(folder, &line);
-                if libraries.is_empty() {
-                    missing.push(format!(
-                        "{}: the material library `{line}` is not in its folder, and not copied",
-                        layer.written
-                    ));
+                let target = out.join(&name);
+                let over = target.canonicalize().ok().filter(|t| of_body.contains(t));
+                if over.is_some() && source.canonicalize().ok() != over {
+                    let (path, written) = (target.clone(), target.display().to_string());
+                    return Err(OutputError::OverInput { path, written, option: false }.into());
                 }
-                for library in libraries {
-                    let path = folder.join(&library);
-                    let text = read(&path, &layer.written)?;
-                    let beside = Path::new(&library).parent().unwrap_or(Path::new(""));
-                    for line in textures(&text) {
-                        match texture_of(&folder.join(beside), &line) {
-                            Some(name) => {
-                                let path = folder.join(beside).join(&name);
-                                let bytes = read(&path, &library)?;
-                                add(plain(&beside.join(name)), path, &bytes)?;
-                            }
-                            None => missing.push(format!("{library}: the texture `{line}` is not in its folder, and not copied")),
-                        }
-                    }
-                    add(plain(Path::new(&library)), path, &text)?;
-                }
+                let (layer, of) = (layer.name.clone(), layer.written.clone());
+                found.entry(name).or_insert(Companion { source, layer, of, content });
             }
         }
         missing.sort();
@@ -166,16 +118,87 @@ impl Companions {
             if let Some(parent) = staged.parent() {
                 fs::create_dir_all(parent).map_err(fault)?;
             }
-            let bytes = fs::read(source).map_err(|e| CompanionError::Read {
-                path: source.clone(),
-                of: of.clone(),
-                source: e,
-            })?;
-            fs::write(&staged, bytes).map_err(fault)?;
+            fs::write(&staged, read(source, of)?).map_err(fault)?;
             written.push(staging.describe(name, out)?);
         }
         Ok(written)
     }
+}
+
+fn read(path: &Path, of: &str) -> Result<Vec<u8>, CompanionError> {
+    fs::read(path).map_err(|source| CompanionError::Read {
+        path: path.into(),
+        of: of.into(),
+        source,
+    })
+}
+
+/// A file that another one names.
+struct Named {
+    /// Its path from the folder of the layer.
+    name: String,
+    /// Its path.
+    source: PathBuf,
+    /// The file that names it, as the user wrote it.
+    of: String,
+}
+
+/// What the file of a layer names. Notes what is `missing`.
+fn named_by(
+    layer: &LayerSpec,
+    file: &MeshFile,
+    missing: &mut Vec<String>,
+) -> Result<Vec<Named>, CompanionError> {
+    let folder = layer.path.parent().unwrap_or(Path::new(""));
+    let mut named = Vec::new();
+    if let Content::Gltf(gltf) = file.content() {
+        for image in gltf.images() {
+            match image.map_err(str::to_owned).and_then(|path| {
+                let is_file = folder.join(path).is_file();
+                is_file.then_some(path).ok_or_else(|| path.display().to_string())
+            }) {
+                Ok(image) => named.push(Named {
+                    name: plain(image),
+                    source: folder.join(image),
+                    of: layer.written.clone(),
+                }),
+                Err(image) => missing.push(format!(
+                    "{}: the image `{image}` is not in its folder, and not copied",
+                    layer.written
+                )),
+            }
+        }
+    }
+    let Content::Obj(obj) = file.content() else { return Ok(named) };
+    for line in obj.material_libraries() {
+        let libraries = libraries_of(folder, &line);
+        if libraries.is_empty() {
+            missing.push(format!(
+                "{}: the material library `{line}` is not in its folder, and not copied",
+                layer.written
+            ));
+        }
+        for library in libraries {
+            let path = folder.join(&library);
+            let text = read(&path, &layer.written)?;
+            let beside = Path::new(&library).parent().unwrap_or(Path::new(""));
+            for line in textures(&text) {
+                match texture_of(&folder.join(beside), &line) {
+                    Some(name) => {
+                        let source = folder.join(beside).join(&name);
+                        let of = library.clone();
+                        named.push(Named { name: plain(&beside.join(name)), source, of });
+                    }
+                    None => missing.push(format!(
+                        "{library}: the texture `{line}` is not in its folder, and not copied"
+                    )),
+                }
+            }
+            let (name, of) = (plain(Path::new(&library)), layer.written.clone());
+            named.push(Named { name, source: path, of });
+        }
+    }
+    Ok(named)
 }
 
 /// The files of a `mtllib` line: one whose name holds spaces, or each word.

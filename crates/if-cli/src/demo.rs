@@ -8,6 +8,7 @@ use crate::output_error::OutputError;
 use crate::progress::Line;
 use crate::report_output::{self, Style};
 use crate::resolve_outfit::{self, Options};
+use crate::shared_body::SharedBody;
 use crate::staging::Staging;
 use clap::{Args, ValueEnum};
 use if_body::Motion;
@@ -83,7 +84,8 @@ pub(crate) fn run(args: &DemoArgs) -> Result<End, Report> {
     let spec = outfit_file::with_args(outfit_file::read(&outfit)?, None, &args.params)?;
     let options =
         Options { pictures: !args.no_pictures, write_unproven: true, ..Default::default() };
-    let outcome = resolve_outfit::run(&spec, &args.out, options, &line)?;
+    let outcome =
+        resolve_outfit::run(&spec, &args.out, options, (&mut SharedBody::default(), &line))?;
     drop(line);
     let style = if args.json { Style::Json } else { Style::Tables };
     let end = report_output::outcome(&spec, &args.out, outcome, (style, false))?;

@@ -11,6 +11,7 @@ use crate::progress::Line;
 use crate::report_output::{self, Style};
 use crate::resolve_outfit::{self, Options};
 use crate::shard::Shard;
+use crate::shared_body::SharedBody;
 use clap::Args;
 use miette::Report;
 use std::path::PathBuf;
@@ -75,6 +76,8 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
         phases: args.timings,
     };
     let mut ends = Vec::with_capacity(n);
+    let specs = chosen.iter().filter_map(|(_, (spec, _))| spec.as_ref().ok());
+    let mut bodies = SharedBody::of(specs);
     for (done, (k, (spec, out))) in chosen.into_iter().enumerate() {
         if cancel::is_requested() {
             ends.push(End::Cancelled);
@@ -88,7 +91,7 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
                 Order::Given => spec,
                 Order::Auto => order::ordered(&spec)?,
             };
-            let outcome = resolve_outfit::run(&spec, &out, options, &line)?;
+            let outcome = resolve_outfit::run(&spec, &out, options, (&mut bodies, &line))?;
             drop(line);
             report_output::outcome(&spec, &out, outcome, (style, args.input.strict))
         });

@@ -46,6 +46,7 @@ mod report_output;
 mod report_page;
 mod resolve_outfit;
 mod shard;
+mod shared_body;
 mod staging;
 mod table;
 mod target;

@@ -14,6 +14,7 @@ use crate::pictures;
 use crate::progress::Line;
 use crate::receipt::{self, Receipt, Request, Timings};
 use crate::report_page;
+use crate::shared_body::SharedBody;
 use crate::staging::Staging;
 use if_outfit::files::FilesError;
 use if_outfit::outfit::Outfit;
@@ -44,7 +45,7 @@ pub(crate) fn run(
     spec: &OutfitSpec,
     out: &Path,
     options: Options,
-    mut line: &Line,
+    (bodies, mut line): (&mut SharedBody, &Line),
 ) -> Result<Outcome, Report> {
     let start = Instant::now();
     let recorder = options.phases.then(Recorder::listen);
@@ -55,7 +56,7 @@ pub(crate) fn run(
     let files = load::load(spec)?;
     let buffers = Buffers::find(spec, files.files(), &names, (out, options.in_place))?;
     let taken: Vec<String> = names.iter().chain(buffers.names()).cloned().collect();
-    let companions = Companions::find(spec, files.files(), &taken)?;
+    let companions = Companions::find(spec, files.files(), (out, &taken))?;
     let named = buffers.inputs.iter().cloned().chain(companions.inputs());
     let request = Request::new(spec, files.files(), named);
     if let Some(state) = request.finished(out, &names).filter(|_| options.resume) {
@@ -63,6 +64,7 @@ pub(crate) fn run(
     }
     drop(reading);
     let staging = Staging::open(out)?;
+    let files = bodies.with_body(spec, files);
     let mut timings = Timings { read: start.elapsed().as_secs_f64(), ..Default::default() };
 
     let resolving = trace_span!("resolving").entered();

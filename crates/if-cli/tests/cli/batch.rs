@@ -1,6 +1,8 @@
 //! Many outfits in one run: one folder each, finished ones are skipped, a fault stops only its own.
 
 use crate::folder::{Folder, Run, TOO_FEW};
+use if_core::mesh::TriMesh;
+use if_mesh::ply::read_path;
 use serde_json::Value;
 
 fn batch() -> Folder {
@@ -24,6 +26,12 @@ fn each_outfit_has_its_folder_and_finished_ones_are_skipped() {
     assert!(
         folder.path("done/a/receipt.json").exists() && folder.path("done/b/shirt.obj").exists()
     );
+    // Their body, which is prepared once for both, changes no byte.
+    folder.ifg("fix a.toml --out alone").expect(0);
+    for garment in ["shirt.obj", "skirt.ply"] {
+        let [both, alone] = ["done/a", "alone"].map(|f| folder.read(&format!("{f}/{garment}")));
+        assert!(both == alone, "{garment}");
+    }
     let before = folder.files();
     let run = folder.ifg("fix a.toml b.toml --out done").expect(0);
     assert_eq!(
@@ -117,6 +125,31 @@ fn other_materials_and_textures_are_done_again() {
         assert_eq!(run(), ["clean everywhere", "clean everywhere"], "{name}");
         assert_eq!(folder.read(&format!("done/b/{name}")), content.as_bytes());
     }
+}
+
+#[test]
+fn the_materials_of_a_body_are_not_replaced_by_those_of_a_garment() {
+    let folder = batch();
+    let shirt = String::from_utf8(folder.read("shirt.obj")).unwrap();
+    std::fs::create_dir(folder.path("top")).unwrap();
+    folder.write("top/shirt.obj", format!("mtllib material.mtl\n{shirt}"));
+    folder.write("top/material.mtl", "Kd 1 0 0\n");
+    std::fs::create_dir(folder.path("person")).unwrap();
+    let text = |mesh: &TriMesh| {
+        let v = mesh.vertices().iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z));
+        let f =
+            mesh.triangles().iter().map(|[a, b, c]| format!("f {} {} {}\n", a + 1, b + 1, c + 1));
+        format!("mtllib material.mtl\n{}", v.chain(f).collect::<String>())
+    };
+    let mesh = read_path(&folder.path("body.ply")).unwrap().mesh;
+    folder.write("person/body.obj", text(&mesh));
+    folder.write("person/material.mtl", "Kd 0.9 0.7 0.6\n");
+    let fix = "fix --body person/body.obj top/shirt.obj";
+    let run = folder.ifg(&format!("{fix} --out person")).expect(2);
+    assert!(run.stderr.contains("person/material.mtl"), "{}", run.stderr);
+    assert_eq!(folder.read("person/material.mtl"), b"Kd 0.9 0.7 0.6\n");
+    folder.ifg(&format!("{fix} --out fixed")).expect(0);
+    assert_eq!(folder.read("fixed/material.mtl"), b"Kd 1 0 0\n");
 }
 
 #[test]
