@@ -35,6 +35,12 @@ pub enum SequenceError {
         path.display()
     )]
     Order { path: PathBuf, first: String, second: String },
+    /// Two files are of one frame.
+    #[error(
+        "{}: `{first}` and `{second}` are of one frame by their names; leave one of them there",
+        path.display()
+    )]
+    Twice { path: PathBuf, first: String, second: String },
     /// A mesh cannot be read.
     #[error(transparent)]
     Mesh(#[from] ReadError),
@@ -151,26 +157,36 @@ impl BodySequence {
     }
 }
 
-/// Refuses names whose last numbers do not ascend though all else is equal: `body_10` sorts before
-/// `body_9`.
+/// Refuses names whose numbers do not ascend though all else is equal: `body_10` sorts before `body_9`.
 fn check_order(folder: &Path, files: &[PathBuf]) -> Result<(), SequenceError> {
-    let name = |path: &PathBuf| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let names: Vec<String> = files.iter().map(name).collect();
-    let numbered = |name: &str| {
-        let digits = name.len() - name.trim_end_matches(|c: char| c.is_ascii_digit()).len();
-        let (stem, number) = name.split_at(name.len() - digits);
-        number.parse::<u128>().ok().map(|number| (stem.to_owned(), number))
-    };
-    for two in names.windows(2) {
-        if let (Some(a), Some(b)) = (numbered(&two[0]), numbered(&two[1]))
-            && a.0 == b.0
-            && a.1 > b.1
-        {
-            let (first, second) = (two[0].clone(), two[1].clone());
-            return Err(SequenceError::Order { path: folder.into(), first, second });
+    let stem = |path: &PathBuf| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    for two in files.windows(2) {
+        let [a, b] = [&two[0], &two[1]].map(|path| parts(&stem(path)));
+        if a.0 == b.0 && a.1 >= b.1 {
+            let name = |path: &PathBuf| {
+                path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+            };
+            let (path, first, second) = (folder.into(), name(&two[0]), name(&two[1]));
+            return Err(if a.1 == b.1 {
+                SequenceError::Twice { path, first, second }
+            } else {
+                SequenceError::Order { path, first, second }
+            });
         }
     }
     Ok(())
+}
+
+/// A name with `0` for each of its numbers, and these.
+fn parts(name: &str) -> (String, Vec<u128>) {
+    let numbers = name.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok());
+    let mut text = String::new();
+    for c in name.chars().map(|c| if c.is_ascii_digit() { '0' } else { c }) {
+        if c != '0' || !text.ends_with('0') {
+            text.push(c);
+        }
+    }
+    (text, numbers.collect())
 }
 
 fn check_triangles(path: &Path, file: &MeshFile, rest: &TriMesh) -> Result<(), SequenceError> {
@@ -222,8 +238,20 @@ mod tests {
         // The tenth sorts before the ninth.
         write("body_10.ply", &rest);
         let error = open().unwrap_err().to_string();
-        assert!(error.contains("`body_2` follows `body_10`"), "{error}");
+        assert!(error.contains("`body_2.ply` follows `body_10.ply`"), "{error}");
         std::fs::remove_file(folder.path().join("body_10.ply")).unwrap();
+        let twin = folder.path().join("body_2.obj");
+        std::fs::write(&twin, "").unwrap();
+        assert!(matches!(open(), Err(SequenceError::Twice { .. })));
+        std::fs::remove_file(&twin).unwrap();
+        for (first, second, is_right) in
+            [("a10_body", "a9_body", false), ("1a", "a1", true), ("b1_2", "b1_10", false)]
+        {
+            let files = [first, second].map(|n| PathBuf::from(format!("{n}.ply")));
+            let mut files = files.to_vec();
+            files.sort();
+            assert_eq!(check_order(folder.path(), &files).is_ok(), is_right, "{first}");
+        }
         write("body_3.ply", &icosphere(1.0, 2));
         assert!(matches!(open(), Err(SequenceError::Count { what: "vertices", .. })));
         let mut triangles = rest.triangles().to_vec();

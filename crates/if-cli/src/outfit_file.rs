@@ -88,12 +88,17 @@ impl LayerSpec {
     /// A name for files that hold this layer alone: that of its node without characters that file
     /// names cannot have, or the stem of its file.
     pub(crate) fn file_stem(&self) -> String {
-        let plain = |c: char| if c.is_alphanumeric() || "-_. ".contains(c) { c } else { '_' };
         match &self.node {
-            Some(node) => node.chars().map(plain).collect(),
+            Some(node) => file_name_of(node),
             None => stem(Path::new(&self.file_name)),
         }
     }
+}
+
+/// The name of a node without characters that file names cannot have.
+pub(crate) fn file_name_of(node: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || "-_. ".contains(c) { c } else { '_' };
+    node.chars().map(plain).collect()
 }
 
 /// The command line or an outfit file does not describe an outfit.

@@ -33,7 +33,7 @@ use std::error::Error;
 use std::fs;
 use std::io;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 use summary::{doubts, missing, moved, summary};
 
@@ -93,8 +93,8 @@ pub(crate) struct ReconstructArgs {
     /// default what meta.json states, and 3,9 if it states nothing.
     #[arg(long, value_name = "DEG,MM", value_parser = pose_sigma)]
     pub(crate) pose_noise: Option<PoseSigma>,
-    /// Exit with code 1 if frames or joints do not match their images; everything is written all the
-    /// same.
+    /// Exit with code 1 if frames or joints do not match their images, or a garment could not be made;
+    /// everything is written all the same.
     #[arg(long)]
     pub(crate) strict: bool,
     /// Print the report as JSON on stdout, and no summary.
@@ -148,11 +148,11 @@ fn fault<E: Error + 'static>(
     move |error| Fault { context, help, source: ErrorChain::new(&error) }
 }
 
-/// A garment that is somebody else's.
+/// A garment or a clothed person that is somebody else's.
 #[derive(Debug, thiserror::Error)]
-#[error("the wardrobe has a garment `{garment}`, made of another capture, `{source_of}`")]
+#[error("the wardrobe has {what}, made of another capture, `{source_of}`")]
 struct Taken {
-    garment: String,
+    what: String,
     source_of: String,
 }
 
@@ -242,17 +242,20 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         format!("cannot open wardrobe `{}`", args.out.display()),
         "formats are specified in docs/reference/wardrobe.md",
     ))?;
-    for name in &names {
-        if let Some(other) =
-            wardrobe.garments().get(name).filter(|info| is_of_another(args, &info.provenance))
-        {
-            let taken = Taken { garment: name.clone(), source_of: other.provenance.source.clone() };
-            return Err(fault(
-                format!("`{}` cannot be added", args.capture.display()),
-                "give --prefix a text of its own",
-            )(taken)
-            .into());
-        }
+    let others = wardrobe.garments().iter().filter(|(_, g)| is_of_another(args, &g.provenance));
+    for (other, info) in others {
+        let source = &info.provenance.source;
+        let last = Path::new(source).file_name().unwrap_or_default().to_string_lossy();
+        let (what, help) = if names.contains(other) {
+            (format!("a garment `{other}`"), "give --prefix a text of its own")
+        } else if names::fitting(&last) == name {
+            (format!("a clothed person `{name}`"), "give the folder of the capture another name")
+        } else {
+            continue;
+        };
+        let context = format!("`{}` cannot be added", args.capture.display());
+        let taken = Taken { what, source_of: source.clone() };
+        return Err(fault(context, help)(taken).into());
     }
     drop(wardrobe);
     let state = args.out.join(format!(".{name}.{STATE}"));

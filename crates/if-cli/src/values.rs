@@ -40,10 +40,15 @@ pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     })
 }
 
+/// N numbers with commas between them, and nothing else.
+fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|x| x.trim().parse().ok()).collect();
+    numbers?.try_into().ok()
+}
+
 /// An error of poses: degrees and millimetres, with a comma between them.
 pub(crate) fn pose_sigma(text: &str) -> Result<PoseSigma, String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|x| x.trim().parse().ok()).collect();
-    let [degrees, mm] = numbers[..] else {
+    let Some([degrees, mm]) = numbers(text) else {
         return Err("give DEGREES,MILLIMETRES, such as 3,9".into());
     };
     let sigma = PoseSigma { degrees, translation: mm / 1000.0 };
@@ -52,8 +57,7 @@ pub(crate) fn pose_sigma(text: &str) -> Result<PoseSigma, String> {
 
 /// `3,20`: percent of the length of bones, and millimetres of circumference.
 pub(crate) fn shape_noise(text: &str) -> Result<ShapeNoise, String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|x| x.trim().parse().ok()).collect();
-    let [percent, mm] = numbers[..] else {
+    let Some([percent, mm]) = numbers(text) else {
         return Err("give PERCENT,MILLIMETRES, such as 3,20".into());
     };
     let noise = ShapeNoise { bones: percent / 100.0, girth: mm / 1000.0 };
@@ -62,11 +66,8 @@ pub(crate) fn shape_noise(text: &str) -> Result<ShapeNoise, String> {
 
 /// Three coordinates in metres, with commas between them.
 pub(crate) fn point(text: &str) -> Result<Point, String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|x| x.trim().parse().ok()).collect();
-    match numbers[..] {
-        [x, y, z] if text.split(',').count() == 3 && [x, y, z].iter().all(|x| x.is_finite()) => {
-            Ok(Point::new(x, y, z))
-        }
+    match numbers(text) {
+        Some([x, y, z]) if [x, y, z].iter().all(|x| x.is_finite()) => Ok(Point::new(x, y, z)),
         _ => Err("give three numbers, such as 0.1,1.2,-0.05".into()),
     }
 }
@@ -117,6 +118,15 @@ mod tests {
         for text in ["rounds", "rounds=", "split=two words", "split=-x", "split=3d"] {
             assert!(assignment(text).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn lists_of_numbers_hold_nothing_else() {
+        assert_eq!(pose_sigma("3, 9").map(|s| (s.degrees, s.translation)), Ok((3.0, 0.009)));
+        for text in ["", "3", "3,9,1", "3,junk,9", "3,,9", "3,9,", "-1,9"] {
+            assert!(pose_sigma(text).is_err() && shape_noise(text).is_err(), "{text}");
+        }
+        assert!(point("0.1,1.2,-0.05").is_ok() && point("0.1,x,1.2,-0.05").is_err());
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::opening::{Fault, open_or_begin};
 use crate::cancel;
 use crate::end::End;
 use crate::errors::{ErrorChain, show};
+use crate::outfit_file::file_name_of;
 use crate::output_error::OutputError;
 use crate::print::{note_lines, print};
 use crate::progress::Line;
@@ -13,7 +14,7 @@ use if_body::SkinWeights;
 use if_body::align::carried_field;
 use if_core::monitor::Silent;
 use if_mesh::baked::BakeParams;
-use if_mesh::file::{Content, MeshFile};
+use if_mesh::file::{Content, MeshFile, file_and_node};
 use if_mesh::obj;
 use if_outfit::digest::digest;
 use if_pipeline::asset::{Beside, BodyRef, GarmentClass, LayerHint, Parts, Provenance};
@@ -93,7 +94,9 @@ const JOINTS: usize = 256;
 #[error("cannot add `{file}`")]
 #[diagnostic(
     code(ifg::wardrobe::garment),
-    help("give a PLY or OBJ file with triangles; weights are j0..j3 and w0..w3")
+    help(
+        "give a PLY, OBJ or glTF file with triangles; PLY files may have the weights j0..j3 and w0..w3"
+    )
 )]
 struct Unusable {
     file: String,
@@ -151,9 +154,14 @@ pub(super) fn run(args: &AddArgs) -> Result<End, Report> {
     Ok(if cancel::is_requested() { End::Cancelled } else { end })
 }
 
-/// The name of a garment.
+/// The name of a garment: that of its node, or the stem of its file.
 fn name_of(args: &AddArgs, path: &Path) -> String {
-    format!("{}{}", args.prefix, path.file_stem().unwrap_or_default().to_string_lossy())
+    let (file, node) = file_and_node(path);
+    let name = match &node {
+        Some(node) => file_name_of(node),
+        None => file.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+    };
+    format!("{}{name}", args.prefix)
 }
 
 /// What made the garment's file, and from which units.

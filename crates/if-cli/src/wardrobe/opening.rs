@@ -43,7 +43,7 @@ impl Fault {
             WardrobeError::Body { .. }
             | WardrobeError::BodyFile(_)
             | WardrobeError::BodyMesh { .. } => {
-                "the body must be one closed PLY or OBJ mesh in metres, wound outwards"
+                "the body must be one PLY, OBJ or glTF mesh in metres"
             }
             WardrobeError::NotUpright { .. } => "rotate the files, and add them again",
             WardrobeError::Parameter(_) | WardrobeError::Resolve(_) => {

@@ -2,6 +2,7 @@
 
 use crate::animate;
 use crate::folder::{Folder, belt, body};
+use crate::pinch::balls;
 use if_body::mannequin::rig;
 use if_core::mesh::TriMesh;
 use if_core::shapes::meshes::icosphere;
@@ -100,10 +101,25 @@ fn nodes_of_one_file_are_layers_and_written_back_into_it() {
     );
     folder.ifg("fix look.toml --out again").expect(0);
     assert!(folder.read("again/look.glb") == folder.read("fixed/look.glb"));
+    // In a wardrobe they are garments of their own, called as their nodes.
+    folder.ifg("wardrobe add w --body anna --mesh body.ply look.glb#a/b look.glb#Coat").expect(0);
+    assert!(["a_b", "Coat"].iter().all(|g| folder.path(&format!("w/garments/{g}")).exists()));
     // In place: the body's file is written, and the body stays.
     folder.ifg("fix look.toml --out .").expect(2);
     folder.ifg("fix look.toml --out . --in-place").expect(0);
     assert!(folder.read("look.glb") == folder.read("fixed/look.glb"));
+}
+
+#[test]
+fn a_body_that_was_drawn_back_is_written_with_the_garments_of_its_file() {
+    let folder = balls();
+    let read = |name: &str| MeshFile::read(&folder.path(name)).unwrap().mesh().clone();
+    let (balls, sheet) = (read("balls.ply"), read("sheet.ply"));
+    folder.write("look.glb", glb(&[("balls", &balls), ("sheet", &sheet)]));
+    let run = "fix --body look.glb#balls look.glb#sheet --set rounds=8 --pinch yield --out yielded";
+    folder.ifg(run).expect(0);
+    let drawn = "yielded/look_drawn_back.glb";
+    folder.ifg(&format!("check --strict --body {drawn}#balls {drawn}#sheet")).expect(0);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use if_mesh::ply::{PlyMesh, WriteParams, read_path, write_path};
 use serde_json::Value;
 
 /// Two balls as a body that overlap by 8 mm, and a sheet of cloth between them.
-fn balls() -> Folder {
+pub(crate) fn balls() -> Folder {
     let folder = Folder::new();
     let ball = icosphere(0.1, 3);
     let n = ball.vertices().len() as u32;

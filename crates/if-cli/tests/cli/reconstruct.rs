@@ -123,6 +123,18 @@ fn captures_of_several_bodies_share_a_wardrobe_also_at_once() {
     // All are still of use.
     folder.ifg("wardrobe list w").expect(0);
     folder.ifg("wardrobe match w --body body b_trousers a_white_shirt --out worn").expect(0);
+    // Another capture of the same name does not replace the clothed person of this one.
+    fs::create_dir(folder.path("elsewhere")).unwrap();
+    fs::rename(folder.path("cap"), folder.path("elsewhere/cap")).unwrap();
+    let meta = folder.path("elsewhere/cap/meta.json");
+    fs::write(&meta, fs::read_to_string(&meta).unwrap() + "\n").unwrap();
+    let clothed = folder.read("w/clothed/cap/report.json");
+    let again = format!("reconstruct elsewhere/cap --body other/body --out w --prefix d_ {QUICK}");
+    let run = folder.ifg(&again).expect(2);
+    for words in ["a clothed person `cap`", "made of another capture, `cap`", "another name"] {
+        assert!(run.stderr.contains(words), "{words}\n{}", run.stderr);
+    }
+    assert_eq!(folder.read("w/clothed/cap/report.json"), clothed);
 }
 
 #[test]

@@ -31,11 +31,16 @@ pub fn textures(mtl: &[u8]) -> Vec<String> {
 /// The first word of each line, and the rest of it without comment.
 fn statements(text: &[u8]) -> impl Iterator<Item = (String, String)> + '_ {
     text.split(|b| matches!(b, b'\n' | b'\r')).filter_map(|line| {
-        let line = line.split(|b| *b == b'#').next().unwrap_or_default();
-        let line = String::from_utf8_lossy(line);
+        let line = String::from_utf8_lossy(without_comment(line));
         let (key, rest) = line.trim().split_once(char::is_whitespace)?;
         Some((key.to_owned(), rest.trim().to_owned()))
     })
+}
+
+/// A line up to its comment. A name may hold `#`: only at the start of a word a comment begins.
+pub(super) fn without_comment(line: &[u8]) -> &[u8] {
+    let starts = |at: usize| line[at] == b'#' && (at == 0 || line[at - 1].is_ascii_whitespace());
+    &line[..(0..line.len()).find(|at| starts(*at)).unwrap_or(line.len())]
 }
 
 #[cfg(test)]
@@ -44,8 +49,8 @@ mod tests {
 
     #[test]
     fn names_are_found_among_comments_and_options() {
-        let obj = b"# mtllib no.mtl\r\nmtllib a b.mtl # c\r\no shirt\n  mtllib\tc.mtl  \nmtllib\nusemtl d.mtl";
-        assert_eq!(libraries(obj), ["a b.mtl", "c.mtl"]);
+        let obj = b"# mtllib no.mtl\r\nmtllib a b.mtl # c\r\no shirt\n  mtllib\tc#1.mtl  \nmtllib\nusemtl d.mtl";
+        assert_eq!(libraries(obj), ["a b.mtl", "c#1.mtl"]);
         let mtl = b"map_aat on\nMap_Kd a.png\nmap_bump -bm 0.2 b c.png\nnorm d.png\nKd 1 1 1\nillum 2\n\xff\xfe e.png";
         assert_eq!(textures(mtl), ["a.png", "-bm 0.2 b c.png", "d.png"]);
         assert!(textures(b"").is_empty());

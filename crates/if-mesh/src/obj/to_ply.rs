@@ -2,6 +2,7 @@
 
 use super::error::ReadError;
 use super::listing::{Listing, listing};
+use super::materials::without_comment;
 use super::obj_mesh::ObjMesh;
 use crate::attributes::{Column, Property};
 use crate::ply::{CoordinateType, PlyMesh};
@@ -239,8 +240,7 @@ impl Statements {
         let mut statements = Self::default();
         let mut at = 0;
         for line in text.split_inclusive(|b| *b == b'\n') {
-            let statement =
-                String::from_utf8_lossy(line.split(|b| *b == b'#').next().unwrap_or_default());
+            let statement = String::from_utf8_lossy(without_comment(line));
             let (key, rest) =
                 statement.trim().split_once(char::is_whitespace).unwrap_or((statement.trim(), ""));
             let name = || rest.trim().to_owned();

@@ -61,14 +61,20 @@ impl ResolvedFiles {
     }
 
     /// Writes a body that was drawn back to `path`, whole or not at all, with all attributes of its
-    /// file. Does nothing if [`ResolvedFiles::drawn_back_file_name`] is `None`.
+    /// file; garments that are nodes of that file are where they are now, too. Does nothing if [`ResolvedFiles::drawn_back_file_name`] is `None`.
     ///
     /// # Errors
     ///
     /// As [`ResolvedFiles::write_garments`].
     pub fn write_drawn_back(&self, path: &Path) -> Result<(), WriteError> {
         match &self.drawn_back {
-            Some((file, _, positions)) => file.write(path, positions),
+            Some((body, _, positions)) => {
+                let with_body =
+                    (0..self.files.len()).filter(|k| in_one_file(body, &self.files[*k]));
+                let garments = with_body.map(|k| (&*self.files[k], &self.positions[k][..]));
+                let layers = std::iter::once((&**body, &positions[..])).chain(garments);
+                MeshFile::write_layers(&layers.collect::<Vec<_>>(), path)
+            }
             None => Ok(()),
         }
     }
@@ -105,7 +111,7 @@ impl ResolvedFiles {
             };
             match found.iter_mut().find(same) {
                 None => found.push((name, vec![k])),
-                Some((_, ks)) if self.is_one_file(ks[0], k) => ks.push(k),
+                Some((_, ks)) if in_one_file(&self.files[ks[0]], &self.files[k]) => ks.push(k),
                 Some((_, ks)) => {
                     let [first, second] = [ks[0], k].map(|k| self.outfit.garments[k].name.clone());
                     return Err(FilesError::SameFile { first, second, file: name });
@@ -146,18 +152,16 @@ impl ResolvedFiles {
         Ok(written)
     }
 
-    /// Whether two garments are nodes of one file.
-    fn is_one_file(&self, first: usize, second: usize) -> bool {
-        match (self.files[first].content(), self.files[second].content()) {
-            (Content::Gltf(a), Content::Gltf(b)) => {
-                a.is_in_file_of(b) && !a.shares_vertices_with(b)
-            }
-            _ => false,
-        }
-    }
-
     fn file_name(&self, k: usize) -> PathBuf {
         let of_memory = || format!("{}.ply", self.outfit.garments[k].name).into();
         self.paths[k].file_name().map(OsStr::to_owned).map_or_else(of_memory, PathBuf::from)
+    }
+}
+
+/// Whether two layers are nodes of one file.
+fn in_one_file(first: &MeshFile, second: &MeshFile) -> bool {
+    match (first.content(), second.content()) {
+        (Content::Gltf(a), Content::Gltf(b)) => a.is_in_file_of(b) && !a.shares_vertices_with(b),
+        _ => false,
     }
 }

@@ -111,8 +111,12 @@ fn check_info(
     Ok(())
 }
 
-/// The samples of an image, and whether they have 16 bits (in big-endian order).
-fn read(path: &Path, kind: Kind, size: (usize, usize)) -> Result<(Vec<u8>, bool), PictureError> {
+/// The samples of an image, whether they have 16 bits (in big-endian order), and the bytes of a pixel.
+fn read(
+    path: &Path,
+    kind: Kind,
+    size: (usize, usize),
+) -> Result<(Vec<u8>, bool, usize), PictureError> {
     let mut decoder = Decoder::new(BufReader::new(File::open(path)?));
     check_info(decoder.read_header_info()?, kind, size)?;
     // Masks are expanded to at least 8 bits; palette indices of labels are kept.
@@ -123,16 +127,19 @@ fn read(path: &Path, kind: Kind, size: (usize, usize)) -> Result<(Vec<u8>, bool)
     });
     let mut reader = decoder.read_info()?;
     let bytes = reader.output_buffer_size().unwrap_or(usize::MAX);
-    let wide = reader.output_color_type().1 == BitDepth::Sixteen;
+    let (color, depth) = reader.output_color_type();
+    let wide = depth == BitDepth::Sixteen;
+    // A mask with a transparent grey (tRNS) has a second sample after it is expanded.
+    let pixel = color.samples() * if wide { 2 } else { 1 };
     let mut samples = vec![0; bytes];
     reader.next_frame(&mut samples)?;
-    Ok((samples, wide))
+    Ok((samples, wide, pixel))
 }
 
 /// Whether each pixel is brighter than half of full white.
 pub(super) fn mask(path: &Path, size: (usize, usize)) -> Result<Vec<bool>, PictureError> {
-    let (samples, wide) = read(path, Kind::Mask, size)?;
-    Ok(samples.iter().step_by(if wide { 2 } else { 1 }).map(|s| *s >= 128).collect())
+    let (samples, _, pixel) = read(path, Kind::Mask, size)?;
+    Ok(samples.iter().step_by(pixel).map(|s| *s >= 128).collect())
 }
 
 /// The label of each pixel.
@@ -147,7 +154,7 @@ const NO_NORMAL: f32 = 0.1;
 /// The unit normal of each pixel, encoded as (n · ½ + ½) in full range; zero where the pixel is black
 /// or grey.
 pub(super) fn normals(path: &Path, size: (usize, usize)) -> Result<Vec<[f32; 3]>, PictureError> {
-    let (samples, wide) = read(path, Kind::Normal, size)?;
+    let (samples, wide, _) = read(path, Kind::Normal, size)?;
     let unit = |code: [f32; 3]| {
         let n = code.map(|c| 2.0 * c - 1.0);
         let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();

@@ -5,11 +5,11 @@ use super::combination::Combination;
 use super::layer_fields::{Fields, GarmentField};
 use if_body::align::{AlignParams, AlignReport};
 use if_core::parameter::ParameterError;
-use if_outfit::Method;
 use if_outfit::files::ResolvedFiles;
 use if_outfit::outfit::Outfit;
 use if_outfit::report::ResolveReport;
 use if_outfit::resolve::ResolveParams;
+use if_outfit::{Method, Pinch};
 use if_render::Image;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -58,6 +58,9 @@ impl MatchParams {
         let reads = self.fields == Fields::Meshes || self.resolve.effort.method == Method::Paper;
         let range = "`meshes` (0), unless `resolve.effort.method` is `paper`";
         ParameterError::check("fields", 1.0, reads, range)?;
+        let stays = self.resolve.goal.pinch == Pinch::Keep;
+        let range = "`keep` (0): results are on the wardrobe's body, which stays as it is; `ifg fix --pinch yield` takes files";
+        ParameterError::check("resolve.goal.pinch", 1.0, stays, range)?;
         self.align.validate().map_err(|e| e.within("align"))?;
         self.resolve.validate().map_err(|e| e.within("resolve"))
     }

@@ -10,6 +10,7 @@ use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_mesh::atomic;
 use if_mesh::ply::{PlyMesh, WriteParams, write_path};
+use if_outfit::Pinch;
 use std::fs;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -276,6 +277,14 @@ fn what_failed_for_want_of_a_file_is_tried_again() {
     );
     fs::rename(&away, &file).unwrap();
     assert_eq!(run().clean, 1);
+}
+
+#[test]
+fn a_body_that_would_yield_is_refused() {
+    // Its result would be proven on a body that nobody gets.
+    let mut params = MatchParams::default();
+    params.resolve.goal.pinch = Pinch::Yield;
+    assert_eq!(params.validate().unwrap_err().name, "resolve.goal.pinch");
 }
 
 #[test]
