@@ -17,7 +17,9 @@ pub enum Cleanness {
     #[serde(rename = "clean between layers")]
     BetweenLayers,
     /// No two triangles of the scene, body and garments, meet except at common vertices: what
-    /// simulators require of their start. Vertices at the same position along a seam count as one.
+    /// simulators require of their start. Vertices at the same position along a seam count as one, a
+    /// triangle that repeats another (as in two-sided exports) does not count, nor one without area;
+    /// [`notes`](crate::notes::notes) names them.
     #[serde(rename = "clean everywhere")]
     Everywhere,
 }
