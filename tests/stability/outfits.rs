@@ -7,7 +7,7 @@ use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Silent;
 use if_core::shapes::meshes::{icosphere, tube};
-use if_outfit::outfit::{Layer, Outfit};
+use if_outfit::outfit::{Layer, Outfit, OutfitError};
 use if_outfit::resolve::{ResolveError, ResolveParams, Resolved, resolve};
 use if_outfit::verify::verify;
 
@@ -110,16 +110,19 @@ fn left(input: &Outfit, result: &Resolved) -> Result<(), String> {
 fn resolved(count: u32) -> Tally {
     cases("outfits", count, |r| {
         let (body, garments) = outfit(r);
+        let refused = |error: &OutfitError| {
+            check(error.to_string().contains('`'), || format!("{error} names no layer"))
+                .map(|()| "refused")
+        };
         let outfit = match Outfit::new(body, garments) {
             Ok(outfit) => outfit,
-            Err(error) => {
-                return check(error.to_string().contains('`'), || {
-                    format!("{error} names no layer")
-                })
-                .map(|()| "refused");
-            }
+            Err(error) => return refused(&error),
         };
         let outcome = run(&outfit);
+        // A garment of less than a hundredth of the body is taken for one in other units.
+        if let Err(ResolveError::Outfit(error @ OutfitError::TooSmall { .. })) = &outcome {
+            return refused(error);
+        }
         let (result, kind) = match &outcome {
             Ok(result) => (result.clone(), "clean"),
             Err(ResolveError::Unresolved { result, .. }) => ((**result).clone(), "left"),
