@@ -219,3 +219,28 @@ pub(super) fn write_normals(
     let samples: Vec<u8> = normals.iter().flat_map(code).collect();
     encode(out, size, ColorType::Rgb, BitDepth::Eight, &samples)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mask_with_a_transparent_grey_is_read_as_one_without() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mask.png");
+        let expected: Vec<bool> = (0..12).map(|i| i % 5 == 0).collect();
+        let samples: Vec<u8> = expected.iter().map(|m| if *m { 255 } else { 0 }).collect();
+        for transparent in [None, Some(vec![0, 0])] {
+            let mut encoder = Encoder::new(File::create(&path).unwrap(), 4, 3);
+            encoder.set_color(ColorType::Grayscale);
+            encoder.set_depth(BitDepth::Eight);
+            if let Some(grey) = transparent {
+                encoder.set_trns(grey);
+            }
+            let mut writer = encoder.write_header().unwrap();
+            writer.write_image_data(&samples).unwrap();
+            writer.finish().unwrap();
+            assert_eq!(mask(&path, (4, 3)).unwrap(), expected);
+        }
+    }
+}

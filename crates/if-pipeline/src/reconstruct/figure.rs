@@ -206,35 +206,35 @@ mod tests {
 
     #[test]
     fn normals_come_back_and_silhouettes_follow_where_weights_are_uneven() {
-        // A tube that hangs between two legs: the one forwards and turned, the other back.
-        let tube = meshes::icosphere(0.3, 3);
+        // A ball between two legs: the one forwards and turned, the other back.
+        let ball = meshes::icosphere(0.3, 3);
         let share = |p: &Point| (0.5 + p.x / 0.3).clamp(0.0, 1.0) as f32;
         let weights: Vec<[f32; 4]> =
-            tube.vertices().iter().map(|p| [1.0 - share(p), share(p), 0.0, 0.0]).collect();
+            ball.vertices().iter().map(|p| [1.0 - share(p), share(p), 0.0, 0.0]).collect();
         let skin = SkinWeights::new(vec![[0, 1, 0, 0]; weights.len()], weights, 2).unwrap();
         let legs = [-0.2, 0.2].map(|z| Isometry3::new(Vector::new(0.0, 0.0, z), Vector::x() * z));
         let eye = Point::new(0.4, 0.3, 2.5);
         let camera =
             Camera::looking_at((64, 64), &eye, &Point::origin(), &Vector::y(), 0.9).unwrap();
-        let edges = Edges::new(&tube);
-        let figure = Figure::new(&tube, &edges, &skin, &camera, &legs);
+        let edges = Edges::new(&ball);
+        let figure = Figure::new(&ball, &edges, &skin, &camera, &legs);
         let turned = figure.camera.rotation();
         let mut off: Real = 0.0;
-        for (t, rest) in tube.face_normals().iter().enumerate() {
+        for (t, rest) in ball.face_normals().iter().enumerate() {
             let posed = figure.face_normal(t as u32);
             let back = figure.carried_back(t as u32, rest, &posed);
             assert!((back - rest).norm() < 1e-9, "triangle {t}: {back} {rest}");
-            let corner = tube.triangles()[t][0] as usize;
+            let corner = ball.triangles()[t][0] as usize;
             off = off.max((turned * figure.maps[corner].normal(rest) - posed).norm());
         }
         assert!(off > 0.5, "maps alone are off: {off}");
 
         // What moves along canonical normals moves the posed surface along its own as it is said to.
-        let (h, normals) = (1e-6, tube.vertex_normals());
+        let (h, normals) = (1e-6, ball.vertex_normals());
         for v in (0..normals.len()).step_by(17) {
-            let mut points = tube.vertices().to_vec();
+            let mut points = ball.vertices().to_vec();
             points[v] += normals[v] * h;
-            let moved = tube.with_vertices(points).unwrap();
+            let moved = ball.with_vertices(points).unwrap();
             let moved = Figure::new(&moved, &edges, &skin, &camera, &legs);
             let way = (moved.points[v] - figure.points[v]).dot(&figure.normals[v]) / h;
             assert!((figure.follows(v, &normals[v]) - way).abs() < 1e-6, "vertex {v}: {way}");
