@@ -1,7 +1,6 @@
 //! Alignment: transfers garments from one body to another.
 //!
-//! Garments are in the canonical pose of the body that they were made on ([`unposed`] brings posed
-//! ones there). A [`BodyMap`] holds sites all over the source body with their positions on the
+//! Garments are in the canonical pose of the body that they were made on. A [`BodyMap`] holds sites all over the source body with their positions on the
 //! target body, and interpolates their offsets at any point near the body:
 //!
 //! ```text
@@ -36,13 +35,11 @@ pub use params::{AlignError, AlignParams};
 use similarity::Similarity;
 
 use crate::skeleton::Skeleton;
-use crate::skin_weights::{SkinError, SkinWeights};
-use crate::skinning::{blends, unpose_points};
+use crate::skin_weights::SkinWeights;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use if_mesh::point_tree::PointTree;
-use nalgebra::Isometry3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -287,31 +284,6 @@ fn cosine(a: &SkinWeights, i: usize, b: &SkinWeights, j: usize) -> Real {
     }
     let scale = (square(wa) * square(wb)).sqrt();
     if scale > 0.0 { (dot / scale).min(1.0) } else { 0.0 }
-}
-
-/// Brings a posed garment back to the canonical pose of its body by inverse skinning; `transforms`
-/// are those of the pose's joints.
-///
-/// # Errors
-///
-/// The weights are for another number of vertices or name joints without transforms, or the blended
-/// transform of a vertex has no inverse.
-pub fn unposed(
-    garment: &TriMesh,
-    skin: &SkinWeights,
-    transforms: &[Isometry3<Real>],
-) -> Result<TriMesh, AlignError> {
-    skin.check_len(garment.vertices().len())?;
-    let count = transforms.len();
-    let named = skin.joints().iter().zip(skin.weights()).flat_map(|(j, w)| j.iter().zip(w));
-    // Joints of weight zero need no transform.
-    if let Some(k) = named.map(|(j, w)| *w != 0.0 && usize::from(*j) >= count).position(|bad| bad) {
-        let (vertex, joint) = (k / 4, skin.joints()[k / 4][k % 4].into());
-        return Err(SkinError::Joint { vertex, joint, count }.into());
-    }
-    let back = unpose_points(garment.vertices(), &blends(skin, transforms))
-        .map_err(|vertex| AlignError::Singular { vertex })?;
-    Ok(garment.with_vertices(back)?)
 }
 
 #[cfg(test)]

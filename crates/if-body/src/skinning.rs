@@ -1,21 +1,18 @@
-//! Linear blend skinning, and its inverse, for bodies, clothes and the space around them.
+//! Linear blend skinning for bodies, clothes and the space around them.
 //!
 //! ```text
 //! f(x) = Σ wⱼ(x) Sⱼ x = A x + b,     A = Σ wⱼ rotation(Sⱼ),  b = Σ wⱼ translation(Sⱼ)
 //! ```
 //!
-//! The weights w belong to vertices ([`SkinWeights`]), where f is one [`Affine`] map and its
-//! inverse has a closed form; or to all of canonical space ([`WeightGrid`]), where the inverse is
-//! found by Newton's method ([`unpose`]).
+//! The weights w belong to vertices ([`SkinWeights`]), where f is one [`Affine`] map, or to all of
+//! canonical space ([`WeightGrid`]).
 
 #[cfg(test)]
 mod elbow;
 mod grid;
-mod inverse;
 mod transfer;
 
 pub use grid::{WeightGrid, WeightGridParams};
-pub use inverse::{UnposeParams, Unposed, unpose};
 pub use transfer::{Binding, transferred_weights};
 
 use crate::skin_weights::SkinWeights;
@@ -54,12 +51,6 @@ impl Affine {
     #[inline]
     pub fn point(&self, p: &Point) -> Point {
         Point::from(self.linear * p.coords + self.offset)
-    }
-
-    /// The canonical point of a posed one; `None` if the blend is singular (opposite rotations with
-    /// equal weights).
-    pub fn inverse_point(&self, p: &Point) -> Option<Point> {
-        self.linear.try_inverse().map(|inverse| Point::from(inverse * (p.coords - self.offset)))
     }
 
     /// The unit normal of the posed surface, from that of the canonical one: A⁻ᵀ n. Zero if the
@@ -105,20 +96,6 @@ pub fn blends(skin: &SkinWeights, transforms: &[Isometry3<Real>]) -> Vec<Affine>
 pub fn pose_points(points: &[Point], maps: &[Affine]) -> Vec<Point> {
     assert_eq!(points.len(), maps.len(), "one map for each point");
     points.iter().zip(maps).map(|(p, map)| map.point(p)).collect()
-}
-
-/// The canonical points of posed vertices, by the closed form x = A⁻¹ (y − b).
-///
-/// # Errors
-///
-/// The index of the first vertex whose map is singular.
-///
-/// # Panics
-///
-/// If there is not one map for each vertex.
-pub fn unpose_points(posed: &[Point], maps: &[Affine]) -> Result<Vec<Point>, usize> {
-    assert_eq!(posed.len(), maps.len(), "one map for each point");
-    posed.iter().zip(maps).enumerate().map(|(v, (p, map))| map.inverse_point(p).ok_or(v)).collect()
 }
 
 #[cfg(test)]
@@ -168,7 +145,7 @@ mod tests {
         [[-0.061412, 1.3524, 0.079484], [-0.5117024, 1.18448, -0.0621632]];
 
     #[test]
-    fn unposing_inverts_posing_of_vertices_and_normals() {
+    fn normals_stay_at_right_angles_to_what_is_posed_as_a_direction() {
         let (skeleton, pose) = posed();
         let maps = blends(
             &SkinWeights::new(
@@ -179,19 +156,12 @@ mod tests {
             .unwrap(),
             &skeleton.transforms(&pose).unwrap(),
         );
-        let points = [Point::new(0.3, 1.45, 0.05), Point::new(-0.2, 0.7, 0.4)];
-        let back = unpose_points(&pose_points(&points, &maps), &maps).unwrap();
-        for (a, b) in points.iter().zip(&back) {
-            approx::assert_relative_eq!(a, b, epsilon = 1e-12);
-        }
-        // A normal stays perpendicular to what is posed as a direction.
         let n = Vector::new(0.0, 0.6, 0.8);
         let tangent = Vector::new(0.3, 0.8, -0.6);
         for map in &maps {
             assert!(map.normal(&n).dot(&(map.linear * tangent)).abs() < 1e-12);
         }
         let flat = Affine { linear: Matrix3::zeros(), offset: Vector::zeros() };
-        assert_eq!(unpose_points(&points, &[maps[0], flat]), Err(1));
         assert_eq!(flat.normal(&n), Vector::zeros());
     }
 }

@@ -155,11 +155,6 @@ impl ClosedLayer {
         &self.bvh
     }
 
-    /// Pseudo-normals of the layer.
-    pub fn normals(&self) -> &PseudoNormals {
-        &self.normals
-    }
-
     /// Corners of triangle `t`.
     pub fn corners(&self, t: u32) -> [Point; 3] {
         self.triangles[t as usize].map(|v| self.vertices[v as usize])
@@ -224,12 +219,6 @@ impl ClosedLayer {
     /// Number of triangles in pockets: with both sides inside.
     pub fn covered_triangles(&self) -> usize {
         self.closure.as_ref().map_or(0, |c| c.outside.iter().filter(|o| **o == [false; 2]).count())
-    }
-
-    /// Whether `p` is certainly outside, and farther than `reach` from all triangles and closed
-    /// parts.
-    pub fn is_far(&self, p: &Point, reach: Real) -> bool {
-        self.bvh.aabb().distance_squared(p) > reach * reach
     }
 
     /// Whether `p` is certainly outside by the voxels alone, however near a triangle may be; true

@@ -78,11 +78,6 @@ pub enum AlignError {
     /// Skinning weights do not match a mesh or a pose.
     #[error(transparent)]
     Skin(#[from] SkinError),
-    /// The blended transform of a vertex is singular.
-    #[error(
-        "the blended transform of vertex {vertex} has no inverse; correct its weights, or give another pose"
-    )]
-    Singular { vertex: usize },
     /// A position is not finite.
     #[error(transparent)]
     Mesh(#[from] MeshError),

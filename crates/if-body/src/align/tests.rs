@@ -1,5 +1,6 @@
 use super::*;
 use crate::mannequin::{Garment, MannequinParams, body, garment};
+use crate::skin_weights::SkinError;
 use if_mesh::measure::{displacement, strain};
 use if_mesh::solid::ClosedLayer;
 
@@ -195,37 +196,4 @@ fn invalid_bodies_parameters_and_weights_are_errors() {
     assert_eq!(BodyMap::new(&thin, &shape(&other(&body)), &params).unwrap_err(), count.clone());
     let map = BodyMap::new(&shape(&body), &shape(&body), &params).unwrap();
     assert_eq!(map.align(&body, Some(&skin)), Err(count));
-}
-
-#[test]
-fn unposing_inverts_posing() {
-    use crate::skinning::pose_points;
-    use nalgebra::{Translation3, UnitQuaternion};
-    let shirt = garment(Garment::Tshirt, &COARSE);
-    let n = shirt.vertices().len();
-    let blend = |p: &Point| ((p.y - 1.0) / 0.3).clamp(0.0, 1.0) as f32;
-    let weights = shirt.vertices().iter().map(|p| [blend(p), 1.0 - blend(p), 0.0, 0.0]).collect();
-    let skin = SkinWeights::new(vec![[0, 1, 0, 0]; n], weights, 2).unwrap();
-    let turn = UnitQuaternion::from_euler_angles(0.4, -0.2, 0.7);
-    let transforms =
-        [Isometry3::from_parts(Translation3::new(0.1, 0.2, -0.1), turn), Isometry3::identity()];
-    let posed =
-        shirt.with_vertices(pose_points(shirt.vertices(), &blends(&skin, &transforms))).unwrap();
-    let back = unposed(&posed, &skin, &transforms).unwrap();
-    for (a, b) in shirt.vertices().iter().zip(back.vertices()) {
-        approx::assert_relative_eq!(a, b, epsilon = 1e-9);
-    }
-    assert!(matches!(
-        unposed(&posed, &skin, &transforms[..1]),
-        Err(AlignError::Skin(SkinError::Joint { joint: 1, count: 1, .. }))
-    ));
-    let opposite = [
-        Isometry3::from_parts(
-            Translation3::identity(),
-            UnitQuaternion::from_euler_angles(0.0, std::f64::consts::PI, 0.0),
-        ),
-        Isometry3::identity(),
-    ];
-    let half = SkinWeights::new(vec![[0, 1, 0, 0]; n], vec![[0.5, 0.5, 0.0, 0.0]; n], 2).unwrap();
-    assert!(matches!(unposed(&posed, &half, &opposite), Err(AlignError::Singular { .. }) | Ok(_)));
 }

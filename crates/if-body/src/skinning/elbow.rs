@@ -1,8 +1,7 @@
 //! A bent arm, for tests.
 
 use crate::skin_weights::SkinWeights;
-use if_core::math::{Point, Real, Vector};
-use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use if_core::math::{Point, Real};
 
 /// A tube along x with a joint in the origin that bends about z.
 pub(super) fn elbow_body() -> (Vec<Point>, SkinWeights) {
@@ -17,14 +16,4 @@ pub(super) fn elbow_body() -> (Vec<Point>, SkinWeights) {
         }
     }
     (points.clone(), SkinWeights::new(vec![[0, 1, 0, 0]; points.len()], weights, 2).unwrap())
-}
-
-/// Its two transforms at an angle.
-pub(super) fn elbow(angle: Real) -> Vec<Isometry3<Real>> {
-    let turn = UnitQuaternion::from_axis_angle(&Vector::z_axis(), angle);
-    let moved = Translation3::new(0.2, 0.1, -0.3);
-    vec![
-        Isometry3::from_parts(moved, UnitQuaternion::identity()),
-        Isometry3::from_parts(moved, turn),
-    ]
 }

@@ -8,7 +8,7 @@ use if_core::aabb::Aabb;
 use if_core::math::{Point, Real, Vector};
 use if_core::parameter::ParameterError;
 use if_mesh::grid::GridSize;
-use nalgebra::{Isometry3, Matrix3};
+use nalgebra::Isometry3;
 use rayon::prelude::*;
 
 /// Parameters of [`WeightGrid::new`].
@@ -115,28 +115,16 @@ impl WeightGrid {
         Aabb { min: self.min, max: self.min + far }
     }
 
-    /// The eight nodes around `p`: for each its trilinear weight, the gradient of that weight in
-    /// 1/m, and the index of its first number.
-    fn corners(&self, p: &Point) -> [(Real, Vector, usize); 8] {
+    /// The eight nodes around `p`: for each its trilinear weight, and the index of its first number.
+    fn corners(&self, p: &Point) -> [(Real, usize); 8] {
         let place = [0, 1, 2].map(|k| (p[k] - self.min[k]) / self.cell);
-        // Outside the box weights are constant.
-        let slope = [0, 1, 2].map(|k| {
-            let last = (self.nodes.0[k] - 1) as Real;
-            if (0.0..=last).contains(&place[k]) { 1.0 / self.cell } else { 0.0 }
-        });
         let (low, part) = self.nodes.cell_at(place);
         std::array::from_fn(|c| {
             let bit = [c & 1, c >> 1 & 1, c >> 2];
             let w: [Real; 3] =
                 std::array::from_fn(|k| if bit[k] == 1 { part[k] } else { 1.0 - part[k] });
-            let s: [Real; 3] =
-                std::array::from_fn(|k| if bit[k] == 1 { slope[k] } else { -slope[k] });
             let at = self.nodes.index([0, 1, 2].map(|k| low[k] + bit[k]));
-            (
-                w[0] * w[1] * w[2],
-                Vector::new(s[0] * w[1] * w[2], w[0] * s[1] * w[2], w[0] * w[1] * s[2]),
-                at * self.joints,
-            )
+            (w[0] * w[1] * w[2], at * self.joints)
         })
     }
 
@@ -148,7 +136,7 @@ impl WeightGrid {
     pub fn weights_at(&self, p: &Point, out: &mut [Real]) {
         assert_eq!(out.len(), self.joints, "one weight for each joint");
         out.fill(0.0);
-        for (w, _, at) in self.corners(p) {
+        for (w, at) in self.corners(p) {
             out.iter_mut()
                 .zip(&self.weights[at..at + self.joints])
                 .for_each(|(o, x)| *o += w * Real::from(*x));
@@ -171,41 +159,6 @@ impl WeightGrid {
             }
         }
         sum
-    }
-
-    /// The posed point of `p`, and the Jacobian of the map.
-    ///
-    /// ```text
-    /// J = Σ wⱼ rotation(Sⱼ) + Σ (Sⱼ x) ∇wⱼᵀ
-    /// ```
-    ///
-    /// # Panics
-    ///
-    /// If there is not one transform for each joint.
-    pub(super) fn pose_with_jacobian(
-        &self,
-        p: &Point,
-        transforms: &[Isometry3<Real>],
-    ) -> (Point, Matrix3<Real>) {
-        assert_eq!(transforms.len(), self.joints, "one transform for each joint");
-        let corners = self.corners(p);
-        let (mut place, mut jacobian) = (Vector::zeros(), Matrix3::zeros());
-        for (j, transform) in transforms.iter().enumerate() {
-            let (mut w, mut slope) = (0.0, Vector::zeros());
-            for (share, gradient, at) in &corners {
-                let x = Real::from(self.weights[at + j]);
-                w += share * x;
-                slope += gradient * x;
-            }
-            if w == 0.0 && slope == Vector::zeros() {
-                continue;
-            }
-            let joint = Affine::rigid(transform);
-            let to = joint.point(p).coords;
-            place += to * w;
-            jacobian += joint.linear * w + to * slope.transpose();
-        }
-        (Point::from(place), jacobian)
     }
 
     /// The posed points of points in canonical space.
@@ -236,7 +189,7 @@ impl WeightGrid {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::skinning::elbow::{elbow, elbow_body};
+    use crate::skinning::elbow::elbow_body;
 
     #[test]
     fn weights_sum_to_one_and_near_a_bone_they_are_its_own() {
@@ -260,40 +213,6 @@ mod tests {
         assert!((w[0] - 0.5).abs() < 0.03, "{w:?}");
         let skinned = grid.skin(&[Point::new(-0.35, 0.0, 0.0)]);
         assert_eq!(skinned.joints()[0][0], 0);
-    }
-
-    #[test]
-    fn the_jacobian_is_the_slope_of_the_map() {
-        let (points, skin) = elbow_body();
-        let grid = WeightGrid::new(
-            &points,
-            &skin,
-            2,
-            &WeightGridParams { cell: 0.04, ..Default::default() },
-        )
-        .unwrap();
-        let transforms = elbow(1.1);
-        // Not on the planes of the lattice, where the slope is discontinuous; one outside the box.
-        for p in [
-            Point::new(0.013, 0.021, -0.017),
-            Point::new(-0.21, -0.07, 0.05),
-            Point::new(0.013, 3.0, 0.022),
-        ] {
-            let (place, jacobian) = grid.pose_with_jacobian(&p, &transforms);
-            approx::assert_relative_eq!(
-                place,
-                grid.blend(&p, &transforms).point(&p),
-                epsilon = 1e-12
-            );
-            let h = 1e-6;
-            for k in 0..3 {
-                let mut step = Vector::zeros();
-                step[k] = h;
-                let to = |q: Point| grid.blend(&q, &transforms).point(&q);
-                let slope = (to(p + step) - to(p - step)) / (2.0 * h);
-                approx::assert_relative_eq!(slope, jacobian.column(k).into_owned(), epsilon = 1e-7);
-            }
-        }
     }
 
     #[test]
