@@ -5,7 +5,7 @@ use super::error::ReconstructError;
 use super::params::SurfaceParams;
 use super::progress;
 use super::skipped::Skipped;
-use crate::capture::Capture;
+use crate::capture::{BACKGROUND, Capture};
 use if_body::Skeleton;
 use if_core::math::Vector;
 use if_core::monitor::Monitor;
@@ -16,6 +16,9 @@ use rayon::prelude::*;
 /// Least share of the picture that a person covers; less is noise: 65 pixels of 256². Ten times
 /// more would lose a person far away.
 const LEAST_PERSON: f64 = 1e-3;
+
+/// Pixels on both sides of a border between labels whose normals are not used.
+const BORDER: usize = 2;
 
 /// Frames per thread between two progress reports.
 const TOGETHER: usize = 2;
@@ -61,7 +64,26 @@ pub(super) fn observe(
         return Ok(Err(Skipped::NoBorder { frame }));
     }
     let camera = capture.camera();
-    Ok(Ok(prepared(camera, frame, transforms, &mask, capture.normals(frame)?, params)))
+    let mut normals = capture.normals(frame)?;
+    let labels = capture.label_image(frame)?;
+    for (i, n) in normals.iter_mut().enumerate() {
+        if is_beside_another_label(&labels, camera.width(), i) {
+            *n = [0.0; 3];
+        }
+    }
+    Ok(Ok(prepared(camera, frame, transforms, &mask, normals, params)))
+}
+
+/// Whether a pixel of the person lies within [`BORDER`] pixels of one with another label. A hem steps down to
+/// what is below it, which normals do not show: taken as they are on both its sides, they would draw the one in
+/// and the other out.
+fn is_beside_another_label(labels: &[u8], width: usize, i: usize) -> bool {
+    let (x, y, own) = (i % width, i / width, labels[i]);
+    let rows = y.saturating_sub(BORDER)..(y + BORDER + 1).min(labels.len() / width);
+    let columns = x.saturating_sub(BORDER)..(x + BORDER + 1).min(width);
+    let differs = |label: &u8| *label != own && *label != BACKGROUND;
+    own != BACKGROUND
+        && rows.into_iter().any(|v| labels[v * width..][columns.clone()].iter().any(differs))
 }
 
 /// Reads the frames that the surface did not skip, in order.
@@ -110,4 +132,24 @@ pub(super) fn prepared(
         *n = [world.x as f32, world.y as f32, world.z as f32];
     }
     Observation { frame, transforms, outside, normals }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_beside_a_border_of_labels_are_found_and_those_beside_the_background_are_not() {
+        // Background, then five columns of one label and five of another, in three rows.
+        let row = [0, 0, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2];
+        let labels: Vec<u8> = row.repeat(3);
+        let found: Vec<usize> =
+            (0..12).filter(|i| is_beside_another_label(&labels, 12, 12 + i)).collect();
+        assert_eq!(found, [5, 6, 7, 8]);
+        // A speck of another label in the corner.
+        let mut labels = vec![1; 36];
+        labels[0] = 3;
+        let found = (0..36).filter(|i| is_beside_another_label(&labels, 12, *i)).count();
+        assert_eq!(found, 9);
+    }
 }
