@@ -23,6 +23,16 @@ const BORDER: usize = 2;
 /// Frames per thread between two progress reports.
 const TOGETHER: usize = 2;
 
+/// Which normals of a frame are used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Normals {
+    /// All: each is of a place of its own.
+    All,
+    /// Those that are not beside a border of labels: a hem steps down to what is below it, which normals do
+    /// not show. Taken for those of triangles, they would draw the one in and the other out.
+    WithinLabels,
+}
+
 /// A usable frame.
 pub(super) struct Observation {
     /// Its index in the capture.
@@ -50,7 +60,7 @@ pub(super) fn observe(
     capture: &Capture,
     skeleton: &Skeleton,
     frame: usize,
-    params: &SurfaceParams,
+    (used, params): (Normals, &SurfaceParams),
 ) -> Result<Result<Observation, Skipped>, ReconstructError> {
     let transforms = skeleton
         .transforms(capture.pose(frame))
@@ -65,18 +75,18 @@ pub(super) fn observe(
     }
     let camera = capture.camera();
     let mut normals = capture.normals(frame)?;
-    let labels = capture.label_image(frame)?;
-    for (i, n) in normals.iter_mut().enumerate() {
-        if is_beside_another_label(&labels, camera.width(), i) {
-            *n = [0.0; 3];
+    if used == Normals::WithinLabels {
+        let labels = capture.label_image(frame)?;
+        for (i, n) in normals.iter_mut().enumerate() {
+            if is_beside_another_label(&labels, camera.width(), i) {
+                *n = [0.0; 3];
+            }
         }
     }
     Ok(Ok(prepared(camera, frame, transforms, &mask, normals, params)))
 }
 
-/// Whether a pixel of the person lies within [`BORDER`] pixels of one with another label. A hem steps down to
-/// what is below it, which normals do not show: taken as they are on both its sides, they would draw the one in
-/// and the other out.
+/// Whether a pixel of the person lies within [`BORDER`] pixels of one with another label.
 fn is_beside_another_label(labels: &[u8], width: usize, i: usize) -> bool {
     let (x, y, own) = (i % width, i / width, labels[i]);
     let rows = y.saturating_sub(BORDER)..(y + BORDER + 1).min(labels.len() / width);
@@ -91,7 +101,7 @@ pub(super) fn observe_used(
     capture: &Capture,
     skeleton: &Skeleton,
     skipped: &[Skipped],
-    params: &SurfaceParams,
+    (used, params): (Normals, &SurfaceParams),
     monitor: &mut dyn Monitor,
 ) -> Result<Vec<Observation>, ReconstructError> {
     let left_out: Vec<usize> = skipped.iter().map(Skipped::frame).collect();
@@ -100,7 +110,7 @@ pub(super) fn observe_used(
     for group in numbers.chunks(TOGETHER * rayon::current_num_threads()) {
         progress::report(monitor, "read", (group[0], capture.len()), None)?;
         let seen: Vec<_> =
-            group.par_iter().map(|k| observe(capture, skeleton, *k, params)).collect();
+            group.par_iter().map(|k| observe(capture, skeleton, *k, (used, params))).collect();
         for frame in seen {
             // Frames that the surface could not use are skipped here, too.
             frames.extend(frame?);

@@ -8,7 +8,7 @@ use super::*;
 use crate::capture::SKIN;
 use crate::capture::synth::{BODY, SynthParams, TRUTH, synth};
 use crate::reconstruct::canonical::{FloodedField, carried_weights, largest_piece};
-use crate::reconstruct::observe::{Observation, observe_used};
+use crate::reconstruct::observe::{Normals, Observation, observe_used};
 use crate::reconstruct::{fit_surface, posed};
 use if_body::TemplateBody;
 use if_body::mannequin::{Garment, MannequinParams};
@@ -83,7 +83,7 @@ impl Small {
     fn frames(&self) -> Vec<Observation> {
         let (skeleton, skipped) = (&self.template.skeleton, &self.surface.report.skipped);
         let read = SurfaceParams::default();
-        observe_used(&self.capture, skeleton, skipped, &read, &mut Silent).unwrap()
+        observe_used(&self.capture, skeleton, skipped, (Normals::All, &read), &mut Silent).unwrap()
     }
 
     /// Mean distance of the clothes as they are from a mesh moved by `offsets` in each frame, in
