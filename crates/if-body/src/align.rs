@@ -1,7 +1,8 @@
 //! Alignment: transfers garments from one body to another.
 //!
-//! Garments are in the canonical pose of the body that they were made on. A [`BodyMap`] holds sites all over the source body with their positions on the
-//! target body, and interpolates their offsets at any point near the body:
+//! Garments are in the canonical pose of the body that they were made on. A [`BodyMap`] holds sites
+//! all over the source body with their positions on the target body, and interpolates their offsets
+//! at any point near the body:
 //!
 //! ```text
 //! y = x + u(x),   u(x) = Σ gᵢ (tᵢ − sᵢ) / Σ gᵢ      over the k sites sᵢ nearest to x

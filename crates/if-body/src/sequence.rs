@@ -161,7 +161,8 @@ impl BodySequence {
 fn check_order(folder: &Path, files: &[PathBuf]) -> Result<(), SequenceError> {
     let stem = |path: &PathBuf| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     for two in files.windows(2) {
-        let [a, b] = [&two[0], &two[1]].map(|path| parts(&stem(path)));
+        let stems = [&two[0], &two[1]].map(stem);
+        let [a, b] = [&stems[0], &stems[1]].map(|stem| parts(stem));
         if a.0 == b.0 && a.1 >= b.1 {
             let name = |path: &PathBuf| {
                 path.file_name().unwrap_or_default().to_string_lossy().into_owned()
@@ -178,8 +179,11 @@ fn check_order(folder: &Path, files: &[PathBuf]) -> Result<(), SequenceError> {
 }
 
 /// A name with `0` for each of its numbers, and these.
-fn parts(name: &str) -> (String, Vec<u128>) {
-    let numbers = name.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok());
+///
+/// A number is its digits without leading zeros, the longer the larger: it may have any number of them.
+fn parts(name: &str) -> (String, Vec<(usize, &str)>) {
+    let numbers = name.split(|c: char| !c.is_ascii_digit()).filter(|n| !n.is_empty());
+    let numbers = numbers.map(|n| n.trim_start_matches('0')).map(|n| (n.len(), n));
     let mut text = String::new();
     for c in name.chars().map(|c| if c.is_ascii_digit() { '0' } else { c }) {
         if c != '0' || !text.ends_with('0') {
@@ -244,9 +248,14 @@ mod tests {
         std::fs::write(&twin, "").unwrap();
         assert!(matches!(open(), Err(SequenceError::Twice { .. })));
         std::fs::remove_file(&twin).unwrap();
-        for (first, second, is_right) in
-            [("a10_body", "a9_body", false), ("1a", "a1", true), ("b1_2", "b1_10", false)]
-        {
+        // More digits than any integer has.
+        let [long, longer] = ["8", "9"].map(|last| format!("{}{last}", "7".repeat(50)));
+        for (first, second, is_right) in [
+            ("a10_body", "a9_body", false),
+            ("1a", "a1", true),
+            ("b1_2", "b1_10", false),
+            (&long, &longer, true),
+        ] {
             let files = [first, second].map(|n| PathBuf::from(format!("{n}.ply")));
             let mut files = files.to_vec();
             files.sort();

@@ -40,7 +40,6 @@ use if_pipeline::animate::{
 };
 use miette::{IntoDiagnostic, Report};
 use serde_json::json;
-use std::collections::HashSet;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::ops::Range;
@@ -201,16 +200,14 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
                 let folders = (&staging, args.out.as_path());
                 names.push(gltf::write(outfit, (&animation.frames, rate), folders)?);
             }
-            names.extend(planned.meshes.iter().flatten().cloned());
-            write_meshes(spec, &files, (&animation.frames, &planned.meshes), (&staging, args))
+            let frames = (&animation.frames, &planned.meshes[..]);
+            names.extend(write_meshes(spec, &files, frames, (&staging, args))?);
+            Ok(())
         });
     match written {
         Err(_) if cancel::is_requested() => return Ok(cancel::end(args.out.display())),
         written => written?,
     }
-    // Several layers may be in one file.
-    let mut seen = HashSet::new();
-    names.retain(|name| seen.insert(name.clone()));
     if args.pictures {
         line.message("drawing");
         let folders = (&staging, args.out.as_path());
@@ -339,13 +336,15 @@ fn write_caches(
     Ok(())
 }
 
-/// Writes each layer of each frame, under these `names`, with the attributes of its file.
+/// Writes each layer of each frame, under these `names`, with the attributes of its file. Returns the names of
+/// the files, of which one may hold several layers.
 fn write_meshes(
     spec: &OutfitSpec,
     files: &OutfitFiles,
     (frames, names): (&Frames, &[Vec<String>]),
     (staging, args): (&Staging, &Options),
-) -> Result<(), Report> {
+) -> Result<Vec<String>, Report> {
+    let mut written = Vec::new();
     for (frame, names) in names.iter().enumerate() {
         let all = frames.layers(frame).map_err(|source| AnimateFault::Animate { source })?;
         let mut by_file: Vec<(&LayerSpec, &String, Vec<LayerInFile<'_>>)> = Vec::new();
@@ -363,10 +362,11 @@ fn write_meshes(
             std::fs::create_dir_all(folder)
                 .map_err(|source| OutputError::Folder { path: args.out.join(name), source })?;
             write_meshes_of_file(&layers, &path, &args.out.join(name))?;
+            written.push(name.clone());
         }
         cancel::check().into_diagnostic()?;
     }
-    Ok(())
+    Ok(written)
 }
 
 /// A layer of a file, and its positions in a frame.

@@ -64,10 +64,10 @@ pub(crate) fn run(
     }
     drop(reading);
     let staging = Staging::open(out)?;
-    let files = bodies.with_body(spec, files);
     let mut timings = Timings { read: start.elapsed().as_secs_f64(), ..Default::default() };
 
     let resolving = trace_span!("resolving").entered();
+    let files = bodies.with_body(spec, files);
     let (resolved, unresolved) = match files.resolve(&spec.params, &mut line) {
         Ok(resolved) => (resolved, None),
         Err(FilesError::Unresolved { unresolved, result }) => {

@@ -1,4 +1,4 @@
-//! A bent arm, for tests.
+//! An arm, for tests.
 
 use crate::skin_weights::SkinWeights;
 use if_core::math::{Point, Real};

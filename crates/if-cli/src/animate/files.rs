@@ -4,6 +4,7 @@
 use super::{MESHES, Options, REPORT, gltf, page, pictures};
 use crate::outfit_file::{LayerSpec, OutfitSpec};
 use crate::output_error::OutputError;
+use std::collections::HashSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -12,8 +13,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct Names {
     /// The point cache of each layer.
     pub(super) caches: Vec<String>,
-    /// The meshes, if they are asked for: for each frame those of all layers, of which several may be in one
-    /// file.
+    /// The meshes, if they are asked for: for each frame that of each layer. One file may hold several.
     pub(super) meshes: Vec<Vec<String>>,
     others: Vec<String>,
 }
@@ -100,13 +100,14 @@ impl Stale {
         let report = fs::read(args.out.join(REPORT)).unwrap_or_default();
         let report: serde_json::Value = serde_json::from_slice(&report).unwrap_or_default();
         let listed = report["outputs"].as_array().into_iter().flatten().filter_map(|n| n.as_str());
-        let inputs = inputs(spec, args);
+        let (inputs, new) = (inputs(spec, args), names.iter().map(String::as_str));
+        let new: HashSet<&str> = new.collect();
         // What a report names is not trusted: it may be anybody's.
         let ours = |name: &&str| {
             let parts: Vec<&str> = name.split(['/', '\\']).collect();
             (parts.len() == 1 || parts[0] == MESHES) && !parts.contains(&"..")
         };
-        let old = listed.filter(|name| !names.iter().any(|n| n == name)).filter(ours);
+        let old = listed.filter(|name| !new.contains(name)).filter(ours);
         let path = |name: &str| args.out.join(name);
         Self(old.map(path).filter(|path| named(&inputs, path).is_none()).collect())
     }

@@ -61,7 +61,8 @@ impl ResolvedFiles {
     }
 
     /// Writes a body that was drawn back to `path`, whole or not at all, with all attributes of its
-    /// file; garments that are nodes of that file are where they are now, too. Does nothing if [`ResolvedFiles::drawn_back_file_name`] is `None`.
+    /// file; garments that are nodes of that file are where they are now, too. Does nothing if
+    /// [`ResolvedFiles::drawn_back_file_name`] is `None`.
     ///
     /// # Errors
     ///
