@@ -5,11 +5,13 @@
 
 Every capture has 24 pictures of 256 x 256, the template's bones off by 2 %, its girth by 10 mm, normals by 10 degrees, the camera by
 0.5 degrees; labels and masks as noisy as by default. For each garment the mean distance in mm of its vertices from the truth's surface,
-which no template is off: so the error of the template's shape is part of it. After the stroke its roughness: the mean angle in degrees
-between the two triangles at an edge, weighted by the edge's length. Needs: pip install numpy trimesh rtree scipy
+which no template is off: so the error of the template's shape is part of it. After a stroke its roughness: the mean angle in degrees
+between the two triangles at an edge, weighted by the edge's length; then the median distance in mm from the truth's hems to its own, by
+vertices. Needs: pip install numpy trimesh rtree scipy
 """
 import argparse, json, os, subprocess, sys, tempfile, time
 import numpy as np, trimesh
+from scipy.spatial import cKDTree
 
 NOISE = "--shape-noise 2,10 --normal-noise 10 --camera-noise 0.5".split()
 
@@ -47,7 +49,7 @@ def judged(ifg, outfit, poses, seed):
             if os.path.exists(found):
                 mesh = trimesh.load(found, process=False)
                 distance = 1e3 * np.mean(trimesh.proximity.closest_point(truth, mesh.vertices)[1])
-                garments.append(f"{name}={distance:.1f}/{roughness(mesh):.1f}")
+                garments.append(f"{name}={distance:.1f}/{roughness(mesh):.1f}/{hems(truth, mesh):.1f}")
             else:
                 garments.append(f"{name}=missing")
         silhouette = json.loads(done.stdout)["poses"]["held_out"]["silhouette_mm"]
@@ -58,6 +60,16 @@ def roughness(mesh):
     edges = mesh.vertices[mesh.face_adjacency_edges]
     lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
     return np.degrees(np.average(mesh.face_adjacency_angles, weights=lengths))
+
+
+def hems(truth, mesh):
+    ours, theirs = (m.vertices[boundary(m)] for m in (mesh, truth))
+    return 1e3 * np.median(cKDTree(ours).query(theirs)[0])
+
+
+def boundary(mesh):
+    edges, count = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
+    return np.unique(edges[count == 1])
 
 
 if __name__ == "__main__":

@@ -32,6 +32,7 @@ pub mod conformance;
 pub mod distance;
 pub mod edges;
 pub mod field;
+pub mod geodesic;
 pub mod intersect;
 pub mod masked;
 pub mod math;

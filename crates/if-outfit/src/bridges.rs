@@ -4,8 +4,8 @@
 //! another along the skin and both on the garment's inner side. The middle of that way along the
 //! skin is the *junction*, in the crotch or the armpit.
 
-use crate::geodesic::Neighbours;
 use if_core::edges::Edges;
+use if_core::geodesic::Neighbours;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_mesh::index::Bvh;

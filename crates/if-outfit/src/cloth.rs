@@ -2,10 +2,10 @@
 
 use crate::contact_groups::ContactGroups;
 use crate::elastic_groups::ElasticGroups;
-use crate::geodesic::Neighbours;
 use crate::outfit::Layer;
 use crate::params::ResolveParams;
 use if_core::edges::Edges;
+use if_core::geodesic::Neighbours;
 use if_core::math::{Point, Real, Vector};
 use if_mesh::index::Bvh;
 use if_mesh::solid::ClosedLayer;

@@ -12,10 +12,10 @@
 //! move each vertex as the nearest place in the triangles round its seed and round the neighbours of that
 //! ```
 
-use crate::geodesic::Neighbours;
 use crate::outfit::Layer;
 use if_core::closest::closest_on_triangle;
 use if_core::edges::{Edges, NONE};
+use if_core::geodesic::Neighbours;
 use if_core::math::{Point, Real, Vector, barycentric_point};
 use if_core::mesh::TriMesh;
 use if_core::rows::Rows;

@@ -15,7 +15,6 @@
 //! ```
 
 use crate::dressing::{Dressed, Dressing};
-use crate::geodesic::Neighbours;
 use crate::outfit::Layer;
 use crate::params::{Method, Tuck};
 use crate::progress::GarmentProgress;
@@ -23,6 +22,7 @@ use crate::settle::{Settings, Settled, settle};
 use crate::upper_layers::{UpperLayer, UpperLayers, covered};
 use crate::workpiece::SettleError;
 use if_core::edges::Edges;
+use if_core::geodesic::Neighbours;
 use if_core::math::Real;
 use if_mesh::solid::ClosedLayer;
 use std::ops::Range;

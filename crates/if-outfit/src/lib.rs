@@ -25,7 +25,6 @@ mod elastic_groups;
 mod facing_sheets;
 pub mod files;
 mod findings;
-mod geodesic;
 mod giving_way;
 mod incremental_verification;
 mod layer_fields;

@@ -10,9 +10,9 @@
 
 use crate::bridges::bridges;
 use crate::findings::Findings;
-use crate::geodesic::Neighbours;
 use crate::outfit::Outfit;
 use if_core::edges::Edges;
+use if_core::geodesic::Neighbours;
 use if_core::math::{Point, Real};
 use if_mesh::index::Bvh;
 use if_mesh::solid::ClosedLayer;

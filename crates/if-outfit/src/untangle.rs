@@ -24,11 +24,11 @@ pub(crate) use kept::kept;
 pub(crate) use settled::untangle_settled;
 
 use crate::findings::new_pairs;
-use crate::geodesic::Neighbours;
 use crate::outfit::Layer;
 use crate::params::ResolveParams;
 use contours::{Contour, Way};
 use if_core::edges::Edges;
+use if_core::geodesic::Neighbours;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Cancelled;

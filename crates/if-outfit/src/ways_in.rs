@@ -6,11 +6,11 @@
 //! the armpit instead, and draw the cloth beside them along.
 
 use crate::bridges::{Bridge, bridges, way_to};
-use crate::geodesic::Neighbours;
 use crate::obstacle::{HOPELESS, Obstacle};
 use crate::outfit::Outfit;
 use crate::way::Way;
 use if_core::edges::Edges;
+use if_core::geodesic::Neighbours;
 use if_core::math::{Point, Real, unit_or_zero};
 use if_mesh::index::Bvh;
 use if_mesh::solid::ClosedLayer;

@@ -14,9 +14,9 @@
 //!     sideways of it, and those that lie outside beyond the limb, under the garment
 //! ```
 
-use crate::geodesic::Neighbours;
 use crate::repair::is_clear;
 use crate::way::Way;
+use if_core::geodesic::Neighbours;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_mesh::index::Bvh;
 use if_mesh::solid::ClosedLayer;

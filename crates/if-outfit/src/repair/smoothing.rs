@@ -6,9 +6,9 @@
 //! neighbours on one side, and contacts and cloth settle from there.
 
 use super::{Repair, is_clear};
-use crate::geodesic::Neighbours;
 use crate::progress::GarmentProgress;
 use crate::workpiece::{Scene, SettleError, Workpiece};
+use if_core::geodesic::Neighbours;
 use if_core::math::{Point, Real, Vector};
 use rayon::prelude::*;
 use std::collections::BTreeSet;

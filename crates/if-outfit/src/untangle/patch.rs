@@ -3,11 +3,11 @@
 use super::contours::{Contour, Way, normal};
 use crate::cloth::{quasi_static, step};
 use crate::elastic_groups::ElasticGroups;
-use crate::geodesic::Neighbours;
 use crate::outfit::Layer;
 use crate::params::ResolveParams;
 use crate::separating_plane::least_motion_plane;
 use if_core::edges::Edges;
+use if_core::geodesic::Neighbours;
 use if_core::math::{Point, Real, Vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::monitor::Cancelled;

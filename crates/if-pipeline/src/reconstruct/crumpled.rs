@@ -1,12 +1,11 @@
 //! Crumpled places of the canonical mesh, laid smooth.
 
+use super::embedded;
 use super::fair::to_mean;
 use if_core::edges::Edges;
 use if_core::math::{Point, Real, Vector, area_vector, unit_or_zero};
 use if_core::mesh::TriMesh;
 use if_core::rows::Rows;
-use if_mesh::index::Bvh;
-use if_mesh::intersections::own_pairs;
 use rayon::prelude::*;
 
 /// Mean angle, weighted by area, between a vertex's triangles and the smoothed normal there beyond
@@ -21,8 +20,6 @@ const PASSES: usize = 10;
 const SHARE: Real = 0.5;
 /// Rings round crumpled vertices that move with them, by half of that.
 const RINGS: usize = 2;
-/// Times that a vertex goes half of the way back before it goes all of it.
-const TURNS: usize = 4;
 /// Rounds over which the normals of vertices are smoothed.
 const NORMAL_ROUNDS: usize = 3;
 
@@ -33,14 +30,12 @@ const NORMAL_ROUNDS: usize = 3;
 /// ```text
 /// repeat: crumpled ← mean angle of the triangles at a vertex to the normals around > 20°
 ///         Laplacian passes there, and with half the weight over two rings
-/// where triangles meet that did not: they and those around go half of the way back, in the end all
 /// ```
 ///
-/// An embedded mesh stays one.
+/// An embedded mesh stays one ([`embedded::moved`]).
 pub(super) fn smoothed(mesh: &TriMesh) -> TriMesh {
     let neighbours = Edges::new(mesh).neighbours(mesh.vertices().len());
-    let start = mesh.vertices();
-    let mut x = start.to_vec();
+    let mut x = mesh.vertices().to_vec();
     for _ in 0..ROUNDS {
         let weights = weights(mesh.triangles(), &x, &neighbours);
         for _ in 0..PASSES {
@@ -54,27 +49,7 @@ pub(super) fn smoothed(mesh: &TriMesh) -> TriMesh {
                 .collect();
         }
     }
-    let mut turns = vec![0; x.len()];
-    loop {
-        let moved = mesh.with_vertices(x.clone()).expect("means of positions are finite");
-        let pairs = own_pairs(&moved, &Bvh::new(&moved));
-        let moving = |v: &u32| x[*v as usize] != start[*v as usize];
-        let corners = pairs.iter().flat_map(|p| [p.a, p.b]);
-        let corners = corners.flat_map(|t| mesh.triangles()[t as usize]);
-        let met: Vec<u32> = corners.filter(moving).collect();
-        if met.is_empty() {
-            return moved;
-        }
-        let mut back: Vec<u32> =
-            met.iter().flat_map(|v| neighbours.of(*v as usize)).copied().collect();
-        back.extend(met);
-        back.sort_unstable();
-        back.dedup();
-        for v in back.into_iter().map(|v| v as usize) {
-            turns[v] += 1;
-            x[v] = if turns[v] < TURNS { nalgebra::center(&x[v], &start[v]) } else { start[v] };
-        }
-    }
+    embedded::moved(mesh, &neighbours, x)
 }
 
 /// For each vertex 1 if it is crumpled, a half near such a vertex, else 0.
@@ -123,6 +98,8 @@ fn weights(triangles: &[[u32; 3]], x: &[Point], neighbours: &Rows<u32>) -> Vec<R
 mod tests {
     use super::*;
     use if_core::shapes::meshes;
+    use if_mesh::index::Bvh;
+    use if_mesh::intersections::own_pairs;
 
     #[test]
     fn what_is_smooth_stays_and_what_is_crumpled_is_laid_smooth() {

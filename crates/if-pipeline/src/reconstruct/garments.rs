@@ -2,6 +2,7 @@
 
 use super::error::ReconstructError;
 use super::frames::posed;
+use super::hems;
 use super::motion::MeshMotion;
 use super::progress;
 use super::underside::Underside;
@@ -106,8 +107,8 @@ impl std::fmt::Debug for ClothedPerson<'_> {
     }
 }
 
-/// Labels a canonical mesh by votes of all frames, cuts it along the borders of the labels, and
-/// cleans the pieces.
+/// Labels a canonical mesh by votes of all frames, cuts it along the borders of the labels, cleans the
+/// pieces, and lays their hems straight.
 ///
 /// Stages: `garments`, a step for each frame and garment, and those of [`smooth_labels`] and
 /// [`cleanup`].
@@ -182,7 +183,7 @@ pub fn find_garments(
     Ok(found)
 }
 
-/// Cleans the piece of a garment; `None` if nothing of it remains.
+/// Cleans the piece of a garment, and lays its hems straight; `None` if nothing of it remains.
 fn cleaned(
     (name, label): (&str, u8),
     person: &ClothedPerson,
@@ -202,7 +203,7 @@ fn cleaned(
     }
     let ply = PlyMesh {
         vertex_properties: clean.attributes.into_properties(),
-        ..PlyMesh::new(clean.mesh)
+        ..PlyMesh::new(hems::straightened(&clean.mesh))
     };
     let skin = SkinWeights::from_ply(&ply, person.skeleton.len())
         .map_err(|source| ReconstructError::GarmentSkin { name: name.into(), source })?;

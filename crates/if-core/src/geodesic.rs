@@ -1,23 +1,31 @@
 //! How far along the surface every vertex is from a set of vertices.
 
-use if_core::edges::Edges;
-use if_core::math::{Point, Real};
-use if_core::rows::Rows;
+use crate::edges::Edges;
+use crate::math::{Point, Real};
+use crate::rows::Rows;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 /// The edges of a mesh as neighbours of each vertex, with their lengths.
-pub(crate) struct Neighbours(Rows<(u32, Real)>);
+#[derive(Clone, Debug)]
+pub struct Neighbours(Rows<(u32, Real)>);
 
 /// Parts of a mesh, each of the vertices that are nearest to one of some seeds along edges.
-pub(crate) struct Cells {
-    pub(crate) seeds: Vec<u32>,
+#[derive(Clone, Debug)]
+pub struct Cells {
+    /// The vertices that the parts are around.
+    pub seeds: Vec<u32>,
     /// For each vertex the number of its seed.
-    pub(crate) of: Vec<u32>,
+    pub of: Vec<u32>,
 }
 
 impl Neighbours {
-    pub(crate) fn new(edges: &Edges, x: &[Point]) -> Self {
+    /// Those of `edges` with vertices at `x`.
+    ///
+    /// # Panics
+    ///
+    /// If an edge names a vertex that `x` has not.
+    pub fn new(edges: &Edges, x: &[Point]) -> Self {
         let both = edges.vertices.iter().flat_map(|&[a, b]| {
             let length = (x[a as usize] - x[b as usize]).norm();
             [(a, (b, length)), (b, (a, length))]
@@ -26,17 +34,13 @@ impl Neighbours {
     }
 
     /// The neighbours of vertex `v`, and how far along the edge they are, in metres.
-    pub(crate) fn of(&self, v: u32) -> &[(u32, Real)] {
+    pub fn of(&self, v: u32) -> &[(u32, Real)] {
         self.0.of(v as usize)
     }
 
     /// Length of the shortest path along edges from any of `sources` to every vertex, in metres;
     /// infinite where it is longer than `limit`.
-    pub(crate) fn distances(
-        &self,
-        sources: impl IntoIterator<Item = u32>,
-        limit: Real,
-    ) -> Vec<Real> {
+    pub fn distances(&self, sources: impl IntoIterator<Item = u32>, limit: Real) -> Vec<Real> {
         let mut distance = vec![Real::INFINITY; self.0.len()];
         let mut queue = BinaryHeap::new();
         for v in sources {
@@ -60,7 +64,7 @@ impl Neighbours {
 
     /// Cells round seeds: of the vertices in this `order`, those that are farther than `radius` metres
     /// along edges from all seeds before them. `order` has every vertex.
-    pub(crate) fn cells(&self, order: impl IntoIterator<Item = u32>, radius: Real) -> Cells {
+    pub fn cells(&self, order: impl IntoIterator<Item = u32>, radius: Real) -> Cells {
         let mut distance = vec![Real::INFINITY; self.0.len()];
         let mut cells = Cells { seeds: Vec::new(), of: vec![0; self.0.len()] };
         let mut queue = BinaryHeap::new();
@@ -89,7 +93,7 @@ impl Neighbours {
     }
 
     /// The vertex in the middle of the shortest path along edges; `None` if there is no path.
-    pub(crate) fn middle_of_path(&self, from: u32, to: u32) -> Option<u32> {
+    pub fn middle_of_path(&self, from: u32, to: u32) -> Option<u32> {
         let mut reached = vec![(Real::INFINITY, from); self.0.len()];
         let mut queue = BinaryHeap::from([Entry(0.0, from)]);
         reached[from as usize].0 = 0.0;
@@ -137,7 +141,7 @@ impl PartialOrd for Entry {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_core::mesh::TriMesh;
+    use crate::mesh::TriMesh;
 
     #[test]
     fn distances_run_along_edges_and_stop_at_the_limit() {
