@@ -10,6 +10,7 @@ use crate::asset::LayerHint;
 use crate::capture::{Capture, FIRST_GARMENT};
 use if_body::{Skeleton, SkinWeights};
 use if_core::field::SignedDistance;
+use if_core::math::Real;
 use if_core::mesh::TriMesh;
 use if_core::monitor::Monitor;
 use if_mesh::attributes::{Source, VertexAttributes};
@@ -19,6 +20,12 @@ use if_mesh::labels::{
     CutParams, Look, Piece, SmoothLabelParams, VoteParams, VoteReport, Voter, cut, smooth_labels,
 };
 use if_mesh::ply::PlyMesh;
+
+/// Least area of a hand beyond its cuff, in square metres. Of a sweater of 1 m², adults' hands have
+/// 0.03 to 0.04, a child's half of that, and the largest hole at an armpit 0.005.
+const HAND: Real = 0.012;
+/// Least length of an opening, in metres: a cuff of 4 cm across.
+const CUFF: Real = 0.13;
 
 /// Parameters of [`find_garments`].
 #[derive(Clone, Debug, Default)]
@@ -191,7 +198,8 @@ fn cleaned(
     params: &CleanupParams,
     monitor: &mut dyn Monitor,
 ) -> Result<Option<Garment>, ReconstructError> {
-    let params = CleanupParams { openings: openings_of(name, person.mesh), ..params.clone() };
+    let params =
+        CleanupParams { openings: openings_of(name, person.mesh, piece.area()), ..params.clone() };
     let clean = cleanup(piece, carried, Some(person.field), &params, monitor).map_err(
         |source| match source {
             CleanupError::Cancelled(cancelled) => ReconstructError::Cancelled(cancelled),
@@ -211,21 +219,22 @@ fn cleaned(
     Ok(Some(Garment { name, label, mesh, skin, phi: None, cleanup }))
 }
 
-/// The policy that decides which boundary loops of the garment `name`, cut out of `body`, are
-/// openings and stay open: those that
+/// The policy that decides which boundary loops of the garment `name` of this area, cut out of `body`,
+/// are openings and stay open: those that
 ///
 /// - bound a large part of the rest of the body ([`Complement`]): islands of other labels within a
-///   garment are holes, and so are unseen patches;
-/// - are wide enough ([`Openings::default`]): where two garments meet, the extracted surface may
-///   have a tunnel of one cell, whose section bounds the other garment like a hem, but is only 2 cm
-///   long;
+///   garment are holes, and so are unseen patches. A hand is large, however large the coat;
+/// - are as long as a cuff: where two garments meet, the extracted surface may have a tunnel of a few
+///   cells, whose section bounds the other garment like a hem. How open a loop is does not tell: where
+///   a wide sleeve is closed about the wrist, the wrist's loop lies in that lid;
 /// - are among the most open ones, as many as garments of this class have
 ///   ([`GarmentClass::most_openings`]).
 ///
 /// [`GarmentClass::most_openings`]: crate::asset::GarmentClass::most_openings
-fn openings_of(name: &str, body: &TriMesh) -> Openings {
-    let mut policies =
-        vec![Openings::Complement(Box::new(Complement::new(body.clone()))), Openings::default()];
+fn openings_of(name: &str, body: &TriMesh, area: Real) -> Openings {
+    let rest = Complement::new(body.clone());
+    let rest = Complement { least_share: rest.least_share.min(HAND / area), ..rest };
+    let mut policies = vec![Openings::Complement(Box::new(rest)), Openings::Longer(CUFF)];
     policies.extend(LayerHint::of_name(name).class.most_openings().map(Openings::Count));
     Openings::Sequence(policies)
 }
@@ -252,7 +261,7 @@ fn sources(piece: &Piece) -> Vec<Source> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_core::math::{Point, Real};
+    use if_core::math::Point;
     use if_core::monitor::Silent;
     use std::f64::consts::TAU;
 
@@ -303,7 +312,7 @@ mod tests {
         // distinguish them.
         assert_eq!(loops(Openings::Complement(Box::new(Complement::new(body.clone())))), (2, 0));
         for name in ["sweater", "thing"] {
-            assert_eq!(loops(openings_of(name, &body)), (1, 1), "{name}");
+            assert_eq!(loops(openings_of(name, &body, piece.area())), (1, 1), "{name}");
         }
     }
 }

@@ -29,6 +29,10 @@ const ELSEWHERE: Real = 0.25;
 /// Least share of the certain voxels that a joint must move most for loose clothes to hang around
 /// it.
 const HANGS: Real = 0.02;
+/// How far the fill goes on beyond the joints around which clothes hang, in metres.
+const TAPER: Real = 0.25;
+/// How thick it is at most there, in metres; it thins out by the square of the distance to its end.
+const THICK: Real = 0.1;
 /// Least certain volume, in cubic metres: a tenth of a litre. Less is noise.
 const LEAST_CERTAIN: Real = 1e-4;
 
@@ -188,8 +192,40 @@ pub(super) fn fill(
             }
         }
     }
+    taper(&lattice, &mut space);
     shut_in(&lattice, &mut space);
     Some(Filling { lattice, space, certain, joints })
+}
+
+/// Goes on beyond J, ever thinner: a fill that ended at once would leave a ledge of centimetres, which
+/// folds when the surface is drawn out to the clothes above it.
+fn taper(lattice: &Lattice, space: &mut [Space]) {
+    let height = (TAPER / lattice.cell).ceil() as usize;
+    let open = |i: usize| matches!(space[i], Space::Maybe { .. });
+    let steps = |from: Space| -> Vec<usize> {
+        let mut steps = vec![usize::MAX; space.len()];
+        let mut next: Vec<usize> = (0..space.len()).filter(|i| space[*i] == from).collect();
+        next.iter().for_each(|i| steps[*i] = 0);
+        for step in 1..=height {
+            let near: Vec<usize> = next.iter().flat_map(|i| lattice.size.neighbours(*i)).collect();
+            next.clear();
+            for i in near {
+                if open(i) && steps[i] == usize::MAX {
+                    steps[i] = step;
+                    next.push(i);
+                }
+            }
+        }
+        steps
+    };
+    let up = steps(Space::Filled);
+    let off = steps(Space::Body);
+    let thin = |i: &usize| {
+        let left = 1.0 - up[*i].min(height) as Real / height as Real;
+        open(*i) && off[*i] as Real * lattice.cell <= THICK * left * left
+    };
+    let filled: Vec<usize> = (0..space.len()).filter(thin).collect();
+    filled.into_iter().for_each(|i| space[i] = Space::Filled);
 }
 
 /// Fills voxels that are not connected to the border of the lattice.
