@@ -42,6 +42,29 @@ impl Neighbours {
     /// infinite where it is longer than `limit`.
     pub fn distances(&self, sources: impl IntoIterator<Item = u32>, limit: Real) -> Vec<Real> {
         let mut distance = vec![Real::INFINITY; self.0.len()];
+        self.spread(sources, limit, &mut distance, |_, _| {});
+        distance
+    }
+
+    /// For every vertex the source that is nearest along edges, and how far it is, in metres: infinite
+    /// where that is farther than `limit`.
+    pub fn nearest(&self, sources: impl IntoIterator<Item = u32>, limit: Real) -> Vec<(Real, u32)> {
+        let mut distance = vec![Real::INFINITY; self.0.len()];
+        let mut source: Vec<u32> = (0..self.0.len() as u32).collect();
+        let pass = |from: u32, to: u32| source[to as usize] = source[from as usize];
+        self.spread(sources, limit, &mut distance, pass);
+        distance.into_iter().zip(source).collect()
+    }
+
+    /// Shortens distances by paths from `sources`, no longer than `limit`, and tells over which
+    /// vertex each vertex was reached, perhaps several times: the last time counts.
+    fn spread(
+        &self,
+        sources: impl IntoIterator<Item = u32>,
+        limit: Real,
+        distance: &mut [Real],
+        mut reached: impl FnMut(u32, u32),
+    ) {
         let mut queue = BinaryHeap::new();
         for v in sources {
             distance[v as usize] = 0.0;
@@ -55,11 +78,11 @@ impl Neighbours {
                 let far = d + length;
                 if far <= limit && far < distance[u as usize] {
                     distance[u as usize] = far;
+                    reached(v, u);
                     queue.push(Entry(far, u));
                 }
             }
         }
-        distance
     }
 
     /// Cells round seeds: of the vertices in this `order`, those that are farther than `radius` metres
@@ -67,27 +90,15 @@ impl Neighbours {
     pub fn cells(&self, order: impl IntoIterator<Item = u32>, radius: Real) -> Cells {
         let mut distance = vec![Real::INFINITY; self.0.len()];
         let mut cells = Cells { seeds: Vec::new(), of: vec![0; self.0.len()] };
-        let mut queue = BinaryHeap::new();
         for seed in order {
             if distance[seed as usize].is_finite() {
                 continue;
             }
             let cell = cells.seeds.len() as u32;
             cells.seeds.push(seed);
-            (distance[seed as usize], cells.of[seed as usize]) = (0.0, cell);
-            queue.push(Entry(0.0, seed));
-            while let Some(Entry(d, v)) = queue.pop() {
-                if d > distance[v as usize] {
-                    continue;
-                }
-                for &(u, length) in self.of(v) {
-                    let far = d + length;
-                    if far <= radius && far < distance[u as usize] {
-                        (distance[u as usize], cells.of[u as usize]) = (far, cell);
-                        queue.push(Entry(far, u));
-                    }
-                }
-            }
+            cells.of[seed as usize] = cell;
+            let join = |_, u: u32| cells.of[u as usize] = cell;
+            self.spread([seed], radius, &mut distance, join);
         }
         cells
     }
@@ -153,6 +164,9 @@ mod tests {
         let d = near.distances([0], 1.9);
         assert_eq!(&d[..4], &[0.0, 1.0, 1.0, Real::INFINITY]);
         assert_eq!(near.distances([0, 5], 10.0)[5], 0.0);
+        let sources: Vec<u32> = near.nearest([0, 5], 1.9).iter().map(|(_, s)| *s).collect();
+        assert_eq!(sources, [0, 0, 0, 5, 5, 5]);
+        assert_eq!(near.nearest([0], 1.0)[4], (Real::INFINITY, 4));
         assert!(near.distances([], 10.0).iter().all(|d| d.is_infinite()));
         assert_eq!((near.middle_of_path(0, 4), near.middle_of_path(3, 3)), (Some(2), Some(3)));
         let apart = Neighbours::new(&Edges::new(&mesh), &[x, vec![Point::origin()]].concat());

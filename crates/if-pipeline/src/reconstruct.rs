@@ -33,6 +33,7 @@ mod garments;
 mod hems;
 mod hull;
 mod lattice;
+mod lids;
 mod loose;
 mod motion;
 mod observe;

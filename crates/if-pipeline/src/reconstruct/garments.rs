@@ -3,6 +3,7 @@
 use super::error::ReconstructError;
 use super::frames::posed;
 use super::hems;
+use super::lids;
 use super::motion::MeshMotion;
 use super::progress;
 use super::underside::Underside;
@@ -115,7 +116,7 @@ impl std::fmt::Debug for ClothedPerson<'_> {
 }
 
 /// Labels a canonical mesh by votes of all frames, cuts it along the borders of the labels, cleans the
-/// pieces, and lays their hems straight.
+/// pieces, and lays their hems straight. What closes a garment about a limb is not part of it.
 ///
 /// Stages: `garments`, a step for each frame and garment, and those of [`smooth_labels`] and
 /// [`cleanup`].
@@ -157,11 +158,15 @@ pub fn find_garments(
         }
     }
 
-    // Labels are smoothed, once more with votes against loose garments on their undersides.
-    let (votes, vote_report) = voter.finish();
+    // Labels are smoothed, once more with votes against loose garments on their undersides, and against
+    // garments on their lids.
+    let (mut votes, vote_report) = voter.finish();
     let mut scores = smooth_labels(mesh, &votes, &params.smoothness, monitor)?;
     if let Some(underside) = underside {
-        let votes = underside.voted(mesh, &votes, &scores);
+        votes = underside.voted(mesh, &votes, &scores);
+        scores = smooth_labels(mesh, &votes, &params.smoothness, monitor)?;
+    }
+    if let Some(votes) = lids::outvoted(mesh, &votes, &scores) {
         scores = smooth_labels(mesh, &votes, &params.smoothness, monitor)?;
     }
     let labels = scores.winners();

@@ -62,9 +62,7 @@ impl Underside {
         for v in patches(mesh, unseen) {
             // Label 0 means unknown.
             let other = (1..votes.labels).filter(|l| !self.loose[*l]);
-            if let Some(best) =
-                other.max_by(|a, b| scores.of(v)[*a].total_cmp(&scores.of(v)[*b]).then(b.cmp(a)))
-            {
+            if let Some(best) = scores.best_of(v, other) {
                 out.weights[row(v).start + best] += VOTE;
             }
         }
