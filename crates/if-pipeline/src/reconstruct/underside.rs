@@ -12,8 +12,10 @@ use if_mesh::labels::{LabelScores, LabelVotes};
 /// Distance from the template beyond which a vertex is spanned by clothes, in metres: the distance
 /// over which weights blend to those of the grid.
 const SPANNED: Real = 0.03;
-/// Least votes for a vertex to count as seen: one frame that sees it well.
+/// Least votes for a vertex to count as seen: one frame that sees it well, or this share of few
+/// frames. A hand hides the side of a skirt from the frame that would see it best.
 const UNSEEN: Real = 1.0;
+const UNSEEN_SHARE: Real = 1.0 / 24.0;
 /// Least area of an unseen patch, in square metres: a square of 12 cm. Smaller ones are folds; the
 /// undersides of a dress and a skirt have 0.03 to 0.1.
 const LEAST: Real = 0.015;
@@ -28,6 +30,8 @@ pub struct Underside {
     pub spanned: Vec<bool>,
     /// Whether each label of the capture is that of a loose garment.
     pub loose: Vec<bool>,
+    /// Votes below which a vertex counts as unseen.
+    pub unseen: Real,
 }
 
 impl Underside {
@@ -44,6 +48,7 @@ impl Underside {
         Some(Self {
             spanned: near.iter().map(|(distance, _)| *distance > SPANNED).collect(),
             loose: capture.labels().iter().map(|name| filled.garments.contains(name)).collect(),
+            unseen: UNSEEN.min(UNSEEN_SHARE * capture.len() as Real),
         })
     }
 
@@ -58,7 +63,7 @@ impl Underside {
         let mut out = votes.clone();
         let row = |v: usize| v * votes.labels..(v + 1) * votes.labels;
         let unseen =
-            |v: usize| self.spanned[v] && votes.weights[row(v)].iter().sum::<Real>() < UNSEEN;
+            |v: usize| self.spanned[v] && votes.weights[row(v)].iter().sum::<Real>() < self.unseen;
         for v in patches(mesh, unseen) {
             // Label 0 means unknown.
             let other = (1..votes.labels).filter(|l| !self.loose[*l]);
@@ -109,8 +114,11 @@ mod tests {
             .unwrap();
         let along: Vec<Real> = sheet.vertices().iter().map(|p| p[axis] - low[axis]).collect();
         let unseen = |v: usize| along[v] < 0.25 || along[v] > 0.95;
-        let underside =
-            Underside { spanned: vec![true; n], loose: vec![false, false, true, false] };
+        let underside = Underside {
+            spanned: vec![true; n],
+            loose: vec![false, false, true, false],
+            unseen: 1.0,
+        };
         let votes = LabelVotes {
             labels: 4,
             weights: (0..n)
@@ -130,5 +138,8 @@ mod tests {
         }
         let seen = Underside { spanned: vec![false; n], ..underside };
         assert_eq!(seen.voted(&sheet, &votes, &scores), votes);
+        // Of few frames less is expected.
+        let few = Underside { spanned: vec![true; n], unseen: 0.1, ..seen };
+        assert_eq!(few.voted(&sheet, &votes, &scores), votes);
     }
 }
