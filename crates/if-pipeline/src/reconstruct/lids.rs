@@ -153,9 +153,10 @@ mod tests {
         let scores = LabelScores { labels: 3, scores: votes.weights.clone() };
         let out = outvoted(&mesh, &votes, &scores).unwrap();
         for (v, p) in mesh.vertices().iter().enumerate() {
-            let (r, in_lid) = (p.x.hypot(p.z), out.weights[3 * v + 1] == 1.0);
-            assert_eq!(out.weights[3 * v] + out.weights[3 * v + 1] + out.weights[3 * v + 2], 1.0);
-            assert!(in_lid || r > 0.049, "{p}");
+            let (r, row) = (p.x.hypot(p.z), &out.weights[3 * v..3 * v + 3]);
+            let in_lid = row == [0.0, VOTE, 0.0];
+            assert!(in_lid || row == &votes.weights[3 * v..3 * v + 3], "{row:?}");
+            assert!(in_lid || p.y < -0.197 || r > 0.049, "{p}");
             assert!(!in_lid || p.y < -0.19, "{p}");
         }
         assert_eq!(
