@@ -13,7 +13,7 @@ pub use report::{FrameMotion, Motion, MotionReport, MotionRound};
 
 use super::error::ReconstructError;
 use super::evidence::gather;
-use super::observe::{Normals, observe_used};
+use super::observe::observe_used;
 use super::params::SurfaceParams;
 use super::progress;
 use super::refine::{self, Observed};
@@ -66,8 +66,7 @@ pub fn fit_motion(
     read.validate()?;
     params.validate()?;
     capture.check_skeleton(skeleton)?;
-    let used = (Normals::WithinLabels, read);
-    let frames = observe_used(capture, skeleton, &surface.report.skipped, used, monitor)?;
+    let frames = observe_used(capture, skeleton, &surface.report.skipped, read, monitor)?;
     let together = TOGETHER * rayon::current_num_threads();
     let count = capture.len();
     let rest = surface.mesh.vertices();

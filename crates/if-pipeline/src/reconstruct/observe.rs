@@ -23,16 +23,6 @@ const BORDER: usize = 2;
 /// Frames per thread between two progress reports.
 const TOGETHER: usize = 2;
 
-/// Which normals of a frame are used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Normals {
-    /// All: each is of a place of its own.
-    All,
-    /// Those that are not beside a border of labels: a hem steps down to what is below it, which normals do
-    /// not show. Taken for those of triangles, they would draw the one in and the other out.
-    WithinLabels,
-}
-
 /// A usable frame.
 pub(super) struct Observation {
     /// Its index in the capture.
@@ -41,8 +31,9 @@ pub(super) struct Observation {
     pub(super) transforms: Vec<Isometry3<f64>>,
     /// Signed distance from the border of the mask, in pixels, positive outside.
     pub(super) outside: DistanceImage,
-    /// Unit normals in world space; zero where missing, or too close to the border of the mask to
-    /// be reliable.
+    /// Unit normals in world space; zero where missing, too close to the border of the mask to be
+    /// reliable, or beside a border of labels: a hem steps down to what is below it, which normals do not
+    /// show. Used, they would draw the one in and the other out.
     pub(super) normals: Vec<[f32; 3]>,
 }
 
@@ -60,7 +51,7 @@ pub(super) fn observe(
     capture: &Capture,
     skeleton: &Skeleton,
     frame: usize,
-    (used, params): (Normals, &SurfaceParams),
+    params: &SurfaceParams,
 ) -> Result<Result<Observation, Skipped>, ReconstructError> {
     let transforms = skeleton
         .transforms(capture.pose(frame))
@@ -75,12 +66,10 @@ pub(super) fn observe(
     }
     let camera = capture.camera();
     let mut normals = capture.normals(frame)?;
-    if used == Normals::WithinLabels {
-        let labels = capture.label_image(frame)?;
-        for (i, n) in normals.iter_mut().enumerate() {
-            if is_beside_another_label(&labels, camera.width(), i) {
-                *n = [0.0; 3];
-            }
+    let labels = capture.label_image(frame)?;
+    for (i, n) in normals.iter_mut().enumerate() {
+        if is_beside_another_label(&labels, camera.width(), i) {
+            *n = [0.0; 3];
         }
     }
     Ok(Ok(prepared(camera, frame, transforms, &mask, normals, params)))
@@ -101,7 +90,7 @@ pub(super) fn observe_used(
     capture: &Capture,
     skeleton: &Skeleton,
     skipped: &[Skipped],
-    (used, params): (Normals, &SurfaceParams),
+    params: &SurfaceParams,
     monitor: &mut dyn Monitor,
 ) -> Result<Vec<Observation>, ReconstructError> {
     let left_out: Vec<usize> = skipped.iter().map(Skipped::frame).collect();
@@ -110,7 +99,7 @@ pub(super) fn observe_used(
     for group in numbers.chunks(TOGETHER * rayon::current_num_threads()) {
         progress::report(monitor, "read", (group[0], capture.len()), None)?;
         let seen: Vec<_> =
-            group.par_iter().map(|k| observe(capture, skeleton, *k, (used, params))).collect();
+            group.par_iter().map(|k| observe(capture, skeleton, *k, params)).collect();
         for frame in seen {
             // Frames that the surface could not use are skipped here, too.
             frames.extend(frame?);

@@ -3,7 +3,7 @@
 use super::checkpoint::{self, Checkpoint};
 use super::error::ReconstructError;
 use super::evidence::{Evidence, gather};
-use super::observe::{Normals, Observation, observe};
+use super::observe::{Observation, observe};
 use super::params::SurfaceParams;
 use super::report::SurfaceReport;
 use super::skipped::Skipped;
@@ -166,11 +166,10 @@ pub(super) fn read_frames(
 ) -> Result<Vec<Observation>, ReconstructError> {
     let mut frames: Vec<Observation> = Vec::new();
     let numbers: Vec<usize> = (0..capture.len()).collect();
-    let read = (Normals::WithinLabels, params);
     for group in numbers.chunks(TOGETHER) {
         progress::report(monitor, "read", (group[0], capture.len()), None)?;
         let read: Vec<_> =
-            group.par_iter().map(|k| observe(capture, &template.skeleton, *k, read)).collect();
+            group.par_iter().map(|k| observe(capture, &template.skeleton, *k, params)).collect();
         for frame in read {
             match frame? {
                 Ok(frame) => frames.push(frame),

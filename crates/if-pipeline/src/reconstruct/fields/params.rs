@@ -52,7 +52,7 @@ pub struct FieldsParams {
 /// Weights of the terms of the loss, each a mean over its points:
 ///
 /// ```text
-/// normals      1 − n · N, times the cosine squared between N and the line of sight
+/// normals      1 − n · N, by the area that a pixel sees: over the cosine between N and the line of sight
 /// silhouettes  ρ(e), e the distance of the silhouette from the mask's border;  ρ = e² / (1 + e²), e in reach
 /// eikonal      (|∇φ| − 1)²
 /// stay         (φ − φ of the start)², farther than 5 cm from the surface
@@ -90,7 +90,7 @@ pub struct FieldsWeights {
 impl Default for FieldsWeights {
     fn default() -> Self {
         Self {
-            normals: 1.0,
+            normals: 0.35,
             silhouettes: 1.0,
             reach: 0.02,
             eikonal: 0.05,
@@ -114,7 +114,7 @@ impl Default for FieldsParams {
             phi: PhiParams { network: NetworkConfig::Grid(grid), steps: 20, sampling },
             deformation: DeformationConfig::fast(1),
             motion_steps: 400,
-            steps: 300,
+            steps: 700,
             refresh: 100,
             rays: 2048,
             silhouettes: 768,
@@ -124,7 +124,7 @@ impl Default for FieldsParams {
             newton: 1,
             weights: FieldsWeights::default(),
             phi_rate: Schedule { rate: 5e-4, warmup: 20, last: 0.05 },
-            deformation_rate: Schedule { rate: 3e-3, warmup: 20, last: 0.05 },
+            deformation_rate: Schedule { rate: 3e-4, warmup: 20, last: 0.05 },
             deformation_adam: AdamParams {
                 beta2: 0.999,
                 epsilon: 1e-8,

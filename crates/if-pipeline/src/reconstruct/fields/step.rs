@@ -27,7 +27,7 @@ const FOUND: Real = 3e-4;
 /// Longest Newton step, in metres.
 const LONGEST: Real = 0.02;
 /// Least cosine between the surface's normal and the line of sight. The derivative of the point
-/// along the ray is divided by it.
+/// along the ray, and the area that a pixel sees, are divided by it.
 const GRAZING: Real = 0.15;
 /// Least cosine between an observed normal and the surface's for both to be of one point.
 const SAME_PLACE: Real = 0.2;
@@ -180,8 +180,9 @@ impl Step<'_> {
             sums.rays.used += 1;
             sums.angle += agreement.min(1.0).acos();
             let joints = &self.scene.joints[frames[k] as usize];
-            sums.loss += weight * facing * facing * (1.0 - agreement);
-            let by_normal = seen * (-weight * facing * facing);
+            let weight = weight / facing.max(GRAZING);
+            sums.loss += weight * (1.0 - agreement);
+            let by_normal = seen * -weight;
             good.push((k, place, place.of_normal(&by_normal, &x[k], &skins[k], joints)));
         }
 

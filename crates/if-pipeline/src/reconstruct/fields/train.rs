@@ -13,7 +13,7 @@ use crate::capture::Capture;
 use crate::reconstruct::checkpoint::{visit_input, visit_mesh};
 use crate::reconstruct::error::ReconstructError;
 use crate::reconstruct::motion::Motion;
-use crate::reconstruct::observe::{Normals, Observation, observe_used};
+use crate::reconstruct::observe::{Observation, observe_used};
 use crate::reconstruct::params::SurfaceParams;
 use crate::reconstruct::phi::fit_phi;
 use crate::reconstruct::progress;
@@ -74,8 +74,7 @@ pub(super) fn train(
     monitor: &mut dyn Monitor,
 ) -> Result<Trained, ReconstructError> {
     let Begin { skeleton, surface, mesh, skin, .. } = *begin;
-    let frames =
-        observe_used(capture, skeleton, &surface.report.skipped, (Normals::All, read), monitor)?;
+    let frames = observe_used(capture, skeleton, &surface.report.skipped, read, monitor)?;
     let scene = Scene::new(capture.camera(), &frames, &surface.mesh, &surface.skin);
     let rates = [params.phi.network.fit_params().adam, params.deformation_adam];
     let key = checkpoint.map(|_| key(capture, begin, params, &frames));
