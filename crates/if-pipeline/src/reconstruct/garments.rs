@@ -270,14 +270,14 @@ mod tests {
     use if_core::monitor::Silent;
     use std::f64::consts::TAU;
 
-    /// A closed drum with a tunnel of 2 to 3 cm radius along its axis, and its upper half: mantle
-    /// and lid.
-    fn drum_with_a_tunnel() -> (TriMesh, TriMesh) {
+    /// A closed drum with a tunnel along its axis, of this radius above and 3 cm below, and its upper
+    /// half: mantle and lid.
+    fn drum_with_a_tunnel(above: Real) -> (TriMesh, TriMesh) {
         const AROUND: u32 = 48;
         const STEPS: u32 = 20;
         // The profile from the lower end of the mantle up, inwards over the lid, and down the
         // tunnel, which widens.
-        let corners = [[0.2, 0.0], [0.2, 1.0], [0.02, 1.0], [0.03, 0.0]];
+        let corners = [[0.2, 0.0], [0.2, 1.0], [above, 1.0], [0.03, 0.0]];
         let side = |k: usize| (0..STEPS).map(move |i| (k, Real::from(i) / Real::from(STEPS)));
         let profile: Vec<[Real; 2]> = (0..4)
             .flat_map(side)
@@ -304,20 +304,41 @@ mod tests {
         (part(0..rows), part(STEPS / 2..2 * STEPS))
     }
 
+    /// Numbers of openings and of filled holes.
+    fn loops(piece: &TriMesh, openings: Openings) -> (usize, usize) {
+        let params = CleanupParams { openings, smooth: None, ..CleanupParams::default() };
+        let none = VertexAttributes::none(piece.vertices().len());
+        let report = cleanup(piece, &none, None, &params, &mut Silent).unwrap().report;
+        (report.holes.openings.len(), report.holes.filled.len())
+    }
+
     #[test]
     fn a_tunnel_to_another_garment_is_not_an_opening() {
-        let (body, piece) = drum_with_a_tunnel();
-        let loops = |openings: Openings| {
-            let params = CleanupParams { openings, smooth: None, ..CleanupParams::default() };
-            let none = VertexAttributes::none(piece.vertices().len());
-            let report = cleanup(&piece, &none, None, &params, &mut Silent).unwrap().report;
-            (report.holes.openings.len(), report.holes.filled.len())
-        };
+        let (body, piece) = drum_with_a_tunnel(0.02);
         // The tunnel, too, bounds the other half of the body: the complement alone does not
         // distinguish them.
-        assert_eq!(loops(Openings::Complement(Box::new(Complement::new(body.clone())))), (2, 0));
+        let rest = Openings::Complement(Box::new(Complement::new(body.clone())));
+        assert_eq!(loops(&piece, rest), (2, 0));
         for name in ["sweater", "thing"] {
-            assert_eq!(loops(openings_of(name, &body, piece.area())), (1, 1), "{name}");
+            assert_eq!(loops(&piece, openings_of(name, &body, piece.area())), (1, 1), "{name}");
         }
+    }
+
+    #[test]
+    fn a_wrist_is_an_opening_of_the_lid_about_it() {
+        // The same drum, but the tunnel is as wide as a wrist. Its loop lies in a flat lid.
+        let (body, piece) = drum_with_a_tunnel(0.025);
+        assert_eq!(loops(&piece, Openings::default()), (1, 1));
+        assert_eq!(loops(&piece, openings_of("coat", &body, piece.area())), (2, 0));
+    }
+
+    #[test]
+    fn a_hand_is_open_however_large_the_coat() {
+        let (body, piece) = drum_with_a_tunnel(0.025);
+        // The rest of the body has 0.7 m², less than 1.5 % of 50 m².
+        let area = 50.0;
+        assert_eq!(loops(&piece, openings_of("coat", &body, area)).0, 2);
+        let Openings::Sequence(policies) = openings_of("coat", &body, area) else { panic!() };
+        assert!(matches!(&policies[0], Openings::Complement(c) if c.least_share * area == HAND));
     }
 }

@@ -344,6 +344,28 @@ mod tests {
     }
 
     #[test]
+    fn the_fill_tapers_off_along_the_body() {
+        // Columns of 40 voxels of 1 cm: one of the body, and ten beside it, which are filled up to
+        // height 5. All above may be.
+        let size = if_mesh::grid::GridSize([11, 40, 2]);
+        let l = Lattice { min: Point::origin(), cell: 0.01, size };
+        let at = |x: usize, y: usize| size.index([x, y, 0]);
+        let maybe = Space::Maybe { joint: 0, certain: false };
+        let mut space = vec![Space::Open; l.len()];
+        for y in 0..40 {
+            space[at(0, y)] = Space::Body;
+            (1..11).for_each(|x| space[at(x, y)] = if y < 5 { Space::Filled } else { maybe });
+        }
+        space[at(2, 12)] = Space::Open;
+        taper(&l, &mut space);
+        let thick = |y: usize| (1..11).filter(|x| space[at(*x, y)] == Space::Filled).count();
+        // (1 − 1/25)² of 10 cm, (1 − 12/25)² of it, and nothing beyond 25 cm.
+        assert_eq!([thick(4), thick(5), thick(16), thick(25), thick(30)], [10, 9, 2, 0, 0]);
+        assert!((5..39).all(|y| thick(y + 1) <= thick(y) || y == 12));
+        assert_eq!(space[at(2, 12)], Space::Open);
+    }
+
+    #[test]
     fn garments_with_many_pixels_beside_the_template_are_loose() {
         let outside = DistanceImage::new(&[true; 8], 8, 1, 0.0);
         let view = |labels: Vec<u8>| View {
