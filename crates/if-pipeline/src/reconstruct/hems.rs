@@ -28,7 +28,8 @@ const SLIVER: Real = 50.0;
 /// + Σ Aᵥ wᵥ / BEND⁴ |xᵥ − x̄ᵥ|²   w = 1 beyond 2 WIDTH from the boundary along edges (fixed there), falling to STAY at WIDTH
 /// ```
 ///
-/// Where that makes triangles meet, it is taken back ([`embedded::moved`]).
+/// Where that makes triangles meet, it is taken back ([`embedded::moved`]), and where there is no
+/// solution, which garments without slivers have, the mesh stays as it is.
 pub(super) fn straightened(mesh: &TriMesh) -> TriMesh {
     let (x, edges) = (mesh.vertices(), Edges::new(mesh));
     let on_boundary = edges.boundary_vertices(x.len());
@@ -38,17 +39,18 @@ pub(super) fn straightened(mesh: &TriMesh) -> TriMesh {
     let mut row = vec![None; x.len()];
     free.iter().enumerate().for_each(|(i, v)| row[*v] = Some(i));
 
-    let mut diagonal = vec![0.0; x.len()];
+    // A third of the triangles around each vertex.
+    let mut areas = vec![0.0; x.len()];
     for (t, tri) in mesh.triangles().iter().enumerate() {
         let [a, b, c] = mesh.corners(t);
-        let third = area_vector(a, b, c).norm() / 6.0;
-        tri.iter().for_each(|v| diagonal[*v as usize] += third);
+        let share = area_vector(a, b, c).norm() / 6.0;
+        tri.iter().for_each(|v| areas[*v as usize] += share);
     }
     let mut right = Mat::zeros(free.len(), 3);
     let mut entries = Vec::new();
     for (i, &v) in free.iter().enumerate() {
         let held = ((far[v] - WIDTH) / WIDTH).max(0.0).powi(2).max(STAY);
-        let weight = diagonal[v] * held / BEND.powi(4);
+        let weight = areas[v] * held / BEND.powi(4);
         entries.push(Entry::new(i, i, weight));
         (0..3).for_each(|k| right[(i, k)] = weight * x[v][k]);
     }
@@ -79,7 +81,11 @@ pub(super) fn straightened(mesh: &TriMesh) -> TriMesh {
     factor.solve_in_place(&mut right);
     let mut moved = x.to_vec();
     for (i, &v) in free.iter().enumerate() {
-        moved[v] = Point::new(right[(i, 0)], right[(i, 1)], right[(i, 2)]);
+        let to = Point::new(right[(i, 0)], right[(i, 1)], right[(i, 2)]);
+        // No rim is longer: what goes farther, or nowhere, hung on slivers.
+        if (to - x[v]).norm() <= 2.0 * WIDTH {
+            moved[v] = to;
+        }
     }
     embedded::moved(mesh, &edges.neighbours(x.len()), moved)
 }

@@ -135,7 +135,7 @@ pub(super) struct Filling {
 /// it is certain           if in some frames it lies far beside the posed template
 /// J                       the joints that move the certain voxels most, and their parents
 /// filled                  what can be reached from certain voxels through such as may be filled, and are moved most by J;
-///                         and what that shuts in
+///                         beyond them, ever thinner, up to 25 cm; and what that shuts in
 /// ```
 ///
 /// With arms down, masks do not show the space between arms and torso; nothing is certain there, and
@@ -197,8 +197,10 @@ pub(super) fn fill(
     Some(Filling { lattice, space, certain, joints })
 }
 
-/// Goes on beyond J, ever thinner: a fill that ended at once would leave a ledge of centimetres, which
-/// folds when the surface is drawn out to the clothes above it.
+/// Goes on beyond J, ever thinner: `up` steps from the fill, of at most n, voxels are filled that lie
+/// at most (1 − up / n)² of [`THICK`] from the template, both along the lattice. A fill that ended at
+/// once would leave a ledge of centimetres, which folds when the surface is drawn out to the clothes
+/// above it.
 fn taper(lattice: &Lattice, space: &mut [Space]) {
     let height = (TAPER / lattice.cell).ceil() as usize;
     let open = |i: usize| matches!(space[i], Space::Maybe { .. });
