@@ -113,6 +113,8 @@ pub(super) enum Space {
     /// Outside the template, and possibly inside clothes: the joint that moves it most, and whether
     /// frames see it beside the template.
     Maybe { joint: u16, certain: bool },
+    /// Outside the template, inside all masks, where frames see clothes that hang over loose ones.
+    Covered,
     /// Inside clothes.
     Filled,
 }
@@ -156,7 +158,8 @@ pub(super) fn fill(
         match judge.maybe(&p) {
             None => Space::Open,
             Some(_) if template.contains(&p) => Space::Body,
-            Some(Verdict { refuted: true, .. }) => Space::Open,
+            Some(Verdict { refuted: true, beneath: true, .. }) => Space::Open,
+            Some(Verdict { refuted: true, .. }) => Space::Covered,
             Some(v) => Space::Maybe { joint: v.joint, certain: v.certain },
         }
     };
@@ -203,7 +206,7 @@ pub(super) fn fill(
 /// above it.
 fn taper(lattice: &Lattice, space: &mut [Space]) {
     let height = (TAPER / lattice.cell).ceil() as usize;
-    let open = |i: usize| matches!(space[i], Space::Maybe { .. });
+    let open = |i: usize| matches!(space[i], Space::Maybe { .. } | Space::Covered);
     let steps = |from: Space| -> Vec<usize> {
         let mut steps = vec![usize::MAX; space.len()];
         let mut next: Vec<usize> = (0..space.len()).filter(|i| space[*i] == from).collect();
@@ -265,6 +268,8 @@ struct Verdict {
     certain: bool,
     /// Whether frames see something other than loose clothes there.
     refuted: bool,
+    /// Whether frames see skin there, or clothes that the loose ones are worn over.
+    beneath: bool,
 }
 
 impl Judge<'_> {
@@ -278,8 +283,9 @@ impl Judge<'_> {
             weights.iter().copied().enumerate().filter(|(_, w)| *w > 0.0).collect();
         let most = carried.iter().max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))?.0;
         let frames = self.views.len() as Real;
-        let (mut seen, mut out, mut beside, mut agree, mut against) =
-            (0usize, 0usize, 0usize, 0usize, 0usize);
+        let innermost = self.loose.iter().position(|l| *l).unwrap_or_default();
+        let (mut seen, mut out, mut beside, mut agree, mut against, mut under) =
+            (0usize, 0usize, 0usize, 0usize, 0usize, 0usize);
         for view in self.views {
             let mut q = Vector::zeros();
             for (j, w) in &carried {
@@ -309,17 +315,24 @@ impl Judge<'_> {
             // Pixels that the template hides, or that have no label, do not count.
             let label = view.labels[i];
             if Real::from(view.depth[i]) >= q.z && label > 0 {
-                if self.loose[usize::from(label)] { agree += 1 } else { against += 1 }
+                if self.loose[usize::from(label)] {
+                    agree += 1
+                } else {
+                    against += 1
+                }
+                under += usize::from(usize::from(label) < innermost);
             }
         }
         if (seen as Real) < 0.5 * frames {
             return None;
         }
-        let refuted = agree == 0 || against as Real > ELSEWHERE * (agree + against) as Real;
+        let many = |n: usize| n as Real > ELSEWHERE * (agree + against) as Real;
+        let refuted = agree == 0 || many(against);
         Some(Verdict {
             joint: most as u16,
             certain: beside as Real >= (CERTAIN * frames).max(2.0),
             refuted,
+            beneath: many(under),
         })
     }
 }
@@ -356,12 +369,18 @@ mod tests {
         let mut space = vec![Space::Open; l.len()];
         for y in 0..40 {
             space[at(0, y)] = Space::Body;
-            (1..11).for_each(|x| space[at(x, y)] = if y < 5 { Space::Filled } else { maybe });
+            (1..11).for_each(|x| {
+                space[at(x, y)] = match y {
+                    0..5 => Space::Filled,
+                    5..15 => maybe,
+                    _ => Space::Covered,
+                }
+            });
         }
         space[at(2, 12)] = Space::Open;
         taper(&l, &mut space);
         let thick = |y: usize| (1..11).filter(|x| space[at(*x, y)] == Space::Filled).count();
-        // (1 − 1/25)² of 10 cm, (1 − 12/25)² of it, and nothing beyond 25 cm.
+        // What hangs over loose clothes is no obstacle. (1 − 1/25)² of 10 cm, (1 − 12/25)² of it, and nothing beyond 25 cm.
         assert_eq!([thick(4), thick(5), thick(16), thick(25), thick(30)], [10, 9, 2, 0, 0]);
         assert!((5..39).all(|y| thick(y + 1) <= thick(y) || y == 12));
         assert_eq!(space[at(2, 12)], Space::Open);
