@@ -158,8 +158,8 @@ pub(super) fn fill(
         match judge.maybe(&p) {
             None => Space::Open,
             Some(_) if template.contains(&p) => Space::Body,
-            Some(Verdict { refuted: true, beneath: true, .. }) => Space::Open,
-            Some(Verdict { refuted: true, .. }) => Space::Covered,
+            Some(v) if v.labels.are_over() => Space::Covered,
+            Some(v) if v.labels.refute() => Space::Open,
             Some(v) => Space::Maybe { joint: v.joint, certain: v.certain },
         }
     };
@@ -266,10 +266,44 @@ struct Judge<'a> {
 struct Verdict {
     joint: u16,
     certain: bool,
-    /// Whether frames see something other than loose clothes there.
-    refuted: bool,
-    /// Whether frames see skin there, or clothes that the loose ones are worn over.
-    beneath: bool,
+    labels: Seen,
+}
+
+/// Numbers of frames that see a label where the template does not hide the voxel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    /// Of loose clothes.
+    loose: usize,
+    /// Of all else.
+    other: usize,
+    /// Of skin, or of clothes that all loose ones are worn over.
+    beneath: usize,
+}
+
+impl Seen {
+    fn count(&mut self, label: u8, loose: &[bool]) {
+        let label = usize::from(label);
+        if loose[label] {
+            self.loose += 1;
+        } else {
+            self.other += 1;
+            self.beneath += usize::from(!loose[..label].contains(&true));
+        }
+    }
+
+    fn are_many(self, frames: usize) -> bool {
+        frames as Real > ELSEWHERE * (self.loose + self.other) as Real
+    }
+
+    /// Whether something else than loose clothes is there.
+    fn refute(self) -> bool {
+        self.loose == 0 || self.are_many(self.other)
+    }
+
+    /// Whether that is clothes that hang over loose ones.
+    fn are_over(self) -> bool {
+        self.refute() && self.other > 0 && !self.are_many(self.beneath)
+    }
 }
 
 impl Judge<'_> {
@@ -283,9 +317,8 @@ impl Judge<'_> {
             weights.iter().copied().enumerate().filter(|(_, w)| *w > 0.0).collect();
         let most = carried.iter().max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))?.0;
         let frames = self.views.len() as Real;
-        let innermost = self.loose.iter().position(|l| *l).unwrap_or_default();
-        let (mut seen, mut out, mut beside, mut agree, mut against, mut under) =
-            (0usize, 0usize, 0usize, 0usize, 0usize, 0usize);
+        let (mut seen, mut out, mut beside) = (0usize, 0usize, 0usize);
+        let mut labels = Seen::default();
         for view in self.views {
             let mut q = Vector::zeros();
             for (j, w) in &carried {
@@ -315,24 +348,16 @@ impl Judge<'_> {
             // Pixels that the template hides, or that have no label, do not count.
             let label = view.labels[i];
             if Real::from(view.depth[i]) >= q.z && label > 0 {
-                if self.loose[usize::from(label)] {
-                    agree += 1
-                } else {
-                    against += 1
-                }
-                under += usize::from(usize::from(label) < innermost);
+                labels.count(label, self.loose);
             }
         }
         if (seen as Real) < 0.5 * frames {
             return None;
         }
-        let many = |n: usize| n as Real > ELSEWHERE * (agree + against) as Real;
-        let refuted = agree == 0 || many(against);
         Some(Verdict {
             joint: most as u16,
             certain: beside as Real >= (CERTAIN * frames).max(2.0),
-            refuted,
-            beneath: many(under),
+            labels,
         })
     }
 }
@@ -356,6 +381,22 @@ mod tests {
         shut_in(&l, &mut space);
         assert_eq!(space[at(2, 2, 2)], Space::Filled);
         assert_eq!(space.iter().filter(|s| **s == Space::Filled).count(), 6);
+    }
+
+    #[test]
+    fn what_hangs_over_loose_clothes_is_told_from_what_they_are_worn_over() {
+        // Background, skin, T-shirt, skirt (loose), jacket.
+        let seen = |labels: &[u8]| {
+            let mut seen = Seen::default();
+            labels.iter().for_each(|l| seen.count(*l, &[false, false, false, true, false]));
+            (seen.refute(), seen.are_over())
+        };
+        assert_eq!(seen(&[3, 3, 3, 4]), (false, false));
+        assert_eq!(seen(&[3, 4, 4, 4]), (true, true));
+        assert_eq!(seen(&[4, 4]), (true, true));
+        assert_eq!(seen(&[3, 1, 1, 4]), (true, false));
+        assert_eq!(seen(&[3, 2, 2, 2]), (true, false));
+        assert_eq!(seen(&[]), (true, false));
     }
 
     #[test]
