@@ -70,20 +70,8 @@ pub fn tube(radius: Real, height: Real, around: u32, along: u32, closed: bool) -
         around >= 3 && along >= 1,
         "a tube needs 3 corners around and 1 step along, not {around} and {along}"
     );
-    let mut v = Vec::new();
-    for y in 0..=along {
-        for k in 0..around {
-            let (s, c) = (TAU * Real::from(k) / Real::from(around)).sin_cos();
-            v.push(Point::new(radius * c, height * Real::from(y) / Real::from(along), radius * s));
-        }
-    }
-    let mut t = Vec::new();
-    for y in 0..along {
-        for k in 0..around {
-            let (a, b) = (y * around + k, y * around + (k + 1) % around);
-            t.extend([[a, b + around, b], [a, a + around, b + around]]);
-        }
-    }
+    let ring = |y: u32| (radius, height * Real::from(y) / Real::from(along));
+    let (mut v, mut t) = rings(&(0..=along).map(ring).collect::<Vec<_>>(), around);
     if closed {
         let (bottom, top) = (v.len() as u32, v.len() as u32 + 1);
         v.extend([Point::origin(), Point::new(0.0, height, 0.0)]);
@@ -93,6 +81,41 @@ pub fn tube(radius: Real, height: Real, around: u32, along: u32, closed: bool) -
         }
     }
     checked(v, t)
+}
+
+/// A surface of revolution about the y axis, open at both ends: `around` corners in a ring for each
+/// radius and height of the `profile`. Normals point outwards where the profile rises.
+///
+/// # Panics
+///
+/// If `around` is below 3, the profile has fewer than 2 rings, or a number of it is not finite.
+pub fn revolved(profile: &[(Real, Real)], around: u32) -> TriMesh {
+    assert!(
+        around >= 3 && profile.len() >= 2,
+        "a surface of revolution needs 3 corners around and 2 rings, not {around} and {}",
+        profile.len()
+    );
+    let (v, t) = rings(profile, around);
+    checked(v, t)
+}
+
+/// The vertices of [`revolved`], and the triangles between each ring and the next.
+fn rings(profile: &[(Real, Real)], around: u32) -> (Vec<Point>, Vec<[u32; 3]>) {
+    let mut v = Vec::new();
+    for (radius, y) in profile {
+        for k in 0..around {
+            let (s, c) = (TAU * Real::from(k) / Real::from(around)).sin_cos();
+            v.push(Point::new(radius * c, *y, radius * s));
+        }
+    }
+    let mut t = Vec::new();
+    for ring in 1..profile.len() as u32 {
+        for k in 0..around {
+            let (a, b) = ((ring - 1) * around + k, (ring - 1) * around + (k + 1) % around);
+            t.extend([[a, b + around, b], [a, a + around, b + around]]);
+        }
+    }
+    (v, t)
 }
 
 /// A ring about the y axis; all vertices lie on the torus. `2 · around · across` triangles.

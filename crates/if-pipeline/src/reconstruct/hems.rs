@@ -111,9 +111,10 @@ fn coefficients([a, b, c, d]: [&Point; 4]) -> Option<[Real; 4]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_core::shapes::meshes;
     use if_mesh::index::Bvh;
     use if_mesh::intersections::own_pairs;
-    use std::f64::consts::{FRAC_PI_2, TAU};
+    use std::f64::consts::FRAC_PI_2;
 
     /// Steps of a tube's profile, of 4 mm each.
     const STEPS: u32 = 30;
@@ -121,24 +122,15 @@ mod tests {
     /// A tube that begins with this radius and leans outwards by `lean`, open at both ends. If it is
     /// `curled`, the last 8 mm of its profile turn in by a right angle.
     fn tube(mut radius: Real, lean: Real, curled: bool) -> TriMesh {
-        const AROUND: u32 = 250;
-        let (mut y, mut vertices) = (0.0, Vec::new());
+        let (mut y, mut profile) = (0.0, Vec::new());
         for k in 0..=STEPS {
-            vertices.extend((0..AROUND).map(|k| {
-                let (sin, cos) = (TAU * Real::from(k) / Real::from(AROUND)).sin_cos();
-                Point::new(radius * cos, y, radius * sin)
-            }));
+            profile.push((radius, y));
             let turns = if curled { (k + 3).saturating_sub(STEPS) } else { 0 };
             let (sin, cos) = (lean - 0.5 * FRAC_PI_2 * Real::from(turns)).sin_cos();
             (radius, y) = (radius + 0.004 * sin, y - 0.004 * cos);
         }
-        let quad = |j: u32, k: u32| {
-            let (j1, k1) = ((j + 1) * AROUND, (k + 1) % AROUND);
-            let [a, b, c, d] = [j * AROUND + k, j * AROUND + k1, j1 + k1, j1 + k];
-            [[a, b, c], [a, c, d]]
-        };
-        let triangles = (0..STEPS).flat_map(|j| (0..AROUND).flat_map(move |k| quad(j, k)));
-        TriMesh::new(vertices, triangles.collect()).unwrap()
+        profile.reverse();
+        meshes::revolved(&profile, 250)
     }
 
     fn farthest(a: &TriMesh, b: &TriMesh) -> Real {
@@ -161,7 +153,7 @@ mod tests {
     fn what_is_straight_and_what_has_no_hem_stays() {
         let tube = tube(0.2, 0.0, false);
         assert!(farthest(&straightened(&tube), &tube) < 5e-4);
-        let ball = if_core::shapes::meshes::icosphere(0.3, 3);
+        let ball = meshes::icosphere(0.3, 3);
         assert_eq!(straightened(&ball).vertices(), ball.vertices());
     }
 

@@ -108,27 +108,11 @@ fn of_piece(piece: &TriMesh) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use if_core::math::Point;
-    use std::f64::consts::TAU;
+    use if_core::shapes::meshes;
 
-    /// A surface of revolution about the y axis: rings of these radii at these heights, with
-    /// outward normals if the profile goes down.
+    /// A surface of revolution of a profile that goes down, with outward normals.
     fn turned(profile: &[(Real, Real)]) -> TriMesh {
-        const AROUND: u32 = 60;
-        let vertices = profile.iter().flat_map(|&(r, y)| {
-            (0..AROUND).map(move |k| {
-                let (sin, cos) = (TAU * Real::from(k) / Real::from(AROUND)).sin_cos();
-                Point::new(r * cos, y, r * sin)
-            })
-        });
-        let quad = |j: u32, k: u32| {
-            let (j1, k1) = ((j + 1) * AROUND, (k + 1) % AROUND);
-            let [a, b, c, d] = [j * AROUND + k, j * AROUND + k1, j1 + k1, j1 + k];
-            [[a, b, c], [a, c, d]]
-        };
-        let rings = profile.len() as u32 - 1;
-        let triangles = (0..rings).flat_map(|j| (0..AROUND).flat_map(move |k| quad(j, k)));
-        TriMesh::new(vertices.collect(), triangles.collect()).unwrap()
+        meshes::revolved(&profile.iter().rev().copied().collect::<Vec<_>>(), 60)
     }
 
     fn steps(count: u32, of: impl Fn(Real) -> (Real, Real)) -> Vec<(Real, Real)> {
@@ -175,7 +159,7 @@ mod tests {
             let (sin, cos) = (0.02 + 0.05 * k).sin_cos();
             (0.1 * sin, 0.1 * cos)
         }));
-        let ball = if_core::shapes::meshes::icosphere(0.1, 3);
+        let ball = meshes::icosphere(0.1, 3);
         for mesh in [tube, turned(&collar), cap, ball] {
             assert!(of_piece(&mesh).is_empty());
         }

@@ -12,9 +12,10 @@ use if_mesh::labels::{LabelScores, LabelVotes};
 /// Distance from the template beyond which a vertex is spanned by clothes, in metres: the distance
 /// over which weights blend to those of the grid.
 const SPANNED: Real = 0.03;
-/// Least votes for a vertex to count as seen: one frame that sees it well, or this share of few
-/// frames. A hand hides the side of a skirt from the frame that would see it best.
+/// Least votes for a vertex to count as seen: one frame that sees it well.
 const UNSEEN: Real = 1.0;
+/// The same as a share of few frames. A hand hides the side of a skirt from the frame that would see
+/// it best.
 const UNSEEN_SHARE: Real = 1.0 / 24.0;
 /// Least area of an unseen patch, in square metres: a square of 12 cm. Smaller ones are folds; the
 /// undersides of a dress and a skirt have 0.03 to 0.1.
