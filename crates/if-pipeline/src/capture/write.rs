@@ -6,12 +6,12 @@ use super::meta::{self, CONVENTION, FrameMeta, Meta};
 use super::picture::{self, Kind, PictureError};
 use if_body::Pose;
 use if_core::math::Real;
-use if_mesh::atomic::temporary_folder;
+use if_mesh::atomic::{temporary_folder, write_file};
 use if_mesh::camera::Camera;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -48,7 +48,7 @@ pub struct FramePictures<'a> {
     pub noisy_labels: Option<&'a [u8]>,
 }
 
-/// Writes poses of numbered frames, with the keys of `meta.json`.
+/// Writes poses of numbered frames, with the keys of `meta.json`: whole, or not at all.
 ///
 /// # Errors
 ///
@@ -61,7 +61,8 @@ pub fn write_poses<'a>(
     let frames: Vec<_> = poses.map(|(index, pose)| FrameMeta::new(index, pose)).collect();
     let text = serde_json::to_vec(&Poses { joints, frames })
         .map_err(|source| CaptureError::Json { path: path.into(), source })?;
-    fs::write(path, text).map_err(|source| CaptureError::Io { path: path.into(), source })
+    write_file(path, |file| file.write_all(&text))
+        .map_err(|source| CaptureError::Io { path: path.into(), source })
 }
 
 #[derive(Serialize)]

@@ -21,6 +21,7 @@ use if_mesh::labels::{
     CutParams, Look, Piece, SmoothLabelParams, VoteParams, VoteReport, Voter, cut, smooth_labels,
 };
 use if_mesh::ply::PlyMesh;
+use if_outfit::outfit::{OutfitError, check_garment};
 
 /// Least area of a hand beyond its cuff, in square metres. Of a sweater of 1 m², adults' hands have
 /// 0.03 to 0.04, a child's half of that, and the largest hole at an armpit 0.005.
@@ -82,7 +83,7 @@ pub struct Garments {
     pub votes: VoteReport,
     /// The garments in the order of the capture, inner to outer, without the missing ones.
     pub garments: Vec<Garment>,
-    /// Garments that no frame shows.
+    /// Garments that no frame shows, or so little of them that no outfit takes it.
     pub missing: Vec<String>,
 }
 
@@ -195,7 +196,8 @@ pub fn find_garments(
     Ok(found)
 }
 
-/// Cleans the piece of a garment, and lays its hems straight; `None` if nothing of it remains.
+/// Cleans the piece of a garment, and lays its hems straight; `None` if nothing of it remains, or a
+/// scrap that no outfit takes.
 fn cleaned(
     (name, label): (&str, u8),
     person: &ClothedPerson,
@@ -214,10 +216,13 @@ fn cleaned(
     if clean.mesh.triangles().is_empty() {
         return Ok(None);
     }
-    let ply = PlyMesh {
-        vertex_properties: clean.attributes.into_properties(),
-        ..PlyMesh::new(hems::straightened(&clean.mesh))
-    };
+    let mesh = hems::straightened(&clean.mesh);
+    let place = check_garment(&person.mesh.aabb(), name, &mesh);
+    if matches!(place, Err(OutfitError::TooSmall { .. })) {
+        return Ok(None);
+    }
+    let ply =
+        PlyMesh { vertex_properties: clean.attributes.into_properties(), ..PlyMesh::new(mesh) };
     let skin = SkinWeights::from_ply(&ply, person.skeleton.len())
         .map_err(|source| ReconstructError::GarmentSkin { name: name.into(), source })?;
     let (name, mesh, cleanup) = (name.to_owned(), ply.mesh, clean.report);

@@ -1,7 +1,7 @@
 //! Hems of garments, laid straight.
 
 use super::embedded;
-use if_core::edges::{Edges, NONE};
+use if_core::edges::{Edges, NONE, parts};
 use if_core::geodesic::Neighbours;
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
@@ -28,14 +28,19 @@ const SLIVER: Real = 50.0;
 /// + Σ Aᵥ wᵥ / BEND⁴ |xᵥ − x̄ᵥ|²   w = 1 beyond 2 WIDTH from the boundary along edges (fixed there), falling to STAY at WIDTH
 /// ```
 ///
-/// Where that makes triangles meet, it is taken back ([`embedded::moved`]), and where there is no
-/// solution, which garments without slivers have, the mesh stays as it is.
+/// A part that is rim throughout, of which nothing is fixed, stays: it would shrink to a point. Where
+/// triangles would meet, that is taken back ([`embedded::moved`]), and where there is no solution,
+/// which garments without slivers have, the mesh stays as it is.
 pub(super) fn straightened(mesh: &TriMesh) -> TriMesh {
     let (x, edges) = (mesh.vertices(), Edges::new(mesh));
     let on_boundary = edges.boundary_vertices(x.len());
     let boundary = (0..x.len() as u32).filter(|v| on_boundary[*v as usize]);
     let far = Neighbours::new(&edges, x).distances(boundary, 2.0 * WIDTH);
-    let free: Vec<usize> = (0..x.len()).filter(|v| far[*v] < 2.0 * WIDTH).collect();
+    let part = parts(mesh);
+    let mut held = vec![false; x.len()];
+    (0..x.len()).filter(|v| far[*v] >= 2.0 * WIDTH).for_each(|v| held[part[v] as usize] = true);
+    let is_free = |v: &usize| far[*v] < 2.0 * WIDTH && held[part[*v] as usize];
+    let free: Vec<usize> = (0..x.len()).filter(is_free).collect();
     let mut row = vec![None; x.len()];
     free.iter().enumerate().for_each(|(i, v)| row[*v] = Some(i));
 
@@ -155,6 +160,16 @@ mod tests {
         assert!(farthest(&straightened(&tube), &tube) < 5e-4);
         let ball = meshes::icosphere(0.3, 3);
         assert_eq!(straightened(&ball).vertices(), ball.vertices());
+    }
+
+    #[test]
+    fn a_scrap_that_is_rim_throughout_stays() {
+        // Of a ball of 3 cm, a cap that is 3.3 cm wide.
+        let ball = meshes::icosphere(0.03, 4);
+        let is_cap = |t: &[u32; 3]| t.iter().all(|v| ball.vertices()[*v as usize].y > 0.025);
+        let cap = ball.triangles().iter().copied().filter(is_cap).collect();
+        let cap = TriMesh::new(ball.vertices().to_vec(), cap).unwrap();
+        assert_eq!(straightened(&cap).vertices(), cap.vertices());
     }
 
     #[test]

@@ -276,7 +276,7 @@ struct Seen {
     loose: usize,
     /// Of all else.
     other: usize,
-    /// Of skin, or of clothes that all loose ones are worn over.
+    /// Of skin, or of clothes that loose ones are worn over: seen through an opening, as of a jacket.
     beneath: usize,
 }
 
@@ -287,7 +287,7 @@ impl Seen {
             self.loose += 1;
         } else {
             self.other += 1;
-            self.beneath += usize::from(!loose[..label].contains(&true));
+            self.beneath += usize::from(loose[label..].contains(&true));
         }
     }
 
@@ -385,18 +385,21 @@ mod tests {
 
     #[test]
     fn what_hangs_over_loose_clothes_is_told_from_what_they_are_worn_over() {
-        // Background, skin, T-shirt, skirt (loose), jacket.
-        let seen = |labels: &[u8]| {
+        let judged = |labels: &[u8], loose: &[bool]| {
             let mut seen = Seen::default();
-            labels.iter().for_each(|l| seen.count(*l, &[false, false, false, true, false]));
+            labels.iter().for_each(|l| seen.count(*l, loose));
             (seen.refute(), seen.are_over())
         };
+        // Background, skin, T-shirt, skirt (loose), jacket.
+        let seen = |labels: &[u8]| judged(labels, &[false, false, false, true, false]);
         assert_eq!(seen(&[3, 3, 3, 4]), (false, false));
         assert_eq!(seen(&[3, 4, 4, 4]), (true, true));
         assert_eq!(seen(&[4, 4]), (true, true));
         assert_eq!(seen(&[3, 1, 1, 4]), (true, false));
         assert_eq!(seen(&[3, 2, 2, 2]), (true, false));
         assert_eq!(seen(&[]), (true, false));
+        // A T-shirt over loose trousers, seen through a loose jacket that is open.
+        assert_eq!(judged(&[3, 3, 4], &[false, false, true, false, true]), (true, false));
     }
 
     #[test]
