@@ -83,7 +83,7 @@ pub struct Garments {
     pub votes: VoteReport,
     /// The garments in the order of the capture, inner to outer, without the missing ones.
     pub garments: Vec<Garment>,
-    /// Garments that no frame shows, or so little of them that no outfit takes it.
+    /// Garments that no frame shows, or so little of them that it is no garment.
     pub missing: Vec<String>,
 }
 
@@ -196,8 +196,7 @@ pub fn find_garments(
     Ok(found)
 }
 
-/// Cleans the piece of a garment, and lays its hems straight; `None` if nothing of it remains, or a
-/// scrap that no outfit takes.
+/// Cleans the piece of a garment, and lays its hems straight; `None` if nothing or a scrap remains.
 fn cleaned(
     (name, label): (&str, u8),
     person: &ClothedPerson,
@@ -217,8 +216,7 @@ fn cleaned(
         return Ok(None);
     }
     let mesh = hems::straightened(&clean.mesh);
-    let place = check_garment(&person.mesh.aabb(), name, &mesh);
-    if matches!(place, Err(OutfitError::TooSmall { .. })) {
+    if is_scrap(&mesh, &clean.report, person.mesh) {
         return Ok(None);
     }
     let ply =
@@ -227,6 +225,15 @@ fn cleaned(
         .map_err(|source| ReconstructError::GarmentSkin { name: name.into(), source })?;
     let (name, mesh, cleanup) = (name.to_owned(), ply.mesh, clean.report);
     Ok(Some(Garment { name, label, mesh, skin, phi: None, cleanup }))
+}
+
+/// Whether too little of a garment of `body` was seen to be one: smaller than a hand and with holes alone,
+/// or too small for any outfit.
+fn is_scrap(mesh: &TriMesh, cleanup: &CleanupReport, body: &TriMesh) -> bool {
+    let holes = &cleanup.holes;
+    let is_shut = holes.openings.is_empty() && holes.filled.len() + holes.left.len() > 0;
+    let place = check_garment(&body.aabb(), "", mesh);
+    is_shut && mesh.area() < HAND || matches!(place, Err(OutfitError::TooSmall { .. }))
 }
 
 /// The policy that decides which boundary loops of the garment `name` of this area, cut out of `body`,
@@ -335,6 +342,29 @@ mod tests {
         let (body, piece) = drum_with_a_tunnel(0.025);
         assert_eq!(loops(&piece, Openings::default()), (1, 1));
         assert_eq!(loops(&piece, openings_of("coat", &body, piece.area())), (2, 0));
+    }
+
+    #[test]
+    fn a_scrap_is_no_garment() {
+        let body = if_core::shapes::meshes::icosphere(0.3, 5);
+        let cap = |height: Real| {
+            let is_above = |t: &[u32; 3]| t.iter().all(|v| body.vertices()[*v as usize].y > height);
+            let above = body.triangles().iter().copied().filter(is_above).collect();
+            TriMesh::new(body.vertices().to_vec(), above).unwrap()
+        };
+        let judged = |piece: &TriMesh, openings: Openings| {
+            let params = CleanupParams { openings, smooth: None, ..CleanupParams::default() };
+            let none = VertexAttributes::none(piece.vertices().len());
+            let clean = cleanup(piece, &none, None, &params, &mut Silent).unwrap();
+            is_scrap(piece, &clean.report, &body)
+        };
+        let (small, large) = (cap(0.295), cap(0.28));
+        assert!(small.area() < HAND && large.area() > HAND, "{} {}", small.area(), large.area());
+        assert!(judged(&small, Openings::Longer(10.0)));
+        assert!(!judged(&small, Openings::Longer(0.1)), "open somewhere");
+        assert!(!judged(&large, Openings::Longer(10.0)), "as large as a hand");
+        let speck = small.with_vertices(small.vertices().iter().map(|p| p * 0.01).collect());
+        assert!(judged(&speck.unwrap(), Openings::Longer(0.0)), "too small for any outfit");
     }
 
     #[test]

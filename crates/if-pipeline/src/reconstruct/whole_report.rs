@@ -140,7 +140,7 @@ pub struct ReconstructReport {
     pub phi: Option<PhiReport>,
     /// The garments.
     pub garments: Vec<GarmentReport>,
-    /// Garments that no frame shows, or so little of them that no outfit takes it.
+    /// Garments that no frame shows, or so little of them that it is no garment.
     pub missing: Vec<String>,
     /// Wall-clock seconds.
     pub seconds: Seconds,
