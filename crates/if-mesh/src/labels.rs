@@ -23,6 +23,7 @@
 //! # Ok::<(), if_mesh::labels::LabelError>(())
 //! ```
 
+mod contradictions;
 mod cut;
 mod error;
 mod expansion;
@@ -34,6 +35,7 @@ mod smooth;
 mod voter;
 mod votes;
 
+pub use contradictions::Contradiction;
 pub use cut::{CutParams, Piece, cut};
 pub use error::LabelError;
 pub use expansion::{ExpandParams, Expanded, expand_labels};

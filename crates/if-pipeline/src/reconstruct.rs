@@ -74,4 +74,6 @@ pub use skipped::Skipped;
 pub use surface::{Surface, fit_surface};
 pub use underside::Underside;
 pub use whole::{ReconstructParams, Reconstruction, fields_checkpoint, reconstruct};
-pub use whole_report::{GarmentReport, LabelReport, ReconstructReport, Seconds};
+pub use whole_report::{
+    GarmentReport, LabelContradiction, LabelReport, ReconstructReport, Seconds,
+};

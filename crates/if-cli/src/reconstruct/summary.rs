@@ -59,6 +59,12 @@ pub(super) fn summary(name: &str, report: &ReconstructReport, seconds: f64) -> S
             phi.mean_mm, phi.p99_mm
         );
     }
+    for wrong in &report.labels.contradictions {
+        text += &format!(
+            "  frame {} labels most of {} as {}: there the other frames decide\n",
+            wrong.frame, wrong.others, wrong.label
+        );
+    }
     for garment in &report.garments {
         text += &format!(
             "  {}: {} triangles, {} openings{}, {} holes filled, {} left\n",

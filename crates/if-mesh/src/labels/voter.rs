@@ -9,7 +9,8 @@
 //! ```
 //!
 //! Where a pixel is larger than the triangles it sees, it votes in parts, so that vertices between
-//! the centres of pixels get votes as well.
+//! the centres of pixels get votes as well. Frames that take one label for another
+//! ([`Contradiction`]) lose their votes for it.
 //!
 //! # Source
 //!
@@ -19,6 +20,7 @@
 #[cfg(test)]
 mod tests;
 
+use super::contradictions::{Ballots, Contradiction, contradictions};
 use super::error::LabelError;
 use super::image_edges::image_edges;
 use super::votes::{LabelVotes, UNDECIDED};
@@ -93,7 +95,7 @@ pub enum Look {
 }
 
 /// Report of the votes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct VoteReport {
     /// Frames whose pixels voted.
     pub cast: usize,
@@ -107,6 +109,8 @@ pub struct VoteReport {
     pub near_edge: usize,
     /// Of these, pixels that did not vote because they are background, or see a back face.
     pub mute: usize,
+    /// Labels of frames that the other frames contradict, whose votes do not count.
+    pub contradictions: Vec<Contradiction>,
 }
 
 /// Number of pixels per vertex at which the vote of a frame counts half: a corner with a hundredth
@@ -133,6 +137,8 @@ pub struct Voter<'a> {
     votes: Vec<Real>,
     /// Sum of all votes of each vertex.
     total: Vec<Real>,
+    /// The votes of each frame.
+    ballots: Vec<Ballots>,
     /// W and, last, B of each vertex in this frame.
     frame: Vec<f32>,
     report: VoteReport,
@@ -171,6 +177,7 @@ impl<'a> Voter<'a> {
             camera: None,
             votes: vec![0.0; n * labels],
             total: vec![0.0; n],
+            ballots: Vec::new(),
             frame: vec![0.0; n * (labels + 1)],
             report: VoteReport::default(),
         })
@@ -335,29 +342,48 @@ impl<'a> Voter<'a> {
             }
         }
         // Each vertex gets at most one vote per frame.
+        let frame = self.report.empty + self.report.covered + self.report.cast;
+        let mut own = Ballots { frame, votes: Vec::new() };
         for v in touched {
             let w = &mut self.frame[v as usize * stride..][..stride];
             let scale = 1.0 / (w[self.labels] + HALF);
             let votes = &mut self.votes[v as usize * self.labels..][..self.labels];
-            for (vote, w) in votes.iter_mut().zip(w.iter()) {
-                let one = Real::from(w * scale);
-                *vote += one;
-                self.total[v as usize] += one;
+            for (label, (vote, w)) in votes.iter_mut().zip(w.iter()).enumerate() {
+                let one = w * scale;
+                *vote += Real::from(one);
+                self.total[v as usize] += Real::from(one);
+                if one > 0.0 {
+                    own.votes.push((v, label as u8, one));
+                }
             }
             w.fill(0.0);
         }
+        self.ballots.push(own);
         self.report.cast += 1;
         Ok(())
     }
 
     /// The report so far.
-    pub fn report(&self) -> VoteReport {
-        self.report
+    pub fn report(&self) -> &VoteReport {
+        &self.report
     }
 
-    /// The sum of all votes, and the report.
-    pub fn finish(self) -> (LabelVotes, VoteReport) {
-        (LabelVotes { labels: self.labels, weights: self.votes }, self.report)
+    /// The sum of all votes that the other frames do not contradict, and the report.
+    pub fn finish(mut self) -> (LabelVotes, VoteReport) {
+        let labels = self.labels;
+        let found: Vec<Vec<Contradiction>> =
+            self.ballots.par_iter().map(|own| contradictions(own, &self.votes, labels)).collect();
+        if found.iter().any(|found| !found.is_empty()) {
+            self.votes.fill(0.0);
+            for (own, found) in self.ballots.iter().zip(&found) {
+                let counts = |label: u8| found.iter().all(|c| c.label != label);
+                for (v, label, vote) in own.votes.iter().filter(|(_, label, _)| counts(*label)) {
+                    self.votes[*v as usize * labels + usize::from(*label)] += Real::from(*vote);
+                }
+            }
+        }
+        self.report.contradictions = found.concat();
+        (LabelVotes { labels, weights: self.votes }, self.report)
     }
 }
 

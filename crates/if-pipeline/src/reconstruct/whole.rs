@@ -259,7 +259,7 @@ pub fn reconstruct(
         fields: trained.as_ref().map(|(fields, _)| fields.report.clone()),
         vertices: mesh.vertices().len(),
         triangles: mesh.triangles().len(),
-        labels: LabelReport::of(&votes),
+        labels: LabelReport::of(&votes, capture),
         motion: motion.as_ref().map(|m| m.motion().report.clone()),
         motion_network: motion_network.as_ref().map(|n| n.report),
         phi: phi.as_ref().map(|p| p.report),

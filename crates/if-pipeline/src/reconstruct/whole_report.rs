@@ -7,12 +7,13 @@ use super::phi::PhiReport;
 use super::poses::PoseReport;
 use super::report::SurfaceReport;
 use crate::asset::LayerHint;
+use crate::capture::Capture;
 use if_core::math::Real;
-use if_mesh::labels::VoteReport;
+use if_mesh::labels::{Contradiction, VoteReport};
 use serde::{Deserialize, Serialize};
 
 /// Votes of the label images.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct LabelReport {
     /// Frames whose pixels voted.
@@ -27,6 +28,20 @@ pub struct LabelReport {
     pub near_edge: usize,
     /// Of these, skipped as background, or because they see a back side.
     pub mute: usize,
+    /// Labels of frames that the other frames contradict, and that did not count.
+    pub contradictions: Vec<LabelContradiction>,
+}
+
+/// A frame that takes most of what it sees of a label for another one.
+#[derive(Clone, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct LabelContradiction {
+    /// Number of the frame in the capture.
+    pub frame: u32,
+    /// The label that it gives.
+    pub label: String,
+    /// The label that the other frames give.
+    pub others: String,
 }
 
 /// Report of a garment.
@@ -54,7 +69,13 @@ pub struct GarmentReport {
 }
 
 impl LabelReport {
-    pub(super) fn of(votes: &VoteReport) -> Self {
+    pub(super) fn of(votes: &VoteReport, capture: &Capture) -> Self {
+        let name = |label: u8| capture.labels()[usize::from(label)].clone();
+        let named = |c: &Contradiction| LabelContradiction {
+            frame: capture.number(c.frame),
+            label: name(c.label),
+            others: name(c.others),
+        };
         Self {
             frames_cast: votes.cast,
             frames_empty: votes.empty,
@@ -62,6 +83,7 @@ impl LabelReport {
             pixels: votes.pixels,
             near_edge: votes.near_edge,
             mute: votes.mute,
+            contradictions: votes.contradictions.iter().map(named).collect(),
         }
     }
 }

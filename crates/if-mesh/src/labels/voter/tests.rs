@@ -66,6 +66,38 @@ fn turned(mesh: &TriMesh, frames: usize, noise: Real) -> (LabelVotes, VoteReport
     voter.finish()
 }
 
+/// Votes of so many frames, the first of which takes all of label 1 for label 2.
+fn confused(mesh: &TriMesh, frames: usize) -> (LabelVotes, VoteReport) {
+    let mut voter = Voter::new(mesh, LABELS, &VoteParams::default()).unwrap();
+    for k in 0..frames {
+        // All but the first look from one side.
+        let camera = camera(if k == 0 { 0.2 } else { 0.0 });
+        let mut image = labels(&camera);
+        if k == 0 {
+            image.iter_mut().filter(|l| **l == 1).for_each(|l| *l = 2);
+        }
+        voter.add(mesh.vertices(), &camera, &image).unwrap();
+    }
+    voter.finish()
+}
+
+#[test]
+fn a_frame_that_takes_one_label_for_another_is_not_believed_where_it_looks_alone() {
+    let mesh = cylinder();
+    let (votes, report) = confused(&mesh, 3);
+    assert_eq!(report.contradictions, [Contradiction { frame: 0, label: 2, others: 1 }]);
+    let (false_labels, _) = wrong(&mesh, |v| votes.winner(v));
+    assert!(false_labels <= 48, "{false_labels}");
+    // Of two frames neither knows better.
+    let (votes, report) = confused(&mesh, 2);
+    assert_eq!(report.contradictions, []);
+    let (more_false, _) = wrong(&mesh, |v| votes.winner(v));
+    assert!(more_false > false_labels + 100, "{false_labels} {more_false}");
+    // Right labels contradict none, nor do wrong ones in every third pixel.
+    assert_eq!(turned(&mesh, 12, 0.0).1.contradictions, []);
+    assert_eq!(turned(&mesh, 12, 0.5).1.contradictions, []);
+}
+
 /// Vertices with a wrong label, and those without one.
 fn wrong(mesh: &TriMesh, of: impl Fn(usize) -> u8) -> (usize, usize) {
     let mut counts = (0, 0);

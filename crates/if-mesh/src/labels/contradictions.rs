@@ -1,0 +1,71 @@
+//! Labels of whole frames that the other frames contradict.
+//!
+//! Programs that label images take one garment for another in whole pictures, now and then: a frame calls
+//! all trousers jacket. Where many frames look, they outvote it. Where no other frame does, as between
+//! the legs, its word would stand, so that none of its votes for this label count.
+
+use super::votes::winner;
+use if_core::math::Real;
+
+/// Least sum of the other frames' votes for a label, and so at least two frames, to contradict one.
+const SURE: Real = 1.0;
+/// A frame calls one label another if it does so with more than this share of what it sees of it.
+const MOST: Real = 0.5;
+/// And if at least this share of its votes for the other label are of that: what is so little seen may
+/// lie on the border of two labels, which frames do not know well.
+const LEAST: Real = 0.05;
+
+/// The votes of one frame: vertex, label and vote, the labels of a vertex one after the other.
+#[derive(Debug, Default)]
+pub(super) struct Ballots {
+    /// Number of the frame.
+    pub(super) frame: usize,
+    pub(super) votes: Vec<(u32, u8, f32)>,
+}
+
+/// A frame that gives a label to most of what it sees of another one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Contradiction {
+    /// Number of the frame, from 0, of those that were looked at.
+    pub frame: usize,
+    /// The label that it gives. None of its votes for it count.
+    pub label: u8,
+    /// The label that the other frames give.
+    pub others: u8,
+}
+
+/// The contradictions of a frame to the sums of all votes, `labels` for each vertex.
+pub(super) fn contradictions(own: &Ballots, votes: &[Real], labels: usize) -> Vec<Contradiction> {
+    // called[true label · labels + label]: votes of the frame.
+    let mut called = vec![0.0; labels * labels];
+    let mut rest = vec![0.0; labels];
+    for of_vertex in own.votes.chunk_by(|a, b| a.0 == b.0) {
+        rest.copy_from_slice(&votes[of_vertex[0].0 as usize * labels..][..labels]);
+        of_vertex
+            .iter()
+            .for_each(|(_, label, vote)| rest[usize::from(*label)] -= Real::from(*vote));
+        let truth = usize::from(winner(&rest));
+        let sum: Real = of_vertex.iter().map(|(.., vote)| Real::from(*vote)).sum();
+        if rest[truth] >= SURE.max(sum) {
+            for (_, label, vote) in of_vertex {
+                called[truth * labels + usize::from(*label)] += Real::from(*vote);
+            }
+        }
+    }
+    let mut found = Vec::new();
+    for truth in 0..labels {
+        let seen: Real = called[truth * labels..][..labels].iter().sum();
+        for label in (0..labels).filter(|l| *l != truth) {
+            let wrong = called[truth * labels + label];
+            let all: Real = (0..labels).map(|t| called[t * labels + label]).sum();
+            if wrong > MOST * seen && wrong > LEAST * all {
+                found.push(Contradiction {
+                    frame: own.frame,
+                    label: label as u8,
+                    others: truth as u8,
+                });
+            }
+        }
+    }
+    found
+}
