@@ -22,16 +22,6 @@ impl LabelScores {
         &self.scores[vertex * self.labels..(vertex + 1) * self.labels]
     }
 
-    /// That of these labels which has the highest score at a vertex, the smaller one of equals.
-    ///
-    /// # Panics
-    ///
-    /// If `vertex` or a label is out of range.
-    pub fn best_of(&self, vertex: usize, labels: impl Iterator<Item = usize>) -> Option<usize> {
-        let scores = self.of(vertex);
-        labels.max_by(|a, b| scores[*a].total_cmp(&scores[*b]).then(b.cmp(a)))
-    }
-
     /// Number of vertices.
     pub fn vertices(&self) -> usize {
         self.scores.len() / self.labels.max(1)

@@ -159,14 +159,13 @@ pub fn find_garments(
         }
     }
 
-    // Labels are smoothed, once more with votes against loose garments on their undersides, and against
-    // garments on their lids.
+    // Labels are smoothed, with votes against garments on undersides of loose ones, and once more with
+    // votes against garments on their lids.
     let (mut votes, vote_report) = voter.finish();
-    let mut scores = smooth_labels(mesh, &votes, &params.smoothness, monitor)?;
     if let Some(underside) = underside {
-        votes = underside.voted(mesh, &votes, &scores);
-        scores = smooth_labels(mesh, &votes, &params.smoothness, monitor)?;
+        votes = underside.voted(mesh, votes);
     }
+    let mut scores = smooth_labels(mesh, &votes, &params.smoothness, monitor)?;
     if let Some(votes) = lids::outvoted(mesh, &votes, &scores) {
         scores = smooth_labels(mesh, &votes, &params.smoothness, monitor)?;
     }

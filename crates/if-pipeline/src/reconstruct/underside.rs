@@ -2,12 +2,12 @@
 
 use super::canonical::carried_to;
 use super::surface::Surface;
-use crate::capture::Capture;
+use crate::capture::{Capture, SKIN};
 use if_body::TemplateBody;
 use if_core::edges::parts;
 use if_core::math::{Real, area_vector};
 use if_core::mesh::TriMesh;
-use if_mesh::labels::{LabelScores, LabelVotes};
+use if_mesh::labels::LabelVotes;
 
 /// Distance from the template beyond which a vertex is spanned by clothes, in metres: the distance
 /// over which weights blend to those of the grid.
@@ -20,59 +20,43 @@ const UNSEEN_SHARE: Real = 1.0 / 24.0;
 /// Least area of an unseen patch, in square metres: a square of 12 cm. Smaller ones are folds; the
 /// undersides of a dress and a skirt have 0.03 to 0.1.
 const LEAST: Real = 0.015;
-/// Votes against the garment at an unseen vertex: one frame.
+/// Votes for skin at an unseen vertex: one frame.
 const VOTE: Real = 1.0;
 
 /// The parts of the surface between a skirt's hem and the legs close it, but are not cloth: spanned
-/// vertices that no frame sees do not belong to the loose garments.
+/// vertices that no frame sees belong to no garment, neither to the skirt nor to what is worn below.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Underside {
     /// Whether each vertex of the canonical mesh lies where clothes span a gap of the template.
     pub spanned: Vec<bool>,
-    /// Whether each label of the capture is that of a loose garment.
-    pub loose: Vec<bool>,
     /// Votes below which a vertex counts as unseen.
     pub unseen: Real,
 }
 
 impl Underside {
-    /// The undersides on the canonical `mesh` of a surface; `None` if it started from the template
-    /// alone.
+    /// The undersides on the canonical `mesh` of a surface; `None` if no garment hangs loose.
     pub fn of(
         surface: &Surface,
         template: &TemplateBody,
         capture: &Capture,
         mesh: &TriMesh,
     ) -> Option<Self> {
-        let filled = surface.report.start.filled.as_ref()?;
+        surface.report.start.filled.as_ref()?;
         let near = carried_to(&template.mesh, &template.skin, mesh.vertices());
         Some(Self {
             spanned: near.iter().map(|(distance, _)| *distance > SPANNED).collect(),
-            loose: capture.labels().iter().map(|name| filled.garments.contains(name)).collect(),
             unseen: UNSEEN.min(UNSEEN_SHARE * capture.len() as Real),
         })
     }
 
-    /// The votes, with one more for the best label that is not loose at each vertex of an unseen
-    /// spanned patch; `scores` are the smoothed ones of `votes`.
-    pub(super) fn voted(
-        &self,
-        mesh: &TriMesh,
-        votes: &LabelVotes,
-        scores: &LabelScores,
-    ) -> LabelVotes {
-        let mut out = votes.clone();
-        let row = |v: usize| v * votes.labels..(v + 1) * votes.labels;
-        let unseen =
-            |v: usize| self.spanned[v] && votes.weights[row(v)].iter().sum::<Real>() < self.unseen;
+    /// The votes, with one more for skin, which is no garment, at each vertex of an unseen spanned
+    /// patch.
+    pub(super) fn voted(&self, mesh: &TriMesh, mut votes: LabelVotes) -> LabelVotes {
+        let unseen = |v: usize| self.spanned[v] && votes.of(v).iter().sum::<Real>() < self.unseen;
         for v in patches(mesh, unseen) {
-            // Label 0 means unknown.
-            let other = (1..votes.labels).filter(|l| !self.loose[*l]);
-            if let Some(best) = scores.best_of(v, other) {
-                out.weights[row(v).start + best] += VOTE;
-            }
+            votes.weights[v * votes.labels + usize::from(SKIN)] += VOTE;
         }
-        out
+        votes
     }
 }
 
@@ -115,32 +99,23 @@ mod tests {
             .unwrap();
         let along: Vec<Real> = sheet.vertices().iter().map(|p| p[axis] - low[axis]).collect();
         let unseen = |v: usize| along[v] < 0.25 || along[v] > 0.95;
-        let underside = Underside {
-            spanned: vec![true; n],
-            loose: vec![false, false, true, false],
-            unseen: 1.0,
-        };
+        let underside = Underside { spanned: vec![true; n], unseen: 1.0 };
         let votes = LabelVotes {
             labels: 4,
             weights: (0..n)
                 .flat_map(|v| if unseen(v) { [0.0, 0.0, 0.2, 0.0] } else { [0.0, 0.0, 5.0, 0.0] })
                 .collect(),
         };
-        let scores = LabelScores { labels: 4, scores: [0.0, 0.1, 0.7, 0.2].repeat(n) };
-        let out = underside.voted(&sheet, &votes, &scores);
+        let out = underside.voted(&sheet, votes.clone());
         for v in 0..n {
-            // The best other one is 3. The last column alone has no area.
-            assert_eq!(
-                out.weights[4 * v + 3],
-                if along[v] < 0.25 { 1.0 } else { 0.0 },
-                "{}",
-                along[v]
-            );
+            // The last column alone has no area.
+            let expected = if along[v] < 0.25 { 1.0 } else { 0.0 };
+            assert_eq!(out.of(v)[usize::from(SKIN)], expected, "{}", along[v]);
         }
         let seen = Underside { spanned: vec![false; n], ..underside };
-        assert_eq!(seen.voted(&sheet, &votes, &scores), votes);
+        assert_eq!(seen.voted(&sheet, votes.clone()), votes);
         // Of few frames less is expected.
         let few = Underside { spanned: vec![true; n], unseen: 0.1, ..seen };
-        assert_eq!(few.voted(&sheet, &votes, &scores), votes);
+        assert_eq!(few.voted(&sheet, votes.clone()), votes);
     }
 }
