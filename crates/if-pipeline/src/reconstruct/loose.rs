@@ -14,6 +14,11 @@ use if_mesh::camera::Camera;
 use if_mesh::raster::{IdBuffer, NOTHING, RasterParams, Rasteriser};
 use rayon::prelude::*;
 
+/// The share of the distance from the template beyond which a pixel is far from it that holds between
+/// two parts of it, such as legs: there skirts span gaps that are hardly twice as wide.
+const BETWEEN: Real = 0.8;
+/// How far these parts are from the pixel at most, along its row, in metres.
+const APART: Real = 0.15;
 /// Largest share of frames whose masks may contradict a filled voxel: noise, and clothes that do not
 /// follow the skeleton.
 const ALLOWED: Real = 1.0 / 12.0;
@@ -72,11 +77,19 @@ impl<'a> View<'a> {
             buffer.depth.iter().filter(|z| z.is_finite()).map(|z| Real::from(*z)).collect();
         let depth = seen.iter().sum::<Real>() / seen.len().max(1) as Real;
         let away = DistanceImage::new(&figure, camera.width(), camera.height(), 0.0);
-        let pixels =
-            if depth > 0.0 { loose * pixels_per_metre(camera) / depth } else { Real::INFINITY };
-        let beside = (0..figure.len())
-            .map(|i| frame.outside.pixel(i) < 0.0 && Real::from(away.pixel(i)) > pixels)
-            .collect();
+        let per_metre = if depth > 0.0 { pixels_per_metre(camera) / depth } else { Real::INFINITY };
+        let (pixels, apart) = (loose * per_metre, (APART * per_metre) as usize);
+        let is_between = |i: usize| {
+            let (row, at) = (i / camera.width() * camera.width(), i % camera.width());
+            let row = &figure[row..row + camera.width()];
+            let right = row[at..].iter().take(apart).any(|f| *f);
+            right && row[..at].iter().rev().take(apart).any(|f| *f)
+        };
+        let is_far = |i: usize| {
+            let away = Real::from(away.pixel(i));
+            away > pixels || away > BETWEEN * pixels && is_between(i)
+        };
+        let beside = (0..figure.len()).map(|i| frame.outside.pixel(i) < 0.0 && is_far(i)).collect();
         let maps = frame.transforms.iter().map(in_camera(camera)).collect();
         Self { maps, outside: &frame.outside, depth: buffer.depth, beside, labels: Vec::new() }
     }
@@ -365,6 +378,7 @@ impl Judge<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use if_core::shapes::meshes;
 
     #[test]
     fn enclosed_voxels_are_filled_and_open_ones_are_not() {
@@ -381,6 +395,49 @@ mod tests {
         shut_in(&l, &mut space);
         assert_eq!(space[at(2, 2, 2)], Space::Filled);
         assert_eq!(space.iter().filter(|s| **s == Space::Filled).count(), 6);
+    }
+
+    #[test]
+    fn between_two_legs_less_is_far_than_beside_them() {
+        // Two legs of 12 cm with 9 cm between them, and a skirt that reaches 4.5 cm beyond them.
+        let leg = |x: Real| {
+            let tube = meshes::tube(0.06, 0.8, 24, 8, true);
+            tube.with_vertices(tube.vertices().iter().map(|p| p + Vector::x() * x).collect())
+        };
+        let [a, b] = [leg(-0.105).unwrap(), leg(0.105).unwrap()];
+        let n = a.vertices().len();
+        let more = b.triangles().iter().map(|t| t.map(|v| v + n as u32));
+        let legs = TriMesh::new(
+            [a.vertices(), b.vertices()].concat(),
+            a.triangles().iter().copied().chain(more).collect(),
+        )
+        .unwrap();
+        let skin =
+            SkinWeights::new(vec![[0; 4]; 2 * n], vec![[1.0, 0.0, 0.0, 0.0]; 2 * n], 1).unwrap();
+        let (size, eye, up) = ((256, 256), Point::new(0.0, 0.4, 3.0), Vector::y());
+        let camera = Camera::looking_at(size, &eye, &Point::new(0.0, 0.4, 0.0), &up, 0.35).unwrap();
+        let pixel = |x: Real, y: Real| {
+            let pixel = camera.project(&Point::new(x, y, 0.0)).unwrap();
+            [pixel.x as usize, pixel.y as usize]
+        };
+        let at = |x: Real| pixel(x, 0.4)[1] * 256 + pixel(x, 0.4)[0];
+        let ([left, top], [right, bottom]) = (pixel(-0.21, 0.8), pixel(0.21, 0.0));
+        let is_skirt =
+            |i: usize| (left..right).contains(&(i % 256)) && (top..bottom).contains(&(i / 256));
+        let mask: Vec<bool> = (0..256 * 256).map(is_skirt).collect();
+        let frame = Observation {
+            frame: 0,
+            transforms: vec![if_core::nalgebra::Isometry3::identity()],
+            outside: DistanceImage::new(&mask, 256, 256, 0.0),
+            normals: Vec::new(),
+        };
+        let view = View::new(&legs, &skin, &camera, &frame, 0.05);
+        assert!(view.beside[at(0.0)]);
+        assert!(!view.beside[at(0.206)] && !view.beside[at(-0.206)]);
+        assert!(!view.beside[at(0.105)], "a leg");
+        // Nothing is that far.
+        let view = View::new(&legs, &skin, &camera, &frame, 0.06);
+        assert_eq!(view.counts().1, 0);
     }
 
     #[test]
