@@ -58,8 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         voter.add(&turned, &camera, &labels)?;
         both += start.elapsed();
     }
-    let report = voter.report();
-    let (votes, _) = voter.finish();
+    let (votes, report) = voter.finish();
     let wrong = (0..mesh.vertices().len()).filter(|v| votes.winner(*v) != 0).count();
     assert!(
         report.cast == frames && wrong * 2 > mesh.vertices().len(),

@@ -34,7 +34,7 @@ pub struct SurfaceParams {
     /// Least overlap (intersection over union) of mask and posed template; other frames are skipped.
     pub least_overlap: Real,
     /// Distance from the posed template, in metres, beyond which pixels of the person belong to
-    /// loose clothes.
+    /// loose clothes; between two parts of it, such as legs, four fifths of that.
     pub loose: Real,
     /// Least share of such pixels for a start from the union with loose clothes; below, the surface
     /// starts from the template. 1 for always.
