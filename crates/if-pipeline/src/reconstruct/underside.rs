@@ -115,7 +115,7 @@ mod tests {
         let seen = Underside { spanned: vec![false; n], ..underside };
         assert_eq!(seen.voted(&sheet, votes.clone()), votes);
         // Of few frames less is expected.
-        let few = Underside { spanned: vec![true; n], unseen: 0.1, ..seen };
+        let few = Underside { spanned: vec![true; n], unseen: 0.1 };
         assert_eq!(few.voted(&sheet, votes.clone()), votes);
     }
 }
