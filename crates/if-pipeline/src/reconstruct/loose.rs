@@ -41,6 +41,17 @@ const THICK: Real = 0.1;
 /// Least certain volume, in cubic metres: a tenth of a litre. Less is noise.
 const LEAST_CERTAIN: Real = 1e-4;
 
+/// Where a pixel lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    /// Near the posed template, or beside the person.
+    Near,
+    /// Less far from the template, between two parts of it.
+    Between,
+    /// Far from it.
+    Far,
+}
+
 /// A frame with the posed template.
 pub(super) struct View<'a> {
     /// The transform of each joint into the camera's frame.
@@ -48,8 +59,10 @@ pub(super) struct View<'a> {
     outside: &'a DistanceImage,
     /// Depth of the posed template, infinite beside it.
     depth: Vec<f32>,
-    /// Pixels of the person far from the posed template.
-    pub(super) beside: Vec<bool>,
+    /// Where each pixel of the person lies beside the posed template.
+    place: Vec<Place>,
+    /// Whether pixels between two parts of it count as far from it.
+    pub(super) between: bool,
     /// Label image; empty until it is read.
     pub(super) labels: Vec<u8>,
 }
@@ -85,19 +98,28 @@ impl<'a> View<'a> {
             let right = row[at..].iter().take(apart).any(|f| *f);
             right && row[..at].iter().rev().take(apart).any(|f| *f)
         };
-        let is_far = |i: usize| {
-            let away = Real::from(away.pixel(i));
-            away > pixels || away > BETWEEN * pixels && is_between(i)
+        let place = |i: usize| match Real::from(away.pixel(i)) {
+            _ if frame.outside.pixel(i) >= 0.0 => Place::Near,
+            away if away > pixels => Place::Far,
+            away if away > BETWEEN * pixels && is_between(i) => Place::Between,
+            _ => Place::Near,
         };
-        let beside = (0..figure.len()).map(|i| frame.outside.pixel(i) < 0.0 && is_far(i)).collect();
+        let place = (0..figure.len()).map(place).collect();
         let maps = frame.transforms.iter().map(in_camera(camera)).collect();
-        Self { maps, outside: &frame.outside, depth: buffer.depth, beside, labels: Vec::new() }
+        let (outside, depth) = (&frame.outside, buffer.depth);
+        Self { maps, outside, depth, place, between: false, labels: Vec::new() }
+    }
+
+    /// Whether a pixel of the person is far from the posed template.
+    fn is_beside(&self, i: usize) -> bool {
+        self.place[i] == Place::Far || self.between && self.place[i] == Place::Between
     }
 
     /// Number of pixels of the person, and of those far from the template.
     pub(super) fn counts(&self) -> (usize, usize) {
-        let person = (0..self.beside.len()).filter(|i| self.outside.pixel(*i) < 0.0).count();
-        (person, self.beside.iter().filter(|b| **b).count())
+        let pixels = 0..self.place.len();
+        let person = pixels.clone().filter(|i| self.outside.pixel(*i) < 0.0).count();
+        (person, pixels.filter(|i| self.is_beside(*i)).count())
     }
 }
 
@@ -105,8 +127,8 @@ impl<'a> View<'a> {
 pub(super) fn loose_labels(views: &[View], labels: usize) -> Vec<bool> {
     let mut counts = vec![0usize; labels];
     for view in views {
-        for (label, beside) in view.labels.iter().zip(&view.beside) {
-            counts[usize::from(*label)] += usize::from(*beside);
+        for (i, label) in view.labels.iter().enumerate() {
+            counts[usize::from(*label)] += usize::from(view.is_beside(i));
         }
     }
     let first = usize::from(FIRST_GARMENT).min(labels);
@@ -357,7 +379,7 @@ impl Judge<'_> {
                 }
                 continue;
             }
-            beside += usize::from(view.beside[i]);
+            beside += usize::from(view.is_beside(i));
             // Pixels that the template hides, or that have no label, do not count.
             let label = view.labels[i];
             if Real::from(view.depth[i]) >= q.z && label > 0 {
@@ -431,12 +453,14 @@ mod tests {
             outside: DistanceImage::new(&mask, 256, 256, 0.0),
             normals: Vec::new(),
         };
-        let view = View::new(&legs, &skin, &camera, &frame, 0.05);
-        assert!(view.beside[at(0.0)]);
-        assert!(!view.beside[at(0.206)] && !view.beside[at(-0.206)]);
-        assert!(!view.beside[at(0.105)], "a leg");
+        let mut view = View::new(&legs, &skin, &camera, &frame, 0.05);
+        assert_eq!(view.counts().1, 0);
+        view.between = true;
+        assert!(view.is_beside(at(0.0)));
+        assert!(!view.is_beside(at(0.206)) && !view.is_beside(at(-0.206)));
+        assert!(!view.is_beside(at(0.105)), "a leg");
         // Nothing is that far.
-        let view = View::new(&legs, &skin, &camera, &frame, 0.06);
+        let view = View { between: true, ..View::new(&legs, &skin, &camera, &frame, 0.06) };
         assert_eq!(view.counts().1, 0);
     }
 
@@ -494,7 +518,8 @@ mod tests {
             maps: Vec::new(),
             outside: &outside,
             depth: vec![Real::INFINITY as f32; 8],
-            beside: vec![true, true, true, true, true, true, false, false],
+            place: [[Place::Far; 6].as_slice(), &[Place::Between, Place::Near]].concat(),
+            between: false,
             labels,
         };
         // Skin is not a garment, label 3 has one pixel of five, label 4 is in front of the template.

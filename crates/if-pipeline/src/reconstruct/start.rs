@@ -57,36 +57,23 @@ pub(super) fn start(
     monitor: &mut dyn Monitor,
 ) -> Result<Start, ReconstructError> {
     let (mesh, skin, camera) = (&template.mesh, &template.skin, capture.camera());
-    // Pixels of the person far from the posed template, in all frames.
     let mut views: Vec<View> =
         frames.par_iter().map(|f| View::new(mesh, skin, camera, f, params.loose)).collect();
-    let (person, beside) =
-        views.iter().map(View::counts).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
-    let beside = if person == 0 { 0.0 } else { beside as Real / person as Real };
-    let as_it_is = || Start {
-        mesh: mesh.clone(),
-        skin: skin.clone(),
-        report: StartReport { beside, filled: None },
-    };
-    if beside < params.least_loose {
-        return Ok(as_it_is());
+    let mut space = None;
+    let (mut beside, mut found) =
+        fill_loose(capture, template, params, frames, &mut views, &mut space)?;
+    if found.is_none() {
+        // A skirt about legs that stand close may span less. Where more is loose, that would take the space
+        // between arms and body for its inside.
+        views.iter_mut().for_each(|view| view.between = true);
+        let again = fill_loose(capture, template, params, frames, &mut views, &mut space)?;
+        if again.1.is_some() {
+            (beside, found) = again;
+        }
     }
-    let labels: Vec<_> = frames.par_iter().map(|f| capture.label_image(f.frame)).collect();
-    for (view, labels) in views.iter_mut().zip(labels) {
-        view.labels = labels?;
-    }
-    let loose = loose_labels(&views, capture.labels().len());
-    if !loose.contains(&true) {
-        return Ok(as_it_is());
-    }
-    // The space inside loose clothes, filled by voxels.
-    let joints = template.skeleton.len();
-    let grid = WeightGrid::new(mesh.vertices(), skin, joints, &WeightGridParams::default())?;
-    let solid = FloodedField::new(mesh).map_err(ReconstructError::TemplateInside)?;
-    let lattice = Lattice::new(&grid.bounds(), params.loose_cell);
-    let parents: Vec<Option<usize>> = template.skeleton.joints().iter().map(|j| j.parent).collect();
-    let Some(filling) = fill(lattice, &grid, &solid, camera, &views, &loose, &parents) else {
-        return Ok(as_it_is());
+    let (Some((loose, filling)), Some((grid, solid))) = (found, space) else {
+        let (mesh, skin) = (mesh.clone(), skin.clone());
+        return Ok(Start { mesh, skin, report: StartReport { beside, filled: None } });
     };
 
     // The surface of the union, with weights.
@@ -112,6 +99,49 @@ pub(super) fn start(
         vertices: mesh.vertices().len(),
     };
     Ok(Start { mesh, skin, report: StartReport { beside, filled: Some(filled) } })
+}
+
+/// Weights in space, and the inside of the template: made once.
+type TemplateSpace = Option<(WeightGrid, FloodedField)>;
+
+/// The share of the person's pixels that are far from the posed template, and, if that is enough, the
+/// labels of loose garments and the space inside them.
+fn fill_loose(
+    capture: &Capture,
+    template: &TemplateBody,
+    params: &SurfaceParams,
+    frames: &[Observation],
+    views: &mut [View],
+    space: &mut TemplateSpace,
+) -> Result<(Real, Option<(Vec<bool>, Filling)>), ReconstructError> {
+    let (person, beside) =
+        views.iter().map(View::counts).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
+    let beside = if person == 0 { 0.0 } else { beside as Real / person as Real };
+    if beside < params.least_loose {
+        return Ok((beside, None));
+    }
+    if views.iter().all(|view| view.labels.is_empty()) {
+        let labels: Vec<_> = frames.par_iter().map(|f| capture.label_image(f.frame)).collect();
+        for (view, labels) in views.iter_mut().zip(labels) {
+            view.labels = labels?;
+        }
+    }
+    let loose = loose_labels(views, capture.labels().len());
+    if !loose.contains(&true) {
+        return Ok((beside, None));
+    }
+    if space.is_none() {
+        let (mesh, skin) = (&template.mesh, &template.skin);
+        let params = WeightGridParams::default();
+        let grid = WeightGrid::new(mesh.vertices(), skin, template.skeleton.len(), &params)?;
+        let solid = FloodedField::new(mesh).map_err(ReconstructError::TemplateInside)?;
+        *space = Some((grid, solid));
+    }
+    let Some((grid, solid)) = space else { return Ok((beside, None)) };
+    let lattice = Lattice::new(&grid.bounds(), params.loose_cell);
+    let parents: Vec<Option<usize>> = template.skeleton.joints().iter().map(|j| j.parent).collect();
+    let filling = fill(lattice, grid, solid, capture.camera(), views, &loose, &parents);
+    Ok((beside, filling.map(|filling| (loose, filling))))
 }
 
 /// Skinning weights of the start: the template's on it, those of the grid away from it.
