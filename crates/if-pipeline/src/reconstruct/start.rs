@@ -71,7 +71,7 @@ pub(super) fn start(
             (beside, found) = again;
         }
     }
-    let (Some((loose, filling)), Some((grid, solid))) = (found, space) else {
+    let (Some(filling), Some((grid, solid))) = (found, space) else {
         let (mesh, skin) = (mesh.clone(), skin.clone());
         return Ok(Start { mesh, skin, report: StartReport { beside, filled: None } });
     };
@@ -89,8 +89,8 @@ pub(super) fn start(
     let voxels = filling.space.iter().filter(|s| **s == Space::Filled).count();
     let name = |j: &usize| template.skeleton.joints()[*j].name.clone();
     let filled = Filled {
-        garments: (0..loose.len())
-            .filter(|k| loose[*k])
+        garments: (0..filling.loose.len())
+            .filter(|k| filling.loose[*k])
             .map(|k| capture.labels()[k].clone())
             .collect(),
         joints: filling.joints.iter().map(name).collect(),
@@ -105,7 +105,7 @@ pub(super) fn start(
 type TemplateSpace = Option<(WeightGrid, FloodedField)>;
 
 /// The share of the person's pixels that are far from the posed template, and, if that is enough, the
-/// labels of loose garments and the space inside them.
+/// space inside loose garments.
 fn fill_loose(
     capture: &Capture,
     template: &TemplateBody,
@@ -113,7 +113,7 @@ fn fill_loose(
     frames: &[Observation],
     views: &mut [View],
     space: &mut TemplateSpace,
-) -> Result<(Real, Option<(Vec<bool>, Filling)>), ReconstructError> {
+) -> Result<(Real, Option<Filling>), ReconstructError> {
     let (person, beside) =
         views.iter().map(View::counts).fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
     let beside = if person == 0 { 0.0 } else { beside as Real / person as Real };
@@ -141,7 +141,7 @@ fn fill_loose(
     let lattice = Lattice::new(&grid.bounds(), params.loose_cell);
     let parents: Vec<Option<usize>> = template.skeleton.joints().iter().map(|j| j.parent).collect();
     let filling = fill(lattice, grid, solid, capture.camera(), views, &loose, &parents);
-    Ok((beside, filling.map(|filling| (loose, filling))))
+    Ok((beside, filling))
 }
 
 /// Skinning weights of the start: the template's on it, those of the grid away from it.
@@ -296,7 +296,7 @@ mod tests {
                 }
             })
             .collect();
-        (mesh, Filling { lattice, space, certain: 0, joints: Vec::new() })
+        (mesh, Filling { lattice, space, certain: 0, joints: Vec::new(), loose: Vec::new() })
     }
 
     #[test]
