@@ -8,8 +8,8 @@ motion; 128 to 512 pixels and 8 to 48 frames; noise of labels and masks of 0, 0.
 ../shared/tools/render_sequence.py draws them. Poses are exact; a third of the captures says so, the others are refined as an
 estimator's. Garments meet as they come, and what pokes out has the label of the inner one. A line each: for every garment the mean
 distance of its surface from the truth's in mm, and the 95th percentile; `-` if it was not reconstructed. Then for each program, of
-outermost garments and of those worn below another, the median, the 90th percentile and the largest mean. Needs: pip install numpy
-meshio trimesh libigl
+outermost garments and of the others, what these means are on average, in the median, the 90th percentile and at most. Needs: pip
+install numpy meshio trimesh libigl
 """
 import argparse, collections, json, os, random, subprocess, sys, tempfile
 import igl, meshio, numpy as np, trimesh
@@ -52,7 +52,8 @@ def main():
     for ifg in a.ifg:
         for outermost in (True, False):
             m = means[ifg, outermost]
-            print(ifg, "outermost" if outermost else "below", f"{len(m)} garments, mean mm: median {np.median(m):.2f}, p90 {np.percentile(m, 90):.1f}, largest {max(m):.1f}")
+            which = "outermost" if outermost else "others"
+            print(f"{ifg} {which}: {len(m)}, mm: mean {np.mean(m):.2f}, median {np.median(m):.2f}, p90 {np.percentile(m, 90):.1f}, largest {max(m):.1f}")
 
 
 def drawn(shared, seed):
