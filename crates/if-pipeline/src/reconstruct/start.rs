@@ -138,9 +138,8 @@ fn fill_loose(
         *space = Some((grid, solid));
     }
     let Some((grid, solid)) = space else { return Ok((beside, None)) };
-    let lattice = Lattice::new(&grid.bounds(), params.loose_cell);
     let parents: Vec<Option<usize>> = template.skeleton.joints().iter().map(|j| j.parent).collect();
-    let filling = fill(lattice, grid, solid, capture.camera(), views, &loose, &parents);
+    let filling = fill(params.loose_cell, grid, solid, capture.camera(), views, &loose, &parents);
     Ok((beside, filling))
 }
 
