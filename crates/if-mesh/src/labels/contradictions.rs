@@ -17,7 +17,7 @@ const LEAST: Real = 0.05;
 
 /// The votes of one frame: vertex, label and vote, the labels of a vertex one after the other.
 #[derive(Debug, Default)]
-pub(super) struct Ballots {
+pub(super) struct FrameVotes {
     /// Number of the frame.
     pub(super) frame: usize,
     pub(super) votes: Vec<(u32, u8, f32)>,
@@ -35,7 +35,11 @@ pub struct Contradiction {
 }
 
 /// The contradictions of a frame to the sums of all votes, `labels` for each vertex.
-pub(super) fn contradictions(own: &Ballots, votes: &[Real], labels: usize) -> Vec<Contradiction> {
+pub(super) fn contradictions(
+    own: &FrameVotes,
+    votes: &[Real],
+    labels: usize,
+) -> Vec<Contradiction> {
     // called[true label · labels + label]: votes of the frame.
     let mut called = vec![0.0; labels * labels];
     let mut rest = vec![0.0; labels];

@@ -20,7 +20,7 @@
 #[cfg(test)]
 mod tests;
 
-use super::contradictions::{Ballots, Contradiction, contradictions};
+use super::contradictions::{Contradiction, FrameVotes, contradictions};
 use super::error::LabelError;
 use super::image_edges::image_edges;
 use super::votes::{LabelVotes, UNDECIDED};
@@ -138,7 +138,7 @@ pub struct Voter<'a> {
     /// Sum of all votes of each vertex.
     total: Vec<Real>,
     /// The votes of each frame.
-    ballots: Vec<Ballots>,
+    frames: Vec<FrameVotes>,
     /// W and, last, B of each vertex in this frame.
     frame: Vec<f32>,
     report: VoteReport,
@@ -177,7 +177,7 @@ impl<'a> Voter<'a> {
             camera: None,
             votes: vec![0.0; n * labels],
             total: vec![0.0; n],
-            ballots: Vec::new(),
+            frames: Vec::new(),
             frame: vec![0.0; n * (labels + 1)],
             report: VoteReport::default(),
         })
@@ -343,7 +343,7 @@ impl<'a> Voter<'a> {
         }
         // Each vertex gets at most one vote per frame.
         let frame = self.report.empty + self.report.covered + self.report.cast;
-        let mut own = Ballots { frame, votes: Vec::new() };
+        let mut own = FrameVotes { frame, votes: Vec::new() };
         for v in touched {
             let w = &mut self.frame[v as usize * stride..][..stride];
             let scale = 1.0 / (w[self.labels] + HALF);
@@ -358,7 +358,7 @@ impl<'a> Voter<'a> {
             }
             w.fill(0.0);
         }
-        self.ballots.push(own);
+        self.frames.push(own);
         self.report.cast += 1;
         Ok(())
     }
@@ -372,10 +372,10 @@ impl<'a> Voter<'a> {
     pub fn finish(mut self) -> (LabelVotes, VoteReport) {
         let labels = self.labels;
         let found: Vec<Vec<Contradiction>> =
-            self.ballots.par_iter().map(|own| contradictions(own, &self.votes, labels)).collect();
+            self.frames.par_iter().map(|own| contradictions(own, &self.votes, labels)).collect();
         if found.iter().any(|found| !found.is_empty()) {
             self.votes.fill(0.0);
-            for (own, found) in self.ballots.iter().zip(&found) {
+            for (own, found) in self.frames.iter().zip(&found) {
                 let counts = |label: u8| found.iter().all(|c| c.label != label);
                 for (v, label, vote) in own.votes.iter().filter(|(_, label, _)| counts(*label)) {
                     self.votes[*v as usize * labels + usize::from(*label)] += Real::from(*vote);

@@ -209,8 +209,9 @@ pub(super) fn fill(
     let least = if views.iter().any(|v| v.between) { LEAST_CERTAIN_BETWEEN } else { LEAST_CERTAIN };
     // Twice as large voxels are an eighth of the work, and tell where next to nothing is certain.
     let coarse = Lattice::new(&grid.bounds(), 2.0 * cell);
-    let is_certain = |s: &Space| matches!(s, Space::Maybe { certain: true, .. });
-    let some = states(&coarse).iter().filter(|s| is_certain(s)).count();
+    let coarse_space = states(&coarse);
+    let some =
+        coarse_space.iter().filter(|s| matches!(s, Space::Maybe { certain: true, .. })).count();
     if (some as Real) * coarse.cell.powi(3) < 0.5 * least {
         return None;
     }
@@ -225,7 +226,6 @@ pub(super) fn fill(
         }
     }
     let certain: usize = moved.iter().sum();
-    let least = if views.iter().any(|v| v.between) { LEAST_CERTAIN_BETWEEN } else { LEAST_CERTAIN };
     if (certain as Real) * lattice.cell.powi(3) < least {
         return None;
     }

@@ -130,14 +130,16 @@ fn fill_loose(
     if !loose.contains(&true) {
         return Ok((beside, None));
     }
-    if space.is_none() {
-        let (mesh, skin) = (&template.mesh, &template.skin);
-        let params = WeightGridParams::default();
-        let grid = WeightGrid::new(mesh.vertices(), skin, template.skeleton.len(), &params)?;
-        let solid = FloodedField::new(mesh).map_err(ReconstructError::TemplateInside)?;
-        *space = Some((grid, solid));
-    }
-    let Some((grid, solid)) = space else { return Ok((beside, None)) };
+    let (grid, solid) = match space {
+        Some(space) => space,
+        None => {
+            let (mesh, skin) = (&template.mesh, &template.skin);
+            let params = WeightGridParams::default();
+            let grid = WeightGrid::new(mesh.vertices(), skin, template.skeleton.len(), &params)?;
+            let solid = FloodedField::new(mesh).map_err(ReconstructError::TemplateInside)?;
+            space.insert((grid, solid))
+        }
+    };
     let parents: Vec<Option<usize>> = template.skeleton.joints().iter().map(|j| j.parent).collect();
     let filling = fill(params.loose_cell, grid, solid, capture.camera(), views, &loose, &parents);
     Ok((beside, filling))

@@ -29,6 +29,7 @@ pub struct LabelReport {
     /// Of these, skipped as background, or because they see a back side.
     pub mute: usize,
     /// Labels of frames that the other frames contradict, and that did not count.
+    #[serde(default)]
     pub contradictions: Vec<LabelContradiction>,
 }
 
