@@ -1,6 +1,7 @@
 //! `ifg reconstruct`: a capture becomes garments of a wardrobe.
 
 mod names;
+mod page;
 mod summary;
 
 use crate::cancel;
@@ -12,7 +13,6 @@ use crate::progress::Line;
 use crate::values::{above_zero, pose_sigma};
 use clap::Args;
 use if_body::{TemplateBody, check_upright};
-use if_core::mesh::TriMesh;
 use if_core::monitor::Progress;
 use if_mesh::atomic::{FolderWriter, PATIENCE};
 use if_mesh::baked::BakeParams;
@@ -22,12 +22,11 @@ use if_outfit::digest;
 use if_pipeline::asset::{LayerHint, Parts, Provenance};
 use if_pipeline::capture::{Capture, CaptureError, PoseSigma, write_poses};
 use if_pipeline::reconstruct::{
-    FieldsParams, FieldsRound, FrameMotion, MotionNetworkParams, MotionParams, MotionRound,
-    PhiNetwork, PhiParams, PoseParams, ReconstructError, ReconstructParams, Reconstruction,
-    fields_checkpoint, reconstruct, write_frames,
+    FieldsParams, MotionNetworkParams, MotionParams, PhiNetwork, PhiParams, PoseParams,
+    ReconstructError, ReconstructParams, Reconstruction, fields_checkpoint, reconstruct,
+    write_frames,
 };
 use if_pipeline::wardrobe::{NewBody, Wardrobe, WardrobeError};
-use if_render::{PALETTE, Page, RenderLayer, View, Viewer, side_by_side};
 use miette::{Diagnostic, Report};
 use std::error::Error;
 use std::fs;
@@ -35,7 +34,7 @@ use std::io;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use summary::{doubts, missing, moved, summary};
+use summary::{doubts, missing, summary};
 
 #[derive(Args, Debug, Clone)]
 pub(crate) struct ReconstructArgs {
@@ -127,8 +126,6 @@ pub(crate) enum MotionFrom {
 const CLOTHED: &str = "clothed";
 /// What a stopped run has reached, in the wardrobe's folder, with the capture's name before it.
 const STATE: &str = "reconstruct.state";
-/// Pixels of one view.
-const SIZE: [u32; 2] = [360, 600];
 
 /// Why nothing was reconstructed.
 #[derive(Debug, thiserror::Error, Diagnostic)]
@@ -174,6 +171,7 @@ fn meta_of(args: &ReconstructArgs) -> Option<String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
+    let params = parameters(args)?;
     let name = names::last_name(&args.capture, "capture");
     let line = Line::new(&name, 0, 1);
     line.message("reading");
@@ -192,48 +190,6 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     let prefix = args.prefix.clone().unwrap_or_else(|| format!("{name}_"));
     let names = names::assets(&capture, &prefix)
         .map_err(fault("cannot name the garments", "give --prefix another text"))?;
-    let mut params = ReconstructParams::default();
-    if let Some(cell) = args.cell {
-        params.cell = cell;
-    }
-    params.bake = args.bake.then(small_bake);
-    let steps = args.phi_steps;
-    params.phi = (steps > 0).then(|| PhiParams { steps, ..PhiParams::default() });
-    if args.route == Route::Fields {
-        if args.motion_steps > 0 {
-            let what = "--route fields trains the network of the motion, and --motion-steps fits another one";
-            return Err(
-                fault(what, "leave one of them out")(io::Error::other("one too many")).into()
-            );
-        }
-        let mut fields = match args.phi {
-            PhiOf::Grid => FieldsParams::default(),
-            PhiOf::Mlp => FieldsParams::mlp(),
-        };
-        fields.steps = args.fields_steps.unwrap_or(fields.steps);
-        if steps > 0 {
-            fields.phi.steps = steps;
-        }
-        params.fields = Some(fields);
-    } else if args.phi != PhiOf::Grid || args.fields_steps.is_some() {
-        let what =
-            "--phi and --fields-steps are of a training, which --route surface does not have";
-        return Err(fault(what, "add --route fields")(io::Error::other("nothing to train")).into());
-    }
-    if args.motion_steps > 0 && args.motion != MotionFrom::Solved {
-        let what = "--motion-steps fits a network to the motion that is solved, and --motion says that none is";
-        return Err(fault(what, "leave one of them out")(io::Error::other("nothing to fit")).into());
-    }
-    let solved = args.motion == MotionFrom::Solved && (args.frames || params.fields.is_some());
-    params.motion = solved.then(MotionParams::default);
-    params.motion_network = (args.motion_steps > 0).then(|| MotionNetworkParams {
-        fit: DeformParams { steps: args.motion_steps, ..DeformParams::default() },
-        ..MotionNetworkParams::default()
-    });
-    params.poses = args.pose_noise.map(PoseParams::of);
-    params
-        .validate()
-        .map_err(fault("these options cannot be used", "see ifg reconstruct --help"))?;
     let writing = |what: &str| format!("cannot write {what} into `{}`", args.out.display());
     const ROOM: &str = "make room there, or give --out another folder that you may write to";
     fs::create_dir_all(&args.out).map_err(fault(writing("anything"), ROOM))?;
@@ -242,21 +198,7 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
         format!("cannot open wardrobe `{}`", args.out.display()),
         "formats are specified in docs/reference/wardrobe.md",
     ))?;
-    let others = wardrobe.garments().iter().filter(|(_, g)| is_of_another(args, &g.provenance));
-    for (other, info) in others {
-        let source = &info.provenance.source;
-        let last = Path::new(source).file_name().unwrap_or_default().to_string_lossy();
-        let (what, help) = if names.contains(other) {
-            (format!("a garment `{other}`"), "give --prefix a text of its own")
-        } else if names::fitting(&last) == name {
-            (format!("a clothed person `{name}`"), "give the folder of the capture another name")
-        } else {
-            continue;
-        };
-        let context = format!("`{}` cannot be added", args.capture.display());
-        let taken = Taken { what, source_of: source.clone() };
-        return Err(fault(context, help)(taken).into());
-    }
+    refuse_taken_names(args, &wardrobe, &name, &names)?;
     drop(wardrobe);
     let state = args.out.join(format!(".{name}.{STATE}"));
     let start = Instant::now();
@@ -308,6 +250,77 @@ pub(crate) fn run(args: &ReconstructArgs) -> Result<End, Report> {
     }
     let is_good = doubts.is_none() && found.report.missing.is_empty();
     Ok(if args.strict && !is_good { End::NotClean } else { End::Clean })
+}
+
+/// What the options ask for.
+fn parameters(args: &ReconstructArgs) -> Result<ReconstructParams, Fault> {
+    const ONE_OF_THEM: &str = "leave one of them out";
+    let refused = |what: &str, why, help| Err(fault(what, help)(io::Error::other(why)));
+    if args.route == Route::Fields && args.motion_steps > 0 {
+        let what =
+            "--route fields trains the network of the motion, and --motion-steps fits another one";
+        return refused(what, "one too many", ONE_OF_THEM);
+    }
+    if args.route == Route::Surface && (args.phi != PhiOf::Grid || args.fields_steps.is_some()) {
+        let what =
+            "--phi and --fields-steps are of a training, which --route surface does not have";
+        return refused(what, "nothing to train", "add --route fields");
+    }
+    if args.motion_steps > 0 && args.motion != MotionFrom::Solved {
+        let what = "--motion-steps fits a network to the motion that is solved, and --motion says that none is";
+        return refused(what, "nothing to fit", ONE_OF_THEM);
+    }
+    let mut params = ReconstructParams::default();
+    params.cell = args.cell.unwrap_or(params.cell);
+    params.bake = args.bake.then(small_bake);
+    let steps = args.phi_steps;
+    params.phi = (steps > 0).then(|| PhiParams { steps, ..PhiParams::default() });
+    params.fields = (args.route == Route::Fields).then(|| {
+        let mut fields = match args.phi {
+            PhiOf::Grid => FieldsParams::default(),
+            PhiOf::Mlp => FieldsParams::mlp(),
+        };
+        fields.steps = args.fields_steps.unwrap_or(fields.steps);
+        if steps > 0 {
+            fields.phi.steps = steps;
+        }
+        fields
+    });
+    let solved = args.motion == MotionFrom::Solved && (args.frames || params.fields.is_some());
+    params.motion = solved.then(MotionParams::default);
+    params.motion_network = (args.motion_steps > 0).then(|| MotionNetworkParams {
+        fit: DeformParams { steps: args.motion_steps, ..DeformParams::default() },
+        ..MotionNetworkParams::default()
+    });
+    params.poses = args.pose_noise.map(PoseParams::of);
+    params
+        .validate()
+        .map_err(fault("these options cannot be used", "see ifg reconstruct --help"))?;
+    Ok(params)
+}
+
+/// Refuses a capture whose garments or whose clothed person would replace those of another one.
+fn refuse_taken_names(
+    args: &ReconstructArgs,
+    wardrobe: &Wardrobe,
+    name: &str,
+    names: &[String],
+) -> Result<(), Fault> {
+    let others = wardrobe.garments().iter().filter(|(_, g)| is_of_another(args, &g.provenance));
+    for (other, info) in others {
+        let source = &info.provenance.source;
+        let last = Path::new(source).file_name().unwrap_or_default().to_string_lossy();
+        let (what, help) = if names.contains(other) {
+            (format!("a garment `{other}`"), "give --prefix a text of its own")
+        } else if names::fitting(&last) == name {
+            (format!("a clothed person `{name}`"), "give the folder of the capture another name")
+        } else {
+            continue;
+        };
+        let context = format!("`{}` cannot be added", args.capture.display());
+        return Err(fault(context, help)(Taken { what, source_of: source.clone() }));
+    }
+    Ok(())
 }
 
 /// What to do where nothing could be reconstructed.
@@ -469,146 +482,6 @@ fn write_clothed(
                 .map_err(io::Error::other)?;
         }
         fs::write(folder.join("report.json"), serde_json::to_vec_pretty(&found.report)?)?;
-        fs::write(folder.join("report.html"), page(name, found)?)
+        fs::write(folder.join("report.html"), page::page(name, found)?)
     })
-}
-
-fn page(name: &str, found: &Reconstruction) -> io::Result<String> {
-    let report = &found.report;
-    let mut page = Page::new(&format!("{name}, reconstructed"));
-    let s = &report.seconds;
-    page.text(&summary(
-        name,
-        report,
-        s.poses
-            + s.surface
-            + s.extract
-            + s.fields
-            + s.motion
-            + s.motion_network
-            + s.phi
-            + s.garments
-            + s.bake,
-    ));
-    let parts = labelled(found);
-    let mut viewer = Viewer::new(&["rest pose"]);
-    for (label, mesh) in parts.iter().filter(|(_, mesh)| !mesh.triangles().is_empty()) {
-        let garment = found.garments.iter().find(|g| usize::from(g.label) == *label);
-        let name = garment.map_or(if *label == 1 { "skin" } else { "no label" }, |g| &g.name);
-        viewer.colored(name, color(*label), &[mesh]);
-    }
-    page.viewer(&viewer);
-    page.heading("The person").picture("front, three quarters, back", &picture(&parts)?);
-    page.heading("The garments").picture("cut and cleaned", &picture(&garments(found))?);
-    let row = |k: usize| {
-        let r = &report.surface.rounds[k];
-        vec![
-            (k + 1).to_string(),
-            format!("{:.2}", r.silhouette_mm),
-            format!("{:.2}", r.normal_degrees),
-            format!("{:.2}", r.step_mm),
-            r.rim_vertices.to_string(),
-            r.seen_triangles.to_string(),
-        ]
-    };
-    let rows: Vec<Vec<String>> = (0..report.surface.rounds.len()).map(row).collect();
-    let head = [
-        "round",
-        "silhouettes, mm",
-        "normals, degrees",
-        "step, mm",
-        "rim vertices",
-        "triangles seen",
-    ];
-    page.heading("Rounds, each as it began").table(&head, &rows);
-    if let Some(fields) = &report.fields {
-        let row = |r: &FieldsRound| {
-            vec![
-                r.steps.to_string(),
-                format!("{:.2}", r.silhouette_mm),
-                format!("{:.2}", r.normal_degrees),
-                format!("{:.2}", r.motion_mm),
-                r.rays.used.to_string(),
-                (r.rays.grazing + r.rays.lost + r.rays.contradicting).to_string(),
-                format!("{:.1}", r.seconds),
-            ]
-        };
-        let rows: Vec<Vec<String>> = fields.rounds.iter().map(row).collect();
-        let head = [
-            "steps",
-            "silhouettes, mm",
-            "normals, degrees",
-            "|d|, mm",
-            "rays used",
-            "rays rejected",
-            "seconds",
-        ];
-        page.heading("Training of φ and d: means of the steps").table(&head, &rows);
-    }
-    if let Some(motion) = report.motion.as_ref().filter(|_| report.fields.is_none()) {
-        let row = |(k, r): (usize, &MotionRound)| {
-            vec![
-                (k + 1).to_string(),
-                format!("{:.2}", r.silhouette_mm),
-                format!("{:.2}", r.normal_degrees),
-                format!("{:.2}", r.step_mm),
-            ]
-        };
-        let rows: Vec<Vec<String>> = motion.rounds.iter().enumerate().map(row).collect();
-        page.heading("Motion of single frames: rounds, each as it began, mean of the frames");
-        page.text(&format!("{}It took {:.1} s.", moved(motion), s.motion)).table(&head[..4], &rows);
-        let row = |f: &FrameMotion| {
-            let from = if f.solved {
-                "its pictures and its neighbours'"
-            } else {
-                "its neighbours' motion"
-            };
-            vec![
-                f.frame.to_string(),
-                from.into(),
-                format!("{:.2}", f.mean_mm),
-                format!("{:.2}", f.max_mm),
-            ]
-        };
-        let rows: Vec<Vec<String>> = motion.frames.iter().map(row).collect();
-        page.heading("Motion of single frames")
-            .table(&["frame", "from", "|d| on average, mm", "at most, mm"], &rows);
-    }
-    page.heading("Everything").json(report);
-    Ok(page.html())
-}
-
-/// The canonical mesh in the colours of its labels: a mesh for each.
-fn labelled(found: &Reconstruction) -> Vec<(usize, TriMesh)> {
-    let most = found.labels.iter().copied().max().unwrap_or(0);
-    let part = |label: u8| {
-        let mine = found
-            .mesh
-            .triangles()
-            .iter()
-            .filter(|t| t.iter().map(|v| found.labels[*v as usize]).max() == Some(label));
-        let mesh = TriMesh::new(found.mesh.vertices().to_vec(), mine.copied().collect());
-        (usize::from(label), mesh.expect("a part of a mesh is a mesh"))
-    };
-    (0..=most).map(part).collect()
-}
-
-fn garments(found: &Reconstruction) -> Vec<(usize, TriMesh)> {
-    found.garments.iter().map(|g| (usize::from(g.label), g.mesh.clone())).collect()
-}
-
-fn color(label: usize) -> [u8; 3] {
-    PALETTE[label.saturating_sub(1) % PALETTE.len()]
-}
-
-fn picture(parts: &[(usize, TriMesh)]) -> io::Result<Vec<u8>> {
-    let layers: Vec<RenderLayer> = parts
-        .iter()
-        .map(|(label, mesh)| RenderLayer { mesh, color: color(*label), highlight: &[] })
-        .collect();
-    let mut png = Vec::new();
-    side_by_side(&layers, &[View::FRONT, View::THREE_QUARTER, View::BACK], SIZE[0], SIZE[1])
-        .write_png(&mut png)
-        .map_err(io::Error::other)?;
-    Ok(png)
 }

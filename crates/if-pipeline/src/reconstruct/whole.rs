@@ -10,7 +10,7 @@ use super::motion::{
 };
 use super::params::SurfaceParams;
 use super::phi::{PhiNetwork, PhiParams, fit_phi};
-use super::poses::{PoseParams, refine_poses};
+use super::poses::{PoseParams, RefinedPoses, refine_poses};
 use super::progress;
 use super::surface::{Surface, fit_surface};
 use super::underside::Underside;
@@ -153,15 +153,7 @@ pub fn reconstruct(
     let mut seconds = Seconds::default();
     let mut lap = Lap::start();
 
-    let mut poses = params
-        .poses
-        .clone()
-        .unwrap_or_else(|| PoseParams::of(capture.pose_sigma().unwrap_or_default()));
-    poses.camera_degrees = capture.camera_sigma_degrees().unwrap_or(poses.camera_degrees);
-    let refined = match poses.sigma.is_exact() {
-        true => None,
-        false => Some(refine_poses(capture, template, &params.surface, &poses, monitor)?),
-    };
+    let refined = refined_poses(capture, template, params, monitor)?;
     let corrected = match &refined {
         Some(refined) => {
             let posed = capture.with_poses(refined.poses.clone())?;
@@ -280,6 +272,22 @@ pub fn reconstruct(
         garments,
         report,
     })
+}
+
+/// Poses and camera by the images; `None` if they are exact.
+fn refined_poses(
+    capture: &Capture,
+    template: &TemplateBody,
+    params: &ReconstructParams,
+    monitor: &mut dyn Monitor,
+) -> Result<Option<RefinedPoses>, ReconstructError> {
+    let stated = || PoseParams::of(capture.pose_sigma().unwrap_or_default());
+    let mut poses = params.poses.clone().unwrap_or_else(stated);
+    poses.camera_degrees = capture.camera_sigma_degrees().unwrap_or(poses.camera_degrees);
+    if poses.sigma.is_exact() {
+        return Ok(None);
+    }
+    refine_poses(capture, template, &params.surface, &poses, monitor).map(Some)
 }
 
 /// The checkpoint of [`fit_fields`] beside that of the surface: its name with `.fields` after it.

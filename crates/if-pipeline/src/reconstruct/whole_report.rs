@@ -135,6 +135,14 @@ pub struct Seconds {
     pub bake: Real,
 }
 
+impl Seconds {
+    /// The seconds of all stages together.
+    pub fn sum(&self) -> Real {
+        let fit = self.poses + self.surface + self.extract + self.fields + self.phi;
+        fit + self.motion + self.motion_network + self.garments + self.bake
+    }
+}
+
 /// Report of a reconstruction.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 #[non_exhaustive]
