@@ -3,22 +3,24 @@
 mod faults;
 mod files;
 mod gltf;
+mod meshes;
 mod page;
 mod pictures;
 mod source;
 mod summary;
 
-use self::faults::{AnimateFault, NotClean, NotCleanBetween};
+use self::faults::{AnimateFault, LessClean, NotClean, NotCleanBetween};
 use self::files::{Names, Stale};
+use self::meshes::Meshes;
 use self::source::Source;
 pub(crate) use self::source::SourceArgs;
 use crate::cancel;
 use crate::end::End;
-use crate::errors::{self, ErrorChain};
+use crate::errors;
 use crate::inputs::{InputArgs, Order, ParamArgs, PinchArg};
 use crate::load::{self, LoadError};
 use crate::order;
-use crate::outfit_file::{LayerSpec, OutfitSpec, outfits};
+use crate::outfit_file::{OutfitSpec, outfits};
 use crate::output_error::OutputError;
 use crate::print::{print, print_json};
 use crate::progress::Line;
@@ -27,10 +29,8 @@ use crate::shard::Shard;
 use crate::staging::Staging;
 use crate::values::{above_zero, assignment};
 use clap::Args;
-use if_core::math::Point;
-use if_mesh::file::{MeshFile, WriteError};
 use if_mesh::point_cache::{PointCacheError, PointCacheWriter};
-use if_outfit::files::{FilesError, OutfitFiles};
+use if_outfit::files::FilesError;
 use if_outfit::outfit::Outfit;
 use if_outfit::resolve::ResolveError;
 use if_outfit::{Split, with_parameter};
@@ -192,6 +192,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
     between.iter_mut().flatten().for_each(|row| row.frame = number(row.frame));
     line.message("writing");
     let mut names = planned.caches.clone();
+    let mut rounded = Vec::new();
     let written = write_caches(&names, movement.outfit(), &animation.frames, (&staging, args))
         .and_then(|()| {
             if args.gltf {
@@ -201,7 +202,11 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
                 names.push(gltf::write(outfit, (&animation.frames, rate), folders)?);
             }
             let frames = (&animation.frames, &planned.meshes[..]);
-            names.extend(write_meshes(spec, &files, frames, (&staging, args))?);
+            let meshes =
+                Meshes { spec, files: &files, outfit: movement.outfit(), walk: &params.walk };
+            let (written, less_clean) = meshes.write(frames, (&staging, args))?;
+            names.extend(written);
+            rounded = less_clean.into_iter().map(number).collect();
             Ok(())
         });
     match written {
@@ -234,6 +239,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         "outputs": names,
         "report": animation.report,
         "between_frames": between,
+        "meshes_less_clean": rounded,
     });
     let text = serde_json::to_string_pretty(&report).into_diagnostic()? + "\n";
     std::fs::write(staging.path(REPORT), text)
@@ -250,7 +256,7 @@ pub(crate) fn animated(spec: &OutfitSpec, args: &Options) -> Result<End, Report>
         let found = (&animation.report, between.as_deref());
         print(&format!("{head}\n\n{}", summary::text(found, notes, &args.out, &names)))?;
     }
-    Ok(end(&animation, between.as_deref(), args.strict))
+    Ok(end(&animation, between.as_deref(), rounded, args.strict))
 }
 
 /// The parameters of the motion.
@@ -336,56 +342,13 @@ fn write_caches(
     Ok(())
 }
 
-/// Writes each layer of each frame, under these `names`, with the attributes of its file. Returns the names of
-/// the files, of which one may hold several layers.
-fn write_meshes(
-    spec: &OutfitSpec,
-    files: &OutfitFiles,
-    (frames, names): (&Frames, &[Vec<String>]),
-    (staging, args): (&Staging, &Options),
-) -> Result<Vec<String>, Report> {
-    let mut written = Vec::new();
-    for (frame, names) in names.iter().enumerate() {
-        let all = frames.layers(frame).map_err(|source| AnimateFault::Animate { source })?;
-        let mut by_file: Vec<(&LayerSpec, &String, Vec<LayerInFile<'_>>)> = Vec::new();
-        for (((layer, positions), file), name) in
-            spec.layers().zip(&all).zip(files.files()).zip(names)
-        {
-            match by_file.iter_mut().find(|(first, ..)| layer.is_in_file_of(first)) {
-                Some((.., layers)) => layers.push((file, positions)),
-                None => by_file.push((layer, name, vec![(file, positions)])),
-            }
-        }
-        for (_, name, layers) in by_file {
-            let path = staging.path(name);
-            let folder = path.parent().unwrap_or(&path);
-            std::fs::create_dir_all(folder)
-                .map_err(|source| OutputError::Folder { path: args.out.join(name), source })?;
-            write_meshes_of_file(&layers, &path, &args.out.join(name))?;
-            written.push(name.clone());
-        }
-        cancel::check().into_diagnostic()?;
-    }
-    Ok(written)
-}
-
-/// A layer of a file, and its positions in a frame.
-type LayerInFile<'a> = (&'a MeshFile, &'a [Point]);
-
-/// Writes the layers of a file to `staged`, from where it goes to `path`.
-fn write_meshes_of_file(
-    layers: &[LayerInFile<'_>],
-    staged: &Path,
-    path: &Path,
-) -> Result<(), OutputError> {
-    MeshFile::write_layers(layers, staged).map_err(|error| match error {
-        WriteError::Io { source, .. } => OutputError::File { path: path.into(), source },
-        other => OutputError::Mesh { path: path.into(), source: ErrorChain::new(&other) },
-    })
-}
-
 /// How the command ends; frames that are not clean are named, and with `strict` intervals.
-fn end(animation: &Animation, between: Option<&[IntervalReport]>, strict: bool) -> End {
+fn end(
+    animation: &Animation,
+    between: Option<&[IntervalReport]>,
+    rounded: Vec<usize>,
+    strict: bool,
+) -> End {
     let frames = &animation.report.frames;
     let is_good = |row: &if_pipeline::animate::FrameReport| {
         if strict { row.is_clean_everywhere() } else { row.is_clean() }
@@ -393,7 +356,10 @@ fn end(animation: &Animation, between: Option<&[IntervalReport]>, strict: bool) 
     let bad: Vec<usize> = frames.iter().filter(|f| !is_good(f)).map(|f| f.frame).collect();
     let crossed = between.unwrap_or_default().iter().filter(|i| strict && !i.is_clean());
     let crossed: Vec<usize> = crossed.map(|i| i.frame).collect();
-    let is_clean = bad.is_empty() && crossed.is_empty();
+    let is_clean = bad.is_empty() && crossed.is_empty() && rounded.is_empty();
+    if !rounded.is_empty() {
+        errors::show(&LessClean { frames: rounded }.into());
+    }
     if !bad.is_empty() {
         errors::show(&NotClean { bad, frames: frames.len(), strict }.into());
     }

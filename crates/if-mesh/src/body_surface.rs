@@ -112,6 +112,27 @@ pub fn is_closed(mesh: &TriMesh, edges: &Edges) -> bool {
     roots.all(|root| Some(root) == first)
 }
 
+/// The body with all triangles wound outwards, each in its place. `None` if they are, and for what has
+/// no inside. Triangles that repeat others, and sheets, stay as they are.
+pub fn turned_outwards(mesh: &TriMesh) -> Option<TriMesh> {
+    if is_closed(mesh, &Edges::new(mesh)) {
+        return None;
+    }
+    let survey = Survey::new(mesh).ok()?;
+    if survey.report.turned_triangles == 0 && survey.report.turned_parts == 0 {
+        return None;
+    }
+    let mut triangles = mesh.triangles().to_vec();
+    for (turned, given) in survey.mesh.triangles().iter().zip(&survey.given) {
+        let corners = &mut triangles[*given as usize];
+        let [a, b, c] = corners.map(|v| survey.first[v as usize]);
+        if ![[a, b, c], [b, c, a], [c, a, b]].contains(turned) {
+            corners.swap(1, 2);
+        }
+    }
+    Some(merge::with_triangles(mesh, triangles))
+}
+
 /// Checks that a mesh can be a body.
 ///
 /// # Errors

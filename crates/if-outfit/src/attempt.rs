@@ -24,6 +24,7 @@ use crate::params::{Own, ResolveParams, Tuck};
 use crate::progress::{GarmentProgress, UNTANGLE, VERIFY};
 use crate::report::{LayerReport, OwnPairs, ResolveReport, Skipped, Verification};
 use crate::settle::Settings;
+use crate::splitting::{self, Finer};
 use crate::untangle::{Untangled, kept, untangle, untangle_settled};
 use crate::upper_layers::TightGarments;
 use crate::verify::{verify_changed, verify_layers};
@@ -116,10 +117,10 @@ impl Attempt {
         let is_hopeless = obstacles.iter().any(Obstacle::is_hopeless);
         if left > 0 && !is_hopeless {
             tracing::debug!(left, "put on once more, with denser samples");
-            let again = wear(tight, &[], finer)?;
-            let then = remaining(&again.dressed, &given);
-            if then < left {
-                (worn, left) = (again, then);
+            let again = tried(wear(tight, &[], finer))?;
+            let again = again.map(|again| (remaining(&again.dressed, &given), again));
+            if let Some(better) = again.filter(|(then, _)| *then < left) {
+                (left, worn) = better;
             }
         }
         let may_lift = settings.params.goal.tuck != Tuck::Never && !obstacles.is_empty();
@@ -131,8 +132,8 @@ impl Attempt {
                 "put on once more, lifted to armpits and crotch"
             );
             let tight = worn.tight.iter().copied().chain(ways_in.iter().map(|ways| ways.outer));
-            let again = wear(tight.collect(), &ways_in, finer)?;
-            if remaining(&again.dressed, &given) < left {
+            let again = tried(wear(tight.collect(), &ways_in, finer))?;
+            if let Some(again) = again.filter(|again| remaining(&again.dressed, &given) < left) {
                 worn = again;
             }
         }
@@ -154,9 +155,15 @@ impl Attempt {
         remaining(&self.dressed, &self.given)
     }
 
-    /// The largest rms strain of a garment.
-    pub(crate) fn strain(&self) -> Real {
-        self.dressed.iter().map(|dressed| dressed.strain.rms).fold(0.0, Real::max)
+    /// The lower the better: that nothing remains is more important than little strain.
+    pub(crate) fn rank(&self) -> (usize, Real) {
+        let strain = self.dressed.iter().map(|dressed| dressed.strain.rms).fold(0.0, Real::max);
+        (self.remaining(), strain)
+    }
+
+    /// What this attempt was at with the triangles split that are too large ([`splitting::finer`]).
+    pub(crate) fn finer(&self, params: &ResolveParams) -> Option<Finer> {
+        splitting::finer(&self.outfit, &self.given, &self.dressed, params)
     }
 
     /// The report, where `before` is that of the outfit before any splitting. Its seconds are 0.
@@ -237,6 +244,18 @@ struct Worn {
 /// Intersecting pairs and vertices on a wrong side that remain; `given` is what was found in the input.
 fn remaining(dressed: &[Dressed], given: &[Findings]) -> usize {
     dressed.iter().zip(given).map(|(dressed, given)| dressed.remaining(given)).sum()
+}
+
+/// What one more try made; `None` if a step of the solver failed in it: then what is there already
+/// counts.
+fn tried<T>(result: Result<T, AttemptError>) -> Result<Option<T>, AttemptError> {
+    match result {
+        Err(AttemptError::Step(garment, error)) => {
+            tracing::warn!(garment, %error, "what was tried once more failed");
+            Ok(None)
+        }
+        result => result.map(Some),
+    }
 }
 
 /// [Dresses](dress) an outfit, and untangles what is left.

@@ -48,7 +48,7 @@ use crate::report::Verification;
 use crate::resolve::{ResolveError, ResolveParams, Resolved, resolve_over};
 use crate::storage::Storage;
 use crate::unresolved::Unresolved;
-use crate::verify::{compare_own_pairs, verify};
+use crate::verify::{verify, verify_result};
 use if_core::math::{Point, Real};
 use if_core::monitor::Monitor;
 use if_mesh::file::{Content, MeshFile, file_and_node};
@@ -243,12 +243,9 @@ impl OutfitFiles {
         // Files in other units round differently, and so may vertices that splitting made, in one
         // step here where the solver made them in several.
         if splits.iter().any(Option::is_some) || stored != outfit {
-            report.after =
-                verify(&stored).map_err(ResolveError::from).map_err(FilesError::Resolve)?;
-            let garments = fine.outfit.garments.iter().zip(&stored.garments);
-            for (layer, (given, stored)) in report.layers.iter_mut().zip(garments) {
-                (layer.own_pairs, _) = compare_own_pairs(&given.mesh, &stored.mesh);
-            }
+            verify_result(&mut report, &fine.outfit, &stored)
+                .map_err(ResolveError::from)
+                .map_err(FilesError::Resolve)?;
             report.compare_clearance(params.goal.clearance);
         }
         let unresolved = Unresolved::of(&fine.outfit, (&stored, &report));

@@ -66,9 +66,13 @@ impl Dressing<'_> {
             let before = self.remaining(first..index + 1);
             let dressed = self.dressed.split_off(first);
             let below = self.below.split_off(first + 1);
-            self.press_in(first, &dressed, gap, progress)?;
-            if self.remaining(first..index + 1) < before {
-                continue;
+            match self.press_in(first, &dressed, gap, progress) {
+                Ok(()) if self.remaining(first..index + 1) < before => continue,
+                Ok(()) => {}
+                Err(SettleError::Step(error)) => {
+                    tracing::warn!(%error, "garments below cannot give way");
+                }
+                Err(error) => return Err(error),
             }
             self.take_off(first);
             self.dressed.extend(dressed);

@@ -14,6 +14,7 @@ use crate::outfit::{Layer, Outfit};
 use crate::report::MovedApart;
 use crate::verify::verify_changed;
 use if_core::math::Real;
+use if_core::monitor::{Cancelled, Monitor};
 use if_mesh::measure::{displacement, strain};
 use if_mesh::solid::ClosedLayer;
 use std::sync::Arc;
@@ -34,14 +35,24 @@ struct Apart {
 impl Attempt {
     /// Moves the layers of what was reached apart to `distance` metres, where there is room, if it is
     /// clean and they are nearer; `None` if nothing moved.
-    pub(crate) fn move_apart(&mut self, distance: Real) -> Option<MovedApart> {
+    ///
+    /// # Errors
+    ///
+    /// The monitor cancelled.
+    pub(crate) fn move_apart(
+        &mut self,
+        distance: Real,
+        monitor: &mut dyn Monitor,
+    ) -> Result<Option<MovedApart>, Cancelled> {
         let _phase = trace_span!("moving apart").entered();
         let reached = self.reached();
         if self.remaining() > 0 || distances::are_kept(&reached, &self.closed, distance) {
-            return None;
+            return Ok(None);
         }
-        let Apart { outfit, findings, closed, moved } = (0..=HALVINGS)
-            .find_map(|halvings| self.apart(&reached, distance * 0.5_f64.powi(halvings)))?;
+        let tried = (0..=HALVINGS).map(|halvings| distance * 0.5_f64.powi(halvings));
+        let mut tried = tried.map(|distance| self.apart(&reached, distance, monitor));
+        let found = tried.find_map(Result::transpose).transpose()?;
+        let Some(Apart { outfit, findings, closed, moved }) = found else { return Ok(None) };
         for (k, (garment, findings)) in outfit.garments.into_iter().zip(findings).enumerate() {
             let input = &self.outfit.garments[k].mesh;
             let dressed = &mut self.dressed[k];
@@ -51,15 +62,21 @@ impl Attempt {
             dressed.mesh = garment.mesh;
         }
         self.closed = closed;
-        Some(MovedApart { goal: distance, moved })
+        Ok(Some(MovedApart { goal: distance, moved }))
     }
 
     /// `reached` with its layers `distance` metres apart; `None` if that is not as clean.
-    fn apart(&self, reached: &Outfit, distance: Real) -> Option<Apart> {
+    fn apart(
+        &self,
+        reached: &Outfit,
+        distance: Real,
+        monitor: &mut dyn Monitor,
+    ) -> Result<Option<Apart>, Cancelled> {
+        let Some(garments) = moved_apart(reached, distance, monitor)? else { return Ok(None) };
         let mut outfit = reached.clone();
-        for (garment, positions) in outfit.garments.iter_mut().zip(moved_apart(reached, distance)?)
-        {
-            garment.mesh = garment.mesh.with_vertices(positions).ok()?;
+        for (garment, positions) in outfit.garments.iter_mut().zip(garments) {
+            let mesh = garment.mesh.with_vertices(positions);
+            garment.mesh = mesh.expect("states that were proven are finite");
         }
         let layers = outfit.garments.iter().zip(&reached.garments);
         let moved: Vec<Real> =
@@ -81,7 +98,7 @@ impl Attempt {
         };
         let moved = moved.into_iter().fold(0.0, Real::max);
         let is_clean = findings.iter().zip(&self.dressed).all(is_as_clean);
-        is_clean.then_some(Apart { outfit, findings, closed, moved })
+        Ok(is_clean.then_some(Apart { outfit, findings, closed, moved }))
     }
 
     /// The outfit that was reached.

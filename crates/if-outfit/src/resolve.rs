@@ -11,9 +11,9 @@ use crate::report::{ResolveReport, Verification};
 use crate::settle::Settings;
 use crate::splitting;
 use crate::unresolved::Unresolved;
-use crate::verify::{body_own_pairs, verify};
+use crate::verify::{body_own_pairs, verify, verify_result};
 use crate::welded::{Welded, seams_hold};
-use if_core::monitor::{Cancelled, Monitor, Progress};
+use if_core::monitor::{Cancelled, Monitor};
 use if_core::parameter::ParameterError;
 use if_xpbd::report::StepError;
 use std::sync::Arc;
@@ -205,7 +205,7 @@ fn resolve_on_body(
     let params = settings.params;
     let start = Instant::now();
     let may_split = params.goal.split != Split::Never;
-    let welded = trace_span!("seams").in_scope(|| Welded::new(outfit, !may_split));
+    let mut welded = trace_span!("seams").in_scope(|| Welded::new(outfit, true));
     let solved = welded.as_ref().map_or(outfit, |w| &w.outfit);
     let mut attempt = Attempt::new(solved.clone(), settings, monitor)?;
     let body = &attempt.closed[0];
@@ -215,16 +215,24 @@ fn resolve_on_body(
     };
     let body = (body.body_report(), own_pairs);
     let before = Verification::new(solved, body, &attempt.given, attempt.verify_seconds);
-    if may_split {
-        attempt = split_where_needed(attempt, settings, monitor)?;
+    if may_split && attempt.finer(params).is_some() {
+        if welded.as_ref().is_some_and(Welded::has_seams) {
+            // Triangles at an open seam can be split: its two sides have attributes of their own.
+            let open = Welded::new(outfit, false);
+            let given = open.as_ref().map_or(outfit, |w| &w.outfit).clone();
+            let first = Attempt::new(given, settings, monitor)?;
+            let split = split_where_needed(first, settings, monitor)?;
+            if split.rank() < attempt.rank() {
+                (attempt, welded) = (split, open);
+            }
+        } else {
+            attempt = split_where_needed(attempt, settings, monitor)?;
+        }
     }
 
     let moved_apart = match params.goal.least_distance {
         0.0 => None,
-        distance => {
-            monitor.report(&Progress::stage("apart"))?;
-            attempt.move_apart(distance)
-        }
+        distance => attempt.move_apart(distance, monitor)?,
     };
 
     let mut report = attempt.report(before, params);
@@ -234,8 +242,10 @@ fn resolve_on_body(
     if let Some(welded) = &welded {
         found = welded.unweld(outfit, found);
     }
-    if !may_split && !seams_hold(welded.as_ref(), outfit, &found) {
-        report.after = verify(&found)?;
+    let is_split = attempt.splits.iter().any(Option::is_some);
+    if is_split || !seams_hold(welded.as_ref(), outfit, &found) {
+        let given = if is_split { &attempt.outfit } else { outfit };
+        verify_result(&mut report, given, &found)?;
     }
     report.compare_clearance(params.goal.clearance);
     if !report.is_proven() && params.goal.pinch == Pinch::Keep {
@@ -271,17 +281,11 @@ fn split_where_needed(
     settings: Settings<'_>,
     monitor: &mut dyn Monitor,
 ) -> Result<Attempt, AttemptError> {
-    // That nothing remains is more important than little strain.
-    let rank = |attempt: &Attempt| (attempt.remaining(), attempt.strain());
     for _ in 0..splitting::ROUNDS {
-        let Attempt { outfit, given, dressed, .. } = &best;
-        let Some((finer, splits)) = splitting::finer(outfit, given, dressed, settings.params)
-        else {
-            break;
-        };
+        let Some((finer, splits)) = best.finer(settings.params) else { break };
         tracing::debug!(garments = splits.iter().flatten().count(), "large triangles are split");
         let mut next = Attempt::new(finer, settings, monitor)?;
-        if rank(&next) >= rank(&best) {
+        if next.rank() >= best.rank() {
             break;
         }
         let both = best.splits.into_iter().zip(splits);

@@ -171,7 +171,7 @@ pub(crate) fn settle(
         return first;
     }
     match (first, by(Begin::AsGiven, Reroute::Sideways, &mut tried)) {
-        (first, Ok(None) | Err(SettleError::Stuck)) => first,
+        (first, Ok(None) | Err(SettleError::Stuck | SettleError::Step(_))) => first,
         (Err(_), Ok(Some(again))) if again.remaining == 0 => Ok(again),
         (Ok(first), Ok(Some(again))) if again.remaining < first.remaining => {
             Ok(again.after(&first))
@@ -327,7 +327,7 @@ fn settle_once(
 
 /// What settling the garment of `work`, which is as given, in coarse triangles did, with the positions
 /// to which that leads its own vertices: those that are free. `None` if its triangles are not small,
-/// or the coarse ones got stuck.
+/// or the coarse ones cannot be settled.
 fn settled_in_coarse(
     work: &Workpiece<'_>,
     settings: Settings<'_>,
@@ -340,6 +340,10 @@ fn settled_in_coarse(
     let above = UpperLayers::default();
     let settled = match settle(&coarse.garment, None, below, above, true, settings, progress) {
         Err(SettleError::Stuck) => return Ok(None),
+        Err(SettleError::Step(error)) => {
+            tracing::warn!(%error, "coarse triangles cannot be settled");
+            return Ok(None);
+        }
         settled => settled?,
     };
     let moved = coarse.displacements(&settled.positions);

@@ -17,6 +17,9 @@ const STRAINED: Real = 0.5;
 /// it. Where cloth is that fine, smaller triangles are no help.
 const LONG: Real = 2.0;
 
+/// An outfit with some triangles split, and for each garment how.
+pub(crate) type Finer = (Outfit, Vec<Option<split::SplitMesh>>);
+
 /// The outfit with the triangles split that intersect in `dressed`, and for each garment how.
 /// `given` is what was found in the outfit. `None` if no triangle is to be split.
 pub(crate) fn finer(
@@ -24,7 +27,7 @@ pub(crate) fn finer(
     given: &[Findings],
     dressed: &[Dressed],
     params: &ResolveParams,
-) -> Option<(Outfit, Vec<Option<split::SplitMesh>>)> {
+) -> Option<Finer> {
     let mut fine = outfit.clone();
     let mut splits = Vec::new();
     for (k, garment) in outfit.garments.iter().enumerate() {

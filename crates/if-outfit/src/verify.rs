@@ -6,7 +6,7 @@ use crate::findings::{Findings, LayerFindings, alone, new_pairs, own_of};
 use crate::outfit::{Layer, Outfit, OutfitError};
 use crate::phases::beside;
 use crate::prepared_body::PreparedBody;
-use crate::report::{OwnPairs, Verification};
+use crate::report::{OwnPairs, ResolveReport, Verification};
 use crate::welded::Welded;
 use if_core::math::Real;
 use if_core::mesh::TriMesh;
@@ -40,6 +40,21 @@ pub fn verify(outfit: &Outfit) -> Result<Verification, OutfitError> {
     distances::measure(outfit, &closed, &mut found);
     found.seconds = start.elapsed().as_secs_f64();
     Ok(found)
+}
+
+/// Corrects what `report` says of the result by the result itself: `found`, whose garments have the
+/// triangles of `given`.
+pub(crate) fn verify_result(
+    report: &mut ResolveReport,
+    given: &Outfit,
+    found: &Outfit,
+) -> Result<(), OutfitError> {
+    report.after = verify(found)?;
+    let garments = given.garments.iter().zip(&found.garments);
+    for (layer, (given, found)) in report.layers.iter_mut().zip(garments) {
+        (layer.own_pairs, _) = compare_own_pairs(&given.mesh, &found.mesh);
+    }
+    Ok(())
 }
 
 /// What is found in a checked outfit, for each garment, and its closed layers: the body, then all

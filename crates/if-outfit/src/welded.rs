@@ -53,6 +53,11 @@ impl Welded {
         Some(Self { outfit, garments })
     }
 
+    /// Whether a garment was welded.
+    pub(crate) fn has_seams(&self) -> bool {
+        self.garments.iter().any(Option::is_some)
+    }
+
     /// The outfit `given` with the positions that were found for this one.
     pub(crate) fn unweld(&self, given: &Outfit, found: Outfit) -> Outfit {
         let open =

@@ -103,6 +103,22 @@ pub(super) struct NotClean {
     pub(super) strict: bool,
 }
 
+/// Frames whose meshes are less clean than the frames.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error(
+    "meshes of frame {} are rounded in the coordinates of their glTF nodes, and less clean so than the frame",
+    listed(frames)
+)]
+#[diagnostic(
+    code(ifg::animate::meshes),
+    help(
+        "point caches and --gltf hold what was proven; so do meshes of nodes without a transform"
+    )
+)]
+pub(super) struct LessClean {
+    pub(super) frames: Vec<usize>,
+}
+
 /// Something passes through something between two frames.
 #[derive(Debug, thiserror::Error, Diagnostic)]
 #[error("in {} of {intervals} intervals triangles pass through one another, after frame {}", crossed.len(), listed(crossed))]

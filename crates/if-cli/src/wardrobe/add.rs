@@ -35,7 +35,8 @@ pub(crate) struct AddArgs {
     /// The body that the garments were made on.
     #[arg(long, value_name = "NAME")]
     pub(crate) body: String,
-    /// Adds the body, with this mesh (.ply, .obj, .glb, .gltf): closed, in metres or with --scale.
+    /// Adds the body, with this mesh (.ply, .obj, .glb, .gltf), in metres or with
+    /// --scale; it may be open.
     #[arg(long, value_name = "FILE")]
     pub(crate) mesh: Option<PathBuf>,
     /// A mesh (.ply, .obj, .glb, .gltf) of the same body whose topology other bodies share.

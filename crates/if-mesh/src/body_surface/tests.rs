@@ -246,3 +246,23 @@ fn degenerate_input_has_an_answer() {
         }
     }
 }
+
+#[test]
+fn triangles_are_turned_outwards_in_their_places() {
+    let ball = icosphere(0.5, 2);
+    assert!(turned_outwards(&ball).is_none());
+    let back = turned_outwards(&flipped(&ball)).unwrap();
+    assert_eq!(back.vertices(), ball.vertices());
+    let same =
+        |a: &[u32; 3], b: &[u32; 3]| (0..3).any(|k| [a[k], a[(k + 1) % 3], a[(k + 2) % 3]] == *b);
+    assert!(back.triangles().iter().zip(ball.triangles()).all(|(a, b)| same(a, b)));
+    // A few that wind against the others, in a body with a hole.
+    let mut mixed = ball.triangles()[1..].to_vec();
+    [3, 40, 41].into_iter().for_each(|t| mixed[t].swap(1, 2));
+    let mixed = TriMesh::new(ball.vertices().to_vec(), mixed).unwrap();
+    let back = turned_outwards(&mixed).unwrap();
+    assert!(back.triangles().iter().zip(&ball.triangles()[1..]).all(|(a, b)| same(a, b)));
+    // What has no inside stays.
+    let sheet = TriMesh::new(ball.vertices().to_vec(), ball.triangles()[..4].to_vec()).unwrap();
+    assert!(turned_outwards(&sheet).is_none());
+}

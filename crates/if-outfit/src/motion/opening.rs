@@ -9,8 +9,8 @@ use super::locality::Yielding;
 use super::params::WalkParams;
 use super::walk::Walker;
 use crate::outfit::{Layer, Outfit};
-use crate::storage::Storage;
 use if_core::math::{Point, Real};
+use if_core::monitor::{Cancelled, Monitor, Progress};
 
 /// Times that the opening of the rest state is tried with other gaps.
 const OPENINGS: usize = 10;
@@ -24,9 +24,19 @@ const OWN: Real = 1e-4;
 impl Walker {
     /// Moves layers apart in the rest state. Where a whole gap is not clean, less is kept.
     /// A garment keeps a gap of at most `own` metres to itself.
-    pub(super) fn open(&mut self, yielding: &Yielding, own: Real) {
+    ///
+    /// # Errors
+    ///
+    /// The monitor, which receives a report before each opening, cancelled.
+    pub(super) fn open(
+        &mut self,
+        yielding: &Yielding,
+        own: Real,
+        monitor: &mut dyn Monitor,
+    ) -> Result<(), Cancelled> {
         let mut share = 1.0;
-        for _ in 0..OPENINGS {
+        for done in 0..OPENINGS {
+            monitor.report(&Progress { done, ..Progress::stage("apart") })?;
             let target = self.target.clone();
             let layers = share * self.params.gap;
             let opening = Opening { layers, own: own.min(layers) };
@@ -51,23 +61,32 @@ impl Walker {
         self.target = self.rest.clone();
         self.multipliers = Multipliers::default();
         self.met.clear();
+        Ok(())
     }
 }
 
 /// The positions of the garments of `outfit`, with `gap` metres between any two layers where there is
 /// room, over the body as it is; `None` if layers intersect. No pair of triangles meets that did not
 /// before, as far as all layers round alike.
-pub(crate) fn moved_apart(outfit: &Outfit, gap: Real) -> Option<Vec<Vec<Point>>> {
+///
+/// # Errors
+///
+/// The monitor cancelled.
+pub(crate) fn moved_apart(
+    outfit: &Outfit,
+    gap: Real,
+    monitor: &mut dyn Monitor,
+) -> Result<Option<Vec<Vec<Point>>>, Cancelled> {
     let params = WalkParams { gap, margin: MARGIN * gap, ..WalkParams::default() };
     let mut storages = outfit.layers().map(|layer| layer.storage);
-    let first = storages.next()?;
-    let storage = if storages.all(|other| other == first) { first } else { Storage::F64 };
-    let mut walker = Walker::at_rest(outfit, params, storage).ok()?;
+    let first = storages.next();
+    let storage = first.filter(|first| storages.all(|other| other == *first)).unwrap_or_default();
+    let Ok(mut walker) = Walker::at_rest(outfit, params, storage) else { return Ok(None) };
     let mut yielding = Yielding::everywhere(&walker.scene);
     yielding.inverse_mass[..walker.scene.starts[1]].fill(0.0);
-    walker.open(&yielding, OWN);
+    walker.open(&yielding, OWN, monitor)?;
     let garments = outfit.garments.iter().enumerate();
     let of =
         |(k, garment): (usize, &Layer)| garment.storage.round(walker.layer(walker.rest(), k + 1));
-    Some(garments.map(of).collect())
+    Ok(Some(garments.map(of).collect()))
 }

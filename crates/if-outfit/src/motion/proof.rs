@@ -1,5 +1,13 @@
 //! The proof of one state: exact intersections of all layers with one another and with themselves,
 //! and sides by the nearest surface and by closed layers.
+//!
+//! ```text
+//! side of a vertex of a part that comes near the layer      by the nearest point, where that is near
+//! of a part that lies within the layer's box, far from it   by the nearest point
+//! of any other part: it reaches beyond the box              outside
+//! ```
+//!
+//! Parts are connected: what does not intersect a closed layer lies on one side of it as a whole.
 
 use super::scene::Scene;
 use super::tolerated::Tolerated;
@@ -14,6 +22,7 @@ use if_mesh::solid::ClosedLayer;
 use rayon::prelude::*;
 
 /// Distance up to which a vertex has a side of a layer below, in metres: as the project's referee.
+/// Farther away the nearest surface may be that of another limb.
 const REACH: Real = 0.06;
 
 /// What exact verification finds in one state.
@@ -24,7 +33,8 @@ pub struct Proof {
     pub pairs: usize,
     /// Vertices on the wrong side of a layer below, once for each layer: by the nearest point of its
     /// surface, and by the layer closed over the body as in [`verify`](crate::verify()). A vertex
-    /// whose nearest point lies on a boundary has no side.
+    /// whose nearest point lies on a boundary has no side; nor has one that is 6 cm from the surface
+    /// where its part of the garment comes nearer. Vertices of no triangle do not count.
     ///
     /// Each errs elsewhere. Under a folded collar, or beside a waist that is folded over, the nearest
     /// surface faces the wrong way; a closed layer also has the pockets inside that a pose makes, as in
@@ -93,12 +103,11 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
     let mut body = None;
     for (below, (mesh, _)) in layers.iter().enumerate().take(scene.layers() - 1) {
         // An empty mesh is the only other error, and layers have triangles.
-        let Ok(field) = MeshSdf::open(mesh, REACH) else { continue };
-        let first = scene.starts[below + 1];
-        let is_inside = |p: &Point| field.signed(p).is_some_and(|s| s.distance < 0.0);
+        let Ok(field) = MeshSdf::open(mesh, Real::INFINITY) else { continue };
+        let mut found = behind(scene, positions, below, &field);
         if let (0, Some(pinched)) = (below, &mut proof.pinched) {
             // Where the body passes itself, the nearest skin is that of a pinch.
-            for v in (first..positions.len()).filter(|v| is_inside(&positions[*v])) {
+            for v in found {
                 let nearest = field.surface().closest(&positions[v], REACH);
                 if nearest.is_some_and(|c| tolerated.is_pinched(c.triangle)) {
                     pinched.inside[scene.layer_of(v as u32) - 1] += 1;
@@ -108,11 +117,6 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
             }
             continue;
         }
-        let mut found: Vec<usize> = (first..positions.len())
-            .into_par_iter()
-            .with_min_len(256)
-            .filter(|v| is_inside(&positions[*v]))
-            .collect();
         if below > 0 && !found.is_empty() {
             let skin = &layers[0].0;
             let body = body.get_or_insert_with(|| ClosedLayer::body(skin));
@@ -125,4 +129,29 @@ pub(super) fn prove(scene: &Scene, positions: &[Point], tolerated: &Tolerated) -
         proof.inside += found.len();
     }
     proof
+}
+
+/// The vertices above layer `below` that lie behind its surface, which `field` holds; ascending.
+fn behind(scene: &Scene, positions: &[Point], below: usize, field: &MeshSdf) -> Vec<usize> {
+    let vertices = || (scene.starts[below + 1]..positions.len()).filter(|v| scene.used[*v]);
+    let side = |v: usize, limit: Real| Some(field.signed_within(&positions[v], limit)?.distance);
+    let near: Vec<(usize, Real)> = vertices()
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .with_min_len(256)
+        .filter_map(|v| Some((v, side(v, REACH)?)))
+        .collect();
+    // Of each part, by its first vertex: whether it has a side so, or lies outside.
+    let mut is_decided = vec![false; positions.len()];
+    near.iter().for_each(|(v, _)| is_decided[scene.part_of[*v] as usize] = true);
+    let region = field.surface().aabb();
+    let beyond = vertices().filter(|v| region.distance_squared(&positions[*v]) > 0.0);
+    beyond.for_each(|v| is_decided[scene.part_of[v] as usize] = true);
+    let far = vertices()
+        .filter(|v| !is_decided[scene.part_of[*v] as usize])
+        .filter_map(|v| Some((v, side(v, Real::INFINITY)?)));
+    let mut found: Vec<usize> =
+        near.iter().copied().chain(far).filter(|(_, d)| *d < 0.0).map(|(v, _)| v).collect();
+    found.sort_unstable();
+    found
 }

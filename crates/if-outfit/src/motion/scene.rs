@@ -2,9 +2,10 @@
 
 use super::params::WalkParams;
 use crate::outfit::Outfit;
-use if_core::edges::NONE;
+use if_core::edges::{NONE, parts};
 use if_core::math::{Point, Real, area_vector};
 use if_core::mesh::TriMesh;
+use if_mesh::body_surface::turned_outwards;
 use if_mesh::intersections::Fans;
 use if_mesh::seams::weld;
 use std::collections::{HashMap, HashSet};
@@ -19,7 +20,7 @@ const LEAST_AREA: Real = 0.1;
 /// The layers of an outfit, joined: vertices and triangles of the body first, then of each garment.
 #[derive(Clone, Debug)]
 pub(super) struct Scene {
-    /// The rest state, welded.
+    /// The rest state, welded, and the body wound outwards.
     pub(super) mesh: TriMesh,
     /// First vertex of each layer, and the number of all.
     pub(super) starts: Vec<usize>,
@@ -40,6 +41,10 @@ pub(super) struct Scene {
     pub(super) owned: Vec<u8>,
     /// The triangles around each vertex. The body comes first, so they serve its mesh alone as well.
     pub(super) fans: Fans,
+    /// Whether each vertex is one of a triangle.
+    pub(super) used: Vec<bool>,
+    /// For each vertex the first one of its connected part.
+    pub(super) part_of: Vec<u32>,
 }
 
 impl Scene {
@@ -48,13 +53,15 @@ impl Scene {
         let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
         let (mut starts, mut triangle_starts) = (vec![0], vec![0]);
         let mut doubled = Vec::new();
-        for layer in outfit.layers() {
+        let turned = turned_outwards(&outfit.body.mesh);
+        let body = turned.as_ref().unwrap_or(&outfit.body.mesh);
+        for mesh in [body].into_iter().chain(outfit.garments.iter().map(|g| &g.mesh)) {
             let first = vertices.len() as u32;
-            let kept = kept_vertices(&layer.mesh);
-            vertices.extend_from_slice(layer.mesh.vertices());
+            let kept = kept_vertices(mesh);
+            vertices.extend_from_slice(mesh.vertices());
             let moved = |v: u32| first + kept.as_ref().map_or(v, |kept| kept[v as usize]);
-            triangles.extend(layer.mesh.triangles().iter().map(|t| t.map(moved)));
-            let all = 0..layer.mesh.vertices().len() as u32;
+            triangles.extend(mesh.triangles().iter().map(|t| t.map(moved)));
+            let all = 0..mesh.vertices().len() as u32;
             doubled.extend(all.map(|v| [first + v, moved(v)]).filter(|[v, kept]| v != kept));
             starts.push(vertices.len());
             triangle_starts.push(triangles.len());
@@ -63,6 +70,8 @@ impl Scene {
         let (owned, edges) = ownership(&mesh);
         let mut scene = Self {
             fans: Fans::new(&mesh),
+            used: mesh.used_vertices(),
+            part_of: parts(&mesh),
             mesh,
             starts,
             triangle_starts,

@@ -71,11 +71,15 @@ impl Walker {
             solves += 1;
             sweeps += solved.sweeps;
             scene.copy_doubled(&mut x);
+            // What is not a number is not near, either.
+            let is_near = |(x, target): (&Point, &Point)| (x - target).norm() <= DIVERGED;
+            let has_diverged = !x.iter().zip(target).all(is_near);
+            if x.iter().flat_map(|p| p.iter()).any(|x| !x.is_finite()) {
+                x.copy_from_slice(target);
+            }
             let rounded = self.storage.round(&x);
-            let mesh = scene.mesh.with_vertices(rounded).expect("solutions are finite");
+            let mesh = scene.mesh.with_vertices(rounded).expect("solutions that are finite");
             let tree = self.tree(mesh.vertices());
-            let is_far = |(x, target): (&Point, &Point)| (x - target).norm() > DIVERGED;
-            let has_diverged = x.iter().zip(target).any(is_far);
             if has_diverged {
                 most = most.min(solves);
             }

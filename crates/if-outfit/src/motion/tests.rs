@@ -84,6 +84,53 @@ fn a_garment_that_shrinks_into_the_body_stays_outside_and_moves_more_than_it() {
     assert!(garment > 5e-3 && body < 1e-7, "a body without overlaps keeps its place: {body}");
 }
 
+/// A ball of 15 cm, and a belt about its middle.
+fn ball_and_belt(radius: Real) -> Outfit {
+    outfit(icosphere(0.15, 3), vec![tube(radius, 0.04, 48, 2, false)])
+}
+
+#[test]
+fn a_garment_deep_inside_the_body_is_on_the_wrong_side() {
+    let inside = |outfit: &Outfit| {
+        let walker = Walker::new(outfit, WalkParams::default()).unwrap();
+        walker.prove(walker.rest()).unwrap().inside
+    };
+    let all = ball_and_belt(0.05).garments[0].mesh.vertices().len();
+    assert_eq!(inside(&ball_and_belt(0.12)), all);
+    // The nearest skin is 10 cm away.
+    assert_eq!(inside(&ball_and_belt(0.05)), all);
+    assert_eq!(inside(&ball_and_belt(0.16)), 0);
+    assert_eq!(inside(&ball_and_belt(0.4)), 0);
+}
+
+#[test]
+fn vertices_of_no_triangle_have_no_side() {
+    let mut with_stray = ball_and_belt(0.16);
+    let belt = &mut with_stray.garments[0].mesh;
+    let stray = Point::new(0.0, 0.12, 0.0);
+    let vertices = belt.vertices().iter().copied().chain([stray]).collect();
+    *belt = TriMesh::new(vertices, belt.triangles().to_vec()).unwrap();
+    let walker = Walker::new(&with_stray, WalkParams::default()).unwrap();
+    assert_eq!(walker.prove(walker.rest()).unwrap().inside, 0);
+}
+
+#[test]
+fn a_body_may_wind_inwards() {
+    let flip = |t: &[u32; 3]| [t[0], t[2], t[1]];
+    for radius in [0.12, 0.16] {
+        let given = ball_and_belt(radius);
+        let ball = &given.body.mesh;
+        let flipped = ball.triangles().iter().map(flip).collect();
+        let inward = TriMesh::new(ball.vertices().to_vec(), flipped).unwrap();
+        let turned = outfit(inward, vec![given.garments[0].mesh.clone()]);
+        let [a, b] = [given, turned].map(|outfit| {
+            let walker = Walker::new(&outfit, WalkParams::default()).unwrap();
+            (walker.prove(walker.rest()).unwrap(), walker.rest().to_vec())
+        });
+        assert_eq!(a, b);
+    }
+}
+
 /// A body, a shirt that turns outwards and down at its top, 1 m up, and a tube over it.
 fn collar_and_coat() -> (Walker, usize, Outfit) {
     let skin = tube(0.1, 1.6, 48, 64, true);

@@ -14,7 +14,7 @@ use crate::outfit::{Outfit, OutfitError};
 use crate::storage::Storage;
 use if_core::math::{Point, Real};
 use if_core::mesh::TriMesh;
-use if_core::monitor::{Cancelled, Monitor, Progress};
+use if_core::monitor::{Cancelled, Monitor, Progress, Silent};
 use if_core::parameter::ParameterError;
 use if_mesh::index::Bvh;
 use nalgebra::Matrix3;
@@ -130,7 +130,7 @@ impl Walker {
     pub fn new(outfit: &Outfit, params: WalkParams) -> Result<Self, WalkError> {
         let mut walker = Self::at_rest(outfit, params, Storage::F32)?;
         let everywhere = Yielding::everywhere(&walker.scene);
-        walker.open(&everywhere, 0.0);
+        walker.open(&everywhere, 0.0, &mut Silent)?;
         Ok(walker)
     }
 

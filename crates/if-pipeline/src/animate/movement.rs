@@ -24,11 +24,14 @@ enum Kind<'a> {
     Bodies(&'a BoundOutfit),
 }
 
-/// The largest distance of a garment's vertex from the body.
+/// The largest distance of a garment's vertex from the body. Those of no triangle may be anywhere.
 fn farthest_from_body(outfit: &Outfit) -> Real {
     let body = Bvh::new(&outfit.body.mesh);
-    let vertices = outfit.garments.iter().flat_map(|garment| garment.mesh.vertices());
-    let distances = vertices.filter_map(|p| Some(body.closest(p, Real::MAX)?.distance));
+    let distances = outfit.garments.iter().flat_map(|garment| {
+        let vertices = garment.mesh.vertices().iter().zip(garment.mesh.used_vertices());
+        let used = vertices.filter(|(_, is_used)| *is_used);
+        used.filter_map(|(p, _)| Some(body.closest(p, Real::MAX)?.distance))
+    });
     distances.fold(0.0, Real::max)
 }
 
@@ -110,6 +113,8 @@ impl<'a> Movement<'a> {
     /// How frames are stored: differences of two frames are exact in single precision.
     pub(super) fn storage(&self) -> Result<Storage, AnimateError> {
         let rest = self.positions();
+        let is_used: Vec<bool> =
+            self.outfit().layers().flat_map(|layer| layer.mesh.used_vertices()).collect();
         let (mut low, mut high) =
             (Point::from([Real::INFINITY; 3]), Point::from([-Real::INFINITY; 3]));
         for frame in 0..self.frames() {
@@ -118,8 +123,8 @@ impl<'a> Movement<'a> {
                 // The maps of garments take long, and keep them as near to the body as they are.
                 Kind::Bodies(bound) => bound.frame(frame)?,
             };
-            for p in points {
-                (low, high) = (low.inf(&p), high.sup(&p));
+            for (p, _) in points.iter().zip(&is_used).filter(|(_, is_used)| **is_used) {
+                (low, high) = (low.inf(p), high.sup(p));
             }
         }
         let beyond = match self.0 {

@@ -156,7 +156,7 @@ impl<'a> Smoother<'a> {
             let squared = x[first..].iter().zip(&to[first..]).map(|(a, b)| (b - a).norm_squared());
             squared.fold(0.0, Real::max)
         };
-        Ok((largest(now, body) <= largest(from, 0)).then(|| now.to_vec()))
+        Ok((largest(now, body) <= largest(from, body)).then(|| now.to_vec()))
     }
 
     fn weight(&self, k: usize, frame: usize) -> Real {
