@@ -72,9 +72,9 @@ pub enum PoseError {
 /// at most 2e-4; ten times more would accept quaternions that were never normalised.
 const UNIT: Real = 2e-3;
 
-/// Largest translation of the root, in metres: the circumference of the Earth. Larger values are
+/// Largest translation of the root, and coordinate of a joint, in metres: the circumference of the Earth. Larger values are
 /// mistakes, and overflow the single precision of files.
-const FARTHEST: Real = 4e7;
+pub(crate) const FARTHEST: Real = 4e7;
 
 impl Pose {
     /// A pose from quaternions (w, x, y, z), which this function normalises.

@@ -8,8 +8,9 @@
 //! S_j = G_j T(−head_j)                    the skinning transform of j
 //! ```
 
-use crate::pose::{Pose, PoseError};
+use crate::pose::{FARTHEST, Pose, PoseError};
 use if_core::math::{Point, Real};
+use if_mesh::regular_file;
 use nalgebra::{Isometry3, Translation3};
 use serde::{Deserialize, Serialize};
 use std::io::{self, Read};
@@ -61,8 +62,10 @@ pub enum SkeletonError {
     /// Two joints have the same name.
     #[error("joints {first} and {second} are both called `{name}`; each needs its own name")]
     SameName { first: usize, second: usize, name: String },
-    /// A coordinate is NaN or infinite.
-    #[error("joint {index} (`{name}`): its {end} is {at:?}; coordinates must be finite")]
+    /// A coordinate is NaN, infinite or too large.
+    #[error(
+        "joint {index} (`{name}`): its {end} is {at:?}; coordinates must be numbers of at most 4e7 m"
+    )]
     NonFinite { index: usize, name: String, end: &'static str, at: Point },
 }
 
@@ -105,7 +108,7 @@ impl Skeleton {
                 return Err(SkeletonError::SameName { first, second: index, name: name() });
             }
             for (end, at) in [("head", joint.head), ("tail", joint.tail)] {
-                if !at.iter().all(|x| x.is_finite()) {
+                if !at.iter().all(|x| x.abs() <= FARTHEST) {
                     return Err(SkeletonError::NonFinite { index, name: name(), end, at });
                 }
             }
@@ -248,7 +251,7 @@ impl Skeleton {
 /// The file at `path`, or an error that names it.
 pub(crate) fn opened(path: &Path) -> io::Result<impl io::BufRead> {
     let named = |e: io::Error| io::Error::new(e.kind(), format!("{}: {e}", path.display()));
-    std::fs::File::open(path).map(io::BufReader::new).map_err(named)
+    regular_file::read(path).map(io::Cursor::new).map_err(named)
 }
 
 #[cfg(test)]

@@ -154,7 +154,7 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
         Content::Ply(ply) => ply.clone(),
         _ => PlyMesh { coordinates: CoordinateType::Double, ..PlyMesh::new(mesh.clone()) },
     };
-    let notes = notes(&file, &ply);
+    let mut notes = notes(&file, &ply);
     let attributes =
         VertexAttributes::new(mesh.vertices().len(), std::mem::take(&mut ply.vertex_properties))
             .map_err(|source| CleanError::Attributes { path: args.file.clone(), source })?;
@@ -203,6 +203,10 @@ pub(crate) fn run(args: &CleanArgs) -> Result<End, Report> {
     }
     let files = target.commit()?;
     drop(line);
+    let found = clean.report.holes.openings.len();
+    if let Some(count) = args.open.openings.filter(|count| found < *count && !args.no_fill) {
+        notes.push(format!("{count} openings were asked for, and there are {found}"));
+    }
     say_it(args, &clean.report, &notes, &files, start.elapsed().as_secs_f64())
 }
 

@@ -65,6 +65,25 @@ pub(crate) struct ErrorJson {
     /// From the nearest to the first.
     causes: Vec<String>,
     help: Option<String>,
+    /// Where in a text file, if it is known.
+    at: Option<Place>,
+}
+
+/// A place in a text file, as editors count.
+#[derive(Serialize)]
+struct Place {
+    file: Option<String>,
+    line: usize,
+    column: usize,
+}
+
+impl Place {
+    fn of(report: &Report) -> Option<Self> {
+        let label = report.labels()?.next()?;
+        let text = report.source_code()?.read_span(label.inner(), 0, 0).ok()?;
+        let file = text.name().map(str::to_owned);
+        Some(Self { file, line: text.line() + 1, column: text.column() + 1 })
+    }
 }
 
 impl ErrorJson {
@@ -74,6 +93,7 @@ impl ErrorJson {
             message: report.to_string(),
             causes: report.chain().skip(1).map(ToString::to_string).collect(),
             help: report.help().map(|h| h.to_string()),
+            at: Place::of(report),
         }
     }
 }

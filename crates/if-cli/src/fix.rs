@@ -1,11 +1,13 @@
 //! `ifg fix`: outfits from files, resolved into folders.
 
+use crate::batch_inputs::BatchInputs;
 use crate::cancel;
 use crate::end::End;
 use crate::inputs::{InputArgs, Order, ParamArgs, PinchArg};
 use crate::order;
 use crate::outfit_file::{OutfitSpec, outfits};
 use crate::output_error::OutputError;
+use crate::outputs;
 use crate::print::print;
 use crate::progress::Line;
 use crate::report_output::{self, Style};
@@ -59,6 +61,8 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
     let is_batch = outs.len() > 1;
     let all: Vec<_> =
         outfits(&args.input, &args.params).into_iter().zip(outs).enumerate().collect();
+    let read = all.iter().filter_map(|(k, (spec, _))| Some((*k, spec.as_ref().ok()?)));
+    let inputs = BatchInputs::of(read);
     let chosen = if let Some(shard) = args.shard { shard.of(all) } else { all };
     let n = chosen.len();
     let style = if args.input.json {
@@ -91,6 +95,8 @@ pub(crate) fn run(args: &FixArgs) -> Result<End, Report> {
                 Order::Given => spec,
                 Order::Auto => order::ordered(&spec)?,
             };
+            let names = outputs::names(&spec, options.pictures);
+            inputs.check(k, &out, &outputs::possible(&spec, &names))?;
             let outcome = resolve_outfit::run(&spec, &out, options, (&mut bodies, &line))?;
             drop(line);
             report_output::outcome(&spec, &out, outcome, (style, args.input.strict))

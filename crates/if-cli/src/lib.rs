@@ -24,6 +24,7 @@ mod load;
 mod outfit_file;
 mod values;
 // Work and output.
+mod batch_inputs;
 mod buffers;
 mod cancel;
 mod end;

@@ -1,6 +1,7 @@
 //! Notes on what an output does not keep of its input.
 
 use if_mesh::ply::PlyMesh;
+use if_mesh::polygons::Polygons;
 
 /// Notes on what is lost where only the vertices of a PLY file are kept.
 pub(crate) fn not_kept(ply: &PlyMesh) -> Vec<String> {
@@ -16,8 +17,14 @@ pub(crate) fn not_kept(ply: &PlyMesh) -> Vec<String> {
             others.join(", ")
         ));
     }
-    if ply.polygons.is_some() {
+    if ply.polygons.iter().flat_map(Polygons::iter).any(|face| face.len() > 3) {
         notes.push("faces of more than three corners are written as triangles".into());
+    }
+    if let Some(first) = ply.collapsed.first() {
+        let count = ply.collapsed.len();
+        notes.push(format!(
+            "{count} faces that name a vertex twice are left out, the first of them face {first}"
+        ));
     }
     notes
 }

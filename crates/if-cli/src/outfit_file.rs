@@ -2,11 +2,12 @@
 
 use crate::inputs::{InputArgs, ParamArgs};
 use if_mesh::file::file_and_node;
+use if_mesh::regular_file;
 use if_outfit::NamedParameterError;
 use if_outfit::resolve::ResolveParams;
 use miette::{Diagnostic, NamedSource, SourceSpan};
 use serde::Deserialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use toml::Spanned;
@@ -125,6 +126,12 @@ pub(crate) enum SpecError {
         #[label("here")]
         at: Option<SourceSpan>,
     },
+    #[error("the name of `{}` is not UTF-8", path.display())]
+    #[diagnostic(
+        code(ifg::input::file_name),
+        help("rename the file: its result is called after it, in reports too")
+    )]
+    FileName { path: PathBuf },
     #[error("outfit file `{}`: scale is {value}", path.display())]
     #[diagnostic(
         code(ifg::outfit_file::scale),
@@ -235,7 +242,7 @@ fn from_meshes(
 
 /// Reads one outfit file. Relative paths in it are relative to its folder.
 pub(crate) fn read(path: &Path) -> Result<OutfitSpec, SpecError> {
-    let text = std::fs::read_to_string(path)
+    let text = regular_file::read_to_string(path)
         .map_err(|source| SpecError::Read { path: path.into(), source })?;
     let syntax = |message: String, at: Option<std::ops::Range<usize>>| SpecError::Syntax {
         path: path.into(),
@@ -253,8 +260,16 @@ pub(crate) fn read(path: &Path) -> Result<OutfitSpec, SpecError> {
         return Err(SpecError::Scale { path: path.into(), value: scale });
     }
     let mut params = ResolveParams::default();
+    let mut given = HashSet::new();
     for (key, value) in &parsed.params {
         let at = key.span().start..value.span().end;
+        let fields = value.get_ref().as_table().map(|fields| fields.keys().collect::<Vec<_>>());
+        for name in fields.unwrap_or_else(|| vec![key.get_ref()]) {
+            let name = name.rsplit('.').next().unwrap_or(name);
+            if !given.insert(name.to_owned()) {
+                return Err(syntax(format!("parameter `{name}` is given twice"), Some(at)));
+            }
+        }
         params = params
             .with(key.get_ref(), value.get_ref())
             .map_err(|error| syntax(error.to_string(), Some(at)))?;
@@ -273,11 +288,12 @@ pub(crate) fn read(path: &Path) -> Result<OutfitSpec, SpecError> {
 fn layer(folder: &Path, file: &Path, name: Option<String>) -> Result<LayerSpec, SpecError> {
     let (path, node) = file_and_node(&folder.join(file));
     let file_name = path.file_name().ok_or_else(|| SpecError::NoFileName { path: file.into() })?;
+    let unnamed = || SpecError::FileName { path: file.into() };
     let of_file = || node.clone().unwrap_or_else(|| stem(&path));
     Ok(LayerSpec {
         name: name.unwrap_or_else(of_file),
         written: file.display().to_string(),
-        file_name: file_name.to_string_lossy().into_owned(),
+        file_name: file_name.to_str().ok_or_else(unnamed)?.to_owned(),
         node,
         path,
     })

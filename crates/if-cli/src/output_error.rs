@@ -46,6 +46,9 @@ pub(crate) enum OutputError {
         /// Whether the command has --in-place.
         option: bool,
     },
+    #[error("output `{}` is an input of outfit `{outfit}` of the same batch", path.display())]
+    #[diagnostic(code(ifg::output::over_input), help("give --out another place"))]
+    OverOther { path: PathBuf, outfit: String },
     #[error("cannot write `{}`: its name does not end in .{extension}", path.display())]
     #[diagnostic(
         code(ifg::output::extension),

@@ -68,6 +68,7 @@ pub mod polygons;
 #[doc(hidden)]
 pub mod pseudo_normals;
 pub mod raster;
+pub mod regular_file;
 pub mod sdf;
 pub mod seams;
 pub mod solid;

@@ -53,7 +53,14 @@ pub fn faults(mesh: &TriMesh) -> Vec<Fault> {
     };
     let is_faulty = |e: &usize| edges.valence[*e] > 2 || is_against(*e);
     let faulty: Vec<usize> = (0..edges.vertices.len()).filter(is_faulty).collect();
-    let repeated = if faulty.is_empty() { Vec::new() } else { repeats(mesh.triangles()) };
+    // Two that wind against one another and share no edge with a third have no fault at an edge.
+    let is_back_to_back = |e: usize| {
+        let other =
+            |t: u32| mesh.triangles()[t as usize].iter().find(|v| !edges.vertices[e].contains(v));
+        edges.valence[e] == 2 && other(edges.triangles[e][0]) == other(edges.triangles[e][1])
+    };
+    let may_repeat = !faulty.is_empty() || (0..edges.vertices.len()).any(is_back_to_back);
+    let repeated = if may_repeat { repeats(mesh.triangles()) } else { Vec::new() };
     // Of each edge the triangles that repeat others: without them it may have no fault.
     let mut again: HashMap<u32, u32> = HashMap::new();
     for e in repeated.iter().flat_map(|t| edges.of_triangle[*t as usize]) {
@@ -276,6 +283,9 @@ mod tests {
             first_defect(&twice).unwrap_err(),
             Fault::Repeated { count: 1, triangles: vec![1] }
         );
+        // Nor has an edge a fault of two that wind against one another.
+        let back = TriMesh::new(twice.vertices().to_vec(), vec![[0, 1, 2], [1, 0, 2]]).unwrap();
+        assert_eq!(faults(&back)[0], Fault::Repeated { count: 1, triangles: vec![1] });
     }
 
     #[test]

@@ -31,6 +31,7 @@ use if_core::mesh::TriMesh;
 use if_mesh::atomic::FolderWriter;
 use if_mesh::baked::Baked;
 use if_mesh::ply::{self, CoordinateType, PlyMesh, WriteParams};
+use if_mesh::regular_file;
 use if_outfit::digest::digest;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -189,7 +190,8 @@ pub fn read(folder: &Path) -> Result<Asset, AssetError> {
 /// [`AssetError`]: the file is missing, not valid JSON, or of another version.
 pub(crate) fn read_info(folder: &Path) -> Result<AssetInfo, AssetError> {
     let path = folder.join(INFO);
-    let text = fs::read(&path).map_err(|source| AssetError::Io { path: path.clone(), source })?;
+    let text = regular_file::read(&path)
+        .map_err(|source| AssetError::Io { path: path.clone(), source })?;
     let json =
         |e: serde_json::Error| AssetError::Json { path: path.clone(), message: e.to_string() };
     let value: serde_json::Value = serde_json::from_slice(&text).map_err(json)?;
@@ -239,7 +241,8 @@ fn load(folder: &Path, file: &FileInfo) -> Result<Vec<u8>, AssetError> {
         return Err(AssetError::Name { name: file.file.clone() });
     }
     let path = folder.join(name);
-    let bytes = fs::read(&path).map_err(|source| AssetError::Io { path: path.clone(), source })?;
+    let bytes = regular_file::read(&path)
+        .map_err(|source| AssetError::Io { path: path.clone(), source })?;
     let found = digest(&bytes);
     if found != file.content {
         return Err(AssetError::Changed {

@@ -1,6 +1,6 @@
 //! Shading: the linear light that a sample receives.
 
-use crate::raster::{LINE, NOTHING, Samples};
+use crate::raster::{LINE, NOTHING, SUPER, Samples};
 use crate::scene::{Scene, Seen};
 
 /// Linear red of highlighted triangles.
@@ -30,17 +30,50 @@ pub(crate) fn facing_normal(layer: &Seen, t: usize, w: &[f32; 3]) -> ([f32; 3], 
     // y points down: seen from the front, corners run clockwise here.
     let back = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0;
     let sign = if back { -1.0 } else { 1.0 };
-    let mut n = [0, 1, 2]
-        .map(|k| sign * (0..3).map(|i| w[i] * layer.normals[tri[i] as usize][k]).sum::<f32>());
+    let [na, nb, nc] = tri.map(|v| layer.normals[v as usize]);
+    let mean = |k: usize| sign * (w[0] * na[k] + w[1] * nb[k] + w[2] * nc[k]);
+    let mut n = [mean(0), mean(1), mean(2)];
     n[2] = n[2].max(0.0); // smooth normals may look away at silhouettes
     let length = n.iter().map(|v| v * v).sum::<f32>().sqrt();
     if length > 0.0 { (n.map(|v| v / length), back) } else { ([0.0, 0.0, 1.0], back) }
 }
 
-/// Linear light of a sample. `free` is the visible share of the sky.
-pub(crate) fn sample(scene: &Scene, samples: &Samples, index: usize, free: f32) -> [f32; 3] {
-    let (x, y) = ((index % samples.width) as f32 + 0.5, (index / samples.width) as f32 + 0.5);
-    let id = samples.seen[index];
+/// Samples of a pixel.
+const SAMPLES: usize = SUPER * SUPER;
+
+/// Linear light of the pixel in column `x` of row `y`: the mean of its samples. Those that see the same
+/// triangle are shaded once, in their middle. `free` is the visible share of the sky.
+pub(crate) fn pixel(scene: &Scene, samples: &Samples, [x, y]: [usize; 2], free: f32) -> [f32; 3] {
+    let of: [usize; SAMPLES] =
+        std::array::from_fn(|s| (y * SUPER + s / SUPER) * samples.width + x * SUPER + s % SUPER);
+    let first = samples.seen[of[0]];
+    if of.iter().all(|index| samples.seen[*index] == first) {
+        return shaded(scene, samples, &of, free);
+    }
+    let mut sum = [0.0; 3];
+    for (s, index) in of.iter().enumerate() {
+        let sees_same = |other: &&usize| samples.seen[**other] == samples.seen[*index];
+        if of[..s].iter().any(|other| sees_same(&other)) {
+            continue; // shaded already
+        }
+        let (mut same, mut count) = ([0; SAMPLES], 0);
+        for other in of[s..].iter().filter(sees_same) {
+            same[count] = *other;
+            count += 1;
+        }
+        let color = shaded(scene, samples, &same[..count], free);
+        (0..3).for_each(|k| sum[k] += color[k] * (count as f32 / SAMPLES as f32));
+    }
+    sum
+}
+
+/// Linear light of samples that see the same.
+fn shaded(scene: &Scene, samples: &Samples, same: &[usize], free: f32) -> [f32; 3] {
+    let of_all = 1.0 / same.len() as f32;
+    let place =
+        |index: usize| [(index % samples.width) as f32 + 0.5, (index / samples.width) as f32 + 0.5];
+    let [x, y] = [0, 1].map(|k| same.iter().map(|index| place(*index)[k]).sum::<f32>() * of_all);
+    let id = samples.seen[same[0]];
     if id == NOTHING {
         return background(scene, x, y, samples.seen.len() as f32 / samples.width as f32);
     }
@@ -51,17 +84,24 @@ pub(crate) fn sample(scene: &Scene, samples: &Samples, index: usize, free: f32) 
     let (n, back) = facing_normal(layer, t, &at(layer, t, x, y));
     if back && layer.solid {
         // The cut through a solid: flat, with a fine hatch.
-        let hatch = if ((x + y) / 7.0).rem_euclid(2.0) < 0.4 { 0.62 } else { 0.78 };
+        let hatch = |index: &usize| {
+            let [x, y] = place(*index);
+            if ((x + y) / 7.0).rem_euclid(2.0) < 0.4 { 0.62 } else { 0.78 }
+        };
+        let hatch = same.iter().map(hatch).sum::<f32>() * of_all;
         return layer.color.map(|c| hatch * c);
     }
     let mut color = if back { layer.color.map(|c| 0.42 * c + 0.012) } else { layer.color };
-    if let Some(depth) = samples.highlight.get(index) {
-        let below = depth - samples.depth[index];
-        let share = match layer.highlighted[t] {
-            true => 0.92,
-            false if below < SHINES_THROUGH => 0.45 * (1.0 - below / SHINES_THROUGH) + 0.12,
-            false => 0.0,
+    if !samples.highlight.is_empty() {
+        let share = |index: &usize| {
+            let below = samples.highlight[*index] - samples.depth[*index];
+            match layer.highlighted[t] {
+                true => 0.92,
+                false if below < SHINES_THROUGH => 0.45 * (1.0 - below / SHINES_THROUGH) + 0.12,
+                false => 0.0,
+            }
         };
+        let share = same.iter().map(share).sum::<f32>() * of_all;
         (0..3).for_each(|k| color[k] += share * (RED[k] - color[k]));
     }
     let sky = 0.30 + 0.12 * n[1];

@@ -82,6 +82,18 @@ impl Samples {
     }
 }
 
+/// The first sample whose middle is not before `v`. (Casts, because rounding calls a function.)
+fn from(v: f32) -> usize {
+    let v = (v - 0.5).max(0.0);
+    let below = v as u32;
+    below.saturating_add(u32::from((below as f32) < v)) as usize
+}
+
+/// The sample after the last one whose middle is not after `v`.
+fn to(v: f32) -> usize {
+    if v < 0.5 { 0 } else { ((v - 0.5) as u32).saturating_add(1) as usize }
+}
+
 /// Some rows of the picture.
 struct Band<'a> {
     first: usize,
@@ -99,12 +111,9 @@ impl Band<'_> {
         high: [f32; 2],
     ) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
         let rows = self.seen.len() / self.width.max(1);
-        let clamp = |v: f32, n: usize| v.clamp(0.0, n as f32) as usize;
-        let first = self.first as f32;
-        let y = clamp((low[1] - 0.5).ceil() - first, rows)
-            ..clamp((high[1] - 0.5).floor() + 1.0 - first, rows);
-        let x = clamp((low[0] - 0.5).ceil(), self.width)
-            ..clamp((high[0] - 0.5).floor() + 1.0, self.width);
+        let in_band = |row: usize| row.saturating_sub(self.first).min(rows);
+        let y = in_band(from(low[1]))..in_band(to(high[1]));
+        let x = from(low[0]).min(self.width)..to(high[0]).min(self.width);
         (y, x)
     }
 
@@ -119,15 +128,24 @@ impl Band<'_> {
         let low = [0, 1].map(|k| a[k].min(b[k]).min(c[k]));
         let high = [0, 1].map(|k| a[k].max(b[k]).max(c[k]));
         let (rows, columns) = self.window(low, high);
+        if columns.is_empty() {
+            return;
+        }
         // Barycentric coordinates and depth are linear in x and y.
-        let slope = |p: &[f32; 3], q: &[f32; 3]| [(p[1] - q[1]) / area, (q[0] - p[0]) / area];
+        let per_area = 1.0 / area;
+        let slope =
+            |p: &[f32; 3], q: &[f32; 3]| [(p[1] - q[1]) * per_area, (q[0] - p[0]) * per_area];
         let (sa, sb) = (slope(&b, &c), slope(&c, &a));
         for row in rows {
             let y = (self.first + row) as f32 + 0.5;
-            for column in columns.clone() {
-                let x = column as f32 + 0.5;
-                let wa = sa[0] * (x - c[0]) + sa[1] * (y - c[1]);
-                let wb = sb[0] * (x - c[0]) + sb[1] * (y - c[1]);
+            let of_row = [sa[1] * (y - c[1]), sb[1] * (y - c[1])];
+            let here = row * self.width + columns.start..row * self.width + columns.end;
+            let depths = &mut self.depth[here.clone()];
+            let seen = &mut self.seen[here.clone()];
+            for (k, (depth, seen)) in depths.iter_mut().zip(seen).enumerate() {
+                let x = (columns.start + k) as f32 + 0.5;
+                let wa = sa[0] * (x - c[0]) + of_row[0];
+                let wb = sb[0] * (x - c[0]) + of_row[1];
                 let wc = 1.0 - wa - wb;
                 if wa < 0.0 || wb < 0.0 || wc < 0.0 {
                     continue;
@@ -136,13 +154,13 @@ impl Band<'_> {
                 if scene.cut.is_some_and(|n| n[0] * x + n[1] * y + n[2] * z > n[3]) {
                     continue;
                 }
-                let at = row * self.width + column;
-                if z < self.depth[at] {
-                    self.depth[at] = z;
-                    self.seen[at] = id;
+                if z < *depth {
+                    *depth = z;
+                    *seen = id;
                 }
-                if highlighted && z < self.highlight[at] {
-                    self.highlight[at] = z;
+                if highlighted {
+                    let nearest = &mut self.highlight[here.start + k];
+                    *nearest = nearest.min(z);
                 }
             }
         }

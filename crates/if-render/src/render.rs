@@ -5,6 +5,7 @@ use crate::raster::{SUPER, Samples};
 use crate::scene::{Frame, Scene};
 use crate::view::{RenderLayer, View};
 use crate::{color, light, occlusion};
+use if_core::math::Vector;
 use rayon::prelude::*;
 
 /// Draws one view of the scene, scaled to fill the picture.
@@ -20,8 +21,9 @@ pub fn render(scene: &[RenderLayer], view: &View, width: u32, height: u32) -> Im
 pub fn side_by_side(scene: &[RenderLayer], views: &[View], width: u32, height: u32) -> Image {
     let (w, h) = (width as usize, height as usize);
     let frame = Frame::new(scene, views, w * SUPER, h * SUPER);
+    let normals: Vec<Vec<Vector>> = scene.iter().map(|layer| layer.mesh.vertex_normals()).collect();
     let pictures: Vec<Vec<[u8; 3]>> =
-        views.iter().map(|view| draw(scene, view, &frame, w, h)).collect();
+        views.iter().map(|view| draw((scene, &normals), view, &frame, w, h)).collect();
     let mut image = Image::new(width * views.len() as u32, height);
     let stride = 3 * w * views.len();
     if stride > 0 {
@@ -39,25 +41,20 @@ pub fn side_by_side(scene: &[RenderLayer], views: &[View], width: u32, height: u
 
 /// The pixels of one view: each is the mean of its samples.
 fn draw(
-    layers: &[RenderLayer],
+    (layers, normals): (&[RenderLayer], &[Vec<Vector>]),
     view: &View,
     frame: &Frame,
     width: usize,
     height: usize,
 ) -> Vec<[u8; 3]> {
-    let scene = Scene::new(layers, view, frame);
+    let scene = Scene::new((layers, normals), view, frame);
     let samples = Samples::new(&scene, width * SUPER, height * SUPER);
     let occlusion = occlusion::occlusion(&scene, &samples, width, height);
     let mut out = vec![[0; 3]; width * height];
     out.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
         for (x, pixel) in row.iter_mut().enumerate() {
-            let mut sum = [0.0; 3];
-            for s in 0..SUPER * SUPER {
-                let at = (y * SUPER + s / SUPER) * width * SUPER + x * SUPER + s % SUPER;
-                let color = light::sample(&scene, &samples, at, occlusion[y * width + x]);
-                (0..3).for_each(|k| sum[k] += color[k] / (SUPER * SUPER) as f32);
-            }
-            *pixel = sum.map(color::encode);
+            let color = light::pixel(&scene, &samples, [x, y], occlusion[y * width + x]);
+            *pixel = color.map(color::encode);
         }
     });
     out

@@ -102,7 +102,12 @@ pub(crate) struct Shadow {
 }
 
 impl Scene {
-    pub(crate) fn new(scene: &[RenderLayer], view: &View, frame: &Frame) -> Self {
+    /// `normals` are those of the vertices of each layer.
+    pub(crate) fn new(
+        (scene, normals): (&[RenderLayer], &[Vec<Vector>]),
+        view: &View,
+        frame: &Frame,
+    ) -> Self {
         let axes = axes(view);
         let project = |p: &Point| {
             let d = p - frame.middle;
@@ -112,7 +117,8 @@ impl Scene {
         let mut first = 0;
         let layers: Vec<Seen> = scene
             .iter()
-            .map(|layer| {
+            .zip(normals)
+            .map(|(layer, normals)| {
                 let triangles = layer.mesh.triangles().to_vec();
                 let mut highlighted = vec![false; triangles.len()];
                 layer
@@ -124,9 +130,7 @@ impl Scene {
                 first += triangles.len() as u32;
                 Seen {
                     points: layer.mesh.vertices().par_iter().map(project).collect(),
-                    normals: layer
-                        .mesh
-                        .vertex_normals()
+                    normals: normals
                         .par_iter()
                         .map(|n| {
                             [axes[0].dot(n) as f32, axes[1].dot(n) as f32, -axes[2].dot(n) as f32]

@@ -91,6 +91,9 @@ fn twice(
     Ok(())
 }
 
+/// How the names of files end that a run writes beside its folders.
+const WRITTEN: [&str; 4] = [".pc2", ".glb", ".png", ".html"];
+
 /// The files of an earlier run by its report, which this one has not.
 pub(super) struct Stale(Vec<PathBuf>);
 
@@ -102,10 +105,16 @@ impl Stale {
         let listed = report["outputs"].as_array().into_iter().flatten().filter_map(|n| n.as_str());
         let (inputs, new) = (inputs(spec, args), names.iter().map(String::as_str));
         let new: HashSet<&str> = new.collect();
-        // What a report names is not trusted: it may be anybody's.
+        // What a report names is not trusted: it may be anybody's, and so may the report.
+        let is_ours = report["tool"]["ifg"].is_string() && report["report"]["frames"].is_array();
         let ours = |name: &&str| {
             let parts: Vec<&str> = name.split(['/', '\\']).collect();
-            (parts.len() == 1 || parts[0] == MESHES) && !parts.contains(&"..")
+            let may_be = match parts[..] {
+                [file] => WRITTEN.iter().any(|written| file.ends_with(written)),
+                [folder, ..] => folder == MESHES && !parts.contains(&".."),
+                [] => false,
+            };
+            is_ours && may_be
         };
         let old = listed.filter(|name| !new.contains(name)).filter(ours);
         let path = |name: &str| args.out.join(name);

@@ -11,6 +11,7 @@ use crate::print::{print, print_json};
 use crate::progress;
 use crate::shard::Shard;
 use clap::Args;
+use if_mesh::regular_file;
 use if_pipeline::wardrobe::batch::{self, BatchParams, Event, shard_folder};
 use if_pipeline::wardrobe::combination::{Combination, Combinations, Order, RandomParams, random};
 use if_pipeline::wardrobe::dresser::Dresser;
@@ -194,7 +195,7 @@ fn read(path: &Path) -> Result<Combinations, ListError> {
         path: path.into(),
         source: ErrorChain::new(error),
     };
-    let text = std::fs::read_to_string(path).map_err(|e| fault(&e))?;
+    let text = regular_file::read_to_string(path).map_err(|e| fault(&e))?;
     let list: Combinations = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
         serde_json::from_str(&text).map_err(|e| fault(&e))
     } else {

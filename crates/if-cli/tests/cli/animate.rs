@@ -239,6 +239,18 @@ fn inputs_are_not_replaced_and_names_are_checked_before_any_work() {
     assert!(folder.path("moved/meshes/000000/mine.txt").exists());
     assert!(!folder.path("moved/meshes/000001").exists());
 
+    // A report that is not of this program says nothing of what it wrote, nor a changed one of other files.
+    std::fs::create_dir(folder.path("mine")).unwrap();
+    folder.write("mine/data.csv", "mine");
+    folder.write("mine/report.json", r#"{"tool": "mine", "outputs": ["data.csv"]}"#);
+    const MINE: &str = "--out mine --no-pictures --frames 0";
+    folder.ifg(&format!("{ANIMATE} {MINE}")).expect(0);
+    assert_eq!(folder.read("mine/data.csv"), b"mine");
+    let report = String::from_utf8(folder.read("mine/report.json")).unwrap();
+    folder.write("mine/report.json", report.replace("trousers.pc2", "data.csv"));
+    folder.ifg(&format!("{ANIMATE} {MINE}")).expect(0);
+    assert_eq!(folder.read("mine/data.csv"), b"mine");
+
     std::fs::create_dir(folder.path("other")).unwrap();
     std::fs::copy(folder.path("doll/trousers.ply"), folder.path("other/Trousers.ply")).unwrap();
     let same = ANIMATE.replace("doll/trousers.ply", "doll/trousers.ply other/Trousers.ply");

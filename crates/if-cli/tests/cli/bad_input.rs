@@ -315,3 +315,55 @@ fn errors_are_json_too() {
         assert!(json["error"]["causes"][0].as_str().unwrap().contains("gone.ply"), "{json}");
     }
 }
+
+#[test]
+fn a_parameter_is_given_once_and_is_a_number() {
+    let folder = Folder::new();
+    let outfit = String::from_utf8(folder.read("outfit.toml")).unwrap();
+    folder.write(
+        "twice.toml",
+        outfit + "[params]\nclearance = 1e-3\n[params.goal]\nclearance = 2e-3\n",
+    );
+    refused(&folder, "twice.toml", &["parameter `clearance` is given twice"]);
+    // Where that is, for programs too.
+    let run = folder.ifg("check twice.toml --json").expect(2);
+    let at = &run.json()["error"]["at"];
+    assert_eq!((at["line"].as_u64(), at["column"].as_u64()), (Some(9), Some(9)), "{at}");
+    assert!(at["file"].as_str().unwrap().ends_with("twice.toml"), "{at}");
+    const BELT: &str = "--body body.ply skirt.ply --set";
+    refused(&folder, &format!("{BELT} clearance=nan"), &["parameter `clearance`", "finite"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn what_is_no_file_is_not_read_without_end() {
+    let folder = Folder::new();
+    std::os::unix::fs::symlink("/dev/zero", folder.path("zero.toml")).unwrap();
+    let made = std::process::Command::new("mkfifo").arg(folder.path("pipe.toml")).status();
+    assert!(made.unwrap().success());
+    for name in ["zero.toml", "pipe.toml"] {
+        let run = folder.ifg(&format!("fix {name} --out fixed")).expect(2);
+        assert!(run.stderr.contains(name) && run.stderr.contains("not a file"), "{}", run.stderr);
+        let motion = format!("animate outfit.toml --motion {name} --skeleton {name} --out moved");
+        let run = folder.ifg(&motion).expect(2);
+        assert!(run.stderr.contains("not a file"), "{}", run.stderr);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn names_that_are_no_text_are_refused() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = Folder::new();
+    let name = std::ffi::OsStr::from_bytes(b"skirt\xfe.ply");
+    std::fs::rename(folder.path("skirt.ply"), folder.path("").join(name)).unwrap();
+    let run = std::process::Command::new(env!("CARGO_BIN_EXE_ifg"))
+        .args(["fix", "--body", "body.ply", "--out", "fixed"])
+        .arg(name)
+        .current_dir(folder.path(""))
+        .output()
+        .unwrap();
+    assert_eq!(run.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&run.stderr).contains("is not UTF-8"));
+    assert!(!folder.path("fixed").exists());
+}

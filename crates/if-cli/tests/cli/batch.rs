@@ -215,3 +215,25 @@ fn a_cancelled_batch_goes_on_where_it_stopped() {
     let some = format!("fix --out done --json o0.toml o{}.toml", OUTFITS - 1);
     assert_eq!(states(&folder.ifg(&some).expect(0)), ["finished", "clean everywhere"]);
 }
+
+#[test]
+fn what_another_outfit_of_the_batch_reads_is_not_replaced() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("a")).unwrap();
+    let garment =
+        |body: &str, file: &str| format!("body = \"{body}\"\n[[garment]]\nfile = \"{file}\"\n");
+    // `a` would write a/skirt.ply, which is the garment or the body of `b`.
+    folder.write("a/skirt.ply", folder.read("skirt.ply"));
+    folder.write("a.toml", garment("body.ply", "skirt.ply"));
+    folder.write("b.toml", garment("body.ply", "a/skirt.ply"));
+    folder.write("a/body.ply", folder.read("body.ply"));
+    for options in ["", "--in-place", "--shard 1/2"] {
+        let before = folder.read("a/skirt.ply");
+        let run = folder.ifg(&format!("fix a.toml b.toml --out . {options}")).expect(2);
+        assert!(run.stderr.contains("is an input of outfit `b`"), "{}", run.stderr);
+        assert!(folder.read("a/skirt.ply") == before, "{options}");
+    }
+    // Outfits may share what neither writes.
+    folder.write("b.toml", garment("body.ply", "skirt.ply"));
+    folder.ifg("fix a.toml b.toml --out done").expect(0);
+}

@@ -152,3 +152,21 @@ fn the_boundary_is_left_as_it_is_where_that_is_asked_for() {
     assert!(told > 0 && found > 0, "{told} {found}");
     assert_eq!(moved("--no-smooth"), (0, 0));
 }
+
+#[test]
+fn openings_that_are_missing_and_faces_that_are_left_out_are_named() {
+    let folder = Folder::new();
+    raw(&folder);
+    let run = folder.ifg("clean raw.ply --out five.ply --openings 5 --no-pictures").expect(0);
+    assert!(run.stdout.contains("5 openings were asked for, and there are 3"), "{}", run.stdout);
+    let ply = |faces: &str, count: usize| {
+        let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n";
+        format!(
+            "{header}element face {count}\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n{faces}"
+        )
+    };
+    folder.write("quad.ply", ply("3 0 1 2\n3 2 1 3\n3 1 1 2\n", 3));
+    let run = folder.ifg("clean quad.ply --out two.ply --openings 1 --no-pictures").expect(0);
+    let note = "1 faces that name a vertex twice are left out, the first of them face 2";
+    assert!(run.stdout.contains(note) && !run.stdout.contains("more than three"), "{}", run.stdout);
+}

@@ -10,11 +10,12 @@ use super::scene::Placed;
 use super::skin::Skinned;
 use super::source::{Beside, Source};
 use super::uri::{self, Uri};
+use crate::regular_file;
 use if_core::math::{Point, Real, Vector};
 use if_core::mesh::TriMesh;
 use std::collections::BTreeMap;
+use std::io;
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 const NORMAL: Wanted = Wanted { what: "NORMAL", ..POSITION };
 const TEXTURE: Wanted = Wanted { what: "TEXCOORD_0", kind: "VEC2", ..POSITION };
@@ -52,13 +53,7 @@ pub fn read_layer(
 ) -> Result<GltfMesh, ReadError> {
     let beside = |path: &Path| match folder {
         None => Err(io::Error::other("give the file by its path, not by its bytes")),
-        Some(folder) => {
-            let path = folder.join(path);
-            if !fs::metadata(&path)?.is_file() {
-                return Err(io::Error::other("not a file")); // a pipe might never end
-            }
-            fs::read(path)
-        }
+        Some(folder) => regular_file::read(&folder.join(path)),
     };
     read_with(bytes, node, &beside)
 }

@@ -5,8 +5,8 @@ use if_core::mesh::TriMesh;
 use if_core::rows::Rows;
 use rayon::prelude::*;
 
-/// Most triangles of a fan: to join them takes the square of their number.
-const MOST: usize = 32;
+/// Fans of up to so many triangles are joined by comparing all: that takes no memory.
+const FEW: usize = 32;
 
 /// The triangles around each vertex of a mesh, whatever its positions.
 #[derive(Clone, Debug, Default)]
@@ -47,23 +47,38 @@ impl Fans {
 /// How the triangles around a vertex are joined; `None` if two begin or end at one neighbour, or a fan
 /// has more than one gap.
 fn kind(around: &[[u32; 2]]) -> Option<Fan> {
-    if around.is_empty() || around.len() > MOST {
-        return None;
-    }
-    let mut ends = 0;
-    for [begin, end] in around {
-        let begins = |at: u32| around.iter().filter(|other| other[0] == at).count();
-        let is_last = begins(*end) == 0;
-        if begins(*begin) > 1 || around.iter().filter(|other| other[1] == *end).count() > 1 {
-            return None;
-        }
-        ends += usize::from(is_last);
-    }
-    match ends {
+    let last = if around.len() > FEW { last_of_many(around)? } else { last_of_few(around)? };
+    match last {
+        _ if around.is_empty() => None,
         0 => Some(Fan::Closed),
         1 => Some(Fan::Open),
         _ => None,
     }
+}
+
+/// The number of triangles after which no other begins; `None` if two begin or end at one neighbour.
+fn last_of_few(around: &[[u32; 2]]) -> Option<usize> {
+    let mut last = 0;
+    for [begin, end] in around {
+        let begins = |at: u32| around.iter().filter(|other| other[0] == at).count();
+        if begins(*begin) > 1 || around.iter().filter(|other| other[1] == *end).count() > 1 {
+            return None;
+        }
+        last += usize::from(begins(*end) == 0);
+    }
+    Some(last)
+}
+
+/// The same by sorting.
+fn last_of_many(around: &[[u32; 2]]) -> Option<usize> {
+    let [begins, ends] = [0, 1].map(|k| {
+        let mut all: Vec<u32> = around.iter().map(|pair| pair[k]).collect();
+        all.sort_unstable();
+        all
+    });
+    let is_unique = |all: &[u32]| all.windows(2).all(|pair| pair[0] < pair[1]);
+    let is_last = |end: &&u32| begins.binary_search(end).is_err();
+    (is_unique(&begins) && is_unique(&ends)).then(|| ends.iter().filter(is_last).count())
 }
 
 /// For each vertex whether its fan is known to be flat.
@@ -90,7 +105,18 @@ mod tests {
         assert_eq!(kind(&[[1, 2], [2, 3], [2, 4]]), None);
         assert_eq!(kind(&[[1, 2], [3, 2]]), None);
         assert_eq!(kind(&[]), None);
-        let many: Vec<[u32; 2]> = (0..=MOST as u32).map(|k| [k, k + 1]).collect();
-        assert_eq!(kind(&many), None);
+    }
+
+    #[test]
+    fn fans_of_many_triangles_are_joined_as_those_of_few() {
+        let open: Vec<[u32; 2]> = (0..40).map(|k| [7 * k % 41, 7 * (k + 1) % 41]).collect();
+        let closed = [&open[..], &[[7 * 40 % 41, 0]]].concat();
+        let gap = [&open[..20], &open[21..]].concat();
+        let twice = [&open[..], &[[3, 50]]].concat();
+        let expected = [Some(Fan::Open), Some(Fan::Closed), None, None];
+        assert_eq!([&open, &closed, &gap, &twice].map(|fan| kind(fan)), expected);
+        for fan in [open, closed, gap, twice] {
+            assert_eq!(last_of_many(&fan), last_of_few(&fan));
+        }
     }
 }

@@ -14,6 +14,14 @@ pub enum At {
     Byte(u64),
 }
 
+/// Which vertices a face may name.
+fn there_are(vertices: u64) -> String {
+    match vertices.checked_sub(1) {
+        None => "there are no vertices".to_owned(),
+        Some(last) => format!("the vertices are 0 to {last}"),
+    }
+}
+
 impl fmt::Display for At {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -129,7 +137,7 @@ pub enum ReadError {
     #[error("{at}: face {face} has {corners} corners; a face needs at least 3")]
     FaceTooShort { at: At, face: u64, corners: u64 },
     /// A vertex index is out of range.
-    #[error("{at}: corner {corner} of face {face} names vertex {index}, but the vertices are 0 to {}", vertices.saturating_sub(1))]
+    #[error("{at}: corner {corner} of face {face} names vertex {index}, but {}", there_are(*vertices))]
     Index { at: At, face: u64, corner: u64, index: i64, vertices: u64 },
     /// A coordinate is not finite, or there are too many vertices.
     #[error(transparent)]

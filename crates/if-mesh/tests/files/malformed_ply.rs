@@ -115,6 +115,7 @@ fn every_malformed_file_is_refused_with_its_place() {
         ("a negative list of text", ascii("3", "1", &format!("{DOT}-3 0 1 2\n")), "line 13: list `vertex_indices`"),
         ("a huge list of text", ascii("3", "1", &format!("{DOT}999999999999 0 1 2\n")), "has 4 values, expected 5"),
         // Indices.
+        ("a face without vertices", b"ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n3 0 1 2\n".to_vec(), "corner 0 of face 0 names vertex 0, but there are no vertices"),
         ("an index too large", faces(1, &face(&[0, 1, 3])), "corner 2 of face 0 names vertex 3, but the vertices are 0 to 2"),
         ("an index too large in the second face", faces(2, &[face(&[0, 1, 2]), face(&[0, 1, 2_000_000_000])].concat()), "corner 2 of face 1 names vertex 2000000000"),
         ("a negative index", faces(1, &face(&[0, -1, 2])), "corner 1 of face 0 names vertex -1"),

@@ -6,6 +6,7 @@ use super::picture::Kind;
 use if_body::{Pose, PoseError};
 use if_core::math::{Real, Vector};
 use if_mesh::camera::Camera;
+use if_mesh::regular_file;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -75,8 +76,8 @@ pub(super) fn rows(m: &Matrix3<Real>) -> [[Real; 3]; 3] {
 
 impl Meta {
     pub(super) fn read(path: &Path) -> Result<Self, CaptureError> {
-        let bytes =
-            std::fs::read(path).map_err(|source| CaptureError::Io { path: path.into(), source })?;
+        let bytes = regular_file::read(path)
+            .map_err(|source| CaptureError::Io { path: path.into(), source })?;
         serde_json::from_slice(&bytes)
             .map_err(|source| CaptureError::Json { path: path.into(), source })
     }

@@ -270,11 +270,15 @@ impl<'a> Scene<'a> {
         round: usize,
     ) -> Result<PoseRound, ReconstructError> {
         let (skin, camera) = (&self.start.skin, self.capture.camera());
-        let mut votes = SkinVotes::new(self.mesh.vertices().len());
-        for (frame, labels) in self.frames.iter().zip(&self.labels) {
+        let none = || SkinVotes::new(self.mesh.vertices().len());
+        let count = |mut votes: SkinVotes, (frame, labels): (&Observation, &Vec<u8>)| {
             let figure = Figure::new(&self.mesh, &self.edges, skin, camera, &frame.transforms);
             votes.add(&figure, labels);
-        }
+            votes
+        };
+        let frames = self.frames.par_iter().zip(&self.labels);
+        // Whole numbers: the same sums on any number of threads.
+        let votes = frames.fold(none, count).reduce(none, SkinVotes::joined);
         let tied = votes.skin(params.skin);
         let (mesh, at_steps) = gauge::tied(&self.start.mesh, &self.mesh, &tied);
         let subject = Subject { skin, points: mesh.vertices() };

@@ -35,6 +35,14 @@ impl SkinVotes {
         }
     }
 
+    /// The votes of both.
+    pub(super) fn joined(mut self, other: Self) -> Self {
+        for (a, b) in self.votes.iter_mut().zip(other.votes) {
+            *a = [a[0] + b[0], a[1] + b[1]];
+        }
+        self
+    }
+
     /// Whether at least `share` of each vertex's votes are for skin.
     pub(super) fn skin(&self, share: f64) -> Vec<bool> {
         let is =
