@@ -11,7 +11,7 @@ use if_core::math::Point;
 use if_core::mesh::TriMesh;
 use if_core::monitor::{Cancelled, Progress, Silent};
 use if_outfit::outfit::{Layer, Outfit};
-use if_outfit::resolve::{EffortParams, ResolveError, ResolveParams, resolve};
+use if_outfit::resolve::{EffortParams, ResolveError, ResolveParams, Split, resolve};
 use if_outfit::storage::Storage;
 use if_outfit::verify::verify;
 use rayon::prelude::*;
@@ -145,7 +145,11 @@ fn seams_of_exporters_neither_gape_nor_change_the_result() {
         })
         .collect();
     cut.body.mesh = with_a_seam(&whole.body.mesh).0;
+    let mut may_split = ResolveParams::default();
+    may_split.goal.split = Split::IfLeft;
+    let unsplit = resolve(&cut, &may_split, &mut Silent).unwrap();
     let (whole, cut) = (assert_clean(&whole, resolved(&whole)), assert_clean(&cut, resolved(&cut)));
+    assert!(unsplit.splits.iter().all(Option::is_none) && unsplit.outfit == cut.outfit);
     assert!(whole.report.layers.iter().all(|l| l.moved.vertices > 0));
     for ((whole, cut), of) in whole.outfit.garments.iter().zip(&cut.outfit.garments).zip(&of) {
         let expected = of.iter().map(|v| whole.mesh.vertices()[*v as usize]);
