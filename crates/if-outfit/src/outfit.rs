@@ -15,7 +15,8 @@ pub struct Layer {
     pub name: String,
     /// Its surface, in metres, wound counter-clockwise seen from outside.
     pub mesh: TriMesh,
-    /// How its positions will be stored. They are rounded to that form before they are verified.
+    /// How its positions will be stored. Those of a garment are rounded to that form before they are
+    /// verified; a body stays as it is.
     pub storage: Storage,
 }
 

@@ -330,8 +330,8 @@ fn a_parameter_is_given_once_and_is_a_number() {
     let at = &run.json()["error"]["at"];
     assert_eq!((at["line"].as_u64(), at["column"].as_u64()), (Some(9), Some(9)), "{at}");
     assert!(at["file"].as_str().unwrap().ends_with("twice.toml"), "{at}");
-    const BELT: &str = "--body body.ply skirt.ply --set";
-    refused(&folder, &format!("{BELT} clearance=nan"), &["parameter `clearance`", "finite"]);
+    const NAN: &str = "fix --body body.ply skirt.ply --out fixed --set clearance=nan";
+    fails(&folder, NAN, &["parameter `clearance`", "finite"]);
 }
 
 #[cfg(unix)]
