@@ -81,7 +81,7 @@ impl Meshes<'_> {
         let fault = |source: WalkError| AnimateFault::Animate { source: source.into() };
         let walker = match walker {
             Some(walker) => walker,
-            None => walker.insert(Walker::new(self.outfit, self.walk.clone()).map_err(fault)?),
+            None => walker.insert(Walker::new(self.outfit, *self.walk).map_err(fault)?),
         };
         is_less_clean(walker, &proven, &stored).map_err(|source| fault(source).into())
     }
