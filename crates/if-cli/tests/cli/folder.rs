@@ -183,7 +183,7 @@ impl Folder {
     }
 
     /// Starts the binary with a full pipe for its stdout, so that it waits where it first prints;
-    /// interrupts it a moment after `ready` returns, and lets it go on.
+    /// interrupts it a moment after it handles Ctrl-C and `ready` returns, and lets it go on.
     #[cfg(unix)]
     #[track_caller]
     pub(crate) fn interrupt_printing(&self, args: &str, ready: impl FnOnce()) -> Run {
@@ -197,6 +197,9 @@ impl Folder {
         let filling = spawn(move || writer.write_all(&vec![b'\n'; 1 << 21]));
         let child =
             self.command(args).stdout(stdout).stderr(Stdio::piped()).spawn().expect("ifg starts");
+        while handles_ctrl_c(child.id()) == Some(false) {
+            sleep(Duration::from_millis(2));
+        }
         ready();
         sleep(Duration::from_millis(300));
         Command::new("kill")
@@ -217,6 +220,15 @@ impl Folder {
         files.sort();
         files
     }
+}
+
+/// Whether a process handles Ctrl-C; `None` where that cannot be seen.
+#[cfg(unix)]
+fn handles_ctrl_c(process: u32) -> Option<bool> {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let handled = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
+    const SIGINT: u64 = 1 << 1;
+    Some(u64::from_str_radix(handled.trim(), 16).ok()? & SIGINT != 0)
 }
 
 fn collect(folder: &Path, files: &mut Vec<(PathBuf, Vec<u8>)>) {
