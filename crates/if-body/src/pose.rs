@@ -72,8 +72,8 @@ pub enum PoseError {
 /// at most 2e-4; ten times more would accept quaternions that were never normalised.
 const UNIT: Real = 2e-3;
 
-/// Largest translation of the root, and coordinate of a joint, in metres: the circumference of the Earth. Larger values are
-/// mistakes, and overflow the single precision of files.
+/// Largest translation of the root, and coordinate of a joint, in metres: the circumference of the
+/// Earth. Larger values are mistakes, and overflow the single precision of files.
 pub(crate) const FARTHEST: Real = 4e7;
 
 impl Pose {

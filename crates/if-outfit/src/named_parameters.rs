@@ -65,7 +65,8 @@ pub fn with_parameter<T: Clone + Serialize + DeserializeOwned>(
     let invalid = |message| NamedParameterError::Value { name: name.to_owned(), message };
     let value = serde_json::to_value(value).map_err(|e| invalid(e.to_string()))?;
     if value.is_null() {
-        return Err(invalid("it is not a finite number, or nothing".to_owned())); // JSON has none
+        // As JSON has NaN and infinity.
+        return Err(invalid("there is no value, or it is not a finite number".to_owned()));
     }
     let mut all = serde_json::to_value(params).map_err(|e| invalid(e.to_string()))?;
     if let Some(group) = all.get(name).and_then(Value::as_object) {

@@ -215,18 +215,17 @@ fn resolve_on_body(
     };
     let body = (body.body_report(), own_pairs);
     let before = Verification::new(solved, body, &attempt.given, attempt.verify_seconds);
-    if may_split && attempt.finer(params).is_some() {
-        if welded.as_ref().is_some_and(Welded::has_seams) {
-            // Triangles at an open seam can be split: its two sides have attributes of their own.
-            let open = Welded::new(outfit, false);
-            let given = open.as_ref().map_or(outfit, |w| &w.outfit).clone();
-            let first = Attempt::new(given, settings, monitor)?;
-            let split = split_where_needed(first, settings, monitor)?;
-            if split.rank() < attempt.rank() {
-                (attempt, welded) = (split, open);
-            }
-        } else {
-            attempt = split_where_needed(attempt, settings, monitor)?;
+    let has_seams = welded.as_ref().is_some_and(Welded::has_seams);
+    if may_split && !has_seams {
+        attempt = split_where_needed(attempt, settings, monitor)?;
+    } else if may_split && attempt.finer(params).is_some() {
+        // Triangles at an open seam can be split: its two sides have attributes of their own.
+        let open = Welded::new(outfit, false);
+        let given = open.as_ref().map_or(outfit, |w| &w.outfit).clone();
+        let first = Attempt::new(given, settings, monitor)?;
+        let split = split_where_needed(first, settings, monitor)?;
+        if split.rank() < attempt.rank() {
+            (attempt, welded) = (split, open);
         }
     }
 
