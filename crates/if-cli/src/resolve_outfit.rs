@@ -183,10 +183,12 @@ fn draw(
             .map_err(|source| OutputError::File { path: out.join(name), source })?;
         staging.describe(name, out)
     };
+    let names = [pictures::BEFORE, pictures::AFTER];
+    let [before, after] = outfits;
+    let (before, after) = rayon::join(|| pictures::draw(before), || pictures::draw(after));
     let mut pngs = Vec::new();
-    for (name, outfit) in [pictures::BEFORE, pictures::AFTER].into_iter().zip(outfits) {
-        let png = pictures::draw(outfit)
-            .map_err(|source| OutputError::File { path: out.join(name), source })?;
+    for (name, png) in names.into_iter().zip([before, after]) {
+        let png = png.map_err(|source| OutputError::File { path: out.join(name), source })?;
         done.outputs.push(write(name, &png)?);
         pngs.push(png);
     }

@@ -6,6 +6,7 @@
 //!
 #![doc = include_str!("../README.md")]
 
+mod backdrop;
 mod color;
 mod image;
 mod light;

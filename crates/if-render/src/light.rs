@@ -44,21 +44,20 @@ const SAMPLES: usize = SUPER * SUPER;
 /// Linear light of the pixel in column `x` of row `y`: the mean of its samples. Those that see the same
 /// triangle are shaded once, in their middle. `free` is the visible share of the sky.
 pub(crate) fn pixel(scene: &Scene, samples: &Samples, [x, y]: [usize; 2], free: f32) -> [f32; 3] {
-    let of: [usize; SAMPLES] =
-        std::array::from_fn(|s| (y * SUPER + s / SUPER) * samples.width + x * SUPER + s % SUPER);
-    let first = samples.seen[of[0]];
-    if of.iter().all(|index| samples.seen[*index] == first) {
+    let of: [[usize; 2]; SAMPLES] =
+        std::array::from_fn(|s| [x * SUPER + s % SUPER, y * SUPER + s / SUPER]);
+    let seen = of.map(|place| samples.seen[samples.index(place)]);
+    if seen.iter().all(|id| *id == seen[0]) {
         return shaded(scene, samples, &of, free);
     }
     let mut sum = [0.0; 3];
-    for (s, index) in of.iter().enumerate() {
-        let sees_same = |other: &&usize| samples.seen[**other] == samples.seen[*index];
-        if of[..s].iter().any(|other| sees_same(&other)) {
+    for (s, id) in seen.iter().enumerate() {
+        if seen[..s].contains(id) {
             continue; // shaded already
         }
-        let (mut same, mut count) = ([0; SAMPLES], 0);
-        for other in of[s..].iter().filter(sees_same) {
-            same[count] = *other;
+        let (mut same, mut count) = ([[0; 2]; SAMPLES], 0);
+        for (place, _) in of.iter().zip(&seen).filter(|(_, other)| *other == id) {
+            same[count] = *place;
             count += 1;
         }
         let color = shaded(scene, samples, &same[..count], free);
@@ -67,15 +66,13 @@ pub(crate) fn pixel(scene: &Scene, samples: &Samples, [x, y]: [usize; 2], free: 
     sum
 }
 
-/// Linear light of samples that see the same.
-fn shaded(scene: &Scene, samples: &Samples, same: &[usize], free: f32) -> [f32; 3] {
+/// Linear light of samples, given by column and row, that see the same.
+fn shaded(scene: &Scene, samples: &Samples, same: &[[usize; 2]], free: f32) -> [f32; 3] {
     let of_all = 1.0 / same.len() as f32;
-    let place =
-        |index: usize| [(index % samples.width) as f32 + 0.5, (index / samples.width) as f32 + 0.5];
-    let [x, y] = [0, 1].map(|k| same.iter().map(|index| place(*index)[k]).sum::<f32>() * of_all);
-    let id = samples.seen[same[0]];
+    let [x, y] = [0, 1].map(|k| same.iter().map(|p| p[k] as f32 + 0.5).sum::<f32>() * of_all);
+    let id = samples.seen[samples.index(same[0])];
     if id == NOTHING {
-        return background(scene, x, y, samples.seen.len() as f32 / samples.width as f32);
+        return scene.backdrop.light([x, y]);
     }
     if id & LINE != 0 {
         return scene.lines[(id & !LINE) as usize].color;
@@ -84,17 +81,18 @@ fn shaded(scene: &Scene, samples: &Samples, same: &[usize], free: f32) -> [f32; 
     let (n, back) = facing_normal(layer, t, &at(layer, t, x, y));
     if back && layer.solid {
         // The cut through a solid: flat, with a fine hatch.
-        let hatch = |index: &usize| {
-            let [x, y] = place(*index);
-            if ((x + y) / 7.0).rem_euclid(2.0) < 0.4 { 0.62 } else { 0.78 }
+        let hatch = |[x, y]: &[usize; 2]| {
+            let along = (*x as f32 + 0.5) + (*y as f32 + 0.5);
+            if (along / 7.0).rem_euclid(2.0) < 0.4 { 0.62 } else { 0.78 }
         };
         let hatch = same.iter().map(hatch).sum::<f32>() * of_all;
         return layer.color.map(|c| hatch * c);
     }
     let mut color = if back { layer.color.map(|c| 0.42 * c + 0.012) } else { layer.color };
     if !samples.highlight.is_empty() {
-        let share = |index: &usize| {
-            let below = samples.highlight[*index] - samples.depth[*index];
+        let share = |place: &[usize; 2]| {
+            let index = samples.index(*place);
+            let below = samples.highlight[index] - samples.depth[index];
             match layer.highlighted[t] {
                 true => 0.92,
                 false if below < SHINES_THROUGH => 0.45 * (1.0 - below / SHINES_THROUGH) + 0.12,
@@ -116,17 +114,4 @@ fn shaded(scene: &Scene, samples: &Samples, same: &[usize], free: f32) -> [f32; 
     let light = sky * free + direct * (0.35 + 0.65 * free);
     let rim = 0.05 * (1.0 - n[2]).powi(3) * free;
     color.map(|c| c * light * 1.12 + rim)
-}
-
-fn background(scene: &Scene, x: f32, y: f32, height: f32) -> [f32; 3] {
-    let s = y / height;
-    let base = [0.90 - 0.10 * s, 0.91 - 0.10 * s, 0.92 - 0.09 * s];
-    let shadow = &scene.shadow;
-    if shadow.radii[0] <= 0.0 || shadow.radii[1] <= 0.0 {
-        return base;
-    }
-    let (u, v) =
-        ((x - shadow.center[0]) / shadow.radii[0], (y - shadow.center[1]) / shadow.radii[1]);
-    let dark = 0.38 * (-(u * u + v * v) * 1.6).exp();
-    base.map(|c| c * (1.0 - dark))
 }

@@ -80,6 +80,19 @@ impl Samples {
             });
         this
     }
+
+    /// The index of the sample in a column and row.
+    pub(crate) fn index(&self, [column, row]: [usize; 2]) -> usize {
+        row * self.width + column
+    }
+
+    /// Whether nothing is visible in the pixel in a column and row.
+    pub(crate) fn is_empty_pixel(&self, [x, y]: [usize; 2]) -> bool {
+        (0..SUPER).all(|row| {
+            let first = self.index([x * SUPER, y * SUPER + row]);
+            self.seen[first..first + SUPER].iter().all(|seen| *seen == NOTHING)
+        })
+    }
 }
 
 /// The first sample whose middle is not before `v`. (Casts, because rounding calls a function.)
@@ -124,7 +137,6 @@ impl Band<'_> {
         if area == 0.0 {
             return;
         }
-        let highlighted = layer.highlighted[t];
         let low = [0, 1].map(|k| a[k].min(b[k]).min(c[k]));
         let high = [0, 1].map(|k| a[k].max(b[k]).max(c[k]));
         let (rows, columns) = self.window(low, high);
@@ -136,31 +148,34 @@ impl Band<'_> {
         let slope =
             |p: &[f32; 3], q: &[f32; 3]| [(p[1] - q[1]) * per_area, (q[0] - p[0]) * per_area];
         let (sa, sb) = (slope(&b, &c), slope(&c, &a));
+        let cut = scene.cut.unwrap_or([0.0, 0.0, 0.0, f32::INFINITY]);
         for row in rows {
             let y = (self.first + row) as f32 + 0.5;
             let of_row = [sa[1] * (y - c[1]), sb[1] * (y - c[1])];
-            let here = row * self.width + columns.start..row * self.width + columns.end;
-            let depths = &mut self.depth[here.clone()];
-            let seen = &mut self.seen[here.clone()];
-            for (k, (depth, seen)) in depths.iter_mut().zip(seen).enumerate() {
-                let x = (columns.start + k) as f32 + 0.5;
+            // Whether the triangle is in a column, and how far away. Without branches, so that several
+            // columns are looked at at once.
+            let sample = |column: u32| {
+                let x = column as i32 as f32 + 0.5;
                 let wa = sa[0] * (x - c[0]) + of_row[0];
                 let wb = sb[0] * (x - c[0]) + of_row[1];
                 let wc = 1.0 - wa - wb;
-                if wa < 0.0 || wb < 0.0 || wc < 0.0 {
-                    continue;
-                }
                 let z = wa * a[2] + wb * b[2] + wc * c[2];
-                if scene.cut.is_some_and(|n| n[0] * x + n[1] * y + n[2] * z > n[3]) {
-                    continue;
-                }
-                if z < *depth {
-                    *depth = z;
-                    *seen = id;
-                }
-                if highlighted {
-                    let nearest = &mut self.highlight[here.start + k];
-                    *nearest = nearest.min(z);
+                let is_cut_away = cut[0] * x + cut[1] * y + cut[2] * z > cut[3];
+                ((wa >= 0.0) & (wb >= 0.0) & (wc >= 0.0) & !is_cut_away, z)
+            };
+            let here = row * self.width + columns.start..row * self.width + columns.end;
+            let start = columns.start as u32;
+            let samples = self.depth[here.clone()].iter_mut().zip(&mut self.seen[here.clone()]);
+            for (column, (depth, seen)) in (start..).zip(samples) {
+                let (is_inside, z) = sample(column);
+                let is_nearest = is_inside & (z < *depth);
+                *depth = if is_nearest { z } else { *depth };
+                *seen = if is_nearest { id } else { *seen };
+            }
+            if layer.highlighted[t] {
+                for (column, nearest) in (start..).zip(&mut self.highlight[here]) {
+                    let (is_inside, z) = sample(column);
+                    *nearest = if is_inside { nearest.min(z) } else { *nearest };
                 }
             }
         }

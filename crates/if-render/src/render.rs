@@ -52,7 +52,13 @@ fn draw(
     let occlusion = occlusion::occlusion(&scene, &samples, width, height);
     let mut out = vec![[0; 3]; width * height];
     out.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+        let middle = |pixel: usize| (pixel * SUPER) as f32 + 0.5 * SUPER as f32;
+        let plain = scene.backdrop.plain(middle(y)).map(color::encode);
         for (x, pixel) in row.iter_mut().enumerate() {
+            if samples.is_empty_pixel([x, y]) && scene.backdrop.is_plain([middle(x), middle(y)]) {
+                *pixel = plain;
+                continue;
+            }
             let color = light::pixel(&scene, &samples, [x, y], occlusion[y * width + x]);
             *pixel = color.map(color::encode);
         }

@@ -1,6 +1,7 @@
 //! The scene in view coordinates: x to the right and y down in samples, z away from the eye in
 //! metres.
 
+use crate::backdrop::{Backdrop, Shadow};
 use crate::color;
 use crate::section::{self, Line};
 use crate::view::{RenderLayer, View};
@@ -91,14 +92,8 @@ pub(crate) struct Scene {
     pub(crate) cut: Option<[f32; 4]>,
     /// Intersections of the layers with the plane of the cut.
     pub(crate) lines: Vec<Line>,
-    /// The shadow on the floor.
-    pub(crate) shadow: Shadow,
-}
-
-/// An ellipse in the picture.
-pub(crate) struct Shadow {
-    pub(crate) center: [f32; 2],
-    pub(crate) radii: [f32; 2],
+    /// What is behind it.
+    pub(crate) backdrop: Backdrop,
 }
 
 impl Scene {
@@ -161,8 +156,9 @@ impl Scene {
                 lines.extend(section::lines(&layer.points, &layer.triangles, layer.color, &plane));
             }
         }
-        let shadow = shadow(scene, frame, &axes);
-        Self { layers, scale: frame.scale as f32, cut, lines, shadow }
+        let rows = 2.0 * frame.offset[1] as f32;
+        let backdrop = Backdrop { rows, shadow: shadow(scene, frame, &axes) };
+        Self { layers, scale: frame.scale as f32, cut, lines, backdrop }
     }
 
     /// Layer and triangle of a number among the triangles of all layers.
@@ -173,18 +169,18 @@ impl Scene {
 }
 
 /// A soft shadow under everything that stands on the floor.
-fn shadow(scene: &[RenderLayer], frame: &Frame, axes: &[Vector; 3]) -> Shadow {
+fn shadow(scene: &[RenderLayer], frame: &Frame, axes: &[Vector; 3]) -> Option<Shadow> {
     /// Height up to which something stands on the floor, in metres.
     const STANDS: Real = 0.1;
     let feet = scene.iter().flat_map(|l| l.mesh.vertices()).filter(|p| p.y < frame.floor + STANDS);
     let aabb = if_core::aabb::Aabb::from_points(feet);
     if aabb.is_empty() {
-        return Shadow { center: [0.0; 2], radii: [0.0; 2] };
+        return None;
     }
     let d = Point::new(aabb.center().x, frame.floor, aabb.center().z) - frame.middle;
     let half = 0.5 * aabb.size() + Vector::repeat(0.09);
     let extent = |a: &Vector| (a.x * half.x).abs() + (a.z * half.z).abs();
-    Shadow {
+    let shadow = Shadow {
         center: [
             (frame.offset[0] + axes[0].dot(&d) * frame.scale) as f32,
             (frame.offset[1] - axes[1].dot(&d) * frame.scale) as f32,
@@ -193,5 +189,6 @@ fn shadow(scene: &[RenderLayer], frame: &Frame, axes: &[Vector; 3]) -> Shadow {
             (extent(&axes[0]) * frame.scale) as f32,
             (extent(&axes[1]) * frame.scale).max(0.01 * frame.scale) as f32,
         ],
-    }
+    };
+    (shadow.radii[0] > 0.0).then_some(shadow)
 }
