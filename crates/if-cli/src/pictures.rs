@@ -1,9 +1,7 @@
 //! Pictures of an outfit before and after.
 
 use if_core::mesh::TriMesh;
-use if_outfit::outfit::Outfit;
-use if_render::preview;
-use if_render::{Image, PALETTE, RenderLayer, View, side_by_side};
+use if_render::{Image, Intersections, PALETTE, RenderLayer, View, side_by_side};
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
@@ -20,10 +18,9 @@ const SIZE: [u32; 2] = [400, 640];
 
 /// Draws an outfit, its layers in different colours and triangles that meet another layer in red.
 /// Returns the bytes of a PNG file.
-pub(crate) fn draw(outfit: &Outfit) -> io::Result<Vec<u8>> {
-    let layers: Vec<&TriMesh> = outfit.layers().map(|layer| &layer.mesh).collect();
+pub(crate) fn draw(outfit: &Intersections) -> io::Result<Vec<u8>> {
     let mut png = Vec::new();
-    preview(&layers, &VIEWS, SIZE).write_png(&mut png).map_err(io::Error::other)?;
+    outfit.preview(&VIEWS, SIZE).write_png(&mut png).map_err(io::Error::other)?;
     Ok(png)
 }
 

@@ -20,6 +20,7 @@ use if_outfit::files::FilesError;
 use if_outfit::outfit::Outfit;
 use if_outfit::report::ResolveReport;
 use if_outfit::resolve::ResolveError;
+use if_render::Intersections;
 use miette::{IntoDiagnostic, Report};
 use std::path::Path;
 use std::time::Instant;
@@ -184,15 +185,21 @@ fn draw(
         staging.describe(name, out)
     };
     let names = [pictures::BEFORE, pictures::AFTER];
-    let [before, after] = outfits;
-    let (before, after) = rayon::join(|| pictures::draw(before), || pictures::draw(after));
+    let found = outfits.map(|outfit| {
+        Intersections::between(&outfit.layers().map(|layer| &layer.mesh).collect::<Vec<_>>())
+    });
+    let [before, after] = &found;
+    let ((before_png, after_png), page) = rayon::join(
+        || rayon::join(|| pictures::draw(before), || pictures::draw(after)),
+        || report_page::page(spec, (outfits, [before, after]), done),
+    );
     let mut pngs = Vec::new();
-    for (name, png) in names.into_iter().zip([before, after]) {
+    for (name, png) in names.into_iter().zip([before_png, after_png]) {
         let png = png.map_err(|source| OutputError::File { path: out.join(name), source })?;
         done.outputs.push(write(name, &png)?);
         pngs.push(png);
     }
-    let page = report_page::html(spec, outfits, done, &pngs);
+    let page = report_page::html(page, &pngs);
     done.outputs.push(write(outputs::PAGE, page.as_bytes())?);
     Ok(())
 }

@@ -9,6 +9,7 @@
 mod backdrop;
 mod color;
 mod image;
+mod intersections;
 mod light;
 mod occlusion;
 mod page;
@@ -21,6 +22,7 @@ mod view;
 mod viewer;
 
 pub use image::{Image, PngError, write_animation};
+pub use intersections::Intersections;
 pub use page::Page;
 pub use preview::{layer_color, preview};
 pub use render::{render, side_by_side};

@@ -2,23 +2,27 @@
 
 use crate::color::decode;
 use crate::image::Image;
+use crate::intersections::Intersections;
 use crate::render::side_by_side;
 use crate::view::{PALETTE, RenderLayer, View};
 use if_core::mesh::TriMesh;
-use if_mesh::index::Bvh;
-use if_mesh::intersections::pairs_between;
 
 /// Draws the layers of an outfit, body first, in different colours, and triangles that intersect
 /// another layer in red. `size` is the width and height of one view, in pixels.
 pub fn preview(layers: &[&TriMesh], views: &[View], size: [u32; 2]) -> Image {
-    let red = intersecting(layers);
-    let layers: Vec<RenderLayer> = layers
-        .iter()
-        .zip(&red)
-        .enumerate()
-        .map(|(k, (layer, red))| RenderLayer { mesh: layer, color: color(k), highlight: red })
-        .collect();
-    side_by_side(&layers, views, size[0], size[1])
+    Intersections::between(layers).preview(views, size)
+}
+
+impl Intersections<'_> {
+    /// As [`preview`], with what has been found.
+    pub fn preview(&self, views: &[View], size: [u32; 2]) -> Image {
+        let red = self.triangles();
+        let layers = self.layers().iter().zip(&red).enumerate();
+        let layers: Vec<RenderLayer> = layers
+            .map(|(k, (layer, red))| RenderLayer { mesh: layer, color: color(k), highlight: red })
+            .collect();
+        side_by_side(&layers, views, size[0], size[1])
+    }
 }
 
 /// The colour of a layer; garments reuse the palette without its first colour, the skin's.
@@ -30,21 +34,6 @@ pub(crate) fn color(layer: usize) -> [u8; 3] {
 /// The colour of a layer of an outfit in pictures and pages, 0 for the body, in linear light.
 pub fn layer_color(layer: usize) -> [f32; 3] {
     decode(color(layer))
-}
-
-/// The triangles of each layer that intersect another layer, in ascending order.
-fn intersecting(layers: &[&TriMesh]) -> Vec<Vec<u32>> {
-    let trees: Vec<Bvh> = layers.iter().map(|mesh| Bvh::new(mesh)).collect();
-    let mut found = vec![Vec::new(); trees.len()];
-    for ([a, b], pairs) in pairs_between(&trees) {
-        found[a].extend(pairs.iter().map(|pair| pair.a));
-        found[b].extend(pairs.iter().map(|pair| pair.b));
-    }
-    for triangles in &mut found {
-        triangles.sort_unstable();
-        triangles.dedup();
-    }
-    found
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! Layers that a page shows in three dimensions.
 
 mod data;
-mod lines;
 
+use crate::intersections::Intersections;
 use crate::preview::color;
 use data::Writer;
 use if_core::math::Point;
@@ -22,6 +22,8 @@ pub(crate) const STYLE: &str = include_str!("viewer/viewer.css");
 pub struct Viewer<'a> {
     states: Vec<String>,
     layers: Vec<Layer<'a>>,
+    /// Of each state, if they were found already.
+    found: Vec<&'a Intersections<'a>>,
 }
 
 #[derive(Clone, Debug)]
@@ -39,7 +41,19 @@ impl<'a> Viewer<'a> {
     /// If there is no state.
     pub fn new(states: &[&str]) -> Self {
         assert!(!states.is_empty(), "at least one state");
-        Self { states: states.iter().map(ToString::to_string).collect(), layers: Vec::new() }
+        let states = states.iter().map(ToString::to_string).collect();
+        Self { states, layers: Vec::new(), found: Vec::new() }
+    }
+
+    /// Takes the intersections of the layers of each state, which would be looked for otherwise.
+    ///
+    /// # Panics
+    ///
+    /// If there are not as many as states.
+    pub fn intersections(&mut self, found: &[&'a Intersections<'a>]) -> &mut Self {
+        assert_eq!(found.len(), self.states.len(), "of each state");
+        self.found = found.to_vec();
+        self
     }
 
     /// Adds a layer above the others: its mesh in each state. Where the triangles differ from those
@@ -99,11 +113,9 @@ impl<'a> Viewer<'a> {
             layers.push(LayerHead { name: &layer.name, color: layer.color, states });
         }
         let mut lines = Vec::new();
-        for state in 0..self.states.len() {
-            let meshes: Vec<&TriMesh> = self.layers.iter().map(|l| l.meshes[state]).collect();
-            let found = lines::intersections(&meshes);
-            writer.chain(writer.grid(found.as_flattened()).into_iter());
-            lines.push(found.len());
+        for state in self.lines() {
+            writer.chain(writer.grid(state.as_flattened()).into_iter());
+            lines.push(state.len());
         }
         let (low, step) = (writer.low(), writer.step());
         let head = Head { states: &self.states, low, step, layers, lines };
@@ -116,6 +128,27 @@ impl<'a> Viewer<'a> {
              <script type=\"text/plain\">{}</script></div>\n",
             writer.finish()
         )
+    }
+}
+
+impl Viewer<'_> {
+    /// The lines in which triangles meet in each state, of different layers and of one.
+    fn lines(&self) -> Vec<Vec<[Point; 2]>> {
+        let mut own: Vec<Vec<[Point; 2]>> = vec![Vec::new(); self.layers.len()];
+        let of_state = |state: usize| {
+            let meshes = || self.layers.iter().map(|l| l.meshes[state]).collect::<Vec<_>>();
+            let looked_for = self.found.is_empty().then(|| Intersections::between(&meshes()));
+            let found = looked_for.as_ref().unwrap_or_else(|| self.found[state]);
+            let mut lines = found.lines();
+            for (k, (layer, own)) in self.layers.iter().zip(&mut own).enumerate() {
+                if state == 0 || layer.meshes[state] != layer.meshes[state - 1] {
+                    *own = found.own_lines(k);
+                }
+                lines.extend_from_slice(own);
+            }
+            lines
+        };
+        (0..self.states.len()).map(of_state).collect()
     }
 }
 

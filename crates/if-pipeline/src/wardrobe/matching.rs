@@ -170,8 +170,8 @@ fn settle(
     {
         let drawing = Instant::now();
         let size = [params.picture_height * 5 / 8, params.picture_height];
-        matched.pictures =
-            Some([before, &resolved.outfit].map(|o| preview(&meshes(o), &VIEWS, size)));
+        let draw = |outfit| preview(&meshes(outfit), &VIEWS, size);
+        matched.pictures = Some(rayon::join(|| draw(before), || draw(&resolved.outfit)).into());
         matched.timings.pictures = drawing.elapsed().as_secs_f64();
     }
     matched.after = Some(resolved);
